@@ -1,0 +1,123 @@
+//! What a simplified run costs, beside the literal procedure and beside its own matrix products.
+//!
+//! Everything is measured in one process, in turn, over several rounds; medians and ratios are
+//! printed, since absolute times say more about the machine than about the program.
+
+#![expect(clippy::print_stdout, reason = "a benchmark prints")]
+
+use std::hint::black_box;
+use std::time::{Duration, Instant};
+
+use fretwork::engine::contact::{Contact, Decay, Row};
+use fretwork::engine::profile::Shape;
+use fretwork::engine::scenario::{self, Scenario};
+use fretwork::engine::simplified::Simplified;
+use fretwork::engine::simulation::Simulation;
+use fretwork::engine::transform::Kernels;
+use serde_json::json;
+
+#[path = "../tests/it/literal.rs"]
+mod literal;
+
+const SNAPSHOTS: [f64; 5] = [0.5, 2.0, 4.5, 8.0, 16.0];
+const ROUNDS: usize = 5;
+
+fn run_of(points: usize) -> Scenario {
+    let request = json!({
+        "profile": {"shape": "paraboloid", "radius": "10 mm"},
+        "moduli": {"normal": "112.64 GPa", "tangential": "92.76 GPa"},
+        "friction": 0.7,
+        "wear": {"coefficient": "3.03e-5 mm^3/(N m)"},
+        "load": {"normal_force": "100 N", "held": "depth"},
+        "motion": {"stick_ratio": 0.5},
+        "cycles": {"normalized": SNAPSHOTS},
+        "model": {"points": points},
+    });
+    scenario::check(&request, "").expect("a valid scenario").0
+}
+
+/// Seconds per call of `work`, the median of `ROUNDS` batches that take 30 ms or more.
+fn seconds(mut work: impl FnMut()) -> f64 {
+    let start = Instant::now();
+    work();
+    let calls = (0.03 / start.elapsed().as_secs_f64().max(1e-7)).ceil().max(1.0) as u32;
+    let mut batches: Vec<Duration> = (0..ROUNDS)
+        .map(|_| {
+            let start = Instant::now();
+            (0..calls).for_each(|_| work());
+            start.elapsed() / calls
+        })
+        .collect();
+    batches.sort();
+    batches[ROUNDS / 2].as_secs_f64()
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+fn main() {
+    let shape = Shape::power(2.0);
+    let contact = Contact::new(shape, 0.75).expect("a limit");
+    let scenario = run_of(256);
+    let solver = Simplified::new(contact, 256);
+    let wanted: Vec<(Decay, bool)> = SNAPSHOTS.map(|n| (solver.decay(0.8, n), true)).to_vec();
+
+    // The products that this run makes: five inverses, five pressures inside a₀.
+    let mesh: Vec<f64> =
+        solver.radii().iter().copied().filter(|r| (0.5..=contact.limit.radius).contains(r)).collect();
+    let kernels = Kernels::with_cells(mesh.len() - 1);
+    let inside = mesh.iter().filter(|r| **r < 1.0).count();
+    let shorten = |vectors: &[Vec<f64>]| -> Vec<Vec<f64>> {
+        vectors.iter().map(|vector| vector[..=inside].to_vec()).collect()
+    };
+    let vectors: Vec<Vec<f64>> = SNAPSHOTS
+        .map(|n| kernels.tau().iter().map(|tau| libm::cos(n * tau)).collect())
+        .to_vec();
+    let changes = shorten(&vectors);
+
+    let row = Row::new(&contact);
+    let one_dimensional = || {
+        for n in SNAPSHOTS {
+            black_box(row.sums(black_box(solver.decay(0.8, n))));
+        }
+    };
+    let (mut runs, mut products, mut sums, mut states) = (vec![], vec![], vec![], vec![]);
+    for _ in 0..ROUNDS {
+        runs.push(seconds(|| drop(black_box(Simulation::of(&scenario).expect("a run").run()))));
+        products.push(seconds(|| {
+            black_box(kernels.inverse(black_box(&vectors)));
+            black_box(kernels.pressure(black_box(&changes), inside));
+        }));
+        sums.push(seconds(one_dimensional));
+        states.push(seconds(|| drop(black_box(solver.states(black_box(&wanted))))));
+    }
+    let ratio = |a: &[f64], b: &[f64]| median(a.iter().zip(b).map(|(a, b)| a / b).collect());
+    let micro = |x: &[f64]| 1e6 * median(x.to_vec());
+    println!("simplified run, 256 points, 5 snapshots, every output: median {:.1} µs", micro(&runs));
+    println!("  of it, its triangular products alone ({} cells): {:.1} µs", mesh.len() - 1, micro(&products));
+    println!("  of it, states on a laid-out contact: {:.1} µs", micro(&states));
+    println!("  run / products = {:.2}   (at most 1.5)", ratio(&runs, &products));
+    println!("1-D part alone (F, Q, W, V unclipped, 5 snapshots): {:.2} µs", micro(&sums));
+    for points in [64, 1024, 4096] {
+        let scenario = run_of(points);
+        let time = seconds(|| drop(black_box(Simulation::of(&scenario).expect("a run").run())));
+        println!("simplified run, {points} points: {:.2} times that of 256", time / median(runs.clone()));
+    }
+
+    // The literal procedure: 256 springs dragged through 400 steps a cycle, N₀ = 1000, to Ñ = 16.
+    let springs: Vec<f64> =
+        (0..256).map(|i| contact.limit.radius * (f64::from(i) + 0.5) / 256.0).collect();
+    let mut ratios = Vec::new();
+    for _ in 0..3 {
+        let start = Instant::now();
+        let mut row = literal::Springs::new(&contact, black_box(&springs), 0.8, 1000, 400);
+        row.run(16_000);
+        black_box(row.images());
+        let literal = start.elapsed().as_secs_f64();
+        let run = seconds(|| drop(black_box(Simulation::of(&scenario).expect("a run").run())));
+        ratios.push(literal / run);
+    }
+    println!("literal stepping / simplified run = {:.0}   (at least 5000)", median(ratios));
+}

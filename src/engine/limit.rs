@@ -1,0 +1,137 @@
+//! The state that wear tends to while indentation depth and amplitude are held: (11)–(13).
+//!
+//! Inside the stick radius nothing changes; outside, every spring is worn until it carries nothing,
+//! so that the image is flat at g = d as far as the limiting radius ã, where the worn profile meets
+//! the unworn one.
+//!
+//! # Equations
+//! ```text
+//! w∞(r) = (2/π) ∫ᶜʳ (d − g₀(x))/√(r²−x²) dx      for c < r < ã       (12) − f₀
+//! w∞(ã) = 0, ã > c                                                   (13)
+//! V∞    = 4 ∫ᶜᵃ (d − g₀(x)) √(ã²−x²) dx          (the upper end is ã)
+//! ```
+//! Equation (19) of the paper is up to 3.6 % below the root of (13); here (13) itself is solved.
+//!
+//! # Accuracy
+//! Radii and volume to 1e-9; the depth to 1e-12, its radius to 1e-8.
+//!
+//! # Sources
+//! V. L. Popov, *Sci. Rep.* 4 (2014) 3749.
+
+use std::f64::consts::FRAC_2_PI;
+
+use super::numeric::{integrate, maximum, root};
+use super::profile::Shape;
+
+/// The limiting state in units of a₀, d₀ and a₀²d₀.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Limit {
+    /// ã, where the limiting profile meets the unworn one: the radius of the scar.
+    pub radius: f64,
+    /// V∞.
+    pub volume: f64,
+    /// The deepest wear.
+    pub depth: f64,
+    /// Where the wear is deepest.
+    pub depth_radius: f64,
+}
+
+impl Limit {
+    /// Solves (13) for a stick radius 0 ≤ c < 1; c = 0 is gross slip, where all springs wear.
+    ///
+    /// `None` where the scar would outgrow the shape (a sphere loaded to its equator).
+    #[must_use]
+    pub fn solve(shape: &Shape, c: f64) -> Option<Self> {
+        // w∞ is positive at r = 1 and falls outside; walk outwards until it has changed sign.
+        let wear = |r: f64| limiting_wear(shape, c, r, angle(c, r));
+        let (mut inner, mut step) = (1.0, (1.0 - c).max(1e-12));
+        let outer = loop {
+            let outer = (inner + step).min(shape.extent());
+            if wear(outer) < 0.0 {
+                break outer;
+            }
+            if outer >= shape.extent() {
+                return None;
+            }
+            inner = outer;
+            step *= 1.5;
+        };
+        let radius = root(inner, outer, wear);
+        let chord = |x: f64| ((radius - x) * (radius + x)).max(0.0).sqrt();
+        // x = ã − (ã − c)s² takes the root at the end out of the integrand.
+        let width = radius - c;
+        let volume = 8.0
+            * width
+            * integrate(0.0, 1.0, |s| {
+                let x = radius - width * s * s;
+                s * (1.0 - shape.image(x)) * chord(x)
+            });
+        let (depth, depth_radius) = if c == 0.0 {
+            (1.0, 0.0)
+        } else {
+            let deepest = maximum(c, radius, wear);
+            (wear(deepest), deepest)
+        };
+        Some(Self { radius, volume, depth, depth_radius })
+    }
+}
+
+/// arccos(c/r) without loss of digits where r is close to c.
+#[must_use]
+pub fn angle(c: f64, r: f64) -> f64 {
+    libm::atan2(((r - c) * (r + c)).max(0.0).sqrt(), c)
+}
+
+/// w∞(r) for r ≥ c; `angle` is arccos(c/r).
+#[must_use]
+pub fn limiting_wear(shape: &Shape, c: f64, r: f64, angle: f64) -> f64 {
+    FRAC_2_PI * angle - shape.inverse_outside(c, r, angle)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::{FRAC_PI_2, PI, SQRT_2};
+
+    #[test]
+    fn the_cone_obeys_the_papers_equation_20() {
+        for c in [0.05, 0.21, 0.368, 0.522, 0.9, 0.9999] {
+            let a = Limit::solve(&Shape::power(1.0), c).expect("a root").radius;
+            let left = FRAC_PI_2 - libm::asin(c / a);
+            assert!((left - (a * a - c * c).sqrt()).abs() < 1e-12, "c = {c}");
+        }
+    }
+
+    #[test]
+    fn gross_slip_wears_until_the_apex_touches_no_more() {
+        let paraboloid = Limit::solve(&Shape::power(2.0), 0.0).expect("a root");
+        assert!((paraboloid.radius - SQRT_2).abs() < 1e-12);
+        assert!((paraboloid.volume - PI).abs() < 1e-12);
+        assert_eq!((paraboloid.depth, paraboloid.depth_radius), (1.0, 0.0));
+        let cone = Limit::solve(&Shape::power(1.0), 0.0).expect("a root");
+        assert!((cone.radius - FRAC_PI_2).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_volume_of_the_1d_formula_is_that_of_the_profile() {
+        // 2π ∫ w r dr over the profile itself: an independent way to the same number.
+        for (shape, c) in [
+            (Shape::power(2.0), 0.5),
+            (Shape::power(1.0), 0.21),
+            (Shape::power(2.5), 0.3),
+            (Shape::power(6.0), 0.8),
+            (Shape::sphere(2.5), 0.4),
+            (Shape::power(2.0), 0.999),
+        ] {
+            let limit = Limit::solve(&shape, c).expect("a root");
+            let width = limit.radius - c;
+            // Square-root behaviour at c: r = c + width·s².
+            let volume = 4.0 * PI * width
+                * integrate(0.0, 1.0, |s| {
+                    let r = c + width * s * s;
+                    s * r * limiting_wear(&shape, c, r, angle(c, r))
+                });
+            assert!((volume / limit.volume - 1.0).abs() < 1e-9, "{shape:?} {c}: {volume}");
+        }
+    }
+}

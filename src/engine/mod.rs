@@ -1,0 +1,13 @@
+//! The physics of one run: SI in, dimensionless inside, SI out.
+
+pub mod contact;
+pub mod limit;
+pub mod numeric;
+pub mod outcome;
+pub mod profile;
+pub mod quantity;
+pub mod request;
+pub mod scenario;
+pub mod simplified;
+pub mod simulation;
+pub mod transform;

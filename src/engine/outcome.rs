@@ -1,0 +1,316 @@
+//! What a run finds, in SI and in columns.
+//!
+//! # Units
+//! [`UNITS`] names the unit of every quantity; a name means the same wherever it occurs.
+//!
+//! Entry 0 of every column and row 0 of every matrix is the unworn state. An infinite pressure (the
+//! apex of a cone) is `f64::INFINITY` here and null in JSON; nothing else is ever non-finite.
+
+use serde::Serialize;
+
+use super::contact::{Decay, Regime, Row};
+use super::scenario::{Case, Scenario, Warning};
+
+/// The unit of every quantity in a result, in the order of the result.
+pub const UNITS: &[(&str, &str)] = &[
+    ("cycles", "1"),
+    ("normalized_cycles", "1"),
+    ("contact_radius", "m"),
+    ("stick_radius", "m"),
+    ("scar_radius", "m"),
+    ("indentation_depth", "m"),
+    ("normal_force", "N"),
+    ("tangential_force", "N"),
+    ("amplitude", "m"),
+    ("gross_slip_amplitude", "m"),
+    ("normal_modulus", "Pa"),
+    ("tangential_modulus", "Pa"),
+    ("wear_coefficient", "1/Pa"),
+    ("peak_pressure", "Pa"),
+    ("mean_pressure", "Pa"),
+    ("wear_volume", "m^3"),
+    ("wear_depth", "m"),
+    ("wear_depth_radius", "m"),
+    ("energy_per_cycle", "J"),
+    ("dissipated_energy", "J"),
+    ("radius", "m"),
+    ("initial", "m"),
+    ("limiting", "m"),
+    ("worn", "m"),
+    ("wear", "m"),
+    ("image", "m"),
+    ("pressure", "Pa"),
+    ("slip", "m"),
+];
+
+/// [`UNITS`] as a JSON object.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Units;
+
+impl Serialize for Units {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_map(UNITS.iter().copied())
+    }
+}
+
+/// The scales of the unworn contact.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Scales {
+    /// a₀.
+    pub contact_radius: f64,
+    /// d₀.
+    pub indentation_depth: f64,
+    /// F₀.
+    pub normal_force: f64,
+    /// N₀.
+    pub cycles: f64,
+}
+
+/// The unworn state.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Unworn {
+    /// E*.
+    pub normal_modulus: f64,
+    /// G*.
+    pub tangential_modulus: f64,
+    /// k_w.
+    pub wear_coefficient: f64,
+    /// p on the axis; infinite for a cone.
+    pub peak_pressure: f64,
+    /// F/(πa²).
+    pub mean_pressure: f64,
+    /// The amplitude from which the whole contact slips.
+    pub gross_slip_amplitude: f64,
+    /// c; 0 in gross slip.
+    pub stick_radius: f64,
+    /// U.
+    pub amplitude: f64,
+    /// Q, the amplitude of the tangential force.
+    pub tangential_force: f64,
+    /// W.
+    pub energy_per_cycle: f64,
+}
+
+/// The state that wear tends to.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct LimitState {
+    /// ã: the outer radius of the limiting profile, (13).
+    pub contact_radius: f64,
+    /// c.
+    pub stick_radius: f64,
+    /// V∞.
+    pub wear_volume: f64,
+    /// Deepest wear.
+    pub wear_depth: f64,
+    /// Where it is.
+    pub wear_depth_radius: f64,
+    /// F∞, carried inside c alone.
+    pub normal_force: f64,
+    /// d.
+    pub indentation_depth: f64,
+    /// Q∞ = 2G*U·c.
+    pub tangential_force: f64,
+}
+
+/// What is known of a scenario before it is run.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Preview {
+    /// Units of everything below.
+    pub units: Units,
+    /// Scales of the unworn contact.
+    pub scales: Scales,
+    /// The unworn state.
+    pub unworn: Unworn,
+    /// Its regime.
+    pub regime: Regime,
+    /// The state that wear tends to.
+    pub limit: Option<LimitState>,
+    /// What a run takes.
+    pub cost: Cost,
+}
+
+/// An estimate of what a run takes.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Cost {
+    /// Multiplications in the inverse transforms and pressures; a core does about 10⁹ a second.
+    pub operations: f64,
+    /// Size of the result as JSON.
+    pub answer_bytes: usize,
+}
+
+/// Columns over the instants.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct History {
+    /// N.
+    pub cycles: Vec<f64>,
+    /// Ñ = N/N₀.
+    pub normalized_cycles: Vec<f64>,
+    /// V.
+    pub wear_volume: Vec<f64>,
+    /// The largest wear.
+    pub wear_depth: Vec<f64>,
+    /// The largest radius with wear; 0 before there is any.
+    pub scar_radius: Vec<f64>,
+    /// g(a) = d. The simplified rule with the depth held keeps a = a₀.
+    pub contact_radius: Vec<f64>,
+    /// c.
+    pub stick_radius: Vec<f64>,
+    /// F.
+    pub normal_force: Vec<f64>,
+    /// d.
+    pub indentation_depth: Vec<f64>,
+    /// U.
+    pub amplitude: Vec<f64>,
+    /// Q.
+    pub tangential_force: Vec<f64>,
+    /// W.
+    pub energy_per_cycle: Vec<f64>,
+    /// Σ W since N = 0.
+    pub dissipated_energy: Vec<f64>,
+}
+
+/// Matrices over the profile instants (rows) and radii (columns).
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct Profiles {
+    /// N of each row.
+    pub cycles: Vec<f64>,
+    /// r of each column.
+    pub radius: Vec<f64>,
+    /// f₀.
+    pub initial: Vec<f64>,
+    /// f∞.
+    pub limiting: Option<Vec<f64>>,
+    /// f = f₀ + w.
+    pub worn: Vec<Vec<f64>>,
+    /// w ≥ 0.
+    pub wear: Vec<Vec<f64>>,
+    /// g.
+    pub image: Vec<Vec<f64>>,
+    /// p.
+    pub pressure: Vec<Vec<f64>>,
+    /// Amplitude of the relative motion of the surfaces, U·s(r); the path is four times it per cycle.
+    pub slip: Vec<Vec<f64>>,
+}
+
+/// Something that happened during a run.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Event {
+    /// When.
+    pub cycles: f64,
+    /// What.
+    pub kind: &'static str,
+}
+
+/// How far the numbers can be trusted.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Accuracy {
+    /// (k_w/μ)·ΣW/V − 1 at the last instant. The exact method keeps dV/dN = (k_w/μ)·W; the simplified
+    /// rule does not, and this is by how much. Null without wear.
+    pub energy_mismatch: Option<f64>,
+    /// The largest relative difference, over the history, between the volume under the computed
+    /// profile and that of its image: a measure of what `points` resolves. Null without wear.
+    pub volume_error: Option<f64>,
+}
+
+/// Everything a run finds.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Outcome {
+    /// Scales of the unworn contact.
+    pub scales: Scales,
+    /// The unworn state.
+    pub unworn: Unworn,
+    /// Regime of the unworn state.
+    pub regime: Regime,
+    /// The state that wear tends to.
+    pub limit: Option<LimitState>,
+    /// Columns over the instants.
+    pub history: History,
+    /// Matrices over instants and radii, where asked for.
+    pub profiles: Option<Profiles>,
+    /// Changes of regime and early ends.
+    pub events: Vec<Event>,
+    /// How far the numbers can be trusted.
+    pub accuracy: Accuracy,
+    /// What the physics gives reason to warn of.
+    pub warnings: Vec<Warning>,
+}
+
+impl Scales {
+    pub(super) fn of(case: &Case) -> Self {
+        Self {
+            contact_radius: case.scales.contact_radius,
+            indentation_depth: case.scales.indentation_depth,
+            normal_force: 2.0 * case.contact.shape.half_force() * case.scales.force(),
+            cycles: case.scales.cycles,
+        }
+    }
+}
+
+impl Unworn {
+    pub(super) fn of(case: &Case, row: &Row) -> Self {
+        let scales = &case.scales;
+        let sums = row.sums(Decay::UNWORN);
+        let area = std::f64::consts::PI * scales.contact_radius * scales.contact_radius;
+        Self {
+            normal_modulus: scales.normal_modulus,
+            tangential_modulus: scales.tangential_modulus,
+            wear_coefficient: scales.wear_coefficient,
+            peak_pressure: case.contact.shape.pressure_inside(0.0, 1.0) * scales.pressure(),
+            mean_pressure: Scales::of(case).normal_force / area,
+            gross_slip_amplitude: scales.gross_slip_amplitude(),
+            stick_radius: case.contact.stick * scales.contact_radius,
+            amplitude: scales.amplitude,
+            tangential_force: scales.tangential(sums.tangential),
+            energy_per_cycle: scales.energy(sums.energy),
+        }
+    }
+}
+
+impl LimitState {
+    pub(super) fn of(case: &Case, row: &Row) -> Self {
+        let (scales, limit) = (&case.scales, &case.contact.limit);
+        let sums = row.sums(Decay::COMPLETE);
+        Self {
+            contact_radius: limit.radius * scales.contact_radius,
+            stick_radius: case.contact.stick * scales.contact_radius,
+            wear_volume: limit.volume * scales.volume(),
+            wear_depth: limit.depth * scales.indentation_depth,
+            wear_depth_radius: limit.depth_radius * scales.contact_radius,
+            normal_force: 2.0 * sums.normal * scales.force(),
+            indentation_depth: scales.indentation_depth,
+            tangential_force: scales.tangential(sums.tangential),
+        }
+    }
+}
+
+impl super::scenario::Scales {
+    /// Q from ∫ min(Δ, y).
+    pub(super) fn tangential(&self, half: f64) -> f64 {
+        2.0 * self.friction * half * self.force()
+    }
+
+    /// W from ∫ y(Δ − y)₊: 8μE*·(μE*/G*)·a₀d₀² times it.
+    pub(super) fn energy(&self, integral: f64) -> f64 {
+        let lost = self.friction * self.force();
+        8.0 * lost * self.gross_slip_amplitude() * integral
+    }
+}
+
+impl Scenario {
+    /// What is known without running: scales, unworn state, limit and cost.
+    ///
+    /// # Errors
+    /// As [`Scenario::case`].
+    pub fn preview(&self) -> Result<Preview, super::request::Fault> {
+        let case = self.case()?;
+        let row = Row::new(&case.contact);
+        Ok(Preview {
+            units: Units,
+            scales: Scales::of(&case),
+            unworn: Unworn::of(&case, &row),
+            regime: case.regime(),
+            limit: Some(LimitState::of(&case, &row)),
+            cost: Cost { operations: case.operations(), answer_bytes: case.answer_bytes() },
+        })
+    }
+}

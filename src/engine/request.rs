@@ -1,0 +1,764 @@
+//! A scenario as people write it: types that parse themselves and report every fault at once.
+//!
+//! Each type here mirrors one object of the JSON Schema (`scenario.schema.json`); `deserr` walks
+//! them and collects the faults of all members instead of stopping at the first. What only the
+//! physics can judge is left to [`scenario`](super::scenario).
+
+use std::ops::ControlFlow;
+
+use deserr::{
+    DeserializeError, Deserr, ErrorKind, IntoValue, MergeWithError, Sequence, Value, ValueKind,
+    ValuePointerRef,
+};
+use serde::Serialize;
+
+use super::numeric::twelve_digits;
+use super::profile::EXPONENT_RANGE;
+use super::quantity::{self, Dimension};
+
+/// Most instants in a history.
+pub const MAX_CYCLES: usize = 1000;
+/// Fewest and most radii of a profile.
+pub const POINTS_RANGE: (u16, u16) = (16, 4096);
+/// Largest number of cycles.
+pub const LAST_CYCLE: f64 = 1e15;
+/// Faults listed in one answer; more are counted.
+const MAX_FAULTS: usize = 100;
+
+/// One thing wrong with a request.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Fault {
+    /// JSON pointer (RFC 6901) to the member at fault.
+    pub pointer: String,
+    /// What is wrong and what to change.
+    pub detail: String,
+}
+
+/// Everything wrong with a request.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{} fault(s) in the request", .0.len())]
+pub struct Faults(pub Vec<Fault>);
+
+impl Faults {
+    /// One fault at a location.
+    pub(crate) fn at(location: ValuePointerRef<'_>, detail: impl Into<String>) -> Self {
+        Self(vec![Fault { pointer: pointer(location), detail: detail.into() }])
+    }
+
+    /// The faults, with `prefix` before every pointer.
+    #[must_use]
+    pub fn below(mut self, prefix: &str) -> Self {
+        for fault in &mut self.0 {
+            fault.pointer.insert_str(0, prefix);
+        }
+        self
+    }
+}
+
+impl MergeWithError<Faults> for Faults {
+    fn merge(
+        earlier: Option<Self>,
+        later: Faults,
+        _: ValuePointerRef<'_>,
+    ) -> ControlFlow<Self, Self> {
+        let mut all = earlier.unwrap_or(Self(Vec::new()));
+        all.0.extend(later.0);
+        if all.0.len() > MAX_FAULTS {
+            let more = all.0.len() - MAX_FAULTS;
+            all.0.truncate(MAX_FAULTS);
+            let detail = format!("and at least {more} more faults, not listed");
+            all.0.push(Fault { pointer: String::new(), detail });
+            return ControlFlow::Break(all);
+        }
+        ControlFlow::Continue(all)
+    }
+}
+
+impl DeserializeError for Faults {
+    fn error<V: IntoValue>(
+        earlier: Option<Self>,
+        error: ErrorKind<'_, V>,
+        location: ValuePointerRef<'_>,
+    ) -> ControlFlow<Self, Self> {
+        let fault = match error {
+            ErrorKind::IncorrectValueKind { actual, accepted } => {
+                let accepted: Vec<_> = accepted.iter().map(|kind| kind_name(*kind)).collect();
+                let accepted = accepted.join(" or ");
+                Self::at(location, format!("must be {accepted}, not {}", kind_name(actual.kind())))
+            }
+            ErrorKind::MissingField { field } => {
+                Self::at(location.push_key(field), format!("is missing: give `{field}`"))
+            }
+            ErrorKind::UnknownKey { key, accepted } => {
+                Self::at(location.push_key(key), unknown("member", key, accepted))
+            }
+            ErrorKind::UnknownValue { value, accepted } => {
+                Self::at(location, unknown("value", value, accepted))
+            }
+            ErrorKind::BadSequenceLen { actual, expected } => {
+                Self::at(location, format!("must have {expected} entries, not {}", actual.len()))
+            }
+            ErrorKind::Unexpected { msg } => Self::at(location, msg),
+        };
+        Self::merge(earlier, fault, location)
+    }
+}
+
+/// The one fault `error` as a finished `Faults`.
+fn refuse<V: IntoValue>(error: ErrorKind<'_, V>, location: ValuePointerRef<'_>) -> Faults {
+    match Faults::error::<V>(None, error, location) {
+        ControlFlow::Continue(faults) | ControlFlow::Break(faults) => faults,
+    }
+}
+
+fn pointer(location: ValuePointerRef<'_>) -> String {
+    match location {
+        ValuePointerRef::Origin => String::new(),
+        ValuePointerRef::Key { key, prev } => {
+            format!("{}/{}", pointer(*prev), key.replace('~', "~0").replace('/', "~1"))
+        }
+        ValuePointerRef::Index { index, prev } => format!("{}/{index}", pointer(*prev)),
+    }
+}
+
+fn kind_name(kind: ValueKind) -> &'static str {
+    match kind {
+        ValueKind::Null => "null",
+        ValueKind::Boolean => "a boolean",
+        ValueKind::Integer | ValueKind::NegativeInteger | ValueKind::Float => "a number",
+        ValueKind::String => "a string",
+        ValueKind::Sequence => "a list",
+        ValueKind::Map => "an object",
+    }
+}
+
+fn unknown(what: &str, given: &str, accepted: &[&str]) -> String {
+    let near = accepted
+        .iter()
+        .map(|known| (strsim::jaro_winkler(given, known), known))
+        .filter(|(likeness, _)| *likeness > 0.8)
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .map_or(String::new(), |(_, known)| format!(" Did you mean `{known}`?"));
+    // A name from a request may be megabytes long.
+    let given: String = given.chars().take(60).collect();
+    format!("unknown {what} `{given}`.{near} Accepted here: {}.", accepted.join(", "))
+}
+
+/// A member that may be left out. Unlike an `Option` it does not take null for absent.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Given<T>(pub Option<T>);
+
+impl<T> Default for Given<T> {
+    fn default() -> Self {
+        Self(None)
+    }
+}
+
+impl<T: Deserr<Faults>> Deserr<Faults> for Given<T> {
+    fn deserialize_from_value<V: IntoValue>(
+        value: Value<V>,
+        location: ValuePointerRef<'_>,
+    ) -> Result<Self, Faults> {
+        T::deserialize_from_value(value, location).map(|value| Self(Some(value)))
+    }
+}
+
+/// A number as it stands in JSON.
+fn number<V: IntoValue>(
+    value: Value<V>,
+    location: ValuePointerRef<'_>,
+    accepted: &[ValueKind],
+) -> Result<f64, Faults> {
+    match value {
+        Value::Integer(n) => Ok(n as f64),
+        Value::NegativeInteger(n) => Ok(n as f64),
+        Value::Float(x) => Ok(x),
+        other => Err(refuse(ErrorKind::IncorrectValueKind { actual: other, accepted }, location)),
+    }
+}
+
+/// A number, or a string with a unit, in SI.
+fn quantity<V: IntoValue>(
+    value: Value<V>,
+    location: ValuePointerRef<'_>,
+    dimension: Dimension,
+) -> Result<f64, Faults> {
+    match value {
+        Value::String(text) => {
+            quantity::parse(&text, dimension).map_err(|detail| Faults::at(location, detail))
+        }
+        other => number(other, location, &[ValueKind::Float, ValueKind::String]),
+    }
+}
+
+fn within(
+    x: f64,
+    (low, high): (f64, f64),
+    unit: &str,
+    location: ValuePointerRef<'_>,
+) -> Result<f64, Faults> {
+    if (low..=high).contains(&x) {
+        return Ok(x);
+    }
+    let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
+    let detail = if x <= 0.0 && low > 0.0 {
+        format!("must be greater than 0, not {x}{unit}")
+    } else {
+        format!("must lie between {low:?} and {high:?}{unit}, not {x}")
+    };
+    Err(Faults::at(location, detail))
+}
+
+/// Defines a quantity: a positive number of SI units within a range, parsed with its unit.
+macro_rules! quantities {
+    ($($(#[$doc:meta])* $name:ident: $dimension:ident in $range:expr;)*) => {$(
+        $(#[$doc])*
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        pub struct $name(pub f64);
+
+        impl $name {
+            /// Smallest and largest accepted value in SI.
+            pub const RANGE: (f64, f64) = $range;
+        }
+
+        impl Deserr<Faults> for $name {
+            fn deserialize_from_value<V: IntoValue>(
+                value: Value<V>,
+                location: ValuePointerRef<'_>,
+            ) -> Result<Self, Faults> {
+                let dimension = Dimension::$dimension;
+                let x = if dimension == Dimension::Number {
+                    number(value, location, &[ValueKind::Float])?
+                } else {
+                    quantity(value, location, dimension)?
+                };
+                within(x, Self::RANGE, dimension.si(), location).map(Self)
+            }
+        }
+    )*};
+}
+
+quantities! {
+    /// A length in metres.
+    Length: Length in (1e-12, 1e6);
+    /// A force in newtons.
+    Force: Force in (1e-12, 1e15);
+    /// A stress or modulus in pascals.
+    Stress: Stress in (1.0, 1e15);
+    /// A slope angle in radians, measured from the plane.
+    SlopeAngle: Angle in (1e-6, 1.57);
+    /// An energy wear coefficient in m³/J.
+    EnergyWear: EnergyWear in (1e-30, 1.0);
+    /// A coefficient of friction.
+    Friction: Number in (1e-6, 100.0);
+    /// Poisson's ratio.
+    PoissonRatio: Number in (-0.999, 0.5);
+    /// The exponent of a power-law profile.
+    Exponent: Number in EXPONENT_RANGE;
+    /// The ratio c/a₀.
+    StickRatio: Number in (0.0, 0.9999);
+    /// The fitting parameter of (14).
+    Xi: Number in (1e-3, 1e3);
+    /// A number of cycles.
+    Instant: Number in (0.0, LAST_CYCLE);
+}
+
+/// Range of a wear coefficient k_w in 1/Pa, and of the dimensionless k = k_w·hardness.
+pub const WEAR_RANGE: (f64, f64) = (1e-30, 1.0);
+
+/// A quantity whose dimension depends on its neighbours.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Scalar {
+    /// A number.
+    Number(f64),
+    /// A string that should hold a number and a unit.
+    Text(String),
+}
+
+impl Deserr<Faults> for Scalar {
+    fn deserialize_from_value<V: IntoValue>(
+        value: Value<V>,
+        location: ValuePointerRef<'_>,
+    ) -> Result<Self, Faults> {
+        match value {
+            Value::String(text) => Ok(Self::Text(text)),
+            other => number(other, location, &[ValueKind::Float, ValueKind::String])
+                .map(Self::Number),
+        }
+    }
+}
+
+/// The body of a scenario.
+#[derive(Debug, Clone, PartialEq, Deserr)]
+#[deserr(error = Faults, deny_unknown_fields, validate = Request::validate -> Faults)]
+pub struct Request {
+    /// The indenter.
+    pub profile: Profile,
+    /// The two bodies, or `moduli`.
+    #[deserr(default)]
+    pub bodies: Given<Bodies>,
+    /// E* and G*, or `bodies`.
+    #[deserr(default)]
+    pub moduli: Given<Moduli>,
+    /// μ.
+    pub friction: Friction,
+    /// The wear coefficient.
+    pub wear: Wear,
+    /// The normal direction.
+    pub load: Load,
+    /// The tangential direction.
+    pub motion: Motion,
+    /// The instants of the history.
+    pub cycles: Cycles,
+    /// Which instants carry profiles.
+    #[deserr(default)]
+    pub profiles_at: Given<ProfilesAt>,
+    /// Method and resolution.
+    #[deserr(default)]
+    pub model: Model,
+}
+
+impl Request {
+    fn validate(self, location: ValuePointerRef<'_>) -> Result<Self, Faults> {
+        match (self.bodies.0.is_some(), self.moduli.0.is_some()) {
+            (true, true) => Err(Faults::at(
+                location.push_key("moduli"),
+                "give either `bodies` or `moduli`, not both",
+            )),
+            (false, false) => Err(Faults::at(
+                location.push_key("bodies"),
+                "is missing: give the two `bodies`, or their effective `moduli`",
+            )),
+            _ => Ok(self),
+        }
+    }
+}
+
+/// The shape of the indenter.
+#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
+#[deserr(error = Faults, tag = "shape", rename_all = lowercase, deny_unknown_fields)]
+pub enum Profile {
+    /// f = r²/(2R).
+    Paraboloid {
+        /// R.
+        radius: Length,
+    },
+    /// f = R − √(R² − r²).
+    Sphere {
+        /// R.
+        radius: Length,
+    },
+    /// f = r·tan θ.
+    Cone {
+        /// θ, from the plane.
+        slope_angle: SlopeAngle,
+    },
+    /// f = height·(r/at_radius)ⁿ.
+    Power {
+        /// n.
+        exponent: Exponent,
+        /// f at `at_radius`.
+        height: Length,
+        /// Where f is `height`.
+        at_radius: Length,
+    },
+}
+
+/// Exactly two bodies.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bodies(pub [Body; 2]);
+
+impl Deserr<Faults> for Bodies {
+    fn deserialize_from_value<V: IntoValue>(
+        value: Value<V>,
+        location: ValuePointerRef<'_>,
+    ) -> Result<Self, Faults> {
+        if let Value::Sequence(list) = &value
+            && list.len() != 2
+        {
+            let detail = format!("must list exactly two bodies, not {}", list.len());
+            return Err(Faults::at(location, detail));
+        }
+        let bodies = Vec::<Body>::deserialize_from_value(value, location)?;
+        <[Body; 2]>::try_from(bodies)
+            .map(Self)
+            .map_err(|_| Faults::at(location, "must list exactly two bodies"))
+    }
+}
+
+/// One elastic body.
+#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
+#[deserr(error = Faults, deny_unknown_fields)]
+pub struct Body {
+    /// E.
+    pub youngs_modulus: Stress,
+    /// ν.
+    pub poisson_ratio: PoissonRatio,
+    /// Yield strength, to be warned by.
+    #[deserr(default)]
+    pub yield_strength: Given<Stress>,
+}
+
+/// The effective moduli.
+#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
+#[deserr(error = Faults, deny_unknown_fields)]
+pub struct Moduli {
+    /// E*.
+    pub normal: Stress,
+    /// G*.
+    pub tangential: Stress,
+}
+
+/// The wear coefficient, in one of three ways.
+#[derive(Debug, Clone, PartialEq, Deserr)]
+#[deserr(error = Faults, deny_unknown_fields, validate = Wear::validate -> Faults)]
+pub struct Wear {
+    /// k_w, or the dimensionless k where `hardness` is given.
+    #[deserr(default)]
+    coefficient: Given<Scalar>,
+    /// σ₀.
+    #[deserr(default)]
+    hardness: Given<Stress>,
+    /// α.
+    #[deserr(default)]
+    energy_coefficient: Given<EnergyWear>,
+    #[deserr(skip)]
+    per_load: f64,
+}
+
+impl Wear {
+    fn validate(mut self, location: ValuePointerRef<'_>) -> Result<Self, Faults> {
+        let here = location.push_key("coefficient");
+        let at = |detail: String| Faults::at(here, detail);
+        let dimension = match self.hardness.0 {
+            Some(_) => Dimension::Number,
+            None => Dimension::WearCoefficient,
+        };
+        match (&self.coefficient.0, self.hardness.0, self.energy_coefficient.0) {
+            (None, None, Some(_)) => return Ok(self),
+            (Some(_), _, Some(_)) => {
+                return Err(at("give either `coefficient` or `energy_coefficient`".to_owned()));
+            }
+            (None, _, _) => {
+                return Err(at("is missing: give `coefficient` (k_w, or k beside `hardness`), or \
+                               `energy_coefficient` alone"
+                    .to_owned()));
+            }
+            (Some(Scalar::Number(x)), _, None) => self.per_load = *x,
+            (Some(Scalar::Text(text)), _, None) => {
+                self.per_load = quantity::parse(text, dimension).map_err(at)?;
+            }
+        }
+        let hardness = self.hardness.0.map_or(1.0, |hardness| hardness.0);
+        self.per_load = within(self.per_load / hardness, WEAR_RANGE, "1/Pa", here)?;
+        Ok(self)
+    }
+
+    /// k_w in 1/Pa.
+    #[must_use]
+    pub fn coefficient(&self, friction: f64) -> f64 {
+        self.energy_coefficient.0.map_or(self.per_load, |alpha| alpha.0 * friction)
+    }
+}
+
+/// What is held in the normal direction.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr)]
+#[deserr(error = Faults, rename_all = lowercase)]
+pub enum LoadHeld {
+    /// The indentation depth.
+    Depth,
+}
+
+/// The normal direction.
+#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
+#[deserr(error = Faults, deny_unknown_fields, validate = Load::validate -> Faults)]
+pub struct Load {
+    /// F of the unworn contact.
+    #[deserr(default)]
+    pub normal_force: Given<Force>,
+    /// d of the unworn contact.
+    #[deserr(default)]
+    pub indentation_depth: Given<Length>,
+    /// What stays constant.
+    #[deserr(default)]
+    pub held: Given<LoadHeld>,
+}
+
+impl Load {
+    fn validate(self, location: ValuePointerRef<'_>) -> Result<Self, Faults> {
+        let here = location.push_key("normal_force");
+        match (self.normal_force.0, self.indentation_depth.0) {
+            (Some(_), Some(_)) => {
+                Err(Faults::at(here, "give either `normal_force` or `indentation_depth`, not both"))
+            }
+            (None, None) => {
+                Err(Faults::at(here, "is missing: give `normal_force` or `indentation_depth`"))
+            }
+            (Some(_), None) if self.held.0.is_none() => Err(Faults::at(
+                location.push_key("held"),
+                "is missing: a given force would be held, and this version holds the indentation \
+                 depth only; write \"held\": \"depth\" if that is meant",
+            )),
+            _ => Ok(self),
+        }
+    }
+}
+
+/// What is held in the tangential direction.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr)]
+#[deserr(error = Faults, rename_all = lowercase)]
+pub enum MotionHeld {
+    /// The amplitude.
+    Amplitude,
+}
+
+/// The tangential direction.
+#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
+#[deserr(error = Faults, deny_unknown_fields, validate = Motion::validate -> Faults)]
+pub struct Motion {
+    /// U, half of the peak-to-peak stroke.
+    #[deserr(default)]
+    pub amplitude: Given<Length>,
+    /// c/a₀, which sets U.
+    #[deserr(default)]
+    pub stick_ratio: Given<StickRatio>,
+    /// What stays constant.
+    #[deserr(default)]
+    pub held: Given<MotionHeld>,
+}
+
+impl Motion {
+    fn validate(self, location: ValuePointerRef<'_>) -> Result<Self, Faults> {
+        let here = location.push_key("amplitude");
+        match (self.amplitude.0, self.stick_ratio.0) {
+            (Some(_), Some(_)) => {
+                Err(Faults::at(here, "give either `amplitude` or `stick_ratio`, not both"))
+            }
+            (None, None) => Err(Faults::at(here, "is missing: give `amplitude` or `stick_ratio`")),
+            _ => Ok(self),
+        }
+    }
+}
+
+/// The instants of the history, in cycles or in units of N₀.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Cycles {
+    /// Strictly increasing, at 12 digits.
+    pub instants: Vec<f64>,
+    /// Whether they are in units of N₀.
+    pub normalized: bool,
+}
+
+impl Deserr<Faults> for Cycles {
+    fn deserialize_from_value<V: IntoValue>(
+        value: Value<V>,
+        location: ValuePointerRef<'_>,
+    ) -> Result<Self, Faults> {
+        use deserr::Map;
+        match value {
+            Value::Map(mut map) if map.len() == 1 => match map.remove("normalized") {
+                Some(inner) => {
+                    let here = location.push_key("normalized");
+                    let instants = instants(inner.into_value(), here)?;
+                    Ok(Self { instants, normalized: true })
+                }
+                None => {
+                    let instants = instants(Value::<V>::Map(map), location)?;
+                    Ok(Self { instants, normalized: false })
+                }
+            },
+            other => Ok(Self { instants: instants(other, location)?, normalized: false }),
+        }
+    }
+}
+
+fn instants<V: IntoValue>(
+    value: Value<V>,
+    location: ValuePointerRef<'_>,
+) -> Result<Vec<f64>, Faults> {
+    match value {
+        Value::Sequence(list) => {
+            let count = list.len();
+            if count == 0 || count > MAX_CYCLES {
+                let detail = format!("must list 1 to {MAX_CYCLES} instants, not {count}");
+                return Err(Faults::at(location, detail));
+            }
+            let list = Vec::<Instant>::deserialize_from_value(
+                Value::<V>::Sequence(list),
+                location,
+            )?;
+            let list: Vec<f64> = list.iter().map(|instant| twelve_digits(instant.0)).collect();
+            match list.windows(2).position(|pair| pair[0] >= pair[1]) {
+                Some(before) => Err(Faults::at(
+                    location.push_index(before + 1),
+                    format!(
+                        "must be greater than the instant before it ({} after {}); instants agree \
+                         where 12 digits do",
+                        list[before + 1],
+                        list[before]
+                    ),
+                )),
+                None => Ok(list),
+            }
+        }
+        map @ Value::Map(_) => Range::deserialize_from_value(map, location)?.instants(location),
+        other => {
+            let accepted = &[ValueKind::Sequence, ValueKind::Map];
+            Err(refuse(ErrorKind::IncorrectValueKind { actual: other, accepted }, location))
+        }
+    }
+}
+
+/// Evenly spaced instants.
+#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
+#[deserr(error = Faults, deny_unknown_fields)]
+struct Range {
+    from: Instant,
+    to: Instant,
+    count: Count,
+    #[deserr(default)]
+    spacing: Spacing,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserr)]
+#[deserr(error = Faults, rename_all = lowercase)]
+enum Spacing {
+    #[default]
+    Log,
+    Linear,
+}
+
+impl Range {
+    fn instants(self, location: ValuePointerRef<'_>) -> Result<Vec<f64>, Faults> {
+        let (from, to) = (self.from.0, self.to.0);
+        if self.spacing == Spacing::Log && from <= 0.0 {
+            let detail = "must be greater than 0 for logarithmic spacing; or write \"spacing\": \
+                          \"linear\"";
+            return Err(Faults::at(location.push_key("from"), detail));
+        }
+        let last = f64::from(self.count.0 - 1);
+        let list: Vec<f64> = (0..self.count.0)
+            .map(|i| {
+                let share = f64::from(i) / last;
+                let x = match self.spacing {
+                    _ if i + 1 == self.count.0 => to,
+                    Spacing::Log => from * libm::pow(to / from, share),
+                    Spacing::Linear => from + (to - from) * share,
+                };
+                twelve_digits(x)
+            })
+            .collect();
+        if list.windows(2).any(|pair| pair[0] >= pair[1]) {
+            let detail = format!("must be greater than `from` ({from}), for `count` instants apart");
+            return Err(Faults::at(location.push_key("to"), detail));
+        }
+        Ok(list)
+    }
+}
+
+/// How many instants a range has: 2 to [`MAX_CYCLES`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Count(u16);
+
+/// How many radii a profile has.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Points(pub u16);
+
+fn whole<V: IntoValue>(
+    value: Value<V>,
+    location: ValuePointerRef<'_>,
+    (low, high): (u16, u16),
+) -> Result<u16, Faults> {
+    let x = number(value, location, &[ValueKind::Integer])?;
+    if x.fract() == 0.0 && (f64::from(low)..=f64::from(high)).contains(&x) {
+        Ok(x as u16)
+    } else {
+        let detail = format!("must be a whole number between {low} and {high}, not {x}");
+        Err(Faults::at(location, detail))
+    }
+}
+
+impl Deserr<Faults> for Count {
+    fn deserialize_from_value<V: IntoValue>(
+        value: Value<V>,
+        location: ValuePointerRef<'_>,
+    ) -> Result<Self, Faults> {
+        whole(value, location, (2, MAX_CYCLES as u16)).map(Self)
+    }
+}
+
+impl Deserr<Faults> for Points {
+    fn deserialize_from_value<V: IntoValue>(
+        value: Value<V>,
+        location: ValuePointerRef<'_>,
+    ) -> Result<Self, Faults> {
+        whole(value, location, POINTS_RANGE).map(Self)
+    }
+}
+
+/// Which instants carry profiles.
+#[derive(Debug, Clone, PartialEq)]
+pub enum ProfilesAt {
+    /// Every one.
+    All,
+    /// The last.
+    Last,
+    /// None; the answer has no profiles at all.
+    None,
+    /// These, in the unit of `cycles`.
+    At(Vec<f64>),
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr)]
+#[deserr(error = Faults, rename_all = lowercase)]
+enum ProfilesWord {
+    All,
+    Last,
+    None,
+}
+
+impl Deserr<Faults> for ProfilesAt {
+    fn deserialize_from_value<V: IntoValue>(
+        value: Value<V>,
+        location: ValuePointerRef<'_>,
+    ) -> Result<Self, Faults> {
+        match value {
+            list @ Value::Sequence(_) => instants(list, location).map(Self::At),
+            word @ Value::String(_) => {
+                Ok(match ProfilesWord::deserialize_from_value(word, location)? {
+                    ProfilesWord::All => Self::All,
+                    ProfilesWord::Last => Self::Last,
+                    ProfilesWord::None => Self::None,
+                })
+            }
+            other => {
+                let accepted = &[ValueKind::Sequence, ValueKind::String];
+                Err(refuse(ErrorKind::IncorrectValueKind { actual: other, accepted }, location))
+            }
+        }
+    }
+}
+
+/// How wear is computed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserr)]
+#[deserr(error = Faults, rename_all = lowercase)]
+pub enum Method {
+    /// The rule (14).
+    #[default]
+    Simplified,
+}
+
+/// Method and resolution.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Deserr)]
+#[deserr(error = Faults, deny_unknown_fields)]
+pub struct Model {
+    /// The method.
+    #[deserr(default)]
+    pub method: Method,
+    /// ξ.
+    #[deserr(default)]
+    pub xi: Given<Xi>,
+    /// Output radii.
+    #[deserr(default)]
+    pub points: Given<Points>,
+}

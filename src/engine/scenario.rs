@@ -1,0 +1,608 @@
+//! A scenario in its canonical form: effective quantities in SI, nothing left out, 12 digits.
+//!
+//! Two requests that mean the same contact have the same canonical scenario and so the same key.
+//! The engine runs the canonical numbers, never the request's, so that the digits of a result do not
+//! depend on who asked first. Reading a canonical scenario again changes nothing.
+//!
+//! # Equations
+//! ```text
+//! 1/E* = Σ (1−ν²)/E,   1/G* = Σ (2−ν)/(4G),   G = E/(2(1+ν))           (6)
+//! Δ = G*U/(μE*),       N₀ = a₀/(4 U k_w E*)                            (10), (18)
+//! ```
+//!
+//! # Units
+//! SI throughout. Here, and only here, units are divided out ([`Scenario::case`]); [`Scales`]
+//! multiplies them back.
+//!
+//! # Sources
+//! The paper, (6)–(10), (17), (18).
+
+use deserr::{Deserr, IntoValue, ValuePointerRef};
+use serde::Serialize;
+
+use super::contact::{Contact, Regime};
+use super::numeric::{root, twelve_digits};
+use super::profile::{Shape, kappa};
+use super::request::{
+    self, Body, Cycles, Fault, Faults, Length, Profile, ProfilesAt, Request, Stress,
+};
+
+/// The version of the engine's digits: it rises whenever a result changes in any digit.
+pub const NUMERICS: u32 = 1;
+
+/// The JSON Schema (2020-12) of a scenario.
+pub const SCHEMA: &str = include_str!("scenario.schema.json");
+
+/// Default of ξ in (14).
+pub const DEFAULT_XI: f64 = 0.8;
+/// Default number of radii.
+pub const DEFAULT_POINTS: u16 = 256;
+/// Up to this many instants all carry profiles by default, above it only the last.
+pub const DEFAULT_PROFILES: usize = 20;
+/// Largest answer in bytes.
+pub const MAX_ANSWER: usize = 64_000_000;
+/// Largest a₀/R of a sphere: beyond, half-space theory has no meaning.
+const MAX_SPHERE: f64 = 0.6;
+/// Smallest U/U_gs: below, the slip ring is lost in rounding.
+const MIN_THRESHOLD: f64 = 1e-6;
+/// A threshold this close to 1 is the onset of gross slip, spoilt by rounding to 12 digits.
+const GROSS_SLIP: f64 = 1.0 - 1e-9;
+
+/// Something the user should know; never a refusal.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Warning {
+    /// A word for programs.
+    pub kind: &'static str,
+    /// A sentence for people.
+    pub detail: String,
+}
+
+/// What a canonical scenario says, in SI.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Scenario {
+    profile: CanonicalProfile,
+    moduli: Moduli,
+    friction: f64,
+    wear: Wear,
+    load: Load,
+    motion: Motion,
+    cycles: Vec<f64>,
+    profiles_at: CanonicalProfilesAt,
+    model: Model,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[serde(tag = "shape", rename_all = "snake_case")]
+enum CanonicalProfile {
+    Paraboloid { radius: f64 },
+    Sphere { radius: f64 },
+    Cone { slope_angle: f64 },
+    Power { exponent: f64, height: f64, at_radius: f64 },
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+struct Moduli {
+    normal: f64,
+    tangential: f64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+struct Wear {
+    coefficient: f64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+struct Load {
+    indentation_depth: f64,
+    held: &'static str,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+struct Motion {
+    amplitude: f64,
+    held: &'static str,
+}
+
+/// The word where one fits, so that equal requests have equal keys.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
+enum CanonicalProfilesAt {
+    Word(&'static str),
+    At(Vec<f64>),
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+struct Model {
+    method: &'static str,
+    xi: f64,
+    points: u16,
+}
+
+/// The scales that make the contact dimensionless, and what multiplies results back into SI.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scales {
+    /// a₀ in m.
+    pub contact_radius: f64,
+    /// d₀ in m.
+    pub indentation_depth: f64,
+    /// N₀.
+    pub cycles: f64,
+    /// U in m.
+    pub amplitude: f64,
+    /// E* in Pa.
+    pub normal_modulus: f64,
+    /// G* in Pa.
+    pub tangential_modulus: f64,
+    /// μ.
+    pub friction: f64,
+    /// k_w in 1/Pa.
+    pub wear_coefficient: f64,
+}
+
+impl Scales {
+    /// E*a₀d₀ in N.
+    #[must_use]
+    pub fn force(&self) -> f64 {
+        self.normal_modulus * self.contact_radius * self.indentation_depth
+    }
+
+    /// E*d₀/a₀ in Pa.
+    #[must_use]
+    pub fn pressure(&self) -> f64 {
+        self.normal_modulus * self.indentation_depth / self.contact_radius
+    }
+
+    /// a₀²d₀ in m³.
+    #[must_use]
+    pub fn volume(&self) -> f64 {
+        self.contact_radius * self.contact_radius * self.indentation_depth
+    }
+
+    /// U at Δ = 1: the amplitude from which the whole contact slips, in m.
+    #[must_use]
+    pub fn gross_slip_amplitude(&self) -> f64 {
+        self.friction * self.normal_modulus / self.tangential_modulus * self.indentation_depth
+    }
+}
+
+/// A scenario made ready for computing: dimensionless, with the scales that lead back.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Case {
+    /// The contact.
+    pub contact: Contact,
+    /// The way back to SI.
+    pub scales: Scales,
+    /// ξ.
+    pub xi: f64,
+    /// Output radii.
+    pub points: usize,
+    /// The instants in cycles, 0 first.
+    pub cycles: Vec<f64>,
+    /// Whether each instant carries profiles; all false where the answer has none at all.
+    pub profiles: Vec<bool>,
+}
+
+impl Case {
+    /// Regime of the unworn state.
+    #[must_use]
+    pub fn regime(&self) -> Regime {
+        self.contact.regime
+    }
+
+    /// Rows of each profile matrix.
+    #[must_use]
+    pub fn profile_rows(&self) -> usize {
+        self.profiles.iter().filter(|carries| **carries).count()
+    }
+
+    /// Multiplications of the inverse transforms and the pressures: what a run costs.
+    #[must_use]
+    pub fn operations(&self) -> f64 {
+        let half_square = (self.points * self.points) as f64 / 2.0;
+        half_square * (self.cycles.len() + self.profile_rows()) as f64
+    }
+
+    /// About how many bytes the answer takes as JSON.
+    #[must_use]
+    pub fn answer_bytes(&self) -> usize {
+        const NUMBER: usize = 22;
+        let curves = if self.profile_rows() == 0 { 0 } else { 3 + 5 * self.profile_rows() };
+        4096 + NUMBER * (self.points * curves + 13 * self.cycles.len())
+    }
+}
+
+/// Reads a scenario; `prefix` goes before every fault's pointer (`/scenario` in a job body).
+///
+/// # Errors
+/// Every fault, each with a JSON pointer and a sentence that says what to change.
+pub fn check(
+    value: &serde_json::Value,
+    prefix: &str,
+) -> Result<(Scenario, Vec<Warning>), Faults> {
+    let request = Request::deserialize_from_value(
+        value.clone().into_value(),
+        ValuePointerRef::Origin,
+    )
+    .map_err(|faults| faults.below(prefix))?;
+    let scenario = Scenario::resolve(&request).map_err(|faults| faults.below(prefix))?;
+    let case = scenario.case().map_err(|fault| Faults(vec![fault]).below(prefix))?;
+    let mut warnings = body_warnings(&request, &case);
+    warnings.extend(scenario.warnings(&case));
+    Ok((scenario, warnings))
+}
+
+fn fault(pointer: &str, detail: String) -> Faults {
+    Faults(vec![Fault { pointer: pointer.to_owned(), detail }])
+}
+
+/// What follows from the request must itself be acceptable, or the echo would be refused.
+fn derived(
+    x: f64,
+    (low, high): (f64, f64),
+    what: &str,
+    unit: &str,
+    pointer: &str,
+) -> Result<(), Faults> {
+    if (low..=high).contains(&x) {
+        return Ok(());
+    }
+    let detail = format!("gives {what} {x:e} {unit}; it must lie between {low:e} and {high:e}");
+    Err(fault(pointer, detail))
+}
+
+impl Scenario {
+    /// Brings a request into canonical form.
+    fn resolve(request: &Request) -> Result<Self, Faults> {
+        let friction = twelve_digits(request.friction.0);
+        let moduli = moduli(request);
+        let coefficient = twelve_digits(request.wear.coefficient(friction));
+        derived(moduli.normal, Stress::RANGE, "a normal modulus E* of", "Pa", "/bodies")?;
+        derived(moduli.tangential, Stress::RANGE, "a tangential modulus G* of", "Pa", "/bodies")?;
+        derived(coefficient, request::WEAR_RANGE, "a wear coefficient of", "1/Pa", "/wear")?;
+        let profile = canonical_profile(&request.profile);
+        let (depth, pointer) = match (request.load.indentation_depth.0, request.load.normal_force.0)
+        {
+            (None, Some(force)) => {
+                (depth_under(&profile, force.0 / moduli.normal), "/load/normal_force")
+            }
+            (depth, _) => (depth.map_or(0.0, |depth| depth.0), "/load/indentation_depth"),
+        };
+        let depth = twelve_digits(depth);
+        let (contact_radius, shape) = indent(&profile, depth).ok_or_else(|| {
+            let detail = format!(
+                "presses the sphere in beyond a₀/R = {MAX_SPHERE}, where half-space theory has no \
+                 meaning; load it less or take a larger radius"
+            );
+            fault(pointer, detail)
+        })?;
+        derived(depth, Length::RANGE, "an indentation depth of", "m", pointer)?;
+        let gross_slip = friction * moduli.normal / moduli.tangential * depth;
+        let (amplitude, pointer) = match (request.motion.stick_ratio.0, request.motion.amplitude.0) {
+            (Some(ratio), _) => {
+                (gross_slip * (1.0 - shape.image(ratio.0)), "/motion/stick_ratio")
+            }
+            (None, amplitude) => (amplitude.map_or(0.0, |u| u.0), "/motion/amplitude"),
+        };
+        let amplitude = twelve_digits(amplitude);
+        derived(amplitude, Length::RANGE, "an amplitude of", "m", pointer)?;
+        if amplitude < MIN_THRESHOLD * gross_slip {
+            let least = MIN_THRESHOLD * gross_slip;
+            let detail = format!(
+                "gives an amplitude of {amplitude:.3e} m, but the slip ring can be resolved only \
+                 from {least:.3e} m on (1e-6 of the gross-slip amplitude)"
+            );
+            return Err(fault(pointer, detail));
+        }
+        let unit =
+            contact_radius / (4.0 * amplitude * coefficient * moduli.normal);
+        let (cycles, profiles_at) = instants(&request.cycles, request.profiles_at.0.as_ref(), unit)?;
+        let model = Model {
+            method: match request.model.method {
+                request::Method::Simplified => "simplified",
+            },
+            xi: twelve_digits(request.model.xi.0.map_or(DEFAULT_XI, |xi| xi.0)),
+            points: request.model.points.0.map_or(DEFAULT_POINTS, |points| points.0),
+        };
+        Ok(Self {
+            profile,
+            moduli,
+            friction,
+            wear: Wear { coefficient },
+            load: Load { indentation_depth: depth, held: "depth" },
+            motion: Motion { amplitude, held: "amplitude" },
+            cycles,
+            profiles_at,
+            model,
+        })
+    }
+
+    /// Divides the units out.
+    ///
+    /// # Errors
+    /// A fault where the numbers, each fine alone, have no answer together.
+    pub fn case(&self) -> Result<Case, Fault> {
+        let fault = |pointer: &str, detail: String| Fault { pointer: pointer.to_owned(), detail };
+        let depth = self.load.indentation_depth;
+        let no_contact = || {
+            let detail = "the sphere is pressed in beyond the validity of half-space theory";
+            fault("/load", detail.to_owned())
+        };
+        let (contact_radius, shape) = indent(&self.profile, depth).ok_or_else(no_contact)?;
+        let Moduli { normal, tangential } = self.moduli;
+        let amplitude = self.motion.amplitude;
+        let threshold = tangential * amplitude / (self.friction * normal * depth);
+        let threshold = if threshold > GROSS_SLIP { threshold.max(1.0) } else { threshold };
+        let contact = Contact::new(shape, threshold).ok_or_else(no_contact)?;
+        let scales = Scales {
+            contact_radius,
+            indentation_depth: depth,
+            cycles: contact_radius / (4.0 * amplitude * self.wear.coefficient * normal),
+            amplitude,
+            normal_modulus: normal,
+            tangential_modulus: tangential,
+            friction: self.friction,
+            wear_coefficient: self.wear.coefficient,
+        };
+        let mut cycles = self.cycles.clone();
+        if cycles.first().is_none_or(|first| *first > 0.0) {
+            cycles.insert(0, 0.0);
+        }
+        let profiles = match &self.profiles_at {
+            CanonicalProfilesAt::Word("none") => vec![false; cycles.len()],
+            // Row 0 of the profiles is always the unworn state.
+            CanonicalProfilesAt::Word("all") => vec![true; cycles.len()],
+            CanonicalProfilesAt::Word(_) => {
+                (0..cycles.len()).map(|i| i == 0 || i + 1 == cycles.len()).collect()
+            }
+            CanonicalProfilesAt::At(list) => {
+                cycles.iter().map(|n| *n == 0.0 || list.contains(n)).collect()
+            }
+        };
+        let points = usize::from(self.model.points);
+        let case = Case { contact, scales, xi: self.model.xi, points, cycles, profiles };
+        if case.answer_bytes() > MAX_ANSWER {
+            let detail = format!(
+                "the answer would take about {} MB, and {} MB is the most: ask for profiles at \
+                 fewer instants (\"profiles_at\"), or for fewer points",
+                case.answer_bytes() / 1_000_000,
+                MAX_ANSWER / 1_000_000
+            );
+            return Err(fault("/profiles_at", detail));
+        }
+        Ok(case)
+    }
+
+    /// What the canonical numbers themselves give reason to warn of.
+    #[must_use]
+    pub fn warnings(&self, case: &Case) -> Vec<Warning> {
+        let Scales { contact_radius: a, indentation_depth: d, cycles, amplitude, .. } = case.scales;
+        let slope = case.contact.shape.slope(1.0) * d / a;
+        let mut warnings = Vec::new();
+        let mut warn = |applies: bool, kind, detail: String| {
+            if applies {
+                warnings.push(Warning { kind, detail });
+            }
+        };
+        warn(
+            slope > 0.3,
+            "large_contact",
+            format!(
+                "The indenter's slope at the edge of contact is {slope:.2} (a₀/R for a paraboloid); \
+                 half-space theory holds for slopes well below 0.3."
+            ),
+        );
+        warn(
+            cycles < 50.0,
+            "fast_wear",
+            format!(
+                "N₀ = {cycles:.3}: the profile changes within a single cycle, which the averaging \
+                 over cycles neglects; results are meaningful for N₀ of 50 and more."
+            ),
+        );
+        warn(
+            amplitude > a,
+            "large_amplitude",
+            format!(
+                "The amplitude ({amplitude:.3e} m) exceeds the contact radius ({a:.3e} m): this is \
+                 sliding wear, where the counterbody is not always covered."
+            ),
+        );
+        warn(
+            case.regime() == Regime::GrossSlip,
+            "simplified_gross_slip",
+            "The whole contact slips; the simplified rule was fitted to partial slip.".to_owned(),
+        );
+        warnings
+    }
+}
+
+fn moduli(request: &Request) -> Moduli {
+    let (normal, tangential) = match (&request.moduli.0, &request.bodies.0) {
+        (Some(moduli), _) => (moduli.normal.0, moduli.tangential.0),
+        (None, bodies) => {
+            let bodies = bodies.as_ref().map_or(&[][..], |bodies| &bodies.0);
+            let normal: f64 = bodies
+                .iter()
+                .map(|body| (1.0 - body.poisson_ratio.0 * body.poisson_ratio.0) / body.youngs_modulus.0)
+                .sum();
+            let tangential: f64 = bodies
+                .iter()
+                .map(|body| (2.0 - body.poisson_ratio.0) / (4.0 * shear_modulus(body)))
+                .sum();
+            (1.0 / normal, 1.0 / tangential)
+        }
+    };
+    Moduli { normal: twelve_digits(normal), tangential: twelve_digits(tangential) }
+}
+
+fn shear_modulus(body: &Body) -> f64 {
+    body.youngs_modulus.0 / (2.0 * (1.0 + body.poisson_ratio.0))
+}
+
+fn canonical_profile(profile: &Profile) -> CanonicalProfile {
+    match profile {
+        Profile::Paraboloid { radius } => {
+            CanonicalProfile::Paraboloid { radius: twelve_digits(radius.0) }
+        }
+        Profile::Sphere { radius } => CanonicalProfile::Sphere { radius: twelve_digits(radius.0) },
+        Profile::Cone { slope_angle } => {
+            CanonicalProfile::Cone { slope_angle: twelve_digits(slope_angle.0) }
+        }
+        Profile::Power { exponent, height, at_radius } => CanonicalProfile::Power {
+            exponent: twelve_digits(exponent.0),
+            height: twelve_digits(height.0),
+            at_radius: twelve_digits(at_radius.0),
+        },
+    }
+}
+
+/// (n, h, b) of a power law, written as g = h·(x/b)ⁿ.
+fn power_image(profile: &CanonicalProfile) -> Option<(f64, f64, f64)> {
+    match *profile {
+        CanonicalProfile::Paraboloid { radius } => Some((2.0, radius, radius)),
+        CanonicalProfile::Cone { slope_angle } => {
+            Some((1.0, std::f64::consts::FRAC_PI_2 * libm::tan(slope_angle), 1.0))
+        }
+        CanonicalProfile::Power { exponent, height, at_radius } => {
+            Some((exponent, kappa(exponent) * height, at_radius))
+        }
+        CanonicalProfile::Sphere { .. } => None,
+    }
+}
+
+/// a₀ and the normalised shape at indentation depth d; `None` beyond what half-space theory allows.
+fn indent(profile: &CanonicalProfile, depth: f64) -> Option<(f64, Shape)> {
+    if let Some((n, height, at_radius)) = power_image(profile) {
+        let ratio = depth / height;
+        let radius = at_radius
+            * match n {
+                1.0 => ratio,
+                2.0 => ratio.sqrt(),
+                _ => libm::pow(ratio, 1.0 / n),
+            };
+        return Some((radius, Shape::power(n)));
+    }
+    let CanonicalProfile::Sphere { radius } = *profile else { return None };
+    let depth_at = |share: f64| share * libm::atanh(share);
+    if depth_at(MAX_SPHERE) < depth / radius {
+        return None;
+    }
+    // A shallow contact has d/R = (a/R)², a deeper one more.
+    let guess = (depth / radius).sqrt();
+    let share = root(0.5 * guess, guess.min(MAX_SPHERE), |s| depth_at(s) - depth / radius);
+    Some((share * radius, Shape::sphere(1.0 / share)))
+}
+
+/// d under a force F, given as F/E* in m².
+fn depth_under(profile: &CanonicalProfile, force: f64) -> f64 {
+    if let Some((n, height, at_radius)) = power_image(profile) {
+        // F/E* = (2n/(n+1))·a·d with a = b·(d/h)^(1/n).
+        let radius_times_depth = force * (n + 1.0) / (2.0 * n);
+        let relative = radius_times_depth / (at_radius * height);
+        return height * libm::pow(relative, n / (n + 1.0));
+    }
+    let CanonicalProfile::Sphere { radius } = *profile else { return f64::INFINITY };
+    let depth_at = |share: f64| radius * share * libm::atanh(share);
+    let force_at = |share: f64| {
+        2.0 * share * radius * depth_at(share) * Shape::sphere(1.0 / share).half_force()
+    };
+    if force_at(MAX_SPHERE) < force {
+        return f64::INFINITY;
+    }
+    let guess = libm::cbrt(0.75 * force / (radius * radius));
+    let share = root(0.5 * guess, guess.min(MAX_SPHERE), |s| force_at(s) - force);
+    depth_at(share)
+}
+
+/// The canonical instants, and which of them carry profiles.
+fn instants(
+    cycles: &Cycles,
+    profiles_at: Option<&ProfilesAt>,
+    unit: f64,
+) -> Result<(Vec<f64>, CanonicalProfilesAt), Faults> {
+    let unit = if cycles.normalized { unit } else { 1.0 };
+    let convert = |n: f64| if cycles.normalized { twelve_digits(n * unit) } else { n };
+    let given = &cycles.instants;
+    let mut list: Vec<f64> = given.iter().map(|n| convert(*n)).collect();
+    if let Some(too_large) = list.iter().find(|n| **n > request::LAST_CYCLE) {
+        let detail = format!(
+            "comes to {too_large:e} cycles (N₀ = {unit:.3e}); at most {:e} are accepted",
+            request::LAST_CYCLE
+        );
+        return Err(fault("/cycles/normalized", detail));
+    }
+    if list.windows(2).any(|pair| pair[0] >= pair[1]) {
+        let detail = "instants agree to 12 digits once they are multiplied by N₀".to_owned();
+        return Err(fault("/cycles/normalized", detail));
+    }
+    // 0 is always added when running, so it says nothing here.
+    if list.len() > 1 && list[0] == 0.0 {
+        list.remove(0);
+    }
+    let word = |word| Ok((list.clone(), CanonicalProfilesAt::Word(word)));
+    let wanted = match profiles_at {
+        None if list.len() <= DEFAULT_PROFILES => return word("all"),
+        None | Some(ProfilesAt::Last) if list.len() > 1 => return word("last"),
+        None | Some(ProfilesAt::All | ProfilesAt::Last) => return word("all"),
+        Some(ProfilesAt::None) => return word("none"),
+        Some(ProfilesAt::At(wanted)) => wanted,
+    };
+    let mut faults = Vec::new();
+    for (index, n) in wanted.iter().enumerate() {
+        if *n != 0.0 && !given.contains(n) {
+            faults.push(Fault {
+                pointer: format!("/profiles_at/{index}"),
+                detail: format!("{n} is not one of the instants in `cycles`"),
+            });
+        }
+    }
+    if !faults.is_empty() {
+        return Err(Faults(faults));
+    }
+    let mut wanted: Vec<f64> = wanted.iter().map(|n| convert(*n)).collect();
+    if wanted.len() > 1 && wanted[0] == 0.0 {
+        wanted.remove(0);
+    }
+    if wanted == list {
+        return word("all");
+    }
+    if wanted[..] == list[list.len() - 1..] {
+        return word("last");
+    }
+    Ok((list, CanonicalProfilesAt::At(wanted)))
+}
+
+/// Warnings of what the canonical form no longer knows.
+fn body_warnings(request: &Request, case: &Case) -> Vec<Warning> {
+    let Some(bodies) = &request.bodies.0 else { return Vec::new() };
+    let mut warnings = Vec::new();
+    let [first, second] = bodies
+        .0
+        .map(|body| (1.0 - 2.0 * body.poisson_ratio.0) / shear_modulus(&body));
+    if (first - second).abs() > 1e-6 * first.abs().max(second.abs()) {
+        let detail = format!(
+            "The bodies are not elastically similar: (1−2ν)/G is {first:.3e} and {second:.3e} 1/Pa. \
+             Normal and tangential contact are then coupled, which is neglected here."
+        );
+        warnings.push(Warning { kind: "elastic_mismatch", detail });
+    }
+    let peak = case.contact.shape.pressure_inside(0.0, 1.0) * case.scales.pressure();
+    for (index, body) in bodies.0.iter().enumerate() {
+        if let Some(strength) = body.yield_strength.0
+            && peak > 1.6 * strength.0
+        {
+            let peak = if peak.is_finite() {
+                format!("{:.0} MPa", peak / 1e6)
+            } else {
+                "infinite at the apex".to_owned()
+            };
+            let detail = format!(
+                "The unworn peak pressure ({peak}) exceeds 1.6 times the yield strength of body \
+                 {index} ({:.0} MPa): it yields, which is not modelled.",
+                strength.0 / 1e6
+            );
+            warnings.push(Warning { kind: "yield", detail });
+        }
+    }
+    warnings
+}

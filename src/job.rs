@@ -1,0 +1,661 @@
+//! What people ask for and what is kept: jobs, their keys and states, and the work behind them.
+
+use std::fmt;
+use std::str::FromStr;
+
+use deserr::{Deserr, IntoValue, Sequence, ValuePointerRef};
+use serde::Serialize;
+use serde_json::Value;
+use sha2::{Digest, Sha256};
+
+use crate::engine::outcome::{Outcome, Units};
+use crate::engine::request::{Faults, Given};
+use crate::engine::scenario::{self, Scenario, Warning};
+use crate::engine::simulation::{self, Simulation};
+
+/// The address of a result: SHA-256 of the engine's name, its `numerics` version and the
+/// canonical scenario (RFC 8785), written in lower-case hexadecimal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Key([u8; 32]);
+
+impl Key {
+    /// The 32 bytes of the digest.
+    pub fn bytes(&self) -> &[u8; 32] {
+        &self.0
+    }
+    /// The key whose digest these bytes are.
+    pub fn from_bytes(bytes: [u8; 32]) -> Self {
+        Self(bytes)
+    }
+    fn digest(document: &[u8]) -> Self {
+        Self(Sha256::digest(document).into())
+    }
+}
+
+impl fmt::Display for Key {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+    }
+}
+
+/// A key must be 64 lower-case hexadecimal digits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("a key is 64 lower-case hexadecimal digits")]
+pub struct BadKey;
+
+impl FromStr for Key {
+    type Err = BadKey;
+    fn from_str(text: &str) -> Result<Self, BadKey> {
+        let lower = |b: &u8| b.is_ascii_digit() || (b'a'..=b'f').contains(b);
+        if text.len() != 64 || !text.as_bytes().iter().all(lower) {
+            return Err(BadKey);
+        }
+        let mut bytes = [0; 32];
+        for (byte, pair) in bytes.iter_mut().zip(text.as_bytes().chunks(2)) {
+            let pair = std::str::from_utf8(pair).map_err(|_| BadKey)?;
+            *byte = u8::from_str_radix(pair, 16).map_err(|_| BadKey)?;
+        }
+        Ok(Self(bytes))
+    }
+}
+
+impl Serialize for Key {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+/// Names one job: a UUID of version 7, so that ids sort by time of submission.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct JobId(pub uuid::Uuid);
+
+impl JobId {
+    /// A new id, later than every id this process has made before.
+    #[must_use]
+    pub fn generate() -> Self {
+        Self(uuid::Uuid::now_v7())
+    }
+}
+
+impl fmt::Display for JobId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.hyphenated().fmt(f)
+    }
+}
+
+impl FromStr for JobId {
+    type Err = BadWord;
+    fn from_str(text: &str) -> Result<Self, BadWord> {
+        // Only the spelling that `Display` writes: a job has one address.
+        let id = uuid::Uuid::try_parse(text)
+            .map(Self)
+            .map_err(|_| BadWord("job id"))?;
+        if id.to_string() == text {
+            Ok(id)
+        } else {
+            Err(BadWord("job id"))
+        }
+    }
+}
+
+impl Serialize for JobId {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+/// A text that is not one of the words it should be; it names what was expected.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("not a {0}")]
+pub struct BadWord(pub &'static str);
+
+/// Where a job stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum JobState {
+    /// Waits for a worker.
+    Queued,
+    /// A worker computes it.
+    Running,
+    /// Its last listener has left; the worker is being stopped.
+    Canceling,
+    /// The result is there.
+    Succeeded,
+    /// It ended with an error.
+    Failed,
+    /// It was canceled before it ended.
+    Canceled,
+}
+
+impl JobState {
+    /// Every state, in the order of a job's life.
+    pub const ALL: [Self; 6] = [
+        Self::Queued,
+        Self::Running,
+        Self::Canceling,
+        Self::Succeeded,
+        Self::Failed,
+        Self::Canceled,
+    ];
+
+    /// The word for it, in JSON and in the tables.
+    #[must_use]
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Queued => "queued",
+            Self::Running => "running",
+            Self::Canceling => "canceling",
+            Self::Succeeded => "succeeded",
+            Self::Failed => "failed",
+            Self::Canceled => "canceled",
+        }
+    }
+
+    /// Whether nothing will change any more.
+    #[must_use]
+    pub fn is_finished(self) -> bool {
+        matches!(self, Self::Succeeded | Self::Failed | Self::Canceled)
+    }
+}
+
+/// How a job came to its result.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Origin {
+    /// This job started the run.
+    Computed,
+    /// It joined a run that was already queued or running.
+    Coalesced,
+    /// The result was already known.
+    Cached,
+}
+
+impl Origin {
+    /// Every origin.
+    pub const ALL: [Self; 3] = [Self::Computed, Self::Coalesced, Self::Cached];
+
+    /// The word for it, in JSON and in the tables.
+    #[must_use]
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Computed => "computed",
+            Self::Coalesced => "coalesced",
+            Self::Cached => "cached",
+        }
+    }
+}
+
+/// Why a job failed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FailureKind {
+    /// The computation panicked: a fault of the program.
+    Panicked,
+    /// The stored task could not be read back.
+    UnreadableTask,
+    /// The process died each time this was computed.
+    WorkerLost,
+}
+
+impl FailureKind {
+    /// Every kind.
+    pub const ALL: [Self; 3] = [Self::Panicked, Self::UnreadableTask, Self::WorkerLost];
+
+    /// The word for it, in JSON and in the tables.
+    #[must_use]
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Panicked => "panicked",
+            Self::UnreadableTask => "unreadable-task",
+            Self::WorkerLost => "worker-lost",
+        }
+    }
+}
+
+/// Display and `FromStr` of a closed set of words, through its `as_str` and `ALL`.
+macro_rules! words {
+    ($($type:ty: $name:literal),+) => {$(
+        impl fmt::Display for $type {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(self.as_str())
+            }
+        }
+        impl FromStr for $type {
+            type Err = BadWord;
+            fn from_str(text: &str) -> Result<Self, BadWord> {
+                Self::ALL.into_iter().find(|word| word.as_str() == text).ok_or(BadWord($name))
+            }
+        }
+    )+};
+}
+words!(JobState: "job state", Origin: "job origin", FailureKind: "kind of failure");
+
+/// One submission, as it stands.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Job {
+    /// Its name.
+    pub id: JobId,
+    /// Where it stands.
+    pub state: JobState,
+    /// The address of its result.
+    pub key: Key,
+    /// Who submitted it.
+    pub owner: String,
+    /// How it came to its result.
+    pub origin: Origin,
+    /// How often its run was begun: 0 before the first time and when the result was known.
+    pub attempt: u32,
+    /// The share of the work done, 0…1; 0 once canceled.
+    pub progress: f64,
+    /// A line for people.
+    pub label: Option<String>,
+    /// Words to find it by.
+    pub tags: Vec<String>,
+    /// What the physics says the user should know: a JSON array of warnings.
+    pub warnings: Value,
+    /// When it was submitted, in milliseconds since 1970, like the times below.
+    pub created: i64,
+    /// When the present attempt began.
+    pub started: Option<i64>,
+    /// When it ended.
+    pub finished: Option<i64>,
+    /// Why it failed.
+    pub failure: Option<Failure>,
+    /// The short form of the result, once it has succeeded.
+    pub summary: Option<Value>,
+}
+
+/// Why a job failed.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Failure {
+    /// A word for programs.
+    pub kind: FailureKind,
+    /// A sentence for people.
+    pub message: String,
+}
+
+/// Something a worker can compute, in steps of at most about 50 ms, so that it can be stopped.
+pub trait Work: Send {
+    /// Does a little more.
+    fn step(&mut self) -> Step;
+}
+
+/// What a step of [`Work`] came to.
+#[derive(Debug)]
+pub enum Step {
+    /// There is more to do; `progress` is in 0…1.
+    Working {
+        /// The share of the work done so far.
+        progress: f64,
+    },
+    /// The work is done.
+    Done(Answer),
+}
+
+/// What a finished piece of work leaves behind.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Answer {
+    /// The result document as it is served: JSON, a pure function of the key.
+    pub body: Vec<u8>,
+    /// The short form that the job answer carries: the last history entry and the regime.
+    pub summary: Value,
+}
+
+/// What a job computes.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Task {
+    /// One simulation.
+    Run(Scenario),
+}
+
+/// A parsed job body: `{"scenario": {…}, "label"?, "tags"?}`.
+#[derive(Debug, Clone)]
+pub struct Submission {
+    /// What to compute.
+    pub task: Task,
+    /// A line for people.
+    pub label: Option<String>,
+    /// Words to find it by.
+    pub tags: Vec<String>,
+    /// What the physics says the user should know.
+    pub warnings: Vec<Warning>,
+}
+
+/// Longest label in characters.
+pub const MAX_LABEL: usize = 200;
+/// Most tags of a job.
+pub const MAX_TAGS: usize = 20;
+/// Longest tag in characters.
+pub const MAX_TAG: usize = 50;
+
+/// A job body as JSON; the scenario is judged by the engine.
+#[derive(Deserr)]
+#[deserr(error = Faults, deny_unknown_fields)]
+struct Body {
+    scenario: Value,
+    #[deserr(default)]
+    label: Given<Text<MAX_LABEL>>,
+    #[deserr(default)]
+    tags: Given<Tags>,
+}
+
+/// A text of 1 to `N` characters, none of them a control character.
+struct Text<const N: usize>(String);
+
+impl<const N: usize> Deserr<Faults> for Text<N> {
+    fn deserialize_from_value<V: IntoValue>(
+        value: deserr::Value<V>,
+        location: ValuePointerRef<'_>,
+    ) -> Result<Self, Faults> {
+        let text: String = String::deserialize_from_value(value, location)?;
+        let length = text.chars().count();
+        if length == 0 || length > N {
+            let detail = format!("must have 1 to {N} characters, not {length}");
+            return Err(Faults::at(location, detail));
+        }
+        if text.chars().any(char::is_control) {
+            return Err(Faults::at(location, "must not contain control characters"));
+        }
+        Ok(Self(text))
+    }
+}
+
+struct Tags(Vec<String>);
+
+impl Deserr<Faults> for Tags {
+    fn deserialize_from_value<V: IntoValue>(
+        value: deserr::Value<V>,
+        location: ValuePointerRef<'_>,
+    ) -> Result<Self, Faults> {
+        if let deserr::Value::Sequence(list) = &value
+            && list.len() > MAX_TAGS
+        {
+            let detail = format!("must list at most {MAX_TAGS} tags, not {}", list.len());
+            return Err(Faults::at(location, detail));
+        }
+        let tags = Vec::<Text<MAX_TAG>>::deserialize_from_value(value, location)?;
+        let tags: Vec<String> = tags.into_iter().map(|tag| tag.0).collect();
+        match (1..tags.len()).find(|i| tags[..*i].contains(&tags[*i])) {
+            Some(twice) => Err(Faults::at(location.push_index(twice), "is listed twice")),
+            None => Ok(Self(tags)),
+        }
+    }
+}
+
+impl Submission {
+    /// Reads a job body.
+    ///
+    /// # Errors
+    /// Every fault of the body and of its scenario, with JSON pointers.
+    pub fn parse(body: &Value) -> Result<Self, Faults> {
+        let parsed: Result<Body, Faults> =
+            Body::deserialize_from_value(body.clone().into_value(), ValuePointerRef::Origin);
+        match (parsed, body.get("scenario")) {
+            (Ok(parsed), _) => {
+                let (scenario, warnings) = scenario::check(&parsed.scenario, "/scenario")?;
+                Ok(Self {
+                    task: Task::Run(scenario),
+                    label: parsed.label.0.map(|label| label.0),
+                    tags: parsed.tags.0.map_or_else(Vec::new, |tags| tags.0),
+                    warnings,
+                })
+            }
+            (Err(mut faults), Some(given)) => {
+                if let Err(more) = scenario::check(given, "/scenario") {
+                    faults.0.extend(more.0);
+                }
+                Err(faults)
+            }
+            (Err(faults), None) => Err(faults),
+        }
+    }
+}
+
+impl Task {
+    /// The address of this task's result.
+    #[must_use]
+    pub fn key(&self) -> Key {
+        #[derive(Serialize)]
+        struct Identity<'a> {
+            engine: &'static str,
+            numerics: u32,
+            scenario: &'a Scenario,
+        }
+        let Self::Run(scenario) = self;
+        let identity = Identity { engine: ENGINE.name, numerics: ENGINE.numerics, scenario };
+        // A scenario is made of finite numbers and strings, which always serialise.
+        Key::digest(&serde_json_canonicalizer::to_vec(&identity).unwrap_or_default())
+    }
+
+    /// The form in which a task is stored: the job body in canonical terms.
+    #[must_use]
+    pub fn to_json(&self) -> String {
+        let Self::Run(scenario) = self;
+        serde_json::json!({ "scenario": scenario }).to_string()
+    }
+
+    /// Begins the work of a stored task, whose answer will carry `key`.
+    ///
+    /// # Errors
+    /// A sentence, where the stored text is not a task that this version can compute.
+    pub fn start(key: &Key, stored: &str) -> Result<Box<dyn Work>, String> {
+        let body: Value = serde_json::from_str(stored).map_err(|error| error.to_string())?;
+        let submission = Submission::parse(&body).map_err(|faults| {
+            let faults: Vec<_> =
+                faults.0.iter().map(|fault| format!("{}: {}", fault.pointer, fault.detail)).collect();
+            faults.join("; ")
+        })?;
+        let Self::Run(scenario) = submission.task;
+        let simulation = Simulation::of(&scenario).map_err(|fault| fault.detail)?;
+        Ok(Box::new(Run { key: *key, scenario, simulation }))
+    }
+}
+
+/// Name and `numerics` version of the engine.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct Engine {
+    /// Its name.
+    pub name: &'static str,
+    /// Rises when digits change.
+    pub numerics: u32,
+}
+
+/// The engine of this program.
+pub const ENGINE: Engine = Engine { name: "fretwork", numerics: scenario::NUMERICS };
+
+/// One simulation under way.
+struct Run {
+    key: Key,
+    scenario: Scenario,
+    simulation: Simulation,
+}
+
+impl Work for Run {
+    fn step(&mut self) -> Step {
+        match self.simulation.step() {
+            simulation::Step::Working(progress) => Step::Working { progress },
+            simulation::Step::Done(outcome) => Step::Done(self.answer(&outcome)),
+        }
+    }
+}
+
+impl Run {
+    fn answer(&self, outcome: &Outcome) -> Answer {
+        #[derive(Serialize)]
+        struct Document<'a> {
+            key: Key,
+            engine: Engine,
+            scenario: &'a Scenario,
+            units: Units,
+            #[serde(flatten)]
+            outcome: &'a Outcome,
+        }
+        let document =
+            Document { key: self.key, engine: ENGINE, scenario: &self.scenario, units: Units, outcome };
+        let mut summary = serde_json::Map::new();
+        summary.insert("regime".to_owned(), serde_json::json!(outcome.regime));
+        if let Ok(Value::Object(columns)) = serde_json::to_value(&outcome.history) {
+            for (name, column) in columns {
+                let last = column.as_array().and_then(|column| column.last()).cloned();
+                summary.insert(name, last.unwrap_or_default());
+            }
+        }
+        // Columns of numbers always serialise.
+        let body = serde_json::to_vec(&document).unwrap_or_default();
+        Answer { body, summary: Value::Object(summary) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn body(scenario: &Value) -> Value {
+        json!({"scenario": scenario})
+    }
+
+    fn ball() -> Value {
+        json!({
+            "profile": {"shape": "paraboloid", "radius": "10 mm"},
+            "bodies": [
+                {"youngs_modulus": "205 GPa", "poisson_ratio": 0.3},
+                {"youngs_modulus": "205 GPa", "poisson_ratio": 0.3}
+            ],
+            "friction": 0.7,
+            "wear": {"coefficient": "3.03e-5 mm^3/(N m)"},
+            "load": {"normal_force": "100 N", "held": "depth"},
+            "motion": {"amplitude": "2.256 um"},
+            "cycles": [1000, 3000, 10000, 30000],
+        })
+    }
+
+    fn key(scenario: &Value) -> Key {
+        Submission::parse(&body(scenario)).unwrap_or_else(|faults| panic!("{faults:?}")).task.key()
+    }
+
+    #[test]
+    fn what_means_the_same_has_the_same_key() {
+        let expected = key(&ball());
+        let same = |change: &dyn Fn(&mut Value)| {
+            let mut scenario = ball();
+            change(&mut scenario);
+            assert_eq!(key(&scenario), expected, "{scenario}");
+        };
+        same(&|s| s["profile"]["radius"] = json!(0.01));
+        same(&|s| s["profile"]["radius"] = json!("1 cm"));
+        same(&|s| s["load"]["normal_force"] = json!("0.1 kN"));
+        same(&|s| s["motion"] = json!({"amplitude": "2256 nm", "held": "amplitude"}));
+        same(&|s| s["wear"] = json!({"coefficient": 3.03e-14}));
+        same(&|s| s["wear"] = json!({"coefficient": 3.03e-5, "hardness": 1e9}));
+        same(&|s| s["wear"] = json!({"energy_coefficient": 3.03e-14 / 0.7}));
+        same(&|s| s["cycles"] = json!([0, 1000, 3000, 10000, 30000]));
+        same(&|s| s["profiles_at"] = json!("all"));
+        same(&|s| s["profiles_at"] = json!([1000, 3000, 10000, 30000]));
+        same(&|s| s["model"] = json!({"points": 256, "xi": 0.8, "method": "simplified"}));
+        // E* = E/(2(1−ν²)), G* = E/((1+ν)(2−ν)): to 15 digits.
+        same(&|s| {
+            s.as_object_mut().expect("an object").remove("bodies");
+            s["moduli"] = json!({"normal": 112_637_362_637.363, "tangential": 92_760_180_995.4751});
+        });
+        // The depth that 100 N press in.
+        let canonical = serde_json::to_value(&ball_task()).expect("a document");
+        same(&|s| s["load"] = json!({"indentation_depth": canonical["load"]["indentation_depth"]}));
+        same(&|s| *s = canonical.clone());
+    }
+
+    fn ball_task() -> Scenario {
+        let Task::Run(scenario) = Submission::parse(&body(&ball())).expect("valid").task;
+        scenario
+    }
+
+    #[test]
+    fn what_means_something_else_has_another_key() {
+        let expected = key(&ball());
+        for (pointer, value) in [
+            ("/friction", json!(0.700_000_000_01)),
+            ("/profile/shape", json!("sphere")),
+            ("/cycles/0", json!(1001)),
+            ("/motion/amplitude", json!("2.257 um")),
+        ] {
+            let mut scenario = ball();
+            *scenario.pointer_mut(pointer).expect(pointer) = value;
+            assert_ne!(key(&scenario), expected, "{pointer}");
+        }
+        let mut scenario = ball();
+        scenario["model"] = json!({"points": 255});
+        assert_ne!(key(&scenario), expected);
+    }
+
+    /// The forgotten bump of `NUMERICS`: these digests change with any digit of the result.
+    #[test]
+    fn the_digits_of_numerics_1_are_these() {
+        assert_eq!(ENGINE.numerics, 1, "new digits: compute the digests below anew");
+        let digest = |task: &Task| {
+            let key = task.key();
+            let mut work = Task::start(&key, &task.to_json()).expect("a task");
+            let answer = loop {
+                if let Step::Done(answer) = work.step() {
+                    break answer;
+                }
+            };
+            format!("{} {}", key, Key::digest(&answer.body))
+        };
+        let ball = digest(&Task::Run(ball_task()));
+        let mut cone = ball_json_cone();
+        cone["cycles"] = json!({"normalized": [0.5, 4, 16]});
+        let cone = digest(&Submission::parse(&body(&cone)).expect("valid").task);
+        assert_eq!(
+            [ball.as_str(), cone.as_str()],
+            [
+                "BALL",
+                "CONE",
+            ]
+        );
+    }
+
+    fn ball_json_cone() -> Value {
+        let mut scenario = ball();
+        scenario["profile"] = json!({"shape": "power", "exponent": 2.5, "height": "1 um",
+                                     "at_radius": "0.1 mm"});
+        scenario["motion"] = json!({"stick_ratio": 0.3});
+        scenario
+    }
+
+    #[test]
+    fn every_fault_is_listed_with_its_pointer() {
+        let mut scenario = ball();
+        scenario["bodies"][0]["poisson_ratio"] = json!(0.7);
+        scenario["profile"]["radius"] = json!("-10 mm");
+        scenario["frction"] = json!(0.7);
+        scenario["wear"]["coefficient"] = json!("3 mm^3/(N parsec)");
+        let mut body = body(&scenario);
+        body["label"] = json!("");
+        let faults = Submission::parse(&body).expect_err("five faults");
+        let mut pointers: Vec<_> = faults.0.iter().map(|fault| fault.pointer.as_str()).collect();
+        pointers.sort_unstable();
+        assert_eq!(
+            pointers,
+            [
+                "/label",
+                "/scenario/bodies/0/poisson_ratio",
+                "/scenario/frction",
+                "/scenario/profile/radius",
+                "/scenario/wear/coefficient",
+            ]
+        );
+        let of = |pointer: &str| {
+            &faults.0.iter().find(|fault| fault.pointer == pointer).expect(pointer).detail
+        };
+        assert!(of("/scenario/frction").contains("Did you mean `friction`?"));
+        assert!(of("/scenario/wear/coefficient").contains("mm^3/(N m)"));
+    }
+
+    #[test]
+    fn a_key_reads_back_as_it_was_written() {
+        let key = key(&ball());
+        assert_eq!(key.to_string().parse(), Ok(key));
+        assert_eq!(key.to_string().to_uppercase().parse::<Key>(), Err(BadKey));
+        assert_eq!("12".parse::<Key>(), Err(BadKey));
+    }
+}

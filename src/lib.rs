@@ -1,0 +1,6 @@
+//! Fretting wear of axisymmetric contacts: the method of dimensionality reduction as a library
+//! and as a service.
+
+pub mod engine;
+#[cfg(feature = "serve")]
+pub mod job;

@@ -1,0 +1,542 @@
+//! The engine against independent ways to the same numbers: closed forms, tabulated reference
+//! solutions, a literal stepping of the springs, and quadrature of the integrals that define the
+//! curves.
+
+use std::f64::consts::{FRAC_2_PI, PI};
+
+use fretwork::engine::contact::{Contact, Decay, Regime, Row};
+use fretwork::engine::limit::angle;
+use fretwork::engine::numeric::integrate;
+use fretwork::engine::outcome::Outcome;
+use fretwork::engine::profile::Shape;
+use fretwork::engine::scenario::{self, Scenario};
+use fretwork::engine::simplified::Simplified;
+use fretwork::engine::simulation::{Simulation, Step};
+use proptest::prelude::*;
+use serde_json::{Value, json};
+
+use crate::literal;
+
+pub fn steel_ball() -> Value {
+    json!({
+        "profile": {"shape": "paraboloid", "radius": "10 mm"},
+        "bodies": [
+            {"youngs_modulus": "205 GPa", "poisson_ratio": 0.3},
+            {"youngs_modulus": "205 GPa", "poisson_ratio": 0.3}
+        ],
+        "friction": 0.7,
+        "wear": {"coefficient": "3.03e-5 mm^3/(N m)"},
+        "load": {"normal_force": "100 N", "held": "depth"},
+        "motion": {"amplitude": "2.256 um"},
+        "cycles": [1000, 3000, 10000, 30000],
+        "model": {"method": "simplified", "xi": 0.8, "points": 256}
+    })
+}
+
+fn scenario(value: &Value) -> Scenario {
+    scenario::check(value, "").unwrap_or_else(|faults| panic!("{value}: {faults:?}")).0
+}
+
+fn run(value: &Value) -> Outcome {
+    Simulation::of(&scenario(value)).expect("a contact").run()
+}
+
+fn close(value: f64, expected: f64, tolerance: f64) {
+    assert!(
+        (value / expected - 1.0).abs() <= tolerance,
+        "{value} is not {expected} within {tolerance}"
+    );
+}
+
+/// Source: physics.md's worked example, recomputed there with independent tools.
+#[test]
+fn the_steel_ball_has_its_published_digits() {
+    let outcome = run(&steel_ball());
+    close(outcome.unworn.normal_modulus, 112.64e9, 5e-5);
+    close(outcome.unworn.tangential_modulus, 92.76e9, 5e-5);
+    close(outcome.scales.contact_radius, 0.18813e-3, 3e-5);
+    close(outcome.scales.indentation_depth, 3.5393e-6, 2e-5);
+    close(outcome.unworn.peak_pressure, 1349e6, 4e-4);
+    close(outcome.unworn.gross_slip_amplitude, 3.008e-6, 2e-4);
+    close(outcome.unworn.stick_radius / outcome.scales.contact_radius, 0.5, 1e-3);
+    close(outcome.scales.cycles, 6108.5, 1e-5);
+    close(outcome.unworn.energy_per_cycle, 57.9e-6, 1e-3);
+    let limit = outcome.limit.expect("a limit");
+    close(limit.wear_volume, 9.51e-5 * 1e-9, 1e-3);
+    close(limit.wear_depth, 1.05e-6, 1e-3);
+    assert_eq!(outcome.regime, Regime::PartialSlip);
+    assert_eq!(outcome.warnings, []);
+}
+
+/// Source: R. D. Mindlin, H. Deresiewicz, J. Appl. Mech. 20 (1953) 327: the energy lost per cycle of
+/// a Hertz contact under constant normal force and a tangential force amplitude Q.
+#[test]
+fn the_unworn_energy_is_that_of_mindlin_and_deresiewicz() {
+    for ratio in [0.05, 0.3, 0.5, 0.8, 0.99] {
+        let mut request = steel_ball();
+        request["motion"] = json!({"stick_ratio": ratio});
+        let outcome = run(&request);
+        let limit = 0.7 * outcome.scales.normal_force;
+        let q = outcome.unworn.tangential_force / limit;
+        let left: f64 = 1.0 - q;
+        // W = (18/5) (μF)²/(G*a) · {1 − (1−q)^{5/3} − (5q/6)[1 + (1−q)^{2/3}]}
+        let bracket =
+            1.0 - left.powf(5.0 / 3.0) - 5.0 * q / 6.0 * (1.0 + left.powf(2.0 / 3.0));
+        let stiffness = outcome.unworn.tangential_modulus * outcome.scales.contact_radius;
+        let expected = 18.0 / 5.0 * limit * limit / stiffness * bracket;
+        close(outcome.unworn.energy_per_cycle, expected, 1e-8);
+    }
+}
+
+/// Source: V. L. Popov, Sci. Rep. 4 (2014) 3749, evaluated in tests/data/verification.json.
+#[test]
+fn the_limits_agree_with_the_reference_table() {
+    let table: Value =
+        serde_json::from_str(include_str!("../data/verification.json")).expect("a JSON table");
+    let rows = table["limit_depth_and_amplitude_held"].as_array().expect("rows");
+    assert_eq!(rows.len(), 15);
+    for row in rows {
+        let number = |name: &str| row[name].as_f64().expect(name);
+        let shape = Shape::power(number("exponent"));
+        let c = number("stick_radius");
+        let contact = Contact::new(shape, 1.0 - shape.image(c)).expect("a limit");
+        let limit = contact.limit;
+        for (value, name, tolerance) in [
+            (limit.radius, "limiting_radius", 1e-5),
+            (limit.volume, "wear_volume", 1e-5),
+            (limit.depth, "wear_depth", 1e-5),
+            (limit.depth_radius, "depth_radius", 1e-4),
+        ] {
+            assert!((value - number(name)).abs() <= tolerance, "{name} {value} in {row}");
+        }
+    }
+}
+
+/// The closed form of (14)–(16) against stepping the springs through every cycle.
+#[test]
+fn the_closed_form_is_what_literal_stepping_converges_to() {
+    for (exponent, c) in [(2.0, 0.5), (1.0, 0.21)] {
+        let shape = Shape::power(exponent);
+        let contact = Contact::new(shape, 1.0 - shape.image(c)).expect("a limit");
+        let springs: Vec<f64> =
+            (0..24).map(|i| contact.limit.radius * (f64::from(i) + 0.5) / 24.0).collect();
+        let worst = |cycles_per_unit: u32| {
+            let mut worst: f64 = 0.0;
+            let mut row = literal::Springs::new(&contact, &springs, 0.8, cycles_per_unit, 400);
+            let mut reached = 0;
+            for half_units in [1, 2, 4, 8, 16, 32] {
+                row.run(half_units * cycles_per_unit / 2 - reached);
+                reached = half_units * cycles_per_unit / 2;
+                let decay = Decay::after(0.8 * f64::from(half_units) / 2.0 / contact.limit.radius);
+                for (x, stepped) in springs.iter().zip(row.images()) {
+                    let unworn = 1.0 - shape.image(*x);
+                    let closed = if *x < c {
+                        shape.image(*x)
+                    } else {
+                        1.0 - contact.compression(unworn, decay)
+                    };
+                    worst = worst.max((stepped - closed).abs());
+                }
+            }
+            worst
+        };
+        let (coarse, fine) = (worst(1000), worst(2000));
+        assert!(coarse <= 2e-6, "{coarse}");
+        let ratio = coarse / fine;
+        assert!((1.9..2.1).contains(&ratio), "halving the wear per cycle: {coarse} → {fine}");
+    }
+}
+
+/// Shapes and stick radii on which curves are compared with their defining integrals.
+fn contacts() -> Vec<Contact> {
+    [
+        (Shape::power(2.0), 0.5),
+        (Shape::power(1.0), 0.21),
+        (Shape::power(2.0), 0.9),
+        (Shape::power(3.3), 0.4),
+        (Shape::power(8.0), 0.7),
+        (Shape::sphere(2.0), 0.6),
+    ]
+    .into_iter()
+    .map(|(shape, c)| Contact::new(shape, 1.0 - shape.image(c)).expect("a limit"))
+    .chain(
+        [(Shape::power(2.0), 1.3), (Shape::power(1.0), 4.0)]
+            .into_iter()
+            .map(|(shape, threshold)| Contact::new(shape, threshold).expect("a limit")),
+    )
+    .collect()
+}
+
+/// η(x) of the simplified rule.
+fn signed_compression(contact: &Contact, x: f64, decay: Decay) -> f64 {
+    let unworn = 1.0 - contact.shape.image(x);
+    if x <= contact.stick || x > contact.limit.radius {
+        return unworn;
+    }
+    let worn = contact.worn(unworn, decay);
+    let compression = contact.compression(unworn, decay);
+    assert!((unworn - worn - compression).abs() < 1e-14, "two forms of the same logistic");
+    compression
+}
+
+/// ∫ over from…to in panels that shrink towards both ends and `kinks`.
+fn panels(from: f64, to: f64, kinks: &[f64], f: impl Fn(f64) -> f64) -> f64 {
+    let mut edges = vec![from, to];
+    edges.extend(kinks.iter().copied().filter(|k| (from..to).contains(k)));
+    edges.sort_by(f64::total_cmp);
+    edges
+        .windows(2)
+        .map(|pair| {
+            let half = 0.5 * (pair[1] - pair[0]);
+            (0..40)
+                .map(|k| {
+                    let (near, far) = (0.5_f64.powi(k + 1), 0.5_f64.powi(k));
+                    let near = if k == 39 { 0.0 } else { near };
+                    integrate(pair[0] + half * near, pair[0] + half * far, &f)
+                        + integrate(pair[1] - half * far, pair[1] - half * near, &f)
+                })
+                .sum::<f64>()
+        })
+        .sum()
+}
+
+/// Every curve at 256 radii against quadrature of the integral that defines it.
+#[test]
+fn the_curves_are_the_integrals_they_stand_for() {
+    for contact in contacts() {
+        let solver = Simplified::new(contact, 256);
+        let (c, outer) = (contact.stick, contact.limit.radius);
+        for normalized in [0.0, 0.5, 4.0, 16.0] {
+            let decay = solver.decay(0.8, normalized);
+            let state = solver.states(&[(decay, true)]).remove(0);
+            let curves = state.curves.expect("curves");
+            let eta = |x: f64| signed_compression(&contact, x, decay);
+            let unworn = |x: f64| 1.0 - contact.shape.image(x);
+            for (index, r) in solver.radii().iter().enumerate().skip(1).step_by(5) {
+                let r = *r;
+                // Wear: (4) of g − g₀, in the angle, so that the root is gone.
+                let kinks = [angle(1.0, r), angle(outer, r)];
+                let wear = if r > outer {
+                    0.0
+                } else {
+                    FRAC_2_PI
+                        * panels(0.0, angle(c, r), &kinks, |psi| {
+                            let x = r * psi.cos();
+                            unworn(x) - eta(x)
+                        })
+                };
+                let tolerance = 2e-4 * contact.limit.depth;
+                assert!(
+                    (curves.wear[index] - wear.max(0.0)).abs() < tolerance,
+                    "wear {} for {wear} at r = {r}, Ñ = {normalized}: {contact:?}",
+                    curves.wear[index]
+                );
+                // Slip: the same of ω.
+                let slip = FRAC_2_PI
+                    * panels(0.0, angle(c, r), &kinks, |psi| {
+                        (1.0 - eta(r * psi.cos()).max(0.0) / contact.threshold).max(0.0)
+                    });
+                let tolerance = 1.5e-4 * (1.0 + contact.limit.depth / contact.threshold);
+                assert!(
+                    (curves.slip[index] - slip).abs() < tolerance,
+                    "slip {} for {slip} at r = {r}, Ñ = {normalized}: {contact:?}",
+                    curves.slip[index]
+                );
+            }
+        }
+    }
+}
+
+/// The pressure by (3)'s companion integral of the exact −y′, against the sampled one.
+#[test]
+fn the_pressure_is_the_integral_of_the_image_slope() {
+    for contact in contacts() {
+        let solver = Simplified::new(contact, 256);
+        for normalized in [0.0, 0.5, 4.0] {
+            let decay = solver.decay(0.8, normalized);
+            let curves = solver.states(&[(decay, true)]).remove(0).curves.expect("curves");
+            // −y′(x) = g₀′·Δ²e/(y₀e + Δ − y₀)² outside c.
+            let slope = |x: f64| {
+                let unworn = 1.0 - contact.shape.image(x);
+                let rest = contact.threshold - unworn;
+                let ratio = contact.threshold / (unworn * decay.left + rest);
+                let factor = if x < contact.stick { 1.0 } else { decay.left * ratio * ratio };
+                contact.shape.image_slope(x) * factor
+            };
+            for (index, r) in solver.radii().iter().enumerate().skip(1).step_by(3) {
+                let r = *r;
+                if r >= 1.0 {
+                    assert_eq!(curves.pressure[index], 0.0, "outside the contact");
+                    continue;
+                }
+                // x = r cosh s takes the root out.
+                let kink = libm::acosh((contact.stick / r).max(1.0));
+                let exact =
+                    panels(0.0, libm::acosh(1.0 / r), &[kink], |s| slope(r * s.cosh())) / PI;
+                // Next to the stick edge the pressure peaks within a few radii of the mesh.
+                let edge = (r - contact.stick).abs() < 0.02;
+                let tolerance = if edge { 0.03 } else { 2e-3 } * (0.2 + exact);
+                assert!(
+                    (curves.pressure[index] - exact).abs() < tolerance,
+                    "{} for {exact} at r = {r}, Ñ = {normalized}: {contact:?}",
+                    curves.pressure[index]
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn pressure_carries_the_force_and_its_sum_the_volume() {
+    // 2π ∫ p r dr = F: pressure and force come from different sums.
+    for contact in contacts() {
+        let solver = Simplified::new(contact, 512);
+        for normalized in [0.0, 1.0, 4.0] {
+            let state = solver.states(&[(solver.decay(0.8, normalized), true)]).remove(0);
+            let curves = state.curves.as_ref().expect("curves");
+            let radii = solver.radii();
+            let force: f64 = (1..radii.len())
+                .map(|i| {
+                    let low = curves.pressure[i - 1] * radii[i - 1];
+                    let low = if low.is_finite() { low } else { 0.0 };
+                    PI * (low + curves.pressure[i] * radii[i]) * (radii[i] - radii[i - 1])
+                })
+                .sum();
+            close(force, 2.0 * state.sums.normal, 3e-3);
+            if normalized > 0.0 {
+                close(state.mesh_volume, state.sums.volume, 3e-4);
+                assert!(state.volume >= state.sums.volume * (1.0 - 1e-12));
+            }
+        }
+    }
+}
+
+/// Σ W has a closed form for the simplified rule; here the energy per cycle is summed instead.
+#[test]
+fn the_dissipated_energy_is_the_sum_of_the_energy_per_cycle() {
+    let mut request = steel_ball();
+    request["cycles"] = json!({"from": 0, "to": 60000, "count": 1000, "spacing": "linear"});
+    request["profiles_at"] = json!("none");
+    let history = run(&request).history;
+    let last = history.cycles.len() - 1;
+    let mut sum = 0.0;
+    // Simpson on pairs of equal steps (the last single step by the trapezium).
+    let step = history.cycles[2] - history.cycles[1];
+    for i in (0..last - 1).step_by(2) {
+        let w = &history.energy_per_cycle[i..i + 3];
+        sum += step / 3.0 * (w[0] + 4.0 * w[1] + w[2]);
+    }
+    if last % 2 == 1 {
+        sum += 0.5 * step * (history.energy_per_cycle[last] + history.energy_per_cycle[last - 1]);
+    }
+    close(history.dissipated_energy[last], sum, 1e-8);
+}
+
+/// Physics.md §7: start of wear of a paraboloid, dṼ/dÑ(0) = 2I/(1−c²) by the exact method. The energy
+/// integral I is common to both methods: W̃(0) = 8·I in its unit.
+#[test]
+fn the_energy_integral_of_the_paraboloid_is_its_polynomial() {
+    for c in [0.1_f64, 0.5, 0.9] {
+        let contact = Contact::new(Shape::power(2.0), 1.0 - c * c).expect("a limit");
+        let sums = Row::new(&contact).sums(Decay::UNWORN);
+        let polynomial =
+            2.0 / 15.0 - 2.0 * c.powi(2) / 3.0 + 2.0 * c.powi(3) / 3.0 - 2.0 * c.powi(5) / 15.0;
+        assert!((sums.energy - polynomial).abs() < 1e-12, "{c}");
+    }
+}
+
+/// Source: physics.md §7, exact runs in tests/data/verification.json: how far the rule itself is off.
+#[test]
+fn the_simplified_rule_is_as_far_from_the_exact_method_as_documented() {
+    let table: Value =
+        serde_json::from_str(include_str!("../data/verification.json")).expect("a JSON table");
+    for row in table["exact_depth_and_amplitude_held"].as_array().expect("rows") {
+        let column = |name: &str| -> Vec<f64> {
+            row[name].as_array().expect(name).iter().map(|x| x.as_f64().expect(name)).collect()
+        };
+        let shape = Shape::power(row["exponent"].as_f64().expect("n"));
+        let c = row["stick_radius"].as_f64().expect("c");
+        let contact = Contact::new(shape, 1.0 - shape.image(c)).expect("a limit");
+        let solver = Simplified::new(contact, 256);
+        let cycles = column("normalized_cycles");
+        let wanted: Vec<_> = cycles.iter().map(|n| (solver.decay(0.8, *n), false)).collect();
+        for (i, state) in solver.states(&wanted).iter().enumerate() {
+            let volume = state.volume / column("wear_volume")[i] - 1.0;
+            let depth = state.depth / column("wear_depth")[i] - 1.0;
+            let force = 2.0 * state.sums.normal / column("normal_force")[i] - 1.0;
+            assert!((-0.075..0.045).contains(&volume), "volume {volume} in {row}");
+            assert!((-0.215..0.005).contains(&depth), "depth {depth} in {row}");
+            assert!(force.abs() < 0.012, "force {force} in {row}");
+        }
+    }
+}
+
+#[test]
+fn more_points_converge_to_second_order() {
+    for (exponent, c) in [(2.0, 0.5), (1.0, 0.21), (2.0, 0.0)] {
+        let shape = Shape::power(exponent);
+        let contact = Contact::new(shape, 1.0 - shape.image(c)).expect("a limit");
+        let depth = |points: usize| {
+            let solver = Simplified::new(contact, points);
+            let state = solver.states(&[(solver.decay(0.8, 2.0), false)]).remove(0);
+            (state.depth, state.mesh_volume - state.sums.volume)
+        };
+        let finest = depth(4096);
+        let errors: Vec<_> = [64, 128, 256, 512]
+            .map(depth)
+            .iter()
+            .map(|(depth, volume)| ((depth - finest.0).abs(), volume.abs()))
+            .collect();
+        let order = |first: f64, last: f64| (first / last).log2() / 3.0;
+        let volume = order(errors[0].1, errors[3].1);
+        assert!(volume > 1.7, "volume converges with order {volume}: {errors:?}");
+        if c > 0.0 {
+            let depth = order(errors[0].0, errors[3].0);
+            assert!(depth > 1.7, "depth converges with order {depth}: {errors:?}");
+        }
+    }
+}
+
+#[test]
+fn steps_and_blocks_do_not_change_a_digit() {
+    // 70 instants take several steps at 4096 points; each instant alone is a run of its own.
+    let mut request = steel_ball();
+    request["cycles"] = json!({"from": 10, "to": 1e6, "count": 70});
+    request["profiles_at"] = json!("last");
+    request["model"]["points"] = json!(2048);
+    let mut simulation = Simulation::of(&scenario(&request)).expect("a contact");
+    let mut progress = vec![0.0];
+    let outcome = loop {
+        match simulation.step() {
+            Step::Working(share) => {
+                assert!(share > *progress.last().expect("one") && share < 1.0);
+                progress.push(share);
+            }
+            Step::Done(outcome) => break outcome,
+        }
+    };
+    assert!(progress.len() > 3, "the run was to take several steps");
+    for index in [1, 35, 70] {
+        request["cycles"] = json!([outcome.history.cycles[index]]);
+        let alone = run(&request);
+        assert_eq!(alone.history.wear_volume[1], outcome.history.wear_volume[index]);
+        assert_eq!(alone.history.wear_depth[1], outcome.history.wear_depth[index]);
+    }
+}
+
+fn any_scenario() -> impl Strategy<Value = Value> {
+    let profile = prop_oneof![
+        (1e-6..1e3_f64).prop_map(|r| json!({"shape": "paraboloid", "radius": r})),
+        (1e-4..1e3_f64).prop_map(|r| json!({"shape": "sphere", "radius": r})),
+        (1e-3..1.5_f64).prop_map(|angle| json!({"shape": "cone", "slope_angle": angle})),
+        (1.0..20.0_f64, 1e-9..1.0_f64, 1e-6..1.0_f64).prop_map(
+            |(n, h, b)| json!({"shape": "power", "exponent": n, "height": h, "at_radius": b})
+        ),
+    ];
+    let motion = prop_oneof![
+        (0.0..0.9999_f64).prop_map(|c| json!({"stick_ratio": c})),
+        (-9.0..-3.0_f64).prop_map(|u| json!({"amplitude": 10_f64.powf(u)})),
+    ];
+    let load = prop_oneof![
+        (-9.0..9.0_f64).prop_map(|f| json!({"normal_force": 10_f64.powf(f), "held": "depth"})),
+        (-9.0..-3.0_f64).prop_map(|d| json!({"indentation_depth": 10_f64.powf(d)})),
+    ];
+    let cycles = prop_oneof![
+        Just(json!({"normalized": [0.01, 1, 16, 1000, 1e9]})),
+        Just(json!([0, 1, 1e5, 1e9])),
+        Just(json!({"from": 1, "to": 1e12, "count": 8})),
+    ];
+    (profile, motion, load, cycles, 5.0..13.0_f64, 0.01..2.0_f64, -18.0..-9.0_f64, 16..80_u32)
+        .prop_map(|(profile, motion, load, cycles, modulus, friction, wear, points)| {
+            let modulus = 10_f64.powf(modulus);
+            json!({
+                "profile": profile, "motion": motion, "load": load, "cycles": cycles,
+                "moduli": {"normal": modulus, "tangential": 0.8 * modulus},
+                "friction": friction, "wear": {"coefficient": 10_f64.powf(wear)},
+                "model": {"points": points},
+            })
+        })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 2000, ..ProptestConfig::default() })]
+
+    /// Whatever is accepted yields finite numbers, wear that grows, and a key that is stable.
+    #[test]
+    fn whatever_is_accepted_has_a_sensible_answer(request in any_scenario()) {
+        if let Ok((first, _)) = scenario::check(&request, "") {
+            let echo = serde_json::to_value(&first).expect("a document");
+            let (again, _) = scenario::check(&echo, "").expect("the echo is accepted");
+            prop_assert_eq!(&again, &first);
+            let outcome = Simulation::of(&first).expect("a contact").run();
+            let limit = outcome.limit.expect("a limit");
+            let history = &outcome.history;
+            let volume = &history.wear_volume;
+            prop_assert_eq!(volume[0], 0.0);
+            // The part cut off near ã is summed on the mesh, and some of these are very coarse.
+            let points = request["model"]["points"].as_f64().expect("points");
+            let wobble = 1e-3 * (64.0 / points).powi(2) * limit.wear_volume;
+            for pair in volume.windows(2) {
+                prop_assert!(pair[1] >= pair[0] - wobble, "{volume:?}");
+            }
+            for pair in history.normal_force.windows(2) {
+                prop_assert!(pair[1] <= pair[0] * (1.0 + 1e-12), "{:?}", history.normal_force);
+            }
+            let columns = [
+                volume, &history.wear_depth, &history.scar_radius, &history.normal_force,
+                &history.tangential_force, &history.energy_per_cycle, &history.dissipated_energy,
+            ];
+            for x in columns.into_iter().flatten() {
+                prop_assert!(x.is_finite() && *x >= 0.0, "{history:?}");
+            }
+            let profiles = outcome.profiles.expect("profiles");
+            for matrix in [&profiles.worn, &profiles.wear, &profiles.image, &profiles.slip] {
+                for row in matrix {
+                    prop_assert_eq!(row.len(), profiles.radius.len());
+                    prop_assert!(row.iter().all(|x| x.is_finite()));
+                }
+            }
+            for row in &profiles.wear {
+                prop_assert!(row.iter().all(|w| *w >= 0.0));
+            }
+            for row in &profiles.pressure {
+                prop_assert!(row.iter().skip(1).all(|p| p.is_finite() && *p >= 0.0));
+            }
+            prop_assert!(profiles.radius.windows(2).all(|pair| pair[0] < pair[1]));
+        }
+    }
+
+    /// Lengths, moduli and wear coefficients scale out: only their ratios act.
+    #[test]
+    fn a_scaled_scenario_has_the_scaled_answer(
+        length in 0.01..100.0_f64, stress in 0.01..100.0_f64, wear in 0.01..100.0_f64,
+        shape in 0..3_usize,
+    ) {
+        let request = |length: f64, stress: f64, wear: f64| {
+            let profile = [
+                json!({"shape": "paraboloid", "radius": 0.01 * length}),
+                json!({"shape": "cone", "slope_angle": 0.02}),
+                json!({"shape": "sphere", "radius": 0.01 * length}),
+            ][shape].clone();
+            json!({
+                "profile": profile,
+                "moduli": {"normal": 1e11 * stress, "tangential": 0.8e11 * stress},
+                "friction": 0.6,
+                "wear": {"coefficient": 1e-14 * wear},
+                "load": {"indentation_depth": 4e-6 * length},
+                "motion": {"amplitude": 2e-6 * length},
+                "cycles": {"normalized": [0.5, 4]},
+                "model": {"points": 64},
+            })
+        };
+        let (plain, scaled) = (run(&request(1.0, 1.0, 1.0)), run(&request(length, stress, wear)));
+        let volume = scaled.history.wear_volume[2] / plain.history.wear_volume[2];
+        prop_assert!((volume / length.powi(3) - 1.0).abs() < 1e-9);
+        let force = scaled.history.normal_force[1] / plain.history.normal_force[1];
+        prop_assert!((force / (stress * length * length) - 1.0).abs() < 1e-9);
+        let cycles = scaled.history.cycles[1] / plain.history.cycles[1];
+        prop_assert!((cycles * wear * stress - 1.0).abs() < 1e-9);
+        let energy = scaled.history.dissipated_energy[2] / plain.history.dissipated_energy[2];
+        prop_assert!((energy * wear / length.powi(3) - 1.0).abs() < 1e-9);
+    }
+}
