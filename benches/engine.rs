@@ -3,7 +3,12 @@
 //! Everything is measured in one process, in turn, over several rounds; medians and ratios are
 //! printed, since absolute times say more about the machine than about the program.
 
-#![expect(clippy::print_stdout, reason = "a benchmark prints")]
+#![expect(
+    clippy::disallowed_methods,
+    clippy::expect_used,
+    clippy::print_stdout,
+    reason = "a benchmark prints, and may stop where it stands"
+)]
 
 use std::hint::black_box;
 use std::time::{Duration, Instant};
@@ -65,16 +70,19 @@ fn main() {
     let wanted: Vec<(Decay, bool)> = SNAPSHOTS.map(|n| (solver.decay(0.8, n), true)).to_vec();
 
     // The products that this run makes: five inverses, five pressures inside a₀.
-    let mesh: Vec<f64> =
-        solver.radii().iter().copied().filter(|r| (0.5..=contact.limit.radius).contains(r)).collect();
+    let mesh: Vec<f64> = solver
+        .radii()
+        .iter()
+        .copied()
+        .filter(|r| (0.5..=contact.limit.radius).contains(r))
+        .collect();
     let kernels = Kernels::with_cells(mesh.len() - 1);
     let inside = mesh.iter().filter(|r| **r < 1.0).count();
     let shorten = |vectors: &[Vec<f64>]| -> Vec<Vec<f64>> {
         vectors.iter().map(|vector| vector[..=inside].to_vec()).collect()
     };
-    let vectors: Vec<Vec<f64>> = SNAPSHOTS
-        .map(|n| kernels.tau().iter().map(|tau| libm::cos(n * tau)).collect())
-        .to_vec();
+    let vectors: Vec<Vec<f64>> =
+        SNAPSHOTS.map(|n| kernels.tau().iter().map(|tau| libm::cos(n * tau)).collect()).to_vec();
     let changes = shorten(&vectors);
 
     let row = Row::new(&contact);
@@ -95,15 +103,25 @@ fn main() {
     }
     let ratio = |a: &[f64], b: &[f64]| median(a.iter().zip(b).map(|(a, b)| a / b).collect());
     let micro = |x: &[f64]| 1e6 * median(x.to_vec());
-    println!("simplified run, 256 points, 5 snapshots, every output: median {:.1} µs", micro(&runs));
-    println!("  of it, its triangular products alone ({} cells): {:.1} µs", mesh.len() - 1, micro(&products));
+    println!(
+        "simplified run, 256 points, 5 snapshots, every output: median {:.1} µs",
+        micro(&runs)
+    );
+    println!(
+        "  of it, its triangular products alone ({} cells): {:.1} µs",
+        mesh.len() - 1,
+        micro(&products)
+    );
     println!("  of it, states on a laid-out contact: {:.1} µs", micro(&states));
     println!("  run / products = {:.2}   (at most 1.5)", ratio(&runs, &products));
     println!("1-D part alone (F, Q, W, V unclipped, 5 snapshots): {:.2} µs", micro(&sums));
     for points in [64, 1024, 4096] {
         let scenario = run_of(points);
         let time = seconds(|| drop(black_box(Simulation::of(&scenario).expect("a run").run())));
-        println!("simplified run, {points} points: {:.2} times that of 256", time / median(runs.clone()));
+        println!(
+            "simplified run, {points} points: {:.2} times that of 256",
+            time / median(runs.clone())
+        );
     }
 
     // The literal procedure: 256 springs dragged through 400 steps a cycle, N₀ = 1000, to Ñ = 16.

@@ -87,14 +87,8 @@ impl FromStr for JobId {
     type Err = BadWord;
     fn from_str(text: &str) -> Result<Self, BadWord> {
         // Only the spelling that `Display` writes: a job has one address.
-        let id = uuid::Uuid::try_parse(text)
-            .map(Self)
-            .map_err(|_| BadWord("job id"))?;
-        if id.to_string() == text {
-            Ok(id)
-        } else {
-            Err(BadWord("job id"))
-        }
+        let id = uuid::Uuid::try_parse(text).map(Self).map_err(|_| BadWord("job id"))?;
+        if id.to_string() == text { Ok(id) } else { Err(BadWord("job id")) }
     }
 }
 
@@ -441,8 +435,11 @@ impl Task {
     pub fn start(key: &Key, stored: &str) -> Result<Box<dyn Work>, String> {
         let body: Value = serde_json::from_str(stored).map_err(|error| error.to_string())?;
         let submission = Submission::parse(&body).map_err(|faults| {
-            let faults: Vec<_> =
-                faults.0.iter().map(|fault| format!("{}: {}", fault.pointer, fault.detail)).collect();
+            let faults: Vec<_> = faults
+                .0
+                .iter()
+                .map(|fault| format!("{}: {}", fault.pointer, fault.detail))
+                .collect();
             faults.join("; ")
         })?;
         let Self::Run(scenario) = submission.task;
@@ -490,8 +487,13 @@ impl Run {
             #[serde(flatten)]
             outcome: &'a Outcome,
         }
-        let document =
-            Document { key: self.key, engine: ENGINE, scenario: &self.scenario, units: Units, outcome };
+        let document = Document {
+            key: self.key,
+            engine: ENGINE,
+            scenario: &self.scenario,
+            units: Units,
+            outcome,
+        };
         let mut summary = serde_json::Map::new();
         summary.insert("regime".to_owned(), serde_json::json!(outcome.regime));
         if let Ok(Value::Object(columns)) = serde_json::to_value(&outcome.history) {
@@ -605,13 +607,7 @@ mod tests {
         let mut cone = ball_json_cone();
         cone["cycles"] = json!({"normalized": [0.5, 4, 16]});
         let cone = digest(&Submission::parse(&body(&cone)).expect("valid").task);
-        assert_eq!(
-            [ball.as_str(), cone.as_str()],
-            [
-                "BALL",
-                "CONE",
-            ]
-        );
+        assert_eq!([ball.as_str(), cone.as_str()], ["BALL", "CONE",]);
     }
 
     fn ball_json_cone() -> Value {

@@ -126,7 +126,9 @@ mod tests {
             let limit = Limit::solve(&shape, c).expect("a root");
             let width = limit.radius - c;
             // Square-root behaviour at c: r = c + width·s².
-            let volume = 4.0 * PI * width
+            let volume = 4.0
+                * PI
+                * width
                 * integrate(0.0, 1.0, |s| {
                     let r = c + width * s * s;
                     s * r * limiting_wear(&shape, c, r, angle(c, r))

@@ -166,7 +166,7 @@ impl Shape {
             Kind::Whole(n) => {
                 // ∫ xᵐ/√(r²−x²) dx from c to r, raised two powers at a time.
                 let mut sum = if n % 2 == 1 { chord } else { angle };
-                let mut m = if n % 2 == 1 { 1 } else { 0 };
+                let mut m = n % 2;
                 while m < n {
                     m += 2;
                     let m_real = f64::from(m);
@@ -294,9 +294,13 @@ mod tests {
                 let value = shape.inverse_outside(c, r, angle);
                 assert!((value - sum).abs() < 1e-9 + 1e-8 * sum, "{name} {c} {r}: {value} {sum}");
                 let limit = libm::acosh(r / c);
-                let sum = limit / PI * fine(&|t| shape.image_slope(c * libm::cosh(limit * (1.0 - t))));
+                let sum =
+                    limit / PI * fine(&|t| shape.image_slope(c * libm::cosh(limit * (1.0 - t))));
                 let value = shape.pressure_inside(c, r);
-                assert!((value - sum).abs() < 1e-8 * (1.0 + sum), "{name} p {c} {r}: {value} {sum}");
+                assert!(
+                    (value - sum).abs() < 1e-8 * (1.0 + sum),
+                    "{name} p {c} {r}: {value} {sum}"
+                );
             }
         }
         assert_eq!(GAUSS_POINTS, 32, "the accuracies stated above were measured with this rule");

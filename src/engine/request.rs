@@ -282,8 +282,9 @@ impl Deserr<Faults> for Scalar {
     ) -> Result<Self, Faults> {
         match value {
             Value::String(text) => Ok(Self::Text(text)),
-            other => number(other, location, &[ValueKind::Float, ValueKind::String])
-                .map(Self::Number),
+            other => {
+                number(other, location, &[ValueKind::Float, ValueKind::String]).map(Self::Number)
+            }
         }
     }
 }
@@ -440,9 +441,11 @@ impl Wear {
                 return Err(at("give either `coefficient` or `energy_coefficient`".to_owned()));
             }
             (None, _, _) => {
-                return Err(at("is missing: give `coefficient` (k_w, or k beside `hardness`), or \
+                return Err(at(
+                    "is missing: give `coefficient` (k_w, or k beside `hardness`), or \
                                `energy_coefficient` alone"
-                    .to_owned()));
+                        .to_owned(),
+                ));
             }
             (Some(Scalar::Number(x)), _, None) => self.per_load = *x,
             (Some(Scalar::Text(text)), _, None) => {
@@ -556,17 +559,15 @@ impl Deserr<Faults> for Cycles {
     ) -> Result<Self, Faults> {
         use deserr::Map;
         match value {
-            Value::Map(mut map) if map.len() == 1 => match map.remove("normalized") {
-                Some(inner) => {
+            Value::Map(mut map) if map.len() == 1 => {
+                if let Some(inner) = map.remove("normalized") {
                     let here = location.push_key("normalized");
                     let instants = instants(inner.into_value(), here)?;
-                    Ok(Self { instants, normalized: true })
+                    return Ok(Self { instants, normalized: true });
                 }
-                None => {
-                    let instants = instants(Value::<V>::Map(map), location)?;
-                    Ok(Self { instants, normalized: false })
-                }
-            },
+                let instants = instants(Value::<V>::Map(map), location)?;
+                Ok(Self { instants, normalized: false })
+            }
             other => Ok(Self { instants: instants(other, location)?, normalized: false }),
         }
     }
@@ -583,10 +584,8 @@ fn instants<V: IntoValue>(
                 let detail = format!("must list 1 to {MAX_CYCLES} instants, not {count}");
                 return Err(Faults::at(location, detail));
             }
-            let list = Vec::<Instant>::deserialize_from_value(
-                Value::<V>::Sequence(list),
-                location,
-            )?;
+            let list =
+                Vec::<Instant>::deserialize_from_value(Value::<V>::Sequence(list), location)?;
             let list: Vec<f64> = list.iter().map(|instant| twelve_digits(instant.0)).collect();
             match list.windows(2).position(|pair| pair[0] >= pair[1]) {
                 Some(before) => Err(Faults::at(
@@ -649,7 +648,8 @@ impl Range {
             })
             .collect();
         if list.windows(2).any(|pair| pair[0] >= pair[1]) {
-            let detail = format!("must be greater than `from` ({from}), for `count` instants apart");
+            let detail =
+                format!("must be greater than `from` ({from}), for `count` instants apart");
             return Err(Faults::at(location.push_key("to"), detail));
         }
         Ok(list)

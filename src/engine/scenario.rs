@@ -215,15 +215,10 @@ impl Case {
 ///
 /// # Errors
 /// Every fault, each with a JSON pointer and a sentence that says what to change.
-pub fn check(
-    value: &serde_json::Value,
-    prefix: &str,
-) -> Result<(Scenario, Vec<Warning>), Faults> {
-    let request = Request::deserialize_from_value(
-        value.clone().into_value(),
-        ValuePointerRef::Origin,
-    )
-    .map_err(|faults| faults.below(prefix))?;
+pub fn check(value: &serde_json::Value, prefix: &str) -> Result<(Scenario, Vec<Warning>), Faults> {
+    let request =
+        Request::deserialize_from_value(value.clone().into_value(), ValuePointerRef::Origin)
+            .map_err(|faults| faults.below(prefix))?;
     let scenario = Scenario::resolve(&request).map_err(|faults| faults.below(prefix))?;
     let case = scenario.case().map_err(|fault| Faults(vec![fault]).below(prefix))?;
     let mut warnings = body_warnings(&request, &case);
@@ -254,48 +249,16 @@ impl Scenario {
     /// Brings a request into canonical form.
     fn resolve(request: &Request) -> Result<Self, Faults> {
         let friction = twelve_digits(request.friction.0);
-        let moduli = moduli(request);
+        let moduli = moduli(request)?;
         let coefficient = twelve_digits(request.wear.coefficient(friction));
-        derived(moduli.normal, Stress::RANGE, "a normal modulus E* of", "Pa", "/bodies")?;
-        derived(moduli.tangential, Stress::RANGE, "a tangential modulus G* of", "Pa", "/bodies")?;
         derived(coefficient, request::WEAR_RANGE, "a wear coefficient of", "1/Pa", "/wear")?;
         let profile = canonical_profile(&request.profile);
-        let (depth, pointer) = match (request.load.indentation_depth.0, request.load.normal_force.0)
-        {
-            (None, Some(force)) => {
-                (depth_under(&profile, force.0 / moduli.normal), "/load/normal_force")
-            }
-            (depth, _) => (depth.map_or(0.0, |depth| depth.0), "/load/indentation_depth"),
-        };
-        let depth = twelve_digits(depth);
-        let (contact_radius, shape) = indent(&profile, depth).ok_or_else(|| {
-            let detail = format!(
-                "presses the sphere in beyond a₀/R = {MAX_SPHERE}, where half-space theory has no \
-                 meaning; load it less or take a larger radius"
-            );
-            fault(pointer, detail)
-        })?;
-        derived(depth, Length::RANGE, "an indentation depth of", "m", pointer)?;
+        let (depth, contact_radius, shape) = press(request, &profile, moduli.normal)?;
         let gross_slip = friction * moduli.normal / moduli.tangential * depth;
-        let (amplitude, pointer) = match (request.motion.stick_ratio.0, request.motion.amplitude.0) {
-            (Some(ratio), _) => {
-                (gross_slip * (1.0 - shape.image(ratio.0)), "/motion/stick_ratio")
-            }
-            (None, amplitude) => (amplitude.map_or(0.0, |u| u.0), "/motion/amplitude"),
-        };
-        let amplitude = twelve_digits(amplitude);
-        derived(amplitude, Length::RANGE, "an amplitude of", "m", pointer)?;
-        if amplitude < MIN_THRESHOLD * gross_slip {
-            let least = MIN_THRESHOLD * gross_slip;
-            let detail = format!(
-                "gives an amplitude of {amplitude:.3e} m, but the slip ring can be resolved only \
-                 from {least:.3e} m on (1e-6 of the gross-slip amplitude)"
-            );
-            return Err(fault(pointer, detail));
-        }
-        let unit =
-            contact_radius / (4.0 * amplitude * coefficient * moduli.normal);
-        let (cycles, profiles_at) = instants(&request.cycles, request.profiles_at.0.as_ref(), unit)?;
+        let amplitude = amplitude(request, &shape, gross_slip)?;
+        let unit = contact_radius / (4.0 * amplitude * coefficient * moduli.normal);
+        let (cycles, profiles_at) =
+            instants(&request.cycles, request.profiles_at.0.as_ref(), unit)?;
         let model = Model {
             method: match request.model.method {
                 request::Method::Simplified => "simplified",
@@ -416,14 +379,17 @@ impl Scenario {
     }
 }
 
-fn moduli(request: &Request) -> Moduli {
+/// E* and G*, (6).
+fn moduli(request: &Request) -> Result<Moduli, Faults> {
     let (normal, tangential) = match (&request.moduli.0, &request.bodies.0) {
         (Some(moduli), _) => (moduli.normal.0, moduli.tangential.0),
         (None, bodies) => {
             let bodies = bodies.as_ref().map_or(&[][..], |bodies| &bodies.0);
             let normal: f64 = bodies
                 .iter()
-                .map(|body| (1.0 - body.poisson_ratio.0 * body.poisson_ratio.0) / body.youngs_modulus.0)
+                .map(|body| {
+                    (1.0 - body.poisson_ratio.0 * body.poisson_ratio.0) / body.youngs_modulus.0
+                })
                 .sum();
             let tangential: f64 = bodies
                 .iter()
@@ -432,7 +398,53 @@ fn moduli(request: &Request) -> Moduli {
             (1.0 / normal, 1.0 / tangential)
         }
     };
-    Moduli { normal: twelve_digits(normal), tangential: twelve_digits(tangential) }
+    let (normal, tangential) = (twelve_digits(normal), twelve_digits(tangential));
+    derived(normal, Stress::RANGE, "a normal modulus E* of", "Pa", "/bodies")?;
+    derived(tangential, Stress::RANGE, "a tangential modulus G* of", "Pa", "/bodies")?;
+    Ok(Moduli { normal, tangential })
+}
+
+/// d, a₀ and the normalised shape of the unworn contact.
+fn press(
+    request: &Request,
+    profile: &CanonicalProfile,
+    normal_modulus: f64,
+) -> Result<(f64, f64, Shape), Faults> {
+    let (depth, pointer) = match (request.load.indentation_depth.0, request.load.normal_force.0) {
+        (None, Some(force)) => {
+            (depth_under(profile, force.0 / normal_modulus), "/load/normal_force")
+        }
+        (depth, _) => (depth.map_or(0.0, |depth| depth.0), "/load/indentation_depth"),
+    };
+    let depth = twelve_digits(depth);
+    let (contact_radius, shape) = indent(profile, depth).ok_or_else(|| {
+        let detail = format!(
+            "presses the sphere in beyond a₀/R = {MAX_SPHERE}, where half-space theory has no \
+             meaning; load it less or take a larger radius"
+        );
+        fault(pointer, detail)
+    })?;
+    derived(depth, Length::RANGE, "an indentation depth of", "m", pointer)?;
+    Ok((depth, contact_radius, shape))
+}
+
+/// U, given or from the stick ratio; `gross_slip` is the amplitude at which all slips.
+fn amplitude(request: &Request, shape: &Shape, gross_slip: f64) -> Result<f64, Faults> {
+    let (amplitude, pointer) = match (request.motion.stick_ratio.0, request.motion.amplitude.0) {
+        (Some(ratio), _) => (gross_slip * (1.0 - shape.image(ratio.0)), "/motion/stick_ratio"),
+        (None, amplitude) => (amplitude.map_or(0.0, |u| u.0), "/motion/amplitude"),
+    };
+    let amplitude = twelve_digits(amplitude);
+    derived(amplitude, Length::RANGE, "an amplitude of", "m", pointer)?;
+    let least = MIN_THRESHOLD * gross_slip;
+    if amplitude < least {
+        let detail = format!(
+            "gives an amplitude of {amplitude:.3e} m, but the slip ring can be resolved only from \
+             {least:.3e} m on (1e-6 of the gross-slip amplitude)"
+        );
+        return Err(fault(pointer, detail));
+    }
+    Ok(amplitude)
 }
 
 fn shear_modulus(body: &Body) -> f64 {
@@ -482,7 +494,9 @@ fn indent(profile: &CanonicalProfile, depth: f64) -> Option<(f64, Shape)> {
             };
         return Some((radius, Shape::power(n)));
     }
-    let CanonicalProfile::Sphere { radius } = *profile else { return None };
+    let CanonicalProfile::Sphere { radius } = *profile else {
+        return None;
+    };
     let depth_at = |share: f64| share * libm::atanh(share);
     if depth_at(MAX_SPHERE) < depth / radius {
         return None;
@@ -501,7 +515,9 @@ fn depth_under(profile: &CanonicalProfile, force: f64) -> f64 {
         let relative = radius_times_depth / (at_radius * height);
         return height * libm::pow(relative, n / (n + 1.0));
     }
-    let CanonicalProfile::Sphere { radius } = *profile else { return f64::INFINITY };
+    let CanonicalProfile::Sphere { radius } = *profile else {
+        return f64::INFINITY;
+    };
     let depth_at = |share: f64| radius * share * libm::atanh(share);
     let force_at = |share: f64| {
         2.0 * share * radius * depth_at(share) * Shape::sphere(1.0 / share).half_force()
@@ -521,7 +537,9 @@ fn instants(
     unit: f64,
 ) -> Result<(Vec<f64>, CanonicalProfilesAt), Faults> {
     let unit = if cycles.normalized { unit } else { 1.0 };
-    let convert = |n: f64| if cycles.normalized { twelve_digits(n * unit) } else { n };
+    let convert = |n: f64| {
+        if cycles.normalized { twelve_digits(n * unit) } else { n }
+    };
     let given = &cycles.instants;
     let mut list: Vec<f64> = given.iter().map(|n| convert(*n)).collect();
     if let Some(too_large) = list.iter().find(|n| **n > request::LAST_CYCLE) {
@@ -574,11 +592,12 @@ fn instants(
 
 /// Warnings of what the canonical form no longer knows.
 fn body_warnings(request: &Request, case: &Case) -> Vec<Warning> {
-    let Some(bodies) = &request.bodies.0 else { return Vec::new() };
+    let Some(bodies) = &request.bodies.0 else {
+        return Vec::new();
+    };
     let mut warnings = Vec::new();
-    let [first, second] = bodies
-        .0
-        .map(|body| (1.0 - 2.0 * body.poisson_ratio.0) / shear_modulus(&body));
+    let [first, second] =
+        bodies.0.map(|body| (1.0 - 2.0 * body.poisson_ratio.0) / shear_modulus(&body));
     if (first - second).abs() > 1e-6 * first.abs().max(second.abs()) {
         let detail = format!(
             "The bodies are not elastically similar: (1−2ν)/G is {first:.3e} and {second:.3e} 1/Pa. \

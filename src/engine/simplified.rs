@@ -193,6 +193,7 @@ impl Simplified {
             row,
             kernels,
             theta,
+            radii,
             core,
             nodes,
             inside,
@@ -207,7 +208,6 @@ impl Simplified {
             unworn_pressure,
             core_pressure,
             outside,
-            radii,
         }
     }
 
@@ -256,7 +256,9 @@ impl Simplified {
             .zip(springs)
             .zip(wanted)
             .map(|((mut wear, springs), (decay, curves))| {
-                wear.iter_mut().for_each(|w| *w = springs.apex + scale * *w);
+                for wear in &mut wear {
+                    *wear = springs.apex + scale * *wear;
+                }
                 let mut state = self.measure(&wear, *decay);
                 if *curves {
                     state.curves = pressures.next().map(|pressure| Curves {
@@ -372,9 +374,11 @@ impl Simplified {
             |((wear, unworn), excess)| ((unworn + wear - decay.left * excess) / threshold).max(0.0),
         ));
         let compressions = self.row.compressions(decay);
-        slip.extend(self.outside.iter().map(|(unstuck, weights)| {
-            unstuck - dot(weights, &compressions) / threshold
-        }));
+        slip.extend(
+            self.outside
+                .iter()
+                .map(|(unstuck, weights)| unstuck - dot(weights, &compressions) / threshold),
+        );
         slip
     }
 

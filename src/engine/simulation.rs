@@ -159,16 +159,15 @@ impl Simulation {
             history: std::mem::take(&mut self.history),
             profiles: (self.case.profile_rows() > 0).then_some(profiles),
             events: Vec::new(),
-            accuracy: Accuracy {
-                energy_mismatch: self.mismatch,
-                volume_error: self.volume_error,
-            },
+            accuracy: Accuracy { energy_mismatch: self.mismatch, volume_error: self.volume_error },
             warnings: std::mem::take(&mut self.warnings),
         }
     }
 }
 
 fn scaled(mut values: Vec<f64>, scale: f64) -> Vec<f64> {
-    values.iter_mut().for_each(|value| *value *= scale);
+    for value in &mut values {
+        *value *= scale;
+    }
     values
 }

@@ -270,8 +270,8 @@ mod tests {
     #[test]
     fn kept_and_passing_rows_give_the_same_bits() {
         let (kept, passing) = (Kernels::new(40, true), Kernels::new(40, false));
-        let phi: Vec<f64> = kept.tau().iter().map(|t| libm::cos(3.0 * t)).collect();
-        assert_eq!(kept.inverse(&[phi.clone()]), passing.inverse(&[phi.clone()]));
-        assert_eq!(kept.pressure(&[phi.clone()], 30), passing.pressure(&[phi], 30));
+        let phi = [kept.tau().iter().map(|t| libm::cos(3.0 * t)).collect::<Vec<f64>>()];
+        assert_eq!(kept.inverse(&phi), passing.inverse(&phi));
+        assert_eq!(kept.pressure(&phi, 30), passing.pressure(&phi, 30));
     }
 }

@@ -80,8 +80,7 @@ fn the_unworn_energy_is_that_of_mindlin_and_deresiewicz() {
         let q = outcome.unworn.tangential_force / limit;
         let left: f64 = 1.0 - q;
         // W = (18/5) (μF)²/(G*a) · {1 − (1−q)^{5/3} − (5q/6)[1 + (1−q)^{2/3}]}
-        let bracket =
-            1.0 - left.powf(5.0 / 3.0) - 5.0 * q / 6.0 * (1.0 + left.powf(2.0 / 3.0));
+        let bracket = 1.0 - left.powf(5.0 / 3.0) - 5.0 * q / 6.0 * (1.0 + left.powf(2.0 / 3.0));
         let stiffness = outcome.unworn.tangential_modulus * outcome.scales.contact_radius;
         let expected = 18.0 / 5.0 * limit * limit / stiffness * bracket;
         close(outcome.unworn.energy_per_cycle, expected, 1e-8);
