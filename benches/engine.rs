@@ -1,7 +1,7 @@
 //! What a simplified run costs, beside the literal procedure and beside its own matrix products.
 //!
-//! Everything is measured in one process, in turn, over several rounds; medians and ratios are
-//! printed, since absolute times say more about the machine than about the program.
+//! Everything is measured in one process, in turns of about a millisecond, so that what slows the
+//! machine slows all alike; ratios are medians over the turns.
 
 #![expect(
     clippy::disallowed_methods,
@@ -11,7 +11,7 @@
 )]
 
 use std::hint::black_box;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use fretwork::engine::contact::{Contact, Decay, Row};
 use fretwork::engine::profile::Shape;
@@ -25,7 +25,7 @@ use serde_json::json;
 mod literal;
 
 const SNAPSHOTS: [f64; 5] = [0.5, 2.0, 4.5, 8.0, 16.0];
-const ROUNDS: usize = 5;
+const ROUNDS: usize = 500;
 
 fn run_of(points: usize) -> Scenario {
     let request = json!({
@@ -41,20 +41,14 @@ fn run_of(points: usize) -> Scenario {
     scenario::check(&request, "").expect("a valid scenario").0
 }
 
-/// Seconds per call of `work`, the median of `ROUNDS` batches that take 30 ms or more.
+/// Seconds per call of `work`, over about a millisecond.
 fn seconds(mut work: impl FnMut()) -> f64 {
     let start = Instant::now();
     work();
-    let calls = (0.03 / start.elapsed().as_secs_f64().max(1e-7)).ceil().max(1.0) as u32;
-    let mut batches: Vec<Duration> = (0..ROUNDS)
-        .map(|_| {
-            let start = Instant::now();
-            (0..calls).for_each(|_| work());
-            start.elapsed() / calls
-        })
-        .collect();
-    batches.sort();
-    batches[ROUNDS / 2].as_secs_f64()
+    let calls = (0.001 / start.elapsed().as_secs_f64().max(1e-7)).ceil().max(1.0) as u32;
+    let start = Instant::now();
+    (0..calls).for_each(|_| work());
+    (start.elapsed() / calls).as_secs_f64()
 }
 
 fn median(mut values: Vec<f64>) -> f64 {
@@ -84,6 +78,7 @@ fn main() {
     let vectors: Vec<Vec<f64>> =
         SNAPSHOTS.map(|n| kernels.tau().iter().map(|tau| libm::cos(n * tau)).collect()).to_vec();
     let changes = shorten(&vectors);
+    let mut curves = vectors.clone();
 
     let row = Row::new(&contact);
     let one_dimensional = || {
@@ -95,8 +90,9 @@ fn main() {
     for _ in 0..ROUNDS {
         runs.push(seconds(|| drop(black_box(Simulation::of(&scenario).expect("a run").run()))));
         products.push(seconds(|| {
-            black_box(kernels.inverse(black_box(&vectors)));
-            black_box(kernels.pressure(black_box(&changes), inside));
+            kernels.inverse(black_box(&vectors), &mut curves, 0);
+            kernels.pressure(black_box(&changes), inside, &mut curves, 0);
+            black_box(&curves);
         }));
         sums.push(seconds(one_dimensional));
         states.push(seconds(|| drop(black_box(solver.states(black_box(&wanted))))));

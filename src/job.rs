@@ -20,10 +20,12 @@ pub struct Key([u8; 32]);
 
 impl Key {
     /// The 32 bytes of the digest.
+    #[must_use]
     pub fn bytes(&self) -> &[u8; 32] {
         &self.0
     }
     /// The key whose digest these bytes are.
+    #[must_use]
     pub fn from_bytes(bytes: [u8; 32]) -> Self {
         Self(bytes)
     }
@@ -558,10 +560,11 @@ mod tests {
         // E* = E/(2(1−ν²)), G* = E/((1+ν)(2−ν)): to 15 digits.
         same(&|s| {
             s.as_object_mut().expect("an object").remove("bodies");
-            s["moduli"] = json!({"normal": 112_637_362_637.363, "tangential": 92_760_180_995.4751});
+            s["moduli"] =
+                json!({"normal": 112_637_362_637.363, "tangential": 92_760_180_995.475_1});
         });
         // The depth that 100 N press in.
-        let canonical = serde_json::to_value(&ball_task()).expect("a document");
+        let canonical = serde_json::to_value(ball_task()).expect("a document");
         same(&|s| s["load"] = json!({"indentation_depth": canonical["load"]["indentation_depth"]}));
         same(&|s| *s = canonical.clone());
     }
@@ -607,7 +610,15 @@ mod tests {
         let mut cone = ball_json_cone();
         cone["cycles"] = json!({"normalized": [0.5, 4, 16]});
         let cone = digest(&Submission::parse(&body(&cone)).expect("valid").task);
-        assert_eq!([ball.as_str(), cone.as_str()], ["BALL", "CONE",]);
+        assert_eq!(
+            [ball.as_str(), cone.as_str()],
+            [
+                "7262301ee85039ba4e113b17570ed2e12a9a7b34bc20bf05a1cbfc9b16860c41 \
+                 1087f55730c54c76cb6aae4624a1a3dc67a618a4829d8a54ec6260e7938ad415",
+                "46018b326003fb9232ee611ac34f690d304295894ade59b3f1c2af72169fdbf6 \
+                 86268b8c92accad0dfa1f813727fee4daae7fb10ea5f128361980a06d3f428f2",
+            ]
+        );
     }
 
     fn ball_json_cone() -> Value {

@@ -4,3 +4,7 @@
 pub mod engine;
 #[cfg(feature = "serve")]
 pub mod job;
+#[cfg(feature = "serve")]
+pub mod store;
+#[cfg(feature = "serve")]
+pub mod worker;

@@ -43,7 +43,7 @@ impl Limit {
     #[must_use]
     pub fn solve(shape: &Shape, c: f64) -> Option<Self> {
         // w∞ is positive at r = 1 and falls outside; walk outwards until it has changed sign.
-        let wear = |r: f64| limiting_wear(shape, c, r, angle(c, r));
+        let wear = |r: f64| limiting_wear(shape, c, r, chord_and_angle(c, r));
         let (mut inner, mut step) = (1.0, (1.0 - c).max(1e-12));
         let outer = loop {
             let outer = (inner + step).min(shape.extent());
@@ -76,16 +76,17 @@ impl Limit {
     }
 }
 
-/// arccos(c/r) without loss of digits where r is close to c.
+/// √(r²−c²) and arccos(c/r), without loss of digits where r is close to c.
 #[must_use]
-pub fn angle(c: f64, r: f64) -> f64 {
-    libm::atan2(((r - c) * (r + c)).max(0.0).sqrt(), c)
+pub fn chord_and_angle(c: f64, r: f64) -> (f64, f64) {
+    let chord = ((r - c) * (r + c)).max(0.0).sqrt();
+    (chord, libm::atan(chord / c))
 }
 
-/// w∞(r) for r ≥ c; `angle` is arccos(c/r).
+/// w∞(r) for r ≥ c.
 #[must_use]
-pub fn limiting_wear(shape: &Shape, c: f64, r: f64, angle: f64) -> f64 {
-    FRAC_2_PI * angle - shape.inverse_outside(c, r, angle)
+pub fn limiting_wear(shape: &Shape, c: f64, r: f64, (chord, angle): (f64, f64)) -> f64 {
+    FRAC_2_PI * angle - shape.inverse_outside(c, r, chord, angle)
 }
 
 #[cfg(test)]
@@ -131,7 +132,7 @@ mod tests {
                 * width
                 * integrate(0.0, 1.0, |s| {
                     let r = c + width * s * s;
-                    s * r * limiting_wear(&shape, c, r, angle(c, r))
+                    s * r * limiting_wear(&shape, c, r, chord_and_angle(c, r))
                 });
             assert!((volume / limit.volume - 1.0).abs() < 1e-9, "{shape:?} {c}: {volume}");
         }

@@ -142,6 +142,23 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
         + rest
 }
 
+/// Where the largest value is; the first if there are several, 0 if there are none.
+#[must_use]
+pub fn largest(values: &[f64]) -> usize {
+    // Lanes, because a running maximum waits for itself at every step.
+    const LANES: usize = 8;
+    let mut lanes = [f64::NEG_INFINITY; LANES];
+    let chunks = values.chunks_exact(LANES);
+    let mut most = chunks.remainder().iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    for chunk in chunks {
+        for lane in 0..LANES {
+            lanes[lane] = if chunk[lane] > lanes[lane] { chunk[lane] } else { lanes[lane] };
+        }
+    }
+    most = lanes.into_iter().fold(most, f64::max);
+    values.iter().position(|value| *value >= most).unwrap_or(0)
+}
+
 /// xⁿ for a whole n ≥ 0 by repeated multiplication (`f64::powi` may differ between platforms).
 #[must_use]
 pub fn whole_power(x: f64, n: u32) -> f64 {
@@ -197,6 +214,18 @@ mod tests {
             let expected: f64 = a[..length].iter().map(|x| x * x).sum();
             assert!((dot(&a[..length], &a) - expected).abs() < 1e-12 * expected.max(1.0));
         }
+    }
+
+    #[test]
+    fn the_largest_value_is_found_wherever_it_is() {
+        for length in 1..40 {
+            for at in 0..length {
+                let values: Vec<f64> = (0..length).map(|i| f64::from(u8::from(i == at))).collect();
+                assert_eq!(largest(&values), at, "{values:?}");
+            }
+        }
+        assert_eq!(largest(&[]), 0);
+        assert_eq!(largest(&[-2.0, -1.0, -1.0]), 1);
     }
 
     #[test]

@@ -169,6 +169,27 @@ pub struct History {
     pub dissipated_energy: Vec<f64>,
 }
 
+impl History {
+    pub(super) fn with_capacity(instants: usize) -> Self {
+        let column = || Vec::with_capacity(instants);
+        Self {
+            cycles: column(),
+            normalized_cycles: column(),
+            wear_volume: column(),
+            wear_depth: column(),
+            scar_radius: column(),
+            contact_radius: column(),
+            stick_radius: column(),
+            normal_force: column(),
+            indentation_depth: column(),
+            amplitude: column(),
+            tangential_force: column(),
+            energy_per_cycle: column(),
+            dissipated_energy: column(),
+        }
+    }
+}
+
 /// Matrices over the profile instants (rows) and radii (columns).
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Profiles {

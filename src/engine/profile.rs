@@ -17,7 +17,7 @@
 //! M. Heß, *Phys. Mesomech.* 15 (2012) 264 (power laws); K. L. Johnson, *Contact Mechanics* (1987),
 //! §5.3 (the rigid sphere beyond the parabola, after Sneddon).
 
-use std::f64::consts::{FRAC_2_PI, FRAC_PI_2, PI};
+use std::f64::consts::{FRAC_1_PI, FRAC_2_PI, FRAC_PI_2, PI};
 
 use super::numeric::{integrate, whole_power};
 
@@ -155,22 +155,23 @@ impl Shape {
 
     /// (2/π) ∫ g₀/√(r²−x²) dx over c…r: the part of the inverse transform (4) outside `c`.
     ///
-    /// `angle` is arccos(c/r); callers have it already.
+    /// `chord` is √(r²−c²) and `angle` arccos(c/r); callers have them already.
     #[must_use]
-    pub fn inverse_outside(&self, c: f64, r: f64, angle: f64) -> f64 {
+    pub fn inverse_outside(&self, c: f64, r: f64, chord: f64, angle: f64) -> f64 {
         if c == 0.0 {
             return self.profile(r);
         }
-        let chord = ((r - c) * (r + c)).max(0.0).sqrt();
         match self.kind {
+            Kind::Whole(1) => FRAC_2_PI * chord,
+            Kind::Whole(2) => FRAC_1_PI * (c * chord + r * r * angle),
             Kind::Whole(n) => {
                 // ∫ xᵐ/√(r²−x²) dx from c to r, raised two powers at a time.
-                let mut sum = if n % 2 == 1 { chord } else { angle };
-                let mut m = n % 2;
-                while m < n {
-                    m += 2;
-                    let m_real = f64::from(m);
-                    sum = (whole_power(c, m - 1) * chord + (m_real - 1.0) * r * r * sum) / m_real;
+                let mut m = f64::from(n % 2);
+                let (mut sum, mut power) = if n % 2 == 1 { (chord, c * c) } else { (angle, c) };
+                for _ in 0..n / 2 {
+                    m += 2.0;
+                    sum = (power * chord + (m - 1.0) * r * r * sum) / m;
+                    power *= c * c;
                 }
                 FRAC_2_PI * sum
             }
@@ -196,6 +197,7 @@ impl Shape {
         }
         let chord = ((b - r) * (b + r)).sqrt();
         match self.kind {
+            Kind::Whole(2) => FRAC_2_PI * chord,
             Kind::Whole(n) => {
                 // ∫ xᵐ/√(x²−r²) dx from r to b, raised two powers at a time, for m = n − 1.
                 let (mut sum, mut m) = if n % 2 == 0 {
@@ -288,10 +290,11 @@ mod tests {
                 / f64::from(cells)
         };
         for (name, shape) in shapes() {
-            for (c, r) in [(0.001, 0.3), (0.1, 1.1), (0.3, 0.5), (0.5, 0.501), (0.7, 1.15)] {
+            for (c, r) in [(0.001_f64, 0.3_f64), (0.1, 1.1), (0.3, 0.5), (0.5, 0.501), (0.7, 1.15)]
+            {
                 let angle = libm::acos(c / r);
                 let sum = FRAC_2_PI * angle * fine(&|t| shape.image(r * libm::cos(angle * t)));
-                let value = shape.inverse_outside(c, r, angle);
+                let value = shape.inverse_outside(c, r, (r * r - c * c).sqrt(), angle);
                 assert!((value - sum).abs() < 1e-9 + 1e-8 * sum, "{name} {c} {r}: {value} {sum}");
                 let limit = libm::acosh(r / c);
                 let sum =

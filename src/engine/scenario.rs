@@ -341,40 +341,32 @@ impl Scenario {
         let Scales { contact_radius: a, indentation_depth: d, cycles, amplitude, .. } = case.scales;
         let slope = case.contact.shape.slope(1.0) * d / a;
         let mut warnings = Vec::new();
-        let mut warn = |applies: bool, kind, detail: String| {
-            if applies {
-                warnings.push(Warning { kind, detail });
-            }
-        };
-        warn(
-            slope > 0.3,
-            "large_contact",
-            format!(
+        let mut warn = |kind, detail| warnings.push(Warning { kind, detail });
+        if slope > 0.3 {
+            let detail = format!(
                 "The indenter's slope at the edge of contact is {slope:.2} (a₀/R for a paraboloid); \
                  half-space theory holds for slopes well below 0.3."
-            ),
-        );
-        warn(
-            cycles < 50.0,
-            "fast_wear",
-            format!(
+            );
+            warn("large_contact", detail);
+        }
+        if cycles < 50.0 {
+            let detail = format!(
                 "N₀ = {cycles:.3}: the profile changes within a single cycle, which the averaging \
                  over cycles neglects; results are meaningful for N₀ of 50 and more."
-            ),
-        );
-        warn(
-            amplitude > a,
-            "large_amplitude",
-            format!(
+            );
+            warn("fast_wear", detail);
+        }
+        if amplitude > a {
+            let detail = format!(
                 "The amplitude ({amplitude:.3e} m) exceeds the contact radius ({a:.3e} m): this is \
                  sliding wear, where the counterbody is not always covered."
-            ),
-        );
-        warn(
-            case.regime() == Regime::GrossSlip,
-            "simplified_gross_slip",
-            "The whole contact slips; the simplified rule was fitted to partial slip.".to_owned(),
-        );
+            );
+            warn("large_amplitude", detail);
+        }
+        if case.regime() == Regime::GrossSlip {
+            let detail = "The whole contact slips; the simplified rule was fitted to partial slip.";
+            warn("simplified_gross_slip", detail.to_owned());
+        }
         warnings
     }
 }

@@ -29,8 +29,8 @@ use std::f64::consts::{FRAC_2_PI, PI};
 use std::sync::Arc;
 
 use super::contact::{Contact, Decay, ROW_POINTS, Row, Sums};
-use super::limit::{angle, limiting_wear};
-use super::numeric::dot;
+use super::limit::{chord_and_angle, limiting_wear};
+use super::numeric::{dot, largest};
 use super::transform::Kernels;
 
 /// How far beyond the limiting radius the output reaches, in limiting radii.
@@ -55,8 +55,6 @@ pub struct Simplified {
     unworn: Vec<f64>,
     rest: Vec<f64>,
     reciprocal: Vec<f64>,
-    /// Simpson's weights of ∫ 2πr dr over the nodes.
-    areas: Vec<f64>,
     /// Δ·s at the nodes while nothing is worn, as if the rule's ω held outside a₀ too, and what that
     /// adds beyond a₀ (times e).
     slip: Vec<f64>,
@@ -71,12 +69,15 @@ pub struct Simplified {
     outside: Vec<(f64, [f64; ROW_POINTS])>,
 }
 
-/// The springs at the nodes after some cycles.
+/// The springs after some cycles.
 struct Springs {
-    /// η.
-    compression: Vec<f64>,
-    /// (g − g₀ − apex)/x, whose inverse transform is the wear less `apex`; empty if nothing is worn.
+    /// g at every radius.
+    image: Vec<f64>,
+    /// (g − g₀ − apex)/x at the nodes, whose inverse transform is the wear less `apex`; empty if
+    /// nothing is worn.
     worn: Vec<f64>,
+    /// R′ changes by so much at the nodes inside a₀, see [`Simplified::pressures`]; empty for R = 0.
+    rest: Vec<f64>,
     /// g − g₀ at the first node: 0 but in gross slip.
     apex: f64,
 }
@@ -121,9 +122,9 @@ impl Simplified {
         let core = if c == 0.0 {
             0
         } else {
-            ((points as f64 / 20.0 * (2.0 * c).min(1.0)) as usize).max(1)
+            ((points as f64 / 32.0 * (2.0 * c).min(1.0)) as usize).max(1)
         };
-        let cells = (points - core - 1 - (points / 32).max(1)) & !1;
+        let cells = (points - core - 1 - (points / 64).max(1)) & !1;
         let nodes = cells + 1;
         let outer = points - core - nodes;
         let kernels = Kernels::with_cells(cells);
@@ -153,26 +154,17 @@ impl Simplified {
             rest[0] = 0.0;
         }
         let reciprocal = mesh.iter().map(|x| if *x > 0.0 { 1.0 / x } else { 0.0 }).collect();
-        // 2πr dr = πΘ dτ = 3πΘ u² du on equal steps of u.
-        let step = 1.0 / cells as f64;
-        let areas = (0..nodes)
-            .map(|i| {
-                let u = i as f64 * step;
-                let weight = if i == cells { 1.0 } else { 2.0 + 2.0 * (i % 2) as f64 };
-                PI * theta * step * weight * u * u
-            })
-            .collect();
         let initial: Vec<f64> = radii.iter().map(|r| shape.profile(*r)).collect();
         let mut limiting = initial.clone();
         let (mut slip, mut slip_excess) = (vec![0.0; nodes], vec![0.0; nodes]);
         for (i, r) in mesh.iter().enumerate() {
-            let psi = angle(c, *r);
-            let wear = limiting_wear(&shape, c, *r, psi);
+            let (chord, psi) = chord_and_angle(c, *r);
+            let wear = limiting_wear(&shape, c, *r, (chord, psi));
             limiting[core + i] += wear.max(0.0);
             // Δ − y₀ = Δ − (1 − g₀), so Δ·s₀ = Δ·(2/π)ψ − w∞.
             slip[i] = (threshold * FRAC_2_PI * psi - wear).max(0.0);
             if *r > 1.0 {
-                slip_excess[i] = -limiting_wear(&shape, 1.0, *r, angle(1.0, *r));
+                slip_excess[i] = -limiting_wear(&shape, 1.0, *r, chord_and_angle(1.0, *r));
             }
         }
         if c == 0.0 {
@@ -200,7 +192,6 @@ impl Simplified {
             unworn,
             rest,
             reciprocal,
-            areas,
             slip,
             slip_excess,
             initial,
@@ -244,29 +235,39 @@ impl Simplified {
     /// The states at several decays, with curves where the flag says so.
     #[must_use]
     pub fn states(&self, wanted: &[(Decay, bool)]) -> Vec<State> {
-        let mut springs: Vec<Springs> =
-            wanted.iter().map(|(decay, _)| self.springs(*decay)).collect();
-        let worn: Vec<Vec<f64>> =
-            springs.iter_mut().map(|springs| std::mem::take(&mut springs.worn)).collect();
-        let mut pressures = self.pressures(wanted, &springs).into_iter();
+        let (mut images, mut worn, mut apex) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut changes, mut decays) = (Vec::new(), Vec::new());
+        for (decay, curves) in wanted {
+            let springs = self.springs(*decay);
+            worn.push(springs.worn);
+            apex.push(springs.apex);
+            if *curves {
+                images.push(springs.image);
+                changes.push(springs.rest);
+                decays.push(*decay);
+            }
+        }
+        let mut wear = vec![vec![0.0; self.radii.len()]; wanted.len()];
+        self.kernels.inverse(&worn, &mut wear, self.core);
+        let mut more = images.into_iter().zip(self.pressures(&decays, &changes));
         let scale = self.theta.sqrt() / PI;
-        self.kernels
-            .inverse(&worn)
-            .into_iter()
-            .zip(springs)
+        wear.into_iter()
+            .zip(apex)
             .zip(wanted)
-            .map(|((mut wear, springs), (decay, curves))| {
-                for wear in &mut wear {
-                    *wear = springs.apex + scale * *wear;
+            .map(|((mut wear, apex), (decay, curves))| {
+                let mesh = &mut wear[self.core..self.core + self.nodes];
+                for wear in &mut *mesh {
+                    *wear = apex + scale * *wear;
                 }
-                let mut state = self.measure(&wear, *decay);
+                let (sums, compressions) = self.row.sums_and_compressions(*decay);
+                let mut state = self.measure(mesh, sums);
                 if *curves {
-                    state.curves = pressures.next().map(|pressure| Curves {
-                        slip: self.slip(&wear, *decay),
-                        wear: self.reported(&wear),
-                        image: self.image(&springs.compression),
-                        pressure,
-                    });
+                    let slip = self.slip(mesh, *decay, &compressions);
+                    for wear in mesh {
+                        *wear = wear.max(0.0);
+                    }
+                    state.curves =
+                        more.next().map(|(image, pressure)| Curves { wear, image, pressure, slip });
                 }
                 state
             })
@@ -276,34 +277,46 @@ impl Simplified {
     /// The closed form of (14) at every node, as in [`Contact::compression`] and [`Contact::worn`],
     /// but with one division for both.
     fn springs(&self, decay: Decay) -> Springs {
-        if decay.gone == 0.0 {
-            return Springs { compression: self.unworn.clone(), worn: Vec::new(), apex: 0.0 };
-        }
+        let Contact { threshold, shape, stick, .. } = self.contact;
         let (left, gone) = (decay.left, decay.gone);
-        let threshold = self.contact.threshold;
-        let mut compression = Vec::with_capacity(self.nodes);
-        let mut worn = Vec::with_capacity(self.nodes);
-        let split = self.inside;
-        for (unworn, rest) in self.unworn[..split].iter().zip(&self.rest) {
-            let share = unworn / (unworn * left + rest);
-            compression.push(threshold * left * share);
-            worn.push(gone * rest * share);
+        let mesh = self.core..self.core + self.nodes;
+        let mut image = Vec::with_capacity(self.radii.len());
+        image.extend(self.radii[..mesh.start].iter().map(|x| shape.image(*x)));
+        if gone == 0.0 {
+            image.extend(self.radii[mesh.start..].iter().map(|x| shape.image(*x)));
+            return Springs { image, worn: Vec::new(), rest: Vec::new(), apex: 0.0 };
         }
-        for unworn in &self.unworn[split..] {
-            compression.push(left * unworn);
-            worn.push(gone * unworn);
+        let (inside, outside) = self.unworn.split_at(self.inside);
+        // A share of the compression, first; η and g in turn, in the same place.
+        image.extend(inside.iter().zip(&self.rest).map(|(y, rest)| y / (y * left + rest)));
+        let shares = &mut image[mesh.start..];
+        let mut worn: Vec<f64> = Vec::with_capacity(self.nodes);
+        worn.extend(shares.iter().zip(&self.rest).map(|(share, rest)| gone * rest * share));
+        worn.extend(outside.iter().map(|y| gone * y));
+        for share in &mut *shares {
+            *share *= threshold * left;
         }
         if self.rest[0] == 0.0 {
-            (compression[0], worn[0]) = (self.unworn[0], 0.0);
+            (shares[0], worn[0]) = (self.unworn[0], 0.0);
         }
         let apex = worn[0];
         for (worn, reciprocal) in worn.iter_mut().zip(&self.reciprocal) {
             *worn = (*worn - apex) * reciprocal;
         }
-        if self.contact.stick == 0.0 {
+        if stick == 0.0 {
             worn[0] = self.slope_at_axis(decay);
         }
-        Springs { compression, worn, apex }
+        let mut rest: Vec<f64> = Vec::with_capacity(self.inside + 1);
+        rest.extend(shares.iter().zip(inside).map(|(y, unworn)| y - left * unworn));
+        // From a₀ on R is zero: one node beyond the last inside closes it.
+        rest.push(0.0);
+        self.kernels.slope_changes(&mut rest);
+        for compression in shares {
+            *compression = 1.0 - *compression;
+        }
+        image.extend(outside.iter().map(|y| 1.0 - left * y));
+        image.extend(self.radii[mesh.end..].iter().map(|x| shape.image(*x)));
+        Springs { image, worn, rest, apex }
     }
 
     /// d(g − g₀)/dx on the axis in gross slip; not 0 for a cone.
@@ -317,12 +330,10 @@ impl Simplified {
         (decay.left * ratio * ratio - 1.0) * shape.image_slope(0.0)
     }
 
-    fn measure(&self, wear: &[f64], decay: Decay) -> State {
+    fn measure(&self, wear: &[f64], sums: Sums) -> State {
         let mesh = &self.radii[self.core..self.core + self.nodes];
         let tau = self.kernels.tau();
-        let sums = self.row.sums(decay);
-        let most = wear.iter().copied().fold(0.0, f64::max);
-        let deepest = wear.iter().position(|w| *w >= most).unwrap_or(0);
+        let deepest = largest(wear);
         let mut scar = 0.0;
         let mut cut_off = 0.0;
         if wear[deepest] > 0.0 {
@@ -344,65 +355,36 @@ impl Simplified {
             volume: sums.volume - PI * self.theta * cut_off,
             depth: vertex(mesh, wear, deepest),
             scar,
-            mesh_volume: dot(&self.areas, wear),
+            mesh_volume: PI * self.theta * self.kernels.area(wear),
             sums,
             curves: None,
         }
     }
 
-    fn reported(&self, wear: &[f64]) -> Vec<f64> {
-        let mut reported = vec![0.0; self.radii.len()];
-        for (out, wear) in reported[self.core..].iter_mut().zip(wear) {
-            *out = wear.max(0.0);
-        }
-        reported
-    }
-
-    fn image(&self, compression: &[f64]) -> Vec<f64> {
-        let shape = &self.contact.shape;
-        let mut image = Vec::with_capacity(self.radii.len());
-        image.extend(self.radii[..self.core].iter().map(|x| shape.image(*x)));
-        image.extend(compression.iter().map(|y| 1.0 - y));
-        image.extend(self.radii[self.core + self.nodes..].iter().map(|x| shape.image(*x)));
-        image
-    }
-
-    fn slip(&self, wear: &[f64], decay: Decay) -> Vec<f64> {
-        let threshold = self.contact.threshold;
-        let mut slip = vec![0.0; self.core];
+    fn slip(&self, wear: &[f64], decay: Decay, compressions: &[f64]) -> Vec<f64> {
+        let per_threshold = 1.0 / self.contact.threshold;
+        let mut slip = Vec::with_capacity(self.radii.len());
+        slip.resize(self.core, 0.0);
         slip.extend(wear.iter().zip(&self.slip).zip(&self.slip_excess).map(
-            |((wear, unworn), excess)| ((unworn + wear - decay.left * excess) / threshold).max(0.0),
+            |((wear, unworn), excess)| {
+                ((unworn + wear - decay.left * excess) * per_threshold).max(0.0)
+            },
         ));
-        let compressions = self.row.compressions(decay);
         slip.extend(
             self.outside
                 .iter()
-                .map(|(unstuck, weights)| unstuck - dot(weights, &compressions) / threshold),
+                .map(|(unstuck, weights)| unstuck - dot(weights, compressions) * per_threshold),
         );
         slip
     }
 
-    /// The pressure curves of those states that want curves.
+    /// The pressure at every radius.
     ///
     /// y = e·y₀ + R in the worn ring: the first part has the unworn contact's edge and its closed
     /// pressure, the rest R = y − e·y₀ vanishes twice at a₀, so that no kink falls inside a cell.
-    fn pressures(&self, wanted: &[(Decay, bool)], springs: &[Springs]) -> Vec<Vec<f64>> {
-        let with_curves = || wanted.iter().zip(springs).filter(|((_, curves), _)| *curves);
-        let decays: Vec<Decay> = with_curves().map(|((decay, _), _)| *decay).collect();
-        let changes: Vec<Vec<f64>> = with_curves()
-            .map(|((decay, _), springs)| {
-                if decay.gone == 0.0 {
-                    return Vec::new();
-                }
-                // R is zero from a₀ on: one node beyond the last inside closes it.
-                let pairs = springs.compression.iter().zip(&self.unworn).take(self.inside + 1);
-                let rest: Vec<f64> = pairs.map(|(y, unworn)| y - decay.left * unworn).collect();
-                self.kernels.slope_changes(&rest)
-            })
-            .collect();
-        let ring = self.kernels.pressure(&changes, self.inside);
-        let mut curves: Vec<Vec<f64>> =
-            decays.iter().map(|_| vec![0.0; self.radii.len()]).collect();
+    fn pressures(&self, decays: &[Decay], changes: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        let mut curves = vec![vec![0.0; self.radii.len()]; decays.len()];
+        self.kernels.pressure(changes, self.inside, &mut curves, self.core);
         let mesh = &self.radii[self.core..=self.core + self.inside];
         let mut chords = vec![0.0; mesh.len()];
         for (k, r) in self.radii[..self.core].iter().enumerate() {
@@ -410,25 +392,20 @@ impl Simplified {
                 *chord = ((x - r) * (x + r)).sqrt();
             }
             let (whole, core) = (self.unworn_pressure[k], self.core_pressure[k]);
-            for ((curve, changes), decay) in curves.iter_mut().zip(&changes).zip(&decays) {
+            for ((curve, changes), decay) in curves.iter_mut().zip(changes).zip(decays) {
                 let rest = FRAC_2_PI / self.theta * dot(&chords, changes);
-                // The apex of a cone: infinite, whatever the decay.
-                curve[k] = if whole.is_finite() {
-                    decay.left * whole + decay.gone * core + rest
-                } else {
-                    whole
-                };
+                curve[k] = decay.left * whole + decay.gone * core + rest;
             }
         }
         let scale = FRAC_2_PI / self.theta.sqrt();
-        for ((curve, ring), decay) in curves.iter_mut().zip(&ring).zip(&decays) {
-            for i in 0..self.inside {
-                let unworn = self.unworn_pressure[self.core + i];
-                curve[self.core + i] = if unworn.is_finite() {
-                    (decay.left * unworn + scale * ring[i]).max(0.0)
-                } else {
-                    unworn
-                };
+        let unworn = &self.unworn_pressure[self.core..];
+        for (curve, decay) in curves.iter_mut().zip(decays) {
+            for (pressure, unworn) in curve[self.core..].iter_mut().zip(unworn) {
+                *pressure = (decay.left * unworn + scale * *pressure).max(0.0);
+            }
+            // The apex of a cone: infinite, whatever the decay.
+            if self.unworn_pressure[0].is_infinite() {
+                curve[0] = f64::INFINITY;
             }
         }
         curves

@@ -68,15 +68,8 @@ impl Simulation {
             limiting: Some(scaled(solver.limiting().to_vec(), height)),
             ..Profiles::default()
         };
-        Ok(Self {
-            case,
-            solver,
-            warnings,
-            history: History::default(),
-            profiles,
-            mismatch: None,
-            volume_error: None,
-        })
+        let history = History::with_capacity(case.cycles.len());
+        Ok(Self { case, solver, warnings, history, profiles, mismatch: None, volume_error: None })
     }
 
     /// Computes some more instants.

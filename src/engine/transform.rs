@@ -72,6 +72,8 @@ pub struct Kernels {
     tau: Vec<f64>,
     /// 1/(τⱼ₊₁ − τⱼ).
     per_cell: Vec<f64>,
+    /// Simpson's weights of ∫ dτ = ∫ 3u² du over the nodes, for an even n.
+    areas: Vec<f64>,
     /// Row i of the inverse has i + 1 entries, row i of the pressure n − i; both empty for large n.
     inverse: Vec<f64>,
     pressure: Vec<f64>,
@@ -105,7 +107,14 @@ impl Kernels {
             })
             .collect();
         let per_cell = tau.windows(2).map(|ends| 1.0 / (ends[1] - ends[0])).collect();
-        let mut kernels = Self { tau, per_cell, inverse: Vec::new(), pressure: Vec::new() };
+        let areas = (0..=cells)
+            .map(|i| {
+                let u = i as f64 / cells as f64;
+                let weight = if i == cells { 1.0 } else { 2.0 + 2.0 * (i % 2) as f64 };
+                weight * u * u / cells as f64
+            })
+            .collect();
+        let mut kernels = Self { tau, per_cell, areas, inverse: Vec::new(), pressure: Vec::new() };
         if keep {
             let mut row = Vec::new();
             for i in 0..=cells {
@@ -132,6 +141,12 @@ impl Kernels {
         &self.tau
     }
 
+    /// ∫ of sampled values over τ by Simpson's rule; n must be even.
+    #[must_use]
+    pub fn area(&self, values: &[f64]) -> f64 {
+        dot(&self.areas, values)
+    }
+
     /// Weights of ∫₀^τᵢ φ(τ)/√(τᵢ−τ) dτ for φ linear between nodes: with α = √(τᵢ−τⱼ) and
     /// β = √(τᵢ−τⱼ₊₁), cell j gives e(α+2β) to its left node and e(2α+β) to its right one, where
     /// e = ⅔(α−β)²/(τⱼ₊₁−τⱼ).
@@ -154,11 +169,9 @@ impl Kernels {
         row.extend(self.tau[i + 1..].iter().map(|tau| (tau - self.tau[i]).sqrt()));
     }
 
-    /// ∫₀^τᵢ φ(τ)/√(τᵢ−τ) dτ at every node, for several φ at once: `φ[k][j]` in, `[k][i]` out.
-    /// An empty φ stands for zero and costs nothing.
-    #[must_use]
-    pub fn inverse(&self, phi: &[Vec<f64>]) -> Vec<Vec<f64>> {
-        let mut result = vec![vec![0.0; self.tau.len()]; phi.len()];
+    /// ∫₀^τᵢ φ(τ)/√(τᵢ−τ) dτ at every node, for several φ at once: of `φ[k]` into `curves[k]`, from
+    /// index `first` on. An empty φ stands for zero and costs nothing.
+    pub fn inverse(&self, phi: &[Vec<f64>], curves: &mut [Vec<f64>], first: usize) {
         let (mut made, mut start) = (Vec::new(), 0);
         for i in 0..self.tau.len() {
             let row = if self.inverse.is_empty() {
@@ -168,49 +181,50 @@ impl Kernels {
                 &self.inverse[start..=start + i]
             };
             start += i + 1;
-            for (out, phi) in result.iter_mut().zip(phi) {
-                out[i] = dot(row, phi);
+            for (curve, phi) in curves.iter_mut().zip(phi) {
+                curve[first + i] = dot(row, phi);
             }
         }
-        result
     }
 
     /// −½ ∫ from τᵢ of R′(τ)/√(τ−τᵢ) dτ at the first `rows` nodes, for several R at once, each given
-    /// by its [`slope_changes`](Self::slope_changes). An empty list stands for R = 0.
-    #[must_use]
-    pub fn pressure(&self, changes: &[Vec<f64>], rows: usize) -> Vec<Vec<f64>> {
-        let nodes = self.tau.len();
-        let mut result = vec![vec![0.0; rows]; changes.len()];
+    /// by its [`slope_changes`](Self::slope_changes): into `curves[k]`, from index `first` on. An
+    /// empty list stands for R = 0.
+    pub fn pressure(
+        &self,
+        changes: &[Vec<f64>],
+        rows: usize,
+        curves: &mut [Vec<f64>],
+        first: usize,
+    ) {
+        let cells = self.cells();
         let (mut made, mut start) = (Vec::new(), 0);
-        for i in 0..rows.min(nodes) {
+        for i in 0..rows {
             let row = if self.pressure.is_empty() {
                 self.fill_pressure_row(i, &mut made);
                 &made[..]
             } else {
-                &self.pressure[start..start + nodes - 1 - i]
+                &self.pressure[start..start + cells - i]
             };
-            start += nodes - 1 - i;
-            for (out, changes) in result.iter_mut().zip(changes) {
-                out[i] = dot(row, changes.get(i + 1..).unwrap_or_default());
+            start += cells - i;
+            for (curve, changes) in curves.iter_mut().zip(changes) {
+                curve[first + i] = dot(row, changes.get(i + 1..).unwrap_or_default());
             }
         }
-        result
     }
 
-    /// By how much the slope dR/dτ of a sampled R grows at each node. R is given at the first nodes
-    /// and is constant outside them; so many changes come back.
-    #[must_use]
-    pub fn slope_changes(&self, values: &[f64]) -> Vec<f64> {
-        let mut before = 0.0;
-        let mut changes = Vec::with_capacity(values.len());
-        changes.extend(values.windows(2).zip(&self.per_cell).map(|(ends, per_cell)| {
-            let after = (ends[1] - ends[0]) * per_cell;
-            let change = after - before;
-            before = after;
-            change
-        }));
-        changes.push(-before);
-        changes
+    /// Turns a sampled R into the growth of its slope dR/dτ at each node. R is given at the first
+    /// nodes and is constant outside them.
+    pub fn slope_changes(&self, values: &mut [f64]) {
+        for (j, per_cell) in (1..values.len()).zip(&self.per_cell) {
+            values[j - 1] = (values[j] - values[j - 1]) * per_cell;
+        }
+        if let Some(last) = values.last_mut() {
+            *last = 0.0;
+        }
+        for j in (1..values.len()).rev() {
+            values[j] -= values[j - 1];
+        }
     }
 }
 
@@ -226,9 +240,10 @@ mod tests {
         let kernels = Kernels::with_cells(cells);
         let x: Vec<f64> = kernels.tau().iter().map(|tau| (c * c + theta * tau).sqrt()).collect();
         let phi = x.iter().map(|x| (x * x - c * c) / x).collect();
-        let sums = &kernels.inverse(&[phi])[0];
+        let mut sums = [vec![0.0; x.len()]];
+        kernels.inverse(&[phi], &mut sums, 0);
         x.iter()
-            .zip(sums)
+            .zip(&sums[0])
             .map(|(r, sum)| {
                 let chord = (r * r - c * c).max(0.0).sqrt();
                 let psi = libm::atan2(chord, c);
@@ -241,12 +256,14 @@ mod tests {
     /// Error of the sampled pressure of R = (1 − t)², t = (x² − c²)/Θ, outside c.
     fn pressure_error(cells: usize) -> f64 {
         let kernels = Kernels::with_cells(cells);
-        let values: Vec<f64> = kernels.tau().iter().map(|t| (1.0 - t) * (1.0 - t)).collect();
-        let sums = &kernels.pressure(&[kernels.slope_changes(&values)], cells)[0];
+        let mut values: Vec<f64> = kernels.tau().iter().map(|t| (1.0 - t) * (1.0 - t)).collect();
+        kernels.slope_changes(&mut values);
+        let mut sums = [vec![0.0; cells + 1]];
+        kernels.pressure(&[values], cells, &mut sums, 0);
         kernels
             .tau()
             .iter()
-            .zip(sums)
+            .zip(&sums[0])
             .map(|(t, sum)| {
                 // ½ ∫ 2(1 − s)/√(s − t) ds from t to 1 = (2/3)(1 − t)^{3/2}·… done by parts
                 let rest = 1.0 - t;
@@ -271,7 +288,12 @@ mod tests {
     fn kept_and_passing_rows_give_the_same_bits() {
         let (kept, passing) = (Kernels::new(40, true), Kernels::new(40, false));
         let phi = [kept.tau().iter().map(|t| libm::cos(3.0 * t)).collect::<Vec<f64>>()];
-        assert_eq!(kept.inverse(&phi), passing.inverse(&phi));
-        assert_eq!(kept.pressure(&phi, 30), passing.pressure(&phi, 30));
+        let evaluated = |kernels: &Kernels| {
+            let (mut wear, mut pressure) = ([vec![0.0; 43]], [vec![0.0; 43]]);
+            kernels.inverse(&phi, &mut wear, 2);
+            kernels.pressure(&phi, 30, &mut pressure, 2);
+            [wear, pressure]
+        };
+        assert_eq!(evaluated(&kept), evaluated(&passing));
     }
 }

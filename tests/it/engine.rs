@@ -5,7 +5,6 @@
 use std::f64::consts::{FRAC_2_PI, PI};
 
 use fretwork::engine::contact::{Contact, Decay, Regime, Row};
-use fretwork::engine::limit::angle;
 use fretwork::engine::numeric::integrate;
 use fretwork::engine::outcome::Outcome;
 use fretwork::engine::profile::Shape;
@@ -166,6 +165,11 @@ fn contacts() -> Vec<Contact> {
     .collect()
 }
 
+/// arccos(c/r), 0 for r < c.
+fn angle(c: f64, r: f64) -> f64 {
+    (c / r).min(1.0).acos()
+}
+
 /// η(x) of the simplified rule.
 fn signed_compression(contact: &Contact, x: f64, decay: Decay) -> f64 {
     let unworn = 1.0 - contact.shape.image(x);
@@ -197,6 +201,37 @@ fn panels(from: f64, to: f64, kinks: &[f64], f: impl Fn(f64) -> f64) -> f64 {
                 .sum::<f64>()
         })
         .sum()
+}
+
+/// Force, energy and volume against quadrature in panels that shrink towards the stick edge.
+#[test]
+fn the_sums_over_the_row_are_the_integrals_they_stand_for() {
+    for contact in contacts() {
+        let row = Row::new(&contact);
+        let outer = contact.limit.radius;
+        for exponent in [0.0, 0.1, 1.0, 5.0, 12.0, 20.0, 30.0, 60.0] {
+            let decay = Decay::after(exponent);
+            let sums = row.sums(decay);
+            let eta = |x: f64| signed_compression(&contact, x, decay);
+            let over = |f: &dyn Fn(f64) -> f64| panels(0.0, 1.0, &[contact.stick], f);
+            let normal = over(&eta);
+            let energy = over(&|x| eta(x) * (contact.threshold - eta(x)).max(0.0));
+            let chord = |x: f64| ((outer - x) * (outer + x)).max(0.0).sqrt();
+            let volume = 4.0
+                * panels(0.0, outer, &[contact.stick, 1.0], |x| {
+                    (1.0 - contact.shape.image(x) - eta(x)) * chord(x)
+                });
+            let scale = contact.limit.volume;
+            for (name, value, exact) in [
+                ("normal", sums.normal, normal),
+                ("energy", sums.energy, energy),
+                ("volume", sums.volume / scale, volume / scale),
+            ] {
+                let error = (value - exact).abs();
+                assert!(error < 1e-9, "{name} {value} for {exact} at {exponent}: {contact:?}");
+            }
+        }
+    }
 }
 
 /// Every curve at 256 radii against quadrature of the integral that defines it.

@@ -7,6 +7,11 @@
     clippy::panic,
     reason = "tests judge the program by other means, and may stop where they stand"
 )]
+#![cfg_attr(feature = "serve", expect(clippy::unwrap_used, reason = "as above"))]
 
 mod engine;
 mod literal;
+#[cfg(feature = "serve")]
+mod store;
+#[cfg(feature = "serve")]
+mod worker;

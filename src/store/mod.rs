@@ -1,0 +1,379 @@
+//! What is kept: jobs, the runs they share, and the results that runs leave behind.
+//!
+//! Every change is a message to one writer task, which takes whatever is waiting, applies it in one
+//! immediate transaction and answers after the commit; an answered change survives the death of the
+//! process. Reads go through a pool of read-only connections beside it. The tables are the truth;
+//! what this room signals ([`Changes`], [`Stop`]) is a hint to look again.
+//!
+//! ```text
+//! job ──▶ run ──▶ result ── result_blob
+//! ```
+//!
+//! A run is live while it is queued or running, and a key has at most one live run: a submission
+//! joins it. A run whose last job is canceled while it runs is `canceling` until its worker lets
+//! go; it is no longer live, so that a later submission never joins a dying run.
+
+#![expect(
+    clippy::missing_errors_doc,
+    reason = "they all fail alike: the database refuses or is closed, as `Error` says"
+)]
+
+mod open;
+mod read;
+mod signals;
+mod verbs;
+mod writer;
+
+use std::path::PathBuf;
+use std::pin::pin;
+use std::sync::Arc;
+use std::time::SystemTime;
+
+use serde_json::Value;
+use sqlx::SqlitePool;
+use tokio::sync::mpsc;
+
+use crate::engine::scenario::Warning;
+use crate::job::{Answer, FailureKind, Job, JobId, JobState, Key};
+
+pub use open::Options;
+pub use signals::{Changes, Stop};
+
+use signals::Signals;
+use writer::Message;
+
+/// The database as this process sees it: a handle, cheap to clone.
+#[derive(Debug, Clone)]
+pub struct Store {
+    writer: mpsc::Sender<Message>,
+    readers: SqlitePool,
+    signals: Arc<Signals>,
+}
+
+/// What the store could not do.
+#[derive(Debug, Clone, thiserror::Error)]
+pub enum Error {
+    /// The data directory cannot be used.
+    #[error("cannot use the data directory {}", dir.display())]
+    Directory {
+        /// The directory.
+        dir: PathBuf,
+        /// What the system says.
+        source: Arc<std::io::Error>,
+    },
+    /// Another server holds the data directory.
+    #[error("another server is using the data directory {}", dir.display())]
+    Locked {
+        /// The directory.
+        dir: PathBuf,
+    },
+    /// The file is not a database, or a damaged one.
+    #[error("{} is not a database, or it is damaged", path.display())]
+    NotADatabase {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The database belongs to another program.
+    #[error("{} is the database of another program", path.display())]
+    Foreign {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The database was written by a later version of this program.
+    #[error(
+        "{} was written by a later version of fretwork (its tables are of version {found}, this \
+         program knows {known})", path.display()
+    )]
+    Newer {
+        /// The file.
+        path: PathBuf,
+        /// The version of the tables.
+        found: i64,
+        /// The latest version this program knows.
+        known: i64,
+    },
+    /// The tables could not be brought up to date.
+    #[error("cannot bring the tables of {} up to date", path.display())]
+    Migration {
+        /// The file.
+        path: PathBuf,
+        /// What the database says.
+        source: Arc<sqlx::migrate::MigrateError>,
+    },
+    /// A job of this id exists.
+    #[error("job {0} exists already")]
+    JobExists(JobId),
+    /// No space is left on the device.
+    #[error("no space is left for the database")]
+    Full(#[source] Arc<sqlx::Error>),
+    /// The database refused.
+    #[error("the database cannot do this now")]
+    Database(#[source] Arc<sqlx::Error>),
+    /// The store is closed.
+    #[error("the store is closed")]
+    Closed,
+}
+
+impl From<sqlx::Error> for Error {
+    fn from(error: sqlx::Error) -> Self {
+        const SQLITE_FULL: &str = "13";
+        let full = error
+            .as_database_error()
+            .and_then(sqlx::error::DatabaseError::code)
+            .is_some_and(|code| code == SQLITE_FULL);
+        match error {
+            sqlx::Error::PoolClosed => Self::Closed,
+            error if full => Self::Full(Arc::new(error)),
+            error => Self::Database(Arc::new(error)),
+        }
+    }
+}
+
+/// A submission, checked and addressed.
+#[derive(Debug, Clone)]
+pub struct NewJob {
+    /// Its name, made by the caller.
+    pub id: JobId,
+    /// Who submits it.
+    pub owner: String,
+    /// The address of its result.
+    pub key: Key,
+    /// What to compute, in its stored form.
+    pub task: String,
+    /// A line for people.
+    pub label: Option<String>,
+    /// Words to find it by.
+    pub tags: Vec<String>,
+    /// What the physics says the user should know.
+    pub warnings: Vec<Warning>,
+}
+
+/// Names one run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct RunId(i64);
+
+/// A run that a worker has taken.
+#[derive(Debug, Clone)]
+pub struct Claimed {
+    /// Its name.
+    pub run: RunId,
+    /// Which attempt this is, from 1: what the worker reports is fenced by it.
+    pub attempt: u32,
+    /// The address of the result.
+    pub key: Key,
+    /// What to compute, in its stored form.
+    pub task: String,
+    /// Raised once nobody wants the result any more.
+    pub stop: Stop,
+}
+
+/// What became of a finished run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Finish {
+    /// The result is stored.
+    Stored,
+    /// The same result was there already.
+    Same,
+    /// A different result was there already, and stays: a fault, logged.
+    Differs,
+    /// The run is no longer this worker's to finish; nothing was stored.
+    Refused,
+}
+
+/// What became of a wish to cancel.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Canceled {
+    /// There is no such job.
+    NotFound,
+    /// It had ended before.
+    AlreadyFinished(Job),
+    /// It is canceled, or will be as soon as its worker lets go.
+    Done(Job),
+}
+
+/// What was found unfinished at the start.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Recovered {
+    /// Runs that were interrupted and wait again.
+    pub requeued: u64,
+    /// Runs that were interrupted too often and have failed.
+    pub failed: u64,
+    /// Runs that were being canceled and now are.
+    pub canceled: u64,
+}
+
+/// Which jobs to list; an absent member asks for nothing.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Filter {
+    /// In this state.
+    pub state: Option<JobState>,
+    /// With exactly this label.
+    pub label: Option<String>,
+    /// With this tag among theirs.
+    pub tag: Option<String>,
+    /// For this result.
+    pub key: Option<Key>,
+    /// Of this owner.
+    pub owner: Option<String>,
+}
+
+/// A part of a list, newest first.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Page {
+    /// The jobs.
+    pub jobs: Vec<Job>,
+    /// Where the next page begins, if there is one.
+    pub next: Option<JobId>,
+}
+
+/// A result as it is kept.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StoredResult {
+    /// The document as it is served.
+    pub body: Vec<u8>,
+    /// Its short form.
+    pub summary: Value,
+}
+
+impl Store {
+    /// Accepts a job. A known result ends it at once, a live run is joined, else a run is queued.
+    pub async fn submit(&self, job: NewJob) -> Result<Job, Error> {
+        self.write(verbs::Submit::new(job)).await
+    }
+
+    /// Cancels a job, and its run if nobody else waits for it.
+    pub async fn cancel(&self, id: JobId) -> Result<Canceled, Error> {
+        self.write(verbs::Cancel(id)).await
+    }
+
+    /// Takes the next queued run.
+    ///
+    /// The caller must end it by [`finish`](Self::finish), [`fail`](Self::fail),
+    /// [`stopped`](Self::stopped) or [`release`](Self::release): nobody else will before the
+    /// next start of the server.
+    pub async fn claim(&self) -> Result<Option<Claimed>, Error> {
+        self.write(verbs::Claim).await
+    }
+
+    /// Notes how far a run has come, 0…1; false if it is no longer this worker's.
+    pub async fn progress(&self, run: RunId, attempt: u32, share: f64) -> Result<bool, Error> {
+        self.write(verbs::Progress { run, attempt, share }).await
+    }
+
+    /// Stores the result of a run.
+    pub async fn finish(&self, run: RunId, attempt: u32, answer: &Answer) -> Result<Finish, Error> {
+        self.write(verbs::Finished::new(run, attempt, answer)).await
+    }
+
+    /// Ends a run by a failure; false if it is no longer this worker's.
+    pub async fn fail(
+        &self,
+        run: RunId,
+        attempt: u32,
+        kind: FailureKind,
+        message: &str,
+    ) -> Result<bool, Error> {
+        self.write(verbs::Fail { run, attempt, kind, message: message.to_owned() }).await
+    }
+
+    /// Confirms that a run being canceled is no longer worked on; false if it was not.
+    pub async fn stopped(&self, run: RunId, attempt: u32) -> Result<bool, Error> {
+        self.write(verbs::Stopped { run, attempt }).await
+    }
+
+    /// Puts a running run back in the queue, unharmed: it does not count as lost. False if it is
+    /// no longer this worker's.
+    pub async fn release(&self, run: RunId, attempt: u32) -> Result<bool, Error> {
+        self.write(verbs::Release { run, attempt }).await
+    }
+
+    /// Deals with every run that the last process left unfinished. Call it before any worker
+    /// claims: it takes every running run for lost.
+    pub async fn recover(&self) -> Result<Recovered, Error> {
+        self.write(verbs::Recover).await
+    }
+
+    /// A job as it stands.
+    pub async fn job(&self, id: JobId) -> Result<Option<Job>, Error> {
+        read::job(&self.readers, id).await
+    }
+
+    /// Up to `limit` jobs that match, newest first, older than `cursor`.
+    pub async fn jobs(
+        &self,
+        filter: &Filter,
+        cursor: Option<JobId>,
+        limit: u32,
+    ) -> Result<Page, Error> {
+        read::jobs(&self.readers, filter, cursor, limit).await
+    }
+
+    /// The result of a key.
+    pub async fn result(&self, key: &Key) -> Result<Option<StoredResult>, Error> {
+        read::result(&self.readers, key).await
+    }
+
+    /// Whether the result of a key is known.
+    pub async fn has_result(&self, key: &Key) -> Result<bool, Error> {
+        read::has_result(&self.readers, key).await
+    }
+
+    /// The oldest unfinished job of the live run of a key, if one is under way.
+    pub async fn live_job(&self, key: &Key) -> Result<Option<JobId>, Error> {
+        read::live_job(&self.readers, key).await
+    }
+
+    /// Whether the database answers.
+    pub async fn ping(&self) -> Result<(), Error> {
+        read::ping(&self.readers).await
+    }
+
+    /// Hints that a job or run of this key has changed, from now on: watch first, then query.
+    #[must_use]
+    pub fn watch(&self, key: &Key) -> Changes {
+        self.signals.watch(*key)
+    }
+
+    /// Hints that something was queued, from now on.
+    #[must_use]
+    pub fn watch_queue(&self) -> Changes {
+        self.signals.watch_queue()
+    }
+
+    /// The job once it has finished, or as it stands when `until` is over.
+    pub async fn wait(&self, job: Job, until: impl Future<Output = ()>) -> Result<Job, Error> {
+        if job.state.is_finished() {
+            return Ok(job);
+        }
+        let mut changes = self.watch(&job.key);
+        let mut until = pin!(until);
+        let mut over = false;
+        loop {
+            match self.job(job.id).await? {
+                Some(now) if over || now.state.is_finished() => return Ok(now),
+                Some(_) => {}
+                None => return Ok(job),
+            }
+            tokio::select! {
+                () = changes.ended() => {}
+                () = &mut until => over = true,
+            }
+        }
+    }
+
+    /// Finishes what was asked before, then closes the database and frees the directory.
+    pub async fn close(&self) {
+        self.readers.close().await;
+        writer::close(&self.writer).await;
+    }
+
+    async fn write<V: writer::Verb>(&self, verb: V) -> Result<V::Answer, Error> {
+        writer::ask(&self.writer, verb).await
+    }
+}
+
+/// The one place where this room reads the time: milliseconds since 1970.
+fn now() -> i64 {
+    let since = SystemTime::UNIX_EPOCH.elapsed().unwrap_or_default();
+    i64::try_from(since.as_millis()).unwrap_or(i64::MAX)
+}

@@ -1,0 +1,133 @@
+//! Opening the data directory: the lock, what the file is, the connections, the migrations.
+
+use std::fs::{self, File, TryLockError};
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+
+use sqlx::migrate::{MigrateError, Migrator};
+use sqlx::sqlite::{
+    SqliteAutoVacuum, SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous,
+};
+use sqlx::{ConnectOptions, Connection, SqliteConnection};
+
+use super::signals::Signals;
+use super::writer::Writer;
+use super::{Error, Store};
+
+static MIGRATIONS: Migrator = sqlx::migrate!("migrations/sqlite");
+
+/// Marks a database as this program's ("fret"), so that no other is ever written to.
+const APPLICATION_ID: i32 = 0x6672_6574;
+
+/// How long to wait for an administrative command that writes beside the server.
+const BUSY: Duration = Duration::from_secs(5);
+
+/// How the database is used.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// Whether each commit waits for the disk, so that an answered change survives a loss of power
+    /// too. Without it, it survives the death of the process.
+    pub full_sync: bool,
+    /// Connections that read at the same time.
+    pub readers: u32,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { full_sync: false, readers: 4 }
+    }
+}
+
+impl Store {
+    /// Opens the database in a directory, both made if they do not exist, and starts its writer.
+    ///
+    /// The directory is this process's alone until the store is closed. Call [`Store::recover`]
+    /// before anything is claimed.
+    pub async fn open(dir: &Path, options: &Options) -> Result<Self, Error> {
+        let lock = lock(dir)?;
+        let path = dir.join("fretwork.db");
+        inspect(&path).await?;
+        let synchronous =
+            if options.full_sync { SqliteSynchronous::Full } else { SqliteSynchronous::Normal };
+        let writing = connecting(&path)
+            .create_if_missing(true)
+            .auto_vacuum(SqliteAutoVacuum::Incremental)
+            .journal_mode(SqliteJournalMode::Wal)
+            .synchronous(synchronous)
+            .foreign_keys(true)
+            .pragma("application_id", APPLICATION_ID.to_string())
+            // A log that once grew large gives its space back.
+            .pragma("journal_size_limit", (64 << 20).to_string());
+        let mut db = SqliteConnection::connect_with(&writing).await?;
+        migrate(&mut db, &path).await?;
+        let readers = SqlitePoolOptions::new()
+            .max_connections(options.readers)
+            .test_before_acquire(false)
+            .idle_timeout(None)
+            .max_lifetime(None)
+            .connect_lazy_with(connecting(&path).read_only(true));
+        let signals = Arc::new(Signals::default());
+        let writer = Writer { db, signals: Arc::clone(&signals), lock }.start();
+        Ok(Self { writer, readers, signals })
+    }
+}
+
+/// What all connections have in common.
+fn connecting(path: &Path) -> SqliteConnectOptions {
+    SqliteConnectOptions::new().filename(path).busy_timeout(BUSY).disable_statement_logging()
+}
+
+fn lock(dir: &Path) -> Result<File, Error> {
+    let refused = |source| Error::Directory { dir: dir.to_owned(), source: Arc::new(source) };
+    fs::create_dir_all(dir).map_err(refused)?;
+    let path = dir.join("fretwork.lock");
+    let file =
+        File::options().create(true).truncate(false).write(true).open(path).map_err(refused)?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(TryLockError::WouldBlock) => Err(Error::Locked { dir: dir.to_owned() }),
+        Err(TryLockError::Error(source)) => Err(refused(source)),
+    }
+}
+
+/// Refuses a file that is not ours, before anything is written to it.
+async fn inspect(path: &Path) -> Result<(), Error> {
+    const SQLITE_CORRUPT: &str = "11";
+    const SQLITE_NOTADB: &str = "26";
+    if !path.exists() {
+        return Ok(());
+    }
+    let looked = async {
+        let mut db = SqliteConnection::connect_with(&connecting(path).read_only(true)).await?;
+        let id: i32 = sqlx::query_scalar("PRAGMA application_id").fetch_one(&mut db).await?;
+        let tables: i64 =
+            sqlx::query_scalar("SELECT count(*) FROM sqlite_schema").fetch_one(&mut db).await?;
+        db.close().await?;
+        // An empty database may be one whose making was interrupted.
+        Ok::<_, sqlx::Error>(id == APPLICATION_ID || (id == 0 && tables == 0))
+    };
+    match looked.await {
+        Ok(true) => Ok(()),
+        Ok(false) => Err(Error::Foreign { path: path.to_owned() }),
+        Err(error) => {
+            let code = error.as_database_error().and_then(sqlx::error::DatabaseError::code);
+            match code.as_deref() {
+                Some(SQLITE_CORRUPT | SQLITE_NOTADB) => {
+                    Err(Error::NotADatabase { path: path.to_owned() })
+                }
+                _ => Err(error.into()),
+            }
+        }
+    }
+}
+
+async fn migrate(db: &mut SqliteConnection, path: &Path) -> Result<(), Error> {
+    let known = MIGRATIONS.iter().map(|migration| migration.version).max().unwrap_or_default();
+    MIGRATIONS.run(db).await.map_err(|error| match error {
+        MigrateError::VersionMissing(found) if found > known => {
+            Error::Newer { path: path.to_owned(), found, known }
+        }
+        error => Error::Migration { path: path.to_owned(), source: Arc::new(error) },
+    })
+}

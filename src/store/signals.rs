@@ -1,0 +1,186 @@
+//! Who wants to hear of what: listeners by key, idle workers, and the stop flags of running runs.
+
+use std::collections::HashMap;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use tokio::sync::watch;
+
+use super::RunId;
+use crate::job::Key;
+
+/// What a committed change means to those who listen.
+#[derive(Debug)]
+pub(super) enum Effect {
+    /// A job or run of this key has changed.
+    Changed(Key),
+    /// The same, and it may have been the last change.
+    Ended(Key),
+    /// There is something to claim.
+    Queued,
+    /// A worker has taken this run, and is stopped through this flag.
+    Started(RunId, Stop),
+    /// Nobody wants this running run any more.
+    Unwanted(RunId),
+    /// No worker computes this run any more.
+    LetGo(RunId),
+}
+
+/// A flag between the store and the worker of one run: nobody wants the result any more.
+#[derive(Debug, Clone, Default)]
+pub struct Stop(Arc<AtomicBool>);
+
+impl Stop {
+    /// Whether to stop.
+    #[must_use]
+    pub fn is_raised(&self) -> bool {
+        // The flag carries no data with it, so no ordering is needed.
+        self.0.load(Ordering::Relaxed)
+    }
+
+    fn raise(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
+#[derive(Debug, Default)]
+pub(super) struct Signals {
+    queue: watch::Sender<u64>,
+    tables: Mutex<Tables>,
+}
+
+#[derive(Debug, Default)]
+struct Tables {
+    /// Each channel counts the ends of its key, and tells of every change.
+    listeners: HashMap<Key, watch::Sender<u64>>,
+    running: HashMap<RunId, Stop>,
+}
+
+impl Signals {
+    /// Tells those concerned, in the order in which the changes were made.
+    pub(super) fn apply(&self, effects: Vec<Effect>) {
+        let mut tables = self.tables();
+        for effect in effects {
+            match effect {
+                Effect::Changed(key) => {
+                    if let Some(sender) = tables.listeners.get(&key) {
+                        sender.send_modify(|_| {});
+                    }
+                }
+                Effect::Ended(key) => {
+                    if let Some(sender) = tables.listeners.get(&key) {
+                        sender.send_modify(|ends| *ends += 1);
+                    }
+                }
+                Effect::Queued => {
+                    self.queue.send_modify(|_| {});
+                }
+                Effect::Started(run, stop) => {
+                    tables.running.insert(run, stop);
+                }
+                Effect::Unwanted(run) => {
+                    if let Some(stop) = tables.running.get(&run) {
+                        stop.raise();
+                    }
+                }
+                Effect::LetGo(run) => {
+                    tables.running.remove(&run);
+                }
+            }
+        }
+    }
+
+    pub(super) fn watch(self: &Arc<Self>, key: Key) -> Changes {
+        let receiver = self.tables().listeners.entry(key).or_default().subscribe();
+        Changes::new(receiver, Some(Listening { signals: Arc::clone(self), key }))
+    }
+
+    pub(super) fn watch_queue(&self) -> Changes {
+        Changes::new(self.queue.subscribe(), None)
+    }
+
+    /// A panic while the lock was held leaves the maps whole: each change is one call.
+    fn tables(&self) -> MutexGuard<'_, Tables> {
+        self.tables.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Hints that something has changed since the last look.
+#[derive(Debug)]
+pub struct Changes {
+    // Dropped before `_listening`, which counts the receivers that remain.
+    receiver: watch::Receiver<u64>,
+    ends: u64,
+    _listening: Option<Listening>,
+}
+
+impl Changes {
+    fn new(receiver: watch::Receiver<u64>, listening: Option<Listening>) -> Self {
+        let ends = *receiver.borrow();
+        Self { receiver, ends, _listening: listening }
+    }
+
+    /// Returns once something has changed since this was made or last returned. Spurious returns
+    /// are possible, missed changes are not.
+    pub async fn changed(&mut self) {
+        if self.receiver.changed().await.is_err() {
+            // The store is gone: nothing will change any more.
+            std::future::pending::<()>().await;
+        }
+    }
+
+    /// Like [`changed`](Self::changed), but passes over changes that finish no job.
+    pub async fn ended(&mut self) {
+        let Ok(ends) = self.receiver.wait_for(|ends| *ends != self.ends).await.map(|ends| *ends)
+        else {
+            return std::future::pending().await;
+        };
+        self.ends = ends;
+    }
+}
+
+#[derive(Debug)]
+struct Listening {
+    signals: Arc<Signals>,
+    key: Key,
+}
+
+impl Drop for Listening {
+    fn drop(&mut self) {
+        let mut tables = self.signals.tables();
+        if tables.listeners.get(&self.key).is_some_and(|sender| sender.receiver_count() == 0) {
+            tables.listeners.remove(&self.key);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_key_is_forgotten_when_its_last_listener_leaves() {
+        let signals = Arc::new(Signals::default());
+        let key = Key::from_bytes([7; 32]);
+        let first = signals.watch(key);
+        let second = signals.watch(key);
+        drop(first);
+        assert_eq!(signals.tables().listeners.len(), 1);
+        drop(second);
+        assert!(signals.tables().listeners.is_empty());
+    }
+
+    #[test]
+    fn a_run_is_stopped_by_the_flag_of_its_latest_claim_and_forgotten_at_its_end() {
+        let signals = Arc::new(Signals::default());
+        let (first, second) = (Stop::default(), Stop::default());
+        signals.apply(vec![
+            Effect::Started(RunId(1), first.clone()),
+            Effect::Started(RunId(1), second.clone()),
+            Effect::Unwanted(RunId(1)),
+            Effect::LetGo(RunId(1)),
+        ]);
+        assert!(!first.is_raised() && second.is_raised());
+        assert!(signals.tables().running.is_empty());
+    }
+}

@@ -1,0 +1,251 @@
+//! The worker pool: threads that claim runs, compute them step by step, and stop on request.
+//!
+//! Computing takes whole processors for whole seconds, so it has threads of its own, apart from
+//! those that answer requests. What a thread does to the tables goes through the store.
+
+use std::any::Any;
+use std::io;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+use tokio::runtime::Handle;
+use tokio::sync::{mpsc, watch};
+
+use crate::job::{Answer, FailureKind, Key, Step, Work};
+use crate::store::{Claimed, Error, Finish, Store};
+
+/// Begins the work of a stored task: its key and its stored form.
+pub type Compute = Arc<dyn Fn(&Key, &str) -> Result<Box<dyn Work>, String> + Send + Sync>;
+
+/// Progress is stored at most this often.
+const REPORT: Duration = Duration::from_millis(250);
+/// An idle worker looks into the queue this often even if nothing was signalled.
+const POLL: Duration = Duration::from_secs(5);
+/// The pauses between attempts to reach a store that refuses grow from the first to the last.
+const PAUSE: (Duration, Duration) = (Duration::from_millis(50), Duration::from_secs(5));
+/// A step should take 50 ms; a thread that is silent for so long after it was told to let go is
+/// left behind.
+const LINGER: Duration = Duration::from_secs(5);
+
+/// What the threads are told.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd)]
+enum Order {
+    /// Claim and compute.
+    Work,
+    /// Finish what is begun, claim nothing more.
+    Finish,
+    /// Let go of what is begun.
+    LetGo,
+}
+
+/// A running pool. Dropping it makes the threads let go of their runs and end, unattended.
+#[derive(Debug)]
+pub struct Workers {
+    order: watch::Sender<Order>,
+    threads: Vec<JoinHandle<()>>,
+    /// Yields nothing, and ends when the last thread has.
+    alive: mpsc::Receiver<()>,
+}
+
+impl Workers {
+    /// Starts `count` threads. It must be called inside a tokio runtime, which drives the store.
+    ///
+    /// # Errors
+    ///
+    /// The system starts no more threads.
+    pub fn start(store: &Store, count: usize, compute: &Compute) -> io::Result<Self> {
+        let (order, orders) = watch::channel(Order::Work);
+        let (living, alive) = mpsc::channel(1);
+        let start = |number| {
+            let mut worker = Worker {
+                store: store.clone(),
+                compute: Arc::clone(compute),
+                orders: orders.clone(),
+                runtime: Handle::current(),
+                _living: living.clone(),
+            };
+            thread::Builder::new().name(format!("worker-{number}")).spawn(move || worker.run())
+        };
+        let threads = (0..count).map(start).collect::<io::Result<_>>()?;
+        Ok(Self { order, threads, alive })
+    }
+
+    /// Claims nothing more, lets running work finish within `grace`, puts the rest back in the
+    /// queue, and ends the threads.
+    pub async fn drain(mut self, grace: Duration) {
+        self.order.send_replace(Order::Finish);
+        if tokio::time::timeout(grace, self.alive.recv()).await.is_err() {
+            self.order.send_replace(Order::LetGo);
+            if tokio::time::timeout(LINGER, self.alive.recv()).await.is_err() {
+                tracing::error!("a run does not let go; it is recovered at the next start");
+                return;
+            }
+        }
+        for thread in self.threads.drain(..) {
+            // They have all ended, or are about to: this does not block. A panic has been printed.
+            let _ = thread.join();
+        }
+    }
+}
+
+impl Drop for Workers {
+    fn drop(&mut self) {
+        self.order.send_replace(Order::LetGo);
+    }
+}
+
+/// One thread's state.
+struct Worker {
+    store: Store,
+    compute: Compute,
+    orders: watch::Receiver<Order>,
+    runtime: Handle,
+    _living: mpsc::Sender<()>,
+}
+
+/// How the computing of a run ended.
+enum Outcome {
+    Done(Answer),
+    Failed(FailureKind, String),
+    /// Nobody wants it any more.
+    Unwanted,
+    /// There is no time to finish it.
+    Interrupted,
+}
+
+impl Worker {
+    fn run(&mut self) {
+        let runtime = self.runtime.clone();
+        while let Some(claimed) = runtime.block_on(self.claim()) {
+            let mut next = Some(claimed);
+            while let Some(claimed) = next {
+                // The payload of a panic is all that can come through: nothing the closure could
+                // leave half done is used afterwards.
+                let outcome = catch_unwind(AssertUnwindSafe(|| self.compute(&claimed)))
+                    .unwrap_or_else(|panic| Outcome::Failed(FailureKind::Panicked, said(&*panic)));
+                next = runtime.block_on(self.settle_and_claim(&claimed, &outcome));
+            }
+        }
+    }
+
+    /// Both at once, so that they share a commit. None if there is no run at this moment.
+    async fn settle_and_claim(&self, claimed: &Claimed, outcome: &Outcome) -> Option<Claimed> {
+        if self.order() != Order::Work {
+            self.settle(claimed, outcome).await;
+            return None;
+        }
+        let ((), next) = tokio::join!(self.settle(claimed, outcome), self.store.claim());
+        // An error is met again, and told, where a claim is waited for.
+        next.ok().flatten()
+    }
+
+    fn order(&self) -> Order {
+        *self.orders.borrow()
+    }
+
+    /// Waits for a run to compute; none once the pool is to end.
+    async fn claim(&mut self) -> Option<Claimed> {
+        let mut queue = self.store.watch_queue();
+        let mut pause = PAUSE.0;
+        while self.order() == Order::Work {
+            let wait = match self.store.claim().await {
+                Ok(Some(claimed)) => return Some(claimed),
+                Ok(None) => {
+                    pause = PAUSE.0;
+                    POLL
+                }
+                Err(Error::Closed) => return None,
+                Err(error) => {
+                    tracing::error!(error = &error as &dyn std::error::Error, "cannot claim a run");
+                    pause = PAUSE.1.min(pause * 2);
+                    pause
+                }
+            };
+            tokio::select! {
+                () = queue.changed() => {}
+                _ = self.orders.changed() => {}
+                () = tokio::time::sleep(wait) => {}
+            }
+        }
+        None
+    }
+
+    fn compute(&self, claimed: &Claimed) -> Outcome {
+        let mut work = match (self.compute)(&claimed.key, &claimed.task) {
+            Ok(work) => work,
+            Err(message) => return Outcome::Failed(FailureKind::UnreadableTask, message),
+        };
+        let mut reported = Instant::now();
+        loop {
+            if claimed.stop.is_raised() {
+                return Outcome::Unwanted;
+            }
+            if self.order() == Order::LetGo {
+                return Outcome::Interrupted;
+            }
+            let progress = match work.step() {
+                Step::Done(answer) => return Outcome::Done(answer),
+                Step::Working { progress } => progress,
+            };
+            if reported.elapsed() >= REPORT {
+                reported = Instant::now();
+                let noted = self.store.progress(claimed.run, claimed.attempt, progress);
+                match self.runtime.block_on(noted) {
+                    Ok(true) => {}
+                    Ok(false) => return Outcome::Unwanted,
+                    // The work is worth more than its progress.
+                    Err(error) => tracing::debug!(%error, "cannot store the progress of a run"),
+                }
+            }
+        }
+    }
+
+    /// Stores how a run ended, however long the store refuses: a run must not be lost silently.
+    async fn settle(&self, claimed: &Claimed, outcome: &Outcome) {
+        let mut pause = PAUSE.0;
+        while let Err(error) = self.store_outcome(claimed, outcome).await {
+            let run = claimed.run;
+            let giving_up = matches!(error, Error::Closed) || self.order() == Order::LetGo;
+            let error = &error as &dyn std::error::Error;
+            if giving_up {
+                tracing::error!(?run, error, "a run is left to the next start");
+                return;
+            }
+            tracing::error!(?run, error, "cannot store how a run ended; trying again");
+            let mut orders = self.orders.clone();
+            let let_go = orders.wait_for(|order| *order == Order::LetGo);
+            let _ = tokio::time::timeout(pause, let_go).await;
+            pause = PAUSE.1.min(pause * 2);
+        }
+    }
+
+    async fn store_outcome(&self, claimed: &Claimed, outcome: &Outcome) -> Result<(), Error> {
+        let Claimed { run, attempt, key, .. } = claimed;
+        let accepted = match outcome {
+            Outcome::Done(answer) => {
+                self.store.finish(*run, *attempt, answer).await? != Finish::Refused
+            }
+            Outcome::Failed(kind, message) => {
+                tracing::error!(%key, %kind, message, "a run failed");
+                self.store.fail(*run, *attempt, *kind, message).await?
+            }
+            Outcome::Interrupted => self.store.release(*run, *attempt).await?,
+            Outcome::Unwanted => false,
+        };
+        if !accepted {
+            // It was canceled meanwhile, else it is no longer ours and this changes nothing.
+            self.store.stopped(*run, *attempt).await?;
+        }
+        Ok(())
+    }
+}
+
+/// What a panic said.
+fn said(panic: &(dyn Any + Send)) -> String {
+    let text = panic.downcast_ref::<&str>().copied();
+    text.or_else(|| panic.downcast_ref::<String>().map(String::as_str))
+        .unwrap_or("the computation panicked")
+        .to_owned()
+}

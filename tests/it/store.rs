@@ -1,0 +1,689 @@
+//! The store: coalescing, fencing, cancellation, recovery, lists, and what it refuses to open.
+
+use std::collections::HashMap;
+use std::fs;
+use std::path::Path;
+
+use fretwork::job::{Answer, FailureKind, Job, JobId, JobState, Key, Origin};
+use fretwork::store::{
+    Canceled, Claimed, Error, Filter, Finish, NewJob, Options, Recovered, Store,
+};
+use proptest::prelude::*;
+use proptest::sample::Index;
+use serde_json::json;
+use sqlx::sqlite::SqliteConnectOptions;
+use sqlx::{Connection, Executor, SqliteConnection};
+use tempfile::TempDir;
+use tokio::task::JoinSet;
+
+pub fn key(number: u8) -> Key {
+    Key::from_bytes([number; 32])
+}
+
+pub fn new_job(number: u8) -> NewJob {
+    NewJob {
+        id: JobId::generate(),
+        owner: "ada".into(),
+        key: key(number),
+        task: format!("task {number}"),
+        label: None,
+        tags: vec![],
+        warnings: vec![],
+    }
+}
+
+pub async fn open(dir: &Path) -> Store {
+    Store::open(dir, &Options::default()).await.unwrap()
+}
+
+pub async fn fresh() -> (TempDir, Store) {
+    let dir = TempDir::new().unwrap();
+    let store = open(dir.path()).await;
+    (dir, store)
+}
+
+/// What is on the disk at this moment, as a process that dies now leaves it to the next.
+pub async fn after_a_crash(dir: &Path) -> (TempDir, Store) {
+    let copy = TempDir::new().unwrap();
+    for file in ["fretwork.db", "fretwork.db-wal"] {
+        if dir.join(file).exists() {
+            fs::copy(dir.join(file), copy.path().join(file)).unwrap();
+        }
+    }
+    let store = open(copy.path()).await;
+    (copy, store)
+}
+
+pub async fn raw(dir: &Path) -> SqliteConnection {
+    let options = SqliteConnectOptions::new().filename(dir.join("fretwork.db"));
+    SqliteConnection::connect_with(&options.create_if_missing(true)).await.unwrap()
+}
+
+fn answer(text: &str) -> Answer {
+    Answer { body: text.into(), summary: json!({ "regime": text }) }
+}
+
+async fn job(store: &Store, id: JobId) -> Job {
+    store.job(id).await.unwrap().unwrap()
+}
+
+async fn state(store: &Store, id: JobId) -> JobState {
+    job(store, id).await.state
+}
+
+async fn claim(store: &Store) -> Claimed {
+    store.claim().await.unwrap().unwrap()
+}
+
+async fn cancel(store: &Store, id: JobId) -> JobState {
+    match store.cancel(id).await.unwrap() {
+        Canceled::Done(job) => job.state,
+        other => panic!("{other:?}"),
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn sixty_four_identical_submissions_at_once_are_one_run_and_sixty_four_jobs() {
+    let (_dir, store) = fresh().await;
+    let mut submissions = JoinSet::new();
+    for _ in 0..64 {
+        let store = store.clone();
+        submissions.spawn(async move { store.submit(new_job(1)).await.unwrap() });
+    }
+    let jobs = submissions.join_all().await;
+    let computed = jobs.iter().filter(|job| job.origin == Origin::Computed).count();
+    let coalesced = jobs.iter().filter(|job| job.origin == Origin::Coalesced).count();
+    assert_eq!((computed, coalesced), (1, 63));
+
+    let claimed = claim(&store).await;
+    assert!(store.claim().await.unwrap().is_none(), "there is one run");
+    assert_eq!((claimed.attempt, claimed.key, &*claimed.task), (1, key(1), "task 1"));
+    let done = store.finish(claimed.run, claimed.attempt, &answer("a")).await.unwrap();
+    assert_eq!(done, Finish::Stored);
+    for submitted in jobs {
+        let job = job(&store, submitted.id).await;
+        assert_eq!(job.state, JobState::Succeeded);
+        assert_eq!(job.summary, Some(json!({ "regime": "a" })));
+        assert_eq!((job.attempt, job.progress.to_bits()), (1, 1f64.to_bits()));
+        assert_eq!(job.created, submitted.created);
+        assert!(job.started >= Some(job.created) && job.finished >= job.started);
+    }
+    assert_eq!(store.result(&key(1)).await.unwrap().unwrap().body, b"a");
+    assert_eq!(store.live_job(&key(1)).await.unwrap(), None);
+}
+
+#[tokio::test]
+async fn a_known_result_ends_a_job_at_once_without_a_run() {
+    let (_dir, store) = fresh().await;
+    store.submit(new_job(1)).await.unwrap();
+    assert!(!store.has_result(&key(1)).await.unwrap());
+    let claimed = claim(&store).await;
+    store.finish(claimed.run, 1, &answer("a")).await.unwrap();
+    assert!(store.has_result(&key(1)).await.unwrap());
+
+    let cached = store.submit(new_job(1)).await.unwrap();
+    assert_eq!((cached.state, cached.origin), (JobState::Succeeded, Origin::Cached));
+    assert_eq!((cached.attempt, cached.summary.clone()), (0, Some(json!({ "regime": "a" }))));
+    assert_eq!(job(&store, cached.id).await, cached, "what was answered is what is stored");
+    assert!(store.claim().await.unwrap().is_none());
+}
+
+#[tokio::test]
+async fn what_a_submission_answers_is_what_a_later_question_answers() {
+    let (_dir, store) = fresh().await;
+    let new = NewJob {
+        label: Some("ball on flat".into()),
+        tags: vec!["µ = 0.7".into(), "b\"c".into()],
+        ..new_job(1)
+    };
+    let queued = store.submit(new).await.unwrap();
+    assert_eq!(job(&store, queued.id).await, queued);
+    let claimed = claim(&store).await;
+    assert!(store.progress(claimed.run, 1, 0.25).await.unwrap());
+    let joined = store.submit(new_job(1)).await.unwrap();
+    assert_eq!(joined.progress.to_bits(), 0.25f64.to_bits());
+    assert_eq!((joined.state, joined.attempt), (JobState::Running, 1));
+    assert_eq!(job(&store, joined.id).await, joined);
+}
+
+#[tokio::test]
+async fn a_job_submitted_twice_under_one_id_is_refused_and_harms_no_other() {
+    let (_dir, store) = fresh().await;
+    let twice = new_job(1);
+    let mut submissions = JoinSet::new();
+    for number in 0..8 {
+        let job = if number < 2 { twice.clone() } else { new_job(number) };
+        let store = store.clone();
+        submissions.spawn(async move { store.submit(job).await });
+    }
+    let answers = submissions.join_all().await;
+    let (good, bad): (Vec<_>, Vec<_>) = answers.into_iter().partition(Result::is_ok);
+    assert_eq!(good.len(), 7);
+    assert!(matches!(bad[..], [Err(Error::JobExists(id))] if id == twice.id));
+    for submitted in good {
+        assert_eq!(state(&store, submitted.unwrap().id).await, JobState::Queued);
+    }
+}
+
+#[tokio::test]
+async fn a_worker_that_was_given_up_changes_nothing() {
+    let (dir, store) = fresh().await;
+    let submitted = store.submit(new_job(1)).await.unwrap();
+    let zombie = claim(&store).await;
+    let (_copy, store) = after_a_crash(dir.path()).await;
+    assert_eq!(store.recover().await.unwrap(), Recovered { requeued: 1, ..Recovered::default() });
+
+    let changes_nothing = async |expected: &Job| {
+        let Claimed { run, attempt, .. } = zombie;
+        let finished = store.finish(run, attempt, &answer("zombie")).await.unwrap();
+        assert_eq!(finished, Finish::Refused);
+        assert!(!store.fail(run, attempt, FailureKind::Panicked, "zombie").await.unwrap());
+        assert!(!store.progress(run, attempt, 0.9).await.unwrap());
+        assert!(!store.release(run, attempt).await.unwrap());
+        assert!(!store.stopped(run, attempt).await.unwrap());
+        assert_eq!(&job(&store, submitted.id).await, expected);
+        assert!(!store.has_result(&key(1)).await.unwrap());
+    };
+    let waiting = job(&store, submitted.id).await;
+    assert_eq!((waiting.state, waiting.started), (JobState::Queued, None));
+    changes_nothing(&waiting).await;
+    let second = claim(&store).await;
+    assert_eq!((second.run, second.attempt), (zombie.run, 2));
+    let running = job(&store, submitted.id).await;
+    assert_eq!((running.state, running.attempt), (JobState::Running, 2));
+    changes_nothing(&running).await;
+    assert_eq!(store.finish(second.run, 2, &answer("a")).await.unwrap(), Finish::Stored);
+}
+
+#[tokio::test]
+async fn a_different_result_of_the_same_key_does_not_replace_the_first() {
+    let (dir, store) = fresh().await;
+    for (text, expected) in [("b", Finish::Differs), ("a", Finish::Same)] {
+        store.submit(new_job(1)).await.unwrap();
+        let claimed = claim(&store).await;
+        let mut raw = raw(dir.path()).await;
+        // As a computation under way meets the result of another, after an import for instance.
+        raw.execute(
+            "INSERT INTO result VALUES (unhex(replace(printf('%32s', ''), ' ', '01')), '{}',
+                 unhex('ca978112ca1bbdcafac231b39a23dc4da786eff8147c4e72b9807785afee48bb'), 1, 0);
+             INSERT INTO result_blob SELECT key, CAST('a' AS BLOB) FROM result",
+        )
+        .await
+        .unwrap();
+        let finish = store.finish(claimed.run, 1, &answer(text)).await.unwrap();
+        assert_eq!(finish, expected);
+        assert_eq!(store.result(&key(1)).await.unwrap().unwrap().body, b"a");
+        raw.execute("DELETE FROM result").await.unwrap();
+    }
+}
+
+#[tokio::test]
+async fn a_canceled_job_leaves_the_run_to_the_others() {
+    let (_dir, store) = fresh().await;
+    let first = store.submit(new_job(1)).await.unwrap();
+    let second = store.submit(new_job(1)).await.unwrap();
+    assert_eq!(cancel(&store, first.id).await, JobState::Canceled);
+    let claimed = claim(&store).await;
+    let third = store.submit(new_job(1)).await.unwrap();
+    assert_eq!(cancel(&store, second.id).await, JobState::Canceled);
+    assert!(!claimed.stop.is_raised());
+    store.finish(claimed.run, 1, &answer("a")).await.unwrap();
+    assert_eq!(state(&store, third.id).await, JobState::Succeeded);
+    for id in [first.id, second.id] {
+        let job = job(&store, id).await;
+        assert_eq!((job.state, job.summary), (JobState::Canceled, None));
+    }
+}
+
+#[tokio::test]
+async fn the_last_job_of_a_queued_run_takes_the_run_with_it() {
+    let (_dir, store) = fresh().await;
+    let first = store.submit(new_job(1)).await.unwrap();
+    let second = store.submit(new_job(1)).await.unwrap();
+    cancel(&store, second.id).await;
+    assert_eq!(cancel(&store, first.id).await, JobState::Canceled);
+    assert!(store.claim().await.unwrap().is_none());
+    let again = store.submit(new_job(1)).await.unwrap();
+    assert_eq!((again.origin, claim(&store).await.attempt), (Origin::Computed, 1));
+}
+
+#[tokio::test]
+async fn a_submission_during_the_canceling_of_a_run_starts_a_new_one() {
+    let (_dir, store) = fresh().await;
+    let first = store.submit(new_job(1)).await.unwrap();
+    let dying = claim(&store).await;
+    assert_eq!(cancel(&store, first.id).await, JobState::Canceling);
+    assert!(dying.stop.is_raised());
+    assert_eq!(cancel(&store, first.id).await, JobState::Canceling, "canceling again is the same");
+
+    let second = store.submit(new_job(1)).await.unwrap();
+    assert_eq!((second.origin, second.state), (Origin::Computed, JobState::Queued));
+    let alive = claim(&store).await;
+    assert_ne!(alive.run, dying.run);
+
+    let late = store.finish(dying.run, 1, &answer("late")).await.unwrap();
+    assert_eq!(late, Finish::Refused);
+    assert!(store.stopped(dying.run, 1).await.unwrap());
+    assert!(!store.stopped(dying.run, 1).await.unwrap());
+    assert_eq!(state(&store, first.id).await, JobState::Canceled);
+    assert_eq!(store.finish(alive.run, 1, &answer("a")).await.unwrap(), Finish::Stored);
+    assert_eq!(state(&store, second.id).await, JobState::Succeeded);
+    assert_eq!(state(&store, first.id).await, JobState::Canceled);
+}
+
+#[tokio::test]
+async fn canceling_what_is_finished_or_unknown_says_so() {
+    let (_dir, store) = fresh().await;
+    let submitted = store.submit(new_job(1)).await.unwrap();
+    let claimed = claim(&store).await;
+    store.fail(claimed.run, 1, FailureKind::Panicked, "index out of bounds").await.unwrap();
+    let Canceled::AlreadyFinished(failed) = store.cancel(submitted.id).await.unwrap() else {
+        panic!("it has failed before");
+    };
+    let failure = failed.failure.unwrap();
+    assert_eq!(failure.kind, FailureKind::Panicked);
+    assert_eq!(failure.message, "index out of bounds");
+    assert_eq!(store.cancel(JobId::generate()).await.unwrap(), Canceled::NotFound);
+    let again = store.submit(new_job(1)).await.unwrap();
+    assert_eq!(again.origin, Origin::Computed, "failures are not cached");
+}
+
+#[tokio::test]
+async fn every_unfinished_state_is_recovered() {
+    let (dir, store) = fresh().await;
+    let canceling = store.submit(new_job(1)).await.unwrap();
+    let running = store.submit(new_job(2)).await.unwrap();
+    let joined = store.submit(new_job(2)).await.unwrap();
+    let left = store.submit(new_job(2)).await.unwrap();
+    let done = store.submit(new_job(3)).await.unwrap();
+    let queued = store.submit(new_job(4)).await.unwrap();
+    claim(&store).await;
+    claim(&store).await;
+    let third = claim(&store).await;
+    cancel(&store, canceling.id).await;
+    cancel(&store, left.id).await;
+    store.finish(third.run, 1, &answer("a")).await.unwrap();
+
+    let (_copy, store) = after_a_crash(dir.path()).await;
+    let recovered = store.recover().await.unwrap();
+    assert_eq!(recovered, Recovered { requeued: 1, failed: 0, canceled: 1 });
+    for (id, expected, attempt) in [
+        (canceling.id, JobState::Canceled, 1),
+        (running.id, JobState::Queued, 1),
+        (joined.id, JobState::Queued, 1),
+        (left.id, JobState::Canceled, 1),
+        (done.id, JobState::Succeeded, 1),
+        (queued.id, JobState::Queued, 0),
+    ] {
+        let job = job(&store, id).await;
+        assert_eq!((job.state, job.attempt), (expected, attempt));
+    }
+    assert_eq!(claim(&store).await.attempt, 2);
+    assert_eq!(claim(&store).await.attempt, 1);
+    assert_eq!(store.result(&key(3)).await.unwrap().unwrap().body, b"a");
+}
+
+#[tokio::test]
+async fn a_run_that_takes_the_process_down_three_times_has_failed() {
+    let (mut dir, mut store) = fresh().await;
+    let submitted = store.submit(new_job(1)).await.unwrap();
+    // To be released on a drain is no fault of the run.
+    let released = claim(&store).await;
+    assert!(store.release(released.run, released.attempt).await.unwrap());
+    for attempt in 2..=4 {
+        assert_eq!(claim(&store).await.attempt, attempt);
+        (dir, store) = after_a_crash(dir.path()).await;
+        let failed = u64::from(attempt == 4);
+        let expected = Recovered { requeued: 1 - failed, failed, canceled: 0 };
+        assert_eq!(store.recover().await.unwrap(), expected);
+    }
+    let job = job(&store, submitted.id).await;
+    assert_eq!(job.state, JobState::Failed);
+    assert_eq!(job.failure.unwrap().kind, FailureKind::WorkerLost);
+    assert!(store.claim().await.unwrap().is_none());
+}
+
+#[tokio::test]
+async fn runs_are_claimed_in_the_order_of_submission() {
+    let (_dir, store) = fresh().await;
+    for number in 0..5 {
+        store.submit(new_job(number)).await.unwrap();
+    }
+    let first = claim(&store).await;
+    store.release(first.run, first.attempt).await.unwrap();
+    for number in 0..5 {
+        assert_eq!(claim(&store).await.key, key(number));
+    }
+}
+
+#[tokio::test]
+async fn pages_follow_each_other_without_gap_or_repetition_while_jobs_arrive() {
+    let (_dir, store) = fresh().await;
+    let mut expected = Vec::new();
+    for number in 0..7 {
+        expected.insert(0, store.submit(new_job(number)).await.unwrap().id);
+    }
+    let mut seen = Vec::new();
+    let mut cursor = None;
+    loop {
+        let page = store.jobs(&Filter::default(), cursor, 3).await.unwrap();
+        store.submit(new_job(200)).await.unwrap();
+        seen.extend(page.jobs.iter().map(|job| job.id));
+        cursor = page.next;
+        if cursor.is_none() {
+            break;
+        }
+        assert_eq!(page.jobs.len(), 3);
+    }
+    assert_eq!(seen, expected);
+}
+
+#[tokio::test]
+async fn lists_are_filtered_by_any_combination() {
+    let (_dir, store) = fresh().await;
+    let label = Some("ball".to_owned());
+    let labelled =
+        NewJob { label: label.clone(), tags: vec!["x".into(), "y".into()], ..new_job(1) };
+    let labelled = store.submit(labelled).await.unwrap().id;
+    let tagged = NewJob { tags: vec!["y".into()], owner: "bob".into(), ..new_job(2) };
+    let tagged = store.submit(tagged).await.unwrap().id;
+    let plain = store.submit(new_job(2)).await.unwrap().id;
+    claim(&store).await;
+
+    let tag = |tag: &str| Some(tag.to_owned());
+    let all = Filter::default();
+    for (filter, expected) in [
+        (all.clone(), vec![plain, tagged, labelled]),
+        (Filter { state: Some(JobState::Queued), ..all.clone() }, vec![plain, tagged]),
+        (Filter { state: Some(JobState::Running), ..all.clone() }, vec![labelled]),
+        (Filter { label, ..all.clone() }, vec![labelled]),
+        (Filter { tag: tag("y"), ..all.clone() }, vec![tagged, labelled]),
+        (Filter { tag: tag("x"), ..all.clone() }, vec![labelled]),
+        (Filter { tag: tag("%"), ..all.clone() }, vec![]),
+        (Filter { key: Some(key(2)), ..all.clone() }, vec![plain, tagged]),
+        (Filter { key: Some(key(2)), tag: tag("y"), ..all.clone() }, vec![tagged]),
+        (Filter { owner: Some("bob".into()), ..all.clone() }, vec![tagged]),
+        (Filter { owner: Some("bob".into()), key: Some(key(1)), ..all }, vec![]),
+    ] {
+        let page = store.jobs(&filter, None, 10).await.unwrap();
+        let ids: Vec<JobId> = page.jobs.iter().map(|job| job.id).collect();
+        assert_eq!((ids, page.next), (expected, None), "{filter:?}");
+    }
+}
+
+#[tokio::test]
+async fn waiting_ends_with_the_job_or_with_patience() {
+    let (_dir, store) = fresh().await;
+    let submitted = store.submit(new_job(1)).await.unwrap();
+    let impatient = store.wait(submitted.clone(), async {}).await.unwrap();
+    assert_eq!(impatient.state, JobState::Queued);
+
+    let worker = async {
+        let claimed = claim(&store).await;
+        store.progress(claimed.run, 1, 0.5).await.unwrap();
+        store.finish(claimed.run, 1, &answer("a")).await.unwrap();
+    };
+    let wait = store.wait(submitted, std::future::pending());
+    let (waited, ()) = tokio::join!(wait, worker);
+    assert_eq!(waited.unwrap().state, JobState::Succeeded);
+}
+
+#[tokio::test]
+async fn the_live_job_of_a_key_is_the_oldest_that_still_waits() {
+    let (_dir, store) = fresh().await;
+    assert_eq!(store.live_job(&key(1)).await.unwrap(), None);
+    let first = store.submit(new_job(1)).await.unwrap();
+    let second = store.submit(new_job(1)).await.unwrap();
+    assert_eq!(store.live_job(&key(1)).await.unwrap(), Some(first.id));
+    cancel(&store, first.id).await;
+    assert_eq!(store.live_job(&key(1)).await.unwrap(), Some(second.id));
+}
+
+#[tokio::test]
+async fn a_second_server_on_the_same_directory_is_refused() {
+    let (dir, store) = fresh().await;
+    let second = Store::open(dir.path(), &Options::default()).await;
+    let Err(error @ Error::Locked { .. }) = second else { panic!("{second:?}") };
+    assert!(error.to_string().contains(&dir.path().display().to_string()));
+    store.close().await;
+    assert!(matches!(store.submit(new_job(1)).await, Err(Error::Closed)));
+    assert!(matches!(store.ping().await, Err(Error::Closed)));
+    open(dir.path()).await.ping().await.unwrap();
+}
+
+#[tokio::test]
+async fn what_was_asked_before_closing_is_done() {
+    let (dir, store) = fresh().await;
+    let (submitted, ()) = tokio::join!(store.submit(new_job(1)), store.close());
+    let store = open(dir.path()).await;
+    assert_eq!(state(&store, submitted.unwrap().id).await, JobState::Queued);
+}
+
+#[tokio::test]
+async fn a_database_of_a_later_version_is_refused() {
+    let (dir, store) = fresh().await;
+    store.close().await;
+    let later = "INSERT INTO _sqlx_migrations VALUES (9999, 'later', 0, TRUE, x'00', 0)";
+    raw(dir.path()).await.execute(later).await.unwrap();
+    let opened = Store::open(dir.path(), &Options::default()).await;
+    assert!(matches!(opened, Err(Error::Newer { found: 9999, known: 1, .. })), "{opened:?}");
+}
+
+#[tokio::test]
+async fn the_database_of_another_program_is_refused_and_left_alone() {
+    let dir = TempDir::new().unwrap();
+    let mut foreign = raw(dir.path()).await;
+    foreign.execute("CREATE TABLE song (title TEXT)").await.unwrap();
+    foreign.close().await.unwrap();
+    let before = fs::read(dir.path().join("fretwork.db")).unwrap();
+    let opened = Store::open(dir.path(), &Options::default()).await;
+    assert!(matches!(opened, Err(Error::Foreign { .. })), "{opened:?}");
+    assert_eq!(fs::read(dir.path().join("fretwork.db")).unwrap(), before);
+}
+
+#[tokio::test]
+async fn a_file_that_is_not_a_database_is_refused_and_left_alone() {
+    let dir = TempDir::new().unwrap();
+    let text = "radius, wear\n".repeat(1000);
+    fs::write(dir.path().join("fretwork.db"), &text).unwrap();
+    let opened = Store::open(dir.path(), &Options::default()).await;
+    assert!(matches!(opened, Err(Error::NotADatabase { .. })), "{opened:?}");
+    assert_eq!(fs::read_to_string(dir.path().join("fretwork.db")).unwrap(), text);
+}
+
+#[tokio::test]
+async fn a_database_whose_making_was_interrupted_is_made_anew() {
+    let dir = TempDir::new().unwrap();
+    fs::write(dir.path().join("fretwork.db"), "").unwrap();
+    open(dir.path()).await.submit(new_job(1)).await.unwrap();
+}
+
+#[tokio::test]
+async fn a_directory_that_cannot_be_made_is_named() {
+    let dir = TempDir::new().unwrap();
+    fs::write(dir.path().join("file"), "").unwrap();
+    let opened = Store::open(&dir.path().join("file/data"), &Options::default()).await;
+    let Err(error @ Error::Directory { .. }) = opened else { panic!("{opened:?}") };
+    assert!(error.to_string().contains("file/data"));
+}
+
+#[derive(Debug, Clone)]
+enum Verb {
+    Submit(u8),
+    Claim,
+    Progress(Index),
+    Finish(Index),
+    Fail(Index),
+    Stopped(Index),
+    Release(Index),
+    Cancel(Index),
+    Crash,
+}
+
+fn verbs() -> impl Strategy<Value = Vec<Verb>> {
+    let index = any::<Index>;
+    let verb = prop_oneof![
+        6 => (0..3u8).prop_map(Verb::Submit),
+        5 => Just(Verb::Claim),
+        1 => index().prop_map(Verb::Progress),
+        2 => index().prop_map(Verb::Finish),
+        1 => index().prop_map(Verb::Fail),
+        2 => index().prop_map(Verb::Stopped),
+        1 => index().prop_map(Verb::Release),
+        4 => index().prop_map(Verb::Cancel),
+        2 => Just(Verb::Crash),
+    ];
+    prop::collection::vec(verb, 1..60)
+}
+
+/// A statement that counts what must not be, and what it is that must not be.
+const INVARIANTS: [(&str, &str); 8] = [
+    (
+        "two live runs of one key",
+        "SELECT count(*) FROM (SELECT 1 FROM run WHERE state IN ('queued', 'running')
+         GROUP BY key HAVING count(*) > 1)",
+    ),
+    (
+        "an unfinished job whose state is not its run's",
+        "SELECT count(*) FROM job JOIN run ON run.id = job.run
+         WHERE job.finished IS NULL AND job.state <> run.state",
+    ),
+    (
+        "a finished job that is neither canceled nor as its run",
+        "SELECT count(*) FROM job JOIN run ON run.id = job.run
+         WHERE job.finished IS NOT NULL AND job.state NOT IN ('canceled', run.state)",
+    ),
+    (
+        "an unfinished run that nobody waits for",
+        "SELECT count(*) FROM run WHERE finished IS NULL
+         AND NOT EXISTS (SELECT 1 FROM job WHERE job.run = run.id AND job.finished IS NULL)",
+    ),
+    (
+        "an unfinished job that counts other attempts than its run",
+        "SELECT count(*) FROM job JOIN run ON run.id = job.run
+         WHERE job.finished IS NULL AND job.attempt <> run.attempt",
+    ),
+    (
+        "a job that succeeded without a result",
+        "SELECT count(*) FROM job WHERE state = 'succeeded' AND key NOT IN (SELECT key FROM result)",
+    ),
+    (
+        "a result that no run left",
+        "SELECT count(*) FROM result
+         WHERE key NOT IN (SELECT key FROM run WHERE state = 'succeeded')",
+    ),
+    (
+        "a result without its body, or a body without its result",
+        "SELECT (SELECT count(*) FROM result) + (SELECT count(*) FROM result_blob)
+             - 2 * (SELECT count(*) FROM result JOIN result_blob USING (key))",
+    ),
+];
+
+/// A store under random verbs, and what was acknowledged.
+struct Trial {
+    dir: TempDir,
+    store: Store,
+    jobs: Vec<JobId>,
+    finished: HashMap<JobId, Job>,
+    claims: Vec<Claimed>,
+    /// Claims before this one belong to a process that has died.
+    alive: usize,
+}
+
+impl Trial {
+    async fn apply(&mut self, verb: &Verb) {
+        let store = &self.store;
+        match verb {
+            Verb::Submit(number) => {
+                self.jobs.push(store.submit(new_job(*number)).await.unwrap().id);
+            }
+            Verb::Claim => self.claims.extend(store.claim().await.unwrap()),
+            Verb::Cancel(index) if !self.jobs.is_empty() => {
+                let canceled = store.cancel(*index.get(&self.jobs)).await.unwrap();
+                assert_ne!(canceled, Canceled::NotFound);
+            }
+            Verb::Crash => {
+                (self.dir, self.store) = after_a_crash(self.dir.path()).await;
+                self.store.recover().await.unwrap();
+                self.alive = self.claims.len();
+            }
+            Verb::Progress(index)
+            | Verb::Finish(index)
+            | Verb::Fail(index)
+            | Verb::Stopped(index)
+            | Verb::Release(index)
+                if !self.claims.is_empty() =>
+            {
+                let number = index.index(self.claims.len());
+                let Claimed { run, attempt, key, .. } = self.claims[number].clone();
+                let accepted = match verb {
+                    Verb::Progress(_) => store.progress(run, attempt, 0.5).await.unwrap(),
+                    Verb::Finish(_) => {
+                        let body = answer(&key.to_string());
+                        let finish = store.finish(run, attempt, &body).await.unwrap();
+                        assert_ne!(finish, Finish::Differs);
+                        finish != Finish::Refused
+                    }
+                    Verb::Fail(_) => {
+                        store.fail(run, attempt, FailureKind::Panicked, "").await.unwrap()
+                    }
+                    Verb::Stopped(_) => store.stopped(run, attempt).await.unwrap(),
+                    _ => store.release(run, attempt).await.unwrap(),
+                };
+                assert!(number >= self.alive || !accepted, "a zombie was heard");
+            }
+            _ => {}
+        }
+    }
+
+    async fn check(&mut self) {
+        let mut raw = raw(self.dir.path()).await;
+        for (fault, count) in INVARIANTS {
+            let found: i64 = sqlx::query_scalar(count).fetch_one(&mut raw).await.unwrap();
+            assert_eq!(found, 0, "{fault}");
+        }
+        for id in &self.jobs {
+            let job = job(&self.store, *id).await;
+            if let Some(finished) = self.finished.get(id) {
+                assert_eq!(&job, finished, "a finished job changed");
+            } else if job.state.is_finished() {
+                self.finished.insert(*id, job);
+            }
+        }
+    }
+
+    /// Restarts, and computes what is left.
+    async fn drain(&mut self) {
+        self.apply(&Verb::Crash).await;
+        while let Some(claimed) = self.store.claim().await.unwrap() {
+            let body = answer(&claimed.key.to_string());
+            let finish = self.store.finish(claimed.run, claimed.attempt, &body).await.unwrap();
+            assert_eq!(finish, Finish::Stored);
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig {
+        cases: 48,
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    })]
+
+    #[test]
+    fn nothing_acknowledged_is_lost_whatever_happens_in_whatever_order(verbs in verbs()) {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+        runtime.block_on(async {
+            let (dir, store) = fresh().await;
+            let (jobs, claims, finished) = (vec![], vec![], HashMap::new());
+            let mut trial = Trial { dir, store, jobs, finished, claims, alive: 0 };
+            for verb in &verbs {
+                trial.apply(verb).await;
+                trial.check().await;
+            }
+            trial.drain().await;
+            trial.check().await;
+            assert_eq!(trial.finished.len(), trial.jobs.len(), "every job has ended");
+        });
+    }
+}

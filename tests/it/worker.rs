@@ -1,0 +1,241 @@
+//! The worker pool: isolation of panics, stopping on request, draining.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::time::Duration;
+
+use fretwork::job::{Answer, FailureKind, Job, JobId, JobState, Key, Step, Work};
+use fretwork::store::{Canceled, NewJob, Store};
+use fretwork::worker::{Compute, Workers};
+use serde_json::json;
+use sqlx::Executor;
+
+use crate::store::{fresh, key, new_job, raw};
+
+/// Long enough for anything that is not stuck.
+const PATIENCE: Duration = Duration::from_mins(1);
+
+/// What the tests' tasks share: a gate that holds work back, and how many are being computed.
+#[derive(Default)]
+struct Stage {
+    open: AtomicBool,
+    begun: AtomicU32,
+    dropped: AtomicU32,
+}
+
+struct Act {
+    stage: Arc<Stage>,
+    task: String,
+}
+
+impl Work for Act {
+    fn step(&mut self) -> Step {
+        let (body, summary) = (self.task.clone().into_bytes(), json!({}));
+        match &*self.task {
+            "panic" => panic!("no such spring: {}", 17),
+            "gated" if !self.stage.open.load(Ordering::SeqCst) => {
+                // A step that takes its time, as real ones do.
+                std::thread::yield_now();
+                Step::Working { progress: 0.5 }
+            }
+            _ => Step::Done(Answer { body, summary }),
+        }
+    }
+}
+
+impl Drop for Act {
+    fn drop(&mut self) {
+        self.stage.dropped.fetch_add(1, Ordering::SeqCst);
+    }
+}
+
+fn compute(stage: &Arc<Stage>) -> Compute {
+    let stage = Arc::clone(stage);
+    Arc::new(move |_: &Key, task: &str| {
+        stage.begun.fetch_add(1, Ordering::SeqCst);
+        match task {
+            "unreadable" => Err("no member `scenario`".to_owned()),
+            _ => Ok(Box::new(Act { stage: Arc::clone(&stage), task: task.to_owned() })),
+        }
+    })
+}
+
+async fn submit(store: &Store, number: u8, task: &str) -> JobId {
+    let job = NewJob { task: task.to_owned(), ..new_job(number) };
+    store.submit(job).await.unwrap().id
+}
+
+/// Waits until a job is as it should be.
+async fn until(store: &Store, id: JobId, good: impl Fn(&Job) -> bool) -> Job {
+    let found = async {
+        let job = store.job(id).await.unwrap().unwrap();
+        let mut changes = store.watch(&job.key);
+        loop {
+            let job = store.job(id).await.unwrap().unwrap();
+            if good(&job) {
+                return job;
+            }
+            changes.changed().await;
+        }
+    };
+    tokio::time::timeout(PATIENCE, found).await.unwrap()
+}
+
+async fn state(store: &Store, id: JobId, state: JobState) -> Job {
+    until(store, id, |job| job.state == state).await
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn every_job_is_computed_once_and_its_result_kept() {
+    let (_dir, store) = fresh().await;
+    let stage = Arc::default();
+    let workers = Workers::start(&store, 3, &compute(&stage)).unwrap();
+    let mut jobs = Vec::new();
+    for number in 0..100 {
+        jobs.push(submit(&store, number, &format!("task {number}")).await);
+    }
+    for (number, id) in (0..100).zip(jobs) {
+        let job = state(&store, id, JobState::Succeeded).await;
+        assert_eq!(job.attempt, 1);
+        let body = store.result(&key(number)).await.unwrap().unwrap().body;
+        assert_eq!(body, format!("task {number}").into_bytes());
+    }
+    workers.drain(PATIENCE).await;
+    assert_eq!(stage.begun.load(Ordering::SeqCst), 100);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_panic_fails_its_run_and_nothing_else() {
+    let (_dir, store) = fresh().await;
+    let stage = Arc::default();
+    let workers = Workers::start(&store, 1, &compute(&stage)).unwrap();
+    let panics = submit(&store, 1, "panic").await;
+    let unreadable = submit(&store, 2, "unreadable").await;
+    let good = submit(&store, 3, "good").await;
+    let failure = state(&store, panics, JobState::Failed).await.failure.unwrap();
+    assert_eq!((failure.kind, &*failure.message), (FailureKind::Panicked, "no such spring: 17"));
+    let failure = state(&store, unreadable, JobState::Failed).await.failure.unwrap();
+    assert_eq!(failure.kind, FailureKind::UnreadableTask);
+    assert_eq!(failure.message, "no member `scenario`");
+    state(&store, good, JobState::Succeeded).await;
+    workers.drain(PATIENCE).await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn canceling_stops_the_work_and_frees_the_thread() {
+    let (_dir, store) = fresh().await;
+    let stage = Arc::default();
+    let workers = Workers::start(&store, 1, &compute(&stage)).unwrap();
+    let endless = submit(&store, 1, "gated").await;
+    let shared = submit(&store, 1, "gated").await;
+    state(&store, shared, JobState::Running).await;
+    assert!(matches!(store.cancel(endless).await.unwrap(), Canceled::Done(_)));
+    assert_eq!(stage.dropped.load(Ordering::SeqCst), 0, "the other still waits for it");
+    assert!(matches!(store.cancel(shared).await.unwrap(), Canceled::Done(_)));
+    state(&store, shared, JobState::Canceled).await;
+    assert_eq!(stage.dropped.load(Ordering::SeqCst), 1);
+    let next = submit(&store, 2, "next").await;
+    state(&store, next, JobState::Succeeded).await;
+    workers.drain(PATIENCE).await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn progress_is_told_while_the_work_goes_on() {
+    let (_dir, store) = fresh().await;
+    let stage: Arc<Stage> = Arc::default();
+    let workers = Workers::start(&store, 1, &compute(&stage)).unwrap();
+    let id = submit(&store, 1, "gated").await;
+    let job = until(&store, id, |job| job.progress > 0.0).await;
+    assert_eq!((job.state, job.progress.to_bits()), (JobState::Running, 0.5f64.to_bits()));
+    stage.open.store(true, Ordering::SeqCst);
+    state(&store, id, JobState::Succeeded).await;
+    workers.drain(PATIENCE).await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_drain_without_grace_puts_running_work_back_in_the_queue() {
+    let (_dir, store) = fresh().await;
+    let stage: Arc<Stage> = Arc::default();
+    let workers = Workers::start(&store, 2, &compute(&stage)).unwrap();
+    let first = submit(&store, 1, "gated").await;
+    let second = submit(&store, 2, "gated").await;
+    state(&store, first, JobState::Running).await;
+    state(&store, second, JobState::Running).await;
+    workers.drain(Duration::ZERO).await;
+    for id in [first, second] {
+        let job = store.job(id).await.unwrap().unwrap();
+        assert_eq!((job.state, job.started), (JobState::Queued, None));
+    }
+    stage.open.store(true, Ordering::SeqCst);
+    let workers = Workers::start(&store, 2, &compute(&stage)).unwrap();
+    for id in [first, second] {
+        assert_eq!(state(&store, id, JobState::Succeeded).await.attempt, 2);
+    }
+    workers.drain(PATIENCE).await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_drain_lets_running_work_finish_and_begins_nothing_more() {
+    let (_dir, store) = fresh().await;
+    let stage: Arc<Stage> = Arc::default();
+    let workers = Workers::start(&store, 1, &compute(&stage)).unwrap();
+    let running = submit(&store, 1, "gated").await;
+    state(&store, running, JobState::Running).await;
+    let waiting = submit(&store, 2, "waiting").await;
+    let open = async {
+        stage.open.store(true, Ordering::SeqCst);
+    };
+    // The drain is polled first, so it has begun when the gate opens.
+    tokio::join!(workers.drain(PATIENCE), open);
+    assert_eq!(store.job(running).await.unwrap().unwrap().state, JobState::Succeeded);
+    assert_eq!(store.job(waiting).await.unwrap().unwrap().state, JobState::Queued);
+}
+
+/// Makes the database refuse every result, as a full disk would.
+const REFUSE: &str =
+    "CREATE TRIGGER refuse BEFORE INSERT ON result BEGIN SELECT RAISE(ABORT, 'refused'); END";
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_result_that_the_store_refuses_is_kept_until_it_is_accepted() {
+    let (dir, store) = fresh().await;
+    let mut raw = raw(dir.path()).await;
+    raw.execute(REFUSE).await.unwrap();
+    let stage: Arc<Stage> = Arc::default();
+    let workers = Workers::start(&store, 1, &compute(&stage)).unwrap();
+    let refused = submit(&store, 1, "refused").await;
+    state(&store, refused, JobState::Running).await;
+    // Other changes are accepted meanwhile, whether or not they share a batch with the refused one.
+    let joined = submit(&store, 1, "refused").await;
+    assert!(matches!(store.cancel(joined).await.unwrap(), Canceled::Done(_)));
+    raw.execute("DROP TRIGGER refuse").await.unwrap();
+    assert_eq!(state(&store, refused, JobState::Succeeded).await.attempt, 1);
+    assert_eq!(stage.begun.load(Ordering::SeqCst), 1, "it was not computed again");
+    workers.drain(PATIENCE).await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_drain_ends_although_the_store_refuses_and_the_run_is_recovered() {
+    let (dir, store) = fresh().await;
+    let mut raw = raw(dir.path()).await;
+    raw.execute(REFUSE).await.unwrap();
+    let stage: Arc<Stage> = Arc::default();
+    let workers = Workers::start(&store, 1, &compute(&stage)).unwrap();
+    let id = submit(&store, 1, "gated").await;
+    state(&store, id, JobState::Running).await;
+    stage.open.store(true, Ordering::SeqCst);
+    let failing = submit(&store, 2, "panic").await;
+    workers.drain(Duration::ZERO).await;
+    let left = store.job(id).await.unwrap().unwrap().state;
+    let recovered = store.recover().await.unwrap();
+    // It had no grace: it was interrupted before its end, or left there.
+    match left {
+        JobState::Queued => assert_eq!(recovered.requeued, 0),
+        JobState::Running => assert_eq!(recovered.requeued, 1),
+        other => panic!("{other}"),
+    }
+    raw.execute("DROP TRIGGER refuse").await.unwrap();
+    let workers = Workers::start(&store, 1, &compute(&stage)).unwrap();
+    assert_eq!(state(&store, id, JobState::Succeeded).await.attempt, 2);
+    state(&store, failing, JobState::Failed).await;
+    workers.drain(PATIENCE).await;
+}
