@@ -7,8 +7,8 @@
 use std::ops::ControlFlow;
 
 use deserr::{
-    DeserializeError, Deserr, ErrorKind, IntoValue, MergeWithError, Sequence, Value, ValueKind,
-    ValuePointerRef,
+    DeserializeError, Deserr, ErrorKind, IntoValue, Map, MergeWithError, Sequence, Value,
+    ValueKind, ValuePointerRef,
 };
 use serde::Serialize;
 
@@ -336,33 +336,83 @@ impl Request {
 }
 
 /// The shape of the indenter.
-#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
-#[deserr(error = Faults, tag = "shape", rename_all = lowercase, deny_unknown_fields)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Profile {
     /// f = r²/(2R).
-    Paraboloid {
-        /// R.
-        radius: Length,
-    },
+    Paraboloid(Ball),
     /// f = R − √(R² − r²).
-    Sphere {
-        /// R.
-        radius: Length,
-    },
+    Sphere(Ball),
     /// f = r·tan θ.
-    Cone {
-        /// θ, from the plane.
-        slope_angle: SlopeAngle,
-    },
+    Cone(Cone),
     /// f = height·(r/at_radius)ⁿ.
-    Power {
-        /// n.
-        exponent: Exponent,
-        /// f at `at_radius`.
-        height: Length,
-        /// Where f is `height`.
-        at_radius: Length,
-    },
+    Power(Power),
+}
+
+/// The radius of a paraboloid or a sphere.
+#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
+#[deserr(error = Faults, deny_unknown_fields)]
+pub struct Ball {
+    /// R.
+    pub radius: Length,
+}
+
+/// The slope of a cone.
+#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
+#[deserr(error = Faults, deny_unknown_fields)]
+pub struct Cone {
+    /// θ, from the plane.
+    pub slope_angle: SlopeAngle,
+}
+
+/// The parameters of a power law.
+#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
+#[deserr(error = Faults, deny_unknown_fields)]
+pub struct Power {
+    /// n.
+    pub exponent: Exponent,
+    /// f at `at_radius`.
+    pub height: Length,
+    /// Where f is `height`.
+    pub at_radius: Length,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr)]
+#[deserr(error = Faults, rename_all = lowercase)]
+enum ShapeName {
+    Paraboloid,
+    Sphere,
+    Cone,
+    Power,
+}
+
+// By hand, because `deserr` does not say which tags of an enum it accepts.
+impl Deserr<Faults> for Profile {
+    fn deserialize_from_value<V: IntoValue>(
+        value: Value<V>,
+        location: ValuePointerRef<'_>,
+    ) -> Result<Self, Faults> {
+        let Value::Map(mut map) = value else {
+            let accepted = &[ValueKind::Map];
+            return Err(refuse(
+                ErrorKind::IncorrectValueKind { actual: value, accepted },
+                location,
+            ));
+        };
+        let Some(shape) = map.remove("shape") else {
+            return Err(refuse::<V>(ErrorKind::MissingField { field: "shape" }, location));
+        };
+        let here = location.push_key("shape");
+        let shape = ShapeName::deserialize_from_value(shape.into_value(), here)?;
+        let rest = Value::<V>::Map(map);
+        Ok(match shape {
+            ShapeName::Paraboloid => {
+                Self::Paraboloid(Ball::deserialize_from_value(rest, location)?)
+            }
+            ShapeName::Sphere => Self::Sphere(Ball::deserialize_from_value(rest, location)?),
+            ShapeName::Cone => Self::Cone(Cone::deserialize_from_value(rest, location)?),
+            ShapeName::Power => Self::Power(Power::deserialize_from_value(rest, location)?),
+        })
+    }
 }
 
 /// Exactly two bodies.
@@ -557,7 +607,6 @@ impl Deserr<Faults> for Cycles {
         value: Value<V>,
         location: ValuePointerRef<'_>,
     ) -> Result<Self, Faults> {
-        use deserr::Map;
         match value {
             Value::Map(mut map) if map.len() == 1 => {
                 if let Some(inner) = map.remove("normalized") {

@@ -445,17 +445,17 @@ fn shear_modulus(body: &Body) -> f64 {
 
 fn canonical_profile(profile: &Profile) -> CanonicalProfile {
     match profile {
-        Profile::Paraboloid { radius } => {
-            CanonicalProfile::Paraboloid { radius: twelve_digits(radius.0) }
+        Profile::Paraboloid(ball) => {
+            CanonicalProfile::Paraboloid { radius: twelve_digits(ball.radius.0) }
         }
-        Profile::Sphere { radius } => CanonicalProfile::Sphere { radius: twelve_digits(radius.0) },
-        Profile::Cone { slope_angle } => {
-            CanonicalProfile::Cone { slope_angle: twelve_digits(slope_angle.0) }
+        Profile::Sphere(ball) => CanonicalProfile::Sphere { radius: twelve_digits(ball.radius.0) },
+        Profile::Cone(cone) => {
+            CanonicalProfile::Cone { slope_angle: twelve_digits(cone.slope_angle.0) }
         }
-        Profile::Power { exponent, height, at_radius } => CanonicalProfile::Power {
-            exponent: twelve_digits(exponent.0),
-            height: twelve_digits(height.0),
-            at_radius: twelve_digits(at_radius.0),
+        Profile::Power(power) => CanonicalProfile::Power {
+            exponent: twelve_digits(power.exponent.0),
+            height: twelve_digits(power.height.0),
+            at_radius: twelve_digits(power.at_radius.0),
         },
     }
 }

@@ -9,8 +9,18 @@
 )]
 #![cfg_attr(feature = "serve", expect(clippy::unwrap_used, reason = "as above"))]
 
+#[cfg(feature = "serve")]
+mod api;
 mod engine;
 mod literal;
+#[cfg(feature = "serve")]
+mod openapi;
+#[cfg(feature = "serve")]
+mod program;
+#[cfg(feature = "serve")]
+mod refusals;
+#[cfg(feature = "serve")]
+mod server;
 #[cfg(feature = "serve")]
 mod store;
 #[cfg(feature = "serve")]

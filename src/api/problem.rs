@@ -1,0 +1,364 @@
+//! Everything that can go wrong on the way from a request to its answer, in one table (RFC 9457).
+//!
+//! A handler returns a [`Problem`]; it travels to the edge of the router as a response extension
+//! and is written there, where the request id is known. So the router's own 404 and a panic take
+//! the same way out as a misspelt parameter.
+
+use std::fmt::Write as _;
+
+use axum::http::header::{CONTENT_LENGTH, CONTENT_TYPE};
+use axum::http::{HeaderName, HeaderValue, StatusCode};
+use axum::response::{IntoResponse, Response};
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use crate::engine::request::{Fault, Faults};
+use crate::store;
+
+/// One row of the table: what a kind of problem is called, means and asks for.
+#[derive(Debug)]
+pub struct Kind {
+    /// The last part of the problem's `type`, and of the address of its page.
+    pub slug: &'static str,
+    /// The status it is answered with.
+    pub status: StatusCode,
+    /// What it is called; the same in every answer of this kind.
+    pub title: &'static str,
+    /// What it means, for the page.
+    pub meaning: &'static str,
+    /// What to do about it, for the page.
+    pub remedy: &'static str,
+}
+
+macro_rules! kinds {
+    ($($name:ident = $status:ident $slug:literal $title:literal $meaning:literal $remedy:literal;)*) => {
+        $(
+            #[doc = $title]
+            pub static $name: Kind = Kind {
+                slug: $slug,
+                status: StatusCode::$status,
+                title: $title,
+                meaning: $meaning,
+                remedy: $remedy,
+            };
+        )*
+        /// Every kind of problem, by status.
+        pub static ALL: &[&Kind] = &[$(&$name),*];
+    };
+}
+
+kinds! {
+    INVALID_JSON = BAD_REQUEST "invalid-json" "The body is not JSON"
+        "The body of the request does not parse. The detail names the line and the column."
+        "Send one JSON document in UTF-8. NaN, Infinity, comments and trailing commas are not JSON.";
+    NOT_FOUND = NOT_FOUND "not-found" "There is nothing here"
+        "No route, job or document has this address."
+        "Compare the address with the list of routes under /docs. Jobs are listed by GET /v1/jobs.";
+    UNKNOWN_RESULT = NOT_FOUND "unknown-result" "No result has this key"
+        "Nothing with this key has been computed here. If a run is under way, the answer's Link \
+         header (rel=\"related\") points at its job."
+        "Submit the scenario to POST /v1/jobs: the same scenario always has the same key. POST \
+         /v1/scenarios tells the key of a scenario without running it.";
+    METHOD_NOT_ALLOWED = METHOD_NOT_ALLOWED "method-not-allowed" "The address has no such method"
+        "The address exists, but not for this method."
+        "Use one of the methods in the answer's Allow header.";
+    NOT_ACCEPTABLE = NOT_ACCEPTABLE "not-acceptable" "No such format"
+        "The document is not available in a format that the request accepts."
+        "The detail names the formats there are. Ask for one of them by the Accept header, or by \
+         ?format=, which wins over the header.";
+    NOT_FINISHED = CONFLICT "not-finished" "The job is not finished"
+        "The result was asked for before the job came to its end."
+        "Ask again after the seconds in Retry-After, or wait on the job itself with GET \
+         /v1/jobs/{id}?wait=10.";
+    JOB_FAILED = CONFLICT "job-failed" "The job failed"
+        "The job ended with an error, so there is no result."
+        "The job's `error` says why. Failures are not cached: a new submission computes again.";
+    JOB_CANCELED = CONFLICT "job-canceled" "The job was canceled"
+        "The job was canceled before it ended, so there is no result."
+        "Submit the scenario again if its result is wanted after all.";
+    BODY_TOO_LARGE = PAYLOAD_TOO_LARGE "body-too-large" "The body is too large"
+        "The body of a request may have 4 MiB."
+        "Thin out long tables (`profile`, `cycles`): 10 000 rows fit easily. Large sets of runs are \
+         many small jobs.";
+    UNSUPPORTED_MEDIA_TYPE = UNSUPPORTED_MEDIA_TYPE "unsupported-media-type" "The body is not declared as JSON"
+        "Request bodies are JSON, and say so."
+        "Send the header Content-Type: application/json. With curl: -H 'Content-Type: \
+         application/json'.";
+    INVALID_REQUEST = UNPROCESSABLE_ENTITY "invalid-request" "The request has faults"
+        "The body is JSON, but not a job: a member has the wrong type, an unknown name, a unit of \
+         the wrong dimension or a value out of range. `errors` lists every fault with a JSON pointer \
+         (RFC 6901) into the body."
+        "Correct every place that `errors` names. GET /v1/schema/scenario is the contract, GET \
+         /v1/examples has bodies that work.";
+    INVALID_PARAMETERS = UNPROCESSABLE_ENTITY "invalid-parameters" "The query has faults"
+        "A query parameter is unknown, repeated or has a value that it cannot have. `errors` names \
+         each of them."
+        "Correct the parameters that `errors` names; it also says what they accept.";
+    INTERNAL = INTERNAL_SERVER_ERROR "internal" "The server made a mistake"
+        "Something happened that should not. It has been logged with the request id in `instance`."
+        "Nothing in the request is known to be wrong: try once more, then report it with the \
+         `instance`.";
+    DRAINING = SERVICE_UNAVAILABLE "draining" "The server is going down"
+        "The server finishes what it has begun and takes no new jobs."
+        "Submit again after the seconds in Retry-After. Jobs already accepted are kept.";
+    DISK_FULL = INSUFFICIENT_STORAGE "disk-full" "The disk is full"
+        "The server could not store anything more. Results that are known are still answered."
+        "Whoever runs the server must make room in its data directory; then submit again.";
+    WORKER_LOST = INTERNAL_SERVER_ERROR "worker-lost" "The run was lost repeatedly"
+        "The process ended several times while this run was being computed, so it is not tried again. \
+         Appears as the `error` of a job."
+        "Report it with the scenario; a smaller one (fewer points or instants) may pass.";
+    PANICKED = INTERNAL_SERVER_ERROR "panicked" "The computation broke off"
+        "The engine made a mistake in this run; no other run is affected. Appears as the `error` of \
+         a job."
+        "Report it with the scenario, which the job's key identifies.";
+    UNREADABLE_TASK = INTERNAL_SERVER_ERROR "unreadable-task" "The stored task does not parse"
+        "The task was stored by another version of the program, which this one does not read. \
+         Appears as the `error` of a job."
+        "Submit the scenario again.";
+}
+
+/// One thing wrong with a request.
+#[derive(Debug, Clone, Serialize, ToSchema)]
+pub struct Complaint {
+    /// Where in the body: a JSON pointer (RFC 6901).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(example = "/scenario/bodies/0/poisson_ratio")]
+    pub pointer: Option<String>,
+    /// Which query or path parameter.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(example = "wait")]
+    pub parameter: Option<String>,
+    /// What is wrong, and what would be right.
+    #[schema(example = "must be between -1 and 0.5, got 0.7")]
+    pub detail: String,
+}
+
+impl Complaint {
+    /// Something wrong with a parameter of the address.
+    pub fn parameter(name: &str, detail: impl Into<String>) -> Self {
+        Self { pointer: None, parameter: Some(name.to_owned()), detail: detail.into() }
+    }
+}
+
+impl From<Fault> for Complaint {
+    fn from(fault: Fault) -> Self {
+        Self { pointer: Some(fault.pointer), parameter: None, detail: fault.detail }
+    }
+}
+
+/// Why a request was not answered as hoped.
+#[derive(Debug, Clone)]
+pub struct Problem {
+    kind: &'static Kind,
+    detail: String,
+    errors: Vec<Complaint>,
+    headers: Vec<(HeaderName, String)>,
+}
+
+/// The wire form of every answer that is not a success (RFC 9457).
+#[derive(Debug, Serialize, ToSchema)]
+#[schema(as = Problem)]
+pub struct ProblemDocument<'a> {
+    /// The kind of problem: the address of a page that explains it.
+    #[schema(example = "/problems/invalid-request")]
+    r#type: String,
+    /// The kind of problem in words.
+    #[schema(example = "The request has faults")]
+    title: &'a str,
+    /// The HTTP status.
+    #[schema(example = 422, minimum = 400, maximum = 599)]
+    status: u16,
+    /// What is wrong with this very request, and what to change.
+    #[schema(example = "The body has 1 fault, see `errors`.")]
+    detail: &'a str,
+    /// The request id, as in the `x-request-id` header and in the server's log.
+    #[schema(example = "019aa0f3-1f4e-7cc0-9d8b-1c5b0c1f9a11")]
+    instance: &'a str,
+    /// Every fault found.
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    #[schema(required = false)]
+    errors: &'a [Complaint],
+}
+
+impl Problem {
+    /// A problem of this kind; `detail` says what to change in this very request.
+    pub fn new(kind: &'static Kind, detail: impl Into<String>) -> Self {
+        Self { kind, detail: detail.into(), errors: Vec::new(), headers: Vec::new() }
+    }
+
+    /// A body that parses but has faults.
+    pub fn faults(faults: Vec<Fault>) -> Self {
+        let errors = faults.into_iter().map(Complaint::from).collect();
+        Self::complaints(&INVALID_REQUEST, "body", errors)
+    }
+
+    /// A query or path with faults.
+    pub fn parameters(errors: Vec<Complaint>) -> Self {
+        Self::complaints(&INVALID_PARAMETERS, "query", errors)
+    }
+
+    fn complaints(kind: &'static Kind, part: &str, errors: Vec<Complaint>) -> Self {
+        let plural = if errors.len() == 1 { "fault" } else { "faults" };
+        let detail = format!("The {part} has {} {plural}, see `errors`.", errors.len());
+        Self { errors, ..Self::new(kind, detail) }
+    }
+
+    /// A mistake of ours; the cause belongs in the log, not in the answer.
+    pub fn internal() -> Self {
+        Self::new(&INTERNAL, "The server made a mistake. Its log has more under the `instance`.")
+    }
+
+    /// Adds a header to the answer.
+    #[must_use]
+    pub fn with_header(mut self, name: HeaderName, value: impl Into<String>) -> Self {
+        self.headers.push((name, value.into()));
+        self
+    }
+
+    /// Asks the client to come back after so many seconds.
+    #[must_use]
+    pub fn retry_after(self, seconds: u32) -> Self {
+        self.with_header(axum::http::header::RETRY_AFTER, seconds.to_string())
+    }
+}
+
+impl From<Faults> for Problem {
+    fn from(faults: Faults) -> Self {
+        Self::faults(faults.0)
+    }
+}
+
+impl From<store::Error> for Problem {
+    fn from(error: store::Error) -> Self {
+        match error {
+            store::Error::Closed => {
+                Self::new(&DRAINING, "The server is going down; try again in a moment.")
+                    .retry_after(5)
+            }
+            store::Error::Full(..) => {
+                tracing::error!(error = &error as &dyn std::error::Error, "the disk is full");
+                Self::new(&DISK_FULL, "The server's disk is full; its operator must make room.")
+            }
+            // Here a store error stops, so here it is logged.
+            _ => {
+                tracing::error!(error = &error as &dyn std::error::Error, "the store failed");
+                Self::internal()
+            }
+        }
+    }
+}
+
+impl IntoResponse for Problem {
+    fn into_response(self) -> Response {
+        let mut response = self.kind.status.into_response();
+        for (name, value) in &self.headers {
+            if let Ok(value) = HeaderValue::from_str(value) {
+                response.headers_mut().append(name, value);
+            }
+        }
+        response.extensions_mut().insert(self);
+        response
+    }
+}
+
+/// Writes the problem a response carries, now that the request id is known. An error that some
+/// library answered by itself is given the words of its status.
+pub(super) fn write(mut response: Response, instance: &str) -> Response {
+    let status = response.status();
+    let problem = response.extensions_mut().remove::<Problem>();
+    if problem.is_none() && !(status.is_client_error() || status.is_server_error()) {
+        return response;
+    }
+    let problem = problem.unwrap_or_else(|| of_status(status));
+    let document = ProblemDocument {
+        r#type: format!("/problems/{}", problem.kind.slug),
+        title: problem.kind.title,
+        status: status.as_u16(),
+        detail: &problem.detail,
+        instance,
+        errors: &problem.errors,
+    };
+    let headers = response.headers_mut();
+    headers.insert(CONTENT_TYPE, HeaderValue::from_static("application/problem+json"));
+    headers.remove(CONTENT_LENGTH);
+    // Writing a struct of strings cannot fail.
+    *response.body_mut() = serde_json::to_vec(&document).unwrap_or_default().into();
+    response
+}
+
+fn of_status(status: StatusCode) -> Problem {
+    match status {
+        StatusCode::METHOD_NOT_ALLOWED => Problem::new(
+            &METHOD_NOT_ALLOWED,
+            "This address does not know the method; the Allow header has those it knows.",
+        ),
+        _ => ALL.iter().find(|kind| kind.status == status).map_or_else(Problem::internal, |kind| {
+            Problem::new(kind, format!("{} {}", kind.meaning, kind.remedy))
+        }),
+    }
+}
+
+const STYLE: &str = "body{font:17px/1.5 system-ui,sans-serif;max-width:40em;margin:3em auto;\
+    padding:0 1em;color:#222;background:#fff}code{background:#eee;padding:0 .2em}\
+    h1{font-size:1.4em}small{color:#666}@media(prefers-color-scheme:dark){\
+    body{color:#ddd;background:#181818}code{background:#333}a{color:#8bf}}";
+
+fn html(title: &str, body: &str) -> String {
+    let body = code(body);
+    format!(
+        "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\">\
+         <meta name=\"viewport\" content=\"width=device-width\">\
+         <title>{title} · fretwork</title><style>{STYLE}</style>{body}</html>\n"
+    )
+}
+
+/// Sets `` `words` `` in type.
+fn code(text: &str) -> String {
+    let mut parts = text.split('`');
+    let mut out = parts.next().unwrap_or_default().to_owned();
+    for (index, part) in parts.enumerate() {
+        out.push_str(if index % 2 == 0 { "<code>" } else { "</code>" });
+        out.push_str(part);
+    }
+    out
+}
+
+/// The page that lists all kinds.
+pub(super) fn index() -> String {
+    let mut body = "<h1>Problems</h1><p>Every answer that is not a success is \
+        <code>application/problem+json</code>; its <code>type</code> is one of these.</p><ul>"
+        .to_owned();
+    for Kind { slug, status, title, .. } in ALL {
+        let status = status.as_u16();
+        let _ = write!(body, "<li>{status} <a href=\"/problems/{slug}\">{title}</a>");
+    }
+    body.push_str("</ul>");
+    html("Problems", &body)
+}
+
+/// The page of one kind.
+pub(super) fn page(slug: &str) -> Option<String> {
+    let kind = ALL.iter().find(|kind| kind.slug == slug)?;
+    let Kind { status, title, meaning, remedy, .. } = kind;
+    let body = format!(
+        "<small>{status}</small><h1>{title}</h1><p>{meaning}</p><h2>What to do</h2><p>{remedy}</p>\
+         <p><a href=\"/problems\">All problems</a> · <a href=\"/docs\">The interface</a></p>"
+    );
+    Some(html(title, &body))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_kind_has_a_name_of_its_own_and_a_page() {
+        for (place, kind) in ALL.iter().enumerate() {
+            assert!(ALL[..place].iter().all(|other| other.slug != kind.slug), "{}", kind.slug);
+            assert!(page(kind.slug).is_some_and(|page| page.contains(&code(kind.remedy))));
+            assert!(index().contains(kind.title));
+        }
+        assert!(page("no-such-problem").is_none());
+    }
+}

@@ -1,0 +1,201 @@
+//! The command line: what can be asked of the program, and with what settings.
+
+use std::net::{SocketAddr, ToSocketAddrs};
+use std::path::PathBuf;
+use std::time::Duration;
+
+use axum::http::{HeaderValue, Uri};
+use clap::builder::FalseyValueParser;
+use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
+use fretwork::api::Origins;
+
+use crate::telemetry::LogFormat;
+
+const EXAMPLES: &str = "\
+Examples:
+  fretwork                                          serve on 127.0.0.1:8080, keep results in ./data
+  fretwork --listen 127.0.0.1:0 --data-dir /tmp/f   any free port (it is printed), another directory
+  fretwork run examples/steel-ball.json             compute one file, without a server
+  fretwork run - --format csv < job.json            from standard input; the history as CSV
+  fretwork health                                   exit code 0 if the server answers
+
+Every option of the server has an environment variable. FRETWORK_LOG selects what is logged
+(info, warn, fretwork=debug, ...).";
+
+/// Fretting wear of axisymmetric contacts, as a service with a shared result cache.
+///
+/// Without a command, the server starts.
+#[derive(Debug, Parser)]
+#[command(version, args_conflicts_with_subcommands = true, after_help = EXAMPLES)]
+pub struct Cli {
+    /// What to do; nothing means `serve`.
+    #[command(subcommand)]
+    pub command: Option<Command>,
+    /// The options of `serve`, without the word.
+    #[command(flatten)]
+    pub serve: Serve,
+}
+
+/// What the program can do.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Start the server (the default).
+    Serve(Serve),
+    /// Compute a job body from a file, without a server or a database.
+    ///
+    /// The result goes to standard output, a summary to standard error. Faults are printed one per
+    /// line as `pointer: detail`; the exit code is then 2.
+    Run(Run),
+    /// Print the OpenAPI document of the server.
+    Openapi,
+    /// Ask a server whether it is well: exit code 0 or 1.
+    Health(Health),
+}
+
+/// The settings of the server.
+#[derive(Debug, Clone, Args)]
+pub struct Serve {
+    /// Address and port to listen on; port 0 takes a free one.
+    #[arg(long, env = "FRETWORK_LISTEN", default_value = "127.0.0.1:8080", value_parser = resolve)]
+    pub listen: SocketAddr,
+    /// Allow an address that other machines can reach, although there are no keys yet: everyone
+    /// who reaches it may use it.
+    #[arg(long, env = "FRETWORK_NO_AUTH", action = ArgAction::SetTrue,
+        value_parser = FalseyValueParser::new())]
+    pub no_auth: bool,
+    /// Where jobs and results are kept; created if it is missing.
+    #[arg(long, env = "FRETWORK_DATA_DIR", default_value = "data", value_name = "DIR")]
+    pub data_dir: PathBuf,
+    /// Threads that compute [default: one per processor].
+    #[arg(long, env = "FRETWORK_WORKERS", value_name = "N",
+        value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub workers: Option<u16>,
+    /// Let web pages of this origin call the server; repeat it for more, * for all.
+    #[arg(long = "cors-origin", env = "FRETWORK_CORS_ORIGIN", value_name = "URL",
+        value_delimiter = ',', value_parser = origin)]
+    pub cors_origins: Vec<HeaderValue>,
+    /// How hard a commit is: `full` survives a power cut at once, `normal` may lose the last
+    /// moments (never consistency).
+    #[arg(long, env = "FRETWORK_SYNCHRONOUS", default_value = "normal")]
+    pub synchronous: Synchronous,
+    /// Seconds that running computations are given to end when the server goes down. What is not
+    /// done by then is done after the next start.
+    #[arg(long, env = "FRETWORK_DRAIN_SECONDS", default_value = "10", value_name = "SECONDS",
+        value_parser = seconds)]
+    pub drain_seconds: Duration,
+    /// What log lines look like.
+    #[arg(long, env = "FRETWORK_LOG_FORMAT", default_value = "text")]
+    pub log_format: LogFormat,
+}
+
+/// How hard a commit is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Synchronous {
+    /// Commits survive a crash of the program.
+    Normal,
+    /// Commits survive a power cut.
+    Full,
+}
+
+/// The settings of `run`.
+#[derive(Debug, Args)]
+pub struct Run {
+    /// A job body, such as the files in examples/; - reads standard input.
+    pub file: PathBuf,
+    /// What to print: the whole result, or its history as a table.
+    #[arg(long, default_value = "json")]
+    pub format: RunFormat,
+}
+
+/// What `run` prints.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum RunFormat {
+    /// The whole result.
+    Json,
+    /// The history, one row per instant.
+    Csv,
+}
+
+/// The settings of `health`.
+#[derive(Debug, Args)]
+pub struct Health {
+    /// The server [default: where `FRETWORK_LISTEN` says, on this machine].
+    #[arg(long, env = "FRETWORK_URL", default_value = None)]
+    pub url: Option<String>,
+    /// Where the server listens, if no URL is given.
+    #[arg(long, env = "FRETWORK_LISTEN", hide = true, default_value = "127.0.0.1:8080",
+        value_parser = resolve)]
+    pub listen: SocketAddr,
+}
+
+impl Serve {
+    /// Which web pages may call the server.
+    pub fn origins(&self) -> Origins {
+        match self.cors_origins.as_slice() {
+            [] => Origins::Own,
+            list if list.iter().any(|origin| origin == "*") => Origins::Any,
+            list => Origins::These(list.to_vec()),
+        }
+    }
+}
+
+fn resolve(text: &str) -> Result<SocketAddr, String> {
+    let mut found = text.to_socket_addrs().map_err(|error| {
+        format!("{error}; expected an address and a port such as 127.0.0.1:8080")
+    })?;
+    found.next().ok_or_else(|| "the name has no address".to_owned())
+}
+
+/// An origin as browsers send it: scheme, host and port, without a path.
+fn origin(text: &str) -> Result<HeaderValue, String> {
+    let expected = "expected an origin such as https://example.org or http://localhost:3000, or *";
+    let uri: Option<Uri> = text.parse().ok();
+    let sound = text == "*"
+        || uri.is_some_and(|uri| {
+            uri.scheme().is_some()
+                && uri.host().is_some()
+                && !text.ends_with('/')
+                && uri.path() == "/"
+        });
+    sound.then(|| HeaderValue::from_str(text).ok()).flatten().ok_or_else(|| expected.to_owned())
+}
+
+fn seconds(text: &str) -> Result<Duration, String> {
+    let seconds: f64 = text.parse().map_err(|_| "expected a number of seconds".to_owned())?;
+    Duration::try_from_secs_f64(seconds).map_err(|_| "expected seconds, 0 or more".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory as _;
+
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn the_options_of_the_server_work_with_and_without_its_name() {
+        for words in [&["fretwork", "--workers", "3"][..], &["fretwork", "serve", "--workers", "3"]]
+        {
+            let cli = Cli::try_parse_from(words).unwrap();
+            let serve = match cli.command {
+                Some(Command::Serve(serve)) => serve,
+                _ => cli.serve,
+            };
+            assert_eq!(serve.workers, Some(3));
+        }
+    }
+
+    #[test]
+    fn an_origin_has_no_path() {
+        assert!(origin("https://example.org").is_ok());
+        assert!(origin("http://localhost:3000").is_ok());
+        assert!(origin("*").is_ok());
+        for bad in ["example.org", "https://example.org/", "https://example.org/app", ""] {
+            assert!(origin(bad).is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,339 @@
+//! The program: parses the command line, wires the rooms together, serves and drains.
+
+mod config;
+mod telemetry;
+
+use std::fs;
+use std::io::{self, IsTerminal as _, Read as _, Write as _};
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpStream};
+use std::pin::pin;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use axum::serve::ListenerExt as _;
+use clap::Parser as _;
+use fretwork::api::{self, Unsound};
+use fretwork::job::{Answer, Step, Task};
+use fretwork::store::{Options, Store};
+use fretwork::worker::Workers;
+use serde_json::Value;
+use tokio::net::TcpListener;
+use tokio::sync::watch;
+
+use config::{Cli, Command, Health, Run, RunFormat, Serve, Synchronous};
+
+/// How long connections may stay open when everything else has ended.
+const HANG_UP: Duration = Duration::from_secs(5);
+
+/// What ends the program: one line for the user.
+type Failure = Box<dyn std::error::Error>;
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let done = match cli.command {
+        None => serve(&cli.serve),
+        Some(Command::Serve(settings)) => serve(&settings),
+        Some(Command::Run(settings)) => return run(&settings),
+        Some(Command::Openapi) => say(&api::document()),
+        Some(Command::Health(settings)) => health(&settings),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            complain(failure.as_ref());
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Prints an error and its causes on one line.
+fn complain(failure: &dyn std::error::Error) {
+    let mut line = format!("fretwork: {failure}");
+    let mut cause = failure.source();
+    while let Some(error) = cause {
+        line = format!("{line}: {error}");
+        cause = error.source();
+    }
+    // With standard error closed there is nobody to tell.
+    let _ = writeln!(io::stderr(), "{line}");
+}
+
+fn serve(settings: &Serve) -> Result<(), Failure> {
+    if !settings.listen.ip().is_loopback() && !settings.no_auth {
+        return Err(format!(
+            "{} can be reached from other machines, and this version has no keys to tell callers \
+             apart; listen on 127.0.0.1, or add --no-auth if everyone who reaches it may use it",
+            settings.listen
+        )
+        .into());
+    }
+    telemetry::start(settings.log_format);
+    // Requests are short; computing has threads of its own.
+    tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(2)
+        .max_blocking_threads(8)
+        .enable_all()
+        .build()?
+        .block_on(serve_until_told(settings))
+}
+
+async fn serve_until_told(settings: &Serve) -> Result<(), Failure> {
+    let mut told = Signals::new()?;
+    let listener = TcpListener::bind(settings.listen).await.map_err(|error| {
+        format!("cannot listen on {}: {error}; choose another with --listen", settings.listen)
+    })?;
+    let address = listener.local_addr()?;
+    let options =
+        Options { full_sync: settings.synchronous == Synchronous::Full, ..Options::default() };
+    let store = Store::open(&settings.data_dir, &options).await?;
+    let recovered = store.recover().await?;
+    tracing::info!(?recovered, "opened the data directory");
+    let count = settings
+        .workers
+        .map_or_else(|| thread::available_parallelism().map_or(1, usize::from), usize::from);
+    let workers = Workers::start(&store, count, &(Arc::new(Task::start) as _))?;
+    let (drain, draining) = watch::channel(false);
+    let (close, mut closed) = watch::channel(false);
+    let app = api::App { store: store.clone(), draining };
+    let router = api::router(app, &settings.origins());
+    // Small answers must not wait for more to send.
+    let listener = listener.tap_io(|connection| {
+        let _ = connection.set_nodelay(true);
+    });
+    let mut shut = closed.clone();
+    let server = axum::serve(listener, router).with_graceful_shutdown(async move {
+        let _ = shut.wait_for(|shut| *shut).await;
+    });
+    let mut server = pin!(server.into_future());
+    greet(address, settings)?;
+
+    tokio::select! {
+        () = told.next() => {}
+        ended = &mut server => ended?,
+    }
+    tracing::info!("draining; a second signal stops at once");
+    drain.send_replace(true);
+    let calmly = async {
+        let computing = async {
+            workers.drain(settings.drain_seconds).await;
+            close.send_replace(true);
+        };
+        // States and results can be read until the last computation has ended.
+        let answering = async {
+            // A client that does not hang up must not keep the process.
+            let impatient = async {
+                let _ = closed.wait_for(|closed| *closed).await;
+                tokio::time::sleep(HANG_UP).await;
+            };
+            tokio::select! {
+                _ = &mut server => {}
+                () = impatient => {}
+            }
+        };
+        tokio::join!(computing, answering);
+        store.close().await;
+    };
+    tokio::select! {
+        () = calmly => tracing::info!("drained"),
+        () = told.next() => tracing::warn!("stopped; what was running begins anew after the start"),
+    }
+    Ok(())
+}
+
+/// The two ways of asking a process to end: SIGTERM and ctrl-c.
+struct Signals {
+    #[cfg(unix)]
+    terminate: tokio::signal::unix::Signal,
+}
+
+impl Signals {
+    fn new() -> io::Result<Self> {
+        Ok(Self {
+            #[cfg(unix)]
+            terminate: tokio::signal::unix::signal(tokio::signal::unix::SignalKind::terminate())?,
+        })
+    }
+
+    async fn next(&mut self) {
+        #[cfg(unix)]
+        tokio::select! {
+            _ = tokio::signal::ctrl_c() => {}
+            _ = self.terminate.recv() => {}
+        }
+        #[cfg(not(unix))]
+        let _ = tokio::signal::ctrl_c().await;
+    }
+}
+
+/// Says where the server is, and one line to try it with.
+fn greet(address: SocketAddr, settings: &Serve) -> io::Result<()> {
+    let base = format!("http://{}", reachable(address));
+    let example = api::EXAMPLES.first().map_or("{}", |example| example.body);
+    // Within single quotes of a shell.
+    let body = compact(example).replace('\'', "'\\''");
+    let mut out = io::stdout().lock();
+    writeln!(out, "fretwork {} listens on {base}", env!("CARGO_PKG_VERSION"))?;
+    writeln!(out, "documentation: {base}/docs/   data: {}", settings.data_dir.display())?;
+    writeln!(out, "\nTry it:\n")?;
+    writeln!(
+        out,
+        "curl -sS '{base}/v1/jobs?include=result' -H 'Content-Type: application/json' \
+         -H 'Prefer: wait=10' -d '{body}'\n"
+    )?;
+    out.flush()
+}
+
+/// JSON on one line, its members in their order.
+fn compact(json: &str) -> String {
+    json.lines().map(str::trim).collect()
+}
+
+/// The address under which this machine itself reaches a listener.
+fn reachable(mut address: SocketAddr) -> SocketAddr {
+    if address.ip().is_unspecified() {
+        address.set_ip(IpAddr::V4(Ipv4Addr::LOCALHOST));
+    }
+    address
+}
+
+/// Computes one job body; the exit code is 2 if it has faults.
+fn run(settings: &Run) -> ExitCode {
+    let mut err = io::stderr().lock();
+    let job = match read(settings) {
+        Ok(text) => api::parse_job(&text),
+        Err(error) => {
+            let _ = writeln!(err, "fretwork: cannot read {}: {error}", settings.file.display());
+            return ExitCode::FAILURE;
+        }
+    };
+    let job = match job {
+        Ok(job) => job,
+        Err(Unsound::Faults(faults)) => {
+            for fault in faults {
+                let _ = writeln!(err, "{}: {}", fault.pointer, fault.detail);
+            }
+            return ExitCode::from(2);
+        }
+        Err(unsound) => {
+            drop(err);
+            complain(&unsound);
+            return ExitCode::from(2);
+        }
+    };
+    drop(err);
+    match compute(&job.task).and_then(|(answer, time)| {
+        print(&answer, settings.format)?;
+        summarise(&job, &answer, time)
+    }) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            complain(failure.as_ref());
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn read(settings: &Run) -> io::Result<Vec<u8>> {
+    if settings.file.as_os_str() == "-" {
+        let mut text = Vec::new();
+        io::stdin().read_to_end(&mut text)?;
+        return Ok(text);
+    }
+    fs::read(&settings.file)
+}
+
+fn compute(task: &Task) -> Result<(Answer, Duration), Failure> {
+    let started = Instant::now();
+    let mut shown = started;
+    let mut work = Task::start(&task.key(), &task.to_json())?;
+    let mut err = io::stderr();
+    loop {
+        match work.step() {
+            Step::Done(answer) => {
+                if shown > started {
+                    write!(err, "\r      \r")?;
+                }
+                return Ok((answer, started.elapsed()));
+            }
+            Step::Working { progress } => {
+                if err.is_terminal() && shown.elapsed() > Duration::from_millis(500) {
+                    shown = Instant::now();
+                    write!(err, "\r{:4.0} %", progress * 100.0)?;
+                }
+            }
+        }
+    }
+}
+
+fn print(answer: &Answer, format: RunFormat) -> Result<(), Failure> {
+    let text = match format {
+        RunFormat::Json => [&answer.body, &b"\n"[..]].concat(),
+        RunFormat::Csv => api::Document::open(&answer.body)?.history_csv()?.into_bytes(),
+    };
+    say(&text)
+}
+
+/// Writes to standard output. A reader that has seen enough, such as `head`, is not an error.
+fn say(text: &[u8]) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    match out.write_all(text).and_then(|()| out.flush()) {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(error.into()),
+        _ => Ok(()),
+    }
+}
+
+/// A few lines for people: what was computed, what came out, what to know about it.
+fn summarise(
+    job: &fretwork::job::Submission,
+    answer: &Answer,
+    time: Duration,
+) -> Result<(), Failure> {
+    let mut err = io::stderr().lock();
+    let label = job.label.as_deref().unwrap_or("computed");
+    writeln!(err, "{label} ({:.1} ms)", time.as_secs_f64() * 1e3)?;
+    let units: Value = serde_json::from_slice::<Value>(&answer.body)?["units"].take();
+    for (name, value) in answer.summary.as_object().into_iter().flatten() {
+        let unit = units[name].as_str().filter(|unit| *unit != "1").unwrap_or_default();
+        let shown = match value.as_f64() {
+            Some(number) => format!("{number:>12.5e} {unit}"),
+            None => format!("{:>12}", value.as_str().unwrap_or_default()),
+        };
+        writeln!(err, "  {name:<20} {}", shown.trim_end())?;
+    }
+    for warning in &job.warnings {
+        writeln!(err, "  warning: {}", warning.detail)?;
+    }
+    Ok(())
+}
+
+/// Asks a server whether it is well, in the simplest HTTP there is.
+fn health(settings: &Health) -> Result<(), Failure> {
+    let patience = Duration::from_secs(5);
+    let (host, path) = match &settings.url {
+        None => (reachable(settings.listen).to_string(), "/healthz".to_owned()),
+        Some(url) => {
+            let rest = url.strip_prefix("http://").ok_or("the URL must begin with http://")?;
+            let (host, path) = rest.split_once('/').unwrap_or((rest, ""));
+            let path = if path.is_empty() { "healthz" } else { path };
+            (host.to_owned(), format!("/{path}"))
+        }
+    };
+    let named = if host.contains(':') { host.clone() } else { format!("{host}:80") };
+    let mut found = std::net::ToSocketAddrs::to_socket_addrs(&named)
+        .map_err(|error| format!("cannot find {host}: {error}"))?;
+    let address = found.next().ok_or_else(|| format!("cannot find {host}"))?;
+    let mut connection = TcpStream::connect_timeout(&address, patience)
+        .map_err(|error| format!("no server answers at {host}: {error}"))?;
+    connection.set_read_timeout(Some(patience))?;
+    write!(connection, "GET {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n")?;
+    let mut answer = Vec::new();
+    connection.take(1 << 16).read_to_end(&mut answer)?;
+    let answer = String::from_utf8_lossy(&answer);
+    let status = answer.lines().next().unwrap_or_default();
+    if status.split(' ').nth(1) != Some("200") {
+        return Err(format!("the server at {host} answers \"{status}\"").into());
+    }
+    say(b"ok\n")
+}

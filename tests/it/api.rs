@@ -1,0 +1,396 @@
+//! The interface from outside: what is submitted, watched, shared, canceled and read.
+
+use std::sync::Arc;
+
+use axum::http::HeaderValue;
+use fretwork::api::Origins;
+use serde_json::{Value, json};
+
+use crate::server::{Gate, JSON, Reply, Server, ball, document, steel_ball};
+
+fn text<'a>(value: &'a Value, pointer: &str) -> &'a str {
+    let found = value.pointer(pointer).and_then(Value::as_str);
+    found.unwrap_or_else(|| panic!("no text at {pointer} in {value}"))
+}
+
+fn job_address(reply: &Reply) -> String {
+    format!("/v1/jobs/{}", text(&reply.json(), "/id"))
+}
+
+async fn gated() -> (Server, Gate) {
+    let gate = Gate::default();
+    (Server::computing(gate.compute(), &Origins::Own).await, gate)
+}
+
+async fn quick() -> Server {
+    Server::computing(Gate::opened(), &Origins::Own).await
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_steel_ball_is_answered_by_the_engine_in_one_call() {
+    let server = Server::start().await;
+    let headers = [JSON, ("Prefer", "wait=60")];
+    let body = steel_ball().to_string();
+    let reply = server.send("POST", "/v1/jobs?include=result", &headers, body).await;
+    let job = reply.json();
+    assert_eq!(reply.status, 200, "{job}");
+    assert_eq!(reply.header("cache-status"), Some("fretwork; fwd=miss; stored"));
+    assert_eq!(reply.header("preference-applied"), Some("wait=60"));
+    assert_eq!(job["state"], "succeeded");
+    assert_eq!(job["progress"], 1.0);
+    assert_eq!(job["label"], steel_ball()["label"]);
+    assert_eq!(job["summary"]["regime"], "partial_slip");
+    let result = &job["result"];
+    assert_eq!(result["key"], job["key"]);
+    assert_eq!(result["regime"], "partial_slip");
+    assert_eq!(result["units"]["wear_volume"], "m^3");
+    assert_eq!(result["history"]["cycles"], json!([0.0, 1e3, 3e3, 1e4, 3e4, 1e5]));
+    assert_eq!(result["profiles"]["worn"].as_array().map(Vec::len), Some(6));
+    let contact_radius = result["scales"]["contact_radius"].as_f64().unwrap();
+    assert!((contact_radius - 0.18813e-3).abs() < 1e-8);
+
+    let key = text(&job, "/key");
+    let csv = server.get(&format!("/v1/results/{key}/history?format=csv")).await;
+    assert_eq!(csv.text().lines().filter(|line| !line.starts_with('#')).count(), 7);
+    assert!(csv.text().contains(",wear_volume[m^3],"), "{}", csv.text());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_checked_scenario_tells_its_key_and_its_echo_has_the_same() {
+    let server = Server::start().await;
+    let checked = server.post("/v1/scenarios", &steel_ball()).await;
+    let checked = checked.json();
+    assert_eq!(checked["cached"], false);
+    assert_eq!(checked["regime"], "partial_slip");
+    for part in ["scales", "unworn", "limit", "units"] {
+        assert!(checked[part].is_object(), "{part} in {checked}");
+    }
+    let echo = json!({"scenario": checked["scenario"]});
+    assert_eq!(server.compute(&echo).await.json()["key"], checked["key"]);
+    let again = server.post("/v1/scenarios", &steel_ball()).await.json();
+    assert_eq!(again["cached"], true);
+    let hit = server.compute(&steel_ball()).await;
+    assert_eq!(hit.header("cache-status"), Some("fretwork; hit"));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_job_that_is_not_waited_for_is_accepted_with_its_address() {
+    let (server, gate) = gated().await;
+    let reply = server.post("/v1/jobs", &steel_ball()).await;
+    let job = reply.json();
+    assert_eq!(reply.status, 202);
+    let address = job_address(&reply);
+    assert_eq!(reply.header("location"), Some(&*address));
+    assert_eq!(reply.header("content-location"), Some(&*address));
+    assert_eq!(reply.header("cache-status"), Some("fretwork; fwd=miss"));
+    assert_eq!(reply.header("preference-applied"), None);
+    let related = format!("<{}>; rel=\"related\"", text(&job, "/links/result"));
+    assert_eq!(reply.header("link"), Some(&*related));
+    assert_eq!(text(&job, "/links/self"), address);
+
+    let early = server.get(&format!("{address}/result")).await;
+    early.problem(409, "not-finished");
+    assert_eq!(early.header("retry-after"), Some("1"));
+    let unknown = server.get(text(&job, "/links/result")).await;
+    unknown.problem(404, "unknown-result");
+    assert_eq!(unknown.header("link"), Some(&*format!("<{address}>; rel=\"related\"")));
+
+    gate.open();
+    let done = server.get(&format!("{address}?wait=60&include=result")).await.json();
+    assert_eq!(done["state"], "succeeded");
+    assert_eq!(done["result"]["key"], done["key"]);
+    assert_eq!(done["links"]["cancel"], Value::Null);
+    for time in ["created", "started", "finished"] {
+        assert!(text(&done, &format!("/times/{time}")).ends_with('Z'));
+    }
+    let lead = server.get(&format!("{address}/result")).await;
+    assert_eq!((lead.status, lead.header("location")), (303, job["links"]["result"].as_str()));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_wait_that_runs_out_answers_the_job_as_it_stands() {
+    let (server, _gate) = gated().await;
+    let headers = [JSON, ("Prefer", "wait=0")];
+    let reply = server.send("POST", "/v1/jobs", &headers, steel_ball().to_string()).await;
+    assert_eq!((reply.status, reply.header("preference-applied")), (202, Some("wait=0")));
+    let job = server.get(&format!("{}?wait=0.001&include=result", job_address(&reply))).await;
+    assert_eq!((job.status, &job.json()["result"]), (200, &Value::Null));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn sixty_four_equal_submissions_are_one_computation_and_sixty_four_jobs() {
+    let (server, gate) = gated().await;
+    let server = Arc::new(server);
+    let mut submitting = tokio::task::JoinSet::new();
+    for _ in 0..64 {
+        let server = Arc::clone(&server);
+        submitting.spawn(async move { server.post("/v1/jobs", &steel_ball()).await });
+    }
+    let replies = submitting.join_all().await;
+    assert!(replies.iter().all(|reply| reply.status == 202));
+    let having = |status| {
+        replies.iter().filter(|reply| reply.header("cache-status") == Some(status)).count()
+    };
+    assert_eq!(having("fretwork; fwd=miss"), 1);
+    assert_eq!(having("fretwork; fwd=miss; collapsed"), 63);
+    gate.open();
+    for reply in &replies {
+        let job = server.get(&format!("{}?wait=60", job_address(reply))).await.json();
+        assert_eq!((&job["state"], &job["attempt"]), (&json!("succeeded"), &json!(1)));
+    }
+    let hit = server.post("/v1/jobs", &steel_ball()).await;
+    assert_eq!((hit.status, hit.header("cache-status")), (200, Some("fretwork; hit")));
+    assert_eq!(hit.json()["origin"], "cached");
+    let listed = server.get("/v1/jobs?limit=200").await.json();
+    assert_eq!(listed["jobs"].as_array().map(Vec::len), Some(65));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn canceling_stops_the_work_and_says_so() {
+    let (server, _gate) = gated().await;
+    let address = job_address(&server.post("/v1/jobs", &steel_ball()).await);
+    let canceled = server.send("POST", &format!("{address}/cancel"), &[], "").await;
+    assert_eq!(canceled.status, 200);
+    let job = server.get(&format!("{address}?wait=60")).await.json();
+    assert_eq!(job["state"], "canceled");
+    server.get(&format!("{address}/result")).await.problem(409, "job-canceled");
+    let again = server.send("POST", &format!("{address}/cancel"), &[], "").await;
+    assert_eq!((again.status, &again.json()["state"]), (200, &json!("canceled")));
+    let nobody = "/v1/jobs/019aa0f3-1f4e-7cc0-9d8b-1c5b0c1f9a11/cancel";
+    server.send("POST", nobody, &[], "").await.problem(404, "not-found");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_run_that_panics_fails_its_job_and_nothing_else() {
+    let server =
+        Server::computing(Arc::new(|_: &_, _: &str| panic!("made for this test")), &Origins::Own)
+            .await;
+    let reply = server.compute(&steel_ball()).await;
+    let job = reply.json();
+    assert_eq!((reply.status, &job["state"]), (200, &json!("failed")));
+    assert_eq!(text(&job, "/error/type"), "/problems/panicked");
+    let page = server.get(text(&job, "/error/type")).await;
+    assert_eq!((page.status, page.header("content-type")), (200, Some("text/html; charset=utf-8")));
+    server.get(&format!("{}/result", job_address(&reply))).await.problem(409, "job-failed");
+    assert_eq!(server.get("/healthz").await.status, 200);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn jobs_are_listed_newest_first_in_pages_and_by_filters() {
+    let server = quick().await;
+    let mut ids = Vec::new();
+    for number in 1..=5 {
+        let mut body = ball(f64::from(number) / 4.0);
+        body["label"] = json!(format!("ball {number}"));
+        body["tags"] = json!([if number % 2 == 0 { "even" } else { "odd" }]);
+        ids.push(text(&server.compute(&body).await.json(), "/id").to_owned());
+    }
+    ids.reverse();
+    let mut seen = Vec::new();
+    let mut next = Some("/v1/jobs?limit=2&state=succeeded&owner=me".to_owned());
+    while let Some(target) = next {
+        let reply = server.get(&target).await;
+        let page = reply.json();
+        let jobs = page["jobs"].as_array().unwrap();
+        seen.extend(jobs.iter().map(|job| text(job, "/id").to_owned()));
+        next = page["next"].as_str().map(str::to_owned);
+        let link = next.as_ref().map(|next| format!("<{next}>; rel=\"next\""));
+        assert_eq!(reply.header("link"), link.as_deref());
+    }
+    assert_eq!(seen, ids);
+    assert_eq!(server.get("/v1/jobs?state=failed").await.json()["jobs"], json!([]));
+    let even = server.get("/v1/jobs?tag=even").await.json();
+    assert_eq!(even["jobs"].as_array().map(Vec::len), Some(2));
+    let third = server.get("/v1/jobs?label=ball%203").await.json();
+    assert_eq!(third["jobs"][0]["id"], json!(ids[2]));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_result_is_served_as_it_was_stored_and_cached_for_ever() {
+    let server = quick().await;
+    let job = server.compute(&steel_ball()).await.json();
+    let (key, address) = (text(&job, "/key"), text(&job, "/links/result"));
+    let reply = server.get(address).await;
+    assert_eq!(reply.text(), document(key));
+    assert_eq!(reply.header("content-type"), Some("application/json"));
+    assert_eq!(reply.header("cache-control"), Some("max-age=31536000, immutable"));
+    assert_eq!(reply.header("vary"), Some("accept"));
+    let tag = reply.header("etag").unwrap();
+
+    let mut tags = vec![tag.to_owned()];
+    for part in ["history", "profiles"] {
+        for format in ["json", "csv"] {
+            let reply = server.get(&format!("{address}/{part}?format={format}")).await;
+            assert_eq!(reply.status, 200);
+            tags.push(reply.header("etag").unwrap().to_owned());
+        }
+    }
+    tags.sort();
+    tags.dedup();
+    assert_eq!(tags.len(), 5, "one tag per representation: {tags:?}");
+
+    for held in [tag.to_owned(), format!("\"other\", W/{tag}"), "*".to_owned()] {
+        let reply = server.send("GET", address, &[("If-None-Match", &held)], "").await;
+        assert_eq!((reply.status, reply.header("etag")), (304, Some(tag)));
+        assert!(reply.body.is_empty());
+    }
+    let reply = server.send("GET", address, &[("If-None-Match", "\"other\"")], "").await;
+    assert_eq!(reply.status, 200);
+    let head = server.send("HEAD", address, &[], "").await;
+    assert_eq!((head.status, head.header("etag"), head.body.len()), (200, Some(tag), 0));
+    assert_eq!(head.header("content-length"), Some(&*document(key).len().to_string()));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn tables_come_as_json_or_csv() {
+    let server = quick().await;
+    let job = server.compute(&steel_ball()).await.json();
+    let (key, address) = (text(&job, "/key"), text(&job, "/links/result"));
+    let csv = ("Accept", "text/csv");
+    let comments = |part| {
+        format!(
+            "# fretwork {part}\n# key: {key}\n# engine: {{\"name\":\"fretwork\",\"numerics\":1}}\n"
+        )
+    };
+
+    let history = server.send("GET", &format!("{address}/history"), &[csv], "").await;
+    assert_eq!(history.header("content-type"), Some("text/csv; charset=utf-8"));
+    let rows = "cycles,wear_volume[m^3]\n0.0,0.0\n1000.0,2.50e-13\n";
+    assert_eq!(history.text(), comments("history") + rows);
+    let history = server.get(&format!("{address}/history")).await.json();
+    assert_eq!(history["history"]["cycles"], json!([0.0, 1000.0]));
+    assert_eq!(history["units"]["wear_volume"], "m^3");
+
+    let target = format!("{address}/profiles?format=csv&fields=wear&cycles=1000&points=2");
+    let profiles = server.get(&target).await;
+    let rows = "cycles,radius[m],wear[m]\n1000.0,0.0,0.0\n1000.0,2e-4,\n";
+    assert_eq!(profiles.text(), comments("profiles") + rows);
+    let profiles = server.get(&format!("{address}/profiles?fields=wear")).await.json();
+    assert_eq!(profiles["profiles"]["limiting"], Value::Null);
+    assert_eq!(profiles["profiles"]["wear"][1], json!([0.0, 1.5e-7, null]));
+
+    let whole = server.send("GET", address, &[csv], "").await;
+    let problem = whole.problem(406, "not-acceptable");
+    for part in ["history", "profiles"] {
+        let way = format!("{address}/{part}?format=csv");
+        assert!(text(&problem, "/detail").contains(&way), "{problem}");
+    }
+    server.get(&format!("{address}?format=csv")).await.problem(406, "not-acceptable");
+    let image = [("Accept", "image/png")];
+    let refused = server.send("GET", &format!("{address}/history"), &image, "").await;
+    refused.problem(406, "not-acceptable");
+    for (query, parameter) in [
+        ("fields=warn", "fields"),
+        ("cycles=7", "cycles"),
+        ("cycles=seven", "cycles"),
+        ("points=1", "points"),
+        ("format=xlsx", "format"),
+    ] {
+        let refused = server.get(&format!("{address}/profiles?{query}")).await;
+        let problem = refused.problem(422, "invalid-parameters");
+        assert_eq!(text(&problem, "/errors/0/parameter"), parameter);
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_server_that_goes_down_lets_waiters_go_and_takes_no_more_jobs() {
+    let (server, _gate) = gated().await;
+    let server = Arc::new(server);
+    let waiting = tokio::spawn({
+        let server = Arc::clone(&server);
+        async move { server.compute(&steel_ball()).await }
+    });
+    // The job appears in the list before its submitter's wait begins or after; either way the
+    // wait must end with the drain and not with its minute.
+    let mut address = None;
+    while address.is_none() {
+        let list = server.get("/v1/jobs").await.json();
+        address = list["jobs"][0]["links"]["self"].as_str().map(str::to_owned);
+    }
+    server.drain.send_replace(true);
+    assert_eq!(waiting.await.unwrap().status, 202);
+    let refused = server.post("/v1/jobs", &ball(1.0)).await;
+    refused.problem(503, "draining");
+    assert_eq!(refused.header("retry-after"), Some("5"));
+    let address = address.unwrap();
+    assert_eq!(server.get(&format!("{address}?wait=60")).await.status, 200);
+    assert_eq!(server.send("POST", &format!("{address}/cancel"), &[], "").await.status, 200);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_request_keeps_a_sane_id_and_is_given_one_otherwise() {
+    let server = quick().await;
+    let id = |value: &'static str| {
+        let server = &server;
+        async move {
+            let reply = server.send("GET", "/healthz", &[("X-Request-Id", value)], "").await;
+            reply.header("x-request-id").unwrap().to_owned()
+        }
+    };
+    assert_eq!(id("run-42/7").await, "run-42/7");
+    assert_ne!(id("a b").await, "a b");
+    assert_eq!(id("").await.len(), 36);
+    let reply = server.send("GET", "/nowhere", &[("X-Request-Id", "mine")], "").await;
+    assert_eq!(reply.problem(404, "not-found")["instance"], "mine");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn pages_of_allowed_origins_may_read_the_headers_they_need() {
+    let origins = Origins::These(vec![HeaderValue::from_static("https://lab.example")]);
+    let server = Server::computing(Gate::opened(), &origins).await;
+    let from = |origin: &'static str| [("Origin", origin)];
+    let reply = server.send("GET", "/nowhere", &from("https://lab.example"), "").await;
+    reply.problem(404, "not-found");
+    assert_eq!(reply.header("access-control-allow-origin"), Some("https://lab.example"));
+    let exposed = reply.header("access-control-expose-headers").unwrap();
+    for name in ["location", "link", "cache-status", "etag", "preference-applied", "retry-after"] {
+        assert!(exposed.contains(name), "{name} in {exposed}");
+    }
+    let reply = server.send("GET", "/healthz", &from("https://other.example"), "").await;
+    assert_eq!(reply.header("access-control-allow-origin"), None);
+    let asked = [
+        ("Origin", "https://lab.example"),
+        ("Access-Control-Request-Method", "POST"),
+        ("Access-Control-Request-Headers", "content-type,prefer"),
+    ];
+    let preflight = server.send("OPTIONS", "/v1/jobs", &asked, "").await;
+    assert_eq!(preflight.status, 200);
+    assert!(preflight.header("access-control-allow-methods").unwrap().contains("POST"));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_server_explains_itself_without_a_network() {
+    let server = quick().await;
+    assert_eq!(server.get("/").await.header("location"), Some("/docs/"));
+    let page = server.get("/docs/").await;
+    assert_eq!((page.status, page.text().contains("//unpkg")), (200, false));
+    for part in page.text().split(['"', '\'']).filter_map(|part| part.strip_prefix("./")) {
+        assert_eq!(server.get(&format!("/docs/{part}")).await.status, 200, "{part}");
+    }
+    let start = server.get("/docs/swagger-initializer.js").await;
+    assert!(start.text().contains("/openapi.json"));
+    server.get("/docs/no-such-page").await.problem(404, "not-found");
+
+    let version = server.get("/version").await.json();
+    assert_eq!(version["version"], env!("CARGO_PKG_VERSION"));
+    assert_eq!(version["limits"]["body_bytes"], 4 << 20);
+    let schema = server.get("/v1/schema/scenario").await;
+    assert_eq!(schema.header("content-type"), Some("application/schema+json"));
+    assert!(schema.json().is_object());
+    assert!(server.get("/problems").await.text().contains("/problems/invalid-request"));
+    server.get("/problems/no-such-problem").await.problem(404, "not-found");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn examples_can_be_submitted_as_they_come() {
+    let server = quick().await;
+    let examples = server.get("/v1/examples").await.json();
+    for example in examples.as_array().unwrap() {
+        let name = text(example, "/name");
+        assert!(!text(example, "/label").is_empty());
+        let alone = server.get(&format!("/v1/examples/{name}")).await.json();
+        assert_eq!(alone, example["body"]);
+        assert_eq!(server.compute(&alone).await.status, 200);
+    }
+    server.get("/v1/examples/no-such-example").await.problem(404, "not-found");
+}

@@ -1,0 +1,76 @@
+//! The contract: generated from the routes, committed, complete.
+
+use std::collections::HashSet;
+
+use fretwork::api;
+use serde_json::Value;
+
+fn document() -> Value {
+    serde_json::from_slice(&api::document()).unwrap()
+}
+
+fn operations(document: &Value) -> impl Iterator<Item = (String, &Value)> {
+    document["paths"].as_object().unwrap().iter().flat_map(|(path, item)| {
+        item.as_object()
+            .unwrap()
+            .iter()
+            .map(move |(method, operation)| (format!("{method} {path}"), operation))
+    })
+}
+
+#[test]
+fn the_committed_document_is_what_the_routes_generate() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/openapi/openapi.json");
+    let committed = std::fs::read(path).unwrap_or_default();
+    assert!(
+        committed == api::document(),
+        "openapi/openapi.json is out of date: cargo run -- openapi > openapi/openapi.json"
+    );
+}
+
+#[test]
+fn every_operation_is_described_and_every_refusal_is_a_problem() {
+    let document = document();
+    let mut ids = HashSet::new();
+    for (name, operation) in operations(&document) {
+        let id = operation["operationId"].as_str().unwrap();
+        assert!(ids.insert(id), "{id} names two operations");
+        assert!(operation["summary"].is_string(), "{name} has no summary");
+        assert!(operation["tags"][0].is_string(), "{name} has no tag");
+        for parameter in operation["parameters"].as_array().into_iter().flatten() {
+            assert!(parameter["description"].is_string(), "{name}: {parameter}");
+        }
+        for (status, response) in operation["responses"].as_object().unwrap() {
+            let described = response["description"].as_str();
+            assert!(described.is_some_and(|text| !text.is_empty()), "{name} {status}");
+            if status.starts_with(['4', '5']) {
+                let schema = &response["content"]["application/problem+json"]["schema"]["$ref"];
+                assert_eq!(schema, "#/components/schemas/Problem", "{name} {status}");
+            }
+        }
+        if operation["requestBody"].is_object() {
+            let content = &operation["requestBody"]["content"]["application/json"];
+            assert!(content["examples"]["steel-ball"]["value"]["scenario"].is_object(), "{name}");
+        }
+    }
+    assert!(ids.len() >= 17, "{ids:?}");
+}
+
+#[test]
+fn every_reference_leads_somewhere() {
+    fn check(document: &Value, value: &Value) {
+        match value {
+            Value::Object(members) => {
+                if let Some(Value::String(target)) = members.get("$ref") {
+                    let found = target.strip_prefix('#').and_then(|path| document.pointer(path));
+                    assert!(found.is_some(), "{target}");
+                }
+                members.values().for_each(|value| check(document, value));
+            }
+            Value::Array(items) => items.iter().for_each(|value| check(document, value)),
+            _ => {}
+        }
+    }
+    let document = document();
+    check(&document, &document);
+}

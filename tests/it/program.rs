@@ -1,0 +1,133 @@
+//! The program as a user meets it: its commands, what it prints, how it ends.
+
+use std::io::{BufRead as _, BufReader, Write as _};
+use std::net::TcpListener;
+use std::path::Path;
+use std::process::{Child, Command, Output, Stdio};
+
+use fretwork::api;
+use serde_json::Value;
+use tempfile::TempDir;
+
+const BALL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/steel-ball.json");
+
+fn fretwork(words: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_fretwork"));
+    command.args(words);
+    command
+}
+
+fn run(words: &[&str], input: &str) -> Output {
+    let mut command = fretwork(words);
+    command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().unwrap();
+    // A command that does not read its input closes the pipe.
+    let _ = child.stdin.take().unwrap().write_all(input.as_bytes());
+    child.wait_with_output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> &str {
+    std::str::from_utf8(bytes).unwrap()
+}
+
+/// A server on a free port, and the address that it prints.
+fn serve(dir: &Path, options: &[&str]) -> (Child, String) {
+    let mut command = fretwork(options);
+    command.args(["--listen", "127.0.0.1:0", "--data-dir"]).arg(dir).env("FRETWORK_LOG", "off");
+    let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
+    let mut lines = BufReader::new(child.stdout.as_mut().unwrap()).lines();
+    let first = lines.next().unwrap().unwrap();
+    let address = first.rsplit(' ').next().unwrap().to_owned();
+    assert!(address.starts_with("http://127.0.0.1:"), "{first}");
+    let curl = lines.map(Result::unwrap).find(|line| line.starts_with("curl ")).unwrap();
+    assert!(curl.contains(&format!("'{address}/v1/jobs?include=result'")), "{curl}");
+    let body = curl.split_once("-d '").unwrap().1.trim_end_matches('\'');
+    let shown: Value = serde_json::from_str(body).unwrap();
+    assert_eq!(shown, serde_json::from_str::<Value>(api::EXAMPLES[0].body).unwrap());
+    (child, address)
+}
+
+/// One plain line on standard error and exit code 1.
+fn fails(output: &Output, words: &str) {
+    let said = text(&output.stderr);
+    assert_eq!((output.status.code(), said.lines().count()), (Some(1), 1), "{said}");
+    assert!(said.starts_with("fretwork: ") && said.contains(words), "{said}");
+}
+
+#[test]
+fn a_file_is_computed_without_a_server() {
+    let output = run(&["run", BALL], "");
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let result: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(result["regime"], "partial_slip");
+    assert!(text(&output.stderr).contains("wear_volume"), "{}", text(&output.stderr));
+
+    let output = run(&["run", "-", "--format", "csv"], api::EXAMPLES[0].body);
+    let csv = text(&output.stdout);
+    assert!(csv.starts_with("# fretwork history\n"), "{csv}");
+    assert!(csv.contains(&format!("# key: {}\n", result["key"].as_str().unwrap())), "{csv}");
+    assert_eq!(csv.lines().filter(|line| !line.starts_with('#')).count(), 7);
+}
+
+#[test]
+fn faults_of_a_file_are_printed_one_per_line() {
+    let body = api::EXAMPLES[0].body.replace("0.3", "0.7").replace("\"friction\"", "\"frictoin\"");
+    let output = run(&["run", "-"], &body);
+    assert_eq!((output.status.code(), output.stdout.len()), (Some(2), 0));
+    let mut pointers: Vec<_> =
+        text(&output.stderr).lines().map(|line| line.split_once(": ").unwrap().0).collect();
+    pointers.sort_unstable();
+    let expected = [
+        "/scenario/bodies/0/poisson_ratio",
+        "/scenario/bodies/1/poisson_ratio",
+        "/scenario/friction",
+        "/scenario/frictoin",
+    ];
+    assert_eq!(pointers, expected);
+
+    let output = run(&["run", "-"], "{\"scenario\": ");
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output.stderr).contains("line 1"), "{}", text(&output.stderr));
+    fails(&run(&["run", "no-such-file.json"], ""), "no-such-file.json");
+}
+
+#[test]
+fn the_document_that_is_printed_is_the_one_that_is_served() {
+    assert_eq!(run(&["openapi"], "").stdout, api::document());
+}
+
+#[test]
+fn a_server_is_healthy_until_it_is_told_to_end_and_then_ends_well() {
+    let dir = TempDir::new().unwrap();
+    for options in [&[][..], &["serve", "--log-format", "json"]] {
+        let (mut child, address) = serve(dir.path(), options);
+        let health = run(&["health", "--url", &address], "");
+        assert_eq!((health.status.code(), text(&health.stdout)), (Some(0), "ok\n"));
+
+        let second =
+            run(&["--listen", "127.0.0.1:0", "--data-dir", dir.path().to_str().unwrap()], "");
+        assert_eq!(second.status.code(), Some(1));
+        let said = text(&second.stderr);
+        assert!(said.contains("fretwork: another server is using the data directory"), "{said}");
+
+        let told = Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap();
+        assert!(told.success());
+        assert_eq!(child.wait().unwrap().code(), Some(0));
+        fails(&run(&["health", "--url", &address], ""), "no server answers");
+    }
+}
+
+#[test]
+fn a_server_that_cannot_start_says_why_in_one_line() {
+    let dir = TempDir::new().unwrap();
+    let taken = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = taken.local_addr().unwrap().to_string();
+    let data = dir.path().to_str().unwrap();
+    fails(&run(&["--listen", &address, "--data-dir", data], ""), "choose another with --listen");
+    fails(&run(&["--listen", "0.0.0.0:0", "--data-dir", data], ""), "--no-auth");
+    let file = dir.path().join("file");
+    std::fs::write(&file, "").unwrap();
+    let below = file.join("data");
+    let options = ["--listen", "127.0.0.1:0", "--data-dir", below.to_str().unwrap()];
+    fails(&run(&options, ""), "data directory");
+}

@@ -1,0 +1,280 @@
+//! Requests that are refused: each with the right problem, with every fault it has, and without
+//! any harm to the server.
+
+use serde_json::{Value, json};
+
+use crate::server::{JSON, Server, steel_ball};
+
+/// A request and what it should come to.
+struct Case {
+    name: &'static str,
+    method: &'static str,
+    target: String,
+    content_type: Option<&'static str>,
+    body: Vec<u8>,
+    status: u16,
+    slug: &'static str,
+    /// The pointers or parameters of all faults, sorted.
+    places: Vec<&'static str>,
+}
+
+fn case(
+    name: &'static str,
+    method: &'static str,
+    target: &str,
+    status: u16,
+    slug: &'static str,
+) -> Case {
+    let content_type = (method == "POST").then_some(JSON.1);
+    let target = target.to_owned();
+    Case { name, method, target, content_type, body: vec![], status, slug, places: vec![] }
+}
+
+/// A job body as text, refused before its meaning is looked at.
+fn text(name: &'static str, body: impl Into<Vec<u8>>) -> Case {
+    Case { body: body.into(), ..case(name, "POST", "/v1/jobs", 400, "invalid-json") }
+}
+
+/// The steel ball with some values set, whose faults should stand at `places`.
+fn ball<const N: usize>(
+    name: &'static str,
+    set: &[(&str, Value)],
+    places: [&'static str; N],
+) -> Case {
+    let mut body = steel_ball();
+    for (pointer, value) in set {
+        let (parent, member) = pointer.rsplit_once('/').unwrap();
+        let parent = body.pointer_mut(parent).unwrap();
+        match parent {
+            Value::Array(items) => items[member.parse::<usize>().unwrap()] = value.clone(),
+            parent => parent[member] = value.clone(),
+        }
+    }
+    unsound(name, &body.to_string(), places)
+}
+
+fn unsound<const N: usize>(name: &'static str, body: &str, places: [&'static str; N]) -> Case {
+    Case {
+        body: body.into(),
+        places: places.to_vec(),
+        ..case(name, "POST", "/v1/jobs", 422, "invalid-request")
+    }
+}
+
+/// A query with a fault in one parameter.
+fn query(name: &'static str, target: &str, parameter: &'static str) -> Case {
+    Case { places: vec![parameter], ..case(name, "GET", target, 422, "invalid-parameters") }
+}
+
+const ID: &str = "019aa0f3-1f4e-7cc0-9d8b-1c5b0c1f9a11";
+const KEY: &str = "0123456789abcdef0123456789abcdef0123456789abcdef0123456789abcdef";
+
+async fn all_are_refused(cases: Vec<Case>) {
+    let server = Server::start().await;
+    let mut failures = Vec::new();
+    for case in cases {
+        let headers: Vec<_> = case.content_type.map(|kind| (JSON.0, kind)).into_iter().collect();
+        let reply = server.send(case.method, &case.target, &headers, &case.body).await;
+        if reply.status != case.status {
+            let shown = String::from_utf8_lossy(&reply.body).chars().take(300).collect::<String>();
+            failures.push(format!("{}: {} {shown}", case.name, reply.status));
+            continue;
+        }
+        let problem = reply.problem(case.status, case.slug);
+        let mut expected = case.places;
+        expected.sort_unstable();
+        let mut places: Vec<&str> = problem["errors"]
+            .as_array()
+            .into_iter()
+            .flatten()
+            .map(|error| error["pointer"].as_str().or(error["parameter"].as_str()).unwrap())
+            .collect();
+        places.sort_unstable();
+        if places != expected {
+            failures.push(format!("{}: {places:?}, expected {expected:?}", case.name));
+        }
+        assert_eq!(server.get("/healthz").await.status, 200, "after {}", case.name);
+    }
+    assert!(failures.is_empty(), "{}", failures.join("\n"));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_is_not_json_or_not_here_is_refused() {
+    let oversized = format!("{{\"label\": \"{}\"}}", "x".repeat(5 << 20));
+    let deep = "[".repeat(100_000);
+    all_are_refused(vec![
+        text("empty body", ""),
+        text("blank body", " \n"),
+        text("broken off", r#"{"scenario": {"#),
+        text("trailing comma", r#"{"scenario": {},}"#),
+        text("NaN literal", r#"{"scenario": {"friction": NaN}}"#),
+        text("infinite literal", r#"{"scenario": {"friction": Infinity}}"#),
+        text("number too large", r#"{"scenario": {"friction": 1e999}}"#),
+        text("not UTF-8", b"{\"label\": \"\xff\"}".to_vec()),
+        text("two documents", "{} {}"),
+        text("bottomless nesting", deep),
+        text("YAML", "scenario:\n  friction: 0.7"),
+        Case { status: 413, slug: "body-too-large", ..text("oversized body", oversized) },
+        Case {
+            content_type: Some("application/x-www-form-urlencoded"),
+            status: 415,
+            slug: "unsupported-media-type",
+            ..text("form", "scenario=steel")
+        },
+        Case {
+            content_type: Some("text/plain"),
+            status: 415,
+            slug: "unsupported-media-type",
+            ..text("plain text", steel_ball().to_string())
+        },
+        case("unknown path", "GET", "/v2/jobs", 404, "not-found"),
+        case("slash at the end", "GET", "/v1/jobs/", 404, "not-found"),
+        case("wrong method", "DELETE", "/v1/jobs", 405, "method-not-allowed"),
+        case(
+            "wrong method on a result",
+            "PUT",
+            &format!("/v1/results/{KEY}"),
+            405,
+            "method-not-allowed",
+        ),
+        case("GET of a check", "GET", "/v1/scenarios", 405, "method-not-allowed"),
+        case("bad id", "GET", "/v1/jobs/42", 404, "not-found"),
+        case("unknown id", "GET", &format!("/v1/jobs/{ID}"), 404, "not-found"),
+        case("path that is not UTF-8", "GET", "/v1/jobs/%FF", 404, "not-found"),
+        case("bad key", "GET", "/v1/results/XYZ", 404, "unknown-result"),
+        case("unknown key", "GET", &format!("/v1/results/{KEY}"), 404, "unknown-result"),
+        case(
+            "history of an unknown key",
+            "GET",
+            &format!("/v1/results/{KEY}/history"),
+            404,
+            "unknown-result",
+        ),
+    ])
+    .await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn bad_queries_are_refused_by_the_name_of_the_parameter() {
+    all_are_refused(vec![
+        query("unknown parameter", "/v1/jobs?lmit=5", "lmit"),
+        query("bad state", "/v1/jobs?state=done", "state"),
+        query("bad limit", "/v1/jobs?limit=0", "limit"),
+        query("large limit", "/v1/jobs?limit=100000", "limit"),
+        query("bad cursor", "/v1/jobs?cursor=first", "cursor"),
+        query("bad key filter", "/v1/jobs?key=abc", "key"),
+        query("someone else", "/v1/jobs?owner=you", "owner"),
+        query("repeated parameter", "/v1/jobs?limit=1&limit=2", "limit"),
+        query("bad wait", &format!("/v1/jobs/{ID}?wait=soon"), "wait"),
+        query("long wait", &format!("/v1/jobs/{ID}?wait=3600"), "wait"),
+        query("bad include", &format!("/v1/jobs/{ID}?include=everything"), "include"),
+        query("bad format", &format!("/v1/results/{KEY}?format=xml"), "format"),
+        query("parameter where none is known", "/healthz?verbose=1", "verbose"),
+        Case {
+            places: vec!["limit", "sort", "state"],
+            ..query("three at once", "/v1/jobs?sort=up&limit=x&state=y", "")
+        },
+        Case {
+            body: steel_ball().to_string().into(),
+            method: "POST",
+            content_type: Some(JSON.1),
+            ..query("of a submission", "/v1/jobs?include=all", "include")
+        },
+    ])
+    .await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn every_fault_of_a_scenario_is_pointed_at() {
+    let model = "/scenario/model/points";
+    let poisson = "/scenario/bodies/0/poisson_ratio";
+    all_are_refused(vec![
+        unsound("not an object", "[]", [""]),
+        unsound("no scenario", "{}", ["/scenario"]),
+        unsound("scenario of the wrong type", r#"{"scenario": 7}"#, ["/scenario"]),
+        ball("unknown member of the job", &[("/lable", json!("x"))], ["/lable"]),
+        ball("unknown member", &[("/scenario/frictoin", json!(0.7))], ["/scenario/frictoin"]),
+        ball(
+            "unknown member below",
+            &[("/scenario/load/helt", json!("depth"))],
+            ["/scenario/load/helt"],
+        ),
+        ball("label of the wrong type", &[("/label", json!(7))], ["/label"]),
+        ball("tags of the wrong type", &[("/tags", json!("steel"))], ["/tags"]),
+        ball(
+            "friction of the wrong type",
+            &[("/scenario/friction", json!([]))],
+            ["/scenario/friction"],
+        ),
+        ball(
+            "unknown unit",
+            &[("/scenario/profile/radius", json!("10 furlongs"))],
+            ["/scenario/profile/radius"],
+        ),
+        ball(
+            "wrong dimension",
+            &[("/scenario/profile/radius", json!("10 kg"))],
+            ["/scenario/profile/radius"],
+        ),
+        ball(
+            "force in metres",
+            &[("/scenario/load/normal_force", json!("100 mm"))],
+            ["/scenario/load/normal_force"],
+        ),
+        ball(
+            "negative radius",
+            &[("/scenario/profile/radius", json!(-0.01))],
+            ["/scenario/profile/radius"],
+        ),
+        ball(
+            "no radius",
+            &[("/scenario/profile", json!({"shape": "sphere"}))],
+            ["/scenario/profile/radius"],
+        ),
+        ball(
+            "unknown shape",
+            &[("/scenario/profile/shape", json!("cube"))],
+            ["/scenario/profile/shape"],
+        ),
+        ball("Poisson ratio of 0.7", &[(poisson, json!(0.7))], [poisson]),
+        ball("negative friction", &[("/scenario/friction", json!(-0.7))], ["/scenario/friction"]),
+        ball("three bodies", &[("/scenario/bodies", json!([{}, {}, {}]))], ["/scenario/bodies"]),
+        ball("no points", &[(model, json!(0))], [model]),
+        ball("a thousand million points", &[(model, json!(1_000_000_000))], [model]),
+        ball("broken points", &[(model, json!(64.5))], [model]),
+        ball(
+            "a million instants",
+            &[("/scenario/cycles", json!(vec![1; 1_000_000]))],
+            ["/scenario/cycles"],
+        ),
+        ball("unsorted cycles", &[("/scenario/cycles", json!([3, 1]))], ["/scenario/cycles/1"]),
+        ball("no cycles", &[("/scenario/cycles", json!([]))], ["/scenario/cycles"]),
+        ball("negative cycles", &[("/scenario/cycles", json!([-1, 1]))], ["/scenario/cycles/0"]),
+        ball(
+            "amplitude of nothing",
+            &[("/scenario/motion/amplitude", json!(0))],
+            ["/scenario/motion/amplitude"],
+        ),
+        ball(
+            "unknown method",
+            &[("/scenario/model/method", json!("guess"))],
+            ["/scenario/model/method"],
+        ),
+        unsound(
+            "repeated member",
+            &steel_ball().to_string().replace("\"friction\":", "\"friction\":0.1,\"friction\":"),
+            ["/scenario/friction"],
+        ),
+        ball(
+            "four at once",
+            &[
+                ("/scenario/profile/radius", json!("10 kg")),
+                (poisson, json!(0.7)),
+                ("/scenario/friction", json!("slippery")),
+                ("/scenario/frictoin", json!(0.7)),
+            ],
+            [poisson, "/scenario/frictoin", "/scenario/friction", "/scenario/profile/radius"],
+        ),
+    ])
+    .await;
+}

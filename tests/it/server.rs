@@ -1,0 +1,204 @@
+//! A server of our own for each test: real store, real workers, real sockets.
+
+use std::fmt::Write as _;
+use std::net::SocketAddr;
+use std::sync::{Arc, Condvar, Mutex};
+use std::time::Duration;
+
+use fretwork::api::{self, App, Origins};
+use fretwork::job::{Answer, Key, Step, Task, Work};
+use fretwork::store::{Options, Store};
+use fretwork::worker::{Compute, Workers};
+use serde_json::{Value, json};
+use tempfile::TempDir;
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::watch;
+
+pub struct Server {
+    pub address: SocketAddr,
+    pub drain: watch::Sender<bool>,
+    _workers: Workers,
+    _dir: TempDir,
+}
+
+pub struct Reply {
+    pub status: u16,
+    pub headers: Vec<(String, String)>,
+    pub body: Vec<u8>,
+}
+
+impl Server {
+    /// A server that computes with the engine.
+    pub async fn start() -> Self {
+        Self::computing(Arc::new(Task::start), &Origins::Own).await
+    }
+
+    pub async fn computing(compute: Compute, origins: &Origins) -> Self {
+        let dir = TempDir::new().unwrap();
+        let store = Store::open(dir.path(), &Options::default()).await.unwrap();
+        store.recover().await.unwrap();
+        let workers = Workers::start(&store, 2, &compute).unwrap();
+        let (drain, draining) = watch::channel(false);
+        let router = api::router(App { store, draining }, origins);
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let address = listener.local_addr().unwrap();
+        tokio::spawn(async move { axum::serve(listener, router).await.unwrap() });
+        Self { address, drain, _workers: workers, _dir: dir }
+    }
+
+    /// Sends one request and reads the whole answer.
+    pub async fn send(
+        &self,
+        method: &str,
+        target: &str,
+        headers: &[(&str, &str)],
+        body: impl AsRef<[u8]>,
+    ) -> Reply {
+        let body = body.as_ref();
+        let mut head = format!("{method} {target} HTTP/1.1\r\nHost: test\r\nConnection: close\r\n");
+        if !body.is_empty() || method == "POST" {
+            write!(head, "Content-Length: {}\r\n", body.len()).unwrap();
+        }
+        for (name, value) in headers {
+            write!(head, "{name}: {value}\r\n").unwrap();
+        }
+        let mut connection = TcpStream::connect(self.address).await.unwrap();
+        connection.write_all((head + "\r\n").as_bytes()).await.unwrap();
+        connection.write_all(body).await.unwrap();
+        let mut answer = Vec::new();
+        connection.read_to_end(&mut answer).await.unwrap();
+        Reply::parse(&answer)
+    }
+
+    pub async fn get(&self, target: &str) -> Reply {
+        self.send("GET", target, &[], "").await
+    }
+
+    pub async fn post(&self, target: &str, body: &Value) -> Reply {
+        self.send("POST", target, &[JSON], body.to_string()).await
+    }
+
+    /// Submits and waits for the end.
+    pub async fn compute(&self, body: &Value) -> Reply {
+        let headers = [JSON, ("Prefer", "wait=60")];
+        self.send("POST", "/v1/jobs", &headers, body.to_string()).await
+    }
+}
+
+pub const JSON: (&str, &str) = ("Content-Type", "application/json");
+
+impl Reply {
+    fn parse(answer: &[u8]) -> Self {
+        let end = answer.windows(4).position(|window| window == b"\r\n\r\n").unwrap();
+        let head = std::str::from_utf8(&answer[..end]).unwrap();
+        let mut lines = head.lines();
+        let status = lines.next().unwrap().split(' ').nth(1).unwrap().parse().unwrap();
+        let headers = lines
+            .map(|line| line.split_once(": ").unwrap())
+            .map(|(name, value)| (name.to_owned(), value.to_owned()))
+            .collect();
+        Self { status, headers, body: answer[end + 4..].to_vec() }
+    }
+
+    pub fn header(&self, name: &str) -> Option<&str> {
+        let mut found = self.headers.iter().filter(|(header, _)| header == name);
+        let (_, value) = found.next()?;
+        assert!(found.next().is_none(), "{name} appears twice");
+        Some(value)
+    }
+
+    pub fn text(&self) -> &str {
+        std::str::from_utf8(&self.body).unwrap()
+    }
+
+    pub fn json(&self) -> Value {
+        serde_json::from_slice(&self.body).unwrap_or_else(|error| {
+            panic!("{error} in {}: {}", self.status, String::from_utf8_lossy(&self.body))
+        })
+    }
+
+    /// Asserts that this is a complete problem of this kind, and returns it.
+    pub fn problem(&self, status: u16, slug: &str) -> Value {
+        let problem = self.json();
+        assert_eq!(self.status, status, "{problem}");
+        assert_eq!(self.header("content-type"), Some("application/problem+json"));
+        assert_eq!(problem["type"], format!("/problems/{slug}"), "{problem}");
+        assert_eq!(problem["status"], status);
+        assert!(problem["title"].as_str().is_some_and(|title| !title.is_empty()));
+        assert!(problem["detail"].as_str().is_some_and(|detail| !detail.is_empty()));
+        assert_eq!(problem["instance"].as_str(), self.header("x-request-id"));
+        problem
+    }
+}
+
+/// The steel ball, the first of the examples.
+pub fn steel_ball() -> Value {
+    serde_json::from_str(api::EXAMPLES[0].body).unwrap()
+}
+
+/// The steel ball with one value changed: another scenario, another key.
+pub fn ball(amplitude: f64) -> Value {
+    let mut body = steel_ball();
+    body["scenario"]["motion"]["amplitude"] = json!(amplitude * 1e-6);
+    body
+}
+
+/// Holds work up until a test lets it go.
+#[derive(Clone, Default)]
+pub struct Gate(Arc<(Mutex<bool>, Condvar)>);
+
+impl Gate {
+    pub fn open(&self) {
+        *self.0.0.lock().unwrap() = true;
+        self.0.1.notify_all();
+    }
+
+    /// Work that is done once the gate is open, and leaves a small document of the usual form.
+    pub fn compute(&self) -> Compute {
+        let gate = self.clone();
+        Arc::new(move |key: &Key, _: &str| {
+            Ok(Box::new(Gated { gate: gate.clone(), key: *key }) as Box<dyn Work>)
+        })
+    }
+
+    /// Such work, not held up.
+    pub fn opened() -> Compute {
+        let gate = Self::default();
+        gate.open();
+        gate.compute()
+    }
+}
+
+struct Gated {
+    gate: Gate,
+    key: Key,
+}
+
+impl Work for Gated {
+    fn step(&mut self) -> Step {
+        let (open, changed) = &*self.gate.0;
+        // Steps are short, so that the work can be stopped.
+        let step = Duration::from_millis(20);
+        let open = changed.wait_timeout_while(open.lock().unwrap(), step, |open| !*open).unwrap().0;
+        if !*open {
+            return Step::Working { progress: 0.5 };
+        }
+        let body = document(&self.key.to_string()).into_bytes();
+        Step::Done(Answer {
+            body,
+            summary: json!({"regime": "partial_slip", "wear_volume": 2.5e-13}),
+        })
+    }
+}
+
+/// A small document of the form of a result.
+pub fn document(key: &str) -> String {
+    format!(
+        "{{\"key\":\"{key}\",\"engine\":{{\"name\":\"fretwork\",\"numerics\":1}},\
+         \"units\":{{\"cycles\":\"1\",\"radius\":\"m\",\"wear\":\"m\",\"wear_volume\":\"m^3\"}},\
+         \"history\":{{\"cycles\":[0.0,1000.0],\"wear_volume\":[0.0,2.50e-13]}},\
+         \"profiles\":{{\"cycles\":[0.0,1000.0],\"radius\":[0.0,1e-4,2e-4],\"limiting\":null,\
+         \"wear\":[[0.0,0.0,0.0],[0.0,1.5e-7,null]]}}}}"
+    )
+}
