@@ -19,6 +19,7 @@ mod openapi;
 mod program;
 #[cfg(feature = "serve")]
 mod refusals;
+mod schema;
 #[cfg(feature = "serve")]
 mod server;
 #[cfg(feature = "serve")]

@@ -1,0 +1,90 @@
+//! The JSON Schema of a scenario says what the parser does.
+
+use fretwork::engine::quantity::Dimension;
+use fretwork::engine::request::{
+    EnergyWear, Exponent, Force, Friction, Instant, LAST_CYCLE, Length, MAX_CYCLES, POINTS_RANGE,
+    PoissonRatio, SlopeAngle, StickRatio, Stress, WEAR_RANGE, Xi,
+};
+use fretwork::engine::scenario::{self, DEFAULT_POINTS, DEFAULT_XI, SCHEMA};
+use serde_json::Value;
+
+fn schema() -> Value {
+    serde_json::from_str(SCHEMA).expect("the schema is JSON")
+}
+
+#[test]
+fn ranges_and_defaults_in_the_schema_are_those_of_the_parser() {
+    let schema = schema();
+    let at = |pointer: &str| schema.pointer(pointer).unwrap_or_else(|| panic!("{pointer}"));
+    let number = |pointer: &str| at(pointer).as_f64().unwrap_or_else(|| panic!("{pointer}"));
+    for (pointer, range) in [
+        ("/$defs/Length/oneOf/0", Length::RANGE),
+        ("/$defs/Force/oneOf/0", Force::RANGE),
+        ("/$defs/Stress/oneOf/0", Stress::RANGE),
+        ("/$defs/SlopeAngle/oneOf/0", SlopeAngle::RANGE),
+        ("/properties/friction", Friction::RANGE),
+        ("/$defs/Body/properties/poisson_ratio", PoissonRatio::RANGE),
+        ("/$defs/Profile/oneOf/3/properties/exponent", Exponent::RANGE),
+        ("/$defs/Wear/oneOf/0/properties/coefficient/oneOf/0", WEAR_RANGE),
+        ("/$defs/Wear/oneOf/2/properties/energy_coefficient/oneOf/0", EnergyWear::RANGE),
+        ("/$defs/Motion/oneOf/1/properties/stick_ratio", StickRatio::RANGE),
+        ("/$defs/Instants/items", Instant::RANGE),
+        ("/$defs/Range/properties/from", Instant::RANGE),
+        ("/$defs/Range/properties/to", (0.0, LAST_CYCLE)),
+        ("/$defs/Range/properties/count", (2.0, MAX_CYCLES as f64)),
+        ("/$defs/Model/properties/xi", Xi::RANGE),
+        ("/$defs/Model/properties/points", (f64::from(POINTS_RANGE.0), f64::from(POINTS_RANGE.1))),
+    ] {
+        let found = (number(&format!("{pointer}/minimum")), number(&format!("{pointer}/maximum")));
+        assert_eq!(found, range, "{pointer}");
+    }
+    assert_eq!(number("/$defs/Instants/maxItems"), MAX_CYCLES as f64);
+    assert_eq!(number("/$defs/Model/properties/xi/default"), DEFAULT_XI);
+    assert_eq!(number("/$defs/Model/properties/points/default"), f64::from(DEFAULT_POINTS));
+}
+
+#[test]
+fn every_unit_that_is_accepted_is_named_in_the_schema() {
+    let schema = schema();
+    for (pointer, dimension) in [
+        ("/$defs/Length", Dimension::Length),
+        ("/$defs/Force", Dimension::Force),
+        ("/$defs/Stress", Dimension::Stress),
+        ("/$defs/SlopeAngle", Dimension::Angle),
+        ("/$defs/Wear/oneOf/0/properties/coefficient", Dimension::WearCoefficient),
+        ("/$defs/Wear/oneOf/2/properties/energy_coefficient", Dimension::EnergyWear),
+    ] {
+        let description = schema.pointer(pointer).expect(pointer)["description"].to_string();
+        let (_, units) = description.split_once("Units: ").expect("a list of units");
+        let named: Vec<&str> = units
+            .split(", ")
+            .map(|unit| unit.trim_end_matches(['"', '.']))
+            .map(|unit| unit.split_once(" (").map_or(unit, |(plain, _)| plain))
+            .collect();
+        let accepted = dimension.accepted();
+        let accepted: Vec<&str> = accepted.split(", ").collect();
+        assert_eq!(named, accepted, "{pointer}");
+    }
+}
+
+#[test]
+fn the_examples_in_the_schema_and_in_the_repository_are_accepted() {
+    let schema = schema();
+    let examples = schema["examples"].as_array().expect("examples");
+    for example in examples {
+        scenario::check(example, "").unwrap_or_else(|faults| panic!("{faults:?}"));
+    }
+    let directory = concat!(env!("CARGO_MANIFEST_DIR"), "/examples");
+    let mut seen = 0;
+    for entry in std::fs::read_dir(directory).expect(directory) {
+        let path = entry.expect("an entry").path();
+        if path.extension().is_some_and(|extension| extension == "json") {
+            let text = std::fs::read_to_string(&path).expect("a file");
+            let body: Value = serde_json::from_str(&text).expect("JSON");
+            scenario::check(&body["scenario"], "")
+                .unwrap_or_else(|faults| panic!("{}: {faults:?}", path.display()));
+            seen += 1;
+        }
+    }
+    assert!(seen >= 3);
+}
