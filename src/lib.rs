@@ -10,3 +10,8 @@ pub mod job;
 pub mod store;
 #[cfg(feature = "serve")]
 pub mod worker;
+
+/// The code in the README, run as a documentation test.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+pub struct Readme;
