@@ -8,8 +8,9 @@ use serde::Serialize;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
+use crate::engine::fault::Faults;
 use crate::engine::outcome::{Outcome, Units};
-use crate::engine::request::{Faults, Given};
+use crate::engine::request::Given;
 use crate::engine::scenario::{self, Scenario, Warning};
 use crate::engine::simulation::{self, Simulation};
 

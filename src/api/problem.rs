@@ -12,7 +12,7 @@ use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use crate::engine::request::{Fault, Faults};
+use crate::engine::fault::{Fault, Faults};
 use crate::store;
 
 /// One row of the table: what a kind of problem is called, means and asks for.

@@ -12,8 +12,8 @@ use utoipa::ToSchema;
 use super::App;
 use super::problem::{self, Problem};
 use super::wire::{self, Body, NoQuery, Segment};
+use crate::engine::fault::Fault;
 use crate::engine::outcome::Preview;
-use crate::engine::request::Fault;
 use crate::engine::scenario::{SCHEMA, Scenario, Warning};
 use crate::job::{Key, Submission, Task};
 

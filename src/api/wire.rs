@@ -15,7 +15,7 @@ use serde::de::{DeserializeSeed, MapAccess, SeqAccess, Visitor};
 use serde_json::{Map, Value};
 
 use super::problem::{self, Complaint, Problem};
-use crate::engine::request::Fault;
+use crate::engine::fault::Fault;
 
 /// The largest body that is read, in bytes.
 pub const BODY_LIMIT: usize = 4 << 20;

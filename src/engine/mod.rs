@@ -1,6 +1,7 @@
 //! The physics of one run: SI in, dimensionless inside, SI out.
 
 pub mod contact;
+pub mod fault;
 pub mod limit;
 pub mod numeric;
 pub mod outcome;

@@ -322,7 +322,7 @@ impl Scenario {
     ///
     /// # Errors
     /// As [`Scenario::case`].
-    pub fn preview(&self) -> Result<Preview, super::request::Fault> {
+    pub fn preview(&self) -> Result<Preview, super::fault::Fault> {
         let case = self.case()?;
         let row = Row::new(&case.contact);
         Ok(Preview {

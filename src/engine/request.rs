@@ -4,14 +4,9 @@
 //! them and collects the faults of all members instead of stopping at the first. What only the
 //! physics can judge is left to [`scenario`](super::scenario).
 
-use std::ops::ControlFlow;
+use deserr::{Deserr, ErrorKind, IntoValue, Map, Sequence, Value, ValueKind, ValuePointerRef};
 
-use deserr::{
-    DeserializeError, Deserr, ErrorKind, IntoValue, Map, MergeWithError, Sequence, Value,
-    ValueKind, ValuePointerRef,
-};
-use serde::Serialize;
-
+use super::fault::{Faults, refuse};
 use super::numeric::twelve_digits;
 use super::profile::EXPONENT_RANGE;
 use super::quantity::{self, Dimension};
@@ -22,128 +17,6 @@ pub const MAX_CYCLES: usize = 1000;
 pub const POINTS_RANGE: (u16, u16) = (16, 4096);
 /// Largest number of cycles.
 pub const LAST_CYCLE: f64 = 1e15;
-/// Faults listed in one answer; more are counted.
-const MAX_FAULTS: usize = 100;
-
-/// One thing wrong with a request.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct Fault {
-    /// JSON pointer (RFC 6901) to the member at fault.
-    pub pointer: String,
-    /// What is wrong and what to change.
-    pub detail: String,
-}
-
-/// Everything wrong with a request.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{} fault(s) in the request", .0.len())]
-pub struct Faults(pub Vec<Fault>);
-
-impl Faults {
-    /// One fault at a location.
-    pub(crate) fn at(location: ValuePointerRef<'_>, detail: impl Into<String>) -> Self {
-        Self(vec![Fault { pointer: pointer(location), detail: detail.into() }])
-    }
-
-    /// The faults, with `prefix` before every pointer.
-    #[must_use]
-    pub fn below(mut self, prefix: &str) -> Self {
-        for fault in &mut self.0 {
-            fault.pointer.insert_str(0, prefix);
-        }
-        self
-    }
-}
-
-impl MergeWithError<Faults> for Faults {
-    fn merge(
-        earlier: Option<Self>,
-        later: Faults,
-        _: ValuePointerRef<'_>,
-    ) -> ControlFlow<Self, Self> {
-        let mut all = earlier.unwrap_or(Self(Vec::new()));
-        all.0.extend(later.0);
-        if all.0.len() > MAX_FAULTS {
-            let more = all.0.len() - MAX_FAULTS;
-            all.0.truncate(MAX_FAULTS);
-            let detail = format!("and at least {more} more faults, not listed");
-            all.0.push(Fault { pointer: String::new(), detail });
-            return ControlFlow::Break(all);
-        }
-        ControlFlow::Continue(all)
-    }
-}
-
-impl DeserializeError for Faults {
-    fn error<V: IntoValue>(
-        earlier: Option<Self>,
-        error: ErrorKind<'_, V>,
-        location: ValuePointerRef<'_>,
-    ) -> ControlFlow<Self, Self> {
-        let fault = match error {
-            ErrorKind::IncorrectValueKind { actual, accepted } => {
-                let accepted: Vec<_> = accepted.iter().map(|kind| kind_name(*kind)).collect();
-                let accepted = accepted.join(" or ");
-                Self::at(location, format!("must be {accepted}, not {}", kind_name(actual.kind())))
-            }
-            ErrorKind::MissingField { field } => {
-                Self::at(location.push_key(field), format!("is missing: give `{field}`"))
-            }
-            ErrorKind::UnknownKey { key, accepted } => {
-                Self::at(location.push_key(key), unknown("member", key, accepted))
-            }
-            ErrorKind::UnknownValue { value, accepted } => {
-                Self::at(location, unknown("value", value, accepted))
-            }
-            ErrorKind::BadSequenceLen { actual, expected } => {
-                Self::at(location, format!("must have {expected} entries, not {}", actual.len()))
-            }
-            ErrorKind::Unexpected { msg } => Self::at(location, msg),
-        };
-        Self::merge(earlier, fault, location)
-    }
-}
-
-/// The one fault `error` as a finished `Faults`.
-fn refuse<V: IntoValue>(error: ErrorKind<'_, V>, location: ValuePointerRef<'_>) -> Faults {
-    match Faults::error::<V>(None, error, location) {
-        ControlFlow::Continue(faults) | ControlFlow::Break(faults) => faults,
-    }
-}
-
-fn pointer(location: ValuePointerRef<'_>) -> String {
-    match location {
-        ValuePointerRef::Origin => String::new(),
-        ValuePointerRef::Key { key, prev } => {
-            format!("{}/{}", pointer(*prev), key.replace('~', "~0").replace('/', "~1"))
-        }
-        ValuePointerRef::Index { index, prev } => format!("{}/{index}", pointer(*prev)),
-    }
-}
-
-fn kind_name(kind: ValueKind) -> &'static str {
-    match kind {
-        ValueKind::Null => "null",
-        ValueKind::Boolean => "a boolean",
-        ValueKind::Integer | ValueKind::NegativeInteger | ValueKind::Float => "a number",
-        ValueKind::String => "a string",
-        ValueKind::Sequence => "a list",
-        ValueKind::Map => "an object",
-    }
-}
-
-fn unknown(what: &str, given: &str, accepted: &[&str]) -> String {
-    let near = accepted
-        .iter()
-        .map(|known| (strsim::jaro_winkler(given, known), known))
-        .filter(|(likeness, _)| *likeness > 0.8)
-        .max_by(|a, b| a.0.total_cmp(&b.0))
-        .map_or(String::new(), |(_, known)| format!(" Did you mean `{known}`?"));
-    // A name from a request may be megabytes long.
-    let given: String = given.chars().take(60).collect();
-    format!("unknown {what} `{given}`.{near} Accepted here: {}.", accepted.join(", "))
-}
-
 /// A member that may be left out. Unlike an `Option` it does not take null for absent.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Given<T>(pub Option<T>);

@@ -21,11 +21,10 @@ use deserr::{Deserr, IntoValue, ValuePointerRef};
 use serde::Serialize;
 
 use super::contact::{Contact, Regime};
+use super::fault::{Fault, Faults};
 use super::numeric::{root, twelve_digits};
 use super::profile::{Shape, kappa};
-use super::request::{
-    self, Body, Cycles, Fault, Faults, Length, Profile, ProfilesAt, Request, Stress,
-};
+use super::request::{self, Body, Cycles, Length, Profile, ProfilesAt, Request, Stress};
 
 /// The version of the engine's digits: it rises whenever a result changes in any digit.
 pub const NUMERICS: u32 = 1;

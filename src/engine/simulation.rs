@@ -21,8 +21,8 @@
 //! ```
 
 use super::contact::Decay;
+use super::fault::Fault;
 use super::outcome::{Accuracy, History, LimitState, Outcome, Profiles, Scales, Unworn};
-use super::request::Fault;
 use super::scenario::{Case, Scenario, Warning};
 use super::simplified::{Simplified, State};
 
