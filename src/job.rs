@@ -607,17 +607,22 @@ mod tests {
             };
             format!("{} {}", key, Key::digest(&answer.body))
         };
+        let mut exact = ball();
+        exact["model"] = json!({"method": "exact"});
         let ball = digest(&Task::Run(ball_task()));
         let mut cone = ball_json_cone();
         cone["cycles"] = json!({"normalized": [0.5, 4, 16]});
         let cone = digest(&Submission::parse(&body(&cone)).expect("valid").task);
+        let exact = digest(&Submission::parse(&body(&exact)).expect("valid").task);
         assert_eq!(
-            [ball.as_str(), cone.as_str()],
+            [ball.as_str(), cone.as_str(), exact.as_str()],
             [
                 "7262301ee85039ba4e113b17570ed2e12a9a7b34bc20bf05a1cbfc9b16860c41 \
-                 1087f55730c54c76cb6aae4624a1a3dc67a618a4829d8a54ec6260e7938ad415",
+                 25a08211f92e40dac4885780d85546ac91c8f74747ae07c45e4b8458c3ddb94a",
                 "46018b326003fb9232ee611ac34f690d304295894ade59b3f1c2af72169fdbf6 \
-                 86268b8c92accad0dfa1f813727fee4daae7fb10ea5f128361980a06d3f428f2",
+                 9693fa766c5a841db0dec810c1e06a9f9ecc1b9e75479cbd8ee80c2de59b7ada",
+                "5c89ceb8cf9aeaff9e820494bc3736e7bac0978b004ba17e3c2154bd41338b08 \
+                 f8aabb25d5ae086f757e33c0509d4bf218fad56da08cb1595f3d036a750ec483",
             ]
         );
     }

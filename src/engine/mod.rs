@@ -1,13 +1,16 @@
 //! The physics of one run: SI in, dimensionless inside, SI out.
 
 pub mod contact;
+pub mod exact;
 pub mod fault;
 pub mod limit;
+pub mod mesh;
 pub mod numeric;
 pub mod outcome;
 pub mod profile;
 pub mod quantity;
 pub mod request;
+pub mod rkc;
 pub mod scenario;
 pub mod simplified;
 pub mod simulation;

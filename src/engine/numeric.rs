@@ -159,6 +159,74 @@ pub fn largest(values: &[f64]) -> usize {
     values.iter().position(|value| *value >= most).unwrap_or(0)
 }
 
+/// The height of the parabola through the largest value and its neighbours.
+#[must_use]
+pub fn vertex(x: &[f64], y: &[f64], at: usize) -> f64 {
+    if at == 0 || at + 1 == y.len() {
+        return y[at].max(0.0);
+    }
+    let (left, right) = (x[at] - x[at - 1], x[at + 1] - x[at]);
+    let slope_left = (y[at] - y[at - 1]) / left;
+    let slope_right = (y[at + 1] - y[at]) / right;
+    let curvature = (slope_right - slope_left) / (left + right);
+    if curvature >= 0.0 {
+        return y[at].max(0.0);
+    }
+    let slope = (slope_left * right + slope_right * left) / (left + right);
+    (y[at] - slope * slope / (4.0 * curvature)).max(0.0)
+}
+
+/// A curve through points that overshoots none of them: piecewise cubic, monotone where they are.
+///
+/// F. N. Fritsch, J. Butland, *SIAM J. Sci. Stat. Comput.* 5 (1984) 300.
+#[derive(Debug, Clone)]
+pub struct Monotone {
+    x: Vec<f64>,
+    y: Vec<f64>,
+    slopes: Vec<f64>,
+}
+
+impl Monotone {
+    /// Through at least one point, in ascending order.
+    #[must_use]
+    pub fn through(x: Vec<f64>, y: Vec<f64>) -> Self {
+        let secants: Vec<f64> =
+            x.windows(2).zip(y.windows(2)).map(|(x, y)| (y[1] - y[0]) / (x[1] - x[0])).collect();
+        let mut slopes = Vec::with_capacity(x.len());
+        slopes.push(secants.first().copied().unwrap_or(0.0));
+        for (pair, x) in secants.windows(2).zip(x.windows(3)) {
+            let (left, right) = (x[1] - x[0], x[2] - x[1]);
+            let (w1, w2) = (2.0 * right + left, right + 2.0 * left);
+            let same_sign = pair[0] * pair[1] > 0.0;
+            let slope = (w1 + w2) / (w1 / pair[0] + w2 / pair[1]);
+            slopes.push(if same_sign { slope } else { 0.0 });
+        }
+        if x.len() > 1 {
+            slopes.extend(secants.last());
+        }
+        Self { x, y, slopes }
+    }
+
+    /// The value at `x`; the first or last one outside the points.
+    #[must_use]
+    pub fn at(&self, x: f64) -> f64 {
+        let right = self.x.partition_point(|knot| *knot <= x);
+        if right == 0 {
+            return self.y[0];
+        }
+        if right == self.x.len() {
+            return self.y[right - 1];
+        }
+        let left = right - 1;
+        let h = self.x[right] - self.x[left];
+        let u = (x - self.x[left]) / h;
+        let v = 1.0 - u;
+        v * v * (1.0 + 2.0 * u) * self.y[left]
+            + u * u * (1.0 + 2.0 * v) * self.y[right]
+            + h * u * v * (v * self.slopes[left] - u * self.slopes[right])
+    }
+}
+
 /// xⁿ for a whole n ≥ 0 by repeated multiplication (`f64::powi` may differ between platforms).
 #[must_use]
 pub fn whole_power(x: f64, n: u32) -> f64 {
@@ -226,6 +294,28 @@ mod tests {
         }
         assert_eq!(largest(&[]), 0);
         assert_eq!(largest(&[-2.0, -1.0, -1.0]), 1);
+    }
+
+    #[test]
+    fn a_monotone_curve_passes_its_points_and_overshoots_none() {
+        let x: Vec<f64> = vec![0.0, 0.1, 0.5, 0.6, 2.0];
+        let y = vec![0.0, 0.0, 1.0, 1.0, 3.0];
+        let curve = Monotone::through(x.clone(), y.clone());
+        for (x, y) in x.iter().zip(&y) {
+            assert!((curve.at(*x) - y).abs() < 1e-15);
+        }
+        let mut before = 0.0;
+        for i in 0..=2000 {
+            let value = curve.at(f64::from(i) * 1e-3);
+            assert!(value >= before - 1e-15 && value <= 3.0);
+            before = value;
+        }
+        let parabola = |n: u32| {
+            let x: Vec<f64> = (0..=n).map(|i| 1.0 + f64::from(i) / f64::from(n)).collect();
+            let y = x.iter().map(|x| x * x).collect();
+            (Monotone::through(x, y).at(1.523) - 1.523 * 1.523).abs()
+        };
+        assert!(parabola(40) < 1e-4 && parabola(80) < 0.3 * parabola(40));
     }
 
     #[test]

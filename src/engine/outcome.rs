@@ -228,9 +228,20 @@ pub struct Accuracy {
     /// (k_w/μ)·ΣW/V − 1 at the last instant. The exact method keeps dV/dN = (k_w/μ)·W; the simplified
     /// rule does not, and this is by how much. Null without wear.
     pub energy_mismatch: Option<f64>,
-    /// The largest relative difference, over the history, between the volume under the computed
-    /// profile and that of its image: a measure of what `points` resolves. Null without wear.
+    /// The largest relative error of the volume by discretisation, estimated over the history: for
+    /// the simplified rule the difference between the volume under the computed profile and that of
+    /// its image, for the exact method one and a half times the distance to a run with half the cells.
+    /// Null without wear.
     pub volume_error: Option<f64>,
+    /// Cells of the exact method's mesh.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cells: Option<usize>,
+    /// Time steps of the exact method, of both runs.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub steps: Option<usize>,
+    /// How often the exact method evaluated the wear rate.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub evaluations: Option<usize>,
 }
 
 /// Everything a run finds.

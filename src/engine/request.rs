@@ -132,6 +132,8 @@ quantities! {
     StickRatio: Number in (0.0, 0.9999);
     /// The fitting parameter of (14).
     Xi: Number in (1e-3, 1e3);
+    /// The relative error that an exact run aims at.
+    Tolerance: Number in (1e-4, 3e-2);
     /// A number of cycles.
     Instant: Number in (0.0, LAST_CYCLE);
 }
@@ -668,6 +670,8 @@ pub enum Method {
     /// The rule (14).
     #[default]
     Simplified,
+    /// Local pressure times local slip.
+    Exact,
 }
 
 /// Method and resolution.
@@ -677,9 +681,12 @@ pub struct Model {
     /// The method.
     #[deserr(default)]
     pub method: Method,
-    /// ξ.
+    /// ξ, of the simplified rule.
     #[deserr(default)]
     pub xi: Given<Xi>,
+    /// Relative error aimed at, of the exact method.
+    #[deserr(default)]
+    pub tolerance: Given<Tolerance>,
     /// Output radii.
     #[deserr(default)]
     pub points: Given<Points>,

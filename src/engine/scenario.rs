@@ -21,6 +21,7 @@ use deserr::{Deserr, IntoValue, ValuePointerRef};
 use serde::Serialize;
 
 use super::contact::{Contact, Regime};
+use super::exact::Exact;
 use super::fault::{Fault, Faults};
 use super::numeric::{root, twelve_digits};
 use super::profile::{Shape, kappa};
@@ -34,6 +35,8 @@ pub const SCHEMA: &str = include_str!("scenario.schema.json");
 
 /// Default of ξ in (14).
 pub const DEFAULT_XI: f64 = 0.8;
+/// Default relative error of the exact method.
+pub const DEFAULT_TOLERANCE: f64 = 3e-3;
 /// Default number of radii.
 pub const DEFAULT_POINTS: u16 = 256;
 /// Up to this many instants all carry profiles by default, above it only the last.
@@ -113,7 +116,10 @@ enum CanonicalProfilesAt {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 struct Model {
     method: &'static str,
-    xi: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    xi: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    tolerance: Option<f64>,
     points: u16,
 }
 
@@ -164,6 +170,21 @@ impl Scales {
     }
 }
 
+/// How wear is computed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Method {
+    /// The rule (14).
+    Simplified {
+        /// ξ.
+        xi: f64,
+    },
+    /// Local pressure times local slip.
+    Exact {
+        /// The relative error aimed at.
+        tolerance: f64,
+    },
+}
+
 /// A scenario made ready for computing: dimensionless, with the scales that lead back.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Case {
@@ -171,8 +192,8 @@ pub struct Case {
     pub contact: Contact,
     /// The way back to SI.
     pub scales: Scales,
-    /// ξ.
-    pub xi: f64,
+    /// How wear is computed.
+    pub method: Method,
     /// Output radii.
     pub points: usize,
     /// The instants in cycles, 0 first.
@@ -194,11 +215,20 @@ impl Case {
         self.profiles.iter().filter(|carries| **carries).count()
     }
 
-    /// Multiplications of the inverse transforms and the pressures: what a run costs.
+    /// Multiplications in matrices, about: what a run costs.
     #[must_use]
     pub fn operations(&self) -> f64 {
         let half_square = (self.points * self.points) as f64 / 2.0;
-        half_square * (self.cycles.len() + self.profile_rows()) as f64
+        match self.method {
+            Method::Simplified { .. } => {
+                half_square * (self.cycles.len() + self.profile_rows()) as f64
+            }
+            Method::Exact { tolerance } => {
+                let duration = self.cycles.last().map_or(0.0, |last| last / self.scales.cycles);
+                Exact::operations(tolerance, duration)
+                    + (self.points * self.profile_rows() + self.cycles.len()) as f64
+            }
+        }
     }
 
     /// About how many bytes the answer takes as JSON.
@@ -258,12 +288,18 @@ impl Scenario {
         let unit = contact_radius / (4.0 * amplitude * coefficient * moduli.normal);
         let (cycles, profiles_at) =
             instants(&request.cycles, request.profiles_at.0.as_ref(), unit)?;
-        let model = Model {
-            method: match request.model.method {
-                request::Method::Simplified => "simplified",
-            },
-            xi: twelve_digits(request.model.xi.0.map_or(DEFAULT_XI, |xi| xi.0)),
-            points: request.model.points.0.map_or(DEFAULT_POINTS, |points| points.0),
+        let points = request.model.points.0.map_or(DEFAULT_POINTS, |points| points.0);
+        let xi = twelve_digits(request.model.xi.0.map_or(DEFAULT_XI, |xi| xi.0));
+        let tolerance = request.model.tolerance.0.map_or(DEFAULT_TOLERANCE, |given| given.0);
+        let tolerance = twelve_digits(tolerance);
+        // What a method ignores is left out, so that it makes no difference.
+        let model = match request.model.method {
+            request::Method::Simplified => {
+                Model { method: "simplified", xi: Some(xi), tolerance: None, points }
+            }
+            request::Method::Exact => {
+                Model { method: "exact", xi: None, tolerance: Some(tolerance), points }
+            }
         };
         Ok(Self {
             profile,
@@ -321,7 +357,11 @@ impl Scenario {
             }
         };
         let points = usize::from(self.model.points);
-        let case = Case { contact, scales, xi: self.model.xi, points, cycles, profiles };
+        let method = match self.model {
+            Model { tolerance: Some(tolerance), .. } => Method::Exact { tolerance },
+            Model { xi, .. } => Method::Simplified { xi: xi.unwrap_or(DEFAULT_XI) },
+        };
+        let case = Case { contact, scales, method, points, cycles, profiles };
         if case.answer_bytes() > MAX_ANSWER {
             let detail = format!(
                 "the answer would take about {} MB, and {} MB is the most: ask for profiles at \
@@ -362,7 +402,8 @@ impl Scenario {
             );
             warn("large_amplitude", detail);
         }
-        if case.regime() == Regime::GrossSlip {
+        let simplified = matches!(case.method, Method::Simplified { .. });
+        if simplified && case.regime() == Regime::GrossSlip {
             let detail = "The whole contact slips; the simplified rule was fitted to partial slip.";
             warn("simplified_gross_slip", detail.to_owned());
         }

@@ -30,7 +30,7 @@ use std::sync::Arc;
 
 use super::contact::{Contact, Decay, ROW_POINTS, Row, Sums};
 use super::limit::{chord_and_angle, limiting_wear};
-use super::numeric::{dot, largest};
+use super::numeric::{dot, largest, vertex};
 use super::transform::Kernels;
 
 /// How far beyond the limiting radius the output reaches, in limiting radii.
@@ -410,20 +410,4 @@ impl Simplified {
         }
         curves
     }
-}
-
-/// The height of the parabola through the largest value and its neighbours.
-fn vertex(x: &[f64], y: &[f64], at: usize) -> f64 {
-    if at == 0 || at + 1 == y.len() {
-        return y[at].max(0.0);
-    }
-    let (left, right) = (x[at] - x[at - 1], x[at + 1] - x[at]);
-    let slope_left = (y[at] - y[at - 1]) / left;
-    let slope_right = (y[at + 1] - y[at]) / right;
-    let curvature = (slope_right - slope_left) / (left + right);
-    if curvature >= 0.0 {
-        return y[at].max(0.0);
-    }
-    let slope = (slope_left * right + slope_right * left) / (left + right);
-    (y[at] - slope * slope / (4.0 * curvature)).max(0.0)
 }

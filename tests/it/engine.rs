@@ -458,7 +458,7 @@ fn steps_and_blocks_do_not_change_a_digit() {
     }
 }
 
-fn any_scenario() -> impl Strategy<Value = Value> {
+pub fn any_scenario() -> impl Strategy<Value = Value> {
     let profile = prop_oneof![
         (1e-6..1e3_f64).prop_map(|r| json!({"shape": "paraboloid", "radius": r})),
         (1e-4..1e3_f64).prop_map(|r| json!({"shape": "sphere", "radius": r})),

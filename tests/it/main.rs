@@ -12,6 +12,7 @@
 #[cfg(feature = "serve")]
 mod api;
 mod engine;
+mod exact;
 mod literal;
 #[cfg(feature = "serve")]
 mod openapi;

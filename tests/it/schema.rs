@@ -3,9 +3,9 @@
 use fretwork::engine::quantity::Dimension;
 use fretwork::engine::request::{
     EnergyWear, Exponent, Force, Friction, Instant, LAST_CYCLE, Length, MAX_CYCLES, POINTS_RANGE,
-    PoissonRatio, SlopeAngle, StickRatio, Stress, WEAR_RANGE, Xi,
+    PoissonRatio, SlopeAngle, StickRatio, Stress, Tolerance, WEAR_RANGE, Xi,
 };
-use fretwork::engine::scenario::{self, DEFAULT_POINTS, DEFAULT_XI, SCHEMA};
+use fretwork::engine::scenario::{self, DEFAULT_POINTS, DEFAULT_TOLERANCE, DEFAULT_XI, SCHEMA};
 use serde_json::Value;
 
 fn schema() -> Value {
@@ -33,6 +33,7 @@ fn ranges_and_defaults_in_the_schema_are_those_of_the_parser() {
         ("/$defs/Range/properties/to", (0.0, LAST_CYCLE)),
         ("/$defs/Range/properties/count", (2.0, MAX_CYCLES as f64)),
         ("/$defs/Model/properties/xi", Xi::RANGE),
+        ("/$defs/Model/properties/tolerance", Tolerance::RANGE),
         ("/$defs/Model/properties/points", (f64::from(POINTS_RANGE.0), f64::from(POINTS_RANGE.1))),
     ] {
         let found = (number(&format!("{pointer}/minimum")), number(&format!("{pointer}/maximum")));
@@ -40,6 +41,7 @@ fn ranges_and_defaults_in_the_schema_are_those_of_the_parser() {
     }
     assert_eq!(number("/$defs/Instants/maxItems"), MAX_CYCLES as f64);
     assert_eq!(number("/$defs/Model/properties/xi/default"), DEFAULT_XI);
+    assert_eq!(number("/$defs/Model/properties/tolerance/default"), DEFAULT_TOLERANCE);
     assert_eq!(number("/$defs/Model/properties/points/default"), f64::from(DEFAULT_POINTS));
 }
 

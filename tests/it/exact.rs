@@ -1,0 +1,205 @@
+//! The exact method against converged reference runs, the limit and what must hold in itself.
+
+use std::f64::consts::PI;
+
+use fretwork::engine::contact::Contact;
+use fretwork::engine::exact::Exact;
+use fretwork::engine::numeric::integrate;
+use fretwork::engine::profile::Shape;
+use fretwork::engine::scenario;
+use fretwork::engine::simulation::Simulation;
+use proptest::prelude::*;
+use serde_json::{Value, json};
+
+use crate::engine::{any_scenario, steel_ball};
+
+fn contact(exponent: f64, c: f64) -> Contact {
+    let shape = Shape::power(exponent);
+    Contact::new(shape, 1.0 - shape.image(c)).expect("a limit")
+}
+
+/// Source: tests/data/verification.json, two discretisations extrapolated.
+#[test]
+fn runs_at_the_default_tolerance_agree_with_the_reference_table() {
+    let table: Value =
+        serde_json::from_str(include_str!("../data/verification.json")).expect("a JSON table");
+    for row in table["exact_depth_and_amplitude_held"].as_array().expect("rows") {
+        let column = |name: &str| -> Vec<f64> {
+            row[name].as_array().expect(name).iter().map(|x| x.as_f64().expect(name)).collect()
+        };
+        let exponent = row["exponent"].as_f64().expect("n");
+        let mut run = Exact::new(contact(exponent, row["stick_radius"].as_f64().expect("c")), 3e-3);
+        let mut promised: f64 = 0.0;
+        let mut worst: f64 = 0.0;
+        for (i, n) in column("normalized_cycles").iter().enumerate() {
+            while run.advance(*n) {}
+            let state = run.at(*n);
+            let error = |value: f64, name: &str| (value / column(name)[i] - 1.0).abs();
+            for (value, name, tolerance) in [
+                (state.volume, "wear_volume", 1.5e-3),
+                (2.0 * state.normal, "normal_force", 1.5e-3),
+                (state.depth, "wear_depth", 1.5e-3),
+                (state.contact_radius, "contact_radius", 1.2e-2),
+            ] {
+                let error = error(value, name);
+                assert!(error < tolerance, "{name} is {error} off at Ñ = {n} in {row}");
+            }
+            promised = promised.max(state.volume_error);
+            worst = worst.max(error(state.volume, "wear_volume"));
+        }
+        assert!(worst < promised && promised < 10.0 * worst, "promised {promised}, found {worst}");
+    }
+}
+
+#[test]
+fn halving_the_cells_quarters_the_accuracy() {
+    for (exponent, c) in [(2.0, 0.5), (1.0, 0.21), (4.0, 0.7)] {
+        let volume = |cells: usize| {
+            // The time steps are far finer than the mesh, so that only the mesh counts.
+            let mut run = Exact::with_cells(contact(exponent, c), cells, 1e-5);
+            while run.advance(2.0) {}
+            run.at(2.0).volume
+        };
+        let finest = volume(256);
+        let (coarse, middle) = ((volume(32) - finest).abs(), (volume(64) - finest).abs());
+        let order = (coarse / middle).log2();
+        assert!(order > 1.6, "order {order} at n = {exponent}: {coarse} {middle}");
+    }
+}
+
+#[test]
+fn after_very_many_cycles_the_limit_is_reached() {
+    for c in [0.05, 0.5, 0.9] {
+        let contact = contact(2.0, c);
+        let mut run = Exact::new(contact, 3e-3);
+        while run.advance(1e9) {}
+        let state = run.at(1e9);
+        assert!((state.volume / contact.limit.volume - 1.0).abs() < 2e-3, "{c}");
+        assert!((state.depth / contact.limit.depth - 1.0).abs() < 2e-3, "{c}");
+        assert!((state.contact_radius / contact.limit.radius - 1.0).abs() < 2e-3, "{c}");
+    }
+}
+
+/// The start of wear: dV/dÑ = 2I/Δ by the energy of the unworn contact.
+#[test]
+fn wear_begins_at_the_rate_of_the_unworn_energy() {
+    for (exponent, c) in [(2.0, 0.5), (1.0, 0.3), (2.5, 0.6)] {
+        let contact = contact(exponent, c);
+        let energy = integrate(c, 1.0, |x| {
+            let y = 1.0 - contact.shape.image(x);
+            y * (contact.threshold - y)
+        });
+        let mut run = Exact::with_cells(contact, 128, 1e-4);
+        while run.advance(1e-3) {}
+        let rate = run.at(1e-3).volume / 1e-3;
+        let expected = 2.0 * energy / contact.threshold;
+        assert!((rate / expected - 1.0).abs() < 2e-3, "{rate} {expected}");
+    }
+}
+
+/// The curves that a result shows, against the numbers in its history.
+#[test]
+fn the_curves_of_a_result_carry_its_numbers() {
+    for (shape, motion) in [
+        (json!({"shape": "paraboloid", "radius": "10 mm"}), json!({"stick_ratio": 0.5})),
+        (json!({"shape": "cone", "slope_angle": "1 deg"}), json!({"stick_ratio": 0.3})),
+        (json!({"shape": "sphere", "radius": "10 mm"}), json!({"stick_ratio": 0.8})),
+        (json!({"shape": "paraboloid", "radius": "10 mm"}), json!({"amplitude": "4 um"})),
+    ] {
+        let mut request = steel_ball();
+        request["profile"] = shape;
+        request["motion"] = motion;
+        request["cycles"] = json!({"normalized": [0.25, 0.5, 2]});
+        request["model"] = json!({"method": "exact", "points": 1024, "tolerance": 1e-3});
+        let (scenario, _) = scenario::check(&request, "").expect("valid");
+        let outcome = Simulation::of(&scenario).expect("a contact").run();
+        let profiles = outcome.profiles.expect("profiles");
+        let radius = &profiles.radius;
+        let over = |values: &[f64]| -> f64 {
+            (1..radius.len())
+                .map(|i| {
+                    let finite = |x: f64| if x.is_finite() { x } else { 0.0 };
+                    let low = finite(values[i - 1]) * radius[i - 1];
+                    PI * (low + finite(values[i]) * radius[i]) * (radius[i] - radius[i - 1])
+                })
+                .sum()
+        };
+        for i in 1..4 {
+            let volume = over(&profiles.wear[i]) / outcome.history.wear_volume[i];
+            assert!((volume - 1.0).abs() < 3e-3, "volume {volume} in {request}");
+            let force = over(&profiles.pressure[i]) / outcome.history.normal_force[i];
+            assert!((force - 1.0).abs() < 1.5e-2, "force {force} in {request}");
+            // Slip grows outwards from the stick edge; the image meets d at the contact radius.
+            let slip = &profiles.slip[i];
+            let edge = outcome.history.stick_radius[i];
+            for (r, s) in radius.iter().zip(slip) {
+                let inside = *r <= edge && edge > 0.0;
+                assert!(if inside { *s == 0.0 } else { *s >= 0.0 }, "slip {s} at {r}");
+            }
+            let edge = radius.partition_point(|r| *r < outcome.history.contact_radius[i]);
+            let depth = outcome.history.indentation_depth[i];
+            let (inside, outside) = profiles.image[i].split_at(edge);
+            assert!(inside.iter().all(|g| *g <= depth) && inside[edge - 8] > 0.95 * depth);
+            assert!(
+                outside.iter().all(|g| *g >= depth),
+                "beyond the contact the springs hang free"
+            );
+        }
+        assert_eq!(outcome.accuracy.energy_mismatch, Some(0.0));
+        assert!(outcome.accuracy.volume_error.expect("an error") < 5e-3);
+    }
+}
+
+#[test]
+fn pieces_of_a_run_do_not_change_a_digit() {
+    let mut request = steel_ball();
+    request["model"] = json!({"method": "exact", "tolerance": 1e-4});
+    let (scenario, _) = scenario::check(&request, "").expect("valid");
+    let whole = Simulation::of(&scenario).expect("a contact").run();
+    let mut pieces = Simulation::of(&scenario).expect("a contact");
+    let mut shares = vec![0.0];
+    let outcome = loop {
+        match pieces.step() {
+            fretwork::engine::simulation::Step::Working(share) => shares.push(share),
+            fretwork::engine::simulation::Step::Done(outcome) => break *outcome,
+        }
+    };
+    assert_eq!(outcome, whole);
+    assert!(shares.len() > 2, "one step only");
+    assert!(shares.windows(2).all(|pair| pair[0] <= pair[1] && pair[1] < 1.0), "{shares:?}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 100, ..ProptestConfig::default() })]
+
+    /// Finite numbers, wear that grows, a limit that is kept.
+    #[test]
+    fn whatever_is_accepted_is_worn_sensibly(mut request in any_scenario()) {
+        request["model"]["method"] = json!("exact");
+        request["model"]["tolerance"] = json!(0.02);
+        if let Ok((scenario, _)) = scenario::check(&request, "") {
+            let outcome = Simulation::of(&scenario).expect("a contact").run();
+            let limit = outcome.limit.expect("a limit");
+            let history = &outcome.history;
+            for column in [&history.wear_volume, &history.wear_depth, &history.dissipated_energy] {
+                for pair in column.windows(2) {
+                    prop_assert!(pair[1] >= pair[0] * (1.0 - 1e-3), "{history:?}");
+                }
+            }
+            let worn = history.wear_volume.last().expect("one") / limit.wear_volume;
+            let error = outcome.accuracy.volume_error.unwrap_or(0.0);
+            prop_assert!(worn < 1.0 + error + 0.02, "{worn} times the limit, error {error}");
+            let unworn = history.normal_force[0];
+            for pair in history.normal_force.windows(2) {
+                prop_assert!(pair[1] <= pair[0] + 1e-3 * unworn, "{:?}", history.normal_force);
+            }
+            let profiles = outcome.profiles.expect("profiles");
+            for matrix in [&profiles.worn, &profiles.wear, &profiles.image, &profiles.slip] {
+                prop_assert!(matrix.iter().flatten().all(|x| x.is_finite()));
+            }
+            for row in &profiles.pressure {
+                prop_assert!(row.iter().skip(1).all(|p| p.is_finite() && *p >= 0.0));
+            }
+        }
+    }
+}
