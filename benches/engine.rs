@@ -41,6 +41,21 @@ fn run_of(points: usize) -> Scenario {
     scenario::check(&request, "").expect("a valid scenario").0
 }
 
+fn exact_run(profiles_at: &str) -> Scenario {
+    let request = json!({
+        "profile": {"shape": "paraboloid", "radius": "10 mm"},
+        "moduli": {"normal": "112.64 GPa", "tangential": "92.76 GPa"},
+        "friction": 0.7,
+        "wear": {"coefficient": "3.03e-5 mm^3/(N m)"},
+        "load": {"normal_force": "100 N", "held": "depth"},
+        "motion": {"stick_ratio": 0.5},
+        "cycles": {"normalized": [0.5, 1, 2, 4, 8, 16]},
+        "profiles_at": profiles_at,
+        "model": {"method": "exact"},
+    });
+    scenario::check(&request, "").expect("a valid scenario").0
+}
+
 /// Seconds per call of `work`, over about a millisecond.
 fn seconds(mut work: impl FnMut()) -> f64 {
     let start = Instant::now();
@@ -118,6 +133,19 @@ fn main() {
             "simplified run, {points} points: {:.2} times that of 256",
             time / median(runs.clone())
         );
+    }
+
+    // The exact method at its defaults, to Ñ = 16, without curves and with them.
+    for profiles in ["none", "all"] {
+        let exact = exact_run(profiles);
+        let mut ratios = Vec::new();
+        for _ in 0..50 {
+            let exact = seconds(|| drop(black_box(Simulation::of(&exact).expect("a run").run())));
+            let run = seconds(|| drop(black_box(Simulation::of(&scenario).expect("a run").run())));
+            ratios.push(exact / run);
+        }
+        let ratio = median(ratios);
+        println!("exact run at defaults, profiles {profiles} / simplified run = {ratio:.1}");
     }
 
     // The literal procedure: 256 springs dragged through 400 steps a cycle, N₀ = 1000, to Ñ = 16.

@@ -618,11 +618,11 @@ mod tests {
             [ball.as_str(), cone.as_str(), exact.as_str()],
             [
                 "7262301ee85039ba4e113b17570ed2e12a9a7b34bc20bf05a1cbfc9b16860c41 \
-                 25a08211f92e40dac4885780d85546ac91c8f74747ae07c45e4b8458c3ddb94a",
+                 e64fe061de79754790fb581b3437dba1f557f8af665744989e8c0a60e48ecf0f",
                 "46018b326003fb9232ee611ac34f690d304295894ade59b3f1c2af72169fdbf6 \
-                 9693fa766c5a841db0dec810c1e06a9f9ecc1b9e75479cbd8ee80c2de59b7ada",
+                 21a3bcc5ddf0d9574e87c886d7c409ff31433b2d01c8528769372aad8fefb6fa",
                 "5c89ceb8cf9aeaff9e820494bc3736e7bac0978b004ba17e3c2154bd41338b08 \
-                 f8aabb25d5ae086f757e33c0509d4bf218fad56da08cb1595f3d036a750ec483",
+                 ce3fb020621c4309c0a37be736df3c71e7531eae1b0c7a82b737ed5c7bbae8c2",
             ]
         );
     }

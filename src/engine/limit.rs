@@ -13,7 +13,8 @@
 //! Equation (19) of the paper is up to 3.6 % below the root of (13); here (13) itself is solved.
 //!
 //! # Accuracy
-//! Radii and volume to 1e-9; the depth to 1e-12, its radius to 1e-8.
+//! Radius and volume to 1e-9 (the volume to 3e-7 in gross slip with an exponent between 1 and 2, not
+//! whole); the depth to 1e-11, its radius to 1e-8 (1e-6 for c below 0.01).
 //!
 //! # Sources
 //! V. L. Popov, *Sci. Rep.* 4 (2014) 3749.

@@ -75,7 +75,7 @@ pub struct Unworn {
     pub tangential_modulus: f64,
     /// k_w.
     pub wear_coefficient: f64,
-    /// p on the axis; infinite for a cone.
+    /// The largest p; infinite for a cone.
     pub peak_pressure: f64,
     /// F/(πa²).
     pub mean_pressure: f64,
@@ -230,7 +230,7 @@ pub struct Accuracy {
     pub energy_mismatch: Option<f64>,
     /// The largest relative error of the volume by discretisation, estimated over the history: for
     /// the simplified rule the difference between the volume under the computed profile and that of
-    /// its image, for the exact method one and a half times the distance to a run with half the cells.
+    /// its image (a few times too large as a rule, too small for blunt profiles in gross slip), for the exact method one and a half times the distance to a run with half the cells.
     /// Null without wear.
     pub volume_error: Option<f64>,
     /// Cells of the exact method's mesh.
@@ -287,7 +287,7 @@ impl Unworn {
             normal_modulus: scales.normal_modulus,
             tangential_modulus: scales.tangential_modulus,
             wear_coefficient: scales.wear_coefficient,
-            peak_pressure: case.contact.shape.pressure_inside(0.0, 1.0) * scales.pressure(),
+            peak_pressure: case.contact.shape.peak_pressure() * scales.pressure(),
             mean_pressure: Scales::of(case).normal_force / area,
             gross_slip_amplitude: scales.gross_slip_amplitude(),
             stick_radius: case.contact.stick * scales.contact_radius,

@@ -47,8 +47,10 @@ pub const MAX_ANSWER: usize = 64_000_000;
 const MAX_SPHERE: f64 = 0.6;
 /// Smallest U/U_gs: below, the slip ring is lost in rounding.
 const MIN_THRESHOLD: f64 = 1e-6;
-/// A threshold this close to 1 is the onset of gross slip, spoilt by rounding to 12 digits.
-const GROSS_SLIP: f64 = 1.0 - 1e-9;
+/// Rounding U to 12 digits moves Δ by half of this: so close to 1 it is the onset of gross slip.
+const ONSET: f64 = 1e-11;
+/// A stick ratio must come back from the rounded amplitude as well as this.
+const STICK_DIGITS: f64 = 1e-3;
 
 /// Something the user should know; never a refusal.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -329,7 +331,7 @@ impl Scenario {
         let Moduli { normal, tangential } = self.moduli;
         let amplitude = self.motion.amplitude;
         let threshold = tangential * amplitude / (self.friction * normal * depth);
-        let threshold = if threshold > GROSS_SLIP { threshold.max(1.0) } else { threshold };
+        let threshold = if (threshold - 1.0).abs() < ONSET { 1.0 } else { threshold };
         let contact = Contact::new(shape, threshold).ok_or_else(no_contact)?;
         let scales = Scales {
             contact_radius,
@@ -475,6 +477,17 @@ fn amplitude(request: &Request, shape: &Shape, gross_slip: f64) -> Result<f64, F
              {least:.3e} m on (1e-6 of the gross-slip amplitude)"
         );
         return Err(fault(pointer, detail));
+    }
+    if let Some(ratio) = request.motion.stick_ratio.0 {
+        let returned = shape.image_inverse((1.0 - amplitude / gross_slip).max(0.0));
+        if (returned - ratio.0).abs() > STICK_DIGITS * ratio.0 && ratio.0 > 0.0 {
+            let detail = format!(
+                "{} is so close to gross slip under this profile that 12 digits of the amplitude \
+                 cannot tell; take 0 for the onset of gross slip, or a larger ratio",
+                ratio.0
+            );
+            return Err(fault(pointer, detail));
+        }
     }
     Ok(amplitude)
 }
@@ -637,7 +650,7 @@ fn body_warnings(request: &Request, case: &Case) -> Vec<Warning> {
         );
         warnings.push(Warning { kind: "elastic_mismatch", detail });
     }
-    let peak = case.contact.shape.pressure_inside(0.0, 1.0) * case.scales.pressure();
+    let peak = case.contact.shape.peak_pressure() * case.scales.pressure();
     for (index, body) in bodies.0.iter().enumerate() {
         if let Some(strength) = body.yield_strength.0
             && peak > 1.6 * strength.0

@@ -18,9 +18,14 @@
 //! off; so are the depth and the scar radius those of the reported curve.
 //!
 //! # Accuracy
-//! Force, energy and the volume of the image to 1e-9; wear, slip and pressure to second order in the
-//! number of radii: 3e-5 of d₀ at 256 (see [`transform`](super::transform)). Against the exact
-//! method the *rule* itself, at ξ = 0.8, is −7…+4 % off in volume and up to 21 % low in depth.
+//! Force, energy and the volume of the image to 1e-9 (see [`contact`](super::contact)). At 256 radii
+//! the wear is right to 3e-5 of d₀ up to Ñ = 5, of second order; later a step forms at the stick edge
+//! and next to it the error grows to 1e-4, of order 3/2, and more for c below 0.05. The pressure is of
+//! order 3/2: 0.2 % away from the edge. At the edge it grows without bound, and once the step is
+//! thinner than the first cell it is reported as infinite there: such a curve no longer integrates to F.
+//! For 1 < n < 2 the pressure on the axis is low close to the onset of gross slip.
+//! Against the exact method the *rule* itself, at ξ = 0.8, is −7…+4 % off in volume and up to 21 % low
+//! in depth.
 //!
 //! # Sources
 //! The rule: (14)–(16) of the paper. Closed form, energy and slip: summed here.
@@ -30,11 +35,13 @@ use std::sync::Arc;
 
 use super::contact::{Contact, Decay, ROW_POINTS, Row, Sums};
 use super::limit::{chord_and_angle, limiting_wear};
-use super::numeric::{dot, largest, vertex};
+use super::numeric::{dot, integrate, largest, vertex};
 use super::transform::Kernels;
 
 /// How far beyond the limiting radius the output reaches, in limiting radii.
 const REACH: f64 = 1.2;
+/// A step of the image over the first cell of more than this share of Δ needs a closer look.
+const UNRESOLVED: f64 = 0.01;
 
 /// A contact laid out on its output radii, ready to be evaluated at any number of cycles.
 #[derive(Debug)]
@@ -55,6 +62,8 @@ pub struct Simplified {
     unworn: Vec<f64>,
     rest: Vec<f64>,
     reciprocal: Vec<f64>,
+    /// w∞ at the nodes inside a₀, where the wear cannot exceed it; beyond, no bound.
+    bound: Vec<f64>,
     /// Δ·s at the nodes while nothing is worn, as if the rule's ω held outside a₀ too, and what that
     /// adds beyond a₀ (times e).
     slip: Vec<f64>,
@@ -77,7 +86,7 @@ struct Springs {
     /// nothing is worn.
     worn: Vec<f64>,
     /// R′ changes by so much at the nodes inside a₀, see [`Simplified::pressures`]; empty for R = 0.
-    rest: Vec<f64>,
+    slope_changes: Vec<f64>,
     /// g − g₀ at the first node: 0 but in gross slip.
     apex: f64,
 }
@@ -107,7 +116,7 @@ pub struct Curves {
     pub wear: Vec<f64>,
     /// g.
     pub image: Vec<f64>,
-    /// p; infinite at the apex of a cone.
+    /// p; infinite at the apex of a cone, and late at the stick edge.
     pub pressure: Vec<f64>,
     /// s: the surface slips a path 4U·s per cycle.
     pub slip: Vec<f64>,
@@ -147,20 +156,25 @@ impl Simplified {
         let mesh = &radii[core..core + nodes];
         let inside = mesh.iter().take_while(|r| **r < 1.0).count();
         let unworn: Vec<f64> = mesh.iter().map(|x| 1.0 - shape.image(*x)).collect();
-        // Never 0, so that no spring divides 0 by 0 once e has underflowed.
-        let mut rest: Vec<f64> = unworn.iter().map(|y| (threshold - y).max(1e-300)).collect();
-        if c > 0.0 {
-            // The node at the stick edge neither slips nor wears, whatever rounding says.
-            rest[0] = 0.0;
-        }
+        let rest: Vec<f64> = kernels
+            .tau()
+            .iter()
+            .zip(mesh)
+            .take(inside)
+            .map(|(tau, x)| contact.rest(if c == 0.0 { *x } else { theta * tau / (x + c) }))
+            .collect();
         let reciprocal = mesh.iter().map(|x| if *x > 0.0 { 1.0 / x } else { 0.0 }).collect();
         let initial: Vec<f64> = radii.iter().map(|r| shape.profile(*r)).collect();
         let mut limiting = initial.clone();
         let (mut slip, mut slip_excess) = (vec![0.0; nodes], vec![0.0; nodes]);
+        let mut bound = vec![f64::INFINITY; nodes];
         for (i, r) in mesh.iter().enumerate() {
             let (chord, psi) = chord_and_angle(c, *r);
             let wear = limiting_wear(&shape, c, *r, (chord, psi));
             limiting[core + i] += wear.max(0.0);
+            if *r <= 1.0 {
+                bound[i] = wear;
+            }
             // Δ − y₀ = Δ − (1 − g₀), so Δ·s₀ = Δ·(2/π)ψ − w∞.
             slip[i] = (threshold * FRAC_2_PI * psi - wear).max(0.0);
             if *r > 1.0 {
@@ -170,6 +184,7 @@ impl Simplified {
         if c == 0.0 {
             // At the axis ψ has no value; everything there is its limit.
             limiting[0] = 1.0;
+            bound[0] = 1.0;
             slip[0] = threshold - 1.0;
         }
         let row = Row::new(&contact);
@@ -192,6 +207,7 @@ impl Simplified {
             unworn,
             rest,
             reciprocal,
+            bound,
             slip,
             slip_excess,
             initial,
@@ -243,7 +259,7 @@ impl Simplified {
             apex.push(springs.apex);
             if *curves {
                 images.push(springs.image);
-                changes.push(springs.rest);
+                changes.push(springs.slope_changes);
                 decays.push(*decay);
             }
         }
@@ -256,8 +272,8 @@ impl Simplified {
             .zip(wanted)
             .map(|((mut wear, apex), (decay, curves))| {
                 let mesh = &mut wear[self.core..self.core + self.nodes];
-                for wear in &mut *mesh {
-                    *wear = apex + scale * *wear;
+                for (wear, bound) in mesh.iter_mut().zip(&self.bound) {
+                    *wear = (apex + scale * *wear).min(*bound);
                 }
                 let (sums, compressions) = self.row.sums_and_compressions(*decay);
                 let mut state = self.measure(mesh, sums);
@@ -284,7 +300,7 @@ impl Simplified {
         image.extend(self.radii[..mesh.start].iter().map(|x| shape.image(*x)));
         if gone == 0.0 {
             image.extend(self.radii[mesh.start..].iter().map(|x| shape.image(*x)));
-            return Springs { image, worn: Vec::new(), rest: Vec::new(), apex: 0.0 };
+            return Springs { image, worn: Vec::new(), slope_changes: Vec::new(), apex: 0.0 };
         }
         let (inside, outside) = self.unworn.split_at(self.inside);
         // A share of the compression, first; η and g in turn, in the same place.
@@ -296,15 +312,17 @@ impl Simplified {
         for share in &mut *shares {
             *share *= threshold * left;
         }
-        if self.rest[0] == 0.0 {
+        if stick > 0.0 {
+            // The node at the stick edge neither slips nor wears, whatever rounding says.
             (shares[0], worn[0]) = (self.unworn[0], 0.0);
         }
         let apex = worn[0];
+        let first_step = worn[1] - apex;
         for (worn, reciprocal) in worn.iter_mut().zip(&self.reciprocal) {
             *worn = (*worn - apex) * reciprocal;
         }
-        if stick == 0.0 {
-            worn[0] = self.slope_at_axis(decay);
+        if stick == 0.0 || first_step.abs() > UNRESOLVED * threshold {
+            worn[0] = self.first_value(decay, apex, worn[1]);
         }
         let mut rest: Vec<f64> = Vec::with_capacity(self.inside + 1);
         rest.extend(shares.iter().zip(inside).map(|(y, unworn)| y - left * unworn));
@@ -316,18 +334,29 @@ impl Simplified {
         }
         image.extend(outside.iter().map(|y| 1.0 - left * y));
         image.extend(self.radii[mesh.end..].iter().map(|x| shape.image(*x)));
-        Springs { image, worn, rest, apex }
+        Springs { image, worn, slope_changes: rest, apex }
     }
 
-    /// d(g − g₀)/dx on the axis in gross slip; not 0 for a cone.
-    fn slope_at_axis(&self, decay: Decay) -> f64 {
-        let Contact { threshold, shape, .. } = self.contact;
-        let rest = threshold - 1.0;
-        if rest <= 0.0 {
-            return 0.0;
-        }
-        let ratio = threshold / (decay.left + rest);
-        (decay.left * ratio * ratio - 1.0) * shape.image_slope(0.0)
+    /// The value at the first node that makes the first cell's part of the inverse transform exact,
+    /// however thin the step inside it is: the interpolation there is linear, with `second` at the
+    /// second node.
+    fn first_value(&self, decay: Decay, apex: f64, second: f64) -> f64 {
+        let (c, r) = (self.contact.stick, self.radii[self.core + 1]);
+        let (_, angle) = chord_and_angle(c, r);
+        // ψ = ψ₁(1 − s⁴): x = r cos ψ is c at s = 0, and x − c = 2r sin((ψ₁−ψ)/2) sin((ψ₁+ψ)/2).
+        let integral = integrate(0.0, 1.0, |s| {
+            let below = angle * s * s * s * s;
+            let delta = 2.0 * r * libm::sin(0.5 * below) * libm::sin(angle - 0.5 * below);
+            4.0 * angle * s * s * s * (self.contact.worn(delta, decay) - apex)
+        });
+        let root = self.kernels.tau()[1].sqrt();
+        3.0 * integral / (self.theta.sqrt() * root) - 2.0 * second
+    }
+
+    /// How wide the step of the image at the stick edge is.
+    fn step_width(&self, decay: Decay) -> f64 {
+        let Contact { shape, stick, threshold, .. } = self.contact;
+        decay.left * threshold / shape.image_slope(stick)
     }
 
     fn measure(&self, wear: &[f64], sums: Sums) -> State {
@@ -353,7 +382,8 @@ impl Simplified {
         }
         State {
             volume: sums.volume - PI * self.theta * cut_off,
-            depth: vertex(mesh, wear, deepest),
+            // A parabola through the edge of a step overshoots; the limit bounds every state.
+            depth: vertex(mesh, wear, deepest).min(self.contact.limit.depth),
             scar,
             mesh_volume: PI * self.theta * self.kernels.area(wear),
             sums,
@@ -406,6 +436,9 @@ impl Simplified {
             // The apex of a cone: infinite, whatever the decay.
             if self.unworn_pressure[0].is_infinite() {
                 curve[0] = f64::INFINITY;
+            }
+            if self.core > 0 && self.step_width(*decay) < mesh[1] - mesh[0] {
+                curve[self.core] = f64::INFINITY;
             }
         }
         curves

@@ -13,7 +13,7 @@
 //!
 //! # Accuracy
 //! [`forward`] and [`inverse`] are exact to rounding for smooth functions, 1e-10 for |x|ⁿ, n ≥ 1.
-//! [`Kernels`] is of order 2 in 1/n for the wear (3e-5 of d₀ at n = 200) and of order 3/2 for the
+//! [`Kernels`] is of order 2 in 1/n for smooth wear (3e-5 of d₀ at n = 200) and of order 3/2 for the
 //! pressure, whose integrand is a piecewise constant slope. The cubic grading
 //! resolves the jump that the image forms at the stick edge; with quadratic grading the wear next to
 //! that edge is ten times less accurate late in a run, with quartic grading the scar's rim is coarse.

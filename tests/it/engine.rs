@@ -127,11 +127,10 @@ fn the_closed_form_is_what_literal_stepping_converges_to() {
                 reached = half_units * cycles_per_unit / 2;
                 let decay = Decay::after(0.8 * f64::from(half_units) / 2.0 / contact.limit.radius);
                 for (x, stepped) in springs.iter().zip(row.images()) {
-                    let unworn = 1.0 - shape.image(*x);
                     let closed = if *x < c {
                         shape.image(*x)
                     } else {
-                        1.0 - contact.compression(unworn, decay)
+                        1.0 - contact.compression(*x - c, decay)
                     };
                     worst = worst.max((stepped - closed).abs());
                 }
@@ -176,8 +175,8 @@ fn signed_compression(contact: &Contact, x: f64, decay: Decay) -> f64 {
     if x <= contact.stick || x > contact.limit.radius {
         return unworn;
     }
-    let worn = contact.worn(unworn, decay);
-    let compression = contact.compression(unworn, decay);
+    let delta = x - contact.stick;
+    let (worn, compression) = (contact.worn(delta, decay), contact.compression(delta, decay));
     assert!((unworn - worn - compression).abs() < 1e-14, "two forms of the same logistic");
     compression
 }
@@ -279,6 +278,56 @@ fn the_curves_are_the_integrals_they_stand_for() {
             }
         }
     }
+}
+
+/// At the onset of gross slip the image forms a step on the axis that no mesh resolves.
+#[test]
+fn a_step_thinner_than_any_cell_does_no_harm() {
+    for exponent in [1.0, 1.5, 2.0, 8.0] {
+        for threshold in [1.0, 1.0 + 1e-9, 1.0 + 1e-6, 1.0 + 1e-3] {
+            let contact = Contact::new(Shape::power(exponent), threshold).expect("a limit");
+            let solver = Simplified::new(contact, 256);
+            let wanted: Vec<_> =
+                [5.0, 20.0, 50.0, 1e3].iter().map(|n| (solver.decay(0.8, *n), true)).collect();
+            for (state, (decay, _)) in solver.states(&wanted).iter().zip(&wanted) {
+                assert!(state.depth <= 1.0 + 1e-12, "{} of {exponent} {threshold}", state.depth);
+                let curves = state.curves.as_ref().expect("curves");
+                for (r, wear) in solver.radii().iter().zip(&curves.wear).skip(1).step_by(7) {
+                    if *r > contact.limit.radius {
+                        continue;
+                    }
+                    let kinks = [angle(1.0, *r)];
+                    let exact = FRAC_2_PI
+                        * panels(0.0, angle(0.0, *r), &kinks, |psi| {
+                            let x = r * psi.cos();
+                            1.0 - contact.shape.image(x) - signed_compression(&contact, x, *decay)
+                        });
+                    // Next to the axis the worst is a cone at Ñ = 20.
+                    let tolerance = if *r < 0.1 { 0.1 } else { 2e-3 };
+                    let error = (wear - exact.max(0.0)).abs();
+                    assert!(error < tolerance, "{error} at {r} of {exponent} {threshold}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_blunt_contact_near_gross_slip_keeps_its_core() {
+    // For n = 20 and c = 0.35 the threshold is 1 − 8e-10: not gross slip.
+    let mut request = steel_ball();
+    request["profile"] =
+        json!({"shape": "power", "exponent": 20, "height": "1 um", "at_radius": "0.1 mm"});
+    request["motion"] = json!({"stick_ratio": 0.35});
+    let outcome = run(&request);
+    assert_eq!(outcome.regime, Regime::PartialSlip);
+    close(outcome.unworn.stick_radius / outcome.scales.contact_radius, 0.35, 1e-3);
+    let limit = outcome.limit.expect("a limit");
+    close(limit.normal_force / outcome.scales.normal_force, 0.3675, 1e-3);
+    // What 12 digits cannot tell from gross slip is refused.
+    request["motion"] = json!({"stick_ratio": 0.2});
+    let faults = scenario::check(&request, "").expect_err("a fault");
+    assert_eq!(faults.0[0].pointer, "/motion/stick_ratio");
 }
 
 /// The pressure by (3)'s companion integral of the exact −y′, against the sampled one.
@@ -469,6 +518,8 @@ pub fn any_scenario() -> impl Strategy<Value = Value> {
     ];
     let motion = prop_oneof![
         (0.0..0.9999_f64).prop_map(|c| json!({"stick_ratio": c})),
+        Just(json!({"stick_ratio": 0})),
+        (-4.0..-0.3_f64).prop_map(|c| json!({"stick_ratio": 10_f64.powf(c)})),
         (-9.0..-3.0_f64).prop_map(|u| json!({"amplitude": 10_f64.powf(u)})),
     ];
     let load = prop_oneof![
@@ -530,12 +581,17 @@ proptest! {
                     prop_assert!(row.iter().all(|x| x.is_finite()));
                 }
             }
+            let depth = outcome.scales.indentation_depth;
             for row in &profiles.wear {
-                prop_assert!(row.iter().all(|w| *w >= 0.0));
+                prop_assert!(row.iter().all(|w| (0.0..=1.0001 * depth).contains(w)), "{row:?}");
             }
             for row in &profiles.pressure {
-                prop_assert!(row.iter().skip(1).all(|p| p.is_finite() && *p >= 0.0));
+                for (r, p) in profiles.radius.iter().zip(row).skip(1) {
+                    let edge = *r == outcome.unworn.stick_radius;
+                    prop_assert!(*p >= 0.0 && (edge || p.is_finite()), "{p} at {r}");
+                }
             }
+            prop_assert!(outcome.unworn.peak_pressure >= outcome.unworn.mean_pressure);
             prop_assert!(profiles.radius.windows(2).all(|pair| pair[0] < pair[1]));
         }
     }
