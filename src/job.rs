@@ -618,11 +618,11 @@ mod tests {
             [ball.as_str(), cone.as_str(), exact.as_str()],
             [
                 "7262301ee85039ba4e113b17570ed2e12a9a7b34bc20bf05a1cbfc9b16860c41 \
-                 e64fe061de79754790fb581b3437dba1f557f8af665744989e8c0a60e48ecf0f",
+                 0b1502e2b122654b44a8224ca5c1e23144027e7925759c0603d00a0f7d0b5026",
                 "46018b326003fb9232ee611ac34f690d304295894ade59b3f1c2af72169fdbf6 \
-                 21a3bcc5ddf0d9574e87c886d7c409ff31433b2d01c8528769372aad8fefb6fa",
+                 a8db6d7762bf57e39ef920dad3c8a7f48633743b30faa1f54ad07d22834035ab",
                 "5c89ceb8cf9aeaff9e820494bc3736e7bac0978b004ba17e3c2154bd41338b08 \
-                 ce3fb020621c4309c0a37be736df3c71e7531eae1b0c7a82b737ed5c7bbae8c2",
+                 e45bb49884b5f21c5eb97a2533eda53d09ad8c8a9d723f111a1f7081c3a986ff",
             ]
         );
     }

@@ -62,8 +62,6 @@ pub struct Simplified {
     unworn: Vec<f64>,
     rest: Vec<f64>,
     reciprocal: Vec<f64>,
-    /// w∞ at the nodes inside a₀, where the wear cannot exceed it; beyond, no bound.
-    bound: Vec<f64>,
     /// Δ·s at the nodes while nothing is worn, as if the rule's ω held outside a₀ too, and what that
     /// adds beyond a₀ (times e).
     slip: Vec<f64>,
@@ -89,6 +87,8 @@ struct Springs {
     slope_changes: Vec<f64>,
     /// g − g₀ at the first node: 0 but in gross slip.
     apex: f64,
+    /// Whether the first cell holds a step of the image.
+    unresolved: bool,
 }
 
 /// The contact after some cycles, in units of a₀, d₀, E*d₀/a₀ and a₀²d₀.
@@ -133,7 +133,7 @@ impl Simplified {
         } else {
             ((points as f64 / 32.0 * (2.0 * c).min(1.0)) as usize).max(1)
         };
-        let cells = (points - core - 1 - (points / 64).max(1)) & !1;
+        let cells = (points - core - 1 - (points / 128).max(1)) & !1;
         let nodes = cells + 1;
         let outer = points - core - nodes;
         let kernels = Kernels::with_cells(cells);
@@ -167,14 +167,10 @@ impl Simplified {
         let initial: Vec<f64> = radii.iter().map(|r| shape.profile(*r)).collect();
         let mut limiting = initial.clone();
         let (mut slip, mut slip_excess) = (vec![0.0; nodes], vec![0.0; nodes]);
-        let mut bound = vec![f64::INFINITY; nodes];
         for (i, r) in mesh.iter().enumerate() {
             let (chord, psi) = chord_and_angle(c, *r);
             let wear = limiting_wear(&shape, c, *r, (chord, psi));
             limiting[core + i] += wear.max(0.0);
-            if *r <= 1.0 {
-                bound[i] = wear;
-            }
             // Δ − y₀ = Δ − (1 − g₀), so Δ·s₀ = Δ·(2/π)ψ − w∞.
             slip[i] = (threshold * FRAC_2_PI * psi - wear).max(0.0);
             if *r > 1.0 {
@@ -184,7 +180,6 @@ impl Simplified {
         if c == 0.0 {
             // At the axis ψ has no value; everything there is its limit.
             limiting[0] = 1.0;
-            bound[0] = 1.0;
             slip[0] = threshold - 1.0;
         }
         let row = Row::new(&contact);
@@ -207,7 +202,6 @@ impl Simplified {
             unworn,
             rest,
             reciprocal,
-            bound,
             slip,
             slip_excess,
             initial,
@@ -251,12 +245,12 @@ impl Simplified {
     /// The states at several decays, with curves where the flag says so.
     #[must_use]
     pub fn states(&self, wanted: &[(Decay, bool)]) -> Vec<State> {
-        let (mut images, mut worn, mut apex) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut images, mut worn, mut first) = (Vec::new(), Vec::new(), Vec::new());
         let (mut changes, mut decays) = (Vec::new(), Vec::new());
         for (decay, curves) in wanted {
             let springs = self.springs(*decay);
             worn.push(springs.worn);
-            apex.push(springs.apex);
+            first.push((springs.apex, springs.unresolved));
             if *curves {
                 images.push(springs.image);
                 changes.push(springs.slope_changes);
@@ -268,12 +262,15 @@ impl Simplified {
         let mut more = images.into_iter().zip(self.pressures(&decays, &changes));
         let scale = self.theta.sqrt() / PI;
         wear.into_iter()
-            .zip(apex)
+            .zip(first)
             .zip(wanted)
-            .map(|((mut wear, apex), (decay, curves))| {
+            .map(|((mut wear, (apex, unresolved)), (decay, curves))| {
                 let mesh = &mut wear[self.core..self.core + self.nodes];
-                for (wear, bound) in mesh.iter_mut().zip(&self.bound) {
-                    *wear = (apex + scale * *wear).min(*bound);
+                for wear in &mut *mesh {
+                    *wear = apex + scale * *wear;
+                }
+                if unresolved {
+                    self.bound(mesh);
                 }
                 let (sums, compressions) = self.row.sums_and_compressions(*decay);
                 let mut state = self.measure(mesh, sums);
@@ -300,7 +297,13 @@ impl Simplified {
         image.extend(self.radii[..mesh.start].iter().map(|x| shape.image(*x)));
         if gone == 0.0 {
             image.extend(self.radii[mesh.start..].iter().map(|x| shape.image(*x)));
-            return Springs { image, worn: Vec::new(), slope_changes: Vec::new(), apex: 0.0 };
+            return Springs {
+                image,
+                worn: Vec::new(),
+                slope_changes: Vec::new(),
+                apex: 0.0,
+                unresolved: false,
+            };
         }
         let (inside, outside) = self.unworn.split_at(self.inside);
         // A share of the compression, first; η and g in turn, in the same place.
@@ -321,7 +324,8 @@ impl Simplified {
         for (worn, reciprocal) in worn.iter_mut().zip(&self.reciprocal) {
             *worn = (*worn - apex) * reciprocal;
         }
-        if stick == 0.0 || first_step.abs() > UNRESOLVED * threshold {
+        let unresolved = stick == 0.0 || first_step.abs() > UNRESOLVED * threshold;
+        if unresolved {
             worn[0] = self.first_value(decay, apex, worn[1]);
         }
         let mut rest: Vec<f64> = Vec::with_capacity(self.inside + 1);
@@ -334,7 +338,7 @@ impl Simplified {
         }
         image.extend(outside.iter().map(|y| 1.0 - left * y));
         image.extend(self.radii[mesh.end..].iter().map(|x| shape.image(*x)));
-        Springs { image, worn, slope_changes: rest, apex }
+        Springs { image, worn, slope_changes: rest, apex, unresolved }
     }
 
     /// The value at the first node that makes the first cell's part of the inverse transform exact,
@@ -351,6 +355,15 @@ impl Simplified {
         });
         let root = self.kernels.tau()[1].sqrt();
         3.0 * integral / (self.theta.sqrt() * root) - 2.0 * second
+    }
+
+    /// Inside a₀ no wear exceeds that of the limit, whatever a step within a cell makes of it.
+    fn bound(&self, wear: &mut [f64]) {
+        let nodes = self.core..self.core + self.inside;
+        let limit = self.limiting[nodes.clone()].iter().zip(&self.initial[nodes]);
+        for (wear, (limiting, initial)) in wear.iter_mut().zip(limit) {
+            *wear = wear.min(limiting - initial);
+        }
     }
 
     /// How wide the step of the image at the stick edge is.
