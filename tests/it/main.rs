@@ -12,13 +12,19 @@
 #[cfg(feature = "serve")]
 mod api;
 mod engine;
+#[cfg(feature = "serve")]
+mod kill;
 mod literal;
 #[cfg(feature = "serve")]
 mod openapi;
 #[cfg(feature = "serve")]
 mod program;
 #[cfg(feature = "serve")]
+mod reference;
+#[cfg(feature = "serve")]
 mod refusals;
+#[cfg(feature = "serve")]
+mod rooms;
 #[cfg(feature = "serve")]
 mod server;
 #[cfg(feature = "serve")]

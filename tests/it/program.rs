@@ -31,7 +31,7 @@ fn text(bytes: &[u8]) -> &str {
 }
 
 /// A server on a free port, and the address that it prints.
-fn serve(dir: &Path, options: &[&str]) -> (Child, String) {
+pub fn serve(dir: &Path, options: &[&str]) -> (Child, String) {
     let mut command = fretwork(options);
     command.args(["--listen", "127.0.0.1:0", "--data-dir"]).arg(dir).env("FRETWORK_LOG", "off");
     let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
