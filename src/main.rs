@@ -107,7 +107,11 @@ async fn serve_until_told(settings: &Serve) -> Result<(), Failure> {
         let _ = shut.wait_for(|shut| *shut).await;
     });
     let mut server = pin!(server.into_future());
-    greet(address, settings)?;
+    tracing::info!(%address, "listening");
+    // The greeting is for people: a server serves without anyone who reads it.
+    if let Err(error) = greet(address, settings) {
+        tracing::warn!(%error, "nobody reads the greeting");
+    }
 
     tokio::select! {
         () = told.next() => {}
