@@ -125,7 +125,7 @@ fn a_server_whose_greeting_nobody_reads_serves_all_the_same() {
     let mut command = fretwork(&["--listen", "127.0.0.1:0", "--log-format", "json", "--data-dir"]);
     command.arg(dir.path()).env("FRETWORK_LOG", "info").stdout(writer).stderr(Stdio::piped());
     let mut child = command.spawn().unwrap();
-    let mut log = BufReader::new(child.stderr.as_mut().unwrap()).lines().map(Result::unwrap);
+    let mut log = BufReader::new(child.stderr.take().unwrap()).lines().map(Result::unwrap);
     let address = log
         .find_map(|line| {
             let line: Value = serde_json::from_str(&line).unwrap();
