@@ -20,7 +20,7 @@ pub struct Server {
     pub address: SocketAddr,
     pub drain: watch::Sender<bool>,
     _workers: Workers,
-    _dir: TempDir,
+    pub dir: TempDir,
 }
 
 pub struct Reply {
@@ -45,7 +45,7 @@ impl Server {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = listener.local_addr().unwrap();
         tokio::spawn(async move { axum::serve(listener, router).await.unwrap() });
-        Self { address, drain, _workers: workers, _dir: dir }
+        Self { address, drain, _workers: workers, dir }
     }
 
     /// Sends one request and reads the whole answer.
