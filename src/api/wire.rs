@@ -277,17 +277,18 @@ impl<S: Sync> FromRequest<S> for Body {
     type Rejection = Problem;
 
     async fn from_request(request: Request, _: &S) -> Result<Self, Problem> {
+        // A body without a type is refused too: a web page of any origin can send one here without
+        // asking first, and a job costs something.
         let declared =
             request.headers().get(CONTENT_TYPE).map(|value| value.to_str().unwrap_or(""));
-        if let Some(declared) = declared
-            && !is_json(declared)
-        {
+        if !declared.is_some_and(is_json) {
+            let declared = declared.map_or_else(
+                || "The body has no type".to_owned(),
+                |declared| format!("The body is declared as \"{}\"", excerpt(declared)),
+            );
             return Err(Problem::new(
                 &problem::UNSUPPORTED_MEDIA_TYPE,
-                format!(
-                    "The body is declared as \"{}\"; send it with Content-Type: application/json.",
-                    excerpt(declared)
-                ),
+                format!("{declared}; send it with Content-Type: application/json."),
             ));
         }
         read(request).await.map(Self)
