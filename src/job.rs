@@ -434,7 +434,8 @@ impl Task {
     /// Begins the work of a stored task, whose answer will carry `key`.
     ///
     /// # Errors
-    /// A sentence, where the stored text is not a task that this version can compute.
+    /// A sentence, where the stored text is not a task that this version can compute, or not the
+    /// one of this key.
     pub fn start(key: &Key, stored: &str) -> Result<Box<dyn Work>, String> {
         let body: Value = serde_json::from_str(stored).map_err(|error| error.to_string())?;
         let submission = Submission::parse(&body).map_err(|faults| {
@@ -445,6 +446,10 @@ impl Task {
                 .collect();
             faults.join("; ")
         })?;
+        // After a change of `numerics` this version would leave other digits under the old key.
+        if submission.task.key() != *key {
+            return Err("it was stored for another version of the engine".to_owned());
+        }
         let Self::Run(scenario) = submission.task;
         let simulation = Simulation::of(&scenario).map_err(|fault| fault.detail)?;
         Ok(Box::new(Run { key: *key, scenario, simulation }))
@@ -662,6 +667,16 @@ mod tests {
         };
         assert!(of("/scenario/frction").contains("Did you mean `friction`?"));
         assert!(of("/scenario/wear/coefficient").contains("mm^3/(N m)"));
+    }
+
+    #[test]
+    fn a_task_is_computed_under_its_own_key_only() {
+        let stored = Task::Run(ball_task()).to_json();
+        assert!(Task::start(&key(&ball()), &stored).is_ok());
+        // As the key of an engine with other digits would be.
+        let other = Key::digest(b"numerics 0");
+        let refused = Task::start(&other, &stored).map(drop);
+        assert_eq!(refused, Err("it was stored for another version of the engine".to_owned()));
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! The program: parses the command line, wires the rooms together, serves and drains.
 
 mod config;
+mod connection;
 mod telemetry;
 
 use std::fs;
@@ -23,9 +24,13 @@ use tokio::net::TcpListener;
 use tokio::sync::watch;
 
 use config::{Cli, Command, Health, Run, RunFormat, Serve, Synchronous};
+use connection::Patient;
 
 /// How long connections may stay open when everything else has ended.
 const HANG_UP: Duration = Duration::from_secs(5);
+
+/// How long a connection may stand still; requests wait for a minute at most.
+const STILL: Duration = Duration::from_mins(2);
 
 /// What ends the program: one line for the user.
 type Failure = Box<dyn std::error::Error>;
@@ -102,12 +107,17 @@ async fn serve_until_told(settings: &Serve) -> Result<(), Failure> {
     let listener = listener.tap_io(|connection| {
         let _ = connection.set_nodelay(true);
     });
+    let listener = Patient { listener, patience: STILL };
     let mut shut = closed.clone();
     let server = axum::serve(listener, router).with_graceful_shutdown(async move {
         let _ = shut.wait_for(|shut| *shut).await;
     });
     let mut server = pin!(server.into_future());
-    greet(address, settings)?;
+    tracing::info!(%address, "listening");
+    // The greeting is for people: a server serves without anyone who reads it.
+    if let Err(error) = greet(address, settings) {
+        tracing::warn!(%error, "nobody reads the greeting");
+    }
 
     tokio::select! {
         () = told.next() => {}

@@ -101,6 +101,9 @@ kinds! {
     DRAINING = SERVICE_UNAVAILABLE "draining" "The server is going down"
         "The server finishes what it has begun and takes no new jobs."
         "Submit again after the seconds in Retry-After. Jobs already accepted are kept.";
+    BUSY = SERVICE_UNAVAILABLE "busy" "The database is busy"
+        "Another program, such as a backup, has kept the server from its database for some seconds."
+        "Send the request again after the seconds in Retry-After.";
     DISK_FULL = INSUFFICIENT_STORAGE "disk-full" "The disk is full"
         "The server could not store anything more. Results that are known are still answered."
         "Whoever runs the server must make room in its data directory; then submit again.";
@@ -235,6 +238,11 @@ impl From<store::Error> for Problem {
             store::Error::Closed => {
                 Self::new(&DRAINING, "The server is going down; try again in a moment.")
                     .retry_after(5)
+            }
+            store::Error::Busy(..) => {
+                tracing::warn!(error = &error as &dyn std::error::Error, "the database is busy");
+                Self::new(&BUSY, "The server's database is busy; try again in a moment.")
+                    .retry_after(1)
             }
             store::Error::Full(..) => {
                 tracing::error!(error = &error as &dyn std::error::Error, "the disk is full");

@@ -21,6 +21,9 @@ use crate::engine::fault::Fault;
 pub const BODY_LIMIT: usize = 4 << 20;
 /// The longest that one request may wait for a job.
 pub const LONGEST_WAIT: Duration = Duration::from_mins(1);
+/// How many repeated members are listed, and how many bytes their pointers may take together.
+const REPEATED_AT_MOST: usize = 100;
+const POINTERS_AT_MOST: usize = 1 << 16;
 
 /// The query parameters of a request. A handler takes those it knows; whatever is left is refused
 /// by [`Query::finish`], since a misspelt parameter must not silently take its default.
@@ -274,17 +277,18 @@ impl<S: Sync> FromRequest<S> for Body {
     type Rejection = Problem;
 
     async fn from_request(request: Request, _: &S) -> Result<Self, Problem> {
+        // A body without a type is refused too: a web page of any origin can send one here without
+        // asking first, and a job costs something.
         let declared =
             request.headers().get(CONTENT_TYPE).map(|value| value.to_str().unwrap_or(""));
-        if let Some(declared) = declared
-            && !is_json(declared)
-        {
+        if !declared.is_some_and(is_json) {
+            let declared = declared.map_or_else(
+                || "The body has no type".to_owned(),
+                |declared| format!("The body is declared as \"{}\"", excerpt(declared)),
+            );
             return Err(Problem::new(
                 &problem::UNSUPPORTED_MEDIA_TYPE,
-                format!(
-                    "The body is declared as \"{}\"; send it with Content-Type: application/json.",
-                    excerpt(declared)
-                ),
+                format!("{declared}; send it with Content-Type: application/json."),
             ));
         }
         read(request).await.map(Self)
@@ -333,19 +337,51 @@ async fn read(request: Request) -> Result<Bytes, Problem> {
 /// Parses JSON. Also returns one fault for every member that appears more than once: silently
 /// dropping one would drop a parameter. In the document the last one counts.
 pub fn parse(text: &[u8]) -> Result<(Value, Vec<Fault>), serde_json::Error> {
-    let mut repeated = Vec::new();
+    let mut repeated = Repeated::default();
     let mut pointer = String::new();
     let mut json = serde_json::Deserializer::from_slice(text);
     let value =
         Members { pointer: &mut pointer, repeated: &mut repeated }.deserialize(&mut json)?;
     json.end()?;
-    Ok((value, repeated))
+    Ok((value, repeated.listed()))
+}
+
+/// Members that appear more than once. A short text can hold very many of them below a very long
+/// name, so only some are listed: the rest is counted.
+#[derive(Default)]
+struct Repeated {
+    faults: Vec<Fault>,
+    /// Length of all their pointers.
+    length: usize,
+    more: usize,
+}
+
+impl Repeated {
+    fn note(&mut self, pointer: &str) {
+        let length = self.length + pointer.len();
+        let fits = self.faults.len() < REPEATED_AT_MOST && length <= POINTERS_AT_MOST;
+        if fits || self.faults.is_empty() {
+            self.length = length;
+            let detail = "appears more than once; keep one".to_owned();
+            self.faults.push(Fault { pointer: pointer.to_owned(), detail });
+        } else {
+            self.more += 1;
+        }
+    }
+
+    fn listed(mut self) -> Vec<Fault> {
+        if self.more > 0 {
+            let detail = format!("and {} more repeated members, not listed", self.more);
+            self.faults.push(Fault { pointer: String::new(), detail });
+        }
+        self.faults
+    }
 }
 
 /// Builds a [`Value`] and notes members that appear more than once.
 struct Members<'a> {
     pointer: &'a mut String,
-    repeated: &'a mut Vec<Fault>,
+    repeated: &'a mut Repeated,
 }
 
 impl Members<'_> {
@@ -420,11 +456,7 @@ impl<'de> Visitor<'de> for Members<'_> {
         while let Some(name) = map.next_key::<String>()? {
             let value = self.below(&name, |members| map.next_value_seed(members))?;
             if out.contains_key(&name) {
-                self.below(&name, |members| {
-                    let pointer = members.pointer.clone();
-                    let detail = "appears more than once; keep one".to_owned();
-                    members.repeated.push(Fault { pointer, detail });
-                });
+                self.below(&name, |members| members.repeated.note(members.pointer));
             }
             out.insert(name, value);
         }
@@ -462,6 +494,21 @@ mod tests {
         let pointers: Vec<_> = repeated.iter().map(|fault| fault.pointer.as_str()).collect();
         assert_eq!(pointers, ["/a/0/x~1y", "/a", "/a"]);
         assert_eq!(value, serde_json::json!({"a": 2, "b": {}}));
+    }
+
+    #[test]
+    fn a_short_text_cannot_make_a_long_list_of_faults() {
+        let name = "k".repeat(20_000);
+        let many = vec!["\"a\":1"; 10_000].join(",");
+        for (text, listed) in
+            [(format!("{{{many}}}"), 100), (format!("{{\"{name}\": {{{many}}}}}"), 3)]
+        {
+            let repeated = parse(text.as_bytes()).unwrap().1;
+            assert_eq!(repeated.len(), listed + 1);
+            assert!(repeated.iter().map(|fault| fault.pointer.len()).sum::<usize>() <= 1 << 16);
+            let last = format!("and {} more repeated members, not listed", 9_999 - listed);
+            assert_eq!(repeated[listed].detail, last);
+        }
     }
 
     #[test]

@@ -106,6 +106,9 @@ pub enum Error {
     /// No space is left on the device.
     #[error("no space is left for the database")]
     Full(#[source] Arc<sqlx::Error>),
+    /// Something else writes to the database, or every connection is taken, for too long.
+    #[error("the database is busy")]
+    Busy(#[source] Arc<sqlx::Error>),
     /// The database refused.
     #[error("the database cannot do this now")]
     Database(#[source] Arc<sqlx::Error>),
@@ -116,15 +119,16 @@ pub enum Error {
 
 impl From<sqlx::Error> for Error {
     fn from(error: sqlx::Error) -> Self {
-        const SQLITE_FULL: &str = "13";
-        let full = error
-            .as_database_error()
-            .and_then(sqlx::error::DatabaseError::code)
-            .is_some_and(|code| code == SQLITE_FULL);
-        match error {
-            sqlx::Error::PoolClosed => Self::Closed,
-            error if full => Self::Full(Arc::new(error)),
-            error => Self::Database(Arc::new(error)),
+        const SQLITE_BUSY: u32 = 5;
+        const SQLITE_FULL: u32 = 13;
+        let code = error.as_database_error().and_then(sqlx::error::DatabaseError::code);
+        // The low byte is the kind of error, the rest says more about it.
+        let kind = code.and_then(|code| code.parse::<u32>().ok()).map(|code| code & 0xff);
+        match (&error, kind) {
+            (sqlx::Error::PoolClosed, _) => Self::Closed,
+            (sqlx::Error::PoolTimedOut, _) | (_, Some(SQLITE_BUSY)) => Self::Busy(Arc::new(error)),
+            (_, Some(SQLITE_FULL)) => Self::Full(Arc::new(error)),
+            _ => Self::Database(Arc::new(error)),
         }
     }
 }
@@ -376,4 +380,30 @@ impl Store {
 fn now() -> i64 {
     let since = SystemTime::UNIX_EPOCH.elapsed().unwrap_or_default();
     i64::try_from(since.as_millis()).unwrap_or(i64::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use sqlx::sqlite::SqliteConnectOptions;
+    use sqlx::{ConnectOptions as _, Executor as _};
+
+    use super::*;
+
+    #[tokio::test]
+    async fn a_database_that_another_writes_to_is_busy_and_not_broken() {
+        let dir = tempfile::tempdir().unwrap();
+        let options = SqliteConnectOptions::new()
+            .filename(dir.path().join("db"))
+            .create_if_missing(true)
+            .busy_timeout(Duration::ZERO);
+        let mut one = options.connect().await.unwrap();
+        let mut other = options.connect().await.unwrap();
+        one.execute("BEGIN IMMEDIATE").await.unwrap();
+        let refused = Error::from(other.execute("BEGIN IMMEDIATE").await.unwrap_err());
+        assert!(matches!(refused, Error::Busy(_)), "{refused:?}");
+        let refused = Error::from(other.execute("SELECT * FROM nothing").await.unwrap_err());
+        assert!(matches!(refused, Error::Database(_)), "{refused:?}");
+    }
 }

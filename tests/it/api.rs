@@ -5,8 +5,10 @@ use std::sync::Arc;
 use axum::http::HeaderValue;
 use fretwork::api::Origins;
 use serde_json::{Value, json};
+use sqlx::Executor as _;
 
 use crate::server::{Gate, JSON, Reply, Server, ball, document, steel_ball};
+use crate::store::raw;
 
 fn text<'a>(value: &'a Value, pointer: &str) -> &'a str {
     let found = value.pointer(pointer).and_then(Value::as_str);
@@ -315,6 +317,20 @@ async fn a_server_that_goes_down_lets_waiters_go_and_takes_no_more_jobs() {
     let address = address.unwrap();
     assert_eq!(server.get(&format!("{address}?wait=60")).await.status, 200);
     assert_eq!(server.send("POST", &format!("{address}/cancel"), &[], "").await.status, 200);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_database_held_by_another_program_is_no_mistake_of_the_server() {
+    let server = quick().await;
+    let address = job_address(&server.compute(&steel_ball()).await);
+    let mut other = raw(server.dir.path()).await;
+    other.execute("BEGIN IMMEDIATE").await.unwrap();
+    let refused = server.post("/v1/jobs", &ball(1.0)).await;
+    refused.problem(503, "busy");
+    assert_eq!(refused.header("retry-after"), Some("1"));
+    assert_eq!(server.get(&address).await.status, 200, "reading goes on");
+    other.execute("ROLLBACK").await.unwrap();
+    assert_eq!(server.compute(&ball(1.0)).await.status, 200);
 }
 
 #[tokio::test(flavor = "multi_thread")]

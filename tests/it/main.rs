@@ -13,13 +13,19 @@
 mod api;
 mod engine;
 mod exact;
+#[cfg(feature = "serve")]
+mod kill;
 mod literal;
 #[cfg(feature = "serve")]
 mod openapi;
 #[cfg(feature = "serve")]
 mod program;
 #[cfg(feature = "serve")]
+mod reference;
+#[cfg(feature = "serve")]
 mod refusals;
+#[cfg(feature = "serve")]
+mod rooms;
 mod schema;
 #[cfg(feature = "serve")]
 mod server;

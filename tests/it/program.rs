@@ -31,7 +31,7 @@ fn text(bytes: &[u8]) -> &str {
 }
 
 /// A server on a free port, and the address that it prints.
-fn serve(dir: &Path, options: &[&str]) -> (Child, String) {
+pub fn serve(dir: &Path, options: &[&str]) -> (Child, String) {
     let mut command = fretwork(options);
     command.args(["--listen", "127.0.0.1:0", "--data-dir"]).arg(dir).env("FRETWORK_LOG", "off");
     let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
@@ -115,6 +115,29 @@ fn a_server_is_healthy_until_it_is_told_to_end_and_then_ends_well() {
         assert_eq!(child.wait().unwrap().code(), Some(0));
         fails(&run(&["health", "--url", &address], ""), "no server answers");
     }
+}
+
+#[test]
+fn a_server_whose_greeting_nobody_reads_serves_all_the_same() {
+    let dir = TempDir::new().unwrap();
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let mut command = fretwork(&["--listen", "127.0.0.1:0", "--log-format", "json", "--data-dir"]);
+    command.arg(dir.path()).env("FRETWORK_LOG", "info").stdout(writer).stderr(Stdio::piped());
+    let mut child = command.spawn().unwrap();
+    let mut log = BufReader::new(child.stderr.take().unwrap()).lines().map(Result::unwrap);
+    let address = log
+        .find_map(|line| {
+            let line: Value = serde_json::from_str(&line).unwrap();
+            line["address"].as_str().map(|address| format!("http://{address}"))
+        })
+        .unwrap();
+    assert_eq!(text(&run(&["health", "--url", &address], "").stdout), "ok\n");
+    let told = Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap();
+    assert!(told.success());
+    // What it still has to say must find a reader.
+    log.for_each(drop);
+    assert_eq!(child.wait().unwrap().code(), Some(0));
 }
 
 #[test]

@@ -127,6 +127,12 @@ async fn what_is_not_json_or_not_here_is_refused() {
             slug: "unsupported-media-type",
             ..text("plain text", steel_ball().to_string())
         },
+        Case {
+            content_type: None,
+            status: 415,
+            slug: "unsupported-media-type",
+            ..text("no type", steel_ball().to_string())
+        },
         case("unknown path", "GET", "/v2/jobs", 404, "not-found"),
         case("slash at the end", "GET", "/v1/jobs/", 404, "not-found"),
         case("wrong method", "DELETE", "/v1/jobs", 405, "method-not-allowed"),

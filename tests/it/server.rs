@@ -1,6 +1,7 @@
 //! A server of our own for each test: real store, real workers, real sockets.
 
 use std::fmt::Write as _;
+use std::io;
 use std::net::SocketAddr;
 use std::sync::{Arc, Condvar, Mutex};
 use std::time::Duration;
@@ -19,7 +20,7 @@ pub struct Server {
     pub address: SocketAddr,
     pub drain: watch::Sender<bool>,
     _workers: Workers,
-    _dir: TempDir,
+    pub dir: TempDir,
 }
 
 pub struct Reply {
@@ -44,7 +45,7 @@ impl Server {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = listener.local_addr().unwrap();
         tokio::spawn(async move { axum::serve(listener, router).await.unwrap() });
-        Self { address, drain, _workers: workers, _dir: dir }
+        Self { address, drain, _workers: workers, dir }
     }
 
     /// Sends one request and reads the whole answer.
@@ -55,20 +56,7 @@ impl Server {
         headers: &[(&str, &str)],
         body: impl AsRef<[u8]>,
     ) -> Reply {
-        let body = body.as_ref();
-        let mut head = format!("{method} {target} HTTP/1.1\r\nHost: test\r\nConnection: close\r\n");
-        if !body.is_empty() || method == "POST" {
-            write!(head, "Content-Length: {}\r\n", body.len()).unwrap();
-        }
-        for (name, value) in headers {
-            write!(head, "{name}: {value}\r\n").unwrap();
-        }
-        let mut connection = TcpStream::connect(self.address).await.unwrap();
-        connection.write_all((head + "\r\n").as_bytes()).await.unwrap();
-        connection.write_all(body).await.unwrap();
-        let mut answer = Vec::new();
-        connection.read_to_end(&mut answer).await.unwrap();
-        Reply::parse(&answer)
+        send(self.address, method, target, headers, body).await.unwrap()
     }
 
     pub async fn get(&self, target: &str) -> Reply {
@@ -86,11 +74,36 @@ impl Server {
     }
 }
 
+/// Sends one request and reads the whole answer; an error if the server goes away meanwhile.
+pub async fn send(
+    address: SocketAddr,
+    method: &str,
+    target: &str,
+    headers: &[(&str, &str)],
+    body: impl AsRef<[u8]>,
+) -> io::Result<Reply> {
+    let body = body.as_ref();
+    let mut head = format!("{method} {target} HTTP/1.1\r\nHost: test\r\nConnection: close\r\n");
+    if !body.is_empty() || method == "POST" {
+        write!(head, "Content-Length: {}\r\n", body.len()).unwrap();
+    }
+    for (name, value) in headers {
+        write!(head, "{name}: {value}\r\n").unwrap();
+    }
+    let mut connection = TcpStream::connect(address).await?;
+    connection.write_all((head + "\r\n").as_bytes()).await?;
+    connection.write_all(body).await?;
+    let mut answer = Vec::new();
+    connection.read_to_end(&mut answer).await?;
+    Reply::parse(&answer).ok_or_else(|| io::ErrorKind::UnexpectedEof.into())
+}
+
 pub const JSON: (&str, &str) = ("Content-Type", "application/json");
 
 impl Reply {
-    fn parse(answer: &[u8]) -> Self {
-        let end = answer.windows(4).position(|window| window == b"\r\n\r\n").unwrap();
+    /// None if the answer broke off.
+    fn parse(answer: &[u8]) -> Option<Self> {
+        let end = answer.windows(4).position(|window| window == b"\r\n\r\n")?;
         let head = std::str::from_utf8(&answer[..end]).unwrap();
         let mut lines = head.lines();
         let status = lines.next().unwrap().split(' ').nth(1).unwrap().parse().unwrap();
@@ -98,7 +111,11 @@ impl Reply {
             .map(|line| line.split_once(": ").unwrap())
             .map(|(name, value)| (name.to_owned(), value.to_owned()))
             .collect();
-        Self { status, headers, body: answer[end + 4..].to_vec() }
+        let reply = Self { status, headers, body: answer[end + 4..].to_vec() };
+        let whole = reply.header("content-length").and_then(|length| length.parse().ok());
+        // The answer to HEAD has a length without a body.
+        (reply.body.is_empty() || whole.is_none_or(|length: usize| length == reply.body.len()))
+            .then_some(reply)
     }
 
     pub fn header(&self, name: &str) -> Option<&str> {

@@ -42,14 +42,20 @@ pub async fn fresh() -> (TempDir, Store) {
     (dir, store)
 }
 
-/// What is on the disk at this moment, as a process that dies now leaves it to the next.
-pub async fn after_a_crash(dir: &Path) -> (TempDir, Store) {
+/// What is on the disk at this moment.
+pub fn crash(dir: &Path) -> TempDir {
     let copy = TempDir::new().unwrap();
     for file in ["fretwork.db", "fretwork.db-wal"] {
         if dir.join(file).exists() {
             fs::copy(dir.join(file), copy.path().join(file)).unwrap();
         }
     }
+    copy
+}
+
+/// What a process that dies now leaves to the next.
+pub async fn after_a_crash(dir: &Path) -> (TempDir, Store) {
+    let copy = crash(dir);
     let store = open(copy.path()).await;
     (copy, store)
 }
