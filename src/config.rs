@@ -80,7 +80,7 @@ pub struct Serve {
     pub synchronous: Synchronous,
     /// Seconds that running computations are given to end when the server goes down. What is not
     /// done by then is done after the next start.
-    #[arg(long, env = "FRETWORK_DRAIN_SECONDS", default_value = "10", value_name = "SECONDS",
+    #[arg(long, env = "FRETWORK_DRAIN_SECONDS", default_value = "7", value_name = "SECONDS",
         value_parser = seconds)]
     pub drain_seconds: Duration,
     /// What log lines look like.

@@ -26,8 +26,9 @@ use tokio::sync::watch;
 use config::{Cli, Command, Health, Run, RunFormat, Serve, Synchronous};
 use connection::Patient;
 
-/// How long connections may stay open when everything else has ended.
-const HANG_UP: Duration = Duration::from_secs(5);
+/// How long connections may stay open when everything else has ended. With the time to drain it stays
+/// below the ten seconds after which service managers kill.
+const HANG_UP: Duration = Duration::from_secs(2);
 
 /// How long a connection may stand still; requests wait for a minute at most.
 const STILL: Duration = Duration::from_mins(2);

@@ -1,6 +1,5 @@
 //! Results: whole documents and their parts, which never change.
 
-use axum::body::Body;
 use axum::extract::State;
 use axum::http::header::{self, HeaderName};
 use axum::http::{HeaderMap, StatusCode};
@@ -15,16 +14,20 @@ use crate::job::Key;
 
 const TABLES: [Format; 2] = [Format::Json, Format::Csv];
 
+/// The key that an address names.
+fn read_key(text: &str) -> Result<Key, Problem> {
+    text.parse().map_err(|bad: crate::job::BadKey| {
+        Problem::new(&problem::UNKNOWN_RESULT, format!("No result has this key: {bad}."))
+    })
+}
+
 /// Finds the stored bytes of a result; an unknown key is answered with the way to its job, if one
 /// is under way.
-async fn find(app: &App, key: &str) -> Result<(Key, Vec<u8>), Problem> {
-    let key: Key = key.parse().map_err(|bad: crate::job::BadKey| {
-        Problem::new(&problem::UNKNOWN_RESULT, format!("No result has this key: {bad}."))
-    })?;
-    if let Some(stored) = app.store.result(&key).await? {
-        return Ok((key, stored.body));
+async fn find(app: &App, key: &Key) -> Result<Vec<u8>, Problem> {
+    if let Some(stored) = app.store.result(key).await? {
+        return Ok(stored.body);
     }
-    let Some(job) = app.store.live_job(&key).await? else {
+    let Some(job) = app.store.live_job(key).await? else {
         let detail = "No result has this key; submit its scenario to POST /v1/jobs.";
         return Err(Problem::new(&problem::UNKNOWN_RESULT, detail));
     };
@@ -32,6 +35,20 @@ async fn find(app: &App, key: &str) -> Result<(Key, Vec<u8>), Problem> {
         format!("No result has this key yet; wait for it with GET /v1/jobs/{job}?wait=10.");
     let link = format!("</v1/jobs/{job}>; rel=\"related\"");
     Err(Problem::new(&problem::UNKNOWN_RESULT, detail).with_header(header::LINK, link))
+}
+
+/// The short answer to a client that holds this representation of a result that exists: results do
+/// not change, so the body need not be read.
+async fn not_modified(
+    app: &App,
+    headers: &HeaderMap,
+    key: &Key,
+    tag: &str,
+) -> Result<Option<Response>, Problem> {
+    if !is_held(headers, tag) || !app.store.has_result(key).await? {
+        return Ok(None);
+    }
+    Ok(Some((StatusCode::NOT_MODIFIED, caching(tag)).into_response()))
 }
 
 /// What every representation carries: results are a pure function of their key, so they may be
@@ -53,11 +70,8 @@ fn is_held(headers: &HeaderMap, tag: &str) -> bool {
         .any(|held| held == tag || held == "*")
 }
 
-fn send(headers: &HeaderMap, tag: &str, format: Format, body: impl Into<Body>) -> Response {
-    if is_held(headers, tag) {
-        return (StatusCode::NOT_MODIFIED, caching(tag)).into_response();
-    }
-    (caching(tag), [(header::CONTENT_TYPE, format.media_type())], body.into()).into_response()
+fn send(tag: &str, format: Format, body: Vec<u8>) -> Response {
+    (caching(tag), [(header::CONTENT_TYPE, format.media_type())], body).into_response()
 }
 
 /// Answers a part of a result in JSON or CSV. `write` runs apart from the threads that answer
@@ -74,14 +88,15 @@ async fn part(
         let detail = "This is available as application/json and text/csv (?format=json, csv).";
         Problem::new(&problem::NOT_ACCEPTABLE, detail)
     })?;
-    let (key, stored) = find(app, key).await?;
+    let key = read_key(key)?;
     let tag = format!("\"{key}.{name}.{}\"", format.name());
-    if is_held(headers, &tag) {
-        return Ok((StatusCode::NOT_MODIFIED, caching(&tag)).into_response());
+    if let Some(response) = not_modified(app, headers, &key, &tag).await? {
+        return Ok(response);
     }
+    let stored = find(app, &key).await?;
     let written = task::spawn_blocking(move || write(Document::open(&stored)?, format));
     let body = written.await.map_err(|_| Problem::internal())??;
-    Ok(send(headers, &tag, format, body))
+    Ok(send(&tag, format, body))
 }
 
 impl From<table::Error> for Problem {
@@ -141,8 +156,12 @@ pub async fn whole(
         );
         return Err(Problem::new(&problem::NOT_ACCEPTABLE, detail));
     };
-    let (key, stored) = find(&app, &key).await?;
-    Ok(send(&headers, &format!("\"{key}\""), format, stored))
+    let key = read_key(&key)?;
+    let tag = format!("\"{key}\"");
+    if let Some(response) = not_modified(&app, &headers, &key, &tag).await? {
+        return Ok(response);
+    }
+    Ok(send(&tag, format, find(&app, &key).await?))
 }
 
 /// Returns the history of a result: one entry per instant.

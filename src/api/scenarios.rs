@@ -29,6 +29,10 @@ pub struct Example {
 /// The job bodies in `examples/`; the first is the one that the program shows at start.
 pub static EXAMPLES: &[Example] = &[
     Example { name: "steel-ball", body: include_str!("../../examples/steel-ball.json") },
+    Example {
+        name: "steel-ball-exact",
+        body: include_str!("../../examples/steel-ball-exact.json"),
+    },
     Example { name: "paper-figure-3", body: include_str!("../../examples/paper-figure-3.json") },
     Example { name: "paper-figure-4", body: include_str!("../../examples/paper-figure-4.json") },
 ];
