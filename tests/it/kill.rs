@@ -15,12 +15,8 @@ use crate::program::serve;
 use crate::server::{JSON, Reply, send, steel_ball};
 use crate::store::{crash, raw};
 
-/// How many jobs there are unless `FRETWORK_TEST_JOBS` says otherwise, as tests/long does.
-const JOBS: u32 = 60;
-
-fn jobs() -> u32 {
-    env::var("FRETWORK_TEST_JOBS").map_or(JOBS, |number| number.parse().unwrap())
-}
+/// How many jobs there are.
+const JOBS: u32 = 200;
 
 /// One of many scenarios, all different. Measured on one core of 2.5 GHz: at least 60 ms each,
 /// about all of it in the 90 inverse transforms of 2048 points.
@@ -145,11 +141,10 @@ async fn each_key_was_completed_once(dir: &Path, keys: u32) {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn after_a_kill_every_acknowledged_job_is_done_once_and_as_if_nothing_had_been() {
-    let jobs = jobs();
     let dir = TempDir::new().unwrap();
     let server = Program::start(dir.path(), "1");
     let mut ids = Vec::new();
-    for number in 0..jobs {
+    for number in 0..JOBS {
         ids.push(server.submit(number).await);
     }
     // The moment after another run has begun: it is interrupted, and not between two runs.
@@ -175,11 +170,11 @@ async fn after_a_kill_every_acknowledged_job_is_done_once_and_as_if_nothing_had_
         .await
         .unwrap();
     assert_eq!(interrupted.len(), 1, "one worker, one run");
-    assert!(unfinished >= jobs / 2, "only {unfinished} of {jobs} were unfinished");
+    assert!(unfinished >= JOBS / 2, "only {unfinished} of {JOBS} were unfinished");
 
     let server = Program::start(dir.path(), "1");
     let mut results = HashMap::new();
-    for (number, id) in (0..jobs).zip(&ids) {
+    for (number, id) in (0..JOBS).zip(&ids) {
         let job = server.ended(id).await;
         assert_eq!(job["state"], "succeeded", "{job}");
         let attempt = if job["key"] == interrupted[0] { 2 } else { 1 };
@@ -187,7 +182,7 @@ async fn after_a_kill_every_acknowledged_job_is_done_once_and_as_if_nothing_had_
         results.insert(number, server.result(&job).await);
     }
     server.end();
-    each_key_was_completed_once(dir.path(), jobs).await;
+    each_key_was_completed_once(dir.path(), JOBS).await;
     are_undisturbed(results).await;
 }
 
@@ -207,12 +202,11 @@ impl Dice {
 #[tokio::test(flavor = "multi_thread")]
 #[ignore = "takes a minute: tests/long runs it"]
 async fn ten_kills_at_any_moment_lose_nothing_and_change_no_result() {
-    let jobs = jobs();
     let dir = TempDir::new().unwrap();
     let mut dice = Dice(env::var("FRETWORK_TEST_SEED").map_or(1, |seed| seed.parse().unwrap()));
     let mut ids = HashMap::new();
     let mut kills = 0;
-    while kills < 10 || ids.len() < jobs as usize {
+    while kills < 10 || ids.len() < JOBS as usize {
         let server = Program::start(dir.path(), "1");
         // A run that kills its server three times is given up. These did not, so each server lives
         // until the run that its predecessor left has ended: it is the first that is computed.
@@ -222,9 +216,9 @@ async fn ten_kills_at_any_moment_lose_nothing_and_change_no_result() {
             server.ended(oldest).await;
         }
         // Jobs keep coming while the server dies. What it did not acknowledge is sent to the next.
-        let missing: Vec<u32> = (0..jobs).filter(|number| !ids.contains_key(number)).collect();
+        let missing: Vec<u32> = (0..JOBS).filter(|number| !ids.contains_key(number)).collect();
         let address = server.address;
-        let share = if kills < 10 { jobs as usize / 10 } else { missing.len() };
+        let share = if kills < 10 { JOBS as usize / 10 } else { missing.len() };
         let submitting = tokio::spawn(async move {
             let mut acknowledged = Vec::new();
             for number in missing.into_iter().take(share) {
@@ -258,6 +252,6 @@ async fn ten_kills_at_any_moment_lose_nothing_and_change_no_result() {
     // The clean end of a server between may have let go of one more.
     assert!((1..=11).contains(&again), "{again} interrupted runs from {kills} kills");
     server.end();
-    each_key_was_completed_once(dir.path(), jobs).await;
+    each_key_was_completed_once(dir.path(), JOBS).await;
     are_undisturbed(results).await;
 }
