@@ -19,7 +19,7 @@ use fretwork::engine::scenario::{self, Scenario};
 use fretwork::engine::simplified::Simplified;
 use fretwork::engine::simulation::Simulation;
 use fretwork::engine::transform::Kernels;
-use serde_json::json;
+use serde_json::{Value, json};
 
 #[path = "../tests/it/literal.rs"]
 mod literal;
@@ -27,7 +27,8 @@ mod literal;
 const SNAPSHOTS: [f64; 5] = [0.5, 2.0, 4.5, 8.0, 16.0];
 const ROUNDS: usize = 500;
 
-fn run_of(points: usize) -> Scenario {
+/// The steel ball with half of the contact sticking.
+fn ball(normalized: &[f64], model: &Value, profiles_at: &str) -> Scenario {
     let request = json!({
         "profile": {"shape": "paraboloid", "radius": "10 mm"},
         "moduli": {"normal": "112.64 GPa", "tangential": "92.76 GPa"},
@@ -35,25 +36,15 @@ fn run_of(points: usize) -> Scenario {
         "wear": {"coefficient": "3.03e-5 mm^3/(N m)"},
         "load": {"normal_force": "100 N", "held": "depth"},
         "motion": {"stick_ratio": 0.5},
-        "cycles": {"normalized": SNAPSHOTS},
-        "model": {"points": points},
+        "cycles": {"normalized": normalized},
+        "profiles_at": profiles_at,
+        "model": model,
     });
     scenario::check(&request, "").expect("a valid scenario").0
 }
 
-fn exact_run(profiles_at: &str) -> Scenario {
-    let request = json!({
-        "profile": {"shape": "paraboloid", "radius": "10 mm"},
-        "moduli": {"normal": "112.64 GPa", "tangential": "92.76 GPa"},
-        "friction": 0.7,
-        "wear": {"coefficient": "3.03e-5 mm^3/(N m)"},
-        "load": {"normal_force": "100 N", "held": "depth"},
-        "motion": {"stick_ratio": 0.5},
-        "cycles": {"normalized": [0.5, 1, 2, 4, 8, 16]},
-        "profiles_at": profiles_at,
-        "model": {"method": "exact"},
-    });
-    scenario::check(&request, "").expect("a valid scenario").0
+fn run_of(points: usize) -> Scenario {
+    ball(&SNAPSHOTS, &json!({"points": points}), "all")
 }
 
 /// Seconds per call of `work`, over about a millisecond.
@@ -137,7 +128,8 @@ fn main() {
 
     // The exact method at its defaults, to Ñ = 16, without curves and with them.
     for profiles in ["none", "all"] {
-        let exact = exact_run(profiles);
+        let instants = [0.5, 1.0, 2.0, 4.0, 8.0, 16.0];
+        let exact = ball(&instants, &json!({"method": "exact"}), profiles);
         let mut ratios = Vec::new();
         for _ in 0..50 {
             let exact = seconds(|| drop(black_box(Simulation::of(&exact).expect("a run").run())));
