@@ -623,11 +623,11 @@ mod tests {
             [ball.as_str(), cone.as_str(), exact.as_str()],
             [
                 "7262301ee85039ba4e113b17570ed2e12a9a7b34bc20bf05a1cbfc9b16860c41 \
-                 0b1502e2b122654b44a8224ca5c1e23144027e7925759c0603d00a0f7d0b5026",
+                 9fb962446339fb8f2239d7cd640a0991e1f6d377e22805feb29990bb34c51306",
                 "46018b326003fb9232ee611ac34f690d304295894ade59b3f1c2af72169fdbf6 \
-                 a8db6d7762bf57e39ef920dad3c8a7f48633743b30faa1f54ad07d22834035ab",
+                 c337778edaa0858daea88be87e90017952cb12575d66513fd8e92ec3e6281c77",
                 "5c89ceb8cf9aeaff9e820494bc3736e7bac0978b004ba17e3c2154bd41338b08 \
-                 e45bb49884b5f21c5eb97a2533eda53d09ad8c8a9d723f111a1f7081c3a986ff",
+                 1eb869350ae4adb115f93bfd920ce466b067f0a4e915f7e519a34fdcbcefbb27",
             ]
         );
     }

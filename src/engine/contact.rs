@@ -221,6 +221,18 @@ impl Row {
         (sums, compressions)
     }
 
+    /// What each slipping spring takes from the pressure (Δ/π)/√(c²−r²) that the ring would put on a
+    /// radius r < c if it ended in a step: (1/π) ∫ −y′/√(x²−r²) dx by parts, so that however steep y
+    /// is at the stick edge, only y itself is summed.
+    #[must_use]
+    pub fn weights_inside(&self, r: f64) -> [f64; ROW_POINTS] {
+        std::array::from_fn(|k| {
+            let x = self.positions[k];
+            let square = (x - r) * (x + r);
+            std::f64::consts::FRAC_1_PI * self.weights[k] * x / (square * square.sqrt())
+        })
+    }
+
     /// (2/π) w/√(r²−x²) of each slipping spring for a radius outside the contact: multiplied with
     /// the compressions they add up to (2/π) ∫ y/√(r²−x²) dx, by which the surface follows the motion.
     #[must_use]

@@ -68,9 +68,11 @@ pub struct Simplified {
     slip_excess: Vec<f64>,
     initial: Vec<f64>,
     limiting: Vec<f64>,
+    /// p of the unworn contact at the nodes inside a₀.
     unworn_pressure: Vec<f64>,
-    /// Pressure of the core's springs alone, at the core's radii.
-    core_pressure: Vec<f64>,
+    /// Per radius of the core: the pressure if the ring ended in a step at the stick edge, and what
+    /// each of the slipping springs takes from it.
+    inner: Vec<(f64, [f64; ROW_POINTS])>,
     /// Per radius outside ã: the slip that the sticking core leaves, and what each of the other
     /// springs takes from it.
     outside: Vec<(f64, [f64; ROW_POINTS])>,
@@ -184,8 +186,14 @@ impl Simplified {
         }
         let row = Row::new(&contact);
         let unworn_pressure =
-            radii[..core + inside].iter().map(|r| shape.pressure_inside(*r, 1.0)).collect();
-        let core_pressure = radii[..core].iter().map(|r| shape.pressure_inside(*r, c)).collect();
+            radii[core..core + inside].iter().map(|r| shape.pressure_inside(*r, 1.0)).collect();
+        let inner = radii[..core]
+            .iter()
+            .map(|r| {
+                let step = threshold / (PI * ((c - r) * (c + r)).sqrt());
+                (shape.pressure_inside(*r, c) + step, row.weights_inside(*r))
+            })
+            .collect();
         let outside = radii[core + nodes..]
             .iter()
             .map(|r| (1.0 - FRAC_2_PI * libm::asin(c / r), row.weights_outside(*r)))
@@ -207,7 +215,7 @@ impl Simplified {
             initial,
             limiting,
             unworn_pressure,
-            core_pressure,
+            inner,
             outside,
         }
     }
@@ -247,24 +255,32 @@ impl Simplified {
     pub fn states(&self, wanted: &[(Decay, bool)]) -> Vec<State> {
         let (mut images, mut worn, mut first) = (Vec::new(), Vec::new(), Vec::new());
         let (mut changes, mut decays) = (Vec::new(), Vec::new());
+        let (mut sums, mut compressions) = (Vec::new(), Vec::new());
         for (decay, curves) in wanted {
             let springs = self.springs(*decay);
+            let (summed, compressed) = self.row.sums_and_compressions(*decay);
+            sums.push(summed);
             worn.push(springs.worn);
             first.push((springs.apex, springs.unresolved));
             if *curves {
                 images.push(springs.image);
                 changes.push(springs.slope_changes);
                 decays.push(*decay);
+                compressions.push(compressed);
             }
         }
         let mut wear = vec![vec![0.0; self.radii.len()]; wanted.len()];
         self.kernels.inverse(&worn, &mut wear, self.core);
-        let mut more = images.into_iter().zip(self.pressures(&decays, &changes));
+        let mut more = images
+            .into_iter()
+            .zip(self.pressures(&decays, &changes, &compressions))
+            .zip(&compressions);
         let scale = self.theta.sqrt() / PI;
         wear.into_iter()
             .zip(first)
+            .zip(sums)
             .zip(wanted)
-            .map(|((mut wear, (apex, unresolved)), (decay, curves))| {
+            .map(|(((mut wear, (apex, unresolved)), sums), (decay, curves))| {
                 let mesh = &mut wear[self.core..self.core + self.nodes];
                 for wear in &mut *mesh {
                     *wear = apex + scale * *wear;
@@ -272,15 +288,15 @@ impl Simplified {
                 if unresolved {
                     self.bound(mesh);
                 }
-                let (sums, compressions) = self.row.sums_and_compressions(*decay);
                 let mut state = self.measure(mesh, sums);
-                if *curves {
-                    let slip = self.slip(mesh, *decay, &compressions);
+                if let Some(((image, pressure), compressions)) =
+                    curves.then(|| more.next()).flatten()
+                {
+                    let slip = self.slip(mesh, *decay, compressions);
                     for wear in mesh {
                         *wear = wear.max(0.0);
                     }
-                    state.curves =
-                        more.next().map(|(image, pressure)| Curves { wear, image, pressure, slip });
+                    state.curves = Some(Curves { wear, image, pressure, slip });
                 }
                 state
             })
@@ -423,35 +439,30 @@ impl Simplified {
 
     /// The pressure at every radius.
     ///
-    /// y = e·y₀ + R in the worn ring: the first part has the unworn contact's edge and its closed
-    /// pressure, the rest R = y − e·y₀ vanishes twice at a₀, so that no kink falls inside a cell.
-    fn pressures(&self, decays: &[Decay], changes: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    /// In the ring y = e·y₀ + R: the first part has the unworn contact's edge and its closed pressure,
+    /// the rest R = y − e·y₀ vanishes twice at a₀, so that no kink falls inside a cell.
+    fn pressures(
+        &self,
+        decays: &[Decay],
+        changes: &[Vec<f64>],
+        compressions: &[[f64; ROW_POINTS]],
+    ) -> Vec<Vec<f64>> {
         let mut curves = vec![vec![0.0; self.radii.len()]; decays.len()];
         self.kernels.pressure(changes, self.inside, &mut curves, self.core);
-        let mesh = &self.radii[self.core..=self.core + self.inside];
-        let mut chords = vec![0.0; mesh.len()];
-        for (k, r) in self.radii[..self.core].iter().enumerate() {
-            for (chord, x) in chords.iter_mut().zip(mesh) {
-                *chord = ((x - r) * (x + r)).sqrt();
-            }
-            let (whole, core) = (self.unworn_pressure[k], self.core_pressure[k]);
-            for ((curve, changes), decay) in curves.iter_mut().zip(changes).zip(decays) {
-                let rest = FRAC_2_PI / self.theta * dot(&chords, changes);
-                curve[k] = decay.left * whole + decay.gone * core + rest;
-            }
-        }
         let scale = FRAC_2_PI / self.theta.sqrt();
-        let unworn = &self.unworn_pressure[self.core..];
-        for (curve, decay) in curves.iter_mut().zip(decays) {
-            for (pressure, unworn) in curve[self.core..].iter_mut().zip(unworn) {
+        let first_cell = self.radii[self.core + 1] - self.radii[self.core];
+        for ((curve, decay), compressions) in curves.iter_mut().zip(decays).zip(compressions) {
+            for (pressure, (step, weights)) in curve.iter_mut().zip(&self.inner) {
+                *pressure = step - dot(weights, compressions);
+            }
+            let ring = &mut curve[self.core..];
+            for (pressure, unworn) in ring.iter_mut().zip(&self.unworn_pressure) {
                 *pressure = (decay.left * unworn + scale * *pressure).max(0.0);
             }
-            // The apex of a cone: infinite, whatever the decay.
-            if self.unworn_pressure[0].is_infinite() {
-                curve[0] = f64::INFINITY;
-            }
-            if self.core > 0 && self.step_width(*decay) < mesh[1] - mesh[0] {
-                curve[self.core] = f64::INFINITY;
+            // The apex of a cone whose every spring slips is infinite, whatever the decay.
+            let apex = self.unworn_pressure[0].is_infinite();
+            if apex || self.core > 0 && self.step_width(*decay) < first_cell {
+                ring[0] = f64::INFINITY;
             }
         }
         curves
