@@ -20,9 +20,12 @@
 //! solved.
 //!
 //! # Accuracy
-//! Second order in the number of cells: 0.1 % in V, F and depth at the 64 cells of the default
-//! tolerance. Every run is accompanied by one of half the cells, an eighth of the cost, whose distance
-//! tells the error.
+//! Second order in the number of cells. At the 64 cells of the default tolerance, over random
+//! scenarios, V is right to 0.05 % in the median and 0.2 % in 95 of 100, F to 0.06 % of the unworn force.
+//! Depth is first order at the apex in gross slip (a cone: 1 %), and for blunt profiles (n ≥ 8) at the
+//! start of wear, when the ring is narrow. A core smaller than the first cells (c below 1e-3) is taken
+//! for none. The contact radius lies within a cell: 1 to 2 %. Every run
+//! is accompanied by one of half the cells, an eighth of the cost, whose distance tells the error of V.
 //!
 //! # Sources
 //! The procedure: A. V. Dimaki et al., *Int. J. Solids Struct.* 51 (2014) 4215. The integrator:
@@ -40,9 +43,15 @@ use super::simplified::Curves;
 const COMMON_CELLS: f64 = 64.0;
 const COMMON_TOLERANCE: f64 = 3e-3;
 /// Fewest and most cells.
-const CELLS_RANGE: (f64, f64) = (24.0, 384.0);
-/// The distance to the run of half the cells, times this, covers the error (a test counts how often).
-const CAUTION: f64 = 1.5;
+const CELLS_RANGE: (f64, f64) = (24.0, 360.0);
+/// Both runs are compared at times that grow by this factor: where their distance happens to change
+/// sign it says nothing, so its last values count too, less and less.
+const CHECKS: f64 = 1.3;
+const FORGET: f64 = 0.7;
+/// No error is stated below this share of the tolerance.
+const LEAST_ERROR: f64 = 0.2;
+/// Once the first cell carries less than this share of what the stick edge does, there is a step.
+const STEP: f64 = 0.5;
 /// A run whose wear would grow by less than this share of the tolerance, were it to go on at its rate
 /// for as long as it has lasted, has arrived.
 const SETTLED: f64 = 1e-3;
@@ -52,6 +61,9 @@ const SETTLED: f64 = 1e-3;
 pub struct Exact {
     fine: Run,
     coarse: Run,
+    /// When both are compared next, and how far apart they were.
+    check: f64,
+    apart: f64,
 }
 
 /// Cells for a tolerance: the error falls with their square.
@@ -66,6 +78,10 @@ struct Run {
     wear: Wear,
     rkc: Rkc,
     settled: Option<f64>,
+    /// 2 ∫ ∫ y ω dx dÑ: (k_w/μ)·ΣW up to where the last step began, and to where it ended.
+    worn_by_energy: [f64; 2],
+    /// 2 ∫ y ω dx at both ends of the last step.
+    loss: [f64; 2],
 }
 
 /// The springs and what wears them.
@@ -73,6 +89,8 @@ struct Run {
 struct Wear {
     contact: Contact,
     mesh: Mesh,
+    /// r₀: the stick radius, or 0 if all slips or the core is smaller than a cell.
+    start: f64,
     /// Δ·s of the unworn contact at the nodes.
     slip: Vec<f64>,
     /// y of the cells in contact at the values last asked for.
@@ -97,6 +115,8 @@ pub struct Instant {
     pub volume: f64,
     /// An estimate of the relative error of V.
     pub volume_error: f64,
+    /// (k_w/μ)·ΣW, summed on its own: it should be V.
+    pub worn_by_energy: f64,
     /// The largest wear.
     pub depth: f64,
     /// g(a) = d.
@@ -121,17 +141,32 @@ impl Exact {
     /// Begins with the unworn contact on so many cells.
     #[must_use]
     pub fn with_cells(contact: Contact, cells: usize, tolerance: f64) -> Self {
-        Self {
-            fine: Run::new(contact, cells, tolerance),
-            coarse: Run::new(contact, cells / 2, 4.0 * tolerance),
-        }
+        let fine = Run::new(contact, cells, tolerance);
+        let coarse = Run::new(contact, cells / 2, 4.0 * tolerance);
+        let check = 0.01 * fine.rkc.scale();
+        Self { fine, coarse, check, apart: 0.0 }
     }
 
     /// Takes a step towards an instant in N₀; false once it is reached.
     pub fn advance(&mut self, until: f64) -> bool {
-        // The coarse run goes in step, so that no call takes long.
-        let coarse = self.coarse.advance(until);
-        self.fine.advance(until) || coarse
+        // Both in step, so that no call takes long and they can be compared.
+        let next = until.min(self.check);
+        let coarse = self.coarse.advance(next);
+        if self.fine.advance(next) || coarse {
+            return true;
+        }
+        if self.check > until {
+            return false;
+        }
+        self.apart = self.distance(self.check).max(FORGET * self.apart);
+        self.check *= CHECKS;
+        true
+    }
+
+    /// How far the volumes of both runs are apart.
+    fn distance(&mut self, time: f64) -> f64 {
+        let volume = self.fine.volume(time);
+        if volume > 0.0 { (self.coarse.volume(time) / volume - 1.0).abs() } else { 0.0 }
     }
 
     /// How far the run has come, in N₀.
@@ -157,10 +192,8 @@ impl Exact {
     #[must_use]
     pub fn at(&mut self, normalized_cycles: f64) -> Instant {
         let mut instant = self.fine.at(normalized_cycles);
-        let coarse = self.coarse.at(normalized_cycles).volume;
-        if instant.volume > 0.0 {
-            instant.volume_error = CAUTION * (coarse / instant.volume - 1.0).abs();
-        }
+        let apart = self.distance(normalized_cycles).max(self.apart);
+        instant.volume_error = apart.max(LEAST_ERROR * self.fine.rkc.tolerance());
         instant
     }
 
@@ -180,7 +213,8 @@ impl Run {
         // A narrow ring is worn sooner: a sixth of the time it would take at the first rate.
         let scale = contact.limit.volume / (6.0 * wear.mesh.volume(&rates));
         let rkc = Rkc::new(&mut wear, unworn, tolerance, (scale, contact.limit.depth));
-        Self { wear, rkc, settled: None }
+        let loss = wear.loss();
+        Self { wear, rkc, settled: None, worn_by_energy: [0.0; 2], loss: [loss; 2] }
     }
 
     fn advance(&mut self, until: f64) -> bool {
@@ -188,7 +222,10 @@ impl Run {
             return false;
         }
         self.rkc.advance(&mut self.wear);
-        let time = self.rkc.time();
+        let (began, time) = (self.rkc.began(), self.rkc.time());
+        self.loss = [self.loss[1], self.wear.loss()];
+        self.worn_by_energy[0] = self.worn_by_energy[1];
+        self.worn_by_energy[1] += self.loss_since(began, time, self.loss[1]);
         let (worn, rate) =
             (self.wear.mesh.volume(self.rkc.values()), self.wear.mesh.volume(self.rkc.rates()));
         if rate * time < SETTLED * self.rkc.tolerance() * worn {
@@ -197,27 +234,54 @@ impl Run {
         true
     }
 
-    fn at(&mut self, time: f64) -> Instant {
-        let time = self.settled.map_or(time, |settled| time.min(settled));
-        let wear = self.rkc.at(time);
-        let Contact { threshold, stick, .. } = self.wear.contact;
-        // The next step begins where the last has ended: its springs are kept.
+    /// Simpson's rule for the energy between the beginning of the last step and a time within it.
+    fn loss_since(&mut self, began: f64, time: f64, last: f64) -> f64 {
+        let middle = self.rkc.at(0.5 * (began + time));
+        let middle = self.under(&middle, Wear::loss);
+        (time - began) / 6.0 * (self.loss[0] + 4.0 * middle + last)
+    }
+
+    /// What holds under another wear than that where the next step begins.
+    fn under<T>(&mut self, wear: &[f64], what: impl Fn(&Wear) -> T) -> T {
         let kept = std::mem::take(&mut self.wear.compressions);
-        self.wear.compress(&wear);
-        let compressions = std::mem::replace(&mut self.wear.compressions, kept);
+        self.wear.compress(wear);
+        let result = what(&self.wear);
+        self.wear.compressions = kept;
+        result
+    }
+
+    fn volume(&self, time: f64) -> f64 {
+        self.wear.mesh.volume(&self.rkc.at(self.within(time)))
+    }
+
+    /// A settled run stays as it is.
+    fn within(&self, time: f64) -> f64 {
+        self.settled.map_or(time, |settled| time.min(settled))
+    }
+
+    fn at(&mut self, time: f64) -> Instant {
+        let time = self.within(time);
+        let wear = self.rkc.at(time);
+        let Contact { threshold, stick, limit, .. } = self.wear.contact;
+        let compressions = self.under(&wear, |under| under.compressions.clone());
+        let loss = self.under(&wear, Wear::loss);
+        let began = self.rkc.began();
+        let worn_by_energy = self.worn_by_energy[0] + self.loss_since(began, time, loss);
         let mesh = &self.wear.mesh;
-        let (mut normal, mut energy) = (0.0, 0.0);
+        let (mut normal, mut tangential, mut energy) = (0.0, 0.0, 0.0);
         for (y, width) in compressions.iter().zip(mesh.widths()) {
             normal += y * width;
+            tangential += y.min(threshold) * width;
             energy += y * (threshold - y).max(0.0) * width;
         }
         Instant {
             volume: mesh.volume(&wear),
             volume_error: 0.0,
-            depth: vertex(mesh.radii(), &wear, largest(&wear)),
-            contact_radius: self.wear.contact_radius(&wear),
+            worn_by_energy,
+            depth: vertex(mesh.radii(), &wear, largest(&wear)).min(limit.depth),
+            contact_radius: self.wear.contact_radius(&wear).min(limit.radius),
             normal: mesh.core() + normal,
-            tangential: threshold * stick + normal,
+            tangential: threshold * stick.min(self.wear.start) + tangential,
             energy,
             compressions,
             wear,
@@ -228,30 +292,48 @@ impl Run {
 impl Wear {
     fn new(contact: Contact, cells: usize) -> Self {
         let Contact { shape, stick, threshold, limit, .. } = contact;
-        let reach = limit.radius * (1.0 + 0.6 / cells as f64) - stick;
+        let share = 1.0 + 0.6 / cells as f64;
+        // A core smaller than the first cells is none: wear that must vanish on it would swing.
+        let smallest = 2.0 * limit.radius / (cells * cells) as f64;
+        let start = if stick < smallest { 0.0 } else { stick };
+        let reach = (limit.radius - start) * share;
         let radii = (0..=cells)
             .map(|i| {
                 let u = i as f64 / cells as f64;
                 // Next to the stick edge slip and wear begin like a root.
-                stick + reach * if contact.regime == Regime::GrossSlip { u } else { u * u }
+                start + reach * if contact.regime == Regime::GrossSlip { u } else { u * u }
             })
             .collect();
         let mesh = Mesh::new(&shape, radii);
         let rest: Vec<f64> = mesh.unworn().iter().map(|g| g - (1.0 - threshold)).collect();
         let slip = mesh.solve(&rest);
-        Self { contact, mesh, slip, compressions: Vec::new(), radius: 0.0 }
+        let mut wear = Self { contact, mesh, start, slip, compressions: Vec::new(), radius: 0.0 };
+        wear.compress(&vec![0.0; cells + 1]);
+        wear
     }
 
-    /// The springs under a wear; they are in contact as far as the first that is not.
+    /// The springs under a wear, each in contact or free, as far as the last in contact.
     fn compress(&mut self, wear: &[f64]) {
         self.compressions.clear();
+        let worn = wear.iter().rposition(|w| *w > 0.0).unwrap_or(0);
         for (q, unworn) in self.mesh.unworn().iter().enumerate() {
             let compression = 1.0 - unworn - self.mesh.image(q, wear);
-            if compression <= 0.0 {
+            // Beyond all wear and the unworn contact no spring can touch.
+            if compression <= 0.0 && q > worn && *unworn >= 1.0 {
                 break;
             }
-            self.compressions.push(compression);
+            self.compressions.push(compression.max(0.0));
         }
+        while self.compressions.last().is_some_and(|last| *last <= 0.0) {
+            self.compressions.pop();
+        }
+    }
+
+    /// 2 ∫ y ω dx.
+    fn loss(&self) -> f64 {
+        let threshold = self.contact.threshold;
+        let springs = self.compressions.iter().zip(self.mesh.widths());
+        2.0 / threshold * springs.map(|(y, d)| d * y * (threshold - y).max(0.0)).sum::<f64>()
     }
 
     /// Where the worn profile meets the unworn one: by the last two nodes that wear.
@@ -272,7 +354,8 @@ impl Wear {
     }
 
     fn curves(&self, instant: &Instant, radii: &[f64]) -> Curves {
-        let Contact { shape, stick, threshold, .. } = self.contact;
+        let Contact { shape, threshold, .. } = self.contact;
+        let inner = self.start;
         let mesh = &self.mesh;
         let squares = mesh.squares();
         let (start, end) = (squares[0], squares[squares.len() - 1]);
@@ -284,12 +367,14 @@ impl Wear {
         let slips: Vec<f64> =
             images.iter().map(|g| (1.0 - (1.0 - g).max(0.0) / threshold).max(0.0)).collect();
         // In gross slip the springs next to the axis are as compressed as the first.
-        let edge = if stick > 0.0 { 1.0 - shape.image(stick) } else { 1.0 - images[0] };
+        let edge = if inner > 0.0 { 1.0 - shape.image(inner) } else { 1.0 - images[0] };
         let springs = Springs::new(middles, start, edge, compressions, *contact_radius);
 
         let mut pressure = vec![0.0; squares.len()];
         mesh.pressure(compressions, &mut pressure);
-        pressure[0] = if stick > 0.0 { springs.pressure(stick) } else { pressure[1] };
+        pressure[0] = if inner > 0.0 { springs.pressure(inner) } else { pressure[1] };
+        // A step at the stick edge within the first cell: the pressure there has no bound.
+        let step = inner > 0.0 && compressions.first().is_some_and(|y| *y < STEP * edge);
         let live = compressions.len();
         let rim = contact_radius * contact_radius;
         let inside = squares.iter().take(live + 1).take_while(|t| **t < rim).count().max(1);
@@ -304,19 +389,21 @@ impl Wear {
         knots.extend(springs.middles.iter().map(|x| x * x));
         let mut values = vec![1.0 - edge];
         values.extend(images);
+        knots.push(end);
+        values.push(shape.image(end.sqrt()) + image_outside(squares, wear, end));
         let image = Monotone::through(knots, values);
 
         let curve = |value: &dyn Fn(f64) -> f64| radii.iter().map(|r| value(*r)).collect();
         Curves {
             wear: curve(&|r| {
-                if r <= stick && stick > 0.0 || r > *contact_radius {
+                if r <= inner && inner > 0.0 || r > *contact_radius {
                     0.0
                 } else {
                     worn.at(r * r).max(0.0)
                 }
             }),
             image: curve(&|x| {
-                if x < stick {
+                if x < inner {
                     shape.image(x)
                 } else if x * x < end {
                     let value = image.at(x * x);
@@ -327,8 +414,10 @@ impl Wear {
                 }
             }),
             pressure: curve(&|r| {
-                if r < stick {
-                    shape.pressure_inside(r, stick) + springs.pressure(r)
+                if r < inner {
+                    shape.pressure_inside(r, inner) + springs.pressure(r)
+                } else if step && r * r <= start {
+                    f64::INFINITY
                 } else if r < *contact_radius {
                     pressure.at(r * r).max(0.0)
                 } else {
@@ -336,12 +425,12 @@ impl Wear {
                 }
             }),
             slip: curve(&|r| {
-                if r <= stick {
+                if r <= inner && inner > 0.0 {
                     0.0
                 } else if r * r < end {
-                    slip.at(r * r)
+                    slip.at(r * r).clamp(0.0, 1.0)
                 } else {
-                    let stuck = FRAC_2_PI * libm::asin(stick / r);
+                    let stuck = FRAC_2_PI * libm::asin(inner / r);
                     1.0 - stuck - springs.displacement(r, mesh.widths()) / threshold
                 }
             }),
@@ -349,17 +438,19 @@ impl Wear {
     }
 }
 
-/// The image outside the mesh of a wear that is linear in t between nodes: x ∫ w′/√(x²−r²) dr.
+/// The image outside the mesh of a wear that is linear in t between nodes:
+/// w(0) + x ∫ w′/√(x²−r²) dr.
 fn image_outside(squares: &[f64], wear: &[f64], square: f64) -> f64 {
     let sum: f64 = squares
         .windows(2)
         .zip(wear.windows(2))
         .map(|(t, w)| {
-            let roots = (square - t[0]).sqrt() + (square - t[1]).sqrt();
+            let roots = (square - t[0]).max(0.0).sqrt() + (square - t[1]).max(0.0).sqrt();
             2.0 * (w[1] - w[0]) / roots
         })
         .sum();
-    square.sqrt() * sum
+    // At a stick edge, unlike the axis, the wear begins at 0.
+    wear[0] + square.sqrt() * sum
 }
 
 /// The loaded springs outside the stick radius as a curve y(t), linear between the middles of cells.
@@ -420,7 +511,7 @@ impl Rates for Wear {
         let widths = self.mesh.widths();
         self.radius = 0.0;
         for j in 1..=live {
-            let slip = (self.slip[j] + wear[j]) * per_threshold;
+            let slip = (self.slip[j] + wear[j]).max(0.0) * per_threshold;
             let narrower = widths[j - 1].min(widths.get(j).copied().unwrap_or(f64::INFINITY));
             self.radius = self.radius.max(0.5 * slip / narrower);
             rates[j] *= slip;
@@ -454,15 +545,8 @@ mod tests {
             let contact = Contact::new(shape, threshold).expect("a limit");
             let mut run = Run::new(contact, 64, 3e-3);
             for _ in 0..40 {
-                // dV/dÑ = 2 Σ D y ω, term by term another sum.
-                let widths = run.wear.mesh.widths();
-                let loss: f64 = run
-                    .wear
-                    .compressions
-                    .iter()
-                    .zip(widths)
-                    .map(|(y, width)| 2.0 * width * y * (1.0 - y / threshold).max(0.0))
-                    .sum();
+                // dV/dÑ = 2 ∫ y ω dx, term by term another sum.
+                let loss = run.wear.loss();
                 let growth = run.wear.mesh.volume(run.rkc.rates());
                 assert!((growth - loss).abs() <= 1e-12 * loss, "{growth} {loss}");
                 run.rkc.advance(&mut run.wear);

@@ -4,7 +4,7 @@
 //! [`UNITS`] names the unit of every quantity; a name means the same wherever it occurs.
 //!
 //! Entry 0 of every column and row 0 of every matrix is the unworn state. An infinite pressure (the
-//! apex of a cone) is `f64::INFINITY` here and null in JSON; nothing else is ever non-finite.
+//! apex of a cone, late in a run the stick edge) is `f64::INFINITY` here and null in JSON; nothing else is ever non-finite.
 
 use serde::Serialize;
 
@@ -225,12 +225,13 @@ pub struct Event {
 /// How far the numbers can be trusted.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Accuracy {
-    /// (k_w/μ)·ΣW/V − 1 at the last instant. The exact method keeps dV/dN = (k_w/μ)·W; the simplified
-    /// rule does not, and this is by how much. Null without wear.
+    /// (k_w/μ)·ΣW/V − 1 at the last instant. The exact method keeps dV/dN = (k_w/μ)·W in itself, and what
+    /// is left is the error of summing over time; the simplified rule does not keep it, and this is by
+    /// how much. Null without wear.
     pub energy_mismatch: Option<f64>,
     /// The largest relative error of the volume by discretisation, estimated over the history: for
     /// the simplified rule the difference between the volume under the computed profile and that of
-    /// its image (a few times too large as a rule, too small for blunt profiles in gross slip), for the exact method one and a half times the distance to a run with half the cells.
+    /// its image (a few times too large as a rule, too small for blunt profiles in gross slip), for the exact method the distance to a run with half the cells.
     /// Null without wear.
     pub volume_error: Option<f64>,
     /// Cells of the exact method's mesh.

@@ -179,8 +179,7 @@ impl Simulation {
                 normal: instant.normal,
                 tangential: instant.tangential,
                 energy: instant.energy,
-                // dV = (k_w/μ)·dW holds in the scheme itself.
-                worn_by_energy: instant.volume,
+                worn_by_energy: instant.worn_by_energy,
                 volume_error: instant.volume_error,
                 curves,
             });

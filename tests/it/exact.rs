@@ -60,23 +60,23 @@ fn halving_the_cells_quarters_the_accuracy() {
             while run.advance(2.0) {}
             run.at(2.0).volume
         };
-        let finest = volume(256);
-        let (coarse, middle) = ((volume(32) - finest).abs(), (volume(64) - finest).abs());
+        let finest = volume(320);
+        let (coarse, middle) = ((volume(64) - finest).abs(), (volume(128) - finest).abs());
         let order = (coarse / middle).log2();
-        assert!(order > 1.6, "order {order} at n = {exponent}: {coarse} {middle}");
+        assert!(order > 1.7, "order {order} at n = {exponent}: {coarse} {middle}");
     }
 }
 
 #[test]
 fn after_very_many_cycles_the_limit_is_reached() {
-    for c in [0.05, 0.5, 0.9] {
+    for c in [1e-5, 1e-4, 1e-3, 0.05, 0.5, 0.9, 0.999] {
         let contact = contact(2.0, c);
         let mut run = Exact::new(contact, 3e-3);
         while run.advance(1e9) {}
         let state = run.at(1e9);
         assert!((state.volume / contact.limit.volume - 1.0).abs() < 2e-3, "{c}");
-        assert!((state.depth / contact.limit.depth - 1.0).abs() < 2e-3, "{c}");
-        assert!((state.contact_radius / contact.limit.radius - 1.0).abs() < 2e-3, "{c}");
+        assert!((state.depth / contact.limit.depth - 1.0).abs() < 1e-2, "{c}");
+        assert!((state.contact_radius / contact.limit.radius - 1.0).abs() < 5e-3, "{c}");
     }
 }
 
@@ -105,6 +105,7 @@ fn the_curves_of_a_result_carry_its_numbers() {
         (json!({"shape": "cone", "slope_angle": "1 deg"}), json!({"stick_ratio": 0.3})),
         (json!({"shape": "sphere", "radius": "10 mm"}), json!({"stick_ratio": 0.8})),
         (json!({"shape": "paraboloid", "radius": "10 mm"}), json!({"amplitude": "4 um"})),
+        (json!({"shape": "cone", "slope_angle": "1 deg"}), json!({"amplitude": "9 um"})),
     ] {
         let mut request = steel_ball();
         request["profile"] = shape;
@@ -129,13 +130,15 @@ fn the_curves_of_a_result_carry_its_numbers() {
             assert!((volume - 1.0).abs() < 3e-3, "volume {volume} in {request}");
             let force = over(&profiles.pressure[i]) / outcome.history.normal_force[i];
             assert!((force - 1.0).abs() < 1.5e-2, "force {force} in {request}");
-            // Slip grows outwards from the stick edge; the image meets d at the contact radius.
+            // Slip begins at the stick edge; the image meets d at the contact radius.
             let slip = &profiles.slip[i];
             let edge = outcome.history.stick_radius[i];
             for (r, s) in radius.iter().zip(slip) {
                 let inside = *r <= edge && edge > 0.0;
                 assert!(if inside { *s == 0.0 } else { *s >= 0.0 }, "slip {s} at {r}");
             }
+            assert!(slip.iter().all(|s| *s <= outcome.unworn.amplitude), "the surface outruns U");
+            assert!(edge > 0.0 || slip[0] > 0.0, "in gross slip the axis slips too");
             let edge = radius.partition_point(|r| *r < outcome.history.contact_radius[i]);
             let depth = outcome.history.indentation_depth[i];
             let (inside, outside) = profiles.image[i].split_at(edge);
@@ -145,7 +148,8 @@ fn the_curves_of_a_result_carry_its_numbers() {
                 "beyond the contact the springs hang free"
             );
         }
-        assert_eq!(outcome.accuracy.energy_mismatch, Some(0.0));
+        let mismatch = outcome.accuracy.energy_mismatch.expect("wear");
+        assert!(mismatch.abs() < 1e-3, "energy mismatch {mismatch} in {request}");
         assert!(outcome.accuracy.volume_error.expect("an error") < 5e-3);
     }
 }
@@ -183,7 +187,7 @@ proptest! {
             let history = &outcome.history;
             for column in [&history.wear_volume, &history.wear_depth, &history.dissipated_energy] {
                 for pair in column.windows(2) {
-                    prop_assert!(pair[1] >= pair[0] * (1.0 - 1e-3), "{history:?}");
+                    prop_assert!(pair[1] >= pair[0] * (1.0 - 2e-3), "{history:?}");
                 }
             }
             let worn = history.wear_volume.last().expect("one") / limit.wear_volume;
@@ -198,8 +202,13 @@ proptest! {
                 prop_assert!(matrix.iter().flatten().all(|x| x.is_finite()));
             }
             for row in &profiles.pressure {
-                prop_assert!(row.iter().skip(1).all(|p| p.is_finite() && *p >= 0.0));
+                for (r, p) in profiles.radius.iter().zip(row).skip(1) {
+                    let edge = *r == outcome.unworn.stick_radius;
+                    prop_assert!(*p >= 0.0 && (edge || p.is_finite()), "{p} at {r}");
+                }
             }
+            let slips = profiles.slip.iter().flatten();
+            prop_assert!(slips.into_iter().all(|s| *s <= outcome.unworn.amplitude * 1.001));
         }
     }
 }
