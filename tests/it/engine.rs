@@ -47,7 +47,7 @@ fn close(value: f64, expected: f64, tolerance: f64) {
     );
 }
 
-/// Source: physics.md's worked example, recomputed there with independent tools.
+/// A worked example whose digits were computed with other tools.
 #[test]
 fn the_steel_ball_has_its_published_digits() {
     let outcome = run(&steel_ball());
@@ -416,7 +416,7 @@ fn the_dissipated_energy_is_the_sum_of_the_energy_per_cycle() {
     close(history.dissipated_energy[last], sum, 1e-8);
 }
 
-/// Physics.md §7: start of wear of a paraboloid, dṼ/dÑ(0) = 2I/(1−c²) by the exact method. The energy
+/// At the start of wear of a paraboloid, dṼ/dÑ(0) = 2I/(1−c²) by the exact method. The energy
 /// integral I is common to both methods: W̃(0) = 8·I in its unit.
 #[test]
 fn the_energy_integral_of_the_paraboloid_is_its_polynomial() {
@@ -429,7 +429,7 @@ fn the_energy_integral_of_the_paraboloid_is_its_polynomial() {
     }
 }
 
-/// Source: physics.md §7, exact runs in tests/data/verification.json: how far the rule itself is off.
+/// Source: the exact runs in tests/data/verification.json. How far the rule itself is off.
 #[test]
 fn the_simplified_rule_is_as_far_from_the_exact_method_as_documented() {
     let table: Value =
