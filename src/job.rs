@@ -627,7 +627,7 @@ mod tests {
                 "46018b326003fb9232ee611ac34f690d304295894ade59b3f1c2af72169fdbf6 \
                  c337778edaa0858daea88be87e90017952cb12575d66513fd8e92ec3e6281c77",
                 "5c89ceb8cf9aeaff9e820494bc3736e7bac0978b004ba17e3c2154bd41338b08 \
-                 04684813bb804533e75e69a2f44c6ccf735f67f5135745e22923d42f1f4637b3",
+                 bddd7ba5d9a3680be53749c3cf70c2a0aea97422c6c4f74bff87436d533e2497",
             ]
         );
     }

@@ -48,8 +48,11 @@ const CELLS_RANGE: (f64, f64) = (24.0, 360.0);
 /// sign it says nothing, so its last values count too, less and less.
 const CHECKS: f64 = 1.3;
 const FORGET: f64 = 0.7;
+/// At second order the finer run is off by a third of the distance between both; this share of it covers
+/// the error with a margin (a test counts how often).
+const SHARE: f64 = 0.6;
 /// No error is stated below this share of the tolerance.
-const LEAST_ERROR: f64 = 0.2;
+const LEAST_ERROR: f64 = 0.15;
 /// Once the first cell carries less than this share of what the stick edge does, there is a step.
 const STEP: f64 = 0.5;
 /// A run whose wear would grow by less than this share of the tolerance, were it to go on at its rate
@@ -193,7 +196,7 @@ impl Exact {
     pub fn at(&mut self, normalized_cycles: f64) -> Instant {
         let mut instant = self.fine.at(normalized_cycles);
         let apart = self.distance(normalized_cycles).max(self.apart);
-        instant.volume_error = apart.max(LEAST_ERROR * self.fine.rkc.tolerance());
+        instant.volume_error = (SHARE * apart).max(LEAST_ERROR * self.fine.rkc.tolerance());
         instant
     }
 

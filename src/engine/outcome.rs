@@ -231,8 +231,8 @@ pub struct Accuracy {
     pub energy_mismatch: Option<f64>,
     /// The largest relative error of the volume by discretisation, estimated over the history: for
     /// the simplified rule the difference between the volume under the computed profile and that of
-    /// its image (a few times too large as a rule, too small for blunt profiles in gross slip), for the exact method the distance to a run with half the cells.
-    /// Null without wear.
+    /// its image (a few times too large as a rule, too small for blunt profiles in gross slip), for
+    /// the exact method from the distance to a run with half the cells. Null without wear.
     pub volume_error: Option<f64>,
     /// Cells of the exact method's mesh.
     #[serde(skip_serializing_if = "Option::is_none")]

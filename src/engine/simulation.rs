@@ -46,6 +46,7 @@ pub struct Simulation {
     case: Case,
     /// Lays out the output radii for either method, and computes for the simplified one.
     simplified: Simplified,
+    /// The exact run, from its first step on.
     exact: Option<Exact>,
     warnings: Vec<Warning>,
     history: History,
@@ -78,10 +79,6 @@ impl Simulation {
     pub fn of(scenario: &Scenario) -> Result<Self, Fault> {
         let case = scenario.case()?;
         let simplified = Simplified::new(case.contact, case.points);
-        let exact = match case.method {
-            Method::Simplified { .. } => None,
-            Method::Exact { tolerance } => Some(Exact::new(case.contact, tolerance)),
-        };
         let warnings = scenario.warnings(&case);
         let (length, height) = (case.scales.contact_radius, case.scales.indentation_depth);
         let profiles = Profiles {
@@ -91,7 +88,7 @@ impl Simulation {
             ..Profiles::default()
         };
         let history = History::with_capacity(case.cycles.len());
-        let (mismatch, volume_error) = (None, None);
+        let (exact, mismatch, volume_error) = (None, None, None);
         Ok(Self { case, simplified, exact, warnings, history, profiles, mismatch, volume_error })
     }
 
@@ -99,7 +96,9 @@ impl Simulation {
     pub fn step(&mut self) -> Step {
         let progress = match self.case.method {
             Method::Simplified { xi } => self.step_simplified(xi),
-            Method::Exact { .. } => self.step_exact(),
+            // The unworn state is known in closed form.
+            Method::Exact { .. } if self.history.cycles.is_empty() => self.step_unworn(),
+            Method::Exact { tolerance } => self.step_exact(tolerance),
         };
         if self.history.cycles.len() < self.case.cycles.len() {
             return Step::Working(progress);
@@ -150,13 +149,10 @@ impl Simulation {
     }
 
     /// A few time steps, and the instants they pass.
-    fn step_exact(&mut self) -> f64 {
+    fn step_exact(&mut self, tolerance: f64) -> f64 {
         let (done, all) = (self.history.cycles.len(), self.case.cycles.len());
-        if done == 0 {
-            // The unworn state is known in closed form.
-            return self.step_unworn();
-        }
-        let Some(mut exact) = self.exact.take() else { return 1.0 };
+        let begun = self.exact.take();
+        let mut exact = begun.unwrap_or_else(|| Exact::new(self.case.contact, tolerance));
         let cells = exact.cells() as f64;
         let budget = (STEP_OPERATIONS / (cells * cells)) as usize;
         let (_, before) = exact.work();

@@ -389,7 +389,6 @@ fn pressure_carries_the_force_and_its_sum_the_volume() {
             close(force, 2.0 * state.sums.normal, 3e-3);
             if normalized > 0.0 {
                 close(state.mesh_volume, state.sums.volume, 3e-4);
-                assert!(state.volume >= state.sums.volume * (1.0 - 1e-12));
             }
         }
     }

@@ -154,6 +154,44 @@ fn the_curves_of_a_result_carry_its_numbers() {
     }
 }
 
+/// What the module and the README say of the error and of its estimate, counted.
+#[test]
+fn the_stated_error_covers_the_true_one_and_seldom_exceeds_it_tenfold() {
+    const SCENARIOS: u32 = 500;
+    // Multiples of irrational numbers fill the space of scenarios evenly.
+    let part = |i: u32, factor: f64| (f64::from(i) * factor).fract();
+    let (mut covered, mut tenfold, mut errors) = (0, 0, Vec::new());
+    for i in 1..=SCENARIOS {
+        let shape = match i % 4 {
+            0 => Shape::power(2.0),
+            1 => Shape::power(1.0),
+            2 => Shape::power(1.0 + 11.0 * part(i, 2_f64.sqrt())),
+            _ => Shape::sphere(2.0 + 100.0 * part(i, 2_f64.sqrt())),
+        };
+        let stick = 0.02 + 0.96 * part(i, 3_f64.sqrt());
+        let gross = part(i, 5_f64.sqrt()) < 0.2;
+        let threshold = if gross { 1.0 + 3.0 * stick } else { 1.0 - shape.image(stick) };
+        let contact = Contact::new(shape, threshold).expect("a limit");
+        let until = 10_f64.powf(-2.0 + 4.5 * part(i, 7_f64.sqrt()));
+        let after = |tolerance: f64| {
+            let mut run = Exact::new(contact, tolerance);
+            while run.advance(until) {}
+            run.at(until)
+        };
+        let (state, reference) = (after(3e-3), after(1e-4));
+        let error = (state.volume / reference.volume - 1.0).abs();
+        covered += u32::from(error <= state.volume_error);
+        tenfold += u32::from(state.volume_error > 10.0 * error);
+        errors.push(error);
+    }
+    errors.sort_by(f64::total_cmp);
+    let (median, most) = (errors[249], errors[474]);
+    println!("covered {covered}, tenfold {tenfold}, median {median:.1e}, 95 of 100 {most:.1e}");
+    assert!(covered >= SCENARIOS * 95 / 100, "covers {covered} of {SCENARIOS}");
+    assert!(tenfold <= SCENARIOS / 10, "exceeds tenfold in {tenfold} of {SCENARIOS}");
+    assert!(median < 6e-4 && most < 2e-3, "median {median}, 95 of 100 within {most}");
+}
+
 #[test]
 fn pieces_of_a_run_do_not_change_a_digit() {
     let mut request = steel_ball();
