@@ -66,7 +66,7 @@ fn main() {
     let shape = Shape::power(2.0);
     let contact = Contact::new(shape, 0.75).expect("a limit");
     let scenario = run_of(256);
-    let solver = Simplified::new(contact, 256);
+    let solver = Simplified::new(&contact, 256);
     let wanted: Vec<(Decay, bool)> = SNAPSHOTS.map(|n| (solver.decay(0.8, n), true)).to_vec();
 
     // The products that this run makes: five inverses, five pressures inside a₀.

@@ -36,7 +36,7 @@ pub enum Regime {
 }
 
 /// The unworn contact and its limiting state in dimensionless form.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Contact {
     /// The unworn shape.
     pub shape: Shape,
@@ -61,6 +61,13 @@ impl Contact {
         };
         let limit = Limit::solve(&shape, stick)?;
         Some(Self { shape, threshold, stick, regime, limit })
+    }
+
+    /// The contact of `shape` whose springs stick inside 0 ≤ c < 1.
+    #[must_use]
+    pub fn sticking(shape: Shape, c: f64) -> Option<Self> {
+        let threshold = 1.0 - shape.image(c);
+        Self::new(shape, threshold)
     }
 
     /// Δ − y₀ of a spring at x = c + δ: how far it is from sticking. Never quite 0, so that no spring
@@ -155,10 +162,10 @@ impl Row {
     pub fn new(contact: &Contact) -> Self {
         static RULE: std::sync::OnceLock<Gauss<ROW_POINTS>> = std::sync::OnceLock::new();
         let rule = RULE.get_or_init(Gauss::new);
-        let Contact { shape, stick: c, limit, .. } = *contact;
+        let Contact { ref shape, stick: c, limit, .. } = *contact;
         let chord = |x: f64| ((limit.radius - x) * (limit.radius + x)).max(0.0).sqrt();
         let mut row = Self {
-            contact: *contact,
+            contact: contact.clone(),
             weights: [0.0; ROW_POINTS],
             positions: [0.0; ROW_POINTS],
             unworn: [0.0; ROW_POINTS],

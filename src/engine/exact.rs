@@ -129,7 +129,7 @@ pub struct Instant {
 impl Exact {
     /// Begins with the unworn contact. `tolerance` is the relative error aimed at.
     #[must_use]
-    pub fn new(contact: Contact, tolerance: f64) -> Self {
+    pub fn new(contact: &Contact, tolerance: f64) -> Self {
         Self::with_cells(contact, cells(tolerance), tolerance)
     }
 
@@ -143,7 +143,7 @@ impl Exact {
 
     /// Begins with the unworn contact on so many cells.
     #[must_use]
-    pub fn with_cells(contact: Contact, cells: usize, tolerance: f64) -> Self {
+    pub fn with_cells(contact: &Contact, cells: usize, tolerance: f64) -> Self {
         let fine = Run::new(contact, cells, tolerance);
         let coarse = Run::new(contact, cells / 2, 4.0 * tolerance);
         let check = 0.01 * fine.rkc.scale();
@@ -208,7 +208,7 @@ impl Exact {
 }
 
 impl Run {
-    fn new(contact: Contact, cells: usize, tolerance: f64) -> Self {
+    fn new(contact: &Contact, cells: usize, tolerance: f64) -> Self {
         let mut wear = Wear::new(contact, cells);
         let unworn = vec![0.0; cells + 1];
         let mut rates = unworn.clone();
@@ -293,8 +293,8 @@ impl Run {
 }
 
 impl Wear {
-    fn new(contact: Contact, cells: usize) -> Self {
-        let Contact { shape, stick, threshold, limit, .. } = contact;
+    fn new(contact: &Contact, cells: usize) -> Self {
+        let Contact { ref shape, stick, threshold, limit, .. } = *contact;
         let share = 1.0 + 0.6 / cells as f64;
         // A core smaller than the first cells is none: wear that must vanish on it would swing.
         let smallest = 2.0 * limit.radius / (cells * cells) as f64;
@@ -307,10 +307,10 @@ impl Wear {
                 start + reach * if contact.regime == Regime::GrossSlip { u } else { u * u }
             })
             .collect();
-        let mesh = Mesh::new(&shape, radii);
+        let mesh = Mesh::new(shape, radii);
         let rest: Vec<f64> = mesh.unworn().iter().map(|g| g - (1.0 - threshold)).collect();
         let slip = mesh.solve(&rest);
-        Self { contact, mesh, start, slip, compressions: Vec::new(), radius: 0.0 }
+        Self { contact: contact.clone(), mesh, start, slip, compressions: Vec::new(), radius: 0.0 }
     }
 
     /// The springs under a wear, each in contact or free, as far as the last in contact.
@@ -355,7 +355,7 @@ impl Wear {
     }
 
     fn curves(&self, instant: &Instant, radii: &[f64]) -> Curves {
-        let Contact { shape, threshold, .. } = self.contact;
+        let Contact { ref shape, threshold, .. } = self.contact;
         let inner = self.start;
         let mesh = &self.mesh;
         let squares = mesh.squares();
@@ -544,7 +544,7 @@ mod tests {
             (Shape::power(2.0), 1.8),
         ] {
             let contact = Contact::new(shape, threshold).expect("a limit");
-            let mut run = Run::new(contact, 64, 3e-3);
+            let mut run = Run::new(&contact, 64, 3e-3);
             for _ in 0..40 {
                 // dV/dÑ = 2 ∫ y ω dx, term by term another sum.
                 let loss = run.wear.loss();

@@ -28,6 +28,11 @@ pub struct Fault {
 pub struct Faults(pub Vec<Fault>);
 
 impl Faults {
+    /// One fault.
+    pub(super) fn one(pointer: &str, detail: impl Into<String>) -> Self {
+        Self(vec![Fault { pointer: pointer.to_owned(), detail: detail.into() }])
+    }
+
     /// One fault at a location.
     pub(crate) fn at(location: ValuePointerRef<'_>, detail: impl Into<String>) -> Self {
         Self(vec![Fault { pointer: pointer(location), detail: detail.into() }])

@@ -3,6 +3,8 @@
 pub mod contact;
 pub mod exact;
 pub mod fault;
+pub mod indenter;
+pub mod instants;
 pub mod limit;
 pub mod mesh;
 pub mod numeric;

@@ -38,14 +38,14 @@ pub fn kappa(n: f64) -> f64 {
 }
 
 /// The shape of an indenter, normalised so that g₀(1) = 1.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Shape {
     kind: Kind,
     /// f₀ at r = 1.
     height: f64,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 enum Kind {
     /// g = xⁿ with a whole n: paraboloid 2, cone 1.
     Whole(u32),

@@ -4,10 +4,11 @@
 //! them and collects the faults of all members instead of stopping at the first. What only the
 //! physics can judge is left to [`scenario`](super::scenario).
 
-use deserr::{Deserr, ErrorKind, IntoValue, Map, Sequence, Value, ValueKind, ValuePointerRef};
+use deserr::{Deserr, ErrorKind, IntoValue, Sequence, Value, ValueKind, ValuePointerRef};
 
 use super::fault::{Faults, refuse};
-use super::numeric::twelve_digits;
+use super::indenter::Profile;
+use super::instants::{Cycles, ProfilesAt};
 use super::profile::EXPONENT_RANGE;
 use super::quantity::{self, Dimension};
 
@@ -210,86 +211,6 @@ impl Request {
     }
 }
 
-/// The shape of the indenter.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Profile {
-    /// f = r²/(2R).
-    Paraboloid(Ball),
-    /// f = R − √(R² − r²).
-    Sphere(Ball),
-    /// f = r·tan θ.
-    Cone(Cone),
-    /// f = height·(r/at_radius)ⁿ.
-    Power(Power),
-}
-
-/// The radius of a paraboloid or a sphere.
-#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
-#[deserr(error = Faults, deny_unknown_fields)]
-pub struct Ball {
-    /// R.
-    pub radius: Length,
-}
-
-/// The slope of a cone.
-#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
-#[deserr(error = Faults, deny_unknown_fields)]
-pub struct Cone {
-    /// θ, from the plane.
-    pub slope_angle: SlopeAngle,
-}
-
-/// The parameters of a power law.
-#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
-#[deserr(error = Faults, deny_unknown_fields)]
-pub struct Power {
-    /// n.
-    pub exponent: Exponent,
-    /// f at `at_radius`.
-    pub height: Length,
-    /// Where f is `height`.
-    pub at_radius: Length,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr)]
-#[deserr(error = Faults, rename_all = lowercase)]
-enum ShapeName {
-    Paraboloid,
-    Sphere,
-    Cone,
-    Power,
-}
-
-// By hand, because `deserr` does not say which tags of an enum it accepts.
-impl Deserr<Faults> for Profile {
-    fn deserialize_from_value<V: IntoValue>(
-        value: Value<V>,
-        location: ValuePointerRef<'_>,
-    ) -> Result<Self, Faults> {
-        let Value::Map(mut map) = value else {
-            let accepted = &[ValueKind::Map];
-            return Err(refuse(
-                ErrorKind::IncorrectValueKind { actual: value, accepted },
-                location,
-            ));
-        };
-        let Some(shape) = map.remove("shape") else {
-            return Err(refuse::<V>(ErrorKind::MissingField { field: "shape" }, location));
-        };
-        let here = location.push_key("shape");
-        let shape = ShapeName::deserialize_from_value(shape.into_value(), here)?;
-        let rest = Value::<V>::Map(map);
-        Ok(match shape {
-            ShapeName::Paraboloid => {
-                Self::Paraboloid(Ball::deserialize_from_value(rest, location)?)
-            }
-            ShapeName::Sphere => Self::Sphere(Ball::deserialize_from_value(rest, location)?),
-            ShapeName::Cone => Self::Cone(Cone::deserialize_from_value(rest, location)?),
-            ShapeName::Power => Self::Power(Power::deserialize_from_value(rest, location)?),
-        })
-    }
-}
-
 /// Exactly two bodies.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bodies(pub [Body; 2]);
@@ -468,127 +389,11 @@ impl Motion {
     }
 }
 
-/// The instants of the history, in cycles or in units of N₀.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Cycles {
-    /// Strictly increasing, at 12 digits.
-    pub instants: Vec<f64>,
-    /// Whether they are in units of N₀.
-    pub normalized: bool,
-}
-
-impl Deserr<Faults> for Cycles {
-    fn deserialize_from_value<V: IntoValue>(
-        value: Value<V>,
-        location: ValuePointerRef<'_>,
-    ) -> Result<Self, Faults> {
-        match value {
-            Value::Map(mut map) if map.len() == 1 => {
-                if let Some(inner) = map.remove("normalized") {
-                    let here = location.push_key("normalized");
-                    let instants = instants(inner.into_value(), here)?;
-                    return Ok(Self { instants, normalized: true });
-                }
-                let instants = instants(Value::<V>::Map(map), location)?;
-                Ok(Self { instants, normalized: false })
-            }
-            other => Ok(Self { instants: instants(other, location)?, normalized: false }),
-        }
-    }
-}
-
-fn instants<V: IntoValue>(
-    value: Value<V>,
-    location: ValuePointerRef<'_>,
-) -> Result<Vec<f64>, Faults> {
-    match value {
-        Value::Sequence(list) => {
-            let count = list.len();
-            if count == 0 || count > MAX_CYCLES {
-                let detail = format!("must list 1 to {MAX_CYCLES} instants, not {count}");
-                return Err(Faults::at(location, detail));
-            }
-            let list =
-                Vec::<Instant>::deserialize_from_value(Value::<V>::Sequence(list), location)?;
-            let list: Vec<f64> = list.iter().map(|instant| twelve_digits(instant.0)).collect();
-            match list.windows(2).position(|pair| pair[0] >= pair[1]) {
-                Some(before) => Err(Faults::at(
-                    location.push_index(before + 1),
-                    format!(
-                        "must be greater than the instant before it ({} after {}); instants agree \
-                         where 12 digits do",
-                        list[before + 1],
-                        list[before]
-                    ),
-                )),
-                None => Ok(list),
-            }
-        }
-        map @ Value::Map(_) => Range::deserialize_from_value(map, location)?.instants(location),
-        other => {
-            let accepted = &[ValueKind::Sequence, ValueKind::Map];
-            Err(refuse(ErrorKind::IncorrectValueKind { actual: other, accepted }, location))
-        }
-    }
-}
-
-/// Evenly spaced instants.
-#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
-#[deserr(error = Faults, deny_unknown_fields)]
-struct Range {
-    from: Instant,
-    to: Instant,
-    count: Count,
-    #[deserr(default)]
-    spacing: Spacing,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserr)]
-#[deserr(error = Faults, rename_all = lowercase)]
-enum Spacing {
-    #[default]
-    Log,
-    Linear,
-}
-
-impl Range {
-    fn instants(self, location: ValuePointerRef<'_>) -> Result<Vec<f64>, Faults> {
-        let (from, to) = (self.from.0, self.to.0);
-        if self.spacing == Spacing::Log && from <= 0.0 {
-            let detail = "must be greater than 0 for logarithmic spacing; or write \"spacing\": \
-                          \"linear\"";
-            return Err(Faults::at(location.push_key("from"), detail));
-        }
-        let last = f64::from(self.count.0 - 1);
-        let list: Vec<f64> = (0..self.count.0)
-            .map(|i| {
-                let share = f64::from(i) / last;
-                let x = match self.spacing {
-                    _ if i + 1 == self.count.0 => to,
-                    Spacing::Log => from * libm::pow(to / from, share),
-                    Spacing::Linear => from + (to - from) * share,
-                };
-                twelve_digits(x)
-            })
-            .collect();
-        if list.windows(2).any(|pair| pair[0] >= pair[1]) {
-            let detail =
-                format!("must be greater than `from` ({from}), for `count` instants apart");
-            return Err(Faults::at(location.push_key("to"), detail));
-        }
-        Ok(list)
-    }
-}
-
-/// How many instants a range has: 2 to [`MAX_CYCLES`].
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Count(u16);
-
 /// How many radii a profile has.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Points(pub u16);
 
-fn whole<V: IntoValue>(
+pub(super) fn whole<V: IntoValue>(
     value: Value<V>,
     location: ValuePointerRef<'_>,
     (low, high): (u16, u16),
@@ -602,64 +407,12 @@ fn whole<V: IntoValue>(
     }
 }
 
-impl Deserr<Faults> for Count {
-    fn deserialize_from_value<V: IntoValue>(
-        value: Value<V>,
-        location: ValuePointerRef<'_>,
-    ) -> Result<Self, Faults> {
-        whole(value, location, (2, MAX_CYCLES as u16)).map(Self)
-    }
-}
-
 impl Deserr<Faults> for Points {
     fn deserialize_from_value<V: IntoValue>(
         value: Value<V>,
         location: ValuePointerRef<'_>,
     ) -> Result<Self, Faults> {
         whole(value, location, POINTS_RANGE).map(Self)
-    }
-}
-
-/// Which instants carry profiles.
-#[derive(Debug, Clone, PartialEq)]
-pub enum ProfilesAt {
-    /// Every one.
-    All,
-    /// The last.
-    Last,
-    /// None; the answer has no profiles at all.
-    None,
-    /// These, in the unit of `cycles`.
-    At(Vec<f64>),
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr)]
-#[deserr(error = Faults, rename_all = lowercase)]
-enum ProfilesWord {
-    All,
-    Last,
-    None,
-}
-
-impl Deserr<Faults> for ProfilesAt {
-    fn deserialize_from_value<V: IntoValue>(
-        value: Value<V>,
-        location: ValuePointerRef<'_>,
-    ) -> Result<Self, Faults> {
-        match value {
-            list @ Value::Sequence(_) => instants(list, location).map(Self::At),
-            word @ Value::String(_) => {
-                Ok(match ProfilesWord::deserialize_from_value(word, location)? {
-                    ProfilesWord::All => Self::All,
-                    ProfilesWord::Last => Self::Last,
-                    ProfilesWord::None => Self::None,
-                })
-            }
-            other => {
-                let accepted = &[ValueKind::Sequence, ValueKind::String];
-                Err(refuse(ErrorKind::IncorrectValueKind { actual: other, accepted }, location))
-            }
-        }
     }
 }
 

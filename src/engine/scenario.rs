@@ -23,9 +23,11 @@ use serde::Serialize;
 use super::contact::{Contact, Regime};
 use super::exact::Exact;
 use super::fault::{Fault, Faults};
-use super::numeric::{root, twelve_digits};
-use super::profile::{Shape, kappa};
-use super::request::{self, Body, Cycles, Length, Profile, ProfilesAt, Request, Stress};
+use super::indenter::{CanonicalProfile, MAX_SPHERE, canonical_profile, depth_under, indent};
+use super::instants::{self, CanonicalProfilesAt};
+use super::numeric::twelve_digits;
+use super::profile::Shape;
+use super::request::{self, Body, Length, Request, Stress};
 
 /// The version of the engine's digits: it rises whenever a result changes in any digit.
 pub const NUMERICS: u32 = 1;
@@ -39,12 +41,8 @@ pub const DEFAULT_XI: f64 = 0.8;
 pub const DEFAULT_TOLERANCE: f64 = 3e-3;
 /// Default number of radii.
 pub const DEFAULT_POINTS: u16 = 256;
-/// Up to this many instants all carry profiles by default, above it only the last.
-pub const DEFAULT_PROFILES: usize = 20;
 /// Largest answer in bytes.
 pub const MAX_ANSWER: usize = 64_000_000;
-/// Largest a₀/R of a sphere: beyond, half-space theory has no meaning.
-const MAX_SPHERE: f64 = 0.6;
 /// Smallest U/U_gs: below, the slip ring is lost in rounding.
 const MIN_THRESHOLD: f64 = 1e-6;
 /// Rounding U to 12 digits moves Δ by half of this: so close to 1 it is the onset of gross slip.
@@ -76,15 +74,6 @@ pub struct Scenario {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-#[serde(tag = "shape", rename_all = "snake_case")]
-enum CanonicalProfile {
-    Paraboloid { radius: f64 },
-    Sphere { radius: f64 },
-    Cone { slope_angle: f64 },
-    Power { exponent: f64, height: f64, at_radius: f64 },
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 struct Moduli {
     normal: f64,
     tangential: f64,
@@ -105,14 +94,6 @@ struct Load {
 struct Motion {
     amplitude: f64,
     held: &'static str,
-}
-
-/// The word where one fits, so that equal requests have equal keys.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[serde(untagged)]
-enum CanonicalProfilesAt {
-    Word(&'static str),
-    At(Vec<f64>),
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -257,10 +238,6 @@ pub fn check(value: &serde_json::Value, prefix: &str) -> Result<(Scenario, Vec<W
     Ok((scenario, warnings))
 }
 
-fn fault(pointer: &str, detail: String) -> Faults {
-    Faults(vec![Fault { pointer: pointer.to_owned(), detail }])
-}
-
 /// What follows from the request must itself be acceptable, or the echo would be refused.
 fn derived(
     x: f64,
@@ -273,7 +250,7 @@ fn derived(
         return Ok(());
     }
     let detail = format!("gives {what} {x:e} {unit}; it must lie between {low:e} and {high:e}");
-    Err(fault(pointer, detail))
+    Err(Faults::one(pointer, detail))
 }
 
 impl Scenario {
@@ -289,7 +266,7 @@ impl Scenario {
         let amplitude = amplitude(request, &shape, gross_slip)?;
         let unit = contact_radius / (4.0 * amplitude * coefficient * moduli.normal);
         let (cycles, profiles_at) =
-            instants(&request.cycles, request.profiles_at.0.as_ref(), unit)?;
+            instants::canonical(&request.cycles, request.profiles_at.0.as_ref(), unit)?;
         let points = request.model.points.0.map_or(DEFAULT_POINTS, |points| points.0);
         let xi = twelve_digits(request.model.xi.0.map_or(DEFAULT_XI, |xi| xi.0));
         let tolerance = request.model.tolerance.0.map_or(DEFAULT_TOLERANCE, |given| given.0);
@@ -456,7 +433,7 @@ fn press(
             "presses the sphere in beyond a₀/R = {MAX_SPHERE}, where half-space theory has no \
              meaning; load it less or take a larger radius"
         );
-        fault(pointer, detail)
+        Faults::one(pointer, detail)
     })?;
     derived(depth, Length::RANGE, "an indentation depth of", "m", pointer)?;
     Ok((depth, contact_radius, shape))
@@ -476,7 +453,7 @@ fn amplitude(request: &Request, shape: &Shape, gross_slip: f64) -> Result<f64, F
             "gives an amplitude of {amplitude:.3e} m, but the slip ring can be resolved only from \
              {least:.3e} m on (1e-6 of the gross-slip amplitude)"
         );
-        return Err(fault(pointer, detail));
+        return Err(Faults::one(pointer, detail));
     }
     if let Some(ratio) = request.motion.stick_ratio.0 {
         let returned = shape.image_inverse((1.0 - amplitude / gross_slip).max(0.0));
@@ -486,7 +463,7 @@ fn amplitude(request: &Request, shape: &Shape, gross_slip: f64) -> Result<f64, F
                  cannot tell; take 0 for the onset of gross slip, or a larger ratio",
                 ratio.0
             );
-            return Err(fault(pointer, detail));
+            return Err(Faults::one(pointer, detail));
         }
     }
     Ok(amplitude)
@@ -494,145 +471,6 @@ fn amplitude(request: &Request, shape: &Shape, gross_slip: f64) -> Result<f64, F
 
 fn shear_modulus(body: &Body) -> f64 {
     body.youngs_modulus.0 / (2.0 * (1.0 + body.poisson_ratio.0))
-}
-
-fn canonical_profile(profile: &Profile) -> CanonicalProfile {
-    match profile {
-        Profile::Paraboloid(ball) => {
-            CanonicalProfile::Paraboloid { radius: twelve_digits(ball.radius.0) }
-        }
-        Profile::Sphere(ball) => CanonicalProfile::Sphere { radius: twelve_digits(ball.radius.0) },
-        Profile::Cone(cone) => {
-            CanonicalProfile::Cone { slope_angle: twelve_digits(cone.slope_angle.0) }
-        }
-        Profile::Power(power) => CanonicalProfile::Power {
-            exponent: twelve_digits(power.exponent.0),
-            height: twelve_digits(power.height.0),
-            at_radius: twelve_digits(power.at_radius.0),
-        },
-    }
-}
-
-/// (n, h, b) of a power law, written as g = h·(x/b)ⁿ.
-fn power_image(profile: &CanonicalProfile) -> Option<(f64, f64, f64)> {
-    match *profile {
-        CanonicalProfile::Paraboloid { radius } => Some((2.0, radius, radius)),
-        CanonicalProfile::Cone { slope_angle } => {
-            Some((1.0, std::f64::consts::FRAC_PI_2 * libm::tan(slope_angle), 1.0))
-        }
-        CanonicalProfile::Power { exponent, height, at_radius } => {
-            Some((exponent, kappa(exponent) * height, at_radius))
-        }
-        CanonicalProfile::Sphere { .. } => None,
-    }
-}
-
-/// a₀ and the normalised shape at indentation depth d; `None` beyond what half-space theory allows.
-fn indent(profile: &CanonicalProfile, depth: f64) -> Option<(f64, Shape)> {
-    if let Some((n, height, at_radius)) = power_image(profile) {
-        let ratio = depth / height;
-        let radius = at_radius
-            * match n {
-                1.0 => ratio,
-                2.0 => ratio.sqrt(),
-                _ => libm::pow(ratio, 1.0 / n),
-            };
-        return Some((radius, Shape::power(n)));
-    }
-    let CanonicalProfile::Sphere { radius } = *profile else {
-        return None;
-    };
-    let depth_at = |share: f64| share * libm::atanh(share);
-    if depth_at(MAX_SPHERE) < depth / radius {
-        return None;
-    }
-    // A shallow contact has d/R = (a/R)², a deeper one more.
-    let guess = (depth / radius).sqrt();
-    let share = root(0.5 * guess, guess.min(MAX_SPHERE), |s| depth_at(s) - depth / radius);
-    Some((share * radius, Shape::sphere(1.0 / share)))
-}
-
-/// d under a force F, given as F/E* in m².
-fn depth_under(profile: &CanonicalProfile, force: f64) -> f64 {
-    if let Some((n, height, at_radius)) = power_image(profile) {
-        // F/E* = (2n/(n+1))·a·d with a = b·(d/h)^(1/n).
-        let radius_times_depth = force * (n + 1.0) / (2.0 * n);
-        let relative = radius_times_depth / (at_radius * height);
-        return height * libm::pow(relative, n / (n + 1.0));
-    }
-    let CanonicalProfile::Sphere { radius } = *profile else {
-        return f64::INFINITY;
-    };
-    let depth_at = |share: f64| radius * share * libm::atanh(share);
-    let force_at = |share: f64| {
-        2.0 * share * radius * depth_at(share) * Shape::sphere(1.0 / share).half_force()
-    };
-    if force_at(MAX_SPHERE) < force {
-        return f64::INFINITY;
-    }
-    let guess = libm::cbrt(0.75 * force / (radius * radius));
-    let share = root(0.5 * guess, guess.min(MAX_SPHERE), |s| force_at(s) - force);
-    depth_at(share)
-}
-
-/// The canonical instants, and which of them carry profiles.
-fn instants(
-    cycles: &Cycles,
-    profiles_at: Option<&ProfilesAt>,
-    unit: f64,
-) -> Result<(Vec<f64>, CanonicalProfilesAt), Faults> {
-    let unit = if cycles.normalized { unit } else { 1.0 };
-    let convert = |n: f64| {
-        if cycles.normalized { twelve_digits(n * unit) } else { n }
-    };
-    let given = &cycles.instants;
-    let mut list: Vec<f64> = given.iter().map(|n| convert(*n)).collect();
-    if let Some(too_large) = list.iter().find(|n| **n > request::LAST_CYCLE) {
-        let detail = format!(
-            "comes to {too_large:e} cycles (N₀ = {unit:.3e}); at most {:e} are accepted",
-            request::LAST_CYCLE
-        );
-        return Err(fault("/cycles/normalized", detail));
-    }
-    if list.windows(2).any(|pair| pair[0] >= pair[1]) {
-        let detail = "instants agree to 12 digits once they are multiplied by N₀".to_owned();
-        return Err(fault("/cycles/normalized", detail));
-    }
-    // 0 is always added when running, so it says nothing here.
-    if list.len() > 1 && list[0] == 0.0 {
-        list.remove(0);
-    }
-    let word = |word| Ok((list.clone(), CanonicalProfilesAt::Word(word)));
-    let wanted = match profiles_at {
-        None if list.len() <= DEFAULT_PROFILES => return word("all"),
-        None | Some(ProfilesAt::Last) if list.len() > 1 => return word("last"),
-        None | Some(ProfilesAt::All | ProfilesAt::Last) => return word("all"),
-        Some(ProfilesAt::None) => return word("none"),
-        Some(ProfilesAt::At(wanted)) => wanted,
-    };
-    let mut faults = Vec::new();
-    for (index, n) in wanted.iter().enumerate() {
-        if *n != 0.0 && !given.contains(n) {
-            faults.push(Fault {
-                pointer: format!("/profiles_at/{index}"),
-                detail: format!("{n} is not one of the instants in `cycles`"),
-            });
-        }
-    }
-    if !faults.is_empty() {
-        return Err(Faults(faults));
-    }
-    let mut wanted: Vec<f64> = wanted.iter().map(|n| convert(*n)).collect();
-    if wanted.len() > 1 && wanted[0] == 0.0 {
-        wanted.remove(0);
-    }
-    if wanted == list {
-        return word("all");
-    }
-    if wanted[..] == list[list.len() - 1..] {
-        return word("last");
-    }
-    Ok((list, CanonicalProfilesAt::At(wanted)))
 }
 
 /// Warnings of what the canonical form no longer knows.

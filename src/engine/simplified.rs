@@ -127,8 +127,8 @@ pub struct Curves {
 impl Simplified {
     /// Lays out `points` ≥ 16 radii.
     #[must_use]
-    pub fn new(contact: Contact, points: usize) -> Self {
-        let Contact { shape, stick: c, threshold, limit, .. } = contact;
+    pub fn new(contact: &Contact, points: usize) -> Self {
+        let Contact { ref shape, stick: c, threshold, limit, .. } = *contact;
         // A small core needs few radii; the mesh has an even number of cells for Simpson's rule.
         let core = if c == 0.0 {
             0
@@ -171,12 +171,12 @@ impl Simplified {
         let (mut slip, mut slip_excess) = (vec![0.0; nodes], vec![0.0; nodes]);
         for (i, r) in mesh.iter().enumerate() {
             let (chord, psi) = chord_and_angle(c, *r);
-            let wear = limiting_wear(&shape, c, *r, (chord, psi));
+            let wear = limiting_wear(shape, c, *r, (chord, psi));
             limiting[core + i] += wear.max(0.0);
             // Δ − y₀ = Δ − (1 − g₀), so Δ·s₀ = Δ·(2/π)ψ − w∞.
             slip[i] = (threshold * FRAC_2_PI * psi - wear).max(0.0);
             if *r > 1.0 {
-                slip_excess[i] = -limiting_wear(&shape, 1.0, *r, chord_and_angle(1.0, *r));
+                slip_excess[i] = -limiting_wear(shape, 1.0, *r, chord_and_angle(1.0, *r));
             }
         }
         if c == 0.0 {
@@ -184,7 +184,7 @@ impl Simplified {
             limiting[0] = 1.0;
             slip[0] = threshold - 1.0;
         }
-        let row = Row::new(&contact);
+        let row = Row::new(contact);
         let unworn_pressure =
             radii[core..core + inside].iter().map(|r| shape.pressure_inside(*r, 1.0)).collect();
         let inner = radii[..core]
@@ -199,7 +199,7 @@ impl Simplified {
             .map(|r| (1.0 - FRAC_2_PI * libm::asin(c / r), row.weights_outside(*r)))
             .collect();
         Self {
-            contact,
+            contact: contact.clone(),
             row,
             kernels,
             theta,
@@ -306,7 +306,7 @@ impl Simplified {
     /// The closed form of (14) at every node, as in [`Contact::compression`] and [`Contact::worn`],
     /// but with one division for both.
     fn springs(&self, decay: Decay) -> Springs {
-        let Contact { threshold, shape, stick, .. } = self.contact;
+        let Contact { threshold, ref shape, stick, .. } = self.contact;
         let (left, gone) = (decay.left, decay.gone);
         let mesh = self.core..self.core + self.nodes;
         let mut image = Vec::with_capacity(self.radii.len());
@@ -384,7 +384,7 @@ impl Simplified {
 
     /// How wide the step of the image at the stick edge is.
     fn step_width(&self, decay: Decay) -> f64 {
-        let Contact { shape, stick, threshold, .. } = self.contact;
+        let Contact { ref shape, stick, threshold, .. } = self.contact;
         decay.left * threshold / shape.image_slope(stick)
     }
 

@@ -78,7 +78,7 @@ impl Simulation {
     /// As [`Scenario::case`].
     pub fn of(scenario: &Scenario) -> Result<Self, Fault> {
         let case = scenario.case()?;
-        let simplified = Simplified::new(case.contact, case.points);
+        let simplified = Simplified::new(&case.contact, case.points);
         let warnings = scenario.warnings(&case);
         let (length, height) = (case.scales.contact_radius, case.scales.indentation_depth);
         let profiles = Profiles {
@@ -152,7 +152,7 @@ impl Simulation {
     fn step_exact(&mut self, tolerance: f64) -> f64 {
         let (done, all) = (self.history.cycles.len(), self.case.cycles.len());
         let begun = self.exact.take();
-        let mut exact = begun.unwrap_or_else(|| Exact::new(self.case.contact, tolerance));
+        let mut exact = begun.unwrap_or_else(|| Exact::new(&self.case.contact, tolerance));
         let cells = exact.cells() as f64;
         let budget = (STEP_OPERATIONS / (cells * cells)) as usize;
         let (_, before) = exact.work();

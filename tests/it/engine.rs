@@ -97,7 +97,7 @@ fn the_limits_agree_with_the_reference_table() {
         let number = |name: &str| row[name].as_f64().expect(name);
         let shape = Shape::power(number("exponent"));
         let c = number("stick_radius");
-        let contact = Contact::new(shape, 1.0 - shape.image(c)).expect("a limit");
+        let contact = Contact::sticking(shape, c).expect("a limit");
         let limit = contact.limit;
         for (value, name, tolerance) in [
             (limit.radius, "limiting_radius", 1e-5),
@@ -115,7 +115,7 @@ fn the_limits_agree_with_the_reference_table() {
 fn the_closed_form_is_what_literal_stepping_converges_to() {
     for (exponent, c) in [(2.0, 0.5), (1.0, 0.21)] {
         let shape = Shape::power(exponent);
-        let contact = Contact::new(shape, 1.0 - shape.image(c)).expect("a limit");
+        let contact = Contact::sticking(shape, c).expect("a limit");
         let springs: Vec<f64> =
             (0..24).map(|i| contact.limit.radius * (f64::from(i) + 0.5) / 24.0).collect();
         let worst = |cycles_per_unit: u32| {
@@ -128,7 +128,7 @@ fn the_closed_form_is_what_literal_stepping_converges_to() {
                 let decay = Decay::after(0.8 * f64::from(half_units) / 2.0 / contact.limit.radius);
                 for (x, stepped) in springs.iter().zip(row.images()) {
                     let closed = if *x < c {
-                        shape.image(*x)
+                        contact.shape.image(*x)
                     } else {
                         1.0 - contact.compression(*x - c, decay)
                     };
@@ -156,7 +156,7 @@ fn contacts() -> Vec<Contact> {
         (Shape::sphere(2.0), 0.6),
     ]
     .into_iter()
-    .map(|(shape, c)| Contact::new(shape, 1.0 - shape.image(c)).expect("a limit"))
+    .map(|(shape, c)| Contact::sticking(shape, c).expect("a limit"))
     .chain(
         [(Shape::power(2.0), 1.3), (Shape::power(1.0), 4.0)]
             .into_iter()
@@ -238,7 +238,7 @@ fn the_sums_over_the_row_are_the_integrals_they_stand_for() {
 #[test]
 fn the_curves_are_the_integrals_they_stand_for() {
     for contact in contacts() {
-        let solver = Simplified::new(contact, 256);
+        let solver = Simplified::new(&contact, 256);
         let (c, outer) = (contact.stick, contact.limit.radius);
         for normalized in [0.0, 0.5, 4.0, 16.0] {
             let decay = solver.decay(0.8, normalized);
@@ -287,7 +287,7 @@ fn a_step_thinner_than_any_cell_does_no_harm() {
     for exponent in [1.0, 1.5, 2.0, 8.0] {
         for threshold in [1.0, 1.0 + 1e-9, 1.0 + 1e-6, 1.0 + 1e-3] {
             let contact = Contact::new(Shape::power(exponent), threshold).expect("a limit");
-            let solver = Simplified::new(contact, 256);
+            let solver = Simplified::new(&contact, 256);
             let wanted: Vec<_> =
                 [5.0, 20.0, 50.0, 1e3].iter().map(|n| (solver.decay(0.8, *n), true)).collect();
             for (state, (decay, _)) in solver.states(&wanted).iter().zip(&wanted) {
@@ -335,7 +335,7 @@ fn a_blunt_contact_near_gross_slip_keeps_its_core() {
 #[test]
 fn the_pressure_is_the_integral_of_the_image_slope() {
     for contact in contacts() {
-        let solver = Simplified::new(contact, 256);
+        let solver = Simplified::new(&contact, 256);
         for normalized in [0.0, 0.5, 4.0] {
             let decay = solver.decay(0.8, normalized);
             let curves = solver.states(&[(decay, true)]).remove(0).curves.expect("curves");
@@ -374,7 +374,7 @@ fn the_pressure_is_the_integral_of_the_image_slope() {
 fn pressure_carries_the_force_and_its_sum_the_volume() {
     // 2π ∫ p r dr = F: pressure and force come from different sums.
     for contact in contacts() {
-        let solver = Simplified::new(contact, 512);
+        let solver = Simplified::new(&contact, 512);
         for normalized in [0.0, 1.0, 4.0] {
             let state = solver.states(&[(solver.decay(0.8, normalized), true)]).remove(0);
             let curves = state.curves.as_ref().expect("curves");
@@ -439,8 +439,8 @@ fn the_simplified_rule_is_as_far_from_the_exact_method_as_documented() {
         };
         let shape = Shape::power(row["exponent"].as_f64().expect("n"));
         let c = row["stick_radius"].as_f64().expect("c");
-        let contact = Contact::new(shape, 1.0 - shape.image(c)).expect("a limit");
-        let solver = Simplified::new(contact, 256);
+        let contact = Contact::sticking(shape, c).expect("a limit");
+        let solver = Simplified::new(&contact, 256);
         let cycles = column("normalized_cycles");
         let wanted: Vec<_> = cycles.iter().map(|n| (solver.decay(0.8, *n), false)).collect();
         for (i, state) in solver.states(&wanted).iter().enumerate() {
@@ -458,9 +458,9 @@ fn the_simplified_rule_is_as_far_from_the_exact_method_as_documented() {
 fn more_points_converge_to_second_order() {
     for (exponent, c) in [(2.0, 0.5), (1.0, 0.21), (2.0, 0.0)] {
         let shape = Shape::power(exponent);
-        let contact = Contact::new(shape, 1.0 - shape.image(c)).expect("a limit");
+        let contact = Contact::sticking(shape, c).expect("a limit");
         let depth = |points: usize| {
-            let solver = Simplified::new(contact, points);
+            let solver = Simplified::new(&contact, points);
             let state = solver.states(&[(solver.decay(0.8, 2.0), false)]).remove(0);
             (state.depth, state.mesh_volume - state.sums.volume)
         };

@@ -15,7 +15,7 @@ use crate::engine::{any_scenario, steel_ball};
 
 fn contact(exponent: f64, c: f64) -> Contact {
     let shape = Shape::power(exponent);
-    Contact::new(shape, 1.0 - shape.image(c)).expect("a limit")
+    Contact::sticking(shape, c).expect("a limit")
 }
 
 /// Source: tests/data/verification.json, two discretisations extrapolated.
@@ -28,7 +28,8 @@ fn runs_at_the_default_tolerance_agree_with_the_reference_table() {
             row[name].as_array().expect(name).iter().map(|x| x.as_f64().expect(name)).collect()
         };
         let exponent = row["exponent"].as_f64().expect("n");
-        let mut run = Exact::new(contact(exponent, row["stick_radius"].as_f64().expect("c")), 3e-3);
+        let mut run =
+            Exact::new(&contact(exponent, row["stick_radius"].as_f64().expect("c")), 3e-3);
         let mut promised: f64 = 0.0;
         let mut worst: f64 = 0.0;
         for (i, n) in column("normalized_cycles").iter().enumerate() {
@@ -56,7 +57,7 @@ fn halving_the_cells_quarters_the_accuracy() {
     for (exponent, c) in [(2.0, 0.5), (1.0, 0.21), (4.0, 0.7)] {
         let volume = |cells: usize| {
             // The time steps are far finer than the mesh, so that only the mesh counts.
-            let mut run = Exact::with_cells(contact(exponent, c), cells, 1e-5);
+            let mut run = Exact::with_cells(&contact(exponent, c), cells, 1e-5);
             while run.advance(2.0) {}
             run.at(2.0).volume
         };
@@ -71,7 +72,7 @@ fn halving_the_cells_quarters_the_accuracy() {
 fn after_very_many_cycles_the_limit_is_reached() {
     for c in [1e-5, 1e-4, 1e-3, 0.05, 0.5, 0.9, 0.999] {
         let contact = contact(2.0, c);
-        let mut run = Exact::new(contact, 3e-3);
+        let mut run = Exact::new(&contact, 3e-3);
         while run.advance(1e9) {}
         let state = run.at(1e9);
         assert!((state.volume / contact.limit.volume - 1.0).abs() < 2e-3, "{c}");
@@ -89,7 +90,7 @@ fn wear_begins_at_the_rate_of_the_unworn_energy() {
             let y = 1.0 - contact.shape.image(x);
             y * (contact.threshold - y)
         });
-        let mut run = Exact::with_cells(contact, 128, 1e-4);
+        let mut run = Exact::with_cells(&contact, 128, 1e-4);
         while run.advance(1e-3) {}
         let rate = run.at(1e-3).volume / 1e-3;
         let expected = 2.0 * energy / contact.threshold;
@@ -174,7 +175,7 @@ fn the_stated_error_covers_the_true_one_and_seldom_exceeds_it_tenfold() {
         let contact = Contact::new(shape, threshold).expect("a limit");
         let until = 10_f64.powf(-2.0 + 4.5 * part(i, 7_f64.sqrt()));
         let after = |tolerance: f64| {
-            let mut run = Exact::new(contact, tolerance);
+            let mut run = Exact::new(&contact, tolerance);
             while run.advance(until) {}
             run.at(until)
         };
