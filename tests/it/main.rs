@@ -11,6 +11,7 @@
 
 #[cfg(feature = "serve")]
 mod api;
+mod collocated;
 mod engine;
 mod exact;
 #[cfg(feature = "serve")]
