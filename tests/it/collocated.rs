@@ -18,13 +18,21 @@
 //! comes first; the second one has small cells where the stick edge has spent its time.
 //!
 //! # Accuracy
-//! Of first order in the cell: see the tests below for what is left at each number of cells.
+//! Of first order in the cell. With 240 cells, against the table of other discretisations:
+//! ```text
+//! held        V        F        d        depth    c        a        gross slip begins
+//! d, Δ        0.2 %    0.2 %             0.2 %             1 %
+//! F, Δ        0.4 %             0.1 %    0.3 %    0.1 %    1 %
+//! d, Q        0.3 %                                                 2 % late
+//! F, Q        0.2 %
+//! ```
+//! and dV/dÑ is 2 ∫ y ω dx to 0.6 %. Where d and g hardly differ any more, a is up to 4 % short. Steps
+//! in time add 0.01 %.
 
 use std::f64::consts::{FRAC_1_PI, FRAC_2_PI, PI};
 
 use fretwork::engine::contact::Contact;
 use fretwork::engine::exact::Exact;
-use fretwork::engine::limit::Limit;
 use fretwork::engine::numeric::{dot, integrate, largest, root, vertex};
 use fretwork::engine::profile::Shape;
 use serde_json::Value;
@@ -86,6 +94,12 @@ pub struct State {
     pub radii: Vec<f64>,
     /// w there.
     pub wear: Vec<f64>,
+    /// g there.
+    pub image: Vec<f64>,
+    /// p there.
+    pub pressure: Vec<f64>,
+    /// s there, as ω times Δ/Δ(0).
+    pub slip: Vec<f64>,
 }
 
 /// What came of a problem.
@@ -101,10 +115,19 @@ pub struct Course {
 pub fn run(problem: &Problem, cells: usize, instants: &[f64]) -> Course {
     let unworn = unworn_threshold(problem);
     let stick = problem.shape.image_inverse((1.0 - unworn).max(0.0));
-    let mesh = equal(stick, 1.2, cells / 3);
-    let (_, trace, outer) = Run::new(problem, mesh, unworn).to(instants);
-    let mesh = graded(stick, &trace, 1.05 * outer, cells);
-    Run::new(problem, mesh, unworn).to(instants).0
+    let mut crude = Run::new(problem, equal(stick, 1.2, cells / 3), unworn);
+    crude.to(instants);
+    // Where the stick edge never comes nothing wears; but the crude run may be wrong about that.
+    let least = crude.trace.iter().copied().fold(stick, f64::min);
+    let from = if crude.gross_slip.is_some() { 0.0 } else { 0.9 * least };
+    let mesh = |from: f64| graded(from, stick, &crude.trace, 1.05 * crude.outer, cells);
+    let mut run = Run::new(problem, mesh(from), unworn);
+    run.to(instants);
+    if run.too_far {
+        run = Run::new(problem, mesh(0.0), unworn);
+        run.to(instants);
+    }
+    Course { states: run.states, gross_slip: run.gross_slip }
 }
 
 /// A problem on two meshes, which tell the error.
@@ -121,21 +144,22 @@ impl Pair {
         Self { coarse: run(problem, cells / 2, instants), fine: run(problem, cells, instants) }
     }
 
-    /// A quantity at the instants on the finer mesh, and the largest relative difference between
-    /// both: the error, which halves with the cells. The largest, because it changes its sign.
+    /// A quantity at the instants on the finer mesh, and its relative error: twice the largest
+    /// difference between both meshes. Twice, because the order is a little below one at the moving
+    /// edge of contact; the largest, because the error changes its sign in time.
     pub fn column(&self, of: impl Fn(&State) -> f64) -> (Vec<f64>, f64) {
         let fine: Vec<f64> = self.fine.states.iter().map(&of).collect();
         let coarse: Vec<f64> = self.coarse.states.iter().map(&of).collect();
         assert_eq!(fine.len(), coarse.len(), "one mesh slips where the other sticks");
         let apart = fine.iter().zip(&coarse).map(|(fine, coarse)| (fine / coarse - 1.0).abs());
-        let error = apart.fold(0.0, f64::max);
+        let error = 2.0 * apart.fold(0.0, f64::max);
         (fine, error)
     }
 
-    /// When gross slip began on the finer mesh, and the relative difference between both.
+    /// When gross slip began on the finer mesh, and by how much this may be wrong.
     pub fn gross_slip(&self) -> Option<(f64, f64)> {
         let (fine, coarse) = (self.fine.gross_slip?, self.coarse.gross_slip?);
-        Some((fine, if fine == coarse { 0.0 } else { (fine / coarse - 1.0).abs() }))
+        Some((fine, 2.0 * (fine - coarse).abs()))
     }
 }
 
@@ -177,9 +201,7 @@ const CORE: f64 = 0.003;
 const SHARE: f64 = 0.1;
 
 /// Cells that are small near the places in `trace`, one point at `at`.
-fn graded(at: f64, trace: &[f64], to: f64, cells: usize) -> Vec<f64> {
-    let least = trace.iter().copied().fold(at, f64::min);
-    let from = if least > 0.1 { 0.9 * least } else { 0.0 };
+fn graded(from: f64, at: f64, trace: &[f64], to: f64, cells: usize) -> Vec<f64> {
     // As many points below x as this.
     let count = |x: f64| -> f64 {
         let sticking: Vec<f64> =
@@ -281,12 +303,29 @@ struct Springs {
     tangential_force: f64,
 }
 
+/// p, s and their product dw/dÑ at the points.
+struct Rubbing {
+    pressure: Vec<f64>,
+    slip: Vec<f64>,
+    rate: Vec<f64>,
+    /// The largest s over the width of a cell.
+    speed: f64,
+}
+
 struct Run<'a> {
     problem: &'a Problem,
     mesh: Mesh,
     unworn_threshold: f64,
     time: f64,
     wear: Vec<f64>,
+    states: Vec<State>,
+    gross_slip: Option<f64>,
+    /// Where the stick edge was, look by look.
+    trace: Vec<f64>,
+    /// How far the contact went.
+    outer: f64,
+    /// Something slips inside the first point.
+    too_far: bool,
 }
 
 /// The step is this share of the time in which s would cross the smallest cell.
@@ -302,12 +341,22 @@ impl<'a> Run<'a> {
     fn new(problem: &'a Problem, radii: Vec<f64>, unworn_threshold: f64) -> Self {
         let wear = vec![0.0; radii.len()];
         let mesh = Mesh::new(&problem.shape, radii);
-        Self { problem, mesh, unworn_threshold, time: 0.0, wear }
+        Self {
+            problem,
+            mesh,
+            unworn_threshold,
+            time: 0.0,
+            wear,
+            states: Vec::new(),
+            gross_slip: None,
+            trace: Vec::new(),
+            outer: 1.0,
+            too_far: false,
+        }
     }
 
-    /// Runs to the instants: the states there, where the stick edge was and how far the contact went.
-    fn to(mut self, instants: &[f64]) -> (Course, Vec<f64>, f64) {
-        let mut course = Course { states: Vec::new(), gross_slip: None };
+    /// Runs to the instants, as far as the tangential force can be borne.
+    fn to(&mut self, instants: &[f64]) {
         let end = instants.last().copied().unwrap_or(0.0);
         let mut stops: Vec<f64> = instants.to_vec();
         if let Tangential::Blocks(blocks) = &self.problem.tangential {
@@ -316,33 +365,35 @@ impl<'a> Run<'a> {
         stops.extend((0..LOOKS).map(|i| end * i as f64 / LOOKS as f64));
         stops.sort_by(f64::total_cmp);
         stops.dedup();
-        let (mut trace, mut outer) = (Vec::new(), 1.0_f64);
         for stop in stops {
-            if !self.advance(stop, &mut course.gross_slip) {
+            if !self.advance(stop) {
                 break;
             }
             let Some(springs) = self.springs(&self.wear) else { break };
             let state = self.state(&springs);
-            trace.push(state.stick_radius);
-            outer = outer.max(state.contact_radius);
+            self.trace.push(state.stick_radius);
+            self.outer = self.outer.max(state.contact_radius);
             if instants.contains(&stop) {
-                course.states.push(state);
+                self.states.push(state);
             }
         }
-        (course, trace, outer)
     }
 
-    /// Steps to an instant; false if the tangential force is borne no more.
-    fn advance(&mut self, until: f64, gross_slip: &mut Option<f64>) -> bool {
+    /// Steps to an instant; false if it is out of reach.
+    fn advance(&mut self, until: f64) -> bool {
         while self.time < until {
             let Some(springs) = self.springs(&self.wear) else {
-                *gross_slip = Some(self.time);
+                self.gross_slip = Some(self.time);
                 return false;
             };
-            if gross_slip.is_none() && springs.most <= springs.threshold {
-                *gross_slip = Some(self.time);
+            if self.mesh.radii[0] > 0.0 && springs.eta[0] <= springs.threshold {
+                self.too_far = true;
+                return false;
             }
-            let (rate, speed) = self.rate(&springs);
+            if springs.most <= springs.threshold {
+                self.gross_slip = self.gross_slip.or(Some(self.time));
+            }
+            let Rubbing { rate, speed, .. } = self.rubbing(&springs);
             let mut step = (COURANT / speed).min(LONGEST);
             self.wear = loop {
                 let last = self.time + step >= until;
@@ -350,13 +401,13 @@ impl<'a> Run<'a> {
                     step = until - self.time;
                 }
                 if step < SHORTEST && !last {
-                    *gross_slip = Some(self.time);
+                    self.gross_slip = Some(self.time);
                     return false;
                 }
                 let ahead: Vec<f64> =
                     self.wear.iter().zip(&rate).map(|(w, v)| w + step * v).collect();
                 if let Some(springs) = self.springs(&ahead) {
-                    let (second, _) = self.rate(&springs);
+                    let second = self.rubbing(&springs).rate;
                     break (0..rate.len())
                         .map(|i| self.wear[i] + 0.5 * step * (rate[i] + second[i]))
                         .collect();
@@ -480,11 +531,10 @@ impl<'a> Run<'a> {
         Some(Springs { depth, most, threshold, eta, normal_force, tangential_force })
     }
 
-    /// dw/dÑ, and the largest s over the width of a cell.
-    fn rate(&self, springs: &Springs) -> (Vec<f64>, f64) {
+    /// What rubs under some springs.
+    fn rubbing(&self, springs: &Springs) -> Rubbing {
         let (mesh, eta) = (&self.mesh, &springs.eta);
         let radii = &mesh.radii;
-        assert!(radii[0] == 0.0 || eta[0] > springs.threshold, "slip inside the first point");
         let omega: Vec<f64> = eta.iter().map(|eta| self.omega(*eta, springs.threshold)).collect();
         let falls: Vec<f64> =
             eta.windows(2).map(|pair| pair[0].max(0.0) - pair[1].max(0.0)).collect();
@@ -533,12 +583,12 @@ impl<'a> Run<'a> {
         let rate = (0..radii.len())
             .map(|i| if eta[i] > 0.0 { pressure[i] * slip[i] } else { 0.0 })
             .collect();
-        (rate, speed)
+        Rubbing { pressure, slip, rate, speed }
     }
 
     fn state(&self, springs: &Springs) -> State {
         let (radii, wear, eta) = (&self.mesh.radii, &self.wear, &springs.eta);
-        let threshold = springs.threshold;
+        let (threshold, rubbing) = (springs.threshold, self.rubbing(springs));
         let volume: f64 = (1..radii.len())
             .map(|i| {
                 let (r, z, v, w) = (radii[i - 1], radii[i], wear[i - 1], wear[i]);
@@ -564,18 +614,21 @@ impl<'a> Run<'a> {
             energy: self.sum(eta, threshold, |y| y * self.omega(y, threshold)),
             radii: radii.clone(),
             wear: wear.clone(),
+            image: eta.iter().map(|eta| springs.depth - eta).collect(),
+            pressure: rubbing.pressure,
+            slip: rubbing.slip,
         }
     }
 }
 
 /// Cells of the finer mesh in the tests below.
-const CELLS: usize = 400;
+const CELLS: usize = 240;
 
 fn held(shape: Shape, normal: Normal, tangential: Tangential) -> Problem {
     Problem { shape, normal, tangential }
 }
 
-/// The rows of a part of the table, which two other discretisations have been extrapolated to.
+/// The rows of a part of the table: two other discretisations, extrapolated.
 fn rows(part: &str) -> Vec<Value> {
     let table: Value =
         serde_json::from_str(include_str!("../data/verification.json")).expect("a JSON table");
@@ -590,60 +643,61 @@ fn numbers(row: &Value, name: &str) -> Vec<f64> {
     row[name].as_array().expect(name).iter().map(|x| x.as_f64().expect(name)).collect()
 }
 
-/// A quantity of the states and the name of its column.
-type Column = (&'static str, fn(&State) -> f64);
+/// The largest relative difference.
+fn apart(values: &[f64], expected: &[f64]) -> f64 {
+    values.iter().zip(expected).map(|(value, x)| (value / x - 1.0).abs()).fold(0.0, f64::max)
+}
 
-const VOLUME: Column = ("wear_volume", |state| state.volume);
-const FORCE: Column = ("normal_force", |state| state.normal_force);
-const DEPTH: Column = ("indentation_depth", |state| state.indentation_depth);
-const WEAR: Column = ("wear_depth", |state| state.wear_depth);
-const CONTACT: Column = ("contact_radius", |state| state.contact_radius);
-const STICK: Column = ("stick_radius", |state| state.stick_radius);
+/// A quantity of the states, by the name of its column in the table.
+type Quantity = (&'static str, fn(&State) -> f64);
 
-/// Both meshes against the columns of a row: off by no more than `tolerance`, and by no more than
-/// what the two tell of their error and the row of its own.
-fn compare(pair: &Pair, row: &Value, own: f64, columns: &[(Column, f64)]) {
+const VOLUME: Quantity = ("wear_volume", |state| state.volume);
+const FORCE: Quantity = ("normal_force", |state| state.normal_force);
+const INDENTATION: Quantity = ("indentation_depth", |state| state.indentation_depth);
+const DEPTH: Quantity = ("wear_depth", |state| state.wear_depth);
+const CONTACT: Quantity = ("contact_radius", |state| state.contact_radius);
+const STICK: Quantity = ("stick_radius", |state| state.stick_radius);
+
+/// Checks a pair against columns of a row: off by less than `tolerance`, and by less than it says
+/// itself and the row leaves open.
+fn compare(pair: &Pair, row: &Value, open: f64, columns: &[(Quantity, f64)]) {
     for ((name, of), tolerance) in columns {
         let (values, error) = pair.column(of);
-        let expected = numbers(row, name);
-        let off = values.iter().zip(&expected).map(|(value, x)| (value / x - 1.0).abs());
-        let off = off.fold(0.0, f64::max);
-        println!("{name}: {off:.1e}, own error {error:.1e}");
+        let off = apart(&values, &numbers(row, name));
         assert!(off < *tolerance, "{name} is {off} off in {row}");
-        assert!(off < error + own, "{name} is {off} off, not {error}, in {row}");
+        assert!(off < error + open, "{name} is {off} off, not {error}, in {row}");
     }
 }
 
-/// The parts, each against what is known in closed form.
 #[test]
-fn the_three_transforms_are_of_first_order_at_least() {
+fn each_transform_by_itself_is_right() {
     for exponent in [1.0, 2.0, 3.0] {
         let shape = Shape::power(exponent);
-        let off = |cells: usize| -> [f64; 3] {
-            let problem = held(shape.clone(), Normal::Depth, Tangential::Amplitude(2.0));
+        let problem = held(shape.clone(), Normal::Depth, Tangential::Amplitude(2.0));
+        let off = |cells: usize| {
             let run = Run::new(&problem, equal(0.0, 1.2, cells), 2.0);
             let radii = &run.mesh.radii;
             let most = |f: &dyn Fn(usize) -> f64| {
-                (1..radii.len()).filter(|i| radii[*i] > 0.1).map(f).fold(0.0, f64::max)
+                (0..radii.len()).filter(|i| radii[*i] > 0.1).map(f).fold(0.0, f64::max)
             };
-            // Worn by its own profile, the image is twice the image.
+            // Worn by its own profile, the indenter has twice its image.
             let wear: Vec<f64> = radii.iter().map(|r| shape.profile(*r)).collect();
             let worn = run.springs(&wear).expect("springs");
             let image = most(&|i| (1.0 - worn.eta[i] - 2.0 * shape.image(radii[i])).abs());
-            // s of ω = (2 − y)/2 is (1 + f₀)/2 in contact; p is that of the unworn contact.
+            // Unworn, p is known, and ω = (1 + g₀)/2 gives s = (1 + f₀)/2 in the contact.
             let unworn = run.springs(&vec![0.0; radii.len()]).expect("springs");
-            let rate = run.rate(&unworn).0;
-            let slip = |r: f64| 0.5 * (1.0 + shape.profile(r));
-            let expected = |i: usize| shape.pressure_inside(radii[i], 1.0) * slip(radii[i]);
-            let force = 2.0 * shape.half_force();
-            [
-                image,
-                most(&|i| (rate[i] - expected(i)).abs()),
-                (unworn.normal_force / force - 1.0).abs(),
-            ]
+            let rubbing = run.rubbing(&unworn);
+            let pressure = |i: usize| shape.pressure_inside(radii[i], 1.0);
+            let pressure = most(&|i| (rubbing.pressure[i] - pressure(i)).abs());
+            let slip = |i: usize| 0.5 * (1.0 + shape.profile(radii[i]));
+            let slip =
+                most(&|i| if radii[i] <= 1.0 { (rubbing.slip[i] - slip(i)).abs() } else { 0.0 });
+            [image, pressure, slip]
         };
-        let (coarse, fine) = (off(60), off(240));
-        println!("{exponent}: {coarse:?} {fine:?}");
+        for (coarse, fine) in off(60).into_iter().zip(off(240)) {
+            assert!(fine < 1e-3, "{fine} off at exponent {exponent}");
+            assert!(fine < 0.3 * coarse || fine < 1e-12, "{coarse} to {fine} at {exponent}");
+        }
     }
 }
 
@@ -654,12 +708,9 @@ fn with_depth_and_amplitude_held_the_table_is_met() {
         let threshold = 1.0 - shape.image(number(&row, "stick_radius"));
         let problem = held(shape, Normal::Depth, Tangential::Amplitude(threshold));
         let pair = Pair::run(&problem, CELLS, &numbers(&row, "normalized_cycles"));
-        compare(
-            &pair,
-            &row,
-            1e-3,
-            &[(VOLUME, 1.5e-3), (FORCE, 1.5e-3), (WEAR, 1e-3), (CONTACT, 1e-2)],
-        );
+        let columns = [(VOLUME, 3e-3), (FORCE, 3e-3), (DEPTH, 2e-3), (CONTACT, 1.5e-2)];
+        compare(&pair, &row, 1e-3, &columns);
+        assert!(pair.gross_slip().is_none());
     }
 }
 
@@ -670,12 +721,9 @@ fn with_force_and_amplitude_held_the_table_is_met() {
         let threshold = 1.0 - shape.image(number(&row, "stick_radius_initial"));
         let problem = held(shape, Normal::Force, Tangential::Amplitude(threshold));
         let pair = Pair::run(&problem, CELLS, &numbers(&row, "normalized_cycles"));
-        compare(
-            &pair,
-            &row,
-            2e-3,
-            &[(VOLUME, 5e-3), (DEPTH, 1e-3), (WEAR, 3e-3), (CONTACT, 1e-2), (STICK, 1.5e-3)],
-        );
+        let columns =
+            [(VOLUME, 8e-3), (INDENTATION, 1e-3), (DEPTH, 5e-3), (CONTACT, 1.5e-2), (STICK, 2e-3)];
+        compare(&pair, &row, 2e-3, &columns);
     }
 }
 
@@ -685,13 +733,19 @@ fn with_depth_and_tangential_force_held_the_table_is_met() {
         let shape = Shape::power(number(&row, "exponent"));
         let force = 2.0 * shape.half_force() * number(&row, "q");
         let problem = held(shape, Normal::Depth, Tangential::Force(force));
+        let gross = row["gross_slip_at"].as_str().map(|text| {
+            let at = text.split(' ').next().and_then(|at| at.parse::<f64>().ok());
+            at.expect("an instant")
+        });
         let mut instants = numbers(&row, "normalized_cycles");
-        if row["gross_slip_at"].is_string() {
-            instants.push(30.0);
-        }
+        instants.extend(gross.map(|at| 1.5 * at));
         let pair = Pair::run(&problem, CELLS, &instants);
-        compare(&pair, &row, 2e-3, &[(VOLUME, 5e-3)]);
-        println!("{:?} {}", pair.gross_slip(), row["gross_slip_at"]);
+        compare(&pair, &row, 2e-3, &[(VOLUME, 4e-3)]);
+        assert_eq!(pair.gross_slip().is_some(), gross.is_some());
+        if let (Some((value, error)), Some(at)) = (pair.gross_slip(), gross) {
+            assert!((value / at - 1.0).abs() < 3e-2, "{value} in {row}");
+            assert!((value - at).abs() < error + 0.03, "{value} and {error} in {row}");
+        }
     }
 }
 
@@ -702,12 +756,13 @@ fn with_both_forces_held_the_table_is_met() {
         let force = 2.0 * shape.half_force() * number(&row, "q");
         let problem = held(shape, Normal::Force, Tangential::Force(force));
         let pair = Pair::run(&problem, CELLS, &numbers(&row, "normalized_cycles"));
-        compare(&pair, &row, 2e-3, &[(VOLUME, 5e-3)]);
+        compare(&pair, &row, 2e-3, &[(VOLUME, 4e-3)]);
     }
 }
 
+/// Source: V. L. Popov, Sci. Rep. 4 (2014) 3749, with the depth and the stick radius of each mode.
 #[test]
-fn every_limit_in_the_table_is_reached() {
+fn the_limits_of_the_table_are_reached_where_q_is_held() {
     for (part, normal) in [
         ("limit_force_and_tangential_force_held", Normal::Force),
         ("limit_depth_and_tangential_force_held", Normal::Depth),
@@ -716,131 +771,180 @@ fn every_limit_in_the_table_is_reached() {
             let shape = Shape::power(number(&row, "exponent"));
             let force = 2.0 * shape.half_force();
             let problem = held(shape, normal, Tangential::Force(force * number(&row, "q")));
-            let course = run(&problem, CELLS / 2, &[100.0]);
+            let course = run(&problem, CELLS, &[100.0]);
             let state = &course.states[0];
-            for (name, value) in [
-                ("wear_volume", state.volume),
-                ("wear_depth", state.wear_depth),
-                ("stick_radius", state.stick_radius),
-                ("normal_force_ratio", state.normal_force / force),
-                ("limiting_radius", state.contact_radius),
+            for (name, value, tolerance) in [
+                ("wear_volume", state.volume, 6e-3),
+                ("wear_depth", state.wear_depth, 4e-3),
+                ("stick_radius", state.stick_radius, 1e-3),
+                ("normal_force_ratio", state.normal_force / force, 1e-3),
+                // Late there is hardly a difference between d and g out there.
+                ("limiting_radius", state.contact_radius, 4e-2),
             ] {
                 let off = (value / number(&row, name) - 1.0).abs();
-                println!("{name} {off:.1e} {row}");
+                assert!(off < tolerance, "{name} is {off} off in {row}");
             }
+            // All of the tangential force is borne where nothing slips.
+            let borne = 2.0 * state.threshold * state.stick_radius;
+            assert!((borne / state.tangential_force - 1.0).abs() < 2e-3, "{borne}");
         }
     }
 }
 
-/// Energy, in every mode.
 #[test]
-fn wear_is_what_the_energy_says() {
+fn wear_is_what_the_energy_says_in_every_mode() {
     let wave = |y: f64| 0.5 * ((0.75 - y).max(0.0) + (0.6 - y).max(0.0)) / 0.75;
     for (name, normal, tangential) in [
         ("amplitude", Normal::Depth, Tangential::Amplitude(0.75)),
-        ("amplitude", Normal::Force, Tangential::Amplitude(0.75)),
-        ("force", Normal::Depth, Tangential::Force(0.6)),
-        ("force", Normal::Force, Tangential::Force(0.6)),
+        ("amplitude and force", Normal::Force, Tangential::Amplitude(0.75)),
+        ("tangential force", Normal::Depth, Tangential::Force(0.6)),
+        ("both forces", Normal::Force, Tangential::Force(0.6)),
         ("rig", Normal::Force, Tangential::Rig { amplitude: 1.0, compliance: 0.3 }),
-        ("gross", Normal::Force, Tangential::Amplitude(1.5)),
-        ("gross", Normal::Depth, Tangential::Amplitude(1.5)),
+        ("gross slip", Normal::Depth, Tangential::Amplitude(1.5)),
+        ("gross slip and force", Normal::Force, Tangential::Amplitude(1.5)),
         ("blocks", Normal::Depth, Tangential::Blocks(vec![(0.6, 0.5), (0.75, 9.0)])),
         ("record", Normal::Depth, Tangential::Record { omega: Box::new(wave), limit: 0.75 }),
     ] {
         let problem = held(Shape::power(2.0), normal, tangential);
-        let course = run(&problem, CELLS, &[0.9, 1.0, 1.1]);
-        let states = &course.states;
+        let states = run(&problem, CELLS, &[0.9, 1.0, 1.1]).states;
         let rate = (states[2].volume - states[0].volume) / (states[2].time - states[0].time);
-        println!("{name} {normal:?}: {}", rate / (2.0 * states[1].energy) - 1.0);
+        let off = rate / (2.0 * states[1].energy) - 1.0;
+        assert!(off.abs() < 8e-3, "{name}: {off}");
     }
 }
 
 #[test]
 fn a_rig_lies_between_amplitude_and_force_held() {
-    let instants = [0.5, 2.0, 8.0];
-    let shape = Shape::power(2.0);
     let volumes = |tangential: Tangential| -> Vec<f64> {
-        let problem = held(shape.clone(), Normal::Force, tangential);
-        run(&problem, CELLS / 4, &instants).states.iter().map(|state| state.volume).collect()
+        let problem = held(Shape::power(2.0), Normal::Force, tangential);
+        let course = run(&problem, CELLS / 4, &[0.5, 2.0, 8.0]);
+        course.states.iter().map(|state| state.volume).collect()
     };
-    let amplitude = volumes(Tangential::Amplitude(0.64));
-    let q = 2.0 * (0.6 * 0.64 + integrate(0.6, 1.0, |x| 1.0 - x * x));
-    let force = volumes(Tangential::Force(q));
-    for compliance in [0.0, 0.3, 1e6] {
-        let rig = volumes(Tangential::Rig { amplitude: 0.64 + compliance * q, compliance });
-        println!("{compliance}: {rig:?} {amplitude:?} {force:?}");
+    // c = 0.6
+    let (threshold, force) = (0.64, 2.0 * (0.6 * 0.64 + integrate(0.6, 1.0, |x| 1.0 - x * x)));
+    let rig = |compliance: f64| {
+        volumes(Tangential::Rig { amplitude: threshold + compliance * force, compliance })
+    };
+    let (stiff, soft) =
+        (volumes(Tangential::Amplitude(threshold)), volumes(Tangential::Force(force)));
+    assert!(apart(&rig(0.0), &stiff) < 1e-9);
+    assert!(apart(&rig(1e6), &soft) < 1e-5);
+    for ((between, stiff), soft) in rig(0.3).iter().zip(&stiff).zip(&soft) {
+        assert!(stiff < between && between < soft, "{stiff} {between} {soft}");
     }
 }
 
 #[test]
 fn blocks_and_records_of_one_amplitude_are_that_amplitude() {
-    let instants = [0.5, 2.0, 8.0];
     let volumes = |tangential: Tangential| -> Vec<f64> {
         let problem = held(Shape::power(2.0), Normal::Depth, tangential);
-        run(&problem, CELLS / 4, &instants).states.iter().map(|state| state.volume).collect()
+        let course = run(&problem, CELLS / 4, &[0.5, 1.0, 2.0, 40.0]);
+        course.states.iter().map(|state| state.volume).collect()
     };
     let amplitude = volumes(Tangential::Amplitude(0.75));
     let blocks = volumes(Tangential::Blocks(vec![(0.75, 1.0), (0.75, 3.0)]));
     let omega = Box::new(|y: f64| (0.75 - y).max(0.0) / 0.75);
     let record = volumes(Tangential::Record { omega, limit: 0.75 });
-    println!("{amplitude:?}\n{blocks:?}\n{record:?}");
-    let falling = volumes(Tangential::Blocks(vec![(0.75, 1.0), (0.5, 30.0)]));
-    let rising = volumes(Tangential::Blocks(vec![(0.5, 1.0), (0.75, 30.0)]));
-    println!("{falling:?}\n{rising:?}");
+    // At the end of a block a step ends.
+    assert!(apart(&blocks, &amplitude) < 1e-4 && apart(&record, &amplitude) < 1e-9);
+    // The smaller amplitude adds less, and what comes last is what the limit knows.
+    let falling = volumes(Tangential::Blocks(vec![(0.75, 1.0), (0.5, 99.0)]));
+    let rising = volumes(Tangential::Blocks(vec![(0.5, 1.0), (0.75, 99.0)]));
+    assert!((falling[0] / amplitude[0] - 1.0).abs() < 5e-3, "{falling:?} {amplitude:?}");
+    assert!(falling[2] < amplitude[2] && falling[3] < 0.9 * amplitude[3], "{falling:?}");
+    assert!(rising[1] < falling[1] && rising[2] < amplitude[2], "{rising:?}");
+    assert!((rising[3] / amplitude[3] - 1.0).abs() < 5e-3, "{rising:?} {amplitude:?}");
 }
 
+/// dV/dÑ = F·(1 − what is lost to the elastic part of the stroke), however far the contact grows.
 #[test]
 fn gross_slip_under_force_wears_by_force_and_path() {
     let problem = held(Shape::power(2.0), Normal::Force, Tangential::Amplitude(100.0));
-    let pair = Pair::run(&problem, CELLS, &[1.0, 8.0, 32.0]);
+    let instants = [1.0, 8.0, 32.0];
+    let pair = Pair::run(&problem, CELLS, &instants);
+    assert_eq!(pair.gross_slip(), Some((0.0, 0.0)));
     let (volumes, error) = pair.column(VOLUME.1);
-    println!("{volumes:?} {error} {:?}", pair.gross_slip());
+    for (volume, time) in volumes.iter().zip(instants) {
+        let share = volume / (4.0 / 3.0 * time);
+        assert!((0.993 - error..0.998 + error).contains(&share), "{share} at Ñ = {time}");
+    }
+    assert!(error < 2e-2, "{error}");
+    assert!(pair.fine.states[2].contact_radius > 2.0, "it has grown");
 }
 
 #[test]
 fn the_engine_agrees_in_partial_and_in_gross_slip() {
-    for (shape, threshold) in [
-        (Shape::power(2.0), 0.75),
-        (Shape::power(2.0), 0.2),
-        (Shape::power(1.0), 0.79),
-        (Shape::power(4.0), 0.76),
-        (Shape::sphere(2.0), 0.5),
-        (Shape::power(2.0), 1.02),
-        (Shape::power(2.0), 3.0),
-        (Shape::power(1.0), 1.5),
-        (Shape::power(4.0), 1.2),
+    let instants = [0.25, 1.0, 4.0];
+    for (name, shape, threshold) in [
+        ("paraboloid", Shape::power(2.0), 0.75),
+        ("paraboloid, little slip", Shape::power(2.0), 0.2),
+        ("cone", Shape::power(1.0), 0.79),
+        ("fourth power", Shape::power(4.0), 0.76),
+        ("sphere", Shape::sphere(2.0), 0.5),
+        ("paraboloid, onset of gross slip", Shape::power(2.0), 1.02),
+        ("paraboloid, gross slip", Shape::power(2.0), 3.0),
+        ("cone, gross slip", Shape::power(1.0), 1.5),
+        ("fourth power, gross slip", Shape::power(4.0), 1.2),
     ] {
         let contact = Contact::new(shape.clone(), threshold).expect("a limit");
-        let mut engine = Exact::new(&contact, 3e-4);
+        let apex = threshold > 1.0 && shape.peak_pressure().is_infinite();
         let problem = held(shape, Normal::Depth, Tangential::Amplitude(threshold));
-        let instants = [0.25, 1.0, 4.0];
         let pair = Pair::run(&problem, CELLS, &instants);
-        let engine: Vec<_> = instants
-            .iter()
-            .map(|instant| {
-                while engine.advance(*instant) {}
-                engine.at(*instant)
-            })
-            .collect();
-        let check = |name: &str, of: fn(&State) -> f64, engine: Vec<f64>| {
+        let mut engine = Exact::new(&contact, 3e-4);
+        let mut expected: [Vec<f64>; 6] = Default::default();
+        for (instant, state) in instants.into_iter().zip(&pair.fine.states) {
+            while engine.advance(instant) {}
+            let at = engine.at(instant);
+            for (column, value) in expected.iter_mut().zip([
+                at.volume,
+                2.0 * at.normal,
+                2.0 * at.tangential,
+                at.energy / threshold,
+                at.depth,
+                at.contact_radius,
+            ]) {
+                column.push(value);
+            }
+            let curves = engine.curves(&at, &state.radii);
+            for (curve, own, theirs, tolerance) in [
+                ("wear", &state.wear, &curves.wear, 5e-3),
+                ("image", &state.image, &curves.image, 5e-3),
+                ("pressure", &state.pressure, &curves.pressure, 2e-2),
+                ("slip", &state.slip, &curves.slip, 5e-3),
+            ] {
+                let (mut difference, mut whole) = (0.0, 0.0);
+                for (i, r) in state.radii.windows(2).enumerate() {
+                    let ring = r[1] * r[1] - r[0] * r[0];
+                    if theirs[i + 1].is_finite() {
+                        difference += ring * (own[i + 1] - theirs[i + 1]).abs();
+                        whole += ring * theirs[i + 1];
+                    }
+                }
+                assert!(difference < tolerance * whole, "{name}, {curve}: {}", difference / whole);
+            }
+        }
+        for (((quantity, of), tolerance), expected) in [
+            (VOLUME, 3e-3),
+            (FORCE, 8e-3),
+            (("tangential_force", |state: &State| state.tangential_force), 8e-3),
+            (("energy", |state: &State| state.energy), 5e-2),
+            (DEPTH, 2e-3),
+            (CONTACT, 1.5e-2),
+        ]
+        .into_iter()
+        .zip(&expected)
+        {
             let (values, error) = pair.column(of);
-            let off = values.iter().zip(&engine).map(|(value, x)| (value / x - 1.0).abs());
-            let off = off.fold(0.0, f64::max);
-            println!("{threshold} {name}: {off:.1e}, own error {error:.1e}");
-        };
-        check("volume", VOLUME.1, engine.iter().map(|state| state.volume).collect());
-        check("force", FORCE.1, engine.iter().map(|state| 2.0 * state.normal).collect());
-        check("depth", WEAR.1, engine.iter().map(|state| state.depth).collect());
-        check("contact", CONTACT.1, engine.iter().map(|state| state.contact_radius).collect());
-        check(
-            "Q",
-            |s| s.tangential_force,
-            engine.iter().map(|state| 2.0 * state.tangential).collect(),
-        );
-        check(
-            "energy",
-            |s| s.energy,
-            engine.iter().map(|state| state.energy / threshold).collect(),
-        );
+            let off = apart(&values, expected);
+            // The engine has errors too: more where d and g hardly differ, and on the axis of a cone,
+            // where its wear is right only to the height of its first cell.
+            let (tolerance, open) = match quantity {
+                "wear_depth" if apex => (4e-2, 4e-2),
+                "contact_radius" => (tolerance, 2e-3),
+                _ => (tolerance, 5e-4),
+            };
+            assert!(off < tolerance, "{name}, {quantity}: {off}");
+            assert!(off < error + open, "{name}, {quantity}: {off}, not {error}");
+        }
     }
 }
