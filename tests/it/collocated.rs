@@ -26,8 +26,8 @@
 //! d, Q        0.3 %                                                 2 % late
 //! F, Q        0.2 %
 //! ```
-//! and dV/dÑ is 2 ∫ y ω dx to 0.6 %. Where d and g hardly differ any more, a is up to 4 % short. Steps
-//! in time add 0.01 %.
+//! and dV/dÑ is 2 ∫ y ω dx to 0.6 %. Where d and g hardly differ any more, a is up to 4 % short, but
+//! the scar is not. Steps in time add 0.01 %.
 
 use std::f64::consts::{FRAC_1_PI, FRAC_2_PI, PI};
 
@@ -84,8 +84,10 @@ pub struct State {
     pub threshold: f64,
     /// The largest w.
     pub wear_depth: f64,
-    /// Where g = d.
+    /// Where g = d, which is hard to tell once the springs out there carry hardly anything.
     pub contact_radius: f64,
+    /// Where w ends, to a cell.
+    pub scar_radius: f64,
     /// Where y = Δ; 0 if everything slips.
     pub stick_radius: f64,
     /// ∫ y ω dx, half of dV/dÑ.
@@ -595,6 +597,7 @@ impl<'a> Run<'a> {
                 PI / 3.0 * (z - r) * (v * (2.0 * r + z) + w * (r + 2.0 * z))
             })
             .sum();
+        let unworn = wear.iter().rposition(|w| *w > 0.0).map_or(0, |last| last + 1);
         let crossing = |level: f64, j: usize| {
             let (left, right) = (eta[j] - level, eta[j + 1] - level);
             (left > 0.0 && right <= 0.0)
@@ -610,6 +613,7 @@ impl<'a> Run<'a> {
             threshold,
             wear_depth: vertex(radii, wear, largest(wear)),
             contact_radius: cells().find_map(|j| crossing(0.0, j)).unwrap_or(0.0),
+            scar_radius: radii[unworn.min(radii.len() - 1)],
             stick_radius: cells().find_map(|j| crossing(threshold, j)).unwrap_or(0.0),
             energy: self.sum(eta, threshold, |y| y * self.omega(y, threshold)),
             radii: radii.clone(),
@@ -771,15 +775,14 @@ fn the_limits_of_the_table_are_reached_where_q_is_held() {
             let shape = Shape::power(number(&row, "exponent"));
             let force = 2.0 * shape.half_force();
             let problem = held(shape, normal, Tangential::Force(force * number(&row, "q")));
-            let course = run(&problem, CELLS, &[100.0]);
+            let course = run(&problem, CELLS, &[50.0]);
             let state = &course.states[0];
             for (name, value, tolerance) in [
                 ("wear_volume", state.volume, 6e-3),
                 ("wear_depth", state.wear_depth, 4e-3),
                 ("stick_radius", state.stick_radius, 1e-3),
                 ("normal_force_ratio", state.normal_force / force, 1e-3),
-                // Late there is hardly a difference between d and g out there.
-                ("limiting_radius", state.contact_radius, 4e-2),
+                ("limiting_radius", state.scar_radius, 1e-2),
             ] {
                 let off = (value / number(&row, name) - 1.0).abs();
                 assert!(off < tolerance, "{name} is {off} off in {row}");
