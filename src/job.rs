@@ -623,11 +623,11 @@ mod tests {
             [ball.as_str(), cone.as_str(), exact.as_str()],
             [
                 "7262301ee85039ba4e113b17570ed2e12a9a7b34bc20bf05a1cbfc9b16860c41 \
-                 9fb962446339fb8f2239d7cd640a0991e1f6d377e22805feb29990bb34c51306",
+                 3f296ebcef4799c06e32e233646ad57e4105bd8c23ec7341e7c02e9daca6e082",
                 "46018b326003fb9232ee611ac34f690d304295894ade59b3f1c2af72169fdbf6 \
-                 c337778edaa0858daea88be87e90017952cb12575d66513fd8e92ec3e6281c77",
+                 834184c10fe7603a43d02de3c33effbc10d6305b40ce75bc0023b062ae315f5f",
                 "5c89ceb8cf9aeaff9e820494bc3736e7bac0978b004ba17e3c2154bd41338b08 \
-                 bddd7ba5d9a3680be53749c3cf70c2a0aea97422c6c4f74bff87436d533e2497",
+                 7456e2ca1ec547af8eb209ad07d5f0b6433a0b67c1f84385f73f2a3e9140be14",
             ]
         );
     }

@@ -70,6 +70,7 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(results::whole))
         .routes(routes!(results::history))
         .routes(routes!(results::profiles))
+        .routes(routes!(results::loops))
         .routes(routes!(scenarios::check))
         .routes(routes!(scenarios::examples))
         .routes(routes!(scenarios::example))

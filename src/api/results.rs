@@ -257,3 +257,44 @@ pub async fn profiles(
     })
     .await
 }
+
+/// Returns the force–displacement loops of a result, at the instants of its profiles.
+///
+/// Each loop is a cycle of harmonic motion in 129 points at even phases, from one turning point over
+/// the other back to the first; loops of a displacement record are its outermost. `energy_ratio`,
+/// `slip_ratio` and `free_ratio` are the criteria A, D and B of the sliding transition. As CSV it is
+/// one row per instant and point. A result computed with `profiles_at: "none"` has no loops.
+#[utoipa::path(get, path = "/v1/results/{key}/loops", operation_id = "get_loops", tag = "results",
+    params(
+        ("key" = super::openapi::KeyText, Path, description = "The `key` of a job or a checked scenario."),
+        ("format" = Option<super::openapi::TableFormat>, Query, description = "Wins over `Accept`."),
+        ("If-None-Match" = Option<String>, Header, description = "The `ETag` of a held copy."),
+    ),
+    responses(
+        (status = 200, description = "The loops.", content(
+            (ref("#/components/schemas/Loops") = "application/json"),
+            (String = "text/csv"),
+        ), headers(
+                ("ETag" = String, description = "The tag of this representation."),
+                ("Cache-Control" = String, description = "`immutable`: keep it for ever."),
+            )),
+        (status = 304, description = "The held copy is still right. It always is."),
+        (status = 404, description = "No result has this key. `Link` leads to its job, if one is \
+            under way.", headers(("Link" = String, description = "`rel=\"related\"`."))),
+        (status = 406, description = "The loops are available as JSON and CSV."),
+    ),
+)]
+pub async fn loops(
+    State(app): State<App>,
+    Segment(key): Segment,
+    headers: HeaderMap,
+    mut query: Query,
+) -> Result<Response, Problem> {
+    let asked = query.format(&TABLES);
+    query.finish()?;
+    part(&app, &headers, &key, "loops", asked, |document, format| match format {
+        Format::Json => document.loops_json(),
+        Format::Csv => document.loops_csv().map(String::into_bytes),
+    })
+    .await
+}

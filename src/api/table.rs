@@ -1,4 +1,4 @@
-//! A stored result document taken apart: its history, its profiles, and both as CSV.
+//! A stored result document taken apart: its history, its profiles, its loops, and each as CSV.
 //!
 //! Numbers are never parsed and printed again: each is carried over as the text that the worker
 //! wrote, so every form of a result has the same digits.
@@ -63,6 +63,8 @@ pub struct Document<'a> {
     history: Members<'a>,
     #[serde(borrow)]
     profiles: Option<Members<'a>>,
+    #[serde(borrow)]
+    loops: Option<Members<'a>>,
 }
 
 /// A JSON object whose members keep their order and their text.
@@ -126,6 +128,15 @@ impl<'a> Column<'a> {
                 rows.iter_mut().for_each(thin);
             }
             Self::Absent => {}
+        }
+    }
+
+    /// How many values a row has.
+    fn width(&self, instant: usize) -> usize {
+        match self {
+            Self::Fixed(row) => row.len(),
+            Self::Moving(rows) => rows.get(instant).map_or(0, Vec::len),
+            Self::Absent => 0,
         }
     }
 
@@ -298,6 +309,34 @@ impl<'a> Document<'a> {
         Ok(out)
     }
 
+    /// The loops alone, as JSON; null if the document has none.
+    pub fn loops_json(&self) -> Result<Vec<u8>, Error> {
+        self.part("loops", &self.loops)
+    }
+
+    /// The loops as CSV: one row per instant and point; no rows if the document has none.
+    pub fn loops_csv(&self) -> Result<String, Error> {
+        let names = ["cycles", "displacement", "tangential_force"];
+        let mut out = self.heading("loops", names.into_iter());
+        let Some(members) = &self.loops else { return Ok(out) };
+        let find = |name: &str| members.0.iter().find(|(member, _)| member == name);
+        let cycles: Vec<&RawValue> = match find("cycles") {
+            Some((_, text)) => serde_json::from_str(text.get())?,
+            None => Vec::new(),
+        };
+        let mut columns = Vec::new();
+        for name in &names[1..] {
+            columns.push(find(name).map_or(Ok(Column::Absent), |(_, text)| Column::parse(text))?);
+        }
+        for (instant, cycles) in cycles.iter().enumerate() {
+            for place in 0..columns.first().map_or(0, |column| column.width(instant)) {
+                let fields = columns.iter().map(|column| column.at(instant, place));
+                push_row(&mut out, std::iter::once(cell(cycles)).chain(fields));
+            }
+        }
+        Ok(out)
+    }
+
     fn part(&self, name: &str, value: &impl Serialize) -> Result<Vec<u8>, Error> {
         let mut out = Vec::new();
         let mut json = serde_json::Serializer::new(&mut out);
@@ -415,6 +454,26 @@ mod tests {
         let wanted = Selection::default();
         assert_eq!(rows(&document.profiles_csv(&wanted).unwrap()), ["cycles,radius"]);
         assert!(document.profiles_json(&wanted).unwrap().ends_with(b"\"profiles\":null}"));
+    }
+
+    #[test]
+    fn loops_are_one_row_per_instant_and_point() {
+        let text = r#"{"key":"ab","engine":1,"units":{"displacement":"m","tangential_force":"N"},
+            "history":{},"profiles":null,"loops":{"cycles":[0,5],"displacement":[[1,-1],[2,-2]],
+            "tangential_force":[[3,-3],[4.50,-4]],"energy_ratio":[0.1,0.2]}}"#;
+        let csv = Document::open(text.as_bytes()).unwrap().loops_csv().unwrap();
+        let expected = [
+            "cycles,displacement[m],tangential_force[N]",
+            "0,1,3",
+            "0,-1,-3",
+            "5,2,4.50",
+            "5,-2,-4",
+        ];
+        assert_eq!(rows(&csv), expected);
+        let none =
+            r#"{"key":"ab","engine":1,"units":{},"history":{},"profiles":null,"loops":null}"#;
+        let csv = Document::open(none.as_bytes()).unwrap().loops_csv().unwrap();
+        assert_eq!(rows(&csv), ["cycles,displacement,tangential_force"]);
     }
 
     #[test]

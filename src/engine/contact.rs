@@ -19,8 +19,9 @@
 //! gross slip (tests compare). At the very onset of gross slip blunt profiles are worse: 1e-6 for
 //! exponent 8, 1e-4 for 20.
 
+use super::hysteresis::Backbone;
 use super::limit::Limit;
-use super::numeric::Gauss;
+use super::numeric::{Gauss, integrate};
 use super::profile::Shape;
 
 /// How far the contact slips at the unworn state.
@@ -101,6 +102,44 @@ impl Contact {
     }
 }
 
+/// Half of the sums over the springs of an unworn contact.
+#[derive(Debug, Clone)]
+pub struct UnwornSums {
+    /// ∫₀ᵃ y dx.
+    pub normal: f64,
+    /// ∫₀ᵃ min(Δ, y) dx.
+    pub tangential: f64,
+    /// ∫₀ᵃ y ω dx.
+    pub loss: f64,
+    /// How the tangential force builds up.
+    pub backbone: Backbone,
+}
+
+impl UnwornSums {
+    /// Sums over the unworn springs; `slip` gives ω of y/Δ where it is not that of one harmonic cycle.
+    #[must_use]
+    pub fn of(contact: &Contact, slip: Option<&dyn Fn(f64) -> f64>) -> Self {
+        let row = Row::new(contact);
+        let (sums, compressions) = row.sums_and_compressions(Decay::UNWORN);
+        let harmonic = sums.energy / contact.threshold;
+        // A record bends ω at many places: many short intervals instead of one long one.
+        let loss = slip.map_or(harmonic, |slip| {
+            let width = (1.0 - contact.stick) / RECORD_INTERVALS as f64;
+            (0..RECORD_INTERVALS)
+                .map(|i| {
+                    let from = contact.stick + width * i as f64;
+                    integrate(from, from + width, |x| {
+                        let y = 1.0 - contact.shape.image(x);
+                        y * slip(y / contact.threshold)
+                    })
+                })
+                .sum()
+        });
+        let backbone = row.backbone(&sums, &compressions);
+        Self { normal: sums.normal, tangential: sums.tangential, loss, backbone }
+    }
+}
+
 /// e = exp(−ξÑ/ã), by which the simplified rule has come down, and 1 − e with all its digits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Decay {
@@ -139,6 +178,8 @@ pub struct Sums {
     pub volume: f64,
 }
 
+/// Intervals of the sum over a record's slip.
+const RECORD_INTERVALS: usize = 64;
 /// Gauss points of a [`Row`].
 pub const ROW_POINTS: usize = 48;
 
@@ -226,6 +267,14 @@ impl Row {
             volume: 4.0 * volume + decay.gone * self.outside_volume,
         };
         (sums, compressions)
+    }
+
+    /// How the tangential force builds up, given the sums and compressions of a state.
+    #[must_use]
+    pub fn backbone(&self, sums: &Sums, compressions: &[f64; ROW_POINTS]) -> Backbone {
+        let Contact { stick, threshold, .. } = self.contact;
+        let loss = sums.energy / threshold;
+        Backbone::of_row((stick, threshold), &self.positions, &self.weights, compressions, loss)
     }
 
     /// What each slipping spring takes from the pressure (Δ/π)/√(c²−r²) that the ring would put on a

@@ -38,13 +38,22 @@ pub struct Limit {
 }
 
 impl Limit {
-    /// Solves (13) for a stick radius 0 ≤ c < 1; c = 0 is gross slip, where all springs wear.
+    /// Solves (13) for a stick radius 0 ≤ c < 1 at the unworn depth; c = 0 is gross slip, where all
+    /// springs wear.
     ///
     /// `None` where the scar would outgrow the shape (a sphere loaded to its equator).
     #[must_use]
     pub fn solve(shape: &Shape, c: f64) -> Option<Self> {
+        Self::at_depth(shape, c, 1.0)
+    }
+
+    /// Solves (13) for a depth d ≥ 1 in units of d₀.
+    ///
+    /// `None` as for [`Limit::solve`].
+    #[must_use]
+    pub fn at_depth(shape: &Shape, c: f64, d: f64) -> Option<Self> {
         // w∞ is positive at r = 1 and falls outside; walk outwards until it has changed sign.
-        let wear = |r: f64| limiting_wear(shape, c, r, chord_and_angle(c, r));
+        let wear = |r: f64| limiting_wear(shape, c, d, r, chord_and_angle(c, r));
         let (mut inner, mut step) = (1.0, (1.0 - c).max(1e-12));
         let outer = loop {
             let outer = (inner + step).min(shape.extent());
@@ -65,15 +74,38 @@ impl Limit {
             * width
             * integrate(0.0, 1.0, |s| {
                 let x = radius - width * s * s;
-                s * (1.0 - shape.image(x)) * chord(x)
+                s * (d - shape.image(x)) * chord(x)
             });
         let (depth, depth_radius) = if c == 0.0 {
-            (1.0, 0.0)
+            (d, 0.0)
         } else {
             let deepest = maximum(c, radius, wear);
             (wear(deepest), deepest)
         };
         Some(Self { radius, volume, depth, depth_radius })
+    }
+}
+
+impl Limit {
+    /// ã alone, the root of (13), found from a guess nearby.
+    #[must_use]
+    pub fn scar(shape: &Shape, c: f64, d: f64, guess: f64) -> f64 {
+        let wear = |r: f64| limiting_wear(shape, c, d, r, chord_and_angle(c, r));
+        let (mut inner, mut outer) = (guess, guess);
+        for _ in 0..200 {
+            if wear(inner) > 0.0 {
+                break;
+            }
+            (outer, inner) = (inner, inner - 0.02 * (inner - c));
+        }
+        for _ in 0..200 {
+            if outer > inner && wear(outer) <= 0.0 {
+                break;
+            }
+            inner = outer.min(shape.extent());
+            outer = (outer + 0.02 * (outer - c)).min(shape.extent());
+        }
+        root(inner, outer, wear)
     }
 }
 
@@ -84,10 +116,10 @@ pub fn chord_and_angle(c: f64, r: f64) -> (f64, f64) {
     (chord, libm::atan(chord / c))
 }
 
-/// w∞(r) for r ≥ c.
+/// w∞(r) for r ≥ c at a depth d.
 #[must_use]
-pub fn limiting_wear(shape: &Shape, c: f64, r: f64, (chord, angle): (f64, f64)) -> f64 {
-    FRAC_2_PI * angle - shape.inverse_outside(c, r, chord, angle)
+pub fn limiting_wear(shape: &Shape, c: f64, d: f64, r: f64, (chord, angle): (f64, f64)) -> f64 {
+    FRAC_2_PI * angle * d - shape.inverse_outside(c, r, chord, angle)
 }
 
 #[cfg(test)]
@@ -133,7 +165,7 @@ mod tests {
                 * width
                 * integrate(0.0, 1.0, |s| {
                     let r = c + width * s * s;
-                    s * r * limiting_wear(&shape, c, r, chord_and_angle(c, r))
+                    s * r * limiting_wear(&shape, c, 1.0, r, chord_and_angle(c, r))
                 });
             assert!((volume / limit.volume - 1.0).abs() < 1e-9, "{shape:?} {c}: {volume}");
         }

@@ -12,6 +12,9 @@
 //! # Accuracy
 //! Exact for wear that is linear in r² between nodes.
 
+use std::cell::OnceCell;
+use std::f64::consts::{FRAC_2_PI, FRAC_PI_2};
+
 use super::numeric::{dot, integrate};
 use super::profile::Shape;
 
@@ -32,6 +35,8 @@ pub struct Mesh {
     unworn: Vec<f64>,
     /// ∫₀^r₀ (1 − g₀) dx.
     core: f64,
+    /// Rows of (4), once they are asked for.
+    inverse: OnceCell<Vec<f64>>,
 }
 
 impl Mesh {
@@ -58,7 +63,7 @@ impl Mesh {
             .map(|ends| integrate(ends[0], ends[1], |x| shape.image(x)) / (ends[1] - ends[0]))
             .collect();
         let core = integrate(0.0, radii[0], |x| 1.0 - shape.image(x));
-        Self { radii, squares, widths, areas, matrix, unworn, core }
+        Self { radii, squares, widths, areas, matrix, unworn, core, inverse: OnceCell::new() }
     }
 
     /// The nodes.
@@ -114,7 +119,7 @@ impl Mesh {
         }
         let reached = (compressions.len() + 1).min(pressure.len());
         for (sum, area) in pressure[..reached].iter_mut().zip(&self.areas).skip(1) {
-            *sum *= std::f64::consts::FRAC_2_PI / area;
+            *sum *= FRAC_2_PI / area;
         }
     }
 
@@ -122,7 +127,15 @@ impl Mesh {
     #[must_use]
     pub fn solve(&self, slips: &[f64]) -> Vec<f64> {
         let mut solution = vec![0.0; slips.len() + 1];
-        for (q, slip) in slips.iter().enumerate() {
+        self.solve_into(slips, &mut solution);
+        solution
+    }
+
+    /// [`solve`](Self::solve) without allocating; leading zeros cost nothing.
+    pub fn solve_into(&self, slips: &[f64], solution: &mut [f64]) {
+        let first = slips.iter().position(|slip| *slip != 0.0).unwrap_or(slips.len());
+        solution[..=first].fill(0.0);
+        for (q, slip) in slips.iter().enumerate().skip(first) {
             let (diagonal, before) =
                 self.row(q).split_last().map_or((1.0, &[][..]), |(d, b)| (*d, b));
             solution[q + 1] = (slip - dot(before, &solution[1..=q])) / diagonal;
@@ -130,7 +143,32 @@ impl Mesh {
         if self.radii[0] == 0.0 {
             solution[0] = solution[1];
         }
-        solution
+    }
+
+    /// The wear at the nodes whose image has the means `worn` over the cells and is constant in each, by
+    /// (4).
+    #[must_use]
+    pub fn inverse(&self, worn: &[f64]) -> Vec<f64> {
+        let rows = self.inverse.get_or_init(|| self.inverse_rows());
+        let row = |j: usize| &rows[(j - 1) * j / 2..j * (j + 1) / 2];
+        let mut wear = Vec::with_capacity(self.radii.len());
+        wear.push(if self.radii[0] == 0.0 { worn[0] } else { 0.0 });
+        wear.extend((1..self.radii.len()).map(|j| dot(row(j), worn)));
+        wear
+    }
+
+    /// (2/π)·(arcsin(r_{q+1}/r_j) − arcsin(r_q/r_j)), row after row from j = 1.
+    fn inverse_rows(&self) -> Vec<f64> {
+        let mut rows = Vec::with_capacity(self.matrix.len());
+        for (j, r) in self.radii.iter().enumerate().skip(1) {
+            let mut before = libm::asin(self.radii[0] / r);
+            for q in 1..=j {
+                let after = if q == j { FRAC_PI_2 } else { libm::asin(self.radii[q] / r) };
+                rows.push(FRAC_2_PI * (after - before));
+                before = after;
+            }
+        }
+        rows
     }
 
     /// π Σ M w.

@@ -8,7 +8,9 @@
 
 use serde::Serialize;
 
-use super::contact::{Decay, Regime, Row};
+use super::comparison::Comparison;
+use super::contact::Regime;
+use super::numeric::integrate;
 use super::scenario::{Case, Scenario, Warning};
 
 /// The unit of every quantity in a result, in the order of the result.
@@ -41,6 +43,10 @@ pub const UNITS: &[(&str, &str)] = &[
     ("image", "m"),
     ("pressure", "Pa"),
     ("slip", "m"),
+    ("displacement", "m"),
+    ("energy_ratio", "1"),
+    ("slip_ratio", "1"),
+    ("free_ratio", "1"),
 ];
 
 /// [`UNITS`] as a JSON object.
@@ -89,6 +95,12 @@ pub struct Unworn {
     pub tangential_force: f64,
     /// W.
     pub energy_per_cycle: f64,
+    /// A = W/(4QU), the energy ratio of the sliding transition: 0.2 at gross slip of a paraboloid.
+    pub energy_ratio: f64,
+    /// D = δ₀/U, the slip ratio, δ₀ being half of the loop's width at Q = 0: 0.26 there.
+    pub slip_ratio: f64,
+    /// B = W/(4Qδ₀), the system-free ratio: 0.77 there.
+    pub free_ratio: f64,
 }
 
 /// The state that wear tends to.
@@ -213,6 +225,35 @@ pub struct Profiles {
     pub slip: Vec<Vec<f64>>,
 }
 
+/// Force–displacement loops at the instants of the profiles: a cycle of harmonic motion each, 65 points
+/// at even phases from +U by −U back to +U.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct Loops {
+    /// N of each row.
+    pub cycles: Vec<f64>,
+    /// u of the contact; of a record, its outermost loop.
+    pub displacement: Vec<Vec<f64>>,
+    /// Q at these.
+    pub tangential_force: Vec<Vec<f64>>,
+    /// A of each loop.
+    pub energy_ratio: Vec<f64>,
+    /// D of each loop.
+    pub slip_ratio: Vec<f64>,
+    /// B of each loop; 0 once it has closed.
+    pub free_ratio: Vec<f64>,
+}
+
+/// What one of the bodies wears.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct BodyWear {
+    /// Its part of the depth.
+    pub share: f64,
+    /// The largest wear of this body.
+    pub wear_depth: Vec<f64>,
+    /// Its V.
+    pub wear_volume: Vec<f64>,
+}
+
 /// Something that happened during a run.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Event {
@@ -258,12 +299,20 @@ pub struct Outcome {
     pub limit: Option<LimitState>,
     /// Columns over the instants.
     pub history: History,
+    /// The part of each body, where `share` was given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bodies: Option<[BodyWear; 2]>,
     /// Matrices over instants and radii, where asked for.
     pub profiles: Option<Profiles>,
+    /// Force–displacement loops at the same instants.
+    pub loops: Option<Loops>,
     /// Changes of regime and early ends.
     pub events: Vec<Event>,
     /// How far the numbers can be trusted.
     pub accuracy: Accuracy,
+    /// The simplified rule beside an exact run, where asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub comparison: Option<Comparison>,
     /// What the physics gives reason to warn of.
     pub warnings: Vec<Warning>,
 }
@@ -280,9 +329,10 @@ impl Scales {
 }
 
 impl Unworn {
-    pub(super) fn of(case: &Case, row: &Row) -> Self {
+    pub(super) fn of(case: &Case) -> Self {
         let scales = &case.scales;
-        let sums = row.sums(Decay::UNWORN);
+        let sums = case.unworn();
+        let found = sums.backbone.wind();
         let area = std::f64::consts::PI * scales.contact_radius * scales.contact_radius;
         Self {
             normal_modulus: scales.normal_modulus,
@@ -294,25 +344,42 @@ impl Unworn {
             stick_radius: case.contact.stick * scales.contact_radius,
             amplitude: scales.amplitude,
             tangential_force: scales.tangential(sums.tangential),
-            energy_per_cycle: scales.energy(sums.energy),
+            energy_per_cycle: scales.energy(sums.loss * case.contact.threshold),
+            energy_ratio: found.energy_ratio,
+            slip_ratio: found.slip_ratio,
+            free_ratio: found.free_ratio,
         }
     }
 }
 
-impl LimitState {
-    pub(super) fn of(case: &Case, row: &Row) -> Self {
-        let (scales, limit) = (&case.scales, &case.contact.limit);
-        let sums = row.sums(Decay::COMPLETE);
-        Self {
+/// The state that wear tends to, where it is known beforehand.
+pub(super) fn limit_state(case: &Case) -> Option<LimitState> {
+    let scales = &case.scales;
+    case.tends_to.map(|end| {
+        let limit = &end.limit;
+        // Inside c the springs are as they were, outside they carry nothing.
+        let inside = integrate(0.0, end.stick, |x| end.depth - case.contact.shape.image(x));
+        LimitState {
             contact_radius: limit.radius * scales.contact_radius,
-            stick_radius: case.contact.stick * scales.contact_radius,
+            stick_radius: end.stick * scales.contact_radius,
             wear_volume: limit.volume * scales.volume(),
             wear_depth: limit.depth * scales.indentation_depth,
             wear_depth_radius: limit.depth_radius * scales.contact_radius,
-            normal_force: 2.0 * sums.normal * scales.force(),
-            indentation_depth: scales.indentation_depth,
-            tangential_force: scales.tangential(sums.tangential),
+            normal_force: 2.0 * inside * scales.force(),
+            indentation_depth: end.depth * scales.indentation_depth,
+            tangential_force: scales.tangential(end.threshold * end.stick),
         }
+    })
+}
+
+impl BodyWear {
+    pub(super) fn of(share: f64, history: &History) -> [Self; 2] {
+        let part = |share: f64| Self {
+            share,
+            wear_depth: history.wear_depth.iter().map(|w| share * w).collect(),
+            wear_volume: history.wear_volume.iter().map(|v| share * v).collect(),
+        };
+        [part(share), part(1.0 - share)]
     }
 }
 
@@ -336,13 +403,12 @@ impl Scenario {
     /// As [`Scenario::case`].
     pub fn preview(&self) -> Result<Preview, super::fault::Fault> {
         let case = self.case()?;
-        let row = Row::new(&case.contact);
         Ok(Preview {
             units: Units,
             scales: Scales::of(&case),
-            unworn: Unworn::of(&case, &row),
+            unworn: Unworn::of(&case),
             regime: case.regime(),
-            limit: Some(LimitState::of(&case, &row)),
+            limit: limit_state(&case),
             cost: Cost { operations: case.operations(), answer_bytes: case.answer_bytes() },
         })
     }

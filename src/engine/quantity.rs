@@ -21,6 +21,10 @@ pub enum Dimension {
     Force,
     /// Pascals.
     Stress,
+    /// Newtons per metre.
+    Stiffness,
+    /// Cubic metres.
+    Volume,
     /// Radians.
     Angle,
     /// k_w in 1/Pa = m³/(N·m): volume per load and sliding path.
@@ -31,10 +35,12 @@ pub enum Dimension {
     Number,
 }
 
-use Dimension::{Angle, EnergyWear, Force, Length, Number, Stress, WearCoefficient};
+use Dimension::{
+    Angle, EnergyWear, Force, Length, Number, Stiffness, Stress, Volume, WearCoefficient,
+};
 
-const DIMENSIONS: [Dimension; 7] =
-    [Length, Force, Stress, Angle, WearCoefficient, EnergyWear, Number];
+const DIMENSIONS: [Dimension; 9] =
+    [Length, Force, Stress, Stiffness, Volume, Angle, WearCoefficient, EnergyWear, Number];
 
 impl Dimension {
     /// The word for it in a message.
@@ -44,6 +50,8 @@ impl Dimension {
             Length => "a length",
             Force => "a force",
             Stress => "a stress",
+            Stiffness => "a stiffness",
+            Volume => "a volume",
             Angle => "an angle",
             WearCoefficient => "a wear coefficient",
             EnergyWear => "an energy wear coefficient",
@@ -87,6 +95,16 @@ impl Dimension {
                 ("psi", 6_894.757_293_168_361),
                 ("ksi", 6_894_757.293_168_361),
             ],
+            Stiffness => &[
+                ("N/m", 1.0),
+                ("kN/m", 1e3),
+                ("MN/m", 1e6),
+                ("N/mm", 1e3),
+                ("kN/mm", 1e6),
+                ("N/um", 1e6),
+                ("lbf/in", 175.126_835_246_476_37),
+            ],
+            Volume => &[("m^3", 1.0), ("cm^3", 1e-6), ("mm^3", 1e-9), ("um^3", 1e-18)],
             Angle => &[("rad", 1.0), ("mrad", 1e-3), ("deg", std::f64::consts::PI / 180.0)],
             WearCoefficient => &[
                 ("1/Pa", 1.0),

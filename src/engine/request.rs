@@ -7,6 +7,7 @@
 use deserr::{Deserr, ErrorKind, IntoValue, Sequence, Value, ValueKind, ValuePointerRef};
 
 use super::fault::{Faults, refuse};
+use super::held::{Load, Motion};
 use super::indenter::Profile;
 use super::instants::{Cycles, ProfilesAt};
 use super::profile::EXPONENT_RANGE;
@@ -115,8 +116,22 @@ macro_rules! quantities {
 quantities! {
     /// A length in metres.
     Length: Length in (1e-12, 1e6);
-    /// A force in newtons.
+    /// A normal force in newtons.
     Force: Force in (1e-12, 1e15);
+    /// The amplitude of a tangential force in newtons.
+    TangentialForce: Force in (1e-18, 1e15);
+    /// The stiffness of a rig in newtons per metre.
+    Stiffness: Stiffness in (1e-6, 1e18);
+    /// An amplitude in metres that may be 0.
+    Stroke: Length in (0.0, 1e6);
+    /// A position in metres.
+    Position: Length in (-1e6, 1e6);
+    /// A wear volume in cubic metres.
+    Volume: Volume in (1e-40, 1e18);
+    /// The part of the wear depth that the first body bears.
+    Share: Number in (0.0, 1.0);
+    /// How many cycles a block has.
+    BlockCycles: Number in (1e-6, LAST_CYCLE);
     /// A stress or modulus in pascals.
     Stress: Stress in (1.0, 1e15);
     /// A slope angle in radians, measured from the plane.
@@ -190,9 +205,40 @@ pub struct Request {
     /// Which instants carry profiles.
     #[deserr(default)]
     pub profiles_at: Given<ProfilesAt>,
+    /// Where the run ends early.
+    #[deserr(default)]
+    pub until: Given<Until>,
     /// Method and resolution.
     #[deserr(default)]
     pub model: Model,
+}
+
+/// Wear at which a run ends early.
+#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
+#[deserr(error = Faults, deny_unknown_fields, validate = Until::validate -> Faults)]
+pub struct Until {
+    /// The largest wear.
+    #[deserr(default)]
+    pub wear_depth: Given<Length>,
+    /// V.
+    #[deserr(default)]
+    pub wear_volume: Given<Volume>,
+}
+
+impl Until {
+    fn validate(self, location: ValuePointerRef<'_>) -> Result<Self, Faults> {
+        match (self.wear_depth.0, self.wear_volume.0) {
+            (None, None) => Err(Faults::at(
+                location.push_key("wear_depth"),
+                "is missing: give `wear_depth` or `wear_volume`",
+            )),
+            (Some(_), Some(_)) => Err(Faults::at(
+                location.push_key("wear_volume"),
+                "give either `wear_depth` or `wear_volume`, not both",
+            )),
+            _ => Ok(self),
+        }
+    }
 }
 
 impl Request {
@@ -269,6 +315,9 @@ pub struct Wear {
     /// α.
     #[deserr(default)]
     energy_coefficient: Given<EnergyWear>,
+    /// How the depth is split between the bodies.
+    #[deserr(default)]
+    pub share: Given<Share>,
     #[deserr(skip)]
     per_load: f64,
 }
@@ -307,85 +356,6 @@ impl Wear {
     #[must_use]
     pub fn coefficient(&self, friction: f64) -> f64 {
         self.energy_coefficient.0.map_or(self.per_load, |alpha| alpha.0 * friction)
-    }
-}
-
-/// What is held in the normal direction.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr)]
-#[deserr(error = Faults, rename_all = lowercase)]
-pub enum LoadHeld {
-    /// The indentation depth.
-    Depth,
-}
-
-/// The normal direction.
-#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
-#[deserr(error = Faults, deny_unknown_fields, validate = Load::validate -> Faults)]
-pub struct Load {
-    /// F of the unworn contact.
-    #[deserr(default)]
-    pub normal_force: Given<Force>,
-    /// d of the unworn contact.
-    #[deserr(default)]
-    pub indentation_depth: Given<Length>,
-    /// What stays constant.
-    #[deserr(default)]
-    pub held: Given<LoadHeld>,
-}
-
-impl Load {
-    fn validate(self, location: ValuePointerRef<'_>) -> Result<Self, Faults> {
-        let here = location.push_key("normal_force");
-        match (self.normal_force.0, self.indentation_depth.0) {
-            (Some(_), Some(_)) => {
-                Err(Faults::at(here, "give either `normal_force` or `indentation_depth`, not both"))
-            }
-            (None, None) => {
-                Err(Faults::at(here, "is missing: give `normal_force` or `indentation_depth`"))
-            }
-            (Some(_), None) if self.held.0.is_none() => Err(Faults::at(
-                location.push_key("held"),
-                "is missing: a given force would be held, and this version holds the indentation \
-                 depth only; write \"held\": \"depth\" if that is meant",
-            )),
-            _ => Ok(self),
-        }
-    }
-}
-
-/// What is held in the tangential direction.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr)]
-#[deserr(error = Faults, rename_all = lowercase)]
-pub enum MotionHeld {
-    /// The amplitude.
-    Amplitude,
-}
-
-/// The tangential direction.
-#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
-#[deserr(error = Faults, deny_unknown_fields, validate = Motion::validate -> Faults)]
-pub struct Motion {
-    /// U, half of the peak-to-peak stroke.
-    #[deserr(default)]
-    pub amplitude: Given<Length>,
-    /// c/a₀, which sets U.
-    #[deserr(default)]
-    pub stick_ratio: Given<StickRatio>,
-    /// What stays constant.
-    #[deserr(default)]
-    pub held: Given<MotionHeld>,
-}
-
-impl Motion {
-    fn validate(self, location: ValuePointerRef<'_>) -> Result<Self, Faults> {
-        let here = location.push_key("amplitude");
-        match (self.amplitude.0, self.stick_ratio.0) {
-            (Some(_), Some(_)) => {
-                Err(Faults::at(here, "give either `amplitude` or `stick_ratio`, not both"))
-            }
-            (None, None) => Err(Faults::at(here, "is missing: give `amplitude` or `stick_ratio`")),
-            _ => Ok(self),
-        }
     }
 }
 
@@ -440,6 +410,9 @@ pub struct Model {
     /// Relative error aimed at, of the exact method.
     #[deserr(default)]
     pub tolerance: Given<Tolerance>,
+    /// Whether an exact run is compared with the simplified rule.
+    #[deserr(default)]
+    pub compare: Given<bool>,
     /// Output radii.
     #[deserr(default)]
     pub points: Given<Points>,

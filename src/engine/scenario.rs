@@ -20,14 +20,18 @@
 use deserr::{Deserr, IntoValue, ValuePointerRef};
 use serde::Serialize;
 
-use super::contact::{Contact, Regime};
-use super::exact::Exact;
+use super::contact::{Contact, Regime, UnwornSums};
+use super::control::{Control, Final, Normal, Tangential};
 use super::fault::{Fault, Faults};
+use super::held::{CanonicalLoad, CanonicalMotion, Pressed};
+use super::hysteresis::LOOP_POINTS;
 use super::indenter::{CanonicalProfile, MAX_SPHERE, canonical_profile, depth_under, indent};
 use super::instants::{self, CanonicalProfilesAt};
+use super::march::{March, Until};
 use super::numeric::twelve_digits;
 use super::profile::Shape;
-use super::request::{self, Body, Length, Request, Stress};
+use super::request::{self, Body, Force, Length, Request, Stress};
+use super::wearing::Law;
 
 /// The version of the engine's digits: it rises whenever a result changes in any digit.
 pub const NUMERICS: u32 = 1;
@@ -41,15 +45,12 @@ pub const DEFAULT_XI: f64 = 0.8;
 pub const DEFAULT_TOLERANCE: f64 = 3e-3;
 /// Default number of radii.
 pub const DEFAULT_POINTS: u16 = 256;
+/// Relative error at which the simplified rule is marched, where it has no closed form.
+pub(super) const RULE_TOLERANCE: f64 = 1e-3;
+/// How many times dearer a run is with the simplified rule beside it, about.
+const COMPARED: f64 = 1.5;
 /// Largest answer in bytes.
 pub const MAX_ANSWER: usize = 64_000_000;
-/// Smallest U/U_gs: below, the slip ring is lost in rounding.
-const MIN_THRESHOLD: f64 = 1e-6;
-/// Rounding U to 12 digits moves Δ by half of this: so close to 1 it is the onset of gross slip.
-const ONSET: f64 = 1e-11;
-/// A stick ratio must come back from the rounded amplitude as well as this.
-const STICK_DIGITS: f64 = 1e-3;
-
 /// Something the user should know; never a refusal.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Warning {
@@ -66,10 +67,12 @@ pub struct Scenario {
     moduli: Moduli,
     friction: f64,
     wear: Wear,
-    load: Load,
-    motion: Motion,
+    load: CanonicalLoad,
+    motion: CanonicalMotion,
     cycles: Vec<f64>,
     profiles_at: CanonicalProfilesAt,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    until: Option<CanonicalUntil>,
     model: Model,
 }
 
@@ -82,18 +85,15 @@ struct Moduli {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 struct Wear {
     coefficient: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    share: Option<f64>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-struct Load {
-    indentation_depth: f64,
-    held: &'static str,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-struct Motion {
-    amplitude: f64,
-    held: &'static str,
+#[serde(rename_all = "snake_case")]
+enum CanonicalUntil {
+    WearDepth(f64),
+    WearVolume(f64),
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -103,6 +103,8 @@ struct Model {
     xi: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     tolerance: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    compare: Option<bool>,
     points: u16,
 }
 
@@ -165,14 +167,24 @@ pub enum Method {
     Exact {
         /// The relative error aimed at.
         tolerance: f64,
+        /// Whether the simplified rule is run beside it.
+        compare: bool,
     },
 }
 
 /// A scenario made ready for computing: dimensionless, with the scales that lead back.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Case {
-    /// The contact.
+    /// The unworn contact.
     pub contact: Contact,
+    /// What is held.
+    pub control: Control,
+    /// The state that wear tends to, where it is known.
+    pub tends_to: Option<Final>,
+    /// Wear at which the run ends early.
+    pub until: Until,
+    /// The part of the depth that the first body bears, where it is asked for.
+    pub share: Option<f64>,
     /// The way back to SI.
     pub scales: Scales,
     /// How wear is computed.
@@ -192,6 +204,22 @@ impl Case {
         self.contact.regime
     }
 
+    /// Sums over the unworn springs.
+    #[must_use]
+    pub fn unworn(&self) -> UnwornSums {
+        match &self.control.tangential {
+            Tangential::Record(record) => {
+                UnwornSums::of(&self.contact, Some(&|ratio| record.slip(ratio)))
+            }
+            _ => UnwornSums::of(&self.contact, None),
+        }
+    }
+
+    /// Whether an instant at which the run ends carries profiles, since it is the last.
+    pub(super) fn shows_end(&self, n: f64, end: f64) -> bool {
+        n >= end && self.profile_rows() > 0
+    }
+
     /// Rows of each profile matrix.
     #[must_use]
     pub fn profile_rows(&self) -> usize {
@@ -202,24 +230,37 @@ impl Case {
     #[must_use]
     pub fn operations(&self) -> f64 {
         let half_square = (self.points * self.points) as f64 / 2.0;
+        let rows = self.profile_rows();
+        let output = (self.points * rows + self.cycles.len()) as f64;
+        let march = |law, tolerance| {
+            let last = self.normalized_end();
+            March::operations(&self.contact, &self.control, law, tolerance, last) + output
+        };
         match self.method {
-            Method::Simplified { .. } => {
-                half_square * (self.cycles.len() + self.profile_rows()) as f64
+            Method::Simplified { .. } if self.control.is_closed() => {
+                half_square * (self.cycles.len() + rows) as f64
             }
-            Method::Exact { tolerance } => {
-                let duration = self.cycles.last().map_or(0.0, |last| last / self.scales.cycles);
-                Exact::operations(tolerance, duration)
-                    + (self.points * self.profile_rows() + self.cycles.len()) as f64
+            Method::Simplified { xi } => march(Law::Simplified(xi), RULE_TOLERANCE),
+            Method::Exact { tolerance, compare } => {
+                march(Law::Exact, tolerance) * if compare { COMPARED } else { 1.0 }
             }
         }
+    }
+
+    /// Ñ of the last instant.
+    #[must_use]
+    pub fn normalized_end(&self) -> f64 {
+        self.cycles.last().map_or(0.0, |last| last / self.scales.cycles)
     }
 
     /// About how many bytes the answer takes as JSON.
     #[must_use]
     pub fn answer_bytes(&self) -> usize {
         const NUMBER: usize = 22;
-        let curves = if self.profile_rows() == 0 { 0 } else { 3 + 5 * self.profile_rows() };
-        4096 + NUMBER * (self.points * curves + 13 * self.cycles.len())
+        let rows = self.profile_rows();
+        let curves = if rows == 0 { 0 } else { 3 + 5 * rows };
+        let loops = rows * (2 * LOOP_POINTS + 3);
+        4096 + NUMBER * (self.points * curves + loops + 13 * self.cycles.len())
     }
 }
 
@@ -261,12 +302,38 @@ impl Scenario {
         let coefficient = twelve_digits(request.wear.coefficient(friction));
         derived(coefficient, request::WEAR_RANGE, "a wear coefficient of", "1/Pa", "/wear")?;
         let profile = canonical_profile(&request.profile);
-        let (depth, contact_radius, shape) = press(request, &profile, moduli.normal)?;
+        let load = canonical_load(request, &profile, moduli.normal)?;
+        let (depth, contact_radius, shape) = press(&profile, &load, moduli.normal)?;
         let gross_slip = friction * moduli.normal / moduli.tangential * depth;
-        let amplitude = amplitude(request, &shape, gross_slip)?;
+        let pressed = Pressed {
+            shape: &shape,
+            contact_radius,
+            friction,
+            force: moduli.normal * contact_radius * depth,
+            tangential_modulus: moduli.tangential,
+            gross_slip,
+        };
+        let motion = CanonicalMotion::resolve(&request.motion, &pressed)?;
+        let (_, threshold) = motion.control(load.normal(), &pressed, 1.0)?;
+        let amplitude = motion.amplitude(threshold, gross_slip);
         let unit = contact_radius / (4.0 * amplitude * coefficient * moduli.normal);
+        let fixed = match &motion {
+            CanonicalMotion::Blocks { .. } => Some("blocks"),
+            CanonicalMotion::Reversals { .. } => Some("reversals"),
+            _ => None,
+        };
+        if let Some(fixed) = fixed.filter(|_| request.cycles.normalized) {
+            let detail = format!("cannot be combined with `{fixed}`: give the instants in cycles");
+            return Err(Faults::one("/cycles/normalized", detail));
+        }
         let (cycles, profiles_at) =
             instants::canonical(&request.cycles, request.profiles_at.0.as_ref(), unit)?;
+        if let Some(end) = motion.end()
+            && let Some(late) = cycles.iter().position(|n| *n > end)
+        {
+            let detail = format!("is {} cycles, but the last block ends at {end}", cycles[late]);
+            return Err(Faults::one(&format!("/cycles/{late}"), detail));
+        }
         let points = request.model.points.0.map_or(DEFAULT_POINTS, |points| points.0);
         let xi = twelve_digits(request.model.xi.0.map_or(DEFAULT_XI, |xi| xi.0));
         let tolerance = request.model.tolerance.0.map_or(DEFAULT_TOLERANCE, |given| given.0);
@@ -274,21 +341,32 @@ impl Scenario {
         // What a method ignores is left out, so that it makes no difference.
         let model = match request.model.method {
             request::Method::Simplified => {
-                Model { method: "simplified", xi: Some(xi), tolerance: None, points }
+                Model { method: "simplified", xi: Some(xi), tolerance: None, compare: None, points }
             }
             request::Method::Exact => {
-                Model { method: "exact", xi: None, tolerance: Some(tolerance), points }
+                let compare = request.model.compare.0.filter(|compare| *compare);
+                Model { method: "exact", xi: None, tolerance: Some(tolerance), compare, points }
             }
         };
         Ok(Self {
             profile,
             moduli,
             friction,
-            wear: Wear { coefficient },
-            load: Load { indentation_depth: depth, held: "depth" },
-            motion: Motion { amplitude, held: "amplitude" },
+            wear: Wear {
+                coefficient,
+                share: request.wear.share.0.map(|share| twelve_digits(share.0)),
+            },
+            load,
+            motion,
             cycles,
             profiles_at,
+            until: request.until.0.and_then(|until| {
+                let depth =
+                    until.wear_depth.0.map(|w| CanonicalUntil::WearDepth(twelve_digits(w.0)));
+                let volume =
+                    until.wear_volume.0.map(|v| CanonicalUntil::WearVolume(twelve_digits(v.0)));
+                depth.or(volume)
+            }),
             model,
         })
     }
@@ -299,26 +377,47 @@ impl Scenario {
     /// A fault where the numbers, each fine alone, have no answer together.
     pub fn case(&self) -> Result<Case, Fault> {
         let fault = |pointer: &str, detail: String| Fault { pointer: pointer.to_owned(), detail };
-        let depth = self.load.indentation_depth;
-        let no_contact = || {
-            let detail = "the sphere is pressed in beyond the validity of half-space theory";
+        let Moduli { normal, tangential } = self.moduli;
+        let (depth, contact_radius, shape) =
+            press(&self.profile, &self.load, normal).map_err(first)?;
+        let gross_slip = self.friction * normal / tangential * depth;
+        let pressed = Pressed {
+            shape: &shape,
+            contact_radius,
+            friction: self.friction,
+            force: normal * contact_radius * depth,
+            tangential_modulus: tangential,
+            gross_slip,
+        };
+        let held = |unit| self.motion.control(self.load.normal(), &pressed, unit).map_err(first);
+        let (_, threshold) = held(1.0)?;
+        let amplitude = self.motion.amplitude(threshold, gross_slip);
+        let unit = contact_radius / (4.0 * amplitude * self.wear.coefficient * normal);
+        let (control, threshold) = held(unit)?;
+        let outgrown = || {
+            let detail = "the scar would outgrow the indenter: load it less";
             fault("/load", detail.to_owned())
         };
-        let (contact_radius, shape) = indent(&self.profile, depth).ok_or_else(no_contact)?;
-        let Moduli { normal, tangential } = self.moduli;
-        let amplitude = self.motion.amplitude;
-        let threshold = tangential * amplitude / (self.friction * normal * depth);
-        let threshold = if (threshold - 1.0).abs() < ONSET { 1.0 } else { threshold };
-        let contact = Contact::new(shape, threshold).ok_or_else(no_contact)?;
+        let contact = Contact::new(shape, threshold).ok_or_else(outgrown)?;
+        let tends_to = control.tends_to(&contact);
         let scales = Scales {
             contact_radius,
             indentation_depth: depth,
-            cycles: contact_radius / (4.0 * amplitude * self.wear.coefficient * normal),
+            cycles: unit,
             amplitude,
             normal_modulus: normal,
             tangential_modulus: tangential,
             friction: self.friction,
             wear_coefficient: self.wear.coefficient,
+        };
+        let until = match self.until {
+            None => Until::default(),
+            Some(CanonicalUntil::WearDepth(w)) => {
+                Until { depth: Some(w / depth), ..Until::default() }
+            }
+            Some(CanonicalUntil::WearVolume(v)) => {
+                Until { volume: Some(v / scales.volume()), ..Until::default() }
+            }
         };
         let mut cycles = self.cycles.clone();
         if cycles.first().is_none_or(|first| *first > 0.0) {
@@ -337,10 +436,24 @@ impl Scenario {
         };
         let points = usize::from(self.model.points);
         let method = match self.model {
-            Model { tolerance: Some(tolerance), .. } => Method::Exact { tolerance },
+            Model { tolerance: Some(tolerance), compare, .. } => {
+                Method::Exact { tolerance, compare: compare.unwrap_or(false) }
+            }
             Model { xi, .. } => Method::Simplified { xi: xi.unwrap_or(DEFAULT_XI) },
         };
-        let case = Case { contact, scales, method, points, cycles, profiles };
+        let share = self.wear.share;
+        let case = Case {
+            contact,
+            control,
+            tends_to,
+            until,
+            share,
+            scales,
+            method,
+            points,
+            cycles,
+            profiles,
+        };
         if case.answer_bytes() > MAX_ANSWER {
             let detail = format!(
                 "the answer would take about {} MB, and {} MB is the most: ask for profiles at \
@@ -415,17 +528,51 @@ fn moduli(request: &Request) -> Result<Moduli, Faults> {
     Ok(Moduli { normal, tangential })
 }
 
-/// d, a₀ and the normalised shape of the unworn contact.
-fn press(
+/// The normal direction in canonical form.
+fn canonical_load(
     request: &Request,
     profile: &CanonicalProfile,
     normal_modulus: f64,
-) -> Result<(f64, f64, Shape), Faults> {
-    let (depth, pointer) = match (request.load.indentation_depth.0, request.load.normal_force.0) {
-        (None, Some(force)) => {
-            (depth_under(profile, force.0 / normal_modulus), "/load/normal_force")
+) -> Result<CanonicalLoad, Faults> {
+    let given = &request.load;
+    let by_depth = |depth: f64| CanonicalLoad::Depth {
+        indentation_depth: twelve_digits(depth),
+        held: "depth",
+    };
+    let by_force =
+        |force: f64| CanonicalLoad::Force { normal_force: twelve_digits(force), held: "force" };
+    let load = match (given.normal(), given.normal_force.0, given.indentation_depth.0) {
+        (Normal::Force, Some(force), _) => by_force(force.0),
+        (Normal::Depth, _, Some(depth)) => by_depth(depth.0),
+        (Normal::Depth, Some(force), None) => {
+            let load = by_force(force.0);
+            let (depth, _, _) = press(profile, &load, normal_modulus)?;
+            by_depth(depth)
         }
-        (depth, _) => (depth.map_or(0.0, |depth| depth.0), "/load/indentation_depth"),
+        (_, None, depth) => {
+            let load = by_depth(depth.map_or(0.0, |depth| depth.0));
+            let (depth, contact_radius, shape) = press(profile, &load, normal_modulus)?;
+            let force = 2.0 * normal_modulus * contact_radius * depth * shape.half_force();
+            derived(force, Force::RANGE, "a normal force of", "N", "/load/indentation_depth")?;
+            by_force(force)
+        }
+    };
+    Ok(load)
+}
+
+/// d, a₀ and the normalised shape of the unworn contact.
+fn press(
+    profile: &CanonicalProfile,
+    load: &CanonicalLoad,
+    normal_modulus: f64,
+) -> Result<(f64, f64, Shape), Faults> {
+    let (depth, pointer) = match *load {
+        CanonicalLoad::Force { normal_force, .. } => {
+            (depth_under(profile, normal_force / normal_modulus), "/load/normal_force")
+        }
+        CanonicalLoad::Depth { indentation_depth, .. } => {
+            (indentation_depth, "/load/indentation_depth")
+        }
     };
     let depth = twelve_digits(depth);
     let (contact_radius, shape) = indent(profile, depth).ok_or_else(|| {
@@ -439,34 +586,10 @@ fn press(
     Ok((depth, contact_radius, shape))
 }
 
-/// U, given or from the stick ratio; `gross_slip` is the amplitude at which all slips.
-fn amplitude(request: &Request, shape: &Shape, gross_slip: f64) -> Result<f64, Faults> {
-    let (amplitude, pointer) = match (request.motion.stick_ratio.0, request.motion.amplitude.0) {
-        (Some(ratio), _) => (gross_slip * (1.0 - shape.image(ratio.0)), "/motion/stick_ratio"),
-        (None, amplitude) => (amplitude.map_or(0.0, |u| u.0), "/motion/amplitude"),
-    };
-    let amplitude = twelve_digits(amplitude);
-    derived(amplitude, Length::RANGE, "an amplitude of", "m", pointer)?;
-    let least = MIN_THRESHOLD * gross_slip;
-    if amplitude < least {
-        let detail = format!(
-            "gives an amplitude of {amplitude:.3e} m, but the slip ring can be resolved only from \
-             {least:.3e} m on (1e-6 of the gross-slip amplitude)"
-        );
-        return Err(Faults::one(pointer, detail));
-    }
-    if let Some(ratio) = request.motion.stick_ratio.0 {
-        let returned = shape.image_inverse((1.0 - amplitude / gross_slip).max(0.0));
-        if (returned - ratio.0).abs() > STICK_DIGITS * ratio.0 && ratio.0 > 0.0 {
-            let detail = format!(
-                "{} is so close to gross slip under this profile that 12 digits of the amplitude \
-                 cannot tell; take 0 for the onset of gross slip, or a larger ratio",
-                ratio.0
-            );
-            return Err(Faults::one(pointer, detail));
-        }
-    }
-    Ok(amplitude)
+/// The first of some faults.
+fn first(faults: Faults) -> Fault {
+    let unknown = || Fault { pointer: String::new(), detail: "cannot be computed".to_owned() };
+    faults.0.into_iter().next().unwrap_or_else(unknown)
 }
 
 fn shear_modulus(body: &Body) -> f64 {

@@ -34,6 +34,7 @@ use std::f64::consts::{FRAC_2_PI, PI};
 use std::sync::Arc;
 
 use super::contact::{Contact, Decay, ROW_POINTS, Row, Sums};
+use super::hysteresis::Backbone;
 use super::limit::{chord_and_angle, limiting_wear};
 use super::numeric::{dot, integrate, largest, vertex};
 use super::transform::Kernels;
@@ -109,6 +110,8 @@ pub struct State {
     pub mesh_volume: f64,
     /// The curves, where asked for.
     pub curves: Option<Curves>,
+    /// How the tangential force builds up, where the curves are asked for.
+    pub backbone: Option<Backbone>,
 }
 
 /// Values at every radius.
@@ -124,11 +127,22 @@ pub struct Curves {
     pub slip: Vec<f64>,
 }
 
-impl Simplified {
-    /// Lays out `points` ≥ 16 radii.
+/// Output radii: the core, then nodes that are dense next to the stick edge, as far as the scar's rim,
+/// then some outside.
+#[derive(Debug, Clone)]
+pub struct Grid {
+    /// The radii, ascending from 0.
+    pub radii: Vec<f64>,
+    /// How many lie inside the stick edge.
+    pub core: usize,
+    /// Cells between the stick edge and the rim.
+    pub cells: usize,
+}
+
+impl Grid {
+    /// So many radii about a scar between c and ã, none beyond `last`.
     #[must_use]
-    pub fn new(contact: &Contact, points: usize) -> Self {
-        let Contact { ref shape, stick: c, threshold, limit, .. } = *contact;
+    pub fn new(c: f64, scar: f64, points: usize, last: f64) -> Self {
         // A small core needs few radii; the mesh has an even number of cells for Simpson's rule.
         let core = if c == 0.0 {
             0
@@ -138,8 +152,7 @@ impl Simplified {
         let cells = (points - core - 1 - (points / 128).max(1)) & !1;
         let nodes = cells + 1;
         let outer = points - core - nodes;
-        let kernels = Kernels::with_cells(cells);
-        let theta = (limit.radius - c) * (limit.radius + c);
+        let theta = (scar - c) * (scar + c);
 
         let mut radii = Vec::with_capacity(points);
         // Denser towards the stick edge, where the pressure peaks.
@@ -147,14 +160,62 @@ impl Simplified {
             let rest = 1.0 - k as f64 / core as f64;
             c * (1.0 - rest * rest)
         }));
-        radii.extend(kernels.tau().iter().map(|tau| (c * c + theta * tau).sqrt()));
+        let tau = (0..nodes).map(|i| {
+            let u = i as f64 / cells as f64;
+            u * u * u
+        });
+        radii.extend(tau.map(|tau| (c * c + theta * tau).sqrt()));
         // The ends are what they are, not what rounding makes of them.
         radii[core] = c;
-        radii[core + cells] = limit.radius;
-        let step = (REACH - 1.0) * limit.radius / outer as f64;
-        let last = shape.extent();
-        radii.extend((1..=outer).map(|k| (limit.radius + step * k as f64).min(last)));
+        radii[core + cells] = scar;
+        let step = (REACH - 1.0) * scar / outer as f64;
+        radii.extend((1..=outer).map(|k| (scar + step * k as f64).min(last)));
+        Self { radii, core, cells }
+    }
+}
 
+impl Curves {
+    /// The curves of an unworn contact at some radii, in closed form.
+    #[must_use]
+    pub fn unworn(contact: &Contact, radii: &[f64]) -> Self {
+        let Contact { shape, stick: c, threshold, .. } = contact;
+        let (c, threshold) = (*c, *threshold);
+        let slip = |r: f64| {
+            if r <= c && c > 0.0 {
+                return 0.0;
+            }
+            if r == 0.0 {
+                return 1.0 - 1.0 / threshold;
+            }
+            // As springs of the unworn image slip, but those beyond a₀ with the motion itself.
+            let (chord, angle) = chord_and_angle(c, r);
+            let rule =
+                threshold * FRAC_2_PI * angle - limiting_wear(shape, c, 1.0, r, (chord, angle));
+            let beyond = if r > 1.0 {
+                limiting_wear(shape, 1.0, 1.0, r, chord_and_angle(1.0, r))
+            } else {
+                0.0
+            };
+            ((rule + beyond) / threshold).max(0.0)
+        };
+        Self {
+            wear: vec![0.0; radii.len()],
+            image: radii.iter().map(|x| shape.image(*x)).collect(),
+            pressure: radii.iter().map(|r| shape.pressure_inside(*r, 1.0)).collect(),
+            slip: radii.iter().map(|r| slip(*r)).collect(),
+        }
+    }
+}
+
+impl Simplified {
+    /// Lays out `points` ≥ 16 radii.
+    #[must_use]
+    pub fn new(contact: &Contact, points: usize) -> Self {
+        let Contact { ref shape, stick: c, threshold, limit, .. } = *contact;
+        let Grid { radii, core, cells } = Grid::new(c, limit.radius, points, shape.extent());
+        let nodes = cells + 1;
+        let kernels = Kernels::with_cells(cells);
+        let theta = (limit.radius - c) * (limit.radius + c);
         let mesh = &radii[core..core + nodes];
         let inside = mesh.iter().take_while(|r| **r < 1.0).count();
         let unworn: Vec<f64> = mesh.iter().map(|x| 1.0 - shape.image(*x)).collect();
@@ -171,12 +232,12 @@ impl Simplified {
         let (mut slip, mut slip_excess) = (vec![0.0; nodes], vec![0.0; nodes]);
         for (i, r) in mesh.iter().enumerate() {
             let (chord, psi) = chord_and_angle(c, *r);
-            let wear = limiting_wear(shape, c, *r, (chord, psi));
+            let wear = limiting_wear(shape, c, 1.0, *r, (chord, psi));
             limiting[core + i] += wear.max(0.0);
             // Δ − y₀ = Δ − (1 − g₀), so Δ·s₀ = Δ·(2/π)ψ − w∞.
             slip[i] = (threshold * FRAC_2_PI * psi - wear).max(0.0);
             if *r > 1.0 {
-                slip_excess[i] = -limiting_wear(shape, 1.0, *r, chord_and_angle(1.0, *r));
+                slip_excess[i] = -limiting_wear(shape, 1.0, 1.0, *r, chord_and_angle(1.0, *r));
             }
         }
         if c == 0.0 {
@@ -296,6 +357,7 @@ impl Simplified {
                     for wear in mesh {
                         *wear = wear.max(0.0);
                     }
+                    state.backbone = Some(self.row.backbone(&sums, compressions));
                     state.curves = Some(Curves { wear, image, pressure, slip });
                 }
                 state
@@ -417,6 +479,7 @@ impl Simplified {
             mesh_volume: PI * self.theta * self.kernels.area(wear),
             sums,
             curves: None,
+            backbone: None,
         }
     }
 

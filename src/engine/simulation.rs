@@ -20,11 +20,18 @@
 //! assert!((outcome.history.wear_volume[1] / limit.wear_volume - 1.0).abs() < 1e-6);
 //! ```
 
-use super::exact::Exact;
+use super::comparison::Comparing;
+use super::contact::Regime;
 use super::fault::Fault;
-use super::outcome::{Accuracy, History, LimitState, Outcome, Profiles, Scales, Unworn};
-use super::scenario::{Case, Method, Scenario, Warning};
-use super::simplified::{Curves, Simplified};
+use super::hysteresis::{Backbone, Loop};
+use super::march::{Event, EventKind, LOST, March, SHAKEN, Until};
+use super::numeric::root;
+use super::outcome::{
+    Accuracy, BodyWear, History, Loops, Outcome, Profiles, Scales, Unworn, limit_state,
+};
+use super::scenario::{Case, Method, RULE_TOLERANCE, Scenario, Warning};
+use super::simplified::{Curves, Grid, Simplified};
+use super::wearing::{Law, Plan};
 
 /// Multiplications of a step, about: 30 ms.
 const STEP_OPERATIONS: f64 = 3e7;
@@ -44,31 +51,50 @@ pub enum Step {
 #[derive(Debug)]
 pub struct Simulation {
     case: Case,
-    /// Lays out the output radii for either method, and computes for the simplified one.
-    simplified: Simplified,
-    /// The exact run, from its first step on.
-    exact: Option<Exact>,
+    solver: Solver,
     warnings: Vec<Warning>,
+    radii: Vec<f64>,
+    /// f₀ at the radii.
+    initial: Vec<f64>,
     history: History,
     profiles: Profiles,
+    loops: Loops,
+    events: Vec<Event>,
     mismatch: Option<f64>,
     volume_error: Option<f64>,
+    comparing: Option<Comparing>,
+}
+
+/// What computes.
+#[derive(Debug)]
+enum Solver {
+    /// The closed form of the simplified rule.
+    Closed(Box<Simplified>),
+    /// Steps in time, from the first on.
+    March(Option<Box<March>>),
 }
 
 /// One row of the history, in dimensionless units, whichever method it comes from.
 struct Entry {
+    /// N.
+    cycles: f64,
     volume: f64,
-    depth: f64,
+    deepest: f64,
     scar: f64,
     contact_radius: f64,
-    /// ∫ y, ∫ min(Δ, y) and ∫ y(Δ − y)₊ over half of the row.
+    stick: f64,
+    /// d and Δ.
+    depth: f64,
+    threshold: f64,
+    /// ∫ y, ∫ min(Δ, y) and ∫ y ω over half of the row.
     normal: f64,
     tangential: f64,
-    energy: f64,
+    loss: f64,
     /// (k_w/μ)·ΣW.
     worn_by_energy: f64,
     volume_error: f64,
-    curves: Option<Curves>,
+    /// With profiles.
+    curves: Option<(Curves, Loop)>,
 }
 
 impl Simulation {
@@ -78,29 +104,56 @@ impl Simulation {
     /// As [`Scenario::case`].
     pub fn of(scenario: &Scenario) -> Result<Self, Fault> {
         let case = scenario.case()?;
-        let simplified = Simplified::new(&case.contact, case.points);
         let warnings = scenario.warnings(&case);
-        let (length, height) = (case.scales.contact_radius, case.scales.indentation_depth);
-        let profiles = Profiles {
-            radius: scaled(simplified.radii().to_vec(), length),
-            initial: scaled(simplified.initial().to_vec(), height),
-            limiting: Some(scaled(simplified.limiting().to_vec(), height)),
-            ..Profiles::default()
+        Ok(Self::of_case(case, warnings))
+    }
+
+    /// Prepares the run of a case.
+    pub(super) fn of_case(case: Case, warnings: Vec<Warning>) -> Self {
+        let closed = matches!(case.method, Method::Simplified { .. }) && case.control.is_closed();
+        let solver = if closed {
+            Solver::Closed(Box::new(Simplified::new(&case.contact, case.points)))
+        } else {
+            Solver::March(None)
         };
         let history = History::with_capacity(case.cycles.len());
-        let (exact, mismatch, volume_error) = (None, None, None);
-        Ok(Self { case, simplified, exact, warnings, history, profiles, mismatch, volume_error })
+        let mut simulation = Self {
+            case,
+            solver,
+            warnings,
+            radii: Vec::new(),
+            initial: Vec::new(),
+            history,
+            profiles: Profiles::default(),
+            loops: Loops::default(),
+            events: Vec::new(),
+            mismatch: None,
+            volume_error: None,
+            comparing: None,
+        };
+        simulation.lay_out();
+        simulation
     }
 
     /// Computes some more.
     pub fn step(&mut self) -> Step {
-        let progress = match self.case.method {
-            Method::Simplified { xi } => self.step_simplified(xi),
+        if let Some(comparing) = &mut self.comparing {
+            return match comparing.step() {
+                Some(progress) => Step::Working(progress),
+                None => Step::Done(Box::new(self.outcome())),
+            };
+        }
+        let progress = match (&self.solver, self.case.method) {
+            (Solver::Closed(_), Method::Simplified { xi }) => self.step_closed(xi),
             // The unworn state is known in closed form.
-            Method::Exact { .. } if self.history.cycles.is_empty() => self.step_unworn(),
-            Method::Exact { tolerance } => self.step_exact(tolerance),
+            _ if self.history.cycles.is_empty() => self.step_unworn(),
+            _ => self.step_march(),
         };
-        if self.history.cycles.len() < self.case.cycles.len() {
+        if !self.has_ended() {
+            return Step::Working(progress);
+        }
+        if let Method::Exact { compare: true, .. } = self.case.method {
+            self.comparing = Some(Comparing::new(&self.case, &self.history));
             return Step::Working(progress);
         }
         Step::Done(Box::new(self.outcome()))
@@ -116,94 +169,9 @@ impl Simulation {
         }
     }
 
-    /// Some more instants at once, since they share the rows of the matrices.
-    fn step_simplified(&mut self, xi: f64) -> f64 {
-        let (done, all) = (self.history.cycles.len(), self.case.cycles.len());
-        let per_instant = self.case.operations() / all as f64;
-        let block = ((STEP_OPERATIONS / per_instant) as usize).clamp(1, STEP_INSTANTS);
-        let until = (done + block).min(all);
-        let wanted: Vec<_> = (done..until)
-            .map(|i| (self.simplified.decay(xi, self.normalized(i)), self.case.profiles[i]))
-            .collect();
-        let reached = self.case.contact.limit.radius;
-        for state in self.simplified.states(&wanted) {
-            let sums = state.sums;
-            // Σ W = μã(F₀ − F)/(ξ k_w E*).
-            let worn_by_energy = reached * 2.0 * sums.unloaded / xi;
-            let volume_error =
-                if sums.volume > 0.0 { (state.mesh_volume / sums.volume - 1.0).abs() } else { 0.0 };
-            self.record(Entry {
-                volume: state.volume,
-                depth: state.depth,
-                scar: state.scar,
-                contact_radius: 1.0,
-                normal: sums.normal,
-                tangential: sums.tangential,
-                energy: sums.energy,
-                worn_by_energy,
-                volume_error,
-                curves: state.curves,
-            });
-        }
-        until as f64 / all as f64
-    }
-
-    /// A few time steps, and the instants they pass.
-    fn step_exact(&mut self, tolerance: f64) -> f64 {
-        let (done, all) = (self.history.cycles.len(), self.case.cycles.len());
-        let begun = self.exact.take();
-        let mut exact = begun.unwrap_or_else(|| Exact::new(&self.case.contact, tolerance));
-        let cells = exact.cells() as f64;
-        let budget = (STEP_OPERATIONS / (cells * cells)) as usize;
-        let (_, before) = exact.work();
-        let last = self.normalized(all - 1);
-        let mut next = done;
-        while next < all && exact.work().1 - before < budget {
-            let now = self.normalized(next);
-            if exact.advance(now) {
-                continue;
-            }
-            let instant = exact.at(now);
-            let worn = instant.volume > 0.0;
-            let curves =
-                self.case.profiles[next].then(|| exact.curves(&instant, self.simplified.radii()));
-            self.record(Entry {
-                volume: instant.volume,
-                depth: instant.depth,
-                scar: if worn { instant.contact_radius } else { 0.0 },
-                contact_radius: instant.contact_radius,
-                normal: instant.normal,
-                tangential: instant.tangential,
-                energy: instant.energy,
-                worn_by_energy: instant.worn_by_energy,
-                volume_error: instant.volume_error,
-                curves,
-            });
-            next += 1;
-        }
-        let progress = (exact.reached() / last).clamp(next as f64 / all as f64 * 1e-3, 0.999);
-        self.exact = Some(exact);
-        progress
-    }
-
-    fn step_unworn(&mut self) -> f64 {
-        let decay = self.simplified.decay(1.0, 0.0);
-        let wanted = [(decay, self.case.profiles[0])];
-        for state in self.simplified.states(&wanted) {
-            self.record(Entry {
-                volume: 0.0,
-                depth: 0.0,
-                scar: 0.0,
-                contact_radius: 1.0,
-                normal: state.sums.normal,
-                tangential: state.sums.tangential,
-                energy: state.sums.energy,
-                worn_by_energy: 0.0,
-                volume_error: 0.0,
-                curves: state.curves,
-            });
-        }
-        0.0
+    fn has_ended(&self) -> bool {
+        self.history.cycles.len() == self.case.cycles.len()
+            || self.events.iter().any(|event| event.ends)
     }
 
     /// Ñ of an instant.
@@ -211,64 +179,331 @@ impl Simulation {
         self.case.cycles[index] / self.case.scales.cycles
     }
 
+    /// Chooses the output radii: from the stick edge to the scar's rim and a little beyond.
+    fn lay_out(&mut self) {
+        let Case { contact, control, tends_to, points, .. } = &self.case;
+        let shape = &contact.shape;
+        let last = self.case.normalized_end();
+        let limiting = match &self.solver {
+            Solver::Closed(simplified) => {
+                self.radii = simplified.radii().to_vec();
+                Some(simplified.limiting().to_vec())
+            }
+            Solver::March(march) => {
+                let (start, reach) = match (tends_to, march) {
+                    (Some(end), _) => (end.stick, end.limit.radius),
+                    (None, Some(march)) => (control.least_stick(contact), march.reach()),
+                    (None, None) => return,
+                };
+                let outermost = Plan::outermost(contact, control, last).unwrap_or(reach);
+                let grid = Grid::new(start, reach.max(outermost), *points, shape.extent());
+                self.radii = grid.radii;
+                let radii = self.radii.iter();
+                tends_to.map(|end| radii.map(|r| end.profile(shape, *r)).collect())
+            }
+        };
+        self.initial = self.radii.iter().map(|r| shape.profile(*r)).collect();
+        let (length, height) =
+            (self.case.scales.contact_radius, self.case.scales.indentation_depth);
+        self.profiles.radius = scaled(self.radii.clone(), length);
+        self.profiles.initial = scaled(self.initial.clone(), height);
+        self.profiles.limiting = limiting.map(|limiting| scaled(limiting, height));
+    }
+
+    /// Some more instants at once, since they share the rows of the matrices.
+    fn step_closed(&mut self, xi: f64) -> f64 {
+        let Solver::Closed(simplified) = &self.solver else { return 0.0 };
+        let (done, all) = (self.history.cycles.len(), self.case.cycles.len());
+        if done == 0 {
+            self.events = closed_events(&self.case, simplified, xi);
+        }
+        let end = self.events.iter().find(|event| event.ends);
+        let end = end.map_or(f64::INFINITY, |event| event.at * self.case.scales.cycles);
+        let per_instant = self.case.operations() / all as f64;
+        let block = ((STEP_OPERATIONS / per_instant) as usize).clamp(1, STEP_INSTANTS);
+        let until = (done + block).min(all);
+        let mut wanted = Vec::new();
+        for i in done..until {
+            let n = self.case.cycles[i].min(end);
+            wanted.push((n, self.case.profiles[i] || self.case.shows_end(n, end)));
+            if n >= end {
+                break;
+            }
+        }
+        let decays: Vec<_> = wanted
+            .iter()
+            .map(|(n, curves)| (simplified.decay(xi, n / self.case.scales.cycles), *curves))
+            .collect();
+        let contact = &self.case.contact;
+        let entries: Vec<Entry> = simplified
+            .states(&decays)
+            .into_iter()
+            .zip(wanted)
+            .map(|(state, (cycles, _))| {
+                let sums = state.sums;
+                let error = if sums.volume > 0.0 {
+                    (state.mesh_volume / sums.volume - 1.0).abs()
+                } else {
+                    0.0
+                };
+                Entry {
+                    cycles,
+                    volume: state.volume,
+                    deepest: state.depth,
+                    scar: state.scar,
+                    contact_radius: 1.0,
+                    stick: contact.stick,
+                    depth: 1.0,
+                    threshold: contact.threshold,
+                    normal: sums.normal,
+                    tangential: sums.tangential,
+                    loss: sums.energy / contact.threshold,
+                    // Σ W = μã(F₀ − F)/(ξ k_w E*).
+                    worn_by_energy: contact.limit.radius * 2.0 * sums.unloaded / xi,
+                    volume_error: error,
+                    curves: state.curves.zip(state.backbone.map(|backbone| backbone.wind())),
+                }
+            })
+            .collect();
+        for entry in entries {
+            self.record(entry);
+        }
+        until as f64 / all as f64
+    }
+
+    /// A few time steps, and the instants they pass.
+    fn step_march(&mut self) -> f64 {
+        let (done, all) = (self.history.cycles.len(), self.case.cycles.len());
+        let last = self.case.normalized_end();
+        let Solver::March(begun) = &mut self.solver else { return 0.0 };
+        let Some(mut march) = begun.take() else { return 0.0 };
+        let cells = march.cells() as f64;
+        let budget = (STEP_OPERATIONS / (cells * cells)) as usize;
+        let (_, before) = march.work();
+        let mut next = done;
+        while next < all && march.work().1 - before < budget {
+            let now = self.normalized(next);
+            if march.advance(now) {
+                continue;
+            }
+            let ended = march.ended().filter(|end| *end <= now);
+            let at = ended.unwrap_or(now);
+            let cycles = match ended {
+                Some(end) => end * self.case.scales.cycles,
+                None => self.case.cycles[next],
+            };
+            // A run that ends at an instant already recorded has its last entry there.
+            if self.history.cycles.last().is_none_or(|known| *known < cycles) {
+                let shows =
+                    self.case.profiles[next] || ended.is_some() && self.case.profile_rows() > 0;
+                let entry = self.marched(&mut march, cycles, at, shows);
+                self.record(entry);
+            }
+            next += 1;
+            if ended.is_some() {
+                break;
+            }
+        }
+        let progress = (march.reached() / last).clamp(next as f64 / all as f64 * 1e-3, 0.999);
+        self.events = march.events().to_vec();
+        // An event after the last instant has not happened.
+        self.events.retain(|event| event.at <= last);
+        self.solver = Solver::March(Some(march));
+        progress
+    }
+
+    fn marched(&self, march: &mut March, cycles: f64, at: f64, shows: bool) -> Entry {
+        let instant = march.at(at);
+        let worn = instant.worn;
+        let mesh = march.wearing().springs().mesh();
+        let curves = shows.then(|| {
+            let curves = Curves::of(&self.case.contact.shape, mesh, &worn, &self.radii);
+            let start = mesh.radii()[0];
+            let backbone = Backbone::of_cells(
+                start,
+                worn.threshold,
+                &worn.compressions,
+                mesh.widths(),
+                worn.loss,
+            );
+            (curves, backbone.wind())
+        });
+        Entry {
+            cycles,
+            volume: worn.volume,
+            deepest: worn.deepest,
+            scar: worn.scar,
+            contact_radius: worn.contact_radius,
+            stick: worn.stick,
+            depth: worn.depth,
+            threshold: worn.threshold,
+            normal: worn.normal,
+            tangential: worn.tangential,
+            loss: worn.loss,
+            worn_by_energy: instant.worn_by_energy,
+            volume_error: instant.volume_error,
+            curves,
+        }
+    }
+
+    fn step_unworn(&mut self) -> f64 {
+        let case = &self.case;
+        let (law, tolerance) = match case.method {
+            Method::Simplified { xi } => (Law::Simplified(xi), RULE_TOLERANCE),
+            Method::Exact { tolerance, .. } => (Law::Exact, tolerance),
+        };
+        let last = case.normalized_end();
+        let march = March::new(&case.contact, &case.control, law, tolerance, last);
+        // A scenario whose scar outgrows its indenter was refused before it came here.
+        let Some(mut march) = march else {
+            self.events.push(Event { at: 0.0, kind: EventKind::ContactLost, ends: true });
+            return 0.0;
+        };
+        march.end_at(case.until);
+        let shows = case.profiles[0];
+        let unworn = case.unworn();
+        let contact = &case.contact;
+        let (stick, threshold) = (contact.stick, contact.threshold);
+        let first = march.at(0.0);
+        self.solver = Solver::March(Some(Box::new(march)));
+        if self.radii.is_empty() {
+            self.lay_out();
+        }
+        let Solver::March(Some(march)) = &self.solver else { return 0.0 };
+        let case = &self.case;
+        let curves = shows.then(|| {
+            let mut curves = Curves::unworn(&case.contact, &self.radii);
+            if case.control.has_record() {
+                let mesh = march.wearing().springs().mesh();
+                curves.slip = Curves::of(&case.contact.shape, mesh, &first.worn, &self.radii).slip;
+            }
+            (curves, unworn.backbone.wind())
+        });
+        self.record(Entry {
+            cycles: 0.0,
+            volume: 0.0,
+            deepest: 0.0,
+            scar: 0.0,
+            contact_radius: 1.0,
+            stick,
+            depth: 1.0,
+            threshold,
+            normal: unworn.normal,
+            tangential: unworn.tangential,
+            loss: unworn.loss,
+            worn_by_energy: 0.0,
+            volume_error: 0.0,
+            curves,
+        });
+        0.0
+    }
+
     /// Multiplies the units back in and appends a row.
     fn record(&mut self, entry: Entry) {
-        let Case { scales, contact, cycles, .. } = &self.case;
+        let Case { scales, contact, .. } = &self.case;
         let (length, height) = (scales.contact_radius, scales.indentation_depth);
         let history = &mut self.history;
-        let n = cycles[history.cycles.len()];
+        let n = entry.cycles;
         if entry.volume > 0.0 {
             self.mismatch = Some(entry.worn_by_energy / entry.volume - 1.0);
             let error = entry.volume_error;
             self.volume_error = Some(self.volume_error.map_or(error, |known| known.max(error)));
         }
+        let amplitude = scales.amplitude * (entry.threshold / contact.threshold);
         history.cycles.push(n);
         history.normalized_cycles.push(n / scales.cycles);
         history.wear_volume.push(entry.volume * scales.volume());
-        history.wear_depth.push(entry.depth * height);
+        history.wear_depth.push(entry.deepest * height);
         history.scar_radius.push(entry.scar * length);
         history.contact_radius.push(entry.contact_radius * length);
-        history.stick_radius.push(contact.stick * length);
+        history.stick_radius.push(entry.stick * length);
         history.normal_force.push(2.0 * entry.normal * scales.force());
-        history.indentation_depth.push(height);
-        history.amplitude.push(scales.amplitude);
+        history.indentation_depth.push(entry.depth * height);
+        history.amplitude.push(amplitude);
         history.tangential_force.push(scales.tangential(entry.tangential));
-        history.energy_per_cycle.push(scales.energy(entry.energy));
+        history.energy_per_cycle.push(scales.energy(entry.loss * entry.threshold));
         let per_wear = scales.friction / scales.wear_coefficient;
         history.dissipated_energy.push(entry.worn_by_energy * scales.volume() * per_wear);
-        let Some(curves) = entry.curves else { return };
+        let Some((curves, found)) = entry.curves else { return };
         let profiles = &mut self.profiles;
         profiles.cycles.push(n);
-        let worn = self.simplified.initial().iter().zip(&curves.wear);
+        let worn = self.initial.iter().zip(&curves.wear);
         profiles.worn.push(worn.map(|(initial, wear)| (initial + wear) * height).collect());
         profiles.wear.push(scaled(curves.wear, height));
         profiles.image.push(scaled(curves.image, height));
         profiles.pressure.push(scaled(curves.pressure, scales.pressure()));
-        profiles.slip.push(scaled(curves.slip, scales.amplitude));
+        profiles.slip.push(scaled(curves.slip, amplitude));
+        let loops = &mut self.loops;
+        loops.cycles.push(n);
+        loops.displacement.push(scaled(found.displacement, scales.gross_slip_amplitude()));
+        loops.tangential_force.push(scaled(found.force, scales.tangential(1.0)));
+        loops.energy_ratio.push(found.energy_ratio);
+        loops.slip_ratio.push(found.slip_ratio);
+        loops.free_ratio.push(found.free_ratio);
     }
 
     fn outcome(&mut self) -> Outcome {
-        let row = self.simplified.row();
+        let shows = self.case.profile_rows() > 0;
         let profiles = std::mem::take(&mut self.profiles);
-        let work = self.exact.as_ref().map(Exact::work);
+        let loops = std::mem::take(&mut self.loops);
+        let history = std::mem::take(&mut self.history);
+        let march = match &self.solver {
+            Solver::March(march) => march.as_deref(),
+            Solver::Closed(_) => None,
+        };
+        let work = march.map(March::work);
+        let cycles = self.case.scales.cycles;
         Outcome {
             scales: Scales::of(&self.case),
-            unworn: Unworn::of(&self.case, row),
+            unworn: Unworn::of(&self.case),
             regime: self.case.regime(),
-            limit: Some(LimitState::of(&self.case, row)),
-            history: std::mem::take(&mut self.history),
-            profiles: (self.case.profile_rows() > 0).then_some(profiles),
-            events: Vec::new(),
+            limit: limit_state(&self.case),
+            bodies: self.case.share.map(|share| BodyWear::of(share, &history)),
+            history,
+            profiles: shows.then_some(profiles),
+            loops: shows.then_some(loops),
+            events: self.events.iter().map(|event| event.in_cycles(cycles)).collect(),
             accuracy: Accuracy {
                 energy_mismatch: self.mismatch,
                 volume_error: self.volume_error,
-                cells: self.exact.as_ref().map(Exact::cells),
+                cells: march.map(March::cells),
                 steps: work.map(|(steps, _)| steps),
                 evaluations: work.map(|(_, evaluations)| evaluations),
             },
+            comparison: self.comparing.take().map(Comparing::finish),
             warnings: std::mem::take(&mut self.warnings),
         }
     }
+}
+
+/// What happens up to the last instant, from the closed form of the simplified rule.
+fn closed_events(case: &Case, simplified: &Simplified, xi: f64) -> Vec<Event> {
+    use EventKind::{ContactLost, Shakedown, UntilReached};
+    let last = case.normalized_end();
+    let row = simplified.row();
+    let unworn = row.sums(simplified.decay(xi, 0.0));
+    let sums = |time: f64| row.sums(simplified.decay(xi, time));
+    let mut events = Vec::new();
+    let mut look = |kind, ends, signal: &dyn Fn(f64) -> f64| {
+        if signal(last) <= 0.0 {
+            events.push(Event { at: root(0.0, last, signal), kind, ends });
+        }
+    };
+    if case.regime() == Regime::GrossSlip {
+        look(ContactLost, true, &|time| sums(time).normal - LOST * unworn.normal);
+    } else {
+        look(Shakedown, false, &|time| sums(time).energy - SHAKEN * unworn.energy);
+    }
+    if case.until != Until::default() {
+        look(UntilReached, true, &|time| {
+            let state = simplified.states(&[(simplified.decay(xi, time), false)]);
+            state.first().map_or(1.0, |state| case.until.missing(state.depth, state.volume))
+        });
+    }
+    events.sort_by(|a, b| a.at.total_cmp(&b.at));
+    let end = events.iter().position(|event| event.ends);
+    events.truncate(end.map_or(events.len(), |end| end + 1));
+    events
 }
 
 fn scaled(mut values: Vec<f64>, scale: f64) -> Vec<f64> {

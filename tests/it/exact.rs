@@ -2,12 +2,14 @@
 
 use std::f64::consts::PI;
 
-use fretwork::engine::contact::Contact;
-use fretwork::engine::exact::Exact;
+use fretwork::engine::contact::{Contact, UnwornSums};
+use fretwork::engine::control::{Block, Control, Normal, Tangential};
+use fretwork::engine::march::{Instant, March};
 use fretwork::engine::numeric::integrate;
 use fretwork::engine::profile::Shape;
 use fretwork::engine::scenario;
 use fretwork::engine::simulation::Simulation;
+use fretwork::engine::wearing::Law;
 use proptest::prelude::*;
 use serde_json::{Value, json};
 
@@ -16,6 +18,21 @@ use crate::engine::{any_scenario, steel_ball};
 fn contact(exponent: f64, c: f64) -> Contact {
     let shape = Shape::power(exponent);
     Contact::sticking(shape, c).expect("a limit")
+}
+
+/// A run with depth and amplitude held.
+fn exact(contact: &Contact, tolerance: f64, last: f64) -> March {
+    March::new(contact, &Control::PAPER, Law::Exact, tolerance, last).expect("a scar that fits")
+}
+
+fn with_cells(contact: &Contact, cells: usize, tolerance: f64, last: f64) -> March {
+    March::with_cells(contact, &Control::PAPER, Law::Exact, cells, tolerance, last)
+        .expect("a scar that fits")
+}
+
+fn at(run: &mut March, time: f64) -> Instant {
+    while run.advance(time) {}
+    run.at(time)
 }
 
 /// Source: tests/data/verification.json, two discretisations extrapolated.
@@ -28,25 +45,24 @@ fn runs_at_the_default_tolerance_agree_with_the_reference_table() {
             row[name].as_array().expect(name).iter().map(|x| x.as_f64().expect(name)).collect()
         };
         let exponent = row["exponent"].as_f64().expect("n");
-        let mut run =
-            Exact::new(&contact(exponent, row["stick_radius"].as_f64().expect("c")), 3e-3);
+        let contact = contact(exponent, row["stick_radius"].as_f64().expect("c"));
+        let mut run = exact(&contact, 3e-3, 16.0);
         let mut promised: f64 = 0.0;
         let mut worst: f64 = 0.0;
         for (i, n) in column("normalized_cycles").iter().enumerate() {
-            while run.advance(*n) {}
-            let state = run.at(*n);
+            let Instant { worn, volume_error, .. } = at(&mut run, *n);
             let error = |value: f64, name: &str| (value / column(name)[i] - 1.0).abs();
             for (value, name, tolerance) in [
-                (state.volume, "wear_volume", 1.5e-3),
-                (2.0 * state.normal, "normal_force", 1.5e-3),
-                (state.depth, "wear_depth", 1.5e-3),
-                (state.contact_radius, "contact_radius", 1.2e-2),
+                (worn.volume, "wear_volume", 1.5e-3),
+                (2.0 * worn.normal, "normal_force", 1.5e-3),
+                (worn.deepest, "wear_depth", 1.5e-3),
+                (worn.contact_radius, "contact_radius", 5e-3),
             ] {
                 let error = error(value, name);
                 assert!(error < tolerance, "{name} is {error} off at Ñ = {n} in {row}");
             }
-            promised = promised.max(state.volume_error);
-            worst = worst.max(error(state.volume, "wear_volume"));
+            promised = promised.max(volume_error);
+            worst = worst.max(error(worn.volume, "wear_volume"));
         }
         assert!(worst < promised && promised < 10.0 * worst, "promised {promised}, found {worst}");
     }
@@ -57,9 +73,7 @@ fn halving_the_cells_quarters_the_accuracy() {
     for (exponent, c) in [(2.0, 0.5), (1.0, 0.21), (4.0, 0.7)] {
         let volume = |cells: usize| {
             // The time steps are far finer than the mesh, so that only the mesh counts.
-            let mut run = Exact::with_cells(&contact(exponent, c), cells, 1e-5);
-            while run.advance(2.0) {}
-            run.at(2.0).volume
+            at(&mut with_cells(&contact(exponent, c), cells, 1e-5, 2.0), 2.0).worn.volume
         };
         let finest = volume(320);
         let (coarse, middle) = ((volume(64) - finest).abs(), (volume(128) - finest).abs());
@@ -72,11 +86,9 @@ fn halving_the_cells_quarters_the_accuracy() {
 fn after_very_many_cycles_the_limit_is_reached() {
     for c in [1e-5, 1e-4, 1e-3, 0.05, 0.5, 0.9, 0.999] {
         let contact = contact(2.0, c);
-        let mut run = Exact::new(&contact, 3e-3);
-        while run.advance(1e9) {}
-        let state = run.at(1e9);
+        let state = at(&mut exact(&contact, 3e-3, 1e9), 1e9).worn;
         assert!((state.volume / contact.limit.volume - 1.0).abs() < 2e-3, "{c}");
-        assert!((state.depth / contact.limit.depth - 1.0).abs() < 1e-2, "{c}");
+        assert!((state.deepest / contact.limit.depth - 1.0).abs() < 1e-2, "{c}");
         assert!((state.contact_radius / contact.limit.radius - 1.0).abs() < 5e-3, "{c}");
     }
 }
@@ -90,9 +102,7 @@ fn wear_begins_at_the_rate_of_the_unworn_energy() {
             let y = 1.0 - contact.shape.image(x);
             y * (contact.threshold - y)
         });
-        let mut run = Exact::with_cells(&contact, 128, 1e-4);
-        while run.advance(1e-3) {}
-        let rate = run.at(1e-3).volume / 1e-3;
+        let rate = at(&mut with_cells(&contact, 128, 1e-4, 1e-3), 1e-3).worn.volume / 1e-3;
         let expected = 2.0 * energy / contact.threshold;
         assert!((rate / expected - 1.0).abs() < 2e-3, "{rate} {expected}");
     }
@@ -155,42 +165,79 @@ fn the_curves_of_a_result_carry_its_numbers() {
     }
 }
 
-/// What the module and the README say of the error and of its estimate, counted.
+/// A scenario of any mode, shape, stick ratio and length: multiples of irrational numbers fill the
+/// space evenly.
+fn any_problem(i: u32) -> (Contact, Control, f64) {
+    let part = |factor: f64| (f64::from(i) * factor.sqrt()).fract();
+    let shape = match i % 4 {
+        0 => Shape::power(2.0),
+        1 => Shape::power(1.0),
+        2 => Shape::power(1.0 + 11.0 * part(2.0)),
+        _ => Shape::sphere(2.0 + 100.0 * part(2.0)),
+    };
+    let stick = 0.02 + 0.96 * part(3.0);
+    let mode = i / 4 % 7;
+    // With Q held all must not slip.
+    let gross = part(5.0) < 0.2 && mode != 1 && mode != 3;
+    let threshold = if gross { 1.0 + 3.0 * stick } else { 1.0 - shape.image(stick) };
+    let contact = Contact::new(shape, threshold).expect("a limit");
+    let force = UnwornSums::of(&contact, None).tangential;
+    let compliance = 0.1 + 2.0 * part(11.0);
+    let amplitude = threshold + 2.0 * compliance * force;
+    let rig = Tangential::Rig { amplitude, compliance };
+    let block = |share: f64, end: f64| Block { threshold: share * threshold, end };
+    let blocks = Tangential::Blocks(vec![block(1.0, 0.7), block(0.6, 2.0), block(1.2, 1e9)]);
+    let (normal, tangential) = match mode {
+        0 => (Normal::Depth, Tangential::Amplitude),
+        1 => (Normal::Force, Tangential::Force(force)),
+        2 => (Normal::Force, Tangential::Amplitude),
+        3 => (Normal::Depth, Tangential::Force(force)),
+        4 => (Normal::Depth, rig),
+        5 => (Normal::Force, rig),
+        _ if i % 2 == 0 => (Normal::Depth, blocks),
+        _ => (Normal::Force, blocks),
+    };
+    (contact, Control { normal, tangential }, 10_f64.powf(-2.0 + 3.5 * part(7.0)))
+}
+
+/// What the module and the README say of the error and of its estimate, counted over all modes.
 #[test]
 fn the_stated_error_covers_the_true_one_and_seldom_exceeds_it_tenfold() {
-    const SCENARIOS: u32 = 500;
-    // Multiples of irrational numbers fill the space of scenarios evenly.
-    let part = |i: u32, factor: f64| (f64::from(i) * factor).fract();
+    const SCENARIOS: u32 = 420;
     let (mut covered, mut tenfold, mut errors) = (0, 0, Vec::new());
     for i in 1..=SCENARIOS {
-        let shape = match i % 4 {
-            0 => Shape::power(2.0),
-            1 => Shape::power(1.0),
-            2 => Shape::power(1.0 + 11.0 * part(i, 2_f64.sqrt())),
-            _ => Shape::sphere(2.0 + 100.0 * part(i, 2_f64.sqrt())),
+        let (contact, control, last) = any_problem(i);
+        let history = |tolerance: f64| -> Vec<(f64, f64)> {
+            let mut run = March::new(&contact, &control, Law::Exact, tolerance, last)
+                .expect("a scar that fits");
+            let mut found = Vec::new();
+            for share in [0.05, 0.15, 0.3, 0.5, 0.75, 1.0] {
+                while run.advance(share * last) {}
+                let end = run.ended().unwrap_or(last).min(share * last);
+                let state = run.at(end);
+                found.push((state.worn.volume, state.volume_error));
+            }
+            found
         };
-        let stick = 0.02 + 0.96 * part(i, 3_f64.sqrt());
-        let gross = part(i, 5_f64.sqrt()) < 0.2;
-        let threshold = if gross { 1.0 + 3.0 * stick } else { 1.0 - shape.image(stick) };
-        let contact = Contact::new(shape, threshold).expect("a limit");
-        let until = 10_f64.powf(-2.0 + 4.5 * part(i, 7_f64.sqrt()));
-        let after = |tolerance: f64| {
-            let mut run = Exact::new(&contact, tolerance);
-            while run.advance(until) {}
-            run.at(until)
-        };
-        let (state, reference) = (after(3e-3), after(1e-4));
-        let error = (state.volume / reference.volume - 1.0).abs();
-        covered += u32::from(error <= state.volume_error);
-        tenfold += u32::from(state.volume_error > 10.0 * error);
+        let (found, reference) = (history(3e-3), history(5e-4));
+        // As a result states it: the largest over the history. Where nothing wears before all slips,
+        // it states none.
+        let pairs = found.iter().zip(&reference).filter(|((volume, _), _)| *volume > 0.0);
+        let (mut error, mut stated) = (0.0_f64, 0.0_f64);
+        for ((volume, volume_error), (true_volume, _)) in pairs {
+            error = error.max((volume / true_volume - 1.0).abs());
+            stated = stated.max(*volume_error);
+        }
+        covered += u32::from(error <= stated);
+        tenfold += u32::from(stated > 10.0 * error && error > 0.0);
         errors.push(error);
     }
     errors.sort_by(f64::total_cmp);
-    let (median, most) = (errors[249], errors[474]);
+    let (median, most) = (errors[errors.len() / 2], errors[errors.len() * 95 / 100]);
     println!("covered {covered}, tenfold {tenfold}, median {median:.1e}, 95 of 100 {most:.1e}");
     assert!(covered >= SCENARIOS * 95 / 100, "covers {covered} of {SCENARIOS}");
     assert!(tenfold <= SCENARIOS / 10, "exceeds tenfold in {tenfold} of {SCENARIOS}");
-    assert!(median < 6e-4 && most < 2e-3, "median {median}, 95 of 100 within {most}");
+    assert!(median < 6e-4 && most < 6e-3, "median {median}, 95 of 100 within {most}");
 }
 
 #[test]

@@ -1,9 +1,11 @@
 //! The JSON Schema of a scenario says what the parser does.
 
+use fretwork::engine::held::{MAX_BLOCKS, MAX_REVERSALS};
 use fretwork::engine::quantity::Dimension;
 use fretwork::engine::request::{
-    EnergyWear, Exponent, Force, Friction, Instant, LAST_CYCLE, Length, MAX_CYCLES, POINTS_RANGE,
-    PoissonRatio, SlopeAngle, StickRatio, Stress, Tolerance, WEAR_RANGE, Xi,
+    BlockCycles, EnergyWear, Exponent, Force, Friction, Instant, LAST_CYCLE, Length, MAX_CYCLES,
+    POINTS_RANGE, PoissonRatio, Position, Share, SlopeAngle, StickRatio, Stiffness, Stress, Stroke,
+    Tolerance, Volume, WEAR_RANGE, Xi,
 };
 use fretwork::engine::scenario::{self, DEFAULT_POINTS, DEFAULT_TOLERANCE, DEFAULT_XI, SCHEMA};
 use serde_json::Value;
@@ -21,6 +23,15 @@ fn ranges_and_defaults_in_the_schema_are_those_of_the_parser() {
         ("/$defs/Length/oneOf/0", Length::RANGE),
         ("/$defs/Force/oneOf/0", Force::RANGE),
         ("/$defs/Stress/oneOf/0", Stress::RANGE),
+        ("/$defs/Stiffness/oneOf/0", Stiffness::RANGE),
+        ("/$defs/Volume/oneOf/0", Volume::RANGE),
+        ("/$defs/Position/oneOf/0", Position::RANGE),
+        (
+            "/$defs/Motion/oneOf/3/properties/blocks/items/properties/amplitude/oneOf/0",
+            Stroke::RANGE,
+        ),
+        ("/$defs/Motion/oneOf/3/properties/blocks/items/properties/cycles", BlockCycles::RANGE),
+        ("/$defs/Wear/oneOf/0/properties/share", Share::RANGE),
         ("/$defs/SlopeAngle/oneOf/0", SlopeAngle::RANGE),
         ("/properties/friction", Friction::RANGE),
         ("/$defs/Body/properties/poisson_ratio", PoissonRatio::RANGE),
@@ -40,6 +51,10 @@ fn ranges_and_defaults_in_the_schema_are_those_of_the_parser() {
         assert_eq!(found, range, "{pointer}");
     }
     assert_eq!(number("/$defs/Instants/maxItems"), MAX_CYCLES as f64);
+    let blocks = "/$defs/Motion/oneOf/3/properties/blocks/maxItems";
+    assert_eq!(number(blocks), MAX_BLOCKS as f64);
+    let reversals = "/$defs/Motion/oneOf/4/properties/reversals/maxItems";
+    assert_eq!(number(reversals), MAX_REVERSALS as f64);
     assert_eq!(number("/$defs/Model/properties/xi/default"), DEFAULT_XI);
     assert_eq!(number("/$defs/Model/properties/tolerance/default"), DEFAULT_TOLERANCE);
     assert_eq!(number("/$defs/Model/properties/points/default"), f64::from(DEFAULT_POINTS));
@@ -52,6 +67,8 @@ fn every_unit_that_is_accepted_is_named_in_the_schema() {
         ("/$defs/Length", Dimension::Length),
         ("/$defs/Force", Dimension::Force),
         ("/$defs/Stress", Dimension::Stress),
+        ("/$defs/Stiffness", Dimension::Stiffness),
+        ("/$defs/Volume", Dimension::Volume),
         ("/$defs/SlopeAngle", Dimension::Angle),
         ("/$defs/Wear/oneOf/0/properties/coefficient", Dimension::WearCoefficient),
         ("/$defs/Wear/oneOf/2/properties/energy_coefficient", Dimension::EnergyWear),

@@ -1,0 +1,172 @@
+//! An exact run beside the simplified rule: how far the rule is off, and the ξ that fits best.
+//!
+//! The rule is run over the same instants under the same control. The ξ that fits best makes the
+//! sum of the squares of V_rule/V_exact − 1 over the instants smallest; it is looked for by golden
+//! section between 0.1 and 10.
+
+use serde::Serialize;
+
+use super::march::Until;
+use super::outcome::{History, Outcome};
+use super::scenario::{Case, DEFAULT_XI, Method};
+use super::simulation::{Simulation, Step};
+
+/// Where ξ is looked for.
+const XI_RANGE: (f64, f64) = (0.1, 10.0);
+/// Rounds of golden section: ln ξ to 1e-5.
+const ROUNDS: usize = 28;
+const GOLDEN: f64 = 0.618_033_988_749_894_9;
+
+/// The simplified rule beside an exact run.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Comparison {
+    /// The ξ of the history: the default.
+    pub xi: f64,
+    /// The rule's history over the same instants; it ends with the shorter of both.
+    pub history: History,
+    /// By how much the rule is off, relative to the exact run.
+    pub errors: Errors,
+    /// The ξ whose volumes come closest.
+    pub best_xi: f64,
+    /// The root mean square of the relative errors of V with it.
+    pub best_error: f64,
+}
+
+/// Rule/exact − 1 at each instant; 0 where both are 0.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Errors {
+    /// Of V.
+    pub wear_volume: Vec<f64>,
+    /// Of the largest wear.
+    pub wear_depth: Vec<f64>,
+    /// Of F.
+    pub normal_force: Vec<f64>,
+    /// Of d.
+    pub indentation_depth: Vec<f64>,
+    /// Of ΣW.
+    pub dissipated_energy: Vec<f64>,
+}
+
+/// A comparison under way.
+#[derive(Debug)]
+pub struct Comparing {
+    case: Case,
+    exact: History,
+    running: Option<Box<Simulation>>,
+    /// ln ξ of the run under way.
+    trial: f64,
+    rule: Option<History>,
+    /// ln ξ and error of the tried ones: the ends of the bracket and the two within.
+    bracket: [f64; 4],
+    errors: [Option<f64>; 2],
+    rounds: usize,
+}
+
+impl Comparing {
+    /// Compares with the history of an exact run.
+    pub(super) fn new(case: &Case, exact: &History) -> Self {
+        let mut case = case.clone();
+        case.cycles.clone_from(&exact.cycles);
+        case.profiles = vec![false; exact.cycles.len()];
+        case.until = Until::default();
+        case.share = None;
+        let (low, high) = (libm::log(XI_RANGE.0), libm::log(XI_RANGE.1));
+        let width = GOLDEN * (high - low);
+        let mut comparing = Self {
+            case,
+            exact: exact.clone(),
+            running: None,
+            trial: libm::log(DEFAULT_XI),
+            rule: None,
+            bracket: [low, high - width, low + width, high],
+            errors: [None; 2],
+            rounds: 0,
+        };
+        comparing.start(libm::log(DEFAULT_XI));
+        comparing
+    }
+
+    fn start(&mut self, trial: f64) {
+        let mut case = self.case.clone();
+        let xi = if self.rule.is_none() { DEFAULT_XI } else { libm::exp(trial) };
+        case.method = Method::Simplified { xi };
+        self.trial = trial;
+        self.running = Some(Box::new(Simulation::of_case(case, Vec::new())));
+    }
+
+    /// Computes some more; the share of the whole job that is done, or none at the end.
+    pub(super) fn step(&mut self) -> Option<f64> {
+        let simulation = self.running.as_mut()?;
+        if let Step::Done(outcome) = simulation.step() {
+            self.running = None;
+            self.take(*outcome);
+        }
+        self.running.is_some().then_some(0.999)
+    }
+
+    /// Goes on with the next ξ.
+    fn take(&mut self, outcome: Outcome) {
+        if self.rule.is_none() {
+            self.rule = Some(outcome.history);
+            self.start(self.bracket[1]);
+            return;
+        }
+        let error = self.error(&outcome.history);
+        if self.errors[0].is_none() && self.trial == self.bracket[1] {
+            self.errors[0] = Some(error);
+        } else {
+            self.errors[1] = Some(error);
+        }
+        if self.errors[1].is_none() {
+            self.start(self.bracket[2]);
+            return;
+        }
+        let [Some(left), Some(right)] = self.errors else { return };
+        self.rounds += 1;
+        if self.rounds > ROUNDS {
+            return;
+        }
+        let [low, at_left, at_right, high] = self.bracket;
+        if left < right {
+            let next = at_right - GOLDEN * (at_right - low);
+            self.bracket = [low, next, at_left, at_right];
+            self.errors = [None, Some(left)];
+            self.start(next);
+        } else {
+            let next = at_left + GOLDEN * (high - at_left);
+            self.bracket = [at_left, at_right, next, high];
+            self.errors = [Some(right), None];
+            self.start(next);
+        }
+    }
+
+    /// The root mean square of V_rule/V_exact − 1.
+    fn error(&self, rule: &History) -> f64 {
+        let errors = relative(&rule.wear_volume, &self.exact.wear_volume);
+        let worn = errors.len().saturating_sub(1).max(1);
+        (errors.iter().map(|error| error * error).sum::<f64>() / worn as f64).sqrt()
+    }
+
+    /// The comparison, once it is made.
+    pub(super) fn finish(self) -> Comparison {
+        let history = self.rule.unwrap_or_default();
+        let of =
+            |column: fn(&History) -> &Vec<f64>| relative(column(&history), column(&self.exact));
+        let errors = Errors {
+            wear_volume: of(|history| &history.wear_volume),
+            wear_depth: of(|history| &history.wear_depth),
+            normal_force: of(|history| &history.normal_force),
+            indentation_depth: of(|history| &history.indentation_depth),
+            dissipated_energy: of(|history| &history.dissipated_energy),
+        };
+        let [left, right] = self.errors.map(|error| error.unwrap_or(f64::INFINITY));
+        let (best, best_error) =
+            if left < right { (self.bracket[1], left) } else { (self.bracket[2], right) };
+        Comparison { xi: DEFAULT_XI, history, errors, best_xi: libm::exp(best), best_error }
+    }
+}
+
+/// a/b − 1, term by term; 0 where both are 0.
+fn relative(a: &[f64], b: &[f64]) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| if *b == 0.0 { 0.0 } else { a / b - 1.0 }).collect()
+}

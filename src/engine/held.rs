@@ -1,0 +1,499 @@
+//! What is held, as people ask for it and in canonical form.
+//!
+//! # Equations
+//! ```text
+//! Δ = G*U/(μE*d₀),   Q = 2μE*a₀d₀ ∫ min(Δ, y₀) dx,   Q < μF                        (10)
+//! rig   U_rig = U + Q(U)/k_rig
+//! ```
+//!
+//! # Units
+//! SI.
+
+use deserr::{Deserr, ErrorKind, IntoValue, Sequence, Value, ValueKind, ValuePointerRef};
+use serde::Serialize;
+
+use super::control::{self, Control, Normal, Tangential};
+use super::fault::{Faults, refuse};
+use super::numeric::{integrate, root, twelve_digits};
+use super::profile::Shape;
+use super::record::Record;
+use super::request::{
+    BlockCycles, Force, Given, Length, Position, StickRatio, Stiffness, Stroke, TangentialForce,
+};
+
+/// Most amplitude blocks.
+pub const MAX_BLOCKS: usize = 1000;
+/// Most positions of a displacement record.
+pub const MAX_REVERSALS: usize = 100_000;
+/// Smallest U/U_gs: below, the slip ring is lost in rounding.
+const MIN_THRESHOLD: f64 = 1e-6;
+/// Rounding U to 12 digits moves Δ by half of this: so close to 1 it is the onset of gross slip.
+const ONSET: f64 = 1e-11;
+/// A stick ratio must come back from the rounded amplitude as well as this.
+const STICK_DIGITS: f64 = 1e-3;
+
+/// What is held in the normal direction.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr)]
+#[deserr(error = Faults, rename_all = lowercase)]
+pub enum LoadHeld {
+    /// The indentation depth.
+    Depth,
+    /// The normal force.
+    Force,
+}
+
+/// The normal direction.
+#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
+#[deserr(error = Faults, deny_unknown_fields, validate = Load::validate -> Faults)]
+pub struct Load {
+    /// F of the unworn contact.
+    #[deserr(default)]
+    pub normal_force: Given<Force>,
+    /// d of the unworn contact.
+    #[deserr(default)]
+    pub indentation_depth: Given<Length>,
+    /// What stays constant.
+    #[deserr(default)]
+    pub held: Given<LoadHeld>,
+}
+
+impl Load {
+    fn validate(self, location: ValuePointerRef<'_>) -> Result<Self, Faults> {
+        let here = location.push_key("normal_force");
+        match (self.normal_force.0, self.indentation_depth.0) {
+            (Some(_), Some(_)) => {
+                Err(Faults::at(here, "give either `normal_force` or `indentation_depth`, not both"))
+            }
+            (None, None) => {
+                Err(Faults::at(here, "is missing: give `normal_force` or `indentation_depth`"))
+            }
+            _ => Ok(self),
+        }
+    }
+
+    /// What is held: by default what was given.
+    #[must_use]
+    pub fn normal(&self) -> Normal {
+        match self.held.0 {
+            Some(LoadHeld::Depth) => Normal::Depth,
+            Some(LoadHeld::Force) => Normal::Force,
+            None if self.normal_force.0.is_some() => Normal::Force,
+            None => Normal::Depth,
+        }
+    }
+}
+
+/// What is held in the tangential direction.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr)]
+#[deserr(error = Faults)]
+pub enum MotionHeld {
+    /// The amplitude.
+    #[deserr(rename = "amplitude")]
+    Amplitude,
+    /// The tangential force.
+    #[deserr(rename = "tangential_force")]
+    TangentialForce,
+}
+
+/// A number of cycles at one amplitude.
+#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
+#[deserr(error = Faults, deny_unknown_fields)]
+pub struct Block {
+    /// U; 0 lets the contact rest.
+    pub amplitude: Stroke,
+    /// How many.
+    pub cycles: BlockCycles,
+}
+
+/// A list of 1 to `MOST` items.
+#[derive(Debug, Clone, PartialEq)]
+pub struct List<T, const LEAST: usize, const MOST: usize>(pub Vec<T>);
+
+impl<T: Deserr<Faults>, const LEAST: usize, const MOST: usize> Deserr<Faults>
+    for List<T, LEAST, MOST>
+{
+    fn deserialize_from_value<V: IntoValue>(
+        value: Value<V>,
+        location: ValuePointerRef<'_>,
+    ) -> Result<Self, Faults> {
+        let Value::Sequence(list) = value else {
+            let accepted = &[ValueKind::Sequence];
+            return Err(refuse(
+                ErrorKind::IncorrectValueKind { actual: value, accepted },
+                location,
+            ));
+        };
+        let count = list.len();
+        if !(LEAST..=MOST).contains(&count) {
+            let detail = format!("must list {LEAST} to {MOST} items, not {count}");
+            return Err(Faults::at(location, detail));
+        }
+        Vec::deserialize_from_value(Value::<V>::Sequence(list), location).map(Self)
+    }
+}
+
+/// The tangential direction.
+#[derive(Debug, Clone, PartialEq, Deserr)]
+#[deserr(error = Faults, deny_unknown_fields, validate = Motion::validate -> Faults)]
+pub struct Motion {
+    /// U, half of the peak-to-peak stroke.
+    #[deserr(default)]
+    pub amplitude: Given<Length>,
+    /// Q, the amplitude of the tangential force.
+    #[deserr(default)]
+    pub tangential_force: Given<TangentialForce>,
+    /// c/a₀, which sets U.
+    #[deserr(default)]
+    pub stick_ratio: Given<StickRatio>,
+    /// What stays constant.
+    #[deserr(default)]
+    pub held: Given<MotionHeld>,
+    /// k_rig: the amplitude is then that of the actuator.
+    #[deserr(default)]
+    pub rig_stiffness: Given<Stiffness>,
+    /// Amplitudes one after the other.
+    #[deserr(default)]
+    pub blocks: Given<List<Block, 1, MAX_BLOCKS>>,
+    /// Positions between which the contact moves to and fro.
+    #[deserr(default)]
+    pub reversals: Given<List<Position, 2, MAX_REVERSALS>>,
+}
+
+impl Motion {
+    fn validate(self, location: ValuePointerRef<'_>) -> Result<Self, Faults> {
+        const WAYS: &str =
+            "one of `amplitude`, `stick_ratio`, `tangential_force`, `blocks` and `reversals`";
+        let given = [
+            ("amplitude", self.amplitude.0.is_some()),
+            ("stick_ratio", self.stick_ratio.0.is_some()),
+            ("tangential_force", self.tangential_force.0.is_some()),
+            ("blocks", self.blocks.0.is_some()),
+            ("reversals", self.reversals.0.is_some()),
+        ];
+        let mut names = given.into_iter().filter(|(_, given)| *given).map(|(name, _)| name);
+        let Some(first) = names.next() else {
+            let here = location.push_key("amplitude");
+            return Err(Faults::at(here, format!("is missing: give {WAYS}")));
+        };
+        if let Some(second) = names.next() {
+            let here = location.push_key(second);
+            return Err(Faults::at(here, format!("give {WAYS}, not `{first}` as well")));
+        }
+        let varies = first == "blocks" || first == "reversals";
+        let force_held = self.held.0 == Some(MotionHeld::TangentialForce);
+        if varies && force_held {
+            let here = location.push_key("held");
+            return Err(Faults::at(here, format!("must be \"amplitude\" with `{first}`")));
+        }
+        if self.rig_stiffness.0.is_some()
+            && (varies || self.tangential() == MotionHeld::TangentialForce)
+        {
+            let detail = if varies {
+                format!("cannot be combined with `{first}`: give the amplitudes at the contact")
+            } else {
+                "has no effect on a held tangential force: leave it out, or write \"held\": \
+                 \"amplitude\""
+                    .to_owned()
+            };
+            return Err(Faults::at(location.push_key("rig_stiffness"), detail));
+        }
+        if let Some(List(blocks)) = &self.blocks.0
+            && blocks[0].amplitude.0 == 0.0
+        {
+            let here = location.push_key("blocks");
+            let here = here.push_index(0);
+            let detail =
+                "must be greater than 0 in the first block, whose N₀ is the unit of cycles";
+            return Err(Faults::at(here.push_key("amplitude"), detail));
+        }
+        Ok(self)
+    }
+
+    /// What is held: the amplitude, unless a tangential force was given.
+    fn tangential(&self) -> MotionHeld {
+        self.held.0.unwrap_or(if self.tangential_force.0.is_some() {
+            MotionHeld::TangentialForce
+        } else {
+            MotionHeld::Amplitude
+        })
+    }
+}
+
+/// The normal direction in canonical form.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[serde(untagged)]
+pub(super) enum CanonicalLoad {
+    Depth { indentation_depth: f64, held: &'static str },
+    Force { normal_force: f64, held: &'static str },
+}
+
+impl CanonicalLoad {
+    pub(super) fn normal(&self) -> Normal {
+        match self {
+            Self::Depth { .. } => Normal::Depth,
+            Self::Force { .. } => Normal::Force,
+        }
+    }
+}
+
+/// The tangential direction in canonical form.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
+pub(super) enum CanonicalMotion {
+    Amplitude { amplitude: f64, held: &'static str },
+    Force { tangential_force: f64, held: &'static str },
+    Rig { amplitude: f64, rig_stiffness: f64, held: &'static str },
+    Blocks { blocks: Vec<CanonicalBlock> },
+    Reversals { reversals: Vec<f64> },
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub(super) struct CanonicalBlock {
+    amplitude: f64,
+    cycles: f64,
+}
+
+const AMPLITUDE: &str = "amplitude";
+const TANGENTIAL_FORCE: &str = "tangential_force";
+
+/// The unworn contact, as far as the tangential direction needs it.
+pub(super) struct Pressed<'a> {
+    pub(super) shape: &'a Shape,
+    pub(super) contact_radius: f64,
+    pub(super) friction: f64,
+    /// E*a₀d₀ in N.
+    pub(super) force: f64,
+    pub(super) tangential_modulus: f64,
+    /// U at Δ = 1 in m.
+    pub(super) gross_slip: f64,
+}
+
+/// ∫₀¹ min(Δ, 1 − g₀) dx.
+fn half_tangential(shape: &Shape, threshold: f64) -> f64 {
+    if threshold >= 1.0 {
+        return shape.half_force();
+    }
+    let stick = shape.image_inverse(1.0 - threshold);
+    let ring = 1.0 - stick;
+    // Dense next to the stick edge, where images of powers below 2 bend.
+    let slipping = integrate(0.0, 1.0, |s| {
+        let cube = s * s * s;
+        4.0 * ring * cube * (1.0 - shape.image(stick + ring * cube * s))
+    });
+    threshold * stick + slipping
+}
+
+impl Pressed<'_> {
+    /// Q of the unworn contact at Δ.
+    fn tangential_force(&self, threshold: f64) -> f64 {
+        2.0 * self.friction * self.force * half_tangential(self.shape, threshold)
+    }
+
+    /// Δ under Q < μF.
+    fn threshold_under(&self, tangential_force: f64) -> f64 {
+        let half = tangential_force / (2.0 * self.friction * self.force);
+        root(0.0, 1.0, |threshold| half_tangential(self.shape, threshold) - half)
+    }
+
+    fn threshold(&self, amplitude: f64) -> f64 {
+        let threshold = amplitude / self.gross_slip;
+        if (threshold - 1.0).abs() < ONSET { 1.0 } else { threshold }
+    }
+
+    /// κ of a rig.
+    fn compliance(&self, rig_stiffness: f64) -> f64 {
+        self.tangential_modulus * self.contact_radius / rig_stiffness
+    }
+
+    /// Q as asked for, if friction can carry it.
+    fn carried(&self, tangential_force: f64) -> Result<f64, Faults> {
+        let most = 2.0 * self.friction * self.force * self.shape.half_force();
+        if tangential_force < most * (1.0 - 1e-9) {
+            return Ok(tangential_force);
+        }
+        let detail = format!(
+            "is {tangential_force:.6e} N, but friction carries no more than μF = {most:.6e} N, and the \
+             contact would slide away: give less"
+        );
+        Err(Faults::one("/motion/tangential_force", detail))
+    }
+}
+
+impl CanonicalMotion {
+    /// Brings the tangential direction of a request into canonical form.
+    pub(super) fn resolve(motion: &Motion, pressed: &Pressed<'_>) -> Result<Self, Faults> {
+        if let Some(List(blocks)) = &motion.blocks.0 {
+            let blocks: Vec<CanonicalBlock> = blocks
+                .iter()
+                .map(|block| CanonicalBlock {
+                    amplitude: twelve_digits(block.amplitude.0),
+                    cycles: twelve_digits(block.cycles.0),
+                })
+                .collect();
+            for (index, block) in blocks.iter().enumerate().filter(|(_, b)| b.amplitude > 0.0) {
+                resolved(block.amplitude, pressed, &format!("/motion/blocks/{index}/amplitude"))?;
+            }
+            return Ok(Self::Blocks { blocks });
+        }
+        if let Some(List(reversals)) = &motion.reversals.0 {
+            let reversals: Vec<f64> =
+                reversals.iter().map(|position| twelve_digits(position.0)).collect();
+            let Some(record) = Record::new(&reversals) else {
+                return Err(Faults::one("/motion/reversals", "must not all be the same position"));
+            };
+            resolved(record.amplitude(), pressed, "/motion/reversals")?;
+            return Ok(Self::Reversals { reversals });
+        }
+        let (amplitude, pointer) = contact_amplitude(motion, pressed)?;
+        if let Some(stiffness) = motion.rig_stiffness.0 {
+            let rig_stiffness = twelve_digits(stiffness.0);
+            // A given amplitude is the actuator's, others are the contact's.
+            let amplitude = match motion.amplitude.0 {
+                Some(actuator) => twelve_digits(actuator.0),
+                None => {
+                    let force = pressed.tangential_force(pressed.threshold(amplitude));
+                    twelve_digits(amplitude + force / rig_stiffness)
+                }
+            };
+            let canonical = Self::Rig { amplitude, rig_stiffness, held: AMPLITUDE };
+            let (_, threshold) = canonical.control(Normal::Depth, pressed, 1.0)?;
+            resolved(threshold * pressed.gross_slip, pressed, pointer)?;
+            return Ok(canonical);
+        }
+        if motion.tangential() == MotionHeld::Amplitude {
+            let amplitude = resolved(twelve_digits(amplitude), pressed, pointer)?;
+            return Ok(Self::Amplitude { amplitude, held: AMPLITUDE });
+        }
+        let force = match motion.tangential_force.0 {
+            Some(force) => force.0,
+            None => pressed.tangential_force(pressed.threshold(amplitude)),
+        };
+        let tangential_force = twelve_digits(force);
+        let given = motion.tangential_force.0.is_some();
+        let tangential_force = pressed.carried(tangential_force).map_err(|faults| {
+            if given {
+                return faults;
+            }
+            let detail = "makes the whole contact slip, so that the tangential force cannot be held: \
+                          give a smaller motion, or hold the amplitude";
+            Faults::one(pointer, detail)
+        })?;
+        resolved(amplitude, pressed, pointer)?;
+        Ok(Self::Force { tangential_force, held: TANGENTIAL_FORCE })
+    }
+
+    /// What this holds, in units of the unworn contact, and its Δ; `unit` is N per Ñ for blocks.
+    pub(super) fn control(
+        &self,
+        normal: Normal,
+        pressed: &Pressed<'_>,
+        unit: f64,
+    ) -> Result<(Control, f64), Faults> {
+        let (tangential, threshold) = match self {
+            Self::Amplitude { amplitude, .. } => {
+                (Tangential::Amplitude, pressed.threshold(*amplitude))
+            }
+            Self::Force { tangential_force, .. } => {
+                let force = pressed.carried(*tangential_force)?;
+                let half = force / (2.0 * pressed.friction * pressed.force);
+                (Tangential::Force(half), pressed.threshold_under(force))
+            }
+            Self::Rig { amplitude, rig_stiffness, .. } => {
+                let compliance = pressed.compliance(*rig_stiffness);
+                let amplitude = amplitude / pressed.gross_slip;
+                let missing = |threshold: f64| {
+                    threshold + 2.0 * compliance * half_tangential(pressed.shape, threshold)
+                        - amplitude
+                };
+                let threshold =
+                    pressed.threshold(pressed.gross_slip * root(0.0, amplitude, missing));
+                (Tangential::Rig { amplitude, compliance }, threshold)
+            }
+            Self::Blocks { blocks } => {
+                let mut end = 0.0;
+                let blocks: Vec<control::Block> = blocks
+                    .iter()
+                    .map(|block| {
+                        end += block.cycles;
+                        let threshold = pressed.threshold(block.amplitude);
+                        control::Block { threshold, end: end / unit }
+                    })
+                    .collect();
+                let first = blocks.first().map_or(0.0, |block| block.threshold);
+                (Tangential::Blocks(blocks), first)
+            }
+            Self::Reversals { reversals } => {
+                let record = Record::new(reversals).ok_or_else(|| {
+                    Faults::one("/motion/reversals", "must not all be the same position")
+                })?;
+                let threshold = pressed.threshold(record.amplitude());
+                (Tangential::Record(std::sync::Arc::new(record)), threshold)
+            }
+        };
+        Ok((Control { normal, tangential }, threshold))
+    }
+
+    /// U of the contact at N = 0, given its Δ; the very number that was given, where there is one.
+    pub(super) fn amplitude(&self, threshold: f64, gross_slip: f64) -> f64 {
+        match self {
+            Self::Amplitude { amplitude, .. } => *amplitude,
+            Self::Blocks { blocks } => blocks.first().map_or(0.0, |block| block.amplitude),
+            _ => threshold * gross_slip,
+        }
+    }
+
+    /// N at which the last block ends.
+    pub(super) fn end(&self) -> Option<f64> {
+        let Self::Blocks { blocks } = self else { return None };
+        Some(twelve_digits(blocks.iter().map(|block| block.cycles).sum()))
+    }
+}
+
+/// U of the contact as asked for by amplitude, stick ratio or tangential force, and its pointer.
+fn contact_amplitude(
+    motion: &Motion,
+    pressed: &Pressed<'_>,
+) -> Result<(f64, &'static str), Faults> {
+    if let Some(ratio) = motion.stick_ratio.0 {
+        let amplitude = pressed.gross_slip * (1.0 - pressed.shape.image(ratio.0));
+        let returned = pressed
+            .shape
+            .image_inverse((1.0 - twelve_digits(amplitude) / pressed.gross_slip).max(0.0));
+        if (returned - ratio.0).abs() > STICK_DIGITS * ratio.0 && ratio.0 > 0.0 {
+            let detail = format!(
+                "{} is so close to gross slip under this profile that 12 digits of the amplitude \
+                 cannot tell; take 0 for the onset of gross slip, or a larger ratio",
+                ratio.0
+            );
+            return Err(Faults::one("/motion/stick_ratio", detail));
+        }
+        return Ok((amplitude, "/motion/stick_ratio"));
+    }
+    if let Some(force) = motion.tangential_force.0 {
+        let force = pressed.carried(twelve_digits(force.0))?;
+        let amplitude = pressed.threshold_under(force) * pressed.gross_slip;
+        return Ok((amplitude, "/motion/tangential_force"));
+    }
+    let amplitude = motion.amplitude.0.map_or(0.0, |amplitude| amplitude.0);
+    Ok((amplitude, "/motion/amplitude"))
+}
+
+/// An amplitude that can be resolved.
+fn resolved(amplitude: f64, pressed: &Pressed<'_>, pointer: &str) -> Result<f64, Faults> {
+    let (low, high) = Length::RANGE;
+    if !(low..=high).contains(&amplitude) {
+        let detail = format!(
+            "gives an amplitude of {amplitude:e} m; it must lie between {low:e} and {high:e}"
+        );
+        return Err(Faults::one(pointer, detail));
+    }
+    let least = MIN_THRESHOLD * pressed.gross_slip;
+    if amplitude < least {
+        let detail = format!(
+            "gives an amplitude of {amplitude:.3e} m, but the slip ring can be resolved only from \
+             {least:.3e} m on (1e-6 of the gross-slip amplitude)"
+        );
+        return Err(Faults::one(pointer, detail));
+    }
+    Ok(amplitude)
+}

@@ -1,0 +1,544 @@
+//! A contact worn step by step, with an estimate of its error and the events it meets.
+//!
+//! Every run is accompanied by one of half the cells, a small part of the cost, whose distance tells
+//! the error of V. Where the stick edge moves outwards into worn material, a first coarse run finds
+//! where it stops, and the mesh is refined there.
+//!
+//! # Accuracy
+//! Second order in the number of cells. At the 64 cells of the default tolerance, depth and amplitude
+//! held, over random scenarios, V is right to 0.05 % in the median and 0.2 % in 95 of 100, F to 0.06 %
+//! of the unworn force.
+//! Depth is first order at the apex in gross slip (a cone: 1 %), and for blunt profiles (n ≥ 8) at the
+//! start of wear, when the ring is narrow. A core smaller than the first cells (c below 1e-3) is taken
+//! for none.
+//!
+//! # Sources
+//! The procedure: A. V. Dimaki et al., *Int. J. Solids Struct.* 51 (2014) 4215. The integrator:
+//! B. P. Sommeijer, L. F. Shampine, J. G. Verwer, *J. Comput. Appl. Math.* 88 (1998) 315 (RKC).
+
+use super::contact::{Contact, Regime};
+use super::control::{Control, Normal, Tangential};
+use super::limit::Limit;
+use super::rkc::Rkc;
+use super::wearing::{Focus, Law, Plan, REST_BLUR, Wearing, Worn};
+
+/// Cells at the tolerance `COMMON_TOLERANCE`; errors fall with the square of the number.
+const COMMON_CELLS: f64 = 64.0;
+const COMMON_TOLERANCE: f64 = 3e-3;
+/// Fewest and most cells.
+const CELLS_RANGE: (f64, f64) = (24.0, 360.0);
+/// Most cells where more than usual are needed.
+const MOST_CELLS: usize = 512;
+/// Both runs are compared at times that grow by this factor: where their distance happens to change
+/// sign it says nothing, so its last values count too, less and less.
+const CHECKS: f64 = 1.3;
+const FORGET: f64 = 0.7;
+/// At second order the finer run is off by a third of the distance between both; this share of it covers
+/// the error with a margin (a test counts how often).
+const SHARE: f64 = 1.0;
+/// An edge at a border of cells may be off by half a cell; this share of what a whole one does.
+const EDGE_SHARE: f64 = 0.75;
+/// No error is stated below this share of the tolerance.
+const LEAST_ERROR: f64 = 0.15;
+/// A run whose wear would grow by less than this share of the tolerance, were it to go on at its rate
+/// for as long as it has lasted, has arrived.
+const SETTLED: f64 = 1e-3;
+/// Cells and tolerance of the run that looks where the stick edge stops.
+const SCOUT: (usize, f64) = (64, 1e-2);
+/// Contact is lost once the springs carry less than this share of the unworn force.
+pub const LOST: f64 = 1e-6;
+/// A contact has shaken down once a cycle dissipates less than this share of what the first one did.
+pub const SHAKEN: f64 = 1e-3;
+
+/// What happens to a contact while it wears.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum EventKind {
+    /// From here on all slips.
+    GrossSlip,
+    /// The springs carry nothing any more.
+    ContactLost,
+    /// Hardly anything is dissipated any more.
+    Shakedown,
+    /// The wear that was asked for is reached.
+    UntilReached,
+}
+
+/// When something happens, in N₀.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Event {
+    /// Ñ.
+    pub at: f64,
+    /// What.
+    pub kind: EventKind,
+    /// Whether the run ends there.
+    pub ends: bool,
+}
+
+impl Event {
+    /// The event in cycles.
+    pub(super) fn in_cycles(&self, unit: f64) -> super::outcome::Event {
+        let kind = match self.kind {
+            EventKind::GrossSlip => "gross_slip",
+            EventKind::ContactLost => "contact_lost",
+            EventKind::Shakedown => "shakedown",
+            EventKind::UntilReached => "until_reached",
+        };
+        super::outcome::Event { cycles: self.at * unit, kind }
+    }
+}
+
+/// Wear at which a run ends, in units of d₀ and a₀²d₀.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Until {
+    /// The largest wear.
+    pub depth: Option<f64>,
+    /// V.
+    pub volume: Option<f64>,
+}
+
+impl Until {
+    /// What is missing, in parts of what is asked for: 0 or less once it is reached.
+    #[must_use]
+    pub fn missing(&self, depth: f64, volume: f64) -> f64 {
+        let missing = |asked: Option<f64>, reached: f64| asked.map_or(1.0, |a| 1.0 - reached / a);
+        missing(self.depth, depth).min(missing(self.volume, volume))
+    }
+}
+
+/// A run under way.
+#[derive(Debug)]
+pub struct March {
+    fine: Run,
+    coarse: Run,
+    until: Until,
+    /// When both are compared next, and how far apart they were.
+    check: f64,
+    apart: f64,
+    events: Vec<Event>,
+}
+
+/// The worn contact at one instant, with what is known of the run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Instant {
+    /// The contact.
+    pub worn: Worn,
+    /// An estimate of the relative error of V.
+    pub volume_error: f64,
+    /// (k_w/μ)·ΣW, summed on its own: with the exact law it should be V.
+    pub worn_by_energy: f64,
+}
+
+/// Cells for a tolerance: the error falls with their square.
+fn cells(tolerance: f64) -> usize {
+    let cells = COMMON_CELLS * (COMMON_TOLERANCE / tolerance).sqrt();
+    cells.clamp(CELLS_RANGE.0, CELLS_RANGE.1).round() as usize
+}
+
+/// Whether the stick edge moves, so that more cells are needed.
+fn moves(control: &Control, contact: &Contact) -> bool {
+    !control.keeps_stick() && contact.regime != Regime::GrossSlip
+}
+
+/// Cells and tolerance of a run that aims at a relative error.
+fn effort(contact: &Contact, control: &Control, law: Law, tolerance: f64) -> (usize, f64) {
+    let cells = cells(tolerance);
+    if !moves(control, contact) {
+        return (cells, tolerance);
+    }
+    let gives_way = control.normal == Normal::Depth
+        && matches!(control.tangential, Tangential::Force(_))
+        && control.tends_to(contact).is_none();
+    if gives_way && law == Law::Exact {
+        // How long a core holds out is ill-conditioned: it takes twice the error of V ten times over.
+        ((4 * cells).min(MOST_CELLS), 0.25 * tolerance)
+    } else {
+        ((2 * cells).min(MOST_CELLS), tolerance)
+    }
+}
+
+/// One mesh and one integration.
+#[derive(Debug)]
+struct Run {
+    wearing: Wearing,
+    control: Control,
+    rkc: Rkc,
+    settled: Option<f64>,
+    /// The block under way.
+    block: usize,
+    /// 2 ∫ ∫ y ω dx dÑ: (k_w/μ)·ΣW up to where the last step began, and to where it ended.
+    worn_by_energy: [f64; 2],
+    /// 2 ∫ y ω dx at both ends of the last step.
+    loss: [f64; 2],
+    first_loss: f64,
+}
+
+impl March {
+    /// Begins with the unworn contact. `tolerance` is the relative error aimed at, `last` the instant
+    /// up to which the run will go.
+    ///
+    /// `None` where the scar would outgrow the shape.
+    #[must_use]
+    pub fn new(
+        contact: &Contact,
+        control: &Control,
+        law: Law,
+        tolerance: f64,
+        last: f64,
+    ) -> Option<Self> {
+        let (cells, tolerance) = effort(contact, control, law, tolerance);
+        Self::with_cells(contact, control, law, cells, tolerance, last)
+    }
+
+    /// About how many multiplications a run takes to an instant in N₀. Measured on a paraboloid: five
+    /// right-hand sides a cell up to 16 N₀, and beyond as many times more as the power 0.4 says.
+    #[must_use]
+    pub fn operations(
+        contact: &Contact,
+        control: &Control,
+        law: Law,
+        tolerance: f64,
+        until: f64,
+    ) -> f64 {
+        let (cells, tolerance) = effort(contact, control, law, tolerance);
+        let (cells, longer) = (cells as f64, libm::pow((until / 16.0).max(1.0), 0.4));
+        match law {
+            Law::Exact => 5.0 * cells * cells * cells * longer,
+            // A right-hand side costs a few operations a cell, a state two rows of matrices.
+            Law::Simplified(_) => 20.0 * cells * longer / tolerance.sqrt() + 50.0 * cells * cells,
+        }
+    }
+
+    /// Begins with the unworn contact on so many cells.
+    #[must_use]
+    pub fn with_cells(
+        contact: &Contact,
+        control: &Control,
+        law: Law,
+        cells: usize,
+        tolerance: f64,
+        last: f64,
+    ) -> Option<Self> {
+        let mut plan = Plan::first(contact, control, cells)?;
+        let grows = control.normal == Normal::Force && moves(control, contact);
+        if grows {
+            plan = Plan::first(contact, control, SCOUT.0)?;
+            for blur in [4.0 * REST_BLUR, REST_BLUR] {
+                let mut scout = Run::new(contact, control, law, plan.clone(), SCOUT.0, SCOUT.1);
+                let mut focus = 0.0_f64;
+                while scout.advance(last) {
+                    focus = focus.max(scout.wearing.springs().stick());
+                }
+                plan.reach = scout.wearing.plan().reach;
+                if focus > plan.start {
+                    plan.focus = Some(Focus { from: focus, to: focus, blur });
+                }
+            }
+        }
+        let fine = Run::new(contact, control, law, plan.clone(), cells, tolerance);
+        let coarse = Run::new(contact, control, law, plan, cells / 2, 4.0 * tolerance);
+        let check = 0.01 * fine.rkc.scale();
+        let until = Until::default();
+        let mut events = Vec::new();
+        if fine.wearing.springs().slides() {
+            // So close to gross slip that the mesh cannot tell.
+            events.push(Event { at: 0.0, kind: EventKind::GrossSlip, ends: true });
+        }
+        Some(Self { fine, coarse, until, check, apart: 0.0, events })
+    }
+
+    /// Ends the run at some wear.
+    pub fn end_at(&mut self, until: Until) {
+        self.until = until;
+    }
+
+    /// Takes a step towards an instant in N₀; false once it is reached or the run has ended.
+    pub fn advance(&mut self, until: f64) -> bool {
+        if self.ended().is_some() {
+            return false;
+        }
+        // Both in step, so that no call takes long and they can be compared.
+        let next = until.min(self.check);
+        let coarse = self.coarse.advance(next);
+        let fine = self.fine.advance(next);
+        if fine {
+            self.watch();
+        }
+        if fine || coarse {
+            return true;
+        }
+        if self.check > until {
+            return false;
+        }
+        self.apart = self.distance(self.check).max(FORGET * self.apart);
+        self.check *= CHECKS;
+        true
+    }
+
+    /// When the run has ended early.
+    #[must_use]
+    pub fn ended(&self) -> Option<f64> {
+        self.events.iter().find(|event| event.ends).map(|event| event.at)
+    }
+
+    /// What has happened so far, in order.
+    #[must_use]
+    pub fn events(&self) -> &[Event] {
+        &self.events
+    }
+
+    /// Looks for events within the last step.
+    fn watch(&mut self) {
+        use EventKind::{ContactLost, GrossSlip, Shakedown, UntilReached};
+        let mut found = Vec::new();
+        for kind in [GrossSlip, Shakedown, ContactLost, UntilReached] {
+            if self.events.iter().any(|event| event.kind == kind) {
+                continue;
+            }
+            let (began, time) = (self.fine.rkc.began(), self.fine.rkc.time());
+            if self.signal(kind, time) > 0.0 {
+                continue;
+            }
+            let (mut low, mut high) = (began, time);
+            // A change of amplitude happens at once.
+            if self.signal(kind, began) <= 0.0 {
+                high = began;
+            }
+            while high - low > 1e-9 * high {
+                let middle = 0.5 * (low + high);
+                if self.signal(kind, middle) > 0.0 { low = middle } else { high = middle }
+            }
+            let held = matches!(self.fine.control.tangential, Tangential::Force(_));
+            let ends = match kind {
+                GrossSlip => held,
+                Shakedown => false,
+                ContactLost | UntilReached => true,
+            };
+            found.push(Event { at: high, kind, ends });
+        }
+        found.sort_by(|a, b| a.at.total_cmp(&b.at));
+        let last = found.iter().position(|event| event.ends);
+        found.truncate(last.map_or(found.len(), |last| last + 1));
+        self.events.extend(found);
+    }
+
+    /// Falls to 0 or below where an event happens.
+    fn signal(&mut self, kind: EventKind, time: f64) -> f64 {
+        let until = self.until;
+        let run = &mut self.fine;
+        let last_block = match &run.control.tangential {
+            Tangential::Blocks(blocks) => run.block + 1 == blocks.len(),
+            _ => true,
+        };
+        match kind {
+            EventKind::UntilReached if until == Until::default() => 1.0,
+            EventKind::UntilReached => run.under(time, |wearing, values| {
+                let worn = wearing.at(values);
+                until.missing(worn.deepest, worn.volume)
+            }),
+            EventKind::GrossSlip => run.under(time, |wearing, _| wearing.springs().margin()),
+            EventKind::ContactLost => {
+                run.under(time, |wearing, _| wearing.springs().share() - LOST)
+            }
+            EventKind::Shakedown if !last_block => 1.0,
+            EventKind::Shakedown => {
+                let least = SHAKEN * run.first_loss;
+                run.under(time, |wearing, _| {
+                    if wearing.springs().stick() == 0.0 {
+                        1.0
+                    } else {
+                        wearing.energy_rate() - least
+                    }
+                })
+            }
+        }
+    }
+
+    /// How far the volumes of both runs are apart.
+    fn distance(&mut self, time: f64) -> f64 {
+        let volume = self.fine.volume(time);
+        if volume > 0.0 { (self.coarse.volume(time) / volume - 1.0).abs() } else { 0.0 }
+    }
+
+    /// How far the mesh reaches, in a₀.
+    #[must_use]
+    pub fn reach(&self) -> f64 {
+        self.fine.wearing.plan().reach
+    }
+
+    /// How far the run has come, in N₀.
+    #[must_use]
+    pub fn reached(&self) -> f64 {
+        self.fine.rkc.time()
+    }
+
+    /// Cells of the mesh.
+    #[must_use]
+    pub fn cells(&self) -> usize {
+        self.fine.wearing.springs().mesh().widths().len()
+    }
+
+    /// Steps and right-hand sides so far, of both runs.
+    #[must_use]
+    pub fn work(&self) -> (usize, usize) {
+        let (fine, coarse) = (&self.fine.rkc, &self.coarse.rkc);
+        (fine.accepted + coarse.accepted, fine.evaluations + coarse.evaluations)
+    }
+
+    /// The contact as it wears, as the fine run has it.
+    #[must_use]
+    pub fn wearing(&self) -> &Wearing {
+        &self.fine.wearing
+    }
+
+    /// The state at an instant within the last step.
+    #[must_use]
+    pub fn at(&mut self, normalized_cycles: f64) -> Instant {
+        let time = self.fine.within(normalized_cycles);
+        let worn_by_energy = self.fine.energy_until(time);
+        let worn = self.fine.under(time, |wearing, values| wearing.at(values));
+        let apart = self.distance(normalized_cycles).max(self.apart);
+        let volume_error = (SHARE * apart)
+            .max(LEAST_ERROR * self.fine.rkc.tolerance())
+            .max(self.fine.edge_error(&worn));
+        Instant { worn, volume_error, worn_by_energy }
+    }
+}
+
+impl Run {
+    fn new(
+        contact: &Contact,
+        control: &Control,
+        law: Law,
+        plan: Plan,
+        cells: usize,
+        tolerance: f64,
+    ) -> Self {
+        let mut wearing = Wearing::new(contact, control, law, plan, cells);
+        if let Tangential::Blocks(blocks) = &control.tangential
+            && let Some(first) = blocks.first()
+        {
+            wearing.command(first.threshold);
+        }
+        let unworn = vec![0.0; cells + 1];
+        // A narrow ring is worn sooner: a sixth of the time it would take at the first rate.
+        wearing.press(&unworn);
+        let rate = wearing.energy_rate();
+        let scale = contact.limit.volume / (6.0 * rate);
+        let rkc = Rkc::new(&mut wearing, unworn, tolerance, (scale, contact.limit.depth));
+        let control = control.clone();
+        Self {
+            wearing,
+            control,
+            rkc,
+            settled: None,
+            block: 0,
+            worn_by_energy: [0.0; 2],
+            loss: [rate; 2],
+            first_loss: rate,
+        }
+    }
+
+    fn advance(&mut self, until: f64) -> bool {
+        if self.settled.is_some() || self.rkc.time() >= until || self.wearing.springs().slides() {
+            return false;
+        }
+        let end = self.begin_block();
+        if self.wearing.is_full() {
+            let (wearing, values) = self.wearing.extended(&self.control, self.rkc.values());
+            self.wearing = wearing;
+            self.rkc.restart(&mut self.wearing, Some(values));
+        }
+        self.rkc.advance(&mut self.wearing, end);
+        let (began, time) = (self.rkc.began(), self.rkc.time());
+        self.loss = [self.loss[1], self.wearing.energy_rate()];
+        self.worn_by_energy[0] = self.worn_by_energy[1];
+        self.worn_by_energy[1] += self.loss_since(began, time, self.loss[1]);
+        let rate = self.wearing.energy_rate();
+        if end.is_infinite()
+            && rate * time < SETTLED * self.rkc.tolerance() * self.worn_by_energy[1]
+        {
+            self.settled = Some(time);
+        }
+        true
+    }
+
+    /// Commands the next amplitude where a block has ended; when the present one ends.
+    fn begin_block(&mut self) -> f64 {
+        let Tangential::Blocks(blocks) = &self.control.tangential else {
+            return f64::INFINITY;
+        };
+        let Some(block) = blocks.get(self.block) else {
+            return f64::INFINITY;
+        };
+        if self.rkc.time() < block.end {
+            return block.end;
+        }
+        self.block += 1;
+        let Some(next) = blocks.get(self.block) else {
+            return f64::INFINITY;
+        };
+        self.wearing.command(next.threshold);
+        let end = next.end;
+        self.rkc.restart(&mut self.wearing, None);
+        self.loss = [self.wearing.energy_rate(); 2];
+        end
+    }
+
+    /// Simpson's rule for the energy between the beginning of the last step and a time within it.
+    fn loss_since(&mut self, began: f64, time: f64, last: f64) -> f64 {
+        let middle = self.under(0.5 * (began + time), |wearing, _| wearing.energy_rate());
+        (time - began) / 6.0 * (self.loss[0] + 4.0 * middle + last)
+    }
+
+    fn energy_until(&mut self, time: f64) -> f64 {
+        let last = self.under(time, |wearing, _| wearing.energy_rate());
+        self.worn_by_energy[0] + self.loss_since(self.rkc.began(), time, last)
+    }
+
+    /// What holds at a time within the last step.
+    fn under<T>(&mut self, time: f64, what: impl FnOnce(&mut Wearing, &[f64]) -> T) -> T {
+        let values = self.rkc.at(time);
+        self.wearing.press(&values);
+        let result = what(&mut self.wearing, &values);
+        self.wearing.press(self.rkc.values());
+        result
+    }
+
+    /// What it does to V that a stick edge at rest in worn material stands at a border of cells.
+    fn edge_error(&self, worn: &Worn) -> f64 {
+        let Wearing { contact, .. } = &self.wearing;
+        if self.control.normal == Normal::Depth
+            || !moves(&self.control, contact)
+            || worn.stick >= 1.0
+        {
+            return 0.0;
+        }
+        let radii = self.wearing.springs().mesh().radii();
+        let next = radii.partition_point(|r| *r <= worn.stick).clamp(1, radii.len() - 1);
+        let width = radii[next] - radii[next - 1];
+        // In the end all of the load rests on the core.
+        let last = |stick: f64| {
+            let depth = self.control.depth_on_core(&contact.shape, stick);
+            Limit::at_depth(&contact.shape, stick, depth).map(|limit| limit.volume)
+        };
+        let (Some(here), Some(there)) = (last(worn.stick), last(worn.stick + width)) else {
+            return 0.0;
+        };
+        let share = (worn.volume / here).min(1.0);
+        EDGE_SHARE * (1.0 - there / here).abs() * share * share
+    }
+
+    fn volume(&mut self, time: f64) -> f64 {
+        let time = self.within(time);
+        self.under(time, |wearing, values| wearing.volume(values))
+    }
+
+    /// A settled run stays as it is, and so does one that has ended.
+    fn within(&self, time: f64) -> f64 {
+        if self.settled.is_some() || self.wearing.springs().slides() {
+            time.min(self.rkc.time())
+        } else {
+            time
+        }
+    }
+}

@@ -1,0 +1,640 @@
+//! The two laws of wear on one mesh: local pressure times local slip, or the simplified rule (14).
+//!
+//! # Equations
+//! In units of a₀, d₀ and N₀, with A the matrix of the [`mesh`](super::mesh), and Δ/Δ₀ = U/U(0):
+//! ```text
+//! exact        dw/dÑ = p·s·Δ/Δ₀,   p_j = (2/π) Σ D y A_·j / M_j,   A·s = ω
+//! simplified   dg/dÑ = (ξ/ã)·η·ω·Δ/Δ₀  for x < ã,   η = d − g, signed       (14)
+//! V = π Σ M w,   dV/dÑ = 2 Σ D y ω·Δ/Δ₀   (exact: to rounding)
+//! ```
+//! ã is the root of (13) with the present c and d. Where every spring of the contact slips, A·s = ω
+//! has the solution s = (s₀ + w + const)/Δ, so that no system is solved.
+
+use super::contact::Contact;
+use super::control::{Control, Normal, Tangential};
+use super::limit::Limit;
+use super::mesh::Mesh;
+use super::numeric::{Monotone, integrate, largest, vertex};
+use super::rkc::Rates;
+use super::springs::Springs;
+
+/// How dense the nodes are where the stick edge moves inwards, and where it comes to rest, in a₀.
+const BLUR: f64 = 0.003;
+pub const REST_BLUR: f64 = 0.001;
+/// A core under a held depth gives way soon after it has shrunk to this part of the critical radius.
+const GIVES_WAY: f64 = 0.8;
+
+/// How a contact wears.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Law {
+    /// Local pressure times local slip.
+    Exact,
+    /// The rule (14) with its ξ.
+    Simplified(f64),
+}
+
+/// Where the nodes of a mesh lie: evenly spaced where the stick edge moves, and the further apart the
+/// further away from there, r = edge ± ((u/2 + √blur)² − blur); or all evenly spaced.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plan {
+    /// r₀: nothing wears inside.
+    pub start: f64,
+    /// The last node.
+    pub reach: f64,
+    /// Where nodes are dense; none if they are even.
+    pub focus: Option<Focus>,
+    /// Radii at which there must be a node.
+    pub kinks: Vec<f64>,
+}
+
+/// Where nodes are dense.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Focus {
+    /// The innermost radius at which the stick edge is expected,
+    pub from: f64,
+    /// and the outermost.
+    pub to: f64,
+    /// The smaller, the denser; 0 at a stick edge that stays at the start of the mesh.
+    pub blur: f64,
+}
+
+impl Focus {
+    /// At a stick edge that stays.
+    fn at(radius: f64) -> Self {
+        Self { from: radius, to: radius, blur: 0.0 }
+    }
+}
+
+impl Plan {
+    /// The nodes of so many cells.
+    #[must_use]
+    pub fn radii(&self, cells: usize) -> Vec<f64> {
+        let Self { start, reach, .. } = *self;
+        let share = |i: usize| i as f64 / cells as f64;
+        let mut radii: Vec<f64> = match self.focus {
+            None => (0..=cells).map(|i| start + (reach - start) * share(i)).collect(),
+            // Nodes begin quadratically at a stick edge that stays, and end as densely as they can:
+            // slip begins there like a root, and the scar's rim should not lie in a wide cell.
+            Some(Focus { to, blur, .. }) if blur == 0.0 => (0..=cells)
+                .map(|i| to + (reach - to) * share(i) * share(i) * (2.0 - share(i)))
+                .collect(),
+            Some(Focus { from, to, blur }) => {
+                let root = blur.sqrt();
+                let u = |distance: f64| 2.0 * ((distance + blur).sqrt() - root);
+                let r = |u: f64| (0.5 * u + root) * (0.5 * u + root) - blur;
+                let (inside, outside) = (u(from - start), u(reach - to));
+                let between = if to > from { (to - from) / root } else { 0.0 };
+                let all = inside + between + outside;
+                (0..=cells)
+                    .map(|i| match all * share(i) {
+                        u if u < inside => from - r(inside - u),
+                        u if u < inside + between => from + root * (u - inside),
+                        u => to + r(u - inside - between),
+                    })
+                    .collect()
+            }
+        };
+        (radii[0], radii[cells]) = (start, reach);
+        for kink in &self.kinks {
+            let near = radii.partition_point(|r| r < kink);
+            if near == 0 || near > cells {
+                continue;
+            }
+            let at = if radii[near] - kink < kink - radii[near - 1] { near } else { near - 1 };
+            if at > 0 && at < cells {
+                radii[at] = *kink;
+            }
+        }
+        radii
+    }
+}
+
+/// A contact under wear.
+#[derive(Debug, Clone)]
+pub struct Wearing {
+    /// The unworn contact.
+    pub contact: Contact,
+    law: Law,
+    plan: Plan,
+    springs: Springs,
+    /// Δ·s of the unworn contact at the nodes, if every spring slips at the depth 1 + `sunk`.
+    unworn_slip: Vec<f64>,
+    /// s of the nodes.
+    slip: Vec<f64>,
+    /// ã of the simplified rule, as it was last and as wide as it ever was.
+    scar: f64,
+    widest: f64,
+    radius: f64,
+}
+
+/// The worn contact at one instant, in units of a₀, d₀, E*d₀/a₀ and a₀²d₀.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Worn {
+    /// w at the nodes of the mesh; the simplified rule's may be negative near the rim.
+    pub wear: Vec<f64>,
+    /// g of the cells.
+    pub images: Vec<f64>,
+    /// y of the cells in contact.
+    pub compressions: Vec<f64>,
+    /// ω of the cells.
+    pub slips: Vec<f64>,
+    /// d.
+    pub depth: f64,
+    /// Δ.
+    pub threshold: f64,
+    /// c.
+    pub stick: f64,
+    /// ∫₀ᵃ y dx.
+    pub normal: f64,
+    /// ∫₀ᵃ min(Δ, y) dx.
+    pub tangential: f64,
+    /// ∫₀ᵃ y ω dx.
+    pub loss: f64,
+    /// V of the wear that is reported: where it is positive.
+    pub volume: f64,
+    /// The largest wear.
+    pub deepest: f64,
+    /// The largest radius with wear; 0 before there is any.
+    pub scar: f64,
+    /// g(a) = d.
+    pub contact_radius: f64,
+}
+
+impl Wearing {
+    /// Lays a contact out on a mesh.
+    #[must_use]
+    pub fn new(contact: &Contact, control: &Control, law: Law, plan: Plan, cells: usize) -> Self {
+        let mesh = Mesh::new(&contact.shape, plan.radii(cells));
+        let level = 1.0 - contact.threshold;
+        let rest: Vec<f64> = mesh.unworn().iter().map(|g| g - level).collect();
+        let unworn_slip = mesh.solve(&rest);
+        let slip = vec![0.0; cells + 1];
+        let scar = contact.limit.radius;
+        let springs = Springs::new(mesh, contact, control);
+        let contact = contact.clone();
+        Self { contact, law, plan, springs, unworn_slip, slip, scar, widest: 0.0, radius: 0.0 }
+    }
+
+    /// The springs as they were last pressed.
+    #[must_use]
+    pub fn springs(&self) -> &Springs {
+        &self.springs
+    }
+
+    /// Where the nodes lie.
+    #[must_use]
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// Commands another amplitude.
+    pub fn command(&mut self, amplitude: f64) {
+        self.springs.command(amplitude);
+    }
+
+    /// Whether the wear has come near the end of the mesh.
+    #[must_use]
+    pub fn is_full(&self) -> bool {
+        let cells = self.springs.mesh().widths().len();
+        match self.law {
+            // Under a held depth the scar is known beforehand.
+            _ if self.springs.control().normal == Normal::Depth => false,
+            Law::Exact => self.springs.compressions().len() + 3 >= cells,
+            Law::Simplified(_) => self.scar > 0.97 * self.plan.reach,
+        }
+    }
+
+    /// The same contact on a mesh that reaches further, and its values there.
+    #[must_use]
+    pub fn extended(&self, control: &Control, values: &[f64]) -> (Self, Vec<f64>) {
+        let plan = Plan { reach: 1.25 * self.plan.reach, ..self.plan.clone() };
+        let cells = self.springs.mesh().widths().len();
+        let mut larger = Self::new(&self.contact, control, self.law, plan, cells);
+        larger.springs.resume(&self.springs);
+        (larger.scar, larger.widest) = (self.scar, self.widest);
+        let (from, to) = (self.springs.mesh(), larger.springs.mesh());
+        let middles = |mesh: &Mesh| -> Vec<f64> {
+            mesh.radii().windows(2).map(|ends| 0.5 * (ends[0] + ends[1])).collect()
+        };
+        let carried = match self.law {
+            Law::Exact => {
+                let curve = Monotone::through(from.squares().to_vec(), values.to_vec());
+                let end = from.squares()[cells];
+                let mut wear: Vec<f64> = to
+                    .squares()
+                    .iter()
+                    .map(|t| if *t < end { curve.at(*t).max(0.0) } else { 0.0 })
+                    .collect();
+                if to.radii()[0] == 0.0 {
+                    wear[0] = wear[1];
+                }
+                let volume = to.volume(&wear);
+                if volume > 0.0 {
+                    let scale = from.volume(values) / volume;
+                    wear.iter_mut().for_each(|w| *w *= scale);
+                }
+                wear
+            }
+            Law::Simplified(_) => {
+                let known = middles(from);
+                let end = known[cells - 1];
+                let curve = Monotone::through(known, values[1..].to_vec());
+                let here = middles(to);
+                let worn = here.iter().map(|x| if *x < end { curve.at(*x) } else { 0.0 });
+                std::iter::once(0.0).chain(worn).collect()
+            }
+        };
+        (larger, carried)
+    }
+
+    /// The wear under worn images; beyond ã the rule leaves the profile as it was.
+    fn inverse(&self, images: &[f64]) -> Vec<f64> {
+        let mesh = self.springs.mesh();
+        let mut wear = mesh.inverse(images);
+        let scar = self.widest;
+        for (wear, r) in wear.iter_mut().zip(mesh.radii()) {
+            *wear = if *r > scar { 0.0 } else { *wear };
+        }
+        wear
+    }
+
+    /// c of the springs as they were last pressed.
+    fn stick(&self) -> f64 {
+        if self.springs.control().keeps_stick() { self.contact.stick } else { self.springs.stick() }
+    }
+
+    /// ã of the springs as they were last pressed.
+    fn scar_radius(&self) -> f64 {
+        Limit::scar(&self.contact.shape, self.stick(), self.springs.depth(), self.scar)
+    }
+
+    /// Presses the springs to the state that these values describe.
+    pub fn press(&mut self, values: &[f64]) {
+        match self.law {
+            Law::Exact => self.springs.press_wear(values),
+            Law::Simplified(_) => {
+                self.springs.press_images(&values[1..]);
+                if self.springs.threshold() > 0.0 {
+                    self.widest = self.widest.max(self.scar_radius());
+                }
+            }
+        }
+    }
+
+    /// V of the values.
+    #[must_use]
+    pub fn volume(&self, values: &[f64]) -> f64 {
+        match self.law {
+            Law::Exact => self.springs.mesh().volume(values),
+            Law::Simplified(_) => {
+                let mesh = self.springs.mesh();
+                positive_volume(mesh.squares(), &self.inverse(&values[1..]))
+            }
+        }
+    }
+
+    /// dV/dÑ by the energy: 2 ∫ y ω dx·Δ/Δ₀.
+    #[must_use]
+    pub fn energy_rate(&self) -> f64 {
+        2.0 * self.springs.loss() * self.pace()
+    }
+
+    fn pace(&self) -> f64 {
+        self.springs.threshold() / self.contact.threshold
+    }
+
+    /// The state that these values describe.
+    #[must_use]
+    pub fn at(&mut self, values: &[f64]) -> Worn {
+        self.press(values);
+        let springs = &self.springs;
+        let mesh = springs.mesh();
+        let wear = match self.law {
+            Law::Exact => values.to_vec(),
+            Law::Simplified(_) => self.inverse(&values[1..]),
+        };
+        let mut images = springs.images().to_vec();
+        let mut slips = springs.slips().to_vec();
+        let known = images.len();
+        images
+            .extend((known..mesh.widths().len()).map(|q| mesh.unworn()[q] + mesh.image(q, &wear)));
+        slips.resize(images.len(), slips.last().copied().unwrap_or(1.0));
+        let (contact_radius, scar) = self.radii(&wear, &images);
+        let volume = positive_volume(mesh.squares(), &wear);
+        let mut wear = wear;
+        if self.law == Law::Exact && mesh.radii()[0] == 0.0 && self.stick() == 0.0 {
+            // Where the axis slips the worn profile is flat there, however steep it was.
+            let first = mesh.radii()[1];
+            wear[0] = (wear[1] + self.contact.shape.profile(first)).min(2.0 * wear[1]);
+        }
+        Worn {
+            volume,
+            deepest: vertex(mesh.radii(), &wear, largest(&wear)),
+            contact_radius,
+            scar,
+            depth: springs.depth(),
+            threshold: springs.threshold(),
+            stick: self.stick(),
+            normal: springs.normal(),
+            tangential: springs.tangential(),
+            loss: springs.loss(),
+            compressions: springs.compressions().to_vec(),
+            wear,
+            images,
+            slips,
+        }
+    }
+
+    /// Contact radius and scar radius.
+    fn radii(&self, wear: &[f64], images: &[f64]) -> (f64, f64) {
+        let radii = self.springs.mesh().radii();
+        let most = wear.iter().copied().fold(0.0, f64::max);
+        let held = self.springs.control().normal == Normal::Depth;
+        if most == 0.0 {
+            return (1.0, 0.0);
+        }
+        let last = wear.iter().rposition(|w| *w > 1e-9 * most).unwrap_or(0);
+        if let Law::Simplified(_) = self.law {
+            let scar = match wear.get(last + 1) {
+                Some(next) if *next < 0.0 => {
+                    let share = wear[last] / (wear[last] - next);
+                    radii[last] + share * (radii[last + 1] - radii[last])
+                }
+                _ => radii[last],
+            };
+            // The rule wears a free spring towards d, never past it.
+            return (if held { 1.0 } else { self.touching(images) }, scar);
+        }
+        let floor = if held { 1.0 } else { self.unworn_radius() };
+        let end = radii[(last + 1).min(radii.len() - 1)].max(floor);
+        if last == 0 || wear[last - 1] <= wear[last] {
+            return (end, end);
+        }
+        let (here, before) = (wear[last], wear[last - 1]);
+        let reached = radii[last] + here * (radii[last] - radii[last - 1]) / (before - here);
+        let radius = reached.clamp(floor, end);
+        (radius, radius)
+    }
+
+    /// Where the unworn image reaches the present depth.
+    fn unworn_radius(&self) -> f64 {
+        let depth = self.springs.depth();
+        let radii = self.springs.mesh().radii();
+        let end = radii[radii.len() - 1];
+        let shape = &self.contact.shape;
+        if depth <= 1.0 {
+            return 1.0;
+        }
+        if shape.image(end) <= depth {
+            return end;
+        }
+        super::numeric::root(1.0, end, |x| shape.image(x) - depth)
+    }
+
+    /// Where the images pass the depth, between the middles of cells.
+    fn touching(&self, images: &[f64]) -> f64 {
+        let (radii, depth) = (self.springs.mesh().radii(), self.springs.depth());
+        let loaded = self.springs.compressions().len();
+        let middle = |q: usize| 0.5 * (radii[q] + radii[q + 1]);
+        if loaded == 0 || loaded == images.len() {
+            return radii[loaded];
+        }
+        let (inside, outside) = (depth - images[loaded - 1], images[loaded] - depth);
+        let share = inside / (inside + outside);
+        middle(loaded - 1) + share * (middle(loaded) - middle(loaded - 1))
+    }
+
+    /// s at the nodes as far as the contact reaches.
+    fn solve_slip(&mut self, wear: &[f64]) {
+        let springs = &self.springs;
+        let live = springs.compressions().len();
+        let threshold = springs.threshold();
+        if threshold == 0.0 {
+            self.slip.fill(0.0);
+            return;
+        }
+        let harmonic = !matches!(springs.control().tangential, Tangential::Record(_));
+        let most = springs.compressions().iter().copied().fold(0.0, f64::max);
+        let closed = harmonic
+            && if self.plan.start > 0.0 {
+                springs.control().keeps_stick()
+            } else {
+                most < threshold
+            };
+        if closed {
+            // Δ − d + g₀(c): 0 but in gross slip, where both may have changed.
+            let rise = (threshold - self.contact.threshold) - (springs.depth() - 1.0);
+            let rise = if self.plan.start > 0.0 { 0.0 } else { rise };
+            let per_threshold = 1.0 / threshold;
+            for j in 1..=live {
+                self.slip[j] = (self.unworn_slip[j] + wear[j] + rise).max(0.0) * per_threshold;
+            }
+            return;
+        }
+        springs.mesh().solve_into(&springs.slips()[..live], &mut self.slip);
+        for slip in &mut self.slip[..=live] {
+            *slip = slip.max(0.0);
+        }
+    }
+
+    fn exact_rates(&mut self, wear: &[f64], rates: &mut [f64]) {
+        self.springs.press_wear(wear);
+        self.solve_slip(wear);
+        let (springs, pace) = (&self.springs, self.pace());
+        let mesh = springs.mesh();
+        mesh.pressure(springs.compressions(), rates);
+        let live = springs.compressions().len();
+        let widths = mesh.widths();
+        self.radius = 0.0;
+        for j in 1..=live {
+            let slip = self.slip[j] * pace;
+            let narrower = widths[j - 1].min(widths.get(j).copied().unwrap_or(f64::INFINITY));
+            self.radius = self.radius.max(0.5 * slip / narrower);
+            rates[j] *= slip;
+        }
+        rates[live + 1..].fill(0.0);
+        rates[0] = if mesh.radii()[0] == 0.0 { rates[1] } else { 0.0 };
+    }
+
+    fn simplified_rates(&mut self, xi: f64, values: &[f64], rates: &mut [f64]) {
+        self.springs.press_images(&values[1..]);
+        if self.springs.threshold() == 0.0 {
+            rates.fill(0.0);
+            return;
+        }
+        self.scar = self.scar_radius();
+        let springs = &self.springs;
+        let rate = xi / self.scar * self.pace();
+        let radii = springs.mesh().radii();
+        rates[0] = 0.0;
+        for (q, ((image, slip), ends)) in
+            springs.images().iter().zip(springs.slips()).zip(radii.windows(2)).enumerate()
+        {
+            let inside = ((self.scar - ends[0]) / (ends[1] - ends[0])).clamp(0.0, 1.0);
+            rates[q + 1] = rate * inside * (springs.depth() - image) * slip;
+        }
+        self.radius = 2.0 * rate;
+    }
+}
+
+impl Rates for Wearing {
+    fn rates(&mut self, values: &[f64], rates: &mut [f64]) {
+        match self.law {
+            Law::Exact => self.exact_rates(values, rates),
+            Law::Simplified(xi) => self.simplified_rates(xi, values, rates),
+        }
+    }
+
+    fn radius(&self) -> f64 {
+        self.radius
+    }
+
+    fn live(&self) -> usize {
+        match self.law {
+            Law::Exact => self.springs.compressions().len(),
+            Law::Simplified(_) => self.springs.images().len(),
+        }
+    }
+}
+
+/// π ∫ max(0, w) dt of a wear that is linear in t between nodes.
+fn positive_volume(squares: &[f64], wear: &[f64]) -> f64 {
+    let area = |t: &[f64], w: &[f64]| {
+        let (low, high) = (w[0].min(w[1]), w[0].max(w[1]));
+        if high <= 0.0 {
+            0.0
+        } else if low >= 0.0 {
+            0.5 * (t[1] - t[0]) * (low + high)
+        } else {
+            0.5 * (t[1] - t[0]) * high * high / (high - low)
+        }
+    };
+    let sum: f64 = squares.windows(2).zip(wear.windows(2)).map(|(t, w)| area(t, w)).sum();
+    std::f64::consts::PI * sum
+}
+
+impl Plan {
+    /// The mesh for a contact under what is held, before anything is known of the run.
+    ///
+    /// `None` where the scar would outgrow the shape.
+    #[must_use]
+    pub fn first(contact: &Contact, control: &Control, cells: usize) -> Option<Self> {
+        let share = 1.0 + 0.6 / cells as f64;
+        let shape = &contact.shape;
+        let kinks = Vec::new();
+        // A core smaller than the first cells is none: wear that must vanish on it would swing.
+        let least = control.least_stick(contact);
+        let end = control.tends_to(contact);
+        let limit = match end {
+            Some(end) => end.limit,
+            None => Limit::solve(shape, least)?,
+        };
+        let smallest = 2.0 * limit.radius / (cells * cells) as f64;
+        let start = if least < smallest { 0.0 } else { least };
+        let held = matches!(control.tangential, Tangential::Force(_) | Tangential::Rig { .. })
+            && control.normal == Normal::Depth;
+        let mut plan =
+            Self { start, reach: start + (limit.radius - start) * share, focus: None, kinks };
+        if start > 0.0 {
+            plan.focus = Some(if held && contact.stick > start {
+                Focus { from: start, to: contact.stick, blur: BLUR }
+            } else {
+                Focus::at(start)
+            });
+        } else if held && contact.stick > 0.0 {
+            let from = GIVES_WAY * control.critical_stick(shape);
+            plan.focus =
+                Some(Focus { from: from.min(contact.stick), to: contact.stick, blur: BLUR });
+        } else if contact.stick > 0.05 {
+            plan.focus = Some(Focus { from: contact.stick, to: contact.stick, blur: 0.05 });
+        }
+        if let Tangential::Blocks(blocks) = &control.tangential {
+            plan.kinks.extend(
+                blocks
+                    .iter()
+                    .filter(|block| block.threshold > 0.0 && block.threshold < 1.0)
+                    .map(|block| shape.image_inverse(1.0 - block.threshold))
+                    .filter(|c| *c > start),
+            );
+        }
+        Some(plan)
+    }
+}
+
+impl Plan {
+    /// How far the scar can grow up to an instant where all slips under a held force, if it is so: the
+    /// wear volume is at most F̃Ñ, and the worn surface is not more hollow than a flat one.
+    #[must_use]
+    pub fn outermost(contact: &Contact, control: &Control, last: f64) -> Option<f64> {
+        if control.normal == Normal::Depth || control.least_stick(contact) > 0.0 {
+            return None;
+        }
+        let shape = &contact.shape;
+        let most = contact.limit.volume + 2.0 * shape.half_force() * last;
+        let cut = |radius: f64| {
+            let depth = shape.profile(radius);
+            2.0 * std::f64::consts::PI * integrate(0.0, radius, |r| r * (depth - shape.profile(r)))
+        };
+        let mut reach = contact.limit.radius;
+        while cut(reach) < most && reach < shape.extent() && reach < 1e6 {
+            reach *= 1.05;
+        }
+        Some(reach)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::engine::contact::UnwornSums;
+    use crate::engine::control::Block;
+    use crate::engine::profile::Shape;
+    use crate::engine::record::Record;
+    use crate::engine::rkc::Rkc;
+
+    #[test]
+    fn wear_and_dissipated_energy_agree_to_rounding_in_any_state_of_every_mode() {
+        let record = Arc::new(Record::new(&[1.0, -1.0, 0.6, -0.4, 0.8]).expect("motion"));
+        for (shape, threshold) in [
+            (Shape::power(2.0), 0.75),
+            (Shape::power(1.0), 0.79),
+            (Shape::sphere(2.0), 0.3),
+            (Shape::power(2.0), 1.8),
+        ] {
+            let contact = Contact::new(shape, threshold).expect("a limit");
+            let force = UnwornSums::of(&contact, None).tangential;
+            for (normal, tangential) in [
+                (Normal::Depth, Tangential::Amplitude),
+                (Normal::Force, Tangential::Amplitude),
+                (Normal::Depth, Tangential::Force(force)),
+                (Normal::Force, Tangential::Force(force)),
+                (
+                    Normal::Force,
+                    Tangential::Rig { amplitude: threshold + force, compliance: 0.5 },
+                ),
+                (Normal::Depth, Tangential::Blocks(vec![Block { threshold, end: 1e9 }])),
+                (Normal::Depth, Tangential::Record(Arc::clone(&record))),
+            ] {
+                if threshold >= 1.0 && matches!(tangential, Tangential::Force(_)) {
+                    continue;
+                }
+                let control = Control { normal, tangential };
+                let plan = Plan::first(&contact, &control, 64).expect("a scar that fits");
+                let mut wearing = Wearing::new(&contact, &control, Law::Exact, plan, 64);
+                let mut rkc = Rkc::new(&mut wearing, vec![0.0; 65], 3e-3, (1.0, 0.3));
+                for _ in 0..40 {
+                    // dV/dÑ = 2 ∫ y ω dx·Δ/Δ₀, term by term another sum.
+                    let rate = wearing.energy_rate();
+                    let growth = wearing.volume(rkc.rates());
+                    assert!((growth - rate).abs() <= 1e-12 * rate, "{growth} {rate} {control:?}");
+                    if wearing.springs().slides() {
+                        break;
+                    }
+                    rkc.advance(&mut wearing, f64::INFINITY);
+                }
+            }
+        }
+    }
+}
