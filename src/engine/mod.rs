@@ -11,6 +11,7 @@ pub mod numeric;
 pub mod outcome;
 pub mod profile;
 pub mod quantity;
+pub mod reference;
 pub mod request;
 pub mod rkc;
 pub mod scenario;

@@ -22,6 +22,7 @@ mod openapi;
 mod program;
 #[cfg(feature = "serve")]
 mod reference;
+mod reference_solutions;
 #[cfg(feature = "serve")]
 mod refusals;
 #[cfg(feature = "serve")]
