@@ -13,6 +13,7 @@
 mod api;
 mod engine;
 mod exact;
+mod figures;
 #[cfg(feature = "serve")]
 mod kill;
 mod literal;
