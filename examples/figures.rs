@@ -163,7 +163,7 @@ fn legend(cycles: [f64; 5], methods: &[(&str, Dash)]) -> Vec<Series> {
     let line = |color, dash| Style { color, dash, width: 1.6, marked: false };
     let mut keys = vec![key("unworn", UNWORN)];
     for (n, color) in cycles.iter().zip(PALETTE) {
-        keys.push(key(&format!("Ñ = {n} (printed {})", 4.0 * n), line(color, Dash::Solid)));
+        keys.push(key(&format!("$Ñ$ = {n} (printed {})", 4.0 * n), line(color, Dash::Solid)));
     }
     keys.extend(methods.iter().map(|(name, dash)| key(name, line("#000000", *dash))));
     keys.push(key("limit (11), (12)", LIMIT));
@@ -180,7 +180,7 @@ fn figure_2() -> Sheet {
         title: "Figure 2: a paraboloid worn with its indentation depth held".to_owned(),
         caption:
             "Profile (a) and one-dimensional image (b) by the exact method, $c$ = 0.55 $a$₀. Time runs \
-                  from the unworn curve to the limit. Cycles count in N₀ of (18)."
+                  from the unworn curve to the limit. Cycles count in $N$₀ of (18)."
                 .to_owned(),
         columns: 2,
         figures: vec![
@@ -198,7 +198,7 @@ fn figure_3() -> Sheet {
         title: "Figure 3: the simplified rule for a paraboloid, ξ = 0.8".to_owned(),
         caption: "Profile (a) and image (b), $c$ = 0.545 $a$₀; profiles at 0.8 (c) and 1.2 times (d) that \
                   amplitude, with the stick radii that follow from (10). Time runs from the unworn curve \
-                  to the limit. Cycles count in N₀ of (18), each amplitude in its own."
+                  to the limit. Cycles count in $N$₀ of (18), each amplitude in its own."
             .to_owned(),
         columns: 2,
         figures: vec![
@@ -220,7 +220,7 @@ fn figure_4() -> Sheet {
         title: "Figure 4: the simplified rule for a cone, ξ = 0.8".to_owned(),
         caption: "Profile (a) and image (b), $c$ = 0.21 $a$₀; profiles at 0.8 (c) and 0.6 times (d) that \
                   amplitude, with the stick radii that follow from (10). Time runs from the unworn curve \
-                  to the limit. Cycles count in N₀ of (18), each amplitude in its own."
+                  to the limit. Cycles count in $N$₀ of (18), each amplitude in its own."
             .to_owned(),
         columns: 2,
         figures: vec![

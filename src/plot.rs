@@ -280,6 +280,7 @@ impl Figure {
         (scale, line(LABEL, &self.y.label) + widest + 3.0 * GAP)
     }
 
+    /// Where everything stands if `beside` is kept free on the right.
     fn plan(&self, corner: Point, indent: f64, beside: f64) -> Plan {
         let (y, least) = self.vertical();
         let names = |axis: &Axis| {
@@ -288,8 +289,7 @@ impl Figure {
         let above = names(&self.x) > 0.0 || y.power != 0;
         let top =
             corner.1 + line(TITLE, &self.title) + GAP + if above { SMALL * LEADING } else { 0.0 };
-        let below = line(LABEL, &self.x.label).max(line(SMALL, if above { "x" } else { "" }));
-        let bottom = corner.1 + self.size.1 - SMALL * LEADING - below - 2.0 * GAP;
+        let bottom = corner.1 + self.size.1 - (SMALL + LABEL) * LEADING - 2.0 * GAP;
         let left = corner.0 + indent.max(least);
         // Half of the last tick's label hangs over.
         let right = corner.0 + self.size.0 - (beside + names(&self.y) + GAP).max(3.0 * GAP);
@@ -324,7 +324,7 @@ impl Figure {
         canvas.text((area.at(0.5, 0.0).0, below), Anchor::Middle, LABEL, &self.x.label);
         canvas.upward_text((corner.0 + LABEL + 2.0, area.at(0.0, 0.5).1), LABEL, &self.y.label);
         canvas.text((area.right(), below), Anchor::End, SMALL, &plan.x.factor());
-        // Clear of a label at the upper end.
+        // Clear of the label at the upper end.
         let place = (area.left - GAP, above - 0.5 * SMALL);
         canvas.text(place, Anchor::End, SMALL, &plan.y.factor());
         let names = self.x.names(&plan.x, area.width);
