@@ -6,6 +6,7 @@ pub mod api;
 pub mod engine;
 #[cfg(feature = "serve")]
 pub mod job;
+pub mod plot;
 #[cfg(feature = "serve")]
 pub mod store;
 #[cfg(feature = "serve")]

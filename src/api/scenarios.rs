@@ -206,6 +206,7 @@ pub async fn schema(_: NoQuery) -> Response {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::path::Path;
 
     #[test]
     fn every_file_among_the_examples_is_served_under_its_name() {
@@ -213,6 +214,7 @@ mod tests {
         let mut files: Vec<String> = std::fs::read_dir(folder)
             .unwrap()
             .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .filter(|name| Path::new(name).extension().is_some_and(|end| end == "json"))
             .collect();
         let mut served: Vec<String> =
             EXAMPLES.iter().map(|example| format!("{}.json", example.name)).collect();

@@ -17,6 +17,7 @@ pub mod outcome;
 pub mod profile;
 pub mod quantity;
 pub mod record;
+pub mod reference;
 pub mod request;
 pub mod rkc;
 pub mod scenario;

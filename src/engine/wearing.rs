@@ -20,6 +20,7 @@ use super::springs::Springs;
 
 /// How dense the nodes are where the stick edge moves inwards, and where it comes to rest, in a₀.
 const BLUR: f64 = 0.003;
+/// How dense they are where it comes to rest in worn material.
 pub const REST_BLUR: f64 = 0.001;
 /// A core under a held depth gives way soon after it has shrunk to this part of the critical radius.
 const GIVES_WAY: f64 = 0.8;

@@ -14,6 +14,7 @@ mod api;
 mod collocated;
 mod engine;
 mod exact;
+mod figures;
 #[cfg(feature = "serve")]
 mod kill;
 mod literal;
@@ -23,6 +24,7 @@ mod openapi;
 mod program;
 #[cfg(feature = "serve")]
 mod reference;
+mod reference_solutions;
 #[cfg(feature = "serve")]
 mod refusals;
 #[cfg(feature = "serve")]

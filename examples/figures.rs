@@ -1,0 +1,396 @@
+//! Draws Figures 2, 3 and 4 of the paper and prints what is measured of them:
+//! `cargo run --release --example figures [directory]` (`examples/paper` if none is given).
+
+#![cfg_attr(not(test), expect(clippy::expect_used, reason = "an example may stop where it stands"))]
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use fretwork::engine::outcome::Outcome;
+use fretwork::engine::profile::kappa;
+use fretwork::engine::reference::LimitingState;
+use fretwork::engine::{scenario, simulation::Simulation};
+use fretwork::plot::{Axis, Dash, Figure, GREY, PALETTE, Series, Sheet, Style};
+use serde_json::{Value, json};
+
+/// A quarter of the cycles that the captions print: Figure 2, and Figures 3 and 4.
+const CYCLES_2: [f64; 5] = [1.0, 2.5, 5.0, 9.0, 17.5];
+const CYCLES: [f64; 5] = [0.5, 2.0, 4.5, 8.0, 18.0];
+
+/// The stick ratios of Figures 2, 3 and 4: of 3, that with which (10) comes nearest to the others.
+const STICK_2: f64 = 0.55;
+const STICK_3: f64 = 0.545;
+const STICK_4: f64 = 0.21;
+
+const SIZE: (f64, f64) = (370.0, 290.0);
+const LIMIT: Style = Style { color: "#000000", dash: Dash::Dotted, width: 1.6, marked: false };
+const UNWORN: Style = Style { color: GREY, dash: Dash::Solid, width: 1.2, marked: false };
+
+#[cfg_attr(test, expect(dead_code, reason = "the tests use what it prints and draws"))]
+#[expect(clippy::print_stdout, reason = "a program that is run by hand")]
+fn main() {
+    let directory = std::env::args().nth(1).unwrap_or_else(|| "examples/paper".to_owned());
+    for (name, sheet) in sheets() {
+        let path = PathBuf::from(&directory).join(name);
+        std::fs::write(&path, sheet.svg()).expect("a directory to write to");
+        println!("{}", path.display());
+    }
+    println!("\n{}", measured());
+}
+
+/// The figures under their file names.
+#[must_use]
+pub fn sheets() -> [(&'static str, Sheet); 3] {
+    [("figure-2.svg", figure_2()), ("figure-3.svg", figure_3()), ("figure-4.svg", figure_4())]
+}
+
+/// One contact, worn by both methods.
+struct Pair {
+    exponent: f64,
+    stick: f64,
+    simplified: Outcome,
+    exact: Outcome,
+}
+
+/// Wears a paraboloid (2) or a cone (1) with the indentation depth held. Whatever the material, the
+/// dimensionless results are the same.
+fn run(exponent: f64, stick: f64, cycles: &[f64], model: &Value) -> Outcome {
+    let request = json!({
+        "profile": {"shape": "power", "exponent": exponent, "height": "1 um", "at_radius": "1 mm"},
+        "moduli": {"normal": "112.64 GPa", "tangential": "92.76 GPa"},
+        "friction": 0.7,
+        "wear": {"coefficient": "3.03e-5 mm^3/(N m)"},
+        "load": {"indentation_depth": "1 um", "held": "depth"},
+        "motion": {"stick_ratio": stick},
+        "cycles": {"normalized": cycles},
+        "model": model,
+    });
+    let (scenario, _) = scenario::check(&request, "").expect("a valid scenario");
+    Simulation::of(&scenario).expect("a contact").run()
+}
+
+fn simplified_rule(xi: f64) -> Value {
+    json!({"method": "simplified", "xi": xi, "points": 400})
+}
+
+fn exact_method() -> Value {
+    json!({"method": "exact", "tolerance": 5e-4, "points": 400})
+}
+
+fn worn(exponent: f64, stick: f64, cycles: &[f64]) -> Pair {
+    let simplified = run(exponent, stick, cycles, &simplified_rule(0.8));
+    let exact = run(exponent, stick, cycles, &exact_method());
+    Pair { exponent, stick, simplified, exact }
+}
+
+/// c at `factor` times the amplitude, by (10): Δ = 1 − cⁿ is proportional to it.
+fn stick_at(factor: f64, exponent: f64, stick: f64) -> f64 {
+    libm::pow(1.0 - factor * (1.0 - libm::pow(stick, exponent)), 1.0 / exponent)
+}
+
+/// Profiles or images, f or g.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Curve {
+    Profile,
+    Image,
+}
+
+impl Pair {
+    /// One panel: the unworn curve, a curve for each instant of each method, the limit.
+    fn panel(&self, title: &str, curve: Curve, methods: &[(&Outcome, Dash)]) -> Figure {
+        let n = self.exponent;
+        let limit = LimitingState::depth_and_amplitude_held(n, self.stick);
+        let (abscissa, ordinate, top) = match curve {
+            Curve::Profile => ("$r$/$a$₀", "$f$/$d$₀", 1.0),
+            Curve::Image => ("$x$/$a$₀", "$g$/$d$₀", 1.5),
+        };
+        let unworn = |x: f64| match curve {
+            Curve::Profile => libm::pow(x, n) / kappa(n),
+            Curve::Image => libm::pow(x, n),
+        };
+        let grid: Vec<f64> = (0..=320).map(|i| f64::from(i) / 200.0).collect();
+        let heights = grid.iter().map(|x| unworn(*x)).collect();
+        let mut series = vec![Series::new("", grid, heights).styled(UNWORN)];
+        // Inside c nothing is worn, and outside ã no profile is.
+        let reach = if curve == Curve::Profile { limit.radius } else { f64::INFINITY };
+        let worn = |outcome: &Outcome, curve: &[f64], reach: f64| {
+            let (a, d) = (outcome.scales.contact_radius, outcome.scales.indentation_depth);
+            let radii = &outcome.profiles.as_ref().expect("profiles").radius;
+            let points = radii.iter().map(|r| r / a).zip(curve.iter().map(|f| f / d));
+            let (x, y) = points.filter(|(x, _)| (self.stick..=reach).contains(x)).unzip();
+            Series::new("", x, y)
+        };
+        for (outcome, dash) in methods {
+            let profiles = outcome.profiles.as_ref().expect("profiles");
+            let rows = match curve {
+                Curve::Profile => &profiles.worn,
+                Curve::Image => &profiles.image,
+            };
+            for (row, color) in rows[1..].iter().zip(PALETTE) {
+                let style = Style { color, dash: *dash, width: 1.4, marked: false };
+                series.push(worn(outcome, row, reach).styled(style));
+            }
+        }
+        series.push(match curve {
+            Curve::Profile => {
+                let profiles = self.exact.profiles.as_ref().expect("profiles");
+                let limiting = profiles.limiting.as_ref().expect("a limit");
+                worn(&self.exact, limiting, reach).styled(LIMIT)
+            }
+            Curve::Image => {
+                let x = vec![self.stick, self.stick, limit.radius];
+                Series::new("", x, vec![unworn(self.stick), 1.0, 1.0]).styled(LIMIT)
+            }
+        });
+        let marks = vec![(self.stick, "$c$".to_owned()), (limit.radius, "$ã$".to_owned())];
+        let x = Axis { range: Some((0.0, 1.6)), marks, ..Axis::labelled(abscissa) };
+        let y = Axis { range: Some((0.0, top)), ..Axis::labelled(ordinate) };
+        Figure { title: title.to_owned(), x, y, series, size: SIZE }
+    }
+
+    fn both(&self, title: &str, curve: Curve) -> Figure {
+        self.panel(title, curve, &[(&self.simplified, Dash::Solid), (&self.exact, Dash::Dashed)])
+    }
+}
+
+/// Samples for the colours of the cycles and the dashes of the methods.
+fn legend(cycles: [f64; 5], methods: &[(&str, Dash)]) -> Vec<Series> {
+    let key = |label: &str, style| Series {
+        label: label.to_owned(),
+        style: Some(style),
+        ..Series::default()
+    };
+    let line = |color, dash| Style { color, dash, width: 1.6, marked: false };
+    let mut keys = vec![key("unworn", UNWORN)];
+    for (n, color) in cycles.iter().zip(PALETTE) {
+        keys.push(key(&format!("$Ñ$ = {n} (printed {})", 4.0 * n), line(color, Dash::Solid)));
+    }
+    keys.extend(methods.iter().map(|(name, dash)| key(name, line("#000000", *dash))));
+    keys.push(key("limit (11), (12)", LIMIT));
+    keys
+}
+
+const METHODS: [(&str, Dash); 2] =
+    [("simplified rule", Dash::Solid), ("exact method", Dash::Dashed)];
+
+fn figure_2() -> Sheet {
+    let pair = worn(2.0, STICK_2, &CYCLES_2);
+    let exact = [(&pair.exact, Dash::Solid)];
+    Sheet {
+        title: "Figure 2: a paraboloid worn with its indentation depth held".to_owned(),
+        caption:
+            "Profile (a) and one-dimensional image (b) by the exact method, $c$ = 0.55 $a$₀. Time runs \
+                  from the unworn curve to the limit. Cycles count in $N$₀ of (18)."
+                .to_owned(),
+        columns: 2,
+        figures: vec![
+            pair.panel("(a) profile", Curve::Profile, &exact),
+            pair.panel("(b) image", Curve::Image, &exact),
+        ],
+        legend: legend(CYCLES_2, &[]),
+    }
+}
+
+fn figure_3() -> Sheet {
+    let (smaller, larger) = (stick_at(0.8, 2.0, STICK_3), stick_at(1.2, 2.0, STICK_3));
+    let pair = worn(2.0, STICK_3, &CYCLES);
+    Sheet {
+        title: "Figure 3: the simplified rule for a paraboloid, ξ = 0.8".to_owned(),
+        caption: "Profile (a) and image (b), $c$ = 0.545 $a$₀; profiles at 0.8 (c) and 1.2 times (d) that \
+                  amplitude, with the stick radii that follow from (10). Time runs from the unworn curve \
+                  to the limit. Cycles count in $N$₀ of (18), each amplitude in its own."
+            .to_owned(),
+        columns: 2,
+        figures: vec![
+            pair.both("(a) profile, $c$ = 0.545 $a$₀", Curve::Profile),
+            pair.both("(b) image, $c$ = 0.545 $a$₀", Curve::Image),
+            worn(2.0, smaller, &CYCLES)
+                .both(&format!("(c) profile, 0.8 $U$: $c$ = {smaller:.3} $a$₀"), Curve::Profile),
+            worn(2.0, larger, &CYCLES)
+                .both(&format!("(d) profile, 1.2 $U$: $c$ = {larger:.3} $a$₀"), Curve::Profile),
+        ],
+        legend: legend(CYCLES, &METHODS),
+    }
+}
+
+fn figure_4() -> Sheet {
+    let (small, smaller) = (stick_at(0.8, 1.0, STICK_4), stick_at(0.6, 1.0, STICK_4));
+    let pair = worn(1.0, STICK_4, &CYCLES);
+    Sheet {
+        title: "Figure 4: the simplified rule for a cone, ξ = 0.8".to_owned(),
+        caption: "Profile (a) and image (b), $c$ = 0.21 $a$₀; profiles at 0.8 (c) and 0.6 times (d) that \
+                  amplitude, with the stick radii that follow from (10). Time runs from the unworn curve \
+                  to the limit. Cycles count in $N$₀ of (18), each amplitude in its own."
+            .to_owned(),
+        columns: 2,
+        figures: vec![
+            pair.both("(a) profile, $c$ = 0.21 $a$₀", Curve::Profile),
+            pair.both("(b) image, $c$ = 0.21 $a$₀", Curve::Image),
+            worn(1.0, small, &CYCLES)
+                .both(&format!("(c) profile, 0.8 $U$: $c$ = {small:.3} $a$₀"), Curve::Profile),
+            worn(1.0, smaller, &CYCLES)
+                .both(&format!("(d) profile, 0.6 $U$: $c$ = {smaller:.3} $a$₀"), Curve::Profile),
+        ],
+        legend: legend(CYCLES, &METHODS),
+    }
+}
+
+/// The tables of `examples/paper/README.md`.
+#[must_use]
+pub fn measured() -> String {
+    let ratios = stick_ratios();
+    let shares = shares_of_the_limit();
+    let distances = distances_of_the_rule();
+    let fits = best_fits();
+    let radius = error_of_19();
+    format!("{ratios}\n{shares}\n{distances}\n{fits}\n{radius}")
+}
+
+/// The stick ratios that the captions print, and those that follow from (10).
+fn stick_ratios() -> String {
+    let mut out = "| panel | amplitude | printed c/a₀ | from the printed c of (a) | from 0.545 |\n\
+                   |---|---|---|---|---|\n"
+        .to_owned();
+    for (panel, exponent, factor, printed, start, other) in [
+        ("3 (a), (b)", 2.0, 1.0, "0.455", 0.455, Some(STICK_3)),
+        ("3 (c)", 2.0, 0.8, "0.652", 0.455, Some(STICK_3)),
+        ("3 (d)", 2.0, 1.2, "0.41", 0.455, Some(STICK_3)),
+        ("4 (a), (b)", 1.0, 1.0, "0.21", STICK_4, None),
+        ("4 (c)", 1.0, 0.8, "0.368", STICK_4, None),
+        ("4 (d)", 1.0, 0.6, "0.522", STICK_4, None),
+    ] {
+        let from = |start: f64| format!("{:.3}", stick_at(factor, exponent, start));
+        let (first, other) = (from(start), other.map_or_else(String::new, from));
+        let _ = writeln!(out, "| {panel} | {factor:.1} | {printed} | {first} | {other} |");
+    }
+    out
+}
+
+/// How much of the limiting volume is worn, by either method, at the printed cycles and earlier.
+fn shares_of_the_limit() -> String {
+    const ALL: [f64; 7] = [0.5, 2.0, 4.5, 8.0, 18.0, 32.0, 72.0];
+    let mut out = "| V/V∞ in % at Ñ = | 0.5 | 2 | 4.5 | 8 | 18 | 32 | 72 |\n\
+                   |---|---|---|---|---|---|---|---|\n"
+        .to_owned();
+    for (name, exponent, stick) in [("paraboloid", 2.0, STICK_3), ("cone", 1.0, STICK_4)] {
+        let pair = worn(exponent, stick, &ALL);
+        for (method, outcome) in [("exact", &pair.exact), ("simplified", &pair.simplified)] {
+            let limit = outcome.limit.as_ref().expect("a limit").wear_volume;
+            let shares = outcome.history.wear_volume[1..].iter().map(|v| 100.0 * v / limit);
+            let shares: Vec<String> = shares.map(|share| format!("{share:.1}")).collect();
+            let _ = writeln!(out, "| {name}, {method} | {} |", shares.join(" | "));
+        }
+    }
+    out
+}
+
+/// The panels that compare profiles: name, exponent and stick ratio.
+fn panels() -> [(&'static str, f64, f64); 6] {
+    [
+        ("3 (a)", 2.0, STICK_3),
+        ("3 (c)", 2.0, stick_at(0.8, 2.0, STICK_3)),
+        ("3 (d)", 2.0, stick_at(1.2, 2.0, STICK_3)),
+        ("4 (a)", 1.0, STICK_4),
+        ("4 (c)", 1.0, stick_at(0.8, 1.0, STICK_4)),
+        ("4 (d)", 1.0, stick_at(0.6, 1.0, STICK_4)),
+    ]
+}
+
+/// How far the rule is from the exact method: volume, depth and profile.
+fn distances_of_the_rule() -> String {
+    let mut out = "| simplified less exact at Ñ = | 0.5 | 2 | 4.5 | 8 | 18 |\n\
+                   |---|---|---|---|---|---|\n"
+        .to_owned();
+    for (panel, exponent, stick) in panels() {
+        let Pair { simplified, exact, .. } = worn(exponent, stick, &CYCLES);
+        let percent = |of: fn(&Outcome) -> &[f64]| -> Vec<String> {
+            let pairs = of(&simplified)[1..].iter().zip(&of(&exact)[1..]);
+            pairs.map(|(rule, exact)| percents(rule / exact - 1.0, 1)).collect()
+        };
+        let volume = percent(|outcome| &outcome.history.wear_volume).join(" | ");
+        let depth = percent(|outcome| &outcome.history.wear_depth).join(" | ");
+        let _ = writeln!(out, "| {panel} volume, % | {volume} |");
+        let _ = writeln!(out, "| {panel} depth, % | {depth} |");
+        let wear = |outcome: &Outcome| outcome.profiles.as_ref().expect("profiles").wear.clone();
+        let depth = exact.scales.indentation_depth;
+        let farthest =
+            wear(&simplified).into_iter().zip(wear(&exact)).skip(1).map(|(rule, exact)| {
+                let distances = rule.iter().zip(exact).map(|(rule, exact)| (rule - exact).abs());
+                format!("{:.3}", distances.fold(0.0, f64::max) / depth)
+            });
+        let farthest = farthest.collect::<Vec<_>>().join(" | ");
+        let _ = writeln!(out, "| {panel} profile, at most, d₀ | {farthest} |");
+    }
+    out
+}
+
+/// The ξ with which the rule comes nearest to the exact method over the instants of the figures: to
+/// its profiles, in the mean square, and to its volumes, at worst.
+fn best_fits() -> String {
+    let mut out =
+        "| panel | ξ for profiles | the same in a₀/ã | ξ for volumes |\n|---|---|---|---|\n"
+            .to_owned();
+    for (panel, exponent, stick) in panels() {
+        let exact = run(exponent, stick, &CYCLES, &exact_method());
+        let distances: Vec<(f64, f64, f64)> = (50..=150)
+            .map(|hundredths| {
+                let xi = f64::from(hundredths) / 100.0;
+                let rule = run(exponent, stick, &CYCLES, &simplified_rule(xi));
+                (xi, mean_square(&rule, &exact), worst_volume(&rule, &exact))
+            })
+            .collect();
+        let best = |of: fn(&(f64, f64, f64)) -> f64| {
+            distances.iter().min_by(|a, b| of(a).total_cmp(&of(b))).expect("some").0
+        };
+        let (profiles, volumes) = (best(|fit| fit.1), best(|fit| fit.2));
+        let reach = LimitingState::depth_and_amplitude_held(exponent, stick).radius;
+        let _ =
+            writeln!(out, "| {panel} | {profiles:.2} | {:.2} | {volumes:.2} |", profiles / reach);
+    }
+    out
+}
+
+/// ∫ (w − w′)² dr, summed over the instants.
+fn mean_square(rule: &Outcome, exact: &Outcome) -> f64 {
+    let rule = rule.profiles.as_ref().expect("profiles");
+    let exact = exact.profiles.as_ref().expect("profiles");
+    let widths: Vec<f64> = exact.radius.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let rows = rule.wear.iter().zip(&exact.wear);
+    let points = rows.flat_map(|(rule, exact)| rule[1..].iter().zip(&exact[1..]).zip(&widths));
+    points.map(|((rule, exact), width)| (rule - exact) * (rule - exact) * width).sum()
+}
+
+/// The largest relative distance of volumes.
+fn worst_volume(rule: &Outcome, exact: &Outcome) -> f64 {
+    let volumes = rule.history.wear_volume[1..].iter().zip(&exact.history.wear_volume[1..]);
+    volumes.map(|(rule, exact)| (rule / exact - 1.0).abs()).fold(0.0, f64::max)
+}
+
+/// A small share in percent, with a sign unless it vanishes.
+fn percents(share: f64, decimals: usize) -> String {
+    let text = format!("{:+.decimals$}", 100.0 * share).replace('-', "−");
+    if text.contains(|digit| matches!(digit, '1'..='9')) {
+        text
+    } else {
+        text[text.len() - decimals - 2..].to_owned()
+    }
+}
+
+/// By how much (19) falls below the root of (13), which it approximates.
+fn error_of_19() -> String {
+    let error = |c: f64| {
+        let root = LimitingState::depth_and_amplitude_held(2.0, c).radius;
+        ((0.25 * c * c + 2.0).sqrt() - 0.5 * c) / root - 1.0
+    };
+    let ratios = || (1..1000).map(|i| f64::from(i) / 1000.0);
+    let worst = ratios().min_by(|a, b| error(*a).total_cmp(&error(*b))).expect("some");
+    let mut out =
+        "| c/a₀ | 0.1 | 0.3 | 0.545 | 0.8 | worst |\n|---|---|---|---|---|---|\n".to_owned();
+    let errors = [0.1, 0.3, STICK_3, 0.8].map(|c| percents(error(c), 2)).join(" | ");
+    let _ = writeln!(
+        out,
+        "| (19) against (13), % | {errors} | {} at {worst:.2} |",
+        percents(error(worst), 2)
+    );
+    out
+}

@@ -1,0 +1,404 @@
+//! Figures as SVG: curves on linear or logarithmic axes, for the screen and for print.
+//!
+//! A [`Figure`] is a single diagram; a [`Sheet`] holds several, with a common legend and a caption.
+//! The same figure gives the same bytes everywhere. Series that do not choose get the colours of
+//! Okabe and Ito, which colour-blind people can tell apart, and dashes of their own, so that they
+//! differ without colour too. The legend stands where no curve runs, or beside the diagram if there
+//! is no such place. In labels, `$` signs enclose italics: `"$r$/$a$₀"`.
+//!
+//! # Examples
+//! ```
+//! use fretwork::plot::{Axis, Figure, Series};
+//! let radii: Vec<f64> = (0..=20).map(|i| f64::from(i) / 20.0).collect();
+//! let hertz = radii.iter().map(|r| (1.0 - r * r).sqrt()).collect();
+//! let figure = Figure {
+//!     title: "Pressure of Hertz".to_owned(),
+//!     x: Axis::labelled("$r$/$a$"),
+//!     y: Axis::labelled("$p$/$p$₀"),
+//!     series: vec![Series::new("elastic", radii, hertz)],
+//!     ..Figure::default()
+//! };
+//! assert!(figure.svg().starts_with("<svg xmlns="));
+//! ```
+//!
+//! # Sources
+//! M. Okabe, K. Ito, *Color Universal Design* (2008): the colours.
+
+mod canvas;
+mod legend;
+mod scale;
+pub mod text;
+
+use canvas::{Anchor, Area, Canvas, Point};
+use legend::Legend;
+use scale::{Scale, Tick};
+use text::{width, wrap};
+
+/// The colours of Okabe and Ito, without yellow, which white paper swallows.
+pub const PALETTE: [&str; 7] =
+    ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000"];
+/// Grey, for what stands behind.
+pub const GREY: &str = "#888888";
+
+/// Sizes of text in px: titles of sheets and figures, labels of axes, and ticks, legends, captions.
+const HEADING: f64 = 15.0;
+const TITLE: f64 = 12.5;
+const LABEL: f64 = 12.0;
+const SMALL: f64 = 10.5;
+/// From line to line, in font sizes.
+const LEADING: f64 = 1.3;
+/// Between things that must not touch, in px.
+const GAP: f64 = 6.0;
+/// Room that a tick with its label takes, across and down, in px.
+const TICK_ROOM: (f64, f64) = (58.0, 42.0);
+/// Of a baseline below the middle of small text.
+const SINK: f64 = 0.35 * SMALL;
+const TICK: Style = Style { color: "#000", dash: Dash::Solid, width: 0.8, marked: false };
+const GRID: Style = Style { color: "#e4e4e4", dash: Dash::Solid, width: 0.6, marked: false };
+const RULE: Style = Style { color: "#555", dash: Dash::ShortDashed, width: 0.8, marked: false };
+
+/// How a line is broken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Dash {
+    /// Not at all.
+    Solid,
+    /// Long strokes.
+    Dashed,
+    /// Dots.
+    Dotted,
+    /// Strokes and dots in turn.
+    DashDotted,
+    /// Short strokes.
+    ShortDashed,
+}
+
+impl Dash {
+    /// All of them, in the order in which series get them.
+    pub const ALL: [Self; 5] =
+        [Self::Solid, Self::Dashed, Self::DashDotted, Self::ShortDashed, Self::Dotted];
+}
+
+/// How a series looks.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Style {
+    /// Any colour that SVG knows.
+    pub color: &'static str,
+    /// The dashes of its line.
+    pub dash: Dash,
+    /// The width of its line in px; 0 for none.
+    pub width: f64,
+    /// Whether its points are marked.
+    pub marked: bool,
+}
+
+impl Style {
+    /// The style of the series with a number, counted from 0.
+    #[must_use]
+    pub fn numbered(i: usize) -> Self {
+        let color = PALETTE[i % PALETTE.len()];
+        Self { color, dash: Dash::ALL[i % Dash::ALL.len()], width: 1.6, marked: false }
+    }
+}
+
+/// A curve through points.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Series {
+    /// Its name in the legend; empty if it has none.
+    pub label: String,
+    /// Abscissae.
+    pub x: Vec<f64>,
+    /// Ordinates. The curve breaks where a value is not finite, or not positive on a logarithmic axis.
+    pub y: Vec<f64>,
+    /// How it looks; by its number in the figure if not given.
+    pub style: Option<Style>,
+}
+
+impl Series {
+    /// A series that looks as its number says.
+    #[must_use]
+    pub fn new(label: &str, x: Vec<f64>, y: Vec<f64>) -> Self {
+        Self { label: label.to_owned(), x, y, style: None }
+    }
+
+    /// The same series in a style of its own.
+    #[must_use]
+    pub fn styled(self, style: Style) -> Self {
+        Self { style: Some(style), ..self }
+    }
+}
+
+/// One of the two axes.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Axis {
+    /// What it shows, with the unit.
+    pub label: String,
+    /// Whether it is logarithmic.
+    pub log: bool,
+    /// Its ends; from the data if not given.
+    pub range: Option<(f64, f64)>,
+    /// Values marked by a dashed line across the figure, each with its name.
+    pub marks: Vec<(f64, String)>,
+}
+
+impl Axis {
+    /// A linear axis over the data.
+    #[must_use]
+    pub fn labelled(label: &str) -> Self {
+        Self { label: label.to_owned(), ..Self::default() }
+    }
+}
+
+/// A diagram.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Figure {
+    /// Above the diagram.
+    pub title: String,
+    /// The horizontal axis.
+    pub x: Axis,
+    /// The vertical axis.
+    pub y: Axis,
+    /// Curves, the last on top.
+    pub series: Vec<Series>,
+    /// Width and height in px, of which 96 make an inch.
+    pub size: (f64, f64),
+}
+
+impl Default for Figure {
+    fn default() -> Self {
+        Self {
+            title: String::new(),
+            x: Axis::default(),
+            y: Axis::default(),
+            series: Vec::new(),
+            size: (480.0, 340.0),
+        }
+    }
+}
+
+/// Diagrams side by side, in rows.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Sheet {
+    /// Above all.
+    pub title: String,
+    /// Below all.
+    pub caption: String,
+    /// Diagrams in a row.
+    pub columns: usize,
+    /// The diagrams, row by row; all of the size of the first.
+    pub figures: Vec<Figure>,
+    /// A legend for all, below the diagrams: labels and styles count, points do not.
+    pub legend: Vec<Series>,
+}
+
+/// Where the parts of a figure stand.
+struct Plan {
+    area: Area,
+    x: Scale,
+    y: Scale,
+}
+
+impl Plan {
+    fn point(&self, x: f64, y: f64) -> Option<Point> {
+        Some(self.area.at(self.x.share(x)?, self.y.share(y)?))
+    }
+
+    /// The lines across the figure at the marks of both axes.
+    fn rules(&self, figure: &Figure) -> Vec<(Point, Point)> {
+        let area = &self.area;
+        let across = |share: f64| (area.at(0.0, share), area.at(1.0, share));
+        let upright = |share: f64| (area.at(share, 0.0), area.at(share, 1.0));
+        let marked = |axis: &Axis, scale: &Scale| -> Vec<f64> {
+            axis.marks.iter().filter_map(|(value, _)| scale.share(*value)).collect()
+        };
+        let x = marked(&figure.x, &self.x).into_iter().map(upright);
+        x.chain(marked(&figure.y, &self.y).into_iter().map(across)).collect()
+    }
+}
+
+impl Figure {
+    /// The figure as an SVG document.
+    #[must_use]
+    pub fn svg(&self) -> String {
+        let mut canvas = Canvas::default();
+        self.draw(&mut canvas, (0.0, 0.0), 0.0);
+        canvas.document(self.size, &self.title)
+    }
+
+    /// Draws the figure with its upper left corner at a place, its area indented at least so far.
+    fn draw(&self, canvas: &mut Canvas, corner: Point, indent: f64) {
+        let styles: Vec<Style> = (0..)
+            .zip(&self.series)
+            .map(|(i, series)| series.style.unwrap_or_else(|| Style::numbered(i)))
+            .collect();
+        let legend = Legend::of(self.series.iter().zip(styles.iter().copied()));
+        let mut plan = self.plan(corner, indent, 0.0);
+        let place = legend.as_ref().map(|legend| {
+            let mut lines = plan.rules(self);
+            for run in self.curves(&plan).into_iter().flatten() {
+                lines.extend(run.windows(2).map(|pair| (pair[0], pair[1])));
+                lines.extend(run.first().map(|point| (*point, *point)));
+            }
+            legend.place(&plan.area, &lines).unwrap_or_else(|| {
+                plan = self.plan(corner, indent, legend.size().0);
+                (corner.0 + self.size.0 - legend.size().0, plan.area.top)
+            })
+        });
+        self.draw_axes(canvas, &plan, corner);
+        canvas.open_window(&plan.area);
+        for (from, to) in plan.rules(self) {
+            canvas.line(from, to, &RULE);
+        }
+        for (curve, style) in self.curves(&plan).iter().zip(&styles) {
+            for run in curve {
+                canvas.curve(run, style);
+            }
+        }
+        canvas.close_window();
+        canvas.rectangle(&plan.area, false);
+        if let (Some(legend), Some(place)) = (legend, place) {
+            legend.draw(canvas, place);
+        }
+    }
+
+    /// The unbroken runs of every series, in px.
+    fn curves(&self, plan: &Plan) -> Vec<Vec<Vec<Point>>> {
+        let runs = |series: &Series| {
+            let points = series.x.iter().zip(&series.y).map(|(x, y)| plan.point(*x, *y));
+            let points: Vec<Option<Point>> = points.collect();
+            let runs = points.split(Option::is_none).filter(|run| !run.is_empty());
+            runs.map(|run| run.iter().flatten().copied().collect()).collect()
+        };
+        self.series.iter().map(runs).collect()
+    }
+
+    /// The scale of the vertical axis, and how far it needs the area to be indented.
+    fn vertical(&self) -> (Scale, f64) {
+        let values = self.series.iter().flat_map(|series| &series.y).copied();
+        let scale = Scale::new(&self.y, values, (self.size.1 - 70.0) / TICK_ROOM.1);
+        let ticks = scale.ticks.iter().filter_map(|tick| tick.label.as_deref());
+        let widest = ticks.map(width).fold(0.0, f64::max) * SMALL;
+        (scale, line(LABEL, &self.y.label) + widest + 3.0 * GAP)
+    }
+
+    /// Where everything stands if `beside` is kept free on the right.
+    fn plan(&self, corner: Point, indent: f64, beside: f64) -> Plan {
+        let (y, least) = self.vertical();
+        let names = |axis: &Axis| {
+            axis.marks.iter().map(|(_, name)| width(name) * SMALL).fold(0.0, f64::max)
+        };
+        let above = names(&self.x) > 0.0 || y.power != 0;
+        let top =
+            corner.1 + line(TITLE, &self.title) + GAP + if above { SMALL * LEADING } else { 0.0 };
+        let bottom = corner.1 + self.size.1 - (SMALL + LABEL) * LEADING - 2.0 * GAP;
+        let left = corner.0 + indent.max(least);
+        // Half of the last tick's label hangs over.
+        let right = corner.0 + self.size.0 - (beside + names(&self.y) + GAP).max(3.0 * GAP);
+        let values = self.series.iter().flat_map(|series| &series.x).copied();
+        let x = Scale::new(&self.x, values, (right - left) / TICK_ROOM.0);
+        let (width, height) = ((right - left).max(1.0), (bottom - top).max(1.0));
+        Plan { area: Area { left, top, width, height }, x, y }
+    }
+
+    fn draw_axes(&self, canvas: &mut Canvas, plan: &Plan, corner: Point) {
+        let area = &plan.area;
+        let length = |tick: &Tick| if tick.label.is_some() { 4.0 } else { 2.0 };
+        for tick in &plan.x.ticks {
+            let foot = area.at(tick.share, 0.0);
+            canvas.line(foot, (foot.0, foot.1 + length(tick)), &TICK);
+            if let Some(label) = &tick.label {
+                canvas.line(foot, area.at(tick.share, 1.0), &GRID);
+                canvas.text((foot.0, foot.1 + SMALL + GAP), Anchor::Middle, SMALL, label);
+            }
+        }
+        for tick in &plan.y.ticks {
+            let foot = area.at(0.0, tick.share);
+            canvas.line(foot, (foot.0 - length(tick), foot.1), &TICK);
+            if let Some(label) = &tick.label {
+                canvas.line(foot, area.at(1.0, tick.share), &GRID);
+                canvas.text((foot.0 - GAP, foot.1 + SINK), Anchor::End, SMALL, label);
+            }
+        }
+        let below = area.bottom() + SMALL * LEADING + LABEL + GAP;
+        let above = area.top - 0.5 * GAP;
+        canvas.title((area.left, corner.1 + TITLE), TITLE, &self.title);
+        canvas.text((area.at(0.5, 0.0).0, below), Anchor::Middle, LABEL, &self.x.label);
+        canvas.upward_text((corner.0 + LABEL + 2.0, area.at(0.0, 0.5).1), LABEL, &self.y.label);
+        canvas.text((area.right(), below), Anchor::End, SMALL, &plan.x.factor());
+        // Clear of the label at the upper end.
+        let place = (area.left - GAP, above - 0.5 * SMALL);
+        canvas.text(place, Anchor::End, SMALL, &plan.y.factor());
+        let names = self.x.names(&plan.x, area.width);
+        for (x, name) in apart(names, |name| width(name) * SMALL + GAP) {
+            canvas.text((area.left + x, above), Anchor::Middle, SMALL, name);
+        }
+        let names = self.y.names(&plan.y, area.height);
+        for (y, name) in apart(names, |_| SMALL) {
+            let place = (area.right() + 0.5 * GAP, area.bottom() - y + SINK);
+            canvas.text(place, Anchor::Start, SMALL, name);
+        }
+    }
+}
+
+impl Axis {
+    /// The names of the marks within the scale, each with its distance from the lower end.
+    fn names(&self, scale: &Scale, length: f64) -> Vec<(f64, &str)> {
+        let shares = self.marks.iter().filter_map(|(value, name)| {
+            let share = scale.share(*value).filter(|share| (0.0..=1.0).contains(share))?;
+            Some((share * length, name.as_str()))
+        });
+        let mut names: Vec<(f64, &str)> = shares.collect();
+        names.sort_by(|a, b| a.0.total_cmp(&b.0));
+        names
+    }
+}
+
+/// Moves names on until none stands on the one before, and the first within the axis.
+fn apart(mut names: Vec<(f64, &str)>, extent: impl Fn(&str) -> f64) -> Vec<(f64, &str)> {
+    let mut free = 0.0_f64;
+    for (place, name) in &mut names {
+        let half = 0.5 * extent(name);
+        *place = place.max(free + half);
+        free = *place + half;
+    }
+    names
+}
+
+impl Sheet {
+    /// The sheet as an SVG document.
+    #[must_use]
+    pub fn svg(&self) -> String {
+        let mut canvas = Canvas::default();
+        let columns = self.columns.max(1);
+        let (wide, high) = self.figures.first().map_or((0.0, 0.0), |figure| figure.size);
+        let measure = wide * columns as f64;
+        let mut y = 0.5 * GAP;
+        if !self.title.is_empty() {
+            canvas.title((2.0 * GAP, y + HEADING), HEADING, &self.title);
+            y += HEADING * LEADING + GAP;
+        }
+        let indent = self.figures.iter().map(|figure| figure.vertical().1).fold(0.0, f64::max);
+        for (i, figure) in self.figures.iter().enumerate() {
+            let (row, column) = (i / columns, i % columns);
+            figure.draw(&mut canvas, (column as f64 * wide, y + row as f64 * high), indent);
+        }
+        y += self.figures.len().div_ceil(columns) as f64 * high;
+        let styles = self.legend.iter().enumerate();
+        let styles = styles.map(|(i, series)| series.style.unwrap_or_else(|| Style::numbered(i)));
+        if let Some(legend) = Legend::of(self.legend.iter().zip(styles)) {
+            y += GAP;
+            legend.draw_rows(&mut canvas, (GAP, y), measure - 2.0 * GAP);
+            y += legend.height(measure - 2.0 * GAP);
+        }
+        for words in wrap(&self.caption, (measure - 4.0 * GAP) / SMALL) {
+            y += SMALL * LEADING;
+            canvas.text((2.0 * GAP, y), Anchor::Start, SMALL, &words);
+        }
+        let name = if self.title.is_empty() { &self.caption } else { &self.title };
+        canvas.document((measure, y + 1.5 * GAP), name)
+    }
+}
+
+/// The height of a line, if it is there at all.
+fn line(size: f64, label: &str) -> f64 {
+    if label.is_empty() { 0.0 } else { size * LEADING }
+}

@@ -1,0 +1,259 @@
+//! The few things that SVG has to draw. Coordinates are px from the upper left corner.
+
+use super::text::{escape, markup};
+use super::{Dash, Style};
+
+/// Deviations in px that nobody sees.
+const UNSEEN: f64 = 0.02;
+
+/// A place in px, from the left and from the top.
+pub type Point = (f64, f64);
+
+/// A rectangle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Area {
+    pub left: f64,
+    pub top: f64,
+    pub width: f64,
+    pub height: f64,
+}
+
+impl Area {
+    pub fn right(&self) -> f64 {
+        self.left + self.width
+    }
+
+    pub fn bottom(&self) -> f64 {
+        self.top + self.height
+    }
+
+    /// The place at shares of width and height, counted from the lower left corner.
+    pub fn at(&self, across: f64, up: f64) -> Point {
+        (self.left + across * self.width, self.bottom() - up * self.height)
+    }
+
+    /// Whether a straight line comes into the rectangle (L. Barsky's clipping).
+    pub fn meets(&self, (x, y): Point, end: Point) -> bool {
+        let (dx, dy) = (end.0 - x, end.1 - y);
+        let bounds = [
+            (-dx, x - self.left),
+            (dx, self.right() - x),
+            (-dy, y - self.top),
+            (dy, self.bottom() - y),
+        ];
+        let (mut first, mut last) = (0.0_f64, 1.0_f64);
+        for (step, room) in bounds {
+            if step == 0.0 && room < 0.0 {
+                return false;
+            }
+            if step < 0.0 {
+                first = first.max(room / step);
+            } else if step > 0.0 {
+                last = last.min(room / step);
+            }
+        }
+        first <= last
+    }
+}
+
+/// Where a text stands relative to its place.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Anchor {
+    Start,
+    Middle,
+    End,
+}
+
+impl Anchor {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Start => "start",
+            Self::Middle => "middle",
+            Self::End => "end",
+        }
+    }
+}
+
+/// A drawing under way.
+#[derive(Debug, Default)]
+pub struct Canvas {
+    body: String,
+}
+
+impl Canvas {
+    fn put(&mut self, element: &str) {
+        self.body.push_str(element);
+        self.body.push('\n');
+    }
+
+    /// A label on one line, its baseline at the place.
+    pub fn text(&mut self, place: Point, anchor: Anchor, size: f64, label: &str) {
+        self.label(place, anchor, size, label, "");
+    }
+
+    /// A title.
+    pub fn title(&mut self, place: Point, size: f64, label: &str) {
+        self.label(place, Anchor::Start, size, label, " font-weight=\"bold\"");
+    }
+
+    /// A label that reads upwards.
+    pub fn upward_text(&mut self, place: Point, size: f64, label: &str) {
+        let turn = format!(" transform=\"rotate(-90 {} {})\"", px(place.0), px(place.1));
+        self.label(place, Anchor::Middle, size, label, &turn);
+    }
+
+    fn label(&mut self, (x, y): Point, anchor: Anchor, size: f64, label: &str, more: &str) {
+        if label.is_empty() {
+            return;
+        }
+        let (x, y, anchor, label) = (px(x), px(y), anchor.name(), markup(label));
+        self.put(&format!(
+            "<text x=\"{x}\" y=\"{y}\" font-size=\"{size}\" text-anchor=\"{anchor}\"{more}>{label}</text>"
+        ));
+    }
+
+    /// A straight line.
+    pub fn line(&mut self, from: Point, to: Point, style: &Style) {
+        self.put(&format!("<path d=\"{}\"{}/>", path(&[from, to]), stroke(style)));
+    }
+
+    /// A curve through points, and its marks.
+    pub fn curve(&mut self, points: &[Point], style: &Style) {
+        if points.len() > 1 && style.width > 0.0 {
+            self.put(&format!("<path d=\"{}\"{}/>", path(&thinned(points)), stroke(style)));
+        }
+        if style.marked {
+            for (x, y) in points {
+                self.put(&format!(
+                    "<circle cx=\"{}\" cy=\"{}\" r=\"2.6\" fill=\"{}\"/>",
+                    px(*x),
+                    px(*y),
+                    style.color
+                ));
+            }
+        }
+    }
+
+    /// A rectangle, filled with white or with a black border.
+    pub fn rectangle(&mut self, area: &Area, filled: bool) {
+        let paint = if filled {
+            "fill=\"#fff\" fill-opacity=\"0.85\""
+        } else {
+            "fill=\"none\" stroke=\"#000\" stroke-width=\"0.8\""
+        };
+        self.put(&format!("<rect {} {paint}/>", bounds(area)));
+    }
+
+    /// What follows shows only inside a rectangle.
+    pub fn open_window(&mut self, area: &Area) {
+        let Area { left, top, width, height } = *area;
+        let view = [left, top, width, height].map(px).join(" ");
+        self.put(&format!("<svg {} viewBox=\"{view}\">", bounds(area)));
+    }
+
+    /// Ends [`open_window`](Self::open_window).
+    pub fn close_window(&mut self) {
+        self.put("</svg>");
+    }
+
+    /// The drawing as a document; its name is for those who cannot see it.
+    pub fn document(self, (width, height): (f64, f64), name: &str) -> String {
+        let (width, height) = (px(width), px(height));
+        let name = escape(&name.replace('$', ""));
+        format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
+             viewBox=\"0 0 {width} {height}\" role=\"img\" aria-label=\"{name}\">\n\
+             <rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n\
+             <g font-family=\"Helvetica, Arial, 'Liberation Sans', sans-serif\" fill=\"#000\">\n\
+             {}</g>\n</svg>\n",
+            self.body
+        )
+    }
+}
+
+/// A length with two decimals at most.
+fn px(x: f64) -> String {
+    let text = format!("{x:.2}");
+    match text.trim_end_matches('0').trim_end_matches('.') {
+        "-0" => "0".to_owned(),
+        short => short.to_owned(),
+    }
+}
+
+fn bounds(area: &Area) -> String {
+    let Area { left, top, width, height } = *area;
+    let [x, y, width, height] = [left, top, width, height].map(px);
+    format!("x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\"")
+}
+
+fn path(points: &[Point]) -> String {
+    let places: Vec<String> =
+        points.iter().map(|(x, y)| format!("{} {}", px(*x), px(*y))).collect();
+    format!("M{}", places.join("L"))
+}
+
+fn stroke(style: &Style) -> String {
+    let dashes = match style.dash {
+        Dash::Solid => "",
+        Dash::Dashed => " stroke-dasharray=\"8 3\"",
+        Dash::DashDotted => " stroke-dasharray=\"8 2.5 1.6 2.5\"",
+        Dash::ShortDashed => " stroke-dasharray=\"4 2\"",
+        Dash::Dotted => " stroke-dasharray=\"1.6 2.2\"",
+    };
+    let Style { color, width, .. } = style;
+    format!(
+        " fill=\"none\" stroke=\"{color}\" stroke-width=\"{width}\" stroke-linejoin=\"round\"{dashes}"
+    )
+}
+
+/// The points that a curve needs to look the same.
+fn thinned(points: &[Point]) -> Vec<Point> {
+    let mut kept: Vec<Point> = points.first().copied().into_iter().collect();
+    let mut start = 0;
+    for end in 2..points.len() {
+        let skipped = &points[start + 1..end];
+        if skipped.iter().any(|point| distance(*point, points[start], points[end]) > UNSEEN) {
+            start = end - 1;
+            kept.push(points[start]);
+        }
+    }
+    kept.extend(points.last().filter(|_| points.len() > 1));
+    kept
+}
+
+/// How far a point lies from the straight line between two others.
+fn distance((x, y): Point, from: Point, to: Point) -> f64 {
+    let (dx, dy) = (to.0 - from.0, to.1 - from.1);
+    let square = dx * dx + dy * dy;
+    let share = if square > 0.0 { ((x - from.0) * dx + (y - from.1) * dy) / square } else { 0.0 };
+    let share = share.clamp(0.0, 1.0);
+    libm::hypot(x - from.0 - share * dx, y - from.1 - share * dy)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_meets_a_rectangle_or_passes_it() {
+        let area = Area { left: 1.0, top: 1.0, width: 2.0, height: 1.0 };
+        assert!(area.meets((0.0, 1.5), (4.0, 1.5)) && area.meets((2.0, 1.2), (2.0, 1.2)));
+        assert!(area.meets((0.0, 0.0), (4.0, 3.0)));
+        assert!(!area.meets((0.0, 1.0), (1.0, 3.0)) && !area.meets((0.0, 0.5), (4.0, 0.5)));
+        assert!(!area.meets((4.0, 0.0), (4.0, 3.0)));
+    }
+
+    #[test]
+    fn points_on_a_straight_line_are_left_out_and_corners_stay() {
+        let points: Vec<Point> = (0..=20).map(f64::from).map(|x| (x, (x - 7.0).abs())).collect();
+        assert_eq!(thinned(&points), [(0.0, 7.0), (7.0, 0.0), (20.0, 13.0)]);
+        assert_eq!(thinned(&[(0.0, 0.0), (9.0, 0.0), (5.0, 0.0)]).len(), 3);
+        assert_eq!(thinned(&[(1.0, 2.0)]), [(1.0, 2.0)]);
+        assert!(thinned(&[]).is_empty());
+    }
+
+    #[test]
+    fn lengths_are_short_and_never_minus_nothing() {
+        assert_eq!([12.0, 12.5, 0.126, -0.001].map(px).join(" "), "12 12.5 0.13 0");
+    }
+}

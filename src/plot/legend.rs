@@ -1,0 +1,145 @@
+//! Legends: samples of lines with their names, in a column within a figure or in rows below a sheet.
+
+use super::canvas::{Anchor, Area, Canvas, Point};
+use super::text::width;
+use super::{GAP, LEADING, SINK, SMALL, Series, Style};
+
+/// The length of a sample.
+const SAMPLE: f64 = 30.0;
+/// From line to line.
+const LINE: f64 = SMALL * LEADING;
+/// Places tried in each direction.
+const PLACES: u32 = 8;
+
+/// The names of some series.
+#[derive(Debug)]
+pub struct Legend {
+    entries: Vec<(String, Style)>,
+}
+
+impl Legend {
+    /// The legend of the series that have names; `None` if none has.
+    pub fn of<'a>(series: impl Iterator<Item = (&'a Series, Style)>) -> Option<Self> {
+        let entries: Vec<_> = series
+            .filter(|(series, _)| !series.label.is_empty())
+            .map(|(series, style)| (series.label.clone(), style))
+            .collect();
+        (!entries.is_empty()).then_some(Self { entries })
+    }
+
+    /// Width of an entry with the space after it.
+    fn advance(label: &str) -> f64 {
+        SAMPLE + width(label) * SMALL + 3.0 * GAP
+    }
+
+    /// Width and height as a column.
+    pub fn size(&self) -> Point {
+        let widest = self.entries.iter().map(|(label, _)| Self::advance(label)).fold(0.0, f64::max);
+        (widest, self.entries.len() as f64 * LINE + GAP)
+    }
+
+    /// A place within the area, in a corner if possible, that no line runs through.
+    pub fn place(&self, area: &Area, lines: &[(Point, Point)]) -> Option<Point> {
+        let (width, height) = self.size();
+        let room = (area.width - width - 2.0 * GAP, area.height - height - 2.0 * GAP);
+        if room.0 < 0.0 || room.1 < 0.0 {
+            return None;
+        }
+        let (left, top) = (area.left + GAP, area.top + GAP);
+        // From both ends inwards, so that corners come first.
+        let share = |i: u32| {
+            let inward = f64::from(i / 2) / f64::from(PLACES);
+            if i.is_multiple_of(2) { inward } else { 1.0 - inward }
+        };
+        let free = |(x, y): &Point| {
+            let wanted = Area {
+                left: x - GAP,
+                top: y - GAP,
+                width: width + 2.0 * GAP,
+                height: height + 2.0 * GAP,
+            };
+            !lines.iter().any(|(from, to)| wanted.meets(*from, *to))
+        };
+        let rank = |(i, j): &(u32, u32)| (i + j, *j);
+        let mut order: Vec<(u32, u32)> =
+            (0..=PLACES).flat_map(|i| (0..=PLACES).map(move |j| (i, j))).collect();
+        order.sort_by_key(rank);
+        order
+            .into_iter()
+            .map(|(i, j)| (left + (1.0 - share(i)) * room.0, top + share(j) * room.1))
+            .find(free)
+    }
+
+    /// Draws a column with its upper left corner at a place.
+    pub fn draw(&self, canvas: &mut Canvas, (left, top): Point) {
+        let (width, height) = self.size();
+        canvas.rectangle(&Area { left, top, width, height }, true);
+        for (i, (label, style)) in self.entries.iter().enumerate() {
+            Self::entry(canvas, (left, top + 0.5 * GAP + i as f64 * LINE), label, style);
+        }
+    }
+
+    /// The entries in rows of a measure: the row and the place within it of each, and the height.
+    fn rows(&self, measure: f64) -> (Vec<Point>, f64) {
+        let (mut x, mut y) = (0.0, 0.0);
+        let mut places = Vec::new();
+        for (label, _) in &self.entries {
+            let advance = Self::advance(label);
+            if x > 0.0 && x + advance > measure {
+                (x, y) = (0.0, y + LINE + 0.5 * GAP);
+            }
+            places.push((x, y));
+            x += advance;
+        }
+        (places, y + LINE + 0.5 * GAP)
+    }
+
+    /// The height of the legend in rows of a measure.
+    pub fn height(&self, measure: f64) -> f64 {
+        self.rows(measure).1
+    }
+
+    /// Draws rows of a measure with the upper left corner at a place.
+    pub fn draw_rows(&self, canvas: &mut Canvas, (left, top): Point, measure: f64) {
+        for ((x, y), (label, style)) in self.rows(measure).0.iter().zip(&self.entries) {
+            Self::entry(canvas, (left + x, top + y), label, style);
+        }
+    }
+
+    fn entry(canvas: &mut Canvas, (left, top): Point, label: &str, style: &Style) {
+        let middle = top + 0.5 * LINE;
+        let start = left + GAP;
+        let sample: Vec<Point> =
+            [0.0, 0.5, 1.0].iter().map(|share| (start + share * SAMPLE, middle)).collect();
+        canvas.line(sample[0], sample[2], style);
+        if style.marked {
+            canvas.curve(&sample[1..2], style);
+        }
+        canvas.text((start + SAMPLE + GAP, middle + SINK), Anchor::Start, SMALL, label);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_legend_stands_where_no_line_runs() {
+        let series = [Series::new("one", vec![], vec![]), Series::new("two", vec![], vec![])];
+        let legend = Legend::of(series.iter().zip((0..).map(Style::numbered))).expect("two names");
+        let area = Area { left: 0.0, top: 0.0, width: 300.0, height: 200.0 };
+        let (width, height) = legend.size();
+        let corner = legend.place(&area, &[]).expect("a place");
+        assert_eq!(corner, (300.0 - width - GAP, GAP));
+        // Through the upper right corner: it moves to another one.
+        let falling = [((0.0, 0.0), (300.0, 200.0))];
+        let place = legend.place(&area, &[((150.0, 0.0), (300.0, 30.0))]).expect("a place");
+        assert_eq!(place, (GAP, GAP));
+        assert_eq!(legend.place(&area, &falling), Some(corner));
+        // A comb leaves no place.
+        let comb: Vec<_> =
+            (0..30).map(|i| f64::from(i) * 10.0).map(|x| ((x, 0.0), (x, 200.0))).collect();
+        assert_eq!(legend.place(&area, &comb), None);
+        assert!(height > 2.0 * SMALL);
+    }
+}

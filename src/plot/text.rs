@@ -1,0 +1,107 @@
+//! Text of a figure: how wide it is, where it breaks, and how it stands in SVG.
+//!
+//! Widths are those of Helvetica, which Arial and Liberation Sans share.
+
+/// The width of a label in units of its font size; `$` signs, which only mark italics, take none.
+#[must_use]
+pub fn width(label: &str) -> f64 {
+    label.chars().map(advance).sum()
+}
+
+/// Advance widths of Helvetica, rounded up within each class.
+fn advance(c: char) -> f64 {
+    match c {
+        '$' | '\u{300}'..='\u{36f}' => 0.0,
+        'i' | 'j' | 'l' | '\'' => 0.222,
+        ' ' | '!' | ',' | '.' | '/' | ':' | ';' | 'I' | '[' | '\\' | ']' | 'f' | 't' | '|' => 0.278,
+        '(' | ')' | '-' | 'r' | '{' | '}' | '₀'..='₉' | '⁰'..='⁻' | '²' | '³' | '¹' | '·' => {
+            0.333
+        }
+        'c' | 'k' | 's' | 'v' | 'x' | 'y' | 'z' | 'J' => 0.5,
+        '+' | '<' | '=' | '>' | '~' | '−' | '×' | '≤' | '≥' | '≈' => 0.584,
+        'F' | 'T' | 'Z' | 'L' => 0.611,
+        'A' | 'B' | 'E' | 'K' | 'P' | 'S' | 'V' | 'X' | 'Y' | '&' => 0.667,
+        'C' | 'D' | 'H' | 'N' | 'Ñ' | 'R' | 'U' | 'w' => 0.722,
+        'G' | 'O' | 'Q' | 'Δ' | 'Ω' => 0.778,
+        'M' | 'm' => 0.833,
+        'W' | '%' | '—' => 1.0,
+        // Scripts without lower case are about as wide as high.
+        '\u{1100}'.. if !('\u{2000}'..'\u{2e80}').contains(&c) => 1.0,
+        _ => 0.556,
+    }
+}
+
+/// Lines of at most `measure` font sizes; a longer word gets a line of its own.
+#[must_use]
+pub fn wrap(text: &str, measure: f64) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split_whitespace() {
+        match lines.last_mut() {
+            Some(line) if width(line) + width(word) + advance(' ') <= measure => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    lines
+}
+
+/// A label as the content of a `text` element: escaped, with what stands between `$` signs in
+/// italics. An odd sign out is a dollar.
+#[must_use]
+pub fn markup(label: &str) -> String {
+    let pieces: Vec<&str> = label.split('$').collect();
+    if pieces.len().is_multiple_of(2) {
+        return escape(label);
+    }
+    let italic = |(i, piece): (usize, &&str)| match i % 2 {
+        1 => format!("<tspan font-style=\"italic\">{}</tspan>", escape(piece)),
+        _ => escape(piece),
+    };
+    pieces.iter().enumerate().map(italic).collect()
+}
+
+/// Text that may stand in XML 1.0, within elements and quoted attributes.
+#[must_use]
+pub fn escape(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '"' => out.push_str("&quot;"),
+            '\0'..' ' | '\u{fffe}' | '\u{ffff}' => out.push(' '),
+            c => out.push(c),
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dollars_in_pairs_are_italics_and_markup_of_others_is_text() {
+        assert_eq!(markup("$a$₀ < 1"), "<tspan font-style=\"italic\">a</tspan>₀ &lt; 1");
+        assert_eq!(markup("5 $ & \u{1}"), "5 $ &amp;  ");
+        assert!((width("$a$₀") - width("a₀")).abs() < 1e-15);
+    }
+
+    #[test]
+    fn lines_are_as_long_as_they_may_be() {
+        let text = "one two three four five";
+        for measure in [1.0, 4.0, 8.0, 100.0] {
+            let lines = wrap(text, measure);
+            assert_eq!(lines.join(" "), text);
+            for pair in lines.windows(2) {
+                let next = pair[1].split(' ').next().unwrap_or_default();
+                assert!(width(&format!("{} {next}", pair[0])) > measure);
+                assert!(width(&pair[0]) <= measure || !pair[0].contains(' '));
+            }
+        }
+        assert!(wrap("  ", 3.0).is_empty());
+    }
+}

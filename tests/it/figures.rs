@@ -1,0 +1,145 @@
+//! The figures of the paper: as committed, well formed, and legible.
+
+use std::fs;
+use std::path::Path;
+
+use fretwork::plot::{Axis, Figure, Series, text};
+use roxmltree::{Document, Node};
+
+#[path = "../../examples/figures.rs"]
+mod program;
+
+fn committed(name: &str) -> String {
+    let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/examples/paper")).join(name);
+    fs::read_to_string(path).expect(name)
+}
+
+#[test]
+fn the_committed_figures_are_what_the_program_draws() {
+    for (name, sheet) in program::sheets() {
+        assert!(sheet.svg() == committed(name), "{name}: run `cargo run --example figures`");
+    }
+}
+
+#[test]
+fn the_numbers_beside_the_figures_are_what_the_program_measures() {
+    let readme = committed("README.md");
+    for table in program::measured().split("\n\n") {
+        assert!(readme.contains(table.trim_end()), "the README has not: {table}");
+    }
+}
+
+fn label(node: Node) -> String {
+    node.descendants().filter(Node::is_text).filter_map(|part| part.text()).collect()
+}
+
+/// Left, top, right and bottom of a text, from the metrics that the layout uses.
+fn extent(node: Node) -> [f64; 4] {
+    let number = |name: &str| node.attribute(name).expect(name).parse::<f64>().expect(name);
+    let label = label(node);
+    let (x, y, size) = (number("x"), number("y"), number("font-size"));
+    let width = text::width(&label) * size;
+    let left = match node.attribute("text-anchor") {
+        Some("middle") => -0.5 * width,
+        Some("end") => -width,
+        _ => 0.0,
+    };
+    // Capitals reach 0.72 of the size above the baseline, descenders 0.21 below.
+    let (above, below) = (0.72 * size, 0.21 * size);
+    match node.attribute("transform") {
+        Some(_) => [x - above, y - left - width, x + below, y - left],
+        None => [x + left, y - above, x + left + width, y + below],
+    }
+}
+
+/// Reads a figure as XML and checks that no text overlaps another or leaves the page.
+fn legible(svg: &str) -> usize {
+    let document = Document::parse(svg).expect("well-formed XML");
+    let root = document.root_element();
+    let side = |name: &str| root.attribute(name).expect(name).parse::<f64>().expect(name);
+    let (width, height) = (side("width"), side("height"));
+    let texts: Vec<_> = root.descendants().filter(|node| node.has_tag_name("text")).collect();
+    let extents: Vec<[f64; 4]> = texts.iter().map(|node| extent(*node)).collect();
+    for (i, a) in extents.iter().enumerate() {
+        let [left, top, right, bottom] = *a;
+        let within = left >= 0.0 && top >= 0.0 && right <= width && bottom <= height;
+        assert!(within, "{} leaves the page: {a:?}", label(texts[i]));
+        for (j, b) in extents.iter().enumerate().skip(i + 1) {
+            let apart = a[2] <= b[0] || b[2] <= a[0] || a[3] <= b[1] || b[3] <= a[1];
+            assert!(apart, "{} is on {}: {a:?} {b:?}", label(texts[i]), label(texts[j]));
+        }
+    }
+    texts.len()
+}
+
+#[test]
+fn no_text_of_the_figures_overlaps_another() {
+    for (_, sheet) in program::sheets() {
+        assert!(legible(&sheet.svg()) > 30);
+    }
+}
+
+/// Marks so close to each other that their names must make room.
+fn marks(values: &[f64]) -> Vec<(f64, String)> {
+    values.iter().map(|value| (*value, "limit".to_owned())).collect()
+}
+
+/// Axes of all kinds, many series, long and hostile names.
+#[test]
+fn other_figures_are_legible_too() {
+    let grid: Vec<f64> = (-10..=50).map(|i| f64::from(i) * 0.1).collect();
+    for (log_x, log_y) in [(false, false), (false, true), (true, false), (true, true)] {
+        for scale in [1e-9, 1e-3, 1.0, 7e4, 3e12] {
+            for count in [0, 1, 3, 12] {
+                let series = (0..count).map(|k| {
+                    let power = |x: &f64| scale * 10_f64.powf(*x * f64::from(k) / 6.0);
+                    let name = if k == 2 { "a <b> & \"c\" \u{7} ]]>" } else { "$w$ of series" };
+                    Series::new(name, grid.clone(), grid.iter().map(power).collect())
+                });
+                let x = Axis { log: log_x, marks: marks(&[2.0, 2.02]), ..Axis::labelled("x / m") };
+                let y =
+                    Axis { log: log_y, marks: marks(&[scale, 1.1 * scale]), ..Axis::labelled("y") };
+                let series = series.collect();
+                let figure =
+                    Figure { title: "A & B < C".to_owned(), x, y, series, ..Figure::default() };
+                let svg = figure.svg();
+                assert!(legible(&svg) > 5 && !svg.contains("NaN") && !svg.contains("inf"));
+                assert_eq!(svg, figure.svg());
+            }
+        }
+    }
+}
+
+/// Every sample in a legend is clear of every curve.
+#[test]
+fn no_curve_runs_behind_a_legend() {
+    let x: Vec<f64> = (0..=100).map(|i| f64::from(i) / 100.0).collect();
+    for phase in 0..20 {
+        let wave = |k: f64| x.iter().map(|x| (k + 7.0 * x + f64::from(phase)).sin()).collect();
+        let series = vec![
+            Series::new("one", x.clone(), wave(0.0)),
+            Series::new("two", x.clone(), wave(0.5)),
+        ];
+        let svg = Figure { series, ..Figure::default() }.svg();
+        let document = Document::parse(&svg).expect("XML");
+        let numbers = |text: &str| -> Vec<f64> {
+            text.split(|c: char| !c.is_ascii_digit() && c != '.' && c != '-')
+                .filter_map(|number| number.parse().ok())
+                .collect()
+        };
+        let window = document.root_element().descendants().filter(|n| n.has_tag_name("svg")).nth(1);
+        let window = window.expect("a window");
+        let legend = document.root_element().descendants().rfind(|n| n.has_tag_name("rect"));
+        let legend = legend.expect("a legend");
+        let side = |name: &str| legend.attribute(name).expect(name).parse::<f64>().expect(name);
+        let (left, top) = (side("x"), side("y"));
+        let (right, bottom) = (left + side("width"), top + side("height"));
+        for path in window.children().filter_map(|path| path.attribute("d")) {
+            for point in numbers(path).chunks(2) {
+                let inside =
+                    (left..=right).contains(&point[0]) && (top..=bottom).contains(&point[1]);
+                assert!(!inside, "{point:?} in the legend, phase {phase}");
+            }
+        }
+    }
+}
