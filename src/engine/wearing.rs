@@ -126,6 +126,8 @@ pub struct Wearing {
     scar: f64,
     widest: f64,
     radius: f64,
+    /// Whether it is not known beforehand how far the scar will reach.
+    grows: bool,
 }
 
 /// The worn contact at one instant, in units of a₀, d₀, E*d₀/a₀ and a₀²d₀.
@@ -172,8 +174,10 @@ impl Wearing {
         let slip = vec![0.0; cells + 1];
         let scar = contact.limit.radius;
         let springs = Springs::new(mesh, contact, control);
+        let grows = control.normal == Normal::Force && control.tends_to(contact).is_none();
         let contact = contact.clone();
-        Self { contact, law, plan, springs, unworn_slip, slip, scar, widest: 0.0, radius: 0.0 }
+        let (widest, radius) = (0.0, 0.0);
+        Self { contact, law, plan, springs, unworn_slip, slip, scar, widest, radius, grows }
     }
 
     /// The springs as they were last pressed.
@@ -198,8 +202,7 @@ impl Wearing {
     pub fn is_full(&self) -> bool {
         let cells = self.springs.mesh().widths().len();
         match self.law {
-            // Under a held depth the scar is known beforehand.
-            _ if self.springs.control().normal == Normal::Depth => false,
+            _ if !self.grows => false,
             Law::Exact => self.springs.compressions().len() + 3 >= cells,
             Law::Simplified(_) => self.scar > 0.97 * self.plan.reach,
         }
