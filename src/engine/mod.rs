@@ -17,3 +17,4 @@ pub mod scenario;
 pub mod simplified;
 pub mod simulation;
 pub mod transform;
+mod truncated;
