@@ -19,6 +19,8 @@
 //! gross slip (tests compare). At the very onset of gross slip blunt profiles are worse: 1e-6 for
 //! exponent 8, 1e-4 for 20.
 
+use std::sync::OnceLock;
+
 use super::limit::Limit;
 use super::numeric::Gauss;
 use super::profile::Shape;
@@ -141,6 +143,35 @@ pub struct Sums {
 
 /// Gauss points of a [`Row`].
 pub const ROW_POINTS: usize = 48;
+/// How many of them are under a flat, where there is one that slips.
+const FLAT_POINTS: usize = 8;
+static WHOLE: OnceLock<Gauss<ROW_POINTS>> = OnceLock::new();
+
+/// Where the slipping springs are, as distances from c, and the lengths that they stand for.
+fn layout(contact: &Contact) -> [(f64, f64); ROW_POINTS] {
+    static UNDER: OnceLock<Gauss<FLAT_POINTS>> = OnceLock::new();
+    static BEYOND: OnceLock<Gauss<{ ROW_POINTS - FLAT_POINTS }>> = OnceLock::new();
+    let c = contact.stick;
+    let graded = |from: f64, s: f64, weight: f64| {
+        let cube = s * s * s;
+        ((1.0 - from) * cube * s, 4.0 * (1.0 - from) * cube * weight)
+    };
+    let Some(edge) = contact.shape.kinks().iter().copied().find(|kink| *kink > c) else {
+        let rule = WHOLE.get_or_init(Gauss::new);
+        return std::array::from_fn(|k| graded(c, rule.nodes[k], rule.weights[k]));
+    };
+    // The springs under a flat are all alike, and few stand for them; the grading begins at its edge.
+    let (under, beyond) = (UNDER.get_or_init(Gauss::new), BEYOND.get_or_init(Gauss::new));
+    std::array::from_fn(|k| {
+        if k < FLAT_POINTS {
+            let s = under.nodes[k];
+            return ((edge - c) * (1.0 - s * s), 2.0 * (edge - c) * s * under.weights[k]);
+        }
+        let (s, weight) = (beyond.nodes[k - FLAT_POINTS], beyond.weights[k - FLAT_POINTS]);
+        let (delta, length) = graded(edge, s, weight);
+        (edge - c + delta, length)
+    })
+}
 
 /// The slipping springs, c < x < a₀, with what is needed to sum over them.
 #[derive(Debug, Clone)]
@@ -160,8 +191,6 @@ impl Row {
     /// Lays out the springs of a contact.
     #[must_use]
     pub fn new(contact: &Contact) -> Self {
-        static RULE: std::sync::OnceLock<Gauss<ROW_POINTS>> = std::sync::OnceLock::new();
-        let rule = RULE.get_or_init(Gauss::new);
         let Contact { ref shape, stick: c, limit, .. } = *contact;
         let chord = |x: f64| ((limit.radius - x) * (limit.radius + x)).max(0.0).sqrt();
         let mut row = Self {
@@ -174,18 +203,18 @@ impl Row {
             core_normal: 0.0,
             outside_volume: 0.0,
         };
+        let rule = WHOLE.get_or_init(Gauss::new);
         let mut unworn_normal = 0.0;
-        for k in 0..ROW_POINTS {
-            let (s, weight) = (rule.nodes[k], rule.weights[k]);
-            let cube = s * s * s;
-            let x = c + (1.0 - c) * cube * s;
+        for (k, (delta, weight)) in layout(contact).into_iter().enumerate() {
+            let x = c + delta;
             row.positions[k] = x;
-            row.weights[k] = 4.0 * (1.0 - c) * cube * weight;
+            row.weights[k] = weight;
             row.unworn[k] = (1.0 - shape.image(x)).clamp(0.0, contact.threshold);
-            row.rest[k] = contact.rest((1.0 - c) * cube * s);
+            row.rest[k] = contact.rest(delta);
             row.chords[k] = chord(x);
             unworn_normal += row.weights[k] * row.unworn[k];
             // Between a₀ and ã the springs hang free; x = ã − (ã − 1)s² as in the limit.
+            let (s, weight) = (rule.nodes[k], rule.weights[k]);
             let width = limit.radius - 1.0;
             let x = limit.radius - width * s * s;
             row.outside_volume += 8.0 * width * weight * s * (1.0 - shape.image(x)) * chord(x);

@@ -21,7 +21,7 @@
 
 use std::f64::consts::FRAC_2_PI;
 
-use super::numeric::{integrate, maximum, root};
+use super::numeric::{integrate, integrate_pieces, maximum, root};
 use super::profile::Shape;
 
 /// The limiting state in units of a₀, d₀ and a₀²d₀.
@@ -59,14 +59,25 @@ impl Limit {
         };
         let radius = root(inner, outer, wear);
         let chord = |x: f64| ((radius - x) * (radius + x)).max(0.0).sqrt();
-        // x = ã − (ã − c)s² takes the root at the end out of the integrand.
-        let width = radius - c;
-        let volume = 8.0
-            * width
-            * integrate(0.0, 1.0, |s| {
-                let x = radius - width * s * s;
-                s * (1.0 - shape.image(x)) * chord(x)
-            });
+        let volume = match shape.kinks() {
+            [] => {
+                // x = ã − (ã − c)s² takes the root at the end out of the integrand.
+                let width = radius - c;
+                8.0 * width
+                    * integrate(0.0, 1.0, |s| {
+                        let x = radius - width * s * s;
+                        s * (1.0 - shape.image(x)) * chord(x)
+                    })
+            }
+            kinks => {
+                // From c on, but next to a kink the integrand is not smooth: the part inside c is
+                // taken away again.
+                let part = |to: f64| {
+                    integrate_pieces(0.0, to, kinks, |x| (1.0 - shape.image(x)) * chord(x))
+                };
+                4.0 * (part(radius) - part(c))
+            }
+        };
         let (depth, depth_radius) = if c == 0.0 {
             (1.0, 0.0)
         } else {
@@ -124,17 +135,26 @@ mod tests {
             (Shape::power(6.0), 0.8),
             (Shape::sphere(2.5), 0.4),
             (Shape::power(2.0), 0.999),
+            (Shape::truncated_paraboloid(0.4), 0.6),
+            (Shape::truncated_paraboloid(0.4), 0.400_001),
+            (Shape::truncated_paraboloid(0.9), 0.0),
+            (Shape::truncated_cone(0.2), 0.0),
+            (Shape::truncated_cone(0.7), 0.9),
         ] {
             let limit = Limit::solve(&shape, c).expect("a root");
-            let width = limit.radius - c;
             // Square-root behaviour at c: r = c + width·s².
-            let volume = 4.0
-                * PI
-                * width
-                * integrate(0.0, 1.0, |s| {
-                    let r = c + width * s * s;
-                    s * r * limiting_wear(&shape, c, r, chord_and_angle(c, r))
-                });
+            let width = limit.radius - c;
+            let at = |s: f64| {
+                let r = c + width * s * s;
+                s * r * limiting_wear(&shape, c, r, chord_and_angle(c, r))
+            };
+            let kinks: Vec<f64> = shape
+                .kinks()
+                .iter()
+                .filter(|kink| **kink > c)
+                .map(|kink| ((kink - c) / width).sqrt())
+                .collect();
+            let volume = 4.0 * PI * width * integrate_pieces(0.0, 1.0, &kinks, at);
             assert!((volume / limit.volume - 1.0).abs() < 1e-9, "{shape:?} {c}: {volume}");
         }
     }

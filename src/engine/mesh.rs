@@ -12,7 +12,7 @@
 //! # Accuracy
 //! Exact for wear that is linear in r² between nodes.
 
-use super::numeric::{dot, integrate};
+use super::numeric::{dot, integrate, integrate_pieces};
 use super::profile::Shape;
 
 const TWO_THIRDS: f64 = 2.0 / 3.0;
@@ -35,9 +35,11 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// The mesh over these nodes, which ascend from r₀ ≥ 0.
+    /// The mesh over these nodes, which ascend from r₀ ≥ 0. The nearest one moves to a kink of the
+    /// shape.
     #[must_use]
-    pub fn new(shape: &Shape, radii: Vec<f64>) -> Self {
+    pub fn new(shape: &Shape, mut radii: Vec<f64>) -> Self {
+        place_nodes(&mut radii, shape.kinks());
         let squares: Vec<f64> = radii.iter().map(|r| r * r).collect();
         let widths: Vec<f64> = radii.windows(2).map(|ends| ends[1] - ends[0]).collect();
         let last = radii.len() - 1;
@@ -55,9 +57,9 @@ impl Mesh {
         }
         let unworn = radii
             .windows(2)
-            .map(|ends| integrate(ends[0], ends[1], |x| shape.image(x)) / (ends[1] - ends[0]))
+            .map(|ends| over(shape, ends[0], ends[1], |x| shape.image(x)) / (ends[1] - ends[0]))
             .collect();
-        let core = integrate(0.0, radii[0], |x| 1.0 - shape.image(x));
+        let core = over(shape, 0.0, radii[0], |x| 1.0 - shape.image(x));
         Self { radii, squares, widths, areas, matrix, unworn, core }
     }
 
@@ -137,6 +139,34 @@ impl Mesh {
     #[must_use]
     pub fn volume(&self, wear: &[f64]) -> f64 {
         std::f64::consts::PI * dot(&self.areas, wear)
+    }
+}
+
+/// Moves the inner node next to each kink onto it.
+fn place_nodes(radii: &mut [f64], kinks: &[f64]) {
+    for kink in kinks {
+        let right = radii.partition_point(|r| r < kink);
+        if right == 0 || right == radii.len() {
+            continue;
+        }
+        let left_is_nearer = kink - radii[right - 1] < radii[right] - kink;
+        let nearest = if left_is_nearer && right > 1 { right - 1 } else { right };
+        if nearest + 1 < radii.len() {
+            radii[nearest] = *kink;
+        }
+    }
+}
+
+/// ∫ of something of a shape, whose image may have kinks.
+fn over(shape: &Shape, from: f64, to: f64, f: impl Fn(f64) -> f64) -> f64 {
+    match shape.kinks() {
+        [] => integrate(from, to, f),
+        // Next to a kink the image rises like a root: from there on it is smooth in pieces.
+        kinks => {
+            let start = kinks.iter().copied().filter(|kink| *kink < from).fold(0.0, f64::max);
+            let f = &f;
+            integrate_pieces(start, to, kinks, f) - integrate_pieces(start, from, kinks, f)
+        }
     }
 }
 

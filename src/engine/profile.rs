@@ -446,7 +446,11 @@ mod tests {
             // 1e-12 further on it is the slope times that; a difference would have four digits.
             let at = shape.kinks().first().map_or(0.5, |flat| 0.5_f64.max(flat + 5e-4));
             let fine = shape.image_rise(at, 1e-12) / 1e-12;
-            let digits = if name.starts_with("sphere") { 1e-3 } else { 1e-8 };
+            let digits = match shape.kinks() {
+                _ if name.starts_with("sphere") => 1e-3,
+                [] => 1e-10,
+                _ => 1e-8,
+            };
             assert!((fine / shape.image_slope(at) - 1.0).abs() < digits, "{name}: {fine}");
         }
     }
@@ -519,7 +523,7 @@ mod tests {
             for value in [0.0, 1e-12, 1e-6, 0.1, 0.7, 1.0] {
                 let x = shape.image_inverse(value);
                 // Next to a flat the image rises like a root, and a bit of x is much of it.
-                let (below, above) = (shape.image(x - 1e-15), shape.image(x + 1e-15));
+                let (below, above) = (shape.image((x - 1e-15).max(0.0)), shape.image(x + 1e-15));
                 assert!((below - 1e-14..=above + 1e-14).contains(&value), "{name} {value}: {x}");
             }
             if let [flat] = shape.kinks() {

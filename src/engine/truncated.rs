@@ -130,7 +130,8 @@ impl Truncated {
                 let (b, q) = (self.flat * self.flat, value / self.scale);
                 (0.5 * (b + (b * b + 4.0 * q * q).sqrt())).sqrt()
             }
-            Flank::Cone => root(self.flat, 1.0, |x| self.image(x) - value),
+            // A little further than 1, where rounding may leave the image below it.
+            Flank::Cone => root(self.flat, 1.0 + 1e-12, |x| self.image(x) - value),
         }
     }
 
