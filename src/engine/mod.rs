@@ -16,5 +16,7 @@ pub mod rkc;
 pub mod scenario;
 pub mod simplified;
 pub mod simulation;
+mod smoothing;
+mod table_shape;
 pub mod transform;
 mod truncated;

@@ -9,7 +9,7 @@
 //! f = A rⁿ        g = κₙ A xⁿ,  κₙ = √π n Γ(n/2) / (2 Γ((n+1)/2))      κ₁ = π/2, κ₂ = 2
 //! sphere          g = (x/2) ln((R+x)/(R−x)) = x·artanh(x/R)
 //! ```
-//! Truncated paraboloids and cones are in the module `truncated`.
+//! Truncated paraboloids and cones are in the module `truncated`, tables in `table_shape`.
 //!
 //! # Accuracy
 //! Closed forms for whole exponents; otherwise one Gauss rule of 32 points, better than 1e-9.
@@ -21,6 +21,7 @@
 use std::f64::consts::{FRAC_1_PI, FRAC_2_PI, FRAC_PI_2, PI};
 
 use super::numeric::{integrate, maximum, whole_power};
+use super::table_shape::Pressed;
 use super::truncated::Truncated;
 
 /// Smallest and largest exponent of a power-law profile.
@@ -57,6 +58,8 @@ enum Kind {
     Sphere { rho: f64, scale: f64 },
     /// A paraboloid or a cone with a flat tip.
     Truncated(Truncated),
+    /// A measured table.
+    Table(Pressed),
 }
 
 impl Shape {
@@ -97,8 +100,15 @@ impl Shape {
         Self { kind: Kind::Truncated(shape), height: shape.profile(1.0) }
     }
 
+    /// A measured table.
+    pub(super) fn table(table: Pressed) -> Self {
+        let height = table.profile(1.0);
+        Self { kind: Kind::Table(table), height }
+    }
+
     /// Radii at which the image has a kink: a mesh should have a node there, and a quadrature should
-    /// begin anew. Ascending, inside the contact.
+    /// begin anew. Ascending, inside the contact. A table is
+    /// smooth enough without.
     #[must_use]
     pub fn kinks(&self) -> &[f64] {
         match &self.kind {
@@ -110,8 +120,9 @@ impl Shape {
     /// The largest radius at which the shape is defined.
     #[must_use]
     pub fn extent(&self) -> f64 {
-        match self.kind {
-            Kind::Sphere { rho, .. } => rho,
+        match &self.kind {
+            Kind::Sphere { rho, .. } => *rho,
+            Kind::Table(table) => table.extent(),
             _ => f64::INFINITY,
         }
     }
@@ -125,7 +136,8 @@ impl Shape {
             Kind::Sphere { rho, scale } => {
                 scale * r * r / (rho + ((rho - r) * (rho + r)).max(0.0).sqrt())
             }
-            Kind::Truncated(shape) => shape.profile(r),
+            Kind::Truncated(ref shape) => shape.profile(r),
+            Kind::Table(ref table) => table.profile(r),
         }
     }
 
@@ -136,7 +148,8 @@ impl Shape {
             Kind::Whole(n) => self.height * f64::from(n) * whole_power(r, n - 1),
             Kind::Power(n) => self.height * n * libm::pow(r, n - 1.0),
             Kind::Sphere { rho, scale } => scale * r / ((rho - r) * (rho + r)).max(0.0).sqrt(),
-            Kind::Truncated(shape) => shape.slope(r),
+            Kind::Truncated(ref shape) => shape.slope(r),
+            Kind::Table(ref table) => table.slope(r),
         }
     }
 
@@ -147,7 +160,8 @@ impl Shape {
             Kind::Whole(n) => whole_power(x, n),
             Kind::Power(n) => libm::pow(x, n),
             Kind::Sphere { rho, scale } => scale * x * libm::atanh(x / rho),
-            Kind::Truncated(shape) => shape.image(x),
+            Kind::Truncated(ref shape) => shape.image(x),
+            Kind::Table(ref table) => table.image(x),
         }
     }
 
@@ -162,7 +176,8 @@ impl Shape {
             Kind::Whole(n) => delta * (0..n).fold(0.0, |sum, k| sum * x + whole_power(c, k)),
             Kind::Power(n) if c > 0.0 => libm::pow(c, n) * libm::expm1(n * libm::log1p(delta / c)),
             Kind::Power(_) | Kind::Sphere { .. } => self.image(x) - self.image(c),
-            Kind::Truncated(shape) => shape.image_rise(c, delta),
+            Kind::Truncated(ref shape) => shape.image_rise(c, delta),
+            Kind::Table(ref table) => table.image_rise(c, delta),
         }
     }
 
@@ -175,6 +190,7 @@ impl Shape {
             Kind::Power(n) => n > 2.0,
             Kind::Sphere { .. } => false,
             Kind::Truncated(_) => return f64::INFINITY,
+            Kind::Table(ref table) => return table.peak_pressure(),
         };
         let at = if blunt { maximum(0.0, 1.0, |r| self.pressure_inside(r, 1.0)) } else { 0.0 };
         self.pressure_inside(at, 1.0)
@@ -189,7 +205,8 @@ impl Shape {
             Kind::Sphere { rho, scale } => {
                 scale * (libm::atanh(x / rho) + x * rho / ((rho - x) * (rho + x)))
             }
-            Kind::Truncated(shape) => shape.image_slope(x),
+            Kind::Truncated(ref shape) => shape.image_slope(x),
+            Kind::Table(ref table) => table.image_slope(x),
         }
     }
 
@@ -202,7 +219,8 @@ impl Shape {
             Kind::Whole(n) => libm::pow(value, 1.0 / f64::from(n)),
             Kind::Power(n) => libm::pow(value, 1.0 / n),
             Kind::Sphere { .. } => super::numeric::root(0.0, 1.0, |x| self.image(x) - value),
-            Kind::Truncated(shape) => shape.image_inverse(value),
+            Kind::Truncated(ref shape) => shape.image_inverse(value),
+            Kind::Table(ref table) => table.image_inverse(value),
         }
     }
 
@@ -214,7 +232,8 @@ impl Shape {
             Kind::Power(n) => n / (n + 1.0),
             // Sneddon's closed form loses all digits for a large sphere; the integrand is smooth.
             Kind::Sphere { .. } => integrate(0.0, 1.0, |x| 1.0 - self.image(x)),
-            Kind::Truncated(shape) => shape.half_force(),
+            Kind::Truncated(ref shape) => shape.half_force(),
+            Kind::Table(ref table) => table.half_force(),
         }
     }
 
@@ -227,7 +246,8 @@ impl Shape {
             return self.profile(r);
         }
         match self.kind {
-            Kind::Truncated(shape) => shape.inverse_outside(c, r, chord),
+            Kind::Truncated(ref shape) => shape.inverse_outside(c, r, chord),
+            Kind::Table(ref table) => table.inverse_outside(c, r),
             Kind::Whole(1) => FRAC_2_PI * chord,
             Kind::Whole(2) => FRAC_1_PI * (c * chord + r * r * angle),
             Kind::Whole(n) => {
@@ -294,7 +314,8 @@ impl Shape {
                         self.image_slope(x) / x
                     })
             }
-            Kind::Truncated(shape) => shape.pressure_inside(r, b),
+            Kind::Truncated(ref shape) => shape.pressure_inside(r, b),
+            Kind::Table(ref table) => table.pressure_inside(r, b),
         }
     }
 }

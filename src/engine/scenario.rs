@@ -23,7 +23,7 @@ use serde::Serialize;
 use super::contact::{Contact, Regime};
 use super::exact::Exact;
 use super::fault::{Fault, Faults};
-use super::indenter::{CanonicalProfile, MAX_SPHERE, canonical_profile, depth_under, indent};
+use super::indenter::{CanonicalProfile, canonical_profile, depth_under, indent};
 use super::instants::{self, CanonicalProfilesAt};
 use super::numeric::twelve_digits;
 use super::profile::Shape;
@@ -300,16 +300,14 @@ impl Scenario {
     pub fn case(&self) -> Result<Case, Fault> {
         let fault = |pointer: &str, detail: String| Fault { pointer: pointer.to_owned(), detail };
         let depth = self.load.indentation_depth;
-        let no_contact = || {
-            let detail = "the sphere is pressed in beyond the validity of half-space theory";
-            fault("/load", detail.to_owned())
-        };
-        let (contact_radius, shape) = indent(&self.profile, depth).ok_or_else(no_contact)?;
+        let (contact_radius, shape) = indent(&self.profile, depth)
+            .ok_or_else(|| self.profile.refusal(depth, "/load/indentation_depth"))?;
         let Moduli { normal, tangential } = self.moduli;
         let amplitude = self.motion.amplitude;
         let threshold = tangential * amplitude / (self.friction * normal * depth);
         let threshold = if (threshold - 1.0).abs() < ONSET { 1.0 } else { threshold };
-        let contact = Contact::new(shape, threshold).ok_or_else(no_contact)?;
+        let contact = Contact::new(shape, threshold)
+            .ok_or_else(|| self.profile.outgrown(depth, threshold))?;
         let scales = Scales {
             contact_radius,
             indentation_depth: depth,
@@ -428,13 +426,8 @@ fn press(
         (depth, _) => (depth.map_or(0.0, |depth| depth.0), "/load/indentation_depth"),
     };
     let depth = twelve_digits(depth);
-    let (contact_radius, shape) = indent(profile, depth).ok_or_else(|| {
-        let detail = format!(
-            "presses the sphere in beyond a₀/R = {MAX_SPHERE}, where half-space theory has no \
-             meaning; load it less or take a larger radius"
-        );
-        Faults::one(pointer, detail)
-    })?;
+    let (contact_radius, shape) =
+        indent(profile, depth).ok_or_else(|| Faults(vec![profile.refusal(depth, pointer)]))?;
     derived(depth, Length::RANGE, "an indentation depth of", "m", pointer)?;
     Ok((depth, contact_radius, shape))
 }
@@ -496,7 +489,7 @@ fn body_warnings(request: &Request, case: &Case) -> Vec<Warning> {
             let peak = if peak.is_finite() {
                 format!("{:.0} MPa", peak / 1e6)
             } else {
-                "infinite at the apex".to_owned()
+                "infinite at an apex or an edge".to_owned()
             };
             let detail = format!(
                 "The unworn peak pressure ({peak}) exceeds 1.6 times the yield strength of body \

@@ -151,8 +151,8 @@ impl Simplified {
         // The ends are what they are, not what rounding makes of them.
         radii[core] = c;
         radii[core + cells] = limit.radius;
-        let step = (REACH - 1.0) * limit.radius / outer as f64;
         let last = shape.extent();
+        let step = ((REACH - 1.0) * limit.radius).min(last - limit.radius) / outer as f64;
         radii.extend((1..=outer).map(|k| (limit.radius + step * k as f64).min(last)));
 
         let mesh = &radii[core..core + nodes];
