@@ -2,15 +2,15 @@
 //!
 //! Every point is replaced by a parabola fitted to it and its neighbours, m on either side, weighted
 //! by their distance (tricube) and by their noise. A paraboloid and a cone are parabolas in r, so that
-//! smoothing does not bend them. How far the neighbourhood reaches is decided by the points: the m
-//! that best predicts each of them from the others. Where that is the smallest one, as for exact
-//! points, and about a kink, nothing is smoothed at all.
+//! smoothing does not bend them. How far the neighbourhood reaches is decided by the points: the
+//! largest m that predicts each of them from the others as well, within its standard error, as the
+//! best m does. Where that is the smallest one, as for exact points, nothing is smoothed at all.
 //!
 //! # Equations
 //! ```text
 //! e_i  = z_i − prediction of z_i by a parabola through its neighbours alone
 //! σ_i  = median |e| at m = 2 over the 25 points about i
-//! m    = argmin Σ (e_i/σ_i)²                                          (cross-validation)
+//! m    = the largest with χ² ≤ (1 + √(2/n))·min χ²,  χ² = Σ (e_i/σ_i)²      (cross-validation)
 //! ```
 //!
 //! # Sources
@@ -85,15 +85,17 @@ pub(super) fn smoothed(x: &[f64], z: Vec<f64>) -> Vec<f64> {
             })
             .sum()
     };
-    let (mut best, mut least) = (2, misfit(2));
-    let mut m = 3;
-    while m <= n / 2 {
-        let misfit = misfit(m);
-        if misfit < least {
-            (best, least) = (m, misfit);
-        }
-        m += m.div_ceil(2);
+    let mut reaches = vec![(2, misfit(2))];
+    while let Some((m, _)) = reaches.last()
+        && *m <= n / 3
+    {
+        let m = m + m.div_ceil(2);
+        reaches.push((m, misfit(m)));
     }
+    let least = reaches.iter().map(|(_, misfit)| *misfit).fold(f64::INFINITY, f64::min);
+    // Its own standard error: what predicts as well, as far as can be told, and is smoother.
+    let enough = least * (1.0 + (2.0 / n as f64).sqrt());
+    let best = reaches.iter().rev().find(|(_, misfit)| *misfit <= enough).map_or(2, |(m, _)| *m);
     if best == 2 { z } else { (0..n).map(|i| points.at(i, best, true)).collect() }
 }
 

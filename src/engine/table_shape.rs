@@ -29,8 +29,10 @@ use super::smoothing::{grouped, smoothed};
 
 /// Fewest nodes of the image.
 const NODES: usize = 160;
-/// An image that falls by more than this share of its height has no unique contact beyond.
+/// An image that falls by more than this share of its height, or by so much of the greatest height,
+/// has no unique contact beyond.
 const FALL: f64 = 0.02;
+const FALL_AT_AXIS: f64 = 1e-3;
 /// Coefficients of (x − xᵢ)ᵏ.
 type Powers = [f64; 5];
 
@@ -200,7 +202,7 @@ impl TableShape {
         let mut values = Vec::with_capacity(nodes.len());
         let mut highest: f64 = 0.0;
         for (value, _) in images {
-            if *value < (1.0 - FALL) * highest {
+            if *value < (1.0 - FALL) * highest - FALL_AT_AXIS && values.len() > 1 {
                 break;
             }
             highest = highest.max(*value);
@@ -236,7 +238,7 @@ impl TableShape {
             })
             .collect();
         // Only to tell how far the table should have gone.
-        let straight = slopes[last].max(secant(last - 1)).max(values[last] / nodes[last]);
+        let straight = slopes[last].max(secant(last - 1)).max(FALL);
         cells.push([values[last], straight, 0.0, 0.0, 0.0]);
         let changes = (0..=last)
             .map(|i| {

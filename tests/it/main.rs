@@ -29,6 +29,7 @@ mod rooms;
 mod schema;
 #[cfg(feature = "serve")]
 mod server;
+mod shapes;
 #[cfg(feature = "serve")]
 mod store;
 #[cfg(feature = "serve")]
