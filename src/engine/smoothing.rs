@@ -23,8 +23,9 @@ const FEWEST_POINTS: usize = 12;
 /// Predictions as good as this, in units of the greatest height, leave nothing to smooth.
 const NEGLIGIBLE: f64 = 1e-9;
 /// Points on either side whose noise is taken to be alike.
-const ALIKE: usize = 12;
+const ALIKE: usize = 25;
 /// No point is trusted more than this many times the worst.
+const ENOUGH: f64 = 1.5;
 const TRUST: f64 = 1e3;
 
 /// The means of groups of neighbours, if there are more than [`MOST_POINTS`]; groups are narrow
@@ -60,9 +61,9 @@ pub(super) fn smoothed(x: &[f64], z: Vec<f64>) -> Vec<f64> {
     let nearest: Vec<f64> = (0..n).map(|i| (points.at(i, 2, false) - z[i]).abs()).collect();
     let noise: Vec<f64> = (0..n)
         .map(|i| {
-            let mut about = nearest[i.saturating_sub(ALIKE)..(i + ALIKE + 1).min(n)].to_vec();
-            about.sort_by(f64::total_cmp);
-            about[about.len() / 2]
+            let mut errors = nearest[about(i, n)].to_vec();
+            errors.sort_by(f64::total_cmp);
+            errors[errors.len() / 2]
         })
         .collect();
     let worst = noise.iter().copied().fold(0.0, f64::max);
@@ -76,27 +77,54 @@ pub(super) fn smoothed(x: &[f64], z: Vec<f64>) -> Vec<f64> {
             1.0 / (noise * noise)
         })
         .collect();
-    // Beyond the outermost points there is nothing to predict them from.
-    let misfit = |m: usize| -> f64 {
-        (2..n - 2)
-            .map(|i| {
-                let error = points.at(i, m, false) - z[i];
-                error * error * points.trust[i]
-            })
-            .sum()
-    };
-    let mut reaches = vec![(2, misfit(2))];
-    while let Some((m, _)) = reaches.last()
+    let mut reaches = vec![2];
+    while let Some(m) = reaches.last()
         && *m <= n / 3
     {
-        let m = m + m.div_ceil(2);
-        reaches.push((m, misfit(m)));
+        reaches.push(m + m.div_ceil(2));
     }
-    let least = reaches.iter().map(|(_, misfit)| *misfit).fold(f64::INFINITY, f64::min);
-    // Its own standard error: what predicts as well, as far as can be told, and is smoother.
-    let enough = least * (1.0 + (2.0 / n as f64).sqrt());
-    let best = reaches.iter().rev().find(|(_, misfit)| *misfit <= enough).map_or(2, |(m, _)| *m);
-    if best == 2 { z } else { (0..n).map(|i| points.at(i, best, true)).collect() }
+    // How badly each reach predicts, summed up about each point.
+    let misfits: Vec<Vec<f64>> = reaches
+        .iter()
+        .map(|m| {
+            let squares: Vec<f64> = (0..n)
+                .map(|i| {
+                    let error = points.at(i, *m, false) - z[i];
+                    error * error * points.trust[i]
+                })
+                .collect();
+            // Beyond the outermost points there is nothing to predict them from.
+            (0..n).map(|i| about(i, n).filter(|j| (2..n - 2).contains(j)).map(|j| squares[j]).sum()).collect()
+        })
+        .collect();
+    let chosen: Vec<usize> = (0..n)
+        .map(|i| {
+            let least = misfits.iter().map(|misfit| misfit[i]).fold(f64::INFINITY, f64::min);
+            misfits.iter().rposition(|misfit| misfit[i] <= ENOUGH * least).unwrap_or(0)
+        })
+        .collect();
+    (0..n)
+        .map(|i| {
+            // Where the reach changes, it does so gradually.
+            let mut counts = vec![0; reaches.len()];
+            about(i, n).for_each(|j| counts[chosen[j]] += 1);
+            let sum: f64 = counts
+                .iter()
+                .zip(&reaches)
+                .filter(|(count, _)| **count > 0)
+                .map(|(count, m)| {
+                    let value = if *m == 2 { z[i] } else { points.at(i, *m, true) };
+                    f64::from(*count) * value
+                })
+                .sum();
+            sum / f64::from(counts.iter().sum::<u32>())
+        })
+        .collect()
+}
+
+/// The points about point i of n, whose noise is taken to be alike.
+fn about(i: usize, n: usize) -> std::ops::Range<usize> {
+    i.saturating_sub(ALIKE)..(i + ALIKE + 1).min(n)
 }
 
 /// Points and how much each counts.

@@ -32,6 +32,7 @@ const NODES: usize = 160;
 /// An image that falls by more than this share of its height, or by so much of the greatest height,
 /// has no unique contact beyond.
 const FALL: f64 = 0.02;
+const FAR: f64 = 0.1;
 const FALL_AT_AXIS: f64 = 1e-3;
 /// Coefficients of (x − xᵢ)ᵏ.
 type Powers = [f64; 5];
@@ -159,6 +160,48 @@ fn image_of(knots: &[f64], changes: &[[f64; 3]], x: f64) -> (f64, f64) {
     (x * first, first + second)
 }
 
+/// The rising values that are closest to those at the nodes: neighbours that fall are replaced by
+/// their mean, each with its share of the axis. They begin at 0.
+fn isotonic(nodes: &[f64], images: &[(f64, f64)]) -> Vec<f64> {
+    // Mean, weight and number of each run of equal values.
+    let mut runs: Vec<(f64, f64, usize)> = vec![(0.0, f64::INFINITY, 1)];
+    for i in 1..nodes.len() {
+        let share = nodes[(i + 1).min(nodes.len() - 1)] - nodes[i - 1];
+        let mut run = (images[i].0, share, 1);
+        while let Some((mean, weight, count)) = runs.pop() {
+            if mean < run.0 {
+                runs.push((mean, weight, count));
+                break;
+            }
+            let mean = if weight.is_finite() {
+                (mean * weight + run.0 * run.1) / (weight + run.1)
+            } else {
+                mean
+            };
+            run = (mean, weight + run.1, count + run.2);
+        }
+        runs.push(run);
+    }
+    runs.iter().flat_map(|(mean, _, count)| std::iter::repeat_n(*mean, *count)).collect()
+}
+
+/// How many nodes there are until the image falls for good: deeply and over some distance.
+fn rising_part(nodes: &[f64], images: &[(f64, f64)], values: &[f64]) -> usize {
+    let mut first = 0;
+    for i in 1..nodes.len() {
+        if values[i] > values[first] {
+            first = i;
+        }
+        let fall = values[i] - images[i].0;
+        let far = nodes[i] - nodes[first] > FAR * nodes[i];
+        if first > 0 && far && fall > FALL * values[i] + FALL_AT_AXIS {
+            // The first cell is there whatever it is like.
+            return first.max(2);
+        }
+    }
+    nodes.len()
+}
+
 impl TableShape {
     /// The shape through heights at radii that ascend strictly from 0, at least two.
     pub(super) fn through(radius: &[f64], height: &[f64]) -> Self {
@@ -199,15 +242,8 @@ impl TableShape {
 
     /// The image through values and slopes at nodes, made to rise, as far as it does.
     fn rising(length: f64, height: f64, mut nodes: Vec<f64>, images: &[(f64, f64)]) -> Self {
-        let mut values = Vec::with_capacity(nodes.len());
-        let mut highest: f64 = 0.0;
-        for (value, _) in images {
-            if *value < (1.0 - FALL) * highest - FALL_AT_AXIS && values.len() > 1 {
-                break;
-            }
-            highest = highest.max(*value);
-            values.push(highest);
-        }
+        let mut values = isotonic(&nodes, images);
+        values.truncate(rising_part(&nodes, images, &values));
         nodes.truncate(values.len());
         let last = nodes.len() - 1;
         let secant = |i: usize| (values[i + 1] - values[i]) / (nodes[i + 1] - nodes[i]);
