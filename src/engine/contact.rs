@@ -56,11 +56,9 @@ impl Contact {
     /// The contact of `shape` at amplitude Δ > 0; `None` where its scar would outgrow the shape.
     #[must_use]
     pub fn new(shape: Shape, threshold: f64) -> Option<Self> {
-        let (stick, regime) = if threshold >= 1.0 {
-            (0.0, Regime::GrossSlip)
-        } else {
-            (shape.image_inverse(1.0 - threshold), Regime::PartialSlip)
-        };
+        // At Δ = 1 the springs under a flat, if there is one, still stick.
+        let stick = if threshold > 1.0 { 0.0 } else { shape.image_inverse(1.0 - threshold) };
+        let regime = if stick > 0.0 { Regime::PartialSlip } else { Regime::GrossSlip };
         let limit = Limit::solve(&shape, stick)?;
         Some(Self { shape, threshold, stick, regime, limit })
     }

@@ -94,7 +94,9 @@ pub(super) fn smoothed(x: &[f64], z: Vec<f64>) -> Vec<f64> {
                 })
                 .collect();
             // Beyond the outermost points there is nothing to predict them from.
-            (0..n).map(|i| about(i, n).filter(|j| (2..n - 2).contains(j)).map(|j| squares[j]).sum()).collect()
+            (0..n)
+                .map(|i| about(i, n).filter(|j| (2..n - 2).contains(j)).map(|j| squares[j]).sum())
+                .collect()
         })
         .collect();
     let chosen: Vec<usize> = (0..n)

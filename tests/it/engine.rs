@@ -154,13 +154,20 @@ fn contacts() -> Vec<Contact> {
         (Shape::power(3.3), 0.4),
         (Shape::power(8.0), 0.7),
         (Shape::sphere(2.0), 0.6),
+        (Shape::truncated_paraboloid(0.3), 0.6),
+        (Shape::truncated_cone(0.5), 0.51),
     ]
     .into_iter()
     .map(|(shape, c)| Contact::sticking(shape, c).expect("a limit"))
     .chain(
-        [(Shape::power(2.0), 1.3), (Shape::power(1.0), 4.0)]
-            .into_iter()
-            .map(|(shape, threshold)| Contact::new(shape, threshold).expect("a limit")),
+        [
+            (Shape::power(2.0), 1.3),
+            (Shape::power(1.0), 4.0),
+            (Shape::truncated_paraboloid(0.6), 1.2),
+            (Shape::truncated_cone(0.2), 2.0),
+        ]
+        .into_iter()
+        .map(|(shape, threshold)| Contact::new(shape, threshold).expect("a limit")),
     )
     .collect()
 }
@@ -203,6 +210,11 @@ fn panels(from: f64, to: f64, kinks: &[f64], f: impl Fn(f64) -> f64) -> f64 {
         .sum()
 }
 
+/// The kinks of a contact's unworn image and `more`.
+fn kinks(contact: &Contact, more: &[f64]) -> Vec<f64> {
+    [contact.shape.kinks(), more].concat()
+}
+
 /// Force, energy and volume against quadrature in panels that shrink towards the stick edge.
 #[test]
 fn the_sums_over_the_row_are_the_integrals_they_stand_for() {
@@ -213,12 +225,13 @@ fn the_sums_over_the_row_are_the_integrals_they_stand_for() {
             let decay = Decay::after(exponent);
             let sums = row.sums(decay);
             let eta = |x: f64| signed_compression(&contact, x, decay);
-            let over = |f: &dyn Fn(f64) -> f64| panels(0.0, 1.0, &[contact.stick], f);
+            let over =
+                |f: &dyn Fn(f64) -> f64| panels(0.0, 1.0, &kinks(&contact, &[contact.stick]), f);
             let normal = over(&eta);
             let energy = over(&|x| eta(x) * (contact.threshold - eta(x)).max(0.0));
             let chord = |x: f64| ((outer - x) * (outer + x)).max(0.0).sqrt();
             let volume = 4.0
-                * panels(0.0, outer, &[contact.stick, 1.0], |x| {
+                * panels(0.0, outer, &kinks(&contact, &[contact.stick, 1.0]), |x| {
                     (1.0 - contact.shape.image(x) - eta(x)) * chord(x)
                 });
             let scale = contact.limit.volume;
@@ -249,7 +262,8 @@ fn the_curves_are_the_integrals_they_stand_for() {
             for (index, r) in solver.radii().iter().enumerate().skip(1).step_by(5) {
                 let r = *r;
                 // Wear: (4) of g − g₀, in the angle, so that the root is gone.
-                let kinks = [angle(1.0, r), angle(outer, r)];
+                let kinks = kinks(&contact, &[1.0, outer]);
+                let kinks: Vec<f64> = kinks.iter().map(|kink| angle(*kink, r)).collect();
                 let wear = if r > outer {
                     0.0
                 } else {
@@ -345,7 +359,8 @@ fn the_pressure_is_the_integral_of_the_image_slope() {
                 let rest = contact.threshold - unworn;
                 let ratio = contact.threshold / (unworn * decay.left + rest);
                 let factor = if x < contact.stick { 1.0 } else { decay.left * ratio * ratio };
-                contact.shape.image_slope(x) * factor
+                // Infinite at the edge of a flat, where no quadrature should look.
+                contact.shape.image_slope(x).min(1e9) * factor
             };
             for (index, r) in solver.radii().iter().enumerate().skip(1).step_by(3) {
                 let r = *r;
@@ -354,11 +369,15 @@ fn the_pressure_is_the_integral_of_the_image_slope() {
                     continue;
                 }
                 // x = r cosh s takes the root out.
-                let kink = libm::acosh((contact.stick / r).max(1.0));
+                let panel_ends: Vec<f64> = kinks(&contact, &[contact.stick])
+                    .iter()
+                    .map(|kink| libm::acosh((kink / r).max(1.0)))
+                    .collect();
                 let exact =
-                    panels(0.0, libm::acosh(1.0 / r), &[kink], |s| slope(r * s.cosh())) / PI;
+                    panels(0.0, libm::acosh(1.0 / r), &panel_ends, |s| slope(r * s.cosh())) / PI;
                 // Next to the stick edge the pressure peaks within a few radii of the mesh.
-                let edge = (r - contact.stick).abs() < 0.02;
+                let edge =
+                    kinks(&contact, &[contact.stick]).iter().any(|kink| (r - kink).abs() < 0.02);
                 let tolerance = if edge { 0.03 } else { 2e-3 } * (0.2 + exact);
                 assert!(
                     (curves.pressure[index] - exact).abs() < tolerance,
@@ -386,7 +405,9 @@ fn pressure_carries_the_force_and_its_sum_the_volume() {
                     PI * (low + curves.pressure[i] * radii[i]) * (radii[i] - radii[i - 1])
                 })
                 .sum();
-            close(force, 2.0 * state.sums.normal, 3e-3);
+            // The pressure at the edge of a flat is infinite, if integrable.
+            let tolerance = if contact.shape.kinks().is_empty() { 3e-3 } else { 8e-3 };
+            close(force, 2.0 * state.sums.normal, tolerance);
             if normalized > 0.0 {
                 close(state.mesh_volume, state.sums.volume, 3e-4);
             }
@@ -507,6 +528,23 @@ fn steps_and_blocks_do_not_change_a_digit() {
     }
 }
 
+/// Tables that rise more or less: steps of any length and height, and now and then a fall.
+fn any_table() -> impl Strategy<Value = Value> {
+    let rows = prop::collection::vec((1e-3..1.0_f64, -0.1..1.0_f64), 1..40);
+    (rows, -6.0..-2.0_f64, -8.0..-3.0_f64, 1.0..4.0_f64).prop_map(|(rows, length, height, power)| {
+        let (mut radius, mut rise) = (vec![0.0_f64], vec![0.0_f64]);
+        for (step, up) in rows {
+            radius.push(radius[radius.len() - 1] + step);
+            rise.push((rise[rise.len() - 1] + step * up).max(0.0));
+        }
+        let scaled = |list: &[f64], scale: f64| -> Vec<f64> {
+            list.iter().map(|x| x * 10_f64.powf(scale)).collect()
+        };
+        let rise: Vec<f64> = rise.iter().map(|z| z.powf(power)).collect();
+        json!({"shape": "table", "radius": scaled(&radius, length), "height": scaled(&rise, height)})
+    })
+}
+
 pub fn any_scenario() -> impl Strategy<Value = Value> {
     let profile = prop_oneof![
         (1e-6..1e3_f64).prop_map(|r| json!({"shape": "paraboloid", "radius": r})),
@@ -515,6 +553,13 @@ pub fn any_scenario() -> impl Strategy<Value = Value> {
         (1.0..20.0_f64, 1e-9..1.0_f64, 1e-6..1.0_f64).prop_map(
             |(n, h, b)| json!({"shape": "power", "exponent": n, "height": h, "at_radius": b})
         ),
+        (1e-6..1e3_f64, -8.0..-2.0_f64).prop_map(|(r, b)| json!({
+            "shape": "truncated_paraboloid", "radius": r, "flat_radius": 10_f64.powf(b)
+        })),
+        (1e-3..1.5_f64, -8.0..-2.0_f64).prop_map(|(angle, b)| json!({
+            "shape": "truncated_cone", "slope_angle": angle, "flat_radius": 10_f64.powf(b)
+        })),
+        any_table(),
     ];
     let motion = prop_oneof![
         (0.0..0.9999_f64).prop_map(|c| json!({"stick_ratio": c})),

@@ -11,7 +11,8 @@ use crate::engine::steel_ball;
 
 fn run(request: &Value) -> Outcome {
     let checked = scenario::check(request, "");
-    let (scenario, _) = checked.unwrap_or_else(|faults| panic!("{faults:?} in {}", request["profile"]["shape"]));
+    let (scenario, _) =
+        checked.unwrap_or_else(|faults| panic!("{faults:?} in {}", request["profile"]["shape"]));
     Simulation::of(&scenario).expect("a contact").run()
 }
 
@@ -49,14 +50,23 @@ fn distance(a: &Outcome, b: &Outcome) -> f64 {
     let mut worst: f64 = 0.0;
     let columns = |o: &Outcome| {
         let h = &o.history;
-        [&h.wear_volume, &h.normal_force, &h.wear_depth, &h.contact_radius, &h.scar_radius, &h.energy_per_cycle]
-            .map(Clone::clone)
+        [
+            &h.wear_volume,
+            &h.normal_force,
+            &h.wear_depth,
+            &h.contact_radius,
+            &h.scar_radius,
+            &h.energy_per_cycle,
+        ]
+        .map(Clone::clone)
     };
     for (k, (a, b)) in columns(a).iter().zip(columns(b)).enumerate() {
         let scale = b.iter().copied().fold(0.0, f64::max);
         for (a, b) in a.iter().zip(b).filter(|(_, b)| *b > 0.0) {
             let relative = (a - b).abs() / if k == 1 || k == 5 { scale } else { b };
-            if std::env::var("SHOW").is_ok() { println!("{k} {relative:+.2e}"); }
+            if std::env::var("SHOW").is_ok() {
+                println!("{k} {relative:+.2e}");
+            }
             worst = worst.max(relative);
         }
     }
@@ -92,7 +102,9 @@ fn a_sampled_paraboloid_is_a_paraboloid() {
                     let table = sampled(200, 0.35e-3, seed, noise, |r| r * r / 0.02);
                     let found = distance(&run(&request(table, method, amplitude)), &analytic);
                     println!("{method} {amplitude} {noise} {seed}: {found:.1e}");
-                    if std::env::var("SHOW").is_err() { assert!(found < tolerance, "{method} {amplitude} {noise} {seed}: {found}");}
+                    if std::env::var("SHOW").is_err() {
+                        assert!(found < tolerance, "{method} {amplitude} {noise} {seed}: {found}");
+                    }
                 }
             }
         }
@@ -105,50 +117,73 @@ fn measure() {
     let a = 0.187e-3;
     type F = Box<dyn Fn(f64) -> f64>;
     let list: Vec<(&str, Value, f64, F)> = vec![
-        ("paraboloid", json!({"shape": "paraboloid", "radius": 0.01}), 0.35e-3, Box::new(|r| r * r / 0.02)),
-        ("paraboloid wide", json!({"shape": "paraboloid", "radius": 0.01}), 2e-3, Box::new(|r| r * r / 0.02)),
-        ("cone", json!({"shape": "cone", "slope_angle": "1 deg"}), 0.3e-3, Box::new(|r| r * 1_f64.to_radians().tan())),
-        ("power 4", json!({"shape": "power", "exponent": 4, "height": d/2., "at_radius": a}), 0.4e-3, Box::new(move |r| d/2. * (r / a).powi(4))),
-        ("sphere", json!({"shape": "sphere", "radius": 1e-3}), 0.12e-3, Box::new(|r: f64| 1e-3 - (1e-6 - r * r).sqrt())),
-        ("truncated cone", json!({"shape": "truncated_cone", "slope_angle": "1 deg", "flat_radius": 0.05e-3}), 0.4e-3, Box::new(|r| (r - 0.05e-3).max(0.0) * 1_f64.to_radians().tan())),
-        ("truncated paraboloid", json!({"shape": "truncated_paraboloid", "radius": 0.01, "flat_radius": 0.1e-3}), 0.5e-3, Box::new(|r| (r * r - 1e-8).max(0.0) / 0.02)),
+        (
+            "paraboloid",
+            json!({"shape": "paraboloid", "radius": 0.01}),
+            0.35e-3,
+            Box::new(|r| r * r / 0.02),
+        ),
+        (
+            "paraboloid wide",
+            json!({"shape": "paraboloid", "radius": 0.01}),
+            2e-3,
+            Box::new(|r| r * r / 0.02),
+        ),
+        (
+            "cone",
+            json!({"shape": "cone", "slope_angle": "1 deg"}),
+            0.3e-3,
+            Box::new(|r| r * 1_f64.to_radians().tan()),
+        ),
+        (
+            "power 4",
+            json!({"shape": "power", "exponent": 4, "height": d/2., "at_radius": a}),
+            0.4e-3,
+            Box::new(move |r| d / 2. * (r / a).powi(4)),
+        ),
+        (
+            "sphere",
+            json!({"shape": "sphere", "radius": 1e-3}),
+            0.12e-3,
+            Box::new(|r: f64| 1e-3 - (1e-6 - r * r).sqrt()),
+        ),
+        (
+            "truncated cone",
+            json!({"shape": "truncated_cone", "slope_angle": "1 deg", "flat_radius": 0.05e-3}),
+            0.4e-3,
+            Box::new(|r| (r - 0.05e-3).max(0.0) * 1_f64.to_radians().tan()),
+        ),
+        (
+            "truncated paraboloid",
+            json!({"shape": "truncated_paraboloid", "radius": 0.01, "flat_radius": 0.1e-3}),
+            0.5e-3,
+            Box::new(|r| (r * r - 1e-8).max(0.0) / 0.02),
+        ),
     ];
     for (name, profile, last, f) in &list {
         for method in ["simplified", "exact"] {
             for amplitude in ["2.2 um", "4 um"] {
                 let analytic = run(&request(profile.clone(), method, amplitude));
                 for noise in [0.0, 1e-4, 0.01] {
-                    let mut all: Vec<f64> = (0..40).filter_map(|seed| {
-                        let table = sampled(200, *last, seed, noise, f);
-                        let r = request(table, method, amplitude);
-                        match scenario::check(&r, "") { Ok(_) => Some(distance(&run(&r), &analytic)), Err(_) => None }
-                    }).collect();
+                    let mut all: Vec<f64> = (0..40)
+                        .filter_map(|seed| {
+                            let table = sampled(200, *last, seed, noise, f);
+                            let r = request(table, method, amplitude);
+                            match scenario::check(&r, "") {
+                                Ok(_) => Some(distance(&run(&r), &analytic)),
+                                Err(_) => None,
+                            }
+                        })
+                        .collect();
                     all.sort_by(f64::total_cmp);
-                    println!("{name} {method} {amplitude} {noise}: median {:.1e} worst {:.1e} n {}", all.get(all.len()/2).unwrap_or(&9.), all.last().unwrap_or(&9.), all.len());
+                    println!(
+                        "{name} {method} {amplitude} {noise}: median {:.1e} worst {:.1e} n {}",
+                        all.get(all.len() / 2).unwrap_or(&9.),
+                        all.last().unwrap_or(&9.),
+                        all.len()
+                    );
                 }
             }
         }
     }
-}
-#[test]
-fn look() {
-    let (d, a) = (3.5e-6, 0.187e-3_f64);
-    for (profile, f, last) in [(json!({"shape": "power", "exponent": 4, "height": d/2., "at_radius": a}), Box::new(move |r: f64| d/2. * (r / a).powi(4)) as Box<dyn Fn(f64)->f64>, 0.4e-3),
-      (json!({"shape": "truncated_cone", "slope_angle": "1 deg", "flat_radius": 0.05e-3}), Box::new(|r: f64| (r - 0.05e-3).max(0.0) * 1_f64.to_radians().tan()), 0.4e-3)] {
-    for method in ["simplified", "exact"] {
-    let analytic = run(&request(profile.clone(), method, "2.2 um"));
-    let mut worst = [0.0_f64; 8];
-    let mut mean = [0.0_f64; 8];
-    for seed in 0..40 {
-        if scenario::check(&request(sampled(200, last, seed, 0.01, &f), method, "2.2 um"), "").is_err() { println!("refused {seed}"); continue; }
-        let o = run(&request(sampled(200, last, seed, 0.01, &f), method, "2.2 um"));
-        let rel = |a: f64, b: f64| (a / b - 1.0).abs();
-        let i = 2;
-        let (h, g) = (&o.history, &analytic.history);
-        let e = [rel(h.wear_volume[i], g.wear_volume[i]), rel(h.normal_force[i], g.normal_force[i]), rel(h.wear_depth[i], g.wear_depth[i]), rel(h.contact_radius[i], g.contact_radius[i]), rel(h.scar_radius[i], g.scar_radius[i]), rel(h.energy_per_cycle[i], g.energy_per_cycle[i]), rel(h.stick_radius[i], g.stick_radius[i]), rel(o.limit.as_ref().unwrap().wear_depth, analytic.limit.as_ref().unwrap().wear_depth)];
-        for (w, e) in worst.iter_mut().zip(e) { *w = w.max(e); }
-        for (w, e) in mean.iter_mut().zip(e) { *w += e / 40.0; }
-    }
-    println!("V F depth a scar W c  limdepth\n {worst:.4?}\n {mean:.4?}");
-    }}
 }
