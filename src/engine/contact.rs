@@ -217,7 +217,9 @@ impl Row {
             let x = limit.radius - width * s * s;
             row.outside_volume += 8.0 * width * weight * s * (1.0 - shape.image(x)) * chord(x);
         }
-        row.core_normal = if c == 0.0 { 0.0 } else { shape.half_force() - unworn_normal };
+        // Not below 0, whatever a rough table makes of the rule.
+        let core = (shape.half_force() - unworn_normal).max(0.0);
+        row.core_normal = if c == 0.0 { 0.0 } else { core };
         row
     }
 

@@ -59,24 +59,19 @@ impl Limit {
         };
         let radius = root(inner, outer, wear);
         let chord = |x: f64| ((radius - x) * (radius + x)).max(0.0).sqrt();
-        let volume = match shape.kinks() {
-            [] => {
-                // x = ã − (ã − c)s² takes the root at the end out of the integrand.
-                let width = radius - c;
-                8.0 * width
-                    * integrate(0.0, 1.0, |s| {
-                        let x = radius - width * s * s;
-                        s * (1.0 - shape.image(x)) * chord(x)
-                    })
-            }
-            kinks => {
-                // From c on, but next to a kink the integrand is not smooth: the part inside c is
-                // taken away again.
-                let part = |to: f64| {
-                    integrate_pieces(0.0, to, kinks, |x| (1.0 - shape.image(x)) * chord(x))
-                };
-                4.0 * (part(radius) - part(c))
-            }
+        // The part inside a kink near c is taken away again, as in `integrate_beyond`; otherwise
+        // x = ã − (ã − c)s² takes the root at the end out of the integrand.
+        let width = radius - c;
+        let volume = if shape.kinks().iter().any(|kink| c - kink < width) {
+            let of_spring = |x: f64| (1.0 - shape.image(x)) * chord(x);
+            let part = |to: f64| integrate_pieces(0.0, to, shape.kinks(), of_spring);
+            4.0 * (part(radius) - part(c))
+        } else {
+            8.0 * width
+                * integrate(0.0, 1.0, |s| {
+                    let x = radius - width * s * s;
+                    s * (1.0 - shape.image(x)) * chord(x)
+                })
         };
         let (depth, depth_radius) = if c == 0.0 {
             (1.0, 0.0)

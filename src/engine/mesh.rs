@@ -12,7 +12,7 @@
 //! # Accuracy
 //! Exact for wear that is linear in r² between nodes.
 
-use super::numeric::{dot, integrate, integrate_pieces};
+use super::numeric::{dot, integrate_beyond};
 use super::profile::Shape;
 
 const TWO_THIRDS: f64 = 2.0 / 3.0;
@@ -57,9 +57,12 @@ impl Mesh {
         }
         let unworn = radii
             .windows(2)
-            .map(|ends| over(shape, ends[0], ends[1], |x| shape.image(x)) / (ends[1] - ends[0]))
+            .map(|ends| {
+                let image = |x: f64| shape.image(x);
+                integrate_beyond(ends[0], ends[1], shape.kinks(), image) / (ends[1] - ends[0])
+            })
             .collect();
-        let core = over(shape, 0.0, radii[0], |x| 1.0 - shape.image(x));
+        let core = integrate_beyond(0.0, radii[0], shape.kinks(), |x| 1.0 - shape.image(x));
         Self { radii, squares, widths, areas, matrix, unworn, core }
     }
 
@@ -153,19 +156,6 @@ fn place_nodes(radii: &mut [f64], kinks: &[f64]) {
         let nearest = if left_is_nearer && right > 1 { right - 1 } else { right };
         if nearest + 1 < radii.len() {
             radii[nearest] = *kink;
-        }
-    }
-}
-
-/// ∫ of something of a shape, whose image may have kinks.
-fn over(shape: &Shape, from: f64, to: f64, f: impl Fn(f64) -> f64) -> f64 {
-    match shape.kinks() {
-        [] => integrate(from, to, f),
-        // Next to a kink the image rises like a root: from there on it is smooth in pieces.
-        kinks => {
-            let start = kinks.iter().copied().filter(|kink| *kink < from).fold(0.0, f64::max);
-            let f = &f;
-            integrate_pieces(start, to, kinks, f) - integrate_pieces(start, from, kinks, f)
         }
     }
 }

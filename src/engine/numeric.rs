@@ -83,6 +83,20 @@ pub fn integrate_pieces(from: f64, to: f64, kinks: &[f64], f: impl Fn(f64) -> f6
     sum + piece(last, to)
 }
 
+/// ∫ f over `from`…`to` as by [`integrate_pieces`], but where `from` is just beyond a kink: there f
+/// is smooth only from the kink on, and the part before `from` is taken away again. Without a kink
+/// near, as by [`integrate`].
+pub fn integrate_beyond(from: f64, to: f64, kinks: &[f64], f: impl Fn(f64) -> f64) -> f64 {
+    let near = |kink: &&f64| **kink < to && from - **kink < to - from;
+    match kinks.iter().find(near) {
+        None => integrate(from, to, f),
+        Some(kink) if *kink >= from => integrate_pieces(from, to, kinks, f),
+        Some(kink) => {
+            integrate_pieces(*kink, to, kinks, &f) - integrate_pieces(*kink, from, kinks, &f)
+        }
+    }
+}
+
 /// The root of `f` between `low` and `high`, where `f` changes sign, to the last bits.
 ///
 /// False position with the Anderson–Björck correction, backed by bisection.
