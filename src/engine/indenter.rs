@@ -294,24 +294,24 @@ enum Form<'a> {
     Table(&'a Arc<TableShape>),
 }
 
-/// A truncated shape of flat radius b; its steepness is 1/R or tanθ.
+/// A truncated shape with a flat tip of radius b; its steepness is 1/R or tanθ.
 #[derive(Clone, Copy)]
 struct Flat {
     conical: bool,
     steepness: f64,
-    flat_radius: f64,
+    tip: f64,
 }
 
 impl Flat {
     /// a from √(a²−b²).
-    fn radius(self, rim: f64) -> f64 {
-        (self.flat_radius * self.flat_radius + rim * rim).sqrt()
+    fn contact_radius(self, rim: f64) -> f64 {
+        (self.tip * self.tip + rim * rim).sqrt()
     }
 
     /// d from √(a²−b²).
     fn depth(self, rim: f64) -> f64 {
-        let radius = self.radius(rim);
-        let width = if self.conical { libm::atan2(rim, self.flat_radius) } else { rim };
+        let radius = self.contact_radius(rim);
+        let width = if self.conical { libm::atan2(rim, self.tip) } else { rim };
         self.steepness * radius * width
     }
 
@@ -322,14 +322,14 @@ impl Flat {
             // a·arccos(b/a) is at least √(a²−b²).
             return root(0.0, product, |rim| self.depth(rim) - depth);
         }
-        let square = self.flat_radius * self.flat_radius;
+        let square = self.tip * self.tip;
         let ratio = 2.0 * product / square;
         product * (2.0 / (square * (1.0 + (1.0 + ratio * ratio).sqrt()))).sqrt()
     }
 
     /// √(a²−b²) under a force, given as F/E*.
     fn rim_under(self, force: f64) -> f64 {
-        let (b, product) = (self.flat_radius, force / self.steepness);
+        let (b, product) = (self.tip, force / self.steepness);
         let load = |rim: f64| {
             if self.conical {
                 (b * b + rim * rim) * libm::atan2(rim, b) + b * rim
@@ -363,11 +363,11 @@ impl CanonicalProfile {
             }
             Self::Sphere { radius } => Form::Sphere { radius },
             Self::TruncatedParaboloid { radius, flat_radius } => {
-                Form::Flat(Flat { conical: false, steepness: 1.0 / radius, flat_radius })
+                Form::Flat(Flat { conical: false, steepness: 1.0 / radius, tip: flat_radius })
             }
             Self::TruncatedCone { slope_angle, flat_radius } => {
                 let steepness = libm::tan(slope_angle);
-                Form::Flat(Flat { conical: true, steepness, flat_radius })
+                Form::Flat(Flat { conical: true, steepness, tip: flat_radius })
             }
             Self::Table(ref table) => Form::Table(&table.shape),
         }
@@ -381,7 +381,7 @@ impl CanonicalProfile {
                 "presses the flat in by so little ({depth:.3e} m) that hardly a ring around it \
                  touches: such a contact slips as a whole or not at all; load it more or take a \
                  flat_radius below {} m",
-                flat.flat_radius
+                flat.tip
             ),
             Form::Sphere { .. } | Form::Power { .. } => format!(
                 "presses the sphere in beyond a₀/R = {MAX_SPHERE}, where half-space theory has no \
@@ -454,8 +454,8 @@ pub(super) fn indent(profile: &CanonicalProfile, depth: f64) -> Option<(f64, Sha
             Some((share * radius, Shape::sphere(1.0 / share)))
         }
         Form::Flat(flat) => {
-            let radius = flat.radius(flat.rim_at(depth));
-            let share = flat.flat_radius / radius;
+            let radius = flat.contact_radius(flat.rim_at(depth));
+            let share = flat.tip / radius;
             if 1.0 - share < NARROWEST_RING {
                 return None;
             }

@@ -163,19 +163,19 @@ impl Truncated {
 
     /// (1/π) ∫ g′/√(x²−r²) dx as far as `end`; infinite at r = β.
     pub(super) fn pressure_inside(&self, r: f64, end: f64) -> f64 {
-        /// Longest panel: half as wide as the integrand's strip of analyticity, 64-fold exact.
+        /// Longest panel: the integrand is analytic for |Im v| < π/2, so that a rule on it is exact.
         const PANEL: f64 = 4.0;
         let b = self.flat;
         if r >= end || b >= end {
             return 0.0;
         }
-        if r == b {
-            return f64::INFINITY;
-        }
         // Both roots vanish close to each other: with m and l the larger and the smaller of r and β,
         // x² = m² + (m² − l²) sinh²v turns dx/√((x²−r²)(x²−β²)) into dv/x.
         let (larger, smaller) = (r.max(b), r.min(b));
         let gap = chord(larger, smaller);
+        if gap == 0.0 {
+            return f64::INFINITY;
+        }
         let last = libm::asinh(chord(end, larger) / gap);
         let integrand = |v: f64| {
             let sine = gap * libm::sinh(v);
