@@ -10,9 +10,11 @@
 //! # Units
 //! SI; [`Shape`] is normalised by a₀ and d₀.
 
+use std::marker::PhantomData;
+use std::sync::Arc;
+
 use deserr::{Deserr, ErrorKind, IntoValue, Map, Sequence, Value, ValueKind, ValuePointerRef};
 use serde::Serialize;
-use std::sync::Arc;
 
 use super::contact::Contact;
 use super::fault::{Fault, Faults, refuse};
@@ -152,7 +154,7 @@ impl Table {
 
 /// Two to [`MAX_ROWS`] quantities in SI, at 12 digits.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Column<T>(pub Vec<f64>, std::marker::PhantomData<T>);
+pub struct Column<T>(pub Vec<f64>, PhantomData<T>);
 
 impl<T: Deserr<Faults> + Into<f64>> Deserr<Faults> for Column<T> {
     fn deserialize_from_value<V: IntoValue>(
@@ -167,7 +169,7 @@ impl<T: Deserr<Faults> + Into<f64>> Deserr<Faults> for Column<T> {
         }
         let list = Vec::<T>::deserialize_from_value(value, location)?;
         let list = list.into_iter().map(|x| twelve_digits(x.into())).collect();
-        Ok(Self(list, std::marker::PhantomData))
+        Ok(Self(list, PhantomData))
     }
 }
 
@@ -291,7 +293,7 @@ enum Form<'a> {
         radius: f64,
     },
     Flat(Flat),
-    Table(&'a Arc<TableShape>),
+    Table(&'a CanonicalTable),
 }
 
 /// A truncated shape with a flat tip of radius b; its steepness is 1/R or tanθ.
@@ -369,14 +371,14 @@ impl CanonicalProfile {
                 let steepness = libm::tan(slope_angle);
                 Form::Flat(Flat { conical: true, steepness, tip: flat_radius })
             }
-            Self::Table(ref table) => Form::Table(&table.shape),
+            Self::Table(ref table) => Form::Table(table),
         }
     }
 
     /// Why it cannot be pressed in to `depth`, which the member at `pointer` asks for.
     pub(super) fn refusal(&self, depth: f64, pointer: &str) -> Fault {
         let detail = match self.form() {
-            Form::Table(shape) => return self.too_short(shape, Pressed::new(shape, depth, true)),
+            Form::Table(table) => return table.too_short(Pressed::new(&table.shape, depth, true)),
             Form::Flat(flat) => format!(
                 "presses the flat in by so little ({depth:.3e} m) that hardly a ring around it \
                  touches: such a contact slips as a whole or not at all; load it more or take a \
@@ -394,23 +396,24 @@ impl CanonicalProfile {
     /// Why the scar at `depth` and amplitude Δ has no room on it.
     pub(super) fn outgrown(&self, depth: f64, threshold: f64) -> Fault {
         match self.form() {
-            Form::Table(shape) => {
-                let endless = Pressed::new(shape, depth, true).and_then(|(radius, pressed)| {
-                    let limit = Contact::new(Shape::table(pressed.clone()), threshold)?.limit;
-                    Some((limit.radius * radius, pressed))
-                });
-                self.too_short(shape, endless)
+            Form::Table(table) => {
+                let endless =
+                    Pressed::new(&table.shape, depth, true).and_then(|(radius, pressed)| {
+                        let limit = Contact::new(Shape::table(pressed.clone()), threshold)?.limit;
+                        Some((limit.radius * radius, pressed))
+                    });
+                table.too_short(endless)
             }
             _ => self.refusal(depth, "/load"),
         }
     }
+}
 
+impl CanonicalTable {
     /// A table that ends, or stops to rise, before the radius that it should reach.
-    fn too_short(&self, shape: &TableShape, needed: Option<(f64, Pressed)>) -> Fault {
-        let Self::Table(CanonicalTable { radius, .. }) = self else {
-            return Fault { pointer: "/profile".to_owned(), detail: String::new() };
-        };
-        let reach = shape.reach();
+    fn too_short(&self, needed: Option<(f64, Pressed)>) -> Fault {
+        let radius = &self.radius;
+        let reach = self.shape.reach();
         let row = radius.partition_point(|r| *r < reach * (1.0 - 1e-9)).min(radius.len() - 1);
         let needed = needed.map_or(f64::INFINITY, |(radius, _)| radius);
         let ends = if row + 1 == radius.len() {
@@ -466,8 +469,8 @@ pub(super) fn indent(profile: &CanonicalProfile, depth: f64) -> Option<(f64, Sha
             };
             Some((radius, shape))
         }
-        Form::Table(shape) => {
-            let (radius, pressed) = Pressed::new(shape, depth, false)?;
+        Form::Table(table) => {
+            let (radius, pressed) = Pressed::new(&table.shape, depth, false)?;
             Some((radius, Shape::table(pressed)))
         }
     }
@@ -495,6 +498,6 @@ pub(super) fn depth_under(profile: &CanonicalProfile, force: f64) -> f64 {
             depth_at(share)
         }
         Form::Flat(flat) => flat.depth(flat.rim_under(force)),
-        Form::Table(shape) => shape.depth_under(force),
+        Form::Table(table) => table.shape.depth_under(force),
     }
 }

@@ -452,8 +452,8 @@ fn amplitude(request: &Request, shape: &Shape, gross_slip: f64) -> Result<f64, F
         let returned = shape.image_inverse((1.0 - amplitude / gross_slip).max(0.0));
         if (returned - ratio.0).abs() > STICK_DIGITS * ratio.0 && ratio.0 > 0.0 {
             let detail = format!(
-                "{} is so close to gross slip under this profile that 12 digits of the amplitude \
-                 cannot tell; take 0 for the onset of gross slip, or a larger ratio",
+                "{} is so close to gross slip under this profile, or under its flat, that 12 digits \
+                 of the amplitude cannot tell; take 0 for the onset of gross slip, or a larger ratio",
                 ratio.0
             );
             return Err(Faults::one(pointer, detail));
