@@ -145,17 +145,20 @@ impl Mesh {
     }
 }
 
-/// Moves the inner node next to each kink onto it.
+/// Moves the inner node next to each kink onto it, unless the first cell would become far narrower
+/// than the others: a flat so small is not resolved, and steps in time would have to be as small.
 fn place_nodes(radii: &mut [f64], kinks: &[f64]) {
+    const NARROWEST: f64 = 0.25;
     for kink in kinks {
         let right = radii.partition_point(|r| r < kink);
-        if right == 0 || right == radii.len() {
+        if right == 0 || right + 1 >= radii.len() {
             continue;
         }
-        let left_is_nearer = kink - radii[right - 1] < radii[right] - kink;
-        let nearest = if left_is_nearer && right > 1 { right - 1 } else { right };
-        if nearest + 1 < radii.len() {
-            radii[nearest] = *kink;
+        let (before, after) = (kink - radii[right - 1], radii[right] - kink);
+        if right > 1 && before < after {
+            radii[right - 1] = *kink;
+        } else if before > NARROWEST * (before + after) {
+            radii[right] = *kink;
         }
     }
 }
@@ -225,6 +228,17 @@ mod tests {
             assert!((mesh.image(q, &[0.3; 21]) - 0.3).abs() < 1e-14);
         }
         assert!((mesh.volume(&[0.3; 21]) - 0.3 * std::f64::consts::PI).abs() < 1e-14);
+    }
+
+    #[test]
+    fn a_node_moves_to_a_kink_if_that_is_not_too_near_the_axis() {
+        let radii: Vec<f64> = (0..=10).map(|i| f64::from(i) * 0.13).collect();
+        for (flat, node) in [(0.5, Some(4)), (0.45, Some(3)), (0.1, Some(1)), (0.01, None)] {
+            let mesh = Mesh::new(&Shape::truncated_cone(flat), radii.clone());
+            let moved = mesh.radii().iter().position(|r| (r - flat).abs() < 1e-15);
+            assert_eq!(moved, node, "{flat}");
+            assert!(mesh.widths().iter().all(|width| *width > 0.03));
+        }
     }
 
     #[test]
