@@ -19,6 +19,8 @@
 //! gross slip (tests compare). At the very onset of gross slip blunt profiles are worse: 1e-6 for
 //! exponent 8, 1e-4 for 20.
 
+use std::sync::OnceLock;
+
 use super::hysteresis::Backbone;
 use super::limit::Limit;
 use super::numeric::{Gauss, integrate};
@@ -55,11 +57,9 @@ impl Contact {
     /// The contact of `shape` at amplitude Δ > 0; `None` where its scar would outgrow the shape.
     #[must_use]
     pub fn new(shape: Shape, threshold: f64) -> Option<Self> {
-        let (stick, regime) = if threshold >= 1.0 {
-            (0.0, Regime::GrossSlip)
-        } else {
-            (shape.image_inverse(1.0 - threshold), Regime::PartialSlip)
-        };
+        // At Δ = 1 the springs under a flat, if there is one, still stick.
+        let stick = if threshold > 1.0 { 0.0 } else { shape.image_inverse(1.0 - threshold) };
+        let regime = if stick > 0.0 { Regime::PartialSlip } else { Regime::GrossSlip };
         let limit = Limit::solve(&shape, stick)?;
         Some(Self { shape, threshold, stick, regime, limit })
     }
@@ -136,7 +136,7 @@ impl UnwornSums {
                 .sum()
         });
         let backbone = row.backbone(&sums, &compressions);
-        Self { normal: sums.normal, tangential: sums.tangential, loss, backbone }
+        Self { normal: contact.shape.half_force(), tangential: sums.tangential, loss, backbone }
     }
 }
 
@@ -182,6 +182,35 @@ pub struct Sums {
 const RECORD_INTERVALS: usize = 64;
 /// Gauss points of a [`Row`].
 pub const ROW_POINTS: usize = 48;
+/// How many of them are under a flat, where there is one that slips.
+const FLAT_POINTS: usize = 8;
+static WHOLE: OnceLock<Gauss<ROW_POINTS>> = OnceLock::new();
+
+/// Where the slipping springs are, as distances from c, and the lengths that they stand for.
+fn layout(contact: &Contact) -> [(f64, f64); ROW_POINTS] {
+    static UNDER: OnceLock<Gauss<FLAT_POINTS>> = OnceLock::new();
+    static BEYOND: OnceLock<Gauss<{ ROW_POINTS - FLAT_POINTS }>> = OnceLock::new();
+    let c = contact.stick;
+    let graded = |from: f64, s: f64, weight: f64| {
+        let cube = s * s * s;
+        ((1.0 - from) * cube * s, 4.0 * (1.0 - from) * cube * weight)
+    };
+    let Some(edge) = contact.shape.kinks().iter().copied().find(|kink| *kink > c) else {
+        let rule = WHOLE.get_or_init(Gauss::new);
+        return std::array::from_fn(|k| graded(c, rule.nodes[k], rule.weights[k]));
+    };
+    // The springs under a flat are all alike, and few stand for them; the grading begins at its edge.
+    let (under, beyond) = (UNDER.get_or_init(Gauss::new), BEYOND.get_or_init(Gauss::new));
+    std::array::from_fn(|k| {
+        if k < FLAT_POINTS {
+            let s = under.nodes[k];
+            return ((edge - c) * (1.0 - s * s), 2.0 * (edge - c) * s * under.weights[k]);
+        }
+        let (s, weight) = (beyond.nodes[k - FLAT_POINTS], beyond.weights[k - FLAT_POINTS]);
+        let (delta, length) = graded(edge, s, weight);
+        (edge - c + delta, length)
+    })
+}
 
 /// The slipping springs, c < x < a₀, with what is needed to sum over them.
 #[derive(Debug, Clone)]
@@ -201,8 +230,6 @@ impl Row {
     /// Lays out the springs of a contact.
     #[must_use]
     pub fn new(contact: &Contact) -> Self {
-        static RULE: std::sync::OnceLock<Gauss<ROW_POINTS>> = std::sync::OnceLock::new();
-        let rule = RULE.get_or_init(Gauss::new);
         let Contact { ref shape, stick: c, limit, .. } = *contact;
         let chord = |x: f64| ((limit.radius - x) * (limit.radius + x)).max(0.0).sqrt();
         let mut row = Self {
@@ -215,23 +242,25 @@ impl Row {
             core_normal: 0.0,
             outside_volume: 0.0,
         };
+        let rule = WHOLE.get_or_init(Gauss::new);
         let mut unworn_normal = 0.0;
-        for k in 0..ROW_POINTS {
-            let (s, weight) = (rule.nodes[k], rule.weights[k]);
-            let cube = s * s * s;
-            let x = c + (1.0 - c) * cube * s;
+        for (k, (delta, weight)) in layout(contact).into_iter().enumerate() {
+            let x = c + delta;
             row.positions[k] = x;
-            row.weights[k] = 4.0 * (1.0 - c) * cube * weight;
+            row.weights[k] = weight;
             row.unworn[k] = (1.0 - shape.image(x)).clamp(0.0, contact.threshold);
-            row.rest[k] = contact.rest((1.0 - c) * cube * s);
+            row.rest[k] = contact.rest(delta);
             row.chords[k] = chord(x);
             unworn_normal += row.weights[k] * row.unworn[k];
             // Between a₀ and ã the springs hang free; x = ã − (ã − 1)s² as in the limit.
+            let (s, weight) = (rule.nodes[k], rule.weights[k]);
             let width = limit.radius - 1.0;
             let x = limit.radius - width * s * s;
             row.outside_volume += 8.0 * width * weight * s * (1.0 - shape.image(x)) * chord(x);
         }
-        row.core_normal = if c == 0.0 { 0.0 } else { shape.half_force() - unworn_normal };
+        // Not below 0, whatever a rough table makes of the rule.
+        let core = (shape.half_force() - unworn_normal).max(0.0);
+        row.core_normal = if c == 0.0 { 0.0 } else { core };
         row
     }
 
@@ -274,6 +303,10 @@ impl Row {
     pub fn backbone(&self, sums: &Sums, compressions: &[f64; ROW_POINTS]) -> Backbone {
         let Contact { stick, threshold, .. } = self.contact;
         let loss = sums.energy / threshold;
+        if self.contact.shape.kinks().iter().any(|kink| *kink > stick) {
+            // The points do not stand as one rule has them: each carries what it stands for.
+            return Backbone::of_cells(stick, threshold, compressions, &self.weights, Some(loss));
+        }
         Backbone::of_row((stick, threshold), &self.positions, &self.weights, compressions, loss)
     }
 

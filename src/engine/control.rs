@@ -26,7 +26,7 @@ use std::sync::Arc;
 
 use super::contact::Contact;
 use super::limit::{Limit, chord_and_angle, limiting_wear};
-use super::numeric::{integrate, maximum, root};
+use super::numeric::{integrate_beyond, maximum, root};
 use super::profile::Shape;
 use super::record::Record;
 
@@ -150,7 +150,8 @@ impl Control {
             _ if stick == 0.0 => *threshold,
             _ => depth - shape.image(stick),
         };
-        Some(Final { depth, stick, threshold, limit: Limit::at_depth(shape, stick, depth)? })
+        let limit = Limit::at_depth(shape, stick, depth)?;
+        Some(Final { depth, stick, threshold, limit })
     }
 
     /// d once a core of radius c > 0 carries all of the load.
@@ -159,7 +160,7 @@ impl Control {
         match self.normal {
             Normal::Depth => 1.0,
             Normal::Force => {
-                let inside = integrate(0.0, stick, |x| shape.image(x));
+                let inside = integrate_beyond(0.0, stick, shape.kinks(), |x| shape.image(x));
                 (shape.half_force() + inside) / stick
             }
         }

@@ -38,6 +38,17 @@ impl Faults {
         Self(vec![Fault { pointer: pointer(location), detail: detail.into() }])
     }
 
+    /// No more than can be listed, with a word on the rest.
+    pub(super) fn capped(mut self) -> Self {
+        if self.0.len() > MAX_FAULTS {
+            let more = self.0.len() - MAX_FAULTS;
+            self.0.truncate(MAX_FAULTS);
+            let detail = format!("and at least {more} more faults, not listed");
+            self.0.push(Fault { pointer: String::new(), detail });
+        }
+        self
+    }
+
     /// The faults, with `prefix` before every pointer.
     #[must_use]
     pub fn below(mut self, prefix: &str) -> Self {
@@ -57,11 +68,7 @@ impl MergeWithError<Faults> for Faults {
         let mut all = earlier.unwrap_or(Self(Vec::new()));
         all.0.extend(later.0);
         if all.0.len() > MAX_FAULTS {
-            let more = all.0.len() - MAX_FAULTS;
-            all.0.truncate(MAX_FAULTS);
-            let detail = format!("and at least {more} more faults, not listed");
-            all.0.push(Fault { pointer: String::new(), detail });
-            return ControlFlow::Break(all);
+            return ControlFlow::Break(all.capped());
         }
         ControlFlow::Continue(all)
     }

@@ -27,6 +27,8 @@ pub const MAX_BLOCKS: usize = 1000;
 pub const MAX_REVERSALS: usize = 100_000;
 /// Smallest U/U_gs: below, the slip ring is lost in rounding.
 const MIN_THRESHOLD: f64 = 1e-6;
+/// Smallest width of the slip ring in a₀, where its edge may move.
+const MIN_RING: f64 = 1e-4;
 /// Rounding U to 12 digits moves Δ by half of this: so close to 1 it is the onset of gross slip.
 const ONSET: f64 = 1e-11;
 /// A stick ratio must come back from the rounded amplitude as well as this.
@@ -266,6 +268,8 @@ pub(super) struct Pressed<'a> {
     pub(super) tangential_modulus: f64,
     /// U at Δ = 1 in m.
     pub(super) gross_slip: f64,
+    /// What is held.
+    pub(super) normal: Normal,
 }
 
 /// ∫₀¹ min(Δ, 1 − g₀) dx.
@@ -322,6 +326,7 @@ impl Pressed<'_> {
 impl CanonicalMotion {
     /// Brings the tangential direction of a request into canonical form.
     pub(super) fn resolve(motion: &Motion, pressed: &Pressed<'_>) -> Result<Self, Faults> {
+        let stays = pressed.normal == Normal::Depth;
         if let Some(List(blocks)) = &motion.blocks.0 {
             let blocks: Vec<CanonicalBlock> = blocks
                 .iter()
@@ -331,7 +336,12 @@ impl CanonicalMotion {
                 })
                 .collect();
             for (index, block) in blocks.iter().enumerate().filter(|(_, b)| b.amplitude > 0.0) {
-                resolved(block.amplitude, pressed, &format!("/motion/blocks/{index}/amplitude"))?;
+                resolved(
+                    block.amplitude,
+                    false,
+                    pressed,
+                    &format!("/motion/blocks/{index}/amplitude"),
+                )?;
             }
             return Ok(Self::Blocks { blocks });
         }
@@ -341,7 +351,7 @@ impl CanonicalMotion {
             let Some(record) = Record::new(&reversals) else {
                 return Err(Faults::one("/motion/reversals", "must not all be the same position"));
             };
-            resolved(record.amplitude(), pressed, "/motion/reversals")?;
+            resolved(record.amplitude(), false, pressed, "/motion/reversals")?;
             return Ok(Self::Reversals { reversals });
         }
         let (amplitude, pointer) = contact_amplitude(motion, pressed)?;
@@ -357,11 +367,11 @@ impl CanonicalMotion {
             };
             let canonical = Self::Rig { amplitude, rig_stiffness, held: AMPLITUDE };
             let (_, threshold) = canonical.control(Normal::Depth, pressed, 1.0)?;
-            resolved(threshold * pressed.gross_slip, pressed, pointer)?;
+            resolved(threshold * pressed.gross_slip, false, pressed, pointer)?;
             return Ok(canonical);
         }
         if motion.tangential() == MotionHeld::Amplitude {
-            let amplitude = resolved(twelve_digits(amplitude), pressed, pointer)?;
+            let amplitude = resolved(twelve_digits(amplitude), stays, pressed, pointer)?;
             return Ok(Self::Amplitude { amplitude, held: AMPLITUDE });
         }
         let force = match motion.tangential_force.0 {
@@ -378,7 +388,7 @@ impl CanonicalMotion {
                           give a smaller motion, or hold the amplitude";
             Faults::one(pointer, detail)
         })?;
-        resolved(amplitude, pressed, pointer)?;
+        resolved(amplitude, false, pressed, pointer)?;
         Ok(Self::Force { tangential_force, held: TANGENTIAL_FORCE })
     }
 
@@ -461,8 +471,8 @@ fn contact_amplitude(
             .image_inverse((1.0 - twelve_digits(amplitude) / pressed.gross_slip).max(0.0));
         if (returned - ratio.0).abs() > STICK_DIGITS * ratio.0 && ratio.0 > 0.0 {
             let detail = format!(
-                "{} is so close to gross slip under this profile that 12 digits of the amplitude \
-                 cannot tell; take 0 for the onset of gross slip, or a larger ratio",
+                "{} is so close to gross slip under this profile, or under its flat, that 12 digits \
+                 of the amplitude cannot tell; take 0 for the onset of gross slip, or a larger ratio",
                 ratio.0
             );
             return Err(Faults::one("/motion/stick_ratio", detail));
@@ -478,8 +488,13 @@ fn contact_amplitude(
     Ok((amplitude, "/motion/amplitude"))
 }
 
-/// An amplitude that can be resolved.
-fn resolved(amplitude: f64, pressed: &Pressed<'_>, pointer: &str) -> Result<f64, Faults> {
+/// An amplitude that can be resolved; `stays` where the stick radius keeps its place.
+fn resolved(
+    amplitude: f64,
+    stays: bool,
+    pressed: &Pressed<'_>,
+    pointer: &str,
+) -> Result<f64, Faults> {
     let (low, high) = Length::RANGE;
     if !(low..=high).contains(&amplitude) {
         let detail = format!(
@@ -487,11 +502,14 @@ fn resolved(amplitude: f64, pressed: &Pressed<'_>, pointer: &str) -> Result<f64,
         );
         return Err(Faults::one(pointer, detail));
     }
-    let least = MIN_THRESHOLD * pressed.gross_slip;
+    let mut least = MIN_THRESHOLD * pressed.gross_slip;
+    if !stays {
+        least = least.max(pressed.gross_slip * (1.0 - pressed.shape.image(1.0 - MIN_RING)));
+    }
     if amplitude < least {
         let detail = format!(
             "gives an amplitude of {amplitude:.3e} m, but the slip ring can be resolved only from \
-             {least:.3e} m on (1e-6 of the gross-slip amplitude)"
+             {least:.3e} m on"
         );
         return Err(Faults::one(pointer, detail));
     }

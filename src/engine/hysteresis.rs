@@ -67,15 +67,20 @@ impl Backbone {
         Self { knots, loss }
     }
 
-    /// Of cells of constant y, and a core of radius `start` that sticks.
+    /// Of cells of constant y, and a core of radius `start` that sticks; `loss` is ∫ y ω dx if it is known
+    /// better than by these.
     #[must_use]
     pub fn of_cells(
         start: f64,
         threshold: f64,
         compressions: &[f64],
         widths: &[f64],
-        loss: f64,
+        loss: Option<f64>,
     ) -> Self {
+        let loss = loss.unwrap_or_else(|| {
+            let springs = compressions.iter().zip(widths);
+            springs.map(|(y, width)| width * y * (1.0 - y / threshold).max(0.0)).sum()
+        });
         let mut cells: Vec<(f64, f64)> =
             compressions.iter().zip(widths).map(|(y, width)| (*y, *width)).collect();
         cells.sort_by(|a, b| a.0.total_cmp(&b.0));

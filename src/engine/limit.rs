@@ -21,8 +21,11 @@
 
 use std::f64::consts::FRAC_2_PI;
 
-use super::numeric::{integrate, maximum, root};
+use super::numeric::{integrate, integrate_pieces, maximum, root};
 use super::profile::Shape;
+
+/// Steps of 2 % to either side in which ã is looked for.
+const MOST_STEPS: usize = 500;
 
 /// The limiting state in units of a₀, d₀ and a₀²d₀.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -68,14 +71,20 @@ impl Limit {
         };
         let radius = root(inner, outer, wear);
         let chord = |x: f64| ((radius - x) * (radius + x)).max(0.0).sqrt();
+        // The part inside a kink near c is taken away again, as in `integrate_beyond`; otherwise
         // x = ã − (ã − c)s² takes the root at the end out of the integrand.
         let width = radius - c;
-        let volume = 8.0
-            * width
-            * integrate(0.0, 1.0, |s| {
-                let x = radius - width * s * s;
-                s * (d - shape.image(x)) * chord(x)
-            });
+        let volume = if shape.kinks().iter().any(|kink| c - kink < width) {
+            let of_spring = |x: f64| (d - shape.image(x)) * chord(x);
+            let part = |to: f64| integrate_pieces(0.0, to, shape.kinks(), of_spring);
+            4.0 * (part(radius) - part(c))
+        } else {
+            8.0 * width
+                * integrate(0.0, 1.0, |s| {
+                    let x = radius - width * s * s;
+                    s * (d - shape.image(x)) * chord(x)
+                })
+        };
         let (depth, depth_radius) = if c == 0.0 {
             (d, 0.0)
         } else {
@@ -91,19 +100,23 @@ impl Limit {
     #[must_use]
     pub fn scar(shape: &Shape, c: f64, d: f64, guess: f64) -> f64 {
         let wear = |r: f64| limiting_wear(shape, c, d, r, chord_and_angle(c, r));
+        // Where the unworn image is below d the wear is positive; at c it has another root.
+        let worn = |r: f64| r <= c || shape.image(r) < d || wear(r) > 0.0;
+        let step = |r: f64| 0.02 * (r - c).max(0.01 * r);
         let (mut inner, mut outer) = (guess, guess);
-        for _ in 0..200 {
-            if wear(inner) > 0.0 {
+        for _ in 0..MOST_STEPS {
+            if worn(inner) {
                 break;
             }
-            (outer, inner) = (inner, inner - 0.02 * (inner - c));
+            outer = inner;
+            inner -= step(inner);
         }
-        for _ in 0..200 {
-            if outer > inner && wear(outer) <= 0.0 {
+        for _ in 0..MOST_STEPS {
+            if outer > inner && !worn(outer) || outer >= shape.extent() {
                 break;
             }
-            inner = outer.min(shape.extent());
-            outer = (outer + 0.02 * (outer - c)).min(shape.extent());
+            inner = outer;
+            outer = (outer + step(outer)).min(shape.extent());
         }
         root(inner, outer, wear)
     }
@@ -156,17 +169,26 @@ mod tests {
             (Shape::power(6.0), 0.8),
             (Shape::sphere(2.5), 0.4),
             (Shape::power(2.0), 0.999),
+            (Shape::truncated_paraboloid(0.4), 0.6),
+            (Shape::truncated_paraboloid(0.4), 0.400_001),
+            (Shape::truncated_paraboloid(0.9), 0.0),
+            (Shape::truncated_cone(0.2), 0.0),
+            (Shape::truncated_cone(0.7), 0.9),
         ] {
             let limit = Limit::solve(&shape, c).expect("a root");
-            let width = limit.radius - c;
             // Square-root behaviour at c: r = c + width·s².
-            let volume = 4.0
-                * PI
-                * width
-                * integrate(0.0, 1.0, |s| {
-                    let r = c + width * s * s;
-                    s * r * limiting_wear(&shape, c, 1.0, r, chord_and_angle(c, r))
-                });
+            let width = limit.radius - c;
+            let at = |s: f64| {
+                let r = c + width * s * s;
+                s * r * limiting_wear(&shape, c, 1.0, r, chord_and_angle(c, r))
+            };
+            let kinks: Vec<f64> = shape
+                .kinks()
+                .iter()
+                .filter(|kink| **kink > c)
+                .map(|kink| ((kink - c) / width).sqrt())
+                .collect();
+            let volume = 4.0 * PI * width * integrate_pieces(0.0, 1.0, &kinks, at);
             assert!((volume / limit.volume - 1.0).abs() < 1e-9, "{shape:?} {c}: {volume}");
         }
     }

@@ -17,7 +17,7 @@
 //! B. P. Sommeijer, L. F. Shampine, J. G. Verwer, *J. Comput. Appl. Math.* 88 (1998) 315 (RKC).
 
 use super::contact::{Contact, Regime};
-use super::control::{Control, Normal, Tangential};
+use super::control::{Control, Final, Normal, Tangential};
 use super::limit::Limit;
 use super::rkc::Rkc;
 use super::wearing::{Focus, Law, Plan, REST_BLUR, Wearing, Worn};
@@ -43,12 +43,19 @@ const LEAST_ERROR: f64 = 0.15;
 /// A run whose wear would grow by less than this share of the tolerance, were it to go on at its rate
 /// for as long as it has lasted, has arrived.
 const SETTLED: f64 = 1e-3;
+/// Up to this Δ a contact under a held force may come to stick again.
+const REGAINS: f64 = 1.5;
 /// Cells and tolerance of the run that looks where the stick edge stops.
 const SCOUT: (usize, f64) = (64, 1e-2);
 /// Contact is lost once the springs carry less than this share of the unworn force.
 pub const LOST: f64 = 1e-6;
 /// A contact has shaken down once a cycle dissipates less than this share of what the first one did.
 pub const SHAKEN: f64 = 1e-3;
+
+/// Widest scar in a₀ where all slips under a held force: beyond, the unworn contact says nothing any more.
+pub const WIDEST: f64 = 100.0;
+/// Deepest wear in d₀ there.
+pub const DEEPEST: f64 = 1000.0;
 
 /// What happens to a contact while it wears.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -115,6 +122,8 @@ pub struct March {
     check: f64,
     apart: f64,
     events: Vec<Event>,
+    /// What has happened, or need not be looked for.
+    known: Vec<EventKind>,
 }
 
 /// The worn contact at one instant, with what is known of the run.
@@ -134,9 +143,12 @@ fn cells(tolerance: f64) -> usize {
     cells.clamp(CELLS_RANGE.0, CELLS_RANGE.1).round() as usize
 }
 
-/// Whether the stick edge moves, so that more cells are needed.
+/// Whether the stick edge moves, so that more cells are needed. Not far beyond the onset of gross slip
+/// a contact under a held force comes to stick again.
 fn moves(control: &Control, contact: &Contact) -> bool {
-    !control.keeps_stick() && contact.regime != Regime::GrossSlip
+    let slips = contact.regime == Regime::GrossSlip;
+    !control.keeps_stick()
+        && (!slips || control.normal == Normal::Force && contact.threshold < REGAINS)
 }
 
 /// Cells and tolerance of a run that aims at a relative error.
@@ -163,8 +175,11 @@ struct Run {
     control: Control,
     rkc: Rkc,
     settled: Option<f64>,
-    /// The block under way.
+    /// The block under way, and when it began.
     block: usize,
+    block_began: f64,
+    /// Whether the last step passed over what is left of a block that has shaken down.
+    rests: bool,
     /// 2 ∫ ∫ y ω dx dÑ: (k_w/μ)·ΣW up to where the last step began, and to where it ended.
     worn_by_energy: [f64; 2],
     /// 2 ∫ y ω dx at both ends of the last step.
@@ -187,6 +202,29 @@ impl March {
     ) -> Option<Self> {
         let (cells, tolerance) = effort(contact, control, law, tolerance);
         Self::with_cells(contact, control, law, cells, tolerance, last)
+    }
+
+    /// Whether the indenter is wide enough for the scar that will have grown up to an instant.
+    #[must_use]
+    pub fn fits(contact: &Contact, control: &Control, end: Option<&Final>, last: f64) -> bool {
+        let extent = contact.shape.extent();
+        if end.is_some() {
+            return true;
+        }
+        if let Some(outermost) = Plan::outermost(contact, control, last) {
+            return outermost < extent.min(WIDEST) && contact.shape.profile(outermost) < DEEPEST;
+        }
+        if extent.is_infinite() {
+            return true;
+        }
+        let stick = control.least_stick(contact);
+        if control.normal == Normal::Depth {
+            return Limit::solve(&contact.shape, stick).is_some();
+        }
+        // Should the core never grow, the scar would be widest.
+        let depth = control.depth_on_core(&contact.shape, stick);
+        Limit::at_depth(&contact.shape, stick, depth).is_some()
+            || Self::new(contact, control, Law::Exact, COMMON_TOLERANCE, last).is_some()
     }
 
     /// About how many multiplications a run takes to an instant in N₀. Measured on a paraboloid: five
@@ -228,8 +266,12 @@ impl March {
                 while scout.advance(last) {
                     focus = focus.max(scout.wearing.springs().stick());
                 }
+                if scout.wearing.outgrows() {
+                    return None;
+                }
                 plan.reach = scout.wearing.plan().reach;
                 if focus > plan.start {
+                    let blur = blur * (plan.reach - plan.start);
                     plan.focus = Some(Focus { from: focus, to: focus, blur });
                 }
             }
@@ -238,12 +280,17 @@ impl March {
         let coarse = Run::new(contact, control, law, plan, cells / 2, 4.0 * tolerance);
         let check = 0.01 * fine.rkc.scale();
         let until = Until::default();
+        // What the unworn contact does is no event.
+        let mut known = Vec::new();
+        if contact.regime == Regime::GrossSlip {
+            known.push(EventKind::GrossSlip);
+        }
         let mut events = Vec::new();
         if fine.wearing.springs().slides() {
             // So close to gross slip that the mesh cannot tell.
             events.push(Event { at: 0.0, kind: EventKind::GrossSlip, ends: true });
         }
-        Some(Self { fine, coarse, until, check, apart: 0.0, events })
+        Some(Self { fine, coarse, until, check, apart: 0.0, events, known })
     }
 
     /// Ends the run at some wear.
@@ -291,7 +338,7 @@ impl March {
         use EventKind::{ContactLost, GrossSlip, Shakedown, UntilReached};
         let mut found = Vec::new();
         for kind in [GrossSlip, Shakedown, ContactLost, UntilReached] {
-            if self.events.iter().any(|event| event.kind == kind) {
+            if self.known.contains(&kind) {
                 continue;
             }
             let (began, time) = (self.fine.rkc.began(), self.fine.rkc.time());
@@ -318,6 +365,7 @@ impl March {
         found.sort_by(|a, b| a.at.total_cmp(&b.at));
         let last = found.iter().position(|event| event.ends);
         found.truncate(last.map_or(found.len(), |last| last + 1));
+        self.known.extend(found.iter().map(|event| event.kind));
         self.events.extend(found);
     }
 
@@ -432,6 +480,8 @@ impl Run {
             rkc,
             settled: None,
             block: 0,
+            block_began: 0.0,
+            rests: false,
             worn_by_energy: [0.0; 2],
             loss: [rate; 2],
             first_loss: rate,
@@ -444,22 +494,38 @@ impl Run {
         }
         let end = self.begin_block();
         if self.wearing.is_full() {
+            if self.wearing.outgrows() {
+                self.settled = Some(self.rkc.time());
+                return false;
+            }
             let (wearing, values) = self.wearing.extended(&self.control, self.rkc.values());
             self.wearing = wearing;
             self.rkc.restart(&mut self.wearing, Some(values));
         }
+        if self.has_arrived() && end.is_finite() {
+            // Until the amplitude changes nothing will.
+            self.rkc.rest_until(end);
+            self.worn_by_energy[0] = self.worn_by_energy[1];
+            self.rests = true;
+            return true;
+        }
+        self.rests = false;
         self.rkc.advance(&mut self.wearing, end);
         let (began, time) = (self.rkc.began(), self.rkc.time());
         self.loss = [self.loss[1], self.wearing.energy_rate()];
         self.worn_by_energy[0] = self.worn_by_energy[1];
         self.worn_by_energy[1] += self.loss_since(began, time, self.loss[1]);
-        let rate = self.wearing.energy_rate();
-        if end.is_infinite()
-            && rate * time < SETTLED * self.rkc.tolerance() * self.worn_by_energy[1]
-        {
+        if end.is_infinite() && self.has_arrived() {
             self.settled = Some(time);
         }
         true
+    }
+
+    /// Whether wear has as good as ended, at the present amplitude.
+    fn has_arrived(&self) -> bool {
+        let time = self.rkc.time() - self.block_began;
+        let rate = self.wearing.energy_rate();
+        time > 0.0 && rate * time < SETTLED * self.rkc.tolerance() * self.worn_by_energy[1]
     }
 
     /// Commands the next amplitude where a block has ended; when the present one ends.
@@ -478,6 +544,7 @@ impl Run {
             return f64::INFINITY;
         };
         self.wearing.command(next.threshold);
+        self.block_began = self.rkc.time();
         let end = next.end;
         self.rkc.restart(&mut self.wearing, None);
         self.loss = [self.wearing.energy_rate(); 2];
@@ -486,6 +553,9 @@ impl Run {
 
     /// Simpson's rule for the energy between the beginning of the last step and a time within it.
     fn loss_since(&mut self, began: f64, time: f64, last: f64) -> f64 {
+        if self.rests {
+            return 0.0;
+        }
         let middle = self.under(0.5 * (began + time), |wearing, _| wearing.energy_rate());
         (time - began) / 6.0 * (self.loss[0] + 4.0 * middle + last)
     }

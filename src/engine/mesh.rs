@@ -15,7 +15,7 @@
 use std::cell::OnceCell;
 use std::f64::consts::{FRAC_2_PI, FRAC_PI_2};
 
-use super::numeric::{dot, integrate};
+use super::numeric::{dot, integrate_beyond};
 use super::profile::Shape;
 
 const TWO_THIRDS: f64 = 2.0 / 3.0;
@@ -40,9 +40,11 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// The mesh over these nodes, which ascend from r₀ ≥ 0.
+    /// The mesh over these nodes, which ascend from r₀ ≥ 0. The nearest one moves to a kink of the
+    /// shape.
     #[must_use]
-    pub fn new(shape: &Shape, radii: Vec<f64>) -> Self {
+    pub fn new(shape: &Shape, mut radii: Vec<f64>) -> Self {
+        place_nodes(&mut radii, shape.kinks());
         let squares: Vec<f64> = radii.iter().map(|r| r * r).collect();
         let widths: Vec<f64> = radii.windows(2).map(|ends| ends[1] - ends[0]).collect();
         let last = radii.len() - 1;
@@ -60,9 +62,22 @@ impl Mesh {
         }
         let unworn = radii
             .windows(2)
-            .map(|ends| integrate(ends[0], ends[1], |x| shape.image(x)) / (ends[1] - ends[0]))
+            .map(|ends| {
+                let image = |x: f64| shape.image(x);
+                integrate_beyond(ends[0], ends[1], shape.kinks(), image) / (ends[1] - ends[0])
+            })
             .collect();
-        let core = integrate(0.0, radii[0], |x| 1.0 - shape.image(x));
+        // What the cells do not carry of the whole: of an image in many pieces, one rule over the core
+        // would know less than the width of a thin ring.
+        let carried: f64 = radii
+            .windows(2)
+            .take_while(|ends| ends[0] < 1.0)
+            .map(|ends| {
+                let load = |x: f64| 1.0 - shape.image(x);
+                integrate_beyond(ends[0], ends[1].min(1.0), shape.kinks(), load)
+            })
+            .sum();
+        let core = if axis { 0.0 } else { shape.half_force() - carried };
         Self { radii, squares, widths, areas, matrix, unworn, core, inverse: OnceCell::new() }
     }
 
@@ -178,6 +193,24 @@ impl Mesh {
     }
 }
 
+/// Moves the inner node next to each kink onto it, unless the first cell would become far narrower
+/// than the others: a flat so small is not resolved, and steps in time would have to be as small.
+fn place_nodes(radii: &mut [f64], kinks: &[f64]) {
+    const NARROWEST: f64 = 0.25;
+    for kink in kinks {
+        let right = radii.partition_point(|r| r < kink);
+        if right == 0 || right + 1 >= radii.len() {
+            continue;
+        }
+        let (before, after) = (kink - radii[right - 1], radii[right] - kink);
+        if right > 1 && before < after {
+            radii[right - 1] = *kink;
+        } else if before > NARROWEST * (before + after) {
+            radii[right] = *kink;
+        }
+    }
+}
+
 /// Appends row q: differences of what a unit slope dw/dt over each cell adds to the mean.
 fn push_row(squares: &[f64], sum_of_ends: f64, q: usize, axis: bool, matrix: &mut Vec<f64>) {
     let (low, high) = (squares[q], squares[q + 1]);
@@ -243,6 +276,17 @@ mod tests {
             assert!((mesh.image(q, &[0.3; 21]) - 0.3).abs() < 1e-14);
         }
         assert!((mesh.volume(&[0.3; 21]) - 0.3 * std::f64::consts::PI).abs() < 1e-14);
+    }
+
+    #[test]
+    fn a_node_moves_to_a_kink_if_that_is_not_too_near_the_axis() {
+        let radii: Vec<f64> = (0..=10).map(|i| f64::from(i) * 0.13).collect();
+        for (flat, node) in [(0.5, Some(4)), (0.45, Some(3)), (0.1, Some(1)), (0.01, None)] {
+            let mesh = Mesh::new(&Shape::truncated_cone(flat), radii.clone());
+            let moved = mesh.radii().iter().position(|r| (r - flat).abs() < 1e-15);
+            assert_eq!(moved, node, "{flat}");
+            assert!(mesh.widths().iter().all(|width| *width > 0.03));
+        }
     }
 
     #[test]

@@ -67,6 +67,36 @@ pub fn integrate(from: f64, to: f64, f: impl Fn(f64) -> f64) -> f64 {
     width * sum
 }
 
+/// ∫ f over `from`…`to`, anew at each of the `kinks` between them: for functions that are smooth but
+/// there, where they may rise like a root on either side.
+pub fn integrate_pieces(from: f64, to: f64, kinks: &[f64], f: impl Fn(f64) -> f64) -> f64 {
+    let piece = |from: f64, to: f64| {
+        integrate(0.0, 1.0, |s| {
+            // Roots at either end become smooth in s.
+            let weight = 6.0 * s * (1.0 - s) * (to - from);
+            weight * f(from + (to - from) * s * s * (3.0 - 2.0 * s))
+        })
+    };
+    let inside = kinks.iter().copied().filter(|kink| (from..to).contains(kink));
+    let (last, sum) =
+        inside.fold((from, 0.0), |(before, sum), kink| (kink, sum + piece(before, kink)));
+    sum + piece(last, to)
+}
+
+/// ∫ f over `from`…`to` as by [`integrate_pieces`], but where `from` is just beyond a kink: there f
+/// is smooth only from the kink on, and the part before `from` is taken away again. Without a kink
+/// near, as by [`integrate`].
+pub fn integrate_beyond(from: f64, to: f64, kinks: &[f64], f: impl Fn(f64) -> f64) -> f64 {
+    let near = |kink: &&f64| **kink < to && from - **kink < to - from;
+    match kinks.iter().find(near) {
+        None => integrate(from, to, f),
+        Some(kink) if *kink >= from => integrate_pieces(from, to, kinks, f),
+        Some(kink) => {
+            integrate_pieces(*kink, to, kinks, &f) - integrate_pieces(*kink, from, kinks, &f)
+        }
+    }
+}
+
 /// The root of `f` between `low` and `high`, where `f` changes sign, to the last bits.
 ///
 /// False position with the Anderson–Björck correction, backed by bisection.
@@ -266,6 +296,16 @@ mod tests {
                 "degree {degree}: {sum}"
             );
         }
+    }
+
+    #[test]
+    fn roots_at_a_kink_cost_no_digits() {
+        let rooted = |x: f64| (x - 0.3_f64).abs().sqrt();
+        let exact = (0.3 * 0.3_f64.sqrt() + 0.7 * 0.7_f64.sqrt()) / 1.5;
+        assert!((integrate_pieces(0.0, 1.0, &[0.3], rooted) - exact).abs() < 1e-14);
+        assert!(
+            (integrate_pieces(0.3, 1.0, &[0.3], rooted) - 0.7 * 0.7_f64.sqrt() / 1.5).abs() < 1e-14
+        );
     }
 
     #[test]

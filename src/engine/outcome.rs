@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use super::comparison::Comparison;
 use super::contact::Regime;
-use super::numeric::integrate;
+use super::numeric::integrate_beyond;
 use super::scenario::{Case, Scenario, Warning};
 
 /// The unit of every quantity in a result, in the order of the result.
@@ -358,7 +358,9 @@ pub(super) fn limit_state(case: &Case) -> Option<LimitState> {
     case.tends_to.map(|end| {
         let limit = &end.limit;
         // Inside c the springs are as they were, outside they carry nothing.
-        let inside = integrate(0.0, end.stick, |x| end.depth - case.contact.shape.image(x));
+        let shape = &case.contact.shape;
+        let inside =
+            integrate_beyond(0.0, end.stick, shape.kinks(), |x| end.depth - shape.image(x));
         LimitState {
             contact_radius: limit.radius * scales.contact_radius,
             stick_radius: end.stick * scales.contact_radius,

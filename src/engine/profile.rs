@@ -9,6 +9,7 @@
 //! f = A rⁿ        g = κₙ A xⁿ,  κₙ = √π n Γ(n/2) / (2 Γ((n+1)/2))      κ₁ = π/2, κ₂ = 2
 //! sphere          g = (x/2) ln((R+x)/(R−x)) = x·artanh(x/R)
 //! ```
+//! Truncated paraboloids and cones are in the module `truncated`, tables in `table_shape`.
 //!
 //! # Accuracy
 //! Closed forms for whole exponents; otherwise one Gauss rule of 32 points, better than 1e-9.
@@ -20,6 +21,8 @@
 use std::f64::consts::{FRAC_1_PI, FRAC_2_PI, FRAC_PI_2, PI};
 
 use super::numeric::{integrate, maximum, whole_power};
+use super::table_shape::Pressed;
+use super::truncated::Truncated;
 
 /// Smallest and largest exponent of a power-law profile.
 pub const EXPONENT_RANGE: (f64, f64) = (1.0, 20.0);
@@ -53,6 +56,10 @@ enum Kind {
     Power(f64),
     /// A sphere of radius ρ = R/a₀.
     Sphere { rho: f64, scale: f64 },
+    /// A paraboloid or a cone with a flat tip.
+    Truncated(Truncated),
+    /// A measured table.
+    Table(Pressed),
 }
 
 impl Shape {
@@ -77,11 +84,45 @@ impl Shape {
         Self { kind: Kind::Sphere { rho, scale }, height }
     }
 
+    /// A paraboloid with a flat whose radius is 0 < β < 1 times the contact radius.
+    #[must_use]
+    pub fn truncated_paraboloid(flat: f64) -> Self {
+        Self::truncated(Truncated::paraboloid(flat))
+    }
+
+    /// A cone with a flat whose radius is 0 < β < 1 times the contact radius.
+    #[must_use]
+    pub fn truncated_cone(flat: f64) -> Self {
+        Self::truncated(Truncated::cone(flat))
+    }
+
+    fn truncated(shape: Truncated) -> Self {
+        Self { kind: Kind::Truncated(shape), height: shape.profile(1.0) }
+    }
+
+    /// A measured table.
+    pub(super) fn table(table: Pressed) -> Self {
+        let height = table.profile(1.0);
+        Self { kind: Kind::Table(table), height }
+    }
+
+    /// Radii at which the image has a kink: a mesh should have a node there, and a quadrature should
+    /// begin anew. Ascending, inside the contact. A table is
+    /// smooth enough without.
+    #[must_use]
+    pub fn kinks(&self) -> &[f64] {
+        match &self.kind {
+            Kind::Truncated(shape) => shape.kinks(),
+            _ => &[],
+        }
+    }
+
     /// The largest radius at which the shape is defined.
     #[must_use]
     pub fn extent(&self) -> f64 {
-        match self.kind {
-            Kind::Sphere { rho, .. } => rho,
+        match &self.kind {
+            Kind::Sphere { rho, .. } => *rho,
+            Kind::Table(table) => table.extent(),
             _ => f64::INFINITY,
         }
     }
@@ -95,6 +136,8 @@ impl Shape {
             Kind::Sphere { rho, scale } => {
                 scale * r * r / (rho + ((rho - r) * (rho + r)).max(0.0).sqrt())
             }
+            Kind::Truncated(ref shape) => shape.profile(r),
+            Kind::Table(ref table) => table.profile(r),
         }
     }
 
@@ -105,6 +148,8 @@ impl Shape {
             Kind::Whole(n) => self.height * f64::from(n) * whole_power(r, n - 1),
             Kind::Power(n) => self.height * n * libm::pow(r, n - 1.0),
             Kind::Sphere { rho, scale } => scale * r / ((rho - r) * (rho + r)).max(0.0).sqrt(),
+            Kind::Truncated(ref shape) => shape.slope(r),
+            Kind::Table(ref table) => table.slope(r),
         }
     }
 
@@ -115,6 +160,8 @@ impl Shape {
             Kind::Whole(n) => whole_power(x, n),
             Kind::Power(n) => libm::pow(x, n),
             Kind::Sphere { rho, scale } => scale * x * libm::atanh(x / rho),
+            Kind::Truncated(ref shape) => shape.image(x),
+            Kind::Table(ref table) => table.image(x),
         }
     }
 
@@ -129,17 +176,21 @@ impl Shape {
             Kind::Whole(n) => delta * (0..n).fold(0.0, |sum, k| sum * x + whole_power(c, k)),
             Kind::Power(n) if c > 0.0 => libm::pow(c, n) * libm::expm1(n * libm::log1p(delta / c)),
             Kind::Power(_) | Kind::Sphere { .. } => self.image(x) - self.image(c),
+            Kind::Truncated(ref shape) => shape.image_rise(c, delta),
+            Kind::Table(ref table) => table.image_rise(c, delta),
         }
     }
 
     /// The largest pressure of the unworn contact, in E*d₀/a₀: on the axis, or in a ring under a
-    /// profile blunter than a paraboloid. Infinite for a cone.
+    /// profile blunter than a paraboloid. Infinite for a cone and where a flat ends.
     #[must_use]
     pub fn peak_pressure(&self) -> f64 {
         let blunt = match self.kind {
             Kind::Whole(n) => n > 2,
             Kind::Power(n) => n > 2.0,
             Kind::Sphere { .. } => false,
+            Kind::Truncated(_) => return f64::INFINITY,
+            Kind::Table(ref table) => return table.peak_pressure(),
         };
         let at = if blunt { maximum(0.0, 1.0, |r| self.pressure_inside(r, 1.0)) } else { 0.0 };
         self.pressure_inside(at, 1.0)
@@ -154,6 +205,8 @@ impl Shape {
             Kind::Sphere { rho, scale } => {
                 scale * (libm::atanh(x / rho) + x * rho / ((rho - x) * (rho + x)))
             }
+            Kind::Truncated(ref shape) => shape.image_slope(x),
+            Kind::Table(ref table) => table.image_slope(x),
         }
     }
 
@@ -166,6 +219,8 @@ impl Shape {
             Kind::Whole(n) => libm::pow(value, 1.0 / f64::from(n)),
             Kind::Power(n) => libm::pow(value, 1.0 / n),
             Kind::Sphere { .. } => super::numeric::root(0.0, 1.0, |x| self.image(x) - value),
+            Kind::Truncated(ref shape) => shape.image_inverse(value),
+            Kind::Table(ref table) => table.image_inverse(value),
         }
     }
 
@@ -177,6 +232,8 @@ impl Shape {
             Kind::Power(n) => n / (n + 1.0),
             // Sneddon's closed form loses all digits for a large sphere; the integrand is smooth.
             Kind::Sphere { .. } => integrate(0.0, 1.0, |x| 1.0 - self.image(x)),
+            Kind::Truncated(ref shape) => shape.half_force(),
+            Kind::Table(ref table) => table.half_force(),
         }
     }
 
@@ -189,6 +246,8 @@ impl Shape {
             return self.profile(r);
         }
         match self.kind {
+            Kind::Truncated(ref shape) => shape.inverse_outside(c, r, chord),
+            Kind::Table(ref table) => table.inverse_outside(c, r),
             Kind::Whole(1) => FRAC_2_PI * chord,
             Kind::Whole(2) => FRAC_1_PI * (c * chord + r * r * angle),
             Kind::Whole(n) => {
@@ -216,7 +275,7 @@ impl Shape {
     }
 
     /// (1/π) ∫ g₀′/√(x²−r²) dx over r…b: the pressure (in E*d₀/a₀) of springs that follow the
-    /// unworn image as far as b. Infinite at the apex of a cone.
+    /// unworn image as far as b. Infinite at the apex of a cone and where a flat ends.
     #[must_use]
     pub fn pressure_inside(&self, r: f64, b: f64) -> f64 {
         if r >= b {
@@ -255,6 +314,8 @@ impl Shape {
                         self.image_slope(x) / x
                     })
             }
+            Kind::Truncated(ref shape) => shape.pressure_inside(r, b),
+            Kind::Table(ref table) => table.pressure_inside(r, b),
         }
     }
 }
@@ -263,7 +324,7 @@ impl Shape {
 mod tests {
     use super::*;
     use crate::engine::numeric::GAUSS_POINTS;
-    use crate::engine::transform::{forward, inverse};
+    use crate::engine::transform::inverse;
 
     fn shapes() -> Vec<(&'static str, Shape)> {
         vec![
@@ -276,15 +337,48 @@ mod tests {
             ("20", Shape::power(20.0)),
             ("sphere 2", Shape::sphere(2.0)),
             ("sphere 100", Shape::sphere(100.0)),
+            ("truncated paraboloid 0.3", Shape::truncated_paraboloid(0.3)),
+            ("truncated paraboloid 0.999", Shape::truncated_paraboloid(0.999)),
+            ("truncated cone 0.001", Shape::truncated_cone(0.001)),
+            ("truncated cone 0.45", Shape::truncated_cone(0.45)),
         ]
+    }
+
+    /// ∫ over from…to, anew at every kink, for functions with roots at the ends of the pieces.
+    fn pieces(from: f64, to: f64, kinks: &[f64], f: impl Fn(f64) -> f64) -> f64 {
+        let mut edges = vec![from];
+        edges.extend(kinks.iter().filter(|kink| (from..to).contains(kink)));
+        edges.push(to);
+        edges
+            .windows(2)
+            .map(|ends| {
+                let width = ends[1] - ends[0];
+                integrate(0.0, 1.0, |s| {
+                    6.0 * s * (1.0 - s) * width * f(ends[0] + width * s * s * (3.0 - 2.0 * s))
+                })
+            })
+            .sum()
+    }
+
+    /// The angles of the kinks on a circle of radius r.
+    fn angles(shape: &Shape, r: f64) -> Vec<f64> {
+        shape.kinks().iter().filter(|kink| **kink < r).map(|kink| libm::asin(kink / r)).collect()
+    }
+
+    fn transformed(shape: &Shape, r: f64, f: impl Fn(f64) -> f64) -> f64 {
+        match angles(shape, r)[..] {
+            [] if r < shape.kinks().first().copied().unwrap_or(0.0) => 0.0,
+            [] => FRAC_PI_2 * inverse(f, r),
+            ref kinks => pieces(0.0, FRAC_PI_2, kinks, |theta| f(r * libm::sin(theta))),
+        }
     }
 
     #[test]
     fn profile_and_image_are_a_transform_pair() {
         for (name, shape) in shapes() {
             for r in [0.0, 0.1, 0.5, 0.9, 1.0, 1.2] {
-                let g = forward(0.0, |x| shape.slope(x), r);
-                let f = inverse(|x| shape.image(x), r);
+                let g = r * transformed(&shape, r, |x| shape.slope(x));
+                let f = FRAC_2_PI * transformed(&shape, r, |x| shape.image(x));
                 assert!((g - shape.image(r)).abs() <= 1e-10 * shape.image(1.2), "{name} {r} {g}");
                 assert!((f - shape.profile(r)).abs() <= 1e-10 * shape.image(1.2), "{name} {r} {f}");
             }
@@ -296,7 +390,8 @@ mod tests {
         // (4) of (3), both by quadrature, never through the closed image.
         for (name, shape) in shapes() {
             for r in [0.05, 0.4, 0.8, 1.1] {
-                let f = inverse(|x| forward(0.0, |s| shape.slope(s), x), r);
+                let f = FRAC_2_PI
+                    * transformed(&shape, r, |x| x * transformed(&shape, x, |s| shape.slope(s)));
                 let scale = shape.profile(1.1);
                 assert!((f - shape.profile(r)).abs() <= 1e-10 * scale, "{name} at {r}");
             }
@@ -305,27 +400,37 @@ mod tests {
 
     #[test]
     fn parts_of_the_transforms_agree_with_a_fine_sum() {
-        // Midpoint rule on 200 000 graded cells: a second, cruder way, right to 1e-8.
-        let fine = |f: &dyn Fn(f64) -> f64| {
+        // Midpoint rule on 200 000 graded cells: a second, cruder way, right to 1e-8. It begins anew
+        // at a kink, from both sides of which the cells are graded.
+        let fine = |kink: Option<f64>, f: &dyn Fn(f64) -> f64| {
             let cells = 200_000;
-            (0..cells)
-                .map(|i| {
-                    let s = (f64::from(i) + 0.5) / f64::from(cells);
-                    f(s * s) * 2.0 * s
-                })
-                .sum::<f64>()
-                / f64::from(cells)
+            let piece = |from: f64, to: f64| {
+                (0..cells)
+                    .map(|i| {
+                        let s = (f64::from(i) + 0.5) / f64::from(cells);
+                        f(from + (to - from) * s * s) * 2.0 * s * (to - from)
+                    })
+                    .sum::<f64>()
+                    / f64::from(cells)
+            };
+            kink.map_or_else(|| piece(0.0, 1.0), |kink| piece(kink, 0.0).abs() + piece(kink, 1.0))
         };
         for (name, shape) in shapes() {
             for (c, r) in [(0.001_f64, 0.3_f64), (0.1, 1.1), (0.3, 0.5), (0.5, 0.501), (0.7, 1.15)]
             {
+                let kink = shape.kinks().first().copied().filter(|kink| c < *kink && *kink < r);
                 let angle = libm::acos(c / r);
-                let sum = FRAC_2_PI * angle * fine(&|t| shape.image(r * libm::cos(angle * t)));
+                let at = kink.map(|kink| libm::acos(kink / r) / angle);
+                let sum = FRAC_2_PI * angle * fine(at, &|t| shape.image(r * libm::cos(angle * t)));
                 let value = shape.inverse_outside(c, r, (r * r - c * c).sqrt(), angle);
                 assert!((value - sum).abs() < 1e-9 + 1e-8 * sum, "{name} {c} {r}: {value} {sum}");
+                if shape.kinks().contains(&c) {
+                    continue;
+                }
                 let limit = libm::acosh(r / c);
-                let sum =
-                    limit / PI * fine(&|t| shape.image_slope(c * libm::cosh(limit * (1.0 - t))));
+                let at = kink.map(|kink| 1.0 - libm::acosh(kink / c) / limit);
+                let sum = limit / PI
+                    * fine(at, &|t| shape.image_slope(c * libm::cosh(limit * (1.0 - t))));
                 let value = shape.pressure_inside(c, r);
                 assert!(
                     (value - sum).abs() < 1e-8 * (1.0 + sum),
@@ -341,7 +446,7 @@ mod tests {
         assert!((2.0 * Shape::power(2.0).half_force() - 4.0 / 3.0).abs() < 1e-15);
         assert!((2.0 * Shape::power(1.0).half_force() - 1.0).abs() < 1e-15);
         for (name, shape) in shapes() {
-            let by_quadrature = integrate(0.0, 1.0, |x| 1.0 - shape.image(x));
+            let by_quadrature = pieces(0.0, 1.0, shape.kinks(), |x| 1.0 - shape.image(x));
             assert!((shape.half_force() - by_quadrature).abs() < 1e-7, "{name}");
         }
         for rho in [1.5_f64, 2.0, 5.0] {
@@ -360,20 +465,91 @@ mod tests {
                 assert!((coarse - direct).abs() < 1e-15 + 1e-13 * direct, "{name} {c}");
             }
             // 1e-12 further on it is the slope times that; a difference would have four digits.
-            let fine = shape.image_rise(0.5, 1e-12) / 1e-12;
-            let digits = if name.starts_with("sphere") { 1e-3 } else { 1e-10 };
-            assert!((fine / shape.image_slope(0.5) - 1.0).abs() < digits, "{name}: {fine}");
+            let at = shape.kinks().first().map_or(0.5, |flat| 0.5_f64.max(flat + 5e-4));
+            let fine = shape.image_rise(at, 1e-12) / 1e-12;
+            let digits = match shape.kinks() {
+                _ if name.starts_with("sphere") => 1e-3,
+                [] => 1e-10,
+                _ => 1e-8,
+            };
+            assert!((fine / shape.image_slope(at) - 1.0).abs() < digits, "{name}: {fine}");
         }
     }
 
     #[test]
     fn the_peak_pressure_is_nowhere_exceeded() {
         for (name, shape) in shapes().into_iter().skip(1) {
+            if let [flat] = shape.kinks() {
+                assert!(shape.peak_pressure().is_infinite());
+                assert!(shape.pressure_inside(*flat, 1.0).is_infinite());
+                continue;
+            }
             let peak = shape.peak_pressure();
             let highest = (0..2000)
                 .map(|i| shape.pressure_inside(f64::from(i) / 2000.0, 1.0))
                 .fold(0.0, f64::max);
             assert!((0.0..1e-3).contains(&(peak / highest - 1.0)), "{name}: {peak} {highest}");
+        }
+    }
+
+    /// Sources: Ejike (1981) for the paraboloid, F = 2E*(2a² + b²)√(a² − b²)/(3R), d = a√(a² − b²)/R;
+    /// Maugis and Barquins (1983) for the cone, F = E* tanθ a(a·arccos(b/a) + b√(1 − b²/a²)).
+    #[test]
+    fn forces_under_a_flat_are_the_published_ones() {
+        for b in [0.01_f64, 0.4, 0.9, 0.9999] {
+            let rim = ((1.0 - b) * (1.0 + b)).sqrt();
+            let ejike = 2.0 * (2.0 + b * b) * rim / (3.0 * rim);
+            assert!((2.0 * Shape::truncated_paraboloid(b).half_force() - ejike).abs() < 1e-14);
+            let angle = libm::atan2(rim, b);
+            let maugis = (angle + b * rim) / angle;
+            assert!((2.0 * Shape::truncated_cone(b).half_force() - maugis).abs() < 1e-14);
+        }
+    }
+
+    #[test]
+    fn the_pressure_carries_the_force_across_the_edge_of_a_flat() {
+        for shape in [Shape::truncated_paraboloid(0.4), Shape::truncated_cone(0.8)] {
+            let force =
+                2.0 * PI * pieces(0.0, 1.0, shape.kinks(), |r| r * shape.pressure_inside(r, 1.0));
+            assert!((force / (2.0 * shape.half_force()) - 1.0).abs() < 1e-5, "{force}");
+            for (near, far) in [(1e-3, 1e-4), (1e-9, 1e-10), (-1e-3, -1e-4), (-1e-9, -1e-10)] {
+                // It grows like a logarithm, on both sides alike.
+                let at = |distance: f64| shape.pressure_inside(shape.kinks()[0] + distance, 1.0);
+                let growth = at(far) - at(near);
+                let expected = at(1e-5) - at(1e-4);
+                assert!((growth / expected - 1.0).abs() < 0.02, "{growth} {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_small_flat_is_none() {
+        for (flat, sharp) in [
+            (Shape::truncated_paraboloid(1e-6), Shape::power(2.0)),
+            (Shape::truncated_cone(1e-6), Shape::power(1.0)),
+        ] {
+            for r in [0.01, 0.5, 1.2] {
+                assert!((flat.image(r) - sharp.image(r)).abs() < 1e-5);
+                assert!((flat.profile(r) - sharp.profile(r)).abs() < 1e-5);
+                assert!(
+                    (flat.pressure_inside(r, 1.0) - sharp.pressure_inside(r, 1.0)).abs() < 1e-4
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn the_image_of_a_flat_is_inverted_to_its_edge() {
+        for (name, shape) in shapes() {
+            for value in [0.0, 1e-12, 1e-6, 0.1, 0.7, 1.0] {
+                let x = shape.image_inverse(value);
+                // Next to a flat the image rises like a root, and a bit of x is much of it.
+                let (below, above) = (shape.image((x - 1e-15).max(0.0)), shape.image(x + 1e-15));
+                assert!((below - 1e-14..=above + 1e-14).contains(&value), "{name} {value}: {x}");
+            }
+            if let [flat] = shape.kinks() {
+                assert!((shape.image_inverse(0.0) - flat).abs() < 1e-15, "{name}");
+            }
         }
     }
 

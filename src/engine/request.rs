@@ -96,6 +96,12 @@ macro_rules! quantities {
             pub const RANGE: (f64, f64) = $range;
         }
 
+        impl From<$name> for f64 {
+            fn from(quantity: $name) -> Self {
+                quantity.0
+            }
+        }
+
         impl Deserr<Faults> for $name {
             fn deserialize_from_value<V: IntoValue>(
                 value: Value<V>,
@@ -116,6 +122,10 @@ macro_rules! quantities {
 quantities! {
     /// A length in metres.
     Length: Length in (1e-12, 1e6);
+    /// A radius in metres, which may be 0.
+    Radius: Length in (0.0, 1e6);
+    /// A height in metres, above or below an origin.
+    Height: Length in (-1e6, 1e6);
     /// A normal force in newtons.
     Force: Force in (1e-12, 1e15);
     /// The amplitude of a tangential force in newtons.

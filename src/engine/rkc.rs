@@ -165,11 +165,18 @@ impl Rkc {
         self.before = (self.time, self.values.clone(), self.rates.clone());
     }
 
+    /// Passes to a later time at which nothing has changed any more.
+    pub fn rest_until(&mut self, time: f64) {
+        self.rates.fill(0.0);
+        self.before = (self.time, self.values.clone(), self.rates.clone());
+        self.time = time;
+    }
+
     /// Takes one step, at most to `end`.
     pub fn advance(&mut self, system: &mut impl Rates, end: f64) {
         // As they are where the step begins: a trial may leave the system elsewhere.
         let (radius, live) = (system.radius(), system.live());
-        let least = LEAST_STEP * self.scale;
+        let least = LEAST_STEP * self.scale.max(1e-3 * self.time);
         loop {
             let limit = (MOST_STAGES * MOST_STAGES) as f64 / (1.54 * radius.max(1e-300));
             // A step that would end just short of the end goes all the way.

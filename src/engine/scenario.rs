@@ -25,7 +25,7 @@ use super::control::{Control, Final, Normal, Tangential};
 use super::fault::{Fault, Faults};
 use super::held::{CanonicalLoad, CanonicalMotion, Pressed};
 use super::hysteresis::LOOP_POINTS;
-use super::indenter::{CanonicalProfile, MAX_SPHERE, canonical_profile, depth_under, indent};
+use super::indenter::{CanonicalProfile, canonical_profile, depth_under, indent};
 use super::instants::{self, CanonicalProfilesAt};
 use super::march::{March, Until};
 use super::numeric::twelve_digits;
@@ -207,12 +207,16 @@ impl Case {
     /// Sums over the unworn springs.
     #[must_use]
     pub fn unworn(&self) -> UnwornSums {
-        match &self.control.tangential {
+        let mut sums = match &self.control.tangential {
             Tangential::Record(record) => {
                 UnwornSums::of(&self.contact, Some(&|ratio| record.slip(ratio)))
             }
             _ => UnwornSums::of(&self.contact, None),
+        };
+        if let Tangential::Force(half) = self.control.tangential {
+            sums.tangential = half;
         }
+        sums
     }
 
     /// Whether an instant at which the run ends carries profiles, since it is the last.
@@ -312,6 +316,7 @@ impl Scenario {
             force: moduli.normal * contact_radius * depth,
             tangential_modulus: moduli.tangential,
             gross_slip,
+            normal: load.normal(),
         };
         let motion = CanonicalMotion::resolve(&request.motion, &pressed)?;
         let (_, threshold) = motion.control(load.normal(), &pressed, 1.0)?;
@@ -388,18 +393,22 @@ impl Scenario {
             force: normal * contact_radius * depth,
             tangential_modulus: tangential,
             gross_slip,
+            normal: self.load.normal(),
         };
         let held = |unit| self.motion.control(self.load.normal(), &pressed, unit).map_err(first);
         let (_, threshold) = held(1.0)?;
         let amplitude = self.motion.amplitude(threshold, gross_slip);
         let unit = contact_radius / (4.0 * amplitude * self.wear.coefficient * normal);
         let (control, threshold) = held(unit)?;
-        let outgrown = || {
-            let detail = "the scar would outgrow the indenter: load it less";
-            fault("/load", detail.to_owned())
-        };
-        let contact = Contact::new(shape, threshold).ok_or_else(outgrown)?;
+        let contact = Contact::new(shape, threshold)
+            .ok_or_else(|| self.profile.outgrown(depth, threshold))?;
         let tends_to = control.tends_to(&contact);
+        let last = self.cycles.last().map_or(0.0, |last| last / unit);
+        if !March::fits(&contact, &control, tends_to.as_ref(), last) {
+            let Fault { pointer, detail } = self.profile.outgrown(depth, threshold);
+            let detail = format!("{detail}; or ask for fewer cycles");
+            return Err(Fault { pointer, detail });
+        }
         let scales = Scales {
             contact_radius,
             indentation_depth: depth,
@@ -574,14 +583,8 @@ fn press(
             (indentation_depth, "/load/indentation_depth")
         }
     };
-    let depth = twelve_digits(depth);
-    let (contact_radius, shape) = indent(profile, depth).ok_or_else(|| {
-        let detail = format!(
-            "presses the sphere in beyond a₀/R = {MAX_SPHERE}, where half-space theory has no \
-             meaning; load it less or take a larger radius"
-        );
-        Faults::one(pointer, detail)
-    })?;
+    let (contact_radius, shape) =
+        indent(profile, depth).ok_or_else(|| Faults(vec![profile.refusal(depth, pointer)]))?;
     derived(depth, Length::RANGE, "an indentation depth of", "m", pointer)?;
     Ok((depth, contact_radius, shape))
 }
@@ -619,7 +622,7 @@ fn body_warnings(request: &Request, case: &Case) -> Vec<Warning> {
             let peak = if peak.is_finite() {
                 format!("{:.0} MPa", peak / 1e6)
             } else {
-                "infinite at the apex".to_owned()
+                "infinite at an apex or an edge".to_owned()
             };
             let detail = format!(
                 "The unworn peak pressure ({peak}) exceeds 1.6 times the yield strength of body \

@@ -168,7 +168,7 @@ impl Grid {
         // The ends are what they are, not what rounding makes of them.
         radii[core] = c;
         radii[core + cells] = scar;
-        let step = (REACH - 1.0) * scar / outer as f64;
+        let step = ((REACH - 1.0) * scar).min(last - scar) / outer as f64;
         radii.extend((1..=outer).map(|k| (scar + step * k as f64).min(last)));
         Self { radii, core, cells }
     }
@@ -516,7 +516,9 @@ impl Simplified {
         let first_cell = self.radii[self.core + 1] - self.radii[self.core];
         for ((curve, decay), compressions) in curves.iter_mut().zip(decays).zip(compressions) {
             for (pressure, (step, weights)) in curve.iter_mut().zip(&self.inner) {
-                *pressure = step - dot(weights, compressions);
+                let found = step - dot(weights, compressions);
+                // A core too small for these sums is as good as a point.
+                *pressure = if found >= 0.0 { found } else { f64::INFINITY };
             }
             let ring = &mut curve[self.core..];
             for (pressure, unworn) in ring.iter_mut().zip(&self.unworn_pressure) {

@@ -63,6 +63,17 @@ pub struct Simulation {
     mismatch: Option<f64>,
     volume_error: Option<f64>,
     comparing: Option<Comparing>,
+    /// What has been reported so far: wear does not heal.
+    worn: Worn,
+}
+
+/// The largest values reported so far, in dimensionless units.
+#[derive(Debug, Default)]
+struct Worn {
+    volume: f64,
+    deepest: f64,
+    scar: f64,
+    wear: Vec<f64>,
 }
 
 /// What computes.
@@ -130,6 +141,7 @@ impl Simulation {
             mismatch: None,
             volume_error: None,
             comparing: None,
+            worn: Worn::default(),
         };
         simulation.lay_out();
         simulation
@@ -324,7 +336,7 @@ impl Simulation {
                 worn.threshold,
                 &worn.compressions,
                 mesh.widths(),
-                worn.loss,
+                if self.case.control.has_record() { None } else { Some(worn.loss) },
             );
             (curves, backbone.wind())
         });
@@ -399,7 +411,8 @@ impl Simulation {
     }
 
     /// Multiplies the units back in and appends a row.
-    fn record(&mut self, entry: Entry) {
+    fn record(&mut self, mut entry: Entry) {
+        self.worn.hold(&mut entry);
         let Case { scales, contact, .. } = &self.case;
         let (length, height) = (scales.contact_radius, scales.indentation_depth);
         let history = &mut self.history;
@@ -472,6 +485,26 @@ impl Simulation {
             },
             comparison: self.comparing.take().map(Comparing::finish),
             warnings: std::mem::take(&mut self.warnings),
+        }
+    }
+}
+
+impl Worn {
+    /// Holds an entry to what has been reported: wear that falls by the noise of a step, or where the
+    /// simplified rule's ã passes, stays.
+    fn hold(&mut self, entry: &mut Entry) {
+        let hold = |known: &mut f64, value: &mut f64| {
+            *value = value.max(*known);
+            *known = *value;
+        };
+        hold(&mut self.volume, &mut entry.volume);
+        hold(&mut self.deepest, &mut entry.deepest);
+        hold(&mut self.scar, &mut entry.scar);
+        if let Some((curves, _)) = &mut entry.curves {
+            self.wear.resize(curves.wear.len(), 0.0);
+            for (known, wear) in self.wear.iter_mut().zip(&mut curves.wear) {
+                hold(known, wear);
+            }
         }
     }
 }

@@ -108,6 +108,15 @@ impl Springs {
         &self.slips
     }
 
+    /// ω of a spring that hangs free.
+    #[must_use]
+    pub fn free_slip(&self) -> f64 {
+        match &self.control.tangential {
+            Tangential::Record(record) => record.slip(0.0),
+            _ => 1.0,
+        }
+    }
+
     /// g of the cells whose images are known.
     #[must_use]
     pub fn images(&self) -> &[f64] {

@@ -14,11 +14,11 @@ use super::contact::Contact;
 use super::control::{Control, Normal, Tangential};
 use super::limit::Limit;
 use super::mesh::Mesh;
-use super::numeric::{Monotone, integrate, largest, vertex};
+use super::numeric::{Monotone, integrate_beyond, largest, vertex};
 use super::rkc::Rates;
 use super::springs::Springs;
 
-/// How dense the nodes are where the stick edge moves inwards, and where it comes to rest, in a₀.
+/// How dense the nodes are where the stick edge moves inwards, in parts of the ring that wears.
 const BLUR: f64 = 0.003;
 /// How dense they are where it comes to rest in worn material.
 pub const REST_BLUR: f64 = 0.001;
@@ -197,6 +197,12 @@ impl Wearing {
         self.springs.command(amplitude);
     }
 
+    /// Whether the mesh has room for no more wear and cannot get any.
+    #[must_use]
+    pub fn outgrows(&self) -> bool {
+        self.plan.reach >= self.contact.shape.extent() && self.is_full()
+    }
+
     /// Whether the wear has come near the end of the mesh.
     #[must_use]
     pub fn is_full(&self) -> bool {
@@ -204,14 +210,19 @@ impl Wearing {
         match self.law {
             _ if !self.grows => false,
             Law::Exact => self.springs.compressions().len() + 3 >= cells,
-            Law::Simplified(_) => self.scar > 0.97 * self.plan.reach,
+            Law::Simplified(_) => {
+                let Plan { start, reach, .. } = self.plan;
+                self.scar > start + 0.97 * (reach - start)
+            }
         }
     }
 
     /// The same contact on a mesh that reaches further, and its values there.
     #[must_use]
     pub fn extended(&self, control: &Control, values: &[f64]) -> (Self, Vec<f64>) {
-        let plan = Plan { reach: 1.25 * self.plan.reach, ..self.plan.clone() };
+        let Plan { start, reach, .. } = self.plan;
+        let reach = (start + 1.25 * (reach - start)).min(self.contact.shape.extent());
+        let plan = Plan { reach, ..self.plan.clone() };
         let cells = self.springs.mesh().widths().len();
         let mut larger = Self::new(&self.contact, control, self.law, plan, cells);
         larger.springs.resume(&self.springs);
@@ -477,7 +488,7 @@ impl Wearing {
             let inside = ((self.scar - ends[0]) / (ends[1] - ends[0])).clamp(0.0, 1.0);
             rates[q + 1] = rate * inside * (springs.depth() - image) * slip;
         }
-        self.radius = 2.0 * rate;
+        self.radius = 2.0 * rate * springs.free_slip();
     }
 }
 
@@ -537,18 +548,19 @@ impl Plan {
         let start = if least < smallest { 0.0 } else { least };
         let held = matches!(control.tangential, Tangential::Force(_) | Tangential::Rig { .. })
             && control.normal == Normal::Depth;
-        let mut plan =
-            Self { start, reach: start + (limit.radius - start) * share, focus: None, kinks };
+        let reach = (start + (limit.radius - start) * share).min(shape.extent());
+        let ring = reach - start;
+        let mut plan = Self { start, reach, focus: None, kinks };
         if start > 0.0 {
             plan.focus = Some(if held && contact.stick > start {
-                Focus { from: start, to: contact.stick, blur: BLUR }
+                Focus { from: start, to: contact.stick, blur: BLUR * ring }
             } else {
                 Focus::at(start)
             });
         } else if held && contact.stick > 0.0 {
             let from = GIVES_WAY * control.critical_stick(shape);
             plan.focus =
-                Some(Focus { from: from.min(contact.stick), to: contact.stick, blur: BLUR });
+                Some(Focus { from: from.min(contact.stick), to: contact.stick, blur: BLUR * ring });
         } else if contact.stick > 0.05 {
             plan.focus = Some(Focus { from: contact.stick, to: contact.stick, blur: 0.05 });
         }
@@ -577,7 +589,8 @@ impl Plan {
         let most = contact.limit.volume + 2.0 * shape.half_force() * last;
         let cut = |radius: f64| {
             let depth = shape.profile(radius);
-            2.0 * std::f64::consts::PI * integrate(0.0, radius, |r| r * (depth - shape.profile(r)))
+            2.0 * std::f64::consts::PI
+                * integrate_beyond(0.0, radius, shape.kinks(), |r| r * (depth - shape.profile(r)))
         };
         let mut reach = contact.limit.radius;
         while cut(reach) < most && reach < shape.extent() && reach < 1e6 {
@@ -614,10 +627,7 @@ mod tests {
                 (Normal::Force, Tangential::Amplitude),
                 (Normal::Depth, Tangential::Force(force)),
                 (Normal::Force, Tangential::Force(force)),
-                (
-                    Normal::Force,
-                    Tangential::Rig { amplitude: threshold + force, compliance: 0.5 },
-                ),
+                (Normal::Force, Tangential::Rig { amplitude: threshold + force, compliance: 0.5 }),
                 (Normal::Depth, Tangential::Blocks(vec![Block { threshold, end: 1e9 }])),
                 (Normal::Depth, Tangential::Record(Arc::clone(&record))),
             ] {

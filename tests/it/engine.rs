@@ -11,7 +11,6 @@ use fretwork::engine::profile::Shape;
 use fretwork::engine::scenario::{self, Scenario};
 use fretwork::engine::simplified::Simplified;
 use fretwork::engine::simulation::{Simulation, Step};
-use proptest::prelude::*;
 use serde_json::{Value, json};
 
 use crate::literal;
@@ -154,13 +153,20 @@ fn contacts() -> Vec<Contact> {
         (Shape::power(3.3), 0.4),
         (Shape::power(8.0), 0.7),
         (Shape::sphere(2.0), 0.6),
+        (Shape::truncated_paraboloid(0.3), 0.6),
+        (Shape::truncated_cone(0.5), 0.51),
     ]
     .into_iter()
     .map(|(shape, c)| Contact::sticking(shape, c).expect("a limit"))
     .chain(
-        [(Shape::power(2.0), 1.3), (Shape::power(1.0), 4.0)]
-            .into_iter()
-            .map(|(shape, threshold)| Contact::new(shape, threshold).expect("a limit")),
+        [
+            (Shape::power(2.0), 1.3),
+            (Shape::power(1.0), 4.0),
+            (Shape::truncated_paraboloid(0.6), 1.2),
+            (Shape::truncated_cone(0.2), 2.0),
+        ]
+        .into_iter()
+        .map(|(shape, threshold)| Contact::new(shape, threshold).expect("a limit")),
     )
     .collect()
 }
@@ -203,6 +209,11 @@ fn panels(from: f64, to: f64, kinks: &[f64], f: impl Fn(f64) -> f64) -> f64 {
         .sum()
 }
 
+/// The kinks of a contact's unworn image and `more`.
+fn kinks(contact: &Contact, more: &[f64]) -> Vec<f64> {
+    [contact.shape.kinks(), more].concat()
+}
+
 /// Force, energy and volume against quadrature in panels that shrink towards the stick edge.
 #[test]
 fn the_sums_over_the_row_are_the_integrals_they_stand_for() {
@@ -213,12 +224,13 @@ fn the_sums_over_the_row_are_the_integrals_they_stand_for() {
             let decay = Decay::after(exponent);
             let sums = row.sums(decay);
             let eta = |x: f64| signed_compression(&contact, x, decay);
-            let over = |f: &dyn Fn(f64) -> f64| panels(0.0, 1.0, &[contact.stick], f);
+            let over =
+                |f: &dyn Fn(f64) -> f64| panels(0.0, 1.0, &kinks(&contact, &[contact.stick]), f);
             let normal = over(&eta);
             let energy = over(&|x| eta(x) * (contact.threshold - eta(x)).max(0.0));
             let chord = |x: f64| ((outer - x) * (outer + x)).max(0.0).sqrt();
             let volume = 4.0
-                * panels(0.0, outer, &[contact.stick, 1.0], |x| {
+                * panels(0.0, outer, &kinks(&contact, &[contact.stick, 1.0]), |x| {
                     (1.0 - contact.shape.image(x) - eta(x)) * chord(x)
                 });
             let scale = contact.limit.volume;
@@ -249,7 +261,8 @@ fn the_curves_are_the_integrals_they_stand_for() {
             for (index, r) in solver.radii().iter().enumerate().skip(1).step_by(5) {
                 let r = *r;
                 // Wear: (4) of g − g₀, in the angle, so that the root is gone.
-                let kinks = [angle(1.0, r), angle(outer, r)];
+                let kinks = kinks(&contact, &[1.0, outer]);
+                let kinks: Vec<f64> = kinks.iter().map(|kink| angle(*kink, r)).collect();
                 let wear = if r > outer {
                     0.0
                 } else {
@@ -345,7 +358,8 @@ fn the_pressure_is_the_integral_of_the_image_slope() {
                 let rest = contact.threshold - unworn;
                 let ratio = contact.threshold / (unworn * decay.left + rest);
                 let factor = if x < contact.stick { 1.0 } else { decay.left * ratio * ratio };
-                contact.shape.image_slope(x) * factor
+                // Infinite at the edge of a flat, where no quadrature should look.
+                contact.shape.image_slope(x).min(1e9) * factor
             };
             for (index, r) in solver.radii().iter().enumerate().skip(1).step_by(3) {
                 let r = *r;
@@ -354,11 +368,16 @@ fn the_pressure_is_the_integral_of_the_image_slope() {
                     continue;
                 }
                 // x = r cosh s takes the root out.
-                let kink = libm::acosh((contact.stick / r).max(1.0));
+                let panel_ends: Vec<f64> = kinks(&contact, &[contact.stick])
+                    .iter()
+                    .map(|kink| libm::acosh((kink / r).max(1.0)))
+                    .collect();
                 let exact =
-                    panels(0.0, libm::acosh(1.0 / r), &[kink], |s| slope(r * s.cosh())) / PI;
+                    panels(0.0, libm::acosh(1.0 / r), &panel_ends, |s| slope(r * s.cosh())) / PI;
                 // Next to the stick edge the pressure peaks within a few radii of the mesh.
-                let edge = (r - contact.stick).abs() < 0.02;
+                let near = |edge: &f64, width| (r - edge).abs() < width;
+                let edge = near(&contact.stick, 0.02)
+                    || contact.shape.kinks().iter().any(|kink| near(kink, 0.05));
                 let tolerance = if edge { 0.03 } else { 2e-3 } * (0.2 + exact);
                 assert!(
                     (curves.pressure[index] - exact).abs() < tolerance,
@@ -386,7 +405,9 @@ fn pressure_carries_the_force_and_its_sum_the_volume() {
                     PI * (low + curves.pressure[i] * radii[i]) * (radii[i] - radii[i - 1])
                 })
                 .sum();
-            close(force, 2.0 * state.sums.normal, 3e-3);
+            // The pressure at the edge of a flat is infinite, if integrable.
+            let tolerance = if contact.shape.kinks().is_empty() { 3e-3 } else { 8e-3 };
+            close(force, 2.0 * state.sums.normal, tolerance);
             if normalized > 0.0 {
                 close(state.mesh_volume, state.sums.volume, 3e-4);
             }
@@ -504,129 +525,5 @@ fn steps_and_blocks_do_not_change_a_digit() {
         let alone = run(&request);
         assert_eq!(alone.history.wear_volume[1], outcome.history.wear_volume[index]);
         assert_eq!(alone.history.wear_depth[1], outcome.history.wear_depth[index]);
-    }
-}
-
-pub fn any_scenario() -> impl Strategy<Value = Value> {
-    let profile = prop_oneof![
-        (1e-6..1e3_f64).prop_map(|r| json!({"shape": "paraboloid", "radius": r})),
-        (1e-4..1e3_f64).prop_map(|r| json!({"shape": "sphere", "radius": r})),
-        (1e-3..1.5_f64).prop_map(|angle| json!({"shape": "cone", "slope_angle": angle})),
-        (1.0..20.0_f64, 1e-9..1.0_f64, 1e-6..1.0_f64).prop_map(
-            |(n, h, b)| json!({"shape": "power", "exponent": n, "height": h, "at_radius": b})
-        ),
-    ];
-    let motion = prop_oneof![
-        (0.0..0.9999_f64).prop_map(|c| json!({"stick_ratio": c})),
-        Just(json!({"stick_ratio": 0})),
-        (-4.0..-0.3_f64).prop_map(|c| json!({"stick_ratio": 10_f64.powf(c)})),
-        (-9.0..-3.0_f64).prop_map(|u| json!({"amplitude": 10_f64.powf(u)})),
-    ];
-    let load = prop_oneof![
-        (-9.0..9.0_f64).prop_map(|f| json!({"normal_force": 10_f64.powf(f), "held": "depth"})),
-        (-9.0..-3.0_f64).prop_map(|d| json!({"indentation_depth": 10_f64.powf(d)})),
-    ];
-    let cycles = prop_oneof![
-        Just(json!({"normalized": [0.01, 1, 16, 1000, 1e9]})),
-        Just(json!([0, 1, 1e5, 1e9])),
-        Just(json!({"from": 1, "to": 1e12, "count": 8})),
-    ];
-    (profile, motion, load, cycles, 5.0..13.0_f64, 0.01..2.0_f64, -18.0..-9.0_f64, 16..80_u32)
-        .prop_map(|(profile, motion, load, cycles, modulus, friction, wear, points)| {
-            let modulus = 10_f64.powf(modulus);
-            json!({
-                "profile": profile, "motion": motion, "load": load, "cycles": cycles,
-                "moduli": {"normal": modulus, "tangential": 0.8 * modulus},
-                "friction": friction, "wear": {"coefficient": 10_f64.powf(wear)},
-                "model": {"points": points},
-            })
-        })
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig { cases: 2000, ..ProptestConfig::default() })]
-
-    /// Whatever is accepted yields finite numbers, wear that grows, and a key that is stable.
-    #[test]
-    fn whatever_is_accepted_has_a_sensible_answer(request in any_scenario()) {
-        if let Ok((first, _)) = scenario::check(&request, "") {
-            let echo = serde_json::to_value(&first).expect("a document");
-            let (again, _) = scenario::check(&echo, "").expect("the echo is accepted");
-            prop_assert_eq!(&again, &first);
-            let outcome = Simulation::of(&first).expect("a contact").run();
-            let limit = outcome.limit.expect("a limit");
-            let history = &outcome.history;
-            let volume = &history.wear_volume;
-            prop_assert_eq!(volume[0], 0.0);
-            // The part cut off near ã is summed on the mesh, and some of these are very coarse.
-            let points = request["model"]["points"].as_f64().expect("points");
-            let wobble = 1e-3 * (64.0 / points).powi(2) * limit.wear_volume;
-            for pair in volume.windows(2) {
-                prop_assert!(pair[1] >= pair[0] - wobble, "{volume:?}");
-            }
-            for pair in history.normal_force.windows(2) {
-                prop_assert!(pair[1] <= pair[0] * (1.0 + 1e-12), "{:?}", history.normal_force);
-            }
-            let columns = [
-                volume, &history.wear_depth, &history.scar_radius, &history.normal_force,
-                &history.tangential_force, &history.energy_per_cycle, &history.dissipated_energy,
-            ];
-            for x in columns.into_iter().flatten() {
-                prop_assert!(x.is_finite() && *x >= 0.0, "{history:?}");
-            }
-            let profiles = outcome.profiles.expect("profiles");
-            for matrix in [&profiles.worn, &profiles.wear, &profiles.image, &profiles.slip] {
-                for row in matrix {
-                    prop_assert_eq!(row.len(), profiles.radius.len());
-                    prop_assert!(row.iter().all(|x| x.is_finite()));
-                }
-            }
-            let depth = outcome.scales.indentation_depth;
-            for row in &profiles.wear {
-                prop_assert!(row.iter().all(|w| (0.0..=1.0001 * depth).contains(w)), "{row:?}");
-            }
-            for row in &profiles.pressure {
-                for (r, p) in profiles.radius.iter().zip(row).skip(1) {
-                    let edge = *r == outcome.unworn.stick_radius;
-                    prop_assert!(*p >= 0.0 && (edge || p.is_finite()), "{p} at {r}");
-                }
-            }
-            prop_assert!(outcome.unworn.peak_pressure >= outcome.unworn.mean_pressure);
-            prop_assert!(profiles.radius.windows(2).all(|pair| pair[0] < pair[1]));
-        }
-    }
-
-    /// Lengths, moduli and wear coefficients scale out: only their ratios act.
-    #[test]
-    fn a_scaled_scenario_has_the_scaled_answer(
-        length in 0.01..100.0_f64, stress in 0.01..100.0_f64, wear in 0.01..100.0_f64,
-        shape in 0..3_usize,
-    ) {
-        let request = |length: f64, stress: f64, wear: f64| {
-            let profile = [
-                json!({"shape": "paraboloid", "radius": 0.01 * length}),
-                json!({"shape": "cone", "slope_angle": 0.02}),
-                json!({"shape": "sphere", "radius": 0.01 * length}),
-            ][shape].clone();
-            json!({
-                "profile": profile,
-                "moduli": {"normal": 1e11 * stress, "tangential": 0.8e11 * stress},
-                "friction": 0.6,
-                "wear": {"coefficient": 1e-14 * wear},
-                "load": {"indentation_depth": 4e-6 * length},
-                "motion": {"amplitude": 2e-6 * length},
-                "cycles": {"normalized": [0.5, 4]},
-                "model": {"points": 64},
-            })
-        };
-        let (plain, scaled) = (run(&request(1.0, 1.0, 1.0)), run(&request(length, stress, wear)));
-        let volume = scaled.history.wear_volume[2] / plain.history.wear_volume[2];
-        prop_assert!((volume / length.powi(3) - 1.0).abs() < 1e-9);
-        let force = scaled.history.normal_force[1] / plain.history.normal_force[1];
-        prop_assert!((force / (stress * length * length) - 1.0).abs() < 1e-9);
-        let cycles = scaled.history.cycles[1] / plain.history.cycles[1];
-        prop_assert!((cycles * wear * stress - 1.0).abs() < 1e-9);
-        let energy = scaled.history.dissipated_energy[2] / plain.history.dissipated_energy[2];
-        prop_assert!((energy * wear / length.powi(3) - 1.0).abs() < 1e-9);
     }
 }

@@ -10,10 +10,9 @@ use fretwork::engine::profile::Shape;
 use fretwork::engine::scenario;
 use fretwork::engine::simulation::Simulation;
 use fretwork::engine::wearing::Law;
-use proptest::prelude::*;
 use serde_json::{Value, json};
 
-use crate::engine::{any_scenario, steel_ball};
+use crate::engine::steel_ball;
 
 fn contact(exponent: f64, c: f64) -> Contact {
     let shape = Shape::power(exponent);
@@ -257,44 +256,4 @@ fn pieces_of_a_run_do_not_change_a_digit() {
     assert_eq!(outcome, whole);
     assert!(shares.len() > 2, "one step only");
     assert!(shares.windows(2).all(|pair| pair[0] <= pair[1] && pair[1] < 1.0), "{shares:?}");
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig { cases: 100, ..ProptestConfig::default() })]
-
-    /// Finite numbers, wear that grows, a limit that is kept.
-    #[test]
-    fn whatever_is_accepted_is_worn_sensibly(mut request in any_scenario()) {
-        request["model"]["method"] = json!("exact");
-        request["model"]["tolerance"] = json!(0.02);
-        if let Ok((scenario, _)) = scenario::check(&request, "") {
-            let outcome = Simulation::of(&scenario).expect("a contact").run();
-            let limit = outcome.limit.expect("a limit");
-            let history = &outcome.history;
-            for column in [&history.wear_volume, &history.wear_depth, &history.dissipated_energy] {
-                for pair in column.windows(2) {
-                    prop_assert!(pair[1] >= pair[0] * (1.0 - 2e-3), "{history:?}");
-                }
-            }
-            let worn = history.wear_volume.last().expect("one") / limit.wear_volume;
-            let error = outcome.accuracy.volume_error.unwrap_or(0.0);
-            prop_assert!(worn < 1.0 + error + 0.02, "{worn} times the limit, error {error}");
-            let unworn = history.normal_force[0];
-            for pair in history.normal_force.windows(2) {
-                prop_assert!(pair[1] <= pair[0] + 1e-3 * unworn, "{:?}", history.normal_force);
-            }
-            let profiles = outcome.profiles.expect("profiles");
-            for matrix in [&profiles.worn, &profiles.wear, &profiles.image, &profiles.slip] {
-                prop_assert!(matrix.iter().flatten().all(|x| x.is_finite()));
-            }
-            for row in &profiles.pressure {
-                for (r, p) in profiles.radius.iter().zip(row).skip(1) {
-                    let edge = *r == outcome.unworn.stick_radius;
-                    prop_assert!(*p >= 0.0 && (edge || p.is_finite()), "{p} at {r}");
-                }
-            }
-            let slips = profiles.slip.iter().flatten();
-            prop_assert!(slips.into_iter().all(|s| *s <= outcome.unworn.amplitude * 1.001));
-        }
-    }
 }

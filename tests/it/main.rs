@@ -9,6 +9,7 @@
 )]
 #![cfg_attr(feature = "serve", expect(clippy::unwrap_used, reason = "as above"))]
 
+mod anything;
 #[cfg(feature = "serve")]
 mod api;
 mod collocated;
@@ -32,6 +33,7 @@ mod rooms;
 mod schema;
 #[cfg(feature = "serve")]
 mod server;
+mod shapes;
 #[cfg(feature = "serve")]
 mod store;
 #[cfg(feature = "serve")]

@@ -284,3 +284,39 @@ async fn every_fault_of_a_scenario_is_pointed_at() {
     ])
     .await;
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn faults_of_a_shape_are_pointed_at_by_the_row() {
+    all_are_refused(vec![
+        ball(
+            "flat without a radius",
+            &[("/scenario/profile", json!({"shape": "truncated_cone", "slope_angle": 0.1}))],
+            ["/scenario/profile/flat_radius"],
+        ),
+        ball(
+            "table with a weight in it",
+            &[(
+                "/scenario/profile",
+                json!({"shape": "table", "radius": [0, 2e-4, 1e-4], "height": [0, 1e-6, "1 kg"]}),
+            )],
+            ["/scenario/profile/height/2"],
+        ),
+        ball(
+            "table with rows at fault",
+            &[(
+                "/scenario/profile",
+                json!({"shape": "table", "radius": [0, 2e-4, 1e-4], "height": [0, 1e-6, -1e-6]}),
+            )],
+            ["/scenario/profile/radius/2", "/scenario/profile/height/2"],
+        ),
+        ball(
+            "table that ends too soon",
+            &[(
+                "/scenario/profile",
+                json!({"shape": "table", "radius": [0, 1e-6, 2e-6], "height": [0, 1e-9, 4e-9]}),
+            )],
+            ["/scenario/profile/radius/2"],
+        ),
+    ])
+    .await;
+}

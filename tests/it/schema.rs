@@ -1,11 +1,12 @@
 //! The JSON Schema of a scenario says what the parser does.
 
 use fretwork::engine::held::{MAX_BLOCKS, MAX_REVERSALS};
+use fretwork::engine::indenter::MAX_ROWS;
 use fretwork::engine::quantity::Dimension;
 use fretwork::engine::request::{
-    BlockCycles, EnergyWear, Exponent, Force, Friction, Instant, LAST_CYCLE, Length, MAX_CYCLES,
-    POINTS_RANGE, PoissonRatio, Position, Share, SlopeAngle, StickRatio, Stiffness, Stress, Stroke,
-    Tolerance, Volume, WEAR_RANGE, Xi,
+    BlockCycles, EnergyWear, Exponent, Force, Friction, Height, Instant, LAST_CYCLE, Length,
+    MAX_CYCLES, POINTS_RANGE, PoissonRatio, Position, Radius, Share, SlopeAngle, StickRatio,
+    Stiffness, Stress, Stroke, Tolerance, Volume, WEAR_RANGE, Xi,
 };
 use fretwork::engine::scenario::{self, DEFAULT_POINTS, DEFAULT_TOLERANCE, DEFAULT_XI, SCHEMA};
 use serde_json::Value;
@@ -21,6 +22,8 @@ fn ranges_and_defaults_in_the_schema_are_those_of_the_parser() {
     let number = |pointer: &str| at(pointer).as_f64().unwrap_or_else(|| panic!("{pointer}"));
     for (pointer, range) in [
         ("/$defs/Length/oneOf/0", Length::RANGE),
+        ("/$defs/Radius/oneOf/0", Radius::RANGE),
+        ("/$defs/Height/oneOf/0", Height::RANGE),
         ("/$defs/Force/oneOf/0", Force::RANGE),
         ("/$defs/Stress/oneOf/0", Stress::RANGE),
         ("/$defs/Stiffness/oneOf/0", Stiffness::RANGE),
@@ -55,6 +58,10 @@ fn ranges_and_defaults_in_the_schema_are_those_of_the_parser() {
     assert_eq!(number(blocks), MAX_BLOCKS as f64);
     let reversals = "/$defs/Motion/oneOf/4/properties/reversals/maxItems";
     assert_eq!(number(reversals), MAX_REVERSALS as f64);
+    for column in ["radius", "height"] {
+        let column = format!("/$defs/Profile/oneOf/6/properties/{column}");
+        assert_eq!(number(&format!("{column}/maxItems")), MAX_ROWS as f64);
+    }
     assert_eq!(number("/$defs/Model/properties/xi/default"), DEFAULT_XI);
     assert_eq!(number("/$defs/Model/properties/tolerance/default"), DEFAULT_TOLERANCE);
     assert_eq!(number("/$defs/Model/properties/points/default"), f64::from(DEFAULT_POINTS));
@@ -65,6 +72,8 @@ fn every_unit_that_is_accepted_is_named_in_the_schema() {
     let schema = schema();
     for (pointer, dimension) in [
         ("/$defs/Length", Dimension::Length),
+        ("/$defs/Radius", Dimension::Length),
+        ("/$defs/Height", Dimension::Length),
         ("/$defs/Force", Dimension::Force),
         ("/$defs/Stress", Dimension::Stress),
         ("/$defs/Stiffness", Dimension::Stiffness),
@@ -92,6 +101,14 @@ fn the_examples_in_the_schema_and_in_the_repository_are_accepted() {
     let examples = schema["examples"].as_array().expect("examples");
     for example in examples {
         scenario::check(example, "").unwrap_or_else(|faults| panic!("{faults:?}"));
+    }
+    for shape in schema["$defs"]["Profile"]["oneOf"].as_array().expect("shapes") {
+        let mut scenario = examples[0].clone();
+        scenario["load"] = serde_json::json!({"indentation_depth": "2 um"});
+        for example in shape["examples"].as_array().into_iter().flatten() {
+            scenario["profile"] = example.clone();
+            scenario::check(&scenario, "").unwrap_or_else(|faults| panic!("{faults:?}"));
+        }
     }
     let directory = concat!(env!("CARGO_MANIFEST_DIR"), "/examples");
     let mut seen = 0;

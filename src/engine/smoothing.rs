@@ -1,0 +1,232 @@
+//! Measured points made fit for differentiation: as little smoothing as the noise asks for.
+//!
+//! Every point is replaced by a parabola fitted to it and its neighbours, m on either side, weighted
+//! by their distance (tricube) and by their noise. A paraboloid and a cone are parabolas in r, so that
+//! smoothing does not bend them. How far the neighbourhood reaches is decided by the points, about
+//! each of them anew: the largest m that predicts the points there from the others nearly as well as
+//! the best m does. Where that is the smallest one, as for exact points and close to a kink, nothing
+//! is smoothed at all.
+//!
+//! # Equations
+//! ```text
+//! e_i(m) = z_i − prediction of z_i by a parabola through its neighbours alone
+//! σ_i    = median |e(2)| over the 51 points about i
+//! χ²_i(m) = Σ (e(m)/σ)² over the 51 points about i                    (cross-validation)
+//! m_i    = the largest with χ²_i(m) ≤ 1.5 min χ²_i; its value is averaged over the 51 points
+//! ```
+//!
+//! # Accuracy
+//! Of 200 points with a noise of 1 % (normal, of the local height), over seeds: a paraboloid, a cone
+//! and a sphere wear within 0.5 % of the exact ones, the worst within 1 %; an exponent of 4 within 2 %
+//! and 8 %; depths of the exact method in partial slip are the most sensitive (20 %). The edge of a
+//! truncated shape is rounded by noise: 2 to 7 % and more.
+//!
+//! # Sources
+//! W. S. Cleveland, *J. Am. Stat. Assoc.* 74 (1979) 829 (local regression).
+
+/// Most points that are told apart; neighbours are averaged in groups if there are more.
+const MOST_POINTS: usize = 500;
+/// Fewer points than this tell nothing of their noise.
+const FEWEST_POINTS: usize = 12;
+/// Predictions as good as this, in units of the greatest height, leave nothing to smooth.
+const NEGLIGIBLE: f64 = 1e-9;
+/// Points on either side whose noise is taken to be alike.
+const ALIKE: usize = 25;
+/// A misfit of this many times the least is as good, as far as 51 points can tell.
+const ENOUGH: f64 = 1.5;
+/// No point is trusted more than this many times the worst.
+const TRUST: f64 = 1e3;
+
+/// The means of groups of neighbours, if there are more than [`MOST_POINTS`]; groups are narrow
+/// where points are scarce. The first point stays alone.
+pub(super) fn grouped(x: &[f64], z: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    if x.len() <= MOST_POINTS {
+        return (x.to_vec(), z.to_vec());
+    }
+    let most = x.len().div_ceil(MOST_POINTS);
+    let widest = x[x.len() - 1] / MOST_POINTS as f64;
+    let mut means = (vec![x[0]], vec![z[0]]);
+    let mut from = 1;
+    while from < x.len() {
+        let near = x[from..].partition_point(|other| other - x[from] <= widest);
+        let to = from + near.clamp(1, most);
+        // The last point stays alone too: it says how far the table reaches.
+        let to = if to == x.len() && to - from > 1 { to - 1 } else { to };
+        let count = (to - from) as f64;
+        means.0.push(x[from..to].iter().sum::<f64>() / count);
+        means.1.push(z[from..to].iter().sum::<f64>() / count);
+        from = to;
+    }
+    means
+}
+
+/// The heights `z` at ascending `x`, less their noise.
+pub(super) fn smoothed(x: &[f64], z: Vec<f64>) -> Vec<f64> {
+    let n = x.len();
+    if n < FEWEST_POINTS {
+        return z;
+    }
+    let mut points = Points { x, z: &z, trust: vec![1.0; n] };
+    let nearest: Vec<f64> = (0..n).map(|i| (points.at(i, 2, false) - z[i]).abs()).collect();
+    let noise: Vec<f64> = (0..n)
+        .map(|i| {
+            let mut errors = nearest[about(i, n)].to_vec();
+            errors.sort_by(f64::total_cmp);
+            errors[errors.len() / 2]
+        })
+        .collect();
+    let worst = noise.iter().copied().fold(0.0, f64::max);
+    if worst < NEGLIGIBLE {
+        return z;
+    }
+    points.trust = noise
+        .iter()
+        .map(|noise| {
+            let noise = noise.max(worst / TRUST);
+            1.0 / (noise * noise)
+        })
+        .collect();
+    let mut reaches = vec![2];
+    while let Some(m) = reaches.last()
+        && *m <= n / 3
+    {
+        reaches.push(m + m.div_ceil(2));
+    }
+    // How badly each reach predicts, summed up about each point.
+    let misfits: Vec<Vec<f64>> = reaches
+        .iter()
+        .map(|m| {
+            let squares: Vec<f64> = (0..n)
+                .map(|i| {
+                    let error = points.at(i, *m, false) - z[i];
+                    error * error * points.trust[i]
+                })
+                .collect();
+            // Beyond the outermost points there is nothing to predict them from.
+            (0..n)
+                .map(|i| about(i, n).filter(|j| (2..n - 2).contains(j)).map(|j| squares[j]).sum())
+                .collect()
+        })
+        .collect();
+    let chosen: Vec<usize> = (0..n)
+        .map(|i| {
+            let least = misfits.iter().map(|misfit| misfit[i]).fold(f64::INFINITY, f64::min);
+            misfits.iter().rposition(|misfit| misfit[i] <= ENOUGH * least).unwrap_or(0)
+        })
+        .collect();
+    (0..n)
+        .map(|i| {
+            // Where the reach changes, it does so gradually.
+            let mut counts = vec![0; reaches.len()];
+            about(i, n).for_each(|j| counts[chosen[j]] += 1);
+            let sum: f64 = counts
+                .iter()
+                .zip(&reaches)
+                .filter(|(count, _)| **count > 0)
+                .map(|(count, m)| {
+                    let value = if *m == 2 { z[i] } else { points.at(i, *m, true) };
+                    f64::from(*count) * value
+                })
+                .sum();
+            sum / f64::from(counts.iter().sum::<u32>())
+        })
+        .collect()
+}
+
+/// The points about point i of n, whose noise is taken to be alike.
+fn about(i: usize, n: usize) -> std::ops::Range<usize> {
+    i.saturating_sub(ALIKE)..(i + ALIKE + 1).min(n)
+}
+
+/// Points and how much each counts.
+struct Points<'a> {
+    x: &'a [f64],
+    z: &'a [f64],
+    trust: Vec<f64>,
+}
+
+impl Points<'_> {
+    /// The value at point i of the parabola fitted to the 2m + 1 points about it, itself included or
+    /// not.
+    fn at(&self, i: usize, m: usize, included: bool) -> f64 {
+        let n = self.x.len();
+        let first = i.saturating_sub(m).min(n.saturating_sub(2 * m + 1));
+        let last = (first + 2 * m).min(n - 1);
+        let here = self.x[i];
+        let reach = 1.1 * (self.x[last] - here).max(here - self.x[first]);
+        // Normal equations of a + bt + ct² in t = (x − xᵢ)/reach: sums of tᵏ and of tᵏz.
+        let (mut powers, mut moments) = ([0.0; 5], [0.0; 3]);
+        for j in first..=last {
+            if j == i && !included {
+                continue;
+            }
+            let t = (self.x[j] - here) / reach;
+            let bell = 1.0 - (t * t * t).abs();
+            let mut weight = self.trust[j] / self.trust[i] * bell * bell * bell;
+            for (k, power) in powers.iter_mut().enumerate() {
+                *power += weight;
+                if k < 3 {
+                    moments[k] += weight * self.z[j];
+                }
+                weight *= t;
+            }
+        }
+        let [s0, s1, s2, s3, s4] = powers;
+        let [z0, z1, z2] = moments;
+        let (c0, c1, c2) = (s2 * s4 - s3 * s3, s2 * s3 - s1 * s4, s1 * s3 - s2 * s2);
+        (z0 * c0 + z1 * c1 + z2 * c2) / (s0 * c0 + s1 * c1 + s2 * c2)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Uneven points in 0…1 and noise in −1…1, from multiples of irrational numbers.
+    fn uneven(count: u32) -> (Vec<f64>, Vec<f64>) {
+        let part = |i: u32, factor: f64| (f64::from(i) * factor).fract();
+        let mut x: Vec<f64> = (1..count).map(|i| part(i, 2_f64.sqrt())).collect();
+        x.sort_by(f64::total_cmp);
+        x.insert(0, 0.0);
+        let noise = (0..count).map(|i| 2.0 * part(i * i + 7 * i, 3_f64.sqrt()) - 1.0).collect();
+        (x, noise)
+    }
+
+    fn error(x: &[f64], z: &[f64], exact: impl Fn(f64) -> f64) -> f64 {
+        x.iter().zip(z).map(|(x, z)| (z - exact(*x)).abs()).fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn exact_points_and_kinks_are_left_alone() {
+        let (x, _) = uneven(200);
+        let shapes: [fn(f64) -> f64; 4] =
+            [|x| x * x, |x| x, |x| x * x * x * x, |x| (x - 0.4).max(0.0)];
+        for shape in shapes {
+            let z: Vec<f64> = x.iter().map(|x| shape(*x)).collect();
+            assert!(error(&x, &smoothed(&x, z), shape) < 5e-6);
+        }
+    }
+
+    #[test]
+    fn noise_is_taken_off() {
+        let (x, noise) = uneven(200);
+        let shapes: [fn(f64) -> f64; 2] = [|x| x * x, |x| x];
+        for shape in shapes {
+            let noisy = |x: &f64, noise: &f64| shape(*x) * (1.0 + 0.01 * noise);
+            let z: Vec<f64> = x.iter().zip(&noise).map(|(x, noise)| noisy(x, noise)).collect();
+            let (before, after) = (error(&x, &z, shape), error(&x, &smoothed(&x, z), shape));
+            assert!(after < 0.4 * before, "{before:.1e} → {after:.1e}");
+        }
+    }
+
+    #[test]
+    fn groups_keep_both_ends_and_are_not_too_wide() {
+        let (x, _) = uneven(10_000);
+        let z = x.iter().map(|x| x * x).collect::<Vec<f64>>();
+        let (means, heights) = grouped(&x, &z);
+        assert!(means.len() <= 2 * MOST_POINTS + 2, "{}", means.len());
+        assert_eq!((means[0], means.last()), (x[0], x.last()));
+        assert!(means.windows(2).all(|pair| pair[0] < pair[1]));
+        assert!(error(&means, &heights, |x| x * x) < 1e-5);
+    }
+}
