@@ -34,5 +34,6 @@ mod schema;
 mod server;
 #[cfg(feature = "serve")]
 mod store;
+mod verification;
 #[cfg(feature = "serve")]
 mod worker;
