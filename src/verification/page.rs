@@ -151,11 +151,11 @@ impl fmt::Display for Page {
         let judged = self.checks().filter(|check| check.accepted.is_some()).count();
         let reported = self.checks().count() - judged;
         let verdict = match self.failures().count() {
-            0 => "all pass".to_owned(),
+            0 => "**all pass**".to_owned(),
             failed => format!("**{failed} FAIL**"),
         };
         writeln!(f, "{}\n", WORDS.split("\n## ").next().unwrap_or_default().trim())?;
-        writeln!(f, "**{judged} checks: {verdict}.** {reported} more numbers are reported.\n")?;
+        writeln!(f, "{judged} checks: {verdict}. {reported} more numbers are reported.\n")?;
         writeln!(f, "| section | lines | closest to what is accepted | error / accepted |")?;
         writeln!(f, "|---|---:|---|---:|")?;
         for section in &self.sections {
