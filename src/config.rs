@@ -17,10 +17,15 @@ Examples:
   fretwork --listen 127.0.0.1:0 --data-dir /tmp/f   any free port (it is printed), another directory
   fretwork run examples/steel-ball.json             compute one file, without a server
   fretwork run - --format csv < job.json            from standard input; the history as CSV
+  fretwork verify                                   every check against what is known, as Markdown
   fretwork health                                   exit code 0 if the server answers
 
 Every option of the server has an environment variable. FRETWORK_LOG selects what is logged
 (info, warn, fretwork=debug, ...).";
+
+const VERIFY_EXAMPLE: &str = "\
+Example:
+  fretwork verify > VERIFICATION.md   write the page that comes with the program anew";
 
 /// Fretting wear of axisymmetric contacts, as a service with a shared result cache.
 ///
@@ -48,6 +53,13 @@ pub enum Command {
     Run(Run),
     /// Print the OpenAPI document of the server.
     Openapi,
+    /// Compute everything that is known by another way, and print how far off it is.
+    ///
+    /// The page goes to standard output as Markdown: every check with its reference, the value of
+    /// this program, the error and what is accepted. The exit code is 1 if a check fails. It takes
+    /// some seconds, needs neither a server nor a file, and prints the same bytes each time.
+    #[command(after_help = VERIFY_EXAMPLE)]
+    Verify,
     /// Ask a server whether it is well: exit code 0 or 1.
     Health(Health),
 }

@@ -9,6 +9,7 @@ pub mod job;
 pub mod plot;
 #[cfg(feature = "serve")]
 pub mod store;
+pub mod verification;
 #[cfg(feature = "serve")]
 pub mod worker;
 

@@ -18,6 +18,7 @@ use clap::Parser as _;
 use fretwork::api::{self, Unsound};
 use fretwork::job::{Answer, Step, Task};
 use fretwork::store::{Options, Store};
+use fretwork::verification;
 use fretwork::worker::Workers;
 use serde_json::Value;
 use tokio::net::TcpListener;
@@ -43,6 +44,7 @@ fn main() -> ExitCode {
         Some(Command::Serve(settings)) => serve(&settings),
         Some(Command::Run(settings)) => return run(&settings),
         Some(Command::Openapi) => say(&api::document()),
+        Some(Command::Verify) => verify(),
         Some(Command::Health(settings)) => health(&settings),
     };
     match done {
@@ -317,6 +319,17 @@ fn summarise(
         writeln!(err, "  warning: {}", warning.detail)?;
     }
     Ok(())
+}
+
+/// Prints the verification page; that a check fails is an error.
+fn verify() -> Result<(), Failure> {
+    let page = verification::page();
+    say(page.to_string().as_bytes())?;
+    match page.failures().count() {
+        0 => Ok(()),
+        1 => Err("1 check fails".into()),
+        failed => Err(format!("{failed} checks fail").into()),
+    }
 }
 
 /// Asks a server whether it is well, in the simplest HTTP there is.

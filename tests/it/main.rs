@@ -36,5 +36,6 @@ mod server;
 mod shapes;
 #[cfg(feature = "serve")]
 mod store;
+mod verification;
 #[cfg(feature = "serve")]
 mod worker;

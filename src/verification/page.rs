@@ -1,0 +1,225 @@
+//! What the page is made of, and how it is written: Markdown, a table to each section.
+
+use std::fmt;
+
+/// The words: what precedes the tables, then a heading and a text for each section.
+const WORDS: &str = include_str!("page.md");
+
+/// One number that is known by another way.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Check {
+    /// What it is.
+    pub what: String,
+    /// Where the reference is from.
+    pub source: &'static str,
+    /// What it should be.
+    pub reference: f64,
+    /// What this program makes it; not a number if nothing.
+    pub value: f64,
+    /// The largest error that passes; none where an error is reported and not judged.
+    pub accepted: Option<f64>,
+}
+
+impl Check {
+    /// The relative error; the value itself where the reference is 0.
+    #[must_use]
+    pub fn error(&self) -> f64 {
+        if self.reference == 0.0 { self.value } else { self.value / self.reference - 1.0 }
+    }
+
+    /// The error in parts of what is accepted: 1 or less passes, what is not a number never does.
+    #[must_use]
+    pub fn share(&self) -> f64 {
+        let error = self.error().abs();
+        match self.accepted {
+            _ if error.is_nan() => f64::INFINITY,
+            None => 0.0,
+            // Some things must be met exactly.
+            Some(_) if error == 0.0 => 0.0,
+            Some(accepted) => error / accepted,
+        }
+    }
+
+    /// Whether the error is accepted.
+    #[must_use]
+    pub fn passes(&self) -> bool {
+        self.share() <= 1.0
+    }
+}
+
+impl fmt::Display for Check {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { what, source, reference, value, accepted } = self;
+        // What is to agree to many digits is easier to read as a power of ten.
+        let in_percent = *reference != 0.0 && accepted.is_none_or(|accepted| accepted > 2.5e-4);
+        let error = match self.error() {
+            // No minus before a 0.
+            error if in_percent => format!("{:.3} %", (1e5 * error).round() / 1e3 + 0.0),
+            error => digits(error, 2),
+        };
+        let (accepted, verdict) = match accepted {
+            None => ("–".to_owned(), "reported"),
+            Some(accepted) => {
+                let verdict = if self.passes() { "pass" } else { "**FAIL**" };
+                let percent = || digits(100.0 * accepted, 2) + " %";
+                (if in_percent { percent() } else { digits(*accepted, 2) }, verdict)
+            }
+        };
+        let (reference, value) = (digits(*reference, 6), digits(*value, 6));
+        write!(
+            f,
+            "| {what} | {source} | {reference} | {value} | {error} | {accepted} | {verdict} |"
+        )
+    }
+}
+
+/// Checks that belong together.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Section {
+    /// Its heading.
+    pub title: &'static str,
+    /// Its checks.
+    pub checks: Vec<Check>,
+}
+
+impl Section {
+    /// A section that is filled by a computation; should that break off, a check fails.
+    pub fn of(title: &'static str, fill: impl FnOnce(&mut Self) -> Option<()>) -> Self {
+        let mut section = Self { title, checks: Vec::new() };
+        if fill(&mut section).is_none() {
+            section.check("cannot be computed", "–", f64::NAN, f64::NAN, 0.0);
+        }
+        section
+    }
+
+    /// Adds a number that must agree.
+    pub fn check(
+        &mut self,
+        what: impl Into<String>,
+        source: &'static str,
+        reference: f64,
+        value: f64,
+        accepted: f64,
+    ) {
+        let accepted = Some(accepted);
+        self.checks.push(Check { what: what.into(), source, reference, value, accepted });
+    }
+
+    /// The check that comes closest to what is accepted, or goes furthest beyond.
+    #[must_use]
+    pub fn closest(&self) -> Option<&Check> {
+        let judged = self.checks.iter().filter(|check| check.accepted.is_some());
+        judged.max_by(|a, b| a.share().total_cmp(&b.share()))
+    }
+
+    /// What is said of it.
+    fn words(&self) -> Option<&'static str> {
+        let mut sections = WORDS.split("\n## ").skip(1);
+        sections.find_map(|words| words.strip_prefix(self.title)?.strip_prefix('\n'))
+    }
+}
+
+impl fmt::Display for Section {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "\n## {}\n\n{}\n", self.title, self.words().unwrap_or_default().trim())?;
+        writeln!(f, "| what | source | reference | computed | error | accepted | |")?;
+        writeln!(f, "|---|---|---:|---:|---:|---:|---|")?;
+        self.checks.iter().try_for_each(|check| writeln!(f, "{check}"))
+    }
+}
+
+/// All of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Page {
+    /// Its sections.
+    pub sections: Vec<Section>,
+}
+
+impl Page {
+    fn checks(&self) -> impl Iterator<Item = &Check> {
+        self.sections.iter().flat_map(|section| &section.checks)
+    }
+
+    /// The checks that fail.
+    pub fn failures(&self) -> impl Iterator<Item = &Check> {
+        self.checks().filter(|check| !check.passes())
+    }
+}
+
+impl fmt::Display for Page {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let judged = self.checks().filter(|check| check.accepted.is_some()).count();
+        let reported = self.checks().count() - judged;
+        let verdict = match self.failures().count() {
+            0 => "**all pass**".to_owned(),
+            failed => format!("**{failed} FAIL**"),
+        };
+        writeln!(f, "{}\n", WORDS.split("\n## ").next().unwrap_or_default().trim())?;
+        writeln!(f, "{judged} checks: {verdict}. {reported} more numbers are reported.\n")?;
+        writeln!(f, "| section | lines | closest to what is accepted | error / accepted |")?;
+        writeln!(f, "|---|---:|---|---:|")?;
+        for section in &self.sections {
+            let (title, lines) = (section.title, section.checks.len());
+            let link = title.to_lowercase().replace(',', "").replace(' ', "-");
+            let (what, share) = section.closest().map_or(("–", "–".to_owned()), |check| {
+                (check.what.as_str(), digits(check.share(), 2))
+            });
+            writeln!(f, "| [{title}](#{link}) | {lines} | {what} | {share} |")?;
+        }
+        self.sections.iter().try_for_each(|section| section.fmt(f))
+    }
+}
+
+/// A number rounded to so many digits, without zeros at its end.
+pub fn digits(x: f64, count: usize) -> String {
+    let rounded: f64 = format!("{x:.*e}", count - 1).parse().unwrap_or(f64::NAN);
+    match rounded.abs() {
+        size if size.is_nan() => "none".to_owned(),
+        0.0 => "0".to_owned(),
+        1e-3..1e7 | f64::INFINITY => rounded.to_string(),
+        _ => format!("{rounded:e}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_written_with_the_digits_that_count() {
+        for (x, count, text) in [
+            (0.497_063_21, 6, "0.497063"),
+            (-1.0, 6, "-1"),
+            (1_349_123.7, 3, "1350000"),
+            (9.512_345e-14, 3, "9.51e-14"),
+            (-0.0, 2, "0"),
+            (f64::NAN, 6, "none"),
+            (f64::NEG_INFINITY, 2, "-inf"),
+        ] {
+            assert_eq!(digits(x, count), text);
+        }
+    }
+
+    #[test]
+    fn errors_are_relative_and_what_is_not_computed_fails() {
+        let passes = |reference, value, accepted| {
+            Check { what: String::new(), source: "", reference, value, accepted }.passes()
+        };
+        assert!(passes(2.0, 2.02, Some(0.011)) && !passes(2.0, 2.02, Some(0.009)));
+        assert!(passes(0.0, 0.0, Some(0.0)) && !passes(0.0, 1.0, Some(0.0)));
+        assert!(passes(1.0, 3.0, None) && !passes(1.0, f64::NAN, Some(1.0)));
+        assert!(!passes(1.0, f64::NAN, None));
+        let lost = Section::of("lost", |_| None);
+        assert!(lost.words().is_none() && lost.checks.len() == 1);
+        let page = Page { sections: vec![lost] };
+        assert_eq!(page.failures().count(), 1);
+        assert!(page.to_string().contains("**1 FAIL**"), "{page}");
+    }
+
+    #[test]
+    fn every_section_has_its_words_and_all_words_a_section() {
+        let page = crate::verification::page();
+        assert!(page.sections.iter().all(|section| section.words().is_some()));
+        assert_eq!(page.sections.len(), WORDS.matches("\n## ").count());
+    }
+}

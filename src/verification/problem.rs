@@ -1,0 +1,130 @@
+//! Contacts to wear, in units of the unworn contact.
+
+use std::sync::Arc;
+
+use serde_json::Value;
+
+use crate::engine::contact::{Contact, UnwornSums};
+use crate::engine::control::{Block, Control, Normal, Tangential};
+use crate::engine::march::{Instant, March};
+use crate::engine::profile::Shape;
+use crate::engine::record::Record;
+use crate::engine::reference::stick_ratio;
+use crate::engine::scenario::DEFAULT_TOLERANCE;
+use crate::engine::wearing::{Law, Worn};
+
+/// The tolerance at which a scenario marches the simplified rule.
+const RULE_TOLERANCE: f64 = 1e-3;
+
+/// A quantity of a worn contact: its symbol, its name in the table, its value.
+pub type Quantity = (&'static str, &'static str, fn(&Worn) -> f64);
+
+pub const VOLUME: Quantity = ("V", "wear_volume", |worn| worn.volume);
+pub const DEEPEST: Quantity = ("w", "wear_depth", |worn| worn.deepest);
+pub const FORCE: Quantity = ("F", "normal_force", |worn| 2.0 * worn.normal);
+pub const DEPTH: Quantity = ("d", "indentation_depth", |worn| worn.depth);
+pub const STICK: Quantity = ("c", "stick_radius", |worn| worn.stick);
+pub const RADIUS: Quantity = ("a", "contact_radius", |worn| worn.contact_radius);
+
+/// A contact, and what is held while it wears.
+pub struct Problem {
+    pub name: String,
+    pub contact: Contact,
+    pub control: Control,
+}
+
+impl Problem {
+    /// A power law with exponent n that sticks inside c, the amplitude held.
+    pub fn amplitude(normal: Normal, n: f64, c: f64) -> Option<Self> {
+        let contact = Contact::sticking(Shape::power(n), c)?;
+        let control = Control { normal, tangential: Tangential::Amplitude };
+        Some(Self { name: format!("{}, c = {c}", shape(n)), contact, control })
+    }
+
+    /// A power law with exponent n under Q = qμF, held.
+    pub fn force(normal: Normal, n: f64, q: f64) -> Option<Self> {
+        let contact = Contact::sticking(Shape::power(n), stick_ratio(n, q))?;
+        let tangential = Tangential::Force(q * contact.shape.half_force());
+        let name = format!("{}, q = {q}", shape(n));
+        Some(Self { name, contact, control: Control { normal, tangential } })
+    }
+
+    /// What a row of the table describes.
+    pub fn of_row(normal: Normal, row: &Value) -> Option<Self> {
+        let n = number(row, "exponent")?;
+        match (number(row, "q"), number(row, "stick_radius_initial")) {
+            (Some(q), _) => Self::force(normal, n, q),
+            (None, Some(c)) => Self::amplitude(normal, n, c),
+            (None, None) => Self::amplitude(normal, n, number(row, "stick_radius")?),
+        }
+    }
+
+    /// Every mode, of a paraboloid.
+    pub fn modes() -> Option<Vec<Self>> {
+        use Normal::{Depth, Force};
+        let contact = Contact::sticking(Shape::power(2.0), 0.5)?;
+        let slipping = Contact::new(Shape::power(2.0), 1.8)?;
+        let threshold = contact.threshold;
+        let compliance = 0.5;
+        let yielded = 2.0 * compliance * UnwornSums::of(&contact, None).tangential;
+        let rig = Tangential::Rig { amplitude: threshold + yielded, compliance };
+        let block = |share: f64, end: f64| Block { threshold: share * threshold, end };
+        let blocks = Tangential::Blocks(vec![block(1.0, 2.0), block(0.6, 5.0), block(1.1, 1e9)]);
+        let record = Tangential::Record(Arc::new(Record::new(&[1.0, -1.0, 0.6, -0.4, 0.8])?));
+        let amplitude = || Tangential::Amplitude;
+        let mut modes = vec![Self::force(Depth, 2.0, 0.5)?, Self::force(Force, 2.0, 0.7)?];
+        (modes[0].name, modes[1].name) = ("depth, Q".to_owned(), "force, Q".to_owned());
+        for (name, contact, normal, tangential) in [
+            ("depth, amplitude", &contact, Depth, amplitude()),
+            ("force, amplitude", &contact, Force, amplitude()),
+            ("depth, rig", &contact, Depth, rig.clone()),
+            ("force, rig", &contact, Force, rig),
+            ("depth, blocks", &contact, Depth, blocks.clone()),
+            ("force, blocks", &contact, Force, blocks),
+            ("depth, record", &contact, Depth, record),
+            ("depth, gross slip", &slipping, Depth, amplitude()),
+            ("force, gross slip", &slipping, Force, amplitude()),
+        ] {
+            let control = Control { normal, tangential };
+            modes.push(Self { name: name.to_owned(), contact: contact.clone(), control });
+        }
+        Some(modes)
+    }
+
+    /// A run at a tolerance.
+    pub fn march(&self, law: Law, tolerance: f64, last: f64) -> Option<March> {
+        March::new(&self.contact, &self.control, law, tolerance, last)
+    }
+
+    /// The worn contact at some instants, at the default tolerance.
+    pub fn states(&self, law: Law, instants: &[f64]) -> Option<Vec<Instant>> {
+        let tolerance = if law == Law::Exact { DEFAULT_TOLERANCE } else { RULE_TOLERANCE };
+        let mut march = self.march(law, tolerance, *instants.last()?)?;
+        Some(instants.iter().map(|instant| at(&mut march, *instant)).collect())
+    }
+}
+
+/// The state of a run at an instant.
+pub fn at(march: &mut March, instant: f64) -> Instant {
+    while march.advance(instant) {}
+    march.at(instant)
+}
+
+/// What a power law is called.
+pub fn shape(n: f64) -> String {
+    match n {
+        1.0 => "cone".to_owned(),
+        2.0 => "paraboloid".to_owned(),
+        _ => format!("n = {n}"),
+    }
+}
+
+/// A number in a row of the table.
+pub fn number(row: &Value, name: &str) -> Option<f64> {
+    row.get(name)?.as_f64()
+}
+
+/// A list of numbers in a row of the table.
+pub fn numbers(row: &Value, name: &str) -> Option<Vec<f64>> {
+    row.get(name)?.as_array()?.iter().map(Value::as_f64).collect()
+}
