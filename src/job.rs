@@ -627,7 +627,7 @@ mod tests {
                 "46018b326003fb9232ee611ac34f690d304295894ade59b3f1c2af72169fdbf6 \
                  834184c10fe7603a43d02de3c33effbc10d6305b40ce75bc0023b062ae315f5f",
                 "5c89ceb8cf9aeaff9e820494bc3736e7bac0978b004ba17e3c2154bd41338b08 \
-                 7456e2ca1ec547af8eb209ad07d5f0b6433a0b67c1f84385f73f2a3e9140be14",
+                 28919e3ff971860e0c2c0fd630a00cabd0a4aa80118d81c68dd605d9a456f6db",
             ]
         );
     }

@@ -112,7 +112,7 @@ impl Comparing {
             return;
         }
         let error = self.error(&outcome.history);
-        if self.errors[0].is_none() && self.trial == self.bracket[1] {
+        if self.errors[0].is_none() && self.trial <= self.bracket[1] {
             self.errors[0] = Some(error);
         } else {
             self.errors[1] = Some(error);

@@ -76,11 +76,10 @@ impl Load {
     /// What is held: by default what was given.
     #[must_use]
     pub fn normal(&self) -> Normal {
-        match self.held.0 {
-            Some(LoadHeld::Depth) => Normal::Depth,
-            Some(LoadHeld::Force) => Normal::Force,
-            None if self.normal_force.0.is_some() => Normal::Force,
-            None => Normal::Depth,
+        let given = if self.normal_force.0.is_some() { LoadHeld::Force } else { LoadHeld::Depth };
+        match self.held.0.unwrap_or(given) {
+            LoadHeld::Depth => Normal::Depth,
+            LoadHeld::Force => Normal::Force,
         }
     }
 }
@@ -358,13 +357,20 @@ impl CanonicalMotion {
         if let Some(stiffness) = motion.rig_stiffness.0 {
             let rig_stiffness = twelve_digits(stiffness.0);
             // A given amplitude is the actuator's, others are the contact's.
-            let amplitude = match motion.amplitude.0 {
-                Some(actuator) => twelve_digits(actuator.0),
-                None => {
-                    let force = pressed.tangential_force(pressed.threshold(amplitude));
-                    twelve_digits(amplitude + force / rig_stiffness)
-                }
-            };
+            let amplitude = twelve_digits(if let Some(actuator) = motion.amplitude.0 {
+                actuator.0
+            } else {
+                let force = pressed.tangential_force(pressed.threshold(amplitude));
+                amplitude + force / rig_stiffness
+            });
+            let (low, high) = Length::RANGE;
+            if !(low..=high).contains(&amplitude) {
+                let detail = format!(
+                    "lets the rig yield so much that its actuator would move {amplitude:e} m: give a \
+                     stiffer rig"
+                );
+                return Err(Faults::one("/motion/rig_stiffness", detail));
+            }
             let canonical = Self::Rig { amplitude, rig_stiffness, held: AMPLITUDE };
             let (_, threshold) = canonical.control(Normal::Depth, pressed, 1.0)?;
             resolved(threshold * pressed.gross_slip, false, pressed, pointer)?;

@@ -150,8 +150,8 @@ impl Backbone {
 
 /// Row k gives ∫ f ds from the k-th Gauss point to 1 for products of f with the Gauss weights: the
 /// Legendre series of f, integrated term by term.
-fn rests() -> &'static [[f64; ROW_POINTS]; ROW_POINTS] {
-    static RESTS: OnceLock<Box<[[f64; ROW_POINTS]; ROW_POINTS]>> = OnceLock::new();
+fn rests() -> &'static [[f64; ROW_POINTS]] {
+    static RESTS: OnceLock<Vec<[f64; ROW_POINTS]>> = OnceLock::new();
     RESTS.get_or_init(|| {
         let rule = Gauss::<ROW_POINTS>::new();
         // P₀ … P_N at each point.
@@ -165,15 +165,16 @@ fn rests() -> &'static [[f64; ROW_POINTS]; ROW_POINTS] {
             }
             p
         });
-        let mut rests = Box::new([[0.0; ROW_POINTS]; ROW_POINTS]);
-        for (row, here) in rests.iter_mut().zip(&series) {
-            for (entry, there) in row.iter_mut().zip(&series) {
-                let sum: f64 =
-                    (1..ROW_POINTS).map(|n| there[n] * (here[n - 1] - here[n + 1])).sum();
-                *entry = 0.5 * (1.0 - here[1] + sum);
-            }
-        }
-        rests
+        series
+            .iter()
+            .map(|here| {
+                series.each_ref().map(|there| {
+                    let sum: f64 =
+                        (1..ROW_POINTS).map(|n| there[n] * (here[n - 1] - here[n + 1])).sum();
+                    0.5 * (1.0 - here[1] + sum)
+                })
+            })
+            .collect()
     })
 }
 

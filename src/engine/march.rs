@@ -443,9 +443,9 @@ impl March {
     pub fn at(&mut self, normalized_cycles: f64) -> Instant {
         let time = self.fine.within(normalized_cycles);
         let worn_by_energy = self.fine.energy_until(time);
-        let worn = self.fine.under(time, |wearing, values| wearing.at(values));
+        let worn = self.fine.under(time, Wearing::at);
         let apart = self.distance(normalized_cycles).max(self.apart);
-        let volume_error = (SHARE * apart)
+        let volume_error = (SHARE * self.fine.wearing.springs().doubt() * apart)
             .max(LEAST_ERROR * self.fine.rkc.tolerance())
             .max(self.fine.edge_error(&worn));
         Instant { worn, volume_error, worn_by_energy }

@@ -225,7 +225,7 @@ pub struct Profiles {
     pub slip: Vec<Vec<f64>>,
 }
 
-/// Force–displacement loops at the instants of the profiles: a cycle of harmonic motion each, 65 points
+/// Force–displacement loops at the instants of the profiles: a cycle of harmonic motion each, 129 points
 /// at even phases from +U by −U back to +U.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Loops {

@@ -81,12 +81,14 @@ pub struct Rkc {
 }
 
 /// No step is smaller, in units of the time scale.
-const LEAST_STEP: f64 = 1e-6;
+const LEAST_STEP: f64 = 1e-10;
 const FIRST_STEP: f64 = 0.02;
 /// A step is at most so long, plus so much of the time that has passed: what decays at a rate of 1 is
 /// then interpolated within a step as well as it is integrated.
 const LONGEST_STEP: (f64, f64) = (1.5, 0.15);
 const MOST_STAGES: usize = 200;
+/// After each so many steps the tolerance is doubled: every run ends, and says how well it was done.
+const PATIENCE: usize = 2000;
 
 impl Rkc {
     /// Begins at time 0. `scale` holds the time in which slow changes happen, and a size that the
@@ -176,7 +178,7 @@ impl Rkc {
     pub fn advance(&mut self, system: &mut impl Rates, end: f64) {
         // As they are where the step begins: a trial may leave the system elsewhere.
         let (radius, live) = (system.radius(), system.live());
-        let least = LEAST_STEP * self.scale.max(1e-3 * self.time);
+        let least = LEAST_STEP * self.scale.max(self.time);
         loop {
             let limit = (MOST_STAGES * MOST_STAGES) as f64 / (1.54 * radius.max(1e-300));
             // A step that would end just short of the end goes all the way.
@@ -195,6 +197,10 @@ impl Rkc {
                 self.before.0 = self.time;
                 self.time = if whole { end } else { self.time + h };
                 self.accepted += 1;
+                if self.accepted.is_multiple_of(PATIENCE) {
+                    // Where rates jump again and again no step would ever be long.
+                    self.tolerance *= 2.0;
+                }
                 // Proportional and integral control: the step does not swing.
                 let error = error.max(1e-4);
                 let growth = 0.8 * libm::pow(error, -0.35) * libm::pow(self.last_error, 0.2);

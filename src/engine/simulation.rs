@@ -208,7 +208,9 @@ impl Simulation {
                     (None, None) => return,
                 };
                 let outermost = Plan::outermost(contact, control, last).unwrap_or(reach);
-                let grid = Grid::new(start, reach.max(outermost), *points, shape.extent());
+                // Room is left for some radii outside.
+                let reach = reach.max(outermost).min(0.999 * shape.extent());
+                let grid = Grid::new(start, reach, *points, shape.extent());
                 self.radii = grid.radii;
                 let radii = self.radii.iter();
                 tends_to.map(|end| radii.map(|r| end.profile(shape, *r)).collect())

@@ -108,6 +108,13 @@ impl Springs {
         &self.slips
     }
 
+    /// How much less the distance of two meshes says of the error: where the edge moves inwards they are
+    /// off in the same way.
+    #[must_use]
+    pub fn doubt(&self) -> f64 {
+        if self.moves_in { 1.5 } else { 1.0 }
+    }
+
     /// ω of a spring that hangs free.
     #[must_use]
     pub fn free_slip(&self) -> f64 {

@@ -76,7 +76,7 @@ impl Plan {
             None => (0..=cells).map(|i| start + (reach - start) * share(i)).collect(),
             // Nodes begin quadratically at a stick edge that stays, and end as densely as they can:
             // slip begins there like a root, and the scar's rim should not lie in a wide cell.
-            Some(Focus { to, blur, .. }) if blur == 0.0 => (0..=cells)
+            Some(Focus { to, blur: 0.0, .. }) => (0..=cells)
                 .map(|i| to + (reach - to) * share(i) * share(i) * (2.0 - share(i)))
                 .collect(),
             Some(Focus { from, to, blur }) => {
@@ -246,7 +246,9 @@ impl Wearing {
                 let volume = to.volume(&wear);
                 if volume > 0.0 {
                     let scale = from.volume(values) / volume;
-                    wear.iter_mut().for_each(|w| *w *= scale);
+                    for w in &mut wear {
+                        *w *= scale;
+                    }
                 }
                 wear
             }
@@ -342,9 +344,16 @@ impl Wearing {
             let first = mesh.radii()[1];
             wear[0] = (wear[1] + self.contact.shape.profile(first)).min(2.0 * wear[1]);
         }
+        if self.law == Law::Exact {
+            // No image in contact exceeds d, so no worn profile does.
+            for (wear, r) in wear.iter_mut().zip(mesh.radii()) {
+                let room = (springs.depth() - self.contact.shape.profile(*r)).max(0.0);
+                *wear = wear.min(room);
+            }
+        }
         Worn {
             volume,
-            deepest: vertex(mesh.radii(), &wear, largest(&wear)),
+            deepest: vertex(mesh.radii(), &wear, largest(&wear)).min(springs.depth()),
             contact_radius,
             scar,
             depth: springs.depth(),
@@ -441,8 +450,9 @@ impl Wearing {
             let rise = (threshold - self.contact.threshold) - (springs.depth() - 1.0);
             let rise = if self.plan.start > 0.0 { 0.0 } else { rise };
             let per_threshold = 1.0 / threshold;
-            for j in 1..=live {
-                self.slip[j] = (self.unworn_slip[j] + wear[j] + rise).max(0.0) * per_threshold;
+            let nodes = self.slip[1..=live].iter_mut().zip(&self.unworn_slip[1..]).zip(&wear[1..]);
+            for ((slip, unworn), wear) in nodes {
+                *slip = (unworn + wear + rise).max(0.0) * per_threshold;
             }
             return;
         }
@@ -544,25 +554,27 @@ impl Plan {
             Some(end) => end.limit,
             None => Limit::solve(shape, least)?,
         };
-        let smallest = 2.0 * limit.radius / (cells * cells) as f64;
-        let start = if least < smallest { 0.0 } else { least };
-        let held = matches!(control.tangential, Tangential::Force(_) | Tangential::Rig { .. })
-            && control.normal == Normal::Depth;
+        // Cells next to an edge that moves are wider than next to one that stays.
+        let shrinks = matches!(control.tangential, Tangential::Force(_) | Tangential::Rig { .. })
+            && control.normal == Normal::Depth
+            && contact.stick - least > BLUR * limit.radius;
+        let first = if shrinks { 0.5 / cells as f64 } else { 2.0 / (cells * cells) as f64 };
+        let start = if least < first * limit.radius { 0.0 } else { least };
         let reach = (start + (limit.radius - start) * share).min(shape.extent());
         let ring = reach - start;
         let mut plan = Self { start, reach, focus: None, kinks };
         if start > 0.0 {
-            plan.focus = Some(if held && contact.stick > start {
+            plan.focus = Some(if shrinks {
                 Focus { from: start, to: contact.stick, blur: BLUR * ring }
             } else {
                 Focus::at(start)
             });
-        } else if held && contact.stick > 0.0 {
+        } else if shrinks {
             let from = GIVES_WAY * control.critical_stick(shape);
             plan.focus =
                 Some(Focus { from: from.min(contact.stick), to: contact.stick, blur: BLUR * ring });
         } else if contact.stick > 0.05 {
-            plan.focus = Some(Focus { from: contact.stick, to: contact.stick, blur: 0.05 });
+            plan.focus = Some(Focus { from: contact.stick, to: contact.stick, blur: 0.05 * ring });
         }
         if let Tangential::Blocks(blocks) = &control.tangential {
             plan.kinks.extend(

@@ -4,7 +4,7 @@
 
 use fretwork::engine::control::Normal;
 use fretwork::engine::outcome::{History, Outcome, Profiles};
-use fretwork::engine::scenario::{self, Scenario};
+use fretwork::engine::scenario::{self, Case, Method, Scenario};
 use fretwork::engine::simulation::Simulation;
 use proptest::prelude::*;
 use proptest::test_runner::TestRunner;
@@ -155,6 +155,10 @@ fn over(count: u32, vary: impl Fn(&mut Value), judge: impl Fn(&Scenario, &Outcom
     }
 }
 
+fn is_coarse(case: &Case) -> bool {
+    matches!(case.method, Method::Exact { tolerance, .. } if tolerance > 0.01)
+}
+
 fn is_long() -> bool {
     std::env::var_os("FRETWORK_TEST_LONG").is_some()
 }
@@ -283,7 +287,8 @@ fn whatever_is_accepted_is_worn_sensibly_by_the_exact_method() {
     over(count, exact, |scenario, outcome| {
         judge(scenario, outcome);
         let mismatch = outcome.accuracy.energy_mismatch.unwrap_or(0.0);
-        assert!(mismatch.abs() < 0.05, "energy mismatch {mismatch}");
+        let most = if scenario.case().is_ok_and(|case| is_coarse(&case)) { 0.2 } else { 0.03 };
+        assert!(mismatch.abs() < most, "energy mismatch {mismatch}");
         if let Some(limit) = &outcome.limit {
             let worn = outcome.history.wear_volume.last().expect("one") / limit.wear_volume;
             let error = outcome.accuracy.volume_error.unwrap_or(0.0);

@@ -193,7 +193,7 @@ fn any_problem(i: u32) -> (Contact, Control, f64) {
         3 => (Normal::Depth, Tangential::Force(force)),
         4 => (Normal::Depth, rig),
         5 => (Normal::Force, rig),
-        _ if i % 2 == 0 => (Normal::Depth, blocks),
+        _ if i.is_multiple_of(2) => (Normal::Depth, blocks),
         _ => (Normal::Force, blocks),
     };
     (contact, Control { normal, tangential }, 10_f64.powf(-2.0 + 3.5 * part(7.0)))
