@@ -14,15 +14,19 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use fretwork::engine::contact::{Contact, Decay, Row};
+use fretwork::engine::control::Control;
+use fretwork::engine::march::March;
 use fretwork::engine::profile::Shape;
 use fretwork::engine::scenario::{self, Scenario};
 use fretwork::engine::simplified::Simplified;
 use fretwork::engine::simulation::Simulation;
 use fretwork::engine::transform::Kernels;
+use fretwork::engine::wearing::Law;
 use serde_json::{Value, json};
 
 #[path = "../tests/it/literal.rs"]
 mod literal;
+mod uniform;
 
 const SNAPSHOTS: [f64; 5] = [0.5, 2.0, 4.5, 8.0, 16.0];
 const ROUNDS: usize = 500;
@@ -126,19 +130,7 @@ fn main() {
         );
     }
 
-    // The exact method at its defaults, to Ñ = 16, without curves and with them.
-    for profiles in ["none", "all"] {
-        let instants = [0.5, 1.0, 2.0, 4.0, 8.0, 16.0];
-        let exact = ball(&instants, &json!({"method": "exact"}), profiles);
-        let mut ratios = Vec::new();
-        for _ in 0..50 {
-            let exact = seconds(|| drop(black_box(Simulation::of(&exact).expect("a run").run())));
-            let run = seconds(|| drop(black_box(Simulation::of(&scenario).expect("a run").run())));
-            ratios.push(exact / run);
-        }
-        let ratio = median(ratios);
-        println!("exact run at defaults, profiles {profiles} / simplified run = {ratio:.1}");
-    }
+    exact_runs(&scenario);
 
     // The literal procedure: 256 springs dragged through 400 steps a cycle, N₀ = 1000, to Ñ = 16.
     let springs: Vec<f64> =
@@ -154,4 +146,69 @@ fn main() {
         ratios.push(literal / run);
     }
     println!("literal stepping / simplified run = {:.0}   (at least 5000)", median(ratios));
+}
+
+/// The exact method beside a simplified run of 256 points.
+fn exact_runs(simplified: &Scenario) {
+    let beside = |scenario: &Scenario| {
+        let ratios = (0..50).map(|_| {
+            let exact = seconds(|| drop(black_box(Simulation::of(scenario).expect("a run").run())));
+            let run = seconds(|| drop(black_box(Simulation::of(simplified).expect("a run").run())));
+            exact / run
+        });
+        median(ratios.collect())
+    };
+    let instants = [0.5, 1.0, 2.0, 4.0, 8.0, 16.0];
+    for profiles in ["none", "all"] {
+        let exact = ball(&instants, &json!({"method": "exact"}), profiles);
+        let ratio = beside(&exact);
+        println!("exact run at defaults, profiles {profiles} / simplified run = {ratio:.1}");
+    }
+    // Only the run that is reported, without the one that tells its error.
+    let contact = Contact::sticking(Shape::power(2.0), 0.5).expect("a limit");
+    let march = |control: &Control, cells: usize, tolerance: f64, last: f64| {
+        let run = March::with_cells(&contact, control, Law::Exact, cells, tolerance, last);
+        let mut run = run.expect("a scar that fits");
+        while run.advance(last) {}
+        run.at(last)
+    };
+    let all = seconds(|| drop(black_box(march(&Control::PAPER, 64, 3e-3, 16.0))));
+    let half = seconds(|| drop(black_box(march(&Control::PAPER, 32, 1.2e-2, 16.0))));
+    println!(
+        "  of it, both meshes to Ñ = 16: {:.0} µs; with half the cells {:.0} µs",
+        1e6 * all,
+        1e6 * half
+    );
+
+    let mut held =
+        serde_json::to_value(ball(&[32.0], &json!({"method": "exact"}), "none")).expect("JSON");
+    held["load"] = json!({"normal_force": 100.0});
+    held["motion"] = json!({"stick_ratio": 0.55});
+    held["cycles"] = json!({"normalized": [0.5, 1, 2, 4, 8, 16, 32]});
+    let (held, _) = scenario::check(&held, "").expect("a valid scenario");
+    println!(
+        "exact run, force and amplitude held, to Ñ = 32 / simplified run = {:.1}   (at most 40)",
+        beside(&held)
+    );
+
+    // Error of V at Ñ = 4 against cost.
+    let reference = march(&Control::PAPER, 512, 2e-5, 4.0).worn.volume;
+    let mut known = Vec::new();
+    println!("cells   V error at Ñ = 4   µs");
+    for cells in [32, 64, 128, 256, 512] {
+        let tolerance = 3e-3 * (64.0 / cells as f64) * (64.0 / cells as f64);
+        let error =
+            (march(&Control::PAPER, cells, tolerance, 4.0).worn.volume / reference - 1.0).abs();
+        let cost = seconds(|| drop(black_box(march(&Control::PAPER, cells, tolerance, 4.0))));
+        println!("{cells:5}   {error:.1e}            {:.0}", 1e6 * cost);
+        known.push((error, cost));
+    }
+    let start = Instant::now();
+    let volume = uniform::Procedure::new(&contact, black_box(256)).run(4.0);
+    let cost = start.elapsed().as_secs_f64();
+    let error = (volume / reference - 1.0).abs();
+    let equal = known.iter().filter(|(known, _)| *known <= error).map(|(_, cost)| *cost);
+    let equal = equal.fold(f64::INFINITY, f64::min);
+    println!("literal exact procedure, 256 even cells: V error {error:.1e}, {:.0} ms", 1e3 * cost);
+    println!("  / exact run at equal error = {:.0}   (at least 150)", cost / equal);
 }

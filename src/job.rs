@@ -625,9 +625,9 @@ mod tests {
                 "7262301ee85039ba4e113b17570ed2e12a9a7b34bc20bf05a1cbfc9b16860c41 \
                  3f296ebcef4799c06e32e233646ad57e4105bd8c23ec7341e7c02e9daca6e082",
                 "46018b326003fb9232ee611ac34f690d304295894ade59b3f1c2af72169fdbf6 \
-                 834184c10fe7603a43d02de3c33effbc10d6305b40ce75bc0023b062ae315f5f",
+                 4d88d1c1da24857e6ce950cee09cbc28f4a2dfcb62a390efdac749411a5e154b",
                 "5c89ceb8cf9aeaff9e820494bc3736e7bac0978b004ba17e3c2154bd41338b08 \
-                 28919e3ff971860e0c2c0fd630a00cabd0a4aa80118d81c68dd605d9a456f6db",
+                 5a3a915295167ae18fd047ab83273bcc8398089165367c6bb4497b7b43564e8b",
             ]
         );
     }

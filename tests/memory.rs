@@ -1,7 +1,5 @@
 //! What the engine asks of the allocator: nothing in a right-hand side, little in a run.
 
-#![expect(clippy::expect_used, reason = "tests may stop where they stand")]
-
 use std::sync::{Arc, Mutex};
 
 use fretwork::engine::contact::{Contact, UnwornSums};

@@ -102,11 +102,10 @@ impl Backbone {
         Self { knots, loss }
     }
 
-    /// Q̃(u)/2, by cubic interpolation.
-    fn at(&self, u: f64) -> f64 {
-        let knots = &self.knots;
-        let above = knots.partition_point(|[known, ..]| *known <= u).clamp(1, knots.len() - 1);
-        let ([low, from, slope_from], [high, to, slope_to]) = (knots[above - 1], knots[above]);
+    /// Q̃(u)/2 by cubic interpolation, between a knot and the one before it.
+    fn between(&self, u: f64, above: usize) -> f64 {
+        let ([low, from, slope_from], [high, to, slope_to]) =
+            (self.knots[above - 1], self.knots[above]);
         let width = high - low;
         if width <= 0.0 {
             return to;
@@ -115,6 +114,13 @@ impl Backbone {
         s * s * (1.0 + 2.0 * t) * from
             + t * t * (1.0 + 2.0 * s) * to
             + width * t * s * (s * slope_from - t * slope_to)
+    }
+
+    /// The first knot at or beyond u, from a knot before it on.
+    fn above(&self, u: f64, from: usize) -> usize {
+        let last = self.knots.len() - 1;
+        let ahead = self.knots[from..last].iter().take_while(|[knot, ..]| *knot <= u).count();
+        (from + ahead).max(1)
     }
 
     /// The loop between −Δ and Δ.
@@ -128,16 +134,25 @@ impl Backbone {
             let displacement = still.clone();
             return Loop { displacement, force: still, energy_ratio, slip_ratio, free_ratio };
         }
-        let phase = |k: usize| libm::cos(std::f64::consts::PI * k as f64 / BRANCH as f64);
-        let displacement: Vec<f64> = (0..LOOP_POINTS).map(|k| threshold * phase(k)).collect();
-        let mut force: Vec<f64> = displacement[..=BRANCH]
-            .iter()
-            .map(|u| most - 2.0 * self.at(0.5 * (threshold - u)))
-            .collect();
-        let back: Vec<f64> = force[1..].iter().map(|force| -force).collect();
-        force.extend(back);
+        let displacement: Vec<f64> = phases().iter().map(|phase| threshold * phase).collect();
+        let mut force = Vec::with_capacity(LOOP_POINTS);
+        let (mut above, mut crossing) = (1, 1);
+        for u in &displacement[..=BRANCH] {
+            let v = 0.5 * (threshold - u);
+            above = self.above(v, above);
+            force.push(most - 2.0 * self.between(v, above));
+            crossing = if force[force.len() - 1] > 0.0 { above } else { crossing };
+        }
+        force.extend_from_within(1..=BRANCH);
+        for force in &mut force[BRANCH + 1..] {
+            *force = -*force;
+        }
         // The unloading branch meets zero where the backbone has half of the force.
-        let half = root(0.0, threshold, |v| self.at(v) - 0.5 * most);
+        let positive = force.iter().take_while(|force| **force > 0.0).count().clamp(1, BRANCH);
+        let at = |k: usize| 0.5 * (threshold - displacement[k]);
+        let half = root(at(positive - 1), at(positive), |v| {
+            self.between(v, self.above(v, crossing)) - 0.5 * most
+        });
         let aperture = (threshold - 2.0 * half).max(0.0);
         // W = 4·2 ∫ y ω dx·Δ in the units of 2·(Q̃/2)·u.
         let lost = 4.0 * self.loss * threshold;
@@ -146,6 +161,14 @@ impl Backbone {
         let free_ratio = if slip_ratio > 1e-9 { energy_ratio / slip_ratio } else { 0.0 };
         Loop { displacement, force, energy_ratio, slip_ratio, free_ratio }
     }
+}
+
+/// The cosines of the phases of a cycle.
+fn phases() -> &'static [f64; LOOP_POINTS] {
+    static PHASES: OnceLock<[f64; LOOP_POINTS]> = OnceLock::new();
+    PHASES.get_or_init(|| {
+        std::array::from_fn(|k| libm::cos(std::f64::consts::PI * k as f64 / BRANCH as f64))
+    })
 }
 
 /// Row k gives ∫ f ds from the k-th Gauss point to 1 for products of f with the Gauss weights: the

@@ -558,7 +558,7 @@ impl Plan {
         let shrinks = matches!(control.tangential, Tangential::Force(_) | Tangential::Rig { .. })
             && control.normal == Normal::Depth
             && contact.stick - least > BLUR * limit.radius;
-        let first = if shrinks { 0.5 / cells as f64 } else { 2.0 / (cells * cells) as f64 };
+        let first = if shrinks { 0.5 / cells as f64 } else { 1.5 / (cells * cells) as f64 };
         let start = if least < first * limit.radius { 0.0 } else { least };
         let reach = (start + (limit.radius - start) * share).min(shape.extent());
         let ring = reach - start;
