@@ -33,6 +33,20 @@ pub static EXAMPLES: &[Example] = &[
         name: "steel-ball-exact",
         body: include_str!("../../examples/steel-ball-exact.json"),
     },
+    Example { name: "flat-on-rig", body: include_str!("../../examples/flat-on-rig.json") },
+    Example {
+        name: "amplitude-blocks",
+        body: include_str!("../../examples/amplitude-blocks.json"),
+    },
+    Example {
+        name: "held-tangential-force",
+        body: include_str!("../../examples/held-tangential-force.json"),
+    },
+    Example {
+        name: "displacement-record",
+        body: include_str!("../../examples/displacement-record.json"),
+    },
+    Example { name: "measured-tip", body: include_str!("../../examples/measured-tip.json") },
     Example { name: "paper-figure-3", body: include_str!("../../examples/paper-figure-3.json") },
     Example { name: "paper-figure-4", body: include_str!("../../examples/paper-figure-4.json") },
 ];

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use axum::http::HeaderValue;
-use fretwork::api::Origins;
+use fretwork::api::{EXAMPLES, Origins};
 use serde_json::{Value, json};
 use sqlx::Executor as _;
 
@@ -13,6 +13,26 @@ use crate::store::raw;
 fn text<'a>(value: &'a Value, pointer: &str) -> &'a str {
     let found = value.pointer(pointer).and_then(Value::as_str);
     found.unwrap_or_else(|| panic!("no text at {pointer} in {value}"))
+}
+
+/// A column of numbers.
+fn column(value: &Value, pointer: &str) -> Vec<f64> {
+    let found = value.pointer(pointer).and_then(Value::as_array);
+    let found = found.unwrap_or_else(|| panic!("no column at {pointer}"));
+    found.iter().map(|number| number.as_f64().unwrap()).collect()
+}
+
+/// An example, by its name.
+fn example(name: &str) -> Value {
+    let found = EXAMPLES.iter().find(|example| example.name == name);
+    serde_json::from_str(found.unwrap().body).unwrap()
+}
+
+/// The result of a job, computed by the engine.
+async fn result(server: &Server, body: &Value) -> Value {
+    let job = server.compute(body).await.json();
+    assert_eq!(job["state"], "succeeded", "{job}");
+    server.get(text(&job, "/links/result")).await.json()
 }
 
 fn job_address(reply: &Reply) -> String {
@@ -292,6 +312,122 @@ async fn tables_come_as_json_or_csv() {
         let problem = refused.problem(422, "invalid-parameters");
         assert_eq!(text(&problem, "/errors/0/parameter"), parameter);
     }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn loops_come_as_json_or_csv() {
+    let server = Server::start().await;
+    let mut body = steel_ball();
+    body["scenario"]["profiles_at"] = json!([1000, 30_000]);
+    let whole = result(&server, &body).await;
+    let key = text(&whole, "/key");
+    let address = format!("/v1/results/{key}/loops");
+
+    let reply = server.get(&address).await;
+    assert_eq!(reply.header("content-type"), Some("application/json"));
+    let tag = reply.header("etag").unwrap().to_owned();
+    let loops = reply.json();
+    assert_eq!((&loops["key"], &loops["engine"]), (&whole["key"], &whole["engine"]));
+    assert_eq!(loops["loops"], whole["loops"]);
+    assert_eq!(column(&loops, "/loops/cycles"), [0.0, 1e3, 3e4]);
+    assert_eq!(loops["units"]["tangential_force"], "N");
+    for (row, entry) in [0, 1, 4].into_iter().enumerate() {
+        let displacement = column(&loops, &format!("/loops/displacement/{row}"));
+        let force = column(&loops, &format!("/loops/tangential_force/{row}"));
+        assert_eq!((displacement.len(), force.len()), (129, 129));
+        let history = |name: &str| column(&whole, &format!("/history/{name}"))[entry];
+        let (stroke, most) = (history("amplitude"), history("tangential_force"));
+        assert!((displacement[0] / stroke - 1.0).abs() < 1e-9, "{row}");
+        assert!((force[0] / most - 1.0).abs() < 1e-6, "{row}");
+        let ratio = history("energy_per_cycle") / (4.0 * stroke * most);
+        let told = column(&loops, "/loops/energy_ratio")[row];
+        assert!((told / ratio - 1.0).abs() < 1e-6, "{row}: {told} against {ratio}");
+    }
+
+    let csv = server.send("GET", &address, &[("Accept", "text/csv")], "").await;
+    assert_eq!(csv.header("content-type"), Some("text/csv; charset=utf-8"));
+    assert_ne!(csv.header("etag"), Some(&*tag));
+    assert!(csv.text().starts_with(&format!("# fretwork loops\n# key: {key}\n")));
+    let mut rows = csv.text().lines().filter(|line| !line.starts_with('#'));
+    assert_eq!(rows.next(), Some("cycles,displacement[m],tangential_force[N]"));
+    assert_eq!(rows.count(), 3 * 129);
+
+    let known = server.send("GET", &address, &[("If-None-Match", &tag)], "").await;
+    assert_eq!((known.status, known.body.len()), (304, 0));
+    let image = server.send("GET", &address, &[("Accept", "image/png")], "").await;
+    image.problem(406, "not-acceptable");
+    server.get(&format!("{address}?format=xlsx")).await.problem(422, "invalid-parameters");
+    server.get(&format!("{address}?points=5")).await.problem(422, "invalid-parameters");
+    let nothing = address.replace(key, &"0".repeat(64));
+    server.get(&nothing).await.problem(404, "unknown-result");
+
+    body["scenario"]["profiles_at"] = json!("none");
+    let whole = result(&server, &body).await;
+    let address = format!("/v1/results/{}/loops", text(&whole, "/key"));
+    assert_eq!(server.get(&address).await.json()["loops"], Value::Null);
+    let csv = server.get(&format!("{address}?format=csv")).await;
+    assert_eq!(csv.text().lines().filter(|line| !line.starts_with('#')).count(), 1);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_run_that_ends_early_ends_at_its_event() {
+    let server = Server::start().await;
+    for (name, kind, asked) in
+        [("displacement-record", "until_reached", 9), ("held-tangential-force", "gross_slip", 13)]
+    {
+        let result = result(&server, &example(name)).await;
+        let events = result["events"].as_array().unwrap();
+        let last = events.last().unwrap();
+        assert_eq!(last["kind"], kind, "{name}");
+        for part in ["history", "profiles", "loops"] {
+            let cycles = column(&result, &format!("/{part}/cycles"));
+            assert!(cycles.len() < asked + 1, "{name}: {cycles:?}");
+            assert_eq!(cycles.last().copied(), last["cycles"].as_f64(), "{name}: {part}");
+        }
+        let depth = *column(&result, "/history/wear_depth").last().unwrap();
+        if kind == "until_reached" {
+            assert!((depth / 0.8e-6 - 1.0).abs() < 1e-6, "{depth:e}");
+        } else {
+            // Q = μF, to the mesh.
+            for (member, force) in [("tangential_force", 45.0), ("normal_force", 45.0 / 0.7)] {
+                let reached = *column(&result, &format!("/history/{member}")).last().unwrap();
+                assert!((reached / force - 1.0).abs() < 1e-4, "{member}: {reached}");
+            }
+        }
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_result_tells_what_each_body_wears_and_how_far_the_rule_is_off() {
+    let server = Server::start().await;
+    let mut body = example("flat-on-rig");
+    body["scenario"]["wear"]["share"] = json!(0.25);
+    let result = result(&server, &body).await;
+    for name in ["wear_depth", "wear_volume"] {
+        let whole = column(&result, &format!("/history/{name}"));
+        for (body, share) in [0.25, 0.75].into_iter().enumerate() {
+            assert_eq!(result["bodies"][body]["share"], share);
+            let part = column(&result, &format!("/bodies/{body}/{name}"));
+            assert_eq!(part.len(), whole.len());
+            for (part, whole) in part.iter().zip(&whole) {
+                assert!((part - share * whole).abs() <= 1e-12 * whole, "{part} of {whole}");
+            }
+        }
+    }
+    let exact = column(&result, "/history/wear_volume");
+    let rule = column(&result, "/comparison/history/wear_volume");
+    let errors = column(&result, "/comparison/errors/wear_volume");
+    assert_eq!((rule.len(), errors.len()), (exact.len(), exact.len()));
+    for ((exact, rule), error) in exact.iter().zip(&rule).zip(&errors).skip(1) {
+        assert!((rule / exact - 1.0 - error).abs() < 1e-12, "{rule} against {exact}: {error}");
+    }
+    assert_eq!(result["comparison"]["xi"], 0.8);
+    let best = result["comparison"]["best_xi"].as_f64().unwrap();
+    assert!((0.8..1.2).contains(&best), "{best}");
+    assert_eq!(result["history"]["cycles"], result["comparison"]["history"]["cycles"]);
+    // Without both members neither is there.
+    let plain = self::result(&server, &steel_ball()).await;
+    assert_eq!((&plain["bodies"], &plain["comparison"]), (&Value::Null, &Value::Null));
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -16,6 +16,8 @@ struct Case {
     slug: &'static str,
     /// The pointers or parameters of all faults, sorted.
     places: Vec<&'static str>,
+    /// What one of them should say.
+    says: &'static str,
 }
 
 fn case(
@@ -27,7 +29,17 @@ fn case(
 ) -> Case {
     let content_type = (method == "POST").then_some(JSON.1);
     let target = target.to_owned();
-    Case { name, method, target, content_type, body: vec![], status, slug, places: vec![] }
+    Case {
+        name,
+        method,
+        target,
+        content_type,
+        body: vec![],
+        status,
+        slug,
+        places: vec![],
+        says: "",
+    }
 }
 
 /// A job body as text, refused before its meaning is looked at.
@@ -61,6 +73,17 @@ fn unsound<const N: usize>(name: &'static str, body: &str, places: [&'static str
     }
 }
 
+/// The steel ball with some members of its scenario replaced, which has one fault: where, and words
+/// of what is said of it.
+fn held(name: &'static str, set: Value, place: &'static str, says: &'static str) -> Case {
+    let mut body = steel_ball();
+    let Value::Object(set) = set else { panic!("{name}: no object") };
+    for (member, value) in set {
+        body["scenario"][member] = value;
+    }
+    Case { says, ..unsound(name, &body.to_string(), [place]) }
+}
+
 /// A query with a fault in one parameter.
 fn query(name: &'static str, target: &str, parameter: &'static str) -> Case {
     Case { places: vec![parameter], ..case(name, "GET", target, 422, "invalid-parameters") }
@@ -92,6 +115,12 @@ async fn all_are_refused(cases: Vec<Case>) {
         places.sort_unstable();
         if places != expected {
             failures.push(format!("{}: {places:?}, expected {expected:?}", case.name));
+        }
+        let mut details = problem["errors"].as_array().into_iter().flatten();
+        if !case.says.is_empty()
+            && !details.any(|error| error["detail"].as_str().unwrap().contains(case.says))
+        {
+            failures.push(format!("{}: no {:?} in {problem}", case.name, case.says));
         }
         assert_eq!(server.get("/healthz").await.status, 200, "after {}", case.name);
     }
@@ -316,6 +345,249 @@ async fn faults_of_a_shape_are_pointed_at_by_the_row() {
                 json!({"shape": "table", "radius": [0, 1e-6, 2e-6], "height": [0, 1e-9, 4e-9]}),
             )],
             ["/scenario/profile/radius/2"],
+        ),
+    ])
+    .await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn faults_of_what_is_held_are_pointed_at() {
+    let load = |load: Value| json!({"load": load});
+    let motion = |motion: Value| json!({"motion": motion});
+    let force = "/scenario/load/normal_force";
+    let tangential = "/scenario/motion/tangential_force";
+    let amplitude = "/scenario/motion/amplitude";
+    let rig = "/scenario/motion/rig_stiffness";
+    all_are_refused(vec![
+        held(
+            "force and depth",
+            load(json!({"normal_force": 100, "indentation_depth": 3e-6})),
+            force,
+            "not both",
+        ),
+        held("neither", load(json!({"held": "force"})), force, "is missing"),
+        held(
+            "pressure held",
+            load(json!({"normal_force": 100, "held": "pressure"})),
+            "/scenario/load/held",
+            "depth, force",
+        ),
+        held("no motion", motion(json!({})), amplitude, "is missing"),
+        held(
+            "amplitude and force",
+            motion(json!({"amplitude": 2e-6, "tangential_force": 40})),
+            tangential,
+            "not `amplitude` as well",
+        ),
+        held("Q = μF", motion(json!({"tangential_force": "70 N"})), tangential, "no more than μF"),
+        held("Q > μF", motion(json!({"tangential_force": "1 kN"})), tangential, "no more than μF"),
+        held(
+            "force in metres",
+            motion(json!({"tangential_force": "1 um"})),
+            tangential,
+            "the unit of a length",
+        ),
+        held(
+            "Q held in gross slip",
+            motion(json!({"amplitude": "4 um", "held": "tangential_force"})),
+            amplitude,
+            "hold the amplitude",
+        ),
+        held(
+            "Q held at the onset",
+            motion(json!({"stick_ratio": 0, "held": "tangential_force"})),
+            "/scenario/motion/stick_ratio",
+            "hold the amplitude",
+        ),
+        held(
+            "thin ring under a held force",
+            json!({
+                "load": {"normal_force": 100, "held": "force"}, "motion": {"amplitude": "0.2 nm"}
+            }),
+            amplitude,
+            "slip ring",
+        ),
+        held(
+            "rig with Q held",
+            motion(json!({"tangential_force": 40, "rig_stiffness": 1e7})),
+            rig,
+            "no effect",
+        ),
+        held(
+            "stiffness in newtons",
+            motion(json!({"amplitude": 2e-6, "rig_stiffness": "10 N"})),
+            rig,
+            "N/um",
+        ),
+        held(
+            "no stiffness",
+            motion(json!({"amplitude": 2e-6, "rig_stiffness": 0})),
+            rig,
+            "greater than 0",
+        ),
+        held(
+            "rig of rubber",
+            motion(json!({"stick_ratio": 0.5, "rig_stiffness": 1e-6})),
+            rig,
+            "stiffer",
+        ),
+        held(
+            "scar without bounds",
+            json!({
+                "load": {"normal_force": 100, "held": "force"},
+                "motion": {"amplitude": "10 um"}, "cycles": [1e14],
+            }),
+            "/scenario/cycles",
+            "fewer cycles",
+        ),
+    ])
+    .await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn faults_of_blocks_and_records_are_pointed_at() {
+    let block = |amplitude: Value, cycles: f64| json!({"amplitude": amplitude, "cycles": cycles});
+    let usual = || block(json!("2 um"), 1e5);
+    let blocks = |blocks: &[Value]| json!({"motion": {"blocks": blocks}});
+    let with = |member: &str, value: Value| json!({"motion": {"blocks": [block(json!("2 um"), 1e5)], (member): value}});
+    let reversals = |reversals: Value| json!({"motion": {"reversals": reversals}});
+    let motion = "/scenario/motion/blocks";
+    let record = "/scenario/motion/reversals";
+    let rig = "/scenario/motion/rig_stiffness";
+    let normalized = "/scenario/cycles/normalized";
+    all_are_refused(vec![
+        held("amplitude with blocks", with("amplitude", json!(2e-6)), motion, "as well"),
+        held("record with blocks", with("reversals", json!([0, 1e-6])), record, "as well"),
+        held("rig with blocks", with("rig_stiffness", json!(1e7)), rig, "at the contact"),
+        held(
+            "blocks with Q held",
+            with("held", json!("tangential_force")),
+            "/scenario/motion/held",
+            "must be \"amplitude\"",
+        ),
+        held("no blocks", blocks(&[]), motion, "1 to 1000"),
+        held("too many blocks", blocks(&vec![usual(); 1001]), motion, "1 to 1000"),
+        held(
+            "rest in the first block",
+            blocks(&[block(json!(0), 1e4), usual()]),
+            "/scenario/motion/blocks/0/amplitude",
+            "in the first block",
+        ),
+        held(
+            "block of next to no amplitude",
+            blocks(&[usual(), block(json!(1e-12), 1e4)]),
+            "/scenario/motion/blocks/1/amplitude",
+            "slip ring",
+        ),
+        held(
+            "negative amplitude",
+            blocks(&[usual(), block(json!("-2 um"), 1e4)]),
+            "/scenario/motion/blocks/1/amplitude",
+            "between",
+        ),
+        held(
+            "block without cycles",
+            blocks(&[block(json!(2e-6), 0.0)]),
+            "/scenario/motion/blocks/0/cycles",
+            "greater than 0",
+        ),
+        held(
+            "instant after the last block",
+            blocks(&[block(json!("2 um"), 1e4), block(json!("1 um"), 1e4)]),
+            "/scenario/cycles/3",
+            "the last block ends at 20000",
+        ),
+        held(
+            "normalized cycles of blocks",
+            json!({"motion": {"blocks": [usual()]}, "cycles": {"normalized": [1]}}),
+            normalized,
+            "`blocks`",
+        ),
+        held(
+            "normalized cycles of a record",
+            json!({"motion": {"reversals": [-2e-6, 2e-6]}, "cycles": {"normalized": [1]}}),
+            normalized,
+            "`reversals`",
+        ),
+        held("record at rest", reversals(json!(["1 um", 1e-6, "1000 nm"])), record, "the same"),
+        held("one position", reversals(json!(["1 um"])), record, "2 to 100000"),
+        held(
+            "position in seconds",
+            reversals(json!(["1 um", "1 s"])),
+            "/scenario/motion/reversals/1",
+            "unknown unit",
+        ),
+        held(
+            "rig with a record",
+            json!({"motion": {"reversals": [-2e-6, 2e-6], "rig_stiffness": 1e7}}),
+            rig,
+            "at the contact",
+        ),
+    ])
+    .await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn faults_of_ends_and_shares_are_pointed_at() {
+    let until = |until: Value| json!({"until": until});
+    let profile = |profile: Value| json!({"profile": profile});
+    let flat = json!({"shape": "truncated_paraboloid", "radius": "10 mm", "flat_radius": "20 mm"});
+    let table = |radius: Value, height: Value| {
+        profile(json!({"shape": "table", "radius": radius, "height": height}))
+    };
+    let share = |share: Value| json!({"wear": {"coefficient": 3e-14, "share": share}});
+    let compare = |compare: Value| json!({"model": {"method": "exact", "compare": compare}});
+    let depth = "/scenario/until/wear_depth";
+    let volume = "/scenario/until/wear_volume";
+    all_are_refused(vec![
+        held("until nothing", until(json!({})), depth, "is missing"),
+        held(
+            "until both",
+            until(json!({"wear_depth": 1e-6, "wear_volume": 1e-12})),
+            volume,
+            "not both",
+        ),
+        held("until null", until(Value::Null), "/scenario/until", "an object"),
+        held("until no depth", until(json!({"wear_depth": 0})), depth, "greater than 0"),
+        held("volume in mm²", until(json!({"wear_volume": "1 mm^2"})), volume, "mm^3"),
+        held("share of 1.5", share(json!(1.5)), "/scenario/wear/share", "between 0.0 and 1.0"),
+        held("share in words", share(json!("half")), "/scenario/wear/share", "a number"),
+        held("compare with 1", compare(json!(1)), "/scenario/model/compare", "a boolean"),
+        held("flat wider than the contact", profile(flat), "/scenario/load/normal_force", "ring"),
+        held(
+            "stick ratio below the flat",
+            json!({
+                "profile": {
+                    "shape": "truncated_paraboloid", "radius": "10 mm", "flat_radius": "150 um",
+                },
+                "motion": {"stick_ratio": 0.3},
+            }),
+            "/scenario/motion/stick_ratio",
+            "under its flat",
+        ),
+        held(
+            "table that begins off the axis",
+            table(json!([1e-5, 1e-3]), json!([0, 1e-4])),
+            "/scenario/profile/radius/0",
+            "must be 0",
+        ),
+        held(
+            "table with a row too many",
+            table(json!([0, 5e-4, 1e-3]), json!([0, 1e-4])),
+            "/scenario/profile/height",
+            "as many rows",
+        ),
+        held(
+            "flat table",
+            table(json!([0, 1e-3]), json!([0, 0])),
+            "/scenario/profile/height/1",
+            "flat",
+        ),
+        held(
+            "table with a radius twice",
+            table(json!([0, 5e-4, 5e-4, 1e-3]), json!([0, 1e-5, 1e-5, 5e-5])),
+            "/scenario/profile/radius/2",
+            "greater than the radius before it",
         ),
     ])
     .await;
