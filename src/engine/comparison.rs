@@ -8,31 +8,33 @@ use serde::Serialize;
 
 use super::march::Until;
 use super::outcome::{History, Outcome};
-use super::scenario::{Case, DEFAULT_XI, Method};
+use super::scenario::{Case, Method};
 use super::simulation::{Simulation, Step};
 
 /// Where ξ is looked for.
 const XI_RANGE: (f64, f64) = (0.1, 10.0);
 /// Rounds of golden section: ln ξ to 1e-5.
-const ROUNDS: usize = 28;
+pub(super) const ROUNDS: usize = 28;
+/// Radii of the rule, at most.
+pub(super) const POINTS: usize = 256;
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
 /// The simplified rule beside an exact run.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Comparison {
-    /// The ξ of the history: the default.
+    /// The ξ of the history.
     pub xi: f64,
-    /// The rule's history over the same instants; it ends with the shorter of both.
+    /// The rule's history over the same instants; it may end sooner, and then elsewhere.
     pub history: History,
     /// By how much the rule is off, relative to the exact run.
     pub errors: Errors,
-    /// The ξ whose volumes come closest.
-    pub best_xi: f64,
+    /// The ξ whose volumes come closest; none without wear, or if it would lie outside 0.1…10.
+    pub best_xi: Option<f64>,
     /// The root mean square of the relative errors of V with it.
-    pub best_error: f64,
+    pub best_error: Option<f64>,
 }
 
-/// Rule/exact − 1 at each instant; 0 where both are 0.
+/// Rule/exact − 1 at each instant that both histories have; 0 where both are 0.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Errors {
     /// Of V.
@@ -51,6 +53,7 @@ pub struct Errors {
 #[derive(Debug)]
 pub struct Comparing {
     case: Case,
+    xi: f64,
     exact: History,
     running: Option<Box<Simulation>>,
     /// ln ξ of the run under way.
@@ -64,31 +67,34 @@ pub struct Comparing {
 
 impl Comparing {
     /// Compares with the history of an exact run.
-    pub(super) fn new(case: &Case, exact: &History) -> Self {
+    pub(super) fn new(case: &Case, xi: f64, exact: &History) -> Self {
         let mut case = case.clone();
         case.cycles.clone_from(&exact.cycles);
         case.profiles = vec![false; exact.cycles.len()];
         case.until = Until::default();
         case.share = None;
+        // Of the volume 256 radii know enough.
+        case.points = case.points.min(POINTS);
         let (low, high) = (libm::log(XI_RANGE.0), libm::log(XI_RANGE.1));
         let width = GOLDEN * (high - low);
         let mut comparing = Self {
             case,
+            xi,
             exact: exact.clone(),
             running: None,
-            trial: libm::log(DEFAULT_XI),
+            trial: libm::log(xi),
             rule: None,
             bracket: [low, high - width, low + width, high],
             errors: [None; 2],
             rounds: 0,
         };
-        comparing.start(libm::log(DEFAULT_XI));
+        comparing.start(libm::log(xi));
         comparing
     }
 
     fn start(&mut self, trial: f64) {
         let mut case = self.case.clone();
-        let xi = if self.rule.is_none() { DEFAULT_XI } else { libm::exp(trial) };
+        let xi = if self.rule.is_none() { self.xi } else { libm::exp(trial) };
         case.method = Method::Simplified { xi };
         self.trial = trial;
         self.running = Some(Box::new(Simulation::of_case(case, Vec::new())));
@@ -140,18 +146,28 @@ impl Comparing {
         }
     }
 
-    /// The root mean square of V_rule/V_exact − 1.
+    /// How many instants both have: a rule that ends early has its last entry elsewhere.
+    fn shared(&self, rule: &History) -> usize {
+        let both = rule.cycles.iter().zip(&self.exact.cycles);
+        both.take_while(|(rule, exact)| (*rule - *exact).abs() <= 1e-12 * exact.abs()).count()
+    }
+
+    /// The root mean square of V_rule/V_exact − 1; what a rule that ends early misses is all wrong.
     fn error(&self, rule: &History) -> f64 {
-        let errors = relative(&rule.wear_volume, &self.exact.wear_volume);
-        let worn = errors.len().saturating_sub(1).max(1);
-        (errors.iter().map(|error| error * error).sum::<f64>() / worn as f64).sqrt()
+        let shared = self.shared(rule);
+        let errors = relative(&rule.wear_volume[..shared], &self.exact.wear_volume);
+        let missed = (self.exact.cycles.len() - shared) as f64;
+        let worn = self.exact.cycles.len().saturating_sub(1).max(1) as f64;
+        ((errors.iter().map(|error| error * error).sum::<f64>() + missed) / worn).sqrt()
     }
 
     /// The comparison, once it is made.
-    pub(super) fn finish(self) -> Comparison {
-        let history = self.rule.unwrap_or_default();
-        let of =
-            |column: fn(&History) -> &Vec<f64>| relative(column(&history), column(&self.exact));
+    pub(super) fn finish(mut self) -> Comparison {
+        let history = self.rule.take().unwrap_or_default();
+        let shared = self.shared(&history);
+        let of = |column: fn(&History) -> &Vec<f64>| {
+            relative(&column(&history)[..shared], column(&self.exact))
+        };
         let errors = Errors {
             wear_volume: of(|history| &history.wear_volume),
             wear_depth: of(|history| &history.wear_depth),
@@ -160,9 +176,18 @@ impl Comparing {
             dissipated_energy: of(|history| &history.dissipated_energy),
         };
         let [left, right] = self.errors.map(|error| error.unwrap_or(f64::INFINITY));
-        let (best, best_error) =
+        let (best, error) =
             if left < right { (self.bracket[1], left) } else { (self.bracket[2], right) };
-        Comparison { xi: DEFAULT_XI, history, errors, best_xi: libm::exp(best), best_error }
+        let inside = libm::log(XI_RANGE.0) + 1e-3 < best && best < libm::log(XI_RANGE.1) - 1e-3;
+        let worn = self.exact.wear_volume.last().is_some_and(|volume| *volume > 0.0);
+        let found = inside && worn && error.is_finite();
+        Comparison {
+            xi: self.xi,
+            history,
+            errors,
+            best_xi: found.then(|| libm::exp(best)),
+            best_error: found.then_some(error),
+        }
     }
 }
 

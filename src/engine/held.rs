@@ -334,7 +334,18 @@ impl CanonicalMotion {
                     cycles: twelve_digits(block.cycles.0),
                 })
                 .collect();
-            for (index, block) in blocks.iter().enumerate().filter(|(_, b)| b.amplitude > 0.0) {
+            let given = blocks;
+            // Equal neighbours are one block.
+            let mut blocks: Vec<CanonicalBlock> = Vec::new();
+            for block in &given {
+                let same =
+                    |last: &&mut CanonicalBlock| last.amplitude.total_cmp(&block.amplitude).is_eq();
+                match blocks.last_mut().filter(same) {
+                    Some(last) => last.cycles = twelve_digits(last.cycles + block.cycles),
+                    None => blocks.push(*block),
+                }
+            }
+            for (index, block) in given.iter().enumerate().filter(|(_, b)| b.amplitude > 0.0) {
                 resolved(
                     block.amplitude,
                     false,
@@ -436,7 +447,9 @@ impl CanonicalMotion {
                     })
                     .collect();
                 let first = blocks.first().map_or(0.0, |block| block.threshold);
-                (Tangential::Blocks(blocks), first)
+                // Of one block no end is seen.
+                let one = blocks.len() == 1;
+                (if one { Tangential::Amplitude } else { Tangential::Blocks(blocks) }, first)
             }
             Self::Reversals { reversals } => {
                 let record = Record::new(reversals).ok_or_else(|| {

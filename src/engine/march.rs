@@ -210,13 +210,20 @@ impl March {
 
     /// Whether the indenter is wide enough for the scar that will have grown up to an instant.
     #[must_use]
-    pub fn fits(contact: &Contact, control: &Control, end: Option<&Final>, last: f64) -> bool {
+    pub fn fits(
+        contact: &Contact,
+        control: &Control,
+        law: Law,
+        end: Option<&Final>,
+        last: f64,
+    ) -> bool {
         let extent = contact.shape.extent();
         if end.is_some() {
             return true;
         }
-        if let Some(outermost) = Plan::outermost(contact, control, last) {
-            return outermost < extent.min(WIDEST) && contact.shape.profile(outermost) < DEEPEST;
+        if let Some(outermost) = Plan::outermost(contact, control, law, last) {
+            return outermost < (0.9 * extent).min(WIDEST)
+                && contact.shape.profile(outermost) < DEEPEST;
         }
         if extent.is_infinite() {
             return true;
@@ -228,7 +235,7 @@ impl March {
         // Should the core never grow, the scar would be widest.
         let depth = control.depth_on_core(&contact.shape, stick);
         Limit::at_depth(&contact.shape, stick, depth).is_some()
-            || Self::new(contact, control, Law::Exact, COMMON_TOLERANCE, last).is_some()
+            || Self::new(contact, control, law, COMMON_TOLERANCE, last).is_some()
     }
 
     /// About how many multiplications a run takes to an instant in N₀. Measured on a paraboloid: five

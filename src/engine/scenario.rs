@@ -20,6 +20,7 @@
 use deserr::{Deserr, IntoValue, ValuePointerRef};
 use serde::Serialize;
 
+use super::comparison;
 use super::contact::{Contact, Regime, UnwornSums};
 use super::control::{Control, Final, Normal, Tangential};
 use super::fault::{Fault, Faults};
@@ -47,8 +48,6 @@ pub const DEFAULT_TOLERANCE: f64 = 3e-3;
 pub const DEFAULT_POINTS: u16 = 256;
 /// Relative error at which the simplified rule is marched, where it has no closed form.
 pub(super) const RULE_TOLERANCE: f64 = 1e-3;
-/// How many times dearer a run is with the simplified rule beside it, about.
-const COMPARED: f64 = 1.5;
 /// Largest answer in bytes.
 pub const MAX_ANSWER: usize = 64_000_000;
 /// Something the user should know; never a refusal.
@@ -167,8 +166,8 @@ pub enum Method {
     Exact {
         /// The relative error aimed at.
         tolerance: f64,
-        /// Whether the simplified rule is run beside it.
-        compare: bool,
+        /// ξ of the simplified rule that is run beside it, if it is.
+        compare: Option<f64>,
     },
 }
 
@@ -224,6 +223,30 @@ impl Case {
         n >= end && self.profile_rows() > 0
     }
 
+    /// How the contact wears in time steps.
+    #[must_use]
+    pub fn law(&self) -> Law {
+        match self.method {
+            Method::Simplified { xi } => Law::Simplified(xi),
+            Method::Exact { .. } => Law::Exact,
+        }
+    }
+
+    /// The largest amplitude over that at N = 0.
+    fn largest_amplitude(&self) -> f64 {
+        let Tangential::Blocks(blocks) = &self.control.tangential else { return 1.0 };
+        let most = blocks.iter().map(|block| block.threshold).fold(0.0, f64::max);
+        (most / self.contact.threshold).max(1.0)
+    }
+
+    /// How many times a free spring slips the path of one harmonic cycle.
+    fn loops_per_cycle(&self) -> f64 {
+        match &self.control.tangential {
+            Tangential::Record(record) => record.slip(0.0),
+            _ => 1.0,
+        }
+    }
+
     /// Rows of each profile matrix.
     #[must_use]
     pub fn profile_rows(&self) -> usize {
@@ -246,7 +269,14 @@ impl Case {
             }
             Method::Simplified { xi } => march(Law::Simplified(xi), RULE_TOLERANCE),
             Method::Exact { tolerance, compare } => {
-                march(Law::Exact, tolerance) * if compare { COMPARED } else { 1.0 }
+                let beside = compare.map_or(0.0, |xi| {
+                    let method = Method::Simplified { xi };
+                    let points = self.points.min(comparison::POINTS);
+                    let profiles = vec![false; self.profiles.len()];
+                    let rule = Self { method, points, profiles, ..self.clone() };
+                    rule.operations() * (comparison::ROUNDS + 3) as f64
+                });
+                march(Law::Exact, tolerance) + beside
             }
         }
     }
@@ -350,7 +380,8 @@ impl Scenario {
             }
             request::Method::Exact => {
                 let compare = request.model.compare.0.filter(|compare| *compare);
-                Model { method: "exact", xi: None, tolerance: Some(tolerance), compare, points }
+                let xi = compare.map(|_| xi);
+                Model { method: "exact", xi, tolerance: Some(tolerance), compare, points }
             }
         };
         Ok(Self {
@@ -404,7 +435,11 @@ impl Scenario {
             .ok_or_else(|| self.profile.outgrown(depth, threshold))?;
         let tends_to = control.tends_to(&contact);
         let last = self.cycles.last().map_or(0.0, |last| last / unit);
-        if !March::fits(&contact, &control, tends_to.as_ref(), last) {
+        let law = match self.model.tolerance {
+            Some(_) => Law::Exact,
+            None => Law::Simplified(self.model.xi.unwrap_or(DEFAULT_XI)),
+        };
+        if !March::fits(&contact, &control, law, tends_to.as_ref(), last) {
             let Fault { pointer, detail } = self.profile.outgrown(depth, threshold);
             let detail = format!("{detail}; or ask for fewer cycles");
             return Err(Fault { pointer, detail });
@@ -445,8 +480,9 @@ impl Scenario {
         };
         let points = usize::from(self.model.points);
         let method = match self.model {
-            Model { tolerance: Some(tolerance), compare, .. } => {
-                Method::Exact { tolerance, compare: compare.unwrap_or(false) }
+            Model { tolerance: Some(tolerance), compare, xi, .. } => {
+                let compare = compare.and(xi);
+                Method::Exact { tolerance, compare }
             }
             Model { xi, .. } => Method::Simplified { xi: xi.unwrap_or(DEFAULT_XI) },
         };
@@ -478,7 +514,11 @@ impl Scenario {
     /// What the canonical numbers themselves give reason to warn of.
     #[must_use]
     pub fn warnings(&self, case: &Case) -> Vec<Warning> {
-        let Scales { contact_radius: a, indentation_depth: d, cycles, amplitude, .. } = case.scales;
+        let Scales { contact_radius: a, indentation_depth: d, .. } = case.scales;
+        // Of blocks the largest counts; a record may hold many loops.
+        let times = case.largest_amplitude();
+        let amplitude = times * case.scales.amplitude;
+        let cycles = case.scales.cycles / (times * case.loops_per_cycle());
         let slope = case.contact.shape.slope(1.0) * d / a;
         let mut warnings = Vec::new();
         let mut warn = |kind, detail| warnings.push(Warning { kind, detail });
@@ -504,7 +544,7 @@ impl Scenario {
             warn("large_amplitude", detail);
         }
         let simplified = matches!(case.method, Method::Simplified { .. });
-        if simplified && case.regime() == Regime::GrossSlip {
+        if simplified && case.contact.threshold * times >= 1.0 {
             let detail = "The whole contact slips; the simplified rule was fitted to partial slip.";
             warn("simplified_gross_slip", detail.to_owned());
         }

@@ -31,7 +31,7 @@ use super::outcome::{
 };
 use super::scenario::{Case, Method, RULE_TOLERANCE, Scenario, Warning};
 use super::simplified::{Curves, Grid, Simplified};
-use super::wearing::{Law, Plan};
+use super::wearing::Plan;
 
 /// Multiplications of a step, about: 30 ms.
 const STEP_OPERATIONS: f64 = 3e7;
@@ -164,8 +164,8 @@ impl Simulation {
         if !self.has_ended() {
             return Step::Working(progress);
         }
-        if let Method::Exact { compare: true, .. } = self.case.method {
-            self.comparing = Some(Comparing::new(&self.case, &self.history));
+        if let Method::Exact { compare: Some(xi), .. } = self.case.method {
+            self.comparing = Some(Comparing::new(&self.case, xi, &self.history));
             return Step::Working(progress);
         }
         Step::Done(Box::new(self.outcome()))
@@ -207,7 +207,8 @@ impl Simulation {
                     (None, Some(march)) => (control.least_stick(contact), march.reach()),
                     (None, None) => return,
                 };
-                let outermost = Plan::outermost(contact, control, last).unwrap_or(reach);
+                let outermost =
+                    Plan::outermost(contact, control, self.case.law(), last).unwrap_or(reach);
                 // Room is left for some radii outside.
                 let reach = reach.max(outermost).min(0.999 * shape.extent());
                 let grid = Grid::new(start, reach, *points, shape.extent());
@@ -294,7 +295,7 @@ impl Simulation {
         let cells = march.cells() as f64;
         let budget = (STEP_OPERATIONS / (cells * cells)) as usize;
         let (_, before) = march.work();
-        let mut next = done;
+        let (mut next, mut over) = (done, false);
         while next < all && march.work().1 - before < budget {
             let now = self.normalized(next);
             if march.advance(now) {
@@ -315,13 +316,14 @@ impl Simulation {
             }
             next += 1;
             if ended.is_some() {
+                over = true;
                 break;
             }
         }
         let progress = (march.reached() / last).clamp(next as f64 / all as f64 * 1e-3, 0.999);
         self.events = march.events().to_vec();
-        // An event after the last instant has not happened.
-        self.events.retain(|event| event.at <= last);
+        // An event after the last instant has not happened, and the end only once it is recorded.
+        self.events.retain(|event| event.at <= last && (over || !event.ends));
         self.solver = Solver::March(Some(march));
         progress
     }
@@ -362,12 +364,12 @@ impl Simulation {
 
     fn step_unworn(&mut self) -> f64 {
         let case = &self.case;
-        let (law, tolerance) = match case.method {
-            Method::Simplified { xi } => (Law::Simplified(xi), RULE_TOLERANCE),
-            Method::Exact { tolerance, .. } => (Law::Exact, tolerance),
+        let tolerance = match case.method {
+            Method::Simplified { .. } => RULE_TOLERANCE,
+            Method::Exact { tolerance, .. } => tolerance,
         };
         let last = case.normalized_end();
-        let march = March::new(&case.contact, &case.control, law, tolerance, last);
+        let march = March::new(&case.contact, &case.control, case.law(), tolerance, last);
         // A scenario whose scar outgrows its indenter was refused before it came here.
         let Some(mut march) = march else {
             self.events.push(Event { at: 0.0, kind: EventKind::ContactLost, ends: true });

@@ -257,3 +257,28 @@ fn pieces_of_a_run_do_not_change_a_digit() {
     assert!(shares.len() > 2, "one step only");
     assert!(shares.windows(2).all(|pair| pair[0] <= pair[1] && pair[1] < 1.0), "{shares:?}");
 }
+
+/// However the steps fall, an end is recorded, and whatever came before it.
+#[test]
+fn a_run_that_ends_early_keeps_every_instant_before_its_end() {
+    let mut ends = 0;
+    for tolerance in [3e-3, 1e-3, 3e-4] {
+        for force in [49.4, 49.8, 53.0, 57.0, 61.0, 64.6] {
+            let mut request = steel_ball();
+            request["motion"] = json!({"tangential_force": force});
+            request["cycles"] = json!([1000, 2000, 4000, 1e6]);
+            request["model"] = json!({"method": "exact", "tolerance": tolerance});
+            let (scenario, _) = scenario::check(&request, "").expect("valid");
+            let outcome = Simulation::of(&scenario).expect("a contact").run();
+            let cycles = &outcome.history.cycles;
+            let Some(end) = outcome.events.iter().find(|event| event.kind == "gross_slip") else {
+                continue;
+            };
+            ends += 1;
+            assert_eq!(cycles.last(), Some(&end.cycles), "{force} {tolerance}");
+            let before = [1000.0, 2000.0, 4000.0].iter().filter(|n| **n < end.cycles).count();
+            assert_eq!(cycles.len(), before + 2, "{cycles:?}");
+        }
+    }
+    assert!(ends >= 12, "{ends} of 18 end in gross slip");
+}
