@@ -35,6 +35,8 @@ const NODES: usize = 160;
 const FALL: f64 = 0.02;
 const FAR: f64 = 0.1;
 const FALL_AT_AXIS: f64 = 1e-3;
+/// A fall by so much is no noise, and what lies beyond it does not count.
+const DEEP: f64 = 0.3;
 /// Coefficients of (x − xᵢ)ᵏ.
 type Powers = [f64; 5];
 
@@ -161,6 +163,19 @@ fn image_of(knots: &[f64], changes: &[[f64; 3]], x: f64) -> (f64, f64) {
     (x * first, first + second)
 }
 
+/// How many nodes there are before the image has fallen by more than `DEEP` of what it had reached.
+fn before_the_fall(images: &[(f64, f64)]) -> usize {
+    let mut top = 0;
+    for (i, (image, _)) in images.iter().enumerate().skip(1) {
+        if *image > images[top].0 {
+            top = i;
+        } else if top > 1 && images[top].0 - image > DEEP * images[top].0 + FALL_AT_AXIS {
+            return (top + 1).max(3);
+        }
+    }
+    images.len()
+}
+
 /// The rising values that are closest to those at the nodes: neighbours that fall are replaced by
 /// their mean, each with its share of the axis. They begin at 0.
 fn isotonic(nodes: &[f64], images: &[(f64, f64)]) -> Vec<f64> {
@@ -243,6 +258,9 @@ impl TableShape {
 
     /// The image through values and slopes at nodes, made to rise, as far as it does.
     fn rising(length: f64, height: f64, mut nodes: Vec<f64>, images: &[(f64, f64)]) -> Self {
+        // A deep fall far out must not be averaged into the rise before it.
+        nodes.truncate(before_the_fall(images));
+        let images = &images[..nodes.len()];
         let mut values = isotonic(&nodes, images);
         values.truncate(rising_part(&nodes, images, &values));
         nodes.truncate(values.len());
@@ -598,6 +616,17 @@ mod tests {
             assert_eq!(Pressed::new(&shape, depth, false).is_some(), depth < 4.0);
         }
         assert!(shape.depth_under(20.0) > 4.0);
+    }
+
+    #[test]
+    fn a_fall_far_out_leaves_the_rise_before_it_alone() {
+        // A parabola as far as row 10, then down to where it began.
+        let r: Vec<f64> = (0..=40).map(f64::from).collect();
+        let top = 100.0;
+        let z = |r: f64| if r <= 10.0 { r * r } else { (top - 0.1 * top * (r - 10.0)).max(0.0) };
+        let z: Vec<f64> = r.iter().map(|r| z(*r)).collect();
+        let table = TableShape::through(&r, &z);
+        assert!(table.reach() > 8.0, "{}", table.reach());
     }
 
     #[test]

@@ -282,3 +282,30 @@ fn a_run_that_ends_early_keeps_every_instant_before_its_end() {
     }
     assert!(ends >= 12, "{ends} of 18 end in gross slip");
 }
+
+/// Reported wear is held to what was reported before; by so much the steps themselves would let it fall.
+#[test]
+fn wear_hardly_falls_even_before_it_is_held() {
+    let (mut largest, mut falling) = (0.0_f64, 0);
+    for i in 1..=140 {
+        let (contact, control, last) = any_problem(i);
+        let mut run =
+            March::new(&contact, &control, Law::Exact, 3e-3, last).expect("a scar that fits");
+        let (mut before, mut reach, mut fall) = (Vec::new(), 0.0, 0.0_f64);
+        for step in 1..=20 {
+            let time = last * f64::from(step) / 20.0;
+            while run.advance(time) {}
+            let now = run.at(time.min(run.ended().unwrap_or(time))).worn;
+            // A mesh that was extended has other nodes.
+            if reach == run.reach() {
+                let falls = before.iter().zip(&now.wear).map(|(was, is): (&f64, &f64)| was - is);
+                fall = falls.fold(fall, f64::max);
+            }
+            (before, reach) = (now.wear, run.reach());
+        }
+        largest = largest.max(fall);
+        falling += u32::from(fall > 1e-6);
+    }
+    println!("largest fall {largest:.1e} d₀; more than 1e-6 d₀ in {falling} of 140");
+    assert!(largest < 1e-3, "{largest}");
+}
