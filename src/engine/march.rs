@@ -578,6 +578,10 @@ impl Run {
 
     /// What holds at a time within the last step.
     fn under<T>(&mut self, time: f64, what: impl FnOnce(&mut Wearing, &[f64]) -> T) -> T {
+        if time >= self.rkc.time() {
+            // As the springs are already.
+            return what(&mut self.wearing, self.rkc.values());
+        }
         let values = self.rkc.at(time);
         self.wearing.press(&values);
         let result = what(&mut self.wearing, &values);
