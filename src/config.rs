@@ -1,13 +1,17 @@
 //! The command line: what can be asked of the program, and with what settings.
 
+use std::fmt::Write as _;
 use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::PathBuf;
 use std::time::Duration;
 
 use axum::http::{HeaderValue, Uri};
+use bytesize::ByteSize;
 use clap::builder::FalseyValueParser;
-use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
-use fretwork::api::Origins;
+use clap::parser::ValueSource;
+use clap::{ArgAction, ArgMatches, Args, Parser, Subcommand, ValueEnum};
+use fretwork::api::{self, Origins};
+use fretwork::store;
 
 use crate::telemetry::LogFormat;
 
@@ -19,6 +23,7 @@ Examples:
   fretwork run - --format csv < job.json            from standard input; the history as CSV
   fretwork verify                                   every check against what is known, as Markdown
   fretwork health                                   exit code 0 if the server answers
+  fretwork --print-config > fretwork.env            the settings, as a file of environment variables
 
 Every option of the server has an environment variable. FRETWORK_LOG selects what is logged
 (info, warn, fretwork=debug, ...).";
@@ -95,9 +100,34 @@ pub struct Serve {
     #[arg(long, env = "FRETWORK_DRAIN_SECONDS", default_value = "7", value_name = "SECONDS",
         value_parser = seconds)]
     pub drain_seconds: Duration,
+    /// Computations that may wait; more are refused until some are done. The last tenth is kept for
+    /// callers who have little in the queue.
+    #[arg(long, env = "FRETWORK_QUEUE_LIMIT", default_value = "20000", value_name = "N",
+        value_parser = clap::value_parser!(u32).range(1..))]
+    pub queue_limit: u32,
+    /// The longest that one computation may take, such as 10min or 2h; what would take longer by its
+    /// estimate is refused. 0 sets no limit.
+    #[arg(long, env = "FRETWORK_RUN_LIMIT", default_value = "30min", value_name = "TIME",
+        value_parser = duration)]
+    pub run_limit: Duration,
+    /// How long jobs are kept after their end, such as 90d; 0 keeps them for ever. Results are not
+    /// touched by it.
+    #[arg(long, env = "FRETWORK_KEEP_JOBS", default_value = "90d", value_name = "TIME",
+        value_parser = duration)]
+    pub keep_jobs: Duration,
+    /// How large the database may grow, such as 10GiB: beyond it, the results that were read longest
+    /// ago are dropped, unless they are pinned. 0 sets no limit.
+    #[arg(long, env = "FRETWORK_DISK_BUDGET", default_value = "10GiB", value_name = "SIZE")]
+    pub disk_budget: ByteSize,
+    /// Memory for the answers that are asked for most, such as 64MiB; 0 for none.
+    #[arg(long, env = "FRETWORK_MEMORY_CACHE", default_value = "64MiB", value_name = "SIZE")]
+    pub memory_cache: ByteSize,
     /// What log lines look like.
     #[arg(long, env = "FRETWORK_LOG_FORMAT", default_value = "text")]
     pub log_format: LogFormat,
+    /// Print these settings and where each comes from, and do not start.
+    #[arg(long)]
+    pub print_config: bool,
 }
 
 /// How hard a commit is.
@@ -141,14 +171,66 @@ pub struct Health {
 }
 
 impl Serve {
+    /// What the interface must know.
+    pub fn interface(&self, workers: usize) -> api::Settings {
+        api::Settings {
+            workers,
+            run_limit: some(self.run_limit),
+            memory: self.memory_cache.as_u64(),
+            origins: self.origins(),
+        }
+    }
+
+    /// How the database is used.
+    pub fn storage(&self) -> store::Options {
+        store::Options {
+            full_sync: self.synchronous == Synchronous::Full,
+            queue_limit: usize::try_from(self.queue_limit).unwrap_or(usize::MAX),
+            keep_jobs: some(self.keep_jobs),
+            budget: Some(self.disk_budget.as_u64()).filter(|bytes| *bytes > 0),
+            ..store::Options::default()
+        }
+    }
+
+    /// How long a run may take.
+    pub fn limit(&self) -> Option<Duration> {
+        some(self.run_limit)
+    }
+
     /// Which web pages may call the server.
-    pub fn origins(&self) -> Origins {
+    fn origins(&self) -> Origins {
         match self.cors_origins.as_slice() {
             [] => Origins::Own,
             list if list.iter().any(|origin| origin == "*") => Origins::Any,
             list => Origins::These(list.to_vec()),
         }
     }
+}
+
+/// The settings of the server as a file of environment variables, each with where it comes from.
+pub fn described(matches: &ArgMatches) -> String {
+    let mut text = String::new();
+    for argument in Serve::augment_args(clap::Command::new("")).get_arguments() {
+        let (id, Some(name)) = (argument.get_id().as_str(), argument.get_env()) else { continue };
+        let values = matches.get_raw(id).into_iter().flatten();
+        let values: Vec<_> = values.map(|value| value.to_string_lossy()).collect();
+        let source = match matches.value_source(id) {
+            None => "not set",
+            Some(ValueSource::CommandLine) => "command line",
+            Some(ValueSource::EnvVariable) => "environment",
+            Some(_) => "default",
+        };
+        let comment = if values.is_empty() { "# " } else { "" };
+        let name = name.to_string_lossy();
+        // A comment has a line of its own: in such files it cannot follow a value.
+        let _ = writeln!(text, "# {source}\n{comment}{name}={}", values.join(","));
+    }
+    text
+}
+
+/// A limit; 0 is none.
+fn some(time: Duration) -> Option<Duration> {
+    Some(time).filter(|time| !time.is_zero())
 }
 
 fn resolve(text: &str) -> Result<SocketAddr, String> {
@@ -170,6 +252,15 @@ fn origin(text: &str) -> Result<HeaderValue, String> {
                 && uri.path() == "/"
         });
     sound.then(|| HeaderValue::from_str(text).ok()).flatten().ok_or_else(|| expected.to_owned())
+}
+
+/// A time as people write it; 0 needs no unit.
+fn duration(text: &str) -> Result<Duration, String> {
+    if text == "0" {
+        return Ok(Duration::ZERO);
+    }
+    humantime::parse_duration(text)
+        .map_err(|error| format!("{error}; expected a time such as 90s, 10min, 2h or 90d"))
 }
 
 fn seconds(text: &str) -> Result<Duration, String> {

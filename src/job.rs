@@ -192,11 +192,14 @@ pub enum FailureKind {
     UnreadableTask,
     /// The process died each time this was computed.
     WorkerLost,
+    /// It took longer than the server allows.
+    TimeLimit,
 }
 
 impl FailureKind {
     /// Every kind.
-    pub const ALL: [Self; 3] = [Self::Panicked, Self::UnreadableTask, Self::WorkerLost];
+    pub const ALL: [Self; 4] =
+        [Self::Panicked, Self::UnreadableTask, Self::WorkerLost, Self::TimeLimit];
 
     /// The word for it, in JSON and in the tables.
     #[must_use]
@@ -205,6 +208,7 @@ impl FailureKind {
             Self::Panicked => "panicked",
             Self::UnreadableTask => "unreadable-task",
             Self::WorkerLost => "worker-lost",
+            Self::TimeLimit => "time-limit",
         }
     }
 }
@@ -244,6 +248,8 @@ pub struct Job {
     pub attempt: u32,
     /// The share of the work done, 0…1; 0 once canceled.
     pub progress: f64,
+    /// Among the jobs of its owner: 0 is the most urgent, 7 the least.
+    pub priority: u8,
     /// A line for people.
     pub label: Option<String>,
     /// Words to find it by.
@@ -256,10 +262,23 @@ pub struct Job {
     pub started: Option<i64>,
     /// When it ended.
     pub finished: Option<i64>,
+    /// Every state it was in, from the first.
+    pub changes: Vec<Change>,
     /// Why it failed.
     pub failure: Option<Failure>,
     /// The short form of the result, once it has succeeded.
     pub summary: Option<Value>,
+}
+
+/// A change of a job's state.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Change {
+    /// The state from then on.
+    pub state: JobState,
+    /// The attempt it was in.
+    pub attempt: u32,
+    /// When, in milliseconds since 1970.
+    pub at: i64,
 }
 
 /// Why a job failed.
@@ -297,6 +316,11 @@ pub struct Answer {
     /// The short form that the job answer carries: the last history entry and the regime.
     pub summary: Value,
 }
+
+/// What a processor does in a second, in the terms of [`Case::operations`].
+///
+/// [`Case::operations`]: crate::engine::scenario::Case::operations
+const OPERATIONS_PER_SECOND: f64 = 1e9;
 
 /// What a job computes.
 #[derive(Debug, Clone, PartialEq)]
@@ -429,6 +453,13 @@ impl Task {
     pub fn to_json(&self) -> String {
         let Self::Run(scenario) = self;
         serde_json::json!({ "scenario": scenario }).to_string()
+    }
+
+    /// About how long a processor takes for it.
+    #[must_use]
+    pub fn seconds(&self) -> f64 {
+        let Self::Run(scenario) = self;
+        scenario.case().map_or(0.0, |case| case.operations() / OPERATIONS_PER_SECOND)
     }
 
     /// Begins the work of a stored task, whose answer will carry `key`.

@@ -1,7 +1,6 @@
 //! The program: parses the command line, wires the rooms together, serves and drains.
 
 mod config;
-mod connection;
 mod telemetry;
 
 use std::fs;
@@ -13,19 +12,17 @@ use std::sync::Arc;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use axum::serve::ListenerExt as _;
-use clap::Parser as _;
-use fretwork::api::{self, Unsound};
+use clap::{ArgMatches, CommandFactory as _, FromArgMatches as _};
+use fretwork::api::{self, Patient, Peer, Unsound};
 use fretwork::job::{Answer, Step, Task};
-use fretwork::store::{Options, Store};
+use fretwork::store::Store;
 use fretwork::verification;
 use fretwork::worker::Workers;
 use serde_json::Value;
 use tokio::net::TcpListener;
 use tokio::sync::watch;
 
-use config::{Cli, Command, Health, Run, RunFormat, Serve, Synchronous};
-use connection::Patient;
+use config::{Cli, Command, Health, Run, RunFormat, Serve};
 
 /// How long connections may stay open when everything else has ended. With the time to drain it stays
 /// below the ten seconds after which service managers kill.
@@ -38,10 +35,13 @@ const STILL: Duration = Duration::from_mins(2);
 type Failure = Box<dyn std::error::Error>;
 
 fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let matches = Cli::command().get_matches();
+    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     let done = match cli.command {
-        None => serve(&cli.serve),
-        Some(Command::Serve(settings)) => serve(&settings),
+        None => serve(&cli.serve, &matches),
+        Some(Command::Serve(settings)) => {
+            serve(&settings, matches.subcommand_matches("serve").unwrap_or(&matches))
+        }
         Some(Command::Run(settings)) => return run(&settings),
         Some(Command::Openapi) => say(&api::document()),
         Some(Command::Verify) => verify(),
@@ -68,7 +68,10 @@ fn complain(failure: &dyn std::error::Error) {
     let _ = writeln!(io::stderr(), "{line}");
 }
 
-fn serve(settings: &Serve) -> Result<(), Failure> {
+fn serve(settings: &Serve, matches: &ArgMatches) -> Result<(), Failure> {
+    if settings.print_config {
+        return say(config::described(matches).as_bytes());
+    }
     if !settings.listen.ip().is_loopback() && !settings.no_auth {
         return Err(format!(
             "{} can be reached from other machines, and this version has no keys to tell callers \
@@ -93,26 +96,21 @@ async fn serve_until_told(settings: &Serve) -> Result<(), Failure> {
         format!("cannot listen on {}: {error}; choose another with --listen", settings.listen)
     })?;
     let address = listener.local_addr()?;
-    let options =
-        Options { full_sync: settings.synchronous == Synchronous::Full, ..Options::default() };
-    let store = Store::open(&settings.data_dir, &options).await?;
+    let store = Store::open(&settings.data_dir, &settings.storage()).await?;
     let recovered = store.recover().await?;
     tracing::info!(?recovered, "opened the data directory");
     let count = settings
         .workers
         .map_or_else(|| thread::available_parallelism().map_or(1, usize::from), usize::from);
-    let workers = Workers::start(&store, count, &(Arc::new(Task::start) as _))?;
+    let compute = Arc::new(Task::start) as _;
+    let workers = Workers::start(&store, count, settings.limit(), &compute)?;
     let (drain, draining) = watch::channel(false);
     let (close, mut closed) = watch::channel(false);
-    let app = api::App { store: store.clone(), draining };
-    let router = api::router(app, &settings.origins());
-    // Small answers must not wait for more to send.
-    let listener = listener.tap_io(|connection| {
-        let _ = connection.set_nodelay(true);
-    });
+    let router = api::router(store.clone(), draining, &settings.interface(count));
+    let service = router.into_make_service_with_connect_info::<Peer>();
     let listener = Patient { listener, patience: STILL };
     let mut shut = closed.clone();
-    let server = axum::serve(listener, router).with_graceful_shutdown(async move {
+    let server = axum::serve(listener, service).with_graceful_shutdown(async move {
         let _ = shut.wait_for(|shut| *shut).await;
     });
     let mut server = pin!(server.into_future());

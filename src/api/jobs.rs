@@ -1,4 +1,4 @@
-//! Jobs: submit, watch, list, cancel.
+//! Jobs: submit, watch, list, cancel, delete.
 
 use std::time::Duration;
 
@@ -7,19 +7,21 @@ use axum::http::header::{self, HeaderName};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
-use serde_json::Value;
+use serde_json::{Value, json};
+use sha2::{Digest as _, Sha256};
 use tokio::time;
 use utoipa::ToSchema;
 
 use super::App;
-use super::problem::{self, Problem};
+use super::caller::Caller;
+use super::problem::{self, Complaint, Problem};
 use super::scenarios::parse;
-use super::wire::{Body, NoQuery, Prefer, Query, Segment, instant};
-use crate::job::{Failure, Job, JobId, JobState, Key};
-use crate::store::{Canceled, Filter, NewJob};
+use super::wire::{
+    Body, Freshness, NoQuery, Prefer, Query, Segment, idempotency_key, instant, urgency,
+};
+use crate::job::{Failure, Job, JobId, JobState, Key, Origin, Submission, Task};
+use crate::store::{Canceled, Deleted, Filter, NewJob, Repeatable, StoredResult, Submitted};
 
-/// Whom jobs belong to as long as nobody is asked for a key.
-const ANONYMOUS: &str = "anonymous";
 /// How many jobs a page has unless told.
 const PAGE: u32 = 50;
 /// How many jobs a page may have.
@@ -41,13 +43,17 @@ pub struct JobAnswer {
     /// Whether this job started the computation (`computed`), joined one (`coalesced`) or found
     /// the result ready (`cached`).
     #[schema(value_type = super::openapi::Origin)]
-    origin: crate::job::Origin,
+    origin: Origin,
     /// How often the computation was begun. More than 1 means that the server was interrupted.
     #[schema(example = 1)]
     attempt: u32,
     /// The share of the computation that is done, 0 to 1.
     #[schema(minimum = 0, maximum = 1, example = 1.0)]
     progress: f64,
+    /// Among the jobs of the same owner: 0 is the most urgent, 7 the least; from the `Priority`
+    /// header.
+    #[schema(minimum = 0, maximum = 7, example = 3)]
+    priority: u8,
     /// When it was submitted, begun and finished.
     times: Times,
     /// A line for people, as submitted.
@@ -100,6 +106,8 @@ struct Links {
     this: String,
     /// Its result, once it has succeeded.
     result: String,
+    /// Server-sent events of what becomes of it.
+    events: String,
     /// POST here to cancel it; null once it is finished.
     cancel: Option<String>,
 }
@@ -119,6 +127,7 @@ impl From<Job> for JobAnswer {
         let this = address(job.id);
         let cancel = (!job.state.is_finished()).then(|| format!("{this}/cancel"));
         let result = format!("/v1/results/{}", job.key);
+        let events = format!("{this}/events");
         Self {
             id: job.id,
             state: job.state,
@@ -126,6 +135,7 @@ impl From<Job> for JobAnswer {
             origin: job.origin,
             attempt: job.attempt,
             progress: job.progress,
+            priority: job.priority,
             times: Times {
                 created: instant(job.created),
                 started: job.started.map(instant),
@@ -136,7 +146,7 @@ impl From<Job> for JobAnswer {
             summary: job.summary,
             warnings: job.warnings,
             error: job.failure.map(JobError::from),
-            links: Links { this, result, cancel },
+            links: Links { this, result, events, cancel },
         }
     }
 }
@@ -157,14 +167,14 @@ fn address(id: JobId) -> String {
     format!("/v1/jobs/{id}")
 }
 
-fn read_id(text: &str) -> Result<JobId, Problem> {
+pub(super) fn read_id(text: &str) -> Result<JobId, Problem> {
     text.parse().map_err(|_| {
         let detail = "No job has this id: an id is a UUID in lower case, as in the `id` of a job.";
         Problem::new(&problem::NOT_FOUND, detail)
     })
 }
 
-fn unknown() -> Problem {
+pub(super) fn unknown() -> Problem {
     Problem::new(&problem::NOT_FOUND, "No job has this id; GET /v1/jobs lists those there are.")
 }
 
@@ -194,11 +204,16 @@ async fn answer(app: &App, job: Job, include: bool) -> Result<Response, Problem>
         // than everything else here and could change digits.
         body.pop();
         body.extend_from_slice(b",\"result\":");
-        body.extend_from_slice(result.as_ref().map_or(b"null", |result| result.body.as_slice()));
+        body.extend_from_slice(match &result {
+            Some(StoredResult::Whole { body, .. }) => body,
+            _ => b"null",
+        });
         body.push(b'}');
     }
     let headers = [
         (header::CONTENT_TYPE, "application/json".to_owned()),
+        // A job changes; what does not is its result, at an address of its own.
+        (header::CACHE_CONTROL, "no-store".to_owned()),
         (header::CONTENT_LOCATION, address(id)),
         (header::LINK, format!("</v1/results/{key}>; rel=\"related\"")),
     ];
@@ -209,7 +224,8 @@ async fn answer(app: &App, job: Job, include: bool) -> Result<Response, Problem>
 ///
 /// Every submission is a job of its own and is kept. The same scenario is computed once, however
 /// many submit it, and whatever units they write it in. With `Prefer: wait=10` the answer waits
-/// up to 10 s for the end; with `include=result` it then holds the result itself.
+/// up to 10 s for the end; with `include=result` it then holds the result itself. A submission that
+/// may have been lost can be repeated under the same `Idempotency-Key`: it stays one job.
 #[utoipa::path(post, path = "/v1/jobs", operation_id = "submit_job", tag = "jobs",
     params(
         ("include" = Option<super::openapi::Include>, Query,
@@ -217,6 +233,17 @@ async fn answer(app: &App, job: Job, include: bool) -> Result<Response, Problem>
         ("Prefer" = Option<String>, Header,
             description = "`wait=N`: answer when the job is finished, at the latest after N seconds \
                 (at most 60).", example = "wait=10"),
+        ("Idempotency-Key" = Option<String>, Header,
+            description = "A name for this submission, such as a random UUID. The same name with the \
+                same body is the same job, for as long as the job is kept."),
+        ("Priority" = Option<String>, Header,
+            description = "`u=0` (most urgent) to `u=7` (least), RFC 9218: the order among the \
+                caller's own jobs. Callers take turns whatever they set.", example = "u=3"),
+        ("Cache-Control" = Option<String>, Header,
+            description = "`no-cache`: compute again, and compare with the result that is known. \
+                `only-if-cached`: do not compute; 504 if the result is not known."),
+        ("traceparent" = Option<String>, Header,
+            description = "W3C Trace Context: appears in the log of the request and of the run."),
     ),
     request_body(content = ref("#/components/schemas/JobBody"), description = "What to compute. A \
         physical quantity is a number in SI units or a string with a unit."),
@@ -224,7 +251,7 @@ async fn answer(app: &App, job: Job, include: bool) -> Result<Response, Problem>
         (status = 200, description = "The job is finished: it succeeded, failed or was canceled.",
             body = JobAnswer, headers(
                 ("Cache-Status" = String, description = "RFC 9211: `fretwork; hit`, or `fretwork; \
-                    fwd=miss` with `stored` or `collapsed`."),
+                    fwd=miss` with `stored` or `collapsed`; `fwd=request` after `no-cache`."),
                 ("Content-Location" = String, description = "The address of the job."),
                 ("Link" = String, description = "The address of the result, `rel=\"related\"`."),
                 ("Preference-Applied" = String, description = "The wait that was granted."),
@@ -237,13 +264,18 @@ async fn answer(app: &App, job: Job, include: bool) -> Result<Response, Problem>
                 ("Link" = String, description = "The address of the result, `rel=\"related\"`."),
                 ("Preference-Applied" = String, description = "The wait that was granted."),
             )),
-        (status = 503, description = "The server takes no jobs just now; see `Retry-After`.",
-            headers(("Retry-After" = u32, description = "Seconds."))),
+        (status = 422, description = "The body or a header has faults, and `errors` lists them all; \
+            or the run would take longer than the server allows; or the Idempotency-Key stands for \
+            another submission."),
+        (status = 503, description = "The server takes no jobs just now, or its queue is full; see \
+            `Retry-After`.", headers(("Retry-After" = u32, description = "Seconds."))),
+        (status = 504, description = "`only-if-cached` was asked for, and the result is not known."),
         (status = 507, description = "The disk is full."),
     ),
 )]
 pub async fn submit(
     State(app): State<App>,
+    caller: Caller,
     mut query: Query,
     headers: HeaderMap,
     body: Body,
@@ -254,22 +286,51 @@ pub async fn submit(
         let detail = "The server is going down and takes no new jobs; submit again in a moment.";
         return Err(Problem::new(&problem::DRAINING, detail).retry_after(5));
     }
+    let name = idempotency_key(&headers)?;
     let submission = parse(body).await?;
-    let prefer = Prefer::read(&headers);
+    let (prefer, freshness) = (Prefer::read(&headers), Freshness::read(&headers));
+    let key = submission.task.key();
+    admit(&app, &submission.task, &key, &freshness).await?;
+    let Submission { task, label, tags, warnings } = submission;
+    let priority = urgency(&headers);
+    let repeatable = name.map(|name| {
+        let sent = json!([key, label, tags, priority, freshness.afresh]);
+        Repeatable { key: name, fingerprint: Sha256::digest(sent.to_string()).to_vec() }
+    });
     let new = NewJob {
         id: JobId::generate(),
-        owner: ANONYMOUS.to_owned(),
-        key: submission.task.key(),
-        task: submission.task.to_json(),
-        label: submission.label,
-        tags: submission.tags,
-        warnings: submission.warnings,
+        owner: caller.owner,
+        key,
+        task: task.to_json(),
+        priority,
+        label,
+        tags,
+        warnings,
+        repeatable,
+        afresh: freshness.afresh,
+        trace: Some(caller.trace),
     };
-    let mut job = app.store.submit(new).await?;
+    let mut job = match app.store.submit(new).await? {
+        Submitted::Accepted(job) | Submitted::Repeated(job) => job,
+        Submitted::Mistaken => {
+            let detail =
+                "This Idempotency-Key came with another submission before; make a new key.";
+            return Err(Problem::new(&problem::KEY_REUSED, detail));
+        }
+        Submitted::Refused { queued } => {
+            let detail = format!("{queued} computations wait already; submit again in a moment.");
+            let seconds = app.store.tally().seconds_per_run() / app.workers as f64;
+            let seconds = seconds.clamp(1.0, 60.0).ceil() as u32;
+            return Err(Problem::new(&problem::QUEUE_FULL, detail).retry_after(seconds));
+        }
+    };
+    if job.origin == Origin::Cached {
+        app.store.was_read(&job.key);
+    }
     if let Some(time) = prefer.wait {
         job = wait(&app, job, time).await?;
     }
-    let cache = cache_status(&job);
+    let cache = cache_status(&job, freshness.afresh);
     let finished = job.state.is_finished();
     let location = address(job.id);
     let mut response = answer(&app, job, include).await?;
@@ -291,14 +352,40 @@ pub async fn submit(
     Ok(response)
 }
 
+/// Refuses what would take too long, and what only a known result could answer.
+async fn admit(app: &App, task: &Task, key: &Key, freshness: &Freshness) -> Result<(), Problem> {
+    let seconds = task.seconds();
+    let limit = app.run_limit.filter(|limit| seconds > limit.as_secs_f64());
+    if limit.is_none() && !freshness.only_known {
+        return Ok(());
+    }
+    let known = app.store.has_result(key).await?;
+    if freshness.only_known && !known {
+        let detail = "The result is not known; submit without only-if-cached to have it computed.";
+        return Err(Problem::new(&problem::NOT_CACHED, detail));
+    }
+    match limit {
+        Some(limit) if !known || freshness.afresh => {
+            let detail = format!(
+                "The run would take about {}, and this server lets a run take {}; ask for fewer \
+                 points, instants or rows, or for a larger tolerance.",
+                humantime::format_duration(Duration::from_secs(seconds as u64)),
+                humantime::format_duration(limit),
+            );
+            Err(Problem::new(&problem::TOO_EXPENSIVE, detail))
+        }
+        _ => Ok(()),
+    }
+}
+
 /// What the cache had to do with the answer (RFC 9211).
-fn cache_status(job: &Job) -> &'static str {
-    use crate::job::Origin::{Cached, Coalesced, Computed};
+fn cache_status(job: &Job, afresh: bool) -> &'static str {
     match (job.origin, job.state) {
-        (Cached, _) => "fretwork; hit",
-        (Coalesced, _) => "fretwork; fwd=miss; collapsed",
-        (Computed, JobState::Succeeded) => "fretwork; fwd=miss; stored",
-        (Computed, _) => "fretwork; fwd=miss",
+        (Origin::Cached, _) => "fretwork; hit",
+        (Origin::Coalesced, _) => "fretwork; fwd=miss; collapsed",
+        (Origin::Computed, _) if afresh => "fretwork; fwd=request",
+        (Origin::Computed, JobState::Succeeded) => "fretwork; fwd=miss; stored",
+        (Origin::Computed, _) => "fretwork; fwd=miss",
     }
 }
 
@@ -322,16 +409,13 @@ fn cache_status(job: &Job) -> &'static str {
         ("Link" = String, description = "The address of the next page, `rel=\"next\"`."),
     ))),
 )]
-pub async fn list(State(app): State<App>, uri: Uri, mut query: Query) -> Result<Response, Problem> {
-    let states = JobState::ALL.map(JobState::as_str).join(", ");
-    let key = "a key of 64 lower-case hexadecimal digits";
-    let filter = Filter {
-        state: query.value("state", &format!("one of {states}"), |text| text.parse().ok()),
-        label: query.text("label"),
-        tag: query.text("tag"),
-        key: query.value("key", key, |text| text.parse().ok()),
-        owner: query.value("owner", "\"me\"", |text| (text == "me").then(|| ANONYMOUS.to_owned())),
-    };
+pub async fn list(
+    State(app): State<App>,
+    caller: Caller,
+    uri: Uri,
+    mut query: Query,
+) -> Result<Response, Problem> {
+    let filter = read_filter(&mut query, caller);
     let limit = query.value("limit", &format!("a number from 1 to {LONGEST_PAGE}"), |text| {
         text.parse().ok().filter(|limit| (1..=LONGEST_PAGE).contains(limit))
     });
@@ -342,6 +426,19 @@ pub async fn list(State(app): State<App>, uri: Uri, mut query: Query) -> Result<
     let link = next.as_ref().map(|next| [(header::LINK, format!("<{next}>; rel=\"next\""))]);
     let jobs = page.jobs.into_iter().map(JobAnswer::from).collect();
     Ok((link, axum::Json(JobList { jobs, next })).into_response())
+}
+
+/// Takes the parameters that select jobs.
+fn read_filter(query: &mut Query, caller: Caller) -> Filter {
+    let states = JobState::ALL.map(JobState::as_str).join(", ");
+    let key = "a key of 64 lower-case hexadecimal digits";
+    Filter {
+        state: query.value("state", &format!("one of {states}"), |text| text.parse().ok()),
+        label: query.text("label"),
+        tag: query.text("tag"),
+        key: query.value("key", key, |text| text.parse().ok()),
+        owner: query.value("owner", "\"me\"", |text| (text == "me").then_some(caller.owner)),
+    }
 }
 
 /// The address asked for, with another cursor.
@@ -445,5 +542,67 @@ pub async fn cancel(
     match app.store.cancel(read_id(&id)?).await? {
         Canceled::NotFound => Err(unknown()),
         Canceled::AlreadyFinished(job) | Canceled::Done(job) => answer(&app, job, false).await,
+    }
+}
+
+/// How many jobs were canceled.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct CanceledJobs {
+    /// So many jobs.
+    #[schema(example = 12)]
+    canceled: u64,
+}
+
+/// Cancels all jobs that match.
+///
+/// At least one filter must be given, and all that are given must hold. What is finished stays as it
+/// is, and so do jobs that are submitted meanwhile. Computations stop when no other job shares them.
+#[utoipa::path(post, path = "/v1/jobs/cancel", operation_id = "cancel_jobs", tag = "jobs",
+    params(
+        ("state" = Option<super::openapi::JobState>, Query, description = "Jobs in this state."),
+        ("label" = Option<String>, Query, description = "Jobs with exactly this label."),
+        ("tag" = Option<String>, Query, description = "Jobs that carry this tag."),
+        ("key" = Option<super::openapi::KeyText>, Query, description = "Jobs for the result with this key."),
+        ("owner" = Option<super::openapi::Owner>, Query, description = "`me`: my own jobs."),
+    ),
+    responses((status = 200, description = "They are canceled, or will be as soon as their workers \
+        let go.", body = CanceledJobs)),
+)]
+pub async fn cancel_all(
+    State(app): State<App>,
+    caller: Caller,
+    mut query: Query,
+) -> Result<axum::Json<CanceledJobs>, Problem> {
+    let filter = read_filter(&mut query, caller);
+    query.finish()?;
+    if filter == Filter::default() {
+        let detail =
+            "one of state, label, tag, key and owner must be given: this cancels many jobs";
+        return Err(Problem::parameters(vec![Complaint::parameter("state", detail)]));
+    }
+    Ok(axum::Json(CanceledJobs { canceled: app.store.cancel_all(&filter).await? }))
+}
+
+/// Deletes a job that has ended. Its result stays, for it belongs to everyone.
+#[utoipa::path(delete, path = "/v1/jobs/{id}", operation_id = "delete_job", tag = "jobs",
+    params(("id" = uuid::Uuid, Path, description = "The `id` of a job.")),
+    responses(
+        (status = 204, description = "The job is gone."),
+        (status = 404, description = "No job has this id."),
+        (status = 409, description = "The job has not ended; cancel it first."),
+    ),
+)]
+pub async fn delete(
+    State(app): State<App>,
+    Segment(id): Segment,
+    _: NoQuery,
+) -> Result<StatusCode, Problem> {
+    match app.store.delete(read_id(&id)?).await? {
+        Deleted::Done => Ok(StatusCode::NO_CONTENT),
+        Deleted::NotFound => Err(unknown()),
+        Deleted::Unfinished(state) => {
+            let detail = format!("The job is {state}; cancel it first, POST /v1/jobs/{id}/cancel.");
+            Err(Problem::new(&problem::STILL_GOING, detail))
+        }
     }
 }

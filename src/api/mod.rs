@@ -4,7 +4,12 @@
 //! the answer. What all answers share (request id, log line, problems, CORS) happens once, in
 //! [`router`].
 
+mod caller;
+mod connection;
+mod events;
 mod jobs;
+mod memory;
+mod metrics;
 mod openapi;
 mod problem;
 mod results;
@@ -14,12 +19,13 @@ mod table;
 mod wire;
 
 use std::any::Any;
-use std::time::Instant;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use axum::Router;
-use axum::extract::Request;
+use axum::extract::{MatchedPath, Request, State};
 use axum::http::{HeaderName, HeaderValue, Method, header};
-use axum::middleware::{Next, from_fn};
+use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Redirect, Response};
 use axum::routing::get;
 use tokio::sync::watch;
@@ -29,23 +35,48 @@ use tracing::Instrument as _;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
+pub use caller::Peer;
+pub use connection::Patient;
 pub use openapi::document;
 pub use scenarios::{EXAMPLES, Example, Unsound, parse_job};
 pub use table::{Document, Error as TableError};
 
 use crate::store::Store;
+use caller::{REQUEST_ID, Trace};
+use memory::Memory;
+use metrics::Metrics;
 use problem::Problem;
 use wire::Segment;
 
-const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
-
 /// What every handler can reach.
-#[derive(Clone)]
+#[derive(Debug, Clone)]
 pub struct App {
-    /// What is kept.
-    pub store: Store,
+    store: Store,
     /// Turns true when the server stops taking new jobs.
-    pub draining: watch::Receiver<bool>,
+    draining: watch::Receiver<bool>,
+    workers: usize,
+    run_limit: Option<Duration>,
+    memory: Arc<Memory>,
+    metrics: Arc<Metrics>,
+}
+
+/// What the interface must know of how the server is run.
+#[derive(Debug, Clone)]
+pub struct Settings {
+    /// Threads that compute.
+    pub workers: usize,
+    /// The longest that a run may take.
+    pub run_limit: Option<Duration>,
+    /// Bytes of answers kept in memory.
+    pub memory: u64,
+    /// Which web pages may call.
+    pub origins: Origins,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { workers: 1, run_limit: None, memory: 64 << 20, origins: Origins::Own }
+    }
 }
 
 /// Which web pages may call the service from a browser.
@@ -64,26 +95,36 @@ pub enum Origins {
 fn routes() -> OpenApiRouter<App> {
     OpenApiRouter::with_openapi(openapi::frame())
         .routes(routes!(jobs::submit, jobs::list))
-        .routes(routes!(jobs::show))
+        .routes(routes!(jobs::show, jobs::delete))
         .routes(routes!(jobs::result))
         .routes(routes!(jobs::cancel))
+        .routes(routes!(jobs::cancel_all))
+        .routes(routes!(events::follow))
         .routes(routes!(results::whole))
         .routes(routes!(results::history))
         .routes(routes!(results::profiles))
         .routes(routes!(results::loops))
+        .routes(routes!(results::pin, results::unpin))
         .routes(routes!(scenarios::check))
         .routes(routes!(scenarios::examples))
         .routes(routes!(scenarios::example))
         .routes(routes!(scenarios::schema))
         .routes(routes!(system::health))
+        .routes(routes!(system::ready))
+        .routes(routes!(metrics::metrics))
         .routes(routes!(system::version))
         .routes(routes!(system::openapi))
         .routes(routes!(system::problems))
         .routes(routes!(system::explain))
 }
 
-/// The whole interface as one service.
-pub fn router(app: App, origins: &Origins) -> Router {
+/// The whole interface as one service; `draining` turns true when the server is to take no new
+/// jobs.
+pub fn router(store: Store, draining: watch::Receiver<bool>, settings: &Settings) -> Router {
+    let Settings { workers, run_limit, memory, ref origins } = *settings;
+    let metrics = Arc::new(Metrics::new(&store, workers));
+    let memory = Arc::new(Memory::new(memory));
+    let app = App { store, draining, workers, run_limit, memory, metrics: Arc::clone(&metrics) };
     let (documented, _) = routes().split_for_parts();
     let router = documented
         .route("/", get(system::root))
@@ -91,45 +132,45 @@ pub fn router(app: App, origins: &Origins) -> Router {
         .route("/docs/", get(|| system::docs(Segment(String::new()))))
         .route("/docs/{*path}", get(system::docs))
         .fallback(nowhere);
-    dressed(router, origins).with_state(app)
+    dressed(router, metrics, origins).with_state(app)
 }
 
 /// Puts around the routes what all answers share.
-fn dressed<S: Clone + Send + Sync + 'static>(routes: Router<S>, origins: &Origins) -> Router<S> {
+fn dressed<S: Clone + Send + Sync + 'static>(
+    routes: Router<S>,
+    metrics: Arc<Metrics>,
+    origins: &Origins,
+) -> Router<S> {
     let mut router = routes.layer(CatchPanicLayer::custom(panicked));
     if let Some(cors) = cors(origins) {
         // Problems are readable by web pages too, so this is outside of what makes them.
         router = router.layer(cors);
     }
-    router.layer(from_fn(edge))
+    router.layer(from_fn_with_state(metrics, edge))
 }
 
 /// Where every request comes in and every answer goes out: gives it an id, writes its problem if
-/// it has one, and logs one line.
-async fn edge(request: Request, next: Next) -> Response {
+/// it has one, counts it and logs one line.
+async fn edge(State(metrics): State<Arc<Metrics>>, mut request: Request, next: Next) -> Response {
     let started = Instant::now();
-    let id = request
-        .headers()
-        .get(REQUEST_ID)
-        .and_then(|value| value.to_str().ok())
-        .filter(|id| is_sane(id))
-        .map_or_else(|| uuid::Uuid::now_v7().to_string(), str::to_owned);
-    let (method, path) = (request.method().clone(), request.uri().path().to_owned());
-    let span = tracing::info_span!("request", id);
-    let mut response = problem::write(next.run(request).instrument(span).await, &id);
+    let trace = Trace::read(request.headers());
+    let id = trace.id.clone();
+    let route = request.extensions().get::<MatchedPath>().cloned();
+    let (method, uri) = (request.method().clone(), request.uri().clone());
+    let span = tracing::info_span!("request", id, traceparent = trace.parent);
+    request.extensions_mut().insert(trace);
+    let answer = next.run(request).instrument(span.clone()).await;
+    let mut response = problem::write(answer, &id);
+    let route = route.as_ref().map_or("none", MatchedPath::as_str);
+    metrics.answered(&method, route, response.status(), started);
     let status = response.status().as_u16();
     let milliseconds = (started.elapsed().as_secs_f64() * 1e6).round() / 1e3;
-    tracing::info!(%method, path, status, milliseconds, id, "answered");
+    let path = uri.path();
+    span.in_scope(|| tracing::info!(%method, path, status, milliseconds, "answered"));
     if let Ok(id) = HeaderValue::from_str(&id) {
         response.headers_mut().insert(REQUEST_ID, id);
     }
     response
-}
-
-/// An id from outside goes into the log and into answers, so it must be short and plain.
-fn is_sane(id: &str) -> bool {
-    let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-_.:/+=".contains(&byte);
-    (1..=128).contains(&id.len()) && id.bytes().all(plain)
 }
 
 async fn nowhere(request: Request) -> Problem {
@@ -158,7 +199,7 @@ fn cors(origins: &Origins) -> Option<CorsLayer> {
         REQUEST_ID,
     ];
     let layer = CorsLayer::new()
-        .allow_methods([Method::GET, Method::HEAD, Method::POST])
+        .allow_methods([Method::GET, Method::HEAD, Method::POST, Method::PUT, Method::DELETE])
         .allow_headers(AnyOrigin)
         .expose_headers(exposed);
     match origins {
@@ -181,7 +222,10 @@ mod tests {
         async fn panics() {
             panic!("a secret");
         }
-        let router = dressed(Router::new().route("/", get(panics)), &Origins::Any);
+        let dir = tempfile::tempdir().unwrap();
+        let store = Store::open(dir.path(), &crate::store::Options::default()).await.unwrap();
+        let metrics = Arc::new(Metrics::new(&store, 1));
+        let router = dressed(Router::new().route("/", get(panics)), metrics, &Origins::Any);
         let response = router.oneshot(Request::new(Body::empty())).await.unwrap();
         assert_eq!(response.status(), 500);
         assert_eq!(response.headers()["content-type"], "application/problem+json");

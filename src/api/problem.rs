@@ -10,6 +10,7 @@ use axum::http::header::{CONTENT_LENGTH, CONTENT_TYPE};
 use axum::http::{HeaderName, HeaderValue, StatusCode};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
+use serde_json::Value;
 use utoipa::ToSchema;
 
 use crate::engine::fault::{Fault, Faults};
@@ -70,12 +71,20 @@ kinds! {
         "The result was asked for before the job came to its end."
         "Ask again after the seconds in Retry-After, or wait on the job itself with GET \
          /v1/jobs/{id}?wait=10.";
+    STILL_GOING = CONFLICT "still-going" "The job has not ended"
+        "Only a job that has ended can be deleted."
+        "Cancel it first with POST /v1/jobs/{id}/cancel, or wait for its end.";
     JOB_FAILED = CONFLICT "job-failed" "The job failed"
         "The job ended with an error, so there is no result."
         "The job's `error` says why. Failures are not cached: a new submission computes again.";
     JOB_CANCELED = CONFLICT "job-canceled" "The job was canceled"
         "The job was canceled before it ended, so there is no result."
         "Submit the scenario again if its result is wanted after all.";
+    EVICTED = GONE "evicted" "The result was dropped"
+        "The result was computed here, and dropped when room was needed: nobody had read it for \
+         longest. `scenario` is what it was computed from."
+        "POST `{\"scenario\": …}` with the `scenario` of this answer to /v1/jobs: the result will have \
+         the same key and the same numbers. PUT /v1/results/{key}/pin keeps a result for good.";
     BODY_TOO_LARGE = PAYLOAD_TOO_LARGE "body-too-large" "The body is too large"
         "The body of a request may have 4 MiB."
         "Thin out long tables (`profile`, `cycles`): 10 000 rows fit easily. Large sets of runs are \
@@ -94,16 +103,42 @@ kinds! {
         "A query parameter is unknown, repeated or has a value that it cannot have. `errors` names \
          each of them."
         "Correct the parameters that `errors` names; it also says what they accept.";
+    TOO_EXPENSIVE = UNPROCESSABLE_ENTITY "too-expensive" "The run would take too long"
+        "By its estimate the run would take longer than this server lets a run take."
+        "Ask for fewer `points`, instants or rows of a table, or for a larger `tolerance`; POST \
+         /v1/scenarios tells the `cost` of a scenario. Whoever runs the server can raise the limit \
+         (--run-limit).";
+    KEY_REUSED = UNPROCESSABLE_ENTITY "idempotency-key-reused" "The Idempotency-Key stands for another submission"
+        "The same Idempotency-Key came with another body before. A repetition must repeat the \
+         submission as it was."
+        "Make a new key for a new submission, such as a random UUID.";
     INTERNAL = INTERNAL_SERVER_ERROR "internal" "The server made a mistake"
         "Something happened that should not. It has been logged with the request id in `instance`."
         "Nothing in the request is known to be wrong: try once more, then report it with the \
          `instance`.";
+    DAMAGED = INTERNAL_SERVER_ERROR "database-damaged" "The database is damaged"
+        "A part of the database does not hold what was stored in it: a fault of the disk, or of a \
+         program that wrote to it. Nothing of it is given out."
+        "Whoever runs the server should stop it, keep a copy of its data directory, and restore a \
+         backup or recover what can be recovered (sqlite3's .recover).";
+    QUEUE_FULL = SERVICE_UNAVAILABLE "queue-full" "The queue is full"
+        "So many computations wait that no more are accepted. Results that are known, and \
+         computations under way, are not refused."
+        "Submit again after the seconds in Retry-After. Whoever runs the server can allow a longer \
+         queue (--queue-limit).";
+    NOT_READY = SERVICE_UNAVAILABLE "not-ready" "The server is not ready"
+        "The server answers but cannot do its work; the detail says why."
+        "Ask again in a moment. If it stays so, whoever runs the server should look at its log.";
     DRAINING = SERVICE_UNAVAILABLE "draining" "The server is going down"
         "The server finishes what it has begun and takes no new jobs."
         "Submit again after the seconds in Retry-After. Jobs already accepted are kept.";
     BUSY = SERVICE_UNAVAILABLE "busy" "The database is busy"
         "Another program, such as a backup, has kept the server from its database for some seconds."
         "Send the request again after the seconds in Retry-After.";
+    NOT_CACHED = GATEWAY_TIMEOUT "not-cached" "The result is not known yet"
+        "The request asked only for a result that is known (Cache-Control: only-if-cached), and \
+         this one is not. Nothing was submitted."
+        "Submit without that header to have it computed.";
     DISK_FULL = INSUFFICIENT_STORAGE "disk-full" "The disk is full"
         "The server could not store anything more. Results that are known are still answered."
         "Whoever runs the server must make room in its data directory; then submit again.";
@@ -111,6 +146,11 @@ kinds! {
         "The process ended several times while this run was being computed, so it is not tried again. \
          Appears as the `error` of a job."
         "Report it with the scenario; a smaller one (fewer points or instants) may pass.";
+    TIME_LIMIT = INTERNAL_SERVER_ERROR "time-limit" "The run took too long"
+        "The run took longer than this server lets a run take, and was stopped. Appears as the \
+         `error` of a job."
+        "Ask for fewer `points` or instants, or for a larger `tolerance`. Whoever runs the server can \
+         raise the limit (--run-limit).";
     PANICKED = INTERNAL_SERVER_ERROR "panicked" "The computation broke off"
         "The engine made a mistake in this run; no other run is affected. Appears as the `error` of \
          a job."
@@ -156,6 +196,8 @@ pub struct Problem {
     kind: &'static Kind,
     detail: String,
     errors: Vec<Complaint>,
+    /// Boxed, for few problems have one.
+    scenario: Option<Box<Value>>,
     headers: Vec<(HeaderName, String)>,
 }
 
@@ -182,12 +224,22 @@ pub struct ProblemDocument<'a> {
     #[serde(skip_serializing_if = "<[_]>::is_empty")]
     #[schema(required = false)]
     errors: &'a [Complaint],
+    /// The scenario of a result that was dropped.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<Object>)]
+    scenario: Option<&'a Value>,
 }
 
 impl Problem {
     /// A problem of this kind; `detail` says what to change in this very request.
     pub fn new(kind: &'static Kind, detail: impl Into<String>) -> Self {
-        Self { kind, detail: detail.into(), errors: Vec::new(), headers: Vec::new() }
+        Self {
+            kind,
+            detail: detail.into(),
+            errors: Vec::new(),
+            scenario: None,
+            headers: Vec::new(),
+        }
     }
 
     /// A body that parses but has faults.
@@ -210,6 +262,12 @@ impl Problem {
     /// A mistake of ours; the cause belongs in the log, not in the answer.
     pub fn internal() -> Self {
         Self::new(&INTERNAL, "The server made a mistake. Its log has more under the `instance`.")
+    }
+
+    /// Adds the scenario that is meant.
+    #[must_use]
+    pub fn with_scenario(self, scenario: Value) -> Self {
+        Self { scenario: Some(Box::new(scenario)), ..self }
     }
 
     /// Adds a header to the answer.
@@ -247,6 +305,15 @@ impl From<store::Error> for Problem {
             store::Error::Full(..) => {
                 tracing::error!(error = &error as &dyn std::error::Error, "the disk is full");
                 Self::new(&DISK_FULL, "The server's disk is full; its operator must make room.")
+            }
+            store::Error::Damaged(..) | store::Error::DamagedResult(..) => {
+                tracing::error!(
+                    error = &error as &dyn std::error::Error,
+                    "the database is damaged"
+                );
+                let detail = "A part of the server's database is damaged; whoever runs it must see \
+                    to that. The log has more under the `instance`.";
+                Self::new(&DAMAGED, detail)
             }
             // Here a store error stops, so here it is logged.
             _ => {
@@ -286,6 +353,7 @@ pub(super) fn write(mut response: Response, instance: &str) -> Response {
         detail: &problem.detail,
         instance,
         errors: &problem.errors,
+        scenario: problem.scenario.as_deref(),
     };
     let headers = response.headers_mut();
     headers.insert(CONTENT_TYPE, HeaderValue::from_static("application/problem+json"));

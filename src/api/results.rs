@@ -1,16 +1,18 @@
 //! Results: whole documents and their parts, which never change.
 
+use axum::body::Bytes;
 use axum::extract::State;
 use axum::http::header::{self, HeaderName};
-use axum::http::{HeaderMap, StatusCode};
+use axum::http::{HeaderMap, StatusCode, Uri};
 use axum::response::{IntoResponse, Response};
 use tokio::task;
 
 use super::App;
 use super::problem::{self, Complaint, Problem};
 use super::table::{self, Document, Selection};
-use super::wire::{Format, Query, Segment};
+use super::wire::{Format, NoQuery, Query, Segment, instant};
 use crate::job::Key;
+use crate::store::StoredResult;
 
 const TABLES: [Format; 2] = [Format::Json, Format::Csv];
 
@@ -23,9 +25,18 @@ fn read_key(text: &str) -> Result<Key, Problem> {
 
 /// Finds the stored bytes of a result; an unknown key is answered with the way to its job, if one
 /// is under way.
-async fn find(app: &App, key: &Key) -> Result<Vec<u8>, Problem> {
-    if let Some(stored) = app.store.result(key).await? {
-        return Ok(stored.body);
+async fn find(app: &App, key: &Key) -> Result<Bytes, Problem> {
+    match app.store.result(key).await? {
+        Some(StoredResult::Whole { body, .. }) => return Ok(body),
+        Some(StoredResult::Evicted { at, scenario }) => {
+            let detail = format!(
+                "The result was dropped on {} to make room; POST {{\"scenario\": …}} with the \
+                 `scenario` of this answer to /v1/jobs to have it again, under the same key.",
+                instant(at)
+            );
+            return Err(Problem::new(&problem::EVICTED, detail).with_scenario(scenario));
+        }
+        None => {}
     }
     let Some(job) = app.store.live_job(key).await? else {
         let detail = "No result has this key; submit its scenario to POST /v1/jobs.";
@@ -35,6 +46,24 @@ async fn find(app: &App, key: &Key) -> Result<Vec<u8>, Problem> {
         format!("No result has this key yet; wait for it with GET /v1/jobs/{job}?wait=10.");
     let link = format!("</v1/jobs/{job}>; rel=\"related\"");
     Err(Problem::new(&problem::UNKNOWN_RESULT, detail).with_header(header::LINK, link))
+}
+
+/// What is at hand in memory under this name; else it is made, and remembered.
+async fn remembered(
+    app: &App,
+    key: &Key,
+    name: String,
+    make: impl Future<Output = Result<Bytes, Problem>>,
+) -> Result<Bytes, Problem> {
+    let found = app.memory.get(&name);
+    app.metrics.looked(found.is_some());
+    if let Some(body) = found {
+        app.store.was_read(key);
+        return Ok(body);
+    }
+    let body = make.await?;
+    app.memory.put(name, &body);
+    Ok(body)
 }
 
 /// The short answer to a client that holds this representation of a result that exists: results do
@@ -70,7 +99,7 @@ fn is_held(headers: &HeaderMap, tag: &str) -> bool {
         .any(|held| held == tag || held == "*")
 }
 
-fn send(tag: &str, format: Format, body: Vec<u8>) -> Response {
+fn send(tag: &str, format: Format, body: Bytes) -> Response {
     (caching(tag), [(header::CONTENT_TYPE, format.media_type())], body).into_response()
 }
 
@@ -78,7 +107,7 @@ fn send(tag: &str, format: Format, body: Vec<u8>) -> Response {
 /// requests, since a large document takes a while.
 async fn part(
     app: &App,
-    headers: &HeaderMap,
+    (uri, headers): (&Uri, &HeaderMap),
     key: &str,
     name: &'static str,
     asked: Option<Format>,
@@ -93,10 +122,13 @@ async fn part(
     if let Some(response) = not_modified(app, headers, &key, &tag).await? {
         return Ok(response);
     }
-    let stored = find(app, &key).await?;
-    let written = task::spawn_blocking(move || write(Document::open(&stored)?, format));
-    let body = written.await.map_err(|_| Problem::internal())??;
-    Ok(send(&tag, format, body))
+    let asked = format!("{tag}{}", uri.query().unwrap_or_default());
+    let body = remembered(app, &key, asked, async {
+        let stored = find(app, &key).await?;
+        let written = task::spawn_blocking(move || write(Document::open(&stored)?, format));
+        Ok(written.await.map_err(|_| Problem::internal())??.into())
+    });
+    Ok(send(&tag, format, body.await?))
 }
 
 impl From<table::Error> for Problem {
@@ -137,6 +169,8 @@ impl From<table::Error> for Problem {
         (status = 304, description = "The held copy is still right. It always is."),
         (status = 404, description = "No result has this key. `Link` leads to its job, if one is \
             under way.", headers(("Link" = String, description = "`rel=\"related\"`."))),
+        (status = 410, description = "The result was dropped to make room; `scenario` is what it was \
+            computed from."),
         (status = 406, description = "A whole result is JSON; its history and its profiles are \
             available as CSV."),
     ),
@@ -161,7 +195,8 @@ pub async fn whole(
     if let Some(response) = not_modified(&app, &headers, &key, &tag).await? {
         return Ok(response);
     }
-    Ok(send(&tag, format, find(&app, &key).await?))
+    let body = remembered(&app, &key, tag.clone(), find(&app, &key)).await?;
+    Ok(send(&tag, format, body))
 }
 
 /// Returns the history of a result: one entry per instant.
@@ -185,18 +220,21 @@ pub async fn whole(
         (status = 304, description = "The held copy is still right. It always is."),
         (status = 404, description = "No result has this key. `Link` leads to its job, if one is \
             under way.", headers(("Link" = String, description = "`rel=\"related\"`."))),
+        (status = 410, description = "The result was dropped to make room; `scenario` is what it was \
+            computed from."),
         (status = 406, description = "The history is available as JSON and CSV."),
     ),
 )]
 pub async fn history(
     State(app): State<App>,
     Segment(key): Segment,
+    uri: Uri,
     headers: HeaderMap,
     mut query: Query,
 ) -> Result<Response, Problem> {
     let asked = query.format(&TABLES);
     query.finish()?;
-    part(&app, &headers, &key, "history", asked, |document, format| match format {
+    part(&app, (&uri, &headers), &key, "history", asked, |document, format| match format {
         Format::Json => document.history_json(),
         Format::Csv => document.history_csv().map(String::into_bytes),
     })
@@ -231,12 +269,15 @@ pub async fn history(
         (status = 304, description = "The held copy is still right. It always is."),
         (status = 404, description = "No result has this key. `Link` leads to its job, if one is \
             under way.", headers(("Link" = String, description = "`rel=\"related\"`."))),
+        (status = 410, description = "The result was dropped to make room; `scenario` is what it was \
+            computed from."),
         (status = 406, description = "The profiles are available as JSON and CSV."),
     ),
 )]
 pub async fn profiles(
     State(app): State<App>,
     Segment(key): Segment,
+    uri: Uri,
     headers: HeaderMap,
     mut query: Query,
 ) -> Result<Response, Problem> {
@@ -251,7 +292,7 @@ pub async fn profiles(
         }),
     };
     query.finish()?;
-    part(&app, &headers, &key, "profiles", asked, move |document, format| match format {
+    part(&app, (&uri, &headers), &key, "profiles", asked, move |document, format| match format {
         Format::Json => document.profiles_json(&wanted),
         Format::Csv => document.profiles_csv(&wanted).map(String::into_bytes),
     })
@@ -281,20 +322,71 @@ pub async fn profiles(
         (status = 304, description = "The held copy is still right. It always is."),
         (status = 404, description = "No result has this key. `Link` leads to its job, if one is \
             under way.", headers(("Link" = String, description = "`rel=\"related\"`."))),
+        (status = 410, description = "The result was dropped to make room; `scenario` is what it was \
+            computed from."),
         (status = 406, description = "The loops are available as JSON and CSV."),
     ),
 )]
 pub async fn loops(
     State(app): State<App>,
     Segment(key): Segment,
+    uri: Uri,
     headers: HeaderMap,
     mut query: Query,
 ) -> Result<Response, Problem> {
     let asked = query.format(&TABLES);
     query.finish()?;
-    part(&app, &headers, &key, "loops", asked, |document, format| match format {
+    part(&app, (&uri, &headers), &key, "loops", asked, |document, format| match format {
         Format::Json => document.loops_json(),
         Format::Csv => document.loops_csv().map(String::into_bytes),
     })
     .await
+}
+
+/// Pins a result: it is kept however much room it takes.
+///
+/// Results that nobody reads are dropped when the database grows too large, those first that were
+/// read longest ago. A pinned result is not. Pinning it again changes nothing.
+#[utoipa::path(put, path = "/v1/results/{key}/pin", operation_id = "pin_result", tag = "results",
+    params(("key" = super::openapi::KeyText, Path, description = "The `key` of a result.")),
+    responses(
+        (status = 204, description = "The result is pinned."),
+        (status = 404, description = "No result has this key."),
+        (status = 410, description = "The result was dropped to make room; `scenario` is what it was \
+            computed from."),
+    ),
+)]
+pub async fn pin(
+    State(app): State<App>,
+    Segment(key): Segment,
+    _: NoQuery,
+) -> Result<StatusCode, Problem> {
+    set_pin(&app, &key, true).await
+}
+
+/// Takes the pin off a result.
+#[utoipa::path(delete, path = "/v1/results/{key}/pin", operation_id = "unpin_result", tag = "results",
+    params(("key" = super::openapi::KeyText, Path, description = "The `key` of a result.")),
+    responses(
+        (status = 204, description = "The result is not pinned."),
+        (status = 404, description = "No result has this key."),
+        (status = 410, description = "The result was dropped to make room; `scenario` is what it was \
+            computed from."),
+    ),
+)]
+pub async fn unpin(
+    State(app): State<App>,
+    Segment(key): Segment,
+    _: NoQuery,
+) -> Result<StatusCode, Problem> {
+    set_pin(&app, &key, false).await
+}
+
+async fn set_pin(app: &App, key: &str, pinned: bool) -> Result<StatusCode, Problem> {
+    let key = read_key(key)?;
+    if !app.store.pin(&key, pinned).await? {
+        // It says why there is nothing to pin.
+        find(app, &key).await?;
+    }
+    Ok(StatusCode::NO_CONTENT)
 }

@@ -1,14 +1,17 @@
 //! What the server says about itself: health, version, contract, documentation, problem pages.
 
 use std::sync::{Arc, LazyLock};
+use std::time::Duration;
 
 use axum::Json;
 use axum::body::Bytes;
+use axum::extract::State;
 use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE};
 use axum::response::{Html, IntoResponse, Redirect, Response};
 use serde::Serialize;
 use utoipa::ToSchema;
 
+use super::App;
 use super::problem::{self, Problem};
 use super::wire::{self, NoQuery, Segment};
 use crate::engine::request::{MAX_CYCLES, POINTS_RANGE};
@@ -30,6 +33,54 @@ pub struct Health {
 ))]
 pub async fn health(_: NoQuery) -> Json<Health> {
     Json(Health { status: "ok" })
+}
+
+/// Whether the server can do its work.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Readiness {
+    /// `ready`.
+    #[schema(example = "ready")]
+    status: &'static str,
+    /// Computations that wait.
+    #[schema(example = 0)]
+    queued: u64,
+    /// For how long the oldest of them has waited.
+    #[schema(example = 0.0)]
+    oldest_seconds: f64,
+}
+
+/// A queue in which something waits so long while nothing runs is stuck.
+const STUCK: Duration = Duration::from_mins(1);
+/// A database that takes longer to answer is not there.
+const PATIENCE: Duration = Duration::from_secs(3);
+
+/// Says whether the server can do its work: the database takes changes and the queue moves.
+///
+/// For load balancers and start scripts. `GET /healthz` says only that the process is alive.
+#[utoipa::path(get, path = "/readyz", operation_id = "readiness", tag = "system", responses(
+    (status = 200, description = "It can.", body = Readiness),
+    (status = 503, description = "It cannot; the detail says why."),
+))]
+pub async fn ready(State(app): State<App>, _: NoQuery) -> Result<Json<Readiness>, Problem> {
+    let unready = |detail: &str| Problem::new(&problem::NOT_READY, detail).retry_after(5);
+    if *app.draining.borrow() {
+        return Err(unready("The server is going down."));
+    }
+    let looked = async {
+        app.store.ping().await?;
+        app.store.longest_wait().await
+    };
+    let wait = match tokio::time::timeout(PATIENCE, looked).await {
+        Ok(Ok(wait)) => wait,
+        Ok(Err(error)) => return Err(unready(&format!("The database: {error}."))),
+        Err(_) => return Err(unready("The database does not answer.")),
+    };
+    let (queued, running) = (app.store.tally().queued(), app.store.tally().running());
+    if running == 0 && wait > STUCK {
+        let detail = format!("The queue is stuck: {queued} wait, none runs.");
+        return Err(unready(&detail));
+    }
+    Ok(Json(Readiness { status: "ready", queued, oldest_seconds: wait.as_secs_f64() }))
 }
 
 /// Which program this is, whose digits it computes and what it accepts.

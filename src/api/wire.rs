@@ -7,7 +7,7 @@ use std::time::{Duration, UNIX_EPOCH};
 
 use axum::body::Bytes;
 use axum::extract::{FromRequest, FromRequestParts, Path, Request};
-use axum::http::header::{ACCEPT, CONTENT_LENGTH, CONTENT_TYPE};
+use axum::http::header::{ACCEPT, CACHE_CONTROL, CONTENT_LENGTH, CONTENT_TYPE};
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, HeaderName};
 use http_body_util::BodyExt;
@@ -184,6 +184,62 @@ impl Prefer {
 }
 
 const PREFER: HeaderName = HeaderName::from_static("prefer");
+
+/// The words of all headers of this name, which are lists.
+fn words(headers: &HeaderMap, name: HeaderName) -> impl Iterator<Item = &str> {
+    let values = headers.get_all(name).into_iter().filter_map(|value| value.to_str().ok());
+    values.flat_map(|value| value.split(',')).map(str::trim)
+}
+
+/// What a submission asks of the cache by `Cache-Control` (RFC 9111). What is unknown is ignored, as
+/// that standard wants.
+pub struct Freshness {
+    /// `no-cache`: compute, even if the result is known.
+    pub afresh: bool,
+    /// `only-if-cached`: do not compute.
+    pub only_known: bool,
+}
+
+impl Freshness {
+    /// Reads all `Cache-Control` headers.
+    pub fn read(headers: &HeaderMap) -> Self {
+        let says =
+            |what: &str| words(headers, CACHE_CONTROL).any(|word| word.eq_ignore_ascii_case(what));
+        Self { afresh: says("no-cache"), only_known: says("only-if-cached") }
+    }
+}
+
+/// How urgent a submission is: the `u` of a `Priority` header (RFC 9218), 3 if it does not say.
+pub fn urgency(headers: &HeaderMap) -> u8 {
+    words(headers, PRIORITY)
+        .filter_map(|word| word.split(';').next()?.trim().strip_prefix("u=")?.parse().ok())
+        .find(|urgency| *urgency <= 7)
+        .unwrap_or(3)
+}
+
+const PRIORITY: HeaderName = HeaderName::from_static("priority");
+const IDEMPOTENCY_KEY: HeaderName = HeaderName::from_static("idempotency-key");
+/// The longest `Idempotency-Key`.
+const LONGEST_KEY: usize = 255;
+
+/// The `Idempotency-Key` of a submission, with or without the quotes of the draft standard.
+pub fn idempotency_key(headers: &HeaderMap) -> Result<Option<String>, Problem> {
+    let mut values = headers.get_all(IDEMPOTENCY_KEY).iter();
+    let Some(value) = values.next() else { return Ok(None) };
+    let key = value.to_str().ok().map(|text| {
+        let text = text.trim();
+        text.strip_prefix('"').and_then(|text| text.strip_suffix('"')).unwrap_or(text)
+    });
+    match key {
+        Some(key) if (1..=LONGEST_KEY).contains(&key.len()) && values.next().is_none() => {
+            Ok(Some(key.to_owned()))
+        }
+        _ => Err(Problem::parameters(vec![Complaint::parameter(
+            "Idempotency-Key",
+            format!("must be one text of 1 to {LONGEST_KEY} ASCII characters, such as a UUID"),
+        )])),
+    }
+}
 
 /// A form in which a document can be had.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

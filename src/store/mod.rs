@@ -19,17 +19,22 @@
 )]
 
 mod open;
+mod queue;
 mod read;
 mod signals;
+mod tally;
+mod upkeep;
 mod verbs;
 mod writer;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::pin::pin;
 use std::sync::Arc;
-use std::time::SystemTime;
+use std::time::{Duration, SystemTime};
 
+use bytes::Bytes;
 use serde_json::Value;
+use sha2::{Digest as _, Sha256};
 use sqlx::SqlitePool;
 use tokio::sync::mpsc;
 
@@ -38,7 +43,9 @@ use crate::job::{Answer, FailureKind, Job, JobId, JobState, Key};
 
 pub use open::Options;
 pub use signals::{Changes, Stop};
+pub use tally::Tally;
 
+use read::Kept;
 use signals::Signals;
 use writer::Message;
 
@@ -48,6 +55,9 @@ pub struct Store {
     writer: mpsc::Sender<Message>,
     readers: SqlitePool,
     signals: Arc<Signals>,
+    queue_limit: usize,
+    /// Where the database lies.
+    dir: Arc<Path>,
 }
 
 /// What the store could not do.
@@ -109,6 +119,12 @@ pub enum Error {
     /// Something else writes to the database, or every connection is taken, for too long.
     #[error("the database is busy")]
     Busy(#[source] Arc<sqlx::Error>),
+    /// A page of the database does not hold what it should.
+    #[error("the database is damaged")]
+    Damaged(#[source] Arc<sqlx::Error>),
+    /// A result is not what was stored.
+    #[error("the stored result {0} is damaged")]
+    DamagedResult(Key),
     /// The database refused.
     #[error("the database cannot do this now")]
     Database(#[source] Arc<sqlx::Error>),
@@ -120,7 +136,9 @@ pub enum Error {
 impl From<sqlx::Error> for Error {
     fn from(error: sqlx::Error) -> Self {
         const SQLITE_BUSY: u32 = 5;
+        const SQLITE_CORRUPT: u32 = 11;
         const SQLITE_FULL: u32 = 13;
+        const SQLITE_NOTADB: u32 = 26;
         let code = error.as_database_error().and_then(sqlx::error::DatabaseError::code);
         // The low byte is the kind of error, the rest says more about it.
         let kind = code.and_then(|code| code.parse::<u32>().ok()).map(|code| code & 0xff);
@@ -128,6 +146,7 @@ impl From<sqlx::Error> for Error {
             (sqlx::Error::PoolClosed, _) => Self::Closed,
             (sqlx::Error::PoolTimedOut, _) | (_, Some(SQLITE_BUSY)) => Self::Busy(Arc::new(error)),
             (_, Some(SQLITE_FULL)) => Self::Full(Arc::new(error)),
+            (_, Some(SQLITE_CORRUPT | SQLITE_NOTADB)) => Self::Damaged(Arc::new(error)),
             _ => Self::Database(Arc::new(error)),
         }
     }
@@ -144,12 +163,45 @@ pub struct NewJob {
     pub key: Key,
     /// What to compute, in its stored form.
     pub task: String,
+    /// Among the jobs of its owner: 0 is the most urgent, 7 the least.
+    pub priority: u8,
     /// A line for people.
     pub label: Option<String>,
     /// Words to find it by.
     pub tags: Vec<String>,
     /// What the physics says the user should know.
     pub warnings: Vec<Warning>,
+    /// By what a repetition of this submission is known.
+    pub repeatable: Option<Repeatable>,
+    /// Whether to compute although the result may be known.
+    pub afresh: bool,
+    /// The request that submits it, for the log.
+    pub trace: Option<String>,
+}
+
+/// By what a repetition of a submission is known.
+#[derive(Debug, Clone)]
+pub struct Repeatable {
+    /// The name that the client gave to the submission.
+    pub key: String,
+    /// A digest of what was sent: the same name for something else is a mistake.
+    pub fingerprint: Vec<u8>,
+}
+
+/// What became of a submission.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Submitted {
+    /// It is a job.
+    Accepted(Job),
+    /// It was sent before: this is the job it made then.
+    Repeated(Job),
+    /// Its name belongs to a submission of something else.
+    Mistaken,
+    /// The queue has no place for it.
+    Refused {
+        /// How many computations wait.
+        queued: usize,
+    },
 }
 
 /// Names one run.
@@ -167,6 +219,8 @@ pub struct Claimed {
     pub key: Key,
     /// What to compute, in its stored form.
     pub task: String,
+    /// The request that submitted it, for the log.
+    pub trace: Option<String>,
     /// Raised once nobody wants the result any more.
     pub stop: Stop,
 }
@@ -193,6 +247,17 @@ pub enum Canceled {
     AlreadyFinished(Job),
     /// It is canceled, or will be as soon as its worker lets go.
     Done(Job),
+}
+
+/// What became of a wish to delete.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Deleted {
+    /// There is no such job.
+    NotFound,
+    /// It has not ended.
+    Unfinished(JobState),
+    /// It is gone.
+    Done,
 }
 
 /// What was found unfinished at the start.
@@ -232,22 +297,65 @@ pub struct Page {
 
 /// A result as it is kept.
 #[derive(Debug, Clone, PartialEq)]
-pub struct StoredResult {
-    /// The document as it is served.
-    pub body: Vec<u8>,
-    /// Its short form.
-    pub summary: Value,
+pub enum StoredResult {
+    /// It is there.
+    Whole {
+        /// The document as it is served.
+        body: Bytes,
+        /// Its short form.
+        summary: Value,
+    },
+    /// It was dropped to make room.
+    Evicted {
+        /// When, in milliseconds since 1970.
+        at: i64,
+        /// The scenario that it was the result of.
+        scenario: Value,
+    },
 }
 
+/// Jobs canceled in one transaction.
+const CANCELED_AT_ONCE: u32 = 100;
+/// From this size on a digest is taken apart from the threads that answer requests.
+const LARGE: usize = 1 << 20;
+
 impl Store {
-    /// Accepts a job. A known result ends it at once, a live run is joined, else a run is queued.
-    pub async fn submit(&self, job: NewJob) -> Result<Job, Error> {
-        self.write(verbs::Submit::new(job)).await
+    /// Accepts a job. A known result ends it at once, a live run is joined, else a run is queued, if
+    /// the queue has a place for it.
+    pub async fn submit(&self, job: NewJob) -> Result<Submitted, Error> {
+        self.write(verbs::Submit::new(job, self.queue_limit)).await
     }
 
     /// Cancels a job, and its run if nobody else waits for it.
     pub async fn cancel(&self, id: JobId) -> Result<Canceled, Error> {
         self.write(verbs::Cancel(id)).await
+    }
+
+    /// Cancels every unfinished job that matches and was submitted before this call; returns how
+    /// many.
+    pub async fn cancel_all(&self, filter: &Filter) -> Result<u64, Error> {
+        let mut before = JobId::generate();
+        let mut canceled = 0;
+        loop {
+            let filter = filter.clone();
+            let some = verbs::CancelSome { filter, before, at_most: CANCELED_AT_ONCE };
+            let (count, next) = self.write(some).await?;
+            canceled += count;
+            match next {
+                Some(next) => before = next,
+                None => return Ok(canceled),
+            }
+        }
+    }
+
+    /// Deletes a job that has ended.
+    pub async fn delete(&self, id: JobId) -> Result<Deleted, Error> {
+        self.write(verbs::Delete(id)).await
+    }
+
+    /// Keeps a result whatever room it takes, or no longer; false if there is no such result.
+    pub async fn pin(&self, key: &Key, pinned: bool) -> Result<bool, Error> {
+        self.write(verbs::Pin { key: *key, pinned }).await
     }
 
     /// Takes the next queued run.
@@ -299,7 +407,7 @@ impl Store {
 
     /// A job as it stands.
     pub async fn job(&self, id: JobId) -> Result<Option<Job>, Error> {
-        read::job(&self.readers, id).await
+        self.noted(read::job(&self.readers, id).await)
     }
 
     /// Up to `limit` jobs that match, newest first, older than `cursor`.
@@ -309,27 +417,74 @@ impl Store {
         cursor: Option<JobId>,
         limit: u32,
     ) -> Result<Page, Error> {
-        read::jobs(&self.readers, filter, cursor, limit).await
+        self.noted(read::jobs(&self.readers, filter, cursor, limit).await)
     }
 
-    /// The result of a key.
+    /// The result of a key, held against its digest: damage to the disk does not change a number.
     pub async fn result(&self, key: &Key) -> Result<Option<StoredResult>, Error> {
-        read::result(&self.readers, key).await
+        let Some(kept) = self.noted(read::result(&self.readers, key).await)? else {
+            return Ok(None);
+        };
+        let (body, summary, digest) = match kept {
+            Kept::Evicted { at, scenario } => {
+                return Ok(Some(StoredResult::Evicted { at, scenario }));
+            }
+            Kept::Whole { body, summary, digest } => (Bytes::from(body), summary, digest),
+        };
+        let is_sound = {
+            let body = body.clone();
+            move || Sha256::digest(&body).as_slice() == digest
+        };
+        let sound = if body.len() < LARGE {
+            is_sound()
+        } else {
+            // A panic in a digest cannot be; if it were, the body would not be trusted.
+            tokio::task::spawn_blocking(is_sound).await.unwrap_or(false)
+        };
+        if !sound {
+            return self.noted(Err(Error::DamagedResult(*key)));
+        }
+        self.was_read(key);
+        Ok(Some(StoredResult::Whole { body, summary }))
+    }
+
+    /// Remembers that a result was read, for when room must be made.
+    pub fn was_read(&self, key: &Key) {
+        self.signals.read(*key, now());
     }
 
     /// Whether the result of a key is known.
     pub async fn has_result(&self, key: &Key) -> Result<bool, Error> {
-        read::has_result(&self.readers, key).await
+        self.noted(read::has_result(&self.readers, key).await)
     }
 
     /// The oldest unfinished job of the live run of a key, if one is under way.
     pub async fn live_job(&self, key: &Key) -> Result<Option<JobId>, Error> {
-        read::live_job(&self.readers, key).await
+        self.noted(read::live_job(&self.readers, key).await)
     }
 
-    /// Whether the database answers.
+    /// How long the oldest queued run has waited.
+    pub async fn longest_wait(&self) -> Result<Duration, Error> {
+        let oldest = self.noted(read::oldest_queued(&self.readers).await)?;
+        let waited = oldest.map_or(0, |oldest| now() - oldest);
+        Ok(Duration::from_millis(u64::try_from(waited).unwrap_or(0)))
+    }
+
+    /// Whether the database takes changes, or why not.
     pub async fn ping(&self) -> Result<(), Error> {
-        read::ping(&self.readers).await
+        self.write(verbs::Ping).await
+    }
+
+    /// Bytes that are free on the disk of the database; none where the system does not say.
+    #[must_use]
+    pub fn free_bytes(&self) -> Option<u64> {
+        fs4::available_space(&self.dir).ok()
+    }
+
+    /// What has happened since the start.
+    #[must_use]
+    pub fn tally(&self) -> &Tally {
+        &self.signals.tally
     }
 
     /// Hints that a job or run of this key has changed, from now on: watch first, then query.
@@ -372,7 +527,12 @@ impl Store {
     }
 
     async fn write<V: writer::Verb>(&self, verb: V) -> Result<V::Answer, Error> {
-        writer::ask(&self.writer, verb).await
+        self.noted(writer::ask(&self.writer, verb).await)
+    }
+
+    /// Counts what went wrong.
+    fn noted<T>(&self, result: Result<T, Error>) -> Result<T, Error> {
+        result.inspect_err(|error| self.signals.tally.failed(error))
     }
 }
 

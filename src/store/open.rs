@@ -11,7 +11,9 @@ use sqlx::sqlite::{
 };
 use sqlx::{ConnectOptions, Connection, SqliteConnection};
 
+use super::queue::Queue;
 use super::signals::Signals;
+use super::upkeep::Upkeep;
 use super::writer::Writer;
 use super::{Error, Store};
 
@@ -31,11 +33,17 @@ pub struct Options {
     pub full_sync: bool,
     /// Connections that read at the same time.
     pub readers: u32,
+    /// Runs that may wait; more are refused.
+    pub queue_limit: usize,
+    /// How long jobs are kept after their end; for ever if there is none.
+    pub keep_jobs: Option<Duration>,
+    /// How large the database may grow before results are dropped; without bounds if there is none.
+    pub budget: Option<u64>,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { full_sync: false, readers: 4 }
+        Self { full_sync: false, readers: 4, queue_limit: 20_000, keep_jobs: None, budget: None }
     }
 }
 
@@ -68,8 +76,10 @@ impl Store {
             .max_lifetime(None)
             .connect_lazy_with(connecting(&path).read_only(true));
         let signals = Arc::new(Signals::default());
-        let writer = Writer { db, signals: Arc::clone(&signals), lock }.start();
-        Ok(Self { writer, readers, signals })
+        let (queue, upkeep) = (Some(Queue::load(&mut db).await?), Upkeep::new(options));
+        let writer = Writer { db, signals: Arc::clone(&signals), queue, upkeep, lock }.start();
+        let queue_limit = options.queue_limit;
+        Ok(Self { writer, readers, signals, queue_limit, dir: dir.into() })
     }
 }
 

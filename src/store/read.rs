@@ -1,18 +1,19 @@
 //! What can be asked of the tables, and how a row becomes a job.
 
 use serde::de::DeserializeOwned;
+use serde_json::Value;
 use sqlx::sqlite::SqliteRow;
-use sqlx::{FromRow, QueryBuilder, Row, Sqlite, SqliteExecutor};
+use sqlx::{AssertSqlSafe, FromRow, QueryBuilder, Row, Sqlite, SqliteConnection, SqliteExecutor};
 
-use super::{Error, Filter, Page, StoredResult};
-use crate::job::{Failure, FailureKind, Job, JobId, JobState, Key};
+use super::{Error, Filter, Page};
+use crate::job::{Change, Failure, FailureKind, Job, JobId, JobState, Key};
 
 /// A job with what it takes from its run and result. A run may go on, or fail, after a job of it
 /// was canceled: that is no longer the job's business.
 const SELECT_JOB: &str = "
     SELECT job.id, job.owner, job.key, job.state, job.origin, job.label, job.tags, job.warnings,
-        job.created, job.started, job.finished, job.attempt, run.progress, run.error_kind,
-        run.error, result.summary
+        job.created, job.started, job.finished, job.attempt, job.priority, job.changes,
+        run.progress, run.error_kind, run.error, result.summary
     FROM job
     LEFT JOIN run ON run.id = job.run
     LEFT JOIN result ON result.key = job.key AND job.state = 'succeeded'
@@ -43,12 +44,14 @@ impl FromRow<'_, SqliteRow> for JobRow {
                 JobState::Canceled => 0.0,
                 _ => row.try_get::<Option<f64>, _>("progress")?.unwrap_or(0.0),
             },
+            priority: row.try_get("priority")?,
             label: row.try_get("label")?,
             tags: json(row.try_get("tags")?)?,
             warnings: json(row.try_get("warnings")?)?,
             created: row.try_get("created")?,
             started: row.try_get("started")?,
             finished: row.try_get("finished")?,
+            changes: changes(row.try_get("changes")?)?,
             failure,
             summary: summary.map(json).transpose()?,
         }))
@@ -70,8 +73,24 @@ pub(super) fn key(row: &SqliteRow, column: &str) -> Result<Key, sqlx::Error> {
     Ok(Key::from_bytes(bytes))
 }
 
-fn job_id(bytes: &[u8]) -> Result<JobId, sqlx::Error> {
+/// Reads the id of a job.
+pub(super) fn job_id(bytes: &[u8]) -> Result<JobId, sqlx::Error> {
     uuid::Uuid::from_slice(bytes).map(JobId).map_err(|error| sqlx::Error::Decode(Box::new(error)))
+}
+
+/// Reads the changes of a job, one per line: state, attempt, time.
+pub(super) fn changes(text: &str) -> Result<Vec<Change>, sqlx::Error> {
+    let read = |line: &str| {
+        let mut words = line.split(' ');
+        Some(Change {
+            state: words.next()?.parse().ok()?,
+            attempt: words.next()?.parse().ok()?,
+            at: words.next()?.parse().ok()?,
+        })
+    };
+    text.lines()
+        .map(|line| read(line).ok_or_else(|| sqlx::Error::Decode("not a change of state".into())))
+        .collect()
 }
 
 /// Reads a document.
@@ -93,28 +112,9 @@ pub(super) async fn jobs(
     limit: u32,
 ) -> Result<Page, Error> {
     let mut query = QueryBuilder::<Sqlite>::new(SELECT_JOB);
-    let mut conditions = query.separated(" AND ");
-    conditions.push("TRUE");
-    if let Some(state) = filter.state {
-        conditions.push("job.state = ").push_bind_unseparated(state.as_str());
-    }
-    if let Some(label) = &filter.label {
-        conditions.push("job.label = ").push_bind_unseparated(label);
-    }
-    if let Some(key) = &filter.key {
-        conditions.push("job.key = ").push_bind_unseparated(key.bytes().as_slice());
-    }
-    if let Some(owner) = &filter.owner {
-        conditions.push("job.owner = ").push_bind_unseparated(owner);
-    }
-    if let Some(tag) = &filter.tag {
-        conditions
-            .push("EXISTS (SELECT 1 FROM json_each(job.tags) WHERE value = ")
-            .push_bind_unseparated(tag)
-            .push_unseparated(")");
-    }
+    matching(&mut query, filter);
     if let Some(cursor) = cursor {
-        conditions.push("job.id < ").push_bind_unseparated(cursor.0.as_bytes().as_slice());
+        query.push(" AND job.id < ").push_bind(cursor.0.as_bytes().to_vec());
     }
     // One more than asked for tells whether there is a next page.
     query.push(" ORDER BY job.id DESC LIMIT ").push_bind(i64::from(limit) + 1);
@@ -127,25 +127,79 @@ pub(super) async fn jobs(
     Ok(Page { jobs, next })
 }
 
-pub(super) async fn result(
+/// The unfinished jobs that match and are not being canceled, newest first, older than `before`.
+pub(super) async fn unfinished(
     db: impl SqliteExecutor<'_>,
-    key: &Key,
-) -> Result<Option<StoredResult>, Error> {
-    let row: Option<(Vec<u8>, String)> = sqlx::query_as(
-        "SELECT body, summary FROM result_blob JOIN result USING (key) WHERE key = ?1",
+    filter: &Filter,
+    before: JobId,
+    at_most: u32,
+) -> Result<Vec<JobId>, Error> {
+    let mut query = QueryBuilder::<Sqlite>::new("SELECT job.id FROM job WHERE ");
+    matching(&mut query, filter);
+    query
+        .push(" AND job.finished IS NULL AND job.state <> 'canceling' AND job.id < ")
+        .push_bind(before.0.as_bytes().to_vec())
+        .push(" ORDER BY job.id DESC LIMIT ")
+        .push_bind(at_most);
+    let ids: Vec<Vec<u8>> = query.build_query_scalar().fetch_all(db).await?;
+    Ok(ids.iter().map(|id| job_id(id)).collect::<Result<_, _>>()?)
+}
+
+/// What a filter asks of a job.
+fn matching(query: &mut QueryBuilder<Sqlite>, filter: &Filter) {
+    query.push("TRUE");
+    if let Some(state) = filter.state {
+        query.push(" AND job.state = ").push_bind(state.as_str());
+    }
+    if let Some(label) = &filter.label {
+        query.push(" AND job.label = ").push_bind(label.clone());
+    }
+    if let Some(key) = &filter.key {
+        query.push(" AND job.key = ").push_bind(key.bytes().to_vec());
+    }
+    if let Some(owner) = &filter.owner {
+        query.push(" AND job.owner = ").push_bind(owner.clone());
+    }
+    if let Some(tag) = &filter.tag {
+        query
+            .push(" AND EXISTS (SELECT 1 FROM json_each(job.tags) WHERE value = ")
+            .push_bind(tag.clone())
+            .push(")");
+    }
+}
+
+pub(super) async fn result(db: impl SqliteExecutor<'_>, key: &Key) -> Result<Option<Kept>, Error> {
+    let row = sqlx::query(
+        "SELECT body, summary, digest, evicted, scenario
+         FROM result LEFT JOIN result_blob USING (key) WHERE key = ?1",
     )
     .bind(key.bytes().as_slice())
     .fetch_optional(db)
     .await?;
-    let stored = row.map(|(body, summary)| Ok(StoredResult { body, summary: json(&summary)? }));
-    stored.transpose()
+    let Some(row) = row else { return Ok(None) };
+    if let Some(at) = row.try_get("evicted")? {
+        let scenario = row.try_get::<Option<&str>, _>("scenario")?.map(json).transpose()?;
+        return Ok(Some(Kept::Evicted { at, scenario: scenario.unwrap_or_default() }));
+    }
+    let body: Vec<u8> = row.try_get("body")?;
+    let digest = row.try_get::<&[u8], _>("digest")?.try_into();
+    let digest = digest.map_err(|error| sqlx::Error::Decode(Box::new(error)))?;
+    Ok(Some(Kept::Whole { body, summary: json(row.try_get("summary")?)?, digest }))
+}
+
+/// A result as the tables have it.
+pub(super) enum Kept {
+    Whole { body: Vec<u8>, summary: Value, digest: [u8; 32] },
+    Evicted { at: i64, scenario: Value },
 }
 
 pub(super) async fn has_result(db: impl SqliteExecutor<'_>, key: &Key) -> Result<bool, Error> {
-    let known = sqlx::query_scalar("SELECT EXISTS (SELECT 1 FROM result_blob WHERE key = ?1)")
-        .bind(key.bytes().as_slice())
-        .fetch_one(db)
-        .await?;
+    let known = sqlx::query_scalar(
+        "SELECT EXISTS (SELECT 1 FROM result WHERE key = ?1 AND evicted IS NULL)",
+    )
+    .bind(key.bytes().as_slice())
+    .fetch_one(db)
+    .await?;
     Ok(known)
 }
 
@@ -163,8 +217,24 @@ pub(super) async fn live_job(
     Ok(id.map(|bytes| job_id(&bytes)).transpose()?)
 }
 
-pub(super) async fn ping(db: impl SqliteExecutor<'_>) -> Result<(), Error> {
-    // Reading a table, unlike a constant, touches the file.
-    sqlx::query("SELECT 1 FROM job LIMIT 1").execute(db).await?;
-    Ok(())
+/// When the oldest queued run was made.
+pub(super) async fn oldest_queued(db: impl SqliteExecutor<'_>) -> Result<Option<i64>, Error> {
+    let created = sqlx::query_scalar(
+        "SELECT created FROM run INDEXED BY run_unfinished
+         WHERE state = 'queued' AND finished IS NULL ORDER BY id LIMIT 1",
+    )
+    .fetch_optional(db)
+    .await?;
+    Ok(created)
+}
+
+/// Bytes of the database that are in use.
+pub(super) async fn bytes_used(db: &mut SqliteConnection) -> Result<u64, Error> {
+    let mut pragmas = [0_i64; 3];
+    for (value, pragma) in pragmas.iter_mut().zip(["page_size", "page_count", "freelist_count"]) {
+        let pragma = AssertSqlSafe(format!("PRAGMA {pragma}"));
+        *value = sqlx::query_scalar(pragma).fetch_one(&mut *db).await?;
+    }
+    let [size, all, free] = pragmas;
+    Ok(u64::try_from(size * (all - free)).unwrap_or(0))
 }

@@ -1,4 +1,5 @@
-//! Who wants to hear of what: listeners by key, idle workers, and the stop flags of running runs.
+//! Who wants to hear of what: listeners by key, idle workers, the stop flags of running runs, and
+//! the counters.
 
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -7,7 +8,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::watch;
 
 use super::RunId;
-use crate::job::Key;
+use super::tally::{Ending, Tally};
+use crate::job::{Key, Origin};
 
 /// What a committed change means to those who listen.
 #[derive(Debug)]
@@ -24,6 +26,16 @@ pub(super) enum Effect {
     Unwanted(RunId),
     /// No worker computes this run any more.
     LetGo(RunId),
+    /// A job was accepted.
+    Submitted(Origin),
+    /// A run ended, so many milliseconds after it was begun.
+    Settled(Ending, Option<i64>),
+    /// A result was computed again.
+    Recomputed { same: bool },
+    /// So many bytes of a result were stored.
+    Stored(u64),
+    /// So many results were dropped.
+    Evicted(u64),
 }
 
 /// A flag between the store and the worker of one run: nobody wants the result any more.
@@ -45,6 +57,7 @@ impl Stop {
 
 #[derive(Debug, Default)]
 pub(super) struct Signals {
+    pub(super) tally: Tally,
     queue: watch::Sender<u64>,
     tables: Mutex<Tables>,
 }
@@ -54,7 +67,12 @@ struct Tables {
     /// Each channel counts the ends of its key, and tells of every change.
     listeners: HashMap<Key, watch::Sender<u64>>,
     running: HashMap<RunId, Stop>,
+    /// When results were read, as far as it is not yet written down.
+    read: HashMap<Key, i64>,
 }
+
+/// So many moments of reading are remembered at most; the others are not missed.
+const READ_AT_MOST: usize = 10_000;
 
 impl Signals {
     /// Tells those concerned, in the order in which the changes were made.
@@ -86,8 +104,26 @@ impl Signals {
                 Effect::LetGo(run) => {
                     tables.running.remove(&run);
                 }
+                Effect::Submitted(origin) => self.tally.submitted(origin),
+                Effect::Settled(how, milliseconds) => self.tally.settled(how, milliseconds),
+                Effect::Recomputed { same } => self.tally.recomputed(same),
+                Effect::Evicted(count) => self.tally.evicted(count),
+                Effect::Stored(_) => {}
             }
         }
+    }
+
+    /// Remembers that a result was read.
+    pub(super) fn read(&self, key: Key, now: i64) {
+        let mut tables = self.tables();
+        if tables.read.len() < READ_AT_MOST || tables.read.contains_key(&key) {
+            tables.read.insert(key, now);
+        }
+    }
+
+    /// What was read since this was last asked.
+    pub(super) fn take_read(&self) -> Vec<(Key, i64)> {
+        std::mem::take(&mut self.tables().read).into_iter().collect()
     }
 
     pub(super) fn watch(self: &Arc<Self>, key: Key) -> Changes {

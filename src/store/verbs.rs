@@ -7,11 +7,16 @@ use sha2::{Digest, Sha256};
 use sqlx::Row;
 use sqlx::sqlite::SqliteRow;
 
+use super::queue::Queue;
 use super::read::{self, json, key, word};
 use super::signals::{Effect, Stop};
+use super::tally::Ending;
+use super::upkeep::delete_unnamed;
 use super::writer::{Transaction, Verb};
-use super::{Canceled, Claimed, Error, Finish, NewJob, Recovered, RunId};
-use crate::job::{Answer, FailureKind, Job, JobId, Key, Origin};
+use super::{
+    Canceled, Claimed, Deleted, Error, Filter, Finish, NewJob, Recovered, RunId, Submitted,
+};
+use crate::job::{Answer, FailureKind, Job, JobId, JobState, Key, Origin};
 
 /// A run that took the process down with it this often is given up.
 const LOST_AT_MOST: u32 = 3;
@@ -20,40 +25,93 @@ pub(super) struct Submit {
     job: NewJob,
     tags: String,
     warnings: Value,
+    /// How many runs may be queued.
+    limit: usize,
 }
 
 impl Submit {
-    pub(super) fn new(job: NewJob) -> Self {
+    pub(super) fn new(job: NewJob, limit: usize) -> Self {
         let tags = Value::from(job.tags.clone()).to_string();
         let warnings = serde_json::to_value(&job.warnings).unwrap_or_else(|_| Value::Array(vec![]));
-        Self { job, tags, warnings }
+        Self { job, tags, warnings, limit }
+    }
+
+    /// The job that this submission made when it was first sent.
+    async fn before(&self, tx: &mut Transaction<'_>) -> Result<Option<Submitted>, Error> {
+        let Some(repeatable) = &self.job.repeatable else { return Ok(None) };
+        let found: Option<(Vec<u8>, Vec<u8>)> = sqlx::query_as(
+            "SELECT id, fingerprint FROM job WHERE owner = ?1 AND idempotency_key = ?2",
+        )
+        .bind(&self.job.owner)
+        .bind(&repeatable.key)
+        .fetch_optional(&mut *tx.db)
+        .await?;
+        let Some((id, fingerprint)) = found else { return Ok(None) };
+        if fingerprint != repeatable.fingerprint {
+            return Ok(Some(Submitted::Mistaken));
+        }
+        let job = read::job(&mut *tx.db, read::job_id(&id)?).await?;
+        Ok(job.map(Submitted::Repeated))
+    }
+
+    /// Whether the queue has no place for this. The last tenth of it is for those who have little
+    /// in it, so that nobody can fill it for all.
+    async fn is_too_much(&self, tx: &mut Transaction<'_>) -> Result<bool, Error> {
+        let (queued, tenth) = (tx.queue.len(), self.limit / 10);
+        let full = queued >= self.limit
+            || (queued >= self.limit - tenth && tx.queue.waiting_of(&self.job.owner) >= tenth);
+        if !full {
+            return Ok(false);
+        }
+        // What needs no place in the queue is welcome all the same.
+        let needs_none: bool = sqlx::query_scalar(
+            "SELECT EXISTS (SELECT 1 FROM run WHERE key = ?1 AND state IN ('queued', 'running'))
+                 OR (NOT ?2 AND EXISTS (
+                     SELECT 1 FROM result WHERE key = ?1 AND evicted IS NULL
+                 ))",
+        )
+        .bind(self.job.key.bytes().as_slice())
+        .bind(self.job.afresh)
+        .fetch_one(&mut *tx.db)
+        .await?;
+        Ok(!needs_none)
     }
 }
 
-/// A run if there is neither a result nor a live run; then the job, by what there is now. The
-/// second statement tells by `changes()` whether the first inserted a run.
+/// A run if there is neither a result (or it is not wanted) nor a live run; then the job, by what
+/// there is now. The second statement tells by `changes()` whether the first inserted a run.
 const SUBMIT: &str = "
-    INSERT INTO run (key, owner, created, task, state)
-    SELECT ?1, ?2, ?3, ?4, 'queued' WHERE NOT EXISTS (SELECT 1 FROM result WHERE key = ?1)
+    INSERT INTO run (key, owner, created, task, state, changed, trace)
+    SELECT ?1, ?2, ?3, ?4, 'queued', ?3, ?13
+    WHERE ?12 OR NOT EXISTS (SELECT 1 FROM result WHERE key = ?1 AND evicted IS NULL)
     ON CONFLICT (key) WHERE state IN ('queued', 'running') DO NOTHING;
 
-    INSERT INTO job (key, owner, created, id, label, tags, warnings, run, state, attempt, origin,
-        started, finished)
-    SELECT ?1, ?2, ?3, ?5, ?6, ?7, ?8, run.id, coalesce(run.state, 'succeeded'),
+    INSERT INTO job (key, owner, created, id, label, tags, warnings, priority, idempotency_key,
+        fingerprint, run, state, attempt, origin, started, finished, changes)
+    SELECT ?1, ?2, ?3, ?5, ?6, ?7, ?8, ?9, ?10, ?11, run.id, coalesce(run.state, 'succeeded'),
         coalesce(run.attempt, 0),
         CASE WHEN run.id IS NULL THEN 'cached' WHEN changes() THEN 'computed' ELSE 'coalesced' END,
-        iif(run.state = 'queued', NULL, ?3), iif(run.id IS NULL, ?3, NULL)
+        iif(run.state = 'queued', NULL, ?3), iif(run.id IS NULL, ?3, NULL),
+        coalesce(run.state, 'succeeded') || ' ' || coalesce(run.attempt, 0) || ' ' || ?3
     FROM (SELECT 1) LEFT JOIN run ON run.key = ?1 AND run.state IN ('queued', 'running')
-        AND NOT EXISTS (SELECT 1 FROM result WHERE key = ?1)
-    RETURNING state, attempt, origin, started, finished,
+        AND (?12 OR NOT EXISTS (SELECT 1 FROM result WHERE key = ?1 AND evicted IS NULL))
+    RETURNING run, state, attempt, origin, started, finished, changes,
         (SELECT progress FROM run WHERE run.id = job.run) AS progress,
-        (SELECT summary FROM result WHERE result.key = job.key) AS summary";
+        iif(state = 'succeeded', (SELECT summary FROM result WHERE result.key = job.key), NULL)
+            AS summary";
 
 impl Verb for Submit {
-    type Answer = Job;
+    type Answer = Submitted;
 
-    async fn apply(&self, tx: &mut Transaction<'_>) -> Result<Job, Error> {
+    async fn apply(&self, tx: &mut Transaction<'_>) -> Result<Submitted, Error> {
         let new = &self.job;
+        if let Some(before) = self.before(tx).await? {
+            return Ok(before);
+        }
+        if self.is_too_much(tx).await? {
+            return Ok(Submitted::Refused { queued: tx.queue.len() });
+        }
+        let repeatable = new.repeatable.as_ref();
         let row = sqlx::query(SUBMIT)
             .bind(new.key.bytes().as_slice())
             .bind(&new.owner)
@@ -63,33 +121,44 @@ impl Verb for Submit {
             .bind(&new.label)
             .bind(&self.tags)
             .bind(self.warnings.to_string())
+            .bind(new.priority)
+            .bind(repeatable.map(|repeatable| &repeatable.key))
+            .bind(repeatable.map(|repeatable| repeatable.fingerprint.as_slice()))
+            .bind(new.afresh)
+            .bind(&new.trace)
             .fetch_one(&mut *tx.db)
             .await
             .map_err(|error| match error.as_database_error() {
                 Some(refusal) if refusal.is_unique_violation() => Error::JobExists(new.id),
                 _ => error.into(),
             })?;
-        let origin = word(&row, "origin")?;
+        let (origin, state) = (word(&row, "origin")?, word(&row, "state")?);
+        if state == JobState::Queued {
+            tx.queue.add(RunId(row.try_get("run")?), &new.owner, new.priority, new.id);
+        }
         if origin == Origin::Computed {
             tx.effects.push(Effect::Queued);
         }
-        Ok(Job {
+        tx.effects.push(Effect::Submitted(origin));
+        Ok(Submitted::Accepted(Job {
             id: new.id,
-            state: word(&row, "state")?,
+            state,
             key: new.key,
             owner: new.owner.clone(),
             origin,
             attempt: row.try_get("attempt")?,
             progress: row.try_get::<Option<f64>, _>("progress")?.unwrap_or(1.0),
+            priority: new.priority,
             label: new.label.clone(),
             tags: new.tags.clone(),
             warnings: self.warnings.clone(),
             created: tx.now,
             started: row.try_get("started")?,
             finished: row.try_get("finished")?,
+            changes: read::changes(row.try_get("changes")?)?,
             failure: None,
             summary: row.try_get::<Option<&str>, _>("summary")?.map(json).transpose()?,
-        })
+        }))
     }
 }
 
@@ -99,25 +168,22 @@ impl Verb for Claim {
     type Answer = Option<Claimed>;
 
     async fn apply(&self, tx: &mut Transaction<'_>) -> Result<Self::Answer, Error> {
-        // Without the index named, the planner walks the table in the order of ids, past every
-        // run that ever finished.
+        let Some(run) = tx.queue.take() else { return Ok(None) };
         let row = sqlx::query(
-            "UPDATE run SET state = 'running', attempt = attempt + 1, progress = 0, started = ?1
-             WHERE id = (
-                 SELECT id FROM run INDEXED BY run_unfinished
-                 WHERE state = 'queued' AND finished IS NULL ORDER BY id LIMIT 1
-             )
-             RETURNING id, attempt, key, task",
+            "UPDATE run SET state = 'running', attempt = attempt + 1, progress = 0, started = ?2,
+                 changed = ?2
+             WHERE id = ?1 AND state = 'queued' RETURNING attempt, key, task, trace",
         )
+        .bind(run.0)
         .bind(tx.now)
-        .fetch_optional(&mut *tx.db)
+        .fetch_one(&mut *tx.db)
         .await?;
-        let Some(row) = row else { return Ok(None) };
         let claimed = Claimed {
-            run: RunId(row.try_get("id")?),
+            run,
             attempt: row.try_get("attempt")?,
             key: key(&row, "key")?,
             task: row.try_get("task")?,
+            trace: row.try_get("trace")?,
             stop: Stop::default(),
         };
         tx.effects.push(Effect::Started(claimed.run, claimed.stop.clone()));
@@ -167,10 +233,31 @@ impl Finished {
         Self { run, attempt, body: body.clone(), summary: summary.to_string(), digest }
     }
 
+    /// Keeps the body, unless there is one. What an evicted result came to is remembered, so that
+    /// a recompute is compared with it too.
     async fn keep(&self, tx: &mut Transaction<'_>, key: Key) -> Result<Finish, Error> {
-        let inserted = sqlx::query(
-            "INSERT INTO result (key, summary, digest, size, created) VALUES (?1, ?2, ?3, ?4, ?5)
-             ON CONFLICT DO NOTHING",
+        let before: Option<(bool, bool)> =
+            sqlx::query_as("SELECT digest = ?2, evicted IS NULL FROM result WHERE key = ?1")
+                .bind(key.bytes().as_slice())
+                .bind(self.digest.as_slice())
+                .fetch_optional(&mut *tx.db)
+                .await?;
+        if let Some((same, _)) = before {
+            tx.effects.push(Effect::Recomputed { same });
+            if !same {
+                tracing::error!(%key, "computed again, a result differs; a stored one stays");
+            }
+        }
+        match before {
+            Some((true, true)) => return Ok(Finish::Same),
+            Some((false, true)) => return Ok(Finish::Differs),
+            Some((_, false)) | None => {}
+        }
+        sqlx::query(
+            "INSERT INTO result (key, summary, digest, size, created, last_access)
+             VALUES (?1, ?2, ?3, ?4, ?5, ?5)
+             ON CONFLICT DO UPDATE SET summary = ?2, digest = ?3, size = ?4, last_access = ?5,
+                 evicted = NULL, scenario = NULL",
         )
         .bind(key.bytes().as_slice())
         .bind(&self.summary)
@@ -179,28 +266,13 @@ impl Finished {
         .bind(tx.now)
         .execute(&mut *tx.db)
         .await?;
-        if inserted.rows_affected() == 0 {
-            return self.compare(tx, key).await;
-        }
         sqlx::query("INSERT INTO result_blob (key, body) VALUES (?1, ?2)")
             .bind(key.bytes().as_slice())
             .bind(&self.body)
             .execute(&mut *tx.db)
             .await?;
+        tx.effects.push(Effect::Stored(self.body.len() as u64));
         Ok(Finish::Stored)
-    }
-
-    async fn compare(&self, tx: &mut Transaction<'_>, key: Key) -> Result<Finish, Error> {
-        let same = sqlx::query_scalar("SELECT digest = ?2 FROM result WHERE key = ?1")
-            .bind(key.bytes().as_slice())
-            .bind(self.digest.as_slice())
-            .fetch_one(&mut *tx.db)
-            .await?;
-        if same {
-            return Ok(Finish::Same);
-        }
-        tracing::error!(%key, "computed again, a result differs; the stored one stays");
-        Ok(Finish::Differs)
     }
 }
 
@@ -209,15 +281,15 @@ impl Verb for Finished {
 
     async fn apply(&self, tx: &mut Transaction<'_>) -> Result<Finish, Error> {
         let row = sqlx::query(
-            "UPDATE run SET state = 'succeeded', progress = 1, finished = ?3
-             WHERE id = ?1 AND attempt = ?2 AND state = 'running' RETURNING id, key",
+            "UPDATE run SET state = 'succeeded', progress = 1, finished = ?3, changed = ?3
+             WHERE id = ?1 AND attempt = ?2 AND state = 'running' RETURNING id, key, started",
         )
         .bind(self.run.0)
         .bind(self.attempt)
         .bind(tx.now)
         .fetch_optional(&mut *tx.db)
         .await?;
-        let Some(key) = ended(tx, row.as_ref())? else {
+        let Some(key) = ended(tx, row.as_ref(), Ending::Succeeded)? else {
             return Ok(Finish::Refused);
         };
         self.keep(tx, key).await
@@ -236,8 +308,9 @@ impl Verb for Fail {
 
     async fn apply(&self, tx: &mut Transaction<'_>) -> Result<bool, Error> {
         let row = sqlx::query(
-            "UPDATE run SET state = 'failed', finished = ?3, error_kind = ?4, error = ?5
-             WHERE id = ?1 AND attempt = ?2 AND state = 'running' RETURNING id, key",
+            "UPDATE run SET state = 'failed', finished = ?3, changed = ?3, error_kind = ?4,
+                 error = ?5
+             WHERE id = ?1 AND attempt = ?2 AND state = 'running' RETURNING id, key, started",
         )
         .bind(self.run.0)
         .bind(self.attempt)
@@ -246,7 +319,7 @@ impl Verb for Fail {
         .bind(&self.message)
         .fetch_optional(&mut *tx.db)
         .await?;
-        Ok(ended(tx, row.as_ref())?.is_some())
+        Ok(ended(tx, row.as_ref(), Ending::Failed)?.is_some())
     }
 }
 
@@ -260,15 +333,15 @@ impl Verb for Stopped {
 
     async fn apply(&self, tx: &mut Transaction<'_>) -> Result<bool, Error> {
         let row = sqlx::query(
-            "UPDATE run SET state = 'canceled', finished = ?3
-             WHERE id = ?1 AND attempt = ?2 AND state = 'canceling' RETURNING id, key",
+            "UPDATE run SET state = 'canceled', finished = ?3, changed = ?3
+             WHERE id = ?1 AND attempt = ?2 AND state = 'canceling' RETURNING id, key, started",
         )
         .bind(self.run.0)
         .bind(self.attempt)
         .bind(tx.now)
         .fetch_optional(&mut *tx.db)
         .await?;
-        Ok(ended(tx, row.as_ref())?.is_some())
+        Ok(ended(tx, row.as_ref(), Ending::Canceled)?.is_some())
     }
 }
 
@@ -282,15 +355,25 @@ impl Verb for Release {
 
     async fn apply(&self, tx: &mut Transaction<'_>) -> Result<bool, Error> {
         let row = sqlx::query(
-            "UPDATE run SET state = 'queued', progress = 0, started = NULL
-             WHERE id = ?1 AND attempt = ?2 AND state = 'running' RETURNING id, key",
+            "UPDATE run SET state = 'queued', progress = 0, started = NULL, changed = ?3
+             WHERE id = ?1 AND attempt = ?2 AND state = 'running' RETURNING id, key, started",
         )
         .bind(self.run.0)
         .bind(self.attempt)
+        .bind(tx.now)
         .fetch_optional(&mut *tx.db)
         .await?;
-        let released = ended(tx, row.as_ref())?.is_some();
+        let released = ended(tx, row.as_ref(), Ending::Released)?.is_some();
         if released {
+            let jobs: Vec<(String, u8, Vec<u8>)> = sqlx::query_as(
+                "SELECT owner, priority, id FROM job WHERE run = ?1 AND finished IS NULL",
+            )
+            .bind(self.run.0)
+            .fetch_all(&mut *tx.db)
+            .await?;
+            for (owner, priority, id) in jobs {
+                tx.queue.add(self.run, &owner, priority, read::job_id(&id)?);
+            }
             tx.effects.push(Effect::Queued);
         }
         Ok(released)
@@ -309,38 +392,128 @@ impl Verb for Cancel {
         if job.state.is_finished() {
             return Ok(Canceled::AlreadyFinished(job));
         }
+        let id = self.0.0.as_bytes().as_slice();
         let (run, others): (i64, bool) = sqlx::query_as(
             "SELECT run, EXISTS (
                  SELECT 1 FROM job AS other
                  WHERE other.run = job.run AND other.finished IS NULL AND other.id <> job.id
              ) FROM job WHERE id = ?1",
         )
-        .bind(self.0.0.as_bytes().as_slice())
+        .bind(id)
         .fetch_one(&mut *tx.db)
         .await?;
         let run = RunId(run);
         if others {
-            sqlx::query("UPDATE job SET state = 'canceled', finished = ?2 WHERE id = ?1")
-                .bind(self.0.0.as_bytes().as_slice())
-                .bind(tx.now)
-                .execute(&mut *tx.db)
-                .await?;
+            sqlx::query(
+                "UPDATE job SET state = 'canceled', finished = ?2,
+                     changes = changes || char(10) || 'canceled ' || attempt || ' ' || ?2
+                 WHERE id = ?1",
+            )
+            .bind(id)
+            .bind(tx.now)
+            .execute(&mut *tx.db)
+            .await?;
+            tx.queue.leave(run, &job.owner, job.priority, job.id);
         } else {
             // A run that is already canceling stays as it is, until its worker lets go.
             sqlx::query(
-                "UPDATE run SET finished = iif(state = 'queued', ?2, NULL),
+                "UPDATE run SET finished = iif(state = 'queued', ?2, NULL), changed = ?2,
                      state = iif(state = 'queued', 'canceled', 'canceling')
-                 WHERE id = ?1",
+                 WHERE id = ?1 AND state IN ('queued', 'running')",
             )
             .bind(run.0)
             .bind(tx.now)
             .execute(&mut *tx.db)
             .await?;
+            tx.queue.remove(run);
+            if job.state == JobState::Queued {
+                tx.effects.push(Effect::Settled(Ending::Canceled, None));
+            }
             tx.effects.push(Effect::Unwanted(run));
         }
         tx.effects.push(Effect::Ended(job.key));
         let after = read::job(&mut *tx.db, self.0).await?;
         Ok(after.map_or(Canceled::NotFound, Canceled::Done))
+    }
+}
+
+/// Cancels a part of the jobs that match: some, so that nobody waits long behind it.
+pub(super) struct CancelSome {
+    pub(super) filter: Filter,
+    /// Only jobs submitted before this one: what comes while jobs are canceled is not meant.
+    pub(super) before: JobId,
+    pub(super) at_most: u32,
+}
+
+impl Verb for CancelSome {
+    /// How many were canceled, and where to go on; none if there are no more.
+    type Answer = (u64, Option<JobId>);
+
+    async fn apply(&self, tx: &mut Transaction<'_>) -> Result<Self::Answer, Error> {
+        let ids = read::unfinished(&mut *tx.db, &self.filter, self.before, self.at_most).await?;
+        let mut canceled = 0;
+        for id in &ids {
+            canceled += u64::from(matches!(Cancel(*id).apply(tx).await?, Canceled::Done(_)));
+        }
+        let more = ids.len() as u64 == u64::from(self.at_most);
+        Ok((canceled, ids.last().copied().filter(|_| more)))
+    }
+}
+
+pub(super) struct Delete(pub(super) JobId);
+
+impl Verb for Delete {
+    type Answer = Deleted;
+
+    async fn apply(&self, tx: &mut Transaction<'_>) -> Result<Deleted, Error> {
+        let Some(job) = read::job(&mut *tx.db, self.0).await? else {
+            return Ok(Deleted::NotFound);
+        };
+        if !job.state.is_finished() {
+            return Ok(Deleted::Unfinished(job.state));
+        }
+        let id = self.0.0.as_bytes().as_slice();
+        let run: Option<i64> = sqlx::query_scalar("DELETE FROM job WHERE id = ?1 RETURNING run")
+            .bind(id)
+            .fetch_one(&mut *tx.db)
+            .await?;
+        if let Some(run) = run {
+            delete_unnamed(tx, run).await?;
+        }
+        tx.effects.push(Effect::Ended(job.key));
+        Ok(Deleted::Done)
+    }
+}
+
+pub(super) struct Pin {
+    pub(super) key: Key,
+    pub(super) pinned: bool,
+}
+
+impl Verb for Pin {
+    /// Whether there is such a result.
+    type Answer = bool;
+
+    async fn apply(&self, tx: &mut Transaction<'_>) -> Result<bool, Error> {
+        let done = sqlx::query("UPDATE result SET pinned = ?2 WHERE key = ?1 AND evicted IS NULL")
+            .bind(self.key.bytes().as_slice())
+            .bind(self.pinned)
+            .execute(&mut *tx.db)
+            .await?;
+        Ok(done.rows_affected() > 0)
+    }
+}
+
+/// Changes nothing, but finds out whether anything could be changed.
+pub(super) struct Ping;
+
+impl Verb for Ping {
+    type Answer = ();
+
+    async fn apply(&self, tx: &mut Transaction<'_>) -> Result<(), Error> {
+        // Reading a table, unlike a constant, touches the file.
+        sqlx::query("SELECT 1 FROM job LIMIT 1").execute(&mut *tx.db).await?;
+        Ok(())
     }
 }
 
@@ -351,16 +524,17 @@ impl Verb for Recover {
 
     async fn apply(&self, tx: &mut Transaction<'_>) -> Result<Recovered, Error> {
         let canceled = sqlx::query(
-            "UPDATE run SET state = 'canceled', finished = ?1
-             WHERE state = 'canceling' AND finished IS NULL RETURNING id, key",
+            "UPDATE run SET state = 'canceled', finished = ?1, changed = ?1
+             WHERE state = 'canceling' AND finished IS NULL RETURNING id, key, started",
         )
         .bind(tx.now)
         .fetch_all(&mut *tx.db)
         .await?;
         let failed = sqlx::query(
-            "UPDATE run SET state = 'failed', lost = lost + 1, finished = ?1, error_kind = ?2,
-                 error = ?3
-             WHERE state = 'running' AND finished IS NULL AND lost + 1 >= ?4 RETURNING id, key",
+            "UPDATE run SET state = 'failed', lost = lost + 1, finished = ?1, changed = ?1,
+                 error_kind = ?2, error = ?3
+             WHERE state = 'running' AND finished IS NULL AND lost + 1 >= ?4
+             RETURNING id, key, started",
         )
         .bind(tx.now)
         .bind(FailureKind::WorkerLost.as_str())
@@ -369,9 +543,11 @@ impl Verb for Recover {
         .fetch_all(&mut *tx.db)
         .await?;
         let requeued = sqlx::query(
-            "UPDATE run SET state = 'queued', lost = lost + 1, progress = 0, started = NULL
-             WHERE state = 'running' AND finished IS NULL RETURNING id, key",
+            "UPDATE run SET state = 'queued', lost = lost + 1, progress = 0, started = NULL,
+                 changed = ?1
+             WHERE state = 'running' AND finished IS NULL RETURNING id, key, started",
         )
+        .bind(tx.now)
         .fetch_all(&mut *tx.db)
         .await?;
         let counts = Recovered {
@@ -379,9 +555,14 @@ impl Verb for Recover {
             failed: failed.len() as u64,
             canceled: canceled.len() as u64,
         };
-        for row in canceled.into_iter().chain(failed).chain(requeued) {
-            ended(tx, Some(&row))?;
+        for (rows, ending) in
+            [(canceled, Ending::Canceled), (failed, Ending::Failed), (requeued, Ending::Released)]
+        {
+            for row in rows {
+                ended(tx, Some(&row), ending)?;
+            }
         }
+        *tx.queue = Queue::load(tx.db).await?;
         tx.effects.push(Effect::Queued);
         Ok(counts)
     }
@@ -389,10 +570,17 @@ impl Verb for Recover {
 
 /// After a statement that took a run from its worker: its stop flag is forgotten, and those who
 /// wait are told. Returns the key if there was such a run.
-fn ended(tx: &mut Transaction<'_>, row: Option<&SqliteRow>) -> Result<Option<Key>, Error> {
+fn ended(
+    tx: &mut Transaction<'_>,
+    row: Option<&SqliteRow>,
+    how: Ending,
+) -> Result<Option<Key>, Error> {
     let Some(row) = row else { return Ok(None) };
-    let key = key(row, "key")?;
-    tx.effects.push(Effect::LetGo(RunId(row.try_get("id")?)));
+    let (run, key) = (RunId(row.try_get("id")?), key(row, "key")?);
+    let started: Option<i64> = row.try_get("started")?;
+    tx.queue.end(run);
+    tx.effects.push(Effect::LetGo(run));
     tx.effects.push(Effect::Ended(key));
+    tx.effects.push(Effect::Settled(how, started.map(|started| tx.now - started)));
     Ok(Some(key))
 }

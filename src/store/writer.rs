@@ -4,21 +4,20 @@ use std::fs::File;
 use std::future::Future;
 use std::pin::Pin;
 use std::sync::Arc;
-use std::time::Duration;
 
 use sqlx::{Connection, Executor, SqliteConnection};
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::timeout;
 
+use super::queue::Queue;
 use super::signals::{Effect, Signals};
+use super::upkeep::Upkeep;
 use super::{Error, now};
 
 /// Verbs that may wait for the writer; more wait for a place.
 const WAITING: usize = 1024;
 /// Verbs in one transaction: enough to spread the cost of a commit, few enough that none waits long.
 const BATCH: usize = 256;
-/// Without a message for so long, the writer has time to tidy up.
-const IDLE: Duration = Duration::from_secs(1);
 
 /// A change to the database: a verb of a job's life.
 ///
@@ -36,6 +35,8 @@ pub(super) struct Transaction<'a> {
     pub(super) db: &'a mut SqliteConnection,
     /// The time of everything that happens in it.
     pub(super) now: i64,
+    /// What is queued: changed along with the tables.
+    pub(super) queue: &'a mut Queue,
     /// Whom to tell after the commit.
     pub(super) effects: Vec<Effect>,
 }
@@ -105,6 +106,9 @@ pub(super) async fn close(writer: &mpsc::Sender<Message>) {
 pub(super) struct Writer {
     pub(super) db: SqliteConnection,
     pub(super) signals: Arc<Signals>,
+    /// What is queued; none after a transaction that failed, until it is read anew.
+    pub(super) queue: Option<Queue>,
+    pub(super) upkeep: Upkeep,
     /// Held as long as this process may write to the data directory.
     pub(super) lock: File,
 }
@@ -121,15 +125,10 @@ impl Writer {
     async fn run(mut self, mut messages: mpsc::Receiver<Message>) {
         let mut inbox = Vec::with_capacity(BATCH);
         let mut closing = Vec::new();
-        let mut tidy = true;
         loop {
-            let received = if tidy {
-                messages.recv_many(&mut inbox, BATCH).await
-            } else if let Ok(count) = timeout(IDLE, messages.recv_many(&mut inbox, BATCH)).await {
-                count
-            } else {
-                self.checkpoint().await;
-                tidy = true;
+            let next = messages.recv_many(&mut inbox, BATCH);
+            let Ok(received) = timeout(self.upkeep.pause(), next).await else {
+                self.keep_up(true).await;
                 continue;
             };
             if received == 0 {
@@ -146,7 +145,9 @@ impl Writer {
                 }
             }
             self.process(orders).await;
-            tidy = false;
+            if self.upkeep.is_due() {
+                self.keep_up(false).await;
+            }
         }
         if let Err(error) = self.db.close().await {
             tracing::warn!(%error, "the database did not close cleanly; nothing is lost by it");
@@ -187,7 +188,18 @@ impl Writer {
         // itself, and the library would count one transaction as open for ever.
         let begun = self.db.execute("BEGIN IMMEDIATE").await;
         begun.map_err(|error| Failed::ToBegin(error.into()))?;
-        let mut tx = Transaction { db: &mut self.db, now: now(), effects: Vec::new() };
+        let mut queue = match self.queue.take() {
+            Some(queue) => queue,
+            None => match Queue::load(&mut self.db).await {
+                Ok(queue) => queue,
+                Err(error) => {
+                    let _ = self.db.execute("ROLLBACK").await;
+                    return Err(Failed::ToBegin(error));
+                }
+            },
+        };
+        let mut tx =
+            Transaction { db: &mut self.db, now: now(), queue: &mut queue, effects: Vec::new() };
         let applied = async {
             for order in orders {
                 order.apply(&mut tx).await?;
@@ -197,6 +209,9 @@ impl Writer {
         };
         match applied.await {
             Ok(effects) => {
+                self.upkeep.note(&effects);
+                self.signals.tally.queue_is(queue.len(), queue.working());
+                self.queue = Some(queue);
                 self.signals.apply(effects);
                 Ok(())
             }
@@ -208,11 +223,40 @@ impl Writer {
         }
     }
 
-    /// Moves the log into the database while nobody waits. Readers may keep a part of it back;
-    /// there will be another quiet moment.
-    async fn checkpoint(&mut self) {
-        if let Err(error) = self.db.execute("PRAGMA wal_checkpoint(PASSIVE)").await {
-            tracing::warn!(%error, "could not move the write-ahead log into the database");
+    /// Does a piece of what keeps the database in order; in a quiet moment also what takes longer.
+    async fn keep_up(&mut self, idle: bool) {
+        let (reply, answer) = oneshot::channel();
+        let verb = self.upkeep.piece(self.signals.take_read());
+        let mut order: Box<dyn Order> = Box::new(Asked { verb, answer: None, reply });
+        let committed = self.commit(std::slice::from_mut(&mut order)).await;
+        order.settle(committed.map_err(Failed::into_error));
+        let more = match answer.await {
+            Ok(Ok((more, bytes))) => {
+                self.signals.tally.database_is(bytes);
+                more
+            }
+            Ok(Err(error)) => {
+                self.signals.tally.failed(&error);
+                let error = &error as &dyn std::error::Error;
+                tracing::warn!(error, "could not tidy up the database; trying again in a minute");
+                false
+            }
+            Err(_) => false,
+        };
+        self.upkeep.did(more);
+        if idle && !more {
+            self.shrink().await;
+        }
+    }
+
+    /// Moves the log into the database, and gives room that is free for good back to the disk.
+    /// Readers may keep a part of the log back; there will be another quiet moment.
+    async fn shrink(&mut self) {
+        // Some are kept: what comes next need not ask for them again.
+        for pragma in ["PRAGMA incremental_vacuum(2000)", "PRAGMA wal_checkpoint(PASSIVE)"] {
+            if let Err(error) = self.db.execute(pragma).await {
+                tracing::warn!(%error, pragma, "could not make the database smaller");
+            }
         }
     }
 }
@@ -235,6 +279,7 @@ impl Failed {
 mod tests {
     use std::sync::atomic::{AtomicU32, Ordering};
 
+    use super::super::Options;
     use super::*;
 
     /// Inserts so many bytes under a number; counts how often it was applied.
@@ -256,7 +301,9 @@ mod tests {
     async fn writer() -> Writer {
         let mut db = SqliteConnection::connect("sqlite::memory:").await.unwrap();
         db.execute("CREATE TABLE t (x INTEGER PRIMARY KEY, y BLOB)").await.unwrap();
-        Writer { db, signals: Arc::default(), lock: tempfile::tempfile().unwrap() }
+        let (queue, upkeep) = (Some(Queue::default()), Upkeep::new(&Options::default()));
+        let lock = tempfile::tempfile().unwrap();
+        Writer { db, signals: Arc::default(), queue, upkeep, lock }
     }
 
     /// Applies insertions of (number, bytes) as one batch; returns what was answered and applied.

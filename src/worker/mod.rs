@@ -50,18 +50,25 @@ pub struct Workers {
 }
 
 impl Workers {
-    /// Starts `count` threads. It must be called inside a tokio runtime, which drives the store.
+    /// Starts `count` threads; a run that takes longer than `limit` fails. It must be called inside a
+    /// tokio runtime, which drives the store.
     ///
     /// # Errors
     ///
     /// The system starts no more threads.
-    pub fn start(store: &Store, count: usize, compute: &Compute) -> io::Result<Self> {
+    pub fn start(
+        store: &Store,
+        count: usize,
+        limit: Option<Duration>,
+        compute: &Compute,
+    ) -> io::Result<Self> {
         let (order, orders) = watch::channel(Order::Work);
         let (living, alive) = mpsc::channel(1);
         let start = |number| {
             let mut worker = Worker {
                 store: store.clone(),
                 compute: Arc::clone(compute),
+                limit,
                 orders: orders.clone(),
                 runtime: Handle::current(),
                 _living: living.clone(),
@@ -100,6 +107,7 @@ impl Drop for Workers {
 struct Worker {
     store: Store,
     compute: Compute,
+    limit: Option<Duration>,
     orders: watch::Receiver<Order>,
     runtime: Handle,
     _living: mpsc::Sender<()>,
@@ -121,6 +129,8 @@ impl Worker {
         while let Some(claimed) = runtime.block_on(self.claim()) {
             let mut next = Some(claimed);
             while let Some(claimed) = next {
+                let _span = span(&claimed).entered();
+                tracing::debug!("begun");
                 // The payload of a panic is all that can come through: nothing the closure could
                 // leave half done is used afterwards.
                 let outcome = catch_unwind(AssertUnwindSafe(|| self.compute(&claimed)))
@@ -177,7 +187,8 @@ impl Worker {
             Ok(work) => work,
             Err(message) => return Outcome::Failed(FailureKind::UnreadableTask, message),
         };
-        let mut reported = Instant::now();
+        let started = Instant::now();
+        let mut reported = started;
         loop {
             if claimed.stop.is_raised() {
                 return Outcome::Unwanted;
@@ -189,6 +200,15 @@ impl Worker {
                 Step::Done(answer) => return Outcome::Done(answer),
                 Step::Working { progress } => progress,
             };
+            if let Some(limit) = self.limit
+                && started.elapsed() > limit
+            {
+                let message = format!(
+                    "it took longer than the {} that this server allows",
+                    humantime::format_duration(limit)
+                );
+                return Outcome::Failed(FailureKind::TimeLimit, message);
+            }
             if reported.elapsed() >= REPORT {
                 reported = Instant::now();
                 let noted = self.store.progress(claimed.run, claimed.attempt, progress);
@@ -222,13 +242,14 @@ impl Worker {
     }
 
     async fn store_outcome(&self, claimed: &Claimed, outcome: &Outcome) -> Result<(), Error> {
-        let Claimed { run, attempt, key, .. } = claimed;
+        let Claimed { run, attempt, .. } = claimed;
         let accepted = match outcome {
             Outcome::Done(answer) => {
+                tracing::debug!("done");
                 self.store.finish(*run, *attempt, answer).await? != Finish::Refused
             }
             Outcome::Failed(kind, message) => {
-                tracing::error!(%key, %kind, message, "a run failed");
+                tracing::error!(%kind, message, "a run failed");
                 self.store.fail(*run, *attempt, *kind, message).await?
             }
             Outcome::Interrupted => self.store.release(*run, *attempt).await?,
@@ -240,6 +261,14 @@ impl Worker {
         }
         Ok(())
     }
+}
+
+/// What the log lines of a run have in common: its key, and the request that wanted it.
+fn span(claimed: &Claimed) -> tracing::Span {
+    let Claimed { key, attempt, trace, .. } = claimed;
+    let mut words = trace.as_deref().unwrap_or_default().split(' ');
+    let (request, traceparent) = (words.next().unwrap_or_default(), words.next());
+    tracing::info_span!("run", %key, attempt, request, traceparent)
 }
 
 /// What a panic said.

@@ -17,6 +17,8 @@ mod engine;
 mod exact;
 mod figures;
 #[cfg(feature = "serve")]
+mod keeping;
+#[cfg(feature = "serve")]
 mod kill;
 mod literal;
 #[cfg(feature = "serve")]
@@ -36,6 +38,8 @@ mod server;
 mod shapes;
 #[cfg(feature = "serve")]
 mod store;
+#[cfg(feature = "serve")]
+mod team;
 mod verification;
 #[cfg(feature = "serve")]
 mod worker;

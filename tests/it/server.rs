@@ -6,7 +6,7 @@ use std::net::SocketAddr;
 use std::sync::{Arc, Condvar, Mutex};
 use std::time::Duration;
 
-use fretwork::api::{self, App, Origins};
+use fretwork::api::{self, Origins, Peer, Settings};
 use fretwork::job::{Answer, Key, Step, Task, Work};
 use fretwork::store::{Options, Store};
 use fretwork::worker::{Compute, Workers};
@@ -36,15 +36,21 @@ impl Server {
     }
 
     pub async fn computing(compute: Compute, origins: &Origins) -> Self {
+        let settings = Settings { origins: origins.clone(), ..Settings::default() };
+        Self::with(compute, &settings, &Options::default()).await
+    }
+
+    pub async fn with(compute: Compute, settings: &Settings, options: &Options) -> Self {
         let dir = TempDir::new().unwrap();
-        let store = Store::open(dir.path(), &Options::default()).await.unwrap();
+        let store = Store::open(dir.path(), options).await.unwrap();
         store.recover().await.unwrap();
-        let workers = Workers::start(&store, 2, &compute).unwrap();
+        let workers = Workers::start(&store, 2, settings.run_limit, &compute).unwrap();
         let (drain, draining) = watch::channel(false);
-        let router = api::router(App { store, draining }, origins);
+        let router = api::router(store, draining, settings);
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = listener.local_addr().unwrap();
-        tokio::spawn(async move { axum::serve(listener, router).await.unwrap() });
+        let service = router.into_make_service_with_connect_info::<Peer>();
+        tokio::spawn(async move { axum::serve(listener, service).await.unwrap() });
         Self { address, drain, _workers: workers, dir }
     }
 

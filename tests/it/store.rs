@@ -6,7 +6,8 @@ use std::path::Path;
 
 use fretwork::job::{Answer, FailureKind, Job, JobId, JobState, Key, Origin};
 use fretwork::store::{
-    Canceled, Claimed, Error, Filter, Finish, NewJob, Options, Recovered, Store,
+    Canceled, Claimed, Deleted, Error, Filter, Finish, NewJob, Options, Recovered, Store,
+    StoredResult, Submitted,
 };
 use proptest::prelude::*;
 use proptest::sample::Index;
@@ -26,9 +27,21 @@ pub fn new_job(number: u8) -> NewJob {
         owner: "ada".into(),
         key: key(number),
         task: format!("task {number}"),
+        priority: 3,
         label: None,
         tags: vec![],
         warnings: vec![],
+        repeatable: None,
+        afresh: false,
+        trace: None,
+    }
+}
+
+/// The job that a submission became.
+pub fn accepted(submitted: Result<Submitted, Error>) -> Job {
+    match submitted {
+        Ok(Submitted::Accepted(job)) => job,
+        other => panic!("{other:?}"),
     }
 }
 
@@ -40,6 +53,14 @@ pub async fn fresh() -> (TempDir, Store) {
     let dir = TempDir::new().unwrap();
     let store = open(dir.path()).await;
     (dir, store)
+}
+
+/// The body of a result that is there.
+pub async fn body(store: &Store, number: u8) -> Vec<u8> {
+    match store.result(&key(number)).await.unwrap() {
+        Some(StoredResult::Whole { body, .. }) => body.to_vec(),
+        other => panic!("{other:?}"),
+    }
 }
 
 /// What is on the disk at this moment.
@@ -94,7 +115,7 @@ async fn sixty_four_identical_submissions_at_once_are_one_run_and_sixty_four_job
     let mut submissions = JoinSet::new();
     for _ in 0..64 {
         let store = store.clone();
-        submissions.spawn(async move { store.submit(new_job(1)).await.unwrap() });
+        submissions.spawn(async move { accepted(store.submit(new_job(1)).await) });
     }
     let jobs = submissions.join_all().await;
     let computed = jobs.iter().filter(|job| job.origin == Origin::Computed).count();
@@ -114,20 +135,20 @@ async fn sixty_four_identical_submissions_at_once_are_one_run_and_sixty_four_job
         assert_eq!(job.created, submitted.created);
         assert!(job.started >= Some(job.created) && job.finished >= job.started);
     }
-    assert_eq!(store.result(&key(1)).await.unwrap().unwrap().body, b"a");
+    assert_eq!(body(&store, 1).await, b"a");
     assert_eq!(store.live_job(&key(1)).await.unwrap(), None);
 }
 
 #[tokio::test]
 async fn a_known_result_ends_a_job_at_once_without_a_run() {
     let (_dir, store) = fresh().await;
-    store.submit(new_job(1)).await.unwrap();
+    accepted(store.submit(new_job(1)).await);
     assert!(!store.has_result(&key(1)).await.unwrap());
     let claimed = claim(&store).await;
     store.finish(claimed.run, 1, &answer("a")).await.unwrap();
     assert!(store.has_result(&key(1)).await.unwrap());
 
-    let cached = store.submit(new_job(1)).await.unwrap();
+    let cached = accepted(store.submit(new_job(1)).await);
     assert_eq!((cached.state, cached.origin), (JobState::Succeeded, Origin::Cached));
     assert_eq!((cached.attempt, cached.summary.clone()), (0, Some(json!({ "regime": "a" }))));
     assert_eq!(job(&store, cached.id).await, cached, "what was answered is what is stored");
@@ -142,11 +163,11 @@ async fn what_a_submission_answers_is_what_a_later_question_answers() {
         tags: vec!["µ = 0.7".into(), "b\"c".into()],
         ..new_job(1)
     };
-    let queued = store.submit(new).await.unwrap();
+    let queued = accepted(store.submit(new).await);
     assert_eq!(job(&store, queued.id).await, queued);
     let claimed = claim(&store).await;
     assert!(store.progress(claimed.run, 1, 0.25).await.unwrap());
-    let joined = store.submit(new_job(1)).await.unwrap();
+    let joined = accepted(store.submit(new_job(1)).await);
     assert_eq!(joined.progress.to_bits(), 0.25f64.to_bits());
     assert_eq!((joined.state, joined.attempt), (JobState::Running, 1));
     assert_eq!(job(&store, joined.id).await, joined);
@@ -167,14 +188,14 @@ async fn a_job_submitted_twice_under_one_id_is_refused_and_harms_no_other() {
     assert_eq!(good.len(), 7);
     assert!(matches!(bad[..], [Err(Error::JobExists(id))] if id == twice.id));
     for submitted in good {
-        assert_eq!(state(&store, submitted.unwrap().id).await, JobState::Queued);
+        assert_eq!(state(&store, accepted(submitted).id).await, JobState::Queued);
     }
 }
 
 #[tokio::test]
 async fn a_worker_that_was_given_up_changes_nothing() {
     let (dir, store) = fresh().await;
-    let submitted = store.submit(new_job(1)).await.unwrap();
+    let submitted = accepted(store.submit(new_job(1)).await);
     let zombie = claim(&store).await;
     let (_copy, store) = after_a_crash(dir.path()).await;
     assert_eq!(store.recover().await.unwrap(), Recovered { requeued: 1, ..Recovered::default() });
@@ -205,12 +226,13 @@ async fn a_worker_that_was_given_up_changes_nothing() {
 async fn a_different_result_of_the_same_key_does_not_replace_the_first() {
     let (dir, store) = fresh().await;
     for (text, expected) in [("b", Finish::Differs), ("a", Finish::Same)] {
-        store.submit(new_job(1)).await.unwrap();
+        accepted(store.submit(new_job(1)).await);
         let claimed = claim(&store).await;
         let mut raw = raw(dir.path()).await;
         // As a computation under way meets the result of another, after an import for instance.
         raw.execute(
-            "INSERT INTO result VALUES (unhex(replace(printf('%32s', ''), ' ', '01')), '{}',
+            "INSERT INTO result (key, summary, digest, size, created)
+             VALUES (unhex(replace(printf('%32s', ''), ' ', '01')), '{}',
                  unhex('ca978112ca1bbdcafac231b39a23dc4da786eff8147c4e72b9807785afee48bb'), 1, 0);
              INSERT INTO result_blob SELECT key, CAST('a' AS BLOB) FROM result",
         )
@@ -218,7 +240,7 @@ async fn a_different_result_of_the_same_key_does_not_replace_the_first() {
         .unwrap();
         let finish = store.finish(claimed.run, 1, &answer(text)).await.unwrap();
         assert_eq!(finish, expected);
-        assert_eq!(store.result(&key(1)).await.unwrap().unwrap().body, b"a");
+        assert_eq!(body(&store, 1).await, b"a");
         raw.execute("DELETE FROM result").await.unwrap();
     }
 }
@@ -226,11 +248,11 @@ async fn a_different_result_of_the_same_key_does_not_replace_the_first() {
 #[tokio::test]
 async fn a_canceled_job_leaves_the_run_to_the_others() {
     let (_dir, store) = fresh().await;
-    let first = store.submit(new_job(1)).await.unwrap();
-    let second = store.submit(new_job(1)).await.unwrap();
+    let first = accepted(store.submit(new_job(1)).await);
+    let second = accepted(store.submit(new_job(1)).await);
     assert_eq!(cancel(&store, first.id).await, JobState::Canceled);
     let claimed = claim(&store).await;
-    let third = store.submit(new_job(1)).await.unwrap();
+    let third = accepted(store.submit(new_job(1)).await);
     assert_eq!(cancel(&store, second.id).await, JobState::Canceled);
     assert!(!claimed.stop.is_raised());
     store.finish(claimed.run, 1, &answer("a")).await.unwrap();
@@ -244,25 +266,25 @@ async fn a_canceled_job_leaves_the_run_to_the_others() {
 #[tokio::test]
 async fn the_last_job_of_a_queued_run_takes_the_run_with_it() {
     let (_dir, store) = fresh().await;
-    let first = store.submit(new_job(1)).await.unwrap();
-    let second = store.submit(new_job(1)).await.unwrap();
+    let first = accepted(store.submit(new_job(1)).await);
+    let second = accepted(store.submit(new_job(1)).await);
     cancel(&store, second.id).await;
     assert_eq!(cancel(&store, first.id).await, JobState::Canceled);
     assert!(store.claim().await.unwrap().is_none());
-    let again = store.submit(new_job(1)).await.unwrap();
+    let again = accepted(store.submit(new_job(1)).await);
     assert_eq!((again.origin, claim(&store).await.attempt), (Origin::Computed, 1));
 }
 
 #[tokio::test]
 async fn a_submission_during_the_canceling_of_a_run_starts_a_new_one() {
     let (_dir, store) = fresh().await;
-    let first = store.submit(new_job(1)).await.unwrap();
+    let first = accepted(store.submit(new_job(1)).await);
     let dying = claim(&store).await;
     assert_eq!(cancel(&store, first.id).await, JobState::Canceling);
     assert!(dying.stop.is_raised());
     assert_eq!(cancel(&store, first.id).await, JobState::Canceling, "canceling again is the same");
 
-    let second = store.submit(new_job(1)).await.unwrap();
+    let second = accepted(store.submit(new_job(1)).await);
     assert_eq!((second.origin, second.state), (Origin::Computed, JobState::Queued));
     let alive = claim(&store).await;
     assert_ne!(alive.run, dying.run);
@@ -280,7 +302,7 @@ async fn a_submission_during_the_canceling_of_a_run_starts_a_new_one() {
 #[tokio::test]
 async fn canceling_what_is_finished_or_unknown_says_so() {
     let (_dir, store) = fresh().await;
-    let submitted = store.submit(new_job(1)).await.unwrap();
+    let submitted = accepted(store.submit(new_job(1)).await);
     let claimed = claim(&store).await;
     store.fail(claimed.run, 1, FailureKind::Panicked, "index out of bounds").await.unwrap();
     let Canceled::AlreadyFinished(failed) = store.cancel(submitted.id).await.unwrap() else {
@@ -290,19 +312,19 @@ async fn canceling_what_is_finished_or_unknown_says_so() {
     assert_eq!(failure.kind, FailureKind::Panicked);
     assert_eq!(failure.message, "index out of bounds");
     assert_eq!(store.cancel(JobId::generate()).await.unwrap(), Canceled::NotFound);
-    let again = store.submit(new_job(1)).await.unwrap();
+    let again = accepted(store.submit(new_job(1)).await);
     assert_eq!(again.origin, Origin::Computed, "failures are not cached");
 }
 
 #[tokio::test]
 async fn every_unfinished_state_is_recovered() {
     let (dir, store) = fresh().await;
-    let canceling = store.submit(new_job(1)).await.unwrap();
-    let running = store.submit(new_job(2)).await.unwrap();
-    let joined = store.submit(new_job(2)).await.unwrap();
-    let left = store.submit(new_job(2)).await.unwrap();
-    let done = store.submit(new_job(3)).await.unwrap();
-    let queued = store.submit(new_job(4)).await.unwrap();
+    let canceling = accepted(store.submit(new_job(1)).await);
+    let running = accepted(store.submit(new_job(2)).await);
+    let joined = accepted(store.submit(new_job(2)).await);
+    let left = accepted(store.submit(new_job(2)).await);
+    let done = accepted(store.submit(new_job(3)).await);
+    let queued = accepted(store.submit(new_job(4)).await);
     claim(&store).await;
     claim(&store).await;
     let third = claim(&store).await;
@@ -326,13 +348,13 @@ async fn every_unfinished_state_is_recovered() {
     }
     assert_eq!(claim(&store).await.attempt, 2);
     assert_eq!(claim(&store).await.attempt, 1);
-    assert_eq!(store.result(&key(3)).await.unwrap().unwrap().body, b"a");
+    assert_eq!(body(&store, 3).await, b"a");
 }
 
 #[tokio::test]
 async fn a_run_that_takes_the_process_down_three_times_has_failed() {
     let (mut dir, mut store) = fresh().await;
-    let submitted = store.submit(new_job(1)).await.unwrap();
+    let submitted = accepted(store.submit(new_job(1)).await);
     // To be released on a drain is no fault of the run.
     let released = claim(&store).await;
     assert!(store.release(released.run, released.attempt).await.unwrap());
@@ -353,7 +375,7 @@ async fn a_run_that_takes_the_process_down_three_times_has_failed() {
 async fn runs_are_claimed_in_the_order_of_submission() {
     let (_dir, store) = fresh().await;
     for number in 0..5 {
-        store.submit(new_job(number)).await.unwrap();
+        accepted(store.submit(new_job(number)).await);
     }
     let first = claim(&store).await;
     store.release(first.run, first.attempt).await.unwrap();
@@ -367,13 +389,13 @@ async fn pages_follow_each_other_without_gap_or_repetition_while_jobs_arrive() {
     let (_dir, store) = fresh().await;
     let mut expected = Vec::new();
     for number in 0..7 {
-        expected.insert(0, store.submit(new_job(number)).await.unwrap().id);
+        expected.insert(0, accepted(store.submit(new_job(number)).await).id);
     }
     let mut seen = Vec::new();
     let mut cursor = None;
     loop {
         let page = store.jobs(&Filter::default(), cursor, 3).await.unwrap();
-        store.submit(new_job(200)).await.unwrap();
+        accepted(store.submit(new_job(200)).await);
         seen.extend(page.jobs.iter().map(|job| job.id));
         cursor = page.next;
         if cursor.is_none() {
@@ -390,10 +412,10 @@ async fn lists_are_filtered_by_any_combination() {
     let label = Some("ball".to_owned());
     let labelled =
         NewJob { label: label.clone(), tags: vec!["x".into(), "y".into()], ..new_job(1) };
-    let labelled = store.submit(labelled).await.unwrap().id;
+    let labelled = accepted(store.submit(labelled).await).id;
     let tagged = NewJob { tags: vec!["y".into()], owner: "bob".into(), ..new_job(2) };
-    let tagged = store.submit(tagged).await.unwrap().id;
-    let plain = store.submit(new_job(2)).await.unwrap().id;
+    let tagged = accepted(store.submit(tagged).await).id;
+    let plain = accepted(store.submit(new_job(2)).await).id;
     claim(&store).await;
 
     let tag = |tag: &str| Some(tag.to_owned());
@@ -420,7 +442,7 @@ async fn lists_are_filtered_by_any_combination() {
 #[tokio::test]
 async fn waiting_ends_with_the_job_or_with_patience() {
     let (_dir, store) = fresh().await;
-    let submitted = store.submit(new_job(1)).await.unwrap();
+    let submitted = accepted(store.submit(new_job(1)).await);
     let impatient = store.wait(submitted.clone(), async {}).await.unwrap();
     assert_eq!(impatient.state, JobState::Queued);
 
@@ -438,8 +460,8 @@ async fn waiting_ends_with_the_job_or_with_patience() {
 async fn the_live_job_of_a_key_is_the_oldest_that_still_waits() {
     let (_dir, store) = fresh().await;
     assert_eq!(store.live_job(&key(1)).await.unwrap(), None);
-    let first = store.submit(new_job(1)).await.unwrap();
-    let second = store.submit(new_job(1)).await.unwrap();
+    let first = accepted(store.submit(new_job(1)).await);
+    let second = accepted(store.submit(new_job(1)).await);
     assert_eq!(store.live_job(&key(1)).await.unwrap(), Some(first.id));
     cancel(&store, first.id).await;
     assert_eq!(store.live_job(&key(1)).await.unwrap(), Some(second.id));
@@ -462,7 +484,7 @@ async fn what_was_asked_before_closing_is_done() {
     let (dir, store) = fresh().await;
     let (submitted, ()) = tokio::join!(store.submit(new_job(1)), store.close());
     let store = open(dir.path()).await;
-    assert_eq!(state(&store, submitted.unwrap().id).await, JobState::Queued);
+    assert_eq!(state(&store, accepted(submitted).id).await, JobState::Queued);
 }
 
 #[tokio::test]
@@ -472,7 +494,7 @@ async fn a_database_of_a_later_version_is_refused() {
     let later = "INSERT INTO _sqlx_migrations VALUES (9999, 'later', 0, TRUE, x'00', 0)";
     raw(dir.path()).await.execute(later).await.unwrap();
     let opened = Store::open(dir.path(), &Options::default()).await;
-    assert!(matches!(opened, Err(Error::Newer { found: 9999, known: 1, .. })), "{opened:?}");
+    assert!(matches!(opened, Err(Error::Newer { found: 9999, known: 2, .. })), "{opened:?}");
 }
 
 #[tokio::test]
@@ -523,6 +545,8 @@ enum Verb {
     Stopped(Index),
     Release(Index),
     Cancel(Index),
+    CancelAll(u8),
+    Delete(Index),
     Crash,
 }
 
@@ -537,13 +561,15 @@ fn verbs() -> impl Strategy<Value = Vec<Verb>> {
         2 => index().prop_map(Verb::Stopped),
         1 => index().prop_map(Verb::Release),
         4 => index().prop_map(Verb::Cancel),
+        1 => (0..3u8).prop_map(Verb::CancelAll),
+        2 => index().prop_map(Verb::Delete),
         2 => Just(Verb::Crash),
     ];
     prop::collection::vec(verb, 1..60)
 }
 
 /// A statement that counts what must not be, and what it is that must not be.
-const INVARIANTS: [(&str, &str); 8] = [
+const INVARIANTS: [(&str, &str); 9] = [
     (
         "two live runs of one key",
         "SELECT count(*) FROM (SELECT 1 FROM run WHERE state IN ('queued', 'running')
@@ -574,9 +600,14 @@ const INVARIANTS: [(&str, &str); 8] = [
         "SELECT count(*) FROM job WHERE state = 'succeeded' AND key NOT IN (SELECT key FROM result)",
     ),
     (
-        "a result that no run left",
-        "SELECT count(*) FROM result
-         WHERE key NOT IN (SELECT key FROM run WHERE state = 'succeeded')",
+        "a run that no job names",
+        "SELECT count(*) FROM run WHERE NOT EXISTS (SELECT 1 FROM job WHERE job.run = run.id)",
+    ),
+    (
+        "a job whose last change is not its state",
+        "SELECT count(*) FROM job
+         WHERE changes NOT LIKE '%' || state || ' ' || attempt || ' ' || '%'
+             OR (finished IS NOT NULL AND changes NOT LIKE '%' || state || ' % ' || finished)",
     ),
     (
         "a result without its body, or a body without its result",
@@ -601,12 +632,32 @@ impl Trial {
         let store = &self.store;
         match verb {
             Verb::Submit(number) => {
-                self.jobs.push(store.submit(new_job(*number)).await.unwrap().id);
+                let (count, owners) = (self.jobs.len(), ["ada", "bob", "eve"]);
+                let owner = owners[count % 3].to_owned();
+                let priority = u8::try_from(count * 5 % 8).unwrap();
+                let new = NewJob { owner, priority, ..new_job(*number) };
+                self.jobs.push(accepted(store.submit(new).await).id);
             }
             Verb::Claim => self.claims.extend(store.claim().await.unwrap()),
             Verb::Cancel(index) if !self.jobs.is_empty() => {
                 let canceled = store.cancel(*index.get(&self.jobs)).await.unwrap();
                 assert_ne!(canceled, Canceled::NotFound);
+            }
+            Verb::CancelAll(number) => {
+                let filter = Filter { key: Some(key(*number)), ..Filter::default() };
+                store.cancel_all(&filter).await.unwrap();
+                for job in store.jobs(&filter, None, 100).await.unwrap().jobs {
+                    assert!(job.state.is_finished() || job.state == JobState::Canceling);
+                }
+            }
+            Verb::Delete(index) if !self.jobs.is_empty() => {
+                let place = index.index(self.jobs.len());
+                match store.delete(self.jobs[place]).await.unwrap() {
+                    Deleted::Done => {
+                        self.finished.remove(&self.jobs.remove(place));
+                    }
+                    other => assert!(matches!(other, Deleted::Unfinished(_)), "{other:?}"),
+                }
             }
             Verb::Crash => {
                 (self.dir, self.store) = after_a_crash(self.dir.path()).await;

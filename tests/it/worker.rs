@@ -10,7 +10,7 @@ use fretwork::worker::{Compute, Workers};
 use serde_json::json;
 use sqlx::Executor;
 
-use crate::store::{fresh, key, new_job, raw};
+use crate::store::{accepted, body, fresh, new_job, raw};
 
 /// Long enough for anything that is not stuck.
 const PATIENCE: Duration = Duration::from_mins(1);
@@ -62,7 +62,7 @@ fn compute(stage: &Arc<Stage>) -> Compute {
 
 async fn submit(store: &Store, number: u8, task: &str) -> JobId {
     let job = NewJob { task: task.to_owned(), ..new_job(number) };
-    store.submit(job).await.unwrap().id
+    accepted(store.submit(job).await).id
 }
 
 /// Waits until a job is as it should be.
@@ -89,7 +89,7 @@ async fn state(store: &Store, id: JobId, state: JobState) -> Job {
 async fn every_job_is_computed_once_and_its_result_kept() {
     let (_dir, store) = fresh().await;
     let stage = Arc::default();
-    let workers = Workers::start(&store, 3, &compute(&stage)).unwrap();
+    let workers = Workers::start(&store, 3, None, &compute(&stage)).unwrap();
     let mut jobs = Vec::new();
     for number in 0..100 {
         jobs.push(submit(&store, number, &format!("task {number}")).await);
@@ -97,7 +97,7 @@ async fn every_job_is_computed_once_and_its_result_kept() {
     for (number, id) in (0..100).zip(jobs) {
         let job = state(&store, id, JobState::Succeeded).await;
         assert_eq!(job.attempt, 1);
-        let body = store.result(&key(number)).await.unwrap().unwrap().body;
+        let body = body(&store, number).await;
         assert_eq!(body, format!("task {number}").into_bytes());
     }
     workers.drain(PATIENCE).await;
@@ -108,7 +108,7 @@ async fn every_job_is_computed_once_and_its_result_kept() {
 async fn a_panic_fails_its_run_and_nothing_else() {
     let (_dir, store) = fresh().await;
     let stage = Arc::default();
-    let workers = Workers::start(&store, 1, &compute(&stage)).unwrap();
+    let workers = Workers::start(&store, 1, None, &compute(&stage)).unwrap();
     let panics = submit(&store, 1, "panic").await;
     let unreadable = submit(&store, 2, "unreadable").await;
     let good = submit(&store, 3, "good").await;
@@ -125,7 +125,7 @@ async fn a_panic_fails_its_run_and_nothing_else() {
 async fn canceling_stops_the_work_and_frees_the_thread() {
     let (_dir, store) = fresh().await;
     let stage = Arc::default();
-    let workers = Workers::start(&store, 1, &compute(&stage)).unwrap();
+    let workers = Workers::start(&store, 1, None, &compute(&stage)).unwrap();
     let endless = submit(&store, 1, "gated").await;
     let shared = submit(&store, 1, "gated").await;
     state(&store, shared, JobState::Running).await;
@@ -143,7 +143,7 @@ async fn canceling_stops_the_work_and_frees_the_thread() {
 async fn progress_is_told_while_the_work_goes_on() {
     let (_dir, store) = fresh().await;
     let stage: Arc<Stage> = Arc::default();
-    let workers = Workers::start(&store, 1, &compute(&stage)).unwrap();
+    let workers = Workers::start(&store, 1, None, &compute(&stage)).unwrap();
     let id = submit(&store, 1, "gated").await;
     let job = until(&store, id, |job| job.progress > 0.0).await;
     assert_eq!((job.state, job.progress.to_bits()), (JobState::Running, 0.5f64.to_bits()));
@@ -156,7 +156,7 @@ async fn progress_is_told_while_the_work_goes_on() {
 async fn a_drain_without_grace_puts_running_work_back_in_the_queue() {
     let (_dir, store) = fresh().await;
     let stage: Arc<Stage> = Arc::default();
-    let workers = Workers::start(&store, 2, &compute(&stage)).unwrap();
+    let workers = Workers::start(&store, 2, None, &compute(&stage)).unwrap();
     let first = submit(&store, 1, "gated").await;
     let second = submit(&store, 2, "gated").await;
     state(&store, first, JobState::Running).await;
@@ -167,7 +167,7 @@ async fn a_drain_without_grace_puts_running_work_back_in_the_queue() {
         assert_eq!((job.state, job.started), (JobState::Queued, None));
     }
     stage.open.store(true, Ordering::SeqCst);
-    let workers = Workers::start(&store, 2, &compute(&stage)).unwrap();
+    let workers = Workers::start(&store, 2, None, &compute(&stage)).unwrap();
     for id in [first, second] {
         assert_eq!(state(&store, id, JobState::Succeeded).await.attempt, 2);
     }
@@ -178,7 +178,7 @@ async fn a_drain_without_grace_puts_running_work_back_in_the_queue() {
 async fn a_drain_lets_running_work_finish_and_begins_nothing_more() {
     let (_dir, store) = fresh().await;
     let stage: Arc<Stage> = Arc::default();
-    let workers = Workers::start(&store, 1, &compute(&stage)).unwrap();
+    let workers = Workers::start(&store, 1, None, &compute(&stage)).unwrap();
     let running = submit(&store, 1, "gated").await;
     state(&store, running, JobState::Running).await;
     let waiting = submit(&store, 2, "waiting").await;
@@ -201,7 +201,7 @@ async fn a_result_that_the_store_refuses_is_kept_until_it_is_accepted() {
     let mut raw = raw(dir.path()).await;
     raw.execute(REFUSE).await.unwrap();
     let stage: Arc<Stage> = Arc::default();
-    let workers = Workers::start(&store, 1, &compute(&stage)).unwrap();
+    let workers = Workers::start(&store, 1, None, &compute(&stage)).unwrap();
     let refused = submit(&store, 1, "refused").await;
     state(&store, refused, JobState::Running).await;
     // Other changes are accepted meanwhile, whether or not they share a batch with the refused one.
@@ -219,7 +219,7 @@ async fn a_drain_ends_although_the_store_refuses_and_the_run_is_recovered() {
     let mut raw = raw(dir.path()).await;
     raw.execute(REFUSE).await.unwrap();
     let stage: Arc<Stage> = Arc::default();
-    let workers = Workers::start(&store, 1, &compute(&stage)).unwrap();
+    let workers = Workers::start(&store, 1, None, &compute(&stage)).unwrap();
     let id = submit(&store, 1, "gated").await;
     state(&store, id, JobState::Running).await;
     stage.open.store(true, Ordering::SeqCst);
@@ -234,7 +234,7 @@ async fn a_drain_ends_although_the_store_refuses_and_the_run_is_recovered() {
         other => panic!("{other}"),
     }
     raw.execute("DROP TRIGGER refuse").await.unwrap();
-    let workers = Workers::start(&store, 1, &compute(&stage)).unwrap();
+    let workers = Workers::start(&store, 1, None, &compute(&stage)).unwrap();
     assert_eq!(state(&store, id, JobState::Succeeded).await.attempt, 2);
     state(&store, failing, JobState::Failed).await;
     workers.drain(PATIENCE).await;

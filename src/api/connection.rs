@@ -4,38 +4,44 @@
 //! occupy a connection and up to an answer's worth of memory for ever.
 
 use std::io::{self, IoSlice};
+use std::net::SocketAddr;
 use std::pin::Pin;
 use std::task::{Context, Poll, ready};
 use std::time::Duration;
 
 use axum::serve::Listener;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use tokio::net::{TcpListener, TcpStream};
 use tokio::time::{Instant, Sleep, sleep};
 
 /// Accepts connections that are closed once nothing has moved for some time, in either direction.
 /// It must be longer than the longest time a request may wait for its answer.
-pub struct Patient<L> {
+#[derive(Debug)]
+pub struct Patient {
     /// Where connections come from.
-    pub listener: L,
+    pub listener: TcpListener,
     /// How long a connection may stand still.
     pub patience: Duration,
 }
 
-impl<L: Listener> Listener for Patient<L> {
-    type Io = Connection<L::Io>;
-    type Addr = L::Addr;
+impl Listener for Patient {
+    type Io = Connection<TcpStream>;
+    type Addr = SocketAddr;
 
     async fn accept(&mut self) -> (Self::Io, Self::Addr) {
-        let (io, address) = self.listener.accept().await;
+        let (io, address) = Listener::accept(&mut self.listener).await;
+        // Small answers must not wait for more to send; without it they only come later.
+        let _ = io.set_nodelay(true);
         (Connection::new(io, self.patience), address)
     }
 
     fn local_addr(&self) -> io::Result<Self::Addr> {
-        self.listener.local_addr()
+        Listener::local_addr(&self.listener)
     }
 }
 
 /// A connection with a clock that starts anew whenever something moves.
+#[derive(Debug)]
 pub struct Connection<T> {
     io: T,
     patience: Duration,

@@ -1,0 +1,119 @@
+//! Who asks, and with which request.
+
+use std::convert::Infallible;
+use std::net::SocketAddr;
+
+use axum::extract::{ConnectInfo, FromRequestParts};
+use axum::http::request::Parts;
+use axum::http::{HeaderMap, HeaderName};
+use axum::serve::IncomingStream;
+use tokio::net::TcpListener;
+
+use super::connection::Patient;
+
+/// Where a connection comes from.
+#[derive(Debug, Clone, Copy)]
+pub struct Peer(SocketAddr);
+
+impl axum::extract::connect_info::Connected<IncomingStream<'_, TcpListener>> for Peer {
+    fn connect_info(stream: IncomingStream<'_, TcpListener>) -> Self {
+        Self(*stream.remote_addr())
+    }
+}
+
+impl axum::extract::connect_info::Connected<IncomingStream<'_, Patient>> for Peer {
+    fn connect_info(stream: IncomingStream<'_, Patient>) -> Self {
+        Self(*stream.remote_addr())
+    }
+}
+
+/// Names one request, in its answer, in the log and in the log of what it sets off.
+#[derive(Debug, Clone)]
+pub struct Trace {
+    /// The request id.
+    pub id: String,
+    /// The `traceparent` (W3C Trace Context) under which the caller works, if it has one.
+    pub parent: Option<String>,
+}
+
+pub const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
+const TRACEPARENT: HeaderName = HeaderName::from_static("traceparent");
+
+impl Trace {
+    /// Takes the names that the request brings, as far as they are sound.
+    pub fn read(headers: &HeaderMap) -> Self {
+        let text = |name| headers.get(name).and_then(|value| value.to_str().ok());
+        let id = text(REQUEST_ID)
+            .filter(|id| is_sane(id))
+            .map_or_else(|| uuid::Uuid::now_v7().to_string(), str::to_owned);
+        Self {
+            id,
+            parent: text(TRACEPARENT).filter(|text| is_traceparent(text)).map(str::to_owned),
+        }
+    }
+}
+
+/// An id from outside goes into the log and into answers, so it must be short and plain.
+fn is_sane(id: &str) -> bool {
+    let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-_.:/+=".contains(&byte);
+    (1..=128).contains(&id.len()) && id.bytes().all(plain)
+}
+
+/// Version, trace, parent and flags in lower-case hexadecimal, neither id only zeros.
+fn is_traceparent(text: &str) -> bool {
+    let parts: Vec<&str> = text.split('-').collect();
+    let hex = |part: &&str| part.bytes().all(|b| b.is_ascii_digit() || (b'a'..=b'f').contains(&b));
+    let lengths: Vec<usize> = parts.iter().map(|part| part.len()).collect();
+    parts.iter().all(hex)
+        && lengths == [2, 32, 16, 2]
+        && parts[0] != "ff"
+        && parts[1..3].iter().all(|id| id.bytes().any(|b| b != b'0'))
+}
+
+/// Who asks.
+#[derive(Debug, Clone)]
+pub struct Caller {
+    /// Whom a job belongs to. As long as nobody is asked for a key: the address of the client.
+    pub owner: String,
+    /// The request, as it goes with a job: its id and, after a blank, its `traceparent`.
+    pub trace: String,
+}
+
+impl<S: Sync> FromRequestParts<S> for Caller {
+    type Rejection = Infallible;
+
+    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Infallible> {
+        let owner = parts.extensions.get::<ConnectInfo<Peer>>().map_or_else(
+            || "unknown".to_owned(),
+            |ConnectInfo(Peer(address))| address.ip().to_canonical().to_string(),
+        );
+        let trace = match parts.extensions.get::<Trace>() {
+            Some(Trace { id, parent: Some(parent) }) => format!("{id} {parent}"),
+            Some(Trace { id, parent: None }) => id.clone(),
+            None => String::new(),
+        };
+        Ok(Self { owner, trace })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_sound_traceparent_is_taken() {
+        let sound = "00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01";
+        assert!(is_traceparent(sound));
+        for bad in [
+            "",
+            "00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7",
+            "00-00000000000000000000000000000000-00f067aa0ba902b7-01",
+            "00-4bf92f3577b34da6a3ce929d0e0e4736-0000000000000000-01",
+            "ff-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01",
+            "00-4BF92F3577B34DA6A3CE929D0E0E4736-00f067aa0ba902b7-01",
+            "00 4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01",
+        ] {
+            assert!(!is_traceparent(bad), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,60 @@
+//! The answers asked for most, at hand in memory.
+
+use axum::body::Bytes;
+use quick_cache::Weighter;
+use quick_cache::sync::Cache;
+
+/// Encoded answers up to some size in all; what is asked for rarely gives way.
+#[derive(Debug)]
+pub struct Memory {
+    answers: Option<Cache<String, Bytes, Size>>,
+}
+
+#[derive(Debug, Clone)]
+struct Size;
+
+impl Weighter<String, Bytes> for Size {
+    fn weight(&self, name: &String, body: &Bytes) -> u64 {
+        // What an entry takes beside its texts.
+        const OVERHEAD: usize = 128;
+        (name.len() + body.len() + OVERHEAD) as u64
+    }
+}
+
+impl Memory {
+    /// A memory of so many bytes; with none, nothing is remembered.
+    pub fn new(bytes: u64) -> Self {
+        // About how many answers of the usual size there will be.
+        let items = usize::try_from(bytes >> 16).unwrap_or(usize::MAX).max(16);
+        Self { answers: (bytes > 0).then(|| Cache::with_weighter(items, bytes, Size)) }
+    }
+
+    /// The answer of this name.
+    pub fn get(&self, name: &str) -> Option<Bytes> {
+        self.answers.as_ref()?.get(name)
+    }
+
+    /// Remembers an answer.
+    pub fn put(&self, name: String, body: &Bytes) {
+        if let Some(answers) = &self.answers {
+            answers.insert(name, body.clone());
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_remembered_stays_within_its_bytes() {
+        let memory = Memory::new(100_000);
+        let body = Bytes::from(vec![0; 10_000]);
+        for number in 0..100 {
+            memory.put(number.to_string(), &body);
+        }
+        let held = (0..100).filter(|number: &u32| memory.get(&number.to_string()).is_some());
+        assert!((1..10).contains(&held.count()));
+        assert!(Memory::new(0).get("0").is_none());
+    }
+}

@@ -1,0 +1,340 @@
+//! What the store does over years: repetitions, turns, retention, eviction, damage, older tables.
+
+use std::fs::{self, File};
+use std::os::unix::fs::FileExt as _;
+use std::time::Duration;
+
+use fretwork::job::{Answer, Job, JobState, Origin};
+use fretwork::store::{
+    Claimed, Deleted, Error, Filter, NewJob, Options, Repeatable, Store, StoredResult, Submitted,
+};
+use serde_json::json;
+use sqlx::{Connection as _, Executor as _};
+use tempfile::TempDir;
+
+use crate::store::{accepted, body, fresh, key, new_job, open, raw};
+
+fn repeatable(number: u8, name: &str, sent: &str) -> NewJob {
+    let fingerprint = sent.as_bytes().to_vec();
+    let repeatable = Some(Repeatable { key: name.into(), fingerprint });
+    NewJob { repeatable, ..new_job(number) }
+}
+
+async fn claim(store: &Store) -> Claimed {
+    store.claim().await.unwrap().unwrap()
+}
+
+/// Computes a key, so that its result is known, and returns the job.
+async fn compute(store: &Store, number: u8, bytes: usize) -> Job {
+    let job = accepted(store.submit(new_job(number)).await);
+    let claimed = claim(store).await;
+    let scenario = json!({"number": number, "exactly": 0.1});
+    let text = json!({"scenario": scenario, "rest": "x".repeat(bytes)}).to_string();
+    let answer = Answer { body: text.into(), summary: json!({}) };
+    store.finish(claimed.run, claimed.attempt, &answer).await.unwrap();
+    job
+}
+
+/// Waits until something holds that the store brings about by itself, in its quiet moments.
+async fn eventually<F: Future<Output = bool>>(holds: impl Fn() -> F) {
+    for _ in 0..1000 {
+        if holds().await {
+            return;
+        }
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    panic!("it did not come about");
+}
+
+async fn is_evicted(store: &Store, number: u8) -> bool {
+    matches!(store.result(&key(number)).await.unwrap(), Some(StoredResult::Evicted { .. }))
+}
+
+#[tokio::test]
+async fn a_submission_that_is_repeated_under_its_name_is_one_job() {
+    let (_dir, store) = fresh().await;
+    let first = accepted(store.submit(repeatable(1, "a", "one")).await);
+    let again = store.submit(repeatable(1, "a", "one")).await.unwrap();
+    assert_eq!(again, Submitted::Repeated(first.clone()));
+    assert_eq!(store.submit(repeatable(2, "a", "two")).await.unwrap(), Submitted::Mistaken);
+    // Names are each owner's own.
+    let other = NewJob { owner: "bob".into(), ..repeatable(1, "a", "two") };
+    assert_ne!(accepted(store.submit(other).await).id, first.id);
+    let claimed = claim(&store).await;
+    let answer = Answer { body: b"{}".to_vec(), summary: json!({}) };
+    store.finish(claimed.run, 1, &answer).await.unwrap();
+    match store.submit(repeatable(1, "a", "one")).await.unwrap() {
+        Submitted::Repeated(job) => {
+            assert_eq!((job.id, job.state), (first.id, JobState::Succeeded));
+        }
+        other => panic!("{other:?}"),
+    }
+}
+
+#[tokio::test]
+async fn the_single_job_of_another_comes_next_and_not_last() {
+    let (_dir, store) = fresh().await;
+    for number in 0..100 {
+        accepted(store.submit(new_job(number)).await);
+    }
+    let single = NewJob { owner: "bob".into(), ..new_job(200) };
+    accepted(store.submit(single).await);
+    assert_eq!(claim(&store).await.key, key(0), "ada was there first");
+    assert_eq!(claim(&store).await.key, key(200));
+    assert_eq!(claim(&store).await.key, key(1));
+}
+
+#[tokio::test]
+async fn turns_are_kept_over_a_restart_and_after_a_refused_transaction() {
+    let (dir, store) = fresh().await;
+    for (number, owner, priority) in [(1, "ada", 3), (2, "ada", 0), (3, "bob", 3), (4, "ada", 7)] {
+        let new = NewJob { owner: owner.into(), priority, ..new_job(number) };
+        accepted(store.submit(new).await);
+    }
+    store.close().await;
+    let store = open(dir.path()).await;
+    // A job under an id that exists makes its transaction fail.
+    let job = store.jobs(&Filter::default(), None, 1).await.unwrap().jobs.remove(0);
+    let twice = store.submit(NewJob { id: job.id, ..new_job(9) }).await;
+    assert!(matches!(twice, Err(Error::JobExists(_))), "{twice:?}");
+    for number in [2, 3, 1, 4] {
+        assert_eq!(claim(&store).await.key, key(number));
+    }
+    assert!(store.claim().await.unwrap().is_none());
+}
+
+#[tokio::test]
+async fn a_full_queue_refuses_what_needs_a_place_in_it_and_keeps_a_tenth_for_others() {
+    let dir = TempDir::new().unwrap();
+    let options = Options { queue_limit: 10, ..Options::default() };
+    let store = Store::open(dir.path(), &options).await.unwrap();
+    compute(&store, 100, 0).await;
+    for number in 0..9 {
+        accepted(store.submit(new_job(number)).await);
+    }
+    let refused = Submitted::Refused { queued: 9 };
+    assert_eq!(store.submit(new_job(9)).await.unwrap(), refused, "the last place is for others");
+    let other = NewJob { owner: "bob".into(), ..new_job(10) };
+    accepted(store.submit(other).await);
+    let other = NewJob { owner: "eve".into(), ..new_job(11) };
+    let refused = Submitted::Refused { queued: 10 };
+    assert_eq!(store.submit(other.clone()).await.unwrap(), refused);
+    // What is known, or under way, needs no place.
+    assert_eq!(accepted(store.submit(new_job(100)).await).origin, Origin::Cached);
+    assert_eq!(accepted(store.submit(new_job(3)).await).origin, Origin::Coalesced);
+    claim(&store).await;
+    accepted(store.submit(other).await);
+}
+
+#[tokio::test]
+async fn a_known_result_is_computed_again_if_that_is_asked_for() {
+    let (_dir, store) = fresh().await;
+    compute(&store, 1, 0).await;
+    let again = accepted(store.submit(NewJob { afresh: true, ..new_job(1) }).await);
+    assert_eq!((again.origin, again.state), (Origin::Computed, JobState::Queued));
+    let joined = accepted(store.submit(NewJob { afresh: true, ..new_job(1) }).await);
+    assert_eq!(joined.origin, Origin::Coalesced);
+    // Who does not ask for that is answered from what is known.
+    assert_eq!(accepted(store.submit(new_job(1)).await).origin, Origin::Cached);
+    let claimed = claim(&store).await;
+    let before = body(&store, 1).await;
+    let answer = Answer { body: b"{}".to_vec(), summary: json!({}) };
+    store.finish(claimed.run, claimed.attempt, &answer).await.unwrap();
+    assert_eq!(body(&store, 1).await, before, "what is stored stays");
+    let job = store.job(again.id).await.unwrap().unwrap();
+    assert_eq!(job.state, JobState::Succeeded);
+}
+
+#[tokio::test]
+async fn every_change_of_state_is_remembered_in_its_order() {
+    use JobState::{Canceled, Canceling, Queued, Running};
+    let (_dir, store) = fresh().await;
+    let job = accepted(store.submit(new_job(1)).await);
+    let claimed = claim(&store).await;
+    store.release(claimed.run, 1).await.unwrap();
+    let claimed = claim(&store).await;
+    store.cancel(job.id).await.unwrap();
+    store.stopped(claimed.run, 2).await.unwrap();
+    let job = store.job(job.id).await.unwrap().unwrap();
+    let changes: Vec<_> = job.changes.iter().map(|change| (change.state, change.attempt)).collect();
+    let expected =
+        [(Queued, 0), (Running, 1), (Queued, 1), (Running, 2), (Canceling, 2), (Canceled, 2)];
+    assert_eq!(changes, expected);
+    assert!(job.changes.windows(2).all(|pair| pair[0].at <= pair[1].at));
+}
+
+#[tokio::test]
+async fn only_what_has_ended_is_deleted_and_its_result_stays() {
+    let (_dir, store) = fresh().await;
+    let job = accepted(store.submit(new_job(1)).await);
+    assert!(matches!(store.delete(job.id).await.unwrap(), Deleted::Unfinished(_)));
+    let shared = accepted(store.submit(new_job(1)).await);
+    let claimed = claim(&store).await;
+    let answer = Answer { body: b"{}".to_vec(), summary: json!({}) };
+    store.finish(claimed.run, 1, &answer).await.unwrap();
+    for id in [job.id, shared.id] {
+        assert_eq!(store.delete(id).await.unwrap(), Deleted::Done);
+        assert_eq!(store.delete(id).await.unwrap(), Deleted::NotFound);
+    }
+    assert_eq!(body(&store, 1).await, b"{}");
+}
+
+#[tokio::test]
+async fn many_jobs_are_canceled_by_what_they_have_in_common() {
+    let (_dir, store) = fresh().await;
+    for number in 0..250 {
+        let tags = vec![if number % 2 == 0 { "even" } else { "odd" }.to_owned()];
+        accepted(store.submit(NewJob { tags, ..new_job(number) }).await);
+    }
+    let running = claim(&store).await;
+    let even = Filter { tag: Some("even".into()), ..Filter::default() };
+    assert_eq!(store.cancel_all(&even).await.unwrap(), 125);
+    assert!(running.stop.is_raised());
+    assert_eq!(store.cancel_all(&even).await.unwrap(), 0);
+    store.stopped(running.run, 1).await.unwrap();
+    let mut left = 0;
+    while let Some(claimed) = store.claim().await.unwrap() {
+        assert_eq!(claimed.key.bytes()[0] % 2, 1);
+        left += 1;
+    }
+    assert_eq!(left, 125);
+}
+
+#[tokio::test]
+async fn jobs_are_kept_for_their_time_and_results_beyond_it() {
+    let dir = TempDir::new().unwrap();
+    let options = Options { keep_jobs: Some(Duration::from_millis(50)), ..Options::default() };
+    let store = Store::open(dir.path(), &options).await.unwrap();
+    let waiting = accepted(store.submit(new_job(1)).await);
+    let job = compute(&store, 1, 0).await;
+    let later = accepted(store.submit(new_job(2)).await);
+    assert_eq!(store.job(waiting.id).await.unwrap().unwrap().state, JobState::Succeeded);
+    let (store, id) = (&store, job.id);
+    eventually(|| async move { store.job(id).await.unwrap().is_none() }).await;
+    assert!(store.job(later.id).await.unwrap().is_some(), "it still waits");
+    assert!(store.has_result(&key(1)).await.unwrap());
+    let runs: i64 = sqlx::query_scalar("SELECT count(*) FROM run")
+        .fetch_one(&mut raw(dir.path()).await)
+        .await
+        .unwrap();
+    assert_eq!(runs, 1, "a run goes with its last job");
+}
+
+#[tokio::test]
+async fn results_unread_for_longest_give_way_but_pinned_ones_stay() {
+    let dir = TempDir::new().unwrap();
+    let options = Options { budget: Some(2 << 20), ..Options::default() };
+    let store = Store::open(dir.path(), &options).await.unwrap();
+    for number in 0..3 {
+        compute(&store, number, 500_000).await;
+        // The times at which they were read are told apart by the millisecond.
+        tokio::time::sleep(Duration::from_millis(5)).await;
+    }
+    assert!(store.pin(&key(0), true).await.unwrap());
+    body(&store, 1).await;
+    tokio::time::sleep(Duration::from_millis(5)).await;
+    compute(&store, 3, 500_000).await;
+    tokio::time::sleep(Duration::from_millis(5)).await;
+    compute(&store, 4, 500_000).await;
+    let store = &store;
+    eventually(|| is_evicted(store, 2)).await;
+    for kept in [0, 1, 3, 4] {
+        assert!(!is_evicted(store, kept).await || kept == 1, "{kept}");
+    }
+    match store.result(&key(2)).await.unwrap() {
+        Some(StoredResult::Evicted { at, scenario }) => {
+            assert!(at > 0);
+            assert_eq!(scenario, json!({"number": 2, "exactly": 0.1}));
+        }
+        other => panic!("{other:?}"),
+    }
+    assert!(!store.pin(&key(2), true).await.unwrap(), "there is nothing to keep");
+    // It is computed anew, and is there again.
+    let job = compute(store, 2, 500_000).await;
+    assert_eq!(job.origin, Origin::Computed);
+    assert!(body(store, 2).await.len() > 500_000);
+}
+
+#[tokio::test]
+async fn a_stored_number_that_the_disk_has_changed_is_not_given_out() {
+    let (dir, store) = fresh().await;
+    compute(&store, 1, 0).await;
+    let changed = "UPDATE result_blob SET body = CAST(replace(body, '0.1', '0.2') AS BLOB)";
+    raw(dir.path()).await.execute(changed).await.unwrap();
+    let found = store.result(&key(1)).await;
+    assert!(matches!(found, Err(Error::DamagedResult(damaged)) if damaged == key(1)), "{found:?}");
+}
+
+#[tokio::test]
+async fn a_page_that_is_damaged_is_named_and_the_rest_is_served() {
+    let (dir, store) = fresh().await;
+    for number in 0..20 {
+        compute(&store, number, 20_000).await;
+    }
+    store.close().await;
+    let mut db = raw(dir.path()).await;
+    let root = "SELECT rootpage FROM sqlite_schema WHERE name = 'job_label'";
+    let page: u64 =
+        sqlx::query_scalar::<_, i64>(root).fetch_one(&mut db).await.unwrap().try_into().unwrap();
+    db.close().await.unwrap();
+    let path = dir.path().join("fretwork.db");
+    let file = File::options().write(true).open(&path).unwrap();
+    file.write_all_at(&[0xa5; 4096], (page - 1) * 4096).unwrap();
+    let store = open(dir.path()).await;
+    let labelled = Filter { label: Some("x".into()), ..Filter::default() };
+    let found = store.jobs(&labelled, None, 1).await;
+    assert!(matches!(found, Err(Error::Damaged(_))), "{found:?}");
+    assert!(!body(&store, 3).await.is_empty());
+    // A submission with a label cannot be kept, one without is.
+    let new = NewJob { label: Some("x".into()), ..new_job(50) };
+    assert!(matches!(store.submit(new).await, Err(Error::Damaged(_))));
+    accepted(store.submit(new_job(51)).await);
+}
+
+#[tokio::test]
+async fn the_tables_of_the_first_version_are_brought_up_to_date_with_what_is_in_them() {
+    let (dir, store) = fresh().await;
+    store.close().await;
+    fs::remove_file(dir.path().join("fretwork.db")).unwrap();
+    let mut db = raw(dir.path()).await;
+    let first = include_str!("../../migrations/sqlite/0001_jobs.sql");
+    db.execute(first).await.unwrap();
+    db.execute(
+        "PRAGMA application_id = 0x66726574;
+         INSERT INTO run (id, key, task, owner, state, created)
+         VALUES (1, zeroblob(32), 'task 0', 'ada', 'queued', 5);
+         INSERT INTO job VALUES (unhex('018bcfe568007000800000000000ff01'), 'ada', zeroblob(32), 1,
+             'queued', 0, 'computed', NULL, '[]', '[]', 5, NULL, NULL);
+         INSERT INTO result VALUES (randomblob(32), '{}', zeroblob(32), 2, 7);
+         INSERT INTO result_blob SELECT key, CAST('{}' AS BLOB) FROM result;",
+    )
+    .await
+    .unwrap();
+    // As the library would have written it down.
+    let checksum: Vec<u8> = {
+        use sha2::{Digest as _, Sha384};
+        Sha384::digest(first).to_vec()
+    };
+    db.execute(
+        "CREATE TABLE _sqlx_migrations (version BIGINT PRIMARY KEY, description TEXT NOT NULL,
+             installed_on TIMESTAMP NOT NULL DEFAULT CURRENT_TIMESTAMP, success BOOLEAN NOT NULL,
+             checksum BLOB NOT NULL, execution_time BIGINT NOT NULL)",
+    )
+    .await
+    .unwrap();
+    sqlx::query("INSERT INTO _sqlx_migrations VALUES (1, 'jobs', 0, TRUE, ?1, 0)")
+        .bind(checksum)
+        .execute(&mut db)
+        .await
+        .unwrap();
+    db.close().await.unwrap();
+    let store = open(dir.path()).await;
+    let job = store.jobs(&Filter::default(), None, 1).await.unwrap().jobs.remove(0);
+    assert_eq!((job.state, job.priority, job.changes[0].at), (JobState::Queued, 3, 5));
+    let claimed = claim(&store).await;
+    let answer = Answer { body: b"{}".to_vec(), summary: json!({}) };
+    store.finish(claimed.run, 1, &answer).await.unwrap();
+    let job = store.job(job.id).await.unwrap().unwrap();
+    let states: Vec<_> = job.changes.iter().map(|change| change.state).collect();
+    assert_eq!(states, [JobState::Queued, JobState::Running, JobState::Succeeded]);
+}

@@ -1,0 +1,363 @@
+//! What many people and dashboards ask of one server: events, repetitions, turns, numbers to watch.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use fretwork::api::Settings;
+use fretwork::job::Task;
+use fretwork::store::Options;
+use serde_json::{Value, json};
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+use tokio::net::TcpStream;
+
+use crate::server::{Gate, JSON, Reply, Server, ball, steel_ball};
+
+async fn gated() -> (Server, Gate) {
+    let gate = Gate::default();
+    let settings = Settings::default();
+    (Server::with(gate.compute(), &settings, &Options::default()).await, gate)
+}
+
+async fn submit(server: &Server, amplitude: f64, headers: &[(&str, &str)]) -> Reply {
+    let headers = [&[JSON], headers].concat();
+    server.send("POST", "/v1/jobs", &headers, ball(amplitude).to_string()).await
+}
+
+fn id(reply: &Reply) -> String {
+    reply.json()["id"].as_str().unwrap().to_owned()
+}
+
+/// One event: its name, its id if it has one, and its data.
+type Event = (String, Option<u32>, Value);
+
+/// A listener to the events of a job.
+struct Listener {
+    connection: TcpStream,
+    text: String,
+}
+
+impl Listener {
+    async fn start(server: &Server, id: &str, last: Option<u32>) -> Self {
+        let mut connection = TcpStream::connect(server.address).await.unwrap();
+        let last = last.map_or_else(String::new, |last| format!("Last-Event-ID: {last}\r\n"));
+        let head = format!("GET /v1/jobs/{id}/events HTTP/1.1\r\nHost: test\r\n{last}\r\n");
+        connection.write_all(head.as_bytes()).await.unwrap();
+        Self { connection, text: String::new() }
+    }
+
+    /// What has come so far, once it satisfies `enough` or the stream has ended.
+    async fn until(&mut self, enough: impl Fn(&[Event]) -> bool) -> Vec<Event> {
+        loop {
+            let events = self.events();
+            if enough(&events) {
+                return events;
+            }
+            let mut buffer = [0; 4096];
+            let length = self.connection.read(&mut buffer).await.unwrap();
+            self.text.push_str(std::str::from_utf8(&buffer[..length]).unwrap());
+            // The last chunk of a body that is sent in chunks has no length.
+            if length == 0 || self.text.ends_with("\r\n0\r\n\r\n") {
+                return self.events();
+            }
+        }
+    }
+
+    fn events(&self) -> Vec<Event> {
+        let Some((_, body)) = self.text.split_once("\r\n\r\n") else { return Vec::new() };
+        // Chunk sizes stand on lines of their own, which no event has.
+        let blocks = body.split("\n\n").filter(|block| block.contains("data: "));
+        let parse = |block: &str| {
+            let field = |name| {
+                block
+                    .lines()
+                    .find_map(|line| line.strip_prefix(name))
+                    .map(str::trim)
+                    .map(str::to_owned)
+            };
+            let data = serde_json::from_str(&field("data: ")?).ok()?;
+            Some((field("event: ")?, field("id: ").map(|id| id.parse().unwrap()), data))
+        };
+        blocks.filter_map(parse).collect()
+    }
+}
+
+fn states(events: &[Event]) -> Vec<(u32, &str)> {
+    let states = events.iter().filter(|(name, ..)| name == "state");
+    states.map(|(_, id, data)| (id.unwrap(), data["state"].as_str().unwrap())).collect()
+}
+
+fn has(events: &[Event], name: &str) -> bool {
+    events.iter().any(|(event, ..)| event == name)
+}
+
+#[tokio::test]
+async fn a_listener_that_comes_back_sees_every_state_exactly_once() {
+    let (server, gate) = gated().await;
+    let id = id(&submit(&server, 2.0, &[]).await);
+    let mut listener = Listener::start(&server, &id, None).await;
+    let halfway = |events: &[Event]| events.iter().any(|(.., data)| data["progress"] == 0.5);
+    let events = listener.until(halfway).await;
+    assert_eq!(events[0].0, "snapshot");
+    assert_eq!((&events[0].1, &events[0].2["id"]), (&None, &json!(id)));
+    assert_eq!(states(&events), [(1, "queued"), (2, "running")]);
+    let mut progress = events.iter().filter(|(name, ..)| name == "progress");
+    assert!(progress.all(|(_, id, data)| id.is_none() && data["attempt"] == 1));
+    let head = listener.text.split_once("\r\n\r\n").unwrap().0.to_ascii_lowercase();
+    for line in ["content-type: text/event-stream", "x-accel-buffering: no", "no-store"] {
+        assert!(head.contains(line), "{head}");
+    }
+    drop(listener);
+    gate.open();
+    let mut listener = Listener::start(&server, &id, Some(2)).await;
+    let events = listener.until(|_| false).await;
+    assert_eq!(states(&events), [(3, "succeeded")]);
+    let last = &events.last().unwrap().2;
+    assert_eq!(last["job"]["state"], "succeeded");
+    assert_eq!(last["job"]["summary"]["wear_volume"], 2.5e-13);
+    // Who has seen all is told to stop.
+    let path = format!("/v1/jobs/{id}/events");
+    let reply = server.send("GET", &path, &[("Last-Event-ID", "3")], "").await;
+    assert_eq!((reply.status, reply.body.len()), (204, 0));
+    // Who has seen nothing sees all, as does one whose id is none of ours.
+    for last in [None, Some(77)] {
+        let events = Listener::start(&server, &id, last).await.until(|_| false).await;
+        assert_eq!(states(&events), [(1, "queued"), (2, "running"), (3, "succeeded")]);
+    }
+    server
+        .get("/v1/jobs/0190a6a0-0000-7000-8000-000000000000/events")
+        .await
+        .problem(404, "not-found");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn five_hundred_listeners_cost_one_computation_and_one_who_never_reads_harms_none() {
+    let (server, gate) = gated().await;
+    let id = id(&submit(&server, 2.0, &[]).await);
+    // They ask, and never take the answer off the line.
+    let mut silent = Vec::new();
+    for _ in 0..20 {
+        silent.push(Listener::start(&server, &id, None).await);
+    }
+    let mut listeners = Vec::new();
+    for _ in 0..500 {
+        listeners.push(Listener::start(&server, &id, None).await);
+    }
+    for listener in &mut listeners {
+        listener.until(|events| has(events, "snapshot")).await;
+    }
+    gate.open();
+    for mut listener in listeners {
+        let events = listener.until(|_| false).await;
+        assert_eq!(states(&events), [(1, "queued"), (2, "running"), (3, "succeeded")]);
+    }
+    let job = server.get(&format!("/v1/jobs/{id}")).await.json();
+    assert_eq!((&job["attempt"], &job["origin"]), (&json!(1), &json!("computed")));
+    drop(silent);
+}
+
+#[tokio::test]
+async fn events_end_when_the_server_goes_down_and_when_the_job_is_deleted() {
+    let (server, gate) = gated().await;
+    let first = id(&submit(&server, 2.0, &[]).await);
+    let mut listener = Listener::start(&server, &first, None).await;
+    listener.until(|events| has(events, "progress")).await;
+    server.drain.send_replace(true);
+    let events = listener.until(|_| false).await;
+    assert_eq!(states(&events).len(), 2, "the rest is told by the next server");
+    server.get("/readyz").await.problem(503, "not-ready");
+    gate.open();
+}
+
+#[tokio::test]
+async fn a_repeated_submission_is_one_job_and_a_mistaken_one_is_refused() {
+    let (server, gate) = gated().await;
+    let name = ("Idempotency-Key", "\"8e03978e-40d5-43dd-bc93-6894a57f9324\"");
+    let first = submit(&server, 2.0, &[name]).await;
+    assert_eq!(first.status, 202);
+    // With and without quotes it is the same name.
+    let bare = ("Idempotency-Key", "8e03978e-40d5-43dd-bc93-6894a57f9324");
+    let again = submit(&server, 2.0, &[bare]).await;
+    assert_eq!((again.status, id(&again)), (202, id(&first)));
+    submit(&server, 3.0, &[name]).await.problem(422, "idempotency-key-reused");
+    let long = "x".repeat(300);
+    let problem = submit(&server, 3.0, &[("Idempotency-Key", &long)]).await;
+    let problem = problem.problem(422, "invalid-parameters");
+    assert_eq!(problem["errors"][0]["parameter"], "Idempotency-Key");
+    gate.open();
+    let done = submit(&server, 2.0, &[name, ("Prefer", "wait=60")]).await;
+    assert_eq!((done.status, id(&done)), (200, id(&first)));
+    assert_eq!(server.get("/v1/jobs").await.json()["jobs"].as_array().unwrap().len(), 1);
+}
+
+#[tokio::test]
+async fn a_cache_can_be_passed_over_or_asked_for_alone() {
+    let server = Server::with(Gate::opened(), &Settings::default(), &Options::default()).await;
+    let only = ("Cache-Control", "only-if-cached");
+    submit(&server, 2.0, &[only]).await.problem(504, "not-cached");
+    assert!(server.get("/v1/jobs").await.json()["jobs"].as_array().unwrap().is_empty());
+    let wait = ("Prefer", "wait=60");
+    submit(&server, 2.0, &[wait]).await;
+    let hit = submit(&server, 2.0, &[only]).await;
+    assert_eq!((hit.status, hit.header("cache-status")), (200, Some("fretwork; hit")));
+    let again = submit(&server, 2.0, &[wait, ("Cache-Control", "no-cache")]).await;
+    assert_eq!(again.header("cache-status"), Some("fretwork; fwd=request"));
+    assert_eq!(again.json()["origin"], "computed");
+    assert!(metric(&server, "fretwork_recomputes_total{result=\"same\"}").await >= 1.0);
+}
+
+/// The value of a metric, by its name and labels.
+async fn metric(server: &Server, name: &str) -> f64 {
+    let reply = server.get("/metrics").await;
+    assert!(reply.header("content-type").unwrap().starts_with("application/openmetrics-text"));
+    assert!(reply.text().ends_with("# EOF\n"));
+    let line = reply.text().lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(' '));
+    line.unwrap_or_else(|| panic!("no {name} in {}", reply.text())).parse().unwrap()
+}
+
+#[tokio::test]
+async fn a_result_that_differs_when_computed_again_can_be_seen_from_outside() {
+    let server = Server::with(Gate::opened(), &Settings::default(), &Options::default()).await;
+    let wait = ("Prefer", "wait=60");
+    let job = submit(&server, 2.0, &[wait]).await.json();
+    let differs = "fretwork_recomputes_total{result=\"differs\"}";
+    assert_eq!(metric(&server, differs).await.to_bits(), 0f64.to_bits());
+    // As if the first had been computed on a machine with a fault.
+    let mut db = crate::store::raw(server.dir.path()).await;
+    sqlx::query("UPDATE result SET digest = zeroblob(32)").execute(&mut db).await.unwrap();
+    let again = submit(&server, 2.0, &[wait, ("Cache-Control", "no-cache")]).await.json();
+    assert_eq!(again["key"], job["key"]);
+    assert_eq!(metric(&server, differs).await.to_bits(), 1f64.to_bits());
+}
+
+#[tokio::test]
+async fn a_queue_that_is_stuck_can_be_seen_from_outside() {
+    let (server, gate) = gated().await;
+    for number in 0..4 {
+        submit(&server, 2.0 + f64::from(number), &[]).await;
+    }
+    // Two workers are held up; what waits grows old, and nothing ends.
+    let old = "fretwork_queue_oldest_seconds";
+    while metric(&server, old).await < 0.05 {}
+    assert_eq!(metric(&server, "fretwork_queued_runs").await.to_bits(), 2f64.to_bits());
+    assert_eq!(metric(&server, "fretwork_running_runs").await.to_bits(), 2f64.to_bits());
+    let ended = "fretwork_runs_total{outcome=\"succeeded\"}";
+    assert_eq!(metric(&server, ended).await.to_bits(), 0f64.to_bits());
+    let ready = server.get("/readyz").await.json();
+    assert_eq!((&ready["status"], &ready["queued"]), (&json!("ready"), &json!(2)));
+    gate.open();
+    while metric(&server, ended).await < 4.0 {}
+    assert_eq!(metric(&server, old).await.to_bits(), 0f64.to_bits());
+    assert!(metric(&server, "fretwork_disk_free_bytes").await > 0.0);
+    let route = "fretwork_http_requests_total{method=\"POST\",route=\"/v1/jobs\",status=\"202\"}";
+    assert_eq!(metric(&server, route).await.to_bits(), 4f64.to_bits());
+}
+
+#[tokio::test]
+async fn jobs_are_canceled_by_filter_and_deleted_once_they_have_ended() {
+    let (server, gate) = gated().await;
+    let mut body = steel_ball();
+    body["label"] = json!("mine");
+    let mine = id(&server.post("/v1/jobs", &body).await);
+    let other = id(&submit(&server, 3.0, &[]).await);
+    let refused = server.send("POST", "/v1/jobs/cancel", &[], "").await;
+    refused.problem(422, "invalid-parameters");
+    server.send("DELETE", &format!("/v1/jobs/{mine}"), &[], "").await.problem(409, "still-going");
+    let canceled = server.send("POST", "/v1/jobs/cancel?label=mine", &[], "").await;
+    assert_eq!(canceled.json(), json!({"canceled": 1}));
+    let job = server.get(&format!("/v1/jobs/{mine}?wait=60")).await.json();
+    assert_eq!(job["state"], "canceled");
+    let gone = server.send("DELETE", &format!("/v1/jobs/{mine}"), &[], "").await;
+    assert_eq!((gone.status, gone.body.len()), (204, 0));
+    server.get(&format!("/v1/jobs/{mine}")).await.problem(404, "not-found");
+    gate.open();
+    let job = server.get(&format!("/v1/jobs/{other}?wait=60")).await.json();
+    assert_eq!(job["state"], "succeeded");
+    let all = server.send("POST", "/v1/jobs/cancel?owner=me", &[], "").await;
+    assert_eq!(all.json(), json!({"canceled": 0}));
+}
+
+#[tokio::test]
+async fn a_full_queue_says_when_to_come_back() {
+    let gate = Gate::default();
+    let options = Options { queue_limit: 3, ..Options::default() };
+    let server = Server::with(gate.compute(), &Settings::default(), &options).await;
+    let mut refused = None;
+    for number in 0..6 {
+        let reply = submit(&server, 2.0 + f64::from(number), &[]).await;
+        if reply.status != 202 {
+            refused = Some(reply);
+        }
+    }
+    let refused = refused.unwrap();
+    refused.problem(503, "queue-full");
+    let seconds: u32 = refused.header("retry-after").unwrap().parse().unwrap();
+    assert!((1..=60).contains(&seconds));
+    gate.open();
+}
+
+#[tokio::test]
+async fn urgent_jobs_of_one_owner_come_first() {
+    let (server, gate) = gated().await;
+    // Two are held up at work, the others wait.
+    for amplitude in [2.0, 2.1] {
+        let id = id(&submit(&server, amplitude, &[]).await);
+        while server.get(&format!("/v1/jobs/{id}")).await.json()["state"] == "queued" {}
+    }
+    let late = submit(&server, 3.0, &[("Priority", "u=7")]).await;
+    assert_eq!(late.json()["priority"], 7);
+    let soon = submit(&server, 3.1, &[("Priority", "u=0, i")]).await;
+    assert_eq!(soon.json()["priority"], 0);
+    gate.open();
+    let mut started = Vec::new();
+    for reply in [&late, &soon] {
+        let job = server.get(&format!("/v1/jobs/{}?wait=60", id(reply))).await.json();
+        started.push(job["times"]["started"].as_str().unwrap().to_owned());
+    }
+    assert!(started[1] <= started[0], "{started:?}");
+}
+
+#[tokio::test]
+async fn a_result_can_be_pinned_and_says_so_if_there_is_none() {
+    let server = Server::with(Gate::opened(), &Settings::default(), &Options::default()).await;
+    let job = submit(&server, 2.0, &[("Prefer", "wait=60")]).await.json();
+    let path = format!("/v1/results/{}/pin", job["key"].as_str().unwrap());
+    for method in ["PUT", "PUT", "DELETE", "DELETE"] {
+        assert_eq!(server.send(method, &path, &[], "").await.status, 204);
+    }
+    let none = format!("/v1/results/{}/pin", "0".repeat(64));
+    server.send("PUT", &none, &[], "").await.problem(404, "unknown-result");
+}
+
+#[tokio::test]
+async fn a_dropped_result_names_its_scenario_and_comes_back_under_its_key() {
+    let settings = Settings { memory: 0, ..Settings::default() };
+    let server = Server::with(Arc::new(Task::start), &settings, &Options::default()).await;
+    let body = steel_ball();
+    let job = server.compute(&body).await.json();
+    let path = format!("/v1/results/{}", job["key"].as_str().unwrap());
+    let before = server.get(&path).await;
+    // As the store does when the database has grown too large.
+    let mut db = crate::store::raw(server.dir.path()).await;
+    for change in [
+        "UPDATE result SET evicted = 1765432100000, scenario = (
+             SELECT json_extract(CAST(body AS TEXT), '$.scenario') FROM result_blob)",
+        "DELETE FROM result_blob",
+    ] {
+        sqlx::query(change).execute(&mut db).await.unwrap();
+    }
+    let problem = server.get(&path).await.problem(410, "evicted");
+    assert_eq!(problem["scenario"], before.json()["scenario"]);
+    let again = server.compute(&json!({"scenario": problem["scenario"]})).await;
+    assert_eq!(again.header("cache-status"), Some("fretwork; fwd=miss; stored"));
+    assert_eq!(again.json()["key"], job["key"]);
+    assert_eq!(server.get(&path).await.body, before.body);
+}
+
+#[tokio::test]
+async fn a_run_that_would_take_too_long_is_refused_before_it_is_begun() {
+    let limit = Some(Duration::from_micros(1));
+    let settings = Settings { run_limit: limit, ..Settings::default() };
+    let server = Server::with(Arc::new(Task::start), &settings, &Options::default()).await;
+    let problem = server.compute(&steel_ball()).await.problem(422, "too-expensive");
+    assert!(problem["detail"].as_str().unwrap().contains("1us"), "{problem}");
+}
