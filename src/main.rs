@@ -12,6 +12,8 @@ use std::sync::Arc;
 use std::thread;
 use std::time::{Duration, Instant};
 
+use axum::http::Uri;
+use axum::http::uri::Authority;
 use clap::{ArgMatches, CommandFactory as _, FromArgMatches as _};
 use fretwork::api::{self, Patient, Peer, Unsound};
 use fretwork::job::{Answer, Step, Task};
@@ -27,6 +29,9 @@ use config::{Cli, Command, Health, Run, RunFormat, Serve};
 /// How long connections may stay open when everything else has ended. With the time to drain it stays
 /// below the ten seconds after which service managers kill.
 const HANG_UP: Duration = Duration::from_secs(2);
+
+/// How long runs have to let go when a second signal stops the server at once: some steps.
+const LET_GO: Duration = Duration::from_millis(300);
 
 /// How long a connection may stand still; requests wait for a minute at most.
 const STILL: Duration = Duration::from_mins(2);
@@ -148,7 +153,12 @@ async fn serve_until_told(settings: &Serve) -> Result<(), Failure> {
     };
     tokio::select! {
         () = calmly => tracing::info!("drained"),
-        () = told.next() => tracing::warn!("stopped; what was running begins anew after the start"),
+        () = told.next() => {
+            // The workers have been told to let go; those that do not lose their run.
+            tokio::time::sleep(LET_GO).await;
+            let _ = tokio::time::timeout(LET_GO, store.close()).await;
+            tracing::warn!("stopped; what was running begins anew after the start");
+        }
     }
     Ok(())
 }
@@ -336,13 +346,17 @@ fn health(settings: &Health) -> Result<(), Failure> {
     let (host, path) = match &settings.url {
         None => (reachable(settings.listen).to_string(), "/healthz".to_owned()),
         Some(url) => {
-            let rest = url.strip_prefix("http://").ok_or("the URL must begin with http://")?;
-            let (host, path) = rest.split_once('/').unwrap_or((rest, ""));
-            let path = if path.is_empty() { "healthz" } else { path };
-            (host.to_owned(), format!("/{path}"))
+            let url: Uri = url.parse().map_err(|error| format!("{url} is no URL: {error}"))?;
+            if url.scheme_str() != Some("http") {
+                return Err("the URL must begin with http://".into());
+            }
+            let path = if url.path() == "/" { "/healthz" } else { url.path() };
+            let host = url.authority().map_or("", Authority::as_str);
+            (host.to_owned(), path.to_owned())
         }
     };
-    let named = if host.contains(':') { host.clone() } else { format!("{host}:80") };
+    let has_port = host.rsplit_once(':').is_some_and(|(_, port)| port.parse::<u16>().is_ok());
+    let named = if has_port { host.clone() } else { format!("{host}:80") };
     let mut found = std::net::ToSocketAddrs::to_socket_addrs(&named)
         .map_err(|error| format!("cannot find {host}: {error}"))?;
     let address = found.next().ok_or_else(|| format!("cannot find {host}"))?;
