@@ -100,8 +100,8 @@ pub struct Serve {
     #[arg(long, env = "FRETWORK_DRAIN_SECONDS", default_value = "7", value_name = "SECONDS",
         value_parser = seconds)]
     pub drain_seconds: Duration,
-    /// Computations that may wait; more are refused until some are done. The last tenth is kept for
-    /// callers who have little in the queue.
+    /// Jobs that may wait; more are refused until some are done. The last tenth is kept for callers
+    /// who have little in the queue.
     #[arg(long, env = "FRETWORK_QUEUE_LIMIT", default_value = "20000", value_name = "N",
         value_parser = clap::value_parser!(u32).range(1..))]
     pub queue_limit: u32,
@@ -115,10 +115,11 @@ pub struct Serve {
     #[arg(long, env = "FRETWORK_KEEP_JOBS", default_value = "90d", value_name = "TIME",
         value_parser = duration)]
     pub keep_jobs: Duration,
-    /// How large the database may grow, such as 10GiB: beyond it, the results that were read longest
-    /// ago are dropped, unless they are pinned. 0 sets no limit.
-    #[arg(long, env = "FRETWORK_DISK_BUDGET", default_value = "10GiB", value_name = "SIZE")]
-    pub disk_budget: ByteSize,
+    /// How much room results may take, such as 10GiB: beyond it, those that were read longest ago are
+    /// dropped, unless they are pinned. 0 sets no limit.
+    #[arg(long, env = "FRETWORK_KEEP_RESULTS", default_value = "10GiB", value_name = "SIZE",
+        value_parser = budget)]
+    pub keep_results: ByteSize,
     /// Memory for the answers that are asked for most, such as 64MiB; 0 for none.
     #[arg(long, env = "FRETWORK_MEMORY_CACHE", default_value = "64MiB", value_name = "SIZE")]
     pub memory_cache: ByteSize,
@@ -187,7 +188,7 @@ impl Serve {
             full_sync: self.synchronous == Synchronous::Full,
             queue_limit: usize::try_from(self.queue_limit).unwrap_or(usize::MAX),
             keep_jobs: some(self.keep_jobs),
-            budget: Some(self.disk_budget.as_u64()).filter(|bytes| *bytes > 0),
+            budget: Some(self.keep_results.as_u64()).filter(|bytes| *bytes > 0),
             ..store::Options::default()
         }
     }
@@ -261,6 +262,15 @@ fn duration(text: &str) -> Result<Duration, String> {
     }
     humantime::parse_duration(text)
         .map_err(|error| format!("{error}; expected a time such as 90s, 10min, 2h or 90d"))
+}
+
+/// Room for some results of the largest size; 0 is no limit.
+fn budget(text: &str) -> Result<ByteSize, String> {
+    let size: ByteSize = text.parse()?;
+    if size.as_u64() > 0 && size < ByteSize::mib(256) {
+        return Err("a single result may take 64 MB; expected at least 256MiB, or 0".to_owned());
+    }
+    Ok(size)
 }
 
 fn seconds(text: &str) -> Result<Duration, String> {

@@ -30,12 +30,47 @@ END;
 DROP INDEX job_live;
 CREATE INDEX job_run ON job (run) WHERE run IS NOT NULL;
 
--- Results are dropped when the database grows too large, those first that nobody has read for
--- longest; what they were of stays.
+-- Jobs by tag, newest last. Untagged jobs take no room here.
+CREATE TABLE job_tag (
+    tag TEXT NOT NULL,
+    job BLOB NOT NULL,
+    PRIMARY KEY (tag, job)
+) STRICT, WITHOUT ROWID;
+INSERT INTO job_tag SELECT tag.value, job.id FROM job, json_each(job.tags) AS tag;
+CREATE TRIGGER tags_come_with_their_job AFTER INSERT ON job WHEN new.tags <> '[]' BEGIN
+    INSERT INTO job_tag SELECT value, new.id FROM json_each(new.tags);
+END;
+CREATE TRIGGER tags_go_with_their_job AFTER DELETE ON job WHEN old.tags <> '[]' BEGIN
+    DELETE FROM job_tag
+    WHERE job = old.id AND tag IN (SELECT value FROM json_each(old.tags));
+END;
+
+-- Results are dropped when they take too much room, those first that nobody has read for longest.
 ALTER TABLE result ADD COLUMN last_access INTEGER NOT NULL DEFAULT 0;
 UPDATE result SET last_access = created;
 ALTER TABLE result ADD COLUMN pinned INTEGER NOT NULL DEFAULT 0 CHECK (pinned IN (0, 1));
--- When the body was dropped, and the scenario that it held.
+-- When the body was dropped.
 ALTER TABLE result ADD COLUMN evicted INTEGER;
-ALTER TABLE result ADD COLUMN scenario TEXT;
 CREATE INDEX result_unread ON result (last_access) WHERE NOT pinned AND evicted IS NULL;
+CREATE INDEX result_evicted ON result (evicted) WHERE evicted IS NOT NULL;
+-- What results were computed from: it stays when the body goes.
+CREATE TABLE result_task (
+    key  BLOB NOT NULL PRIMARY KEY REFERENCES result (key) ON DELETE CASCADE,
+    task TEXT NOT NULL
+) STRICT;
+INSERT INTO result_task
+SELECT result.key, run.task FROM result JOIN run ON run.key = result.key GROUP BY result.key;
+-- One row: the size of all bodies there are, and when the server last found that it can write.
+CREATE TABLE room (
+    id    INTEGER PRIMARY KEY CHECK (id = 1),
+    used  INTEGER NOT NULL,
+    tried INTEGER NOT NULL DEFAULT 0
+) STRICT;
+INSERT INTO room (id, used) SELECT 1, coalesce(sum(size), 0) FROM result;
+CREATE TRIGGER a_body_takes_room AFTER INSERT ON result_blob BEGIN
+    UPDATE room SET used = used + length(new.body);
+END;
+CREATE TRIGGER a_body_gives_room_back AFTER UPDATE OF evicted ON result
+WHEN old.evicted IS NULL AND new.evicted IS NOT NULL BEGIN
+    UPDATE room SET used = used - old.size;
+END;

@@ -1,7 +1,7 @@
 //! Who asks, and with which request.
 
 use std::convert::Infallible;
-use std::net::SocketAddr;
+use std::net::{IpAddr, Ipv6Addr, SocketAddr};
 
 use axum::extract::{ConnectInfo, FromRequestParts};
 use axum::http::request::Parts;
@@ -79,13 +79,24 @@ pub struct Caller {
     pub trace: String,
 }
 
+/// A client as an owner. One of version 6 has a whole network of 2⁶⁴ addresses, and changes them.
+fn owner(address: IpAddr) -> String {
+    match address {
+        IpAddr::V4(address) => address.to_string(),
+        IpAddr::V6(address) => {
+            let network = address.to_bits() >> 64 << 64;
+            format!("{}/64", Ipv6Addr::from_bits(network))
+        }
+    }
+}
+
 impl<S: Sync> FromRequestParts<S> for Caller {
     type Rejection = Infallible;
 
     async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Infallible> {
         let owner = parts.extensions.get::<ConnectInfo<Peer>>().map_or_else(
             || "unknown".to_owned(),
-            |ConnectInfo(Peer(address))| address.ip().to_canonical().to_string(),
+            |ConnectInfo(Peer(address))| owner(address.ip().to_canonical()),
         );
         let trace = match parts.extensions.get::<Trace>() {
             Some(Trace { id, parent: Some(parent) }) => format!("{id} {parent}"),

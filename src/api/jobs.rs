@@ -19,8 +19,10 @@ use super::scenarios::parse;
 use super::wire::{
     Body, Freshness, NoQuery, Prefer, Query, Segment, idempotency_key, instant, urgency,
 };
-use crate::job::{Failure, Job, JobId, JobState, Key, Origin, Submission, Task};
-use crate::store::{Canceled, Deleted, Filter, NewJob, Repeatable, StoredResult, Submitted};
+use crate::job::{Failure, Job, JobId, JobState, Key, Origin, Submission};
+use crate::store::{
+    Admission, Canceled, Deleted, Filter, NewJob, Repeatable, StoredResult, Submitted,
+};
 
 /// How many jobs a page has unless told.
 const PAGE: u32 = 50;
@@ -289,25 +291,25 @@ pub async fn submit(
     let name = idempotency_key(&headers)?;
     let submission = parse(body).await?;
     let (prefer, freshness) = (Prefer::read(&headers), Freshness::read(&headers));
-    let key = submission.task.key();
-    admit(&app, &submission.task, &key, &freshness).await?;
     let Submission { task, label, tags, warnings } = submission;
-    let priority = urgency(&headers);
+    let (key, stored, seconds) = (task.key(), task.to_json(), task.seconds());
+    let limit = app.run_limit.filter(|limit| seconds > limit.as_secs_f64());
     let repeatable = name.map(|name| {
-        let sent = json!([key, label, tags, priority, freshness.afresh]);
-        Repeatable { key: name, fingerprint: Sha256::digest(sent.to_string()).to_vec() }
+        let sent = json!([stored, label, tags]).to_string();
+        Repeatable { key: name, fingerprint: Sha256::digest(sent).to_vec() }
     });
     let new = NewJob {
         id: JobId::generate(),
         owner: caller.owner,
         key,
-        task: task.to_json(),
-        priority,
+        task: stored,
+        priority: urgency(&headers),
         label,
         tags,
         warnings,
         repeatable,
         afresh: freshness.afresh,
+        admission: Admission { only_known: freshness.only_known, too_expensive: limit.is_some() },
         trace: Some(caller.trace),
     };
     let mut job = match app.store.submit(new).await? {
@@ -317,23 +319,30 @@ pub async fn submit(
                 "This Idempotency-Key came with another submission before; make a new key.";
             return Err(Problem::new(&problem::KEY_REUSED, detail));
         }
+        Submitted::Unknown => {
+            let detail =
+                "The result is not known; submit without only-if-cached to have it computed.";
+            return Err(Problem::new(&problem::NOT_CACHED, detail));
+        }
+        Submitted::TooExpensive => return Err(too_expensive(seconds, limit)),
         Submitted::Refused { queued } => {
-            let detail = format!("{queued} computations wait already; submit again in a moment.");
+            let detail = format!("{queued} jobs wait already; submit again in a moment.");
             let seconds = app.store.tally().seconds_per_run() / app.workers as f64;
             let seconds = seconds.clamp(1.0, 60.0).ceil() as u32;
             return Err(Problem::new(&problem::QUEUE_FULL, detail).retry_after(seconds));
         }
     };
-    if job.origin == Origin::Cached {
-        app.store.was_read(&job.key);
-    }
+    // From here on the job is accepted, and the answer must say so whatever else goes wrong.
     if let Some(time) = prefer.wait {
-        job = wait(&app, job, time).await?;
+        job = wait(&app, job.clone(), time).await.unwrap_or(job);
     }
     let cache = cache_status(&job, freshness.afresh);
     let finished = job.state.is_finished();
     let location = address(job.id);
-    let mut response = answer(&app, job, include).await?;
+    let mut response = match answer(&app, job.clone(), include).await {
+        Err(_) if include => answer(&app, job, false).await?,
+        other => other?,
+    };
     response.headers_mut().insert(header::CACHE_STATUS, HeaderValue::from_static(cache));
     let mut set = |name: HeaderName, value: String| {
         // Paths and numbers are always legal in a header.
@@ -352,36 +361,22 @@ pub async fn submit(
     Ok(response)
 }
 
-/// Refuses what would take too long, and what only a known result could answer.
-async fn admit(app: &App, task: &Task, key: &Key, freshness: &Freshness) -> Result<(), Problem> {
-    let seconds = task.seconds();
-    let limit = app.run_limit.filter(|limit| seconds > limit.as_secs_f64());
-    if limit.is_none() && !freshness.only_known {
-        return Ok(());
-    }
-    let known = app.store.has_result(key).await?;
-    if freshness.only_known && !known {
-        let detail = "The result is not known; submit without only-if-cached to have it computed.";
-        return Err(Problem::new(&problem::NOT_CACHED, detail));
-    }
-    match limit {
-        Some(limit) if !known || freshness.afresh => {
-            let detail = format!(
-                "The run would take about {}, and this server lets a run take {}; ask for fewer \
-                 points, instants or rows, or for a larger tolerance.",
-                humantime::format_duration(Duration::from_secs(seconds as u64)),
-                humantime::format_duration(limit),
-            );
-            Err(Problem::new(&problem::TOO_EXPENSIVE, detail))
-        }
-        _ => Ok(()),
-    }
+fn too_expensive(seconds: f64, limit: Option<Duration>) -> Problem {
+    let about = |time| humantime::format_duration(time);
+    let detail = format!(
+        "The run would take about {}, and this server lets a run take {}; ask for fewer points, \
+         instants or rows, or for a larger tolerance.",
+        about(Duration::from_secs(seconds as u64)),
+        about(limit.unwrap_or_default()),
+    );
+    Problem::new(&problem::TOO_EXPENSIVE, detail)
 }
 
 /// What the cache had to do with the answer (RFC 9211).
 fn cache_status(job: &Job, afresh: bool) -> &'static str {
     match (job.origin, job.state) {
         (Origin::Cached, _) => "fretwork; hit",
+        (Origin::Coalesced, _) if afresh => "fretwork; fwd=request; collapsed",
         (Origin::Coalesced, _) => "fretwork; fwd=miss; collapsed",
         (Origin::Computed, _) if afresh => "fretwork; fwd=request",
         (Origin::Computed, JobState::Succeeded) => "fretwork; fwd=miss; stored",

@@ -1,8 +1,8 @@
 //! The answers asked for most, at hand in memory.
 
 use axum::body::Bytes;
-use quick_cache::Weighter;
-use quick_cache::sync::Cache;
+use quick_cache::sync::{Cache, DefaultLifecycle};
+use quick_cache::{DefaultHashBuilder, OptionsBuilder, Weighter};
 
 /// Encoded answers up to some size in all; what is asked for rarely gives way.
 #[derive(Debug)]
@@ -26,7 +26,18 @@ impl Memory {
     pub fn new(bytes: u64) -> Self {
         // About how many answers of the usual size there will be.
         let items = usize::try_from(bytes >> 16).unwrap_or(usize::MAX).max(16);
-        Self { answers: (bytes > 0).then(|| Cache::with_weighter(items, bytes, Size)) }
+        let options = OptionsBuilder::new()
+            // Few parts, or a large answer fits into none of them.
+            .shards(2)
+            .estimated_items_capacity(items)
+            .weight_capacity(bytes)
+            .build()
+            .ok();
+        let cache = |options| {
+            let (hash, life) = (DefaultHashBuilder::default(), DefaultLifecycle::default());
+            Cache::with_options(options, Size, hash, life)
+        };
+        Self { answers: options.filter(|_| bytes > 0).map(cache) }
     }
 
     /// The answer of this name.

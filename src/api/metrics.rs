@@ -144,10 +144,13 @@ pub async fn metrics(State(app): State<App>, _: NoQuery) -> Result<Response, Pro
     let metrics = &app.metrics;
     // A database that does not answer must not keep the other numbers back.
     let wait = tokio::time::timeout(Duration::from_secs(2), app.store.longest_wait()).await;
-    if let Ok(Ok(wait)) = wait {
-        metrics.longest_wait.set(wait.as_secs_f64());
-    }
-    if let Some(free) = app.store.free_bytes() {
+    // What is not known must not look like what it was.
+    metrics
+        .longest_wait
+        .set(wait.map_or(f64::NAN, |wait| wait.map_or(f64::NAN, |t| t.as_secs_f64())));
+    // The disk may be one that does not answer.
+    let store = app.store.clone();
+    if let Ok(Some(free)) = tokio::task::spawn_blocking(move || store.free_bytes()).await {
         metrics.free.set(i64::try_from(free).unwrap_or(i64::MAX));
     }
     let mut text = String::new();

@@ -25,7 +25,7 @@ use std::time::{Duration, Instant};
 use axum::Router;
 use axum::extract::{MatchedPath, Request, State};
 use axum::http::{HeaderName, HeaderValue, Method, header};
-use axum::middleware::{Next, from_fn_with_state};
+use axum::middleware::{Next, from_fn, from_fn_with_state};
 use axum::response::{IntoResponse, Redirect, Response};
 use axum::routing::get;
 use tokio::sync::watch;
@@ -141,7 +141,10 @@ fn dressed<S: Clone + Send + Sync + 'static>(
     metrics: Arc<Metrics>,
     origins: &Origins,
 ) -> Router<S> {
-    let mut router = routes.layer(CatchPanicLayer::custom(panicked));
+    let known = origins.clone();
+    let mut router = routes
+        .layer(CatchPanicLayer::custom(panicked))
+        .layer(from_fn(move |request, next| no_strangers(known.clone(), request, next)));
     if let Some(cors) = cors(origins) {
         // Problems are readable by web pages too, so this is outside of what makes them.
         router = router.layer(cors);
@@ -171,6 +174,26 @@ async fn edge(State(metrics): State<Arc<Metrics>>, mut request: Request, next: N
         response.headers_mut().insert(REQUEST_ID, id);
     }
     response
+}
+
+/// Refuses what a page of an unknown site would change through the browser of somebody who may: a
+/// browser asks beforehand only where the request is unusual.
+async fn no_strangers(known: Origins, request: Request, next: Next) -> Response {
+    let headers = request.headers();
+    let strange = !request.method().is_safe()
+        && headers.get("sec-fetch-site").is_some_and(|site| site == "cross-site")
+        && match known {
+            Origins::Own => true,
+            Origins::Any => false,
+            Origins::These(list) => {
+                headers.get(header::ORIGIN).is_none_or(|origin| !list.contains(origin))
+            }
+        };
+    if strange {
+        let detail = "The page's origin is not among those that this server knows (--cors-origin).";
+        return Problem::new(&problem::CROSS_SITE, detail).into_response();
+    }
+    next.run(request).await
 }
 
 async fn nowhere(request: Request) -> Problem {

@@ -161,7 +161,7 @@ fn complete(operation: &mut Value) {
     };
     let mut shared = vec![
         ("422", "A parameter or the body has faults; `errors` lists them all."),
-        ("500", "The server made a mistake."),
+        ("500", "The server made a mistake, or its database is damaged."),
         ("503", "The server is going down, or its database is busy; see `Retry-After`."),
     ];
     if takes_body {

@@ -6,7 +6,7 @@
 
 use std::fmt::Write as _;
 
-use axum::http::header::{CONTENT_LENGTH, CONTENT_TYPE};
+use axum::http::header::{CACHE_CONTROL, CONTENT_LENGTH, CONTENT_TYPE};
 use axum::http::{HeaderName, HeaderValue, StatusCode};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
@@ -55,6 +55,11 @@ kinds! {
     NOT_FOUND = NOT_FOUND "not-found" "There is nothing here"
         "No route, job or document has this address."
         "Compare the address with the list of routes under /docs. Jobs are listed by GET /v1/jobs.";
+    CROSS_SITE = FORBIDDEN "cross-site" "Pages of other sites may not do this"
+        "A browser sent the request on behalf of a page of another site, which this server does not \
+         know."
+        "Whoever runs the server can allow the page's origin with --cors-origin. Programs other than \
+         browsers are not concerned.";
     UNKNOWN_RESULT = NOT_FOUND "unknown-result" "No result has this key"
         "Nothing with this key has been computed here. If a run is under way, the answer's Link \
          header (rel=\"related\") points at its job."
@@ -99,9 +104,9 @@ kinds! {
          (RFC 6901) into the body."
         "Correct every place that `errors` names. GET /v1/schema/scenario is the contract, GET \
          /v1/examples has bodies that work.";
-    INVALID_PARAMETERS = UNPROCESSABLE_ENTITY "invalid-parameters" "The query has faults"
-        "A query parameter is unknown, repeated or has a value that it cannot have. `errors` names \
-         each of them."
+    INVALID_PARAMETERS = UNPROCESSABLE_ENTITY "invalid-parameters" "A parameter has faults"
+        "A query parameter is unknown, repeated or has a value that it cannot have, or a header has. \
+         `errors` names each of them."
         "Correct the parameters that `errors` names; it also says what they accept.";
     TOO_EXPENSIVE = UNPROCESSABLE_ENTITY "too-expensive" "The run would take too long"
         "By its estimate the run would take longer than this server lets a run take."
@@ -253,6 +258,11 @@ impl Problem {
         Self::complaints(&INVALID_PARAMETERS, "query", errors)
     }
 
+    /// A header with a fault.
+    pub fn header(error: Complaint) -> Self {
+        Self::complaints(&INVALID_PARAMETERS, "head of the request", vec![error])
+    }
+
     fn complaints(kind: &'static Kind, part: &str, errors: Vec<Complaint>) -> Self {
         let plural = if errors.len() == 1 { "fault" } else { "faults" };
         let detail = format!("The {part} has {} {plural}, see `errors`.", errors.len());
@@ -357,6 +367,8 @@ pub(super) fn write(mut response: Response, instance: &str) -> Response {
     };
     let headers = response.headers_mut();
     headers.insert(CONTENT_TYPE, HeaderValue::from_static("application/problem+json"));
+    // What is wrong now may be right later; some statuses would be cached without this.
+    headers.insert(CACHE_CONTROL, HeaderValue::from_static("no-store"));
     headers.remove(CONTENT_LENGTH);
     // Writing a struct of strings cannot fail.
     *response.body_mut() = serde_json::to_vec(&document).unwrap_or_default().into();

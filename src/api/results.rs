@@ -26,26 +26,39 @@ fn read_key(text: &str) -> Result<Key, Problem> {
 /// Finds the stored bytes of a result; an unknown key is answered with the way to its job, if one
 /// is under way.
 async fn find(app: &App, key: &Key) -> Result<Bytes, Problem> {
-    match app.store.result(key).await? {
+    let evicted = match app.store.result(key).await? {
         Some(StoredResult::Whole { body, .. }) => return Ok(body),
-        Some(StoredResult::Evicted { at, scenario }) => {
-            let detail = format!(
-                "The result was dropped on {} to make room; POST {{\"scenario\": …}} with the \
-                 `scenario` of this answer to /v1/jobs to have it again, under the same key.",
-                instant(at)
-            );
-            return Err(Problem::new(&problem::EVICTED, detail).with_scenario(scenario));
-        }
-        None => {}
-    }
-    let Some(job) = app.store.live_job(key).await? else {
-        let detail = "No result has this key; submit its scenario to POST /v1/jobs.";
-        return Err(Problem::new(&problem::UNKNOWN_RESULT, detail));
+        Some(StoredResult::Evicted { at, scenario }) => Some((at, scenario)),
+        None => None,
     };
-    let detail =
-        format!("No result has this key yet; wait for it with GET /v1/jobs/{job}?wait=10.");
-    let link = format!("</v1/jobs/{job}>; rel=\"related\"");
-    Err(Problem::new(&problem::UNKNOWN_RESULT, detail).with_header(header::LINK, link))
+    let live = app.store.live_job(key).await?;
+    let problem = match (evicted, live) {
+        (Some((at, scenario)), live) => {
+            let way = match live {
+                Some(job) => format!("it is computed again, wait with GET /v1/jobs/{job}?wait=10"),
+                None => "POST {\"scenario\": …} with the `scenario` of this answer to /v1/jobs to \
+                    have it again"
+                    .to_owned(),
+            };
+            let detail = format!("The result was dropped on {} to make room; {way}.", instant(at));
+            Problem::new(&problem::EVICTED, detail).with_scenario(scenario)
+        }
+        (None, Some(job)) => {
+            let detail =
+                format!("No result has this key yet; wait for it with GET /v1/jobs/{job}?wait=10.");
+            Problem::new(&problem::UNKNOWN_RESULT, detail)
+        }
+        (None, None) => {
+            let detail = "No result has this key; submit its scenario to POST /v1/jobs.";
+            Problem::new(&problem::UNKNOWN_RESULT, detail)
+        }
+    };
+    Err(match live {
+        Some(job) => {
+            problem.with_header(header::LINK, format!("</v1/jobs/{job}>; rel=\"related\""))
+        }
+        None => problem,
+    })
 }
 
 /// What is at hand in memory under this name; else it is made, and remembered.
@@ -77,6 +90,7 @@ async fn not_modified(
     if !is_held(headers, tag) || !app.store.has_result(key).await? {
         return Ok(None);
     }
+    app.store.was_read(key);
     Ok(Some((StatusCode::NOT_MODIFIED, caching(tag)).into_response()))
 }
 
@@ -384,8 +398,8 @@ pub async fn unpin(
 
 async fn set_pin(app: &App, key: &str, pinned: bool) -> Result<StatusCode, Problem> {
     let key = read_key(key)?;
-    if !app.store.pin(&key, pinned).await? {
-        // It says why there is nothing to pin.
+    while !app.store.pin(&key, pinned).await? {
+        // It says why there is nothing to pin, unless it has come to be meanwhile.
         find(app, &key).await?;
     }
     Ok(StatusCode::NO_CONTENT)

@@ -205,7 +205,8 @@ impl Freshness {
     pub fn read(headers: &HeaderMap) -> Self {
         let says =
             |what: &str| words(headers, CACHE_CONTROL).any(|word| word.eq_ignore_ascii_case(what));
-        Self { afresh: says("no-cache"), only_known: says("only-if-cached") }
+        let only_known = says("only-if-cached");
+        Self { afresh: says("no-cache") && !only_known, only_known }
     }
 }
 
@@ -234,10 +235,11 @@ pub fn idempotency_key(headers: &HeaderMap) -> Result<Option<String>, Problem> {
         Some(key) if (1..=LONGEST_KEY).contains(&key.len()) && values.next().is_none() => {
             Ok(Some(key.to_owned()))
         }
-        _ => Err(Problem::parameters(vec![Complaint::parameter(
-            "Idempotency-Key",
-            format!("must be one text of 1 to {LONGEST_KEY} ASCII characters, such as a UUID"),
-        )])),
+        _ => {
+            let detail =
+                format!("must be one text of 1 to {LONGEST_KEY} ASCII characters, such as a UUID");
+            Err(Problem::header(Complaint::parameter("Idempotency-Key", detail)))
+        }
     }
 }
 

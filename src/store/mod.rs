@@ -175,8 +175,19 @@ pub struct NewJob {
     pub repeatable: Option<Repeatable>,
     /// Whether to compute although the result may be known.
     pub afresh: bool,
+    /// What of it may be accepted.
+    pub admission: Admission,
     /// The request that submits it, for the log.
     pub trace: Option<String>,
+}
+
+/// What of a submission may be accepted.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Admission {
+    /// Only if the result is known.
+    pub only_known: bool,
+    /// It would take too long to compute.
+    pub too_expensive: bool,
 }
 
 /// By what a repetition of a submission is known.
@@ -197,9 +208,13 @@ pub enum Submitted {
     Repeated(Job),
     /// Its name belongs to a submission of something else.
     Mistaken,
+    /// Only a known result was asked for, and it is not known.
+    Unknown,
+    /// It would take too long, and the result is not known.
+    TooExpensive,
     /// The queue has no place for it.
     Refused {
-        /// How many computations wait.
+        /// How many jobs wait.
         queued: usize,
     },
 }

@@ -33,11 +33,11 @@ pub struct Options {
     pub full_sync: bool,
     /// Connections that read at the same time.
     pub readers: u32,
-    /// Runs that may wait; more are refused.
+    /// Jobs that may wait; more are refused.
     pub queue_limit: usize,
     /// How long jobs are kept after their end; for ever if there is none.
     pub keep_jobs: Option<Duration>,
-    /// How large the database may grow before results are dropped; without bounds if there is none.
+    /// How much room results may take before some are dropped; without bounds if there is none.
     pub budget: Option<u64>,
 }
 

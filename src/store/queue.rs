@@ -1,8 +1,9 @@
 //! Whose turn it is: what is queued, by owner, in the memory of the writer.
 //!
-//! The owner with the fewest runs at work is next; among equals the one who was served longest ago,
-//! one who was never served before all others. Within an owner the more urgent job comes first,
-//! then the older one. A run that several owners wait for stands in the lane of each.
+//! The owner with the fewest runs at work is next; among equals the one who was served longest ago.
+//! Who comes new comes before the one who was served last, and behind all others: so who comes again
+//! and again has no more turns than who waits. Within an owner the more urgent job comes first, then
+//! the older one. A run that several owners wait for stands in the lane of each.
 //!
 //! The tables stay the truth: this is read from them at the start, and again after a transaction
 //! that failed.
@@ -21,10 +22,12 @@ type Place = (u8, JobId);
 pub(super) struct Queue {
     lanes: HashMap<String, Lane>,
     /// Where each queued run stands: one place for each job that waits for it.
-    places: HashMap<RunId, Vec<(String, Place)>>,
+    places: HashMap<RunId, BTreeMap<Place, String>>,
     /// In whose turn each run at work was taken.
     working: HashMap<RunId, String>,
     turns: u64,
+    /// How many jobs wait.
+    jobs: usize,
 }
 
 #[derive(Debug, Default)]
@@ -72,6 +75,11 @@ impl Queue {
         self.working.len()
     }
 
+    /// How many jobs wait.
+    pub(super) fn jobs(&self) -> usize {
+        self.jobs
+    }
+
     /// How many jobs of an owner wait.
     pub(super) fn waiting_of(&self, owner: &str) -> usize {
         self.lanes.get(owner).map_or(0, |lane| lane.waiting.len())
@@ -80,25 +88,28 @@ impl Queue {
     /// A job begins to wait for a queued run.
     pub(super) fn add(&mut self, run: RunId, owner: &str, priority: u8, job: JobId) {
         let place = (priority, job);
-        self.lanes.entry(owner.to_owned()).or_default().waiting.insert(place, run);
-        self.places.entry(run).or_default().push((owner.to_owned(), place));
+        if self.lane(owner).waiting.insert(place, run).is_none() {
+            self.jobs += 1;
+        }
+        self.places.entry(run).or_default().insert(place, owner.to_owned());
     }
 
     /// A job waits no longer, though others may for the same run.
-    pub(super) fn leave(&mut self, run: RunId, owner: &str, priority: u8, job: JobId) {
+    pub(super) fn leave(&mut self, run: RunId, priority: u8, job: JobId) {
         let place = (priority, job);
-        if let Some(places) = self.places.get_mut(&run) {
-            places.retain(|(_, taken)| *taken != place);
-            if places.is_empty() {
-                self.places.remove(&run);
-            }
+        let Some(places) = self.places.get_mut(&run) else { return };
+        let owner = places.remove(&place);
+        if places.is_empty() {
+            self.places.remove(&run);
         }
-        self.vacate(owner, place);
+        if let Some(owner) = owner {
+            self.vacate(&owner, place);
+        }
     }
 
     /// A run is queued no longer.
     pub(super) fn remove(&mut self, run: RunId) {
-        for (owner, place) in self.places.remove(&run).unwrap_or_default() {
+        for (place, owner) in self.places.remove(&run).unwrap_or_default() {
             self.vacate(&owner, place);
         }
     }
@@ -130,13 +141,21 @@ impl Queue {
     }
 
     fn begin(&mut self, run: RunId, owner: String) {
-        self.lanes.entry(owner.clone()).or_default().working += 1;
+        self.lane(&owner).working += 1;
         self.working.insert(run, owner);
     }
 
+    fn lane(&mut self, owner: &str) -> &mut Lane {
+        let served = self.turns.saturating_sub(1);
+        let new = || Lane { served, ..Lane::default() };
+        self.lanes.entry(owner.to_owned()).or_insert_with(new)
+    }
+
     fn vacate(&mut self, owner: &str, place: Place) {
-        if let Some(lane) = self.lanes.get_mut(owner) {
-            lane.waiting.remove(&place);
+        if let Some(lane) = self.lanes.get_mut(owner)
+            && lane.waiting.remove(&place).is_some()
+        {
+            self.jobs -= 1;
         }
         self.tidy(owner);
     }
@@ -183,6 +202,26 @@ mod tests {
     }
 
     #[test]
+    fn who_comes_again_and_again_has_no_more_turns_than_who_waits() {
+        let mut queue = Queue::default();
+        for run in 0..100 {
+            queue.add(RunId(run), "ada", 3, JobId::generate());
+        }
+        let mut turns = HashMap::new();
+        for number in 0..90 {
+            for (owner, first) in [("bob", 1000), ("eve", 2000)] {
+                if queue.waiting_of(owner) == 0 {
+                    queue.add(RunId(first + number), owner, 3, JobId::generate());
+                }
+            }
+            let run = queue.take().unwrap();
+            *turns.entry(run.0 / 1000).or_insert(0) += 1;
+            queue.end(run);
+        }
+        assert_eq!(turns, HashMap::from([(0, 30), (1, 30), (2, 30)]));
+    }
+
+    #[test]
     fn who_has_fewer_runs_at_work_comes_first() {
         let (mut queue, _) = queue(&[("ada", 1, 3), ("ada", 2, 3), ("ada", 3, 3)]);
         assert_eq!(queue.take(), Some(RunId(1)));
@@ -210,9 +249,9 @@ mod tests {
     #[test]
     fn who_leaves_takes_only_his_own_place_with_him() {
         let (mut queue, ids) = queue(&[("ada", 1, 3), ("bob", 1, 3), ("bob", 2, 3)]);
-        queue.leave(RunId(1), "bob", 3, ids[1]);
+        queue.leave(RunId(1), 3, ids[1]);
         assert_eq!((queue.len(), queue.waiting_of("bob")), (2, 1));
-        queue.leave(RunId(1), "ada", 3, ids[0]);
+        queue.leave(RunId(1), 3, ids[0]);
         assert_eq!((queue.len(), queue.waiting_of("ada")), (1, 0));
         assert_eq!(turns(&mut queue), [2]);
     }

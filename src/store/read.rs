@@ -3,7 +3,7 @@
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use sqlx::sqlite::SqliteRow;
-use sqlx::{AssertSqlSafe, FromRow, QueryBuilder, Row, Sqlite, SqliteConnection, SqliteExecutor};
+use sqlx::{FromRow, QueryBuilder, Row, Sqlite, SqliteExecutor};
 
 use super::{Error, Filter, Page};
 use crate::job::{Change, Failure, FailureKind, Job, JobId, JobState, Key};
@@ -134,10 +134,12 @@ pub(super) async fn unfinished(
     before: JobId,
     at_most: u32,
 ) -> Result<Vec<JobId>, Error> {
-    let mut query = QueryBuilder::<Sqlite>::new("SELECT job.id FROM job WHERE ");
+    // By the index of states: there are few that have not ended among very many that have.
+    let mut query =
+        QueryBuilder::<Sqlite>::new("SELECT job.id FROM job INDEXED BY job_state WHERE ");
     matching(&mut query, filter);
     query
-        .push(" AND job.finished IS NULL AND job.state <> 'canceling' AND job.id < ")
+        .push(" AND job.state IN ('queued', 'running') AND job.id < ")
         .push_bind(before.0.as_bytes().to_vec())
         .push(" ORDER BY job.id DESC LIMIT ")
         .push_bind(at_most);
@@ -162,7 +164,7 @@ fn matching(query: &mut QueryBuilder<Sqlite>, filter: &Filter) {
     }
     if let Some(tag) = &filter.tag {
         query
-            .push(" AND EXISTS (SELECT 1 FROM json_each(job.tags) WHERE value = ")
+            .push(" AND job.id IN (SELECT job FROM job_tag WHERE tag = ")
             .push_bind(tag.clone())
             .push(")");
     }
@@ -170,7 +172,8 @@ fn matching(query: &mut QueryBuilder<Sqlite>, filter: &Filter) {
 
 pub(super) async fn result(db: impl SqliteExecutor<'_>, key: &Key) -> Result<Option<Kept>, Error> {
     let row = sqlx::query(
-        "SELECT body, summary, digest, evicted, scenario
+        "SELECT body, summary, digest, evicted,
+             iif(evicted IS NULL, NULL, (SELECT task FROM result_task WHERE key = ?1)) AS task
          FROM result LEFT JOIN result_blob USING (key) WHERE key = ?1",
     )
     .bind(key.bytes().as_slice())
@@ -178,7 +181,11 @@ pub(super) async fn result(db: impl SqliteExecutor<'_>, key: &Key) -> Result<Opt
     .await?;
     let Some(row) = row else { return Ok(None) };
     if let Some(at) = row.try_get("evicted")? {
-        let scenario = row.try_get::<Option<&str>, _>("scenario")?.map(json).transpose()?;
+        let task: Option<&str> = row.try_get("task")?;
+        let scenario = task.and_then(|task| {
+            let mut task: Value = serde_json::from_str(task).ok()?;
+            task.get_mut("scenario").map(Value::take)
+        });
         return Ok(Some(Kept::Evicted { at, scenario: scenario.unwrap_or_default() }));
     }
     let body: Vec<u8> = row.try_get("body")?;
@@ -226,15 +233,4 @@ pub(super) async fn oldest_queued(db: impl SqliteExecutor<'_>) -> Result<Option<
     .fetch_optional(db)
     .await?;
     Ok(created)
-}
-
-/// Bytes of the database that are in use.
-pub(super) async fn bytes_used(db: &mut SqliteConnection) -> Result<u64, Error> {
-    let mut pragmas = [0_i64; 3];
-    for (value, pragma) in pragmas.iter_mut().zip(["page_size", "page_count", "freelist_count"]) {
-        let pragma = AssertSqlSafe(format!("PRAGMA {pragma}"));
-        *value = sqlx::query_scalar(pragma).fetch_one(&mut *db).await?;
-    }
-    let [size, all, free] = pragmas;
-    Ok(u64::try_from(size * (all - free)).unwrap_or(0))
 }

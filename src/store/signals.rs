@@ -7,8 +7,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use tokio::sync::watch;
 
-use super::RunId;
 use super::tally::{Ending, Tally};
+use super::{RunId, now};
 use crate::job::{Key, Origin};
 
 /// What a committed change means to those who listen.
@@ -31,10 +31,12 @@ pub(super) enum Effect {
     /// A run ended, so many milliseconds after it was begun.
     Settled(Ending, Option<i64>),
     /// A result was computed again.
-    Recomputed { same: bool },
+    Recomputed { key: Key, same: bool },
     /// So many bytes of a result were stored.
     Stored(u64),
-    /// So many results were dropped.
+    /// A result was used.
+    Read(Key),
+    /// A result of so many bytes was dropped.
     Evicted(u64),
 }
 
@@ -73,6 +75,16 @@ struct Tables {
 
 /// So many moments of reading are remembered at most; the others are not missed.
 const READ_AT_MOST: usize = 10_000;
+/// So many are written down at once: some milliseconds of work.
+const READ_AT_ONCE: usize = 500;
+
+impl Tables {
+    fn note(&mut self, key: Key, at: i64) {
+        if self.read.len() < READ_AT_MOST || self.read.contains_key(&key) {
+            self.read.insert(key, at);
+        }
+    }
+}
 
 impl Signals {
     /// Tells those concerned, in the order in which the changes were made.
@@ -106,24 +118,32 @@ impl Signals {
                 }
                 Effect::Submitted(origin) => self.tally.submitted(origin),
                 Effect::Settled(how, milliseconds) => self.tally.settled(how, milliseconds),
-                Effect::Recomputed { same } => self.tally.recomputed(same),
-                Effect::Evicted(count) => self.tally.evicted(count),
+                Effect::Recomputed { key, same } => {
+                    if !same {
+                        tracing::error!(%key, "computed again, a result differs");
+                    }
+                    self.tally.recomputed(same);
+                }
+                Effect::Read(key) => tables.note(key, now()),
+                Effect::Evicted(bytes) => {
+                    tracing::info!(bytes, "dropped the result that was read longest ago");
+                    self.tally.evicted();
+                }
                 Effect::Stored(_) => {}
             }
         }
     }
 
     /// Remembers that a result was read.
-    pub(super) fn read(&self, key: Key, now: i64) {
-        let mut tables = self.tables();
-        if tables.read.len() < READ_AT_MOST || tables.read.contains_key(&key) {
-            tables.read.insert(key, now);
-        }
+    pub(super) fn read(&self, key: Key, at: i64) {
+        self.tables().note(key, at);
     }
 
-    /// What was read since this was last asked.
+    /// Some of what was read and not yet written down.
     pub(super) fn take_read(&self) -> Vec<(Key, i64)> {
-        std::mem::take(&mut self.tables().read).into_iter().collect()
+        let mut tables = self.tables();
+        let some: Vec<_> = tables.read.keys().copied().take(READ_AT_ONCE).collect();
+        some.into_iter().filter_map(|key| tables.read.remove_entry(&key)).collect()
     }
 
     pub(super) fn watch(self: &Arc<Self>, key: Key) -> Changes {

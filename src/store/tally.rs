@@ -130,8 +130,8 @@ impl Tally {
         );
         registry.register("running_runs", "Computations that workers are at", self.working.clone());
         registry.register_with_unit(
-            "database_used",
-            "Size of what the database holds",
+            "results",
+            "Size of the results that are kept",
             Unit::Bytes,
             self.bytes.clone(),
         );
@@ -164,7 +164,8 @@ impl Tally {
         if let Some(milliseconds) = milliseconds {
             let seconds = milliseconds as f64 / 1e3;
             self.seconds.observe(seconds);
-            self.usual.set(self.usual.get() + 0.1 * (seconds - self.usual.get()));
+            let usual = self.usual.get();
+            self.usual.set(if usual > 0.0 { usual + 0.1 * (seconds - usual) } else { seconds });
         }
     }
 
@@ -172,15 +173,15 @@ impl Tally {
         count(&self.recomputes, "result", if same { "same" } else { "differs" });
     }
 
-    pub(super) fn evicted(&self, count: u64) {
-        self.evicted.inc_by(count);
+    pub(super) fn evicted(&self) {
+        self.evicted.inc();
     }
 
     pub(super) fn failed(&self, error: &Error) {
         let kind = match error {
             Error::Full(_) => "full",
             Error::Busy(_) => "busy",
-            Error::Damaged(_) => "damaged",
+            Error::Damaged(_) | Error::DamagedResult(_) => "damaged",
             Error::Closed | Error::JobExists(_) => return,
             _ => "other",
         };
@@ -192,7 +193,7 @@ impl Tally {
         self.working.set(i64::try_from(working).unwrap_or(i64::MAX));
     }
 
-    pub(super) fn database_is(&self, bytes: u64) {
+    pub(super) fn room_is(&self, bytes: u64) {
         self.bytes.set(i64::try_from(bytes).unwrap_or(i64::MAX));
     }
 }

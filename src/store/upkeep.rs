@@ -1,13 +1,13 @@
 //! What keeps the database small and fast over years, done in small pieces between other work.
 //!
-//! Old jobs are deleted, results that nobody has read for longest are dropped when the database has
-//! grown too large, and the moments at which results were read are written down.
+//! The moments at which results were read are written down, old jobs are deleted, and results that
+//! nobody has read for longest are dropped when they take too much room. Each piece is a transaction
+//! of its own: one that fails, on a damaged page for instance, does not keep the others back.
 
 use std::time::{Duration, Instant};
 
 use sqlx::Row;
 
-use super::read;
 use super::signals::Effect;
 use super::writer::{Transaction, Verb};
 use super::{Error, Options};
@@ -17,14 +17,16 @@ use crate::job::Key;
 const IDLE: Duration = Duration::from_secs(1);
 /// It takes the time at least this often.
 const OFTEN: Duration = Duration::from_mins(1);
-/// Jobs deleted, and results dropped, in one piece: some milliseconds of work.
-const PIECE: u32 = 100;
+/// Jobs deleted in one piece: some milliseconds of work.
+const JOBS: u32 = 100;
+/// How long the scenario of a dropped result is remembered: a year.
+const REMEMBERED: i64 = 365 * 24 * 3600 * 1000;
 
 /// When to do what.
 #[derive(Debug)]
 pub(super) struct Upkeep {
-    keep_jobs: Option<Duration>,
-    budget: Option<u64>,
+    pub(super) keep_jobs: Option<Duration>,
+    pub(super) budget: Option<u64>,
     last: Instant,
     /// There is something to tidy up.
     dirty: bool,
@@ -62,17 +64,12 @@ impl Upkeep {
 
     /// Whether it cannot wait for a quiet moment.
     pub(super) fn is_due(&self) -> bool {
-        // So the database is at most a few hundredths larger than it may be.
+        // So results take at most a few hundredths more room than they may.
         let grown = self.budget.is_some_and(|budget| self.stored > budget / 64);
         self.more || grown || self.last.elapsed() > OFTEN
     }
 
-    /// The next piece of work.
-    pub(super) fn piece(&self, read: Vec<(Key, i64)>) -> Piece {
-        Piece { read, keep_jobs: self.keep_jobs, budget: self.budget }
-    }
-
-    /// Takes notice of a piece that is done.
+    /// Takes notice of a round that is done.
     pub(super) fn did(&mut self, more: bool) {
         self.more = more;
         self.dirty = false;
@@ -81,58 +78,53 @@ impl Upkeep {
     }
 }
 
-/// A piece of upkeep.
-pub(super) struct Piece {
-    /// When results were last read.
-    read: Vec<(Key, i64)>,
-    keep_jobs: Option<Duration>,
-    budget: Option<u64>,
-}
+/// Writes down when results were last read.
+pub(super) struct WriteReads(pub(super) Vec<(Key, i64)>);
 
-impl Verb for Piece {
-    /// Whether there is more to do, and how large the database is.
-    type Answer = (bool, u64);
+impl Verb for WriteReads {
+    type Answer = ();
 
-    async fn apply(&self, tx: &mut Transaction<'_>) -> Result<Self::Answer, Error> {
-        for (key, at) in &self.read {
+    async fn apply(&self, tx: &mut Transaction<'_>) -> Result<(), Error> {
+        for (key, at) in &self.0 {
             sqlx::query("UPDATE result SET last_access = ?2 WHERE key = ?1 AND last_access < ?2")
                 .bind(key.bytes().as_slice())
                 .bind(at)
                 .execute(&mut *tx.db)
                 .await?;
         }
-        let deleted = match self.keep_jobs {
-            Some(age) => delete_old(tx, age).await?,
-            None => 0,
-        };
-        let used = read::bytes_used(tx.db).await?;
-        let excess = self.budget.map_or(0, |budget| used.saturating_sub(budget));
-        let dropped = if excess > 0 { evict(tx, excess).await? } else { 0 };
-        Ok((deleted == u64::from(PIECE) || dropped > 0, used))
+        Ok(())
     }
 }
 
 /// Deletes jobs that ended before so long, the oldest first, and the runs that nobody names any more.
-async fn delete_old(tx: &mut Transaction<'_>, age: Duration) -> Result<u64, Error> {
-    let cutoff = tx.now - i64::try_from(age.as_millis()).unwrap_or(i64::MAX);
-    // Ids begin with the time in milliseconds, so the oldest jobs are found by the primary key.
-    let mut oldest = [0; 16];
-    oldest[..6].copy_from_slice(&cutoff.max(0).to_be_bytes()[2..]);
-    let rows = sqlx::query(
-        "DELETE FROM job WHERE id IN (
-             SELECT id FROM job WHERE id < ?1 AND finished < ?2 ORDER BY id LIMIT ?3
-         ) RETURNING run",
-    )
-    .bind(oldest.as_slice())
-    .bind(cutoff)
-    .bind(PIECE)
-    .fetch_all(&mut *tx.db)
-    .await?;
-    for row in &rows {
-        let Some(run) = row.try_get::<Option<i64>, _>("run")? else { continue };
-        delete_unnamed(tx, run).await?;
+pub(super) struct DeleteOld(pub(super) Duration);
+
+impl Verb for DeleteOld {
+    /// Whether there may be more.
+    type Answer = bool;
+
+    async fn apply(&self, tx: &mut Transaction<'_>) -> Result<bool, Error> {
+        let cutoff = tx.now - i64::try_from(self.0.as_millis()).unwrap_or(i64::MAX);
+        // Ids begin with the time in milliseconds, so the oldest jobs are found by the primary key.
+        let mut oldest = [0; 16];
+        oldest[..6].copy_from_slice(&cutoff.max(0).to_be_bytes()[2..]);
+        let rows = sqlx::query(
+            "DELETE FROM job WHERE id IN (
+                 SELECT id FROM job WHERE id < ?1 AND finished < ?2 ORDER BY id LIMIT ?3
+             ) RETURNING run",
+        )
+        .bind(oldest.as_slice())
+        .bind(cutoff)
+        .bind(JOBS)
+        .fetch_all(&mut *tx.db)
+        .await?;
+        for row in &rows {
+            if let Some(run) = row.try_get("run")? {
+                delete_unnamed(tx, run).await?;
+            }
+        }
+        Ok(rows.len() as u64 == u64::from(JOBS))
     }
-    Ok(rows.len() as u64)
 }
 
 /// Deletes a run that has ended and that no job names.
@@ -147,42 +139,53 @@ pub(super) async fn delete_unnamed(tx: &mut Transaction<'_>, run: i64) -> Result
     Ok(())
 }
 
-/// Drops results until so many bytes are free, or as many as are dropped in one piece; what they
-/// were computed from stays.
-async fn evict(tx: &mut Transaction<'_>, excess: u64) -> Result<u64, Error> {
-    let rows: Vec<(Vec<u8>, i64)> = sqlx::query_as(
-        "SELECT key, size FROM result INDEXED BY result_unread
-         WHERE NOT pinned AND evicted IS NULL ORDER BY last_access LIMIT ?1",
-    )
-    .bind(PIECE)
-    .fetch_all(&mut *tx.db)
-    .await?;
-    let (mut freed, mut count) = (0, 0);
-    for (key, size) in rows {
-        if freed >= excess {
-            break;
-        }
-        sqlx::query(
-            "UPDATE result SET evicted = ?2, scenario = (
-                 SELECT iif(json_valid(CAST(body AS TEXT)),
-                     json_extract(CAST(body AS TEXT), '$.scenario'), NULL)
-                 FROM result_blob WHERE result_blob.key = result.key
-             ) WHERE key = ?1",
-        )
-        .bind(&key)
-        .bind(tx.now)
-        .execute(&mut *tx.db)
-        .await?;
-        sqlx::query("DELETE FROM result_blob WHERE key = ?1")
-            .bind(&key)
+/// Drops the result that was read longest ago, if all take more room than so many bytes; what it
+/// was computed from stays, for a year.
+pub(super) struct Evict {
+    pub(super) budget: Option<u64>,
+    /// The body cannot be deleted: the pages that hold it are damaged.
+    pub(super) leave_body: bool,
+}
+
+/// How results and the room they may take stand to each other.
+pub(super) struct Room {
+    pub(super) used: u64,
+    /// One was dropped, so more may have to go.
+    pub(super) dropped: bool,
+}
+
+impl Verb for Evict {
+    type Answer = Room;
+
+    async fn apply(&self, tx: &mut Transaction<'_>) -> Result<Room, Error> {
+        let used: i64 = sqlx::query_scalar("SELECT used FROM room").fetch_one(&mut *tx.db).await?;
+        let used = u64::try_from(used).unwrap_or(0);
+        if self.budget.is_none_or(|budget| used <= budget) {
+            sqlx::query(
+                "DELETE FROM result WHERE key IN (
+                     SELECT key FROM result WHERE evicted < ?1 LIMIT 100
+                 )",
+            )
+            .bind(tx.now - REMEMBERED)
             .execute(&mut *tx.db)
             .await?;
-        freed += u64::try_from(size).unwrap_or(0);
-        count += 1;
+            return Ok(Room { used, dropped: false });
+        }
+        let oldest: Option<(Vec<u8>, i64)> = sqlx::query_as(
+            "UPDATE result SET evicted = ?1 WHERE key = (
+                 SELECT key FROM result INDEXED BY result_unread
+                 WHERE NOT pinned AND evicted IS NULL ORDER BY last_access LIMIT 1
+             ) RETURNING key, size",
+        )
+        .bind(tx.now)
+        .fetch_optional(&mut *tx.db)
+        .await?;
+        let Some((key, size)) = oldest else { return Ok(Room { used, dropped: false }) };
+        if !self.leave_body {
+            let delete = sqlx::query("DELETE FROM result_blob WHERE key = ?1");
+            delete.bind(&key).execute(&mut *tx.db).await?;
+        }
+        tx.effects.push(Effect::Evicted(u64::try_from(size).unwrap_or(0)));
+        Ok(Room { used, dropped: true })
     }
-    if count > 0 {
-        tracing::info!(results = count, bytes = freed, "dropped the results unread for longest");
-        tx.effects.push(Effect::Evicted(count));
-    }
-    Ok(count)
 }

@@ -14,7 +14,8 @@ use super::tally::Ending;
 use super::upkeep::delete_unnamed;
 use super::writer::{Transaction, Verb};
 use super::{
-    Canceled, Claimed, Deleted, Error, Filter, Finish, NewJob, Recovered, RunId, Submitted,
+    Admission, Canceled, Claimed, Deleted, Error, Filter, Finish, NewJob, Recovered, RunId,
+    Submitted,
 };
 use crate::job::{Answer, FailureKind, Job, JobId, JobState, Key, Origin};
 
@@ -54,27 +55,33 @@ impl Submit {
         Ok(job.map(Submitted::Repeated))
     }
 
-    /// Whether the queue has no place for this. The last tenth of it is for those who have little
-    /// in it, so that nobody can fill it for all.
-    async fn is_too_much(&self, tx: &mut Transaction<'_>) -> Result<bool, Error> {
-        let (queued, tenth) = (tx.queue.len(), self.limit / 10);
+    /// Why this is not accepted, if it is not.
+    async fn refusal(&self, tx: &mut Transaction<'_>) -> Result<Option<Submitted>, Error> {
+        let Admission { only_known, too_expensive } = self.job.admission;
+        // The last tenth of the queue is for those who have little in it, so that nobody can fill it
+        // for all.
+        let (queued, tenth) = (tx.queue.jobs(), self.limit / 10);
         let full = queued >= self.limit
             || (queued >= self.limit - tenth && tx.queue.waiting_of(&self.job.owner) >= tenth);
-        if !full {
-            return Ok(false);
+        if !only_known && !too_expensive && !full {
+            return Ok(None);
         }
-        // What needs no place in the queue is welcome all the same.
-        let needs_none: bool = sqlx::query_scalar(
-            "SELECT EXISTS (SELECT 1 FROM run WHERE key = ?1 AND state IN ('queued', 'running'))
-                 OR (NOT ?2 AND EXISTS (
-                     SELECT 1 FROM result WHERE key = ?1 AND evicted IS NULL
-                 ))",
+        let (known, running): (bool, bool) = sqlx::query_as(
+            "SELECT NOT ?2 AND EXISTS (SELECT 1 FROM result WHERE key = ?1 AND evicted IS NULL),
+                 EXISTS (SELECT 1 FROM run WHERE key = ?1 AND state = 'running')",
         )
         .bind(self.job.key.bytes().as_slice())
         .bind(self.job.afresh)
         .fetch_one(&mut *tx.db)
         .await?;
-        Ok(!needs_none)
+        // What needs neither a worker nor a place in the queue is welcome all the same.
+        Ok(match (known, running) {
+            (true, _) => None,
+            _ if only_known => Some(Submitted::Unknown),
+            _ if too_expensive => Some(Submitted::TooExpensive),
+            (_, true) => None,
+            _ => Some(Submitted::Refused { queued }),
+        })
     }
 }
 
@@ -82,19 +89,19 @@ impl Submit {
 /// there is now. The second statement tells by `changes()` whether the first inserted a run.
 const SUBMIT: &str = "
     INSERT INTO run (key, owner, created, task, state, changed, trace)
-    SELECT ?1, ?2, ?3, ?4, 'queued', ?3, ?13
-    WHERE ?12 OR NOT EXISTS (SELECT 1 FROM result WHERE key = ?1 AND evicted IS NULL)
+    SELECT ?1, ?2, ?3, ?4, 'queued', ?3, ?6
+    WHERE ?5 OR NOT EXISTS (SELECT 1 FROM result WHERE key = ?1 AND evicted IS NULL)
     ON CONFLICT (key) WHERE state IN ('queued', 'running') DO NOTHING;
 
     INSERT INTO job (key, owner, created, id, label, tags, warnings, priority, idempotency_key,
         fingerprint, run, state, attempt, origin, started, finished, changes)
-    SELECT ?1, ?2, ?3, ?5, ?6, ?7, ?8, ?9, ?10, ?11, run.id, coalesce(run.state, 'succeeded'),
+    SELECT ?1, ?2, ?3, ?7, ?8, ?9, ?10, ?11, ?12, ?13, run.id, coalesce(run.state, 'succeeded'),
         coalesce(run.attempt, 0),
         CASE WHEN run.id IS NULL THEN 'cached' WHEN changes() THEN 'computed' ELSE 'coalesced' END,
         iif(run.state = 'queued', NULL, ?3), iif(run.id IS NULL, ?3, NULL),
         coalesce(run.state, 'succeeded') || ' ' || coalesce(run.attempt, 0) || ' ' || ?3
     FROM (SELECT 1) LEFT JOIN run ON run.key = ?1 AND run.state IN ('queued', 'running')
-        AND (?12 OR NOT EXISTS (SELECT 1 FROM result WHERE key = ?1 AND evicted IS NULL))
+        AND (?5 OR NOT EXISTS (SELECT 1 FROM result WHERE key = ?1 AND evicted IS NULL))
     RETURNING run, state, attempt, origin, started, finished, changes,
         (SELECT progress FROM run WHERE run.id = job.run) AS progress,
         iif(state = 'succeeded', (SELECT summary FROM result WHERE result.key = job.key), NULL)
@@ -108,8 +115,8 @@ impl Verb for Submit {
         if let Some(before) = self.before(tx).await? {
             return Ok(before);
         }
-        if self.is_too_much(tx).await? {
-            return Ok(Submitted::Refused { queued: tx.queue.len() });
+        if let Some(refusal) = self.refusal(tx).await? {
+            return Ok(refusal);
         }
         let repeatable = new.repeatable.as_ref();
         let row = sqlx::query(SUBMIT)
@@ -117,6 +124,8 @@ impl Verb for Submit {
             .bind(&new.owner)
             .bind(tx.now)
             .bind(&new.task)
+            .bind(new.afresh)
+            .bind(&new.trace)
             .bind(new.id.0.as_bytes().as_slice())
             .bind(&new.label)
             .bind(&self.tags)
@@ -124,8 +133,6 @@ impl Verb for Submit {
             .bind(new.priority)
             .bind(repeatable.map(|repeatable| &repeatable.key))
             .bind(repeatable.map(|repeatable| repeatable.fingerprint.as_slice()))
-            .bind(new.afresh)
-            .bind(&new.trace)
             .fetch_one(&mut *tx.db)
             .await
             .map_err(|error| match error.as_database_error() {
@@ -136,8 +143,10 @@ impl Verb for Submit {
         if state == JobState::Queued {
             tx.queue.add(RunId(row.try_get("run")?), &new.owner, new.priority, new.id);
         }
-        if origin == Origin::Computed {
-            tx.effects.push(Effect::Queued);
+        match origin {
+            Origin::Computed => tx.effects.push(Effect::Queued),
+            Origin::Cached => tx.effects.push(Effect::Read(new.key)),
+            Origin::Coalesced => {}
         }
         tx.effects.push(Effect::Submitted(origin));
         Ok(Submitted::Accepted(Job {
@@ -235,7 +244,7 @@ impl Finished {
 
     /// Keeps the body, unless there is one. What an evicted result came to is remembered, so that
     /// a recompute is compared with it too.
-    async fn keep(&self, tx: &mut Transaction<'_>, key: Key) -> Result<Finish, Error> {
+    async fn keep(&self, tx: &mut Transaction<'_>, key: Key, task: &str) -> Result<Finish, Error> {
         let before: Option<(bool, bool)> =
             sqlx::query_as("SELECT digest = ?2, evicted IS NULL FROM result WHERE key = ?1")
                 .bind(key.bytes().as_slice())
@@ -243,13 +252,18 @@ impl Finished {
                 .fetch_optional(&mut *tx.db)
                 .await?;
         if let Some((same, _)) = before {
-            tx.effects.push(Effect::Recomputed { same });
-            if !same {
-                tracing::error!(%key, "computed again, a result differs; a stored one stays");
-            }
+            tx.effects.push(Effect::Recomputed { key, same });
         }
         match before {
-            Some((true, true)) => return Ok(Finish::Same),
+            Some((true, true)) => {
+                // The same bytes, unless the disk has changed them since: then this repairs them.
+                sqlx::query("UPDATE result_blob SET body = ?2 WHERE key = ?1")
+                    .bind(key.bytes().as_slice())
+                    .bind(&self.body)
+                    .execute(&mut *tx.db)
+                    .await?;
+                return Ok(Finish::Same);
+            }
             Some((false, true)) => return Ok(Finish::Differs),
             Some((_, false)) | None => {}
         }
@@ -257,7 +271,7 @@ impl Finished {
             "INSERT INTO result (key, summary, digest, size, created, last_access)
              VALUES (?1, ?2, ?3, ?4, ?5, ?5)
              ON CONFLICT DO UPDATE SET summary = ?2, digest = ?3, size = ?4, last_access = ?5,
-                 evicted = NULL, scenario = NULL",
+                 evicted = NULL",
         )
         .bind(key.bytes().as_slice())
         .bind(&self.summary)
@@ -271,6 +285,11 @@ impl Finished {
             .bind(&self.body)
             .execute(&mut *tx.db)
             .await?;
+        sqlx::query("INSERT OR IGNORE INTO result_task (key, task) VALUES (?1, ?2)")
+            .bind(key.bytes().as_slice())
+            .bind(task)
+            .execute(&mut *tx.db)
+            .await?;
         tx.effects.push(Effect::Stored(self.body.len() as u64));
         Ok(Finish::Stored)
     }
@@ -282,17 +301,18 @@ impl Verb for Finished {
     async fn apply(&self, tx: &mut Transaction<'_>) -> Result<Finish, Error> {
         let row = sqlx::query(
             "UPDATE run SET state = 'succeeded', progress = 1, finished = ?3, changed = ?3
-             WHERE id = ?1 AND attempt = ?2 AND state = 'running' RETURNING id, key, started",
+             WHERE id = ?1 AND attempt = ?2 AND state = 'running'
+             RETURNING id, key, started, task",
         )
         .bind(self.run.0)
         .bind(self.attempt)
         .bind(tx.now)
         .fetch_optional(&mut *tx.db)
         .await?;
-        let Some(key) = ended(tx, row.as_ref(), Ending::Succeeded)? else {
+        let (Some(row), Some(key)) = (&row, ended(tx, row.as_ref(), Ending::Succeeded)?) else {
             return Ok(Finish::Refused);
         };
-        self.keep(tx, key).await
+        self.keep(tx, key, row.try_get("task")?).await
     }
 }
 
@@ -413,7 +433,7 @@ impl Verb for Cancel {
             .bind(tx.now)
             .execute(&mut *tx.db)
             .await?;
-            tx.queue.leave(run, &job.owner, job.priority, job.id);
+            tx.queue.leave(run, job.priority, job.id);
         } else {
             // A run that is already canceling stays as it is, until its worker lets go.
             sqlx::query(
@@ -504,15 +524,14 @@ impl Verb for Pin {
     }
 }
 
-/// Changes nothing, but finds out whether anything could be changed.
+/// Finds out whether anything can be changed.
 pub(super) struct Ping;
 
 impl Verb for Ping {
     type Answer = ();
 
     async fn apply(&self, tx: &mut Transaction<'_>) -> Result<(), Error> {
-        // Reading a table, unlike a constant, touches the file.
-        sqlx::query("SELECT 1 FROM job LIMIT 1").execute(&mut *tx.db).await?;
+        sqlx::query("UPDATE room SET tried = ?1").bind(tx.now).execute(&mut *tx.db).await?;
         Ok(())
     }
 }
@@ -525,7 +544,7 @@ impl Verb for Recover {
     async fn apply(&self, tx: &mut Transaction<'_>) -> Result<Recovered, Error> {
         let canceled = sqlx::query(
             "UPDATE run SET state = 'canceled', finished = ?1, changed = ?1
-             WHERE state = 'canceling' AND finished IS NULL RETURNING id, key, started",
+             WHERE state = 'canceling' AND finished IS NULL RETURNING key",
         )
         .bind(tx.now)
         .fetch_all(&mut *tx.db)
@@ -533,8 +552,7 @@ impl Verb for Recover {
         let failed = sqlx::query(
             "UPDATE run SET state = 'failed', lost = lost + 1, finished = ?1, changed = ?1,
                  error_kind = ?2, error = ?3
-             WHERE state = 'running' AND finished IS NULL AND lost + 1 >= ?4
-             RETURNING id, key, started",
+             WHERE state = 'running' AND finished IS NULL AND lost + 1 >= ?4 RETURNING key",
         )
         .bind(tx.now)
         .bind(FailureKind::WorkerLost.as_str())
@@ -545,7 +563,7 @@ impl Verb for Recover {
         let requeued = sqlx::query(
             "UPDATE run SET state = 'queued', lost = lost + 1, progress = 0, started = NULL,
                  changed = ?1
-             WHERE state = 'running' AND finished IS NULL RETURNING id, key, started",
+             WHERE state = 'running' AND finished IS NULL RETURNING key",
         )
         .bind(tx.now)
         .fetch_all(&mut *tx.db)
@@ -559,7 +577,9 @@ impl Verb for Recover {
             [(canceled, Ending::Canceled), (failed, Ending::Failed), (requeued, Ending::Released)]
         {
             for row in rows {
-                ended(tx, Some(&row), ending)?;
+                // How long the server was down is not how long they took.
+                let key = key(&row, "key")?;
+                tx.effects.extend([Effect::Ended(key), Effect::Settled(ending, None)]);
             }
         }
         *tx.queue = Queue::load(tx.db).await?;

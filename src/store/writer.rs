@@ -11,11 +11,13 @@ use tokio::time::timeout;
 
 use super::queue::Queue;
 use super::signals::{Effect, Signals};
-use super::upkeep::Upkeep;
+use super::upkeep::{DeleteOld, Evict, Upkeep, WriteReads};
 use super::{Error, now};
 
 /// Verbs that may wait for the writer; more wait for a place.
 const WAITING: usize = 1024;
+/// After so many verbs that met a full disk, the others of their batch are not tried.
+const HOPELESS: u32 = 3;
 /// Verbs in one transaction: enough to spread the cost of a commit, few enough that none waits long.
 const BATCH: usize = 256;
 
@@ -169,8 +171,15 @@ impl Writer {
             }
             Err(Failed::Within(error)) if orders.len() > 1 => {
                 tracing::debug!(%error, verbs = orders.len(), "a batch failed; one by one now");
+                let mut hopeless = 0;
                 for mut order in orders {
+                    if hopeless == HOPELESS {
+                        order.settle(Err(error.clone()));
+                        continue;
+                    }
                     let committed = self.commit(std::slice::from_mut(&mut order)).await;
+                    let full = matches!(committed, Err(Failed::Within(Error::Full(_))));
+                    hopeless = if full { hopeless + 1 } else { 0 };
                     order.settle(committed.map_err(Failed::into_error));
                 }
             }
@@ -223,36 +232,56 @@ impl Writer {
         }
     }
 
-    /// Does a piece of what keeps the database in order; in a quiet moment also what takes longer.
+    /// Does a round of what keeps the database in order; in a quiet moment also what takes longer.
     async fn keep_up(&mut self, idle: bool) {
-        let (reply, answer) = oneshot::channel();
-        let verb = self.upkeep.piece(self.signals.take_read());
-        let mut order: Box<dyn Order> = Box::new(Asked { verb, answer: None, reply });
-        let committed = self.commit(std::slice::from_mut(&mut order)).await;
-        order.settle(committed.map_err(Failed::into_error));
-        let more = match answer.await {
-            Ok(Ok((more, bytes))) => {
-                self.signals.tally.database_is(bytes);
-                more
-            }
-            Ok(Err(error)) => {
-                self.signals.tally.failed(&error);
-                let error = &error as &dyn std::error::Error;
-                tracing::warn!(error, "could not tidy up the database; trying again in a minute");
-                false
-            }
-            Err(_) => false,
+        let reads = self.signals.take_read();
+        let many = !reads.is_empty();
+        if many {
+            // That they were read is not worth a second attempt.
+            let _ = self.chore(WriteReads(reads)).await;
+        }
+        let old = match self.upkeep.keep_jobs {
+            Some(age) => self.chore(DeleteOld(age)).await.unwrap_or(false),
+            None => false,
         };
+        let budget = self.upkeep.budget;
+        let mut room = self.chore(Evict { budget, leave_body: false }).await;
+        if let Err(Error::Damaged(_)) = room {
+            room = self.chore(Evict { budget, leave_body: true }).await;
+        }
+        let mut dropped = false;
+        if let Ok(room) = room {
+            self.signals.tally.room_is(room.used);
+            dropped = room.dropped;
+            if !dropped && budget.is_some_and(|budget| room.used > budget) {
+                let bytes = room.used;
+                tracing::warn!(bytes, "the pinned results alone take more room than they may");
+            }
+        }
+        let more = many || old || dropped;
         self.upkeep.did(more);
         if idle && !more {
             self.shrink().await;
         }
     }
 
+    /// Applies a verb that nobody waits for, in its own transaction.
+    async fn chore<V: Verb>(&mut self, verb: V) -> Result<V::Answer, Error> {
+        let (reply, answer) = oneshot::channel();
+        let mut order: Box<dyn Order> = Box::new(Asked { verb, answer: None, reply });
+        let committed = self.commit(std::slice::from_mut(&mut order)).await;
+        order.settle(committed.map_err(Failed::into_error));
+        let answer = answer.await.unwrap_or(Err(Error::Closed));
+        answer.inspect_err(|error| {
+            self.signals.tally.failed(error);
+            let error = error as &dyn std::error::Error;
+            tracing::warn!(error, "could not tidy up the database; trying again later");
+        })
+    }
+
     /// Moves the log into the database, and gives room that is free for good back to the disk.
     /// Readers may keep a part of the log back; there will be another quiet moment.
     async fn shrink(&mut self) {
-        // Some are kept: what comes next need not ask for them again.
         for pragma in ["PRAGMA incremental_vacuum(2000)", "PRAGMA wal_checkpoint(PASSIVE)"] {
             if let Err(error) = self.db.execute(pragma).await {
                 tracing::warn!(%error, pragma, "could not make the database smaller");

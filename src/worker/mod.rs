@@ -146,9 +146,19 @@ impl Worker {
             self.settle(claimed, outcome).await;
             return None;
         }
-        let ((), next) = tokio::join!(self.settle(claimed, outcome), self.store.claim());
-        // An error is met again, and told, where a claim is waited for.
-        next.ok().flatten()
+        let (stored, next) = tokio::join!(self.store_outcome(claimed, outcome), self.store.claim());
+        // An error of the claim is met again, and told, where a claim is waited for.
+        let mut next = next.ok().flatten();
+        if stored.is_err() {
+            // The next run must not wait for the store to take this one.
+            if let Some(Claimed { run, attempt, .. }) = next
+                && self.store.release(run, attempt).await.is_ok()
+            {
+                next = None;
+            }
+            self.settle(claimed, outcome).await;
+        }
+        next
     }
 
     fn order(&self) -> Order {

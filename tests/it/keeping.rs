@@ -26,10 +26,10 @@ async fn claim(store: &Store) -> Claimed {
 
 /// Computes a key, so that its result is known, and returns the job.
 async fn compute(store: &Store, number: u8, bytes: usize) -> Job {
-    let job = accepted(store.submit(new_job(number)).await);
+    let task = json!({"scenario": {"number": number, "exactly": 0.1}}).to_string();
+    let job = accepted(store.submit(NewJob { task, ..new_job(number) }).await);
     let claimed = claim(store).await;
-    let scenario = json!({"number": number, "exactly": 0.1});
-    let text = json!({"scenario": scenario, "rest": "x".repeat(bytes)}).to_string();
+    let text = json!({"number": 0.1, "rest": "x".repeat(bytes)}).to_string();
     let answer = Answer { body: text.into(), summary: json!({}) };
     store.finish(claimed.run, claimed.attempt, &answer).await.unwrap();
     job
@@ -119,11 +119,12 @@ async fn a_full_queue_refuses_what_needs_a_place_in_it_and_keeps_a_tenth_for_oth
     let other = NewJob { owner: "eve".into(), ..new_job(11) };
     let refused = Submitted::Refused { queued: 10 };
     assert_eq!(store.submit(other.clone()).await.unwrap(), refused);
-    // What is known, or under way, needs no place.
+    // What is known, or at work already, needs no place.
     assert_eq!(accepted(store.submit(new_job(100)).await).origin, Origin::Cached);
-    assert_eq!(accepted(store.submit(new_job(3)).await).origin, Origin::Coalesced);
-    claim(&store).await;
+    let claimed = claim(&store).await;
     accepted(store.submit(other).await);
+    let joins = NewJob { key: claimed.key, ..new_job(0) };
+    assert_eq!(accepted(store.submit(joins).await).origin, Origin::Coalesced);
 }
 
 #[tokio::test]
@@ -149,8 +150,10 @@ async fn a_known_result_is_computed_again_if_that_is_asked_for() {
 async fn every_change_of_state_is_remembered_in_its_order() {
     use JobState::{Canceled, Canceling, Queued, Running};
     let (_dir, store) = fresh().await;
-    let job = accepted(store.submit(new_job(1)).await);
+    let trace = Some("request traceparent".to_owned());
+    let job = accepted(store.submit(NewJob { trace: trace.clone(), ..new_job(1) }).await);
     let claimed = claim(&store).await;
+    assert_eq!(claimed.trace, trace);
     store.release(claimed.run, 1).await.unwrap();
     let claimed = claim(&store).await;
     store.cancel(job.id).await.unwrap();

@@ -6,8 +6,8 @@ use std::path::Path;
 
 use fretwork::job::{Answer, FailureKind, Job, JobId, JobState, Key, Origin};
 use fretwork::store::{
-    Canceled, Claimed, Deleted, Error, Filter, Finish, NewJob, Options, Recovered, Store,
-    StoredResult, Submitted,
+    Admission, Canceled, Claimed, Deleted, Error, Filter, Finish, NewJob, Options, Recovered,
+    Store, StoredResult, Submitted,
 };
 use proptest::prelude::*;
 use proptest::sample::Index;
@@ -33,6 +33,7 @@ pub fn new_job(number: u8) -> NewJob {
         warnings: vec![],
         repeatable: None,
         afresh: false,
+        admission: Admission::default(),
         trace: None,
     }
 }

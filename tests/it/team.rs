@@ -338,11 +338,7 @@ async fn a_dropped_result_names_its_scenario_and_comes_back_under_its_key() {
     let before = server.get(&path).await;
     // As the store does when the database has grown too large.
     let mut db = crate::store::raw(server.dir.path()).await;
-    for change in [
-        "UPDATE result SET evicted = 1765432100000, scenario = (
-             SELECT json_extract(CAST(body AS TEXT), '$.scenario') FROM result_blob)",
-        "DELETE FROM result_blob",
-    ] {
+    for change in ["UPDATE result SET evicted = 1765432100000", "DELETE FROM result_blob"] {
         sqlx::query(change).execute(&mut db).await.unwrap();
     }
     let problem = server.get(&path).await.problem(410, "evicted");
@@ -351,6 +347,45 @@ async fn a_dropped_result_names_its_scenario_and_comes_back_under_its_key() {
     assert_eq!(again.header("cache-status"), Some("fretwork; fwd=miss; stored"));
     assert_eq!(again.json()["key"], job["key"]);
     assert_eq!(server.get(&path).await.body, before.body);
+}
+
+#[tokio::test]
+async fn what_the_disk_has_changed_is_named_and_repaired_by_computing_again() {
+    let settings = Settings { memory: 0, ..Settings::default() };
+    let server = Server::with(Gate::opened(), &settings, &Options::default()).await;
+    let wait = ("Prefer", "wait=60");
+    let job = submit(&server, 2.0, &[wait]).await.json();
+    let path = format!("/v1/results/{}", job["key"].as_str().unwrap());
+    let before = server.get(&path).await;
+    let mut db = crate::store::raw(server.dir.path()).await;
+    let change =
+        "UPDATE result_blob SET body = CAST(replace(body, '2.50e-13', '2.51e-13') AS BLOB)";
+    assert_eq!(sqlx::query(change).execute(&mut db).await.unwrap().rows_affected(), 1);
+    server.get(&path).await.problem(500, "database-damaged");
+    let damaged = "fretwork_store_errors_total{kind=\"damaged\"}";
+    assert!(metric(&server, damaged).await >= 1.0);
+    // A job that asks for it inline is accepted all the same.
+    let headers = [JSON, wait];
+    let body = ball(2.0).to_string();
+    let job = server.send("POST", "/v1/jobs?include=result", &headers, body).await;
+    assert_eq!((job.status, &job.json()["state"]), (200, &json!("succeeded")));
+    submit(&server, 2.0, &[wait, ("Cache-Control", "no-cache")]).await;
+    assert_eq!(server.get(&path).await.body, before.body);
+}
+
+#[tokio::test]
+async fn a_page_of_another_site_changes_nothing() {
+    let (server, gate) = gated().await;
+    submit(&server, 2.0, &[]).await;
+    let page = [("Origin", "https://evil.example"), ("Sec-Fetch-Site", "cross-site")];
+    let refused = server.send("POST", "/v1/jobs/cancel?owner=me", &page, "").await;
+    refused.problem(403, "cross-site");
+    // Reading is the browser's business: without leave it does not show the page the answer.
+    assert_eq!(server.send("GET", "/v1/jobs", &page, "").await.status, 200);
+    let own = [("Origin", "http://test"), ("Sec-Fetch-Site", "same-origin")];
+    let canceled = server.send("POST", "/v1/jobs/cancel?owner=me", &own, "").await;
+    assert_eq!(canceled.json(), json!({"canceled": 1}));
+    gate.open();
 }
 
 #[tokio::test]
