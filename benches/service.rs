@@ -49,8 +49,8 @@ use tokio::task::JoinSet;
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_fretwork");
 const CONNECTIONS: usize = 16;
-const ROUNDS: usize = 15;
-const TURN: Duration = Duration::from_millis(200);
+const ROUNDS: usize = 30;
+const TURN: Duration = Duration::from_millis(100);
 const WAITING: usize = 10_000;
 const FEW: u32 = 1000;
 const MANY: u32 = 1_000_000;
