@@ -2,8 +2,10 @@
 //!
 //! The server is the built program, the bare one this file once more: each is a process of its own
 //! with two threads for requests. A client here asks both in turn, by the same code, over as many
-//! connections that stay open; ratios are medians over the turns. The server logs as it does by
-//! default, to nobody; `FRETWORK_LOG=off` takes the log away.
+//! connections that stay open; ratios are medians over the turns. Beside them stands what the
+//! processor time of the two servers would give, which suffers less from whatever else runs; it is
+//! read as Linux shows it. The server logs as it does by default, to nobody; `FRETWORK_LOG=off`
+//! takes the log away.
 //!
 //! - `result`: `GET /v1/results/{key}`, over a route that has the same bytes in memory; with the
 //!   server's memory cache, and without.
@@ -52,6 +54,7 @@ const CONNECTIONS: usize = 16;
 const ROUNDS: usize = 30;
 const TURN: Duration = Duration::from_millis(100);
 const WAITING: usize = 10_000;
+const INSIDE: &str = "?include=result";
 const FEW: u32 = 1000;
 const MANY: u32 = 1_000_000;
 /// What a row of the bare server holds, in bytes: about as much as a job.
@@ -99,7 +102,7 @@ async fn results() {
             let kept = Load::new(&server, move |_| ask.clone()).await;
             let route = Load::new(&bare, |_| request("GET", "/bytes", "")).await;
             let what = format!("{points} points, {} kB{cache}", body.len() / 1000);
-            report(&what, least, compare(kept, route).await);
+            report(&what, least, &compare(kept, route).await);
         }
     }
 }
@@ -117,12 +120,14 @@ async fn jobs() {
     };
     let cached = submit("", &known);
     let cached = Load::new(&server, move |_| cached.clone()).await;
-    report("cached", 0.6, compare(cached, rows().await).await);
-    for points in [64, 256] {
-        let computed = distinct(points);
-        let computed = Load::new(&server, move |i| submit("?include=result", &computed(i))).await;
-        let what = format!("computed, {points} points");
-        report(&what, 0.25, compare(computed, rows().await).await);
+    report("cached", 0.6, &compare(cached, rows().await).await);
+    for (points, profiles) in [(64, "none"), (64, "all"), (256, "all")] {
+        let computed = distinct(points, profiles);
+        let body =
+            Connection::to(server.address).await.ask(&submit(INSIDE, &computed(0))).await.len();
+        let computed = Load::new(&server, move |i| submit(INSIDE, &computed(i + 1))).await;
+        let what = format!("computed, {points} points, profiles at {profiles}, {} kB", body / 1000);
+        report(&what, 0.25, &compare(computed, rows().await).await);
     }
 }
 
@@ -143,10 +148,11 @@ async fn tables() {
         servers.push(server);
     }
     let [many_rows, few_rows] = [loads.pop(), loads.pop()].map(|load| load.expect("two loads"));
-    let [ratio, few, many_rate] = compare(few_rows, many_rows).await;
+    let compared = compare(few_rows, many_rows).await;
+    let Compared { ratio, rates: [few, many], by_cost } = compared;
     println!(
         "the time of a result out of {MANY} / out of {FEW} = {ratio:.2}   (at most 1.3)   \
-         [{many_rate:.0} and {few:.0} per second]"
+         [by processor time {by_cost:.2}; {many:.0} and {few:.0} per second]"
     );
 }
 
@@ -163,7 +169,7 @@ async fn memory() {
         client.ask(&request("POST", "/v1/jobs", &job.to_string())).await;
     }
     let before = server.resident();
-    let jobs = distinct(64);
+    let jobs = distinct(64, "all");
     let mut first = Value::Null;
     for i in 0..WAITING {
         let job = client.json(&request("POST", "/v1/jobs", &jobs(i))).await;
@@ -189,8 +195,9 @@ fn ball(points: u32) -> Value {
 }
 
 /// Bodies of jobs that differ in their amplitudes.
-fn distinct(points: u32) -> impl Fn(usize) -> String + Send + Sync {
+fn distinct(points: u32, profiles: &str) -> impl Fn(usize) -> String + Send + Sync + use<> {
     let mut job = ball(points);
+    job["scenario"]["profiles_at"] = json!(profiles);
     job["scenario"]["motion"]["amplitude"] = json!("HERE");
     let text = job.to_string();
     move |i| text.replace("HERE", &format!("{:.7} um", 2.0 + 1e-6 * i as f64))
@@ -226,6 +233,10 @@ struct Load {
     connections: Vec<Connection>,
     request: Arc<dyn Fn(usize) -> Vec<u8> + Send + Sync>,
     asked: Arc<AtomicUsize>,
+    answered: f64,
+    process: u32,
+    /// What the process had used before it was asked.
+    used: f64,
 }
 
 impl Load {
@@ -237,7 +248,15 @@ impl Load {
         for _ in 0..CONNECTIONS {
             connections.push(Connection::to(server.address).await);
         }
-        Self { connections, request: Arc::new(request), asked: Arc::default() }
+        let process = server.child.id();
+        Self {
+            connections,
+            request: Arc::new(request),
+            asked: Arc::default(),
+            answered: 0.0,
+            process,
+            used: used(process),
+        }
     }
 
     /// Answers per second, over a turn.
@@ -257,30 +276,57 @@ impl Load {
         let (connections, answers): (_, Vec<u32>) =
             asking.collect::<JoinSet<_>>().join_all().await.into_iter().unzip();
         self.connections = connections;
-        f64::from(answers.iter().sum::<u32>()) / start.elapsed().as_secs_f64()
+        let answers = f64::from(answers.iter().sum::<u32>());
+        self.answered += answers;
+        answers / start.elapsed().as_secs_f64()
+    }
+
+    /// Processor time per answer, in a unit of its own.
+    fn cost(&self) -> f64 {
+        (used(self.process) - self.used) / self.answered
     }
 }
 
-/// The ratio of two rates, and each.
-async fn compare(mut one: Load, mut other: Load) -> [f64; 3] {
-    let mut rates = [vec![], vec![], vec![]];
-    // The first turns only warm up.
-    for round in 0..=ROUNDS {
-        let pair = [one.rate().await, other.rate().await];
-        if round > 0 {
-            rates[0].push(pair[0] / pair[1]);
-            rates[1].push(pair[0]);
-            rates[2].push(pair[1]);
-        }
-    }
-    rates.map(|mut values| {
+/// Two loads beside each other, by the medians of their turns.
+struct Compared {
+    ratio: f64,
+    rates: [f64; 2],
+    /// The ratio that processor time alone would give: it suffers less from what else runs here.
+    by_cost: f64,
+}
+
+async fn compare(mut one: Load, mut other: Load) -> Compared {
+    let median = |mut values: Vec<f64>| {
         values.sort_by(f64::total_cmp);
         values[values.len() / 2]
-    })
+    };
+    // The first turns only warm up.
+    one.rate().await;
+    other.rate().await;
+    let (mut ratios, mut rates) = (vec![], [vec![], vec![]]);
+    for _ in 0..ROUNDS {
+        let pair = [one.rate().await, other.rate().await];
+        ratios.push(pair[0] / pair[1]);
+        rates[0].push(pair[0]);
+        rates[1].push(pair[1]);
+    }
+    let by_cost = other.cost() / one.cost();
+    Compared { ratio: median(ratios), rates: rates.map(median), by_cost }
 }
 
-fn report(what: &str, least: f64, [ratio, one, other]: [f64; 3]) {
-    println!("  {what}: {ratio:.2}   (at least {least})   [{one:.0} and {other:.0} per second]");
+fn report(what: &str, least: f64, compared: &Compared) {
+    let Compared { ratio, rates: [one, other], by_cost } = compared;
+    println!(
+        "  {what}: {ratio:.2}   (at least {least})   \
+         [by processor time {by_cost:.2}; {one:.0} and {other:.0} per second]"
+    );
+}
+
+/// The processor time that a process has used, as Linux counts it.
+fn used(process: u32) -> f64 {
+    let stat = fs::read_to_string(format!("/proc/{process}/stat")).expect("a process on Linux");
+    let fields = stat.rsplit_once(')').expect("its name").1.split_whitespace();
+    fields.skip(11).take(2).map(|ticks| ticks.parse::<f64>().expect("a count")).sum()
 }
 
 /// A connection that stays open.
