@@ -3,6 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
+use bytes::Bytes;
 use deserr::{Deserr, IntoValue, Sequence, ValuePointerRef};
 use serde::Serialize;
 use serde_json::Value;
@@ -312,7 +313,7 @@ pub enum Step {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Answer {
     /// The result document as it is served: JSON, a pure function of the key.
-    pub body: Vec<u8>,
+    pub body: Bytes,
     /// The short form that the job answer carries: the last history entry and the regime.
     pub summary: Value,
 }
@@ -542,8 +543,10 @@ impl Run {
             }
         }
         // Columns of numbers always serialise.
-        let body = serde_json::to_vec(&document).unwrap_or_default();
-        Answer { body, summary: Value::Object(summary) }
+        let mut body = serde_json::to_vec(&document).unwrap_or_default();
+        // It may stay in memory for long.
+        body.shrink_to_fit();
+        Answer { body: body.into(), summary: Value::Object(summary) }
     }
 }
 

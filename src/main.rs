@@ -19,7 +19,7 @@ use fretwork::api::{self, Patient, Peer, Unsound};
 use fretwork::job::{Answer, Step, Task};
 use fretwork::store::Store;
 use fretwork::verification;
-use fretwork::worker::Workers;
+use fretwork::worker::{Compute, Workers};
 use serde_json::Value;
 use tokio::net::TcpListener;
 use tokio::sync::watch;
@@ -107,11 +107,11 @@ async fn serve_until_told(settings: &Serve) -> Result<(), Failure> {
     let count = settings
         .workers
         .map_or_else(|| thread::available_parallelism().map_or(1, usize::from), usize::from);
-    let compute = Arc::new(Task::start) as _;
+    let compute: Compute = Arc::new(Task::start);
     let workers = Workers::start(&store, count, settings.limit(), &compute)?;
     let (drain, draining) = watch::channel(false);
     let (close, mut closed) = watch::channel(false);
-    let router = api::router(store.clone(), draining, &settings.interface(count));
+    let router = api::router(store.clone(), &compute, draining, &settings.interface(count));
     let service = router.into_make_service_with_connect_info::<Peer>();
     let listener = Patient { listener, patience: STILL };
     let mut shut = closed.clone();

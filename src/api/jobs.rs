@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use axum::body::Bytes;
 use axum::extract::State;
 use axum::http::header::{self, HeaderName};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri};
@@ -193,23 +194,33 @@ async fn wait(app: &App, job: Job, time: Duration) -> Result<Job, Problem> {
     Ok(app.store.wait(job, until).await?)
 }
 
-/// Writes a job as it is always answered; with `include`, its result inside.
+/// Answers a job as it is always answered; with `include`, its result inside.
 async fn answer(app: &App, job: Job, include: bool) -> Result<Response, Problem> {
-    let (key, id, state) = (job.key, job.id, job.state);
-    let result = match state {
-        JobState::Succeeded if include => app.store.result(&key).await?,
+    let result = if include { Some(result_of(app, &job).await?) } else { None };
+    write(job, result)
+}
+
+/// The result of a job, if there is one.
+async fn result_of(app: &App, job: &Job) -> Result<Option<Bytes>, Problem> {
+    if job.state != JobState::Succeeded {
+        return Ok(None);
+    }
+    Ok(match app.store.result(&job.key).await? {
+        Some(StoredResult::Whole { body, .. }) => Some(body),
         _ => None,
-    };
+    })
+}
+
+/// Writes a job; with its result, or null in its place, if that is to be inside.
+fn write(job: Job, result: Option<Option<Bytes>>) -> Result<Response, Problem> {
+    let (key, id) = (job.key, job.id);
     let mut body = serde_json::to_vec(&JobAnswer::from(job)).map_err(|_| Problem::internal())?;
-    if include {
+    if let Some(result) = result {
         // The stored bytes go in as they are: parsing and printing them again would cost more
         // than everything else here and could change digits.
         body.pop();
         body.extend_from_slice(b",\"result\":");
-        body.extend_from_slice(match &result {
-            Some(StoredResult::Whole { body, .. }) => body,
-            _ => b"null",
-        });
+        body.extend_from_slice(result.as_deref().unwrap_or(b"null"));
         body.push(b'}');
     }
     let headers = [
@@ -309,17 +320,25 @@ pub async fn submit(
         warnings,
         repeatable,
         afresh: freshness.afresh,
-        admission: Admission { only_known: freshness.only_known, too_expensive: limit.is_some() },
+        admission: Admission {
+            only_known: freshness.only_known,
+            too_expensive: limit.is_some(),
+            unless_needed: false,
+        },
         trace: Some(caller.trace),
     };
-    let mut job = match app.store.submit(new).await? {
+    let (submitted, computed) = match prefer.wait {
+        Some(time) if !time.is_zero() => app.shortly.submit(&app.store, new, seconds).await?,
+        _ => (app.store.submit(new).await?, None),
+    };
+    let mut job = match submitted {
         Submitted::Accepted(job) | Submitted::Repeated(job) => job,
         Submitted::Mistaken => {
             let detail =
                 "This Idempotency-Key came with another submission before; make a new key.";
             return Err(Problem::new(&problem::KEY_REUSED, detail));
         }
-        Submitted::Unknown => {
+        Submitted::Unknown | Submitted::Needed => {
             let detail =
                 "The result is not known; submit without only-if-cached to have it computed.";
             return Err(Problem::new(&problem::NOT_CACHED, detail));
@@ -339,10 +358,12 @@ pub async fn submit(
     let cache = cache_status(&job, freshness.afresh);
     let finished = job.state.is_finished();
     let location = address(job.id);
-    let mut response = match answer(&app, job.clone(), include).await {
-        Err(_) if include => answer(&app, job, false).await?,
-        other => other?,
+    let result = match (include, computed) {
+        (true, Some(computed)) => Some(computed.body),
+        (true, None) => result_of(&app, &job).await.unwrap_or(None),
+        (false, _) => None,
     };
+    let mut response = write(job, include.then_some(result))?;
     response.headers_mut().insert(header::CACHE_STATUS, HeaderValue::from_static(cache));
     let mut set = |name: HeaderName, value: String| {
         // Paths and numbers are always legal in a header.

@@ -14,6 +14,7 @@ mod openapi;
 mod problem;
 mod results;
 mod scenarios;
+mod shortly;
 mod system;
 mod table;
 mod wire;
@@ -42,10 +43,12 @@ pub use scenarios::{EXAMPLES, Example, Unsound, parse_job};
 pub use table::{Document, Error as TableError};
 
 use crate::store::Store;
+use crate::worker::Compute;
 use caller::{REQUEST_ID, Trace};
 use memory::Memory;
 use metrics::Metrics;
 use problem::Problem;
+use shortly::Shortly;
 use wire::Segment;
 
 /// What every handler can reach.
@@ -57,6 +60,7 @@ pub struct App {
     workers: usize,
     run_limit: Option<Duration>,
     memory: Arc<Memory>,
+    shortly: Shortly,
     metrics: Arc<Metrics>,
 }
 
@@ -118,13 +122,20 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(system::explain))
 }
 
-/// The whole interface as one service; `draining` turns true when the server is to take no new
-/// jobs.
-pub fn router(store: Store, draining: watch::Receiver<bool>, settings: &Settings) -> Router {
+/// The whole interface as one service. What is short is computed here and now by `compute`;
+/// `draining` turns true when the server is to take no new jobs.
+pub fn router(
+    store: Store,
+    compute: &Compute,
+    draining: watch::Receiver<bool>,
+    settings: &Settings,
+) -> Router {
     let Settings { workers, run_limit, memory, ref origins } = *settings;
     let metrics = Arc::new(Metrics::new(&store, workers));
     let memory = Arc::new(Memory::new(memory));
-    let app = App { store, draining, workers, run_limit, memory, metrics: Arc::clone(&metrics) };
+    let shortly = Shortly::new(Arc::clone(compute), workers);
+    let app =
+        App { store, draining, workers, run_limit, memory, shortly, metrics: Arc::clone(&metrics) };
     let (documented, _) = routes().split_for_parts();
     let router = documented
         .route("/", get(system::root))

@@ -21,6 +21,7 @@
 mod open;
 mod queue;
 mod read;
+mod readers;
 mod signals;
 mod tally;
 mod upkeep;
@@ -35,7 +36,7 @@ use std::time::{Duration, SystemTime};
 use bytes::Bytes;
 use serde_json::Value;
 use sha2::{Digest as _, Sha256};
-use sqlx::SqlitePool;
+use sqlx::SqliteConnection;
 use tokio::sync::mpsc;
 
 use crate::engine::scenario::Warning;
@@ -46,6 +47,7 @@ pub use signals::{Changes, Stop};
 pub use tally::Tally;
 
 use read::Kept;
+use readers::Readers;
 use signals::Signals;
 use writer::Message;
 
@@ -53,7 +55,7 @@ use writer::Message;
 #[derive(Debug, Clone)]
 pub struct Store {
     writer: mpsc::Sender<Message>,
-    readers: SqlitePool,
+    readers: Arc<Readers>,
     signals: Arc<Signals>,
     queue_limit: usize,
     /// Where the database lies.
@@ -188,6 +190,8 @@ pub struct Admission {
     pub only_known: bool,
     /// It would take too long to compute.
     pub too_expensive: bool,
+    /// Only if it needs no computation of its own.
+    pub unless_needed: bool,
 }
 
 /// By what a repetition of a submission is known.
@@ -208,6 +212,8 @@ pub enum Submitted {
     Repeated(Job),
     /// Its name belongs to a submission of something else.
     Mistaken,
+    /// It needs a computation of its own, and was to be accepted only otherwise.
+    Needed,
     /// Only a known result was asked for, and it is not known.
     Unknown,
     /// It would take too long, and the result is not known.
@@ -341,6 +347,18 @@ impl Store {
         self.write(verbs::Submit::new(job, self.queue_limit)).await
     }
 
+    /// Accepts jobs for one key along with its answer, which took so long to compute: they are
+    /// finished. If the result is known meanwhile, or a run is live, they are submitted.
+    pub async fn record(
+        &self,
+        jobs: Vec<NewJob>,
+        took: Duration,
+        answer: &Answer,
+    ) -> Result<Vec<Submitted>, Error> {
+        let jobs = jobs.into_iter().map(|job| verbs::Submit::new(job, self.queue_limit)).collect();
+        self.write(verbs::Record::new(jobs, took, answer)).await
+    }
+
     /// Cancels a job, and its run if nobody else waits for it.
     pub async fn cancel(&self, id: JobId) -> Result<Canceled, Error> {
         self.write(verbs::Cancel(id)).await
@@ -422,7 +440,7 @@ impl Store {
 
     /// A job as it stands.
     pub async fn job(&self, id: JobId) -> Result<Option<Job>, Error> {
-        self.noted(read::job(&self.readers, id).await)
+        self.reading(async |db| read::job(db, id).await).await
     }
 
     /// Up to `limit` jobs that match, newest first, older than `cursor`.
@@ -432,12 +450,12 @@ impl Store {
         cursor: Option<JobId>,
         limit: u32,
     ) -> Result<Page, Error> {
-        self.noted(read::jobs(&self.readers, filter, cursor, limit).await)
+        self.reading(async |db| read::jobs(db, filter, cursor, limit).await).await
     }
 
     /// The result of a key, held against its digest: damage to the disk does not change a number.
     pub async fn result(&self, key: &Key) -> Result<Option<StoredResult>, Error> {
-        let Some(kept) = self.noted(read::result(&self.readers, key).await)? else {
+        let Some(kept) = self.reading(async |db| read::result(db, key).await).await? else {
             return Ok(None);
         };
         let (body, summary, digest) = match kept {
@@ -470,17 +488,17 @@ impl Store {
 
     /// Whether the result of a key is known.
     pub async fn has_result(&self, key: &Key) -> Result<bool, Error> {
-        self.noted(read::has_result(&self.readers, key).await)
+        self.reading(async |db| read::has_result(db, key).await).await
     }
 
     /// The oldest unfinished job of the live run of a key, if one is under way.
     pub async fn live_job(&self, key: &Key) -> Result<Option<JobId>, Error> {
-        self.noted(read::live_job(&self.readers, key).await)
+        self.reading(async |db| read::live_job(db, key).await).await
     }
 
     /// How long the oldest queued run has waited.
     pub async fn longest_wait(&self) -> Result<Duration, Error> {
-        let oldest = self.noted(read::oldest_queued(&self.readers).await)?;
+        let oldest = self.reading(async |db| read::oldest_queued(db).await).await?;
         let waited = oldest.map_or(0, |oldest| now() - oldest);
         Ok(Duration::from_millis(u64::try_from(waited).unwrap_or(0)))
     }
@@ -543,6 +561,14 @@ impl Store {
 
     async fn write<V: writer::Verb>(&self, verb: V) -> Result<V::Answer, Error> {
         self.noted(writer::ask(&self.writer, verb).await)
+    }
+
+    async fn reading<T>(
+        &self,
+        read: impl AsyncFnOnce(&mut SqliteConnection) -> Result<T, Error>,
+    ) -> Result<T, Error> {
+        let done = async { read(&mut *self.readers.get().await?).await };
+        self.noted(done.await)
     }
 
     /// Counts what went wrong.

@@ -6,12 +6,11 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use sqlx::migrate::{MigrateError, Migrator};
-use sqlx::sqlite::{
-    SqliteAutoVacuum, SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous,
-};
+use sqlx::sqlite::{SqliteAutoVacuum, SqliteConnectOptions, SqliteJournalMode, SqliteSynchronous};
 use sqlx::{ConnectOptions, Connection, SqliteConnection};
 
 use super::queue::Queue;
+use super::readers::Readers;
 use super::signals::Signals;
 use super::upkeep::Upkeep;
 use super::writer::Writer;
@@ -66,15 +65,14 @@ impl Store {
             .foreign_keys(true)
             .pragma("application_id", APPLICATION_ID.to_string())
             // A log that once grew large gives its space back.
+            // There is time for it in quiet moments; under load it comes seldom.
+            .pragma("wal_autocheckpoint", "8000")
             .pragma("journal_size_limit", (64 << 20).to_string());
         let mut db = SqliteConnection::connect_with(&writing).await?;
         migrate(&mut db, &path).await?;
-        let readers = SqlitePoolOptions::new()
-            .max_connections(options.readers)
-            .test_before_acquire(false)
-            .idle_timeout(None)
-            .max_lifetime(None)
-            .connect_lazy_with(connecting(&path).read_only(true));
+        // Each keeps the upper pages of the indexes at hand, however many results there are.
+        let reading = connecting(&path).read_only(true).pragma("cache_size", "-8192");
+        let readers = Arc::new(Readers::open(&reading, options.readers).await?);
         let signals = Arc::new(Signals::default());
         let (queue, upkeep) = (Some(Queue::load(&mut db).await?), Upkeep::new(options));
         let writer = Writer { db, signals: Arc::clone(&signals), queue, upkeep, lock }.start();

@@ -2,6 +2,9 @@
 //!
 //! A worker's verbs name the run *and* the attempt: a worker that was given up changes nothing.
 
+use std::time::Duration;
+
+use bytes::Bytes;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 use sqlx::Row;
@@ -17,7 +20,7 @@ use super::{
     Admission, Canceled, Claimed, Deleted, Error, Filter, Finish, NewJob, Recovered, RunId,
     Submitted,
 };
-use crate::job::{Answer, FailureKind, Job, JobId, JobState, Key, Origin};
+use crate::job::{Answer, Change, FailureKind, Job, JobId, JobState, Key, Origin};
 
 /// A run that took the process down with it this often is given up.
 const LOST_AT_MOST: u32 = 3;
@@ -57,32 +60,47 @@ impl Submit {
 
     /// Why this is not accepted, if it is not.
     async fn refusal(&self, tx: &mut Transaction<'_>) -> Result<Option<Submitted>, Error> {
-        let Admission { only_known, too_expensive } = self.job.admission;
+        let Admission { only_known, too_expensive, unless_needed } = self.job.admission;
         // The last tenth of the queue is for those who have little in it, so that nobody can fill it
         // for all.
         let (queued, tenth) = (tx.queue.jobs(), self.limit / 10);
         let full = queued >= self.limit
             || (queued >= self.limit - tenth && tx.queue.waiting_of(&self.job.owner) >= tenth);
-        if !only_known && !too_expensive && !full {
+        if !only_known && !too_expensive && !unless_needed && !full {
             return Ok(None);
         }
-        let (known, running): (bool, bool) = sqlx::query_as(
-            "SELECT NOT ?2 AND EXISTS (SELECT 1 FROM result WHERE key = ?1 AND evicted IS NULL),
-                 EXISTS (SELECT 1 FROM run WHERE key = ?1 AND state = 'running')",
-        )
-        .bind(self.job.key.bytes().as_slice())
-        .bind(self.job.afresh)
-        .fetch_one(&mut *tx.db)
-        .await?;
+        let Known { result, live } = known(tx, self.job.key).await?;
         // What needs neither a worker nor a place in the queue is welcome all the same.
-        Ok(match (known, running) {
-            (true, _) => None,
+        Ok(match live.as_deref() {
+            _ if result && !self.job.afresh => None,
             _ if only_known => Some(Submitted::Unknown),
             _ if too_expensive => Some(Submitted::TooExpensive),
-            (_, true) => None,
-            _ => Some(Submitted::Refused { queued }),
+            Some("running") => None,
+            None if unless_needed => Some(Submitted::Needed),
+            _ if full => Some(Submitted::Refused { queued }),
+            _ => None,
         })
     }
+}
+
+/// What there is of a key.
+#[derive(sqlx::FromRow)]
+struct Known {
+    /// Whether its result is there.
+    result: bool,
+    /// The state of its live run.
+    live: Option<String>,
+}
+
+async fn known(tx: &mut Transaction<'_>, key: Key) -> Result<Known, Error> {
+    let known = sqlx::query_as(
+        "SELECT EXISTS (SELECT 1 FROM result WHERE key = ?1 AND evicted IS NULL) AS result,
+             (SELECT state FROM run WHERE key = ?1 AND state IN ('queued', 'running')) AS live",
+    )
+    .bind(key.bytes().as_slice())
+    .fetch_one(&mut *tx.db)
+    .await?;
+    Ok(known)
 }
 
 /// A run if there is neither a result (or it is not wanted) nor a live run; then the job, by what
@@ -171,6 +189,109 @@ impl Verb for Submit {
     }
 }
 
+/// Jobs whose answer has been computed before they were submitted.
+pub(super) struct Record {
+    jobs: Vec<Submit>,
+    took: i64,
+    answer: Kept,
+}
+
+impl Record {
+    pub(super) fn new(jobs: Vec<Submit>, took: Duration, answer: &Answer) -> Self {
+        let took = i64::try_from(took.as_millis()).unwrap_or(i64::MAX);
+        Self { jobs, took, answer: Kept::new(answer) }
+    }
+
+    /// A run that has ended, and its first job.
+    const BEGIN: &str = "
+        INSERT INTO run (key, owner, created, task, trace, started, finished, changed, state,
+            attempt, progress)
+        VALUES (?1, ?2, ?3, ?4, ?5, ?3, ?6, ?6, 'succeeded', 1, 1);
+    ";
+    const JOIN: &str = "
+        INSERT INTO job (key, owner, created, id, label, tags, warnings, priority, run, state,
+            attempt, origin, started, finished, changes)
+        VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, 'succeeded', 1, ?10, ?3, ?11, ?12)";
+}
+
+impl Verb for Record {
+    type Answer = Vec<Submitted>;
+
+    async fn apply(&self, tx: &mut Transaction<'_>) -> Result<Self::Answer, Error> {
+        let mut became = Vec::with_capacity(self.jobs.len());
+        let Some(Submit { job: first, .. }) = self.jobs.first() else { return Ok(became) };
+        let Known { result, live } = known(tx, first.key).await?;
+        if result || live.is_some() {
+            for job in &self.jobs {
+                became.push(job.apply(tx).await?);
+            }
+            return Ok(became);
+        }
+        let began = tx.now - self.took;
+        let run = sqlx::query(Self::BEGIN)
+            .bind(first.key.bytes().as_slice())
+            .bind(&first.owner)
+            .bind(began)
+            .bind(&first.task)
+            .bind(&first.trace)
+            .bind(tx.now)
+            .execute(&mut *tx.db)
+            .await?
+            .last_insert_rowid();
+        let summary: Value = json(&self.answer.summary)?;
+        for Submit { job: new, tags, warnings, .. } in &self.jobs {
+            let origin = if became.is_empty() { Origin::Computed } else { Origin::Coalesced };
+            let changes = [
+                (JobState::Queued, 0, began),
+                (JobState::Running, 1, began),
+                (JobState::Succeeded, 1, tx.now),
+            ]
+            .map(|(state, attempt, at)| Change { state, attempt, at });
+            let lines =
+                changes.map(|Change { state, attempt, at }| format!("{state} {attempt} {at}"));
+            sqlx::query(Self::JOIN)
+                .bind(new.key.bytes().as_slice())
+                .bind(&new.owner)
+                .bind(began)
+                .bind(new.id.0.as_bytes().as_slice())
+                .bind(&new.label)
+                .bind(tags)
+                .bind(warnings.to_string())
+                .bind(new.priority)
+                .bind(run)
+                .bind(origin.as_str())
+                .bind(tx.now)
+                .bind(lines.join("\n"))
+                .execute(&mut *tx.db)
+                .await?;
+            tx.effects.push(Effect::Submitted(origin));
+            became.push(Submitted::Accepted(Job {
+                id: new.id,
+                state: JobState::Succeeded,
+                key: new.key,
+                owner: new.owner.clone(),
+                origin,
+                attempt: 1,
+                progress: 1.0,
+                priority: new.priority,
+                label: new.label.clone(),
+                tags: new.tags.clone(),
+                warnings: warnings.clone(),
+                created: began,
+                started: Some(began),
+                finished: Some(tx.now),
+                changes: changes.to_vec(),
+                failure: None,
+                summary: Some(summary.clone()),
+            }));
+        }
+        self.answer.keep(tx, first.key, &first.task).await?;
+        tx.effects.push(Effect::Ended(first.key));
+        tx.effects.push(Effect::Settled(Ending::Succeeded, Some(self.took)));
+        Ok(became)
+    }
+}
+
 pub(super) struct Claim;
 
 impl Verb for Claim {
@@ -227,19 +348,18 @@ impl Verb for Progress {
     }
 }
 
-pub(super) struct Finished {
-    run: RunId,
-    attempt: u32,
-    body: Vec<u8>,
+/// An answer on its way into the tables.
+struct Kept {
+    body: Bytes,
     summary: String,
     digest: [u8; 32],
 }
 
-impl Finished {
-    pub(super) fn new(run: RunId, attempt: u32, answer: &Answer) -> Self {
+impl Kept {
+    fn new(answer: &Answer) -> Self {
         let Answer { body, summary } = answer;
         let digest = Sha256::digest(body).into();
-        Self { run, attempt, body: body.clone(), summary: summary.to_string(), digest }
+        Self { body: body.clone(), summary: summary.to_string(), digest }
     }
 
     /// Keeps the body, unless there is one. What an evicted result came to is remembered, so that
@@ -259,7 +379,7 @@ impl Finished {
                 // The same bytes, unless the disk has changed them since: then this repairs them.
                 sqlx::query("UPDATE result_blob SET body = ?2 WHERE key = ?1")
                     .bind(key.bytes().as_slice())
-                    .bind(&self.body)
+                    .bind(&*self.body)
                     .execute(&mut *tx.db)
                     .await?;
                 return Ok(Finish::Same);
@@ -268,30 +388,35 @@ impl Finished {
             Some((_, false)) | None => {}
         }
         sqlx::query(
-            "INSERT INTO result (key, summary, digest, size, created, last_access)
-             VALUES (?1, ?2, ?3, ?4, ?5, ?5)
-             ON CONFLICT DO UPDATE SET summary = ?2, digest = ?3, size = ?4, last_access = ?5,
-                 evicted = NULL",
+            "INSERT INTO result (key, size, summary, digest, created, last_access)
+             VALUES (?1, length(?2), ?3, ?4, ?5, ?5)
+             ON CONFLICT DO UPDATE SET size = length(?2), summary = ?3, digest = ?4,
+                 last_access = ?5, evicted = NULL;
+             INSERT INTO result_blob (key, body) VALUES (?1, ?2);
+             INSERT OR IGNORE INTO result_task (key, task) VALUES (?1, ?6)",
         )
         .bind(key.bytes().as_slice())
+        .bind(&*self.body)
         .bind(&self.summary)
         .bind(self.digest.as_slice())
-        .bind(i64::try_from(self.body.len()).unwrap_or(i64::MAX))
         .bind(tx.now)
+        .bind(task)
         .execute(&mut *tx.db)
         .await?;
-        sqlx::query("INSERT INTO result_blob (key, body) VALUES (?1, ?2)")
-            .bind(key.bytes().as_slice())
-            .bind(&self.body)
-            .execute(&mut *tx.db)
-            .await?;
-        sqlx::query("INSERT OR IGNORE INTO result_task (key, task) VALUES (?1, ?2)")
-            .bind(key.bytes().as_slice())
-            .bind(task)
-            .execute(&mut *tx.db)
-            .await?;
         tx.effects.push(Effect::Stored(self.body.len() as u64));
         Ok(Finish::Stored)
+    }
+}
+
+pub(super) struct Finished {
+    run: RunId,
+    attempt: u32,
+    answer: Kept,
+}
+
+impl Finished {
+    pub(super) fn new(run: RunId, attempt: u32, answer: &Answer) -> Self {
+        Self { run, attempt, answer: Kept::new(answer) }
     }
 }
 
@@ -312,7 +437,7 @@ impl Verb for Finished {
         let (Some(row), Some(key)) = (&row, ended(tx, row.as_ref(), Ending::Succeeded)?) else {
             return Ok(Finish::Refused);
         };
-        self.keep(tx, key, row.try_get("task")?).await
+        self.answer.keep(tx, key, row.try_get("task")?).await
     }
 }
 

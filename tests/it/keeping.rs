@@ -61,7 +61,7 @@ async fn a_submission_that_is_repeated_under_its_name_is_one_job() {
     let other = NewJob { owner: "bob".into(), ..repeatable(1, "a", "two") };
     assert_ne!(accepted(store.submit(other).await).id, first.id);
     let claimed = claim(&store).await;
-    let answer = Answer { body: b"{}".to_vec(), summary: json!({}) };
+    let answer = Answer { body: "{}".into(), summary: json!({}) };
     store.finish(claimed.run, 1, &answer).await.unwrap();
     match store.submit(repeatable(1, "a", "one")).await.unwrap() {
         Submitted::Repeated(job) => {
@@ -139,7 +139,7 @@ async fn a_known_result_is_computed_again_if_that_is_asked_for() {
     assert_eq!(accepted(store.submit(new_job(1)).await).origin, Origin::Cached);
     let claimed = claim(&store).await;
     let before = body(&store, 1).await;
-    let answer = Answer { body: b"{}".to_vec(), summary: json!({}) };
+    let answer = Answer { body: "{}".into(), summary: json!({}) };
     store.finish(claimed.run, claimed.attempt, &answer).await.unwrap();
     assert_eq!(body(&store, 1).await, before, "what is stored stays");
     let job = store.job(again.id).await.unwrap().unwrap();
@@ -173,7 +173,7 @@ async fn only_what_has_ended_is_deleted_and_its_result_stays() {
     assert!(matches!(store.delete(job.id).await.unwrap(), Deleted::Unfinished(_)));
     let shared = accepted(store.submit(new_job(1)).await);
     let claimed = claim(&store).await;
-    let answer = Answer { body: b"{}".to_vec(), summary: json!({}) };
+    let answer = Answer { body: "{}".into(), summary: json!({}) };
     store.finish(claimed.run, 1, &answer).await.unwrap();
     for id in [job.id, shared.id] {
         assert_eq!(store.delete(id).await.unwrap(), Deleted::Done);
@@ -335,7 +335,7 @@ async fn the_tables_of_the_first_version_are_brought_up_to_date_with_what_is_in_
     let job = store.jobs(&Filter::default(), None, 1).await.unwrap().jobs.remove(0);
     assert_eq!((job.state, job.priority, job.changes[0].at), (JobState::Queued, 3, 5));
     let claimed = claim(&store).await;
-    let answer = Answer { body: b"{}".to_vec(), summary: json!({}) };
+    let answer = Answer { body: "{}".into(), summary: json!({}) };
     store.finish(claimed.run, 1, &answer).await.unwrap();
     let job = store.job(job.id).await.unwrap().unwrap();
     let states: Vec<_> = job.changes.iter().map(|change| change.state).collect();

@@ -46,7 +46,7 @@ impl Server {
         store.recover().await.unwrap();
         let workers = Workers::start(&store, 2, settings.run_limit, &compute).unwrap();
         let (drain, draining) = watch::channel(false);
-        let router = api::router(store, draining, settings);
+        let router = api::router(store, &compute, draining, settings);
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = listener.local_addr().unwrap();
         let service = router.into_make_service_with_connect_info::<Peer>();
@@ -207,7 +207,7 @@ impl Work for Gated {
         if !*open {
             return Step::Working { progress: 0.5 };
         }
-        let body = document(&self.key.to_string()).into_bytes();
+        let body = document(&self.key.to_string()).into();
         Step::Done(Answer {
             body,
             summary: json!({"regime": "partial_slip", "wear_volume": 2.5e-13}),

@@ -88,7 +88,7 @@ pub async fn raw(dir: &Path) -> SqliteConnection {
 }
 
 fn answer(text: &str) -> Answer {
-    Answer { body: text.into(), summary: json!({ "regime": text }) }
+    Answer { body: text.to_owned().into(), summary: json!({ "regime": text }) }
 }
 
 async fn job(store: &Store, id: JobId) -> Job {

@@ -1,0 +1,165 @@
+//! Short computations, done while their submission waits.
+//!
+//! A job that takes milliseconds costs more on its way through the queue than in the engine. If its
+//! client waits anyway, it is computed first, and the job, its run and its result are committed
+//! together; nothing is acknowledged before. Equal submissions that come meanwhile join in. What
+//! turns out to take longer goes through the queue like anything else.
+
+use std::collections::HashMap;
+use std::fmt;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, oneshot};
+use tokio::task;
+
+use crate::job::{Answer, Job, JobId, Key, Step};
+use crate::store::{Admission, Error, NewJob, Store, Submitted};
+use crate::worker::Compute;
+
+/// What may be computed so, by its estimate in seconds.
+const SHORT: f64 = 0.02;
+/// When it is given up, and goes through the queue.
+const GIVEN_UP: Duration = Duration::from_millis(50);
+
+/// Computes what is short.
+#[derive(Clone)]
+pub struct Shortly {
+    compute: Compute,
+    /// As many at a time as there are workers: more would only take turns.
+    places: Arc<Semaphore>,
+    /// Who waits for a computation under way here.
+    joined: Arc<Mutex<HashMap<Key, Vec<Joined>>>>,
+}
+
+/// A submission that joined, and where to send the job it became.
+struct Joined {
+    job: NewJob,
+    reply: oneshot::Sender<Job>,
+}
+
+impl fmt::Debug for Shortly {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Shortly").finish_non_exhaustive()
+    }
+}
+
+impl Shortly {
+    /// As many places as there are workers.
+    pub fn new(compute: Compute, workers: usize) -> Self {
+        let places = Arc::new(Semaphore::new(workers));
+        Self { compute, places, joined: Arc::default() }
+    }
+
+    /// Submits a job of so many seconds by its estimate, whose client waits for it.
+    pub async fn submit(
+        &self,
+        store: &Store,
+        job: NewJob,
+        seconds: f64,
+    ) -> Result<(Submitted, Option<Answer>), Error> {
+        // A repetition must find what it repeats in the tables, and nobody overtakes who waits.
+        let short = seconds < SHORT
+            && job.repeatable.is_none()
+            && job.admission == Admission::default()
+            && !job.afresh
+            && store.tally().queued() == 0;
+        let place = if short { self.places.clone().try_acquire_owned().ok() } else { None };
+        if place.is_none() && !(short && self.is_under_way(&job.key)) {
+            return Ok((store.submit(job).await?, None));
+        }
+        let admission = Admission { unless_needed: true, ..Admission::default() };
+        match store.submit(NewJob { admission, ..job.clone() }).await? {
+            Submitted::Needed => {}
+            other => return Ok((other, None)),
+        }
+        if let Some(became) = self.join(&job) {
+            return Ok(match became.await {
+                Ok(job) => (Submitted::Accepted(job), None),
+                // Under another name, since it may have become a job before who led was gone.
+                Err(_) => (store.submit(NewJob { id: JobId::generate(), ..job }).await?, None),
+            });
+        }
+        // From here on others join; whatever happens, they are released.
+        let leading = Leading { shortly: self, key: job.key };
+        let began = Instant::now();
+        let answer = match place {
+            Some(place) => self.compute(place, &job).await,
+            None => None,
+        };
+        let Some(answer) = answer else {
+            return Ok((store.submit(job).await?, None));
+        };
+        let (mut jobs, mut replies) = (vec![job], Vec::new());
+        for Joined { job, reply } in leading.end() {
+            jobs.push(job);
+            replies.push(reply);
+        }
+        let mut became = store.record(jobs, began.elapsed(), &answer).await?.into_iter();
+        let first = became.next().ok_or(Error::Closed)?;
+        for (submitted, reply) in became.zip(replies) {
+            if let Submitted::Accepted(job) = submitted {
+                // Who waited may have left; the job is kept all the same.
+                let _ = reply.send(job);
+            }
+        }
+        Ok((first, Some(answer)))
+    }
+
+    /// The answer, unless it takes too long or cannot be computed.
+    async fn compute(&self, place: OwnedSemaphorePermit, job: &NewJob) -> Option<Answer> {
+        let (compute, key, stored) = (Arc::clone(&self.compute), job.key, job.task.clone());
+        let computed = task::spawn_blocking(move || {
+            let _place = place;
+            let started = Instant::now();
+            let mut work = compute(&key, &stored).ok()?;
+            while started.elapsed() < GIVEN_UP {
+                if let Step::Done(answer) = work.step() {
+                    return Some(answer);
+                }
+            }
+            None
+        });
+        // A panic is met again by a worker, who knows what to do about it.
+        computed.await.ok().flatten()
+    }
+
+    fn is_under_way(&self, key: &Key) -> bool {
+        self.table().contains_key(key)
+    }
+
+    /// Joins what is under way; none if it is not, and then it is from now on.
+    fn join(&self, job: &NewJob) -> Option<oneshot::Receiver<Job>> {
+        let mut table = self.table();
+        let Some(joined) = table.get_mut(&job.key) else {
+            table.insert(job.key, Vec::new());
+            return None;
+        };
+        let (reply, answer) = oneshot::channel();
+        joined.push(Joined { job: job.clone(), reply });
+        Some(answer)
+    }
+
+    fn table(&self) -> MutexGuard<'_, HashMap<Key, Vec<Joined>>> {
+        self.joined.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// A computation under way. Dropped, it lets those who joined go on alone.
+struct Leading<'a> {
+    shortly: &'a Shortly,
+    key: Key,
+}
+
+impl Leading<'_> {
+    /// Nobody joins from now on.
+    fn end(&self) -> Vec<Joined> {
+        self.shortly.table().remove(&self.key).unwrap_or_default()
+    }
+}
+
+impl Drop for Leading<'_> {
+    fn drop(&mut self) {
+        self.end();
+    }
+}
