@@ -257,6 +257,12 @@ impl March {
         }
     }
 
+    /// Cells of a run that aims at a relative error.
+    #[must_use]
+    pub fn cells_for(contact: &Contact, control: &Control, law: Law, tolerance: f64) -> usize {
+        effort(contact, control, law, tolerance).0
+    }
+
     /// Begins with the unworn contact on so many cells.
     #[must_use]
     pub fn with_cells(

@@ -29,7 +29,7 @@ use super::numeric::root;
 use super::outcome::{
     Accuracy, BodyWear, History, Loops, Outcome, Profiles, Scales, Unworn, limit_state,
 };
-use super::scenario::{Case, Method, RULE_TOLERANCE, Scenario, Warning};
+use super::scenario::{Case, Method, Scenario, Warning};
 use super::simplified::{Curves, Grid, Simplified};
 use super::wearing::Plan;
 
@@ -364,12 +364,8 @@ impl Simulation {
 
     fn step_unworn(&mut self) -> f64 {
         let case = &self.case;
-        let tolerance = match case.method {
-            Method::Simplified { .. } => RULE_TOLERANCE,
-            Method::Exact { tolerance, .. } => tolerance,
-        };
         let last = case.normalized_end();
-        let march = March::new(&case.contact, &case.control, case.law(), tolerance, last);
+        let march = March::new(&case.contact, &case.control, case.law(), case.tolerance(), last);
         // A scenario whose scar outgrows its indenter was refused before it came here.
         let Some(mut march) = march else {
             self.events.push(Event { at: 0.0, kind: EventKind::ContactLost, ends: true });
