@@ -63,23 +63,29 @@ impl Backbone {
         let mut backbone = Self::of_cells(stick, threshold, compressions, weights, Some(loss));
         let [_, most] = backbone.last();
         let loads: [f64; ROW_POINTS] = std::array::from_fn(|k| weights[k] * compressions[k]);
-        // ∫ min(y, u) dx for u = y(x), with its slope: all within x carry u, the others what they have.
-        // As exact as the sums over the row, while the corners are those of so many springs.
-        let knot = |k: usize| {
-            let (x, y) = (positions[k], compressions[k]);
-            [y, y * x + dot(&rests()[k], &loads), x]
+        // Knots of u, ∫ min(y, u) dx and its slope, from the last inwards to rest. Where u = y(x) all
+        // within x carry u, the others what they have: as exact as the sums over the row, while the
+        // corners are those of so many springs.
+        let knot = |k: usize| match k {
+            0 => [threshold, most, stick],
+            1..=ROW_POINTS => {
+                let (x, y) = (positions[k - 1], compressions[k - 1]);
+                [y, y * x + dot(&rests()[k - 1], &loads), x]
+            }
+            _ => [0.0, 0.0, 1.0],
         };
+        // Half of the force is reached between the knots where the corners say so, or next to them.
         let middle = 0.5 * most;
-        // Of the springs that carry more by then than the polygon says there may be one more or less.
-        let mut outer = compressions.iter().take_while(|y| **y > backbone.half).count();
-        while outer < ROW_POINTS && knot(outer)[1] > middle {
-            outer += 1;
+        let mut below = 1 + compressions.iter().filter(|y| **y > backbone.half).count();
+        let (mut low, mut high) = (knot(below), knot(below - 1));
+        while low[1] > middle {
+            below += 1;
+            (low, high) = (knot(below), low);
         }
-        while outer > 0 && knot(outer - 1)[1] < middle {
-            outer -= 1;
+        while high[1] < middle && below > 1 {
+            below -= 1;
+            (low, high) = (high, knot(below - 1));
         }
-        let low = if outer < ROW_POINTS { knot(outer) } else { [0.0, 0.0, 1.0] };
-        let high = if outer > 0 { knot(outer - 1) } else { [threshold, most, stick] };
         if high[0] > low[0] {
             backbone.half = root(low[0], high[0], |u| between(low, high, u) - middle);
         }
@@ -101,21 +107,17 @@ impl Backbone {
             springs.map(|(y, width)| width * y * (1.0 - y / threshold).max(0.0)).sum()
         });
         let mut slope = start + widths[..compressions.len()].iter().sum::<f64>();
-        // Outwards springs are compressed less and less, as a rule.
-        let springs = compressions.iter().copied().zip(widths.iter().copied());
-        let mut springs: Vec<(f64, f64)> = springs.rev().collect();
-        springs.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let (mut at, mut force) = (0.0, 0.0);
-        let mut corners = Vec::with_capacity(springs.len() + 2);
+        // First y and width of each spring. Outwards they are compressed less and less, as a rule.
+        let mut corners = Vec::with_capacity(compressions.len() + 2);
         corners.push([0.0, 0.0]);
-        for (y, width) in springs {
-            if y >= threshold {
-                break;
-            }
-            force += slope * (y - at);
-            slope -= width;
-            at = y;
-            corners.push([at, force]);
+        corners.extend(compressions.iter().zip(widths).rev().map(|(y, width)| [*y, *width]));
+        corners.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        corners.truncate(corners.partition_point(|[y, _]| *y < threshold).max(1));
+        let (mut at, mut force) = (0.0, 0.0);
+        for [y, width] in &mut corners[1..] {
+            force += slope * (*y - at);
+            at = *y;
+            slope -= std::mem::replace(width, force);
         }
         force += slope * (threshold - at);
         corners.push([threshold, force]);

@@ -53,6 +53,7 @@ pub struct Simulation {
     case: Case,
     solver: Solver,
     warnings: Vec<Warning>,
+    /// Where the curves of time steps are wanted.
     radii: Vec<f64>,
     /// f₀ at the radii.
     initial: Vec<f64>,
@@ -198,7 +199,8 @@ impl Simulation {
         let last = self.case.normalized_end();
         let limiting = match &self.solver {
             Solver::Closed(simplified) => {
-                self.radii = simplified.radii().to_vec();
+                self.initial = simplified.initial().to_vec();
+                self.profiles.radius = simplified.radii().to_vec();
                 Some(simplified.limiting().to_vec())
             }
             Solver::March(march) => {
@@ -213,14 +215,15 @@ impl Simulation {
                 let reach = reach.max(outermost).min(0.999 * shape.extent());
                 let grid = Grid::new(start, reach, *points, shape.extent());
                 self.radii = grid.radii;
+                self.profiles.radius.clone_from(&self.radii);
+                self.initial = self.radii.iter().map(|r| shape.profile(*r)).collect();
                 let radii = self.radii.iter();
                 tends_to.map(|end| radii.map(|r| end.profile(shape, *r)).collect())
             }
         };
-        self.initial = self.radii.iter().map(|r| shape.profile(*r)).collect();
         let (length, height) =
             (self.case.scales.contact_radius, self.case.scales.indentation_depth);
-        self.profiles.radius = scaled(self.radii.clone(), length);
+        self.profiles.radius = scaled(std::mem::take(&mut self.profiles.radius), length);
         self.profiles.initial = scaled(self.initial.clone(), height);
         self.profiles.limiting = limiting.map(|limiting| scaled(limiting, height));
     }
@@ -494,7 +497,8 @@ impl Worn {
     /// simplified rule's ã passes, stays.
     fn hold(&mut self, entry: &mut Entry) {
         let hold = |known: &mut f64, value: &mut f64| {
-            *value = value.max(*known);
+            // Not by `f64::max`, which looks out for what is no number.
+            *value = if *value < *known { *known } else { *value };
             *known = *value;
         };
         hold(&mut self.volume, &mut entry.volume);
@@ -518,14 +522,15 @@ fn closed_events(case: &Case, simplified: &Simplified, xi: f64) -> Vec<Event> {
     let sums = |time: f64| row.sums(simplified.decay(xi, time));
     let mut events = Vec::new();
     let mut look = |kind, ends, signal: &dyn Fn(f64) -> f64| {
+        // As logarithms, what decays is all but straight, and its root soon found.
         if signal(last) <= 0.0 {
             events.push(Event { at: root(0.0, last, signal), kind, ends });
         }
     };
     if case.regime() == Regime::GrossSlip {
-        look(ContactLost, true, &|time| sums(time).normal - LOST * unworn.normal);
+        look(ContactLost, true, &|time| libm::log(sums(time).normal / (LOST * unworn.normal)));
     } else {
-        look(Shakedown, false, &|time| sums(time).energy - SHAKEN * unworn.energy);
+        look(Shakedown, false, &|time| libm::log(sums(time).energy / (SHAKEN * unworn.energy)));
     }
     if case.until != Until::default() {
         look(UntilReached, true, &|time| {
