@@ -338,13 +338,9 @@ impl Simulation {
         let curves = shows.then(|| {
             let curves = Curves::of(&self.case.contact.shape, mesh, &worn, &self.radii);
             let start = mesh.radii()[0];
-            let backbone = Backbone::of_cells(
-                start,
-                worn.threshold,
-                &worn.compressions,
-                mesh.widths(),
-                if self.case.control.has_record() { None } else { Some(worn.loss) },
-            );
+            let loss = (!self.case.control.has_record()).then_some(worn.loss);
+            let backbone =
+                Backbone::of_cells(start, worn.threshold, &worn.loads, mesh.widths(), loss);
             (curves, backbone.wind())
         });
         Entry {

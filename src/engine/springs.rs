@@ -284,6 +284,12 @@ impl Springs {
         self.slips.resize(self.images.len(), 1.0);
     }
 
+    /// min(Δ, y) of the cells in contact.
+    #[must_use]
+    pub fn loads(&self) -> Vec<f64> {
+        (0..self.compressions.len()).map(|q| self.carried(q, self.threshold).0).collect()
+    }
+
     /// Means over a cell of min(Δ, y), and the share of it that sticks.
     fn carried(&self, q: usize, threshold: f64) -> (f64, f64) {
         let here = self.compressions[q];

@@ -139,6 +139,8 @@ pub struct Worn {
     pub images: Vec<f64>,
     /// y of the cells in contact.
     pub compressions: Vec<f64>,
+    /// min(Δ, y) of these: less than either where the stick edge divides a cell.
+    pub loads: Vec<f64>,
     /// ω of the cells.
     pub slips: Vec<f64>,
     /// d.
@@ -367,6 +369,7 @@ impl Wearing {
             tangential: springs.tangential(),
             loss: springs.loss(),
             compressions: springs.compressions().to_vec(),
+            loads: springs.loads(),
             wear,
             images,
             slips,

@@ -19,6 +19,7 @@ mod figures;
 #[cfg(feature = "serve")]
 mod kill;
 mod literal;
+mod loops;
 #[cfg(feature = "serve")]
 mod openapi;
 #[cfg(feature = "serve")]
