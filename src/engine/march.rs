@@ -449,6 +449,22 @@ impl March {
         (fine.accepted + coarse.accepted, fine.evaluations + coarse.evaluations)
     }
 
+    /// About how many multiplications the right-hand sides so far took.
+    #[must_use]
+    pub fn spent(&self) -> f64 {
+        let of = |run: &Run| run.rkc.evaluations as f64 * run.wearing.operations();
+        of(&self.fine) + of(&self.coarse)
+    }
+
+    /// About how many multiplications it takes to tell a state: both volumes, and where the last of the
+    /// load would rest for the error of V.
+    #[must_use]
+    pub fn telling(&self) -> f64 {
+        const LIMITS: f64 = 200.0;
+        let shape = &self.fine.wearing.contact.shape;
+        4.0 * self.fine.wearing.operations() + LIMITS * shape.pieces() as f64
+    }
+
     /// The contact as it wears, as the fine run has it.
     #[must_use]
     pub fn wearing(&self) -> &Wearing {

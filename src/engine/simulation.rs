@@ -25,7 +25,7 @@ use super::contact::Regime;
 use super::fault::Fault;
 use super::hysteresis::{Backbone, Loop};
 use super::march::{Event, EventKind, LOST, March, SHAKEN, Until};
-use super::numeric::root;
+use super::numeric::{Bracket, root};
 use super::outcome::{
     Accuracy, BodyWear, History, Loops, Outcome, Profiles, Scales, Unworn, limit_state,
 };
@@ -35,6 +35,8 @@ use super::wearing::Plan;
 
 /// Multiplications of a step, about: 30 ms.
 const STEP_OPERATIONS: f64 = 3e7;
+/// The instant at which the wear asked for is reached is found to this share of it.
+const SOUGHT: f64 = 1e-12;
 /// Most instants in a step.
 const STEP_INSTANTS: usize = 64;
 
@@ -61,6 +63,8 @@ pub struct Simulation {
     profiles: Profiles,
     loops: Loops,
     events: Vec<Event>,
+    /// The search for the instant at which the wear asked for is reached, by the closed form.
+    seeking: Option<Bracket>,
     mismatch: Option<f64>,
     volume_error: Option<f64>,
     comparing: Option<Comparing>,
@@ -139,6 +143,7 @@ impl Simulation {
             profiles: Profiles::default(),
             loops: Loops::default(),
             events: Vec::new(),
+            seeking: None,
             mismatch: None,
             volume_error: None,
             comparing: None,
@@ -232,13 +237,16 @@ impl Simulation {
     fn step_closed(&mut self, xi: f64) -> f64 {
         let Solver::Closed(simplified) = &self.solver else { return 0.0 };
         let (done, all) = (self.history.cycles.len(), self.case.cycles.len());
+        let per_instant = self.case.operations() / all as f64;
+        let block = ((STEP_OPERATIONS / per_instant) as usize).clamp(1, STEP_INSTANTS);
         if done == 0 {
-            self.events = closed_events(&self.case, simplified, xi);
+            let Some(reached) = seek(&self.case, simplified, xi, &mut self.seeking) else {
+                return 0.0;
+            };
+            self.events = closed_events(&self.case, simplified, xi, reached);
         }
         let end = self.events.iter().find(|event| event.ends);
         let end = end.map_or(f64::INFINITY, |event| event.at * self.case.scales.cycles);
-        let per_instant = self.case.operations() / all as f64;
-        let block = ((STEP_OPERATIONS / per_instant) as usize).clamp(1, STEP_INSTANTS);
         let until = (done + block).min(all);
         let mut wanted = Vec::new();
         for i in done..until {
@@ -295,11 +303,9 @@ impl Simulation {
         let last = self.case.normalized_end();
         let Solver::March(begun) = &mut self.solver else { return 0.0 };
         let Some(mut march) = begun.take() else { return 0.0 };
-        let cells = march.cells() as f64;
-        let budget = (STEP_OPERATIONS / (cells * cells)) as usize;
-        let (_, before) = march.work();
+        let (before, mut told) = (march.spent(), 0.0);
         let (mut next, mut over) = (done, false);
-        while next < all && march.work().1 - before < budget {
+        while next < all && march.spent() - before + told < STEP_OPERATIONS {
             let now = self.normalized(next);
             if march.advance(now) {
                 continue;
@@ -314,6 +320,11 @@ impl Simulation {
             if self.history.cycles.last().is_none_or(|known| *known < cycles) {
                 let shows =
                     self.case.profiles[next] || ended.is_some() && self.case.profile_rows() > 0;
+                told += march.telling();
+                if shows {
+                    // A curve sums over all cells at some of the radii.
+                    told += (self.radii.len() * march.cells()) as f64;
+                }
                 let entry = self.marched(&mut march, cycles, at, shows);
                 self.record(entry);
             }
@@ -509,8 +520,44 @@ impl Worn {
     }
 }
 
-/// What happens up to the last instant, from the closed form of the simplified rule.
-fn closed_events(case: &Case, simplified: &Simplified, xi: f64) -> Vec<Event> {
+/// Looks for the instant at which the wear that was asked for is reached, some states at a time: none
+/// while there is more to look at, infinite if it is never reached.
+fn seek(
+    case: &Case,
+    simplified: &Simplified,
+    xi: f64,
+    seeking: &mut Option<Bracket>,
+) -> Option<f64> {
+    let last = case.normalized_end();
+    let missing = |time: f64| {
+        let states = simplified.states(&[(simplified.decay(xi, time), false)]);
+        states.first().map_or(1.0, |state| case.until.missing(state.depth, state.volume))
+    };
+    let Some(bracket) = seeking else {
+        if case.until == Until::default() {
+            return Some(f64::INFINITY);
+        }
+        let end = missing(last);
+        if end > 0.0 {
+            return Some(f64::INFINITY);
+        }
+        *seeking = Some(Bracket::new((0.0, case.until.missing(0.0, 0.0)), (last, end)));
+        return None;
+    };
+    // Rows that are made anew cost more than their products.
+    let per_state = (2 * case.points * case.points) as f64;
+    for _ in 0..((STEP_OPERATIONS / per_state) as usize).max(1) {
+        match bracket.next().filter(|_| bracket.width() > SOUGHT) {
+            Some(time) => bracket.narrow(time, missing(time)),
+            None => return Some(bracket.found()),
+        }
+    }
+    None
+}
+
+/// What happens up to the last instant, from the closed form of the simplified rule, and when the wear
+/// that was asked for is `reached`.
+fn closed_events(case: &Case, simplified: &Simplified, xi: f64, reached: f64) -> Vec<Event> {
     use EventKind::{ContactLost, Shakedown, UntilReached};
     let last = case.normalized_end();
     let row = simplified.row();
@@ -528,11 +575,8 @@ fn closed_events(case: &Case, simplified: &Simplified, xi: f64) -> Vec<Event> {
     } else {
         look(Shakedown, false, &|time| libm::log(sums(time).energy / (SHAKEN * unworn.energy)));
     }
-    if case.until != Until::default() {
-        look(UntilReached, true, &|time| {
-            let state = simplified.states(&[(simplified.decay(xi, time), false)]);
-            state.first().map_or(1.0, |state| case.until.missing(state.depth, state.volume))
-        });
+    if reached.is_finite() {
+        events.push(Event { at: reached, kind: UntilReached, ends: true });
     }
     events.sort_by(|a, b| a.at.total_cmp(&b.at));
     let end = events.iter().position(|event| event.ends);

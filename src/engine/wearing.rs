@@ -25,6 +25,9 @@ pub const REST_BLUR: f64 = 0.001;
 /// A core under a held depth gives way soon after it has shrunk to this part of the critical radius.
 const GIVES_WAY: f64 = 0.8;
 
+/// Multiplications that ã takes for each piece of the shape, about: a dozen integrals to its root.
+const SCAR_OPERATIONS: f64 = 30.0;
+
 /// How a contact wears.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Law {
@@ -277,15 +280,28 @@ impl Wearing {
         wear
     }
 
+    /// About how many multiplications a right-hand side takes.
+    #[must_use]
+    pub fn operations(&self) -> f64 {
+        let cells = self.springs.mesh().widths().len() as f64;
+        let scar = if self.law == Law::Exact || self.keeps_scar() { 0.0 } else { SCAR_OPERATIONS };
+        cells * cells + scar * self.contact.shape.pieces() as f64
+    }
+
     /// c of the springs as they were last pressed.
     fn stick(&self) -> f64 {
         if self.springs.control().keeps_stick() { self.contact.stick } else { self.springs.stick() }
     }
 
+    /// Whether ã stays where it is for ever.
+    fn keeps_scar(&self) -> bool {
+        let control = self.springs.control();
+        control.keeps_stick() && control.normal == Normal::Depth
+    }
+
     /// ã of the springs as they were last pressed.
     fn scar_radius(&self) -> f64 {
-        let control = self.springs.control();
-        if control.keeps_stick() && control.normal == Normal::Depth {
+        if self.keeps_scar() {
             return self.contact.limit.radius;
         }
         Limit::scar(&self.contact.shape, self.stick(), self.springs.depth(), self.scar)
