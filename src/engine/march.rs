@@ -460,7 +460,7 @@ impl March {
     /// load would rest for the error of V.
     #[must_use]
     pub fn telling(&self) -> f64 {
-        const LIMITS: f64 = 200.0;
+        const LIMITS: f64 = 5000.0;
         let shape = &self.fine.wearing.contact.shape;
         4.0 * self.fine.wearing.operations() + LIMITS * shape.pieces() as f64
     }

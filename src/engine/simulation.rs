@@ -163,6 +163,8 @@ impl Simulation {
         }
         let progress = match (&self.solver, self.case.method) {
             (Solver::Closed(_), Method::Simplified { xi }) => self.step_closed(xi),
+            _ if matches!(self.solver, Solver::March(None)) => self.begin_march(),
+            _ if self.radii.is_empty() => self.lay_out(),
             // The unworn state is known in closed form.
             _ if self.history.cycles.is_empty() => self.step_unworn(),
             _ => self.step_march(),
@@ -198,7 +200,7 @@ impl Simulation {
     }
 
     /// Chooses the output radii: from the stick edge to the scar's rim and a little beyond.
-    fn lay_out(&mut self) {
+    fn lay_out(&mut self) -> f64 {
         let Case { contact, control, tends_to, points, .. } = &self.case;
         let shape = &contact.shape;
         let last = self.case.normalized_end();
@@ -212,7 +214,7 @@ impl Simulation {
                 let (start, reach) = match (tends_to, march) {
                     (Some(end), _) => (end.stick, end.limit.radius),
                     (None, Some(march)) => (control.least_stick(contact), march.reach()),
-                    (None, None) => return,
+                    (None, None) => return 0.0,
                 };
                 let outermost =
                     Plan::outermost(contact, control, self.case.law(), last).unwrap_or(reach);
@@ -231,6 +233,7 @@ impl Simulation {
         self.profiles.radius = scaled(std::mem::take(&mut self.profiles.radius), length);
         self.profiles.initial = scaled(self.initial.clone(), height);
         self.profiles.limiting = limiting.map(|limiting| scaled(limiting, height));
+        0.0
     }
 
     /// Some more instants at once, since they share the rows of the matrices.
@@ -372,7 +375,8 @@ impl Simulation {
         }
     }
 
-    fn step_unworn(&mut self) -> f64 {
+    /// Prepares the time steps: where the stick edge moves, a coarse run looks ahead.
+    fn begin_march(&mut self) -> f64 {
         let case = &self.case;
         let last = case.normalized_end();
         let march = March::new(&case.contact, &case.control, case.law(), case.tolerance(), last);
@@ -382,17 +386,17 @@ impl Simulation {
             return 0.0;
         };
         march.end_at(case.until);
+        self.solver = Solver::March(Some(Box::new(march)));
+        0.0
+    }
+
+    fn step_unworn(&mut self) -> f64 {
+        let Solver::March(Some(march)) = &mut self.solver else { return 0.0 };
+        let first = march.at(0.0);
+        let case = &self.case;
         let shows = case.profiles[0];
         let unworn = case.unworn();
-        let contact = &case.contact;
-        let (stick, threshold) = (contact.stick, contact.threshold);
-        let first = march.at(0.0);
-        self.solver = Solver::March(Some(Box::new(march)));
-        if self.radii.is_empty() {
-            self.lay_out();
-        }
-        let Solver::March(Some(march)) = &self.solver else { return 0.0 };
-        let case = &self.case;
+        let (stick, threshold) = (case.contact.stick, case.contact.threshold);
         let curves = shows.then(|| {
             let mut curves = Curves::unworn(&case.contact, &self.radii);
             if case.control.has_record() {

@@ -25,8 +25,9 @@ pub const REST_BLUR: f64 = 0.001;
 /// A core under a held depth gives way soon after it has shrunk to this part of the critical radius.
 const GIVES_WAY: f64 = 0.8;
 
-/// Multiplications that ã takes for each piece of the shape, about: a dozen integrals to its root.
-const SCAR_OPERATIONS: f64 = 30.0;
+/// Multiplications that ã takes for each piece of the shape, about: eight looks for its root, with roots
+/// and logarithms in each.
+const SCAR_OPERATIONS: f64 = 400.0;
 
 /// How a contact wears.
 #[derive(Debug, Clone, Copy, PartialEq)]
