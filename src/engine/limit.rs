@@ -100,7 +100,8 @@ impl Limit {
 }
 
 impl Limit {
-    /// ã alone, the root of (13), found from a guess nearby; where the shape ends if it lies beyond.
+    /// ã alone, the root of (13), found from a guess nearby; where the shape ends if it lies beyond,
+    /// and the guess if there is none.
     #[must_use]
     pub fn scar(shape: &Shape, c: f64, d: f64, guess: f64) -> f64 {
         let at = |r: f64| (r, limiting_wear(shape, c, d, r, chord_and_angle(c, r)));
@@ -113,7 +114,7 @@ impl Limit {
                 break;
             }
             outer = inner;
-            inner = at((inner.0 - step).max(c));
+            inner = at(inner.0 - step.min(0.5 * (inner.0 - c)));
             step *= 1.5;
         }
         for _ in 0..MOST_STEPS {
@@ -126,6 +127,10 @@ impl Limit {
             inner = outer;
             outer = at((outer.0 + step).min(shape.extent()));
             step *= 1.5;
+        }
+        if !worn(inner) || worn(outer) {
+            // A trial step that goes astray: there is no such contact, and it will be taken back.
+            return guess;
         }
         let mut bracket = Bracket::new(inner, outer);
         while let Some(r) = bracket.next().filter(|_| bracket.width() > SCAR_DIGITS) {
