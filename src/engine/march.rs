@@ -605,10 +605,7 @@ impl Run {
             return what(&mut self.wearing, self.rkc.values());
         }
         let values = self.rkc.at(time);
-        self.wearing.press(&values);
-        let result = what(&mut self.wearing, &values);
-        self.wearing.press(self.rkc.values());
-        result
+        self.wearing.under(&values, self.rkc.values(), what)
     }
 
     /// What it does to V that a stick edge at rest in worn material stands at a border of cells.
@@ -637,7 +634,10 @@ impl Run {
 
     fn volume(&mut self, time: f64) -> f64 {
         let time = self.within(time);
-        self.under(time, |wearing, values| wearing.volume(values))
+        if time >= self.rkc.time() {
+            return self.wearing.volume(self.rkc.values());
+        }
+        self.wearing.volume(&self.rkc.at(time))
     }
 
     /// A settled run stays as it is, and so does one that has ended.

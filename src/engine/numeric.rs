@@ -279,21 +279,42 @@ impl Monotone {
     /// The value at `x`; the first or last one outside the points.
     #[must_use]
     pub fn at(&self, x: f64) -> f64 {
-        let right = self.x.partition_point(|knot| *knot <= x);
-        if right == 0 {
-            return self.y[0];
+        value(self.piece(self.x.partition_point(|knot| *knot <= x)), x)
+    }
+
+    /// The values at ascending `x`, without looking for the points anew each time.
+    pub fn along(&self) -> impl FnMut(f64) -> f64 {
+        let mut right = 0;
+        let mut piece = self.piece(0);
+        move |x| {
+            let ahead = self.x[right..].iter().take_while(|knot| **knot <= x).count();
+            if ahead > 0 {
+                right += ahead;
+                piece = self.piece(right);
+            }
+            value(piece, x)
         }
-        if right == self.x.len() {
-            return self.y[right - 1];
+    }
+
+    /// The cubic before the point `right`, in powers of the distance from where it begins.
+    fn piece(&self, right: usize) -> (f64, [f64; 4]) {
+        if right == 0 || right == self.x.len() {
+            return (0.0, [self.y[right.saturating_sub(1)], 0.0, 0.0, 0.0]);
         }
         let left = right - 1;
-        let h = self.x[right] - self.x[left];
-        let u = (x - self.x[left]) / h;
-        let v = 1.0 - u;
-        v * v * (1.0 + 2.0 * u) * self.y[left]
-            + u * u * (1.0 + 2.0 * v) * self.y[right]
-            + h * u * v * (v * self.slopes[left] - u * self.slopes[right])
+        let per_width = 1.0 / (self.x[right] - self.x[left]);
+        let secant = per_width * (self.y[right] - self.y[left]);
+        let (start, end) = (self.slopes[left], self.slopes[right]);
+        let square = per_width * (3.0 * secant - 2.0 * start - end);
+        let cube = per_width * per_width * (start + end - 2.0 * secant);
+        (self.x[left], [self.y[left], start, square, cube])
     }
+}
+
+/// A cubic in powers of the distance from a point, at x.
+fn value((from, [value, slope, square, cube]): (f64, [f64; 4]), x: f64) -> f64 {
+    let x = x - from;
+    value + x * (slope + x * (square + x * cube))
 }
 
 /// xⁿ for a whole n ≥ 0 by repeated multiplication (`f64::powi` may differ between platforms).

@@ -16,7 +16,7 @@ use super::limit::Limit;
 use super::mesh::Mesh;
 use super::numeric::{Monotone, integrate_beyond, largest, vertex};
 use super::rkc::Rates;
-use super::springs::Springs;
+use super::springs::{Aside, Springs};
 
 /// How dense the nodes are where the stick edge moves inwards, in parts of the ring that wears.
 const BLUR: f64 = 0.003;
@@ -122,6 +122,7 @@ pub struct Wearing {
     law: Law,
     plan: Plan,
     springs: Springs,
+    aside: Aside,
     /// Δ·s of the unworn contact at the nodes, if every spring slips at the depth 1 + `sunk`.
     unworn_slip: Vec<f64>,
     /// s of the nodes.
@@ -183,7 +184,8 @@ impl Wearing {
         let grows = control.normal == Normal::Force && control.tends_to(contact).is_none();
         let contact = contact.clone();
         let (widest, radius) = (0.0, 0.0);
-        Self { contact, law, plan, springs, unworn_slip, slip, scar, widest, radius, grows }
+        let aside = Aside::default();
+        Self { contact, law, plan, springs, aside, unworn_slip, slip, scar, widest, radius, grows }
     }
 
     /// The springs as they were last pressed.
@@ -319,6 +321,27 @@ impl Wearing {
                 }
             }
         }
+    }
+
+    /// What holds where these values describe the state; afterwards the springs are as they were, at
+    /// `now`.
+    pub fn under<T>(
+        &mut self,
+        values: &[f64],
+        now: &[f64],
+        what: impl FnOnce(&mut Self, &[f64]) -> T,
+    ) -> T {
+        let mut aside = std::mem::take(&mut self.aside);
+        self.springs.set_aside(&mut aside);
+        self.press(values);
+        let result = what(self, values);
+        self.springs.put_back(&mut aside);
+        self.aside = aside;
+        if self.law != Law::Exact {
+            // The rule looks how far the scar reaches.
+            self.press(now);
+        }
+        result
     }
 
     /// V of the values.
