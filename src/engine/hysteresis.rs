@@ -155,9 +155,10 @@ impl Backbone {
         let [threshold, most] = self.last();
         let cycle = |of: usize| -> Vec<f64> {
             let most = self.last()[of];
-            let unloading = self.corners.iter().map(|corner| most - 2.0 * corner[of]);
-            let loading = self.corners[1..].iter().map(|corner| 2.0 * corner[of] - most);
-            unloading.chain(loading).collect()
+            let mut points = Vec::with_capacity(2 * self.corners.len() - 1);
+            points.extend(self.corners.iter().map(|corner| most - 2.0 * corner[of]));
+            points.extend(self.corners[1..].iter().map(|corner| 2.0 * corner[of] - most));
+            points
         };
         let (displacement, force) = (cycle(0), cycle(1));
         if threshold == 0.0 {

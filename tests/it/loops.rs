@@ -18,6 +18,9 @@ fn request(method: &str, load: &Value, motion: &Value) -> Value {
     request["load"] = load.clone();
     request["motion"] = motion.clone();
     request["cycles"] = json!({"normalized": [0.01, 0.1, 1.0, 10.0, 100.0, 1000.0]});
+    if !motion["blocks"].is_null() {
+        request["cycles"] = json!([50, 500, 5000, 6000, 50_000, 5_000_000]);
+    }
     request["profiles_at"] = json!("all");
     request["model"] = json!({"method": method});
     request
@@ -38,6 +41,18 @@ fn the_lines_between_the_points_of_a_loop_enclose_the_energy_of_a_cycle() {
         (&depth, json!({"tangential_force": "50 N"})),
         (&depth, json!({"amplitude": "2.5 um", "rig_stiffness": "50 N/um"})),
         (&force, json!({"amplitude": "2.5 um", "rig_stiffness": "50 N/um"})),
+        (
+            &depth,
+            json!({"blocks": [
+                {"amplitude": "1 um", "cycles": 5e3}, {"amplitude": "2 um", "cycles": 1e9},
+            ]}),
+        ),
+        (
+            &force,
+            json!({"blocks": [
+                {"amplitude": "2 um", "cycles": 5e3}, {"amplitude": "1 um", "cycles": 1e9},
+            ]}),
+        ),
     ] {
         for method in ["simplified", "exact"] {
             let request = request(method, load, &motion);
