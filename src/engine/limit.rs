@@ -24,10 +24,8 @@ use std::f64::consts::FRAC_2_PI;
 use super::numeric::{Bracket, integrate, integrate_pieces, maximum, root};
 use super::profile::Shape;
 
-/// Steps to either side in which ã is looked for, each wider than the one before; the first is this share
-/// of the scar, since ã moves little from one state to the next.
-const MOST_STEPS: usize = 100;
-const FIRST_STEP: f64 = 1e-3;
+/// Steps of 2 % to either side in which ã is looked for.
+const MOST_STEPS: usize = 500;
 /// The scar is found to this share of it: every look at a table is a sum over its rows.
 const SCAR_DIGITS: f64 = 1e-13;
 
@@ -100,41 +98,31 @@ impl Limit {
 }
 
 impl Limit {
-    /// ã alone, the root of (13), found from a guess nearby; where the shape ends if it lies beyond,
-    /// and the guess if there is none.
+    /// ã alone, the root of (13), found from a guess nearby.
     #[must_use]
     pub fn scar(shape: &Shape, c: f64, d: f64, guess: f64) -> f64 {
-        let at = |r: f64| (r, limiting_wear(shape, c, d, r, chord_and_angle(c, r)));
+        let wear = |r: f64| limiting_wear(shape, c, d, r, chord_and_angle(c, r));
         // Where the unworn image is below d the wear is positive; at c it has another root.
-        let worn = |(r, wear): (f64, f64)| r <= c || wear > 0.0 || shape.image(r) < d;
-        let mut step = FIRST_STEP * (guess - c).max(0.01 * guess);
-        let (mut inner, mut outer) = (at(guess), at(guess));
+        let worn = |r: f64| r <= c || shape.image(r) < d || wear(r) > 0.0;
+        let step = |r: f64| 0.02 * (r - c).max(0.01 * r);
+        let (mut inner, mut outer) = (guess, guess);
         for _ in 0..MOST_STEPS {
             if worn(inner) {
                 break;
             }
             outer = inner;
-            inner = at(inner.0 - step.min(0.5 * (inner.0 - c)));
-            step *= 1.5;
+            inner -= step(inner);
         }
         for _ in 0..MOST_STEPS {
-            if !worn(outer) {
+            if outer > inner && !worn(outer) || outer >= shape.extent() {
                 break;
             }
-            if outer.0 >= shape.extent() {
-                return shape.extent();
-            }
             inner = outer;
-            outer = at((outer.0 + step).min(shape.extent()));
-            step *= 1.5;
+            outer = (outer + step(outer)).min(shape.extent());
         }
-        if !worn(inner) || worn(outer) {
-            // A trial step that goes astray: there is no such contact, and it will be taken back.
-            return guess;
-        }
-        let mut bracket = Bracket::new(inner, outer);
+        let mut bracket = Bracket::new((inner, wear(inner)), (outer, wear(outer)));
         while let Some(r) = bracket.next().filter(|_| bracket.width() > SCAR_DIGITS) {
-            bracket.narrow(r, at(r).1);
+            bracket.narrow(r, wear(r));
         }
         bracket.found()
     }
