@@ -19,7 +19,7 @@ use fretwork::engine::march::March;
 use fretwork::engine::profile::Shape;
 use fretwork::engine::scenario::{self, Scenario};
 use fretwork::engine::simplified::Simplified;
-use fretwork::engine::simulation::Simulation;
+use fretwork::engine::simulation::{Simulation, Step};
 use fretwork::engine::transform::Kernels;
 use fretwork::engine::wearing::Law;
 use serde_json::{Value, json};
@@ -131,6 +131,7 @@ fn main() {
     }
 
     exact_runs(&scenario);
+    longest_steps();
 
     // The literal procedure: 256 springs dragged through 400 steps a cycle, N₀ = 1000, to Ñ = 16.
     let springs: Vec<f64> =
@@ -211,4 +212,46 @@ fn exact_runs(simplified: &Scenario) {
     let equal = equal.fold(f64::INFINITY, f64::min);
     println!("literal exact procedure, 256 even cells: V error {error:.1e}, {:.0} ms", 1e3 * cost);
     println!("  / exact run at equal error = {:.0}   (at least 150)", cost / equal);
+}
+
+/// How long whoever stops a run waits at most: the longest of its steps, where there is most to do.
+fn longest_steps() {
+    let radii: Vec<f64> = (0..10_000).map(|i| 1e-7 * f64::from(i)).collect();
+    let heights: Vec<f64> = radii.iter().map(|r| r * r / 0.02).collect();
+    let table = json!({"shape": "table", "radius": radii, "height": heights});
+    let closed = json!({"model": {"points": 4096}, "until": {"wear_depth": "0.5 um"}});
+    let dead_weight = json!({"normal_force": "100 N", "held": "force"});
+    let rough = json!({"profile": table, "load": dead_weight, "motion": {"amplitude": "4 um"}});
+    let fine = json!({"load": dead_weight, "model": {"method": "exact", "tolerance": 1e-4}});
+    for (what, changes) in [
+        ("closed form, 4096 points, until a depth", closed),
+        ("rule, all slips, a table of 10 000 rows", rough),
+        ("exact, force and amplitude held, tolerance 1e-4", fine),
+    ] {
+        let mut request = serde_json::to_value(ball(&SNAPSHOTS, &json!({}), "all")).expect("JSON");
+        for (member, value) in changes.as_object().expect("members") {
+            request[member] = value.clone();
+        }
+        let (scenario, _) = scenario::check(&request, "").expect("a valid scenario");
+        // The least of three: what the machine does besides is no part of it.
+        let longest = (0..3).map(|_| {
+            let mut run = Simulation::of(&scenario).expect("a run");
+            let (mut longest, mut whole) = (0.0_f64, 0.0);
+            loop {
+                let start = Instant::now();
+                let step = run.step();
+                let time = start.elapsed().as_secs_f64();
+                (longest, whole) = (longest.max(time), whole + time);
+                if let Step::Done(_) = step {
+                    return (longest, whole);
+                }
+            }
+        });
+        let (longest, whole) = longest.min_by(|a, b| a.0.total_cmp(&b.0)).expect("three of them");
+        println!(
+            "longest step: {:.0} ms of {:.0} ms   (at most 50): {what}",
+            1e3 * longest,
+            1e3 * whole
+        );
+    }
 }

@@ -315,8 +315,10 @@ pub async fn profiles(
 
 /// Returns the force–displacement loops of a result, at the instants of its profiles.
 ///
-/// Each loop is a cycle of harmonic motion in 129 points at even phases, from one turning point over
-/// the other back to the first; loops of a displacement record are its outermost. `energy_ratio`,
+/// Each loop is a cycle from one turning point over the other back to the first, with a point wherever
+/// another spring of the contact starts to slip: straight lines between the points enclose the energy of
+/// the cycle, and loops may differ in their number of points. Loops of a displacement record are its
+/// outermost. `energy_ratio`,
 /// `slip_ratio` and `free_ratio` are the criteria A, D and B of the sliding transition. As CSV it is
 /// one row per instant and point. A result computed with `profiles_at: "none"` has no loops.
 #[utoipa::path(get, path = "/v1/results/{key}/loops", operation_id = "get_loops", tag = "results",

@@ -62,42 +62,40 @@ impl Curves {
         values.push(shape.image(end.sqrt()) + image_outside(squares, wear, end));
         let image = Monotone::through(knots, values);
 
-        let curve = |value: &dyn Fn(f64) -> f64| radii.iter().map(|r| value(*r)).collect();
+        let (mut pressure, mut slip) = (pressure.along(), slip.along());
+        let (mut profile, mut image) = (profile.along(), image.along());
+        let curve = |value: &mut dyn FnMut(f64) -> f64| radii.iter().map(|r| value(*r)).collect();
         Self {
-            wear: curve(&|r| {
-                if r <= inner && inner > 0.0 || r > *scar {
-                    0.0
-                } else {
-                    profile.at(r * r).max(0.0)
-                }
+            wear: curve(&mut |r| {
+                if r <= inner && inner > 0.0 || r > *scar { 0.0 } else { profile(r * r).max(0.0) }
             }),
-            image: curve(&|x| {
+            image: curve(&mut |x| {
                 if x < inner {
                     shape.image(x)
                 } else if x * x < end {
-                    let value = image.at(x * x);
+                    let value = image(x * x);
                     // The mesh smears the kink at the edge of contact over a cell.
                     if x < contact_radius { value.min(*depth) } else { value.max(*depth) }
                 } else {
                     shape.image(x) + image_outside(squares, wear, x * x)
                 }
             }),
-            pressure: curve(&|r| {
+            pressure: curve(&mut |r| {
                 if r < inner {
                     shape.pressure_inside(r, inner) + springs.pressure(r)
                 } else if step && r * r <= start {
                     f64::INFINITY
                 } else if r < contact_radius {
-                    pressure.at(r * r).max(0.0)
+                    pressure(r * r).max(0.0)
                 } else {
                     0.0
                 }
             }),
-            slip: curve(&|r| {
+            slip: curve(&mut |r| {
                 if r <= inner && inner > 0.0 {
                     0.0
                 } else if r * r < end {
-                    slip.at(r * r).max(0.0)
+                    slip(r * r).max(0.0)
                 } else {
                     let free = slips.last().copied().unwrap_or(1.0);
                     free * (1.0 - FRAC_2_PI * libm::asin(inner / r))

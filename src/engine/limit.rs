@@ -21,11 +21,13 @@
 
 use std::f64::consts::FRAC_2_PI;
 
-use super::numeric::{integrate, integrate_pieces, maximum, root};
+use super::numeric::{Bracket, integrate, integrate_pieces, maximum, root};
 use super::profile::Shape;
 
 /// Steps of 2 % to either side in which ã is looked for.
 const MOST_STEPS: usize = 500;
+/// The scar is found to this share of it: every look at a table is a sum over its rows.
+const SCAR_DIGITS: f64 = 1e-13;
 
 /// The limiting state in units of a₀, d₀ and a₀²d₀.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -118,7 +120,11 @@ impl Limit {
             inner = outer;
             outer = (outer + step(outer)).min(shape.extent());
         }
-        root(inner, outer, wear)
+        let mut bracket = Bracket::new((inner, wear(inner)), (outer, wear(outer)));
+        while let Some(r) = bracket.next().filter(|_| bracket.width() > SCAR_DIGITS) {
+            bracket.narrow(r, wear(r));
+        }
+        bracket.found()
     }
 }
 

@@ -257,6 +257,12 @@ impl March {
         }
     }
 
+    /// Cells of a run that aims at a relative error.
+    #[must_use]
+    pub fn cells_for(contact: &Contact, control: &Control, law: Law, tolerance: f64) -> usize {
+        effort(contact, control, law, tolerance).0
+    }
+
     /// Begins with the unworn contact on so many cells.
     #[must_use]
     pub fn with_cells(
@@ -443,6 +449,22 @@ impl March {
         (fine.accepted + coarse.accepted, fine.evaluations + coarse.evaluations)
     }
 
+    /// About how many multiplications the right-hand sides so far took.
+    #[must_use]
+    pub fn spent(&self) -> f64 {
+        let of = |run: &Run| run.rkc.evaluations as f64 * run.wearing.operations();
+        of(&self.fine) + of(&self.coarse)
+    }
+
+    /// About how many multiplications it takes to tell a state: both volumes, and where the last of the
+    /// load would rest for the error of V.
+    #[must_use]
+    pub fn telling(&self) -> f64 {
+        const LIMITS: f64 = 5000.0;
+        let shape = &self.fine.wearing.contact.shape;
+        4.0 * self.fine.wearing.operations() + LIMITS * shape.pieces() as f64
+    }
+
     /// The contact as it wears, as the fine run has it.
     #[must_use]
     pub fn wearing(&self) -> &Wearing {
@@ -583,10 +605,7 @@ impl Run {
             return what(&mut self.wearing, self.rkc.values());
         }
         let values = self.rkc.at(time);
-        self.wearing.press(&values);
-        let result = what(&mut self.wearing, &values);
-        self.wearing.press(self.rkc.values());
-        result
+        self.wearing.under(&values, self.rkc.values(), what)
     }
 
     /// What it does to V that a stick edge at rest in worn material stands at a border of cells.
@@ -615,7 +634,10 @@ impl Run {
 
     fn volume(&mut self, time: f64) -> f64 {
         let time = self.within(time);
-        self.under(time, |wearing, values| wearing.volume(values))
+        if time >= self.rkc.time() {
+            return self.wearing.volume(self.rkc.values());
+        }
+        self.wearing.volume(&self.rkc.at(time))
     }
 
     /// A settled run stays as it is, and so does one that has ended.

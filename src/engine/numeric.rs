@@ -98,30 +98,69 @@ pub fn integrate_beyond(from: f64, to: f64, kinks: &[f64], f: impl Fn(f64) -> f6
 }
 
 /// The root of `f` between `low` and `high`, where `f` changes sign, to the last bits.
-///
-/// False position with the Anderson–Björck correction, backed by bisection.
-pub fn root(mut low: f64, mut high: f64, f: impl Fn(f64) -> f64) -> f64 {
-    let (mut at_low, mut at_high) = (f(low), f(high));
-    for round in 0..200 {
-        if at_low == 0.0 {
-            return low;
-        }
-        if at_high == 0.0 || (high - low).abs() <= 2.0 * f64::EPSILON * high.abs().max(low.abs()) {
-            return high;
+pub fn root(low: f64, high: f64, f: impl Fn(f64) -> f64) -> f64 {
+    let mut bracket = Bracket::new((low, f(low)), (high, f(high)));
+    while let Some(middle) = bracket.next() {
+        bracket.narrow(middle, f(middle));
+    }
+    bracket.found()
+}
+
+/// A root being looked for: false position with the Anderson–Björck correction, backed by bisection.
+#[derive(Debug, Clone, Copy)]
+pub struct Bracket {
+    low: f64,
+    high: f64,
+    at_low: f64,
+    at_high: f64,
+    round: usize,
+}
+
+impl Bracket {
+    const ROUNDS: usize = 200;
+
+    /// Between two points at which the function has different signs, each with its value.
+    #[must_use]
+    pub fn new((low, at_low): (f64, f64), (high, at_high): (f64, f64)) -> Self {
+        Self { low, high, at_low, at_high, round: 0 }
+    }
+
+    /// How far its ends are apart, relative to the larger one.
+    #[must_use]
+    pub fn width(&self) -> f64 {
+        (self.high - self.low).abs() / self.high.abs().max(self.low.abs())
+    }
+
+    /// Where to evaluate the function next; nowhere once the root is known to the last bits.
+    #[must_use]
+    pub fn next(&self) -> Option<f64> {
+        let Self { low, high, at_low, at_high, round } = *self;
+        let close = (high - low).abs() <= 2.0 * f64::EPSILON * high.abs().max(low.abs());
+        if at_low == 0.0 || at_high == 0.0 || close || round == Self::ROUNDS {
+            return None;
         }
         let secant = high - at_high * (high - low) / (at_high - at_low);
         let inside = secant > low.min(high) && secant < low.max(high);
-        let middle = if inside && round % 4 != 3 { secant } else { 0.5 * (low + high) };
-        let at_middle = f(middle);
-        if at_middle.is_sign_negative() == at_high.is_sign_negative() && at_middle != 0.0 {
-            let shrink = 1.0 - at_middle / at_high;
-            at_low *= if shrink > 0.0 { shrink } else { 0.5 };
-        } else {
-            (low, at_low) = (high, at_high);
-        }
-        (high, at_high) = (middle, at_middle);
+        Some(if inside && round % 4 != 3 { secant } else { 0.5 * (low + high) })
     }
-    high
+
+    /// Takes in the value there.
+    pub fn narrow(&mut self, middle: f64, at_middle: f64) {
+        if at_middle.is_sign_negative() == self.at_high.is_sign_negative() && at_middle != 0.0 {
+            let shrink = 1.0 - at_middle / self.at_high;
+            self.at_low *= if shrink > 0.0 { shrink } else { 0.5 };
+        } else {
+            (self.low, self.at_low) = (self.high, self.at_high);
+        }
+        (self.high, self.at_high) = (middle, at_middle);
+        self.round += 1;
+    }
+
+    /// The root, as far as it is known.
+    #[must_use]
+    pub fn found(&self) -> f64 {
+        if self.at_low == 0.0 { self.low } else { self.high }
+    }
 }
 
 /// Where `f`, which rises and then falls, is largest between `low` and `high`: golden section down to
@@ -240,21 +279,42 @@ impl Monotone {
     /// The value at `x`; the first or last one outside the points.
     #[must_use]
     pub fn at(&self, x: f64) -> f64 {
-        let right = self.x.partition_point(|knot| *knot <= x);
-        if right == 0 {
-            return self.y[0];
+        value(self.piece(self.x.partition_point(|knot| *knot <= x)), x)
+    }
+
+    /// The values at ascending `x`, without looking for the points anew each time.
+    pub fn along(&self) -> impl FnMut(f64) -> f64 {
+        let mut right = 0;
+        let mut piece = self.piece(0);
+        move |x| {
+            let ahead = self.x[right..].iter().take_while(|knot| **knot <= x).count();
+            if ahead > 0 {
+                right += ahead;
+                piece = self.piece(right);
+            }
+            value(piece, x)
         }
-        if right == self.x.len() {
-            return self.y[right - 1];
+    }
+
+    /// The cubic before the point `right`, in powers of the distance from where it begins.
+    fn piece(&self, right: usize) -> (f64, [f64; 4]) {
+        if right == 0 || right == self.x.len() {
+            return (0.0, [self.y[right.saturating_sub(1)], 0.0, 0.0, 0.0]);
         }
         let left = right - 1;
-        let h = self.x[right] - self.x[left];
-        let u = (x - self.x[left]) / h;
-        let v = 1.0 - u;
-        v * v * (1.0 + 2.0 * u) * self.y[left]
-            + u * u * (1.0 + 2.0 * v) * self.y[right]
-            + h * u * v * (v * self.slopes[left] - u * self.slopes[right])
+        let per_width = 1.0 / (self.x[right] - self.x[left]);
+        let secant = per_width * (self.y[right] - self.y[left]);
+        let (start, end) = (self.slopes[left], self.slopes[right]);
+        let square = per_width * (3.0 * secant - 2.0 * start - end);
+        let cube = per_width * per_width * (start + end - 2.0 * secant);
+        (self.x[left], [self.y[left], start, square, cube])
     }
+}
+
+/// A cubic in powers of the distance from a point, at x.
+fn value((from, [value, slope, square, cube]): (f64, [f64; 4]), x: f64) -> f64 {
+    let x = x - from;
+    value + x * (slope + x * (square + x * cube))
 }
 
 /// xⁿ for a whole n ≥ 0 by repeated multiplication (`f64::powi` may differ between platforms).

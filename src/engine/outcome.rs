@@ -225,8 +225,8 @@ pub struct Profiles {
     pub slip: Vec<Vec<f64>>,
 }
 
-/// Force–displacement loops at the instants of the profiles: a cycle of harmonic motion each, 129 points
-/// at even phases from +U by −U back to +U.
+/// Force–displacement loops at the instants of the profiles: a cycle each, from +U by −U back to +U, with a
+/// point wherever a spring gives way, so that straight lines between the points enclose W.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Loops {
     /// N of each row.

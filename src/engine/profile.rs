@@ -117,6 +117,15 @@ impl Shape {
         }
     }
 
+    /// How many pieces its integrals are summed over.
+    #[must_use]
+    pub fn pieces(&self) -> usize {
+        match &self.kind {
+            Kind::Table(table) => table.pieces(),
+            _ => 1,
+        }
+    }
+
     /// The largest radius at which the shape is defined.
     #[must_use]
     pub fn extent(&self) -> f64 {

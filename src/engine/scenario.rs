@@ -21,11 +21,11 @@ use deserr::{Deserr, IntoValue, ValuePointerRef};
 use serde::Serialize;
 
 use super::comparison;
-use super::contact::{Contact, Regime, UnwornSums};
+use super::contact::{Contact, ROW_POINTS, Regime, UnwornSums};
 use super::control::{Control, Final, Normal, Tangential};
 use super::fault::{Fault, Faults};
 use super::held::{CanonicalLoad, CanonicalMotion, Pressed};
-use super::hysteresis::LOOP_POINTS;
+use super::hysteresis::Backbone;
 use super::indenter::{CanonicalProfile, canonical_profile, depth_under, indent};
 use super::instants::{self, CanonicalProfilesAt};
 use super::march::{March, Until};
@@ -47,7 +47,7 @@ pub const DEFAULT_TOLERANCE: f64 = 3e-3;
 /// Default number of radii.
 pub const DEFAULT_POINTS: u16 = 256;
 /// Relative error at which the simplified rule is marched, where it has no closed form.
-pub(super) const RULE_TOLERANCE: f64 = 1e-3;
+const RULE_TOLERANCE: f64 = 1e-3;
 /// Largest answer in bytes.
 pub const MAX_ANSWER: usize = 64_000_000;
 /// Something the user should know; never a refusal.
@@ -223,6 +223,24 @@ impl Case {
         n >= end && self.profile_rows() > 0
     }
 
+    /// The relative error aimed at in time steps.
+    #[must_use]
+    pub fn tolerance(&self) -> f64 {
+        match self.method {
+            Method::Simplified { .. } => RULE_TOLERANCE,
+            Method::Exact { tolerance, .. } => tolerance,
+        }
+    }
+
+    /// How many springs slip, at most: each makes a corner of the loops.
+    fn springs(&self) -> usize {
+        if self.law() != Law::Exact && self.control.is_closed() {
+            return ROW_POINTS;
+        }
+        let cells = March::cells_for(&self.contact, &self.control, self.law(), self.tolerance());
+        cells.max(ROW_POINTS)
+    }
+
     /// How the contact wears in time steps.
     #[must_use]
     pub fn law(&self) -> Law {
@@ -293,7 +311,7 @@ impl Case {
         const NUMBER: usize = 22;
         let rows = self.profile_rows();
         let curves = if rows == 0 { 0 } else { 3 + 5 * rows };
-        let loops = rows * (2 * LOOP_POINTS + 3);
+        let loops = rows * (2 * Backbone::points(self.springs()) + 3);
         4096 + NUMBER * (self.points * curves + loops + 13 * self.cycles.len())
     }
 }

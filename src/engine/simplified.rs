@@ -59,6 +59,8 @@ pub struct Simplified {
     nodes: usize,
     /// Nodes inside a₀.
     inside: usize,
+    /// g₀ at every radius.
+    images: Vec<f64>,
     /// Signed y₀, Δ − y₀ and 1/x at the nodes.
     unworn: Vec<f64>,
     rest: Vec<f64>,
@@ -218,7 +220,8 @@ impl Simplified {
         let theta = (limit.radius - c) * (limit.radius + c);
         let mesh = &radii[core..core + nodes];
         let inside = mesh.iter().take_while(|r| **r < 1.0).count();
-        let unworn: Vec<f64> = mesh.iter().map(|x| 1.0 - shape.image(*x)).collect();
+        let images: Vec<f64> = radii.iter().map(|x| shape.image(*x)).collect();
+        let unworn = images[core..core + nodes].iter().map(|g| 1.0 - g).collect();
         let rest: Vec<f64> = kernels
             .tau()
             .iter()
@@ -268,6 +271,7 @@ impl Simplified {
             core,
             nodes,
             inside,
+            images,
             unworn,
             rest,
             reciprocal,
@@ -368,21 +372,20 @@ impl Simplified {
     /// The closed form of (14) at every node, as in [`Contact::compression`] and [`Contact::worn`],
     /// but with one division for both.
     fn springs(&self, decay: Decay) -> Springs {
-        let Contact { threshold, ref shape, stick, .. } = self.contact;
+        let Contact { threshold, stick, .. } = self.contact;
         let (left, gone) = (decay.left, decay.gone);
         let mesh = self.core..self.core + self.nodes;
-        let mut image = Vec::with_capacity(self.radii.len());
-        image.extend(self.radii[..mesh.start].iter().map(|x| shape.image(*x)));
         if gone == 0.0 {
-            image.extend(self.radii[mesh.start..].iter().map(|x| shape.image(*x)));
             return Springs {
-                image,
+                image: self.images.clone(),
                 worn: Vec::new(),
                 slope_changes: Vec::new(),
                 apex: 0.0,
                 unresolved: false,
             };
         }
+        let mut image = Vec::with_capacity(self.radii.len());
+        image.extend_from_slice(&self.images[..mesh.start]);
         let (inside, outside) = self.unworn.split_at(self.inside);
         // A share of the compression, first; η and g in turn, in the same place.
         image.extend(inside.iter().zip(&self.rest).map(|(y, rest)| y / (y * left + rest)));
@@ -415,7 +418,7 @@ impl Simplified {
             *compression = 1.0 - *compression;
         }
         image.extend(outside.iter().map(|y| 1.0 - left * y));
-        image.extend(self.radii[mesh.end..].iter().map(|x| shape.image(*x)));
+        image.extend_from_slice(&self.images[mesh.end..]);
         Springs { image, worn, slope_changes: rest, apex, unresolved }
     }
 

@@ -25,16 +25,18 @@ use super::contact::Regime;
 use super::fault::Fault;
 use super::hysteresis::{Backbone, Loop};
 use super::march::{Event, EventKind, LOST, March, SHAKEN, Until};
-use super::numeric::root;
+use super::numeric::{Bracket, root};
 use super::outcome::{
     Accuracy, BodyWear, History, Loops, Outcome, Profiles, Scales, Unworn, limit_state,
 };
-use super::scenario::{Case, Method, RULE_TOLERANCE, Scenario, Warning};
+use super::scenario::{Case, Method, Scenario, Warning};
 use super::simplified::{Curves, Grid, Simplified};
 use super::wearing::Plan;
 
 /// Multiplications of a step, about: 30 ms.
 const STEP_OPERATIONS: f64 = 3e7;
+/// The instant at which the wear asked for is reached is found to this share of it.
+const SOUGHT: f64 = 1e-12;
 /// Most instants in a step.
 const STEP_INSTANTS: usize = 64;
 
@@ -53,6 +55,7 @@ pub struct Simulation {
     case: Case,
     solver: Solver,
     warnings: Vec<Warning>,
+    /// Where the curves of time steps are wanted.
     radii: Vec<f64>,
     /// f₀ at the radii.
     initial: Vec<f64>,
@@ -60,6 +63,8 @@ pub struct Simulation {
     profiles: Profiles,
     loops: Loops,
     events: Vec<Event>,
+    /// The search for the instant at which the wear asked for is reached, by the closed form.
+    seeking: Option<Bracket>,
     mismatch: Option<f64>,
     volume_error: Option<f64>,
     comparing: Option<Comparing>,
@@ -138,6 +143,7 @@ impl Simulation {
             profiles: Profiles::default(),
             loops: Loops::default(),
             events: Vec::new(),
+            seeking: None,
             mismatch: None,
             volume_error: None,
             comparing: None,
@@ -157,6 +163,8 @@ impl Simulation {
         }
         let progress = match (&self.solver, self.case.method) {
             (Solver::Closed(_), Method::Simplified { xi }) => self.step_closed(xi),
+            _ if matches!(self.solver, Solver::March(None)) => self.begin_march(),
+            _ if self.radii.is_empty() => self.lay_out(),
             // The unworn state is known in closed form.
             _ if self.history.cycles.is_empty() => self.step_unworn(),
             _ => self.step_march(),
@@ -192,20 +200,21 @@ impl Simulation {
     }
 
     /// Chooses the output radii: from the stick edge to the scar's rim and a little beyond.
-    fn lay_out(&mut self) {
+    fn lay_out(&mut self) -> f64 {
         let Case { contact, control, tends_to, points, .. } = &self.case;
         let shape = &contact.shape;
         let last = self.case.normalized_end();
         let limiting = match &self.solver {
             Solver::Closed(simplified) => {
-                self.radii = simplified.radii().to_vec();
+                self.initial = simplified.initial().to_vec();
+                self.profiles.radius = simplified.radii().to_vec();
                 Some(simplified.limiting().to_vec())
             }
             Solver::March(march) => {
                 let (start, reach) = match (tends_to, march) {
                     (Some(end), _) => (end.stick, end.limit.radius),
                     (None, Some(march)) => (control.least_stick(contact), march.reach()),
-                    (None, None) => return,
+                    (None, None) => return 0.0,
                 };
                 let outermost =
                     Plan::outermost(contact, control, self.case.law(), last).unwrap_or(reach);
@@ -213,29 +222,34 @@ impl Simulation {
                 let reach = reach.max(outermost).min(0.999 * shape.extent());
                 let grid = Grid::new(start, reach, *points, shape.extent());
                 self.radii = grid.radii;
+                self.profiles.radius.clone_from(&self.radii);
+                self.initial = self.radii.iter().map(|r| shape.profile(*r)).collect();
                 let radii = self.radii.iter();
                 tends_to.map(|end| radii.map(|r| end.profile(shape, *r)).collect())
             }
         };
-        self.initial = self.radii.iter().map(|r| shape.profile(*r)).collect();
         let (length, height) =
             (self.case.scales.contact_radius, self.case.scales.indentation_depth);
-        self.profiles.radius = scaled(self.radii.clone(), length);
+        self.profiles.radius = scaled(std::mem::take(&mut self.profiles.radius), length);
         self.profiles.initial = scaled(self.initial.clone(), height);
         self.profiles.limiting = limiting.map(|limiting| scaled(limiting, height));
+        0.0
     }
 
     /// Some more instants at once, since they share the rows of the matrices.
     fn step_closed(&mut self, xi: f64) -> f64 {
         let Solver::Closed(simplified) = &self.solver else { return 0.0 };
         let (done, all) = (self.history.cycles.len(), self.case.cycles.len());
+        let per_instant = self.case.operations() / all as f64;
+        let block = ((STEP_OPERATIONS / per_instant) as usize).clamp(1, STEP_INSTANTS);
         if done == 0 {
-            self.events = closed_events(&self.case, simplified, xi);
+            let Some(reached) = seek(&self.case, simplified, xi, &mut self.seeking) else {
+                return 0.0;
+            };
+            self.events = closed_events(&self.case, simplified, xi, reached);
         }
         let end = self.events.iter().find(|event| event.ends);
         let end = end.map_or(f64::INFINITY, |event| event.at * self.case.scales.cycles);
-        let per_instant = self.case.operations() / all as f64;
-        let block = ((STEP_OPERATIONS / per_instant) as usize).clamp(1, STEP_INSTANTS);
         let until = (done + block).min(all);
         let mut wanted = Vec::new();
         for i in done..until {
@@ -292,11 +306,9 @@ impl Simulation {
         let last = self.case.normalized_end();
         let Solver::March(begun) = &mut self.solver else { return 0.0 };
         let Some(mut march) = begun.take() else { return 0.0 };
-        let cells = march.cells() as f64;
-        let budget = (STEP_OPERATIONS / (cells * cells)) as usize;
-        let (_, before) = march.work();
+        let (before, mut told) = (march.spent(), 0.0);
         let (mut next, mut over) = (done, false);
-        while next < all && march.work().1 - before < budget {
+        while next < all && march.spent() - before + told < STEP_OPERATIONS {
             let now = self.normalized(next);
             if march.advance(now) {
                 continue;
@@ -311,6 +323,11 @@ impl Simulation {
             if self.history.cycles.last().is_none_or(|known| *known < cycles) {
                 let shows =
                     self.case.profiles[next] || ended.is_some() && self.case.profile_rows() > 0;
+                told += march.telling();
+                if shows {
+                    // A curve sums over all cells at some of the radii.
+                    told += (self.radii.len() * march.cells()) as f64;
+                }
                 let entry = self.marched(&mut march, cycles, at, shows);
                 self.record(entry);
             }
@@ -335,13 +352,9 @@ impl Simulation {
         let curves = shows.then(|| {
             let curves = Curves::of(&self.case.contact.shape, mesh, &worn, &self.radii);
             let start = mesh.radii()[0];
-            let backbone = Backbone::of_cells(
-                start,
-                worn.threshold,
-                &worn.compressions,
-                mesh.widths(),
-                if self.case.control.has_record() { None } else { Some(worn.loss) },
-            );
+            let loss = (!self.case.control.has_record()).then_some(worn.loss);
+            let backbone =
+                Backbone::of_cells(start, worn.threshold, &worn.loads, mesh.widths(), loss);
             (curves, backbone.wind())
         });
         Entry {
@@ -362,31 +375,28 @@ impl Simulation {
         }
     }
 
-    fn step_unworn(&mut self) -> f64 {
+    /// Prepares the time steps: where the stick edge moves, a coarse run looks ahead.
+    fn begin_march(&mut self) -> f64 {
         let case = &self.case;
-        let tolerance = match case.method {
-            Method::Simplified { .. } => RULE_TOLERANCE,
-            Method::Exact { tolerance, .. } => tolerance,
-        };
         let last = case.normalized_end();
-        let march = March::new(&case.contact, &case.control, case.law(), tolerance, last);
+        let march = March::new(&case.contact, &case.control, case.law(), case.tolerance(), last);
         // A scenario whose scar outgrows its indenter was refused before it came here.
         let Some(mut march) = march else {
             self.events.push(Event { at: 0.0, kind: EventKind::ContactLost, ends: true });
             return 0.0;
         };
         march.end_at(case.until);
+        self.solver = Solver::March(Some(Box::new(march)));
+        0.0
+    }
+
+    fn step_unworn(&mut self) -> f64 {
+        let Solver::March(Some(march)) = &mut self.solver else { return 0.0 };
+        let first = march.at(0.0);
+        let case = &self.case;
         let shows = case.profiles[0];
         let unworn = case.unworn();
-        let contact = &case.contact;
-        let (stick, threshold) = (contact.stick, contact.threshold);
-        let first = march.at(0.0);
-        self.solver = Solver::March(Some(Box::new(march)));
-        if self.radii.is_empty() {
-            self.lay_out();
-        }
-        let Solver::March(Some(march)) = &self.solver else { return 0.0 };
-        let case = &self.case;
+        let (stick, threshold) = (case.contact.stick, case.contact.threshold);
         let curves = shows.then(|| {
             let mut curves = Curves::unworn(&case.contact, &self.radii);
             if case.control.has_record() {
@@ -498,7 +508,8 @@ impl Worn {
     /// simplified rule's ã passes, stays.
     fn hold(&mut self, entry: &mut Entry) {
         let hold = |known: &mut f64, value: &mut f64| {
-            *value = value.max(*known);
+            // Not by `f64::max`, which looks out for what is no number.
+            *value = if *value < *known { *known } else { *value };
             *known = *value;
         };
         hold(&mut self.volume, &mut entry.volume);
@@ -513,8 +524,44 @@ impl Worn {
     }
 }
 
-/// What happens up to the last instant, from the closed form of the simplified rule.
-fn closed_events(case: &Case, simplified: &Simplified, xi: f64) -> Vec<Event> {
+/// Looks for the instant at which the wear that was asked for is reached, some states at a time: none
+/// while there is more to look at, infinite if it is never reached.
+fn seek(
+    case: &Case,
+    simplified: &Simplified,
+    xi: f64,
+    seeking: &mut Option<Bracket>,
+) -> Option<f64> {
+    let last = case.normalized_end();
+    let missing = |time: f64| {
+        let states = simplified.states(&[(simplified.decay(xi, time), false)]);
+        states.first().map_or(1.0, |state| case.until.missing(state.depth, state.volume))
+    };
+    let Some(bracket) = seeking else {
+        if case.until == Until::default() {
+            return Some(f64::INFINITY);
+        }
+        let end = missing(last);
+        if end > 0.0 {
+            return Some(f64::INFINITY);
+        }
+        *seeking = Some(Bracket::new((0.0, case.until.missing(0.0, 0.0)), (last, end)));
+        return None;
+    };
+    // Rows that are made anew cost more than their products.
+    let per_state = (2 * case.points * case.points) as f64;
+    for _ in 0..((STEP_OPERATIONS / per_state) as usize).max(1) {
+        match bracket.next().filter(|_| bracket.width() > SOUGHT) {
+            Some(time) => bracket.narrow(time, missing(time)),
+            None => return Some(bracket.found()),
+        }
+    }
+    None
+}
+
+/// What happens up to the last instant, from the closed form of the simplified rule, and when the wear
+/// that was asked for is `reached`.
+fn closed_events(case: &Case, simplified: &Simplified, xi: f64, reached: f64) -> Vec<Event> {
     use EventKind::{ContactLost, Shakedown, UntilReached};
     let last = case.normalized_end();
     let row = simplified.row();
@@ -522,20 +569,18 @@ fn closed_events(case: &Case, simplified: &Simplified, xi: f64) -> Vec<Event> {
     let sums = |time: f64| row.sums(simplified.decay(xi, time));
     let mut events = Vec::new();
     let mut look = |kind, ends, signal: &dyn Fn(f64) -> f64| {
+        // As logarithms, what decays is all but straight, and its root soon found.
         if signal(last) <= 0.0 {
             events.push(Event { at: root(0.0, last, signal), kind, ends });
         }
     };
     if case.regime() == Regime::GrossSlip {
-        look(ContactLost, true, &|time| sums(time).normal - LOST * unworn.normal);
+        look(ContactLost, true, &|time| libm::log(sums(time).normal / (LOST * unworn.normal)));
     } else {
-        look(Shakedown, false, &|time| sums(time).energy - SHAKEN * unworn.energy);
+        look(Shakedown, false, &|time| libm::log(sums(time).energy / (SHAKEN * unworn.energy)));
     }
-    if case.until != Until::default() {
-        look(UntilReached, true, &|time| {
-            let state = simplified.states(&[(simplified.decay(xi, time), false)]);
-            state.first().map_or(1.0, |state| case.until.missing(state.depth, state.volume))
-        });
+    if reached.is_finite() {
+        events.push(Event { at: reached, kind: UntilReached, ends: true });
     }
     events.sort_by(|a, b| a.at.total_cmp(&b.at));
     let end = events.iter().position(|event| event.ends);

@@ -44,6 +44,15 @@ pub struct Springs {
     slips: Vec<f64>,
 }
 
+/// What pressing found, kept while the springs are pressed elsewhere.
+#[derive(Debug, Clone, Default)]
+pub struct Aside {
+    depth: f64,
+    threshold: f64,
+    slides: bool,
+    lists: [Vec<f64>; 3],
+}
+
 impl Springs {
     /// The springs of a contact on a mesh.
     #[must_use]
@@ -141,6 +150,25 @@ impl Springs {
         self.depth = other.depth;
         self.threshold = other.threshold;
         self.amplitude = other.amplitude;
+    }
+
+    /// Sets aside what the last pressing found.
+    pub fn set_aside(&mut self, aside: &mut Aside) {
+        (aside.depth, aside.threshold, aside.slides) = (self.depth, self.threshold, self.slides);
+        self.exchange(aside);
+    }
+
+    /// Goes back to it.
+    pub fn put_back(&mut self, aside: &mut Aside) {
+        (self.depth, self.threshold, self.slides) = (aside.depth, aside.threshold, aside.slides);
+        self.exchange(aside);
+    }
+
+    fn exchange(&mut self, aside: &mut Aside) {
+        let here = [&mut self.images, &mut self.compressions, &mut self.slips];
+        here.into_iter()
+            .zip(&mut aside.lists)
+            .for_each(|(here, there)| std::mem::swap(here, there));
     }
 
     /// Commands another amplitude.
@@ -277,11 +305,21 @@ impl Springs {
             self.slips.resize(self.images.len(), record.slip(0.0));
             return;
         }
-        for q in 0..loaded {
+        if !self.moves_in {
+            let carried = self.compressions.iter().map(|y| y.min(self.threshold));
+            self.slips.extend(carried.map(|carried| (1.0 - carried * per_threshold).max(0.0)));
+        }
+        for q in self.slips.len()..loaded {
             let (carried, _) = self.carried(q, self.threshold);
             self.slips.push((1.0 - carried * per_threshold).max(0.0));
         }
         self.slips.resize(self.images.len(), 1.0);
+    }
+
+    /// min(Δ, y) of the cells in contact.
+    #[must_use]
+    pub fn loads(&self) -> Vec<f64> {
+        (0..self.compressions.len()).map(|q| self.carried(q, self.threshold).0).collect()
     }
 
     /// Means over a cell of min(Δ, y), and the share of it that sticks.

@@ -472,6 +472,10 @@ impl Pressed {
         self.extent
     }
 
+    pub(super) fn pieces(&self) -> usize {
+        self.table.cells.len()
+    }
+
     pub(super) fn profile(&self, r: f64) -> f64 {
         self.inverse_outside(0.0, r)
     }

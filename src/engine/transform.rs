@@ -170,8 +170,9 @@ impl Kernels {
     }
 
     /// ∫₀^τᵢ φ(τ)/√(τᵢ−τ) dτ at every node, for several φ at once: of `φ[k]` into `curves[k]`, from
-    /// index `first` on. An empty φ stands for zero and costs nothing.
+    /// index `first` on. An empty φ stands for zero: it costs nothing and leaves its curve as it is.
     pub fn inverse(&self, phi: &[Vec<f64>], curves: &mut [Vec<f64>], first: usize) {
+        let mut pairs = not_empty(phi, curves);
         let (mut made, mut start) = (Vec::new(), 0);
         for i in 0..self.tau.len() {
             let row = if self.inverse.is_empty() {
@@ -181,7 +182,7 @@ impl Kernels {
                 &self.inverse[start..=start + i]
             };
             start += i + 1;
-            for (curve, phi) in curves.iter_mut().zip(phi) {
+            for (phi, curve) in &mut pairs {
                 curve[first + i] = dot(row, phi);
             }
         }
@@ -189,7 +190,7 @@ impl Kernels {
 
     /// −½ ∫ from τᵢ of R′(τ)/√(τ−τᵢ) dτ at the first `rows` nodes, for several R at once, each given
     /// by its [`slope_changes`](Self::slope_changes): into `curves[k]`, from index `first` on. An
-    /// empty list stands for R = 0.
+    /// empty list stands for R = 0 and leaves its curve as it is.
     pub fn pressure(
         &self,
         changes: &[Vec<f64>],
@@ -198,6 +199,7 @@ impl Kernels {
         first: usize,
     ) {
         let cells = self.cells();
+        let mut pairs = not_empty(changes, curves);
         let (mut made, mut start) = (Vec::new(), 0);
         for i in 0..rows {
             let row = if self.pressure.is_empty() {
@@ -207,7 +209,7 @@ impl Kernels {
                 &self.pressure[start..start + cells - i]
             };
             start += cells - i;
-            for (curve, changes) in curves.iter_mut().zip(changes) {
+            for (changes, curve) in &mut pairs {
                 curve[first + i] = dot(row, changes.get(i + 1..).unwrap_or_default());
             }
         }
@@ -226,6 +228,15 @@ impl Kernels {
             values[j] -= values[j - 1];
         }
     }
+}
+
+/// What is given, each with the curve that it makes.
+fn not_empty<'a>(
+    given: &'a [Vec<f64>],
+    curves: &'a mut [Vec<f64>],
+) -> Vec<(&'a [f64], &'a mut [f64])> {
+    let pairs = given.iter().zip(curves).filter(|(given, _)| !given.is_empty());
+    pairs.map(|(given, curve)| (&given[..], &mut curve[..])).collect()
 }
 
 #[cfg(test)]

@@ -16,7 +16,7 @@ use super::limit::Limit;
 use super::mesh::Mesh;
 use super::numeric::{Monotone, integrate_beyond, largest, vertex};
 use super::rkc::Rates;
-use super::springs::Springs;
+use super::springs::{Aside, Springs};
 
 /// How dense the nodes are where the stick edge moves inwards, in parts of the ring that wears.
 const BLUR: f64 = 0.003;
@@ -24,6 +24,10 @@ const BLUR: f64 = 0.003;
 pub const REST_BLUR: f64 = 0.001;
 /// A core under a held depth gives way soon after it has shrunk to this part of the critical radius.
 const GIVES_WAY: f64 = 0.8;
+
+/// Multiplications that ã takes for each piece of the shape, about: eight looks for its root, with roots
+/// and logarithms in each.
+const SCAR_OPERATIONS: f64 = 400.0;
 
 /// How a contact wears.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -118,6 +122,7 @@ pub struct Wearing {
     law: Law,
     plan: Plan,
     springs: Springs,
+    aside: Aside,
     /// Δ·s of the unworn contact at the nodes, if every spring slips at the depth 1 + `sunk`.
     unworn_slip: Vec<f64>,
     /// s of the nodes.
@@ -139,6 +144,8 @@ pub struct Worn {
     pub images: Vec<f64>,
     /// y of the cells in contact.
     pub compressions: Vec<f64>,
+    /// min(Δ, y) of these: less than either where the stick edge divides a cell.
+    pub loads: Vec<f64>,
     /// ω of the cells.
     pub slips: Vec<f64>,
     /// d.
@@ -177,7 +184,8 @@ impl Wearing {
         let grows = control.normal == Normal::Force && control.tends_to(contact).is_none();
         let contact = contact.clone();
         let (widest, radius) = (0.0, 0.0);
-        Self { contact, law, plan, springs, unworn_slip, slip, scar, widest, radius, grows }
+        let aside = Aside::default();
+        Self { contact, law, plan, springs, aside, unworn_slip, slip, scar, widest, radius, grows }
     }
 
     /// The springs as they were last pressed.
@@ -275,15 +283,28 @@ impl Wearing {
         wear
     }
 
+    /// About how many multiplications a right-hand side takes.
+    #[must_use]
+    pub fn operations(&self) -> f64 {
+        let cells = self.springs.mesh().widths().len() as f64;
+        let scar = if self.law == Law::Exact || self.keeps_scar() { 0.0 } else { SCAR_OPERATIONS };
+        cells * cells + scar * self.contact.shape.pieces() as f64
+    }
+
     /// c of the springs as they were last pressed.
     fn stick(&self) -> f64 {
         if self.springs.control().keeps_stick() { self.contact.stick } else { self.springs.stick() }
     }
 
+    /// Whether ã stays where it is for ever.
+    fn keeps_scar(&self) -> bool {
+        let control = self.springs.control();
+        control.keeps_stick() && control.normal == Normal::Depth
+    }
+
     /// ã of the springs as they were last pressed.
     fn scar_radius(&self) -> f64 {
-        let control = self.springs.control();
-        if control.keeps_stick() && control.normal == Normal::Depth {
+        if self.keeps_scar() {
             return self.contact.limit.radius;
         }
         Limit::scar(&self.contact.shape, self.stick(), self.springs.depth(), self.scar)
@@ -300,6 +321,27 @@ impl Wearing {
                 }
             }
         }
+    }
+
+    /// What holds where these values describe the state; afterwards the springs are as they were, at
+    /// `now`.
+    pub fn under<T>(
+        &mut self,
+        values: &[f64],
+        now: &[f64],
+        what: impl FnOnce(&mut Self, &[f64]) -> T,
+    ) -> T {
+        let mut aside = std::mem::take(&mut self.aside);
+        self.springs.set_aside(&mut aside);
+        self.press(values);
+        let result = what(self, values);
+        self.springs.put_back(&mut aside);
+        self.aside = aside;
+        if self.law != Law::Exact {
+            // The rule looks how far the scar reaches.
+            self.press(now);
+        }
+        result
     }
 
     /// V of the values.
@@ -367,6 +409,7 @@ impl Wearing {
             tangential: springs.tangential(),
             loss: springs.loss(),
             compressions: springs.compressions().to_vec(),
+            loads: springs.loads(),
             wear,
             images,
             slips,

@@ -334,7 +334,7 @@ async fn loops_come_as_json_or_csv() {
     for (row, entry) in [0, 1, 4].into_iter().enumerate() {
         let displacement = column(&loops, &format!("/loops/displacement/{row}"));
         let force = column(&loops, &format!("/loops/tangential_force/{row}"));
-        assert_eq!((displacement.len(), force.len()), (129, 129));
+        assert_eq!((displacement.len(), force.len()), (99, 99));
         let history = |name: &str| column(&whole, &format!("/history/{name}"))[entry];
         let (stroke, most) = (history("amplitude"), history("tangential_force"));
         assert!((displacement[0] / stroke - 1.0).abs() < 1e-9, "{row}");
@@ -350,7 +350,7 @@ async fn loops_come_as_json_or_csv() {
     assert!(csv.text().starts_with(&format!("# fretwork loops\n# key: {key}\n")));
     let mut rows = csv.text().lines().filter(|line| !line.starts_with('#'));
     assert_eq!(rows.next(), Some("cycles,displacement[m],tangential_force[N]"));
-    assert_eq!(rows.count(), 3 * 129);
+    assert_eq!(rows.count(), 3 * 99);
 
     let known = server.send("GET", &address, &[("If-None-Match", &tag)], "").await;
     assert_eq!((known.status, known.body.len()), (304, 0));

@@ -21,6 +21,7 @@ mod keeping;
 #[cfg(feature = "serve")]
 mod kill;
 mod literal;
+mod loops;
 #[cfg(feature = "serve")]
 mod openapi;
 #[cfg(feature = "serve")]
