@@ -67,8 +67,13 @@ impl Program {
     }
 
     /// SIGTERM, and the end that comes of it.
-    pub fn end(mut self) {
+    pub fn end(self) {
         self.tell_to_end();
+        self.end_of_it();
+    }
+
+    /// The end, well, after it was told.
+    pub fn end_of_it(mut self) {
         assert_eq!(self.child.wait().unwrap().code(), Some(0));
     }
 

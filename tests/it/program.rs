@@ -17,7 +17,7 @@ fn fretwork(words: &[&str]) -> Command {
     command
 }
 
-fn run(words: &[&str], input: &str) -> Output {
+pub fn run(words: &[&str], input: &str) -> Output {
     let mut command = fretwork(words);
     command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().unwrap();
