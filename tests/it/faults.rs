@@ -136,7 +136,8 @@ async fn on_a_full_disk_what_is_known_is_served_and_with_room_again_the_work_goe
     let dir = TempDir::new().unwrap();
     let mount = "mount -t tmpfs -o size=3m tmpfs \"$0\"";
     let Some(mut command) = mounting(mount, dir.path()) else { return };
-    command.args(["--workers", "1"]);
+    // Without a memory, so that what is read comes from the database.
+    command.args(["--workers", "1", "--memory-cache", "0"]);
     let server = Program::start_by(command, dir.path());
     let address = server.address;
     let known = server.ended(&id(&post(address, &steel_ball()).await.unwrap().json())).await;
