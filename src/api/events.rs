@@ -54,7 +54,7 @@ struct Progress {
     ),
     responses(
         (status = 200, description = "The events: `snapshot`, `state` and `progress`, each with JSON \
-            as its data.", body = String, content_type = "text/event-stream"),
+            as its data.", body = super::openapi::JobEvent, content_type = "text/event-stream"),
         (status = 204, description = "The job is finished, and all its states have been seen."),
         (status = 404, description = "No job has this id."),
     ),

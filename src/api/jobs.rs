@@ -548,6 +548,7 @@ pub async fn result(
     responses(
         (status = 200, description = "The job as it is now.", body = JobAnswer),
         (status = 404, description = "No job has this id."),
+        (status = 507, description = "The disk is full."),
     ),
 )]
 pub async fn cancel(
@@ -581,8 +582,11 @@ pub struct CanceledJobs {
         ("key" = Option<super::openapi::KeyText>, Query, description = "Jobs for the result with this key."),
         ("owner" = Option<super::openapi::Owner>, Query, description = "`me`: my own jobs."),
     ),
-    responses((status = 200, description = "They are canceled, or will be as soon as their workers \
-        let go.", body = CanceledJobs)),
+    responses(
+        (status = 200, description = "They are canceled, or will be as soon as their workers let \
+            go.", body = CanceledJobs),
+        (status = 507, description = "The disk is full."),
+    ),
 )]
 pub async fn cancel_all(
     State(app): State<App>,
@@ -606,6 +610,7 @@ pub async fn cancel_all(
         (status = 204, description = "The job is gone."),
         (status = 404, description = "No job has this id."),
         (status = 409, description = "The job has not ended; cancel it first."),
+        (status = 507, description = "The disk is full."),
     ),
 )]
 pub async fn delete(

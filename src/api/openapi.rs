@@ -236,6 +236,8 @@ documented! {
         .schema_type(Type::String)
         .pattern(Some("^[0-9a-f]{64}$"))
         .build();
+    /// One of the events that follow a job.
+    JobEvent kept_in_a_file();
     /// Something the user should know about a scenario.
     Warning kept_in_a_file();
     /// What is known of a scenario beforehand.

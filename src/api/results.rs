@@ -370,6 +370,7 @@ pub async fn loops(
         (status = 404, description = "No result has this key."),
         (status = 410, description = "The result was dropped to make room; `scenario` is what it was \
             computed from."),
+        (status = 507, description = "The disk is full."),
     ),
 )]
 pub async fn pin(
@@ -388,6 +389,7 @@ pub async fn pin(
         (status = 404, description = "No result has this key."),
         (status = 410, description = "The result was dropped to make room; `scenario` is what it was \
             computed from."),
+        (status = 507, description = "The disk is full."),
     ),
 )]
 pub async fn unpin(

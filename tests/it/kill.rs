@@ -1,8 +1,9 @@
 //! The real program, killed while it computes: what was acknowledged is done after the restart,
 //! once, with the same bytes.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::env;
+use std::io;
 use std::net::SocketAddr;
 use std::path::Path;
 use std::process::{Child, Command};
@@ -10,35 +11,45 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 use tempfile::TempDir;
+use tokio::time::timeout;
 
-use crate::program::serve;
+use crate::program::{serve, serve_by};
 use crate::server::{JSON, Reply, send, steel_ball};
 use crate::store::{crash, raw};
+use crate::team::{Listener, states};
 
 /// How many jobs there are.
 const JOBS: u32 = 200;
 
 /// One of many scenarios, all different. Measured on one core of 2.5 GHz: at least 60 ms each,
 /// about all of it in the 90 inverse transforms of 2048 points.
-fn long(number: u32) -> String {
+pub fn long(number: u32) -> Value {
     let mut body = steel_ball();
     let scenario = &mut body["scenario"];
     scenario["motion"] = json!({"stick_ratio": 0.3 + 0.4 * f64::from(number) / 1024.0});
     scenario["cycles"] = json!({"from": 100, "to": 1e6, "count": 90, "spacing": "log"});
     scenario["profiles_at"] = json!("none");
     scenario["model"] = json!({"points": 2048});
-    body.to_string()
+    body
 }
 
 /// A running server; it is killed in any case.
-struct Program {
-    child: Child,
-    address: SocketAddr,
+pub struct Program {
+    pub child: Child,
+    pub address: SocketAddr,
 }
 
 impl Program {
-    fn start(dir: &Path, workers: &str) -> Self {
-        let (child, address) = serve(dir, &["--workers", workers]);
+    pub fn start(dir: &Path, workers: &str) -> Self {
+        Self::of(serve(dir, &["--workers", workers]))
+    }
+
+    /// The program that a command becomes.
+    pub fn start_by(command: Command, dir: &Path) -> Self {
+        Self::of(serve_by(command, dir))
+    }
+
+    fn of((child, address): (Child, String)) -> Self {
         let address = address.strip_prefix("http://").unwrap().parse().unwrap();
         Self { child, address }
     }
@@ -49,37 +60,51 @@ impl Program {
         self.child.wait().unwrap();
     }
 
-    /// SIGTERM, and the end that comes of it.
-    fn end(mut self) {
+    /// SIGTERM.
+    pub fn tell_to_end(&self) {
         let id = self.child.id().to_string();
         assert!(Command::new("kill").args(["-TERM", &id]).status().unwrap().success());
+    }
+
+    /// SIGTERM, and the end that comes of it.
+    pub fn end(self) {
+        self.tell_to_end();
+        self.end_of_it();
+    }
+
+    /// The end, well, after it was told.
+    pub fn end_of_it(mut self) {
         assert_eq!(self.child.wait().unwrap().code(), Some(0));
     }
 
-    async fn get(&self, target: &str) -> Reply {
+    pub async fn get(&self, target: &str) -> Reply {
         send(self.address, "GET", target, &[], "").await.unwrap()
     }
 
     /// The id of an acknowledged job.
     async fn submit(&self, number: u32) -> String {
-        submit(self.address, number).await.unwrap()
+        submit(self.address, &long(number), &[]).await.unwrap()
     }
 
-    /// The ids of the jobs in a state, the newest first.
-    async fn having(&self, state: &str) -> Vec<String> {
-        let mut ids = Vec::new();
-        let mut next = Some(format!("/v1/jobs?limit=200&state={state}"));
+    /// All jobs that a query selects, the newest first.
+    async fn jobs(&self, query: &str) -> Vec<Value> {
+        let mut jobs = Vec::new();
+        let mut next = Some(format!("/v1/jobs?limit=200&{query}"));
         while let Some(target) = next {
-            let page = self.get(&target).await.json();
-            let jobs = page["jobs"].as_array().unwrap();
-            ids.extend(jobs.iter().map(|job| job["id"].as_str().unwrap().to_owned()));
+            let mut page = self.get(&target).await.json();
+            jobs.append(page["jobs"].as_array_mut().unwrap());
             next = page["next"].as_str().map(str::to_owned);
         }
-        ids
+        jobs
+    }
+
+    /// The ids of the running jobs.
+    async fn running(&self) -> Vec<String> {
+        self.jobs("state=running").await.iter().map(id).collect()
     }
 
     /// The job, once it has ended.
-    async fn ended(&self, id: &str) -> Value {
+    pub async fn ended(&self, id: &str) -> Value {
         loop {
             let job = self.get(&format!("/v1/jobs/{id}?wait=60")).await.json();
             if job["times"]["finished"].is_string() {
@@ -88,7 +113,7 @@ impl Program {
         }
     }
 
-    async fn result(&self, job: &Value) -> Vec<u8> {
+    pub async fn result(&self, job: &Value) -> Vec<u8> {
         let reply = self.get(job["links"]["result"].as_str().unwrap()).await;
         assert_eq!(reply.status, 200);
         reply.body
@@ -103,12 +128,17 @@ impl Drop for Program {
     }
 }
 
-/// None if the server died before it acknowledged.
-async fn submit(address: SocketAddr, number: u32) -> Option<String> {
-    let reply = send(address, "POST", "/v1/jobs", &[JSON], long(number)).await.ok()?;
+pub fn id(job: &Value) -> String {
+    job["id"].as_str().unwrap().to_owned()
+}
+
+/// The id of an acknowledged job; an error if the server dies before.
+async fn submit(address: SocketAddr, body: &Value, headers: &[(&str, &str)]) -> io::Result<String> {
+    let headers = [&[JSON], headers].concat();
+    let reply = send(address, "POST", "/v1/jobs", &headers, body.to_string()).await?;
     let job = reply.json();
     assert!(matches!(reply.status, 200 | 202), "{job}");
-    Some(job["id"].as_str().unwrap().to_owned())
+    Ok(id(&job))
 }
 
 /// Asserts that the results, by number, are those of a server that nobody disturbs.
@@ -148,9 +178,9 @@ async fn after_a_kill_every_acknowledged_job_is_done_once_and_as_if_nothing_had_
         ids.push(server.submit(number).await);
     }
     // The moment after another run has begun: it is interrupted, and not between two runs.
-    let before = server.having("running").await;
+    let before = server.running().await;
     loop {
-        let running = server.having("running").await;
+        let running = server.running().await;
         if !running.is_empty() && running != before {
             break;
         }
@@ -199,62 +229,223 @@ impl Dice {
     }
 }
 
+/// Somebody who uses the server while it is killed again and again, and remembers what was asked of
+/// it.
+struct Client {
+    name: String,
+    dice: Dice,
+    asked: Vec<Asked>,
+}
+
+/// A submission.
+struct Asked {
+    number: u32,
+    /// The Idempotency-Key.
+    name: String,
+    /// One of those that are canceled all at once.
+    of_the_crowd: bool,
+    /// None before it is acknowledged.
+    id: Option<String>,
+    /// Somebody wanted it canceled, before its end or after.
+    unwanted: bool,
+    /// Somebody wanted it deleted after its end.
+    deleted: bool,
+    /// The states that have been listened to.
+    heard: Vec<String>,
+}
+
+impl Client {
+    fn new(number: u64, seed: u64) -> Self {
+        let dice = Dice(seed.wrapping_mul(1000) + number);
+        Self { name: format!("client-{number}"), dice, asked: Vec::new() }
+    }
+
+    /// Does one thing after another until the server dies.
+    async fn live(mut self, address: SocketAddr, numbers: u32) -> Self {
+        while self.act(address, numbers).await.is_ok() {
+            // It stands for chance, nothing is waited for.
+            tokio::time::sleep(Duration::from_micros(self.dice.below(10_000))).await;
+        }
+        self
+    }
+
+    async fn act(&mut self, address: SocketAddr, numbers: u32) -> io::Result<()> {
+        if let Some(lost) = self.asked.iter().position(|asked| asked.id.is_none()) {
+            // It may have arrived all the same; under its name it stays one job.
+            return self.send(address, lost).await;
+        }
+        let some = self.dice.below(self.asked.len().max(1) as u64) as usize;
+        let act = if self.asked.is_empty() { 0 } else { self.dice.below(10) };
+        match act {
+            0..4 => self.ask(address, numbers, false).await,
+            4 => self.send(address, some).await,
+            5 => self.cancel(address, some).await,
+            6 => self.ask(address, numbers, true).await,
+            7 => self.cancel_the_crowd(address).await,
+            8 => self.delete(address, some).await,
+            _ => self.listen(address, some).await,
+        }
+    }
+
+    /// Submits a scenario, which may be new or one that others have submitted too.
+    async fn ask(
+        &mut self,
+        address: SocketAddr,
+        numbers: u32,
+        of_the_crowd: bool,
+    ) -> io::Result<()> {
+        let number = self.dice.below(numbers.into()) as u32;
+        let name = format!("{}-{}", self.name, self.asked.len());
+        let (unwanted, deleted, heard) = (false, false, Vec::new());
+        self.asked.push(Asked { number, name, of_the_crowd, id: None, unwanted, deleted, heard });
+        self.send(address, self.asked.len() - 1).await
+    }
+
+    /// Sends a submission, for the first time or again.
+    async fn send(&mut self, address: SocketAddr, some: usize) -> io::Result<()> {
+        let asked = &mut self.asked[some];
+        if asked.deleted {
+            // Its name is free, and would make a new job.
+            return Ok(());
+        }
+        let mut body = long(asked.number);
+        body["tags"] = json!([if asked.of_the_crowd { &self.name } else { "single" }]);
+        let id = submit(address, &body, &[("Idempotency-Key", &asked.name)]).await?;
+        assert_eq!(*asked.id.get_or_insert_with(|| id.clone()), id, "{} is two jobs", asked.name);
+        Ok(())
+    }
+
+    async fn cancel(&mut self, address: SocketAddr, some: usize) -> io::Result<()> {
+        let asked = &mut self.asked[some];
+        asked.unwanted = true;
+        let path = format!("/v1/jobs/{}/cancel", asked.id.as_ref().unwrap());
+        let status = send(address, "POST", &path, &[], "").await?.status;
+        assert!(status == 200 || asked.deleted, "{status}");
+        Ok(())
+    }
+
+    async fn cancel_the_crowd(&mut self, address: SocketAddr) -> io::Result<()> {
+        for asked in self.asked.iter_mut().filter(|asked| asked.of_the_crowd) {
+            asked.unwanted = true;
+        }
+        let path = format!("/v1/jobs/cancel?tag={}", self.name);
+        assert_eq!(send(address, "POST", &path, &[], "").await?.status, 200);
+        Ok(())
+    }
+
+    async fn delete(&mut self, address: SocketAddr, some: usize) -> io::Result<()> {
+        let asked = &mut self.asked[some];
+        let path = format!("/v1/jobs/{}", asked.id.as_ref().unwrap());
+        let reply = send(address, "GET", &path, &[], "").await?;
+        if reply.status == 200 && reply.json()["times"]["finished"].is_string() {
+            asked.deleted = true;
+            assert_eq!(send(address, "DELETE", &path, &[], "").await?.status, 204);
+        }
+        Ok(())
+    }
+
+    /// Listens for a moment, from where it stopped the last time.
+    async fn listen(&mut self, address: SocketAddr, some: usize) -> io::Result<()> {
+        let asked = &mut self.asked[some];
+        let (id, last) = (asked.id.as_ref().unwrap(), asked.heard.len() as u32);
+        let mut listener = Listener::connect(address, id, Some(last)).await?;
+        let moment = Duration::from_micros(self.dice.below(50_000));
+        let _ = timeout(moment, listener.until(|_| false)).await;
+        for (number, state) in states(&listener.events()) {
+            asked.heard.push(state.to_owned());
+            assert_eq!(number as usize, asked.heard.len(), "{:?}", asked.heard);
+        }
+        Ok(())
+    }
+
+    /// Asserts that everything acknowledged came to the end that it must have, once; adds the
+    /// results.
+    async fn check(&self, server: &Program, results: &mut HashMap<u32, Vec<u8>>) {
+        for asked in self.asked.iter().filter(|asked| !asked.deleted) {
+            let Some(id) = &asked.id else { continue };
+            let job = server.ended(id).await;
+            let state = job["state"].as_str().unwrap();
+            let good = state == "succeeded" || asked.unwanted && state == "canceled";
+            assert!(good, "{} of {}: {job}", asked.name, asked.number);
+            let events = Listener::connect(server.address, id, None).await.unwrap();
+            let events = { events }.until(|_| false).await;
+            let all: Vec<_> = states(&events).iter().map(|(_, state)| *state).collect();
+            let ends = all.iter().filter(|state| ["succeeded", "canceled"].contains(state));
+            assert_eq!((ends.count(), all.last()), (1, Some(&state)), "{all:?}");
+            assert!(all.iter().zip(&asked.heard).all(|(told, heard)| told == heard), "{all:?}");
+            if state == "succeeded" && !results.contains_key(&asked.number) {
+                results.insert(asked.number, server.result(&job).await);
+            }
+        }
+    }
+}
+
+/// The ids of the jobs whose run was interrupted when the last server died.
+async fn interrupted(server: &Program) -> Vec<String> {
+    let mut jobs = server.jobs("state=queued").await;
+    jobs.extend(server.jobs("state=running").await);
+    let was = |job: &&Value| job["attempt"].as_u64() > Some(u64::from(job["state"] == "running"));
+    jobs.iter().filter(was).map(id).collect()
+}
+
+/// Asserts that no run is left over, and that no key was completed twice.
+async fn no_key_was_completed_twice(dir: &Path) {
+    let mut db = raw(dir).await;
+    let counts: (u32, u32, u32) = sqlx::query_as(
+        "SELECT (SELECT count(*) FROM run WHERE state NOT IN ('succeeded', 'canceled')),
+            (SELECT max(n) FROM (
+                SELECT count(*) FILTER (WHERE state = 'succeeded') AS n FROM run GROUP BY key
+            )),
+            (SELECT count(*) FROM result LEFT JOIN result_blob USING (key) WHERE body IS NULL)",
+    )
+    .fetch_one(&mut db)
+    .await
+    .unwrap();
+    assert_eq!(counts, (0, 1, 0));
+}
+
 #[tokio::test(flavor = "multi_thread")]
-async fn kills_at_any_moment_lose_nothing_and_change_no_result() {
+async fn kills_at_any_moment_under_any_load_lose_nothing_and_change_no_result() {
     // A tenth of it by default; tests/long runs all.
-    let long = env::var_os("FRETWORK_TEST_LONG").is_some();
-    let (most, jobs) = if long { (10, JOBS) } else { (2, JOBS / 10) };
+    let kills = if env::var_os("FRETWORK_TEST_LONG").is_some() { 100 } else { 10 };
     let dir = TempDir::new().unwrap();
-    let mut dice = Dice(env::var("FRETWORK_TEST_SEED").map_or(1, |seed| seed.parse().unwrap()));
-    let mut ids = HashMap::new();
-    let mut kills = 0;
-    while kills < most || ids.len() < jobs as usize {
+    let seed = env::var("FRETWORK_TEST_SEED").map_or(1, |seed| seed.parse().unwrap());
+    let mut dice = Dice(seed);
+    let mut clients: Vec<_> = (1..=3).map(|number| Client::new(number, seed)).collect();
+    let mut met = 0;
+    for kill in 1..=kills {
         let server = Program::start(dir.path(), "1");
         // A run that kills its server three times is given up. These did not, so each server lives
-        // until the run that its predecessor left has ended: it is the first that is computed.
-        let mut unfinished = server.having("queued").await;
-        unfinished.extend(server.having("running").await);
-        if let Some(oldest) = unfinished.iter().min() {
-            server.ended(oldest).await;
+        // until the run that its predecessor left has ended.
+        for id in interrupted(&server).await {
+            server.ended(&id).await;
+            met += 1;
         }
-        // Jobs keep coming while the server dies. What it did not acknowledge is sent to the next.
-        let missing: Vec<u32> = (0..jobs).filter(|number| !ids.contains_key(number)).collect();
-        let address = server.address;
-        let share = if kills < most { jobs as usize / most } else { missing.len() };
-        let submitting = tokio::spawn(async move {
-            let mut acknowledged = Vec::new();
-            for number in missing.into_iter().take(share) {
-                match submit(address, number).await {
-                    Some(id) => acknowledged.push((number, id)),
-                    None => break,
-                }
-            }
-            acknowledged
-        });
-        if kills < most {
-            // It stands for chance, nothing is waited for.
-            tokio::time::sleep(Duration::from_micros(dice.below(150_000))).await;
-            server.kill();
-            kills += 1;
-            ids.extend(submitting.await.unwrap());
-        } else {
-            ids.extend(submitting.await.unwrap());
-            server.end();
+        // A few scenarios more each time: most submissions repeat what was submitted before.
+        let (address, numbers) = (server.address, 3 * kill);
+        let living = clients.drain(..).map(|client| tokio::spawn(client.live(address, numbers)));
+        let living: Vec<_> = living.collect();
+        // It stands for chance, nothing is waited for.
+        tokio::time::sleep(Duration::from_micros(dice.below(150_000))).await;
+        server.kill();
+        for client in living {
+            clients.push(client.await.unwrap());
         }
     }
+    assert!(met > 0, "no kill met a run");
     let server = Program::start(dir.path(), "1");
     let mut results = HashMap::new();
-    let mut again = 0;
-    for (number, id) in &ids {
-        let job = server.ended(id).await;
-        assert_eq!(job["state"], "succeeded", "{job}");
-        again += job["attempt"].as_u64().unwrap() - 1;
-        results.insert(*number, server.result(&job).await);
+    for client in &clients {
+        client.check(&server, &mut results).await;
     }
-    // The clean end of a server between may have let go of one more. Of many kills one meets a run.
-    let expected = u64::from(long)..=most as u64 + 1;
-    assert!(expected.contains(&again), "{again} interrupted runs from {kills} kills");
+    // What was sent again after its answer was lost would be a job that nobody knows.
+    let asked = || clients.iter().flat_map(|client| &client.asked);
+    let known: HashSet<_> = asked().filter_map(|asked| asked.id.clone()).collect();
+    let lost = asked().filter(|asked| asked.id.is_none()).count();
+    let unknown: Vec<_> = server.jobs("").await.into_iter().map(|job| id(&job)).collect();
+    let unknown = unknown.iter().filter(|id| !known.contains(*id)).count();
+    assert!(unknown <= lost, "{unknown} jobs that nobody knows, {lost} answers lost at the end");
     server.end();
-    each_key_was_completed_once(dir.path(), jobs).await;
+    no_key_was_completed_twice(dir.path()).await;
     are_undisturbed(results).await;
 }

@@ -15,6 +15,8 @@ mod api;
 mod collocated;
 mod engine;
 mod exact;
+#[cfg(feature = "serve")]
+mod faults;
 mod figures;
 #[cfg(feature = "serve")]
 mod keeping;

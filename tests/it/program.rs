@@ -17,7 +17,7 @@ fn fretwork(words: &[&str]) -> Command {
     command
 }
 
-fn run(words: &[&str], input: &str) -> Output {
+pub fn run(words: &[&str], input: &str) -> Output {
     let mut command = fretwork(words);
     command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().unwrap();
@@ -32,7 +32,11 @@ fn text(bytes: &[u8]) -> &str {
 
 /// A server on a free port, and the address that it prints.
 pub fn serve(dir: &Path, options: &[&str]) -> (Child, String) {
-    let mut command = fretwork(options);
+    serve_by(fretwork(options), dir)
+}
+
+/// A server that a command becomes, such as one that changes what the program finds.
+pub fn serve_by(mut command: Command, dir: &Path) -> (Child, String) {
     command.args(["--listen", "127.0.0.1:0", "--data-dir"]).arg(dir).env("FRETWORK_LOG", "off");
     let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
     let mut lines = BufReader::new(child.stdout.as_mut().unwrap()).lines();
@@ -48,7 +52,7 @@ pub fn serve(dir: &Path, options: &[&str]) -> (Child, String) {
 }
 
 /// One plain line on standard error and exit code 1.
-fn fails(output: &Output, words: &str) {
+pub fn fails(output: &Output, words: &str) {
     let said = text(&output.stderr);
     assert_eq!((output.status.code(), said.lines().count()), (Some(1), 1), "{said}");
     assert!(said.starts_with("fretwork: ") && said.contains(words), "{said}");

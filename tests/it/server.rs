@@ -104,6 +104,15 @@ pub async fn send(
     Reply::parse(&answer).ok_or_else(|| io::ErrorKind::UnexpectedEof.into())
 }
 
+/// The value of a metric, by its name and labels.
+pub async fn metric(address: SocketAddr, name: &str) -> f64 {
+    let reply = send(address, "GET", "/metrics", &[], "").await.unwrap();
+    assert!(reply.header("content-type").unwrap().starts_with("application/openmetrics-text"));
+    assert!(reply.text().ends_with("# EOF\n"));
+    let line = reply.text().lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(' '));
+    line.unwrap_or_else(|| panic!("no {name} in {}", reply.text())).parse().unwrap()
+}
+
 pub const JSON: (&str, &str) = ("Content-Type", "application/json");
 
 impl Reply {

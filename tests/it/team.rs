@@ -1,5 +1,7 @@
 //! What many people and dashboards ask of one server: events, repetitions, turns, numbers to watch.
 
+use std::io;
+use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -10,7 +12,7 @@ use serde_json::{Value, json};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::TcpStream;
 
-use crate::server::{Gate, JSON, Reply, Server, ball, steel_ball};
+use crate::server::{Gate, JSON, Reply, Server, ball, metric, steel_ball};
 
 async fn gated() -> (Server, Gate) {
     let gate = Gate::default();
@@ -28,32 +30,38 @@ fn id(reply: &Reply) -> String {
 }
 
 /// One event: its name, its id if it has one, and its data.
-type Event = (String, Option<u32>, Value);
+pub type Event = (String, Option<u32>, Value);
 
 /// A listener to the events of a job.
-struct Listener {
+pub struct Listener {
     connection: TcpStream,
     text: String,
 }
 
 impl Listener {
-    async fn start(server: &Server, id: &str, last: Option<u32>) -> Self {
-        let mut connection = TcpStream::connect(server.address).await.unwrap();
+    async fn start(address: SocketAddr, id: &str, last: Option<u32>) -> Self {
+        Self::connect(address, id, last).await.unwrap()
+    }
+
+    /// An error if there is no server any more.
+    pub async fn connect(address: SocketAddr, id: &str, last: Option<u32>) -> io::Result<Self> {
+        let mut connection = TcpStream::connect(address).await?;
         let last = last.map_or_else(String::new, |last| format!("Last-Event-ID: {last}\r\n"));
         let head = format!("GET /v1/jobs/{id}/events HTTP/1.1\r\nHost: test\r\n{last}\r\n");
-        connection.write_all(head.as_bytes()).await.unwrap();
-        Self { connection, text: String::new() }
+        connection.write_all(head.as_bytes()).await?;
+        Ok(Self { connection, text: String::new() })
     }
 
     /// What has come so far, once it satisfies `enough` or the stream has ended.
-    async fn until(&mut self, enough: impl Fn(&[Event]) -> bool) -> Vec<Event> {
+    pub async fn until(&mut self, enough: impl Fn(&[Event]) -> bool) -> Vec<Event> {
         loop {
             let events = self.events();
             if enough(&events) {
                 return events;
             }
             let mut buffer = [0; 4096];
-            let length = self.connection.read(&mut buffer).await.unwrap();
+            // A server that dies ends the stream as well.
+            let length = self.connection.read(&mut buffer).await.unwrap_or(0);
             self.text.push_str(std::str::from_utf8(&buffer[..length]).unwrap());
             // The last chunk of a body that is sent in chunks has no length.
             if length == 0 || self.text.ends_with("\r\n0\r\n\r\n") {
@@ -62,7 +70,7 @@ impl Listener {
         }
     }
 
-    fn events(&self) -> Vec<Event> {
+    pub fn events(&self) -> Vec<Event> {
         let Some((_, body)) = self.text.split_once("\r\n\r\n") else { return Vec::new() };
         // Chunk sizes stand on lines of their own, which no event has.
         let blocks = body.split("\n\n").filter(|block| block.contains("data: "));
@@ -81,7 +89,7 @@ impl Listener {
     }
 }
 
-fn states(events: &[Event]) -> Vec<(u32, &str)> {
+pub fn states(events: &[Event]) -> Vec<(u32, &str)> {
     let states = events.iter().filter(|(name, ..)| name == "state");
     states.map(|(_, id, data)| (id.unwrap(), data["state"].as_str().unwrap())).collect()
 }
@@ -94,7 +102,7 @@ fn has(events: &[Event], name: &str) -> bool {
 async fn a_listener_that_comes_back_sees_every_state_exactly_once() {
     let (server, gate) = gated().await;
     let id = id(&submit(&server, 2.0, &[]).await);
-    let mut listener = Listener::start(&server, &id, None).await;
+    let mut listener = Listener::start(server.address, &id, None).await;
     let halfway = |events: &[Event]| events.iter().any(|(.., data)| data["progress"] == 0.5);
     let events = listener.until(halfway).await;
     assert_eq!(events[0].0, "snapshot");
@@ -108,7 +116,7 @@ async fn a_listener_that_comes_back_sees_every_state_exactly_once() {
     }
     drop(listener);
     gate.open();
-    let mut listener = Listener::start(&server, &id, Some(2)).await;
+    let mut listener = Listener::start(server.address, &id, Some(2)).await;
     let events = listener.until(|_| false).await;
     assert_eq!(states(&events), [(3, "succeeded")]);
     let last = &events.last().unwrap().2;
@@ -120,7 +128,7 @@ async fn a_listener_that_comes_back_sees_every_state_exactly_once() {
     assert_eq!((reply.status, reply.body.len()), (204, 0));
     // Who has seen nothing sees all, as does one whose id is none of ours.
     for last in [None, Some(77)] {
-        let events = Listener::start(&server, &id, last).await.until(|_| false).await;
+        let events = Listener::start(server.address, &id, last).await.until(|_| false).await;
         assert_eq!(states(&events), [(1, "queued"), (2, "running"), (3, "succeeded")]);
     }
     server
@@ -136,11 +144,11 @@ async fn five_hundred_listeners_cost_one_computation_and_one_who_never_reads_har
     // They ask, and never take the answer off the line.
     let mut silent = Vec::new();
     for _ in 0..20 {
-        silent.push(Listener::start(&server, &id, None).await);
+        silent.push(Listener::start(server.address, &id, None).await);
     }
     let mut listeners = Vec::new();
     for _ in 0..500 {
-        listeners.push(Listener::start(&server, &id, None).await);
+        listeners.push(Listener::start(server.address, &id, None).await);
     }
     for listener in &mut listeners {
         listener.until(|events| has(events, "snapshot")).await;
@@ -159,7 +167,7 @@ async fn five_hundred_listeners_cost_one_computation_and_one_who_never_reads_har
 async fn events_end_when_the_server_goes_down_and_when_the_job_is_deleted() {
     let (server, gate) = gated().await;
     let first = id(&submit(&server, 2.0, &[]).await);
-    let mut listener = Listener::start(&server, &first, None).await;
+    let mut listener = Listener::start(server.address, &first, None).await;
     listener.until(|events| has(events, "progress")).await;
     server.drain.send_replace(true);
     let events = listener.until(|_| false).await;
@@ -202,16 +210,7 @@ async fn a_cache_can_be_passed_over_or_asked_for_alone() {
     let again = submit(&server, 2.0, &[wait, ("Cache-Control", "no-cache")]).await;
     assert_eq!(again.header("cache-status"), Some("fretwork; fwd=request"));
     assert_eq!(again.json()["origin"], "computed");
-    assert!(metric(&server, "fretwork_recomputes_total{result=\"same\"}").await >= 1.0);
-}
-
-/// The value of a metric, by its name and labels.
-async fn metric(server: &Server, name: &str) -> f64 {
-    let reply = server.get("/metrics").await;
-    assert!(reply.header("content-type").unwrap().starts_with("application/openmetrics-text"));
-    assert!(reply.text().ends_with("# EOF\n"));
-    let line = reply.text().lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(' '));
-    line.unwrap_or_else(|| panic!("no {name} in {}", reply.text())).parse().unwrap()
+    assert!(metric(server.address, "fretwork_recomputes_total{result=\"same\"}").await >= 1.0);
 }
 
 #[tokio::test]
@@ -220,13 +219,13 @@ async fn a_result_that_differs_when_computed_again_can_be_seen_from_outside() {
     let wait = ("Prefer", "wait=60");
     let job = submit(&server, 2.0, &[wait]).await.json();
     let differs = "fretwork_recomputes_total{result=\"differs\"}";
-    assert_eq!(metric(&server, differs).await.to_bits(), 0f64.to_bits());
+    assert_eq!(metric(server.address, differs).await.to_bits(), 0f64.to_bits());
     // As if the first had been computed on a machine with a fault.
     let mut db = crate::store::raw(server.dir.path()).await;
     sqlx::query("UPDATE result SET digest = zeroblob(32)").execute(&mut db).await.unwrap();
     let again = submit(&server, 2.0, &[wait, ("Cache-Control", "no-cache")]).await.json();
     assert_eq!(again["key"], job["key"]);
-    assert_eq!(metric(&server, differs).await.to_bits(), 1f64.to_bits());
+    assert_eq!(metric(server.address, differs).await.to_bits(), 1f64.to_bits());
 }
 
 #[tokio::test]
@@ -237,19 +236,19 @@ async fn a_queue_that_is_stuck_can_be_seen_from_outside() {
     }
     // Two workers are held up; what waits grows old, and nothing ends.
     let old = "fretwork_queue_oldest_seconds";
-    while metric(&server, old).await < 0.05 {}
-    assert_eq!(metric(&server, "fretwork_queued_runs").await.to_bits(), 2f64.to_bits());
-    assert_eq!(metric(&server, "fretwork_running_runs").await.to_bits(), 2f64.to_bits());
+    while metric(server.address, old).await < 0.05 {}
+    assert_eq!(metric(server.address, "fretwork_queued_runs").await.to_bits(), 2f64.to_bits());
+    assert_eq!(metric(server.address, "fretwork_running_runs").await.to_bits(), 2f64.to_bits());
     let ended = "fretwork_runs_total{outcome=\"succeeded\"}";
-    assert_eq!(metric(&server, ended).await.to_bits(), 0f64.to_bits());
+    assert_eq!(metric(server.address, ended).await.to_bits(), 0f64.to_bits());
     let ready = server.get("/readyz").await.json();
     assert_eq!((&ready["status"], &ready["queued"]), (&json!("ready"), &json!(2)));
     gate.open();
-    while metric(&server, ended).await < 4.0 {}
-    assert_eq!(metric(&server, old).await.to_bits(), 0f64.to_bits());
-    assert!(metric(&server, "fretwork_disk_free_bytes").await > 0.0);
+    while metric(server.address, ended).await < 4.0 {}
+    assert_eq!(metric(server.address, old).await.to_bits(), 0f64.to_bits());
+    assert!(metric(server.address, "fretwork_disk_free_bytes").await > 0.0);
     let route = "fretwork_http_requests_total{method=\"POST\",route=\"/v1/jobs\",status=\"202\"}";
-    assert_eq!(metric(&server, route).await.to_bits(), 4f64.to_bits());
+    assert_eq!(metric(server.address, route).await.to_bits(), 4f64.to_bits());
 }
 
 #[tokio::test]

@@ -1,0 +1,492 @@
+//! What goes wrong around a server: it is told to end, its disk is full, read-only or damaged, its
+//! queue is long. And what goes wrong with a run: it is canceled while it takes a whole processor.
+
+use std::collections::HashSet;
+use std::fs::{self, File};
+use std::io::{self, Write as _};
+use std::net::SocketAddr;
+use std::os::unix::fs::FileExt as _;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use fretwork::api::Settings;
+use fretwork::job::{Key, Step, Task, Work};
+use fretwork::store::Options;
+use fretwork::worker::Compute;
+use serde_json::{Value, json};
+use sqlx::{Connection as _, Executor as _};
+use tempfile::TempDir;
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+use tokio::net::TcpSocket;
+use tokio::sync::Semaphore;
+use tokio::task::JoinSet;
+
+use crate::kill::{Program, id, long};
+use crate::program::{fails, run};
+use crate::server::{Gate, JSON, Reply, Server, ball, metric, send, steel_ball};
+use crate::store::raw;
+
+/// A run of a second at most, but of the longest steps: all radii, the smallest tolerance, and the
+/// rule beside it.
+fn heavy() -> Value {
+    let mut body = steel_ball();
+    let scenario = &mut body["scenario"];
+    scenario["cycles"] = json!({"from": 100, "to": 1e8, "count": 400, "spacing": "log"});
+    scenario["profiles_at"] = json!("none");
+    scenario["model"] =
+        json!({"method": "exact", "points": 4096, "tolerance": 1e-4, "compare": true});
+    body
+}
+
+async fn post(address: SocketAddr, body: &Value) -> io::Result<Reply> {
+    send(address, "POST", "/v1/jobs", &[JSON], body.to_string()).await
+}
+
+/// What a server acknowledged, and whether it refused what came later.
+#[derive(Default)]
+struct Answers {
+    acknowledged: Vec<String>,
+    refused: bool,
+}
+
+/// Submits one scenario after another until the server is gone.
+async fn submitting(address: SocketAddr, numbers: std::ops::Range<u32>) -> Answers {
+    let mut answers = Answers::default();
+    for number in numbers {
+        match post(address, &long(number)).await {
+            Ok(reply) if reply.status == 202 => answers.acknowledged.push(id(&reply.json())),
+            Ok(reply) => {
+                reply.problem(503, "draining");
+                assert!(reply.header("retry-after").is_some());
+                answers.refused = true;
+            }
+            Err(_) => break,
+        }
+        // As many as there may be, so that the next server does not compute for minutes.
+        if answers.acknowledged.len() == 10 {
+            break;
+        }
+    }
+    answers
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_server_that_is_told_to_end_under_load_refuses_what_is_new_and_loses_nothing() {
+    let dir = TempDir::new().unwrap();
+    let server = Program::start(dir.path(), "1");
+    let address = server.address;
+    let first = id(&post(address, &heavy()).await.unwrap().json());
+    while server.get(&format!("/v1/jobs/{first}")).await.json()["state"] != "running" {}
+    // Some submit before, some while it ends; the run takes long enough for both.
+    let before = submitting(address, 0..10).await;
+    server.tell_to_end();
+    let mut clients = JoinSet::new();
+    for client in 1..4 {
+        clients.spawn(submitting(address, 100 * client..100 * client + 100));
+    }
+    let mut all = clients.join_all().await;
+    assert!(all.iter().any(|answers| answers.refused), "nobody was refused");
+    all.push(before);
+    server.end_of_it();
+    let server = Program::start(dir.path(), "2");
+    let acknowledged = all.iter().flat_map(|answers| &answers.acknowledged);
+    for id in acknowledged.chain([&first]) {
+        let job = server.ended(id).await;
+        assert_eq!(job["state"], "succeeded", "{job}");
+    }
+    server.end();
+}
+
+/// A command for a program in a mount namespace of its own, after something was mounted there with
+/// the directory as `$0`. None, with a word on standard error, where that is not permitted.
+fn mounting(mount: &str, dir: &Path) -> Option<Command> {
+    let script = format!("{mount} && exec \"$@\"");
+    let with = |options: &[&str]| {
+        let mut command = Command::new("unshare");
+        command.arg("--mount").args(options).args(["sh", "-c", &script]).arg(dir);
+        command
+    };
+    for options in [&["--map-root-user"][..], &[]] {
+        let tried = with(options).arg("true").stderr(Stdio::null()).status();
+        if tried.is_ok_and(|status| status.success()) {
+            let mut command = with(options);
+            command.arg(env!("CARGO_BIN_EXE_fretwork"));
+            return Some(command);
+        }
+    }
+    // Past the harness, which would keep it to itself.
+    let _ = writeln!(io::stderr(), "skipped: this system does not permit `{mount}`");
+    None
+}
+
+/// Fills a file system to the last block.
+fn fill(path: &Path) {
+    let mut file = File::create(path).unwrap();
+    for size in [1 << 16, 1 << 12] {
+        let block = vec![0xa5; size];
+        while file.write_all(&block).is_ok() {}
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn on_a_full_disk_what_is_known_is_served_and_with_room_again_the_work_goes_on() {
+    let dir = TempDir::new().unwrap();
+    let mount = "mount -t tmpfs -o size=3m tmpfs \"$0\"";
+    let Some(mut command) = mounting(mount, dir.path()) else { return };
+    // Without a memory, so that what is read comes from the database.
+    command.args(["--workers", "1", "--memory-cache", "0"]);
+    let server = Program::start_by(command, dir.path());
+    let address = server.address;
+    let known = server.ended(&id(&post(address, &steel_ball()).await.unwrap().json())).await;
+    let result = server.result(&known).await;
+    let full = "fretwork_store_errors_total{kind=\"full\"}";
+
+    let inside = dir.path().strip_prefix("/").unwrap();
+    let root = format!("/proc/{}/root", server.child.id());
+    let filler = Path::new(&root).join(inside).join("filler");
+    fill(&filler);
+    let mut acknowledged = Vec::new();
+    let mut refused = 0;
+    // Until then there is room in the log that SQLite has already made.
+    for number in 0..2000 {
+        let reply = post(address, &long(number % 100)).await.unwrap();
+        if matches!(reply.status, 200 | 202) {
+            acknowledged.push(id(&reply.json()));
+            continue;
+        }
+        let problem = reply.problem(507, "disk-full");
+        assert!(problem["detail"].as_str().unwrap().contains("full"), "{problem}");
+        refused += 1;
+        if refused == 3 {
+            break;
+        }
+    }
+    assert_eq!(refused, 3, "{} were acknowledged", acknowledged.len());
+    assert!(metric(address, full).await >= 3.0);
+    assert!(metric(address, "fretwork_disk_free_bytes").await < 100_000.0);
+    assert!(server.result(&known).await == result);
+    for id in &acknowledged {
+        assert_eq!(server.get(&format!("/v1/jobs/{id}")).await.status, 200);
+    }
+
+    fs::remove_file(&filler).unwrap();
+    let reply = post(address, &ball(2.0)).await.unwrap();
+    assert_eq!(reply.status, 202, "{}", reply.text());
+    acknowledged.push(id(&reply.json()));
+    for id in &acknowledged {
+        let job = server.ended(id).await;
+        assert_eq!(job["state"], "succeeded", "{job}");
+    }
+    server.end();
+}
+
+#[test]
+fn a_data_directory_that_cannot_be_written_is_named() {
+    let dir = TempDir::new().unwrap();
+    let mount = "mount --bind \"$0\" \"$0\" && mount -o remount,bind,ro \"$0\"";
+    let Some(mut command) = mounting(mount, dir.path()) else { return };
+    let output = command.args(["--listen", "127.0.0.1:0", "--data-dir"]).arg(dir.path()).output();
+    fails(&output.unwrap(), "Read-only file system");
+}
+
+#[tokio::test]
+async fn a_database_that_is_not_ours_is_named_and_the_program_ends() {
+    let dir = TempDir::new().unwrap();
+    let path = dir.path().join("fretwork.db");
+    let refused = |words: &str| {
+        let data = dir.path().to_str().unwrap();
+        let output = run(&["--listen", "127.0.0.1:0", "--data-dir", data], "");
+        fails(&output, words);
+        fails(&output, path.to_str().unwrap());
+    };
+    Program::start(dir.path(), "1").end();
+    let mut db = raw(dir.path()).await;
+    db.execute("UPDATE _sqlx_migrations SET version = 9999 WHERE version = 1").await.unwrap();
+    db.close().await.unwrap();
+    refused("later version");
+
+    fs::remove_file(&path).unwrap();
+    let mut db = raw(dir.path()).await;
+    db.execute("CREATE TABLE photo (name TEXT)").await.unwrap();
+    db.close().await.unwrap();
+    refused("another program");
+
+    fs::write(&path, "a shopping list, and by no means short\n".repeat(100)).unwrap();
+    refused("not a database");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_page_that_is_damaged_under_a_running_server_harms_only_who_needs_it() {
+    let dir = TempDir::new().unwrap();
+    let server = Program::start(dir.path(), "1");
+    let known = server.ended(&id(&post(server.address, &ball(2.0)).await.unwrap().json())).await;
+    server.end();
+    let mut db = raw(dir.path()).await;
+    let root = "SELECT rootpage FROM sqlite_schema WHERE name = 'job_label'";
+    let page: i64 = sqlx::query_scalar(root).fetch_one(&mut db).await.unwrap();
+    db.close().await.unwrap();
+
+    let server = Program::start(dir.path(), "1");
+    let file = File::options().write(true).open(dir.path().join("fretwork.db")).unwrap();
+    file.write_all_at(&[0xa5; 4096], (page as u64 - 1) * 4096).unwrap();
+    server.get("/v1/jobs?label=x").await.problem(500, "database-damaged");
+    assert!(!server.result(&known).await.is_empty());
+    let mut body = ball(3.0);
+    post(server.address, &body).await.unwrap().problem(500, "database-damaged");
+    body.as_object_mut().unwrap().remove("label");
+    let job = server.ended(&id(&post(server.address, &body).await.unwrap().json())).await;
+    assert_eq!(job["state"], "succeeded", "{job}");
+    let damaged = "fretwork_store_errors_total{kind=\"damaged\"}";
+    assert!(metric(server.address, damaged).await >= 2.0);
+    server.end();
+}
+
+/// The engine's work, begun anew whenever it is done: no valid run takes a minute by itself, and one
+/// that takes as long as wanted must be stopped in the same steps.
+struct Study {
+    work: Box<dyn Work>,
+    again: Box<dyn Fn() -> Box<dyn Work> + Send>,
+    desk: Arc<Desk>,
+}
+
+/// What the test and its studies share.
+struct Desk {
+    /// The threads that have computed, by their directories.
+    threads: Mutex<HashSet<String>>,
+    begun: AtomicU32,
+    /// The next run to end is the last.
+    enough: AtomicBool,
+    /// Whoever takes the only permit holds studies up before their next step.
+    go: Semaphore,
+}
+
+impl Work for Study {
+    fn step(&mut self) -> Step {
+        // Without its permit a step waits; it gives it back at once.
+        while self.desk.go.try_acquire().is_err() {
+            std::thread::yield_now();
+        }
+        match self.work.step() {
+            Step::Done(answer) if self.desk.enough.load(Ordering::SeqCst) => Step::Done(answer),
+            Step::Done(_) => {
+                self.work = (self.again)();
+                Step::Working { progress: 0.5 }
+            }
+            working @ Step::Working { .. } => working,
+        }
+    }
+}
+
+impl Desk {
+    fn new() -> Arc<Self> {
+        Arc::new(Self {
+            threads: Mutex::default(),
+            begun: AtomicU32::new(0),
+            enough: AtomicBool::new(false),
+            go: Semaphore::new(1),
+        })
+    }
+
+    fn compute(self: &Arc<Self>) -> Compute {
+        let desk = Arc::clone(self);
+        Arc::new(move |key: &Key, task: &str| {
+            desk.begun.fetch_add(1, Ordering::SeqCst);
+            // Its directory in /proc: other tests have threads of the same name in this process.
+            let thread = fs::read_link("/proc/thread-self").unwrap();
+            desk.threads.lock().unwrap().insert(format!("/proc/{}", thread.display()));
+            let (key, task) = (*key, task.to_owned());
+            let again = Box::new(move || Task::start(&key, &task).unwrap());
+            Ok(Box::new(Study { work: again(), again, desk: Arc::clone(&desk) }) as Box<dyn Work>)
+        })
+    }
+
+    /// The processor time that the threads have taken, in ms.
+    fn processor_time(&self) -> u64 {
+        let ticks = |thread: &String| {
+            let stat = fs::read_to_string(format!("{thread}/stat")).unwrap();
+            // After the name, which stands in parentheses: state, …, utime, stime.
+            let (head, numbers) = stat.rsplit_once(") ").unwrap();
+            assert!(head.contains("(worker-"), "{head}");
+            let times = numbers.split(' ').skip(11).take(2);
+            times.map(|number| number.parse::<u64>().unwrap()).sum::<u64>()
+        };
+        // A tick is 10 ms on every Linux that people use.
+        10 * self.threads.lock().unwrap().iter().map(ticks).sum::<u64>()
+    }
+}
+
+async fn server(compute: Compute) -> Server {
+    Server::with(compute, &Settings::default(), &Options::default()).await
+}
+
+async fn until_state(server: &Server, id: &str, state: &str) {
+    while server.get(&format!("/v1/jobs/{id}")).await.json()["state"] != state {
+        tokio::time::sleep(Duration::from_millis(1)).await;
+    }
+}
+
+async fn cancel(server: &Server, id: &str) -> Value {
+    let reply = server.send("POST", &format!("/v1/jobs/{id}/cancel"), &[], "").await;
+    assert_eq!(reply.status, 200);
+    reply.json()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_canceled_study_of_the_longest_steps_leaves_the_processor_alone() {
+    let desk = Desk::new();
+    let server = server(desk.compute()).await;
+    let study = id(&server.post("/v1/jobs", &heavy()).await.json());
+    until_state(&server, &study, "running").await;
+    while desk.processor_time() < 100 {
+        tokio::time::sleep(Duration::from_millis(10)).await;
+    }
+    cancel(&server, &study).await;
+    tokio::time::sleep(Duration::from_millis(200)).await;
+    let before = desk.processor_time();
+    tokio::time::sleep(Duration::from_secs(1)).await;
+    let taken = desk.processor_time() - before;
+    assert!(taken < 50, "{taken} ms of a second");
+    until_state(&server, &study, "canceled").await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn when_one_of_five_cancels_the_others_get_the_result_that_they_share() {
+    let desk = Desk::new();
+    let server = server(desk.compute()).await;
+    let mut jobs = Vec::new();
+    for _ in 0..5 {
+        jobs.push(id(&server.post("/v1/jobs", &heavy()).await.json()));
+    }
+    until_state(&server, &jobs[0], "running").await;
+    // It is the one who came first, and whose submission the run was made for.
+    assert_eq!(cancel(&server, &jobs[0]).await["state"], "canceled");
+    desk.enough.store(true, Ordering::SeqCst);
+    for job in &jobs[1..] {
+        let job = server.get(&format!("/v1/jobs/{job}?wait=60&include=result")).await.json();
+        assert_eq!(job["state"], "succeeded", "{job}");
+        assert!(job["result"]["history"].is_object());
+    }
+    until_state(&server, &jobs[0], "canceled").await;
+    assert_eq!(desk.begun.load(Ordering::SeqCst), 1);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_submission_while_a_run_dies_begins_a_new_one() {
+    let desk = Desk::new();
+    let server = server(desk.compute()).await;
+    let dying = id(&server.post("/v1/jobs", &heavy()).await.json());
+    until_state(&server, &dying, "running").await;
+    // Held up before its next step, the run cannot yet see that nobody wants it.
+    let held = desk.go.acquire().await.unwrap();
+    assert_eq!(cancel(&server, &dying).await["state"], "canceling");
+    let new = server.post("/v1/jobs", &heavy()).await.json();
+    assert_eq!(new["origin"], "computed");
+    desk.enough.store(true, Ordering::SeqCst);
+    drop(held);
+    let new = server.get(&format!("/v1/jobs/{}?wait=60", id(&new))).await.json();
+    assert_eq!(new["state"], "succeeded", "{new}");
+    until_state(&server, &dying, "canceled").await;
+    assert_eq!(desk.begun.load(Ordering::SeqCst), 2);
+}
+
+/// Sends a submission from another address of this machine: another owner.
+async fn post_as_another(address: SocketAddr, body: &Value) -> Value {
+    let socket = TcpSocket::new_v4().unwrap();
+    socket.bind("127.0.0.2:0".parse().unwrap()).unwrap();
+    let mut connection = socket.connect(address).await.unwrap();
+    let body = body.to_string();
+    let request = format!(
+        "POST /v1/jobs HTTP/1.1\r\nHost: test\r\nConnection: close\r\nContent-Type: \
+         application/json\r\nContent-Length: {}\r\n\r\n{body}",
+        body.len()
+    );
+    connection.write_all(request.as_bytes()).await.unwrap();
+    let mut answer = String::new();
+    connection.read_to_string(&mut answer).await.unwrap();
+    assert!(answer.starts_with("HTTP/1.1 202 "), "{answer}");
+    serde_json::from_str(answer.split_once("\r\n\r\n").unwrap().1).unwrap()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn behind_thousands_of_jobs_of_one_owner_the_single_job_of_another_comes_next() {
+    let gate = Gate::default();
+    let begun: Arc<Mutex<Vec<String>>> = Arc::default();
+    let compute = {
+        let (gated, begun) = (gate.compute(), Arc::clone(&begun));
+        Arc::new(move |key: &Key, task: &str| {
+            begun.lock().unwrap().push(key.to_string());
+            gated(key, task)
+        })
+    };
+    let server = server(compute).await;
+    let address = server.address;
+    let mut clients = JoinSet::new();
+    for client in 0..8 {
+        clients.spawn(async move {
+            for number in (client..10_000).step_by(8) {
+                let reply = post(address, &ball(1.0 + f64::from(number) * 1e-5)).await.unwrap();
+                assert_eq!(reply.status, 202, "{}", reply.text());
+            }
+        });
+    }
+    clients.join_all().await;
+    let single = post_as_another(address, &ball(3.0)).await;
+    assert_eq!(begun.lock().unwrap().len(), 2, "two are held up at work");
+    gate.open();
+    let ended = server.get(&format!("/v1/jobs/{}?wait=60", id(&single))).await.json();
+    assert_eq!(ended["state"], "succeeded", "{ended}");
+    // Each worker takes one more; which of the two begins first is chance.
+    let next = begun.lock().unwrap()[2..4].to_vec();
+    assert!(next.iter().any(|key| single["key"] == **key), "{single} is not among {next:?}");
+    let canceled = server.send("POST", "/v1/jobs/cancel?owner=me", &[], "").await;
+    assert_eq!(canceled.status, 200);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn while_the_queue_is_full_jobs_can_be_seen_and_canceled() {
+    let gate = Gate::default();
+    let options = Options { queue_limit: 20, ..Options::default() };
+    let server = Server::with(gate.compute(), &Settings::default(), &options).await;
+    let address = server.address;
+    let over = Arc::new(AtomicBool::new(false));
+    // One who does not take no for an answer; most of what is asked meets a full queue.
+    let filling = tokio::spawn({
+        let over = Arc::clone(&over);
+        async move {
+            let mut accepted = Vec::new();
+            let mut refused = 0;
+            while !over.load(Ordering::SeqCst) {
+                let number = accepted.len() + refused;
+                let reply = post(address, &ball(1.0 + number as f64 * 1e-5)).await.unwrap();
+                if reply.status == 202 {
+                    accepted.push(id(&reply.json()));
+                } else {
+                    reply.problem(503, "queue-full");
+                    refused += 1;
+                }
+            }
+            (accepted, refused)
+        }
+    });
+    while metric(address, "fretwork_queued_runs").await < 18.0 {}
+    let jobs = server.get("/v1/jobs?state=queued&limit=5").await.json();
+    for job in jobs["jobs"].as_array().unwrap() {
+        let job = id(job);
+        assert_eq!(server.get(&format!("/v1/jobs/{job}")).await.json()["state"], "queued");
+        assert_eq!(cancel(&server, &job).await["state"], "canceled");
+        let gone = server.send("DELETE", &format!("/v1/jobs/{job}"), &[], "").await;
+        assert_eq!(gone.status, 204);
+    }
+    // What the last tenth is kept for.
+    let other = id(&post_as_another(address, &ball(3.0)).await);
+    while metric(address, "fretwork_queued_runs").await < 18.0 {}
+    over.store(true, Ordering::SeqCst);
+    let (accepted, refused) = filling.await.unwrap();
+    assert!(accepted.len() >= 20 && refused > 0, "{} and {refused}", accepted.len());
+    gate.open();
+    let other = server.get(&format!("/v1/jobs/{other}?wait=60")).await.json();
+    assert_eq!(other["state"], "succeeded", "{other}");
+}
