@@ -362,7 +362,7 @@ async fn what_the_disk_has_changed_is_named_and_repaired_by_computing_again() {
     assert_eq!(sqlx::query(change).execute(&mut db).await.unwrap().rows_affected(), 1);
     server.get(&path).await.problem(500, "database-damaged");
     let damaged = "fretwork_store_errors_total{kind=\"damaged\"}";
-    assert!(metric(&server, damaged).await >= 1.0);
+    assert!(metric(server.address, damaged).await >= 1.0);
     // A job that asks for it inline is accepted all the same.
     let headers = [JSON, wait];
     let body = ball(2.0).to_string();
