@@ -308,8 +308,8 @@ impl Failed {
 mod tests {
     use std::sync::atomic::{AtomicU32, Ordering};
 
-    use super::super::Options;
     use super::*;
+    use crate::store::Options;
 
     /// Inserts so many bytes under a number; counts how often it was applied.
     struct Insert(i64, i64, Arc<AtomicU32>);
