@@ -116,9 +116,8 @@ pub struct Serve {
         value_parser = duration)]
     pub keep_jobs: Duration,
     /// How much room results may take, such as 10GiB: beyond it, those that were read longest ago are
-    /// dropped, unless they are pinned. 0 sets no limit.
-    #[arg(long, env = "FRETWORK_KEEP_RESULTS", default_value = "10GiB", value_name = "SIZE",
-        value_parser = budget)]
+    /// dropped, unless they are pinned. A single one may have 64 MB. 0 sets no limit.
+    #[arg(long, env = "FRETWORK_KEEP_RESULTS", default_value = "10GiB", value_name = "SIZE")]
     pub keep_results: ByteSize,
     /// Memory for the answers that are asked for most, such as 64MiB; 0 for none.
     #[arg(long, env = "FRETWORK_MEMORY_CACHE", default_value = "64MiB", value_name = "SIZE")]
@@ -262,15 +261,6 @@ fn duration(text: &str) -> Result<Duration, String> {
     }
     humantime::parse_duration(text)
         .map_err(|error| format!("{error}; expected a time such as 90s, 10min, 2h or 90d"))
-}
-
-/// Room for some results of the largest size; 0 is no limit.
-fn budget(text: &str) -> Result<ByteSize, String> {
-    let size: ByteSize = text.parse()?;
-    if size.as_u64() > 0 && size < ByteSize::mib(256) {
-        return Err("a single result may take 64 MB; expected at least 256MiB, or 0".to_owned());
-    }
-    Ok(size)
 }
 
 fn seconds(text: &str) -> Result<Duration, String> {
