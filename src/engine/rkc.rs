@@ -20,6 +20,8 @@ pub trait Rates {
     fn radius(&self) -> f64;
     /// How many components count in the error, from the second on.
     fn live(&self) -> usize;
+    /// No component needs to be known better than to a share of this, however large it is.
+    fn most(&self) -> f64;
 }
 
 /// The coefficients of s stages.
@@ -187,7 +189,7 @@ impl Rkc {
             let h = if whole { left } else { self.step.min(limit) };
             let stages = ((1.0 + 1.54 * h * radius).sqrt().ceil() as usize).clamp(2, MOST_STAGES);
             self.compute(system, h, stages);
-            let error = self.error(h, live.max(system.live()));
+            let error = self.error(h, live.max(system.live()), system.most());
             let [next, next_rates, _] = &mut self.scratch;
             if error <= 1.0 || h <= least {
                 std::mem::swap(&mut self.before.1, &mut self.values);
@@ -245,10 +247,10 @@ impl Rkc {
     }
 
     /// The root mean square of the estimated local error over what is allowed.
-    fn error(&self, h: f64, live: usize) -> f64 {
+    fn error(&self, h: f64, live: usize, limit: f64) -> f64 {
         let [next, next_rates, _] = &self.scratch;
         let most = next.iter().copied().fold(0.0, f64::max);
-        let allowed = self.tolerance * (0.01 * self.size + most);
+        let allowed = self.tolerance * (0.01 * self.size.min(limit) + most.min(limit));
         let sum: f64 = (1..self.values.len().min(live + 1))
             .map(|j| {
                 let error =
@@ -297,6 +299,9 @@ mod tests {
         }
         fn radius(&self) -> f64 {
             self.0.iter().copied().fold(0.0, f64::max)
+        }
+        fn most(&self) -> f64 {
+            f64::INFINITY
         }
         fn live(&self) -> usize {
             self.0.len()

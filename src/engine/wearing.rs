@@ -518,6 +518,14 @@ impl Rates for Wearing {
         self.radius
     }
 
+    fn most(&self) -> f64 {
+        match self.springs.control().normal {
+            Normal::Depth => f64::INFINITY,
+            // However deep the wear, pressure follows from how far the springs are compressed.
+            Normal::Force => self.springs.compressions().iter().copied().fold(0.0, f64::max),
+        }
+    }
+
     fn live(&self) -> usize {
         match self.law {
             Law::Exact => self.springs.compressions().len(),
