@@ -151,6 +151,17 @@ fn moves(control: &Control, contact: &Contact) -> bool {
         && (!slips || control.normal == Normal::Force && contact.threshold < REGAINS)
 }
 
+/// The wear by which the amplitude of a contact on a rig doubles where d is held: all that yields as the
+/// force falls is then the rig's.
+fn quickens(contact: &Contact, control: &Control) -> f64 {
+    match control.tangential {
+        Tangential::Rig { compliance, .. } if control.normal == Normal::Depth => {
+            0.5 * contact.threshold / compliance
+        }
+        _ => f64::INFINITY,
+    }
+}
+
 /// Cells and tolerance of a run that aims at a relative error.
 fn effort(contact: &Contact, control: &Control, law: Law, tolerance: f64) -> (usize, f64) {
     let cells = match law {
@@ -483,7 +494,8 @@ impl Run {
         wearing.press(&unworn);
         let rate = wearing.energy_rate();
         let scale = contact.limit.volume / (6.0 * rate);
-        let rkc = Rkc::new(&mut wearing, unworn, tolerance, (scale, contact.limit.depth));
+        let size = contact.limit.depth.min(quickens(contact, control));
+        let rkc = Rkc::new(&mut wearing, unworn, tolerance, (scale, size));
         let control = control.clone();
         Self {
             wearing,
