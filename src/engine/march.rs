@@ -20,7 +20,7 @@ use super::contact::{Contact, Regime};
 use super::control::{Control, Final, Normal, Tangential};
 use super::limit::Limit;
 use super::rkc::Rkc;
-use super::wearing::{Focus, Law, Plan, REST_BLUR, Wearing, Worn};
+use super::wearing::{FAR, Focus, Law, Plan, REST_BLUR, Wearing, Worn, is_far};
 
 /// Cells at the tolerance `COMMON_TOLERANCE`; errors fall with the square of the number.
 const COMMON_CELLS: f64 = 52.0;
@@ -54,6 +54,8 @@ pub const SHAKEN: f64 = 1e-3;
 
 /// Widest scar in a₀ where all slips under a held force: beyond, the unworn contact says nothing any more.
 pub const WIDEST: f64 = 100.0;
+/// An indenter wider than a scar by this share has room for it, whatever the mesh.
+const ROOMY: f64 = 0.7;
 /// Deepest wear in d₀ there.
 pub const DEEPEST: f64 = 1000.0;
 
@@ -169,7 +171,8 @@ fn effort(contact: &Contact, control: &Control, law: Law, tolerance: f64) -> (us
         // Cheap, and less accurate: its images are constant over a cell.
         Law::Simplified(_) => cells(tolerance) * 3 / 2,
     };
-    if !moves(control, contact) {
+    let far = control.tends_to(contact).is_some_and(|end| is_far(contact, &end));
+    if !moves(control, contact) && !far {
         return (cells, tolerance);
     }
     let gives_way = control.normal == Normal::Depth
@@ -228,25 +231,23 @@ impl March {
         end: Option<&Final>,
         last: f64,
     ) -> bool {
-        let extent = contact.shape.extent();
-        if end.is_some() {
-            return true;
-        }
+        let shape = &contact.shape;
         if let Some(outermost) = Plan::outermost(contact, control, law, last) {
-            return outermost < (0.9 * extent).min(WIDEST)
-                && contact.shape.profile(outermost) < DEEPEST;
+            let most = if end.is_some() { shape.extent() } else { 0.9 * shape.extent() };
+            return outermost < most.min(WIDEST) && shape.profile(outermost) < DEEPEST;
         }
-        if extent.is_infinite() {
+        if end.is_some() || shape.extent().is_infinite() {
             return true;
         }
         let stick = control.least_stick(contact);
         if control.normal == Normal::Depth {
-            return Limit::solve(&contact.shape, stick).is_some();
+            return Limit::solve(shape, stick).is_some();
         }
         // Should the core never grow, the scar would be widest.
-        let depth = control.depth_on_core(&contact.shape, stick);
-        Limit::at_depth(&contact.shape, stick, depth).is_some()
-            || Self::new(contact, control, law, COMMON_TOLERANCE, last).is_some()
+        let depth = control.depth_on_core(shape, stick);
+        let widest = Limit::at_depth(shape, stick, depth);
+        widest.is_some_and(|limit| limit.radius < ROOMY * shape.extent())
+            || Self::scouted(contact, control, law, last).is_some()
     }
 
     /// About how many multiplications a run takes to an instant in N₀. Measured on a paraboloid: five
@@ -278,26 +279,13 @@ impl March {
         tolerance: f64,
         last: f64,
     ) -> Option<Self> {
-        let mut plan = Plan::first(contact, control, cells)?;
         let grows = control.normal == Normal::Force && moves(control, contact);
-        if grows {
-            plan = Plan::first(contact, control, SCOUT.0)?;
-            for blur in [4.0 * REST_BLUR, REST_BLUR] {
-                let mut scout = Run::new(contact, control, law, plan.clone(), SCOUT.0, SCOUT.1);
-                let mut focus = 0.0_f64;
-                while scout.advance(last) {
-                    focus = focus.max(scout.wearing.springs().stick());
-                }
-                if scout.wearing.outgrows() {
-                    return None;
-                }
-                plan.reach = scout.wearing.plan().reach;
-                if focus > plan.start {
-                    let blur = blur * (plan.reach - plan.start);
-                    plan.focus = Some(Focus { from: focus, to: focus, blur });
-                }
-            }
-        }
+        let scouted =
+            if grows { Self::scouted(contact, control, law, last) } else { None };
+        let plan = match scouted {
+            Some(plan) => plan,
+            None => Plan::first(contact, control, cells)?,
+        };
         let fine = Run::new(contact, control, law, plan.clone(), cells, tolerance);
         let coarse = Run::new(contact, control, law, plan, cells / 2, 4.0 * tolerance);
         let check = 0.01 * fine.rkc.scale();
@@ -313,6 +301,34 @@ impl March {
             events.push(Event { at: 0.0, kind: EventKind::GrossSlip, ends: true });
         }
         Some(Self { fine, coarse, until, check, apart: 0.0, events, known })
+    }
+
+    /// The mesh for a stick edge that comes to rest in worn material, by coarse runs; `None` where the scar
+    /// outgrows the shape.
+    fn scouted(contact: &Contact, control: &Control, law: Law, last: f64) -> Option<Plan> {
+        let first = Plan::first(contact, control, SCOUT.0)?;
+        let mut plan = first.clone();
+        for blur in [4.0 * REST_BLUR, REST_BLUR] {
+            let mut scout = Run::new(contact, control, law, plan.clone(), SCOUT.0, SCOUT.1);
+            let mut focus = 0.0_f64;
+            while scout.advance(last) {
+                focus = focus.max(scout.wearing.springs().stick());
+            }
+            if scout.wearing.outgrows() {
+                return None;
+            }
+            let reach = scout.wearing.plan().reach;
+            if reach > FAR * first.reach {
+                // Nodes out there would be missing where the run begins.
+                return Some(first);
+            }
+            plan.reach = reach;
+            if focus > plan.start {
+                let blur = blur * (plan.reach - plan.start);
+                plan.focus = Some(Focus { from: focus, to: focus, blur });
+            }
+        }
+        Some(plan)
     }
 
     /// Ends the run at some wear.
@@ -548,7 +564,8 @@ impl Run {
     fn has_arrived(&self) -> bool {
         let time = self.rkc.time() - self.block_began;
         let rate = self.wearing.energy_rate();
-        time > 0.0 && rate * time < SETTLED * self.rkc.tolerance() * self.worn_by_energy[1]
+        // Nor does what does not wear at all.
+        time > 0.0 && rate * time <= SETTLED * self.rkc.tolerance() * self.worn_by_energy[1]
     }
 
     /// Commands the next amplitude where a block has ended; when the present one ends.
@@ -570,6 +587,7 @@ impl Run {
         self.block_began = self.rkc.time();
         let end = next.end;
         self.rkc.restart(&mut self.wearing, None);
+        self.rkc.hurry(self.wearing.pace());
         self.loss = [self.wearing.energy_rate(); 2];
         end
     }

@@ -88,7 +88,10 @@ const FIRST_STEP: f64 = 0.02;
 /// A step is at most so long, plus so much of the time that has passed: what decays at a rate of 1 is
 /// then interpolated within a step as well as it is integrated.
 const LONGEST_STEP: (f64, f64) = (1.5, 0.15);
-const MOST_STAGES: usize = 200;
+const MOST_STAGES: usize = 1000;
+/// Beyond the first of these, stages come in multiples of the second: few sets of coefficients are made and
+/// kept.
+const STAGES_APART: (usize, usize) = (200, 50);
 /// After each so many steps the tolerance is doubled: every run ends, and says how well it was done.
 const PATIENCE: usize = 2000;
 
@@ -169,6 +172,11 @@ impl Rkc {
         self.before = (self.time, self.values.clone(), self.rates.clone());
     }
 
+    /// Begins anew with small steps, for rates that many times as large as those of the time scale.
+    pub fn hurry(&mut self, times: f64) {
+        self.step = self.step.min(FIRST_STEP * self.scale / times.max(1.0));
+    }
+
     /// Passes to a later time at which nothing has changed any more.
     pub fn rest_until(&mut self, time: f64) {
         self.rates.fill(0.0);
@@ -188,6 +196,11 @@ impl Rkc {
             let whole = self.step.min(limit) >= 0.999 * left;
             let h = if whole { left } else { self.step.min(limit) };
             let stages = ((1.0 + 1.54 * h * radius).sqrt().ceil() as usize).clamp(2, MOST_STAGES);
+            let stages = if stages > STAGES_APART.0 {
+                stages.next_multiple_of(STAGES_APART.1)
+            } else {
+                stages
+            };
             self.compute(system, h, stages);
             let error = self.error(h, live.max(system.live()), system.most());
             let [next, next_rates, _] = &mut self.scratch;

@@ -24,7 +24,7 @@ use super::comparison::Comparing;
 use super::contact::Regime;
 use super::fault::Fault;
 use super::hysteresis::{Backbone, Loop};
-use super::march::{Event, EventKind, LOST, March, SHAKEN, Until};
+use super::march::{Event, EventKind, LOST, March, SHAKEN, Until, WIDEST};
 use super::numeric::root;
 use super::outcome::{
     Accuracy, BodyWear, History, Loops, Outcome, Profiles, Scales, Unworn, limit_state,
@@ -203,7 +203,7 @@ impl Simulation {
             }
             Solver::March(march) => {
                 let (start, reach) = match (tends_to, march) {
-                    (Some(end), _) => (end.stick, end.limit.radius),
+                    (Some(end), _) => (end.stick, end.limit.radius.min(WIDEST)),
                     (None, Some(march)) => (control.least_stick(contact), march.reach()),
                     (None, None) => return,
                 };
