@@ -70,6 +70,8 @@ pub enum EventKind {
     Shakedown,
     /// The wear that was asked for is reached.
     UntilReached,
+    /// The scar has come to the rim of the indenter, beyond which nothing is known.
+    RimReached,
 }
 
 /// When something happens, in N₀.
@@ -91,6 +93,7 @@ impl Event {
             EventKind::ContactLost => "contact_lost",
             EventKind::Shakedown => "shakedown",
             EventKind::UntilReached => "until_reached",
+            EventKind::RimReached => "rim_reached",
         };
         super::outcome::Event { cycles: self.at * unit, kind }
     }
@@ -126,6 +129,8 @@ pub struct March {
     events: Vec<Event>,
     /// What has happened, or need not be looked for.
     known: Vec<EventKind>,
+    /// The block of the last step.
+    block: usize,
 }
 
 /// The worn contact at one instant, with what is known of the run.
@@ -193,6 +198,8 @@ struct Run {
     control: Control,
     rkc: Rkc,
     settled: Option<f64>,
+    /// Whether the scar has no more room.
+    outgrown: bool,
     /// The block under way, and when it began.
     block: usize,
     block_began: f64,
@@ -280,8 +287,7 @@ impl March {
         last: f64,
     ) -> Option<Self> {
         let grows = control.normal == Normal::Force && moves(control, contact);
-        let scouted =
-            if grows { Self::scouted(contact, control, law, last) } else { None };
+        let scouted = if grows { Self::scouted(contact, control, law, last) } else { None };
         let plan = match scouted {
             Some(plan) => plan,
             None => Plan::first(contact, control, cells)?,
@@ -300,7 +306,7 @@ impl March {
             // So close to gross slip that the mesh cannot tell.
             events.push(Event { at: 0.0, kind: EventKind::GrossSlip, ends: true });
         }
-        Some(Self { fine, coarse, until, check, apart: 0.0, events, known })
+        Some(Self { fine, coarse, until, check, apart: 0.0, events, known, block: 0 })
     }
 
     /// The mesh for a stick edge that comes to rest in worn material, by coarse runs; `None` where the scar
@@ -347,6 +353,10 @@ impl March {
         let fine = self.fine.advance(next);
         if fine {
             self.watch();
+        } else if self.fine.outgrown {
+            let at = self.fine.rkc.time();
+            self.events.push(Event { at, kind: EventKind::RimReached, ends: true });
+            return false;
         }
         if fine || coarse {
             return true;
@@ -373,7 +383,16 @@ impl March {
 
     /// Looks for events within the last step.
     fn watch(&mut self) {
-        use EventKind::{ContactLost, GrossSlip, Shakedown, UntilReached};
+        use EventKind::{ContactLost, GrossSlip, RimReached, Shakedown, UntilReached};
+        if self.fine.block != self.block {
+            // Under another amplitude a contact may stick again, or wear: the next time counts anew.
+            self.block = self.fine.block;
+            for kind in [GrossSlip, Shakedown] {
+                if self.signal(kind, self.fine.rkc.began()) > 0.0 {
+                    self.known.retain(|known| *known != kind);
+                }
+            }
+        }
         let mut found = Vec::new();
         for kind in [GrossSlip, Shakedown, ContactLost, UntilReached] {
             if self.known.contains(&kind) {
@@ -396,7 +415,7 @@ impl March {
             let ends = match kind {
                 GrossSlip => held,
                 Shakedown => false,
-                ContactLost | UntilReached => true,
+                ContactLost | UntilReached | RimReached => true,
             };
             found.push(Event { at: high, kind, ends });
         }
@@ -411,11 +430,8 @@ impl March {
     fn signal(&mut self, kind: EventKind, time: f64) -> f64 {
         let until = self.until;
         let run = &mut self.fine;
-        let last_block = match &run.control.tangential {
-            Tangential::Blocks(blocks) => run.block + 1 == blocks.len(),
-            _ => true,
-        };
         match kind {
+            EventKind::RimReached => 1.0,
             EventKind::UntilReached if until == Until::default() => 1.0,
             EventKind::UntilReached => run.under(time, |wearing, values| {
                 let worn = wearing.at(values);
@@ -425,11 +441,12 @@ impl March {
             EventKind::ContactLost => {
                 run.under(time, |wearing, _| wearing.springs().share() - LOST)
             }
-            EventKind::Shakedown if !last_block => 1.0,
             EventKind::Shakedown => {
                 let least = SHAKEN * run.first_loss;
                 run.under(time, |wearing, _| {
-                    if wearing.springs().stick() == 0.0 {
+                    let springs = wearing.springs();
+                    // Where nothing moves, or all slips, nothing shakes down.
+                    if springs.threshold() == 0.0 || springs.stick() == 0.0 {
                         1.0
                     } else {
                         wearing.energy_rate() - least
@@ -518,6 +535,7 @@ impl Run {
             control,
             rkc,
             settled: None,
+            outgrown: false,
             block: 0,
             block_began: 0.0,
             rests: false,
@@ -535,11 +553,13 @@ impl Run {
         if self.wearing.is_full() {
             if self.wearing.outgrows() {
                 self.settled = Some(self.rkc.time());
+                self.outgrown = true;
                 return false;
             }
             let (wearing, values) = self.wearing.extended(&self.control, self.rkc.values());
             self.wearing = wearing;
             self.rkc.restart(&mut self.wearing, Some(values));
+            self.loss = [self.wearing.energy_rate(); 2];
         }
         if self.has_arrived() && end.is_finite() {
             // Until the amplitude changes nothing will.

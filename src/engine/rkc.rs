@@ -82,8 +82,9 @@ pub struct Rkc {
     pub evaluations: usize,
 }
 
-/// No step is smaller, in units of the time scale.
-const LEAST_STEP: f64 = 1e-10;
+/// No step is smaller, in units of the time scale and of the time that has passed: after a long rest wear may
+/// be as fast again as ever.
+const LEAST_STEP: (f64, f64) = (1e-10, 1e-13);
 const FIRST_STEP: f64 = 0.02;
 /// A step is at most so long, plus so much of the time that has passed: what decays at a rate of 1 is
 /// then interpolated within a step as well as it is integrated.
@@ -92,7 +93,8 @@ const MOST_STAGES: usize = 1000;
 /// Beyond the first of these, stages come in multiples of the second: few sets of coefficients are made and
 /// kept.
 const STAGES_APART: (usize, usize) = (200, 50);
-/// After each so many steps the tolerance is doubled: every run ends, and says how well it was done.
+/// After so many steps, and each time that their number has doubled, so is the tolerance: every run ends, and
+/// says how well it was done.
 const PATIENCE: usize = 2000;
 
 impl Rkc {
@@ -188,7 +190,7 @@ impl Rkc {
     pub fn advance(&mut self, system: &mut impl Rates, end: f64) {
         // As they are where the step begins: a trial may leave the system elsewhere.
         let (radius, live) = (system.radius(), system.live());
-        let least = LEAST_STEP * self.scale.max(self.time);
+        let least = (LEAST_STEP.0 * self.scale).max(LEAST_STEP.1 * self.time);
         loop {
             let limit = (MOST_STAGES * MOST_STAGES) as f64 / (1.54 * radius.max(1e-300));
             // A step that would end just short of the end goes all the way.
@@ -212,7 +214,8 @@ impl Rkc {
                 self.before.0 = self.time;
                 self.time = if whole { end } else { self.time + h };
                 self.accepted += 1;
-                if self.accepted.is_multiple_of(PATIENCE) {
+                let patience = self.accepted / PATIENCE;
+                if self.accepted == patience * PATIENCE && patience.is_power_of_two() {
                     // Where rates jump again and again no step would ever be long.
                     self.tolerance *= 2.0;
                 }

@@ -370,7 +370,7 @@ impl Simulation {
         };
         let last = case.normalized_end();
         let march = March::new(&case.contact, &case.control, case.law(), tolerance, last);
-        // A scenario whose scar outgrows its indenter was refused before it came here.
+        // A scenario whose first scar outgrows its indenter was refused before it came here.
         let Some(mut march) = march else {
             self.events.push(Event { at: 0.0, kind: EventKind::ContactLost, ends: true });
             return 0.0;

@@ -256,22 +256,38 @@ impl Wearing {
         };
         let carried = match self.law {
             Law::Exact => {
-                let curve = Monotone::through(from.squares().to_vec(), values.to_vec());
+                // The worn profile is smooth, almost flat where all has slipped for long; its wear is not. A
+                // thousandth of that would be more than the springs are compressed.
+                let shape = &self.contact.shape;
+                let unworn = |mesh: &Mesh| -> Vec<f64> {
+                    mesh.radii().iter().map(|r| shape.profile(*r)).collect()
+                };
+                let worn = unworn(from).iter().zip(values).map(|(f, w)| f + w).collect();
+                let curve = Monotone::through(from.squares().to_vec(), worn);
                 let end = from.squares()[cells];
                 let mut wear: Vec<f64> = to
                     .squares()
                     .iter()
-                    .map(|t| if *t < end { curve.at(*t).max(0.0) } else { 0.0 })
+                    .zip(unworn(to))
+                    .map(|(t, f)| if *t < end { (curve.at(*t) - f).max(0.0) } else { 0.0 })
                     .collect();
+                wear[0] = 0.0;
+                // V is kept by shifting what is worn, which leaves it as flat as it is.
+                let share: Vec<f64> = to
+                    .squares()
+                    .iter()
+                    .zip(&wear)
+                    .map(|(t, w)| if *w > 0.0 { 1.0 - to.squares()[0] / t } else { 0.0 })
+                    .collect();
+                let area = to.volume(&share);
+                if area > 0.0 {
+                    let shift = (from.volume(values) - to.volume(&wear)) / area;
+                    for (w, share) in wear.iter_mut().zip(&share) {
+                        *w = (*w + shift * share).max(0.0);
+                    }
+                }
                 if to.radii()[0] == 0.0 {
                     wear[0] = wear[1];
-                }
-                let volume = to.volume(&wear);
-                if volume > 0.0 {
-                    let scale = from.volume(values) / volume;
-                    for w in &mut wear {
-                        *w *= scale;
-                    }
                 }
                 wear
             }
