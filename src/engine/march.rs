@@ -561,7 +561,7 @@ impl Run {
             self.rkc.restart(&mut self.wearing, Some(values));
             self.loss = [self.wearing.energy_rate(); 2];
         }
-        if self.has_arrived() && end.is_finite() {
+        if end.is_finite() && self.has_arrived(end) {
             // Until the amplitude changes nothing will.
             self.rkc.rest_until(end);
             self.worn_by_energy[0] = self.worn_by_energy[1];
@@ -574,18 +574,23 @@ impl Run {
         self.loss = [self.loss[1], self.wearing.energy_rate()];
         self.worn_by_energy[0] = self.worn_by_energy[1];
         self.worn_by_energy[1] += self.loss_since(began, time, self.loss[1]);
-        if end.is_infinite() && self.has_arrived() {
+        if end.is_infinite() && self.has_arrived(end) {
             self.settled = Some(time);
         }
         true
     }
 
-    /// Whether wear has as good as ended, at the present amplitude.
-    fn has_arrived(&self) -> bool {
-        let time = self.rkc.time() - self.block_began;
-        let rate = self.wearing.energy_rate();
-        // Nor does what does not wear at all.
-        time > 0.0 && rate * time <= SETTLED * self.rkc.tolerance() * self.worn_by_energy[1]
+    /// Whether wear has as good as ended, at the present amplitude, which stays up to `end`.
+    fn has_arrived(&self, end: f64) -> bool {
+        let (time, rate) = (self.rkc.time(), self.wearing.energy_rate());
+        let lasted = time - self.block_began;
+        let negligible = SETTLED * self.rkc.tolerance() * self.worn_by_energy[1];
+        // What has just begun has not lasted long enough to tell.
+        let tells = lasted * self.wearing.pace() >= self.rkc.scale();
+        lasted > 0.0
+            && (rate == 0.0
+                || tells && rate * lasted <= negligible
+                || rate * (end - time) <= negligible)
     }
 
     /// Commands the next amplitude where a block has ended; when the present one ends.
