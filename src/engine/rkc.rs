@@ -89,6 +89,8 @@ const FIRST_STEP: f64 = 0.02;
 /// A step is at most so long, plus so much of the time that has passed: what decays at a rate of 1 is
 /// then interpolated within a step as well as it is integrated.
 const LONGEST_STEP: (f64, f64) = (1.5, 0.15);
+/// Components that have grown to less than this share of the largest do not count in the mean of the error.
+const GROWN: f64 = 0.01;
 const MOST_STAGES: usize = 1000;
 /// Beyond the first of these, stages come in multiples of the second: few sets of coefficients are made and
 /// kept.
@@ -267,14 +269,14 @@ impl Rkc {
         let [next, next_rates, _] = &self.scratch;
         let most = next.iter().copied().fold(0.0, f64::max);
         let allowed = self.tolerance * (0.01 * self.size.min(limit) + most.min(limit));
-        let sum: f64 = (1..self.values.len().min(live + 1))
+        let (sum, count) = (1..self.values.len().min(live + 1))
             .map(|j| {
                 let error =
                     0.8 * (self.values[j] - next[j]) + 0.4 * h * (self.rates[j] + next_rates[j]);
-                error * error
+                (error * error, usize::from(next[j] > GROWN * most))
             })
-            .sum();
-        (sum / live.max(1) as f64).sqrt() / allowed
+            .fold((0.0, 0), |(sum, count), (error, grown)| (sum + error, count + grown));
+        (sum / count.max(1) as f64).sqrt() / allowed
     }
 
     /// The values at a time within the last step, by cubic Hermite interpolation.

@@ -256,28 +256,40 @@ impl Wearing {
         };
         let carried = match self.law {
             Law::Exact => {
-                // The worn profile is smooth, almost flat where all has slipped for long; its wear is not. A
-                // thousandth of that would be more than the springs are compressed.
+                // Where all has slipped for long the worn profile is almost flat and its wear is not, a
+                // thousandth of which is more than the springs are compressed: what varies less is
+                // carried over.
                 let shape = &self.contact.shape;
-                let unworn = |mesh: &Mesh| -> Vec<f64> {
-                    mesh.radii().iter().map(|r| shape.profile(*r)).collect()
-                };
-                let worn = unworn(from).iter().zip(values).map(|(f, w)| f + w).collect();
-                let curve = Monotone::through(from.squares().to_vec(), worn);
-                let end = from.squares()[cells];
+                let squares = from.squares();
+                let worn: Vec<f64> =
+                    from.radii().iter().zip(values).map(|(r, w)| shape.profile(*r) + w).collect();
+                let of_wear = Monotone::through(squares.to_vec(), values.to_vec());
+                let of_worn = Monotone::through(squares.to_vec(), worn.clone());
                 let mut wear: Vec<f64> = to
                     .squares()
                     .iter()
-                    .zip(unworn(to))
-                    .map(|(t, f)| if *t < end { (curve.at(*t) - f).max(0.0) } else { 0.0 })
+                    .zip(to.radii())
+                    .map(|(t, r)| {
+                        let next = squares.partition_point(|known| known <= t).max(1);
+                        if next > cells {
+                            return 0.0;
+                        }
+                        let varies = |curve: &[f64]| (curve[next] - curve[next - 1]).abs();
+                        if varies(&worn) < varies(values) {
+                            (of_worn.at(*t) - shape.profile(*r)).max(0.0)
+                        } else {
+                            of_wear.at(*t).max(0.0)
+                        }
+                    })
                     .collect();
                 wear[0] = 0.0;
                 // V is kept by shifting what is worn, which leaves it as flat as it is.
+                let start = to.squares()[0];
                 let share: Vec<f64> = to
                     .squares()
                     .iter()
                     .zip(&wear)
-                    .map(|(t, w)| if *w > 0.0 { 1.0 - to.squares()[0] / t } else { 0.0 })
+                    .map(|(t, w)| if *w > 0.0 { 1.0 - start / t } else { 0.0 })
                     .collect();
                 let area = to.volume(&share);
                 if area > 0.0 {
