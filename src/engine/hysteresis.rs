@@ -87,7 +87,8 @@ impl Backbone {
         let mut slope = start + widths[..compressions.len()].iter().sum::<f64>();
         let (mut at, mut force) = (0.0, 0.0);
         let mut knots = vec![[0.0, 0.0, slope]];
-        for (y, width) in cells {
+        let all = cells.len();
+        for (i, (y, width)) in cells.into_iter().enumerate() {
             if y >= threshold {
                 break;
             }
@@ -95,7 +96,8 @@ impl Backbone {
             at = y;
             // The spring in the middle of the cell gives way at its mean.
             knots.push([at, force, slope - 0.5 * width]);
-            slope -= width;
+            // Exactly the core's in the end: times a very large Δ what rounding leaves would be a force.
+            slope = if i + 1 == all { start } else { slope - width };
         }
         force += slope * (threshold - at);
         knots.push([threshold, force, slope]);
