@@ -476,6 +476,21 @@ fn the_simplified_rule_is_as_far_from_the_exact_method_as_documented() {
     }
 }
 
+/// A sphere's image is infinite at its equator, which radii about a wide scar must not touch.
+#[test]
+fn radii_about_a_wide_scar_stay_inside_the_sphere() {
+    let request = json!({
+        "profile": {"shape": "sphere", "radius": 112.44932718},
+        "moduli": {"normal": 187_090.257_306, "tangential": 149_672.205_845},
+        "friction": 0.01, "wear": {"coefficient": 1e-9},
+        "load": {"normal_force": 681_352_924.735, "held": "force"},
+        "motion": {"amplitude": 0.512_253_256_058}, "cycles": [1000.0],
+        "model": {"method": "exact", "tolerance": 0.02, "points": 16}
+    });
+    let profiles = run(&request).profiles.expect("profiles");
+    assert!(profiles.image.iter().flatten().all(|g| g.is_finite()), "{:?}", profiles.image);
+}
+
 /// An actuator may move a billion times as far as the springs yield.
 #[test]
 fn a_loop_far_wider_than_the_springs_yield_keeps_its_ratios() {
