@@ -502,7 +502,8 @@ impl March {
         let apart = self.distance(normalized_cycles).max(self.apart);
         let volume_error = (SHARE * self.fine.wearing.springs().doubt() * apart)
             .max(LEAST_ERROR * self.fine.rkc.tolerance())
-            .max(self.fine.edge_error(&worn));
+            .max(self.fine.edge_error(&worn))
+            .max(self.fine.core_error(&worn));
         Instant { worn, volume_error, worn_by_energy }
     }
 }
@@ -666,6 +667,20 @@ impl Run {
         };
         let share = (worn.volume / here).min(1.0);
         EDGE_SHARE * (1.0 - there / here).abs() * share * share
+    }
+
+    /// What it does to V that a core too small for the cells is taken for none, where d is held.
+    fn core_error(&self, worn: &Worn) -> f64 {
+        let Wearing { contact, .. } = &self.wearing;
+        let least = self.control.least_stick(contact);
+        if self.control.normal == Normal::Force || least == 0.0 || self.wearing.plan().start > 0.0 {
+            return 0.0;
+        }
+        let last = |stick: f64| Limit::solve(&contact.shape, stick).map(|limit| limit.volume);
+        let (Some(without), Some(with)) = (last(0.0), last(least)) else {
+            return 0.0;
+        };
+        (without / with - 1.0) * (worn.volume / with).min(1.0)
     }
 
     fn volume(&mut self, time: f64) -> f64 {
