@@ -480,7 +480,7 @@ fn the_simplified_rule_is_as_far_from_the_exact_method_as_documented() {
 #[test]
 fn radii_about_a_wide_scar_stay_inside_the_sphere() {
     let request = json!({
-        "profile": {"shape": "sphere", "radius": 112.44932718},
+        "profile": {"shape": "sphere", "radius": 112.449_327_18},
         "moduli": {"normal": 187_090.257_306, "tangential": 149_672.205_845},
         "friction": 0.01, "wear": {"coefficient": 1e-9},
         "load": {"normal_force": 681_352_924.735, "held": "force"},
