@@ -26,7 +26,7 @@ use std::sync::Arc;
 
 use super::contact::Contact;
 use super::limit::{Limit, chord_and_angle, limiting_wear};
-use super::numeric::{integrate_beyond, maximum, root};
+use super::numeric::{maximum, root};
 use super::profile::Shape;
 use super::record::Record;
 
@@ -159,10 +159,7 @@ impl Control {
     pub fn depth_on_core(&self, shape: &Shape, stick: f64) -> f64 {
         match self.normal {
             Normal::Depth => 1.0,
-            Normal::Force => {
-                let inside = integrate_beyond(0.0, stick, shape.kinks(), |x| shape.image(x));
-                (shape.half_force() + inside) / stick
-            }
+            Normal::Force => (shape.half_force() + shape.area(stick)) / stick,
         }
     }
 

@@ -57,9 +57,10 @@ impl Limit {
     /// `None` as for [`Limit::solve`].
     #[must_use]
     pub fn at_depth(shape: &Shape, c: f64, d: f64) -> Option<Self> {
-        // w∞ is positive at r = 1 and falls outside; walk outwards until it has changed sign.
+        // w∞ is positive at r = 1, or just outside a larger c, and falls further out; walk outwards until it
+        // has changed sign.
         let wear = |r: f64| limiting_wear(shape, c, d, r, chord_and_angle(c, r));
-        let (mut inner, mut step) = (1.0, (1.0 - c).max(1e-12));
+        let (mut inner, mut step) = (c.max(1.0), (1.0 - c).max(1e-12));
         let outer = loop {
             let outer = (inner + step).min(shape.extent());
             if wear(outer) < 0.0 {

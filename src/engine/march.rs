@@ -20,7 +20,7 @@ use super::contact::{Contact, Regime};
 use super::control::{Control, Final, Normal, Tangential};
 use super::limit::Limit;
 use super::rkc::Rkc;
-use super::wearing::{Focus, Law, Plan, REST_BLUR, Wearing, Worn};
+use super::wearing::{FAR, Focus, Law, Plan, REST_BLUR, Wearing, Worn, is_far};
 
 /// Cells at the tolerance `COMMON_TOLERANCE`; errors fall with the square of the number.
 const COMMON_CELLS: f64 = 52.0;
@@ -54,6 +54,8 @@ pub const SHAKEN: f64 = 1e-3;
 
 /// Widest scar in a₀ where all slips under a held force: beyond, the unworn contact says nothing any more.
 pub const WIDEST: f64 = 100.0;
+/// An indenter wider than a scar by this share has room for it, whatever the mesh.
+const ROOMY: f64 = 0.7;
 /// Deepest wear in d₀ there.
 pub const DEEPEST: f64 = 1000.0;
 
@@ -68,6 +70,8 @@ pub enum EventKind {
     Shakedown,
     /// The wear that was asked for is reached.
     UntilReached,
+    /// The scar has come to the rim of the indenter, beyond which nothing is known.
+    RimReached,
 }
 
 /// When something happens, in N₀.
@@ -89,6 +93,7 @@ impl Event {
             EventKind::ContactLost => "contact_lost",
             EventKind::Shakedown => "shakedown",
             EventKind::UntilReached => "until_reached",
+            EventKind::RimReached => "rim_reached",
         };
         super::outcome::Event { cycles: self.at * unit, kind }
     }
@@ -124,6 +129,8 @@ pub struct March {
     events: Vec<Event>,
     /// What has happened, or need not be looked for.
     known: Vec<EventKind>,
+    /// The block of the last step.
+    block: usize,
 }
 
 /// The worn contact at one instant, with what is known of the run.
@@ -151,6 +158,17 @@ fn moves(control: &Control, contact: &Contact) -> bool {
         && (!slips || control.normal == Normal::Force && contact.threshold < REGAINS)
 }
 
+/// The wear by which the amplitude of a contact on a rig doubles where d is held: all that yields as the
+/// force falls is then the rig's.
+fn quickens(contact: &Contact, control: &Control) -> f64 {
+    match control.tangential {
+        Tangential::Rig { compliance, .. } if control.normal == Normal::Depth => {
+            0.5 * contact.threshold / compliance
+        }
+        _ => f64::INFINITY,
+    }
+}
+
 /// Cells and tolerance of a run that aims at a relative error.
 fn effort(contact: &Contact, control: &Control, law: Law, tolerance: f64) -> (usize, f64) {
     let cells = match law {
@@ -158,7 +176,8 @@ fn effort(contact: &Contact, control: &Control, law: Law, tolerance: f64) -> (us
         // Cheap, and less accurate: its images are constant over a cell.
         Law::Simplified(_) => cells(tolerance) * 3 / 2,
     };
-    if !moves(control, contact) {
+    let far = control.tends_to(contact).is_some_and(|end| is_far(contact, &end));
+    if !moves(control, contact) && !far {
         return (cells, tolerance);
     }
     let gives_way = control.normal == Normal::Depth
@@ -179,6 +198,8 @@ struct Run {
     control: Control,
     rkc: Rkc,
     settled: Option<f64>,
+    /// Whether the scar has no more room.
+    outgrown: bool,
     /// The block under way, and when it began.
     block: usize,
     block_began: f64,
@@ -217,25 +238,23 @@ impl March {
         end: Option<&Final>,
         last: f64,
     ) -> bool {
-        let extent = contact.shape.extent();
-        if end.is_some() {
-            return true;
-        }
+        let shape = &contact.shape;
         if let Some(outermost) = Plan::outermost(contact, control, law, last) {
-            return outermost < (0.9 * extent).min(WIDEST)
-                && contact.shape.profile(outermost) < DEEPEST;
+            let most = if end.is_some() { shape.extent() } else { 0.9 * shape.extent() };
+            return outermost < most.min(WIDEST) && shape.profile(outermost) < DEEPEST;
         }
-        if extent.is_infinite() {
+        if end.is_some() || shape.extent().is_infinite() {
             return true;
         }
         let stick = control.least_stick(contact);
         if control.normal == Normal::Depth {
-            return Limit::solve(&contact.shape, stick).is_some();
+            return Limit::solve(shape, stick).is_some();
         }
         // Should the core never grow, the scar would be widest.
-        let depth = control.depth_on_core(&contact.shape, stick);
-        Limit::at_depth(&contact.shape, stick, depth).is_some()
-            || Self::new(contact, control, law, COMMON_TOLERANCE, last).is_some()
+        let depth = control.depth_on_core(shape, stick);
+        let widest = Limit::at_depth(shape, stick, depth);
+        widest.is_some_and(|limit| limit.radius < ROOMY * shape.extent())
+            || Self::scouted(contact, control, law, last).is_some()
     }
 
     /// About how many multiplications a run takes to an instant in N₀. Measured on a paraboloid: five
@@ -273,26 +292,12 @@ impl March {
         tolerance: f64,
         last: f64,
     ) -> Option<Self> {
-        let mut plan = Plan::first(contact, control, cells)?;
         let grows = control.normal == Normal::Force && moves(control, contact);
-        if grows {
-            plan = Plan::first(contact, control, SCOUT.0)?;
-            for blur in [4.0 * REST_BLUR, REST_BLUR] {
-                let mut scout = Run::new(contact, control, law, plan.clone(), SCOUT.0, SCOUT.1);
-                let mut focus = 0.0_f64;
-                while scout.advance(last) {
-                    focus = focus.max(scout.wearing.springs().stick());
-                }
-                if scout.wearing.outgrows() {
-                    return None;
-                }
-                plan.reach = scout.wearing.plan().reach;
-                if focus > plan.start {
-                    let blur = blur * (plan.reach - plan.start);
-                    plan.focus = Some(Focus { from: focus, to: focus, blur });
-                }
-            }
-        }
+        let scouted = if grows { Self::scouted(contact, control, law, last) } else { None };
+        let plan = match scouted {
+            Some(plan) => plan,
+            None => Plan::first(contact, control, cells)?,
+        };
         let fine = Run::new(contact, control, law, plan.clone(), cells, tolerance);
         let coarse = Run::new(contact, control, law, plan, cells / 2, 4.0 * tolerance);
         let check = 0.01 * fine.rkc.scale();
@@ -307,7 +312,35 @@ impl March {
             // So close to gross slip that the mesh cannot tell.
             events.push(Event { at: 0.0, kind: EventKind::GrossSlip, ends: true });
         }
-        Some(Self { fine, coarse, until, check, apart: 0.0, events, known })
+        Some(Self { fine, coarse, until, check, apart: 0.0, events, known, block: 0 })
+    }
+
+    /// The mesh for a stick edge that comes to rest in worn material, by coarse runs; `None` where the scar
+    /// outgrows the shape.
+    fn scouted(contact: &Contact, control: &Control, law: Law, last: f64) -> Option<Plan> {
+        let first = Plan::first(contact, control, SCOUT.0)?;
+        let mut plan = first.clone();
+        for blur in [4.0 * REST_BLUR, REST_BLUR] {
+            let mut scout = Run::new(contact, control, law, plan.clone(), SCOUT.0, SCOUT.1);
+            let mut focus = 0.0_f64;
+            while scout.advance(last) {
+                focus = focus.max(scout.wearing.springs().stick());
+            }
+            if scout.wearing.outgrows() {
+                return None;
+            }
+            let reach = scout.wearing.plan().reach;
+            if reach > FAR * first.reach {
+                // Nodes out there would be missing where the run begins.
+                return Some(first);
+            }
+            plan.reach = reach;
+            if focus > plan.start {
+                let blur = blur * (plan.reach - plan.start);
+                plan.focus = Some(Focus { from: focus, to: focus, blur });
+            }
+        }
+        Some(plan)
     }
 
     /// Ends the run at some wear.
@@ -326,6 +359,10 @@ impl March {
         let fine = self.fine.advance(next);
         if fine {
             self.watch();
+        } else if self.fine.outgrown {
+            let at = self.fine.rkc.time();
+            self.events.push(Event { at, kind: EventKind::RimReached, ends: true });
+            return false;
         }
         if fine || coarse {
             return true;
@@ -352,7 +389,16 @@ impl March {
 
     /// Looks for events within the last step.
     fn watch(&mut self) {
-        use EventKind::{ContactLost, GrossSlip, Shakedown, UntilReached};
+        use EventKind::{ContactLost, GrossSlip, RimReached, Shakedown, UntilReached};
+        if self.fine.block != self.block {
+            // Under another amplitude a contact may stick again, or wear: the next time counts anew.
+            self.block = self.fine.block;
+            for kind in [GrossSlip, Shakedown] {
+                if self.signal(kind, self.fine.rkc.began()) > 0.0 {
+                    self.known.retain(|known| *known != kind);
+                }
+            }
+        }
         let mut found = Vec::new();
         for kind in [GrossSlip, Shakedown, ContactLost, UntilReached] {
             if self.known.contains(&kind) {
@@ -375,7 +421,7 @@ impl March {
             let ends = match kind {
                 GrossSlip => held,
                 Shakedown => false,
-                ContactLost | UntilReached => true,
+                ContactLost | UntilReached | RimReached => true,
             };
             found.push(Event { at: high, kind, ends });
         }
@@ -390,11 +436,8 @@ impl March {
     fn signal(&mut self, kind: EventKind, time: f64) -> f64 {
         let until = self.until;
         let run = &mut self.fine;
-        let last_block = match &run.control.tangential {
-            Tangential::Blocks(blocks) => run.block + 1 == blocks.len(),
-            _ => true,
-        };
         match kind {
+            EventKind::RimReached => 1.0,
             EventKind::UntilReached if until == Until::default() => 1.0,
             EventKind::UntilReached => run.under(time, |wearing, values| {
                 let worn = wearing.at(values);
@@ -404,11 +447,12 @@ impl March {
             EventKind::ContactLost => {
                 run.under(time, |wearing, _| wearing.springs().share() - LOST)
             }
-            EventKind::Shakedown if !last_block => 1.0,
             EventKind::Shakedown => {
                 let least = SHAKEN * run.first_loss;
                 run.under(time, |wearing, _| {
-                    if wearing.springs().stick() == 0.0 {
+                    let springs = wearing.springs();
+                    // Where nothing moves, or all slips, nothing shakes down.
+                    if springs.threshold() == 0.0 || springs.stick() == 0.0 {
                         1.0
                     } else {
                         wearing.energy_rate() - least
@@ -480,7 +524,8 @@ impl March {
         let apart = self.distance(normalized_cycles).max(self.apart);
         let volume_error = (SHARE * self.fine.wearing.springs().doubt() * apart)
             .max(LEAST_ERROR * self.fine.rkc.tolerance())
-            .max(self.fine.edge_error(&worn));
+            .max(self.fine.edge_error(&worn))
+            .max(self.fine.core_error(&worn));
         Instant { worn, volume_error, worn_by_energy }
     }
 }
@@ -505,13 +550,15 @@ impl Run {
         wearing.press(&unworn);
         let rate = wearing.energy_rate();
         let scale = contact.limit.volume / (6.0 * rate);
-        let rkc = Rkc::new(&mut wearing, unworn, tolerance, (scale, contact.limit.depth));
+        let size = contact.limit.depth.min(quickens(contact, control));
+        let rkc = Rkc::new(&mut wearing, unworn, tolerance, (scale, size));
         let control = control.clone();
         Self {
             wearing,
             control,
             rkc,
             settled: None,
+            outgrown: false,
             block: 0,
             block_began: 0.0,
             rests: false,
@@ -529,13 +576,15 @@ impl Run {
         if self.wearing.is_full() {
             if self.wearing.outgrows() {
                 self.settled = Some(self.rkc.time());
+                self.outgrown = true;
                 return false;
             }
             let (wearing, values) = self.wearing.extended(&self.control, self.rkc.values());
             self.wearing = wearing;
             self.rkc.restart(&mut self.wearing, Some(values));
+            self.loss = [self.wearing.energy_rate(); 2];
         }
-        if self.has_arrived() && end.is_finite() {
+        if end.is_finite() && self.has_arrived(end) {
             // Until the amplitude changes nothing will.
             self.rkc.rest_until(end);
             self.worn_by_energy[0] = self.worn_by_energy[1];
@@ -548,17 +597,23 @@ impl Run {
         self.loss = [self.loss[1], self.wearing.energy_rate()];
         self.worn_by_energy[0] = self.worn_by_energy[1];
         self.worn_by_energy[1] += self.loss_since(began, time, self.loss[1]);
-        if end.is_infinite() && self.has_arrived() {
+        if end.is_infinite() && self.has_arrived(end) {
             self.settled = Some(time);
         }
         true
     }
 
-    /// Whether wear has as good as ended, at the present amplitude.
-    fn has_arrived(&self) -> bool {
-        let time = self.rkc.time() - self.block_began;
-        let rate = self.wearing.energy_rate();
-        time > 0.0 && rate * time < SETTLED * self.rkc.tolerance() * self.worn_by_energy[1]
+    /// Whether wear has as good as ended, at the present amplitude, which stays up to `end`.
+    fn has_arrived(&self, end: f64) -> bool {
+        let (time, rate) = (self.rkc.time(), self.wearing.energy_rate());
+        let lasted = time - self.block_began;
+        let negligible = SETTLED * self.rkc.tolerance() * self.worn_by_energy[1];
+        // What has just begun has not lasted long enough to tell.
+        let tells = lasted * self.wearing.pace() >= self.rkc.scale();
+        lasted > 0.0
+            && (rate == 0.0
+                || tells && rate * lasted <= negligible
+                || rate * (end - time) <= negligible)
     }
 
     /// Commands the next amplitude where a block has ended; when the present one ends.
@@ -580,6 +635,7 @@ impl Run {
         self.block_began = self.rkc.time();
         let end = next.end;
         self.rkc.restart(&mut self.wearing, None);
+        self.rkc.hurry(self.wearing.pace());
         self.loss = [self.wearing.energy_rate(); 2];
         end
     }
@@ -630,6 +686,20 @@ impl Run {
         };
         let share = (worn.volume / here).min(1.0);
         EDGE_SHARE * (1.0 - there / here).abs() * share * share
+    }
+
+    /// What it does to V that a core too small for the cells is taken for none, where d is held.
+    fn core_error(&self, worn: &Worn) -> f64 {
+        let Wearing { contact, .. } = &self.wearing;
+        let least = self.control.least_stick(contact);
+        if self.control.normal == Normal::Force || least == 0.0 || self.wearing.plan().start > 0.0 {
+            return 0.0;
+        }
+        let last = |stick: f64| Limit::solve(&contact.shape, stick).map(|limit| limit.volume);
+        let (Some(without), Some(with)) = (last(0.0), last(least)) else {
+            return 0.0;
+        };
+        (without / with - 1.0) * (worn.volume / with).min(1.0)
     }
 
     fn volume(&mut self, time: f64) -> f64 {

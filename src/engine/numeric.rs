@@ -182,8 +182,9 @@ pub fn maximum(mut low: f64, mut high: f64, f: impl Fn(f64) -> f64) -> f64 {
             at_right = f(right);
         }
     }
-    let middle = 0.5 * (low + high);
     let step = high - low;
+    // Never outside, where `f` may have no value.
+    let middle = (0.5 * (low + high)).clamp(first + step, last - step);
     let (before, here, after) = (f(middle - step), f(middle), f(middle + step));
     let curvature = before - 2.0 * here + after;
     if curvature >= 0.0 {
@@ -373,6 +374,9 @@ mod tests {
         assert!((root(0.0, 2.0, |x| x * x - 2.0) - std::f64::consts::SQRT_2).abs() < 1e-15);
         assert!((root(0.0, 1.0, |x| libm::pow(x, 9.0) - 1e-9) - 0.1).abs() < 1e-15);
         assert!((maximum(0.0, 3.0, |x| x * (2.0 - x)) - 1.0).abs() < 1e-7);
+        // Without a value beyond the ends.
+        assert!(maximum(0.0, 1.0, |x| 1.0 - x * x.sqrt()) < 1e-3);
+        assert!(maximum(0.0, 1.0, |x| 1.0 - (1.0 - x) * (1.0 - x).sqrt()) > 0.999);
     }
 
     #[test]

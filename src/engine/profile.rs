@@ -20,7 +20,7 @@
 
 use std::f64::consts::{FRAC_1_PI, FRAC_2_PI, FRAC_PI_2, PI};
 
-use super::numeric::{integrate, maximum, whole_power};
+use super::numeric::{integrate, integrate_beyond, maximum, whole_power};
 use super::table_shape::Pressed;
 use super::truncated::Truncated;
 
@@ -230,6 +230,20 @@ impl Shape {
             Kind::Sphere { .. } => super::numeric::root(0.0, 1.0, |x| self.image(x) - value),
             Kind::Truncated(ref shape) => shape.image_inverse(value),
             Kind::Table(ref table) => table.image_inverse(value),
+        }
+    }
+
+    /// ∫₀ˣ g₀ dx.
+    #[must_use]
+    pub fn area(&self, x: f64) -> f64 {
+        match self.kind {
+            Kind::Whole(n) => whole_power(x, n + 1) / f64::from(n + 1),
+            Kind::Power(n) => libm::pow(x, n + 1.0) / (n + 1.0),
+            // A table's image has too many pieces for one rule.
+            Kind::Table(ref table) => table.area(x),
+            Kind::Sphere { .. } | Kind::Truncated(_) => {
+                integrate_beyond(0.0, x, self.kinks(), |x| self.image(x))
+            }
         }
     }
 

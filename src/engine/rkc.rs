@@ -20,6 +20,8 @@ pub trait Rates {
     fn radius(&self) -> f64;
     /// How many components count in the error, from the second on.
     fn live(&self) -> usize;
+    /// No component needs to be known better than to a share of this, however large it is.
+    fn most(&self) -> f64;
 }
 
 /// The coefficients of s stages.
@@ -80,14 +82,21 @@ pub struct Rkc {
     pub evaluations: usize,
 }
 
-/// No step is smaller, in units of the time scale.
-const LEAST_STEP: f64 = 1e-10;
+/// No step is smaller, in units of the time scale and of the time that has passed: after a long rest wear may
+/// be as fast again as ever.
+const LEAST_STEP: (f64, f64) = (1e-10, 1e-13);
 const FIRST_STEP: f64 = 0.02;
 /// A step is at most so long, plus so much of the time that has passed: what decays at a rate of 1 is
 /// then interpolated within a step as well as it is integrated.
 const LONGEST_STEP: (f64, f64) = (1.5, 0.15);
-const MOST_STAGES: usize = 200;
-/// After each so many steps the tolerance is doubled: every run ends, and says how well it was done.
+/// Components that have grown to less than this share of the largest do not count in the mean of the error.
+const GROWN: f64 = 0.01;
+const MOST_STAGES: usize = 1000;
+/// Beyond the first of these, stages come in multiples of the second: few sets of coefficients are made and
+/// kept.
+const STAGES_APART: (usize, usize) = (200, 50);
+/// After so many steps, and each time that their number has doubled, so is the tolerance: every run ends, and
+/// says how well it was done.
 const PATIENCE: usize = 2000;
 
 impl Rkc {
@@ -167,6 +176,11 @@ impl Rkc {
         self.before = (self.time, self.values.clone(), self.rates.clone());
     }
 
+    /// Begins anew with small steps, for rates that many times as large as those of the time scale.
+    pub fn hurry(&mut self, times: f64) {
+        self.step = self.step.min(FIRST_STEP * self.scale / times.max(1.0));
+    }
+
     /// Passes to a later time at which nothing has changed any more.
     pub fn rest_until(&mut self, time: f64) {
         self.rates.fill(0.0);
@@ -178,7 +192,7 @@ impl Rkc {
     pub fn advance(&mut self, system: &mut impl Rates, end: f64) {
         // As they are where the step begins: a trial may leave the system elsewhere.
         let (radius, live) = (system.radius(), system.live());
-        let least = LEAST_STEP * self.scale.max(self.time);
+        let least = (LEAST_STEP.0 * self.scale).max(LEAST_STEP.1 * self.time);
         loop {
             let limit = (MOST_STAGES * MOST_STAGES) as f64 / (1.54 * radius.max(1e-300));
             // A step that would end just short of the end goes all the way.
@@ -186,8 +200,13 @@ impl Rkc {
             let whole = self.step.min(limit) >= 0.999 * left;
             let h = if whole { left } else { self.step.min(limit) };
             let stages = ((1.0 + 1.54 * h * radius).sqrt().ceil() as usize).clamp(2, MOST_STAGES);
+            let stages = if stages > STAGES_APART.0 {
+                stages.next_multiple_of(STAGES_APART.1)
+            } else {
+                stages
+            };
             self.compute(system, h, stages);
-            let error = self.error(h, live.max(system.live()));
+            let error = self.error(h, live.max(system.live()), system.most());
             let [next, next_rates, _] = &mut self.scratch;
             if error <= 1.0 || h <= least {
                 std::mem::swap(&mut self.before.1, &mut self.values);
@@ -197,7 +216,8 @@ impl Rkc {
                 self.before.0 = self.time;
                 self.time = if whole { end } else { self.time + h };
                 self.accepted += 1;
-                if self.accepted.is_multiple_of(PATIENCE) {
+                let patience = self.accepted / PATIENCE;
+                if self.accepted == patience * PATIENCE && patience.is_power_of_two() {
                     // Where rates jump again and again no step would ever be long.
                     self.tolerance *= 2.0;
                 }
@@ -245,18 +265,18 @@ impl Rkc {
     }
 
     /// The root mean square of the estimated local error over what is allowed.
-    fn error(&self, h: f64, live: usize) -> f64 {
+    fn error(&self, h: f64, live: usize, limit: f64) -> f64 {
         let [next, next_rates, _] = &self.scratch;
         let most = next.iter().copied().fold(0.0, f64::max);
-        let allowed = self.tolerance * (0.01 * self.size + most);
-        let sum: f64 = (1..self.values.len().min(live + 1))
+        let allowed = self.tolerance * (0.01 * self.size.min(limit) + most.min(limit));
+        let (sum, count) = (1..self.values.len().min(live + 1))
             .map(|j| {
                 let error =
                     0.8 * (self.values[j] - next[j]) + 0.4 * h * (self.rates[j] + next_rates[j]);
-                error * error
+                (error * error, usize::from(next[j] > GROWN * most))
             })
-            .sum();
-        (sum / live.max(1) as f64).sqrt() / allowed
+            .fold((0.0, 0), |(sum, count), (error, grown)| (sum + error, count + grown));
+        (sum / count.max(1) as f64).sqrt() / allowed
     }
 
     /// The values at a time within the last step, by cubic Hermite interpolation.
@@ -297,6 +317,9 @@ mod tests {
         }
         fn radius(&self) -> f64 {
             self.0.iter().copied().fold(0.0, f64::max)
+        }
+        fn most(&self) -> f64 {
+            f64::INFINITY
         }
         fn live(&self) -> usize {
             self.0.len()

@@ -170,6 +170,8 @@ impl Grid {
         // The ends are what they are, not what rounding makes of them.
         radii[core] = c;
         radii[core + cells] = scar;
+        // Not quite as far as the last: a sphere's image is infinite at its equator.
+        let last = scar + (1.0 - 1e-9) * (last - scar);
         let step = ((REACH - 1.0) * scar).min(last - scar) / outer as f64;
         radii.extend((1..=outer).map(|k| (scar + step * k as f64).min(last)));
         Self { radii, core, cells }

@@ -24,7 +24,7 @@ use super::comparison::Comparing;
 use super::contact::Regime;
 use super::fault::Fault;
 use super::hysteresis::{Backbone, Loop};
-use super::march::{Event, EventKind, LOST, March, SHAKEN, Until};
+use super::march::{Event, EventKind, LOST, March, SHAKEN, Until, WIDEST};
 use super::numeric::{Bracket, root};
 use super::outcome::{
     Accuracy, BodyWear, History, Loops, Outcome, Profiles, Scales, Unworn, limit_state,
@@ -212,7 +212,7 @@ impl Simulation {
             }
             Solver::March(march) => {
                 let (start, reach) = match (tends_to, march) {
-                    (Some(end), _) => (end.stick, end.limit.radius),
+                    (Some(end), _) => (end.stick, end.limit.radius.min(WIDEST)),
                     (None, Some(march)) => (control.least_stick(contact), march.reach()),
                     (None, None) => return 0.0,
                 };
@@ -380,7 +380,7 @@ impl Simulation {
         let case = &self.case;
         let last = case.normalized_end();
         let march = March::new(&case.contact, &case.control, case.law(), case.tolerance(), last);
-        // A scenario whose scar outgrows its indenter was refused before it came here.
+        // A scenario whose first scar outgrows its indenter was refused before it came here.
         let Some(mut march) = march else {
             self.events.push(Event { at: 0.0, kind: EventKind::ContactLost, ends: true });
             return 0.0;

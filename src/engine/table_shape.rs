@@ -500,8 +500,12 @@ impl Pressed {
         self.table.image_inverse(value * self.depth) / self.radius
     }
 
+    pub(super) fn area(&self, x: f64) -> f64 {
+        self.table.area(x * self.radius) / (self.radius * self.depth)
+    }
+
     pub(super) fn half_force(&self) -> f64 {
-        1.0 - self.table.area(self.radius) / (self.radius * self.depth)
+        1.0 - self.area(1.0)
     }
 
     pub(super) fn inverse_outside(&self, c: f64, r: f64) -> f64 {

@@ -11,10 +11,10 @@
 //! has the solution s = (s₀ + w + const)/Δ, so that no system is solved.
 
 use super::contact::Contact;
-use super::control::{Control, Normal, Tangential};
+use super::control::{Control, Final, Normal, Tangential};
 use super::limit::Limit;
 use super::mesh::Mesh;
-use super::numeric::{Monotone, integrate_beyond, largest, vertex};
+use super::numeric::{Monotone, integrate_beyond, largest, root, vertex};
 use super::rkc::Rates;
 use super::springs::{Aside, Springs};
 
@@ -22,6 +22,14 @@ use super::springs::{Aside, Springs};
 const BLUR: f64 = 0.003;
 /// How dense they are where it comes to rest in worn material.
 pub const REST_BLUR: f64 = 0.001;
+/// Cells at a stick edge that stays begin at most so many times as wide as c/n²: a far wider ring is graded
+/// more and more steeply.
+const COARSE_START: f64 = 1500.0;
+/// How many times further than that of the unworn contact a scar reaches on whose last mesh the unworn
+/// contact would lie in a few cells: the mesh begins small and grows.
+pub const FAR: f64 = 2.0;
+/// A smaller core under held forces, in parts of the first scar, is none.
+const LEAST_CORE: f64 = 1e-4;
 /// A core under a held depth gives way soon after it has shrunk to this part of the critical radius.
 const GIVES_WAY: f64 = 0.8;
 
@@ -46,6 +54,8 @@ pub struct Plan {
     pub start: f64,
     /// The last node.
     pub reach: f64,
+    /// Where the last node will have to be in the end; infinite where that is not known beforehand.
+    pub farthest: f64,
     /// Where nodes are dense; none if they are even.
     pub focus: Option<Focus>,
     /// Radii at which there must be a node.
@@ -80,9 +90,14 @@ impl Plan {
             None => (0..=cells).map(|i| start + (reach - start) * share(i)).collect(),
             // Nodes begin quadratically at a stick edge that stays, and end as densely as they can:
             // slip begins there like a root, and the scar's rim should not lie in a wide cell.
-            Some(Focus { to, blur: 0.0, .. }) => (0..=cells)
-                .map(|i| to + (reach - to) * share(i) * share(i) * (2.0 - share(i)))
-                .collect(),
+            Some(Focus { to, blur: 0.0, .. }) => {
+                let ring = reach - to;
+                let steepness = steepness(2.0 * ring / (COARSE_START * to));
+                (0..=cells)
+                    .map(|i| stretched(share(i), steepness))
+                    .map(|u| to + ring * u * u * (2.0 - u))
+                    .collect()
+            }
             Some(Focus { from, to, blur }) => {
                 let root = blur.sqrt();
                 let u = |distance: f64| 2.0 * ((distance + blur).sqrt() - root);
@@ -114,6 +129,17 @@ impl Plan {
     }
 }
 
+/// κ with (sinh κ/κ)² = `ratio`; 0 if that is less than 1.
+fn steepness(ratio: f64) -> f64 {
+    let excess = |kappa: f64| libm::sinh(kappa) / kappa - ratio.sqrt();
+    if excess(1e-3) > 0.0 { 0.0 } else { root(1e-3, 50.0, excess) }
+}
+
+/// sinh κu / sinh κ: as u while it is small, then like a geometric series.
+fn stretched(u: f64, kappa: f64) -> f64 {
+    if kappa == 0.0 { u } else { libm::sinh(kappa * u) / libm::sinh(kappa) }
+}
+
 /// A contact under wear.
 #[derive(Debug, Clone)]
 pub struct Wearing {
@@ -131,8 +157,6 @@ pub struct Wearing {
     scar: f64,
     widest: f64,
     radius: f64,
-    /// Whether it is not known beforehand how far the scar will reach.
-    grows: bool,
 }
 
 /// The worn contact at one instant, in units of a₀, d₀, E*d₀/a₀ and a₀²d₀.
@@ -181,11 +205,10 @@ impl Wearing {
         let slip = vec![0.0; cells + 1];
         let scar = contact.limit.radius;
         let springs = Springs::new(mesh, contact, control);
-        let grows = control.normal == Normal::Force && control.tends_to(contact).is_none();
         let contact = contact.clone();
         let (widest, radius) = (0.0, 0.0);
         let aside = Aside::default();
-        Self { contact, law, plan, springs, aside, unworn_slip, slip, scar, widest, radius, grows }
+        Self { contact, law, plan, springs, aside, unworn_slip, slip, scar, widest, radius }
     }
 
     /// The springs as they were last pressed.
@@ -216,7 +239,7 @@ impl Wearing {
     pub fn is_full(&self) -> bool {
         let cells = self.springs.mesh().widths().len();
         match self.law {
-            _ if !self.grows => false,
+            _ if self.plan.reach >= self.plan.farthest => false,
             Law::Exact => self.springs.compressions().len() + 3 >= cells,
             Law::Simplified(_) => {
                 let Plan { start, reach, .. } = self.plan;
@@ -228,8 +251,8 @@ impl Wearing {
     /// The same contact on a mesh that reaches further, and its values there.
     #[must_use]
     pub fn extended(&self, control: &Control, values: &[f64]) -> (Self, Vec<f64>) {
-        let Plan { start, reach, .. } = self.plan;
-        let reach = (start + 1.25 * (reach - start)).min(self.contact.shape.extent());
+        let Plan { start, reach, farthest, .. } = self.plan;
+        let reach = (start + 1.25 * (reach - start)).min(farthest).min(self.contact.shape.extent());
         let plan = Plan { reach, ..self.plan.clone() };
         let cells = self.springs.mesh().widths().len();
         let mut larger = Self::new(&self.contact, control, self.law, plan, cells);
@@ -241,22 +264,50 @@ impl Wearing {
         };
         let carried = match self.law {
             Law::Exact => {
-                let curve = Monotone::through(from.squares().to_vec(), values.to_vec());
-                let end = from.squares()[cells];
+                // Where all has slipped for long the worn profile is almost flat and its wear is not, a
+                // thousandth of which is more than the springs are compressed: what varies less is
+                // carried over.
+                let shape = &self.contact.shape;
+                let squares = from.squares();
+                let worn: Vec<f64> =
+                    from.radii().iter().zip(values).map(|(r, w)| shape.profile(*r) + w).collect();
+                let of_wear = Monotone::through(squares.to_vec(), values.to_vec());
+                let of_worn = Monotone::through(squares.to_vec(), worn.clone());
                 let mut wear: Vec<f64> = to
                     .squares()
                     .iter()
-                    .map(|t| if *t < end { curve.at(*t).max(0.0) } else { 0.0 })
+                    .zip(to.radii())
+                    .map(|(t, r)| {
+                        let next = squares.partition_point(|known| known <= t).max(1);
+                        if next > cells {
+                            return 0.0;
+                        }
+                        let varies = |curve: &[f64]| (curve[next] - curve[next - 1]).abs();
+                        if varies(&worn) < varies(values) {
+                            (of_worn.at(*t) - shape.profile(*r)).max(0.0)
+                        } else {
+                            of_wear.at(*t).max(0.0)
+                        }
+                    })
                     .collect();
+                wear[0] = 0.0;
+                // V is kept by shifting what is worn, which leaves it as flat as it is.
+                let start = to.squares()[0];
+                let share: Vec<f64> = to
+                    .squares()
+                    .iter()
+                    .zip(&wear)
+                    .map(|(t, w)| if *w > 0.0 { 1.0 - start / t } else { 0.0 })
+                    .collect();
+                let area = to.volume(&share);
+                if area > 0.0 {
+                    let shift = (from.volume(values) - to.volume(&wear)) / area;
+                    for (w, share) in wear.iter_mut().zip(&share) {
+                        *w = (*w + shift * share).max(0.0);
+                    }
+                }
                 if to.radii()[0] == 0.0 {
                     wear[0] = wear[1];
-                }
-                let volume = to.volume(&wear);
-                if volume > 0.0 {
-                    let scale = from.volume(values) / volume;
-                    for w in &mut wear {
-                        *w *= scale;
-                    }
                 }
                 wear
             }
@@ -362,7 +413,9 @@ impl Wearing {
         2.0 * self.springs.loss() * self.pace()
     }
 
-    fn pace(&self) -> f64 {
+    /// Δ/Δ₀.
+    #[must_use]
+    pub fn pace(&self) -> f64 {
         self.springs.threshold() / self.contact.threshold
     }
 
@@ -459,7 +512,7 @@ impl Wearing {
         if shape.image(end) <= depth {
             return end;
         }
-        super::numeric::root(1.0, end, |x| shape.image(x) - depth)
+        root(1.0, end, |x| shape.image(x) - depth)
     }
 
     /// Where the images pass the depth, between the middles of cells.
@@ -561,12 +614,30 @@ impl Rates for Wearing {
         self.radius
     }
 
+    fn most(&self) -> f64 {
+        match (self.law, self.springs.control().normal) {
+            // However deep the wear, pressure follows from how far the springs are compressed.
+            // Where a core bears the load in the end, those outside bear ever less.
+            (Law::Exact, Normal::Force) => {
+                let even = self.springs.normal() / self.plan.reach;
+                self.springs.compressions().iter().copied().fold(even, f64::max)
+            }
+            _ => f64::INFINITY,
+        }
+    }
+
     fn live(&self) -> usize {
         match self.law {
             Law::Exact => self.springs.compressions().len(),
             Law::Simplified(_) => self.springs.images().len(),
         }
     }
+}
+
+/// Whether the scar will reach far beyond that of the unworn contact.
+#[must_use]
+pub fn is_far(contact: &Contact, end: &Final) -> bool {
+    end.limit.radius > FAR * contact.limit.radius
 }
 
 /// π ∫ max(0, w) dt of a wear that is linear in t between nodes.
@@ -591,25 +662,44 @@ impl Plan {
     /// `None` where the scar would outgrow the shape.
     #[must_use]
     pub fn first(contact: &Contact, control: &Control, cells: usize) -> Option<Self> {
-        let share = 1.0 + 0.6 / cells as f64;
         let shape = &contact.shape;
         let kinks = Vec::new();
-        // A core smaller than the first cells is none: wear that must vanish on it would swing.
         let least = control.least_stick(contact);
         let end = control.tends_to(contact);
-        let limit = match end {
-            Some(end) => end.limit,
-            None => Limit::solve(shape, least)?,
-        };
         // Cells next to an edge that moves are wider than next to one that stays.
         let shrinks = matches!(control.tangential, Tangential::Force(_) | Tangential::Rig { .. })
-            && control.normal == Normal::Depth
-            && contact.stick - least > BLUR * limit.radius;
-        let first = if shrinks { 0.5 / cells as f64 } else { 1.5 / (cells * cells) as f64 };
-        let start = if least < first * limit.radius { 0.0 } else { least };
-        let reach = (start + (limit.radius - start) * share).min(shape.extent());
+            && control.normal == Normal::Depth;
+        let last = match end {
+            Some(end) => end.limit.radius,
+            None => match Limit::solve(shape, least) {
+                Some(limit) => limit.radius,
+                // It may not come to that: the run ends at the indenter's rim if it does.
+                None if control.normal == Normal::Force => shape.extent(),
+                None => return None,
+            },
+        };
+        let shrinks = shrinks && contact.stick - least > BLUR * last;
+        // A core smaller than the first cells is none: wear that must vanish on it would swing. But one
+        // that will bear all of a force says how far the scar reaches, however small it is.
+        let smallest = match control.normal {
+            Normal::Force if end.is_some() => LEAST_CORE * contact.limit.radius,
+            _ if shrinks => 0.5 / cells as f64 * last,
+            _ => 1.5 / (cells * cells) as f64 * last,
+        };
+        let start = if least < smallest { 0.0 } else { least };
+        let outermost = |radius: f64| {
+            let reach = start + (radius - start) * (1.0 + 0.6 / cells as f64);
+            reach.min(shape.extent())
+        };
+        let (reach, farthest) = match (control.normal, end) {
+            (Normal::Force, None) => (outermost(last), f64::INFINITY),
+            (_, Some(end)) if is_far(contact, &end) => {
+                (outermost(contact.limit.radius), outermost(end.limit.radius))
+            }
+            _ => (outermost(last), outermost(last)),
+        };
         let ring = reach - start;
-        let mut plan = Self { start, reach, focus: None, kinks };
+        let mut plan = Self { start, reach, farthest, focus: None, kinks };
         if start > 0.0 {
             plan.focus = Some(if shrinks {
                 Focus { from: start, to: contact.stick, blur: BLUR * ring }
@@ -637,27 +727,40 @@ impl Plan {
 }
 
 impl Plan {
-    /// How far the scar can grow up to an instant where all slips under a held force, if it is so: the
-    /// wear volume is at most F̃Ñ, and the worn surface is not more hollow than a flat one.
+    /// How far the scar can grow up to an instant under a held force, where all slips or the tangential force
+    /// is held too: V grows by at most F̃Δ/Δ₀, Δ is at most d, and the worn surface is not more hollow
+    /// than a flat one.
     #[must_use]
     pub fn outermost(contact: &Contact, control: &Control, law: Law, last: f64) -> Option<f64> {
-        if control.normal == Normal::Depth || control.least_stick(contact) > 0.0 {
+        let end = control.tends_to(contact);
+        if control.normal == Normal::Depth || end.is_none() && control.least_stick(contact) > 0.0 {
             return None;
         }
         let shape = &contact.shape;
         // The simplified rule keeps the energy balance less well.
         let share = if law == Law::Exact { 1.0 } else { 1.6 };
-        let most = contact.limit.volume + 2.0 * share * shape.half_force() * last;
+        let fastest = 2.0 * share * shape.half_force();
         let cut = |radius: f64| {
             let depth = shape.profile(radius);
             2.0 * std::f64::consts::PI
                 * integrate_beyond(0.0, radius, shape.kinks(), |r| r * (depth - shape.profile(r)))
         };
+        let most = shape.extent().min(end.map_or(1e6, |end| end.limit.radius));
         let mut reach = contact.limit.radius;
-        while cut(reach) < most && reach < shape.extent() && reach < 1e6 {
+        let (mut time, mut before) = (-contact.limit.volume / fastest, 0.0);
+        loop {
+            let volume = cut(reach);
+            let quickens = match end {
+                Some(_) => ((1.0 + shape.profile(reach)) / contact.threshold).max(1.0),
+                None => 1.0,
+            };
+            time += (volume - before) / (fastest * quickens);
+            if time >= last || reach >= most {
+                return Some(reach.min(most));
+            }
+            before = volume;
             reach *= 1.05;
         }
-        Some(reach)
     }
 }
 

@@ -5,6 +5,7 @@
 use std::f64::consts::{FRAC_2_PI, PI};
 
 use fretwork::engine::contact::{Contact, Decay, Regime, Row};
+use fretwork::engine::hysteresis::Backbone;
 use fretwork::engine::numeric::integrate;
 use fretwork::engine::outcome::Outcome;
 use fretwork::engine::profile::Shape;
@@ -472,6 +473,32 @@ fn the_simplified_rule_is_as_far_from_the_exact_method_as_documented() {
             assert!((-0.215..0.005).contains(&depth), "depth {depth} in {row}");
             assert!(force.abs() < 0.012, "force {force} in {row}");
         }
+    }
+}
+
+/// A sphere's image is infinite at its equator, which radii about a wide scar must not touch.
+#[test]
+fn radii_about_a_wide_scar_stay_inside_the_sphere() {
+    let request = json!({
+        "profile": {"shape": "sphere", "radius": 112.449_327_18},
+        "moduli": {"normal": 187_090.257_306, "tangential": 149_672.205_845},
+        "friction": 0.01, "wear": {"coefficient": 1e-9},
+        "load": {"normal_force": 681_352_924.735, "held": "force"},
+        "motion": {"amplitude": 0.512_253_256_058}, "cycles": [1000.0],
+        "model": {"method": "exact", "tolerance": 0.02, "points": 16}
+    });
+    let profiles = run(&request).profiles.expect("profiles");
+    assert!(profiles.image.iter().flatten().all(|g| g.is_finite()), "{:?}", profiles.image);
+}
+
+/// An actuator may move a billion times as far as the springs yield.
+#[test]
+fn a_loop_far_wider_than_the_springs_yield_keeps_its_ratios() {
+    let widths: Vec<f64> = (1..40).map(|q| 0.01 + 0.001 * f64::from(q % 7)).collect();
+    let compressions: Vec<f64> = (1..40).map(|q| 1e-6 / f64::from(q)).collect();
+    let found = Backbone::of_cells(0.0, 1e9, &compressions, &widths, None).wind();
+    for ratio in [found.energy_ratio, found.slip_ratio, found.free_ratio] {
+        assert!((ratio - 1.0).abs() < 1e-9, "{ratio}");
     }
 }
 

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use fretwork::engine::contact::{Contact, UnwornSums};
 use fretwork::engine::control::{Block, Control, Normal, Tangential};
-use fretwork::engine::march::{Instant, March};
+use fretwork::engine::march::{EventKind, Instant, March};
 use fretwork::engine::numeric::integrate;
 use fretwork::engine::profile::Shape;
 use fretwork::engine::scenario;
@@ -281,6 +281,91 @@ fn a_run_that_ends_early_keeps_every_instant_before_its_end() {
         }
     }
     assert!(ends >= 12, "{ends} of 18 end in gross slip");
+}
+
+/// Of blocks that slip wholly, rest and slip wholly again each entry is an event, and so is each shakedown.
+#[test]
+fn blocks_that_come_back_to_gross_slip_say_so_each_time() {
+    let mut request = steel_ball();
+    let block = |um: f64, cycles: f64| json!({"amplitude": um * 1e-6, "cycles": cycles});
+    request["motion"] = json!({"blocks": [
+        block(1.0, 1e8), block(4.0, 300.0), block(1.0, 300.0), block(4.0, 300.0), block(0.0, 1e9),
+        block(4.0, 300.0), block(4.5, 300.0), block(1.2, 1e8),
+    ]});
+    request["cycles"] = json!([1e8, 1.2e9]);
+    for method in ["exact", "simplified"] {
+        request["model"] = json!({"method": method});
+        let (scenario, _) = scenario::check(&request, "").expect("valid");
+        let outcome = Simulation::of(&scenario).expect("a contact").run();
+        let of = |kind: &str| -> Vec<f64> {
+            outcome.events.iter().filter(|e| e.kind == kind).map(|e| e.cycles).collect()
+        };
+        // The fourth comes from gross slip by way of a rest, the fifth from gross slip at once.
+        let entries = [1e8, 1e8 + 600.0, 1.1e9 + 900.0];
+        let found = of("gross_slip");
+        assert_eq!(found.len(), entries.len(), "{method}: {:?}", outcome.events);
+        for (found, entry) in found.iter().zip(entries) {
+            assert!((found / entry - 1.0).abs() < 1e-9, "{method}: {found} {entry}");
+        }
+        let shaken = of("shakedown");
+        assert!(shaken.first().is_some_and(|first| *first < 1e8), "{:?}", outcome.events);
+        assert!(shaken.last().is_some_and(|last| *last > 1.1e9), "{:?}", outcome.events);
+    }
+}
+
+/// Nothing is known beyond the rim of an indenter: a run that comes there ends.
+#[test]
+fn a_scar_at_the_rim_ends_the_run() {
+    let contact = Contact::new(Shape::sphere(2.5), 1.8).expect("a limit");
+    let control = Control { normal: Normal::Force, tangential: Tangential::Amplitude };
+    let mut run = March::new(&contact, &control, Law::Exact, 3e-3, 1e3).expect("a scar that fits");
+    while run.advance(1e3) {}
+    let end = run.ended().expect("an end");
+    assert_eq!(run.events().last().map(|event| event.kind), Some(EventKind::RimReached));
+    let worn = run.at(end).worn;
+    assert!(worn.contact_radius > 2.2 && worn.contact_radius <= 2.5, "{}", worn.contact_radius);
+}
+
+/// Late in gross slip the wear is a thousand times as deep as the springs are compressed, and pressure must not
+/// be lost in it: all that slips rubs off what the force allows, less the elastic part of the motion.
+#[test]
+fn gross_slip_for_a_long_time_keeps_its_pressure() {
+    let contact = Contact::new(Shape::power(2.0), 1.6).expect("a limit");
+    let control = Control { normal: Normal::Force, tangential: Tangential::Amplitude };
+    for tolerance in [0.02, 3e-3] {
+        let mut run =
+            March::new(&contact, &control, Law::Exact, tolerance, 1e5).expect("a scar that fits");
+        for time in [1e3, 1e4, 1e5] {
+            let instant = at(&mut run, time);
+            let worn = &instant.worn;
+            let mismatch = instant.worn_by_energy / worn.volume - 1.0;
+            assert!(mismatch.abs() < 0.1 * tolerance, "{time}: {mismatch}");
+            assert_eq!(worn.stick.to_bits(), 0.0_f64.to_bits());
+            // An even pressure under springs √(a² − x²).
+            let a = worn.contact_radius;
+            let most = worn.compressions.iter().copied().fold(0.0, f64::max);
+            let even = 4.0 / PI * worn.normal / a;
+            assert!((most / even - 1.0).abs() < 0.2, "{time}: {most} {even}");
+        }
+    }
+    assert!(contact.stick == 0.0);
+}
+
+/// A small core under held forces bears all of them in the end, far deeper than it began.
+#[test]
+fn a_small_core_bears_the_force_in_the_end() {
+    for (exponent, c) in [(2.0, 0.006), (1.0, 0.03)] {
+        let contact = contact(exponent, c);
+        let force = UnwornSums::of(&contact, None).tangential;
+        let control = Control { normal: Normal::Force, tangential: Tangential::Force(force) };
+        let end = control.tends_to(&contact).expect("an end");
+        let mut run =
+            March::new(&contact, &control, Law::Exact, 0.01, 1e6).expect("a scar that fits");
+        let worn = at(&mut run, 1e6).worn;
+        assert!((worn.volume / end.limit.volume - 1.0).abs() < 0.01, "{exponent} {}", worn.volume);
+        assert!((worn.depth / end.depth - 1.0).abs() < 1e-3, "{exponent} {}", worn.depth);
+        assert!(end.limit.radius > 10.0);
+    }
 }
 
 /// Reported wear is held to what was reported before; by so much the steps themselves would let it fall.
