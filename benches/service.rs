@@ -48,6 +48,7 @@ use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::runtime::Builder;
 use tokio::task::JoinSet;
+use xxhash_rust::xxh3::xxh3_64;
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_fretwork");
 const CONNECTIONS: usize = 16;
@@ -463,10 +464,11 @@ async fn fill(dir: &Path, rows: u32) -> Vec<String> {
     let mut db = options.connect().await.expect("a database");
     let results = "
         WITH RECURSIVE n (i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < ?1)
-        INSERT INTO result (key, summary, digest, size, created)
-        SELECT randomblob(32) AS key, ?2, zeroblob(32), 1000, 0 FROM n ORDER BY key";
+        INSERT INTO result (key, summary, digest, size, created, checksum)
+        SELECT randomblob(32) AS key, ?2, zeroblob(32), 1000, 0, ?3 FROM n ORDER BY key";
     let summary = json!({"regime": "partial_slip", "wear_depth": 1.048_713_745_566e-6});
-    let results = sqlx::query(results).bind(rows).bind(summary.to_string());
+    let checksum = xxh3_64(&[0; 1000]).cast_signed();
+    let results = sqlx::query(results).bind(rows).bind(summary.to_string()).bind(checksum);
     results.execute(&mut db).await.expect("rows");
     let bodies = "INSERT INTO result_blob (key, body) SELECT key, zeroblob(1000) FROM result";
     sqlx::query(bodies).execute(&mut db).await.expect("rows");

@@ -49,6 +49,8 @@ END;
 ALTER TABLE result ADD COLUMN last_access INTEGER NOT NULL DEFAULT 0;
 UPDATE result SET last_access = created;
 ALTER TABLE result ADD COLUMN pinned INTEGER NOT NULL DEFAULT 0 CHECK (pinned IN (0, 1));
+-- XXH3 of the body: what is read is held against it. A digest would take longer than the reading.
+ALTER TABLE result ADD COLUMN checksum INTEGER;
 -- When the body was dropped.
 ALTER TABLE result ADD COLUMN evicted INTEGER;
 CREATE INDEX result_unread ON result (last_access) WHERE NOT pinned AND evicted IS NULL;

@@ -206,7 +206,7 @@ async fn result_of(app: &App, job: &Job) -> Result<Option<Bytes>, Problem> {
         return Ok(None);
     }
     Ok(match app.store.result(&job.key).await? {
-        Some(StoredResult::Whole { body, .. }) => Some(body),
+        Some(StoredResult::Whole(body)) => Some(body),
         _ => None,
     })
 }

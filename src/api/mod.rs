@@ -26,7 +26,7 @@ use std::time::{Duration, Instant};
 use axum::Router;
 use axum::extract::{MatchedPath, Request, State};
 use axum::http::{HeaderName, HeaderValue, Method, header};
-use axum::middleware::{Next, from_fn, from_fn_with_state};
+use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Redirect, Response};
 use axum::routing::get;
 use tokio::sync::watch;
@@ -152,20 +152,21 @@ fn dressed<S: Clone + Send + Sync + 'static>(
     metrics: Arc<Metrics>,
     origins: &Origins,
 ) -> Router<S> {
-    let known = origins.clone();
-    let mut router = routes
-        .layer(CatchPanicLayer::custom(panicked))
-        .layer(from_fn(move |request, next| no_strangers(known.clone(), request, next)));
+    let mut router = routes.layer(CatchPanicLayer::custom(panicked));
     if let Some(cors) = cors(origins) {
         // Problems are readable by web pages too, so this is outside of what makes them.
         router = router.layer(cors);
     }
-    router.layer(from_fn_with_state(metrics, edge))
+    router.layer(from_fn_with_state((metrics, Arc::new(origins.clone())), edge))
 }
 
 /// Where every request comes in and every answer goes out: gives it an id, writes its problem if
 /// it has one, counts it and logs one line.
-async fn edge(State(metrics): State<Arc<Metrics>>, mut request: Request, next: Next) -> Response {
+async fn edge(
+    State((metrics, origins)): State<(Arc<Metrics>, Arc<Origins>)>,
+    mut request: Request,
+    next: Next,
+) -> Response {
     let started = Instant::now();
     let trace = Trace::read(request.headers());
     let id = trace.id.clone();
@@ -173,25 +174,37 @@ async fn edge(State(metrics): State<Arc<Metrics>>, mut request: Request, next: N
     let (method, uri) = (request.method().clone(), request.uri().clone());
     let span = tracing::info_span!("request", id, traceparent = trace.parent);
     request.extensions_mut().insert(trace);
-    let answer = next.run(request).instrument(span.clone()).await;
+    let answer = if is_strange(&origins, &request) {
+        let detail = "The page's origin is not among those that this server knows (--cors-origin).";
+        Problem::new(&problem::CROSS_SITE, detail).into_response()
+    } else {
+        next.run(request).instrument(span.clone()).await
+    };
     let mut response = problem::write(answer, &id);
     let route = route.as_ref().map_or("none", MatchedPath::as_str);
     metrics.answered(&method, route, response.status(), started);
     let status = response.status().as_u16();
     let milliseconds = (started.elapsed().as_secs_f64() * 1e6).round() / 1e3;
     let path = uri.path();
-    span.in_scope(|| tracing::info!(%method, path, status, milliseconds, "answered"));
-    if let Ok(id) = HeaderValue::from_str(&id) {
+    span.in_scope(|| {
+        // What only reads and finds is counted, and told to who wants to know.
+        if method.is_safe() && status < 400 {
+            tracing::debug!(%method, path, status, milliseconds, "answered");
+        } else {
+            tracing::info!(%method, path, status, milliseconds, "answered");
+        }
+    });
+    if let Ok(id) = HeaderValue::try_from(id) {
         response.headers_mut().insert(REQUEST_ID, id);
     }
     response
 }
 
-/// Refuses what a page of an unknown site would change through the browser of somebody who may: a
-/// browser asks beforehand only where the request is unusual.
-async fn no_strangers(known: Origins, request: Request, next: Next) -> Response {
+/// Whether a page of an unknown site would change something through the browser of somebody who
+/// may: a browser asks beforehand only where the request is unusual.
+fn is_strange(known: &Origins, request: &Request) -> bool {
     let headers = request.headers();
-    let strange = !request.method().is_safe()
+    !request.method().is_safe()
         && headers.get("sec-fetch-site").is_some_and(|site| site == "cross-site")
         && match known {
             Origins::Own => true,
@@ -199,12 +212,7 @@ async fn no_strangers(known: Origins, request: Request, next: Next) -> Response 
             Origins::These(list) => {
                 headers.get(header::ORIGIN).is_none_or(|origin| !list.contains(origin))
             }
-        };
-    if strange {
-        let detail = "The page's origin is not among those that this server knows (--cors-origin).";
-        return Problem::new(&problem::CROSS_SITE, detail).into_response();
-    }
-    next.run(request).await
+        }
 }
 
 async fn nowhere(request: Request) -> Problem {

@@ -3,7 +3,7 @@
 use axum::body::Bytes;
 use axum::extract::State;
 use axum::http::header::{self, HeaderName};
-use axum::http::{HeaderMap, StatusCode, Uri};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri};
 use axum::response::{IntoResponse, Response};
 use tokio::task;
 
@@ -27,7 +27,7 @@ fn read_key(text: &str) -> Result<Key, Problem> {
 /// is under way.
 async fn find(app: &App, key: &Key) -> Result<Bytes, Problem> {
     let evicted = match app.store.result(key).await? {
-        Some(StoredResult::Whole { body, .. }) => return Ok(body),
+        Some(StoredResult::Whole(body)) => return Ok(body),
         Some(StoredResult::Evicted { at, scenario }) => Some((at, scenario)),
         None => None,
     };
@@ -96,11 +96,13 @@ async fn not_modified(
 
 /// What every representation carries: results are a pure function of their key, so they may be
 /// kept for ever; each representation has its own tag.
-fn caching(tag: &str) -> [(HeaderName, String); 3] {
+fn caching(tag: &str) -> [(HeaderName, HeaderValue); 3] {
+    // Keys, names and formats are always legal in a header.
+    let tag = HeaderValue::try_from(tag).unwrap_or(HeaderValue::from_static("\"\""));
     [
-        (header::ETAG, tag.to_owned()),
-        (header::CACHE_CONTROL, "max-age=31536000, immutable".to_owned()),
-        (header::VARY, "accept".to_owned()),
+        (header::ETAG, tag),
+        (header::CACHE_CONTROL, HeaderValue::from_static("max-age=31536000, immutable")),
+        (header::VARY, HeaderValue::from_static("accept")),
     ]
 }
 

@@ -10,7 +10,7 @@ use std::fmt;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use tokio::sync::{OwnedSemaphorePermit, Semaphore, oneshot};
+use tokio::sync::{Semaphore, oneshot};
 use tokio::task;
 
 use crate::job::{Answer, Job, JobId, Key, Step};
@@ -19,6 +19,8 @@ use crate::worker::Compute;
 
 /// What may be computed so, by its estimate in seconds.
 const SHORT: f64 = 0.02;
+/// How many may wait for a place; others go through the queue at once.
+const WAITING: usize = 64;
 /// When it is given up, and goes through the queue.
 const GIVEN_UP: Duration = Duration::from_millis(50);
 
@@ -26,6 +28,7 @@ const GIVEN_UP: Duration = Duration::from_millis(50);
 #[derive(Clone)]
 pub struct Shortly {
     compute: Compute,
+    entrance: Arc<Semaphore>,
     /// As many at a time as there are workers: more would only take turns.
     places: Arc<Semaphore>,
     /// Who waits for a computation under way here.
@@ -47,8 +50,9 @@ impl fmt::Debug for Shortly {
 impl Shortly {
     /// As many places as there are workers.
     pub fn new(compute: Compute, workers: usize) -> Self {
+        let entrance = Arc::new(Semaphore::new(WAITING));
         let places = Arc::new(Semaphore::new(workers));
-        Self { compute, places, joined: Arc::default() }
+        Self { compute, entrance, places, joined: Arc::default() }
     }
 
     /// Submits a job of so many seconds by its estimate, whose client waits for it.
@@ -64,8 +68,8 @@ impl Shortly {
             && job.admission == Admission::default()
             && !job.afresh
             && store.tally().queued() == 0;
-        let place = if short { self.places.clone().try_acquire_owned().ok() } else { None };
-        if place.is_none() && !(short && self.is_under_way(&job.key)) {
+        let entered = if short { self.entrance.try_acquire().ok() } else { None };
+        if entered.is_none() && !(short && self.is_under_way(&job.key)) {
             return Ok((store.submit(job).await?, None));
         }
         let admission = Admission { unless_needed: true, ..Admission::default() };
@@ -83,8 +87,8 @@ impl Shortly {
         // From here on others join; whatever happens, they are released.
         let leading = Leading { shortly: self, key: job.key };
         let began = Instant::now();
-        let answer = match place {
-            Some(place) => self.compute(place, &job).await,
+        let answer = match entered {
+            Some(_) => self.compute(&job).await,
             None => None,
         };
         let Some(answer) = answer else {
@@ -107,7 +111,8 @@ impl Shortly {
     }
 
     /// The answer, unless it takes too long or cannot be computed.
-    async fn compute(&self, place: OwnedSemaphorePermit, job: &NewJob) -> Option<Answer> {
+    async fn compute(&self, job: &NewJob) -> Option<Answer> {
+        let place = Arc::clone(&self.places).acquire_owned().await.ok()?;
         let (compute, key, stored) = (Arc::clone(&self.compute), job.key, job.task.clone());
         let computed = task::spawn_blocking(move || {
             let _place = place;

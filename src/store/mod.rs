@@ -35,7 +35,6 @@ use std::time::{Duration, SystemTime};
 
 use bytes::Bytes;
 use serde_json::Value;
-use sha2::{Digest as _, Sha256};
 use sqlx::SqliteConnection;
 use tokio::sync::mpsc;
 
@@ -319,13 +318,8 @@ pub struct Page {
 /// A result as it is kept.
 #[derive(Debug, Clone, PartialEq)]
 pub enum StoredResult {
-    /// It is there.
-    Whole {
-        /// The document as it is served.
-        body: Bytes,
-        /// Its short form.
-        summary: Value,
-    },
+    /// It is there: the document as it is served.
+    Whole(Bytes),
     /// It was dropped to make room.
     Evicted {
         /// When, in milliseconds since 1970.
@@ -337,7 +331,7 @@ pub enum StoredResult {
 
 /// Jobs canceled in one transaction.
 const CANCELED_AT_ONCE: u32 = 100;
-/// From this size on a digest is taken apart from the threads that answer requests.
+/// From this size on a body is judged apart from the threads that answer requests.
 const LARGE: usize = 1 << 20;
 
 impl Store {
@@ -453,32 +447,32 @@ impl Store {
         self.reading(async |db| read::jobs(db, filter, cursor, limit).await).await
     }
 
-    /// The result of a key, held against its digest: damage to the disk does not change a number.
+    /// The result of a key, held against its sum: damage to the disk does not change a number.
     pub async fn result(&self, key: &Key) -> Result<Option<StoredResult>, Error> {
         let Some(kept) = self.reading(async |db| read::result(db, key).await).await? else {
             return Ok(None);
         };
-        let (body, summary, digest) = match kept {
+        let (body, sum) = match kept {
             Kept::Evicted { at, scenario } => {
                 return Ok(Some(StoredResult::Evicted { at, scenario }));
             }
-            Kept::Whole { body, summary, digest } => (Bytes::from(body), summary, digest),
+            Kept::Whole { body, sum } => (Bytes::from(body), sum),
         };
         let is_sound = {
             let body = body.clone();
-            move || Sha256::digest(&body).as_slice() == digest
+            move || sum.is_of(&body)
         };
         let sound = if body.len() < LARGE {
             is_sound()
         } else {
-            // A panic in a digest cannot be; if it were, the body would not be trusted.
+            // A panic in a sum cannot be; if it were, the body would not be trusted.
             tokio::task::spawn_blocking(is_sound).await.unwrap_or(false)
         };
         if !sound {
             return self.noted(Err(Error::DamagedResult(*key)));
         }
         self.was_read(key);
-        Ok(Some(StoredResult::Whole { body, summary }))
+        Ok(Some(StoredResult::Whole(body)))
     }
 
     /// Remembers that a result was read, for when room must be made.

@@ -2,8 +2,10 @@
 
 use serde::de::DeserializeOwned;
 use serde_json::Value;
+use sha2::{Digest as _, Sha256};
 use sqlx::sqlite::SqliteRow;
 use sqlx::{FromRow, QueryBuilder, Row, Sqlite, SqliteExecutor};
+use xxhash_rust::xxh3::xxh3_64;
 
 use super::{Error, Filter, Page};
 use crate::job::{Change, Failure, FailureKind, Job, JobId, JobState, Key};
@@ -172,7 +174,7 @@ fn matching(query: &mut QueryBuilder<Sqlite>, filter: &Filter) {
 
 pub(super) async fn result(db: impl SqliteExecutor<'_>, key: &Key) -> Result<Option<Kept>, Error> {
     let row = sqlx::query(
-        "SELECT body, summary, digest, evicted,
+        "SELECT body, digest, checksum, evicted,
              iif(evicted IS NULL, NULL, (SELECT task FROM result_task WHERE key = ?1)) AS task
          FROM result LEFT JOIN result_blob USING (key) WHERE key = ?1",
     )
@@ -189,15 +191,37 @@ pub(super) async fn result(db: impl SqliteExecutor<'_>, key: &Key) -> Result<Opt
         return Ok(Some(Kept::Evicted { at, scenario: scenario.unwrap_or_default() }));
     }
     let body: Vec<u8> = row.try_get("body")?;
-    let digest = row.try_get::<&[u8], _>("digest")?.try_into();
-    let digest = digest.map_err(|error| sqlx::Error::Decode(Box::new(error)))?;
-    Ok(Some(Kept::Whole { body, summary: json(row.try_get("summary")?)?, digest }))
+    let sum = match row.try_get("checksum")? {
+        Some(checksum) => Sum::Check(checksum),
+        None => Sum::Digest(row.try_get("digest")?),
+    };
+    Ok(Some(Kept::Whole { body, sum }))
 }
 
 /// A result as the tables have it.
 pub(super) enum Kept {
-    Whole { body: Vec<u8>, summary: Value, digest: [u8; 32] },
+    Whole { body: Vec<u8>, sum: Sum },
     Evicted { at: i64, scenario: Value },
+}
+
+/// What the bytes of a body must come to.
+pub(super) enum Sum {
+    Check(i64),
+    /// Results of the first version have nothing else.
+    Digest(Vec<u8>),
+}
+
+impl Sum {
+    pub(super) fn is_of(&self, body: &[u8]) -> bool {
+        match self {
+            Self::Check(sum) => checksum(body) == *sum,
+            Self::Digest(digest) => *Sha256::digest(body) == **digest,
+        }
+    }
+}
+
+pub(super) fn checksum(body: &[u8]) -> i64 {
+    xxh3_64(body).cast_signed()
 }
 
 pub(super) async fn has_result(db: impl SqliteExecutor<'_>, key: &Key) -> Result<bool, Error> {

@@ -69,7 +69,7 @@ impl Submit {
         if !only_known && !too_expensive && !unless_needed && !full {
             return Ok(None);
         }
-        let Known { result, live } = known(tx, self.job.key).await?;
+        let Known { result, live, .. } = known(tx, self.job.key).await?;
         // What needs neither a worker nor a place in the queue is welcome all the same.
         Ok(match live.as_deref() {
             _ if result && !self.job.afresh => None,
@@ -90,12 +90,17 @@ struct Known {
     result: bool,
     /// The state of its live run.
     live: Option<String>,
+    /// The digest of its result, or of what it was before it was dropped.
+    digest: Option<Vec<u8>>,
 }
 
 async fn known(tx: &mut Transaction<'_>, key: Key) -> Result<Known, Error> {
     let known = sqlx::query_as(
-        "SELECT EXISTS (SELECT 1 FROM result WHERE key = ?1 AND evicted IS NULL) AS result,
-             (SELECT state FROM run WHERE key = ?1 AND state IN ('queued', 'running')) AS live",
+        "SELECT result.key IS NOT NULL AND result.evicted IS NULL AS result, run.state AS live,
+             result.digest AS digest
+         FROM (SELECT ?1 AS key) AS asked
+         LEFT JOIN result ON result.key = asked.key
+         LEFT JOIN run ON run.key = asked.key AND run.state IN ('queued', 'running')",
     )
     .bind(key.bytes().as_slice())
     .fetch_one(&mut *tx.db)
@@ -202,16 +207,59 @@ impl Record {
         Self { jobs, took, answer: Kept::new(answer) }
     }
 
-    /// A run that has ended, and its first job.
+    /// The run, its first job, and the result. Where a statement passes over numbers the library
+    /// takes each for one more argument, up to as many as there are: so they stand in this order.
     const BEGIN: &str = "
         INSERT INTO run (key, owner, created, task, trace, started, finished, changed, state,
             attempt, progress)
-        VALUES (?1, ?2, ?3, ?4, ?5, ?3, ?6, ?6, 'succeeded', 1, 1);
-    ";
+        VALUES (?1, ?8, ?9, ?7, ?10, ?9, ?3, ?3, 'succeeded', 1, 1);
+        INSERT INTO job (key, owner, created, id, label, tags, warnings, priority, run, state,
+            attempt, origin, started, finished, changes)
+        VALUES (?1, ?8, ?9, ?11, ?12, ?13, ?14, ?15, last_insert_rowid(), 'succeeded', 1,
+            'computed', ?9, ?3, ?16);
+        INSERT INTO result (key, size, summary, digest, created, last_access, checksum)
+        VALUES (?1, length(?2), ?4, ?5, ?3, ?3, ?6)
+        ON CONFLICT DO UPDATE SET size = length(?2), summary = ?4, digest = ?5, last_access = ?3,
+            checksum = ?6, evicted = NULL;
+        INSERT INTO result_blob (key, body) VALUES (?1, ?2);
+        INSERT OR IGNORE INTO result_task (key, task) VALUES (?1, ?7)";
+    /// Another job of that run.
     const JOIN: &str = "
         INSERT INTO job (key, owner, created, id, label, tags, warnings, priority, run, state,
             attempt, origin, started, finished, changes)
-        VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, 'succeeded', 1, ?10, ?3, ?11, ?12)";
+        SELECT ?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, run, 'succeeded', 1, 'coalesced', ?3, finished, changes
+        FROM job WHERE id = ?9";
+
+    async fn insert(
+        &self,
+        tx: &mut Transaction<'_>,
+        first: &Submit,
+        began: i64,
+        changes: &str,
+    ) -> Result<(), Error> {
+        let (new, answer) = (&first.job, &self.answer);
+        sqlx::query(Self::BEGIN)
+            .bind(new.key.bytes().as_slice())
+            .bind(&*answer.body)
+            .bind(tx.now)
+            .bind(&answer.summary)
+            .bind(answer.digest.as_slice())
+            .bind(read::checksum(&answer.body))
+            .bind(&new.task)
+            .bind(&new.owner)
+            .bind(began)
+            .bind(&new.trace)
+            .bind(new.id.0.as_bytes().as_slice())
+            .bind(&new.label)
+            .bind(&first.tags)
+            .bind(first.warnings.to_string())
+            .bind(new.priority)
+            .bind(changes)
+            .execute(&mut *tx.db)
+            .await?;
+        tx.effects.push(Effect::Stored(answer.body.len() as u64));
+        Ok(())
+    }
 }
 
 impl Verb for Record {
@@ -219,56 +267,50 @@ impl Verb for Record {
 
     async fn apply(&self, tx: &mut Transaction<'_>) -> Result<Self::Answer, Error> {
         let mut became = Vec::with_capacity(self.jobs.len());
-        let Some(Submit { job: first, .. }) = self.jobs.first() else { return Ok(became) };
-        let Known { result, live } = known(tx, first.key).await?;
+        let Some(first) = self.jobs.first() else { return Ok(became) };
+        let key = first.job.key;
+        let Known { result, live, digest } = known(tx, key).await?;
         if result || live.is_some() {
             for job in &self.jobs {
                 became.push(job.apply(tx).await?);
             }
             return Ok(became);
         }
+        if let Some(before) = digest {
+            let same = *before == self.answer.digest;
+            tx.effects.push(Effect::Recomputed { key, same });
+        }
         let began = tx.now - self.took;
-        let run = sqlx::query(Self::BEGIN)
-            .bind(first.key.bytes().as_slice())
-            .bind(&first.owner)
-            .bind(began)
-            .bind(&first.task)
-            .bind(&first.trace)
-            .bind(tx.now)
-            .execute(&mut *tx.db)
-            .await?
-            .last_insert_rowid();
+        let changes = [
+            (JobState::Queued, 0, began),
+            (JobState::Running, 1, began),
+            (JobState::Succeeded, 1, tx.now),
+        ]
+        .map(|(state, attempt, at)| Change { state, attempt, at });
+        let lines = changes.map(|Change { state, attempt, at }| format!("{state} {attempt} {at}"));
+        self.insert(tx, first, began, &lines.join("\n")).await?;
         let summary: Value = json(&self.answer.summary)?;
         for Submit { job: new, tags, warnings, .. } in &self.jobs {
             let origin = if became.is_empty() { Origin::Computed } else { Origin::Coalesced };
-            let changes = [
-                (JobState::Queued, 0, began),
-                (JobState::Running, 1, began),
-                (JobState::Succeeded, 1, tx.now),
-            ]
-            .map(|(state, attempt, at)| Change { state, attempt, at });
-            let lines =
-                changes.map(|Change { state, attempt, at }| format!("{state} {attempt} {at}"));
-            sqlx::query(Self::JOIN)
-                .bind(new.key.bytes().as_slice())
-                .bind(&new.owner)
-                .bind(began)
-                .bind(new.id.0.as_bytes().as_slice())
-                .bind(&new.label)
-                .bind(tags)
-                .bind(warnings.to_string())
-                .bind(new.priority)
-                .bind(run)
-                .bind(origin.as_str())
-                .bind(tx.now)
-                .bind(lines.join("\n"))
-                .execute(&mut *tx.db)
-                .await?;
+            if origin == Origin::Coalesced {
+                sqlx::query(Self::JOIN)
+                    .bind(new.key.bytes().as_slice())
+                    .bind(&new.owner)
+                    .bind(began)
+                    .bind(new.id.0.as_bytes().as_slice())
+                    .bind(&new.label)
+                    .bind(tags)
+                    .bind(warnings.to_string())
+                    .bind(new.priority)
+                    .bind(first.job.id.0.as_bytes().as_slice())
+                    .execute(&mut *tx.db)
+                    .await?;
+            }
             tx.effects.push(Effect::Submitted(origin));
             became.push(Submitted::Accepted(Job {
                 id: new.id,
                 state: JobState::Succeeded,
-                key: new.key,
+                key,
                 owner: new.owner.clone(),
                 origin,
                 attempt: 1,
@@ -285,8 +327,7 @@ impl Verb for Record {
                 summary: Some(summary.clone()),
             }));
         }
-        self.answer.keep(tx, first.key, &first.task).await?;
-        tx.effects.push(Effect::Ended(first.key));
+        tx.effects.push(Effect::Ended(key));
         tx.effects.push(Effect::Settled(Ending::Succeeded, Some(self.took)));
         Ok(became)
     }
@@ -388,18 +429,19 @@ impl Kept {
             Some((_, false)) | None => {}
         }
         sqlx::query(
-            "INSERT INTO result (key, size, summary, digest, created, last_access)
-             VALUES (?1, length(?2), ?3, ?4, ?5, ?5)
+            "INSERT INTO result (key, size, summary, digest, created, last_access, checksum)
+             VALUES (?1, length(?2), ?3, ?4, ?5, ?5, ?6)
              ON CONFLICT DO UPDATE SET size = length(?2), summary = ?3, digest = ?4,
-                 last_access = ?5, evicted = NULL;
+                 last_access = ?5, checksum = ?6, evicted = NULL;
              INSERT INTO result_blob (key, body) VALUES (?1, ?2);
-             INSERT OR IGNORE INTO result_task (key, task) VALUES (?1, ?6)",
+             INSERT OR IGNORE INTO result_task (key, task) VALUES (?1, ?7)",
         )
         .bind(key.bytes().as_slice())
         .bind(&*self.body)
         .bind(&self.summary)
         .bind(self.digest.as_slice())
         .bind(tx.now)
+        .bind(read::checksum(&self.body))
         .bind(task)
         .execute(&mut *tx.db)
         .await?;

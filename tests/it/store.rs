@@ -59,7 +59,7 @@ pub async fn fresh() -> (TempDir, Store) {
 /// The body of a result that is there.
 pub async fn body(store: &Store, number: u8) -> Vec<u8> {
     match store.result(&key(number)).await.unwrap() {
-        Some(StoredResult::Whole { body, .. }) => body.to_vec(),
+        Some(StoredResult::Whole(body)) => body.to_vec(),
         other => panic!("{other:?}"),
     }
 }
