@@ -657,11 +657,11 @@ mod tests {
             [ball.as_str(), cone.as_str(), exact.as_str()],
             [
                 "7262301ee85039ba4e113b17570ed2e12a9a7b34bc20bf05a1cbfc9b16860c41 \
-                 3f296ebcef4799c06e32e233646ad57e4105bd8c23ec7341e7c02e9daca6e082",
+                 6ea82167d6594c4026c1e32c1365d9cd62ced461cd9e644e09b9adf23b88eddc",
                 "46018b326003fb9232ee611ac34f690d304295894ade59b3f1c2af72169fdbf6 \
-                 4d88d1c1da24857e6ce950cee09cbc28f4a2dfcb62a390efdac749411a5e154b",
+                 971c3d150b487307242b9d6f1f2baafaba2675c7f6d55fd61c0109c63e458775",
                 "5c89ceb8cf9aeaff9e820494bc3736e7bac0978b004ba17e3c2154bd41338b08 \
-                 5a3a915295167ae18fd047ab83273bcc8398089165367c6bb4497b7b43564e8b",
+                 6c15f9204d1707dab81489e2adef84ba0448316a0107ac4521e8bcf9284ba0e0",
             ]
         );
     }

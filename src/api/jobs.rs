@@ -196,23 +196,29 @@ async fn wait(app: &App, job: Job, time: Duration) -> Result<Job, Problem> {
 
 /// Answers a job as it is always answered; with `include`, its result inside.
 async fn answer(app: &App, job: Job, include: bool) -> Result<Response, Problem> {
-    let result = if include { Some(result_of(app, &job).await?) } else { None };
-    write(job, result)
+    if !include {
+        return write(job, None);
+    }
+    let result = result_of(app, &job).await?;
+    write(job, Some(&result))
 }
 
-/// The result of a job, if there is one.
-async fn result_of(app: &App, job: &Job) -> Result<Option<Bytes>, Problem> {
+/// What stands for a result that there is not.
+const NO_RESULT: Bytes = Bytes::from_static(b"null");
+
+/// The result of a job; null if there is none.
+async fn result_of(app: &App, job: &Job) -> Result<Bytes, Problem> {
     if job.state != JobState::Succeeded {
-        return Ok(None);
+        return Ok(NO_RESULT);
     }
     Ok(match app.store.result(&job.key).await? {
-        Some(StoredResult::Whole(body)) => Some(body),
-        _ => None,
+        Some(StoredResult::Whole(body)) => body,
+        _ => NO_RESULT,
     })
 }
 
-/// Writes a job; with its result, or null in its place, if that is to be inside.
-fn write(job: Job, result: Option<Option<Bytes>>) -> Result<Response, Problem> {
+/// Writes a job, with a result inside if there is to be one.
+fn write(job: Job, result: Option<&Bytes>) -> Result<Response, Problem> {
     let (key, id) = (job.key, job.id);
     let mut body = serde_json::to_vec(&JobAnswer::from(job)).map_err(|_| Problem::internal())?;
     if let Some(result) = result {
@@ -220,7 +226,7 @@ fn write(job: Job, result: Option<Option<Bytes>>) -> Result<Response, Problem> {
         // than everything else here and could change digits.
         body.pop();
         body.extend_from_slice(b",\"result\":");
-        body.extend_from_slice(result.as_deref().unwrap_or(b"null"));
+        body.extend_from_slice(result);
         body.push(b'}');
     }
     let headers = [
@@ -360,10 +366,10 @@ pub async fn submit(
     let location = address(job.id);
     let result = match (include, computed) {
         (true, Some(computed)) => Some(computed.body),
-        (true, None) => result_of(&app, &job).await.unwrap_or(None),
+        (true, None) => Some(result_of(&app, &job).await.unwrap_or(NO_RESULT)),
         (false, _) => None,
     };
-    let mut response = write(job, include.then_some(result))?;
+    let mut response = write(job, result.as_ref())?;
     response.headers_mut().insert(header::CACHE_STATUS, HeaderValue::from_static(cache));
     let mut set = |name: HeaderName, value: String| {
         // Paths and numbers are always legal in a header.

@@ -16,7 +16,7 @@ use super::upkeep::Upkeep;
 use super::writer::Writer;
 use super::{Error, Store};
 
-static MIGRATIONS: Migrator = sqlx::migrate!("migrations/sqlite");
+pub(super) static MIGRATIONS: Migrator = sqlx::migrate!("migrations/sqlite");
 
 /// Marks a database as this program's ("fret"), so that no other is ever written to.
 const APPLICATION_ID: i32 = 0x6672_6574;

@@ -31,13 +31,12 @@ impl Readers {
     /// A connection that nobody else uses meanwhile.
     pub(super) async fn get(&self) -> Result<MappedMutexGuard<'_, SqliteConnection>, Error> {
         let free = self.connections.iter().find_map(|connection| connection.try_lock().ok());
-        let guard = match free {
-            Some(guard) => guard,
-            None => {
-                // Whoever waits is spread over all of them.
-                let next = self.next.fetch_add(1, Ordering::Relaxed) % self.connections.len();
-                self.connections[next].lock().await
-            }
+        let guard = if let Some(guard) = free {
+            guard
+        } else {
+            // Whoever waits is spread over all of them.
+            let next = self.next.fetch_add(1, Ordering::Relaxed) % self.connections.len();
+            self.connections[next].lock().await
         };
         MutexGuard::try_map(guard, Option::as_mut).map_err(|_| Error::Closed)
     }

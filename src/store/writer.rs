@@ -310,6 +310,7 @@ mod tests {
 
     use super::*;
     use crate::store::Options;
+    use crate::store::open::MIGRATIONS;
 
     /// Inserts so many bytes under a number; counts how often it was applied.
     struct Insert(i64, i64, Arc<AtomicU32>);
@@ -329,6 +330,8 @@ mod tests {
 
     async fn writer() -> Writer {
         let mut db = SqliteConnection::connect("sqlite::memory:").await.unwrap();
+        // What is queued is read anew after a failure.
+        MIGRATIONS.run(&mut db).await.unwrap();
         db.execute("CREATE TABLE t (x INTEGER PRIMARY KEY, y BLOB)").await.unwrap();
         let (queue, upkeep) = (Some(Queue::default()), Upkeep::new(&Options::default()));
         let lock = tempfile::tempfile().unwrap();
@@ -379,7 +382,7 @@ mod tests {
     #[tokio::test]
     async fn a_full_disk_is_named_and_writing_resumes_when_there_is_space() {
         let mut writer = writer().await;
-        writer.db.execute("PRAGMA max_page_count = 10").await.unwrap();
+        writer.db.execute("PRAGMA max_page_count = 60").await.unwrap();
         let (answers, _) = batch(&mut writer, &[(1, 0), (2, 1 << 20), (3, 0)]).await;
         assert!(matches!(answers[..], [Ok(1), Err(Error::Full(_)), Ok(3)]), "{answers:?}");
         writer.db.execute("PRAGMA max_page_count = 10000").await.unwrap();
