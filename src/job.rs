@@ -195,12 +195,14 @@ pub enum FailureKind {
     WorkerLost,
     /// It took longer than the server allows.
     TimeLimit,
+    /// The database could not keep its result.
+    NotStored,
 }
 
 impl FailureKind {
     /// Every kind.
-    pub const ALL: [Self; 4] =
-        [Self::Panicked, Self::UnreadableTask, Self::WorkerLost, Self::TimeLimit];
+    pub const ALL: [Self; 5] =
+        [Self::Panicked, Self::UnreadableTask, Self::WorkerLost, Self::TimeLimit, Self::NotStored];
 
     /// The word for it, in JSON and in the tables.
     #[must_use]
@@ -210,6 +212,7 @@ impl FailureKind {
             Self::UnreadableTask => "unreadable-task",
             Self::WorkerLost => "worker-lost",
             Self::TimeLimit => "time-limit",
+            Self::NotStored => "not-stored",
         }
     }
 }

@@ -62,13 +62,21 @@ CREATE TABLE result_task (
 ) STRICT;
 INSERT INTO result_task
 SELECT result.key, run.task FROM result JOIN run ON run.key = result.key GROUP BY result.key;
--- One row: the size of all bodies there are, and when the server last found that it can write.
+-- One row: the size of all bodies there are, the last run there was, and when the server last found
+-- that it can write.
 CREATE TABLE room (
     id    INTEGER PRIMARY KEY CHECK (id = 1),
     used  INTEGER NOT NULL,
+    runs  INTEGER NOT NULL,
     tried INTEGER NOT NULL DEFAULT 0
 ) STRICT;
-INSERT INTO room (id, used) SELECT 1, coalesce(sum(size), 0) FROM result;
+INSERT INTO room (id, used, runs)
+SELECT 1, (SELECT coalesce(sum(size), 0) FROM result), (SELECT coalesce(max(id), 0) FROM run);
+-- Runs are deleted with their last job, but no name is given twice: who reports about one by its
+-- name and attempt must not be heard about another.
+CREATE TRIGGER a_run_is_named_once AFTER INSERT ON run BEGIN
+    UPDATE room SET runs = new.id;
+END;
 CREATE TRIGGER a_body_takes_room AFTER INSERT ON result_blob BEGIN
     UPDATE room SET used = used + length(new.body);
 END;

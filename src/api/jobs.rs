@@ -365,8 +365,8 @@ pub async fn submit(
     let finished = job.state.is_finished();
     let location = address(job.id);
     let result = match (include, computed) {
-        (true, Some(computed)) => Some(computed.body),
-        (true, None) => Some(result_of(&app, &job).await.unwrap_or(NO_RESULT)),
+        (true, Some(computed)) if job.state == JobState::Succeeded => Some(computed.body),
+        (true, _) => Some(result_of(&app, &job).await.unwrap_or(NO_RESULT)),
         (false, _) => None,
     };
     let mut response = write(job, result.as_ref())?;

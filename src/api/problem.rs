@@ -156,6 +156,10 @@ kinds! {
          `error` of a job."
         "Ask for fewer `points` or instants, or for a larger `tolerance`. Whoever runs the server can \
          raise the limit (--run-limit).";
+    NOT_STORED = INTERNAL_SERVER_ERROR "not-stored" "The result could not be stored"
+        "The run was computed, but the database refused its result again and again; a part of it is \
+         damaged. Appears as the `error` of a job."
+        "Whoever runs the server should look at its log and at its database.";
     PANICKED = INTERNAL_SERVER_ERROR "panicked" "The computation broke off"
         "The engine made a mistake in this run; no other run is affected. Appears as the `error` of \
          a job."

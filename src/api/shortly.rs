@@ -12,8 +12,9 @@ use std::time::{Duration, Instant};
 
 use tokio::sync::{Semaphore, oneshot};
 use tokio::task;
+use tokio::time::timeout;
 
-use crate::job::{Answer, Job, JobId, Key, Step};
+use crate::job::{Answer, Job, Key, Step};
 use crate::store::{Admission, Error, NewJob, Store, Submitted};
 use crate::worker::Compute;
 
@@ -21,7 +22,7 @@ use crate::worker::Compute;
 const SHORT: f64 = 0.02;
 /// How many may wait for a place; others go through the queue at once.
 const WAITING: usize = 64;
-/// When it is given up, and goes through the queue.
+/// When waiting for a place, or computing, is given up: then it goes through the queue.
 const GIVEN_UP: Duration = Duration::from_millis(50);
 
 /// Computes what is short.
@@ -78,20 +79,27 @@ impl Shortly {
             other => return Ok((other, None)),
         }
         if let Some(became) = self.join(&job) {
-            return Ok(match became.await {
-                Ok(job) => (Submitted::Accepted(job), None),
-                // Under another name, since it may have become a job before who led was gone.
-                Err(_) => (store.submit(NewJob { id: JobId::generate(), ..job }).await?, None),
-            });
+            // Who only joins takes no place from others.
+            drop(entered);
+            if let Ok(job) = became.await {
+                return Ok((Submitted::Accepted(job), None));
+            }
+            // Who led has gone, perhaps after this had become a job.
+            return match store.submit(job).await {
+                Err(Error::JobExists(id)) => {
+                    let job = store.job(id).await?.ok_or(Error::Closed)?;
+                    Ok((Submitted::Accepted(job), None))
+                }
+                other => Ok((other?, None)),
+            };
         }
         // From here on others join; whatever happens, they are released.
-        let leading = Leading { shortly: self, key: job.key };
-        let began = Instant::now();
+        let mut leading = Leading { shortly: self, key: job.key, ended: false };
         let answer = match entered {
             Some(_) => self.compute(&job).await,
             None => None,
         };
-        let Some(answer) = answer else {
+        let Some((answer, took)) = answer else {
             return Ok((store.submit(job).await?, None));
         };
         let (mut jobs, mut replies) = (vec![job], Vec::new());
@@ -99,7 +107,7 @@ impl Shortly {
             jobs.push(job);
             replies.push(reply);
         }
-        let mut became = store.record(jobs, began.elapsed(), &answer).await?.into_iter();
+        let mut became = store.record(jobs, took, &answer).await?.into_iter();
         let first = became.next().ok_or(Error::Closed)?;
         for (submitted, reply) in became.zip(replies) {
             if let Submitted::Accepted(job) = submitted {
@@ -110,9 +118,9 @@ impl Shortly {
         Ok((first, Some(answer)))
     }
 
-    /// The answer, unless it takes too long or cannot be computed.
-    async fn compute(&self, job: &NewJob) -> Option<Answer> {
-        let place = Arc::clone(&self.places).acquire_owned().await.ok()?;
+    /// The answer and how long it took, unless that is too long or it cannot be computed.
+    async fn compute(&self, job: &NewJob) -> Option<(Answer, Duration)> {
+        let place = timeout(GIVEN_UP, Arc::clone(&self.places).acquire_owned()).await.ok()?.ok()?;
         let (compute, key, stored) = (Arc::clone(&self.compute), job.key, job.task.clone());
         let computed = task::spawn_blocking(move || {
             let _place = place;
@@ -120,7 +128,7 @@ impl Shortly {
             let mut work = compute(&key, &stored).ok()?;
             while started.elapsed() < GIVEN_UP {
                 if let Step::Done(answer) = work.step() {
-                    return Some(answer);
+                    return Some((answer, started.elapsed()));
                 }
             }
             None
@@ -154,11 +162,15 @@ impl Shortly {
 struct Leading<'a> {
     shortly: &'a Shortly,
     key: Key,
+    ended: bool,
 }
 
 impl Leading<'_> {
-    /// Nobody joins from now on.
-    fn end(&self) -> Vec<Joined> {
+    /// Nobody joins from now on; what begins later under this key is another's.
+    fn end(&mut self) -> Vec<Joined> {
+        if std::mem::replace(&mut self.ended, true) {
+            return Vec::new();
+        }
         self.shortly.table().remove(&self.key).unwrap_or_default()
     }
 }

@@ -219,7 +219,8 @@ impl Simulation {
                 let outermost =
                     Plan::outermost(contact, control, self.case.law(), last).unwrap_or(reach);
                 // Room is left for some radii outside.
-                let reach = reach.max(outermost).min(0.999 * shape.extent());
+                let most = shape.extent() - 1e-3 * (shape.extent() - start);
+                let reach = reach.max(outermost).min(most);
                 let grid = Grid::new(start, reach, *points, shape.extent());
                 self.radii = grid.radii;
                 self.profiles.radius.clone_from(&self.radii);

@@ -561,7 +561,7 @@ impl Store {
         &self,
         read: impl AsyncFnOnce(&mut SqliteConnection) -> Result<T, Error>,
     ) -> Result<T, Error> {
-        let done = async { read(&mut *self.readers.get().await?).await };
+        let done = async { read(self.readers.get().await?.connection()).await };
         self.noted(done.await)
     }
 

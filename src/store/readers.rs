@@ -3,11 +3,9 @@
 //! The library's pool asks a connection whether it is well each time it comes back, which costs as
 //! much as a read. These have nothing that could fail between two reads.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
-
 use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{Connection as _, SqliteConnection};
-use tokio::sync::{MappedMutexGuard, Mutex, MutexGuard};
+use tokio::sync::{MappedMutexGuard, Mutex, MutexGuard, Semaphore, SemaphorePermit};
 
 use super::Error;
 
@@ -15,7 +13,21 @@ use super::Error;
 pub(super) struct Readers {
     /// None once closed.
     connections: Vec<Mutex<Option<SqliteConnection>>>,
-    next: AtomicUsize,
+    /// Who has a permit finds a connection that nobody uses.
+    free: Semaphore,
+}
+
+/// A connection, for one reader.
+pub(super) struct Reader<'a> {
+    connection: MappedMutexGuard<'a, SqliteConnection>,
+    // Given back after the connection.
+    _permit: SemaphorePermit<'a>,
+}
+
+impl Reader<'_> {
+    pub(super) fn connection(&mut self) -> &mut SqliteConnection {
+        &mut self.connection
+    }
 }
 
 impl Readers {
@@ -25,23 +37,22 @@ impl Readers {
             let connection = SqliteConnection::connect_with(options).await?;
             connections.push(Mutex::new(Some(connection)));
         }
-        Ok(Self { connections, next: AtomicUsize::new(0) })
+        let free = Semaphore::new(connections.len());
+        Ok(Self { connections, free })
     }
 
     /// A connection that nobody else uses meanwhile.
-    pub(super) async fn get(&self) -> Result<MappedMutexGuard<'_, SqliteConnection>, Error> {
+    pub(super) async fn get(&self) -> Result<Reader<'_>, Error> {
+        let permit = self.free.acquire().await.map_err(|_| Error::Closed)?;
         let free = self.connections.iter().find_map(|connection| connection.try_lock().ok());
-        let guard = if let Some(guard) = free {
-            guard
-        } else {
-            // Whoever waits is spread over all of them.
-            let next = self.next.fetch_add(1, Ordering::Relaxed) % self.connections.len();
-            self.connections[next].lock().await
-        };
-        MutexGuard::try_map(guard, Option::as_mut).map_err(|_| Error::Closed)
+        let guard = free.ok_or(Error::Closed)?;
+        let connection = MutexGuard::try_map(guard, Option::as_mut).map_err(|_| Error::Closed)?;
+        Ok(Reader { connection, _permit: permit })
     }
 
+    /// Closes them when who reads is done.
     pub(super) async fn close(&self) {
+        self.free.close();
         for connection in &self.connections {
             if let Some(connection) = connection.lock().await.take() {
                 // It has nothing to lose.

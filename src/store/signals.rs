@@ -76,7 +76,7 @@ struct Tables {
 /// So many moments of reading are remembered at most; the others are not missed.
 const READ_AT_MOST: usize = 10_000;
 /// So many are written down at once: some milliseconds of work.
-const READ_AT_ONCE: usize = 500;
+pub(super) const READ_AT_ONCE: usize = 500;
 
 impl Tables {
     fn note(&mut self, key: Key, at: i64) {

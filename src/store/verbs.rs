@@ -111,8 +111,8 @@ async fn known(tx: &mut Transaction<'_>, key: Key) -> Result<Known, Error> {
 /// A run if there is neither a result (or it is not wanted) nor a live run; then the job, by what
 /// there is now. The second statement tells by `changes()` whether the first inserted a run.
 const SUBMIT: &str = "
-    INSERT INTO run (key, owner, created, task, state, changed, trace)
-    SELECT ?1, ?2, ?3, ?4, 'queued', ?3, ?6
+    INSERT INTO run (id, key, owner, created, task, state, changed, trace)
+    SELECT (SELECT runs + 1 FROM room), ?1, ?2, ?3, ?4, 'queued', ?3, ?6
     WHERE ?5 OR NOT EXISTS (SELECT 1 FROM result WHERE key = ?1 AND evicted IS NULL)
     ON CONFLICT (key) WHERE state IN ('queued', 'running') DO NOTHING;
 
@@ -210,9 +210,9 @@ impl Record {
     /// The run, its first job, and the result. Where a statement passes over numbers the library
     /// takes each for one more argument, up to as many as there are: so they stand in this order.
     const BEGIN: &str = "
-        INSERT INTO run (key, owner, created, task, trace, started, finished, changed, state,
+        INSERT INTO run (id, key, owner, created, task, trace, started, finished, changed, state,
             attempt, progress)
-        VALUES (?1, ?8, ?9, ?7, ?10, ?9, ?3, ?3, 'succeeded', 1, 1);
+        VALUES ((SELECT runs + 1 FROM room), ?1, ?8, ?9, ?7, ?10, ?9, ?3, ?3, 'succeeded', 1, 1);
         INSERT INTO job (key, owner, created, id, label, tags, warnings, priority, run, state,
             attempt, origin, started, finished, changes)
         VALUES (?1, ?8, ?9, ?11, ?12, ?13, ?14, ?15, last_insert_rowid(), 'succeeded', 1,
@@ -221,7 +221,7 @@ impl Record {
         VALUES (?1, length(?2), ?4, ?5, ?3, ?3, ?6)
         ON CONFLICT DO UPDATE SET size = length(?2), summary = ?4, digest = ?5, last_access = ?3,
             checksum = ?6, evicted = NULL;
-        INSERT INTO result_blob (key, body) VALUES (?1, ?2);
+        INSERT OR REPLACE INTO result_blob (key, body) VALUES (?1, ?2);
         INSERT OR IGNORE INTO result_task (key, task) VALUES (?1, ?7)";
     /// Another job of that run.
     const JOIN: &str = "
@@ -418,11 +418,15 @@ impl Kept {
         match before {
             Some((true, true)) => {
                 // The same bytes, unless the disk has changed them since: then this repairs them.
-                sqlx::query("UPDATE result_blob SET body = ?2 WHERE key = ?1")
-                    .bind(key.bytes().as_slice())
-                    .bind(&*self.body)
-                    .execute(&mut *tx.db)
-                    .await?;
+                sqlx::query(
+                    "UPDATE result_blob SET body = ?2 WHERE key = ?1;
+                     UPDATE result SET checksum = ?3 WHERE key = ?1",
+                )
+                .bind(key.bytes().as_slice())
+                .bind(&*self.body)
+                .bind(read::checksum(&self.body))
+                .execute(&mut *tx.db)
+                .await?;
                 return Ok(Finish::Same);
             }
             Some((false, true)) => return Ok(Finish::Differs),
@@ -433,7 +437,7 @@ impl Kept {
              VALUES (?1, length(?2), ?3, ?4, ?5, ?5, ?6)
              ON CONFLICT DO UPDATE SET size = length(?2), summary = ?3, digest = ?4,
                  last_access = ?5, checksum = ?6, evicted = NULL;
-             INSERT INTO result_blob (key, body) VALUES (?1, ?2);
+             INSERT OR REPLACE INTO result_blob (key, body) VALUES (?1, ?2);
              INSERT OR IGNORE INTO result_task (key, task) VALUES (?1, ?7)",
         )
         .bind(key.bytes().as_slice())

@@ -10,7 +10,7 @@ use tokio::sync::{mpsc, oneshot};
 use tokio::time::timeout;
 
 use super::queue::Queue;
-use super::signals::{Effect, Signals};
+use super::signals::{Effect, READ_AT_ONCE, Signals};
 use super::upkeep::{DeleteOld, Evict, Upkeep, WriteReads};
 use super::{Error, now};
 
@@ -235,8 +235,8 @@ impl Writer {
     /// Does a round of what keeps the database in order; in a quiet moment also what takes longer.
     async fn keep_up(&mut self, idle: bool) {
         let reads = self.signals.take_read();
-        let many = !reads.is_empty();
-        if many {
+        let many = reads.len() == READ_AT_ONCE;
+        if !reads.is_empty() {
             // That they were read is not worth a second attempt.
             let _ = self.chore(WriteReads(reads)).await;
         }

@@ -25,6 +25,8 @@ const REPORT: Duration = Duration::from_millis(250);
 const POLL: Duration = Duration::from_secs(5);
 /// The pauses between attempts to reach a store that refuses grow from the first to the last.
 const PAUSE: (Duration, Duration) = (Duration::from_millis(50), Duration::from_secs(5));
+/// After so many refusals that no room on the disk would change, a run fails.
+const REFUSED_AT_MOST: u32 = 8;
 /// A step should take 50 ms; a thread that is silent for so long after it was told to let go is
 /// left behind.
 const LINGER: Duration = Duration::from_secs(5);
@@ -232,18 +234,30 @@ impl Worker {
         }
     }
 
-    /// Stores how a run ended, however long the store refuses: a run must not be lost silently.
+    /// Stores how a run ended, however long the disk is full or the database busy: a run must not be
+    /// lost silently. What the database refuses for good fails the run, or it would keep its thread.
     async fn settle(&self, claimed: &Claimed, outcome: &Outcome) {
         let mut pause = PAUSE.0;
+        let mut refused = 0;
         while let Err(error) = self.store_outcome(claimed, outcome).await {
             let run = claimed.run;
+            if matches!(error, Error::Damaged(_) | Error::Database(_)) {
+                refused += 1;
+            }
             let giving_up = matches!(error, Error::Closed) || self.order() == Order::LetGo;
+            let message = error.to_string();
             let error = &error as &dyn std::error::Error;
             if giving_up {
                 tracing::error!(?run, error, "a run is left to the next start");
                 return;
             }
             tracing::error!(?run, error, "cannot store how a run ended; trying again");
+            if refused >= REFUSED_AT_MOST {
+                let (attempt, kind) = (claimed.attempt, FailureKind::NotStored);
+                if self.store.fail(run, attempt, kind, &message).await.is_ok() {
+                    return;
+                }
+            }
             let mut orders = self.orders.clone();
             let let_go = orders.wait_for(|order| *order == Order::LetGo);
             let _ = tokio::time::timeout(pause, let_go).await;

@@ -352,3 +352,30 @@ fn a_profile_that_falls_back_has_no_unique_contact() {
     assert!(faults.0[0].pointer.starts_with("/profile/radius/"), "{faults:?}");
     assert!(faults.0[0].detail.contains("fall"), "{faults:?}");
 }
+
+/// A table that ends close behind the scar, and a ring that is thin: the radii rise all the same.
+#[test]
+fn radii_about_a_thin_ring_at_the_end_of_a_table_rise() {
+    let request = json!({
+        "profile": {
+            "shape": "table",
+            "radius": [0.0, 0.000_898_609_189_871, 0.006_969_484_609_18, 0.014_322_330_601_7, 0.017_656_755_588_6,
+                0.017_676_846_044_9, 0.017_686_846_044_9, 0.024_071_305_164_5, 0.025_240_189_754,
+                0.028_732_404_988_4, 0.028_742_404_988_4, 0.028_752_404_988_4],
+            "height": [0.0, 4.691_472_246_28e-13, 1.034_707_414_12e-9, 3.376_306_447_65e-8,
+                1.611_908_468_26e-7, 1.611_908_468_26e-7, 1.611_908_468_26e-7, 1.611_908_468_26e-7,
+                1.611_908_468_26e-7, 4.775_306_178_07e-7, 4.775_306_178_07e-7, 4.775_306_178_07e-7],
+        },
+        "moduli": {"normal": 2_171_560_286_810.0_f64, "tangential": 1_737_248_229_450.0_f64},
+        "friction": 0.892_971_936_203,
+        "wear": {"coefficient": 1e-9},
+        "load": {"indentation_depth": 7.890_328_820_84e-7},
+        "motion": {"reversals": [-2.847_711_896_8e-7, 0.0]},
+        "cycles": [1, 1000, 1e6],
+        "model": {"points": 16},
+    });
+    let (scenario, _) = scenario::check(&request, "").expect("a scenario");
+    let outcome = Simulation::of(&scenario).expect("a contact").run();
+    let radius = outcome.profiles.expect("profiles").radius;
+    assert!(radius.windows(2).all(|pair| pair[0] < pair[1]), "{radius:?}");
+}
