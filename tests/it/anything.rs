@@ -131,6 +131,7 @@ fn over(count: u32, vary: impl Fn(&mut Value), judge: impl Fn(&Scenario, &Outcom
     let config = ProptestConfig {
         cases: count,
         max_global_rejects: 100 * count,
+        max_local_rejects: 100 * count,
         failure_persistence: None,
         ..ProptestConfig::default()
     };
