@@ -115,7 +115,7 @@ impl Tally {
         );
         registry.register(
             "results_evicted",
-            "Results dropped because the database had grown too large",
+            "Results dropped because all took more room than they may",
             self.evicted.clone(),
         );
         registry.register(

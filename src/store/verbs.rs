@@ -29,7 +29,7 @@ pub(super) struct Submit {
     job: NewJob,
     tags: String,
     warnings: Value,
-    /// How many runs may be queued.
+    /// How many jobs may wait.
     limit: usize,
 }
 
@@ -207,7 +207,7 @@ impl Record {
         Self { jobs, took, answer: Kept::new(answer) }
     }
 
-    /// The run, its first job, and the result. Where a statement passes over numbers the library
+    /// The run, its first job, and the result as [`Kept::keep`] stores it, in one go. Where a statement passes over numbers the library
     /// takes each for one more argument, up to as many as there are: so they stand in this order.
     const BEGIN: &str = "
         INSERT INTO run (id, key, owner, created, task, trace, started, finished, changed, state,

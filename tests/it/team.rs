@@ -164,7 +164,7 @@ async fn five_hundred_listeners_cost_one_computation_and_one_who_never_reads_har
 }
 
 #[tokio::test]
-async fn events_end_when_the_server_goes_down_and_when_the_job_is_deleted() {
+async fn events_end_when_the_server_goes_down() {
     let (server, gate) = gated().await;
     let first = id(&submit(&server, 2.0, &[]).await);
     let mut listener = Listener::start(server.address, &first, None).await;
