@@ -1,5 +1,6 @@
 # Build:  docker build -t fretwork .
-# Run:    docker run -p 127.0.0.1:8080:8080 -v fretwork:/data -e FRETWORK_NO_AUTH=true fretwork
+# Run:    docker run -p 8080:8080 -v fretwork:/data -e FRETWORK_ADMIN_KEY="$(openssl rand -hex 20)" fretwork
+# Keys:   docker exec <container> fretwork keys add anna --role submit
 FROM rust:1.95-bookworm AS build
 WORKDIR /src
 COPY . .
@@ -13,8 +14,8 @@ COPY --from=build /src/LICENSE-MIT /src/LICENSE-APACHE /usr/local/share/doc/fret
 USER fretwork
 VOLUME /data
 EXPOSE 8080
-# Inside its container the server has to listen on every address. It asks for FRETWORK_NO_AUTH, so
-# that nobody opens it to a network without meaning to.
+# Inside its container the server has to listen on every address, so it asks for a key to begin with
+# (or for FRETWORK_NO_AUTH=true, which opens it to whoever reaches it).
 ENV FRETWORK_LISTEN=0.0.0.0:8080 FRETWORK_DATA_DIR=/data
 HEALTHCHECK --interval=30s --timeout=6s --start-period=5s CMD ["fretwork", "health"]
 ENTRYPOINT ["fretwork"]

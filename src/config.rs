@@ -1,7 +1,9 @@
 //! The command line: what can be asked of the program, and with what settings.
 
+use std::ffi::OsStr;
 use std::fmt::Write as _;
-use std::net::{SocketAddr, ToSocketAddrs};
+use std::net::{IpAddr, SocketAddr, ToSocketAddrs};
+use std::num::NonZeroU32;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -10,8 +12,8 @@ use bytesize::ByteSize;
 use clap::builder::FalseyValueParser;
 use clap::parser::ValueSource;
 use clap::{ArgAction, ArgMatches, Args, Parser, Subcommand, ValueEnum};
-use fretwork::api::{self, Origins};
-use fretwork::store;
+use fretwork::api::{self, Access, AdminKey, Limits, Origins};
+use fretwork::store::{self, Role};
 
 use crate::telemetry::LogFormat;
 
@@ -23,10 +25,21 @@ Examples:
   fretwork run - --format csv < job.json            from standard input; the history as CSV
   fretwork verify                                   every check against what is known, as Markdown
   fretwork health                                   exit code 0 if the server answers
+  fretwork keys add anna --role submit              make an access key; from then on callers need one
   fretwork --print-config > fretwork.env            the settings, as a file of environment variables
 
 Every option of the server has an environment variable. FRETWORK_LOG selects what is logged
 (info, warn, fretwork=debug, ...).";
+
+const KEYS_EXAMPLES: &str = "\
+Examples:
+  fretwork keys add anna --role submit                  prints the key; send it as
+                                                        Authorization: Bearer fretwork_...
+  fretwork keys add dashboard --role read --rate 600    600 requests a minute
+  fretwork keys add guest --role read --expires 30d
+  fretwork keys list
+  fretwork keys revoke anna                             all keys of that name
+  fretwork keys revoke 0a1b2c3d                         one key, by its id";
 
 const VERIFY_EXAMPLE: &str = "\
 Example:
@@ -67,6 +80,61 @@ pub enum Command {
     Verify,
     /// Ask a server whether it is well: exit code 0 or 1.
     Health(Health),
+    /// Make, list and take back access keys.
+    ///
+    /// From the first key on, a server on this data directory asks every caller for one. Works beside
+    /// a running server, which follows within a second.
+    #[command(subcommand, after_help = KEYS_EXAMPLES)]
+    Keys(Keys),
+}
+
+/// What can be done with access keys.
+#[derive(Debug, Subcommand)]
+pub enum Keys {
+    /// Make a key and print it: this once, for it is not kept.
+    Add(AddKey),
+    /// List the keys, without their secrets.
+    List(DataDir),
+    /// Take keys back, by id or by name; links that they made end too.
+    Revoke {
+        /// The id of a key, or a name: then all keys of that name.
+        name: String,
+        #[command(flatten)]
+        data: DataDir,
+    },
+}
+
+/// A key that is to be made.
+#[derive(Debug, Args)]
+pub struct AddKey {
+    /// Whose key it is: letters, digits and . _ @ + -. Keys of one name are one owner of jobs.
+    #[arg(value_parser = key_name)]
+    pub name: String,
+    /// What it is good for: `read` looks at results, `submit` submits jobs too, `admin` may do
+    /// everything.
+    #[arg(long, value_parser = role, value_name = "read|submit|admin")]
+    pub role: Role,
+    /// When it ends, such as 90d from now [default: never].
+    #[arg(long, value_name = "TIME", value_parser = duration)]
+    pub expires: Option<Duration>,
+    /// Requests per minute; 0 sets no limit [default: the server's --rate-limit].
+    #[arg(long, value_name = "N")]
+    pub rate: Option<u32>,
+    #[command(flatten)]
+    pub data: DataDir,
+}
+
+/// Where the database is.
+#[derive(Debug, Args)]
+pub struct DataDir {
+    /// The data directory of the server.
+    #[arg(
+        long = "data-dir",
+        env = "FRETWORK_DATA_DIR",
+        default_value = "data",
+        value_name = "DIR"
+    )]
+    pub path: PathBuf,
 }
 
 /// The settings of the server.
@@ -75,11 +143,23 @@ pub struct Serve {
     /// Address and port to listen on; port 0 takes a free one.
     #[arg(long, env = "FRETWORK_LISTEN", default_value = "127.0.0.1:8080", value_parser = resolve)]
     pub listen: SocketAddr,
-    /// Allow an address that other machines can reach, although there are no keys yet: everyone
-    /// who reaches it may use it.
+    /// Ask nobody for a key, even if there are some, and allow an address that other machines can
+    /// reach: everyone who reaches it may do everything.
     #[arg(long, env = "FRETWORK_NO_AUTH", action = ArgAction::SetTrue,
-        value_parser = FalseyValueParser::new())]
+        value_parser = FalseyValueParser::new(), conflicts_with = "admin_key")]
     pub no_auth: bool,
+    /// A key that may do everything, beside those made by `fretwork keys`: at least 20 characters,
+    /// best set by the variable.
+    #[arg(long, env = "FRETWORK_ADMIN_KEY", hide_env_values = true, value_name = "KEY",
+        value_parser = admin_key)]
+    pub admin_key: Option<AdminKey>,
+    /// Requests a minute that one key may send, unless it has a limit of its own. 0 sets no limit.
+    #[arg(long, env = "FRETWORK_RATE_LIMIT", default_value = "60000", value_name = "N")]
+    pub rate_limit: u32,
+    /// Requests of one key at work at the same time; a wait or an event stream is one until it ends.
+    /// 0 sets no limit.
+    #[arg(long, env = "FRETWORK_CONCURRENCY", default_value = "256", value_name = "N")]
+    pub concurrency: u32,
     /// Where jobs and results are kept; created if it is missing.
     #[arg(long, env = "FRETWORK_DATA_DIR", default_value = "data", value_name = "DIR")]
     pub data_dir: PathBuf,
@@ -174,6 +254,14 @@ impl Serve {
     /// What the interface must know.
     pub fn interface(&self, workers: usize) -> api::Settings {
         api::Settings {
+            access: Access {
+                open: self.no_auth,
+                admin_key: self.admin_key.clone(),
+                limits: Limits {
+                    per_minute: NonZeroU32::new(self.rate_limit),
+                    at_once: NonZeroU32::new(self.concurrency),
+                },
+            },
             workers,
             run_limit: some(self.run_limit),
             memory: self.memory_cache.as_u64(),
@@ -213,19 +301,44 @@ pub fn described(matches: &ArgMatches) -> String {
     for argument in Serve::augment_args(clap::Command::new("")).get_arguments() {
         let (id, Some(name)) = (argument.get_id().as_str(), argument.get_env()) else { continue };
         let values = matches.get_raw(id).into_iter().flatten();
-        let values: Vec<_> = values.map(|value| value.to_string_lossy()).collect();
+        let secret = argument.is_hide_env_values_set();
+        let shown = |value: &OsStr| {
+            if secret { "(not shown)".into() } else { value.to_string_lossy().into_owned() }
+        };
+        let values: Vec<_> = values.map(shown).collect();
         let source = match matches.value_source(id) {
             None => "not set",
             Some(ValueSource::CommandLine) => "command line",
             Some(ValueSource::EnvVariable) => "environment",
             Some(_) => "default",
         };
-        let comment = if values.is_empty() { "# " } else { "" };
+        let comment = if values.is_empty() || secret { "# " } else { "" };
         let name = name.to_string_lossy();
         // A comment has a line of its own: in such files it cannot follow a value.
         let _ = writeln!(text, "# {source}\n{comment}{name}={}", values.join(","));
     }
     text
+}
+
+fn role(text: &str) -> Result<Role, String> {
+    text.parse().map_err(|_| "expected read, submit or admin".to_owned())
+}
+
+/// A name that stands in lists, logs and answers, and is nobody's address.
+fn key_name(text: &str) -> Result<String, String> {
+    let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"._@+-".contains(&byte);
+    let sound = (1..=64).contains(&text.len())
+        && text.bytes().all(plain)
+        && text.parse::<IpAddr>().is_err();
+    let expected = "expected up to 64 letters, digits and . _ @ + - that are no network address";
+    if sound { Ok(text.to_owned()) } else { Err(expected.to_owned()) }
+}
+
+fn admin_key(text: &str) -> Result<AdminKey, String> {
+    let sound =
+        text.len() >= 20 && text.bytes().all(|byte| byte.is_ascii_graphic() && byte != b':');
+    let expected = "expected at least 20 printable characters without blanks and colons";
+    if sound { Ok(AdminKey(text.to_owned())) } else { Err(expected.to_owned()) }
 }
 
 /// A limit; 0 is none.

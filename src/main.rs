@@ -1,5 +1,6 @@
 //! The program: parses the command line, wires the rooms together, serves and drains.
 
+mod administration;
 mod config;
 mod telemetry;
 
@@ -51,6 +52,7 @@ fn main() -> ExitCode {
         Some(Command::Openapi) => say(&api::document()),
         Some(Command::Verify) => verify(),
         Some(Command::Health(settings)) => health(&settings),
+        Some(Command::Keys(command)) => administration::keys(command),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
@@ -77,14 +79,6 @@ fn serve(settings: &Serve, matches: &ArgMatches) -> Result<(), Failure> {
     if settings.print_config {
         return say(config::described(matches).as_bytes());
     }
-    if !settings.listen.ip().is_loopback() && !settings.no_auth {
-        return Err(format!(
-            "{} can be reached from other machines, and this version has no keys to tell callers \
-             apart; listen on 127.0.0.1, or add --no-auth if everyone who reaches it may use it",
-            settings.listen
-        )
-        .into());
-    }
     telemetry::start(settings.log_format);
     // Requests are short; computing has threads of its own.
     tokio::runtime::Builder::new_multi_thread()
@@ -97,11 +91,26 @@ fn serve(settings: &Serve, matches: &ArgMatches) -> Result<(), Failure> {
 
 async fn serve_until_told(settings: &Serve) -> Result<(), Failure> {
     let mut told = Signals::new()?;
+    let store = Store::open(&settings.data_dir, &settings.storage()).await?;
+    let keys = store.access_keys().await?;
+    let asks = !settings.no_auth && (settings.admin_key.is_some() || !keys.is_empty());
+    if !settings.listen.ip().is_loopback() && !settings.no_auth && !asks {
+        return Err(format!(
+            "{} can be reached from other machines, and there are no keys to tell callers apart; make \
+             one with `fretwork keys add NAME --role admin --data-dir {}`, or set FRETWORK_ADMIN_KEY, \
+             or listen on 127.0.0.1, or add --no-auth if everyone who reaches it may do everything",
+            settings.listen,
+            settings.data_dir.display(),
+        )
+        .into());
+    }
+    if settings.no_auth && !keys.is_empty() {
+        tracing::warn!("there are keys, but nobody is asked for one (--no-auth)");
+    }
     let listener = TcpListener::bind(settings.listen).await.map_err(|error| {
         format!("cannot listen on {}: {error}; choose another with --listen", settings.listen)
     })?;
     let address = listener.local_addr()?;
-    let store = Store::open(&settings.data_dir, &settings.storage()).await?;
     let recovered = store.recover().await?;
     tracing::info!(?recovered, "opened the data directory");
     let count = settings
@@ -121,7 +130,7 @@ async fn serve_until_told(settings: &Serve) -> Result<(), Failure> {
     let mut server = pin!(server.into_future());
     tracing::info!(%address, "listening");
     // The greeting is for people: a server serves without anyone who reads it.
-    if let Err(error) = greet(address, settings) {
+    if let Err(error) = greet(address, settings, asks) {
         tracing::warn!(%error, "nobody reads the greeting");
     }
 
@@ -189,7 +198,7 @@ impl Signals {
 }
 
 /// Says where the server is, and one line to try it with.
-fn greet(address: SocketAddr, settings: &Serve) -> io::Result<()> {
+fn greet(address: SocketAddr, settings: &Serve, asks: bool) -> io::Result<()> {
     let base = format!("http://{}", reachable(address));
     let example = api::EXAMPLES.first().map_or("{}", |example| example.body);
     // Within single quotes of a shell.
@@ -197,10 +206,15 @@ fn greet(address: SocketAddr, settings: &Serve) -> io::Result<()> {
     let mut out = io::stdout().lock();
     writeln!(out, "fretwork {} listens on {base}", env!("CARGO_PKG_VERSION"))?;
     writeln!(out, "documentation: {base}/docs/   data: {}", settings.data_dir.display())?;
-    writeln!(out, "\nTry it:\n")?;
+    let (hint, key) = if asks {
+        (", with your key in FRETWORK_KEY", " -H \"Authorization: Bearer $FRETWORK_KEY\"")
+    } else {
+        ("", "")
+    };
+    writeln!(out, "\nTry it{hint}:\n")?;
     writeln!(
         out,
-        "curl -sS '{base}/v1/jobs?include=result' -H 'Content-Type: application/json' \
+        "curl -sS '{base}/v1/jobs?include=result'{key} -H 'Content-Type: application/json' \
          -H 'Prefer: wait=10' -d '{body}'\n"
     )?;
     out.flush()

@@ -9,7 +9,10 @@ use axum::http::{HeaderMap, HeaderName};
 use axum::serve::IncomingStream;
 use tokio::net::TcpListener;
 
+use super::access::Identity;
 use super::connection::Patient;
+use super::limits::Standing;
+use crate::store::Role;
 
 /// Where a connection comes from.
 #[derive(Debug, Clone, Copy)]
@@ -73,10 +76,32 @@ fn is_traceparent(text: &str) -> bool {
 /// Who asks.
 #[derive(Debug, Clone)]
 pub struct Caller {
-    /// Whom a job belongs to. As long as nobody is asked for a key: the address of the client.
+    /// Whom a job belongs to: the name of the key, or the address of the client where there are no
+    /// keys.
     pub owner: String,
+    /// What they may do.
+    pub role: Role,
+    /// The key, by the name that may be shown; none where there are no keys.
+    pub key: Option<String>,
+    /// What is left of their requests, if they are counted.
+    pub standing: Option<Standing>,
     /// The request, as it goes with a job: its id and, after a blank, its `traceparent`.
     pub trace: String,
+}
+
+impl Caller {
+    /// Whose jobs they may see and touch; none if everyone's. Where there are no keys nobody is told
+    /// apart in earnest.
+    pub fn reach(&self) -> Option<&str> {
+        (self.role != Role::Admin).then_some(&self.owner)
+    }
+}
+
+fn address(parts: &Parts) -> String {
+    parts.extensions.get::<ConnectInfo<Peer>>().map_or_else(
+        || "unknown".to_owned(),
+        |ConnectInfo(Peer(address))| owner(address.ip().to_canonical()),
+    )
 }
 
 /// A client as an owner. One of version 6 has a whole network of 2⁶⁴ addresses, and changes them.
@@ -94,16 +119,17 @@ impl<S: Sync> FromRequestParts<S> for Caller {
     type Rejection = Infallible;
 
     async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Infallible> {
-        let owner = parts.extensions.get::<ConnectInfo<Peer>>().map_or_else(
-            || "unknown".to_owned(),
-            |ConnectInfo(Peer(address))| owner(address.ip().to_canonical()),
-        );
+        let (owner, role, key) = match parts.extensions.get::<Identity>() {
+            Some(Identity { owner, role, key }) => (owner.clone(), *role, Some(key.clone())),
+            None => (address(parts), Role::Admin, None),
+        };
+        let standing = parts.extensions.get::<Standing>().copied();
         let trace = match parts.extensions.get::<Trace>() {
             Some(Trace { id, parent: Some(parent) }) => format!("{id} {parent}"),
             Some(Trace { id, parent: None }) => id.clone(),
             None => String::new(),
         };
-        Ok(Self { owner, trace })
+        Ok(Self { owner, role, key, standing, trace })
     }
 }
 

@@ -13,7 +13,8 @@ use futures_util::stream::{self, Stream};
 use serde::Serialize;
 
 use super::App;
-use super::jobs::{JobAnswer, read_id, unknown};
+use super::caller::Caller;
+use super::jobs::{JobAnswer, visible};
 use super::problem::Problem;
 use super::wire::{NoQuery, Segment, instant};
 use crate::job::{Job, JobId, JobState};
@@ -61,12 +62,13 @@ struct Progress {
 )]
 pub async fn follow(
     State(app): State<App>,
+    caller: Caller,
     Segment(id): Segment,
     headers: HeaderMap,
     _: NoQuery,
 ) -> Result<Response, Problem> {
-    let id = read_id(&id)?;
-    let job = app.store.job(id).await?.ok_or_else(unknown)?;
+    let job = visible(&app, &caller, &id).await?;
+    let id = job.id;
     // An id that is none of ours is as good as none: everything is sent.
     let seen: Option<usize> =
         headers.get("last-event-id").and_then(|value| value.to_str().ok()?.parse().ok());

@@ -177,6 +177,14 @@ pub(super) fn read_id(text: &str) -> Result<JobId, Problem> {
     })
 }
 
+/// The job of this id, if the caller may see it. Jobs of others are as good as none: nobody learns
+/// what there is.
+pub(super) async fn visible(app: &App, caller: &Caller, id: &str) -> Result<Job, Problem> {
+    let job = app.store.job(read_id(id)?).await?;
+    let seen = |job: &Job| caller.reach().is_none_or(|owner| owner == job.owner);
+    job.filter(seen).ok_or_else(unknown)
+}
+
 pub(super) fn unknown() -> Problem {
     Problem::new(&problem::NOT_FOUND, "No job has this id; GET /v1/jobs lists those there are.")
 }
@@ -421,7 +429,8 @@ fn cache_status(job: &Job, afresh: bool) -> &'static str {
         ("label" = Option<String>, Query, description = "Jobs with exactly this label."),
         ("tag" = Option<String>, Query, description = "Jobs that carry this tag."),
         ("key" = Option<super::openapi::KeyText>, Query, description = "Jobs for the result with this key."),
-        ("owner" = Option<super::openapi::Owner>, Query, description = "`me`: my own jobs."),
+        ("owner" = Option<super::openapi::Owner>, Query, description = "`me`: my own jobs. \
+            Where keys are asked for, only administrators see those of others."),
         ("limit" = Option<u32>, Query, description = "How many jobs at most.", minimum = 1,
             maximum = 200, example = 50),
         ("cursor" = Option<uuid::Uuid>, Query,
@@ -437,7 +446,7 @@ pub async fn list(
     uri: Uri,
     mut query: Query,
 ) -> Result<Response, Problem> {
-    let filter = read_filter(&mut query, caller);
+    let filter = within(read_filter(&mut query, &caller), &caller);
     let limit = query.value("limit", &format!("a number from 1 to {LONGEST_PAGE}"), |text| {
         text.parse().ok().filter(|limit| (1..=LONGEST_PAGE).contains(limit))
     });
@@ -451,7 +460,7 @@ pub async fn list(
 }
 
 /// Takes the parameters that select jobs.
-fn read_filter(query: &mut Query, caller: Caller) -> Filter {
+fn read_filter(query: &mut Query, caller: &Caller) -> Filter {
     let states = JobState::ALL.map(JobState::as_str).join(", ");
     let key = "a key of 64 lower-case hexadecimal digits";
     Filter {
@@ -459,8 +468,13 @@ fn read_filter(query: &mut Query, caller: Caller) -> Filter {
         label: query.text("label"),
         tag: query.text("tag"),
         key: query.value("key", key, |text| text.parse().ok()),
-        owner: query.value("owner", "\"me\"", |text| (text == "me").then_some(caller.owner)),
+        owner: query.value("owner", "\"me\"", |text| (text == "me").then(|| caller.owner.clone())),
     }
+}
+
+/// Of all jobs that match, those that the caller may touch.
+fn within(filter: Filter, caller: &Caller) -> Filter {
+    Filter { owner: filter.owner.or_else(|| caller.reach().map(str::to_owned)), ..filter }
 }
 
 /// The address asked for, with another cursor.
@@ -490,13 +504,14 @@ fn next_page(uri: &Uri, cursor: JobId) -> String {
 )]
 pub async fn show(
     State(app): State<App>,
+    caller: Caller,
     Segment(id): Segment,
     mut query: Query,
 ) -> Result<Response, Problem> {
     let time = query.wait();
     let include = query.include_result();
     query.finish()?;
-    let mut job = app.store.job(read_id(&id)?).await?.ok_or_else(unknown)?;
+    let mut job = visible(&app, &caller, &id).await?;
     if let Some(time) = time {
         job = wait(&app, job, time).await?;
     }
@@ -516,10 +531,11 @@ pub async fn show(
 )]
 pub async fn result(
     State(app): State<App>,
+    caller: Caller,
     Segment(id): Segment,
     _: NoQuery,
 ) -> Result<Response, Problem> {
-    let job = app.store.job(read_id(&id)?).await?.ok_or_else(unknown)?;
+    let job = visible(&app, &caller, &id).await?;
     let problem = match job.state {
         JobState::Succeeded => {
             let location = format!("/v1/results/{}", job.key);
@@ -559,10 +575,12 @@ pub async fn result(
 )]
 pub async fn cancel(
     State(app): State<App>,
+    caller: Caller,
     Segment(id): Segment,
     _: NoQuery,
 ) -> Result<Response, Problem> {
-    match app.store.cancel(read_id(&id)?).await? {
+    let job = visible(&app, &caller, &id).await?;
+    match app.store.cancel(job.id).await? {
         Canceled::NotFound => Err(unknown()),
         Canceled::AlreadyFinished(job) | Canceled::Done(job) => answer(&app, job, false).await,
     }
@@ -586,7 +604,8 @@ pub struct CanceledJobs {
         ("label" = Option<String>, Query, description = "Jobs with exactly this label."),
         ("tag" = Option<String>, Query, description = "Jobs that carry this tag."),
         ("key" = Option<super::openapi::KeyText>, Query, description = "Jobs for the result with this key."),
-        ("owner" = Option<super::openapi::Owner>, Query, description = "`me`: my own jobs."),
+        ("owner" = Option<super::openapi::Owner>, Query, description = "`me`: my own jobs. \
+            Where keys are asked for, only administrators see those of others."),
     ),
     responses(
         (status = 200, description = "They are canceled, or will be as soon as their workers let \
@@ -599,14 +618,15 @@ pub async fn cancel_all(
     caller: Caller,
     mut query: Query,
 ) -> Result<axum::Json<CanceledJobs>, Problem> {
-    let filter = read_filter(&mut query, caller);
+    let filter = read_filter(&mut query, &caller);
     query.finish()?;
     if filter == Filter::default() {
         let detail =
             "one of state, label, tag, key and owner must be given: this cancels many jobs";
         return Err(Problem::parameters(vec![Complaint::parameter("state", detail)]));
     }
-    Ok(axum::Json(CanceledJobs { canceled: app.store.cancel_all(&filter).await? }))
+    let canceled = app.store.cancel_all(&within(filter, &caller)).await?;
+    Ok(axum::Json(CanceledJobs { canceled }))
 }
 
 /// Deletes a job that has ended. Its result stays, for it belongs to everyone.
@@ -621,10 +641,12 @@ pub async fn cancel_all(
 )]
 pub async fn delete(
     State(app): State<App>,
+    caller: Caller,
     Segment(id): Segment,
     _: NoQuery,
 ) -> Result<StatusCode, Problem> {
-    match app.store.delete(read_id(&id)?).await? {
+    let job = visible(&app, &caller, &id).await?;
+    match app.store.delete(job.id).await? {
         Deleted::Done => Ok(StatusCode::NO_CONTENT),
         Deleted::NotFound => Err(unknown()),
         Deleted::Unfinished(state) => {

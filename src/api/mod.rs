@@ -4,10 +4,13 @@
 //! the answer. What all answers share (request id, log line, problems, CORS) happens once, in
 //! [`router`].
 
+mod access;
 mod caller;
 mod connection;
 mod events;
 mod jobs;
+mod limits;
+mod links;
 mod memory;
 mod metrics;
 mod openapi;
@@ -31,19 +34,22 @@ use axum::response::{IntoResponse, Redirect, Response};
 use axum::routing::get;
 use tokio::sync::watch;
 use tower_http::catch_panic::CatchPanicLayer;
-use tower_http::cors::{Any as AnyOrigin, CorsLayer};
+use tower_http::cors::{AllowHeaders, Any as AnyOrigin, CorsLayer};
 use tracing::Instrument as _;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
+pub use access::{Access, AdminKey};
 pub use caller::Peer;
 pub use connection::Patient;
+pub use limits::Limits;
 pub use openapi::document;
 pub use scenarios::{EXAMPLES, Example, Unsound, parse_job};
 pub use table::{Document, Error as TableError};
 
 use crate::store::Store;
 use crate::worker::Compute;
+use access::{Gate, Identity};
 use caller::{REQUEST_ID, Trace};
 use memory::Memory;
 use metrics::Metrics;
@@ -55,6 +61,7 @@ use wire::Segment;
 #[derive(Debug, Clone)]
 pub struct App {
     store: Store,
+    gate: Arc<Gate>,
     /// Turns true when the server stops taking new jobs.
     draining: watch::Receiver<bool>,
     workers: usize,
@@ -67,6 +74,8 @@ pub struct App {
 /// What the interface must know of how the server is run.
 #[derive(Debug, Clone)]
 pub struct Settings {
+    /// How callers are told apart.
+    pub access: Access,
     /// Threads that compute.
     pub workers: usize,
     /// The longest that a run may take.
@@ -79,7 +88,8 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { workers: 1, run_limit: None, memory: 64 << 20, origins: Origins::Own }
+        let access = Access::default();
+        Self { access, workers: 1, run_limit: None, memory: 64 << 20, origins: Origins::Own }
     }
 }
 
@@ -109,10 +119,12 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(results::profiles))
         .routes(routes!(results::loops))
         .routes(routes!(results::pin, results::unpin))
+        .routes(routes!(links::share))
         .routes(routes!(scenarios::check))
         .routes(routes!(scenarios::examples))
         .routes(routes!(scenarios::example))
         .routes(routes!(scenarios::schema))
+        .routes(routes!(access::me))
         .routes(routes!(system::health))
         .routes(routes!(system::ready))
         .routes(routes!(metrics::metrics))
@@ -130,20 +142,31 @@ pub fn router(
     draining: watch::Receiver<bool>,
     settings: &Settings,
 ) -> Router {
-    let Settings { workers, run_limit, memory, ref origins } = *settings;
+    let Settings { workers, run_limit, memory, .. } = *settings;
+    let gate = Arc::new(Gate::new(&store, &settings.access));
     let metrics = Arc::new(Metrics::new(&store, workers));
     let memory = Arc::new(Memory::new(memory));
     let shortly = Shortly::new(Arc::clone(compute), workers);
-    let app =
-        App { store, draining, workers, run_limit, memory, shortly, metrics: Arc::clone(&metrics) };
+    let shared = Arc::clone(&metrics);
+    let app = App {
+        store,
+        gate: Arc::clone(&gate),
+        draining,
+        workers,
+        run_limit,
+        memory,
+        shortly,
+        metrics: shared,
+    };
     let (documented, _) = routes().split_for_parts();
     let router = documented
         .route("/", get(system::root))
         .route("/docs", get(|| async { Redirect::to("/docs/") }))
         .route("/docs/", get(|| system::docs(Segment(String::new()))))
         .route("/docs/{*path}", get(system::docs))
-        .fallback(nowhere);
-    dressed(router, metrics, origins).with_state(app)
+        .fallback(nowhere)
+        .layer(from_fn_with_state(gate, access::pass));
+    dressed(router, metrics, &settings.origins).with_state(app)
 }
 
 /// Puts around the routes what all answers share.
@@ -183,22 +206,40 @@ async fn edge(
     let mut response = problem::write(answer, &id);
     let route = route.as_ref().map_or("none", MatchedPath::as_str);
     metrics.answered(&method, route, response.status(), started);
+    let caller = response.extensions().get::<Identity>();
+    let caller = caller.map(|identity| format!("{} {}", identity.owner, identity.key));
     let status = response.status().as_u16();
     let milliseconds = (started.elapsed().as_secs_f64() * 1e6).round() / 1e3;
     let path = uri.path();
     span.in_scope(|| {
         // What only reads and finds is counted, and told to who wants to know.
         if method.is_safe() && status < 400 {
-            tracing::debug!(%method, path, status, milliseconds, "answered");
+            tracing::debug!(%method, path, status, milliseconds, caller, "answered");
         } else {
-            tracing::info!(%method, path, status, milliseconds, "answered");
+            tracing::info!(%method, path, status, milliseconds, caller, "answered");
         }
     });
+    let headers = response.headers_mut();
     if let Ok(id) = HeaderValue::try_from(id) {
-        response.headers_mut().insert(REQUEST_ID, id);
+        headers.insert(REQUEST_ID, id);
+    }
+    for (name, value) in SAFE {
+        headers.entry(name).or_insert(HeaderValue::from_static(value));
     }
     response
 }
+
+/// What browsers are told of every answer, unless it says otherwise: it is what it is declared as,
+/// runs nothing, is shown in no frame, and its address (which may hold a link) is told to nobody.
+const SAFE: [(HeaderName, &str); 4] = [
+    (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+    (header::REFERRER_POLICY, "no-referrer"),
+    (header::X_FRAME_OPTIONS, "DENY"),
+    (
+        header::CONTENT_SECURITY_POLICY,
+        "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'none'",
+    ),
+];
 
 /// Whether a page of an unknown site would change something through the browser of somebody who
 /// may: a browser asks beforehand only where the request is unusual.
@@ -237,12 +278,17 @@ fn cors(origins: &Origins) -> Option<CorsLayer> {
         header::CACHE_STATUS,
         header::ETAG,
         header::RETRY_AFTER,
+        header::WWW_AUTHENTICATE,
+        header::CONTENT_DISPOSITION,
         HeaderName::from_static("preference-applied"),
+        HeaderName::from_static("ratelimit"),
+        HeaderName::from_static("ratelimit-policy"),
         REQUEST_ID,
     ];
     let layer = CorsLayer::new()
         .allow_methods([Method::GET, Method::HEAD, Method::POST, Method::PUT, Method::DELETE])
-        .allow_headers(AnyOrigin)
+        // A star would not cover Authorization.
+        .allow_headers(AllowHeaders::mirror_request())
         .expose_headers(exposed);
     match origins {
         Origins::Own => None,

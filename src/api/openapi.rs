@@ -3,6 +3,7 @@
 //! Requests and results have their schemas in files, because those describe documents that are not
 //! Rust types here: the scenario's belongs to the engine, the result's is `documents.schema.json`.
 
+use axum::http::Method;
 use serde_json::{Map, Value, json};
 use utoipa::openapi::schema::{ObjectBuilder, Schema, Type};
 use utoipa::openapi::tag::TagBuilder;
@@ -13,8 +14,10 @@ use utoipa::{PartialSchema, ToSchema};
 
 use super::problem::ProblemDocument;
 use super::scenarios::{EXAMPLES, parse_job};
+use super::{access, links};
 use crate::engine::scenario::SCHEMA;
 use crate::job;
+use crate::store::Role as StoredRole;
 
 const DOCUMENT_SCHEMAS: &str = include_str!("documents.schema.json");
 
@@ -31,6 +34,10 @@ equal keys, are computed once and shared by everyone who asks.
 **Errors.** Every answer that is not a success is `application/problem+json` (RFC 9457). All faults \
 of a request are reported at once, each with a JSON pointer. Unknown members and parameters are \
 refused: a misspelt one must not silently take its default.
+
+**Keys.** A server that others can reach asks for a key, `Authorization: Bearer fretwork_…`. Its role says \
+what it is good for: `read`, `submit` or `admin`. Jobs belong to the name of the key; results are shared by \
+all who have one. Without keys (on one's own machine) everything is open.
 
 **Requests** may carry an `x-request-id`; every answer has one, and the log knows it.";
 
@@ -58,6 +65,7 @@ pub(super) fn frame() -> OpenApi {
                 // Types that appear in parameters only are not found by themselves.
                 .schema_from::<Include>()
                 .schema_from::<Owner>()
+                .schema_from::<Role>()
                 .schema_from::<JsonOnly>()
                 .schema_from::<TableFormat>()
                 .schema_from::<KeyText>()
@@ -67,6 +75,7 @@ pub(super) fn frame() -> OpenApi {
 }
 
 /// The complete document as it is served, printed and committed.
+#[must_use]
 pub fn document() -> Vec<u8> {
     let mut document = serde_json::to_value(super::routes().into_openapi()).unwrap_or_default();
     if let Some(Value::Object(schemas)) = document.pointer_mut("/components/schemas") {
@@ -79,12 +88,17 @@ pub fn document() -> Vec<u8> {
         });
     }
     if let Some(Value::Object(paths)) = document.pointer_mut("/paths") {
-        for operation in
-            paths.values_mut().filter_map(Value::as_object_mut).flat_map(Map::values_mut)
-        {
-            complete(operation);
+        for (path, item) in paths {
+            for (method, operation) in item.as_object_mut().into_iter().flatten() {
+                complete(operation);
+                guard(path, method, operation);
+            }
         }
     }
+    document["components"]["headers"] = shared_headers();
+    document["components"]["securitySchemes"] = security_schemes();
+    // Without keys it is open: then none is needed.
+    document["security"] = json!([{"key": []}, {"password": []}, {}]);
     let mut text = serde_json::to_vec_pretty(&document).unwrap_or_default();
     text.push(b'\n');
     text
@@ -179,11 +193,95 @@ fn complete(operation: &mut Value) {
             let problem = json!({"$ref": "#/components/schemas/Problem"});
             response["content"] = json!({"application/problem+json": {"schema": problem}});
         }
-        response["headers"]["x-request-id"] = json!({
-            "description": "The id of the request, in the server's log too.",
-            "schema": {"type": "string"},
-        });
+        response["headers"]["x-request-id"] = json!({"$ref": "#/components/headers/x-request-id"});
     }
+}
+
+/// Adds to an operation what the gate before it asks and answers.
+fn guard(path: &str, method: &str, operation: &mut Value) {
+    let method = method.to_uppercase().parse().unwrap_or_default();
+    let Some(role) = access::needed(&method, path) else {
+        operation["security"] = json!([]);
+        return;
+    };
+    let refusal = |description: String| {
+        json!({
+            "description": description,
+            "content": {"application/problem+json":
+                {"schema": {"$ref": "#/components/schemas/Problem"}}},
+            "headers": {"x-request-id": {"$ref": "#/components/headers/x-request-id"}},
+        })
+    };
+    let responses = &mut operation["responses"];
+    responses["401"] =
+        refusal("The server asks for keys, and the request has none that is good.".into());
+    responses["401"]["headers"]["WWW-Authenticate"] =
+        json!({"description": "How to send a key.", "schema": {"type": "string"}});
+    let mut forbidden = match role {
+        StoredRole::Read => String::new(),
+        role => format!("The key has not the role this needs ({role}). "),
+    };
+    if method != Method::GET {
+        forbidden.push_str("A page of an unknown site sent it through a browser. ");
+    }
+    if links::OPENED.contains(&path) && method == Method::GET {
+        forbidden.push_str("The `link` does not open this. ");
+        if let Some(Value::Array(parameters)) = operation.get_mut("parameters") {
+            parameters.push(json!({
+                "name": "link", "in": "query", "required": false,
+                "description": "In place of a key: from `POST /v1/results/{key}/links`.",
+                "schema": {"type": "string"},
+            }));
+        }
+    }
+    let responses = &mut operation["responses"];
+    if !forbidden.is_empty() {
+        responses["403"] = refusal(forbidden.trim_end().to_owned());
+    }
+    responses["429"] = refusal(
+        "The key has sent too many requests this minute, or has too many at work.".to_owned(),
+    );
+    responses["429"]["headers"]["Retry-After"] =
+        json!({"$ref": "#/components/headers/Retry-After"});
+    for (status, response) in responses.as_object_mut().into_iter().flatten() {
+        if status.starts_with('2') || status == "429" {
+            for name in ["RateLimit", "RateLimit-Policy"] {
+                response["headers"][name] = json!({"$ref": format!("#/components/headers/{name}")});
+            }
+        }
+    }
+}
+
+/// The headers that answers of many operations carry.
+fn shared_headers() -> Value {
+    let text =
+        |description: &str| json!({"description": description, "schema": {"type": "string"}});
+    json!({
+        "x-request-id": text("The id of the request, in the server's log too."),
+        "Retry-After": {
+            "description": "Come back after so many seconds.", "schema": {"type": "integer", "minimum": 1},
+        },
+        "RateLimit": text(
+            "Where keys are counted: `\"minute\";r=…;t=…`: `r` requests may come at once; in `t` \
+             seconds there are as many as there can be (with 429: the next one may come)."),
+        "RateLimit-Policy": text(
+            "Where keys are counted: `\"minute\";q=…;w=60`: `q` requests in 60 seconds."),
+    })
+}
+
+/// The ways of sending a key.
+fn security_schemes() -> Value {
+    json!({
+        "key": {
+            "type": "http", "scheme": "bearer", "bearerFormat": "fretwork_…",
+            "description": "An access key: `Authorization: Bearer fretwork_…`.",
+        },
+        "password": {
+            "type": "http", "scheme": "basic",
+            "description": "An access key as the password, with any name, or as the name: for clients \
+                that know only `http://name:key@host`.",
+        },
+    })
 }
 
 fn example_key() -> Option<String> {
@@ -227,6 +325,8 @@ documented! {
     Include words(["result"]);
     /// Whose jobs.
     Owner words(["me"]);
+    /// What a key is good for.
+    Role words(StoredRole::ALL.iter().map(|role| role.as_str()));
     /// The formats of a whole result.
     JsonOnly words(["json"]);
     /// The formats of a table.

@@ -55,6 +55,20 @@ kinds! {
     NOT_FOUND = NOT_FOUND "not-found" "There is nothing here"
         "No route, job or document has this address."
         "Compare the address with the list of routes under /docs. Jobs are listed by GET /v1/jobs.";
+    UNAUTHORIZED = UNAUTHORIZED "unauthorized" "A key is needed"
+        "This server tells its callers apart by keys, and the request has none, or one that is not \
+         good (any more)."
+        "Send your key as `Authorization: Bearer fretwork_…` (curl: `-H \"Authorization: Bearer \
+         $FRETWORK_KEY\"`), or as the password of Basic authentication. Whoever runs the server makes \
+         one with `fretwork keys add NAME --role submit`.";
+    FORBIDDEN = FORBIDDEN "forbidden" "The key is not good for this"
+        "Keys have roles: `read` looks at results and checks scenarios; `submit` submits jobs too, and \
+         cancels, deletes, pins and shares; `admin` may do everything, with the jobs of everyone."
+        "Use a key of the role that the detail names. GET /v1/me says which role a key has.";
+    BAD_LINK = FORBIDDEN "bad-link" "The link does not open this"
+        "A link shows one result to somebody without a key, until it expires or the key that made it is \
+         taken back. This one is not whole, not for this result, or not good any more."
+        "Ask whoever sent it for a new one: POST /v1/results/{key}/links makes it.";
     CROSS_SITE = FORBIDDEN "cross-site" "Pages of other sites may not do this"
         "A browser sent the request on behalf of a page of another site, which this server does not \
          know."
@@ -117,6 +131,16 @@ kinds! {
         "The same Idempotency-Key came with another body before. A repetition must repeat the \
          submission as it was."
         "Make a new key for a new submission, such as a random UUID.";
+    RATE_LIMITED = TOO_MANY_REQUESTS "rate-limited" "Too many requests"
+        "The key has sent as many requests in a minute as it may. Others are not concerned."
+        "Go on after the seconds in Retry-After. Every answer says in RateLimit how many requests are \
+         left (r). Waiting for a job (`Prefer: wait=10`) or following its events takes one request \
+         where polling takes many. Whoever runs the server can allow more (--rate-limit, or `fretwork \
+         keys add --rate`).";
+    TOO_MANY_AT_ONCE = TOO_MANY_REQUESTS "too-many-at-once" "Too many requests at the same time"
+        "The key has as many requests at work as it may have at the same time. A request is at work \
+         until its answer has been read to the end: waits and event streams are."
+        "Read or close what is open, then go on. Whoever runs the server can allow more (--concurrency).";
     INTERNAL = INTERNAL_SERVER_ERROR "internal" "The server made a mistake"
         "Something happened that should not. It has been logged with the request id in `instance`."
         "Nothing in the request is known to be wrong: try once more, then report it with the \

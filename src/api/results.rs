@@ -17,7 +17,7 @@ use crate::store::StoredResult;
 const TABLES: [Format; 2] = [Format::Json, Format::Csv];
 
 /// The key that an address names.
-fn read_key(text: &str) -> Result<Key, Problem> {
+pub(super) fn read_key(text: &str) -> Result<Key, Problem> {
     text.parse().map_err(|bad: crate::job::BadKey| {
         Problem::new(&problem::UNKNOWN_RESULT, format!("No result has this key: {bad}."))
     })
@@ -25,7 +25,7 @@ fn read_key(text: &str) -> Result<Key, Problem> {
 
 /// Finds the stored bytes of a result; an unknown key is answered with the way to its job, if one
 /// is under way.
-async fn find(app: &App, key: &Key) -> Result<Bytes, Problem> {
+pub(super) async fn find(app: &App, key: &Key) -> Result<Bytes, Problem> {
     let evicted = match app.store.result(key).await? {
         Some(StoredResult::Whole(body)) => return Ok(body),
         Some(StoredResult::Evicted { at, scenario }) => Some((at, scenario)),

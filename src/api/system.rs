@@ -6,7 +6,7 @@ use std::time::Duration;
 use axum::Json;
 use axum::body::Bytes;
 use axum::extract::State;
-use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE};
+use axum::http::header::{CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE};
 use axum::response::{Html, IntoResponse, Redirect, Response};
 use serde::Serialize;
 use utoipa::ToSchema;
@@ -190,6 +190,14 @@ pub async fn docs(Segment(path): Segment) -> Result<Response, Problem> {
     let file = file.ok_or_else(|| {
         Problem::new(&problem::NOT_FOUND, "The documentation has no such page; start at /docs/.")
     })?;
-    let headers = [(CONTENT_TYPE, file.content_type.as_str()), (CACHE_CONTROL, "max-age=3600")];
+    let headers = [
+        (CONTENT_TYPE, file.content_type.as_str()),
+        (CACHE_CONTROL, "max-age=3600"),
+        (
+            CONTENT_SECURITY_POLICY,
+            "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; \
+             frame-ancestors 'none'",
+        ),
+    ];
     Ok((headers, file.bytes).into_response())
 }

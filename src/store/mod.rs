@@ -18,6 +18,8 @@
     reason = "they all fail alike: the database refuses or is closed, as `Error` says"
 )]
 
+mod desk;
+mod keys;
 mod open;
 mod queue;
 mod read;
@@ -41,6 +43,8 @@ use tokio::sync::mpsc;
 use crate::engine::scenario::Warning;
 use crate::job::{Answer, FailureKind, Job, JobId, JobState, Key};
 
+pub use desk::Desk;
+pub use keys::{AccessKey, NewKey, Role, digest};
 pub use open::Options;
 pub use signals::{Changes, Stop};
 pub use tally::Tally;
@@ -103,6 +107,22 @@ pub enum Error {
         /// The latest version this program knows.
         known: i64,
     },
+    /// A server of an earlier version of this program is at work on the database.
+    #[error(
+        "the server that uses {} is of an earlier version (its tables are of version {found}, this \
+         program knows {known}); start the server anew with this version first", path.display()
+    )]
+    Older {
+        /// The file.
+        path: PathBuf,
+        /// The version of the tables.
+        found: i64,
+        /// The latest version this program knows.
+        known: i64,
+    },
+    /// The system gives no random numbers.
+    #[error("the system gives no random numbers")]
+    NoRandomness,
     /// The tables could not be brought up to date.
     #[error("cannot bring the tables of {} up to date", path.display())]
     Migration {

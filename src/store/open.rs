@@ -24,6 +24,9 @@ const APPLICATION_ID: i32 = 0x6672_6574;
 /// How long to wait for an administrative command that writes beside the server.
 const BUSY: Duration = Duration::from_secs(5);
 
+/// The database in a data directory.
+pub(super) const FILE: &str = "fretwork.db";
+
 /// How the database is used.
 #[derive(Debug, Clone)]
 pub struct Options {
@@ -53,21 +56,9 @@ impl Store {
     /// before anything is claimed.
     pub async fn open(dir: &Path, options: &Options) -> Result<Self, Error> {
         let lock = lock(dir)?;
-        let path = dir.join("fretwork.db");
+        let path = dir.join(FILE);
         inspect(&path).await?;
-        let synchronous =
-            if options.full_sync { SqliteSynchronous::Full } else { SqliteSynchronous::Normal };
-        let writing = connecting(&path)
-            .create_if_missing(true)
-            .auto_vacuum(SqliteAutoVacuum::Incremental)
-            .journal_mode(SqliteJournalMode::Wal)
-            .synchronous(synchronous)
-            .foreign_keys(true)
-            .pragma("application_id", APPLICATION_ID.to_string())
-            // A log that once grew large gives its space back.
-            // There is time for it in quiet moments; under load it comes seldom.
-            .pragma("wal_autocheckpoint", "8000")
-            .pragma("journal_size_limit", (64 << 20).to_string());
+        let writing = writing(&path, options.full_sync).create_if_missing(true);
         let mut db = SqliteConnection::connect_with(&writing).await?;
         migrate(&mut db, &path).await?;
         // Each keeps the upper pages of the indexes at hand, however many results there are.
@@ -81,12 +72,27 @@ impl Store {
     }
 }
 
+/// The connections that write.
+pub(super) fn writing(path: &Path, full_sync: bool) -> SqliteConnectOptions {
+    let synchronous = if full_sync { SqliteSynchronous::Full } else { SqliteSynchronous::Normal };
+    connecting(path)
+        .auto_vacuum(SqliteAutoVacuum::Incremental)
+        .journal_mode(SqliteJournalMode::Wal)
+        .synchronous(synchronous)
+        .foreign_keys(true)
+        .pragma("application_id", APPLICATION_ID.to_string())
+        // There is time for it in quiet moments; under load it comes seldom.
+        .pragma("wal_autocheckpoint", "8000")
+        // A log that once grew large gives its space back.
+        .pragma("journal_size_limit", (64 << 20).to_string())
+}
+
 /// What all connections have in common.
 fn connecting(path: &Path) -> SqliteConnectOptions {
     SqliteConnectOptions::new().filename(path).busy_timeout(BUSY).disable_statement_logging()
 }
 
-fn lock(dir: &Path) -> Result<File, Error> {
+pub(super) fn lock(dir: &Path) -> Result<File, Error> {
     let refused = |source| Error::Directory { dir: dir.to_owned(), source: Arc::new(source) };
     fs::create_dir_all(dir).map_err(refused)?;
     let path = dir.join("fretwork.lock");
@@ -100,7 +106,7 @@ fn lock(dir: &Path) -> Result<File, Error> {
 }
 
 /// Refuses a file that is not ours, before anything is written to it.
-async fn inspect(path: &Path) -> Result<(), Error> {
+pub(super) async fn inspect(path: &Path) -> Result<(), Error> {
     const SQLITE_CORRUPT: &str = "11";
     const SQLITE_NOTADB: &str = "26";
     if !path.exists() {
@@ -130,12 +136,17 @@ async fn inspect(path: &Path) -> Result<(), Error> {
     }
 }
 
-async fn migrate(db: &mut SqliteConnection, path: &Path) -> Result<(), Error> {
-    let known = MIGRATIONS.iter().map(|migration| migration.version).max().unwrap_or_default();
+pub(super) async fn migrate(db: &mut SqliteConnection, path: &Path) -> Result<(), Error> {
+    let known = latest(&MIGRATIONS);
     MIGRATIONS.run(db).await.map_err(|error| match error {
         MigrateError::VersionMissing(found) if found > known => {
             Error::Newer { path: path.to_owned(), found, known }
         }
         error => Error::Migration { path: path.to_owned(), source: Arc::new(error) },
     })
+}
+
+/// The version of the tables that this program knows.
+pub(super) fn latest(migrations: &Migrator) -> i64 {
+    migrations.iter().map(|migration| migration.version).max().unwrap_or_default()
 }

@@ -9,6 +9,8 @@
 )]
 #![cfg_attr(feature = "serve", expect(clippy::unwrap_used, reason = "as above"))]
 
+#[cfg(feature = "serve")]
+mod access;
 mod anything;
 #[cfg(feature = "serve")]
 mod api;

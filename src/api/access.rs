@@ -1,0 +1,528 @@
+//! The gate before all routes: who asks, whether they may, and how much.
+//!
+//! Keys count from the moment that there is one. Until then whoever reaches the server may do
+//! everything, which is why it then listens on this machine only.
+
+use std::collections::HashMap;
+use std::fmt;
+use std::sync::atomic::{AtomicI64, Ordering};
+use std::sync::{Arc, PoisonError, RwLock};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use axum::Json;
+use axum::extract::{MatchedPath, Request, State};
+use axum::http::{HeaderMap, HeaderValue, Method, header};
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+use data_encoding::{BASE64, HEXLOWER};
+use serde::Serialize;
+use subtle::ConstantTimeEq as _;
+use tokio::sync::{Mutex, OnceCell};
+use utoipa::ToSchema;
+
+use super::App;
+use super::caller::Caller;
+use super::limits::{Account, Limits, Place};
+use super::links::{self, Signer};
+use super::problem::{self, Problem};
+use super::wire::{NoQuery, instant};
+use crate::store::{AccessKey, Error, Role, Store, digest};
+
+/// So long a key that was taken back may still open.
+const FRESH: Duration = Duration::from_secs(1);
+/// That a key was used is written down so often at most, in milliseconds.
+const NOTED: i64 = 60_000;
+
+/// How callers are told apart.
+#[derive(Debug, Clone, Default)]
+pub struct Access {
+    /// Whoever reaches the server may do everything, whether there are keys or not.
+    pub open: bool,
+    /// A key that may do everything, beside those in the tables.
+    pub admin_key: Option<AdminKey>,
+    /// What one key may ask for, unless it has limits of its own.
+    pub limits: Limits,
+}
+
+/// A secret from the settings. It is not shown.
+#[derive(Clone, PartialEq, Eq)]
+pub struct AdminKey(pub String);
+
+impl fmt::Debug for AdminKey {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("AdminKey(…)")
+    }
+}
+
+/// Who asks, once a key has said so.
+#[derive(Debug, Clone)]
+pub struct Identity {
+    /// Whom jobs belong to.
+    pub owner: String,
+    pub role: Role,
+    /// The key, by the name that may be shown.
+    pub key: String,
+}
+
+/// Lets requests in.
+pub struct Gate {
+    store: Store,
+    open: bool,
+    master: Option<Master>,
+    limits: Limits,
+    ring: RwLock<Option<Ring>>,
+    /// One reads the keys, the others wait for it.
+    reading: Mutex<()>,
+    signer: OnceCell<Signer>,
+}
+
+impl fmt::Debug for Gate {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Gate").finish_non_exhaustive()
+    }
+}
+
+/// The key from the settings.
+struct Master {
+    digest: [u8; 32],
+    id: String,
+    account: Account,
+}
+
+/// The keys as they were a moment ago.
+#[derive(Clone)]
+struct Ring {
+    read: Instant,
+    holders: Arc<HashMap<String, Arc<Holder>>>,
+}
+
+/// One key, and what it has taken of its limits.
+struct Holder {
+    key: AccessKey,
+    account: Account,
+    /// When it was last written down that it was used.
+    noted: AtomicI64,
+}
+
+/// What a request has passed the gate with.
+struct Pass {
+    identity: Option<Identity>,
+    place: Place,
+    /// By a link: for how long it is still good.
+    link: Option<Duration>,
+}
+
+/// What a route asks for; none if it is open to all.
+pub fn needed(method: &Method, route: &str) -> Option<Role> {
+    match (method.as_str(), route) {
+        (_, "/healthz" | "/readyz") => None,
+        ("GET" | "HEAD", _) | ("POST", "/v1/scenarios" | "/v1/results/diff") => Some(Role::Read),
+        ("DELETE", "/v1/results/{key}") => Some(Role::Admin),
+        _ => Some(Role::Submit),
+    }
+}
+
+/// Whether a route is there even for who has asked for too much: to stop work is no burden.
+fn is_relief(method: &Method, route: &str) -> bool {
+    matches!(
+        (method.as_str(), route),
+        ("POST", "/v1/jobs/{id}/cancel" | "/v1/jobs/cancel") | ("DELETE", "/v1/jobs/{id}")
+    )
+}
+
+/// Milliseconds since 1970.
+fn now() -> i64 {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    i64::try_from(since.as_millis()).unwrap_or(i64::MAX)
+}
+
+/// Stands before all routes.
+pub async fn pass(State(gate): State<Arc<Gate>>, mut request: Request, next: Next) -> Response {
+    let Pass { identity, place, link } = match gate.admit(&mut request).await {
+        Ok(pass) => pass,
+        Err(problem) => return problem.into_response(),
+    };
+    let keyed = identity.is_some();
+    if let Some(identity) = &identity {
+        request.extensions_mut().insert(identity.clone());
+    }
+    if let Some(standing) = place.standing {
+        request.extensions_mut().insert(standing);
+    }
+    let mut response = next.run(request).await;
+    if let Some(identity) = identity {
+        response.extensions_mut().insert(identity);
+    }
+    if let Some(standing) = place.standing {
+        standing.tell(response.headers_mut());
+    }
+    if keyed || link.is_some() {
+        keep_private(response.headers_mut(), link);
+    }
+    response.map(|body| place.hold(body))
+}
+
+/// What only some may read is not for caches that many share, nor for longer than the link is good.
+fn keep_private(headers: &mut HeaderMap, link: Option<Duration>) {
+    let Some(caching) = headers.get(header::CACHE_CONTROL).and_then(|value| value.to_str().ok())
+    else {
+        return;
+    };
+    if caching.contains("no-store") {
+        return;
+    }
+    let private = match link {
+        Some(left) => format!("private, max-age={}", left.as_secs()),
+        None => format!("private, {caching}"),
+    };
+    if let Ok(private) = HeaderValue::try_from(private) {
+        headers.insert(header::CACHE_CONTROL, private);
+    }
+}
+
+impl Gate {
+    pub fn new(store: &Store, access: &Access) -> Self {
+        let master = access.admin_key.as_ref().map(|AdminKey(key)| {
+            let digest = digest(key);
+            let id = format!("admin-{}", HEXLOWER.encode(&digest[..4]));
+            Master { digest, id, account: Account::new(access.limits) }
+        });
+        Self {
+            store: store.clone(),
+            open: access.open,
+            master,
+            limits: access.limits,
+            ring: RwLock::default(),
+            reading: Mutex::default(),
+            signer: OnceCell::new(),
+        }
+    }
+
+    /// What signs links.
+    pub async fn signer(&self) -> Result<&Signer, Problem> {
+        self.signer
+            .get_or_try_init(|| async {
+                Signer::new(&self.store.link_secret().await?).ok_or_else(Problem::internal)
+            })
+            .await
+    }
+
+    async fn admit(&self, request: &mut Request) -> Result<Pass, Problem> {
+        let matched = request.extensions().get::<MatchedPath>().cloned();
+        let route = matched.as_ref().map_or("", MatchedPath::as_str);
+        let Some(needed) = needed(request.method(), route) else {
+            return Ok(Pass { identity: None, place: Place::default(), link: None });
+        };
+        if let Some(token) = links::token(request.uri()) {
+            let link = links::open(self.signer().await?, request.uri(), route, token)?;
+            self.still_trusts(&link.issuer).await?;
+            if needed > Role::Read {
+                return Err(Problem::new(&problem::BAD_LINK, "A link is for reading only."));
+            }
+            *request.uri_mut() =
+                links::without_token(request.uri()).ok_or_else(Problem::internal)?;
+            return Ok(Pass { identity: None, place: Place::default(), link: Some(link.left) });
+        }
+        if !self.asks_for_keys().await? {
+            return Ok(Pass { identity: None, place: Place::default(), link: None });
+        }
+        let (identity, holder) = self.identify(request.headers()).await?;
+        if identity.role < needed {
+            let detail = format!(
+                "This needs a key of role {needed}, and this one ({}, {}) has role {}.",
+                identity.owner, identity.key, identity.role
+            );
+            return Err(Problem::new(&problem::FORBIDDEN, detail));
+        }
+        let place = match (&holder, &self.master) {
+            _ if is_relief(request.method(), route) => Place::default(),
+            (Some(holder), _) => holder.account.take()?,
+            (None, Some(master)) => master.account.take()?,
+            (None, None) => Place::default(),
+        };
+        Ok(Pass { identity: Some(identity), place, link: None })
+    }
+
+    /// Whether callers have to have a key.
+    pub async fn asks_for_keys(&self) -> Result<bool, Problem> {
+        Ok(!self.open && (self.master.is_some() || !self.holders(FRESH).await?.is_empty()))
+    }
+
+    /// Who presents the key of a request. Without a holder it is the one from the settings.
+    async fn identify(
+        &self,
+        headers: &HeaderMap,
+    ) -> Result<(Identity, Option<Arc<Holder>>), Problem> {
+        let presented = credential(headers)?;
+        if let Some(master) = &self.master
+            && bool::from(digest(&presented).ct_eq(&master.digest))
+        {
+            let (owner, key) = ("admin".to_owned(), master.id.clone());
+            return Ok((Identity { owner, role: Role::Admin, key }, None));
+        }
+        let unknown = || refused(headers, "This server does not know the key.");
+        let id = AccessKey::id_in(&presented).ok_or_else(unknown)?;
+        let mut holder = self.holders(FRESH).await?.get(id).cloned();
+        if holder.is_none() {
+            // It may have been made this moment.
+            holder = self.holders(Duration::ZERO).await?.get(id).cloned();
+        }
+        let holder = holder.filter(|holder| holder.key.is(&presented)).ok_or_else(unknown)?;
+        let now = now();
+        if let Some(ended) = ended(&holder.key, now) {
+            return Err(refused(headers, &ended));
+        }
+        self.note(&holder, now);
+        let AccessKey { id, name, role, .. } = &holder.key;
+        let identity = Identity { owner: name.clone(), role: *role, key: id.clone() };
+        Ok((identity, Some(holder)))
+    }
+
+    /// Whether what this key signed is still good.
+    async fn still_trusts(&self, issuer: &str) -> Result<(), Problem> {
+        let is_good = if self.open {
+            true
+        } else if let Some(holder) = self.holders(FRESH).await?.get(issuer) {
+            ended(&holder.key, now()).is_none()
+        } else if let Some(master) = &self.master {
+            master.id == issuer
+        } else {
+            // Before there were keys, everyone could make one.
+            issuer == ANYONE && !self.asks_for_keys().await?
+        };
+        if is_good {
+            return Ok(());
+        }
+        let detail = "The key that made this link is not good any more, and so is the link. Ask \
+            whoever sent it for a new one.";
+        Err(Problem::new(&problem::BAD_LINK, detail))
+    }
+
+    /// The keys as they were so long ago at most.
+    async fn holders(&self, age: Duration) -> Result<Arc<HashMap<String, Arc<Holder>>>, Error> {
+        let asked = Instant::now();
+        let fresh = |ring: &Option<Ring>| {
+            let ring = ring.as_ref().filter(|ring| ring.read + age >= asked)?;
+            Some(Arc::clone(&ring.holders))
+        };
+        let known = || fresh(&self.ring.read().unwrap_or_else(PoisonError::into_inner));
+        if let Some(holders) = known() {
+            return Ok(holders);
+        }
+        let _reading = self.reading.lock().await;
+        if let Some(holders) = known() {
+            return Ok(holders);
+        }
+        let read = Instant::now();
+        let keys = self.store.access_keys().await?;
+        let mut ring = self.ring.write().unwrap_or_else(PoisonError::into_inner);
+        let before = ring.as_ref().map(|ring| Arc::clone(&ring.holders)).unwrap_or_default();
+        let holders = keys.into_iter().map(|key| {
+            // Who is the same as before keeps what it has taken.
+            let same = before.get(&key.id).filter(|holder| holder.key.is_like(&key));
+            let holder = same.map_or_else(|| Arc::new(self.holder(key.clone())), Arc::clone);
+            (key.id, holder)
+        });
+        let holders = Arc::new(holders.collect());
+        *ring = Some(Ring { read, holders: Arc::clone(&holders) });
+        Ok(holders)
+    }
+
+    fn holder(&self, key: AccessKey) -> Holder {
+        let per_minute = match key.per_minute {
+            None => self.limits.per_minute,
+            Some(own) => std::num::NonZeroU32::new(own),
+        };
+        let account = Account::new(Limits { per_minute, ..self.limits });
+        Holder { account, noted: AtomicI64::new(key.last_used.unwrap_or(0)), key }
+    }
+
+    /// Has it written down that a key was used.
+    #[expect(clippy::disallowed_methods, reason = "nobody waits for it, and it ends by itself")]
+    fn note(&self, holder: &Holder, now: i64) {
+        let noted = holder.noted.load(Ordering::Relaxed);
+        let first = now - noted > NOTED
+            && holder
+                .noted
+                .compare_exchange(noted, now, Ordering::Relaxed, Ordering::Relaxed)
+                .is_ok();
+        if first {
+            let (store, id) = (self.store.clone(), holder.key.id.clone());
+            tokio::spawn(async move {
+                // It is a hint for people; on a full disk it is missed by nobody.
+                let _ = store.key_was_used(&id).await;
+            });
+        }
+    }
+}
+
+/// Who makes links where there are no keys.
+pub const ANYONE: &str = "anyone";
+
+/// Why a key is not good any more.
+fn ended(key: &AccessKey, now: i64) -> Option<String> {
+    if let Some(at) = key.revoked {
+        return Some(format!("The key {} was taken back on {}.", key.id, instant(at)));
+    }
+    let at = key.expires.filter(|at| *at <= now)?;
+    Some(format!("The key {} was good until {}.", key.id, instant(at)))
+}
+
+/// The key that a request presents: as a bearer token, or as the name or the password of Basic
+/// authentication, which is what clients that know only addresses can send.
+fn credential(headers: &HeaderMap) -> Result<String, Problem> {
+    let malformed = || refused(headers, "The Authorization header cannot be read.");
+    let Some(value) = headers.get(header::AUTHORIZATION) else {
+        return Err(refused(headers, "This server asks for a key."));
+    };
+    let text = value.to_str().map_err(|_| malformed())?;
+    let (scheme, rest) = text.split_once(' ').ok_or_else(malformed)?;
+    if scheme.eq_ignore_ascii_case("bearer") {
+        return Ok(rest.trim().to_owned());
+    }
+    if scheme.eq_ignore_ascii_case("basic") {
+        let decoded = BASE64.decode(rest.trim().as_bytes()).map_err(|_| malformed())?;
+        let decoded = String::from_utf8(decoded).map_err(|_| malformed())?;
+        let (name, password) = decoded.split_once(':').ok_or_else(malformed)?;
+        let key =
+            if AccessKey::id_in(name).is_some() || password.is_empty() { name } else { password };
+        return Ok(key.to_owned());
+    }
+    Err(malformed())
+}
+
+/// Asks for a key, in the way that the client can answer.
+fn refused(headers: &HeaderMap, why: &str) -> Problem {
+    let detail = format!("{why} Send one as `Authorization: Bearer fretwork_…`.");
+    let problem = Problem::new(&problem::UNAUTHORIZED, detail)
+        .with_header(header::WWW_AUTHENTICATE, "Bearer realm=\"fretwork\"");
+    let accepts = headers.get(header::ACCEPT).and_then(|value| value.to_str().ok());
+    if accepts.is_some_and(|accepts| accepts.contains("text/html")) {
+        // A browser then asks its user.
+        return problem.with_header(header::WWW_AUTHENTICATE, "Basic realm=\"fretwork\"");
+    }
+    problem
+}
+
+/// Who the caller is to this server.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Me {
+    /// Whom jobs belong to: the name of the key, or the address of the client where there are no
+    /// keys.
+    #[schema(example = "anna")]
+    name: String,
+    /// `read`, `submit` or `admin`.
+    #[schema(value_type = super::openapi::Role, example = "submit")]
+    role: &'static str,
+    /// The id of the key; null where there are no keys.
+    #[schema(example = "0a1b2c3d")]
+    key: Option<String>,
+    /// What may be asked for.
+    limits: MyLimits,
+    /// What is asked for.
+    usage: MyUsage,
+}
+
+/// What the caller may ask for; null is no limit.
+#[derive(Debug, Serialize, ToSchema)]
+struct MyLimits {
+    /// Requests a minute.
+    #[schema(example = 60_000)]
+    requests_per_minute: Option<u32>,
+    /// Requests at work at the same time.
+    #[schema(example = 256)]
+    requests_at_once: Option<u32>,
+}
+
+/// What the caller asks for.
+#[derive(Debug, Serialize, ToSchema)]
+struct MyUsage {
+    /// Requests that may come at once before the limit is met; null without one.
+    #[schema(example = 59_999)]
+    requests_left: Option<u32>,
+    /// Own jobs that wait.
+    #[schema(example = 0)]
+    jobs_queued: u64,
+    /// Own jobs that are computed just now.
+    #[schema(example = 0)]
+    jobs_running: u64,
+}
+
+/// Says who the caller is: name, role, limits and usage.
+#[utoipa::path(get, path = "/v1/me", operation_id = "me", tag = "system", responses(
+    (status = 200, description = "The caller.", body = Me),
+))]
+pub async fn me(
+    State(app): State<App>,
+    caller: Caller,
+    _: NoQuery,
+) -> Result<impl IntoResponse, Problem> {
+    let (jobs_queued, jobs_running) = app.store.unfinished(&caller.owner).await?;
+    let limits = match (&caller.key, &app.gate.master) {
+        (None, _) => Limits::default(),
+        (Some(key), Some(master)) if *key == master.id => master.account.limits,
+        (Some(key), _) => {
+            let holders = app.gate.holders(FRESH).await?;
+            holders.get(key).map_or(app.gate.limits, |holder| holder.account.limits)
+        }
+    };
+    let me = Me {
+        name: caller.owner,
+        role: caller.role.as_str(),
+        key: caller.key,
+        limits: MyLimits {
+            requests_per_minute: limits.per_minute.map(Into::into),
+            requests_at_once: limits.at_once.map(Into::into),
+        },
+        usage: MyUsage {
+            requests_left: caller.standing.map(|standing| standing.left),
+            jobs_queued,
+            jobs_running,
+        },
+    };
+    Ok(([(header::CACHE_CONTROL, "no-store")], Json(me)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn presented(authorization: &str) -> Option<String> {
+        let mut headers = HeaderMap::new();
+        headers.insert(header::AUTHORIZATION, HeaderValue::from_str(authorization).unwrap());
+        credential(&headers).ok()
+    }
+
+    #[test]
+    fn a_key_comes_as_a_token_as_a_name_or_as_a_password() {
+        let key = format!("fretwork_0a1b2c3d_{}", "0".repeat(40));
+        let basic = |text: String| format!("Basic {}", BASE64.encode(text.as_bytes()));
+        for sound in [
+            format!("Bearer {key}"),
+            format!("bearer  {key}"),
+            basic(format!("{key}:")),
+            basic(format!("{key}:x")),
+            basic(format!("anna:{key}")),
+            basic(format!(":{key}")),
+        ] {
+            assert_eq!(presented(&sound).as_deref(), Some(key.as_str()), "{sound}");
+        }
+        for bad in ["Bearer", "Digest x", "Basic !", "Basic YQ=="] {
+            assert_eq!(presented(bad), None, "{bad}");
+        }
+    }
+
+    #[test]
+    fn what_a_route_asks_for() {
+        let asks = |method: Method, route| needed(&method, route);
+        assert_eq!(asks(Method::GET, "/healthz"), None);
+        assert_eq!(asks(Method::GET, "/v1/jobs"), Some(Role::Read));
+        assert_eq!(asks(Method::POST, "/v1/scenarios"), Some(Role::Read));
+        assert_eq!(asks(Method::POST, "/v1/jobs"), Some(Role::Submit));
+        assert_eq!(asks(Method::PUT, "/v1/results/{key}/pin"), Some(Role::Submit));
+        assert_eq!(asks(Method::DELETE, "/v1/results/{key}"), Some(Role::Admin));
+        // What is not known is not open.
+        assert_eq!(asks(Method::PATCH, ""), Some(Role::Submit));
+        assert_eq!(asks(Method::GET, ""), Some(Role::Read));
+    }
+}

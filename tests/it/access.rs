@@ -1,0 +1,524 @@
+//! Who may do what: keys, roles, owners, links, limits.
+
+use std::io::Read as _;
+use std::num::NonZeroU32;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use fretwork::api::{self, Access, AdminKey, Limits, Origins, Settings};
+use fretwork::job::Task;
+use fretwork::store::{Desk, NewKey, Options, Role};
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use crate::program::{fails, run, serve_by};
+use crate::server::{Gate, JSON, Reply, Server, ball, steel_ball};
+
+const MASTER: &str = "the-key-from-the-settings";
+
+async fn server(limits: Limits) -> Server {
+    let access = Access { admin_key: Some(AdminKey(MASTER.into())), limits, ..Access::default() };
+    let settings = Settings { access, ..Settings::default() };
+    Server::with(Arc::new(Task::start), &settings, &Options::default()).await
+}
+
+/// A key made beside the running server.
+async fn made(dir: &Path, name: &str, role: Role) -> String {
+    made_with(dir, NewKey { name: name.into(), role, per_minute: None, expires: None }).await
+}
+
+async fn made_with(dir: &Path, new: NewKey) -> String {
+    let mut desk = Desk::open(dir).await.unwrap();
+    let key = desk.add_key(&new).await.unwrap();
+    desk.close().await.unwrap();
+    key
+}
+
+/// One request with a key.
+async fn ask(server: &Server, key: &str, method: &str, target: &str, body: &str) -> Reply {
+    let bearer = format!("Bearer {key}");
+    let headers = [JSON, ("Authorization", bearer.as_str()), ("Prefer", "wait=60")];
+    server.send(method, target, &headers, body).await
+}
+
+async fn get(server: &Server, key: &str, target: &str) -> Reply {
+    ask(server, key, "GET", target, "").await
+}
+
+/// Every documented operation: its method, its address with an id and a key that do not exist.
+fn operations() -> Vec<(String, String)> {
+    let document: Value = serde_json::from_slice(&api::document()).unwrap();
+    let mut operations = Vec::new();
+    for (path, item) in document["paths"].as_object().unwrap() {
+        let target = path
+            .replace("{key}", &"0".repeat(64))
+            .replace("{id}", "019aa0f3-1f4e-7cc0-9d8b-1c5b0c1f9a11")
+            .replace("{name}", "steel-ball")
+            .replace("{slug}", "not-found");
+        assert!(!target.contains('{'), "{target}");
+        for method in item.as_object().unwrap().keys() {
+            operations.push((method.to_uppercase(), target.clone()));
+        }
+    }
+    assert!(operations.len() >= 24, "{operations:?}");
+    operations
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn with_keys_every_route_asks_for_one_health_aside() {
+    let server = server(Limits::default()).await;
+    let mut asked = operations();
+    for page in ["/", "/docs", "/docs/", "/docs/swagger-ui.css", "/nowhere", "/v1/jobs/"] {
+        asked.push(("GET".into(), page.into()));
+    }
+    asked.push(("PATCH".into(), "/v1/jobs".into()));
+    for (method, target) in asked {
+        let plain = server.send(&method, &target, &[JSON], "").await;
+        if target == "/healthz" || target == "/readyz" {
+            assert_eq!(plain.status, 200, "{target}");
+            continue;
+        }
+        plain.problem(401, "unauthorized");
+        assert_eq!(plain.header("www-authenticate"), Some("Bearer realm=\"fretwork\""));
+        let wrong = format!("fretwork_0a1b2c3d_{}", "0".repeat(40));
+        for key in [wrong.as_str(), "nonsense", "", &MASTER[1..]] {
+            ask(&server, key, &method, &target, "").await.problem(401, "unauthorized");
+        }
+        let known = ask(&server, MASTER, &method, &target, "").await;
+        assert!(![401, 403].contains(&known.status), "{method} {target}: {}", known.status);
+    }
+    // A browser asks its user.
+    let shown = server.send("GET", "/docs/", &[("Accept", "text/html")], "").await;
+    let ways = shown.headers.iter().filter(|(name, _)| name == "www-authenticate");
+    assert_eq!((shown.status, ways.count()), (401, 2));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_role_may_do_what_it_is_for_and_no_more() {
+    let server = server(Limits::default()).await;
+    let read = made(server.dir.path(), "reader", Role::Read).await;
+    let submit = made(server.dir.path(), "worker", Role::Submit).await;
+    let admin = made(server.dir.path(), "chief", Role::Admin).await;
+    for (method, target) in operations() {
+        let needs = match (method.as_str(), target.split('/').nth(2).unwrap_or_default()) {
+            ("GET", _) | ("POST", "scenarios") => Role::Read,
+            ("POST", "results") if target.ends_with("/diff") => Role::Read,
+            ("DELETE", "results") if target.ends_with(&"0".repeat(64)) => Role::Admin,
+            _ => Role::Submit,
+        };
+        for (role, key) in [(Role::Read, &read), (Role::Submit, &submit), (Role::Admin, &admin)] {
+            let reply = ask(&server, key, &method, &target, "").await;
+            if role < needs {
+                let problem = reply.problem(403, "forbidden");
+                let detail = problem["detail"].as_str().unwrap();
+                assert!(detail.contains(&format!("role {needs}")), "{detail}");
+            } else {
+                let (status, text) = (reply.status, String::from_utf8_lossy(&reply.body));
+                assert!(![401, 403].contains(&status), "{role} {method} {target}: {text}");
+            }
+        }
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn jobs_are_their_owners_and_results_are_everyones() {
+    let gate = Gate::default();
+    let access = Access { admin_key: Some(AdminKey(MASTER.into())), ..Access::default() };
+    let settings = Settings { access, ..Settings::default() };
+    let server = Server::with(gate.compute(), &settings, &Options::default()).await;
+    let anna = made(server.dir.path(), "anna", Role::Submit).await;
+    let again = made(server.dir.path(), "anna", Role::Submit).await;
+    let ben = made(server.dir.path(), "ben", Role::Submit).await;
+    let bearer = format!("Bearer {anna}");
+    let headers = [JSON, ("Authorization", bearer.as_str())];
+    let job = server.send("POST", "/v1/jobs", &headers, ball(1.0).to_string()).await.json();
+    let id = job["id"].as_str().unwrap();
+    let (own, key) = (format!("/v1/jobs/{id}"), job["key"].as_str().unwrap());
+
+    for (method, target) in [
+        ("GET", own.clone()),
+        ("GET", format!("{own}/result")),
+        ("GET", format!("{own}/events")),
+        ("POST", format!("{own}/cancel")),
+        ("DELETE", own.clone()),
+    ] {
+        ask(&server, &ben, method, &target, "").await.problem(404, "not-found");
+    }
+    let listed = async |key: &str, filter: &str| {
+        get(&server, key, &format!("/v1/jobs{filter}")).await.json()["jobs"]
+            .as_array()
+            .unwrap()
+            .len()
+    };
+    assert_eq!(listed(&ben, "").await, 0);
+    assert_eq!(listed(&ben, &format!("?key={key}")).await, 0);
+    for key in [&anna, &again, MASTER] {
+        assert_eq!(listed(key, "").await, 1);
+    }
+    assert_eq!(listed(MASTER, "?owner=me").await, 0);
+    // Nor by many at once.
+    let all = "/v1/jobs/cancel?state=running";
+    assert_eq!(ask(&server, &ben, "POST", all, "").await.json(), json!({"canceled": 0}));
+    let result = format!("/v1/results/{key}");
+    gate.open();
+    let done = get(&server, &again, &format!("{own}?wait=60")).await.json();
+    assert_eq!(done["state"], "succeeded", "{done}");
+    assert_eq!(get(&server, &ben, &result).await.status, 200);
+    assert_eq!(get(&server, MASTER, &own).await.status, 200);
+    assert_eq!(ask(&server, MASTER, "DELETE", &own, "").await.status, 204);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn keys_come_and_go_beside_a_running_server() {
+    let server = Server::start().await;
+    assert_eq!(server.get("/v1/jobs").await.status, 200);
+    let key = made(server.dir.path(), "anna", Role::Read).await;
+    let until = async |status: u16, key: &str| {
+        let deadline = Instant::now() + Duration::from_secs(20);
+        while get(&server, key, "/v1/jobs").await.status != status {
+            assert!(Instant::now() < deadline, "never {status}");
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+    };
+    until(401, "").await;
+    until(200, &key).await;
+    // A new one is good at once, without the server having looked at the keys meanwhile.
+    let second = made(server.dir.path(), "ben", Role::Read).await;
+    assert_eq!(get(&server, &second, "/v1/jobs").await.status, 200);
+
+    let mut desk = Desk::open(server.dir.path()).await.unwrap();
+    assert_eq!(desk.revoke_keys("anna").await.unwrap(), 1);
+    assert_eq!(desk.revoke_keys("anna").await.unwrap(), 0);
+    until(401, &key).await;
+    let refused = get(&server, &key, "/v1/jobs").await.problem(401, "unauthorized");
+    assert!(refused["detail"].as_str().unwrap().contains("taken back"), "{refused}");
+    // That the last key is gone opens nothing.
+    let id = desk.keys().await.unwrap()[1].id.clone();
+    assert_eq!(desk.revoke_keys(&id).await.unwrap(), 1);
+    until(401, &second).await;
+    until(401, "").await;
+
+    let past = NewKey { name: "c".into(), role: Role::Read, per_minute: None, expires: Some(1000) };
+    let late = made_with(server.dir.path(), past).await;
+    let refused = get(&server, &late, "/v1/jobs").await.problem(401, "unauthorized");
+    assert!(refused["detail"].as_str().unwrap().contains("1970-01-01"), "{refused}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_caller_is_told_who_they_are() {
+    let limits = Limits { per_minute: NonZeroU32::new(100), at_once: NonZeroU32::new(7) };
+    let server = server(limits).await;
+    let new =
+        NewKey { name: "anna".into(), role: Role::Submit, per_minute: Some(50), expires: None };
+    let anna = made_with(server.dir.path(), new).await;
+    let me = get(&server, &anna, "/v1/me").await.json();
+    assert_eq!((&me["name"], &me["role"]), (&json!("anna"), &json!("submit")));
+    assert_eq!(me["key"], anna.split('_').nth(1).unwrap());
+    assert_eq!(me["limits"], json!({"requests_per_minute": 50, "requests_at_once": 7}));
+    assert_eq!(me["usage"], json!({"requests_left": 49, "jobs_queued": 0, "jobs_running": 0}));
+    let master = get(&server, MASTER, "/v1/me").await.json();
+    assert_eq!((&master["name"], &master["role"]), (&json!("admin"), &json!("admin")));
+    assert_eq!(master["limits"]["requests_per_minute"], 100);
+
+    let open = Server::start().await.get("/v1/me").await.json();
+    assert_eq!((&open["name"], &open["key"]), (&json!("127.0.0.1"), &Value::Null));
+    assert_eq!(open["limits"]["requests_per_minute"], Value::Null);
+}
+
+/// A result in a server with keys: the server, a key that may share it, the address.
+async fn shared() -> (Server, String, String) {
+    let server = server(Limits::default()).await;
+    let key = made(server.dir.path(), "anna", Role::Submit).await;
+    let job = ask(&server, &key, "POST", "/v1/jobs", &steel_ball().to_string()).await.json();
+    let result = job["links"]["result"].as_str().unwrap().to_owned();
+    (server, key, result)
+}
+
+/// The `link=…` of a new link.
+async fn link(server: &Server, key: &str, result: &str, query: &str) -> String {
+    let reply = ask(server, key, "POST", &format!("{result}/links{query}"), "").await;
+    assert_eq!(reply.status, 201, "{}", reply.text());
+    let url = reply.json()["url"].as_str().unwrap().to_owned();
+    url.strip_prefix(&format!("{result}?")).unwrap().to_owned()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_link_opens_one_result_for_reading() {
+    let (server, key, result) = shared().await;
+    let link = link(&server, &key, &result, "").await;
+    let whole = server.get(&format!("{result}?{link}")).await;
+    assert_eq!(whole.body, get(&server, &key, &result).await.body);
+    let caching = whole.header("cache-control").unwrap();
+    assert!(caching.starts_with("private, max-age=604"), "{caching}");
+    let csv = server.get(&format!("{result}/history?format=csv&{link}")).await;
+    assert!(csv.text().contains("wear_volume[m^3]"));
+    for part in ["/profiles", "/loops"] {
+        assert_eq!(server.get(&format!("{result}{part}?{link}")).await.status, 200);
+    }
+    // Faults of an address are told as ever; the link is none.
+    server.get(&format!("{result}?{link}&digits=none")).await.problem(422, "invalid-parameters");
+
+    let job = ball(1.0).to_string();
+    let other = ask(&server, &key, "POST", "/v1/jobs", &job).await.json();
+    let other = other["links"]["result"].as_str().unwrap().to_owned();
+    for (method, target) in [
+        ("GET", other),
+        ("GET", "/v1/jobs".to_owned()),
+        ("GET", "/v1/me".to_owned()),
+        ("PUT", format!("{result}/pin")),
+        ("POST", format!("{result}/links")),
+    ] {
+        let reply = server.send(method, &format!("{target}?{link}"), &[JSON], "").await;
+        reply.problem(403, "bad-link");
+    }
+    let nobody = format!("/v1/results/{}/links", "0".repeat(64));
+    ask(&server, &key, "POST", &nobody, "").await.problem(404, "unknown-result");
+    for bad in ["0s", "367d", "soon"] {
+        let target = format!("{result}/links?expires_in={bad}");
+        ask(&server, &key, "POST", &target, "").await.problem(422, "invalid-parameters");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_link_that_was_changed_or_is_over_opens_nothing() {
+    let (server, key, result) = shared().await;
+    let link_ = link(&server, &key, &result, "?expires_in=2d").await;
+    let (expires, rest) = link_["link=".len()..].split_once('.').unwrap();
+    let later: u64 = expires.parse::<u64>().unwrap() + 1;
+    let mut flipped = link_.clone();
+    flipped.replace_range(link_.len() - 1.., if link_.ends_with('0') { "1" } else { "0" });
+    for bad in [format!("link={later}.{rest}"), flipped, "link=".into(), "link=1.2.3".into()] {
+        server.get(&format!("{result}?{bad}")).await.problem(403, "bad-link");
+    }
+    let short = link(&server, &key, &result, "?expires_in=1s").await;
+    let deadline = Instant::now() + Duration::from_secs(20);
+    loop {
+        let reply = server.get(&format!("{result}?{short}")).await;
+        if reply.status == 403 {
+            let problem = reply.problem(403, "bad-link");
+            assert!(problem["detail"].as_str().unwrap().contains("good until"), "{problem}");
+            break;
+        }
+        assert!(Instant::now() < deadline);
+        tokio::time::sleep(Duration::from_millis(100)).await;
+    }
+    // It ends with the key that made it.
+    assert_eq!(server.get(&format!("{result}?{link_}")).await.status, 200);
+    Desk::open(server.dir.path()).await.unwrap().revoke_keys("anna").await.unwrap();
+    let deadline = Instant::now() + Duration::from_secs(20);
+    while server.get(&format!("{result}?{link_}")).await.status != 403 {
+        assert!(Instant::now() < deadline);
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+}
+
+fn number(reply: &Reply, header: &str, name: &str) -> u32 {
+    let text = reply.header(header).unwrap_or_else(|| panic!("no {header} in {}", reply.status));
+    let found = text.split(';').find_map(|part| part.strip_prefix(name)?.strip_prefix('='));
+    found.unwrap_or_else(|| panic!("no {name} in {text}")).parse().unwrap()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn who_asks_too_much_is_told_how_long_to_wait_and_others_are_not_concerned() {
+    let server = server(Limits { per_minute: NonZeroU32::new(6000), at_once: None }).await;
+    // One more each second.
+    let new =
+        NewKey { name: "anna".into(), role: Role::Submit, per_minute: Some(60), expires: None };
+    let anna = made_with(server.dir.path(), new).await;
+    let ben = made(server.dir.path(), "ben", Role::Read).await;
+    let first = get(&server, &anna, "/version").await;
+    assert_eq!(number(&first, "ratelimit-policy", "q"), 60);
+    assert_eq!(number(&first, "ratelimit-policy", "w"), 60);
+    let left = number(&first, "ratelimit", "r");
+    assert_eq!((left, number(&first, "ratelimit", "t")), (59, 1));
+    // As many as were promised, and then those that are given back meanwhile.
+    for _ in 0..left {
+        assert_eq!(get(&server, &anna, "/version").await.status, 200);
+    }
+    let mut refused = get(&server, &anna, "/version").await;
+    while refused.status == 200 {
+        refused = get(&server, &anna, "/version").await;
+    }
+    refused.problem(429, "rate-limited");
+    let wait: u32 = refused.header("retry-after").unwrap().parse().unwrap();
+    assert_eq!((wait, number(&refused, "ratelimit", "r")), (1, 0));
+    assert_eq!(number(&refused, "ratelimit", "t"), wait);
+    // To stop work is never refused.
+    let cancel = ask(&server, &anna, "POST", "/v1/jobs/cancel?owner=me", "").await;
+    assert_eq!(cancel.json(), json!({"canceled": 0}));
+    for _ in 0..5 {
+        let reply = get(&server, &ben, "/version").await;
+        assert_eq!((reply.status, number(&reply, "ratelimit-policy", "q")), (200, 6000));
+    }
+    tokio::time::sleep(Duration::from_secs(wait.into())).await;
+    assert_eq!(get(&server, &anna, "/version").await.status, 200);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_key_has_only_so_many_requests_at_work() {
+    let gate = Gate::default();
+    let limits = Limits { per_minute: None, at_once: NonZeroU32::new(2) };
+    let access = Access { admin_key: Some(AdminKey(MASTER.into())), limits, ..Access::default() };
+    let settings = Settings { access, ..Settings::default() };
+    let server = Server::with(gate.compute(), &settings, &Options::default()).await;
+    let anna = made(server.dir.path(), "anna", Role::Submit).await;
+    let waiting =
+        || async { ask(&server, &anna, "POST", "/v1/jobs", &ball(1.0).to_string()).await };
+    let (one, two, ()) = tokio::join!(waiting(), waiting(), async {
+        let deadline = Instant::now() + Duration::from_secs(20);
+        loop {
+            let refused = get(&server, &anna, "/version").await;
+            if refused.status == 429 {
+                refused.problem(429, "too-many-at-once");
+                assert_eq!(refused.header("retry-after"), Some("1"));
+                break;
+            }
+            assert!(Instant::now() < deadline);
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+        assert_eq!(get(&server, MASTER, "/version").await.status, 200);
+        gate.open();
+    });
+    assert_eq!((one.status, two.status), (200, 200));
+    assert_eq!(get(&server, &anna, "/version").await.status, 200);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_page_of_a_known_site_may_send_a_key() {
+    let site = "https://lab.example";
+    let access = Access { admin_key: Some(AdminKey(MASTER.into())), ..Access::default() };
+    let origins = Origins::These(vec![axum::http::HeaderValue::from_static(site)]);
+    let settings = Settings { access, origins, ..Settings::default() };
+    let server = Server::with(Arc::new(Task::start), &settings, &Options::default()).await;
+    let asked = [
+        ("Origin", site),
+        ("Access-Control-Request-Method", "POST"),
+        ("Access-Control-Request-Headers", "authorization,content-type"),
+    ];
+    let reply = server.send("OPTIONS", "/v1/jobs", &asked, "").await;
+    assert_eq!(reply.header("access-control-allow-origin"), Some(site));
+    assert_eq!(reply.header("access-control-allow-headers"), Some("authorization,content-type"));
+    // It can read what is wrong, too.
+    let refused = server.send("GET", "/v1/jobs", &[("Origin", site)], "").await;
+    refused.problem(401, "unauthorized");
+    assert_eq!(refused.header("access-control-allow-origin"), Some(site));
+    for (name, value) in [
+        ("x-content-type-options", "nosniff"),
+        ("x-frame-options", "DENY"),
+        ("referrer-policy", "no-referrer"),
+    ] {
+        assert_eq!(refused.header(name), Some(value));
+    }
+    assert!(refused.header("content-security-policy").unwrap().contains("default-src 'none'"));
+}
+
+#[test]
+fn beyond_this_machine_it_listens_only_with_keys() {
+    let dir = TempDir::new().unwrap();
+    let data = dir.path().to_str().unwrap();
+    let refused = run(&["--listen", "0.0.0.0:0", "--data-dir", data], "");
+    fails(&refused, "fretwork keys add");
+    let made = run(&["keys", "add", "anna", "--role", "admin", "--data-dir", data], "");
+    assert!(made.status.success());
+    let mut server = Command::new(env!("CARGO_BIN_EXE_fretwork"));
+    server.args(["--listen", "0.0.0.0:0", "--data-dir", data]).env("FRETWORK_LOG", "off");
+    let mut server = server.stdout(Stdio::piped()).spawn().unwrap();
+    let mut said = [0; 400];
+    let length = server.stdout.as_mut().unwrap().read(&mut said).unwrap();
+    let said = String::from_utf8_lossy(&said[..length]).into_owned();
+    server.kill().unwrap();
+    server.wait().unwrap();
+    assert!(said.contains("listens on http://"), "{said}");
+}
+
+#[test]
+fn the_words_for_keys_say_what_they_do() {
+    let dir = TempDir::new().unwrap();
+    let data = dir.path().to_str().unwrap();
+    let keys = |words: &[&str]| run(&[&["keys"], words, &["--data-dir", data]].concat(), "");
+    let out = |words: &[&str]| String::from_utf8(keys(words).stdout).unwrap();
+    let key = out(&["add", "anna", "--role", "submit", "--rate", "600"]);
+    out(&["add", "guest", "--role", "read", "--expires", "30d"]);
+    let (id, listed) = (key.split('_').nth(1).unwrap(), out(&["list"]));
+    let lines: Vec<&str> = listed.lines().collect();
+    assert_eq!(lines.len(), 3, "{listed}");
+    assert!(lines[1].starts_with(id) && lines[1].contains("600/min"), "{listed}");
+    assert!(lines[1].ends_with("in force") && lines[2].contains("until 20"), "{listed}");
+    assert!(!listed.contains(key.trim().rsplit('_').next().unwrap()));
+    assert_eq!(out(&["revoke", id]), "1 key taken back\n");
+    assert!(out(&["list"]).lines().nth(1).unwrap().contains("taken back 20"));
+    fails(&keys(&["revoke", id]), "no key in force");
+    for bad in [
+        &["add", "a b", "--role", "read"][..],
+        &["add", "127.0.0.1", "--role", "read"],
+        &["add", "anna", "--role", "king"],
+        &["add", "anna"],
+    ] {
+        assert_eq!(keys(bad).status.code(), Some(2));
+    }
+}
+
+/// Sends secrets in every place where one could be sent, then looks for them everywhere.
+#[test]
+fn a_secret_is_nowhere_but_with_its_owner() {
+    let dir = TempDir::new().unwrap();
+    let data = dir.path().join("data");
+    let made =
+        run(&["keys", "add", "anna", "--role", "submit", "--data-dir", data.to_str().unwrap()], "");
+    let key = String::from_utf8(made.stdout).unwrap().trim().to_owned();
+    let secret = key.rsplit('_').next().unwrap();
+    assert!(!String::from_utf8_lossy(&made.stderr).contains(secret));
+
+    let log = dir.path().join("log");
+    // The greeting is read by the helper, which silences the log: here it is what matters.
+    let mut command = Command::new("sh");
+    let program = env!("CARGO_BIN_EXE_fretwork");
+    let script = format!("FRETWORK_LOG=trace exec '{program}' \"$@\" 2>'{}'", log.display());
+    command.args(["-c", &script, "fretwork"]).env("FRETWORK_ADMIN_KEY", MASTER);
+    let (mut server, address) = serve_by(command, &data);
+
+    let mut seen = String::new();
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+    runtime.block_on(async {
+        let address = address.strip_prefix("http://").unwrap().parse().unwrap();
+        let send = async |authorization: String, target: &str, body: &str| {
+            let headers = [JSON, ("Authorization", authorization.as_str()), ("Prefer", "wait=60")];
+            let method = if body.is_empty() { "GET" } else { "POST" };
+            let reply = crate::server::send(address, method, target, &headers, body).await.unwrap();
+            String::from_utf8_lossy(&reply.body).into_owned() + &format!("{:?}", reply.headers)
+        };
+        let ball = steel_ball().to_string();
+        for good in [key.as_str(), MASTER] {
+            seen += &send(format!("Bearer {good}"), "/v1/jobs", &ball).await;
+            for target in ["/v1/me", "/v1/jobs", "/v1/nowhere", "/metrics", "/v1/jobs?key=x"] {
+                seen += &send(format!("Bearer {good}"), target, "").await;
+                // A slip of the hand: refused, and not repeated.
+                seen += &send(format!("Bearer {good}x"), target, "").await;
+                seen += &send(format!("Basic {good}"), target, "").await;
+                seen += &send(good.to_owned(), target, "").await;
+            }
+        }
+    });
+    assert!(seen.contains("succeeded") && seen.contains("unauthorized"));
+    server.kill().unwrap();
+    server.wait().unwrap();
+
+    let mut places = vec![("answers".to_owned(), seen.into_bytes())];
+    let files = std::fs::read_dir(&data).unwrap().map(|file| file.unwrap().path());
+    for file in files.chain([log]) {
+        places.push((file.display().to_string(), std::fs::read(&file).unwrap()));
+    }
+    assert!(places.iter().any(|(name, text)| name.ends_with("log") && text.len() > 1000));
+    for (name, text) in places {
+        for secret in [secret, MASTER] {
+            let found = text.windows(secret.len()).any(|window| window == secret.as_bytes());
+            assert!(!found, "a secret is in {name}");
+        }
+    }
+    let mut shown = Command::new(program);
+    let shown = shown.arg("--print-config").env("FRETWORK_ADMIN_KEY", MASTER).output().unwrap();
+    let shown = String::from_utf8(shown.stdout).unwrap();
+    assert!(shown.contains("FRETWORK_ADMIN_KEY") && !shown.contains(MASTER), "{shown}");
+}
