@@ -418,14 +418,14 @@ pub struct Me {
     #[schema(example = "0a1b2c3d")]
     key: Option<String>,
     /// What may be asked for.
-    limits: MyLimits,
+    limits: CallerLimits,
     /// What is asked for.
-    usage: MyUsage,
+    usage: CallerUsage,
 }
 
 /// What the caller may ask for; null is no limit.
 #[derive(Debug, Serialize, ToSchema)]
-struct MyLimits {
+struct CallerLimits {
     /// Requests a minute.
     #[schema(example = 60_000)]
     requests_per_minute: Option<u32>,
@@ -436,7 +436,7 @@ struct MyLimits {
 
 /// What the caller asks for.
 #[derive(Debug, Serialize, ToSchema)]
-struct MyUsage {
+struct CallerUsage {
     /// Requests that may come at once before the limit is met; null without one.
     #[schema(example = 59_999)]
     requests_left: Option<u32>,
@@ -449,6 +449,8 @@ struct MyUsage {
 }
 
 /// Says who the caller is: name, role, limits and usage.
+///
+/// Without keys every caller is an administrator by the name of its address. Asking counts as a request.
 #[utoipa::path(get, path = "/v1/me", operation_id = "me", tag = "system", responses(
     (status = 200, description = "The caller.", body = Me),
 ))]
@@ -470,11 +472,11 @@ pub async fn me(
         name: caller.owner,
         role: caller.role.as_str(),
         key: caller.key,
-        limits: MyLimits {
+        limits: CallerLimits {
             requests_per_minute: limits.per_minute.map(Into::into),
             requests_at_once: limits.at_once.map(Into::into),
         },
-        usage: MyUsage {
+        usage: CallerUsage {
             requests_left: caller.standing.map(|standing| standing.left),
             jobs_queued,
             jobs_running,

@@ -488,7 +488,10 @@ fn next_page(uri: &Uri, cursor: JobId) -> String {
     format!("{}?{query}", uri.path())
 }
 
-/// Shows a job; with `wait`, as soon as it is finished.
+/// Shows a job.
+///
+/// With `wait` the answer comes as soon as the job is finished, which is cheaper than asking again and
+/// again. It does not say how the job ended: `state` does.
 #[utoipa::path(get, path = "/v1/jobs/{id}", operation_id = "get_job", tag = "jobs",
     params(
         ("id" = uuid::Uuid, Path, description = "The `id` of a job."),
@@ -519,6 +522,8 @@ pub async fn show(
 }
 
 /// Leads to the result of a job.
+///
+/// A finished job answers with a redirection; clients that follow it have the result.
 #[utoipa::path(get, path = "/v1/jobs/{id}/result", operation_id = "get_job_result", tag = "jobs",
     params(("id" = uuid::Uuid, Path, description = "The `id` of a job.")),
     responses(
@@ -629,7 +634,9 @@ pub async fn cancel_all(
     Ok(axum::Json(CanceledJobs { canceled }))
 }
 
-/// Deletes a job that has ended. Its result stays, for it belongs to everyone.
+/// Deletes a job that has ended.
+///
+/// Its result stays, for it belongs to everyone.
 #[utoipa::path(delete, path = "/v1/jobs/{id}", operation_id = "delete_job", tag = "jobs",
     params(("id" = uuid::Uuid, Path, description = "The `id` of a job.")),
     responses(

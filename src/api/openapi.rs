@@ -8,7 +8,8 @@ use serde_json::{Map, Value, json};
 use utoipa::openapi::schema::{ObjectBuilder, Schema, Type};
 use utoipa::openapi::tag::TagBuilder;
 use utoipa::openapi::{
-    ComponentsBuilder, InfoBuilder, LicenseBuilder, OpenApi, OpenApiBuilder, RefOr,
+    ComponentsBuilder, ContactBuilder, InfoBuilder, LicenseBuilder, OpenApi, OpenApiBuilder, RefOr,
+    ServerBuilder,
 };
 use utoipa::{PartialSchema, ToSchema};
 
@@ -50,8 +51,15 @@ pub(super) fn frame() -> OpenApi {
                 .title("fretwork")
                 .version(env!("CARGO_PKG_VERSION"))
                 .description(Some(ABOUT))
-                .license(Some(LicenseBuilder::new().name(env!("CARGO_PKG_LICENSE")).build())),
+                .contact(Some(ContactBuilder::new().name(Some("The fretwork developers")).build()))
+                .license(Some(
+                    LicenseBuilder::new()
+                        .name(env!("CARGO_PKG_LICENSE"))
+                        .identifier(Some(env!("CARGO_PKG_LICENSE")))
+                        .build(),
+                )),
         )
+        .servers(Some([ServerBuilder::new().url("/").description(Some("This server.")).build()]))
         .tags(Some([
             tag("jobs", "Submit scenarios and follow them."),
             tag("results", "What was computed. Results never change."),

@@ -180,6 +180,8 @@ pub struct ExampleAnswer {
 }
 
 /// Lists job bodies that work.
+///
+/// Each is ready to be sent to `POST /v1/jobs`; the first is the steel ball of the documentation.
 #[utoipa::path(get, path = "/v1/examples", operation_id = "list_examples", tag = "scenarios",
     responses((status = 200, description = "The examples.", body = Vec<ExampleAnswer>)),
 )]
@@ -197,7 +199,9 @@ pub async fn examples(_: NoQuery) -> Result<Json<Vec<ExampleAnswer>>, Problem> {
     answers.map(Json).map_err(|_| Problem::internal())
 }
 
-/// Returns a job body that works, ready to be sent to `POST /v1/jobs`.
+/// Returns a job body that works.
+///
+/// It is ready to be sent to `POST /v1/jobs` as it comes.
 #[utoipa::path(get, path = "/v1/examples/{name}", operation_id = "get_example", tag = "scenarios",
     params(("name" = String, Path, description = "The `name` of an example.", example = "steel-ball")),
     responses(
@@ -214,6 +218,8 @@ pub async fn example(Segment(name): Segment, _: NoQuery) -> Result<Response, Pro
 }
 
 /// Returns the JSON Schema of a scenario.
+///
+/// For editors and forms: draft 2020-12, with the units, bounds and defaults of every member.
 #[utoipa::path(get, path = "/v1/schema/scenario", operation_id = "get_scenario_schema",
     tag = "scenarios",
     responses((status = 200, description = "A JSON Schema of the dialect 2020-12.",

@@ -122,6 +122,8 @@ pub struct Limits {
 }
 
 /// Says which program this is, whose digits it computes and what it accepts.
+///
+/// When `numerics` rises, the same scenario gives other digits and has another key.
 #[utoipa::path(get, path = "/version", operation_id = "version", tag = "system", responses(
     (status = 200, description = "Name, release, numerics and limits.", body = Version),
 ))]
@@ -140,7 +142,9 @@ pub async fn version(_: NoQuery) -> Json<Version> {
     })
 }
 
-/// Returns the contract of this interface, generated from the routes themselves.
+/// Returns the contract of this interface.
+///
+/// It is generated from the routes themselves, so it says what this server does.
 #[utoipa::path(get, path = "/openapi.json", operation_id = "openapi", tag = "system", responses(
     (status = 200, description = "An OpenAPI 3.1 document.", body = serde_json::Value),
 ))]
@@ -151,6 +155,8 @@ pub async fn openapi(_: NoQuery) -> Response {
 }
 
 /// Lists the kinds of problems.
+///
+/// Every answer that is not a success has one of these as its `type`.
 #[utoipa::path(get, path = "/problems", operation_id = "problems", tag = "system", responses(
     (status = 200, description = "A page for people.", body = String, content_type = "text/html"),
 ))]
@@ -158,7 +164,9 @@ pub async fn problems(_: NoQuery) -> Html<String> {
     Html(problem::index())
 }
 
-/// Explains one kind of problem: what it means and what to do.
+/// Explains one kind of problem.
+///
+/// What it means, and what to do about it.
 #[utoipa::path(get, path = "/problems/{slug}", operation_id = "problem", tag = "system",
     params(("slug" = String, Path, description = "The last part of a problem's `type`.",
         example = "invalid-request")),
