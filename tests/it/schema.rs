@@ -29,11 +29,8 @@ fn ranges_and_defaults_in_the_schema_are_those_of_the_parser() {
         ("/$defs/Stiffness/oneOf/0", Stiffness::RANGE),
         ("/$defs/Volume/oneOf/0", Volume::RANGE),
         ("/$defs/Position/oneOf/0", Position::RANGE),
-        (
-            "/$defs/Motion/oneOf/3/properties/blocks/items/properties/amplitude/oneOf/0",
-            Stroke::RANGE,
-        ),
-        ("/$defs/Motion/oneOf/3/properties/blocks/items/properties/cycles", BlockCycles::RANGE),
+        ("/$defs/Block/properties/amplitude/oneOf/0", Stroke::RANGE),
+        ("/$defs/Block/properties/cycles", BlockCycles::RANGE),
         ("/$defs/Wear/oneOf/0/properties/share", Share::RANGE),
         ("/$defs/SlopeAngle/oneOf/0", SlopeAngle::RANGE),
         ("/properties/friction", Friction::RANGE),
