@@ -1,0 +1,124 @@
+"""Follows clients/README.md word for word in an empty directory: writes the files that it names, runs
+its commands, and looks at what they leave behind. Only the addresses are those of the server under
+test.
+
+    python page.py http://127.0.0.1:8080 http://localhost:8000 chromium
+"""
+
+import functools
+import http.server
+import json
+import os
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+import threading
+import urllib.request
+import xml.dom.minidom
+
+# The server, where pages of another site are served, and a browser.
+BASE, PAGES, BROWSER = sys.argv[1:4]
+
+PAGE = (pathlib.Path(__file__).parents[2] / "clients/README.md").read_text()
+PAGE = PAGE.replace("http://127.0.0.1:8080", BASE).replace("http://localhost:8000", PAGES)
+# A block, with the name of its file if it is one. What is for another terminal has no language.
+BLOCK = re.compile(r"(?:^`([^`\n]+)`:\n\n)?^```([a-z]+)\n(.*?)^```$", re.M | re.S)
+# What the package managers must know to find their packages.
+KNOWN = re.compile(r"PATH|PIP_.*|npm_config_.*|NPM_CONFIG_.*|.*_(proxy|PROXY)|SSL_CERT_FILE|NODE_EXTRA_CA_CERTS")
+
+
+def run(commands, directory):
+    """The output of commands that must all succeed."""
+    names = {name: value for name, value in os.environ.items() if KNOWN.fullmatch(name)}
+    done = subprocess.run(
+        ["bash", "-euo", "pipefail", "-c", commands],
+        cwd=directory,
+        env=names | {"HOME": os.environ["HOME"], "LANG": "C.UTF-8"},
+        stdout=subprocess.PIPE,
+        text=True,
+        timeout=900,
+    )
+    assert done.returncode == 0, (commands, done.stdout)
+    return done.stdout
+
+
+def get(address):
+    with urllib.request.urlopen(address) as answer:
+        return json.load(answer)
+
+
+def section(title, directory):
+    """Follows one section; returns what its commands print."""
+    start = PAGE.index(f"\n## {title}\n")
+    end = PAGE.find("\n## ", start + 1)
+    printed = ""
+    for name, language, text in BLOCK.findall(PAGE[start : end if end > 0 else None]):
+        if name:
+            (directory / name).write_text(text)
+        else:
+            assert language == "sh", (title, language)
+            printed += run(text, directory)
+    print(f"{title}: followed", flush=True)
+    return printed
+
+
+class Files(http.server.SimpleHTTPRequestHandler):
+    def log_message(self, *_):
+        pass
+
+
+def check_browser(directory):
+    """Opens the page in a real browser, from a server of files at another address."""
+    files = functools.partial(Files, directory=directory)
+    port = int(PAGES.rsplit(":", 1)[1])
+    with http.server.ThreadingHTTPServer(("127.0.0.1", port), files) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        words = ["--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=20000"]
+        words += [f"--user-data-dir={directory}/profile", "--dump-dom", f"{PAGES}/wear.html"]
+        opened = subprocess.run([BROWSER, *words], capture_output=True, text=True, timeout=120)
+        server.shutdown()
+    shown = opened.stdout
+    assert shown.count('<path d="M0,') == 6, (shown, opened.stderr)
+    assert "6 profiles from 0 to 100000 cycles" in shown and " um" in shown, shown
+
+
+def main(directory):
+    printed = section("curl", directory)
+    done = json.loads((directory / "done.json").read_text())
+    assert done["state"] == "succeeded"
+    assert "wear_volume[mm^3],wear_depth[um]" in printed, printed
+    assert "/scenario/frction" in printed and "Did you mean" in printed, printed
+    key = done["key"]
+    history = get(f"{BASE}/v1/results/{key}/history")["history"]
+    depth = f"{history['wear_depth'][-1] * 1e6:.4f} um"
+
+    printed = section("Python", directory)
+    assert len(printed.splitlines()) == 4 and "um deep" in printed, printed
+    xml.dom.minidom.parse(str(directory / "wear.svg"))
+
+    section("JavaScript in the browser", directory)
+    check_browser(directory)
+
+    section("Grafana", directory)
+    query = json.loads((directory / "query.json").read_text())
+    rows = get(query["url"].replace("${key}", key))[query["root_selector"]]
+    assert len(rows) == 5
+    for column in query["columns"]:
+        assert all(isinstance(row[column["selector"]], (int, float)) for row in rows), column
+    jobs = get(f"{BASE}/v1/jobs?state=succeeded")["jobs"]
+    assert {"key", "label"} <= set(jobs[0])
+
+    # The same scenario as with curl: the same numbers.
+    printed = section("MATLAB and Octave", directory)
+    assert printed.splitlines()[-1].endswith(f"{depth} deep"), (printed, depth)
+    assert (directory / "wear.png").read_bytes().startswith(b"\x89PNG")
+
+    printed = section("Clients from the contract", directory)
+    assert printed.count("cycles:") == 6 + 4, printed
+    print("every section of clients/README.md works")
+
+
+with tempfile.TemporaryDirectory() as made:
+    main(pathlib.Path(made))
