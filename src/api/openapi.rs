@@ -4,13 +4,14 @@
 //! Rust types here: the scenario's belongs to the engine, the result's is `documents.schema.json`.
 
 use serde_json::{Map, Value, json};
-use utoipa::openapi::schema::{ObjectBuilder, Schema, Type};
+use utoipa::openapi::schema::{KnownFormat, ObjectBuilder, Schema, SchemaFormat, Type};
 use utoipa::openapi::tag::TagBuilder;
 use utoipa::openapi::{
     ComponentsBuilder, InfoBuilder, LicenseBuilder, OpenApi, OpenApiBuilder, RefOr,
 };
 use utoipa::{PartialSchema, ToSchema};
 
+use super::forms::Part;
 use super::problem::ProblemDocument;
 use super::scenarios::{EXAMPLES, parse_job};
 use crate::engine::scenario::SCHEMA;
@@ -26,7 +27,7 @@ equal keys, are computed once and shared by everyone who asks.
 
 **Quantities.** In requests a physical quantity is a number in SI units or a string with a unit: \
 `0.01`, `\"10 mm\"`, `\"205 GPa\"`, `\"3.03e-5 mm^3/(N m)\"`. Answers are in SI units and say so in \
-`units`. `amplitude` is half of the peak-to-peak stroke.
+`units`; `?units=engineering` gives results in um, mm^3, MPa, mJ and N. `amplitude` is half of the peak-to-peak stroke.
 
 **Errors.** Every answer that is not a success is `application/problem+json` (RFC 9457). All faults \
 of a request are reported at once, each with a JSON pointer. Unknown members and parameters are \
@@ -58,7 +59,10 @@ pub(super) fn frame() -> OpenApi {
                 // Types that appear in parameters only are not found by themselves.
                 .schema_from::<Include>()
                 .schema_from::<Owner>()
-                .schema_from::<JsonOnly>()
+                .schema_from::<WholeFormat>()
+                .schema_from::<WholeLayout>()
+                .schema_from::<Layout>()
+                .schema_from::<UnitSystem>()
                 .schema_from::<TableFormat>()
                 .schema_from::<KeyText>()
                 .build(),
@@ -228,9 +232,19 @@ documented! {
     /// Whose jobs.
     Owner words(["me"]);
     /// The formats of a whole result.
-    JsonOnly words(["json"]);
+    WholeFormat words(Part::Whole.formats().iter().map(|format| format.name()));
     /// The formats of a table.
-    TableFormat words(["json", "csv"]);
+    TableFormat words(Part::History.formats().iter().map(|format| format.name()));
+    /// The layout of a whole result.
+    WholeLayout words(["columns"]);
+    /// The layouts of a table in JSON.
+    Layout words(["columns", "records"]);
+    /// The units of an answer.
+    UnitSystem words(["si", "engineering"]);
+    /// A file for programs.
+    File Schema::from(ObjectBuilder::new().schema_type(Type::String).format(Some(
+        SchemaFormat::KnownFormat(KnownFormat::Binary),
+    )).build());
     /// The address of a result.
     KeyText ObjectBuilder::new()
         .schema_type(Type::String)
