@@ -95,15 +95,17 @@ impl Representation {
         };
         let found = app.memory.get(&name);
         app.metrics.looked(found.is_some());
-        if let Some(answer) = found {
-            app.store.was_read(&self.key);
-            return Ok(self.send(answer));
-        }
-        let answer = match coding {
-            Coding::Identity => self.plain(app).await?,
-            _ => app.memory.share(&name, self.coded(app, coding)).await?,
+        let answer = if let Some(answer) = found {
+            answer
+        } else {
+            let answer = match coding {
+                Coding::Identity => self.plain(app).await?,
+                _ => app.memory.share(&name, self.coded(app, coding)).await?,
+            };
+            app.memory.put(name, &answer);
+            answer
         };
-        app.memory.put(name, &answer);
+        app.store.was_read(&self.key);
         Ok(self.send(answer))
     }
 
@@ -270,12 +272,10 @@ fn not_acceptable(key: &str, part: Part) -> Problem {
     };
     let mut detail = format!("This is available as {}.", listed(part.formats()));
     if part == Part::Whole {
-        let tables =
-            Part::TABLES.map(|part| format!("/v1/results/{key}/{}?format=csv", part.name()));
-        let tables = tables.join(", ");
-        detail += &format!(
-            " CSV, NDJSON and Arrow hold one table; they are available of its parts: {tables}."
-        );
+        detail += " NDJSON, CSV and Arrow hold one table; its parts are available so: ";
+        let address = |part: Part| format!("/v1/results/{key}/{}?format=csv", part.name());
+        detail += &Part::TABLES.map(address).join(", ");
+        detail += ".";
     }
     Problem::new(&problem::NOT_ACCEPTABLE, detail)
 }

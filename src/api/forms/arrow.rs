@@ -23,9 +23,9 @@ pub fn table(document: &Document<'_>, table: &Table, ask: &Ask) -> Result<Vec<u8
             table.rows().map(|(instant, place)| values.at(instant, place)).collect();
         let finite = numbers.iter().map(|number| Some(*number).filter(|n| n.is_finite()));
         let column: ArrayRef = if fits_single(ask.digits, &numbers) {
-            Arc::new(Float32Array::from_iter(finite.map(|number| number.map(|n| n as f32))))
+            Arc::new(finite.map(|number| number.map(|n| n as f32)).collect::<Float32Array>())
         } else {
-            Arc::new(Float64Array::from_iter(finite))
+            Arc::new(finite.collect::<Float64Array>())
         };
         let unit = units.of(name).unwrap_or("1").to_owned();
         let about = HashMap::from([("unit".to_owned(), unit)]);

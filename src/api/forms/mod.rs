@@ -271,7 +271,7 @@ mod tests {
             json!({"cycles": [1e3], "radius": [0.0, 2.0], "worn": [[0.1, 5.0]]})
         );
         let ask = Ask { cycles: Some(vec![1000.0]), ..Ask::default() };
-        assert_eq!(value(Part::History, &ask)["history"]["wear_volume"], json!([1.2345678e-13]));
+        assert_eq!(value(Part::History, &ask)["history"]["wear_volume"], json!([1.234_567_8e-13]));
     }
 
     #[test]

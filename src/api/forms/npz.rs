@@ -103,7 +103,9 @@ impl<'a> Archive<'a> {
 /// What an NPY file of version 1.0 begins with; the numbers after it are aligned to 64 bytes.
 fn head(kind: &str, shape: &[usize]) -> Vec<u8> {
     const FIXED: usize = 10;
-    let sizes: String = shape.iter().map(|size| format!("{size},")).collect();
+    let sizes: Vec<_> = shape.iter().map(usize::to_string).collect();
+    // In Python a tuple of one ends in a comma.
+    let sizes = sizes.join(", ") + if shape.len() == 1 { "," } else { "" };
     let mut text = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({sizes}), }}");
     let full = (FIXED + text.len() + 1).next_multiple_of(64);
     text.push_str(&" ".repeat(full - FIXED - text.len() - 1));
@@ -124,7 +126,7 @@ mod tests {
         let head = head("<f8", &shape);
         assert_eq!(head.len(), 128);
         let text = std::str::from_utf8(&head[10..]).unwrap();
-        let said = "{'descr': '<f8', 'fortran_order': False, 'shape': (2,3,), }";
+        let said = "{'descr': '<f8', 'fortran_order': False, 'shape': (2, 3), }";
         assert_eq!(text.trim_end(), said);
         assert!(text.ends_with(" \n"));
         assert_eq!(head[..10], *b"\x93NUMPY\x01\x00\x76\x00");

@@ -34,13 +34,12 @@ impl Unit {
     }
 }
 
-/// The number of so many significant decimal digits next to `number`.
+/// The number of so many significant decimal digits next to `number`; the number itself if that is
+/// beyond the range of float64.
 pub fn round(number: f64, digits: u8) -> f64 {
-    if !number.is_finite() {
-        return number;
-    }
     let places = usize::from(digits.saturating_sub(1));
-    format!("{number:.places$e}").parse().unwrap_or(number)
+    let rounded = format!("{number:.places$e}").parse().ok();
+    rounded.filter(|rounded: &f64| rounded.is_finite()).unwrap_or(number)
 }
 
 /// Whether arrays of numbers of so many digits are float32: up to 7, where it holds them all.
