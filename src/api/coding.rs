@@ -105,10 +105,8 @@ impl Predicate for OnTheWay {
         let headers = response.headers();
         let kind = headers.get(CONTENT_TYPE).and_then(|kind| kind.to_str().ok());
         let is_text = kind.is_some_and(|kind| {
-            kind.starts_with("application/json")
-                || kind.contains("xml")
-                || kind.contains("javascript")
-                || kind.starts_with("text/") && !kind.starts_with("text/event-stream")
+            let words = ["json", "xml", "javascript", "text/"];
+            words.iter().any(|word| kind.contains(word)) && !kind.contains("event-stream")
         });
         let size = response.body().size_hint().exact();
         is_text

@@ -14,6 +14,7 @@ mod memory;
 mod metrics;
 mod openapi;
 mod problem;
+mod representation;
 mod results;
 mod scenarios;
 mod shortly;

@@ -3,8 +3,11 @@
 //! Requests and results have their schemas in files, because those describe documents that are not
 //! Rust types here: the scenario's belongs to the engine, the result's is `documents.schema.json`.
 
+use serde::Serialize;
 use serde_json::{Map, Value, json};
-use utoipa::openapi::schema::{KnownFormat, ObjectBuilder, Schema, SchemaFormat, Type};
+use utoipa::openapi::schema::{
+    ArrayBuilder, KnownFormat, ObjectBuilder, Schema, SchemaFormat, Type,
+};
 use utoipa::openapi::tag::TagBuilder;
 use utoipa::openapi::{
     ComponentsBuilder, InfoBuilder, LicenseBuilder, OpenApi, OpenApiBuilder, RefOr,
@@ -14,6 +17,7 @@ use utoipa::{PartialSchema, ToSchema};
 use super::forms::Part;
 use super::problem::ProblemDocument;
 use super::scenarios::{EXAMPLES, parse_job};
+use crate::engine::outcome::{History, Loops, Profiles};
 use crate::engine::scenario::SCHEMA;
 use crate::job;
 
@@ -60,6 +64,10 @@ pub(super) fn frame() -> OpenApi {
                 .schema_from::<Include>()
                 .schema_from::<Owner>()
                 .schema_from::<WholeFormat>()
+                .schema_from::<HistoryFields>()
+                .schema_from::<ProfileFields>()
+                .schema_from::<LoopFields>()
+                .schema_from::<Instants>()
                 .schema_from::<WholeLayout>()
                 .schema_from::<Layout>()
                 .schema_from::<UnitSystem>()
@@ -218,6 +226,17 @@ fn words<'a>(words: impl IntoIterator<Item = &'a str>) -> Schema {
     ObjectBuilder::new().schema_type(Type::String).enum_values(Some(words)).build().into()
 }
 
+/// A list, which a query has with commas between.
+fn list(items: impl Into<RefOr<Schema>>) -> Schema {
+    ArrayBuilder::new().items(items.into()).min_items(Some(1)).unique_items(true).build().into()
+}
+
+/// Names of the columns of a table.
+fn columns(table: &impl Serialize) -> Schema {
+    let table = serde_json::to_value(table).unwrap_or_default();
+    list(words(table.as_object().into_iter().flat_map(Map::keys).map(String::as_str)))
+}
+
 fn kept_in_a_file() -> Schema {
     ObjectBuilder::new().build().into()
 }
@@ -235,6 +254,14 @@ documented! {
     WholeFormat words(Part::Whole.formats().iter().map(|format| format.name()));
     /// The formats of a table.
     TableFormat words(Part::History.formats().iter().map(|format| format.name()));
+    /// Columns of a history.
+    HistoryFields columns(&History::default());
+    /// Columns of profiles.
+    ProfileFields columns(&Profiles::default());
+    /// Columns of loops.
+    LoopFields columns(&Loops::default());
+    /// Instants, in cycles.
+    Instants list(ObjectBuilder::new().schema_type(Type::Number).minimum(Some(0)).build());
     /// The layout of a whole result.
     WholeLayout words(["columns"]);
     /// The layouts of a table in JSON.
