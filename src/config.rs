@@ -12,7 +12,7 @@ use bytesize::ByteSize;
 use clap::builder::FalseyValueParser;
 use clap::parser::ValueSource;
 use clap::{ArgAction, ArgMatches, Args, Parser, Subcommand, ValueEnum};
-use fretwork::api::{self, Access, AdminKey, Limits, Origins};
+use fretwork::api::{self, Access, AdminKey, Format, Limits, Origins, Part};
 use fretwork::store::{self, Role};
 
 use crate::telemetry::LogFormat;
@@ -23,6 +23,7 @@ Examples:
   fretwork --listen 127.0.0.1:0 --data-dir /tmp/f   any free port (it is printed), another directory
   fretwork run examples/steel-ball.json             compute one file, without a server
   fretwork run - --format csv < job.json            from standard input; the history as CSV
+  fretwork run job.json --format npz --output r.npz everything, as arrays for NumPy
   fretwork verify                                   every check against what is known, as Markdown
   fretwork health                                   exit code 0 if the server answers
   fretwork keys add anna --role submit              make an access key; from then on callers need one
@@ -66,7 +67,7 @@ pub enum Command {
     Serve(Serve),
     /// Compute a job body from a file, without a server or a database.
     ///
-    /// The result goes to standard output, a summary to standard error. Faults are printed one per
+    /// The result goes to standard output or to a file, a summary to standard error. Faults are printed one per
     /// line as `pointer: detail`; the exit code is then 2.
     Run(Run),
     /// Print the OpenAPI document of the server.
@@ -224,18 +225,40 @@ pub enum Synchronous {
 pub struct Run {
     /// A job body, such as the files in examples/; - reads standard input.
     pub file: PathBuf,
-    /// What to print: the whole result, or its history as a table.
+    /// What to write: the whole result (json, npz), or its history as a table (csv, ndjson, arrow).
     #[arg(long, default_value = "json")]
     pub format: RunFormat,
+    /// Where to write it, instead of standard output.
+    #[arg(long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
 }
 
-/// What `run` prints.
+/// What `run` writes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum RunFormat {
     /// The whole result.
     Json,
     /// The history, one row per instant.
     Csv,
+    /// The history, one JSON object per line.
+    Ndjson,
+    /// The whole result as NumPy arrays.
+    Npz,
+    /// The history as an Arrow file.
+    Arrow,
+}
+
+impl RunFormat {
+    /// What of the result is written, and in which form.
+    pub fn form(self) -> (Part, Format) {
+        match self {
+            Self::Json => (Part::Whole, Format::Json),
+            Self::Csv => (Part::History, Format::Csv),
+            Self::Ndjson => (Part::History, Format::Ndjson),
+            Self::Npz => (Part::Whole, Format::Npz),
+            Self::Arrow => (Part::History, Format::Arrow),
+        }
+    }
 }
 
 /// The settings of `health`.

@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 use axum::http::Uri;
 use axum::http::uri::Authority;
 use clap::{ArgMatches, CommandFactory as _, FromArgMatches as _};
-use fretwork::api::{self, Patient, Peer, Unsound};
+use fretwork::api::{self, Ask, Format, Patient, Peer, Unsound};
 use fretwork::job::{Answer, Step, Task};
 use fretwork::store::Store;
 use fretwork::verification;
@@ -25,7 +25,7 @@ use serde_json::Value;
 use tokio::net::TcpListener;
 use tokio::sync::watch;
 
-use config::{Cli, Command, Health, Run, RunFormat, Serve};
+use config::{Cli, Command, Health, Run, Serve};
 
 /// How long connections may stay open when everything else has ended. With the time to drain it stays
 /// below the ten seconds after which service managers kill.
@@ -259,7 +259,7 @@ fn run(settings: &Run) -> ExitCode {
     };
     drop(err);
     match compute(&job.task).and_then(|(answer, time)| {
-        print(&answer, settings.format)?;
+        print(&answer, settings)?;
         summarise(&job, &answer, time)
     }) {
         Ok(()) => ExitCode::SUCCESS,
@@ -302,12 +302,21 @@ fn compute(task: &Task) -> Result<(Answer, Duration), Failure> {
     }
 }
 
-fn print(answer: &Answer, format: RunFormat) -> Result<(), Failure> {
-    let text = match format {
-        RunFormat::Json => [&answer.body, &b"\n"[..]].concat(),
-        RunFormat::Csv => api::Document::open(&answer.body)?.history_csv()?.into_bytes(),
-    };
-    say(&text)
+/// Writes the result where it is wanted.
+fn print(answer: &Answer, settings: &Run) -> Result<(), Failure> {
+    let (part, format) = settings.format.form();
+    let mut bytes = api::write_form(&answer.body, part, format, &Ask::default())?;
+    if format == Format::Json {
+        bytes.push(b'\n');
+    }
+    match &settings.output {
+        Some(file) => fs::write(file, bytes)
+            .map_err(|error| format!("cannot write {}: {error}", file.display()).into()),
+        None if matches!(format, Format::Npz | Format::Arrow) && io::stdout().is_terminal() => {
+            Err("this is no text for a terminal; give it a file with --output".into())
+        }
+        None => say(&bytes),
+    }
 }
 
 /// Writes to standard output. A reader that has seen enough, such as `head`, is not an error.

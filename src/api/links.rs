@@ -19,7 +19,8 @@ use super::App;
 use super::access::ANYONE;
 use super::caller::Caller;
 use super::problem::{self, Problem};
-use super::results::{find, read_key};
+use super::representation::find;
+use super::results::read_key;
 use super::wire::{Query, Segment, instant};
 use crate::job::Key;
 
@@ -167,7 +168,7 @@ pub async fn share(
     query.finish()?;
     let key = read_key(&key)?;
     if !app.store.has_result(&key).await? {
-        find(&app, &key).await?;
+        find(&app, caller.reach(), &key).await?;
     }
     let expires = (since_1970() + time.unwrap_or(USUAL)).as_secs();
     let issuer = caller.key.as_deref().unwrap_or(ANYONE);

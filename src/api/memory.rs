@@ -1,23 +1,70 @@
-//! The answers asked for most, at hand in memory.
+//! The answers asked for most, at hand in memory; and those on their way, made and held once for all
+//! who read them.
+
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use axum::body::Bytes;
 use quick_cache::sync::{Cache, DefaultLifecycle};
 use quick_cache::{DefaultHashBuilder, OptionsBuilder, Weighter};
+use tokio::sync::Mutex as Turn;
 
-/// Encoded answers up to some size in all; what is asked for rarely gives way.
+use super::coding::Coding;
+
+/// An encoded answer.
+#[derive(Debug, Clone)]
+pub struct Answer {
+    /// Its bytes.
+    pub body: Bytes,
+    /// What was done to them.
+    pub coding: Coding,
+}
+
+impl Answer {
+    /// An answer as it is.
+    pub fn plain(body: Bytes) -> Self {
+        Self { body, coding: Coding::Identity }
+    }
+}
+
+/// Encoded answers up to some size in all; what is asked for rarely gives way. What is not kept, or
+/// no longer, is shared all the same as long as somebody reads it.
 #[derive(Debug)]
 pub struct Memory {
-    answers: Option<Cache<String, Bytes, Size>>,
+    kept: Option<Cache<String, Answer, Size>>,
+    lent: Mutex<HashMap<String, Arc<Turn<Lent>>>>,
 }
+
+/// An answer that somebody reads. Whoever wants it while it is being made waits for their turn.
+type Lent = Weak<Answer>;
+
+/// How many names of answers stand before those that nobody reads are looked for.
+const NAMES: usize = 64;
 
 #[derive(Debug, Clone)]
 struct Size;
 
-impl Weighter<String, Bytes> for Size {
-    fn weight(&self, name: &String, body: &Bytes) -> u64 {
+impl Weighter<String, Answer> for Size {
+    fn weight(&self, name: &String, answer: &Answer) -> u64 {
         // What an entry takes beside its texts.
         const OVERHEAD: usize = 128;
-        (name.len() + body.len() + OVERHEAD) as u64
+        (name.len() + answer.body.len() + OVERHEAD) as u64
+    }
+}
+
+/// The owner of the bytes that are sent: with the last of them the answer is gone.
+struct Owner(Arc<Answer>);
+
+impl AsRef<[u8]> for Owner {
+    fn as_ref(&self) -> &[u8] {
+        &self.0.body
+    }
+}
+
+impl Owner {
+    fn share(answer: Arc<Answer>) -> Answer {
+        let coding = answer.coding;
+        Answer { body: Bytes::from_owner(Self(answer)), coding }
     }
 }
 
@@ -37,35 +84,125 @@ impl Memory {
             let (hash, life) = (DefaultHashBuilder::default(), DefaultLifecycle::default());
             Cache::with_options(options, Size, hash, life)
         };
-        Self { answers: options.filter(|_| bytes > 0).map(cache) }
+        Self { kept: options.filter(|_| bytes > 0).map(cache), lent: Mutex::default() }
     }
 
-    /// The answer of this name.
-    pub fn get(&self, name: &str) -> Option<Bytes> {
-        self.answers.as_ref()?.get(name)
+    /// The answer of this name, if it is remembered.
+    pub fn get(&self, name: &str) -> Option<Answer> {
+        self.kept.as_ref()?.get(name)
     }
 
     /// Remembers an answer.
-    pub fn put(&self, name: String, body: &Bytes) {
-        if let Some(answers) = &self.answers {
-            answers.insert(name, body.clone());
+    pub fn put(&self, name: String, answer: &Answer) {
+        if let Some(kept) = &self.kept {
+            kept.insert(name, answer.clone());
         }
+    }
+
+    /// The answer of this name, which others may be reading; else it is made, by one of those who
+    /// want it at the same time. If that one goes away or fails, the next one makes it.
+    pub async fn share<E>(
+        &self,
+        name: &str,
+        make: impl Future<Output = Result<Answer, E>>,
+    ) -> Result<Answer, E> {
+        if let Some(answer) = self.get(name) {
+            return Ok(answer);
+        }
+        let turn = self.turn(name);
+        let mut lent = turn.lock().await;
+        if let Some(answer) = lent.upgrade() {
+            return Ok(Owner::share(answer));
+        }
+        let answer = Arc::new(make.await?);
+        *lent = Arc::downgrade(&answer);
+        Ok(Owner::share(answer))
+    }
+
+    fn turn(&self, name: &str) -> Arc<Turn<Lent>> {
+        let mut lent = self.lent.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(turn) = lent.get(name) {
+            return Arc::clone(turn);
+        }
+        if lent.len() >= NAMES && lent.len() == lent.capacity() {
+            lent.retain(|_, turn| {
+                let wanted = Arc::strong_count(turn) > 1;
+                wanted || turn.try_lock().is_ok_and(|answer| answer.strong_count() > 0)
+            });
+        }
+        Arc::clone(lent.entry(name.to_owned()).or_default())
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::convert::Infallible;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
     use super::*;
+
+    fn answer(size: usize) -> Answer {
+        Answer::plain(Bytes::from(vec![0; size]))
+    }
 
     #[test]
     fn what_is_remembered_stays_within_its_bytes() {
         let memory = Memory::new(100_000);
-        let body = Bytes::from(vec![0; 10_000]);
         for number in 0..100 {
-            memory.put(number.to_string(), &body);
+            memory.put(number.to_string(), &answer(10_000));
         }
         let held = (0..100).filter(|number: &u32| memory.get(&number.to_string()).is_some());
         assert!((1..10).contains(&held.count()));
         assert!(Memory::new(0).get("0").is_none());
+    }
+
+    #[tokio::test]
+    async fn what_many_want_is_made_once_and_held_once_until_nobody_reads_it() {
+        let memory = Memory::new(0);
+        let made = AtomicUsize::new(0);
+        let want = || {
+            memory.share("big", async {
+                made.fetch_add(1, Ordering::Relaxed);
+                tokio::task::yield_now().await;
+                Ok::<_, Infallible>(answer(1000))
+            })
+        };
+        let (one, two, three) = tokio::join!(want(), want(), want());
+        let place = |answer: &Result<Answer, _>| answer.as_ref().unwrap().body.as_ptr();
+        assert_eq!((place(&one), place(&two)), (place(&two), place(&three)));
+        assert_eq!(made.load(Ordering::Relaxed), 1);
+        drop((one, two));
+        let four = want().await;
+        assert_eq!((place(&four), made.load(Ordering::Relaxed)), (place(&three), 1));
+        drop((three, four));
+        want().await.unwrap();
+        assert_eq!(made.load(Ordering::Relaxed), 2);
+    }
+
+    #[tokio::test]
+    async fn who_fails_or_goes_away_leaves_the_making_to_the_next() {
+        let memory = Memory::new(0);
+        assert_eq!(memory.share("name", async { Err(7) }).await.unwrap_err(), 7);
+        let never = memory.share("name", std::future::pending::<Result<Answer, u8>>());
+        tokio::select! {
+            biased;
+            _ = never => unreachable!("it is never made"),
+            () = std::future::ready(()) => {}
+        }
+        let made = memory.share("name", async { Ok::<_, u8>(answer(1)) }).await;
+        assert_eq!(made.unwrap().body.len(), 1);
+    }
+
+    #[tokio::test]
+    async fn names_that_nobody_reads_are_forgotten() {
+        let memory = Memory::new(0);
+        let held = memory.share("held", async { Ok::<_, u8>(answer(1)) }).await.unwrap();
+        for number in 0..10_000 {
+            let name = number.to_string();
+            memory.share(&name, async { Ok::<_, u8>(answer(1)) }).await.unwrap();
+        }
+        let names = memory.lent.lock().unwrap();
+        assert!(names.len() <= 4 * NAMES && names.contains_key("held"), "{}", names.len());
+        drop(held);
     }
 }

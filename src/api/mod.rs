@@ -6,8 +6,10 @@
 
 mod access;
 mod caller;
+mod coding;
 mod connection;
 mod events;
+mod forms;
 mod jobs;
 mod limits;
 mod links;
@@ -15,11 +17,11 @@ mod memory;
 mod metrics;
 mod openapi;
 mod problem;
+mod representation;
 mod results;
 mod scenarios;
 mod shortly;
 mod system;
-mod table;
 mod wire;
 
 use std::any::Any;
@@ -34,6 +36,7 @@ use axum::response::{IntoResponse, Redirect, Response};
 use axum::routing::get;
 use tokio::sync::watch;
 use tower_http::catch_panic::CatchPanicLayer;
+use tower_http::compression::CompressionLayer;
 use tower_http::cors::{AllowHeaders, Any as AnyOrigin, CorsLayer};
 use tracing::Instrument as _;
 use utoipa_axum::router::OpenApiRouter;
@@ -42,10 +45,11 @@ use utoipa_axum::routes;
 pub use access::{Access, AdminKey};
 pub use caller::Peer;
 pub use connection::Patient;
+pub use forms::{Ask, Error as FormError, Part, write as write_form};
 pub use limits::Limits;
 pub use openapi::document;
 pub use scenarios::{EXAMPLES, Example, Unsound, parse_job};
-pub use table::{Document, Error as TableError};
+pub use wire::Format;
 
 use crate::store::Store;
 use crate::worker::Compute;
@@ -175,7 +179,9 @@ fn dressed<S: Clone + Send + Sync + 'static>(
     metrics: Arc<Metrics>,
     origins: &Origins,
 ) -> Router<S> {
-    let mut router = routes.layer(CatchPanicLayer::custom(panicked));
+    let mut router = routes
+        .layer(CompressionLayer::new().compress_when(coding::OnTheWay))
+        .layer(CatchPanicLayer::custom(panicked));
     if let Some(cors) = cors(origins) {
         // Problems are readable by web pages too, so this is outside of what makes them.
         router = router.layer(cors);
@@ -274,6 +280,7 @@ fn cors(origins: &Origins) -> Option<CorsLayer> {
     let exposed = [
         header::LOCATION,
         header::CONTENT_LOCATION,
+        header::CONTENT_DISPOSITION,
         header::LINK,
         header::CACHE_STATUS,
         header::ETAG,

@@ -4,8 +4,11 @@
 //! Rust types here: the scenario's belongs to the engine, the result's is `documents.schema.json`.
 
 use axum::http::Method;
+use serde::Serialize;
 use serde_json::{Map, Value, json};
-use utoipa::openapi::schema::{ObjectBuilder, Schema, Type};
+use utoipa::openapi::schema::{
+    ArrayBuilder, KnownFormat, ObjectBuilder, Schema, SchemaFormat, Type,
+};
 use utoipa::openapi::tag::TagBuilder;
 use utoipa::openapi::{
     ComponentsBuilder, ContactBuilder, InfoBuilder, LicenseBuilder, OpenApi, OpenApiBuilder, RefOr,
@@ -13,9 +16,11 @@ use utoipa::openapi::{
 };
 use utoipa::{PartialSchema, ToSchema};
 
+use super::forms::Part;
 use super::problem::ProblemDocument;
 use super::scenarios::{EXAMPLES, parse_job};
 use super::{access, links};
+use crate::engine::outcome::{History, Loops, Profiles};
 use crate::engine::scenario::SCHEMA;
 use crate::job;
 use crate::store::Role as StoredRole;
@@ -30,7 +35,7 @@ equal keys, are computed once and shared by everyone who asks.
 
 **Quantities.** In requests a physical quantity is a number in SI units or a string with a unit: \
 `0.01`, `\"10 mm\"`, `\"205 GPa\"`, `\"3.03e-5 mm^3/(N m)\"`. Answers are in SI units and say so in \
-`units`. `amplitude` is half of the peak-to-peak stroke.
+`units`; `?units=engineering` gives results in um, mm^3, MPa, mJ and N. `amplitude` is half of the peak-to-peak stroke.
 
 **Errors.** Every answer that is not a success is `application/problem+json` (RFC 9457). All faults \
 of a request are reported at once, each with a JSON pointer. Unknown members and parameters are \
@@ -74,7 +79,14 @@ pub(super) fn frame() -> OpenApi {
                 .schema_from::<Include>()
                 .schema_from::<Owner>()
                 .schema_from::<Role>()
-                .schema_from::<JsonOnly>()
+                .schema_from::<WholeFormat>()
+                .schema_from::<HistoryFields>()
+                .schema_from::<ProfileFields>()
+                .schema_from::<LoopFields>()
+                .schema_from::<Instants>()
+                .schema_from::<WholeLayout>()
+                .schema_from::<Layout>()
+                .schema_from::<UnitSystem>()
                 .schema_from::<TableFormat>()
                 .schema_from::<KeyText>()
                 .build(),
@@ -320,6 +332,17 @@ fn words<'a>(words: impl IntoIterator<Item = &'a str>) -> Schema {
     ObjectBuilder::new().schema_type(Type::String).enum_values(Some(words)).build().into()
 }
 
+/// A list, which a query has with commas between.
+fn list(items: impl Into<RefOr<Schema>>) -> Schema {
+    ArrayBuilder::new().items(items.into()).min_items(Some(1)).unique_items(true).build().into()
+}
+
+/// Names of the columns of a table.
+fn columns(table: &impl Serialize) -> Schema {
+    let table = serde_json::to_value(table).unwrap_or_default();
+    list(words(table.as_object().into_iter().flat_map(Map::keys).map(String::as_str)))
+}
+
 fn kept_in_a_file() -> Schema {
     ObjectBuilder::new().build().into()
 }
@@ -336,9 +359,27 @@ documented! {
     /// What a key is good for.
     Role words(StoredRole::ALL.iter().map(|role| role.as_str()));
     /// The formats of a whole result.
-    JsonOnly words(["json"]);
+    WholeFormat words(Part::Whole.formats().iter().map(|format| format.name()));
     /// The formats of a table.
-    TableFormat words(["json", "csv"]);
+    TableFormat words(Part::History.formats().iter().map(|format| format.name()));
+    /// Columns of a history.
+    HistoryFields columns(&History::default());
+    /// Columns of profiles.
+    ProfileFields columns(&Profiles::default());
+    /// Columns of loops.
+    LoopFields columns(&Loops::default());
+    /// Instants, in cycles.
+    Instants list(ObjectBuilder::new().schema_type(Type::Number).minimum(Some(0)).build());
+    /// The layout of a whole result.
+    WholeLayout words(["columns"]);
+    /// The layouts of a table in JSON.
+    Layout words(["columns", "records"]);
+    /// The units of an answer.
+    UnitSystem words(["si", "engineering"]);
+    /// A file for programs.
+    File Schema::from(ObjectBuilder::new().schema_type(Type::String).format(Some(
+        SchemaFormat::KnownFormat(KnownFormat::Binary),
+    )).build());
     /// The address of a result.
     KeyText ObjectBuilder::new()
         .schema_type(Type::String)

@@ -186,7 +186,7 @@ impl Prefer {
 const PREFER: HeaderName = HeaderName::from_static("prefer");
 
 /// The words of all headers of this name, which are lists.
-fn words(headers: &HeaderMap, name: HeaderName) -> impl Iterator<Item = &str> {
+pub fn words(headers: &HeaderMap, name: HeaderName) -> impl Iterator<Item = &str> {
     let values = headers.get_all(name).into_iter().filter_map(|value| value.to_str().ok());
     values.flat_map(|value| value.split(',')).map(str::trim)
 }
@@ -248,27 +248,48 @@ pub fn idempotency_key(headers: &HeaderMap) -> Result<Option<String>, Problem> {
 pub enum Format {
     /// `application/json`.
     Json,
-    /// `text/csv`, one header row, `,` and `\n`.
+    /// `application/x-ndjson`: one JSON object per line.
+    Ndjson,
+    /// `text/csv`: comment lines (`#`), one header row, `,` and `\n`.
     Csv,
+    /// `application/x-npz`: an archive of NumPy arrays.
+    Npz,
+    /// `application/vnd.apache.arrow.file`: an Arrow IPC file, also known as Feather.
+    Arrow,
 }
 
 impl Format {
-    const ALL: [Self; 2] = [Self::Json, Self::Csv];
+    /// Every format, the default first.
+    pub const ALL: [Self; 5] = [Self::Json, Self::Ndjson, Self::Csv, Self::Npz, Self::Arrow];
 
-    /// The word in `?format=`.
+    /// The word in `?format=`, and the end of a file's name.
+    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Json => "json",
+            Self::Ndjson => "ndjson",
             Self::Csv => "csv",
+            Self::Npz => "npz",
+            Self::Arrow => "arrow",
         }
     }
 
     /// The value of `Content-Type`.
+    #[must_use]
     pub fn media_type(self) -> &'static str {
         match self {
             Self::Json => "application/json",
+            Self::Ndjson => "application/x-ndjson",
             Self::Csv => "text/csv; charset=utf-8",
+            Self::Npz => "application/x-npz",
+            Self::Arrow => "application/vnd.apache.arrow.file",
         }
+    }
+
+    /// Whether it is made for programs that open files: a browser saves it instead of showing it.
+    #[must_use]
+    pub fn is_file(self) -> bool {
+        matches!(self, Self::Csv | Self::Npz | Self::Arrow)
     }
 
     /// Chooses among the formats `offered` (the first is the default) by `?format=`, else by

@@ -505,9 +505,10 @@ impl Store {
         self.reading(async |db| read::has_result(db, key).await).await
     }
 
-    /// The oldest unfinished job of the live run of a key, if one is under way.
-    pub async fn live_job(&self, key: &Key) -> Result<Option<JobId>, Error> {
-        self.reading(async |db| read::live_job(db, key).await).await
+    /// The oldest unfinished job of the live run of a key, if one is under way; with an owner, of
+    /// theirs.
+    pub async fn live_job(&self, key: &Key, owner: Option<&str>) -> Result<Option<JobId>, Error> {
+        self.reading(async |db| read::live_job(db, key, owner).await).await
     }
 
     /// How long the oldest queued run has waited.

@@ -237,12 +237,15 @@ pub(super) async fn has_result(db: impl SqliteExecutor<'_>, key: &Key) -> Result
 pub(super) async fn live_job(
     db: impl SqliteExecutor<'_>,
     key: &Key,
+    owner: Option<&str>,
 ) -> Result<Option<JobId>, Error> {
     let id: Option<Vec<u8>> = sqlx::query_scalar(
         "SELECT job.id FROM run JOIN job ON job.run = run.id AND job.finished IS NULL
-         WHERE run.key = ?1 AND run.state IN ('queued', 'running') ORDER BY job.id LIMIT 1",
+         WHERE run.key = ?1 AND run.state IN ('queued', 'running') AND (?2 IS NULL OR job.owner = ?2)
+         ORDER BY job.id LIMIT 1",
     )
     .bind(key.bytes().as_slice())
+    .bind(owner)
     .fetch_optional(db)
     .await?;
     Ok(id.map(|bytes| job_id(&bytes)).transpose()?)

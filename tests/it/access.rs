@@ -161,7 +161,14 @@ async fn jobs_are_their_owners_and_results_are_everyones() {
     // Nor by many at once.
     let all = "/v1/jobs/cancel?state=running";
     assert_eq!(ask(&server, &ben, "POST", all, "").await.json(), json!({"canceled": 0}));
+    // The way to a run under way is shown to whose job it is.
     let result = format!("/v1/results/{key}");
+    let told = get(&server, &anna, &result).await;
+    assert_eq!(told.header("link"), Some(format!("<{own}>; rel=\"related\"").as_str()));
+    let told = get(&server, &ben, &result).await;
+    assert_eq!((told.status, told.header("link")), (404, None));
+    assert!(!told.text().contains(id), "{}", told.text());
+
     gate.open();
     let done = get(&server, &again, &format!("{own}?wait=60")).await.json();
     assert_eq!(done["state"], "succeeded", "{done}");

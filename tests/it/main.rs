@@ -21,6 +21,8 @@ mod exact;
 mod faults;
 mod figures;
 #[cfg(feature = "serve")]
+mod forms;
+#[cfg(feature = "serve")]
 mod keeping;
 #[cfg(feature = "serve")]
 mod kill;

@@ -74,6 +74,30 @@ fn a_file_is_computed_without_a_server() {
 }
 
 #[test]
+fn a_result_is_written_to_a_file_in_every_format() {
+    let dir = TempDir::new().unwrap();
+    for (format, begins) in [
+        ("json", "{\"key\""),
+        ("csv", "# fretwork"),
+        ("ndjson", "{\"key\""),
+        ("npz", "PK"),
+        ("arrow", "ARROW1"),
+    ] {
+        let file = dir.path().join(format);
+        let words = ["run", BALL, "--format", format, "--output", file.to_str().unwrap()];
+        let output = run(&words, "");
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        assert!(output.stdout.is_empty());
+        let written = std::fs::read(&file).unwrap();
+        assert!(written.starts_with(begins.as_bytes()), "{format}");
+        assert!(run(&words[..4], "").stdout == written, "{format}");
+    }
+    let output = run(&["run", BALL, "--output", dir.path().to_str().unwrap()], "");
+    assert!(text(&output.stderr).contains("cannot write"), "{}", text(&output.stderr));
+    assert_eq!(output.status.code(), Some(1));
+}
+
+#[test]
 fn faults_of_a_file_are_printed_one_per_line() {
     let body = api::EXAMPLES[0].body.replace("0.3", "0.7").replace("\"friction\"", "\"frictoin\"");
     let output = run(&["run", "-"], &body);

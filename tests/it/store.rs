@@ -137,7 +137,7 @@ async fn sixty_four_identical_submissions_at_once_are_one_run_and_sixty_four_job
         assert!(job.started >= Some(job.created) && job.finished >= job.started);
     }
     assert_eq!(body(&store, 1).await, b"a");
-    assert_eq!(store.live_job(&key(1)).await.unwrap(), None);
+    assert_eq!(store.live_job(&key(1), None).await.unwrap(), None);
 }
 
 #[tokio::test]
@@ -460,12 +460,13 @@ async fn waiting_ends_with_the_job_or_with_patience() {
 #[tokio::test]
 async fn the_live_job_of_a_key_is_the_oldest_that_still_waits() {
     let (_dir, store) = fresh().await;
-    assert_eq!(store.live_job(&key(1)).await.unwrap(), None);
+    assert_eq!(store.live_job(&key(1), None).await.unwrap(), None);
     let first = accepted(store.submit(new_job(1)).await);
     let second = accepted(store.submit(new_job(1)).await);
-    assert_eq!(store.live_job(&key(1)).await.unwrap(), Some(first.id));
+    assert_eq!(store.live_job(&key(1), None).await.unwrap(), Some(first.id));
     cancel(&store, first.id).await;
-    assert_eq!(store.live_job(&key(1)).await.unwrap(), Some(second.id));
+    assert_eq!(store.live_job(&key(1), None).await.unwrap(), Some(second.id));
+    assert_eq!(store.live_job(&key(1), Some("somebody")).await.unwrap(), None);
 }
 
 #[tokio::test]

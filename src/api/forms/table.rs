@@ -1,0 +1,276 @@
+//! The tables of a result: columns over instants and places.
+
+use serde::ser::SerializeMap as _;
+use serde::{Deserialize, Serialize, Serializer};
+use serde_json::value::RawValue;
+
+use super::document::{Members, Telling};
+use super::{Ask, Complaint, Error, Part};
+use crate::engine::outcome::{Loops, Profiles};
+
+/// A number of a document; infinite ones are null there and NaN here.
+#[derive(Deserialize)]
+#[serde(from = "Option<f64>")]
+struct Cell(f64);
+
+impl From<Option<f64>> for Cell {
+    fn from(number: Option<f64>) -> Self {
+        Self(number.unwrap_or(f64::NAN))
+    }
+}
+
+fn numbers(cells: Vec<Cell>) -> Vec<f64> {
+    cells.into_iter().map(|cell| cell.0).collect()
+}
+
+/// The numbers of a column.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Values {
+    /// One per instant.
+    Instants(Vec<f64>),
+    /// One per place, the same at every instant.
+    Places(Vec<f64>),
+    /// One row of places per instant.
+    Both(Vec<Vec<f64>>),
+    /// Not defined for this scenario.
+    Absent,
+}
+
+impl Values {
+    fn read(part: Part, name: &str, text: &RawValue) -> Result<Self, serde_json::Error> {
+        let text = text.get();
+        let mut opening = text.bytes().filter(|byte| !byte.is_ascii_whitespace());
+        match (opening.next(), opening.next()) {
+            (Some(b'['), Some(b'[')) => {
+                let rows: Vec<Vec<Cell>> = serde_json::from_str(text)?;
+                Ok(Self::Both(rows.into_iter().map(numbers).collect()))
+            }
+            (Some(b'['), _) => {
+                let row = numbers(serde_json::from_str(text)?);
+                let by_place = part == Part::Profiles && name != "cycles";
+                Ok(if by_place { Self::Places(row) } else { Self::Instants(row) })
+            }
+            _ => Ok(Self::Absent),
+        }
+    }
+
+    fn keep(&mut self, instants: Option<&[usize]>, places: Option<&[usize]>) {
+        let thin = |row: &mut Vec<f64>| {
+            if let Some(places) = places {
+                *row = pick(row, places);
+            }
+        };
+        if let (Self::Instants(row), Some(instants)) = (&mut *self, instants) {
+            *row = pick(row, instants);
+        }
+        if let (Self::Both(rows), Some(instants)) = (&mut *self, instants) {
+            *rows = pick(rows, instants);
+        }
+        match self {
+            Self::Places(row) => thin(row),
+            Self::Both(rows) => rows.iter_mut().for_each(thin),
+            Self::Instants(_) | Self::Absent => {}
+        }
+    }
+
+    fn each(&mut self, change: impl Fn(f64) -> f64) {
+        let each = |row: &mut Vec<f64>| row.iter_mut().for_each(|number| *number = change(*number));
+        match self {
+            Self::Instants(row) | Self::Places(row) => each(row),
+            Self::Both(rows) => rows.iter_mut().for_each(each),
+            Self::Absent => {}
+        }
+    }
+
+    /// The number at an instant and a place; NaN if there is none.
+    pub fn at(&self, instant: usize, place: usize) -> f64 {
+        let found = match self {
+            Self::Instants(row) => row.get(instant),
+            Self::Places(row) => row.get(place),
+            Self::Both(rows) => rows.get(instant).and_then(|row| row.get(place)),
+            Self::Absent => None,
+        };
+        found.copied().unwrap_or(f64::NAN)
+    }
+}
+
+impl Serialize for Values {
+    fn serialize<S: Serializer>(&self, json: S) -> Result<S::Ok, S::Error> {
+        // What is not finite is written as null.
+        match self {
+            Self::Instants(row) | Self::Places(row) => row.serialize(json),
+            Self::Both(rows) => rows.serialize(json),
+            Self::Absent => json.serialize_none(),
+        }
+    }
+}
+
+fn pick<T: Clone>(items: &[T], indices: &[usize]) -> Vec<T> {
+    indices.iter().filter_map(|&index| items.get(index).cloned()).collect()
+}
+
+/// One of the tables.
+#[derive(Debug)]
+pub struct Table {
+    /// Which one.
+    pub part: Part,
+    /// Names and numbers, in the order of the document.
+    pub columns: Vec<(String, Values)>,
+    /// Whether the document has it: profiles and loops can be left out of a run.
+    there: bool,
+}
+
+impl Table {
+    /// Reads a table; one that the document does not have has its columns all the same, and no rows.
+    pub fn read(part: Part, text: Option<&RawValue>) -> Result<Self, Error> {
+        let there = text.is_some_and(|text| text.get() != "null");
+        let empty = match part {
+            Part::Profiles => serde_json::to_string(&Profiles::default()),
+            Part::Loops => serde_json::to_string(&Loops::default()),
+            Part::Whole | Part::History => Ok("{}".to_owned()),
+        }?;
+        let text = text.filter(|_| there).map_or(&*empty, RawValue::get);
+        let members: Members<'_> = serde_json::from_str(text)?;
+        let mut columns = Vec::new();
+        for (name, text) in &members.0 {
+            columns.push((name.to_string(), Values::read(part, name, text)?));
+        }
+        Ok(Self { part, columns, there })
+    }
+
+    /// The columns that say where the numbers of the others belong.
+    fn axes(&self) -> &'static [&'static str] {
+        if self.part == Part::Profiles { &["cycles", "radius"] } else { &["cycles"] }
+    }
+
+    fn axis(&self, name: &str) -> &[f64] {
+        match self.columns.iter().find(|(column, _)| column == name) {
+            Some((_, Values::Instants(row) | Values::Places(row))) => row,
+            _ => &[],
+        }
+    }
+
+    /// Cuts the table to what is wanted, or tells everything that is wanted and not there.
+    pub fn select(&mut self, ask: &Ask) -> Result<(), Error> {
+        let mut missing = Vec::new();
+        for name in ask.fields.iter().flatten() {
+            if self.columns.iter().all(|(column, _)| column != name) {
+                let there = self.columns.iter().map(|(name, _)| name.as_str());
+                let there: Vec<_> = there.filter(|name| !self.axes().contains(name)).collect();
+                let detail = format!("{name:?} is no field here; there are {}", there.join(", "));
+                missing.push(Complaint::parameter("fields", detail));
+            }
+        }
+        let cycles = self.axis("cycles");
+        for wanted in ask.cycles.iter().flatten() {
+            if !cycles.iter().any(|number| same(*number, *wanted)) {
+                let detail = format!("nothing is at {wanted} cycles; {}", listed(cycles));
+                missing.push(Complaint::parameter("cycles", detail));
+            }
+        }
+        if !missing.is_empty() {
+            return Err(Error::NotThere(missing));
+        }
+        let instants: Option<Vec<usize>> = ask.cycles.as_ref().map(|wanted| {
+            let asked = |index: &usize| wanted.iter().any(|cycles_| same(cycles[*index], *cycles_));
+            (0..cycles.len()).filter(asked).collect()
+        });
+        let places = ask.points.map(|points| spread(self.axis("radius").len(), points));
+        let axes = self.axes();
+        if let Some(fields) = &ask.fields {
+            self.columns.retain(|(name, _)| axes.contains(&&**name) || fields.contains(name));
+        }
+        for (_, values) in &mut self.columns {
+            values.keep(instants.as_deref(), places.as_deref());
+        }
+        Ok(())
+    }
+
+    /// Brings all numbers into the units and digits in which they are told.
+    pub fn tell(&mut self, telling: &Telling) {
+        for (name, values) in &mut self.columns {
+            if let Some(tell) = telling.of(name) {
+                values.each(tell);
+            }
+        }
+    }
+
+    /// How many instants there are.
+    pub fn instants(&self) -> usize {
+        self.axis("cycles").len()
+    }
+
+    /// How many places there are, the same at every instant or at the longest of them.
+    pub fn places(&self) -> usize {
+        (0..self.instants()).map(|instant| self.width(instant)).max().unwrap_or(0)
+    }
+
+    /// How many rows belong to an instant.
+    fn width(&self, instant: usize) -> usize {
+        let widths = self.columns.iter().filter_map(|(_, values)| match values {
+            Values::Places(row) => Some(row.len()),
+            Values::Both(rows) => Some(rows.get(instant).map_or(0, Vec::len)),
+            Values::Instants(_) | Values::Absent => None,
+        });
+        widths.max().unwrap_or(1)
+    }
+
+    /// Every row: an instant and a place.
+    pub fn rows(&self) -> impl Iterator<Item = (usize, usize)> {
+        (0..self.instants())
+            .flat_map(|instant| (0..self.width(instant)).map(move |place| (instant, place)))
+    }
+}
+
+impl Serialize for Table {
+    fn serialize<S: Serializer>(&self, json: S) -> Result<S::Ok, S::Error> {
+        if !self.there {
+            return json.serialize_none();
+        }
+        let mut map = json.serialize_map(Some(self.columns.len()))?;
+        for (name, values) in &self.columns {
+            map.serialize_entry(name, values)?;
+        }
+        map.end()
+    }
+}
+
+/// Whether two instants are one; twelve digits is what a canonical scenario keeps of a number.
+fn same(a: f64, b: f64) -> bool {
+    (a - b).abs() <= 1e-11 * a.abs().max(b.abs())
+}
+
+/// What instants there are, as a message has room for.
+fn listed(cycles: &[f64]) -> String {
+    const ROOM: usize = 30;
+    if cycles.is_empty() {
+        return "the result was computed without profiles".to_owned();
+    }
+    let mut out: Vec<_> = cycles.iter().take(ROOM).map(f64::to_string).collect();
+    if cycles.len() > ROOM {
+        out.push(format!("… {}", cycles[cycles.len() - 1]));
+    }
+    format!("there are {}", out.join(", "))
+}
+
+/// At most `count` of `0..length`, evenly spread, the first and the last among them.
+fn spread(length: usize, count: usize) -> Vec<usize> {
+    if count >= length {
+        return (0..length).collect();
+    }
+    let gaps = count.saturating_sub(1).max(1);
+    (0..count).map(|index| (index * (length - 1) + gaps / 2) / gaps).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_spread_keeps_both_ends() {
+        assert_eq!(spread(5, 3), [0, 2, 4]);
+        assert_eq!(spread(3, 9), [0, 1, 2]);
+        assert_eq!(spread(256, 2), [0, 255]);
+        assert_eq!(spread(0, 2), [] as [usize; 0]);
+    }
+}

@@ -1,0 +1,330 @@
+//! The forms of a result, as a client asks for them: formats, selections, tags, compression, memory.
+
+use std::collections::HashSet;
+use std::io::Read as _;
+
+use fretwork::api::{Format, Origins, Part};
+use serde_json::{Value, json};
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+use tokio::net::TcpSocket;
+
+use crate::program;
+use crate::server::{Gate, JSON, Reply, Server, metric, send, steel_ball};
+
+/// A server with a result that a test can read; returns the address of the result.
+async fn kept(body: &Value) -> (Server, String) {
+    let server = Server::start().await;
+    let job = server.compute(body).await.json();
+    assert_eq!(job["state"], "succeeded", "{job}");
+    let address = job["links"]["result"].as_str().unwrap().to_owned();
+    (server, address)
+}
+
+/// The steel ball with many large profiles.
+fn large(method: &str) -> Value {
+    let mut body = steel_ball();
+    body["scenario"]["cycles"] =
+        json!({"from": 100, "to": 1_000_000, "count": 200, "spacing": "log"});
+    body["scenario"]["profiles_at"] = json!("all");
+    body["scenario"]["model"] = json!({"method": method, "points": 512});
+    body
+}
+
+async fn coded(server: &Server, target: &str, coding: &str) -> Reply {
+    server.send("GET", target, &[("Accept-Encoding", coding)], "").await
+}
+
+fn gunzipped(body: &[u8]) -> Vec<u8> {
+    let mut out = Vec::new();
+    flate2::read::GzDecoder::new(body).read_to_end(&mut out).unwrap();
+    out
+}
+
+fn unpacked(reply: &Reply) -> Vec<u8> {
+    match reply.header("content-encoding") {
+        Some("gzip") => gunzipped(&reply.body),
+        Some("zstd") => zstd::stream::decode_all(&*reply.body).unwrap(),
+        None => reply.body.clone(),
+        other => panic!("{other:?}"),
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn every_format_is_had_by_its_name_and_by_its_media_type() {
+    let (server, address) = kept(&steel_ball()).await;
+    for part in Part::TABLES.into_iter().chain([Part::Whole]) {
+        let path = match part {
+            Part::Whole => address.clone(),
+            part => format!("{address}/{}", part.name()),
+        };
+        let mut tags = HashSet::new();
+        for &format in part.formats() {
+            let kind = format.media_type();
+            let accept = kind.split(';').next().unwrap();
+            let by_name = server.get(&format!("{path}?format={}", format.name())).await;
+            let by_type = server.send("GET", &path, &[("Accept", accept)], "").await;
+            assert_eq!((by_name.status, by_name.header("content-type")), (200, Some(kind)));
+            assert_eq!(by_type.header("content-type"), Some(kind));
+            assert!(by_name.body == by_type.body, "{part:?} {format:?}");
+            assert!(tags.insert(by_name.header("etag").unwrap().to_owned()));
+            let name = by_name.header("content-disposition");
+            let key = address.rsplit('/').next().unwrap();
+            let file = format!("fretwork-{}-{}.{}", &key[..12], part.name(), format.name());
+            let expected = format!("attachment; filename=\"{file}\"");
+            assert_eq!(name, Some(&*expected).filter(|_| format.is_file()));
+        }
+        for format in Format::ALL.into_iter().filter(|format| !part.formats().contains(format)) {
+            let refused = server.get(&format!("{path}?format={}", format.name())).await;
+            let problem = refused.problem(406, "not-acceptable");
+            assert!(problem["detail"].as_str().unwrap().contains("?format=npz"), "{problem}");
+        }
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn all_that_is_wrong_with_a_form_is_told_at_once() {
+    let (server, address) = kept(&steel_ball()).await;
+    for (target, expected) in [
+        (
+            "/profiles?digits=0&units=imperial&layout=rows&cycles=1,x&points=1&colour=red",
+            &["layout", "digits", "units", "cycles", "points", "colour"][..],
+        ),
+        (
+            "/profiles?fields=warn,wear,worm&cycles=1000,7,8",
+            &["fields", "fields", "cycles", "cycles"],
+        ),
+        ("/history?points=5&digits=18", &["digits", "points"]),
+        ("/loops?points=5", &["points"]),
+        ("/history?cycles=inf", &["cycles"]),
+        ("/history?format=csv&layout=records", &["layout"]),
+        ("?layout=records&digits=1.5", &["digits", "layout"]),
+        ("?fields=wear", &["fields"]),
+        ("?cycles=7", &["cycles"]),
+        ("/history?fields=", &["fields"]),
+    ] {
+        let refused = server.get(&format!("{address}{target}")).await;
+        let problem = refused.problem(422, "invalid-parameters");
+        let errors = problem["errors"].as_array().unwrap();
+        let names: Vec<_> =
+            errors.iter().map(|error| error["parameter"].as_str().unwrap()).collect();
+        assert_eq!(names, expected, "{target}: {problem}");
+    }
+    let unknown = server.get(&format!("{address}/history?fields=volume")).await;
+    let problem = unknown.problem(422, "invalid-parameters");
+    assert!(problem["errors"][0]["detail"].as_str().unwrap().contains("wear_volume"), "{problem}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn numbers_are_equal_in_every_text_and_rounded_where_that_is_asked() {
+    let (server, address) = kept(&steel_ball()).await;
+    let whole = server.get(&address).await;
+    for part in Part::TABLES {
+        let path = format!("{address}/{}", part.name());
+        let table = server.get(&path).await;
+        // As it stands in the stored document, to the letter.
+        let (_, text) = table.text().split_once(&format!("\"{}\":", part.name())).unwrap();
+        assert!(whole.text().contains(&text[..text.len() - 1]), "{part:?}");
+
+        let csv = server.get(&format!("{path}?format=csv")).await;
+        let mut lines = csv.text().lines().filter(|line| !line.starts_with('#'));
+        let names: Vec<_> = lines.next().unwrap().split(',').collect();
+        let records = server.get(&format!("{path}?layout=records")).await.json();
+        let ndjson = server.get(&format!("{path}?format=ndjson")).await;
+        let mut rows = 0;
+        for ((line, record), object) in
+            lines.zip(records["records"].as_array().unwrap()).zip(ndjson.text().lines())
+        {
+            let object: Value = serde_json::from_str(object).unwrap();
+            for ((cell, name), (plain, value)) in
+                line.split(',').zip(&names).zip(record.as_object().unwrap())
+            {
+                assert_eq!(name.split('[').next(), Some(plain.as_str()));
+                assert_eq!(cell, if value.is_null() { String::new() } else { value.to_string() });
+                assert_eq!(object[*name], *value);
+            }
+            rows += 1;
+        }
+        assert_eq!(rows, records["records"].as_array().unwrap().len());
+    }
+    let rounded = server.get(&format!("{address}/history?digits=3&units=engineering")).await.json();
+    let depths = rounded["history"]["wear_depth"].as_array().unwrap();
+    assert!(depths.iter().all(|depth| depth.to_string().len() <= 6), "{depths:?}");
+    assert_eq!(rounded["units"]["wear_depth"], "um");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_tag_stands_for_one_representation_however_it_is_asked_for() {
+    let (server, address) = kept(&steel_ball()).await;
+    let tag = async |target: &str| {
+        let reply = server.get(&format!("{address}{target}")).await;
+        assert_eq!(reply.status, 200, "{target}");
+        assert_eq!(reply.header("vary"), Some("accept, accept-encoding"));
+        reply.header("etag").unwrap().to_owned()
+    };
+    let mut tags = HashSet::new();
+    for target in [
+        "",
+        "?digits=7",
+        "?units=engineering",
+        "?points=9",
+        "?cycles=0",
+        "/profiles",
+        "/history",
+        "/profiles?digits=7",
+        "/profiles?points=9",
+        "/profiles?fields=wear",
+        "/profiles?cycles=0",
+        "/profiles?layout=records",
+        "/loops",
+        "/loops?fields=energy_ratio",
+    ] {
+        assert!(tags.insert(tag(target).await), "{target}");
+    }
+    for (one, other) in [
+        ("?units=si&layout=columns&format=json", ""),
+        (
+            "/profiles?fields=wear,pressure&cycles=0,1000",
+            "/profiles?cycles=1e3,0&fields=pressure,wear",
+        ),
+    ] {
+        assert_eq!(tag(one).await, tag(other).await);
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_is_compressed_has_a_weak_tag_and_is_compressed_once() {
+    let (server, address) = kept(&steel_ball()).await;
+    for target in ["", "/profiles?format=csv", "/profiles?format=arrow&digits=7"] {
+        let target = format!("{address}{target}");
+        let plain = server.get(&target).await;
+        let tag = plain.header("etag").unwrap();
+        assert!(tag.starts_with('"') && plain.header("content-encoding").is_none());
+        for coding in ["gzip", "zstd"] {
+            let reply = coded(&server, &target, coding).await;
+            assert_eq!(reply.header("content-encoding"), Some(coding));
+            assert_eq!(reply.header("etag"), Some(&*format!("W/{tag}")));
+            assert!(reply.body.len() < plain.body.len() && unpacked(&reply) == plain.body);
+
+            let hits = metric(server.address, "fretwork_memory_cache_hits_total").await;
+            assert!(coded(&server, &target, coding).await.body == reply.body);
+            let now = metric(server.address, "fretwork_memory_cache_hits_total").await;
+            assert_eq!(now, hits + 1.0);
+        }
+        // Held compressed or not, in a list or not: it is confirmed by the tag it is held by.
+        for held in [tag.to_owned(), format!("W/{tag}"), "*".to_owned()] {
+            let list = format!("\"other\", {held} , \"another\"");
+            for sent in [&held, &list] {
+                let headers = [("If-None-Match", &**sent), ("Accept-Encoding", "gzip")];
+                let reply = server.send("GET", &target, &headers, "").await;
+                let told = if held == "*" { tag } else { &held };
+                assert_eq!((reply.status, reply.header("etag")), (304, Some(told)), "{sent}");
+                assert!(reply.body.is_empty() && reply.header("content-encoding").is_none());
+            }
+        }
+    }
+    let small =
+        coded(&server, &format!("{address}/history?fields=wear_depth&format=csv"), "gzip").await;
+    assert!(
+        small.header("content-encoding").is_none()
+            && small.header("etag").unwrap().starts_with('"')
+    );
+    let archive = coded(&server, &format!("{address}?format=npz"), "gzip, zstd").await;
+    assert!(archive.header("content-encoding").is_none() && archive.body.starts_with(b"PK"));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn other_answers_are_compressed_too_but_not_events() {
+    let gate = Gate::default();
+    let server = Server::computing(gate.compute(), &Origins::Own).await;
+    let plain = server.get("/openapi.json").await;
+    let reply = coded(&server, "/v1/schema/scenario", "gzip").await;
+    assert_eq!(reply.header("content-encoding"), Some("gzip"));
+    assert!(reply.header("vary").unwrap().contains("accept-encoding"));
+    let reply = coded(&server, "/openapi.json", "zstd").await;
+    assert!(unpacked(&reply) == plain.body);
+    assert!(coded(&server, "/healthz", "gzip").await.header("content-encoding").is_none());
+
+    let job = server.post("/v1/jobs", &steel_ball()).await.json();
+    gate.open();
+    let events = format!("/v1/jobs/{}/events", job["id"].as_str().unwrap());
+    let events = coded(&server, &events, "gzip, zstd").await;
+    assert!(events.header("content-encoding").is_none());
+    assert!(events.text().contains("event: snapshot"));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn two_hundred_snapshots_are_small_where_little_is_asked_of_them() {
+    for method in ["simplified", "exact"] {
+        let (server, address) = kept(&large(method)).await;
+        for (target, most) in LARGEST {
+            let target = format!("{address}{target}");
+            let reply = coded(&server, &target, "zstd").await;
+            assert_eq!(reply.status, 200);
+            assert!(reply.body.len() <= most, "{method} {target}: {}", reply.body.len());
+        }
+    }
+}
+
+/// Parts of 200 instants and 512 radii, and how many bytes they have at most on the line.
+const LARGEST: [(&str, usize); 4] = [
+    ("/history?digits=7", 10_000),
+    ("/profiles?digits=7&fields=worn", 300_000),
+    ("/profiles?digits=7&points=64", 300_000),
+    ("?digits=3&points=128", 300_000),
+];
+
+/// What a process holds in memory, in kB.
+#[cfg(target_os = "linux")]
+fn resident(process: u32) -> usize {
+    let status = std::fs::read_to_string(format!("/proc/{process}/status")).unwrap();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).unwrap();
+    line.trim().trim_end_matches(" kB").parse().unwrap()
+}
+
+#[cfg(target_os = "linux")]
+#[tokio::test(flavor = "multi_thread")]
+async fn fifty_slow_readers_of_a_large_answer_hold_it_once() {
+    const READERS: usize = 50;
+    const MOST: usize = 150_000;
+    for cache in ["0", "64MiB"] {
+        let dir = tempfile::TempDir::new().unwrap();
+        let (mut child, address) = program::serve(dir.path(), &["--memory-cache", cache]);
+        let address = address.strip_prefix("http://").unwrap().parse().unwrap();
+        let body = large("simplified").to_string();
+        let headers = [JSON, ("Prefer", "wait=60")];
+        let job = send(address, "POST", "/v1/jobs", &headers, body).await.unwrap().json();
+        let result = job["links"]["result"].as_str().unwrap();
+        for (target, coding) in
+            [("", ""), ("/profiles?format=csv", ""), ("/profiles?format=ndjson&digits=9", "gzip")]
+        {
+            let request = format!(
+                "GET {result}{target} HTTP/1.1\r\nHost: test\r\nConnection: close\r\n\
+                 Accept-Encoding: {coding}\r\n\r\n"
+            );
+            let mut readers = Vec::new();
+            for _ in 0..READERS {
+                let socket = TcpSocket::new_v4().unwrap();
+                // What the system takes off the server's hands is not what is measured.
+                socket.set_recv_buffer_size(1 << 16).unwrap();
+                let mut reader = socket.connect(address).await.unwrap();
+                reader.write_all(request.as_bytes()).await.unwrap();
+                readers.push((reader, vec![0; 1 << 12]));
+            }
+            for (reader, read) in &mut readers {
+                reader.read_exact(read).await.unwrap();
+            }
+            let held = resident(child.id());
+            println!("{cache} {target} {coding}: {held} kB");
+            let mut sizes = HashSet::new();
+            for (mut reader, mut read) in readers {
+                reader.read_to_end(&mut read).await.unwrap();
+                sizes.insert(read.len());
+            }
+            assert_eq!(sizes.len(), 1, "{sizes:?}");
+            assert!(sizes.into_iter().all(|size| size > 3 << 20), "it is a large answer");
+            assert!(held < MOST, "{target} to {READERS} readers takes {held} kB");
+        }
+        child.kill().unwrap();
+        child.wait().unwrap();
+    }
+}
