@@ -40,11 +40,30 @@ fn gunzipped(body: &[u8]) -> Vec<u8> {
     out
 }
 
+/// A body whose length was not known beforehand, put together from its chunks.
+fn joined(mut chunks: &[u8]) -> Vec<u8> {
+    let mut out = Vec::new();
+    loop {
+        let line = chunks.iter().position(|byte| *byte == b'\r').unwrap();
+        let size = std::str::from_utf8(&chunks[..line]).unwrap();
+        let size = usize::from_str_radix(size, 16).unwrap();
+        if size == 0 {
+            return out;
+        }
+        out.extend(&chunks[line + 2..][..size]);
+        chunks = &chunks[line + 2 + size + 2..];
+    }
+}
+
 fn unpacked(reply: &Reply) -> Vec<u8> {
+    let body = match reply.header("transfer-encoding") {
+        Some("chunked") => joined(&reply.body),
+        _ => reply.body.clone(),
+    };
     match reply.header("content-encoding") {
-        Some("gzip") => gunzipped(&reply.body),
-        Some("zstd") => zstd::stream::decode_all(&*reply.body).unwrap(),
-        None => reply.body.clone(),
+        Some("gzip") => gunzipped(&body),
+        Some("zstd") => zstd::stream::decode_all(&*body).unwrap(),
+        None => body,
         other => panic!("{other:?}"),
     }
 }

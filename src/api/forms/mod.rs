@@ -325,7 +325,6 @@ mod tests {
         assert_eq!(whole["comparison"]["history"]["wear_volume"][0], json!(1e-4));
         // A relative error has no unit, whatever it is the error of.
         assert_eq!(whole["comparison"]["errors"]["wear_volume"][0], json!(0.0625));
-        assert_eq!(rows(Part::Profiles, &ask)[0], rows(Part::Profiles, &ask)[0]);
         let head = "cycles,radius[um],initial,limiting,worn[um],pressure[MPa]";
         assert_eq!(rows(Part::Profiles, &ask)[0], head);
         assert_eq!(rows(Part::Profiles, &ask)[2], "0.0,1000000.0,1.0,,1000000.0,2500.0");

@@ -4,6 +4,7 @@
 //! and the numbers. Loops differ in their number of points; the shorter ones end in NaN.
 
 use std::io::{Cursor, Write};
+use std::iter;
 
 use serde::Serializer as _;
 use zip::write::SimpleFileOptions;
@@ -72,12 +73,11 @@ impl<'a> Archive<'a> {
             let (shape, numbers) = match values {
                 Values::Instants(row) | Values::Places(row) => (vec![row.len()], row.clone()),
                 Values::Both(rows) => {
-                    let missing = |row: &Vec<f64>| places - row.len();
-                    let padded = |row: &Vec<f64>| {
-                        let nothing = std::iter::repeat_n(f64::NAN, missing(row));
-                        row.clone().into_iter().chain(nothing)
-                    };
-                    (vec![rows.len(), places], rows.iter().flat_map(padded).collect())
+                    let padding = iter::repeat(f64::NAN);
+                    let padded = rows
+                        .iter()
+                        .flat_map(|row| row.iter().copied().chain(padding.clone()).take(places));
+                    (vec![rows.len(), places], padded.collect())
                 }
                 Values::Absent => (vec![places], vec![f64::NAN; places]),
             };

@@ -172,7 +172,7 @@ impl Table {
             return Err(Error::NotThere(missing));
         }
         let instants: Option<Vec<usize>> = ask.cycles.as_ref().map(|wanted| {
-            let asked = |index: &usize| wanted.iter().any(|cycles_| same(cycles[*index], *cycles_));
+            let asked = |index: &usize| wanted.iter().any(|wanted| same(cycles[*index], *wanted));
             (0..cycles.len()).filter(asked).collect()
         });
         let places = ask.points.map(|points| spread(self.axis("radius").len(), points));
