@@ -1,6 +1,7 @@
 //! The program: parses the command line, wires the rooms together, serves and drains.
 
 mod config;
+mod moving;
 mod telemetry;
 
 use std::fs;
@@ -51,6 +52,10 @@ fn main() -> ExitCode {
         Some(Command::Openapi) => say(&api::document()),
         Some(Command::Verify) => verify(),
         Some(Command::Health(settings)) => health(&settings),
+        Some(Command::Export(settings)) => moving::export(&settings),
+        Some(Command::Import(settings)) => return moving::import(&settings),
+        Some(Command::Backup(settings)) => moving::backup(&settings),
+        Some(Command::Restore(settings)) => moving::restore(&settings),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

@@ -1,13 +1,18 @@
 //! The answers asked for most, at hand in memory.
 
+use std::sync::atomic::{AtomicU64, Ordering};
+
 use axum::body::Bytes;
 use quick_cache::sync::{Cache, DefaultLifecycle};
 use quick_cache::{DefaultHashBuilder, OptionsBuilder, Weighter};
+
+use crate::job::Key;
 
 /// Encoded answers up to some size in all; what is asked for rarely gives way.
 #[derive(Debug)]
 pub struct Memory {
     answers: Option<Cache<String, Bytes, Size>>,
+    forgotten: AtomicU64,
 }
 
 #[derive(Debug, Clone)]
@@ -37,12 +42,28 @@ impl Memory {
             let (hash, life) = (DefaultHashBuilder::default(), DefaultLifecycle::default());
             Cache::with_options(options, Size, hash, life)
         };
-        Self { answers: options.filter(|_| bytes > 0).map(cache) }
+        Self { answers: options.filter(|_| bytes > 0).map(cache), forgotten: AtomicU64::new(0) }
     }
 
     /// The answer of this name.
     pub fn get(&self, name: &str) -> Option<Bytes> {
         self.answers.as_ref()?.get(name)
+    }
+
+    /// How often something had to be forgotten: who makes an answer to be remembered looks at it
+    /// before he reads, and again after it was [`put`](Self::put).
+    pub fn forgotten(&self) -> u64 {
+        self.forgotten.load(Ordering::SeqCst)
+    }
+
+    /// Forgets every answer of a result that is there no longer.
+    pub fn forget(&self, key: &Key) {
+        // First, so that who puts one in meanwhile sees it and takes it out himself.
+        self.forgotten.fetch_add(1, Ordering::SeqCst);
+        if let Some(answers) = &self.answers {
+            let begins = format!("\"{key}");
+            answers.retain(|name, _| !name.starts_with(&begins));
+        }
     }
 
     /// Remembers an answer.

@@ -8,6 +8,7 @@ mod caller;
 mod connection;
 mod events;
 mod jobs;
+mod library;
 mod memory;
 mod metrics;
 mod openapi;
@@ -104,11 +105,15 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(jobs::cancel))
         .routes(routes!(jobs::cancel_all))
         .routes(routes!(events::follow))
-        .routes(routes!(results::whole))
+        .routes(routes!(library::list))
+        .routes(routes!(library::diff))
+        .routes(routes!(results::whole, library::delete))
         .routes(routes!(results::history))
         .routes(routes!(results::profiles))
         .routes(routes!(results::loops))
         .routes(routes!(results::pin, results::unpin))
+        .routes(routes!(library::provenance))
+        .routes(routes!(library::note, library::delete_note))
         .routes(routes!(scenarios::check))
         .routes(routes!(scenarios::examples))
         .routes(routes!(scenarios::example))

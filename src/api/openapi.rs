@@ -85,6 +85,10 @@ pub fn document() -> Vec<u8> {
             complete(operation);
         }
     }
+    let listing = document.pointer_mut("/paths/~1v1~1results/get/parameters");
+    if let Some(Value::Array(parameters)) = listing {
+        parameters.splice(0..0, super::library::parameters());
+    }
     let mut text = serde_json::to_vec_pretty(&document).unwrap_or_default();
     text.push(b'\n');
     text
@@ -145,7 +149,9 @@ fn complete(operation: &mut Value) {
     if let Some(body) = body {
         body["required"] = json!(true);
     }
-    if let Some(content) = operation.pointer_mut("/requestBody/content/application~1json") {
+    if let Some(content) = operation.pointer_mut("/requestBody/content/application~1json")
+        && content["schema"]["$ref"] == "#/components/schemas/JobBody"
+    {
         let examples: Map<String, Value> = EXAMPLES
             .iter()
             .filter_map(|example| {
@@ -219,6 +225,8 @@ fn kept_in_a_file() -> Schema {
 }
 
 documented! {
+    /// Whether a result is there.
+    Standing words(["held", "dropped", "unknown"]);
     /// Where a job stands.
     JobState words(job::JobState::ALL.iter().map(|state| state.as_str()));
     /// How a job came to its result.

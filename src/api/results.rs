@@ -17,7 +17,7 @@ use crate::store::StoredResult;
 const TABLES: [Format; 2] = [Format::Json, Format::Csv];
 
 /// The key that an address names.
-fn read_key(text: &str) -> Result<Key, Problem> {
+pub(super) fn read_key(text: &str) -> Result<Key, Problem> {
     text.parse().map_err(|bad: crate::job::BadKey| {
         Problem::new(&problem::UNKNOWN_RESULT, format!("No result has this key: {bad}."))
     })
@@ -25,22 +25,28 @@ fn read_key(text: &str) -> Result<Key, Problem> {
 
 /// Finds the stored bytes of a result; an unknown key is answered with the way to its job, if one
 /// is under way.
-async fn find(app: &App, key: &Key) -> Result<Bytes, Problem> {
+pub(super) async fn find(app: &App, key: &Key) -> Result<Bytes, Problem> {
     let evicted = match app.store.result(key).await? {
         Some(StoredResult::Whole(body)) => return Ok(body),
-        Some(StoredResult::Evicted { at, scenario }) => Some((at, scenario)),
+        Some(StoredResult::Evicted { at, deleted_by, scenario }) => {
+            Some((at, deleted_by, scenario))
+        }
         None => None,
     };
     let live = app.store.live_job(key).await?;
     let problem = match (evicted, live) {
-        (Some((at, scenario)), live) => {
+        (Some((at, deleted_by, scenario)), live) => {
             let way = match live {
                 Some(job) => format!("it is computed again, wait with GET /v1/jobs/{job}?wait=10"),
                 None => "POST {\"scenario\": …} with the `scenario` of this answer to /v1/jobs to \
                     have it again"
                     .to_owned(),
             };
-            let detail = format!("The result was dropped on {} to make room; {way}.", instant(at));
+            let gone = match deleted_by {
+                Some(who) => format!("deleted by {who} on {}", instant(at)),
+                None => format!("dropped on {} to make room", instant(at)),
+            };
+            let detail = format!("The result was {gone}; {way}.");
             Problem::new(&problem::EVICTED, detail).with_scenario(scenario)
         }
         (None, Some(job)) => {
@@ -74,8 +80,13 @@ async fn remembered(
         app.store.was_read(key);
         return Ok(body);
     }
+    let forgotten = app.memory.forgotten();
     let body = make.await?;
     app.memory.put(name, &body);
+    if app.memory.forgotten() != forgotten {
+        // Perhaps it was deleted while it was read.
+        app.memory.forget(key);
+    }
     Ok(body)
 }
 

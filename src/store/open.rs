@@ -1,7 +1,8 @@
 //! Opening the data directory: the lock, what the file is, the connections, the migrations.
 
 use std::fs::{self, File, TryLockError};
-use std::path::Path;
+use std::io::{self, Read as _};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -9,6 +10,7 @@ use sqlx::migrate::{MigrateError, Migrator};
 use sqlx::sqlite::{SqliteAutoVacuum, SqliteConnectOptions, SqliteJournalMode, SqliteSynchronous};
 use sqlx::{ConnectOptions, Connection, SqliteConnection};
 
+use super::library::Program;
 use super::queue::Queue;
 use super::readers::Readers;
 use super::signals::Signals;
@@ -19,7 +21,10 @@ use super::{Error, Store};
 pub(super) static MIGRATIONS: Migrator = sqlx::migrate!("migrations/sqlite");
 
 /// Marks a database as this program's ("fret"), so that no other is ever written to.
-const APPLICATION_ID: i32 = 0x6672_6574;
+pub(super) const APPLICATION_ID: i32 = 0x6672_6574;
+
+/// What the database is called in its directory.
+pub(super) const DATABASE: &str = "fretwork.db";
 
 /// How long to wait for an administrative command that writes beside the server.
 const BUSY: Duration = Duration::from_secs(5);
@@ -53,7 +58,9 @@ impl Store {
     /// before anything is claimed.
     pub async fn open(dir: &Path, options: &Options) -> Result<Self, Error> {
         let lock = lock(dir)?;
-        let path = dir.join("fretwork.db");
+        let path = dir.join(DATABASE);
+        forget_foreign_log(&path)
+            .map_err(|source| Error::Directory { dir: dir.to_owned(), source: Arc::new(source) })?;
         inspect(&path).await?;
         let synchronous =
             if options.full_sync { SqliteSynchronous::Full } else { SqliteSynchronous::Normal };
@@ -75,18 +82,20 @@ impl Store {
         let readers = Arc::new(Readers::open(&reading, options.readers).await?);
         let signals = Arc::new(Signals::default());
         let (queue, upkeep) = (Some(Queue::load(&mut db).await?), Upkeep::new(options));
-        let writer = Writer { db, signals: Arc::clone(&signals), queue, upkeep, lock }.start();
+        let program = Program::register(&mut db).await?;
+        let writer =
+            Writer { db, signals: Arc::clone(&signals), queue, upkeep, program, lock }.start();
         let queue_limit = options.queue_limit;
         Ok(Self { writer, readers, signals, queue_limit, dir: dir.into() })
     }
 }
 
 /// What all connections have in common.
-fn connecting(path: &Path) -> SqliteConnectOptions {
+pub(super) fn connecting(path: &Path) -> SqliteConnectOptions {
     SqliteConnectOptions::new().filename(path).busy_timeout(BUSY).disable_statement_logging()
 }
 
-fn lock(dir: &Path) -> Result<File, Error> {
+pub(super) fn lock(dir: &Path) -> Result<File, Error> {
     let refused = |source| Error::Directory { dir: dir.to_owned(), source: Arc::new(source) };
     fs::create_dir_all(dir).map_err(refused)?;
     let path = dir.join("fretwork.lock");
@@ -99,8 +108,38 @@ fn lock(dir: &Path) -> Result<File, Error> {
     }
 }
 
+/// Removes a log that belongs to another database: where a backup was put in the place of a database
+/// whose last log was left behind. Such a log would be taken for this database's own, and destroy it. A
+/// database that has a log says so in its head, and a backup does not.
+pub(super) fn forget_foreign_log(path: &Path) -> io::Result<()> {
+    const VERSIONS: usize = 18;
+    const WITHOUT_LOG: [u8; 2] = [1, 1];
+    let log = with_suffix(path, "-wal");
+    if !log.exists() || !path.exists() {
+        return Ok(());
+    }
+    let mut head = Vec::new();
+    File::open(path)?.take(100).read_to_end(&mut head)?;
+    if head.get(VERSIONS..VERSIONS + 2) == Some(&WITHOUT_LOG) {
+        tracing::warn!(log = %log.display(), "removing a log that another database left behind");
+        fs::remove_file(log)?;
+        let index = with_suffix(path, "-shm");
+        if index.exists() {
+            fs::remove_file(index)?;
+        }
+    }
+    Ok(())
+}
+
+/// A path with something behind its name.
+pub(super) fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(suffix);
+    name.into()
+}
+
 /// Refuses a file that is not ours, before anything is written to it.
-async fn inspect(path: &Path) -> Result<(), Error> {
+pub(super) async fn inspect(path: &Path) -> Result<(), Error> {
     const SQLITE_CORRUPT: &str = "11";
     const SQLITE_NOTADB: &str = "26";
     if !path.exists() {
@@ -130,7 +169,7 @@ async fn inspect(path: &Path) -> Result<(), Error> {
     }
 }
 
-async fn migrate(db: &mut SqliteConnection, path: &Path) -> Result<(), Error> {
+pub(super) async fn migrate(db: &mut SqliteConnection, path: &Path) -> Result<(), Error> {
     let known = MIGRATIONS.iter().map(|migration| migration.version).max().unwrap_or_default();
     MIGRATIONS.run(db).await.map_err(|error| match error {
         MigrateError::VersionMissing(found) if found > known => {
