@@ -53,6 +53,9 @@ CREATE TABLE outline (
     id                   INTEGER PRIMARY KEY,
     created              INTEGER NOT NULL,
     size                 INTEGER NOT NULL,
+    -- Whether the body is there, and for whom it was computed: these two follow the result.
+    present              INTEGER NOT NULL CHECK (present IN (0, 1)),
+    owner                TEXT,
     shape                TEXT,
     method               TEXT,
     regime               TEXT,
@@ -81,7 +84,37 @@ CREATE TABLE outline (
     scar_radius          REAL,
     dissipated_energy    REAL
 ) STRICT;
-CREATE INDEX outline_created ON outline (created);
+CREATE INDEX outline_created ON outline (created) WHERE present;
+CREATE INDEX outline_size ON outline (size) WHERE present;
+CREATE INDEX outline_owner ON outline (owner, created) WHERE present;
+CREATE INDEX outline_absent ON outline (created) WHERE NOT present;
+CREATE INDEX outline_friction ON outline (friction) WHERE present;
+CREATE INDEX outline_normal_modulus ON outline (normal_modulus) WHERE present;
+CREATE INDEX outline_tangential_modulus ON outline (tangential_modulus) WHERE present;
+CREATE INDEX outline_wear_coefficient ON outline (wear_coefficient) WHERE present;
+CREATE INDEX outline_radius ON outline (radius) WHERE present;
+CREATE INDEX outline_slope_angle ON outline (slope_angle) WHERE present;
+CREATE INDEX outline_flat_radius ON outline (flat_radius) WHERE present;
+CREATE INDEX outline_exponent ON outline (exponent) WHERE present;
+CREATE INDEX outline_normal_force ON outline (normal_force) WHERE present;
+CREATE INDEX outline_indentation_depth ON outline (indentation_depth) WHERE present;
+CREATE INDEX outline_contact_radius ON outline (contact_radius) WHERE present;
+CREATE INDEX outline_stick_radius ON outline (stick_radius) WHERE present;
+CREATE INDEX outline_amplitude ON outline (amplitude) WHERE present;
+CREATE INDEX outline_gross_slip_amplitude ON outline (gross_slip_amplitude) WHERE present;
+CREATE INDEX outline_tangential_force ON outline (tangential_force) WHERE present;
+CREATE INDEX outline_rig_stiffness ON outline (rig_stiffness) WHERE present;
+CREATE INDEX outline_points ON outline (points) WHERE present;
+CREATE INDEX outline_cycles ON outline (cycles) WHERE present;
+CREATE INDEX outline_wear_volume ON outline (wear_volume) WHERE present;
+CREATE INDEX outline_wear_depth ON outline (wear_depth) WHERE present;
+CREATE INDEX outline_scar_radius ON outline (scar_radius) WHERE present;
+CREATE INDEX outline_dissipated_energy ON outline (dissipated_energy) WHERE present;
+CREATE TRIGGER an_outline_follows_its_result AFTER UPDATE OF evicted ON result
+WHEN (old.evicted IS NULL) <> (new.evicted IS NULL) BEGIN
+    UPDATE outline SET present = new.evicted IS NULL, owner = new.owner
+    WHERE id = (SELECT id FROM result_task WHERE key = new.key);
+END;
 CREATE TRIGGER an_outline_goes_with_its_task AFTER DELETE ON result_task BEGIN
     DELETE FROM outline WHERE id = old.id;
 END;

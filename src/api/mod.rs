@@ -6,6 +6,7 @@
 
 mod caller;
 mod connection;
+mod diff;
 mod events;
 mod jobs;
 mod library;
@@ -106,7 +107,7 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(jobs::cancel_all))
         .routes(routes!(events::follow))
         .routes(routes!(library::list))
-        .routes(routes!(library::diff))
+        .routes(routes!(diff::diff))
         .routes(routes!(results::whole, library::delete))
         .routes(routes!(results::history))
         .routes(routes!(results::profiles))

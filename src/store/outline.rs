@@ -183,18 +183,16 @@ impl Outline {
         SCALARS.iter().zip(&self.scalars).map(|(scalar, value)| (scalar.name, *value))
     }
 
-    async fn store(
-        &self,
-        db: &mut SqliteConnection,
-        (id, created, size): (i64, i64, i64),
-    ) -> Result<(), Error> {
-        let mut query = QueryBuilder::<Sqlite>::new("INSERT INTO outline (id, created, size");
+    async fn store(&self, db: &mut SqliteConnection, place: &Place) -> Result<(), Error> {
+        let mut query =
+            QueryBuilder::<Sqlite>::new("INSERT INTO outline (id, created, size, present, owner");
         for name in names() {
             query.push(", ").push(name);
         }
         query.push(") VALUES (");
         let mut values = query.separated(", ");
-        values.push_bind(id).push_bind(created).push_bind(size);
+        values.push_bind(place.id).push_bind(place.created).push_bind(place.size);
+        values.push_bind(place.present).push_bind(place.owner.clone());
         for word in &self.words {
             values.push_bind(word.clone());
         }
@@ -229,9 +227,9 @@ pub(super) async fn catch_up(db: &mut SqliteConnection) -> Result<bool, Error> {
     let (mut count, mut bytes) = AT_ONCE;
     while count > 0 && bytes > 0 {
         let Some((place, outline)) = next(db).await? else { return Ok(false) };
-        outline.store(db, place).await?;
+        outline.store(db, &place).await?;
         count -= 1;
-        bytes -= place.2;
+        bytes -= place.size;
     }
     Ok(true)
 }
@@ -243,9 +241,19 @@ pub(super) async fn is_behind(db: &mut SqliteConnection) -> Result<bool, Error> 
     Ok(sqlx::query_scalar(behind).fetch_one(db).await?)
 }
 
-async fn next(db: &mut SqliteConnection) -> Result<Option<((i64, i64, i64), Outline)>, Error> {
+/// What an outline has beside what the document says.
+struct Place {
+    id: i64,
+    created: i64,
+    size: i64,
+    present: bool,
+    owner: Option<String>,
+}
+
+async fn next(db: &mut SqliteConnection) -> Result<Option<(Place, Outline)>, Error> {
     let row = sqlx::query(
-        "SELECT result_task.id, result.key, task, summary, created, size
+        "SELECT result_task.id, result.key, task, summary, created, size, owner,
+             evicted IS NULL AS present
          FROM result_task CROSS JOIN result USING (key)
          WHERE result_task.id > (SELECT coalesce(max(id), 0) FROM outline)
          ORDER BY result_task.id LIMIT 1",
@@ -253,7 +261,13 @@ async fn next(db: &mut SqliteConnection) -> Result<Option<((i64, i64, i64), Outl
     .fetch_optional(&mut *db)
     .await?;
     let Some(row) = row else { return Ok(None) };
-    let place = (row.try_get("id")?, row.try_get("created")?, row.try_get("size")?);
+    let place = Place {
+        id: row.try_get("id")?,
+        created: row.try_get("created")?,
+        size: row.try_get("size")?,
+        present: row.try_get("present")?,
+        owner: row.try_get("owner")?,
+    };
     let key: &[u8] = row.try_get("key")?;
     let body = sqlx::query_scalar("SELECT body FROM result_blob WHERE key = ?1")
         .bind(key)

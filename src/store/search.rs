@@ -157,13 +157,9 @@ impl Search {
         Ok(())
     }
 
-    /// What is asked, as conditions.
+    /// What is asked, as conditions on outlines.
     fn conditions(&self, query: &mut QueryBuilder<Sqlite>) {
-        query.push(if self.evicted { "evicted IS NOT NULL" } else { "evicted IS NULL" });
-        if self.evicted {
-            among(query, "result INDEXED BY result_evicted JOIN result_task USING (key)");
-            query.push(" WHERE evicted IS NOT NULL)");
-        }
+        query.push(if self.evicted { "NOT present" } else { "present" });
         for (name, word) in &self.words {
             query.push(" AND outline.").push(*name).push(" = ").push_bind(word.clone());
         }
@@ -176,15 +172,14 @@ impl Search {
             }
         }
         if let Some(owner) = &self.owner {
-            query.push(" AND result.owner = ").push_bind(owner.clone());
+            query.push(" AND outline.owner = ").push_bind(owner.clone());
         }
         match self.pinned {
             Some(true) => {
-                among(query, "result INDEXED BY result_pinned JOIN result_task USING (key)");
-                query.push(" WHERE pinned)");
+                query.push(" AND outline.id IN ").push(PINNED);
             }
             Some(false) => {
-                query.push(" AND NOT pinned");
+                query.push(" AND outline.id NOT IN ").push(PINNED);
             }
             None => {}
         }
@@ -204,6 +199,10 @@ impl Search {
         }
     }
 }
+
+/// The outlines of pinned results, which are few.
+const PINNED: &str = "(SELECT result_task.id FROM result INDEXED BY result_pinned
+    JOIN result_task USING (key) WHERE pinned)";
 
 /// Restricts outlines to those of a join; the condition and the parenthesis are the caller's.
 fn among(query: &mut QueryBuilder<Sqlite>, join: &'static str) {
@@ -277,19 +276,9 @@ pub struct Found {
     pub next: Option<Cursor>,
 }
 
-fn select(place: &'static str) -> QueryBuilder<Sqlite> {
-    let mut query = QueryBuilder::new("SELECT CAST(outline.");
-    query.push(place);
-    // In this order: every condition but few is on the outline, which is small.
-    query.push(
-        " AS REAL) AS place, outline.*, result.key AS key, result.owner AS owner, pinned, evicted,
-             note.text AS note, note.owner AS noted_by, note.at AS noted
-         FROM outline CROSS JOIN result_task ON result_task.id = outline.id
-         CROSS JOIN result ON result.key = result_task.key
-         LEFT JOIN note ON note.key = result.key WHERE ",
-    );
-    query
-}
+/// The outlines that are chosen first, and then what else there is of their results: chosen are few.
+const CHOSEN: &str = ") AS outline JOIN result_task ON result_task.id = outline.id
+    JOIN result ON result.key = result_task.key LEFT JOIN note ON note.key = result.key";
 
 fn listed(row: &SqliteRow) -> Result<Listed, sqlx::Error> {
     let words = WORDS.iter().map(|word| row.try_get(word.name));
@@ -346,7 +335,11 @@ async fn part(
     limit: u32,
 ) -> Result<Vec<SqliteRow>, Error> {
     let (order, behind) = if search.descending { (" DESC", " < ") } else { ("", " > ") };
-    let mut query = select(search.by);
+    let mut query = QueryBuilder::<Sqlite>::new(
+        "SELECT outline.*, result.key AS key, pinned, evicted, note.text AS note,
+             note.owner AS noted_by, note.at AS noted, CAST(outline.",
+    );
+    query.push(search.by).push(" AS REAL) AS place FROM (SELECT * FROM outline WHERE ");
     search.conditions(&mut query);
     query.push(" AND outline.").push(search.by);
     query.push(if has { " IS NOT NULL" } else { " IS NULL" });
@@ -360,8 +353,13 @@ async fn part(
         }
         None => {}
     }
-    query.push(" ORDER BY outline.").push(search.by).push(order);
-    query.push(", outline.id").push(order).push(" LIMIT ").push_bind(i64::from(limit) + 1);
+    let ordered = |query: &mut QueryBuilder<Sqlite>| {
+        query.push(" ORDER BY outline.").push(search.by).push(order);
+        query.push(", outline.id").push(order);
+    };
+    ordered(&mut query);
+    query.push(" LIMIT ").push_bind(i64::from(limit) + 1).push(CHOSEN);
+    ordered(&mut query);
     Ok(query.build().fetch_all(db).await?)
 }
 
@@ -373,13 +371,11 @@ pub(super) async fn nearest(
     except: Option<Key>,
 ) -> Result<Option<Key>, Error> {
     let mut query = QueryBuilder::<Sqlite>::new(
-        "SELECT result.key AS key FROM outline
-         CROSS JOIN result_task ON result_task.id = outline.id
-         CROSS JOIN result ON result.key = result_task.key
-         WHERE evicted IS NULL",
+        "SELECT key FROM result_task WHERE id = (SELECT id FROM outline WHERE present",
     );
     if let Some(key) = except {
-        query.push(" AND result.key <> ").push_bind(key.bytes().to_vec());
+        query.push(" AND id IS NOT (SELECT id FROM result_task WHERE key = ");
+        query.push_bind(key.bytes().to_vec()).push(")");
     }
     query.push(" ORDER BY 0.0");
     for (word, value) in WORDS.iter().zip(&to.words) {
@@ -394,7 +390,7 @@ pub(super) async fn nearest(
         query.push(") / max(abs(outline.").push(scalar.name).push("), ");
         query.push_bind(value.abs()).push(", 1e-300), 1.0)");
     }
-    query.push(", outline.id DESC LIMIT 1");
+    query.push(", outline.id DESC LIMIT 1)");
     let row = query.build().fetch_optional(db).await?;
     Ok(row.map(|row| key(&row, "key")).transpose()?)
 }

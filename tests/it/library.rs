@@ -408,7 +408,7 @@ async fn the_table_of_outlines_has_what_can_be_asked_for() {
         .fetch_all(&mut raw(dir.path()).await)
         .await
         .unwrap();
-    let known = ["id", "created", "size"]
+    let known = ["id", "created", "size", "present", "owner"]
         .into_iter()
         .chain(WORDS.iter().map(|word| word.name))
         .chain(SCALARS.iter().map(|scalar| scalar.name));
@@ -466,8 +466,8 @@ proptest! {
                      INSERT INTO result_task (id, key, task)
                      VALUES (?1, CAST(printf('%032d', ?1) AS BLOB), '{}')")
                     .bind(row.id).bind(row.created).execute(&mut db).await.unwrap();
-                sqlx::query("INSERT INTO outline (id, created, size, shape, friction, wear_depth)
-                     VALUES (?1, ?2, 1, ?3, ?4, ?5)")
+                sqlx::query("INSERT INTO outline (id, created, size, present, shape, friction, wear_depth)
+                     VALUES (?1, ?2, 1, 1, ?3, ?4, ?5)")
                     .bind(row.id).bind(row.created).bind(row.shape).bind(row.friction).bind(row.depth)
                     .execute(&mut db).await.unwrap();
             }
@@ -548,8 +548,8 @@ async fn among_a_hundred_thousand() {
          INSERT INTO result (key, summary, digest, size, created)
          SELECT randomblob(32), '{{}}', zeroblob(32), 60000, 1700000000000 + i FROM n;
          INSERT INTO result_task (key, task) SELECT key, '{{}}' FROM result ORDER BY created;
-         INSERT INTO outline (id, created, size, shape, method, regime, held, motion, {})
-         SELECT id, created, size, iif(random() > 0, 'cone', 'sphere'), 'exact', 'partial_slip',
+         INSERT INTO outline (id, created, size, present, shape, method, regime, held, motion, {})
+         SELECT id, created, size, 1, iif(random() > 0, 'cone', 'sphere'), 'exact', 'partial_slip',
              'depth', 'amplitude', {random} FROM result_task JOIN result USING (key)",
         names.join(", ")
     );
