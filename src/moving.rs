@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 use bytesize::ByteSize;
 use fretwork::store::{self, Imported, Saved, Search};
 
-use crate::config::{Backup, Export, Import, Restore};
-use crate::{Failure, complain, say};
+use super::config::{Backup, Export, Import, Restore};
+use super::{Failure, complain, say};
 
 /// How often progress is shown where nobody watches a terminal.
 const SELDOM: Duration = Duration::from_secs(10);

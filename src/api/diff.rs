@@ -316,7 +316,7 @@ pub async fn diff(
         (Some(a), Some(b)) => Some(outputs(&a.summary, &b.summary)),
         _ => None,
     };
-    let units = crate::engine::outcome::UNITS
+    let units = UNITS
         .iter()
         .filter(|(name, _)| outputs.iter().flatten().any(|output| output.name == *name));
     let units = units.map(|(name, unit)| ((*name).to_owned(), json!(unit))).collect();

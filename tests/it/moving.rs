@@ -38,7 +38,9 @@ async fn all(server: &Server, file: &Path) -> u64 {
 }
 
 async fn open_file(file: &Path) -> SqliteConnection {
-    SqliteConnection::connect_with(&SqliteConnectOptions::new().filename(file)).await.unwrap()
+    SqliteConnection::connect_with(&SqliteConnectOptions::new().filename(file).foreign_keys(false))
+        .await
+        .unwrap()
 }
 
 async fn number(dir: &Path, sql: &'static str) -> i64 {
