@@ -115,7 +115,7 @@ struct OutputDifference {
 
 fn relative(a: &Value, b: &Value) -> Option<f64> {
     let (a, b) = (a.as_f64()?, b.as_f64()?);
-    let relative = if a == b { 0.0 } else { (b - a) / a.abs() };
+    let relative = (b - a) / a.abs();
     Some(relative).filter(|relative| relative.is_finite())
 }
 

@@ -404,7 +404,7 @@ mod tests {
         let range = |text| Range::quantity(text, Dimension::Force);
         let near = |text, low: f64, high: f64| {
             let Range { low: from, high: to } = range(text).unwrap();
-            let close = |a: f64, b: f64| a == b || (a / b - 1.0).abs() < 2e-9;
+            let close = |a: f64, b: f64| a.total_cmp(&b).is_eq() || (a / b - 1.0).abs() < 2e-9;
             assert!(close(from, low) && close(to, high), "{text}: {from} {to}");
             assert!(from <= low && to >= high, "{text}");
         };

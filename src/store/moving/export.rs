@@ -237,7 +237,8 @@ async fn write(out: &mut SqliteConnection, key: &Key, entry: &Entry) -> Result<(
     let Provenance { owner, wall, cpu, pinned, .. } = provenance;
     let (program, note) = (provenance.program.as_ref(), provenance.note.as_ref());
     row.push_bind(scenario).push_bind(summary);
-    row.push_bind(body.len() as i64).push_bind(provenance.sha256.to_string());
+    row.push_bind(i64::try_from(body.len()).unwrap_or(i64::MAX))
+        .push_bind(provenance.sha256.to_string());
     row.push_bind(text(provenance.created)).push_bind(owner.as_deref());
     row.push_bind(provenance.computed.map(text)).push_bind(*wall).push_bind(*cpu);
     row.push_bind(program.map(|program| program.version.as_str()));

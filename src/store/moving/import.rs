@@ -135,7 +135,9 @@ async fn sound(
     }
     match row.try_get::<Option<i64>, _>("length")? {
         None => return refuse("it has no body"),
-        Some(length) if length > 2 * MAX_ANSWER as i64 => return refuse("its body is too large"),
+        Some(length) if usize::try_from(length).is_ok_and(|length| length > 2 * MAX_ANSWER) => {
+            return refuse("its body is too large");
+        }
         Some(_) => {}
     }
     let body: Vec<u8> = sqlx::query_scalar("SELECT CAST(body AS BLOB) FROM bodies WHERE key = ?1")
