@@ -103,9 +103,9 @@ pub fn backup(settings: &Backup) -> Result<(), Failure> {
 pub fn restore(settings: &Restore) -> Result<(), Failure> {
     let Restore { file, replace, data } = settings;
     let (saved, former) = wait(store::restore(&data.data_dir, file, *replace))?;
-    let mut text = format!("{}: {}\n", data.data_dir.display(), holds(&saved));
-    if let Some(former) = former {
-        text += &format!("the former database is {}\n", former.display());
-    }
-    say(text.as_bytes())
+    let (dir, holds) = (data.data_dir.display(), holds(&saved));
+    let kept = former.map_or_else(String::new, |former| {
+        format!("the former database is {}\n", former.display())
+    });
+    say(format!("{dir}: {holds}\n{kept}").as_bytes())
 }

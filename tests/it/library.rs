@@ -3,10 +3,10 @@
 use fretwork::store::{Cursor, SCALARS, Search, WORDS};
 use proptest::prelude::*;
 use serde_json::{Value, json};
-use sha2::{Digest as _, Sha256};
 use sqlx::{Connection as _, Row as _};
 use tokio::runtime::Builder;
 
+use crate::moving::sha256;
 use crate::server::{Gate, JSON, Server, ball, steel_ball};
 use crate::store::raw;
 
@@ -191,9 +191,8 @@ async fn a_result_says_where_it_comes_from() {
         let key = job["key"].as_str().unwrap();
         let body = server.get(&format!("/v1/results/{key}")).await.body;
         let told = server.get(&format!("/v1/results/{key}/provenance")).await.json();
-        let sha256: String =
-            Sha256::digest(&body).iter().map(|byte| format!("{byte:02x}")).collect();
-        assert_eq!(told["body"], json!({"bytes": body.len(), "sha256": sha256}));
+        let sum = sha256(&body);
+        assert_eq!(told["body"], json!({"bytes": body.len(), "sha256": sum}));
         let computed = &told["computed"];
         assert_eq!(
             (&computed["owner"], &computed["request"]),

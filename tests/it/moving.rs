@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use fretwork::job::{JobState, Task};
+use fretwork::job::{JobState, Key, Task};
 use fretwork::store::{
     Error, Filter, Imported, Moving, Options, Search, Store, backup, export, import, restore,
 };
@@ -21,6 +21,11 @@ use crate::server::{JSON, Server, ball};
 use crate::store::{new_job, open, raw};
 
 fn quiet(_: usize, _: usize) {}
+
+/// The digest of a body as it is written.
+pub fn sha256(body: impl AsRef<[u8]>) -> String {
+    Key::from_bytes(Sha256::digest(body).into()).to_string()
+}
 
 /// Computes some balls; returns their keys.
 async fn computed(server: &Server, amplitudes: &[f64]) -> Vec<String> {
@@ -123,7 +128,7 @@ async fn an_export_is_a_database_that_people_read() {
     assert_eq!(row.get::<String, _>("body").into_bytes(), body);
     assert_eq!(row.get::<f64, _>("friction"), 0.7);
     assert_eq!(row.get::<String, _>("shape"), "paraboloid");
-    let sum: String = Sha256::digest(&body).iter().map(|byte| format!("{byte:02x}")).collect();
+    let sum = sha256(&body);
     assert_eq!(row.get::<String, _>("sha256"), sum);
     let scenario: Value = serde_json::from_str(row.get("scenario")).unwrap();
     assert_eq!(scenario, result["scenario"]);
@@ -168,7 +173,7 @@ async fn what_was_tampered_with_is_refused_and_the_rest_is_taken() {
         .await
         .unwrap();
     let body = body.replacen("\"friction\":0.7", "\"friction\":0.6", 1);
-    let sum: String = Sha256::digest(&body).iter().map(|byte| format!("{byte:02x}")).collect();
+    let sum = sha256(&body);
     sqlx::query("UPDATE bodies SET body = ?2 WHERE key = ?1")
         .bind(&keys[1])
         .bind(body)
@@ -241,7 +246,7 @@ async fn another_result_under_the_same_key_is_told_and_not_taken() {
     let body: String =
         sqlx::query_scalar("SELECT body FROM bodies").fetch_one(&mut db).await.unwrap();
     let body = body.replacen("\"wear_volume\":[0.0", "\"wear_volume\":[1e-30", 1);
-    let sum: String = Sha256::digest(&body).iter().map(|byte| format!("{byte:02x}")).collect();
+    let sum = sha256(&body);
     sqlx::query("UPDATE bodies SET body = ?1").bind(body).execute(&mut db).await.unwrap();
     sqlx::query("UPDATE results SET sha256 = ?1").bind(sum).execute(&mut db).await.unwrap();
     db.close().await.unwrap();
