@@ -6,7 +6,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use fretwork::store::{AccessKey, Desk, Error, NewKey};
 
 use super::Failure;
-use super::config::{AddKey, DataDir, Keys};
+use super::config::{AddKey, Data, Keys};
 
 /// Makes, lists or takes back access keys.
 pub fn keys(command: Keys) -> Result<(), Failure> {
@@ -20,8 +20,8 @@ pub fn keys(command: Keys) -> Result<(), Failure> {
     })
 }
 
-async fn open(data: &DataDir) -> Result<Desk, Error> {
-    Desk::open(&data.path).await
+async fn open(data: &Data) -> Result<Desk, Error> {
+    Desk::open(&data.data_dir).await
 }
 
 async fn add(new: AddKey) -> Result<(), Failure> {
@@ -45,13 +45,13 @@ async fn add(new: AddKey) -> Result<(), Failure> {
         writeln!(
             err,
             "It is the first: from now on a server on {} asks for keys.",
-            data.path.display()
+            data.data_dir.display()
         )?;
     }
     Ok(())
 }
 
-async fn list(data: &DataDir) -> Result<(), Failure> {
+async fn list(data: &Data) -> Result<(), Failure> {
     let mut desk = open(data).await?;
     let keys = desk.keys().await?;
     desk.close().await?;
@@ -82,7 +82,7 @@ async fn list(data: &DataDir) -> Result<(), Failure> {
     Ok(())
 }
 
-async fn revoke(name: &str, data: &DataDir) -> Result<(), Failure> {
+async fn revoke(name: &str, data: &Data) -> Result<(), Failure> {
     let mut desk = open(data).await?;
     let count = desk.revoke_keys(name).await?;
     desk.close().await?;

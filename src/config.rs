@@ -13,7 +13,8 @@ use clap::builder::FalseyValueParser;
 use clap::parser::ValueSource;
 use clap::{ArgAction, ArgMatches, Args, Parser, Subcommand, ValueEnum};
 use fretwork::api::{self, Access, AdminKey, Format, Limits, Origins, Part};
-use fretwork::store::{self, Role};
+use fretwork::job::Key;
+use fretwork::store::{self, Role, Search};
 
 use crate::telemetry::LogFormat;
 
@@ -41,6 +42,12 @@ Examples:
   fretwork keys list
   fretwork keys revoke anna                             all keys of that name
   fretwork keys revoke 0a1b2c3d                         one key, by its id";
+
+const EXPORT_EXAMPLES: &str = "\
+Examples:
+  fretwork export all.db                                    everything
+  fretwork export cones.db shape=cone friction=0.6..0.8     what GET /v1/results would list
+  fretwork export one.db --key 7262301e...                  one result; the key in full";
 
 const VERIFY_EXAMPLE: &str = "\
 Example:
@@ -81,6 +88,24 @@ pub enum Command {
     Verify,
     /// Ask a server whether it is well: exit code 0 or 1.
     Health(Health),
+    /// Write results into a file that another server imports and any SQLite tool reads.
+    ///
+    /// Works beside a running server. Takes all results that are there, or those that match every
+    /// NAME=VALUE, as in GET /v1/results, or those of the keys given.
+    #[command(after_help = EXPORT_EXAMPLES)]
+    Export(Export),
+    /// Take over the results of an exported file.
+    ///
+    /// Works beside a running server, which serves them at once. Every body is held against its
+    /// SHA-256, every key against its scenario; nothing that is there is overwritten. Broken off, it
+    /// goes on where it was when it is started again. The exit code is 2 if a result was refused.
+    Import(Import),
+    /// Copy the whole database into a file, and check the copy.
+    ///
+    /// Works beside a running server, which goes on meanwhile: the copy is that of one moment.
+    Backup(Backup),
+    /// Put a backup in the place of the database. No server may be running on it.
+    Restore(Restore),
     /// Make, list and take back access keys.
     ///
     /// From the first key on, a server on this data directory asks every caller for one. Works beside
@@ -95,13 +120,13 @@ pub enum Keys {
     /// Make a key and print it: this once, for it is not kept.
     Add(AddKey),
     /// List the keys, without their secrets.
-    List(DataDir),
+    List(Data),
     /// Take keys back, by id or by name; links that they made end too.
     Revoke {
         /// The id of a key, or a name: then all keys of that name.
         name: String,
         #[command(flatten)]
-        data: DataDir,
+        data: Data,
     },
 }
 
@@ -122,20 +147,7 @@ pub struct AddKey {
     #[arg(long, value_name = "N")]
     pub rate: Option<u32>,
     #[command(flatten)]
-    pub data: DataDir,
-}
-
-/// Where the database is.
-#[derive(Debug, Args)]
-pub struct DataDir {
-    /// The data directory of the server.
-    #[arg(
-        long = "data-dir",
-        env = "FRETWORK_DATA_DIR",
-        default_value = "data",
-        value_name = "DIR"
-    )]
-    pub path: PathBuf,
+    pub data: Data,
 }
 
 /// The settings of the server.
@@ -271,6 +283,71 @@ pub struct Health {
     #[arg(long, env = "FRETWORK_LISTEN", hide = true, default_value = "127.0.0.1:8080",
         value_parser = resolve)]
     pub listen: SocketAddr,
+}
+
+/// Where the database lies that a command is about.
+#[derive(Debug, Args)]
+pub struct Data {
+    /// Where jobs and results are kept.
+    #[arg(long, env = "FRETWORK_DATA_DIR", default_value = "data", value_name = "DIR")]
+    pub data_dir: PathBuf,
+}
+
+/// The settings of `export`.
+#[derive(Debug, Args)]
+pub struct Export {
+    /// The file to write; it must not exist.
+    pub file: PathBuf,
+    /// What to look for, such as shape=cone or wear_depth=..2um.
+    #[arg(value_name = "NAME=VALUE", value_parser = condition, conflicts_with = "keys")]
+    pub conditions: Vec<(String, String)>,
+    /// The key of a result; repeat it for more.
+    #[arg(long = "key", value_name = "KEY")]
+    pub keys: Vec<Key>,
+    /// Where to take them from.
+    #[command(flatten)]
+    pub data: Data,
+}
+
+/// The settings of `import`.
+#[derive(Debug, Args)]
+pub struct Import {
+    /// The file that `export` wrote.
+    pub file: PathBuf,
+    /// Where to put them.
+    #[command(flatten)]
+    pub data: Data,
+}
+
+/// The settings of `backup`.
+#[derive(Debug, Args)]
+pub struct Backup {
+    /// The file to write; it must not exist.
+    pub file: PathBuf,
+    /// What to copy.
+    #[command(flatten)]
+    pub data: Data,
+}
+
+/// The settings of `restore`.
+#[derive(Debug, Args)]
+pub struct Restore {
+    /// The file that `backup` wrote.
+    pub file: PathBuf,
+    /// Take the place of a database that is there; it is kept beside the new one.
+    #[arg(long)]
+    pub replace: bool,
+    /// Where to put it.
+    #[command(flatten)]
+    pub data: Data,
+}
+
+/// A name and a value with = between them.
+fn condition(text: &str) -> Result<(String, String), String> {
+    let (name, value) = text.split_once('=').ok_or("expected NAME=VALUE, such as shape=cone")?;
+    // So that what is wrong is said before anything is opened.
+    Search::default().set(name, value).map_err(|fault| format!("{name} {fault}"))?;
+    Ok((name.to_owned(), value.to_owned()))
 }
 
 impl Serve {

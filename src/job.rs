@@ -2,6 +2,7 @@
 
 use std::fmt;
 use std::str::FromStr;
+use std::time::Duration;
 
 use bytes::Bytes;
 use deserr::{Deserr, IntoValue, Sequence, ValuePointerRef};
@@ -30,6 +31,19 @@ impl Key {
     #[must_use]
     pub fn from_bytes(bytes: [u8; 32]) -> Self {
         Self(bytes)
+    }
+    /// The key of a canonical scenario, for the engine of this `numerics` version.
+    #[must_use]
+    pub fn of(numerics: u32, scenario: &impl Serialize) -> Self {
+        #[derive(Serialize)]
+        struct Identity<'a, S> {
+            engine: &'static str,
+            numerics: u32,
+            scenario: &'a S,
+        }
+        let identity = Identity { engine: ENGINE.name, numerics, scenario };
+        // A scenario is made of finite numbers and strings, which always serialise.
+        Self::digest(&serde_json_canonicalizer::to_vec(&identity).unwrap_or_default())
     }
     fn digest(document: &[u8]) -> Self {
         Self(Sha256::digest(document).into())
@@ -321,6 +335,26 @@ pub struct Answer {
     pub summary: Value,
 }
 
+/// What it cost to compute something.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Cost {
+    /// By the clock.
+    pub wall: Duration,
+    /// Of a processor; none where the system does not say.
+    pub cpu: Option<Duration>,
+}
+
+/// The short form of a result: its regime and the last entry of each column of its history.
+#[must_use]
+pub fn summary(regime: &Value, history: &serde_json::Map<String, Value>) -> Value {
+    let mut summary = serde_json::Map::from_iter([("regime".to_owned(), regime.clone())]);
+    for (name, column) in history {
+        let last = column.as_array().and_then(|column| column.last()).cloned();
+        summary.insert(name.clone(), last.unwrap_or_default());
+    }
+    Value::Object(summary)
+}
+
 /// What a processor does in a second, in the terms of [`Case::operations`].
 ///
 /// [`Case::operations`]: crate::engine::scenario::Case::operations
@@ -440,16 +474,8 @@ impl Task {
     /// The address of this task's result.
     #[must_use]
     pub fn key(&self) -> Key {
-        #[derive(Serialize)]
-        struct Identity<'a> {
-            engine: &'static str,
-            numerics: u32,
-            scenario: &'a Scenario,
-        }
         let Self::Run(scenario) = self;
-        let identity = Identity { engine: ENGINE.name, numerics: ENGINE.numerics, scenario };
-        // A scenario is made of finite numbers and strings, which always serialise.
-        Key::digest(&serde_json_canonicalizer::to_vec(&identity).unwrap_or_default())
+        Key::of(ENGINE.numerics, scenario)
     }
 
     /// The form in which a task is stored: the job body in canonical terms.
@@ -537,19 +563,16 @@ impl Run {
             units: Units,
             outcome,
         };
-        let mut summary = serde_json::Map::new();
-        summary.insert("regime".to_owned(), serde_json::json!(outcome.regime));
-        if let Ok(Value::Object(columns)) = serde_json::to_value(&outcome.history) {
-            for (name, column) in columns {
-                let last = column.as_array().and_then(|column| column.last()).cloned();
-                summary.insert(name, last.unwrap_or_default());
-            }
-        }
+        let history = match serde_json::to_value(&outcome.history) {
+            Ok(Value::Object(columns)) => columns,
+            _ => serde_json::Map::new(),
+        };
+        let summary = summary(&serde_json::json!(outcome.regime), &history);
         // Columns of numbers always serialise.
         let mut body = serde_json::to_vec(&document).unwrap_or_default();
         // It may stay in memory for long.
         body.shrink_to_fit();
-        Answer { body: body.into(), summary: Value::Object(summary) }
+        Answer { body: body.into(), summary }
     }
 }
 

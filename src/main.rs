@@ -2,6 +2,7 @@
 
 mod administration;
 mod config;
+mod moving;
 mod telemetry;
 
 use std::fs;
@@ -53,6 +54,10 @@ fn main() -> ExitCode {
         Some(Command::Verify) => verify(),
         Some(Command::Health(settings)) => health(&settings),
         Some(Command::Keys(command)) => administration::keys(command),
+        Some(Command::Export(settings)) => moving::export(&settings),
+        Some(Command::Import(settings)) => return moving::import(&settings),
+        Some(Command::Backup(settings)) => moving::backup(&settings),
+        Some(Command::Restore(settings)) => moving::restore(&settings),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

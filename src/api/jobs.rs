@@ -478,7 +478,7 @@ fn within(filter: Filter, caller: &Caller) -> Filter {
 }
 
 /// The address asked for, with another cursor.
-fn next_page(uri: &Uri, cursor: JobId) -> String {
+pub(super) fn next_page(uri: &Uri, cursor: impl std::fmt::Display) -> String {
     let query = uri.query().unwrap_or_default().as_bytes();
     let rest = form_urlencoded::parse(query).filter(|(name, _)| name != "cursor");
     let query = form_urlencoded::Serializer::new(String::new())

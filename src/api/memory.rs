@@ -4,12 +4,15 @@
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
+use std::sync::atomic::{AtomicU64, Ordering};
+
 use axum::body::Bytes;
 use quick_cache::sync::{Cache, DefaultLifecycle};
 use quick_cache::{DefaultHashBuilder, OptionsBuilder, Weighter};
 use tokio::sync::Mutex as Turn;
 
 use super::coding::Coding;
+use crate::job::Key;
 
 /// An encoded answer.
 #[derive(Debug, Clone)]
@@ -33,6 +36,7 @@ impl Answer {
 pub struct Memory {
     kept: Option<Cache<String, Answer, Size>>,
     lent: Mutex<HashMap<String, Arc<Turn<Lent>>>>,
+    forgotten: AtomicU64,
 }
 
 /// An answer that somebody reads. Whoever wants it while it is being made waits for their turn.
@@ -84,12 +88,32 @@ impl Memory {
             let (hash, life) = (DefaultHashBuilder::default(), DefaultLifecycle::default());
             Cache::with_options(options, Size, hash, life)
         };
-        Self { kept: options.filter(|_| bytes > 0).map(cache), lent: Mutex::default() }
+        let kept = options.filter(|_| bytes > 0).map(cache);
+        Self { kept, lent: Mutex::default(), forgotten: AtomicU64::new(0) }
     }
 
     /// The answer of this name, if it is remembered.
     pub fn get(&self, name: &str) -> Option<Answer> {
         self.kept.as_ref()?.get(name)
+    }
+
+    /// How often something had to be forgotten: who makes an answer to be remembered looks at it
+    /// before he reads, and again after it was [`put`](Self::put).
+    pub fn forgotten(&self) -> u64 {
+        self.forgotten.load(Ordering::SeqCst)
+    }
+
+    /// Forgets every answer of a result that is there no longer.
+    pub fn forget(&self, key: &Key) {
+        // First, so that who puts one in meanwhile sees it and takes it out himself.
+        self.forgotten.fetch_add(1, Ordering::SeqCst);
+        let begins = key.to_string();
+        if let Some(kept) = &self.kept {
+            kept.retain(|name, _| !name.starts_with(&begins));
+        }
+        // Who reads on has it to the end; who comes now does not share it.
+        let mut lent = self.lent.lock().unwrap_or_else(PoisonError::into_inner);
+        lent.retain(|name, _| !name.starts_with(&begins));
     }
 
     /// Remembers an answer.

@@ -8,9 +8,11 @@ mod access;
 mod caller;
 mod coding;
 mod connection;
+mod diff;
 mod events;
 mod forms;
 mod jobs;
+mod library;
 mod limits;
 mod links;
 mod memory;
@@ -118,12 +120,16 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(jobs::cancel))
         .routes(routes!(jobs::cancel_all))
         .routes(routes!(events::follow))
-        .routes(routes!(results::whole))
+        .routes(routes!(library::list))
+        .routes(routes!(diff::diff))
+        .routes(routes!(results::whole, library::delete))
         .routes(routes!(results::history))
         .routes(routes!(results::profiles))
         .routes(routes!(results::loops))
         .routes(routes!(results::pin, results::unpin))
         .routes(routes!(links::share))
+        .routes(routes!(library::provenance))
+        .routes(routes!(library::note, library::delete_note))
         .routes(routes!(scenarios::check))
         .routes(routes!(scenarios::examples))
         .routes(routes!(scenarios::example))

@@ -119,6 +119,10 @@ pub fn document() -> Vec<u8> {
     document["components"]["securitySchemes"] = security_schemes();
     // Without keys it is open: then none is needed.
     document["security"] = json!([{"key": []}, {"password": []}, {}]);
+    let listing = document.pointer_mut("/paths/~1v1~1results/get/parameters");
+    if let Some(Value::Array(parameters)) = listing {
+        parameters.splice(0..0, super::library::parameters());
+    }
     let mut text = serde_json::to_vec_pretty(&document).unwrap_or_default();
     text.push(b'\n');
     text
@@ -179,7 +183,9 @@ fn complete(operation: &mut Value) {
     if let Some(body) = body {
         body["required"] = json!(true);
     }
-    if let Some(content) = operation.pointer_mut("/requestBody/content/application~1json") {
+    if let Some(content) = operation.pointer_mut("/requestBody/content/application~1json")
+        && content["schema"]["$ref"] == "#/components/schemas/JobBody"
+    {
         let examples: Map<String, Value> = EXAMPLES
             .iter()
             .filter_map(|example| {
@@ -348,6 +354,8 @@ fn kept_in_a_file() -> Schema {
 }
 
 documented! {
+    /// Whether a result is there.
+    Standing words(["held", "dropped", "unknown"]);
     /// Where a job stands.
     JobState words(job::JobState::ALL.iter().map(|state| state.as_str()));
     /// How a job came to its result.

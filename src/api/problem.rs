@@ -93,6 +93,9 @@ kinds! {
     STILL_GOING = CONFLICT "still-going" "The job has not ended"
         "Only a job that has ended can be deleted."
         "Cancel it first with POST /v1/jobs/{id}/cancel, or wait for its end.";
+    PINNED = CONFLICT "pinned" "The result is pinned"
+        "Somebody wants this result to be kept; a pinned result is not deleted."
+        "Take the pin off with DELETE /v1/results/{key}/pin, then delete it.";
     JOB_FAILED = CONFLICT "job-failed" "The job failed"
         "The job ended with an error, so there is no result."
         "The job's `error` says why. Failures are not cached: a new submission computes again.";
@@ -100,8 +103,8 @@ kinds! {
         "The job was canceled before it ended, so there is no result."
         "Submit the scenario again if its result is wanted after all.";
     EVICTED = GONE "evicted" "The result was dropped"
-        "The result was computed here, and dropped when room was needed: nobody had read it for \
-         longest. `scenario` is what it was computed from."
+        "The result was computed here, and deleted, or dropped when room was needed: nobody had read it \
+         for longest. `scenario` is what it was computed from."
         "POST `{\"scenario\": …}` with the `scenario` of this answer to /v1/jobs: the result will have \
          the same key and the same numbers. PUT /v1/results/{key}/pin keeps a result for good.";
     BODY_TOO_LARGE = PAYLOAD_TOO_LARGE "body-too-large" "The body is too large"

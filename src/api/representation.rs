@@ -22,19 +22,25 @@ use crate::store::StoredResult;
 pub async fn find(app: &App, reach: Option<&str>, key: &Key) -> Result<Bytes, Problem> {
     let evicted = match app.store.result(key).await? {
         Some(StoredResult::Whole(body)) => return Ok(body),
-        Some(StoredResult::Evicted { at, scenario }) => Some((at, scenario)),
+        Some(StoredResult::Evicted { at, deleted_by, scenario }) => {
+            Some((at, deleted_by, scenario))
+        }
         None => None,
     };
     let live = app.store.live_job(key, reach).await?;
     let problem = match (evicted, live) {
-        (Some((at, scenario)), live) => {
+        (Some((at, deleted_by, scenario)), live) => {
             let way = match live {
                 Some(job) => format!("it is computed again, wait with GET /v1/jobs/{job}?wait=10"),
                 None => "POST {\"scenario\": …} with the `scenario` of this answer to /v1/jobs to \
                     have it again"
                     .to_owned(),
             };
-            let detail = format!("The result was dropped on {} to make room; {way}.", instant(at));
+            let gone = match deleted_by {
+                Some(who) => format!("deleted by {who} on {}", instant(at)),
+                None => format!("dropped on {} to make room", instant(at)),
+            };
+            let detail = format!("The result was {gone}; {way}.");
             Problem::new(&problem::EVICTED, detail).with_scenario(scenario)
         }
         (None, Some(job)) => {
@@ -90,6 +96,7 @@ impl Representation {
             None => self.name.clone(),
             Some(coding) => format!("{} {coding}", self.name),
         };
+        let forgotten = app.memory.forgotten();
         let found = app.memory.get(&name);
         app.metrics.looked(found.is_some());
         let answer = if let Some(answer) = found {
@@ -100,6 +107,10 @@ impl Representation {
                 _ => app.memory.share(&name, self.coded(app, coding)).await?,
             };
             app.memory.put(name, &answer);
+            if app.memory.forgotten() != forgotten {
+                // Perhaps it was deleted while it was read.
+                app.memory.forget(&self.key);
+            }
             answer
         };
         app.store.was_read(&self.key);

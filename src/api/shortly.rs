@@ -8,15 +8,15 @@
 use std::collections::HashMap;
 use std::fmt;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use tokio::sync::{Semaphore, oneshot};
 use tokio::task;
 use tokio::time::timeout;
 
-use crate::job::{Answer, Job, Key, Step};
+use crate::job::{Answer, Cost, Job, Key, Step};
 use crate::store::{Admission, Error, NewJob, Store, Submitted};
-use crate::worker::Compute;
+use crate::worker::{Compute, Stopwatch};
 
 /// What may be computed so, by its estimate in seconds.
 const SHORT: f64 = 0.02;
@@ -99,7 +99,7 @@ impl Shortly {
             Some(_) => self.compute(&job).await,
             None => None,
         };
-        let Some((answer, took)) = answer else {
+        let Some((answer, cost)) = answer else {
             return Ok((store.submit(job).await?, None));
         };
         let (mut jobs, mut replies) = (vec![job], Vec::new());
@@ -107,7 +107,7 @@ impl Shortly {
             jobs.push(job);
             replies.push(reply);
         }
-        let mut became = store.record(jobs, took, &answer).await?.into_iter();
+        let mut became = store.record(jobs, &answer, cost).await?.into_iter();
         let first = became.next().ok_or(Error::Closed)?;
         for (submitted, reply) in became.zip(replies) {
             if let Submitted::Accepted(job) = submitted {
@@ -118,17 +118,17 @@ impl Shortly {
         Ok((first, Some(answer)))
     }
 
-    /// The answer and how long it took, unless that is too long or it cannot be computed.
-    async fn compute(&self, job: &NewJob) -> Option<(Answer, Duration)> {
+    /// The answer and what it cost, unless it takes too long or it cannot be computed.
+    async fn compute(&self, job: &NewJob) -> Option<(Answer, Cost)> {
         let place = timeout(GIVEN_UP, Arc::clone(&self.places).acquire_owned()).await.ok()?.ok()?;
         let (compute, key, stored) = (Arc::clone(&self.compute), job.key, job.task.clone());
         let computed = task::spawn_blocking(move || {
             let _place = place;
-            let started = Instant::now();
+            let watch = Stopwatch::start();
             let mut work = compute(&key, &stored).ok()?;
-            while started.elapsed() < GIVEN_UP {
+            while watch.elapsed() < GIVEN_UP {
                 if let Step::Done(answer) = work.step() {
-                    return Some((answer, started.elapsed()));
+                    return Some((answer, watch.cost()));
                 }
             }
             None

@@ -18,16 +18,23 @@
     reason = "they all fail alike: the database refuses or is closed, as `Error` says"
 )]
 
+mod cancel;
 mod desk;
+mod keep;
 mod keys;
+mod library;
+mod moving;
 mod open;
+mod outline;
 mod queue;
 mod read;
 mod readers;
+mod runs;
+mod search;
 mod signals;
+mod submit;
 mod tally;
 mod upkeep;
-mod verbs;
 mod writer;
 
 use std::path::{Path, PathBuf};
@@ -41,11 +48,15 @@ use sqlx::SqliteConnection;
 use tokio::sync::mpsc;
 
 use crate::engine::scenario::Warning;
-use crate::job::{Answer, FailureKind, Job, JobId, JobState, Key};
+use crate::job::{Answer, Cost, FailureKind, Job, JobId, JobState, Key};
 
 pub use desk::Desk;
 pub use keys::{AccessKey, NewKey, Role, digest};
+pub use library::{Known, Note, Program, Provenance};
+pub use moving::{Exported, Imported, Moving, Saved, backup, export, import, restore};
 pub use open::Options;
+pub use outline::{Outline, SCALARS, WORDS};
+pub use search::{Cursor, Found, Listed, Search};
 pub use signals::{Changes, Stop};
 pub use tally::Tally;
 
@@ -300,6 +311,17 @@ pub enum Deleted {
     Done,
 }
 
+/// What became of a wish to delete a result.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Removed {
+    /// There is no such result, or its body was dropped before.
+    NotFound,
+    /// It is pinned.
+    Pinned,
+    /// Its body is gone; what it was computed from is remembered.
+    Done,
+}
+
 /// What was found unfinished at the start.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Recovered {
@@ -340,10 +362,12 @@ pub struct Page {
 pub enum StoredResult {
     /// It is there: the document as it is served.
     Whole(Bytes),
-    /// It was dropped to make room.
+    /// It was dropped.
     Evicted {
         /// When, in milliseconds since 1970.
         at: i64,
+        /// Who had it deleted; none if it had to make room.
+        deleted_by: Option<String>,
         /// The scenario that it was the result of.
         scenario: Value,
     },
@@ -358,24 +382,23 @@ impl Store {
     /// Accepts a job. A known result ends it at once, a live run is joined, else a run is queued, if
     /// the queue has a place for it.
     pub async fn submit(&self, job: NewJob) -> Result<Submitted, Error> {
-        self.write(verbs::Submit::new(job, self.queue_limit)).await
+        self.write(submit::Submit::new(job, self.queue_limit)).await
     }
 
-    /// Accepts jobs for one key along with its answer, which took so long to compute: they are
-    /// finished. If the result is known meanwhile, or a run is live, they are submitted.
+    /// Accepts jobs for one key along with its answer and what that cost: they are finished. If the result is known meanwhile, or a run is live, they are submitted.
     pub async fn record(
         &self,
         jobs: Vec<NewJob>,
-        took: Duration,
         answer: &Answer,
+        cost: Cost,
     ) -> Result<Vec<Submitted>, Error> {
-        let jobs = jobs.into_iter().map(|job| verbs::Submit::new(job, self.queue_limit)).collect();
-        self.write(verbs::Record::new(jobs, took, answer)).await
+        let jobs = jobs.into_iter().map(|job| submit::Submit::new(job, self.queue_limit)).collect();
+        self.write(submit::Record::new(jobs, answer, cost)).await
     }
 
     /// Cancels a job, and its run if nobody else waits for it.
     pub async fn cancel(&self, id: JobId) -> Result<Canceled, Error> {
-        self.write(verbs::Cancel(id)).await
+        self.write(cancel::Cancel(id)).await
     }
 
     /// Cancels every unfinished job that matches and was submitted before this call; returns how
@@ -385,7 +408,7 @@ impl Store {
         let mut canceled = 0;
         loop {
             let filter = filter.clone();
-            let some = verbs::CancelSome { filter, before, at_most: CANCELED_AT_ONCE };
+            let some = cancel::CancelSome { filter, before, at_most: CANCELED_AT_ONCE };
             let (count, next) = self.write(some).await?;
             canceled += count;
             match next {
@@ -397,12 +420,12 @@ impl Store {
 
     /// Deletes a job that has ended.
     pub async fn delete(&self, id: JobId) -> Result<Deleted, Error> {
-        self.write(verbs::Delete(id)).await
+        self.write(cancel::Delete(id)).await
     }
 
     /// Keeps a result whatever room it takes, or no longer; false if there is no such result.
     pub async fn pin(&self, key: &Key, pinned: bool) -> Result<bool, Error> {
-        self.write(verbs::Pin { key: *key, pinned }).await
+        self.write(keep::Pin { key: *key, pinned }).await
     }
 
     /// Takes the next queued run.
@@ -411,17 +434,23 @@ impl Store {
     /// [`stopped`](Self::stopped) or [`release`](Self::release): nobody else will before the
     /// next start of the server.
     pub async fn claim(&self) -> Result<Option<Claimed>, Error> {
-        self.write(verbs::Claim).await
+        self.write(runs::Claim).await
     }
 
     /// Notes how far a run has come, 0…1; false if it is no longer this worker's.
     pub async fn progress(&self, run: RunId, attempt: u32, share: f64) -> Result<bool, Error> {
-        self.write(verbs::Progress { run, attempt, share }).await
+        self.write(runs::Progress { run, attempt, share }).await
     }
 
-    /// Stores the result of a run.
-    pub async fn finish(&self, run: RunId, attempt: u32, answer: &Answer) -> Result<Finish, Error> {
-        self.write(verbs::Finished::new(run, attempt, answer)).await
+    /// Stores the result of a run, and what this attempt cost.
+    pub async fn finish(
+        &self,
+        run: RunId,
+        attempt: u32,
+        answer: &Answer,
+        cost: Cost,
+    ) -> Result<Finish, Error> {
+        self.write(runs::Finished::new(run, attempt, answer, cost)).await
     }
 
     /// Ends a run by a failure; false if it is no longer this worker's.
@@ -432,24 +461,24 @@ impl Store {
         kind: FailureKind,
         message: &str,
     ) -> Result<bool, Error> {
-        self.write(verbs::Fail { run, attempt, kind, message: message.to_owned() }).await
+        self.write(runs::Fail { run, attempt, kind, message: message.to_owned() }).await
     }
 
     /// Confirms that a run being canceled is no longer worked on; false if it was not.
     pub async fn stopped(&self, run: RunId, attempt: u32) -> Result<bool, Error> {
-        self.write(verbs::Stopped { run, attempt }).await
+        self.write(runs::Stopped { run, attempt }).await
     }
 
     /// Puts a running run back in the queue, unharmed: it does not count as lost. False if it is
     /// no longer this worker's.
     pub async fn release(&self, run: RunId, attempt: u32) -> Result<bool, Error> {
-        self.write(verbs::Release { run, attempt }).await
+        self.write(runs::Release { run, attempt }).await
     }
 
     /// Deals with every run that the last process left unfinished. Call it before any worker
     /// claims: it takes every running run for lost.
     pub async fn recover(&self) -> Result<Recovered, Error> {
-        self.write(verbs::Recover).await
+        self.write(runs::Recover).await
     }
 
     /// A job as it stands.
@@ -473,8 +502,8 @@ impl Store {
             return Ok(None);
         };
         let (body, sum) = match kept {
-            Kept::Evicted { at, scenario } => {
-                return Ok(Some(StoredResult::Evicted { at, scenario }));
+            Kept::Evicted { at, deleted_by, scenario } => {
+                return Ok(Some(StoredResult::Evicted { at, deleted_by, scenario }));
             }
             Kept::Whole { body, sum } => (Bytes::from(body), sum),
         };
@@ -520,7 +549,7 @@ impl Store {
 
     /// Whether the database takes changes, or why not.
     pub async fn ping(&self) -> Result<(), Error> {
-        self.write(verbs::Ping).await
+        self.write(upkeep::Ping).await
     }
 
     /// Bytes that are free on the disk of the database; none where the system does not say.

@@ -1,7 +1,9 @@
 //! Opening the data directory: the lock, what the file is, the connections, the migrations.
 
+use std::cmp::Ordering;
 use std::fs::{self, File, TryLockError};
-use std::path::Path;
+use std::io::{self, Read as _};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -9,6 +11,7 @@ use sqlx::migrate::{MigrateError, Migrator};
 use sqlx::sqlite::{SqliteAutoVacuum, SqliteConnectOptions, SqliteJournalMode, SqliteSynchronous};
 use sqlx::{ConnectOptions, Connection, SqliteConnection};
 
+use super::library::Program;
 use super::queue::Queue;
 use super::readers::Readers;
 use super::signals::Signals;
@@ -19,13 +22,13 @@ use super::{Error, Store};
 pub(super) static MIGRATIONS: Migrator = sqlx::migrate!("migrations/sqlite");
 
 /// Marks a database as this program's ("fret"), so that no other is ever written to.
-const APPLICATION_ID: i32 = 0x6672_6574;
+pub(super) const APPLICATION_ID: i32 = 0x6672_6574;
+
+/// What the database is called in its directory.
+pub(super) const DATABASE: &str = "fretwork.db";
 
 /// How long to wait for an administrative command that writes beside the server.
-const BUSY: Duration = Duration::from_secs(5);
-
-/// The database in a data directory.
-pub(super) const FILE: &str = "fretwork.db";
+pub(super) const BUSY: Duration = Duration::from_secs(5);
 
 /// How the database is used.
 #[derive(Debug, Clone)]
@@ -56,7 +59,9 @@ impl Store {
     /// before anything is claimed.
     pub async fn open(dir: &Path, options: &Options) -> Result<Self, Error> {
         let lock = lock(dir)?;
-        let path = dir.join(FILE);
+        let path = dir.join(DATABASE);
+        forget_foreign_log(&path)
+            .map_err(|source| Error::Directory { dir: dir.to_owned(), source: Arc::new(source) })?;
         inspect(&path).await?;
         let writing = writing(&path, options.full_sync).create_if_missing(true);
         let mut db = SqliteConnection::connect_with(&writing).await?;
@@ -66,7 +71,9 @@ impl Store {
         let readers = Arc::new(Readers::open(&reading, options.readers).await?);
         let signals = Arc::new(Signals::default());
         let (queue, upkeep) = (Some(Queue::load(&mut db).await?), Upkeep::new(options));
-        let writer = Writer { db, signals: Arc::clone(&signals), queue, upkeep, lock }.start();
+        let program = Program::register(&mut db).await?;
+        let writer =
+            Writer { db, signals: Arc::clone(&signals), queue, upkeep, program, lock }.start();
         let queue_limit = options.queue_limit;
         Ok(Self { writer, readers, signals, queue_limit, dir: dir.into() })
     }
@@ -88,7 +95,7 @@ pub(super) fn writing(path: &Path, full_sync: bool) -> SqliteConnectOptions {
 }
 
 /// What all connections have in common.
-fn connecting(path: &Path) -> SqliteConnectOptions {
+pub(super) fn connecting(path: &Path) -> SqliteConnectOptions {
     SqliteConnectOptions::new().filename(path).busy_timeout(BUSY).disable_statement_logging()
 }
 
@@ -103,6 +110,36 @@ pub(super) fn lock(dir: &Path) -> Result<File, Error> {
         Err(TryLockError::WouldBlock) => Err(Error::Locked { dir: dir.to_owned() }),
         Err(TryLockError::Error(source)) => Err(refused(source)),
     }
+}
+
+/// Removes a log that belongs to another database: where a backup was put in the place of a database
+/// whose last log was left behind. Such a log would be taken for this database's own, and destroy it. A
+/// database that has a log says so in its head, and a backup does not.
+pub(super) fn forget_foreign_log(path: &Path) -> io::Result<()> {
+    const VERSIONS: usize = 18;
+    const WITHOUT_LOG: [u8; 2] = [1, 1];
+    let log = with_suffix(path, "-wal");
+    if !log.exists() || !path.exists() {
+        return Ok(());
+    }
+    let mut head = Vec::new();
+    File::open(path)?.take(100).read_to_end(&mut head)?;
+    if head.get(VERSIONS..VERSIONS + 2) == Some(&WITHOUT_LOG) {
+        tracing::warn!(log = %log.display(), "removing a log that another database left behind");
+        fs::remove_file(log)?;
+        let index = with_suffix(path, "-shm");
+        if index.exists() {
+            fs::remove_file(index)?;
+        }
+    }
+    Ok(())
+}
+
+/// A path with something behind its name.
+pub(super) fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(suffix);
+    name.into()
 }
 
 /// Refuses a file that is not ours, before anything is written to it.
@@ -137,7 +174,7 @@ pub(super) async fn inspect(path: &Path) -> Result<(), Error> {
 }
 
 pub(super) async fn migrate(db: &mut SqliteConnection, path: &Path) -> Result<(), Error> {
-    let known = latest(&MIGRATIONS);
+    let known = latest();
     MIGRATIONS.run(db).await.map_err(|error| match error {
         MigrateError::VersionMissing(found) if found > known => {
             Error::Newer { path: path.to_owned(), found, known }
@@ -147,6 +184,37 @@ pub(super) async fn migrate(db: &mut SqliteConnection, path: &Path) -> Result<()
 }
 
 /// The version of the tables that this program knows.
-pub(super) fn latest(migrations: &Migrator) -> i64 {
-    migrations.iter().map(|migration| migration.version).max().unwrap_or_default()
+fn latest() -> i64 {
+    MIGRATIONS.iter().map(|migration| migration.version).max().unwrap_or_default()
+}
+
+/// Opens the database of a directory for an administrative command, which a server may be using. If
+/// none does, it is made if it is not there, and brought up to date.
+pub(super) async fn beside(dir: &Path, patience: Duration) -> Result<SqliteConnection, Error> {
+    let lock = match lock(dir) {
+        Ok(lock) => Some(lock),
+        Err(Error::Locked { .. }) => None,
+        Err(error) => return Err(error),
+    };
+    let path = dir.join(DATABASE);
+    if lock.is_some() {
+        forget_foreign_log(&path)
+            .map_err(|source| Error::Directory { dir: dir.to_owned(), source: Arc::new(source) })?;
+    }
+    inspect(&path).await?;
+    let options = writing(&path, false).busy_timeout(patience).create_if_missing(lock.is_some());
+    let mut db = SqliteConnection::connect_with(&options).await?;
+    if lock.is_some() {
+        migrate(&mut db, &path).await?;
+        return Ok(db);
+    }
+    let known = latest();
+    let found: i64 = sqlx::query_scalar("SELECT coalesce(max(version), 0) FROM _sqlx_migrations")
+        .fetch_one(&mut db)
+        .await?;
+    match found.cmp(&known) {
+        Ordering::Less => Err(Error::Older { path, found, known }),
+        Ordering::Equal => Ok(db),
+        Ordering::Greater => Err(Error::Newer { path, found, known }),
+    }
 }

@@ -174,7 +174,7 @@ fn matching(query: &mut QueryBuilder<Sqlite>, filter: &Filter) {
 
 pub(super) async fn result(db: impl SqliteExecutor<'_>, key: &Key) -> Result<Option<Kept>, Error> {
     let row = sqlx::query(
-        "SELECT body, digest, checksum, evicted,
+        "SELECT body, digest, checksum, evicted, deleted_by,
              iif(evicted IS NULL, NULL, (SELECT task FROM result_task WHERE key = ?1)) AS task
          FROM result LEFT JOIN result_blob USING (key) WHERE key = ?1",
     )
@@ -188,20 +188,25 @@ pub(super) async fn result(db: impl SqliteExecutor<'_>, key: &Key) -> Result<Opt
             let mut task: Value = serde_json::from_str(task).ok()?;
             task.get_mut("scenario").map(Value::take)
         });
-        return Ok(Some(Kept::Evicted { at, scenario: scenario.unwrap_or_default() }));
+        let deleted_by = row.try_get("deleted_by")?;
+        return Ok(Some(Kept::Evicted { at, deleted_by, scenario: scenario.unwrap_or_default() }));
     }
     let body: Vec<u8> = row.try_get("body")?;
-    let sum = match row.try_get("checksum")? {
+    Ok(Some(Kept::Whole { body, sum: sum(&row)? }))
+}
+
+/// Reads the columns `checksum` and `digest`.
+pub(super) fn sum(row: &SqliteRow) -> Result<Sum, sqlx::Error> {
+    Ok(match row.try_get("checksum")? {
         Some(checksum) => Sum::Check(checksum),
         None => Sum::Digest(row.try_get("digest")?),
-    };
-    Ok(Some(Kept::Whole { body, sum }))
+    })
 }
 
 /// A result as the tables have it.
 pub(super) enum Kept {
     Whole { body: Vec<u8>, sum: Sum },
-    Evicted { at: i64, scenario: Value },
+    Evicted { at: i64, deleted_by: Option<String>, scenario: Value },
 }
 
 /// What the bytes of a body must come to.

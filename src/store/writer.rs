@@ -9,6 +9,7 @@ use sqlx::{Connection, Executor, SqliteConnection};
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::timeout;
 
+use super::library::CatchUp;
 use super::queue::Queue;
 use super::signals::{Effect, READ_AT_ONCE, Signals};
 use super::upkeep::{DeleteOld, Evict, Upkeep, WriteReads};
@@ -39,6 +40,8 @@ pub(super) struct Transaction<'a> {
     pub(super) now: i64,
     /// What is queued: changed along with the tables.
     pub(super) queue: &'a mut Queue,
+    /// The row of this program on this machine.
+    pub(super) program: i64,
     /// Whom to tell after the commit.
     pub(super) effects: Vec<Effect>,
 }
@@ -111,6 +114,8 @@ pub(super) struct Writer {
     /// What is queued; none after a transaction that failed, until it is read anew.
     pub(super) queue: Option<Queue>,
     pub(super) upkeep: Upkeep,
+    /// The row of this program on this machine.
+    pub(super) program: i64,
     /// Held as long as this process may write to the data directory.
     pub(super) lock: File,
 }
@@ -207,8 +212,13 @@ impl Writer {
                 }
             },
         };
-        let mut tx =
-            Transaction { db: &mut self.db, now: now(), queue: &mut queue, effects: Vec::new() };
+        let mut tx = Transaction {
+            db: &mut self.db,
+            now: now(),
+            queue: &mut queue,
+            program: self.program,
+            effects: Vec::new(),
+        };
         let applied = async {
             for order in orders {
                 order.apply(&mut tx).await?;
@@ -258,7 +268,8 @@ impl Writer {
                 tracing::warn!(bytes, "the pinned results alone take more room than they may");
             }
         }
-        let more = many || old || dropped;
+        let unlisted = self.chore(CatchUp).await.unwrap_or(false);
+        let more = many || old || dropped || unlisted;
         self.upkeep.did(more);
         if idle && !more {
             self.shrink().await;
@@ -335,7 +346,7 @@ mod tests {
         db.execute("CREATE TABLE t (x INTEGER PRIMARY KEY, y BLOB)").await.unwrap();
         let (queue, upkeep) = (Some(Queue::default()), Upkeep::new(&Options::default()));
         let lock = tempfile::tempfile().unwrap();
-        Writer { db, signals: Arc::default(), queue, upkeep, lock }
+        Writer { db, signals: Arc::default(), queue, upkeep, program: 1, lock }
     }
 
     /// Applies insertions of (number, bytes) as one batch; returns what was answered and applied.

@@ -3,6 +3,8 @@
 //! Computing takes whole processors for whole seconds, so it has threads of its own, apart from
 //! those that answer requests. What a thread does to the tables goes through the store.
 
+mod stopwatch;
+
 use std::any::Any;
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -13,8 +15,10 @@ use std::time::{Duration, Instant};
 use tokio::runtime::Handle;
 use tokio::sync::{mpsc, watch};
 
-use crate::job::{Answer, FailureKind, Key, Step, Work};
+use crate::job::{Answer, Cost, FailureKind, Key, Step, Work};
 use crate::store::{Claimed, Error, Finish, Store};
+
+pub use stopwatch::Stopwatch;
 
 /// Begins the work of a stored task: its key and its stored form.
 pub type Compute = Arc<dyn Fn(&Key, &str) -> Result<Box<dyn Work>, String> + Send + Sync>;
@@ -117,7 +121,7 @@ struct Worker {
 
 /// How the computing of a run ended.
 enum Outcome {
-    Done(Answer),
+    Done(Answer, Cost),
     Failed(FailureKind, String),
     /// Nobody wants it any more.
     Unwanted,
@@ -195,6 +199,7 @@ impl Worker {
     }
 
     fn compute(&self, claimed: &Claimed) -> Outcome {
+        let watch = Stopwatch::start();
         let mut work = match (self.compute)(&claimed.key, &claimed.task) {
             Ok(work) => work,
             Err(message) => return Outcome::Failed(FailureKind::UnreadableTask, message),
@@ -209,7 +214,7 @@ impl Worker {
                 return Outcome::Interrupted;
             }
             let progress = match work.step() {
-                Step::Done(answer) => return Outcome::Done(answer),
+                Step::Done(answer) => return Outcome::Done(answer, watch.cost()),
                 Step::Working { progress } => progress,
             };
             if let Some(limit) = self.limit
@@ -268,9 +273,9 @@ impl Worker {
     async fn store_outcome(&self, claimed: &Claimed, outcome: &Outcome) -> Result<(), Error> {
         let Claimed { run, attempt, .. } = claimed;
         let accepted = match outcome {
-            Outcome::Done(answer) => {
+            Outcome::Done(answer, cost) => {
                 tracing::debug!("done");
-                self.store.finish(*run, *attempt, answer).await? != Finish::Refused
+                self.store.finish(*run, *attempt, answer, *cost).await? != Finish::Refused
             }
             Outcome::Failed(kind, message) => {
                 tracing::error!(%kind, message, "a run failed");

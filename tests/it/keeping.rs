@@ -4,7 +4,7 @@ use std::fs::{self, File};
 use std::os::unix::fs::FileExt as _;
 use std::time::Duration;
 
-use fretwork::job::{Answer, Job, JobState, Origin};
+use fretwork::job::{Answer, Cost, Job, JobState, Origin};
 use fretwork::store::{
     Claimed, Deleted, Error, Filter, NewJob, Options, Repeatable, Store, StoredResult, Submitted,
 };
@@ -31,7 +31,7 @@ async fn compute(store: &Store, number: u8, bytes: usize) -> Job {
     let claimed = claim(store).await;
     let text = json!({"number": 0.1, "rest": "x".repeat(bytes)}).to_string();
     let answer = Answer { body: text.into(), summary: json!({}) };
-    store.finish(claimed.run, claimed.attempt, &answer).await.unwrap();
+    store.finish(claimed.run, claimed.attempt, &answer, Cost::default()).await.unwrap();
     job
 }
 
@@ -62,7 +62,7 @@ async fn a_submission_that_is_repeated_under_its_name_is_one_job() {
     assert_ne!(accepted(store.submit(other).await).id, first.id);
     let claimed = claim(&store).await;
     let answer = Answer { body: "{}".into(), summary: json!({}) };
-    store.finish(claimed.run, 1, &answer).await.unwrap();
+    store.finish(claimed.run, 1, &answer, Cost::default()).await.unwrap();
     match store.submit(repeatable(1, "a", "one")).await.unwrap() {
         Submitted::Repeated(job) => {
             assert_eq!((job.id, job.state), (first.id, JobState::Succeeded));
@@ -140,7 +140,7 @@ async fn a_known_result_is_computed_again_if_that_is_asked_for() {
     let claimed = claim(&store).await;
     let before = body(&store, 1).await;
     let answer = Answer { body: "{}".into(), summary: json!({}) };
-    store.finish(claimed.run, claimed.attempt, &answer).await.unwrap();
+    store.finish(claimed.run, claimed.attempt, &answer, Cost::default()).await.unwrap();
     assert_eq!(body(&store, 1).await, before, "what is stored stays");
     let job = store.job(again.id).await.unwrap().unwrap();
     assert_eq!(job.state, JobState::Succeeded);
@@ -174,7 +174,7 @@ async fn only_what_has_ended_is_deleted_and_its_result_stays() {
     let shared = accepted(store.submit(new_job(1)).await);
     let claimed = claim(&store).await;
     let answer = Answer { body: "{}".into(), summary: json!({}) };
-    store.finish(claimed.run, 1, &answer).await.unwrap();
+    store.finish(claimed.run, 1, &answer, Cost::default()).await.unwrap();
     for id in [job.id, shared.id] {
         assert_eq!(store.delete(id).await.unwrap(), Deleted::Done);
         assert_eq!(store.delete(id).await.unwrap(), Deleted::NotFound);
@@ -245,7 +245,7 @@ async fn results_unread_for_longest_give_way_but_pinned_ones_stay() {
         assert!(!is_evicted(store, kept).await || kept == 1, "{kept}");
     }
     match store.result(&key(2)).await.unwrap() {
-        Some(StoredResult::Evicted { at, scenario }) => {
+        Some(StoredResult::Evicted { at, scenario, .. }) => {
             assert!(at > 0);
             assert_eq!(scenario, json!({"number": 2, "exactly": 0.1}));
         }
@@ -336,7 +336,7 @@ async fn the_tables_of_the_first_version_are_brought_up_to_date_with_what_is_in_
     assert_eq!((job.state, job.priority, job.changes[0].at), (JobState::Queued, 3, 5));
     let claimed = claim(&store).await;
     let answer = Answer { body: "{}".into(), summary: json!({}) };
-    store.finish(claimed.run, 1, &answer).await.unwrap();
+    store.finish(claimed.run, 1, &answer, Cost::default()).await.unwrap();
     let job = store.job(job.id).await.unwrap().unwrap();
     let states: Vec<_> = job.changes.iter().map(|change| change.state).collect();
     assert_eq!(states, [JobState::Queued, JobState::Running, JobState::Succeeded]);

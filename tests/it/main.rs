@@ -26,8 +26,12 @@ mod forms;
 mod keeping;
 #[cfg(feature = "serve")]
 mod kill;
+#[cfg(feature = "serve")]
+mod library;
 mod literal;
 mod loops;
+#[cfg(feature = "serve")]
+mod moving;
 #[cfg(feature = "serve")]
 mod openapi;
 #[cfg(feature = "serve")]

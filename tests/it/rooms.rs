@@ -18,8 +18,11 @@ const RESERVED: [(&str, &[&str]); 5] = [
 
 /// The room that a name directly below the crate belongs to.
 fn room(name: &str) -> Option<&'static str> {
-    let name =
-        if matches!(name, "administration" | "config" | "telemetry") { "main" } else { name };
+    let name = if matches!(name, "administration" | "config" | "moving" | "telemetry") {
+        "main"
+    } else {
+        name
+    };
     ROW.into_iter().find(|room| *room == name)
 }
 

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::fs;
 use std::path::Path;
 
-use fretwork::job::{Answer, FailureKind, Job, JobId, JobState, Key, Origin};
+use fretwork::job::{Answer, Cost, FailureKind, Job, JobId, JobState, Key, Origin};
 use fretwork::store::{
     Admission, Canceled, Claimed, Deleted, Error, Filter, Finish, NewJob, Options, Recovered,
     Store, StoredResult, Submitted,
@@ -126,7 +126,8 @@ async fn sixty_four_identical_submissions_at_once_are_one_run_and_sixty_four_job
     let claimed = claim(&store).await;
     assert!(store.claim().await.unwrap().is_none(), "there is one run");
     assert_eq!((claimed.attempt, claimed.key, &*claimed.task), (1, key(1), "task 1"));
-    let done = store.finish(claimed.run, claimed.attempt, &answer("a")).await.unwrap();
+    let done =
+        store.finish(claimed.run, claimed.attempt, &answer("a"), Cost::default()).await.unwrap();
     assert_eq!(done, Finish::Stored);
     for submitted in jobs {
         let job = job(&store, submitted.id).await;
@@ -146,7 +147,7 @@ async fn a_known_result_ends_a_job_at_once_without_a_run() {
     accepted(store.submit(new_job(1)).await);
     assert!(!store.has_result(&key(1)).await.unwrap());
     let claimed = claim(&store).await;
-    store.finish(claimed.run, 1, &answer("a")).await.unwrap();
+    store.finish(claimed.run, 1, &answer("a"), Cost::default()).await.unwrap();
     assert!(store.has_result(&key(1)).await.unwrap());
 
     let cached = accepted(store.submit(new_job(1)).await);
@@ -203,7 +204,8 @@ async fn a_worker_that_was_given_up_changes_nothing() {
 
     let changes_nothing = async |expected: &Job| {
         let Claimed { run, attempt, .. } = zombie;
-        let finished = store.finish(run, attempt, &answer("zombie")).await.unwrap();
+        let finished =
+            store.finish(run, attempt, &answer("zombie"), Cost::default()).await.unwrap();
         assert_eq!(finished, Finish::Refused);
         assert!(!store.fail(run, attempt, FailureKind::Panicked, "zombie").await.unwrap());
         assert!(!store.progress(run, attempt, 0.9).await.unwrap());
@@ -220,7 +222,10 @@ async fn a_worker_that_was_given_up_changes_nothing() {
     let running = job(&store, submitted.id).await;
     assert_eq!((running.state, running.attempt), (JobState::Running, 2));
     changes_nothing(&running).await;
-    assert_eq!(store.finish(second.run, 2, &answer("a")).await.unwrap(), Finish::Stored);
+    assert_eq!(
+        store.finish(second.run, 2, &answer("a"), Cost::default()).await.unwrap(),
+        Finish::Stored
+    );
 }
 
 #[tokio::test]
@@ -239,7 +244,7 @@ async fn a_different_result_of_the_same_key_does_not_replace_the_first() {
         )
         .await
         .unwrap();
-        let finish = store.finish(claimed.run, 1, &answer(text)).await.unwrap();
+        let finish = store.finish(claimed.run, 1, &answer(text), Cost::default()).await.unwrap();
         assert_eq!(finish, expected);
         assert_eq!(body(&store, 1).await, b"a");
         raw.execute("DELETE FROM result").await.unwrap();
@@ -256,7 +261,7 @@ async fn a_canceled_job_leaves_the_run_to_the_others() {
     let third = accepted(store.submit(new_job(1)).await);
     assert_eq!(cancel(&store, second.id).await, JobState::Canceled);
     assert!(!claimed.stop.is_raised());
-    store.finish(claimed.run, 1, &answer("a")).await.unwrap();
+    store.finish(claimed.run, 1, &answer("a"), Cost::default()).await.unwrap();
     assert_eq!(state(&store, third.id).await, JobState::Succeeded);
     for id in [first.id, second.id] {
         let job = job(&store, id).await;
@@ -290,12 +295,15 @@ async fn a_submission_during_the_canceling_of_a_run_starts_a_new_one() {
     let alive = claim(&store).await;
     assert_ne!(alive.run, dying.run);
 
-    let late = store.finish(dying.run, 1, &answer("late")).await.unwrap();
+    let late = store.finish(dying.run, 1, &answer("late"), Cost::default()).await.unwrap();
     assert_eq!(late, Finish::Refused);
     assert!(store.stopped(dying.run, 1).await.unwrap());
     assert!(!store.stopped(dying.run, 1).await.unwrap());
     assert_eq!(state(&store, first.id).await, JobState::Canceled);
-    assert_eq!(store.finish(alive.run, 1, &answer("a")).await.unwrap(), Finish::Stored);
+    assert_eq!(
+        store.finish(alive.run, 1, &answer("a"), Cost::default()).await.unwrap(),
+        Finish::Stored
+    );
     assert_eq!(state(&store, second.id).await, JobState::Succeeded);
     assert_eq!(state(&store, first.id).await, JobState::Canceled);
 }
@@ -331,7 +339,7 @@ async fn every_unfinished_state_is_recovered() {
     let third = claim(&store).await;
     cancel(&store, canceling.id).await;
     cancel(&store, left.id).await;
-    store.finish(third.run, 1, &answer("a")).await.unwrap();
+    store.finish(third.run, 1, &answer("a"), Cost::default()).await.unwrap();
 
     let (_copy, store) = after_a_crash(dir.path()).await;
     let recovered = store.recover().await.unwrap();
@@ -450,7 +458,7 @@ async fn waiting_ends_with_the_job_or_with_patience() {
     let worker = async {
         let claimed = claim(&store).await;
         store.progress(claimed.run, 1, 0.5).await.unwrap();
-        store.finish(claimed.run, 1, &answer("a")).await.unwrap();
+        store.finish(claimed.run, 1, &answer("a"), Cost::default()).await.unwrap();
     };
     let wait = store.wait(submitted, std::future::pending());
     let (waited, ()) = tokio::join!(wait, worker);
@@ -679,7 +687,8 @@ impl Trial {
                     Verb::Progress(_) => store.progress(run, attempt, 0.5).await.unwrap(),
                     Verb::Finish(_) => {
                         let body = answer(&key.to_string());
-                        let finish = store.finish(run, attempt, &body).await.unwrap();
+                        let finish =
+                            store.finish(run, attempt, &body, Cost::default()).await.unwrap();
                         assert_ne!(finish, Finish::Differs);
                         finish != Finish::Refused
                     }
@@ -716,7 +725,11 @@ impl Trial {
         self.apply(&Verb::Crash).await;
         while let Some(claimed) = self.store.claim().await.unwrap() {
             let body = answer(&claimed.key.to_string());
-            let finish = self.store.finish(claimed.run, claimed.attempt, &body).await.unwrap();
+            let finish = self
+                .store
+                .finish(claimed.run, claimed.attempt, &body, Cost::default())
+                .await
+                .unwrap();
             assert_eq!(finish, Finish::Stored);
         }
     }

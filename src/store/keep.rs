@@ -1,0 +1,214 @@
+//! Results as they come in, and what becomes of them: stored, pinned, noted, deleted.
+
+use bytes::Bytes;
+use sha2::{Digest, Sha256};
+use sqlx::SqliteConnection;
+
+use super::read;
+use super::signals::Effect;
+use super::writer::{Transaction, Verb};
+use super::{Error, Finish, Removed};
+use crate::job::{Answer, Cost, JobId, Key};
+
+/// An answer on its way into the tables.
+pub(super) struct Answered {
+    pub(super) body: Bytes,
+    pub(super) summary: String,
+    pub(super) digest: [u8; 32],
+    /// None where it is not known.
+    pub(super) cost: Option<Cost>,
+}
+
+/// For whom an answer was computed, from what and by what.
+pub(super) struct Source<'a> {
+    pub(super) task: &'a str,
+    pub(super) owner: Option<&'a str>,
+    pub(super) job: Option<JobId>,
+    pub(super) trace: Option<&'a str>,
+    /// The row of the program on its machine.
+    pub(super) program: Option<i64>,
+}
+
+/// Puts the body of a result in, and with it all that is known of it. What an earlier body of the
+/// same key left behind gives way; only `created` stays.
+///
+/// Numbers that a statement passes over are taken by the library for as many more arguments, so the
+/// first ones are those that all statements share.
+const INSERT: &str = "
+    INSERT INTO result (key, size, summary, digest, created, last_access, computed, checksum, owner,
+        job, trace, wall, cpu, program)
+    VALUES (?1, length(?2), ?4, ?5, ?6, ?6, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13)
+    ON CONFLICT DO UPDATE SET size = excluded.size, summary = excluded.summary,
+        digest = excluded.digest, last_access = excluded.last_access, computed = excluded.computed,
+        checksum = excluded.checksum, owner = excluded.owner, job = excluded.job,
+        trace = excluded.trace, wall = excluded.wall, cpu = excluded.cpu,
+        program = excluded.program, imported = NULL, imported_from = NULL, deleted_by = NULL,
+        evicted = NULL;
+    INSERT OR REPLACE INTO result_blob (key, body) VALUES (?1, ?2);
+    INSERT OR IGNORE INTO result_task (key, task) VALUES (?1, ?3)";
+
+impl Answered {
+    pub(super) fn new(answer: &Answer, cost: Option<Cost>) -> Self {
+        let Answer { body, summary } = answer;
+        let digest = Sha256::digest(body).into();
+        Self { body: body.clone(), summary: summary.to_string(), digest, cost }
+    }
+
+    /// Keeps the body, unless there is one. What an evicted result came to is remembered, so that
+    /// a recompute is compared with it too.
+    pub(super) async fn keep(
+        &self,
+        tx: &mut Transaction<'_>,
+        key: Key,
+        source: &Source<'_>,
+    ) -> Result<Finish, Error> {
+        let before: Option<(bool, bool)> =
+            sqlx::query_as("SELECT digest = ?2, evicted IS NULL FROM result WHERE key = ?1")
+                .bind(key.bytes().as_slice())
+                .bind(self.digest.as_slice())
+                .fetch_optional(&mut *tx.db)
+                .await?;
+        if let Some((same, _)) = before {
+            tx.effects.push(Effect::Recomputed { key, same });
+        }
+        match before {
+            Some((true, true)) => {
+                // The same bytes, unless the disk has changed them since: then this repairs them.
+                sqlx::query(
+                    "UPDATE result_blob SET body = ?2 WHERE key = ?1;
+                     UPDATE result SET checksum = ?3 WHERE key = ?1",
+                )
+                .bind(key.bytes().as_slice())
+                .bind(&*self.body)
+                .bind(read::checksum(&self.body))
+                .execute(&mut *tx.db)
+                .await?;
+                Ok(Finish::Same)
+            }
+            Some((false, true)) => Ok(Finish::Differs),
+            Some((_, false)) | None => {
+                self.insert(tx.db, key, source, tx.now).await?;
+                tx.effects.push(Effect::Stored(self.body.len() as u64));
+                Ok(Finish::Stored)
+            }
+        }
+    }
+
+    /// Puts the body in, where there is none.
+    pub(super) async fn insert(
+        &self,
+        db: &mut SqliteConnection,
+        key: Key,
+        source: &Source<'_>,
+        now: i64,
+    ) -> Result<(), Error> {
+        sqlx::query(INSERT)
+            .bind(key.bytes().as_slice())
+            .bind(&*self.body)
+            .bind(source.task)
+            .bind(&self.summary)
+            .bind(self.digest.as_slice())
+            .bind(now)
+            .bind(read::checksum(&self.body))
+            .bind(source.owner)
+            .bind(source.job.map(|job| job.0.as_bytes().to_vec()))
+            .bind(source.trace)
+            .bind(self.cost.map(|cost| cost.wall.as_secs_f64()))
+            .bind(self.cost.and_then(|cost| cost.cpu).map(|cpu| cpu.as_secs_f64()))
+            .bind(source.program)
+            .execute(db)
+            .await?;
+        Ok(())
+    }
+}
+
+pub(super) struct Pin {
+    pub(super) key: Key,
+    pub(super) pinned: bool,
+}
+
+impl Verb for Pin {
+    /// Whether there is such a result.
+    type Answer = bool;
+
+    async fn apply(&self, tx: &mut Transaction<'_>) -> Result<bool, Error> {
+        let done = sqlx::query("UPDATE result SET pinned = ?2 WHERE key = ?1 AND evicted IS NULL")
+            .bind(self.key.bytes().as_slice())
+            .bind(self.pinned)
+            .execute(&mut *tx.db)
+            .await?;
+        Ok(done.rows_affected() > 0)
+    }
+}
+
+/// Writes a note to a result, or takes it away.
+pub(super) struct Annotate {
+    pub(super) key: Key,
+    pub(super) text: Option<String>,
+    pub(super) owner: String,
+}
+
+impl Verb for Annotate {
+    /// Whether there is such a result, be it that its body was dropped.
+    type Answer = bool;
+
+    async fn apply(&self, tx: &mut Transaction<'_>) -> Result<bool, Error> {
+        let known: bool = sqlx::query_scalar("SELECT EXISTS (SELECT 1 FROM result WHERE key = ?1)")
+            .bind(self.key.bytes().as_slice())
+            .fetch_one(&mut *tx.db)
+            .await?;
+        if !known {
+            return Ok(false);
+        }
+        let change = match &self.text {
+            Some(text) => sqlx::query(
+                "INSERT OR REPLACE INTO note (key, text, owner, at) VALUES (?1, ?2, ?3, ?4)",
+            )
+            .bind(self.key.bytes().as_slice())
+            .bind(text)
+            .bind(&self.owner)
+            .bind(tx.now),
+            None => {
+                sqlx::query("DELETE FROM note WHERE key = ?1").bind(self.key.bytes().as_slice())
+            }
+        };
+        change.execute(&mut *tx.db).await?;
+        Ok(true)
+    }
+}
+
+/// Deletes the body of a result. What it was computed from stays as after [`Evict`], and so do jobs.
+///
+/// [`Evict`]: super::upkeep::Evict
+pub(super) struct Remove {
+    pub(super) key: Key,
+    pub(super) owner: String,
+}
+
+impl Verb for Remove {
+    type Answer = Removed;
+
+    async fn apply(&self, tx: &mut Transaction<'_>) -> Result<Removed, Error> {
+        let key = self.key.bytes().as_slice();
+        let found: Option<(bool, bool)> =
+            sqlx::query_as("SELECT evicted IS NULL, pinned FROM result WHERE key = ?1")
+                .bind(key)
+                .fetch_optional(&mut *tx.db)
+                .await?;
+        match found {
+            None | Some((false, _)) => return Ok(Removed::NotFound),
+            Some((true, true)) => return Ok(Removed::Pinned),
+            Some((true, false)) => {}
+        }
+        sqlx::query(
+            "UPDATE result SET evicted = ?2, deleted_by = ?3 WHERE key = ?1;
+             DELETE FROM result_blob WHERE key = ?1",
+        )
+        .bind(key)
+        .bind(tx.now)
+        .bind(&self.owner)
+        .execute(&mut *tx.db)
+        .await?;
+        Ok(Removed::Done)
+    }
+}

@@ -1,0 +1,144 @@
+//! Copies of the whole.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use sqlx::{Connection as _, Row as _, SqliteConnection};
+
+use super::{Moving, PATIENCE, later, name, refused, unfinished, versions};
+use crate::store::open::{self, DATABASE, MIGRATIONS};
+use crate::store::{Error, now, read};
+
+/// What a copy of a database holds.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Saved {
+    /// Jobs.
+    pub jobs: u64,
+    /// Results that are there.
+    pub results: u64,
+    /// Bytes of their bodies.
+    pub bytes: u64,
+    /// Results of which the scenario is remembered.
+    pub dropped: u64,
+}
+
+/// Copies the whole database into a file, at one moment, and checks the copy.
+///
+/// # Errors
+/// The file exists, the copy is damaged, or a database refuses.
+pub async fn backup(dir: &Path, file: &Path) -> Result<Saved, Moving> {
+    if file.exists() {
+        return Err(Moving::Exists(file.to_owned()));
+    }
+    let path = dir.join(DATABASE);
+    if !path.exists() {
+        return Err(Moving::Nothing(path));
+    }
+    open::inspect(&path).await?;
+    let part = unfinished(file)?;
+    let saved = copy(&path, &part).await?;
+    name(&part, file)?;
+    Ok(saved)
+}
+
+/// Puts a backup in the place of the database, which no server may be using; with `replace` also where
+/// there is one, which is then kept beside it. Returns what the backup holds, and where the former
+/// database is.
+///
+/// # Errors
+/// A server is running, there is a database that may not be replaced, or the backup is damaged.
+pub async fn restore(
+    dir: &Path,
+    file: &Path,
+    replace: bool,
+) -> Result<(Saved, Option<PathBuf>), Moving> {
+    if !file.exists() {
+        return Err(Moving::Nothing(file.to_owned()));
+    }
+    let lock = open::lock(dir)?;
+    let path = dir.join(DATABASE);
+    if path.exists() && !replace {
+        return Err(Moving::Exists(path));
+    }
+    open::inspect(file).await?;
+    let mut from = SqliteConnection::connect_with(&open::connecting(file).read_only(true)).await?;
+    let there = versions(&mut from).await?;
+    from.close().await?;
+    let known: Vec<i64> = MIGRATIONS.iter().map(|migration| migration.version).collect();
+    if let Some(found) = later(&there, &known) {
+        let known = known.into_iter().max().unwrap_or_default();
+        return Err(Error::Newer { path: file.to_owned(), found, known }.into());
+    }
+    let part = unfinished(&path)?;
+    let saved = copy(file, &part).await?;
+    let mut former = None;
+    let aside = dir.join(format!("fretwork.replaced-{}.db", now()));
+    for suffix in ["", "-wal", "-shm"] {
+        let old = open::with_suffix(&path, suffix);
+        if old.exists() {
+            let new = open::with_suffix(&aside, suffix);
+            fs::rename(&old, new).map_err(refused(&old))?;
+            former = Some(aside.clone());
+        }
+    }
+    name(&part, &path)?;
+    drop(lock);
+    Ok((saved, former))
+}
+
+/// Copies a database as it is at one moment, and holds the copy against its own sums.
+async fn copy(from: &Path, to: &Path) -> Result<Saved, Moving> {
+    let options = open::connecting(from).busy_timeout(PATIENCE).read_only(true);
+    let mut db = SqliteConnection::connect_with(&options).await?;
+    let target = to.to_string_lossy().into_owned();
+    sqlx::query("VACUUM INTO ?1").bind(target).execute(&mut db).await?;
+    db.close().await?;
+    let mut db = SqliteConnection::connect_with(&open::connecting(to).read_only(true)).await?;
+    let damaged = |said: String| Moving::Damaged { path: to.to_owned(), said };
+    let said: Vec<String> =
+        sqlx::query_scalar("PRAGMA integrity_check(10)").fetch_all(&mut db).await?;
+    if said != ["ok"] {
+        return Err(damaged(said.join("; ")));
+    }
+    let saved = inventory(&mut db).await?;
+    // By the number of the row: one at a time, however many there are.
+    let mut last = 0;
+    loop {
+        let row = sqlx::query(
+            "SELECT result_blob.rowid AS place, result_blob.key AS key, body, digest, checksum
+             FROM result_blob JOIN result USING (key)
+             WHERE result_blob.rowid > ?1 AND evicted IS NULL ORDER BY result_blob.rowid LIMIT 1",
+        )
+        .bind(last)
+        .fetch_optional(&mut db)
+        .await?;
+        let Some(row) = row else { break };
+        last = row.try_get("place")?;
+        let body: &[u8] = row.try_get("body")?;
+        if !read::sum(&row)?.is_of(body) {
+            let key = read::key(&row, "key")?;
+            return Err(damaged(format!("the result {key} is not what was stored")));
+        }
+    }
+    db.close().await?;
+    Ok(saved)
+}
+
+/// What a database holds.
+async fn inventory(db: &mut SqliteConnection) -> Result<Saved, Moving> {
+    let (jobs, results, bytes, known): (i64, i64, i64, i64) = sqlx::query_as(
+        "SELECT (SELECT count(*) FROM job), (SELECT count(*) FROM result_blob),
+             (SELECT coalesce(sum(length(body)), 0) FROM result_blob),
+             (SELECT count(*) FROM result)",
+    )
+    .fetch_one(db)
+    .await?;
+    let count = |number: i64| u64::try_from(number).unwrap_or(0);
+    let (results, known) = (count(results), count(known));
+    Ok(Saved {
+        jobs: count(jobs),
+        results,
+        bytes: count(bytes),
+        dropped: known.saturating_sub(results),
+    })
+}

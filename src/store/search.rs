@@ -1,0 +1,439 @@
+//! Looking for results: what may be asked, and how it becomes one statement.
+
+use std::fmt;
+use std::str::FromStr;
+use std::time::{Duration, UNIX_EPOCH};
+
+use sqlx::sqlite::SqliteRow;
+use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
+
+use super::outline::{Outline, SCALARS, WORDS};
+use super::read::key;
+use super::{Error, Note};
+use crate::engine::quantity::{self, Dimension};
+use crate::job::Key;
+
+/// Which results to list, and in which order; what is not set asks for nothing.
+#[derive(Debug, Clone)]
+pub struct Search {
+    words: Vec<(&'static str, String)>,
+    ranges: Vec<(&'static str, Range)>,
+    owner: Option<String>,
+    pinned: Option<bool>,
+    evicted: bool,
+    note: Option<String>,
+    tag: Option<String>,
+    label: Option<String>,
+    by: &'static str,
+    descending: bool,
+}
+
+impl Default for Search {
+    fn default() -> Self {
+        Self {
+            words: Vec::new(),
+            ranges: Vec::new(),
+            owner: None,
+            pinned: None,
+            evicted: false,
+            note: None,
+            tag: None,
+            label: None,
+            by: "created",
+            descending: true,
+        }
+    }
+}
+
+/// Numbers between two, which are among them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Range {
+    low: f64,
+    high: f64,
+}
+
+/// Derived numbers are off in the last digits: what is asked for by all of its usual digits is meant.
+const SLACK: f64 = 1e-9;
+
+impl Range {
+    /// Reads `a..b`, `a..`, `..b` or a single value.
+    fn read(text: &str, value: impl Fn(&str) -> Result<f64, String>) -> Result<Self, String> {
+        let (low, high) = text.split_once("..").unwrap_or((text, text));
+        let (low, high) = (low.trim(), high.trim());
+        if low.is_empty() && high.is_empty() {
+            return Err("must be a value or a range: a..b, a.. or ..b".to_owned());
+        }
+        let bound = |text: &str, open| if text.is_empty() { Ok(open) } else { value(text) };
+        let (low, high) = (bound(low, f64::NEG_INFINITY)?, bound(high, f64::INFINITY)?);
+        if low > high {
+            return Err(format!("the range {text:?} is empty: its first bound is the larger one"));
+        }
+        Ok(Self { low: low - SLACK * low.abs(), high: high + SLACK * high.abs() })
+    }
+
+    /// Reads a range of a quantity, whose bounds may carry units.
+    fn quantity(text: &str, dimension: Dimension) -> Result<Self, String> {
+        let is_plain = |text: &str| text.trim().parse::<f64>().is_ok_and(|number| number != 0.0);
+        let has_unit = |text: &str| !text.trim().is_empty() && text.trim().parse::<f64>().is_err();
+        if let Some((low, high)) = text.split_once("..")
+            && ((is_plain(low) && has_unit(high)) || (has_unit(low) && is_plain(high)))
+        {
+            // 0.1..0.2 kN: nobody means 0.1 N to 200 N.
+            return Err(format!("{text:?}: give both bounds their unit, or neither"));
+        }
+        Self::read(text, |text| quantity::parse(text, dimension))
+    }
+}
+
+/// A moment as RFC 3339, or a day, in milliseconds since 1970.
+fn moment(text: &str) -> Result<f64, String> {
+    let whole =
+        if text.contains(['T', 't', ' ']) { text.to_owned() } else { format!("{text}T00:00:00Z") };
+    let time = humantime::parse_rfc3339_weak(&whole)
+        .map_err(|_| format!("{text:?} is no moment; write 2026-01-31 or 2026-01-31T12:00:00Z"))?;
+    let since = time.duration_since(UNIX_EPOCH).unwrap_or(Duration::ZERO);
+    Ok(since.as_millis() as f64)
+}
+
+impl Search {
+    /// Every name that [`set`](Self::set) knows.
+    pub fn names() -> impl Iterator<Item = &'static str> {
+        let words = WORDS.iter().map(|word| word.name);
+        let others =
+            ["created", "size", "owner", "pinned", "evicted", "note", "tag", "label", "sort"];
+        words.chain(SCALARS.iter().map(|scalar| scalar.name)).chain(others)
+    }
+
+    /// Asks for one thing more: a word, a range of a number, or the order.
+    ///
+    /// # Errors
+    /// A sentence that says what the value must be, or that there is no such name.
+    pub fn set(&mut self, name: &str, value: &str) -> Result<(), String> {
+        if let Some(word) = WORDS.iter().find(|word| word.name == name) {
+            if !word.values.contains(&value) {
+                return Err(format!("must be one of {}, got {value:?}", word.values.join(", ")));
+            }
+            self.words.push((word.name, value.to_owned()));
+            return Ok(());
+        }
+        if let Some(scalar) = SCALARS.iter().find(|scalar| scalar.name == name) {
+            self.ranges.push((scalar.name, Range::quantity(value, scalar.dimension)?));
+            return Ok(());
+        }
+        let flag = || match value {
+            "true" => Ok(true),
+            "false" => Ok(false),
+            _ => Err(format!("must be true or false, got {value:?}")),
+        };
+        match name {
+            "created" => self.ranges.push(("created", Range::read(value, moment)?)),
+            "size" => self.ranges.push(("size", Range::quantity(value, Dimension::Number)?)),
+            "owner" => self.owner = Some(value.to_owned()),
+            "pinned" => self.pinned = Some(flag()?),
+            "evicted" => self.evicted = flag()?,
+            "note" => self.note = Some(value.to_owned()),
+            "tag" => self.tag = Some(value.to_owned()),
+            "label" => self.label = Some(value.to_owned()),
+            "sort" => {
+                let (by, descending) = match value.strip_prefix('-') {
+                    Some(by) => (by, true),
+                    None => (value, false),
+                };
+                self.by = sorted_by(by).ok_or_else(|| {
+                    let names: Vec<_> = SCALARS.iter().map(|scalar| scalar.name).collect();
+                    format!(
+                        "must be created, size, {}, or one of them after a minus sign for the \
+                         largest first; got {value:?}",
+                        names.join(", ")
+                    )
+                })?;
+                self.descending = descending;
+            }
+            _ => {
+                let names: Vec<_> = Self::names().collect();
+                return Err(format!("is unknown; there are {}", names.join(", ")));
+            }
+        }
+        Ok(())
+    }
+
+    /// What is asked, as conditions on outlines.
+    fn conditions(&self, query: &mut QueryBuilder<Sqlite>) {
+        query.push(if self.evicted { "NOT present" } else { "present" });
+        for (name, word) in &self.words {
+            query.push(" AND outline.").push(*name).push(" = ").push_bind(word.clone());
+        }
+        for (name, Range { low, high }) in &self.ranges {
+            if low.is_finite() {
+                query.push(" AND outline.").push(*name).push(" >= ").push_bind(*low);
+            }
+            if high.is_finite() {
+                query.push(" AND outline.").push(*name).push(" <= ").push_bind(*high);
+            }
+        }
+        if let Some(owner) = &self.owner {
+            query.push(" AND outline.owner = ").push_bind(owner.clone());
+        }
+        match self.pinned {
+            Some(true) => {
+                query.push(" AND outline.id IN ").push(PINNED);
+            }
+            Some(false) => {
+                query.push(" AND outline.id NOT IN ").push(PINNED);
+            }
+            None => {}
+        }
+        if let Some(note) = &self.note {
+            among(query, "note JOIN result_task USING (key)");
+            query.push(" WHERE instr(lower(text), lower(").push_bind(note.clone()).push(")))");
+        }
+        if let Some(tag) = &self.tag {
+            let tagged = "job_tag JOIN job ON job.id = job_tag.job \
+                JOIN result_task ON result_task.key = job.key";
+            among(query, tagged);
+            query.push(" WHERE tag = ").push_bind(tag.clone()).push(")");
+        }
+        if let Some(label) = &self.label {
+            among(query, "job JOIN result_task ON result_task.key = job.key");
+            query.push(" WHERE label = ").push_bind(label.clone()).push(")");
+        }
+    }
+}
+
+/// The outlines of pinned results, which are few.
+const PINNED: &str = "(SELECT result_task.id FROM result INDEXED BY result_pinned
+    JOIN result_task USING (key) WHERE pinned)";
+
+/// Restricts outlines to those of a join; the condition and the parenthesis are the caller's.
+fn among(query: &mut QueryBuilder<Sqlite>, join: &'static str) {
+    query.push(" AND outline.id IN (SELECT result_task.id FROM ").push(join);
+}
+
+fn sorted_by(name: &str) -> Option<&'static str> {
+    let scalars = SCALARS.iter().map(|scalar| scalar.name);
+    ["created", "size"].into_iter().chain(scalars).find(|known| *known == name)
+}
+
+/// Where a page begins: behind the result that has this number and this value in the order, or none.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cursor {
+    value: Option<f64>,
+    id: i64,
+}
+
+impl fmt::Display for Cursor {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.value {
+            Some(value) => write!(f, "{:016x}-{}", value.to_bits(), self.id),
+            None => write!(f, "null-{}", self.id),
+        }
+    }
+}
+
+impl FromStr for Cursor {
+    type Err = ();
+    fn from_str(text: &str) -> Result<Self, ()> {
+        let (value, id) = text.split_once('-').ok_or(())?;
+        let value = match value {
+            "null" => None,
+            bits if bits.len() == 16 => {
+                let value = f64::from_bits(u64::from_str_radix(bits, 16).map_err(drop)?);
+                Some(value).filter(|value| value.is_finite()).map(Some).ok_or(())?
+            }
+            _ => return Err(()),
+        };
+        Ok(Self { value, id: id.parse().map_err(drop)? })
+    }
+}
+
+/// A result in a list.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Listed {
+    /// Its address.
+    pub key: Key,
+    /// When it was first known here, in milliseconds since 1970, like the times below.
+    pub created: i64,
+    /// For whom it was computed, if that is known.
+    pub owner: Option<String>,
+    /// Bytes of its body.
+    pub size: u64,
+    /// Whether it is kept whatever room it takes.
+    pub pinned: bool,
+    /// When its body was dropped.
+    pub evicted: Option<i64>,
+    /// What somebody says of it.
+    pub note: Option<Note>,
+    /// What it is looked for by.
+    pub outline: Outline,
+}
+
+/// A part of a list of results.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Found {
+    /// The results.
+    pub results: Vec<Listed>,
+    /// Where the next page begins, if there is one.
+    pub next: Option<Cursor>,
+}
+
+/// The outlines that are chosen first, and then what else there is of their results: chosen are few.
+const CHOSEN: &str = ") AS outline JOIN result_task ON result_task.id = outline.id
+    JOIN result ON result.key = result_task.key LEFT JOIN note ON note.key = result.key";
+
+fn listed(row: &SqliteRow) -> Result<Listed, sqlx::Error> {
+    let words = WORDS.iter().map(|word| row.try_get(word.name));
+    let scalars = SCALARS.iter().map(|scalar| row.try_get(scalar.name));
+    Ok(Listed {
+        key: key(row, "key")?,
+        created: row.try_get("created")?,
+        owner: row.try_get("owner")?,
+        size: u64::try_from(row.try_get::<i64, _>("size")?).unwrap_or(0),
+        pinned: row.try_get("pinned")?,
+        evicted: row.try_get("evicted")?,
+        note: Note::read(row)?,
+        outline: Outline {
+            words: words.collect::<Result<_, _>>()?,
+            scalars: scalars.collect::<Result<_, _>>()?,
+        },
+    })
+}
+
+/// Up to `limit` results that are asked for, behind `cursor`. Those that do not have the number by
+/// which they are ordered come last, whichever way.
+pub(super) async fn page(
+    db: &mut SqliteConnection,
+    search: &Search,
+    cursor: Option<Cursor>,
+    limit: u32,
+) -> Result<Found, Error> {
+    let wanted = usize::try_from(limit).unwrap_or(usize::MAX);
+    let mut rows = Vec::new();
+    if cursor.is_none_or(|cursor| cursor.value.is_some()) {
+        rows = part(db, search, cursor, true, limit).await?;
+    }
+    if rows.len() <= wanted && !matches!(search.by, "created" | "size") {
+        let cursor = cursor.filter(|cursor| cursor.value.is_none());
+        let rest = limit - u32::try_from(rows.len()).unwrap_or(limit);
+        rows.extend(part(db, search, cursor, false, rest).await?);
+    }
+    let more = rows.len() > wanted;
+    rows.truncate(wanted);
+    let next = match rows.last().filter(|_| more) {
+        Some(row) => Some(Cursor { value: row.try_get("place")?, id: row.try_get("id")? }),
+        None => None,
+    };
+    Ok(Found { results: rows.iter().map(listed).collect::<Result<_, _>>()?, next })
+}
+
+/// Results that have the number by which they are ordered, or that do not; one more than asked for
+/// tells whether there is a next page.
+async fn part(
+    db: &mut SqliteConnection,
+    search: &Search,
+    cursor: Option<Cursor>,
+    has: bool,
+    limit: u32,
+) -> Result<Vec<SqliteRow>, Error> {
+    let (order, behind) = if search.descending { (" DESC", " < ") } else { ("", " > ") };
+    let mut query = QueryBuilder::<Sqlite>::new(
+        "SELECT outline.*, result.key AS key, pinned, evicted, note.text AS note,
+             note.owner AS noted_by, note.at AS noted, CAST(outline.",
+    );
+    query.push(search.by).push(" AS REAL) AS place FROM (SELECT * FROM outline WHERE ");
+    search.conditions(&mut query);
+    query.push(" AND outline.").push(search.by);
+    query.push(if has { " IS NOT NULL" } else { " IS NULL" });
+    match cursor {
+        Some(Cursor { value: Some(value), id }) => {
+            query.push(" AND (outline.").push(search.by).push(", outline.id)").push(behind);
+            query.push("(").push_bind(value).push(", ").push_bind(id).push(")");
+        }
+        Some(Cursor { value: None, id }) => {
+            query.push(" AND outline.id").push(behind).push_bind(id);
+        }
+        None => {}
+    }
+    let ordered = |query: &mut QueryBuilder<Sqlite>| {
+        query.push(" ORDER BY outline.").push(search.by).push(order);
+        query.push(", outline.id").push(order);
+    };
+    ordered(&mut query);
+    query.push(" LIMIT ").push_bind(i64::from(limit) + 1).push(CHOSEN);
+    ordered(&mut query);
+    Ok(query.build().fetch_all(db).await?)
+}
+
+/// The result that is there whose given quantities are nearest to those of an outline: by the sum of
+/// their relative differences, and 10 for each word that differs.
+pub(super) async fn nearest(
+    db: &mut SqliteConnection,
+    to: &Outline,
+    except: Option<Key>,
+) -> Result<Option<Key>, Error> {
+    let mut query = QueryBuilder::<Sqlite>::new(
+        "SELECT key FROM result_task WHERE id = (SELECT id FROM outline WHERE present",
+    );
+    if let Some(key) = except {
+        query.push(" AND id IS NOT (SELECT id FROM result_task WHERE key = ");
+        query.push_bind(key.bytes().to_vec()).push(")");
+    }
+    query.push(" ORDER BY 0.0");
+    for (word, value) in WORDS.iter().zip(&to.words) {
+        if word.name != "regime" {
+            query.push(" + 10.0 * (outline.").push(word.name).push(" IS NOT ");
+            query.push_bind(value.clone()).push(")");
+        }
+    }
+    for (scalar, value) in SCALARS.iter().zip(&to.scalars).filter(|(scalar, _)| scalar.given) {
+        let Some(value) = value else { continue };
+        query.push(" + coalesce(abs(outline.").push(scalar.name).push(" - ").push_bind(*value);
+        query.push(") / max(abs(outline.").push(scalar.name).push("), ");
+        query.push_bind(value.abs()).push(", 1e-300), 1.0)");
+    }
+    query.push(", outline.id DESC LIMIT 1)");
+    let row = query.build().fetch_optional(db).await?;
+    Ok(row.map(|row| key(&row, "key")).transpose()?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranges_are_read_with_and_without_units() {
+        let range = |text| Range::quantity(text, Dimension::Force);
+        let near = |text, low: f64, high: f64| {
+            let Range { low: from, high: to } = range(text).unwrap();
+            let close = |a: f64, b: f64| a.total_cmp(&b).is_eq() || (a / b - 1.0).abs() < 2e-9;
+            assert!(close(from, low) && close(to, high), "{text}: {from} {to}");
+            assert!(from <= low && to >= high, "{text}");
+        };
+        near("50 N..0.2 kN", 50.0, 200.0);
+        near("50..200", 50.0, 200.0);
+        near("50..", 50.0, f64::INFINITY);
+        near(" .. 2 N", f64::NEG_INFINITY, 2.0);
+        near("100", 100.0, 100.0);
+        near("0..1 kN", 0.0, 1000.0);
+        for bad in ["", "..", "2..1", "50..200 N", "0.1 kN..2", "a..b", "1 m", "1..2..3"] {
+            assert!(range(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn moments_are_days_or_instants() {
+        assert_eq!(moment("1970-01-02"), Ok(86_400_000.0));
+        assert_eq!(moment("1970-01-01T00:00:01Z"), Ok(1000.0));
+        assert!(moment("yesterday").is_err());
+    }
+
+    #[test]
+    fn a_cursor_reads_back_as_it_was_written() {
+        for value in [None, Some(0.0), Some(-1.5), Some(2.5e-13)] {
+            let cursor = Cursor { value, id: 7 };
+            assert_eq!(cursor.to_string().parse(), Ok(cursor));
+        }
+        for bad in ["", "null", "7ff0000000000000-1", "1-1", "null-x"] {
+            assert!(bad.parse::<Cursor>().is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,60 @@
+//! What a computation costs, by the clock and of the processor.
+
+use std::time::{Duration, Instant};
+
+use crate::job::Cost;
+
+/// Measures the thread that starts it and asks it.
+#[derive(Debug)]
+pub struct Stopwatch {
+    started: Instant,
+    cpu: Option<Duration>,
+}
+
+impl Stopwatch {
+    /// Starts now.
+    #[must_use]
+    pub fn start() -> Self {
+        Self { started: Instant::now(), cpu: thread_time() }
+    }
+
+    /// By the clock.
+    #[must_use]
+    pub fn elapsed(&self) -> Duration {
+        self.started.elapsed()
+    }
+
+    /// The cost since the start.
+    #[must_use]
+    pub fn cost(&self) -> Cost {
+        let since = |before| thread_time().map(|now| now.saturating_sub(before));
+        Cost { wall: self.elapsed(), cpu: self.cpu.and_then(since) }
+    }
+}
+
+/// The time that a processor has given to this thread.
+#[cfg(unix)]
+fn thread_time() -> Option<Duration> {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+    Duration::try_from(time).ok()
+}
+
+#[cfg(not(unix))]
+fn thread_time() -> Option<Duration> {
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[cfg(unix)]
+    #[test]
+    fn a_thread_that_sleeps_costs_time_but_no_processor() {
+        let watch = Stopwatch::start();
+        std::thread::sleep(Duration::from_millis(200));
+        let Cost { wall, cpu } = watch.cost();
+        assert!(wall >= Duration::from_millis(200));
+        assert!(cpu.is_some_and(|cpu| cpu < wall / 2), "{cpu:?}");
+    }
+}

@@ -1,0 +1,586 @@
+//! The library of results: found by what was asked and what came out, with where they come from.
+
+use fretwork::store::{Cursor, SCALARS, Search, WORDS};
+use proptest::prelude::*;
+use serde_json::{Value, json};
+use sqlx::{Connection as _, Row as _};
+use tokio::runtime::Builder;
+
+use crate::moving::sha256;
+use crate::server::{Gate, JSON, Server, ball, steel_ball};
+use crate::store::raw;
+
+/// Some results that differ in shape, method and numbers; their keys.
+async fn collection(server: &Server) -> Vec<String> {
+    let mut bodies = vec![ball(1.0), ball(2.0), ball(2.5), ball(10.0)];
+    for (friction, shape) in [(0.3, "sphere"), (0.5, "paraboloid"), (0.9, "paraboloid")] {
+        let mut body = ball(1.5);
+        body["scenario"]["friction"] = json!(friction);
+        body["scenario"]["profile"]["shape"] = json!(shape);
+        body["tags"] = json!(["series"]);
+        bodies.push(body);
+    }
+    let mut cone = ball(0.5);
+    cone["scenario"]["profile"] = json!({"shape": "cone", "slope_angle": "1 deg"});
+    cone["scenario"]["load"] = json!({"normal_force": "20 N"});
+    cone["label"] = json!("the cone");
+    bodies.push(cone);
+    let mut exact = ball(2.0);
+    exact["scenario"]["model"] = json!({"method": "exact", "tolerance": 0.01, "points": 64});
+    exact["scenario"]["cycles"] = json!([500]);
+    bodies.push(exact);
+    let mut keys = Vec::new();
+    for body in &bodies {
+        let job = server.compute(body).await.json();
+        assert_eq!(job["state"], "succeeded", "{job}");
+        keys.push(job["key"].as_str().unwrap().to_owned());
+    }
+    keys
+}
+
+async fn list(server: &Server, query: &str) -> Vec<Value> {
+    let reply = server.get(&format!("/v1/results?{query}")).await;
+    assert_eq!(reply.status, 200, "{query}: {}", reply.text());
+    reply.json()["results"].as_array().unwrap().clone()
+}
+
+fn keys(list: &[Value]) -> Vec<&str> {
+    list.iter().map(|entry| entry["key"].as_str().unwrap()).collect()
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn results_are_found_by_what_was_asked_and_what_came_out() {
+    let server = Server::start().await;
+    let all = collection(&server).await;
+    let newest: Vec<&str> = all.iter().rev().map(String::as_str).collect();
+    assert_eq!(keys(&list(&server, "").await), newest, "the newest first, none missing");
+    for (query, places) in [
+        ("shape=cone", &[7][..]),
+        ("method=exact", &[8]),
+        ("regime=gross_slip", &[4, 3]),
+        ("friction=0.3", &[4]),
+        ("friction=..0.5", &[5, 4]),
+        ("friction=0.6..0.8&shape=paraboloid&method=simplified", &[3, 2, 1, 0]),
+        ("amplitude=2%20um", &[8, 1]),
+        ("amplitude=1500%20nm..2.1%20um&friction=0.7", &[8, 1]),
+        ("normal_force=..0.05%20kN", &[7]),
+        ("normal_force=100&shape=sphere", &[4]),
+        ("held=force", &[7]),
+        ("slope_angle=0.5%20deg..2%20deg", &[7]),
+        ("tag=series", &[6, 5, 4]),
+        ("label=the%20cone", &[7]),
+        ("tag=none", &[]),
+        ("friction=2..", &[]),
+        ("created=2020-01-01..&shape=sphere", &[4]),
+        ("created=..2020-01-01", &[]),
+        ("owner=127.0.0.1&shape=cone", &[7]),
+        ("owner=nobody", &[]),
+        ("friction=..0.5&sort=friction", &[4, 5]),
+        ("friction=..0.5&sort=-friction", &[5, 4]),
+        ("evicted=true", &[]),
+    ] {
+        let found = list(&server, query).await;
+        let expected: Vec<&str> = places.iter().map(|place| all[*place].as_str()).collect();
+        assert_eq!(keys(&found), expected, "{query}");
+    }
+    // What a list says of a result is what the result says.
+    for entry in list(&server, "").await {
+        let link = entry["link"].as_str().unwrap();
+        let body = server.get(link).await;
+        let result = body.json();
+        assert_eq!(entry["size"], body.body.len());
+        assert_eq!(entry["regime"], result["regime"]);
+        assert_eq!(entry["shape"], result["scenario"]["profile"]["shape"]);
+        let (values, history) = (&entry["values"], &result["history"]);
+        for name in ["wear_volume", "wear_depth", "scar_radius", "cycles"] {
+            assert_eq!(values[name], *history[name].as_array().unwrap().last().unwrap(), "{name}");
+        }
+        assert_eq!(values["normal_force"], result["scales"]["normal_force"]);
+        assert_eq!(values["friction"], result["scenario"]["friction"]);
+    }
+    let page = server.get("/v1/results?limit=1").await.json();
+    assert_eq!(
+        (&page["units"]["wear_depth"], &page["units"]["friction"]),
+        (&json!("m"), &json!("1"))
+    );
+    assert_eq!(page["units"]["dissipated_energy"], "J");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn pages_follow_each_other_in_every_order_and_nulls_come_last() {
+    let server = Server::start().await;
+    let all = collection(&server).await;
+    for sort in
+        ["created", "-created", "wear_depth", "-wear_volume", "slope_angle", "-slope_angle", "size"]
+    {
+        let (mut seen, mut values) = (Vec::new(), Vec::new());
+        let mut next = Some(format!("/v1/results?sort={sort}&limit=2"));
+        while let Some(address) = next {
+            let reply = server.get(&address).await;
+            let page = reply.json();
+            let entries = page["results"].as_array().unwrap();
+            seen.extend(keys(entries).into_iter().map(str::to_owned));
+            values.extend(
+                entries.iter().map(|entry| entry["values"][sort.trim_start_matches('-')].as_f64()),
+            );
+            next = page["next"].as_str().map(str::to_owned);
+            let link = next.as_ref().map(|next| format!("<{next}>; rel=\"next\""));
+            assert_eq!(reply.header("link"), link.as_deref());
+        }
+        let mut sorted = seen.clone();
+        sorted.sort();
+        sorted.dedup();
+        assert_eq!((seen.len(), sorted.len()), (all.len(), all.len()), "{sort}");
+        let numbers: Vec<f64> = values.iter().copied().flatten().collect();
+        let ordered = |pair: &[f64]| {
+            if sort.starts_with('-') { pair[0] >= pair[1] } else { pair[0] <= pair[1] }
+        };
+        assert!(numbers.windows(2).all(ordered), "{sort}: {values:?}");
+        if sort.ends_with("slope_angle") {
+            assert_eq!(numbers.len(), 1);
+            assert!(values[0].is_some(), "{sort}: what has none comes last");
+        }
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn every_fault_of_a_search_is_listed() {
+    let server = Server::start().await;
+    let query = "shape=cube&friction=2..1&wear_depth=..2%20N&pinned=yes&sort=colour&limit=0&cursor=x\
+        &created=soon&normal_force=0.1..0.2%20kN&firction=1";
+    let problem =
+        server.get(&format!("/v1/results?{query}")).await.problem(422, "invalid-parameters");
+    let names: Vec<&str> = problem["errors"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|error| error["parameter"].as_str().unwrap())
+        .collect();
+    let mut sorted = names.clone();
+    sorted.sort_unstable();
+    assert_eq!(
+        sorted,
+        [
+            "created",
+            "cursor",
+            "firction",
+            "friction",
+            "limit",
+            "normal_force",
+            "pinned",
+            "shape",
+            "sort",
+            "wear_depth"
+        ],
+        "{problem}"
+    );
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_result_says_where_it_comes_from() {
+    let server = Server::start().await;
+    let headers = [JSON, ("Prefer", "wait=60"), ("x-request-id", "the-first")];
+    let first = server.send("POST", "/v1/jobs", &headers, steel_ball().to_string()).await.json();
+    server.compute(&steel_ball()).await;
+    // One that goes through the queue and one that does not are told of alike.
+    let headers = [JSON, ("x-request-id", "the-second")];
+    let queued = server.send("POST", "/v1/jobs", &headers, ball(1.25).to_string()).await.json();
+    let id = queued["id"].as_str().unwrap();
+    assert_eq!(server.get(&format!("/v1/jobs/{id}?wait=60")).await.json()["state"], "succeeded");
+    for (job, request, jobs) in [(&first, "the-first", 2), (&queued, "the-second", 1)] {
+        let key = job["key"].as_str().unwrap();
+        let body = server.get(&format!("/v1/results/{key}")).await.body;
+        let told = server.get(&format!("/v1/results/{key}/provenance")).await.json();
+        let sum = sha256(&body);
+        assert_eq!(told["body"], json!({"bytes": body.len(), "sha256": sum}));
+        let computed = &told["computed"];
+        assert_eq!(
+            (&computed["owner"], &computed["request"]),
+            (&json!("127.0.0.1"), &json!(request))
+        );
+        assert_eq!(computed["job"], job["id"]);
+        let seconds = |name: &str| computed[name].as_f64().unwrap();
+        assert!(seconds("wall_seconds") > 0.0 && seconds("cpu_seconds") > 0.0, "{told}");
+        assert_eq!(told["program"]["version"], env!("CARGO_PKG_VERSION"));
+        assert_eq!(told["program"]["numerics"], 1);
+        assert_eq!(told["program"]["architecture"], std::env::consts::ARCH);
+        assert!(told["program"]["host"].as_str().is_some_and(|host| !host.is_empty()));
+        assert_eq!(told["jobs"], jobs);
+        let nothing = ["note", "evicted", "deleted_by", "imported"];
+        assert!(nothing.iter().all(|name| told[name].is_null()), "{told}");
+        assert_eq!(told["pinned"], false);
+    }
+    let unknown = format!("/v1/results/{}/provenance", "0".repeat(64));
+    server.get(&unknown).await.problem(404, "unknown-result");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_note_is_kept_shown_found_and_taken_away() {
+    let server = Server::start().await;
+    let key = server.compute(&steel_ball()).await.json()["key"].as_str().unwrap().to_owned();
+    let at = format!("/v1/results/{key}/note");
+    let put = |text: Value| server.send("PUT", &at, &[JSON], json!({"text": text}).to_string());
+    assert_eq!(put(json!("Agrees with RIG 7.")).await.status, 204);
+    assert_eq!(put(json!("Agrees with RIG 8.\nTwice.")).await.status, 204);
+    let told = server.get(&format!("/v1/results/{key}/provenance")).await.json();
+    assert_eq!(told["note"]["text"], "Agrees with RIG 8.\nTwice.");
+    assert_eq!(told["note"]["owner"], "127.0.0.1");
+    assert_eq!(list(&server, "note=rig%208").await[0]["note"], told["note"]);
+    assert!(list(&server, "note=rig%207").await.is_empty());
+    for bad in [json!(""), json!("x".repeat(4001)), json!("\u{7}"), json!(7)] {
+        let problem = put(bad).await.problem(422, "invalid-request");
+        assert_eq!(problem["errors"][0]["pointer"], "/text");
+    }
+    let more = json!({"text": "a", "colour": "red"}).to_string();
+    server.send("PUT", &at, &[JSON], more).await.problem(422, "invalid-request");
+    assert_eq!(server.send("DELETE", &at, &[], "").await.status, 204);
+    assert!(server.get(&format!("/v1/results/{key}/provenance")).await.json()["note"].is_null());
+    let unknown = format!("/v1/results/{}/note", "0".repeat(64));
+    let text = json!({"text": "a"}).to_string();
+    server.send("PUT", &unknown, &[JSON], text).await.problem(404, "unknown-result");
+    server.send("DELETE", &unknown, &[], "").await.problem(404, "unknown-result");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_deleted_result_is_gone_everywhere_and_comes_back_when_it_is_computed() {
+    let server = Server::start().await;
+    let job = server.compute(&steel_ball()).await.json();
+    let key = job["key"].as_str().unwrap();
+    let at = format!("/v1/results/{key}");
+    let parts = ["", "/history", "/history?format=csv", "/profiles?points=20", "/loops"];
+    for part in parts {
+        // From the database, then from memory.
+        assert_eq!(server.get(&format!("{at}{part}")).await.status, 200);
+        assert_eq!(server.get(&format!("{at}{part}")).await.status, 200);
+    }
+    let before = server.get(&at).await.body;
+    assert_eq!(server.send("PUT", &format!("{at}/pin"), &[], "").await.status, 204);
+    assert_eq!(keys(&list(&server, "pinned=true").await), [key]);
+    assert!(list(&server, "pinned=false").await.is_empty());
+    server.send("DELETE", &at, &[], "").await.problem(409, "pinned");
+    assert_eq!(server.send("DELETE", &format!("{at}/pin"), &[], "").await.status, 204);
+    assert_eq!(server.send("DELETE", &at, &[], "").await.status, 204);
+    for part in parts {
+        let problem = server.get(&format!("{at}{part}")).await.problem(410, "evicted");
+        assert_eq!(problem["scenario"]["friction"], 0.7);
+        assert!(problem["detail"].as_str().unwrap().contains("deleted by 127.0.0.1"), "{problem}");
+    }
+    server.send("DELETE", &at, &[], "").await.problem(410, "evicted");
+    let unknown = format!("/v1/results/{}", "0".repeat(64));
+    server.send("DELETE", &unknown, &[], "").await.problem(404, "unknown-result");
+    assert!(list(&server, "").await.is_empty());
+    let gone = list(&server, "evicted=true").await;
+    assert_eq!(keys(&gone), [key]);
+    assert!(gone[0]["evicted"].is_string());
+    let told = server.get(&format!("{at}/provenance")).await.json();
+    assert_eq!(told["deleted_by"], "127.0.0.1");
+    let id = job["id"].as_str().unwrap();
+    let still = server.get(&format!("/v1/jobs/{id}")).await.json();
+    assert_eq!(still["summary"], job["summary"], "its jobs stay");
+    let again = server.compute(&steel_ball()).await;
+    assert_eq!(again.header("cache-status"), Some("fretwork; fwd=miss; stored"));
+    assert_eq!(server.get(&at).await.body, before);
+    let told = server.get(&format!("{at}/provenance")).await.json();
+    assert!(told["deleted_by"].is_null() && told["evicted"].is_null());
+    assert_eq!(keys(&list(&server, "").await), [key]);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 4)]
+async fn a_result_deleted_while_it_is_read_is_not_remembered() {
+    let server = Server::computing(Gate::opened(), &fretwork::api::Origins::Own).await;
+    for round in 0..40 {
+        let body = ball(1.0 + 0.01 * f64::from(round));
+        let key = server.compute(&body).await.json()["key"].as_str().unwrap().to_owned();
+        let at = format!("/v1/results/{key}");
+        let reads = async {
+            tokio::join!(server.get(&at), server.get(&at), server.get(&at), server.get(&at))
+        };
+        let (deleted, _) = tokio::join!(server.send("DELETE", &at, &[], ""), reads);
+        assert_eq!(deleted.status, 204);
+        server.get(&at).await.problem(410, "evicted");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_diff_says_which_parameters_and_outputs_differ() {
+    let server = Server::start().await;
+    let mut other = steel_ball();
+    other["scenario"]["friction"] = json!(0.75);
+    other["scenario"]["model"] = json!({"xi": 0.9});
+    let a = server.compute(&steel_ball()).await.json();
+    let b = server.compute(&other).await.json();
+    let diff = server.post("/v1/results/diff", &json!({"keys": [a["key"], b["key"]]})).await;
+    assert_eq!(diff.status, 200, "{}", diff.text());
+    let diff = diff.json();
+    let parameters = diff["parameters"].as_array().unwrap();
+    let pointers: Vec<&str> =
+        parameters.iter().map(|one| one["pointer"].as_str().unwrap()).collect();
+    assert_eq!(pointers, ["/friction", "/model/xi"]);
+    assert_eq!((&parameters[0]["a"], &parameters[0]["b"]), (&json!(0.7), &json!(0.75)));
+    assert!((parameters[0]["relative"].as_f64().unwrap() - 0.05 / 0.7).abs() < 1e-12);
+    assert_eq!((&diff["same_scenario"], &diff["a"]["result"]), (&json!(false), &json!("held")));
+    for output in diff["outputs"].as_array().unwrap() {
+        let name = output["name"].as_str().unwrap();
+        assert_eq!((&output["a"], &output["b"]), (&a["summary"][name], &b["summary"][name]));
+    }
+    assert_eq!(diff["units"]["wear_volume"], "m^3");
+    // Dropped results are compared by what is remembered.
+    let at = format!("/v1/results/{}", b["key"].as_str().unwrap());
+    assert_eq!(server.send("DELETE", &at, &[], "").await.status, 204);
+    let sides = json!({"a": {"key": a["key"]}, "b": {"key": b["key"]}});
+    let again = server.post("/v1/results/diff", &sides).await.json();
+    assert_eq!(
+        (&again["b"]["result"], &again["parameters"]),
+        (&json!("dropped"), &diff["parameters"])
+    );
+    // The same scenario in other units is the same.
+    let sides = json!({"a": {"key": a["key"]}, "b": {"scenario": steel_ball()["scenario"]}});
+    let same = server.post("/v1/results/diff", &sides).await.json();
+    assert_eq!((&same["same_scenario"], &same["parameters"]), (&json!(true), &json!([])));
+    assert_eq!(same["a"]["key"], same["b"]["key"]);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_miss_is_explained_by_the_nearest_result() {
+    let server = Server::start().await;
+    let scenario = |body: &Value| json!({"a": {"scenario": body["scenario"]}});
+    let none = server.post("/v1/results/diff", &scenario(&steel_ball())).await;
+    none.problem(404, "unknown-result");
+    let all = collection(&server).await;
+    let mut near = ball(2.5);
+    near["scenario"]["friction"] = json!(0.71);
+    let diff = server.post("/v1/results/diff", &scenario(&near)).await.json();
+    assert_eq!(diff["b"]["key"], all[2].as_str(), "{diff}");
+    assert_eq!(diff["a"]["result"], "unknown");
+    assert_eq!(diff["parameters"].as_array().unwrap().len(), 1);
+    assert_eq!(diff["parameters"][0]["pointer"], "/friction");
+    assert!(diff["outputs"].is_null());
+    let known = server.post("/v1/results/diff", &scenario(&ball(2.5))).await.json();
+    assert_eq!((&known["b"]["key"], &known["same_scenario"]), (&json!(all[2]), &json!(true)));
+    // Of a result it is another one.
+    let other = server.post("/v1/results/diff", &json!({"a": {"key": all[1]}})).await.json();
+    assert_eq!(other["b"]["key"], all[2].as_str(), "{other}");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_diff_of_something_else_is_refused_with_all_its_faults() {
+    let server = Server::start().await;
+    let key = "0".repeat(64);
+    for (body, pointers) in [
+        (json!({}), &[""][..]),
+        (json!({"keys": [key]}), &["/keys"]),
+        (json!({"keys": ["x", "y"]}), &["/keys/0", "/keys/1"]),
+        (json!({"keys": [key, key], "a": {"key": key}}), &[""]),
+        (json!({"a": {"key": key, "scenario": {}}}), &["/a"]),
+        (json!({"a": {"key": key}, "c": 1}), &["/c"]),
+        (json!({"b": {"key": key}}), &[""]),
+    ] {
+        let problem = server.post("/v1/results/diff", &body).await.problem(422, "invalid-request");
+        let found: Vec<&str> = problem["errors"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|error| error["pointer"].as_str().unwrap())
+            .collect();
+        assert_eq!(found, pointers, "{body}: {problem}");
+    }
+    let mut bad = steel_ball()["scenario"].clone();
+    bad["frction"] = json!(1);
+    let problem = server
+        .post("/v1/results/diff", &json!({"a": {"scenario": bad}, "b": {"key": "x"}}))
+        .await
+        .problem(422, "invalid-request");
+    let text = problem.to_string();
+    assert!(text.contains("/a/scenario/frction") && text.contains("/b/key"), "{text}");
+    server
+        .post("/v1/results/diff", &json!({"keys": [key, key]}))
+        .await
+        .problem(404, "unknown-result");
+}
+
+/// The columns of the tables are those that can be asked for.
+#[tokio::test]
+async fn the_table_of_outlines_has_what_can_be_asked_for() {
+    let (dir, store) = crate::store::fresh().await;
+    store.close().await;
+    let columns: Vec<String> = sqlx::query_scalar("SELECT name FROM pragma_table_info('outline')")
+        .fetch_all(&mut raw(dir.path()).await)
+        .await
+        .unwrap();
+    let known = ["id", "created", "size", "present", "owner"]
+        .into_iter()
+        .chain(WORDS.iter().map(|word| word.name))
+        .chain(SCALARS.iter().map(|scalar| scalar.name));
+    assert_eq!(columns, known.collect::<Vec<_>>());
+    // And the words are those of the engine.
+    let schema: Value = serde_json::from_str(fretwork::engine::scenario::SCHEMA).unwrap();
+    let schema = schema.to_string();
+    for shape in WORDS[0].values {
+        assert!(schema.contains(&format!("\"{shape}\"")), "{shape}");
+    }
+}
+
+/// A row as the brute force sees it.
+#[derive(Debug, Clone)]
+struct Row {
+    id: i64,
+    shape: &'static str,
+    friction: f64,
+    depth: Option<f64>,
+    created: i64,
+}
+
+fn rows() -> impl Strategy<Value = Vec<Row>> {
+    let row = (0..3_usize, 0..8_u8, proptest::option::of(0..6_u8), 0..5_i64);
+    proptest::collection::vec(row, 0..40).prop_map(|rows| {
+        let shapes = ["cone", "sphere", "table"];
+        rows.into_iter()
+            .zip(1..)
+            .map(|((shape, friction, depth, created), id)| Row {
+                id,
+                shape: shapes[shape],
+                friction: f64::from(friction) / 10.0,
+                depth: depth.map(|depth| f64::from(depth) * 1e-6),
+                created,
+            })
+            .collect()
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 48, ..ProptestConfig::default() })]
+    #[test]
+    fn a_search_finds_what_looking_at_every_row_finds(
+        rows in rows(), low in 0..8_u8, high in 0..8_u8, shape in proptest::option::of(0..3_usize),
+        sort in 0..3_usize, descending: bool, limit in 1..7_u32,
+    ) {
+        let runtime = Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
+        runtime.block_on(async {
+            let (dir, store) = crate::store::fresh().await;
+            let mut db = raw(dir.path()).await;
+            for row in &rows {
+                sqlx::query(
+                    "INSERT INTO result (key, summary, digest, size, created)
+                     VALUES (CAST(printf('%032d', ?1) AS BLOB), '{}', zeroblob(32), 1, ?2);
+                     INSERT INTO result_task (id, key, task)
+                     VALUES (?1, CAST(printf('%032d', ?1) AS BLOB), '{}')")
+                    .bind(row.id).bind(row.created).execute(&mut db).await.unwrap();
+                sqlx::query("INSERT INTO outline (id, created, size, present, shape, friction, wear_depth)
+                     VALUES (?1, ?2, 1, 1, ?3, ?4, ?5)")
+                    .bind(row.id).bind(row.created).bind(row.shape).bind(row.friction).bind(row.depth)
+                    .execute(&mut db).await.unwrap();
+            }
+            db.close().await.unwrap();
+            let (low, high) = (f64::from(low.min(high)) / 10.0, f64::from(low.max(high)) / 10.0);
+            let shape = shape.map(|shape| ["cone", "sphere", "table"][shape]);
+            let by = ["created", "friction", "wear_depth"][sort];
+            let mut search = Search::default();
+            search.set("friction", &format!("{low}..{high}")).unwrap();
+            if let Some(shape) = shape { search.set("shape", shape).unwrap(); }
+            search.set("sort", &format!("{}{by}", if descending { "-" } else { "" })).unwrap();
+            let mut expected: Vec<&Row> = rows.iter()
+                .filter(|row| (low..=high).contains(&row.friction))
+                .filter(|row| shape.is_none_or(|shape| row.shape == shape)).collect();
+            let value = |row: &Row| match by {
+                "created" => Some(row.created as f64), "friction" => Some(row.friction), _ => row.depth,
+            };
+            expected.sort_by(|one, other| {
+                let order = match (value(one), value(other)) {
+                    (None, None) => std::cmp::Ordering::Equal,
+                    (None, _) => return std::cmp::Ordering::Greater,
+                    (_, None) => return std::cmp::Ordering::Less,
+                    (Some(one), Some(other)) => one.total_cmp(&other),
+                }.then(one.id.cmp(&other.id));
+                if descending { order.reverse() } else { order }
+            });
+            let expected: Vec<String> = expected.iter().map(|row| format!("{:032}", row.id)).collect();
+            let (mut found, mut cursor) = (Vec::new(), None::<Cursor>);
+            loop {
+                let page = store.search(&search, cursor, limit).await.unwrap();
+                found.extend(page.results.iter().map(|listed|
+                    String::from_utf8(listed.key.bytes().to_vec()).unwrap()));
+                // As it goes through an address.
+                cursor = page.next.map(|cursor| cursor.to_string().parse().unwrap());
+                if cursor.is_none() { break }
+                prop_assert_eq!(page.results.len(), limit as usize);
+            }
+            prop_assert_eq!(found, expected);
+            Ok(())
+        })?;
+    }
+}
+
+/// Outlines go with what they are of, so that the next in number is not taken for done.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_forgotten_result_takes_its_outline_with_it() {
+    let server = Server::start().await;
+    let key = server.compute(&steel_ball()).await.json()["key"].as_str().unwrap().to_owned();
+    assert_eq!(list(&server, "").await.len(), 1);
+    let mut db = raw(server.dir.path()).await;
+    sqlx::query("PRAGMA foreign_keys = ON").execute(&mut db).await.unwrap();
+    sqlx::query("DELETE FROM result").execute(&mut db).await.unwrap();
+    let left: i64 = sqlx::query(
+        "SELECT (SELECT count(*) FROM outline) + (SELECT count(*) FROM result_task)
+        + (SELECT count(*) FROM result_blob)",
+    )
+    .fetch_one(&mut db)
+    .await
+    .unwrap()
+    .get(0);
+    assert_eq!(left, 0);
+    server.compute(&ball(1.0)).await;
+    let found = list(&server, "").await;
+    assert_eq!(found.len(), 1);
+    assert_ne!(keys(&found), [key]);
+}
+
+/// How long a search among 100 000 results takes; a figure, so it is run by hand.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+#[ignore = "prints how long searches take; run it alone"]
+async fn among_a_hundred_thousand() {
+    let (dir, store) = crate::store::fresh().await;
+    let mut db = raw(dir.path()).await;
+    let names: Vec<&str> = SCALARS.iter().map(|scalar| scalar.name).collect();
+    let random = vec!["abs(random() / 9.3e18)"; names.len()].join(", ");
+    let sql = format!(
+        "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < 100000)
+         INSERT INTO result (key, summary, digest, size, created)
+         SELECT randomblob(32), '{{}}', zeroblob(32), 60000, 1700000000000 + i FROM n;
+         INSERT INTO result_task (key, task) SELECT key, '{{}}' FROM result ORDER BY created;
+         INSERT INTO outline (id, created, size, present, shape, method, regime, held, motion, {})
+         SELECT id, created, size, 1, iif(random() > 0, 'cone', 'sphere'), 'exact', 'partial_slip',
+             'depth', 'amplitude', {random} FROM result_task JOIN result USING (key)",
+        names.join(", ")
+    );
+    sqlx::raw_sql(sqlx::AssertSqlSafe(sql)).execute(&mut db).await.unwrap();
+    db.close().await.unwrap();
+    for conditions in [
+        vec![],
+        vec![("friction", "0.5..0.501")],
+        vec![("dissipated_energy", "0.5..0.5001")],
+        vec![("friction", "0.5..0.6"), ("wear_depth", "0.1..0.11"), ("normal_force", "..0.05")],
+        vec![("friction", "2..3")],
+        vec![("wear_depth", "2..3"), ("sort", "wear_depth")],
+        vec![("sort", "-wear_volume")],
+        vec![("friction", "0.5..0.51"), ("sort", "wear_depth")],
+        vec![("sort", "-slope_angle"), ("shape", "cone")],
+        vec![("pinned", "true")],
+        vec![("pinned", "false"), ("friction", "0.5..0.501")],
+        vec![("note", "x")],
+        vec![("owner", "nobody")],
+        vec![("evicted", "true")],
+    ] {
+        let mut search = Search::default();
+        for (name, value) in &conditions {
+            search.set(name, value).unwrap();
+        }
+        let mut times = Vec::new();
+        for _ in 0..9 {
+            let started = std::time::Instant::now();
+            store.search(&search, None, 50).await.unwrap();
+            times.push(started.elapsed());
+        }
+        times.sort();
+        println!("{:>8.2?}  {conditions:?}", times[4]);
+    }
+}
