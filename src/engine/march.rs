@@ -16,7 +16,7 @@
 //! The procedure: A. V. Dimaki et al., *Int. J. Solids Struct.* 51 (2014) 4215. The integrator:
 //! B. P. Sommeijer, L. F. Shampine, J. G. Verwer, *J. Comput. Appl. Math.* 88 (1998) 315 (RKC).
 
-use super::contact::{Contact, Regime};
+use super::contact::{Contact, Regime, UnwornSums};
 use super::control::{Control, Final, Normal, Tangential};
 use super::limit::Limit;
 use super::rkc::Rkc;
@@ -191,6 +191,15 @@ fn effort(contact: &Contact, control: &Control, law: Law, tolerance: f64) -> (us
     }
 }
 
+/// 2 ∫ y ω dx of the unworn contact, which the springs of a mesh put at `seen`: cells that are laid out for
+/// the strongest block may be wider than the ring that slips in the first.
+fn first_loss(contact: &Contact, control: &Control, seen: f64) -> f64 {
+    match control.tangential {
+        Tangential::Blocks(_) => 2.0 * UnwornSums::of(contact, None).loss,
+        _ => seen,
+    }
+}
+
 /// One mesh and one integration.
 #[derive(Debug)]
 struct Run {
@@ -306,6 +315,10 @@ impl March {
         let mut known = Vec::new();
         if contact.regime == Regime::GrossSlip {
             known.push(EventKind::GrossSlip);
+        }
+        if fine.loss[0] <= SHAKEN * fine.first_loss {
+            // A ring that is lost between two nodes has not shaken down.
+            known.push(EventKind::Shakedown);
         }
         let mut events = Vec::new();
         if fine.wearing.springs().slides() {
@@ -549,7 +562,8 @@ impl Run {
         // A narrow ring is worn sooner: a sixth of the time it would take at the first rate.
         wearing.press(&unworn);
         let rate = wearing.energy_rate();
-        let scale = contact.limit.volume / (6.0 * rate);
+        let first_loss = first_loss(contact, control, rate);
+        let scale = contact.limit.volume / (6.0 * first_loss);
         let size = contact.limit.depth.min(quickens(contact, control));
         let rkc = Rkc::new(&mut wearing, unworn, tolerance, (scale, size));
         let control = control.clone();
@@ -564,7 +578,7 @@ impl Run {
             rests: false,
             worn_by_energy: [0.0; 2],
             loss: [rate; 2],
-            first_loss: rate,
+            first_loss,
         }
     }
 

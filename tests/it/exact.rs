@@ -6,6 +6,7 @@ use fretwork::engine::contact::{Contact, UnwornSums};
 use fretwork::engine::control::{Block, Control, Normal, Tangential};
 use fretwork::engine::march::{EventKind, Instant, March};
 use fretwork::engine::numeric::integrate;
+use fretwork::engine::outcome::Outcome;
 use fretwork::engine::profile::Shape;
 use fretwork::engine::scenario;
 use fretwork::engine::simulation::Simulation;
@@ -310,6 +311,35 @@ fn blocks_that_come_back_to_gross_slip_say_so_each_time() {
         let shaken = of("shakedown");
         assert!(shaken.first().is_some_and(|first| *first < 1e8), "{:?}", outcome.events);
         assert!(shaken.last().is_some_and(|last| *last > 1.1e9), "{:?}", outcome.events);
+    }
+}
+
+/// The ring of a first block far weaker than the next is lost between two nodes: it has not shaken down, and
+/// what follows is worn as if it came first.
+#[test]
+fn a_first_block_that_hardly_slips_leaves_the_next_as_it_is() {
+    for method in ["exact", "simplified"] {
+        let run = |blocks: Value, cycles: Value| {
+            let mut request = steel_ball();
+            request["load"]["held"] = json!("force");
+            request["motion"] = json!({"blocks": blocks});
+            request["cycles"] = cycles;
+            request["model"] = json!({"method": method});
+            let (scenario, _) = scenario::check(&request, "").expect("valid");
+            Simulation::of(&scenario).expect("a contact").run()
+        };
+        let slips = json!({"amplitude": 6e-6, "cycles": 20_000});
+        let weak = json!({"amplitude": 1e-9, "cycles": 1});
+        let alone = run(json!([slips]), json!([20_000]));
+        let after = run(json!([weak, slips]), json!([1, 20_001]));
+        assert!(after.events.iter().all(|event| event.kind != "shakedown"), "{:?}", after.events);
+        for column in [
+            |outcome: &Outcome| *outcome.history.wear_volume.last().expect("one"),
+            |outcome: &Outcome| *outcome.history.indentation_depth.last().expect("one"),
+        ] {
+            let (alone, after) = (column(&alone), column(&after));
+            assert!((after / alone - 1.0).abs() < 0.01, "{method}: {after} {alone}");
+        }
     }
 }
 
