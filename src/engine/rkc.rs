@@ -22,6 +22,8 @@ pub trait Rates {
     fn live(&self) -> usize;
     /// No component needs to be known better than to a share of this, however large it is.
     fn most(&self) -> f64;
+    /// Whether no rate is ever negative.
+    fn rises(&self) -> bool;
 }
 
 /// The coefficients of s stages.
@@ -91,6 +93,8 @@ const FIRST_STEP: f64 = 0.02;
 const LONGEST_STEP: (f64, f64) = (1.5, 0.15);
 /// Components that have grown to less than this share of the largest do not count in the mean of the error.
 const GROWN: f64 = 0.01;
+/// A fall within a step of less than this share of the largest component is rounding.
+const FALLEN: f64 = 1e-12;
 const MOST_STAGES: usize = 1000;
 /// Beyond the first of these, stages come in multiples of the second: few sets of coefficients are made and
 /// kept.
@@ -98,6 +102,12 @@ const STAGES_APART: (usize, usize) = (200, 50);
 /// After so many steps, and each time that their number has doubled, so is the tolerance: every run ends, and
 /// says how well it was done.
 const PATIENCE: usize = 2000;
+
+/// How many stages make a step stable.
+fn stages(h: f64, radius: f64) -> usize {
+    let stages = ((1.0 + 1.54 * h * radius).sqrt().ceil() as usize).clamp(2, MOST_STAGES);
+    if stages > STAGES_APART.0 { stages.next_multiple_of(STAGES_APART.1) } else { stages }
+}
 
 impl Rkc {
     /// Begins at time 0. `scale` holds the time in which slow changes happen, and a size that the
@@ -199,16 +209,11 @@ impl Rkc {
             let left = end - self.time;
             let whole = self.step.min(limit) >= 0.999 * left;
             let h = if whole { left } else { self.step.min(limit) };
-            let stages = ((1.0 + 1.54 * h * radius).sqrt().ceil() as usize).clamp(2, MOST_STAGES);
-            let stages = if stages > STAGES_APART.0 {
-                stages.next_multiple_of(STAGES_APART.1)
-            } else {
-                stages
-            };
-            self.compute(system, h, stages);
+            self.compute(system, h, stages(h, radius));
             let error = self.error(h, live.max(system.live()), system.most());
-            let [next, next_rates, _] = &mut self.scratch;
             if error <= 1.0 || h <= least {
+                self.keep_rising(system);
+                let [next, next_rates, _] = &mut self.scratch;
                 std::mem::swap(&mut self.before.1, &mut self.values);
                 std::mem::swap(&mut self.before.2, &mut self.rates);
                 std::mem::swap(&mut self.values, next);
@@ -264,6 +269,24 @@ impl Rkc {
         self.evaluations += stages;
     }
 
+    /// What only rises has not fallen: where a rate ends within a step the stages may overshoot.
+    fn keep_rising(&mut self, system: &mut impl Rates) {
+        if !system.rises() {
+            return;
+        }
+        let [next, next_rates, _] = &mut self.scratch;
+        let (mut fall, mut most) = (0.0_f64, 0.0_f64);
+        for (next, value) in next.iter_mut().zip(&self.values) {
+            fall = fall.max(value - *next);
+            *next = next.max(*value);
+            most = most.max(*next);
+        }
+        if fall > FALLEN * most {
+            system.rates(next, next_rates);
+            self.evaluations += 1;
+        }
+    }
+
     /// The root mean square of the estimated local error over what is allowed.
     fn error(&self, h: f64, live: usize, limit: f64) -> f64 {
         let [next, next_rates, _] = &self.scratch;
@@ -279,6 +302,22 @@ impl Rkc {
         (sum / count.max(1) as f64).sqrt() / allowed
     }
 
+    /// The values at a time within the last step, by a shorter step from where it began: rates of what is stiff
+    /// say nothing of what lies between. With the right-hand sides that it took.
+    #[must_use]
+    pub fn again(&self, system: &mut impl Rates, time: f64) -> (Vec<f64>, usize) {
+        let mut shorter = self.clone();
+        shorter.restart(system, Some(self.before.1.clone()));
+        let h = time - self.before.0;
+        let stages = stages(h, system.radius());
+        shorter.compute(system, h, stages);
+        let [mut values, ..] = shorter.scratch;
+        for (value, (from, to)) in values.iter_mut().zip(self.before.1.iter().zip(&self.values)) {
+            *value = value.clamp(from.min(*to), from.max(*to));
+        }
+        (values, shorter.evaluations - self.evaluations)
+    }
+
     /// The values at a time within the last step, by cubic Hermite interpolation.
     #[must_use]
     pub fn at(&self, time: f64) -> Vec<f64> {
@@ -292,11 +331,12 @@ impl Rkc {
         let (to, to_rates) = (&self.values, &self.rates);
         (0..to.len())
             .map(|j| {
-                let value = v * v * (1.0 + 2.0 * u) * from[j]
+                // Monotone between the ends, as slow changes are: with steeper ends a cubic may overshoot.
+                let most = 3.0 * (to[j] - from[j]) / h;
+                let rate = |rate: f64| rate.clamp(most.min(0.0), most.max(0.0));
+                v * v * (1.0 + 2.0 * u) * from[j]
                     + uu * (3.0 - 2.0 * u) * to[j]
-                    + h * u * v * (v * from_rates[j] - u * to_rates[j]);
-                // Between the ends, as slow changes are: a cubic may overshoot.
-                value.clamp(from[j].min(to[j]), from[j].max(to[j]))
+                    + h * u * v * (v * rate(from_rates[j]) - u * rate(to_rates[j]))
             })
             .collect()
     }
@@ -320,6 +360,9 @@ mod tests {
         }
         fn most(&self) -> f64 {
             f64::INFINITY
+        }
+        fn rises(&self) -> bool {
+            false
         }
         fn live(&self) -> usize {
             self.0.len()

@@ -626,6 +626,11 @@ impl Rates for Wearing {
         }
     }
 
+    fn rises(&self) -> bool {
+        // The rule wears springs outside the contact negatively.
+        self.law == Law::Exact
+    }
+
     fn live(&self) -> usize {
         match self.law {
             Law::Exact => self.springs.compressions().len(),

@@ -398,10 +398,10 @@ fn a_small_core_bears_the_force_in_the_end() {
     }
 }
 
-/// Reported wear is held to what was reported before; by so much the steps themselves would let it fall.
+/// Rates that are never negative leave no wear that falls, whatever a report makes of it.
 #[test]
-fn wear_hardly_falls_even_before_it_is_held() {
-    let (mut largest, mut falling) = (0.0_f64, 0);
+fn wear_never_falls_even_before_it_is_held() {
+    let mut largest = 0.0_f64;
     for i in 1..=140 {
         let (contact, control, last) = any_problem(i);
         let mut run =
@@ -419,8 +419,7 @@ fn wear_hardly_falls_even_before_it_is_held() {
             (before, reach) = (now.wear, run.reach());
         }
         largest = largest.max(fall);
-        falling += u32::from(fall > 1e-6);
     }
-    println!("largest fall {largest:.1e} d₀; more than 1e-6 d₀ in {falling} of 140");
-    assert!(largest < 1e-3, "{largest}");
+    println!("largest fall {largest:.1e} d₀");
+    assert!(largest < 1e-6, "{largest}");
 }
