@@ -222,6 +222,8 @@ struct Run {
     /// 2 ∫ y ω dx at both ends of the last step.
     loss: [f64; 2],
     first_loss: f64,
+    /// Whether its energy is told: otherwise it need not be known well.
+    accounts: bool,
 }
 
 impl March {
@@ -310,7 +312,8 @@ impl March {
             Some(plan) => plan,
             None => Plan::first(contact, control, cells)?,
         };
-        let fine = Run::new(contact, control, law, plan.clone(), cells, tolerance);
+        let mut fine = Run::new(contact, control, law, plan.clone(), cells, tolerance);
+        fine.accounts = true;
         let coarse = Run::new(contact, control, law, plan, cells / 2, 4.0 * tolerance);
         let check = 0.01 * fine.rkc.scale();
         let until = Until::default();
@@ -582,6 +585,7 @@ impl Run {
             worn_by_energy: [0.0; 2],
             loss: [rate; 2],
             first_loss,
+            accounts: false,
         }
     }
 
@@ -613,7 +617,11 @@ impl Run {
         let (began, time) = (self.rkc.began(), self.rkc.time());
         self.loss = [self.loss[1], self.wearing.energy_rate()];
         self.worn_by_energy[0] = self.worn_by_energy[1];
-        self.worn_by_energy[1] += self.loss_since(began, time, self.loss[1]);
+        self.worn_by_energy[1] += if self.accounts {
+            self.loss_since(began, time, self.loss[1])
+        } else {
+            0.5 * (time - began) * (self.loss[0] + self.loss[1])
+        };
         if end.is_infinite() && self.has_arrived(end) {
             self.settled = Some(time);
         }

@@ -328,15 +328,17 @@ impl Rkc {
         }
         let u = (time - start) / h;
         let (v, uu) = (1.0 - u, u * u);
-        let (to, to_rates) = (&self.values, &self.rates);
-        (0..to.len())
-            .map(|j| {
+        let (rest, gone) = (v * v * (1.0 + 2.0 * u), uu * (3.0 - 2.0 * u));
+        let (early, late) = (h * u * v * v, h * uu * v);
+        let ends = from.iter().zip(&self.values);
+        let rates = from_rates.iter().zip(&self.rates);
+        ends.zip(rates)
+            .map(|((from, to), (from_rate, to_rate))| {
                 // Monotone between the ends, as slow changes are: with steeper ends a cubic may overshoot.
-                let most = 3.0 * (to[j] - from[j]) / h;
-                let rate = |rate: f64| rate.clamp(most.min(0.0), most.max(0.0));
-                v * v * (1.0 + 2.0 * u) * from[j]
-                    + uu * (3.0 - 2.0 * u) * to[j]
-                    + h * u * v * (v * rate(from_rates[j]) - u * rate(to_rates[j]))
+                let steepest = 3.0 * (to - from) / h;
+                let (low, high) = (steepest.min(0.0), steepest.max(0.0));
+                let slope = |rate: &f64| rate.max(low).min(high);
+                rest * from + gone * to + early * slope(from_rate) - late * slope(to_rate)
             })
             .collect()
     }

@@ -343,6 +343,28 @@ fn a_first_block_that_hardly_slips_leaves_the_next_as_it_is() {
     }
 }
 
+/// Under a blunt tip on a rig at the onset of gross slip springs stick to rounding: the edge is told as a radius.
+#[test]
+fn a_blunt_tip_at_the_onset_of_gross_slip_has_a_stick_radius() {
+    let request = json!({
+        "profile": {"shape": "power", "exponent": 6.615_970_556_05, "height": 0.779_669_496_24,
+            "at_radius": 0.308_350_253_423},
+        "moduli": {"normal": 183_728.031_357, "tangential": 146_982.425_085},
+        "friction": 1.515_955_534_44,
+        "wear": {"coefficient": 1.750_799_289_7e-16},
+        "load": {"indentation_depth": 6.812_769_402_92e-9},
+        "motion": {"amplitude": 1.290_981_955_22e-8, "rig_stiffness": 255_512_946_024.0_f64},
+        "cycles": [1, 1e5, 1e9],
+        "model": {"points": 75},
+    });
+    let (scenario, _) = scenario::check(&request, "").expect("valid");
+    let outcome = Simulation::of(&scenario).expect("a contact").run();
+    let stick = &outcome.history.stick_radius;
+    // 1 − y of x⁶·⁶ is rounding up to a hundredth of a₀ or so.
+    let most = 0.1 * outcome.scales.contact_radius;
+    assert!(stick.iter().all(|c| (0.0..most).contains(c)), "{stick:?}");
+}
+
 /// Nothing is known beyond the rim of an indenter: a run that comes there ends.
 #[test]
 fn a_scar_at_the_rim_ends_the_run() {
