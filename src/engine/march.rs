@@ -50,6 +50,8 @@ const NOISY: f64 = 1.1;
 const REGAINS: f64 = 1.5;
 /// Cells and tolerance of the run that looks where the stick edge stops.
 const SCOUT: (usize, f64) = (64, 1e-2);
+/// Most right-hand sides of such a run: what stops so late is not worth the wait.
+const MOST_LOOKS: usize = 100_000;
 /// Contact is lost once the springs carry less than this share of the unworn force.
 pub const LOST: f64 = 1e-6;
 /// A contact has shaken down once a cycle dissipates less than this share of what the first one did.
@@ -342,7 +344,7 @@ impl March {
         for blur in [4.0 * REST_BLUR, REST_BLUR] {
             let mut scout = Run::new(contact, control, law, plan.clone(), SCOUT.0, SCOUT.1);
             let mut focus = 0.0_f64;
-            while scout.advance(last) {
+            while scout.rkc.evaluations < MOST_LOOKS && scout.advance(last) {
                 focus = focus.max(scout.wearing.springs().stick());
             }
             if scout.wearing.outgrows() {
@@ -686,9 +688,7 @@ impl Run {
             return what(&mut self.wearing, self.rkc.values());
         }
         let (rkc, [first, last]) = (&self.rkc, self.loss);
-        let noise = |rate: f64| {
-            rate > NOISY * first.max(last) || rate < first.min(last) / NOISY
-        };
+        let noise = |rate: f64| rate > NOISY * first.max(last) || rate < first.min(last) / NOISY;
         let mut more = 0;
         let found = self.wearing.under(&rkc.at(time), rkc.values(), |wearing, values| {
             if !noise(wearing.energy_rate()) {

@@ -402,8 +402,10 @@ impl Wearing {
     ) -> T {
         let mut aside = std::mem::take(&mut self.aside);
         self.springs.set_aside(&mut aside);
+        let (scar, radius) = (self.scar, self.radius);
         self.press(values);
         let result = what(self, values);
+        (self.scar, self.radius) = (scar, radius);
         self.springs.put_back(&mut aside);
         self.aside = aside;
         if self.law != Law::Exact {

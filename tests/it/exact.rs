@@ -365,6 +365,43 @@ fn a_blunt_tip_at_the_onset_of_gross_slip_has_a_stick_radius() {
     assert!(stick.iter().all(|c| (0.0..most).contains(c)), "{stick:?}");
 }
 
+/// Late, when a core bears almost all of the load, what the others bear is lost in an interpolated state: it is
+/// computed instead, and asking for it changes nothing that follows.
+#[test]
+fn states_within_a_late_step_dissipate_no_more_than_those_around_them() {
+    let run = |cycles: Value| {
+        let request = json!({
+            "profile": {"shape": "cone", "slope_angle": 0.868_075_200_133},
+            "moduli": {"normal": 2_060_717.611_27, "tangential": 1_648_574.089_02},
+            "friction": 1.434_211_870_04,
+            "wear": {"coefficient": 2.043_408_053_47e-15},
+            "load": {"normal_force": 321_303.128_391},
+            "motion": {"amplitude": 1.282_349_976_97, "rig_stiffness": 1_434_496.836_61},
+            "cycles": cycles,
+            "profiles_at": "none",
+            "model": {"method": "exact"},
+        });
+        let (scenario, _) = scenario::check(&request, "").expect("valid");
+        Simulation::of(&scenario).expect("a contact").run()
+    };
+    let often = run(json!({"from": 2e10, "to": 1e12, "count": 60}));
+    // Up to where it has shaken down.
+    let energy = &often.history.energy_per_cycle;
+    let alive =
+        energy.iter().filter(|energy| **energy > 1e-3 * often.history.energy_per_cycle[0]).count();
+    let energy = &energy[1..alive];
+    assert!(
+        energy.len() > 40 && energy.windows(2).all(|pair| pair[1] <= 1.02 * pair[0]),
+        "{energy:?}"
+    );
+    let mismatch = often.accuracy.energy_mismatch.expect("wear");
+    assert!(mismatch.abs() < 3e-3, "{mismatch}");
+    let once = run(json!([1e12]));
+    let last =
+        |outcome: &Outcome| outcome.history.wear_volume.last().map(|volume| volume.to_bits());
+    assert_eq!(last(&often), last(&once));
+}
+
 /// Nothing is known beyond the rim of an indenter: a run that comes there ends.
 #[test]
 fn a_scar_at_the_rim_ends_the_run() {
