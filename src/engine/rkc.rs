@@ -22,8 +22,6 @@ pub trait Rates {
     fn live(&self) -> usize;
     /// No component needs to be known better than to a share of this, however large it is.
     fn most(&self) -> f64;
-    /// Whether no rate is ever negative.
-    fn rises(&self) -> bool;
 }
 
 /// The coefficients of s stages.
@@ -93,8 +91,6 @@ const FIRST_STEP: f64 = 0.02;
 const LONGEST_STEP: (f64, f64) = (1.5, 0.15);
 /// Components that have grown to less than this share of the largest do not count in the mean of the error.
 const GROWN: f64 = 0.01;
-/// A fall within a step of less than this share of the largest component is rounding.
-const FALLEN: f64 = 1e-12;
 const MOST_STAGES: usize = 1000;
 /// Beyond the first of these, stages come in multiples of the second: few sets of coefficients are made and
 /// kept.
@@ -211,9 +207,8 @@ impl Rkc {
             let h = if whole { left } else { self.step.min(limit) };
             self.compute(system, h, stages(h, radius));
             let error = self.error(h, live.max(system.live()), system.most());
+            let [next, next_rates, _] = &mut self.scratch;
             if error <= 1.0 || h <= least {
-                self.keep_rising(system);
-                let [next, next_rates, _] = &mut self.scratch;
                 std::mem::swap(&mut self.before.1, &mut self.values);
                 std::mem::swap(&mut self.before.2, &mut self.rates);
                 std::mem::swap(&mut self.values, next);
@@ -267,24 +262,6 @@ impl Rkc {
         }
         system.rates(now, rates);
         self.evaluations += stages;
-    }
-
-    /// What only rises has not fallen: where a rate ends within a step the stages may overshoot.
-    fn keep_rising(&mut self, system: &mut impl Rates) {
-        if !system.rises() {
-            return;
-        }
-        let [next, next_rates, _] = &mut self.scratch;
-        let (mut fall, mut most) = (0.0_f64, 0.0_f64);
-        for (next, value) in next.iter_mut().zip(&self.values) {
-            fall = fall.max(value - *next);
-            *next = next.max(*value);
-            most = most.max(*next);
-        }
-        if fall > FALLEN * most {
-            system.rates(next, next_rates);
-            self.evaluations += 1;
-        }
     }
 
     /// The root mean square of the estimated local error over what is allowed.
@@ -362,9 +339,6 @@ mod tests {
         }
         fn most(&self) -> f64 {
             f64::INFINITY
-        }
-        fn rises(&self) -> bool {
-            false
         }
         fn live(&self) -> usize {
             self.0.len()

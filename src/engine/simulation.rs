@@ -505,7 +505,7 @@ impl Simulation {
 }
 
 impl Worn {
-    /// Holds an entry to what has been reported: wear that falls where a mesh has grown, or where the
+    /// Holds an entry to what has been reported: wear that falls by the noise of a step, or where the
     /// simplified rule's ã passes, stays.
     fn hold(&mut self, entry: &mut Entry) {
         let hold = |known: &mut f64, value: &mut f64| {

@@ -645,11 +645,6 @@ impl Rates for Wearing {
         }
     }
 
-    fn rises(&self) -> bool {
-        // The rule wears springs outside the contact negatively.
-        self.law == Law::Exact
-    }
-
     fn live(&self) -> usize {
         match self.law {
             Law::Exact => self.springs.compressions().len(),
