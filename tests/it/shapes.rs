@@ -224,7 +224,8 @@ fn under_a_flat_either_all_sticks_or_nothing() {
 #[test]
 fn a_ring_about_a_flat_too_thin_to_resolve_is_refused() {
     let mut request = json!({
-        "profile": {"shape": "truncated_cone", "slope_angle": 1.12740680638, "flat_radius": 3.93238623764e-7},
+        "profile": {"shape": "truncated_cone", "slope_angle": 1.127_406_806_38,
+            "flat_radius": 3.932_386_237_64e-7},
         "moduli": {"normal": 1_004_305.071_05, "tangential": 803_444.056_843},
         "friction": 1.124_722_181_76,
         "wear": {"coefficient": 7.384_411_890_47e-13},
