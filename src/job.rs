@@ -687,7 +687,7 @@ mod tests {
                 "46018b326003fb9232ee611ac34f690d304295894ade59b3f1c2af72169fdbf6 \
                  971c3d150b487307242b9d6f1f2baafaba2675c7f6d55fd61c0109c63e458775",
                 "5c89ceb8cf9aeaff9e820494bc3736e7bac0978b004ba17e3c2154bd41338b08 \
-                 6c15f9204d1707dab81489e2adef84ba0448316a0107ac4521e8bcf9284ba0e0",
+                 a293a6f1e4c940afc2bbd8f44df35cf837b9e6f71fadae2a0a000c30c9e1ee6e",
             ]
         );
     }

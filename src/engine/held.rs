@@ -303,6 +303,12 @@ impl Pressed<'_> {
         if (threshold - 1.0).abs() < ONSET { 1.0 } else { threshold }
     }
 
+    /// Width in a₀ of the ring that slips.
+    fn ring(&self, amplitude: f64) -> f64 {
+        let threshold = self.threshold(amplitude);
+        if threshold > 1.0 { 1.0 } else { 1.0 - self.shape.image_inverse(1.0 - threshold) }
+    }
+
     /// κ of a rig.
     fn compliance(&self, rig_stiffness: f64) -> f64 {
         self.tangential_modulus * self.contact_radius / rig_stiffness
@@ -524,6 +530,15 @@ fn resolved(
     let mut least = MIN_THRESHOLD * pressed.gross_slip;
     if !stays {
         least = least.max(pressed.gross_slip * (1.0 - pressed.shape.image(1.0 - MIN_RING)));
+        let ring = pressed.ring(amplitude);
+        if amplitude >= least && ring < MIN_RING {
+            let detail = format!(
+                "gives an amplitude of {amplitude:.3e} m, the onset of gross slip, at which only a ring of \
+                 {ring:.1e} contact radii about the flat slips, and from {MIN_RING:e} on it can be resolved: \
+                 give a larger motion, under which all slips, or a larger load as well"
+            );
+            return Err(Faults::one(pointer, detail));
+        }
     }
     if amplitude < least {
         let detail = format!(

@@ -16,7 +16,7 @@
 //! The procedure: A. V. Dimaki et al., *Int. J. Solids Struct.* 51 (2014) 4215. The integrator:
 //! B. P. Sommeijer, L. F. Shampine, J. G. Verwer, *J. Comput. Appl. Math.* 88 (1998) 315 (RKC).
 
-use super::contact::{Contact, Regime};
+use super::contact::{Contact, Regime, UnwornSums};
 use super::control::{Control, Final, Normal, Tangential};
 use super::limit::Limit;
 use super::rkc::Rkc;
@@ -43,10 +43,15 @@ const LEAST_ERROR: f64 = 0.15;
 /// A run whose wear would grow by less than this share of the tolerance, were it to go on at its rate
 /// for as long as it has lasted, has arrived.
 const SETTLED: f64 = 1e-3;
+/// Springs that dissipate so many times more, or less, than at both ends of a step are not between them: late,
+/// when a core bears the load, the little that others bear is lost in what interpolation adds.
+const NOISY: f64 = 1.1;
 /// Up to this Δ a contact under a held force may come to stick again.
 const REGAINS: f64 = 1.5;
 /// Cells and tolerance of the run that looks where the stick edge stops.
 const SCOUT: (usize, f64) = (64, 1e-2);
+/// Most right-hand sides of such a run: what stops so late is not worth the wait.
+const MOST_LOOKS: usize = 100_000;
 /// Contact is lost once the springs carry less than this share of the unworn force.
 pub const LOST: f64 = 1e-6;
 /// A contact has shaken down once a cycle dissipates less than this share of what the first one did.
@@ -191,6 +196,15 @@ fn effort(contact: &Contact, control: &Control, law: Law, tolerance: f64) -> (us
     }
 }
 
+/// 2 ∫ y ω dx of the unworn contact, which the springs of a mesh put at `seen`: cells that are laid out for
+/// the strongest block may be wider than the ring that slips in the first.
+fn first_loss(contact: &Contact, control: &Control, seen: f64) -> f64 {
+    match control.tangential {
+        Tangential::Blocks(_) => 2.0 * UnwornSums::of(contact, None).loss,
+        _ => seen,
+    }
+}
+
 /// One mesh and one integration.
 #[derive(Debug)]
 struct Run {
@@ -210,6 +224,8 @@ struct Run {
     /// 2 ∫ y ω dx at both ends of the last step.
     loss: [f64; 2],
     first_loss: f64,
+    /// Whether its energy is told: otherwise it need not be known well.
+    accounts: bool,
 }
 
 impl March {
@@ -298,7 +314,8 @@ impl March {
             Some(plan) => plan,
             None => Plan::first(contact, control, cells)?,
         };
-        let fine = Run::new(contact, control, law, plan.clone(), cells, tolerance);
+        let mut fine = Run::new(contact, control, law, plan.clone(), cells, tolerance);
+        fine.accounts = true;
         let coarse = Run::new(contact, control, law, plan, cells / 2, 4.0 * tolerance);
         let check = 0.01 * fine.rkc.scale();
         let until = Until::default();
@@ -306,6 +323,10 @@ impl March {
         let mut known = Vec::new();
         if contact.regime == Regime::GrossSlip {
             known.push(EventKind::GrossSlip);
+        }
+        if fine.loss[0] <= SHAKEN * fine.first_loss {
+            // A ring that is lost between two nodes has not shaken down.
+            known.push(EventKind::Shakedown);
         }
         let mut events = Vec::new();
         if fine.wearing.springs().slides() {
@@ -323,7 +344,7 @@ impl March {
         for blur in [4.0 * REST_BLUR, REST_BLUR] {
             let mut scout = Run::new(contact, control, law, plan.clone(), SCOUT.0, SCOUT.1);
             let mut focus = 0.0_f64;
-            while scout.advance(last) {
+            while scout.rkc.evaluations < MOST_LOOKS && scout.advance(last) {
                 focus = focus.max(scout.wearing.springs().stick());
             }
             if scout.wearing.outgrows() {
@@ -549,7 +570,8 @@ impl Run {
         // A narrow ring is worn sooner: a sixth of the time it would take at the first rate.
         wearing.press(&unworn);
         let rate = wearing.energy_rate();
-        let scale = contact.limit.volume / (6.0 * rate);
+        let first_loss = first_loss(contact, control, rate);
+        let scale = contact.limit.volume / (6.0 * first_loss);
         let size = contact.limit.depth.min(quickens(contact, control));
         let rkc = Rkc::new(&mut wearing, unworn, tolerance, (scale, size));
         let control = control.clone();
@@ -564,7 +586,8 @@ impl Run {
             rests: false,
             worn_by_energy: [0.0; 2],
             loss: [rate; 2],
-            first_loss: rate,
+            first_loss,
+            accounts: false,
         }
     }
 
@@ -596,7 +619,11 @@ impl Run {
         let (began, time) = (self.rkc.began(), self.rkc.time());
         self.loss = [self.loss[1], self.wearing.energy_rate()];
         self.worn_by_energy[0] = self.worn_by_energy[1];
-        self.worn_by_energy[1] += self.loss_since(began, time, self.loss[1]);
+        self.worn_by_energy[1] += if self.accounts {
+            self.loss_since(began, time, self.loss[1])
+        } else {
+            0.5 * (time - began) * (self.loss[0] + self.loss[1])
+        };
         if end.is_infinite() && self.has_arrived(end) {
             self.settled = Some(time);
         }
@@ -660,8 +687,20 @@ impl Run {
             // As the springs are already.
             return what(&mut self.wearing, self.rkc.values());
         }
-        let values = self.rkc.at(time);
-        self.wearing.under(&values, self.rkc.values(), what)
+        let (rkc, [first, last]) = (&self.rkc, self.loss);
+        let noise = |rate: f64| rate > NOISY * first.max(last) || rate < first.min(last) / NOISY;
+        let mut more = 0;
+        let found = self.wearing.under(&rkc.at(time), rkc.values(), |wearing, values| {
+            if !noise(wearing.energy_rate()) {
+                return what(wearing, values);
+            }
+            let (values, evaluations) = rkc.again(wearing, time);
+            more = evaluations;
+            wearing.press(&values);
+            what(wearing, &values)
+        });
+        self.rkc.evaluations += more;
+        found
     }
 
     /// What it does to V that a stick edge at rest in worn material stands at a border of cells.

@@ -99,6 +99,12 @@ const STAGES_APART: (usize, usize) = (200, 50);
 /// says how well it was done.
 const PATIENCE: usize = 2000;
 
+/// How many stages make a step stable.
+fn stages(h: f64, radius: f64) -> usize {
+    let stages = ((1.0 + 1.54 * h * radius).sqrt().ceil() as usize).clamp(2, MOST_STAGES);
+    if stages > STAGES_APART.0 { stages.next_multiple_of(STAGES_APART.1) } else { stages }
+}
+
 impl Rkc {
     /// Begins at time 0. `scale` holds the time in which slow changes happen, and a size that the
     /// values grow to.
@@ -199,13 +205,7 @@ impl Rkc {
             let left = end - self.time;
             let whole = self.step.min(limit) >= 0.999 * left;
             let h = if whole { left } else { self.step.min(limit) };
-            let stages = ((1.0 + 1.54 * h * radius).sqrt().ceil() as usize).clamp(2, MOST_STAGES);
-            let stages = if stages > STAGES_APART.0 {
-                stages.next_multiple_of(STAGES_APART.1)
-            } else {
-                stages
-            };
-            self.compute(system, h, stages);
+            self.compute(system, h, stages(h, radius));
             let error = self.error(h, live.max(system.live()), system.most());
             let [next, next_rates, _] = &mut self.scratch;
             if error <= 1.0 || h <= least {
@@ -279,6 +279,22 @@ impl Rkc {
         (sum / count.max(1) as f64).sqrt() / allowed
     }
 
+    /// The values at a time within the last step, by a shorter step from where it began: rates of what is stiff
+    /// say nothing of what lies between. With the right-hand sides that it took.
+    #[must_use]
+    pub fn again(&self, system: &mut impl Rates, time: f64) -> (Vec<f64>, usize) {
+        let mut shorter = self.clone();
+        shorter.restart(system, Some(self.before.1.clone()));
+        let h = time - self.before.0;
+        let stages = stages(h, system.radius());
+        shorter.compute(system, h, stages);
+        let [mut values, ..] = shorter.scratch;
+        for (value, (from, to)) in values.iter_mut().zip(self.before.1.iter().zip(&self.values)) {
+            *value = value.clamp(from.min(*to), from.max(*to));
+        }
+        (values, shorter.evaluations - self.evaluations)
+    }
+
     /// The values at a time within the last step, by cubic Hermite interpolation.
     #[must_use]
     pub fn at(&self, time: f64) -> Vec<f64> {
@@ -289,14 +305,17 @@ impl Rkc {
         }
         let u = (time - start) / h;
         let (v, uu) = (1.0 - u, u * u);
-        let (to, to_rates) = (&self.values, &self.rates);
-        (0..to.len())
-            .map(|j| {
-                let value = v * v * (1.0 + 2.0 * u) * from[j]
-                    + uu * (3.0 - 2.0 * u) * to[j]
-                    + h * u * v * (v * from_rates[j] - u * to_rates[j]);
-                // Between the ends, as slow changes are: a cubic may overshoot.
-                value.clamp(from[j].min(to[j]), from[j].max(to[j]))
+        let (rest, gone) = (v * v * (1.0 + 2.0 * u), uu * (3.0 - 2.0 * u));
+        let (early, late) = (h * u * v * v, h * uu * v);
+        let ends = from.iter().zip(&self.values);
+        let rates = from_rates.iter().zip(&self.rates);
+        ends.zip(rates)
+            .map(|((from, to), (from_rate, to_rate))| {
+                // Monotone between the ends, as slow changes are: with steeper ends a cubic may overshoot.
+                let steepest = 3.0 * (to - from) / h;
+                let (low, high) = (steepest.min(0.0), steepest.max(0.0));
+                let slope = |rate: &f64| rate.max(low).min(high);
+                rest * from + gone * to + early * slope(from_rate) - late * slope(to_rate)
             })
             .collect()
     }

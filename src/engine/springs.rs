@@ -416,7 +416,8 @@ impl Springs {
             if last > 0 { (middle(last - 1), y[last - 1]) } else { (radii[0], self.edge()) };
         let slope = (inner.1 - y[last]) / (middle(last) - inner.0);
         let from_inside = middle(last) + (y[last] - self.threshold) / slope.max(1e-300);
-        let share = (y[last] - self.threshold) / (y[last] - next);
+        // Springs as flat as those under a blunt tip stick to rounding.
+        let share = ((y[last] - self.threshold) / (y[last] - next)).max(0.0);
         let between = middle(last) + share * (middle(last + 1) - middle(last));
         from_inside.clamp(between, middle(last + 1).max(between))
     }

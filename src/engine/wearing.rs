@@ -153,6 +153,8 @@ pub struct Wearing {
     unworn_slip: Vec<f64>,
     /// s of the nodes.
     slip: Vec<f64>,
+    /// Half of 1 over the width of the narrower cell next to each node: with s, how fast it can decay.
+    stiffness: Vec<f64>,
     /// ã of the simplified rule, as it was last and as wide as it ever was.
     scar: f64,
     widest: f64,
@@ -203,12 +205,28 @@ impl Wearing {
         let rest: Vec<f64> = mesh.unworn().iter().map(|g| g - level).collect();
         let unworn_slip = mesh.solve(&rest);
         let slip = vec![0.0; cells + 1];
+        let stiffness = (0..=cells)
+            .map(|j| &mesh.widths()[j.saturating_sub(1)..(j + 1).min(cells)])
+            .map(|next| 0.5 / next.iter().copied().fold(f64::INFINITY, f64::min))
+            .collect();
         let scar = contact.limit.radius;
         let springs = Springs::new(mesh, contact, control);
         let contact = contact.clone();
         let (widest, radius) = (0.0, 0.0);
         let aside = Aside::default();
-        Self { contact, law, plan, springs, aside, unworn_slip, slip, scar, widest, radius }
+        Self {
+            contact,
+            law,
+            plan,
+            springs,
+            aside,
+            unworn_slip,
+            slip,
+            stiffness,
+            scar,
+            widest,
+            radius,
+        }
     }
 
     /// The springs as they were last pressed.
@@ -384,8 +402,10 @@ impl Wearing {
     ) -> T {
         let mut aside = std::mem::take(&mut self.aside);
         self.springs.set_aside(&mut aside);
+        let (scar, radius) = (self.scar, self.radius);
         self.press(values);
         let result = what(self, values);
+        (self.scar, self.radius) = (scar, radius);
         self.springs.put_back(&mut aside);
         self.aside = aside;
         if self.law != Law::Exact {
@@ -569,13 +589,12 @@ impl Wearing {
         let mesh = springs.mesh();
         mesh.pressure(springs.compressions(), rates);
         let live = springs.compressions().len();
-        let widths = mesh.widths();
         self.radius = 0.0;
-        for j in 1..=live {
-            let slip = self.slip[j] * pace;
-            let narrower = widths[j - 1].min(widths.get(j).copied().unwrap_or(f64::INFINITY));
-            self.radius = self.radius.max(0.5 * slip / narrower);
-            rates[j] *= slip;
+        let nodes = self.slip[1..=live].iter().zip(&self.stiffness[1..=live]);
+        for ((slip, stiffness), rate) in nodes.zip(&mut rates[1..=live]) {
+            let slip = slip * pace;
+            self.radius = self.radius.max(stiffness * slip);
+            *rate *= slip;
         }
         rates[live + 1..].fill(0.0);
         rates[0] = if mesh.radii()[0] == 0.0 { rates[1] } else { 0.0 };

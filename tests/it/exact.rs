@@ -6,6 +6,7 @@ use fretwork::engine::contact::{Contact, UnwornSums};
 use fretwork::engine::control::{Block, Control, Normal, Tangential};
 use fretwork::engine::march::{EventKind, Instant, March};
 use fretwork::engine::numeric::integrate;
+use fretwork::engine::outcome::Outcome;
 use fretwork::engine::profile::Shape;
 use fretwork::engine::scenario;
 use fretwork::engine::simulation::Simulation;
@@ -313,6 +314,94 @@ fn blocks_that_come_back_to_gross_slip_say_so_each_time() {
     }
 }
 
+/// The ring of a first block far weaker than the next is lost between two nodes: it has not shaken down, and
+/// what follows is worn as if it came first.
+#[test]
+fn a_first_block_that_hardly_slips_leaves_the_next_as_it_is() {
+    for method in ["exact", "simplified"] {
+        let run = |blocks: Value, cycles: Value| {
+            let mut request = steel_ball();
+            request["load"]["held"] = json!("force");
+            request["motion"] = json!({"blocks": blocks});
+            request["cycles"] = cycles;
+            request["model"] = json!({"method": method});
+            let (scenario, _) = scenario::check(&request, "").expect("valid");
+            Simulation::of(&scenario).expect("a contact").run()
+        };
+        let slips = json!({"amplitude": 6e-6, "cycles": 20_000});
+        let weak = json!({"amplitude": 1e-9, "cycles": 1});
+        let alone = run(json!([slips]), json!([20_000]));
+        let after = run(json!([weak, slips]), json!([1, 20_001]));
+        assert!(after.events.iter().all(|event| event.kind != "shakedown"), "{:?}", after.events);
+        for column in [
+            |outcome: &Outcome| *outcome.history.wear_volume.last().expect("one"),
+            |outcome: &Outcome| *outcome.history.indentation_depth.last().expect("one"),
+        ] {
+            let (alone, after) = (column(&alone), column(&after));
+            assert!((after / alone - 1.0).abs() < 0.01, "{method}: {after} {alone}");
+        }
+    }
+}
+
+/// Under a blunt tip on a rig at the onset of gross slip springs stick to rounding: the edge is told as a radius.
+#[test]
+fn a_blunt_tip_at_the_onset_of_gross_slip_has_a_stick_radius() {
+    let request = json!({
+        "profile": {"shape": "power", "exponent": 6.615_970_556_05, "height": 0.779_669_496_24,
+            "at_radius": 0.308_350_253_423},
+        "moduli": {"normal": 183_728.031_357, "tangential": 146_982.425_085},
+        "friction": 1.515_955_534_44,
+        "wear": {"coefficient": 1.750_799_289_7e-16},
+        "load": {"indentation_depth": 6.812_769_402_92e-9},
+        "motion": {"amplitude": 1.290_981_955_22e-8, "rig_stiffness": 255_512_946_024.0_f64},
+        "cycles": [1, 1e5, 1e9],
+        "model": {"points": 75},
+    });
+    let (scenario, _) = scenario::check(&request, "").expect("valid");
+    let outcome = Simulation::of(&scenario).expect("a contact").run();
+    let stick = &outcome.history.stick_radius;
+    // 1 − y of x⁶·⁶ is rounding up to a hundredth of a₀ or so.
+    let most = 0.1 * outcome.scales.contact_radius;
+    assert!(stick.iter().all(|c| (0.0..most).contains(c)), "{stick:?}");
+}
+
+/// Late, when a core bears almost all of the load, what the others bear is lost in an interpolated state: it is
+/// computed instead, and asking for it changes nothing that follows.
+#[test]
+fn states_within_a_late_step_dissipate_no_more_than_those_around_them() {
+    let run = |cycles: Value| {
+        let request = json!({
+            "profile": {"shape": "cone", "slope_angle": 0.868_075_200_133},
+            "moduli": {"normal": 2_060_717.611_27, "tangential": 1_648_574.089_02},
+            "friction": 1.434_211_870_04,
+            "wear": {"coefficient": 2.043_408_053_47e-15},
+            "load": {"normal_force": 321_303.128_391},
+            "motion": {"amplitude": 1.282_349_976_97, "rig_stiffness": 1_434_496.836_61},
+            "cycles": cycles,
+            "profiles_at": "none",
+            "model": {"method": "exact"},
+        });
+        let (scenario, _) = scenario::check(&request, "").expect("valid");
+        Simulation::of(&scenario).expect("a contact").run()
+    };
+    let often = run(json!({"from": 2e10, "to": 1e12, "count": 60}));
+    // Up to where it has shaken down.
+    let energy = &often.history.energy_per_cycle;
+    let alive =
+        energy.iter().filter(|energy| **energy > 1e-3 * often.history.energy_per_cycle[0]).count();
+    let energy = &energy[1..alive];
+    assert!(
+        energy.len() > 40 && energy.windows(2).all(|pair| pair[1] <= 1.02 * pair[0]),
+        "{energy:?}"
+    );
+    let mismatch = often.accuracy.energy_mismatch.expect("wear");
+    assert!(mismatch.abs() < 3e-3, "{mismatch}");
+    let once = run(json!([1e12]));
+    let last =
+        |outcome: &Outcome| outcome.history.wear_volume.last().map(|volume| volume.to_bits());
+    assert_eq!(last(&often), last(&once));
+}
+
 /// Nothing is known beyond the rim of an indenter: a run that comes there ends.
 #[test]
 fn a_scar_at_the_rim_ends_the_run() {
@@ -368,7 +457,9 @@ fn a_small_core_bears_the_force_in_the_end() {
     }
 }
 
-/// Reported wear is held to what was reported before; by so much the steps themselves would let it fall.
+/// Reported wear is held to what was reported before; by so much the steps themselves would let it fall: at nodes
+/// whose rate ends within a step, most where the stick edge passes them, by the step's own error. What lies between
+/// the ends of a step adds nothing.
 #[test]
 fn wear_hardly_falls_even_before_it_is_held() {
     let (mut largest, mut falling) = (0.0_f64, 0);
@@ -392,5 +483,5 @@ fn wear_hardly_falls_even_before_it_is_held() {
         falling += u32::from(fall > 1e-6);
     }
     println!("largest fall {largest:.1e} d₀; more than 1e-6 d₀ in {falling} of 140");
-    assert!(largest < 1e-3, "{largest}");
+    assert!(largest < 2e-4, "{largest}");
 }

@@ -219,6 +219,35 @@ fn under_a_flat_either_all_sticks_or_nothing() {
     }
 }
 
+/// A flat that is almost all of the contact: just before all slips only a ring about it does, which is refused
+/// where its edge may move, behind a rig too.
+#[test]
+fn a_ring_about_a_flat_too_thin_to_resolve_is_refused() {
+    let mut request = json!({
+        "profile": {"shape": "truncated_cone", "slope_angle": 1.127_406_806_38,
+            "flat_radius": 3.932_386_237_64e-7},
+        "moduli": {"normal": 1_004_305.071_05, "tangential": 803_444.056_843},
+        "friction": 1.124_722_181_76,
+        "wear": {"coefficient": 7.384_411_890_47e-13},
+        "load": {"indentation_depth": 1.914_527_373_64e-9},
+        "motion": {"amplitude": 2.691_639_256e-9, "rig_stiffness": 15_511_627_267.4_f64},
+        "cycles": [1, 1e9],
+        "model": {"method": "exact"},
+    });
+    let faults = scenario::check(&request, "").expect_err("a ring of 2.7e-6");
+    assert_eq!(faults.0.len(), 1, "{faults:?}");
+    assert_eq!(faults.0[0].pointer, "/motion/amplitude");
+    for told in ["2.7e-6 contact radii about the flat", "larger motion", "larger load"] {
+        assert!(faults.0[0].detail.contains(told), "{faults:?}");
+    }
+    // Both ways out are ways out.
+    request["motion"]["amplitude"] = json!(2.8e-9);
+    run(&request);
+    request["load"]["indentation_depth"] = json!(3e-8);
+    request["motion"]["amplitude"] = json!(4.2e-8);
+    run(&request);
+}
+
 /// F and d of the sources in `engine::truncated`, in SI.
 #[test]
 fn a_force_presses_truncated_shapes_in_as_published() {
