@@ -418,6 +418,8 @@ pub async fn note(
 }
 
 /// Takes the note off a result.
+///
+/// A result without a note stays as it is.
 #[utoipa::path(delete, path = "/v1/results/{key}/note", operation_id = "delete_note", tag = "results",
     params(("key" = super::openapi::KeyText, Path, description = "The `key` of a result.")),
     responses(
