@@ -3,7 +3,7 @@
 use std::io::{self, Write as _};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use fretwork::store::{AccessKey, Desk, Error, NewKey};
+use fretwork::store::{AccessKey, Desk, NewKey};
 
 use super::Failure;
 use super::config::{AddKey, Data, Keys};
@@ -20,17 +20,25 @@ pub fn keys(command: Keys) -> Result<(), Failure> {
     })
 }
 
-async fn open(data: &Data) -> Result<Desk, Error> {
-    Desk::open(&data.data_dir).await
+/// Milliseconds since 1970.
+fn now() -> i64 {
+    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_millis() as i64)
+}
+
+/// The database that is there; a directory without one is a mistake.
+async fn open(data: &Data) -> Result<Desk, Failure> {
+    if !Desk::is_in(&data.data_dir) {
+        let dir = data.data_dir.display();
+        return Err(format!("{dir} holds no database; say which with --data-dir").into());
+    }
+    Ok(Desk::open(&data.data_dir).await?)
 }
 
 async fn add(new: AddKey) -> Result<(), Failure> {
     let AddKey { name, role, expires, rate, data } = new;
-    let mut desk = open(&data).await?;
-    let expires = expires.filter(|time| !time.is_zero()).map(|time| {
-        let at = SystemTime::now() + time;
-        at.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_millis() as i64)
-    });
+    let new_database = !Desk::is_in(&data.data_dir);
+    let mut desk = Desk::open(&data.data_dir).await?;
+    let expires = expires.map(|time| now() + time.as_millis() as i64);
     let first = desk.keys().await?.is_empty();
     let key = desk.add_key(&NewKey { name: name.clone(), role, per_minute: rate, expires }).await?;
     desk.close().await?;
@@ -41,6 +49,9 @@ async fn add(new: AddKey) -> Result<(), Failure> {
     let mut err = io::stderr().lock();
     writeln!(err, "This is the key of {name} ({role}). It is not shown again. Send it as")?;
     writeln!(err, "  Authorization: Bearer {}…", &key[..key.len().min(18)])?;
+    if new_database {
+        writeln!(err, "{} held no database; there is a new one now.", data.data_dir.display())?;
+    }
     if first {
         writeln!(
             err,
@@ -98,8 +109,7 @@ async fn revoke(name: &str, data: &Data) -> Result<(), Failure> {
 
 /// Whether a key is in force.
 fn state(key: &AccessKey) -> String {
-    let now =
-        SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_millis() as i64);
+    let now = now();
     match (key.revoked, key.expires) {
         (Some(at), _) => format!("taken back {}", day(at)),
         (None, Some(at)) if at <= now => format!("ended {}", day(at)),

@@ -1,5 +1,6 @@
 //! The command line: what can be asked of the program, and with what settings.
 
+use std::convert::Infallible;
 use std::ffi::OsStr;
 use std::fmt::Write as _;
 use std::net::{IpAddr, SocketAddr, ToSocketAddrs};
@@ -141,7 +142,7 @@ pub struct AddKey {
     #[arg(long, value_parser = role, value_name = "read|submit|admin")]
     pub role: Role,
     /// When it ends, such as 90d from now [default: never].
-    #[arg(long, value_name = "TIME", value_parser = duration)]
+    #[arg(long, value_name = "TIME", value_parser = lifetime)]
     pub expires: Option<Duration>,
     /// Requests per minute; 0 sets no limit [default: the server's --rate-limit].
     #[arg(long, value_name = "N")]
@@ -380,6 +381,19 @@ impl Serve {
         }
     }
 
+    /// Why these settings cannot be, if they cannot. A secret is not repeated.
+    pub fn check(&self) -> Result<(), String> {
+        let sound = |AdminKey(key): &AdminKey| {
+            key.len() >= 20 && key.bytes().all(|byte| byte.is_ascii_graphic() && byte != b':')
+        };
+        match &self.admin_key {
+            Some(key) if !sound(key) => Err("FRETWORK_ADMIN_KEY must have at least 20 printable \
+                characters and neither blanks nor colons; `openssl rand -hex 20` makes a good one"
+                .to_owned()),
+            _ => Ok(()),
+        }
+    }
+
     /// How long a run may take.
     pub fn limit(&self) -> Option<Duration> {
         some(self.run_limit)
@@ -427,18 +441,29 @@ fn role(text: &str) -> Result<Role, String> {
 /// A name that stands in lists, logs and answers, and is nobody's address.
 fn key_name(text: &str) -> Result<String, String> {
     let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"._@+-".contains(&byte);
+    let is_id = text.len() == 8 && text.bytes().all(|byte| byte.is_ascii_hexdigit());
     let sound = (1..=64).contains(&text.len())
         && text.bytes().all(plain)
-        && text.parse::<IpAddr>().is_err();
-    let expected = "expected up to 64 letters, digits and . _ @ + - that are no network address";
+        && text.parse::<IpAddr>().is_err()
+        && !is_id
+        && text != api::ADMIN;
+    let expected = "expected up to 64 letters, digits and . _ @ + - that are no network address, no \
+        id of a key and not \"admin\"";
     if sound { Ok(text.to_owned()) } else { Err(expected.to_owned()) }
 }
 
-fn admin_key(text: &str) -> Result<AdminKey, String> {
-    let sound =
-        text.len() >= 20 && text.bytes().all(|byte| byte.is_ascii_graphic() && byte != b':');
-    let expected = "expected at least 20 printable characters without blanks and colons";
-    if sound { Ok(AdminKey(text.to_owned())) } else { Err(expected.to_owned()) }
+/// Takes whatever is there: a refusal by the parser would show it. [`Serve::check`] judges it.
+#[expect(clippy::unnecessary_wraps, reason = "this is the form of a parser")]
+fn admin_key(text: &str) -> Result<AdminKey, Infallible> {
+    Ok(AdminKey(text.to_owned()))
+}
+
+/// How long a key may be good.
+fn lifetime(text: &str) -> Result<Duration, String> {
+    const LONGEST: Duration = Duration::from_hours(100 * 366 * 24);
+    let time = duration(text)?;
+    let sound = (Duration::from_secs(1)..=LONGEST).contains(&time);
+    if sound { Ok(time) } else { Err("expected a time from 1s to 100years".to_owned()) }
 }
 
 /// A limit; 0 is none.

@@ -44,6 +44,10 @@ type Failure = Box<dyn std::error::Error>;
 fn main() -> ExitCode {
     let matches = Cli::command().get_matches();
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    // What people take elsewhere is theirs to guard.
+    if !matches!(cli.command, Some(Command::Run(_) | Command::Export(_))) {
+        keep_to_oneself();
+    }
     let done = match cli.command {
         None => serve(&cli.serve, &matches),
         Some(Command::Serve(settings)) => {
@@ -68,6 +72,13 @@ fn main() -> ExitCode {
     }
 }
 
+/// Lets files that are made from now on be read by nobody else: they hold the jobs of all, and what
+/// links are signed with.
+fn keep_to_oneself() {
+    #[cfg(unix)]
+    rustix::process::umask(rustix::fs::Mode::from_raw_mode(0o077));
+}
+
 /// Prints an error and its causes on one line.
 fn complain(failure: &dyn std::error::Error) {
     let mut line = format!("fretwork: {failure}");
@@ -84,6 +95,7 @@ fn serve(settings: &Serve, matches: &ArgMatches) -> Result<(), Failure> {
     if settings.print_config {
         return say(config::described(matches).as_bytes());
     }
+    settings.check()?;
     telemetry::start(settings.log_format);
     // Requests are short; computing has threads of its own.
     tokio::runtime::Builder::new_multi_thread()

@@ -5,16 +5,18 @@
 
 use std::collections::HashMap;
 use std::fmt;
+use std::net::IpAddr;
 use std::sync::atomic::{AtomicI64, Ordering};
 use std::sync::{Arc, PoisonError, RwLock};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use axum::Json;
 use axum::extract::{MatchedPath, Request, State};
+use axum::http::uri::Authority;
 use axum::http::{HeaderMap, HeaderValue, Method, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
-use data_encoding::{BASE64, HEXLOWER};
+use data_encoding::BASE64;
 use serde::Serialize;
 use subtle::ConstantTimeEq as _;
 use tokio::sync::{Mutex, OnceCell};
@@ -85,8 +87,8 @@ impl fmt::Debug for Gate {
 /// The key from the settings.
 struct Master {
     digest: [u8; 32],
-    id: String,
     account: Account,
+    links: Account,
 }
 
 /// The keys as they were a moment ago.
@@ -100,6 +102,8 @@ struct Ring {
 struct Holder {
     key: AccessKey,
     account: Account,
+    /// What those have taken who come by its links: as much as the key itself may.
+    links: Account,
     /// When it was last written down that it was used.
     noted: AtomicI64,
 }
@@ -184,8 +188,9 @@ impl Gate {
     pub fn new(store: &Store, access: &Access) -> Self {
         let master = access.admin_key.as_ref().map(|AdminKey(key)| {
             let digest = digest(key);
-            let id = format!("admin-{}", HEXLOWER.encode(&digest[..4]));
-            Master { digest, id, account: Account::new(access.limits) }
+            let accounts = [Account::new(access.limits), Account::new(access.limits)];
+            let [account, links] = accounts;
+            Master { digest, account, links }
         });
         Self {
             store: store.clone(),
@@ -202,7 +207,8 @@ impl Gate {
     pub async fn signer(&self) -> Result<&Signer, Problem> {
         self.signer
             .get_or_try_init(|| async {
-                Signer::new(&self.store.link_secret().await?).ok_or_else(Problem::internal)
+                let admin = self.master.as_ref().map(|master| master.digest);
+                Signer::new(&self.store.link_secret().await?, admin).ok_or_else(Problem::internal)
             })
             .await
     }
@@ -215,15 +221,24 @@ impl Gate {
         };
         if let Some(token) = links::token(request.uri()) {
             let link = links::open(self.signer().await?, request.uri(), route, token)?;
-            self.still_trusts(&link.issuer).await?;
             if needed > Role::Read {
                 return Err(Problem::new(&problem::BAD_LINK, "A link is for reading only."));
             }
+            let place = self.charge(&link.issuer).await?.untold();
             *request.uri_mut() =
                 links::without_token(request.uri()).ok_or_else(Problem::internal)?;
-            return Ok(Pass { identity: None, place: Place::default(), link: Some(link.left) });
+            // No key has such a name, so nothing is theirs.
+            let (owner, key) = ("a link".to_owned(), link.issuer);
+            let identity = Some(Identity { owner, role: Role::Read, key });
+            return Ok(Pass { identity, place, link: Some(link.left) });
         }
         if !self.asks_for_keys().await? {
+            if !self.open && !is_own_name(request) {
+                let detail = "Without keys this server is for the machine it runs on, and answers to \
+                    localhost and to addresses only. To be asked by a name it must have keys \
+                    (`fretwork keys add`) or be told --no-auth.";
+                return Err(Problem::new(&problem::UNKNOWN_HOST, detail));
+            }
             return Ok(Pass { identity: None, place: Place::default(), link: None });
         }
         let (identity, holder) = self.identify(request.headers()).await?;
@@ -257,7 +272,7 @@ impl Gate {
         if let Some(master) = &self.master
             && bool::from(digest(&presented).ct_eq(&master.digest))
         {
-            let (owner, key) = ("admin".to_owned(), master.id.clone());
+            let (owner, key) = (ADMIN.to_owned(), ADMIN.to_owned());
             return Ok((Identity { owner, role: Role::Admin, key }, None));
         }
         let unknown = || refused(headers, "This server does not know the key.");
@@ -278,20 +293,21 @@ impl Gate {
         Ok((identity, Some(holder)))
     }
 
-    /// Whether what this key signed is still good.
-    async fn still_trusts(&self, issuer: &str) -> Result<(), Problem> {
-        let is_good = if self.open {
-            true
-        } else if let Some(holder) = self.holders(FRESH).await?.get(issuer) {
-            ended(&holder.key, now()).is_none()
-        } else if let Some(master) = &self.master {
-            master.id == issuer
-        } else {
+    /// Takes a request by a link from what its maker may, if the maker is still good.
+    async fn charge(&self, issuer: &str) -> Result<Place, Problem> {
+        let holders = self.holders(FRESH).await?;
+        let holder = holders.get(issuer);
+        match (holder, &self.master) {
+            (Some(holder), _) if self.open || ended(&holder.key, now()).is_none() => {
+                return holder.links.take();
+            }
+            // Only who has the key of the settings can have signed it.
+            (None, Some(master)) if issuer == ADMIN => return master.links.take(),
             // Before there were keys, everyone could make one.
-            issuer == ANYONE && !self.asks_for_keys().await?
-        };
-        if is_good {
-            return Ok(());
+            (None, _) if issuer == ANYONE && !self.asks_for_keys().await? => {
+                return Ok(Place::default());
+            }
+            _ => {}
         }
         let detail = "The key that made this link is not good any more, and so is the link. Ask \
             whoever sent it for a new one.";
@@ -333,8 +349,9 @@ impl Gate {
             None => self.limits.per_minute,
             Some(own) => std::num::NonZeroU32::new(own),
         };
-        let account = Account::new(Limits { per_minute, ..self.limits });
-        Holder { account, noted: AtomicI64::new(key.last_used.unwrap_or(0)), key }
+        let limits = Limits { per_minute, ..self.limits };
+        let (account, links) = (Account::new(limits), Account::new(limits));
+        Holder { account, links, noted: AtomicI64::new(key.last_used.unwrap_or(0)), key }
     }
 
     /// Has it written down that a key was used.
@@ -356,6 +373,21 @@ impl Gate {
     }
 }
 
+/// Whether a request asks for this server by a name that cannot be another's: a page of a foreign name
+/// that leads here (DNS rebinding) is refused.
+fn is_own_name(request: &Request) -> bool {
+    let host = request.headers().get(header::HOST).and_then(|host| host.to_str().ok());
+    let Some(host) = request.uri().host().or(host) else {
+        return true;
+    };
+    let authority: Result<Authority, _> = host.parse();
+    let name = authority.as_ref().map_or("", Authority::host).trim_matches(['[', ']']);
+    let name = name.to_ascii_lowercase();
+    name.parse::<IpAddr>().is_ok() || name == "localhost" || name.ends_with(".localhost")
+}
+
+/// The name under which the key from the settings acts and signs.
+pub const ADMIN: &str = "admin";
 /// Who makes links where there are no keys.
 pub const ANYONE: &str = "anyone";
 
@@ -462,7 +494,7 @@ pub async fn me(
     let (jobs_queued, jobs_running) = app.store.unfinished(&caller.owner).await?;
     let limits = match (&caller.key, &app.gate.master) {
         (None, _) => Limits::default(),
-        (Some(key), Some(master)) if *key == master.id => master.account.limits,
+        (Some(key), Some(master)) if key == ADMIN => master.account.limits,
         (Some(key), _) => {
             let holders = app.gate.holders(FRESH).await?;
             holders.get(key).map_or(app.gate.limits, |holder| holder.account.limits)

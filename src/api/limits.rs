@@ -129,6 +129,11 @@ impl Standing {
 }
 
 impl Place {
+    /// The same, without a word of it to the client: what is left is another's business.
+    pub fn untold(self) -> Self {
+        Self { standing: None, ..self }
+    }
+
     /// A body that keeps the place until it has been sent or given up.
     pub fn hold(self, body: Body) -> Body {
         match self.permit {

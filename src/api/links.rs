@@ -16,7 +16,7 @@ use sha2::Sha256;
 use utoipa::ToSchema;
 
 use super::App;
-use super::access::ANYONE;
+use super::access::{ADMIN, ANYONE};
 use super::caller::Caller;
 use super::problem::{self, Problem};
 use super::representation::find;
@@ -40,7 +40,11 @@ pub const OPENED: [&str; 5] = [
 
 /// Signs links, and knows those it signed.
 #[derive(Clone)]
-pub struct Signer(Hmac<Sha256>);
+pub struct Signer {
+    secret: Hmac<Sha256>,
+    /// The digest of the key from the settings: with another key, its links end.
+    admin: Option<[u8; 32]>,
+}
 
 /// A link that was signed here.
 #[derive(Debug, PartialEq, Eq)]
@@ -52,13 +56,16 @@ pub struct Opened {
 }
 
 impl Signer {
-    pub fn new(secret: &[u8; 32]) -> Option<Self> {
-        Hmac::new_from_slice(secret).ok().map(Self)
+    pub fn new(secret: &[u8; 32], admin: Option<[u8; 32]>) -> Option<Self> {
+        Some(Self { secret: Hmac::new_from_slice(secret).ok()?, admin })
     }
 
     fn message(&self, key: &Key, expires: u64, issuer: &str) -> Hmac<Sha256> {
-        let mut mac = self.0.clone();
+        let mut mac = self.secret.clone();
         mac.update(format!("fretwork link 1\n{key}\n{expires}\n{issuer}").as_bytes());
+        if issuer == ADMIN {
+            mac.update(&self.admin.unwrap_or_default());
+        }
         mac
     }
 
@@ -189,14 +196,19 @@ mod tests {
 
     #[test]
     fn only_what_was_signed_opens_and_only_in_its_time() {
-        let signer = Signer::new(&[7; 32]).unwrap();
+        let signer = Signer::new(&[7; 32], None).unwrap();
         let (key, other) = (Key::from_bytes([1; 32]), Key::from_bytes([2; 32]));
         let token = signer.sign(&key, 1_000_060, "0a1b2c3d");
         let opened = signer.open(&key, &token, NOW).unwrap();
         assert_eq!(opened, Opened { issuer: "0a1b2c3d".into(), left: Duration::from_mins(1) });
         assert!(signer.open(&other, &token, NOW).is_err());
         assert!(signer.open(&key, &token, Duration::from_secs(1_000_060)).is_err());
-        assert!(Signer::new(&[8; 32]).unwrap().open(&key, &token, NOW).is_err());
+        assert!(Signer::new(&[8; 32], None).unwrap().open(&key, &token, NOW).is_err());
+        // A link of the key from the settings ends with that key.
+        let admin = |digest| Signer::new(&[7; 32], Some(digest)).unwrap();
+        let link = admin([1; 32]).sign(&key, 1_000_060, ADMIN);
+        assert!(admin([1; 32]).open(&key, &link, NOW).is_ok());
+        assert!(admin([2; 32]).open(&key, &link, NOW).is_err());
         // Every single character counts.
         for place in 0..token.len() {
             for new in ["0", "1", ".", "g"] {

@@ -44,7 +44,7 @@ use tracing::Instrument as _;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-pub use access::{Access, AdminKey};
+pub use access::{ADMIN, Access, AdminKey};
 pub use caller::Peer;
 pub use connection::Patient;
 pub use forms::{Ask, Error as FormError, Part, write as write_form};
@@ -61,6 +61,7 @@ use memory::Memory;
 use metrics::Metrics;
 use problem::Problem;
 use shortly::Shortly;
+use system::Pulse;
 use wire::Segment;
 
 /// What every handler can reach.
@@ -68,6 +69,7 @@ use wire::Segment;
 pub struct App {
     store: Store,
     gate: Arc<Gate>,
+    pulse: Arc<Pulse>,
     /// Turns true when the server stops taking new jobs.
     draining: watch::Receiver<bool>,
     workers: usize,
@@ -161,6 +163,7 @@ pub fn router(
     let app = App {
         store,
         gate: Arc::clone(&gate),
+        pulse: Arc::default(),
         draining,
         workers,
         run_limit,
@@ -256,16 +259,25 @@ const SAFE: [(HeaderName, &str); 4] = [
 /// Whether a page of an unknown site would change something through the browser of somebody who
 /// may: a browser asks beforehand only where the request is unusual.
 fn is_strange(known: &Origins, request: &Request) -> bool {
-    let headers = request.headers();
-    !request.method().is_safe()
-        && headers.get("sec-fetch-site").is_some_and(|site| site == "cross-site")
-        && match known {
-            Origins::Own => true,
-            Origins::Any => false,
-            Origins::These(list) => {
-                headers.get(header::ORIGIN).is_none_or(|origin| !list.contains(origin))
-            }
+    let text = |name: HeaderName| request.headers().get(name).map(HeaderValue::as_bytes);
+    let site = text(HeaderName::from_static("sec-fetch-site"));
+    let origin = text(header::ORIGIN);
+    let own = request.uri().authority().map(|own| own.as_str().as_bytes()).or(text(header::HOST));
+    let is_known = match known {
+        Origins::Own => false,
+        Origins::Any => true,
+        Origins::These(list) => list.iter().any(|known| Some(known.as_bytes()) == origin),
+    };
+    // Over plain HTTP browsers name the origin only, and not the site.
+    let is_own = match (site, origin) {
+        (Some(b"same-origin" | b"none"), _) | (None, None) => true,
+        (_, Some(origin)) => {
+            let end = origin.windows(3).position(|mark| mark == b"://").map(|at| at + 3);
+            end.is_some_and(|end| Some(&origin[end..]) == own)
         }
+        (Some(_), None) => false,
+    };
+    !request.method().is_safe() && !is_known && !is_own
 }
 
 async fn nowhere(request: Request) -> Problem {

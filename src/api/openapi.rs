@@ -239,6 +239,9 @@ fn guard(path: &str, method: &str, operation: &mut Value) {
         })
     };
     let responses = &mut operation["responses"];
+    responses["421"] = refusal(
+        "A server without keys was asked by a name other than localhost or an address.".into(),
+    );
     responses["401"] =
         refusal("The server asks for keys, and the request has none that is good.".into());
     responses["401"]["headers"]["WWW-Authenticate"] =

@@ -72,13 +72,19 @@ kinds! {
     CROSS_SITE = FORBIDDEN "cross-site" "Pages of other sites may not do this"
         "A browser sent the request on behalf of a page of another site, which this server does not \
          know."
-        "Whoever runs the server can allow the page's origin with --cors-origin. Programs other than \
+        "Whoever runs the server can allow the page's origin with --cors-origin; behind a proxy that \
+         changes the Host header that is the origin of the server's own pages. Programs other than \
          browsers are not concerned.";
     UNKNOWN_RESULT = NOT_FOUND "unknown-result" "No result has this key"
         "Nothing with this key has been computed here. If a run is under way, the answer's Link \
          header (rel=\"related\") points at its job."
         "Submit the scenario to POST /v1/jobs: the same scenario always has the same key. POST \
          /v1/scenarios tells the key of a scenario without running it.";
+    UNKNOWN_HOST = MISDIRECTED_REQUEST "unknown-host" "The server does not go by this name"
+        "A server without keys answers only to localhost and to addresses: otherwise any web page could \
+         reach it through a browser on its machine, under a name of its own."
+        "Ask it by http://127.0.0.1 or http://localhost. Whoever runs it can make keys (`fretwork keys \
+         add`), or open it to all who reach it (--no-auth).";
     METHOD_NOT_ALLOWED = METHOD_NOT_ALLOWED "method-not-allowed" "The address has no such method"
         "The address exists, but not for this method."
         "Use one of the methods in the answer's Allow header.";

@@ -1,7 +1,7 @@
 //! What the server says about itself: health, version, contract, documentation, problem pages.
 
 use std::sync::{Arc, LazyLock};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use axum::Json;
 use axum::body::Bytes;
@@ -9,6 +9,7 @@ use axum::extract::State;
 use axum::http::header::{CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE};
 use axum::response::{Html, IntoResponse, Redirect, Response};
 use serde::Serialize;
+use tokio::sync::Mutex;
 use utoipa::ToSchema;
 
 use super::App;
@@ -16,6 +17,7 @@ use super::problem::{self, Problem};
 use super::wire::{self, NoQuery, Segment};
 use crate::engine::request::{MAX_CYCLES, POINTS_RANGE};
 use crate::engine::scenario::{MAX_ANSWER, NUMERICS};
+use crate::store::{self, Store};
 
 /// Whether the server is well.
 #[derive(Debug, Serialize, ToSchema)]
@@ -54,6 +56,23 @@ const STUCK: Duration = Duration::from_mins(1);
 /// A database that takes longer to answer is not there.
 const PATIENCE: Duration = Duration::from_secs(3);
 
+/// Whether the database takes changes: found out once in a while, however often it is asked. Anybody may
+/// ask, and to find out is to write.
+#[derive(Debug, Default)]
+pub struct Pulse(Mutex<Option<Instant>>);
+
+impl Pulse {
+    async fn feel(&self, store: &Store) -> Result<(), store::Error> {
+        let mut felt = self.0.lock().await;
+        if felt.is_none_or(|felt| felt.elapsed() > Duration::from_millis(500)) {
+            *felt = None;
+            store.ping().await?;
+            *felt = Some(Instant::now());
+        }
+        Ok(())
+    }
+}
+
 /// Says whether the server can do its work: the database takes changes and the queue moves.
 ///
 /// For load balancers and start scripts. `GET /healthz` says only that the process is alive.
@@ -67,7 +86,7 @@ pub async fn ready(State(app): State<App>, _: NoQuery) -> Result<Json<Readiness>
         return Err(unready("The server is going down."));
     }
     let looked = async {
-        app.store.ping().await?;
+        app.pulse.feel(&app.store).await?;
         app.store.longest_wait().await
     };
     let wait = match tokio::time::timeout(PATIENCE, looked).await {

@@ -20,6 +20,12 @@ impl Desk {
         open::beside(dir, open::BUSY).await.map(Self)
     }
 
+    /// Whether there is a database in a directory.
+    #[must_use]
+    pub fn is_in(dir: &Path) -> bool {
+        dir.join(open::DATABASE).exists()
+    }
+
     /// Makes an access key and returns it: the only time that it is seen.
     pub async fn add_key(&mut self, new: &NewKey) -> Result<String, Error> {
         keys::add(&mut self.0, new, now()).await

@@ -70,6 +70,7 @@ use writer::Message;
 pub struct Store {
     writer: mpsc::Sender<Message>,
     readers: Arc<Readers>,
+    gatekeeper: Arc<Readers>,
     signals: Arc<Signals>,
     queue_limit: usize,
     /// Where the database lies.
@@ -600,6 +601,7 @@ impl Store {
     /// Finishes what was asked before, then closes the database and frees the directory.
     pub async fn close(&self) {
         self.readers.close().await;
+        self.gatekeeper.close().await;
         writer::close(&self.writer).await;
     }
 

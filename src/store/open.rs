@@ -69,13 +69,14 @@ impl Store {
         // Each keeps the upper pages of the indexes at hand, however many results there are.
         let reading = connecting(&path).read_only(true).pragma("cache_size", "-8192");
         let readers = Arc::new(Readers::open(&reading, options.readers).await?);
+        let gatekeeper = Arc::new(Readers::open(&reading, 1).await?);
         let signals = Arc::new(Signals::default());
         let (queue, upkeep) = (Some(Queue::load(&mut db).await?), Upkeep::new(options));
         let program = Program::register(&mut db).await?;
         let writer =
             Writer { db, signals: Arc::clone(&signals), queue, upkeep, program, lock }.start();
         let queue_limit = options.queue_limit;
-        Ok(Self { writer, readers, signals, queue_limit, dir: dir.into() })
+        Ok(Self { writer, readers, gatekeeper, signals, queue_limit, dir: dir.into() })
     }
 }
 

@@ -12,6 +12,7 @@ use fretwork::job::Task;
 use fretwork::store::{Desk, NewKey, Options, Role};
 use serde_json::{Value, json};
 use tempfile::TempDir;
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 
 use crate::program::{fails, run, serve_by};
 use crate::server::{Gate, JSON, Reply, Server, ball, steel_ball};
@@ -421,6 +422,107 @@ async fn a_page_of_a_known_site_may_send_a_key() {
     assert!(refused.header("content-security-policy").unwrap().contains("default-src 'none'"));
 }
 
+#[tokio::test(flavor = "multi_thread")]
+async fn links_take_from_a_limit_of_their_own() {
+    let server = server(Limits { per_minute: NonZeroU32::new(6000), at_once: None }).await;
+    let new =
+        NewKey { name: "anna".into(), role: Role::Submit, per_minute: Some(20), expires: None };
+    let anna = made_with(server.dir.path(), new).await;
+    let job = ask(&server, &anna, "POST", "/v1/jobs", &steel_ball().to_string()).await.json();
+    let result = job["links"]["result"].as_str().unwrap();
+    let link = link(&server, &anna, result, "").await;
+    let address = format!("{result}/history?{link}");
+    let mut opened = 0;
+    loop {
+        let reply = server.get(&address).await;
+        assert_eq!(reply.header("ratelimit").is_some(), reply.status == 429);
+        if reply.status == 429 {
+            break;
+        }
+        assert_eq!(reply.status, 200);
+        opened += 1;
+        assert!(opened < 40, "no end");
+    }
+    assert!(opened >= 20);
+    assert_eq!(get(&server, &anna, "/v1/me").await.status, 200);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_server_without_keys_is_no_servant_of_foreign_pages() {
+    let server = Server::start().await;
+    let asked = async |host: &str, method: &str, headers: &[(&str, &str)]| {
+        let target = if method == "GET" { "/v1/jobs" } else { "/v1/jobs/cancel?owner=me" };
+        let mut head =
+            format!("{method} {target} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n");
+        for (name, value) in headers {
+            head += &format!("{name}: {value}\r\n");
+        }
+        let mut connection = tokio::net::TcpStream::connect(server.address).await.unwrap();
+        connection.write_all(format!("{head}Content-Length: 0\r\n\r\n").as_bytes()).await.unwrap();
+        let mut answer = String::new();
+        connection.read_to_string(&mut answer).await.unwrap();
+        answer.split(' ').nth(1).unwrap().parse::<u16>().unwrap()
+    };
+    for own in ["localhost", "localhost:8080", "127.0.0.1:8080", "[::1]:8080", "me.localhost"] {
+        assert_eq!(asked(own, "GET", &[]).await, 200, "{own}");
+    }
+    for foreign in ["evil.example", "localhost.evil.example", "127.0.0.1.evil.example:8080"] {
+        assert_eq!(asked(foreign, "GET", &[]).await, 421, "{foreign}");
+    }
+    let own = "localhost:8080";
+    for (status, headers) in [
+        (200, &[][..]),
+        (200, &[("Origin", "http://localhost:8080")]),
+        (200, &[("Origin", "http://other:1"), ("Sec-Fetch-Site", "same-origin")]),
+        (403, &[("Origin", "http://evil.example")]),
+        (403, &[("Origin", "http://localhost:3000"), ("Sec-Fetch-Site", "same-site")]),
+        (403, &[("Origin", "null")]),
+        (403, &[("Sec-Fetch-Site", "cross-site")]),
+    ] {
+        assert_eq!(asked(own, "POST", headers).await, status, "{headers:?}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn nobody_else_reads_the_data() {
+    use std::os::unix::fs::PermissionsExt as _;
+    let dir = TempDir::new().unwrap();
+    let data = dir.path().join("data");
+    let backup = dir.path().join("backup.db");
+    let options = ["--data-dir", data.to_str().unwrap()];
+    assert!(
+        run(&[&["keys", "add", "anna", "--role", "read"][..], &options].concat(), "")
+            .status
+            .success()
+    );
+    let words = ["backup", backup.to_str().unwrap()];
+    assert!(run(&[&words[..], &options].concat(), "").status.success());
+    let files = std::fs::read_dir(&data).unwrap().map(|file| file.unwrap().path());
+    let all: Vec<_> = files.chain([data.clone(), backup]).collect();
+    assert!(all.len() >= 4, "{all:?}");
+    for path in all {
+        let mode = std::fs::metadata(&path).unwrap().permissions().mode();
+        assert_eq!(mode & 0o077, 0, "{} is {mode:o}", path.display());
+    }
+}
+
+#[test]
+fn a_bad_admin_key_is_refused_and_not_repeated() {
+    let dir = TempDir::new().unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_fretwork"));
+    command.args(["--listen", "127.0.0.1:0", "--data-dir"]).arg(dir.path());
+    let bad = "correct horse battery staple";
+    let output = command.env("FRETWORK_ADMIN_KEY", bad).output().unwrap();
+    fails(&output, "FRETWORK_ADMIN_KEY must have");
+    assert!(!String::from_utf8_lossy(&output.stderr).contains("horse"));
+    // Other commands are not concerned.
+    let mut listed = Command::new(env!("CARGO_BIN_EXE_fretwork"));
+    let output =
+        listed.arg("verify").arg("--help").env("FRETWORK_ADMIN_KEY", bad).output().unwrap();
+    assert!(output.status.success());
+}
+
 #[test]
 fn beyond_this_machine_it_listens_only_with_keys() {
     let dir = TempDir::new().unwrap();
@@ -457,10 +559,18 @@ fn the_words_for_keys_say_what_they_do() {
     assert_eq!(out(&["revoke", id]), "1 key taken back\n");
     assert!(out(&["list"]).lines().nth(1).unwrap().contains("taken back 20"));
     fails(&keys(&["revoke", id]), "no key in force");
+    let nowhere = dir.path().join("nowhere");
+    let nowhere = nowhere.to_str().unwrap();
+    fails(&run(&["keys", "list", "--data-dir", nowhere], ""), "holds no database");
+    assert!(!Path::new(nowhere).exists());
     for bad in [
         &["add", "a b", "--role", "read"][..],
         &["add", "127.0.0.1", "--role", "read"],
         &["add", "anna", "--role", "king"],
+        &["add", "admin", "--role", "read"],
+        &["add", "0a1b2c3d", "--role", "read"],
+        &["add", "anna", "--role", "read", "--expires", "0"],
+        &["add", "anna", "--role", "read", "--expires", "9000years"],
         &["add", "anna"],
     ] {
         assert_eq!(keys(bad).status.code(), Some(2));

@@ -399,7 +399,7 @@ async fn post_as_another(address: SocketAddr, body: &Value) -> Value {
     let mut connection = socket.connect(address).await.unwrap();
     let body = body.to_string();
     let request = format!(
-        "POST /v1/jobs HTTP/1.1\r\nHost: test\r\nConnection: close\r\nContent-Type: \
+        "POST /v1/jobs HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\nContent-Type: \
          application/json\r\nContent-Length: {}\r\n\r\n{body}",
         body.len()
     );

@@ -317,7 +317,7 @@ async fn fifty_slow_readers_of_a_large_answer_hold_it_once() {
             [("", ""), ("/profiles?format=csv", ""), ("/profiles?format=ndjson&digits=9", "gzip")]
         {
             let request = format!(
-                "GET {result}{target} HTTP/1.1\r\nHost: test\r\nConnection: close\r\n\
+                "GET {result}{target} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\
                  Accept-Encoding: {coding}\r\n\r\n"
             );
             let mut readers = Vec::new();

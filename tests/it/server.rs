@@ -89,7 +89,8 @@ pub async fn send(
     body: impl AsRef<[u8]>,
 ) -> io::Result<Reply> {
     let body = body.as_ref();
-    let mut head = format!("{method} {target} HTTP/1.1\r\nHost: test\r\nConnection: close\r\n");
+    let mut head =
+        format!("{method} {target} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n");
     if !body.is_empty() || method == "POST" {
         write!(head, "Content-Length: {}\r\n", body.len()).unwrap();
     }

@@ -47,7 +47,7 @@ impl Listener {
     pub async fn connect(address: SocketAddr, id: &str, last: Option<u32>) -> io::Result<Self> {
         let mut connection = TcpStream::connect(address).await?;
         let last = last.map_or_else(String::new, |last| format!("Last-Event-ID: {last}\r\n"));
-        let head = format!("GET /v1/jobs/{id}/events HTTP/1.1\r\nHost: test\r\n{last}\r\n");
+        let head = format!("GET /v1/jobs/{id}/events HTTP/1.1\r\nHost: localhost\r\n{last}\r\n");
         connection.write_all(head.as_bytes()).await?;
         Ok(Self { connection, text: String::new() })
     }
