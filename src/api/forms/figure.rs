@@ -167,7 +167,7 @@ pub fn svg(document: &Document<'_>, ask: &Ask) -> Result<Vec<u8>, Error> {
     if quantity.name == "pressure" && !figure.y.log {
         figure.y.range = below_poles(&figure.series);
     }
-    figure.title = quantity.title.to_owned();
+    quantity.title.clone_into(&mut figure.title);
     figure.size = (f64::from(size.0), f64::from(size.1));
     figure.about = Some(About {
         description: drawing.description(&figure)?,
@@ -375,7 +375,7 @@ impl Drawing<'_> {
         let labels: Vec<&str> = figure.series.iter().map(|series| series.label.as_str()).collect();
         let labels: Vec<&str> = labels.into_iter().filter(|label| !label.is_empty()).collect();
         if !labels.is_empty() {
-            out += &format!(" Curves: {}.", labels.join(", "));
+            out = format!("{out} Curves: {}.", labels.join(", "));
         }
         Ok(out.replace('$', ""))
     }
@@ -451,4 +451,32 @@ fn shortly(number: f64, digits: u8) -> String {
 fn typeset(unit: &str) -> String {
     let unit = if unit == "um" { "µm" } else { unit };
     unit.replace("^3", "³")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn instants_have_short_names_that_tell_them_apart() {
+        assert_eq!(
+            names(&[0.0, 1000.0, 177.827_941_004]),
+            ["unworn", "$N$ = 1000", "$N$ = 177.828"]
+        );
+        assert_eq!(names(&[2.5e7, 1e9, 5e-5]), ["$N$ = 2.5×10⁷", "$N$ = 10⁹", "$N$ = 5×10⁻⁵"]);
+        assert_eq!(names(&[1000.001, 1000.002]), ["$N$ = 1000.001", "$N$ = 1000.002"]);
+    }
+
+    #[test]
+    fn a_pole_does_not_flatten_what_is_beside_it() {
+        let x: Vec<f64> = (0..=100).map(f64::from).collect();
+        let with = |peak: f64| {
+            let y = x.iter().map(|x| if (x - 50.0).abs() < 0.5 { peak } else { 2.0 }).collect();
+            below_poles(&[Series::new("", x.clone(), y)])
+        };
+        assert_eq!(with(f64::INFINITY), Some((0.0, 4.0)));
+        assert_eq!(with(1e9), Some((0.0, 4.0)));
+        assert_eq!(with(9.0), None);
+        assert_eq!(below_poles(&[Series::new("", x.clone(), vec![0.0; 101])]), None);
+    }
 }
