@@ -23,8 +23,8 @@ const STICK_3: f64 = 0.545;
 const STICK_4: f64 = 0.21;
 
 const SIZE: (f64, f64) = (370.0, 290.0);
-const LIMIT: Style = Style { color: "#000000", dash: Dash::Dotted, width: 1.6, marked: false };
-const UNWORN: Style = Style { color: GREY, dash: Dash::Solid, width: 1.2, marked: false };
+const LIMIT: Style = Style { color: "#000000", dash: Dash::Dotted, width: 1.6, mark: None };
+const UNWORN: Style = Style { color: GREY, dash: Dash::Solid, width: 1.2, mark: None };
 
 #[cfg_attr(test, expect(dead_code, reason = "the tests use what it prints and draws"))]
 #[expect(clippy::print_stdout, reason = "a program that is run by hand")]
@@ -127,7 +127,7 @@ impl Pair {
                 Curve::Image => &profiles.image,
             };
             for (row, color) in rows[1..].iter().zip(PALETTE) {
-                let style = Style { color, dash: *dash, width: 1.4, marked: false };
+                let style = Style { color, dash: *dash, width: 1.4, mark: None };
                 series.push(worn(outcome, row, reach).styled(style));
             }
         }
@@ -145,7 +145,7 @@ impl Pair {
         let marks = vec![(self.stick, "$c$".to_owned()), (limit.radius, "$ã$".to_owned())];
         let x = Axis { range: Some((0.0, 1.6)), marks, ..Axis::labelled(abscissa) };
         let y = Axis { range: Some((0.0, top)), ..Axis::labelled(ordinate) };
-        Figure { title: title.to_owned(), x, y, series, size: SIZE }
+        Figure { title: title.to_owned(), x, y, series, size: SIZE, about: None }
     }
 
     fn both(&self, title: &str, curve: Curve) -> Figure {
@@ -160,7 +160,7 @@ fn legend(cycles: [f64; 5], methods: &[(&str, Dash)]) -> Vec<Series> {
         style: Some(style),
         ..Series::default()
     };
-    let line = |color, dash| Style { color, dash, width: 1.6, marked: false };
+    let line = |color, dash| Style { color, dash, width: 1.6, mark: None };
     let mut keys = vec![key("unworn", UNWORN)];
     for (n, color) in cycles.iter().zip(PALETTE) {
         keys.push(key(&format!("$Ñ$ = {n} (printed {})", 4.0 * n), line(color, Dash::Solid)));

@@ -10,10 +10,10 @@ use std::time::Duration;
 
 use axum::http::{HeaderValue, Uri};
 use bytesize::ByteSize;
-use clap::builder::FalseyValueParser;
+use clap::builder::{FalseyValueParser, PossibleValuesParser};
 use clap::parser::ValueSource;
 use clap::{ArgAction, ArgMatches, Args, Parser, Subcommand, ValueEnum};
-use fretwork::api::{self, Access, AdminKey, Format, Limits, Origins, Part};
+use fretwork::api::{self, Access, AdminKey, Format, Limits, Origins, Part, QUANTITIES};
 use fretwork::job::Key;
 use fretwork::store::{self, Role, Search};
 
@@ -26,6 +26,7 @@ Examples:
   fretwork run examples/steel-ball.json             compute one file, without a server
   fretwork run - --format csv < job.json            from standard input; the history as CSV
   fretwork run job.json --format npz --output r.npz everything, as arrays for NumPy
+  fretwork run job.json --plot worn.svg             the same and a figure; --quantity says of what
   fretwork verify                                   every check against what is known, as Markdown
   fretwork health                                   exit code 0 if the server answers
   fretwork keys add anna --role submit              make an access key; from then on callers need one
@@ -244,6 +245,17 @@ pub struct Run {
     /// Where to write it, instead of standard output.
     #[arg(long, value_name = "FILE")]
     pub output: Option<PathBuf>,
+    /// Where to draw a figure of it (SVG), besides.
+    #[arg(long, value_name = "FIGURE.svg")]
+    pub plot: Option<PathBuf>,
+    /// What the figure shows: the worn profile or another profile, a history, or the loops.
+    #[arg(long, default_value = "worn", requires = "plot", value_parser = quantities())]
+    pub quantity: String,
+}
+
+/// The quantities that can be drawn.
+fn quantities() -> PossibleValuesParser {
+    PossibleValuesParser::new(QUANTITIES.iter().map(|quantity| quantity.name))
 }
 
 /// What `run` writes.

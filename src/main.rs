@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 use axum::http::Uri;
 use axum::http::uri::Authority;
 use clap::{ArgMatches, CommandFactory as _, FromArgMatches as _};
-use fretwork::api::{self, Ask, Format, Patient, Peer, Unsound};
+use fretwork::api::{self, Ask, Format, Part, Patient, Peer, Quantity, Unsound};
 use fretwork::job::{Answer, Step, Task};
 use fretwork::store::Store;
 use fretwork::verification;
@@ -277,6 +277,7 @@ fn run(settings: &Run) -> ExitCode {
     drop(err);
     match compute(&job.task).and_then(|(answer, time)| {
         print(&answer, settings)?;
+        draw(&answer, settings)?;
         summarise(&job, &answer, time)
     }) {
         Ok(()) => ExitCode::SUCCESS,
@@ -334,6 +335,15 @@ fn print(answer: &Answer, settings: &Run) -> Result<(), Failure> {
         }
         None => say(&bytes),
     }
+}
+
+/// Draws the result where a figure of it is wanted.
+fn draw(answer: &Answer, settings: &Run) -> Result<(), Failure> {
+    let Some(file) = &settings.plot else { return Ok(()) };
+    let ask = Quantity::named(&settings.quantity).map(Ask::figure).unwrap_or_default();
+    let figure = api::write_form(&answer.body, Part::Plot, Format::Svg, &ask)?;
+    fs::write(file, figure)
+        .map_err(|error| format!("cannot write {}: {error}", file.display()).into())
 }
 
 /// Writes to standard output. A reader that has seen enough, such as `head`, is not an error.

@@ -51,11 +51,13 @@ const LEADING: f64 = 1.3;
 const GAP: f64 = 6.0;
 /// Room that a tick with its label takes, across and down, in px.
 const TICK_ROOM: (f64, f64) = (58.0, 42.0);
+/// Where a curve goes that rises to infinity: above the diagram, in its heights from the bottom.
+const ABOVE: f64 = 1.1;
 /// Of a baseline below the middle of small text.
 const SINK: f64 = 0.35 * SMALL;
-const TICK: Style = Style { color: "#000", dash: Dash::Solid, width: 0.8, marked: false };
-const GRID: Style = Style { color: "#e4e4e4", dash: Dash::Solid, width: 0.6, marked: false };
-const RULE: Style = Style { color: "#555", dash: Dash::ShortDashed, width: 0.8, marked: false };
+const TICK: Style = Style { color: "#000", dash: Dash::Solid, width: 0.8, mark: None };
+const GRID: Style = Style { color: "#e4e4e4", dash: Dash::Solid, width: 0.6, mark: None };
+const RULE: Style = Style { color: "#555", dash: Dash::ShortDashed, width: 0.8, mark: None };
 
 /// How a line is broken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -87,8 +89,31 @@ pub struct Style {
     pub dash: Dash,
     /// The width of its line in px; 0 for none.
     pub width: f64,
-    /// Whether its points are marked.
-    pub marked: bool,
+    /// What marks its points; where they are too many, some of them.
+    pub mark: Option<Mark>,
+}
+
+/// What stands on the points of a series.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Mark {
+    /// A filled circle.
+    Disc,
+    /// An empty circle.
+    Ring,
+    /// An empty square.
+    Square,
+    /// An empty square on its corner.
+    Diamond,
+    /// An empty triangle, its apex above.
+    Triangle,
+    /// An empty triangle, its apex below.
+    Wedge,
+}
+
+impl Mark {
+    /// All of them, in the order in which series get them.
+    pub const ALL: [Self; 6] =
+        [Self::Ring, Self::Square, Self::Triangle, Self::Diamond, Self::Wedge, Self::Disc];
 }
 
 impl Style {
@@ -96,7 +121,14 @@ impl Style {
     #[must_use]
     pub fn numbered(i: usize) -> Self {
         let color = PALETTE[i % PALETTE.len()];
-        Self { color, dash: Dash::ALL[i % Dash::ALL.len()], width: 1.6, marked: false }
+        Self { color, dash: Dash::ALL[i % Dash::ALL.len()], width: 1.6, mark: None }
+    }
+
+    /// The same for series of which each has a mark: their lines are whole.
+    #[must_use]
+    pub fn marked(i: usize) -> Self {
+        let mark = Some(Mark::ALL[i % Mark::ALL.len()]);
+        Self { dash: Dash::Solid, width: 1.4, mark, ..Self::numbered(i) }
     }
 }
 
@@ -107,7 +139,8 @@ pub struct Series {
     pub label: String,
     /// Abscissae.
     pub x: Vec<f64>,
-    /// Ordinates. The curve breaks where a value is not finite, or not positive on a logarithmic axis.
+    /// Ordinates. The curve breaks where a value is not finite, or not positive on a logarithmic axis;
+    /// to +∞ it rises from both sides, up to the frame.
     pub y: Vec<f64>,
     /// How it looks; by its number in the figure if not given.
     pub style: Option<Style>,
@@ -161,6 +194,19 @@ pub struct Figure {
     pub series: Vec<Series>,
     /// Width and height in px, of which 96 make an inch.
     pub size: (f64, f64),
+    /// What is told in words to those who cannot see it, and to programs.
+    pub about: Option<About>,
+}
+
+/// What a figure tells beside its drawing.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct About {
+    /// What is to be seen.
+    pub description: String,
+    /// What of (`dc:identifier`).
+    pub identifier: String,
+    /// Who computed it (`dc:creator`).
+    pub creator: String,
 }
 
 impl Default for Figure {
@@ -171,6 +217,7 @@ impl Default for Figure {
             y: Axis::default(),
             series: Vec::new(),
             size: (480.0, 340.0),
+            about: None,
         }
     }
 }
@@ -221,7 +268,7 @@ impl Figure {
     pub fn svg(&self) -> String {
         let mut canvas = Canvas::default();
         self.draw(&mut canvas, (0.0, 0.0), 0.0);
-        canvas.document(self.size, &self.title)
+        canvas.document(self.size, &self.title, self.about.as_ref())
     }
 
     /// Draws the figure with its upper left corner at a place, its area indented at least so far.
@@ -248,9 +295,11 @@ impl Figure {
         for (from, to) in plan.rules(self) {
             canvas.line(from, to, &RULE);
         }
-        for (curve, style) in self.curves(&plan).iter().zip(&styles) {
+        for (i, (curve, style)) in self.curves(&plan).iter().zip(&styles).enumerate() {
+            // Curves that run together are told apart by marks that do not.
+            let lead = 12.0 + 10.0 * (i % Mark::ALL.len()) as f64;
             for run in curve {
-                canvas.curve(run, style);
+                canvas.curve(run, style, lead);
             }
         }
         canvas.close_window();
@@ -263,10 +312,25 @@ impl Figure {
     /// The unbroken runs of every series, in px.
     fn curves(&self, plan: &Plan) -> Vec<Vec<Vec<Point>>> {
         let runs = |series: &Series| {
-            let points = series.x.iter().zip(&series.y).map(|(x, y)| plan.point(*x, *y));
-            let points: Vec<Option<Point>> = points.collect();
-            let runs = points.split(Option::is_none).filter(|run| !run.is_empty());
-            runs.map(|run| run.iter().flatten().copied().collect()).collect()
+            let mut runs: Vec<Vec<Point>> = vec![Vec::new()];
+            for (x, y) in series.x.iter().zip(&series.y) {
+                let rises = *y == f64::INFINITY;
+                // The window cuts it off at the frame.
+                let place = if rises {
+                    plan.x.share(*x).map(|x| plan.area.at(x, ABOVE))
+                } else {
+                    plan.point(*x, *y)
+                };
+                if let (Some(place), Some(run)) = (place, runs.last_mut()) {
+                    run.push(place);
+                }
+                if rises || place.is_none() {
+                    runs.push(place.into_iter().collect());
+                }
+            }
+            // Of a pole alone nothing is to be seen.
+            let seen = |run: &&Vec<Point>| run.iter().any(|(_, y)| *y > plan.area.top - 1.0);
+            runs.iter().filter(seen).cloned().collect()
         };
         self.series.iter().map(runs).collect()
     }
@@ -328,11 +392,12 @@ impl Figure {
         let place = (area.left - GAP, above - 0.5 * SMALL);
         canvas.text(place, Anchor::End, SMALL, &plan.y.factor());
         let names = self.x.names(&plan.x, area.width);
-        for (x, name) in apart(names, |name| width(name) * SMALL + GAP) {
+        let reach = area.width + 2.0 * GAP;
+        for (x, name) in apart(names, reach, |name| width(name) * SMALL + GAP) {
             canvas.text((area.left + x, above), Anchor::Middle, SMALL, name);
         }
         let names = self.y.names(&plan.y, area.height);
-        for (y, name) in apart(names, |_| SMALL) {
+        for (y, name) in apart(names, f64::INFINITY, |_| SMALL) {
             let place = (area.right() + 0.5 * GAP, area.bottom() - y + SINK);
             canvas.text(place, Anchor::Start, SMALL, name);
         }
@@ -352,13 +417,24 @@ impl Axis {
     }
 }
 
-/// Moves names on until none stands on the one before, and the first within the axis.
-fn apart(mut names: Vec<(f64, &str)>, extent: impl Fn(&str) -> f64) -> Vec<(f64, &str)> {
+/// Moves names on until none stands on the one before, and the first within the axis; where they
+/// would reach too far, the last are moved back.
+fn apart(
+    mut names: Vec<(f64, &str)>,
+    reach: f64,
+    extent: impl Fn(&str) -> f64,
+) -> Vec<(f64, &str)> {
     let mut free = 0.0_f64;
     for (place, name) in &mut names {
         let half = 0.5 * extent(name);
         *place = place.max(free + half);
         free = *place + half;
+    }
+    let mut free = reach;
+    for (place, name) in names.iter_mut().rev() {
+        let half = 0.5 * extent(name);
+        *place = place.min(free - half);
+        free = *place - half;
     }
     names
 }
@@ -394,7 +470,7 @@ impl Sheet {
             canvas.text((2.0 * GAP, y), Anchor::Start, SMALL, &words);
         }
         let name = if self.title.is_empty() { &self.caption } else { &self.title };
-        canvas.document((measure, y + 1.5 * GAP), name)
+        canvas.document((measure, y + 1.5 * GAP), name, None)
     }
 }
 

@@ -47,7 +47,7 @@ use utoipa_axum::routes;
 pub use access::{ADMIN, Access, AdminKey};
 pub use caller::Peer;
 pub use connection::Patient;
-pub use forms::{Ask, Error as FormError, Part, write as write_form};
+pub use forms::{Ask, Error as FormError, Look, Part, QUANTITIES, Quantity, write as write_form};
 pub use limits::Limits;
 pub use openapi::document;
 pub use scenarios::{EXAMPLES, Example, Unsound, parse_job};
@@ -128,6 +128,7 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(results::history))
         .routes(routes!(results::profiles))
         .routes(routes!(results::loops))
+        .routes(routes!(results::plot))
         .routes(routes!(results::pin, results::unpin))
         .routes(routes!(links::share))
         .routes(routes!(library::provenance))

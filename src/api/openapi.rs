@@ -16,7 +16,7 @@ use utoipa::openapi::{
 };
 use utoipa::{PartialSchema, ToSchema};
 
-use super::forms::Part;
+use super::forms::{self, Part};
 use super::problem::ProblemDocument;
 use super::scenarios::{EXAMPLES, parse_job};
 use super::{access, links};
@@ -84,6 +84,9 @@ pub(super) fn frame() -> OpenApi {
                 .schema_from::<ProfileFields>()
                 .schema_from::<LoopFields>()
                 .schema_from::<Instants>()
+                .schema_from::<PlotQuantity>()
+                .schema_from::<PlotInstants>()
+                .schema_from::<Spacing>()
                 .schema_from::<WholeLayout>()
                 .schema_from::<Layout>()
                 .schema_from::<UnitSystem>()
@@ -381,6 +384,17 @@ documented! {
     LoopFields columns(&Loops::default());
     /// Instants, in cycles.
     Instants list(ObjectBuilder::new().schema_type(Type::Number).minimum(Some(0)).build());
+    /// What can be drawn.
+    PlotQuantity words(forms::QUANTITIES.iter().map(|quantity| quantity.name));
+    /// Instants that are drawn, in cycles.
+    PlotInstants ArrayBuilder::new()
+        .items(ObjectBuilder::new().schema_type(Type::Number).minimum(Some(0)).build())
+        .min_items(Some(1))
+        .max_items(Some(forms::MOST))
+        .unique_items(true)
+        .build();
+    /// How values are spread over an axis.
+    Spacing words(["linear", "log"]);
     /// The layout of a whole result.
     WholeLayout words(["columns"]);
     /// The layouts of a table in JSON.

@@ -7,7 +7,7 @@ use axum::response::Response;
 use super::App;
 use super::caller::Caller;
 use super::coding::Coding;
-use super::forms::{Ask, Part};
+use super::forms::{self, Ask, Look, Part, Quantity};
 use super::problem::{self, Problem};
 use super::representation::{Representation, find};
 use super::wire::{Format, NoQuery, Query, Segment};
@@ -54,6 +54,55 @@ fn ask(query: &mut Query, part: Part) -> Ask {
         });
     }
     ask
+}
+
+/// Takes the parameters that say how a figure is wanted.
+fn ask_figure(query: &mut Query) -> Ask {
+    let names: Vec<_> = forms::QUANTITIES.iter().map(|quantity| quantity.name).collect();
+    let usual = Look::default();
+    let quantity =
+        query.value("quantity", &format!("one of {}", names.join(", ")), Quantity::named);
+    let quantity = quantity.unwrap_or(usual.quantity);
+    let accepted = format!("at most {} numbers separated by commas", forms::MOST);
+    let cycles: Option<Vec<f64>> = query.value("cycles", &accepted, |text| {
+        let number =
+            |text: &str| text.trim().parse().ok().filter(|number: &f64| number.is_finite());
+        let cycles: Vec<f64> = text.split(',').map(number).collect::<Option<_>>()?;
+        (cycles.len() <= forms::MOST).then_some(cycles)
+    });
+    if cycles.is_some() && !quantity.has_instants() {
+        let detail = format!("{} is drawn over all cycles; none can be chosen", quantity.name);
+        query.complain("cycles", detail);
+    }
+    let engineering = query.value("units", "\"engineering\" or \"si\"", |text| match text {
+        "si" => Some(false),
+        "engineering" => Some(true),
+        _ => None,
+    });
+    let mut axis = |name| {
+        let log = query.value(name, "\"linear\" or \"log\"", |text| match text {
+            "linear" => Some(false),
+            "log" => Some(true),
+            _ => None,
+        });
+        if log == Some(true) && quantity.has_sign() {
+            let detail = format!("must be \"linear\" here: {} go through 0", quantity.name);
+            query.complain(name, detail);
+        }
+        log
+    };
+    let log = (axis("x"), axis("y"));
+    let mut side = |name, least: u16, usual| {
+        let accepted = format!("a whole number of px from {least} to {}", forms::LARGEST);
+        let found = query.value(name, &accepted, |text| {
+            text.parse().ok().filter(|side| (least..=forms::LARGEST).contains(side))
+        });
+        found.unwrap_or(usual)
+    };
+    let size =
+        (side("width", forms::LEAST.0, usual.size.0), side("height", forms::LEAST.1, usual.size.1));
+    let look = Look { quantity, log, size };
+    Ask { engineering: engineering.unwrap_or(true), cycles, look, ..Ask::default() }
 }
 
 /// Answers a result or a part of it in the form that the client wants.
@@ -347,6 +396,70 @@ pub async fn loops(
     query: Query,
 ) -> Result<Response, Problem> {
     answer(&app, &caller, (&key, Part::Loops), &headers, query).await
+}
+
+/// Returns a figure of a result as SVG, for the screen and for print.
+///
+/// Profiles (`worn`, `wear`, `image`, `pressure`, `slip`) have a curve for each instant, and the worn
+/// profile stands between the initial and the limiting one. Histories have one entry per instant, with
+/// what happened marked, the limiting state where it is within reach, and the simplified rule where the
+/// result was computed with `compare`. `loops` are force over displacement. An infinite pressure is a
+/// gap, and the curve rises to the frame beside it. `title` and `desc` say in words what is to be seen,
+/// `metadata` holds the key and the engine. The same request gives the same bytes everywhere.
+#[utoipa::path(get, path = "/v1/results/{key}/plot.svg", operation_id = "plot_result", tag = "results",
+    params(
+        ("key" = super::openapi::KeyText, Path, description = "The `key` of a job or a checked scenario."),
+        ("quantity" = Option<super::openapi::PlotQuantity>, Query, description = "What is drawn; `worn` \
+            unless told. A result computed with `profiles_at: \"none\"` has histories only.",
+            example = "pressure"),
+        ("cycles" = Option<super::openapi::PlotInstants>, Query, style = Form, explode = false,
+            description = "Of profiles and loops: only these instants, separated by commas. Unless told up \
+            to 6, evenly chosen.",
+            example = json!([0])),
+        ("units" = Option<super::openapi::UnitSystem>, Query, description = "`engineering` (the default \
+            here): µm, mm³, MPa, mJ and N; or `si`.", example = "si"),
+        ("x" = Option<super::openapi::Spacing>, Query, description = "The horizontal axis: that of a \
+            history is `log` unless told where its instants spread over a factor of 20, every other \
+            `linear`. What is not positive has no place on a logarithmic axis.", example = "linear"),
+        ("y" = Option<super::openapi::Spacing>, Query, description = "The vertical axis: `linear` unless \
+            told.", example = "linear"),
+        ("width" = Option<u16>, Query, description = "In px, of which 96 make an inch; 640 unless told.",
+            minimum = 320, maximum = 4000, example = 640),
+        ("height" = Option<u16>, Query, description = "In px; 440 unless told.",
+            minimum = 240, maximum = 4000, example = 440),
+        ("If-None-Match" = Option<String>, Header, description = "The `ETag` of a held copy."),
+        ("Accept-Encoding" = Option<String>, Header, description = "`zstd` or `gzip`."),
+    ),
+    responses(
+        (status = 200, description = "The figure.", content((String = "image/svg+xml")), headers(
+                ("ETag" = String, description = "The tag of this representation; weak where it is \
+                    compressed."),
+                ("Cache-Control" = String, description = "`immutable`: keep it for ever."),
+            )),
+        (status = 304, description = "The held copy is still right. It always is."),
+        (status = 404, description = "No result has this key. `Link` leads to its job, if one is \
+            under way.", headers(("Link" = String, description = "`rel=\"related\"`."))),
+        (status = 410, description = "The result was dropped to make room; `scenario` is what it was \
+            computed from."),
+        (status = 422, description = "A parameter has a fault, or asks for what the result does not \
+            have, such as profiles of one that was computed without; `errors` lists them all."),
+    ),
+)]
+pub async fn plot(
+    State(app): State<App>,
+    caller: Caller,
+    Segment(key): Segment,
+    headers: HeaderMap,
+    mut query: Query,
+) -> Result<Response, Problem> {
+    let ask = ask_figure(&mut query);
+    query.finish()?;
+    // The address names the format, so `Accept` has nothing to choose.
+    let figure = Representation::new(&caller, read_key(&key)?, Part::Plot, Format::Svg, ask);
+    if let Some(response) = figure.not_modified(&app, &headers).await? {
+        return Ok(response);
+    }
+    figure.answer(&app, Coding::choose(&headers, Format::Svg)).await
 }
 
 /// Pins a result: it is kept however much room it takes.

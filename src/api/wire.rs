@@ -256,10 +256,12 @@ pub enum Format {
     Npz,
     /// `application/vnd.apache.arrow.file`: an Arrow IPC file, also known as Feather.
     Arrow,
+    /// `image/svg+xml`: of figures alone.
+    Svg,
 }
 
 impl Format {
-    /// Every format, the default first.
+    /// Every format of numbers, the default first.
     pub const ALL: [Self; 5] = [Self::Json, Self::Ndjson, Self::Csv, Self::Npz, Self::Arrow];
 
     /// The word in `?format=`, and the end of a file's name.
@@ -271,6 +273,7 @@ impl Format {
             Self::Csv => "csv",
             Self::Npz => "npz",
             Self::Arrow => "arrow",
+            Self::Svg => "svg",
         }
     }
 
@@ -283,6 +286,7 @@ impl Format {
             Self::Csv => "text/csv; charset=utf-8",
             Self::Npz => "application/x-npz",
             Self::Arrow => "application/vnd.apache.arrow.file",
+            Self::Svg => "image/svg+xml",
         }
     }
 

@@ -1,10 +1,14 @@
 //! The few things that SVG has to draw. Coordinates are px from the upper left corner.
 
 use super::text::{escape, markup};
-use super::{Dash, Style};
+use super::{About, Dash, Mark, Style};
 
 /// Deviations in px that nobody sees.
 const UNSEEN: f64 = 0.02;
+/// From mark to mark in px where a curve has more points than marks have room.
+const APART: f64 = 64.0;
+/// Marks that are nearer than this to each other run together.
+const CROWDED: f64 = 9.0;
 
 /// A place in px, from the left and from the top.
 pub type Point = (f64, f64);
@@ -117,21 +121,38 @@ impl Canvas {
         self.put(&format!("<path d=\"{}\"{}/>", path(&[from, to]), stroke(style)));
     }
 
-    /// A curve through points, and its marks.
-    pub fn curve(&mut self, points: &[Point], style: &Style) {
+    /// A curve through points, and its marks: one on every point or, where they would run together,
+    /// now and then, the first `lead` px along the curve.
+    pub fn curve(&mut self, points: &[Point], style: &Style, lead: f64) {
         if points.len() > 1 && style.width > 0.0 {
             self.put(&format!("<path d=\"{}\"{}/>", path(&thinned(points)), stroke(style)));
         }
-        if style.marked {
-            for (x, y) in points {
-                self.put(&format!(
-                    "<circle cx=\"{}\" cy=\"{}\" r=\"2.6\" fill=\"{}\"/>",
-                    px(*x),
-                    px(*y),
-                    style.color
-                ));
+        if let Some(mark) = style.mark {
+            for (x, y) in marked(points, lead) {
+                self.mark((x, y), mark, style.color);
             }
         }
+    }
+
+    /// A mark, about as large whatever its form; it hides the curve below it.
+    fn mark(&mut self, (x, y): Point, mark: Mark, color: &str) {
+        let polygon = |corners: &[Point]| {
+            let corners: Vec<Point> = corners.iter().map(|(dx, dy)| (x + dx, y + dy)).collect();
+            format!("path d=\"{}Z\"", path(&corners))
+        };
+        let form = match mark {
+            Mark::Disc | Mark::Ring => {
+                format!("circle cx=\"{}\" cy=\"{}\" r=\"2.6\"", px(x), px(y))
+            }
+            Mark::Square => polygon(&[(-2.4, -2.4), (2.4, -2.4), (2.4, 2.4), (-2.4, 2.4)]),
+            Mark::Diamond => polygon(&[(0.0, -3.4), (3.4, 0.0), (0.0, 3.4), (-3.4, 0.0)]),
+            Mark::Triangle => polygon(&[(0.0, -3.4), (3.2, 2.4), (-3.2, 2.4)]),
+            Mark::Wedge => polygon(&[(0.0, 3.4), (3.2, -2.4), (-3.2, -2.4)]),
+        };
+        self.put(&match mark {
+            Mark::Disc => format!("<{form} fill=\"{color}\"/>"),
+            _ => format!("<{form} fill=\"#fff\" stroke=\"{color}\" stroke-width=\"1.2\"/>"),
+        });
     }
 
     /// A rectangle, filled with white or with a black border.
@@ -157,12 +178,27 @@ impl Canvas {
     }
 
     /// The drawing as a document; its name is for those who cannot see it.
-    pub fn document(self, (width, height): (f64, f64), name: &str) -> String {
+    pub fn document(
+        self,
+        (width, height): (f64, f64),
+        name: &str,
+        about: Option<&About>,
+    ) -> String {
         let (width, height) = (px(width), px(height));
         let name = escape(&name.replace('$', ""));
+        let about = about.map_or_else(String::new, |about| {
+            let [text, identifier, creator] =
+                [&about.description, &about.identifier, &about.creator].map(|text| escape(text));
+            format!(
+                "<title>{name}</title>\n<desc>{text}</desc>\n\
+                 <metadata xmlns:dc=\"http://purl.org/dc/elements/1.1/\">\
+                 <dc:identifier>{identifier}</dc:identifier><dc:creator>{creator}</dc:creator>\
+                 </metadata>\n"
+            )
+        });
         format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
-             viewBox=\"0 0 {width} {height}\" role=\"img\" aria-label=\"{name}\">\n\
+             viewBox=\"0 0 {width} {height}\" role=\"img\" aria-label=\"{name}\">\n{about}\
              <rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n\
              <g font-family=\"Helvetica, Arial, 'Liberation Sans', sans-serif\" fill=\"#000\">\n\
              {}</g>\n</svg>\n",
@@ -204,6 +240,30 @@ fn stroke(style: &Style) -> String {
     format!(
         " fill=\"none\" stroke=\"{color}\" stroke-width=\"{width}\" stroke-linejoin=\"round\"{dashes}"
     )
+}
+
+/// The points that are marked. Distances count along the curve or, where it never turns back, along
+/// the horizontal axis: steep flanks would be covered with marks.
+fn marked(points: &[Point], lead: f64) -> Vec<Point> {
+    let length = |pair: &[Point]| libm::hypot(pair[1].0 - pair[0].0, pair[1].1 - pair[0].1);
+    if points.windows(2).all(|pair| length(pair) >= CROWDED) {
+        return points.to_vec();
+    }
+    let onwards = points.windows(2).all(|pair| pair[1].0 >= pair[0].0);
+    let mut out: Vec<Point> = Vec::new();
+    let mut left = lead;
+    for pair in points.windows(2) {
+        left -= if onwards { pair[1].0 - pair[0].0 } else { length(pair) };
+        if left <= 0.0 {
+            out.push(pair[1]);
+            left = APART;
+        }
+    }
+    if out.is_empty() {
+        // A curve shorter than that still has to be known by its mark.
+        out.extend(points.get(points.len() / 2));
+    }
+    out
 }
 
 /// The points that a curve needs to look the same.
@@ -250,6 +310,24 @@ mod tests {
         assert_eq!(thinned(&[(0.0, 0.0), (9.0, 0.0), (5.0, 0.0)]).len(), 3);
         assert_eq!(thinned(&[(1.0, 2.0)]), [(1.0, 2.0)]);
         assert!(thinned(&[]).is_empty());
+    }
+
+    #[test]
+    fn marks_stand_apart_and_no_curve_is_without() {
+        let sparse = [(0.0, 0.0), (20.0, 5.0), (40.0, 5.0)];
+        assert_eq!(marked(&sparse, 30.0), sparse);
+        // A flank, then a plain: the flank gets no more marks than its width.
+        let flank = (0..=50).map(|i| (f64::from(i) * 0.1, f64::from(i) * 4.0));
+        let plain = (1..=200).map(|i| (5.0 + f64::from(i), 200.0));
+        let across: Vec<f64> =
+            marked(&flank.chain(plain).collect::<Vec<_>>(), 12.0).iter().map(|p| p.0).collect();
+        assert_eq!(across, [12.0, 76.0, 140.0, 204.0]);
+        // There and back, marks are counted along the way.
+        let there = (0..=50).map(|i| (f64::from(i), 0.0));
+        let way: Vec<Point> = there.clone().chain(there.rev()).collect();
+        assert_eq!(marked(&way, 30.0), [(30.0, 0.0), (6.0, 0.0)]);
+        assert_eq!(marked(&[(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)], 30.0), [(1.0, 0.0)]);
+        assert!(marked(&[], 1.0).is_empty());
     }
 
     #[test]

@@ -112,9 +112,7 @@ impl Legend {
         let sample: Vec<Point> =
             [0.0, 0.5, 1.0].iter().map(|share| (start + share * SAMPLE, middle)).collect();
         canvas.line(sample[0], sample[2], style);
-        if style.marked {
-            canvas.curve(&sample[1..2], style);
-        }
+        canvas.curve(&sample[1..2], style, 0.0);
         canvas.text((start + SAMPLE + GAP, middle + SINK), Anchor::Start, SMALL, label);
     }
 }

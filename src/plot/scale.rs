@@ -1,9 +1,15 @@
 //! Scales: the range of an axis, and where its ticks stand.
 
 use super::Axis;
+use super::text::power_of_ten;
 
 /// Most digits before the point, and most zeros after it, that a tick shows.
 const PLAIN: std::ops::RangeInclusive<i32> = -3..=4;
+
+/// Values that are nearer than this to each other, relatively, are shown as equal.
+const SAME: f64 = 1e-6;
+/// A logarithmic axis of less than so many decades has steps instead of them.
+const SHORT: f64 = 0.6;
 
 /// A mark on an axis.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,10 +45,12 @@ impl Scale {
         let sane = low.is_finite() && high.is_finite() && low < high;
         let (low, high) = if sane { (low, high) } else { (0.0, 1.0) };
         let mut scale = Self { low, high, log, ticks: Vec::new(), power: 0 };
-        if log {
-            scale.mark_decades(count);
-        } else {
+        if !log {
             scale.mark_steps(count);
+        } else if high - low < SHORT {
+            scale.mark_part_of_decade(count);
+        } else {
+            scale.mark_decades(count);
         }
         scale
     }
@@ -64,17 +72,22 @@ impl Scale {
         let (low, high) = (self.low, self.high);
         let rough = (high - low) / count.max(1.0);
         let decade = libm::exp10(libm::floor(libm::log10(rough)));
-        let step = [1.0, 2.0, 5.0, 10.0].map(|nice| nice * decade);
-        let step = step.into_iter().find(|step| *step >= rough * (1.0 - 1e-9)).unwrap_or(rough);
+        let steps = [0.5, 1.0, 2.0, 5.0, 10.0].map(|nice| nice * decade);
+        let wide = (1..4).find(|i| steps[*i] >= rough * (1.0 - 1e-9)).unwrap_or(4);
+        let slack = 1e-9 * (high - low);
+        let ends = |step: f64| {
+            (libm::ceil((low - slack) / step) as i64, libm::floor((high + slack) / step) as i64)
+        };
+        // A single tick says nothing of the scale.
+        let alone = ends(steps[wide]).0 >= ends(steps[wide]).1;
+        let step = steps[if alone { wide - 1 } else { wide }];
         let most = libm::floor(libm::log10(low.abs().max(high.abs())) + 1e-9) as i32;
         if !PLAIN.contains(&most) {
             self.power = 3 * most.div_euclid(3);
         }
         let unit = libm::exp10(f64::from(self.power));
         let decimals = -libm::floor(libm::log10(step / unit) + 1e-9);
-        let slack = 1e-9 * (high - low);
-        let first = libm::ceil((low - slack) / step) as i64;
-        let last = libm::floor((high + slack) / step) as i64;
+        let (first, last) = ends(step);
         self.ticks = (first..=last)
             .map(|k| Tick {
                 share: (k as f64 * step - low) / (high - low),
@@ -83,15 +96,24 @@ impl Scale {
             .collect();
     }
 
+    /// Ticks of a logarithmic axis that is too short for decades: at even steps all the same.
+    fn mark_part_of_decade(&mut self, count: f64) {
+        let (low, high) = (libm::exp10(self.low), libm::exp10(self.high));
+        let mut even = Self { low, high, log: false, ticks: Vec::new(), power: 0 };
+        even.mark_steps(count);
+        let place = |share: f64| libm::log10(low + share * (high - low));
+        for Tick { share, label } in even.ticks {
+            let share = (place(share) - self.low) / (self.high - self.low);
+            self.ticks.push(Tick { share, label });
+        }
+        self.power = even.power;
+    }
+
     fn mark_decades(&mut self, count: f64) {
         let (low, high) = (self.low - 1e-9, self.high + 1e-9);
         let (first, last) = (libm::floor(low) as i32, libm::floor(high) as i32);
         let decades = high - low;
-        let labelled: &[i32] = match decades {
-            ..1.2 => &[1, 2, 3, 4, 5, 6, 7, 8, 9],
-            ..2.2 => &[1, 2, 5],
-            _ => &[1],
-        };
+        let labelled = labelled(decades, count);
         let plain = PLAIN.contains(&first) && PLAIN.contains(&last);
         let every = libm::ceil(decades / count.max(1.0)).max(1.0) as i32;
         for exponent in first..=last {
@@ -120,13 +142,31 @@ impl Scale {
     }
 }
 
+/// The digits that are labelled in each decade, where there is room for about `count` labels: as many
+/// as leave the nearest two apart.
+fn labelled(decades: f64, count: f64) -> &'static [i32] {
+    let sets: [(f64, &[i32]); 3] =
+        [(1.2, &[1, 2, 3, 4, 5, 6, 7, 8, 9]), (1.2, &[1, 2, 3, 5, 7]), (2.2, &[1, 2, 5])];
+    let fits = |(most, digits): &(f64, &[i32])| {
+        let apart = |pair: &[i32]| libm::log10(f64::from(pair[1]) / f64::from(pair[0]));
+        let nearest = digits.windows(2).map(apart).fold(1.0, f64::min);
+        decades < *most && nearest * count >= 0.7 * decades
+    };
+    sets.into_iter().find(fits).map_or(&[1], |(_, digits)| digits)
+}
+
 /// The range of some values with a little room around them; 0 stays an end.
 fn padded(values: impl Iterator<Item = f64>, log: bool) -> (f64, f64) {
     let whole = (f64::INFINITY, f64::NEG_INFINITY);
     let (low, high) = values.fold(whole, |(low, high), x| (low.min(x), high.max(x)));
-    let room = 0.04 * (high - low);
-    let room =
-        if room > 0.0 { room } else { (0.1 * high.abs()).max(if log { 0.3 } else { 1e-12 }) };
+    let size = low.abs().max(high.abs());
+    // What differs in rounding only is the same, and its digits are not worth an axis.
+    let least = SAME * if log { 1.0 } else { size };
+    let room = if high - low > least {
+        0.04 * (high - low)
+    } else {
+        if log { 0.3_f64 } else { 1e-12_f64 }.max(0.1 * size)
+    };
     let keep = |end: f64| !log && end == 0.0;
     (if keep(low) { low } else { low - room }, if keep(high) { high } else { high + room })
 }
@@ -138,24 +178,6 @@ fn number(value: f64, decimals: usize) -> String {
         return text.replace('-', "");
     }
     text.replace('-', "−")
-}
-
-/// 10 with a raised exponent.
-fn power_of_ten(exponent: i32) -> String {
-    let raised = |c| match c {
-        '-' => '⁻',
-        '1' => '¹',
-        '2' => '²',
-        '3' => '³',
-        '4' => '⁴',
-        '5' => '⁵',
-        '6' => '⁶',
-        '7' => '⁷',
-        '8' => '⁸',
-        '9' => '⁹',
-        _ => '⁰',
-    };
-    format!("10{}", exponent.to_string().chars().map(raised).collect::<String>())
 }
 
 #[cfg(test)]
@@ -174,12 +196,26 @@ mod tests {
         assert_eq!(labels(false, (0.0, 1.5)), "0.0 0.5 1.0 1.5 (0)");
         assert_eq!(labels(false, (-1.0, 1.0)), "−1.0 −0.5 0.0 0.5 1.0 (0)");
         assert_eq!(labels(false, (0.0, 1.0)), "0.0 0.2 0.4 0.6 0.8 1.0 (0)");
+        assert_eq!(labels(false, (-49.0, 49.0)), "−40 −20 0 20 40 (0)");
         assert_eq!(labels(false, (0.0, 3.2e-6)), "0 1 2 3 (-6)");
         assert_eq!(labels(false, (0.0, 44_000.0)), "0 10000 20000 30000 40000 (0)");
         assert_eq!(labels(true, (0.1, 1000.0)), "0.1 1.0 10 100 1000 (0)".replace("1.0", "1"));
         assert_eq!(labels(true, (1e-6, 1e-2)), "10⁻⁶ 10⁻⁵ 10⁻⁴ 10⁻³ 10⁻² (0)");
         assert_eq!(labels(true, (1.0, 50.0)), "1 2 5 10 20 50 (0)");
         assert_eq!(labels(true, (2e5, 9e5)).split(' ').next(), Some("2×10⁵"));
+        assert_eq!(labels(true, (2.0, 20.0)), "2 3 5 7 10 20 (0)");
+        assert_eq!(labels(true, (2.1e-7, 2.9e-7)), "220 240 260 280 (-9)");
+    }
+
+    #[test]
+    fn what_is_held_is_a_level_line_whatever_its_last_digits() {
+        let values = [50.0, 50.000_000_000_000_04, 49.999_999_999];
+        for (log, expected) in [(false, "44 46 48 50 52 54 56"), (true, "30 50 70 100")] {
+            let axis = Axis { log, ..Axis::default() };
+            let scale = Scale::new(&axis, values.iter().copied(), 6.0);
+            let labels: Vec<_> = scale.ticks.into_iter().filter_map(|tick| tick.label).collect();
+            assert_eq!(labels.join(" "), expected);
+        }
     }
 
     #[test]

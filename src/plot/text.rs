@@ -79,6 +79,25 @@ pub fn escape(text: &str) -> String {
     out
 }
 
+/// 10 with a raised exponent.
+#[must_use]
+pub fn power_of_ten(exponent: i32) -> String {
+    let raised = |c| match c {
+        '-' => '⁻',
+        '1' => '¹',
+        '2' => '²',
+        '3' => '³',
+        '4' => '⁴',
+        '5' => '⁵',
+        '6' => '⁶',
+        '7' => '⁷',
+        '8' => '⁸',
+        '9' => '⁹',
+        _ => '⁰',
+    };
+    format!("10{}", exponent.to_string().chars().map(raised).collect::<String>())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -53,7 +53,7 @@ fn extent(node: Node) -> [f64; 4] {
 }
 
 /// Reads a figure as XML and checks that no text overlaps another or leaves the page.
-fn legible(svg: &str) -> usize {
+pub fn legible(svg: &str) -> usize {
     let document = Document::parse(svg).expect("well-formed XML");
     let root = document.root_element();
     let side = |name: &str| root.attribute(name).expect(name).parse::<f64>().expect(name);

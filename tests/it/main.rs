@@ -35,6 +35,8 @@ mod moving;
 #[cfg(feature = "serve")]
 mod openapi;
 #[cfg(feature = "serve")]
+mod plots;
+#[cfg(feature = "serve")]
 mod program;
 #[cfg(feature = "serve")]
 mod reference;

@@ -203,6 +203,16 @@ impl<'a> Document<'a> {
         Ok(table)
     }
 
+    /// A member, its numbers as they are told; null if there is none.
+    pub fn value(&self, name: &str) -> Result<Value, Error> {
+        let Some(text) = self.members.get(name) else { return Ok(Value::Null) };
+        let mut value = serde_json::from_str(text.get())?;
+        if name != "scenario" {
+            self.telling.tell(name, &mut value);
+        }
+        Ok(value)
+    }
+
     /// All members as they are told, in their order.
     pub fn members(&self) -> Result<Vec<(&str, Told<'_>)>, Error> {
         let mut out = Vec::new();

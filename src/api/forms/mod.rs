@@ -1,5 +1,5 @@
 //! The forms of a result: the stored document, a part of it or a selection, as JSON, NDJSON, CSV,
-//! NPZ or Arrow.
+//! NPZ or Arrow, and figures of it as SVG.
 //!
 //! Every form is made from the same numbers: those of the stored document, each read as the nearest
 //! float64 and written with the fewest digits that give it back. So equal things are equal in every
@@ -19,6 +19,7 @@
 mod arrow;
 mod csv;
 mod document;
+mod figure;
 mod json;
 mod npz;
 mod table;
@@ -29,6 +30,8 @@ use std::io;
 use super::problem::Complaint;
 use super::wire::Format;
 use document::Document;
+
+pub use figure::{LARGEST, LEAST, Look, MOST, QUANTITIES, Quantity};
 
 /// The version of all this. Clients keep what they read for ever: it rises when the same request
 /// would be answered by other bytes.
@@ -45,6 +48,8 @@ pub enum Part {
     Profiles,
     /// The force–displacement loops.
     Loops,
+    /// A figure of it.
+    Plot,
 }
 
 impl Part {
@@ -59,6 +64,7 @@ impl Part {
             Self::History => "history",
             Self::Profiles => "profiles",
             Self::Loops => "loops",
+            Self::Plot => "plot",
         }
     }
 
@@ -67,6 +73,7 @@ impl Part {
     pub fn formats(self) -> &'static [Format] {
         match self {
             Self::Whole => &[Format::Json, Format::Npz],
+            Self::Plot => &[Format::Svg],
             _ => &Format::ALL,
         }
     }
@@ -89,9 +96,18 @@ pub struct Ask {
     pub cycles: Option<Vec<f64>>,
     /// How many radii at most, evenly spread from the first to the last.
     pub points: Option<usize>,
+    /// Of a figure: what is drawn, and how.
+    pub look: Look,
 }
 
 impl Ask {
+    /// A figure of the usual looks, in engineering units.
+    #[must_use]
+    pub fn figure(quantity: &'static Quantity) -> Self {
+        let look = Look { quantity, ..Look::default() };
+        Self { engineering: true, look, ..Self::default() }
+    }
+
     /// The same for everyone who asks for the same.
     #[must_use]
     pub fn in_order(mut self) -> Self {
@@ -130,13 +146,16 @@ pub enum Error {
 /// Writes a stored result, or a part of it, in the form asked for. It takes a while for a large one.
 ///
 /// # Errors
-/// [`Error::NotThere`] if a selection names what the result does not have. A whole result is no
-/// table: [`Part::formats`] says what there is.
+/// [`Error::NotThere`] if a selection names what the result does not have, or a figure needs it. A whole
+/// result is no table: [`Part::formats`] says what there is.
 pub fn write(stored: &[u8], part: Part, format: Format, ask: &Ask) -> Result<Vec<u8>, Error> {
     if (part, format) == (Part::Whole, Format::Json) && *ask == Ask::default() {
         return Ok(stored.to_vec());
     }
     let document = Document::open(stored, ask)?;
+    if part == Part::Plot {
+        return figure::svg(&document, ask);
+    }
     if part == Part::Whole {
         return match format {
             Format::Npz => npz::whole(&document, ask),
@@ -151,6 +170,8 @@ pub fn write(stored: &[u8], part: Part, format: Format, ask: &Ask) -> Result<Vec
         Format::Csv => Ok(csv::table(&document, &table, ask)),
         Format::Npz => npz::table(&document, &table, ask),
         Format::Arrow => arrow::table(&document, &table, ask),
+        // No table is drawn as it stands.
+        Format::Svg => figure::svg(&document, ask),
     }
 }
 

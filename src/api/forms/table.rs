@@ -127,7 +127,7 @@ impl Table {
         let empty = match part {
             Part::Profiles => serde_json::to_string(&Profiles::default()),
             Part::Loops => serde_json::to_string(&Loops::default()),
-            Part::Whole | Part::History => Ok("{}".to_owned()),
+            Part::Whole | Part::History | Part::Plot => Ok("{}".to_owned()),
         }?;
         let text = text.filter(|_| there).map_or(&*empty, RawValue::get);
         let members: Members<'_> = serde_json::from_str(text)?;
@@ -143,11 +143,17 @@ impl Table {
         if self.part == Part::Profiles { &["cycles", "radius"] } else { &["cycles"] }
     }
 
-    fn axis(&self, name: &str) -> &[f64] {
-        match self.columns.iter().find(|(column, _)| column == name) {
-            Some((_, Values::Instants(row) | Values::Places(row))) => row,
+    /// The numbers of a column that has one per instant or one per place.
+    pub fn axis(&self, name: &str) -> &[f64] {
+        match self.column(name) {
+            Some(Values::Instants(row) | Values::Places(row)) => row,
             _ => &[],
         }
+    }
+
+    /// A column by its name.
+    pub fn column(&self, name: &str) -> Option<&Values> {
+        self.columns.iter().find(|(column, _)| column == name).map(|(_, values)| values)
     }
 
     /// Cuts the table to what is wanted, or tells everything that is wanted and not there.
@@ -254,7 +260,7 @@ fn listed(cycles: &[f64]) -> String {
 }
 
 /// At most `count` of `0..length`, evenly spread, the first and the last among them.
-fn spread(length: usize, count: usize) -> Vec<usize> {
+pub fn spread(length: usize, count: usize) -> Vec<usize> {
     if count >= length {
         return (0..length).collect();
     }

@@ -1,0 +1,279 @@
+//! Figures of results: of every example and every quantity, well formed and legible, on the wire and
+//! from the command line.
+
+use std::fs;
+use std::path::PathBuf;
+
+use fretwork::api::{self, Ask, FormError, Format, Look, Part, QUANTITIES, Quantity};
+use fretwork::job::{Step, Task};
+use roxmltree::{Document, Node};
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use crate::figures::legible;
+use crate::program;
+use crate::server::{Server, steel_ball};
+
+/// The stored document of a job body.
+fn computed(body: &str) -> Vec<u8> {
+    let task = api::parse_job(body.as_bytes()).unwrap().task;
+    let mut work = Task::start(&task.key(), &task.to_json()).unwrap();
+    loop {
+        if let Step::Done(answer) = work.step() {
+            return answer.body.to_vec();
+        }
+    }
+}
+
+/// The bodies of the examples and of contacts whose pressure has poles from the beginning.
+fn bodies() -> Vec<(String, String)> {
+    let directory = concat!(env!("CARGO_MANIFEST_DIR"), "/examples");
+    let paths = fs::read_dir(directory).unwrap().map(|entry| entry.unwrap().path());
+    let files = paths.filter(|path: &PathBuf| path.extension().is_some_and(|end| end == "json"));
+    let read = |path: PathBuf| {
+        let name = path.file_stem().unwrap().to_str().unwrap().to_owned();
+        (name, fs::read_to_string(path).unwrap())
+    };
+    let mut out: Vec<_> = files.map(read).collect();
+    assert!(out.len() >= 9);
+    out.push(("cone".to_owned(), cone(&json!("all")).to_string()));
+    out
+}
+
+/// A cone, at many instants.
+fn cone(profiles_at: &Value) -> Value {
+    json!({"scenario": {
+        "profile": {"shape": "cone", "slope_angle": "2 deg"},
+        "moduli": {"normal": "112 GPa", "tangential": "92 GPa"},
+        "friction": 0.5, "wear": {"coefficient": 3e-14},
+        "load": {"indentation_depth": "2 um", "held": "depth"}, "motion": {"stick_ratio": 0.5},
+        "cycles": {"from": 100, "to": 100_000, "count": 13, "spacing": "log"},
+        "profiles_at": profiles_at,
+    }})
+}
+
+fn drawn(stored: &[u8], ask: &Ask) -> Result<String, FormError> {
+    let svg = api::write_form(stored, Part::Plot, Format::Svg, ask)?;
+    Ok(String::from_utf8(svg).unwrap())
+}
+
+fn plotted(stored: &[u8], quantity: &str) -> String {
+    drawn(stored, &Ask::figure(Quantity::named(quantity).unwrap())).unwrap()
+}
+
+fn numbers(text: &str) -> Vec<f64> {
+    text.split(|c: char| !c.is_ascii_digit() && c != '.' && c != '-')
+        .filter_map(|number| number.parse().ok())
+        .collect()
+}
+
+/// The part of the drawing that shows only within the frame.
+fn window<'a>(document: &'a Document) -> Node<'a, 'a> {
+    document.descendants().filter(|node| node.has_tag_name("svg")).nth(1).unwrap()
+}
+
+/// The frame: left, top, right, bottom.
+fn frame(document: &Document) -> [f64; 4] {
+    let window = window(document);
+    let side = |name: &str| window.attribute(name).unwrap().parse::<f64>().unwrap();
+    [side("x"), side("y"), side("x") + side("width"), side("y") + side("height")]
+}
+
+/// Checks all that a figure must be, whatever it shows.
+fn sound(svg: &str, size: (u16, u16), name: &str) {
+    assert!(legible(svg) > 5, "{name}");
+    let document = Document::parse(svg).unwrap();
+    let root = document.root_element();
+    let [left, top, right, bottom] = frame(&document);
+    assert_eq!(root.attribute("width"), Some(&*size.0.to_string()));
+    assert_eq!(root.attribute("height"), Some(&*size.1.to_string()));
+    assert!(right - left > 0.3 * f64::from(size.0), "{name}");
+    assert!(bottom - top > 0.5 * f64::from(size.1), "{name}");
+    assert!(window(&document).children().any(|node| node.is_element()), "{name} shows nothing");
+    for path in document.descendants().filter_map(|node| node.attribute("d")) {
+        let plain = path.bytes().all(|byte| b"MLZ -.0123456789".contains(&byte));
+        assert!(plain, "{name}: {path}");
+    }
+    // Ticks stand at the frame, on the left and at the bottom.
+    let group = root.children().find(|node| node.has_tag_name("g")).unwrap();
+    let ticks = group.children().filter(|node| node.attribute("stroke") == Some("#000"));
+    let mut count = 0;
+    for tick in ticks.filter_map(|node| node.attribute("d")) {
+        let at = numbers(&tick.replace(['M', 'L'], " "));
+        let below = (left - 0.1..=right + 0.1).contains(&at[0]) && (at[1] - bottom).abs() < 0.1;
+        let beside = (top - 0.1..=bottom + 0.1).contains(&at[1]) && (at[0] - left).abs() < 0.1;
+        assert!(below || beside, "{name}: {tick}");
+        count += 1;
+    }
+    assert!(count >= 4, "{name} has {count} ticks");
+}
+
+#[test]
+fn every_quantity_of_every_example_is_drawn_well() {
+    for (name, body) in bodies() {
+        let stored = computed(&body);
+        for quantity in &QUANTITIES {
+            let name = format!("{name}, {}", quantity.name);
+            let ask = Ask::figure(quantity);
+            let svg = drawn(&stored, &ask).unwrap_or_else(|error| panic!("{name}: {error}"));
+            sound(&svg, (640, 440), &name);
+            assert!(svg == drawn(&stored, &ask).unwrap(), "{name} changes");
+            assert!(svg.len() < 120_000, "{name} has {} bytes", svg.len());
+            // The smallest, with axes of the other kind.
+            let log = if quantity.has_sign() { (None, None) } else { (Some(true), Some(true)) };
+            let look = Look { quantity, log, size: (320, 240) };
+            let svg = drawn(&stored, &Ask { engineering: false, look, ..ask });
+            sound(&svg.unwrap_or_else(|error| panic!("{name}: {error}")), look.size, &name);
+        }
+    }
+}
+
+#[test]
+fn a_figure_says_in_words_what_it_shows() {
+    let stored = computed(api::EXAMPLES[0].body);
+    let key = serde_json::from_slice::<Value>(&stored).unwrap()["key"].as_str().unwrap().to_owned();
+    let svg = plotted(&stored, "worn");
+    let document = Document::parse(&svg).unwrap();
+    let text = |name: &str| {
+        let node = document.descendants().find(|node| node.tag_name().name() == name).unwrap();
+        node.text().unwrap().to_owned()
+    };
+    assert_eq!((text("title"), text("identifier")), ("Worn profile".to_owned(), key));
+    assert_eq!(text("creator"), "fretwork/1");
+    let told = text("desc");
+    for part in ["Height f (µm)", "paraboloid", "partial slip", "friction 0.7", "simplified"] {
+        assert!(told.contains(part), "{told}");
+    }
+    assert!(told.contains("Curves: initial, N = 1000, N = 3000") && told.ends_with("limiting."));
+}
+
+#[test]
+fn an_infinite_pressure_is_a_gap_and_the_curve_rises_to_the_frame_beside_it() {
+    let stored = computed(&cone(&json!([100])).to_string());
+    let ask = Ask { cycles: Some(vec![0.0]), ..Ask::figure(Quantity::named("pressure").unwrap()) };
+    let svg = drawn(&stored, &ask).unwrap();
+    let document = Document::parse(&svg).unwrap();
+    let [left, top, _, bottom] = frame(&document);
+    let curve = window(&document).children().find(|node| node.has_tag_name("path")).unwrap();
+    let points = numbers(&curve.attribute("d").unwrap().replace(['M', 'L'], " "));
+    // It comes from above the frame at the apex, and the axis shows what is below.
+    assert!((points[0] - left).abs() < 0.01 && points[1] < top, "{points:?}");
+    assert!(points[3] > top && points[3] < bottom);
+    let highest = points.chunks(2).filter(|point| point[1] < top).count();
+    assert_eq!(highest, 1);
+}
+
+#[test]
+fn instants_are_those_asked_for_or_some_evenly_chosen() {
+    let stored = computed(&cone(&json!("all")).to_string());
+    let legend = |quantity, cycles: Option<&[f64]>| {
+        let ask = Ask {
+            cycles: cycles.map(<[f64]>::to_vec),
+            ..Ask::figure(Quantity::named(quantity).unwrap())
+        };
+        let svg = drawn(&stored, &ask).unwrap();
+        let told = svg.split_once("Curves: ").unwrap().1;
+        told.split_once(".</desc>").unwrap().0.to_owned()
+    };
+    assert!(legend("pressure", None).starts_with("unworn, N = 316"));
+    assert_eq!(legend("pressure", None).split(", ").count(), 6);
+    let chosen = legend("wear", Some(&[100_000.0, 1000.0]));
+    assert_eq!(chosen, "N = 1000, N = 100000");
+    assert!(!legend("wear", None).contains("unworn"));
+}
+
+#[test]
+fn what_was_not_computed_is_refused_by_name_and_histories_are_still_drawn() {
+    let stored = computed(&cone(&json!("none")).to_string());
+    for quantity in &QUANTITIES {
+        let drawn = drawn(&stored, &Ask::figure(quantity));
+        if quantity.has_instants() {
+            let told = drawn.unwrap_err().to_string();
+            assert!(told.contains("profiles_at") && told.contains("wear_volume"), "{told}");
+        } else {
+            sound(&drawn.unwrap(), (640, 440), quantity.name);
+        }
+    }
+    let stored = computed(api::EXAMPLES[0].body);
+    let look = Look {
+        quantity: Quantity::named("wear").unwrap(),
+        log: (None, Some(true)),
+        ..Look::default()
+    };
+    let ask = Ask { cycles: Some(vec![0.0]), look, ..Ask::default() };
+    let told = drawn(&stored, &ask).unwrap_err().to_string();
+    assert!(told.contains("no value is positive"), "{told}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_figure_is_served_kept_and_refused_like_every_form() {
+    let server = Server::start().await;
+    let job = server.compute(&steel_ball()).await.json();
+    let address = format!("{}/plot.svg", job["links"]["result"].as_str().unwrap());
+    let figure = server.get(&address).await;
+    assert_eq!((figure.status, figure.header("content-type")), (200, Some("image/svg+xml")));
+    assert!(figure.header("cache-control").unwrap().contains("immutable"));
+    assert!(figure.header("content-disposition").is_none());
+    assert_eq!(figure.text(), plotted(&computed(api::EXAMPLES[0].body), "worn"));
+    // What is asked for in other words is the same, and held by the same tag.
+    let tag = figure.header("etag").unwrap();
+    let other = server.get(&format!("{address}?width=640&units=engineering&quantity=worn")).await;
+    assert_eq!((other.header("etag"), &other.body), (Some(tag), &figure.body));
+    let held = server.send("GET", &address, &[("If-None-Match", tag)], "").await;
+    assert_eq!((held.status, held.body.len(), held.header("etag")), (304, 0, Some(tag)));
+    let si = format!("{address}?units=si");
+    let si = server.send("GET", &si, &[("If-None-Match", tag), ("Accept", "text/html")], "").await;
+    assert!(si.status == 200 && si.text().contains("(m)"));
+    let packed = server.send("GET", &address, &[("Accept-Encoding", "gzip")], "").await;
+    assert_eq!(packed.header("content-encoding"), Some("gzip"));
+    assert_eq!(packed.header("etag"), Some(&*format!("W/{tag}")));
+
+    for (query, expected) in [
+        (
+            "quantity=warn&units=imperial&x=cubic&y=0&width=319&height=4001&colour=red",
+            &["quantity", "units", "x", "y", "width", "height", "colour"][..],
+        ),
+        ("quantity=loops&x=log&y=log", &["x", "y"]),
+        ("quantity=wear_volume&cycles=1000", &["cycles"]),
+        ("cycles=1,2,3,4,5,6,7,8,9,10,11,12,13", &["cycles"]),
+        ("cycles=1000,7,8", &["cycles", "cycles"]),
+        ("quantity=pressure&cycles=inf", &["cycles"]),
+        ("format=png", &["format"]),
+    ] {
+        let refused = server.get(&format!("{address}?{query}")).await;
+        let problem = refused.problem(422, "invalid-parameters");
+        let named = problem["errors"].as_array().unwrap().iter();
+        let named: Vec<_> = named.map(|error| error["parameter"].as_str().unwrap()).collect();
+        assert_eq!(named, expected, "{problem}");
+    }
+    let nothing = format!("/v1/results/{}/plot.svg", "0".repeat(64));
+    server.get(&nothing).await.problem(404, "unknown-result");
+    let job = server.compute(&cone(&json!("none"))).await.json();
+    let bare = format!("{}/plot.svg", job["links"]["result"].as_str().unwrap());
+    let problem = server.get(&bare).await.problem(422, "invalid-parameters");
+    assert!(problem["errors"][0]["detail"].as_str().unwrap().contains("profiles_at"), "{problem}");
+    assert_eq!(server.get(&format!("{bare}?quantity=normal_force")).await.status, 200);
+}
+
+#[test]
+fn run_draws_beside_what_it_writes() {
+    let dir = TempDir::new().unwrap();
+    let file = dir.path().join("figure.svg");
+    let (file, body) = (file.to_str().unwrap(), api::EXAMPLES[0].body);
+    let stored = computed(body);
+    let output = program::run(&["run", "-", "--plot", file], body);
+    assert!(output.status.success());
+    assert!(output.stdout.starts_with(&stored));
+    assert_eq!(fs::read_to_string(file).unwrap(), plotted(&stored, "worn"));
+    program::run(&["run", "-", "--plot", file, "--quantity", "loops"], body);
+    assert_eq!(fs::read_to_string(file).unwrap(), plotted(&stored, "loops"));
+    let wrong = program::run(&["run", "-", "--plot", file, "--quantity", "warn"], body);
+    assert_eq!(wrong.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&wrong.stderr).contains("wear_volume"));
+    let bare = cone(&json!("none")).to_string();
+    let refused = program::run(&["run", "-", "--plot", file], &bare);
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("profiles_at"));
+    let nowhere = program::run(&["run", "-", "--plot", dir.path().to_str().unwrap()], body);
+    program::fails(&nowhere, "cannot write");
+}
