@@ -12,8 +12,13 @@ export function h(tag, properties = {}, ...children) {
 export function svg(tag, attributes = {}, ...children) {
   const made = document.createElementNS("http://www.w3.org/2000/svg", tag);
   for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
-  made.append(...children.flat().filter((child) => child != null && child !== false));
+  fill(made, children);
   return made;
+}
+
+/** Puts children in the place of those there are; what is null or false is left out. */
+export function fill(place, ...children) {
+  place.replaceChildren(...children.flat(Infinity).filter((child) => child != null && child !== false));
 }
 
 function dress(made, properties, children) {
@@ -24,7 +29,7 @@ function dress(made, properties, children) {
       made.setAttribute(name, value === true ? "" : value);
     } else made[name] = value;
   }
-  made.append(...children.flat(2).filter((child) => child != null && child !== false));
+  if (children.length > 0) fill(made, children);
   return made;
 }
 

@@ -1,7 +1,7 @@
 // A new run: fields and JSON of one scenario, checked as one types.
 
 import { get, nonce, Problem, post } from "./api.js";
-import { debounced, h, say } from "./dom.js";
+import { debounced, fill, h, say } from "./dom.js";
 import { CHOICES, read, typed, untyped, write } from "./fields.js";
 import { sketch } from "./sketch.js";
 import { cycles, quantity, WORDS } from "./units.js";
@@ -64,8 +64,8 @@ export async function showForm(main, { query, signal }) {
 
   json.addEventListener("input", () => {
     try {
-      const read = JSON.parse(json.value);
-      scenario = read.scenario ?? read;
+      const parsed = JSON.parse(json.value);
+      scenario = parsed.scenario ?? parsed;
       jsonFault.textContent = "";
       draw();
       changed();
@@ -128,7 +128,7 @@ export async function showForm(main, { query, signal }) {
     run.disabled = problem !== null;
     check.removeAttribute("aria-busy");
     if (known) drawKnown(check, known);
-    else check.replaceChildren(h("h2", {}, problem.status === 422 ? "Not yet a scenario" : problem.title),
+    else fill(check, h("h2", {}, problem.status === 422 ? "Not yet a scenario" : problem.title),
       h("p", {}, problem.detail));
   }
 
@@ -152,7 +152,6 @@ export async function showForm(main, { query, signal }) {
   async function submit(event) {
     event.preventDefault();
     run.disabled = true;
-    say("Submitted.");
     try {
       const headers = { Prefer: "wait=1", "Idempotency-Key": nonce() };
       const job = await post("/v1/jobs", { scenario, ...(label && { label }) }, { headers });
@@ -193,16 +192,14 @@ function drawKnown(place, known) {
     ["Depth d₀", quantity(scales.indentation_depth, "m"), "depth"],
     ["Peak pressure", unworn.peak_pressure == null ? "unbounded" : quantity(unworn.peak_pressure, "Pa"), "peak"],
     ["Gross slip from", quantity(unworn.gross_slip_amplitude, "m"), "gross"],
-    ["Cycles scale N₀", digitsOfCycles(scales.cycles), "n0"],
+    ["Cycles scale N₀", scales.cycles == null ? "–" : cycles(Math.round(scales.cycles)), "n0"],
     ["Volume in the limit", limit ? quantity(limit.wear_volume, "m^3") : "not known beforehand", "limit-volume"],
     ["Depth in the limit", limit ? quantity(limit.wear_depth, "m") : "not known beforehand", "limit-depth"],
-    ["Cost", `${quantity(cost.operations / 1e6, "1", 2)} million operations, ${quantity(cost.answer_bytes / 1e6, "1", 2)} MB`, "cost"],
+    ["Cost", `${quantity(cost.operations / 1e6, "1", 2)} M operations, ${quantity(cost.answer_bytes / 1e6, "1", 2)} MB`, "cost"],
     ["In the library", cached ? "yes: the answer is there at once" : "no: it will be computed", "cached"],
   ];
-  place.replaceChildren(h("h2", {}, "Known beforehand"), sketch(known),
-    h("dl", {}, rows.map(([name, value, id]) => [h("dt", {}, name), h("dd", { "data-known": id }, value)])),
+  fill(place, h("h2", {}, "Known beforehand"), sketch(known),
+    h("dl", {}, rows.map(([word, value, id]) => [h("dt", {}, word), h("dd", { "data-known": id }, value)])),
     warnings.length > 0 && h("div", { class: "warning" }, h("h3", {}, "Warnings"),
       h("ul", {}, warnings.map((warning) => h("li", {}, warning.detail ?? String(warning))))));
 }
-
-const digitsOfCycles = (value) => (value == null ? "–" : cycles(Math.round(value)));

@@ -2,7 +2,7 @@
 
 import { get } from "./api.js";
 import { debounced, h, svg, trouble, when } from "./dom.js";
-import { quantity, UNITS, WORDS } from "./units.js";
+import { cycles, quantity, UNITS, WORDS } from "./units.js";
 
 const WORD_FILTERS = {
   shape: ["paraboloid", "sphere", "cone", "power", "truncated_paraboloid", "truncated_cone", "table"],
@@ -104,7 +104,7 @@ export async function showLibrary(main, { query, signal }) {
     return h("li", { class: "card entry" }, picture,
       h("div", {}, h("h2", {}, h("a", { href: `#/result/${key}` }, title), pinned && h("span", { class: "state", title: "kept for good" }, "pinned")),
         h("p", {}, `${WORDS[entry.regime] ?? entry.regime} · ${about}`),
-        h("p", {}, `after ${quantity(values.cycles, "1", 6)} cycles: `, h("strong", {}, quantity(values.wear_volume, "m^3")), `, ${quantity(values.wear_depth, "m")} deep`),
+        h("p", {}, `after ${cycles(values.cycles)} cycles: `, h("strong", {}, quantity(values.wear_volume, "m^3")), `, ${quantity(values.wear_depth, "m")} deep`),
         note && h("p", { class: "note" }, `“${note.text}”`),
         h("p", { class: "quiet" }, when(created), owner && ` · ${owner}`)),
       h("label", { class: "pick" }, h("input", { type: "checkbox", value: key, checked: chosen.has(key),

@@ -60,10 +60,10 @@ export class Plot {
     const scale = (log) => (log ? { distr: 3, time: false } : { time: false });
     const options = {
       ...this.#size(),
-      padding: [10, 14, 0, 0],
+      padding: [10, 26, 0, 0],
       scales: { x: scale(logX), y: scale(logY) },
       axes: [{ ...axis(x, 34), values: logX ? decades : numbers },
-        { ...axis(y, 62), values: logY ? decades : numbers }],
+        { ...axis(y, 66), values: logY ? decades : numbers }],
       series: [{ label: x, value: (_, value) => digits(value) },
         ...curves.map(({ name, ink, dashed, points }) => ({
           label: name, stroke: colour(`ink-${ink}`), width: 2, dash: dashed ? [6, 4] : undefined,
@@ -83,7 +83,7 @@ export class Plot {
 
   #size() {
     const width = Math.max(240, Math.floor(this.#place.clientWidth) || 480);
-    return { width, height: Math.round(Math.min(340, Math.max(220, width * 0.52))) };
+    return { width, height: Math.round(Math.min(340, Math.max(230, width * 0.66))) };
   }
 
   destroy() {

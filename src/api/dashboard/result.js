@@ -134,13 +134,15 @@ function curves({ profiles, units }, quantityName, row, beside) {
   const x = column(profiles.radius, units.radius);
   const curve = (name, values, more) => ({ name, x, y: column(values, unit), ...more });
   if (beside) return [curve("the other", profiles[quantityName][row], { ink: 2, dashed: true })];
-  const own = [curve("this instant", profiles[quantityName][row], { ink: 1 })];
+  const own = [];
   if (quantityName === "worn") {
     own.push(curve("initial", profiles.initial, { ink: 4, dashed: true }));
     if (profiles.limiting) own.push(curve("limiting", profiles.limiting, { ink: 3, dashed: true }));
   } else if (row > 0) {
     own.push(curve("unworn", profiles[quantityName][0], { ink: 4, dashed: true }));
   }
+  // Drawn last: on top.
+  own.push(curve("this instant", profiles[quantityName][row], { ink: 1 }));
   return own;
 }
 
@@ -151,7 +153,7 @@ function drawProfile(plot, errors, result, other, { plot: name, row }) {
   if (other?.profiles) {
     const theirs = nearest(other.profiles.cycles, at);
     own.push(...curves(other, name, theirs, true));
-    const [mine, its] = [own[0], own.at(-1)];
+    const [mine, its] = own.slice(-2);
     const far = apart(mine.x, mine.y, its.x, its.y);
     errors.textContent = far == null ? "There is nothing to compare here."
       : `They differ by ${digits(100 * far, 3)} % of the largest value at most; the other at N = ${cycles(other.profiles.cycles[theirs])}.`;
