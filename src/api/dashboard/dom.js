@@ -62,8 +62,8 @@ export async function copy(text, what) {
 
 /** A problem as the server states it: what it is, and what to change. */
 export function trouble(problem) {
-  const faults = (problem.errors ?? []).map((fault) =>
-    h("li", {}, fault.pointer ? [h("code", {}, fault.pointer), " "] : null, fault.detail));
+  const faults = (problem.errors ?? []).map(({ pointer, parameter, detail }) =>
+    h("li", {}, pointer || parameter ? [h("code", {}, pointer || parameter), " "] : null, detail));
   return h("section", { class: "card trouble", role: "alert" },
     h("h2", {}, problem.title ?? "Something went wrong"),
     h("p", {}, problem.detail ?? problem.message),
