@@ -2,11 +2,10 @@
 
 import { h } from "./dom.js";
 import { sketch } from "./sketch.js";
-import { cycles, digits, quantity, WORDS } from "./units.js";
+import { cycles, digits, percent, quantity, WORDS } from "./units.js";
 
 const card = (title, ...children) => h("section", { class: "card" }, h("h2", {}, title), ...children);
 const list = (rows) => h("dl", {}, rows.map(([name, value]) => [h("dt", {}, name), h("dd", {}, value)]));
-const percent = (part) => (part == null ? "–" : `${digits(100 * part, 3)} %`);
 
 export function drawAbout(place, result) {
   const { scales, unworn, limit, units, events, accuracy, warnings, comparison, bodies, scenario } = result;

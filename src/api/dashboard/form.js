@@ -66,6 +66,7 @@ export async function showForm(main, { query, signal }) {
     try {
       const parsed = JSON.parse(json.value);
       scenario = parsed.scenario ?? parsed;
+      if (parsed.scenario) name.value = label = parsed.label ?? "";
       jsonFault.textContent = "";
       draw();
       changed();

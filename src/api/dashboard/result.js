@@ -5,7 +5,7 @@ import { h, say } from "./dom.js";
 import { apart, branches, Plot } from "./plots.js";
 import { drawAbout } from "./about.js";
 import { drawActions } from "./actions.js";
-import { axis, column, cycles, digits, quantity, WORDS } from "./units.js";
+import { axis, column, cycles, percent, quantity, WORDS } from "./units.js";
 
 const PROFILES = ["worn", "wear", "pressure", "slip", "image"];
 /** What a history plot shows: a name, and the columns in it. */
@@ -133,7 +133,7 @@ function curves({ profiles, units }, quantityName, row, beside) {
   const unit = units[quantityName];
   const x = column(profiles.radius, units.radius);
   const curve = (name, values, more) => ({ name, x, y: column(values, unit), ...more });
-  if (beside) return [curve("the other", profiles[quantityName][row], { ink: 2, dashed: true })];
+  if (beside) return [curve("the other", profiles[quantityName][row], { ink: 5, dashed: true })];
   const own = [];
   if (quantityName === "worn") {
     own.push(curve("initial", profiles.initial, { ink: 4, dashed: true }));
@@ -156,7 +156,7 @@ function drawProfile(plot, errors, result, other, { plot: name, row }) {
     const [mine, its] = own.slice(-2);
     const far = apart(mine.x, mine.y, its.x, its.y);
     errors.textContent = far == null ? "There is nothing to compare here."
-      : `They differ by ${digits(100 * far, 3)} % of the largest value at most; the other at N = ${cycles(other.profiles.cycles[theirs])}.`;
+      : `They differ by ${percent(far)} of the largest value at most; the other at N = ${cycles(other.profiles.cycles[theirs])}.`;
   }
   plot.title.textContent = `${WORDS[name]} after ${cycles(at)} cycles`;
   plot.show(own, { x: axis(WORDS.radius, result.units.radius), y: axis(WORDS[name], result.units[name]),
@@ -190,7 +190,7 @@ function drawLoop(plot, result, other, at) {
       shown.push({ name: `${name}, ${i % 2 ? "forth" : "back"}${i > 1 ? ` ${(i >> 1) + 1}` : ""}`, x: own, y: of, ink, dashed }));
   };
   add(result, "this", 1);
-  if (other) add(other, "the other", 2, true);
+  if (other) add(other, "the other", 5, true);
   if (shown.length === 0) return;
   plot.title.textContent = `Fretting loop after ${cycles(at)} cycles`;
   plot.show(shown, { x: axis(WORDS.displacement, result.units.displacement), y: axis("Force", "N"),

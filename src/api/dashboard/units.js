@@ -71,7 +71,8 @@ const raised = (exponent) =>
 export function quantity(value, unit, count = 4) {
   const [name, factor] = shown(unit);
   const text = digits(value == null ? null : value * factor, count);
-  return name && text !== "–" ? `${text} ${name}` : text;
+  // What belongs together stays on one line.
+  return name && text !== "–" ? `${text}\u00a0${name.replace(" ", "\u00a0")}` : text;
 }
 
 /** A column as it is shown; what is null stays null. */
@@ -86,6 +87,9 @@ export function axis(name, unit) {
   return shownUnit ? `${name}, ${shownUnit}` : name;
 }
 
-/** Whole cycles, with thin spaces. */
+/** A part of one in percent. */
+export const percent = (part, count = 3) => (part == null ? "–" : `${digits(100 * part, count)}\u00a0%`);
+
+/** Whole cycles, with narrow spaces. */
 export const cycles = (value) =>
-  Number.isInteger(value) ? String(value).replace(/\B(?=(\d{3})+$)/g, " ") : digits(value, 6);
+  Number.isInteger(value) ? String(value).replace(/\B(?=(\d{3})+$)/g, "\u202f") : digits(value, 6);
