@@ -10,6 +10,7 @@ import json
 import os
 import pathlib
 import re
+import shutil
 import socket
 import subprocess
 import sys
@@ -45,6 +46,13 @@ def ask(path, body=None, method=None, base=BASE):
     request = urllib.request.Request(base + path, data, {"Content-Type": "application/json", "Prefer": "wait=20"}, method=method)
     with urllib.request.urlopen(request, timeout=30) as answer:
         return json.loads(answer.read() or "null")
+
+
+def chromium():
+    """Where the browser is; it is installed from Debian if there is none."""
+    if not shutil.which("chromium"):
+        subprocess.run("apt-get update -qq && apt-get install -qq -y chromium", shell=True, check=True)
+    return shutil.which("chromium")
 
 
 def axe():
@@ -222,7 +230,7 @@ def look(page):
     # What has no value is a gap, not a spike.
     page.select_option("#choose-plot", "pressure")
     expect(page.locator("section[aria-label='Profiles'] figcaption")).to_contain_text("Pressure")
-    page.wait_for_timeout(100)
+    expect(page.locator("#apart")).to_contain_text("beyond the axis")
     page.screenshot(path=SCREENS / "pressure-1440.png")
     page.select_option("#choose-plot", "worn")
 
@@ -331,6 +339,14 @@ def sign_in(browser, data):
         guest.goto(link)
         guest.wait_for_selector("canvas")
         assert guest.locator("#readout").inner_text() == page.locator("#readout").inner_text()
+        # So with two beside each other.
+        key = key_of(page)
+        page.goto(f"{server.base}/#/result/{key}?with={key}")
+        page.wait_for_selector("#apart:has-text('%')")
+        page.get_by_role("button", name="Share").click()
+        expect(page.locator("#status")).to_contain_text("copied")
+        guest.goto(page.evaluate("navigator.clipboard.readText()"))
+        guest.wait_for_selector("#apart:has-text('0 %')")
         page.get_by_role("button", name="Sign out").click()
         expect(page.locator("#key")).to_be_visible()
         assert page.evaluate("[sessionStorage.length, Object.values(localStorage).join()]")[0] == 0
@@ -367,7 +383,8 @@ def lose_the_server(browser, data):
 
 
 def every_view(browser, key, other):
-    views = {"form": "/", "result": f"/#/result/{key}", "compare": f"/#/result/{other}?with={key}&plot=wear",
+    views = {"form": "/", "result": f"/#/result/{key}",
+        "compare": f"/#/result/{other}?with={key}&plot=wear",
         "library": "/#/library", "queue": "/#/queue"}
     ready = {"form": "[data-known=regime]", "library": ".entry", "queue": "tbody tr"}
     for width in SIZES:
@@ -399,9 +416,8 @@ def first_load(browser):
 def main():
     SCREENS.mkdir(parents=True, exist_ok=True)
     with sync_playwright() as play, tempfile.TemporaryDirectory() as one, tempfile.TemporaryDirectory() as two:
-        words = ["--no-sandbox"]
-        chromium = play.chromium.launch(executable_path=os.environ.get("CHROMIUM", "/usr/bin/chromium"), args=words)
-        browser = Browser(chromium)
+        program = play.chromium.launch(executable_path=chromium(), args=["--no-sandbox"])
+        browser = Browser(program)
         first_load(browser)
         page = run_the_ball(browser)
         key = key_of(page)
@@ -412,7 +428,7 @@ def main():
         every_view(browser, other, key)
         sign_in(browser, one)
         lose_the_server(browser, two)
-        chromium.close()
+        program.close()
         assert not browser.complaints, browser.complaints
     print("the dashboard does what it should")
 

@@ -42,21 +42,25 @@ export function drawActions(result, { link, remember, signal }) {
 
   async function share() {
     remember();
-    const { url, expires } = await post(`${address}/links`, undefined);
-    const token = new URLSearchParams(url.split("?")[1]).get("link");
+    const sign = (of) => post(`/v1/results/${of}/links`, undefined);
+    const token = ({ url }) => new URLSearchParams(url.split("?")[1]).get("link");
     const [path, words] = location.hash.split("?");
     const all = new URLSearchParams(words);
-    all.set("link", token);
+    const own = await sign(key);
+    all.set("link", token(own));
+    // A link opens one result: the other one needs its own.
+    if (all.has("with")) all.set("withlink", token(await sign(all.get("with"))));
+    const { expires } = own;
     await copy(`${location.origin}/${path}?${all}`, `Link, good until ${expires.slice(0, 10)},`);
   }
 
-  const curl = () => copy(`curl -sS --compressed '${location.origin}${address}'${
+  const curl = () => copy(`curl -sS --compressed '${location.origin}${read("")}'${
     accessKey() ? ' -H "Authorization: Bearer $FRETWORK_KEY"' : ""} -o result.json`, "curl command");
   const python = () => copy([
     "import io, json, os, urllib.request",
     "import numpy as np",
     "",
-    `request = urllib.request.Request("${location.origin}${address}?format=npz")`,
+    `request = urllib.request.Request("${location.origin}${read("", { format: "npz" })}")`,
     ...(accessKey() ? ['request.add_header("Authorization", "Bearer " + os.environ["FRETWORK_KEY"])'] : []),
     "arrays = np.load(io.BytesIO(urllib.request.urlopen(request).read()))",
     'print(arrays["history/cycles"], arrays["history/wear_volume"])  # m^3',

@@ -24,7 +24,8 @@ export async function showForm(main, { query, signal }) {
   const fields = h("div", { class: "fields" });
   const json = h("textarea", { id: "json", rows: 24, spellcheck: false, "aria-describedby": "json-fault" });
   const jsonFault = h("p", { id: "json-fault", class: "fault" });
-  const check = h("section", { class: "card check", "aria-label": "What is known beforehand", "aria-live": "polite" });
+  const check = h("section", { class: "card check", "aria-label": "What is known beforehand" });
+  const spoken = h("p", { class: "hidden", role: "status" });
   const others = h("ul", { class: "fault" });
   const name = h("input", { id: "label", value: label ?? "", maxLength: 200, oninput: () => { label = name.value; remember(); } });
   const run = h("button", { class: "primary", type: "submit" }, "Run");
@@ -128,6 +129,7 @@ export async function showForm(main, { query, signal }) {
     showFaults(problem);
     run.disabled = problem !== null;
     check.removeAttribute("aria-busy");
+    spoken.textContent = known ? `${WORDS[known.regime]}, contact radius ${quantity(known.scales.contact_radius, "m")}` : problem.detail;
     if (known) drawKnown(check, known);
     else fill(check, h("h2", {}, problem.status === 422 ? "Not yet a scenario" : problem.title),
       h("p", {}, problem.detail));
@@ -177,7 +179,7 @@ export async function showForm(main, { query, signal }) {
           h("summary", {}, "The scenario as JSON"),
           h("label", { for: "json", class: "quiet" }, "Blocks, measured tables and displacement records are edited here; form and JSON stay in step."),
           json, jsonFault)),
-      h("div", { class: "side" }, check, h("div", { class: "row run" }, run))));
+      h("div", { class: "side" }, spoken, check, h("div", { class: "row run" }, run))));
   document.addEventListener("units", () => examine(), { signal });
   restart();
 }

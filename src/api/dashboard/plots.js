@@ -15,13 +15,14 @@ const colour = (name) => getComputedStyle(document.documentElement).getPropertyV
  */
 
 /**
- * A plot in a figure. `show` draws curves; it keeps the plot while names, axes and scales stay, so that
+ * A plot in a figure. `show` draws curves, up to `top`; it keeps the plot while names, axes and scales stay, so that
  * a slider redraws within a frame.
  */
 export class Plot {
   #place = h("div", { class: "canvas" });
   #plot = null;
   #as = null;
+  #top = Infinity;
   #watch;
 
   constructor(title) {
@@ -40,8 +41,9 @@ export class Plot {
   };
 
   /** @param {Curve[]} curves */
-  show(curves, { x, y, logX = false, logY = false, describe = "" }) {
-    this.last = [curves, { x, y, logX, logY, describe }];
+  show(curves, { x, y, logX = false, logY = false, top = Infinity, describe = "" }) {
+    this.last = [curves, { x, y, logX, logY, top, describe }];
+    this.#top = top;
     const data = joined(curves, logX, logY);
     const as = JSON.stringify([x, y, logX, logY, curves.map(({ name, ink, dashed }) => [name, ink, dashed])]);
     this.#place.setAttribute("role", "img");
@@ -61,7 +63,7 @@ export class Plot {
     const options = {
       ...this.#size(),
       padding: [10, 26, 0, 0],
-      scales: { x: scale(logX), y: scale(logY) },
+      scales: { x: scale(logX), y: logY ? scale(true) : { range: this.#range } },
       axes: [{ ...axis(x, 34), values: logX ? decades : numbers },
         { ...axis(y, 66), values: logY ? decades : numbers }],
       series: [{ label: x, value: (_, value) => digits(value) },
@@ -75,11 +77,7 @@ export class Plot {
     this.#plot = new uPlot(options, data, this.#place);
   }
 
-  /** What one curve holds, as it is drawn. */
-  values(name) {
-    const at = this.#plot.series.findIndex((series) => series.label === name);
-    return at < 0 ? null : [this.#plot.data[0], this.#plot.data[at]];
-  }
+  #range = (_, least, most) => uPlot.rangeNum(least ?? 0, Math.min(most ?? 1, this.#top), 0.1, true);
 
   #size() {
     const width = Math.max(240, Math.floor(this.#place.clientWidth) || 480);
@@ -142,6 +140,13 @@ export function apart(x, y, otherX, otherY) {
     largest = Math.max(largest, Math.abs(y[i]));
   }
   return seen && largest > 0 ? most / largest : null;
+}
+
+/** How high an axis must be for these values, where a peak as narrow as an edge is not to press the rest flat. */
+export function ceiling(values) {
+  const known = values.filter((value) => value > 0).sort((a, b) => a - b);
+  const usual = known[Math.floor(0.95 * (known.length - 1))];
+  return known.at(-1) > 3 * usual ? 1.5 * usual : (known.at(-1) ?? 0);
 }
 
 /** A loop cut where it turns, so that each branch is a function of the displacement. */

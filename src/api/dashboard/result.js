@@ -2,7 +2,7 @@
 
 import { get, Problem } from "./api.js";
 import { h, say } from "./dom.js";
-import { apart, branches, Plot } from "./plots.js";
+import { apart, branches, ceiling, Plot } from "./plots.js";
 import { drawAbout } from "./about.js";
 import { drawActions } from "./actions.js";
 import { axis, column, cycles, percent, quantity, WORDS } from "./units.js";
@@ -18,6 +18,8 @@ const HISTORIES = {
   energy: ["Energy per cycle", ["energy_per_cycle"]],
   dissipated: ["Dissipated energy", ["dissipated_energy"]],
 };
+/** How many branches of a loop are drawn: a displacement record may have thousands. */
+const MOST_BRANCHES = 24;
 const READOUT = ["wear_volume", "wear_depth", "scar_radius", "contact_radius", "stick_radius", "normal_force",
   "tangential_force", "energy_per_cycle", "dissipated_energy"];
 
@@ -37,7 +39,7 @@ function nearest(cycles, at) {
 export async function showResult(main, { id: key, query, signal }) {
   const link = query.get("link");
   const result = await load(key, link, signal);
-  const other = query.get("with") ? await load(query.get("with"), null, signal).catch((problem) => {
+  const other = query.get("with") ? await load(query.get("with"), query.get("withlink"), signal).catch((problem) => {
     if (!(problem instanceof Problem)) throw problem;
     say(`The other result cannot be shown: ${problem.detail}`);
     return null;
@@ -53,6 +55,7 @@ export async function showResult(main, { id: key, query, signal }) {
   /** The address always shows this very view. */
   function remember() {
     const words = new URLSearchParams({ ...(link && { link }), ...(query.get("with") && { with: query.get("with") }),
+      ...(query.get("withlink") && { withlink: query.get("withlink") }),
       at: instants[state.row], plot: state.plot, history: state.history, log: state.log });
     history.replaceState(null, "", `#/result/${key}?${words}`);
   }
@@ -148,6 +151,7 @@ function curves({ profiles, units }, quantityName, row, beside) {
 
 function drawProfile(plot, errors, result, other, { plot: name, row }) {
   if (!result.profiles) return;
+  const words = [];
   const at = result.profiles.cycles[row];
   const own = curves(result, name, row);
   if (other?.profiles) {
@@ -155,11 +159,19 @@ function drawProfile(plot, errors, result, other, { plot: name, row }) {
     own.push(...curves(other, name, theirs, true));
     const [mine, its] = own.slice(-2);
     const far = apart(mine.x, mine.y, its.x, its.y);
-    errors.textContent = far == null ? "There is nothing to compare here."
-      : `They differ by ${percent(far)} of the largest value at most; the other at N = ${cycles(other.profiles.cycles[theirs])}.`;
+    words.push(far == null ? "There is nothing to compare here."
+      : `They differ by ${percent(far)} of the largest value at most; the other at N = ${cycles(other.profiles.cycles[theirs])}.`);
   }
+  const top = name === "pressure" ? Math.max(...own.map((curve) => ceiling(curve.y))) : Infinity;
+  const peak = Math.max(...result.profiles[name][row]);
+  if (Math.max(...own.at(other?.profiles ? -2 : -1).y) > top) {
+    const edge = result.profiles.radius[result.profiles[name][row].indexOf(peak)];
+    words.push(`At the stick edge the pressure grows without bound as wear goes on; at r = ${
+      quantity(edge, result.units.radius)} it is ${quantity(peak, result.units[name])}, beyond the axis.`);
+  }
+  errors.textContent = words.join(" ");
   plot.title.textContent = `${WORDS[name]} after ${cycles(at)} cycles`;
-  plot.show(own, { x: axis(WORDS.radius, result.units.radius), y: axis(WORDS[name], result.units[name]),
+  plot.show(own, { x: axis(WORDS.radius, result.units.radius), y: axis(WORDS[name], result.units[name]), top,
     describe: `${WORDS[name]} over the radius after ${cycles(at)} cycles` });
 }
 
@@ -182,17 +194,20 @@ function drawHistory(plot, result, other, { history, log }) {
 
 function drawLoop(plot, result, other, at) {
   const shown = [];
+  let left = "";
   const add = ({ loops, units }, name, ink, dashed) => {
     if (!loops?.cycles.length) return;
     const row = nearest(loops.cycles, at);
     const x = column(loops.displacement[row], units.displacement);
-    branches(x, loops.tangential_force[row]).slice(0, 24).forEach(([own, of], i) =>
+    const all = branches(x, loops.tangential_force[row]);
+    if (all.length > MOST_BRANCHES) left = `, its first ${MOST_BRANCHES} turns of ${all.length}`;
+    all.slice(0, MOST_BRANCHES).forEach(([own, of], i) =>
       shown.push({ name: `${name}, ${i % 2 ? "forth" : "back"}${i > 1 ? ` ${(i >> 1) + 1}` : ""}`, x: own, y: of, ink, dashed }));
   };
   add(result, "this", 1);
   if (other) add(other, "the other", 5, true);
   if (shown.length === 0) return;
-  plot.title.textContent = `Fretting loop after ${cycles(at)} cycles`;
+  plot.title.textContent = `Fretting loop after ${cycles(at)} cycles${left}`;
   plot.show(shown, { x: axis(WORDS.displacement, result.units.displacement), y: axis("Force", "N"),
     describe: `Tangential force over displacement after ${cycles(at)} cycles` });
 }
