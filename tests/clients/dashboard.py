@@ -324,7 +324,7 @@ def sign_in(browser, data):
         browser.examine(page, "sign in")
         page.screenshot(path=SCREENS / "sign-in-1440.png")
         page.get_by_role("button", name="Sign in").click()
-        expect(page.locator("#key-why")).to_contain_text("refuses")
+        expect(page.locator("#key-why")).to_contain_text("does not know")
         page.fill("#key", MASTER)
         page.get_by_role("button", name="Sign in").click()
         expect(known(page, "regime")).to_have_text("partial slip")

@@ -78,7 +78,7 @@ export async function send(path, { method = "GET", body, headers = {}, signal } 
     }
     if (answer.ok) return answer;
     const stated = await answer.json().catch(() => ({}));
-    if (answer.status === 401 && (presented !== key() || (await signIn(stated.detail, presented)))) continue;
+    if (answer.status === 401 && (presented !== key() || (await signIn(stated.detail)))) continue;
     throw new Problem(answer.status, stated);
   }
 }
@@ -100,7 +100,7 @@ export const post = (path, body, options = {}) => get(path, { method: "POST", bo
 let asking = null;
 
 /** Asks for a key; true once there is one. All who need it share one dialog. */
-export function signIn(why, refused = null) {
+export function signIn(why = "") {
   asking ??= new Promise((settle) => {
     const field = h("input", { type: "password", id: "key", autocomplete: "off", required: true,
       "aria-describedby": "key-why", spellcheck: false });
@@ -110,7 +110,8 @@ export function signIn(why, refused = null) {
       signed = true;
     } },
     h("h2", {}, "Sign in"),
-    h("p", { id: "key-why" }, refused ? "The server refuses this key. " : "", why ?? "", h("br"),
+    h("p", { id: "key-why" }, // How to send it is for programs.
+      why.replace(/ Send one as .*/, ""), h("br"),
       "The key is kept in this tab only and forgotten when it is closed."),
     h("label", { for: "key" }, "Access key"), field,
     h("div", { class: "row" },

@@ -199,7 +199,7 @@ function drawKnown(place, known) {
     ["Volume in the limit", limit ? quantity(limit.wear_volume, "m^3") : "not known beforehand", "limit-volume"],
     ["Depth in the limit", limit ? quantity(limit.wear_depth, "m") : "not known beforehand", "limit-depth"],
     ["Cost", `${quantity(cost.operations / 1e6, "1", 2)} M operations, ${quantity(cost.answer_bytes / 1e6, "1", 2)} MB`, "cost"],
-    ["In the library", cached ? "yes: the answer is there at once" : "no: it will be computed", "cached"],
+    ["In the library", cached ? "yes, at once" : "not yet", "cached"],
   ];
   fill(place, h("h2", {}, "Known beforehand"), sketch(known),
     h("dl", {}, rows.map(([word, value, id]) => [h("dt", {}, word), h("dd", { "data-known": id }, value)])),

@@ -145,7 +145,7 @@ export function apart(x, y, otherX, otherY) {
 /** How high an axis must be for these values, where a peak as narrow as an edge is not to press the rest flat. */
 export function ceiling(values) {
   const known = values.filter((value) => value > 0).sort((a, b) => a - b);
-  const usual = known[Math.floor(0.95 * (known.length - 1))];
+  const usual = known[Math.floor(0.9 * (known.length - 1))];
   return known.at(-1) > 3 * usual ? 1.5 * usual : (known.at(-1) ?? 0);
 }
 

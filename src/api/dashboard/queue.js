@@ -60,7 +60,7 @@ export async function showQueue(main, { query, signal }) {
   main.replaceChildren(h("div", { class: "head" }, h("h1", {}, "Queue"),
     h("span", { class: "choice" }, h("label", { for: "state-filter" }, "State"), state)),
   h("div", { class: "card scroll", tabIndex: 0, role: "region", "aria-label": "Jobs" },
-    h("table", {}, h("thead", {}, h("tr", {}, ["Job", "State", "Submitted", "Origin", "Wear volume"].map((name) =>
+    h("table", { class: "jobs" }, h("thead", {}, h("tr", {}, ["Job", "State", "Submitted", "Origin", "Wear volume"].map((name) =>
       h("th", { scope: "col" }, name)), h("td", {}))), list), empty), more);
 
   const timer = setInterval(() => document.hidden || read().catch(() => {}), EVERY);

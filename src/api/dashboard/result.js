@@ -166,7 +166,7 @@ function drawProfile(plot, errors, result, other, { plot: name, row }) {
   const peak = Math.max(...result.profiles[name][row]);
   if (Math.max(...own.at(other?.profiles ? -2 : -1).y) > top) {
     const edge = result.profiles.radius[result.profiles[name][row].indexOf(peak)];
-    words.push(`At the stick edge the pressure grows without bound as wear goes on; at r = ${
+    words.push(`The pressure peaks where the shape has an edge, as at the stick radius: at r = ${
       quantity(edge, result.units.radius)} it is ${quantity(peak, result.units[name])}, beyond the axis.`);
   }
   errors.textContent = words.join(" ");

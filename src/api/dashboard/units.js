@@ -60,8 +60,7 @@ export function digits(value, count = 4) {
     const [mantissa, exponent] = value.toExponential(count - 1).split("e");
     return `${Number(mantissa)}·10${raised(exponent)}`.replace("-", "−");
   }
-  const places = Math.max(0, count - 1 - Math.floor(Math.log10(size)));
-  return String(Number(value.toFixed(Math.min(places, 12)))).replace("-", "−");
+  return String(Number(value.toPrecision(count))).replace("-", "−");
 }
 
 const raised = (exponent) =>
