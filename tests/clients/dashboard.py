@@ -378,6 +378,18 @@ def lose_the_server(browser, data):
         page.goto(f"{server.base}/#/result/{'0' * 64}")
         expect(page.locator(".trouble")).to_be_visible()
         browser.examine(page, "trouble")
+        # A result that was deleted is computed again from what its address still says.
+        done = ask("/v1/jobs", ask("/v1/examples/steel-ball", base=server.base), base=server.base)
+        address = f"{server.base}/#/result/{done['key']}"
+        page.goto(address)
+        page.wait_for_selector("canvas")
+        ask(f"/v1/results/{done['key']}", method="DELETE", base=server.base)
+        page.goto(server.base + "/#/queue")
+        page.goto(address)
+        page.get_by_role("link", name="Compute it again").click()
+        expect(known(page, "cached")).to_have_text("not yet")
+        page.click("button.primary")
+        page.wait_for_selector("canvas")
     finally:
         server.kill()
 

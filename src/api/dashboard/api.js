@@ -69,7 +69,8 @@ export async function send(path, { method = "GET", body, headers = {}, signal } 
     let answer;
     try {
       const text = body === undefined || typeof body === "string" ? body : JSON.stringify(body);
-      answer = await fetch(path, { method, body: text, headers: all, signal });
+      // What the browser holds is asked for again (304): it may be deleted, or nobody signed in any more.
+      answer = await fetch(path, { method, body: text, headers: all, signal, cache: "no-cache" });
     } catch (error) {
       if (signal?.aborted || error.name === "AbortError") throw error;
       await untilBack();

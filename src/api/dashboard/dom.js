@@ -68,6 +68,9 @@ export function trouble(problem) {
     h("h2", {}, problem.title ?? "Something went wrong"),
     h("p", {}, problem.detail ?? problem.message),
     faults.length > 0 && h("ul", {}, faults),
+    // A result that was dropped or deleted says what it was made of.
+    problem.scenario && h("p", {}, h("a", { class: "button",
+      href: `#/new?${new URLSearchParams({ scenario: JSON.stringify(problem.scenario) })}` }, "Compute it again")),
     problem.instance && h("p", { class: "quiet" }, `Request ${problem.instance}`));
 }
 

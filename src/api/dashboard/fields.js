@@ -67,7 +67,7 @@ export const CHOICES = [
       scenario.load = { [kind]: kind === "normal_force" ? "100 N" : "3.5 um", ...(held && { held }) };
     },
     fields: (kind) => [[`/load/${kind}`, kind === "normal_force" ? "Normal force F" : "Indentation depth d"],
-      ["/load/held", "Held while it wears", { "": "what is given", force: "force (a dead weight)", depth: "depth" }]],
+      ["/load/held", "Load held while it wears", { "": "what is given", force: "force (a dead weight)", depth: "depth" }]],
   },
   {
     id: "motion", part: "Load and motion", label: "Moved by",
@@ -81,7 +81,7 @@ export const CHOICES = [
       stick_ratio: [["/motion/stick_ratio", "Stick ratio c/a₀"]],
       tangential_force: [["/motion/tangential_force", "Tangential force Q"]],
     }[kind] ?? []).concat(kind === "blocks" || kind === "reversals" ? [] : [
-      ["/motion/held", "Held while it wears", { "": "as usual", amplitude: "amplitude", tangential_force: "tangential force" }],
+      ["/motion/held", "Motion held while it wears", { "": "as usual", amplitude: "amplitude", tangential_force: "tangential force" }],
       ["/motion/rig_stiffness", "Rig stiffness (optional)"]]),
   },
   {
