@@ -115,9 +115,8 @@ struct Pass {
 /// What a route asks for; none if it is open to all.
 pub fn needed(method: &Method, route: &str) -> Option<Role> {
     match (method.as_str(), route) {
-        (_, "/healthz" | "/readyz") => None,
         // The dashboard holds no data; what it asks for is behind the gate.
-        ("GET" | "HEAD", "/" | "/assets/{*name}") => None,
+        (_, "/healthz" | "/readyz") | ("GET" | "HEAD", "/" | "/assets/{*name}") => None,
         ("GET" | "HEAD", _) | ("POST", "/v1/scenarios" | "/v1/results/diff") => Some(Role::Read),
         ("DELETE", "/v1/results/{key}") => Some(Role::Admin),
         _ => Some(Role::Submit),
