@@ -222,7 +222,11 @@ fn greet(address: SocketAddr, settings: &Serve, asks: bool) -> io::Result<()> {
     let body = compact(example).replace('\'', "'\\''");
     let mut out = io::stdout().lock();
     writeln!(out, "fretwork {} listens on {base}", env!("CARGO_PKG_VERSION"))?;
-    writeln!(out, "documentation: {base}/docs/   data: {}", settings.data_dir.display())?;
+    writeln!(
+        out,
+        "dashboard: {base}/   documentation: {base}/docs/   data: {}",
+        settings.data_dir.display()
+    )?;
     let (hint, key) = if asks {
         (", with your key in FRETWORK_KEY", " -H \"Authorization: Bearer $FRETWORK_KEY\"")
     } else {

@@ -119,7 +119,8 @@ struct Pass {
 /// What a route asks for; none if it is open to all.
 pub fn needed(method: &Method, route: &str) -> Option<Role> {
     match (method.as_str(), route) {
-        (_, "/healthz" | "/readyz") => None,
+        // The dashboard holds no data; what it asks for is behind the gate.
+        (_, "/healthz" | "/readyz") | ("GET" | "HEAD", "/" | "/assets/{*name}") => None,
         ("GET" | "HEAD", _) | ("POST", "/v1/scenarios" | "/v1/results/diff") => Some(Role::Read),
         ("DELETE", "/v1/results/{key}") => Some(Role::Admin),
         _ => Some(Role::Submit),
@@ -550,6 +551,7 @@ mod tests {
     fn what_a_route_asks_for() {
         let asks = |method: Method, route| needed(&method, route);
         assert_eq!(asks(Method::GET, "/healthz"), None);
+        assert_eq!(asks(Method::GET, "/assets/{*name}"), None);
         assert_eq!(asks(Method::GET, "/v1/jobs"), Some(Role::Read));
         assert_eq!(asks(Method::POST, "/v1/scenarios"), Some(Role::Read));
         assert_eq!(asks(Method::POST, "/v1/jobs"), Some(Role::Submit));

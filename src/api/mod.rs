@@ -8,6 +8,7 @@ mod access;
 mod caller;
 mod coding;
 mod connection;
+mod dashboard;
 mod diff;
 mod events;
 mod forms;
@@ -174,7 +175,8 @@ pub fn router(
     };
     let (documented, _) = routes().split_for_parts();
     let router = documented
-        .route("/", get(system::root))
+        .route("/", get(dashboard::page))
+        .route("/assets/{*name}", get(dashboard::asset))
         .route("/docs", get(|| async { Redirect::to("/docs/") }))
         .route("/docs/", get(|| system::docs(Segment(String::new()))))
         .route("/docs/{*path}", get(system::docs))

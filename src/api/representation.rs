@@ -204,7 +204,7 @@ fn caching(tag: &str) -> [(HeaderName, HeaderValue); 3] {
 
 /// The tag by which the client holds the representation with this one, if it does: weak where it was
 /// compressed, so that a cache finds what is confirmed.
-fn held(headers: &HeaderMap, tag: &str) -> Option<String> {
+pub fn held(headers: &HeaderMap, tag: &str) -> Option<String> {
     let mut tags = words(headers, header::IF_NONE_MATCH);
     let found = tags.find(|held| *held == "*" || held.trim_start_matches("W/") == tag)?;
     Some(if found == "*" { tag } else { found }.to_owned())

@@ -7,7 +7,7 @@ use axum::Json;
 use axum::body::Bytes;
 use axum::extract::State;
 use axum::http::header::{CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE};
-use axum::response::{Html, IntoResponse, Redirect, Response};
+use axum::response::{Html, IntoResponse, Response};
 use serde::Serialize;
 use tokio::sync::Mutex;
 use utoipa::ToSchema;
@@ -197,11 +197,6 @@ pub async fn problems(_: NoQuery) -> Html<String> {
 pub async fn explain(Segment(slug): Segment, _: NoQuery) -> Result<Html<String>, Problem> {
     let none = "No problem has this name; GET /problems lists them all.";
     problem::page(&slug).map(Html).ok_or_else(|| Problem::new(&problem::NOT_FOUND, none))
-}
-
-/// The way in, until there is something better to see there.
-pub async fn root() -> Redirect {
-    Redirect::to("/docs/")
 }
 
 /// Swagger UI, from files inside the program: it works without a network.

@@ -68,10 +68,10 @@ fn operations() -> Vec<(String, String)> {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn with_keys_every_route_asks_for_one_health_aside() {
+async fn with_keys_every_route_asks_for_one_health_and_dashboard_aside() {
     let server = server(Limits::default()).await;
     let mut asked = operations();
-    for page in ["/", "/docs", "/docs/", "/docs/swagger-ui.css", "/nowhere", "/v1/jobs/"] {
+    for page in ["/docs", "/docs/", "/docs/swagger-ui.css", "/nowhere", "/v1/jobs/"] {
         asked.push(("GET".into(), page.into()));
     }
     asked.push(("PATCH".into(), "/v1/jobs".into()));
@@ -638,4 +638,42 @@ fn a_secret_is_nowhere_but_with_its_owner() {
     let shown = shown.arg("--print-config").env("FRETWORK_ADMIN_KEY", MASTER).output().unwrap();
     let shown = String::from_utf8(shown.stdout).unwrap();
     assert!(shown.contains("FRETWORK_ADMIN_KEY") && !shown.contains(MASTER), "{shown}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_dashboard_is_open_and_holds_nothing() {
+    let server = server(Limits::default()).await;
+    let page = server.get("/").await;
+    // Whatever the server knows, the page is the file.
+    assert_eq!(page.text(), include_str!("../../src/api/dashboard/index.html"));
+    let policy = page.header("content-security-policy").unwrap();
+    assert!(policy.contains("default-src 'none'") && !policy.contains("unsafe"), "{policy}");
+    let mut wanted: Vec<String> = page
+        .text()
+        .split('"')
+        .filter(|part| part.starts_with("/assets/"))
+        .map(Into::into)
+        .collect();
+    let mut seen = Vec::new();
+    while let Some(address) = wanted.pop() {
+        if seen.contains(&address) {
+            continue;
+        }
+        let file = server.get(&address).await;
+        assert_eq!(file.status, 200, "{address}");
+        let imports = file
+            .text()
+            .split(" from \"./")
+            .skip(1)
+            .map(|rest| format!("/assets/{}", rest.split('"').next().unwrap()));
+        wanted.extend(imports.collect::<Vec<_>>());
+        // Who holds it is told so, and gets nothing.
+        let tag = file.header("etag").unwrap().to_owned();
+        let again = server.send("GET", &address, &[("If-None-Match", &tag)], "").await;
+        assert_eq!((again.status, again.text().len()), (304, 0), "{address}");
+        seen.push(address);
+    }
+    assert!(seen.len() > 15, "{seen:?}");
+    server.get("/assets/no-such-file.js").await.problem(404, "not-found");
+    server.send("POST", "/assets/main.js", &[JSON], "").await.problem(401, "unauthorized");
 }
