@@ -113,10 +113,11 @@ pub fn restore(settings: &Restore) -> Result<(), Failure> {
         format!("the former database is {}\n", former.display())
     });
     // One that was taken back since the backup is in force again: somebody should see that.
-    let keys: String = keys
+    let keys: Vec<String> = keys
         .iter()
         .map(|AccessKey { id, name, role, .. }| format!("key in force: {id} {name} ({role})\n"))
         .collect();
+    let keys = keys.concat();
     say(format!("{dir}: {holds}\n{kept}{keys}").as_bytes())
 }
 

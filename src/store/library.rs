@@ -310,7 +310,7 @@ mod tests {
     async fn who_looks_through_many_results_keeps_nobody_from_reading_one() {
         let dir = tempfile::tempdir().unwrap();
         let store = Store::open(dir.path(), &Options::default()).await.unwrap();
-        let turns = store.scans.acquire_many(SCANS as u32).await.unwrap();
+        let turns = store.scans.acquire_many(u32::try_from(SCANS).unwrap()).await.unwrap();
         let search = tokio::spawn({
             let store = store.clone();
             async move { store.search(&Search::default(), None, 1).await }
