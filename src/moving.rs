@@ -1,11 +1,12 @@
 //! The commands that move results and databases, as people see them.
 
 use std::io::{self, IsTerminal as _, Write as _};
+use std::path::Path;
 use std::process::ExitCode;
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 
 use bytesize::ByteSize;
-use fretwork::store::{self, Imported, Saved, Search};
+use fretwork::store::{self, AccessKey, Desk, Imported, Saved, Search};
 
 use super::config::{Backup, Export, Import, Restore};
 use super::{Failure, complain, say};
@@ -76,9 +77,12 @@ pub fn import(settings: &Import) -> ExitCode {
 fn take_over(settings: &Import) -> Result<bool, Failure> {
     let Import { file, data } = settings;
     let done = wait(store::import(&data.data_dir, file, progress("looked at")))?;
-    let Imported { results: count, bytes, known, refused } = done;
+    let Imported { results: count, bytes, known, refused, without_note } = done;
     for (key, why) in &refused {
         writeln!(io::stderr(), "refused {key}: {why}")?;
+    }
+    for (key, why) in &without_note {
+        writeln!(io::stderr(), "left out the note of {key}: it {why}")?;
     }
     let (taken, left) = (results(count, bytes), refused.len());
     let file = file.display();
@@ -103,9 +107,27 @@ pub fn backup(settings: &Backup) -> Result<(), Failure> {
 pub fn restore(settings: &Restore) -> Result<(), Failure> {
     let Restore { file, replace, data } = settings;
     let (saved, former) = wait(store::restore(&data.data_dir, file, *replace))?;
+    let keys = wait(keys_in_force(&data.data_dir))?;
     let (dir, holds) = (data.data_dir.display(), holds(&saved));
     let kept = former.map_or_else(String::new, |former| {
         format!("the former database is {}\n", former.display())
     });
-    say(format!("{dir}: {holds}\n{kept}").as_bytes())
+    // One that was taken back since the backup is in force again: somebody should see that.
+    let keys: Vec<String> = keys
+        .iter()
+        .map(|AccessKey { id, name, role, .. }| format!("key in force: {id} {name} ({role})\n"))
+        .collect();
+    let keys = keys.concat();
+    say(format!("{dir}: {holds}\n{kept}{keys}").as_bytes())
+}
+
+/// The access keys that open the server of this directory.
+async fn keys_in_force(dir: &Path) -> Result<Vec<AccessKey>, store::Moving> {
+    let mut desk = Desk::open(dir).await?;
+    let mut keys = desk.keys().await?;
+    desk.close().await?;
+    let now = SystemTime::UNIX_EPOCH.elapsed().unwrap_or_default().as_millis();
+    let is_over = |end: i64| u128::try_from(end).unwrap_or(0) <= now;
+    keys.retain(|key| key.revoked.is_none() && !key.expires.is_some_and(is_over));
+    Ok(keys)
 }

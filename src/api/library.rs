@@ -24,8 +24,7 @@ use crate::store::{self, Listed, Removed, SCALARS, Search, WORDS};
 const PAGE: u32 = 50;
 /// How many results a page may have.
 const LONGEST_PAGE: u32 = 1000;
-/// The longest note in characters.
-const LONGEST_NOTE: usize = 4000;
+
 /// What somebody says of a result.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Note {
@@ -129,11 +128,14 @@ pub(super) fn parameters() -> Vec<Value> {
         all.push(parameter(word.name, format!("Results with this `{}`.", word.name), words));
     }
     for scalar in SCALARS {
+        let unit = match scalar.unit() {
+            "1" => "a plain number".to_owned(),
+            unit => format!("in {unit} or with units"),
+        };
         let what = format!(
-            "Results whose `{}` lies in this range: `a..b`, `a..`, `..b` or a single value, in {} or \
-             with units. Compared to 9 digits.",
+            "Results whose `{}` lies in this range: `a..b`, `a..`, `..b` or a single value, {unit}. \
+             Compared to 9 digits.",
             scalar.name,
-            scalar.unit()
         );
         all.push(parameter(scalar.name, what, text()));
     }
@@ -143,7 +145,12 @@ pub(super) fn parameters() -> Vec<Value> {
     let order = json!({"type": "string", "enum": orders, "default": "-created"});
     let flag = || json!({"type": "boolean"});
     let others = [
-        ("created", "First known here in this range of days or moments: `2026-01-31..`.", text()),
+        (
+            "created",
+            "First known here in this range of days or moments: `2026-01-31..`. A day is the whole \
+             day, UTC.",
+            text(),
+        ),
         ("size", "Of so many bytes: a range like those of quantities.", text()),
         ("owner", "Computed for this owner.", text()),
         ("pinned", "Whether they are pinned.", flag()),
@@ -153,8 +160,16 @@ pub(super) fn parameters() -> Vec<Value> {
             flag(),
         ),
         ("note", "Results whose note contains this text, in whatever case.", text()),
-        ("tag", "Results that a job with this tag asked for.", text()),
-        ("label", "Results that a job with this label asked for.", text()),
+        (
+            "tag",
+            "Results that a job with this tag asked for, among the jobs that the caller may see.",
+            text(),
+        ),
+        (
+            "label",
+            "Results that a job with this label asked for, among the jobs that the caller may see.",
+            text(),
+        ),
         (
             "sort",
             "By what they are ordered, after a minus sign the largest first. Results without \
@@ -184,8 +199,14 @@ pub(super) fn parameters() -> Vec<Value> {
         (status = 507, description = "The disk is full."),
     ),
 )]
-pub async fn list(State(app): State<App>, uri: Uri, mut query: Query) -> Result<Response, Problem> {
+pub async fn list(
+    State(app): State<App>,
+    caller: Caller,
+    uri: Uri,
+    mut query: Query,
+) -> Result<Response, Problem> {
     let mut search = Search::default();
+    search.only_jobs_of(caller.reach());
     for name in Search::names() {
         if let Some(text) = query.text(name)
             && let Err(fault) = search.set(name, &text)
@@ -384,7 +405,7 @@ pub(super) fn read<T: Deserr<Faults>>(body: &Body) -> Result<T, Problem> {
 /// Writes a note to a result. There is one per result; a new one takes the place of the old one.
 ///
 /// It is shown in the provenance and in lists with who wrote it and when, and stays when the body is
-/// dropped.
+/// dropped: for a year, like all that is known of such a result.
 #[utoipa::path(put, path = "/v1/results/{key}/note", operation_id = "put_note", tag = "results",
     params(("key" = super::openapi::KeyText, Path, description = "The `key` of a result.")),
     request_body(content = ref("#/components/schemas/NoteBody"), description = "What is to be said.",
@@ -404,17 +425,11 @@ pub async fn note(
 ) -> Result<StatusCode, Problem> {
     let key = read_key(&key)?;
     let NoteBody { text } = read(&body)?;
-    let length = text.chars().count();
-    let strange = |c: char| c.is_control() && c != '\n' && c != '\t';
-    let detail = if length == 0 || length > LONGEST_NOTE {
-        format!("must have 1 to {LONGEST_NOTE} characters, not {length}")
-    } else if text.contains(strange) {
-        "must not contain control characters other than line breaks and tabs".to_owned()
-    } else {
-        let known = app.store.annotate(&key, Some(text), caller.owner).await?;
-        return if known { Ok(StatusCode::NO_CONTENT) } else { Err(unknown()) };
-    };
-    Err(Problem::faults(vec![Fault { pointer: "/text".to_owned(), detail }]))
+    if let Some(detail) = store::Note::fault(&text) {
+        return Err(Problem::faults(vec![Fault { pointer: "/text".to_owned(), detail }]));
+    }
+    let known = app.store.annotate(&key, Some(text), caller.owner).await?;
+    if known { Ok(StatusCode::NO_CONTENT) } else { Err(unknown()) }
 }
 
 /// Takes the note off a result.
@@ -461,11 +476,13 @@ pub async fn delete(
 ) -> Result<StatusCode, Problem> {
     let key = read_key(&key)?;
     loop {
-        match app.store.remove(&key, caller.owner.clone()).await? {
-            Removed::Done => {
-                app.memory.forget(&key);
-                return Ok(StatusCode::NO_CONTENT);
-            }
+        let removed = app.store.remove(&key, caller.owner.clone()).await?;
+        if removed != Removed::Pinned {
+            // Also what was dropped to make room may still be in memory.
+            app.memory.forget(&key);
+        }
+        match removed {
+            Removed::Done => return Ok(StatusCode::NO_CONTENT),
             Removed::Pinned => {
                 let detail = format!(
                     "The result is pinned; DELETE /v1/results/{key}/pin first if it is to go."

@@ -25,6 +25,8 @@ pub enum Dimension {
     Stiffness,
     /// Cubic metres.
     Volume,
+    /// Joules.
+    Energy,
     /// Radians.
     Angle,
     /// k_w in 1/Pa = m³/(N·m): volume per load and sliding path.
@@ -36,11 +38,11 @@ pub enum Dimension {
 }
 
 use Dimension::{
-    Angle, EnergyWear, Force, Length, Number, Stiffness, Stress, Volume, WearCoefficient,
+    Angle, Energy, EnergyWear, Force, Length, Number, Stiffness, Stress, Volume, WearCoefficient,
 };
 
-const DIMENSIONS: [Dimension; 9] =
-    [Length, Force, Stress, Stiffness, Volume, Angle, WearCoefficient, EnergyWear, Number];
+const DIMENSIONS: [Dimension; 10] =
+    [Length, Force, Stress, Stiffness, Volume, Energy, Angle, WearCoefficient, EnergyWear, Number];
 
 impl Dimension {
     /// The word for it in a message.
@@ -52,6 +54,7 @@ impl Dimension {
             Stress => "a stress",
             Stiffness => "a stiffness",
             Volume => "a volume",
+            Energy => "an energy",
             Angle => "an angle",
             WearCoefficient => "a wear coefficient",
             EnergyWear => "an energy wear coefficient",
@@ -105,6 +108,15 @@ impl Dimension {
                 ("lbf/in", 175.126_835_246_476_37),
             ],
             Volume => &[("m^3", 1.0), ("cm^3", 1e-6), ("mm^3", 1e-9), ("um^3", 1e-18)],
+            Energy => &[
+                ("J", 1.0),
+                ("kJ", 1e3),
+                ("mJ", 1e-3),
+                ("uJ", 1e-6),
+                ("nJ", 1e-9),
+                ("N m", 1.0),
+                ("N mm", 1e-3),
+            ],
             Angle => &[("rad", 1.0), ("mrad", 1e-3), ("deg", std::f64::consts::PI / 180.0)],
             WearCoefficient => &[
                 ("1/Pa", 1.0),
@@ -160,7 +172,12 @@ pub fn parse(text: &str, dimension: Dimension) -> Result<f64, String> {
     if unit.starts_with(',') {
         return Err(format!("{text:?}: write a decimal point instead of the comma"));
     }
-    factor(unit, dimension).map(|factor| number * factor)
+    let value = number * factor(unit, dimension)?;
+    if value.is_finite() {
+        Ok(value)
+    } else {
+        Err(format!("{text} is too large to be represented"))
+    }
 }
 
 fn factor(unit: &str, dimension: Dimension) -> Result<f64, String> {
@@ -257,6 +274,7 @@ mod tests {
         assert!(of("NaN mm", Length).contains("does not begin with a number"));
         assert!(of("inf", Length).contains("does not begin with a number"));
         assert!(of("1e999 mm", Length).contains("too large"));
+        assert!(of("1e308 kN", Force).contains("too large"));
         assert!(of("0,5 mm", Length).contains("decimal point"));
         assert!(of("0.7 mm", Number).contains("plain number"));
         assert!(of("", Length).contains("does not begin with a number"));

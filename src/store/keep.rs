@@ -30,7 +30,8 @@ pub(super) struct Source<'a> {
 }
 
 /// Puts the body of a result in, and with it all that is known of it. What an earlier body of the
-/// same key left behind gives way; only `created` stays.
+/// same key left behind gives way; only `created` stays. Its outline goes with its task: the new number
+/// has it written anew, for the old one may have been made of less than the body.
 ///
 /// Numbers that a statement passes over are taken by the library for as many more arguments, so the
 /// first ones are those that all statements share.
@@ -45,7 +46,8 @@ const INSERT: &str = "
         program = excluded.program, imported = NULL, imported_from = NULL, deleted_by = NULL,
         evicted = NULL;
     INSERT OR REPLACE INTO result_blob (key, body) VALUES (?1, ?2);
-    INSERT OR IGNORE INTO result_task (key, task) VALUES (?1, ?3)";
+    DELETE FROM result_task WHERE key = ?1;
+    INSERT INTO result_task (key, task) VALUES (?1, ?3)";
 
 impl Answered {
     pub(super) fn new(answer: &Answer, cost: Option<Cost>) -> Self {

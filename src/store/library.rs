@@ -4,6 +4,7 @@
 use serde_json::Value;
 use sqlx::sqlite::SqliteRow;
 use sqlx::{Row, SqliteConnection, SqliteExecutor};
+use tokio::sync::SemaphorePermit;
 
 use super::outline::{self, Outline};
 use super::search::{self, Cursor, Found, Search};
@@ -22,7 +23,23 @@ pub struct Note {
     pub at: i64,
 }
 
+/// The longest note in characters.
+const LONGEST_NOTE: usize = 4000;
+
 impl Note {
+    /// What a text must be to be a note, if it is not that.
+    #[must_use]
+    pub fn fault(text: &str) -> Option<String> {
+        let length = text.chars().count();
+        let strange = |c: char| c.is_control() && c != '\n' && c != '\t';
+        if length == 0 || length > LONGEST_NOTE {
+            return Some(format!("must have 1 to {LONGEST_NOTE} characters, not {length}"));
+        }
+        text.contains(strange).then(|| {
+            "must not contain control characters other than line breaks and tabs".to_owned()
+        })
+    }
+
     /// Reads the columns `note`, `noted_by` and `noted`.
     pub(super) fn read(row: &SqliteRow) -> Result<Option<Self>, sqlx::Error> {
         let Some(text) = row.try_get("note")? else { return Ok(None) };
@@ -255,12 +272,14 @@ impl Store {
         limit: u32,
     ) -> Result<Found, Error> {
         self.catch_up().await?;
+        let _turn = self.scan().await?;
         self.reading(async |db| search::page(db, search, cursor, limit).await).await
     }
 
     /// The result that is there whose scenario is nearest to this one, save one.
     pub async fn nearest(&self, to: &Outline, except: Option<Key>) -> Result<Option<Key>, Error> {
         self.catch_up().await?;
+        let _turn = self.scan().await?;
         self.reading(async |db| search::nearest(db, to, except).await).await
     }
 
@@ -269,10 +288,38 @@ impl Store {
         self.reading(async |db| known(db, key).await).await
     }
 
+    /// A turn to look through many results: who wants to read but one is not to wait for that.
+    async fn scan(&self) -> Result<SemaphorePermit<'_>, Error> {
+        self.scans.acquire().await.map_err(|_| Error::Closed)
+    }
+
     async fn catch_up(&self) -> Result<(), Error> {
         if self.reading(async |db| outline::is_behind(db).await).await? {
             while self.write(CatchUp).await? {}
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::{JobId, Options, SCANS};
+
+    #[tokio::test]
+    async fn who_looks_through_many_results_keeps_nobody_from_reading_one() {
+        let dir = tempfile::tempdir().unwrap();
+        let store = Store::open(dir.path(), &Options::default()).await.unwrap();
+        let turns = store.scans.acquire_many(u32::try_from(SCANS).unwrap()).await.unwrap();
+        let search = tokio::spawn({
+            let store = store.clone();
+            async move { store.search(&Search::default(), None, 1).await }
+        });
+        for _ in 0..100 {
+            assert_eq!(store.job(JobId::generate()).await.unwrap(), None);
+        }
+        assert!(!search.is_finished());
+        drop(turns);
+        assert!(search.await.unwrap().unwrap().results.is_empty());
     }
 }

@@ -45,7 +45,7 @@ use std::time::{Duration, SystemTime};
 use bytes::Bytes;
 use serde_json::Value;
 use sqlx::SqliteConnection;
-use tokio::sync::mpsc;
+use tokio::sync::{Semaphore, mpsc};
 
 use crate::engine::scenario::Warning;
 use crate::job::{Answer, Cost, FailureKind, Job, JobId, JobState, Key};
@@ -70,7 +70,10 @@ use writer::Message;
 pub struct Store {
     writer: mpsc::Sender<Message>,
     readers: Arc<Readers>,
+    /// For the keys of callers.
     gatekeeper: Arc<Readers>,
+    /// Who has a permit may look through many results.
+    scans: Arc<Semaphore>,
     signals: Arc<Signals>,
     queue_limit: usize,
     /// Where the database lies.
@@ -374,6 +377,8 @@ pub enum StoredResult {
     },
 }
 
+/// Readers that may look through many results at one time; the others are for who wants one.
+const SCANS: usize = 2;
 /// Jobs canceled in one transaction.
 const CANCELED_AT_ONCE: u32 = 100;
 /// From this size on a body is judged apart from the threads that answer requests.

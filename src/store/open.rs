@@ -10,6 +10,7 @@ use std::time::Duration;
 use sqlx::migrate::{MigrateError, Migrator};
 use sqlx::sqlite::{SqliteAutoVacuum, SqliteConnectOptions, SqliteJournalMode, SqliteSynchronous};
 use sqlx::{ConnectOptions, Connection, SqliteConnection};
+use tokio::sync::Semaphore;
 
 use super::library::Program;
 use super::queue::Queue;
@@ -17,7 +18,7 @@ use super::readers::Readers;
 use super::signals::Signals;
 use super::upkeep::Upkeep;
 use super::writer::Writer;
-use super::{Error, Store};
+use super::{Error, SCANS, Store};
 
 pub(super) static MIGRATIONS: Migrator = sqlx::migrate!("migrations/sqlite");
 
@@ -76,7 +77,8 @@ impl Store {
         let writer =
             Writer { db, signals: Arc::clone(&signals), queue, upkeep, program, lock }.start();
         let queue_limit = options.queue_limit;
-        Ok(Self { writer, readers, gatekeeper, signals, queue_limit, dir: dir.into() })
+        let scans = Arc::new(Semaphore::new(SCANS));
+        Ok(Self { writer, readers, gatekeeper, scans, signals, queue_limit, dir: dir.into() })
     }
 }
 

@@ -11,7 +11,7 @@ use super::Error;
 use super::read::json;
 use crate::engine::outcome::UNITS;
 use crate::engine::quantity::Dimension::{self, Angle, Force, Length, Number, Stiffness, Stress};
-use crate::engine::quantity::Dimension::{Volume, WearCoefficient};
+use crate::engine::quantity::Dimension::{Energy, Volume, WearCoefficient};
 use crate::job::summary;
 
 /// A number that results are looked for by.
@@ -61,7 +61,7 @@ scalars! {
     false wear_volume          Volume          "/summary/wear_volume";
     false wear_depth           Length          "/summary/wear_depth";
     false scar_radius          Length          "/summary/scar_radius";
-    false dissipated_energy    Number          "/summary/dissipated_energy";
+    false dissipated_energy    Energy          "/summary/dissipated_energy";
 }
 
 impl Scalar {
@@ -141,6 +141,17 @@ impl Body {
     /// The short form, as it is stored beside the body.
     pub(super) fn summary(&self) -> Value {
         summary(&self.regime, &self.history)
+    }
+
+    /// Whether the history has columns of numbers, all of one length.
+    pub(super) fn has_history(&self) -> bool {
+        let instants = self.history.get("cycles").and_then(Value::as_array).map_or(0, Vec::len);
+        let is_column = |column: &Value| {
+            column.as_array().is_some_and(|column| {
+                column.len() == instants && column.iter().all(Value::is_number)
+            })
+        };
+        instants > 0 && self.history.values().all(is_column)
     }
 
     /// What the result is looked for by.

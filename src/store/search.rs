@@ -24,6 +24,8 @@ pub struct Search {
     note: Option<String>,
     tag: Option<String>,
     label: Option<String>,
+    /// Only jobs of theirs are asked for tags and labels.
+    of: Option<String>,
     by: &'static str,
     descending: bool,
 }
@@ -39,6 +41,7 @@ impl Default for Search {
             note: None,
             tag: None,
             label: None,
+            of: None,
             by: "created",
             descending: true,
         }
@@ -56,19 +59,21 @@ struct Range {
 const SLACK: f64 = 1e-9;
 
 impl Range {
-    /// Reads `a..b`, `a..`, `..b` or a single value.
-    fn read(text: &str, value: impl Fn(&str) -> Result<f64, String>) -> Result<Self, String> {
+    /// Reads `a..b`, `a..`, `..b` or a single value; `value` says from where to where one reaches.
+    fn read(text: &str, value: impl Fn(&str) -> Result<Self, String>) -> Result<Self, String> {
         let (low, high) = text.split_once("..").unwrap_or((text, text));
         let (low, high) = (low.trim(), high.trim());
         if low.is_empty() && high.is_empty() {
             return Err("must be a value or a range: a..b, a.. or ..b".to_owned());
         }
-        let bound = |text: &str, open| if text.is_empty() { Ok(open) } else { value(text) };
-        let (low, high) = (bound(low, f64::NEG_INFINITY)?, bound(high, f64::INFINITY)?);
+        let open = Self { low: f64::NEG_INFINITY, high: f64::INFINITY };
+        let bound = |text: &str| if text.is_empty() { Ok(open) } else { value(text) };
+        let Self { low, .. } = bound(low)?;
+        let Self { high, .. } = bound(high)?;
         if low > high {
             return Err(format!("the range {text:?} is empty: its first bound is the larger one"));
         }
-        Ok(Self { low: low - SLACK * low.abs(), high: high + SLACK * high.abs() })
+        Ok(Self { low, high })
     }
 
     /// Reads a range of a quantity, whose bounds may carry units.
@@ -81,18 +86,23 @@ impl Range {
             // 0.1..0.2 kN: nobody means 0.1 N to 200 N.
             return Err(format!("{text:?}: give both bounds their unit, or neither"));
         }
-        Self::read(text, |text| quantity::parse(text, dimension))
+        Self::read(text, |text| {
+            let value = quantity::parse(text, dimension)?;
+            let slack = SLACK * value.abs();
+            Ok(Self { low: value - slack, high: value + slack })
+        })
     }
 }
 
-/// A moment as RFC 3339, or a day, in milliseconds since 1970.
-fn moment(text: &str) -> Result<f64, String> {
-    let whole =
-        if text.contains(['T', 't', ' ']) { text.to_owned() } else { format!("{text}T00:00:00Z") };
+/// A moment as RFC 3339, or a day from its first to its last millisecond, in those since 1970.
+fn moment(text: &str) -> Result<Range, String> {
+    let is_day = !text.contains(['T', 't', ' ']);
+    let whole = if is_day { format!("{text}T00:00:00Z") } else { text.to_owned() };
     let time = humantime::parse_rfc3339_weak(&whole)
         .map_err(|_| format!("{text:?} is no moment; write 2026-01-31 or 2026-01-31T12:00:00Z"))?;
     let since = time.duration_since(UNIX_EPOCH).unwrap_or(Duration::ZERO);
-    Ok(since.as_millis() as f64)
+    let low = since.as_millis() as f64;
+    Ok(Range { low, high: if is_day { low + 86_399_999.0 } else { low } })
 }
 
 impl Search {
@@ -102,6 +112,11 @@ impl Search {
         let others =
             ["created", "size", "owner", "pinned", "evicted", "note", "tag", "label", "sort"];
         words.chain(SCALARS.iter().map(|scalar| scalar.name)).chain(others)
+    }
+
+    /// Looks for tags and labels among the jobs of this owner only, if there is one.
+    pub fn only_jobs_of(&mut self, owner: Option<&str>) {
+        self.of = owner.map(str::to_owned);
     }
 
     /// Asks for one thing more: a word, a range of a number, or the order.
@@ -191,12 +206,22 @@ impl Search {
             let tagged = "job_tag JOIN job ON job.id = job_tag.job \
                 JOIN result_task ON result_task.key = job.key";
             among(query, tagged);
-            query.push(" WHERE tag = ").push_bind(tag.clone()).push(")");
+            query.push(" WHERE tag = ").push_bind(tag.clone());
+            self.of_owner(query);
         }
         if let Some(label) = &self.label {
             among(query, "job JOIN result_task ON result_task.key = job.key");
-            query.push(" WHERE label = ").push_bind(label.clone()).push(")");
+            query.push(" WHERE label = ").push_bind(label.clone());
+            self.of_owner(query);
         }
+    }
+
+    /// Ends a condition on jobs.
+    fn of_owner(&self, query: &mut QueryBuilder<Sqlite>) {
+        if let Some(owner) = &self.of {
+            query.push(" AND job.owner = ").push_bind(owner.clone());
+        }
+        query.push(")");
     }
 }
 
@@ -414,16 +439,25 @@ mod tests {
         near(" .. 2 N", f64::NEG_INFINITY, 2.0);
         near("100", 100.0, 100.0);
         near("0..1 kN", 0.0, 1000.0);
-        for bad in ["", "..", "2..1", "50..200 N", "0.1 kN..2", "a..b", "1 m", "1..2..3"] {
+        for bad in
+            ["", "..", "2..1", "50..200 N", "0.1 kN..2", "a..b", "1 m", "1..2..3", "1e308 kN.."]
+        {
             assert!(range(bad).is_err(), "{bad}");
         }
     }
 
     #[test]
     fn moments_are_days_or_instants() {
-        assert_eq!(moment("1970-01-02"), Ok(86_400_000.0));
-        assert_eq!(moment("1970-01-01T00:00:01Z"), Ok(1000.0));
-        assert!(moment("yesterday").is_err());
+        let range = |text| Range::read(text, moment);
+        let day = 86_400_000.0;
+        assert_eq!(range("1970-01-02"), Ok(Range { low: day, high: 2.0 * day - 1.0 }));
+        assert_eq!(range("1970-01-01..1970-01-03"), Ok(Range { low: 0.0, high: 3.0 * day - 1.0 }));
+        assert_eq!(
+            range("1970-01-01T00:00:01Z..1970-01-01T00:00:02.5Z"),
+            Ok(Range { low: 1000.0, high: 2500.0 })
+        );
+        assert!(range("yesterday").is_err());
+        assert!(range("1970-01-03..1970-01-02").is_err());
     }
 
     #[test]

@@ -1,6 +1,10 @@
 //! The library of results: found by what was asked and what came out, with where they come from.
 
-use fretwork::store::{Cursor, SCALARS, Search, WORDS};
+use std::sync::Arc;
+
+use fretwork::api::{Access, AdminKey, Settings};
+use fretwork::job::Task;
+use fretwork::store::{Cursor, Desk, NewKey, Options, Role, SCALARS, Search, WORDS};
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use sqlx::{Connection as _, Row as _};
@@ -73,6 +77,8 @@ async fn results_are_found_by_what_was_asked_and_what_came_out() {
         ("friction=2..", &[]),
         ("created=2020-01-01..&shape=sphere", &[4]),
         ("created=..2020-01-01", &[]),
+        ("dissipated_energy=0%20mJ..1%20kJ&shape=sphere", &[4]),
+        ("dissipated_energy=..1e-9%20N%20m&shape=sphere", &[]),
         ("owner=127.0.0.1&shape=cone", &[7]),
         ("owner=nobody", &[]),
         ("friction=..0.5&sort=friction", &[4, 5]),
@@ -147,7 +153,7 @@ async fn pages_follow_each_other_in_every_order_and_nulls_come_last() {
 async fn every_fault_of_a_search_is_listed() {
     let server = Server::start().await;
     let query = "shape=cube&friction=2..1&wear_depth=..2%20N&pinned=yes&sort=colour&limit=0&cursor=x\
-        &created=soon&normal_force=0.1..0.2%20kN&firction=1";
+        &created=soon&normal_force=0.1..0.2%20kN&tangential_force=1e308%20kN..&firction=1";
     let problem =
         server.get(&format!("/v1/results?{query}")).await.problem(422, "invalid-parameters");
     let names: Vec<&str> = problem["errors"]
@@ -170,6 +176,7 @@ async fn every_fault_of_a_search_is_listed() {
             "pinned",
             "shape",
             "sort",
+            "tangential_force",
             "wear_depth"
         ],
         "{problem}"
@@ -532,6 +539,59 @@ async fn a_forgotten_result_takes_its_outline_with_it() {
     let found = list(&server, "").await;
     assert_eq!(found.len(), 1);
     assert_ne!(keys(&found), [key]);
+}
+
+/// What was dropped before its numbers were written has them once it is computed again.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_result_that_comes_back_has_all_its_numbers() {
+    let server = Server::start().await;
+    let key = server.compute(&steel_ball()).await.json()["key"].as_str().unwrap().to_owned();
+    server.compute(&ball(1.0)).await;
+    let whole = list(&server, "").await;
+    let delete = server.send("DELETE", &format!("/v1/results/{key}"), &[], "").await;
+    assert_eq!(delete.status, 204);
+    let mut db = raw(server.dir.path()).await;
+    sqlx::query("DELETE FROM outline").execute(&mut db).await.unwrap();
+    let dropped = list(&server, "evicted=true").await;
+    assert_eq!(keys(&dropped), [&key]);
+    assert!(dropped[0]["values"]["contact_radius"].is_null());
+    server.compute(&steel_ball()).await;
+    assert_eq!(list(&server, "").await, whole);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn labels_and_tags_of_others_find_nothing() {
+    let admin = "the-one-who-sees-every-job-of-all";
+    let access = Access { admin_key: Some(AdminKey(admin.into())), ..Access::default() };
+    let settings = Settings { access, ..Settings::default() };
+    let server = Server::with(Arc::new(Task::start), &settings, &Options::default()).await;
+    let mut desk = Desk::open(server.dir.path()).await.unwrap();
+    let mut owners = Vec::new();
+    for name in ["anna", "ben"] {
+        let name = name.to_owned();
+        let new = NewKey { name, role: Role::Submit, per_minute: None, expires: None };
+        owners.push(format!("Bearer {}", desk.add_key(&new).await.unwrap()));
+    }
+    desk.close().await.unwrap();
+    let mut body = ball(1.0);
+    body["label"] = json!("secret");
+    body["tags"] = json!(["order-7"]);
+    let headers = [JSON, ("Authorization", owners[0].as_str()), ("Prefer", "wait=60")];
+    let job = server.send("POST", "/v1/jobs", &headers, body.to_string()).await.json();
+    assert_eq!(job["state"], "succeeded", "{job}");
+    let everything = format!("Bearer {admin}");
+    for (who, query, count) in [
+        (&owners[0], "label=secret", 1),
+        (&owners[0], "tag=order-7", 1),
+        (&everything, "label=secret", 1),
+        (&owners[1], "", 1),
+        (&owners[1], "label=secret", 0),
+        (&owners[1], "tag=order-7", 0),
+    ] {
+        let headers = [("Authorization", who.as_str())];
+        let found = server.send("GET", &format!("/v1/results?{query}"), &headers, "").await.json();
+        assert_eq!(found["results"].as_array().map(Vec::len), Some(count), "{query}: {found}");
+    }
 }
 
 /// How long a search among 100 000 results takes; a figure, so it is run by hand.

@@ -7,7 +7,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use fretwork::job::{JobState, Key, Task};
 use fretwork::store::{
-    Error, Filter, Imported, Moving, Options, Search, Store, backup, export, import, restore,
+    Desk, Error, Filter, Imported, Moving, NewKey, Options, Role, Search, Store, backup, export,
+    import, restore,
 };
 use fretwork::worker::Workers;
 use serde_json::{Value, json};
@@ -256,13 +257,75 @@ async fn another_result_under_the_same_key_is_told_and_not_taken() {
     assert_eq!((done.results, done.refused.len()), (0, 1), "{done:?}");
     assert!(done.refused[0].1.contains("another result is held"), "{done:?}");
     assert_eq!(to.get(&format!("/v1/results/{key}")).await.body, before);
-    // Deleted here, it is still known what it was.
+    // Dropped here, it is still known what it was.
     assert_eq!(to.send("DELETE", &format!("/v1/results/{key}"), &[], "").await.status, 204);
-    assert_eq!(import(to.dir.path(), &file, quiet).await.unwrap().refused.len(), 1);
+    let mut db = raw(to.dir.path()).await;
+    db.execute("UPDATE result SET deleted_by = NULL").await.unwrap();
+    let refused = import(to.dir.path(), &file, quiet).await.unwrap().refused;
+    assert!(refused[0].1.contains("held under its key and dropped"), "{refused:?}");
     fs::remove_file(&file).unwrap();
     all(&from, &file).await;
     assert_eq!(import(to.dir.path(), &file, quiet).await.unwrap().results, 1);
     assert_eq!(to.get(&format!("/v1/results/{key}")).await.body, before);
+    // What somebody had deleted comes back only when it is computed.
+    assert_eq!(to.send("DELETE", &format!("/v1/results/{key}"), &[], "").await.status, 204);
+    let refused = import(to.dir.path(), &file, quiet).await.unwrap().refused;
+    assert!(refused[0].1.contains("deleted here by 127.0.0.1"), "{refused:?}");
+    to.get(&format!("/v1/results/{key}")).await.problem(410, "evicted");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn what_a_file_states_beside_the_bodies_is_taken_as_far_as_it_fits() {
+    let (from, to) = (Server::start().await, Server::start().await);
+    let keys = computed(&from, &[1.0, 1.2, 1.4, 1.6]).await;
+    let dir = TempDir::new().unwrap();
+    let file = dir.path().join("results.db");
+    all(&from, &file).await;
+    let mut db = open_file(&file).await;
+    let long = "x".repeat(4001);
+    for (key, change) in [
+        (&keys[0], format!("note = '{long}', note_owner = 'ann'")),
+        (&keys[1], "note = 'a' || char(27) || 'b', owner = char(7)".to_owned()),
+        (&keys[2], "wall_seconds = 'long'".to_owned()),
+    ] {
+        let sql = format!("UPDATE results SET {change} WHERE key = '{key}'");
+        sqlx::raw_sql(sqlx::AssertSqlSafe(sql)).execute(&mut db).await.unwrap();
+    }
+    // A history of columns that are not of one length.
+    let body: String = sqlx::query_scalar("SELECT body FROM bodies WHERE key = ?1")
+        .bind(&keys[3])
+        .fetch_one(&mut db)
+        .await
+        .unwrap();
+    let mut body: Value = serde_json::from_str(&body).unwrap();
+    body["history"]["wear_depth"].as_array_mut().unwrap().pop();
+    let body = body.to_string();
+    sqlx::query("UPDATE results SET sha256 = ?2 WHERE key = ?1")
+        .bind(&keys[3])
+        .bind(sha256(&body))
+        .execute(&mut db)
+        .await
+        .unwrap();
+    sqlx::query("UPDATE bodies SET body = ?2 WHERE key = ?1")
+        .bind(&keys[3])
+        .bind(body)
+        .execute(&mut db)
+        .await
+        .unwrap();
+    db.close().await.unwrap();
+    let done = import(to.dir.path(), &file, quiet).await.unwrap();
+    assert_eq!(done.results, 2, "{done:?}");
+    for (key, words) in [(&keys[2], "wall_seconds"), (&keys[3], "all of one length")] {
+        let why = done.refused.iter().find(|(refused, _)| refused == key);
+        assert!(why.is_some_and(|(_, why)| why.contains(words)), "{words}: {done:?}");
+    }
+    for (key, words) in [(&keys[0], "4000 characters"), (&keys[1], "control characters")] {
+        let why = done.without_note.iter().find(|(left, _)| left == key);
+        assert!(why.is_some_and(|(_, why)| why.contains(words)), "{words}: {done:?}");
+        let told = to.get(&format!("/v1/results/{key}/provenance")).await.json();
+        assert!(told["note"].is_null(), "{told}");
+        assert_eq!(told["computed"]["owner"].is_null(), *key == keys[1], "{told}");
+    }
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -311,6 +374,14 @@ async fn the_commands_say_what_they_did_and_what_is_wrong() {
         run(&["import", &path("one.db"), "--data-dir", &path("third")], "").status.code(),
         Some(2)
     );
+    let mut desk = Desk::open(server.dir.path()).await.unwrap();
+    for name in ["anna", "ben"] {
+        let name = name.to_owned();
+        let new = NewKey { name, role: Role::Read, per_minute: None, expires: None };
+        desk.add_key(&new).await.unwrap();
+    }
+    desk.revoke_keys("ben").await.unwrap();
+    desk.close().await.unwrap();
     let output = run(&["backup", &path("backup.db"), "--data-dir", data], "");
     assert!(output.status.success() && said(&output).contains(": 2 results ("), "{output:?}");
     fails(&run(&["backup", &path("backup.db"), "--data-dir", data], ""), "exists already");
@@ -329,6 +400,9 @@ async fn the_commands_say_what_they_did_and_what_is_wrong() {
         output.status.success() && said(&output).contains("the former database is"),
         "{output:?}"
     );
+    assert!(said(&output).contains("key in force: "), "{output:?}");
+    assert!(said(&output).contains("anna (read)"), "{output:?}");
+    assert!(!said(&output).contains("ben"), "{output:?}");
     let store = open(Path::new(&new)).await;
     assert!(store.has_result(&key.parse().unwrap()).await.unwrap());
     assert_eq!(store.jobs(&Filter::default(), None, 9).await.unwrap().jobs.len(), 2);

@@ -1,11 +1,12 @@
 //! Copies of the whole.
 
-use std::fs;
+use std::fs::{self, File};
+use std::io;
 use std::path::{Path, PathBuf};
 
 use sqlx::{Connection as _, Row as _, SqliteConnection};
 
-use super::{Moving, PATIENCE, later, name, refused, unfinished, versions};
+use super::{Moving, PATIENCE, later, name, put, unfinished, versions};
 use crate::store::open::{self, DATABASE, MIGRATIONS};
 use crate::store::{Error, now, read};
 
@@ -71,19 +72,52 @@ pub async fn restore(
     }
     let part = unfinished(&path)?;
     let saved = copy(file, &part).await?;
-    let mut former = None;
-    let aside = dir.join(format!("fretwork.replaced-{}.db", now()));
-    for suffix in ["", "-wal", "-shm"] {
-        let old = open::with_suffix(&path, suffix);
-        if old.exists() {
-            let new = open::with_suffix(&aside, suffix);
-            fs::rename(&old, new).map_err(refused(&old))?;
-            former = Some(aside.clone());
-        }
-    }
-    name(&part, &path)?;
+    let former = if path.exists() {
+        let aside = dir.join(format!("fretwork.replaced-{}.db", now()));
+        supplant(&part, &path, &aside)
+            .map_err(|source| Moving::NotReplaced { path: path.clone(), source })?;
+        Some(aside)
+    } else {
+        name(&part, &path)?;
+        None
+    };
     drop(lock);
     Ok((saved, former))
+}
+
+/// Puts a new database in the place of one, which is kept aside. Whenever this breaks off, one of them is
+/// in place, and whole.
+fn supplant(new: &Path, path: &Path, aside: &Path) -> io::Result<()> {
+    let log = open::with_suffix(path, "-wal");
+    let kept = [(path, aside), (&log, &open::with_suffix(aside, "-wal"))];
+    let done = kept
+        .iter()
+        .filter(|(old, _)| old.exists())
+        .try_for_each(|(old, second)| second_name(old, second))
+        .and_then(|()| put(new, path));
+    if done.is_err() {
+        for (_, second) in kept {
+            // The files themselves are still where they were.
+            let _ = fs::remove_file(second);
+        }
+        return done;
+    }
+    for suffix in ["-wal", "-shm"] {
+        // What is left of a log is known as another's at the start.
+        let _ = fs::remove_file(open::with_suffix(path, suffix));
+    }
+    Ok(())
+}
+
+/// Gives a file a second name, or where the disk knows no such thing makes a copy.
+fn second_name(old: &Path, second: &Path) -> io::Result<()> {
+    match fs::hard_link(old, second) {
+        Err(error) if error.kind() != io::ErrorKind::AlreadyExists => {
+            fs::copy(old, second)?;
+            File::open(second)?.sync_all()
+        }
+        done => done,
+    }
 }
 
 /// Copies a database as it is at one moment, and holds the copy against its own sums.
@@ -141,4 +175,27 @@ async fn inventory(db: &mut SqliteConnection) -> Result<Saved, Moving> {
         bytes: count(bytes),
         dropped: known.saturating_sub(results),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_database_that_cannot_be_replaced_stays_in_its_place() {
+        let dir = tempfile::tempdir().unwrap();
+        let [new, path, aside] = ["new", "db", "aside"].map(|name| dir.path().join(name));
+        fs::write(&path, "former").unwrap();
+        fs::write(open::with_suffix(&path, "-wal"), "log").unwrap();
+        assert!(supplant(&new, &path, &aside).is_err(), "there is no new one");
+        assert_eq!(fs::read(&path).unwrap(), b"former");
+        assert_eq!(fs::read(open::with_suffix(&path, "-wal")).unwrap(), b"log");
+        assert!(!aside.exists());
+        fs::write(&new, "new").unwrap();
+        supplant(&new, &path, &aside).unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"new");
+        assert!(!open::with_suffix(&path, "-wal").exists());
+        assert_eq!(fs::read(&aside).unwrap(), b"former");
+        assert_eq!(fs::read(open::with_suffix(&aside, "-wal")).unwrap(), b"log");
+    }
 }

@@ -12,10 +12,13 @@ use super::{AT_ONCE, EXPORT, FORM, Moving, beside};
 use crate::engine::scenario::MAX_ANSWER;
 use crate::job::{Answer, Cost, ENGINE, Key};
 use crate::store::keep::{Answered, Source};
-use crate::store::library::Program;
+use crate::store::library::{Note, Program};
 use crate::store::open::{self, DATABASE};
 use crate::store::outline::Body;
 use crate::store::{Error, Options, Store, now};
+
+/// The longest name of an owner, a machine or a release in characters.
+const LONGEST_NAME: usize = 200;
 
 /// What an import came to.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -28,6 +31,8 @@ pub struct Imported {
     pub known: u64,
     /// Results that were not taken: their key, and why.
     pub refused: Vec<(String, String)>,
+    /// Results that were taken without their note: their key, and what it would have to be.
+    pub without_note: Vec<(String, String)>,
 }
 
 /// Takes the results of an export over, as far as they are sound and not known. What was taken stays
@@ -47,14 +52,21 @@ pub async fn import(
     }
     let mut db = beside(dir).await?;
     let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let keys: Vec<String> =
-        sqlx::query_scalar("SELECT key FROM results ORDER BY key").fetch_all(&mut from).await?;
+    let keys: Vec<Vec<u8>> =
+        sqlx::query_scalar("SELECT CAST(coalesce(key, '') AS BLOB) FROM results ORDER BY key")
+            .fetch_all(&mut from)
+            .await?;
     let mut done = Imported::default();
     let (mut batch, mut bytes) = (Vec::new(), 0);
     for (place, text) in keys.iter().enumerate() {
-        match sound(&mut from, &mut db, text).await? {
+        let text = String::from_utf8_lossy(text);
+        let looked = match sound(&mut from, &mut db, &text).await {
+            Err(error) => Looked::Refused(misfit(&error).ok_or(error)?),
+            Ok(looked) => looked,
+        };
+        match looked {
             Looked::Known => done.known += 1,
-            Looked::Refused(why) => done.refused.push((text.clone(), why)),
+            Looked::Refused(why) => done.refused.push((text.into_owned(), why)),
             Looked::Sound(taken) => {
                 bytes += taken.answer.body.len();
                 batch.push(*taken);
@@ -100,7 +112,7 @@ struct Taken {
     owner: Option<String>,
     computed: Option<i64>,
     program: Option<Program>,
-    note: Option<(String, String, i64)>,
+    note: Option<Note>,
 }
 
 /// What was found of a result in an export.
@@ -108,6 +120,18 @@ enum Looked {
     Known,
     Refused(String),
     Sound(Box<Taken>),
+}
+
+/// What is wrong with a row, if it was that and not a database that refuses.
+fn misfit(error: &Moving) -> Option<String> {
+    let Moving::Store(Error::Database(error)) = error else { return None };
+    match &**error {
+        sqlx::Error::ColumnDecode { index, .. } => {
+            Some(format!("its column {index} does not hold what it should"))
+        }
+        sqlx::Error::ColumnNotFound(name) => Some(format!("it has no column {name:?}")),
+        _ => None,
+    }
 }
 
 /// Looks at a result of an export before anything is changed.
@@ -123,15 +147,14 @@ async fn sound(
          FROM results LEFT JOIN bodies ON bodies.key = results.key WHERE results.key = ?1",
     )
     .bind(text)
-    .fetch_one(&mut *from)
+    .fetch_optional(&mut *from)
     .await?;
+    let Some(row) = row else { return refuse("its key is none") };
     let sha256: Option<Key> =
         row.try_get::<Option<&str>, _>("sha256")?.and_then(|sum| sum.parse().ok());
     let Some(sha256) = sha256 else { return refuse("it has no SHA-256") };
-    match held(db, &key).await? {
-        Some((digest, true)) if digest == *sha256.bytes() => return Ok(Looked::Known),
-        Some((digest, _)) if digest != *sha256.bytes() => return refuse(DIFFERS),
-        _ => {}
+    if let Some(settled) = beside_held(db, &key, sha256.bytes()).await? {
+        return Ok(settled);
     }
     match row.try_get::<Option<i64>, _>("length")? {
         None => return refuse("it has no body"),
@@ -159,10 +182,11 @@ async fn sound(
              fretwork that makes keys differently",
         );
     }
+    if !parsed.has_history() {
+        return refuse("its history is no columns of numbers, all of one length");
+    }
     Ok(Looked::Sound(Box::new(taken(key, &row, body, &parsed)?)))
 }
-
-const DIFFERS: &str = "another result is held under its key, and stays";
 
 fn taken(key: Key, row: &SqliteRow, body: Vec<u8>, parsed: &Body) -> Result<Taken, sqlx::Error> {
     let moment = |column| {
@@ -173,15 +197,23 @@ fn taken(key: Key, row: &SqliteRow, body: Vec<u8>, parsed: &Body) -> Result<Take
         let seconds: Option<f64> = row.try_get(column)?;
         Ok::<_, sqlx::Error>(seconds.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok()))
     };
+    // What nobody can check is at least a name, and not a page of something.
+    let stated = |column| {
+        let text: Option<String> = row.try_get(column)?;
+        let fits = |text: &String| {
+            text.chars().count() <= LONGEST_NAME && !text.chars().any(char::is_control)
+        };
+        Ok::<_, sqlx::Error>(text.filter(fits))
+    };
     let cpu = seconds("cpu_seconds")?;
     let cost = seconds("wall_seconds")?.map(|wall| Cost { wall, cpu });
-    let version: Option<String> = row.try_get("version")?;
+    let version = stated("version")?;
     let program = match version {
         Some(version) => Some(Program {
             version,
             numerics: parsed.engine.numerics,
-            host: row.try_get::<Option<_>, _>("host")?.unwrap_or_default(),
-            architecture: row.try_get::<Option<_>, _>("architecture")?.unwrap_or_default(),
+            host: stated("host")?.unwrap_or_default(),
+            architecture: stated("architecture")?.unwrap_or_default(),
             processors: row.try_get::<Option<_>, _>("processors")?.unwrap_or_default(),
         }),
         None => None,
@@ -189,8 +221,8 @@ fn taken(key: Key, row: &SqliteRow, body: Vec<u8>, parsed: &Body) -> Result<Take
     let note: Option<String> = row.try_get("note")?;
     let note = match note {
         Some(text) => {
-            let owner: Option<String> = row.try_get("note_owner")?;
-            Some((text, owner.unwrap_or_default(), moment("note_at")?.unwrap_or_else(now)))
+            let owner = stated("note_owner")?.unwrap_or_default();
+            Some(Note { text, owner, at: moment("note_at")?.unwrap_or_else(now) })
         }
         None => None,
     };
@@ -199,21 +231,38 @@ fn taken(key: Key, row: &SqliteRow, body: Vec<u8>, parsed: &Body) -> Result<Take
         key,
         answer: Answered::new(&answer, cost),
         task: json!({"scenario": parsed.scenario}).to_string(),
-        owner: row.try_get("owner")?,
+        owner: stated("owner")?,
         computed: moment("computed")?,
         program,
         note,
     })
 }
 
-/// The digest of a result, and whether its body is there.
-async fn held(db: &mut SqliteConnection, key: &Key) -> Result<Option<([u8; 32], bool)>, Moving> {
-    let row: Option<(Vec<u8>, bool)> =
-        sqlx::query_as("SELECT digest, evicted IS NULL FROM result WHERE key = ?1")
-            .bind(key.bytes().as_slice())
-            .fetch_optional(db)
-            .await?;
-    Ok(row.and_then(|(digest, held)| Some((digest.try_into().ok()?, held))))
+/// What becomes of a result beside what is held under its key, or was; none if it can be taken.
+async fn beside_held(
+    db: &mut SqliteConnection,
+    key: &Key,
+    digest: &[u8; 32],
+) -> Result<Option<Looked>, Moving> {
+    let row: Option<(bool, bool, Option<String>)> = sqlx::query_as(
+        "SELECT evicted IS NULL, digest = ?2, deleted_by FROM result WHERE key = ?1",
+    )
+    .bind(key.bytes().as_slice())
+    .bind(digest.as_slice())
+    .fetch_optional(db)
+    .await?;
+    let why = match row {
+        None | Some((false, true, None)) => return Ok(None),
+        Some((true, true, _)) => return Ok(Some(Looked::Known)),
+        Some((true, false, _)) => "another result is held under its key, and stays".to_owned(),
+        Some((false, _, Some(who))) => {
+            format!("it was deleted here by {who}; only computing it brings it back")
+        }
+        Some((false, false, None)) => {
+            "it is not the result that was held under its key and dropped".to_owned()
+        }
+    };
+    Ok(Some(Looked::Refused(why)))
 }
 
 /// Puts some results in, in one transaction.
@@ -241,6 +290,7 @@ async fn take(
             done.bytes += some.bytes;
             done.known += some.known;
             done.refused.extend(some.refused);
+            done.without_note.extend(some.without_note);
             Ok(())
         }
         Err(error) => {
@@ -259,16 +309,16 @@ async fn put(
 ) -> Result<(), Moving> {
     let Taken { key, answer, task, owner, .. } = taken;
     // The server may have computed it since it was looked at.
-    match held(db, key).await? {
-        Some((digest, true)) if digest == answer.digest => {
+    match beside_held(db, key, &answer.digest).await? {
+        Some(Looked::Refused(why)) => {
+            done.refused.push((key.to_string(), why));
+            return Ok(());
+        }
+        Some(_) => {
             done.known += 1;
             return Ok(());
         }
-        Some((digest, _)) if digest != answer.digest => {
-            done.refused.push((key.to_string(), DIFFERS.to_owned()));
-            return Ok(());
-        }
-        _ => {}
+        None => {}
     }
     let program = match &taken.program {
         Some(program) => Some(program.row(db).await?),
@@ -285,14 +335,20 @@ async fn put(
     .bind(taken.computed)
     .execute(&mut *db)
     .await?;
-    if let Some((text, owner, at)) = &taken.note {
-        sqlx::query("INSERT OR IGNORE INTO note (key, text, owner, at) VALUES (?1, ?2, ?3, ?4)")
+    if let Some(Note { text, owner, at }) = &taken.note {
+        if let Some(why) = Note::fault(text) {
+            done.without_note.push((key.to_string(), why));
+        } else {
+            sqlx::query(
+                "INSERT OR IGNORE INTO note (key, text, owner, at) VALUES (?1, ?2, ?3, ?4)",
+            )
             .bind(key.bytes().as_slice())
             .bind(text)
             .bind(owner)
             .bind(at)
             .execute(db)
             .await?;
+        }
     }
     done.results += 1;
     done.bytes += answer.body.len() as u64;

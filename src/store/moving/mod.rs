@@ -6,8 +6,9 @@
 //!
 //! An export is a database of its own kind, for people and their tools as much as for another server:
 //! one table with a row per result in plain columns, one with the bodies, one with the units, and the
-//! histories as a view. An import believes none of it but the bodies, and those only where their
-//! SHA-256 and their key are right.
+//! histories as a view. An import takes numbers and scenarios from the bodies only, and those only where
+//! their SHA-256 and their key are right. Who computed a result, where, when and at what cost, and its
+//! note, nobody can check: these are taken as they are stated.
 
 mod backup;
 mod export;
@@ -74,6 +75,14 @@ pub enum Moving {
         /// What was found.
         said: String,
     },
+    /// A backup cannot take the place of the database.
+    #[error("the backup cannot be put in place; the former database is still {}", path.display())]
+    NotReplaced {
+        /// The former database, as it was.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
     /// The system refuses.
     #[error("cannot write {}", path.display())]
     File {
@@ -126,16 +135,18 @@ fn unfinished(file: &Path) -> Result<PathBuf, Moving> {
 
 /// Gives a file that is whole its name, once it is on the disk.
 fn name(part: &Path, file: &Path) -> Result<(), Moving> {
-    let named = || {
-        File::open(part)?.sync_all()?;
-        if file.exists() {
-            return Err(io::Error::from(io::ErrorKind::AlreadyExists));
-        }
-        fs::rename(part, file)?;
-        let dir = file.parent().filter(|dir| !dir.as_os_str().is_empty());
-        // Where directories cannot be synced there is nothing to do about it.
-        let _ = File::open(dir.unwrap_or(Path::new("."))).and_then(|dir| dir.sync_all());
-        Ok(())
-    };
-    named().map_err(refused(file))
+    if file.exists() {
+        return Err(refused(file)(io::ErrorKind::AlreadyExists.into()));
+    }
+    put(part, file).map_err(refused(file))
+}
+
+/// Puts a file that is whole in a place, once it is on the disk, at one moment.
+fn put(part: &Path, file: &Path) -> io::Result<()> {
+    File::open(part)?.sync_all()?;
+    fs::rename(part, file)?;
+    let dir = file.parent().filter(|dir| !dir.as_os_str().is_empty());
+    // Where directories cannot be synced there is nothing to do about it.
+    let _ = File::open(dir.unwrap_or(Path::new("."))).and_then(|dir| dir.sync_all());
+    Ok(())
 }
