@@ -1,5 +1,6 @@
 //! Who may do what: keys, roles, owners, links, limits.
 
+use std::fmt::Write as _;
 use std::io::Read as _;
 use std::num::NonZeroU32;
 use std::path::Path;
@@ -455,7 +456,7 @@ async fn a_server_without_keys_is_no_servant_of_foreign_pages() {
         let mut head =
             format!("{method} {target} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n");
         for (name, value) in headers {
-            head += &format!("{name}: {value}\r\n");
+            write!(head, "{name}: {value}\r\n").unwrap();
         }
         let mut connection = tokio::net::TcpStream::connect(server.address).await.unwrap();
         connection.write_all(format!("{head}Content-Length: 0\r\n\r\n").as_bytes()).await.unwrap();
