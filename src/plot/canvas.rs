@@ -317,7 +317,7 @@ mod tests {
         let sparse = [(0.0, 0.0), (20.0, 5.0), (40.0, 5.0)];
         assert_eq!(marked(&sparse, 30.0), sparse);
         // A flank, then a plain: the flank gets no more marks than its width.
-        let flank = (0..=50).map(|i| (f64::from(i) * 0.1, f64::from(i) * 4.0));
+        let flank = (0..=40).map(|i| (f64::from(i) * 0.125, f64::from(i) * 5.0));
         let plain = (1..=200).map(|i| (5.0 + f64::from(i), 200.0));
         let across: Vec<f64> =
             marked(&flank.chain(plain).collect::<Vec<_>>(), 12.0).iter().map(|p| p.0).collect();

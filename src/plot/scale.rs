@@ -210,11 +210,12 @@ mod tests {
     #[test]
     fn what_is_held_is_a_level_line_whatever_its_last_digits() {
         let values = [50.0, 50.000_000_000_000_04, 49.999_999_999];
-        for (log, expected) in [(false, "44 46 48 50 52 54 56"), (true, "30 50 70 100")] {
+        for log in [false, true] {
             let axis = Axis { log, ..Axis::default() };
             let scale = Scale::new(&axis, values.iter().copied(), 6.0);
-            let labels: Vec<_> = scale.ticks.into_iter().filter_map(|tick| tick.label).collect();
-            assert_eq!(labels.join(" "), expected);
+            let middle = |value| scale.share(value).is_some_and(|share| (share - 0.5).abs() < 1e-6);
+            assert!(values.into_iter().all(middle), "{scale:?}");
+            assert!(scale.ticks.iter().filter(|tick| tick.label.is_some()).count() > 1);
         }
     }
 
