@@ -213,7 +213,7 @@ fn submit(query: &str, body: &str) -> Vec<u8> {
 
 fn request(method: &str, path: &str, body: &str) -> Vec<u8> {
     let length = body.len();
-    let headers = "host: bench\r\ncontent-type: application/json";
+    let headers = "host: localhost\r\ncontent-type: application/json";
     format!("{method} {path} HTTP/1.1\r\n{headers}\r\ncontent-length: {length}\r\n\r\n{body}")
         .into_bytes()
 }
