@@ -2,9 +2,8 @@
 //! who read them.
 
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError, Weak};
-
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use axum::body::Bytes;
 use quick_cache::sync::{Cache, DefaultLifecycle};
@@ -36,6 +35,7 @@ impl Answer {
 pub struct Memory {
     kept: Option<Cache<String, Answer, Size>>,
     lent: Mutex<HashMap<String, Arc<Turn<Lent>>>>,
+    /// How often something had to be forgotten.
     forgotten: AtomicU64,
 }
 
