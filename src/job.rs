@@ -5,6 +5,7 @@ use std::str::FromStr;
 use std::time::Duration;
 
 use bytes::Bytes;
+use data_encoding::HEXLOWER;
 use deserr::{Deserr, IntoValue, Sequence, ValuePointerRef};
 use serde::Serialize;
 use serde_json::Value;
@@ -52,7 +53,9 @@ impl Key {
 
 impl fmt::Display for Key {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+        let mut digits = [0; 64];
+        HEXLOWER.encode_mut(&self.0, &mut digits);
+        f.write_str(str::from_utf8(&digits).map_err(|_| fmt::Error)?)
     }
 }
 
@@ -64,15 +67,11 @@ pub struct BadKey;
 impl FromStr for Key {
     type Err = BadKey;
     fn from_str(text: &str) -> Result<Self, BadKey> {
-        let lower = |b: &u8| b.is_ascii_digit() || (b'a'..=b'f').contains(b);
-        if text.len() != 64 || !text.as_bytes().iter().all(lower) {
+        let mut bytes = [0; 32];
+        if text.len() != 64 {
             return Err(BadKey);
         }
-        let mut bytes = [0; 32];
-        for (byte, pair) in bytes.iter_mut().zip(text.as_bytes().chunks(2)) {
-            let pair = std::str::from_utf8(pair).map_err(|_| BadKey)?;
-            *byte = u8::from_str_radix(pair, 16).map_err(|_| BadKey)?;
-        }
+        HEXLOWER.decode_mut(text.as_bytes(), &mut bytes).map_err(|_| BadKey)?;
         Ok(Self(bytes))
     }
 }

@@ -3,12 +3,11 @@
 
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 use axum::body::Bytes;
 use quick_cache::sync::{Cache, DefaultLifecycle};
 use quick_cache::{DefaultHashBuilder, OptionsBuilder, Weighter};
-use tokio::sync::Mutex as Turn;
 
 use super::coding::Coding;
 use crate::job::Key;
@@ -34,16 +33,21 @@ impl Answer {
 #[derive(Debug)]
 pub struct Memory {
     kept: Option<Cache<String, Answer, Size>>,
-    lent: Mutex<HashMap<String, Arc<Turn<Lent>>>>,
+    /// What somebody reads, if it is large or took a while to make.
+    lent: Mutex<HashMap<String, Weak<Answer>>>,
+    /// Those that are being made: who wants one meanwhile waits for their turn.
+    turns: Mutex<HashMap<String, Weak<Turn>>>,
     /// How often something had to be forgotten.
     forgotten: AtomicU64,
 }
 
-/// An answer that somebody reads. Whoever wants it while it is being made waits for their turn.
-type Lent = Weak<Answer>;
+/// What is only read and smaller is not held once for all: to look for it would cost as much.
+const LARGE: usize = 1 << 18;
 
-/// How many names of answers stand before those that nobody reads are looked for.
+/// How many names there are before those are looked for that nobody needs.
 const NAMES: usize = 64;
+
+type Turn = tokio::sync::Mutex<()>;
 
 #[derive(Debug, Clone)]
 struct Size;
@@ -89,7 +93,7 @@ impl Memory {
             Cache::with_options(options, Size, hash, life)
         };
         let kept = options.filter(|_| bytes > 0).map(cache);
-        Self { kept, lent: Mutex::default(), forgotten: AtomicU64::new(0) }
+        Self { kept, lent: Mutex::default(), turns: Mutex::default(), forgotten: AtomicU64::new(0) }
     }
 
     /// The answer of this name, if it is remembered.
@@ -112,8 +116,7 @@ impl Memory {
             kept.retain(|name, _| !name.starts_with(&begins));
         }
         // Who reads on has it to the end; who comes now does not share it.
-        let mut lent = self.lent.lock().unwrap_or_else(PoisonError::into_inner);
-        lent.retain(|name, _| !name.starts_with(&begins));
+        lock(&self.lent).retain(|name, _| !name.starts_with(&begins));
     }
 
     /// Remembers an answer.
@@ -123,9 +126,22 @@ impl Memory {
         }
     }
 
-    /// The answer of this name, which others may be reading; else it is made, by one of those who
-    /// want it at the same time. If that one goes away or fails, the next one makes it.
+    /// The answer of this name, which others may be reading; else it is made by whoever asks.
     pub async fn share<E>(
+        &self,
+        name: &str,
+        make: impl Future<Output = Result<Answer, E>>,
+    ) -> Result<Answer, E> {
+        if let Some(answer) = self.get(name).or_else(|| self.borrow(name)) {
+            return Ok(answer);
+        }
+        let answer = make.await?;
+        Ok(if answer.body.len() < LARGE { answer } else { self.lend(name, answer) })
+    }
+
+    /// The same for what takes a while to make: one of those who want it at the same time makes it,
+    /// the others wait. If that one goes away or fails, the next one makes it.
+    pub async fn share_work<E>(
         &self,
         name: &str,
         make: impl Future<Output = Result<Answer, E>>,
@@ -133,29 +149,46 @@ impl Memory {
         if let Some(answer) = self.get(name) {
             return Ok(answer);
         }
-        let turn = self.turn(name);
-        let mut lent = turn.lock().await;
-        if let Some(answer) = lent.upgrade() {
-            return Ok(Owner::share(answer));
+        let turn = entry(&mut lock(&self.turns), name, Arc::default);
+        let _mine = turn.lock().await;
+        match self.borrow(name) {
+            Some(answer) => Ok(answer),
+            None => Ok(self.lend(name, make.await?)),
         }
-        let answer = Arc::new(make.await?);
-        *lent = Arc::downgrade(&answer);
-        Ok(Owner::share(answer))
     }
 
-    fn turn(&self, name: &str) -> Arc<Turn<Lent>> {
-        let mut lent = self.lent.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(turn) = lent.get(name) {
-            return Arc::clone(turn);
-        }
-        if lent.len() >= NAMES && lent.len() == lent.capacity() {
-            lent.retain(|_, turn| {
-                let wanted = Arc::strong_count(turn) > 1;
-                wanted || turn.try_lock().is_ok_and(|answer| answer.strong_count() > 0)
-            });
-        }
-        Arc::clone(lent.entry(name.to_owned()).or_default())
+    /// The answer of this name that somebody reads.
+    fn borrow(&self, name: &str) -> Option<Answer> {
+        let answer = lock(&self.lent).get(name)?.upgrade()?;
+        Some(Owner::share(answer))
     }
+
+    /// Has those who come read the same bytes, as long as somebody does; or gives those of somebody
+    /// who was faster.
+    fn lend(&self, name: &str, answer: Answer) -> Answer {
+        Owner::share(entry(&mut lock(&self.lent), name, || Arc::new(answer)))
+    }
+}
+
+/// What has this name, as long as somebody holds it; else what is made now.
+fn entry<T>(
+    names: &mut HashMap<String, Weak<T>>,
+    name: &str,
+    make: impl FnOnce() -> Arc<T>,
+) -> Arc<T> {
+    if let Some(found) = names.get(name).and_then(Weak::upgrade) {
+        return found;
+    }
+    if names.len() >= NAMES && names.len() == names.capacity() {
+        names.retain(|_, held| held.strong_count() > 0);
+    }
+    let made = make();
+    names.insert(name.to_owned(), Arc::downgrade(&made));
+    made
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[cfg(test)]
@@ -167,6 +200,10 @@ mod tests {
 
     fn answer(size: usize) -> Answer {
         Answer::plain(Bytes::from(vec![0; size]))
+    }
+
+    fn place<E: std::fmt::Debug>(answer: &Result<Answer, E>) -> *const u8 {
+        answer.as_ref().unwrap().body.as_ptr()
     }
 
     #[test]
@@ -181,18 +218,17 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn what_many_want_is_made_once_and_held_once_until_nobody_reads_it() {
+    async fn what_takes_work_is_made_once_and_held_once_until_nobody_reads_it() {
         let memory = Memory::new(0);
         let made = AtomicUsize::new(0);
         let want = || {
-            memory.share("big", async {
+            memory.share_work("form", async {
                 made.fetch_add(1, Ordering::Relaxed);
                 tokio::task::yield_now().await;
                 Ok::<_, Infallible>(answer(1000))
             })
         };
         let (one, two, three) = tokio::join!(want(), want(), want());
-        let place = |answer: &Result<Answer, _>| answer.as_ref().unwrap().body.as_ptr();
         assert_eq!((place(&one), place(&two)), (place(&two), place(&three)));
         assert_eq!(made.load(Ordering::Relaxed), 1);
         drop((one, two));
@@ -204,29 +240,60 @@ mod tests {
     }
 
     #[tokio::test]
+    async fn who_reads_what_is_large_reads_the_same_bytes_even_if_they_came_together() {
+        let memory = Memory::new(0);
+        let read = async |size| {
+            let read = async {
+                tokio::task::yield_now().await;
+                Ok::<_, Infallible>(answer(size))
+            };
+            memory.share(&size.to_string(), read).await
+        };
+        let (one, two) = tokio::join!(read(LARGE), read(LARGE));
+        let three = read(LARGE).await;
+        assert_eq!((place(&one), place(&two)), (place(&two), place(&three)));
+        let (one, two) = tokio::join!(read(LARGE - 1), read(LARGE - 1));
+        assert_ne!(place(&one), place(&two));
+    }
+
+    #[tokio::test]
     async fn who_fails_or_goes_away_leaves_the_making_to_the_next() {
         let memory = Memory::new(0);
-        assert_eq!(memory.share("name", async { Err(7) }).await.unwrap_err(), 7);
-        let never = memory.share("name", std::future::pending::<Result<Answer, u8>>());
+        assert_eq!(memory.share_work("name", async { Err(7) }).await.unwrap_err(), 7);
+        let never = memory.share_work("name", std::future::pending::<Result<Answer, u8>>());
         tokio::select! {
             biased;
             _ = never => unreachable!("it is never made"),
             () = std::future::ready(()) => {}
         }
-        let made = memory.share("name", async { Ok::<_, u8>(answer(1)) }).await;
+        let made = memory.share_work("name", async { Ok::<_, u8>(answer(1)) }).await;
         assert_eq!(made.unwrap().body.len(), 1);
+    }
+
+    #[tokio::test]
+    async fn what_is_deleted_is_not_lent_to_who_comes_later() {
+        let memory = Memory::new(0);
+        let key = Key::from_bytes([7; 32]);
+        let read = async || {
+            memory.share(&key.to_string(), async { Ok::<_, Infallible>(answer(LARGE)) }).await
+        };
+        let held = read().await;
+        assert_eq!(place(&held), place(&read().await));
+        memory.forget(&key);
+        assert_ne!(place(&held), place(&read().await));
     }
 
     #[tokio::test]
     async fn names_that_nobody_reads_are_forgotten() {
         let memory = Memory::new(0);
-        let held = memory.share("held", async { Ok::<_, u8>(answer(1)) }).await.unwrap();
+        let held = memory.share_work("held", async { Ok::<_, u8>(answer(1)) }).await.unwrap();
         for number in 0..10_000 {
             let name = number.to_string();
-            memory.share(&name, async { Ok::<_, u8>(answer(1)) }).await.unwrap();
+            memory.share_work(&name, async { Ok::<_, u8>(answer(1)) }).await.unwrap();
         }
-        let names = memory.lent.lock().unwrap();
-        assert!(names.len() <= 4 * NAMES && names.contains_key("held"), "{}", names.len());
+        let (lent, turns) = (memory.lent.lock().unwrap(), memory.turns.lock().unwrap());
+        assert!(lent.len() <= 4 * NAMES && lent.contains_key("held"), "{}", lent.len());
+        assert!(turns.len() <= 4 * NAMES, "{}", turns.len());
         drop(held);
     }
 }

@@ -28,6 +28,7 @@ mod system;
 mod wire;
 
 use std::any::Any;
+use std::ops::Deref;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -65,17 +66,28 @@ use shortly::Shortly;
 use system::Pulse;
 use wire::Segment;
 
-/// What every handler can reach.
+/// What every handler can reach; one count of references, for it is cloned with each request.
 #[derive(Debug, Clone)]
-pub struct App {
+pub struct App(Arc<Shared>);
+
+impl Deref for App {
+    type Target = Shared;
+    fn deref(&self) -> &Shared {
+        &self.0
+    }
+}
+
+/// What is shared by all requests.
+#[derive(Debug)]
+pub struct Shared {
     store: Store,
     gate: Arc<Gate>,
-    pulse: Arc<Pulse>,
+    pulse: Pulse,
     /// Turns true when the server stops taking new jobs.
     draining: watch::Receiver<bool>,
     workers: usize,
     run_limit: Option<Duration>,
-    memory: Arc<Memory>,
+    memory: Memory,
     shortly: Shortly,
     metrics: Arc<Metrics>,
 }
@@ -159,20 +171,17 @@ pub fn router(
     let Settings { workers, run_limit, memory, .. } = *settings;
     let gate = Arc::new(Gate::new(&store, &settings.access));
     let metrics = Arc::new(Metrics::new(&store, workers));
-    let memory = Arc::new(Memory::new(memory));
-    let shortly = Shortly::new(Arc::clone(compute), workers);
-    let shared = Arc::clone(&metrics);
-    let app = App {
+    let app = App(Arc::new(Shared {
         store,
         gate: Arc::clone(&gate),
-        pulse: Arc::default(),
+        pulse: Pulse::default(),
         draining,
         workers,
         run_limit,
-        memory,
-        shortly,
-        metrics: shared,
-    };
+        memory: Memory::new(memory),
+        shortly: Shortly::new(Arc::clone(compute), workers),
+        metrics: Arc::clone(&metrics),
+    }));
     let (documented, _) = routes().split_for_parts();
     let router = documented
         .route("/", get(dashboard::page))

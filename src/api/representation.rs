@@ -104,7 +104,7 @@ impl Representation {
         } else {
             let answer = match coding {
                 Coding::Identity => self.plain(app).await?,
-                _ => app.memory.share(&name, self.coded(app, coding)).await?,
+                _ => app.memory.share_work(&name, self.coded(app, coding)).await?,
             };
             app.memory.put(name, &answer);
             if app.memory.forgotten() != forgotten {
@@ -143,7 +143,7 @@ impl Representation {
             let made = apart(move || forms::write(&stored, part, format, &ask)).await??;
             Ok(Answer::plain(made.into()))
         };
-        app.memory.share(&self.name, make).await
+        app.memory.share_work(&self.name, make).await
     }
 
     fn send(&self, Answer { body, coding }: Answer) -> Response {
