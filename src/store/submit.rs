@@ -52,10 +52,10 @@ impl Submit {
         let (queued, tenth) = (tx.queue.jobs(), self.limit / 10);
         let full = queued >= self.limit
             || (queued >= self.limit - tenth && tx.queue.waiting_of(&self.job.owner) >= tenth);
-        if !only_known && !too_expensive && !unless_needed && !full {
+        if !only_known && !too_expensive && !full {
             return Ok(None);
         }
-        let Known { result, live, .. } = known(tx, self.job.key).await?;
+        let Known { result, live } = known(tx, self.job.key).await?;
         // What needs neither a worker nor a place in the queue is welcome all the same.
         Ok(match live.as_deref() {
             _ if result && !self.job.afresh => None,
@@ -63,8 +63,7 @@ impl Submit {
             _ if too_expensive => Some(Submitted::TooExpensive),
             Some("running") => None,
             None if unless_needed => Some(Submitted::Needed),
-            _ if full => Some(Submitted::Refused { queued }),
-            _ => None,
+            _ => Some(Submitted::Refused { queued }),
         })
     }
 }
@@ -76,14 +75,11 @@ struct Known {
     result: bool,
     /// The state of its live run.
     live: Option<String>,
-    /// The digest of its result, or of what it was before it was dropped.
-    digest: Option<Vec<u8>>,
 }
 
 async fn known(tx: &mut Transaction<'_>, key: Key) -> Result<Known, Error> {
     let known = sqlx::query_as(
-        "SELECT result.key IS NOT NULL AND result.evicted IS NULL AS result, run.state AS live,
-             result.digest AS digest
+        "SELECT result.key IS NOT NULL AND result.evicted IS NULL AS result, run.state AS live
          FROM (SELECT ?1 AS key) AS asked
          LEFT JOIN result ON result.key = asked.key
          LEFT JOIN run ON run.key = asked.key AND run.state IN ('queued', 'running')",
@@ -95,22 +91,25 @@ async fn known(tx: &mut Transaction<'_>, key: Key) -> Result<Known, Error> {
 }
 
 /// A run if there is neither a result (or it is not wanted) nor a live run; then the job, by what
-/// there is now. The second statement tells by `changes()` whether the first inserted a run.
+/// there is now. The second statement tells by `changes()` whether the first inserted a run. With ?7
+/// there is neither, unless the job needs no run of its own.
 const SUBMIT: &str = "
     INSERT INTO run (id, key, owner, created, task, state, changed, trace)
     SELECT (SELECT runs + 1 FROM room), ?1, ?2, ?3, ?4, 'queued', ?3, ?6
-    WHERE ?5 OR NOT EXISTS (SELECT 1 FROM result WHERE key = ?1 AND evicted IS NULL)
+    WHERE NOT ?7
+        AND (?5 OR NOT EXISTS (SELECT 1 FROM result WHERE key = ?1 AND evicted IS NULL))
     ON CONFLICT (key) WHERE state IN ('queued', 'running') DO NOTHING;
 
     INSERT INTO job (key, owner, created, id, label, tags, warnings, priority, idempotency_key,
         fingerprint, run, state, attempt, origin, started, finished, changes)
-    SELECT ?1, ?2, ?3, ?7, ?8, ?9, ?10, ?11, ?12, ?13, run.id, coalesce(run.state, 'succeeded'),
+    SELECT ?1, ?2, ?3, ?8, ?9, ?10, ?11, ?12, ?13, ?14, run.id, coalesce(run.state, 'succeeded'),
         coalesce(run.attempt, 0),
         CASE WHEN run.id IS NULL THEN 'cached' WHEN changes() THEN 'computed' ELSE 'coalesced' END,
         iif(run.state = 'queued', NULL, ?3), iif(run.id IS NULL, ?3, NULL),
         coalesce(run.state, 'succeeded') || ' ' || coalesce(run.attempt, 0) || ' ' || ?3
-    FROM (SELECT 1) LEFT JOIN run ON run.key = ?1 AND run.state IN ('queued', 'running')
-        AND (?5 OR NOT EXISTS (SELECT 1 FROM result WHERE key = ?1 AND evicted IS NULL))
+    FROM (SELECT EXISTS (SELECT 1 FROM result WHERE key = ?1 AND evicted IS NULL) AS is_known)
+    LEFT JOIN run ON run.key = ?1 AND run.state IN ('queued', 'running') AND (?5 OR NOT is_known)
+    WHERE NOT ?7 OR run.id IS NOT NULL OR is_known
     RETURNING run, state, attempt, origin, started, finished, changes,
         (SELECT progress FROM run WHERE run.id = job.run) AS progress,
         iif(state = 'succeeded', (SELECT summary FROM result WHERE result.key = job.key), NULL)
@@ -135,6 +134,7 @@ impl Verb for Submit {
             .bind(&new.task)
             .bind(new.afresh)
             .bind(&new.trace)
+            .bind(new.admission.unless_needed)
             .bind(new.id.0.as_bytes().as_slice())
             .bind(&new.label)
             .bind(&self.tags)
@@ -142,12 +142,13 @@ impl Verb for Submit {
             .bind(new.priority)
             .bind(repeatable.map(|repeatable| &repeatable.key))
             .bind(repeatable.map(|repeatable| repeatable.fingerprint.as_slice()))
-            .fetch_one(&mut *tx.db)
+            .fetch_optional(&mut *tx.db)
             .await
             .map_err(|error| match error.as_database_error() {
                 Some(refusal) if refusal.is_unique_violation() => Error::JobExists(new.id),
                 _ => error.into(),
             })?;
+        let Some(row) = row else { return Ok(Submitted::Needed) };
         let (origin, state) = (word(&row, "origin")?, word(&row, "state")?);
         if state == JobState::Queued {
             tx.queue.add(RunId(row.try_get("run")?), &new.owner, new.priority, new.id);
@@ -193,16 +194,21 @@ impl Record {
         Self { jobs, took, answer: Answered::new(answer, Some(cost)) }
     }
 
-    /// The run and its first job, in one go. Numbers that a statement passes over are taken by the
-    /// library for as many more arguments.
+    /// The run and its first job, in one go, unless there is a result or a live run of the key; with
+    /// what a result that was dropped had come to. Numbers that a statement passes over are taken by
+    /// the library for as many more arguments.
     const BEGIN: &str = "
         INSERT INTO run (id, key, owner, created, task, trace, started, finished, changed, state,
             attempt, progress)
-        VALUES ((SELECT runs + 1 FROM room), ?1, ?2, ?3, ?5, ?6, ?3, ?4, ?4, 'succeeded', 1, 1);
+        SELECT (SELECT runs + 1 FROM room), ?1, ?2, ?3, ?5, ?6, ?3, ?4, ?4, 'succeeded', 1, 1
+        WHERE NOT EXISTS (SELECT 1 FROM result WHERE key = ?1 AND evicted IS NULL)
+            AND NOT EXISTS (SELECT 1 FROM run WHERE key = ?1 AND state IN ('queued', 'running'));
         INSERT INTO job (key, owner, created, id, label, tags, warnings, priority, run, state,
             attempt, origin, started, finished, changes)
-        VALUES (?1, ?2, ?3, ?7, ?8, ?9, ?10, ?11, last_insert_rowid(), 'succeeded', 1,
-            'computed', ?3, ?4, ?12)";
+        SELECT ?1, ?2, ?3, ?7, ?8, ?9, ?10, ?11, last_insert_rowid(), 'succeeded', 1,
+            'computed', ?3, ?4, ?12
+        WHERE changes()
+        RETURNING (SELECT digest FROM result WHERE key = ?1)";
     /// Another job of that run.
     const JOIN: &str = "
         INSERT INTO job (key, owner, created, id, label, tags, warnings, priority, run, state,
@@ -210,15 +216,17 @@ impl Record {
         SELECT ?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, run, 'succeeded', 1, 'coalesced', ?3, finished, changes
         FROM job WHERE id = ?9";
 
+    /// Puts in what was computed and the first of its jobs; false if that is not wanted any more, for
+    /// there is a result or a run of the key.
     async fn insert(
         &self,
         tx: &mut Transaction<'_>,
         first: &Submit,
         began: i64,
         changes: &str,
-    ) -> Result<(), Error> {
+    ) -> Result<bool, Error> {
         let new = &first.job;
-        sqlx::query(Self::BEGIN)
+        let begun: Option<Option<Vec<u8>>> = sqlx::query_scalar(Self::BEGIN)
             .bind(new.key.bytes().as_slice())
             .bind(&new.owner)
             .bind(began)
@@ -231,8 +239,13 @@ impl Record {
             .bind(first.warnings.to_string())
             .bind(new.priority)
             .bind(changes)
-            .execute(&mut *tx.db)
+            .fetch_optional(&mut *tx.db)
             .await?;
+        let Some(dropped) = begun else { return Ok(false) };
+        if let Some(digest) = dropped {
+            let same = *digest == self.answer.digest;
+            tx.effects.push(Effect::Recomputed { key: new.key, same });
+        }
         let source = Source {
             task: &new.task,
             owner: Some(&new.owner),
@@ -242,7 +255,7 @@ impl Record {
         };
         self.answer.insert(tx.db, new.key, &source, tx.now).await?;
         tx.effects.push(Effect::Stored(self.answer.body.len() as u64));
-        Ok(())
+        Ok(true)
     }
 }
 
@@ -253,17 +266,6 @@ impl Verb for Record {
         let mut became = Vec::with_capacity(self.jobs.len());
         let Some(first) = self.jobs.first() else { return Ok(became) };
         let key = first.job.key;
-        let Known { result, live, digest } = known(tx, key).await?;
-        if result || live.is_some() {
-            for job in &self.jobs {
-                became.push(job.apply(tx).await?);
-            }
-            return Ok(became);
-        }
-        if let Some(before) = digest {
-            let same = *before == self.answer.digest;
-            tx.effects.push(Effect::Recomputed { key, same });
-        }
         let began = tx.now - self.took;
         let changes = [
             (JobState::Queued, 0, began),
@@ -272,7 +274,12 @@ impl Verb for Record {
         ]
         .map(|(state, attempt, at)| Change { state, attempt, at });
         let lines = changes.map(|Change { state, attempt, at }| format!("{state} {attempt} {at}"));
-        self.insert(tx, first, began, &lines.join("\n")).await?;
+        if !self.insert(tx, first, began, &lines.join("\n")).await? {
+            for job in &self.jobs {
+                became.push(job.apply(tx).await?);
+            }
+            return Ok(became);
+        }
         let summary: Value = json(&self.answer.summary)?;
         for Submit { job: new, tags, warnings, .. } in &self.jobs {
             let origin = if became.is_empty() { Origin::Computed } else { Origin::Coalesced };
