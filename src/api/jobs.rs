@@ -297,7 +297,6 @@ fn write(job: Job, result: Option<&Bytes>) -> Result<Response, Problem> {
         (status = 503, description = "The server takes no jobs just now, or its queue is full; see \
             `Retry-After`.", headers(("Retry-After" = u32, description = "Seconds."))),
         (status = 504, description = "`only-if-cached` was asked for, and the result is not known."),
-        (status = 507, description = "The disk is full."),
     ),
 )]
 pub async fn submit(
@@ -502,7 +501,6 @@ pub(super) fn next_page(uri: &Uri, cursor: impl std::fmt::Display) -> String {
     ),
     responses(
         (status = 200, description = "The job.", body = JobAnswer),
-        (status = 404, description = "No job has this id."),
     ),
 )]
 pub async fn show(
@@ -529,7 +527,6 @@ pub async fn show(
     responses(
         (status = 303, description = "The result is at the address in `Location`.",
             headers(("Location" = String, description = "The address of the result."))),
-        (status = 404, description = "No job has this id."),
         (status = 409, description = "The job is not finished (then with `Retry-After`), failed, or \
             was canceled.", headers(("Retry-After" = u32, description = "Seconds."))),
     ),
@@ -574,8 +571,6 @@ pub async fn result(
     params(("id" = uuid::Uuid, Path, description = "The `id` of a job.")),
     responses(
         (status = 200, description = "The job as it is now.", body = JobAnswer),
-        (status = 404, description = "No job has this id."),
-        (status = 507, description = "The disk is full."),
     ),
 )]
 pub async fn cancel(
@@ -615,7 +610,6 @@ pub struct CanceledJobs {
     responses(
         (status = 200, description = "They are canceled, or will be as soon as their workers let \
             go.", body = CanceledJobs),
-        (status = 507, description = "The disk is full."),
     ),
 )]
 pub async fn cancel_all(
@@ -641,9 +635,7 @@ pub async fn cancel_all(
     params(("id" = uuid::Uuid, Path, description = "The `id` of a job.")),
     responses(
         (status = 204, description = "The job is gone."),
-        (status = 404, description = "No job has this id."),
         (status = 409, description = "The job has not ended; cancel it first."),
-        (status = 507, description = "The disk is full."),
     ),
 )]
 pub async fn delete(
