@@ -204,7 +204,7 @@ fn place(path: &str, method: &Method, operation: &mut Value) {
         }
     }
     if reads_result(path, method) {
-        share_forms(operation, !path.ends_with(".svg"));
+        share_forms(operation, !path.ends_with("/plot.svg"));
     }
 }
 
@@ -228,9 +228,10 @@ fn share_forms(operation: &mut Value, of_numbers: bool) {
             parameters.extend([digits, units]);
         }
         let text = json!({"type": "string"});
-        let codings = match of_numbers {
-            true => "`zstd` or `gzip`; NPZ is compressed in itself.",
-            false => "`zstd` or `gzip`.",
+        let codings = if of_numbers {
+            "`zstd` or `gzip`; NPZ is compressed in itself."
+        } else {
+            "`zstd` or `gzip`."
         };
         parameters.extend([
             parameter("If-None-Match", "header", "The `ETag` of a held copy.", &text),
