@@ -385,19 +385,22 @@ impl Figure {
         let below = area.bottom() + SMALL * LEADING + LABEL + GAP;
         let above = area.top - 0.5 * GAP;
         canvas.title((area.left, corner.1 + TITLE), TITLE, &self.title);
-        canvas.text((area.at(0.5, 0.0).0, below), Anchor::Middle, LABEL, &self.x.label);
         canvas.upward_text((corner.0 + LABEL + 2.0, area.at(0.0, 0.5).1), LABEL, &self.y.label);
-        canvas.text((area.right(), below), Anchor::End, SMALL, &plan.x.factor());
-        // Clear of the label at the upper end.
-        let place = (area.left - GAP, above - 0.5 * SMALL);
-        canvas.text(place, Anchor::End, SMALL, &plan.y.factor());
+        // Both powers of ten stand within the frame's width, and what stands beside them gives way.
+        let (across, up) = (plan.x.factor(), plan.y.factor());
+        canvas.text((area.right(), below), Anchor::End, SMALL, &across);
+        canvas.text((area.left, above), Anchor::Start, SMALL, &up);
+        let room = |factor: &str| if factor.is_empty() { 0.0 } else { width(factor) * SMALL + GAP };
+        let most = area.right() - room(&across) - 0.5 * width(&self.x.label) * LABEL;
+        let middle = area.at(0.5, 0.0).0.min(most);
+        canvas.text((middle, below), Anchor::Middle, LABEL, &self.x.label);
         let names = self.x.names(&plan.x, area.width);
-        let reach = area.width + 2.0 * GAP;
-        for (x, name) in apart(names, reach, |name| width(name) * SMALL + GAP) {
+        let ends = (room(&up), area.width + 2.0 * GAP);
+        for (x, name) in apart(names, ends, |name| width(name) * SMALL + GAP) {
             canvas.text((area.left + x, above), Anchor::Middle, SMALL, name);
         }
         let names = self.y.names(&plan.y, area.height);
-        for (y, name) in apart(names, f64::INFINITY, |_| SMALL) {
+        for (y, name) in apart(names, (0.0, f64::INFINITY), |_| SMALL) {
             let place = (area.right() + 0.5 * GAP, area.bottom() - y + SINK);
             canvas.text(place, Anchor::Start, SMALL, name);
         }
@@ -417,20 +420,20 @@ impl Axis {
     }
 }
 
-/// Moves names on until none stands on the one before, and the first within the axis; where they
-/// would reach too far, the last are moved back.
+/// Moves names on until none stands on the one before, and the first behind the start; where they would
+/// reach beyond the end, the last are moved back.
 fn apart(
     mut names: Vec<(f64, &str)>,
-    reach: f64,
+    (start, end): (f64, f64),
     extent: impl Fn(&str) -> f64,
 ) -> Vec<(f64, &str)> {
-    let mut free = 0.0_f64;
+    let mut free = start;
     for (place, name) in &mut names {
         let half = 0.5 * extent(name);
         *place = place.max(free + half);
         free = *place + half;
     }
-    let mut free = reach;
+    let mut free = end;
     for (place, name) in names.iter_mut().rev() {
         let half = 0.5 * extent(name);
         *place = place.min(free - half);

@@ -6,12 +6,13 @@ use std::sync::Arc;
 
 use fretwork::engine::contact::{Contact, UnwornSums};
 use fretwork::engine::control::{Block, Control, Normal, Tangential};
+use fretwork::engine::plan::Plan;
 use fretwork::engine::profile::Shape;
 use fretwork::engine::record::Record;
 use fretwork::engine::rkc::Rates;
 use fretwork::engine::scenario;
 use fretwork::engine::simulation::Simulation;
-use fretwork::engine::wearing::{Law, Plan, Wearing};
+use fretwork::engine::wearing::{Law, Wearing};
 use serde_json::json;
 
 #[global_allocator]

@@ -1,119 +1,30 @@
-//! Jobs: submit, watch, list, cancel, delete.
+//! Jobs: submit, list, show, cancel, delete.
 
-use std::time::Duration;
+mod answer;
+mod submission;
 
-use axum::body::Bytes;
 use axum::extract::State;
-use axum::http::header::{self, HeaderName};
-use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri};
+use axum::http::{StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
-use serde_json::{Value, json};
-use sha2::{Digest as _, Sha256};
-use tokio::time;
 use utoipa::ToSchema;
 
 use super::App;
 use super::caller::Caller;
 use super::problem::{self, Complaint, Problem};
-use super::scenarios::parse;
-use super::wire::{
-    Body, Freshness, NoQuery, Prefer, Query, Segment, idempotency_key, instant, urgency,
-};
-use crate::job::{Failure, Job, JobId, JobState, Key, Origin, Submission};
-use crate::store::{
-    Admission, Canceled, Deleted, Filter, NewJob, Repeatable, StoredResult, Submitted,
-};
+use super::wire::{NoQuery, Query, Segment};
+use crate::job::{Job, JobId, JobState};
+use crate::store::{Canceled, Deleted, Filter};
+
+use answer::{answer, wait};
+
+pub use answer::JobAnswer;
+pub use submission::{__path_submit, submit};
 
 /// How many jobs a page has unless told.
 const PAGE: u32 = 50;
 /// How many jobs a page may have.
 const LONGEST_PAGE: u32 = 200;
-
-/// One submission and how far it has come.
-#[derive(Debug, Serialize, ToSchema)]
-#[schema(as = Job)]
-pub struct JobAnswer {
-    /// Names the job: a UUID of version 7, so ids sort by time of submission.
-    #[schema(value_type = String, format = "uuid", example = "019aa0f3-1f4e-7cc0-9d8b-1c5b0c1f9a11")]
-    id: JobId,
-    /// `queued`, `running`, `canceling`, `succeeded`, `failed` or `canceled`.
-    #[schema(value_type = super::openapi::JobState)]
-    state: JobState,
-    /// The address of the result: the same for every submission of the same scenario.
-    #[schema(value_type = String, pattern = "^[0-9a-f]{64}$")]
-    key: Key,
-    /// Whether this job started the computation (`computed`), joined one (`coalesced`) or found
-    /// the result ready (`cached`).
-    #[schema(value_type = super::openapi::Origin)]
-    origin: Origin,
-    /// How often the computation was begun. More than 1 means that the server was interrupted.
-    #[schema(example = 1)]
-    attempt: u32,
-    /// The share of the computation that is done, 0 to 1.
-    #[schema(minimum = 0, maximum = 1, example = 1.0)]
-    progress: f64,
-    /// Among the jobs of the same owner: 0 is the most urgent, 7 the least; from the `Priority`
-    /// header.
-    #[schema(minimum = 0, maximum = 7, example = 3)]
-    priority: u8,
-    /// When it was submitted, begun and finished.
-    times: Times,
-    /// A line for people, as submitted.
-    label: Option<String>,
-    /// Words to find it by, as submitted.
-    tags: Vec<String>,
-    /// The last entry of the history and the regime, once it has succeeded.
-    #[schema(value_type = Option<Object>)]
-    summary: Option<Value>,
-    /// What the user should know about the scenario: a list of `{kind, detail}`.
-    #[schema(value_type = Vec<super::openapi::Warning>)]
-    warnings: Value,
-    /// Why it failed, if it did.
-    error: Option<JobError>,
-    /// Where to go from here.
-    links: Links,
-}
-
-/// When a job was submitted, begun and finished: RFC 3339, UTC.
-#[derive(Debug, Serialize, ToSchema)]
-struct Times {
-    /// When it was submitted.
-    #[schema(format = "date-time", example = "2026-01-31T12:00:00.000Z")]
-    created: String,
-    /// When a worker began it.
-    #[schema(format = "date-time")]
-    started: Option<String>,
-    /// When it came to its end.
-    #[schema(format = "date-time")]
-    finished: Option<String>,
-}
-
-/// Why a job failed.
-#[derive(Debug, Serialize, ToSchema)]
-struct JobError {
-    /// The kind of failure: the address of a page that explains it.
-    #[schema(example = "/problems/worker-lost")]
-    r#type: String,
-    /// The kind of failure in words.
-    title: String,
-    /// What happened.
-    detail: String,
-}
-
-/// Where to go from a job.
-#[derive(Debug, Serialize, ToSchema)]
-struct Links {
-    /// The job itself.
-    #[serde(rename = "self")]
-    this: String,
-    /// Its result, once it has succeeded.
-    result: String,
-    /// Server-sent events of what becomes of it.
-    events: String,
-    /// POST here to cancel it; null once it is finished.
-    cancel: Option<String>,
-}
 
 /// A page of jobs, the newest first.
 #[derive(Debug, Serialize, ToSchema)]
@@ -123,51 +34,6 @@ pub struct JobList {
     /// The address of the next page; null on the last.
     #[schema(example = "/v1/jobs?limit=50&cursor=019aa0f3-1f4e-7cc0-9d8b-1c5b0c1f9a11")]
     next: Option<String>,
-}
-
-impl From<Job> for JobAnswer {
-    fn from(job: Job) -> Self {
-        let this = address(job.id);
-        let cancel = (!job.state.is_finished()).then(|| format!("{this}/cancel"));
-        let result = format!("/v1/results/{}", job.key);
-        let events = format!("{this}/events");
-        Self {
-            id: job.id,
-            state: job.state,
-            key: job.key,
-            origin: job.origin,
-            attempt: job.attempt,
-            progress: job.progress,
-            priority: job.priority,
-            times: Times {
-                created: instant(job.created),
-                started: job.started.map(instant),
-                finished: job.finished.map(instant),
-            },
-            label: job.label,
-            tags: job.tags,
-            summary: job.summary,
-            warnings: job.warnings,
-            error: job.failure.map(JobError::from),
-            links: Links { this, result, events, cancel },
-        }
-    }
-}
-
-impl From<Failure> for JobError {
-    fn from(failure: Failure) -> Self {
-        let slug = failure.kind.as_str();
-        let title = problem::ALL.iter().find(|kind| kind.slug == slug).map(|kind| kind.title);
-        Self {
-            r#type: format!("/problems/{slug}"),
-            title: title.unwrap_or("The job failed").to_owned(),
-            detail: failure.message,
-        }
-    }
-}
-
-fn address(id: JobId) -> String {
-    format!("/v1/jobs/{id}")
 }
 
 pub(super) fn read_id(text: &str) -> Result<JobId, Problem> {
@@ -187,236 +53,6 @@ pub(super) async fn visible(app: &App, caller: &Caller, id: &str) -> Result<Job,
 
 pub(super) fn unknown() -> Problem {
     Problem::new(&problem::NOT_FOUND, "No job has this id; GET /v1/jobs lists those there are.")
-}
-
-/// Waits until the job is finished, the time is over or the server goes down.
-async fn wait(app: &App, job: Job, time: Duration) -> Result<Job, Problem> {
-    let mut draining = app.draining.clone();
-    let until = async move {
-        tokio::select! {
-            () = time::sleep(time) => {}
-            // A closed channel is a server that has already gone; an error only ends the wait.
-            _ = draining.wait_for(|draining| *draining) => {}
-        }
-    };
-    Ok(app.store.wait(job, until).await?)
-}
-
-/// Answers a job as it is always answered; with `include`, its result inside.
-async fn answer(app: &App, job: Job, include: bool) -> Result<Response, Problem> {
-    if !include {
-        return write(job, None);
-    }
-    let result = result_of(app, &job).await?;
-    write(job, Some(&result))
-}
-
-/// What stands for a result that there is not.
-const NO_RESULT: Bytes = Bytes::from_static(b"null");
-
-/// The result of a job; null if there is none.
-async fn result_of(app: &App, job: &Job) -> Result<Bytes, Problem> {
-    if job.state != JobState::Succeeded {
-        return Ok(NO_RESULT);
-    }
-    Ok(match app.store.result(&job.key).await? {
-        Some(StoredResult::Whole(body)) => body,
-        _ => NO_RESULT,
-    })
-}
-
-/// Writes a job, with a result inside if there is to be one.
-fn write(job: Job, result: Option<&Bytes>) -> Result<Response, Problem> {
-    let (key, id) = (job.key, job.id);
-    let mut body = serde_json::to_vec(&JobAnswer::from(job)).map_err(|_| Problem::internal())?;
-    if let Some(result) = result {
-        // The stored bytes go in as they are: parsing and printing them again would cost more
-        // than everything else here and could change digits.
-        body.pop();
-        body.extend_from_slice(b",\"result\":");
-        body.extend_from_slice(result);
-        body.push(b'}');
-    }
-    let headers = [
-        (header::CONTENT_TYPE, "application/json".to_owned()),
-        // A job changes; what does not is its result, at an address of its own.
-        (header::CACHE_CONTROL, "no-store".to_owned()),
-        (header::CONTENT_LOCATION, address(id)),
-        (header::LINK, format!("</v1/results/{key}>; rel=\"related\"")),
-    ];
-    Ok((headers, body).into_response())
-}
-
-/// Submits a scenario: computes it, joins the computation under way, or finds its result.
-///
-/// Every submission is a job of its own and is kept. The same scenario is computed once, however
-/// many submit it, and whatever units they write it in. With `Prefer: wait=10` the answer waits
-/// up to 10 s for the end; with `include=result` it then holds the result itself. A submission that
-/// may have been lost can be repeated under the same `Idempotency-Key`: it stays one job.
-#[utoipa::path(post, path = "/v1/jobs", operation_id = "submit_job", tag = "jobs",
-    params(
-        ("include" = Option<super::openapi::Include>, Query,
-            description = "`result` puts a finished result into the answer, as `result`."),
-        ("Prefer" = Option<String>, Header,
-            description = "`wait=N`: answer when the job is finished, at the latest after N seconds \
-                (at most 60).", example = "wait=10"),
-        ("Idempotency-Key" = Option<String>, Header,
-            description = "A name for this submission, such as a random UUID. The same name with the \
-                same body is the same job, for as long as the job is kept."),
-        ("Priority" = Option<String>, Header,
-            description = "`u=0` (most urgent) to `u=7` (least), RFC 9218: the order among the \
-                caller's own jobs. Callers take turns whatever they set.", example = "u=3"),
-        ("Cache-Control" = Option<String>, Header,
-            description = "`no-cache`: compute again, and compare with the result that is known. \
-                `only-if-cached`: do not compute; 504 if the result is not known."),
-        ("traceparent" = Option<String>, Header,
-            description = "W3C Trace Context: appears in the log of the request and of the run."),
-    ),
-    request_body(content = ref("#/components/schemas/JobBody"), description = "What to compute. A \
-        physical quantity is a number in SI units or a string with a unit."),
-    responses(
-        (status = 200, description = "The job is finished: it succeeded, failed or was canceled.",
-            body = JobAnswer, headers(
-                ("Cache-Status" = String, description = "RFC 9211: `fretwork; hit`, or `fretwork; \
-                    fwd=miss` with `stored` or `collapsed`; `fwd=request` after `no-cache`."),
-                ("Content-Location" = String, description = "The address of the job."),
-                ("Link" = String, description = "The address of the result, `rel=\"related\"`."),
-                ("Preference-Applied" = String, description = "The wait that was granted."),
-            )),
-        (status = 202, description = "The job is accepted. Its address is in `Location`.",
-            body = JobAnswer, headers(
-                ("Location" = String, description = "The address of the job."),
-                ("Cache-Status" = String, description = "RFC 9211: `fretwork; fwd=miss`, with \
-                    `collapsed` if it joined a computation under way."),
-                ("Link" = String, description = "The address of the result, `rel=\"related\"`."),
-                ("Preference-Applied" = String, description = "The wait that was granted."),
-            )),
-        (status = 422, description = "The body or a header has faults, and `errors` lists them all; \
-            or the run would take longer than the server allows; or the Idempotency-Key stands for \
-            another submission."),
-        (status = 503, description = "The server takes no jobs just now, or its queue is full; see \
-            `Retry-After`.", headers(("Retry-After" = u32, description = "Seconds."))),
-        (status = 504, description = "`only-if-cached` was asked for, and the result is not known."),
-        (status = 507, description = "The disk is full."),
-    ),
-)]
-pub async fn submit(
-    State(app): State<App>,
-    caller: Caller,
-    mut query: Query,
-    headers: HeaderMap,
-    body: Body,
-) -> Result<Response, Problem> {
-    let include = query.include_result();
-    query.finish()?;
-    if *app.draining.borrow() {
-        let detail = "The server is going down and takes no new jobs; submit again in a moment.";
-        return Err(Problem::new(&problem::DRAINING, detail).retry_after(5));
-    }
-    let name = idempotency_key(&headers)?;
-    let submission = parse(body).await?;
-    let (prefer, freshness) = (Prefer::read(&headers), Freshness::read(&headers));
-    let Submission { task, label, tags, warnings } = submission;
-    let (key, stored, seconds) = (task.key(), task.to_json(), task.seconds());
-    let limit = app.run_limit.filter(|limit| seconds > limit.as_secs_f64());
-    let repeatable = name.map(|name| {
-        let sent = json!([stored, label, tags]).to_string();
-        Repeatable { key: name, fingerprint: Sha256::digest(sent).to_vec() }
-    });
-    let new = NewJob {
-        id: JobId::generate(),
-        owner: caller.owner,
-        key,
-        task: stored,
-        priority: urgency(&headers),
-        label,
-        tags,
-        warnings,
-        repeatable,
-        afresh: freshness.afresh,
-        admission: Admission {
-            only_known: freshness.only_known,
-            too_expensive: limit.is_some(),
-            unless_needed: false,
-        },
-        trace: Some(caller.trace),
-    };
-    let (submitted, computed) = match prefer.wait {
-        Some(time) if !time.is_zero() => app.shortly.submit(&app.store, new, seconds).await?,
-        _ => (app.store.submit(new).await?, None),
-    };
-    let mut job = match submitted {
-        Submitted::Accepted(job) | Submitted::Repeated(job) => job,
-        Submitted::Mistaken => {
-            let detail =
-                "This Idempotency-Key came with another submission before; make a new key.";
-            return Err(Problem::new(&problem::KEY_REUSED, detail));
-        }
-        Submitted::Unknown | Submitted::Needed => {
-            let detail =
-                "The result is not known; submit without only-if-cached to have it computed.";
-            return Err(Problem::new(&problem::NOT_CACHED, detail));
-        }
-        Submitted::TooExpensive => return Err(too_expensive(seconds, limit)),
-        Submitted::Refused { queued } => {
-            let detail = format!("{queued} jobs wait already; submit again in a moment.");
-            let seconds = app.store.tally().seconds_per_run() / app.workers as f64;
-            let seconds = seconds.clamp(1.0, 60.0).ceil() as u32;
-            return Err(Problem::new(&problem::QUEUE_FULL, detail).retry_after(seconds));
-        }
-    };
-    // From here on the job is accepted, and the answer must say so whatever else goes wrong.
-    if let Some(time) = prefer.wait {
-        job = wait(&app, job.clone(), time).await.unwrap_or(job);
-    }
-    let cache = cache_status(&job, freshness.afresh);
-    let finished = job.state.is_finished();
-    let location = address(job.id);
-    let result = match (include, computed) {
-        (true, Some(computed)) if job.state == JobState::Succeeded => Some(computed.body),
-        (true, _) => Some(result_of(&app, &job).await.unwrap_or(NO_RESULT)),
-        (false, _) => None,
-    };
-    let mut response = write(job, result.as_ref())?;
-    response.headers_mut().insert(header::CACHE_STATUS, HeaderValue::from_static(cache));
-    let mut set = |name: HeaderName, value: String| {
-        // Paths and numbers are always legal in a header.
-        if let Ok(value) = HeaderValue::try_from(value) {
-            response.headers_mut().insert(name, value);
-        }
-    };
-    if let Some(time) = prefer.wait {
-        let name = HeaderName::from_static("preference-applied");
-        set(name, format!("wait={}", time.as_secs()));
-    }
-    if !finished {
-        set(header::LOCATION, location);
-        *response.status_mut() = StatusCode::ACCEPTED;
-    }
-    Ok(response)
-}
-
-fn too_expensive(seconds: f64, limit: Option<Duration>) -> Problem {
-    let about = |time| humantime::format_duration(time);
-    let detail = format!(
-        "The run would take about {}, and this server lets a run take {}; ask for fewer points, \
-         instants or rows, or for a larger tolerance.",
-        about(Duration::from_secs(seconds as u64)),
-        about(limit.unwrap_or_default()),
-    );
-    Problem::new(&problem::TOO_EXPENSIVE, detail)
-}
-
-/// What the cache had to do with the answer (RFC 9211).
-fn cache_status(job: &Job, afresh: bool) -> &'static str {
-    match (job.origin, job.state) {
-        (Origin::Cached, _) => "fretwork; hit",
-        (Origin::Coalesced, _) if afresh => "fretwork; fwd=request; collapsed",
-        (Origin::Coalesced, _) => "fretwork; fwd=miss; collapsed",
-        (Origin::Computed, _) if afresh => "fretwork; fwd=request",
-        (Origin::Computed, JobState::Succeeded) => "fretwork; fwd=miss; stored",
-        (Origin::Computed, _) => "fretwork; fwd=miss",
-    }
 }
 
 /// Lists jobs, the newest first.
@@ -502,7 +138,6 @@ pub(super) fn next_page(uri: &Uri, cursor: impl std::fmt::Display) -> String {
     ),
     responses(
         (status = 200, description = "The job.", body = JobAnswer),
-        (status = 404, description = "No job has this id."),
     ),
 )]
 pub async fn show(
@@ -529,7 +164,6 @@ pub async fn show(
     responses(
         (status = 303, description = "The result is at the address in `Location`.",
             headers(("Location" = String, description = "The address of the result."))),
-        (status = 404, description = "No job has this id."),
         (status = 409, description = "The job is not finished (then with `Retry-After`), failed, or \
             was canceled.", headers(("Retry-After" = u32, description = "Seconds."))),
     ),
@@ -574,8 +208,6 @@ pub async fn result(
     params(("id" = uuid::Uuid, Path, description = "The `id` of a job.")),
     responses(
         (status = 200, description = "The job as it is now.", body = JobAnswer),
-        (status = 404, description = "No job has this id."),
-        (status = 507, description = "The disk is full."),
     ),
 )]
 pub async fn cancel(
@@ -615,7 +247,6 @@ pub struct CanceledJobs {
     responses(
         (status = 200, description = "They are canceled, or will be as soon as their workers let \
             go.", body = CanceledJobs),
-        (status = 507, description = "The disk is full."),
     ),
 )]
 pub async fn cancel_all(
@@ -641,9 +272,7 @@ pub async fn cancel_all(
     params(("id" = uuid::Uuid, Path, description = "The `id` of a job.")),
     responses(
         (status = 204, description = "The job is gone."),
-        (status = 404, description = "No job has this id."),
         (status = 409, description = "The job has not ended; cancel it first."),
-        (status = 507, description = "The disk is full."),
     ),
 )]
 pub async fn delete(

@@ -366,7 +366,6 @@ fn unknown() -> Problem {
     params(("key" = super::openapi::KeyText, Path, description = "The `key` of a result.")),
     responses(
         (status = 200, description = "Where it comes from.", body = Provenance),
-        (status = 404, description = "No result has this key."),
     ),
 )]
 pub async fn provenance(
@@ -412,8 +411,6 @@ pub(super) fn read<T: Deserr<Faults>>(body: &Body) -> Result<T, Problem> {
         example = json!({"text": "Agrees with the rig of 2025-11."})),
     responses(
         (status = 204, description = "The note is kept."),
-        (status = 404, description = "No result has this key."),
-        (status = 507, description = "The disk is full."),
     ),
 )]
 pub async fn note(
@@ -439,8 +436,6 @@ pub async fn note(
     params(("key" = super::openapi::KeyText, Path, description = "The `key` of a result.")),
     responses(
         (status = 204, description = "There is no note."),
-        (status = 404, description = "No result has this key."),
-        (status = 507, description = "The disk is full."),
     ),
 )]
 pub async fn delete_note(
@@ -461,11 +456,9 @@ pub async fn delete_note(
     params(("key" = super::openapi::KeyText, Path, description = "The `key` of a result.")),
     responses(
         (status = 204, description = "The result is gone."),
-        (status = 404, description = "No result has this key."),
         (status = 409, description = "The result is pinned; take the pin off first."),
         (status = 410, description = "The result is gone already; `scenario` is what it was computed \
             from."),
-        (status = 507, description = "The disk is full."),
     ),
 )]
 pub async fn delete(

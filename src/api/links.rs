@@ -155,10 +155,6 @@ pub struct SharedLink {
     ),
     responses(
         (status = 201, description = "The link.", body = SharedLink),
-        (status = 404, description = "No result has this key."),
-        (status = 410, description = "The result was dropped to make room; `scenario` is what it was \
-            computed from."),
-        (status = 507, description = "The disk is full."),
     ),
 )]
 pub async fn share(

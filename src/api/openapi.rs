@@ -113,8 +113,13 @@ pub fn document() -> Vec<u8> {
     if let Some(Value::Object(paths)) = document.pointer_mut("/paths") {
         for (path, item) in paths {
             for (method, operation) in item.as_object_mut().into_iter().flatten() {
+                let method = method.to_uppercase().parse().unwrap_or_default();
+                place(path, &method, operation);
                 complete(operation);
-                guard(path, method, operation);
+                guard(path, &method, operation);
+                if let Some(Value::Object(responses)) = operation.get_mut("responses") {
+                    responses.sort_keys();
+                }
             }
         }
     }
@@ -166,6 +171,95 @@ fn redirect(schema: &mut Value) {
         Value::Array(items) => items.iter_mut().for_each(redirect),
         _ => {}
     }
+}
+
+/// Whether an operation answers a result in one of its forms.
+fn reads_result(path: &str, method: &Method) -> bool {
+    links::OPENED.contains(&path) && *method == Method::GET
+}
+
+/// Adds to an operation what follows from its place: that there may be no such job or result, or no
+/// more, or no room for what it writes; and what all forms of a result share.
+fn place(path: &str, method: &Method, operation: &mut Value) {
+    let mut shared = Vec::new();
+    if path.starts_with("/v1/jobs/{id}") {
+        shared.push(("404", "No job has this id."));
+    }
+    if path.starts_with("/v1/results/{key}") {
+        shared.push(("404", "No result has this key."));
+        if !OUTLIVING.iter().any(|end| path.ends_with(end)) {
+            shared.push((
+                "410",
+                "The result was dropped to make room; `scenario` is what it was computed from.",
+            ));
+        }
+    }
+    // More than to read is asked of those who write.
+    if access::needed(method, path).is_some_and(|role| role != StoredRole::Read) {
+        shared.push(("507", "The disk is full."));
+    }
+    if let Some(Value::Object(responses)) = operation.get_mut("responses") {
+        for (status, description) in shared {
+            responses.entry(status).or_insert_with(|| json!({"description": description}));
+        }
+    }
+    if reads_result(path, method) {
+        share_forms(operation, !path.ends_with("/plot.svg"));
+    }
+}
+
+/// What is known of a result after it was dropped.
+const OUTLIVING: [&str; 2] = ["/provenance", "/note"];
+
+/// Adds to the reading of a result what all its forms take and answer; those of numbers, a little more.
+fn share_forms(operation: &mut Value, of_numbers: bool) {
+    if let Some(Value::Array(parameters)) = operation.get_mut("parameters") {
+        if of_numbers {
+            let about = "Rounds every number to so many significant digits. Up to 7, arrays in NPZ and \
+                Arrow are float32, but for columns with numbers below 1.2e-38.";
+            let schema = json!({"type": "integer", "format": "int32", "minimum": 1, "maximum": 17});
+            let mut digits = parameter("digits", "query", about, &schema);
+            digits["example"] = json!(7);
+            let about = "`si` (the default), or `engineering`: um, mm^3, MPa (moduli too), mJ, N, \
+                mm^3/(N m). The member `units` and the headers say which.";
+            let schema = json!({"$ref": "#/components/schemas/UnitSystem"});
+            let mut units = parameter("units", "query", about, &schema);
+            units["example"] = json!("engineering");
+            parameters.extend([digits, units]);
+        }
+        let text = json!({"type": "string"});
+        let codings = if of_numbers {
+            "`zstd` or `gzip`; NPZ is compressed in itself."
+        } else {
+            "`zstd` or `gzip`."
+        };
+        parameters.extend([
+            parameter("If-None-Match", "header", "The `ETag` of a held copy.", &text),
+            parameter("Accept-Encoding", "header", codings, &text),
+        ]);
+    }
+    let responses = &mut operation["responses"];
+    responses["304"] = json!({"description": "The held copy is still right. It always is."});
+    responses["404"] = json!({
+        "description": "No result has this key. `Link` leads to its job, if one is under way.",
+        "headers": {"Link": header("`rel=\"related\"`.")},
+    });
+    let headers = &mut responses["200"]["headers"];
+    headers["ETag"] = header("The tag of this representation; weak where it is compressed.");
+    headers["Cache-Control"] = header("`immutable`: keep it for ever.");
+    if of_numbers {
+        headers["Content-Disposition"] = header("A name for the file: of CSV, NPZ and Arrow.");
+    }
+}
+
+/// A parameter that need not be given.
+fn parameter(name: &str, place: &str, about: &str, schema: &Value) -> Value {
+    json!({"name": name, "in": place, "description": about, "required": false, "schema": schema})
+}
+
+/// A header that is a text.
+fn header(about: &str) -> Value {
+    json!({"description": about, "schema": {"type": "string"}})
 }
 
 /// Adds to an operation what all operations share: the problems, the request id, the examples.
@@ -227,9 +321,8 @@ fn complete(operation: &mut Value) {
 }
 
 /// Adds to an operation what the gate before it asks and answers.
-fn guard(path: &str, method: &str, operation: &mut Value) {
-    let method = method.to_uppercase().parse().unwrap_or_default();
-    let Some(role) = access::needed(&method, path) else {
+fn guard(path: &str, method: &Method, operation: &mut Value) {
+    let Some(role) = access::needed(method, path) else {
         operation["security"] = json!([]);
         return;
     };
@@ -247,23 +340,19 @@ fn guard(path: &str, method: &str, operation: &mut Value) {
     );
     responses["401"] =
         refusal("The server asks for keys, and the request has none that is good.".into());
-    responses["401"]["headers"]["WWW-Authenticate"] =
-        json!({"description": "How to send a key.", "schema": {"type": "string"}});
+    responses["401"]["headers"]["WWW-Authenticate"] = header("How to send a key.");
     let mut forbidden = match role {
         StoredRole::Read => String::new(),
         role => format!("The key has not the role this needs ({role}). "),
     };
-    if method != Method::GET {
+    if *method != Method::GET {
         forbidden.push_str("A page of an unknown site sent it through a browser. ");
     }
-    if links::OPENED.contains(&path) && method == Method::GET {
+    if reads_result(path, method) {
         forbidden.push_str("The `link` does not open this. ");
         if let Some(Value::Array(parameters)) = operation.get_mut("parameters") {
-            parameters.push(json!({
-                "name": "link", "in": "query", "required": false,
-                "description": "In place of a key: from `POST /v1/results/{key}/links`.",
-                "schema": {"type": "string"},
-            }));
+            let about = "In place of a key: from `POST /v1/results/{key}/links`.";
+            parameters.push(parameter("link", "query", about, &json!({"type": "string"})));
         }
     }
     let responses = &mut operation["responses"];
@@ -286,17 +375,15 @@ fn guard(path: &str, method: &str, operation: &mut Value) {
 
 /// The headers that answers of many operations carry.
 fn shared_headers() -> Value {
-    let text =
-        |description: &str| json!({"description": description, "schema": {"type": "string"}});
     json!({
-        "x-request-id": text("The id of the request, in the server's log too."),
+        "x-request-id": header("The id of the request, in the server's log too."),
         "Retry-After": {
             "description": "Come back after so many seconds.", "schema": {"type": "integer", "minimum": 1},
         },
-        "RateLimit": text(
+        "RateLimit": header(
             "Where keys are counted: `\"minute\";r=…;t=…`: `r` requests may come at once; in `t` \
              seconds there are as many as there can be (with 429: the next one may come)."),
-        "RateLimit-Policy": text(
+        "RateLimit-Policy": header(
             "Where keys are counted: `\"minute\";q=…;w=60`: `q` requests in 60 seconds."),
     })
 }

@@ -171,32 +171,12 @@ fn not_acceptable(key: &str, part: Part) -> Problem {
             example = json!([0])),
         ("points" = Option<u32>, Query, description = "At most so many radii of the profiles, evenly spread.",
             minimum = 2, maximum = 4096, example = 200),
-        ("digits" = Option<u32>, Query, description = "Rounds every number to so many significant \
-            digits. Up to 7, arrays in NPZ and Arrow are float32, but for columns with numbers below \
-            1.2e-38.", minimum = 1, maximum = 17, example = 7),
-        ("units" = Option<super::openapi::UnitSystem>, Query, description = "`si` (the default), or \
-            `engineering`: um, mm^3, MPa (moduli too), mJ, N, mm^3/(N m). The member `units` and the \
-            headers say which.", example = "engineering"),
-        ("If-None-Match" = Option<String>, Header, description = "The `ETag` of a held copy."),
-        ("Accept-Encoding" = Option<String>, Header, description = "`zstd` or `gzip`; NPZ is compressed \
-            in itself."),
     ),
     responses(
         (status = 200, description = "The result.", content(
             (ref("#/components/schemas/Result") = "application/json"),
             (super::openapi::File = "application/x-npz"),
-        ), headers(
-                ("ETag" = String, description = "The tag of this representation; weak where it is \
-                    compressed."),
-                ("Cache-Control" = String, description = "`immutable`: keep it for ever."),
-                ("Content-Disposition" = String, description = "A name for the file: of CSV, NPZ and \
-                    Arrow."),
-            )),
-        (status = 304, description = "The held copy is still right. It always is."),
-        (status = 404, description = "No result has this key. `Link` leads to its job, if one is \
-            under way.", headers(("Link" = String, description = "`rel=\"related\"`."))),
-        (status = 410, description = "The result was dropped to make room; `scenario` is what it was \
-            computed from."),
+        )),
         (status = 406, description = "A whole result is available as JSON and NPZ; its parts are also \
             available as NDJSON, CSV and Arrow."),
     ),
@@ -230,15 +210,6 @@ pub async fn whole(
         ("cycles" = Option<super::openapi::Instants>, Query, style = Form, explode = false,
             description = "Only these instants, separated by commas.",
             example = json!([0])),
-        ("digits" = Option<u32>, Query, description = "Rounds every number to so many significant \
-            digits. Up to 7, arrays in NPZ and Arrow are float32, but for columns with numbers below \
-            1.2e-38.", minimum = 1, maximum = 17, example = 7),
-        ("units" = Option<super::openapi::UnitSystem>, Query, description = "`si` (the default), or \
-            `engineering`: um, mm^3, MPa (moduli too), mJ, N, mm^3/(N m). The member `units` and the \
-            headers say which.", example = "engineering"),
-        ("If-None-Match" = Option<String>, Header, description = "The `ETag` of a held copy."),
-        ("Accept-Encoding" = Option<String>, Header, description = "`zstd` or `gzip`; NPZ is compressed \
-            in itself."),
     ),
     responses(
         (status = 200, description = "The history.", content(
@@ -247,18 +218,7 @@ pub async fn whole(
             (String = "text/csv"),
             (super::openapi::File = "application/x-npz"),
             (super::openapi::File = "application/vnd.apache.arrow.file"),
-        ), headers(
-                ("ETag" = String, description = "The tag of this representation; weak where it is \
-                    compressed."),
-                ("Cache-Control" = String, description = "`immutable`: keep it for ever."),
-                ("Content-Disposition" = String, description = "A name for the file: of CSV, NPZ and \
-                    Arrow."),
-            )),
-        (status = 304, description = "The held copy is still right. It always is."),
-        (status = 404, description = "No result has this key. `Link` leads to its job, if one is \
-            under way.", headers(("Link" = String, description = "`rel=\"related\"`."))),
-        (status = 410, description = "The result was dropped to make room; `scenario` is what it was \
-            computed from."),
+        )),
         (status = 406, description = "The history is available as JSON, NDJSON, CSV, NPZ and Arrow."),
     ),
 )]
@@ -293,15 +253,6 @@ pub async fn history(
             example = json!([0])),
         ("points" = Option<u32>, Query, description = "At most so many radii, evenly spread.",
             minimum = 2, maximum = 4096, example = 200),
-        ("digits" = Option<u32>, Query, description = "Rounds every number to so many significant \
-            digits. Up to 7, arrays in NPZ and Arrow are float32, but for columns with numbers below \
-            1.2e-38.", minimum = 1, maximum = 17, example = 7),
-        ("units" = Option<super::openapi::UnitSystem>, Query, description = "`si` (the default), or \
-            `engineering`: um, mm^3, MPa (moduli too), mJ, N, mm^3/(N m). The member `units` and the \
-            headers say which.", example = "engineering"),
-        ("If-None-Match" = Option<String>, Header, description = "The `ETag` of a held copy."),
-        ("Accept-Encoding" = Option<String>, Header, description = "`zstd` or `gzip`; NPZ is compressed \
-            in itself."),
     ),
     responses(
         (status = 200, description = "The profiles.", content(
@@ -310,18 +261,7 @@ pub async fn history(
             (String = "text/csv"),
             (super::openapi::File = "application/x-npz"),
             (super::openapi::File = "application/vnd.apache.arrow.file"),
-        ), headers(
-                ("ETag" = String, description = "The tag of this representation; weak where it is \
-                    compressed."),
-                ("Cache-Control" = String, description = "`immutable`: keep it for ever."),
-                ("Content-Disposition" = String, description = "A name for the file: of CSV, NPZ and \
-                    Arrow."),
-            )),
-        (status = 304, description = "The held copy is still right. It always is."),
-        (status = 404, description = "No result has this key. `Link` leads to its job, if one is \
-            under way.", headers(("Link" = String, description = "`rel=\"related\"`."))),
-        (status = 410, description = "The result was dropped to make room; `scenario` is what it was \
-            computed from."),
+        )),
         (status = 406, description = "The profiles are available as JSON, NDJSON, CSV, NPZ and Arrow."),
     ),
 )]
@@ -356,15 +296,6 @@ pub async fn profiles(
         ("cycles" = Option<super::openapi::Instants>, Query, style = Form, explode = false,
             description = "Only these instants, separated by commas.",
             example = json!([0])),
-        ("digits" = Option<u32>, Query, description = "Rounds every number to so many significant \
-            digits. Up to 7, arrays in NPZ and Arrow are float32, but for columns with numbers below \
-            1.2e-38.", minimum = 1, maximum = 17, example = 7),
-        ("units" = Option<super::openapi::UnitSystem>, Query, description = "`si` (the default), or \
-            `engineering`: um, mm^3, MPa (moduli too), mJ, N, mm^3/(N m). The member `units` and the \
-            headers say which.", example = "engineering"),
-        ("If-None-Match" = Option<String>, Header, description = "The `ETag` of a held copy."),
-        ("Accept-Encoding" = Option<String>, Header, description = "`zstd` or `gzip`; NPZ is compressed \
-            in itself."),
     ),
     responses(
         (status = 200, description = "The loops.", content(
@@ -373,18 +304,7 @@ pub async fn profiles(
             (String = "text/csv"),
             (super::openapi::File = "application/x-npz"),
             (super::openapi::File = "application/vnd.apache.arrow.file"),
-        ), headers(
-                ("ETag" = String, description = "The tag of this representation; weak where it is \
-                    compressed."),
-                ("Cache-Control" = String, description = "`immutable`: keep it for ever."),
-                ("Content-Disposition" = String, description = "A name for the file: of CSV, NPZ and \
-                    Arrow."),
-            )),
-        (status = 304, description = "The held copy is still right. It always is."),
-        (status = 404, description = "No result has this key. `Link` leads to its job, if one is \
-            under way.", headers(("Link" = String, description = "`rel=\"related\"`."))),
-        (status = 410, description = "The result was dropped to make room; `scenario` is what it was \
-            computed from."),
+        )),
         (status = 406, description = "The loops are available as JSON, NDJSON, CSV, NPZ and Arrow."),
     ),
 )]
@@ -427,20 +347,9 @@ pub async fn loops(
             minimum = 320, maximum = 4000, example = 640),
         ("height" = Option<u16>, Query, description = "In px; 440 unless told.",
             minimum = 240, maximum = 4000, example = 440),
-        ("If-None-Match" = Option<String>, Header, description = "The `ETag` of a held copy."),
-        ("Accept-Encoding" = Option<String>, Header, description = "`zstd` or `gzip`."),
     ),
     responses(
-        (status = 200, description = "The figure.", content((String = "image/svg+xml")), headers(
-                ("ETag" = String, description = "The tag of this representation; weak where it is \
-                    compressed."),
-                ("Cache-Control" = String, description = "`immutable`: keep it for ever."),
-            )),
-        (status = 304, description = "The held copy is still right. It always is."),
-        (status = 404, description = "No result has this key. `Link` leads to its job, if one is \
-            under way.", headers(("Link" = String, description = "`rel=\"related\"`."))),
-        (status = 410, description = "The result was dropped to make room; `scenario` is what it was \
-            computed from."),
+        (status = 200, description = "The figure.", content((String = "image/svg+xml"))),
         (status = 422, description = "A parameter has a fault, or asks for what the result does not \
             have, such as profiles of one that was computed without; `errors` lists them all."),
     ),
@@ -470,10 +379,6 @@ pub async fn plot(
     params(("key" = super::openapi::KeyText, Path, description = "The `key` of a result.")),
     responses(
         (status = 204, description = "The result is pinned."),
-        (status = 404, description = "No result has this key."),
-        (status = 410, description = "The result was dropped to make room; `scenario` is what it was \
-            computed from."),
-        (status = 507, description = "The disk is full."),
     ),
 )]
 pub async fn pin(
@@ -492,10 +397,6 @@ pub async fn pin(
     params(("key" = super::openapi::KeyText, Path, description = "The `key` of a result.")),
     responses(
         (status = 204, description = "The result is not pinned."),
-        (status = 404, description = "No result has this key."),
-        (status = 410, description = "The result was dropped to make room; `scenario` is what it was \
-            computed from."),
-        (status = 507, description = "The disk is full."),
     ),
 )]
 pub async fn unpin(

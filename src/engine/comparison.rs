@@ -6,9 +6,9 @@
 
 use serde::Serialize;
 
+use super::case::{Case, Method};
 use super::march::Until;
 use super::outcome::{History, Outcome};
-use super::scenario::{Case, Method};
 use super::simulation::{Simulation, Step};
 
 /// Where ξ is looked for.

@@ -1,5 +1,6 @@
 //! The physics of one run: SI in, dimensionless inside, SI out.
 
+pub mod case;
 pub mod comparison;
 pub mod contact;
 pub mod control;
@@ -14,12 +15,14 @@ pub mod march;
 pub mod mesh;
 pub mod numeric;
 pub mod outcome;
+pub mod plan;
 pub mod profile;
 pub mod quantity;
 pub mod record;
 pub mod reference;
 pub mod request;
 pub mod rkc;
+mod run;
 pub mod scenario;
 pub mod simplified;
 pub mod simulation;

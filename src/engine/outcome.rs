@@ -8,10 +8,11 @@
 
 use serde::Serialize;
 
+use super::case::Case;
 use super::comparison::Comparison;
 use super::contact::Regime;
 use super::numeric::integrate_beyond;
-use super::scenario::{Case, Scenario, Warning};
+use super::scenario::{Scenario, Warning};
 
 /// The unit of every quantity in a result, in the order of the result.
 pub const UNITS: &[(&str, &str)] = &[
@@ -385,7 +386,7 @@ impl BodyWear {
     }
 }
 
-impl super::scenario::Scales {
+impl super::case::Scales {
     /// Q from ∫ min(Δ, y).
     pub(super) fn tangential(&self, half: f64) -> f64 {
         2.0 * self.friction * half * self.force()

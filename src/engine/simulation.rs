@@ -20,6 +20,7 @@
 //! assert!((outcome.history.wear_volume[1] / limit.wear_volume - 1.0).abs() < 1e-6);
 //! ```
 
+use super::case::{Case, Method};
 use super::comparison::Comparing;
 use super::contact::Regime;
 use super::fault::Fault;
@@ -29,9 +30,9 @@ use super::numeric::{Bracket, root};
 use super::outcome::{
     Accuracy, BodyWear, History, Loops, Outcome, Profiles, Scales, Unworn, limit_state,
 };
-use super::scenario::{Case, Method, Scenario, Warning};
+use super::plan::Plan;
+use super::scenario::{Scenario, Warning};
 use super::simplified::{Curves, Grid, Simplified};
-use super::wearing::Plan;
 
 /// Multiplications of a step, about: 30 ms.
 const STEP_OPERATIONS: f64 = 3e7;

@@ -121,15 +121,17 @@ impl Canvas {
         self.put(&format!("<path d=\"{}\"{}/>", path(&[from, to]), stroke(style)));
     }
 
-    /// A curve through points, and its marks: one on every point or, where they would run together,
-    /// now and then, the first `lead` px along the curve.
+    /// A curve through points, and its marks: one on every point or, where they would run together on
+    /// a line, now and then, the first `lead` px along the curve.
     pub fn curve(&mut self, points: &[Point], style: &Style, lead: f64) {
         if points.len() > 1 && style.width > 0.0 {
             self.put(&format!("<path d=\"{}\"{}/>", path(&thinned(points)), stroke(style)));
         }
         if let Some(mark) = style.mark {
-            for (x, y) in marked(points, lead) {
-                self.mark((x, y), mark, style.color);
+            // Without a line the marks are all that is seen.
+            let places = if style.width > 0.0 { marked(points, lead) } else { points.to_vec() };
+            for place in places {
+                self.mark(place, mark, style.color);
             }
         }
     }
@@ -191,9 +193,12 @@ impl Canvas {
                 [&about.description, &about.identifier, &about.creator].map(|text| escape(text));
             format!(
                 "<title>{name}</title>\n<desc>{text}</desc>\n\
-                 <metadata xmlns:dc=\"http://purl.org/dc/elements/1.1/\">\
-                 <dc:identifier>{identifier}</dc:identifier><dc:creator>{creator}</dc:creator>\
-                 </metadata>\n"
+                 <metadata>\n\
+                 <rdf:RDF xmlns:rdf=\"http://www.w3.org/1999/02/22-rdf-syntax-ns#\" \
+                 xmlns:dc=\"http://purl.org/dc/elements/1.1/\">\n\
+                 <rdf:Description rdf:about=\"\"><dc:identifier>{identifier}</dc:identifier>\
+                 <dc:creator>{creator}</dc:creator></rdf:Description>\n\
+                 </rdf:RDF>\n</metadata>\n"
             )
         });
         format!(
@@ -328,6 +333,17 @@ mod tests {
         assert_eq!(marked(&way, 30.0), [(30.0, 0.0), (6.0, 0.0)]);
         assert_eq!(marked(&[(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)], 30.0), [(1.0, 0.0)]);
         assert!(marked(&[], 1.0).is_empty());
+    }
+
+    #[test]
+    fn points_without_a_line_are_all_marked() {
+        let points = [(0.0, 0.0), (1.0, 9.0), (2.0, 5.0), (90.0, 7.0)];
+        let marks = |width: f64| {
+            let mut canvas = Canvas::default();
+            canvas.curve(&points, &Style { width, ..Style::marked(0) }, 12.0);
+            canvas.body.matches("<circle").count()
+        };
+        assert_eq!((marks(0.0), marks(1.4)), (4, 1));
     }
 
     #[test]

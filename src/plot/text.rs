@@ -1,6 +1,7 @@
 //! Text of a figure: how wide it is, where it breaks, and how it stands in SVG.
 //!
-//! Widths are those of Helvetica, which Arial and Liberation Sans share.
+//! Widths are the larger of two: of Helvetica, which Arial and Liberation Sans share, and of DejaVu
+//! Sans, which stands in for it where no other font is installed.
 
 /// The width of a label in units of its font size; `$` signs, which only mark italics, take none.
 #[must_use]
@@ -8,26 +9,37 @@ pub fn width(label: &str) -> f64 {
     label.chars().map(advance).sum()
 }
 
-/// Advance widths of Helvetica, rounded up within each class.
+/// Advance widths, rounded up within each class.
 fn advance(c: char) -> f64 {
     match c {
         '$' | '\u{300}'..='\u{36f}' => 0.0,
-        'i' | 'j' | 'l' | '\'' => 0.222,
-        ' ' | '!' | ',' | '.' | '/' | ':' | ';' | 'I' | '[' | '\\' | ']' | 'f' | 't' | '|' => 0.278,
-        '(' | ')' | '-' | 'r' | '{' | '}' | '₀'..='₉' | '⁰'..='⁻' | '²' | '³' | '¹' | '·' => {
-            0.333
+        'i' | 'j' | 'l' | '\'' => 0.28,
+        ' ' | ',' | '.' | '/' | ':' | ';' | 'I' | '\\' | '|' => 0.34,
+        '!'
+        | '('
+        | ')'
+        | '-'
+        | '['
+        | ']'
+        | 'f'
+        | 'r'
+        | 't'
+        | '·'
+        | '₀'..='₉'
+        | '⁰'..='⁹'
+        | '²'
+        | '³'
+        | '¹' => 0.41,
+        'c' | 'k' | 's' | 'v' | 'x' | 'y' | 'z' | 'J' | '⁻' => 0.6,
+        'A' | 'B' | 'E' | 'F' | 'K' | 'L' | 'P' | 'S' | 'T' | 'V' | 'X' | 'Y' | 'Z' => 0.69,
+        'C' | 'D' | 'G' | 'H' | 'N' | 'Ñ' | 'O' | 'Q' | 'R' | 'U' | 'w' | '&' | 'Δ' | 'Ω' => {
+            0.82
         }
-        'c' | 'k' | 's' | 'v' | 'x' | 'y' | 'z' | 'J' => 0.5,
-        '+' | '<' | '=' | '>' | '~' | '−' | '×' | '≤' | '≥' | '≈' => 0.584,
-        'F' | 'T' | 'Z' | 'L' => 0.611,
-        'A' | 'B' | 'E' | 'K' | 'P' | 'S' | 'V' | 'X' | 'Y' | '&' => 0.667,
-        'C' | 'D' | 'H' | 'N' | 'Ñ' | 'R' | 'U' | 'w' => 0.722,
-        'G' | 'O' | 'Q' | 'Δ' | 'Ω' => 0.778,
-        'M' | 'm' => 0.833,
-        'W' | '%' | '—' => 1.0,
+        '+' | '<' | '=' | '>' | '~' | '^' | '#' | '−' | '×' | '≤' | '≥' | '≈' => 0.84,
+        'M' | 'm' | 'W' | '%' | '—' => 1.0,
         // Scripts without lower case are about as wide as high.
         '\u{1100}'.. if !('\u{2000}'..'\u{2e80}').contains(&c) => 1.0,
-        _ => 0.556,
+        _ => 0.64,
     }
 }
 

@@ -7,10 +7,11 @@ use super::page::{Check, Section};
 use super::problem::{Problem, at};
 use crate::engine::control::Normal::Depth;
 use crate::engine::march::March;
+use crate::engine::plan::Plan;
 use crate::engine::record::Record;
 use crate::engine::rkc::Rkc;
 use crate::engine::scenario::{DEFAULT_TOLERANCE, DEFAULT_XI};
-use crate::engine::wearing::{Law, Plan, Wearing};
+use crate::engine::wearing::{Law, Wearing};
 
 /// A tolerance of the steps in time at which only the mesh counts.
 const FINE_STEPS: f64 = 1e-5;

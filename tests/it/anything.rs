@@ -2,9 +2,10 @@
 //!
 //! `FRETWORK_TEST_LONG` takes 100 000 for the simplified rule and 2 000 for the exact method.
 
+use fretwork::engine::case::{Case, Method};
 use fretwork::engine::control::{Normal, Tangential};
 use fretwork::engine::outcome::{History, Outcome, Profiles};
-use fretwork::engine::scenario::{self, Case, Method, Scenario};
+use fretwork::engine::scenario::{self, Scenario};
 use fretwork::engine::simulation::Simulation;
 use proptest::prelude::*;
 use proptest::test_runner::TestRunner;
