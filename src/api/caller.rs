@@ -1,13 +1,16 @@
 //! Who asks, and with which request.
 
 use std::convert::Infallible;
+use std::fmt;
 use std::net::{IpAddr, Ipv6Addr, SocketAddr};
+use std::sync::Arc;
 
 use axum::extract::{ConnectInfo, FromRequestParts};
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, HeaderName};
 use axum::serve::IncomingStream;
 use tokio::net::TcpListener;
+use uuid::Uuid;
 
 use super::access::Identity;
 use super::connection::Patient;
@@ -34,9 +37,9 @@ impl axum::extract::connect_info::Connected<IncomingStream<'_, Patient>> for Pee
 #[derive(Debug, Clone)]
 pub struct Trace {
     /// The request id.
-    pub id: String,
+    pub id: Arc<str>,
     /// The `traceparent` (W3C Trace Context) under which the caller works, if it has one.
-    pub parent: Option<String>,
+    pub parent: Option<Arc<str>>,
 }
 
 pub const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
@@ -46,13 +49,20 @@ impl Trace {
     /// Takes the names that the request brings, as far as they are sound.
     pub fn read(headers: &HeaderMap) -> Self {
         let text = |name| headers.get(name).and_then(|value| value.to_str().ok());
-        let id = text(REQUEST_ID)
-            .filter(|id| is_sane(id))
-            .map_or_else(|| uuid::Uuid::now_v7().to_string(), str::to_owned);
+        let id = text(REQUEST_ID).filter(|id| is_sane(id));
+        let own =
+            || Arc::from(&*Uuid::now_v7().hyphenated().encode_lower(&mut Uuid::encode_buffer()));
         Self {
-            id,
-            parent: text(TRACEPARENT).filter(|text| is_traceparent(text)).map(str::to_owned),
+            id: id.map_or_else(own, Arc::from),
+            parent: text(TRACEPARENT).filter(|text| is_traceparent(text)).map(Arc::from),
         }
+    }
+}
+
+impl fmt::Display for Trace {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.id)?;
+        self.parent.iter().try_for_each(|parent| write!(f, " {parent}"))
     }
 }
 
@@ -85,8 +95,8 @@ pub struct Caller {
     pub key: Option<String>,
     /// What is left of their requests, if they are counted.
     pub standing: Option<Standing>,
-    /// The request, as it goes with a job: its id and, after a blank, its `traceparent`.
-    pub trace: String,
+    /// The request. As text it goes with a job: its id and, after a blank, its `traceparent`.
+    pub trace: Option<Trace>,
 }
 
 impl Caller {
@@ -124,11 +134,7 @@ impl<S: Sync> FromRequestParts<S> for Caller {
             None => (address(parts), Role::Admin, None),
         };
         let standing = parts.extensions.get::<Standing>().copied();
-        let trace = match parts.extensions.get::<Trace>() {
-            Some(Trace { id, parent: Some(parent) }) => format!("{id} {parent}"),
-            Some(Trace { id, parent: None }) => id.clone(),
-            None => String::new(),
-        };
+        let trace = parts.extensions.get::<Trace>().cloned();
         Ok(Self { owner, role, key, standing, trace })
     }
 }

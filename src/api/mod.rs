@@ -39,6 +39,7 @@ use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Redirect, Response};
 use axum::routing::get;
 use tokio::sync::watch;
+use tower::util::option_layer;
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::compression::CompressionLayer;
 use tower_http::cors::{AllowHeaders, Any as AnyOrigin, CorsLayer};
@@ -189,25 +190,25 @@ pub fn router(
         .route("/docs", get(|| async { Redirect::to("/docs/") }))
         .route("/docs/", get(|| system::docs(Segment(String::new()))))
         .route("/docs/{*path}", get(system::docs))
-        .fallback(nowhere)
-        .layer(from_fn_with_state(gate, access::pass));
-    dressed(router, metrics, &settings.origins).with_state(app)
+        .fallback(nowhere);
+    dressed(router, gate, metrics, &settings.origins).with_state(app)
 }
 
-/// Puts around the routes what all answers share.
+/// Puts around the routes what all answers share. It is one layer: each is cloned with each request.
 fn dressed<S: Clone + Send + Sync + 'static>(
     routes: Router<S>,
+    gate: Arc<Gate>,
     metrics: Arc<Metrics>,
     origins: &Origins,
 ) -> Router<S> {
-    let mut router = routes
-        .layer(CompressionLayer::new().compress_when(coding::OnTheWay))
-        .layer(CatchPanicLayer::custom(panicked));
-    if let Some(cors) = cors(origins) {
+    routes.layer((
+        from_fn_with_state((metrics, Arc::new(origins.clone())), edge),
         // Problems are readable by web pages too, so this is outside of what makes them.
-        router = router.layer(cors);
-    }
-    router.layer(from_fn_with_state((metrics, Arc::new(origins.clone())), edge))
+        option_layer(cors(origins)),
+        CatchPanicLayer::custom(panicked),
+        CompressionLayer::new().compress_when(coding::OnTheWay),
+        from_fn_with_state(gate, access::pass),
+    ))
 }
 
 /// Where every request comes in and every answer goes out: gives it an id, writes its problem if
@@ -219,10 +220,10 @@ async fn edge(
 ) -> Response {
     let started = Instant::now();
     let trace = Trace::read(request.headers());
-    let id = trace.id.clone();
+    let id = Arc::clone(&trace.id);
     let route = request.extensions().get::<MatchedPath>().cloned();
     let (method, uri) = (request.method().clone(), request.uri().clone());
-    let span = tracing::info_span!("request", id, traceparent = trace.parent);
+    let span = tracing::info_span!("request", id = &*id, traceparent = trace.parent.as_deref());
     request.extensions_mut().insert(trace);
     let answer = if is_strange(&origins, &request) {
         let detail = "The page's origin is not among those that this server knows (--cors-origin).";
@@ -247,7 +248,7 @@ async fn edge(
         }
     });
     let headers = response.headers_mut();
-    if let Ok(id) = HeaderValue::try_from(id) {
+    if let Ok(id) = HeaderValue::from_str(&id) {
         headers.insert(REQUEST_ID, id);
     }
     for (name, value) in SAFE {
@@ -350,7 +351,9 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let store = Store::open(dir.path(), &crate::store::Options::default()).await.unwrap();
         let metrics = Arc::new(Metrics::new(&store, 1));
-        let router = dressed(Router::new().route("/", get(panics)), metrics, &Origins::Any);
+        let gate = Arc::new(Gate::new(&store, &Access { open: true, ..Access::default() }));
+        let router = Router::new().route("/", get(panics));
+        let router = dressed(router, gate, metrics, &Origins::Any);
         let response = router.oneshot(Request::new(Body::empty())).await.unwrap();
         assert_eq!(response.status(), 500);
         assert_eq!(response.headers()["content-type"], "application/problem+json");

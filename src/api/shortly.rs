@@ -7,6 +7,7 @@
 
 use std::collections::HashMap;
 use std::fmt;
+use std::panic::{self, AssertUnwindSafe};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -20,6 +21,8 @@ use crate::worker::{Compute, Stopwatch};
 
 /// What may be computed so, by its estimate in seconds.
 const SHORT: f64 = 0.02;
+/// What takes less is computed on the thread that answers: handing it over would take as long.
+const INSTANT: f64 = 1e-4;
 /// How many may wait for a place; others go through the queue at once.
 const WAITING: usize = 64;
 /// When waiting for a place, or computing, is given up: then it goes through the queue.
@@ -96,7 +99,7 @@ impl Shortly {
         // From here on others join; whatever happens, they are released.
         let mut leading = Leading { shortly: self, key: job.key, ended: false };
         let answer = match entered {
-            Some(_) => self.compute(&job).await,
+            Some(_) => self.compute(&job, seconds < INSTANT).await,
             None => None,
         };
         let Some((answer, cost)) = answer else {
@@ -119,10 +122,10 @@ impl Shortly {
     }
 
     /// The answer and what it cost, unless it takes too long or it cannot be computed.
-    async fn compute(&self, job: &NewJob) -> Option<(Answer, Cost)> {
+    async fn compute(&self, job: &NewJob, here: bool) -> Option<(Answer, Cost)> {
         let place = timeout(GIVEN_UP, Arc::clone(&self.places).acquire_owned()).await.ok()?.ok()?;
         let (compute, key, stored) = (Arc::clone(&self.compute), job.key, job.task.clone());
-        let computed = task::spawn_blocking(move || {
+        let work = move || {
             let _place = place;
             let watch = Stopwatch::start();
             let mut work = compute(&key, &stored).ok()?;
@@ -132,9 +135,13 @@ impl Shortly {
                 }
             }
             None
-        });
+        };
         // A panic is met again by a worker, who knows what to do about it.
-        computed.await.ok().flatten()
+        if here {
+            panic::catch_unwind(AssertUnwindSafe(work)).ok().flatten()
+        } else {
+            task::spawn_blocking(work).await.ok().flatten()
+        }
     }
 
     fn is_under_way(&self, key: &Key) -> bool {

@@ -109,7 +109,7 @@ pub async fn submit(
             too_expensive: limit.is_some(),
             unless_needed: false,
         },
-        trace: Some(caller.trace),
+        trace: caller.trace.map(|trace| trace.to_string()),
     };
     let (submitted, computed) = match prefer.wait {
         Some(time) if !time.is_zero() => app.shortly.submit(&app.store, new, seconds).await?,
