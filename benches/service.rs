@@ -312,7 +312,6 @@ async fn compare(mut one: Load, mut other: Load) -> Compared {
         rates[1].push(pair[1]);
     }
     let by_cost = other.cost() / one.cost();
-    print!("{{{:.0} us, {:.0} us}}", one.cost() * 1e4, other.cost() * 1e4);
     Compared { ratio: median(ratios), rates: rates.map(median), by_cost }
 }
 
