@@ -14,23 +14,20 @@ use super::{Ask, Error};
 
 /// A table of the rows that CSV has, with plain names: the unit of a column is in its metadata, key,
 /// engine and all units in that of the table. Numbers that are infinite or not defined are null.
-pub fn table(document: &Document<'_>, table: Table, ask: &Ask) -> Result<Vec<u8>, Error> {
+pub fn table(document: &Document<'_>, table: &Table, ask: &Ask) -> Result<Vec<u8>, Error> {
     let units = &document.telling.units;
     let mut fields = Vec::new();
     let mut columns = Vec::new();
-    let (part, rows) = (table.part, table.rows());
-    // Each column goes when it has been laid out: both take much room.
-    for (name, values) in table.columns {
+    for (name, values) in &table.columns {
         let numbers: Vec<f64> =
-            rows.clone().map(|(instant, place)| values.at(instant, place)).collect();
-        drop(values);
+            table.rows().map(|(instant, place)| values.at(instant, place)).collect();
         let finite = numbers.iter().map(|number| Some(*number).filter(|n| n.is_finite()));
         let column: ArrayRef = if fits_single(ask.digits, &numbers) {
             Arc::new(finite.map(|number| number.map(|n| n as f32)).collect::<Float32Array>())
         } else {
             Arc::new(finite.collect::<Float64Array>())
         };
-        let unit = units.of(&name).unwrap_or("1").to_owned();
+        let unit = units.of(name).unwrap_or("1").to_owned();
         let about = HashMap::from([("unit".to_owned(), unit)]);
         fields.push(Field::new(name, column.data_type().clone(), true).with_metadata(about));
         columns.push(column);
@@ -39,7 +36,7 @@ pub fn table(document: &Document<'_>, table: Table, ask: &Ask) -> Result<Vec<u8>
         ("key".to_owned(), document.key.to_string()),
         ("engine".to_owned(), document.engine.to_string()),
         ("units".to_owned(), serde_json::to_string(units)?),
-        ("part".to_owned(), part.name().to_owned()),
+        ("part".to_owned(), table.part.name().to_owned()),
     ]);
     let schema = Arc::new(Schema::new(fields).with_metadata(about));
     let batch = RecordBatch::try_new(Arc::clone(&schema), columns)?;

@@ -169,7 +169,7 @@ pub fn write(stored: &[u8], part: Part, format: Format, ask: &Ask) -> Result<Vec
         Format::Ndjson => json::lines(&document, &table),
         Format::Csv => Ok(csv::table(&document, &table, ask)),
         Format::Npz => npz::table(&document, &table, ask),
-        Format::Arrow => arrow::table(&document, table, ask),
+        Format::Arrow => arrow::table(&document, &table, ask),
         // No table is drawn as it stands.
         Format::Svg => figure::svg(&document, ask),
     }

@@ -190,6 +190,14 @@ impl Table {
         widths.max().unwrap_or(1)
     }
 
+    /// About how many bytes all rows take as text, rather too many: who asks for them at once does not
+    /// move what is written to ever larger places, and what is not written to takes no memory.
+    pub fn room(&self, beside: usize) -> usize {
+        // The longest number is -2.2250738585072014e-308.
+        const NUMBER: usize = 24;
+        self.rows().count() * (beside + self.columns.len() * (NUMBER + 1))
+    }
+
     /// Every row: an instant and a place.
     pub fn rows(&self) -> impl Iterator<Item = (usize, usize)> + Clone + use<> {
         let widths: Vec<usize> = (0..self.instants()).map(|instant| self.width(instant)).collect();
