@@ -220,7 +220,7 @@ impl<'r> Stated<'r> {
     }
 
     /// All of it, with the result that it is of.
-    fn new(&mut self, body: Vec<u8>, parsed: &Body) -> Result<New, sqlx::Error> {
+    fn result(&mut self, body: Vec<u8>, parsed: &Body) -> Result<New, sqlx::Error> {
         let (owner, computed) = (self.name("owner")?, self.moment("computed")?);
         let (wall, cpu) = (self.seconds("wall_seconds")?, self.seconds("cpu_seconds")?);
         let answer = Answer { body: body.into(), summary: parsed.summary() };
@@ -305,7 +305,7 @@ async fn sound(
     if !parsed.has_history() {
         return refuse("its history is no columns of numbers, all of one length");
     }
-    let result = Some(stated.new(body, &parsed)?);
+    let result = Some(stated.result(body, &parsed)?);
     let note = stated.note()?;
     let taken = Taken { key, digest, result, note, left_out: stated.left_out };
     Ok(Looked::Sound(Box::new(taken)))
