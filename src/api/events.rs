@@ -50,7 +50,8 @@ struct Progress {
 /// submitted, as `state` events with `id` 1, 2, …; the last one carries the whole `job`. Between
 /// them `progress` events. A client that comes back with `Last-Event-ID` gets the states after that
 /// one: each exactly once. When all have been seen the answer is 204, which tells a browser's
-/// `EventSource` to stop. The stream also ends with the key that opened it. Where a proxy holds back events, poll with `GET /v1/jobs/{id}?wait=`.
+/// `EventSource` to stop. The stream also ends with the key that opened it. Where a proxy holds back
+/// events, poll with `GET /v1/jobs/{id}?wait=`.
 #[utoipa::path(get, path = "/v1/jobs/{id}/events", operation_id = "follow_job", tag = "jobs",
     params(
         ("id" = uuid::Uuid, Path, description = "The `id` of a job."),
