@@ -15,6 +15,11 @@
 //!   computed, stored and answered, its result inside, before the connection asks for the next.
 //! - `table`: how much longer it takes to get a result out of a table of a million than out of one
 //!   of a thousand, of 1 kB each and without the memory cache.
+//! - `library`: how much longer a page of `GET /v1/results` takes out of a library of a hundred
+//!   thousand than out of one of a thousand, and as full. Along an order, or an index of few, it is to
+//!   take no more than twice as long. Other conditions lead through all that meet them, or through
+//!   everything, and take as much longer as there is more of that: a hundred times, and at most half as
+//!   much again.
 //! - `memory`: what the server holds while ten thousand jobs wait.
 //!
 //! These words choose what is measured: `cargo bench --bench service -- job memory`.
@@ -40,9 +45,10 @@ use axum::body::Bytes;
 use axum::http::header::CONTENT_TYPE;
 use axum::routing::{get, post};
 use axum::serve::ListenerExt as _;
+use fretwork::store::SCALARS;
 use serde_json::{Value, json};
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
-use sqlx::{ConnectOptions as _, Connection as _};
+use sqlx::{AssertSqlSafe, ConnectOptions as _, Connection as _, SqliteConnection};
 use tempfile::TempDir;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::{TcpListener, TcpStream};
@@ -58,6 +64,7 @@ const WAITING: usize = 10_000;
 const INSIDE: &str = "?include=result";
 const FEW: u32 = 1000;
 const MANY: u32 = 1_000_000;
+const LISTED: u32 = 100_000;
 /// What a row of the bare server holds, in bytes: about as much as a job.
 const ROW: usize = 256;
 
@@ -82,6 +89,9 @@ fn main() {
         }
         if chosen("table") {
             tables().await;
+        }
+        if chosen("library") {
+            library().await;
         }
         if chosen("memory") {
             memory().await;
@@ -155,6 +165,48 @@ async fn tables() {
         "the time of a result out of {MANY} / out of {FEW} = {ratio:.2}   (at most 1.3)   \
          [by processor time {by_cost:.2}; {many:.0} and {few:.0} per second]"
     );
+}
+
+async fn library() {
+    println!("the time of a page of results out of {LISTED} / out of {FEW}");
+    let dirs = [directory(), directory()];
+    let mut servers = vec![];
+    for (dir, rows) in dirs.iter().zip([FEW, LISTED]) {
+        // It makes the tables, and ends.
+        drop(Server::program(dir.path(), &[]));
+        list(dir.path(), rows).await;
+        servers.push(Server::program(dir.path(), &[]));
+    }
+    for (query, most) in [
+        ("", 2),
+        ("sort=-wear_volume", 2),
+        ("sort=-slope_angle&shape=cone", 2),
+        ("evicted=true", 2),
+        ("note=rig", 2),
+        ("owner=nobody", 2),
+        ("friction=0.4..0.6", 150),
+        ("friction=0.4..0.6&sort=wear_depth", 150),
+        ("friction=0.2..0.8&wear_depth=0.2..0.8&normal_force=..0.5", 150),
+        ("friction=2..", 150),
+    ] {
+        let ask = request("GET", &format!("/v1/results?{query}"), "");
+        let found = async |server: &Server| {
+            let page = Connection::to(server.address).await.json(&ask).await;
+            page["results"].as_array().expect("a page").len()
+        };
+        let page = found(&servers[0]).await;
+        assert_eq!(found(&servers[1]).await, page, "{query}");
+        let load = async |server| {
+            let ask = ask.clone();
+            Load::new(server, move |_| ask.clone()).await
+        };
+        let compared = compare(load(&servers[0]).await, load(&servers[1]).await).await;
+        let Compared { ratio, rates: [few, many], by_cost } = compared;
+        println!(
+            "  {page} of {query:?}: {ratio:.2}   (at most {most})   \
+             [by processor time {by_cost:.2}; {many:.0} and {few:.0} per second]"
+        );
+    }
 }
 
 async fn memory() {
@@ -456,12 +508,7 @@ async fn serve_bare(dir: &Path) {
 /// Writes so many results of 1 kB into the tables of a server that has ended; returns the keys of
 /// up to a hundred thousand or so of them, in order.
 async fn fill(dir: &Path, rows: u32) -> Vec<String> {
-    let options = SqliteConnectOptions::new()
-        .filename(dir.join("fretwork.db"))
-        .journal_mode(SqliteJournalMode::Off)
-        .foreign_keys(false)
-        .disable_statement_logging();
-    let mut db = options.connect().await.expect("a database");
+    let mut db = written(dir).await;
     let results = "
         WITH RECURSIVE n (i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < ?1)
         INSERT INTO result (key, summary, digest, size, created, checksum)
@@ -477,4 +524,36 @@ async fn fill(dir: &Path, rows: u32) -> Vec<String> {
     let keys = keys.fetch_all(&mut db).await.expect("keys");
     db.close().await.expect("the database closed");
     keys
+}
+
+/// Lists so many results, without their bodies, in the tables of a server that has ended: every
+/// number of each is somewhere between 0 and 1, and every second one a cone.
+async fn list(dir: &Path, rows: u32) {
+    let names: Vec<&str> = SCALARS.iter().map(|scalar| scalar.name).collect();
+    let (names, values) =
+        (names.join(", "), vec!["abs(random() / 9.3e18)"; names.len()].join(", "));
+    let sql = format!(
+        "WITH RECURSIVE n (i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < {rows})
+         INSERT INTO result (key, summary, digest, size, created)
+         SELECT randomblob(32), '{{}}', zeroblob(32), 60000, 1700000000000 + i FROM n;
+         INSERT INTO result_task (key, task) SELECT key, '{{}}' FROM result ORDER BY created;
+         INSERT INTO outline
+             (id, created, size, present, shape, method, regime, held, motion, {names})
+         SELECT id, created, size, 1, iif(id % 2, 'cone', 'sphere'), 'exact', 'partial_slip',
+             'depth', 'amplitude', {values}
+         FROM result_task JOIN result USING (key)"
+    );
+    let mut db = written(dir).await;
+    sqlx::raw_sql(AssertSqlSafe(sql)).execute(&mut db).await.expect("rows");
+    db.close().await.expect("the database closed");
+}
+
+/// The database of a server that has ended, to be written into.
+async fn written(dir: &Path) -> SqliteConnection {
+    let options = SqliteConnectOptions::new()
+        .filename(dir.join("fretwork.db"))
+        .journal_mode(SqliteJournalMode::Off)
+        .foreign_keys(false)
+        .disable_statement_logging();
+    options.connect().await.expect("a database")
 }

@@ -99,8 +99,10 @@ pub enum Command {
     /// Take over the results of an exported file.
     ///
     /// Works beside a running server, which serves them at once. Every body is held against its
-    /// SHA-256, every key against its scenario; nothing that is there is overwritten. Broken off, it
-    /// goes on where it was when it is started again. The exit code is 2 if a result was refused.
+    /// SHA-256, every key against its scenario; nothing that is there is overwritten. Notes come
+    /// along, also to results that are there already without one; pins do not. What does not come is
+    /// named on standard error, and the last line counts it. Broken off, it goes on where it was when
+    /// it is started again. The exit code is 2 if a result was refused.
     Import(Import),
     /// Copy the whole database into a file, and check the copy.
     ///

@@ -77,16 +77,23 @@ pub fn import(settings: &Import) -> ExitCode {
 fn take_over(settings: &Import) -> Result<bool, Failure> {
     let Import { file, data } = settings;
     let done = wait(store::import(&data.data_dir, file, progress("looked at")))?;
-    let Imported { results: count, bytes, known, refused, without_note } = done;
+    let Imported { results: count, bytes, known, notes, refused, other_notes, left_out } = done;
     for (key, why) in &refused {
         writeln!(io::stderr(), "refused {key}: {why}")?;
     }
-    for (key, why) in &without_note {
-        writeln!(io::stderr(), "left out the note of {key}: it {why}")?;
+    for (key, what) in &left_out {
+        writeln!(io::stderr(), "left out of {key}: {what}")?;
     }
-    let (taken, left) = (results(count, bytes), refused.len());
+    for key in &other_notes {
+        writeln!(io::stderr(), "left the note of {key}: there is another one here")?;
+    }
+    let (taken, failed) = (results(count, bytes), refused.len());
+    let (here, unfit) = (other_notes.len(), left_out.len());
     let file = file.display();
-    let line = format!("{file}: {taken} imported, {known} known already, {left} refused\n");
+    let line = format!(
+        "{file}: {taken} imported, {known} known already, {failed} refused; notes: {notes} taken, \
+         {here} left for the ones here; {unfit} details left out\n"
+    );
     say(line.as_bytes())?;
     Ok(refused.is_empty())
 }

@@ -140,8 +140,9 @@ fn now() -> i64 {
     i64::try_from(since.as_millis()).unwrap_or(i64::MAX)
 }
 
-/// Stands before all routes.
+/// Stands before all routes, and behind those that took long.
 pub async fn pass(State(gate): State<Arc<Gate>>, mut request: Request, next: Next) -> Response {
+    let came = Instant::now();
     let Pass { identity, place, link } = match gate.admit(&mut request).await {
         Ok(pass) => pass,
         Err(problem) => return problem.into_response(),
@@ -154,6 +155,13 @@ pub async fn pass(State(gate): State<Arc<Gate>>, mut request: Request, next: Nex
         request.extensions_mut().insert(standing);
     }
     let mut response = next.run(request).await;
+    if let (Some(identity), None) = (&identity, link)
+        && came.elapsed() > FRESH
+    {
+        // What a wait has found is not for a key that was taken back meanwhile.
+        let still = gate.still(Some(&identity.key)).await;
+        response = still.map_or_else(Problem::into_response, |()| response);
+    }
     if let Some(identity) = identity {
         response.extensions_mut().insert(identity);
     }
@@ -291,6 +299,22 @@ impl Gate {
         let AccessKey { id, name, role, .. } = &holder.key;
         let identity = Identity { owner: name.clone(), role: *role, key: id.clone() };
         Ok((identity, Some(holder)))
+    }
+
+    /// Whether who was let in by this key, or without one, would be let in now as well. What goes on
+    /// for long asks again and again.
+    pub async fn still(&self, key: Option<&str>) -> Result<(), Problem> {
+        let Some(id) = key else {
+            let keys = self.asks_for_keys().await?;
+            let why = "Since this was asked, keys were made.";
+            return if keys { Err(refused(&HeaderMap::new(), why)) } else { Ok(()) };
+        };
+        if let Some(holder) = self.holders(FRESH).await?.get(id)
+            && let Some(ended) = ended(&holder.key, now())
+        {
+            return Err(refused(&HeaderMap::new(), &ended));
+        }
+        Ok(())
     }
 
     /// Takes a request by a link from what its maker may, if the maker is still good.

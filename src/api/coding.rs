@@ -85,7 +85,8 @@ impl Coding {
             // Rounded profiles as JSON come out a tenth smaller than with the usual 3.
             zstd::bulk::compress(&body, 9)?
         } else {
-            let mut gzip = GzEncoder::new(Vec::new(), Compression::default());
+            let room = Vec::with_capacity(body.len());
+            let mut gzip = GzEncoder::new(room, Compression::default());
             gzip.write_all(&body)?;
             gzip.finish()?
         };

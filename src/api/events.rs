@@ -11,6 +11,7 @@ use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
 use futures_util::stream::{self, Stream};
 use serde::Serialize;
+use tokio::time::sleep;
 
 use super::App;
 use super::caller::Caller;
@@ -22,6 +23,9 @@ use crate::store::Changes;
 
 /// So often something is sent even if nothing happens: proxies cut what is silent.
 const KEEP_ALIVE: Duration = Duration::from_secs(15);
+
+/// So often a listener's key is looked at, beside whenever there is something to send.
+const KEY_LOOKED_AT: Duration = Duration::from_secs(1);
 
 /// A change of state, as it is sent.
 #[derive(Serialize)]
@@ -46,7 +50,8 @@ struct Progress {
 /// submitted, as `state` events with `id` 1, 2, …; the last one carries the whole `job`. Between
 /// them `progress` events. A client that comes back with `Last-Event-ID` gets the states after that
 /// one: each exactly once. When all have been seen the answer is 204, which tells a browser's
-/// `EventSource` to stop. Where a proxy holds back events, poll with `GET /v1/jobs/{id}?wait=`.
+/// `EventSource` to stop. The stream also ends with the key that opened it. Where a proxy holds back
+/// events, poll with `GET /v1/jobs/{id}?wait=`.
 #[utoipa::path(get, path = "/v1/jobs/{id}/events", operation_id = "follow_job", tag = "jobs",
     params(
         ("id" = uuid::Uuid, Path, description = "The `id` of a job."),
@@ -77,7 +82,9 @@ pub async fn follow(
         return Ok(StatusCode::NO_CONTENT.into_response());
     }
     let changes = app.store.watch(&job.key);
-    let following = Following { app, id, changes, seen, progress: -1.0, ready: VecDeque::new() };
+    let Caller { key, .. } = caller;
+    let ready = VecDeque::new();
+    let following = Following { app, id, key, changes, seen, progress: -1.0, ready };
     let events =
         Sse::new(following.into_stream()).keep_alive(KeepAlive::new().interval(KEEP_ALIVE));
     let buffering = HeaderName::from_static("x-accel-buffering");
@@ -88,6 +95,8 @@ pub async fn follow(
 struct Following {
     app: App,
     id: JobId,
+    /// What the stream was opened with; none where there are no keys.
+    key: Option<String>,
     changes: Changes,
     /// So many changes of state have been sent.
     seen: usize,
@@ -113,10 +122,16 @@ impl Following {
             Step::First => {}
             Step::Next => {
                 let mut draining = self.app.draining.clone();
-                tokio::select! {
-                    () = self.changes.changed() => {}
-                    // The client comes back to the next server, which knows where it stood.
-                    _ = draining.wait_for(|draining| *draining) => return None,
+                let mut changed = false;
+                while !changed {
+                    changed = tokio::select! {
+                        () = self.changes.changed() => true,
+                        () = sleep(KEY_LOOKED_AT) => false,
+                        // The client comes back to the next server, which knows where it stood.
+                        _ = draining.wait_for(|draining| *draining) => return None,
+                    };
+                    // The client comes back, and is told why it may not.
+                    self.app.gate.still(self.key.as_deref()).await.ok()?;
                 }
             }
             Step::Last => return None,

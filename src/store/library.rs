@@ -306,6 +306,22 @@ mod tests {
     use super::*;
     use crate::store::{JobId, Options, SCANS};
 
+    /// Of one result a million jobs may be kept.
+    #[tokio::test]
+    async fn the_jobs_of_a_result_are_counted_along_an_index_of_keys() {
+        let dir = tempfile::tempdir().unwrap();
+        let store = Store::open(dir.path(), &Options::default()).await.unwrap();
+        let plan = format!("EXPLAIN QUERY PLAN {PROVENANCE}");
+        let rows = store.reading(async |db| {
+            let plan = sqlx::query(sqlx::AssertSqlSafe(plan)).bind([0; 32].as_slice());
+            Ok(plan.fetch_all(db).await?)
+        });
+        let rows = rows.await.unwrap();
+        let steps: Vec<&str> = rows.iter().map(|row| row.get("detail")).collect();
+        assert!(steps.contains(&"SEARCH job USING COVERING INDEX job_key (key=?)"), "{steps:?}");
+        assert!(steps.iter().all(|step| !step.starts_with("SCAN")), "{steps:?}");
+    }
+
     #[tokio::test]
     async fn who_looks_through_many_results_keeps_nobody_from_reading_one() {
         let dir = tempfile::tempdir().unwrap();

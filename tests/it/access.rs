@@ -14,9 +14,11 @@ use fretwork::store::{Desk, NewKey, Options, Role};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+use tokio::net::TcpStream;
 
 use crate::program::{fails, run, serve_by};
 use crate::server::{Gate, JSON, Reply, Server, ball, steel_ball};
+use crate::store::raw;
 
 const MASTER: &str = "the-key-from-the-settings";
 
@@ -323,6 +325,103 @@ async fn a_link_that_was_changed_or_is_over_opens_nothing() {
     }
 }
 
+/// The stream of a job's events, once its first one has come.
+async fn followed(server: &Server, key: Option<&str>, id: &str) -> TcpStream {
+    let mut stream = TcpStream::connect(server.address).await.unwrap();
+    let bearer = key.map_or_else(String::new, |key| format!("Authorization: Bearer {key}\r\n"));
+    let head = "HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n";
+    let ask = format!("GET /v1/jobs/{id}/events {head}{bearer}\r\n");
+    stream.write_all(ask.as_bytes()).await.unwrap();
+    let (mut text, mut buffer) = (String::new(), [0; 4096]);
+    while !text.contains("event: snapshot") {
+        let length = stream.read(&mut buffer).await.unwrap();
+        assert!(length > 0, "{text}");
+        text.push_str(std::str::from_utf8(&buffer[..length]).unwrap());
+    }
+    stream
+}
+
+/// What else a stream says until its end, which is soon, and that of a whole answer.
+async fn rest(mut stream: TcpStream) -> String {
+    let mut text = String::new();
+    let read = stream.read_to_string(&mut text);
+    tokio::time::timeout(Duration::from_secs(20), read).await.expect("it goes on").unwrap();
+    assert!(text.ends_with("\r\n0\r\n\r\n"), "{text}");
+    text
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_stream_of_events_ends_with_the_key_that_opened_it() {
+    let gate = Gate::default();
+    let access = Access { admin_key: Some(AdminKey(MASTER.into())), ..Access::default() };
+    let settings = Settings { access, ..Settings::default() };
+    let server = Server::with(gate.compute(), &settings, &Options::default()).await;
+    let mut keys = Vec::new();
+    for _ in 0..3 {
+        keys.push(made(server.dir.path(), "anna", Role::Submit).await);
+    }
+    let bearer = format!("Bearer {}", keys[0]);
+    let headers = [JSON, ("Authorization", bearer.as_str())];
+    let job = server.send("POST", "/v1/jobs", &headers, ball(1.0).to_string()).await.json();
+    let id = job["id"].as_str().unwrap();
+    let revoked = followed(&server, Some(&keys[0]), id).await;
+    let expired = followed(&server, Some(&keys[1]), id).await;
+    let good = followed(&server, Some(&keys[2]), id).await;
+    let master = followed(&server, Some(MASTER), id).await;
+    let named = |key: &str| key.split('_').nth(1).unwrap().to_owned();
+    let mut desk = Desk::open(server.dir.path()).await.unwrap();
+    assert_eq!(desk.revoke_keys(&named(&keys[0])).await.unwrap(), 1);
+    // Its end has come.
+    sqlx::query("UPDATE access_key SET expires = created + 1 WHERE id = ?1")
+        .bind(named(&keys[1]))
+        .execute(&mut raw(server.dir.path()).await)
+        .await
+        .unwrap();
+    for (stream, key) in [(revoked, &keys[0]), (expired, &keys[1])] {
+        assert!(!rest(stream).await.contains("succeeded"));
+        get(&server, key, &format!("/v1/jobs/{id}/events")).await.problem(401, "unauthorized");
+    }
+    gate.open();
+    for stream in [good, master] {
+        assert!(rest(stream).await.contains("\"state\":\"succeeded\""));
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_stream_without_a_key_ends_when_keys_are_asked_for() {
+    let gate = Gate::default();
+    let server = Server::computing(gate.compute(), &Origins::Own).await;
+    let job = server.post("/v1/jobs", &ball(1.0)).await.json();
+    let id = job["id"].as_str().unwrap();
+    let stream = followed(&server, None, id).await;
+    made(server.dir.path(), "anna", Role::Read).await;
+    assert!(!rest(stream).await.contains("succeeded"));
+    server.get(&format!("/v1/jobs/{id}/events")).await.problem(401, "unauthorized");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_a_wait_finds_is_not_told_to_a_key_that_was_taken_back_meanwhile() {
+    let gate = Gate::default();
+    let access = Access { admin_key: Some(AdminKey(MASTER.into())), ..Access::default() };
+    let settings = Settings { access, ..Settings::default() };
+    let server = Server::with(gate.compute(), &settings, &Options::default()).await;
+    let anna = made(server.dir.path(), "anna", Role::Submit).await;
+    let job = ball(1.0).to_string();
+    let (waited, ()) = tokio::join!(ask(&server, &anna, "POST", "/v1/jobs", &job), async {
+        let deadline = Instant::now() + Duration::from_secs(20);
+        while get(&server, MASTER, "/v1/jobs").await.json()["jobs"] == json!([]) {
+            assert!(Instant::now() < deadline);
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+        Desk::open(server.dir.path()).await.unwrap().revoke_keys("anna").await.unwrap();
+        // As long as a key that was taken back may still open.
+        tokio::time::sleep(Duration::from_millis(1100)).await;
+        gate.open();
+    });
+    let problem = waited.problem(401, "unauthorized");
+    assert!(problem["detail"].as_str().unwrap().contains("taken back"), "{problem}");
+}
+
 fn number(reply: &Reply, header: &str, name: &str) -> u32 {
     let text = reply.header(header).unwrap_or_else(|| panic!("no {header} in {}", reply.status));
     let found = text.split(';').find_map(|part| part.strip_prefix(name)?.strip_prefix('='));
@@ -458,7 +557,7 @@ async fn a_server_without_keys_is_no_servant_of_foreign_pages() {
         for (name, value) in headers {
             write!(head, "{name}: {value}\r\n").unwrap();
         }
-        let mut connection = tokio::net::TcpStream::connect(server.address).await.unwrap();
+        let mut connection = TcpStream::connect(server.address).await.unwrap();
         connection.write_all(format!("{head}Content-Length: 0\r\n\r\n").as_bytes()).await.unwrap();
         let mut answer = String::new();
         connection.read_to_string(&mut answer).await.unwrap();

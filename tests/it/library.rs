@@ -1,6 +1,7 @@
 //! The library of results: found by what was asked and what came out, with where they come from.
 
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use fretwork::api::{Access, AdminKey, Settings};
 use fretwork::job::Task;
@@ -290,6 +291,36 @@ async fn a_deleted_result_is_gone_everywhere_and_comes_back_when_it_is_computed(
     let told = server.get(&format!("{at}/provenance")).await.json();
     assert!(told["deleted_by"].is_null() && told["evicted"].is_null());
     assert_eq!(keys(&list(&server, "").await), [key]);
+}
+
+/// What was dropped to make room goes on being served from memory; to delete it is to forget it.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_dropped_result_that_is_still_in_memory_is_forgotten_when_it_is_deleted() {
+    let body = crate::server::document(&"0".repeat(64)).len() as u64;
+    let options = Options { budget: Some(2 * body), ..Options::default() };
+    let server = Server::with(Gate::opened(), &Settings::default(), &options).await;
+    let key = server.compute(&ball(1.0)).await.json()["key"].as_str().unwrap().to_owned();
+    let at = format!("/v1/results/{key}");
+    let forms = [at.clone(), format!("{at}/history?format=csv")];
+    for form in &forms {
+        assert_eq!(server.get(form).await.status, 200);
+    }
+    for amplitude in [2.0, 3.0] {
+        server.compute(&ball(amplitude)).await;
+    }
+    let provenance = format!("{at}/provenance");
+    let deadline = Instant::now() + Duration::from_secs(20);
+    while server.get(&provenance).await.json()["evicted"].is_null() {
+        assert!(Instant::now() < deadline, "it is not dropped");
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    for form in &forms {
+        assert_eq!(server.get(form).await.status, 200, "{form} is in memory");
+    }
+    server.send("DELETE", &at, &[], "").await.problem(410, "evicted");
+    for form in &forms {
+        server.get(form).await.problem(410, "evicted");
+    }
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 4)]
@@ -591,56 +622,5 @@ async fn labels_and_tags_of_others_find_nothing() {
         let headers = [("Authorization", who.as_str())];
         let found = server.send("GET", &format!("/v1/results?{query}"), &headers, "").await.json();
         assert_eq!(found["results"].as_array().map(Vec::len), Some(count), "{query}: {found}");
-    }
-}
-
-/// How long a search among 100 000 results takes; a figure, so it is run by hand.
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-#[ignore = "prints how long searches take; run it alone"]
-async fn among_a_hundred_thousand() {
-    let (dir, store) = crate::store::fresh().await;
-    let mut db = raw(dir.path()).await;
-    let names: Vec<&str> = SCALARS.iter().map(|scalar| scalar.name).collect();
-    let random = vec!["abs(random() / 9.3e18)"; names.len()].join(", ");
-    let sql = format!(
-        "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < 100000)
-         INSERT INTO result (key, summary, digest, size, created)
-         SELECT randomblob(32), '{{}}', zeroblob(32), 60000, 1700000000000 + i FROM n;
-         INSERT INTO result_task (key, task) SELECT key, '{{}}' FROM result ORDER BY created;
-         INSERT INTO outline (id, created, size, present, shape, method, regime, held, motion, {})
-         SELECT id, created, size, 1, iif(random() > 0, 'cone', 'sphere'), 'exact', 'partial_slip',
-             'depth', 'amplitude', {random} FROM result_task JOIN result USING (key)",
-        names.join(", ")
-    );
-    sqlx::raw_sql(sqlx::AssertSqlSafe(sql)).execute(&mut db).await.unwrap();
-    db.close().await.unwrap();
-    for conditions in [
-        vec![],
-        vec![("friction", "0.5..0.501")],
-        vec![("dissipated_energy", "0.5..0.5001")],
-        vec![("friction", "0.5..0.6"), ("wear_depth", "0.1..0.11"), ("normal_force", "..0.05")],
-        vec![("friction", "2..3")],
-        vec![("wear_depth", "2..3"), ("sort", "wear_depth")],
-        vec![("sort", "-wear_volume")],
-        vec![("friction", "0.5..0.51"), ("sort", "wear_depth")],
-        vec![("sort", "-slope_angle"), ("shape", "cone")],
-        vec![("pinned", "true")],
-        vec![("pinned", "false"), ("friction", "0.5..0.501")],
-        vec![("note", "x")],
-        vec![("owner", "nobody")],
-        vec![("evicted", "true")],
-    ] {
-        let mut search = Search::default();
-        for (name, value) in &conditions {
-            search.set(name, value).unwrap();
-        }
-        let mut times = Vec::new();
-        for _ in 0..9 {
-            let started = std::time::Instant::now();
-            store.search(&search, None, 50).await.unwrap();
-            times.push(started.elapsed());
-        }
-        times.sort();
-        println!("{:>8.2?}  {conditions:?}", times[4]);
     }
 }

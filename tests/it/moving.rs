@@ -104,6 +104,7 @@ async fn what_one_server_exports_another_serves_byte_for_byte() {
         number(to.dir.path(), "SELECT used FROM room").await,
         number(to.dir.path(), "SELECT sum(length(body)) FROM result_blob").await
     );
+    assert_eq!(done.notes, 1);
     let again = import(to.dir.path(), &file, quiet).await.unwrap();
     assert_eq!(again, Imported { known: 4, ..Imported::default() });
 }
@@ -285,7 +286,12 @@ async fn what_a_file_states_beside_the_bodies_is_taken_as_far_as_it_fits() {
     let long = "x".repeat(4001);
     for (key, change) in [
         (&keys[0], format!("note = '{long}', note_owner = 'ann'")),
-        (&keys[1], "note = 'a' || char(27) || 'b', owner = char(7)".to_owned()),
+        (
+            &keys[1],
+            "note = 'a' || char(27) || 'b', owner = char(7), computed = 'soon', cpu_seconds = -1,
+             host = printf('%0201d', 7), note_at = NULL"
+                .to_owned(),
+        ),
         (&keys[2], "wall_seconds = 'long'".to_owned()),
     ] {
         let sql = format!("UPDATE results SET {change} WHERE key = '{key}'");
@@ -319,13 +325,91 @@ async fn what_a_file_states_beside_the_bodies_is_taken_as_far_as_it_fits() {
         let why = done.refused.iter().find(|(refused, _)| refused == key);
         assert!(why.is_some_and(|(_, why)| why.contains(words)), "{words}: {done:?}");
     }
-    for (key, words) in [(&keys[0], "4000 characters"), (&keys[1], "control characters")] {
-        let why = done.without_note.iter().find(|(left, _)| left == key);
-        assert!(why.is_some_and(|(_, why)| why.contains(words)), "{words}: {done:?}");
+    let left_out = |key: &str| -> Vec<&str> {
+        let left = done.left_out.iter().filter(|(left, _)| left.to_string() == key);
+        left.map(|(_, what)| what.as_str()).collect()
+    };
+    assert_eq!(left_out(&keys[0]), ["its note must have 1 to 4000 characters, not 4001"]);
+    assert_eq!(
+        left_out(&keys[1]),
+        [
+            "its owner is no name of up to 200 characters",
+            "its computed is no moment such as 2026-01-31T12:00:00.000Z",
+            "its cpu_seconds is no time in seconds",
+            "its host is no name of up to 200 characters",
+            "its note must not contain control characters other than line breaks and tabs",
+        ]
+    );
+    for key in &keys[..2] {
         let told = to.get(&format!("/v1/results/{key}/provenance")).await.json();
         assert!(told["note"].is_null(), "{told}");
         assert_eq!(told["computed"]["owner"].is_null(), *key == keys[1], "{told}");
     }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_note_comes_where_there_is_none_and_never_in_the_place_of_another() {
+    let (from, to) = (Server::start().await, Server::start().await);
+    let amplitudes = [1.0, 1.2, 1.4, 1.6];
+    let keys = computed(&from, &amplitudes).await;
+    computed(&to, &amplitudes).await;
+    let note = async |server: &Server, place: usize, text: &str| {
+        let at = format!("/v1/results/{}/note", keys[place]);
+        let body = json!({"text": text}).to_string();
+        assert_eq!(server.send("PUT", &at, &[JSON], body).await.status, 204);
+    };
+    let noted = async |place: usize| {
+        to.get(&format!("/v1/results/{}/provenance", keys[place])).await.json()["note"].clone()
+    };
+    for (place, text) in ["One.", "Two.", "Three.", "Four."].iter().enumerate() {
+        note(&from, place, text).await;
+    }
+    // None here, another one, the same, and another one of a result that was dropped.
+    for (place, text) in [(1, "Mine."), (2, "Three."), (3, "Mine, too.")] {
+        note(&to, place, text).await;
+    }
+    let dropped = format!("/v1/results/{}", keys[3]);
+    assert_eq!(to.send("DELETE", &dropped, &[], "").await.status, 204);
+    let mut db = raw(to.dir.path()).await;
+    db.execute("UPDATE result SET deleted_by = NULL").await.unwrap();
+    let pin = format!("/v1/results/{}/pin", keys[0]);
+    assert_eq!(from.send("PUT", &pin, &[], "").await.status, 204);
+    let dir = TempDir::new().unwrap();
+    let file = dir.path().join("results.db");
+    assert_eq!(all(&from, &file).await, 4);
+    let before = [noted(1).await, noted(2).await, noted(3).await];
+
+    let import = || {
+        let data = to.dir.path().to_str().unwrap();
+        let output = run(&["import", file.to_str().unwrap(), "--data-dir", data], "");
+        assert!(output.status.success(), "{output:?}");
+        [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap())
+    };
+    let [said, told] = import();
+    let theirs = from.get(&format!("/v1/results/{}/provenance", keys[0])).await.json();
+    assert_eq!(noted(0).await, theirs["note"]);
+    assert!(said.contains("imported, 3 known already, 0 refused"), "{said}");
+    assert!(
+        said.ends_with("notes: 1 taken, 2 left for the ones here; 0 details left out\n"),
+        "{said}"
+    );
+    for place in [1, 3] {
+        let line = format!("left the note of {}: there is another one here", keys[place]);
+        assert!(told.contains(&line), "{told}");
+    }
+    assert_eq!([noted(1).await, noted(2).await, noted(3).await], before);
+    assert_eq!(to.get(&dropped).await.status, 200);
+    // What is worth its room is for each server to say.
+    let ours = to.get(&format!("/v1/results/{}/provenance", keys[0])).await.json();
+    assert_eq!((&theirs["pinned"], &ours["pinned"]), (&json!(true), &json!(false)));
+    let [said, _] = import();
+    assert!(
+        said.ends_with(
+            "4 known already, 0 refused; notes: 0 taken, 2 left for the ones here; 0 details left \
+             out\n"
+        ),
+        "{said}"
+    );
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -21,6 +21,7 @@ pub fn table(document: &Document<'_>, table: &Table, ask: &Ask) -> Vec<u8> {
     out.push_str(&names.join(","));
     out.push('\n');
     let mut out = out.into_bytes();
+    out.reserve(table.room(0));
     for (instant, place) in table.rows() {
         for (index, (_, values)) in table.columns.iter().enumerate() {
             if index > 0 {
@@ -34,5 +35,6 @@ pub fn table(document: &Document<'_>, table: &Table, ask: &Ask) -> Vec<u8> {
         }
         out.push(b'\n');
     }
+    out.shrink_to_fit();
     out
 }

@@ -197,8 +197,7 @@ impl<'a> Document<'a> {
 
     /// One of the tables as it is told, cut to what is wanted.
     pub fn table(&self, part: Part, ask: &Ask) -> Result<Table, Error> {
-        let mut table = Table::read(part, self.members.get(part.name()))?;
-        table.select(ask)?;
+        let mut table = Table::read(part, self.members.get(part.name()), ask)?;
         table.tell(&self.telling);
         Ok(table)
     }

@@ -194,9 +194,9 @@ impl Drawing<'_> {
 
     /// A table of which something is there, cut to the instants asked for.
     fn table(&self) -> Result<Table, Error> {
-        let ask = Ask { cycles: self.ask.cycles.clone(), ..Ask::default() };
-        let all = self.document.table(self.quantity.part, &Ask::default())?;
-        if all.instants() == 0 {
+        let part = self.quantity.part;
+        let axes = Ask { fields: Some(Vec::new()), ..Ask::default() };
+        if self.document.table(part, &axes)?.instants() == 0 {
             let histories: Vec<_> =
                 QUANTITIES.iter().filter(|one| !one.has_instants()).map(|one| one.name).collect();
             let detail = format!(
@@ -206,7 +206,7 @@ impl Drawing<'_> {
             );
             return Err(Error::NotThere(vec![Complaint::parameter("quantity", detail)]));
         }
-        if ask.cycles.is_none() { Ok(all) } else { self.document.table(self.quantity.part, &ask) }
+        self.document.table(part, &Ask { cycles: self.ask.cycles.clone(), ..Ask::default() })
     }
 
     /// The rows that are drawn: all that were asked for, or some, evenly chosen.

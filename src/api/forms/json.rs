@@ -17,16 +17,25 @@ pub fn whole(document: &Document<'_>) -> Result<Vec<u8>, Error> {
 
 /// A table as the document has it, beside whose it is.
 pub fn columns(document: &Document<'_>, table: &Table) -> Result<Vec<u8>, Error> {
-    framed(document, table.part.name(), table)
+    framed(document, table.part.name(), table, table.room(0))
 }
 
 /// A table as a list of rows, which is what tools for tables take.
 pub fn records(document: &Document<'_>, table: &Table) -> Result<Vec<u8>, Error> {
-    framed(document, "records", &Rows(table))
+    let names: usize = table.columns.iter().map(|(name, _)| name.len() + PUNCTUATION).sum();
+    framed(document, "records", &Rows(table), table.room(names))
 }
 
-fn framed(document: &Document<'_>, name: &str, value: &impl Serialize) -> Result<Vec<u8>, Error> {
-    let mut out = Vec::new();
+/// What stands around a name: quotes and a colon.
+const PUNCTUATION: usize = 3;
+
+fn framed(
+    document: &Document<'_>,
+    name: &str,
+    value: &impl Serialize,
+    room: usize,
+) -> Result<Vec<u8>, Error> {
+    let mut out = Vec::with_capacity(room);
     let mut json = serde_json::Serializer::new(&mut out);
     let mut map = json.serialize_map(Some(4))?;
     map.serialize_entry("key", &document.key)?;
@@ -34,6 +43,7 @@ fn framed(document: &Document<'_>, name: &str, value: &impl Serialize) -> Result
     map.serialize_entry("units", &document.telling.units)?;
     map.serialize_entry(name, value)?;
     map.end()?;
+    out.shrink_to_fit();
     Ok(out)
 }
 
@@ -44,7 +54,9 @@ pub fn lines(document: &Document<'_>, table: &Table) -> Result<Vec<u8>, Error> {
     let engine = document.made_by.to_string();
     let units = &document.telling.units;
     let names: Vec<_> = table.columns.iter().map(|(name, _)| units.header(name)).collect();
-    let mut out = Vec::new();
+    let whose = document.key.len() + engine.len() + "{\"key\":\"\",\"engine\":\"\",}".len();
+    let named: usize = names.iter().map(|name| name.len() + PUNCTUATION).sum();
+    let mut out = Vec::with_capacity(table.room(whose + named));
     for (instant, place) in table.rows() {
         let mut json = serde_json::Serializer::new(&mut out);
         let mut map = json.serialize_map(None)?;
@@ -56,6 +68,7 @@ pub fn lines(document: &Document<'_>, table: &Table) -> Result<Vec<u8>, Error> {
         map.end()?;
         out.push(b'\n');
     }
+    out.shrink_to_fit();
     Ok(out)
 }
 

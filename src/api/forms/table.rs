@@ -36,40 +36,39 @@ pub enum Values {
     Absent,
 }
 
+/// Which of the instants and places are wanted; none if all.
+struct Cut {
+    instants: Option<Vec<usize>>,
+    places: Option<Vec<usize>>,
+}
+
 impl Values {
-    fn read(part: Part, name: &str, text: &RawValue) -> Result<Self, serde_json::Error> {
+    /// Reads of a column what is wanted: the digits of a whole one take longer than all else.
+    fn read(part: Part, name: &str, text: &RawValue, cut: &Cut) -> Result<Self, serde_json::Error> {
         let text = text.get();
         let mut opening = text.bytes().filter(|byte| !byte.is_ascii_whitespace());
         match (opening.next(), opening.next()) {
             (Some(b'['), Some(b'[')) => {
-                let rows: Vec<Vec<Cell>> = serde_json::from_str(text)?;
-                Ok(Self::Both(rows.into_iter().map(numbers).collect()))
+                let row = |cells| pick(numbers(cells), cut.places.as_deref());
+                if cut.instants.is_none() {
+                    let rows: Vec<Vec<Cell>> = serde_json::from_str(text)?;
+                    return Ok(Self::Both(rows.into_iter().map(row).collect()));
+                }
+                let rows: Vec<&RawValue> = serde_json::from_str(text)?;
+                let rows = pick(rows, cut.instants.as_deref()).into_iter();
+                let rows = rows.map(|text| serde_json::from_str(text.get()).map(row));
+                Ok(Self::Both(rows.collect::<Result<_, _>>()?))
             }
             (Some(b'['), _) => {
                 let row = numbers(serde_json::from_str(text)?);
                 let by_place = part == Part::Profiles && name != "cycles";
-                Ok(if by_place { Self::Places(row) } else { Self::Instants(row) })
+                Ok(if by_place {
+                    Self::Places(pick(row, cut.places.as_deref()))
+                } else {
+                    Self::Instants(pick(row, cut.instants.as_deref()))
+                })
             }
             _ => Ok(Self::Absent),
-        }
-    }
-
-    fn keep(&mut self, instants: Option<&[usize]>, places: Option<&[usize]>) {
-        let thin = |row: &mut Vec<f64>| {
-            if let Some(places) = places {
-                *row = pick(row, places);
-            }
-        };
-        if let (Self::Instants(row), Some(instants)) = (&mut *self, instants) {
-            *row = pick(row, instants);
-        }
-        if let (Self::Both(rows), Some(instants)) = (&mut *self, instants) {
-            *rows = pick(rows, instants);
-        }
-        match self {
-            Self::Places(row) => thin(row),
-            Self::Both(rows) => rows.iter_mut().for_each(thin),
-            Self::Instants(_) | Self::Absent => {}
         }
     }
 
@@ -105,8 +104,11 @@ impl Serialize for Values {
     }
 }
 
-fn pick<T: Clone>(items: &[T], indices: &[usize]) -> Vec<T> {
-    indices.iter().filter_map(|&index| items.get(index).cloned()).collect()
+fn pick<T: Copy>(items: Vec<T>, wanted: Option<&[usize]>) -> Vec<T> {
+    match wanted {
+        Some(indices) => indices.iter().filter_map(|&index| items.get(index).copied()).collect(),
+        None => items,
+    }
 }
 
 /// One of the tables.
@@ -121,8 +123,9 @@ pub struct Table {
 }
 
 impl Table {
-    /// Reads a table; one that the document does not have has its columns all the same, and no rows.
-    pub fn read(part: Part, text: Option<&RawValue>) -> Result<Self, Error> {
+    /// Reads what is wanted of a table, or tells everything that is wanted and not there. One that the
+    /// document does not have has its columns all the same, and no rows.
+    pub fn read(part: Part, text: Option<&RawValue>, ask: &Ask) -> Result<Self, Error> {
         let there = text.is_some_and(|text| text.get() != "null");
         let empty = match part {
             Part::Profiles => serde_json::to_string(&Profiles::default()),
@@ -131,16 +134,18 @@ impl Table {
         }?;
         let text = text.filter(|_| there).map_or(&*empty, RawValue::get);
         let members: Members<'_> = serde_json::from_str(text)?;
+        // The columns that say where the numbers of the others belong.
+        let axes: &[&str] =
+            if part == Part::Profiles { &["cycles", "radius"] } else { &["cycles"] };
+        let cut = cut(&members, axes, ask)?;
         let mut columns = Vec::new();
         for (name, text) in &members.0 {
-            columns.push((name.to_string(), Values::read(part, name, text)?));
+            let wanted = |fields: &Vec<String>| fields.iter().any(|field| field == name);
+            if axes.contains(&&**name) || ask.fields.as_ref().is_none_or(wanted) {
+                columns.push((name.to_string(), Values::read(part, name, text, &cut)?));
+            }
         }
         Ok(Self { part, columns, there })
-    }
-
-    /// The columns that say where the numbers of the others belong.
-    fn axes(&self) -> &'static [&'static str] {
-        if self.part == Part::Profiles { &["cycles", "radius"] } else { &["cycles"] }
     }
 
     /// The numbers of a column that has one per instant or one per place.
@@ -154,42 +159,6 @@ impl Table {
     /// A column by its name.
     pub fn column(&self, name: &str) -> Option<&Values> {
         self.columns.iter().find(|(column, _)| column == name).map(|(_, values)| values)
-    }
-
-    /// Cuts the table to what is wanted, or tells everything that is wanted and not there.
-    pub fn select(&mut self, ask: &Ask) -> Result<(), Error> {
-        let mut missing = Vec::new();
-        for name in ask.fields.iter().flatten() {
-            if self.columns.iter().all(|(column, _)| column != name) {
-                let there = self.columns.iter().map(|(name, _)| name.as_str());
-                let there: Vec<_> = there.filter(|name| !self.axes().contains(name)).collect();
-                let detail = format!("{name:?} is no field here; there are {}", there.join(", "));
-                missing.push(Complaint::parameter("fields", detail));
-            }
-        }
-        let cycles = self.axis("cycles");
-        for wanted in ask.cycles.iter().flatten() {
-            if !cycles.iter().any(|number| same(*number, *wanted)) {
-                let detail = format!("nothing is at {wanted} cycles; {}", listed(cycles));
-                missing.push(Complaint::parameter("cycles", detail));
-            }
-        }
-        if !missing.is_empty() {
-            return Err(Error::NotThere(missing));
-        }
-        let instants: Option<Vec<usize>> = ask.cycles.as_ref().map(|wanted| {
-            let asked = |index: &usize| wanted.iter().any(|wanted| same(cycles[*index], *wanted));
-            (0..cycles.len()).filter(asked).collect()
-        });
-        let places = ask.points.map(|points| spread(self.axis("radius").len(), points));
-        let axes = self.axes();
-        if let Some(fields) = &ask.fields {
-            self.columns.retain(|(name, _)| axes.contains(&&**name) || fields.contains(name));
-        }
-        for (_, values) in &mut self.columns {
-            values.keep(instants.as_deref(), places.as_deref());
-        }
-        Ok(())
     }
 
     /// Brings all numbers into the units and digits in which they are told.
@@ -221,11 +190,54 @@ impl Table {
         widths.max().unwrap_or(1)
     }
 
-    /// Every row: an instant and a place.
-    pub fn rows(&self) -> impl Iterator<Item = (usize, usize)> {
-        (0..self.instants())
-            .flat_map(|instant| (0..self.width(instant)).map(move |place| (instant, place)))
+    /// About how many bytes all rows take as text, rather too many: who asks for them at once does not
+    /// move what is written to ever larger places, and what is not written to takes no memory.
+    pub fn room(&self, beside: usize) -> usize {
+        // The longest number is -2.2250738585072014e-308.
+        const NUMBER: usize = 24;
+        self.rows().count() * (beside + self.columns.len() * (NUMBER + 1))
     }
+
+    /// Every row: an instant and a place.
+    pub fn rows(&self) -> impl Iterator<Item = (usize, usize)> + Clone + use<> {
+        let widths: Vec<usize> = (0..self.instants()).map(|instant| self.width(instant)).collect();
+        let rows = |(instant, width)| (0..width).map(move |place| (instant, place));
+        widths.into_iter().enumerate().flat_map(rows)
+    }
+}
+
+/// What is wanted of a table with these members, or everything that is wanted and not there.
+fn cut(members: &Members<'_>, axes: &[&str], ask: &Ask) -> Result<Cut, Error> {
+    let axis = |name: &str| -> Result<Vec<f64>, Error> {
+        let text = members.get(name).filter(|_| axes.contains(&name));
+        let cells: Option<_> = text.map_or(Ok(None), |text| serde_json::from_str(text.get()))?;
+        Ok(cells.map(numbers).unwrap_or_default())
+    };
+    let mut missing = Vec::new();
+    for name in ask.fields.iter().flatten() {
+        if members.get(name).is_none() {
+            let there = members.0.iter().map(|(name, _)| &**name);
+            let there: Vec<_> = there.filter(|name| !axes.contains(name)).collect();
+            let detail = format!("{name:?} is no field here; there are {}", there.join(", "));
+            missing.push(Complaint::parameter("fields", detail));
+        }
+    }
+    let cycles = axis("cycles")?;
+    for wanted in ask.cycles.iter().flatten() {
+        if !cycles.iter().any(|number| same(*number, *wanted)) {
+            let detail = format!("nothing is at {wanted} cycles; {}", listed(&cycles));
+            missing.push(Complaint::parameter("cycles", detail));
+        }
+    }
+    if !missing.is_empty() {
+        return Err(Error::NotThere(missing));
+    }
+    let instants = ask.cycles.as_ref().map(|wanted| {
+        let asked = |index: &usize| wanted.iter().any(|wanted| same(cycles[*index], *wanted));
+        (0..cycles.len()).filter(asked).collect()
+    });
+    let radii = axis("radius")?.len();
+    Ok(Cut { instants, places: ask.points.map(|points| spread(radii, points)) })
 }
 
 impl Serialize for Table {

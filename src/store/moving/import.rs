@@ -6,7 +6,7 @@ use std::time::{Duration, UNIX_EPOCH};
 use serde_json::json;
 use sha2::{Digest as _, Sha256};
 use sqlx::sqlite::SqliteRow;
-use sqlx::{Connection as _, Executor as _, Row as _, SqliteConnection};
+use sqlx::{Connection as _, Executor as _, Row as _, Sqlite, SqliteConnection};
 
 use super::{AT_ONCE, EXPORT, FORM, Moving, beside};
 use crate::engine::scenario::MAX_ANSWER;
@@ -29,13 +29,30 @@ pub struct Imported {
     pub bytes: u64,
     /// Results that were there already.
     pub known: u64,
+    /// Notes that are new here, of results that are new or were there already.
+    pub notes: u64,
     /// Results that were not taken: their key, and why.
     pub refused: Vec<(String, String)>,
-    /// Results that were taken without their note: their key, and what it would have to be.
-    pub without_note: Vec<(String, String)>,
+    /// Results here that have another note than in the file, and keep it.
+    pub other_notes: Vec<Key>,
+    /// What was left out of results that were taken: their key, and what is wrong with it.
+    pub left_out: Vec<(Key, String)>,
 }
 
-/// Takes the results of an export over, as far as they are sound and not known. What was taken stays
+impl Imported {
+    fn add(&mut self, more: Self) {
+        self.results += more.results;
+        self.bytes += more.bytes;
+        self.known += more.known;
+        self.notes += more.notes;
+        self.refused.extend(more.refused);
+        self.other_notes.extend(more.other_notes);
+        self.left_out.extend(more.left_out);
+    }
+}
+
+/// Takes the results of an export over, as far as they are sound and not known, and the notes of those
+/// that are known where there is none. What was taken stays
 /// whatever comes later, so that an import that was broken off goes on where it was. `tell` hears how
 /// many were looked at, of how many.
 ///
@@ -65,10 +82,9 @@ pub async fn import(
             Ok(looked) => looked,
         };
         match looked {
-            Looked::Known => done.known += 1,
             Looked::Refused(why) => done.refused.push((text.into_owned(), why)),
             Looked::Sound(taken) => {
-                bytes += taken.answer.body.len();
+                bytes += taken.result.as_ref().map_or(0, |new| new.answer.body.len());
                 batch.push(*taken);
             }
         }
@@ -104,22 +120,118 @@ async fn open_export(file: &Path) -> Result<SqliteConnection, Moving> {
     }
 }
 
-/// A sound result on its way into the tables.
+/// What is taken of a row, on its way into the tables.
 struct Taken {
     key: Key,
+    digest: [u8; 32],
+    /// None of a result that was there when it was looked at.
+    result: Option<New>,
+    note: Option<Note>,
+    /// What is wrong with that which is not taken.
+    left_out: Vec<String>,
+}
+
+/// A sound result.
+struct New {
     answer: Answered,
     task: String,
     owner: Option<String>,
     computed: Option<i64>,
     program: Option<Program>,
-    note: Option<Note>,
 }
 
 /// What was found of a result in an export.
 enum Looked {
-    Known,
     Refused(String),
     Sound(Box<Taken>),
+}
+
+/// What is held here under the key of a result.
+enum Held {
+    /// Nothing, or nothing any more.
+    Nothing,
+    /// The same.
+    Same,
+    /// What keeps the result out, for this reason.
+    Other(String),
+}
+
+/// What a row states and nobody can check: taken as far as it fits.
+struct Stated<'r> {
+    row: &'r SqliteRow,
+    /// What does not, and why.
+    left_out: Vec<String>,
+}
+
+impl<'r> Stated<'r> {
+    fn take<T, U>(
+        &mut self,
+        column: &str,
+        what: &str,
+        read: impl Fn(T) -> Option<U>,
+    ) -> Result<Option<U>, sqlx::Error>
+    where
+        T: sqlx::Decode<'r, Sqlite> + sqlx::Type<Sqlite>,
+    {
+        let Some(stated) = self.row.try_get::<Option<T>, _>(column)? else { return Ok(None) };
+        let read = read(stated);
+        if read.is_none() {
+            self.left_out.push(format!("its {column} is no {what}"));
+        }
+        Ok(read)
+    }
+
+    /// At least a name, and not a page of something.
+    fn name(&mut self, column: &str) -> Result<Option<String>, sqlx::Error> {
+        let fits = |text: &String| {
+            text.chars().count() <= LONGEST_NAME && !text.chars().any(char::is_control)
+        };
+        let what = format!("name of up to {LONGEST_NAME} characters");
+        self.take(column, &what, |text: String| Some(text).filter(fits))
+    }
+
+    fn moment(&mut self, column: &str) -> Result<Option<i64>, sqlx::Error> {
+        self.take(column, "moment such as 2026-01-31T12:00:00.000Z", milliseconds)
+    }
+
+    fn seconds(&mut self, column: &str) -> Result<Option<Duration>, sqlx::Error> {
+        self.take(column, "time in seconds", |seconds| Duration::try_from_secs_f64(seconds).ok())
+    }
+
+    fn note(&mut self) -> Result<Option<Note>, sqlx::Error> {
+        let Some(text) = self.row.try_get::<Option<String>, _>("note")? else { return Ok(None) };
+        if let Some(fault) = Note::fault(&text) {
+            self.left_out.push(format!("its note {fault}"));
+            return Ok(None);
+        }
+        let owner = self.name("note_owner")?.unwrap_or_default();
+        Ok(Some(Note { text, owner, at: self.moment("note_at")?.unwrap_or_else(now) }))
+    }
+
+    fn program(&mut self, numerics: u32) -> Result<Option<Program>, sqlx::Error> {
+        let Some(version) = self.name("version")? else { return Ok(None) };
+        Ok(Some(Program {
+            version,
+            numerics,
+            host: self.name("host")?.unwrap_or_default(),
+            architecture: self.name("architecture")?.unwrap_or_default(),
+            processors: self.row.try_get::<Option<_>, _>("processors")?.unwrap_or_default(),
+        }))
+    }
+
+    /// All of it, with the result that it is of.
+    fn result(&mut self, body: Vec<u8>, parsed: &Body) -> Result<New, sqlx::Error> {
+        let (owner, computed) = (self.name("owner")?, self.moment("computed")?);
+        let (wall, cpu) = (self.seconds("wall_seconds")?, self.seconds("cpu_seconds")?);
+        let answer = Answer { body: body.into(), summary: parsed.summary() };
+        Ok(New {
+            answer: Answered::new(&answer, wall.map(|wall| Cost { wall, cpu })),
+            task: json!({"scenario": parsed.scenario}).to_string(),
+            owner,
+            computed,
+            program: self.program(parsed.engine.numerics)?,
+        })
+    }
 }
 
 /// What is wrong with a row, if it was that and not a database that refuses.
@@ -153,8 +265,16 @@ async fn sound(
     let sha256: Option<Key> =
         row.try_get::<Option<&str>, _>("sha256")?.and_then(|sum| sum.parse().ok());
     let Some(sha256) = sha256 else { return refuse("it has no SHA-256") };
-    if let Some(settled) = beside_held(db, &key, sha256.bytes()).await? {
-        return Ok(settled);
+    let digest = *sha256.bytes();
+    let mut stated = Stated { row: &row, left_out: Vec::new() };
+    match held(db, &key, &digest).await? {
+        Held::Nothing => {}
+        Held::Same => {
+            let note = stated.note()?;
+            let taken = Taken { key, digest, result: None, note, left_out: stated.left_out };
+            return Ok(Looked::Sound(Box::new(taken)));
+        }
+        Held::Other(why) => return Ok(Looked::Refused(why)),
     }
     match row.try_get::<Option<i64>, _>("length")? {
         None => return refuse("it has no body"),
@@ -167,7 +287,7 @@ async fn sound(
         .bind(text)
         .fetch_one(from)
         .await?;
-    if Sha256::digest(&body)[..] != sha256.bytes()[..] {
+    if Sha256::digest(&body)[..] != digest[..] {
         return refuse("its body does not match its SHA-256: one of them was changed");
     }
     let Ok(parsed) = serde_json::from_slice::<Body>(&body) else {
@@ -185,65 +305,18 @@ async fn sound(
     if !parsed.has_history() {
         return refuse("its history is no columns of numbers, all of one length");
     }
-    Ok(Looked::Sound(Box::new(taken(key, &row, body, &parsed)?)))
+    let result = Some(stated.result(body, &parsed)?);
+    let note = stated.note()?;
+    let taken = Taken { key, digest, result, note, left_out: stated.left_out };
+    Ok(Looked::Sound(Box::new(taken)))
 }
 
-fn taken(key: Key, row: &SqliteRow, body: Vec<u8>, parsed: &Body) -> Result<Taken, sqlx::Error> {
-    let moment = |column| {
-        let text: Option<&str> = row.try_get(column)?;
-        Ok::<_, sqlx::Error>(text.and_then(milliseconds))
-    };
-    let seconds = |column| {
-        let seconds: Option<f64> = row.try_get(column)?;
-        Ok::<_, sqlx::Error>(seconds.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok()))
-    };
-    // What nobody can check is at least a name, and not a page of something.
-    let stated = |column| {
-        let text: Option<String> = row.try_get(column)?;
-        let fits = |text: &String| {
-            text.chars().count() <= LONGEST_NAME && !text.chars().any(char::is_control)
-        };
-        Ok::<_, sqlx::Error>(text.filter(fits))
-    };
-    let cpu = seconds("cpu_seconds")?;
-    let cost = seconds("wall_seconds")?.map(|wall| Cost { wall, cpu });
-    let version = stated("version")?;
-    let program = match version {
-        Some(version) => Some(Program {
-            version,
-            numerics: parsed.engine.numerics,
-            host: stated("host")?.unwrap_or_default(),
-            architecture: stated("architecture")?.unwrap_or_default(),
-            processors: row.try_get::<Option<_>, _>("processors")?.unwrap_or_default(),
-        }),
-        None => None,
-    };
-    let note: Option<String> = row.try_get("note")?;
-    let note = match note {
-        Some(text) => {
-            let owner = stated("note_owner")?.unwrap_or_default();
-            Some(Note { text, owner, at: moment("note_at")?.unwrap_or_else(now) })
-        }
-        None => None,
-    };
-    let answer = Answer { body: body.into(), summary: parsed.summary() };
-    Ok(Taken {
-        key,
-        answer: Answered::new(&answer, cost),
-        task: json!({"scenario": parsed.scenario}).to_string(),
-        owner: stated("owner")?,
-        computed: moment("computed")?,
-        program,
-        note,
-    })
-}
-
-/// What becomes of a result beside what is held under its key, or was; none if it can be taken.
-async fn beside_held(
+/// What is held under the key of a result, or was.
+async fn held(
     db: &mut SqliteConnection,
     key: &Key,
     digest: &[u8; 32],
-) -> Result<Option<Looked>, Moving> {
+) -> Result<Held, sqlx::Error> {
     let row: Option<(bool, bool, Option<String>)> = sqlx::query_as(
         "SELECT evicted IS NULL, digest = ?2, deleted_by FROM result WHERE key = ?1",
     )
@@ -252,8 +325,8 @@ async fn beside_held(
     .fetch_optional(db)
     .await?;
     let why = match row {
-        None | Some((false, true, None)) => return Ok(None),
-        Some((true, true, _)) => return Ok(Some(Looked::Known)),
+        None | Some((false, true, None)) => return Ok(Held::Nothing),
+        Some((true, true, _)) => return Ok(Held::Same),
         Some((true, false, _)) => "another result is held under its key, and stays".to_owned(),
         Some((false, _, Some(who))) => {
             format!("it was deleted here by {who}; only computing it brings it back")
@@ -262,7 +335,7 @@ async fn beside_held(
             "it is not the result that was held under its key and dropped".to_owned()
         }
     };
-    Ok(Some(Looked::Refused(why)))
+    Ok(Held::Other(why))
 }
 
 /// Puts some results in, in one transaction.
@@ -279,18 +352,14 @@ async fn take(
     let put = async {
         let mut some = Imported::default();
         for taken in batch {
-            put(db, file, &taken, &mut some).await?;
+            put(db, file, taken, &mut some).await?;
         }
         db.execute("COMMIT").await?;
         Ok::<_, Moving>(some)
     };
     match put.await {
         Ok(some) => {
-            done.results += some.results;
-            done.bytes += some.bytes;
-            done.known += some.known;
-            done.refused.extend(some.refused);
-            done.without_note.extend(some.without_note);
+            done.add(some);
             Ok(())
         }
         Err(error) => {
@@ -304,54 +373,84 @@ async fn take(
 async fn put(
     db: &mut SqliteConnection,
     file: &str,
-    taken: &Taken,
+    taken: Taken,
     done: &mut Imported,
 ) -> Result<(), Moving> {
-    let Taken { key, answer, task, owner, .. } = taken;
-    // The server may have computed it since it was looked at.
-    match beside_held(db, key, &answer.digest).await? {
-        Some(Looked::Refused(why)) => {
-            done.refused.push((key.to_string(), why));
-            return Ok(());
+    let Taken { key, digest, result, note, left_out } = taken;
+    if let Some(new) = result {
+        // The server may have computed it since it was looked at.
+        match held(db, &key, &digest).await? {
+            Held::Nothing => {
+                new.put(db, key, file).await?;
+                done.results += 1;
+                done.bytes += new.answer.body.len() as u64;
+            }
+            Held::Same => done.known += 1,
+            Held::Other(why) => {
+                done.refused.push((key.to_string(), why));
+                return Ok(());
+            }
         }
-        Some(_) => {
-            done.known += 1;
-            return Ok(());
-        }
-        None => {}
+    } else {
+        done.known += 1;
     }
-    let program = match &taken.program {
-        Some(program) => Some(program.row(db).await?),
-        None => None,
-    };
-    let source = Source { task, owner: owner.as_deref(), job: None, trace: None, program };
-    answer.insert(db, *key, &source, now()).await?;
-    sqlx::query(
-        "UPDATE result SET imported = ?2, imported_from = ?3, computed = ?4 WHERE key = ?1",
+    done.left_out.extend(left_out.into_iter().map(|what| (key, what)));
+    if let Some(note) = note {
+        annotate(db, key, &note, done).await?;
+    }
+    Ok(())
+}
+
+impl New {
+    async fn put(&self, db: &mut SqliteConnection, key: Key, file: &str) -> Result<(), Moving> {
+        let program = match &self.program {
+            Some(program) => Some(program.row(db).await?),
+            None => None,
+        };
+        let owner = self.owner.as_deref();
+        let source = Source { task: &self.task, owner, job: None, trace: None, program };
+        self.answer.insert(db, key, &source, now()).await?;
+        sqlx::query(
+            "UPDATE result SET imported = ?2, imported_from = ?3, computed = ?4 WHERE key = ?1",
+        )
+        .bind(key.bytes().as_slice())
+        .bind(now())
+        .bind(file)
+        .bind(self.computed)
+        .execute(db)
+        .await?;
+        Ok(())
+    }
+}
+
+/// Puts a note to a result that has none.
+async fn annotate(
+    db: &mut SqliteConnection,
+    key: Key,
+    note: &Note,
+    done: &mut Imported,
+) -> Result<(), Moving> {
+    let new = sqlx::query(
+        "INSERT INTO note (key, text, owner, at) SELECT key, ?2, ?3, ?4 FROM result WHERE key = ?1
+         ON CONFLICT DO NOTHING",
     )
     .bind(key.bytes().as_slice())
-    .bind(now())
-    .bind(file)
-    .bind(taken.computed)
+    .bind(&note.text)
+    .bind(&note.owner)
+    .bind(note.at)
     .execute(&mut *db)
     .await?;
-    if let Some(Note { text, owner, at }) = &taken.note {
-        if let Some(why) = Note::fault(text) {
-            done.without_note.push((key.to_string(), why));
-        } else {
-            sqlx::query(
-                "INSERT OR IGNORE INTO note (key, text, owner, at) VALUES (?1, ?2, ?3, ?4)",
-            )
-            .bind(key.bytes().as_slice())
-            .bind(text)
-            .bind(owner)
-            .bind(at)
-            .execute(db)
-            .await?;
-        }
+    if new.rows_affected() > 0 {
+        done.notes += 1;
+        return Ok(());
     }
-    done.results += 1;
-    done.bytes += answer.body.len() as u64;
+    let there: Option<String> = sqlx::query_scalar("SELECT text FROM note WHERE key = ?1")
+        .bind(key.bytes().as_slice())
+        .fetch_optional(db)
+        .await?;
+    if there.is_some_and(|there| there != note.text) {
+        done.other_notes.push(key);
+    }
     Ok(())
 }
 
