@@ -108,6 +108,12 @@ class Browser:
         told = [(rule["id"], [node["html"][:160] for node in rule["nodes"]][:3]) for rule in found]
         assert not told, (view, told)
 
+    def examine_shown(self, page, view):
+        """The same, nothing wider than the screen, and a picture of it."""
+        self.examine(page, view)
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), view
+        page.screenshot(path=SCREENS / f"{view}.png", full_page=True)
+
     def examine_all(self, base, views):
         """Each view, an address and what is there once it is drawn: light and dark, wide and narrow."""
         for width in SIZES:
@@ -116,11 +122,9 @@ class Browser:
                 for view, (address, ready) in views.items():
                     page.goto(base + address)
                     page.wait_for_selector(ready, state="attached")
-                    page.wait_for_load_state("networkidle" if "run" not in view else "load")
-                    page.wait_for_timeout(150)
-                    self.examine(page, f"{view} {width} {scheme}")
-                    assert page.evaluate("document.documentElement.scrollWidth") <= width, (view, width)
-                    page.screenshot(path=SCREENS / f"{view}-{width}-{scheme}.png", full_page=True)
+                    # What is drawn goes on the screen.
+                    page.wait_for_timeout(200)
+                    self.examine_shown(page, f"{view}-{width}-{scheme}")
                 page.context.close()
 
 

@@ -80,7 +80,7 @@ export class Plot {
           class: unnamed ? "unnamed" : undefined, value: valued(y, ""),
           points: { show: points ?? false, size: 6, fill: colour(`ink-${ink}`) },
         }))],
-      cursor: { drag: { x: true, y: false }, focus: { prox: 24 }, hover: { skip: [] } },
+      cursor: { drag: { x: true, y: false }, y: false, hover: { skip: [] } },
       legend: { live: true, markers: { dash: (_, i) => (curves[i - 1]?.dashed ? "dashed" : "solid") } },
     };
     this.#plot = new uPlot(options, data, this.#place);
@@ -103,10 +103,8 @@ export class Plot {
     if (to === undefined) return;
     event.preventDefault();
     const at = Math.min(Math.max(to, first), last);
-    const known = series.findIndex((own, i) => i > 0 && own.show && data[i][at] != null);
-    const top = known > 0 ? Math.max(0, this.#plot.valToPos(data[known][at], "y")) : 0;
     const away = { left: -10, top: -10 };
-    this.#plot.setCursor(event.key === "Escape" ? away : { left: this.#plot.valToPos(data[0][at], "x"), top });
+    this.#plot.setCursor(event.key === "Escape" ? away : { left: this.#plot.valToPos(data[0][at], "x"), top: 0 });
     this.#read();
   };
 

@@ -6,7 +6,7 @@ import { apart, branches, ceiling, Plot } from "./plots.js";
 import { drawAbout } from "./about.js";
 import { drawActions } from "./actions.js";
 import { contactName, entryOf, loadName, wayName } from "./names.js";
-import { column, cycles, percent, quantity, WORDS } from "./units.js";
+import { column, cycles, digits, percent, quantity, WORDS } from "./units.js";
 
 const PROFILES = ["worn", "wear", "pressure", "slip", "image"];
 /** What a history plot shows: a name, and the columns in it. */
@@ -72,6 +72,7 @@ export async function showResult(main, { id: key, query, signal }) {
   const output = h("output", { for: "instant", id: "at" });
   const readout = h("dl", { class: "tiles", id: "readout" });
   const errors = h("p", { class: "quiet", id: "apart" });
+  const criteria = h("p", { class: "row quiet", id: "criteria" });
   const about = h("div", { class: "cards" });
 
   const choice = (name, label, options) => {
@@ -91,7 +92,7 @@ export async function showResult(main, { id: key, query, signal }) {
     output.textContent = `N = ${cycles(at)}`;
     drawReadout(readout, result, at);
     drawProfile(plots.profile, errors, result, other, state);
-    drawLoop(plots.loop, result, other, at);
+    drawLoop(plots.loop, criteria, result, other, at);
   }
 
   function draw() {
@@ -119,9 +120,9 @@ export async function showResult(main, { id: key, query, signal }) {
       h("section", { class: "card", "aria-label": "History" },
         h("div", { class: "row" },
           choice("history", "History", Object.fromEntries(Object.entries(HISTORIES).map(([name, [word]]) => [name, word]))),
-          choice("log", "Axes", { x: "logarithmic in N", "": "linear", xy: "logarithmic" })),
+          choice("log", "Axes", { x: "log N", "": "linear", xy: "log, log" })),
         plots.history.element),
-      h("section", { class: "card", "aria-label": "Fretting loop" },
+      h("section", { class: "card", "aria-label": "Fretting loop" }, criteria,
         result.loops?.cycles.length ? plots.loop.element : h("p", {}, "This result carries no loops (profiles_at)."))),
     about);
   const all = () => {
@@ -209,7 +210,7 @@ function drawHistory(plot, result, other, { history, log }) {
   plot.show(shown, { x: [WORDS.cycles, "1"], y: [title, unit], logX: log.includes("x"), logY: log.includes("y") });
 }
 
-function drawLoop(plot, result, other, at) {
+function drawLoop(plot, criteria, result, other, at) {
   const shown = [];
   let left = "";
   const add = ({ loops, units }, name, ink, dashed) => {
@@ -224,7 +225,12 @@ function drawLoop(plot, result, other, at) {
   };
   add(result, "this", 1);
   if (other) add(other, "the other", 5, true);
-  if (shown.length === 0) return;
+  const { loops } = result;
+  if (!loops?.cycles.length) return;
+  const row = nearest(loops.cycles, at);
+  // The criteria of the transition to sliding.
+  criteria.textContent = [["energy A", "energy_ratio"], ["slip D", "slip_ratio"], ["free B", "free_ratio"]]
+    .map(([word, name]) => `${word}\u00a0=\u00a0${digits(loops[name][row], 3)}`).join(", ");
   plot.title.textContent = `Fretting loop after ${cycles(at)} cycles${left}`;
   plot.show(shown, { x: [WORDS.displacement, result.units.displacement], y: ["Tangential force", "N"],
     describe: `Tangential force over displacement after ${cycles(at)} cycles` });

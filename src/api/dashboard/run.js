@@ -7,6 +7,8 @@ import { contactName, entryOf, loadName, wayName } from "./names.js";
 import { cycles, span } from "./units.js";
 
 const OPEN = ["queued", "running", "canceling"];
+const TOLD = { queued: "The run waits again.", running: "The run has begun.", canceling: "The run is being stopped.",
+  succeeded: "The run is done.", failed: "The run has failed.", canceled: "The run was canceled." };
 
 /** How fast a job goes on, from what was seen of it; a server that was interrupted begins anew. */
 class Pace {
@@ -31,9 +33,9 @@ export async function showRun(main, { id, query, signal }) {
   const bar = h("progress", { max: 1, "aria-label": "Progress" });
   const part = h("span", { id: "part" });
   const times = h("div", { id: "times" });
-  const what = h("section", { class: "card", "aria-label": "What is computed", hidden: true });
+  const what = h("section", { class: "card told", "aria-label": "What is computed", hidden: true });
   const known = h("section", { class: "card", "aria-label": "What is known beforehand", hidden: true });
-  const after = h("div", {});
+  const after = h("div", { class: "stack" });
   const again = () => given && h("a", { class: "button primary", href: `#/new?${new URLSearchParams({ scenario: given })}` },
     "Edit and run again");
   const cancel = h("button", { type: "button", id: "cancel", onclick: async () => {
@@ -50,10 +52,10 @@ export async function showRun(main, { id, query, signal }) {
   function draw() {
     state.textContent = job.state;
     bar.value = job.progress;
-    part.textContent = `${Math.floor(job.progress * 100)} %`;
+    part.textContent = job.state === "queued" ? "" : `${Math.floor(job.progress * 100)}\u00a0%`;
     cancel.hidden = !OPEN.includes(job.state);
     drawTimes();
-    if (job.state === "failed") fill(after, trouble({ title: "The run failed", ...job.error }), h("p", {}, again()));
+    if (job.state === "failed") fill(after, trouble({ title: "The run failed", ...job.error }), again());
     if (job.state === "canceled") {
       fill(after, h("section", { class: "card" }, h("p", {}, "It was canceled: nothing is computed any more."),
         h("p", { class: "row" }, again(), h("a", { class: "button", href: "#/queue" }, "To the queue"))));
@@ -79,7 +81,7 @@ export async function showRun(main, { id, query, signal }) {
     const { scenario } = found;
     fill(what, h("h2", {}, "What is computed"), h("p", {}, contactName(entryOf(found)), "; ", loadName(entryOf(found))),
       h("p", {}, wayName(entryOf(found))),
-      list([["Instants", scenario.cycles.length], ["The last one", `${cycles(scenario.cycles.at(-1))} cycles`],
+      list([["Instants", `${scenario.cycles.length}, the last after ${cycles(scenario.cycles.at(-1))} cycles`],
         ["Points of a profile", scenario.model.points]]));
     drawKnown(known, found);
     [what, known].forEach((card) => (card.hidden = false));
@@ -88,8 +90,8 @@ export async function showRun(main, { id, query, signal }) {
   main.replaceChildren(h("h1", {}, job.label || "Run"),
     h("div", { class: "two" },
       h("div", {},
-        h("section", { class: "card", "aria-label": "Progress" },
-          h("p", { class: "row" }, state, part), bar, times, h("div", { class: "row run" }, cancel)),
+        h("section", { class: "card told", "aria-label": "Progress" },
+          h("div", { class: "row apart" }, h("p", { class: "row" }, state, part), cancel), bar, times),
         after, what),
       h("div", { class: "side" }, known)));
   draw();
@@ -107,7 +109,9 @@ export async function showRun(main, { id, query, signal }) {
       if (name === "snapshot") job = data;
       if (name === "progress") job = { ...job, ...data };
       if (name === "state") {
-        if (data.state !== job.state) say(`The run is ${data.state}.`);
+        // Of a job that was finished before, the stream tells how it came to that.
+        if (!data.job && !OPEN.includes(job.state)) continue;
+        if (data.state !== job.state) say(TOLD[data.state]);
         job = data.job ?? { ...job, state: data.state, attempt: data.attempt };
       }
       draw();
