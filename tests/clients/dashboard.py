@@ -42,7 +42,7 @@ def blocks(cycles, points=4096):
     }
 
 
-LONG = blocks(400_000)
+LONG = blocks(200_000)
 
 
 def known(page, name):
@@ -334,6 +334,8 @@ def interrupt(browser, data):
                 ask(own.base, f"/v1/jobs/{job['id']}/cancel", method="POST")
             views[f"run-{name}"] = (f"/#/run/{job['id']}?scenario={json.dumps(scenario)}",
                 "[data-known=regime] >> visible=true")
+        # How long it still takes is said once that is known.
+        views["run-running"] = (views["run-running"][0], "[data-known=left]:text-matches('[0-9]')")
         browser.examine_all(own.base, {**views, "queue-busy": ("/#/queue", ".state.running")})
         ask(own.base, "/v1/jobs/cancel?state=running", method="POST")
         page.context.close()

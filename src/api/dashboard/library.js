@@ -93,7 +93,7 @@ export async function showLibrary(main, { query, signal }) {
       thumbnail(target, signal);
       called(target.dataset.key, shown.get(target), signal);
     }
-  });
+  }, { rootMargin: "400px" });
   signal.addEventListener("abort", () => seen.disconnect());
 
   function drawEntry(entry) {

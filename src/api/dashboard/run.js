@@ -1,7 +1,7 @@
 // One job as it goes on, until it has a result.
 
 import { events, get, post } from "./api.js";
-import { fill, h, say, trouble, when } from "./dom.js";
+import { debounced, fill, h, say, trouble, when } from "./dom.js";
 import { drawKnown, list } from "./known.js";
 import { contactName, entryOf, loadName, wayName } from "./names.js";
 import { cycles, span } from "./units.js";
@@ -100,6 +100,12 @@ export async function showRun(main, { id, query, signal }) {
   const drawn = () => given && drawScenario().catch((error) => signal.aborted || say(error.message));
   drawn();
   document.addEventListener("units", drawn, { signal });
+  // A stream begins with what was before: only where that leads is told.
+  let told = job.state;
+  const tell = debounced(100, () => {
+    if (job.state !== told) say(TOLD[(told = job.state)]);
+  });
+
   follow().catch((error) => {
     if (!signal.aborted) after.replaceChildren(trouble(error));
   });
@@ -109,12 +115,10 @@ export async function showRun(main, { id, query, signal }) {
       if (name === "snapshot") job = data;
       if (name === "progress") job = { ...job, ...data };
       if (name === "state") {
-        // Of a job that was finished before, the stream tells how it came to that.
-        if (!data.job && !OPEN.includes(job.state)) continue;
-        if (data.state !== job.state) say(TOLD[data.state]);
         job = data.job ?? { ...job, state: data.state, attempt: data.attempt };
       }
       draw();
+      tell();
       if (job.state === "succeeded") break;
     }
     // The stream may have ended behind what was seen.

@@ -98,6 +98,8 @@ export function span(seconds) {
   return words.map(([count, name]) => `${count}\u00a0${name}`).join(" ");
 }
 
-/** Whole cycles, with narrow spaces. */
-export const cycles = (value) =>
-  Number.isInteger(value) ? String(value).replace(/\B(?=(\d{3})+$)/g, "\u202f") : digits(value, 6);
+/** Cycles, whole ones from a thousand on, with narrow spaces. */
+export const cycles = (given) => {
+  const value = given >= 1000 ? Math.round(given) : given;
+  return Number.isInteger(value) ? String(value).replace(/\B(?=(\d{3})+$)/g, "\u202f") : digits(value, 6);
+};
