@@ -437,7 +437,7 @@ def main():
         both, exact = compare(browser, page)
         comparison(page, both)
         every_plot(page, BASE, key)
-        every_plot(page, BASE, both)
+        every_plot(page, BASE, both, scales=["xy"])
         slide(browser, BASE)
         cancel(page)
         page.context.close()
@@ -445,7 +445,7 @@ def main():
             said("/v1/jobs", example["body"])
         # What people call a result comes last.
         named = "#called:not([hidden])"
-        browser.examine_all(BASE, {"form": ("/", "[data-known=regime]"), "result": (f"/#/result/{both}", named),
+        browser.examine_all(BASE, {"form": ("/", "[data-known=regime]"), "result": (f"/#/result/{both}?at=10000", named),
             "pressure": (f"/#/result/{key}?plot=pressure&history=radii&at=10000", named),
             "compare": (f"/#/result/{exact}?with={key}&plot=wear&at=10000", named),
             "library": ("/#/library", ".thumbnail path"), "queue": ("/#/queue", "tbody tr")})

@@ -30,7 +30,7 @@ def read(page, figure, x_name, truth):
     plot = page.locator(f"section[aria-label='{figure}'] [role=slider]")
     area = page.locator(f"section[aria-label='{figure}'] .u-over")
     box = area.bounding_box()
-    for part in (0.3, 0.55, 0.8):
+    for part in (0.35, 0.7):
         area.hover(position={"x": part * box["width"], "y": box["height"] / 2})
         expect(page.locator(f"section[aria-label='{figure}'] .u-value").first).to_have_text(re.compile(r"\d"))
         agree(page, figure, x_name, truth)
@@ -68,7 +68,7 @@ def times(factor, values):
     return [None if value is None else factor * value for value in values]
 
 
-def every_plot(page, base, key):
+def every_plot(page, base, key, scales=("x", "", "xy")):
     """Each quantity, each axis, the loop: drawn, and the numbers at the cursor are the server's."""
     result = ask(base, f"/v1/results/{key}")
     profiles, history, loops = result["profiles"], result["history"], result["loops"]
@@ -98,7 +98,7 @@ def every_plot(page, base, key):
             _, column, factor = columns[0]
             word = "simplified rule" + (f": {columns[0][0].lower()}" if len(columns) > 1 else "")
             truth[word] = (result["comparison"]["history"]["cycles"], times(factor, result["comparison"]["history"][column]))
-        for axes in ("x", "", "xy"):
+        for axes in scales:
             page.select_option("#choose-log", axes)
             if "y" in axes:
                 # What is not above zero has no place on a logarithmic axis.
@@ -108,7 +108,7 @@ def every_plot(page, base, key):
                 shown = truth
             read(page, "History", "Cycles N", shown)
             pictures.add(canvas(page, "History").evaluate("canvas => canvas.toDataURL()"))
-    assert len(pictures) == len(PROFILES) + 3 * len(HISTORIES), len(pictures)
+    assert len(pictures) == len(PROFILES) + len(scales) * len(HISTORIES), len(pictures)
     criteria = re.findall(r"=\xa0([^,]+)", page.locator("#criteria").text_content())
     for shown, ratio in zip(criteria, ("energy_ratio", "slip_ratio", "free_ratio"), strict=True):
         close(shown, loops[ratio][-1], 5e-3)
@@ -129,7 +129,7 @@ def slide(browser, base):
     page.goto(f"{base}/#/result/{key}")
     page.wait_for_selector("canvas")
     took = {"script": [], "shown": []}
-    for name in PROFILES:
+    for name in ("worn", "pressure"):
         page.select_option("#choose-plot", name)
         page.evaluate("""() => {
             window.steps = new Map();
@@ -152,8 +152,8 @@ def slide(browser, base):
         left, right = slider["x"] + 8, slider["x"] + slider["width"] - 8
         page.mouse.move(right, middle)
         page.mouse.down()
-        for step in range(401):
-            page.mouse.move(right - (right - left) * step / 400, middle)
+        for step in range(301):
+            page.mouse.move(right - (right - left) * step / 300, middle)
         page.mouse.up()
         page.wait_for_timeout(100)
         steps = page.evaluate("[...window.steps.values()].filter(step => step.shown !== undefined)")

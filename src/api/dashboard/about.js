@@ -23,9 +23,8 @@ export function drawAbout(place, result) {
       ...(accuracy.volume_error == null ? [] : [["Error of the volume", percent(accuracy.volume_error)]]),
       [isRule ? "The rule's mismatch of energy" : "Energy balance off by", percent(accuracy.energy_mismatch), "mismatch"],
       ...(accuracy.steps == null ? [] : [["Steps", digits(accuracy.steps)]])]),
-    isRule && h("p", { class: "quiet" }, "The simplified rule wears other volumes than its energy says, (k_w/μ)·ΣW: it was",
-      " fitted to worn shapes and does not keep that balance. The exact method does; a run with ", h("code", {}, "compare"),
-      " tells what the rule neglects here."),
+    isRule && h("p", { class: "quiet" }, "The simplified rule does not keep the balance V = (k_w/μ)·ΣW; this is by how much.",
+      " The exact method keeps it, and with ", h("code", {}, "compare"), " tells what the rule neglects here."),
     warnings.length > 0 && h("ul", { class: "warning" }, warnings.map((warning) => h("li", {}, warning.detail ?? String(warning)))),
     events.length > 0 && [h("h3", {}, "Events"), h("ul", {}, events.map((event) =>
       h("li", {}, `${WORDS[event.kind] ?? event.kind} at N = ${cycles(Math.round(event.cycles))}`)))]),

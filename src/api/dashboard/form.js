@@ -71,8 +71,8 @@ export async function showForm(main, { query, signal }) {
   json.addEventListener("input", () => {
     try {
       const parsed = JSON.parse(json.value);
-      scenario = parsed.scenario ?? parsed;
-      if (parsed.scenario) called = parsed.label ?? null;
+      scenario = Object(parsed?.scenario ?? parsed);
+      if (parsed?.scenario) called = parsed.label ?? null;
       jsonFault.textContent = "";
       draw();
       changed();
