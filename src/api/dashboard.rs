@@ -31,8 +31,8 @@ macro_rules! files {
 }
 
 const SCRIPTS: &[File] = files!("text/javascript": "about.js", "actions.js", "api.js", "dom.js",
-    "fields.js", "form.js", "library.js", "main.js", "plots.js", "queue.js", "result.js", "run.js",
-    "sketch.js", "units.js", "vendor/uPlot.iife.min.js");
+    "fields.js", "form.js", "known.js", "library.js", "main.js", "names.js", "plots.js", "queue.js",
+    "result.js", "run.js", "sketch.js", "units.js", "vendor/uPlot.iife.min.js");
 const STYLES: &[File] = files!("text/css": "style.css", "vendor/uPlot.min.css");
 const IMAGES: &[File] = files!("image/svg+xml": "icon.svg");
 const TEXTS: &[File] = files!("text/plain; charset=utf-8": "vendor/uPlot-LICENSE.txt");

@@ -1,147 +1,48 @@
 """Uses the dashboard as people do, in a real browser: runs, looks, compares, shares, cancels, signs in,
-loses the server and gets it back. Looks at every view with axe-core, light and dark.
+loses the server and gets it back. Looks at every view with axe-core, light and dark, wide and narrow.
 
     python dashboard.py http://127.0.0.1:8080 target/release/fretwork
 
 Pictures of all views go to target/screens.
 """
 
+import functools
 import json
-import os
 import pathlib
 import re
-import shutil
-import socket
+import statistics
 import subprocess
 import sys
 import tempfile
-import time
-import urllib.request
 
 from playwright.sync_api import expect, sync_playwright
 
+from browser import SCREENS, SIZES, Browser, Server, ask, chromium, close, inked
+from plots import every_plot, slide
+
 BASE, PROGRAM = sys.argv[1:3]
-ROOT = pathlib.Path(__file__).parents[2]
-SCREENS = ROOT / "target/screens"
-AXE = "4.14.1"
 MASTER = "fretwork_" + "0123456789abcdef" * 3
-SIZES = {1440: 900, 390: 844}
-
-# Seconds of work: long enough to be cancelled.
-LONG = {
-    "profile": {"shape": "paraboloid", "radius": "10 mm"},
-    "moduli": {"normal": "112 GPa", "tangential": "92 GPa"},
-    "friction": 0.7,
-    "wear": {"coefficient": "3.03e-5 mm^3/(N m)"},
-    "load": {"normal_force": "100 N", "held": "force"},
-    "motion": {"blocks": [{"amplitude": f"{1 + (i % 7) / 5} um", "cycles": 20000} for i in range(1000)]},
-    "cycles": {"from": 1000, "to": 20000000, "count": 1000, "spacing": "linear"},
-    "profiles_at": "none",
-    "model": {"method": "exact", "points": 4096, "tolerance": 1e-4, "compare": True},
-}
+server = functools.partial(Server, PROGRAM)
+said = functools.partial(ask, BASE)
 
 
-def ask(path, body=None, method=None, base=BASE):
-    data = None if body is None else json.dumps(body).encode()
-    request = urllib.request.Request(base + path, data, {"Content-Type": "application/json", "Prefer": "wait=20"}, method=method)
-    with urllib.request.urlopen(request, timeout=30) as answer:
-        return json.loads(answer.read() or "null")
+def blocks(cycles, points=4096):
+    """A thousand blocks over the onset of gross slip: half a minute of work and more, in proportion to `cycles`."""
+    amplitudes = (f"{(2.5, 8)[i % 2] + (i % 7) / 100} um" for i in range(1000))
+    return {
+        "profile": {"shape": "paraboloid", "radius": "10 mm"},
+        "moduli": {"normal": "112 GPa", "tangential": "92 GPa"},
+        "friction": 0.7,
+        "wear": {"coefficient": "3.03e-5 mm^3/(N m)"},
+        "load": {"normal_force": "100 N", "held": "force"},
+        "motion": {"blocks": [{"amplitude": amplitude, "cycles": cycles} for amplitude in amplitudes]},
+        "cycles": {"from": cycles, "to": 1000 * cycles, "count": 1000, "spacing": "linear"},
+        "profiles_at": "none",
+        "model": {"method": "exact", "points": points, "tolerance": 1e-4, "compare": True},
+    }
 
 
-def chromium():
-    """Where the browser is; it is installed from Debian if there is none."""
-    if not shutil.which("chromium"):
-        subprocess.run("apt-get update -qq && apt-get install -qq -y chromium", shell=True, check=True)
-    return shutil.which("chromium")
-
-
-def axe():
-    """The script of axe-core, from its package."""
-    at = ROOT / f"target/clients/axe-core-{AXE}"
-    if not at.exists():
-        at.mkdir(parents=True)
-        subprocess.run(["npm", "pack", "--silent", f"axe-core@{AXE}"], cwd=at, check=True, stdout=subprocess.DEVNULL)
-        subprocess.run(["tar", "xzf", f"axe-core-{AXE}.tgz", "package/axe.min.js"], cwd=at, check=True)
-    return (at / "package/axe.min.js").read_text()
-
-
-class Server:
-    """A server of this test's own, on a port that stays when it is started again."""
-
-    def __init__(self, data, **environment):
-        with socket.socket() as free:
-            free.bind(("127.0.0.1", 0))
-            self.port = free.getsockname()[1]
-        self.data, self.environment = data, environment
-        self.base = f"http://127.0.0.1:{self.port}"
-
-    def start(self):
-        words = [PROGRAM, "--listen", f"127.0.0.1:{self.port}", "--data-dir", self.data]
-        environment = {"PATH": os.environ["PATH"], "FRETWORK_LOG": "error", **self.environment}
-        self.process = subprocess.Popen(words, env=environment, stdout=subprocess.PIPE, text=True)
-        assert "listens on" in self.process.stdout.readline()
-        return self
-
-    def kill(self):
-        self.process.kill()
-        self.process.wait()
-        self.process.stdout.close()
-
-
-class Browser:
-    """Fresh profiles of one browser; what a page complains of, and whom else it asks, is remembered."""
-
-    def __init__(self, chromium):
-        self.chromium, self.complaints, self.script = chromium, [], axe()
-
-    def page(self, base=BASE, scheme="light", width=1440):
-        size = {"width": width, "height": SIZES[width]}
-        context = self.chromium.new_context(viewport=size, color_scheme=scheme, bypass_csp=False)
-        context.grant_permissions(["clipboard-read", "clipboard-write"], origin=base)
-        page = context.new_page()
-        page.set_default_timeout(15000)
-        page.on("pageerror", lambda error: self.complaints.append(str(error)))
-        page.on("console", self.heard)
-        page.on("request", lambda request: request.url.startswith((base, "blob:", "data:"))
-            or self.complaints.append(f"asks {request.url}"))
-        return page
-
-    def heard(self, message):
-        # The browser reports each answer that is not a success; those that are meant are shown.
-        if message.type in ("error", "warning") and not message.text.startswith("Failed to load resource"):
-            self.complaints.append(message.text)
-
-    def examine(self, page, view):
-        """No violation of any rule of accessibility in what is shown."""
-        page.evaluate(self.script)
-        found = page.evaluate("axe.run(document, {resultTypes: ['violations']})")["violations"]
-        told = [(rule["id"], [node["html"][:160] for node in rule["nodes"]][:3]) for rule in found]
-        assert not told, (view, told)
-
-
-def inked(page, figure):
-    """How many pixels of a plot are drawn, and whether in more than one colour."""
-    return page.locator(f"section[aria-label='{figure}'] canvas").evaluate("""canvas => {
-        const {data} = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
-        const colours = new Set();
-        let inked = 0;
-        for (let i = 0; i < data.length; i += 4) if (data[i + 3] > 200) {
-            inked++;
-            colours.add(`${data[i]} ${data[i + 1]} ${data[i + 2]}`);
-        }
-        return [inked, colours.size];
-    }""")
-
-
-def number(text):
-    """A number as it is shown, back."""
-    found = re.match(r"(−?[\d.]+)(?:·10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+))?", text)
-    power = (found[2] or "0").translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789"))
-    return float(found[1].replace("−", "-")) * 10 ** int(power)
-
-
-def close(shown, true, part=1e-4):
-    assert abs(number(shown) - true) <= part * abs(true), (shown, true)
+LONG = blocks(200_000)
 
 
 def known(page, name):
@@ -152,13 +53,53 @@ def key_of(page):
     return re.search(r"#/result/([0-9a-f]{64})", page.url)[1]
 
 
+def first_load(browser):
+    """Less than 200 kB, from here, under a strict policy; and how soon it can be used."""
+    page = browser.page(BASE)
+    answers = []
+    page.on("response", lambda answer: answers.append(answer))
+    page.goto(BASE + "/")
+    page.wait_for_load_state("networkidle")
+    total = sum(int(answer.headers.get("content-length", 0)) for answer in answers)
+    assert len(answers) > 10 and total < 200_000, total
+    policy = answers[0].headers["content-security-policy"]
+    assert "default-src 'none'" in policy and "unsafe" not in policy, policy
+    page.context.close()
+
+    # From the start of navigation until the regime is shown and the run can be started, nothing in any cache.
+    watch = """window.usable = new Promise((done) => new MutationObserver(() => {
+        const run = document.querySelector("button.primary"), regime = document.querySelector("[data-known=regime]");
+        if (regime && run && !run.disabled) done(performance.now());
+    }).observe(document, {subtree: true, childList: true, attributes: true}))"""
+    took = []
+    for _ in range(9):
+        page = browser.page(BASE, before=watch)
+        page.goto(BASE + "/")
+        took.append(page.evaluate("window.usable"))
+        page.context.close()
+    print(f"the first load is {total / 1000:.0f} kB; it can be used after {statistics.median(took):.0f} ms, "
+        f"{max(took):.0f} ms at worst of {len(took)}")
+
+
+def two_clicks(browser, data):
+    """From the address that the program prints to the first plot of an empty library: the link, and Run."""
+    with server(data) as own:
+        page = browser.page(own.base, before="addEventListener('click', () => window.clicks = (window.clicks ?? 0) + 1, true)")
+        page.goto(own.page)
+        page.click("button.primary")
+        page.wait_for_selector("canvas")
+        assert inked(page, "Profiles")[0] > 500 and page.evaluate("window.clicks") == 1
+        page.context.close()
+
+
 def run_the_ball(browser):
-    page = browser.page()
+    page = browser.page(BASE)
     page.goto(BASE + "/")
     page.select_option("#preset", "steel-ball")
     expect(known(page, "regime")).to_have_text("partial slip")
-    scenario = ask("/v1/examples/steel-ball")["scenario"]
-    truth = ask("/v1/scenarios", {"scenario": scenario})
+    example = said("/v1/examples/steel-ball")
+    scenario = example["scenario"]
+    truth = said("/v1/scenarios", {"scenario": scenario})
     close(known(page, "a0").inner_text(), truth["scales"]["contact_radius"] * 1e6, 1e-3)
     shown = re.sub(r"\D", "", known(page, "n0").inner_text())
     assert shown == str(round(truth["scales"]["cycles"])), shown
@@ -168,59 +109,51 @@ def run_the_ball(browser):
     expect(page.locator("#profile-radius-fault")).to_contain_text("greater than 0")
     expect(page.locator("button.primary")).to_be_disabled()
     browser.examine(page, "faults")
+    # The preset's label goes with the preset's scenario only; what a person types stays.
+    expect(page.locator("#label")).to_have_value("")
+    expect(page.locator("#preset")).to_have_value("")
     page.fill("#profile-radius", "10 mm")
     expect(page.locator("#profile-radius-fault")).to_have_text("")
+    expect(page.locator("#label")).to_have_value(example["label"])
+    expect(page.locator("#preset")).to_have_value("steel-ball")
 
     # The form and the JSON are one.
     page.click("summary:has-text('as JSON')")
     page.fill("#friction", "0.6")
     assert json.loads(page.input_value("#json"))["friction"] == 0.6
+    page.fill("#label", "The ball of Monday")
     page.fill("#json", json.dumps({**scenario, "friction": 0.65}))
     expect(page.locator("#friction")).to_have_value("0.65")
+    expect(page.locator("#label")).to_have_value("The ball of Monday")
     page.fill("#json", json.dumps(scenario))
     expect(page.locator("button.primary")).to_be_enabled()
     # Its address opens it again.
     page.reload()
     expect(page.locator("#friction")).to_have_value("0.7")
+    expect(page.locator("#label")).to_have_value("The ball of Monday")
     expect(page.locator("button.primary")).to_be_enabled()
 
     page.click("button.primary")
     page.wait_for_url("**/#/result/*")
     page.wait_for_selector("canvas")
-    for figure in ("Profiles", "History", "Fretting loop"):
-        pixels, colours = inked(page, figure)
-        assert pixels > 500 and colours > 3, (figure, pixels, colours)
+    expect(page.locator("#called")).to_have_text("The ball of Monday")
     return page
 
 
 def look(page):
     """The numbers at each instant are the server's; the plot follows the slider."""
-    result = ask(f"/v1/results/{key_of(page)}")
+    result = said(f"/v1/results/{key_of(page)}")
     slider = page.locator("#instant")
     slider.focus()
     page.keyboard.press("Home")
     instants = result["profiles"]["cycles"]
     for row, at in enumerate(instants):
-        assert re.sub(r"\D", "", page.locator("#at").inner_text()) == str(int(at))
+        expect(page.locator("#at")).to_have_text(f"N = {at:,.0f}".replace(",", "\u202f"))
         close(page.locator("[data-value=wear_depth]").inner_text() or "0", result["history"]["wear_depth"][row] * 1e6)
         close(page.locator("[data-value=normal_force]").inner_text(), result["history"]["normal_force"][row])
         if row < len(instants) - 1:
             page.keyboard.press("ArrowRight")
-    before = page.locator("section[aria-label='Profiles'] canvas").evaluate("canvas => canvas.toDataURL()")
-    page.keyboard.press("Home")
-    page.wait_for_timeout(100)
-    assert before != page.locator("section[aria-label='Profiles'] canvas").evaluate("canvas => canvas.toDataURL()")
     page.keyboard.press("End")
-
-    # The value under the pointer is the server's.
-    page.hover("section[aria-label='Profiles'] .u-over")
-    page.wait_for_timeout(100)
-    legend = page.locator("section[aria-label='Profiles'] .u-series")
-    values = {row.locator(".u-label").inner_text(): row.locator(".u-value").inner_text() for row in legend.all()}
-    radius = number(values["Radius r, µm"])
-    profiles = result["profiles"]
-    nearest = min(range(len(profiles["radius"])), key=lambda i: abs(profiles["radius"][i] * 1e6 - radius))
-    close(values["this instant"], profiles["worn"][-1][nearest] * 1e6, 1e-3)
 
     # In SI the same.
     page.click("#units")
@@ -231,7 +164,6 @@ def look(page):
     page.select_option("#choose-plot", "pressure")
     expect(page.locator("section[aria-label='Profiles'] figcaption")).to_contain_text("Pressure")
     expect(page.locator("#apart")).to_contain_text("beyond the axis")
-    page.screenshot(path=SCREENS / "pressure-1440.png")
     page.select_option("#choose-plot", "worn")
 
     page.click("summary:has-text('Download')")
@@ -254,18 +186,22 @@ def look(page):
     page.fill("#note", "<b>Agrees</b> with the rig")
     page.get_by_role("button", name="Save").click()
     expect(page.locator(".actions .note")).to_contain_text("<b>Agrees</b> with the rig")
+    page.get_by_role("button", name="Note").click()
+    page.fill("#note", "Agrees with the rig")
+    page.get_by_role("button", name="Save").click()
+    expect(page.locator(".actions .note")).to_contain_text("“Agrees with the rig”")
     pin = page.get_by_role("button", name="Pin")
     wanted = pin.get_attribute("aria-pressed") == "false"
     pin.click()
     expect(pin).to_have_attribute("aria-pressed", str(wanted).lower())
-    assert ask(f"/v1/results/{key_of(page)}/provenance")["pinned"] is wanted
+    assert said(f"/v1/results/{key_of(page)}/provenance")["pinned"] is wanted
 
 
 def compare(browser, page):
     """The exact method beside the rule, from the library; the link opens the same view elsewhere."""
     rule = key_of(page)
-    exact = ask("/v1/jobs", ask("/v1/examples/steel-ball-exact"))["key"]
-    both = ask("/v1/jobs", ask("/v1/examples/flat-on-rig"))["key"]
+    exact = said("/v1/jobs", said("/v1/examples/steel-ball-exact"))["key"]
+    both = said("/v1/jobs", said("/v1/examples/flat-on-rig"))["key"]
     page.goto(BASE + "/#/library")
     page.select_option("#find-shape", "truncated_paraboloid")
     expect(page.locator(f".entry input[value='{both}']")).to_be_visible()
@@ -283,15 +219,21 @@ def compare(browser, page):
     page.select_option("#choose-history", "depth")
     shown = page.locator("#apart").inner_text()
     assert rule in page.url and "at=3000" in page.url, page.url
-    other = browser.page()
+    other = browser.page(BASE)
     other.goto(page.url)
     other.wait_for_selector("#apart:has-text('%')")
     assert other.locator("#apart").inner_text() == shown
     assert other.input_value("#choose-plot") == "wear" and other.input_value("#choose-history") == "depth"
     assert other.locator("#at").inner_text() == page.locator("#at").inner_text()
+    other.context.close()
+    return both, exact
 
+
+def comparison(page, both):
+    """The rule beside the exact method: its errors are the server's."""
     page.goto(f"{BASE}/#/result/{both}")
-    errors = ask(f"/v1/results/{both}")["comparison"]["errors"]["wear_volume"]
+    page.wait_for_selector("#comparison")
+    errors = said(f"/v1/results/{both}")["comparison"]["errors"]["wear_volume"]
     cells = page.locator("#comparison tbody tr")
     expect(cells).to_have_count(len(errors))
     close(cells.last.locator("td").first.inner_text(), 100 * errors[-1], 1e-2)
@@ -308,21 +250,116 @@ def cancel(page):
     page.click("button.primary")
     page.wait_for_url("**/#/run/*")
     expect(page.locator("#state")).to_have_text("running")
-    page.screenshot(path=SCREENS / "run-1440.png")
+    # What is known beforehand stands beside the progress.
+    expect(known(page, "regime")).to_have_text("partial slip")
+    expect(page.locator("section[aria-label='What is computed']")).to_contain_text("exact method")
     page.click("#cancel")
     expect(page.locator("#state")).to_have_text("canceled")
+    page.get_by_role("link", name="Edit and run again").click()
+    expect(page.locator("#friction")).to_have_value("0.7")
     page.click("nav >> text=Queue")
     expect(page.locator(".state.canceled").first).to_be_visible()
 
 
+def library(browser, base):
+    """More results than a page has: the next ones follow, and what is scrolled to is drawn."""
+    scenario = ask(base, "/v1/examples/steel-ball")["scenario"]
+    scenario["model"] = {"method": "simplified", "points": 16}
+    for i in range(40):
+        ask(base, "/v1/jobs", {"scenario": {**scenario, "friction": 0.5 + i / 100}, "label": f"Friction {50 + i} %"})
+    page = browser.page(base, width=390)
+    page.goto(base + "/#/library")
+    entries = page.locator(".entry")
+    expect(entries).to_have_count(24)
+    page.get_by_role("button", name="More").click()
+    expect(entries).to_have_count(40)
+    expect(page.get_by_role("button", name="More")).to_be_hidden()
+    assert len(set(entries.locator("h2").all_inner_texts())) == 40
+    drawn = page.locator(".thumbnail path.after")
+    assert drawn.count() < 40
+    for i in range(0, 40, 3):
+        entries.nth(i).scroll_into_view_if_needed()
+        expect(entries.nth(i).locator("path.after")).to_have_attribute("d", re.compile(r"^M0\.0,.*L96\.0,"))
+        expect(entries.nth(i).locator(".called")).to_have_text(f"Friction {89 - i} %")
+    page.context.close()
+
+
+def interrupt(browser, data):
+    """The server dies during a run and comes back: the view goes on behind what it has seen, to the result or
+    to the problem."""
+    with server(data, "--workers", "1") as own:
+        page = browser.page(own.base)
+        streams = []
+        page.on("request", lambda request: "/events" in request.url and streams.append(request.headers))
+
+        def submit(scenario):
+            page.goto(own.base + "/#/queue")
+            page.goto(f"{own.base}/#/new?scenario={json.dumps(scenario)}&label=Through thick and thin")
+            page.click("button.primary")
+            expect(page.locator("#state")).to_have_text("running")
+
+        def interrupted():
+            own.kill()
+            expect(page.locator("#banner")).to_be_visible()
+            own.start()
+            expect(page.locator("#banner")).to_be_hidden()
+
+        submit(blocks(20_000))
+        interrupted()
+        expect(page.locator("[data-known=attempt]")).to_contain_text("2")
+        assert "last-event-id" not in streams[0] and int(streams[-1]["last-event-id"]) >= 1, streams
+        page.wait_for_url("**/#/result/*", timeout=90000)
+        page.wait_for_selector("section[aria-label=History] canvas")
+
+        # What kills the server three times is given up.
+        submit(LONG)
+        failed = page.url
+        for attempt in (2, 3):
+            interrupted()
+            expect(page.locator("[data-known=attempt]")).to_contain_text(str(attempt))
+            expect(page.locator("#state")).to_have_text("running")
+        interrupted()
+        expect(page.locator("#state")).to_have_text("failed")
+        expect(page.locator(".trouble")).to_contain_text("lost repeatedly")
+        expect(page.get_by_role("link", name="what to do")).to_have_attribute("href", "/problems/worker-lost")
+        expect(page.get_by_role("link", name="Edit and run again")).to_be_visible()
+
+        # One runs, one waits, one was canceled while it waited.
+        views = {"run-failed": (failed[len(own.base):], ".trouble")}
+        for name, friction in (("running", 0.6), ("queued", 0.5), ("canceled", 0.4)):
+            scenario = {**LONG, "friction": friction}
+            label = f"A load spectrum of a thousand blocks, µ = {friction}"
+            job = ask(own.base, "/v1/jobs", {"scenario": scenario, "label": label}, wait=0)
+            if name == "canceled":
+                ask(own.base, f"/v1/jobs/{job['id']}/cancel", method="POST")
+            views[f"run-{name}"] = (f"/#/run/{job['id']}?scenario={json.dumps(scenario)}",
+                "[data-known=regime] >> visible=true")
+        # How long it still takes is said once that is known.
+        views["run-running"] = (views["run-running"][0], "[data-known=left]:text-matches('[0-9]')")
+        browser.examine_all(own.base, {**views, "queue-busy": ("/#/queue", ".state.running")})
+        ask(own.base, "/v1/jobs/cancel?state=running", method="POST")
+        page.context.close()
+
+
+def share(page):
+    """The link that the page puts on the clipboard."""
+    page.evaluate("navigator.clipboard.writeText('')")
+    page.get_by_role("button", name="Share").click()
+    return page.evaluate("""async () => {
+        for (;;) {
+            const text = await navigator.clipboard.readText();
+            if (text) return text;
+            await new Promise((done) => setTimeout(done, 50));
+        }
+    }""")
+
+
 def sign_in(browser, data):
-    server = Server(data, FRETWORK_ADMIN_KEY=MASTER).start()
-    try:
-        page = browser.page(server.base)
-        page.goto(server.base + "/")
+    with server(data, FRETWORK_ADMIN_KEY=MASTER) as own:
+        browser.examine_all(own.base, {"sign-in": ("/", "#key")})
+        page = browser.page(own.base)
+        page.goto(own.base + "/")
         page.fill("#key", "nonsense")
-        browser.examine(page, "sign in")
-        page.screenshot(path=SCREENS / "sign-in-1440.png")
         page.get_by_role("button", name="Sign in").click()
         expect(page.locator("#key-why")).to_contain_text("does not know")
         page.fill("#key", MASTER)
@@ -331,115 +368,92 @@ def sign_in(browser, data):
         expect(page.locator("#who")).to_contain_text("admin")
         page.click("button.primary")
         page.wait_for_selector("canvas")
-        page.get_by_role("button", name="Share").click()
-        expect(page.locator("#status")).to_contain_text("copied")
-        link = page.evaluate("navigator.clipboard.readText()")
+        link = share(page)
         # Who gets the link has no key, and sees the result.
-        guest = browser.page(server.base)
+        guest = browser.page(own.base)
         guest.goto(link)
         guest.wait_for_selector("canvas")
         assert guest.locator("#readout").inner_text() == page.locator("#readout").inner_text()
         # So with two beside each other.
         key = key_of(page)
-        page.goto(f"{server.base}/#/result/{key}?with={key}")
+        page.goto(f"{own.base}/#/result/{key}?with={key}")
         page.wait_for_selector("#apart:has-text('%')")
-        page.get_by_role("button", name="Share").click()
-        expect(page.locator("#status")).to_contain_text("copied")
-        guest.goto(page.evaluate("navigator.clipboard.readText()"))
+        guest.goto(share(page))
         guest.wait_for_selector("#apart:has-text('0 %')")
         page.get_by_role("button", name="Sign out").click()
         expect(page.locator("#key")).to_be_visible()
         assert page.evaluate("[sessionStorage.length, Object.values(localStorage).join()]")[0] == 0
         assert MASTER not in page.content()
-    finally:
-        server.kill()
 
 
 def lose_the_server(browser, data):
-    server = Server(data).start()
-    try:
-        page = browser.page(server.base)
-        page.goto(server.base + "/")
-        expect(known(page, "regime")).to_have_text("partial slip")
-        server.kill()
-        page.fill("#friction", "0.5")
-        expect(page.locator("#banner")).to_be_visible()
-        page.screenshot(path=SCREENS / "lost-1440.png")
-        browser.examine(page, "lost")
-        server.start()
+    with server(data) as own:
+        pages = [(width, scheme, browser.page(own.base, scheme, width)) for width in SIZES for scheme in ("light", "dark")]
+        for _, _, page in pages:
+            page.goto(own.base + "/")
+            expect(known(page, "regime")).to_have_text("partial slip")
+        own.kill()
+        for width, scheme, page in reversed(pages):
+            page.fill("#friction", "0.5")
+            expect(page.locator("#banner")).to_be_visible()
+            browser.examine_shown(page, f"lost-{width}-{scheme}")
+        own.start()
         expect(page.locator("#banner")).to_be_hidden()
         # It goes on by itself with what was typed meanwhile.
         expect(known(page, "regime")).to_have_text("gross slip")
         page.click("nav >> text=Queue")
         expect(page.locator(".empty")).to_contain_text("No jobs")
-        browser.examine(page, "an empty queue")
         page.click("nav >> text=Library")
         expect(page.locator(".empty")).to_contain_text("Nothing here yet")
-        page.goto(f"{server.base}/#/result/{'0' * 64}")
+        page.goto(f"{own.base}/#/result/{'0' * 64}")
         expect(page.locator(".trouble")).to_be_visible()
-        browser.examine(page, "trouble")
+        browser.examine_all(own.base, {"queue-empty": ("/#/queue", ".empty a"), "library-empty": ("/#/library", "li.empty"),
+            "trouble": (f"/#/result/{'0' * 64}", ".trouble")})
         # A result that was deleted is computed again from what its address still says.
-        done = ask("/v1/jobs", ask("/v1/examples/steel-ball", base=server.base), base=server.base)
-        address = f"{server.base}/#/result/{done['key']}"
+        done = ask(own.base, "/v1/jobs", ask(own.base, "/v1/examples/steel-ball"))
+        address = f"{own.base}/#/result/{done['key']}"
         page.goto(address)
         page.wait_for_selector("canvas")
-        ask(f"/v1/results/{done['key']}", method="DELETE", base=server.base)
-        page.goto(server.base + "/#/queue")
+        ask(own.base, f"/v1/results/{done['key']}", method="DELETE")
+        page.goto(own.base + "/#/queue")
         page.goto(address)
         page.get_by_role("link", name="Compute it again").click()
         expect(known(page, "cached")).to_have_text("not yet")
         page.click("button.primary")
         page.wait_for_selector("canvas")
-    finally:
-        server.kill()
-
-
-def every_view(browser, key, other):
-    views = {"form": "/", "result": f"/#/result/{key}",
-        "compare": f"/#/result/{other}?with={key}&plot=wear",
-        "library": "/#/library", "queue": "/#/queue"}
-    ready = {"form": "[data-known=regime]", "library": ".entry", "queue": "tbody tr"}
-    for width in SIZES:
-        for scheme in ("light", "dark"):
-            page = browser.page(scheme=scheme, width=width)
-            for view, address in views.items():
-                page.goto(BASE + address)
-                page.wait_for_selector(ready.get(view, "canvas"), state="attached")
-                page.wait_for_timeout(300)
-                browser.examine(page, f"{view} {width} {scheme}")
-                assert page.evaluate("document.documentElement.scrollWidth") <= width, (view, width)
-                page.screenshot(path=SCREENS / f"{view}-{width}-{scheme}.png", full_page=True)
-            page.context.close()
-
-
-def first_load(browser):
-    page = browser.page()
-    sizes = []
-    page.on("response", lambda answer: sizes.append(answer))
-    page.goto(BASE + "/")
-    page.wait_for_load_state("networkidle")
-    total = sum(int(answer.headers.get("content-length", 0)) for answer in sizes)
-    assert len(sizes) > 10 and total < 200_000, total
-    policy = sizes[0].headers["content-security-policy"]
-    assert "default-src 'none'" in policy and "unsafe" not in policy, policy
-    print(f"the first load is {total / 1000:.0f} kB")
 
 
 def main():
     SCREENS.mkdir(parents=True, exist_ok=True)
-    with sync_playwright() as play, tempfile.TemporaryDirectory() as one, tempfile.TemporaryDirectory() as two:
+    with sync_playwright() as play, tempfile.TemporaryDirectory() as data:
         program = play.chromium.launch(executable_path=chromium(), args=["--no-sandbox"])
         browser = Browser(program)
+        directory = lambda name: str(pathlib.Path(data) / name)
         first_load(browser)
+        two_clicks(browser, directory("two-clicks"))
         page = run_the_ball(browser)
         key = key_of(page)
         look(page)
-        compare(browser, page)
-        other = key_of(page)
+        both, exact = compare(browser, page)
+        comparison(page, both)
+        every_plot(page, BASE, key)
+        every_plot(page, BASE, both, scales=["xy"])
+        slide(browser, BASE)
         cancel(page)
-        every_view(browser, other, key)
-        sign_in(browser, one)
-        lose_the_server(browser, two)
+        page.context.close()
+        for example in said("/v1/examples"):
+            said("/v1/jobs", example["body"])
+        # What people call a result comes last.
+        named = "#called:not([hidden])"
+        browser.examine_all(BASE, {"form": ("/", "[data-known=regime]"), "result": (f"/#/result/{both}?at=10000", named),
+            "pressure": (f"/#/result/{key}?plot=pressure&history=radii&at=10000", named),
+            "compare": (f"/#/result/{exact}?with={key}&plot=wear&at=10000", named),
+            "library": ("/#/library", ".thumbnail path"), "queue": ("/#/queue", "tbody tr")})
+        sign_in(browser, directory("keys"))
+        lose_the_server(browser, directory("lost"))
+        with server(directory("library")) as own:
+            library(browser, own.base)
+        interrupt(browser, directory("interrupted"))
         program.close()
         assert not browser.complaints, browser.complaints
     print("the dashboard does what it should")

@@ -1,14 +1,15 @@
 // What a result says beside its curves: events, accuracy, comparison, the scenario it was made of.
 
 import { h } from "./dom.js";
+import { list } from "./known.js";
 import { sketch } from "./sketch.js";
 import { cycles, digits, percent, quantity, WORDS } from "./units.js";
 
 const card = (title, ...children) => h("section", { class: "card" }, h("h2", {}, title), ...children);
-const list = (rows) => h("dl", {}, rows.map(([name, value]) => [h("dt", {}, name), h("dd", {}, value)]));
 
 export function drawAbout(place, result) {
   const { scales, unworn, limit, units, events, accuracy, warnings, comparison, bodies, scenario } = result;
+  const isRule = scenario.model.method === "simplified";
   const has = (name, value) => quantity(value, units[name]);
   place.replaceChildren(...[
     card("The contact", sketch(result), list([
@@ -20,8 +21,10 @@ export function drawAbout(place, result) {
     ])),
     card("How far to trust it", list([
       ...(accuracy.volume_error == null ? [] : [["Error of the volume", percent(accuracy.volume_error)]]),
-      ["Energy balance off by", percent(accuracy.energy_mismatch)],
+      [isRule ? "The rule's mismatch of energy" : "Energy balance off by", percent(accuracy.energy_mismatch), "mismatch"],
       ...(accuracy.steps == null ? [] : [["Steps", digits(accuracy.steps)]])]),
+    isRule && h("p", { class: "quiet" }, "The simplified rule does not keep the balance V = (k_w/μ)·ΣW; this is by how much.",
+      " The exact method keeps it, and with ", h("code", {}, "compare"), " tells what the rule neglects here."),
     warnings.length > 0 && h("ul", { class: "warning" }, warnings.map((warning) => h("li", {}, warning.detail ?? String(warning)))),
     events.length > 0 && [h("h3", {}, "Events"), h("ul", {}, events.map((event) =>
       h("li", {}, `${WORDS[event.kind] ?? event.kind} at N = ${cycles(Math.round(event.cycles))}`)))]),

@@ -71,6 +71,7 @@ export function trouble(problem) {
     // A result that was dropped or deleted says what it was made of.
     problem.scenario && h("p", {}, h("a", { class: "button",
       href: `#/new?${new URLSearchParams({ scenario: JSON.stringify(problem.scenario) })}` }, "Compute it again")),
+    problem.type?.startsWith("/problems/") && h("p", {}, h("a", { href: problem.type }, "What it means, and what to do")),
     problem.instance && h("p", { class: "quiet" }, `Request ${problem.instance}`));
 }
 

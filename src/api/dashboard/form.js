@@ -3,23 +3,24 @@
 import { get, nonce, Problem, post } from "./api.js";
 import { debounced, fill, h, say } from "./dom.js";
 import { CHOICES, read, typed, untyped, write } from "./fields.js";
-import { sketch } from "./sketch.js";
-import { cycles, quantity, WORDS } from "./units.js";
+import { drawKnown } from "./known.js";
+import { quantity, WORDS } from "./units.js";
 
 let examples = null;
 
 export async function showForm(main, { query, signal }) {
   examples ??= await get("/v1/examples", { signal });
-  const given = query.get("scenario");
-  const preset = examples.find((example) => example.name === query.get("example")) ?? examples[0];
-  let { scenario, label } = structuredClone(preset.body);
-  if (given) {
-    try {
-      [scenario, label] = [JSON.parse(given), query.get("label") ?? ""];
-    } catch {
-      say("The scenario in the address cannot be read; this is the first example.");
-    }
+  const first = examples.find((example) => example.name === query.get("example")) ?? examples[0];
+  let scenario = structuredClone(first.body.scenario);
+  // What a person calls it; a preset's own label goes only with the preset's own scenario.
+  let called = query.get("label");
+  try {
+    if (query.has("scenario")) scenario = JSON.parse(query.get("scenario"));
+  } catch {
+    say("The scenario in the address cannot be read; this is the first example.");
   }
+  const preset = () => examples.find(({ body }) => JSON.stringify(body.scenario) === JSON.stringify(scenario));
+  const label = () => called ?? preset()?.body.label ?? "";
 
   const fields = h("div", { class: "fields" });
   const json = h("textarea", { id: "json", rows: 24, spellcheck: false, "aria-describedby": "json-fault" });
@@ -27,20 +28,21 @@ export async function showForm(main, { query, signal }) {
   const check = h("section", { class: "card check", "aria-label": "What is known beforehand" });
   const spoken = h("p", { class: "hidden", role: "status" });
   const others = h("ul", { class: "fault" });
-  const name = h("input", { id: "label", value: label ?? "", maxLength: 200, oninput: () => { label = name.value; remember(); } });
+  const name = h("input", { id: "label", maxLength: 200, placeholder: "A line for people, to find it by", oninput: () => {
+    called = name.value;
+    remember();
+  } });
   const run = h("button", { class: "primary", type: "submit" }, "Run");
   const choose = h("select", { id: "preset", onchange: () => {
-    const { body } = examples.find((example) => example.name === choose.value);
-    ({ scenario, label } = structuredClone(body));
-    name.value = label ?? "";
+    scenario = structuredClone(examples.find((example) => example.name === choose.value).body.scenario);
+    called = null;
     restart();
-  } }, given ? h("option", { value: "", hidden: true, selected: true }, "As in the address") : null,
-  examples.map((example) => h("option", { value: example.name, selected: !given && example === preset },
-    example.label ?? example.name)));
+  } }, h("option", { value: "", hidden: true }, "A scenario of your own"),
+  examples.map((example) => h("option", { value: example.name }, example.label ?? example.name)));
 
   /** The address always shows this very scenario. */
   const remember = () => {
-    const words = new URLSearchParams({ scenario: JSON.stringify(scenario), label: label ?? "" });
+    const words = new URLSearchParams({ scenario: JSON.stringify(scenario), ...(called !== null && { label: called }) });
     history.replaceState(null, "", `#/new?${words}`);
   };
 
@@ -48,7 +50,7 @@ export async function showForm(main, { query, signal }) {
     draw();
     json.value = JSON.stringify(scenario, null, 2);
     jsonFault.textContent = "";
-    changed();
+    changed(examine);
   }
 
   function edited() {
@@ -56,9 +58,12 @@ export async function showForm(main, { query, signal }) {
     changed();
   }
 
-  const ask = debounced(250, examine);
-  function changed() {
+  const soon = debounced(250, examine);
+  /** Whoever types is not asked about at every key. */
+  function changed(ask = soon) {
     remember();
+    choose.value = preset()?.name ?? "";
+    if (document.activeElement !== name) name.value = label();
     check.setAttribute("aria-busy", "true");
     ask();
   }
@@ -66,8 +71,8 @@ export async function showForm(main, { query, signal }) {
   json.addEventListener("input", () => {
     try {
       const parsed = JSON.parse(json.value);
-      scenario = parsed.scenario ?? parsed;
-      if (parsed.scenario) name.value = label = parsed.label ?? "";
+      scenario = Object(parsed?.scenario ?? parsed);
+      if (parsed?.scenario) called = parsed.label ?? null;
       jsonFault.textContent = "";
       draw();
       changed();
@@ -157,8 +162,9 @@ export async function showForm(main, { query, signal }) {
     run.disabled = true;
     try {
       const headers = { Prefer: "wait=1", "Idempotency-Key": nonce() };
-      const job = await post("/v1/jobs", { scenario, ...(label && { label }) }, { headers });
-      location.hash = job.state === "succeeded" ? `#/result/${job.key}` : `#/run/${job.id}`;
+      const job = await post("/v1/jobs", { scenario, ...(label() && { label: label() }) }, { headers });
+      const asked = new URLSearchParams({ scenario: JSON.stringify(scenario) });
+      location.hash = job.state === "succeeded" ? `#/result/${job.key}` : `#/run/${job.id}?${asked}`;
     } catch (problem) {
       showFaults(problem);
       check.replaceChildren(h("h2", {}, problem.title ?? "It could not be submitted"), h("p", {}, problem.detail ?? problem.message));
@@ -175,34 +181,11 @@ export async function showForm(main, { query, signal }) {
           h("div", { class: "field wide" }, h("label", { for: "label" }, "Label"), name),
           others, fields,
           h("p", { class: "quiet" }, "A number is in SI; with a unit it is text: 10 mm, 205 GPa, 3.03e-5 mm^3/(N m).")),
-        h("details", { class: "card", open: !("motion" in scenario) || "blocks" in scenario.motion || "reversals" in scenario.motion },
+        h("details", { class: "card", open: !scenario.motion || "blocks" in scenario.motion || "reversals" in scenario.motion },
           h("summary", {}, "The scenario as JSON"),
           h("label", { for: "json", class: "quiet" }, "Blocks, measured tables and displacement records are edited here; form and JSON stay in step."),
           json, jsonFault)),
       h("div", { class: "side" }, spoken, check, h("div", { class: "row run" }, run))));
   document.addEventListener("units", () => examine(), { signal });
   restart();
-}
-
-/** What the server knows of a scenario before it is run. */
-function drawKnown(place, known) {
-  const { scales, unworn, limit, cost, regime, warnings, cached } = known;
-  const rows = [
-    ["Regime", WORDS[regime], "regime"],
-    ["Contact radius a₀", quantity(scales.contact_radius, "m"), "a0"],
-    ["Stick radius c", quantity(unworn.stick_radius, "m"), "c"],
-    ["Normal force", quantity(scales.normal_force, "N"), "force"],
-    ["Depth d₀", quantity(scales.indentation_depth, "m"), "depth"],
-    ["Peak pressure", unworn.peak_pressure == null ? "unbounded" : quantity(unworn.peak_pressure, "Pa"), "peak"],
-    ["Gross slip from", quantity(unworn.gross_slip_amplitude, "m"), "gross"],
-    ["Cycles scale N₀", scales.cycles == null ? "–" : cycles(Math.round(scales.cycles)), "n0"],
-    ["Volume in the limit", limit ? quantity(limit.wear_volume, "m^3") : "not known beforehand", "limit-volume"],
-    ["Depth in the limit", limit ? quantity(limit.wear_depth, "m") : "not known beforehand", "limit-depth"],
-    ["Cost", `${quantity(cost.operations / 1e6, "1", 2)} M operations, ${quantity(cost.answer_bytes / 1e6, "1", 2)} MB`, "cost"],
-    ["In the library", cached ? "yes, at once" : "not yet", "cached"],
-  ];
-  fill(place, h("h2", {}, "Known beforehand"), sketch(known),
-    h("dl", {}, rows.map(([word, value, id]) => [h("dt", {}, word), h("dd", { "data-known": id }, value)])),
-    warnings.length > 0 && h("div", { class: "warning" }, h("h3", {}, "Warnings"),
-      h("ul", {}, warnings.map((warning) => h("li", {}, warning.detail ?? String(warning))))));
 }

@@ -2,12 +2,14 @@
 
 import { get } from "./api.js";
 import { debounced, h, svg, trouble, when } from "./dom.js";
-import { cycles, quantity, UNITS, WORDS } from "./units.js";
+import { contactName, loadName, wayName } from "./names.js";
+import { cycles, quantity, WORDS } from "./units.js";
 
 const WORD_FILTERS = {
   shape: ["paraboloid", "sphere", "cone", "power", "truncated_paraboloid", "truncated_cone", "table"],
   method: ["simplified", "exact"],
   regime: ["full_stick", "partial_slip", "gross_slip"],
+  pinned: ["true"],
 };
 const RANGES = [["friction", "Friction", "0.6..0.8"], ["normal_force", "Normal force", "50 N..0.2 kN"],
   ["amplitude", "Amplitude", "..5 um"], ["wear_depth", "Wear depth", "..2 um"], ["wear_volume", "Wear volume", "1e-5 mm^3.."]];
@@ -83,27 +85,30 @@ export async function showLibrary(main, { query, signal }) {
     compare.setAttribute("aria-disabled", String(!second));
   }
 
+  const shown = new WeakMap();
   const seen = new IntersectionObserver((entries) => {
     for (const { isIntersecting, target } of entries) {
       if (!isIntersecting) continue;
       seen.unobserve(target);
       thumbnail(target, signal);
+      called(target.dataset.key, shown.get(target), signal);
     }
-  });
+  }, { rootMargin: "400px" });
   signal.addEventListener("abort", () => seen.disconnect());
 
   function drawEntry(entry) {
     const { key, values, note, pinned, owner, created } = entry;
-    const title = `${WORDS[entry.shape] ?? entry.shape}, ${WORDS[entry.method] ?? entry.method}`;
+    const title = contactName(entry);
+    const label = h("p", { class: "called" });
     const picture = svg("svg", { viewBox: "0 0 96 48", class: "thumbnail", "aria-hidden": "true" });
     picture.dataset.key = key;
     picture.dataset.cycles = values.cycles;
+    shown.set(picture, label);
     seen.observe(picture);
-    const about = ["normal_force", "amplitude", "friction"].map((name) =>
-      `${{ normal_force: "F", amplitude: "U", friction: "μ" }[name]} = ${quantity(values[name], UNITS[name])}`).join(", ");
     return h("li", { class: "card entry" }, picture,
-      h("div", {}, h("h2", {}, h("a", { href: `#/result/${key}` }, title), pinned && h("span", { class: "state", title: "kept for good" }, "pinned")),
-        h("p", {}, `${WORDS[entry.regime] ?? entry.regime} · ${about}`),
+      h("div", {}, h("h2", {}, h("a", { href: `#/result/${key}` }, `${title}; ${loadName(entry)}`),
+        pinned && h("span", { class: "state", title: "kept for good" }, "pinned")),
+        h("p", {}, wayName(entry)), label,
         h("p", {}, `after ${cycles(values.cycles)} cycles: `, h("strong", {}, quantity(values.wear_volume, "m^3")), `, ${quantity(values.wear_depth, "m")} deep`),
         note && h("p", { class: "note" }, `“${note.text}”`),
         h("p", { class: "quiet" }, when(created), owner && ` · ${owner}`)),
@@ -122,6 +127,12 @@ export async function showLibrary(main, { query, signal }) {
   const asked = search();
   asked.set("limit", 24);
   await read(`/v1/results?${asked}`, true);
+}
+
+/** Says what a job calls this result, if one does. */
+async function called(key, place, signal) {
+  const page = await get(`/v1/jobs?key=${key}&limit=1`, { signal }).catch(() => null);
+  place.textContent = page?.jobs[0]?.label ?? "";
 }
 
 /** Draws the last worn profile, from forty numbers of three digits. */

@@ -1,7 +1,7 @@
 // Curves on a canvas (uPlot): axes with units, values under the pointer, gaps where nothing is known.
 
 import { h } from "./dom.js";
-import { digits } from "./units.js";
+import { axis, digits, shown } from "./units.js";
 
 /* global uPlot */
 
@@ -10,13 +10,15 @@ const colour = (name) => getComputedStyle(document.documentElement).getPropertyV
 
 /**
  * One curve: `x` and `y` of equal length, `y` null where there is a gap. `ink` is the number of a colour
- * (they differ for colour-blind eyes too), `dashed` a second way to tell curves apart.
- * @typedef {{name: string, x: number[], y: (number|null)[], ink: number, dashed?: boolean, points?: boolean, legend?: boolean}} Curve
+ * (they differ for colour-blind eyes too), `dashed` a second way to tell curves apart; one of many of a
+ * kind stays `unnamed` below the plot.
+ * @typedef {{name: string, x: number[], y: (number|null)[], ink: number, dashed?: boolean, points?: boolean, unnamed?: boolean}} Curve
  */
 
 /**
- * A plot in a figure. `show` draws curves, up to `top`; it keeps the plot while names, axes and scales stay, so that
- * a slider redraws within a frame.
+ * A plot in a figure. `show` draws curves, up to `top`, over axes that are a name and a unit; it keeps the plot while
+ * these and the curves' names stay, so that a slider redraws within a frame. Below stand the names and, of the point
+ * under the pointer or chosen with the arrow keys, the values.
  */
 export class Plot {
   #place = h("div", { class: "canvas" });
@@ -24,6 +26,7 @@ export class Plot {
   #as = null;
   #top = Infinity;
   #watch;
+  #wrap;
 
   constructor(title) {
     this.title = h("figcaption", {}, title);
@@ -45,36 +48,73 @@ export class Plot {
     this.last = [curves, { x, y, logX, logY, top, describe }];
     this.#top = top;
     const data = joined(curves, logX, logY);
-    const as = JSON.stringify([x, y, logX, logY, curves.map(({ name, ink, dashed }) => [name, ink, dashed])]);
-    this.#place.setAttribute("role", "img");
-    this.#place.setAttribute("aria-label", describe || `${y} over ${x}`);
-    if (as === this.#as) {
-      this.#plot.setData(data);
-      return;
-    }
+    const [across, up] = [axis(...x), axis(...y)];
+    const as = JSON.stringify([across, up, logX, logY, curves.map(({ name, ink, dashed }) => [name, ink, dashed])]);
+    if (as === this.#as) this.#plot.setData(data);
+    else this.#make(curves, data, { x, y, across, up, logX, logY });
     this.#as = as;
+    this.#wrap.setAttribute("aria-label", describe || `${up} over ${across}`);
+    // uPlot commits in a microtask.
+    queueMicrotask(() => this.#read());
+  }
+
+  #make(curves, data, { x, y, across, up, logX, logY }) {
     this.#plot?.destroy();
-    const axis = (label, size) => ({
+    const ruled = (label, size) => ({
       label, size, labelSize: 20, stroke: colour("ink"), font: "12px system-ui", labelFont: "12px system-ui",
       grid: { stroke: colour("grid"), width: 1 }, ticks: { stroke: colour("grid") },
     });
     const numbers = (_, values) => values.map((value) => (value == null ? "" : digits(value, 5)));
+    const valued = ([, unit], idle) => (_, value, __, at) =>
+      (at == null ? idle : value == null ? "–" : `${digits(value)} ${shown(unit)[0]}`.trimEnd());
     const scale = (log) => (log ? { distr: 3, time: false } : { time: false });
     const options = {
       ...this.#size(),
       padding: [10, 26, 0, 0],
       scales: { x: scale(logX), y: logY ? scale(true) : { range: this.#range } },
-      axes: [{ ...axis(x, 34), values: logX ? decades : numbers },
-        { ...axis(y, 66), values: logY ? decades : numbers }],
-      series: [{ label: x, value: (_, value) => digits(value) },
-        ...curves.map(({ name, ink, dashed, points }) => ({
+      axes: [{ ...ruled(across, 34), values: logX ? decades : numbers },
+        { ...ruled(up, 66), values: logY ? decades : numbers }],
+      series: [{ label: x[0], value: valued(x, "point at a curve, or use ← and →") },
+        ...curves.map(({ name, ink, dashed, points, unnamed }) => ({
           label: name, stroke: colour(`ink-${ink}`), width: 2, dash: dashed ? [6, 4] : undefined,
-          points: { show: points ?? false, size: 6, fill: colour(`ink-${ink}`) }, value: (_, value) => digits(value),
+          class: unnamed ? "unnamed" : undefined, value: valued(y, ""),
+          points: { show: points ?? false, size: 6, fill: colour(`ink-${ink}`) },
         }))],
-      cursor: { drag: { x: true, y: false }, focus: { prox: 24 } },
-      legend: { live: true },
+      cursor: { drag: { x: true, y: false }, y: false, hover: { skip: [] } },
+      legend: { live: true, markers: { dash: (_, i) => (curves[i - 1]?.dashed ? "dashed" : "solid") } },
     };
     this.#plot = new uPlot(options, data, this.#place);
+    // To a keyboard and to a screen reader the plot is a slider over its points that says the values at each.
+    this.#wrap = this.#plot.root.querySelector(".u-wrap");
+    for (const [name, value] of Object.entries({ role: "slider", tabindex: 0, "aria-valuemin": 0 })) {
+      this.#wrap.setAttribute(name, value);
+    }
+    this.#wrap.addEventListener("keydown", this.#step);
+  }
+
+  /** Moves the cursor from point to point among those in view. */
+  #step = (event) => {
+    const { data, cursor, series } = this.#plot;
+    const [first, last] = series[0].idxs;
+    const now = cursor.idx ?? first - 1;
+    const far = Math.ceil((last - first) / 10);
+    const to = { ArrowRight: now + 1, ArrowUp: now + 1, ArrowLeft: now - 1, ArrowDown: now - 1, PageUp: now + far,
+      PageDown: now - far, Home: first, End: last, Escape: -1 }[event.key];
+    if (to === undefined) return;
+    event.preventDefault();
+    const at = Math.min(Math.max(to, first), last);
+    const away = { left: -10, top: -10 };
+    this.#plot.setCursor(event.key === "Escape" ? away : { left: this.#plot.valToPos(data[0][at], "x"), top: 0 });
+    this.#read();
+  };
+
+  /** Says what stands below the plot. */
+  #read() {
+    const { data, cursor, root } = this.#plot;
+    this.#wrap.setAttribute("aria-valuemax", Math.max(0, data[0].length - 1));
+    this.#wrap.setAttribute("aria-valuenow", cursor.idx ?? 0);
+    const rows = [...root.querySelectorAll(".u-series")].map((row) => [...row.children].map((cell) => cell.textContent));
+    this.#wrap.setAttribute("aria-valuetext", rows.map(([name, value]) => (value ? `${name}: ${value}` : name)).join("; "));
   }
 
   #range = (_, least, most) => uPlot.rangeNum(least ?? 0, Math.min(most ?? 1, this.#top), 0.1, true);
@@ -102,7 +142,10 @@ function decades(_, values) {
   });
 }
 
-/** Curves over one row of x: what a curve does not know there is passed over, what is null is a gap. */
+/**
+ * Curves over one row of x. Where only another curve has a point a curve has the value of its straight line, or none
+ * where its points are marked: what is marked was computed.
+ */
 function joined(curves, logX, logY) {
   const tables = curves.map(({ x, y }) => {
     const kept = x.map((_, i) => i).filter((i) => !logX || x[i] > 0);
@@ -111,7 +154,9 @@ function joined(curves, logX, logY) {
   if (tables.length === 0) return [[]];
   const same = tables.every(([x]) => x.length === tables[0][0].length && x.every((value, i) => value === tables[0][0][i]));
   if (same) return [tables[0][0], ...tables.map(([, y]) => y)];
-  return uPlot.join(tables, tables.map(() => [2]));
+  const [all, ...rows] = uPlot.join(tables, tables.map(() => [2]));
+  return [all, ...rows.map((row, i) => row.map((value, j) =>
+    (value === undefined && !curves[i].points ? between(...tables[i], all[j]) : value)))];
 }
 
 /** The value of a curve between its points; null outside and beside a gap. */

@@ -1,11 +1,12 @@
 // A result: worn profiles, histories and loops over a slider of instants, alone or beside another.
 
 import { get, Problem } from "./api.js";
-import { h, say } from "./dom.js";
+import { fill, h, say } from "./dom.js";
 import { apart, branches, ceiling, Plot } from "./plots.js";
 import { drawAbout } from "./about.js";
 import { drawActions } from "./actions.js";
-import { axis, column, cycles, percent, quantity, WORDS } from "./units.js";
+import { contactName, entryOf, loadName, wayName } from "./names.js";
+import { column, cycles, digits, percent, quantity, WORDS } from "./units.js";
 
 const PROFILES = ["worn", "wear", "pressure", "slip", "image"];
 /** What a history plot shows: a name, and the columns in it. */
@@ -65,11 +66,13 @@ export async function showResult(main, { id: key, query, signal }) {
   const slider = h("input", { type: "range", id: "instant", min: 0, max: instants.length - 1, value: state.row,
     step: 1, oninput: () => {
       state.row = Number(slider.value);
-      draw();
+      // However fast it moves, it is drawn once a frame.
+      frame ??= requestAnimationFrame(drawInstant);
     }, onchange: remember });
   const output = h("output", { for: "instant", id: "at" });
   const readout = h("dl", { class: "tiles", id: "readout" });
   const errors = h("p", { class: "quiet", id: "apart" });
+  const criteria = h("p", { class: "row quiet", id: "criteria" });
   const about = h("div", { class: "cards" });
 
   const choice = (name, label, options) => {
@@ -81,26 +84,33 @@ export async function showResult(main, { id: key, query, signal }) {
     return h("span", { class: "choice" }, h("label", { for: select.id }, label), select);
   };
 
-  function draw() {
+  let frame = null;
+  function drawInstant() {
+    frame = null;
     const at = instants[state.row];
     slider.setAttribute("aria-valuetext", `${cycles(at)} cycles`);
     output.textContent = `N = ${cycles(at)}`;
     drawReadout(readout, result, at);
     drawProfile(plots.profile, errors, result, other, state);
-    drawHistory(plots.history, result, other, state);
-    drawLoop(plots.loop, result, other, at);
+    drawLoop(plots.loop, criteria, result, other, at);
   }
 
-  const { profile: { shape }, model: { method } } = result.scenario;
-  const title = `${WORDS[shape]}, ${WORDS[method]}`;
-  document.title = `${title} · fretwork`;
-  main.replaceChildren(
+  function draw() {
+    drawInstant();
+    drawHistory(plots.history, result, other, state);
+  }
+
+  const entry = entryOf(result);
+  document.title = `${contactName(entry)} · fretwork`;
+  const label = h("p", { id: "called", hidden: true });
+  fill(main,
     h("div", { class: "head" }, h("div", {},
-      h("h1", {}, title),
-      h("p", { class: "quiet" }, `${WORDS[result.regime]} · numerics ${result.engine.numerics} · `, h("code", {}, key.slice(0, 16)), "…",
-        other && [" beside ", h("code", {}, other.key.slice(0, 16)), "… (dashed) ",
-          h("a", { href: `#/result/${key}` }, "show it alone")])),
+      h("h1", {}, `${contactName(entry)}; ${loadName(entry)}`), label,
+      h("p", { class: "quiet" }, `${wayName(entry)} · numerics ${result.engine.numerics} · `, h("code", {}, key.slice(0, 12)), "…")),
     drawActions(result, { link, remember, signal })),
+    other && h("p", { id: "beside" }, h("span", { class: "key other" }, "beside "),
+      `${contactName(entryOf(other))}; ${loadName(entryOf(other))} · ${wayName(entryOf(other))} `,
+      h("a", { href: `#/result/${key}` }, "Show it alone")),
     h("section", { class: "card instant", "aria-label": "Instant" },
       h("label", { for: "instant" }, "Instant"), slider, output, readout),
     h("div", { class: "plots" },
@@ -110,9 +120,9 @@ export async function showResult(main, { id: key, query, signal }) {
       h("section", { class: "card", "aria-label": "History" },
         h("div", { class: "row" },
           choice("history", "History", Object.fromEntries(Object.entries(HISTORIES).map(([name, [word]]) => [name, word]))),
-          choice("log", "Axes", { x: "logarithmic in N", "": "linear", xy: "logarithmic" })),
+          choice("log", "Axes", { x: "log N", "": "linear", xy: "log, log" })),
         plots.history.element),
-      h("section", { class: "card", "aria-label": "Fretting loop" },
+      h("section", { class: "card", "aria-label": "Fretting loop" }, criteria,
         result.loops?.cycles.length ? plots.loop.element : h("p", {}, "This result carries no loops (profiles_at)."))),
     about);
   const all = () => {
@@ -122,6 +132,11 @@ export async function showResult(main, { id: key, query, signal }) {
   all();
   remember();
   document.addEventListener("units", all, { signal });
+  if (link) return;
+  // What people call it: a job knows, and jobs are not kept for ever.
+  const { jobs } = await get(`/v1/jobs?key=${key}&limit=1`, { signal });
+  label.textContent = jobs[0]?.label ?? "";
+  label.hidden = !label.textContent;
 }
 
 /** The history at one instant, in words and numbers. */
@@ -143,6 +158,9 @@ function curves({ profiles, units }, quantityName, row, beside) {
     if (profiles.limiting) own.push(curve("limiting", profiles.limiting, { ink: 3, dashed: true }));
   } else if (row > 0) {
     own.push(curve("unworn", profiles[quantityName][0], { ink: 4, dashed: true }));
+  }
+  if (quantityName === "wear" && profiles.limiting) {
+    own.push(curve("limiting", profiles.limiting.map((height, i) => height - profiles.initial[i]), { ink: 3, dashed: true }));
   }
   // Drawn last: on top.
   own.push(curve("this instant", profiles[quantityName][row], { ink: 1 }));
@@ -171,7 +189,7 @@ function drawProfile(plot, errors, result, other, { plot: name, row }) {
   }
   errors.textContent = words.join(" ");
   plot.title.textContent = `${WORDS[name]} after ${cycles(at)} cycles`;
-  plot.show(own, { x: axis(WORDS.radius, result.units.radius), y: axis(WORDS[name], result.units[name]), top,
+  plot.show(own, { x: [WORDS.radius, result.units.radius], y: [WORDS[name], result.units[name]], top,
     describe: `${WORDS[name]} over the radius after ${cycles(at)} cycles` });
 }
 
@@ -189,10 +207,10 @@ function drawHistory(plot, result, other, { history, log }) {
   if (result.comparison) second(result.comparison.history, "simplified rule", 4);
   if (other) second(other.history, "the other", 5);
   plot.title.textContent = `${title} over the cycles`;
-  plot.show(shown, { x: WORDS.cycles, y: axis(title, unit), logX: log.includes("x"), logY: log.includes("y") });
+  plot.show(shown, { x: [WORDS.cycles, "1"], y: [title, unit], logX: log.includes("x"), logY: log.includes("y") });
 }
 
-function drawLoop(plot, result, other, at) {
+function drawLoop(plot, criteria, result, other, at) {
   const shown = [];
   let left = "";
   const add = ({ loops, units }, name, ink, dashed) => {
@@ -202,12 +220,18 @@ function drawLoop(plot, result, other, at) {
     const all = branches(x, loops.tangential_force[row]);
     if (all.length > MOST_BRANCHES) left = `, its first ${MOST_BRANCHES} turns of ${all.length}`;
     all.slice(0, MOST_BRANCHES).forEach(([own, of], i) =>
-      shown.push({ name: `${name}, ${i % 2 ? "forth" : "back"}${i > 1 ? ` ${(i >> 1) + 1}` : ""}`, x: own, y: of, ink, dashed }));
+      shown.push({ name: `${name}, ${i % 2 ? "forth" : "back"}${i > 1 ? ` ${(i >> 1) + 1}` : ""}`, x: own, y: of, ink, dashed,
+        unnamed: i > 1 }));
   };
   add(result, "this", 1);
   if (other) add(other, "the other", 5, true);
-  if (shown.length === 0) return;
+  const { loops } = result;
+  if (!loops?.cycles.length) return;
+  const row = nearest(loops.cycles, at);
+  // The criteria of the transition to sliding.
+  criteria.textContent = [["energy A", "energy_ratio"], ["slip D", "slip_ratio"], ["free B", "free_ratio"]]
+    .map(([word, name]) => `${word}\u00a0=\u00a0${digits(loops[name][row], 3)}`).join(", ");
   plot.title.textContent = `Fretting loop after ${cycles(at)} cycles${left}`;
-  plot.show(shown, { x: axis(WORDS.displacement, result.units.displacement), y: axis("Force", "N"),
+  plot.show(shown, { x: [WORDS.displacement, result.units.displacement], y: ["Tangential force", "N"],
     describe: `Tangential force over displacement after ${cycles(at)} cycles` });
 }

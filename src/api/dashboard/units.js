@@ -33,7 +33,7 @@ export const WORDS = {
   truncated_paraboloid: "Truncated paraboloid", truncated_cone: "Truncated cone",
   full_stick: "full stick", partial_slip: "partial slip", gross_slip: "gross slip",
   simplified: "simplified rule", exact: "exact method",
-  contact_lost: "contact lost", shakedown: "shakedown", until_reached: "end reached", rim_reached: "rim reached",
+  true: "pinned", contact_lost: "contact lost", shakedown: "shakedown", until_reached: "end reached", rim_reached: "rim reached",
 };
 
 let isSi = localStorage.getItem("fretwork-units") === "si";
@@ -68,7 +68,8 @@ const raised = (exponent) =>
 
 /** A quantity with its unit. */
 export function quantity(value, unit, count = 4) {
-  const [name, factor] = shown(unit);
+  let [name, factor] = shown(unit);
+  if (name === "µm" && Math.abs(value) >= 1e-3) [name, factor] = ["mm", 1e3];
   const text = digits(value == null ? null : value * factor, count);
   // What belongs together stays on one line.
   return name && text !== "–" ? `${text}\u00a0${name.replace(" ", "\u00a0")}` : text;
@@ -89,6 +90,16 @@ export function axis(name, unit) {
 /** A part of one in percent. */
 export const percent = (part, count = 3) => (part == null ? "–" : `${digits(100 * part, count)}\u00a0%`);
 
-/** Whole cycles, with narrow spaces. */
-export const cycles = (value) =>
-  Number.isInteger(value) ? String(value).replace(/\B(?=(\d{3})+$)/g, "\u202f") : digits(value, 6);
+/** A stretch of time: 0.4 s, 12 s, 3 min 20 s, 2 h 5 min. */
+export function span(seconds) {
+  if (seconds < 10) return `${digits(seconds, 2)}\u00a0s`;
+  const [hours, minutes, rest] = [Math.floor(seconds / 3600), Math.floor(seconds / 60) % 60, Math.floor(seconds % 60)];
+  const words = [[hours, "h"], [minutes, "min"], [rest, "s"]].filter(([count]) => count > 0).slice(0, 2);
+  return words.map(([count, name]) => `${count}\u00a0${name}`).join(" ");
+}
+
+/** Cycles, whole ones from a thousand on, with narrow spaces. */
+export const cycles = (given) => {
+  const value = given >= 1000 ? Math.round(given) : given;
+  return Number.isInteger(value) ? String(value).replace(/\B(?=(\d{3})+$)/g, "\u202f") : digits(value, 6);
+};
