@@ -33,16 +33,13 @@ impl Answer {
 #[derive(Debug)]
 pub struct Memory {
     kept: Option<Cache<String, Answer, Size>>,
-    /// What somebody reads, if it is large or took a while to make.
+    /// What somebody reads.
     lent: Mutex<HashMap<String, Weak<Answer>>>,
     /// Those that are being made: who wants one meanwhile waits for their turn.
     turns: Mutex<HashMap<String, Weak<Turn>>>,
     /// How often something had to be forgotten.
     forgotten: AtomicU64,
 }
-
-/// What is only read and smaller is not held once for all: to look for it would cost as much.
-const LARGE: usize = 1 << 18;
 
 /// How many names there are before those are looked for that nobody needs.
 const NAMES: usize = 64;
@@ -126,22 +123,9 @@ impl Memory {
         }
     }
 
-    /// The answer of this name, which others may be reading; else it is made by whoever asks.
+    /// The answer of this name, which others may be reading; else it is made, by one of those who
+    /// want it at the same time. If that one goes away or fails, the next one makes it.
     pub async fn share<E>(
-        &self,
-        name: &str,
-        make: impl Future<Output = Result<Answer, E>>,
-    ) -> Result<Answer, E> {
-        if let Some(answer) = self.get(name).or_else(|| self.borrow(name)) {
-            return Ok(answer);
-        }
-        let answer = make.await?;
-        Ok(if answer.body.len() < LARGE { answer } else { self.lend(name, answer) })
-    }
-
-    /// The same for what takes a while to make: one of those who want it at the same time makes it,
-    /// the others wait. If that one goes away or fails, the next one makes it.
-    pub async fn share_work<E>(
         &self,
         name: &str,
         make: impl Future<Output = Result<Answer, E>>,
@@ -163,8 +147,7 @@ impl Memory {
         Some(Owner::share(answer))
     }
 
-    /// Has those who come read the same bytes, as long as somebody does; or gives those of somebody
-    /// who was faster.
+    /// Has those who come read the same bytes, as long as somebody does.
     fn lend(&self, name: &str, answer: Answer) -> Answer {
         Owner::share(entry(&mut lock(&self.lent), name, || Arc::new(answer)))
     }
@@ -218,11 +201,11 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn what_takes_work_is_made_once_and_held_once_until_nobody_reads_it() {
+    async fn what_many_want_is_made_once_and_held_once_until_nobody_reads_it() {
         let memory = Memory::new(0);
         let made = AtomicUsize::new(0);
         let want = || {
-            memory.share_work("form", async {
+            memory.share("form", async {
                 made.fetch_add(1, Ordering::Relaxed);
                 tokio::task::yield_now().await;
                 Ok::<_, Infallible>(answer(1000))
@@ -240,33 +223,16 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn who_reads_what_is_large_reads_the_same_bytes_even_if_they_came_together() {
-        let memory = Memory::new(0);
-        let read = async |size| {
-            let read = async {
-                tokio::task::yield_now().await;
-                Ok::<_, Infallible>(answer(size))
-            };
-            memory.share(&size.to_string(), read).await
-        };
-        let (one, two) = tokio::join!(read(LARGE), read(LARGE));
-        let three = read(LARGE).await;
-        assert_eq!((place(&one), place(&two)), (place(&two), place(&three)));
-        let (one, two) = tokio::join!(read(LARGE - 1), read(LARGE - 1));
-        assert_ne!(place(&one), place(&two));
-    }
-
-    #[tokio::test]
     async fn who_fails_or_goes_away_leaves_the_making_to_the_next() {
         let memory = Memory::new(0);
-        assert_eq!(memory.share_work("name", async { Err(7) }).await.unwrap_err(), 7);
-        let never = memory.share_work("name", std::future::pending::<Result<Answer, u8>>());
+        assert_eq!(memory.share("name", async { Err(7) }).await.unwrap_err(), 7);
+        let never = memory.share("name", std::future::pending::<Result<Answer, u8>>());
         tokio::select! {
             biased;
             _ = never => unreachable!("it is never made"),
             () = std::future::ready(()) => {}
         }
-        let made = memory.share_work("name", async { Ok::<_, u8>(answer(1)) }).await;
+        let made = memory.share("name", async { Ok::<_, u8>(answer(1)) }).await;
         assert_eq!(made.unwrap().body.len(), 1);
     }
 
@@ -274,9 +240,8 @@ mod tests {
     async fn what_is_deleted_is_not_lent_to_who_comes_later() {
         let memory = Memory::new(0);
         let key = Key::from_bytes([7; 32]);
-        let read = async || {
-            memory.share(&key.to_string(), async { Ok::<_, Infallible>(answer(LARGE)) }).await
-        };
+        let read =
+            async || memory.share(&key.to_string(), async { Ok::<_, Infallible>(answer(1)) }).await;
         let held = read().await;
         assert_eq!(place(&held), place(&read().await));
         memory.forget(&key);
@@ -286,10 +251,10 @@ mod tests {
     #[tokio::test]
     async fn names_that_nobody_reads_are_forgotten() {
         let memory = Memory::new(0);
-        let held = memory.share_work("held", async { Ok::<_, u8>(answer(1)) }).await.unwrap();
+        let held = memory.share("held", async { Ok::<_, u8>(answer(1)) }).await.unwrap();
         for number in 0..10_000 {
             let name = number.to_string();
-            memory.share_work(&name, async { Ok::<_, u8>(answer(1)) }).await.unwrap();
+            memory.share(&name, async { Ok::<_, u8>(answer(1)) }).await.unwrap();
         }
         let (lent, turns) = (memory.lent.lock().unwrap(), memory.turns.lock().unwrap());
         assert!(lent.len() <= 4 * NAMES && lent.contains_key("held"), "{}", lent.len());

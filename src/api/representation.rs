@@ -17,15 +17,30 @@ use super::wire::{Format, instant, words};
 use crate::job::Key;
 use crate::store::StoredResult;
 
+/// What is larger is read once for all who read it at the same time.
+const LARGE: usize = 1 << 18;
+
 /// Finds the stored bytes of a result; an unknown key is answered with the way to a job within reach,
 /// if one is under way.
 pub async fn find(app: &App, reach: Option<&str>, key: &Key) -> Result<Bytes, Problem> {
-    let evicted = match app.store.result(key).await? {
-        Some(StoredResult::Whole(body)) => return Ok(body),
+    match app.store.result(key).await? {
+        Some(StoredResult::Whole(body)) => Ok(body),
+        other => Err(missing(app, reach, key, other).await?),
+    }
+}
+
+/// Why there are no bytes of a result.
+async fn missing(
+    app: &App,
+    reach: Option<&str>,
+    key: &Key,
+    found: Option<StoredResult>,
+) -> Result<Problem, Problem> {
+    let evicted = match found {
         Some(StoredResult::Evicted { at, deleted_by, scenario }) => {
             Some((at, deleted_by, scenario))
         }
-        None => None,
+        _ => None,
     };
     let live = app.store.live_job(key, reach).await?;
     let problem = match (evicted, live) {
@@ -53,7 +68,7 @@ pub async fn find(app: &App, reach: Option<&str>, key: &Key) -> Result<Bytes, Pr
             Problem::new(&problem::UNKNOWN_RESULT, detail)
         }
     };
-    Err(match live {
+    Ok(match live {
         Some(job) => {
             problem.with_header(header::LINK, format!("</v1/jobs/{job}>; rel=\"related\""))
         }
@@ -104,7 +119,7 @@ impl Representation {
         } else {
             let answer = match coding {
                 Coding::Identity => self.plain(app).await?,
-                _ => app.memory.share_work(&name, self.coded(app, coding)).await?,
+                _ => app.memory.share(&name, self.coded(app, coding)).await?,
             };
             app.memory.put(name, &answer);
             if app.memory.forgotten() != forgotten {
@@ -129,21 +144,34 @@ impl Representation {
 
     /// The bytes as they are before they are compressed.
     async fn plain(&self, app: &App) -> Result<Answer, Problem> {
-        let stored = async {
-            let make =
-                async { find(app, self.reach.as_deref(), &self.key).await.map(Answer::plain) };
-            app.memory.share(&self.key.to_string(), make).await
-        };
         if self.name == self.key.to_string() {
-            return stored.await;
+            return self.stored(app).await;
         }
         let make = async {
-            let stored = stored.await?.body;
+            let stored = self.stored(app).await?.body;
             let (part, format, ask) = (self.part, self.format, self.ask.clone());
             let made = apart(move || forms::write(&stored, part, format, &ask)).await??;
             Ok(Answer::plain(made.into()))
         };
-        app.memory.share_work(&self.name, make).await
+        app.memory.share(&self.name, make).await
+    }
+
+    /// The bytes as they are stored: read by each for himself, which is what takes least, and once for
+    /// all where they are large.
+    async fn stored(&self, app: &App) -> Result<Answer, Problem> {
+        let (key, reach) = (&self.key, self.reach.as_deref());
+        let name = key.to_string();
+        if let Some(answer) = app.memory.get(&name) {
+            return Ok(answer);
+        }
+        match app.store.result_within(key, LARGE).await? {
+            Some(StoredResult::Whole(body)) => Ok(Answer::plain(body)),
+            Some(StoredResult::Larger) => {
+                let read = async { find(app, reach, key).await.map(Answer::plain) };
+                app.memory.share(&name, read).await
+            }
+            other => Err(missing(app, reach, key, other).await?),
+        }
     }
 
     fn send(&self, Answer { body, coding }: Answer) -> Response {

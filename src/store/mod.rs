@@ -366,6 +366,8 @@ pub struct Page {
 pub enum StoredResult {
     /// It is there: the document as it is served.
     Whole(Bytes),
+    /// It is there, and has more bytes than were asked for.
+    Larger,
     /// It was dropped.
     Evicted {
         /// When, in milliseconds since 1970.
@@ -504,13 +506,24 @@ impl Store {
 
     /// The result of a key, held against its sum: damage to the disk does not change a number.
     pub async fn result(&self, key: &Key) -> Result<Option<StoredResult>, Error> {
-        let Some(kept) = self.reading(async |db| read::result(db, key).await).await? else {
+        self.result_within(key, usize::MAX).await
+    }
+
+    /// The same, if the body has no more bytes than this: to find out costs no more than to read.
+    pub async fn result_within(
+        &self,
+        key: &Key,
+        most: usize,
+    ) -> Result<Option<StoredResult>, Error> {
+        let most = i64::try_from(most).unwrap_or(i64::MAX);
+        let Some(kept) = self.reading(async |db| read::result(db, key, most).await).await? else {
             return Ok(None);
         };
         let (body, sum) = match kept {
             Kept::Evicted { at, deleted_by, scenario } => {
                 return Ok(Some(StoredResult::Evicted { at, deleted_by, scenario }));
             }
+            Kept::Larger => return Ok(Some(StoredResult::Larger)),
             Kept::Whole { body, sum } => (Bytes::from(body), sum),
         };
         let is_sound = {

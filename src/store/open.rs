@@ -68,7 +68,7 @@ impl Store {
         let mut db = SqliteConnection::connect_with(&writing).await?;
         migrate(&mut db, &path).await?;
         // Each keeps the upper pages of the indexes at hand, however many results there are.
-        let reading = connecting(&path).read_only(true).pragma("cache_size", "-8192");
+        let reading = connecting(&path).read_only(true).pragma("cache_size", "-16384");
         let readers = Arc::new(Readers::open(&reading, options.readers).await?);
         let gatekeeper = Arc::new(Readers::open(&reading, 1).await?);
         let signals = Arc::new(Signals::default());

@@ -172,13 +172,19 @@ fn matching(query: &mut QueryBuilder<Sqlite>, filter: &Filter) {
     }
 }
 
-pub(super) async fn result(db: impl SqliteExecutor<'_>, key: &Key) -> Result<Option<Kept>, Error> {
+/// A result, if its body has no more bytes than this.
+pub(super) async fn result(
+    db: impl SqliteExecutor<'_>,
+    key: &Key,
+    most: i64,
+) -> Result<Option<Kept>, Error> {
     let row = sqlx::query(
-        "SELECT body, digest, checksum, evicted, deleted_by,
-             iif(evicted IS NULL, NULL, (SELECT task FROM result_task WHERE key = ?1)) AS task
+        "SELECT size > ?2 AS larger, iif(size > ?2, NULL, body) AS body, digest, checksum, evicted,
+             deleted_by, iif(evicted IS NULL, NULL, (SELECT task FROM result_task WHERE key = ?1)) AS task
          FROM result LEFT JOIN result_blob USING (key) WHERE key = ?1",
     )
     .bind(key.bytes().as_slice())
+    .bind(most)
     .fetch_optional(db)
     .await?;
     let Some(row) = row else { return Ok(None) };
@@ -190,6 +196,9 @@ pub(super) async fn result(db: impl SqliteExecutor<'_>, key: &Key) -> Result<Opt
         });
         let deleted_by = row.try_get("deleted_by")?;
         return Ok(Some(Kept::Evicted { at, deleted_by, scenario: scenario.unwrap_or_default() }));
+    }
+    if row.try_get("larger")? {
+        return Ok(Some(Kept::Larger));
     }
     let body: Vec<u8> = row.try_get("body")?;
     Ok(Some(Kept::Whole { body, sum: sum(&row)? }))
@@ -205,8 +214,17 @@ pub(super) fn sum(row: &SqliteRow) -> Result<Sum, sqlx::Error> {
 
 /// A result as the tables have it.
 pub(super) enum Kept {
-    Whole { body: Vec<u8>, sum: Sum },
-    Evicted { at: i64, deleted_by: Option<String>, scenario: Value },
+    Whole {
+        body: Vec<u8>,
+        sum: Sum,
+    },
+    /// It has more bytes than were asked for.
+    Larger,
+    Evicted {
+        at: i64,
+        deleted_by: Option<String>,
+        scenario: Value,
+    },
 }
 
 /// What the bytes of a body must come to.

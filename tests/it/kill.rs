@@ -6,14 +6,14 @@ use std::env;
 use std::io;
 use std::net::SocketAddr;
 use std::path::Path;
-use std::process::{Child, Command};
+use std::process::Command;
 use std::time::Duration;
 
 use serde_json::{Value, json};
 use tempfile::TempDir;
 use tokio::time::timeout;
 
-use crate::program::{serve, serve_by};
+use crate::program::{Running, serve, serve_by};
 use crate::server::{JSON, Reply, send, steel_ball};
 use crate::store::{crash, raw};
 use crate::team::{Listener, states};
@@ -35,7 +35,7 @@ pub fn long(number: u32) -> Value {
 
 /// A running server; it is killed in any case.
 pub struct Program {
-    pub child: Child,
+    pub child: Running,
     pub address: SocketAddr,
 }
 
@@ -49,7 +49,7 @@ impl Program {
         Self::of(serve_by(command, dir))
     }
 
-    fn of((child, address): (Child, String)) -> Self {
+    fn of((child, address): (Running, String)) -> Self {
         let address = address.strip_prefix("http://").unwrap().parse().unwrap();
         Self { child, address }
     }
@@ -117,14 +117,6 @@ impl Program {
         let reply = self.get(job["links"]["result"].as_str().unwrap()).await;
         assert_eq!(reply.status, 200);
         reply.body
-    }
-}
-
-impl Drop for Program {
-    fn drop(&mut self) {
-        // It has ended, or a test has failed.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
     }
 }
 

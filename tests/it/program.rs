@@ -2,6 +2,7 @@
 
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::net::TcpListener;
+use std::ops::{Deref, DerefMut};
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 
@@ -31,14 +32,38 @@ fn text(bytes: &[u8]) -> &str {
 }
 
 /// A server on a free port, and the address that it prints.
-pub fn serve(dir: &Path, options: &[&str]) -> (Child, String) {
+pub fn serve(dir: &Path, options: &[&str]) -> (Running, String) {
     serve_by(fretwork(options), dir)
 }
 
+/// A server that ends with the test, however that ends.
+pub struct Running(Child);
+
+impl Deref for Running {
+    type Target = Child;
+    fn deref(&self) -> &Child {
+        &self.0
+    }
+}
+
+impl DerefMut for Running {
+    fn deref_mut(&mut self) -> &mut Child {
+        &mut self.0
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
 /// A server that a command becomes, such as one that changes what the program finds.
-pub fn serve_by(mut command: Command, dir: &Path) -> (Child, String) {
+pub fn serve_by(mut command: Command, dir: &Path) -> (Running, String) {
     command.args(["--listen", "127.0.0.1:0", "--data-dir"]).arg(dir).env("FRETWORK_LOG", "off");
-    let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
+    let mut child = Running(command.stdout(Stdio::piped()).spawn().unwrap());
     let mut lines = BufReader::new(child.stdout.as_mut().unwrap()).lines();
     let first = lines.next().unwrap().unwrap();
     let address = first.rsplit(' ').next().unwrap().to_owned();

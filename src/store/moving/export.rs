@@ -128,7 +128,7 @@ enum Absent {
 }
 
 async fn entry(db: &mut SqliteConnection, key: &Key) -> Result<Result<Entry, Absent>, Error> {
-    let kept = read::result(&mut *db, key).await;
+    let kept = read::result(&mut *db, key, i64::MAX).await;
     let (body, sum) = match kept {
         Ok(Some(read::Kept::Whole { body, sum })) => (body, sum),
         Ok(_) => return Ok(Err(Absent::Unknown)),
