@@ -91,6 +91,7 @@ pub(super) fn frame() -> OpenApi {
                 .schema_from::<Layout>()
                 .schema_from::<UnitSystem>()
                 .schema_from::<TableFormat>()
+                .schema_from::<MatrixFormat>()
                 .schema_from::<KeyText>()
                 .build(),
         ))
@@ -216,7 +217,8 @@ fn share_forms(operation: &mut Value, of_numbers: bool) {
     if let Some(Value::Array(parameters)) = operation.get_mut("parameters") {
         if of_numbers {
             let about = "Rounds every number to so many significant digits. Up to 7, arrays in NPZ and \
-                Arrow are float32, but for columns with numbers below 1.2e-38.";
+                Arrow are float32, but for columns with numbers below 1.2e-38. In `differences` it is the \
+                largest number of a matrix that has them: 7 unless said otherwise, at most 12.";
             let schema = json!({"type": "integer", "format": "int32", "minimum": 1, "maximum": 17});
             let mut digits = parameter("digits", "query", about, &schema);
             digits["example"] = json!(7);
@@ -463,6 +465,8 @@ documented! {
     WholeFormat words(Part::Whole.formats().iter().map(|format| format.name()));
     /// The formats of a table.
     TableFormat words(Part::History.formats().iter().map(|format| format.name()));
+    /// The formats of a table with matrices.
+    MatrixFormat words(Part::Profiles.formats().iter().map(|format| format.name()));
     /// Columns of a history.
     HistoryFields columns(&History::default());
     /// Columns of profiles.

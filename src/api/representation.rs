@@ -134,7 +134,9 @@ impl Representation {
 
     async fn coded(&self, app: &App, coding: Coding) -> Result<Answer, Problem> {
         let body = self.plain(app).await?.body;
-        let coded = apart(move || coding.encode(body)).await?;
+        // Who asks for differences asks for few bytes.
+        let small = self.format == Format::Differences;
+        let coded = apart(move || coding.encode(body, small)).await?;
         let (body, coding) = coded.map_err(|error| {
             tracing::error!(error = &error as &dyn std::error::Error, "cannot compress an answer");
             Problem::internal()

@@ -20,6 +20,9 @@ pub(super) fn read_key(text: &str) -> Result<Key, Problem> {
     })
 }
 
+/// The digits of differences, unless others are asked for.
+const ROUNDED: u8 = 7;
+
 /// Takes the parameters that say how a result or a part is wanted.
 fn ask(query: &mut Query, part: Part) -> Ask {
     let mut ask = Ask {
@@ -114,8 +117,11 @@ async fn answer(
     mut query: Query,
 ) -> Result<Response, Problem> {
     let asked = query.format(part.formats());
-    let ask = ask(&mut query, part);
+    let mut ask = ask(&mut query, part);
     let format = Format::choose(asked, headers, part.formats());
+    if format == Some(Format::Differences) && *ask.digits.get_or_insert(ROUNDED) > forms::DIGITS {
+        query.complain("digits", format!("must be at most {} by differences", forms::DIGITS));
+    }
     if ask.records && part == Part::Whole {
         let parts = "/history, /profiles and /loops";
         query.complain("layout", format!("a whole result has no rows; its parts have: {parts}"));
@@ -176,8 +182,10 @@ fn not_acceptable(key: &str, part: Part) -> Problem {
         (status = 200, description = "The result.", content(
             (ref("#/components/schemas/Result") = "application/json"),
             (super::openapi::File = "application/x-npz"),
+            (ref("#/components/schemas/ByDifferences") =
+                "application/vnd.fretwork.differences+json"),
         )),
-        (status = 406, description = "A whole result is available as JSON and NPZ; its parts are also \
+        (status = 406, description = "A whole result is available as JSON, NPZ and by differences; its parts are also \
             available as NDJSON, CSV and Arrow."),
     ),
 )]
@@ -241,7 +249,7 @@ pub async fn history(
 #[utoipa::path(get, path = "/v1/results/{key}/profiles", operation_id = "get_profiles", tag = "results",
     params(
         ("key" = super::openapi::KeyText, Path, description = "The `key` of a job or a checked scenario."),
-        ("format" = Option<super::openapi::TableFormat>, Query, description = "Wins over `Accept`."),
+        ("format" = Option<super::openapi::MatrixFormat>, Query, description = "Wins over `Accept`."),
         ("layout" = Option<super::openapi::Layout>, Query, description = "Of JSON: an array per quantity \
             (`columns`, the default), or a list of rows under `records`."),
         ("fields" = Option<super::openapi::ProfileFields>, Query, style = Form, explode = false,
@@ -261,8 +269,10 @@ pub async fn history(
             (String = "text/csv"),
             (super::openapi::File = "application/x-npz"),
             (super::openapi::File = "application/vnd.apache.arrow.file"),
+            (ref("#/components/schemas/ByDifferences") =
+                "application/vnd.fretwork.differences+json"),
         )),
-        (status = 406, description = "The profiles are available as JSON, NDJSON, CSV, NPZ and Arrow."),
+        (status = 406, description = "The profiles are available as JSON, NDJSON, CSV, NPZ, Arrow and by differences."),
     ),
 )]
 pub async fn profiles(
@@ -286,7 +296,7 @@ pub async fn profiles(
 #[utoipa::path(get, path = "/v1/results/{key}/loops", operation_id = "get_loops", tag = "results",
     params(
         ("key" = super::openapi::KeyText, Path, description = "The `key` of a job or a checked scenario."),
-        ("format" = Option<super::openapi::TableFormat>, Query, description = "Wins over `Accept`."),
+        ("format" = Option<super::openapi::MatrixFormat>, Query, description = "Wins over `Accept`."),
         ("layout" = Option<super::openapi::Layout>, Query, description = "Of JSON: an array per quantity \
             (`columns`, the default), or a list of rows under `records`."),
         ("fields" = Option<super::openapi::LoopFields>, Query, style = Form, explode = false,
@@ -304,8 +314,10 @@ pub async fn profiles(
             (String = "text/csv"),
             (super::openapi::File = "application/x-npz"),
             (super::openapi::File = "application/vnd.apache.arrow.file"),
+            (ref("#/components/schemas/ByDifferences") =
+                "application/vnd.fretwork.differences+json"),
         )),
-        (status = 406, description = "The loops are available as JSON, NDJSON, CSV, NPZ and Arrow."),
+        (status = 406, description = "The loops are available as JSON, NDJSON, CSV, NPZ, Arrow and by differences."),
     ),
 )]
 pub async fn loops(

@@ -256,13 +256,16 @@ pub enum Format {
     Npz,
     /// `application/vnd.apache.arrow.file`: an Arrow IPC file, also known as Feather.
     Arrow,
+    /// `application/vnd.fretwork.differences+json`: JSON whose matrices take few bytes.
+    Differences,
     /// `image/svg+xml`: of figures alone.
     Svg,
 }
 
 impl Format {
-    /// Every format of numbers, the default first.
-    pub const ALL: [Self; 5] = [Self::Json, Self::Ndjson, Self::Csv, Self::Npz, Self::Arrow];
+    /// Every format of tables, the default first.
+    pub const ALL: [Self; 6] =
+        [Self::Json, Self::Ndjson, Self::Csv, Self::Npz, Self::Arrow, Self::Differences];
 
     /// The word in `?format=`, and the end of a file's name.
     #[must_use]
@@ -273,6 +276,7 @@ impl Format {
             Self::Csv => "csv",
             Self::Npz => "npz",
             Self::Arrow => "arrow",
+            Self::Differences => "differences",
             Self::Svg => "svg",
         }
     }
@@ -286,6 +290,7 @@ impl Format {
             Self::Csv => "text/csv; charset=utf-8",
             Self::Npz => "application/x-npz",
             Self::Arrow => "application/vnd.apache.arrow.file",
+            Self::Differences => "application/vnd.fretwork.differences+json",
             Self::Svg => "image/svg+xml",
         }
     }

@@ -243,6 +243,38 @@ def check_digits(key, whole):
         same(arrow["wear"].to_numpy(), numpy.array(expected, dtype=kind), digits)
 
 
+def summed(rows):
+    """Matrices by differences as their description says; rows may differ in length."""
+    above = numpy.zeros(0, dtype=int)
+    for row in rows:
+        row = numpy.array(row, dtype=int)
+        shared = min(len(row), len(above))
+        row[:shared] += above[:shared]
+        yield row.cumsum().cumsum()
+        above = row
+
+
+def check_differences(key, whole):
+    """They are the numbers, within half a step, and the largest of a matrix has seven digits."""
+    told = json.loads(body(f"/v1/results/{key}?format=differences"))
+    matrices = [
+        (whole[part][name], matrix)
+        for part in ["profiles", "loops"]
+        for name, matrix in told[part].items()
+        if isinstance(matrix, dict)
+    ]
+    assert len(matrices) == 7, told["profiles"].keys()
+    for exact, matrix in matrices:
+        step, missing, largest = matrix["step"], [], 0
+        for row, (steps, true) in enumerate(zip(summed(matrix["differences"]), exact, strict=True)):
+            true = numpy.array(true, dtype=float)
+            missing += [[row, int(place)] for place in numpy.flatnonzero(numpy.isnan(true))]
+            apart = numpy.nan_to_num(abs(step * steps - true)) / step
+            assert (apart <= 0.501).all(), (row, step, apart.max(), true[apart.argmax()], steps[apart.argmax()])
+            largest = max(largest, numpy.nanmax(abs(true)))
+        assert missing == matrix.get("missing", []) and 1e6 <= largest / step < 1.000001e7
+
+
 def check_held(key):
     """A copy that is held is confirmed, compressed or not, by the tag it came with."""
     tags = set()
@@ -275,6 +307,7 @@ def main():
     check_part(key, "profiles", "fields=pressure,slip&points=9&cycles=0")
     check_units(key, whole)
     check_digits(key, whole)
+    check_differences(key, whole)
     check_held(key)
     print("every form holds the same numbers")
 

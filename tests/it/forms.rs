@@ -285,7 +285,9 @@ async fn two_hundred_snapshots_are_small_where_little_is_asked_of_them() {
 }
 
 /// Parts of 200 instants and 512 radii, and how many bytes they have at most on the line.
-const LARGEST: [(&str, usize); 4] = [
+const LARGEST: [(&str, usize); 5] = [
+    // Everything: five matrices, the loops, the histories.
+    ("?digits=7&format=differences", 300_000),
     ("/history?digits=7", 10_000),
     ("/profiles?digits=7&fields=worn", 300_000),
     ("/profiles?digits=7&points=64", 300_000),

@@ -10,7 +10,7 @@ use serde_json::{Number, Value};
 
 use super::table::Table;
 use super::units::{Unit, round};
-use super::{Ask, Error, Part};
+use super::{Ask, DIGITS, Error, Part};
 
 /// A JSON object whose members keep their order and their text.
 pub struct Members<'a>(pub Vec<(Cow<'a, str>, &'a RawValue)>);
@@ -98,12 +98,16 @@ pub struct Telling {
 impl Telling {
     /// What becomes of the numbers of a quantity; none if nothing does.
     pub fn of(&self, name: &str) -> Option<impl Fn(f64) -> f64 + use<>> {
-        let unit = self.units.find(name).and_then(|(_, _, unit)| *unit);
-        self.with(unit)
+        self.with(name, self.digits)
     }
 
-    fn with(&self, unit: Option<Unit>) -> Option<impl Fn(f64) -> f64 + use<>> {
-        let digits = self.digits;
+    /// The same without rounding, for what is rounded otherwise.
+    pub fn unrounded(&self, name: &str) -> Option<impl Fn(f64) -> f64 + use<>> {
+        self.with(name, None)
+    }
+
+    fn with(&self, name: &str, digits: Option<u8>) -> Option<impl Fn(f64) -> f64 + use<>> {
+        let unit = self.units.find(name).and_then(|(_, _, unit)| *unit);
         (unit.is_some() || digits.is_some()).then_some(move |number| {
             let told = unit.map_or(number, |unit| unit.tell(number));
             digits.map_or(told, |digits| round(told, digits))
@@ -166,6 +170,8 @@ pub struct Document<'a> {
     pub made_by: Engine,
     /// Units and digits.
     pub telling: Telling,
+    /// Whether matrices are told by their differences.
+    pub by_differences: bool,
     members: Members<'a>,
     ask: &'a Ask,
 }
@@ -190,6 +196,7 @@ impl<'a> Document<'a> {
             engine,
             made_by: serde_json::from_str(engine.get())?,
             telling: Telling { units, digits: ask.digits },
+            by_differences: false,
             members,
             ask,
         })
@@ -198,6 +205,7 @@ impl<'a> Document<'a> {
     /// One of the tables as it is told, cut to what is wanted.
     pub fn table(&self, part: Part, ask: &Ask) -> Result<Table, Error> {
         let mut table = Table::read(part, self.members.get(part.name()), ask)?;
+        table.differences = self.by_differences.then(|| ask.digits.unwrap_or(DIGITS).min(DIGITS));
         table.tell(&self.telling);
         Ok(table)
     }

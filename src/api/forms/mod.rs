@@ -11,6 +11,7 @@
 //! | JSON | columns, or rows (`records`) | the stored document |
 //! | NDJSON, CSV | rows: one per instant, or per instant and place | – |
 //! | Arrow | one table of the same rows | – |
+//! | differences | as JSON in columns, the matrices as [`differences`] | the document so |
 //! | NPZ | one array per column, as in the columns of JSON | one array per column of each part |
 //!
 //! Each names the key, the engine and the units. A number that is infinite (null in the document) is
@@ -18,6 +19,7 @@
 
 mod arrow;
 mod csv;
+mod differences;
 mod document;
 mod figure;
 mod json;
@@ -31,6 +33,7 @@ use super::problem::Complaint;
 use super::wire::Format;
 use document::Document;
 
+pub use differences::DIGITS;
 pub use figure::{LARGEST, LEAST, Look, MOST, QUANTITIES, Quantity};
 
 /// The version of all this. Clients keep what they read for ever: it rises when the same request
@@ -72,9 +75,16 @@ impl Part {
     #[must_use]
     pub fn formats(self) -> &'static [Format] {
         match self {
-            Self::Whole => &[Format::Json, Format::Npz],
+            Self::Whole => &[Format::Json, Format::Npz, Format::Differences],
             Self::Plot => &[Format::Svg],
-            _ => &Format::ALL,
+            // It has no matrices.
+            Self::History => {
+                const {
+                    let [json, ndjson, csv, npz, arrow, _] = Format::ALL;
+                    &[json, ndjson, csv, npz, arrow]
+                }
+            }
+            Self::Profiles | Self::Loops => &Format::ALL,
         }
     }
 }
@@ -87,6 +97,7 @@ pub struct Ask {
     /// Significant decimal digits to which all numbers are rounded, 1…17. Up to 7 arrays (NPZ, Arrow)
     /// are float32, whose step of 6e-8 is below that rounding; a column with numbers beyond its range
     /// (below 1.2e-38, such as the last energies of a contact that comes to rest) stays float64.
+    /// Of [`Format::Differences`] they are those of the largest number of a matrix, at most [`DIGITS`].
     pub digits: Option<u8>,
     /// µm, mm³, MPa and mJ instead of SI.
     pub engineering: bool,
@@ -152,7 +163,8 @@ pub fn write(stored: &[u8], part: Part, format: Format, ask: &Ask) -> Result<Vec
     if (part, format) == (Part::Whole, Format::Json) && *ask == Ask::default() {
         return Ok(stored.to_vec());
     }
-    let document = Document::open(stored, ask)?;
+    let mut document = Document::open(stored, ask)?;
+    document.by_differences = format == Format::Differences;
     if part == Part::Plot {
         return figure::svg(&document, ask);
     }
@@ -165,7 +177,7 @@ pub fn write(stored: &[u8], part: Part, format: Format, ask: &Ask) -> Result<Vec
     let table = document.table(part, ask)?;
     match format {
         Format::Json if ask.records => json::records(&document, &table),
-        Format::Json => json::columns(&document, &table),
+        Format::Json | Format::Differences => json::columns(&document, &table),
         Format::Ndjson => json::lines(&document, &table),
         Format::Csv => Ok(csv::table(&document, &table, ask)),
         Format::Npz => npz::table(&document, &table, ask),
@@ -275,6 +287,27 @@ mod tests {
             (&profiles["key"], &profiles["units"]["pressure"]),
             (&json!("ab"), &json!("Pa"))
         );
+    }
+
+    #[test]
+    fn differences_are_of_the_matrices_as_they_are_told() {
+        let ask = Ask { digits: Some(2), engineering: true, ..Ask::default() };
+        let told = |part| -> Value {
+            serde_json::from_str(&made(part, Format::Differences, &ask)).unwrap()
+        };
+        let whole = told(Part::Whole);
+        let profiles = &told(Part::Profiles)["profiles"];
+        assert_eq!(*profiles, whole["profiles"]);
+        // In µm: 0, 1, 4 and 0.1, 2, 5 million.
+        let worn = json!({"step": 1e5, "differences": [[0, 10, 20], [1, 8, -9]]});
+        assert_eq!((&profiles["worn"], &profiles["radius"]), (&worn, &json!([0.0, 1e6, 2e6])));
+        let pressure = json!({"step": 100.0, "differences": [[0, 25, -50], [3, -31, 53]],
+            "missing": [[0, 0]]});
+        assert_eq!(profiles["pressure"], pressure);
+        // A row that is longer than the one above goes on from 0.
+        let force = json!({"step": 0.1, "differences": [[30, -90], [15, -40, 135]]});
+        assert_eq!(told(Part::Loops)["loops"]["tangential_force"], force);
+        assert_eq!(whole["history"]["wear_volume"][1], json!(1.2e-4));
     }
 
     #[test]

@@ -4,6 +4,7 @@ use serde::ser::SerializeMap as _;
 use serde::{Deserialize, Serialize, Serializer};
 use serde_json::value::RawValue;
 
+use super::differences::Differences;
 use super::document::{Members, Telling};
 use super::{Ask, Complaint, Error, Part};
 use crate::engine::outcome::{Loops, Profiles};
@@ -120,6 +121,8 @@ pub struct Table {
     pub columns: Vec<(String, Values)>,
     /// Whether the document has it: profiles and loops can be left out of a run.
     there: bool,
+    /// Of how many digits matrices are told by their differences; none if they are told as they are.
+    pub differences: Option<u8>,
 }
 
 impl Table {
@@ -145,7 +148,7 @@ impl Table {
                 columns.push((name.to_string(), Values::read(part, name, text, &cut)?));
             }
         }
-        Ok(Self { part, columns, there })
+        Ok(Self { part, columns, there, differences: None })
     }
 
     /// The numbers of a column that has one per instant or one per place.
@@ -164,7 +167,12 @@ impl Table {
     /// Brings all numbers into the units and digits in which they are told.
     pub fn tell(&mut self, telling: &Telling) {
         for (name, values) in &mut self.columns {
-            if let Some(tell) = telling.of(name) {
+            if self.differences.is_some() && matches!(values, Values::Both(_)) {
+                // In steps they are rounded once.
+                if let Some(tell) = telling.unrounded(name) {
+                    values.each(tell);
+                }
+            } else if let Some(tell) = telling.of(name) {
                 values.each(tell);
             }
         }
@@ -247,7 +255,12 @@ impl Serialize for Table {
         }
         let mut map = json.serialize_map(Some(self.columns.len()))?;
         for (name, values) in &self.columns {
-            map.serialize_entry(name, values)?;
+            match (values, self.differences) {
+                (Values::Both(rows), Some(digits)) => {
+                    map.serialize_entry(name, &Differences::of(rows, digits))?;
+                }
+                _ => map.serialize_entry(name, values)?,
+            }
         }
         map.end()
     }
