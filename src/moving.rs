@@ -79,7 +79,7 @@ fn take_over(settings: &Import) -> Result<bool, Failure> {
     let done = wait(store::import(&data.data_dir, file, progress("looked at")))?;
     let Imported { results: count, bytes, known, notes, refused, other_notes, left_out } = done;
     for (key, why) in &refused {
-        writeln!(io::stderr(), "refused {key}: {why}")?;
+        writeln!(io::stderr(), "refused {}: {why}", key.escape_debug())?;
     }
     for (key, what) in &left_out {
         writeln!(io::stderr(), "left out of {key}: {what}")?;

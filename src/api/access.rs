@@ -5,7 +5,7 @@
 
 use std::collections::HashMap;
 use std::fmt;
-use std::net::IpAddr;
+use std::net::{Ipv4Addr, Ipv6Addr};
 use std::sync::atomic::{AtomicI64, Ordering};
 use std::sync::{Arc, PoisonError, RwLock};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -143,6 +143,8 @@ fn now() -> i64 {
 /// Stands before all routes, and behind those that took long.
 pub async fn pass(State(gate): State<Arc<Gate>>, mut request: Request, next: Next) -> Response {
     let came = Instant::now();
+    let route = request.extensions().get::<MatchedPath>().map_or("", MatchedPath::as_str);
+    let needed = needed(request.method(), route).is_some();
     let Pass { identity, place, link } = match gate.admit(&mut request).await {
         Ok(pass) => pass,
         Err(problem) => return problem.into_response(),
@@ -155,12 +157,13 @@ pub async fn pass(State(gate): State<Arc<Gate>>, mut request: Request, next: Nex
         request.extensions_mut().insert(standing);
     }
     let mut response = next.run(request).await;
-    if let (Some(identity), None) = (&identity, link)
+    // What a wait has found is not for a key that was taken back meanwhile.
+    if needed
+        && link.is_none()
         && came.elapsed() > FRESH
+        && let Some(why) = gate.ousted(identity.as_ref().map(|identity| &*identity.key)).await
     {
-        // What a wait has found is not for a key that was taken back meanwhile.
-        let still = gate.still(Some(&identity.key)).await;
-        response = still.map_or_else(Problem::into_response, |()| response);
+        response = why.into_response();
     }
     if let Some(identity) = identity {
         response.extensions_mut().insert(identity);
@@ -301,20 +304,17 @@ impl Gate {
         Ok((identity, Some(holder)))
     }
 
-    /// Whether who was let in by this key, or without one, would be let in now as well. What goes on
-    /// for long asks again and again.
-    pub async fn still(&self, key: Option<&str>) -> Result<(), Problem> {
-        let Some(id) = key else {
-            let keys = self.asks_for_keys().await?;
-            let why = "Since this was asked, keys were made.";
-            return if keys { Err(refused(&HeaderMap::new(), why)) } else { Ok(()) };
+    /// Why who was let in by this key, or without one, would not be let in now. What goes on for long
+    /// asks again and again; a database that does not answer throws nobody out.
+    pub async fn ousted(&self, key: Option<&str>) -> Option<Problem> {
+        let why = match key {
+            None => {
+                let keys = self.asks_for_keys().await.unwrap_or(false);
+                keys.then(|| "Since this was asked, keys were made.".to_owned())?
+            }
+            Some(id) => ended(&self.holders(FRESH).await.ok()?.get(id)?.key, now())?,
         };
-        if let Some(holder) = self.holders(FRESH).await?.get(id)
-            && let Some(ended) = ended(&holder.key, now())
-        {
-            return Err(refused(&HeaderMap::new(), &ended));
-        }
-        Ok(())
+        Some(refused(&HeaderMap::new(), &why))
     }
 
     /// Takes a request by a link from what its maker may, if the maker is still good.
@@ -400,16 +400,20 @@ impl Gate {
 /// Whether a request asks for this server by a name that cannot be another's: a page of a foreign name
 /// that leads here (DNS rebinding) is refused.
 fn is_own_name(request: &Request) -> bool {
-    let host = request.headers().get(header::HOST).and_then(|host| host.to_str().ok());
+    let host = request.headers().get(header::HOST).map(|host| host.to_str().unwrap_or_default());
     let Some(host) = request.uri().host().or(host) else {
         return true;
     };
-    let name = match host.strip_prefix('[') {
-        Some(rest) => rest.split_once(']').map_or("", |(address, _)| address),
-        None => host.split_once(':').map_or(host, |(name, _)| name),
-    };
+    if let Some(rest) = host.strip_prefix('[') {
+        return rest.split_once(']').is_some_and(|(address, port)| {
+            address.parse::<Ipv6Addr>().is_ok() && (port.is_empty() || port.starts_with(':'))
+        });
+    }
+    let name = host.split_once(':').map_or(host, |(name, _)| name);
+    let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-_.".contains(&byte);
     let last = name.rsplit('.').next().unwrap_or_default();
-    last.eq_ignore_ascii_case("localhost") || name.parse::<IpAddr>().is_ok()
+    name.parse::<Ipv4Addr>().is_ok()
+        || (last.eq_ignore_ascii_case("localhost") && name.bytes().all(plain))
 }
 
 /// The name under which the key from the settings acts and signs.

@@ -131,7 +131,9 @@ impl Following {
                         _ = draining.wait_for(|draining| *draining) => return None,
                     };
                     // The client comes back, and is told why it may not.
-                    self.app.gate.still(self.key.as_deref()).await.ok()?;
+                    if self.app.gate.ousted(self.key.as_deref()).await.is_some() {
+                        return None;
+                    }
                 }
             }
             Step::Last => return None,

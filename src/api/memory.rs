@@ -98,27 +98,29 @@ impl Memory {
         self.kept.as_ref()?.get(name)
     }
 
-    /// How often something had to be forgotten: who makes an answer to be remembered looks at it
-    /// before he reads, and again after it was [`put`](Self::put).
+    /// How often something had to be forgotten: who makes an answer that is to be remembered looks at it
+    /// before he reads anything.
     pub fn forgotten(&self) -> u64 {
         self.forgotten.load(Ordering::SeqCst)
     }
 
-    /// Forgets every answer of a result that is there no longer.
+    /// Forgets every answer of a result that is there no longer. Who reads on has it to the end.
     pub fn forget(&self, key: &Key) {
-        // First, so that who puts one in meanwhile sees it and takes it out himself.
-        self.forgotten.fetch_add(1, Ordering::SeqCst);
         let begins = key.to_string();
+        // Under this lock everything is put in. What was made of the result before this moment is
+        // either there already and goes, or comes with the old count and is not taken.
+        let mut lent = lock(&self.lent);
         if let Some(kept) = &self.kept {
             kept.retain(|name, _| !name.starts_with(&begins));
         }
-        // Who reads on has it to the end; who comes now does not share it.
-        lock(&self.lent).retain(|name, _| !name.starts_with(&begins));
+        lent.retain(|name, _| !name.starts_with(&begins));
+        self.forgotten.fetch_add(1, Ordering::SeqCst);
     }
 
-    /// Remembers an answer.
-    pub fn put(&self, name: String, answer: &Answer) {
-        if let Some(kept) = &self.kept {
+    /// Remembers an answer, unless something was forgotten since: perhaps what it was made of.
+    pub fn put(&self, name: String, answer: &Answer, since: u64) {
+        let _lent = lock(&self.lent);
+        if let Some(kept) = self.kept.as_ref().filter(|_| self.forgotten() == since) {
             kept.insert(name, answer.clone());
         }
     }
@@ -130,6 +132,7 @@ impl Memory {
         name: &str,
         make: impl Future<Output = Result<Answer, E>>,
     ) -> Result<Answer, E> {
+        let since = self.forgotten();
         if let Some(answer) = self.get(name) {
             return Ok(answer);
         }
@@ -137,7 +140,7 @@ impl Memory {
         let _mine = turn.lock().await;
         match self.borrow(name) {
             Some(answer) => Ok(answer),
-            None => Ok(self.lend(name, make.await?)),
+            None => Ok(self.lend(name, make.await?, since)),
         }
     }
 
@@ -147,9 +150,14 @@ impl Memory {
         Some(Owner::share(answer))
     }
 
-    /// Has those who come read the same bytes, as long as somebody does.
-    fn lend(&self, name: &str, answer: Answer) -> Answer {
-        Owner::share(entry(&mut lock(&self.lent), name, || Arc::new(answer)))
+    /// Has those who come read the same bytes, as long as somebody does, unless something was
+    /// forgotten since.
+    fn lend(&self, name: &str, answer: Answer, since: u64) -> Answer {
+        let mut lent = lock(&self.lent);
+        if self.forgotten() != since {
+            return answer;
+        }
+        Owner::share(entry(&mut lent, name, || Arc::new(answer)))
     }
 }
 
@@ -193,7 +201,7 @@ mod tests {
     fn what_is_remembered_stays_within_its_bytes() {
         let memory = Memory::new(100_000);
         for number in 0..100 {
-            memory.put(number.to_string(), &answer(10_000));
+            memory.put(number.to_string(), &answer(10_000), 0);
         }
         let held = (0..100).filter(|number: &u32| memory.get(&number.to_string()).is_some());
         assert!((1..10).contains(&held.count()));
@@ -237,15 +245,27 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn what_is_deleted_is_not_lent_to_who_comes_later() {
-        let memory = Memory::new(0);
+    async fn what_is_deleted_is_had_by_nobody_who_comes_later() {
+        let memory = Memory::new(1 << 20);
         let key = Key::from_bytes([7; 32]);
-        let read =
-            async || memory.share(&key.to_string(), async { Ok::<_, Infallible>(answer(1)) }).await;
+        let name = key.to_string();
+        let read = async || memory.share(&name, async { Ok::<_, Infallible>(answer(1)) }).await;
         let held = read().await;
         assert_eq!(place(&held), place(&read().await));
+        memory.put(name.clone(), &held.unwrap(), memory.forgotten());
+        assert!(memory.get(&name).is_some());
         memory.forget(&key);
-        assert_ne!(place(&held), place(&read().await));
+        assert!(memory.get(&name).is_none() && memory.borrow(&name).is_none());
+
+        // What was read before and comes after is had by who reads it, and not remembered.
+        let since = memory.forgotten();
+        let read = async {
+            memory.forget(&key);
+            Ok::<_, Infallible>(answer(1))
+        };
+        let late = memory.share(&name, read).await.unwrap();
+        memory.put(name.clone(), &late, since);
+        assert!(memory.get(&name).is_none() && memory.borrow(&name).is_none());
     }
 
     #[tokio::test]

@@ -121,11 +121,7 @@ impl Representation {
                 Coding::Identity => self.plain(app).await?,
                 _ => app.memory.share(&name, self.coded(app, coding)).await?,
             };
-            app.memory.put(name, &answer);
-            if app.memory.forgotten() != forgotten {
-                // Perhaps it was deleted while it was read.
-                app.memory.forget(&self.key);
-            }
+            app.memory.put(name, &answer, forgotten);
             answer
         };
         app.store.was_read(&self.key);

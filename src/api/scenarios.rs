@@ -97,7 +97,7 @@ impl From<Unsound> for Problem {
 }
 
 /// A body up to so many bytes is parsed sooner than it is handed to another thread.
-const SHORT: usize = 1 << 14;
+pub(super) const SHORT: usize = 1 << 14;
 
 /// Parses a job body; a long one apart from the threads that answer requests: it may have 10 000 rows.
 pub(super) async fn parse(body: Body) -> Result<Submission, Problem> {

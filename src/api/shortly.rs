@@ -15,6 +15,7 @@ use tokio::sync::{Semaphore, oneshot};
 use tokio::task;
 use tokio::time::timeout;
 
+use super::scenarios;
 use crate::job::{Answer, Cost, Job, Key, Step};
 use crate::store::{Admission, Error, NewJob, Store, Submitted};
 use crate::worker::{Compute, Stopwatch};
@@ -99,7 +100,11 @@ impl Shortly {
         // From here on others join; whatever happens, they are released.
         let mut leading = Leading { shortly: self, key: job.key, ended: false };
         let answer = match entered {
-            Some(_) => self.compute(&job, seconds < INSTANT).await,
+            // A long body takes a while before anything is computed.
+            Some(_) => {
+                let here = seconds < INSTANT && job.task.len() <= scenarios::SHORT;
+                self.compute(&job, here).await
+            }
             None => None,
         };
         let Some((answer, cost)) = answer else {

@@ -118,6 +118,18 @@ def every_plot(page, base, key, scales=("x", "", "xy")):
     read(page, "Fretting loop", "Displacement", {"this, forth": (moved[turn:], force[turn:])})
 
 
+def every_loop(page, base, key):
+    """Each loop is cut into branches that are functions of the displacement, with all of its points."""
+    loops = ask(base, f"/v1/results/{key}/loops")["loops"]
+    cut = "async ([x, y]) => (await import('/assets/plots.js')).branches(x, y)"
+    for moved, force in zip(loops["displacement"], loops["tangential_force"], strict=True):
+        branches = page.evaluate(cut, [moved, force])
+        assert all(xs == sorted(xs) for xs, _ in branches), (key, moved)
+        points = {point for xs, ys in branches for point in zip(xs, ys, strict=True)}
+        assert points == set(zip(moved, force)), (key, moved)
+        assert len(branches) >= 2 or min(moved) == max(moved), (key, moved)
+
+
 def slide(browser, base):
     """200 instants of 512 radii: each move of the slider is drawn in the next frame; how long that takes."""
     scenario = ask(base, "/v1/examples/steel-ball")["scenario"]

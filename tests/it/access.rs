@@ -566,7 +566,17 @@ async fn a_server_without_keys_is_no_servant_of_foreign_pages() {
     for own in ["localhost", "localhost:8080", "127.0.0.1:8080", "[::1]:8080", "me.localhost"] {
         assert_eq!(asked(own, "GET", &[]).await, 200, "{own}");
     }
-    for foreign in ["evil.example", "localhost.evil.example", "127.0.0.1.evil.example:8080"] {
+    for foreign in [
+        "evil.example",
+        "localhost.evil.example",
+        "127.0.0.1.evil.example:8080",
+        "evil.example:localhost",
+        "localhost@evil.example",
+        "[::1]evil.example",
+        "[localhost]",
+        "x%.localhost",
+        "\u{e9}.localhost",
+    ] {
         assert_eq!(asked(foreign, "GET", &[]).await, 421, "{foreign}");
     }
     let own = "localhost:8080";

@@ -51,6 +51,19 @@ async fn is_evicted(store: &Store, number: u8) -> bool {
 }
 
 #[tokio::test]
+async fn a_result_with_more_bytes_than_are_asked_for_is_there_and_not_read() {
+    let (_dir, store) = fresh().await;
+    compute(&store, 1, 5000).await;
+    let Some(StoredResult::Whole(body)) = store.result(&key(1)).await.unwrap() else {
+        panic!("it is there");
+    };
+    let within = async |most| store.result_within(&key(1), most).await.unwrap();
+    assert!(matches!(within(body.len() - 1).await, Some(StoredResult::Larger)));
+    assert!(matches!(within(body.len()).await, Some(StoredResult::Whole(same)) if same == body));
+    assert!(store.result_within(&key(2), 0).await.unwrap().is_none());
+}
+
+#[tokio::test]
 async fn a_submission_that_is_repeated_under_its_name_is_one_job() {
     let (_dir, store) = fresh().await;
     let first = accepted(store.submit(repeatable(1, "a", "one")).await);

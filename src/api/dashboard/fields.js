@@ -43,7 +43,7 @@ export const CHOICES = [
   {
     id: "wear", part: "Material", label: "Wear by",
     options: { coefficient: "Coefficient k_w", hardness: "Archard: k and hardness", energy: "Energy coefficient α" },
-    of: ({ wear = {} }) => ("energy_coefficient" in wear ? "energy" : "hardness" in wear ? "hardness" : "coefficient"),
+    of: ({ wear }) => ("energy_coefficient" in Object(wear) ? "energy" : "hardness" in Object(wear) ? "hardness" : "coefficient"),
     take: (scenario, kind) => {
       const { share } = scenario.wear ?? {};
       scenario.wear = {
@@ -61,7 +61,7 @@ export const CHOICES = [
   {
     id: "load", part: "Load and motion", label: "Pressed by",
     options: { normal_force: "Normal force F", indentation_depth: "Indentation depth d" },
-    of: ({ load = {} }) => ("indentation_depth" in load ? "indentation_depth" : "normal_force"),
+    of: ({ load }) => ("indentation_depth" in Object(load) ? "indentation_depth" : "normal_force"),
     take: (scenario, kind) => {
       const { held } = scenario.load ?? {};
       scenario.load = { [kind]: kind === "normal_force" ? "100 N" : "3.5 um", ...(held && { held }) };
@@ -72,7 +72,7 @@ export const CHOICES = [
   {
     id: "motion", part: "Load and motion", label: "Moved by",
     options: { amplitude: "Amplitude U", stick_ratio: "Stick ratio c/a₀", tangential_force: "Tangential force Q" },
-    of: ({ motion = {} }) => ["blocks", "reversals", "tangential_force", "stick_ratio"].find((name) => name in motion) ?? "amplitude",
+    of: ({ motion }) => ["blocks", "reversals", "tangential_force", "stick_ratio"].find((name) => name in Object(motion)) ?? "amplitude",
     take: (scenario, kind) => {
       scenario.motion = { [kind]: { amplitude: "2.256 um", stick_ratio: 0.5, tangential_force: "45 N" }[kind] };
     },

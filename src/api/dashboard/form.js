@@ -15,7 +15,7 @@ export async function showForm(main, { query, signal }) {
   // What a person calls it; a preset's own label goes only with the preset's own scenario.
   let called = query.get("label");
   try {
-    if (query.has("scenario")) scenario = JSON.parse(query.get("scenario"));
+    if (query.has("scenario")) scenario = Object(JSON.parse(query.get("scenario")));
   } catch {
     say("The scenario in the address cannot be read; this is the first example.");
   }
@@ -163,9 +163,12 @@ export async function showForm(main, { query, signal }) {
     try {
       const headers = { Prefer: "wait=1", "Idempotency-Key": nonce() };
       const job = await post("/v1/jobs", { scenario, ...(label() && { label: label() }) }, { headers });
+      // Whoever has gone elsewhere stays there.
+      if (signal.aborted) return;
       const asked = new URLSearchParams({ scenario: JSON.stringify(scenario) });
       location.hash = job.state === "succeeded" ? `#/result/${job.key}` : `#/run/${job.id}?${asked}`;
     } catch (problem) {
+      if (signal.aborted) return;
       showFaults(problem);
       check.replaceChildren(h("h2", {}, problem.title ?? "It could not be submitted"), h("p", {}, problem.detail ?? problem.message));
       run.disabled = false;
@@ -181,7 +184,7 @@ export async function showForm(main, { query, signal }) {
           h("div", { class: "field wide" }, h("label", { for: "label" }, "Label"), name),
           others, fields,
           h("p", { class: "quiet" }, "A number is in SI; with a unit it is text: 10 mm, 205 GPa, 3.03e-5 mm^3/(N m).")),
-        h("details", { class: "card", open: !scenario.motion || "blocks" in scenario.motion || "reversals" in scenario.motion },
+        h("details", { class: "card", open: ["blocks", "reversals"].some((name) => name in Object(scenario.motion)) },
           h("summary", {}, "The scenario as JSON"),
           h("label", { for: "json", class: "quiet" }, "Blocks, measured tables and displacement records are edited here; form and JSON stay in step."),
           json, jsonFault)),

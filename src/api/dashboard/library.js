@@ -2,7 +2,7 @@
 
 import { get } from "./api.js";
 import { debounced, h, svg, trouble, when } from "./dom.js";
-import { contactName, loadName, wayName } from "./names.js";
+import { called, contactName, loadName, wayName } from "./names.js";
 import { cycles, quantity, WORDS } from "./units.js";
 
 const WORD_FILTERS = {
@@ -29,15 +29,19 @@ export async function showLibrary(main, { query, signal }) {
     return new URLSearchParams(words);
   };
 
+  let reads = 0;
   async function read(path, isFirst) {
+    const own = isFirst ? ++reads : reads;
     let page;
     try {
       page = await get(path, { signal });
     } catch (problem) {
-      if (signal.aborted) return;
+      if (signal.aborted || own !== reads) return;
       faults.replaceChildren(trouble(problem));
       return;
     }
+    // Something else has been asked for meanwhile.
+    if (signal.aborted || own !== reads) return;
     faults.replaceChildren();
     const entries = page.results.map(drawEntry);
     if (isFirst) list.replaceChildren(...entries);
@@ -50,6 +54,7 @@ export async function showLibrary(main, { query, signal }) {
   }
 
   const again = debounced(250, () => {
+    if (signal.aborted) return;
     const words = search();
     if (query.get("with")) words.set("with", query.get("with"));
     history.replaceState(null, "", `#/library?${words}`);
@@ -91,7 +96,7 @@ export async function showLibrary(main, { query, signal }) {
       if (!isIntersecting) continue;
       seen.unobserve(target);
       thumbnail(target, signal);
-      called(target.dataset.key, shown.get(target), signal);
+      called(target.dataset.key, signal).then((label) => (shown.get(target).textContent = label));
     }
   }, { rootMargin: "400px" });
   signal.addEventListener("abort", () => seen.disconnect());
@@ -127,12 +132,6 @@ export async function showLibrary(main, { query, signal }) {
   const asked = search();
   asked.set("limit", 24);
   await read(`/v1/results?${asked}`, true);
-}
-
-/** Says what a job calls this result, if one does. */
-async function called(key, place, signal) {
-  const page = await get(`/v1/jobs?key=${key}&limit=1`, { signal }).catch(() => null);
-  place.textContent = page?.jobs[0]?.label ?? "";
 }
 
 /** Draws the last worn profile, from forty numbers of three digits. */

@@ -1,5 +1,6 @@
 // What tells results apart: the shape with its size, the load, the motion, what is held.
 
+import { get } from "./api.js";
 import { digits, quantity, UNITS, WORDS } from "./units.js";
 
 const MOTIONS = { amplitude: "amplitude held", tangential_force: "tangential force held", rig: "behind a rig",
@@ -34,3 +35,9 @@ export const loadName = ({ motion, values }) => listed(sized("F", values.normal_
 /** "exact method · partial slip · depth held, amplitude held". */
 export const wayName = ({ method, regime, held, motion }) => [WORDS[method] ?? method, WORDS[regime] ?? regime,
   listed(held === "force" ? "dead weight" : "depth held", MOTIONS[motion])].join(" · ");
+
+/** What people call a result, if they do: its jobs know, and jobs are not kept for ever. */
+export async function called(key, signal) {
+  const page = await get(`/v1/jobs?key=${key}&limit=20`, { signal }).catch(() => null);
+  return page?.jobs.find((job) => job.label)?.label ?? "";
+}

@@ -194,11 +194,14 @@ export function ceiling(values) {
   return known.at(-1) > 3 * usual ? 1.5 * usual : (known.at(-1) ?? 0);
 }
 
-/** A loop cut where it turns, so that each branch is a function of the displacement. */
+/** A loop cut where it turns, so that each branch is a function of the displacement; it may stand still there. */
 export function branches(x, y) {
   const cuts = [0];
-  for (let i = 1; i + 1 < x.length; i++) {
-    if ((x[i] - x[i - 1]) * (x[i + 1] - x[i]) < 0) cuts.push(i);
+  let way = 0;
+  for (let i = 1; i < x.length; i++) {
+    const step = Math.sign(x[i] - x[i - 1]);
+    if (step * way < 0) cuts.push(i - 1);
+    way = step || way;
   }
   cuts.push(x.length - 1);
   return cuts.slice(1).map((to, i) => {

@@ -5,7 +5,7 @@ import { fill, h, say } from "./dom.js";
 import { apart, branches, ceiling, Plot } from "./plots.js";
 import { drawAbout } from "./about.js";
 import { drawActions } from "./actions.js";
-import { contactName, entryOf, loadName, wayName } from "./names.js";
+import { called, contactName, entryOf, loadName, wayName } from "./names.js";
 import { column, cycles, digits, percent, quantity, WORDS } from "./units.js";
 
 const PROFILES = ["worn", "wear", "pressure", "slip", "image"];
@@ -133,9 +133,7 @@ export async function showResult(main, { id: key, query, signal }) {
   remember();
   document.addEventListener("units", all, { signal });
   if (link) return;
-  // What people call it: a job knows, and jobs are not kept for ever.
-  const { jobs } = await get(`/v1/jobs?key=${key}&limit=1`, { signal });
-  label.textContent = jobs[0]?.label ?? "";
+  label.textContent = await called(key, signal);
   label.hidden = !label.textContent;
 }
 

@@ -36,12 +36,14 @@ export async function showRun(main, { id, query, signal }) {
   const what = h("section", { class: "card told", "aria-label": "What is computed", hidden: true });
   const known = h("section", { class: "card", "aria-label": "What is known beforehand", hidden: true });
   const after = h("div", { class: "stack" });
-  const again = () => given && h("a", { class: "button primary", href: `#/new?${new URLSearchParams({ scenario: given })}` },
+  const again = () => given && h("a", { class: "button primary", href: `#/new?${new URLSearchParams({ scenario: given, ...(job.label && { label: job.label }) })}` },
     "Edit and run again");
   const cancel = h("button", { type: "button", id: "cancel", onclick: async () => {
     cancel.disabled = true;
     try {
-      job = await post(`${address}/cancel`, undefined);
+      const canceled = await post(`${address}/cancel`, undefined);
+      // The stream may have told more meanwhile.
+      if (OPEN.includes(job.state)) job = canceled;
       draw();
     } catch (problem) {
       say(problem.detail ?? problem.message);

@@ -108,7 +108,8 @@ mod tests {
                 matrix.iter().map(|row| row.iter().map(|number| number * scale).collect()).collect();
             let told = Differences::of(&matrix, digits);
             let largest = matrix.iter().flatten().copied().map(f64::abs).fold(0.0, f64::max);
-            prop_assert!(largest < told.step * 10_f64.powi(digits.into()) || largest == 0.0);
+            let room: f64 = format!("1e{digits}").parse().unwrap();
+            prop_assert!(largest < told.step * room || largest == 0.0);
             let mut missing = Vec::new();
             for (i, (row, numbers)) in summed(&told.rows).iter().zip(&matrix).enumerate() {
                 prop_assert_eq!(row.len(), numbers.len());

@@ -97,7 +97,7 @@ pub struct Ask {
     /// Significant decimal digits to which all numbers are rounded, 1…17. Up to 7 arrays (NPZ, Arrow)
     /// are float32, whose step of 6e-8 is below that rounding; a column with numbers beyond its range
     /// (below 1.2e-38, such as the last energies of a contact that comes to rest) stays float64.
-    /// Of [`Format::Differences`] they are those of the largest number of a matrix, at most [`DIGITS`].
+    /// Of [`Format::Differences`] they are those of the largest number of a matrix, at most 12.
     pub digits: Option<u8>,
     /// µm, mm³, MPa and mJ instead of SI.
     pub engineering: bool,

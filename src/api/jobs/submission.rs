@@ -135,7 +135,8 @@ pub async fn submit(
             return Err(Problem::new(&problem::QUEUE_FULL, detail).retry_after(seconds));
         }
     };
-    // From here on the job is accepted, and the answer must say so whatever else goes wrong.
+    // From here on the job is accepted, and the answer must say so whatever else goes wrong (but for a
+    // key that is taken back while it waits).
     if let Some(time) = prefer.wait {
         job = wait(&app, job.clone(), time).await.unwrap_or(job);
     }

@@ -108,13 +108,20 @@ async fn open_export(file: &Path) -> Result<SqliteConnection, Moving> {
         let mut from = SqliteConnection::connect_with(&options).await?;
         let id: i32 = sqlx::query_scalar("PRAGMA application_id").fetch_one(&mut from).await?;
         let form: i32 = sqlx::query_scalar("PRAGMA user_version").fetch_one(&mut from).await?;
-        Ok::<_, sqlx::Error>((from, id, form))
+        // A view could make up results without end.
+        let tables: bool = sqlx::query_scalar(
+            "SELECT count(*) = 2 FROM sqlite_schema
+             WHERE type = 'table' AND sql NOT LIKE 'CREATE VIRTUAL%' AND name IN ('results', 'bodies')",
+        )
+        .fetch_one(&mut from)
+        .await?;
+        Ok::<_, sqlx::Error>((from, id, form, tables))
     };
     let path = file.to_owned();
     match looked.await.map_err(Error::from) {
-        Ok((_, open::APPLICATION_ID, _)) => Err(Moving::WholeDatabase(path)),
-        Ok((from, EXPORT, form)) if form <= FORM => Ok(from),
-        Ok((_, EXPORT, found)) => Err(Moving::LaterForm { path, found }),
+        Ok((_, open::APPLICATION_ID, ..)) => Err(Moving::WholeDatabase(path)),
+        Ok((_, EXPORT, found, _)) if found > FORM => Err(Moving::LaterForm { path, found }),
+        Ok((from, EXPORT, _, true)) => Ok(from),
         Ok(_) | Err(Error::Damaged(_)) => Err(Moving::NoExport(path)),
         Err(error) => Err(error.into()),
     }
