@@ -132,12 +132,13 @@ impl Memory {
         name: &str,
         make: impl Future<Output = Result<Answer, E>>,
     ) -> Result<Answer, E> {
-        let since = self.forgotten();
         if let Some(answer) = self.get(name) {
             return Ok(answer);
         }
         let turn = entry(&mut lock(&self.turns), name, Arc::default);
         let _mine = turn.lock().await;
+        // Only now: what was forgotten while this one waited concerns nothing that it reads.
+        let since = self.forgotten();
         match self.borrow(name) {
             Some(answer) => Ok(answer),
             None => Ok(self.lend(name, make.await?, since)),

@@ -330,12 +330,14 @@ async fn a_result_deleted_while_it_is_read_is_not_remembered() {
         let body = ball(1.0 + 0.01 * f64::from(round));
         let key = server.compute(&body).await.json()["key"].as_str().unwrap().to_owned();
         let at = format!("/v1/results/{key}");
+        let form = format!("{at}/profiles?format=csv");
         let reads = async {
-            tokio::join!(server.get(&at), server.get(&at), server.get(&at), server.get(&at))
+            tokio::join!(server.get(&at), server.get(&form), server.get(&at), server.get(&form))
         };
         let (deleted, _) = tokio::join!(server.send("DELETE", &at, &[], ""), reads);
         assert_eq!(deleted.status, 204);
         server.get(&at).await.problem(410, "evicted");
+        server.get(&form).await.problem(410, "evicted");
     }
 }
 
