@@ -516,9 +516,15 @@ impl Store {
         most: usize,
     ) -> Result<Option<StoredResult>, Error> {
         let most = i64::try_from(most).unwrap_or(i64::MAX);
-        let Some(kept) = self.reading(async |db| read::result(db, key, most).await).await? else {
-            return Ok(None);
+        let read = async {
+            let reader = if most == i64::MAX {
+                self.readers.first().await
+            } else {
+                self.readers.get().await
+            };
+            read::result(reader?.connection(), key, most).await
         };
+        let Some(kept) = self.noted(read.await)? else { return Ok(None) };
         let (body, sum) = match kept {
             Kept::Evicted { at, deleted_by, scenario } => {
                 return Ok(Some(StoredResult::Evicted { at, deleted_by, scenario }));
