@@ -55,8 +55,7 @@ impl Asset {
         let bodies = [Coding::Identity, Coding::Gzip, Coding::Zstd].map(|asked| {
             let plain = Bytes::from_static(bytes);
             // What cannot be compressed is sent as it is.
-            let (body, done) =
-                asked.encode(plain.clone(), true).unwrap_or((plain, Coding::Identity));
+            let (body, done) = asked.encode(&plain, true).unwrap_or((plain, Coding::Identity));
             (asked, body, done)
         });
         Self { name, kind, tag: format!("\"{:016x}\"", xxh3_64(bytes)), bodies }

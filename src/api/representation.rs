@@ -17,9 +17,6 @@ use super::wire::{Format, instant, words};
 use crate::job::Key;
 use crate::store::StoredResult;
 
-/// What is larger is read once for all who read it at the same time.
-const LARGE: usize = 1 << 18;
-
 /// Finds the stored bytes of a result; an unknown key is answered with the way to a job within reach,
 /// if one is under way.
 pub async fn find(app: &App, reach: Option<&str>, key: &Key) -> Result<Bytes, Problem> {
@@ -128,15 +125,17 @@ impl Representation {
         Ok(self.send(answer))
     }
 
+    /// Made and compressed in one, so that the text before it is nowhere as a whole.
     async fn coded(&self, app: &App, coding: Coding) -> Result<Answer, Problem> {
-        let body = self.plain(app).await?.body;
+        let stored = self.stored(app).await?.body;
+        let (part, format, ask) = (self.part, self.format, self.ask.clone());
         // Who asks for differences asks for few bytes.
-        let small = self.format == Format::Differences;
-        let coded = apart(move || coding.encode(body, small)).await?;
-        let (body, coding) = coded.map_err(|error| {
-            tracing::error!(error = &error as &dyn std::error::Error, "cannot compress an answer");
-            Problem::internal()
-        })?;
+        let mut encoder = coding.encoder(format == Format::Differences);
+        let made = apart(move || {
+            forms::write_to(&mut encoder, &stored, part, format, &ask)?;
+            Ok::<_, forms::Error>(encoder.finish()?)
+        });
+        let (body, coding) = made.await??;
         Ok(Answer { body, coding })
     }
 
@@ -162,9 +161,9 @@ impl Representation {
         if let Some(answer) = app.memory.get(&name) {
             return Ok(answer);
         }
-        match app.store.result_within(key, LARGE).await? {
+        match app.store.small_result(key).await? {
             Some(StoredResult::Whole(body)) => Ok(Answer::plain(body)),
-            Some(StoredResult::Larger) => {
+            Some(StoredResult::Large) => {
                 let read = async { find(app, reach, key).await.map(Answer::plain) };
                 app.memory.share(&name, read).await
             }

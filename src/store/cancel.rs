@@ -1,12 +1,35 @@
 //! Jobs that nobody wants any more: canceling and deleting.
 
-use super::read;
+use super::Error;
+use super::read::{self, Filter};
+use super::runs::RunId;
 use super::signals::Effect;
 use super::tally::Ending;
 use super::upkeep::delete_unnamed;
 use super::writer::{Transaction, Verb};
-use super::{Canceled, Deleted, Error, Filter, RunId};
-use crate::job::{JobId, JobState};
+use crate::job::{Job, JobId, JobState};
+
+/// What became of a wish to cancel.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Canceled {
+    /// There is no such job.
+    NotFound,
+    /// It had ended before.
+    AlreadyFinished(Job),
+    /// It is canceled, or will be as soon as its worker lets go.
+    Done(Job),
+}
+
+/// What became of a wish to delete.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Deleted {
+    /// There is no such job.
+    NotFound,
+    /// It has not ended.
+    Unfinished(JobState),
+    /// It is gone.
+    Done,
+}
 
 pub(super) struct Cancel(pub(super) JobId);
 

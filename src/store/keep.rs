@@ -4,11 +4,23 @@ use bytes::Bytes;
 use sha2::{Digest, Sha256};
 use sqlx::SqliteConnection;
 
+use super::Error;
 use super::read;
+use super::runs::Finish;
 use super::signals::Effect;
 use super::writer::{Transaction, Verb};
-use super::{Error, Finish, Removed};
 use crate::job::{Answer, Cost, JobId, Key};
+
+/// What became of a wish to delete a result.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Removed {
+    /// There is no such result, or its body was dropped before.
+    NotFound,
+    /// It is pinned.
+    Pinned,
+    /// Its body is gone; what it was computed from is remembered.
+    Done,
+}
 
 /// An answer on its way into the tables.
 pub(super) struct Answered {

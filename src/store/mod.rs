@@ -20,6 +20,7 @@
 
 mod cancel;
 mod desk;
+mod error;
 mod keep;
 mod keys;
 mod library;
@@ -37,27 +38,31 @@ mod tally;
 mod upkeep;
 mod writer;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::pin::pin;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
 use bytes::Bytes;
-use serde_json::Value;
 use sqlx::SqliteConnection;
 use tokio::sync::{Semaphore, mpsc};
 
-use crate::engine::scenario::Warning;
-use crate::job::{Answer, Cost, FailureKind, Job, JobId, JobState, Key};
+use crate::job::{Answer, Cost, FailureKind, Job, JobId, Key};
 
+pub use cancel::{Canceled, Deleted};
 pub use desk::Desk;
+pub use error::Error;
+pub use keep::Removed;
 pub use keys::{AccessKey, NewKey, Role, digest};
 pub use library::{Known, Note, Program, Provenance};
 pub use moving::{Exported, Imported, Moving, Saved, backup, export, import, restore};
 pub use open::Options;
 pub use outline::{Outline, SCALARS, WORDS};
+pub use read::{Filter, Page, StoredResult};
+pub use runs::{Claimed, Finish, Recovered, RunId};
 pub use search::{Cursor, Found, Listed, Search};
 pub use signals::{Changes, Stop};
+pub use submit::{Admission, NewJob, Repeatable, Submitted};
 pub use tally::Tally;
 
 use read::Kept;
@@ -70,6 +75,8 @@ use writer::Message;
 pub struct Store {
     writer: mpsc::Sender<Message>,
     readers: Arc<Readers>,
+    /// For large results: a connection keeps the memory it once took.
+    large: Arc<Readers>,
     /// For the keys of callers.
     gatekeeper: Arc<Readers>,
     /// Who has a permit may look through many results.
@@ -80,311 +87,12 @@ pub struct Store {
     dir: Arc<Path>,
 }
 
-/// What the store could not do.
-#[derive(Debug, Clone, thiserror::Error)]
-pub enum Error {
-    /// The data directory cannot be used.
-    #[error("cannot use the data directory {}", dir.display())]
-    Directory {
-        /// The directory.
-        dir: PathBuf,
-        /// What the system says.
-        source: Arc<std::io::Error>,
-    },
-    /// Another server holds the data directory.
-    #[error("another server is using the data directory {}", dir.display())]
-    Locked {
-        /// The directory.
-        dir: PathBuf,
-    },
-    /// The file is not a database, or a damaged one.
-    #[error("{} is not a database, or it is damaged", path.display())]
-    NotADatabase {
-        /// The file.
-        path: PathBuf,
-    },
-    /// The database belongs to another program.
-    #[error("{} is the database of another program", path.display())]
-    Foreign {
-        /// The file.
-        path: PathBuf,
-    },
-    /// The database was written by a later version of this program.
-    #[error(
-        "{} was written by a later version of fretwork (its tables are of version {found}, this \
-         program knows {known})", path.display()
-    )]
-    Newer {
-        /// The file.
-        path: PathBuf,
-        /// The version of the tables.
-        found: i64,
-        /// The latest version this program knows.
-        known: i64,
-    },
-    /// A server of an earlier version of this program is at work on the database.
-    #[error(
-        "the server that uses {} is of an earlier version (its tables are of version {found}, this \
-         program knows {known}); start the server anew with this version first", path.display()
-    )]
-    Older {
-        /// The file.
-        path: PathBuf,
-        /// The version of the tables.
-        found: i64,
-        /// The latest version this program knows.
-        known: i64,
-    },
-    /// The system gives no random numbers.
-    #[error("the system gives no random numbers")]
-    NoRandomness,
-    /// The tables could not be brought up to date.
-    #[error("cannot bring the tables of {} up to date", path.display())]
-    Migration {
-        /// The file.
-        path: PathBuf,
-        /// What the database says.
-        source: Arc<sqlx::migrate::MigrateError>,
-    },
-    /// A job of this id exists.
-    #[error("job {0} exists already")]
-    JobExists(JobId),
-    /// No space is left on the device.
-    #[error("no space is left for the database")]
-    Full(#[source] Arc<sqlx::Error>),
-    /// Something else writes to the database, or every connection is taken, for too long.
-    #[error("the database is busy")]
-    Busy(#[source] Arc<sqlx::Error>),
-    /// A page of the database does not hold what it should.
-    #[error("the database is damaged")]
-    Damaged(#[source] Arc<sqlx::Error>),
-    /// A result is not what was stored.
-    #[error("the stored result {0} is damaged")]
-    DamagedResult(Key),
-    /// The database refused.
-    #[error("the database cannot do this now")]
-    Database(#[source] Arc<sqlx::Error>),
-    /// The store is closed.
-    #[error("the store is closed")]
-    Closed,
-}
-
-impl From<sqlx::Error> for Error {
-    fn from(error: sqlx::Error) -> Self {
-        const SQLITE_BUSY: u32 = 5;
-        const SQLITE_CORRUPT: u32 = 11;
-        const SQLITE_FULL: u32 = 13;
-        const SQLITE_NOTADB: u32 = 26;
-        let code = error.as_database_error().and_then(sqlx::error::DatabaseError::code);
-        // The low byte is the kind of error, the rest says more about it.
-        let kind = code.and_then(|code| code.parse::<u32>().ok()).map(|code| code & 0xff);
-        match (&error, kind) {
-            (sqlx::Error::PoolClosed, _) => Self::Closed,
-            (sqlx::Error::PoolTimedOut, _) | (_, Some(SQLITE_BUSY)) => Self::Busy(Arc::new(error)),
-            (_, Some(SQLITE_FULL)) => Self::Full(Arc::new(error)),
-            (_, Some(SQLITE_CORRUPT | SQLITE_NOTADB)) => Self::Damaged(Arc::new(error)),
-            _ => Self::Database(Arc::new(error)),
-        }
-    }
-}
-
-/// A submission, checked and addressed.
-#[derive(Debug, Clone)]
-pub struct NewJob {
-    /// Its name, made by the caller.
-    pub id: JobId,
-    /// Who submits it.
-    pub owner: String,
-    /// The address of its result.
-    pub key: Key,
-    /// What to compute, in its stored form.
-    pub task: String,
-    /// Among the jobs of its owner: 0 is the most urgent, 7 the least.
-    pub priority: u8,
-    /// A line for people.
-    pub label: Option<String>,
-    /// Words to find it by.
-    pub tags: Vec<String>,
-    /// What the physics says the user should know.
-    pub warnings: Vec<Warning>,
-    /// By what a repetition of this submission is known.
-    pub repeatable: Option<Repeatable>,
-    /// Whether to compute although the result may be known.
-    pub afresh: bool,
-    /// What of it may be accepted.
-    pub admission: Admission,
-    /// The request that submits it, for the log.
-    pub trace: Option<String>,
-}
-
-/// What of a submission may be accepted.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Admission {
-    /// Only if the result is known.
-    pub only_known: bool,
-    /// It would take too long to compute.
-    pub too_expensive: bool,
-    /// Only if it needs no computation of its own.
-    pub unless_needed: bool,
-}
-
-/// By what a repetition of a submission is known.
-#[derive(Debug, Clone)]
-pub struct Repeatable {
-    /// The name that the client gave to the submission.
-    pub key: String,
-    /// A digest of what was sent: the same name for something else is a mistake.
-    pub fingerprint: Vec<u8>,
-}
-
-/// What became of a submission.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Submitted {
-    /// It is a job.
-    Accepted(Job),
-    /// It was sent before: this is the job it made then.
-    Repeated(Job),
-    /// Its name belongs to a submission of something else.
-    Mistaken,
-    /// It needs a computation of its own, and was to be accepted only otherwise.
-    Needed,
-    /// Only a known result was asked for, and it is not known.
-    Unknown,
-    /// It would take too long, and the result is not known.
-    TooExpensive,
-    /// The queue has no place for it.
-    Refused {
-        /// How many jobs wait.
-        queued: usize,
-    },
-}
-
-/// Names one run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct RunId(i64);
-
-/// A run that a worker has taken.
-#[derive(Debug, Clone)]
-pub struct Claimed {
-    /// Its name.
-    pub run: RunId,
-    /// Which attempt this is, from 1: what the worker reports is fenced by it.
-    pub attempt: u32,
-    /// The address of the result.
-    pub key: Key,
-    /// What to compute, in its stored form.
-    pub task: String,
-    /// The request that submitted it, for the log.
-    pub trace: Option<String>,
-    /// Raised once nobody wants the result any more.
-    pub stop: Stop,
-}
-
-/// What became of a finished run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Finish {
-    /// The result is stored.
-    Stored,
-    /// The same result was there already.
-    Same,
-    /// A different result was there already, and stays: a fault, logged.
-    Differs,
-    /// The run is no longer this worker's to finish; nothing was stored.
-    Refused,
-}
-
-/// What became of a wish to cancel.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Canceled {
-    /// There is no such job.
-    NotFound,
-    /// It had ended before.
-    AlreadyFinished(Job),
-    /// It is canceled, or will be as soon as its worker lets go.
-    Done(Job),
-}
-
-/// What became of a wish to delete.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Deleted {
-    /// There is no such job.
-    NotFound,
-    /// It has not ended.
-    Unfinished(JobState),
-    /// It is gone.
-    Done,
-}
-
-/// What became of a wish to delete a result.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Removed {
-    /// There is no such result, or its body was dropped before.
-    NotFound,
-    /// It is pinned.
-    Pinned,
-    /// Its body is gone; what it was computed from is remembered.
-    Done,
-}
-
-/// What was found unfinished at the start.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Recovered {
-    /// Runs that were interrupted and wait again.
-    pub requeued: u64,
-    /// Runs that were interrupted too often and have failed.
-    pub failed: u64,
-    /// Runs that were being canceled and now are.
-    pub canceled: u64,
-}
-
-/// Which jobs to list; an absent member asks for nothing.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Filter {
-    /// In this state.
-    pub state: Option<JobState>,
-    /// With exactly this label.
-    pub label: Option<String>,
-    /// With this tag among theirs.
-    pub tag: Option<String>,
-    /// For this result.
-    pub key: Option<Key>,
-    /// Of this owner.
-    pub owner: Option<String>,
-}
-
-/// A part of a list, newest first.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Page {
-    /// The jobs.
-    pub jobs: Vec<Job>,
-    /// Where the next page begins, if there is one.
-    pub next: Option<JobId>,
-}
-
-/// A result as it is kept.
-#[derive(Debug, Clone, PartialEq)]
-pub enum StoredResult {
-    /// It is there: the document as it is served.
-    Whole(Bytes),
-    /// It is there, and has more bytes than were asked for.
-    Larger,
-    /// It was dropped.
-    Evicted {
-        /// When, in milliseconds since 1970.
-        at: i64,
-        /// Who had it deleted; none if it had to make room.
-        deleted_by: Option<String>,
-        /// The scenario that it was the result of.
-        scenario: Value,
-    },
-}
-
 /// Readers that may look through many results at one time; the others are for who wants one.
 const SCANS: usize = 2;
 /// Jobs canceled in one transaction.
 const CANCELED_AT_ONCE: u32 = 100;
-/// From this size on a body is judged apart from the threads that answer requests.
-const LARGE: usize = 1 << 20;
+/// What is larger is read by one connection, and judged apart from the threads that answer requests.
+const LARGE: usize = 1 << 18;
 
 impl Store {
     /// Accepts a job. A known result ends it at once, a live run is joined, else a run is queued, if
@@ -506,37 +214,38 @@ impl Store {
 
     /// The result of a key, held against its sum: damage to the disk does not change a number.
     pub async fn result(&self, key: &Key) -> Result<Option<StoredResult>, Error> {
-        self.result_within(key, usize::MAX).await
+        match self.small_result(key).await? {
+            Some(StoredResult::Large) => self.result_by(&self.large, key, usize::MAX).await,
+            found => Ok(found),
+        }
     }
 
-    /// The same, if the body has no more bytes than this: to find out costs no more than to read.
-    pub async fn result_within(
+    /// The same, unless it is large: to find out costs no more than to read.
+    pub async fn small_result(&self, key: &Key) -> Result<Option<StoredResult>, Error> {
+        self.result_by(&self.readers, key, LARGE).await
+    }
+
+    async fn result_by(
         &self,
+        readers: &Readers,
         key: &Key,
         most: usize,
     ) -> Result<Option<StoredResult>, Error> {
         let most = i64::try_from(most).unwrap_or(i64::MAX);
-        let read = async {
-            let reader = if most == i64::MAX {
-                self.readers.first().await
-            } else {
-                self.readers.get().await
-            };
-            read::result(reader?.connection(), key, most).await
-        };
+        let read = async { read::result(readers.get().await?.connection(), key, most).await };
         let Some(kept) = self.noted(read.await)? else { return Ok(None) };
         let (body, sum) = match kept {
             Kept::Evicted { at, deleted_by, scenario } => {
                 return Ok(Some(StoredResult::Evicted { at, deleted_by, scenario }));
             }
-            Kept::Larger => return Ok(Some(StoredResult::Larger)),
+            Kept::Larger => return Ok(Some(StoredResult::Large)),
             Kept::Whole { body, sum } => (Bytes::from(body), sum),
         };
         let is_sound = {
             let body = body.clone();
             move || sum.is_of(&body)
         };
-        let sound = if body.len() < LARGE {
+        let sound = if body.len() <= LARGE {
             is_sound()
         } else {
             // A panic in a sum cannot be; if it were, the body would not be trusted.
@@ -625,6 +334,7 @@ impl Store {
     /// Finishes what was asked before, then closes the database and frees the directory.
     pub async fn close(&self) {
         self.readers.close().await;
+        self.large.close().await;
         self.gatekeeper.close().await;
         writer::close(&self.writer).await;
     }
@@ -651,30 +361,4 @@ impl Store {
 fn now() -> i64 {
     let since = SystemTime::UNIX_EPOCH.elapsed().unwrap_or_default();
     i64::try_from(since.as_millis()).unwrap_or(i64::MAX)
-}
-
-#[cfg(test)]
-mod tests {
-    use std::time::Duration;
-
-    use sqlx::sqlite::SqliteConnectOptions;
-    use sqlx::{ConnectOptions as _, Executor as _};
-
-    use super::*;
-
-    #[tokio::test]
-    async fn a_database_that_another_writes_to_is_busy_and_not_broken() {
-        let dir = tempfile::tempdir().unwrap();
-        let options = SqliteConnectOptions::new()
-            .filename(dir.path().join("db"))
-            .create_if_missing(true)
-            .busy_timeout(Duration::ZERO);
-        let mut one = options.connect().await.unwrap();
-        let mut other = options.connect().await.unwrap();
-        one.execute("BEGIN IMMEDIATE").await.unwrap();
-        let refused = Error::from(other.execute("BEGIN IMMEDIATE").await.unwrap_err());
-        assert!(matches!(refused, Error::Busy(_)), "{refused:?}");
-        let refused = Error::from(other.execute("SELECT * FROM nothing").await.unwrap_err());
-        assert!(matches!(refused, Error::Database(_)), "{refused:?}");
-    }
 }

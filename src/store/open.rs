@@ -70,6 +70,7 @@ impl Store {
         // Each keeps the upper pages of the indexes at hand, however many results there are.
         let reading = connecting(&path).read_only(true).pragma("cache_size", "-16384");
         let readers = Arc::new(Readers::open(&reading, options.readers).await?);
+        let large = Arc::new(Readers::open(&reading, 1).await?);
         let gatekeeper = Arc::new(Readers::open(&reading, 1).await?);
         let signals = Arc::new(Signals::default());
         let (queue, upkeep) = (Some(Queue::load(&mut db).await?), Upkeep::new(options));
@@ -78,7 +79,8 @@ impl Store {
             Writer { db, signals: Arc::clone(&signals), queue, upkeep, program, lock }.start();
         let queue_limit = options.queue_limit;
         let scans = Arc::new(Semaphore::new(SCANS));
-        Ok(Self { writer, readers, gatekeeper, scans, signals, queue_limit, dir: dir.into() })
+        let dir = dir.into();
+        Ok(Self { writer, readers, large, gatekeeper, scans, signals, queue_limit, dir })
     }
 }
 

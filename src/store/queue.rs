@@ -12,7 +12,8 @@ use std::collections::{BTreeMap, HashMap};
 
 use sqlx::SqliteConnection;
 
-use super::{Error, RunId};
+use super::Error;
+use super::runs::RunId;
 use crate::job::JobId;
 
 /// Where a job stands in its owner's lane: its priority, and its age by its id.

@@ -1,5 +1,6 @@
 //! What can be asked of the tables, and how a row becomes a job.
 
+use bytes::Bytes;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use sha2::{Digest as _, Sha256};
@@ -7,8 +8,50 @@ use sqlx::sqlite::SqliteRow;
 use sqlx::{FromRow, QueryBuilder, Row, Sqlite, SqliteExecutor};
 use xxhash_rust::xxh3::xxh3_64;
 
-use super::{Error, Filter, Page};
+use super::Error;
 use crate::job::{Change, Failure, FailureKind, Job, JobId, JobState, Key};
+
+/// Which jobs to list; an absent member asks for nothing.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Filter {
+    /// In this state.
+    pub state: Option<JobState>,
+    /// With exactly this label.
+    pub label: Option<String>,
+    /// With this tag among theirs.
+    pub tag: Option<String>,
+    /// For this result.
+    pub key: Option<Key>,
+    /// Of this owner.
+    pub owner: Option<String>,
+}
+
+/// A part of a list, newest first.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Page {
+    /// The jobs.
+    pub jobs: Vec<Job>,
+    /// Where the next page begins, if there is one.
+    pub next: Option<JobId>,
+}
+
+/// A result as it is kept.
+#[derive(Debug, Clone, PartialEq)]
+pub enum StoredResult {
+    /// It is there: the document as it is served.
+    Whole(Bytes),
+    /// It is there, and large.
+    Large,
+    /// It was dropped.
+    Evicted {
+        /// When, in milliseconds since 1970.
+        at: i64,
+        /// Who had it deleted; none if it had to make room.
+        deleted_by: Option<String>,
+        /// The scenario that it was the result of.
+        scenario: Value,
+    },
+}
 
 /// A job with what it takes from its run and result. A run may go on, or fail, after a job of it
 /// was canceled: that is no longer the job's business.

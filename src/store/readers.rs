@@ -50,14 +50,6 @@ impl Readers {
         Ok(Reader { connection, _permit: permit })
     }
 
-    /// The first connection: what is large is read by one, for each keeps the memory it once took.
-    pub(super) async fn first(&self) -> Result<Reader<'_>, Error> {
-        let permit = self.free.acquire().await.map_err(|_| Error::Closed)?;
-        let guard = self.connections.first().ok_or(Error::Closed)?.lock().await;
-        let connection = MutexGuard::try_map(guard, Option::as_mut).map_err(|_| Error::Closed)?;
-        Ok(Reader { connection, _permit: permit })
-    }
-
     /// Closes them when who reads is done.
     pub(super) async fn close(&self) {
         self.free.close();

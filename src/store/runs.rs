@@ -5,14 +5,59 @@
 use sqlx::Row;
 use sqlx::sqlite::SqliteRow;
 
+use super::Error;
 use super::keep::{Answered, Source};
 use super::queue::Queue;
 use super::read::{self, key};
 use super::signals::{Effect, Stop};
 use super::tally::Ending;
 use super::writer::{Transaction, Verb};
-use super::{Claimed, Error, Finish, Recovered, RunId};
 use crate::job::{Answer, Cost, FailureKind, Key};
+
+/// Names one run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct RunId(pub(super) i64);
+
+/// A run that a worker has taken.
+#[derive(Debug, Clone)]
+pub struct Claimed {
+    /// Its name.
+    pub run: RunId,
+    /// Which attempt this is, from 1: what the worker reports is fenced by it.
+    pub attempt: u32,
+    /// The address of the result.
+    pub key: Key,
+    /// What to compute, in its stored form.
+    pub task: String,
+    /// The request that submitted it, for the log.
+    pub trace: Option<String>,
+    /// Raised once nobody wants the result any more.
+    pub stop: Stop,
+}
+
+/// What became of a finished run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Finish {
+    /// The result is stored.
+    Stored,
+    /// The same result was there already.
+    Same,
+    /// A different result was there already, and stays: a fault, logged.
+    Differs,
+    /// The run is no longer this worker's to finish; nothing was stored.
+    Refused,
+}
+
+/// What was found unfinished at the start.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Recovered {
+    /// Runs that were interrupted and wait again.
+    pub requeued: u64,
+    /// Runs that were interrupted too often and have failed.
+    pub failed: u64,
+    /// Runs that were being canceled and now are.
+    pub canceled: u64,
+}
 
 /// A run that took the process down with it this often is given up.
 const LOST_AT_MOST: u32 = 3;

@@ -3,13 +3,86 @@
 use serde_json::Value;
 use sqlx::Row;
 
+use super::Error;
 use super::keep::{Answered, Source};
 use super::read::{self, json, word};
+use super::runs::RunId;
 use super::signals::Effect;
 use super::tally::Ending;
 use super::writer::{Transaction, Verb};
-use super::{Admission, Error, NewJob, RunId, Submitted};
-use crate::job::{Answer, Change, Cost, Job, JobState, Key, Origin};
+use crate::engine::scenario::Warning;
+use crate::job::{Answer, Change, Cost, Job, JobId, JobState, Key, Origin};
+
+/// A submission, checked and addressed.
+#[derive(Debug, Clone)]
+pub struct NewJob {
+    /// Its name, made by the caller.
+    pub id: JobId,
+    /// Who submits it.
+    pub owner: String,
+    /// The address of its result.
+    pub key: Key,
+    /// What to compute, in its stored form.
+    pub task: String,
+    /// Among the jobs of its owner: 0 is the most urgent, 7 the least.
+    pub priority: u8,
+    /// A line for people.
+    pub label: Option<String>,
+    /// Words to find it by.
+    pub tags: Vec<String>,
+    /// What the physics says the user should know.
+    pub warnings: Vec<Warning>,
+    /// By what a repetition of this submission is known.
+    pub repeatable: Option<Repeatable>,
+    /// Whether to compute although the result may be known.
+    pub afresh: bool,
+    /// What of it may be accepted.
+    pub admission: Admission,
+    /// The request that submits it, for the log.
+    pub trace: Option<String>,
+}
+
+/// What of a submission may be accepted.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Admission {
+    /// Only if the result is known.
+    pub only_known: bool,
+    /// It would take too long to compute.
+    pub too_expensive: bool,
+    /// Only if it needs no computation of its own.
+    pub unless_needed: bool,
+}
+
+/// By what a repetition of a submission is known.
+#[derive(Debug, Clone)]
+pub struct Repeatable {
+    /// The name that the client gave to the submission.
+    pub key: String,
+    /// A digest of what was sent: the same name for something else is a mistake.
+    pub fingerprint: Vec<u8>,
+}
+
+/// What became of a submission.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Submitted {
+    /// It is a job.
+    Accepted(Job),
+    /// It was sent before: this is the job it made then.
+    Repeated(Job),
+    /// Its name belongs to a submission of something else.
+    Mistaken,
+    /// It needs a computation of its own, and was to be accepted only otherwise.
+    Needed,
+    /// Only a known result was asked for, and it is not known.
+    Unknown,
+    /// It would take too long, and the result is not known.
+    TooExpensive,
+    /// The queue has no place for it.
+    Refused {
+        /// How many jobs wait.
+        queued: usize,
+    },
+}
 
 pub(super) struct Submit {
     job: NewJob,

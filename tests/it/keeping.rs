@@ -51,16 +51,21 @@ async fn is_evicted(store: &Store, number: u8) -> bool {
 }
 
 #[tokio::test]
-async fn a_result_with_more_bytes_than_are_asked_for_is_there_and_not_read() {
+async fn a_large_result_is_there_and_read_only_by_who_asks_for_all_of_it() {
+    const SMALL: usize = 1 << 18;
     let (_dir, store) = fresh().await;
-    compute(&store, 1, 5000).await;
-    let Some(StoredResult::Whole(body)) = store.result(&key(1)).await.unwrap() else {
-        panic!("it is there");
-    };
-    let within = async |most| store.result_within(&key(1), most).await.unwrap();
-    assert!(matches!(within(body.len() - 1).await, Some(StoredResult::Larger)));
-    assert!(matches!(within(body.len()).await, Some(StoredResult::Whole(same)) if same == body));
-    assert!(store.result_within(&key(2), 0).await.unwrap().is_none());
+    let around = json!({"number": 0.1, "rest": ""}).to_string().len();
+    for (number, size) in [(1, SMALL), (2, SMALL + 1)] {
+        compute(&store, number, size - around).await;
+        let Some(StoredResult::Whole(body)) = store.result(&key(number)).await.unwrap() else {
+            panic!("it is there");
+        };
+        assert_eq!(body.len(), size);
+        let found = store.small_result(&key(number)).await.unwrap();
+        let small = if size > SMALL { StoredResult::Large } else { StoredResult::Whole(body) };
+        assert_eq!(found, Some(small));
+    }
+    assert!(store.small_result(&key(3)).await.unwrap().is_none());
 }
 
 #[tokio::test]

@@ -10,11 +10,16 @@ use arrow_schema::{Field, Schema};
 use super::document::Document;
 use super::table::Table;
 use super::units::fits_single;
-use super::{Ask, Error};
+use super::{Ask, Error, Sink};
 
 /// A table of the rows that CSV has, with plain names: the unit of a column is in its metadata, key,
 /// engine and all units in that of the table. Numbers that are infinite or not defined are null.
-pub fn table(document: &Document<'_>, table: &Table, ask: &Ask) -> Result<Vec<u8>, Error> {
+pub fn table(
+    out: &mut impl Sink,
+    document: &Document<'_>,
+    table: &Table,
+    ask: &Ask,
+) -> Result<(), Error> {
     let units = &document.telling.units;
     let mut fields = Vec::new();
     let mut columns = Vec::new();
@@ -40,7 +45,7 @@ pub fn table(document: &Document<'_>, table: &Table, ask: &Ask) -> Result<Vec<u8
     ]);
     let schema = Arc::new(Schema::new(fields).with_metadata(about));
     let batch = RecordBatch::try_new(Arc::clone(&schema), columns)?;
-    let mut writer = FileWriter::try_new(Vec::new(), &schema)?;
+    let mut writer = FileWriter::try_new(out, &schema)?;
     writer.write(&batch)?;
-    Ok(writer.into_inner()?)
+    Ok(writer.finish()?)
 }

@@ -27,7 +27,7 @@ mod npz;
 mod table;
 mod units;
 
-use std::io;
+use std::io::{self, Write};
 
 use super::problem::Complaint;
 use super::wire::Format;
@@ -146,44 +146,76 @@ pub enum Error {
     /// The archive could not be written.
     #[error("the archive cannot be written")]
     Npz(#[from] zip::result::ZipError),
-    /// A file in it could not be written.
-    #[error("an array cannot be written")]
-    Array(#[from] io::Error),
+    /// What was written could not be taken.
+    #[error("the form cannot be written")]
+    Write(#[from] io::Error),
     /// The Arrow file could not be written.
     #[error("the table cannot be written")]
     Arrow(#[from] arrow_schema::ArrowError),
 }
 
-/// Writes a stored result, or a part of it, in the form asked for. It takes a while for a large one.
+/// Where a form is written.
+pub trait Sink: Write {
+    /// About so many bytes will come, rather fewer.
+    fn expect(&mut self, _bytes: usize) {}
+}
+
+impl Sink for Vec<u8> {
+    /// What is written at once is not moved to ever larger places, and what is not written to takes no
+    /// memory.
+    fn expect(&mut self, bytes: usize) {
+        self.reserve(bytes);
+    }
+}
+
+/// A stored result, or a part of it, in the form asked for. It takes a while for a large one.
+///
+/// # Errors
+/// As [`write_to`].
+pub fn write(stored: &[u8], part: Part, format: Format, ask: &Ask) -> Result<Vec<u8>, Error> {
+    let mut out = Vec::new();
+    write_to(&mut out, stored, part, format, ask)?;
+    out.shrink_to_fit();
+    Ok(out)
+}
+
+/// Writes a stored result, or a part of it, in the form asked for, as it is made.
 ///
 /// # Errors
 /// [`Error::NotThere`] if a selection names what the result does not have, or a figure needs it. A whole
 /// result is no table: [`Part::formats`] says what there is.
-pub fn write(stored: &[u8], part: Part, format: Format, ask: &Ask) -> Result<Vec<u8>, Error> {
+pub fn write_to(
+    out: &mut impl Sink,
+    stored: &[u8],
+    part: Part,
+    format: Format,
+    ask: &Ask,
+) -> Result<(), Error> {
     if (part, format) == (Part::Whole, Format::Json) && *ask == Ask::default() {
-        return Ok(stored.to_vec());
+        out.expect(stored.len());
+        return Ok(out.write_all(stored)?);
     }
     let mut document = Document::open(stored, ask)?;
     document.by_differences = format == Format::Differences;
     if part == Part::Plot {
-        return figure::svg(&document, ask);
+        return Ok(out.write_all(&figure::svg(&document, ask)?)?);
     }
     if part == Part::Whole {
         return match format {
-            Format::Npz => npz::whole(&document, ask),
-            _ => json::whole(&document),
+            Format::Npz => Ok(out.write_all(&npz::whole(&document, ask)?)?),
+            _ => json::whole(out, &document),
         };
     }
     let table = document.table(part, ask)?;
     match format {
-        Format::Json if ask.records => json::records(&document, &table),
-        Format::Json | Format::Differences => json::columns(&document, &table),
-        Format::Ndjson => json::lines(&document, &table),
-        Format::Csv => Ok(csv::table(&document, &table, ask)),
-        Format::Npz => npz::table(&document, &table, ask),
-        Format::Arrow => arrow::table(&document, &table, ask),
+        Format::Json if ask.records => json::records(out, &document, &table),
+        Format::Json | Format::Differences => json::columns(out, &document, &table),
+        Format::Ndjson => json::lines(out, &document, &table),
+        Format::Csv => Ok(csv::table(out, &document, &table, ask)?),
+        Format::Npz => Ok(out.write_all(&npz::table(&document, &table, ask)?)?),
+        Format::Arrow => arrow::table(out, &document, &table, ask),
         // No table is drawn as it stands.
-        Format::Svg => figure::svg(&document, ask),
+        Format::Svg => Ok(out.write_all(&figure::svg(&document, ask)?)?),
     }
 }
 
