@@ -12,6 +12,7 @@ use axum::http::{HeaderMap, Response};
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use tower_http::compression::predicate::Predicate;
+use zstd::zstd_safe::{CParameter, Strategy};
 
 use super::forms::Sink;
 use super::wire::{Format, words};
@@ -79,10 +80,7 @@ impl Coding {
 
     /// Compresses what is written to it; several times as slowly where it is to be `small`.
     pub fn encoder(self, small: bool) -> Encoder {
-        // Rounded profiles as JSON come out a tenth smaller with 9 than with the usual 3, and their
-        // differences another tenth with 15.
-        let level = if small { 15 } else { 9 };
-        Encoder { coding: self, level, expected: 0, waiting: Vec::new(), packing: None }
+        Encoder { coding: self, small, expected: 0, waiting: Vec::new(), packing: None }
     }
 
     /// Compresses a text that is at hand.
@@ -96,7 +94,7 @@ impl Coding {
 /// Compresses a text as it is written, so that a large one is nowhere as a whole.
 pub struct Encoder {
     coding: Coding,
-    level: i32,
+    small: bool,
     expected: usize,
     waiting: Vec<u8>,
     packing: Option<Packing>,
@@ -109,8 +107,7 @@ enum Packing {
 }
 
 impl Encoder {
-    /// So much is compressed at once. What is not more is known by its size, for which Zstandard takes
-    /// less memory and time.
+    /// So much is compressed at once. What is not more is compressed with its size known.
     const CHUNK: usize = 1 << 20;
 
     /// What has become of it all, and what was done: nothing where it is not worth it.
@@ -139,11 +136,7 @@ impl Encoder {
             self.packing = Some(match self.coding {
                 Coding::Identity => Packing::Nothing(room),
                 Coding::Gzip => Packing::Gzip(GzEncoder::new(room, Compression::default())),
-                Coding::Zstd => {
-                    let mut zstd = zstd::Encoder::new(room, self.level)?;
-                    zstd.set_pledged_src_size(size)?;
-                    Packing::Zstd(zstd)
-                }
+                Coding::Zstd => Packing::Zstd(zstd_encoder(room, size, self.small)?),
             });
         }
         match &mut self.packing {
@@ -155,6 +148,34 @@ impl Encoder {
         self.waiting.clear();
         Ok(())
     }
+}
+
+/// Numbers repeat what lies near, if anything: the row above. Small tables to find it by instead of the usual
+/// takes 2 MB of memory instead of 11, half the time, and gives up to a tenth fewer bytes. Where few bytes
+/// matter more than time, matches of 3 bytes are looked for, the length of a difference or two: another
+/// fifth fewer. Measured with results of 200 instants × 512 radii and 130 × 4096 in all their forms.
+fn zstd_encoder(
+    room: Vec<u8>,
+    size: Option<u64>,
+    small: bool,
+) -> io::Result<zstd::Encoder<'static, Vec<u8>>> {
+    const LEVEL: i32 = 9;
+    let mut zstd = zstd::Encoder::new(room, LEVEL)?;
+    zstd.set_pledged_src_size(size)?;
+    let mut parameters =
+        vec![CParameter::WindowLog(21), CParameter::HashLog(18), CParameter::ChainLog(18)];
+    if small {
+        parameters.extend([
+            CParameter::Strategy(Strategy::ZSTD_btopt),
+            CParameter::MinMatch(3),
+            CParameter::SearchLog(6),
+            CParameter::TargetLength(128),
+        ]);
+    }
+    for parameter in parameters {
+        zstd.set_parameter(parameter)?;
+    }
+    Ok(zstd)
 }
 
 impl Write for Encoder {
