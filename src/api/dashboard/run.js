@@ -25,9 +25,9 @@ class Pace {
 
 export async function showRun(main, { id, query, signal }) {
   const address = `/v1/jobs/${encodeURIComponent(id)}`;
-  // A job does not tell its scenario: whoever submits it here takes it along in the address.
-  const given = query.get("scenario");
-  let job = await get(address, { signal });
+  let job = await get(`${address}?include=scenario`, { signal });
+  // Whoever submits it here takes it along in the address as it was written; else it is as the server understood it.
+  const given = query.get("scenario") ?? (job.scenario && JSON.stringify(job.scenario));
   const pace = new Pace();
   const state = h("strong", { id: "state" });
   const bar = h("progress", { max: 1, "aria-label": "Progress" });
