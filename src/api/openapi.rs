@@ -109,8 +109,8 @@ pub fn document() -> Vec<u8> {
         // Spliced in as stored, so no members of the Rust type.
         schemas["Job"]["properties"]["scenario"] = json!({
             "description": "With `include=scenario`: what is computed, in SI units with defaults filled \
-                in, as the result has it too; submitted again it has the same key. Null where the \
-                result was known when the job came and was dropped more than a year ago.",
+                in, as the result has it too; submitted again it has the same key. Null only for a job \
+                that found its result known, once that has been dropped for a year.",
             "oneOf": [{"$ref": "#/components/schemas/Scenario"}, {"type": "null"}],
         });
         schemas["Job"]["properties"]["result"] = json!({

@@ -94,7 +94,7 @@ export async function showRun(main, { id, query, signal }) {
     h("div", { class: "two" },
       h("div", {},
         h("section", { class: "card told", "aria-label": "Progress" },
-          h("div", { class: "row apart" }, h("p", { class: "row" }, state, part), h("p", { class: "row" }, again, cancel)), bar, times),
+          h("div", { class: "row apart" }, h("p", { class: "row" }, state, part), h("div", { class: "row" }, again, cancel)), bar, times),
         after, what),
       h("div", { class: "side" }, known)));
   draw();
