@@ -18,7 +18,7 @@ use crate::store::{Canceled, Deleted, Filter};
 
 use answer::{answer, wait};
 
-pub use answer::JobAnswer;
+pub use answer::{Include, JobAnswer};
 pub use submission::{__path_submit, submit};
 
 /// How many jobs a page has unless told.
@@ -133,8 +133,10 @@ pub(super) fn next_page(uri: &Uri, cursor: impl std::fmt::Display) -> String {
         ("id" = uuid::Uuid, Path, description = "The `id` of a job."),
         ("wait" = Option<f64>, Query, description = "Answers when the job is finished, at the latest \
             after so many seconds.", minimum = 0, maximum = 60, example = 10),
-        ("include" = Option<super::openapi::Include>, Query,
-            description = "`result` puts a finished result into the answer, as `result`."),
+        ("include" = Option<super::openapi::Include>, Query, style = Form, explode = false,
+            description = "What to put into the answer beside the job, separated by commas: `result`, \
+                once it is finished, and the `scenario`, in whichever state the job is.",
+            example = json!(["result", "scenario"])),
     ),
     responses(
         (status = 200, description = "The job.", body = JobAnswer),
@@ -147,7 +149,7 @@ pub async fn show(
     mut query: Query,
 ) -> Result<Response, Problem> {
     let time = query.wait();
-    let include = query.include_result();
+    let include = Include::take(&mut query);
     query.finish()?;
     let mut job = visible(&app, &caller, &id).await?;
     if let Some(time) = time {
@@ -219,7 +221,9 @@ pub async fn cancel(
     let job = visible(&app, &caller, &id).await?;
     match app.store.cancel(job.id).await? {
         Canceled::NotFound => Err(unknown()),
-        Canceled::AlreadyFinished(job) | Canceled::Done(job) => answer(&app, job, false).await,
+        Canceled::AlreadyFinished(job) | Canceled::Done(job) => {
+            answer(&app, job, Include::default()).await
+        }
     }
 }
 

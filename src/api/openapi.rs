@@ -17,6 +17,7 @@ use utoipa::openapi::{
 use utoipa::{PartialSchema, ToSchema};
 
 use super::forms::{self, Part};
+use super::jobs::Include as Included;
 use super::problem::ProblemDocument;
 use super::scenarios::{EXAMPLES, parse_job};
 use super::{access, links};
@@ -105,7 +106,13 @@ pub fn document() -> Vec<u8> {
     if let Some(Value::Object(schemas)) = document.pointer_mut("/components/schemas") {
         adopt(schemas, SCHEMA, Some("Scenario"));
         adopt(schemas, DOCUMENT_SCHEMAS, None);
-        // Spliced in as stored, so no member of the Rust type.
+        // Spliced in as stored, so no members of the Rust type.
+        schemas["Job"]["properties"]["scenario"] = json!({
+            "description": "With `include=scenario`: what is computed, in SI units with defaults filled \
+                in, as the result has it too; submitted again it has the same key. Null only for a job \
+                that found its result known, once that has been dropped for a year.",
+            "oneOf": [{"$ref": "#/components/schemas/Scenario"}, {"type": "null"}],
+        });
         schemas["Job"]["properties"]["result"] = json!({
             "description": "With `include=result`: the result, null until the job has succeeded.",
             "oneOf": [{"$ref": "#/components/schemas/Result"}, {"type": "null"}],
@@ -455,8 +462,8 @@ documented! {
     JobState words(job::JobState::ALL.iter().map(|state| state.as_str()));
     /// How a job came to its result.
     Origin words(job::Origin::ALL.iter().map(|origin| origin.as_str()));
-    /// What may be inlined into a job.
-    Include words(["result"]);
+    /// What may be put into the answer beside a job.
+    Include list(words(Included::WORDS));
     /// Whose jobs.
     Owner words(["me"]);
     /// What a key is good for.

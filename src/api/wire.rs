@@ -87,11 +87,6 @@ impl Query {
         })
     }
 
-    /// Takes `include`: whether a finished result is to be inlined.
-    pub fn include_result(&mut self) -> bool {
-        self.value("include", "\"result\"", |text| (text == "result").then_some(())).is_some()
-    }
-
     /// Takes `format`: which of the formats `offered` is asked for, if any.
     pub fn format(&mut self, offered: &[Format]) -> Option<Format> {
         let accepted = names(offered, Format::name, " or ");

@@ -4,8 +4,9 @@ use std::time::Duration;
 
 use bytes::Bytes;
 use deserr::{Deserr, IntoValue, Sequence, ValuePointerRef};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
+use serde_json::value::RawValue;
 
 use super::Key;
 use crate::engine::fault::Faults;
@@ -189,6 +190,19 @@ impl Task {
     pub fn to_json(&self) -> String {
         let Self::Run(scenario) = self;
         serde_json::json!({ "scenario": scenario }).to_string()
+    }
+
+    /// The scenario of a stored task, as it stands there: canonical, and so of the same key when it is
+    /// submitted again. None where the text is no task.
+    #[must_use]
+    pub fn scenario(stored: &str) -> Option<&RawValue> {
+        #[derive(Deserialize)]
+        struct Stored<'a> {
+            #[serde(borrow)]
+            scenario: &'a RawValue,
+        }
+        let Stored { scenario } = serde_json::from_str(stored).ok()?;
+        Some(scenario)
     }
 
     /// About how long a processor takes for it.

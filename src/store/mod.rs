@@ -202,6 +202,12 @@ impl Store {
         self.reading(async |db| read::job(db, id).await).await
     }
 
+    /// What a job computes, in its stored form; none if there is no such job, or if its result was known
+    /// when it came, and has since been forgotten.
+    pub async fn task(&self, id: JobId) -> Result<Option<String>, Error> {
+        self.reading(async |db| read::task(db, id).await).await
+    }
+
     /// Up to `limit` jobs that match, newest first, older than `cursor`.
     pub async fn jobs(
         &self,

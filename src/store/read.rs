@@ -150,6 +150,24 @@ pub(super) async fn job(db: impl SqliteExecutor<'_>, id: JobId) -> Result<Option
     Ok(row.map(|JobRow(job)| job))
 }
 
+/// What a job computes. Its run says so, which is there as long as the job. Where the result was known
+/// there was none: then what the result was computed from says it, or, once that is forgotten, the run
+/// of another job.
+pub(super) async fn task(db: impl SqliteExecutor<'_>, id: JobId) -> Result<Option<String>, Error> {
+    let task: Option<Option<String>> = sqlx::query_scalar(
+        "SELECT coalesce(
+             (SELECT task FROM run WHERE run.id = job.run),
+             (SELECT task FROM result_task WHERE result_task.key = job.key),
+             (SELECT task FROM job AS other JOIN run ON run.id = other.run
+              WHERE other.key = job.key LIMIT 1))
+         FROM job WHERE id = ?1",
+    )
+    .bind(id.0.as_bytes().as_slice())
+    .fetch_optional(db)
+    .await?;
+    Ok(task.flatten())
+}
+
 pub(super) async fn jobs(
     db: impl SqliteExecutor<'_>,
     filter: &Filter,

@@ -329,16 +329,68 @@ def interrupt(browser, data):
         for name, friction in (("running", 0.6), ("queued", 0.5), ("canceled", 0.4)):
             scenario = {**LONG, "friction": friction}
             label = f"A load spectrum of a thousand blocks, µ = {friction}"
-            job = ask(own.base, "/v1/jobs", {"scenario": scenario, "label": label}, wait=0)
+            job = ask(own.base, "/v1/jobs", {"scenario": scenario, "label": label, "tags": ["long"]}, wait=0)
             if name == "canceled":
                 ask(own.base, f"/v1/jobs/{job['id']}/cancel", method="POST")
-            views[f"run-{name}"] = (f"/#/run/{job['id']}?scenario={json.dumps(scenario)}",
-                "[data-known=regime] >> visible=true")
+            views[f"run-{name}"] = (f"/#/run/{job['id']}", "[data-known=regime] >> visible=true")
         # How long it still takes is said once that is known.
         views["run-running"] = (views["run-running"][0], "[data-known=left]:text-matches('[0-9]')")
         browser.examine_all(own.base, {**views, "queue-busy": ("/#/queue", ".state.running")})
-        ask(own.base, "/v1/jobs/cancel?state=running", method="POST")
+        from_the_queue(page, own.base)
         page.context.close()
+
+
+def edited(page, base, key):
+    """From what is shown of a run back to the form, filled with what has the same key."""
+    expect(page.locator(".sketch svg")).to_be_visible()
+    page.get_by_role("link", name="Edit and run again").click()
+    expect(known(page, "regime")).to_be_visible()
+    scenario = json.loads(page.input_value("#json"))
+    assert ask(base, "/v1/scenarios", {"scenario": scenario})["key"] == key
+    fields = page.locator("[data-pointer]").evaluate_all("fields => fields.map(({dataset, value}) => [dataset.pointer, value])")
+    assert len(fields) > 8, fields
+    for pointer, shown in fields:
+        value = scenario
+        for name in pointer.split("/")[2:]:
+            value = value[int(name)] if isinstance(value, list) else (value or {}).get(name)
+        # What may be left out is empty then; a list has commas between.
+        read = [] if shown == "" else [number_or_word(word) for word in shown.split(", ")]
+        assert read == (value if isinstance(value, list) else [] if value is None else [value]), (pointer, shown, value)
+
+
+def number_or_word(text):
+    try:
+        return float(text)
+    except ValueError:
+        return {"true": True}.get(text, text)
+
+
+def from_the_queue(page, base):
+    """Whatever became of a run, from the queue one sees what is computed, and gets it back into the form."""
+    def opened(row, state):
+        page.goto(base + "/#/queue")
+        link = row.first.get_by_role("link")
+        label = link.inner_text()
+        link.click()
+        page.wait_for_url("**/#/run/*")
+        assert "scenario" not in page.url
+        expect(page.locator("#state")).to_have_text(state)
+        edited(page, base, ask(base, f"/v1/jobs/{re.search('run/([^?]+)', page.url)[1]}")["key"])
+        expect(page.locator("#label")).to_have_value(label)
+
+    for state in ("running", "queued", "canceled", "failed"):
+        opened(page.locator(f"tr:has(.state.{state})"), state)
+    examples = [example["body"] for example in ask(base, "/v1/examples")]
+    jobs = [ask(base, "/v1/jobs", body, wait=0) for body in examples]
+    for body in examples:
+        opened(page.locator("tr", has=page.get_by_role("link", name=body["label"], exact=True)), "queued")
+    ask(base, "/v1/jobs/cancel?tag=long", method="POST")
+    for job in jobs:
+        assert ask(base, f"/v1/jobs/{job['id']}?wait=20")["state"] == "succeeded", job
+        page.goto(base + "/#/queue")
+        page.get_by_role("link", name=job["label"], exact=True).click()
+        page.wait_for_url("**/#/result/*")
+        edited(page, base, job["key"])
 
 
 def share(page):

@@ -143,6 +143,7 @@ async fn jobs_are_their_owners_and_results_are_everyones() {
 
     for (method, target) in [
         ("GET", own.clone()),
+        ("GET", format!("{own}?include=scenario")),
         ("GET", format!("{own}/result")),
         ("GET", format!("{own}/events")),
         ("POST", format!("{own}/cancel")),

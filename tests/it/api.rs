@@ -198,6 +198,115 @@ async fn a_run_that_panics_fails_its_job_and_nothing_else() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_job_tells_its_scenario_in_whichever_state_it_is() {
+    let (server, gate) = gated().await;
+    let mut jobs = Vec::new();
+    for number in 1..=4 {
+        let body = ball(f64::from(number) / 4.0);
+        let reply = server.post("/v1/jobs?include=scenario", &body).await;
+        let scenario = server.post("/v1/scenarios", &body).await.json()["scenario"].take();
+        assert_eq!((reply.status, &reply.json()["scenario"]), (202, &scenario));
+        jobs.push((job_address(&reply), scenario));
+    }
+    let show = async |(address, scenario): &(String, Value)| {
+        let mut job = server.get(&format!("{address}?include=scenario,result")).await.json();
+        assert_eq!(&job["scenario"], scenario, "{job}");
+        assert_eq!(job["result"].is_null(), job["state"] != "succeeded", "{job}");
+        assert!(server.get(address).await.json().get("scenario").is_none());
+        job["state"].take()
+    };
+    // There are two workers: two run before anything is canceled, and the last two wait.
+    while show(&jobs[1]).await != "running" {}
+    assert_eq!(show(&jobs[3]).await, "queued");
+    server.send("POST", &format!("{}/cancel", jobs[3].0), &[], "").await;
+    assert_eq!(show(&jobs[3]).await, "canceled");
+    server.send("POST", &format!("{}/cancel", jobs[0].0), &[], "").await;
+    // While its worker lets go, and when it has.
+    while show(&jobs[0]).await != "canceled" {}
+    gate.open();
+    server.get(&format!("{}?wait=60", jobs[2].0)).await;
+    assert_eq!(show(&jobs[2]).await, "succeeded");
+
+    let panics = Arc::new(|_: &_, _: &str| panic!("made for this test"));
+    let server = Server::computing(panics, &Origins::Own).await;
+    let address = job_address(&server.compute(&ball(0.25)).await);
+    let job = server.get(&format!("{address}?include=scenario")).await.json();
+    assert_eq!((&job["state"], &job["scenario"]), (&json!("failed"), &jobs[0].1));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_scenario_of_a_job_is_that_of_its_result_and_outlives_it() {
+    let server = Server::start().await;
+    let headers = [JSON, ("Prefer", "wait=60")];
+    let submit = async |body: &Value| {
+        let target = "/v1/jobs?include=result,scenario";
+        let reply = server.send("POST", target, &headers, body.to_string()).await;
+        let (job, own) = (reply.json(), job_address(&reply));
+        (reply, job, own)
+    };
+    let (reply, job, computed) = submit(&steel_ball()).await;
+    // Digit for digit.
+    let scenario = format!("\"scenario\":{}", job["result"]["scenario"]);
+    assert_eq!(reply.text().matches(&scenario).count(), 2, "{scenario}");
+    let again = json!({"scenario": job["scenario"]});
+    let (_, echo, cached) = submit(&again).await;
+    assert_eq!((&echo["origin"], &echo["key"]), (&json!("cached"), &job["key"]));
+    assert_eq!(echo["scenario"], job["scenario"]);
+
+    // What is left of it, step by step: the result is dropped, and forgotten, and nobody knows any more.
+    let told = async |address: &str| {
+        let job = server.get(&format!("{address}?include=result,scenario")).await;
+        assert_eq!((job.status, &job.json()["result"]), (200, &Value::Null));
+        job.json()["scenario"].take()
+    };
+    let result = text(&job, "/links/result");
+    assert_eq!(server.send("DELETE", result, &[], "").await.status, 204);
+    assert_eq!(
+        [told(&computed).await, told(&cached).await],
+        [(); 2].map(|()| job["scenario"].clone())
+    );
+    let mut raw = raw(server.dir.path()).await;
+    raw.execute("DELETE FROM result").await.unwrap();
+    assert_eq!(
+        [told(&computed).await, told(&cached).await],
+        [(); 2].map(|()| job["scenario"].clone())
+    );
+    server.send("DELETE", &computed, &[], "").await;
+    assert_eq!(told(&cached).await, Value::Null);
+
+    // Without the job that computed it, a result says what it was computed from, dropped or not.
+    let (_, job, computed) = submit(&ball(0.5)).await;
+    let (_, _, cached) = submit(&ball(0.5)).await;
+    server.send("DELETE", &computed, &[], "").await;
+    server.send("DELETE", text(&job, "/links/result"), &[], "").await;
+    assert_eq!(told(&cached).await, job["scenario"]);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_is_to_be_included_is_a_list_of_what_there_is() {
+    let server = quick().await;
+    let address = job_address(&server.compute(&steel_ball()).await);
+    for (asked, result, scenario) in [
+        ("result", true, false),
+        ("scenario", false, true),
+        ("scenario,result", true, true),
+        ("result,%20scenario", true, true),
+        ("result,result", true, false),
+    ] {
+        let job = server.get(&format!("{address}?include={asked}")).await.json();
+        let has = |name| job.get(name).is_some_and(Value::is_object);
+        assert_eq!((has("result"), has("scenario")), (result, scenario), "{asked}");
+    }
+    for asked in ["scenari", "result,profiles", "result,", ""] {
+        let refused = server.get(&format!("{address}?include={asked}")).await;
+        let problem = refused.problem(422, "invalid-parameters");
+        assert_eq!(text(&problem, "/errors/0/parameter"), "include");
+        let detail = text(&problem, "/errors/0/detail");
+        assert!(detail.contains("\"result\"") && detail.contains("\"scenario\""), "{detail}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn jobs_are_listed_newest_first_in_pages_and_by_filters() {
     let server = quick().await;
     let mut ids = Vec::new();

@@ -25,9 +25,9 @@ class Pace {
 
 export async function showRun(main, { id, query, signal }) {
   const address = `/v1/jobs/${encodeURIComponent(id)}`;
-  // A job does not tell its scenario: whoever submits it here takes it along in the address.
-  const given = query.get("scenario");
-  let job = await get(address, { signal });
+  let job = await get(`${address}?include=scenario`, { signal });
+  // Whoever submits it here takes it along in the address as it was written; else it is as the server understood it.
+  const given = query.get("scenario") ?? (job.scenario && JSON.stringify(job.scenario));
   const pace = new Pace();
   const state = h("strong", { id: "state" });
   const bar = h("progress", { max: 1, "aria-label": "Progress" });
@@ -36,7 +36,7 @@ export async function showRun(main, { id, query, signal }) {
   const what = h("section", { class: "card told", "aria-label": "What is computed", hidden: true });
   const known = h("section", { class: "card", "aria-label": "What is known beforehand", hidden: true });
   const after = h("div", { class: "stack" });
-  const again = () => given && h("a", { class: "button primary", href: `#/new?${new URLSearchParams({ scenario: given, ...(job.label && { label: job.label }) })}` },
+  const again = h("a", { hidden: !given, href: `#/new?${new URLSearchParams({ scenario: given, ...(job.label && { label: job.label }) })}` },
     "Edit and run again");
   const cancel = h("button", { type: "button", id: "cancel", onclick: async () => {
     cancel.disabled = true;
@@ -56,11 +56,12 @@ export async function showRun(main, { id, query, signal }) {
     bar.value = job.progress;
     part.textContent = job.state === "queued" ? "" : `${Math.floor(job.progress * 100)}\u00a0%`;
     cancel.hidden = !OPEN.includes(job.state);
+    again.className = cancel.hidden ? "button primary" : "button";
     drawTimes();
-    if (job.state === "failed") fill(after, trouble({ title: "The run failed", ...job.error }), again());
+    if (job.state === "failed") fill(after, trouble({ title: "The run failed", ...job.error }));
     if (job.state === "canceled") {
       fill(after, h("section", { class: "card" }, h("p", {}, "It was canceled: nothing is computed any more."),
-        h("p", { class: "row" }, again(), h("a", { class: "button", href: "#/queue" }, "To the queue"))));
+        h("p", {}, h("a", { class: "button", href: "#/queue" }, "To the queue"))));
     }
   }
 
@@ -93,7 +94,7 @@ export async function showRun(main, { id, query, signal }) {
     h("div", { class: "two" },
       h("div", {},
         h("section", { class: "card told", "aria-label": "Progress" },
-          h("div", { class: "row apart" }, h("p", { class: "row" }, state, part), cancel), bar, times),
+          h("div", { class: "row apart" }, h("p", { class: "row" }, state, part), h("div", { class: "row" }, again, cancel)), bar, times),
         after, what),
       h("div", { class: "side" }, known)));
   draw();

@@ -1,4 +1,4 @@
-//! How a job is told, with its result inside or without.
+//! How a job is told, with its scenario and its result inside or without.
 
 use std::time::Duration;
 
@@ -12,8 +12,8 @@ use utoipa::ToSchema;
 
 use crate::api::App;
 use crate::api::problem::{self, Problem};
-use crate::api::wire::instant;
-use crate::job::{Failure, Job, JobId, JobState, Key, Origin};
+use crate::api::wire::{Query, instant};
+use crate::job::{Failure, Job, JobId, JobState, Key, Origin, Task};
 use crate::store::StoredResult;
 
 /// One submission and how far it has come.
@@ -159,39 +159,74 @@ pub(super) async fn wait(app: &App, job: Job, time: Duration) -> Result<Job, Pro
     Ok(app.store.wait(job, until).await?)
 }
 
-/// Answers a job as it is always answered; with `include`, its result inside.
-pub(super) async fn answer(app: &App, job: Job, include: bool) -> Result<Response, Problem> {
-    if !include {
-        return write(job, None);
-    }
-    let result = result_of(app, &job).await?;
-    write(job, Some(&result))
+/// What an answer is to carry beside the job.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Include {
+    pub(super) result: bool,
+    pub(super) scenario: bool,
 }
 
-/// What stands for a result that there is not.
-pub(super) const NO_RESULT: Bytes = Bytes::from_static(b"null");
+impl Include {
+    /// The words for it.
+    pub const WORDS: [&str; 2] = ["result", "scenario"];
+
+    /// Takes `include`: words with commas between.
+    pub(super) fn take(query: &mut Query) -> Self {
+        let [result, scenario] = Self::WORDS;
+        let accepted = format!("\"{result}\", \"{scenario}\" or \"{result},{scenario}\"");
+        let read = |text: &str| {
+            let words: Vec<&str> = text.split(',').map(str::trim).collect();
+            let known = words.iter().all(|word| Self::WORDS.contains(word));
+            let has = |word| words.contains(&word);
+            known.then(|| Self { result: has(result), scenario: has(scenario) })
+        };
+        query.value("include", &accepted, read).unwrap_or_default()
+    }
+}
+
+/// Answers a job as it is always answered, with what is to be included inside.
+pub(super) async fn answer(app: &App, job: Job, include: Include) -> Result<Response, Problem> {
+    let mut inside = Vec::new();
+    if include.scenario {
+        let task = app.store.task(job.id).await?;
+        inside.push(("scenario", task.map_or(NOTHING, |task| scenario_in(&task))));
+    }
+    if include.result {
+        inside.push(("result", result_of(app, &job).await?));
+    }
+    write(job, &inside)
+}
+
+/// What stands for a scenario or a result that there is not.
+pub(super) const NOTHING: Bytes = Bytes::from_static(b"null");
+
+/// The scenario in the stored form of a task; null if that is none.
+pub(super) fn scenario_in(task: &str) -> Bytes {
+    Task::scenario(task)
+        .map_or(NOTHING, |scenario| Bytes::copy_from_slice(scenario.get().as_bytes()))
+}
 
 /// The result of a job; null if there is none.
 pub(super) async fn result_of(app: &App, job: &Job) -> Result<Bytes, Problem> {
     if job.state != JobState::Succeeded {
-        return Ok(NO_RESULT);
+        return Ok(NOTHING);
     }
     Ok(match app.store.result(&job.key).await? {
         Some(StoredResult::Whole(body)) => body,
-        _ => NO_RESULT,
+        _ => NOTHING,
     })
 }
 
-/// Writes a job, with a result inside if there is to be one.
-pub(super) fn write(job: Job, result: Option<&Bytes>) -> Result<Response, Problem> {
+/// Writes a job, with more members behind its own: their names, and what they are in JSON.
+pub(super) fn write(job: Job, inside: &[(&str, Bytes)]) -> Result<Response, Problem> {
     let (key, id) = (job.key, job.id);
     let mut body = serde_json::to_vec(&JobAnswer::from(job)).map_err(|_| Problem::internal())?;
-    if let Some(result) = result {
+    for (name, text) in inside {
         // The stored bytes go in as they are: parsing and printing them again would cost more
         // than everything else here and could change digits.
         body.pop();
-        body.extend_from_slice(b",\"result\":");
-        body.extend_from_slice(result);
+        body.extend_from_slice(format!(",\"{name}\":").as_bytes());
+        body.extend_from_slice(text);
         body.push(b'}');
     }
     let headers = [

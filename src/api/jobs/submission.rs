@@ -9,7 +9,7 @@ use axum::response::Response;
 use serde_json::json;
 use sha2::{Digest as _, Sha256};
 
-use super::answer::{JobAnswer, NO_RESULT, address, result_of, wait, write};
+use super::answer::{Include, JobAnswer, NOTHING, address, result_of, scenario_in, wait, write};
 use crate::api::App;
 use crate::api::caller::Caller;
 use crate::api::problem::{self, Problem};
@@ -26,8 +26,10 @@ use crate::store::{Admission, NewJob, Repeatable, Submitted};
 /// may have been lost can be repeated under the same `Idempotency-Key`: it stays one job.
 #[utoipa::path(post, path = "/v1/jobs", operation_id = "submit_job", tag = "jobs",
     params(
-        ("include" = Option<crate::api::openapi::Include>, Query,
-            description = "`result` puts a finished result into the answer, as `result`."),
+        ("include" = Option<crate::api::openapi::Include>, Query, style = Form, explode = false,
+            description = "What to put into the answer beside the job, separated by commas: `result`, \
+                if it is finished, and the `scenario` as it was understood.",
+            example = json!(["result"])),
         ("Prefer" = Option<String>, Header,
             description = "`wait=N`: answer when the job is finished, at the latest after N seconds \
                 (at most 60).", example = "wait=10"),
@@ -77,7 +79,7 @@ pub async fn submit(
     headers: HeaderMap,
     body: Body,
 ) -> Result<Response, Problem> {
-    let include = query.include_result();
+    let include = Include::take(&mut query);
     query.finish()?;
     if *app.draining.borrow() {
         let detail = "The server is going down and takes no new jobs; submit again in a moment.";
@@ -89,6 +91,10 @@ pub async fn submit(
     let Submission { task, label, tags, warnings } = submission;
     let (key, stored, seconds) = (task.key(), task.to_json(), task.seconds());
     let limit = app.run_limit.filter(|limit| seconds > limit.as_secs_f64());
+    let mut inside = Vec::new();
+    if include.scenario {
+        inside.push(("scenario", scenario_in(&stored)));
+    }
     let repeatable = name.map(|name| {
         let sent = json!([stored, label, tags]).to_string();
         Repeatable { key: name, fingerprint: Sha256::digest(sent).to_vec() }
@@ -143,12 +149,14 @@ pub async fn submit(
     let cache = cache_status(&job, freshness.afresh);
     let finished = job.state.is_finished();
     let location = address(job.id);
-    let result = match (include, computed) {
-        (true, Some(computed)) if job.state == JobState::Succeeded => Some(computed.body),
-        (true, _) => Some(result_of(&app, &job).await.unwrap_or(NO_RESULT)),
-        (false, _) => None,
-    };
-    let mut response = write(job, result.as_ref())?;
+    if include.result {
+        let result = match computed {
+            Some(computed) if job.state == JobState::Succeeded => computed.body,
+            _ => result_of(&app, &job).await.unwrap_or(NOTHING),
+        };
+        inside.push(("result", result));
+    }
+    let mut response = write(job, &inside)?;
     response.headers_mut().insert(header::CACHE_STATUS, HeaderValue::from_static(cache));
     let mut set = |name: HeaderName, value: String| {
         // Paths and numbers are always legal in a header.
