@@ -184,10 +184,13 @@ async fn library() {
         ("evicted=true", 2),
         ("note=rig", 2),
         ("owner=nobody", 2),
-        ("friction=0.4..0.6", 150),
-        ("friction=0.4..0.6&sort=wear_depth", 150),
-        ("friction=0.2..0.8&wear_depth=0.2..0.8&normal_force=..0.5", 150),
-        ("friction=2..", 150),
+        ("friction=0.4..0.6", 2),
+        ("friction=0.4..0.6&sort=wear_depth", 2),
+        ("friction=0.2..0.8&wear_depth=0.2..0.8&normal_force=..0.5", 2),
+        ("friction=0.2..", 2),
+        ("friction=2..", 2),
+        ("friction=0.2..&wear_depth=..0.8&normal_force=2..", 2),
+        ("friction=0.2..0.3&shape=table", 150),
     ] {
         let ask = request("GET", &format!("/v1/results?{query}"), "");
         let found = async |server: &Server| {
