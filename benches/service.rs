@@ -16,10 +16,10 @@
 //! - `table`: how much longer it takes to get a result out of a table of a million than out of one
 //!   of a thousand, of 1 kB each and without the memory cache.
 //! - `library`: how much longer a page of `GET /v1/results` takes out of a library of a hundred
-//!   thousand than out of one of a thousand, and as full. Along an order, or an index of few, it is to
-//!   take no more than twice as long. Other conditions lead through all that meet them, or through
-//!   everything, and take as much longer as there is more of that: a hundred times, and at most half as
-//!   much again.
+//!   thousand than out of one of a thousand, and as full. It is to take no more than twice as long, whether
+//!   few or many are in the ranges that are asked for. A word that nothing has leads through all that meet
+//!   the other conditions, and takes as much longer as there is more of that: a hundred times, and at most
+//!   half as much again.
 //! - `memory`: what the server holds while ten thousand jobs wait.
 //!
 //! These words choose what is measured: `cargo bench --bench service -- job memory`.

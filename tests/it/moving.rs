@@ -418,6 +418,31 @@ async fn a_file_without_some_of_the_columns_is_taken_for_what_it_has() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_file_that_is_damaged_in_one_place_costs_the_result_that_lies_there() {
+    let (from, to) = (Server::start().await, Server::start().await);
+    computed(&from, &[1.0, 1.2, 1.4]).await;
+    let dir = TempDir::new().unwrap();
+    let file = dir.path().join("results.db");
+    all(&from, &file).await;
+    let mut db = open_file(&file).await;
+    let place: i64 = sqlx::query_scalar(
+        "SELECT pgoffset FROM dbstat WHERE name = 'bodies' AND pagetype = 'overflow'
+         AND path LIKE '%+000000' ORDER BY path LIMIT 1",
+    )
+    .fetch_one(&mut db)
+    .await
+    .unwrap();
+    db.close().await.unwrap();
+    // The number of the next page of the body.
+    let mut bytes = fs::read(&file).unwrap();
+    bytes[usize::try_from(place).unwrap()..][..4].fill(0xff);
+    fs::write(&file, bytes).unwrap();
+    let done = import(to.dir.path(), &file, quiet).await.unwrap();
+    let refused: Vec<&str> = done.refused.iter().map(|(_, why)| why.as_str()).collect();
+    assert_eq!((done.results, refused), (2, vec!["the file is damaged where it lies"]));
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_note_comes_where_there_is_none_and_never_in_the_place_of_another() {
     let (from, to) = (Server::start().await, Server::start().await);
     let amplitudes = [1.0, 1.2, 1.4, 1.6];

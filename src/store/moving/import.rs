@@ -277,6 +277,17 @@ fn misfit(error: &Moving) -> Option<String> {
     }
 }
 
+/// Why a result that cannot be read is refused.
+const DAMAGED: &str = "the file is damaged where it lies";
+
+/// What a file says; none where it is damaged.
+fn legible<T>(said: Result<T, sqlx::Error>) -> Result<Option<T>, Error> {
+    match said.map_err(Error::from) {
+        Err(Error::Damaged(_)) => Ok(None),
+        said => said.map(Some),
+    }
+}
+
 /// Looks at a result of an export before anything is changed.
 async fn sound(
     from: &mut SqliteConnection,
@@ -291,7 +302,8 @@ async fn sound(
     )
     .bind(text)
     .fetch_optional(&mut *from)
-    .await?;
+    .await;
+    let Some(row) = legible(row)? else { return refuse(DAMAGED) };
     let Some(row) = row else { return refuse("its key is none") };
     let sha256: Option<Key> =
         row.try_get::<Option<&str>, _>("sha256")?.and_then(|sum| sum.parse().ok());
@@ -314,10 +326,11 @@ async fn sound(
         }
         Some(_) => {}
     }
-    let body: Vec<u8> = sqlx::query_scalar("SELECT CAST(body AS BLOB) FROM bodies WHERE key = ?1")
+    let body = sqlx::query_scalar("SELECT CAST(body AS BLOB) FROM bodies WHERE key = ?1")
         .bind(text)
         .fetch_one(from)
-        .await?;
+        .await;
+    let Some(body): Option<Vec<u8>> = legible(body)? else { return refuse(DAMAGED) };
     if Sha256::digest(&body)[..] != digest[..] {
         return refuse("its body does not match its SHA-256: one of them was changed");
     }

@@ -136,7 +136,7 @@ async fn stepwise(
     let wanted = usize::try_from(limit).unwrap_or(usize::MAX);
     let mut rows = Vec::new();
     if cursor.is_none_or(|cursor| cursor.value.is_some()) {
-        part(db, search, Span { has: true, after: cursor, last: None }, first, limit, &mut rows)
+        part(db, search, Span { has: true, after: cursor, last: None }, first, wanted, &mut rows)
             .await?;
     }
     // What is in a range is there.
@@ -144,7 +144,7 @@ async fn stepwise(
         !matches!(search.by, "created" | "size") && !search.ranges.contains_key(search.by);
     if rows.len() <= wanted && may_lack {
         let after = cursor.filter(|cursor| cursor.value.is_none());
-        part(db, search, Span { has: false, after, last: None }, first, limit, &mut rows).await?;
+        part(db, search, Span { has: false, after, last: None }, first, wanted, &mut rows).await?;
     }
     let more = rows.len() > wanted;
     rows.truncate(wanted);
@@ -194,17 +194,17 @@ fn ordered(query: &mut QueryBuilder<Sqlite>, search: &Search) {
     query.push(", outline.id").push(order);
 }
 
-/// Adds what is found in a part of the order, until there is one row more than asked for, which tells
+/// Adds what is found in a part of the order, until there is one row more than wanted, which tells
 /// whether there is a next page.
 async fn part(
     db: &mut SqliteConnection,
     search: &Search,
     mut span: Span,
     first: u32,
-    limit: u32,
+    wanted: usize,
     rows: &mut Vec<SqliteRow>,
 ) -> Result<(), Error> {
-    let missing = |rows: &[SqliteRow]| i64::from(limit) + 1 - rows.len() as i64;
+    let missing = |rows: &[SqliteRow]| (wanted + 1).saturating_sub(rows.len());
     let shortcuts = search.shortcuts();
     // Of what was dropped there is but one index.
     let mut steps = (!search.evicted && !shortcuts.is_empty()).then_some(first);
@@ -273,7 +273,7 @@ async fn choose(
     search: &Search,
     span: Span,
     along: Option<&str>,
-    count: i64,
+    count: usize,
 ) -> Result<Vec<SqliteRow>, Error> {
     Ok(chosen("", search, span, along, count).build().fetch_all(db).await?)
 }
@@ -284,7 +284,7 @@ fn chosen(
     search: &Search,
     span: Span,
     along: Option<&str>,
-    count: i64,
+    count: usize,
 ) -> QueryBuilder<Sqlite> {
     let mut query = QueryBuilder::<Sqlite>::new(word);
     query.push(
@@ -299,7 +299,7 @@ fn chosen(
     search.conditions(&mut query);
     span.within(&mut query, search);
     ordered(&mut query, search);
-    query.push(" LIMIT ").push_bind(count).push(CHOSEN);
+    query.push(" LIMIT ").push_bind(i64::try_from(count).unwrap_or(i64::MAX)).push(CHOSEN);
     ordered(&mut query, search);
     query
 }
