@@ -312,9 +312,9 @@ mod tests {
     use sqlx::{AssertSqlSafe, Connection as _};
     use tempfile::TempDir;
 
-    use super::super::Range;
     use super::*;
     use crate::store::open::{DATABASE, connecting};
+    use crate::store::search::Range;
     use crate::store::{Options, Store};
 
     /// A library of so many results, whose numbers lie between 0 and 1 as if at random; of every tenth
