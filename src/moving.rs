@@ -77,9 +77,13 @@ pub fn import(settings: &Import) -> ExitCode {
 fn take_over(settings: &Import) -> Result<bool, Failure> {
     let Import { file, data } = settings;
     let done = wait(store::import(&data.data_dir, file, progress("looked at")))?;
-    let Imported { results: count, bytes, known, notes, refused, other_notes, left_out } = done;
+    let Imported { results: count, bytes, known, notes, refused, other_notes, .. } = done;
+    let Imported { left_out, lacking, .. } = done;
     for (key, why) in &refused {
         writeln!(io::stderr(), "refused {}: {why}", key.escape_debug())?;
+    }
+    for column in &lacking {
+        writeln!(io::stderr(), "left out of all results: the file has no column {column}")?;
     }
     for (key, what) in &left_out {
         writeln!(io::stderr(), "left out of {key}: {what}")?;

@@ -290,13 +290,13 @@ struct Program {
     /// The version of the digits.
     #[schema(example = 1)]
     numerics: u32,
-    /// The name of the machine.
-    host: String,
+    /// The name of the machine; null, like the next two, where an imported file does not say.
+    host: Option<String>,
     /// Its kind of processor.
     #[schema(example = "x86_64")]
-    architecture: String,
+    architecture: Option<String>,
     /// How many of them it has.
-    processors: u32,
+    processors: Option<u32>,
 }
 
 /// By what the bytes of a result are known.
@@ -337,9 +337,9 @@ impl Provenance {
             program: known.program.map(|program| Program {
                 version: program.version,
                 numerics: program.numerics,
-                host: program.host,
-                architecture: program.architecture,
-                processors: program.processors,
+                host: Some(program.host).filter(|host| !host.is_empty()),
+                architecture: Some(program.architecture).filter(|kind| !kind.is_empty()),
+                processors: Some(program.processors).filter(|count| *count > 0),
             }),
             jobs: known.jobs,
             pinned: known.pinned,

@@ -94,11 +94,11 @@ pub struct Program {
     pub version: String,
     /// The version of its digits.
     pub numerics: u32,
-    /// The name of the machine.
+    /// The name of the machine; empty, as the next, if that is not known.
     pub host: String,
     /// Its kind of processor.
     pub architecture: String,
-    /// How many of them it has.
+    /// How many of them it has; 0 if that is not known.
     pub processors: u32,
 }
 

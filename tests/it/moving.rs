@@ -278,7 +278,7 @@ async fn another_result_under_the_same_key_is_told_and_not_taken() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn what_a_file_states_beside_the_bodies_is_taken_as_far_as_it_fits() {
     let (from, to) = (Server::start().await, Server::start().await);
-    let keys = computed(&from, &[1.0, 1.2, 1.4, 1.6]).await;
+    let keys = computed(&from, &[1.0, 1.2, 1.4, 1.6, 1.8, 2.0]).await;
     let dir = TempDir::new().unwrap();
     let file = dir.path().join("results.db");
     all(&from, &file).await;
@@ -289,10 +289,16 @@ async fn what_a_file_states_beside_the_bodies_is_taken_as_far_as_it_fits() {
         (
             &keys[1],
             "note = 'a' || char(27) || 'b', owner = char(7), computed = 'soon', cpu_seconds = -1,
-             host = printf('%0201d', 7), note_at = NULL"
+             host = printf('%0201d', 7), processors = -1, note_at = NULL"
                 .to_owned(),
         ),
-        (&keys[2], "wall_seconds = 'long'".to_owned()),
+        (
+            &keys[2],
+            "wall_seconds = 'long', owner = x'00ff', version = x'ff', note = x'ff'".to_owned(),
+        ),
+        (&keys[4], "processors = 'eight', computed = 7".to_owned()),
+        // The sum is essential.
+        (&keys[5], "sha256 = CAST(sha256 AS BLOB)".to_owned()),
     ] {
         let sql = format!("UPDATE results SET {change} WHERE key = '{key}'");
         sqlx::raw_sql(sqlx::AssertSqlSafe(sql)).execute(&mut db).await.unwrap();
@@ -320,8 +326,8 @@ async fn what_a_file_states_beside_the_bodies_is_taken_as_far_as_it_fits() {
         .unwrap();
     db.close().await.unwrap();
     let done = import(to.dir.path(), &file, quiet).await.unwrap();
-    assert_eq!(done.results, 2, "{done:?}");
-    for (key, words) in [(&keys[2], "wall_seconds"), (&keys[3], "all of one length")] {
+    assert_eq!((done.results, &done.lacking), (4, &vec![]), "{done:?}");
+    for (key, words) in [(&keys[3], "all of one length"), (&keys[5], "sha256")] {
         let why = done.refused.iter().find(|(refused, _)| refused == key);
         assert!(why.is_some_and(|(_, why)| why.contains(words)), "{words}: {done:?}");
     }
@@ -337,14 +343,103 @@ async fn what_a_file_states_beside_the_bodies_is_taken_as_far_as_it_fits() {
             "its computed is no moment such as 2026-01-31T12:00:00.000Z",
             "its cpu_seconds is no time in seconds",
             "its host is no name of up to 200 characters",
+            "its processors is no number of processors",
             "its note must not contain control characters other than line breaks and tabs",
         ]
     );
-    for key in &keys[..2] {
-        let told = to.get(&format!("/v1/results/{key}/provenance")).await.json();
+    assert_eq!(
+        left_out(&keys[2]),
+        [
+            "its owner is no name of up to 200 characters",
+            "its wall_seconds is no time in seconds",
+            "its version is no name of up to 200 characters",
+            "its note is no text",
+        ]
+    );
+    assert_eq!(
+        left_out(&keys[4]),
+        [
+            "its computed is no moment such as 2026-01-31T12:00:00.000Z",
+            "its processors is no number of processors",
+        ]
+    );
+    for key in [0, 1, 2, 4] {
+        let told = to.get(&format!("/v1/results/{}/provenance", keys[key])).await.json();
         assert!(told["note"].is_null(), "{told}");
-        assert_eq!(told["computed"]["owner"].is_null(), *key == keys[1], "{told}");
+        assert_eq!(told["computed"]["owner"].is_null(), key == 1 || key == 2, "{told}");
+        assert_eq!(told["program"].is_null(), key == 2, "{told}");
+        assert_eq!(told["program"]["processors"].is_null(), key != 0, "{told}");
+        assert_eq!(told["program"]["host"].is_null(), key == 1 || key == 2, "{told}");
     }
+    for key in [3, 5] {
+        let address = format!("/v1/results/{}", keys[key]);
+        to.get(&address).await.problem(404, "unknown-result");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_file_without_some_of_the_columns_is_taken_for_what_it_has() {
+    let (from, to) = (Server::start().await, Server::start().await);
+    let keys = computed(&from, &[1.0, 1.2]).await;
+    let dir = TempDir::new().unwrap();
+    let file = dir.path().join("results.db");
+    all(&from, &file).await;
+    let mut db = open_file(&file).await;
+    for column in ["note", "note_owner", "note_at", "processors", "cpu_seconds"] {
+        let sql = format!("ALTER TABLE results DROP COLUMN {column}");
+        sqlx::raw_sql(sqlx::AssertSqlSafe(sql)).execute(&mut db).await.unwrap();
+    }
+    let data = to.dir.path().to_str().unwrap();
+    let output = run(&["import", file.to_str().unwrap(), "--data-dir", data], "");
+    assert!(output.status.success(), "{output:?}");
+    let [said, told] =
+        [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
+    assert!(said.contains(": 2 results (") && said.contains(" 0 refused"), "{said}");
+    for column in ["note", "note_owner", "note_at", "processors", "cpu_seconds"] {
+        let line = format!("left out of all results: the file has no column {column}\n");
+        assert_eq!(told.matches(&line).count(), 1, "{told}");
+    }
+    for key in &keys {
+        let address = format!("/v1/results/{key}/provenance");
+        let (one, other) = (from.get(&address).await.json(), to.get(&address).await.json());
+        assert_eq!(one["computed"]["at"], other["computed"]["at"]);
+        assert_eq!(one["computed"]["wall_seconds"], other["computed"]["wall_seconds"]);
+        assert_eq!(one["program"]["version"], other["program"]["version"]);
+        assert!(other["program"]["processors"].is_null(), "{other}");
+    }
+    // Without what is essential it is no export.
+    for column in ["results DROP COLUMN sha256", "bodies DROP COLUMN body"] {
+        db.execute("DROP VIEW IF EXISTS history").await.unwrap();
+        let sql = format!("ALTER TABLE {column}");
+        sqlx::raw_sql(sqlx::AssertSqlSafe(sql)).execute(&mut db).await.unwrap();
+        let refused = import(to.dir.path(), &file, quiet).await;
+        assert!(matches!(refused, Err(Moving::NoExport(_))), "{refused:?}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_file_that_is_damaged_in_one_place_costs_the_result_that_lies_there() {
+    let (from, to) = (Server::start().await, Server::start().await);
+    computed(&from, &[1.0, 1.2, 1.4]).await;
+    let dir = TempDir::new().unwrap();
+    let file = dir.path().join("results.db");
+    all(&from, &file).await;
+    let mut db = open_file(&file).await;
+    let place: i64 = sqlx::query_scalar(
+        "SELECT pgoffset FROM dbstat WHERE name = 'bodies' AND pagetype = 'overflow'
+         AND path LIKE '%+000000' ORDER BY path LIMIT 1",
+    )
+    .fetch_one(&mut db)
+    .await
+    .unwrap();
+    db.close().await.unwrap();
+    // The number of the next page of the body.
+    let mut bytes = fs::read(&file).unwrap();
+    bytes[usize::try_from(place).unwrap()..][..4].fill(0xff);
+    fs::write(&file, bytes).unwrap();
+    let done = import(to.dir.path(), &file, quiet).await.unwrap();
+    let refused: Vec<&str> = done.refused.iter().map(|(_, why)| why.as_str()).collect();
+    assert_eq!((done.results, refused), (2, vec!["the file is damaged where it lies"]));
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

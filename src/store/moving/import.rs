@@ -17,6 +17,21 @@ use crate::store::open::{self, DATABASE};
 use crate::store::outline::Body;
 use crate::store::{Error, Options, Store, now};
 
+/// What a file may say of results beside what is essential, which are the key, the sum and the body.
+const BESIDE: [&str; 11] = [
+    "owner",
+    "computed",
+    "wall_seconds",
+    "cpu_seconds",
+    "version",
+    "host",
+    "architecture",
+    "processors",
+    "note",
+    "note_owner",
+    "note_at",
+];
+
 /// The longest name of an owner, a machine or a release in characters.
 const LONGEST_NAME: usize = 200;
 
@@ -37,6 +52,8 @@ pub struct Imported {
     pub other_notes: Vec<Key>,
     /// What was left out of results that were taken: their key, and what is wrong with it.
     pub left_out: Vec<(Key, String)>,
+    /// What the file says of no result, as one of an earlier version may not: columns that it lacks.
+    pub lacking: Vec<&'static str>,
 }
 
 impl Imported {
@@ -48,6 +65,7 @@ impl Imported {
         self.refused.extend(more.refused);
         self.other_notes.extend(more.other_notes);
         self.left_out.extend(more.left_out);
+        self.lacking.extend(more.lacking);
     }
 }
 
@@ -73,7 +91,12 @@ pub async fn import(
         sqlx::query_scalar("SELECT CAST(coalesce(key, '') AS BLOB) FROM results ORDER BY key")
             .fetch_all(&mut from)
             .await?;
-    let mut done = Imported::default();
+    let columns: Vec<String> = sqlx::query_scalar("SELECT name FROM pragma_table_info('results')")
+        .fetch_all(&mut from)
+        .await?;
+    let is_lacking = |name: &&str| !columns.iter().any(|column| column == name);
+    let lacking = BESIDE.into_iter().filter(is_lacking).collect();
+    let mut done = Imported { lacking, ..Imported::default() };
     let (mut batch, mut bytes) = (Vec::new(), 0);
     for (place, text) in keys.iter().enumerate() {
         let text = String::from_utf8_lossy(text);
@@ -110,8 +133,10 @@ async fn open_export(file: &Path) -> Result<SqliteConnection, Moving> {
         let form: i32 = sqlx::query_scalar("PRAGMA user_version").fetch_one(&mut from).await?;
         // A view could make up results without end.
         let tables: bool = sqlx::query_scalar(
-            "SELECT count(*) = 2 FROM sqlite_schema
-             WHERE type = 'table' AND sql NOT LIKE 'CREATE VIRTUAL%' AND name IN ('results', 'bodies')",
+            "SELECT count(*) = 4 FROM sqlite_schema AS part, pragma_table_info(part.name) AS has
+             WHERE part.type = 'table' AND sql NOT LIKE 'CREATE VIRTUAL%'
+                 AND (part.name, has.name) IN (VALUES ('results', 'key'), ('results', 'sha256'),
+                     ('bodies', 'key'), ('bodies', 'body'))",
         )
         .fetch_one(&mut from)
         .await?;
@@ -171,25 +196,24 @@ struct Stated<'r> {
 }
 
 impl<'r> Stated<'r> {
-    fn take<T, U>(
-        &mut self,
-        column: &str,
-        what: &str,
-        read: impl Fn(T) -> Option<U>,
-    ) -> Result<Option<U>, sqlx::Error>
+    /// Nothing of a column that is empty or not there; what is of another kind does not fit.
+    fn take<T, U>(&mut self, column: &str, what: &str, read: impl Fn(T) -> Option<U>) -> Option<U>
     where
         T: sqlx::Decode<'r, Sqlite> + sqlx::Type<Sqlite>,
     {
-        let Some(stated) = self.row.try_get::<Option<T>, _>(column)? else { return Ok(None) };
-        let read = read(stated);
+        let read = match self.row.try_get::<Option<T>, _>(column) {
+            Ok(None) | Err(sqlx::Error::ColumnNotFound(_)) => return None,
+            Ok(Some(stated)) => read(stated),
+            Err(_) => None,
+        };
         if read.is_none() {
             self.left_out.push(format!("its {column} is no {what}"));
         }
-        Ok(read)
+        read
     }
 
     /// At least a name, and not a page of something.
-    fn name(&mut self, column: &str) -> Result<Option<String>, sqlx::Error> {
+    fn name(&mut self, column: &str) -> Option<String> {
         let fits = |text: &String| {
             text.chars().count() <= LONGEST_NAME && !text.chars().any(char::is_control)
         };
@@ -197,47 +221,47 @@ impl<'r> Stated<'r> {
         self.take(column, &what, |text: String| Some(text).filter(fits))
     }
 
-    fn moment(&mut self, column: &str) -> Result<Option<i64>, sqlx::Error> {
+    fn moment(&mut self, column: &str) -> Option<i64> {
         self.take(column, "moment such as 2026-01-31T12:00:00.000Z", milliseconds)
     }
 
-    fn seconds(&mut self, column: &str) -> Result<Option<Duration>, sqlx::Error> {
+    fn seconds(&mut self, column: &str) -> Option<Duration> {
         self.take(column, "time in seconds", |seconds| Duration::try_from_secs_f64(seconds).ok())
     }
 
-    fn note(&mut self) -> Result<Option<Note>, sqlx::Error> {
-        let Some(text) = self.row.try_get::<Option<String>, _>("note")? else { return Ok(None) };
+    fn note(&mut self) -> Option<Note> {
+        let text: String = self.take("note", "text", Some)?;
         if let Some(fault) = Note::fault(&text) {
             self.left_out.push(format!("its note {fault}"));
-            return Ok(None);
+            return None;
         }
-        let owner = self.name("note_owner")?.unwrap_or_default();
-        Ok(Some(Note { text, owner, at: self.moment("note_at")?.unwrap_or_else(now) }))
+        let owner = self.name("note_owner").unwrap_or_default();
+        Some(Note { text, owner, at: self.moment("note_at").unwrap_or_else(now) })
     }
 
-    fn program(&mut self, numerics: u32) -> Result<Option<Program>, sqlx::Error> {
-        let Some(version) = self.name("version")? else { return Ok(None) };
-        Ok(Some(Program {
-            version,
+    fn program(&mut self, numerics: u32) -> Option<Program> {
+        let count = |stated: i64| u32::try_from(stated).ok();
+        Some(Program {
+            version: self.name("version")?,
             numerics,
-            host: self.name("host")?.unwrap_or_default(),
-            architecture: self.name("architecture")?.unwrap_or_default(),
-            processors: self.row.try_get::<Option<_>, _>("processors")?.unwrap_or_default(),
-        }))
+            host: self.name("host").unwrap_or_default(),
+            architecture: self.name("architecture").unwrap_or_default(),
+            processors: self.take("processors", "number of processors", count).unwrap_or_default(),
+        })
     }
 
     /// All of it, with the result that it is of.
-    fn result(&mut self, body: Vec<u8>, parsed: &Body) -> Result<New, sqlx::Error> {
-        let (owner, computed) = (self.name("owner")?, self.moment("computed")?);
-        let (wall, cpu) = (self.seconds("wall_seconds")?, self.seconds("cpu_seconds")?);
+    fn result(&mut self, body: Vec<u8>, parsed: &Body) -> New {
+        let (owner, computed) = (self.name("owner"), self.moment("computed"));
+        let (wall, cpu) = (self.seconds("wall_seconds"), self.seconds("cpu_seconds"));
         let answer = Answer { body: body.into(), summary: parsed.summary() };
-        Ok(New {
+        New {
             answer: Answered::new(&answer, wall.map(|wall| Cost { wall, cpu })),
             task: json!({"scenario": parsed.scenario}).to_string(),
             owner,
             computed,
-            program: self.program(parsed.engine.numerics)?,
-        })
+            program: self.program(parsed.engine.numerics),
+        }
     }
 }
 
@@ -250,6 +274,17 @@ fn misfit(error: &Moving) -> Option<String> {
         }
         sqlx::Error::ColumnNotFound(name) => Some(format!("it has no column {name:?}")),
         _ => None,
+    }
+}
+
+/// Why a result that cannot be read is refused.
+const DAMAGED: &str = "the file is damaged where it lies";
+
+/// What a file says; none where it is damaged.
+fn legible<T>(said: Result<T, sqlx::Error>) -> Result<Option<T>, Error> {
+    match said.map_err(Error::from) {
+        Err(Error::Damaged(_)) => Ok(None),
+        said => said.map(Some),
     }
 }
 
@@ -267,7 +302,8 @@ async fn sound(
     )
     .bind(text)
     .fetch_optional(&mut *from)
-    .await?;
+    .await;
+    let Some(row) = legible(row)? else { return refuse(DAMAGED) };
     let Some(row) = row else { return refuse("its key is none") };
     let sha256: Option<Key> =
         row.try_get::<Option<&str>, _>("sha256")?.and_then(|sum| sum.parse().ok());
@@ -277,7 +313,7 @@ async fn sound(
     match held(db, &key, &digest).await? {
         Held::Nothing => {}
         Held::Same => {
-            let note = stated.note()?;
+            let note = stated.note();
             let taken = Taken { key, digest, result: None, note, left_out: stated.left_out };
             return Ok(Looked::Sound(Box::new(taken)));
         }
@@ -290,10 +326,11 @@ async fn sound(
         }
         Some(_) => {}
     }
-    let body: Vec<u8> = sqlx::query_scalar("SELECT CAST(body AS BLOB) FROM bodies WHERE key = ?1")
+    let body = sqlx::query_scalar("SELECT CAST(body AS BLOB) FROM bodies WHERE key = ?1")
         .bind(text)
         .fetch_one(from)
-        .await?;
+        .await;
+    let Some(body): Option<Vec<u8>> = legible(body)? else { return refuse(DAMAGED) };
     if Sha256::digest(&body)[..] != digest[..] {
         return refuse("its body does not match its SHA-256: one of them was changed");
     }
@@ -312,8 +349,8 @@ async fn sound(
     if !parsed.has_history() {
         return refuse("its history is no columns of numbers, all of one length");
     }
-    let result = Some(stated.result(body, &parsed)?);
-    let note = stated.note()?;
+    let result = Some(stated.result(body, &parsed));
+    let note = stated.note();
     let taken = Taken { key, digest, result, note, left_out: stated.left_out };
     Ok(Looked::Sound(Box::new(taken)))
 }

@@ -1,23 +1,26 @@
-//! Looking for results: what may be asked, and how it becomes one statement.
+//! Looking for results: what may be asked, and how it becomes conditions on outlines.
 
-use std::fmt;
-use std::str::FromStr;
+mod page;
+
+use std::collections::BTreeMap;
 use std::time::{Duration, UNIX_EPOCH};
 
-use sqlx::sqlite::SqliteRow;
-use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
+use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
 
+use super::Error;
 use super::outline::{Outline, SCALARS, WORDS};
 use super::read::key;
-use super::{Error, Note};
 use crate::engine::quantity::{self, Dimension};
 use crate::job::Key;
+
+pub(super) use page::page;
+pub use page::{Cursor, Found, Listed};
 
 /// Which results to list, and in which order; what is not set asks for nothing.
 #[derive(Debug, Clone)]
 pub struct Search {
     words: Vec<(&'static str, String)>,
-    ranges: Vec<(&'static str, Range)>,
+    ranges: BTreeMap<&'static str, Range>,
     owner: Option<String>,
     pinned: Option<bool>,
     evicted: bool,
@@ -34,7 +37,7 @@ impl Default for Search {
     fn default() -> Self {
         Self {
             words: Vec::new(),
-            ranges: Vec::new(),
+            ranges: BTreeMap::new(),
             owner: None,
             pinned: None,
             evicted: false,
@@ -132,7 +135,7 @@ impl Search {
             return Ok(());
         }
         if let Some(scalar) = SCALARS.iter().find(|scalar| scalar.name == name) {
-            self.ranges.push((scalar.name, Range::quantity(value, scalar.dimension)?));
+            self.restrict(scalar.name, Range::quantity(value, scalar.dimension)?);
             return Ok(());
         }
         let flag = || match value {
@@ -141,8 +144,8 @@ impl Search {
             _ => Err(format!("must be true or false, got {value:?}")),
         };
         match name {
-            "created" => self.ranges.push(("created", Range::read(value, moment)?)),
-            "size" => self.ranges.push(("size", Range::quantity(value, Dimension::Number)?)),
+            "created" => self.restrict("created", Range::read(value, moment)?),
+            "size" => self.restrict("size", Range::quantity(value, Dimension::Number)?),
             "owner" => self.owner = Some(value.to_owned()),
             "pinned" => self.pinned = Some(flag()?),
             "evicted" => self.evicted = flag()?,
@@ -172,23 +175,68 @@ impl Search {
         Ok(())
     }
 
+    /// Asks for a number within a range, and within all that were asked for before.
+    fn restrict(&mut self, name: &'static str, range: Range) {
+        let kept = self.ranges.entry(name).or_insert(range);
+        *kept = Range { low: kept.low.max(range.low), high: kept.high.min(range.high) };
+    }
+
+    /// The index along which results lie in the order that is asked for.
+    fn order(&self) -> &'static str {
+        if self.by == "created" && self.owner.is_some() { OWNER } else { self.by }
+    }
+
+    /// The other indexes that lead to results that may be asked for, and to none besides by the one
+    /// condition: few or many, who knows.
+    fn shortcuts(&self) -> Vec<&'static str> {
+        let owner = self.owner.as_ref().map(|_| OWNER);
+        let all = self.ranges.keys().copied().chain(owner);
+        all.filter(|index| *index != self.order() && *index != self.by).collect()
+    }
+
+    /// Whether a condition names results, which are looked up one by one.
+    fn names_results(&self) -> bool {
+        self.pinned == Some(true)
+            || [&self.note, &self.tag, &self.label].into_iter().any(Option::is_some)
+    }
+
+    /// Ends conditions by those that an index answers by itself.
+    fn along(&self, query: &mut QueryBuilder<Sqlite>, index: &str) {
+        if index == OWNER {
+            self.owned(query);
+            self.within(query, "created");
+        } else {
+            self.within(query, index);
+        }
+    }
+
+    fn owned(&self, query: &mut QueryBuilder<Sqlite>) {
+        if let Some(owner) = &self.owner {
+            query.push(" AND outline.owner = ").push_bind(owner.clone());
+        }
+    }
+
+    /// What is asked of one number.
+    fn within(&self, query: &mut QueryBuilder<Sqlite>, name: &str) {
+        let Some(Range { low, high }) = self.ranges.get(name) else { return };
+        if low.is_finite() {
+            query.push(" AND outline.").push(name).push(" >= ").push_bind(*low);
+        }
+        if high.is_finite() {
+            query.push(" AND outline.").push(name).push(" <= ").push_bind(*high);
+        }
+    }
+
     /// What is asked, as conditions on outlines.
     fn conditions(&self, query: &mut QueryBuilder<Sqlite>) {
         query.push(if self.evicted { "NOT present" } else { "present" });
         for (name, word) in &self.words {
             query.push(" AND outline.").push(*name).push(" = ").push_bind(word.clone());
         }
-        for (name, Range { low, high }) in &self.ranges {
-            if low.is_finite() {
-                query.push(" AND outline.").push(*name).push(" >= ").push_bind(*low);
-            }
-            if high.is_finite() {
-                query.push(" AND outline.").push(*name).push(" <= ").push_bind(*high);
-            }
+        for name in self.ranges.keys() {
+            self.within(query, name);
         }
-        if let Some(owner) = &self.owner {
-            query.push(" AND outline.owner = ").push_bind(owner.clone());
-        }
+        self.owned(query);
         match self.pinned {
             Some(true) => {
                 query.push(" AND outline.id IN ").push(PINNED);
@@ -225,6 +273,9 @@ impl Search {
     }
 }
 
+/// The name of the index of owners, within which results lie in the order in which they came.
+const OWNER: &str = "owner";
+
 /// The outlines of pinned results, which are few.
 const PINNED: &str = "(SELECT result_task.id FROM result INDEXED BY result_pinned
     JOIN result_task USING (key) WHERE pinned)";
@@ -237,155 +288,6 @@ fn among(query: &mut QueryBuilder<Sqlite>, join: &'static str) {
 fn sorted_by(name: &str) -> Option<&'static str> {
     let scalars = SCALARS.iter().map(|scalar| scalar.name);
     ["created", "size"].into_iter().chain(scalars).find(|known| *known == name)
-}
-
-/// Where a page begins: behind the result that has this number and this value in the order, or none.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Cursor {
-    value: Option<f64>,
-    id: i64,
-}
-
-impl fmt::Display for Cursor {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.value {
-            Some(value) => write!(f, "{:016x}-{}", value.to_bits(), self.id),
-            None => write!(f, "null-{}", self.id),
-        }
-    }
-}
-
-impl FromStr for Cursor {
-    type Err = ();
-    fn from_str(text: &str) -> Result<Self, ()> {
-        let (value, id) = text.split_once('-').ok_or(())?;
-        let value = match value {
-            "null" => None,
-            bits if bits.len() == 16 => {
-                let value = f64::from_bits(u64::from_str_radix(bits, 16).map_err(drop)?);
-                Some(value).filter(|value| value.is_finite()).map(Some).ok_or(())?
-            }
-            _ => return Err(()),
-        };
-        Ok(Self { value, id: id.parse().map_err(drop)? })
-    }
-}
-
-/// A result in a list.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Listed {
-    /// Its address.
-    pub key: Key,
-    /// When it was first known here, in milliseconds since 1970, like the times below.
-    pub created: i64,
-    /// For whom it was computed, if that is known.
-    pub owner: Option<String>,
-    /// Bytes of its body.
-    pub size: u64,
-    /// Whether it is kept whatever room it takes.
-    pub pinned: bool,
-    /// When its body was dropped.
-    pub evicted: Option<i64>,
-    /// What somebody says of it.
-    pub note: Option<Note>,
-    /// What it is looked for by.
-    pub outline: Outline,
-}
-
-/// A part of a list of results.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Found {
-    /// The results.
-    pub results: Vec<Listed>,
-    /// Where the next page begins, if there is one.
-    pub next: Option<Cursor>,
-}
-
-/// The outlines that are chosen first, and then what else there is of their results: chosen are few.
-const CHOSEN: &str = ") AS outline JOIN result_task ON result_task.id = outline.id
-    JOIN result ON result.key = result_task.key LEFT JOIN note ON note.key = result.key";
-
-fn listed(row: &SqliteRow) -> Result<Listed, sqlx::Error> {
-    let words = WORDS.iter().map(|word| row.try_get(word.name));
-    let scalars = SCALARS.iter().map(|scalar| row.try_get(scalar.name));
-    Ok(Listed {
-        key: key(row, "key")?,
-        created: row.try_get("created")?,
-        owner: row.try_get("owner")?,
-        size: u64::try_from(row.try_get::<i64, _>("size")?).unwrap_or(0),
-        pinned: row.try_get("pinned")?,
-        evicted: row.try_get("evicted")?,
-        note: Note::read(row)?,
-        outline: Outline {
-            words: words.collect::<Result<_, _>>()?,
-            scalars: scalars.collect::<Result<_, _>>()?,
-        },
-    })
-}
-
-/// Up to `limit` results that are asked for, behind `cursor`. Those that do not have the number by
-/// which they are ordered come last, whichever way.
-pub(super) async fn page(
-    db: &mut SqliteConnection,
-    search: &Search,
-    cursor: Option<Cursor>,
-    limit: u32,
-) -> Result<Found, Error> {
-    let wanted = usize::try_from(limit).unwrap_or(usize::MAX);
-    let mut rows = Vec::new();
-    if cursor.is_none_or(|cursor| cursor.value.is_some()) {
-        rows = part(db, search, cursor, true, limit).await?;
-    }
-    if rows.len() <= wanted && !matches!(search.by, "created" | "size") {
-        let cursor = cursor.filter(|cursor| cursor.value.is_none());
-        let rest = limit - u32::try_from(rows.len()).unwrap_or(limit);
-        rows.extend(part(db, search, cursor, false, rest).await?);
-    }
-    let more = rows.len() > wanted;
-    rows.truncate(wanted);
-    let next = match rows.last().filter(|_| more) {
-        Some(row) => Some(Cursor { value: row.try_get("place")?, id: row.try_get("id")? }),
-        None => None,
-    };
-    Ok(Found { results: rows.iter().map(listed).collect::<Result<_, _>>()?, next })
-}
-
-/// Results that have the number by which they are ordered, or that do not; one more than asked for
-/// tells whether there is a next page.
-async fn part(
-    db: &mut SqliteConnection,
-    search: &Search,
-    cursor: Option<Cursor>,
-    has: bool,
-    limit: u32,
-) -> Result<Vec<SqliteRow>, Error> {
-    let (order, behind) = if search.descending { (" DESC", " < ") } else { ("", " > ") };
-    let mut query = QueryBuilder::<Sqlite>::new(
-        "SELECT outline.*, result.key AS key, pinned, evicted, note.text AS note,
-             note.owner AS noted_by, note.at AS noted, CAST(outline.",
-    );
-    query.push(search.by).push(" AS REAL) AS place FROM (SELECT * FROM outline WHERE ");
-    search.conditions(&mut query);
-    query.push(" AND outline.").push(search.by);
-    query.push(if has { " IS NOT NULL" } else { " IS NULL" });
-    match cursor {
-        Some(Cursor { value: Some(value), id }) => {
-            query.push(" AND (outline.").push(search.by).push(", outline.id)").push(behind);
-            query.push("(").push_bind(value).push(", ").push_bind(id).push(")");
-        }
-        Some(Cursor { value: None, id }) => {
-            query.push(" AND outline.id").push(behind).push_bind(id);
-        }
-        None => {}
-    }
-    let ordered = |query: &mut QueryBuilder<Sqlite>| {
-        query.push(" ORDER BY outline.").push(search.by).push(order);
-        query.push(", outline.id").push(order);
-    };
-    ordered(&mut query);
-    query.push(" LIMIT ").push_bind(i64::from(limit) + 1).push(CHOSEN);
-    ordered(&mut query);
-    Ok(query.build().fetch_all(db).await?)
 }
 
 /// The result that is there whose given quantities are nearest to those of an outline: by the sum of
@@ -458,16 +360,5 @@ mod tests {
         );
         assert!(range("yesterday").is_err());
         assert!(range("1970-01-03..1970-01-02").is_err());
-    }
-
-    #[test]
-    fn a_cursor_reads_back_as_it_was_written() {
-        for value in [None, Some(0.0), Some(-1.5), Some(2.5e-13)] {
-            let cursor = Cursor { value, id: 7 };
-            assert_eq!(cursor.to_string().parse(), Ok(cursor));
-        }
-        for bad in ["", "null", "7ff0000000000000-1", "1-1", "null-x"] {
-            assert!(bad.parse::<Cursor>().is_err(), "{bad}");
-        }
     }
 }
