@@ -135,7 +135,11 @@ impl Encoder {
             let room = Vec::with_capacity(self.expected.max(self.waiting.len()));
             self.packing = Some(match self.coding {
                 Coding::Identity => Packing::Nothing(room),
-                Coding::Gzip => Packing::Gzip(GzEncoder::new(room, Compression::default())),
+                Coding::Gzip => {
+                    let level =
+                        if self.small { Compression::best() } else { Compression::default() };
+                    Packing::Gzip(GzEncoder::new(room, level))
+                }
                 Coding::Zstd => Packing::Zstd(zstd_encoder(room, size, self.small)?),
             });
         }

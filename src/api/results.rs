@@ -20,9 +20,6 @@ pub(super) fn read_key(text: &str) -> Result<Key, Problem> {
     })
 }
 
-/// The digits of differences, unless others are asked for.
-const ROUNDED: u8 = 7;
-
 /// Takes the parameters that say how a result or a part is wanted.
 fn ask(query: &mut Query, part: Part) -> Ask {
     let mut ask = Ask {
@@ -117,9 +114,9 @@ async fn answer(
     mut query: Query,
 ) -> Result<Response, Problem> {
     let asked = query.format(part.formats());
-    let mut ask = ask(&mut query, part);
+    let ask = ask(&mut query, part);
     let format = Format::choose(asked, headers, part.formats());
-    if format == Some(Format::Differences) && *ask.digits.get_or_insert(ROUNDED) > forms::DIGITS {
+    if format == Some(Format::Differences) && ask.digits.is_some_and(|n| n > forms::DIGITS) {
         query.complain("digits", format!("must be at most {} by differences", forms::DIGITS));
     }
     if ask.records && part == Part::Whole {

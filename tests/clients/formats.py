@@ -243,15 +243,16 @@ def check_digits(key, whole):
         same(arrow["wear"].to_numpy(), numpy.array(expected, dtype=kind), digits)
 
 
-def summed(rows):
-    """Matrices by differences as their description says; rows may differ in length."""
-    above = numpy.zeros(0, dtype=int)
-    for row in rows:
-        row = numpy.array(row, dtype=int)
-        shared = min(len(row), len(above))
-        row[:shared] += above[:shared]
-        yield row.cumsum().cumsum()
-        above = row
+def summed(matrix):
+    """A matrix by its differences, as its description says; rows may differ in length."""
+    rows = matrix["differences"]
+    full = numpy.zeros((len(rows), max(map(len, rows))), dtype=int)
+    for row, numbers in zip(full, rows):
+        row[: len(numbers)] = numbers
+    for axis in (0, 1):
+        for _ in range(matrix["sums"][axis]):
+            full = numpy.cumsum(full, axis)
+    return [row[: len(numbers)] for row, numbers in zip(full, rows)]
 
 
 def check_differences(key, whole):
@@ -266,7 +267,7 @@ def check_differences(key, whole):
     assert len(matrices) == 7, told["profiles"].keys()
     for exact, matrix in matrices:
         step, missing, largest = matrix["step"], [], 0
-        for row, (steps, true) in enumerate(zip(summed(matrix["differences"]), exact, strict=True)):
+        for row, (steps, true) in enumerate(zip(summed(matrix), exact, strict=True)):
             true = numpy.array(true, dtype=float)
             missing += [[row, int(place)] for place in numpy.flatnonzero(numpy.isnan(true))]
             apart = numpy.nan_to_num(abs(step * steps - true)) / step

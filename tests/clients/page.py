@@ -98,6 +98,11 @@ def main(directory):
     assert len(printed.splitlines()) == 4 and "um deep" in printed, printed
     xml.dom.minidom.parse(str(directory / "wear.svg"))
 
+    sizes, found = section("Few bytes", directory).splitlines()
+    whole, few = map(int, re.findall(r"(\d+) kB", sizes))
+    assert 0 < 6 * few < whole, sizes
+    assert re.match(r"10[01] profiles, at most 0\.\d\d steps apart; 10[01] loops up to \d\d", found), found
+
     section("JavaScript in the browser", directory)
     check_browser(directory)
 

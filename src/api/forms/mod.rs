@@ -38,7 +38,7 @@ pub use figure::{LARGEST, LEAST, Look, MOST, QUANTITIES, Quantity};
 
 /// The version of all this. Clients keep what they read for ever: it rises when the same request
 /// would be answered by other bytes.
-pub const VERSION: u8 = 1;
+pub const VERSION: u8 = 2;
 
 /// What of a result is asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -97,7 +97,8 @@ pub struct Ask {
     /// Significant decimal digits to which all numbers are rounded, 1…17. Up to 7 arrays (NPZ, Arrow)
     /// are float32, whose step of 6e-8 is below that rounding; a column with numbers beyond its range
     /// (below 1.2e-38, such as the last energies of a contact that comes to rest) stays float64.
-    /// Of [`Format::Differences`] they are those of the largest number of a matrix, at most 12.
+    /// Of [`Format::Differences`] they are those of the largest number of a matrix: 7 unless told, at
+    /// most 12.
     pub digits: Option<u8>,
     /// µm, mm³, MPa and mJ instead of SI.
     pub engineering: bool,
@@ -195,6 +196,14 @@ pub fn write_to(
         out.expect(stored.len());
         return Ok(out.write_all(stored)?);
     }
+    let usual;
+    let ask = match (format, ask.digits) {
+        (Format::Differences, None) => {
+            usual = Ask { digits: Some(differences::USUAL), ..ask.clone() };
+            &usual
+        }
+        _ => ask,
+    };
     let mut document = Document::open(stored, ask)?;
     document.by_differences = format == Format::Differences;
     if part == Part::Plot {
@@ -331,13 +340,13 @@ mod tests {
         let profiles = &told(Part::Profiles)["profiles"];
         assert_eq!(*profiles, whole["profiles"]);
         // In µm: 0, 1, 4 and 0.1, 2, 5 million.
-        let worn = json!({"step": 1e5, "differences": [[0, 10, 20], [1, 8, -9]]});
+        let worn = json!({"step": 1e5, "sums": [1, 4], "differences": [[0, 10, 0], [1, 6, -24]]});
         assert_eq!((&profiles["worn"], &profiles["radius"]), (&worn, &json!([0.0, 1e6, 2e6])));
-        let pressure = json!({"step": 100.0, "differences": [[0, 25, -50], [3, -31, 53]],
-            "missing": [[0, 0]]});
+        let pressure = json!({"step": 100.0, "sums": [1, 1],
+            "differences": [[0, 25, -25], [3, -28, 25]], "missing": [[0, 0]]});
         assert_eq!(profiles["pressure"], pressure);
-        // A row that is longer than the one above goes on from 0.
-        let force = json!({"step": 0.1, "differences": [[30, -90], [15, -40, 135]]});
+        // A row that is longer than those above goes on from 0.
+        let force = json!({"step": 0.1, "sums": [1, 1], "differences": [[30, -60], [15, -25, 50]]});
         assert_eq!(told(Part::Loops)["loops"]["tangential_force"], force);
         assert_eq!(whole["history"]["wear_volume"][1], json!(1.2e-4));
     }
