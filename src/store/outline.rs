@@ -126,7 +126,7 @@ pub(super) struct Body {
     scales: Value,
     unworn: Value,
     regime: Value,
-    history: Map<String, Value>,
+    pub(super) history: Map<String, Value>,
 }
 
 /// Which engine computed a result.

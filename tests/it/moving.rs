@@ -134,7 +134,7 @@ async fn an_export_is_a_database_that_people_read() {
     assert_eq!(row.get::<String, _>("sha256"), sum);
     let scenario: Value = serde_json::from_str(row.get("scenario")).unwrap();
     assert_eq!(scenario, result["scenario"]);
-    // Every column of the history, in its view, with a unit.
+    // Every column of the history, in its table, with a unit.
     let rows =
         sqlx::query("SELECT * FROM history ORDER BY entry").fetch_all(&mut db).await.unwrap();
     let history = result["history"].as_object().unwrap();
@@ -409,7 +409,6 @@ async fn a_file_without_some_of_the_columns_is_taken_for_what_it_has() {
     }
     // Without what is essential it is no export.
     for column in ["results DROP COLUMN sha256", "bodies DROP COLUMN body"] {
-        db.execute("DROP VIEW IF EXISTS history").await.unwrap();
         let sql = format!("ALTER TABLE {column}");
         sqlx::raw_sql(sqlx::AssertSqlSafe(sql)).execute(&mut db).await.unwrap();
         let refused = import(to.dir.path(), &file, quiet).await;

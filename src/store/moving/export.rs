@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::time::{Duration, UNIX_EPOCH};
 
+use serde_json::{Map, Value};
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqliteSynchronous};
 use sqlx::{Connection as _, Executor as _, QueryBuilder, Sqlite, SqliteConnection};
 
@@ -117,6 +118,7 @@ struct Entry {
     scenario: String,
     summary: String,
     outline: Outline,
+    history: Map<String, Value>,
     numerics: u32,
     provenance: Provenance,
 }
@@ -147,9 +149,9 @@ async fn entry(db: &mut SqliteConnection, key: &Key) -> Result<Result<Entry, Abs
         return Ok(Err(Absent::Damaged));
     };
     let (scenario, summary) = (parsed.scenario.to_string(), parsed.summary().to_string());
-    let numerics = parsed.engine.numerics;
+    let (numerics, history) = (parsed.engine.numerics, parsed.history.clone());
     let outline = parsed.outline();
-    Ok(Ok(Entry { body, scenario, summary, outline, numerics, provenance }))
+    Ok(Ok(Entry { body, scenario, summary, outline, history, numerics, provenance }))
 }
 
 /// Makes an empty export.
@@ -185,17 +187,14 @@ async fn form(path: &Path) -> Result<SqliteConnection, Moving> {
          CREATE TABLE about (name TEXT PRIMARY KEY, value TEXT NOT NULL)",
     )
     .await?;
+    // A table, not a view of the bodies, which would read a large body anew for each number.
     let mut query = QueryBuilder::<Sqlite>::new(
-        "CREATE VIEW history AS SELECT results.key AS key, entry.key AS entry",
+        "CREATE TABLE history (key TEXT NOT NULL REFERENCES results (key), entry INTEGER NOT NULL",
     );
     for name in HISTORY {
-        query.push(", json_extract(body, '$.history.").push(name);
-        query.push("[' || entry.key || ']') AS ").push(name);
+        query.push(", ").push(name).push(" REAL");
     }
-    query.push(
-        " FROM results JOIN bodies ON bodies.key = results.key
-         JOIN json_each(bodies.body, '$.history.cycles') AS entry",
-    );
+    query.push(", PRIMARY KEY (key, entry)) WITHOUT ROWID");
     query.build().execute(&mut out).await?;
     for (name, unit) in units() {
         let insert = sqlx::query("INSERT OR IGNORE INTO units VALUES (?1, ?2)");
@@ -224,7 +223,7 @@ fn units() -> impl Iterator<Item = (&'static str, &'static str)> {
 }
 
 async fn write(out: &mut SqliteConnection, key: &Key, entry: &Entry) -> Result<(), Moving> {
-    let Entry { body, scenario, summary, outline, numerics, provenance } = entry;
+    let Entry { body, scenario, summary, outline, history, numerics, provenance } = entry;
     let mut query = QueryBuilder::<Sqlite>::new("INSERT INTO results VALUES (");
     let mut row = query.separated(", ");
     row.push_bind(key.to_string()).push_bind(*numerics);
@@ -252,7 +251,19 @@ async fn write(out: &mut SqliteConnection, key: &Key, entry: &Entry) -> Result<(
     query.push(")");
     query.build().execute(&mut *out).await?;
     let insert = sqlx::query("INSERT INTO bodies VALUES (?1, ?2)");
-    insert.bind(key.to_string()).bind(body).execute(out).await?;
+    insert.bind(key.to_string()).bind(body).execute(&mut *out).await?;
+    let columns = HISTORY.map(|name| history.get(name).and_then(Value::as_array));
+    let instants = columns.iter().flatten().map(|column| column.len()).max().unwrap_or(0);
+    for instant in 0..instants {
+        let mut query = QueryBuilder::<Sqlite>::new("INSERT INTO history VALUES (");
+        let mut row = query.separated(", ");
+        row.push_bind(key.to_string()).push_bind(i64::try_from(instant).unwrap_or(i64::MAX));
+        for column in columns {
+            row.push_bind(column.and_then(|column| column.get(instant)?.as_f64()));
+        }
+        query.push(")");
+        query.build().execute(&mut *out).await?;
+    }
     Ok(())
 }
 

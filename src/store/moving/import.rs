@@ -123,7 +123,7 @@ pub async fn import(
 }
 
 async fn open_export(file: &Path) -> Result<SqliteConnection, Moving> {
-    if !file.exists() {
+    if !file.is_file() {
         return Err(Moving::Nothing(file.to_owned()));
     }
     let options = open::connecting(file).read_only(true);
