@@ -2,12 +2,15 @@
 //! who read them.
 
 use std::collections::HashMap;
+use std::num::NonZero;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::thread;
 
 use axum::body::Bytes;
 use quick_cache::sync::{Cache, DefaultLifecycle};
 use quick_cache::{DefaultHashBuilder, OptionsBuilder, Weighter};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use super::coding::Coding;
 use crate::job::Key;
@@ -39,7 +42,13 @@ pub struct Memory {
     turns: Mutex<HashMap<String, Weak<Turn>>>,
     /// How often something had to be forgotten.
     forgotten: AtomicU64,
+    /// Who has a permit may make an answer of what is large.
+    making: Arc<Semaphore>,
 }
+
+/// So many answers of what is large are made at the same time, at most: each takes several times the bytes
+/// it is made of.
+const MAKERS: usize = 4;
 
 /// How many names there are before those are looked for that nobody needs.
 const NAMES: usize = 64;
@@ -90,7 +99,20 @@ impl Memory {
             Cache::with_options(options, Size, hash, life)
         };
         let kept = options.filter(|_| bytes > 0).map(cache);
-        Self { kept, lent: Mutex::default(), turns: Mutex::default(), forgotten: AtomicU64::new(0) }
+        let processors = thread::available_parallelism().map_or(1, NonZero::get);
+        Self {
+            kept,
+            lent: Mutex::default(),
+            turns: Mutex::default(),
+            forgotten: AtomicU64::new(0),
+            making: Arc::new(Semaphore::new(processors.min(MAKERS))),
+        }
+    }
+
+    /// The right to make an answer of what is large, as long as the permit is held: until it is made,
+    /// whether or not somebody still waits for it.
+    pub async fn may_make(&self) -> Option<OwnedSemaphorePermit> {
+        Arc::clone(&self.making).acquire_owned().await.ok()
     }
 
     /// The answer of this name, if it is remembered.
@@ -188,6 +210,8 @@ mod tests {
     use std::convert::Infallible;
     use std::sync::atomic::{AtomicUsize, Ordering};
 
+    use futures_util::FutureExt as _;
+
     use super::*;
 
     fn answer(size: usize) -> Answer {
@@ -267,6 +291,18 @@ mod tests {
         let late = memory.share(&name, read).await.unwrap();
         memory.put(name.clone(), &late, since);
         assert!(memory.get(&name).is_none() && memory.borrow(&name).is_none());
+    }
+
+    #[tokio::test]
+    async fn few_answers_of_what_is_large_are_made_at_the_same_time() {
+        let memory = Memory::new(0);
+        let mut permits = Vec::new();
+        while let Some(Some(permit)) = memory.may_make().now_or_never() {
+            permits.push(permit);
+        }
+        assert!((1..=MAKERS).contains(&permits.len()), "{}", permits.len());
+        permits.pop();
+        assert!(memory.may_make().now_or_never().flatten().is_some());
     }
 
     #[tokio::test]

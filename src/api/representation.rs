@@ -4,6 +4,7 @@ use axum::body::Bytes;
 use axum::http::header::{self, HeaderName};
 use axum::http::{HeaderMap, HeaderValue, StatusCode};
 use axum::response::{IntoResponse, Response};
+use tokio::sync::OwnedSemaphorePermit;
 use tokio::task;
 use xxhash_rust::xxh3::xxh3_64;
 
@@ -15,7 +16,7 @@ use super::memory::Answer;
 use super::problem::{self, Problem};
 use super::wire::{Format, instant, words};
 use crate::job::Key;
-use crate::store::StoredResult;
+use crate::store::{self, StoredResult};
 
 /// Finds the stored bytes of a result; an unknown key is answered with the way to a job within reach,
 /// if one is under way.
@@ -127,11 +128,12 @@ impl Representation {
 
     /// Made and compressed in one, so that the text before it is nowhere as a whole.
     async fn coded(&self, app: &App, coding: Coding) -> Result<Answer, Problem> {
-        let stored = self.stored(app).await?.body;
+        let (stored, permit) = self.source(app).await?;
         let (part, format, ask) = (self.part, self.format, self.ask.clone());
         // Who asks for differences asks for few bytes.
         let mut encoder = coding.encoder(format == Format::Differences);
         let made = apart(move || {
+            let _permit = permit;
             forms::write_to(&mut encoder, &stored, part, format, &ask)?;
             Ok::<_, forms::Error>(encoder.finish()?)
         });
@@ -145,30 +147,62 @@ impl Representation {
             return self.stored(app).await;
         }
         let make = async {
-            let stored = self.stored(app).await?.body;
+            let (stored, permit) = self.source(app).await?;
             let (part, format, ask) = (self.part, self.format, self.ask.clone());
-            let made = apart(move || forms::write(&stored, part, format, &ask)).await??;
-            Ok(Answer::plain(made.into()))
+            let made = apart(move || {
+                let _permit = permit;
+                forms::write(&stored, part, format, &ask)
+            });
+            Ok(Answer::plain(made.await??.into()))
         };
         app.memory.share(&self.name, make).await
     }
 
-    /// The bytes as they are stored: read by each for himself, which is what takes least, and once for
-    /// all where they are large.
+    /// The bytes as they are stored.
     async fn stored(&self, app: &App) -> Result<Answer, Problem> {
-        let (key, reach) = (&self.key, self.reach.as_deref());
-        let name = key.to_string();
-        if let Some(answer) = app.memory.get(&name) {
-            return Ok(answer);
+        match self.at_hand(app).await? {
+            Some(answer) => Ok(answer),
+            None => self.read(app).await,
         }
-        match app.store.small_result(key).await? {
-            Some(StoredResult::Whole(body)) => Ok(Answer::plain(body)),
-            Some(StoredResult::Large) => {
-                let read = async { find(app, reach, key).await.map(Answer::plain) };
-                app.memory.share(&name, read).await
-            }
-            other => Err(missing(app, reach, key, other).await?),
+    }
+
+    /// The stored bytes that something is made of, and where they are large the right to make it, before
+    /// they are read.
+    async fn source(&self, app: &App) -> Result<(Bytes, Option<OwnedSemaphorePermit>), Problem> {
+        let held = self.at_hand(app).await?;
+        if let Some(Answer { body, .. }) = &held
+            && body.len() <= store::LARGE
+        {
+            return Ok((body.clone(), None));
         }
+        let permit = app.memory.may_make().await;
+        let answer = match held {
+            Some(answer) => answer,
+            None => self.read(app).await?,
+        };
+        Ok((answer.body, permit))
+    }
+
+    /// The bytes as they are stored, if they are small, or remembered: read by each for himself, which is
+    /// what takes least.
+    async fn at_hand(&self, app: &App) -> Result<Option<Answer>, Problem> {
+        if let Some(answer) = app.memory.get(&self.key.to_string()) {
+            return Ok(Some(answer));
+        }
+        match app.store.small_result(&self.key).await? {
+            Some(StoredResult::Whole(body)) => Ok(Some(Answer::plain(body))),
+            Some(StoredResult::Large) => Ok(None),
+            other => Err(missing(app, self.reach.as_deref(), &self.key, other).await?),
+        }
+    }
+
+    /// The bytes as they are stored, read once for all who want them.
+    async fn read(&self, app: &App) -> Result<Answer, Problem> {
+        let find = async {
+            let found = find(app, self.reach.as_deref(), &self.key).await;
+            found.map(Answer::plain)
+        };
+        app.memory.share(&self.key.to_string(), find).await
     }
 
     fn send(&self, Answer { body, coding }: Answer) -> Response {

@@ -91,8 +91,9 @@ pub struct Store {
 const SCANS: usize = 2;
 /// Jobs canceled in one transaction.
 const CANCELED_AT_ONCE: u32 = 100;
-/// What is larger is read by one connection, and judged apart from the threads that answer requests.
-const LARGE: usize = 1 << 18;
+/// A result of more bytes is large: read by one connection, and judged apart from the threads that answer
+/// requests.
+pub const LARGE: usize = 1 << 18;
 
 impl Store {
     /// Accepts a job. A known result ends it at once, a live run is joined, else a run is queued, if
@@ -226,7 +227,7 @@ impl Store {
         }
     }
 
-    /// The same, unless it is large: to find out costs no more than to read.
+    /// The same, unless it is [`LARGE`]: to find out costs no more than to read.
     pub async fn small_result(&self, key: &Key) -> Result<Option<StoredResult>, Error> {
         self.result_by(&self.readers, key, LARGE).await
     }

@@ -312,11 +312,11 @@ const LARGEST: [(&str, usize); 5] = [
     ("?digits=3&points=128", 300_000),
 ];
 
-/// What a process holds in memory, in kB.
+/// The most that a process has held in memory, in kB.
 #[cfg(target_os = "linux")]
-fn resident(process: u32) -> usize {
+fn most_resident(process: u32) -> usize {
     let status = std::fs::read_to_string(format!("/proc/{process}/status")).unwrap();
-    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).unwrap();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).unwrap();
     line.trim().trim_end_matches(" kB").parse().unwrap()
 }
 
@@ -352,7 +352,7 @@ async fn fifty_slow_readers_of_a_large_answer_hold_it_once() {
             for (reader, read) in &mut readers {
                 reader.read_exact(read).await.unwrap();
             }
-            let held = resident(child.id());
+            let held = most_resident(child.id());
             println!("{cache} {target} {coding}: {held} kB");
             let mut sizes = HashSet::new();
             for (mut reader, mut read) in readers {
