@@ -513,7 +513,7 @@ fn origin(text: &str) -> Result<HeaderValue, String> {
     let port = port.map_or_else(String::new, |port| format!(":{port}"));
     let written = format!("{scheme}://{}{port}", host.to_ascii_lowercase());
     if text != written {
-        return Err(format!("browsers send no path, no user and no usual port: {written}"));
+        return Err(format!("a browser writes it {written}"));
     }
     HeaderValue::from_str(text).map_err(|_| expected.to_owned())
 }
