@@ -269,10 +269,13 @@ async fn edge(
 /// disregard that: no status is another for it, least of all that of what has had an effect.
 fn take_any_coding(headers: &mut HeaderMap) {
     let rules_out = |word: &&str| {
-        let (name, weight) = word.split_once(';').unwrap_or((word, ""));
-        let weight = weight.trim().trim_start_matches(['q', 'Q']).strip_prefix('=');
-        let plain = matches!(&*name.trim().to_ascii_lowercase(), "identity" | "*");
-        plain && weight.is_some_and(|weight| weight.parse() == Ok(0.0))
+        let Some((name, weight)) = word.split_once(';') else {
+            return false;
+        };
+        let name = name.trim();
+        let weight = weight.trim().strip_prefix(['q', 'Q']).and_then(|rest| rest.strip_prefix('='));
+        (name == "*" || name.eq_ignore_ascii_case("identity"))
+            && weight.is_some_and(|weight| weight.parse() == Ok(0.0))
     };
     if words(headers, header::ACCEPT_ENCODING).any(|word| rules_out(&word)) {
         let kept = words(headers, header::ACCEPT_ENCODING).filter(|word| !rules_out(word));

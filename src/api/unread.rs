@@ -27,6 +27,8 @@ const LONGEST: Duration = Duration::from_secs(30);
 /// The body of a request whose answer may come first.
 pub struct Unread {
     left: Arc<Mutex<Option<Left>>>,
+    /// The connection has one request at a time, and can end with its answer.
+    alone: bool,
     /// The client sends its body once it is told to (`Expect: 100-continue`).
     asks_first: bool,
 }
@@ -39,17 +41,18 @@ struct Left {
 }
 
 impl Unread {
-    /// Keeps an eye on the body of a request; none if it has no body, or needs no connection of its own.
+    /// Keeps an eye on the body of a request, if it has one.
     pub fn watch(request: &mut Request) -> Option<Self> {
-        if request.body().is_end_stream() || request.version() > Version::HTTP_11 {
+        if request.body().is_end_stream() {
             return None;
         }
         let left = Arc::default();
         let body = mem::take(request.body_mut());
         let watched = Watched { body, begun: false, ended: false, left: Arc::clone(&left) };
         *request.body_mut() = Body::new(watched);
-        let asks_first = request.headers().contains_key(header::EXPECT);
-        Some(Self { left, asks_first })
+        let alone = request.version() <= Version::HTTP_11;
+        let asks_first = alone && request.headers().contains_key(header::EXPECT);
+        Some(Self { left, alone, asks_first })
     }
 
     /// Has taken off the line what nobody has read, now that the answer is there. True if the connection
@@ -66,7 +69,7 @@ impl Unread {
         let too_much = body.size_hint().lower() > MOST;
         // So that the answer gets through, also what is too much is listened to for a while.
         tokio::spawn(timeout(LONGEST, take_off(body)));
-        too_much
+        self.alone && too_much
     }
 }
 
