@@ -460,9 +460,9 @@ fn key_name(text: &str) -> Result<String, String> {
         && text.bytes().all(plain)
         && text.parse::<IpAddr>().is_err()
         && !is_id
-        && text != api::ADMIN;
+        && ![api::ADMIN, api::ME].contains(&text);
     let expected = "expected up to 64 letters, digits and . _ @ + - that are no network address, no \
-        id of a key and not \"admin\"";
+        id of a key, not \"admin\" and not \"me\"";
     if sound { Ok(text.to_owned()) } else { Err(expected.to_owned()) }
 }
 
@@ -492,18 +492,30 @@ fn resolve(text: &str) -> Result<SocketAddr, String> {
     found.next().ok_or_else(|| "the name has no address".to_owned())
 }
 
-/// An origin as browsers send it: scheme, host and port, without a path.
+/// An origin as browsers send it: the scheme of a page, host and port, and nothing that they write
+/// otherwise or leave out, for then no page would ever fit.
 fn origin(text: &str) -> Result<HeaderValue, String> {
     let expected = "expected an origin such as https://example.org or http://localhost:3000, or *";
-    let uri: Option<Uri> = text.parse().ok();
-    let sound = text == "*"
-        || uri.is_some_and(|uri| {
-            uri.scheme().is_some()
-                && uri.host().is_some()
-                && !text.ends_with('/')
-                && uri.path() == "/"
-        });
-    sound.then(|| HeaderValue::from_str(text).ok()).flatten().ok_or_else(|| expected.to_owned())
+    if text == "*" {
+        return Ok(HeaderValue::from_static("*"));
+    }
+    let uri: Uri = text.parse().map_err(|_| expected.to_owned())?;
+    let (Some(scheme), Some(host)) = (uri.scheme_str(), uri.host()) else {
+        return Err(expected.to_owned());
+    };
+    let usual = match scheme {
+        "http" => 80,
+        "https" => 443,
+        extension if extension.ends_with("-extension") => 0,
+        other => return Err(format!("no page of a browser comes by {other}; {expected}")),
+    };
+    let port = uri.port_u16().filter(|port| *port != usual);
+    let port = port.map_or_else(String::new, |port| format!(":{port}"));
+    let written = format!("{scheme}://{}{port}", host.to_ascii_lowercase());
+    if text != written {
+        return Err(format!("a browser writes it {written}"));
+    }
+    HeaderValue::from_str(text).map_err(|_| expected.to_owned())
 }
 
 /// A time as people write it; 0 needs no unit.
@@ -545,12 +557,37 @@ mod tests {
     }
 
     #[test]
-    fn an_origin_has_no_path() {
-        assert!(origin("https://example.org").is_ok());
-        assert!(origin("http://localhost:3000").is_ok());
-        assert!(origin("*").is_ok());
-        for bad in ["example.org", "https://example.org/", "https://example.org/app", ""] {
+    fn an_origin_is_what_a_browser_can_send() {
+        for good in [
+            "*",
+            "https://example.org",
+            "https://example.org:80",
+            "http://localhost:3000",
+            "http://[::1]:3000",
+            "chrome-extension://abcdefghijklmnop",
+        ] {
+            assert!(origin(good).is_ok(), "{good}");
+        }
+        for bad in [
+            "",
+            "null",
+            "example.org",
+            "https://example.org/",
+            "https://example.org/app",
+            "https://example.org?app",
+            "https://anna@example.org",
+            "ftp://example.org",
+            "ws://example.org",
+        ] {
             assert!(origin(bad).is_err(), "{bad}");
+        }
+        // Browsers write it otherwise, so it would fit no page.
+        for (bad, good) in [
+            ("https://Example.org", "https://example.org"),
+            ("https://example.org:443", "https://example.org"),
+            ("HTTP://localhost:80", "http://localhost"),
+        ] {
+            assert!(origin(bad).is_err_and(|said| said.ends_with(good)), "{bad}");
         }
     }
 }

@@ -126,8 +126,9 @@ pub fn needed(method: &Method, route: &str) -> Option<Role> {
     }
 }
 
-/// Whether a route is there even for who has asked for too much: to stop work is no burden.
-fn is_relief(method: &Method, route: &str) -> bool {
+/// Whether a route is there even for who has asked for too much: to stop work is no burden, and is not
+/// counted.
+pub fn is_relief(method: &Method, route: &str) -> bool {
     matches!(
         (method.as_str(), route),
         ("POST", "/v1/jobs/{id}/cancel" | "/v1/jobs/cancel") | ("DELETE", "/v1/jobs/{id}")
@@ -253,19 +254,23 @@ impl Gate {
             return Ok(Pass { identity: None, place: Place::default(), link: None });
         }
         let (identity, holder) = self.identify(request.headers()).await?;
-        if identity.role < needed {
-            let detail = format!(
-                "This needs a key of role {needed}, and this one ({}, {}) has role {}.",
-                identity.owner, identity.key, identity.role
-            );
-            return Err(Problem::new(&problem::FORBIDDEN, detail));
-        }
         let place = match (&holder, &self.master) {
             _ if is_relief(request.method(), route) => Place::default(),
             (Some(holder), _) => holder.account.take()?,
             (None, Some(master)) => master.account.take()?,
             (None, None) => Place::default(),
         };
+        if identity.role < needed {
+            let detail = format!(
+                "This needs a key of role {needed}, and this one ({}, {}) has role {}.",
+                identity.owner, identity.key, identity.role
+            );
+            let problem = Problem::new(&problem::FORBIDDEN, detail);
+            return Err(match place.standing {
+                Some(standing) => standing.tell_in(problem),
+                None => problem,
+            });
+        }
         Ok(Pass { identity: Some(identity), place, link: None })
     }
 

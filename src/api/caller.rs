@@ -83,6 +83,9 @@ fn is_traceparent(text: &str) -> bool {
         && parts[1..3].iter().all(|id| id.bytes().any(|b| b != b'0'))
 }
 
+/// What callers call themselves. No key has this name.
+pub const ME: &str = "me";
+
 /// Who asks.
 #[derive(Debug, Clone)]
 pub struct Caller {
@@ -104,6 +107,13 @@ impl Caller {
     /// apart in earnest.
     pub fn reach(&self) -> Option<&str> {
         (self.role != Role::Admin).then_some(&self.owner)
+    }
+
+    /// The owner that is meant by `me` or by a name, if it is one whose jobs they may see.
+    pub fn owner_named(&self, name: &str) -> Option<String> {
+        let owner = if name == ME { &self.owner } else { name };
+        let seen = self.reach().is_none_or(|own| own == owner);
+        (seen && !owner.is_empty()).then(|| owner.to_owned())
     }
 }
 

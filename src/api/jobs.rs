@@ -65,8 +65,8 @@ pub(super) fn unknown() -> Problem {
         ("label" = Option<String>, Query, description = "Jobs with exactly this label."),
         ("tag" = Option<String>, Query, description = "Jobs that carry this tag."),
         ("key" = Option<super::openapi::KeyText>, Query, description = "Jobs for the result with this key."),
-        ("owner" = Option<super::openapi::Owner>, Query, description = "`me`: my own jobs. \
-            Where keys are asked for, only administrators see those of others."),
+        ("owner" = Option<String>, Query, example = "me", description = "Jobs of this owner; `me`: my own. \
+            Where keys are asked for, only administrators see those of others, and may name them."),
         ("limit" = Option<u32>, Query, description = "How many jobs at most.", minimum = 1,
             maximum = 200, example = 50),
         ("cursor" = Option<uuid::Uuid>, Query,
@@ -99,12 +99,16 @@ pub async fn list(
 fn read_filter(query: &mut Query, caller: &Caller) -> Filter {
     let states = JobState::ALL.map(JobState::as_str).join(", ");
     let key = "a key of 64 lower-case hexadecimal digits";
+    let whose = match caller.reach() {
+        Some(_) => "\"me\": only administrators see the jobs of others",
+        None => "\"me\" or the name of an owner",
+    };
     Filter {
         state: query.value("state", &format!("one of {states}"), |text| text.parse().ok()),
         label: query.text("label"),
         tag: query.text("tag"),
         key: query.value("key", key, |text| text.parse().ok()),
-        owner: query.value("owner", "\"me\"", |text| (text == "me").then(|| caller.owner.clone())),
+        owner: query.value("owner", whose, |text| caller.owner_named(text)),
     }
 }
 
@@ -164,6 +168,13 @@ pub async fn show(
 #[utoipa::path(get, path = "/v1/jobs/{id}/result", operation_id = "get_job_result", tag = "jobs",
     params(("id" = uuid::Uuid, Path, description = "The `id` of a job.")),
     responses(
+        (status = 200, description = "What clients receive that follow the redirection by themselves: the \
+            result.", content(
+            (ref("#/components/schemas/Result") = "application/json"),
+            (super::openapi::File = "application/x-npz"),
+            (ref("#/components/schemas/ByDifferences") =
+                "application/vnd.fretwork.differences+json"),
+        )),
         (status = 303, description = "The result is at the address in `Location`.",
             headers(("Location" = String, description = "The address of the result."))),
         (status = 409, description = "The job is not finished (then with `Retry-After`), failed, or \
@@ -245,8 +256,8 @@ pub struct CanceledJobs {
         ("label" = Option<String>, Query, description = "Jobs with exactly this label."),
         ("tag" = Option<String>, Query, description = "Jobs that carry this tag."),
         ("key" = Option<super::openapi::KeyText>, Query, description = "Jobs for the result with this key."),
-        ("owner" = Option<super::openapi::Owner>, Query, description = "`me`: my own jobs. \
-            Where keys are asked for, only administrators see those of others."),
+        ("owner" = Option<String>, Query, example = "me", description = "Jobs of this owner; `me`: my own. \
+            Where keys are asked for, only administrators see those of others, and may name them."),
     ),
     responses(
         (status = 200, description = "They are canceled, or will be as soon as their workers let \

@@ -9,7 +9,7 @@ use serde_json::{Map, Value, json};
 use utoipa::ToSchema;
 
 use super::App;
-use super::caller::Caller;
+use super::caller::{Caller, ME};
 use super::jobs::next_page;
 use super::problem::{self, Problem};
 use super::representation::find;
@@ -152,7 +152,7 @@ pub(super) fn parameters() -> Vec<Value> {
             text(),
         ),
         ("size", "Of so many bytes: a range like those of quantities.", text()),
-        ("owner", "Computed for this owner.", text()),
+        ("owner", "Computed for this owner; `me`: for the caller.", text()),
         ("pinned", "Whether they are pinned.", flag()),
         (
             "evicted",
@@ -208,7 +208,10 @@ pub async fn list(
     let mut search = Search::default();
     search.only_jobs_of(caller.reach());
     for name in Search::names() {
-        if let Some(text) = query.text(name)
+        let text = query.text(name);
+        // What is in the library has an owner's name, and `me` is one only here.
+        let own = |text: String| if text == ME { caller.owner.clone() } else { text };
+        if let Some(text) = if name == "owner" { text.map(own) } else { text }
             && let Err(fault) = search.set(name, &text)
         {
             query.complain(name, fault);

@@ -43,7 +43,7 @@ pub struct Standing {
     quota: NonZeroU32,
     /// So many may come at once.
     pub left: u32,
-    /// In so many seconds: as many as there can be, or one if there is none.
+    /// In so many seconds there is at least one more.
     more_in: u32,
 }
 
@@ -68,14 +68,10 @@ impl Account {
     pub fn take(&self) -> Result<Place, Problem> {
         let permit = match &self.places {
             None => None,
-            Some(places) => Some(Arc::clone(places).try_acquire_owned().map_err(|_| {
-                let most = self.limits.at_once.map_or(0, NonZeroU32::get);
-                let detail = format!(
-                    "{most} requests of this key are at work already, waits and event streams among \
-                     them; end some, or wait for their ends."
-                );
-                Problem::new(&problem::TOO_MANY_AT_ONCE, detail).retry_after(1)
-            })?),
+            Some(places) => {
+                let permit = Arc::clone(places).try_acquire_owned();
+                Some(permit.map_err(|_| full(self.limits.at_once))?)
+            }
         };
         let standing = match (&self.bucket, self.limits.per_minute) {
             (Some(bucket), Some(quota)) => Some(count(bucket, quota)?),
@@ -85,13 +81,26 @@ impl Account {
     }
 }
 
+/// All places are taken. When one is free again nobody knows, so nobody is told: event streams have no
+/// end of their own, and answers end when their readers do.
+fn full(at_once: Option<NonZeroU32>) -> Problem {
+    let most = at_once.map_or(0, NonZeroU32::get);
+    let detail = format!(
+        "All {most} requests that this key may have at work at the same time are at work, waits and \
+         event streams among them. End some, or try again when some have ended; when that will be is not \
+         known."
+    );
+    Problem::new(&problem::TOO_MANY_AT_ONCE, detail)
+        .with_header(POLICY, format!("\"at-once\";q={most};qu=\"concurrent-requests\""))
+        .with_header(STATE, "\"at-once\";r=0")
+}
+
 fn count(bucket: &Bucket, quota: NonZeroU32) -> Result<Standing, Problem> {
     match bucket.check() {
         Ok(state) => {
-            let left = state.remaining_burst_capacity();
-            let taken = u64::from(quota.get().saturating_sub(left));
-            let more_in = (taken * 60).div_ceil(u64::from(quota.get()));
-            Ok(Standing { quota, left, more_in: u32::try_from(more_in).unwrap_or(60) })
+            // They are given back one by one.
+            let more_in = 60_u32.div_ceil(quota.get());
+            Ok(Standing { quota, left: state.remaining_burst_capacity(), more_in })
         }
         Err(refused) => {
             let wait = refused.wait_time_from(DefaultClock::default().now());
@@ -99,22 +108,26 @@ fn count(bucket: &Bucket, quota: NonZeroU32) -> Result<Standing, Problem> {
             let standing = Standing { quota, left: 0, more_in };
             let detail = format!("This key may send {quota} requests a minute, and has.");
             let problem = Problem::new(&problem::RATE_LIMITED, detail).retry_after(more_in);
-            Err(standing
-                .headers()
-                .into_iter()
-                .fold(problem, |problem, (name, value)| problem.with_header(name, value)))
+            Err(standing.tell_in(problem))
         }
     }
 }
 
 impl Standing {
-    /// As the IETF draft on RateLimit header fields writes it.
+    /// As the IETF draft on RateLimit header fields writes it (draft-ietf-httpapi-ratelimit-headers): `t`
+    /// is how long no more than `r` can be had.
     fn headers(self) -> [(HeaderName, String); 2] {
         let Self { quota, left, more_in } = self;
         [
             (POLICY, format!("\"minute\";q={quota};w=60")),
             (STATE, format!("\"minute\";r={left};t={more_in}")),
         ]
+    }
+
+    /// Says in a problem what is left.
+    pub fn tell_in(self, problem: Problem) -> Problem {
+        let headers = self.headers().into_iter();
+        headers.fold(problem, |problem, (name, value)| problem.with_header(name, value))
     }
 
     /// Says in an answer what is left.

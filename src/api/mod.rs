@@ -25,6 +25,7 @@ mod results;
 mod scenarios;
 mod shortly;
 mod system;
+mod unread;
 mod wire;
 
 use std::any::Any;
@@ -34,7 +35,7 @@ use std::time::{Duration, Instant};
 
 use axum::Router;
 use axum::extract::{MatchedPath, Request, State};
-use axum::http::{HeaderName, HeaderValue, Method, header};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, header};
 use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Redirect, Response};
 use axum::routing::get;
@@ -48,7 +49,7 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 pub use access::{ADMIN, Access, AdminKey};
-pub use caller::Peer;
+pub use caller::{ME, Peer};
 pub use connection::Patient;
 pub use forms::{Ask, Error as FormError, Look, Part, QUANTITIES, Quantity, write as write_form};
 pub use limits::Limits;
@@ -65,7 +66,8 @@ use metrics::Metrics;
 use problem::Problem;
 use shortly::Shortly;
 use system::Pulse;
-use wire::Segment;
+use unread::Unread;
+use wire::{Segment, words};
 
 /// What every handler can reach; one count of references, for it is cloned with each request.
 #[derive(Debug, Clone)]
@@ -225,7 +227,10 @@ async fn edge(
     let (method, uri) = (request.method().clone(), request.uri().clone());
     let span = tracing::info_span!("request", id = &*id, traceparent = trace.parent.as_deref());
     request.extensions_mut().insert(trace);
+    take_any_coding(request.headers_mut());
+    let unread = Unread::watch(&mut request);
     let answer = if is_strange(&origins, &request) {
+        drop(request);
         let detail = "The page's origin is not among those that this server knows (--cors-origin).";
         Problem::new(&problem::CROSS_SITE, detail).into_response()
     } else {
@@ -248,6 +253,9 @@ async fn edge(
         }
     });
     let headers = response.headers_mut();
+    if unread.is_some_and(Unread::settle) {
+        headers.insert(header::CONNECTION, HeaderValue::from_static("close"));
+    }
     if let Ok(id) = HeaderValue::from_str(&id) {
         headers.insert(REQUEST_ID, id);
     }
@@ -255,6 +263,28 @@ async fn edge(
         headers.entry(name).or_insert(HeaderValue::from_static(value));
     }
     response
+}
+
+/// Takes out of `Accept-Encoding` that an answer must not come as it is. RFC 9110 (12.5.3) lets a server
+/// disregard that: no status is another for it, least of all that of what has had an effect.
+fn take_any_coding(headers: &mut HeaderMap) {
+    let rules_out = |word: &&str| {
+        let Some((name, weight)) = word.split_once(';') else {
+            return false;
+        };
+        let name = name.trim();
+        let weight = weight.trim().strip_prefix(['q', 'Q']).and_then(|rest| rest.strip_prefix('='));
+        (name == "*" || name.eq_ignore_ascii_case("identity"))
+            && weight.is_some_and(|weight| weight.parse() == Ok(0.0))
+    };
+    if words(headers, header::ACCEPT_ENCODING).any(|word| rules_out(&word)) {
+        let kept = words(headers, header::ACCEPT_ENCODING).filter(|word| !rules_out(word));
+        let kept = kept.collect::<Vec<_>>().join(", ");
+        // What stood in a header can stand in one.
+        if let Ok(kept) = HeaderValue::try_from(kept) {
+            headers.insert(header::ACCEPT_ENCODING, kept);
+        }
+    }
 }
 
 /// What browsers are told of every answer, unless it says otherwise: it is what it is declared as,

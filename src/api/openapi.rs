@@ -78,7 +78,6 @@ pub(super) fn frame() -> OpenApi {
                 .schema_from::<super::problem::Complaint>()
                 // Types that appear in parameters only are not found by themselves.
                 .schema_from::<Include>()
-                .schema_from::<Owner>()
                 .schema_from::<Role>()
                 .schema_from::<WholeFormat>()
                 .schema_from::<HistoryFields>()
@@ -369,12 +368,17 @@ fn guard(path: &str, method: &Method, operation: &mut Value) {
         responses["403"] = refusal(forbidden.trim_end().to_owned());
     }
     responses["429"] = refusal(
-        "The key has sent too many requests this minute, or has too many at work.".to_owned(),
+        "The key has sent too many requests this minute (then with `Retry-After`), or has too many at \
+         work (then without: when one ends is not known)."
+            .to_owned(),
     );
     responses["429"]["headers"]["Retry-After"] =
         json!({"$ref": "#/components/headers/Retry-After"});
     for (status, response) in responses.as_object_mut().into_iter().flatten() {
-        if status.starts_with('2') || status == "429" {
+        // To stop work is not counted; who has no good key is told nothing.
+        let counted = !access::is_relief(method, path);
+        if counted && (status.starts_with(['2', '3']) || ["403", "404", "429"].contains(&&**status))
+        {
             for name in ["RateLimit", "RateLimit-Policy"] {
                 response["headers"][name] = json!({"$ref": format!("#/components/headers/{name}")});
             }
@@ -390,10 +394,12 @@ fn shared_headers() -> Value {
             "description": "Come back after so many seconds.", "schema": {"type": "integer", "minimum": 1},
         },
         "RateLimit": header(
-            "Where keys are counted: `\"minute\";r=…;t=…`: `r` requests may come at once; in `t` \
-             seconds there are as many as there can be (with 429: the next one may come)."),
+            "Where requests are counted: `\"minute\";r=…;t=…`: `r` requests may come at once; in `t` \
+             seconds there is at least one more. `\"at-once\";r=0` with a 429: all requests that may \
+             be at work at the same time are."),
         "RateLimit-Policy": header(
-            "Where keys are counted: `\"minute\";q=…;w=60`: `q` requests in 60 seconds."),
+            "Where requests are counted: `\"minute\";q=…;w=60`: `q` requests in 60 seconds. \
+             `\"at-once\";q=…;qu=\"concurrent-requests\"` with a 429: `q` at the same time."),
     })
 }
 
@@ -464,8 +470,6 @@ documented! {
     Origin words(job::Origin::ALL.iter().map(|origin| origin.as_str()));
     /// What may be put into the answer beside a job.
     Include list(words(Included::WORDS));
-    /// Whose jobs.
-    Owner words(["me"]);
     /// What a key is good for.
     Role words(StoredRole::ALL.iter().map(|role| role.as_str()));
     /// The formats of a whole result.

@@ -142,14 +142,15 @@ kinds! {
         "Make a new key for a new submission, such as a random UUID.";
     RATE_LIMITED = TOO_MANY_REQUESTS "rate-limited" "Too many requests"
         "The key has sent as many requests in a minute as it may. Others are not concerned."
-        "Go on after the seconds in Retry-After. Every answer says in RateLimit how many requests are \
-         left (r). Waiting for a job (`Prefer: wait=10`) or following its events takes one request \
+        "Go on after the seconds in Retry-After. Every answer to a counted request says in RateLimit how \
+         many are left (r), and in how many seconds there is one more (t). Waiting for a job (`Prefer: wait=10`) or following its events takes one request \
          where polling takes many. Whoever runs the server can allow more (--rate-limit, or `fretwork \
          keys add --rate`).";
     TOO_MANY_AT_ONCE = TOO_MANY_REQUESTS "too-many-at-once" "Too many requests at the same time"
         "The key has as many requests at work as it may have at the same time. A request is at work \
          until its answer has been read to the end: waits and event streams are."
-        "Read or close what is open, then go on. Whoever runs the server can allow more (--concurrency).";
+        "Read or close what is open, then go on. When a request ends is not known, so there is no \
+         Retry-After: try again less and less often. Whoever runs the server can allow more (--concurrency).";
     INTERNAL = INTERNAL_SERVER_ERROR "internal" "The server made a mistake"
         "Something happened that should not. It has been logged with the request id in `instance`."
         "Nothing in the request is known to be wrong: try once more, then report it with the \

@@ -5,9 +5,9 @@
 use std::fmt;
 use std::time::{Duration, UNIX_EPOCH};
 
-use axum::body::Bytes;
+use axum::body::{Bytes, HttpBody as _};
 use axum::extract::{FromRequest, FromRequestParts, Path, Request};
-use axum::http::header::{ACCEPT, CACHE_CONTROL, CONTENT_LENGTH, CONTENT_TYPE};
+use axum::http::header::{ACCEPT, CACHE_CONTROL, CONTENT_TYPE};
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, HeaderName};
 use http_body_util::BodyExt;
@@ -384,35 +384,31 @@ fn is_json(media_type: &str) -> bool {
         || (essence.starts_with("application/") && essence.ends_with("+json"))
 }
 
-/// Reads a body up to [`BODY_LIMIT`]. A body that is somewhat larger is still taken off the line,
-/// because a client that is cut off while it sends sees a broken connection, not the answer.
+/// Reads a body up to [`BODY_LIMIT`].
 async fn read(request: Request) -> Result<Bytes, Problem> {
-    let patience = 16 * BODY_LIMIT;
-    let declared: Option<usize> =
-        request.headers().get(CONTENT_LENGTH).and_then(|value| value.to_str().ok()?.parse().ok());
+    let too_large = || {
+        Problem::new(
+            &problem::BODY_TOO_LARGE,
+            format!("The body has more than {BODY_LIMIT} bytes; thin out its tables."),
+        )
+    };
     let mut body = request.into_body();
-    let mut kept = Vec::with_capacity(declared.unwrap_or(0).min(BODY_LIMIT));
-    let mut length = 0;
-    while length <= patience && declared.is_none_or(|declared| declared <= patience) {
-        let Some(frame) = body.frame().await else {
-            break;
-        };
+    let declared = usize::try_from(body.size_hint().lower()).unwrap_or(usize::MAX);
+    if declared > BODY_LIMIT {
+        return Err(too_large());
+    }
+    let mut kept = Vec::with_capacity(declared);
+    while let Some(frame) = body.frame().await {
         let frame = frame.map_err(|_| {
             Problem::new(&problem::INVALID_JSON, "the body broke off; send it completely")
         })?;
         let Ok(data) = frame.into_data() else {
             continue;
         };
-        length += data.len();
-        if length <= BODY_LIMIT {
-            kept.extend_from_slice(&data);
+        if kept.len() + data.len() > BODY_LIMIT {
+            return Err(too_large());
         }
-    }
-    if length > BODY_LIMIT || declared.is_some_and(|declared| declared > BODY_LIMIT) {
-        return Err(Problem::new(
-            &problem::BODY_TOO_LARGE,
-            format!("The body has more than {BODY_LIMIT} bytes; thin out its tables."),
-        ));
+        kept.extend_from_slice(&data);
     }
     Ok(kept.into())
 }

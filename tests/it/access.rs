@@ -17,7 +17,7 @@ use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::TcpStream;
 
 use crate::program::{fails, run, serve_by};
-use crate::server::{Gate, JSON, Reply, Server, ball, steel_ball};
+use crate::server::{Gate, JSON, Reply, Server, answer, ball, steel_ball};
 use crate::store::raw;
 
 const MASTER: &str = "the-key-from-the-settings";
@@ -162,7 +162,29 @@ async fn jobs_are_their_owners_and_results_are_everyones() {
     for key in [&anna, &again, MASTER] {
         assert_eq!(listed(key, "").await, 1);
     }
-    assert_eq!(listed(MASTER, "?owner=me").await, 0);
+    for (owner, count) in [("me", 0), ("anna", 1), ("ben", 0), ("nobody", 0)] {
+        assert_eq!(listed(MASTER, &format!("?owner={owner}")).await, count, "{owner}");
+    }
+    // An administrator sees whose job it is; others see their own alone, and cannot ask for another's.
+    for key in [&anna, MASTER] {
+        let told = get(&server, key, "/v1/jobs").await.json();
+        assert_eq!(told["jobs"][0]["owner"], "anna", "{told}");
+        assert_eq!(get(&server, key, &own).await.json()["owner"], "anna");
+    }
+    assert_eq!(listed(&anna, "?owner=anna").await, 1);
+    assert_eq!(listed(&anna, "?owner=me").await, 1);
+    for (key, owner) in [(&anna, "ben"), (&ben, "anna"), (&ben, "nobody")] {
+        for (method, target) in [("GET", "/v1/jobs"), ("POST", "/v1/jobs/cancel")] {
+            let target = format!("{target}?owner={owner}");
+            let refused = ask(&server, key, method, &target, "").await;
+            let refused = refused.problem(422, "invalid-parameters");
+            let detail = refused["errors"][0]["detail"].as_str().unwrap();
+            assert!(
+                detail.contains("must be \"me\"") && detail.contains("administrators"),
+                "{detail}"
+            );
+        }
+    }
     // Nor by many at once.
     let all = "/v1/jobs/cancel?state=running";
     assert_eq!(ask(&server, &ben, "POST", all, "").await.json(), json!({"canceled": 0}));
@@ -178,6 +200,12 @@ async fn jobs_are_their_owners_and_results_are_everyones() {
     let done = get(&server, &again, &format!("{own}?wait=60")).await.json();
     assert_eq!(done["state"], "succeeded", "{done}");
     assert_eq!(get(&server, &ben, &result).await.status, 200);
+    let found = async |key: &str, owner: &str| {
+        let found = get(&server, key, &format!("/v1/results?owner={owner}")).await.json();
+        found["results"].as_array().unwrap().len()
+    };
+    assert_eq!(found(&anna, "me").await, found(&ben, "anna").await);
+    assert_eq!((found(&anna, "me").await, found(&ben, "me").await), (1, 0));
     assert_eq!(get(&server, MASTER, &own).await.status, 200);
     assert_eq!(ask(&server, MASTER, "DELETE", &own, "").await.status, 204);
 }
@@ -442,9 +470,11 @@ async fn who_asks_too_much_is_told_how_long_to_wait_and_others_are_not_concerned
     assert_eq!(number(&first, "ratelimit-policy", "w"), 60);
     let left = number(&first, "ratelimit", "r");
     assert_eq!((left, number(&first, "ratelimit", "t")), (59, 1));
-    // As many as were promised, and then those that are given back meanwhile.
+    // As many as were promised, and then those that are given back meanwhile. The time is always that
+    // to the next one.
     for _ in 0..left {
-        assert_eq!(get(&server, &anna, "/version").await.status, 200);
+        let reply = get(&server, &anna, "/version").await;
+        assert_eq!((reply.status, number(&reply, "ratelimit", "t")), (200, 1));
     }
     let mut refused = get(&server, &anna, "/version").await;
     while refused.status == 200 {
@@ -456,7 +486,7 @@ async fn who_asks_too_much_is_told_how_long_to_wait_and_others_are_not_concerned
     assert_eq!(number(&refused, "ratelimit", "t"), wait);
     // To stop work is never refused.
     let cancel = ask(&server, &anna, "POST", "/v1/jobs/cancel?owner=me", "").await;
-    assert_eq!(cancel.json(), json!({"canceled": 0}));
+    assert_eq!((cancel.json(), cancel.header("ratelimit")), (json!({"canceled": 0}), None));
     for _ in 0..5 {
         let reply = get(&server, &ben, "/version").await;
         assert_eq!((reply.status, number(&reply, "ratelimit-policy", "q")), (200, 6000));
@@ -480,8 +510,14 @@ async fn a_key_has_only_so_many_requests_at_work() {
         loop {
             let refused = get(&server, &anna, "/version").await;
             if refused.status == 429 {
-                refused.problem(429, "too-many-at-once");
-                assert_eq!(refused.header("retry-after"), Some("1"));
+                let problem = refused.problem(429, "too-many-at-once");
+                let detail = problem["detail"].as_str().unwrap();
+                assert!(detail.starts_with("All 2 requests"), "{detail}");
+                // When a place is free again nobody knows.
+                assert_eq!(refused.header("retry-after"), None);
+                assert_eq!(refused.header("ratelimit"), Some("\"at-once\";r=0"));
+                let policy = "\"at-once\";q=2;qu=\"concurrent-requests\"";
+                assert_eq!(refused.header("ratelimit-policy"), Some(policy));
                 break;
             }
             assert!(Instant::now() < deadline);
@@ -492,6 +528,38 @@ async fn a_key_has_only_so_many_requests_at_work() {
     });
     assert_eq!((one.status, two.status), (200, 200));
     assert_eq!(get(&server, &anna, "/version").await.status, 200);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn who_may_not_is_counted_and_told_what_is_left() {
+    let server = server(Limits { per_minute: NonZeroU32::new(60), at_once: None }).await;
+    let read = made(server.dir.path(), "reader", Role::Read).await;
+    let refused = ask(&server, &read, "POST", "/v1/jobs", "{}").await;
+    refused.problem(403, "forbidden");
+    assert_eq!(number(&refused, "ratelimit", "r"), 59);
+    assert_eq!(number(&refused, "ratelimit-policy", "q"), 60);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_connection_outlives_what_the_gate_refuses() {
+    let server = server(Limits::default()).await;
+    let read = made(server.dir.path(), "reader", Role::Read).await;
+    let once = NewKey { name: "s".into(), role: Role::Submit, per_minute: Some(1), expires: None };
+    let once = made_with(server.dir.path(), once).await;
+    assert_eq!(get(&server, &once, "/version").await.status, 200);
+    for (key, status) in [("nonsense", 401), (&*read, 403), (&*once, 429)] {
+        let mut connection = TcpStream::connect(server.address).await.unwrap();
+        for _ in 0..2 {
+            let head = format!(
+                "POST /v1/jobs HTTP/1.1\r\nHost: localhost\r\nAuthorization: Bearer {key}\r\n\
+                 Content-Type: application/json\r\nContent-Length: 200000\r\n\r\n"
+            );
+            connection.write_all(head.as_bytes()).await.unwrap();
+            let refused = answer(&mut connection).await.unwrap();
+            assert_eq!((refused.status, refused.header("connection")), (status, None));
+            connection.write_all(&vec![b' '; 200_000]).await.unwrap();
+        }
+    }
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -679,6 +747,7 @@ fn the_words_for_keys_say_what_they_do() {
         &["add", "127.0.0.1", "--role", "read"],
         &["add", "anna", "--role", "king"],
         &["add", "admin", "--role", "read"],
+        &["add", "me", "--role", "read"],
         &["add", "0a1b2c3d", "--role", "read"],
         &["add", "anna", "--role", "read", "--expires", "0"],
         &["add", "anna", "--role", "read", "--expires", "9000years"],

@@ -2,8 +2,10 @@
 //! any harm to the server.
 
 use serde_json::{Value, json};
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+use tokio::net::TcpStream;
 
-use crate::server::{JSON, Server, steel_ball};
+use crate::server::{JSON, Server, answer, steel_ball};
 
 /// A request and what it should come to.
 struct Case {
@@ -198,7 +200,7 @@ async fn bad_queries_are_refused_by_the_name_of_the_parameter() {
         query("large limit", "/v1/jobs?limit=100000", "limit"),
         query("bad cursor", "/v1/jobs?cursor=first", "cursor"),
         query("bad key filter", "/v1/jobs?key=abc", "key"),
-        query("someone else", "/v1/jobs?owner=you", "owner"),
+        query("owner without a name", "/v1/jobs?owner=", "owner"),
         query("repeated parameter", "/v1/jobs?limit=1&limit=2", "limit"),
         query("bad wait", &format!("/v1/jobs/{ID}?wait=soon"), "wait"),
         query("long wait", &format!("/v1/jobs/{ID}?wait=3600"), "wait"),
@@ -591,4 +593,75 @@ async fn faults_of_ends_and_shares_are_pointed_at() {
         ),
     ])
     .await;
+}
+
+/// Begins a request whose body comes later.
+async fn begun(server: &Server, head: &str, length: usize) -> TcpStream {
+    let mut connection = TcpStream::connect(server.address).await.unwrap();
+    let head = format!("{head}Host: localhost\r\nContent-Length: {length}\r\n\r\n");
+    connection.write_all(head.as_bytes()).await.unwrap();
+    connection
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_connection_outlives_an_answer_that_came_before_the_body_was_read() {
+    let server = Server::start().await;
+    let json = "Content-Type: application/json\r\n";
+    for (status, head, length) in [
+        (415, "POST /v1/jobs HTTP/1.1\r\n".to_owned(), 200_000),
+        (404, format!("POST /nowhere HTTP/1.1\r\n{json}"), 200_000),
+        (405, format!("POST /healthz HTTP/1.1\r\n{json}"), 200_000),
+        (403, format!("POST /v1/jobs HTTP/1.1\r\n{json}Origin: http://evil.example\r\n"), 200_000),
+        (200, "GET /healthz HTTP/1.1\r\n".to_owned(), 200_000),
+        (413, format!("POST /v1/jobs HTTP/1.1\r\n{json}"), (4 << 20) + 1),
+    ] {
+        let mut connection = begun(&server, &head, length).await;
+        let early = answer(&mut connection).await.unwrap();
+        assert_eq!((early.status, early.header("connection")), (status, None), "{head}");
+        connection.write_all(&vec![b' '; length]).await.unwrap();
+        let next = b"GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n";
+        connection.write_all(next).await.unwrap();
+        let next = answer(&mut connection).await;
+        assert_eq!(next.map(|reply| reply.status).ok(), Some(200), "after {status} to {head}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn who_would_send_too_much_for_nothing_is_told_that_the_connection_ends() {
+    let server = Server::start().await;
+    let head = "POST /v1/jobs HTTP/1.1\r\n";
+    let mut connection = begun(&server, head, 1 << 30).await;
+    // Much of it is on its way before anybody reads the answer, which must get through.
+    connection.write_all(&vec![b' '; 8 << 20]).await.unwrap();
+    let early = answer(&mut connection).await.unwrap();
+    assert_eq!((early.status, early.header("connection")), (415, Some("close")));
+
+    // Who asks beforehand whether to send is told not to.
+    let head = format!("{head}Expect: 100-continue\r\n");
+    let mut connection = begun(&server, &head, 1000).await;
+    let mut text = String::new();
+    connection.read_to_string(&mut text).await.unwrap();
+    assert!(text.starts_with("HTTP/1.1 415 ") && text.contains("connection: close"), "{text}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn nothing_is_refused_for_the_coding_of_its_answer() {
+    let server = Server::start().await;
+    for accepted in ["identity;q=0", "*;q=0", "*;q=0.0, IDENTITY ; Q=0.000", "gzip;q=0, *;q=0"] {
+        let coding = ("Accept-Encoding", accepted);
+        let ball = steel_ball().to_string();
+        let ask = async |method, target, status| {
+            let headers = [JSON, ("Prefer", "wait=60"), coding];
+            let reply = server.send(method, target, &headers, &ball).await;
+            assert_eq!((reply.status, reply.header("content-encoding")), (status, None));
+            reply
+        };
+        assert_eq!(ask("POST", "/v1/jobs", 200).await.json()["state"], "succeeded", "{accepted}");
+        ask("GET", "/v1/jobs?no=1", 422).await.problem(422, "invalid-parameters");
+        ask("GET", "/nowhere", 404).await.problem(404, "not-found");
+        ask("GET", "/openapi.json", 200).await;
+    }
+    let packed = [("Accept-Encoding", "gzip, identity;q=0, *;q=0")];
+    let packed = server.send("GET", "/openapi.json", &packed, "").await;
+    assert_eq!((packed.status, packed.header("content-encoding")), (200, Some("gzip")));
 }

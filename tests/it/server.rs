@@ -105,6 +105,24 @@ pub async fn send(
     Reply::parse(&answer).ok_or_else(|| io::ErrorKind::UnexpectedEof.into())
 }
 
+/// Reads one answer from a connection that goes on; an error if it breaks off.
+pub async fn answer(connection: &mut TcpStream) -> io::Result<Reply> {
+    let (mut answer, mut buffer) = (Vec::new(), [0; 4096]);
+    loop {
+        let whole = Reply::parse(&answer).filter(|reply| {
+            let length = reply.header("content-length").unwrap().parse();
+            length == Ok(reply.body.len())
+        });
+        if let Some(reply) = whole {
+            return Ok(reply);
+        }
+        match connection.read(&mut buffer).await? {
+            0 => return Err(io::ErrorKind::UnexpectedEof.into()),
+            length => answer.extend_from_slice(&buffer[..length]),
+        }
+    }
+}
+
 /// The value of a metric, by its name and labels.
 pub async fn metric(address: SocketAddr, name: &str) -> f64 {
     let reply = send(address, "GET", "/metrics", &[], "").await.unwrap();

@@ -26,6 +26,10 @@ pub struct JobAnswer {
     /// `queued`, `running`, `canceling`, `succeeded`, `failed` or `canceled`.
     #[schema(value_type = crate::api::openapi::JobState)]
     state: JobState,
+    /// Whose it is: the name of the key that submitted it, or the address of the client where there were
+    /// no keys. Only administrators see the jobs of others.
+    #[schema(example = "anna")]
+    owner: String,
     /// The address of the result: the same for every submission of the same scenario.
     #[schema(value_type = String, pattern = "^[0-9a-f]{64}$")]
     key: Key,
@@ -110,6 +114,7 @@ impl From<Job> for JobAnswer {
         Self {
             id: job.id,
             state: job.state,
+            owner: job.owner,
             key: job.key,
             origin: job.origin,
             attempt: job.attempt,
