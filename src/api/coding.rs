@@ -14,8 +14,9 @@ use flate2::write::GzEncoder;
 use tower_http::compression::predicate::Predicate;
 use zstd::zstd_safe::{CParameter, Strategy};
 
+use super::format::Format;
 use super::forms::Sink;
-use super::wire::{Format, words};
+use super::wire::words;
 
 /// What is smaller is sent as it is: it fits into a packet or two.
 const WORTH: u64 = 1 << 10;

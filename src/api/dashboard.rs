@@ -14,9 +14,10 @@ use axum::response::{IntoResponse, Response};
 use xxhash_rust::xxh3::xxh3_64;
 
 use super::coding::Coding;
+use super::format::Format;
 use super::problem::{self, Problem};
 use super::representation::held;
-use super::wire::{Format, NoQuery, Segment};
+use super::wire::{NoQuery, Segment};
 
 /// A file: its name under `/assets/`, what it is, its bytes.
 type File = (&'static str, &'static str, &'static [u8]);

@@ -11,10 +11,11 @@ use xxhash_rust::xxh3::xxh3_64;
 use super::App;
 use super::caller::Caller;
 use super::coding::Coding;
+use super::format::Format;
 use super::forms::{self, Ask, Part};
 use super::memory::Answer;
 use super::problem::{self, Problem};
-use super::wire::{Format, instant, words};
+use super::wire::{instant, words};
 use crate::job::Key;
 use crate::store::{self, StoredResult};
 

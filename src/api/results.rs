@@ -7,10 +7,11 @@ use axum::response::Response;
 use super::App;
 use super::caller::Caller;
 use super::coding::Coding;
+use super::format::Format;
 use super::forms::{self, Ask, Look, Part, Quantity};
 use super::problem::{self, Problem};
 use super::representation::{Representation, find};
-use super::wire::{Format, NoQuery, Query, Segment};
+use super::wire::{NoQuery, Query, Segment};
 use crate::job::Key;
 
 /// The key that an address names.

@@ -29,8 +29,8 @@ mod units;
 
 use std::io::{self, Write};
 
+use super::format::Format;
 use super::problem::Complaint;
-use super::wire::Format;
 use document::Document;
 
 pub use differences::DIGITS;
@@ -172,7 +172,8 @@ impl Sink for Vec<u8> {
 /// A stored result, or a part of it, in the form asked for. It takes a while for a large one.
 ///
 /// # Errors
-/// As [`write_to`].
+/// [`Error::NotThere`] if a selection names what the result does not have, or a figure needs it. A whole
+/// result is no table: [`Part::formats`] says what there is.
 pub fn write(stored: &[u8], part: Part, format: Format, ask: &Ask) -> Result<Vec<u8>, Error> {
     let mut out = Vec::new();
     write_to(&mut out, stored, part, format, ask)?;
@@ -180,11 +181,10 @@ pub fn write(stored: &[u8], part: Part, format: Format, ask: &Ask) -> Result<Vec
     Ok(out)
 }
 
-/// Writes a stored result, or a part of it, in the form asked for, as it is made.
+/// Writes it piece by piece, as it is made.
 ///
 /// # Errors
-/// [`Error::NotThere`] if a selection names what the result does not have, or a figure needs it. A whole
-/// result is no table: [`Part::formats`] says what there is.
+/// As [`write()`].
 pub fn write_to(
     out: &mut impl Sink,
     stored: &[u8],
