@@ -113,7 +113,8 @@ impl Encoder {
 
     /// What has become of it all, and what was done: nothing where it is not worth it.
     pub fn finish(mut self) -> io::Result<(Bytes, Coding)> {
-        if self.packing.is_none() && (self.waiting.len() as u64) < WORTH {
+        let small = (self.waiting.len() as u64) < WORTH;
+        if self.packing.is_none() && (small || self.coding == Coding::Identity) {
             return Ok((self.waiting.into(), Coding::Identity));
         }
         let size = self.waiting.len() as u64;

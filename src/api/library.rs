@@ -472,12 +472,18 @@ pub async fn delete(
 ) -> Result<StatusCode, Problem> {
     let key = read_key(&key)?;
     loop {
-        let removed = app.store.remove(&key, caller.owner.clone()).await?;
-        if removed != Removed::Pinned {
-            // Also what was dropped to make room may still be in memory.
-            app.memory.forget(&key);
-        }
-        match removed {
+        let (here, owner) = (app.clone(), caller.owner.clone());
+        // Whether or not the client waits for it: what is deleted must be forgotten.
+        #[expect(clippy::disallowed_methods, reason = "it ends by itself")]
+        let removing = tokio::spawn(async move {
+            let removed = here.store.remove(&key, owner).await?;
+            if removed != Removed::Pinned {
+                // Also what was dropped to make room may still be in memory.
+                here.memory.forget(&key);
+            }
+            Ok::<_, Problem>(removed)
+        });
+        match removing.await.map_err(|_| Problem::internal())?? {
             Removed::Done => return Ok(StatusCode::NO_CONTENT),
             Removed::Pinned => {
                 let detail = format!(

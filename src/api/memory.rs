@@ -10,7 +10,7 @@ use std::thread;
 use axum::body::Bytes;
 use quick_cache::sync::{Cache, DefaultLifecycle};
 use quick_cache::{DefaultHashBuilder, OptionsBuilder, Weighter};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::sync::{OwnedMutexGuard, OwnedSemaphorePermit, Semaphore};
 
 use super::coding::Coding;
 use crate::job::Key;
@@ -54,6 +54,15 @@ const MAKERS: usize = 4;
 const NAMES: usize = 64;
 
 type Turn = tokio::sync::Mutex<()>;
+
+/// An answer is being made: as long as this is held nobody else begins with it. It comes back with the
+/// answer, so that the next one finds that, and otherwise goes with what is left of the making.
+#[derive(Debug)]
+pub struct Making {
+    /// How often something had to be forgotten before anything was read for it.
+    pub since: u64,
+    _turn: OwnedMutexGuard<()>,
+}
 
 #[derive(Debug, Clone)]
 struct Size;
@@ -147,24 +156,24 @@ impl Memory {
         }
     }
 
-    /// The answer of this name, which others may be reading; else it is made, by one of those who
-    /// want it at the same time. If that one goes away or fails, the next one makes it.
-    pub async fn share<E>(
-        &self,
-        name: &str,
-        make: impl Future<Output = Result<Answer, E>>,
-    ) -> Result<Answer, E> {
+    /// The answer of this name, which others may be reading; else it is made, by one of those who want it
+    /// at the same time. If that one goes away or fails, the next one makes it, once the turn is free.
+    pub async fn share<E, F>(&self, name: &str, make: impl FnOnce(Making) -> F) -> Result<Answer, E>
+    where
+        F: Future<Output = Result<(Answer, Making), E>>,
+    {
         if let Some(answer) = self.get(name) {
             return Ok(answer);
         }
         let turn = entry(&mut lock(&self.turns), name, Arc::default);
-        let _mine = turn.lock().await;
+        let turn = turn.lock_owned().await;
         // Only now: what was forgotten while this one waited concerns nothing that it reads.
         let since = self.forgotten();
-        match self.borrow(name) {
-            Some(answer) => Ok(answer),
-            None => Ok(self.lend(name, make.await?, since)),
+        if let Some(answer) = self.get(name).or_else(|| self.borrow(name)) {
+            return Ok(answer);
         }
+        let (answer, _making) = make(Making { since, _turn: turn }).await?;
+        Ok(self.lend(name, answer, since))
     }
 
     /// The answer of this name that somebody reads.
@@ -238,10 +247,10 @@ mod tests {
         let memory = Memory::new(0);
         let made = AtomicUsize::new(0);
         let want = || {
-            memory.share("form", async {
+            memory.share("form", |making| async {
                 made.fetch_add(1, Ordering::Relaxed);
                 tokio::task::yield_now().await;
-                Ok::<_, Infallible>(answer(1000))
+                Ok::<_, Infallible>((answer(1000), making))
             })
         };
         let (one, two, three) = tokio::join!(want(), want(), want());
@@ -258,15 +267,37 @@ mod tests {
     #[tokio::test]
     async fn who_fails_or_goes_away_leaves_the_making_to_the_next() {
         let memory = Memory::new(0);
-        assert_eq!(memory.share("name", async { Err(7) }).await.unwrap_err(), 7);
-        let never = memory.share("name", std::future::pending::<Result<Answer, u8>>());
+        assert_eq!(
+            memory.share("name", |_| async { Err::<(Answer, Making), _>(7) }).await.unwrap_err(),
+            7
+        );
+        let never =
+            memory.share("name", |_| std::future::pending::<Result<(Answer, Making), u8>>());
         tokio::select! {
             biased;
             _ = never => unreachable!("it is never made"),
             () = std::future::ready(()) => {}
         }
-        let made = memory.share("name", async { Ok::<_, u8>(answer(1)) }).await;
+        let made = memory.share("name", |making| async { Ok::<_, u8>((answer(1), making)) }).await;
         assert_eq!(made.unwrap().body.len(), 1);
+    }
+
+    #[tokio::test]
+    async fn who_goes_away_while_it_is_made_leaves_it_to_the_next_once_it_is_made() {
+        let memory = Memory::new(1 << 20);
+        let (begun, turn) = tokio::sync::oneshot::channel();
+        let first = memory.share("name", |making| {
+            let _ = begun.send(making);
+            std::future::pending::<Result<(Answer, Making), u8>>()
+        });
+        assert!(first.now_or_never().is_none());
+        let making = turn.await.unwrap();
+        let again = memory.share("name", |_| async { Err::<(Answer, Making), _>(7) });
+        let mut again = std::pin::pin!(again);
+        assert!((&mut again).now_or_never().is_none(), "it is still made");
+        memory.put("name".to_owned(), &answer(1), making.since);
+        drop(making);
+        assert_eq!(again.await.unwrap().body.len(), 1);
     }
 
     #[tokio::test]
@@ -274,7 +305,9 @@ mod tests {
         let memory = Memory::new(1 << 20);
         let key = Key::from_bytes([7; 32]);
         let name = key.to_string();
-        let read = async || memory.share(&name, async { Ok::<_, Infallible>(answer(1)) }).await;
+        let read = async || {
+            memory.share(&name, |making| async { Ok::<_, Infallible>((answer(1), making)) }).await
+        };
         let held = read().await;
         assert_eq!(place(&held), place(&read().await));
         memory.put(name.clone(), &held.unwrap(), memory.forgotten());
@@ -284,9 +317,9 @@ mod tests {
 
         // What was read before and comes after is had by who reads it, and not remembered.
         let since = memory.forgotten();
-        let read = async {
+        let read = |making| async {
             memory.forget(&key);
-            Ok::<_, Infallible>(answer(1))
+            Ok::<_, Infallible>((answer(1), making))
         };
         let late = memory.share(&name, read).await.unwrap();
         memory.put(name.clone(), &late, since);
@@ -308,10 +341,13 @@ mod tests {
     #[tokio::test]
     async fn names_that_nobody_reads_are_forgotten() {
         let memory = Memory::new(0);
-        let held = memory.share("held", async { Ok::<_, u8>(answer(1)) }).await.unwrap();
+        let held = memory
+            .share("held", |making| async { Ok::<_, u8>((answer(1), making)) })
+            .await
+            .unwrap();
         for number in 0..10_000 {
             let name = number.to_string();
-            memory.share(&name, async { Ok::<_, u8>(answer(1)) }).await.unwrap();
+            memory.share(&name, |making| async { Ok::<_, u8>((answer(1), making)) }).await.unwrap();
         }
         let (lent, turns) = (memory.lent.lock().unwrap(), memory.turns.lock().unwrap());
         assert!(lent.len() <= 4 * NAMES && lent.contains_key("held"), "{}", lent.len());

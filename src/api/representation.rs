@@ -13,7 +13,7 @@ use super::caller::Caller;
 use super::coding::Coding;
 use super::format::Format;
 use super::forms::{self, Ask, Part};
-use super::memory::Answer;
+use super::memory::{Answer, Making};
 use super::problem::{self, Problem};
 use super::wire::{instant, words};
 use crate::job::Key;
@@ -110,67 +110,58 @@ impl Representation {
             None => self.name.clone(),
             Some(coding) => format!("{} {coding}", self.name),
         };
-        let forgotten = app.memory.forgotten();
+        let since = app.memory.forgotten();
         let found = app.memory.get(&name);
         app.metrics.looked(found.is_some());
-        let answer = if let Some(answer) = found {
-            answer
-        } else {
-            let answer = match coding {
-                Coding::Identity => self.plain(app).await?,
-                _ => app.memory.share(&name, self.coded(app, coding)).await?,
-            };
-            app.memory.put(name, &answer, forgotten);
-            answer
+        let answer = match found {
+            Some(answer) => answer,
+            None if coding == Coding::Identity && self.name == self.key.to_string() => {
+                let reach = self.reach.as_deref();
+                let answer = match at_hand(app, reach, &self.key).await? {
+                    Some(answer) => answer,
+                    None => large(app, reach, &self.key).await?,
+                };
+                app.memory.put(name, &answer, since);
+                answer
+            }
+            None => {
+                let make = |making| self.make(app, name.clone(), coding, making);
+                app.memory.share(&name, make).await?
+            }
         };
         app.store.was_read(&self.key);
         Ok(self.send(answer))
     }
 
-    /// Made and compressed in one, so that the text before it is nowhere as a whole.
-    async fn coded(&self, app: &App, coding: Coding) -> Result<Answer, Problem> {
+    /// Written and compressed in one, so that the text before it is nowhere as a whole, and remembered:
+    /// if who asked for it goes away meanwhile, the next one finds it.
+    async fn make(
+        &self,
+        app: &App,
+        name: String,
+        coding: Coding,
+        making: Making,
+    ) -> Result<(Answer, Making), Problem> {
         let (stored, permit) = self.source(app).await?;
-        let (part, format, ask) = (self.part, self.format, self.ask.clone());
-        // Who asks for differences asks for few bytes.
-        let mut encoder = coding.encoder(format == Format::Differences);
-        let made = apart(move || {
-            let _permit = permit;
+        let (app, part, format, ask) = (app.clone(), self.part, self.format, self.ask.clone());
+        apart(move || {
+            // Who asks for differences asks for few bytes.
+            let mut encoder = coding.encoder(format == Format::Differences);
             forms::write_to(&mut encoder, &stored, part, format, &ask)?;
-            Ok::<_, forms::Error>(encoder.finish()?)
-        });
-        let (body, coding) = made.await??;
-        Ok(Answer { body, coding })
-    }
-
-    /// The bytes as they are before they are compressed.
-    async fn plain(&self, app: &App) -> Result<Answer, Problem> {
-        if self.name == self.key.to_string() {
-            return self.stored(app).await;
-        }
-        let make = async {
-            let (stored, permit) = self.source(app).await?;
-            let (part, format, ask) = (self.part, self.format, self.ask.clone());
-            let made = apart(move || {
-                let _permit = permit;
-                forms::write(&stored, part, format, &ask)
-            });
-            Ok(Answer::plain(made.await??.into()))
-        };
-        app.memory.share(&self.name, make).await
-    }
-
-    /// The bytes as they are stored.
-    async fn stored(&self, app: &App) -> Result<Answer, Problem> {
-        match self.at_hand(app).await? {
-            Some(answer) => Ok(answer),
-            None => self.read(app).await,
-        }
+            let (body, coding) = encoder.finish().map_err(forms::Error::from)?;
+            let answer = Answer { body, coding };
+            app.memory.put(name, &answer, making.since);
+            drop(permit);
+            Ok((answer, making))
+        })
+        .await?
     }
 
     /// The stored bytes that something is made of, and where they are large the right to make it, before
     /// they are read.
     async fn source(&self, app: &App) -> Result<(Bytes, Option<OwnedSemaphorePermit>), Problem> {
-        let held = self.at_hand(app).await?;
+        let reach = self.reach.as_deref();
+        let held = at_hand(app, reach, &self.key).await?;
         if let Some(Answer { body, .. }) = &held
             && body.len() <= store::LARGE
         {
@@ -179,31 +170,9 @@ impl Representation {
         let permit = app.memory.may_make().await;
         let answer = match held {
             Some(answer) => answer,
-            None => self.read(app).await?,
+            None => large(app, reach, &self.key).await?,
         };
         Ok((answer.body, permit))
-    }
-
-    /// The bytes as they are stored, if they are small, or remembered: read by each for himself, which is
-    /// what takes least.
-    async fn at_hand(&self, app: &App) -> Result<Option<Answer>, Problem> {
-        if let Some(answer) = app.memory.get(&self.key.to_string()) {
-            return Ok(Some(answer));
-        }
-        match app.store.small_result(&self.key).await? {
-            Some(StoredResult::Whole(body)) => Ok(Some(Answer::plain(body))),
-            Some(StoredResult::Large) => Ok(None),
-            other => Err(missing(app, self.reach.as_deref(), &self.key, other).await?),
-        }
-    }
-
-    /// The bytes as they are stored, read once for all who want them.
-    async fn read(&self, app: &App) -> Result<Answer, Problem> {
-        let find = async {
-            let found = find(app, self.reach.as_deref(), &self.key).await;
-            found.map(Answer::plain)
-        };
-        app.memory.share(&self.key.to_string(), find).await
     }
 
     fn send(&self, Answer { body, coding }: Answer) -> Response {
@@ -243,6 +212,25 @@ impl Representation {
         app.store.was_read(&self.key);
         Ok(Some((StatusCode::NOT_MODIFIED, caching(&held)).into_response()))
     }
+}
+
+/// The stored bytes, if they are small, or remembered: read by each for himself, which is what takes
+/// least.
+async fn at_hand(app: &App, reach: Option<&str>, key: &Key) -> Result<Option<Answer>, Problem> {
+    if let Some(answer) = app.memory.get(&key.to_string()) {
+        return Ok(Some(answer));
+    }
+    match app.store.small_result(key).await? {
+        Some(StoredResult::Whole(body)) => Ok(Some(Answer::plain(body))),
+        Some(StoredResult::Large) => Ok(None),
+        other => Err(missing(app, reach, key, other).await?),
+    }
+}
+
+/// The stored bytes of what is large, read once for all who want them.
+pub async fn large(app: &App, reach: Option<&str>, key: &Key) -> Result<Answer, Problem> {
+    let find = |making| async move { Ok((Answer::plain(find(app, reach, key).await?), making)) };
+    app.memory.share(&key.to_string(), find).await
 }
 
 /// Does what takes a while apart from the threads that answer requests.

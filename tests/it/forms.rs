@@ -284,6 +284,24 @@ async fn two_hundred_snapshots_are_small_where_little_is_asked_of_them() {
     }
 }
 
+#[tokio::test(flavor = "multi_thread")]
+async fn a_large_result_inside_its_job_is_the_same_bytes() {
+    let body = large("simplified");
+    let (server, address) = kept(&body).await;
+    let stored = server.get(&address).await;
+    let headers = [JSON, ("Prefer", "wait=60")];
+    let target = "/v1/jobs?include=result,scenario";
+    let job = server.send("POST", target, &headers, &body.to_string()).await;
+    assert_eq!(job.header("content-length"), Some(&*job.body.len().to_string()));
+    let (told, inside) = (job.json(), job.text());
+    assert_eq!(told["scenario"], stored.json()["scenario"]);
+    assert!(inside.ends_with(&format!(",\"result\":{}}}", stored.text())));
+    let again = format!("{}?include=result", told["links"]["self"].as_str().unwrap());
+    let again = server.get(&again).await;
+    assert!(again.text().ends_with(&format!(",\"result\":{}}}", stored.text())));
+    assert_eq!(again.json()["state"], "succeeded");
+}
+
 /// Of two dozen steady motions on all shapes, this takes the most by its differences: the contact grows
 /// all the time and nearly all of it slips. A programme of 200 unequal blocks takes up to twice as much.
 #[tokio::test(flavor = "multi_thread")]
@@ -332,12 +350,16 @@ async fn fifty_slow_readers_of_a_large_answer_hold_it_once() {
         let body = large("simplified").to_string();
         let headers = [JSON, ("Prefer", "wait=60")];
         let job = send(address, "POST", "/v1/jobs", &headers, body).await.unwrap().json();
-        let result = job["links"]["result"].as_str().unwrap();
-        for (target, coding) in
-            [("", ""), ("/profiles?format=csv", ""), ("/profiles?format=ndjson&digits=9", "gzip")]
-        {
+        let (result, job) = (&job["links"]["result"], &job["links"]["self"]);
+        let (result, job) = (result.as_str().unwrap(), job.as_str().unwrap());
+        for (target, coding) in [
+            (result.to_owned(), ""),
+            (format!("{result}/profiles?format=csv"), ""),
+            (format!("{result}/profiles?format=ndjson&digits=9"), "gzip"),
+            (format!("{job}?include=result"), ""),
+        ] {
             let request = format!(
-                "GET {result}{target} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\
+                "GET {target} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\
                  Accept-Encoding: {coding}\r\n\r\n"
             );
             let mut readers = Vec::new();

@@ -353,6 +353,7 @@ async fn what_a_file_states_beside_the_bodies_is_taken_as_far_as_it_fits() {
             "its owner is no name of up to 200 characters",
             "its wall_seconds is no time in seconds",
             "its version is no name of up to 200 characters",
+            "its machine, for there is no version",
             "its note is no text",
         ]
     );

@@ -1,10 +1,13 @@
 //! How a job is told, with its scenario and its result inside or without.
 
+use std::convert::Infallible;
+use std::mem;
 use std::time::Duration;
 
-use axum::body::Bytes;
+use axum::body::{Body, Bytes};
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
+use futures_util::stream;
 use serde::Serialize;
 use serde_json::Value;
 use tokio::time;
@@ -12,9 +15,10 @@ use utoipa::ToSchema;
 
 use crate::api::App;
 use crate::api::problem::{self, Problem};
+use crate::api::representation;
 use crate::api::wire::{Query, instant};
 use crate::job::{Failure, Job, JobId, JobState, Key, Origin, Task};
-use crate::store::StoredResult;
+use crate::store::{self, StoredResult};
 
 /// One submission and how far it has come.
 #[derive(Debug, Serialize, ToSchema)]
@@ -216,8 +220,9 @@ pub(super) async fn result_of(app: &App, job: &Job) -> Result<Bytes, Problem> {
     if job.state != JobState::Succeeded {
         return Ok(NOTHING);
     }
-    Ok(match app.store.result(&job.key).await? {
+    Ok(match app.store.small_result(&job.key).await? {
         Some(StoredResult::Whole(body)) => body,
+        Some(StoredResult::Large) => representation::large(app, None, &job.key).await?.body,
         _ => NOTHING,
     })
 }
@@ -225,14 +230,20 @@ pub(super) async fn result_of(app: &App, job: &Job) -> Result<Bytes, Problem> {
 /// Writes a job, with more members behind its own: their names, and what they are in JSON.
 pub(super) fn write(job: Job, inside: &[(&str, Bytes)]) -> Result<Response, Problem> {
     let (key, id) = (job.key, job.id);
-    let mut body = serde_json::to_vec(&JobAnswer::from(job)).map_err(|_| Problem::internal())?;
+    let mut told = serde_json::to_vec(&JobAnswer::from(job)).map_err(|_| Problem::internal())?;
+    let mut pieces = Vec::new();
     for (name, text) in inside {
         // The stored bytes go in as they are: parsing and printing them again would cost more
         // than everything else here and could change digits.
-        body.pop();
-        body.extend_from_slice(format!(",\"{name}\":").as_bytes());
-        body.extend_from_slice(text);
-        body.push(b'}');
+        told.pop();
+        told.extend_from_slice(format!(",\"{name}\":").as_bytes());
+        if text.len() > store::LARGE {
+            // Others may be reading the same bytes.
+            pieces.extend([mem::take(&mut told).into(), text.clone()]);
+        } else {
+            told.extend_from_slice(text);
+        }
+        told.push(b'}');
     }
     let headers = [
         (header::CONTENT_TYPE, "application/json".to_owned()),
@@ -241,5 +252,12 @@ pub(super) fn write(job: Job, inside: &[(&str, Bytes)]) -> Result<Response, Prob
         (header::CONTENT_LOCATION, address(id)),
         (header::LINK, format!("</v1/results/{key}>; rel=\"related\"")),
     ];
-    Ok((headers, body).into_response())
+    if pieces.is_empty() {
+        return Ok((headers, told).into_response());
+    }
+    pieces.push(told.into());
+    let length = pieces.iter().map(Bytes::len).sum::<usize>().to_string();
+    let pieces = stream::iter(pieces.into_iter().map(Ok::<_, Infallible>));
+    let length = [(header::CONTENT_LENGTH, length)];
+    Ok((headers, length, Body::from_stream(pieces)).into_response())
 }

@@ -90,7 +90,8 @@ pub async fn import(
     let keys: Vec<Vec<u8>> =
         sqlx::query_scalar("SELECT CAST(coalesce(key, '') AS BLOB) FROM results ORDER BY key")
             .fetch_all(&mut from)
-            .await?;
+            .await
+            .map_err(|error| of_file(file, error.into()))?;
     let columns: Vec<String> = sqlx::query_scalar("SELECT name FROM pragma_table_info('results')")
         .fetch_all(&mut from)
         .await?;
@@ -147,8 +148,25 @@ async fn open_export(file: &Path) -> Result<SqliteConnection, Moving> {
         Ok((_, open::APPLICATION_ID, ..)) => Err(Moving::WholeDatabase(path)),
         Ok((_, EXPORT, found, _)) if found > FORM => Err(Moving::LaterForm { path, found }),
         Ok((from, EXPORT, _, true)) => Ok(from),
-        Ok(_) | Err(Error::Damaged(_)) => Err(Moving::NoExport(path)),
-        Err(error) => Err(error.into()),
+        Ok(_) => Err(Moving::NoExport(path)),
+        Err(error) => Err(of_file(file, error)),
+    }
+}
+
+/// What is wrong with the file, if it is the file.
+fn of_file(file: &Path, error: Error) -> Moving {
+    const SQLITE_NOTADB: &str = "26";
+    let path = file.to_owned();
+    match error {
+        Error::Damaged(error) => {
+            let code = error.as_database_error().and_then(sqlx::error::DatabaseError::code);
+            if code.is_some_and(|code| code == SQLITE_NOTADB) {
+                Moving::NoExport(path)
+            } else {
+                Moving::Damaged { path, said: error.to_string() }
+            }
+        }
+        error => error.into(),
     }
 }
 
@@ -241,13 +259,18 @@ impl<'r> Stated<'r> {
 
     fn program(&mut self, numerics: u32) -> Option<Program> {
         let count = |stated: i64| u32::try_from(stated).ok();
-        Some(Program {
-            version: self.name("version")?,
-            numerics,
-            host: self.name("host").unwrap_or_default(),
-            architecture: self.name("architecture").unwrap_or_default(),
-            processors: self.take("processors", "number of processors", count).unwrap_or_default(),
-        })
+        let (version, host) = (self.name("version"), self.name("host"));
+        let architecture = self.name("architecture");
+        let processors = self.take("processors", "number of processors", count);
+        let Some(version) = version else {
+            if host.is_some() || architecture.is_some() || processors.is_some() {
+                self.left_out.push("its machine, for there is no version".to_owned());
+            }
+            return None;
+        };
+        let (host, architecture) = (host.unwrap_or_default(), architecture.unwrap_or_default());
+        let processors = processors.unwrap_or_default();
+        Some(Program { version, numerics, host, architecture, processors })
     }
 
     /// All of it, with the result that it is of.

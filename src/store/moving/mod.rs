@@ -5,8 +5,8 @@
 //! only then given its name.
 //!
 //! An export is a database of its own kind, for people and their tools as much as for another server:
-//! one table with a row per result in plain columns, one with the bodies, one with the units, and the
-//! histories as a view. An import takes numbers and scenarios from the bodies only, and those only where
+//! one table with a row per result in plain columns, one with the bodies, one with the histories, and one
+//! with the units. An import takes numbers and scenarios from the bodies only, and those only where
 //! their SHA-256 and their key are right. Who computed a result, where, when and at what cost, and its
 //! note, nobody can check: these are taken as they are stated.
 
