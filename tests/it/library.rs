@@ -9,6 +9,8 @@ use fretwork::store::{Cursor, Desk, NewKey, Options, Role, SCALARS, Search, WORD
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use sqlx::{Connection as _, Row as _};
+use tokio::io::AsyncWriteExt as _;
+use tokio::net::TcpStream;
 use tokio::runtime::Builder;
 
 use crate::moving::sha256;
@@ -321,6 +323,38 @@ async fn a_dropped_result_that_is_still_in_memory_is_forgotten_when_it_is_delete
     for form in &forms {
         server.get(form).await.problem(410, "evicted");
     }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_deletion_whose_client_goes_away_is_forgotten_all_the_same() {
+    let server = Server::start().await;
+    let mut deleted = 0;
+    for attempt in 0..100_u32 {
+        let mut body = steel_ball();
+        body["scenario"]["friction"] = json!(0.5 + f64::from(attempt) * 1e-3);
+        let job = server.compute(&body).await.json();
+        let at = job["links"]["result"].as_str().unwrap().to_owned();
+        let form = format!("{at}/history?format=csv");
+        assert_eq!(server.get(&form).await.status, 200);
+        let mut connection = TcpStream::connect(server.address).await.unwrap();
+        let request = format!("DELETE {at} HTTP/1.1\r\nHost: localhost\r\n\r\n");
+        connection.write_all(request.as_bytes()).await.unwrap();
+        tokio::time::sleep(Duration::from_micros(20 * u64::from(attempt))).await;
+        drop(connection);
+        // It may have gone before it was heard.
+        let mut found = (false, 200);
+        for _ in 0..100 {
+            let told = server.get(&format!("{at}/provenance")).await.json();
+            found = (!told["evicted"].is_null(), server.get(&form).await.status);
+            if found == (true, 410) {
+                deleted += 1;
+                break;
+            }
+            tokio::time::sleep(Duration::from_millis(2)).await;
+        }
+        assert!(matches!(found, (false, 200) | (true, 410)), "{attempt}: {found:?}");
+    }
+    assert!(deleted > 0);
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 4)]
