@@ -446,9 +446,9 @@ fn words<'a>(words: impl IntoIterator<Item = &'a str>) -> Schema {
     ObjectBuilder::new().schema_type(Type::String).enum_values(Some(words)).build().into()
 }
 
-/// A list, which a query has with commas between.
+/// A list, which a query has with commas between; what is in it twice counts once.
 fn list(items: impl Into<RefOr<Schema>>) -> Schema {
-    ArrayBuilder::new().items(items.into()).min_items(Some(1)).unique_items(true).build().into()
+    ArrayBuilder::new().items(items.into()).min_items(Some(1)).build().into()
 }
 
 /// Names of the columns of a table.
@@ -493,7 +493,6 @@ documented! {
         .items(ObjectBuilder::new().schema_type(Type::Number).minimum(Some(0)).build())
         .min_items(Some(1))
         .max_items(Some(forms::MOST))
-        .unique_items(true)
         .build();
     /// How values are spread over an axis.
     Spacing words(["linear", "log"]);
