@@ -83,7 +83,7 @@ pub(super) fn frame() -> OpenApi {
                 .schema_from::<HistoryFields>()
                 .schema_from::<ProfileFields>()
                 .schema_from::<LoopFields>()
-                .schema_from::<Instants>()
+                .schema_from::<ChosenInstants>()
                 .schema_from::<PlotQuantity>()
                 .schema_from::<PlotInstants>()
                 .schema_from::<Spacing>()
@@ -484,8 +484,8 @@ documented! {
     ProfileFields columns(&Profiles::default());
     /// Columns of loops.
     LoopFields columns(&Loops::default());
-    /// Instants, in cycles.
-    Instants list(ObjectBuilder::new().schema_type(Type::Number).minimum(Some(0)).build());
+    /// Instants of a result, in cycles.
+    ChosenInstants list(ObjectBuilder::new().schema_type(Type::Number).minimum(Some(0)).build());
     /// What can be drawn.
     PlotQuantity words(forms::QUANTITIES.iter().map(|quantity| quantity.name));
     /// Instants that are drawn, in cycles.

@@ -169,7 +169,7 @@ fn not_acceptable(key: &str, part: Part) -> Problem {
         ("format" = Option<super::openapi::WholeFormat>, Query, description = "Wins over `Accept`."),
         ("layout" = Option<super::openapi::WholeLayout>, Query, description = "Its parts can be had in \
             `records`."),
-        ("cycles" = Option<super::openapi::Instants>, Query, style = Form, explode = false,
+        ("cycles" = Option<super::openapi::ChosenInstants>, Query, style = Form, explode = false,
             description = "Only the profiles and loops of these instants, separated by commas; the history \
             stays whole.",
             example = json!([0])),
@@ -213,7 +213,7 @@ pub async fn whole(
             description = "Only these columns, separated by commas; \
             `cycles` always comes along.",
             example = json!(["wear_volume", "wear_depth"])),
-        ("cycles" = Option<super::openapi::Instants>, Query, style = Form, explode = false,
+        ("cycles" = Option<super::openapi::ChosenInstants>, Query, style = Form, explode = false,
             description = "Only these instants, separated by commas.",
             example = json!([0])),
     ),
@@ -254,7 +254,7 @@ pub async fn history(
             description = "Only these columns, separated by commas; \
             `cycles` and `radius` always come along.",
             example = json!(["wear", "pressure"])),
-        ("cycles" = Option<super::openapi::Instants>, Query, style = Form, explode = false,
+        ("cycles" = Option<super::openapi::ChosenInstants>, Query, style = Form, explode = false,
             description = "Only these instants, separated by commas.",
             example = json!([0])),
         ("points" = Option<u32>, Query, description = "At most so many radii, evenly spread.",
@@ -301,7 +301,7 @@ pub async fn profiles(
             description = "Only these columns, separated by commas; \
             `cycles` always comes along.",
             example = json!(["displacement", "tangential_force"])),
-        ("cycles" = Option<super::openapi::Instants>, Query, style = Form, explode = false,
+        ("cycles" = Option<super::openapi::ChosenInstants>, Query, style = Form, explode = false,
             description = "Only these instants, separated by commas.",
             example = json!([0])),
     ),
