@@ -113,11 +113,10 @@ impl Encoder {
 
     /// What has become of it all, and what was done: nothing where it is not worth it.
     pub fn finish(mut self) -> io::Result<(Bytes, Coding)> {
-        let small = (self.waiting.len() as u64) < WORTH;
-        if self.packing.is_none() && (small || self.coding == Coding::Identity) {
+        let size = self.waiting.len() as u64;
+        if self.packing.is_none() && (size < WORTH || self.coding == Coding::Identity) {
             return Ok((self.waiting.into(), Coding::Identity));
         }
-        let size = self.waiting.len() as u64;
         self.pack(Some(size))?;
         let mut packed = match self.packing {
             Some(Packing::Gzip(gzip)) => gzip.finish()?,
@@ -156,10 +155,11 @@ impl Encoder {
     }
 }
 
-/// Numbers repeat what lies near, if anything: the row above. Small tables to find it by instead of the usual
-/// takes 2 MB of memory instead of 11, half the time, and gives up to a tenth fewer bytes. Where few bytes
-/// matter more than time, matches of 3 bytes are looked for, the length of a difference or two: another
-/// fifth fewer. Measured with results of 200 instants × 512 radii and 130 × 4096 in all their forms.
+/// Numbers repeat what lies near, if anything: the row above. With a window of 2 MB, which holds it, and
+/// small tables to find it by, it takes 4 MB of memory instead of the usual 15 at this level and half to
+/// two thirds of the time on long texts, for as many bytes (2 % fewer to 2 % more). Where few bytes matter
+/// more than time, matches of 3 bytes are looked for, the length of a difference or two: 18 to 28 %
+/// fewer, in ten times the time. Measured with results of 200 instants × 512 radii and 130 × 4096.
 fn zstd_encoder(
     room: Vec<u8>,
     size: Option<u64>,
