@@ -6,11 +6,11 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use fretwork::engine::outcome::Outcome;
-use fretwork::engine::profile::kappa;
-use fretwork::engine::reference::LimitingState;
-use fretwork::engine::{scenario, simulation::Simulation};
 use fretwork::plot::{Axis, Dash, Figure, GREY, PALETTE, Series, Sheet, Style};
+use fretwork_engine::outcome::Outcome;
+use fretwork_engine::profile::kappa;
+use fretwork_engine::reference::LimitingState;
+use fretwork_engine::{scenario, simulation::Simulation};
 use serde_json::{Value, json};
 
 /// A quarter of the cycles that the captions print: Figure 2, and Figures 3 and 4.

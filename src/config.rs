@@ -13,7 +13,7 @@ use bytesize::ByteSize;
 use clap::builder::{FalseyValueParser, PossibleValuesParser};
 use clap::parser::ValueSource;
 use clap::{ArgAction, ArgMatches, Args, Parser, Subcommand, ValueEnum};
-use fretwork::api::{self, Access, AdminKey, Format, Limits, Origins, Part, QUANTITIES};
+use fretwork::http::{self, Access, AdminKey, Format, Limits, Origins, Part, QUANTITIES};
 use fretwork::job::Key;
 use fretwork::store::{self, Role, Search};
 
@@ -367,8 +367,8 @@ fn condition(text: &str) -> Result<(String, String), String> {
 
 impl Serve {
     /// What the interface must know.
-    pub fn interface(&self, workers: usize) -> api::Settings {
-        api::Settings {
+    pub fn interface(&self, workers: usize) -> http::Settings {
+        http::Settings {
             access: Access {
                 open: self.no_auth,
                 admin_key: self.admin_key.clone(),
@@ -460,7 +460,7 @@ fn key_name(text: &str) -> Result<String, String> {
         && text.bytes().all(plain)
         && text.parse::<IpAddr>().is_err()
         && !is_id
-        && ![api::ADMIN, api::ME].contains(&text);
+        && ![http::ADMIN, http::ME].contains(&text);
     let expected = "expected up to 64 letters, digits and . _ @ + - that are no network address, no \
         id of a key, not \"admin\" and not \"me\"";
     if sound { Ok(text.to_owned()) } else { Err(expected.to_owned()) }

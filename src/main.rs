@@ -1,8 +1,7 @@
 //! The program: parses the command line, wires the rooms together, serves and drains.
 
-mod administration;
+mod cli;
 mod config;
-mod moving;
 mod telemetry;
 
 use std::fs;
@@ -17,15 +16,16 @@ use std::time::{Duration, Instant};
 use axum::http::Uri;
 use axum::http::uri::Authority;
 use clap::{ArgMatches, CommandFactory as _, FromArgMatches as _};
-use fretwork::api::{self, Ask, Format, Part, Patient, Peer, Quantity, Unsound};
+use fretwork::http::{self, Ask, Format, Part, Patient, Peer, Quantity, Unsound};
 use fretwork::job::{Answer, Step, Task};
+use fretwork::service::workers::{Compute, Workers};
 use fretwork::store::Store;
 use fretwork::verification;
-use fretwork::worker::{Compute, Workers};
 use serde_json::Value;
 use tokio::net::TcpListener;
 use tokio::sync::watch;
 
+use cli::{Failure, complain, say};
 use config::{Cli, Command, Health, Run, Serve};
 
 /// How long connections may stay open when everything else has ended. With the time to drain it stays
@@ -37,9 +37,6 @@ const LET_GO: Duration = Duration::from_millis(300);
 
 /// How long a connection may stand still; requests wait for a minute at most.
 const STILL: Duration = Duration::from_mins(2);
-
-/// What ends the program: one line for the user.
-type Failure = Box<dyn std::error::Error>;
 
 fn main() -> ExitCode {
     let matches = Cli::command().get_matches();
@@ -54,14 +51,14 @@ fn main() -> ExitCode {
             serve(&settings, matches.subcommand_matches("serve").unwrap_or(&matches))
         }
         Some(Command::Run(settings)) => return run(&settings),
-        Some(Command::Openapi) => say(&api::document()),
+        Some(Command::Openapi) => say(&http::document()),
         Some(Command::Verify) => verify(),
         Some(Command::Health(settings)) => health(&settings),
-        Some(Command::Keys(command)) => administration::keys(command),
-        Some(Command::Export(settings)) => moving::export(&settings),
-        Some(Command::Import(settings)) => return moving::import(&settings),
-        Some(Command::Backup(settings)) => moving::backup(&settings),
-        Some(Command::Restore(settings)) => moving::restore(&settings),
+        Some(Command::Keys(command)) => cli::administration::keys(command),
+        Some(Command::Export(settings)) => cli::moving::export(&settings),
+        Some(Command::Import(settings)) => return cli::moving::import(&settings),
+        Some(Command::Backup(settings)) => cli::moving::backup(&settings),
+        Some(Command::Restore(settings)) => cli::moving::restore(&settings),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
@@ -77,18 +74,6 @@ fn main() -> ExitCode {
 fn keep_to_oneself() {
     #[cfg(unix)]
     rustix::process::umask(rustix::fs::Mode::from_raw_mode(0o077));
-}
-
-/// Prints an error and its causes on one line.
-fn complain(failure: &dyn std::error::Error) {
-    let mut line = format!("fretwork: {failure}");
-    let mut cause = failure.source();
-    while let Some(error) = cause {
-        line = format!("{line}: {error}");
-        cause = error.source();
-    }
-    // With standard error closed there is nobody to tell.
-    let _ = writeln!(io::stderr(), "{line}");
 }
 
 fn serve(settings: &Serve, matches: &ArgMatches) -> Result<(), Failure> {
@@ -137,7 +122,7 @@ async fn serve_until_told(settings: &Serve) -> Result<(), Failure> {
     let workers = Workers::start(&store, count, settings.limit(), &compute)?;
     let (drain, draining) = watch::channel(false);
     let (close, mut closed) = watch::channel(false);
-    let router = api::router(store.clone(), &compute, draining, &settings.interface(count));
+    let router = http::router(store.clone(), &compute, draining, &settings.interface(count));
     let service = router.into_make_service_with_connect_info::<Peer>();
     let listener = Patient { listener, patience: STILL };
     let mut shut = closed.clone();
@@ -217,7 +202,7 @@ impl Signals {
 /// Says where the server is, and one line to try it with.
 fn greet(address: SocketAddr, settings: &Serve, asks: bool) -> io::Result<()> {
     let base = format!("http://{}", reachable(address));
-    let example = api::EXAMPLES.first().map_or("{}", |example| example.body);
+    let example = http::EXAMPLES.first().map_or("{}", |example| example.body);
     // Within single quotes of a shell.
     let body = compact(example).replace('\'', "'\\''");
     let mut out = io::stdout().lock();
@@ -258,7 +243,7 @@ fn reachable(mut address: SocketAddr) -> SocketAddr {
 fn run(settings: &Run) -> ExitCode {
     let mut err = io::stderr().lock();
     let job = match read(settings) {
-        Ok(text) => api::parse_job(&text),
+        Ok(text) => http::parse_job(&text),
         Err(error) => {
             let _ = writeln!(err, "fretwork: cannot read {}: {error}", settings.file.display());
             return ExitCode::FAILURE;
@@ -327,7 +312,7 @@ fn compute(task: &Task) -> Result<(Answer, Duration), Failure> {
 /// Writes the result where it is wanted.
 fn print(answer: &Answer, settings: &Run) -> Result<(), Failure> {
     let (part, format) = settings.format.form();
-    let mut bytes = api::write_form(&answer.body, part, format, &Ask::default())?;
+    let mut bytes = http::write_form(&answer.body, part, format, &Ask::default())?;
     if format == Format::Json {
         bytes.push(b'\n');
     }
@@ -345,18 +330,9 @@ fn print(answer: &Answer, settings: &Run) -> Result<(), Failure> {
 fn draw(answer: &Answer, settings: &Run) -> Result<(), Failure> {
     let Some(file) = &settings.plot else { return Ok(()) };
     let ask = Quantity::named(&settings.quantity).map(Ask::figure).unwrap_or_default();
-    let figure = api::write_form(&answer.body, Part::Plot, Format::Svg, &ask)?;
+    let figure = http::write_form(&answer.body, Part::Plot, Format::Svg, &ask)?;
     fs::write(file, figure)
         .map_err(|error| format!("cannot write {}: {error}", file.display()).into())
-}
-
-/// Writes to standard output. A reader that has seen enough, such as `head`, is not an error.
-fn say(text: &[u8]) -> Result<(), Failure> {
-    let mut out = io::stdout().lock();
-    match out.write_all(text).and_then(|()| out.flush()) {
-        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(error.into()),
-        _ => Ok(()),
-    }
 }
 
 /// A few lines for people: what was computed, what came out, what to know about it.

@@ -9,11 +9,11 @@ use serde_json::Value;
 use serde_json::value::RawValue;
 
 use super::Key;
-use crate::engine::fault::Faults;
-use crate::engine::outcome::{Outcome, Units};
-use crate::engine::request::Given;
-use crate::engine::scenario::{self, Scenario, Warning};
-use crate::engine::simulation::{self, Simulation};
+use fretwork_engine::fault::Faults;
+use fretwork_engine::outcome::{Outcome, Units};
+use fretwork_engine::request::Given;
+use fretwork_engine::scenario::{self, Scenario, Warning};
+use fretwork_engine::simulation::{self, Simulation};
 
 /// Something a worker can compute, in steps of at most about 50 ms, so that it can be stopped.
 pub trait Work: Send {
@@ -64,7 +64,7 @@ pub fn summary(regime: &Value, history: &serde_json::Map<String, Value>) -> Valu
 
 /// What a processor does in a second, in the terms of [`Case::operations`].
 ///
-/// [`Case::operations`]: crate::engine::case::Case::operations
+/// [`Case::operations`]: fretwork_engine::case::Case::operations
 const OPERATIONS_PER_SECOND: f64 = 1e9;
 
 /// What a job computes.

@@ -9,10 +9,10 @@ use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
 
 use super::Error;
 use super::read::json;
-use crate::engine::outcome::UNITS;
-use crate::engine::quantity::Dimension::{self, Angle, Force, Length, Number, Stiffness, Stress};
-use crate::engine::quantity::Dimension::{Energy, Volume, WearCoefficient};
 use crate::job::summary;
+use fretwork_engine::outcome::UNITS;
+use fretwork_engine::quantity::Dimension::{self, Angle, Force, Length, Number, Stiffness, Stress};
+use fretwork_engine::quantity::Dimension::{Energy, Volume, WearCoefficient};
 
 /// A number that results are looked for by.
 #[derive(Debug)]

@@ -10,8 +10,8 @@ use super::runs::RunId;
 use super::signals::Effect;
 use super::tally::Ending;
 use super::writer::{Transaction, Verb};
-use crate::engine::scenario::Warning;
 use crate::job::{Answer, Change, Cost, Job, JobId, JobState, Key, Origin};
+use fretwork_engine::scenario::Warning;
 
 /// A submission, checked and addressed.
 #[derive(Debug, Clone)]

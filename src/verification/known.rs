@@ -4,13 +4,13 @@
 use serde_json::{Value, json};
 
 use super::page::{Section, digits};
-use crate::engine::outcome::{Outcome, Preview};
-use crate::engine::reference::{
+use fretwork_engine::outcome::{Outcome, Preview};
+use fretwork_engine::reference::{
     CattaneoMindlin, Cone, Hertz, PowerLaw, SlidingTransition, Sphere, elastic_amplitude_ratio,
     gross_slip_volume, initial_wear_rate,
 };
-use crate::engine::scenario::{self, Scenario};
-use crate::engine::simulation::Simulation;
+use fretwork_engine::scenario::{self, Scenario};
+use fretwork_engine::simulation::Simulation;
 
 const MODULUS: f64 = 112.64e9;
 const RADIUS: f64 = 0.01;

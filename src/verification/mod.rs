@@ -6,7 +6,7 @@
 //! else is computed by [`page()`], in a fixed order, so that the same engine prints the same bytes.
 //!
 //! # Units
-//! Those of the [reference solutions](crate::engine::reference); what goes through a scenario is in SI.
+//! Those of the [reference solutions](fretwork_engine::reference); what goes through a scenario is in SI.
 
 mod known;
 mod numerics;

@@ -5,13 +5,13 @@ use serde_json::{Value, json};
 use super::known::{paraboloid, request, run};
 use super::page::{Check, Section};
 use super::problem::{Problem, at};
-use crate::engine::control::Normal::Depth;
-use crate::engine::march::March;
-use crate::engine::plan::Plan;
-use crate::engine::record::Record;
-use crate::engine::rkc::Rkc;
-use crate::engine::scenario::{DEFAULT_TOLERANCE, DEFAULT_XI};
-use crate::engine::wearing::{Law, Wearing};
+use fretwork_engine::control::Normal::Depth;
+use fretwork_engine::march::March;
+use fretwork_engine::plan::Plan;
+use fretwork_engine::record::Record;
+use fretwork_engine::rkc::Rkc;
+use fretwork_engine::scenario::{DEFAULT_TOLERANCE, DEFAULT_XI};
+use fretwork_engine::wearing::{Law, Wearing};
 
 /// A tolerance of the steps in time at which only the mesh counts.
 const FINE_STEPS: f64 = 1e-5;

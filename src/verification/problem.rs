@@ -4,14 +4,14 @@ use std::sync::Arc;
 
 use serde_json::Value;
 
-use crate::engine::contact::{Contact, UnwornSums};
-use crate::engine::control::{Block, Control, Normal, Tangential};
-use crate::engine::march::{Instant, March};
-use crate::engine::profile::Shape;
-use crate::engine::record::Record;
-use crate::engine::reference::stick_ratio;
-use crate::engine::scenario::DEFAULT_TOLERANCE;
-use crate::engine::wearing::{Law, Worn};
+use fretwork_engine::contact::{Contact, UnwornSums};
+use fretwork_engine::control::{Block, Control, Normal, Tangential};
+use fretwork_engine::march::{Instant, March};
+use fretwork_engine::profile::Shape;
+use fretwork_engine::record::Record;
+use fretwork_engine::reference::stick_ratio;
+use fretwork_engine::scenario::DEFAULT_TOLERANCE;
+use fretwork_engine::wearing::{Law, Worn};
 
 /// The tolerance at which a scenario marches the simplified rule.
 const RULE_TOLERANCE: f64 = 1e-3;

@@ -6,16 +6,16 @@ use super::page::Section;
 use super::problem::{
     DEEPEST, DEPTH, FORCE, Problem, Quantity, RADIUS, STICK, VOLUME, at, number, numbers, shape,
 };
-use crate::engine::control::Normal::{self, Depth, Force};
-use crate::engine::limit::Limit;
-use crate::engine::march::EventKind;
-use crate::engine::numeric::integrate;
-use crate::engine::profile::Shape;
-use crate::engine::reference::{LimitingState, shakedown_limit};
-use crate::engine::scenario::DEFAULT_TOLERANCE;
-use crate::engine::wearing::Law;
+use fretwork_engine::control::Normal::{self, Depth, Force};
+use fretwork_engine::limit::Limit;
+use fretwork_engine::march::EventKind;
+use fretwork_engine::numeric::integrate;
+use fretwork_engine::profile::Shape;
+use fretwork_engine::reference::{LimitingState, shakedown_limit};
+use fretwork_engine::scenario::DEFAULT_TOLERANCE;
+use fretwork_engine::wearing::Law;
 
-const TABLE: &str = include_str!("../../tests/data/verification.json");
+use fretwork_engine::reference::TABLE;
 
 /// Where a run is taken to have arrived.
 const ARRIVED: f64 = 200.0;

@@ -8,7 +8,7 @@ use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use fretwork::api::{self, Access, AdminKey, Limits, Origins, Settings};
+use fretwork::http::{self, Access, AdminKey, Limits, Origins, Settings};
 use fretwork::job::Task;
 use fretwork::store::{Desk, NewKey, Options, Role};
 use serde_json::{Value, json};
@@ -53,7 +53,7 @@ async fn get(server: &Server, key: &str, target: &str) -> Reply {
 
 /// Every documented operation: its method, its address with an id and a key that do not exist.
 fn operations() -> Vec<(String, String)> {
-    let document: Value = serde_json::from_slice(&api::document()).unwrap();
+    let document: Value = serde_json::from_slice(&http::document()).unwrap();
     let mut operations = Vec::new();
     for (path, item) in document["paths"].as_object().unwrap() {
         let target = path
@@ -825,7 +825,7 @@ async fn the_dashboard_is_open_and_holds_nothing() {
     let server = server(Limits::default()).await;
     let page = server.get("/").await;
     // Whatever the server knows, the page is the file.
-    assert_eq!(page.text(), include_str!("../../src/api/dashboard/index.html"));
+    assert_eq!(page.text(), include_str!("../../src/http/dashboard/index.html"));
     let policy = page.header("content-security-policy").unwrap();
     assert!(policy.contains("default-src 'none'") && !policy.contains("unsafe"), "{policy}");
     let mut wanted: Vec<String> = page

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use axum::http::HeaderValue;
-use fretwork::api::{EXAMPLES, Origins};
+use fretwork::http::{EXAMPLES, Origins};
 use serde_json::{Value, json};
 use sqlx::Executor as _;
 

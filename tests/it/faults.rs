@@ -12,10 +12,10 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use fretwork::api::Settings;
+use fretwork::http::Settings;
 use fretwork::job::{Key, Step, Task, Work};
+use fretwork::service::workers::Compute;
 use fretwork::store::Options;
-use fretwork::worker::Compute;
 use serde_json::{Value, json};
 use sqlx::{Connection as _, Executor as _};
 use tempfile::TempDir;

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use fretwork::api::{Access, AdminKey, Settings};
+use fretwork::http::{Access, AdminKey, Settings};
 use fretwork::job::Task;
 use fretwork::store::{Cursor, Desk, NewKey, Options, Role, SCALARS, Search, WORDS};
 use proptest::prelude::*;
@@ -359,7 +359,7 @@ async fn a_deletion_whose_client_goes_away_is_forgotten_all_the_same() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 4)]
 async fn a_result_deleted_while_it_is_read_is_not_remembered() {
-    let server = Server::computing(Gate::opened(), &fretwork::api::Origins::Own).await;
+    let server = Server::computing(Gate::opened(), &fretwork::http::Origins::Own).await;
     for round in 0..40 {
         let body = ball(1.0 + 0.01 * f64::from(round));
         let key = server.compute(&body).await.json()["key"].as_str().unwrap().to_owned();
@@ -487,7 +487,7 @@ async fn the_table_of_outlines_has_what_can_be_asked_for() {
         .chain(SCALARS.iter().map(|scalar| scalar.name));
     assert_eq!(columns, known.collect::<Vec<_>>());
     // And the words are those of the engine.
-    let schema: Value = serde_json::from_str(fretwork::engine::scenario::SCHEMA).unwrap();
+    let schema: Value = serde_json::from_str(fretwork_engine::scenario::SCHEMA).unwrap();
     let schema = schema.to_string();
     for shape in WORDS[0].values {
         assert!(schema.contains(&format!("\"{shape}\"")), "{shape}");

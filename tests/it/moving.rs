@@ -6,11 +6,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use fretwork::job::{JobState, Key, Task};
+use fretwork::service::workers::Workers;
 use fretwork::store::{
     Desk, Error, Filter, Imported, Moving, NewKey, Options, Role, Search, Store, backup, export,
     import, restore,
 };
-use fretwork::worker::Workers;
 use serde_json::{Value, json};
 use sha2::{Digest as _, Sha256};
 use sqlx::sqlite::SqliteConnectOptions;

@@ -2,11 +2,11 @@
 
 use std::collections::HashSet;
 
-use fretwork::api;
+use fretwork::http;
 use serde_json::Value;
 
 fn document() -> Value {
-    serde_json::from_slice(&api::document()).unwrap()
+    serde_json::from_slice(&http::document()).unwrap()
 }
 
 fn operations(document: &Value) -> impl Iterator<Item = (String, &Value)> {
@@ -23,7 +23,7 @@ fn the_committed_document_is_what_the_routes_generate() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/openapi/openapi.json");
     let committed = std::fs::read(path).unwrap_or_default();
     assert!(
-        committed == api::document(),
+        committed == http::document(),
         "openapi/openapi.json is out of date: cargo run -- openapi > openapi/openapi.json"
     );
 }

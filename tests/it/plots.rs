@@ -4,7 +4,7 @@
 use std::fs;
 use std::path::PathBuf;
 
-use fretwork::api::{self, Ask, FormError, Format, Look, Part, QUANTITIES, Quantity};
+use fretwork::http::{self, Ask, FormError, Format, Look, Part, QUANTITIES, Quantity};
 use fretwork::job::{Step, Task};
 use roxmltree::{Document, Node};
 use serde_json::{Value, json};
@@ -16,7 +16,7 @@ use crate::server::{Server, steel_ball};
 
 /// The stored document of a job body.
 fn computed(body: &str) -> Vec<u8> {
-    let task = api::parse_job(body.as_bytes()).unwrap().task;
+    let task = http::parse_job(body.as_bytes()).unwrap().task;
     let mut work = Task::start(&task.key(), &task.to_json()).unwrap();
     loop {
         if let Step::Done(answer) = work.step() {
@@ -53,7 +53,7 @@ fn cone(profiles_at: &Value) -> Value {
 }
 
 fn drawn(stored: &[u8], ask: &Ask) -> Result<String, FormError> {
-    let svg = api::write_form(stored, Part::Plot, Format::Svg, ask)?;
+    let svg = http::write_form(stored, Part::Plot, Format::Svg, ask)?;
     Ok(String::from_utf8(svg).unwrap())
 }
 
@@ -130,7 +130,7 @@ fn every_quantity_of_every_example_is_drawn_well() {
 
 #[test]
 fn a_figure_says_in_words_what_it_shows() {
-    let stored = computed(api::EXAMPLES[0].body);
+    let stored = computed(http::EXAMPLES[0].body);
     let key = serde_json::from_slice::<Value>(&stored).unwrap()["key"].as_str().unwrap().to_owned();
     let svg = plotted(&stored, "worn");
     let document = Document::parse(&svg).unwrap();
@@ -194,7 +194,7 @@ fn what_was_not_computed_is_refused_by_name_and_histories_are_still_drawn() {
             sound(&drawn.unwrap(), (640, 440), quantity.name);
         }
     }
-    let stored = computed(api::EXAMPLES[0].body);
+    let stored = computed(http::EXAMPLES[0].body);
     let look = Look {
         quantity: Quantity::named("wear").unwrap(),
         log: (None, Some(true)),
@@ -214,7 +214,7 @@ async fn a_figure_is_served_kept_and_refused_like_every_form() {
     assert_eq!((figure.status, figure.header("content-type")), (200, Some("image/svg+xml")));
     assert!(figure.header("cache-control").unwrap().contains("immutable"));
     assert!(figure.header("content-disposition").is_none());
-    assert_eq!(figure.text(), plotted(&computed(api::EXAMPLES[0].body), "worn"));
+    assert_eq!(figure.text(), plotted(&computed(http::EXAMPLES[0].body), "worn"));
     // What is asked for in other words is the same, and held by the same tag.
     let tag = figure.header("etag").unwrap();
     let other = server.get(&format!("{address}?width=640&units=engineering&quantity=worn")).await;
@@ -259,7 +259,7 @@ async fn a_figure_is_served_kept_and_refused_like_every_form() {
 fn run_draws_beside_what_it_writes() {
     let dir = TempDir::new().unwrap();
     let file = dir.path().join("figure.svg");
-    let (file, body) = (file.to_str().unwrap(), api::EXAMPLES[0].body);
+    let (file, body) = (file.to_str().unwrap(), http::EXAMPLES[0].body);
     let stored = computed(body);
     let output = program::run(&["run", "-", "--plot", file], body);
     assert!(output.status.success());

@@ -6,7 +6,7 @@ use std::ops::{Deref, DerefMut};
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 
-use fretwork::api;
+use fretwork::http;
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -72,7 +72,7 @@ pub fn serve_by(mut command: Command, dir: &Path) -> (Running, String) {
     assert!(curl.contains(&format!("'{address}/v1/jobs?include=result'")), "{curl}");
     let body = curl.split_once("-d '").unwrap().1.trim_end_matches('\'');
     let shown: Value = serde_json::from_str(body).unwrap();
-    assert_eq!(shown, serde_json::from_str::<Value>(api::EXAMPLES[0].body).unwrap());
+    assert_eq!(shown, serde_json::from_str::<Value>(http::EXAMPLES[0].body).unwrap());
     (child, address)
 }
 
@@ -91,7 +91,7 @@ fn a_file_is_computed_without_a_server() {
     assert_eq!(result["regime"], "partial_slip");
     assert!(text(&output.stderr).contains("wear_volume"), "{}", text(&output.stderr));
 
-    let output = run(&["run", "-", "--format", "csv"], api::EXAMPLES[0].body);
+    let output = run(&["run", "-", "--format", "csv"], http::EXAMPLES[0].body);
     let csv = text(&output.stdout);
     assert!(csv.starts_with("# fretwork history\n"), "{csv}");
     assert!(csv.contains(&format!("# key: {}\n", result["key"].as_str().unwrap())), "{csv}");
@@ -124,7 +124,7 @@ fn a_result_is_written_to_a_file_in_every_format() {
 
 #[test]
 fn faults_of_a_file_are_printed_one_per_line() {
-    let body = api::EXAMPLES[0].body.replace("0.3", "0.7").replace("\"friction\"", "\"frictoin\"");
+    let body = http::EXAMPLES[0].body.replace("0.3", "0.7").replace("\"friction\"", "\"frictoin\"");
     let output = run(&["run", "-"], &body);
     assert_eq!((output.status.code(), output.stdout.len()), (Some(2), 0));
     let mut pointers: Vec<_> =
@@ -146,7 +146,7 @@ fn faults_of_a_file_are_printed_one_per_line() {
 
 #[test]
 fn the_document_that_is_printed_is_the_one_that_is_served() {
-    assert_eq!(run(&["openapi"], "").stdout, api::document());
+    assert_eq!(run(&["openapi"], "").stdout, http::document());
 }
 
 #[test]

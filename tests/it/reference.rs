@@ -26,10 +26,10 @@ fn profiles(exponent: f64) -> Vec<Value> {
     std::iter::once(power).chain(own).collect()
 }
 
-/// Source: V. L. Popov, Sci. Rep. 4 (2014) 3749, evaluated in tests/data/verification.json.
+/// Source: V. L. Popov, Sci. Rep. 4 (2014) 3749, evaluated in engine/src/reference.json.
 #[tokio::test(flavor = "multi_thread")]
 async fn the_limits_of_the_reference_table_are_answered_to_their_last_digit() {
-    let table: Value = serde_json::from_str(include_str!("../data/verification.json")).unwrap();
+    let table: Value = serde_json::from_str(fretwork_engine::reference::TABLE).unwrap();
     let rows = table["limit_depth_and_amplitude_held"].as_array().unwrap();
     assert_eq!(rows.len(), 15);
     let server = Server::start().await;

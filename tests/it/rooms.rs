@@ -5,24 +5,20 @@ use std::fs;
 use std::path::Path;
 
 /// From left to right; the files that make the program are one room.
-const ROW: [&str; 8] = ["engine", "plot", "verification", "job", "store", "worker", "api", "main"];
+const ROW: [&str; 7] = ["plot", "verification", "job", "store", "service", "http", "main"];
 
 /// What only some rooms may use: a path, and the rooms.
 const RESERVED: [(&str, &[&str]); 5] = [
     ("sqlx", &["store"]),
-    ("axum", &["api", "main"]),
-    ("tokio", &["store", "worker", "api", "main"]),
-    ("std::time", &["job", "store", "worker", "api", "main"]),
-    ("std::thread", &["job", "store", "worker", "api", "main"]),
+    ("axum", &["http", "main"]),
+    ("tokio", &["store", "service", "http", "main"]),
+    ("std::time", &["job", "store", "service", "http", "main"]),
+    ("std::thread", &["job", "store", "service", "http", "main"]),
 ];
 
 /// The room that a name directly below the crate belongs to.
 fn room(name: &str) -> Option<&'static str> {
-    let name = if matches!(name, "administration" | "config" | "moving" | "telemetry") {
-        "main"
-    } else {
-        name
-    };
+    let name = if matches!(name, "cli" | "config" | "telemetry") { "main" } else { name };
     ROW.into_iter().find(|room| *room == name)
 }
 
@@ -139,10 +135,10 @@ fn no_room_knows_a_room_to_its_right() {
 #[test]
 fn a_path_is_found_however_it_is_written() {
     assert_eq!(
-        heads("use crate::{engine::{a, b}, job, store::c};", "crate"),
-        ["engine", "job", "store"]
+        heads("use crate::{plot::{a, b}, job, store::c};", "crate"),
+        ["plot", "job", "store"]
     );
-    assert_eq!(heads("let x = crate::api::f(mycrate::store::g());", "crate"), ["api"]);
+    assert_eq!(heads("let x = crate::http::f(mycrate::store::g());", "crate"), ["http"]);
     assert_eq!(heads("use crate::*;", "crate"), ["*"]);
     assert!(mentions("use std::{fmt, time::Duration};", "std::time"));
     assert!(!mentions("use tokio::time; use std::fmt;", "std::time"));
@@ -152,23 +148,23 @@ fn a_path_is_found_however_it_is_written() {
 #[test]
 fn a_look_to_the_right_is_a_fault() {
     for (file, source) in [
-        ("engine/limit.rs", "use crate::job::Key;"),
-        ("job.rs", "use crate::{engine::limit, store::Store};"),
+        ("plot/scale.rs", "use crate::job::Key;"),
+        ("job.rs", "use crate::{plot::scale, store::Store};"),
         ("job.rs", "fn f() -> super::store::Store {}"),
-        ("store/read.rs", "//! As [`api`](crate::api) shows it."),
-        ("worker/mod.rs", "use fretwork::api;"),
-        ("store/read.rs", "use super::super::worker;"),
-        ("api/mod.rs", "use crate::config::Serve;"),
-        ("api/jobs.rs", "sqlx::query(\"\");"),
-        ("worker/mod.rs", "use axum::Router;"),
+        ("store/read.rs", "//! As [`api`](crate::http) shows it."),
+        ("service/mod.rs", "use fretwork::http;"),
+        ("store/read.rs", "use super::super::service;"),
+        ("http/mod.rs", "use crate::config::Serve;"),
+        ("http/jobs.rs", "sqlx::query(\"\");"),
+        ("service/mod.rs", "use axum::Router;"),
         ("job.rs", "use tokio::sync::watch;"),
-        ("engine/contact.rs", "use std::time::Instant;"),
-        ("engine/contact.rs", "use std::{fmt, thread};"),
+        ("plot/scale.rs", "use std::time::Instant;"),
+        ("plot/scale.rs", "use std::{fmt, thread};"),
         ("attic.rs", ""),
         ("job.rs", "use crate::attic;"),
     ] {
         assert_eq!(faults(file, source).len(), 1, "{source} in {file}: {:?}", faults(file, source));
     }
-    assert!(faults("worker/mod.rs", "use crate::store::Store;").is_empty());
-    assert!(faults("main.rs", "use fretwork::api; use crate::config::Cli;").is_empty());
+    assert!(faults("service/mod.rs", "use crate::store::Store;").is_empty());
+    assert!(faults("main.rs", "use fretwork::http; use crate::config::Cli;").is_empty());
 }

@@ -6,10 +6,10 @@ use std::net::SocketAddr;
 use std::sync::{Arc, Condvar, Mutex};
 use std::time::Duration;
 
-use fretwork::api::{self, Origins, Peer, Settings};
+use fretwork::http::{self, Origins, Peer, Settings};
 use fretwork::job::{Answer, Key, Step, Task, Work};
+use fretwork::service::workers::{Compute, Workers};
 use fretwork::store::{Options, Store};
-use fretwork::worker::{Compute, Workers};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
@@ -46,7 +46,7 @@ impl Server {
         store.recover().await.unwrap();
         let workers = Workers::start(&store, 2, settings.run_limit, &compute).unwrap();
         let (drain, draining) = watch::channel(false);
-        let router = api::router(store, &compute, draining, settings);
+        let router = http::router(store, &compute, draining, settings);
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = listener.local_addr().unwrap();
         let service = router.into_make_service_with_connect_info::<Peer>();
@@ -185,7 +185,7 @@ impl Reply {
 
 /// The steel ball, the first of the examples.
 pub fn steel_ball() -> Value {
-    serde_json::from_str(api::EXAMPLES[0].body).unwrap()
+    serde_json::from_str(http::EXAMPLES[0].body).unwrap()
 }
 
 /// The steel ball with one value changed: another scenario, another key.

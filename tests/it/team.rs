@@ -5,7 +5,7 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
-use fretwork::api::Settings;
+use fretwork::http::Settings;
 use fretwork::job::Task;
 use fretwork::store::Options;
 use serde_json::{Value, json};

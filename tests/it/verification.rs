@@ -16,7 +16,6 @@ fn every_check_passes_and_the_committed_page_says_so() {
     }
 }
 
-#[cfg(feature = "serve")]
 #[test]
 fn the_command_prints_the_committed_page() {
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_fretwork"));

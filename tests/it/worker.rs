@@ -5,8 +5,8 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::Duration;
 
 use fretwork::job::{Answer, FailureKind, Job, JobId, JobState, Key, Step, Work};
+use fretwork::service::workers::{Compute, Workers};
 use fretwork::store::{Canceled, NewJob, Store};
-use fretwork::worker::{Compute, Workers};
 use serde_json::json;
 use sqlx::Executor;
 

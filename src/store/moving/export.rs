@@ -8,12 +8,12 @@ use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqliteSynchronous};
 use sqlx::{Connection as _, Executor as _, QueryBuilder, Sqlite, SqliteConnection};
 
 use super::{AT_ONCE, EXPORT, FORM, Moving, beside, name, unfinished};
-use crate::engine::outcome::UNITS;
 use crate::job::{ENGINE, Key};
 use crate::store::library::{self, Provenance};
 use crate::store::outline::{self, Body, Outline, SCALARS, WORDS};
 use crate::store::search::{self, Search};
 use crate::store::{Error, now, read};
+use fretwork_engine::outcome::UNITS;
 
 /// The columns of a history.
 const HISTORY: [&str; 13] = [

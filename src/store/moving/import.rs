@@ -9,13 +9,13 @@ use sqlx::sqlite::SqliteRow;
 use sqlx::{Connection as _, Executor as _, Row as _, Sqlite, SqliteConnection};
 
 use super::{AT_ONCE, EXPORT, FORM, Moving, beside};
-use crate::engine::scenario::MAX_ANSWER;
 use crate::job::{Answer, Cost, ENGINE, Key};
 use crate::store::keep::{Answered, Source};
 use crate::store::library::{Note, Program};
 use crate::store::open::{self, DATABASE};
 use crate::store::outline::Body;
 use crate::store::{Error, Options, Store, now};
+use fretwork_engine::scenario::MAX_ANSWER;
 
 /// What a file may say of results beside what is essential, which are the key, the sum and the body.
 const BESIDE: [&str; 11] = [

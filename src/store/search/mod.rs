@@ -10,8 +10,8 @@ use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
 use super::Error;
 use super::outline::{Outline, SCALARS, WORDS};
 use super::read::key;
-use crate::engine::quantity::{self, Dimension};
 use crate::job::Key;
+use fretwork_engine::quantity::{self, Dimension};
 
 pub(super) use page::page;
 pub use page::{Cursor, Found, Listed};

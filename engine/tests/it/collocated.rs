@@ -1,0 +1,1019 @@
+//! A second exact solver, built differently, so that it can judge the first.
+//!
+//! Where the engine's mesh is staggered and its springs carry means, here everything lives in the
+//! same points: the wear w, the springs and the pressure. Each of the three transforms is integrated
+//! by itself, none is got from another, and the energy is not made to balance. All is in units of
+//! a₀, d₀, E*d₀/a₀ and E*a₀d₀; η = d − g, y = max(0, η).
+//!
+//! # Equations
+//! ```text
+//! g(x) = g₀(x) + w(0) + x ∫₀ˣ w′(r)/√(x²−r²) dr          w linear in r between the points
+//! p(r) = −(1/π) ∫ᵣ y′(x)/√(x²−r²) dx                      η linear in x²
+//! s(r) = (2/π) ∫₀ʳ ω(x)/√(r²−x²) dx                       η linear in x
+//! dw/dÑ = p·s,   ω = max(0, Δ − y)/Δ(0)
+//! F = 2 ∫ y dx,   Q = 2 ∫ min(Δ, y) dx
+//! ```
+//! The edges of contact (η = 0) and of stick (y = Δ) lie anywhere between two points; such a cell is
+//! cut there. Steps in time are Heun's, kept below the limit of stability. A crude run on equal cells
+//! comes first; the second one has small cells where the stick edge has spent its time.
+//!
+//! # Accuracy
+//! Of first order in the cell. With 240 cells, against the table of other discretisations:
+//! ```text
+//! held        V        F        d        depth    c        a        gross slip begins
+//! d, Δ        0.2 %    0.2 %             0.2 %             1 %
+//! F, Δ        0.4 %             0.1 %    0.3 %    0.1 %    1 %
+//! d, Q        0.3 %                                                 2 % late
+//! F, Q        0.2 %
+//! ```
+//! and dV/dÑ is 2 ∫ y ω dx to 0.6 %. Where d and g hardly differ any more, a is up to 4 % short, but
+//! the scar is not. Steps in time add 0.01 %.
+
+use std::f64::consts::{FRAC_1_PI, FRAC_2_PI, PI};
+
+use std::sync::Arc;
+
+use fretwork_engine::contact::Contact;
+use fretwork_engine::control::{self, Block, Control};
+use fretwork_engine::march::March;
+use fretwork_engine::numeric::{dot, integrate, largest, root, vertex};
+use fretwork_engine::profile::Shape;
+use fretwork_engine::record::Record;
+use fretwork_engine::simplified::Curves;
+use fretwork_engine::wearing::Law;
+use serde_json::Value;
+
+/// What presses the indenter.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Normal {
+    /// d = 1.
+    Depth,
+    /// F is that of the unworn contact.
+    Force,
+}
+
+/// What moves it to and fro.
+pub enum Tangential {
+    /// Δ.
+    Amplitude(f64),
+    /// Q, which no contact bears that is pressed by less.
+    Force(f64),
+    /// Δ + κQ: a drive of this amplitude through a spring of compliance κ.
+    Rig { amplitude: f64, compliance: f64 },
+    /// Δ and until when, one after the other; the last holds for ever.
+    Blocks(Vec<(f64, f64)>),
+    /// ω of a spring that slips from y on, as a function of y, and the least y at which it is 0.
+    Record { omega: Box<dyn Fn(f64) -> f64>, limit: f64 },
+}
+
+/// A contact to wear.
+pub struct Problem {
+    pub shape: Shape,
+    pub normal: Normal,
+    pub tangential: Tangential,
+}
+
+/// The worn contact at one instant.
+#[derive(Debug, Clone)]
+pub struct State {
+    /// Ñ.
+    pub time: f64,
+    /// V.
+    pub volume: f64,
+    /// F.
+    pub normal_force: f64,
+    /// Q.
+    pub tangential_force: f64,
+    /// d.
+    pub indentation_depth: f64,
+    /// Δ.
+    pub threshold: f64,
+    /// The largest w.
+    pub wear_depth: f64,
+    /// Where g = d, which is hard to tell once the springs out there carry hardly anything.
+    pub contact_radius: f64,
+    /// Where w ends, to a cell.
+    pub scar_radius: f64,
+    /// Where y = Δ; 0 if everything slips.
+    pub stick_radius: f64,
+    /// ∫ y ω dx, half of dV/dÑ.
+    pub energy: f64,
+    /// The points.
+    pub radii: Vec<f64>,
+    /// w there.
+    pub wear: Vec<f64>,
+    /// g there.
+    pub image: Vec<f64>,
+    /// p there.
+    pub pressure: Vec<f64>,
+    /// s there, as ω times Δ/Δ(0).
+    pub slip: Vec<f64>,
+}
+
+/// What came of a problem.
+#[derive(Debug)]
+pub struct Course {
+    /// At the instants asked for, as far as the tangential force could be borne.
+    pub states: Vec<State>,
+    /// From when on nothing sticks.
+    pub gross_slip: Option<f64>,
+}
+
+/// Runs a problem on so many cells; `instants` ascend.
+pub fn run(problem: &Problem, cells: usize, instants: &[f64]) -> Course {
+    let unworn = unworn_threshold(problem);
+    let stick = problem.shape.image_inverse((1.0 - unworn).max(0.0));
+    let mut crude = Run::new(problem, equal(stick, 1.2, cells / 3), unworn);
+    crude.to(instants);
+    // Where the stick edge never comes nothing wears; but the crude run may be wrong about that.
+    let least = crude.trace.iter().copied().fold(stick, f64::min);
+    let from = if crude.gross_slip.is_some() { 0.0 } else { 0.9 * least };
+    let mesh = |from: f64| graded(from, stick, &crude.trace, 1.05 * crude.outer, cells);
+    let mut run = Run::new(problem, mesh(from), unworn);
+    run.to(instants);
+    if run.too_far {
+        run = Run::new(problem, mesh(0.0), unworn);
+        run.to(instants);
+    }
+    Course { states: run.states, gross_slip: run.gross_slip }
+}
+
+/// A problem on two meshes, which tell the error.
+pub struct Pair {
+    /// On half of the cells.
+    pub coarse: Course,
+    /// On all of them.
+    pub fine: Course,
+}
+
+impl Pair {
+    /// Runs a problem on half and on all of so many cells.
+    pub fn run(problem: &Problem, cells: usize, instants: &[f64]) -> Self {
+        Self { coarse: run(problem, cells / 2, instants), fine: run(problem, cells, instants) }
+    }
+
+    /// A quantity at the instants on the finer mesh, and its relative error: twice the largest
+    /// difference between both meshes. Twice, because the order is a little below one at the moving
+    /// edge of contact; the largest, because the error changes its sign in time.
+    pub fn column(&self, of: impl Fn(&State) -> f64) -> (Vec<f64>, f64) {
+        let fine: Vec<f64> = self.fine.states.iter().map(&of).collect();
+        let coarse: Vec<f64> = self.coarse.states.iter().map(&of).collect();
+        assert_eq!(fine.len(), coarse.len(), "one mesh slips where the other sticks");
+        let apart = fine.iter().zip(&coarse).map(|(fine, coarse)| (fine / coarse - 1.0).abs());
+        let error = 2.0 * apart.fold(0.0, f64::max);
+        (fine, error)
+    }
+
+    /// When gross slip began on the finer mesh, and by how much this may be wrong.
+    pub fn gross_slip(&self) -> Option<(f64, f64)> {
+        let (fine, coarse) = (self.fine.gross_slip?, self.coarse.gross_slip?);
+        Some((fine, 2.0 * (fine - coarse).abs()))
+    }
+}
+
+/// Δ of the unworn contact.
+fn unworn_threshold(problem: &Problem) -> f64 {
+    let shape = &problem.shape;
+    let force = |c: f64| {
+        let threshold = 1.0 - shape.image(c);
+        2.0 * (c * threshold + integrate(c, 1.0, |x| 1.0 - shape.image(x)))
+    };
+    match &problem.tangential {
+        Tangential::Amplitude(threshold) | Tangential::Record { limit: threshold, .. } => {
+            *threshold
+        }
+        Tangential::Blocks(blocks) => blocks[0].0,
+        Tangential::Force(q) => 1.0 - shape.image(root(0.0, 1.0, |c| force(c) - q)),
+        Tangential::Rig { amplitude, compliance } => {
+            let excess = |c: f64| 1.0 - shape.image(c) + compliance * force(c) - amplitude;
+            let loose = amplitude - compliance * force(0.0);
+            if loose >= 1.0 { loose } else { 1.0 - shape.image(root(0.0, 1.0, excess)) }
+        }
+    }
+}
+
+/// Cells of one width up to `to`, one point at `at`.
+fn equal(at: f64, to: f64, cells: usize) -> Vec<f64> {
+    let width = to / cells as f64;
+    let nearest = (at / width).round();
+    let mut radii: Vec<f64> = (0..=cells).map(|i| i as f64 * width).collect();
+    if nearest > 0.0 {
+        radii[nearest as usize] = at;
+    }
+    radii
+}
+
+/// Cells shrink towards the stick edge as far as this, and not beyond.
+const CORE: f64 = 0.003;
+/// How many cells that takes; the others are of one width.
+const SHARE: f64 = 0.1;
+
+/// Cells that are small near the places in `trace`, one point at `at`.
+fn graded(from: f64, at: f64, trace: &[f64], to: f64, cells: usize) -> Vec<f64> {
+    // As many points below x as this.
+    let count = |x: f64| -> f64 {
+        let sticking: Vec<f64> =
+            trace.iter().filter(|c| **c > 0.0).map(|c| ((x - c) / CORE).asinh()).collect();
+        x / to + SHARE * sticking.iter().sum::<f64>() / sticking.len().max(1) as f64
+    };
+    let (first, last) = (count(from), count(to));
+    let mut radii: Vec<f64> = (0..=cells)
+        .map(|i| {
+            let share = first + (last - first) * i as f64 / cells as f64;
+            root(from, to, |x| count(x) - share)
+        })
+        .collect();
+    (radii[0], radii[cells]) = (from, to);
+    if at > 0.0 {
+        let right = radii.partition_point(|r| *r < at).min(cells);
+        let nearest = if at - radii[right - 1] < radii[right] - at { right - 1 } else { right };
+        radii[nearest.max(1)] = at;
+    }
+    radii
+}
+
+/// (2/π) ∫ ω/√(r²−x²) dx between two points, ω linear.
+fn slipped(r: f64, (from, to): (f64, f64), (at_from, at_to): (f64, f64)) -> f64 {
+    if from == to {
+        return 0.0;
+    }
+    let chord = |x: f64| ((r - x) * (r + x)).sqrt();
+    let (near, far) = (chord(from), chord(to));
+    let angle = to.atan2(far) - from.atan2(near);
+    let slope = (at_to - at_from) / (to - from);
+    FRAC_2_PI * ((at_from - slope * from) * angle + slope * (near - far))
+}
+
+/// The mesh and what depends on nothing else.
+struct Mesh {
+    radii: Vec<f64>,
+    unworn: Vec<f64>,
+    /// Point by point, g − g₀ − w(0) from the differences of w in the cells inside.
+    image: Vec<Vec<f64>>,
+    /// Point by point, p from the differences of y in the cells outside.
+    pressure: Vec<Vec<f64>>,
+    /// Point by point, s from ω inside.
+    slip: Vec<Vec<f64>>,
+}
+
+impl Mesh {
+    fn new(shape: &Shape, radii: Vec<f64>) -> Self {
+        let cells: Vec<(f64, f64)> = radii.windows(2).map(|pair| (pair[0], pair[1])).collect();
+        let rows = |row: &dyn Fn(usize, f64) -> Vec<f64>| -> Vec<Vec<f64>> {
+            radii.iter().enumerate().map(|(i, r)| row(i, *r)).collect()
+        };
+        let image = rows(&|i, x| {
+            // x ∫ dr/√(x²−r²) is what `slipped` of a constant is, but for a factor.
+            let one = |cell: &(f64, f64)| slipped(x, *cell, (1.0, 1.0)) / (cell.1 - cell.0);
+            cells[..i].iter().map(|cell| x / FRAC_2_PI * one(cell)).collect()
+        });
+        let pressure = rows(&|i, r| cells[i..].iter().map(|cell| pressed(r, *cell)).collect());
+        let slip = rows(&|i, r| {
+            let mut weights = vec![0.0; i + 1];
+            for (j, cell) in cells[..i].iter().enumerate() {
+                weights[j] += slipped(r, *cell, (1.0, 0.0));
+                weights[j + 1] += slipped(r, *cell, (0.0, 1.0));
+            }
+            if r == 0.0 {
+                weights[0] = 1.0;
+            }
+            weights
+        });
+        let unworn = radii.iter().map(|x| shape.image(*x)).collect();
+        Self { radii, unworn, image, pressure, slip }
+    }
+}
+
+/// p from a fall of y by 1 between two points, y linear in x².
+fn pressed(r: f64, (from, to): (f64, f64)) -> f64 {
+    let chord = |x: f64| ((x - r) * (x + r)).max(0.0).sqrt();
+    2.0 * FRAC_1_PI / (chord(from) + chord(to))
+}
+
+/// Where, as shares of a cell in which η runs from one value to the other, η is Δ or 0; and both ends.
+fn pieces(ends: (f64, f64), threshold: f64) -> [f64; 4] {
+    let share = |level: f64| {
+        if ends.0 == ends.1 { 0.0 } else { ((level - ends.0) / (ends.1 - ends.0)).clamp(0.0, 1.0) }
+    };
+    let (one, other) = (share(threshold), share(0.0));
+    [0.0, one.min(other), one.max(other), 1.0]
+}
+
+/// The springs under some wear.
+struct Springs {
+    depth: f64,
+    /// The largest y.
+    most: f64,
+    threshold: f64,
+    /// η at the points.
+    eta: Vec<f64>,
+    normal_force: f64,
+    tangential_force: f64,
+}
+
+/// p, s and their product dw/dÑ at the points.
+struct Rubbing {
+    pressure: Vec<f64>,
+    slip: Vec<f64>,
+    rate: Vec<f64>,
+    /// The largest s over the width of a cell.
+    speed: f64,
+}
+
+struct Run<'a> {
+    problem: &'a Problem,
+    mesh: Mesh,
+    unworn_threshold: f64,
+    time: f64,
+    wear: Vec<f64>,
+    states: Vec<State>,
+    gross_slip: Option<f64>,
+    /// Where the stick edge was, look by look.
+    trace: Vec<f64>,
+    /// How far the contact went.
+    outer: f64,
+    /// Something slips inside the first point.
+    too_far: bool,
+}
+
+/// The step is this share of the time in which s would cross the smallest cell.
+const COURANT: f64 = 0.8;
+/// And never longer than this.
+const LONGEST: f64 = 0.1;
+/// Where no step as short as this is possible, the tangential force is borne no more.
+const SHORTEST: f64 = 1e-5;
+/// How often the stick edge is looked at to see where it stays.
+const LOOKS: usize = 16;
+
+impl<'a> Run<'a> {
+    fn new(problem: &'a Problem, radii: Vec<f64>, unworn_threshold: f64) -> Self {
+        let wear = vec![0.0; radii.len()];
+        let mesh = Mesh::new(&problem.shape, radii);
+        Self {
+            problem,
+            mesh,
+            unworn_threshold,
+            time: 0.0,
+            wear,
+            states: Vec::new(),
+            gross_slip: None,
+            trace: Vec::new(),
+            outer: 1.0,
+            too_far: false,
+        }
+    }
+
+    /// Runs to the instants, as far as the tangential force can be borne.
+    fn to(&mut self, instants: &[f64]) {
+        let end = instants.last().copied().unwrap_or(0.0);
+        let mut stops: Vec<f64> = instants.to_vec();
+        if let Tangential::Blocks(blocks) = &self.problem.tangential {
+            stops.extend(blocks.iter().map(|block| block.1).filter(|until| *until < end));
+        }
+        stops.extend((0..LOOKS).map(|i| end * i as f64 / LOOKS as f64));
+        stops.sort_by(f64::total_cmp);
+        stops.dedup();
+        for stop in stops {
+            if !self.advance(stop) {
+                break;
+            }
+            let Some(springs) = self.springs(&self.wear) else { break };
+            let state = self.state(&springs);
+            self.trace.push(state.stick_radius);
+            self.outer = self.outer.max(state.contact_radius);
+            if instants.contains(&stop) {
+                self.states.push(state);
+            }
+        }
+    }
+
+    /// Steps to an instant; false if it is out of reach.
+    fn advance(&mut self, until: f64) -> bool {
+        while self.time < until {
+            let Some(springs) = self.springs(&self.wear) else {
+                self.gross_slip = Some(self.time);
+                return false;
+            };
+            if self.mesh.radii[0] > 0.0 && springs.eta[0] <= springs.threshold {
+                self.too_far = true;
+                return false;
+            }
+            if springs.most <= springs.threshold {
+                self.gross_slip = self.gross_slip.or(Some(self.time));
+            }
+            let Rubbing { rate, speed, .. } = self.rubbing(&springs);
+            let mut step = (COURANT / speed).min(LONGEST);
+            self.wear = loop {
+                let last = self.time + step >= until;
+                if last {
+                    step = until - self.time;
+                }
+                if step < SHORTEST && !last {
+                    self.gross_slip = Some(self.time);
+                    return false;
+                }
+                let ahead: Vec<f64> =
+                    self.wear.iter().zip(&rate).map(|(w, v)| w + step * v).collect();
+                if let Some(springs) = self.springs(&ahead) {
+                    let second = self.rubbing(&springs).rate;
+                    break (0..rate.len())
+                        .map(|i| self.wear[i] + 0.5 * step * (rate[i] + second[i]))
+                        .collect();
+                }
+                step *= 0.5;
+            };
+            self.time = if self.time + step >= until { until } else { self.time + step };
+            self.make_room();
+        }
+        true
+    }
+
+    /// Appends cells once the contact has come near the last.
+    fn make_room(&mut self) {
+        let points = self.mesh.radii.len();
+        if self.wear[points - 3..].iter().all(|w| *w == 0.0) {
+            return;
+        }
+        let mut radii = self.mesh.radii.clone();
+        let width = radii[points - 1] - radii[points - 2];
+        let last = radii[points - 1];
+        radii.extend((1..=points / 8 + 2).map(|i| last + i as f64 * width));
+        self.wear.resize(radii.len(), 0.0);
+        self.mesh = Mesh::new(&self.problem.shape, radii);
+    }
+
+    /// ω of a spring.
+    fn omega(&self, eta: f64, threshold: f64) -> f64 {
+        match &self.problem.tangential {
+            Tangential::Record { omega, .. } => omega(eta.max(0.0)),
+            _ => (threshold - eta.max(0.0)).max(0.0) / self.unworn_threshold,
+        }
+    }
+
+    /// ∫ f(y) dx from the first point on, f smooth between 0 and Δ and beyond.
+    fn sum(&self, eta: &[f64], threshold: f64, f: impl Fn(f64) -> f64) -> f64 {
+        let radii = &self.mesh.radii;
+        let mut sum = 0.0;
+        for (x, eta) in radii.windows(2).zip(eta.windows(2)) {
+            let shares = pieces((eta[0], eta[1]), threshold);
+            let at = |share: f64| f((eta[0] + share * (eta[1] - eta[0])).max(0.0));
+            for pair in shares.windows(2) {
+                if pair[1] > pair[0] {
+                    // Simpson's rule.
+                    let middle = at(0.5 * (pair[0] + pair[1]));
+                    let mean = (at(pair[0]) + 4.0 * middle + at(pair[1])) / 6.0;
+                    sum += (x[1] - x[0]) * (pair[1] - pair[0]) * mean;
+                }
+            }
+        }
+        sum
+    }
+
+    fn normal_force(&self, image: &[f64], depth: f64) -> f64 {
+        let radii = &self.mesh.radii;
+        let core = integrate(0.0, radii[0], |x| depth - self.problem.shape.image(x));
+        let mut sum = core;
+        for (x, g) in radii.windows(2).zip(image.windows(2)) {
+            let (y, z) = (depth - g[0], depth - g[1]);
+            sum += (x[1] - x[0])
+                * match (y > 0.0, z > 0.0) {
+                    (true, true) => 0.5 * (y + z),
+                    (true, false) => 0.5 * y * y / (y - z),
+                    (false, true) => 0.5 * z * z / (z - y),
+                    (false, false) => 0.0,
+                };
+        }
+        2.0 * sum
+    }
+
+    fn tangential_force(&self, eta: &[f64], depth: f64, threshold: f64) -> f64 {
+        let shape = &self.problem.shape;
+        let radius = self.mesh.radii[0];
+        let stick = shape.image_inverse((depth - threshold).clamp(0.0, 1.0)).min(radius);
+        let core = stick * threshold + integrate(stick, radius, |x| depth - shape.image(x));
+        2.0 * (core + self.sum(eta, threshold, |y| y.min(threshold)))
+    }
+
+    /// The springs under some wear; `None` if they cannot bear the tangential force.
+    fn springs(&self, wear: &[f64]) -> Option<Springs> {
+        let mesh = &self.mesh;
+        let rises: Vec<f64> = wear.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        let image: Vec<f64> = mesh
+            .unworn
+            .iter()
+            .zip(&mesh.image)
+            .map(|(unworn, row)| unworn + wear[0] + dot(row, &rises))
+            .collect();
+        let depth = match self.problem.normal {
+            Normal::Depth => 1.0,
+            Normal::Force => {
+                let force = 2.0 * self.problem.shape.half_force();
+                let mut high = 1.5;
+                while self.normal_force(&image, high) < force {
+                    high *= 1.5;
+                }
+                root(0.5, high, |depth| self.normal_force(&image, depth) - force)
+            }
+        };
+        let eta: Vec<f64> = image.iter().map(|g| depth - g).collect();
+        let normal_force = self.normal_force(&image, depth);
+        // Inside the first point nothing is worn.
+        let axis = if mesh.radii[0] > 0.0 { depth } else { eta[0] };
+        let most = eta.iter().copied().fold(axis, f64::max);
+        let force = |threshold: f64| self.tangential_force(&eta, depth, threshold);
+        let threshold = match &self.problem.tangential {
+            Tangential::Amplitude(threshold) | Tangential::Record { limit: threshold, .. } => {
+                *threshold
+            }
+            Tangential::Blocks(blocks) => {
+                let now = blocks.iter().find(|block| self.time < block.1);
+                now.or(blocks.last()).map_or(self.unworn_threshold, |block| block.0)
+            }
+            Tangential::Force(q) if normal_force <= *q => return None,
+            Tangential::Force(q) => root(0.0, most, |threshold| force(threshold) - q),
+            Tangential::Rig { amplitude, compliance } => root(0.0, *amplitude, |threshold| {
+                threshold + compliance * force(threshold) - amplitude
+            }),
+        };
+        let tangential_force = force(threshold);
+        Some(Springs { depth, most, threshold, eta, normal_force, tangential_force })
+    }
+
+    /// What rubs under some springs.
+    fn rubbing(&self, springs: &Springs) -> Rubbing {
+        let (mesh, eta) = (&self.mesh, &springs.eta);
+        let radii = &mesh.radii;
+        let omega: Vec<f64> = eta.iter().map(|eta| self.omega(*eta, springs.threshold)).collect();
+        let falls: Vec<f64> =
+            eta.windows(2).map(|pair| pair[0].max(0.0) - pair[1].max(0.0)).collect();
+        let mut slip: Vec<f64> = mesh.slip.iter().map(|row| dot(row, &omega)).collect();
+        let mut pressure: Vec<f64> =
+            mesh.pressure.iter().enumerate().map(|(i, row)| dot(row, &falls[i..])).collect();
+        // The cells in which an edge lies are taken out and put in again in pieces.
+        for j in 0..falls.len() {
+            let cell = (radii[j], radii[j + 1]);
+            let ends = (eta[j], eta[j + 1]);
+            let shares = pieces(ends, springs.threshold);
+            let inside = |share: f64| share > 0.0 && share < 1.0;
+            if inside(shares[1]) || inside(shares[2]) {
+                let at = |share: f64| {
+                    let eta = ends.0 + share * (ends.1 - ends.0);
+                    (
+                        (cell.0 + share * (cell.1 - cell.0)).min(cell.1),
+                        self.omega(eta, springs.threshold),
+                    )
+                };
+                for (r, slip) in radii.iter().zip(&mut slip).skip(j + 1) {
+                    *slip -= slipped(*r, cell, (omega[j], omega[j + 1]));
+                    for pair in shares.windows(2) {
+                        let ((x, left), (z, right)) = (at(pair[0]), at(pair[1]));
+                        *slip += slipped(*r, (x, z), (left, right));
+                    }
+                }
+            }
+            if (ends.0 > 0.0) != (ends.1 > 0.0) {
+                let share = ends.0 / (ends.0 - ends.1);
+                let edge = (cell.0 * cell.0 + share * (cell.1 * cell.1 - cell.0 * cell.0)).sqrt();
+                let part = if ends.0 > 0.0 { (cell.0, edge) } else { (edge, cell.1) };
+                for (r, p) in radii.iter().zip(&mut pressure).take(j + 1) {
+                    if part.1 > *r {
+                        *p += (pressed(*r, part) - pressed(*r, cell)) * falls[j];
+                    } else {
+                        *p -= pressed(*r, cell) * falls[j];
+                    }
+                }
+            }
+        }
+        let mut speed: f64 = 0.0;
+        for (slip, r) in slip[1..].iter().zip(radii.windows(2)) {
+            speed = speed.max(slip / (r[1] - r[0]));
+        }
+        let rate = (0..radii.len())
+            .map(|i| if eta[i] > 0.0 { pressure[i] * slip[i] } else { 0.0 })
+            .collect();
+        Rubbing { pressure, slip, rate, speed }
+    }
+
+    fn state(&self, springs: &Springs) -> State {
+        let (radii, wear, eta) = (&self.mesh.radii, &self.wear, &springs.eta);
+        let (threshold, rubbing) = (springs.threshold, self.rubbing(springs));
+        let volume: f64 = (1..radii.len())
+            .map(|i| {
+                let (r, z, v, w) = (radii[i - 1], radii[i], wear[i - 1], wear[i]);
+                PI / 3.0 * (z - r) * (v * (2.0 * r + z) + w * (r + 2.0 * z))
+            })
+            .sum();
+        let unworn = wear.iter().rposition(|w| *w > 0.0).map_or(0, |last| last + 1);
+        let crossing = |level: f64, j: usize| {
+            let (left, right) = (eta[j] - level, eta[j + 1] - level);
+            (left > 0.0 && right <= 0.0)
+                .then(|| radii[j] + left / (left - right) * (radii[j + 1] - radii[j]))
+        };
+        let cells = || (0..eta.len() - 1).rev();
+        State {
+            time: self.time,
+            volume,
+            normal_force: springs.normal_force,
+            tangential_force: springs.tangential_force,
+            indentation_depth: springs.depth,
+            threshold,
+            wear_depth: vertex(radii, wear, largest(wear)),
+            contact_radius: cells().find_map(|j| crossing(0.0, j)).unwrap_or(0.0),
+            scar_radius: radii[unworn.min(radii.len() - 1)],
+            stick_radius: cells().find_map(|j| crossing(threshold, j)).unwrap_or(0.0),
+            energy: self.sum(eta, threshold, |y| y * self.omega(y, threshold)),
+            radii: radii.clone(),
+            wear: wear.clone(),
+            image: eta.iter().map(|eta| springs.depth - eta).collect(),
+            pressure: rubbing.pressure,
+            slip: rubbing.slip,
+        }
+    }
+}
+
+/// Cells of the finer mesh in the tests below.
+const CELLS: usize = 240;
+
+fn held(shape: Shape, normal: Normal, tangential: Tangential) -> Problem {
+    Problem { shape, normal, tangential }
+}
+
+/// The rows of a part of the table: two other discretisations, extrapolated.
+fn rows(part: &str) -> Vec<Value> {
+    let table: Value =
+        serde_json::from_str(fretwork_engine::reference::TABLE).expect("a JSON table");
+    table[part].as_array().expect("rows").clone()
+}
+
+fn number(row: &Value, name: &str) -> f64 {
+    row[name].as_f64().expect(name)
+}
+
+fn numbers(row: &Value, name: &str) -> Vec<f64> {
+    row[name].as_array().expect(name).iter().map(|x| x.as_f64().expect(name)).collect()
+}
+
+/// The largest relative difference.
+fn apart(values: &[f64], expected: &[f64]) -> f64 {
+    values.iter().zip(expected).map(|(value, x)| (value / x - 1.0).abs()).fold(0.0, f64::max)
+}
+
+/// A quantity of the states, by the name of its column in the table.
+type Quantity = (&'static str, fn(&State) -> f64);
+
+const VOLUME: Quantity = ("wear_volume", |state| state.volume);
+const FORCE: Quantity = ("normal_force", |state| state.normal_force);
+const INDENTATION: Quantity = ("indentation_depth", |state| state.indentation_depth);
+const DEPTH: Quantity = ("wear_depth", |state| state.wear_depth);
+const CONTACT: Quantity = ("contact_radius", |state| state.contact_radius);
+const STICK: Quantity = ("stick_radius", |state| state.stick_radius);
+
+/// Checks a pair against columns of a row: off by less than `tolerance`, and by less than it says
+/// itself and the row leaves open.
+fn compare(pair: &Pair, row: &Value, open: f64, columns: &[(Quantity, f64)]) {
+    for ((name, of), tolerance) in columns {
+        let (values, error) = pair.column(of);
+        let off = apart(&values, &numbers(row, name));
+        assert!(off < *tolerance, "{name} is {off} off in {row}");
+        assert!(off < error + open, "{name} is {off} off, not {error}, in {row}");
+    }
+}
+
+#[test]
+fn each_transform_by_itself_is_right() {
+    for exponent in [1.0, 2.0, 3.0] {
+        let shape = Shape::power(exponent);
+        let problem = held(shape.clone(), Normal::Depth, Tangential::Amplitude(2.0));
+        let off = |cells: usize| {
+            let run = Run::new(&problem, equal(0.0, 1.2, cells), 2.0);
+            let radii = &run.mesh.radii;
+            let most = |f: &dyn Fn(usize) -> f64| {
+                (0..radii.len()).filter(|i| radii[*i] > 0.1).map(f).fold(0.0, f64::max)
+            };
+            // Worn by its own profile, the indenter has twice its image.
+            let wear: Vec<f64> = radii.iter().map(|r| shape.profile(*r)).collect();
+            let worn = run.springs(&wear).expect("springs");
+            let image = most(&|i| (1.0 - worn.eta[i] - 2.0 * shape.image(radii[i])).abs());
+            // Unworn, p is known, and ω = (1 + g₀)/2 gives s = (1 + f₀)/2 in the contact.
+            let unworn = run.springs(&vec![0.0; radii.len()]).expect("springs");
+            let rubbing = run.rubbing(&unworn);
+            let pressure = |i: usize| shape.pressure_inside(radii[i], 1.0);
+            let pressure = most(&|i| (rubbing.pressure[i] - pressure(i)).abs());
+            let slip = |i: usize| 0.5 * (1.0 + shape.profile(radii[i]));
+            let slip =
+                most(&|i| if radii[i] <= 1.0 { (rubbing.slip[i] - slip(i)).abs() } else { 0.0 });
+            [image, pressure, slip]
+        };
+        for (coarse, fine) in off(60).into_iter().zip(off(240)) {
+            assert!(fine < 1e-3, "{fine} off at exponent {exponent}");
+            assert!(fine < 0.3 * coarse || fine < 1e-12, "{coarse} to {fine} at {exponent}");
+        }
+    }
+}
+
+#[test]
+fn with_depth_and_amplitude_held_the_table_is_met() {
+    for row in rows("exact_depth_and_amplitude_held") {
+        let shape = Shape::power(number(&row, "exponent"));
+        let threshold = 1.0 - shape.image(number(&row, "stick_radius"));
+        let problem = held(shape, Normal::Depth, Tangential::Amplitude(threshold));
+        let pair = Pair::run(&problem, CELLS, &numbers(&row, "normalized_cycles"));
+        let columns = [(VOLUME, 3e-3), (FORCE, 3e-3), (DEPTH, 2e-3), (CONTACT, 1.5e-2)];
+        compare(&pair, &row, 1e-3, &columns);
+        assert!(pair.gross_slip().is_none());
+    }
+}
+
+#[test]
+fn with_force_and_amplitude_held_the_table_is_met() {
+    for row in rows("exact_force_and_amplitude_held") {
+        let shape = Shape::power(number(&row, "exponent"));
+        let threshold = 1.0 - shape.image(number(&row, "stick_radius_initial"));
+        let problem = held(shape, Normal::Force, Tangential::Amplitude(threshold));
+        let pair = Pair::run(&problem, CELLS, &numbers(&row, "normalized_cycles"));
+        let columns =
+            [(VOLUME, 8e-3), (INDENTATION, 1e-3), (DEPTH, 5e-3), (CONTACT, 1.5e-2), (STICK, 2e-3)];
+        compare(&pair, &row, 2e-3, &columns);
+    }
+}
+
+#[test]
+fn with_depth_and_tangential_force_held_the_table_is_met() {
+    for row in rows("exact_depth_and_tangential_force_held") {
+        let shape = Shape::power(number(&row, "exponent"));
+        let force = 2.0 * shape.half_force() * number(&row, "q");
+        let problem = held(shape, Normal::Depth, Tangential::Force(force));
+        let gross = row["gross_slip_at"].as_str().map(|text| {
+            let at = text.split(' ').next().and_then(|at| at.parse::<f64>().ok());
+            at.expect("an instant")
+        });
+        let mut instants = numbers(&row, "normalized_cycles");
+        instants.extend(gross.map(|at| 1.5 * at));
+        let pair = Pair::run(&problem, CELLS, &instants);
+        compare(&pair, &row, 2e-3, &[(VOLUME, 4e-3)]);
+        assert_eq!(pair.gross_slip().is_some(), gross.is_some());
+        if let (Some((value, error)), Some(at)) = (pair.gross_slip(), gross) {
+            assert!((value / at - 1.0).abs() < 3e-2, "{value} in {row}");
+            assert!((value - at).abs() < error + 0.03, "{value} and {error} in {row}");
+        }
+    }
+}
+
+#[test]
+fn with_both_forces_held_the_table_is_met() {
+    for row in rows("exact_force_and_tangential_force_held") {
+        let shape = Shape::power(number(&row, "exponent"));
+        let force = 2.0 * shape.half_force() * number(&row, "q");
+        let problem = held(shape, Normal::Force, Tangential::Force(force));
+        let pair = Pair::run(&problem, CELLS, &numbers(&row, "normalized_cycles"));
+        compare(&pair, &row, 2e-3, &[(VOLUME, 4e-3)]);
+    }
+}
+
+/// Source: V. L. Popov, Sci. Rep. 4 (2014) 3749, with the depth and the stick radius of each mode.
+#[test]
+fn the_limits_of_the_table_are_reached_where_q_is_held() {
+    for (part, normal) in [
+        ("limit_force_and_tangential_force_held", Normal::Force),
+        ("limit_depth_and_tangential_force_held", Normal::Depth),
+    ] {
+        for row in rows(part) {
+            let shape = Shape::power(number(&row, "exponent"));
+            let force = 2.0 * shape.half_force();
+            let problem = held(shape, normal, Tangential::Force(force * number(&row, "q")));
+            let course = run(&problem, CELLS, &[50.0]);
+            let state = &course.states[0];
+            for (name, value, tolerance) in [
+                ("wear_volume", state.volume, 6e-3),
+                ("wear_depth", state.wear_depth, 4e-3),
+                ("stick_radius", state.stick_radius, 1e-3),
+                ("normal_force_ratio", state.normal_force / force, 1e-3),
+                ("limiting_radius", state.scar_radius, 1e-2),
+            ] {
+                let off = (value / number(&row, name) - 1.0).abs();
+                assert!(off < tolerance, "{name} is {off} off in {row}");
+            }
+            // All of the tangential force is borne where nothing slips.
+            let borne = 2.0 * state.threshold * state.stick_radius;
+            assert!((borne / state.tangential_force - 1.0).abs() < 2e-3, "{borne}");
+        }
+    }
+}
+
+#[test]
+fn wear_is_what_the_energy_says_in_every_mode() {
+    let wave = |y: f64| 0.5 * ((0.75 - y).max(0.0) + (0.6 - y).max(0.0)) / 0.75;
+    for (name, normal, tangential) in [
+        ("amplitude", Normal::Depth, Tangential::Amplitude(0.75)),
+        ("amplitude and force", Normal::Force, Tangential::Amplitude(0.75)),
+        ("tangential force", Normal::Depth, Tangential::Force(0.6)),
+        ("both forces", Normal::Force, Tangential::Force(0.6)),
+        ("rig", Normal::Force, Tangential::Rig { amplitude: 1.0, compliance: 0.3 }),
+        ("gross slip", Normal::Depth, Tangential::Amplitude(1.5)),
+        ("gross slip and force", Normal::Force, Tangential::Amplitude(1.5)),
+        ("blocks", Normal::Depth, Tangential::Blocks(vec![(0.6, 0.5), (0.75, 9.0)])),
+        ("record", Normal::Depth, Tangential::Record { omega: Box::new(wave), limit: 0.75 }),
+    ] {
+        let problem = held(Shape::power(2.0), normal, tangential);
+        let states = run(&problem, CELLS, &[0.9, 1.0, 1.1]).states;
+        let rate = (states[2].volume - states[0].volume) / (states[2].time - states[0].time);
+        let off = rate / (2.0 * states[1].energy) - 1.0;
+        assert!(off.abs() < 8e-3, "{name}: {off}");
+    }
+}
+
+#[test]
+fn a_rig_lies_between_amplitude_and_force_held() {
+    let volumes = |tangential: Tangential| -> Vec<f64> {
+        let problem = held(Shape::power(2.0), Normal::Force, tangential);
+        let course = run(&problem, CELLS / 4, &[0.5, 2.0, 8.0]);
+        course.states.iter().map(|state| state.volume).collect()
+    };
+    // c = 0.6
+    let (threshold, force) = (0.64, 2.0 * (0.6 * 0.64 + integrate(0.6, 1.0, |x| 1.0 - x * x)));
+    let rig = |compliance: f64| {
+        volumes(Tangential::Rig { amplitude: threshold + compliance * force, compliance })
+    };
+    let (stiff, soft) =
+        (volumes(Tangential::Amplitude(threshold)), volumes(Tangential::Force(force)));
+    assert!(apart(&rig(0.0), &stiff) < 1e-9);
+    assert!(apart(&rig(1e6), &soft) < 1e-5);
+    for ((between, stiff), soft) in rig(0.3).iter().zip(&stiff).zip(&soft) {
+        assert!(stiff < between && between < soft, "{stiff} {between} {soft}");
+    }
+}
+
+#[test]
+fn blocks_and_records_of_one_amplitude_are_that_amplitude() {
+    let volumes = |tangential: Tangential| -> Vec<f64> {
+        let problem = held(Shape::power(2.0), Normal::Depth, tangential);
+        let course = run(&problem, CELLS / 4, &[0.5, 1.0, 2.0, 40.0]);
+        course.states.iter().map(|state| state.volume).collect()
+    };
+    let amplitude = volumes(Tangential::Amplitude(0.75));
+    let blocks = volumes(Tangential::Blocks(vec![(0.75, 1.0), (0.75, 3.0)]));
+    let omega = Box::new(|y: f64| (0.75 - y).max(0.0) / 0.75);
+    let record = volumes(Tangential::Record { omega, limit: 0.75 });
+    // At the end of a block a step ends.
+    assert!(apart(&blocks, &amplitude) < 1e-4 && apart(&record, &amplitude) < 1e-9);
+    // The smaller amplitude adds less, and what comes last is what the limit knows.
+    let falling = volumes(Tangential::Blocks(vec![(0.75, 1.0), (0.5, 99.0)]));
+    let rising = volumes(Tangential::Blocks(vec![(0.5, 1.0), (0.75, 99.0)]));
+    assert!((falling[0] / amplitude[0] - 1.0).abs() < 5e-3, "{falling:?} {amplitude:?}");
+    assert!(falling[2] < amplitude[2] && falling[3] < 0.9 * amplitude[3], "{falling:?}");
+    assert!(rising[1] < falling[1] && rising[2] < amplitude[2], "{rising:?}");
+    assert!((rising[3] / amplitude[3] - 1.0).abs() < 5e-3, "{rising:?} {amplitude:?}");
+}
+
+/// dV/dÑ = F·(1 − what is lost to the elastic part of the stroke), however far the contact grows.
+#[test]
+fn gross_slip_under_force_wears_by_force_and_path() {
+    let problem = held(Shape::power(2.0), Normal::Force, Tangential::Amplitude(100.0));
+    let instants = [1.0, 8.0, 32.0];
+    let pair = Pair::run(&problem, CELLS, &instants);
+    assert_eq!(pair.gross_slip(), Some((0.0, 0.0)));
+    let (volumes, error) = pair.column(VOLUME.1);
+    for (volume, time) in volumes.iter().zip(instants) {
+        let share = volume / (4.0 / 3.0 * time);
+        assert!((0.993 - error..0.998 + error).contains(&share), "{share} at Ñ = {time}");
+    }
+    assert!(error < 2e-2, "{error}");
+    assert!(pair.fine.states[2].contact_radius > 2.0, "it has grown");
+}
+
+/// The same problem as the engine has it.
+fn engine(problem: &Problem, record: Option<&Record>, last: f64) -> (Contact, March) {
+    let threshold = unworn_threshold(problem);
+    let contact = Contact::new(problem.shape.clone(), threshold).expect("a limit");
+    let tangential = match &problem.tangential {
+        Tangential::Amplitude(_) => control::Tangential::Amplitude,
+        Tangential::Force(force) => control::Tangential::Force(0.5 * force),
+        Tangential::Rig { amplitude, compliance } => {
+            control::Tangential::Rig { amplitude: *amplitude, compliance: *compliance }
+        }
+        Tangential::Blocks(blocks) => {
+            let block = |(threshold, end): &(f64, f64)| Block { threshold: *threshold, end: *end };
+            control::Tangential::Blocks(blocks.iter().map(block).collect())
+        }
+        Tangential::Record { .. } => {
+            control::Tangential::Record(Arc::new(record.expect("a record").clone()))
+        }
+    };
+    let normal = match problem.normal {
+        Normal::Depth => control::Normal::Depth,
+        Normal::Force => control::Normal::Force,
+    };
+    let control = Control { normal, tangential };
+    let march = March::new(&contact, &control, Law::Exact, 3e-4, last).expect("a scar that fits");
+    (contact, march)
+}
+
+#[test]
+fn the_engine_agrees_in_every_mode() {
+    use Normal::{Depth, Force};
+    use Tangential::{Amplitude, Blocks, Rig};
+    let record = Record::new(&[1.0, -1.0, 0.6, -0.4, 0.8]).expect("motion");
+    let waves = {
+        let record = record.clone();
+        Tangential::Record { omega: Box::new(move |y| record.slip(y / 0.75)), limit: 0.75 }
+    };
+    let (paraboloid, cone, fourth) = (Shape::power(2.0), Shape::power(1.0), Shape::power(4.0));
+    let hertz = 4.0 / 3.0;
+    let rig = |compliance: f64| Rig { amplitude: 1.0, compliance };
+    for (name, shape, normal, tangential) in [
+        ("paraboloid", &paraboloid, Depth, Amplitude(0.75)),
+        ("paraboloid, little slip", &paraboloid, Depth, Amplitude(0.2)),
+        ("cone", &cone, Depth, Amplitude(0.79)),
+        ("fourth power", &fourth, Depth, Amplitude(0.76)),
+        ("sphere", &Shape::sphere(2.0), Depth, Amplitude(0.5)),
+        ("paraboloid, onset of gross slip", &paraboloid, Depth, Amplitude(1.02)),
+        ("paraboloid, gross slip", &paraboloid, Depth, Amplitude(3.0)),
+        ("cone, gross slip", &cone, Depth, Amplitude(1.5)),
+        ("fourth power, gross slip", &fourth, Depth, Amplitude(1.2)),
+        ("force and amplitude", &paraboloid, Force, Amplitude(0.75)),
+        ("force and amplitude, cone", &cone, Force, Amplitude(0.5)),
+        ("force and amplitude, gross slip", &paraboloid, Force, Amplitude(1.5)),
+        ("force and tangential force", &paraboloid, Force, Tangential::Force(0.7 * hertz)),
+        ("depth and tangential force", &paraboloid, Depth, Tangential::Force(0.5 * hertz)),
+        ("depth and tangential force, cone", &cone, Depth, Tangential::Force(0.4)),
+        ("depth and rig", &paraboloid, Depth, rig(0.3)),
+        ("force and rig", &paraboloid, Force, rig(0.3)),
+        ("depth and blocks", &paraboloid, Depth, Blocks(vec![(0.6, 1.5), (0.75, 99.0)])),
+        ("depth and falling blocks", &paraboloid, Depth, Blocks(vec![(0.75, 1.5), (0.5, 99.0)])),
+        ("force and blocks", &paraboloid, Force, Blocks(vec![(0.6, 1.5), (0.75, 99.0)])),
+        ("depth and record", &paraboloid, Depth, waves),
+    ] {
+        let problem = held(shape.clone(), normal, tangential);
+        agree(name, &problem, &record);
+    }
+}
+
+/// Compares the engine's run of a problem with the collocated one.
+fn agree(name: &str, problem: &Problem, record: &Record) {
+    let instants = [0.25, 1.0, 4.0];
+    let pair = Pair::run(problem, CELLS, &instants);
+    let (contact, mut march) = engine(problem, Some(record), 4.0);
+    let mut expected: [Vec<f64>; 8] = Default::default();
+    for (instant, state) in instants.into_iter().zip(&pair.fine.states) {
+        while march.advance(instant) {}
+        let at = march.at(instant).worn;
+        for (column, value) in expected.iter_mut().zip([
+            at.volume,
+            2.0 * at.normal,
+            2.0 * at.tangential,
+            at.loss * at.threshold / contact.threshold,
+            at.deepest,
+            at.contact_radius,
+            at.depth,
+            at.threshold,
+        ]) {
+            column.push(value);
+        }
+        let mesh = march.wearing().springs().mesh();
+        let curves = Curves::of(&contact.shape, mesh, &at, &state.radii);
+        let pace = at.threshold / contact.threshold;
+        let slip: Vec<f64> = curves.slip.iter().map(|slip| slip * pace).collect();
+        for (curve, own, theirs, tolerance) in [
+            ("wear", &state.wear, &curves.wear, 5e-3),
+            ("image", &state.image, &curves.image, 5e-3),
+            ("pressure", &state.pressure, &curves.pressure, 4e-2),
+            ("slip", &state.slip, &slip, 5e-3),
+        ] {
+            let (mut difference, mut whole) = (0.0, 0.0);
+            for (i, r) in state.radii.windows(2).enumerate() {
+                let ring = r[1] * r[1] - r[0] * r[0];
+                if theirs[i + 1].is_finite() {
+                    difference += ring * (own[i + 1] - theirs[i + 1]).abs();
+                    whole += ring * theirs[i + 1];
+                }
+            }
+            assert!(difference < tolerance * whole, "{name}, {curve}: {}", difference / whole);
+        }
+    }
+    let apex = contact.threshold > 1.0 && contact.shape.peak_pressure().is_infinite();
+    for (((quantity, of), tolerance), expected) in [
+        (VOLUME, 4e-3),
+        (FORCE, 8e-3),
+        (("tangential_force", |state: &State| state.tangential_force), 8e-3),
+        (("energy", |state: &State| state.energy), 5e-2),
+        (DEPTH, 3e-3),
+        (CONTACT, 1.5e-2),
+        (INDENTATION, 1e-3),
+        (("threshold", |state: &State| state.threshold), 3e-3),
+    ]
+    .into_iter()
+    .zip(&expected)
+    {
+        let (values, error) = pair.column(of);
+        let off = apart(&values, expected);
+        // The engine has errors too: more where d and g hardly differ, and on the axis of a cone,
+        // where its wear is right only to the height of its first cell.
+        let (tolerance, open) = match quantity {
+            "wear_depth" if apex => (2e-2, 2e-2),
+            "contact_radius" => (tolerance, 2e-3),
+            _ => (tolerance, 1e-3),
+        };
+        assert!(off < tolerance, "{name}, {quantity}: {off}");
+        assert!(off < error + open, "{name}, {quantity}: {off}, not {error}");
+    }
+}

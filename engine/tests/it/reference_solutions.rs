@@ -1,0 +1,170 @@
+//! The reference solutions and the engine judge each other, and both the table that was computed
+//! apart.
+
+use fretwork_engine::contact::{Contact, Decay, Row};
+use fretwork_engine::limit::Limit;
+use fretwork_engine::profile::Shape;
+use fretwork_engine::reference::{
+    CattaneoMindlin, Cone, Hertz, LimitingState, PowerLaw, Sphere, initial_wear_rate,
+    shakedown_limit,
+};
+use fretwork_engine::scenario;
+use serde_json::{Value, json};
+
+use crate::engine::steel_ball;
+
+/// A limit from an exponent and a row of the table.
+type Solve = fn(f64, &Value) -> Option<LimitingState>;
+
+fn table() -> Value {
+    serde_json::from_str(fretwork_engine::reference::TABLE).expect("a JSON table")
+}
+
+/// Source: reference.json, closed forms to five digits.
+#[test]
+fn the_limits_are_those_of_the_table() {
+    let table = table();
+    let mut rows = 0;
+    let number = |row: &Value, name: &str| row[name].as_f64().expect("a number");
+    let held: [(&str, Solve); 3] = [
+        ("limit_depth_and_amplitude_held", |n, row| {
+            Some(LimitingState::depth_and_amplitude_held(n, row["stick_radius"].as_f64()?))
+        }),
+        ("limit_force_and_tangential_force_held", |n, row| {
+            Some(LimitingState::forces_held(n, row["q"].as_f64()?))
+        }),
+        ("limit_depth_and_tangential_force_held", |n, row| {
+            LimitingState::depth_and_tangential_force_held(n, row["q"].as_f64()?)
+        }),
+    ];
+    for (name, solve) in held {
+        for row in table[name].as_array().expect(name) {
+            let state = solve(number(row, "exponent"), row).expect("a limit");
+            for (name, value, tolerance) in [
+                ("stick_radius", state.stick_radius, 6e-6),
+                ("indentation_depth", state.indentation_depth, 6e-6),
+                ("limiting_radius", state.radius, 6e-6),
+                ("wear_volume", state.volume, 6e-6),
+                ("wear_depth", state.depth, 6e-6),
+                ("depth_radius", state.depth_radius, 6e-5),
+                ("normal_force_ratio", state.force_ratio, 6e-6),
+            ] {
+                if let Some(expected) = row[name].as_f64() {
+                    assert!((value - expected).abs() < tolerance, "{name} {value} in {row}");
+                }
+            }
+            rows += 1;
+        }
+    }
+    assert_eq!(rows, 21);
+}
+
+/// Two ways to the same state: a root in the angle and closed forms, a root in the radius and
+/// quadrature.
+#[test]
+fn the_limits_of_the_engine_are_the_reference_solutions() {
+    for n in [1.0, 1.5, 2.0, 2.5, 3.0, 6.0, 11.3] {
+        for c in [0.001, 0.01, 0.1, 0.35, 0.7, 0.95, 0.999] {
+            let solved = Limit::solve(&Shape::power(n), c).expect("a root");
+            let state = LimitingState::depth_and_amplitude_held(n, c);
+            let close = |a: f64, b: f64, tolerance: f64, what: &str| {
+                assert!((a / b - 1.0).abs() < tolerance, "{what} {a} {b} for n = {n}, c = {c}");
+            };
+            close(solved.radius, state.radius, 1e-9, "radius");
+            close(solved.volume, state.volume, 1e-7, "volume");
+            close(solved.depth, state.depth, 1e-9, "depth");
+            let off = (solved.depth_radius - state.depth_radius).abs();
+            assert!(off < if c < 0.02 { 1e-6 } else { 1e-7 }, "{off} for n = {n}, c = {c}");
+            // A contact knows its stick radius from Δ = 1 − cⁿ, which must tell them apart.
+            if c.powf(n) > 1e-6 {
+                let row = Row::new(&Contact::sticking(Shape::power(n), c).expect("a limit"));
+                let force = |decay| row.sums(decay).normal;
+                let off = force(Decay::COMPLETE) / force(Decay::UNWORN) - state.force_ratio;
+                assert!(off.abs() < 1e-9, "force {off} for n = {n}, c = {c}");
+            }
+        }
+        let solved = Limit::solve(&Shape::power(n), 0.0).expect("a root");
+        let state = LimitingState::gross_slip(n);
+        assert!((solved.radius / state.radius - 1.0).abs() < 1e-9, "{n}");
+        assert!((solved.volume / state.volume - 1.0).abs() < 1e-6, "{n}");
+    }
+}
+
+#[test]
+fn wear_begins_at_the_rate_of_the_row() {
+    for n in [1.0, 2.0, 2.5, 7.0] {
+        for c in [0.01, 0.3, 0.6, 0.9] {
+            let contact = Contact::sticking(Shape::power(n), c).expect("a limit");
+            let rate = 2.0 * Row::new(&contact).sums(Decay::UNWORN).energy / contact.threshold;
+            assert!((rate / initial_wear_rate(n, c) - 1.0).abs() < 1e-7, "{n} {c}: {rate}");
+        }
+    }
+}
+
+/// What the engine says of an unworn contact is what the literature says of it.
+#[test]
+fn the_unworn_contact_is_that_of_hertz_cattaneo_and_mindlin() {
+    let (modulus, tangential, radius) = (112.64e9, 92.76e9, 0.01);
+    let close = |value: f64, expected: f64| {
+        assert!((value / expected - 1.0).abs() < 1e-9, "{value}, not {expected}");
+    };
+    let preview = |request: &Value| {
+        let (scenario, _) = scenario::check(request, "").expect("valid");
+        scenario.preview().expect("a contact")
+    };
+    let mut request = steel_ball();
+    request.as_object_mut().expect("a request").remove("bodies");
+    request["moduli"] = json!({"normal": modulus, "tangential": tangential});
+    request["friction"] = json!(0.7);
+    request["load"] = json!({"normal_force": 100.0, "held": "depth"});
+    for amplitude in [5e-7, 2.256e-6, 3e-6, 4.5e-6] {
+        request["motion"] = json!({"amplitude": amplitude});
+        request["profile"] = json!({"shape": "paraboloid", "radius": radius});
+        let found = preview(&request);
+        let hertz = Hertz::under(100.0, modulus, radius);
+        close(found.scales.contact_radius, hertz.contact_radius());
+        close(found.scales.indentation_depth, hertz.depth);
+        close(found.unworn.peak_pressure, hertz.peak_pressure());
+        let contact = CattaneoMindlin { hertz, tangential_modulus: tangential, friction: 0.7 };
+        close(found.unworn.gross_slip_amplitude, contact.sliding_displacement());
+        let force = contact.force(amplitude);
+        close(found.unworn.tangential_force, force);
+        if amplitude < contact.sliding_displacement() {
+            close(found.unworn.stick_radius, contact.stick_radius(force));
+            close(found.unworn.energy_per_cycle, contact.energy_per_cycle(force));
+        } else {
+            let slip = amplitude - 0.8 * contact.sliding_displacement();
+            close(found.unworn.energy_per_cycle, 4.0 * 70.0 * slip);
+        }
+
+        request["profile"] = json!({"shape": "cone", "slope_angle": 0.02});
+        let found = preview(&request);
+        let cone = Cone::under(100.0, modulus, 0.02_f64.tan());
+        close(found.scales.contact_radius, cone.contact_radius());
+        close(found.scales.indentation_depth, cone.depth);
+
+        let power = json!({"shape": "power", "exponent": 3.5, "height": 1e-6, "at_radius": 1e-4});
+        request["profile"] = power;
+        let found = preview(&request);
+        let coefficient = 1e-6 / 1e-4_f64.powf(3.5);
+        let power = PowerLaw::under(100.0, modulus, 3.5, coefficient);
+        close(found.scales.contact_radius, power.contact_radius());
+        close(found.scales.indentation_depth, power.depth);
+
+        request["profile"] = json!({"shape": "sphere", "radius": radius});
+        let found = preview(&request);
+        let contact_radius = found.scales.contact_radius;
+        let sphere = Sphere { modulus, radius, contact_radius };
+        close(sphere.force(), 100.0);
+        close(found.scales.indentation_depth, sphere.depth());
+    }
+}
+
+#[test]
+fn the_loss_of_grip_in_the_table_lies_beyond_the_shakedown_limit() {
+    for row in table()["exact_depth_and_tangential_force_held"].as_array().expect("rows") {
+        let limit = shakedown_limit(row["exponent"].as_f64().expect("n"));
+        let slips = row.get("gross_slip_at").is_some();
+        assert_eq!(row["q"].as_f64().expect("q") > limit, slips, "{row}");
+    }
+}

@@ -1,0 +1,78 @@
+//! What the engine asks of the allocator: nothing in a right-hand side, little in a run.
+
+#![expect(clippy::expect_used, clippy::print_stdout, reason = "tests may stop where they stand")]
+
+use std::sync::Arc;
+
+use fretwork_engine::contact::{Contact, UnwornSums};
+use fretwork_engine::control::{Block, Control, Normal, Tangential};
+use fretwork_engine::plan::Plan;
+use fretwork_engine::profile::Shape;
+use fretwork_engine::record::Record;
+use fretwork_engine::rkc::Rates;
+use fretwork_engine::scenario;
+use fretwork_engine::simulation::Simulation;
+use fretwork_engine::wearing::{Law, Wearing};
+use serde_json::json;
+
+#[global_allocator]
+static COUNTED: dhat::Alloc = dhat::Alloc;
+
+// Without the harness, whose threads allocate too.
+fn main() {
+    no_right_hand_side_allocates_in_any_mode();
+    a_run_with_4096_radii_stays_below_100_megabytes();
+}
+
+fn no_right_hand_side_allocates_in_any_mode() {
+    let _profiler = dhat::Profiler::builder().testing().build();
+    let contact = Contact::sticking(Shape::power(2.0), 0.5).expect("a limit");
+    let force = UnwornSums::of(&contact, None).tangential;
+    let threshold = contact.threshold;
+    let record = Record::new(&[1.0, -1.0, 0.4]).expect("motion");
+    for tangential in [
+        Tangential::Amplitude,
+        Tangential::Force(force),
+        Tangential::Rig { amplitude: threshold + force, compliance: 0.5 },
+        Tangential::Blocks(vec![Block { threshold, end: 1.0 }]),
+        Tangential::Record(Arc::new(record)),
+    ] {
+        for normal in [Normal::Depth, Normal::Force] {
+            for law in [Law::Exact, Law::Simplified(0.8)] {
+                let control = Control { normal, tangential: tangential.clone() };
+                let plan = Plan::first(&contact, &control, 64).expect("a scar that fits");
+                let mut wearing = Wearing::new(&contact, &control, law, plan, 64);
+                let (values, mut rates) = (vec![1e-3; 65], vec![0.0; 65]);
+                wearing.rates(&values, &mut rates);
+                let before = dhat::HeapStats::get().total_blocks;
+                for _ in 0..100 {
+                    wearing.rates(&values, &mut rates);
+                }
+                let after = dhat::HeapStats::get().total_blocks;
+                assert_eq!(after, before, "{law:?} {control:?}");
+            }
+        }
+    }
+}
+
+fn a_run_with_4096_radii_stays_below_100_megabytes() {
+    let _profiler = dhat::Profiler::builder().testing().build();
+    for method in ["simplified", "exact"] {
+        let request = json!({
+            "profile": {"shape": "paraboloid", "radius": "10 mm"},
+            "moduli": {"normal": "112.64 GPa", "tangential": "92.76 GPa"},
+            "friction": 0.7,
+            "wear": {"coefficient": "3.03e-5 mm^3/(N m)"},
+            "load": {"normal_force": "100 N", "held": "depth"},
+            "motion": {"stick_ratio": 0.5},
+            "cycles": {"normalized": [0.5, 1, 2, 4, 8, 16]},
+            "model": {"method": method, "points": 4096},
+        });
+        let (scenario, _) = scenario::check(&request, "").expect("a valid scenario");
+        let outcome = Simulation::of(&scenario).expect("a contact").run();
+        assert_eq!(outcome.profiles.expect("profiles").radius.len(), 4096);
+    }
+    let most = dhat::HeapStats::get().max_bytes;
+    println!("at most {:.1} MB", most as f64 / 1e6);
+    assert!(most < 100_000_000, "{most} bytes");
+}

@@ -1,0 +1,125 @@
+//! Commands for whoever runs a server: they work on its data directory, beside it or without it.
+
+use std::io::{self, Write as _};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use fretwork::store::{AccessKey, Desk, NewKey};
+
+use super::Failure;
+use crate::config::{AddKey, Data, Keys};
+
+/// Makes, lists or takes back access keys.
+pub fn keys(command: Keys) -> Result<(), Failure> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    runtime.block_on(async {
+        match command {
+            Keys::Add(new) => add(new).await,
+            Keys::List(data) => list(&data).await,
+            Keys::Revoke { name, data } => revoke(&name, &data).await,
+        }
+    })
+}
+
+/// Milliseconds since 1970.
+fn now() -> i64 {
+    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_millis() as i64)
+}
+
+/// The database that is there; a directory without one is a mistake.
+async fn open(data: &Data) -> Result<Desk, Failure> {
+    if !Desk::is_in(&data.data_dir) {
+        let dir = data.data_dir.display();
+        return Err(format!("{dir} holds no database; say which with --data-dir").into());
+    }
+    Ok(Desk::open(&data.data_dir).await?)
+}
+
+async fn add(new: AddKey) -> Result<(), Failure> {
+    let AddKey { name, role, expires, rate, data } = new;
+    let new_database = !Desk::is_in(&data.data_dir);
+    let mut desk = Desk::open(&data.data_dir).await?;
+    let expires = expires.map(|time| now() + time.as_millis() as i64);
+    let first = desk.keys().await?.is_empty();
+    let key = desk.add_key(&NewKey { name: name.clone(), role, per_minute: rate, expires }).await?;
+    desk.close().await?;
+    // The key alone goes to standard output, for scripts.
+    let mut out = io::stdout().lock();
+    writeln!(out, "{key}")?;
+    out.flush()?;
+    let mut err = io::stderr().lock();
+    writeln!(err, "This is the key of {name} ({role}). It is not shown again. Send it as")?;
+    writeln!(err, "  Authorization: Bearer {}…", &key[..key.len().min(18)])?;
+    if new_database {
+        writeln!(err, "{} held no database; there is a new one now.", data.data_dir.display())?;
+    }
+    if first {
+        writeln!(
+            err,
+            "It is the first: from now on a server on {} asks for keys.",
+            data.data_dir.display()
+        )?;
+    }
+    Ok(())
+}
+
+async fn list(data: &Data) -> Result<(), Failure> {
+    let mut desk = open(data).await?;
+    let keys = desk.keys().await?;
+    desk.close().await?;
+    let mut out = io::stdout().lock();
+    if keys.is_empty() {
+        writeln!(
+            io::stderr(),
+            "There are no keys; make one with `fretwork keys add NAME --role ROLE`."
+        )?;
+        return Ok(());
+    }
+    writeln!(
+        out,
+        "{:<8}  {:<16} {:<6}  {:<10}  {:<10}  {:<10}  state",
+        "id", "name", "role", "made", "used", "rate"
+    )?;
+    for key in keys {
+        let AccessKey { id, name, role, per_minute, created, last_used, .. } = &key;
+        let rate = per_minute.map_or("-".to_owned(), |rate| format!("{rate}/min"));
+        let used = last_used.map_or("never".to_owned(), day);
+        let made = day(*created);
+        writeln!(
+            out,
+            "{id:<8}  {name:<16} {role:<6}  {made:<10}  {used:<10}  {rate:<10}  {}",
+            state(&key)
+        )?;
+    }
+    Ok(())
+}
+
+async fn revoke(name: &str, data: &Data) -> Result<(), Failure> {
+    let mut desk = open(data).await?;
+    let count = desk.revoke_keys(name).await?;
+    desk.close().await?;
+    match count {
+        0 => Err(format!(
+            "no key in force has the id or the name {name}; `fretwork keys list` shows them"
+        )
+        .into()),
+        1 => Ok(writeln!(io::stdout(), "1 key taken back")?),
+        count => Ok(writeln!(io::stdout(), "{count} keys taken back")?),
+    }
+}
+
+/// Whether a key is in force.
+fn state(key: &AccessKey) -> String {
+    let now = now();
+    match (key.revoked, key.expires) {
+        (Some(at), _) => format!("taken back {}", day(at)),
+        (None, Some(at)) if at <= now => format!("ended {}", day(at)),
+        (None, Some(at)) => format!("until {}", day(at)),
+        (None, None) => "in force".to_owned(),
+    }
+}
+
+/// The day of a moment in milliseconds since 1970, UTC.
+fn day(at: i64) -> String {
+    let moment = UNIX_EPOCH + Duration::from_millis(at.unsigned_abs());
+    humantime::format_rfc3339_seconds(moment).to_string()[..10].to_owned()
+}

@@ -1,0 +1,398 @@
+//! The HTTP interface: what the service is told and what it answers.
+//!
+//! One file per noun. A handler translates the request, makes one call to the left, and translates
+//! the answer. What all answers share (request id, log line, problems, CORS) happens once, in
+//! [`router`].
+
+mod access;
+mod caller;
+mod coding;
+mod connection;
+mod dashboard;
+mod diff;
+mod events;
+mod format;
+mod forms;
+mod jobs;
+mod library;
+mod limits;
+mod links;
+mod memory;
+mod metrics;
+mod openapi;
+mod problem;
+mod representation;
+mod results;
+mod scenarios;
+mod shortly;
+mod system;
+mod unread;
+mod wire;
+
+use std::any::Any;
+use std::ops::Deref;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use axum::Router;
+use axum::extract::{MatchedPath, Request, State};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, header};
+use axum::middleware::{Next, from_fn_with_state};
+use axum::response::{IntoResponse, Redirect, Response};
+use axum::routing::get;
+use tokio::sync::watch;
+use tower::util::option_layer;
+use tower_http::catch_panic::CatchPanicLayer;
+use tower_http::compression::CompressionLayer;
+use tower_http::cors::{AllowHeaders, Any as AnyOrigin, CorsLayer};
+use tracing::Instrument as _;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+pub use access::{ADMIN, Access, AdminKey};
+pub use caller::{ME, Peer};
+pub use connection::Patient;
+pub use format::Format;
+pub use forms::{Ask, Error as FormError, Look, Part, QUANTITIES, Quantity, write as write_form};
+pub use limits::Limits;
+pub use openapi::document;
+pub use scenarios::{EXAMPLES, Example, Unsound, parse_job};
+
+use crate::service::workers::Compute;
+use crate::store::Store;
+use access::{Gate, Identity};
+use caller::{REQUEST_ID, Trace};
+use memory::Memory;
+use metrics::Metrics;
+use problem::Problem;
+use shortly::Shortly;
+use system::Pulse;
+use unread::Unread;
+use wire::{Segment, words};
+
+/// What every handler can reach; one count of references, for it is cloned with each request.
+#[derive(Debug, Clone)]
+pub struct App(Arc<Shared>);
+
+impl Deref for App {
+    type Target = Shared;
+    fn deref(&self) -> &Shared {
+        &self.0
+    }
+}
+
+/// What is shared by all requests.
+#[derive(Debug)]
+pub struct Shared {
+    store: Store,
+    gate: Arc<Gate>,
+    pulse: Pulse,
+    /// Turns true when the server stops taking new jobs.
+    draining: watch::Receiver<bool>,
+    workers: usize,
+    run_limit: Option<Duration>,
+    memory: Memory,
+    shortly: Shortly,
+    metrics: Arc<Metrics>,
+}
+
+/// What the interface must know of how the server is run.
+#[derive(Debug, Clone)]
+pub struct Settings {
+    /// How callers are told apart.
+    pub access: Access,
+    /// Threads that compute.
+    pub workers: usize,
+    /// The longest that a run may take.
+    pub run_limit: Option<Duration>,
+    /// Bytes of answers kept in memory.
+    pub memory: u64,
+    /// Which web pages may call.
+    pub origins: Origins,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        let access = Access::default();
+        Self { access, workers: 1, run_limit: None, memory: 64 << 20, origins: Origins::Own }
+    }
+}
+
+/// Which web pages may call the service from a browser.
+#[derive(Debug, Clone, Default)]
+pub enum Origins {
+    /// Only pages of the service itself.
+    #[default]
+    Own,
+    /// Every page.
+    Any,
+    /// Pages of these origins.
+    These(Vec<HeaderValue>),
+}
+
+/// The documented routes, with their documentation.
+fn routes() -> OpenApiRouter<App> {
+    OpenApiRouter::with_openapi(openapi::frame())
+        .routes(routes!(jobs::submit, jobs::list))
+        .routes(routes!(jobs::show, jobs::delete))
+        .routes(routes!(jobs::result))
+        .routes(routes!(jobs::cancel))
+        .routes(routes!(jobs::cancel_all))
+        .routes(routes!(events::follow))
+        .routes(routes!(library::list))
+        .routes(routes!(diff::diff))
+        .routes(routes!(results::whole, library::delete))
+        .routes(routes!(results::history))
+        .routes(routes!(results::profiles))
+        .routes(routes!(results::loops))
+        .routes(routes!(results::plot))
+        .routes(routes!(results::pin, results::unpin))
+        .routes(routes!(links::share))
+        .routes(routes!(library::provenance))
+        .routes(routes!(library::note, library::delete_note))
+        .routes(routes!(scenarios::check))
+        .routes(routes!(scenarios::examples))
+        .routes(routes!(scenarios::example))
+        .routes(routes!(scenarios::schema))
+        .routes(routes!(access::me))
+        .routes(routes!(system::health))
+        .routes(routes!(system::ready))
+        .routes(routes!(metrics::metrics))
+        .routes(routes!(system::version))
+        .routes(routes!(system::openapi))
+        .routes(routes!(system::problems))
+        .routes(routes!(system::explain))
+}
+
+/// The whole interface as one service. What is short is computed here and now by `compute`;
+/// `draining` turns true when the server is to take no new jobs.
+pub fn router(
+    store: Store,
+    compute: &Compute,
+    draining: watch::Receiver<bool>,
+    settings: &Settings,
+) -> Router {
+    let Settings { workers, run_limit, memory, .. } = *settings;
+    let gate = Arc::new(Gate::new(&store, &settings.access));
+    let metrics = Arc::new(Metrics::new(&store, workers));
+    let app = App(Arc::new(Shared {
+        store,
+        gate: Arc::clone(&gate),
+        pulse: Pulse::default(),
+        draining,
+        workers,
+        run_limit,
+        memory: Memory::new(memory),
+        shortly: Shortly::new(Arc::clone(compute), workers),
+        metrics: Arc::clone(&metrics),
+    }));
+    let (documented, _) = routes().split_for_parts();
+    let router = documented
+        .route("/", get(dashboard::page))
+        .route("/assets/{*name}", get(dashboard::asset))
+        .route("/docs", get(|| async { Redirect::to("/docs/") }))
+        .route("/docs/", get(|| system::docs(Segment(String::new()))))
+        .route("/docs/{*path}", get(system::docs))
+        .fallback(nowhere);
+    dressed(router, gate, metrics, &settings.origins).with_state(app)
+}
+
+/// Puts around the routes what all answers share. It is one layer: each is cloned with each request.
+fn dressed<S: Clone + Send + Sync + 'static>(
+    routes: Router<S>,
+    gate: Arc<Gate>,
+    metrics: Arc<Metrics>,
+    origins: &Origins,
+) -> Router<S> {
+    routes.layer((
+        from_fn_with_state((metrics, Arc::new(origins.clone())), edge),
+        // Problems are readable by web pages too, so this is outside of what makes them.
+        option_layer(cors(origins)),
+        CatchPanicLayer::custom(panicked),
+        CompressionLayer::new().compress_when(coding::OnTheWay),
+        from_fn_with_state(gate, access::pass),
+    ))
+}
+
+/// Where every request comes in and every answer goes out: gives it an id, writes its problem if
+/// it has one, counts it and logs one line.
+async fn edge(
+    State((metrics, origins)): State<(Arc<Metrics>, Arc<Origins>)>,
+    mut request: Request,
+    next: Next,
+) -> Response {
+    let started = Instant::now();
+    let trace = Trace::read(request.headers());
+    let id = Arc::clone(&trace.id);
+    let route = request.extensions().get::<MatchedPath>().cloned();
+    let (method, uri) = (request.method().clone(), request.uri().clone());
+    let span = tracing::info_span!("request", id = &*id, traceparent = trace.parent.as_deref());
+    request.extensions_mut().insert(trace);
+    take_any_coding(request.headers_mut());
+    let unread = Unread::watch(&mut request);
+    let answer = if is_strange(&origins, &request) {
+        drop(request);
+        let detail = "The page's origin is not among those that this server knows (--cors-origin).";
+        Problem::new(&problem::CROSS_SITE, detail).into_response()
+    } else {
+        next.run(request).instrument(span.clone()).await
+    };
+    let mut response = problem::write(answer, &id);
+    let route = route.as_ref().map_or("none", MatchedPath::as_str);
+    metrics.answered(&method, route, response.status(), started);
+    let caller = response.extensions().get::<Identity>();
+    let caller = caller.map(|identity| format!("{} {}", identity.owner, identity.key));
+    let status = response.status().as_u16();
+    let milliseconds = (started.elapsed().as_secs_f64() * 1e6).round() / 1e3;
+    let path = uri.path();
+    span.in_scope(|| {
+        // What only reads and finds is counted, and told to who wants to know.
+        if method.is_safe() && status < 400 {
+            tracing::debug!(%method, path, status, milliseconds, caller, "answered");
+        } else {
+            tracing::info!(%method, path, status, milliseconds, caller, "answered");
+        }
+    });
+    let headers = response.headers_mut();
+    if unread.is_some_and(Unread::settle) {
+        headers.insert(header::CONNECTION, HeaderValue::from_static("close"));
+    }
+    if let Ok(id) = HeaderValue::from_str(&id) {
+        headers.insert(REQUEST_ID, id);
+    }
+    for (name, value) in SAFE {
+        headers.entry(name).or_insert(HeaderValue::from_static(value));
+    }
+    response
+}
+
+/// Takes out of `Accept-Encoding` that an answer must not come as it is. RFC 9110 (12.5.3) lets a server
+/// disregard that: no status is another for it, least of all that of what has had an effect.
+fn take_any_coding(headers: &mut HeaderMap) {
+    let rules_out = |word: &&str| {
+        let Some((name, weight)) = word.split_once(';') else {
+            return false;
+        };
+        let name = name.trim();
+        let weight = weight.trim().strip_prefix(['q', 'Q']).and_then(|rest| rest.strip_prefix('='));
+        (name == "*" || name.eq_ignore_ascii_case("identity"))
+            && weight.is_some_and(|weight| weight.parse() == Ok(0.0))
+    };
+    if words(headers, header::ACCEPT_ENCODING).any(|word| rules_out(&word)) {
+        let kept = words(headers, header::ACCEPT_ENCODING).filter(|word| !rules_out(word));
+        let kept = kept.collect::<Vec<_>>().join(", ");
+        // What stood in a header can stand in one.
+        if let Ok(kept) = HeaderValue::try_from(kept) {
+            headers.insert(header::ACCEPT_ENCODING, kept);
+        }
+    }
+}
+
+/// What browsers are told of every answer, unless it says otherwise: it is what it is declared as,
+/// runs nothing, is shown in no frame, and its address (which may hold a link) is told to nobody.
+const SAFE: [(HeaderName, &str); 4] = [
+    (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+    (header::REFERRER_POLICY, "no-referrer"),
+    (header::X_FRAME_OPTIONS, "DENY"),
+    (
+        header::CONTENT_SECURITY_POLICY,
+        "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'none'",
+    ),
+];
+
+/// Whether a page of an unknown site would change something through the browser of somebody who
+/// may: a browser asks beforehand only where the request is unusual.
+fn is_strange(known: &Origins, request: &Request) -> bool {
+    let text = |name: HeaderName| request.headers().get(name).map(HeaderValue::as_bytes);
+    let site = text(HeaderName::from_static("sec-fetch-site"));
+    let origin = text(header::ORIGIN);
+    let own = request.uri().authority().map(|own| own.as_str().as_bytes()).or(text(header::HOST));
+    let is_known = match known {
+        Origins::Own => false,
+        Origins::Any => true,
+        Origins::These(list) => list.iter().any(|known| Some(known.as_bytes()) == origin),
+    };
+    // Over plain HTTP browsers name the origin only, and not the site.
+    let is_own = match (site, origin) {
+        (Some(b"same-origin" | b"none"), _) | (None, None) => true,
+        (_, Some(origin)) => {
+            let end = origin.windows(3).position(|mark| mark == b"://").map(|at| at + 3);
+            end.is_some_and(|end| Some(&origin[end..]) == own)
+        }
+        (Some(_), None) => false,
+    };
+    !request.method().is_safe() && !is_known && !is_own
+}
+
+async fn nowhere(request: Request) -> Problem {
+    let detail = if request.uri().path().ends_with('/') {
+        "No route has this address; addresses here do not end with a slash."
+    } else {
+        "No route has this address; /docs lists those there are."
+    };
+    Problem::new(&problem::NOT_FOUND, detail)
+}
+
+/// Answers for a handler that panicked. The panic itself has been logged by the panic hook.
+fn panicked(_: Box<dyn Any + Send>) -> Response {
+    Problem::internal().into_response()
+}
+
+fn cors(origins: &Origins) -> Option<CorsLayer> {
+    let exposed = [
+        header::LOCATION,
+        header::CONTENT_LOCATION,
+        header::CONTENT_DISPOSITION,
+        header::LINK,
+        header::CACHE_STATUS,
+        header::ETAG,
+        header::RETRY_AFTER,
+        header::WWW_AUTHENTICATE,
+        header::CONTENT_DISPOSITION,
+        HeaderName::from_static("preference-applied"),
+        HeaderName::from_static("ratelimit"),
+        HeaderName::from_static("ratelimit-policy"),
+        REQUEST_ID,
+    ];
+    let layer = CorsLayer::new()
+        .allow_methods([Method::GET, Method::HEAD, Method::POST, Method::PUT, Method::DELETE])
+        // A star would not cover Authorization.
+        .allow_headers(AllowHeaders::mirror_request())
+        .expose_headers(exposed);
+    match origins {
+        Origins::Own => None,
+        Origins::Any => Some(layer.allow_origin(AnyOrigin)),
+        Origins::These(list) => Some(layer.allow_origin(list.clone())),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use axum::body::Body;
+    use http_body_util::BodyExt as _;
+    use tower::ServiceExt as _;
+
+    use super::*;
+
+    #[tokio::test]
+    async fn a_panic_is_a_problem_that_tells_nothing_of_its_cause() {
+        async fn panics() {
+            panic!("a secret");
+        }
+        let dir = tempfile::tempdir().unwrap();
+        let store = Store::open(dir.path(), &crate::store::Options::default()).await.unwrap();
+        let metrics = Arc::new(Metrics::new(&store, 1));
+        let gate = Arc::new(Gate::new(&store, &Access { open: true, ..Access::default() }));
+        let router = Router::new().route("/", get(panics));
+        let router = dressed(router, gate, metrics, &Origins::Any);
+        let response = router.oneshot(Request::new(Body::empty())).await.unwrap();
+        assert_eq!(response.status(), 500);
+        assert_eq!(response.headers()["content-type"], "application/problem+json");
+        assert_eq!(response.headers()["access-control-allow-origin"], "*");
+        let id = response.headers()[REQUEST_ID].to_str().unwrap().to_owned();
+        let body = response.into_body().collect().await.unwrap().to_bytes();
+        let problem: serde_json::Value = serde_json::from_slice(&body).unwrap();
+        assert_eq!(problem["instance"], id);
+        assert!(!problem.to_string().contains("secret"));
+    }
+}

@@ -1,0 +1,259 @@
+//! Scenarios: check one without running it, learn from examples, read the contract.
+
+use axum::Json;
+use axum::extract::State;
+use axum::http::header::CONTENT_TYPE;
+use axum::response::{IntoResponse, Response};
+use serde::Serialize;
+use serde_json::value::RawValue;
+use tokio::task;
+use utoipa::ToSchema;
+
+use super::App;
+use super::problem::{self, Problem};
+use super::wire::{self, Body, NoQuery, Segment};
+use crate::job::{Key, Submission, Task};
+use fretwork_engine::fault::Fault;
+use fretwork_engine::outcome::Preview;
+use fretwork_engine::scenario::{SCHEMA, Scenario, Warning};
+
+/// A job body that works, kept as a file in `examples/`.
+#[derive(Debug)]
+pub struct Example {
+    /// What it is called in addresses.
+    pub name: &'static str,
+    /// The job body.
+    pub body: &'static str,
+}
+
+/// The job bodies in `examples/`; the first is the one that the program shows at start.
+pub static EXAMPLES: &[Example] = &[
+    Example { name: "steel-ball", body: include_str!("../../examples/steel-ball.json") },
+    Example {
+        name: "steel-ball-exact",
+        body: include_str!("../../examples/steel-ball-exact.json"),
+    },
+    Example { name: "flat-on-rig", body: include_str!("../../examples/flat-on-rig.json") },
+    Example {
+        name: "amplitude-blocks",
+        body: include_str!("../../examples/amplitude-blocks.json"),
+    },
+    Example {
+        name: "held-tangential-force",
+        body: include_str!("../../examples/held-tangential-force.json"),
+    },
+    Example {
+        name: "displacement-record",
+        body: include_str!("../../examples/displacement-record.json"),
+    },
+    Example { name: "measured-tip", body: include_str!("../../examples/measured-tip.json") },
+    Example { name: "paper-figure-3", body: include_str!("../../examples/paper-figure-3.json") },
+    Example { name: "paper-figure-4", body: include_str!("../../examples/paper-figure-4.json") },
+];
+
+/// Why a text is not a job.
+#[derive(Debug, thiserror::Error)]
+pub enum Unsound {
+    /// It is not JSON.
+    #[error("the text is not JSON")]
+    Json(#[source] serde_json::Error),
+    /// It is empty.
+    #[error("the text is empty")]
+    Empty,
+    /// It is JSON with these faults.
+    #[error("the job has {} fault(s)", .0.len())]
+    Faults(Vec<Fault>),
+}
+
+/// Parses the text of a job body: the faults of its form and of its physics come in one list.
+///
+/// # Errors
+///
+/// The text is not JSON, or has faults.
+pub fn parse_job(text: &[u8]) -> Result<Submission, Unsound> {
+    if text.iter().all(u8::is_ascii_whitespace) {
+        return Err(Unsound::Empty);
+    }
+    let (value, mut faults) = wire::parse(text).map_err(Unsound::Json)?;
+    match Submission::parse(&value) {
+        Ok(submission) if faults.is_empty() => return Ok(submission),
+        Ok(_) => {}
+        Err(more) => faults.extend(more.0),
+    }
+    Err(Unsound::Faults(faults))
+}
+
+impl From<Unsound> for Problem {
+    fn from(unsound: Unsound) -> Self {
+        let advice = "send one JSON document, such as those under /v1/examples";
+        match unsound {
+            Unsound::Json(error) => Self::new(&problem::INVALID_JSON, format!("{error}; {advice}")),
+            Unsound::Empty => {
+                Self::new(&problem::INVALID_JSON, format!("the body is empty; {advice}"))
+            }
+            Unsound::Faults(faults) => Self::faults(faults),
+        }
+    }
+}
+
+/// A body up to so many bytes is parsed sooner than it is handed to another thread.
+pub(super) const SHORT: usize = 1 << 14;
+
+/// Parses a job body; a long one apart from the threads that answer requests: it may have 10 000 rows.
+pub(super) async fn parse(body: Body) -> Result<Submission, Problem> {
+    if body.0.len() <= SHORT {
+        return Ok(parse_job(&body.0)?);
+    }
+    let parsed = task::spawn_blocking(move || parse_job(&body.0));
+    Ok(parsed.await.map_err(|_| Problem::internal())??)
+}
+
+/// What can be said of a scenario without running it.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Checked {
+    /// The address that its result has, or will have.
+    #[schema(value_type = String, pattern = "^[0-9a-f]{64}$")]
+    key: Key,
+    /// Whether the result is there already.
+    cached: bool,
+    /// The scenario as it is computed: SI units, defaults filled in. Submitting it again gives the
+    /// same key.
+    #[schema(value_type = Object)]
+    scenario: Scenario,
+    /// `scales`, `unworn`, `regime`, `limit`, `units` and `cost`.
+    #[serde(flatten)]
+    #[schema(value_type = super::openapi::Preview)]
+    preview: Preview,
+    /// What the user should know.
+    #[schema(value_type = Vec<super::openapi::Warning>)]
+    warnings: Vec<Warning>,
+    /// Where to go from here.
+    links: CheckedLinks,
+}
+
+/// Where to go from a checked scenario.
+#[derive(Debug, Serialize, ToSchema)]
+struct CheckedLinks {
+    /// The result, once it is computed.
+    result: String,
+    /// POST the same body here to compute it.
+    submit: &'static str,
+}
+
+/// Checks a scenario without running it.
+///
+/// Takes what `POST /v1/jobs` takes and answers what is known beforehand: the key, the canonical
+/// scenario, scales, the unworn state, the limit to which wear tends, warnings and the cost.
+#[utoipa::path(post, path = "/v1/scenarios", operation_id = "check_scenario", tag = "scenarios",
+    request_body(content = ref("#/components/schemas/JobBody"), description = "What would be \
+        submitted."),
+    responses((status = 200, description = "The scenario is sound.", body = Checked)),
+)]
+pub async fn check(
+    State(app): State<App>,
+    _: NoQuery,
+    body: Body,
+) -> Result<Json<Checked>, Problem> {
+    let submission = parse(body).await?;
+    let key = submission.task.key();
+    let Task::Run(scenario) = submission.task;
+    let cached = app.store.has_result(&key).await?;
+    // The limit is found by solving for its radius: a few milliseconds of work.
+    let computed = task::spawn_blocking(move || (scenario.preview(), scenario));
+    let (preview, scenario) = computed.await.map_err(|_| Problem::internal())?;
+    let preview = preview.map_err(|fault| Problem::faults(vec![fault]))?;
+    let links = CheckedLinks { result: format!("/v1/results/{key}"), submit: "/v1/jobs" };
+    Ok(Json(Checked { key, cached, scenario, preview, warnings: submission.warnings, links }))
+}
+
+/// An example.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct ExampleAnswer {
+    /// What it is called in addresses.
+    #[schema(example = "steel-ball")]
+    name: &'static str,
+    /// What it shows.
+    label: String,
+    /// The job body.
+    #[schema(value_type = Object)]
+    body: &'static RawValue,
+}
+
+/// Lists job bodies that work.
+///
+/// Each is ready to be sent to `POST /v1/jobs`; the first is the steel ball of the documentation.
+#[utoipa::path(get, path = "/v1/examples", operation_id = "list_examples", tag = "scenarios",
+    responses((status = 200, description = "The examples.", body = Vec<ExampleAnswer>)),
+)]
+pub async fn examples(_: NoQuery) -> Result<Json<Vec<ExampleAnswer>>, Problem> {
+    #[derive(serde::Deserialize)]
+    struct Label {
+        label: String,
+    }
+    let read = |example: &'static Example| {
+        let label = serde_json::from_str::<Label>(example.body)?.label;
+        let body = serde_json::from_str::<&RawValue>(example.body)?;
+        Ok(ExampleAnswer { name: example.name, label, body })
+    };
+    let answers: Result<_, serde_json::Error> = EXAMPLES.iter().map(read).collect();
+    answers.map(Json).map_err(|_| Problem::internal())
+}
+
+/// Returns a job body that works.
+///
+/// It is ready to be sent to `POST /v1/jobs` as it comes.
+#[utoipa::path(get, path = "/v1/examples/{name}", operation_id = "get_example", tag = "scenarios",
+    params(("name" = String, Path, description = "The `name` of an example.", example = "steel-ball")),
+    responses(
+        (status = 200, description = "A job body.",
+            content((ref("#/components/schemas/JobBody") = "application/json"))),
+        (status = 404, description = "No example has this name."),
+    ),
+)]
+pub async fn example(Segment(name): Segment, _: NoQuery) -> Result<Response, Problem> {
+    let example = EXAMPLES.iter().find(|example| example.name == name).ok_or_else(|| {
+        Problem::new(&problem::NOT_FOUND, "No example has this name; GET /v1/examples lists them.")
+    })?;
+    Ok(([(CONTENT_TYPE, "application/json")], example.body).into_response())
+}
+
+/// Returns the JSON Schema of a scenario.
+///
+/// For editors and forms: draft 2020-12, with the units, bounds and defaults of every member.
+#[utoipa::path(get, path = "/v1/schema/scenario", operation_id = "get_scenario_schema",
+    tag = "scenarios",
+    responses((status = 200, description = "A JSON Schema of the dialect 2020-12.",
+        content((serde_json::Value = "application/schema+json")))),
+)]
+pub async fn schema(_: NoQuery) -> Response {
+    ([(CONTENT_TYPE, "application/schema+json")], SCHEMA).into_response()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    #[test]
+    fn every_file_among_the_examples_is_served_under_its_name() {
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/examples");
+        let mut files: Vec<String> = std::fs::read_dir(folder)
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .filter(|name| Path::new(name).extension().is_some_and(|end| end == "json"))
+            .collect();
+        let mut served: Vec<String> =
+            EXAMPLES.iter().map(|example| format!("{}.json", example.name)).collect();
+        files.sort();
+        served.sort();
+        assert_eq!(files, served);
+    }
+
+    #[test]
+    fn every_example_is_a_sound_job() {
+        for example in EXAMPLES {
+            let body = serde_json::from_str(example.body).unwrap();
+            assert!(Submission::parse(&body).is_ok(), "{}", example.name);
+        }
+    }
+}

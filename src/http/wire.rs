@@ -1,0 +1,490 @@
+//! What requests are made of: query parameters, bodies, `Prefer` and other headers.
+//!
+//! Each part collects all of its faults before it refuses: one round trip, one complete list.
+
+use std::fmt;
+use std::time::{Duration, UNIX_EPOCH};
+
+use axum::body::{Bytes, HttpBody as _};
+use axum::extract::{FromRequest, FromRequestParts, Path, Request};
+use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE};
+use axum::http::request::Parts;
+use axum::http::{HeaderMap, HeaderName};
+use http_body_util::BodyExt;
+use serde::de::{DeserializeSeed, MapAccess, SeqAccess, Visitor};
+use serde_json::{Map, Value};
+
+use super::format::Format;
+use super::problem::{self, Complaint, Problem};
+use fretwork_engine::fault::Fault;
+
+/// The largest body that is read, in bytes.
+pub const BODY_LIMIT: usize = 4 << 20;
+/// The longest that one request may wait for a job.
+pub const LONGEST_WAIT: Duration = Duration::from_mins(1);
+/// How many repeated members are listed, and how many bytes their pointers may take together.
+const REPEATED_AT_MOST: usize = 100;
+const POINTERS_AT_MOST: usize = 1 << 16;
+
+/// The query parameters of a request. A handler takes those it knows; whatever is left is refused
+/// by [`Query::finish`], since a misspelt parameter must not silently take its default.
+pub struct Query {
+    pairs: Vec<(String, String)>,
+    known: Vec<&'static str>,
+    complaints: Vec<Complaint>,
+}
+
+impl<S: Sync> FromRequestParts<S> for Query {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Problem> {
+        let query = parts.uri.query().unwrap_or_default().as_bytes();
+        let pairs = form_urlencoded::parse(query).into_owned().collect();
+        Ok(Self { pairs, known: Vec::new(), complaints: Vec::new() })
+    }
+}
+
+impl Query {
+    /// Takes a parameter as it stands.
+    pub fn text(&mut self, name: &'static str) -> Option<String> {
+        self.known.push(name);
+        let mut found = None;
+        let mut repeated = false;
+        self.pairs.retain_mut(|(key, value)| {
+            let here = key == name;
+            if here {
+                repeated |= found.replace(std::mem::take(value)).is_some();
+            }
+            !here
+        });
+        if repeated {
+            self.complain(name, "may be given only once");
+        }
+        found
+    }
+
+    /// Takes a parameter that must be read by `read`; `accepted` completes "must be …".
+    pub fn value<T>(
+        &mut self,
+        name: &'static str,
+        accepted: &str,
+        read: impl FnOnce(&str) -> Option<T>,
+    ) -> Option<T> {
+        let text = self.text(name)?;
+        let value = read(&text);
+        if value.is_none() {
+            self.complain(name, format!("must be {accepted}, got \"{}\"", excerpt(&text)));
+        }
+        value
+    }
+
+    /// Takes `wait`: whole or broken seconds, at most [`LONGEST_WAIT`].
+    pub fn wait(&mut self) -> Option<Duration> {
+        self.value("wait", "a number of seconds between 0 and 60", |text| {
+            let seconds: f64 = text.parse().ok()?;
+            (0.0..=LONGEST_WAIT.as_secs_f64())
+                .contains(&seconds)
+                .then(|| Duration::from_secs_f64(seconds))
+        })
+    }
+
+    /// Takes `format`: which of the formats `offered` is asked for, if any.
+    pub fn format(&mut self, offered: &[Format]) -> Option<Format> {
+        let accepted = names(offered, Format::name, " or ");
+        self.value("format", &accepted, |text| {
+            // A format there is, but not here, is not a fault of the query: 406 answers it.
+            Format::ALL.into_iter().find(|format| format.name() == text)
+        })
+    }
+
+    /// Notes a fault.
+    pub fn complain(&mut self, name: &str, detail: impl Into<String>) {
+        self.complaints.push(Complaint::parameter(name, detail));
+    }
+
+    /// Refuses the request if anything is wrong with its parameters, or if some are left over.
+    pub fn finish(mut self) -> Result<(), Problem> {
+        let accepted = match self.known.as_slice() {
+            [] => "this address takes no parameters".to_owned(),
+            known => format!("the parameters here are {}", known.join(", ")),
+        };
+        for (name, _) in std::mem::take(&mut self.pairs) {
+            self.complain(&excerpt(&name), format!("is unknown: {accepted}"));
+        }
+        if self.complaints.is_empty() {
+            return Ok(());
+        }
+        Err(Problem::parameters(self.complaints))
+    }
+}
+
+/// For addresses without parameters: refuses whatever is given.
+pub struct NoQuery;
+
+impl<S: Sync> FromRequestParts<S> for NoQuery {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Problem> {
+        let query = <Query as FromRequestParts<S>>::from_request_parts(parts, state).await?;
+        query.finish().map(|()| Self)
+    }
+}
+
+/// The one variable part of an address, as text.
+pub struct Segment(pub String);
+
+impl<S: Send + Sync> FromRequestParts<S> for Segment {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Problem> {
+        let path = Path::<String>::from_request_parts(parts, state).await;
+        path.map(|Path(text)| Self(text)).map_err(|_| {
+            Problem::new(&problem::NOT_FOUND, "The address is not UTF-8, so nothing is here.")
+        })
+    }
+}
+
+fn excerpt(text: &str) -> String {
+    let mut out: String = text.chars().take(60).collect();
+    if out.len() < text.len() {
+        out.push('…');
+    }
+    out
+}
+
+fn names<T: Copy>(items: &[T], name: impl Fn(T) -> &'static str, join: &str) -> String {
+    items.iter().map(|&item| format!("\"{}\"", name(item))).collect::<Vec<_>>().join(join)
+}
+
+/// What a `Prefer` header (RFC 7240) asks for. Preferences that are unknown or do not parse are
+/// ignored, as that standard wants.
+pub struct Prefer {
+    /// How long the answer may take, already cut to [`LONGEST_WAIT`].
+    pub wait: Option<Duration>,
+}
+
+impl Prefer {
+    /// Reads all `Prefer` headers; the first `wait` counts.
+    pub fn read(headers: &HeaderMap) -> Self {
+        let wait = headers
+            .get_all(PREFER)
+            .iter()
+            .filter_map(|value| value.to_str().ok())
+            .flat_map(|value| value.split([',', ';']))
+            .filter_map(|preference| preference.split_once('='))
+            .find(|(name, _)| name.trim().eq_ignore_ascii_case("wait"))
+            .and_then(|(_, value)| value.trim().trim_matches('"').parse().ok())
+            .map(|seconds| Duration::from_secs(seconds).min(LONGEST_WAIT));
+        Self { wait }
+    }
+}
+
+const PREFER: HeaderName = HeaderName::from_static("prefer");
+
+/// The words of all headers of this name, which are lists.
+pub fn words(headers: &HeaderMap, name: HeaderName) -> impl Iterator<Item = &str> {
+    let values = headers.get_all(name).into_iter().filter_map(|value| value.to_str().ok());
+    values.flat_map(|value| value.split(',')).map(str::trim)
+}
+
+/// What a submission asks of the cache by `Cache-Control` (RFC 9111). What is unknown is ignored, as
+/// that standard wants.
+pub struct Freshness {
+    /// `no-cache`: compute, even if the result is known.
+    pub afresh: bool,
+    /// `only-if-cached`: do not compute.
+    pub only_known: bool,
+}
+
+impl Freshness {
+    /// Reads all `Cache-Control` headers.
+    pub fn read(headers: &HeaderMap) -> Self {
+        let says =
+            |what: &str| words(headers, CACHE_CONTROL).any(|word| word.eq_ignore_ascii_case(what));
+        let only_known = says("only-if-cached");
+        Self { afresh: says("no-cache") && !only_known, only_known }
+    }
+}
+
+/// How urgent a submission is: the `u` of a `Priority` header (RFC 9218), 3 if it does not say.
+pub fn urgency(headers: &HeaderMap) -> u8 {
+    words(headers, PRIORITY)
+        .filter_map(|word| word.split(';').next()?.trim().strip_prefix("u=")?.parse().ok())
+        .find(|urgency| *urgency <= 7)
+        .unwrap_or(3)
+}
+
+const PRIORITY: HeaderName = HeaderName::from_static("priority");
+const IDEMPOTENCY_KEY: HeaderName = HeaderName::from_static("idempotency-key");
+/// The longest `Idempotency-Key`.
+const LONGEST_KEY: usize = 255;
+
+/// The `Idempotency-Key` of a submission, with or without the quotes of the draft standard.
+pub fn idempotency_key(headers: &HeaderMap) -> Result<Option<String>, Problem> {
+    let mut values = headers.get_all(IDEMPOTENCY_KEY).iter();
+    let Some(value) = values.next() else { return Ok(None) };
+    let key = value.to_str().ok().map(|text| {
+        let text = text.trim();
+        text.strip_prefix('"').and_then(|text| text.strip_suffix('"')).unwrap_or(text)
+    });
+    match key {
+        Some(key) if (1..=LONGEST_KEY).contains(&key.len()) && values.next().is_none() => {
+            Ok(Some(key.to_owned()))
+        }
+        _ => {
+            let detail =
+                format!("must be one text of 1 to {LONGEST_KEY} ASCII characters, such as a UUID");
+            Err(Problem::header(Complaint::parameter("Idempotency-Key", detail)))
+        }
+    }
+}
+
+/// A moment, given in milliseconds since 1970, as RFC 3339 in UTC.
+pub fn instant(milliseconds: i64) -> String {
+    let since = Duration::from_millis(u64::try_from(milliseconds).unwrap_or(0));
+    humantime::format_rfc3339_millis(UNIX_EPOCH + since).to_string()
+}
+
+/// A request body that is declared as JSON, as it came.
+pub struct Body(pub Bytes);
+
+impl<S: Sync> FromRequest<S> for Body {
+    type Rejection = Problem;
+
+    async fn from_request(request: Request, _: &S) -> Result<Self, Problem> {
+        // A body without a type is refused too: a web page of any origin can send one here without
+        // asking first, and a job costs something.
+        let declared =
+            request.headers().get(CONTENT_TYPE).map(|value| value.to_str().unwrap_or(""));
+        if !declared.is_some_and(is_json) {
+            let declared = declared.map_or_else(
+                || "The body has no type".to_owned(),
+                |declared| format!("The body is declared as \"{}\"", excerpt(declared)),
+            );
+            return Err(Problem::new(
+                &problem::UNSUPPORTED_MEDIA_TYPE,
+                format!("{declared}; send it with Content-Type: application/json."),
+            ));
+        }
+        read(request).await.map(Self)
+    }
+}
+
+fn is_json(media_type: &str) -> bool {
+    let essence = media_type.split(';').next().unwrap_or_default().trim().to_ascii_lowercase();
+    essence == "application/json"
+        || (essence.starts_with("application/") && essence.ends_with("+json"))
+}
+
+/// Reads a body up to [`BODY_LIMIT`].
+async fn read(request: Request) -> Result<Bytes, Problem> {
+    let too_large = || {
+        Problem::new(
+            &problem::BODY_TOO_LARGE,
+            format!("The body has more than {BODY_LIMIT} bytes; thin out its tables."),
+        )
+    };
+    let mut body = request.into_body();
+    let declared = usize::try_from(body.size_hint().lower()).unwrap_or(usize::MAX);
+    if declared > BODY_LIMIT {
+        return Err(too_large());
+    }
+    let mut kept = Vec::with_capacity(declared);
+    while let Some(frame) = body.frame().await {
+        let frame = frame.map_err(|_| {
+            Problem::new(&problem::INVALID_JSON, "the body broke off; send it completely")
+        })?;
+        let Ok(data) = frame.into_data() else {
+            continue;
+        };
+        if kept.len() + data.len() > BODY_LIMIT {
+            return Err(too_large());
+        }
+        kept.extend_from_slice(&data);
+    }
+    Ok(kept.into())
+}
+
+/// Parses JSON. Also returns one fault for every member that appears more than once: silently
+/// dropping one would drop a parameter. In the document the last one counts.
+pub fn parse(text: &[u8]) -> Result<(Value, Vec<Fault>), serde_json::Error> {
+    let mut repeated = Repeated::default();
+    let mut pointer = String::new();
+    let mut json = serde_json::Deserializer::from_slice(text);
+    let value =
+        Members { pointer: &mut pointer, repeated: &mut repeated }.deserialize(&mut json)?;
+    json.end()?;
+    Ok((value, repeated.listed()))
+}
+
+/// Members that appear more than once. A short text can hold very many of them below a very long
+/// name, so only some are listed: the rest is counted.
+#[derive(Default)]
+struct Repeated {
+    faults: Vec<Fault>,
+    /// Length of all their pointers.
+    length: usize,
+    more: usize,
+}
+
+impl Repeated {
+    fn note(&mut self, pointer: &str) {
+        let length = self.length + pointer.len();
+        let fits = self.faults.len() < REPEATED_AT_MOST && length <= POINTERS_AT_MOST;
+        if fits || self.faults.is_empty() {
+            self.length = length;
+            let detail = "appears more than once; keep one".to_owned();
+            self.faults.push(Fault { pointer: pointer.to_owned(), detail });
+        } else {
+            self.more += 1;
+        }
+    }
+
+    fn listed(mut self) -> Vec<Fault> {
+        if self.more > 0 {
+            let detail = format!("and {} more repeated members, not listed", self.more);
+            self.faults.push(Fault { pointer: String::new(), detail });
+        }
+        self.faults
+    }
+}
+
+/// Builds a [`Value`] and notes members that appear more than once.
+struct Members<'a> {
+    pointer: &'a mut String,
+    repeated: &'a mut Repeated,
+}
+
+impl Members<'_> {
+    /// Goes on one level below, at `token`.
+    fn below<T>(&mut self, token: &str, go: impl FnOnce(Members<'_>) -> T) -> T {
+        let length = self.pointer.len();
+        self.pointer.push('/');
+        self.pointer.push_str(&token.replace('~', "~0").replace('/', "~1"));
+        let out = go(Members { pointer: self.pointer, repeated: self.repeated });
+        self.pointer.truncate(length);
+        out
+    }
+}
+
+impl<'de> DeserializeSeed<'de> for Members<'_> {
+    type Value = Value;
+
+    fn deserialize<D: serde::Deserializer<'de>>(self, json: D) -> Result<Value, D::Error> {
+        json.deserialize_any(self)
+    }
+}
+
+impl<'de> Visitor<'de> for Members<'_> {
+    type Value = Value;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("JSON")
+    }
+
+    fn visit_unit<E>(self) -> Result<Value, E> {
+        Ok(Value::Null)
+    }
+
+    fn visit_bool<E>(self, value: bool) -> Result<Value, E> {
+        Ok(value.into())
+    }
+
+    fn visit_i64<E>(self, value: i64) -> Result<Value, E> {
+        Ok(value.into())
+    }
+
+    fn visit_u64<E>(self, value: u64) -> Result<Value, E> {
+        Ok(value.into())
+    }
+
+    fn visit_f64<E: serde::de::Error>(self, value: f64) -> Result<Value, E> {
+        let number = serde_json::Number::from_f64(value);
+        number.map(Value::Number).ok_or_else(|| E::custom("number out of range"))
+    }
+
+    fn visit_str<E>(self, value: &str) -> Result<Value, E> {
+        Ok(value.into())
+    }
+
+    fn visit_string<E>(self, value: String) -> Result<Value, E> {
+        Ok(value.into())
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(mut self, mut seq: A) -> Result<Value, A::Error> {
+        let mut out = Vec::new();
+        let mut next = |index: usize, seq: &mut A| {
+            self.below(&index.to_string(), |members| seq.next_element_seed(members))
+        };
+        while let Some(value) = next(out.len(), &mut seq)? {
+            out.push(value);
+        }
+        Ok(out.into())
+    }
+
+    fn visit_map<A: MapAccess<'de>>(mut self, mut map: A) -> Result<Value, A::Error> {
+        let mut out = Map::new();
+        while let Some(name) = map.next_key::<String>()? {
+            let value = self.below(&name, |members| map.next_value_seed(members))?;
+            if out.contains_key(&name) {
+                self.below(&name, |members| members.repeated.note(members.pointer));
+            }
+            out.insert(name, value);
+        }
+        Ok(out.into())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use axum::http::HeaderValue;
+
+    use super::*;
+
+    #[test]
+    fn repeated_members_are_found_at_any_depth() {
+        let text = br#"{"a": [{"x/y": 1, "x/y": 2}], "b": {}, "a": 1, "a": 2}"#;
+        let (value, repeated) = parse(text).unwrap();
+        let pointers: Vec<_> = repeated.iter().map(|fault| fault.pointer.as_str()).collect();
+        assert_eq!(pointers, ["/a/0/x~1y", "/a", "/a"]);
+        assert_eq!(value, serde_json::json!({"a": 2, "b": {}}));
+    }
+
+    #[test]
+    fn a_short_text_cannot_make_a_long_list_of_faults() {
+        let name = "k".repeat(20_000);
+        let many = vec!["\"a\":1"; 10_000].join(",");
+        for (text, listed) in
+            [(format!("{{{many}}}"), 100), (format!("{{\"{name}\": {{{many}}}}}"), 3)]
+        {
+            let repeated = parse(text.as_bytes()).unwrap().1;
+            assert_eq!(repeated.len(), listed + 1);
+            assert!(repeated.iter().map(|fault| fault.pointer.len()).sum::<usize>() <= 1 << 16);
+            let last = format!("and {} more repeated members, not listed", 9_999 - listed);
+            assert_eq!(repeated[listed].detail, last);
+        }
+    }
+
+    #[test]
+    fn a_document_is_parsed_as_serde_json_would() {
+        let text =
+            br#"{"a": [1, -2, 3.5e-7, null, true, "\u00b5m"], "b": {"c": 18446744073709551615}}"#;
+        assert_eq!(parse(text).unwrap().0, serde_json::from_slice::<Value>(text).unwrap());
+        for bad in ["", "{", "[1,]", "{} {}", "NaN", "[1e999]", "{'a': 1}"] {
+            assert!(parse(bad.as_bytes()).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn preferences_that_do_not_parse_are_ignored() {
+        let prefer = |value| {
+            let headers = HeaderMap::from_iter([(PREFER, HeaderValue::from_static(value))]);
+            Prefer::read(&headers).wait.map(|wait| wait.as_secs())
+        };
+        assert_eq!(prefer("wait=10"), Some(10));
+        assert_eq!(prefer("respond-async, Wait = \"7\""), Some(7));
+        assert_eq!(prefer("wait=9999"), Some(60));
+        assert_eq!(prefer("wait=soon"), None);
+        assert_eq!(prefer("return=minimal"), None);
+    }
+}

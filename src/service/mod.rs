@@ -1,0 +1,3 @@
+//! Everything the program can do with jobs and results; HTTP and the command line are faces of it.
+
+pub mod workers;
