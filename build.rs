@@ -1,4 +1,4 @@
-//! Migrations are embedded at compile time; a new one must cause a rebuild.
+//! Rebuilds the program when a migration changes, because migrations are embedded at compile time.
 
 fn main() {
     println!("cargo:rerun-if-changed=migrations");

@@ -1,12 +1,10 @@
 #!/usr/bin/env bash
-# Opens an export as its users do: Datasette serves the file as it is, and a JSON query returns the
-# numbers that the server returns.
+# Opens an export with Datasette and checks that its JSON queries return the numbers that the server returns.
 #
 #   tests/clients/datasette.sh [BASE]
 #
-# With BASE, such as http://127.0.0.1:8080, numbers are those of that server, whose data directory
-# FRETWORK_TEST_DATA names; without it, of a server that is started for it. FRETWORK_TEST_PROGRAM is the
-# program, the release build if it is not set.
+# BASE is the address of a running server, such as http://127.0.0.1:8080, and FRETWORK_TEST_DATA is its data directory.
+# Without BASE, the script starts a server. FRETWORK_TEST_PROGRAM is the program (default: the release build).
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 
@@ -78,5 +76,5 @@ units = {row["name"]: row["unit"] for row in ask("/results/units.json", _size="m
 assert units["wear_volume"] == "m^3" and units["friction"] == "1"
 found = ask("/results.json", sql="select count(*) as n from results where friction between 0.6 and 0.8")
 assert found[0]["n"] >= 1
-print("datasette serves the export: rows, bodies, history and units are those of the server")
+print("datasette: rows, bodies, history and units of the export equal those of the server")
 PYTHON
