@@ -1,7 +1,6 @@
-//! The dashboard: a page for people, from files inside the program.
+//! Serves the files of the dashboard, which are compiled into the program.
 //!
-//! It holds no data and asks this server for everything, like any other client; so it is open to all,
-//! and what it shows is not.
+//! The files need no access key. They contain no data: the dashboard uses the API like any other client.
 
 use std::sync::LazyLock;
 
@@ -19,10 +18,10 @@ use super::problem::{self, Problem};
 use super::representation::held;
 use super::wire::{NoQuery, Segment};
 
-/// A file: its name under `/assets/`, what it is, its bytes.
+/// A file: its name under `/assets/`, its media type and its content.
 type File = (&'static str, &'static str, &'static [u8]);
 
-/// What is at `/`.
+/// The file at `/`.
 const INDEX: File = ("", "text/html; charset=utf-8", include_bytes!("dashboard/index.html"));
 
 macro_rules! files {
@@ -31,35 +30,35 @@ macro_rules! files {
     };
 }
 
-const SCRIPTS: &[File] = files!("text/javascript": "about.js", "actions.js", "api.js", "dom.js",
-    "fields.js", "form.js", "known.js", "library.js", "main.js", "names.js", "plots.js", "queue.js",
-    "result.js", "run.js", "sketch.js", "units.js", "vendor/uPlot.iife.min.js");
+const SCRIPTS: &[File] = files!("text/javascript": "actions.js", "api.js", "details.js", "dom.js",
+    "estimate.js", "fields.js", "form.js", "library.js", "main.js", "plots.js", "queue.js",
+    "result.js", "run.js", "sketch.js", "summary.js", "units.js", "vendor/uPlot.iife.min.js");
 const STYLES: &[File] = files!("text/css": "style.css", "vendor/uPlot.min.css");
 const IMAGES: &[File] = files!("image/svg+xml": "icon.svg");
 const TEXTS: &[File] = files!("text/plain; charset=utf-8": "vendor/uPlot-LICENSE.txt");
 
-/// The page runs what comes from here and asks nobody else, so what somebody writes into a label or
-/// a note cannot become a program.
+/// Content security policy. The browser runs scripts of this server only, so a label or a note cannot
+/// inject one.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; \
     connect-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'";
 
-/// A file as it is sent: as it is and compressed, once for all who ask.
+/// A file with its body in each coding. Files are compressed once.
 struct Asset {
     name: &'static str,
-    kind: &'static str,
+    media_type: &'static str,
     tag: String,
+    /// The coding that the client accepts, the body, and the coding of that body.
     bodies: [(Coding, Bytes, Coding); 3],
 }
 
 impl Asset {
-    fn new(&(name, kind, bytes): &File) -> Self {
-        let bodies = [Coding::Identity, Coding::Gzip, Coding::Zstd].map(|asked| {
-            let plain = Bytes::from_static(bytes);
-            // What cannot be compressed is sent as it is.
-            let (body, done) = asked.encode(&plain, true).unwrap_or((plain, Coding::Identity));
-            (asked, body, done)
+    fn new(&(name, media_type, bytes): &File) -> Self {
+        let bodies = [Coding::Identity, Coding::Gzip, Coding::Zstd].map(|accepted| {
+            #[expect(clippy::expect_used, reason = "writing to memory cannot fail")]
+            let (body, used) = accepted.encode(bytes, true).expect("compresses a file in memory");
+            (accepted, body, used)
         });
-        Self { name, kind, tag: format!("\"{:016x}\"", xxh3_64(bytes)), bodies }
+        Self { name, media_type, tag: format!("\"{:016x}\"", xxh3_64(bytes)), bodies }
     }
 }
 
@@ -68,12 +67,12 @@ static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| {
     files.concat().iter().map(Asset::new).collect()
 });
 
-/// The page.
+/// `GET /`.
 pub async fn page(headers: HeaderMap, _: NoQuery) -> Result<Response, Problem> {
     file("", &headers)
 }
 
-/// What the page is made of.
+/// `GET /assets/{name}`.
 pub async fn asset(
     Segment(name): Segment,
     headers: HeaderMap,
@@ -82,11 +81,11 @@ pub async fn asset(
     file(&name, &headers)
 }
 
-/// A file in the coding that the client takes, or nothing where it holds it. A browser asks each time,
-/// so that after an upgrade all files are of one release.
+/// Answers with a file, or with 304 if the client has it. Browsers revalidate each file at each load, so
+/// that after an upgrade all files are of one release.
 fn file(name: &str, headers: &HeaderMap) -> Result<Response, Problem> {
     let asset = ASSETS.iter().find(|asset| asset.name == name).ok_or_else(|| {
-        Problem::new(&problem::NOT_FOUND, "The dashboard has no such file; it starts at /.")
+        Problem::new(&problem::NOT_FOUND, "The dashboard has no file of this name. Open / instead.")
     })?;
     let shared =
         [(CACHE_CONTROL, "no-cache"), (CONTENT_SECURITY_POLICY, POLICY), (VARY, "accept-encoding")];
@@ -94,14 +93,17 @@ fn file(name: &str, headers: &HeaderMap) -> Result<Response, Problem> {
         return Ok((StatusCode::NOT_MODIFIED, [(ETAG, tag)], shared).into_response());
     }
     let chosen = Coding::choose(headers, Format::Json);
-    let (_, body, done) =
-        asset.bodies.iter().find(|(asked, ..)| *asked == chosen).ok_or_else(Problem::internal)?;
-    let own = [(ETAG, tagged(&asset.tag, *done)), (CONTENT_TYPE, asset.kind.to_owned())];
-    let coding = done.name().map(|name| [(CONTENT_ENCODING, name)]);
+    let (_, body, used) = asset
+        .bodies
+        .iter()
+        .find(|(accepted, ..)| *accepted == chosen)
+        .ok_or_else(Problem::internal)?;
+    let own = [(ETAG, tagged(&asset.tag, *used)), (CONTENT_TYPE, asset.media_type.to_owned())];
+    let coding = used.name().map(|name| [(CONTENT_ENCODING, name)]);
     Ok((own, coding, shared, body.clone()).into_response())
 }
 
-/// A tag is weak where the bytes are compressed.
-fn tagged(tag: &str, done: Coding) -> String {
-    if done == Coding::Identity { tag.to_owned() } else { format!("W/{tag}") }
+/// The entity tag, which is weak for a compressed body.
+fn tagged(tag: &str, used: Coding) -> String {
+    if used == Coding::Identity { tag.to_owned() } else { format!("W/{tag}") }
 }

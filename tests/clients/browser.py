@@ -1,5 +1,5 @@
-"""What a test of the dashboard needs: a real browser that remembers complaints, servers that can be killed,
-and what stands in a page as numbers.
+"""Helpers for the tests of the dashboard: a browser that records errors, servers that a test can kill, and the
+numbers that a page shows.
 """
 
 import json
@@ -18,7 +18,7 @@ SIZES = {1440: 900, 390: 844}
 
 
 def ask(base, path, body=None, method=None, wait=20):
-    """The server's own word; of a job, once it is finished or has been waited for so many seconds."""
+    """The JSON answer of the server. A job is answered when it is finished, at the latest after `wait` seconds."""
     data = None if body is None else json.dumps(body).encode()
     headers = {"Content-Type": "application/json", "Prefer": f"wait={wait}"}
     request = urllib.request.Request(base + path, data, headers, method=method)
@@ -27,14 +27,14 @@ def ask(base, path, body=None, method=None, wait=20):
 
 
 def chromium():
-    """Where the browser is; it is installed from Debian if there is none."""
+    """The path of Chromium, which is installed with apt if it is missing."""
     if not shutil.which("chromium"):
         subprocess.run("apt-get update -qq && apt-get install -qq -y chromium", shell=True, check=True)
     return shutil.which("chromium")
 
 
 def axe():
-    """The script of axe-core, from its package."""
+    """The script of axe-core from its npm package."""
     at = ROOT / f"target/clients/axe-core-{AXE}"
     if not at.exists():
         at.mkdir(parents=True)
@@ -44,13 +44,13 @@ def axe():
 
 
 class Server:
-    """A server of this test's own, on a port that stays when it is started again."""
+    """A server of this test. It keeps its port when it is restarted."""
 
     def __init__(self, program, data, *options, **environment):
         with socket.socket() as free:
             free.bind(("127.0.0.1", 0))
             self.port = free.getsockname()[1]
-        self.words = [program, "--listen", f"127.0.0.1:{self.port}", "--data-dir", data, *options]
+        self.command = [program, "--listen", f"127.0.0.1:{self.port}", "--data-dir", data, *options]
         self.environment = {"PATH": os.environ["PATH"], "FRETWORK_LOG": "error", **environment}
         self.base = f"http://127.0.0.1:{self.port}"
 
@@ -61,9 +61,9 @@ class Server:
         self.kill()
 
     def start(self):
-        self.process = subprocess.Popen(self.words, env=self.environment, stdout=subprocess.PIPE, text=True)
+        self.process = subprocess.Popen(self.command, env=self.environment, stdout=subprocess.PIPE, text=True)
         assert "listens on" in self.process.stdout.readline()
-        # The address that people click on.
+        # The printed address of the dashboard.
         self.page = re.search(r"dashboard: (\S+)", self.process.stdout.readline())[1]
         return self
 
@@ -74,13 +74,13 @@ class Server:
 
 
 class Browser:
-    """Fresh profiles of one browser; what a page complains of, and whom else it asks, is remembered."""
+    """Fresh profiles of one browser. Records the errors of its pages and their requests to other servers."""
 
     def __init__(self, chromium):
-        self.chromium, self.complaints, self.script = chromium, [], axe()
+        self.chromium, self.errors, self.script = chromium, [], axe()
 
     def page(self, base, scheme="light", width=1440, before=None):
-        """A page in a fresh profile; the script `before` runs before the page's own."""
+        """A page in a fresh profile. The script `before` runs before the scripts of the page."""
         size = {"width": width, "height": SIZES[width]}
         context = self.chromium.new_context(viewport=size, color_scheme=scheme, bypass_csp=False)
         context.grant_permissions(["clipboard-read", "clipboard-write"], origin=base)
@@ -88,43 +88,42 @@ class Browser:
             context.add_init_script(before)
         page = context.new_page()
         page.set_default_timeout(15000)
-        page.on("pageerror", lambda error: self.complaints.append(str(error)))
-        page.on("console", self.heard)
+        page.on("pageerror", lambda error: self.errors.append(str(error)))
+        page.on("console", self.record_message)
         page.on("request", lambda request: request.url.startswith((base, "blob:", "data:"))
-            or self.complaints.append(f"asks {request.url}"))
+            or self.errors.append(f"request to {request.url}"))
         return page
 
-    def heard(self, message):
-        # The browser reports each answer that is not a success (those that are meant are shown), and that this test
-        # reads pixels.
-        own = ("Failed to load resource", "Canvas2D: Multiple readback")
-        if message.type in ("error", "warning") and not message.text.startswith(own):
-            self.complaints.append(message.text)
+    def record_message(self, message):
+        # The browser also logs each error status, which the tests provoke, and that `drawn_pixels` reads the canvas.
+        expected = ("Failed to load resource", "Canvas2D: Multiple readback")
+        if message.type in ("error", "warning") and not message.text.startswith(expected):
+            self.errors.append(message.text)
 
-    def examine(self, page, view):
-        """No violation of any rule of accessibility in what is shown."""
+    def check_accessibility(self, page, view):
+        """axe-core finds no violation in the page as it is now."""
         page.evaluate(self.script)
         found = page.evaluate("axe.run(document, {resultTypes: ['violations']})")["violations"]
-        told = [(rule["id"], [node["html"][:160] for node in rule["nodes"]][:3]) for rule in found]
-        assert not told, (view, told)
+        violations = [(rule["id"], [node["html"][:160] for node in rule["nodes"]][:3]) for rule in found]
+        assert not violations, (view, violations)
 
-    def examine_shown(self, page, view):
-        """The same, nothing wider than the screen, and a picture of it."""
-        self.examine(page, view)
+    def check_view(self, page, view):
+        """Checks accessibility and that nothing is wider than the screen, and takes a screenshot."""
+        self.check_accessibility(page, view)
         assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), view
         page.screenshot(path=SCREENS / f"{view}.png", full_page=True)
 
-    def examine_all(self, base, views):
-        """Each view, an address and what is there once it is drawn: light and dark, wide and narrow."""
+    def check_views(self, base, views):
+        """Checks each view in light and dark, wide and narrow. A view is an address and a selector to wait for."""
         for width in SIZES:
             for scheme in ("light", "dark"):
                 page = self.page(base, scheme=scheme, width=width)
                 for view, (address, ready) in views.items():
                     page.goto(base + address)
                     page.wait_for_selector(ready, state="attached")
-                    # What is drawn goes on the screen.
+                    # The canvases are painted after the selector appears.
                     page.wait_for_timeout(200)
-                    self.examine_shown(page, f"{view}-{width}-{scheme}")
+                    self.check_view(page, f"{view}-{width}-{scheme}")
                 page.context.close()
 
 
@@ -132,28 +131,28 @@ def canvas(page, figure):
     return page.locator(f"section[aria-label='{figure}'] canvas")
 
 
-def inked(page, figure):
-    """How many pixels of a plot are drawn, and in how many colours."""
+def drawn_pixels(page, figure):
+    """The number of drawn pixels of a plot, and the number of their colours."""
     return canvas(page, figure).evaluate("""canvas => {
         const {data} = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
         const colours = new Set();
-        let inked = 0;
+        let drawn = 0;
         for (let i = 0; i < data.length; i += 4) if (data[i + 3] > 200) {
-            inked++;
+            drawn++;
             colours.add(`${data[i]} ${data[i + 1]} ${data[i + 2]}`);
         }
-        return [inked, colours.size];
+        return [drawn, colours.size];
     }""")
 
 
-def below(page, figure):
-    """What stands below a plot: names and, where there is a cursor, values."""
+def legend(page, figure):
+    """The legend of a plot: the values at the cursor by the names of the curves."""
     return dict(page.locator(f"section[aria-label='{figure}'] .u-series").evaluate_all(
         "rows => rows.map(row => [row.querySelector('.u-label').textContent, row.querySelector('.u-value').textContent])"))
 
 
 def number(text):
-    """A number as it is shown, back; None where nothing is known."""
+    """The number of a shown text; None for a dash."""
     found = re.match(r"(−?[\d.]+)(?:·10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+))?", text)
     if not found:
         assert text == "–", text
@@ -162,6 +161,7 @@ def number(text):
     return float(found[1].replace("−", "-")) * 10 ** int(power)
 
 
-def close(shown, true, part=1e-4):
+def close(shown, expected, tolerance=1e-4):
+    """Asserts that a shown text is the expected number within a relative tolerance."""
     found = number(shown)
-    assert found == true or None not in (found, true) and abs(found - true) <= part * abs(true), (shown, true)
+    assert found == expected or None not in (found, expected) and abs(found - expected) <= tolerance * abs(expected), (shown, expected)

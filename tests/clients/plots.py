@@ -1,4 +1,4 @@
-"""Every plot of the dashboard, read by pointer and by keyboard, and how fast the slider is."""
+"""Tests every plot of the dashboard with the mouse and the keyboard, and measures the speed of the slider."""
 
 import re
 import statistics
@@ -6,50 +6,46 @@ import statistics
 import numpy
 from playwright.sync_api import expect
 
-from browser import ask, below, canvas, close, inked, number
+from browser import ask, canvas, close, drawn_pixels, legend, number
 
 
-def agree(page, figure, x_name, truth):
-    """What stands below a plot is what the server says for that x. `truth` has columns of x and y by name."""
-    shown = below(page, figure)
+def check_legend(page, figure, x_name, expected):
+    """Compares the legend with the server's values at the same x. `expected` has columns of x and y by name."""
+    shown = legend(page, figure)
     x = number(shown[x_name])
-    for name, (xs, ys) in truth.items():
+    for name, (xs, ys) in expected.items():
         nearest = min(range(len(xs)), key=lambda i: abs(xs[i] - x))
         if abs(xs[nearest] - x) <= 1e-3 * abs(x):
             close(shown[name], ys[nearest], 1e-3)
         else:
-            # Between its points a loop is straight.
-            on_the_line = numpy.interp(x, xs, ys) if xs[0] < xs[-1] else numpy.interp(x, xs[::-1], ys[::-1])
-            assert abs(number(shown[name]) - on_the_line) <= 1e-3 * max(map(abs, ys)), (name, x, shown)
+            # Between its points a loop is a straight line.
+            interpolated = numpy.interp(x, xs, ys) if xs[0] < xs[-1] else numpy.interp(x, xs[::-1], ys[::-1])
+            assert abs(number(shown[name]) - interpolated) <= 1e-3 * max(map(abs, ys)), (name, x, shown)
 
 
-def read(page, figure, x_name, truth):
-    """Reads a plot by pointer and by keyboard; what a screen reader is told is what stands there."""
-    pixels, colours = inked(page, figure)
+def read_plot(page, figure, x_name, expected):
+    """Reads a plot with the mouse and the keyboard. A screen reader gets the same values as the legend."""
+    pixels, colours = drawn_pixels(page, figure)
     assert pixels > 500 and colours > 3, (figure, pixels, colours)
     plot = page.locator(f"section[aria-label='{figure}'] [role=slider]")
     area = page.locator(f"section[aria-label='{figure}'] .u-over")
     box = area.bounding_box()
-    for part in (0.35, 0.7):
-        area.hover(position={"x": part * box["width"], "y": box["height"] / 2})
+    for fraction in (0.35, 0.7):
+        area.hover(position={"x": fraction * box["width"], "y": box["height"] / 2})
         expect(page.locator(f"section[aria-label='{figure}'] .u-value").first).to_have_text(re.compile(r"\d"))
-        agree(page, figure, x_name, truth)
+        check_legend(page, figure, x_name, expected)
     plot.focus()
     steps = []
     for key in ("End", "ArrowLeft", "Home", "PageUp", "ArrowRight"):
         page.keyboard.press(key)
-        agree(page, figure, x_name, truth)
+        check_legend(page, figure, x_name, expected)
         steps.append(int(plot.get_attribute("aria-valuenow")))
-        told = plot.get_attribute("aria-valuetext")
-        assert all(f"{name}: {value}" in told for name, value in below(page, figure).items() if value), told
+        spoken = plot.get_attribute("aria-valuetext")
+        assert all(f"{name}: {value}" in spoken for name, value in legend(page, figure).items() if value), spoken
     last = int(plot.get_attribute("aria-valuemax"))
     assert steps[:3] == [last, last - 1, 0] and 0 < steps[3] == steps[4] - 1 < last, steps
     page.keyboard.press("Escape")
-    assert number_free(below(page, figure).values())
-
-
-def number_free(values):
-    return not any(re.search(r"\d", value) for value in values)
+    assert not any(re.search(r"\d", value) for value in legend(page, figure).values())
 
 
 PROFILES = {"worn": 1e6, "wear": 1e6, "pressure": 1e-6, "slip": 1e6, "image": 1e6}
@@ -58,72 +54,69 @@ HISTORIES = {
     "depth": [("Wear depth", "wear_depth", 1e6)],
     "radii": [("Contact radius", "contact_radius", 1e6), ("Stick radius", "stick_radius", 1e6), ("Scar radius", "scar_radius", 1e6)],
     "forces": [("Normal force", "normal_force", 1), ("Tangential force", "tangential_force", 1)],
-    "depths": [("Depth", "indentation_depth", 1e6), ("Amplitude", "amplitude", 1e6)],
+    "depths": [("Indentation depth", "indentation_depth", 1e6), ("Amplitude", "amplitude", 1e6)],
     "energy": [("Energy per cycle", "energy_per_cycle", 1e3)],
     "dissipated": [("Dissipated energy", "dissipated_energy", 1e3)],
 }
 
 
-def times(factor, values):
+def scaled(factor, values):
     return [None if value is None else factor * value for value in values]
 
 
 def every_plot(page, base, key, scales=("x", "", "xy")):
-    """Each quantity, each axis, the loop: drawn, and the numbers at the cursor are the server's."""
+    """Draws each quantity on each kind of axes. The legend shows the values of the server."""
     result = ask(base, f"/v1/results/{key}")
     profiles, history, loops = result["profiles"], result["history"], result["loops"]
     page.goto(f"{base}/#/result/{key}")
     page.wait_for_selector("canvas")
-    radius = times(1e6, profiles["radius"])
+    radius = scaled(1e6, profiles["radius"])
     pictures = set()
     for name, factor in PROFILES.items():
         page.select_option("#choose-plot", name)
-        truth = {"this instant": (radius, times(factor, profiles[name][-1]))}
-        if name == "worn":
-            truth["initial"] = (radius, times(1e6, profiles["initial"]))
-        else:
-            truth["unworn"] = (radius, times(factor, profiles[name][0]))
-        assert ("limiting" in below(page, "Profiles")) == (name in ("worn", "wear") and profiles["limiting"] is not None)
+        unworn = profiles["initial"] if name == "worn" else profiles[name][0]
+        expected = {"Current": (radius, scaled(factor, profiles[name][-1])), "Unworn": (radius, scaled(factor, unworn))}
+        assert ("Limiting" in legend(page, "Profiles")) == (name in ("worn", "wear") and profiles["limiting"] is not None)
         if profiles["limiting"] and name in ("worn", "wear"):
             wear = [end - start for end, start in zip(profiles["limiting"], profiles["initial"])]
-            truth["limiting"] = (radius, times(1e6, profiles["limiting"] if name == "worn" else wear))
-        read(page, "Profiles", "Radius r", truth)
+            expected["Limiting"] = (radius, scaled(1e6, profiles["limiting"] if name == "worn" else wear))
+        read_plot(page, "Profiles", "Radius r", expected)
         pictures.add(canvas(page, "Profiles").evaluate("canvas => canvas.toDataURL()"))
     for name, columns in HISTORIES.items():
         page.select_option("#choose-history", name)
-        truth = {}
+        expected = {}
         for word, column, factor in columns:
-            truth[word] = (history["cycles"], times(factor, history[column]))
+            expected[word] = (history["cycles"], scaled(factor, history[column]))
         if result.get("comparison"):
-            _, column, factor = columns[0]
-            word = "simplified rule" + (f": {columns[0][0].lower()}" if len(columns) > 1 else "")
-            truth[word] = (result["comparison"]["history"]["cycles"], times(factor, result["comparison"]["history"][column]))
+            word, column, factor = columns[0]
+            rule = result["comparison"]["history"]
+            expected[f"Simplified rule: {word}"] = (rule["cycles"], scaled(factor, rule[column]))
         for axes in scales:
             page.select_option("#choose-log", axes)
             if "y" in axes:
-                # What is not above zero has no place on a logarithmic axis.
-                shown = {word: (xs, [y if y > 0 else None for y in ys]) for word, (xs, ys) in truth.items()}
+                # A logarithmic axis shows positive values only.
+                shown = {word: (xs, [y if y > 0 else None for y in ys]) for word, (xs, ys) in expected.items()}
                 shown = {word: columns for word, columns in shown.items() if any(columns[1])}
             else:
-                shown = truth
-            read(page, "History", "Cycles N", shown)
+                shown = expected
+            read_plot(page, "History", "Cycles N", shown)
             pictures.add(canvas(page, "History").evaluate("canvas => canvas.toDataURL()"))
     assert len(pictures) == len(PROFILES) + len(scales) * len(HISTORIES), len(pictures)
-    criteria = re.findall(r"=\xa0([^,]+)", page.locator("#criteria").text_content())
-    for shown, ratio in zip(criteria, ("energy_ratio", "slip_ratio", "free_ratio"), strict=True):
+    ratios = re.findall(r"=\xa0([^,]+)", page.locator("#ratios").text_content())
+    for shown, ratio in zip(ratios, ("energy_ratio", "slip_ratio", "free_ratio"), strict=True):
         close(shown, loops[ratio][-1], 5e-3)
-    moved, force = times(1e6, loops["displacement"][-1]), loops["tangential_force"][-1]
+    moved, force = scaled(1e6, loops["displacement"][-1]), loops["tangential_force"][-1]
     turn = moved.index(min(moved))
-    read(page, "Fretting loop", "Displacement", {"this, back": (moved[:turn + 1], force[:turn + 1])})
-    read(page, "Fretting loop", "Displacement", {"this, forth": (moved[turn:], force[turn:])})
+    read_plot(page, "Fretting loop", "Displacement", {"Unloading": (moved[:turn + 1], force[:turn + 1])})
+    read_plot(page, "Fretting loop", "Displacement", {"Loading": (moved[turn:], force[turn:])})
 
 
 def every_loop(page, base, key):
-    """Each loop is cut into branches that are functions of the displacement, with all of its points."""
+    """Each loop is split into branches that are functions of the displacement and together have all of its points."""
     loops = ask(base, f"/v1/results/{key}/loops")["loops"]
-    cut = "async ([x, y]) => (await import('/assets/plots.js')).branches(x, y)"
+    split = "async ([x, y]) => (await import('/assets/plots.js')).branches(x, y)"
     for moved, force in zip(loops["displacement"], loops["tangential_force"], strict=True):
-        branches = page.evaluate(cut, [moved, force])
+        branches = page.evaluate(split, [moved, force])
         assert all(xs == sorted(xs) for xs, _ in branches), (key, moved)
         points = {point for xs, ys in branches for point in zip(xs, ys, strict=True)}
         assert points == set(zip(moved, force)), (key, moved)
@@ -131,7 +124,7 @@ def every_loop(page, base, key):
 
 
 def slide(browser, base):
-    """200 instants of 512 radii: each move of the slider is drawn in the next frame; how long that takes."""
+    """Moves the slider over 200 output cycles of 512 radii. Each move is drawn in the next frame."""
     scenario = ask(base, "/v1/examples/steel-ball")["scenario"]
     scenario["cycles"] = {"from": 500, "to": 100000, "count": 200, "spacing": "linear"}
     scenario["profiles_at"] = "all"
@@ -145,11 +138,11 @@ def slide(browser, base):
         page.select_option("#choose-plot", name)
         page.evaluate("""() => {
             window.steps = new Map();
-            const slider = document.getElementById("instant");
+            const slider = document.getElementById("output");
             slider.addEventListener("input", () => {
                 const start = performance.now(), at = slider.value, own = {};
                 requestAnimationFrame((frame) => {
-                    // The page's own callback came before: this is what it took, and the rest of the frame follows.
+                    // The callback of the dashboard has just run in this frame. The message arrives at the end of the frame.
                     own.script = performance.now() - frame;
                     const { port1, port2 } = new MessageChannel();
                     port1.onmessage = () => (own.shown = performance.now() - start);
@@ -158,9 +151,9 @@ def slide(browser, base):
                 window.steps.set(at, own);
             });
         }""")
-        slider = page.locator("#instant").bounding_box()
+        slider = page.locator("#output").bounding_box()
         middle = slider["y"] + slider["height"] / 2
-        # The thumb's middle goes from half its width to half its width before the end.
+        # The middle of the thumb moves from 8 px behind the left end to 8 px before the right end.
         left, right = slider["x"] + 8, slider["x"] + slider["width"] - 8
         page.mouse.move(right, middle)
         page.mouse.down()
@@ -170,23 +163,23 @@ def slide(browser, base):
         page.wait_for_timeout(100)
         steps = page.evaluate("[...window.steps.values()].filter(step => step.shown !== undefined)")
         assert len(steps) >= 200 and page.locator("#at").inner_text() == "N = 0", len(steps)
-        for what in ("script", "shown"):
-            took[what] += [step[what] for step in steps]
-        page.locator("#instant").focus()
+        for phase in ("script", "shown"):
+            took[phase] += [step[phase] for step in steps]
+        page.locator("#output").focus()
         page.keyboard.press("End")
-    for what, name in (("script", "a frame's script takes"), ("shown", "from the event to the end of its frame it takes")):
-        parts = statistics.quantiles(took[what], n=20)
-        print(f"the slider over 200 x 512, {len(took[what])} steps: {name} {parts[9]:.1f} ms, {parts[18]:.1f} at the 95th "
-            f"percentile, {max(took[what]):.1f} at worst (16.7 ms are one frame)")
-    # One event, two frames: the picture is another one.
+    for phase, name in (("script", "script per frame"), ("shown", "from the input event to the end of the frame")):
+        parts = statistics.quantiles(took[phase], n=20)
+        print(f"slider over 200 x 512, {len(took[phase])} steps, {name}: median {parts[9]:.1f} ms, 95th percentile "
+            f"{parts[18]:.1f} ms, maximum {max(took[phase]):.1f} ms (one frame is 16.7 ms)")
+    # Two frames after one event the canvas has changed.
     page.select_option("#choose-plot", "wear")
     page.evaluate("""() => {
         const canvas = document.querySelector("section[aria-label=Profiles] canvas"), before = canvas.toDataURL();
         const two = (done) => requestAnimationFrame(() => requestAnimationFrame(done));
-        window.redrawn = new Promise((done) => document.getElementById("instant").addEventListener("input",
+        window.redrawn = new Promise((done) => document.getElementById("output").addEventListener("input",
             () => two(() => done(canvas.toDataURL() !== before)), { once: true }));
     }""")
-    page.locator("#instant").focus()
+    page.locator("#output").focus()
     page.keyboard.press("PageDown")
     assert page.evaluate("window.redrawn")
     page.context.close()

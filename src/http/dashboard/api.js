@@ -1,95 +1,99 @@
-// The server: calls with the key, problems, events; waiting for it where it is lost.
+// Requests to the server: access key, errors, server-sent events, and retries after a lost connection.
 
-import { h } from "./dom.js";
+import { h, openDialog } from "./dom.js";
 
 const KEY = "fretwork-key";
-const AGAIN = 1000;
+const RETRY_MS = 1000;
+const HEALTH_CHECK_MS = 8000;
 
-/** An answer that is not a success (RFC 9457). */
+/** An error response (RFC 9457). */
 export class Problem extends Error {
-  constructor(status, stated) {
-    super(stated.detail ?? `The server answers ${status}.`);
-    Object.assign(this, stated, { status });
+  constructor(status, members) {
+    super(members.detail ?? `The server answered with status ${status}.`);
+    Object.assign(this, members, { status });
   }
 }
 
-/** Tells `lost`, `back` and `who` (another key). */
-export const server = new EventTarget();
+/** Dispatches `lost` and `restored` for the connection, and `key` when the access key changes. */
+export const connection = new EventTarget();
 
 export const key = () => sessionStorage.getItem(KEY);
 
 export function signOut() {
   sessionStorage.removeItem(KEY);
-  server.dispatchEvent(new Event("who"));
+  connection.dispatchEvent(new Event("key"));
 }
 
 const pause = (milliseconds) => new Promise((done) => setTimeout(done, milliseconds));
 
-let returning = null;
+let reconnecting = null;
 
-/** Waits until the server answers again; all who wait share one question a second. */
-function untilBack() {
-  returning ??= (async () => {
-    server.dispatchEvent(new Event("lost"));
+/** Waits until the server answers. All waiting requests share one health check per second. */
+function reconnect() {
+  reconnecting ??= (async () => {
+    connection.dispatchEvent(new Event("lost"));
     for (;;) {
-      await pause(AGAIN);
+      await pause(RETRY_MS);
       try {
         if ((await fetch("/healthz", { cache: "no-store" })).ok) break;
-      } catch { /* Not yet. */ }
+      } catch { /* The server is still unreachable. */ }
     }
-    returning = null;
-    server.dispatchEvent(new Event("back"));
+    reconnecting = null;
+    connection.dispatchEvent(new Event("restored"));
   })();
-  return returning;
+  return reconnecting;
 }
 
-/** Asks now and then whether the server is there, so that nobody types for nobody. */
-export async function watch() {
+/** Checks the connection every 8 s, so that an idle page shows the banner too. */
+export async function watchConnection() {
   for (;;) {
-    await pause(8000);
-    if (document.hidden || returning) continue;
+    await pause(HEALTH_CHECK_MS);
+    if (document.hidden || reconnecting) continue;
     try {
       await fetch("/healthz", { cache: "no-store" });
     } catch {
-      await untilBack();
+      await reconnect();
     }
   }
 }
 
 /**
- * One request, until it is answered: again when the server is back, again with a key where one is
- * asked for. Whatever is sent here may be sent twice: it is a question, or carries an Idempotency-Key.
+ * Sends one request and retries it after a lost connection or a sign-in. A retry is safe: each request reads,
+ * is idempotent, or carries an Idempotency-Key.
  */
 export async function send(path, { method = "GET", body, headers = {}, signal } = {}) {
   for (;;) {
-    const presented = key();
+    const sentKey = key();
     const all = { Accept: "application/json", ...headers };
-    if (presented) all.Authorization = `Bearer ${presented}`;
+    if (sentKey) all.Authorization = `Bearer ${sentKey}`;
     if (body !== undefined) all["Content-Type"] = "application/json";
-    let answer;
+    let response;
     try {
-      const text = body === undefined || typeof body === "string" ? body : JSON.stringify(body);
-      // What the browser holds is asked for again (304): it may be deleted, or nobody signed in any more.
-      answer = await fetch(path, { method, body: text, headers: all, signal, cache: "no-cache" });
+      // `no-cache` revalidates cached results: the result may be deleted or the key revoked.
+      response = await fetch(path, { method, body: body && JSON.stringify(body), headers: all, signal, cache: "no-cache" });
     } catch (error) {
       if (signal?.aborted || error.name === "AbortError") throw error;
-      await untilBack();
+      await reconnect();
       signal?.throwIfAborted();
       continue;
     }
-    if (answer.ok) return answer;
-    const stated = await answer.json().catch(() => ({}));
-    if (answer.status === 401 && (presented !== key() || (await signIn(stated.detail)))) continue;
-    throw new Problem(answer.status, stated);
+    if (response.ok) return response;
+    const members = await response.json().catch(() => ({}));
+    if (response.status === 401) {
+      const reason = sentKey ? "The server rejected this key. It may be mistyped, expired or revoked."
+        : "This server requires an access key.";
+      if (sentKey !== key() || (await signIn(reason))) continue;
+    }
+    throw new Problem(response.status, members);
   }
 }
 
-/** The JSON of an answer. A read that breaks off is repeated like one that never began. */
+/** Returns the JSON of a response. Repeats the request if the response breaks off. */
 export async function get(path, options = {}) {
   for (;;) {
-    const answer = await send(path, options);
+    const response = await send(path, options);
     try {
-      return answer.status === 204 ? null : await answer.json();
+      return response.status === 204 ? null : await response.json();
     } catch (error) {
       if (!(error instanceof TypeError) || options.signal?.aborted) throw error;
     }
@@ -98,52 +102,45 @@ export async function get(path, options = {}) {
 
 export const post = (path, body, options = {}) => get(path, { method: "POST", body, ...options });
 
-let asking = null;
+let signingIn = null;
 
-/** Asks for a key; true once there is one. All who need it share one dialog. */
-export function signIn(why = "") {
-  asking ??= new Promise((settle) => {
+/** Asks for an access key. Resolves to whether the user entered one. All requests share one dialog. */
+export function signIn(reason) {
+  signingIn ??= (async () => {
     const field = h("input", { type: "password", id: "key", autocomplete: "off", required: true,
-      "aria-describedby": "key-why", spellcheck: false });
-    let signed = false;
-    const form = h("form", { method: "dialog", onsubmit: () => {
+      "aria-describedby": "key-reason", spellcheck: false });
+    let hasKey = false;
+    const store = () => {
       sessionStorage.setItem(KEY, field.value.trim());
-      signed = true;
-    } },
-    h("h2", {}, "Sign in"),
-    h("p", { id: "key-why" }, // How to send it is for programs.
-      why.replace(/ Send one as .*/, ""), h("br"),
-      "The key is kept in this tab only and forgotten when it is closed."),
-    h("label", { for: "key" }, "Access key"), field,
-    h("div", { class: "row" },
-      h("button", { class: "primary" }, "Sign in"),
-      h("button", { type: "button", onclick: () => dialog.close() }, "Not now")));
-    const dialog = h("dialog", { "aria-label": "Sign in" }, form);
-    dialog.addEventListener("close", () => {
-      dialog.remove();
-      asking = null;
-      if (signed) server.dispatchEvent(new Event("who"));
-      settle(signed);
-    });
-    document.body.append(dialog);
-    dialog.showModal();
-  });
-  return asking;
+      hasKey = true;
+    };
+    await openDialog("Sign in", (close) => h("form", { method: "dialog", onsubmit: store },
+      h("h2", {}, "Sign in"),
+      h("p", { id: "key-reason" }, reason, h("br"), "The browser deletes the key when you close this tab."),
+      h("label", { for: "key" }, "Access key"), field,
+      h("div", { class: "row" },
+        h("button", { class: "primary" }, "Sign in"),
+        h("button", { type: "button", onclick: close }, "Cancel"))));
+    signingIn = null;
+    if (hasKey) connection.dispatchEvent(new Event("key"));
+    return hasKey;
+  })();
+  return signingIn;
 }
 
 /**
- * Follows a job by server-sent events: yields `{name, data}`. When the stream breaks it goes on behind
- * the last event that was seen; ends when the job has.
+ * Yields the server-sent events of a job as `{name, data}` until the job has ended. After a broken stream
+ * it resumes after the last event received.
  */
 export async function* events(path, signal) {
   let last = null;
   for (;;) {
     const headers = { Accept: "text/event-stream" };
     if (last) headers["Last-Event-ID"] = last;
-    const answer = await send(path, { headers, signal });
-    if (answer.status === 204) return;
+    const response = await send(path, { headers, signal });
+    if (response.status === 204) return;
     try {
-      for await (const event of parse(answer.body)) {
+      for await (const event of parse(response.body)) {
         if (event.id) last = event.id;
         yield event;
       }
@@ -176,8 +173,8 @@ async function* parse(body) {
   }
 }
 
-/** Something that nobody else says, to name one submission. */
-export function nonce() {
+/** A random Idempotency-Key for one submission. */
+export function idempotencyKey() {
   const bytes = crypto.getRandomValues(new Uint8Array(16));
   return Array.from(bytes, (byte) => byte.toString(16).padStart(2, "0")).join("");
 }

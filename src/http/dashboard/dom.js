@@ -1,91 +1,109 @@
-// Making elements, and saying things to whoever looks or listens.
+// HTML elements, dialogs, messages and links that several views use.
 
 /**
- * An element with properties and children. `on…` are listeners, `class`, `aria-…`, `data-…` and what
- * has a dash are attributes, everything else is a property. What is null or false is left out.
+ * Creates an element. `on…` are event listeners. `class`, `for`, `role`, `list` and names with a dash are attributes.
+ * All others are properties. Null and false are left out.
  */
 export function h(tag, properties = {}, ...children) {
-  return dress(document.createElement(tag), properties, children);
-}
-
-/** The same in SVG, where everything is an attribute. */
-export function svg(tag, attributes = {}, ...children) {
-  const made = document.createElementNS("http://www.w3.org/2000/svg", tag);
-  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
-  fill(made, children);
-  return made;
-}
-
-/** Puts children in the place of those there are; what is null or false is left out. */
-export function fill(place, ...children) {
-  place.replaceChildren(...children.flat(Infinity).filter((child) => child != null && child !== false));
-}
-
-function dress(made, properties, children) {
+  const element = document.createElement(tag);
   for (const [name, value] of Object.entries(properties)) {
     if (value == null || value === false) continue;
-    if (name.startsWith("on")) made.addEventListener(name.slice(2), value);
-    else if (name === "class" || name === "for" || name === "role" || name === "list" || name.includes("-")) {
-      made.setAttribute(name, value === true ? "" : value);
-    } else made[name] = value;
+    if (name.startsWith("on")) element.addEventListener(name.slice(2), value);
+    else if (["class", "for", "role", "list"].includes(name) || name.includes("-")) {
+      element.setAttribute(name, value === true ? "" : value);
+    } else element[name] = value;
   }
-  if (children.length > 0) fill(made, children);
-  return made;
+  if (children.length > 0) fill(element, children);
+  return element;
 }
 
-let silence;
+/** Creates an SVG element. */
+export function svg(tag, attributes = {}, ...children) {
+  const element = document.createElementNS("http://www.w3.org/2000/svg", tag);
+  for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
+  fill(element, children);
+  return element;
+}
 
-/** Says something for a while, to eyes and to screen readers. */
-export function say(text) {
+/** Replaces the children of an element. Null and false are left out. */
+export function fill(element, ...children) {
+  element.replaceChildren(...children.flat(Infinity).filter((child) => child != null && child !== false));
+}
+
+/** A drop-down list. `options` maps each value to its text. */
+export const select = (options, value, properties) => h("select", properties,
+  Object.entries(options).map(([own, text]) => h("option", { value: own, selected: own === value }, text)));
+
+/** A list of names and values. A third member of a row identifies its value for tests. */
+export const list = (rows) => h("dl", {}, rows.filter(Boolean).map(([name, value, id]) =>
+  [h("dt", {}, name), h("dd", { "data-item": id }, value)]));
+
+let clearing;
+
+/** Shows a message for 5 s. Screen readers announce it. */
+export function notify(text) {
   const place = document.getElementById("status");
   place.textContent = text;
-  clearTimeout(silence);
-  silence = setTimeout(() => (place.textContent = ""), 5000);
+  clearTimeout(clearing);
+  clearing = setTimeout(() => (place.textContent = ""), 5000);
 }
 
-/** Puts text on the clipboard; where a page may not (plain HTTP), shows it to be copied by hand. */
-export async function copy(text, what) {
-  try {
-    await navigator.clipboard.writeText(text);
-    say(`${what} copied.`);
-  } catch {
-    const field = h("textarea", { value: text, readOnly: true, rows: 6, "aria-label": what });
-    const dialog = h("dialog", { "aria-label": what }, h("h2", {}, what), field,
-      h("p", {}, "This browser does not let a page write to the clipboard: copy it from here."),
-      h("button", { onclick: () => dialog.close() }, "Close"));
-    dialog.addEventListener("close", () => dialog.remove());
+/** Opens a modal dialog with the children that `content(close)` returns. Resolves when the dialog is closed. */
+export function openDialog(title, content) {
+  return new Promise((closed) => {
+    const dialog = h("dialog", { "aria-label": title, onclose: () => {
+      dialog.remove();
+      closed();
+    } });
+    fill(dialog, content(() => dialog.close()));
     document.body.append(dialog);
     dialog.showModal();
+  });
+}
+
+/** Copies text to the clipboard. Browsers forbid this over plain HTTP: then a dialog shows the text. */
+export async function copy(text, name, message = `${name} copied.`) {
+  try {
+    await navigator.clipboard.writeText(text);
+    notify(message);
+  } catch {
+    const field = h("textarea", { value: text, readOnly: true, rows: 6, "aria-label": name });
+    openDialog(name, (close) => [h("h2", {}, name), field,
+      h("p", {}, "The browser does not allow access to the clipboard. Copy the text from here."),
+      h("button", { onclick: close }, "Close")]);
     field.select();
   }
 }
 
-/** A problem as the server states it: what it is, and what to change. */
-export function trouble(problem) {
+/** Address of the form, filled with what the user submitted or, if that is not kept, with the canonical scenario. */
+export const formLink = ({ submitted, scenario, label }) => `#/new?${new URLSearchParams({
+  scenario: JSON.stringify(submitted ?? scenario), ...(label && { label }), ...(!submitted && { canonical: "yes" }) })}`;
+
+/** Shows an error, usually a problem document from the server. */
+export function errorCard(problem) {
   const faults = (problem.errors ?? []).map(({ pointer, parameter, detail }) =>
     h("li", {}, pointer || parameter ? [h("code", {}, pointer || parameter), " "] : null, detail));
-  return h("section", { class: "card trouble", role: "alert" },
-    h("h2", {}, problem.title ?? "Something went wrong"),
+  return h("section", { class: "card error", role: "alert" },
+    h("h2", {}, problem.title ?? "Unexpected error"),
     h("p", {}, problem.detail ?? problem.message),
     faults.length > 0 && h("ul", {}, faults),
-    // A result that was dropped or deleted says what it was made of.
-    problem.scenario && h("p", {}, h("a", { class: "button",
-      href: `#/new?${new URLSearchParams({ scenario: JSON.stringify(problem.scenario) })}` }, "Compute it again")),
-    problem.type?.startsWith("/problems/") && h("p", {}, h("a", { href: problem.type }, "What it means, and what to do")),
-    problem.instance && h("p", { class: "quiet" }, `Request ${problem.instance}`));
+    // The server includes the scenario if a result was evicted or deleted.
+    problem.scenario && h("p", {}, h("a", { class: "button", href: formLink(problem) }, "Compute again")),
+    problem.type?.startsWith("/problems/") && h("p", {}, h("a", { href: problem.type }, "Explanation and remedy")),
+    problem.instance && h("p", { class: "muted" }, `Request ID: ${problem.instance}`));
 }
 
-/** Calls back once the calls have paused. */
+/** Returns a function that calls `call` once no call has come for `milliseconds`. */
 export function debounced(milliseconds, call) {
   let timer;
-  return (...words) => {
+  return (...values) => {
     clearTimeout(timer);
-    timer = setTimeout(() => call(...words), milliseconds);
+    timer = setTimeout(() => call(...values), milliseconds);
   };
 }
 
-/** When something was, in the words of the reader's own clock. */
-export function when(instant) {
+/** Date and time in the language and time zone of the browser. */
+export function dateTime(timestamp) {
   const options = { dateStyle: "medium", timeStyle: "short" };
-  return h("time", { dateTime: instant }, new Intl.DateTimeFormat(undefined, options).format(new Date(instant)));
+  return h("time", { dateTime: timestamp }, new Intl.DateTimeFormat(undefined, options).format(new Date(timestamp)));
 }

@@ -1,50 +1,58 @@
-// What the form asks for: every field is a place in the scenario, named by its JSON pointer.
+// The fields of the form. Each field edits one value of the scenario, named by its JSON pointer.
 
-/** What a shape is described by: `[member, label, usual value]`. */
-export const SHAPES = {
-  paraboloid: [["radius", "Radius R", "10 mm"]],
-  sphere: [["radius", "Radius R", "10 mm"]],
-  cone: [["slope_angle", "Slope from the plane θ", "2 deg"]],
-  power: [["exponent", "Exponent", 4], ["height", "Height", "5 um"], ["at_radius", "at radius", "0.2 mm"]],
-  truncated_paraboloid: [["radius", "Radius R", "10 mm"], ["flat_radius", "Radius of the flat b", "60 um"]],
-  truncated_cone: [["slope_angle", "Slope from the plane θ", "2 deg"], ["flat_radius", "Radius of the flat b", "60 um"]],
+import { WORDS } from "./units.js";
+
+/** Members of each shape: name, label and default. */
+const RADIUS = ["radius", "Radius R", "10 mm"];
+const SLOPE = ["slope_angle", "Slope angle θ", "2 deg"];
+const FLAT = ["flat_radius", "Flat radius b", "60 um"];
+const SHAPES = {
+  paraboloid: [RADIUS],
+  sphere: [RADIUS],
+  cone: [SLOPE],
+  power: [["exponent", "Exponent n", 4], ["at_radius", "Reference radius", "0.2 mm"],
+    ["height", "Height at reference radius", "5 um"]],
+  truncated_paraboloid: [RADIUS, FLAT],
+  truncated_cone: [SLOPE, FLAT],
 };
 
 const STEEL = () => ({ youngs_modulus: "205 GPa", poisson_ratio: 0.3 });
 
-/** A choice decides which members a part has; it says which one a scenario has taken. */
+/**
+ * Drop-down lists that decide which fields follow. `selected` reads the option from a scenario, `apply` changes the
+ * scenario to an option, and `fields` lists the fields of an option as `[pointer, label, options]`.
+ */
 export const CHOICES = [
   {
-    id: "shape", part: "Contact", label: "Shape",
-    options: { paraboloid: "Paraboloid", sphere: "Sphere", cone: "Cone", power: "Power law",
-      truncated_paraboloid: "Truncated paraboloid", truncated_cone: "Truncated cone" },
-    of: (scenario) => scenario.profile?.shape,
-    take: (scenario, shape) => {
+    id: "shape", group: "Contact", label: "Shape",
+    options: Object.fromEntries(Object.keys(SHAPES).map((shape) => [shape, WORDS[shape]])),
+    selected: (scenario) => scenario.profile?.shape,
+    apply: (scenario, shape) => {
       const before = scenario.profile ?? {};
-      const members = SHAPES[shape].map(([member, , usual]) => [member, before[member] ?? usual]);
+      const members = SHAPES[shape].map(([member, , preset]) => [member, before[member] ?? preset]);
       scenario.profile = { shape, ...Object.fromEntries(members) };
     },
-    fields: (shape) => (SHAPES[shape] ?? []).map(([member, label]) => [`/profile/${member}`, label]),
+    fields: (shape) => SHAPES[shape].map(([member, label]) => [`/profile/${member}`, label]),
   },
   {
-    id: "elasticity", part: "Material", label: "Elasticity",
-    options: { bodies: "Two bodies", moduli: "Effective moduli" },
-    of: (scenario) => (scenario.moduli ? "moduli" : "bodies"),
-    take: (scenario, kind) => {
+    id: "elasticity", group: "Material", label: "Elastic constants",
+    options: { bodies: "Of each body", moduli: "Effective moduli" },
+    selected: (scenario) => (scenario.moduli ? "moduli" : "bodies"),
+    apply: (scenario, kind) => {
       delete scenario.bodies;
       delete scenario.moduli;
       scenario[kind] = kind === "bodies" ? [STEEL(), STEEL()] : { normal: "112.6 GPa", tangential: "92.8 GPa" };
     },
     fields: (kind) => kind === "moduli"
-      ? [["/moduli/normal", "Normal E*"], ["/moduli/tangential", "Tangential G*"]]
-      : [["/bodies/0/youngs_modulus", "Body 1: modulus E"], ["/bodies/0/poisson_ratio", "Body 1: Poisson's ratio ν"],
-         ["/bodies/1/youngs_modulus", "Body 2: modulus E"], ["/bodies/1/poisson_ratio", "Body 2: Poisson's ratio ν"]],
+      ? [["/moduli/normal", "Normal modulus E*"], ["/moduli/tangential", "Tangential modulus G*"]]
+      : [0, 1].flatMap((i) => [[`/bodies/${i}/youngs_modulus`, `Body ${i + 1}: Young's modulus E`],
+        [`/bodies/${i}/poisson_ratio`, `Body ${i + 1}: Poisson's ratio ν`]]),
   },
   {
-    id: "wear", part: "Material", label: "Wear by",
-    options: { coefficient: "Coefficient k_w", hardness: "Archard: k and hardness", energy: "Energy coefficient α" },
-    of: ({ wear }) => ("energy_coefficient" in Object(wear) ? "energy" : "hardness" in Object(wear) ? "hardness" : "coefficient"),
-    take: (scenario, kind) => {
+    id: "wear", group: "Material", label: "Wear law",
+    options: { coefficient: "Wear coefficient k_w", hardness: "Archard: k and hardness", energy: "Energy coefficient α" },
+    selected: ({ wear }) => ("energy_coefficient" in Object(wear) ? "energy" : "hardness" in Object(wear) ? "hardness" : "coefficient"),
+    apply: (scenario, kind) => {
       const { share } = scenario.wear ?? {};
       scenario.wear = {
         coefficient: { coefficient: "3.03e-5 mm^3/(N m)" },
@@ -53,97 +61,116 @@ export const CHOICES = [
       }[kind];
       if (share !== undefined) scenario.wear.share = share;
     },
-    fields: (kind) => [...(kind === "energy" ? [["/wear/energy_coefficient", "Energy coefficient α"]]
-      : [["/wear/coefficient", kind === "hardness" ? "Archard's k" : "Wear coefficient k_w"]]),
-    ...(kind === "hardness" ? [["/wear/hardness", "Hardness"]] : []),
-    ["/wear/share", "Part borne by body 1 (optional)"], ["/friction", "Friction μ"]],
+    fields: (kind) => [
+      ...{
+        coefficient: [["/wear/coefficient", "Wear coefficient k_w"]],
+        hardness: [["/wear/coefficient", "Archard coefficient k"], ["/wear/hardness", "Hardness"]],
+        energy: [["/wear/energy_coefficient", "Energy coefficient α"]],
+      }[kind],
+      ["/wear/share", "Share of wear on body 1 (optional)"], ["/friction", "Friction coefficient μ"]],
   },
   {
-    id: "load", part: "Load and motion", label: "Pressed by",
+    id: "load", group: "Load and motion", label: "Load",
     options: { normal_force: "Normal force F", indentation_depth: "Indentation depth d" },
-    of: ({ load }) => ("indentation_depth" in Object(load) ? "indentation_depth" : "normal_force"),
-    take: (scenario, kind) => {
+    selected: ({ load }) => ("indentation_depth" in Object(load) ? "indentation_depth" : "normal_force"),
+    apply: (scenario, kind) => {
       const { held } = scenario.load ?? {};
       scenario.load = { [kind]: kind === "normal_force" ? "100 N" : "3.5 um", ...(held && { held }) };
     },
-    fields: (kind) => [[`/load/${kind}`, kind === "normal_force" ? "Normal force F" : "Indentation depth d"],
-      ["/load/held", "Load held while it wears", { "": "what is given", force: "force (a dead weight)", depth: "depth" }]],
+    fields: (kind) => [kind === "normal_force" ? ["/load/normal_force", "Normal force F"] : ["/load/indentation_depth", "Indentation depth d"],
+      ["/load/held", "Load: held constant",
+        { "": kind === "normal_force" ? "Default (force)" : "Default (depth)", force: "Normal force", depth: "Indentation depth" }]],
   },
   {
-    id: "motion", part: "Load and motion", label: "Moved by",
+    id: "motion", group: "Load and motion", label: "Motion",
     options: { amplitude: "Amplitude U", stick_ratio: "Stick ratio c/a₀", tangential_force: "Tangential force Q" },
-    of: ({ motion }) => ["blocks", "reversals", "tangential_force", "stick_ratio"].find((name) => name in Object(motion)) ?? "amplitude",
-    take: (scenario, kind) => {
+    selected: ({ motion }) => ["blocks", "reversals", "tangential_force", "stick_ratio"].find((name) => name in Object(motion)) ?? "amplitude",
+    apply: (scenario, kind) => {
       scenario.motion = { [kind]: { amplitude: "2.256 um", stick_ratio: 0.5, tangential_force: "45 N" }[kind] };
     },
-    fields: (kind) => ({
-      amplitude: [["/motion/amplitude", "Amplitude U (half of the stroke)"]],
-      stick_ratio: [["/motion/stick_ratio", "Stick ratio c/a₀"]],
-      tangential_force: [["/motion/tangential_force", "Tangential force Q"]],
-    }[kind] ?? []).concat(kind === "blocks" || kind === "reversals" ? [] : [
-      ["/motion/held", "Motion held while it wears", { "": "as usual", amplitude: "amplitude", tangential_force: "tangential force" }],
-      ["/motion/rig_stiffness", "Rig stiffness (optional)"]]),
+    fields: (kind) => [
+      {
+        amplitude: ["/motion/amplitude", "Amplitude U (half the stroke)"],
+        stick_ratio: ["/motion/stick_ratio", "Stick ratio c/a₀"],
+        tangential_force: ["/motion/tangential_force", "Tangential force Q"],
+      }[kind],
+      ["/motion/held", "Motion: held constant", {
+        "": kind === "tangential_force" ? "Default (tangential force)" : "Default (amplitude)",
+        amplitude: "Amplitude", tangential_force: "Tangential force" }],
+      ["/motion/rig_stiffness", "Rig stiffness (optional)"]],
   },
   {
-    id: "cycles", part: "How long", label: "Instants",
+    id: "cycles", group: "Duration", label: "Output cycles",
     options: { list: "List", range: "Range" },
-    of: ({ cycles }) => {
+    selected: ({ cycles }) => {
       const own = cycles?.normalized ?? cycles;
       return own && typeof own === "object" && !Array.isArray(own) ? "range" : "list";
     },
-    take: (scenario, kind) => {
+    apply: (scenario, kind) => {
       scenario.cycles = kind === "list" ? [1000, 3000, 10000, 30000, 100000]
         : { from: 1000, to: 100000, count: 13, spacing: "log" };
     },
     fields: (kind, scenario) => {
-      const at = scenario.cycles?.normalized === undefined ? "/cycles" : "/cycles/normalized";
-      const unit = at === "/cycles" ? "" : " (in N₀)";
-      return (kind === "list" ? [[at, `Cycles${unit}, separated by commas`]]
-        : [[`${at}/from`, `From${unit}`], [`${at}/to`, `To${unit}`], [`${at}/count`, "How many"],
-           [`${at}/spacing`, "Spacing", { log: "logarithmic", linear: "linear" }]])
-        .concat([["/until/wear_depth", "End at wear depth (optional)"]]);
+      const [at, unit] = scenario.cycles?.normalized === undefined ? ["/cycles", ""] : ["/cycles/normalized", " [N₀]"];
+      return [...(kind === "list" ? [[at, `Cycles${unit}, separated by commas`]]
+        : [[`${at}/from`, `First${unit}`], [`${at}/to`, `Last${unit}`], [`${at}/count`, "Number of outputs"],
+           [`${at}/spacing`, "Spacing", { log: "Logarithmic", linear: "Linear" }]]),
+      ["/until/wear_depth", "Stop at wear depth (optional)"]];
     },
   },
   {
-    id: "method", part: "Model", label: "Method",
-    options: { simplified: "Simplified rule", exact: "Exact" },
-    of: ({ model = {} }) => model.method ?? "simplified",
-    take: (scenario, method) => {
+    id: "method", group: "Model", label: "Method",
+    options: { simplified: "Simplified rule", exact: "Exact method" },
+    selected: ({ model = {} }) => model.method ?? "simplified",
+    apply: (scenario, method) => {
       const { points } = scenario.model ?? {};
       scenario.model = { method, ...(points && { points }) };
     },
-    fields: (method) => [["/model/points", "Points of a profile (optional)"],
+    fields: (method) => [["/model/points", "Profile points (optional)"],
       ...(method === "exact" ? [["/model/tolerance", "Tolerance (optional)"],
-        ["/model/compare", "Compare with the rule", { "": "no", true: "yes" }]] : [["/model/xi", "ξ (optional)"]])],
+        ["/model/compare", "Compare with simplified rule", { "": "No", true: "Yes" }]] : [["/model/xi", "Fit parameter ξ (optional)"]])],
   },
 ];
 
-/** The value at a pointer; undefined if there is none. */
-export function read(scenario, pointer) {
+/** Pointers of the values that the form cannot show as fields. They are edited as JSON. */
+export function withoutField(scenario) {
+  const fields = CHOICES.flatMap(({ selected, options, fields }) => {
+    const kind = selected(scenario);
+    return kind in options ? fields(kind, scenario).map(([pointer]) => pointer) : [];
+  });
+  const known = ["/profile/shape", "/model/method", ...fields];
+  const values = (value, pointer) => known.includes(pointer) ? []
+    : Object(value) === value && !Array.isArray(value)
+      ? Object.entries(value).flatMap(([name, own]) => values(own, `${pointer}/${name}`))
+      : [pointer];
+  return values({ ...scenario, bodies: { ...scenario.bodies } }, "");
+}
+
+/** The value at a pointer; undefined if it is missing. */
+export function valueAt(scenario, pointer) {
   return pointer.split("/").slice(1).reduce((value, name) => value?.[name], scenario);
 }
 
-/** Puts a value at a pointer, or takes it away where it is undefined. */
-export function write(scenario, pointer, value) {
+/** Sets the value at a pointer. Undefined removes it. */
+export function setValueAt(scenario, pointer, value) {
   const names = pointer.split("/").slice(1);
   const last = names.pop();
-  let place = scenario;
-  for (const name of names) place = place[name] ??= {};
-  if (value === undefined) delete place[last];
-  else place[last] = value;
-  if (value === undefined && names[0] === "until" && !Object.keys(place).length) delete scenario.until;
+  let parent = scenario;
+  for (const name of names) parent = parent[name] ??= {};
+  if (value === undefined) delete parent[last];
+  else parent[last] = value;
+  if (value === undefined && names[0] === "until" && !Object.keys(parent).length) delete scenario.until;
 }
 
-/** What was typed, as the scenario has it: a number, true, a list of numbers, or text with a unit. */
-export function typed(pointer, text) {
-  const own = text.trim();
-  if (own === "") return undefined;
-  if (/^\/cycles(\/normalized)?$/.test(pointer)) {
-    return own.split(/[,;\s]+/).filter(Boolean).map((word) => (Number.isNaN(Number(word)) ? word : Number(word)));
-  }
-  if (own === "true") return true;
-  return Number.isNaN(Number(own)) ? own : Number(own);
+/** The value that the user typed: a number, true, a list of cycles, or text with a unit. */
+export function parseInput(pointer, text) {
+  const trimmed = text.trim();
+  if (trimmed === "") return undefined;
+  if (/^\/cycles(\/normalized)?$/.test(pointer)) return trimmed.split(/[,;\s]+/).filter(Boolean).map(numberOrText);
+  return trimmed === "true" ? true : numberOrText(trimmed);
 }
 
-/** A value as it is typed. */
-export const untyped = (value) => (value === undefined ? "" : Array.isArray(value) ? value.join(", ") : String(value));
+const numberOrText = (text) => (Number.isNaN(Number(text)) ? text : Number(text));
+
+/** The text of a value in its field. */
+export const inputText = (value) => (value === undefined ? "" : Array.isArray(value) ? value.join(", ") : String(value));

@@ -1,9 +1,9 @@
-// A new run: fields and JSON of one scenario, checked as one types.
+// The form for a new run: fields and JSON of one scenario. The server checks the scenario while the user types.
 
-import { get, nonce, Problem, post } from "./api.js";
-import { debounced, fill, h, say } from "./dom.js";
-import { CHOICES, read, typed, untyped, write } from "./fields.js";
-import { drawKnown } from "./known.js";
+import { get, idempotencyKey, Problem, post } from "./api.js";
+import { debounced, fill, h, notify, select } from "./dom.js";
+import { drawEstimate } from "./estimate.js";
+import { CHOICES, inputText, parseInput, setValueAt, valueAt, withoutField } from "./fields.js";
 import { quantity, WORDS } from "./units.js";
 
 let examples = null;
@@ -12,45 +12,55 @@ export async function showForm(main, { query, signal }) {
   examples ??= await get("/v1/examples", { signal });
   const first = examples.find((example) => example.name === query.get("example")) ?? examples[0];
   let scenario = structuredClone(first.body.scenario);
-  // What a person calls it; a preset's own label goes only with the preset's own scenario.
-  let called = query.get("label");
   try {
     if (query.has("scenario")) scenario = Object(JSON.parse(query.get("scenario")));
   } catch {
-    say("The scenario in the address cannot be read; this is the first example.");
+    notify("The scenario in the address is not valid JSON. The form shows an example.");
   }
-  const preset = () => examples.find(({ body }) => JSON.stringify(body.scenario) === JSON.stringify(scenario));
-  const label = () => called ?? preset()?.body.label ?? "";
+  const example = () => examples.find(({ body }) => JSON.stringify(body.scenario) === JSON.stringify(scenario));
+  // The label that the user typed. An unchanged example brings its own label; it disappears with the first edit.
+  let typedLabel = query.get("label");
+  if (typedLabel === example()?.body.label) typedLabel = null;
+  const label = () => typedLabel ?? example()?.body.label ?? "";
 
+  const canonical = h("p", { class: "warning", id: "canonical", hidden: !query.has("canonical") },
+    "The text that was typed for this run is not available. The form shows the computed values in SI units.");
   const fields = h("div", { class: "fields" });
-  const json = h("textarea", { id: "json", rows: 24, spellcheck: false, "aria-describedby": "json-fault" });
+  const json = h("textarea", { id: "json", rows: 24, spellcheck: false, "aria-describedby": "json-fault", oninput: editJson });
   const jsonFault = h("p", { id: "json-fault", class: "fault" });
-  const check = h("section", { class: "card check", "aria-label": "What is known beforehand" });
-  const spoken = h("p", { class: "hidden", role: "status" });
-  const others = h("ul", { class: "fault" });
-  const name = h("input", { id: "label", maxLength: 200, placeholder: "A line for people, to find it by", oninput: () => {
-    called = name.value;
+  const jsonOnly = h("p", { class: "muted" });
+  const jsonEditor = h("details", { class: "card" }, h("summary", {}, "Scenario as JSON"),
+    h("label", { for: "json", class: "muted" }, "Amplitude blocks, displacement records and measured profiles are edited here."),
+    jsonOnly, json, jsonFault);
+  const estimate = h("section", { class: "card estimate", "aria-label": "Estimate" });
+  const announcement = h("p", { class: "hidden", role: "status" });
+  const otherFaults = h("ul", { class: "fault" });
+  const labelField = h("input", { id: "label", maxLength: 200, placeholder: "Optional name for this run", oninput: () => {
+    typedLabel = labelField.value;
     remember();
   } });
   const run = h("button", { class: "primary", type: "submit" }, "Run");
-  const choose = h("select", { id: "preset", onchange: () => {
-    scenario = structuredClone(examples.find((example) => example.name === choose.value).body.scenario);
-    called = null;
-    restart();
-  } }, h("option", { value: "", hidden: true }, "A scenario of your own"),
-  examples.map((example) => h("option", { value: example.name }, example.label ?? example.name)));
+  const chooseExample = select({ "": "Custom scenario", ...Object.fromEntries(examples.map(({ name, label }) => [name, label ?? name])) },
+    "", { id: "example", onchange: () => {
+      scenario = structuredClone(examples.find(({ name }) => name === chooseExample.value).body.scenario);
+      typedLabel = null;
+      canonical.hidden = true;
+      restart();
+    } });
+  chooseExample.options[0].hidden = true;
 
-  /** The address always shows this very scenario. */
+  /** Keeps the scenario and its label in the address, so that a reload or a bookmark restores them. */
   const remember = () => {
-    const words = new URLSearchParams({ scenario: JSON.stringify(scenario), ...(called !== null && { label: called }) });
+    const words = new URLSearchParams({ scenario: JSON.stringify(scenario), ...(typedLabel !== null && { label: typedLabel }) });
     history.replaceState(null, "", `#/new?${words}`);
   };
 
   function restart() {
-    draw();
+    drawFields();
     json.value = JSON.stringify(scenario, null, 2);
     jsonFault.textContent = "";
-    changed(examine);
+    changed(check);
+    jsonEditor.open ||= withoutField(scenario).length > 0;
   }
 
   function edited() {
@@ -58,101 +68,104 @@ export async function showForm(main, { query, signal }) {
     changed();
   }
 
-  const soon = debounced(250, examine);
-  /** Whoever types is not asked about at every key. */
-  function changed(ask = soon) {
+  const checkSoon = debounced(250, check);
+  function changed(checkNow = checkSoon) {
     remember();
-    choose.value = preset()?.name ?? "";
-    if (document.activeElement !== name) name.value = label();
-    check.setAttribute("aria-busy", "true");
-    ask();
+    chooseExample.value = example()?.name ?? "";
+    if (document.activeElement !== labelField) labelField.value = label();
+    const pointers = withoutField(scenario);
+    jsonOnly.textContent = pointers.length ? `Not in the form: ${pointers.join(", ")}` : "";
+    estimate.setAttribute("aria-busy", "true");
+    checkNow();
   }
 
-  json.addEventListener("input", () => {
+  function editJson() {
     try {
       const parsed = JSON.parse(json.value);
       scenario = Object(parsed?.scenario ?? parsed);
-      if (parsed?.scenario) called = parsed.label ?? null;
+      if (parsed?.scenario) typedLabel = parsed.label ?? null;
       jsonFault.textContent = "";
-      draw();
+      drawFields();
       changed();
     } catch (error) {
-      jsonFault.textContent = `This is not JSON yet: ${error.message}`;
+      jsonFault.textContent = `Invalid JSON: ${error.message}`;
     }
-  });
+  }
 
-  /** Draws the fields anew, where what there is to ask for has changed. */
-  function draw() {
+  function drawFields() {
     const focused = document.activeElement?.id;
-    const parts = Map.groupBy(CHOICES, (choice) => choice.part);
-    fields.replaceChildren(...[...parts].map(([part, choices]) =>
-      h("fieldset", {}, h("legend", {}, part), choices.map(drawChoice))));
+    const groups = Map.groupBy(CHOICES, (choice) => choice.group);
+    fields.replaceChildren(...[...groups].map(([group, choices]) =>
+      h("fieldset", {}, h("legend", {}, group), choices.map(drawChoice))));
     if (focused) document.getElementById(focused)?.focus();
   }
 
   function drawChoice(choice) {
-    const taken = choice.of(scenario);
-    const known = taken in choice.options;
-    const select = h("select", { id: choice.id, onchange: () => {
-      choice.take(scenario, select.value);
-      draw();
+    const selected = choice.selected(scenario);
+    const known = selected in choice.options;
+    const field = select(choice.options, selected, { id: choice.id, onchange: () => {
+      choice.apply(scenario, field.value);
+      drawFields();
       edited();
-    } }, known ? null : h("option", { selected: true }, `${taken ?? "none"} (edit the JSON)`),
-    Object.entries(choice.options).map(([value, word]) => h("option", { value, selected: value === taken }, word)));
-    return [h("div", { class: "field" }, h("label", { for: choice.id }, choice.label), select),
-      known || choice.id === "cycles" ? choice.fields(taken, scenario).map(drawField) : null];
+    } });
+    if (!known) field.prepend(h("option", { selected: true }, `${WORDS[selected] ?? selected ?? "None"} (in JSON)`));
+    return [h("div", { class: "field" }, h("label", { for: choice.id }, choice.label), field),
+      known && choice.fields(selected, scenario).map(drawField)];
   }
 
-  function drawField([pointer, label, options]) {
+  function drawField([pointer, text, options]) {
     const id = pointer.slice(1).replaceAll("/", "-");
-    const value = untyped(read(scenario, pointer));
-    const take = () => {
-      write(scenario, pointer, typed(pointer, input.value));
+    const value = inputText(valueAt(scenario, pointer));
+    const update = () => {
+      setValueAt(scenario, pointer, parseInput(pointer, input.value));
       edited();
     };
-    const described = { id, "data-pointer": `/scenario${pointer}`, "aria-describedby": `${id}-fault` };
-    const input = options
-      ? h("select", { ...described, onchange: take },
-        Object.entries(options).map(([own, word]) => h("option", { value: own, selected: own === value }, word)))
-      : h("input", { ...described, value, autocomplete: "off", spellcheck: false, oninput: take });
-    return h("div", { class: "field" }, h("label", { for: id }, label), input,
+    const attributes = { id, "data-pointer": `/scenario${pointer}`, "aria-describedby": `${id}-fault` };
+    const input = options ? select(options, value, { ...attributes, onchange: update })
+      : h("input", { ...attributes, value, autocomplete: "off", spellcheck: false, oninput: update });
+    return h("div", { class: "field" }, h("label", { for: id }, text), input,
       h("p", { id: `${id}-fault`, class: "fault" }));
   }
 
-  let asked = 0;
-  async function examine() {
-    const own = ++asked;
-    let known = null, problem = null;
+  let checks = 0;
+  async function check() {
+    const own = ++checks;
+    let checked = null, problem = null;
     try {
-      known = await post("/v1/scenarios", { scenario }, { signal });
+      checked = await post("/v1/scenarios", { scenario }, { signal });
     } catch (error) {
       if (signal.aborted) return;
       if (!(error instanceof Problem)) throw error;
       problem = error;
     }
-    if (own !== asked || signal.aborted) return;
+    if (own !== checks || signal.aborted) return;
     showFaults(problem);
     run.disabled = problem !== null;
-    check.removeAttribute("aria-busy");
-    spoken.textContent = known ? `${WORDS[known.regime]}, contact radius ${quantity(known.scales.contact_radius, "m")}` : problem.detail;
-    if (known) drawKnown(check, known);
-    else fill(check, h("h2", {}, problem.status === 422 ? "Not yet a scenario" : problem.title),
-      h("p", {}, problem.detail));
+    estimate.removeAttribute("aria-busy");
+    if (checked) {
+      announcement.textContent = `${WORDS[checked.regime]}, contact radius ${quantity(checked.scales.contact_radius, "m")}`;
+      drawEstimate(estimate, checked);
+    } else {
+      const count = problem.errors?.length;
+      announcement.textContent = problem.detail;
+      fill(estimate, h("h2", {}, count ? `Fix ${count} ${count > 1 ? "fields" : "field"} to continue` : problem.title),
+        h("p", {}, problem.detail));
+    }
   }
 
-  /** Puts each fault at its field, or at the nearest one above it, or on top. */
+  /** Shows each error at its field, or above the form if it has no field. */
   function showFaults(problem) {
     for (const place of fields.querySelectorAll(".fault")) place.textContent = "";
     for (const field of fields.querySelectorAll("[aria-invalid]")) field.removeAttribute("aria-invalid");
-    others.replaceChildren();
+    otherFaults.replaceChildren();
     for (const { pointer = "", detail } of problem?.errors ?? []) {
-      const all = [...fields.querySelectorAll("[data-pointer]")];
-      const field = all.find((field) => pointer === field.dataset.pointer || pointer.startsWith(`${field.dataset.pointer}/`));
+      const field = [...fields.querySelectorAll("[data-pointer]")].find(({ dataset }) =>
+        pointer === dataset.pointer || pointer.startsWith(`${dataset.pointer}/`));
       if (field) {
         field.setAttribute("aria-invalid", "true");
         document.getElementById(`${field.id}-fault`).textContent = detail;
       } else {
-        others.append(h("li", {}, h("code", {}, pointer.replace("/scenario", "")), ` ${detail}`));
+        otherFaults.append(h("li", {}, h("code", {}, pointer.replace("/scenario", "")), ` ${detail}`));
       }
     }
   }
@@ -161,16 +174,15 @@ export async function showForm(main, { query, signal }) {
     event.preventDefault();
     run.disabled = true;
     try {
-      const headers = { Prefer: "wait=1", "Idempotency-Key": nonce() };
+      const headers = { Prefer: "wait=1", "Idempotency-Key": idempotencyKey() };
       const job = await post("/v1/jobs", { scenario, ...(label() && { label: label() }) }, { headers });
-      // Whoever has gone elsewhere stays there.
+      // The user may have opened another view meanwhile.
       if (signal.aborted) return;
-      const asked = new URLSearchParams({ scenario: JSON.stringify(scenario) });
-      location.hash = job.state === "succeeded" ? `#/result/${job.key}` : `#/run/${job.id}?${asked}`;
+      location.hash = job.state === "succeeded" ? `#/result/${job.key}?job=${job.id}` : `#/run/${job.id}`;
     } catch (problem) {
       if (signal.aborted) return;
       showFaults(problem);
-      check.replaceChildren(h("h2", {}, problem.title ?? "It could not be submitted"), h("p", {}, problem.detail ?? problem.message));
+      fill(estimate, h("h2", {}, problem.title ?? "The run was not submitted"), h("p", {}, problem.detail ?? problem.message));
       run.disabled = false;
     }
   }
@@ -180,15 +192,12 @@ export async function showForm(main, { query, signal }) {
     h("form", { class: "two", onsubmit: submit, noValidate: true },
       h("div", {},
         h("div", { class: "card" },
-          h("div", { class: "field wide" }, h("label", { for: "preset" }, "Start from"), choose),
-          h("div", { class: "field wide" }, h("label", { for: "label" }, "Label"), name),
-          others, fields,
-          h("p", { class: "quiet" }, "A number is in SI; with a unit it is text: 10 mm, 205 GPa, 3.03e-5 mm^3/(N m).")),
-        h("details", { class: "card", open: ["blocks", "reversals"].some((name) => name in Object(scenario.motion)) },
-          h("summary", {}, "The scenario as JSON"),
-          h("label", { for: "json", class: "quiet" }, "Blocks, measured tables and displacement records are edited here; form and JSON stay in step."),
-          json, jsonFault)),
-      h("div", { class: "side" }, spoken, check, h("div", { class: "row run" }, run))));
-  document.addEventListener("units", () => examine(), { signal });
+          h("div", { class: "field wide" }, h("label", { for: "example" }, "Start from"), chooseExample),
+          h("div", { class: "field wide" }, h("label", { for: "label" }, "Label"), labelField),
+          canonical, otherFaults, fields,
+          h("p", { class: "muted" }, "Enter values with their unit, for example 10 mm, 205 GPa or 3.03e-5 mm^3/(N m). Numbers without a unit are in SI units.")),
+        jsonEditor),
+      h("div", { class: "side" }, announcement, estimate, h("div", { class: "row run" }, run))));
+  document.addEventListener("units", () => check(), { signal });
   restart();
 }

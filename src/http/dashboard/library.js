@@ -1,147 +1,150 @@
-// What the team has computed: searched, looked at, compared.
+// All results of the server: search, preview, and choice of two for comparison.
 
 import { get } from "./api.js";
-import { debounced, h, svg, trouble, when } from "./dom.js";
-import { called, contactName, loadName, wayName } from "./names.js";
+import { dateTime, debounced, errorCard, h, select, svg } from "./dom.js";
+import { jobsOf, labelOf, subtitle, title } from "./summary.js";
 import { cycles, quantity, WORDS } from "./units.js";
 
-const WORD_FILTERS = {
-  shape: ["paraboloid", "sphere", "cone", "power", "truncated_paraboloid", "truncated_cone", "table"],
-  method: ["simplified", "exact"],
-  regime: ["full_stick", "partial_slip", "gross_slip"],
-  pinned: ["true"],
+const anyOf = (...names) => ({ "": "Any", ...Object.fromEntries(names.map((name) => [name, WORDS[name]])) });
+/** The filters that are drop-down lists. */
+const OPTIONS = {
+  shape: ["Shape", anyOf("paraboloid", "sphere", "cone", "power", "truncated_paraboloid", "truncated_cone", "table")],
+  method: ["Method", anyOf("simplified", "exact")],
+  regime: ["Regime", anyOf("full_stick", "partial_slip", "gross_slip")],
+  pinned: ["Pinned", { "": "Any", true: "Pinned only" }],
 };
-const RANGES = [["friction", "Friction", "0.6..0.8"], ["normal_force", "Normal force", "50 N..0.2 kN"],
-  ["amplitude", "Amplitude", "..5 um"], ["wear_depth", "Wear depth", "..2 um"], ["wear_volume", "Wear volume", "1e-5 mm^3.."]];
-const ORDERS = { "-created": "newest", created: "oldest", "-wear_volume": "largest volume", "-wear_depth": "deepest",
-  "-cycles": "longest", "-normal_force": "largest force" };
+/** The filters that are text, each with an example. */
+const TEXTS = {
+  friction: ["Friction coefficient", "0.6..0.8"],
+  normal_force: ["Normal force", "50 N..0.2 kN"],
+  amplitude: ["Amplitude", "..5 um"],
+  wear_depth: ["Wear depth", "..2 um"],
+  wear_volume: ["Wear volume", "1e-5 mm^3.."],
+  owner: ["Submitted by", ""],
+  note: ["Note contains", ""],
+};
+const ORDERS = { "-created": "Newest first", created: "Oldest first", "-wear_volume": "Largest wear volume",
+  "-wear_depth": "Largest wear depth", "-cycles": "Most cycles", "-normal_force": "Largest normal force" };
 
 export async function showLibrary(main, { query, signal }) {
   const chosen = new Set(query.get("with") ? [query.get("with")] : []);
   const list = h("ul", { class: "results" });
-  const faults = h("div", {});
+  const errors = h("div", {});
   const compare = h("a", { class: "button primary" });
-  const more = h("button", { type: "button" }, "More");
+  const more = h("button", { type: "button" }, "Show more");
   const inputs = {};
 
-  const search = () => {
-    const words = Object.entries(inputs).map(([name, input]) => [name, input.value.trim()]).filter(([, text]) => text);
-    return new URLSearchParams(words);
-  };
+  const filters = () => new URLSearchParams(Object.entries(inputs)
+    .map(([name, input]) => [name, input.value.trim()]).filter(([, text]) => text));
 
-  let reads = 0;
+  let searches = 0;
   async function read(path, isFirst) {
-    const own = isFirst ? ++reads : reads;
+    const own = isFirst ? ++searches : searches;
+    const isOutdated = () => signal.aborted || own !== searches;
     let page;
     try {
       page = await get(path, { signal });
     } catch (problem) {
-      if (signal.aborted || own !== reads) return;
-      faults.replaceChildren(trouble(problem));
+      if (!isOutdated()) errors.replaceChildren(errorCard(problem));
       return;
     }
-    // Something else has been asked for meanwhile.
-    if (signal.aborted || own !== reads) return;
-    faults.replaceChildren();
-    const entries = page.results.map(drawEntry);
-    if (isFirst) list.replaceChildren(...entries);
-    else list.append(...entries);
+    if (isOutdated()) return;
+    errors.replaceChildren();
+    if (isFirst) list.replaceChildren();
+    list.append(...page.results.map(drawEntry));
     if (!list.children.length) {
-      list.append(h("li", { class: "empty" }, "Nothing here yet, or nothing that fits. ", h("a", { href: "#/new" }, "Start a run"), "."));
+      list.append(filters().size > 1 ? h("li", { class: "muted empty" }, "No match. Change the filters.")
+        : h("li", { class: "muted empty" }, "No results yet. ", h("a", { href: "#/new" }, "Start a run"), "."));
     }
     more.hidden = !page.next;
     more.onclick = () => read(page.next, false);
   }
 
-  const again = debounced(250, () => {
+  const search = () => read(`/v1/results?${filters()}&limit=24`, true);
+
+  const searchSoon = debounced(250, () => {
     if (signal.aborted) return;
-    const words = search();
+    const words = filters();
     if (query.get("with")) words.set("with", query.get("with"));
     history.replaceState(null, "", `#/library?${words}`);
-    const asked = search();
-    asked.set("limit", 24);
-    read(`/v1/results?${asked}`, true);
+    search();
   });
 
-  function field(name, label, options, hint) {
-    const value = query.get(name) ?? (name === "sort" ? "-created" : "");
-    const id = `find-${name}`;
-    inputs[name] = options
-      ? h("select", { id, onchange: again }, Object.entries(options).map(([own, word]) =>
-        h("option", { value: own, selected: own === value }, word)))
-      : h("input", { id, value, placeholder: hint, oninput: again, autocomplete: "off" });
-    return h("div", { class: "field" }, h("label", { for: id }, label), inputs[name]);
+  function filter(name, label, options, example) {
+    const properties = { id: `find-${name}`, placeholder: example, autocomplete: "off" };
+    const value = query.get(name) ?? "";
+    inputs[name] = options ? select(options, value, { id: properties.id, onchange: searchSoon })
+      : h("input", { ...properties, value, oninput: searchSoon });
+    return h("div", { class: "field" }, h("label", { for: properties.id }, label), inputs[name]);
   }
 
-  function choose(key, yes) {
-    if (yes) chosen.add(key);
+  function choose(key, isChosen) {
+    if (isChosen) chosen.add(key);
     else chosen.delete(key);
-    // Two are compared: of three the oldest choice goes.
+    // A third choice replaces the oldest.
     if (chosen.size > 2) chosen.delete([...chosen][0]);
     for (const box of list.querySelectorAll("input[type=checkbox]")) box.checked = chosen.has(box.value);
-    showChosen();
+    drawCompare();
   }
 
-  function showChosen() {
+  function drawCompare() {
     const [first, second] = chosen;
-    compare.textContent = second ? "Compare the two" : first ? "Choose one more to compare" : "Choose two to compare";
+    compare.textContent = second ? "Compare 2 results" : first ? "Select 1 more to compare" : "Select 2 results to compare";
     if (second) compare.href = `#/result/${first}?with=${second}`;
     else compare.removeAttribute("href");
     compare.setAttribute("aria-disabled", String(!second));
   }
 
-  const shown = new WeakMap();
-  const seen = new IntersectionObserver((entries) => {
+  // Previews and labels are loaded when their entry is about to be scrolled into view.
+  const loaders = new WeakMap();
+  const observer = new IntersectionObserver((entries) => {
     for (const { isIntersecting, target } of entries) {
       if (!isIntersecting) continue;
-      seen.unobserve(target);
-      thumbnail(target, signal);
-      called(target.dataset.key, signal).then((label) => (shown.get(target).textContent = label));
+      observer.unobserve(target);
+      loaders.get(target)();
     }
   }, { rootMargin: "400px" });
-  signal.addEventListener("abort", () => seen.disconnect());
+  signal.addEventListener("abort", () => observer.disconnect());
 
   function drawEntry(entry) {
     const { key, values, note, pinned, owner, created } = entry;
-    const title = contactName(entry);
-    const label = h("p", { class: "called" });
+    const label = h("p", { class: "label" });
     const picture = svg("svg", { viewBox: "0 0 96 48", class: "thumbnail", "aria-hidden": "true" });
-    picture.dataset.key = key;
-    picture.dataset.cycles = values.cycles;
-    shown.set(picture, label);
-    seen.observe(picture);
+    loaders.set(picture, async () => {
+      drawThumbnail(picture, key, values.cycles, signal);
+      label.textContent = labelOf(await jobsOf(key, signal));
+    });
+    observer.observe(picture);
     return h("li", { class: "card entry" }, picture,
-      h("div", {}, h("h2", {}, h("a", { href: `#/result/${key}` }, `${title}; ${loadName(entry)}`),
-        pinned && h("span", { class: "state", title: "kept for good" }, "pinned")),
-        h("p", {}, wayName(entry)), label,
-        h("p", {}, `after ${cycles(values.cycles)} cycles: `, h("strong", {}, quantity(values.wear_volume, "m^3")), `, ${quantity(values.wear_depth, "m")} deep`),
+      h("div", {}, h("h2", {}, h("a", { href: `#/result/${key}` }, title(entry)),
+        pinned && h("span", { class: "state", title: "This result is never evicted" }, "pinned")),
+        h("p", {}, subtitle(entry)), label,
+        h("p", {}, `N = ${cycles(values.cycles)}: wear volume `, h("strong", {}, quantity(values.wear_volume, "m^3")), `, wear depth ${quantity(values.wear_depth, "m")}`),
         note && h("p", { class: "note" }, `“${note.text}”`),
-        h("p", { class: "quiet" }, when(created), owner && ` · ${owner}`)),
+        h("p", { class: "muted" }, dateTime(created), owner && ` · ${owner}`)),
       h("label", { class: "pick" }, h("input", { type: "checkbox", value: key, checked: chosen.has(key),
-        onchange: (event) => choose(key, event.target.checked) }), h("span", { class: "hidden" }, `${title}, ${key.slice(0, 8)}: `), "compare"));
+        onchange: (event) => choose(key, event.target.checked) }), "Compare", h("span", { class: "hidden" }, ` ${title(entry)}, ${key.slice(0, 8)}`)));
   }
 
-  const filters = h("form", { class: "card filters", role: "search", onsubmit: (event) => event.preventDefault() },
-    Object.entries(WORD_FILTERS).map(([name, values]) => field(name, name[0].toUpperCase() + name.slice(1),
-      { "": "any", ...Object.fromEntries(values.map((value) => [value, WORDS[value]])) })),
-    RANGES.map(([name, label, hint]) => field(name, label, null, hint)),
-    field("owner", "For whom"), field("note", "Note contains"), field("sort", "Order", ORDERS));
-  main.replaceChildren(h("div", { class: "head" }, h("h1", {}, "Library"), compare), filters, faults, list, more);
-  document.addEventListener("units", again, { signal });
-  showChosen();
-  const asked = search();
-  asked.set("limit", 24);
-  await read(`/v1/results?${asked}`, true);
+  const form = h("form", { class: "card filters", role: "search", onsubmit: (event) => event.preventDefault() },
+    Object.entries(OPTIONS).map(([name, [label, options]]) => filter(name, label, options)),
+    Object.entries(TEXTS).map(([name, [label, example]]) => filter(name, label, null, example && `e.g. ${example}`)),
+    filter("sort", "Sort by", ORDERS),
+    h("p", { class: "muted" }, "Ranges: 0.6..0.8 is between, ..5 um is at most, and 50 N.. is at least."));
+  main.replaceChildren(h("div", { class: "head" }, h("h1", {}, "Library"), compare), form, errors, list, more);
+  document.addEventListener("units", search, { signal });
+  drawCompare();
+  await search();
 }
 
-/** Draws the last worn profile, from forty numbers of three digits. */
-async function thumbnail(picture, signal) {
-  const words = new URLSearchParams({ fields: "worn,initial", cycles: picture.dataset.cycles, points: 40, digits: 3 });
-  const part = await get(`/v1/results/${picture.dataset.key}/profiles?${words}`, { signal }).catch(() => null);
+/** Draws the unworn and the last worn profile from 40 points with 3 digits. */
+async function drawThumbnail(picture, key, cycles, signal) {
+  const words = new URLSearchParams({ fields: "worn,initial", cycles, points: 40, digits: 3 });
+  const part = await get(`/v1/results/${key}/profiles?${words}`, { signal }).catch(() => null);
   const { radius, worn = [], initial } = part?.profiles ?? {};
   if (!worn.length) return;
-  const row = worn.at(-1);
-  const [wide, high] = [radius.at(-1), Math.max(...row, ...initial)];
-  const path = (values) => `M${values.map((value, i) => `${((96 * radius[i]) / wide).toFixed(1)},${(45 - (42 * value) / high).toFixed(1)}`).join("L")}`;
-  picture.replaceChildren(svg("path", { class: "before", d: path(initial) }), svg("path", { class: "after", d: path(row) }));
+  const last = worn.at(-1);
+  const [width, height] = [radius.at(-1), Math.max(...last, ...initial)];
+  const path = (values) => `M${values.map((value, i) => `${((96 * radius[i]) / width).toFixed(1)},${(45 - (42 * value) / height).toFixed(1)}`).join("L")}`;
+  picture.replaceChildren(svg("path", { class: "unworn", d: path(initial) }), svg("path", { class: "worn", d: path(last) }));
 }

@@ -1,7 +1,7 @@
-// The frame: which view an address shows, units, who is signed in, whether the server is there.
+// The frame of the page: routing, units, the signed-in user and the connection banner.
 
-import { get, key, server, signIn, signOut, watch } from "./api.js";
-import { h, say, trouble } from "./dom.js";
+import { connection, get, key, signIn, signOut, watchConnection } from "./api.js";
+import { errorCard, h, notify } from "./dom.js";
 import { showForm } from "./form.js";
 import { showLibrary } from "./library.js";
 import { showQueue } from "./queue.js";
@@ -10,8 +10,8 @@ import { showRun } from "./run.js";
 import { si, useSi } from "./units.js";
 
 /**
- * A view fills `main` and may go on until `signal` is aborted. `query` is what stands behind `?` in the
- * hash: it is all that a view needs to be shown again.
+ * Title and function of each view. The function fills `main` and may update it until `signal` is aborted.
+ * `query` holds the parameters after `?` in the hash. They contain the full state of the view.
  */
 const VIEWS = {
   "": ["New run", showForm],
@@ -25,39 +25,35 @@ const VIEWS = {
 const main = document.getElementById("main");
 const banner = document.getElementById("banner");
 const units = document.getElementById("units");
-let leaving = new AbortController();
+let currentView = new AbortController();
 
-/** Shows the view that the address names. */
+/** Shows the view that the hash names. */
 async function route() {
-  leaving.abort();
-  leaving = new AbortController();
-  const { signal } = leaving;
+  currentView.abort();
+  currentView = new AbortController();
+  const { signal } = currentView;
   const [path, query] = location.hash.replace(/^#\/?/, "").split(/\?(.*)/s);
   const [name, id] = path.split("/");
   const [title, show] = VIEWS[name] ?? VIEWS[""];
   document.title = `${title} · fretwork`;
   for (const link of document.querySelectorAll("nav a")) {
-    const own = link.getAttribute("href").slice(2);
-    if (own === (name || "new")) link.setAttribute("aria-current", "page");
+    if (link.hash.slice(2) === (name || "new")) link.setAttribute("aria-current", "page");
     else link.removeAttribute("aria-current");
   }
-  main.replaceChildren(h("p", { class: "loading" }, "Loading…"));
+  main.replaceChildren(h("p", { class: "muted" }, "Loading…"));
   main.setAttribute("aria-busy", "true");
   try {
     await show(main, { id, query: new URLSearchParams(query), signal });
   } catch (error) {
     if (signal.aborted) return;
-    main.replaceChildren(h("h1", {}, title), trouble(error),
-      h("button", { type: "button", onclick: route }, "Try again"));
+    main.replaceChildren(h("h1", {}, title), errorCard(error), h("button", { type: "button", onclick: route }, "Try again"));
     if (!error.status) console.error(error);
   } finally {
     if (!signal.aborted) main.removeAttribute("aria-busy");
   }
 }
 
-function showUnits() {
-  units.setAttribute("aria-pressed", String(si()));
-}
+const showUnits = () => units.setAttribute("aria-pressed", String(si()));
 
 units.addEventListener("click", () => {
   useSi(!si());
@@ -65,26 +61,25 @@ units.addEventListener("click", () => {
   document.dispatchEvent(new Event("units"));
 });
 
-/** Says who is signed in. Where there are no keys there is nobody to name. */
-async function showWho() {
-  const place = document.getElementById("who");
+/** Shows the name and the role of the access key. A server without keys has no users. */
+async function showUser() {
+  const place = document.getElementById("user");
   if (!key()) return place.replaceChildren();
   const me = await get("/v1/me").catch(() => null);
-  const name = me?.key ? `${me.name} (${me.role})` : null;
-  place.replaceChildren(name ?? "", key() ? h("button", { type: "button", onclick: () => {
+  place.replaceChildren(me?.key ? `${me.name} (${me.role})` : "", h("button", { type: "button", onclick: () => {
     signOut();
     signIn("You are signed out.").then(route);
-  } }, "Sign out") : "");
+  } }, "Sign out"));
 }
 
-server.addEventListener("who", showWho);
-server.addEventListener("lost", () => {
-  banner.textContent = "The server does not answer. Trying again; this page goes on when it is back.";
+connection.addEventListener("key", showUser);
+connection.addEventListener("lost", () => {
+  banner.textContent = "No connection to the server. Reconnecting… Your input is kept.";
   banner.hidden = false;
 });
-server.addEventListener("back", () => {
+connection.addEventListener("restored", () => {
   banner.hidden = true;
-  say("The server is back.");
+  notify("Connection restored.");
 });
 addEventListener("hashchange", () => {
   route();
@@ -96,6 +91,6 @@ document.querySelector(".skip").addEventListener("click", (event) => {
   main.focus();
 });
 showUnits();
-showWho();
+showUser();
 route();
-watch();
+watchConnection();

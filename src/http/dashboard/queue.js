@@ -1,22 +1,25 @@
-// The jobs: what runs, what waits, what was.
+// All jobs of the server, newest first.
 
 import { get, post } from "./api.js";
-import { h, say, when } from "./dom.js";
+import { dateTime, h, notify, select } from "./dom.js";
 import { quantity } from "./units.js";
 
-const EVERY = 2000;
+const REFRESH_MS = 2000;
 const OPEN = ["queued", "running", "canceling"];
+const STATES = [...OPEN, "succeeded", "failed", "canceled"];
+/** How a job got its result. */
+const ORIGINS = { computed: "Computed", cached: "From the library", coalesced: "Shared run" };
 
 export async function showQueue(main, { query, signal }) {
   const list = h("tbody", {});
-  const empty = h("p", { class: "empty" });
-  const more = h("button", { type: "button", hidden: true }, "Older ones");
-  const state = h("select", { id: "state-filter", onchange: () => {
-    history.replaceState(null, "", state.value ? `#/queue?state=${state.value}` : "#/queue");
-    older = [];
-    read();
-  } }, ["", ...OPEN, "succeeded", "failed", "canceled"].map((name) =>
-    h("option", { value: name, selected: query.get("state") === name }, name || "all")));
+  const empty = h("p", { class: "muted empty" });
+  const more = h("button", { type: "button", hidden: true }, "Show older jobs");
+  const state = select({ "": "All", ...Object.fromEntries(STATES.map((name) => [name, name[0].toUpperCase() + name.slice(1)])) },
+    query.get("state"), { id: "state-filter", onchange: () => {
+      history.replaceState(null, "", state.value ? `#/queue?state=${state.value}` : "#/queue");
+      older = [];
+      read();
+    } });
   let older = [], next = null;
 
   more.addEventListener("click", async () => {
@@ -32,26 +35,26 @@ export async function showQueue(main, { query, signal }) {
     if (older.length === 0) next = page.next;
     const shown = new Set(page.jobs.map((job) => job.id));
     const jobs = [...page.jobs, ...older.filter((job) => !shown.has(job.id))];
-    // Whoever is about to press a button keeps it.
+    // A refresh must not take the focus from a button.
     const focused = document.activeElement?.dataset.job;
-    list.replaceChildren(...jobs.map(row));
+    list.replaceChildren(...jobs.map(drawRow));
     if (focused) list.querySelector(`[data-job="${focused}"]`)?.focus();
-    empty.replaceChildren(...(jobs.length ? [] : ["No jobs here yet. ", h("a", { href: "#/new" }, "Start a run"), "."]));
+    empty.replaceChildren(...(jobs.length ? [] : state.value ? ["No match. Choose another state."]
+      : ["No jobs yet. ", h("a", { href: "#/new" }, "Start a run"), "."]));
     more.hidden = !next;
   }
 
-  function row(job) {
+  function drawRow(job) {
     const done = job.state === "succeeded";
-    const target = done ? `#/result/${job.key}` : `#/run/${job.id}`;
     return h("tr", {},
-      h("th", { scope: "row" }, h("a", { href: target }, job.label || job.id.slice(0, 13))),
+      h("th", { scope: "row" }, h("a", { href: done ? `#/result/${job.key}?job=${job.id}` : `#/run/${job.id}` }, job.label || job.id.slice(0, 13))),
       h("td", {}, h("span", { class: `state ${job.state}` }, job.state),
         OPEN.includes(job.state) && h("progress", { max: 1, value: job.progress, "aria-label": "Progress" })),
-      h("td", {}, when(job.times.created)),
-      h("td", {}, done ? job.origin : ""),
-      h("td", {}, job.summary ? quantity(job.summary.wear_volume, "m^3") : ""),
+      h("td", {}, dateTime(job.times.created)),
+      h("td", {}, done && ORIGINS[job.origin]),
+      h("td", {}, job.summary && quantity(job.summary.wear_volume, "m^3")),
       h("td", {}, OPEN.includes(job.state) && h("button", { type: "button", "data-job": job.id, onclick: async () => {
-        await post(`/v1/jobs/${job.id}/cancel`, undefined).catch((problem) => say(problem.detail));
+        await post(`/v1/jobs/${job.id}/cancel`).catch((problem) => notify(problem.detail));
         read();
       }, "aria-label": `Cancel ${job.label || job.id}` }, "Cancel")));
   }
@@ -63,7 +66,7 @@ export async function showQueue(main, { query, signal }) {
     h("table", { class: "jobs" }, h("thead", {}, h("tr", {}, ["Job", "State", "Submitted", "Origin", "Wear volume"].map((name) =>
       h("th", { scope: "col" }, name)), h("td", {}))), list), empty), more);
 
-  const timer = setInterval(() => document.hidden || read().catch(() => {}), EVERY);
+  const timer = setInterval(() => document.hidden || read().catch(() => {}), REFRESH_MS);
   addEventListener("focus", () => read().catch(() => {}), { signal });
   document.addEventListener("units", read, { signal });
   signal.addEventListener("abort", () => clearInterval(timer));

@@ -1,235 +1,232 @@
-// A result: worn profiles, histories and loops over a slider of instants, alone or beside another.
+// A result: profiles, history and fretting loop at a chosen output cycle, alone or compared with a second result.
 
-import { get, Problem } from "./api.js";
-import { fill, h, say } from "./dom.js";
-import { apart, branches, ceiling, Plot } from "./plots.js";
-import { drawAbout } from "./about.js";
 import { drawActions } from "./actions.js";
-import { called, contactName, entryOf, loadName, wayName } from "./names.js";
+import { get, Problem } from "./api.js";
+import { drawDetails } from "./details.js";
+import { fill, h, notify, select } from "./dom.js";
+import { axisLimit, branches, maxDifference, Plot } from "./plots.js";
+import { entryOf, jobsOf, labelOf, subtitle, title } from "./summary.js";
 import { column, cycles, digits, percent, quantity, WORDS } from "./units.js";
 
 const PROFILES = ["worn", "wear", "pressure", "slip", "image"];
-/** What a history plot shows: a name, and the columns in it. */
+/** Title and columns of each history plot. */
 const HISTORIES = {
   volume: ["Wear volume", ["wear_volume"]],
   depth: ["Wear depth", ["wear_depth"]],
   radii: ["Radii", ["contact_radius", "stick_radius", "scar_radius"]],
   forces: ["Forces", ["normal_force", "tangential_force"]],
-  depths: ["Indentation and amplitude", ["indentation_depth", "amplitude"]],
+  depths: ["Depth and amplitude", ["indentation_depth", "amplitude"]],
   energy: ["Energy per cycle", ["energy_per_cycle"]],
   dissipated: ["Dissipated energy", ["dissipated_energy"]],
 };
-/** How many branches of a loop are drawn: a displacement record may have thousands. */
-const MOST_BRANCHES = 24;
+/** Maximum number of loop branches in the plot: a displacement record may have thousands. */
+const MAX_BRANCHES = 24;
 const READOUT = ["wear_volume", "wear_depth", "scar_radius", "contact_radius", "stick_radius", "normal_force",
   "tangential_force", "energy_per_cycle", "dissipated_energy"];
 
-/** Reads a whole result, by key or by a link that somebody sent. */
-async function load(key, link, signal) {
+/** Loads a result. `link` is the token of a shared link. */
+function load(key, link, signal) {
   const words = link ? `?${new URLSearchParams({ link })}` : "";
   return get(`/v1/results/${key}${words}`, { signal });
 }
 
-/** The row of `cycles` nearest to `at`; the last one where nothing is said. */
+/** The label and the submitted scenario of a job, by default of the latest job of the result. */
+async function loadJob(key, id, signal) {
+  const jobs = await jobsOf(key, signal);
+  const job = id ?? jobs[0]?.id;
+  const own = job && (await get(`/v1/jobs/${job}?include=submitted`, { signal }).catch(() => null));
+  return { label: own?.label || labelOf(jobs), submitted: own?.submitted };
+}
+
+/** The row of `cycles` nearest to `at`; the last row if `at` is missing. */
 function nearest(cycles, at) {
   if (at == null || at === "") return cycles.length - 1;
-  const far = cycles.map((own) => Math.abs(own - Number(at)));
-  return far.indexOf(Math.min(...far));
+  const distances = cycles.map((own) => Math.abs(own - Number(at)));
+  return distances.indexOf(Math.min(...distances));
 }
 
 export async function showResult(main, { id: key, query, signal }) {
   const link = query.get("link");
-  const result = await load(key, link, signal);
+  const [result, job] = await Promise.all([load(key, link, signal), link ? {} : loadJob(key, query.get("job"), signal)]);
   const other = query.get("with") ? await load(query.get("with"), query.get("withlink"), signal).catch((problem) => {
     if (!(problem instanceof Problem)) throw problem;
-    say(`The other result cannot be shown: ${problem.detail}`);
+    notify(`Run B cannot be shown. ${problem.detail}`);
     return null;
   }) : null;
+  const outputs = result.profiles?.cycles ?? result.history.cycles;
   const state = {
     plot: PROFILES.includes(query.get("plot")) ? query.get("plot") : "worn",
     history: query.get("history") in HISTORIES ? query.get("history") : "volume",
     log: query.get("log") ?? "x",
-    row: nearest(result.profiles?.cycles ?? result.history.cycles, query.get("at")),
+    row: nearest(outputs, query.get("at")),
   };
-  const instants = result.profiles?.cycles ?? result.history.cycles;
 
-  /** The address always shows this very view. */
+  /** Keeps the state of the view in the address. */
   function remember() {
-    const words = new URLSearchParams({ ...(link && { link }), ...(query.get("with") && { with: query.get("with") }),
-      ...(query.get("withlink") && { withlink: query.get("withlink") }),
-      at: instants[state.row], plot: state.plot, history: state.history, log: state.log });
+    const kept = ["job", "link", "with", "withlink"].filter((name) => query.get(name)).map((name) => [name, query.get(name)]);
+    const words = new URLSearchParams({ ...Object.fromEntries(kept),
+      at: outputs[state.row], plot: state.plot, history: state.history, log: state.log });
     history.replaceState(null, "", `#/result/${key}?${words}`);
   }
 
   const plots = { profile: new Plot(), history: new Plot(), loop: new Plot() };
   signal.addEventListener("abort", () => Object.values(plots).forEach((plot) => plot.destroy()));
-  const slider = h("input", { type: "range", id: "instant", min: 0, max: instants.length - 1, value: state.row,
+  const slider = h("input", { type: "range", id: "output", min: 0, max: outputs.length - 1, value: state.row,
     step: 1, oninput: () => {
       state.row = Number(slider.value);
-      // However fast it moves, it is drawn once a frame.
-      frame ??= requestAnimationFrame(drawInstant);
+      // Draws at most once per frame.
+      frame ??= requestAnimationFrame(drawOutput);
     }, onchange: remember });
-  const output = h("output", { for: "instant", id: "at" });
+  const position = h("output", { for: "output", id: "at" });
   const readout = h("dl", { class: "tiles", id: "readout" });
-  const errors = h("p", { class: "quiet", id: "apart" });
-  const criteria = h("p", { class: "row quiet", id: "criteria" });
-  const about = h("div", { class: "cards" });
+  const difference = h("p", { class: "muted", id: "difference" });
+  const ratios = h("p", { class: "muted", id: "ratios" });
+  const details = h("div", { class: "cards" });
 
   const choice = (name, label, options) => {
-    const select = h("select", { id: `choose-${name}`, onchange: () => {
-      state[name] = select.value;
+    const field = select(options, state[name], { id: `choose-${name}`, onchange: () => {
+      state[name] = field.value;
       remember();
       draw();
-    } }, Object.entries(options).map(([value, word]) => h("option", { value, selected: state[name] === value }, word)));
-    return h("span", { class: "choice" }, h("label", { for: select.id }, label), select);
+    } });
+    return h("span", { class: "choice" }, h("label", { for: field.id }, label), field);
   };
 
   let frame = null;
-  function drawInstant() {
+  function drawOutput() {
     frame = null;
-    const at = instants[state.row];
+    const at = outputs[state.row];
     slider.setAttribute("aria-valuetext", `${cycles(at)} cycles`);
-    output.textContent = `N = ${cycles(at)}`;
+    position.textContent = `N = ${cycles(at)}`;
     drawReadout(readout, result, at);
-    drawProfile(plots.profile, errors, result, other, state);
-    drawLoop(plots.loop, criteria, result, other, at);
+    drawProfile(plots.profile, difference, result, other, state);
+    drawLoop(plots.loop, ratios, result, other, at);
   }
 
   function draw() {
-    drawInstant();
+    drawOutput();
     drawHistory(plots.history, result, other, state);
   }
 
-  const entry = entryOf(result);
-  document.title = `${contactName(entry)} · fretwork`;
-  const label = h("p", { id: "called", hidden: true });
+  const heading = title(entryOf(result));
+  document.title = `${heading} · fretwork`;
   fill(main,
     h("div", { class: "head" }, h("div", {},
-      h("h1", {}, `${contactName(entry)}; ${loadName(entry)}`), label,
-      h("p", { class: "quiet" }, `${wayName(entry)} · numerics ${result.engine.numerics} · `, h("code", {}, key.slice(0, 12)), "…")),
-    drawActions(result, { link, remember, signal })),
-    other && h("p", { id: "beside" }, h("span", { class: "key other" }, "beside "),
-      `${contactName(entryOf(other))}; ${loadName(entryOf(other))} · ${wayName(entryOf(other))} `,
-      h("a", { href: `#/result/${key}` }, "Show it alone")),
-    h("section", { class: "card instant", "aria-label": "Instant" },
-      h("label", { for: "instant" }, "Instant"), slider, output, readout),
+      h("h1", {}, other && h("span", { class: "key" }, "Run A: "), heading),
+      job.label && h("p", { id: "result-label" }, job.label),
+      h("p", { class: "muted" }, `${subtitle(entryOf(result))} · numerics version ${result.engine.numerics} · `, h("code", {}, key.slice(0, 12)), "…")),
+    drawActions(result, { job, link, remember, signal })),
+    other && h("p", {}, h("span", { class: "key other" }, "Run B: "), `${title(entryOf(other))} · ${subtitle(entryOf(other))} `,
+      h("a", { href: `#/result/${key}` }, "Close comparison")),
+    h("section", { class: "card output", "aria-label": "Output cycle" },
+      h("label", { for: "output" }, "Output cycle"), slider, position, readout),
     h("div", { class: "plots" },
       h("section", { class: "card", "aria-label": "Profiles" },
         h("div", { class: "row" }, choice("plot", "Profile", Object.fromEntries(PROFILES.map((name) => [name, WORDS[name]])))),
-        result.profiles ? plots.profile.element : h("p", {}, "This result carries no profiles (profiles_at)."), errors),
+        result.profiles ? plots.profile.element : h("p", {}, "This result has no profiles, because the scenario sets profiles_at to none."), difference),
       h("section", { class: "card", "aria-label": "History" },
         h("div", { class: "row" },
           choice("history", "History", Object.fromEntries(Object.entries(HISTORIES).map(([name, [word]]) => [name, word]))),
-          choice("log", "Axes", { x: "log N", "": "linear", xy: "log, log" })),
+          choice("log", "Axes", { x: "log N", "": "Linear", xy: "log–log" })),
         plots.history.element),
-      h("section", { class: "card", "aria-label": "Fretting loop" }, criteria,
-        result.loops?.cycles.length ? plots.loop.element : h("p", {}, "This result carries no loops (profiles_at)."))),
-    about);
-  const all = () => {
+      h("section", { class: "card", "aria-label": "Fretting loop" },
+        h("p", { class: "row muted" }, "Force over displacement in one cycle"),
+        result.loops?.cycles.length ? plots.loop.element : h("p", {}, "This result has no loops, because the scenario sets profiles_at to none."), ratios)),
+    details);
+  const drawAll = () => {
     draw();
-    drawAbout(about, result);
+    drawDetails(details, result);
   };
-  all();
+  drawAll();
   remember();
-  document.addEventListener("units", all, { signal });
-  if (link) return;
-  label.textContent = await called(key, signal);
-  label.hidden = !label.textContent;
+  document.addEventListener("units", drawAll, { signal });
 }
 
-/** The history at one instant, in words and numbers. */
+/** Shows the history at one output cycle as numbers. */
 function drawReadout(place, { history, units }, at) {
   const row = nearest(history.cycles, at);
   place.replaceChildren(...READOUT.map((name) => h("div", {}, h("dt", {}, WORDS[name]),
     h("dd", { "data-value": name }, quantity(history[name][row], units[name], 5)))));
 }
 
-/** One result's profile at an instant; the worn one with where it began and where it tends to. */
-function curves({ profiles, units }, quantityName, row, beside) {
-  const unit = units[quantityName];
-  const x = column(profiles.radius, units.radius);
-  const curve = (name, values, more) => ({ name, x, y: column(values, unit), ...more });
-  if (beside) return [curve("the other", profiles[quantityName][row], { ink: 5, dashed: true })];
-  const own = [];
-  if (quantityName === "worn") {
-    own.push(curve("initial", profiles.initial, { ink: 4, dashed: true }));
-    if (profiles.limiting) own.push(curve("limiting", profiles.limiting, { ink: 3, dashed: true }));
-  } else if (row > 0) {
-    own.push(curve("unworn", profiles[quantityName][0], { ink: 4, dashed: true }));
+/** The curve of a result at one output cycle. */
+const profileCurve = ({ profiles, units }, quantityName, values, more) => ({
+  x: column(profiles.radius, units.radius), y: column(values, units[quantityName]), ...more });
+
+/** The curve at one output cycle, after the unworn and the limiting curves. The last curve is drawn on top. */
+function profileCurves(result, quantityName, row, name) {
+  const { initial, limiting, [quantityName]: rows } = result.profiles;
+  const isWorn = quantityName === "worn";
+  const curves = [];
+  if (isWorn || row > 0) curves.push(profileCurve(result, quantityName, isWorn ? initial : rows[0], { name: "Unworn", ink: 4, dashed: true }));
+  if (limiting && (isWorn || quantityName === "wear")) {
+    const values = isWorn ? limiting : limiting.map((height, i) => height - initial[i]);
+    curves.push(profileCurve(result, quantityName, values, { name: "Limiting", ink: 3, dashed: true }));
   }
-  if (quantityName === "wear" && profiles.limiting) {
-    own.push(curve("limiting", profiles.limiting.map((height, i) => height - profiles.initial[i]), { ink: 3, dashed: true }));
-  }
-  // Drawn last: on top.
-  own.push(curve("this instant", profiles[quantityName][row], { ink: 1 }));
-  return own;
+  return [...curves, profileCurve(result, quantityName, rows[row], { name, ink: 1 })];
 }
 
-function drawProfile(plot, errors, result, other, { plot: name, row }) {
+function drawProfile(plot, difference, result, other, { plot: name, row }) {
   if (!result.profiles) return;
-  const words = [];
+  const texts = [];
   const at = result.profiles.cycles[row];
-  const own = curves(result, name, row);
+  const values = result.profiles[name][row];
+  const curves = profileCurves(result, name, row, other ? "Run A" : "Current");
+  const current = curves.at(-1);
   if (other?.profiles) {
-    const theirs = nearest(other.profiles.cycles, at);
-    own.push(...curves(other, name, theirs, true));
-    const [mine, its] = own.slice(-2);
-    const far = apart(mine.x, mine.y, its.x, its.y);
-    words.push(far == null ? "There is nothing to compare here."
-      : `They differ by ${percent(far)} of the largest value at most; the other at N = ${cycles(other.profiles.cycles[theirs])}.`);
+    const otherRow = nearest(other.profiles.cycles, at);
+    const second = profileCurve(other, name, other.profiles[name][otherRow], { name: "Run B", ink: 5, dashed: true });
+    curves.push(second);
+    const fraction = maxDifference(current, second);
+    texts.push(fraction == null ? "At this output cycle there is nothing to compare."
+      : `Maximum difference: ${percent(fraction, 2)} of peak. Run B is at N = ${cycles(other.profiles.cycles[otherRow])}.`);
   }
-  const top = name === "pressure" ? Math.max(...own.map((curve) => ceiling(curve.y))) : Infinity;
-  const peak = Math.max(...result.profiles[name][row]);
-  if (Math.max(...own.at(other?.profiles ? -2 : -1).y) > top) {
-    const edge = result.profiles.radius[result.profiles[name][row].indexOf(peak)];
-    words.push(`The pressure peaks where the shape has an edge, as at the stick radius: at r = ${
-      quantity(edge, result.units.radius)} it is ${quantity(peak, result.units[name])}, beyond the axis.`);
+  const top = name === "pressure" ? Math.max(...curves.map(({ y }) => axisLimit(y))) : Infinity;
+  if (Math.max(...current.y) > top) {
+    const peak = Math.max(...values);
+    const radius = quantity(result.profiles.radius[values.indexOf(peak)], result.units.radius);
+    texts.push(`Peak outside the axis: ${quantity(peak, result.units[name])} at r = ${radius}, at an edge of the worn profile.`);
   }
-  errors.textContent = words.join(" ");
+  difference.textContent = texts.join(" ");
   plot.title.textContent = `${WORDS[name]} after ${cycles(at)} cycles`;
-  plot.show(own, { x: [WORDS.radius, result.units.radius], y: [WORDS[name], result.units[name]], top,
-    describe: `${WORDS[name]} over the radius after ${cycles(at)} cycles` });
+  plot.show(curves, { x: [WORDS.radius, result.units.radius], y: [WORDS[name], result.units[name]], top,
+    description: `${WORDS[name]} over the radius after ${cycles(at)} cycles` });
 }
 
 function drawHistory(plot, result, other, { history, log }) {
-  const [title, columns] = HISTORIES[history];
+  const [heading, columns] = HISTORIES[history];
   const unit = result.units[columns[0]];
   const points = result.history.cycles.length < 60;
-  const shown = columns.map((name, i) => ({ name: WORDS[name], x: result.history.cycles,
-    y: column(result.history[name], unit), ink: i + 1, points }));
-  const second = (from, word, ink) => {
-    const name = columns[0];
-    shown.push({ name: `${word}${columns.length > 1 ? `: ${WORDS[name].toLowerCase()}` : ""}`, x: from.cycles,
-      y: column(from[name], unit), ink, dashed: true, points });
-  };
-  if (result.comparison) second(result.comparison.history, "simplified rule", 4);
-  if (other) second(other.history, "the other", 5);
-  plot.title.textContent = `${title} over the cycles`;
-  plot.show(shown, { x: [WORDS.cycles, "1"], y: [title, unit], logX: log.includes("x"), logY: log.includes("y") });
+  const curve = (from, name, more) => ({ x: from.cycles, y: column(from[name], unit), points, ...more });
+  const curves = columns.map((name, i) => curve(result.history, name,
+    { name: `${other ? "Run A: " : ""}${WORDS[name]}`, ink: i + 1 }));
+  const addSecond = (from, run, ink) => curves.push(curve(from, columns[0],
+    { name: `${run}: ${WORDS[columns[0]]}`, ink, dashed: true }));
+  if (result.comparison) addSecond(result.comparison.history, "Simplified rule", 4);
+  if (other) addSecond(other.history, "Run B", 5);
+  plot.title.textContent = heading;
+  plot.show(curves, { x: [WORDS.cycles, "1"], y: [heading, unit], logX: log.includes("x"), logY: log.includes("y") });
 }
 
-function drawLoop(plot, criteria, result, other, at) {
-  const shown = [];
-  let left = "";
-  const add = ({ loops, units }, name, ink, dashed) => {
-    if (!loops?.cycles.length) return;
-    const row = nearest(loops.cycles, at);
-    const x = column(loops.displacement[row], units.displacement);
-    const all = branches(x, loops.tangential_force[row]);
-    if (all.length > MOST_BRANCHES) left = `, its first ${MOST_BRANCHES} turns of ${all.length}`;
-    all.slice(0, MOST_BRANCHES).forEach(([own, of], i) =>
-      shown.push({ name: `${name}, ${i % 2 ? "forth" : "back"}${i > 1 ? ` ${(i >> 1) + 1}` : ""}`, x: own, y: of, ink, dashed,
-        unnamed: i > 1 }));
-  };
-  add(result, "this", 1);
-  if (other) add(other, "the other", 5, true);
+function drawLoop(plot, ratios, result, other, at) {
   const { loops } = result;
   if (!loops?.cycles.length) return;
+  const curves = [];
+  let truncated = "";
+  const addLoop = ({ loops, units }, run, ink, dashed) => {
+    if (!loops?.cycles.length) return;
+    const row = nearest(loops.cycles, at);
+    const all = branches(column(loops.displacement[row], units.displacement), loops.tangential_force[row]);
+    if (all.length > MAX_BRANCHES) truncated = ` (first ${MAX_BRANCHES} of ${all.length} branches)`;
+    all.slice(0, MAX_BRANCHES).forEach(([x, y], i) => curves.push({
+      name: `${run}${i % 2 ? "Loading" : "Unloading"}${i > 1 ? ` ${(i >> 1) + 1}` : ""}`, x, y, ink, dashed, unnamed: i > 1 }));
+  };
+  addLoop(result, other ? "Run A: " : "", 1);
+  if (other) addLoop(other, "Run B: ", 5, true);
   const row = nearest(loops.cycles, at);
-  // The criteria of the transition to sliding.
-  criteria.textContent = [["energy A", "energy_ratio"], ["slip D", "slip_ratio"], ["free B", "free_ratio"]]
+  ratios.textContent = [["Energy ratio A", "energy_ratio"], ["slip ratio D", "slip_ratio"], ["system-free ratio B", "free_ratio"]]
     .map(([word, name]) => `${word}\u00a0=\u00a0${digits(loops[name][row], 3)}`).join(", ");
-  plot.title.textContent = `Fretting loop after ${cycles(at)} cycles${left}`;
-  plot.show(shown, { x: [WORDS.displacement, result.units.displacement], y: ["Tangential force", "N"],
-    describe: `Tangential force over displacement after ${cycles(at)} cycles` });
+  plot.title.textContent = `Fretting loop after ${cycles(at)} cycles${truncated}`;
+  plot.show(curves, { x: [WORDS.displacement, result.units.displacement], y: ["Tangential force", "N"],
+    description: `Tangential force over displacement after ${cycles(at)} cycles` });
 }

@@ -1,6 +1,6 @@
-// Numbers for people: µm, mm³, MPa, mJ and N, or SI. The server's numbers are SI.
+// Numbers, units and names as the dashboard shows them. The server sends all quantities in SI units.
 
-/** What a unit of the server is to an engineer: name and factor. */
+/** Engineering unit and factor for each SI unit. */
 const ENGINEERING = {
   m: ["µm", 1e6],
   "m^3": ["mm³", 1e9],
@@ -13,32 +13,26 @@ const ENGINEERING = {
 
 const NAMES = { "1": "", "m^3": "m³" };
 
-/** The unit of each member of an answer that does not say it for itself. */
-export const UNITS = {
-  contact_radius: "m", stick_radius: "m", scar_radius: "m", indentation_depth: "m", amplitude: "m",
-  wear_depth: "m", wear_volume: "m^3", normal_force: "N", tangential_force: "N", dissipated_energy: "J",
-  energy_per_cycle: "J", radius: "m", flat_radius: "m", slope_angle: "rad", friction: "1",
-  wear_coefficient: "1/Pa", normal_modulus: "Pa", peak_pressure: "Pa", cycles: "1", rig_stiffness: "N/m",
-};
-
-/** What members are called. */
+/** What the server's names mean. */
 export const WORDS = {
-  worn: "Worn profile", wear: "Wear", pressure: "Pressure", slip: "Slip", image: "Image",
-  initial: "initial", limiting: "limiting", radius: "Radius r", cycles: "Cycles N",
+  worn: "Worn profile", wear: "Local wear depth", pressure: "Pressure", slip: "Slip amplitude", image: "1D profile (MDR)",
+  radius: "Radius r", cycles: "Cycles N",
   wear_volume: "Wear volume", wear_depth: "Wear depth", scar_radius: "Scar radius",
   contact_radius: "Contact radius", stick_radius: "Stick radius", normal_force: "Normal force",
-  tangential_force: "Tangential force", indentation_depth: "Depth", amplitude: "Amplitude",
+  tangential_force: "Tangential force", indentation_depth: "Indentation depth", amplitude: "Amplitude",
   energy_per_cycle: "Energy per cycle", dissipated_energy: "Dissipated energy", displacement: "Displacement",
-  paraboloid: "Paraboloid", sphere: "Sphere", cone: "Cone", power: "Power law", table: "Measured table",
+  paraboloid: "Paraboloid", sphere: "Sphere", cone: "Cone", power: "Power law", table: "Measured profile",
   truncated_paraboloid: "Truncated paraboloid", truncated_cone: "Truncated cone",
-  full_stick: "full stick", partial_slip: "partial slip", gross_slip: "gross slip",
-  simplified: "simplified rule", exact: "exact method",
-  true: "pinned", contact_lost: "contact lost", shakedown: "shakedown", until_reached: "end reached", rim_reached: "rim reached",
+  blocks: "Amplitude blocks", reversals: "Displacement record",
+  full_stick: "Full stick", partial_slip: "Partial slip", gross_slip: "Gross slip",
+  simplified: "Simplified rule", exact: "Exact method",
+  contact_lost: "Contact lost", shakedown: "Shakedown", until_reached: "Stop condition reached",
+  rim_reached: "Edge of the profile reached",
 };
 
 let isSi = localStorage.getItem("fretwork-units") === "si";
 
-/** Whether numbers are shown in SI. */
+/** Whether the dashboard shows SI units. */
 export const si = () => isSi;
 
 export function useSi(yes) {
@@ -46,59 +40,58 @@ export function useSi(yes) {
   localStorage.setItem("fretwork-units", yes ? "si" : "engineering");
 }
 
-/** The name and the factor of a unit as it is shown now. */
-export function shown(unit) {
+/** Name and factor of the unit that is shown for an SI unit. */
+export function displayUnit(unit) {
   return (!isSi && ENGINEERING[unit]) || [NAMES[unit] ?? unit ?? "", 1];
 }
 
-/** A number in digits that people read: as few as tell it. */
+/** A number with at most `count` significant digits. */
 export function digits(value, count = 4) {
   if (value == null || !Number.isFinite(value)) return "–";
   if (value === 0) return "0";
   const size = Math.abs(value);
   if (size >= 1e6 || size < 1e-3) {
     const [mantissa, exponent] = value.toExponential(count - 1).split("e");
-    return `${Number(mantissa)}·10${raised(exponent)}`.replace("-", "−");
+    return `${Number(mantissa)}·10${superscript(exponent)}`.replace("-", "−");
   }
   return String(Number(value.toPrecision(count))).replace("-", "−");
 }
 
-const raised = (exponent) =>
+const superscript = (exponent) =>
   String(Number(exponent)).replace("-", "⁻").replace(/\d/g, (digit) => "⁰¹²³⁴⁵⁶⁷⁸⁹"[digit]);
 
-/** A quantity with its unit. */
+/** A number with its unit, joined by no-break spaces. */
 export function quantity(value, unit, count = 4) {
-  let [name, factor] = shown(unit);
+  let [name, factor] = displayUnit(unit);
   if (name === "µm" && Math.abs(value) >= 1e-3) [name, factor] = ["mm", 1e3];
   const text = digits(value == null ? null : value * factor, count);
-  // What belongs together stays on one line.
   return name && text !== "–" ? `${text}\u00a0${name.replace(" ", "\u00a0")}` : text;
 }
 
-/** A column as it is shown; what is null stays null. */
+/** A column in the unit that is shown. Null stays null. */
 export function column(values, unit) {
-  const [, factor] = shown(unit);
+  const [, factor] = displayUnit(unit);
   return values.map((value) => (value == null ? value : value * factor));
 }
 
-/** A quantity's name with its unit, for an axis. */
-export function axis(name, unit) {
-  const [shownUnit] = shown(unit);
-  return shownUnit ? `${name}, ${shownUnit}` : name;
+/** The title of an axis: a name with its unit in brackets. */
+export function axisTitle(name, unit) {
+  const [shown] = displayUnit(unit);
+  return shown ? `${name} [${shown}]` : name;
 }
 
-/** A part of one in percent. */
-export const percent = (part, count = 3) => (part == null ? "–" : `${digits(100 * part, count)}\u00a0%`);
+/** A fraction in percent. */
+export const percent = (fraction, count = 3) => (fraction == null ? "–" : `${digits(100 * fraction, count)}\u00a0%`);
 
-/** A stretch of time: 0.4 s, 12 s, 3 min 20 s, 2 h 5 min. */
-export function span(seconds) {
+/** A duration, for example 0.4 s, 12 s, 3 min 20 s or 2 h 5 min. */
+export function duration(seconds) {
   if (seconds < 10) return `${digits(seconds, 2)}\u00a0s`;
   const [hours, minutes, rest] = [Math.floor(seconds / 3600), Math.floor(seconds / 60) % 60, Math.floor(seconds % 60)];
-  const words = [[hours, "h"], [minutes, "min"], [rest, "s"]].filter(([count]) => count > 0).slice(0, 2);
-  return words.map(([count, name]) => `${count}\u00a0${name}`).join(" ");
+  const parts = [[hours, "h"], [minutes, "min"], [rest, "s"]].filter(([count]) => count > 0).slice(0, 2);
+  return parts.map(([count, name]) => `${count}\u00a0${name}`).join(" ");
 }
 
-/** Cycles, whole ones from a thousand on, with narrow spaces. */
+/** A number of cycles with narrow spaces between thousands; rounded from 1000 cycles on. */
 export const cycles = (given) => {
   const value = given >= 1000 ? Math.round(given) : given;
   return Number.isInteger(value) ? String(value).replace(/\B(?=(\d{3})+$)/g, "\u202f") : digits(value, 6);

@@ -1,0 +1,51 @@
+// The cards below the plots of a result: scales, accuracy, events, comparison, bodies and scenario.
+
+import { h, list } from "./dom.js";
+import { drawWarnings } from "./estimate.js";
+import { sketch } from "./sketch.js";
+import { cycles, digits, percent, quantity, WORDS } from "./units.js";
+
+const card = (title, ...children) => h("section", { class: "card" }, h("h2", {}, title), ...children);
+
+export function drawDetails(place, result) {
+  const { scales, unworn, limit, units, events, accuracy, warnings, comparison, bodies, scenario } = result;
+  const isRule = scenario.model.method === "simplified";
+  const inUnits = (name, value) => quantity(value, units[name]);
+  place.replaceChildren(...[
+    card("Unworn contact", sketch(result), list([
+      ["Contact radius a₀", inUnits("contact_radius", scales.contact_radius)],
+      ["Indentation depth d₀", inUnits("indentation_depth", scales.indentation_depth)],
+      ["Normal force F₀", inUnits("normal_force", scales.normal_force)],
+      ["Characteristic cycles N₀", cycles(Math.round(scales.cycles))],
+      ["Gross-slip threshold", inUnits("amplitude", unworn.gross_slip_amplitude)],
+      limit && ["Limiting volume", inUnits("wear_volume", limit.wear_volume)],
+      limit && ["Limiting depth", inUnits("wear_depth", limit.wear_depth)],
+    ])),
+    card("Accuracy", list([
+      accuracy.volume_error != null && ["Numerical error of the volume", percent(accuracy.volume_error)],
+      [isRule ? "Energy mismatch of the rule" : "Energy balance error", percent(accuracy.energy_mismatch)],
+      accuracy.steps != null && ["Time steps", digits(accuracy.steps)]]),
+    isRule && h("p", { class: "muted" }, "The simplified rule satisfies the energy balance V = (k_w/μ)·ΣW only approximately. ",
+      "The mismatch shows by how much. To measure the error of the rule, run the exact method and compare it with the rule."),
+    drawWarnings(warnings)),
+    events.length > 0 && card("Events", h("ul", {}, events.map(({ kind, cycles: at }) =>
+      h("li", {}, `${WORDS[kind]} at N = ${cycles(Math.round(at))}`)))),
+    comparison && drawComparison(comparison),
+    bodies && card("Wear of each body", list(bodies.map((body, i) => [`Body ${i + 1}, share ${percent(body.share)}`,
+      `${inUnits("wear_depth", body.wear_depth.at(-1))}, ${inUnits("wear_volume", body.wear_volume.at(-1))}`]))),
+    card("Scenario", h("details", {}, h("summary", {}, "Show as JSON in SI units"),
+      h("pre", { tabIndex: 0 }, JSON.stringify(scenario, null, 2)))),
+  ].filter(Boolean));
+}
+
+/** The errors of the simplified rule at each output cycle. */
+function drawComparison({ history, errors, xi, best_xi: bestXi, best_error: bestError }) {
+  return card("Error of the simplified rule",
+    h("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": "Error of the simplified rule" },
+      h("table", { id: "comparison" },
+        h("thead", {}, h("tr", {}, ["Cycles N", "Wear volume", "Wear depth", "Energy"].map((name) => h("th", { scope: "col" }, name)))),
+        h("tbody", {}, history.cycles.map((at, i) => h("tr", {}, h("th", { scope: "row" }, cycles(at)),
+          [errors.wear_volume, errors.wear_depth, errors.dissipated_energy].map((column) => h("td", {}, percent(column[i])))))))),
+    h("p", { class: "muted" }, `Relative to the exact method, with ξ = ${digits(xi)}.`,
+      bestXi != null && ` The best fit is ξ = ${digits(bestXi)}, with an RMS volume error of ${percent(bestError)}.`));
+}

@@ -1,0 +1,41 @@
+// The title and the subtitle that describe a result: shape, load, motion, method.
+
+import { get } from "./api.js";
+import { digits, quantity, WORDS } from "./units.js";
+
+const MOTIONS = { amplitude: "constant amplitude", tangential_force: "constant tangential force", rig: "compliant rig",
+  blocks: "amplitude blocks", reversals: "displacement record" };
+
+/** The kind of motion, in the words of `GET /v1/results`. */
+const motionOf = ({ blocks, reversals, rig_stiffness: rig, held }) =>
+  blocks ? "blocks" : reversals ? "reversals" : rig ? "rig" : held;
+
+/** A result in the form of an entry of `GET /v1/results`. */
+export const entryOf = ({ scenario, scales, unworn, regime }) => ({
+  shape: scenario.profile.shape, method: scenario.model.method, regime,
+  held: scenario.load.held, motion: motionOf(scenario.motion),
+  values: { ...scenario.profile, friction: scenario.friction, normal_force: scales.normal_force,
+    amplitude: unworn.amplitude, tangential_force: unworn.tangential_force },
+});
+
+const equation = (letter, value, unit) => typeof value === "number" && `${letter}\u00a0=\u00a0${quantity(value, unit)}`;
+const joined = (...parts) => parts.filter(Boolean).join(", ");
+
+/** For example "Paraboloid, R = 10 mm; F = 100 N, U = 2.256 µm, μ = 0.7". */
+export const title = ({ shape, motion, values }) => `${joined(WORDS[shape], equation("R", values.radius, "m"),
+  equation("θ", values.slope_angle, "rad"), typeof values.exponent === "number" && `n\u00a0=\u00a0${digits(values.exponent)}`,
+  equation("b", values.flat_radius, "m"))}; ${joined(equation("F", values.normal_force, "N"),
+  motion === "tangential_force" ? equation("Q", values.tangential_force, "N")
+    // Blocks and records have more than one amplitude.
+    : motion !== "blocks" && motion !== "reversals" && equation("U", values.amplitude, "m"),
+  equation("μ", values.friction, "1"))}`;
+
+/** For example "Exact method · Partial slip · constant depth, constant amplitude". */
+export const subtitle = ({ method, regime, held, motion }) =>
+  `${WORDS[method]} · ${WORDS[regime]} · constant ${held}, ${MOTIONS[motion]}`;
+
+/** The latest jobs of a result, newest first. A user who may not list jobs gets none. */
+export const jobsOf = (key, signal) => get(`/v1/jobs?key=${key}&limit=20`, { signal }).then(({ jobs }) => jobs, () => []);
+
+/** The latest label of a result. */
+export const labelOf = (jobs) => jobs.find(({ label }) => label)?.label ?? "";
