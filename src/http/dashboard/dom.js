@@ -1,7 +1,7 @@
 // HTML elements, dialogs, messages and links that several views use.
 
 /**
- * Creates an element. `on…` are event listeners. `class`, `for`, `role`, `list` and names with a dash are attributes.
+ * Creates an element. `on…` are event listeners. `class`, `for`, `role` and names with a dash are attributes.
  * All others are properties. Null and false are left out.
  */
 export function h(tag, properties = {}, ...children) {
@@ -9,7 +9,7 @@ export function h(tag, properties = {}, ...children) {
   for (const [name, value] of Object.entries(properties)) {
     if (value == null || value === false) continue;
     if (name.startsWith("on")) element.addEventListener(name.slice(2), value);
-    else if (["class", "for", "role", "list"].includes(name) || name.includes("-")) {
+    else if (["class", "for", "role"].includes(name) || name.includes("-")) {
       element.setAttribute(name, value === true ? "" : value);
     } else element[name] = value;
   }

@@ -67,7 +67,7 @@ export const CHOICES = [
         hardness: [["/wear/coefficient", "Archard coefficient k"], ["/wear/hardness", "Hardness"]],
         energy: [["/wear/energy_coefficient", "Energy coefficient α"]],
       }[kind],
-      ["/wear/share", "Share of wear on body 1 (optional)"], ["/friction", "Friction coefficient μ"]],
+      ["/wear/share", "Wear share of body 1 (0 to 1, optional)"], ["/friction", "Friction coefficient μ"]],
   },
   {
     id: "load", group: "Load and motion", label: "Load",
@@ -128,7 +128,7 @@ export const CHOICES = [
     },
     fields: (method) => [["/model/points", "Profile points (optional)"],
       ...(method === "exact" ? [["/model/tolerance", "Tolerance (optional)"],
-        ["/model/compare", "Compare with simplified rule", { "": "No", true: "Yes" }]] : [["/model/xi", "Fit parameter ξ (optional)"]])],
+        ["/model/compare", "Compare with simplified rule", { "": "No", true: "Yes" }]] : [["/model/xi", "Fitting parameter ξ (optional)"]])],
   },
 ];
 

@@ -185,7 +185,7 @@ function drawProfile(plot, difference, result, other, { plot: name, row }) {
   if (Math.max(...current.y) > top) {
     const peak = Math.max(...values);
     const radius = quantity(result.profiles.radius[values.indexOf(peak)], result.units.radius);
-    texts.push(`Peak outside the axis: ${quantity(peak, result.units[name])} at r = ${radius}, at an edge of the worn profile.`);
+    texts.push(`Peak outside the axis range: ${quantity(peak, result.units[name])} at r = ${radius}, at an edge of the worn profile.`);
   }
   difference.textContent = texts.join(" ");
   plot.title.textContent = `${WORDS[name]} after ${cycles(at)} cycles`;
