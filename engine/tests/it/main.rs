@@ -12,6 +12,7 @@ mod anything;
 mod collocated;
 mod engine;
 mod exact;
+mod golden;
 mod literal;
 mod loops;
 mod reference_solutions;
