@@ -7,8 +7,8 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use fretwork::plot::{Axis, Dash, Figure, GREY, PALETTE, Series, Sheet, Style};
+use fretwork_engine::contact::profile::kappa;
 use fretwork_engine::outcome::Outcome;
-use fretwork_engine::profile::kappa;
 use fretwork_engine::reference::LimitingState;
 use fretwork_engine::{scenario, simulation::Simulation};
 use serde_json::{Value, json};

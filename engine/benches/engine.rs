@@ -13,15 +13,16 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use fretwork_engine::contact::{Contact, Decay, Row};
-use fretwork_engine::control::Control;
-use fretwork_engine::march::March;
-use fretwork_engine::profile::Shape;
+use fretwork_engine::contact::control::Control;
+use fretwork_engine::contact::profile::Shape;
+use fretwork_engine::contact::row::Row;
+use fretwork_engine::contact::transform::Kernels;
+use fretwork_engine::contact::unworn::{Contact, Decay};
 use fretwork_engine::scenario::{self, Scenario};
-use fretwork_engine::simplified::Simplified;
 use fretwork_engine::simulation::{Simulation, Step};
-use fretwork_engine::transform::Kernels;
-use fretwork_engine::wearing::Law;
+use fretwork_engine::solver::closed::simplified::Simplified;
+use fretwork_engine::solver::stepped::law::Law;
+use fretwork_engine::solver::stepped::march::March;
 use serde_json::{Value, json};
 
 #[path = "../tests/it/literal.rs"]

@@ -3,7 +3,7 @@
 
 use std::f64::consts::{FRAC_1_PI, FRAC_2_PI, PI};
 
-use fretwork_engine::contact::Contact;
+use fretwork_engine::contact::unworn::Contact;
 
 /// The nodes and what the transforms need of them.
 pub struct Procedure {

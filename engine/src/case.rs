@@ -1,14 +1,19 @@
 //! A scenario made ready for computing: without units, with the scales that lead back, and what it costs.
 
-use super::comparison;
-use super::contact::{Contact, ROW_POINTS, Regime, UnwornSums};
-use super::control::{Control, Final, Tangential};
-use super::hysteresis::Backbone;
-use super::march::{March, Until};
-use super::wearing::Law;
+use crate::contact::control::{Control, Final, Tangential};
+use crate::contact::hysteresis::{Backbone, ROW_POINTS};
+use crate::contact::row::UnwornSums;
+use crate::contact::unworn::{Contact, Regime};
+use crate::solver::events::Until;
+use crate::solver::stepped::law::Law;
+use crate::solver::stepped::march::March;
 
 /// Relative error at which the simplified rule is marched, where it has no closed form.
 const RULE_TOLERANCE: f64 = 1e-3;
+/// How many runs of the simplified rule a comparison takes.
+pub(crate) const COMPARISON_RUNS: usize = 31;
+/// Radii of the simplified rule in a comparison, at most: enough for the volume.
+const COMPARISON_POINTS: usize = 256;
 
 /// The scales that make the contact dimensionless, and what multiplies results back into SI.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -54,6 +59,17 @@ impl Scales {
     #[must_use]
     pub fn gross_slip_amplitude(&self) -> f64 {
         self.friction * self.normal_modulus / self.tangential_modulus * self.indentation_depth
+    }
+
+    /// Q from ∫ min(Δ, y).
+    pub(crate) fn tangential(&self, half: f64) -> f64 {
+        2.0 * self.friction * half * self.force()
+    }
+
+    /// W from ∫ y(Δ − y)₊: 8μE*·(μE*/G*)·a₀d₀² times it.
+    pub(crate) fn energy(&self, integral: f64) -> f64 {
+        let lost = self.friction * self.force();
+        8.0 * lost * self.gross_slip_amplitude() * integral
     }
 }
 
@@ -122,7 +138,7 @@ impl Case {
     }
 
     /// Whether an instant at which the run ends carries profiles, since it is the last.
-    pub(super) fn shows_end(&self, n: f64, end: f64) -> bool {
+    pub(crate) fn shows_end(&self, n: f64, end: f64) -> bool {
         n >= end && self.profile_rows() > 0
     }
 
@@ -154,17 +170,30 @@ impl Case {
     }
 
     /// The largest amplitude over that at N = 0.
-    pub(super) fn largest_amplitude(&self) -> f64 {
+    pub(crate) fn largest_amplitude(&self) -> f64 {
         let Tangential::Blocks(blocks) = &self.control.tangential else { return 1.0 };
         let most = blocks.iter().map(|block| block.threshold).fold(0.0, f64::max);
         (most / self.contact.threshold).max(1.0)
     }
 
     /// How many times a free spring slips the path of one harmonic cycle.
-    pub(super) fn loops_per_cycle(&self) -> f64 {
+    pub(crate) fn loops_per_cycle(&self) -> f64 {
         match &self.control.tangential {
             Tangential::Record(record) => record.slip(0.0),
             _ => 1.0,
+        }
+    }
+
+    /// The run of the simplified rule that an exact run is compared with: the same instants under the
+    /// same control.
+    pub(crate) fn rule(&self, xi: f64) -> Self {
+        Self {
+            method: Method::Simplified { xi },
+            points: self.points.min(COMPARISON_POINTS),
+            profiles: vec![false; self.profiles.len()],
+            until: Until::default(),
+            share: None,
+            ..self.clone()
         }
     }
 
@@ -190,13 +219,8 @@ impl Case {
             }
             Method::Simplified { xi } => march(Law::Simplified(xi), RULE_TOLERANCE),
             Method::Exact { tolerance, compare } => {
-                let beside = compare.map_or(0.0, |xi| {
-                    let method = Method::Simplified { xi };
-                    let points = self.points.min(comparison::POINTS);
-                    let profiles = vec![false; self.profiles.len()];
-                    let rule = Self { method, points, profiles, ..self.clone() };
-                    rule.operations() * (comparison::ROUNDS + 3) as f64
-                });
+                let beside =
+                    compare.map_or(0.0, |xi| self.rule(xi).operations() * COMPARISON_RUNS as f64);
                 march(Law::Exact, tolerance) + beside
             }
         }

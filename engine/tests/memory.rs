@@ -4,15 +4,17 @@
 
 use std::sync::Arc;
 
-use fretwork_engine::contact::{Contact, UnwornSums};
-use fretwork_engine::control::{Block, Control, Normal, Tangential};
-use fretwork_engine::plan::Plan;
-use fretwork_engine::profile::Shape;
-use fretwork_engine::record::Record;
-use fretwork_engine::rkc::Rates;
+use fretwork_engine::contact::control::{Block, Control, Normal, Tangential};
+use fretwork_engine::contact::profile::Shape;
+use fretwork_engine::contact::record::Record;
+use fretwork_engine::contact::row::UnwornSums;
+use fretwork_engine::contact::unworn::Contact;
 use fretwork_engine::scenario;
 use fretwork_engine::simulation::Simulation;
-use fretwork_engine::wearing::{Law, Wearing};
+use fretwork_engine::solver::stepped::law::Law;
+use fretwork_engine::solver::stepped::plan::Plan;
+use fretwork_engine::solver::stepped::rkc::Rates;
+use fretwork_engine::solver::stepped::wearing::Wearing;
 use serde_json::json;
 
 #[global_allocator]

@@ -13,9 +13,9 @@ use super::problem::{self, Problem};
 use super::wire::{Body, NoQuery};
 use crate::job::{ENGINE, Key, Task};
 use crate::store::{Known, Outline};
-use fretwork_engine::fault::{Fault, Faults};
 use fretwork_engine::outcome::UNITS;
-use fretwork_engine::request::Given;
+use fretwork_engine::request::fault::{Fault, Faults};
+use fretwork_engine::request::fields::Given;
 use fretwork_engine::scenario;
 
 /// So many differences of parameters are listed.

@@ -18,7 +18,7 @@ use super::scenarios::Unsound;
 use super::wire::{self, Body, NoQuery, Query, Segment, instant};
 use crate::job::Key;
 use crate::store::{self, Listed, Removed, SCALARS, Search, WORDS};
-use fretwork_engine::fault::{Fault, Faults};
+use fretwork_engine::request::fault::{Fault, Faults};
 
 /// How many results a page has unless told.
 const PAGE: u32 = 50;

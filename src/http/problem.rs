@@ -14,7 +14,7 @@ use serde_json::Value;
 use utoipa::ToSchema;
 
 use crate::store;
-use fretwork_engine::fault::{Fault, Faults};
+use fretwork_engine::request::fault::{Fault, Faults};
 
 /// One row of the table: what a kind of problem is called, means and asks for.
 #[derive(Debug)]

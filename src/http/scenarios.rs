@@ -13,8 +13,8 @@ use super::App;
 use super::problem::{self, Problem};
 use super::wire::{self, Body, NoQuery, Segment};
 use crate::job::{Key, Submission, Task};
-use fretwork_engine::fault::Fault;
 use fretwork_engine::outcome::Preview;
+use fretwork_engine::request::fault::Fault;
 use fretwork_engine::scenario::{SCHEMA, Scenario, Warning};
 
 /// A job body that works, kept as a file in `examples/`.

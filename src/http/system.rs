@@ -16,7 +16,7 @@ use super::App;
 use super::problem::{self, Problem};
 use super::wire::{self, NoQuery, Segment};
 use crate::store::{self, Store};
-use fretwork_engine::request::{MAX_CYCLES, POINTS_RANGE};
+use fretwork_engine::request::fields::{MAX_CYCLES, POINTS_RANGE};
 use fretwork_engine::scenario::{MAX_ANSWER, NUMERICS};
 
 /// Whether the server is well.

@@ -16,7 +16,7 @@ use serde_json::{Map, Value};
 
 use super::format::Format;
 use super::problem::{self, Complaint, Problem};
-use fretwork_engine::fault::Fault;
+use fretwork_engine::request::fault::Fault;
 
 /// The largest body that is read, in bytes.
 pub const BODY_LIMIT: usize = 4 << 20;

@@ -9,9 +9,9 @@ use serde_json::Value;
 use serde_json::value::RawValue;
 
 use super::Key;
-use fretwork_engine::fault::Faults;
 use fretwork_engine::outcome::{Outcome, Units};
-use fretwork_engine::request::Given;
+use fretwork_engine::request::fault::Faults;
+use fretwork_engine::request::fields::Given;
 use fretwork_engine::scenario::{self, Scenario, Warning};
 use fretwork_engine::simulation::{self, Simulation};
 

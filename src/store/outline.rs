@@ -11,8 +11,10 @@ use super::Error;
 use super::read::json;
 use crate::job::summary;
 use fretwork_engine::outcome::UNITS;
-use fretwork_engine::quantity::Dimension::{self, Angle, Force, Length, Number, Stiffness, Stress};
-use fretwork_engine::quantity::Dimension::{Energy, Volume, WearCoefficient};
+use fretwork_engine::request::quantity::Dimension::{
+    self, Angle, Force, Length, Number, Stiffness, Stress,
+};
+use fretwork_engine::request::quantity::Dimension::{Energy, Volume, WearCoefficient};
 
 /// A number that results are looked for by.
 #[derive(Debug)]

@@ -5,13 +5,14 @@ use serde_json::{Value, json};
 use super::known::{paraboloid, request, run};
 use super::page::{Check, Section};
 use super::problem::{Problem, at};
-use fretwork_engine::control::Normal::Depth;
-use fretwork_engine::march::March;
-use fretwork_engine::plan::Plan;
-use fretwork_engine::record::Record;
-use fretwork_engine::rkc::Rkc;
+use fretwork_engine::contact::control::Normal::Depth;
+use fretwork_engine::contact::record::Record;
 use fretwork_engine::scenario::{DEFAULT_TOLERANCE, DEFAULT_XI};
-use fretwork_engine::wearing::{Law, Wearing};
+use fretwork_engine::solver::stepped::law::Law;
+use fretwork_engine::solver::stepped::march::March;
+use fretwork_engine::solver::stepped::plan::Plan;
+use fretwork_engine::solver::stepped::rkc::Rkc;
+use fretwork_engine::solver::stepped::wearing::Wearing;
 
 /// A tolerance of the steps in time at which only the mesh counts.
 const FINE_STEPS: f64 = 1e-5;

@@ -4,14 +4,16 @@ use std::sync::Arc;
 
 use serde_json::Value;
 
-use fretwork_engine::contact::{Contact, UnwornSums};
-use fretwork_engine::control::{Block, Control, Normal, Tangential};
-use fretwork_engine::march::{Instant, March};
-use fretwork_engine::profile::Shape;
-use fretwork_engine::record::Record;
+use fretwork_engine::contact::control::{Block, Control, Normal, Tangential};
+use fretwork_engine::contact::profile::Shape;
+use fretwork_engine::contact::record::Record;
+use fretwork_engine::contact::row::UnwornSums;
+use fretwork_engine::contact::unworn::Contact;
 use fretwork_engine::reference::stick_ratio;
 use fretwork_engine::scenario::DEFAULT_TOLERANCE;
-use fretwork_engine::wearing::{Law, Worn};
+use fretwork_engine::solver::stepped::law::Law;
+use fretwork_engine::solver::stepped::march::{Instant, March};
+use fretwork_engine::solver::stepped::wearing::Worn;
 
 /// The tolerance at which a scenario marches the simplified rule.
 const RULE_TOLERANCE: f64 = 1e-3;

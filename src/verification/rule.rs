@@ -5,11 +5,11 @@ use std::f64::consts::PI;
 use super::page::{Check, Section};
 use super::problem::{DEEPEST, DEPTH, FORCE, Problem, STICK, VOLUME, numbers};
 use super::table::{RUNS, rows};
-use fretwork_engine::contact::{Contact, Decay};
-use fretwork_engine::control::Normal::Depth;
+use fretwork_engine::contact::control::Normal::Depth;
+use fretwork_engine::contact::unworn::{Contact, Decay};
 use fretwork_engine::scenario::{DEFAULT_POINTS, DEFAULT_XI};
-use fretwork_engine::simplified::Simplified;
-use fretwork_engine::wearing::Law;
+use fretwork_engine::solver::closed::simplified::Simplified;
+use fretwork_engine::solver::stepped::law::Law;
 
 const CONTACTS: [(f64, f64); 2] = [(2.0, 0.5), (1.0, 0.21)];
 

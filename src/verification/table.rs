@@ -6,14 +6,14 @@ use super::page::Section;
 use super::problem::{
     DEEPEST, DEPTH, FORCE, Problem, Quantity, RADIUS, STICK, VOLUME, at, number, numbers, shape,
 };
-use fretwork_engine::control::Normal::{self, Depth, Force};
-use fretwork_engine::limit::Limit;
-use fretwork_engine::march::EventKind;
+use fretwork_engine::contact::control::Normal::{self, Depth, Force};
+use fretwork_engine::contact::limit::Limit;
+use fretwork_engine::contact::profile::Shape;
 use fretwork_engine::numeric::integrate;
-use fretwork_engine::profile::Shape;
 use fretwork_engine::reference::{LimitingState, shakedown_limit};
 use fretwork_engine::scenario::DEFAULT_TOLERANCE;
-use fretwork_engine::wearing::Law;
+use fretwork_engine::solver::events::EventKind;
+use fretwork_engine::solver::stepped::law::Law;
 
 use fretwork_engine::reference::TABLE;
 

@@ -1,13 +1,13 @@
 //! The JSON Schema of a scenario says what the parser does.
 
-use fretwork_engine::held::{MAX_BLOCKS, MAX_REVERSALS};
-use fretwork_engine::indenter::MAX_ROWS;
-use fretwork_engine::quantity::Dimension;
-use fretwork_engine::request::{
+use fretwork_engine::request::fields::{
     BlockCycles, EnergyWear, Exponent, Force, Friction, Height, Instant, LAST_CYCLE, Length,
     MAX_CYCLES, POINTS_RANGE, PoissonRatio, Position, Radius, Share, SlopeAngle, StickRatio,
     Stiffness, Stress, Stroke, Tolerance, Volume, WEAR_RANGE, Xi,
 };
+use fretwork_engine::request::held::{MAX_BLOCKS, MAX_REVERSALS};
+use fretwork_engine::request::indenter::MAX_ROWS;
+use fretwork_engine::request::quantity::Dimension;
 use fretwork_engine::scenario::{self, DEFAULT_POINTS, DEFAULT_TOLERANCE, DEFAULT_XI, SCHEMA};
 use serde_json::Value;
 

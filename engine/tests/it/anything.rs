@@ -3,10 +3,11 @@
 //! `FRETWORK_TEST_LONG` takes 100 000 for the simplified rule and 2 000 for the exact method.
 
 use fretwork_engine::case::{Case, Method};
-use fretwork_engine::control::{Normal, Tangential};
+use fretwork_engine::contact::control::{Normal, Tangential};
 use fretwork_engine::outcome::{History, Outcome, Profiles};
 use fretwork_engine::scenario::{self, Scenario};
 use fretwork_engine::simulation::Simulation;
+use fretwork_engine::solver::events::EventKind;
 use proptest::prelude::*;
 use proptest::test_runner::TestRunner;
 use serde_json::{Value, json};
@@ -190,7 +191,7 @@ fn judge_held(case: &Case, outcome: &Outcome) {
     if let Tangential::Force(_) = case.control.tangential {
         // Where all slips the force is at its bound, to the mesh.
         let end = tangential_force.len()
-            - usize::from(outcome.events.iter().any(|event| event.kind == "gross_slip"));
+            - usize::from(outcome.events.iter().any(|event| event.kind == EventKind::GrossSlip));
         same(&tangential_force[..end], 1e-9);
     }
 }

@@ -33,14 +33,14 @@ use std::f64::consts::{FRAC_1_PI, FRAC_2_PI, PI};
 
 use std::sync::Arc;
 
-use fretwork_engine::contact::Contact;
-use fretwork_engine::control::{self, Block, Control};
-use fretwork_engine::march::March;
+use fretwork_engine::contact::control::{self, Block, Control};
+use fretwork_engine::contact::profile::Shape;
+use fretwork_engine::contact::record::Record;
+use fretwork_engine::contact::unworn::Contact;
 use fretwork_engine::numeric::{dot, integrate, largest, root, vertex};
-use fretwork_engine::profile::Shape;
-use fretwork_engine::record::Record;
-use fretwork_engine::simplified::Curves;
-use fretwork_engine::wearing::Law;
+use fretwork_engine::solver::curves::Curves;
+use fretwork_engine::solver::stepped::law::Law;
+use fretwork_engine::solver::stepped::march::March;
 use serde_json::Value;
 
 /// What presses the indenter.

@@ -4,14 +4,15 @@
 
 use std::f64::consts::{FRAC_2_PI, PI};
 
-use fretwork_engine::contact::{Contact, Decay, Regime, Row};
-use fretwork_engine::hysteresis::Backbone;
+use fretwork_engine::contact::hysteresis::Backbone;
+use fretwork_engine::contact::profile::Shape;
+use fretwork_engine::contact::row::Row;
+use fretwork_engine::contact::unworn::{Contact, Decay, Regime};
 use fretwork_engine::numeric::integrate;
 use fretwork_engine::outcome::Outcome;
-use fretwork_engine::profile::Shape;
 use fretwork_engine::scenario::{self, Scenario};
-use fretwork_engine::simplified::Simplified;
 use fretwork_engine::simulation::{Simulation, Step};
+use fretwork_engine::solver::closed::simplified::Simplified;
 use serde_json::{Value, json};
 
 use crate::literal;

@@ -2,15 +2,17 @@
 
 use std::f64::consts::PI;
 
-use fretwork_engine::contact::{Contact, UnwornSums};
-use fretwork_engine::control::{Block, Control, Normal, Tangential};
-use fretwork_engine::march::{EventKind, Instant, March};
+use fretwork_engine::contact::control::{Block, Control, Normal, Tangential};
+use fretwork_engine::contact::profile::Shape;
+use fretwork_engine::contact::row::UnwornSums;
+use fretwork_engine::contact::unworn::Contact;
 use fretwork_engine::numeric::integrate;
 use fretwork_engine::outcome::Outcome;
-use fretwork_engine::profile::Shape;
 use fretwork_engine::scenario;
 use fretwork_engine::simulation::Simulation;
-use fretwork_engine::wearing::Law;
+use fretwork_engine::solver::events::EventKind;
+use fretwork_engine::solver::stepped::law::Law;
+use fretwork_engine::solver::stepped::march::{Instant, March};
 use serde_json::{Value, json};
 
 use crate::engine::steel_ball;
@@ -272,7 +274,8 @@ fn a_run_that_ends_early_keeps_every_instant_before_its_end() {
             let (scenario, _) = scenario::check(&request, "").expect("valid");
             let outcome = Simulation::of(&scenario).expect("a contact").run();
             let cycles = &outcome.history.cycles;
-            let Some(end) = outcome.events.iter().find(|event| event.kind == "gross_slip") else {
+            let Some(end) = outcome.events.iter().find(|event| event.kind == EventKind::GrossSlip)
+            else {
                 continue;
             };
             ends += 1;
@@ -298,17 +301,17 @@ fn blocks_that_come_back_to_gross_slip_say_so_each_time() {
         request["model"] = json!({"method": method});
         let (scenario, _) = scenario::check(&request, "").expect("valid");
         let outcome = Simulation::of(&scenario).expect("a contact").run();
-        let of = |kind: &str| -> Vec<f64> {
+        let of = |kind: EventKind| -> Vec<f64> {
             outcome.events.iter().filter(|e| e.kind == kind).map(|e| e.cycles).collect()
         };
         // The fourth comes from gross slip by way of a rest, the fifth from gross slip at once.
         let entries = [1e8, 1e8 + 600.0, 1.1e9 + 900.0];
-        let found = of("gross_slip");
+        let found = of(EventKind::GrossSlip);
         assert_eq!(found.len(), entries.len(), "{method}: {:?}", outcome.events);
         for (found, entry) in found.iter().zip(entries) {
             assert!((found / entry - 1.0).abs() < 1e-9, "{method}: {found} {entry}");
         }
-        let shaken = of("shakedown");
+        let shaken = of(EventKind::Shakedown);
         assert!(shaken.first().is_some_and(|first| *first < 1e8), "{:?}", outcome.events);
         assert!(shaken.last().is_some_and(|last| *last > 1.1e9), "{:?}", outcome.events);
     }
@@ -332,7 +335,11 @@ fn a_first_block_that_hardly_slips_leaves_the_next_as_it_is() {
         let weak = json!({"amplitude": 1e-9, "cycles": 1});
         let alone = run(json!([slips]), json!([20_000]));
         let after = run(json!([weak, slips]), json!([1, 20_001]));
-        assert!(after.events.iter().all(|event| event.kind != "shakedown"), "{:?}", after.events);
+        assert!(
+            after.events.iter().all(|event| event.kind != EventKind::Shakedown),
+            "{:?}",
+            after.events
+        );
         for column in [
             |outcome: &Outcome| *outcome.history.wear_volume.last().expect("one"),
             |outcome: &Outcome| *outcome.history.indentation_depth.last().expect("one"),

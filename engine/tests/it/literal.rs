@@ -2,7 +2,7 @@
 //!
 //! Slow, and written without a thought for the closed form, so that it can judge it.
 
-use fretwork_engine::contact::Contact;
+use fretwork_engine::contact::unworn::Contact;
 
 /// A row of springs under one oscillating indenter.
 pub struct Springs {

@@ -1,9 +1,10 @@
 //! The reference solutions and the engine judge each other, and both the table that was computed
 //! apart.
 
-use fretwork_engine::contact::{Contact, Decay, Row};
-use fretwork_engine::limit::Limit;
-use fretwork_engine::profile::Shape;
+use fretwork_engine::contact::limit::Limit;
+use fretwork_engine::contact::profile::Shape;
+use fretwork_engine::contact::row::Row;
+use fretwork_engine::contact::unworn::{Contact, Decay};
 use fretwork_engine::reference::{
     CattaneoMindlin, Cone, Hertz, LimitingState, PowerLaw, Sphere, initial_wear_rate,
     shakedown_limit,

@@ -53,7 +53,7 @@ pub fn fits_single(digits: Option<u8>, numbers: &[f64]) -> bool {
 mod tests {
     use super::*;
     use fretwork_engine::outcome::UNITS;
-    use fretwork_engine::quantity::{Dimension, parse};
+    use fretwork_engine::request::quantity::{Dimension, parse};
 
     #[test]
     fn a_told_unit_is_understood_in_a_scenario_and_means_the_same() {

@@ -11,7 +11,7 @@ use super::Error;
 use super::outline::{Outline, SCALARS, WORDS};
 use super::read::key;
 use crate::job::Key;
-use fretwork_engine::quantity::{self, Dimension};
+use fretwork_engine::request::quantity::{self, Dimension};
 
 pub(super) use page::page;
 pub use page::{Cursor, Found, Listed};

@@ -1,0 +1,204 @@
+//! What is held while a contact wears, and where that leads.
+//!
+//! In the normal direction the indentation depth or the force; in the tangential direction the
+//! amplitude of the motion, the tangential force, or the amplitude of an actuator behind a compliant
+//! rig. The amplitude may also follow blocks (a load spectrum) or a record of reversals.
+//!
+//! # Equations
+//! With Q̃(Δ) = 2 ∫ min(Δ, y) dx, all in units of a₀, d₀ and E*a₀d₀:
+//! ```text
+//! d held          c stays: g₀(c) = 1 − Δ, or falls where Q is held
+//! F held          2 ∫ (d − g)₊ dx = F̃₀ gives d;  c grows, or stays where Q is held
+//! Q held          Q̃(Δ) = Q/(μE*a₀d₀) gives Δ;  no root: gross slip
+//! rig             Δ + κ·Q̃(Δ) = Δ_rig,  κ = G*a₀/k_rig
+//! ```
+//! In every limit the load is carried inside c alone, where nothing has worn:
+//! ```text
+//! F, Q   g₀(c) = 1 − Δ₀ for ever;   d∞ = (F̃₀/2 + ∫₀ᶜ g₀ dx)/c
+//! d, Q   2c(1 − g₀(c)) = Q̃, the larger root; none above its maximum: gross slip
+//! d, rig (1 + 2κc)(1 − g₀(c)) = Δ_rig, the largest root
+//! ```
+//!
+//! # Sources
+//! Cattaneo and Mindlin's principle, (10); the limits by (11) with the load that is held.
+
+use std::sync::Arc;
+
+use super::limit::{Limit, chord_and_angle, limiting_wear};
+use super::profile::Shape;
+use super::record::Record;
+use super::unworn::Contact;
+use crate::numeric::{maximum, root};
+
+/// What is held in the normal direction.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Normal {
+    /// d.
+    Depth,
+    /// F.
+    Force,
+}
+
+/// What is held in the tangential direction, in units of the unworn contact.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Tangential {
+    /// U.
+    Amplitude,
+    /// Q̃/2 = ∫ min(Δ, y) dx.
+    Force(f64),
+    /// The amplitude of the actuator, and what the rig yields.
+    Rig {
+        /// Δ_rig.
+        amplitude: f64,
+        /// κ.
+        compliance: f64,
+    },
+    /// Amplitudes one after the other.
+    Blocks(Vec<Block>),
+    /// A record of reversals that repeats every cycle.
+    Record(Arc<Record>),
+}
+
+/// A number of cycles at one amplitude.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Block {
+    /// Δ.
+    pub threshold: f64,
+    /// Ñ at which it ends, counted from the first.
+    pub end: f64,
+}
+
+/// What is held.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Control {
+    /// In the normal direction.
+    pub normal: Normal,
+    /// In the tangential direction.
+    pub tangential: Tangential,
+}
+
+/// The state that wear tends to, where it is known beforehand.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Final {
+    /// d∞.
+    pub depth: f64,
+    /// c∞.
+    pub stick: f64,
+    /// Δ∞.
+    pub threshold: f64,
+    /// The scar.
+    pub limit: Limit,
+}
+
+impl Final {
+    /// f∞(r).
+    #[must_use]
+    pub fn profile(&self, shape: &Shape, r: f64) -> f64 {
+        let unworn = shape.profile(r);
+        if r <= self.stick && r > 0.0 || r >= self.limit.radius {
+            return unworn;
+        }
+        if self.stick == 0.0 {
+            return self.depth;
+        }
+        let wear = limiting_wear(shape, self.stick, self.depth, r, chord_and_angle(self.stick, r));
+        unworn + wear.max(0.0)
+    }
+}
+
+impl Control {
+    /// The paper's case: indentation depth and amplitude held.
+    pub const PAPER: Self = Self { normal: Normal::Depth, tangential: Tangential::Amplitude };
+
+    /// Whether the closed form of the simplified rule applies.
+    #[must_use]
+    pub fn is_closed(&self) -> bool {
+        *self == Self::PAPER
+    }
+
+    /// Whether the stick radius stays where it is for ever.
+    #[must_use]
+    pub fn keeps_stick(&self) -> bool {
+        matches!(
+            (self.normal, &self.tangential),
+            (Normal::Depth, Tangential::Amplitude | Tangential::Record(_))
+                | (Normal::Force, Tangential::Force(_))
+        )
+    }
+
+    /// Whether the motion follows a record.
+    #[must_use]
+    pub fn has_record(&self) -> bool {
+        matches!(self.tangential, Tangential::Record(_))
+    }
+
+    /// The state that wear tends to; `None` where it is not known without running, or where there
+    /// is none.
+    #[must_use]
+    pub fn tends_to(&self, contact: &Contact) -> Option<Final> {
+        let Contact { shape, stick, threshold, .. } = contact;
+        let stick = match (self.normal, &self.tangential) {
+            _ if self.keeps_stick() => *stick,
+            (Normal::Depth, Tangential::Force(_)) => self.last_stick(shape)?,
+            // Should all slip, the actuator still moves on.
+            (Normal::Depth, Tangential::Rig { .. }) => self.last_stick(shape).unwrap_or(0.0),
+            _ => return None,
+        };
+        let depth = self.depth_on_core(shape, stick);
+        let threshold = match self.tangential {
+            Tangential::Rig { amplitude, .. } if stick == 0.0 => amplitude,
+            _ if stick == 0.0 => *threshold,
+            _ => depth - shape.image(stick),
+        };
+        let limit = Limit::at_depth(shape, stick, depth)?;
+        Some(Final { depth, stick, threshold, limit })
+    }
+
+    /// d once a core of radius c > 0 carries all of the load.
+    #[must_use]
+    pub fn depth_on_core(&self, shape: &Shape, stick: f64) -> f64 {
+        match self.normal {
+            Normal::Depth => 1.0,
+            Normal::Force => (shape.half_force() + shape.area(stick)) / stick,
+        }
+    }
+
+    /// The stick radius at which a shrinking core comes to rest: the largest at which the springs
+    /// inside, all there is left to carry the tangential force, still stick.
+    fn last_stick(&self, shape: &Shape) -> Option<f64> {
+        let need = |c: f64| {
+            let threshold = 1.0 - shape.image(c);
+            match self.tangential {
+                Tangential::Force(half) => c * threshold - half,
+                Tangential::Rig { amplitude, compliance } => {
+                    (1.0 + 2.0 * compliance * c) * threshold - amplitude
+                }
+                _ => -1.0,
+            }
+        };
+        let best = maximum(0.0, 1.0, need);
+        // Between the best radius and a₀ the need falls to less than is asked for.
+        (need(best) > 0.0 && need(1.0) < 0.0).then(|| root(best, 1.0, need))
+    }
+
+    /// The radius at which a core under a held depth and tangential force gives way.
+    #[must_use]
+    pub fn critical_stick(&self, shape: &Shape) -> f64 {
+        maximum(0.0, 1.0, |c| c * (1.0 - shape.image(c)))
+    }
+
+    /// The stick radius inside of which nothing ever slips.
+    #[must_use]
+    pub fn least_stick(&self, contact: &Contact) -> f64 {
+        match (self.normal, &self.tangential) {
+            (_, Tangential::Blocks(blocks)) => {
+                let most = blocks.iter().map(|block| block.threshold).fold(0.0, f64::max);
+                if most >= 1.0 { 0.0 } else { contact.shape.image_inverse(1.0 - most) }
+            }
+            (Normal::Depth, Tangential::Force(_) | Tangential::Rig { .. }) => {
+                self.last_stick(&contact.shape).unwrap_or(0.0)
+            }
+            _ => contact.stick,
+        }
+    }
+}

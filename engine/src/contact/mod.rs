@@ -1,0 +1,14 @@
+//! Profiles and contact mechanics, in dimensionless form: lengths in contact radii a₀, heights in
+//! indentation depths d₀ of the unworn contact.
+
+pub mod control;
+pub mod hysteresis;
+pub mod limit;
+pub mod profile;
+pub mod record;
+pub mod row;
+mod smoothing;
+pub(crate) mod table_shape;
+pub mod transform;
+mod truncated;
+pub mod unworn;

@@ -1,0 +1,424 @@
+//! The slip of springs under an arbitrary displacement record that is repeated for ever.
+//!
+//! A spring sticks up to a limit s of its deflection and slips beyond it: a play (Prandtl) element.
+//! Of a displacement record it sees the reversals only. One pass of the record is one cycle.
+//!
+//! # Equations
+//! ```text
+//! P(s) = Σ 2 max(0, R − 2s) = 4 Σ max(0, R/2 − s)      slip path of one pass, over closed loops
+//! ω(ρ) = P(ρU) / 4U                                    the same in units of a harmonic stroke
+//! ```
+//! R is the range of a loop, U half of the largest. On each of the two branches of a loop a spring
+//! first sticks for 2s. Where the loop closes, the spring is as it was where the loop began, so that
+//! the loop can be cut out of the record and the rest counted alike: a play's memory is wiped out by
+//! larger swings. For a spring of compression y, ρ = y/Δ with Δ = G*U/(μE*d₀); the harmonic record
+//! has a single loop, ω = 1 − ρ.
+//!
+//! The loops are those of rainflow counting, begun at the highest position so that all of them
+//! close. That counts the steady state, which is reached within the first pass: between its
+//! extremes the contact moves by 2U, so that a spring with s < U reaches its limit there whatever
+//! its past, while one with s ≥ U slips no more once it has seen both.
+//!
+//! # Accuracy
+//! P is convex, piecewise linear, with a corner at each R/2. It is summed downwards from the largest
+//! loop, where it is 0, over the stretches between corners: all terms are positive, nothing cancels
+//! however close the limit is to U, and the sum is compensated. What remains is the rounding of the
+//! ranges themselves.
+//!
+//! # Sources
+//! Play and its memory: M. A. Krasnosel'skii, A. V. Pokrovskii, *Systems with Hysteresis*, Springer
+//! 1989. Loops: M. Matsuishi, T. Endo, *Fatigue of metals subjected to varying stress*, Japan Soc.
+//! Mech. Engrs. 1968; ASTM E1049-85, 5.4.5 (repeating histories). Their dissipation: M. Brokate,
+//! K. Dressler, P. Krejčí, *Eur. J. Mech. A/Solids* 15 (1996) 705.
+
+use crate::numeric;
+
+/// A displacement record, repeated for ever, as far as springs can feel it.
+///
+/// Two records are equal if their loops have the same ranges: it does not matter where a record
+/// begins, which way it points or runs, or how many points lie between its reversals.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Record {
+    amplitude: f64,
+    /// From the largest loop to the smallest.
+    corners: Vec<Corner>,
+}
+
+/// Where ω bends: a spring with a lower limit slips in more loops.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Corner {
+    /// ρ = R/2U.
+    ratio: f64,
+    /// ω(ρ).
+    slip: f64,
+    /// How many loops are as large as this or larger: −dω/dρ just below ρ.
+    loops: usize,
+}
+
+impl Record {
+    /// The record that passes `displacements` one after the other, in any unit of length, and
+    /// returns from the last to the first. Points on the way between two others do no harm.
+    ///
+    /// `None` if nothing moves, if a value is not finite, or if the largest range is not.
+    #[must_use]
+    pub fn new(displacements: &[f64]) -> Option<Self> {
+        if !displacements.iter().all(|u| u.is_finite()) {
+            return None;
+        }
+        let mut ranges = loops(displacements);
+        ranges.sort_unstable_by(|a, b| b.total_cmp(a));
+        let amplitude = 0.5 * ranges.first()?;
+        let moves = amplitude > 0.0 && amplitude.is_finite();
+        moves.then(|| Self { amplitude, corners: corners(&ranges) })
+    }
+
+    /// U: half of the largest range, in the unit of the displacements.
+    #[must_use]
+    pub fn amplitude(&self) -> f64 {
+        self.amplitude
+    }
+
+    /// How often one pass turns back: twice the number of its loops.
+    #[must_use]
+    pub fn reversals(&self) -> usize {
+        self.corners.last().map_or(0, |corner| 2 * corner.loops)
+    }
+
+    /// P(s): the path that a spring with slip limit `limit` slips in one pass, both in the unit of
+    /// the displacements. 0 from U on; below 0, as at 0, the whole path of the record.
+    #[must_use]
+    pub fn path(&self, limit: f64) -> f64 {
+        4.0 * self.strokes(limit, self.amplitude)
+    }
+
+    /// ω(ρ) = P(ρU)/4U: the path in units of a harmonic stroke, to and fro, of the same amplitude.
+    /// Without any stick, at ρ ≤ 0, it exceeds 1 if the record has more than one loop.
+    #[must_use]
+    pub fn slip(&self, ratio: f64) -> f64 {
+        self.strokes(ratio, 1.0)
+    }
+
+    /// P/4, in a unit of length in which the amplitude is `amplitude`.
+    ///
+    /// The corners are scaled rather than the limit, whose rounding would show next to U.
+    fn strokes(&self, limit: f64, amplitude: f64) -> f64 {
+        let limit = limit.max(0.0);
+        let slipping = self.corners.partition_point(|corner| corner.ratio * amplitude > limit);
+        self.corners[..slipping].last().map_or(0.0, |corner| {
+            corner.slip * amplitude + corner.loops as f64 * (corner.ratio * amplitude - limit)
+        })
+    }
+}
+
+/// The ranges of the loops that one pass closes, by rainflow counting.
+///
+/// Positions are compared but never their differences: no rounding can make or miss a loop.
+fn loops(displacements: &[f64]) -> Vec<f64> {
+    let between = |x: f64, a: f64, b: f64| a.min(b) <= x && x <= a.max(b);
+    let (before, after) = displacements.split_at(numeric::largest(displacements));
+    let mut ranges = Vec::new();
+    // Reversals whose loops are open: each swing lies within the one before it.
+    let mut open: Vec<f64> = Vec::new();
+    for &u in after.iter().chain(before).chain(after.first()) {
+        while let [.., a, b] = open[..] {
+            if between(b, a, u) {
+                // Not a reversal: still on the way, or at rest.
+                open.pop();
+            } else if between(a, b, u) {
+                // Back where the swing from a to b began.
+                ranges.push((a - b).abs());
+                open.truncate(open.len() - 2);
+            } else {
+                break;
+            }
+        }
+        open.push(u);
+    }
+    ranges
+}
+
+/// The corners of ω for ranges in descending order.
+fn corners(ranges: &[f64]) -> Vec<Corner> {
+    let mut corner = Corner { ratio: 1.0, slip: 0.0, loops: 0 };
+    // What the running sum has lost by rounding: 10⁵ terms could lose 1e-11 of it.
+    let mut lost = 0.0;
+    ranges
+        .chunk_by(|a, b| a <= b)
+        .map(|equal| {
+            let ratio = equal[0] / ranges[0];
+            let step = corner.loops as f64 * (corner.ratio - ratio) + lost;
+            let slip = corner.slip + step;
+            lost = step - (slip - corner.slip);
+            corner = Corner { ratio, slip, loops: corner.loops + equal.len() };
+            corner
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::ops::{Add, Neg, Sub};
+
+    fn record(displacements: &[f64]) -> Record {
+        Record::new(displacements).expect("motion")
+    }
+
+    fn same(a: f64, b: f64) {
+        assert_eq!(a.to_bits(), b.to_bits(), "{a} {b}");
+    }
+
+    /// Loops from the largest to the smallest, read off the corners.
+    fn ranges(record: &Record) -> Vec<f64> {
+        let mut counted = 0;
+        let mut ranges = Vec::new();
+        for corner in &record.corners {
+            let range = 2.0 * record.amplitude * corner.ratio;
+            ranges.extend(vec![range; corner.loops - counted]);
+            counted = corner.loops;
+        }
+        ranges
+    }
+
+    /// splitmix64.
+    fn dice(mut state: u64) -> impl FnMut() -> u64 {
+        move || {
+            state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+            let z = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+            let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+            z ^ (z >> 31)
+        }
+    }
+
+    /// What a spring slips in the second pass, dragged from point to point.
+    fn dragged<T>(displacements: &[T], limit: T) -> T
+    where
+        T: Copy + Default + PartialOrd + Neg<Output = T> + Add<Output = T> + Sub<Output = T>,
+    {
+        let (mut before, mut deflection, mut path) = (displacements[0], T::default(), T::default());
+        for _ in 0..2 {
+            path = T::default();
+            for &u in displacements.iter().skip(1).chain(displacements.first()) {
+                deflection = deflection + (u - before);
+                before = u;
+                if deflection > limit {
+                    path = path + (deflection - limit);
+                    deflection = limit;
+                } else if deflection < -limit {
+                    path = path + (-limit - deflection);
+                    deflection = -limit;
+                }
+            }
+        }
+        path
+    }
+
+    #[test]
+    fn a_harmonic_record_slips_as_one_cycle_to_the_last_bit() {
+        for amplitude in [1.0, 2.256e-6, 0.1, 3e200] {
+            let harmonic = record(&[amplitude, -amplitude]);
+            assert_eq!(harmonic.reversals(), 2);
+            same(harmonic.amplitude(), amplitude);
+            for i in -10..=1010 {
+                let ratio = f64::from(i) * 1e-3;
+                same(harmonic.slip(ratio), (1.0 - ratio.max(0.0)).max(0.0));
+                let limit = ratio * amplitude;
+                same(harmonic.path(limit), 4.0 * (amplitude - limit.max(0.0)).max(0.0));
+            }
+            let below = amplitude.next_down();
+            same(harmonic.path(below), 4.0 * (amplitude - below));
+            same(harmonic.path(amplitude), 0.0);
+            same(harmonic.slip(1.0_f64.next_down()), 1.0 - 1.0_f64.next_down());
+            same(harmonic.slip(f64::INFINITY), 0.0);
+        }
+    }
+
+    #[test]
+    fn nested_loops_are_counted_as_by_hand() {
+        // 0 to 10 and back; on the way up 6-3-6 with 5-4-5 inside, on the way down 4-8-4.
+        let nested = record(&[0.0, 6.0, 3.0, 5.0, 4.0, 10.0, 4.0, 8.0]);
+        assert_eq!(ranges(&nested), [10.0, 4.0, 3.0, 1.0]);
+        assert_eq!(nested.reversals(), 8);
+        same(nested.amplitude(), 5.0);
+        for (limit, path) in [
+            (5.0, 0.0),
+            (4.0, 4.0),
+            (2.0, 12.0),
+            (1.5, 2.0 * (7.0 + 1.0)),
+            (0.5, 2.0 * (9.0 + 3.0 + 2.0)),
+            (0.0, 36.0),
+            (-1.0, 36.0),
+        ] {
+            assert!((nested.path(limit) - path).abs() < 1e-14, "{limit}");
+            assert!((nested.slip(limit / 5.0) - path / 20.0).abs() < 1e-15, "{limit}");
+        }
+        // Equal loops, and loops that share an end with a larger one.
+        assert_eq!(
+            ranges(&record(&[0.0, 2.0, 1.0, 2.0, 1.0, 2.0, 0.0, 1.0])),
+            [2.0, 1.0, 1.0, 1.0]
+        );
+    }
+
+    /// Source: ASTM E1049-85, 5.4.5 and its figure.
+    #[test]
+    fn the_repeating_history_of_the_standard_is_counted_as_printed() {
+        let history = record(&[-2.0, 1.0, -3.0, 5.0, -1.0, 3.0, -4.0, 4.0]);
+        assert_eq!(ranges(&history), [9.0, 7.0, 4.0, 3.0]);
+    }
+
+    #[test]
+    fn what_is_no_motion_is_no_record() {
+        for nothing in [
+            &[][..],
+            &[1.0],
+            &[0.0, -0.0, 0.0],
+            &[3.0, 3.0],
+            &[0.0, 1.0, f64::NAN],
+            &[f64::INFINITY, 0.0],
+            &[f64::MAX, -f64::MAX],
+        ] {
+            assert_eq!(Record::new(nothing), None, "{nothing:?}");
+        }
+        // Steps whose products would underflow.
+        assert_eq!(record(&[0.0, 1e-200, 0.0, 2e-200]).reversals(), 4);
+    }
+
+    #[test]
+    fn random_records_slip_as_springs_that_are_dragged() {
+        for seed in 0..4 {
+            let mut dice = dice(seed);
+            let mut position = 0.0;
+            let displacements: Vec<f64> = (0..10_000)
+                .map(|i| {
+                    let swing = dice() as f64 / u64::MAX as f64;
+                    let swing = if i % 2 == 0 { swing } else { -swing };
+                    // Half of the records wander, so that loops lie deep within each other.
+                    position = if seed % 2 == 0 { swing } else { position + swing };
+                    position
+                })
+                .collect();
+            let record = record(&displacements);
+            assert!(record.reversals().abs_diff(10_000) <= 2);
+            for i in 0..100 {
+                let ratio = 0.999 * libm::pow(f64::from(i) / 99.0, 2.0);
+                let limit = ratio * record.amplitude();
+                let expected = dragged(&displacements, limit);
+                let error = (record.path(limit) / expected - 1.0).abs();
+                assert!(error < 1e-9, "seed {seed}, ratio {ratio}: {error}");
+                let slip = expected / (4.0 * record.amplitude());
+                assert!((record.slip(ratio) / slip - 1.0).abs() < 1e-9, "seed {seed}, {ratio}");
+            }
+        }
+    }
+
+    #[test]
+    fn sums_of_100_000_loops_keep_all_digits_next_to_the_amplitude_too() {
+        const AMPLITUDE: i64 = 1 << 40;
+        // Loops of all sizes, then such that differ in their last digits only.
+        for spread in [AMPLITUDE, 1 << 12] {
+            let mut dice = dice(spread.unsigned_abs());
+            let mut displacements: Vec<i64> = (0..200_000)
+                .map(|i| {
+                    let position = AMPLITUDE - (dice() % spread.unsigned_abs()).cast_signed();
+                    if i % 2 == 0 { position } else { -position }
+                })
+                .collect();
+            displacements[0] = AMPLITUDE;
+            displacements[1] = -AMPLITUDE;
+            let floats: Vec<f64> = displacements.iter().map(|u| *u as f64).collect();
+            let record = record(&floats);
+            assert_eq!(record.reversals(), 200_000);
+            for i in 0..=12 {
+                for limit in [(1 << (3 * i)) - 1, AMPLITUDE - (1 << (3 * i))] {
+                    let exact = dragged(&displacements, limit) as f64;
+                    for path in [
+                        record.path(limit as f64),
+                        record.slip(limit as f64 / AMPLITUDE as f64) * 4.0 * AMPLITUDE as f64,
+                    ] {
+                        let error = (path / exact - 1.0).abs();
+                        assert!(error < 1e-15, "spread {spread}, limit {limit}: {error}");
+                    }
+                }
+            }
+        }
+    }
+
+    fn any_displacements() -> impl Strategy<Value = Vec<f64>> {
+        // Few levels, so that many positions coincide, or many.
+        let coarse = prop::collection::vec((-4..=4).prop_map(f64::from), 2..40);
+        let fine = prop::collection::vec(-1.0..1.0, 2..40);
+        prop_oneof![coarse, fine]
+            .prop_filter("motion", |displacements| Record::new(displacements).is_some())
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 2000, ..ProptestConfig::default() })]
+
+        #[test]
+        fn where_a_record_begins_and_which_way_it_goes_does_not_matter(
+            displacements in any_displacements(),
+            start in any::<prop::sample::Index>(),
+        ) {
+            let expected = record(&displacements);
+            let mut changed = displacements;
+            let start = start.index(changed.len());
+            changed.rotate_left(start);
+            prop_assert_eq!(&record(&changed), &expected);
+            for u in &mut changed {
+                *u = -*u;
+            }
+            prop_assert_eq!(&record(&changed), &expected);
+            changed.reverse();
+            prop_assert_eq!(&record(&changed), &expected);
+        }
+
+        #[test]
+        fn points_between_reversals_do_not_matter(
+            displacements in any_displacements(),
+            parts in prop::collection::vec(prop::collection::vec(0.0..=1.0, 0..4), 40),
+        ) {
+            let mut denser = Vec::new();
+            let next = displacements.iter().cycle().skip(1);
+            for ((from, to), mut parts) in displacements.iter().zip(next).zip(parts) {
+                parts.sort_unstable_by(f64::total_cmp);
+                denser.push(*from);
+                // No rounding may lead out of the stretch.
+                let (low, high) = (from.min(*to), from.max(*to));
+                denser.extend(parts.iter().map(|part| (from + part * (to - from)).clamp(low, high)));
+            }
+            prop_assert_eq!(record(&denser), record(&displacements));
+        }
+
+        #[test]
+        fn the_path_falls_from_the_whole_record_to_nothing_and_is_convex(
+            displacements in any_displacements(),
+            limits in prop::array::uniform3(0.0..1.2),
+        ) {
+            let record = record(&displacements);
+            let closed = displacements.iter().zip(displacements.iter().cycle().skip(1));
+            let whole: f64 = closed.map(|(from, to)| (to - from).abs()).sum();
+            prop_assert!((record.path(0.0) / whole - 1.0).abs() < 1e-14);
+            prop_assert!((record.slip(0.0) * 4.0 * record.amplitude() / whole - 1.0).abs() < 1e-14);
+            let mut limits = limits;
+            limits.sort_unstable_by(f64::total_cmp);
+            let [left, middle, right] = limits;
+            let [high, between, low] = limits.map(|ratio| record.slip(ratio));
+            prop_assert!(high >= between && between >= low && low >= 0.0);
+            let chord = (high * (right - middle) + low * (middle - left)) / (right - left);
+            prop_assert!(right <= left || between <= chord + 1e-14 * high);
+            prop_assert_eq!(low > 0.0, right < 1.0);
+        }
+
+        #[test]
+        fn short_records_slip_as_springs_that_are_dragged(
+            displacements in any_displacements(),
+            ratio in 0.0..1.0,
+        ) {
+            let record = record(&displacements);
+            let limit = ratio * record.amplitude();
+            let expected = dragged(&displacements, limit);
+            prop_assert!((record.path(limit) - expected).abs() < 1e-13 * record.path(0.0));
+        }
+    }
+}

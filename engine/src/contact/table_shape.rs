@@ -1,0 +1,649 @@
+//! The shape of a measured table, and its image.
+//!
+//! The points, less their noise ([`smoothing`](super::smoothing)), are joined by a cubic that is
+//! monotone where they are: slopes of the parabolas through three neighbours, limited to three times
+//! the smaller secant. Its image (3) is integrated exactly at nodes, the points and some between
+//! them, and so is the slope of the image. From there on the image is the cubic through them, made to
+//! rise; profile, pressure and force are the exact transforms of that.
+//!
+//! # Equations
+//! A piecewise polynomial is the sum of what begins at each node, (x − xᵢ)ᵏ for x > xᵢ, and
+//! ```text
+//! T_k = ∫ᵇʳ (x−b)ᵏ/√(r²−x²) dx:  kT_k = (k−1)(r²−b²)T_{k−2} − (2k−1)bT_{k−1},  T₀ = arccos(b/r)
+//! S_k = ∫ᵇᵉ (x−b)ᵏ/√(x²−r²) dx:  kS_k = (e−b)ᵏ⁻¹√(e²−r²) − (2k−1)bS_{k−1} − (k−1)(b²−r²)S_{k−2}
+//! ```
+//! Between the axis and the first node, where nothing is measured, the image is even in x: a table
+//! has no apex.
+//!
+//! # Units
+//! Lengths in the last radius, heights in the greatest height.
+//!
+//! # Accuracy
+//! Transforms of the image to 1e-11. The image of a paraboloid of 200 exact points is right to 1e-8, of
+//! a cone to 1e-4, and to 1e-2 in its first hundredth.
+
+use std::f64::consts::{FRAC_1_PI, FRAC_2_PI};
+use std::sync::Arc;
+
+use super::smoothing::{grouped, smoothed};
+use crate::numeric::{maximum, root};
+
+/// Fewest nodes of the image.
+const NODES: usize = 160;
+/// An image that falls by more than this share of its height, or by so much of the greatest height,
+/// has no unique contact beyond.
+const FALL: f64 = 0.02;
+const FAR: f64 = 0.1;
+const FALL_AT_AXIS: f64 = 1e-3;
+/// A fall by so much is no noise, and what lies beyond it does not count.
+const DEEP: f64 = 0.3;
+/// Coefficients of (x − xᵢ)ᵏ.
+type Powers = [f64; 5];
+
+/// A table as one shape, from the axis outwards.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct TableShape {
+    /// The last radius and the greatest height, in m.
+    length: f64,
+    height: f64,
+    /// Nodes of the image, 0 first.
+    nodes: Vec<f64>,
+    /// The image on the cell after each node; after the last it goes on straight.
+    cells: Vec<Powers>,
+    /// By how much the coefficients change at each node.
+    changes: Vec<Powers>,
+    /// ∫ g from the axis to each node.
+    areas: Vec<f64>,
+}
+
+/// T₀ … T₄ for b < r.
+fn inverse_kernel(b: f64, r: f64) -> Powers {
+    let square = (r - b) * (r + b);
+    let chord = square.sqrt();
+    let angle = libm::atan2(chord, b);
+    let mut t = [angle, chord - b * angle, 0.0, 0.0, 0.0];
+    for k in 2..5 {
+        let k_real = k as f64;
+        t[k] = ((k_real - 1.0) * square * t[k - 2] - (2.0 * k_real - 1.0) * b * t[k - 1]) / k_real;
+    }
+    t
+}
+
+/// S₀ … S₃ for r ≤ b < e, where `last` is √(e²−r²). On the axis S₀ is infinite and left 0.
+fn pressure_kernel(b: f64, r: f64, end: f64, last: f64) -> [f64; 4] {
+    let square = (b - r) * (b + r);
+    let first = square.sqrt();
+    let begin = b + first;
+    let log = if begin > 0.0 { libm::log((end + last) / begin) } else { 0.0 };
+    let mut s = [log, last - first - b * log, 0.0, 0.0];
+    let mut power = 1.0;
+    for k in 2..4 {
+        let k_real = k as f64;
+        power *= end - b;
+        let before = (2.0 * k_real - 1.0) * b * s[k - 1] + (k_real - 1.0) * square * s[k - 2];
+        s[k] = (power * last - before) / k_real;
+    }
+    s
+}
+
+/// The coefficients of a polynomial about a point `u` further on.
+fn shifted(powers: &Powers, u: f64) -> Powers {
+    let mut shifted = *powers;
+    for from in 0..4 {
+        for k in (from..4).rev() {
+            shifted[k] += u * shifted[k + 1];
+        }
+    }
+    shifted
+}
+
+fn value(powers: &Powers, u: f64) -> f64 {
+    powers.iter().rev().fold(0.0, |sum, power| sum * u + power)
+}
+
+fn slope(powers: &Powers, u: f64) -> f64 {
+    let derivative = [powers[1], 2.0 * powers[2], 3.0 * powers[3], 4.0 * powers[4], 0.0];
+    value(&derivative, u)
+}
+
+/// ∫ over 0…u.
+fn area(powers: &Powers, u: f64) -> f64 {
+    let [a, b, c, d, e] = *powers;
+    u * value(&[a, b / 2.0, c / 3.0, d / 4.0, e / 5.0], u)
+}
+
+/// The cubic over `width` with these values and slopes at its ends.
+fn cubic(width: f64, values: [f64; 2], slopes: [f64; 2]) -> Powers {
+    let secant = (values[1] - values[0]) / width;
+    let second = (3.0 * secant - 2.0 * slopes[0] - slopes[1]) / width;
+    let third = (slopes[0] + slopes[1] - 2.0 * secant) / (width * width);
+    [values[0], slopes[0], second, third, 0.0]
+}
+
+/// Slopes of a curve through points, monotone where they are: parabolas through three neighbours,
+/// limited as F. N. Fritsch and R. E. Carlson, *SIAM J. Numer. Anal.* 17 (1980) 238, found enough.
+fn monotone_slopes(x: &[f64], z: &[f64]) -> Vec<f64> {
+    let secants: Vec<f64> =
+        x.windows(2).zip(z.windows(2)).map(|(x, z)| (z[1] - z[0]) / (x[1] - x[0])).collect();
+    let limited = |slope: f64, left: f64, right: f64| {
+        if left * right <= 0.0 || slope * left <= 0.0 {
+            return 0.0;
+        }
+        let most = 3.0 * left.abs().min(right.abs());
+        slope.clamp(-most, most)
+    };
+    let last = x.len() - 1;
+    (0..=last)
+        .map(|i| {
+            // At an end, the parabola of the point next to it.
+            let middle = i.clamp(1, last.max(2) - 1);
+            let (Some(left), Some(right)) = (secants.get(middle - 1), secants.get(middle)) else {
+                return secants[0];
+            };
+            let curvature = (right - left) / (x[middle + 1] - x[middle - 1]);
+            let slope = left + curvature * (2.0 * x[i] - x[middle - 1] - x[middle]);
+            match i {
+                0 => limited(slope, *left, *left),
+                _ if i == last => limited(slope, *right, *right),
+                _ => limited(slope, *left, *right),
+            }
+        })
+        .collect()
+}
+
+/// The sums over changes of a piecewise polynomial f′ at `knots` that make the image and its slope:
+/// g = x ∫ f′/√(x²−r²) dr and g′ = g/x + ∫ r f″/√(x²−r²) dr.
+fn image_of(knots: &[f64], changes: &[[f64; 3]], x: f64) -> (f64, f64) {
+    let (mut first, mut second) = (0.0, 0.0);
+    for (r, change) in knots.iter().zip(changes).take_while(|(r, _)| **r < x) {
+        let t = inverse_kernel(*r, x);
+        first += change[0] * t[0] + change[1] * t[1] + change[2] * t[2];
+        second += change[1] * (t[1] + r * t[0]) + 2.0 * change[2] * (t[2] + r * t[1]);
+    }
+    (x * first, first + second)
+}
+
+/// How many nodes there are before the image has fallen by more than `DEEP` of what it had reached.
+fn before_the_fall(images: &[(f64, f64)]) -> usize {
+    let mut top = 0;
+    for (i, (image, _)) in images.iter().enumerate().skip(1) {
+        if *image > images[top].0 {
+            top = i;
+        } else if top > 1 && images[top].0 - image > DEEP * images[top].0 + FALL_AT_AXIS {
+            return (top + 1).max(3);
+        }
+    }
+    images.len()
+}
+
+/// The rising values that are closest to those at the nodes: neighbours that fall are replaced by
+/// their mean, each with its share of the axis. They begin at 0.
+fn isotonic(nodes: &[f64], images: &[(f64, f64)]) -> Vec<f64> {
+    // Mean, weight and number of each run of equal values.
+    let mut runs: Vec<(f64, f64, usize)> = vec![(0.0, f64::INFINITY, 1)];
+    for i in 1..nodes.len() {
+        let share = nodes[(i + 1).min(nodes.len() - 1)] - nodes[i - 1];
+        let mut run = (images[i].0, share, 1);
+        while let Some((mean, weight, count)) = runs.pop() {
+            if mean < run.0 {
+                runs.push((mean, weight, count));
+                break;
+            }
+            let mean = if weight.is_finite() {
+                (mean * weight + run.0 * run.1) / (weight + run.1)
+            } else {
+                mean
+            };
+            run = (mean, weight + run.1, count + run.2);
+        }
+        runs.push(run);
+    }
+    runs.iter().flat_map(|(mean, _, count)| std::iter::repeat_n(*mean, *count)).collect()
+}
+
+/// How many nodes there are until the image falls for good: deeply and over some distance.
+fn rising_part(nodes: &[f64], images: &[(f64, f64)], values: &[f64]) -> usize {
+    let mut first = 0;
+    for i in 1..nodes.len() {
+        if values[i] > values[first] {
+            first = i;
+        }
+        let fall = values[i] - images[i].0;
+        let far = nodes[i] - nodes[first] > FAR * nodes[i];
+        if first > 0 && far && fall > FALL * values[i] + FALL_AT_AXIS {
+            // The first cell is there whatever it is like.
+            return first.max(2);
+        }
+    }
+    nodes.len()
+}
+
+impl TableShape {
+    /// The shape through heights at radii that ascend strictly from 0, at least two.
+    pub(crate) fn through(radius: &[f64], height: &[f64]) -> Self {
+        let length = radius[radius.len() - 1];
+        let (lowest, greatest) =
+            (height[0], height.iter().copied().fold(f64::NEG_INFINITY, f64::max));
+        let scale = greatest - lowest;
+        let x: Vec<f64> = radius.iter().map(|r| r / length).collect();
+        let z: Vec<f64> = height.iter().map(|z| (z - lowest) / scale).collect();
+        let (x, z) = grouped(&x, &z);
+        let z = smoothed(&x, z);
+        let slopes = monotone_slopes(&x, &z);
+        // f′ on each cell, and how it changes at each point.
+        let mut before = [0.0; 3];
+        let changes: Vec<[f64; 3]> = (0..x.len() - 1)
+            .map(|i| {
+                let width = x[i + 1] - x[i];
+                let cell = cubic(width, [z[i], z[i + 1]], [slopes[i], slopes[i + 1]]);
+                let here = [cell[1], 2.0 * cell[2], 3.0 * cell[3]];
+                let change =
+                    [if i == 0 { here[0] } else { 0.0 }, here[1] - before[1], here[2] - before[2]];
+                before = [0.0, here[1] + 2.0 * here[2] * width, here[2]];
+                change
+            })
+            .collect();
+        let parts = NODES.div_ceil(x.len() - 1);
+        let mut nodes = vec![0.0];
+        for ends in x.windows(2) {
+            nodes.extend(
+                (1..parts).map(|k| ends[0] + (ends[1] - ends[0]) * k as f64 / parts as f64),
+            );
+            nodes.push(ends[1]);
+        }
+        let images: Vec<(f64, f64)> =
+            nodes.iter().map(|node| image_of(&x, &changes, *node)).collect();
+        Self::rising(length, scale, nodes, &images)
+    }
+
+    /// The image through values and slopes at nodes, made to rise, as far as it does.
+    fn rising(length: f64, height: f64, mut nodes: Vec<f64>, images: &[(f64, f64)]) -> Self {
+        // A deep fall far out must not be averaged into the rise before it.
+        nodes.truncate(before_the_fall(images));
+        let images = &images[..nodes.len()];
+        let mut values = isotonic(&nodes, images);
+        values.truncate(rising_part(&nodes, images, &values));
+        nodes.truncate(values.len());
+        let last = nodes.len() - 1;
+        let secant = |i: usize| (values[i + 1] - values[i]) / (nodes[i + 1] - nodes[i]);
+        let slopes: Vec<f64> = (0..=last)
+            .map(|i| {
+                let left = match i {
+                    0 => return 0.0,
+                    // Of the even quartic that is steepest there.
+                    1 => 4.0 / 3.0 * secant(0),
+                    _ => secant(i - 1),
+                };
+                let right = if i < last { secant(i) } else { left };
+                images[i].1.clamp(0.0, 3.0 * left.min(right))
+            })
+            .collect();
+        let mut cells: Vec<Powers> = (0..last)
+            .map(|i| {
+                let width = nodes[i + 1] - nodes[i];
+                if i == 0 {
+                    // a u² + b u⁴ with u = x/width.
+                    let steepness = slopes[1] * width;
+                    let (a, b) =
+                        (0.5 * (4.0 * values[1] - steepness), 0.5 * (steepness - 2.0 * values[1]));
+                    let square = width * width;
+                    return [0.0, 0.0, a / square, 0.0, b / (square * square)];
+                }
+                cubic(width, [values[i], values[i + 1]], [slopes[i], slopes[i + 1]])
+            })
+            .collect();
+        // Only to tell how far the table should have gone.
+        let straight = slopes[last].max(secant(last - 1)).max(FALL);
+        cells.push([values[last], straight, 0.0, 0.0, 0.0]);
+        let changes = (0..=last)
+            .map(|i| {
+                let mut change = cells[i];
+                if i > 0 {
+                    let before = shifted(&cells[i - 1], nodes[i] - nodes[i - 1]);
+                    for (change, before) in change.iter_mut().zip(before) {
+                        *change -= before;
+                    }
+                    // Value and slope are continuous, whatever rounding says.
+                    change[0] = 0.0;
+                    if i < last {
+                        change[1] = 0.0;
+                    }
+                }
+                change
+            })
+            .collect();
+        let mut areas = vec![0.0];
+        for (cell, ends) in cells.iter().zip(nodes.windows(2)) {
+            areas.push(areas[areas.len() - 1] + area(cell, ends[1] - ends[0]));
+        }
+        Self { length, height, nodes, cells, changes, areas }
+    }
+
+    /// How far the image rises, in m: as far as the table goes, unless it falls before.
+    pub(crate) fn reach(&self) -> f64 {
+        self.end() * self.length
+    }
+
+    fn end(&self) -> f64 {
+        self.nodes[self.nodes.len() - 1]
+    }
+
+    /// The cell with `x` and how far in it is.
+    fn locate(&self, x: f64) -> (usize, f64) {
+        let cell = self.nodes.partition_point(|node| *node <= x).saturating_sub(1);
+        (cell, x - self.nodes[cell])
+    }
+
+    fn image(&self, x: f64) -> f64 {
+        let (cell, u) = self.locate(x);
+        value(&self.cells[cell], u)
+    }
+
+    fn image_slope(&self, x: f64) -> f64 {
+        let (cell, u) = self.locate(x);
+        slope(&self.cells[cell], u)
+    }
+
+    fn image_rise(&self, c: f64, delta: f64) -> f64 {
+        /// P(u + δ) − P(u).
+        fn within(powers: &Powers, u: f64, delta: f64) -> f64 {
+            let [_, rest @ ..] = shifted(powers, u);
+            delta * value(&[rest[0], rest[1], rest[2], rest[3], 0.0], delta)
+        }
+        let ((from, before), (to, after)) = (self.locate(c), self.locate(c + delta));
+        if from == to {
+            return within(&self.cells[from], before, delta);
+        }
+        let left = self.nodes[from + 1] - c;
+        let between = self.cells[to][0] - self.cells[from + 1][0];
+        within(&self.cells[from], before, left) + between + within(&self.cells[to], 0.0, after)
+    }
+
+    fn image_inverse(&self, height: f64) -> f64 {
+        let cell = self.cells.partition_point(|powers| powers[0] <= height).saturating_sub(1);
+        let (node, powers) = (self.nodes[cell], &self.cells[cell]);
+        match self.nodes.get(cell + 1) {
+            Some(next) => node + root(0.0, next - node, |u| value(powers, u) - height),
+            None => node + (height - powers[0]) / powers[1],
+        }
+    }
+
+    /// ∫ g from the axis.
+    fn area(&self, x: f64) -> f64 {
+        let (cell, u) = self.locate(x);
+        self.areas[cell] + area(&self.cells[cell], u)
+    }
+
+    /// The polynomials that begin between `from` and `to`, the first with the cell of `from`.
+    fn terms(&self, from: f64, to: f64) -> impl Iterator<Item = (f64, Powers)> + '_ {
+        let (cell, u) = self.locate(from);
+        let later = self.nodes[cell + 1..].iter().zip(&self.changes[cell + 1..]);
+        std::iter::once((from, shifted(&self.cells[cell], u)))
+            .chain(later.take_while(move |(node, _)| **node < to).map(|(x, c)| (*x, *c)))
+    }
+
+    /// (2/π) ∫ g/√(r²−x²) dx over c…r.
+    fn inverse_outside(&self, c: f64, r: f64) -> f64 {
+        if r <= c {
+            return 0.0;
+        }
+        let sum: f64 = self
+            .terms(c, r)
+            .map(|(node, powers)| {
+                let t = inverse_kernel(node, r);
+                t.iter().zip(powers).map(|(t, power)| t * power).sum::<f64>()
+            })
+            .sum();
+        FRAC_2_PI * sum
+    }
+
+    /// f′ = (2/πr) ∫ x g′/√(r²−x²) dx.
+    fn slope(&self, r: f64) -> f64 {
+        if r <= 0.0 {
+            return 0.0;
+        }
+        let sum: f64 = self
+            .terms(0.0, r)
+            .map(|(node, powers)| {
+                let t = inverse_kernel(node, r);
+                (1..5).map(|k| k as f64 * powers[k] * (t[k] + node * t[k - 1])).sum::<f64>()
+            })
+            .sum();
+        FRAC_2_PI * sum / r
+    }
+
+    /// (1/π) ∫ g′/√(x²−r²) dx over r…end.
+    fn pressure_inside(&self, r: f64, end: f64) -> f64 {
+        if r >= end {
+            return 0.0;
+        }
+        let last = ((end - r) * (end + r)).sqrt();
+        let sum: f64 = self
+            .terms(r, end)
+            .map(|(node, powers)| {
+                let s = pressure_kernel(node, r, end, last);
+                (1..5).map(|k| k as f64 * powers[k] * s[k - 1]).sum::<f64>()
+            })
+            .sum();
+        FRAC_1_PI * sum
+    }
+
+    /// d in m under a force, given as F/E* in m²: 2∫ (d − g) dx. Beyond the table the image goes on
+    /// straight.
+    pub(crate) fn depth_under(&self, force: f64) -> f64 {
+        let half = force / (2.0 * self.length * self.height);
+        let carried = |x: f64| x * self.image(x) - self.area(x);
+        let end = self.end();
+        let missing = half - carried(end);
+        let radius = if missing > 0.0 {
+            // Further on by e, the force has grown by s·e·(x + e/2).
+            let slope = self.cells[self.cells.len() - 1][1];
+            end + 2.0 * missing / slope / (end + (end * end + 2.0 * missing / slope).sqrt())
+        } else {
+            root(0.0, end, |x| carried(x) - half)
+        };
+        self.image(radius) * self.height
+    }
+}
+
+/// A table pressed in by d.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Pressed {
+    table: Arc<TableShape>,
+    /// a₀ and d₀ in the units of the table.
+    radius: f64,
+    depth: f64,
+    /// Where it ends, in a₀.
+    extent: f64,
+}
+
+impl Pressed {
+    /// The table pressed in by `depth` in m, and a₀ in m; `None` where it ends inside the contact. An
+    /// endless one goes on straight instead.
+    pub(crate) fn new(table: &Arc<TableShape>, depth: f64, endless: bool) -> Option<(f64, Self)> {
+        let depth = depth / table.height;
+        let radius = table.image_inverse(depth);
+        let extent = if endless { f64::INFINITY } else { table.end() / radius };
+        let pressed = Self { table: Arc::clone(table), radius, depth, extent };
+        (extent > 1.0).then_some((radius * table.length, pressed))
+    }
+
+    pub(crate) fn extent(&self) -> f64 {
+        self.extent
+    }
+
+    pub(crate) fn pieces(&self) -> usize {
+        self.table.cells.len()
+    }
+
+    pub(crate) fn profile(&self, r: f64) -> f64 {
+        self.inverse_outside(0.0, r)
+    }
+
+    pub(crate) fn slope(&self, r: f64) -> f64 {
+        self.table.slope(r * self.radius) * self.radius / self.depth
+    }
+
+    pub(crate) fn image(&self, x: f64) -> f64 {
+        self.table.image(x * self.radius) / self.depth
+    }
+
+    pub(crate) fn image_slope(&self, x: f64) -> f64 {
+        self.table.image_slope(x * self.radius) * self.radius / self.depth
+    }
+
+    pub(crate) fn image_rise(&self, c: f64, delta: f64) -> f64 {
+        self.table.image_rise(c * self.radius, delta * self.radius) / self.depth
+    }
+
+    pub(crate) fn image_inverse(&self, value: f64) -> f64 {
+        self.table.image_inverse(value * self.depth) / self.radius
+    }
+
+    pub(crate) fn area(&self, x: f64) -> f64 {
+        self.table.area(x * self.radius) / (self.radius * self.depth)
+    }
+
+    pub(crate) fn half_force(&self) -> f64 {
+        1.0 - self.area(1.0)
+    }
+
+    pub(crate) fn inverse_outside(&self, c: f64, r: f64) -> f64 {
+        self.table.inverse_outside(c * self.radius, r * self.radius) / self.depth
+    }
+
+    pub(crate) fn pressure_inside(&self, r: f64, end: f64) -> f64 {
+        let pressure = self.table.pressure_inside(r * self.radius, end * self.radius);
+        pressure * self.radius / self.depth
+    }
+
+    /// The largest pressure, looked for in steps.
+    pub(crate) fn peak_pressure(&self) -> f64 {
+        const STEP: f64 = 1.0 / 64.0;
+        let at = |r: f64| self.pressure_inside(r, 1.0);
+        let (highest, radius) = (0..64)
+            .map(|k| (at(f64::from(k) * STEP), f64::from(k) * STEP))
+            .fold((0.0, 0.0), |best, here| if here.0 > best.0 { here } else { best });
+        let about = maximum((radius - STEP).max(0.0), radius + STEP, at);
+        at(about).max(highest)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::{FRAC_PI_2, PI};
+
+    /// Uneven points of a profile as far as 2.
+    fn table(count: u32, f: impl Fn(f64) -> f64) -> TableShape {
+        let radius: Vec<f64> = (0..=count)
+            .map(|i| {
+                let u = f64::from(i) / f64::from(count);
+                2.0 * (u + 0.3 / f64::from(count) * libm::sin(40.0 * u) * (1.0 - u))
+            })
+            .collect();
+        let height: Vec<f64> = radius.iter().map(|r| f(*r)).collect();
+        TableShape::through(&radius, &height)
+    }
+
+    /// The midpoint rule on 400 000 cells, graded towards the end.
+    fn fine(f: impl Fn(f64) -> f64) -> f64 {
+        let cells = 400_000;
+        let sum: f64 = (0..cells)
+            .map(|i| {
+                let s = (f64::from(i) + 0.5) / f64::from(cells);
+                f(1.0 - s * s) * 2.0 * s
+            })
+            .sum();
+        sum / f64::from(cells)
+    }
+
+    #[test]
+    fn the_images_of_sampled_shapes_are_the_closed_ones() {
+        // x, g and f in the units of the table: 2 and the height there.
+        for x in [0.01, 0.1, 0.33, 0.8, 0.999] {
+            let ball = table(200, |r| 0.5 * r * r);
+            assert!((ball.image(x) - 2.0 * x * x).abs() < 1e-8, "{}", ball.image(x));
+            assert!((ball.inverse_outside(0.0, x) - x * x).abs() < 1e-8);
+            assert!((ball.slope(x) - 2.0 * x).abs() < 1e-6);
+            let cone = table(200, |r| r);
+            let tolerance = if x < 0.02 { 1e-2 } else { 1e-4 };
+            assert!((cone.image(x) - FRAC_PI_2 * x).abs() < tolerance);
+            assert!((cone.inverse_outside(0.0, x) - x).abs() < tolerance);
+        }
+    }
+
+    #[test]
+    fn the_transforms_are_those_of_the_image() {
+        let flat = |r: f64| (r - 0.7).max(0.0) * (r + 0.1);
+        for shape in [table(7, flat), table(300, flat), table(60, |r| r * r * r)] {
+            for (c, r) in [(0.0_f64, 0.8_f64), (0.001, 0.3), (0.2, 0.95), (0.5, 0.501)] {
+                let angle = libm::acos(c / r);
+                let sum =
+                    FRAC_2_PI * angle * fine(|t| shape.image(r * libm::cos(angle * (1.0 - t))));
+                let value = shape.inverse_outside(c, r);
+                assert!((value - sum).abs() < 1e-9, "{c} {r}: {value} {sum}");
+                if c > 0.0 {
+                    let limit = libm::acosh(r / c);
+                    let sum = limit / PI * fine(|t| shape.image_slope(c * libm::cosh(limit * t)));
+                    let value = shape.pressure_inside(c, r);
+                    assert!((value - sum).abs() < 1e-7, "p {c} {r}: {value} {sum}");
+                }
+                let rise = shape.image(r) - shape.image(c);
+                assert!((shape.image_rise(c, r - c) - rise).abs() < 1e-13);
+                let sum = r * fine(|t| shape.image(r * t));
+                assert!((shape.area(r) - sum).abs() < 1e-9, "{} {sum}", shape.area(r));
+                let step = 1e-6;
+                let change =
+                    shape.inverse_outside(0.0, r + step) - shape.inverse_outside(0.0, r - step);
+                assert!(
+                    (shape.slope(r) - 0.5 * change / step).abs() < 1e-5 * (1.0 + shape.slope(r))
+                );
+            }
+            for value in [0.01, 0.3, 0.9] {
+                assert!((shape.image(shape.image_inverse(value)) - value).abs() < 1e-13);
+            }
+            // On the axis as next to it.
+            let (axis, beside) =
+                (shape.pressure_inside(0.0, 0.9), shape.pressure_inside(1e-7, 0.9));
+            assert!((axis - beside).abs() < 1e-6 * (1.0 + axis), "{axis} {beside}");
+        }
+    }
+
+    #[test]
+    fn a_force_comes_back_from_its_depth_within_and_beyond_the_table() {
+        let shape = Arc::new(table(100, |r| 0.5 * r * r));
+        for force in [1e-6, 0.1, 3.0, 8.0] {
+            let depth = shape.depth_under(force);
+            // Hertz with R = 1.
+            let hertz = libm::pow(0.75 * force, 2.0 / 3.0);
+            assert!((depth / hertz - 1.0).abs() < 1e-4, "{depth} {hertz}");
+            let (radius, pressed) = Pressed::new(&shape, depth, true).expect("endless");
+            let again = 2.0 * radius * depth * pressed.half_force();
+            assert!((again / force - 1.0).abs() < 1e-9, "{again} {force}");
+            assert_eq!(Pressed::new(&shape, depth, false).is_some(), depth < 4.0);
+        }
+        assert!(shape.depth_under(20.0) > 4.0);
+    }
+
+    #[test]
+    fn a_fall_far_out_leaves_the_rise_before_it_alone() {
+        // A parabola as far as row 10, then down to where it began.
+        let r: Vec<f64> = (0..=40).map(f64::from).collect();
+        let top = 100.0;
+        let z = |r: f64| if r <= 10.0 { r * r } else { (top - 0.1 * top * (r - 10.0)).max(0.0) };
+        let z: Vec<f64> = r.iter().map(|r| z(*r)).collect();
+        let table = TableShape::through(&r, &z);
+        assert!(table.reach() > 8.0, "{}", table.reach());
+    }
+
+    #[test]
+    fn the_closest_rising_values_are_means_of_what_falls() {
+        let nodes = [0.0, 1.0, 2.0, 3.0, 4.0];
+        let images = [0.0, 3.0, 1.0, 5.0, 4.0].map(|value| (value, 0.0));
+        let values = isotonic(&nodes, &images);
+        assert_eq!(values[..3], [0.0, 2.0, 2.0]);
+        assert!((values[3] - 14.0 / 3.0).abs() < 1e-15 && values[3] <= values[4]);
+        assert_eq!(isotonic(&nodes, &[-1.0; 5].map(|value| (value, 0.0))), [0.0; 5]);
+    }
+}

@@ -1,0 +1,102 @@
+//! The unworn contact and the state that wear tends to, in dimensionless form.
+
+use super::limit::Limit;
+use super::profile::Shape;
+
+/// How far the contact slips at the unworn state.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Regime {
+    /// Nothing slips.
+    FullStick,
+    /// A ring slips around a sticking core.
+    PartialSlip,
+    /// The whole contact slips.
+    GrossSlip,
+}
+
+/// The unworn contact and its limiting state in dimensionless form.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Contact {
+    /// The unworn shape.
+    pub shape: Shape,
+    /// Δ = G*U/(μE*d₀): the compression below which a spring slips.
+    pub threshold: f64,
+    /// c/a₀; 0 in gross slip.
+    pub stick: f64,
+    /// Partial or gross slip.
+    pub regime: Regime,
+    /// The state that wear tends to.
+    pub limit: Limit,
+}
+
+impl Contact {
+    /// The contact of `shape` at amplitude Δ > 0; `None` where its scar would outgrow the shape.
+    #[must_use]
+    pub fn new(shape: Shape, threshold: f64) -> Option<Self> {
+        // At Δ = 1 the springs under a flat, if there is one, still stick.
+        let stick = if threshold > 1.0 { 0.0 } else { shape.image_inverse(1.0 - threshold) };
+        let regime = if stick > 0.0 { Regime::PartialSlip } else { Regime::GrossSlip };
+        let limit = Limit::solve(&shape, stick)?;
+        Some(Self { shape, threshold, stick, regime, limit })
+    }
+
+    /// The contact of `shape` whose springs stick inside 0 ≤ c < 1.
+    #[must_use]
+    pub fn sticking(shape: Shape, c: f64) -> Option<Self> {
+        let threshold = 1.0 - shape.image(c);
+        Self::new(shape, threshold)
+    }
+
+    /// Δ − y₀ of a spring at x = c + δ: how far it is from sticking. Never quite 0, so that no spring
+    /// divides 0 by 0 once e has underflowed.
+    #[must_use]
+    pub fn rest(&self, delta: f64) -> f64 {
+        let excess = (self.threshold - 1.0).max(0.0);
+        (excess + self.shape.image_rise(self.stick, delta)).max(1e-300)
+    }
+
+    /// η of a spring at x = c + δ, c < x < ã, by the closed form of (14).
+    #[must_use]
+    pub fn compression(&self, delta: f64, decay: Decay) -> f64 {
+        let rest = self.rest(delta);
+        let unworn = self.threshold - rest;
+        if unworn <= 0.0 {
+            return unworn * decay.left;
+        }
+        self.threshold * unworn * decay.left / (unworn * decay.left + rest)
+    }
+
+    /// g − g₀ of such a spring, which is y₀ less its compression, without their cancellation.
+    #[must_use]
+    pub fn worn(&self, delta: f64, decay: Decay) -> f64 {
+        let rest = self.rest(delta);
+        let unworn = self.threshold - rest;
+        if unworn <= 0.0 {
+            return unworn * decay.gone;
+        }
+        unworn * rest * decay.gone / (unworn * decay.left + rest)
+    }
+}
+
+/// e = exp(−ξÑ/ã), by which the simplified rule has come down, and 1 − e with all its digits.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Decay {
+    /// e.
+    pub left: f64,
+    /// 1 − e.
+    pub gone: f64,
+}
+
+impl Decay {
+    /// Nothing is worn.
+    pub const UNWORN: Self = Self { left: 1.0, gone: 0.0 };
+    /// The limiting state.
+    pub const COMPLETE: Self = Self { left: 0.0, gone: 1.0 };
+
+    /// The decay after an exponent ξÑ/ã ≥ 0.
+    #[must_use]
+    pub fn after(exponent: f64) -> Self {
+        Self { left: libm::exp(-exponent), gone: -libm::expm1(-exponent) }
+    }
+}

@@ -1,0 +1,926 @@
+//! Reference solutions: what is known in closed form about contact, partial slip and its wear.
+//!
+//! They are written from the literature alone and share no code with the methods of this crate but a
+//! quadrature rule and a root finder, so that the methods can be judged by them, and so can other
+//! programs.
+//!
+//! # Units
+//! [`Hertz`], [`Cone`], [`PowerLaw`], [`Sphere`], [`TruncatedCone`], [`TruncatedParaboloid`] and
+//! [`CattaneoMindlin`] take and give quantities with dimensions, in any coherent system: with Pa
+//! and m, forces are in N and energies in J. [`LimitingState`] and the functions of an exponent are
+//! dimensionless: lengths in a₀, heights in d₀, forces in E*a₀d₀, volumes in a₀²d₀, all of the
+//! unworn contact, amplitudes in U_gs = μ(E*/G*)d₀ and cycles in N₀ = a₀/(4Uk_wE*).
+//!
+//! # Symbols
+//! ```text
+//! E*, G*   effective moduli,  1/E* = Σ (1−ν²)/E,  1/G* = Σ (2−ν)/(4G)
+//! F, d, a  normal force, indentation depth, contact radius
+//! Q, U, c  tangential force, tangential displacement (or half of the stroke), stick radius
+//! q        Q/(μF)
+//! ```
+//!
+//! # Sources
+//! - *Handbook*: V. L. Popov, M. Heß, E. Willert, *Handbook of Contact Mechanics: Exact Solutions of
+//!   Axisymmetric Contact Problems*, Springer (2019)
+//! - *Johnson*: K. L. Johnson, *Contact Mechanics*, Cambridge University Press (1985)
+//! - *limits of wear*: V. L. Popov, *Sci. Rep.* 4 (2014) 3749; (11)–(13) of the paper
+//!
+//! # Examples
+//! A steel ball of 10 mm under 100 N:
+//! ```
+//! use fretwork_engine::reference::{CattaneoMindlin, Hertz};
+//!
+//! let hertz = Hertz::under(100.0, 112.64e9, 0.01);
+//! assert!((hertz.contact_radius() / 0.18813e-3 - 1.0).abs() < 1e-4);
+//! assert!((hertz.peak_pressure() / 1349e6 - 1.0).abs() < 1e-3);
+//!
+//! let contact = CattaneoMindlin { hertz, tangential_modulus: 92.76e9, friction: 0.7 };
+//! let force = contact.force(2.256e-6);
+//! assert!((contact.stick_radius(force) / hertz.contact_radius() - 0.5).abs() < 1e-3);
+//! assert!((contact.energy_per_cycle(force) / 57.9e-6 - 1.0).abs() < 1e-3);
+//! ```
+
+/// Numbers computed independently of this engine, as JSON: the closed forms of V. L. Popov, Sci. Rep. 4
+/// (2014) 3749, and exact runs by two discretisations, extrapolated.
+pub const TABLE: &str = include_str!("reference.json");
+
+use std::f64::consts::{FRAC_2_PI, FRAC_PI_2, PI};
+
+use crate::numeric::{integrate, root};
+
+/// A paraboloid f = r²/(2R), pressed by d. H. Hertz, *J. reine angew. Math.* 92 (1882) 156;
+/// *Johnson* §4.2(a); *Handbook* §2.5.3.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hertz {
+    /// E* in Pa.
+    pub modulus: f64,
+    /// R in m.
+    pub radius: f64,
+    /// d in m.
+    pub depth: f64,
+}
+
+impl Hertz {
+    /// The contact under a force F in N: d = (9F²/(16E*²R))^(1/3).
+    #[must_use]
+    pub fn under(force: f64, modulus: f64, radius: f64) -> Self {
+        let root = 3.0 * force / (4.0 * modulus);
+        Self { modulus, radius, depth: libm::cbrt(root * root / radius) }
+    }
+
+    /// a = √(Rd) in m.
+    #[must_use]
+    pub fn contact_radius(&self) -> f64 {
+        (self.radius * self.depth).sqrt()
+    }
+
+    /// F = (4/3) E* √R d^(3/2) in N.
+    #[must_use]
+    pub fn force(&self) -> f64 {
+        4.0 / 3.0 * self.modulus * self.depth * (self.radius * self.depth).sqrt()
+    }
+
+    /// p₀ = (2/π) E* √(d/R) = 3F/(2πa²) in Pa, on the axis.
+    #[must_use]
+    pub fn peak_pressure(&self) -> f64 {
+        FRAC_2_PI * self.modulus * (self.depth / self.radius).sqrt()
+    }
+
+    /// p(r) = p₀ √(1 − r²/a²) in Pa; 0 outside the contact.
+    #[must_use]
+    pub fn pressure(&self, r: f64) -> f64 {
+        let ratio = r / self.contact_radius();
+        self.peak_pressure() * (1.0 - ratio * ratio).max(0.0).sqrt()
+    }
+}
+
+/// A cone f = r·tan θ, pressed by d. I. N. Sneddon, *Int. J. Eng. Sci.* 3 (1965) 47; *Johnson*
+/// §5.2; *Handbook* §2.5.2.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cone {
+    /// E* in Pa.
+    pub modulus: f64,
+    /// tan θ, θ from the plane.
+    pub slope: f64,
+    /// d in m.
+    pub depth: f64,
+}
+
+impl Cone {
+    /// The contact under a force F in N: d² = (π/2) F tan θ/E*.
+    #[must_use]
+    pub fn under(force: f64, modulus: f64, slope: f64) -> Self {
+        Self { modulus, slope, depth: (FRAC_PI_2 * force * slope / modulus).sqrt() }
+    }
+
+    /// a = (2/π) d/tan θ in m.
+    #[must_use]
+    pub fn contact_radius(&self) -> f64 {
+        FRAC_2_PI * self.depth / self.slope
+    }
+
+    /// F = (2/π) E* d²/tan θ in N.
+    #[must_use]
+    pub fn force(&self) -> f64 {
+        FRAC_2_PI * self.modulus * self.depth * self.depth / self.slope
+    }
+
+    /// p(r) = (E* tan θ/2) arcosh(a/r) in Pa: infinite at the apex, 0 outside the contact.
+    #[must_use]
+    pub fn pressure(&self, r: f64) -> f64 {
+        let ratio = (self.contact_radius() / r).max(1.0);
+        0.5 * self.modulus * self.slope * libm::acosh(ratio)
+    }
+}
+
+/// A power law f = A rⁿ, pressed by d. L. A. Galin, *Contact Problems in the Theory of Elasticity*
+/// (1953); M. Heß, *Phys. Mesomech.* 15 (2012) 264; *Handbook* §2.5.6.
+///
+/// # Examples
+/// ```
+/// use fretwork_engine::reference::{Hertz, PowerLaw};
+/// // f = r²/(2R) with R = 10 mm is the paraboloid of Hertz.
+/// let power = PowerLaw { modulus: 113e9, exponent: 2.0, coefficient: 50.0, depth: 3e-6 };
+/// let hertz = Hertz { modulus: 113e9, radius: 0.01, depth: 3e-6 };
+/// assert!((power.force() / hertz.force() - 1.0).abs() < 1e-13);
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PowerLaw {
+    /// E* in Pa.
+    pub modulus: f64,
+    /// n > 0.
+    pub exponent: f64,
+    /// A in m^(1−n).
+    pub coefficient: f64,
+    /// d in m.
+    pub depth: f64,
+}
+
+impl PowerLaw {
+    /// The contact under a force F in N.
+    #[must_use]
+    pub fn under(force: f64, modulus: f64, exponent: f64, coefficient: f64) -> Self {
+        // F is proportional to d^((n+1)/n).
+        let unit = Self { modulus, exponent, coefficient, depth: 1.0 };
+        let depth = libm::pow(force / unit.force(), exponent / (exponent + 1.0));
+        Self { depth, ..unit }
+    }
+
+    /// a = (d/(κₙA))^(1/n) in m, κₙ = √π Γ(n/2 + 1)/Γ((n+1)/2).
+    #[must_use]
+    pub fn contact_radius(&self) -> f64 {
+        let n = self.exponent;
+        libm::pow(self.depth / (stretch(n) * self.coefficient), 1.0 / n)
+    }
+
+    /// F = (2n/(n+1)) E*ad in N.
+    #[must_use]
+    pub fn force(&self) -> f64 {
+        let n = self.exponent;
+        2.0 * n / (n + 1.0) * self.modulus * self.contact_radius() * self.depth
+    }
+}
+
+/// κₙ = √π Γ(n/2 + 1)/Γ((n+1)/2), by which the depth exceeds the profile at the contact radius.
+fn stretch(n: f64) -> f64 {
+    let logarithm = libm::lgamma(0.5 * n + 1.0) - libm::lgamma(0.5 * (n + 1.0));
+    PI.sqrt() * libm::exp(logarithm)
+}
+
+/// A sphere of radius R, in contact as far as a < R. C. M. Segedin, *Mathematika* 4 (1957) 156;
+/// I. N. Sneddon, *Int. J. Eng. Sci.* 3 (1965) 47; *Handbook* §2.5.4.
+///
+/// The surface of the ground is still taken for a plane half-space: beyond a/R of about 0.3 this is
+/// a formula, not a contact.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sphere {
+    /// E* in Pa.
+    pub modulus: f64,
+    /// R in m.
+    pub radius: f64,
+    /// a in m.
+    pub contact_radius: f64,
+}
+
+impl Sphere {
+    /// d = a artanh(a/R) in m.
+    #[must_use]
+    pub fn depth(&self) -> f64 {
+        self.contact_radius * libm::atanh(self.contact_radius / self.radius)
+    }
+
+    /// F = E* ((R² + a²) artanh(a/R) − aR) in N. For a ≪ R digits cancel: R²/a² times the rounding.
+    #[must_use]
+    pub fn force(&self) -> f64 {
+        let (r, a) = (self.radius, self.contact_radius);
+        self.modulus * ((r * r + a * a) * libm::atanh(a / r) - a * r)
+    }
+}
+
+/// A cone whose tip is cut off to a flat of radius b: f = (r − b) tan θ from there on. U. B. C. O.
+/// Ejike, *J. Elasticity* 11 (1981) 395; D. Maugis, M. Barquins, *J. Phys. D* 16 (1983) 1843;
+/// *Handbook* §2.5.9.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TruncatedCone {
+    /// E* in Pa.
+    pub modulus: f64,
+    /// tan θ, θ from the plane.
+    pub slope: f64,
+    /// b in m.
+    pub flat_radius: f64,
+    /// a ≥ b in m.
+    pub contact_radius: f64,
+}
+
+impl TruncatedCone {
+    /// d = a tan θ arccos(b/a) in m.
+    #[must_use]
+    pub fn depth(&self) -> f64 {
+        let a = self.contact_radius;
+        a * self.slope * libm::acos(self.flat_radius / a)
+    }
+
+    /// F = E* tan θ a² (φ + sin φ cos φ) in N, cos φ = b/a.
+    #[must_use]
+    pub fn force(&self) -> f64 {
+        let a = self.contact_radius;
+        let (cosine, sine) = cosine_and_sine(self.flat_radius, a);
+        self.modulus * self.slope * a * a * (libm::acos(cosine) + sine * cosine)
+    }
+}
+
+/// A paraboloid whose tip is cut, or worn, to a flat of radius b: f = (r² − b²)/(2R) from there on.
+/// Sources as for [`TruncatedCone`]; *Handbook* §2.5.10.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TruncatedParaboloid {
+    /// E* in Pa.
+    pub modulus: f64,
+    /// R in m.
+    pub radius: f64,
+    /// b in m.
+    pub flat_radius: f64,
+    /// a ≥ b in m.
+    pub contact_radius: f64,
+}
+
+impl TruncatedParaboloid {
+    /// d = (a/R) √(a² − b²) in m.
+    #[must_use]
+    pub fn depth(&self) -> f64 {
+        let a = self.contact_radius;
+        let (_, sine) = cosine_and_sine(self.flat_radius, a);
+        a * a * sine / self.radius
+    }
+
+    /// F = (2E*/(3R)) (2a² + b²) √(a² − b²) in N.
+    #[must_use]
+    pub fn force(&self) -> f64 {
+        let (a, b) = (self.contact_radius, self.flat_radius);
+        let (_, sine) = cosine_and_sine(b, a);
+        2.0 / 3.0 * self.modulus / self.radius * (2.0 * a * a + b * b) * a * sine
+    }
+}
+
+/// b/a and √(1 − b²/a²).
+fn cosine_and_sine(b: f64, a: f64) -> (f64, f64) {
+    (b / a, ((a - b) * (a + b)).max(0.0).sqrt() / a)
+}
+
+/// A paraboloid under a constant normal and a varying tangential force: a core sticks, a ring
+/// slips. C. Cattaneo, *Rend. Accad. Lincei* 27 (1938) 342; R. D. Mindlin, *J. Appl. Mech.* 16
+/// (1949) 259; R. D. Mindlin, H. Deresiewicz, *J. Appl. Mech.* 20 (1953) 327; *Johnson* §7.2(d),
+/// §7.4; *Handbook* §4.6.
+///
+/// Tangential forces are Q in N with 0 ≤ Q ≤ μF; Q = μF is the onset of gross slip.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CattaneoMindlin {
+    /// The normal contact.
+    pub hertz: Hertz,
+    /// G* in Pa.
+    pub tangential_modulus: f64,
+    /// μ.
+    pub friction: f64,
+}
+
+impl CattaneoMindlin {
+    /// μF in N.
+    #[must_use]
+    pub fn sliding_force(&self) -> f64 {
+        self.friction * self.hertz.force()
+    }
+
+    /// U at Q = μF in m: μ(E*/G*)d = 3μF/(4G*a).
+    #[must_use]
+    pub fn sliding_displacement(&self) -> f64 {
+        0.75 * self.sliding_force() / (self.tangential_modulus * self.hertz.contact_radius())
+    }
+
+    /// c = a (1 − Q/(μF))^(1/3) in m.
+    #[must_use]
+    pub fn stick_radius(&self, force: f64) -> f64 {
+        self.hertz.contact_radius() * libm::cbrt(self.reserve(force))
+    }
+
+    /// U = (3μF/(4G*a)) (1 − (1 − Q/(μF))^(2/3)) in m.
+    #[must_use]
+    pub fn displacement(&self, force: f64) -> f64 {
+        self.sliding_displacement() * (1.0 - two_thirds(self.reserve(force)))
+    }
+
+    /// Q at a displacement U in m: the inverse of [`displacement`](Self::displacement); μF in gross
+    /// slip.
+    #[must_use]
+    pub fn force(&self, displacement: f64) -> f64 {
+        let left = (1.0 - displacement / self.sliding_displacement()).max(0.0);
+        self.sliding_force() * (1.0 - left * left.sqrt())
+    }
+
+    /// The shear traction at r in Pa: μp₀(√(1 − r²/a²) − (c/a) √(1 − r²/c²)), the root counting only
+    /// inside its radius.
+    #[must_use]
+    pub fn shear(&self, force: f64, r: f64) -> f64 {
+        let (a, c) = (self.hertz.contact_radius(), self.stick_radius(force));
+        let chord = |radius: f64| ((radius - r) * (radius + r)).max(0.0).sqrt();
+        self.friction * self.hertz.peak_pressure() * (chord(a) - chord(c)) / a
+    }
+
+    /// The displacement in m at a force −Q* ≤ Q ≤ Q* on the way back from Q*:
+    /// (3μF/(4G*a)) (2(1 − (Q*−Q)/(2μF))^(2/3) − (1 − Q*/(μF))^(2/3) − 1).
+    #[must_use]
+    pub fn displacement_on_return(&self, amplitude: f64, force: f64) -> f64 {
+        let returned = two_thirds(self.reserve(0.5 * (amplitude - force)));
+        let turned = two_thirds(self.reserve(amplitude));
+        self.sliding_displacement() * (2.0 * returned - turned - 1.0)
+    }
+
+    /// The energy lost in a cycle of amplitude Q*, in J:
+    /// (18μ²F²/(5G*a)) (1 − (1−q)^(5/3) − (5q/6)(1 + (1−q)^(2/3))), q = Q*/(μF).
+    ///
+    /// For small q it goes with q³, and digits cancel: 1e-15/q³ of it are lost.
+    #[must_use]
+    pub fn energy_per_cycle(&self, amplitude: f64) -> f64 {
+        let left = self.reserve(amplitude);
+        let (q, power) = (1.0 - left, two_thirds(left));
+        let braces = 1.0 - left * power - 5.0 / 6.0 * q * (1.0 + power);
+        4.8 * self.sliding_force() * self.sliding_displacement() * braces
+    }
+
+    /// 1 − Q/(μF).
+    fn reserve(&self, force: f64) -> f64 {
+        (1.0 - force / self.sliding_force()).max(0.0)
+    }
+}
+
+/// x^(2/3).
+fn two_thirds(x: f64) -> f64 {
+    let root = libm::cbrt(x);
+    root * root
+}
+
+/// c/a = (1 − q)^(1/(n+1)) of a power law with exponent n under Q = qμF. J. Jäger, *Arch. Appl.
+/// Mech.* 65 (1995) 478; M. Ciavarella, *J. Appl. Mech.* 65 (1998) 998: the stick zone is what a
+/// smaller normal force would press.
+///
+/// # Examples
+/// ```
+/// use fretwork_engine::reference::stick_ratio;
+/// assert!((stick_ratio(2.0, 0.875) - 0.5).abs() < 1e-15);
+/// ```
+#[must_use]
+pub fn stick_ratio(n: f64, q: f64) -> f64 {
+    libm::pow(1.0 - q, 1.0 / (n + 1.0))
+}
+
+/// U/U_gs = 1 − (1 − q)^(n/(n+1)) of a power law with exponent n under Q = qμF.
+#[must_use]
+pub fn displacement_ratio(n: f64, q: f64) -> f64 {
+    1.0 - libm::pow(1.0 - q, n / (n + 1.0))
+}
+
+/// The fretting loop at the onset of gross slip, by which tests of sliding are judged. S. Fouvry,
+/// P. Kapsa, L. Vincent, *Wear* 185 (1995) 35.
+///
+/// With δ* half of the stroke, δ₀ the half width of the loop where Q = 0, Q* = μF its height and W
+/// its area:
+/// ```text
+/// A = W/(4Q*δ*) = 1/(2n+1)        D = δ₀/δ* = 2^(1/(n+1)) − 1        B = W/(4Q*δ₀) = A/D
+/// ```
+/// For n = 2 these are 0.2, 0.26 and 0.77; larger values say gross slip. A contains the compliance
+/// of the rig, B does not.
+///
+/// # Derivation
+/// At U = U_gs all springs slip: W = 8μE*(μE*/G*) ∫ y(d − y) dx with y = d(1 − (x/a)ⁿ), and
+/// ∫ xⁿ(1 − xⁿ) dx = n/((n+1)(2n+1)) over 0…1, while Q*δ* = μF·μ(E*/G*)d with F = (2n/(n+1))E*ad.
+/// By Masing's rule the way back from Q* is U* − 2U((Q*−Q)/2), which at Q = 0 is 2·2^(−n/(n+1)) − 1
+/// of U*.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SlidingTransition {
+    /// A.
+    pub energy_ratio: f64,
+    /// B.
+    pub system_free_ratio: f64,
+    /// D.
+    pub displacement_ratio: f64,
+}
+
+impl SlidingTransition {
+    /// The criteria for a power law with exponent n: 2 is Hertz and Mindlin's.
+    #[must_use]
+    pub fn of(n: f64) -> Self {
+        let energy_ratio = 1.0 / (2.0 * n + 1.0);
+        let displacement_ratio = libm::exp2(1.0 / (n + 1.0)) - 1.0;
+        let system_free_ratio = energy_ratio / displacement_ratio;
+        Self { energy_ratio, system_free_ratio, displacement_ratio }
+    }
+}
+
+/// dV/dÑ of an unworn power law whose springs stick inside 0 < c < 1, a₀²d₀: 2I/(1 − cⁿ) with
+/// I = (n/(n+1)) ((1 − c²ⁿ⁺¹)/(2n+1) − cⁿ + cⁿ⁺¹), for n = 2
+/// 2/15 − 2c²/3 + 2c³/3 − 2c⁵/15.
+///
+/// It is dV/dN = (k_w/μ)W with the loss W of the unworn contact, the integral of y(Δ − y) over the
+/// ring, where y = 1 − xⁿ and Δ = 1 − cⁿ. Digits cancel as 1e-15/(1 − c)³.
+///
+/// # Examples
+/// ```
+/// use fretwork_engine::reference::initial_wear_rate;
+/// assert!((initial_wear_rate(2.0, 0.5) - 0.1222).abs() < 1e-4);
+/// ```
+#[must_use]
+pub fn initial_wear_rate(n: f64, c: f64) -> f64 {
+    let power = libm::pow(c, n);
+    let integral =
+        n / (n + 1.0) * ((1.0 - power * power * c) / (2.0 * n + 1.0) - power + power * c);
+    2.0 * integral / (1.0 - power)
+}
+
+/// U_el/U_gs = 2n/(2n+1): the part of the amplitude that goes into the springs when an unworn power
+/// law slips as a whole.
+///
+/// # Derivation
+/// In gross slip W = 8μE* ∫ y(U − (μE*/G*)y) dx = 4μF(U − U_el) with U_el = μ(E*/G*) ∫y²dx/∫y dx;
+/// for y = d(1 − (x/a)ⁿ) the quotient is d·2n/(2n+1). For U = U_gs this gives A of
+/// [`SlidingTransition`]. A flat punch has U_el = U_gs = μF/(2G*a): no wear lowers it below that.
+#[must_use]
+pub fn elastic_amplitude_ratio(n: f64) -> f64 {
+    2.0 * n / (2.0 * n + 1.0)
+}
+
+/// The volume worn in N cycles of gross slip under a constant force, in m³: V = 4k_wF(U − U_el)N,
+/// Archard's law less the part U_el of the stroke that is elastic, [`elastic_amplitude_ratio`] of
+/// U_gs.
+///
+/// `wear` is k_w in 1/Pa, `force` F in N, `slip` U − U_el ≥ 0 in m. As long as U_el ≪ U it does not
+/// matter that wear flattens the contact and lowers U_el.
+///
+/// # Examples
+/// ```
+/// use fretwork_engine::reference::gross_slip_volume;
+/// // Half a stroke of 50 µm, next to which U_el is nothing, under 10 N; 1e-5 mm³/(N m).
+/// let volume = gross_slip_volume(1e-14, 10.0, 50e-6, 1e6);
+/// assert!((volume / 0.02e-9 - 1.0).abs() < 1e-12);
+/// ```
+#[must_use]
+pub fn gross_slip_volume(wear: f64, force: f64, slip: f64, cycles: f64) -> f64 {
+    4.0 * wear * force * slip * cycles
+}
+
+/// The largest q₀ = Q/(μF₀) under which wear with depth and tangential force held comes to an end:
+/// (n+1)^(−1/n), 0.577 for a paraboloid and 0.5 for a cone. It is also the smallest stick radius
+/// such an end has. Above it the contact loses its grip while it wears.
+#[must_use]
+pub fn shakedown_limit(n: f64) -> f64 {
+    libm::pow(n + 1.0, -1.0 / n)
+}
+
+/// The state that fretting wear of a power law f ∝ rⁿ tends to. *Limits of wear*.
+///
+/// Inside the stick radius c the profile is unworn, outside it carries nothing as far as the radius
+/// ã of the scar.
+///
+/// # Derivation
+/// With cos φ = c/ã and Cₙ(φ) = ∫ cosⁿψ dψ over 0…φ, the condition (13) that the limiting profile
+/// meets the unworn one at ã is dφ = ãⁿCₙ(φ), or
+/// ```text
+/// d/cⁿ = Cₙ(φ)/(φ cosⁿφ)           cone: tan φ/φ = d/c     paraboloid: sec²φ + tan φ/φ = 2d/c²
+/// ```
+/// and the depth, where w is stationary at r = c/cos ϑ, obeys d/cⁿ = 1 + n tan ϑ Cₙ(ϑ)/cosⁿϑ. With φ
+/// found the volume is elementary for every n:
+/// ```text
+/// V = (2n/(n+2)) dã²φ − 2c√(ã²−c²) (d − 2cⁿ/(n+2))
+/// w(r) = (2/π) (dϑ − rⁿCₙ(ϑ)),  cos ϑ = c/r
+/// ```
+///
+/// # Accuracy
+/// Radii to 1e-12, volume and depth to 1e-15/(1−c)², where they cancel; measured in 40 digits for n
+/// from 1 to 11.3 and c from 0.001 to 0.999.
+///
+/// # Examples
+/// ```
+/// use fretwork_engine::reference::LimitingState;
+/// let held = LimitingState::depth_and_amplitude_held(2.0, 0.5);
+/// assert!((held.radius - 1.22979).abs() < 1e-5);
+/// assert!((held.volume - 0.7593).abs() < 1e-4);
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LimitingState {
+    /// c.
+    pub stick_radius: f64,
+    /// d.
+    pub indentation_depth: f64,
+    /// ã.
+    pub radius: f64,
+    /// V.
+    pub volume: f64,
+    /// The deepest wear.
+    pub depth: f64,
+    /// Where the wear is deepest.
+    pub depth_radius: f64,
+    /// F/F₀ = ((n+1)dc − cⁿ⁺¹)/n: the core alone carries load.
+    pub force_ratio: f64,
+}
+
+impl LimitingState {
+    /// Depth and amplitude held, with springs that stick inside 0 < c < 1 from the first cycle on.
+    #[must_use]
+    pub fn depth_and_amplitude_held(n: f64, c: f64) -> Self {
+        Self::of(n, c, 1.0)
+    }
+
+    /// Normal and tangential force held, 0 < q < 1: c = (1−q)^(1/(n+1)) all the time, and
+    /// d = n/((n+1)c) + cⁿ/(n+1) so that the core carries F₀.
+    #[must_use]
+    pub fn forces_held(n: f64, q: f64) -> Self {
+        let c = stick_ratio(n, q);
+        Self::of(n, c, (n / c + libm::pow(c, n)) / (n + 1.0))
+    }
+
+    /// Depth and tangential force held, q = Q/(μF₀): c is the larger root of
+    /// q = ((n+1)/n) c(1 − cⁿ). `None` from [`shakedown_limit`] on.
+    #[must_use]
+    pub fn depth_and_tangential_force_held(n: f64, q: f64) -> Option<Self> {
+        let least = shakedown_limit(n);
+        if q >= least {
+            return None;
+        }
+        let excess = |c: f64| (n + 1.0) / n * c * (1.0 - libm::pow(c, n)) - q;
+        Some(Self::of(n, root(least, 1.0, excess), 1.0))
+    }
+
+    /// Depth held in gross slip: wear goes on until nothing is pressed. ã = κₙ^(1/n), V =
+    /// πn/(n+2)·ã²: √2 and π for a paraboloid, π/2 and π³/12 for a cone.
+    #[must_use]
+    pub fn gross_slip(n: f64) -> Self {
+        let radius = libm::pow(stretch(n), 1.0 / n);
+        Self {
+            stick_radius: 0.0,
+            indentation_depth: 1.0,
+            radius,
+            volume: PI * n / (n + 2.0) * radius * radius,
+            depth: 1.0,
+            depth_radius: 0.0,
+            force_ratio: 0.0,
+        }
+    }
+
+    fn of(n: f64, c: f64, d: f64) -> Self {
+        let power = libm::pow(c, n);
+        let relative = |angle: f64| libm::pow(libm::cos(angle), n);
+        // Multiplied by the cosine's power both conditions are free of poles.
+        let end =
+            root(1e-9, FRAC_PI_2, |phi| cosine_integral(n, phi) / phi - d / power * relative(phi));
+        let deepest = root(0.0, FRAC_PI_2, |theta| {
+            let slope = n * libm::sin(theta) * cosine_integral(n, theta);
+            slope - (d / power - 1.0) * relative(theta) * libm::cos(theta)
+        });
+        // Not c/cos φ, which loses digits where φ is close to π/2.
+        let radius = libm::pow(d * end / cosine_integral(n, end), 1.0 / n);
+        let depth_radius = c / libm::cos(deepest);
+        // At the deepest point dϑ and rⁿCₙ are known from each other.
+        let lifted = (d - power) / (n * libm::tan(deepest));
+        Self {
+            stick_radius: c,
+            indentation_depth: d,
+            radius,
+            volume: 2.0 * n / (n + 2.0) * d * radius * radius * end
+                - 2.0 * c * radius * libm::sin(end) * (d - 2.0 * power / (n + 2.0)),
+            depth: FRAC_2_PI * (d * deepest - lifted),
+            depth_radius,
+            force_ratio: ((n + 1.0) * d * c - power * c) / n,
+        }
+    }
+}
+
+/// ∫ cosⁿψ dψ over 0…φ ≤ π/2.
+fn cosine_integral(n: f64, phi: f64) -> f64 {
+    // Graded towards φ, where a power that is not whole would end in a kink at π/2.
+    phi * integrate(0.0, 1.0, |t| {
+        let psi = phi * (1.0 - t * t * t);
+        3.0 * t * t * libm::pow(libm::cos(psi).max(0.0), n)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MODULUS: f64 = 113e9;
+
+    fn close(value: f64, expected: f64, tolerance: f64) {
+        assert!((value / expected - 1.0).abs() < tolerance, "{value}, not {expected}");
+    }
+
+    /// F = 2E* ∫ (d − g) dx over 0…a and, from the pressure, 2π ∫ p r dr: (9) and its counterpart.
+    fn by_springs(radius: f64, image: impl Fn(f64) -> f64) -> f64 {
+        let depth = image(radius);
+        2.0 * MODULUS * integrate(0.0, radius, |x| depth - image(x))
+    }
+
+    fn by_pressure(radius: f64, pressure: impl Fn(f64) -> f64) -> f64 {
+        // Graded to both ends, where pressures have roots and logarithms.
+        let half = |from: f64, to: f64| {
+            integrate(0.0, 1.0, |s| {
+                let r = from + (to - from) * s * s;
+                4.0 * PI * (to - from) * s * r * pressure(r)
+            })
+        };
+        half(0.0, 0.5 * radius) - half(radius, 0.5 * radius)
+    }
+
+    #[test]
+    fn hertz_carries_his_pressure_and_that_of_the_springs() {
+        let hertz = Hertz { modulus: MODULUS, radius: 0.01, depth: 3.5e-6 };
+        let a = hertz.contact_radius();
+        close(hertz.force(), by_springs(a, |x| x * x / hertz.radius), 1e-12);
+        close(hertz.force(), by_pressure(a, |r| hertz.pressure(r)), 1e-9);
+        close(hertz.peak_pressure(), 1.5 * hertz.force() / (PI * a * a), 1e-14);
+        close(Hertz::under(hertz.force(), MODULUS, 0.01).depth, hertz.depth, 1e-14);
+        assert!(hertz.pressure(1.001 * a) == 0.0);
+    }
+
+    #[test]
+    fn the_cone_carries_its_pressure_and_that_of_the_springs() {
+        let cone = Cone { modulus: MODULUS, slope: 0.02, depth: 3.5e-6 };
+        let a = cone.contact_radius();
+        close(cone.force(), by_springs(a, |x| FRAC_PI_2 * cone.slope * x), 1e-12);
+        close(cone.force(), by_pressure(a, |r| cone.pressure(r)), 1e-5);
+        close(Cone::under(cone.force(), MODULUS, 0.02).depth, cone.depth, 1e-14);
+        assert!(cone.pressure(0.0).is_infinite() && cone.pressure(1.001 * a) == 0.0);
+    }
+
+    #[test]
+    fn the_power_law_holds_cone_paraboloid_and_what_is_between_and_beyond() {
+        let hertz = Hertz { modulus: MODULUS, radius: 0.01, depth: 3e-6 };
+        let power = PowerLaw { modulus: MODULUS, exponent: 2.0, coefficient: 50.0, depth: 3e-6 };
+        close(power.contact_radius(), hertz.contact_radius(), 1e-14);
+        close(power.force(), hertz.force(), 1e-14);
+        let cone = Cone { modulus: MODULUS, slope: 0.02, depth: 3e-6 };
+        let power = PowerLaw { modulus: MODULUS, exponent: 1.0, coefficient: 0.02, depth: 3e-6 };
+        close(power.contact_radius(), cone.contact_radius(), 1e-14);
+        close(power.force(), cone.force(), 1e-14);
+        for n in [1.0, 1.5, 2.0, 3.7, 8.0] {
+            let power = PowerLaw { modulus: MODULUS, exponent: n, coefficient: 3.0, depth: 1e-3 };
+            // (3) by quadrature: g(x) = A n xⁿ ∫ sinⁿ⁻¹ψ dψ over 0…π/2.
+            let image = |x: f64| {
+                let slope = |t: f64| libm::pow(libm::sin(FRAC_PI_2 * t * t * t), n - 1.0);
+                let integral = FRAC_PI_2 * integrate(0.0, 1.0, |t| 3.0 * t * t * slope(t));
+                3.0 * n * libm::pow(x, n) * integral
+            };
+            close(image(power.contact_radius()), power.depth, 1e-9);
+            close(power.force(), by_springs(power.contact_radius(), image), 1e-6);
+            close(PowerLaw::under(power.force(), MODULUS, n, 3.0).depth, power.depth, 1e-13);
+        }
+    }
+
+    #[test]
+    fn sphere_and_truncated_shapes_carry_what_their_springs_do() {
+        let sphere = Sphere { modulus: MODULUS, radius: 0.01, contact_radius: 3e-3 };
+        close(sphere.depth(), 3e-3 * libm::atanh(0.3), 1e-14);
+        close(sphere.force(), by_springs(3e-3, |x| x * libm::atanh(x / 0.01)), 1e-12);
+        let small = Sphere { contact_radius: 1e-4, ..sphere };
+        let hertz = Hertz { modulus: MODULUS, radius: 0.01, depth: small.depth() };
+        close(small.force(), hertz.force(), 1e-4);
+
+        let (a, b) = (2e-3, 0.7e-3);
+        // The flat carries E*d all over; the springs around it are summed with graded points.
+        let truncated = |depth: f64, image: &dyn Fn(f64) -> f64| {
+            let ring = integrate(0.0, 1.0, |s| {
+                let x = b + (a - b) * s * s;
+                2.0 * (a - b) * s * (depth - image(x))
+            });
+            2.0 * MODULUS * (depth * b + ring)
+        };
+        let cone =
+            TruncatedCone { modulus: MODULUS, slope: 0.02, flat_radius: b, contact_radius: a };
+        let image = |x: f64| 0.02 * x * libm::acos(b / x);
+        close(cone.depth(), image(a), 1e-14);
+        close(cone.force(), truncated(cone.depth(), &image), 1e-9);
+        let whole = TruncatedCone { flat_radius: 0.0, ..cone };
+        let sneddon = Cone { modulus: MODULUS, slope: 0.02, depth: whole.depth() };
+        close(whole.force(), sneddon.force(), 1e-14);
+
+        let paraboloid = TruncatedParaboloid {
+            modulus: MODULUS,
+            radius: 0.01,
+            flat_radius: b,
+            contact_radius: a,
+        };
+        let image = |x: f64| x / 0.01 * ((x - b) * (x + b)).sqrt();
+        close(paraboloid.depth(), image(a), 1e-14);
+        close(paraboloid.force(), truncated(paraboloid.depth(), &image), 1e-9);
+        let whole = TruncatedParaboloid { flat_radius: 0.0, ..paraboloid };
+        let hertz = Hertz { modulus: MODULUS, radius: 0.01, depth: whole.depth() };
+        close(whole.force(), hertz.force(), 1e-14);
+    }
+
+    /// (8)–(10) on the row of springs of a paraboloid, without a formula of Cattaneo or Mindlin.
+    #[test]
+    fn cattaneo_and_mindlin_agree_with_the_springs() {
+        let hertz = Hertz::under(100.0, MODULUS, 0.01);
+        let contact = CattaneoMindlin { hertz, tangential_modulus: 93e9, friction: 0.7 };
+        let (a, sliding) = (hertz.contact_radius(), contact.sliding_force());
+        close(sliding, 70.0, 1e-13);
+        let limit = |x: f64| 0.7 * MODULUS * (hertz.depth - x * x / hertz.radius);
+        let in_pieces = |c: f64, f: &dyn Fn(f64) -> f64| integrate(0.0, c, f) + integrate(c, a, f);
+        for q in [0.05, 0.3, 0.7, 0.99] {
+            let force = q * sliding;
+            let (u, c) = (contact.displacement(force), contact.stick_radius(force));
+            close(93e9 * u, limit(c), 1e-11);
+            close(c / a, stick_ratio(2.0, q), 1e-13);
+            close(u / contact.sliding_displacement(), displacement_ratio(2.0, q), 1e-12);
+            close(force, 2.0 * in_pieces(c, &|x| limit(x).min(93e9 * u)), 1e-12);
+            close(contact.force(u), force, 1e-12);
+            close(
+                force,
+                by_pressure(c, |r| contact.shear(force, r)) + {
+                    let ring = |s: f64| {
+                        let r = a - (a - c) * s * s;
+                        4.0 * PI * (a - c) * s * r * contact.shear(force, r)
+                    };
+                    integrate(0.0, 1.0, ring)
+                },
+                1e-4,
+            );
+            // Springs dragged back: by Masing each turns round at twice its limit.
+            let back = 0.4 * u;
+            let returned = 2.0
+                * in_pieces(c, &|x| {
+                    let start = limit(x).min(93e9 * u);
+                    (start - 93e9 * (u - back)).max(-limit(x))
+                });
+            let displacement = contact.displacement_on_return(force, returned);
+            assert!((displacement - back).abs() < 1e-3 * u, "{displacement} {back}");
+            // W is the area of the loop, and what the springs lose: 4·limit·(U − limit/G*) each,
+            // twice the half row.
+            let lost = 8.0 * integrate(c, a, |x| limit(x) * (u - limit(x) / 93e9));
+            close(contact.energy_per_cycle(force), lost, 1e-9);
+            let area = 2.0
+                * integrate(0.0, 1.0, |s| {
+                    let q = force * (1.0 - 2.0 * s);
+                    // ∮ u dQ: the way out is the way back turned round.
+                    2.0 * force * contact.displacement_on_return(force, q)
+                });
+            close(area, lost, 1e-4);
+        }
+        close(contact.displacement(sliding), contact.sliding_displacement(), 1e-15);
+        close(contact.displacement_on_return(40.0, 40.0), contact.displacement(40.0), 1e-13);
+        close(contact.displacement_on_return(40.0, -40.0), -contact.displacement(40.0), 1e-13);
+    }
+
+    #[test]
+    fn the_sliding_transition_of_hertz_and_mindlin_is_that_of_fouvry() {
+        let criteria = SlidingTransition::of(2.0);
+        assert!((criteria.energy_ratio - 0.2).abs() < 1e-15);
+        assert!((criteria.displacement_ratio - (2.0 * libm::exp2(-2.0 / 3.0) - 1.0)).abs() < 1e-15);
+        assert!((criteria.system_free_ratio - 0.7695).abs() < 5e-5);
+        let hertz = Hertz::under(100.0, MODULUS, 0.01);
+        let contact = CattaneoMindlin { hertz, tangential_modulus: 93e9, friction: 0.7 };
+        let (top, stroke) = (contact.sliding_force(), contact.sliding_displacement());
+        close(contact.energy_per_cycle(top) / (4.0 * top * stroke), criteria.energy_ratio, 1e-13);
+        let open = contact.displacement_on_return(top, 0.0) / stroke;
+        close(open, criteria.displacement_ratio, 1e-13);
+        // The cone by quadrature: y = 1 − x.
+        let lost = 8.0 * integrate(0.0, 1.0, |x| (1.0 - x) * x);
+        close(lost / 4.0, SlidingTransition::of(1.0).energy_ratio, 1e-13);
+    }
+
+    #[test]
+    fn wear_begins_with_the_loss_of_the_unworn_springs() {
+        for (n, c) in [(1.0_f64, 0.21), (2.0, 0.5), (2.5, 0.7), (4.0, 0.3)] {
+            let threshold = 1.0 - libm::pow(c, n);
+            let y = |x: f64| 1.0 - libm::pow(x, n);
+            let lost = integrate(c, 1.0, |x| y(x) * (threshold - y(x)));
+            close(initial_wear_rate(n, c), 2.0 * lost / threshold, 1e-11);
+        }
+        let c = 0.5_f64;
+        let printed =
+            2.0 / 15.0 - 2.0 * c * c / 3.0 + 2.0 * c * c * c / 3.0 - 2.0 * c * c * c * c * c / 15.0;
+        close(initial_wear_rate(2.0, c), 2.0 * printed / (1.0 - c * c), 1e-13);
+    }
+
+    #[test]
+    fn gross_slip_stores_four_fifths_of_its_onset_in_a_paraboloid() {
+        close(elastic_amplitude_ratio(2.0), 0.8, 1e-15);
+        for n in [1.0, 2.0, 3.0, 8.0] {
+            let y = |x: f64| 1.0 - libm::pow(x, n);
+            let (first, second) = (integrate(0.0, 1.0, y), integrate(0.0, 1.0, |x| y(x) * y(x)));
+            close(elastic_amplitude_ratio(n), second / first, 1e-13);
+            close(SlidingTransition::of(n).energy_ratio, 1.0 - second / first, 1e-13);
+        }
+        // At its onset this is (k_w/μ)·W of Mindlin and Deresiewicz.
+        let hertz = Hertz::under(100.0, MODULUS, 0.01);
+        let contact = CattaneoMindlin { hertz, tangential_modulus: 93e9, friction: 0.7 };
+        let slip = contact.sliding_displacement() * (1.0 - elastic_amplitude_ratio(2.0));
+        let lost = contact.energy_per_cycle(contact.sliding_force());
+        close(gross_slip_volume(3e-14, 100.0, slip, 1.0), 3e-14 / 0.7 * lost, 1e-12);
+    }
+
+    #[test]
+    fn the_condition_of_the_limit_is_the_papers_for_cone_and_paraboloid() {
+        for c in [1e-3, 0.05, 0.21, 0.5, 0.9, 0.999] {
+            // (20).
+            let a = LimitingState::depth_and_amplitude_held(1.0, c).radius;
+            let left = FRAC_PI_2 - libm::asin(c / a);
+            assert!((left - ((a - c) * (a + c)).sqrt()).abs() < 1e-12, "cone {c}");
+            // (13) with g₀ = x² and f₀ = r²/2, integrated by hand.
+            let a = LimitingState::depth_and_amplitude_held(2.0, c).radius;
+            let (angle, chord) = (libm::acos(c / a), ((a - c) * (a + c)).sqrt());
+            let core = 0.5 * (a * a * (FRAC_PI_2 - angle) - c * chord);
+            assert!((FRAC_2_PI * (core + angle) - 0.5 * a * a).abs() < 1e-12, "paraboloid {c}");
+            // (19) is lower, by 3.6 % at most.
+            let printed = (0.25 * c * c + 2.0).sqrt() - 0.5 * c;
+            assert!((0.0..0.037).contains(&(1.0 - printed / a)), "{printed} {a}");
+        }
+    }
+
+    #[test]
+    fn the_volume_is_that_of_the_profile_of_12() {
+        for (n, c) in [(1.0, 0.3), (2.0, 0.5), (2.6, 0.2), (4.0, 0.7)] {
+            for state in [
+                LimitingState::depth_and_amplitude_held(n, c),
+                LimitingState::forces_held(n, 1.0 - c),
+            ] {
+                let (c, d) = (state.stick_radius, state.indentation_depth);
+                let wear = |r: f64| {
+                    let theta = libm::acos(c / r);
+                    FRAC_2_PI * (d * theta - libm::pow(r, n) * cosine_integral(n, theta))
+                };
+                let width = state.radius - c;
+                let volume = 4.0
+                    * PI
+                    * width
+                    * integrate(0.0, 1.0, |s| {
+                        let r = c + width * s * s;
+                        s * r * wear(r)
+                    });
+                close(state.volume, volume, 1e-8);
+                close(state.depth, wear(state.depth_radius), 1e-10);
+                for near in [0.99, 1.01] {
+                    assert!(wear(near * state.depth_radius) < state.depth);
+                }
+                // F∞ = 2 ∫ (d − g₀) dx over the core.
+                let core = integrate(0.0, c, |x| d - libm::pow(x, n));
+                close(state.force_ratio, core * (n + 1.0) / n, 1e-7);
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_held_is_kept_in_the_limit() {
+        for n in [1.0, 2.0, 5.0] {
+            for q in [0.1, 0.4, 0.9] {
+                let state = LimitingState::forces_held(n, q);
+                close(state.force_ratio, 1.0, 1e-13);
+                let Some(state) = LimitingState::depth_and_tangential_force_held(n, q) else {
+                    assert!(q > shakedown_limit(n));
+                    continue;
+                };
+                // Q = 2G*U·c with G*U = μE*(d − g₀(c)).
+                let c = state.stick_radius;
+                close(2.0 * c * (1.0 - libm::pow(c, n)) * (n + 1.0) / (2.0 * n), q, 1e-12);
+                assert!(c > shakedown_limit(n));
+            }
+            let at = |q: f64| LimitingState::depth_and_tangential_force_held(n, q);
+            let edge = shakedown_limit(n);
+            assert!(at(edge * 1.0001).is_none() && at(edge * 0.9999).is_some());
+        }
+        close(shakedown_limit(2.0), 0.577_35, 1e-5);
+        close(shakedown_limit(1.0), 0.5, 1e-15);
+    }
+
+    #[test]
+    fn gross_slip_is_the_limit_of_small_cores() {
+        let paraboloid = LimitingState::gross_slip(2.0);
+        close(paraboloid.radius, 2_f64.sqrt(), 1e-14);
+        close(paraboloid.volume, PI, 1e-14);
+        let cone = LimitingState::gross_slip(1.0);
+        close(cone.radius, FRAC_PI_2, 1e-14);
+        close(cone.volume, PI * PI * PI / 12.0, 1e-14);
+        for n in [1.0, 1.5, 2.0, 4.0] {
+            let (gross, nearly) =
+                (LimitingState::gross_slip(n), LimitingState::depth_and_amplitude_held(n, 1e-4));
+            close(nearly.radius, gross.radius, 1e-4);
+            close(nearly.volume, gross.volume, 4e-4);
+        }
+    }
+}

@@ -1,0 +1,148 @@
+//! What is wrong with a request: every fault at once, each with a pointer and a way out.
+//!
+//! `deserr` calls [`Faults`] for each fault it meets and goes on; sentences for its kinds of faults
+//! are made here.
+
+use std::ops::ControlFlow;
+
+use deserr::{
+    DeserializeError, ErrorKind, IntoValue, MergeWithError, Sequence, ValueKind, ValuePointerRef,
+};
+use serde::Serialize;
+
+/// Faults listed in one answer; more are counted.
+const MAX_FAULTS: usize = 100;
+
+/// One thing wrong with a request.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Fault {
+    /// JSON pointer (RFC 6901) to the member at fault.
+    pub pointer: String,
+    /// What is wrong and what to change.
+    pub detail: String,
+}
+
+/// Everything wrong with a request.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{} fault(s) in the request", .0.len())]
+pub struct Faults(pub Vec<Fault>);
+
+impl Faults {
+    /// One fault.
+    pub(crate) fn one(pointer: &str, detail: impl Into<String>) -> Self {
+        Self(vec![Fault { pointer: pointer.to_owned(), detail: detail.into() }])
+    }
+
+    /// One fault at a location.
+    pub fn at(location: ValuePointerRef<'_>, detail: impl Into<String>) -> Self {
+        Self(vec![Fault { pointer: pointer(location), detail: detail.into() }])
+    }
+
+    /// No more than can be listed, with a word on the rest.
+    pub(crate) fn capped(mut self) -> Self {
+        if self.0.len() > MAX_FAULTS {
+            let more = self.0.len() - MAX_FAULTS;
+            self.0.truncate(MAX_FAULTS);
+            let detail = format!("and at least {more} more faults, not listed");
+            self.0.push(Fault { pointer: String::new(), detail });
+        }
+        self
+    }
+
+    /// The faults, with `prefix` before every pointer.
+    #[must_use]
+    pub fn below(mut self, prefix: &str) -> Self {
+        for fault in &mut self.0 {
+            fault.pointer.insert_str(0, prefix);
+        }
+        self
+    }
+}
+
+impl MergeWithError<Faults> for Faults {
+    fn merge(
+        earlier: Option<Self>,
+        later: Faults,
+        _: ValuePointerRef<'_>,
+    ) -> ControlFlow<Self, Self> {
+        let mut all = earlier.unwrap_or(Self(Vec::new()));
+        all.0.extend(later.0);
+        if all.0.len() > MAX_FAULTS {
+            return ControlFlow::Break(all.capped());
+        }
+        ControlFlow::Continue(all)
+    }
+}
+
+impl DeserializeError for Faults {
+    fn error<V: IntoValue>(
+        earlier: Option<Self>,
+        error: ErrorKind<'_, V>,
+        location: ValuePointerRef<'_>,
+    ) -> ControlFlow<Self, Self> {
+        let fault = match error {
+            ErrorKind::IncorrectValueKind { actual, accepted } => {
+                let accepted: Vec<_> = accepted.iter().map(|kind| kind_name(*kind)).collect();
+                let accepted = accepted.join(" or ");
+                Self::at(location, format!("must be {accepted}, not {}", kind_name(actual.kind())))
+            }
+            ErrorKind::MissingField { field } => {
+                Self::at(location.push_key(field), format!("is missing: give `{field}`"))
+            }
+            ErrorKind::UnknownKey { key, accepted } => {
+                Self::at(location.push_key(key), unknown("member", key, accepted))
+            }
+            ErrorKind::UnknownValue { value, accepted } => {
+                Self::at(location, unknown("value", value, accepted))
+            }
+            ErrorKind::BadSequenceLen { actual, expected } => {
+                Self::at(location, format!("must have {expected} entries, not {}", actual.len()))
+            }
+            ErrorKind::Unexpected { msg } => Self::at(location, msg),
+        };
+        Self::merge(earlier, fault, location)
+    }
+}
+
+/// The one fault `error` as a finished `Faults`.
+pub(crate) fn refuse<V: IntoValue>(
+    error: ErrorKind<'_, V>,
+    location: ValuePointerRef<'_>,
+) -> Faults {
+    match Faults::error::<V>(None, error, location) {
+        ControlFlow::Continue(faults) | ControlFlow::Break(faults) => faults,
+    }
+}
+
+fn pointer(location: ValuePointerRef<'_>) -> String {
+    match location {
+        ValuePointerRef::Origin => String::new(),
+        ValuePointerRef::Key { key, prev } => {
+            format!("{}/{}", pointer(*prev), key.replace('~', "~0").replace('/', "~1"))
+        }
+        ValuePointerRef::Index { index, prev } => format!("{}/{index}", pointer(*prev)),
+    }
+}
+
+fn kind_name(kind: ValueKind) -> &'static str {
+    match kind {
+        ValueKind::Null => "null",
+        ValueKind::Boolean => "a boolean",
+        ValueKind::Integer | ValueKind::NegativeInteger | ValueKind::Float => "a number",
+        ValueKind::String => "a string",
+        ValueKind::Sequence => "a list",
+        ValueKind::Map => "an object",
+    }
+}
+
+fn unknown(what: &str, given: &str, accepted: &[&str]) -> String {
+    let near = accepted
+        .iter()
+        .map(|known| (strsim::jaro_winkler(given, known), known))
+        .filter(|(likeness, _)| *likeness > 0.8)
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .map_or(String::new(), |(_, known)| format!(" Did you mean `{known}`?"));
+    // A name from a request may be megabytes long.
+    let given: String = given.chars().take(60).collect();
+    format!("unknown {what} `{given}`.{near} Accepted here: {}.", accepted.join(", "))
+}

@@ -1,0 +1,254 @@
+//! The members of a request: numbers and quantities with units, each within its range.
+
+use deserr::{Deserr, ErrorKind, IntoValue, Sequence, Value, ValueKind, ValuePointerRef};
+
+use super::fault::{Faults, refuse};
+use super::quantity::{self, Dimension};
+
+/// Smallest and largest exponent of a power-law profile.
+pub const EXPONENT_RANGE: (f64, f64) = (1.0, 20.0);
+/// Most instants in a history.
+pub const MAX_CYCLES: usize = 1000;
+/// Fewest and most radii of a profile.
+pub const POINTS_RANGE: (u16, u16) = (16, 4096);
+/// Largest number of cycles.
+pub const LAST_CYCLE: f64 = 1e15;
+/// A member that may be left out. Unlike an `Option` it does not take null for absent.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Given<T>(pub Option<T>);
+
+impl<T> Default for Given<T> {
+    fn default() -> Self {
+        Self(None)
+    }
+}
+
+impl<T: Deserr<Faults>> Deserr<Faults> for Given<T> {
+    fn deserialize_from_value<V: IntoValue>(
+        value: Value<V>,
+        location: ValuePointerRef<'_>,
+    ) -> Result<Self, Faults> {
+        T::deserialize_from_value(value, location).map(|value| Self(Some(value)))
+    }
+}
+
+/// A number as it stands in JSON.
+pub(super) fn number<V: IntoValue>(
+    value: Value<V>,
+    location: ValuePointerRef<'_>,
+    accepted: &[ValueKind],
+) -> Result<f64, Faults> {
+    match value {
+        Value::Integer(n) => Ok(n as f64),
+        Value::NegativeInteger(n) => Ok(n as f64),
+        Value::Float(x) => Ok(x),
+        other => Err(refuse(ErrorKind::IncorrectValueKind { actual: other, accepted }, location)),
+    }
+}
+
+/// A number, or a string with a unit, in SI.
+fn quantity<V: IntoValue>(
+    value: Value<V>,
+    location: ValuePointerRef<'_>,
+    dimension: Dimension,
+) -> Result<f64, Faults> {
+    match value {
+        Value::String(text) => {
+            quantity::parse(&text, dimension).map_err(|detail| Faults::at(location, detail))
+        }
+        other => number(other, location, &[ValueKind::Float, ValueKind::String]),
+    }
+}
+
+pub(super) fn within(
+    x: f64,
+    (low, high): (f64, f64),
+    unit: &str,
+    location: ValuePointerRef<'_>,
+) -> Result<f64, Faults> {
+    if (low..=high).contains(&x) {
+        return Ok(x);
+    }
+    let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
+    let detail = if x <= 0.0 && low > 0.0 {
+        format!("must be greater than 0, not {x}{unit}")
+    } else {
+        format!("must lie between {low:?} and {high:?}{unit}, not {x}")
+    };
+    Err(Faults::at(location, detail))
+}
+
+/// Defines a quantity: a positive number of SI units within a range, parsed with its unit.
+macro_rules! quantities {
+    ($($(#[$doc:meta])* $name:ident: $dimension:ident in $range:expr;)*) => {$(
+        $(#[$doc])*
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        pub struct $name(pub f64);
+
+        impl $name {
+            /// Smallest and largest accepted value in SI.
+            pub const RANGE: (f64, f64) = $range;
+        }
+
+        impl From<$name> for f64 {
+            fn from(quantity: $name) -> Self {
+                quantity.0
+            }
+        }
+
+        impl Deserr<Faults> for $name {
+            fn deserialize_from_value<V: IntoValue>(
+                value: Value<V>,
+                location: ValuePointerRef<'_>,
+            ) -> Result<Self, Faults> {
+                let dimension = Dimension::$dimension;
+                let x = if dimension == Dimension::Number {
+                    number(value, location, &[ValueKind::Float])?
+                } else {
+                    quantity(value, location, dimension)?
+                };
+                within(x, Self::RANGE, dimension.si(), location).map(Self)
+            }
+        }
+    )*};
+}
+
+quantities! {
+    /// A length in metres.
+    Length: Length in (1e-12, 1e6);
+    /// A radius in metres, which may be 0.
+    Radius: Length in (0.0, 1e6);
+    /// A height in metres, above or below an origin.
+    Height: Length in (-1e6, 1e6);
+    /// A normal force in newtons.
+    Force: Force in (1e-12, 1e15);
+    /// The amplitude of a tangential force in newtons.
+    TangentialForce: Force in (1e-18, 1e15);
+    /// The stiffness of a rig in newtons per metre.
+    Stiffness: Stiffness in (1e-6, 1e18);
+    /// An amplitude in metres that may be 0.
+    Stroke: Length in (0.0, 1e6);
+    /// A position in metres.
+    Position: Length in (-1e6, 1e6);
+    /// A wear volume in cubic metres.
+    Volume: Volume in (1e-40, 1e18);
+    /// The part of the wear depth that the first body bears.
+    Share: Number in (0.0, 1.0);
+    /// How many cycles a block has.
+    BlockCycles: Number in (1e-6, LAST_CYCLE);
+    /// A stress or modulus in pascals.
+    Stress: Stress in (1.0, 1e15);
+    /// A slope angle in radians, measured from the plane.
+    SlopeAngle: Angle in (1e-6, 1.57);
+    /// An energy wear coefficient in m³/J.
+    EnergyWear: EnergyWear in (1e-30, 1.0);
+    /// A coefficient of friction.
+    Friction: Number in (1e-6, 100.0);
+    /// Poisson's ratio.
+    PoissonRatio: Number in (-0.999, 0.5);
+    /// The exponent of a power-law profile.
+    Exponent: Number in EXPONENT_RANGE;
+    /// The ratio c/a₀.
+    StickRatio: Number in (0.0, 0.9999);
+    /// The fitting parameter of (14).
+    Xi: Number in (1e-3, 1e3);
+    /// The relative error that an exact run aims at.
+    Tolerance: Number in (1e-4, 3e-2);
+    /// A number of cycles.
+    Instant: Number in (0.0, LAST_CYCLE);
+}
+
+/// Range of a wear coefficient k_w in 1/Pa, and of the dimensionless k = k_w·hardness.
+pub const WEAR_RANGE: (f64, f64) = (1e-30, 1.0);
+
+/// A quantity whose dimension depends on its neighbours.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Scalar {
+    /// A number.
+    Number(f64),
+    /// A string that should hold a number and a unit.
+    Text(String),
+}
+
+impl Deserr<Faults> for Scalar {
+    fn deserialize_from_value<V: IntoValue>(
+        value: Value<V>,
+        location: ValuePointerRef<'_>,
+    ) -> Result<Self, Faults> {
+        match value {
+            Value::String(text) => Ok(Self::Text(text)),
+            other => {
+                number(other, location, &[ValueKind::Float, ValueKind::String]).map(Self::Number)
+            }
+        }
+    }
+}
+
+/// How many radii a profile has.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Points(pub u16);
+
+pub(super) fn whole<V: IntoValue>(
+    value: Value<V>,
+    location: ValuePointerRef<'_>,
+    (low, high): (u16, u16),
+) -> Result<u16, Faults> {
+    let x = number(value, location, &[ValueKind::Integer])?;
+    if x.fract() == 0.0 && (f64::from(low)..=f64::from(high)).contains(&x) {
+        Ok(x as u16)
+    } else {
+        let detail = format!("must be a whole number between {low} and {high}, not {x}");
+        Err(Faults::at(location, detail))
+    }
+}
+
+impl Deserr<Faults> for Points {
+    fn deserialize_from_value<V: IntoValue>(
+        value: Value<V>,
+        location: ValuePointerRef<'_>,
+    ) -> Result<Self, Faults> {
+        whole(value, location, POINTS_RANGE).map(Self)
+    }
+}
+
+/// A list of 1 to `MOST` items.
+#[derive(Debug, Clone, PartialEq)]
+pub struct List<T, const LEAST: usize, const MOST: usize>(pub Vec<T>);
+
+impl<T: Deserr<Faults>, const LEAST: usize, const MOST: usize> Deserr<Faults>
+    for List<T, LEAST, MOST>
+{
+    fn deserialize_from_value<V: IntoValue>(
+        value: Value<V>,
+        location: ValuePointerRef<'_>,
+    ) -> Result<Self, Faults> {
+        let Value::Sequence(list) = value else {
+            let accepted = &[ValueKind::Sequence];
+            return Err(refuse(
+                ErrorKind::IncorrectValueKind { actual: value, accepted },
+                location,
+            ));
+        };
+        let count = list.len();
+        if !(LEAST..=MOST).contains(&count) {
+            let detail = format!("must list {LEAST} to {MOST} items, not {count}");
+            return Err(Faults::at(location, detail));
+        }
+        Vec::deserialize_from_value(Value::<V>::Sequence(list), location).map(Self)
+    }
+}
+
+/// What follows from the request must itself be acceptable, or the echo would be refused.
+pub(crate) fn derived(
+    x: f64,
+    (low, high): (f64, f64),
+    what: &str,
+    unit: &str,
+    pointer: &str,
+) -> Result<(), Faults> {
+    if (low..=high).contains(&x) {
+        return Ok(());
+    }
+    let detail = format!("gives {what} {x:e} {unit}; it must lie between {low:e} and {high:e}");
+    Err(Faults::one(pointer, detail))
+}

@@ -1,0 +1,169 @@
+//! What a request says about load and motion.
+
+use deserr::{Deserr, ValuePointerRef};
+
+use super::fault::Faults;
+use super::fields::{
+    BlockCycles, Force, Given, Length, List, Position, StickRatio, Stiffness, Stroke,
+    TangentialForce,
+};
+
+/// Most amplitude blocks.
+pub const MAX_BLOCKS: usize = 1000;
+/// Most positions of a displacement record.
+pub const MAX_REVERSALS: usize = 100_000;
+/// What is held in the normal direction.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr)]
+#[deserr(error = Faults, rename_all = lowercase)]
+pub enum LoadHeld {
+    /// The indentation depth.
+    Depth,
+    /// The normal force.
+    Force,
+}
+
+/// The normal direction.
+#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
+#[deserr(error = Faults, deny_unknown_fields, validate = Load::validate -> Faults)]
+pub struct Load {
+    /// F of the unworn contact.
+    #[deserr(default)]
+    pub normal_force: Given<Force>,
+    /// d of the unworn contact.
+    #[deserr(default)]
+    pub indentation_depth: Given<Length>,
+    /// What stays constant.
+    #[deserr(default)]
+    pub held: Given<LoadHeld>,
+}
+
+impl Load {
+    fn validate(self, location: ValuePointerRef<'_>) -> Result<Self, Faults> {
+        let here = location.push_key("normal_force");
+        match (self.normal_force.0, self.indentation_depth.0) {
+            (Some(_), Some(_)) => {
+                Err(Faults::at(here, "give either `normal_force` or `indentation_depth`, not both"))
+            }
+            (None, None) => {
+                Err(Faults::at(here, "is missing: give `normal_force` or `indentation_depth`"))
+            }
+            _ => Ok(self),
+        }
+    }
+
+    /// What is held: by default what was given.
+    #[must_use]
+    pub fn held(&self) -> LoadHeld {
+        let given = if self.normal_force.0.is_some() { LoadHeld::Force } else { LoadHeld::Depth };
+        self.held.0.unwrap_or(given)
+    }
+}
+
+/// What is held in the tangential direction.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr)]
+#[deserr(error = Faults)]
+pub enum MotionHeld {
+    /// The amplitude.
+    #[deserr(rename = "amplitude")]
+    Amplitude,
+    /// The tangential force.
+    #[deserr(rename = "tangential_force")]
+    TangentialForce,
+}
+
+/// A number of cycles at one amplitude.
+#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
+#[deserr(error = Faults, deny_unknown_fields)]
+pub struct Block {
+    /// U; 0 lets the contact rest.
+    pub amplitude: Stroke,
+    /// How many.
+    pub cycles: BlockCycles,
+}
+
+/// The tangential direction.
+#[derive(Debug, Clone, PartialEq, Deserr)]
+#[deserr(error = Faults, deny_unknown_fields, validate = Motion::validate -> Faults)]
+pub struct Motion {
+    /// U, half of the peak-to-peak stroke.
+    #[deserr(default)]
+    pub amplitude: Given<Length>,
+    /// Q, the amplitude of the tangential force.
+    #[deserr(default)]
+    pub tangential_force: Given<TangentialForce>,
+    /// c/a₀, which sets U.
+    #[deserr(default)]
+    pub stick_ratio: Given<StickRatio>,
+    /// What stays constant.
+    #[deserr(default)]
+    pub held: Given<MotionHeld>,
+    /// k_rig: the amplitude is then that of the actuator.
+    #[deserr(default)]
+    pub rig_stiffness: Given<Stiffness>,
+    /// Amplitudes one after the other.
+    #[deserr(default)]
+    pub blocks: Given<List<Block, 1, MAX_BLOCKS>>,
+    /// Positions between which the contact moves to and fro.
+    #[deserr(default)]
+    pub reversals: Given<List<Position, 2, MAX_REVERSALS>>,
+}
+
+impl Motion {
+    fn validate(self, location: ValuePointerRef<'_>) -> Result<Self, Faults> {
+        const WAYS: &str =
+            "one of `amplitude`, `stick_ratio`, `tangential_force`, `blocks` and `reversals`";
+        let given = [
+            ("amplitude", self.amplitude.0.is_some()),
+            ("stick_ratio", self.stick_ratio.0.is_some()),
+            ("tangential_force", self.tangential_force.0.is_some()),
+            ("blocks", self.blocks.0.is_some()),
+            ("reversals", self.reversals.0.is_some()),
+        ];
+        let mut names = given.into_iter().filter(|(_, given)| *given).map(|(name, _)| name);
+        let Some(first) = names.next() else {
+            let here = location.push_key("amplitude");
+            return Err(Faults::at(here, format!("is missing: give {WAYS}")));
+        };
+        if let Some(second) = names.next() {
+            let here = location.push_key(second);
+            return Err(Faults::at(here, format!("give {WAYS}, not `{first}` as well")));
+        }
+        let varies = first == "blocks" || first == "reversals";
+        let force_held = self.held.0 == Some(MotionHeld::TangentialForce);
+        if varies && force_held {
+            let here = location.push_key("held");
+            return Err(Faults::at(here, format!("must be \"amplitude\" with `{first}`")));
+        }
+        if self.rig_stiffness.0.is_some()
+            && (varies || self.tangential() == MotionHeld::TangentialForce)
+        {
+            let detail = if varies {
+                format!("cannot be combined with `{first}`: give the amplitudes at the contact")
+            } else {
+                "has no effect on a held tangential force: leave it out, or write \"held\": \
+                 \"amplitude\""
+                    .to_owned()
+            };
+            return Err(Faults::at(location.push_key("rig_stiffness"), detail));
+        }
+        if let Some(List(blocks)) = &self.blocks.0
+            && blocks[0].amplitude.0 == 0.0
+        {
+            let here = location.push_key("blocks");
+            let here = here.push_index(0);
+            let detail =
+                "must be greater than 0 in the first block, whose N₀ is the unit of cycles";
+            return Err(Faults::at(here.push_key("amplitude"), detail));
+        }
+        Ok(self)
+    }
+
+    /// What is held: the amplitude, unless a tangential force was given.
+    pub(crate) fn tangential(&self) -> MotionHeld {
+        self.held.0.unwrap_or(if self.tangential_force.0.is_some() {
+            MotionHeld::TangentialForce
+        } else {
+            MotionHeld::Amplitude
+        })
+    }
+}

@@ -1,0 +1,210 @@
+//! What a request says about the indenter.
+
+use std::marker::PhantomData;
+
+use deserr::{Deserr, ErrorKind, IntoValue, Map, Sequence, Value, ValueKind, ValuePointerRef};
+
+use super::fault::{Faults, refuse};
+use super::fields::{Exponent, Height, Length, Radius, SlopeAngle};
+use crate::numeric::twelve_digits;
+
+/// Most rows of a table.
+pub const MAX_ROWS: usize = 10_000;
+
+/// The shape of the indenter.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Profile {
+    /// f = r²/(2R).
+    Paraboloid(Ball),
+    /// f = R − √(R² − r²).
+    Sphere(Ball),
+    /// f = r·tan θ.
+    Cone(Cone),
+    /// f = height·(r/at_radius)ⁿ.
+    Power(Power),
+    /// f = (r² − b²)/(2R) beyond the flat radius b.
+    TruncatedParaboloid(FlatBall),
+    /// f = (r − b)·tan θ beyond the flat radius b.
+    TruncatedCone(FlatCone),
+    /// Measured points.
+    Table(Table),
+}
+
+/// The radius of a paraboloid or a sphere.
+#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
+#[deserr(error = Faults, deny_unknown_fields)]
+pub struct Ball {
+    /// R.
+    pub radius: Length,
+}
+
+/// The slope of a cone.
+#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
+#[deserr(error = Faults, deny_unknown_fields)]
+pub struct Cone {
+    /// θ, from the plane.
+    pub slope_angle: SlopeAngle,
+}
+
+/// The parameters of a power law.
+#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
+#[deserr(error = Faults, deny_unknown_fields)]
+pub struct Power {
+    /// n.
+    pub exponent: Exponent,
+    /// f at `at_radius`.
+    pub height: Length,
+    /// Where f is `height`.
+    pub at_radius: Length,
+}
+
+/// A paraboloid with a flat.
+#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
+#[deserr(error = Faults, deny_unknown_fields)]
+pub struct FlatBall {
+    /// R.
+    pub radius: Length,
+    /// b.
+    pub flat_radius: Length,
+}
+
+/// A cone with a flat.
+#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
+#[deserr(error = Faults, deny_unknown_fields)]
+pub struct FlatCone {
+    /// θ, from the plane.
+    pub slope_angle: SlopeAngle,
+    /// b.
+    pub flat_radius: Length,
+}
+
+/// Measured points, from the axis outwards.
+#[derive(Debug, Clone, PartialEq, Deserr)]
+#[deserr(error = Faults, deny_unknown_fields, validate = Table::validate -> Faults)]
+pub struct Table {
+    /// r, ascending strictly from 0 (at 12 digits).
+    pub radius: Column<Radius>,
+    /// z; the gap is z less its value on the axis.
+    pub height: Column<Height>,
+}
+
+impl Table {
+    fn validate(self, location: ValuePointerRef<'_>) -> Result<Self, Faults> {
+        let mut faults = Vec::new();
+        let mut fault = |column: &str, row: usize, detail: String| {
+            let column = location.push_key(column);
+            faults.extend(Faults::at(column.push_index(row), detail).0);
+        };
+        let (radius, height) = (&self.radius.0, &self.height.0);
+        if radius[0] > 0.0 {
+            let detail = "must be 0: the table begins on the axis, from which heights are measured";
+            fault("radius", 0, detail.to_owned());
+        }
+        for (row, pair) in radius.windows(2).enumerate() {
+            if pair[0] >= pair[1] {
+                let detail = format!(
+                    "must be greater than the radius before it ({} after {}); radii agree where 12 \
+                     digits do",
+                    pair[1], pair[0]
+                );
+                fault("radius", row + 1, detail);
+            }
+        }
+        let lower: Vec<usize> = (1..height.len()).filter(|row| height[*row] < height[0]).collect();
+        if let Some(first) = lower.first() {
+            let more = match lower.len() - 1 {
+                0 => String::new(),
+                more => format!(", as do {more} more"),
+            };
+            let detail = format!(
+                "lies below the height on the axis ({} m){more}: contact must begin on the axis",
+                height[0]
+            );
+            fault("height", *first, detail);
+        } else if height.iter().all(|z| *z <= height[0]) {
+            let detail = "must rise above the height on the axis: this table is flat";
+            fault("height", height.len() - 1, detail.to_owned());
+        }
+        if radius.len() != height.len() {
+            let detail = format!(
+                "must have as many rows as `radius`: {}, not {}",
+                radius.len(),
+                height.len()
+            );
+            faults.extend(Faults::at(location.push_key("height"), detail).0);
+        }
+        if faults.is_empty() { Ok(self) } else { Err(Faults(faults).capped()) }
+    }
+}
+
+/// Two to [`MAX_ROWS`] quantities in SI, at 12 digits.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Column<T>(pub Vec<f64>, PhantomData<T>);
+
+impl<T: Deserr<Faults> + Into<f64>> Deserr<Faults> for Column<T> {
+    fn deserialize_from_value<V: IntoValue>(
+        value: Value<V>,
+        location: ValuePointerRef<'_>,
+    ) -> Result<Self, Faults> {
+        if let Value::Sequence(list) = &value
+            && !(2..=MAX_ROWS).contains(&list.len())
+        {
+            let detail = format!("must list 2 to {MAX_ROWS} points, not {}", list.len());
+            return Err(Faults::at(location, detail));
+        }
+        let list = Vec::<T>::deserialize_from_value(value, location)?;
+        let list = list.into_iter().map(|x| twelve_digits(x.into())).collect();
+        Ok(Self(list, PhantomData))
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr)]
+#[deserr(error = Faults, rename_all = lowercase)]
+enum ShapeName {
+    Paraboloid,
+    Sphere,
+    Cone,
+    Power,
+    #[deserr(rename = "truncated_paraboloid")]
+    TruncatedParaboloid,
+    #[deserr(rename = "truncated_cone")]
+    TruncatedCone,
+    Table,
+}
+
+// By hand, because `deserr` does not say which tags of an enum it accepts.
+impl Deserr<Faults> for Profile {
+    fn deserialize_from_value<V: IntoValue>(
+        value: Value<V>,
+        location: ValuePointerRef<'_>,
+    ) -> Result<Self, Faults> {
+        let Value::Map(mut map) = value else {
+            let accepted = &[ValueKind::Map];
+            return Err(refuse(
+                ErrorKind::IncorrectValueKind { actual: value, accepted },
+                location,
+            ));
+        };
+        let Some(shape) = map.remove("shape") else {
+            return Err(refuse::<V>(ErrorKind::MissingField { field: "shape" }, location));
+        };
+        let here = location.push_key("shape");
+        let shape = ShapeName::deserialize_from_value(shape.into_value(), here)?;
+        let rest = Value::<V>::Map(map);
+        Ok(match shape {
+            ShapeName::Paraboloid => {
+                Self::Paraboloid(Ball::deserialize_from_value(rest, location)?)
+            }
+            ShapeName::Sphere => Self::Sphere(Ball::deserialize_from_value(rest, location)?),
+            ShapeName::Cone => Self::Cone(Cone::deserialize_from_value(rest, location)?),
+            ShapeName::Power => Self::Power(Power::deserialize_from_value(rest, location)?),
+            ShapeName::TruncatedParaboloid => {
+                Self::TruncatedParaboloid(FlatBall::deserialize_from_value(rest, location)?)
+            }
+            ShapeName::TruncatedCone => {
+                Self::TruncatedCone(FlatCone::deserialize_from_value(rest, location)?)
+            }
+            ShapeName::Table => Self::Table(Table::deserialize_from_value(rest, location)?),
+        })
+    }
+}

@@ -1,0 +1,172 @@
+//! What a request says about the instants of the history, and which of them carry profiles.
+
+use deserr::{Deserr, ErrorKind, IntoValue, Map, Sequence, Value, ValueKind, ValuePointerRef};
+
+use super::fault::{Faults, refuse};
+use super::fields::{Instant, MAX_CYCLES, whole};
+use crate::numeric::twelve_digits;
+
+/// The instants of the history, in cycles or in units of N₀.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Cycles {
+    /// Strictly increasing, at 12 digits.
+    pub instants: Vec<f64>,
+    /// Whether they are in units of N₀.
+    pub normalized: bool,
+}
+
+impl Deserr<Faults> for Cycles {
+    fn deserialize_from_value<V: IntoValue>(
+        value: Value<V>,
+        location: ValuePointerRef<'_>,
+    ) -> Result<Self, Faults> {
+        match value {
+            Value::Map(mut map) if map.len() == 1 => {
+                if let Some(inner) = map.remove("normalized") {
+                    let here = location.push_key("normalized");
+                    let instants = list(inner.into_value(), here)?;
+                    return Ok(Self { instants, normalized: true });
+                }
+                let instants = list(Value::<V>::Map(map), location)?;
+                Ok(Self { instants, normalized: false })
+            }
+            other => Ok(Self { instants: list(other, location)?, normalized: false }),
+        }
+    }
+}
+
+fn list<V: IntoValue>(value: Value<V>, location: ValuePointerRef<'_>) -> Result<Vec<f64>, Faults> {
+    match value {
+        Value::Sequence(list) => {
+            let count = list.len();
+            if count == 0 || count > MAX_CYCLES {
+                let detail = format!("must list 1 to {MAX_CYCLES} instants, not {count}");
+                return Err(Faults::at(location, detail));
+            }
+            let list =
+                Vec::<Instant>::deserialize_from_value(Value::<V>::Sequence(list), location)?;
+            let list: Vec<f64> = list.iter().map(|instant| twelve_digits(instant.0)).collect();
+            match list.windows(2).position(|pair| pair[0] >= pair[1]) {
+                Some(before) => Err(Faults::at(
+                    location.push_index(before + 1),
+                    format!(
+                        "must be greater than the instant before it ({} after {}); instants agree \
+                         where 12 digits do",
+                        list[before + 1],
+                        list[before]
+                    ),
+                )),
+                None => Ok(list),
+            }
+        }
+        map @ Value::Map(_) => Range::deserialize_from_value(map, location)?.instants(location),
+        other => {
+            let accepted = &[ValueKind::Sequence, ValueKind::Map];
+            Err(refuse(ErrorKind::IncorrectValueKind { actual: other, accepted }, location))
+        }
+    }
+}
+
+/// Evenly spaced instants.
+#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
+#[deserr(error = Faults, deny_unknown_fields)]
+struct Range {
+    from: Instant,
+    to: Instant,
+    count: Count,
+    #[deserr(default)]
+    spacing: Spacing,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserr)]
+#[deserr(error = Faults, rename_all = lowercase)]
+enum Spacing {
+    #[default]
+    Log,
+    Linear,
+}
+
+impl Range {
+    fn instants(self, location: ValuePointerRef<'_>) -> Result<Vec<f64>, Faults> {
+        let (from, to) = (self.from.0, self.to.0);
+        if self.spacing == Spacing::Log && from <= 0.0 {
+            let detail = "must be greater than 0 for logarithmic spacing; or write \"spacing\": \
+                          \"linear\"";
+            return Err(Faults::at(location.push_key("from"), detail));
+        }
+        let last = f64::from(self.count.0 - 1);
+        let list: Vec<f64> = (0..self.count.0)
+            .map(|i| {
+                let share = f64::from(i) / last;
+                let x = match self.spacing {
+                    _ if i + 1 == self.count.0 => to,
+                    Spacing::Log => from * libm::pow(to / from, share),
+                    Spacing::Linear => from + (to - from) * share,
+                };
+                twelve_digits(x)
+            })
+            .collect();
+        if list.windows(2).any(|pair| pair[0] >= pair[1]) {
+            let detail =
+                format!("must be greater than `from` ({from}), for `count` instants apart");
+            return Err(Faults::at(location.push_key("to"), detail));
+        }
+        Ok(list)
+    }
+}
+
+/// How many instants a range has: 2 to [`MAX_CYCLES`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Count(u16);
+
+impl Deserr<Faults> for Count {
+    fn deserialize_from_value<V: IntoValue>(
+        value: Value<V>,
+        location: ValuePointerRef<'_>,
+    ) -> Result<Self, Faults> {
+        whole(value, location, (2, MAX_CYCLES as u16)).map(Self)
+    }
+}
+
+/// Which instants carry profiles.
+#[derive(Debug, Clone, PartialEq)]
+pub enum ProfilesAt {
+    /// Every one.
+    All,
+    /// The last.
+    Last,
+    /// None; the answer has no profiles at all.
+    None,
+    /// These, in the unit of `cycles`.
+    At(Vec<f64>),
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr)]
+#[deserr(error = Faults, rename_all = lowercase)]
+enum ProfilesWord {
+    All,
+    Last,
+    None,
+}
+
+impl Deserr<Faults> for ProfilesAt {
+    fn deserialize_from_value<V: IntoValue>(
+        value: Value<V>,
+        location: ValuePointerRef<'_>,
+    ) -> Result<Self, Faults> {
+        match value {
+            sequence @ Value::Sequence(_) => list(sequence, location).map(Self::At),
+            word @ Value::String(_) => {
+                Ok(match ProfilesWord::deserialize_from_value(word, location)? {
+                    ProfilesWord::All => Self::All,
+                    ProfilesWord::Last => Self::Last,
+                    ProfilesWord::None => Self::None,
+                })
+            }
+            other => {
+                let accepted = &[ValueKind::Sequence, ValueKind::String];
+                Err(refuse(ErrorKind::IncorrectValueKind { actual: other, accepted }, location))
+            }
+        }
+    }
+}

@@ -1,0 +1,294 @@
+//! Physical quantities as users write them: a number in SI, or a string with a unit.
+//!
+//! A table of units per dimension is all there is: what tribologists write (`mm^3/(N m)`, `µm`,
+//! `205 GPa`) is looked up, not derived, so that the answer to an unknown unit can list what is
+//! accepted.
+//!
+//! # Examples
+//! ```
+//! use fretwork_engine::request::quantity::{Dimension, parse};
+//! assert_eq!(parse("10 mm", Dimension::Length), Ok(0.01));
+//! assert_eq!(parse("20 mm³/(N·m)", Dimension::WearCoefficient), Ok(20e-9));
+//! assert!(parse("10 GPa", Dimension::Length).unwrap_err().contains("stress"));
+//! ```
+
+/// What a quantity measures. Each dimension has its own unit table and range.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Dimension {
+    /// Metres.
+    Length,
+    /// Newtons.
+    Force,
+    /// Pascals.
+    Stress,
+    /// Newtons per metre.
+    Stiffness,
+    /// Cubic metres.
+    Volume,
+    /// Joules.
+    Energy,
+    /// Radians.
+    Angle,
+    /// k_w in 1/Pa = m³/(N·m): volume per load and sliding path.
+    WearCoefficient,
+    /// α = k_w/μ in m³/J: volume per dissipated energy.
+    EnergyWear,
+    /// A plain number.
+    Number,
+}
+
+use Dimension::{
+    Angle, Energy, EnergyWear, Force, Length, Number, Stiffness, Stress, Volume, WearCoefficient,
+};
+
+const DIMENSIONS: [Dimension; 10] =
+    [Length, Force, Stress, Stiffness, Volume, Energy, Angle, WearCoefficient, EnergyWear, Number];
+
+impl Dimension {
+    /// The word for it in a message.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Length => "a length",
+            Force => "a force",
+            Stress => "a stress",
+            Stiffness => "a stiffness",
+            Volume => "a volume",
+            Energy => "an energy",
+            Angle => "an angle",
+            WearCoefficient => "a wear coefficient",
+            EnergyWear => "an energy wear coefficient",
+            Number => "a plain number",
+        }
+    }
+
+    /// The SI unit, in which plain numbers are understood.
+    #[must_use]
+    pub fn si(self) -> &'static str {
+        self.units().first().map_or("", |unit| unit.0)
+    }
+
+    /// Accepted units and their size in SI, the SI unit first.
+    fn units(self) -> &'static [(&'static str, f64)] {
+        match self {
+            Length => &[
+                ("m", 1.0),
+                ("cm", 1e-2),
+                ("mm", 1e-3),
+                ("um", 1e-6),
+                ("nm", 1e-9),
+                ("in", 0.0254),
+                ("mil", 2.54e-5),
+            ],
+            Force => &[
+                ("N", 1.0),
+                ("uN", 1e-6),
+                ("mN", 1e-3),
+                ("kN", 1e3),
+                ("MN", 1e6),
+                ("lbf", 4.448_221_615_260_5),
+            ],
+            Stress => &[
+                ("Pa", 1.0),
+                ("kPa", 1e3),
+                ("MPa", 1e6),
+                ("GPa", 1e9),
+                ("N/m^2", 1.0),
+                ("N/mm^2", 1e6),
+                ("psi", 6_894.757_293_168_361),
+                ("ksi", 6_894_757.293_168_361),
+            ],
+            Stiffness => &[
+                ("N/m", 1.0),
+                ("kN/m", 1e3),
+                ("MN/m", 1e6),
+                ("N/mm", 1e3),
+                ("kN/mm", 1e6),
+                ("N/um", 1e6),
+                ("lbf/in", 175.126_835_246_476_37),
+            ],
+            Volume => &[("m^3", 1.0), ("cm^3", 1e-6), ("mm^3", 1e-9), ("um^3", 1e-18)],
+            Energy => &[
+                ("J", 1.0),
+                ("kJ", 1e3),
+                ("mJ", 1e-3),
+                ("uJ", 1e-6),
+                ("nJ", 1e-9),
+                ("N m", 1.0),
+                ("N mm", 1e-3),
+            ],
+            Angle => &[("rad", 1.0), ("mrad", 1e-3), ("deg", std::f64::consts::PI / 180.0)],
+            WearCoefficient => &[
+                ("1/Pa", 1.0),
+                ("1/kPa", 1e-3),
+                ("1/MPa", 1e-6),
+                ("1/GPa", 1e-9),
+                ("m^3/(N m)", 1.0),
+                ("mm^3/(N m)", 1e-9),
+                ("um^3/(N m)", 1e-18),
+                ("mm^3/(N mm)", 1e-6),
+                ("m^2/N", 1.0),
+                ("mm^2/N", 1e-6),
+            ],
+            EnergyWear => &[
+                ("m^3/J", 1.0),
+                ("mm^3/J", 1e-9),
+                ("um^3/J", 1e-18),
+                ("mm^3/kJ", 1e-12),
+                ("m^3/kJ", 1e-3),
+            ],
+            Number => &[],
+        }
+    }
+
+    /// Every accepted unit, for messages and the schema.
+    #[must_use]
+    pub fn accepted(self) -> String {
+        self.units().iter().map(|unit| unit.0).collect::<Vec<_>>().join(", ")
+    }
+}
+
+/// Reads `text` as a quantity of `dimension` and returns it in SI.
+///
+/// # Errors
+/// A sentence that says what is wrong and, for a unit, which ones are accepted.
+pub fn parse(text: &str, dimension: Dimension) -> Result<f64, String> {
+    let text = text.trim();
+    let split = number_length(text);
+    let (digits, unit) = (&text[..split], text[split..].trim());
+    let number: f64 = digits.parse().map_err(|_| {
+        let example = match dimension {
+            Number => "such as 0.7".to_owned(),
+            _ => format!("with a unit, such as \"1 {}\"", dimension.si()),
+        };
+        format!("{text:?} does not begin with a number; write {} {example}", dimension.name())
+    })?;
+    if !number.is_finite() {
+        return Err(format!("{digits} is too large to be represented"));
+    }
+    if unit.is_empty() {
+        return Ok(number);
+    }
+    if unit.starts_with(',') {
+        return Err(format!("{text:?}: write a decimal point instead of the comma"));
+    }
+    let value = number * factor(unit, dimension)?;
+    if value.is_finite() {
+        Ok(value)
+    } else {
+        Err(format!("{text} is too large to be represented"))
+    }
+}
+
+fn factor(unit: &str, dimension: Dimension) -> Result<f64, String> {
+    let wanted = normalise(unit);
+    let find = |dimension: Dimension| {
+        dimension.units().iter().find(|known| normalise(known.0) == wanted).map(|known| known.1)
+    };
+    if let Some(factor) = find(dimension) {
+        return Ok(factor);
+    }
+    if dimension == Number {
+        return Err(format!("{unit:?}: a plain number is needed here, without a unit"));
+    }
+    let accepted = dimension.accepted();
+    match DIMENSIONS.into_iter().find(|other| find(*other).is_some()) {
+        Some(other) => Err(format!(
+            "{unit:?} is the unit of {}, but {} is needed here; accepted units: {accepted}",
+            other.name(),
+            dimension.name()
+        )),
+        None => Err(format!("unknown unit {unit:?}; accepted units: {accepted}")),
+    }
+}
+
+/// How many bytes at the start of `text` form a decimal number.
+fn number_length(text: &str) -> usize {
+    let bytes = text.as_bytes();
+    let digits_from = |start: usize| {
+        bytes[start.min(bytes.len())..].iter().take_while(|byte| byte.is_ascii_digit()).count()
+    };
+    let mut end = usize::from(matches!(bytes.first(), Some(b'+' | b'-')));
+    end += digits_from(end);
+    if bytes.get(end) == Some(&b'.') {
+        end += 1 + digits_from(end + 1);
+    }
+    if matches!(bytes.get(end), Some(b'e' | b'E')) {
+        let sign = usize::from(matches!(bytes.get(end + 1), Some(b'+' | b'-')));
+        let exponent = digits_from(end + 1 + sign);
+        if exponent > 0 {
+            end += 1 + sign + exponent;
+        }
+    }
+    end
+}
+
+/// One spelling for every way to write a unit: `µm³/(N·m)`, `um3/(N*m)` and `um^3/Nm` agree.
+fn normalise(unit: &str) -> String {
+    let mut plain = String::with_capacity(unit.len());
+    for character in unit.chars() {
+        match character {
+            'µ' | 'μ' => plain.push('u'),
+            '²' => plain.push('2'),
+            '³' => plain.push('3'),
+            '°' => plain.push_str("deg"),
+            '^' | '·' | '⋅' | '*' | '×' | '(' | ')' => {}
+            space if space.is_whitespace() => {}
+            other => plain.push(other),
+        }
+    }
+    plain
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_spelling_of_a_unit_means_the_same() {
+        for text in [
+            "3.03e-5 mm^3/(N m)",
+            "3.03e-5mm³/(N·m)",
+            "3.03e-5 mm3/(N*m)",
+            "0.0303e-3 mm^3/Nm",
+            "+3.03E-14 1/Pa",
+            "3.03e-8 1/MPa",
+            "3.03e-14",
+        ] {
+            let value = parse(text, WearCoefficient).expect(text);
+            assert!((value / 3.03e-14 - 1.0).abs() < 1e-14, "{text}: {value}");
+        }
+        for text in ["2.256 um", "2.256 µm", "2.256 μm", "2256 nm", "0.002256mm"] {
+            let value = parse(text, Length).expect(text);
+            assert!((value / 2.256e-6 - 1.0).abs() < 1e-14, "{text}: {value}");
+        }
+        assert!((parse("45°", Angle).expect("deg") - std::f64::consts::FRAC_PI_4).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_fault_says_what_is_accepted() {
+        let of = |text, dimension| parse(text, dimension).expect_err(text);
+        assert!(of("1 parsec", Length).contains("accepted units: m, cm, mm, um, nm"));
+        assert!(of("1 GPa", Length).contains("unit of a stress, but a length is needed"));
+        assert!(of("1 mm^3/J", WearCoefficient).contains("energy wear coefficient"));
+        assert!(of("NaN mm", Length).contains("does not begin with a number"));
+        assert!(of("inf", Length).contains("does not begin with a number"));
+        assert!(of("1e999 mm", Length).contains("too large"));
+        assert!(of("1e308 kN", Force).contains("too large"));
+        assert!(of("0,5 mm", Length).contains("decimal point"));
+        assert!(of("0.7 mm", Number).contains("plain number"));
+        assert!(of("", Length).contains("does not begin with a number"));
+    }
+
+    #[test]
+    fn every_unit_in_a_table_is_found_under_its_own_dimension_only() {
+        for dimension in DIMENSIONS {
+            for (unit, factor) in dimension.units() {
+                assert_eq!(parse(&format!("1 {unit}"), dimension), Ok(*factor), "{unit}");
+                let owners =
+                    DIMENSIONS.iter().filter(|d| parse(&format!("1 {unit}"), **d).is_ok()).count();
+                assert_eq!(owners, 1, "{unit}");
+            }
+        }
+    }
+}

@@ -1,0 +1,308 @@
+//! The indenter in canonical form, and pressed into the ground.
+//!
+//! # Equations
+//! ```text
+//! g₀(a₀) = d₀,   F₀ = 2E* ∫ (d₀ − g₀) dx over 0…a₀                     (7)–(9)
+//! truncated paraboloid   d = (a/R)√(a²−b²),     F = 2E*(2a²+b²)√(a²−b²)/(3R)
+//! truncated cone         d = a·arccos(b/a)·tanθ, F = E*(a² arccos(b/a) + b√(a²−b²))·tanθ
+//! ```
+//!
+//! # Units
+//! SI; [`Shape`] is normalised by a₀ and d₀.
+
+use std::sync::Arc;
+
+use serde::Serialize;
+
+use crate::contact::limit::{DEEPEST, WIDEST};
+use crate::contact::profile::{Shape, kappa};
+use crate::contact::table_shape::{Pressed, TableShape};
+use crate::contact::unworn::Contact;
+use crate::numeric::{root, twelve_digits};
+use crate::request::fault::Fault;
+use crate::request::indenter::Profile;
+
+/// Largest a₀/R of a sphere: beyond, half-space theory has no meaning.
+const MAX_SPHERE: f64 = 0.6;
+/// Narrowest ring of contact around a flat, in contact radii: a narrower one is lost in rounding.
+const NARROWEST_RING: f64 = 1e-6;
+
+/// A profile in canonical form.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(tag = "shape", rename_all = "snake_case")]
+pub(super) enum CanonicalProfile {
+    Paraboloid { radius: f64 },
+    Sphere { radius: f64 },
+    Cone { slope_angle: f64 },
+    Power { exponent: f64, height: f64, at_radius: f64 },
+    TruncatedParaboloid { radius: f64, flat_radius: f64 },
+    TruncatedCone { slope_angle: f64, flat_radius: f64 },
+    Table(CanonicalTable),
+}
+
+/// The points as given, and the shape that they are taken for.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(super) struct CanonicalTable {
+    radius: Vec<f64>,
+    height: Vec<f64>,
+    #[serde(skip)]
+    shape: Arc<TableShape>,
+}
+
+pub(super) fn canonical_profile(profile: &Profile) -> CanonicalProfile {
+    match profile {
+        Profile::Paraboloid(ball) => {
+            CanonicalProfile::Paraboloid { radius: twelve_digits(ball.radius.0) }
+        }
+        Profile::Sphere(ball) => CanonicalProfile::Sphere { radius: twelve_digits(ball.radius.0) },
+        Profile::Cone(cone) => {
+            CanonicalProfile::Cone { slope_angle: twelve_digits(cone.slope_angle.0) }
+        }
+        Profile::Power(power) => CanonicalProfile::Power {
+            exponent: twelve_digits(power.exponent.0),
+            height: twelve_digits(power.height.0),
+            at_radius: twelve_digits(power.at_radius.0),
+        },
+        Profile::TruncatedParaboloid(ball) => CanonicalProfile::TruncatedParaboloid {
+            radius: twelve_digits(ball.radius.0),
+            flat_radius: twelve_digits(ball.flat_radius.0),
+        },
+        Profile::TruncatedCone(cone) => CanonicalProfile::TruncatedCone {
+            slope_angle: twelve_digits(cone.slope_angle.0),
+            flat_radius: twelve_digits(cone.flat_radius.0),
+        },
+        Profile::Table(table) => CanonicalProfile::Table(CanonicalTable {
+            radius: table.radius.0.clone(),
+            height: table.height.0.clone(),
+            shape: Arc::new(TableShape::through(&table.radius.0, &table.height.0)),
+        }),
+    }
+}
+
+/// What a profile is pressed in as.
+enum Form<'a> {
+    /// g = height·(x/at_radius)ⁿ.
+    Power {
+        exponent: f64,
+        height: f64,
+        at_radius: f64,
+    },
+    Sphere {
+        radius: f64,
+    },
+    Flat(Flat),
+    Table(&'a CanonicalTable),
+}
+
+/// A truncated shape with a flat tip of radius b; its steepness is 1/R or tanθ.
+#[derive(Clone, Copy)]
+struct Flat {
+    conical: bool,
+    steepness: f64,
+    tip: f64,
+}
+
+impl Flat {
+    /// a from √(a²−b²).
+    fn contact_radius(self, rim: f64) -> f64 {
+        (self.tip * self.tip + rim * rim).sqrt()
+    }
+
+    /// d from √(a²−b²).
+    fn depth(self, rim: f64) -> f64 {
+        let radius = self.contact_radius(rim);
+        let width = if self.conical { libm::atan2(rim, self.tip) } else { rim };
+        self.steepness * radius * width
+    }
+
+    /// √(a²−b²) at a depth.
+    fn rim_at(self, depth: f64) -> f64 {
+        let product = depth / self.steepness;
+        if self.conical {
+            // a·arccos(b/a) is at least √(a²−b²).
+            return root(0.0, product, |rim| self.depth(rim) - depth);
+        }
+        let square = self.tip * self.tip;
+        let ratio = 2.0 * product / square;
+        product * (2.0 / (square * (1.0 + (1.0 + ratio * ratio).sqrt()))).sqrt()
+    }
+
+    /// √(a²−b²) under a force, given as F/E*.
+    fn rim_under(self, force: f64) -> f64 {
+        let (b, product) = (self.tip, force / self.steepness);
+        let load = |rim: f64| {
+            if self.conical {
+                (b * b + rim * rim) * libm::atan2(rim, b) + b * rim
+            } else {
+                2.0 / 3.0 * (3.0 * b * b + 2.0 * rim * rim) * rim
+            }
+        };
+        // The force of the sharp shape, and of the flat alone, are both less.
+        let most = if self.conical {
+            product.sqrt().min(product / b)
+        } else {
+            libm::cbrt(0.75 * product).min(product / (2.0 * b * b))
+        };
+        root(0.0, most, |rim| load(rim) - product)
+    }
+}
+
+impl CanonicalProfile {
+    fn form(&self) -> Form<'_> {
+        match *self {
+            Self::Paraboloid { radius } => {
+                Form::Power { exponent: 2.0, height: radius, at_radius: radius }
+            }
+            Self::Cone { slope_angle } => Form::Power {
+                exponent: 1.0,
+                height: std::f64::consts::FRAC_PI_2 * libm::tan(slope_angle),
+                at_radius: 1.0,
+            },
+            Self::Power { exponent, height, at_radius } => {
+                Form::Power { exponent, height: kappa(exponent) * height, at_radius }
+            }
+            Self::Sphere { radius } => Form::Sphere { radius },
+            Self::TruncatedParaboloid { radius, flat_radius } => {
+                Form::Flat(Flat { conical: false, steepness: 1.0 / radius, tip: flat_radius })
+            }
+            Self::TruncatedCone { slope_angle, flat_radius } => {
+                let steepness = libm::tan(slope_angle);
+                Form::Flat(Flat { conical: true, steepness, tip: flat_radius })
+            }
+            Self::Table(ref table) => Form::Table(table),
+        }
+    }
+
+    /// Why it cannot be pressed in to `depth`, which the member at `pointer` asks for.
+    pub(super) fn refusal(&self, depth: f64, pointer: &str) -> Fault {
+        let detail = match self.form() {
+            Form::Table(table) => return table.too_short(Pressed::new(&table.shape, depth, true)),
+            Form::Flat(flat) => format!(
+                "presses the flat in by so little ({depth:.3e} m) that hardly a ring around it \
+                 touches: such a contact slips as a whole or not at all; load it more or take a \
+                 flat_radius below {} m",
+                flat.tip
+            ),
+            Form::Sphere { .. } | Form::Power { .. } => format!(
+                "presses the sphere in beyond a₀/R = {MAX_SPHERE}, where half-space theory has no \
+                 meaning; load it less or take a larger radius"
+            ),
+        };
+        Fault { pointer: pointer.to_owned(), detail }
+    }
+
+    /// Why the scar at `depth` and amplitude Δ has no room on it.
+    pub(super) fn outgrown(&self, depth: f64, threshold: f64) -> Fault {
+        match self.form() {
+            Form::Table(table) => {
+                let endless =
+                    Pressed::new(&table.shape, depth, true).and_then(|(radius, pressed)| {
+                        let limit = Contact::new(Shape::table(pressed.clone()), threshold)?.limit;
+                        Some((limit.radius * radius, pressed))
+                    });
+                table.too_short(endless)
+            }
+            Form::Sphere { .. } => self.refusal(depth, "/load"),
+            Form::Flat(_) | Form::Power { .. } => Fault {
+                pointer: "/cycles".to_owned(),
+                detail: format!(
+                    "wear the contact to more than {WIDEST} times its radius or {DEEPEST} times its \
+                     depth: where all slips under a held force the scar grows for ever"
+                ),
+            },
+        }
+    }
+}
+
+impl CanonicalTable {
+    /// A table that ends, or stops to rise, before the radius that it should reach.
+    fn too_short(&self, needed: Option<(f64, Pressed)>) -> Fault {
+        let radius = &self.radius;
+        let reach = self.shape.reach();
+        let row = radius.partition_point(|r| *r < reach * (1.0 - 1e-9)).min(radius.len() - 1);
+        let needed = needed.map_or(f64::INFINITY, |(radius, _)| radius);
+        let ends = if row + 1 == radius.len() {
+            "is where the table ends, inside the contact or the scar to come"
+        } else {
+            "is where the image of the profile begins to fall, so that the edge of contact or of \
+             the scar to come is not unique"
+        };
+        Fault {
+            pointer: format!("/profile/radius/{row}"),
+            detail: format!(
+                "{ends}; it must rise as far as about {needed:.3e} m (if it goes on as it ends), or \
+                 load it less"
+            ),
+        }
+    }
+}
+
+/// a₀ and the normalised shape at indentation depth d; `None` where that is no contact that can be
+/// computed, see [`CanonicalProfile::refusal`].
+pub(super) fn indent(profile: &CanonicalProfile, depth: f64) -> Option<(f64, Shape)> {
+    match profile.form() {
+        Form::Power { exponent: n, height, at_radius } => {
+            let ratio = depth / height;
+            let radius = at_radius
+                * match n {
+                    1.0 => ratio,
+                    2.0 => ratio.sqrt(),
+                    _ => libm::pow(ratio, 1.0 / n),
+                };
+            Some((radius, Shape::power(n)))
+        }
+        Form::Sphere { radius } => {
+            let depth_at = |share: f64| share * libm::atanh(share);
+            if depth_at(MAX_SPHERE) < depth / radius {
+                return None;
+            }
+            // A shallow contact has d/R = (a/R)², a deeper one more.
+            let guess = (depth / radius).sqrt();
+            let share = root(0.5 * guess, guess.min(MAX_SPHERE), |s| depth_at(s) - depth / radius);
+            Some((share * radius, Shape::sphere(1.0 / share)))
+        }
+        Form::Flat(flat) => {
+            let radius = flat.contact_radius(flat.rim_at(depth));
+            let share = flat.tip / radius;
+            if 1.0 - share < NARROWEST_RING {
+                return None;
+            }
+            let shape = if flat.conical {
+                Shape::truncated_cone(share)
+            } else {
+                Shape::truncated_paraboloid(share)
+            };
+            Some((radius, shape))
+        }
+        Form::Table(table) => {
+            let (radius, pressed) = Pressed::new(&table.shape, depth, false)?;
+            Some((radius, Shape::table(pressed)))
+        }
+    }
+}
+
+/// d under a force F, given as F/E* in m².
+pub(super) fn depth_under(profile: &CanonicalProfile, force: f64) -> f64 {
+    match profile.form() {
+        Form::Power { exponent: n, height, at_radius } => {
+            // F/E* = (2n/(n+1))·a·d with a = b·(d/h)^(1/n).
+            let radius_times_depth = force * (n + 1.0) / (2.0 * n);
+            let relative = radius_times_depth / (at_radius * height);
+            height * libm::pow(relative, n / (n + 1.0))
+        }
+        Form::Sphere { radius } => {
+            let depth_at = |share: f64| radius * share * libm::atanh(share);
+            let force_at = |share: f64| {
+                2.0 * share * radius * depth_at(share) * Shape::sphere(1.0 / share).half_force()
+            };
+            if force_at(MAX_SPHERE) < force {
+                return f64::INFINITY;
+            }
+            let guess = libm::cbrt(0.75 * force / (radius * radius));
+            let share = root(0.5 * guess, guess.min(MAX_SPHERE), |s| force_at(s) - force);
+            depth_at(share)
+        }
+        Form::Flat(flat) => flat.depth(flat.rim_under(force)),
+        Form::Table(table) => table.shape.depth_under(force),
+    }
+}

@@ -1,0 +1,81 @@
+//! The load in canonical form, and the unworn contact that it makes.
+
+use serde::Serialize;
+
+use super::indenter::{CanonicalProfile, depth_under, indent};
+use crate::contact::control::Normal;
+use crate::contact::profile::Shape;
+use crate::numeric::twelve_digits;
+use crate::request::Request;
+use crate::request::fault::Faults;
+use crate::request::fields::{Force, Length, derived};
+use crate::request::held::LoadHeld;
+
+/// The normal direction in canonical form.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[serde(untagged)]
+pub(super) enum CanonicalLoad {
+    Depth { indentation_depth: f64, held: &'static str },
+    Force { normal_force: f64, held: &'static str },
+}
+
+impl CanonicalLoad {
+    pub(super) fn normal(&self) -> Normal {
+        match self {
+            Self::Depth { .. } => Normal::Depth,
+            Self::Force { .. } => Normal::Force,
+        }
+    }
+}
+
+/// The normal direction in canonical form.
+pub(super) fn canonical_load(
+    request: &Request,
+    profile: &CanonicalProfile,
+    normal_modulus: f64,
+) -> Result<CanonicalLoad, Faults> {
+    let given = &request.load;
+    let by_depth = |depth: f64| CanonicalLoad::Depth {
+        indentation_depth: twelve_digits(depth),
+        held: "depth",
+    };
+    let by_force =
+        |force: f64| CanonicalLoad::Force { normal_force: twelve_digits(force), held: "force" };
+    let load = match (given.held(), given.normal_force.0, given.indentation_depth.0) {
+        (LoadHeld::Force, Some(force), _) => by_force(force.0),
+        (LoadHeld::Depth, _, Some(depth)) => by_depth(depth.0),
+        (LoadHeld::Depth, Some(force), None) => {
+            let load = by_force(force.0);
+            let (depth, _, _) = press(profile, &load, normal_modulus)?;
+            by_depth(depth)
+        }
+        (_, None, depth) => {
+            let load = by_depth(depth.map_or(0.0, |depth| depth.0));
+            let (depth, contact_radius, shape) = press(profile, &load, normal_modulus)?;
+            let force = 2.0 * normal_modulus * contact_radius * depth * shape.half_force();
+            derived(force, Force::RANGE, "a normal force of", "N", "/load/indentation_depth")?;
+            by_force(force)
+        }
+    };
+    Ok(load)
+}
+
+/// d, a₀ and the normalised shape of the unworn contact.
+pub(super) fn press(
+    profile: &CanonicalProfile,
+    load: &CanonicalLoad,
+    normal_modulus: f64,
+) -> Result<(f64, f64, Shape), Faults> {
+    let (depth, pointer) = match *load {
+        CanonicalLoad::Force { normal_force, .. } => {
+            (depth_under(profile, normal_force / normal_modulus), "/load/normal_force")
+        }
+        CanonicalLoad::Depth { indentation_depth, .. } => {
+            (indentation_depth, "/load/indentation_depth")
+        }
+    };
+    let (contact_radius, shape) =
+        indent(profile, depth).ok_or_else(|| Faults(vec![profile.refusal(depth, pointer)]))?;
+    derived(depth, Length::RANGE, "an indentation depth of", "m", pointer)?;
+    Ok((depth, contact_radius, shape))
+}

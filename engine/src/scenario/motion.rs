@@ -1,0 +1,344 @@
+//! The motion in canonical form.
+//!
+//! # Equations
+//! ```text
+//! Δ = G*U/(μE*d₀),   Q = 2μE*a₀d₀ ∫ min(Δ, y₀) dx,   Q < μF                        (10)
+//! rig   U_rig = U + Q(U)/k_rig
+//! ```
+//!
+//! # Units
+//! SI.
+
+use std::sync::Arc;
+
+use serde::Serialize;
+
+use crate::contact::control::{Block, Control, Normal, Tangential};
+use crate::contact::profile::Shape;
+use crate::contact::record::Record;
+use crate::numeric::{integrate, root, twelve_digits};
+use crate::request::fault::Faults;
+use crate::request::fields::{Length, List};
+use crate::request::held::{Motion, MotionHeld};
+
+/// Smallest U/U_gs: below, the slip ring is lost in rounding.
+const MIN_THRESHOLD: f64 = 1e-6;
+/// Smallest width of the slip ring in a₀, where its edge may move.
+const MIN_RING: f64 = 1e-4;
+/// Rounding U to 12 digits moves Δ by half of this: so close to 1 it is the onset of gross slip.
+const ONSET: f64 = 1e-11;
+/// A stick ratio must come back from the rounded amplitude as well as this.
+const STICK_DIGITS: f64 = 1e-3;
+
+/// The tangential direction in canonical form.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
+pub(super) enum CanonicalMotion {
+    Amplitude { amplitude: f64, held: &'static str },
+    Force { tangential_force: f64, held: &'static str },
+    Rig { amplitude: f64, rig_stiffness: f64, held: &'static str },
+    Blocks { blocks: Vec<CanonicalBlock> },
+    Reversals { reversals: Vec<f64> },
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub(super) struct CanonicalBlock {
+    amplitude: f64,
+    cycles: f64,
+}
+
+const AMPLITUDE: &str = "amplitude";
+const TANGENTIAL_FORCE: &str = "tangential_force";
+
+/// The unworn contact, as far as the tangential direction needs it.
+pub(super) struct Pressed<'a> {
+    pub(super) shape: &'a Shape,
+    pub(super) contact_radius: f64,
+    pub(super) friction: f64,
+    /// E*a₀d₀ in N.
+    pub(super) force: f64,
+    pub(super) tangential_modulus: f64,
+    /// U at Δ = 1 in m.
+    pub(super) gross_slip: f64,
+    /// What is held.
+    pub(super) normal: Normal,
+}
+
+/// ∫₀¹ min(Δ, 1 − g₀) dx.
+fn half_tangential(shape: &Shape, threshold: f64) -> f64 {
+    if threshold >= 1.0 {
+        return shape.half_force();
+    }
+    let stick = shape.image_inverse(1.0 - threshold);
+    let ring = 1.0 - stick;
+    // Dense next to the stick edge, where images of powers below 2 bend.
+    let slipping = integrate(0.0, 1.0, |s| {
+        let cube = s * s * s;
+        4.0 * ring * cube * (1.0 - shape.image(stick + ring * cube * s))
+    });
+    threshold * stick + slipping
+}
+
+impl Pressed<'_> {
+    /// Q of the unworn contact at Δ.
+    fn tangential_force(&self, threshold: f64) -> f64 {
+        2.0 * self.friction * self.force * half_tangential(self.shape, threshold)
+    }
+
+    /// Δ under Q < μF.
+    fn threshold_under(&self, tangential_force: f64) -> f64 {
+        let half = tangential_force / (2.0 * self.friction * self.force);
+        root(0.0, 1.0, |threshold| half_tangential(self.shape, threshold) - half)
+    }
+
+    fn threshold(&self, amplitude: f64) -> f64 {
+        let threshold = amplitude / self.gross_slip;
+        if (threshold - 1.0).abs() < ONSET { 1.0 } else { threshold }
+    }
+
+    /// Width in a₀ of the ring that slips.
+    fn ring(&self, amplitude: f64) -> f64 {
+        let threshold = self.threshold(amplitude);
+        if threshold > 1.0 { 1.0 } else { 1.0 - self.shape.image_inverse(1.0 - threshold) }
+    }
+
+    /// κ of a rig.
+    fn compliance(&self, rig_stiffness: f64) -> f64 {
+        self.tangential_modulus * self.contact_radius / rig_stiffness
+    }
+
+    /// Q as asked for, if friction can carry it.
+    fn carried(&self, tangential_force: f64) -> Result<f64, Faults> {
+        let most = 2.0 * self.friction * self.force * self.shape.half_force();
+        if tangential_force < most * (1.0 - 1e-9) {
+            return Ok(tangential_force);
+        }
+        let detail = format!(
+            "is {tangential_force:.6e} N, but friction carries no more than μF = {most:.6e} N, and the \
+             contact would slide away: give less"
+        );
+        Err(Faults::one("/motion/tangential_force", detail))
+    }
+}
+
+impl CanonicalMotion {
+    /// Brings the tangential direction of a request into canonical form.
+    pub(super) fn resolve(motion: &Motion, pressed: &Pressed<'_>) -> Result<Self, Faults> {
+        let stays = pressed.normal == Normal::Depth;
+        if let Some(List(blocks)) = &motion.blocks.0 {
+            let blocks: Vec<CanonicalBlock> = blocks
+                .iter()
+                .map(|block| CanonicalBlock {
+                    amplitude: twelve_digits(block.amplitude.0),
+                    cycles: twelve_digits(block.cycles.0),
+                })
+                .collect();
+            let given = blocks;
+            // Equal neighbours are one block.
+            let mut blocks: Vec<CanonicalBlock> = Vec::new();
+            for block in &given {
+                let same =
+                    |last: &&mut CanonicalBlock| last.amplitude.total_cmp(&block.amplitude).is_eq();
+                match blocks.last_mut().filter(same) {
+                    Some(last) => last.cycles = twelve_digits(last.cycles + block.cycles),
+                    None => blocks.push(*block),
+                }
+            }
+            for (index, block) in given.iter().enumerate().filter(|(_, b)| b.amplitude > 0.0) {
+                resolved(
+                    block.amplitude,
+                    false,
+                    pressed,
+                    &format!("/motion/blocks/{index}/amplitude"),
+                )?;
+            }
+            return Ok(Self::Blocks { blocks });
+        }
+        if let Some(List(reversals)) = &motion.reversals.0 {
+            let reversals: Vec<f64> =
+                reversals.iter().map(|position| twelve_digits(position.0)).collect();
+            let Some(record) = Record::new(&reversals) else {
+                return Err(Faults::one("/motion/reversals", "must not all be the same position"));
+            };
+            resolved(record.amplitude(), false, pressed, "/motion/reversals")?;
+            return Ok(Self::Reversals { reversals });
+        }
+        let (amplitude, pointer) = contact_amplitude(motion, pressed)?;
+        if let Some(stiffness) = motion.rig_stiffness.0 {
+            let rig_stiffness = twelve_digits(stiffness.0);
+            // A given amplitude is the actuator's, others are the contact's.
+            let amplitude = twelve_digits(if let Some(actuator) = motion.amplitude.0 {
+                actuator.0
+            } else {
+                let force = pressed.tangential_force(pressed.threshold(amplitude));
+                amplitude + force / rig_stiffness
+            });
+            let (low, high) = Length::RANGE;
+            if !(low..=high).contains(&amplitude) {
+                let detail = format!(
+                    "lets the rig yield so much that its actuator would move {amplitude:e} m: give a \
+                     stiffer rig"
+                );
+                return Err(Faults::one("/motion/rig_stiffness", detail));
+            }
+            let canonical = Self::Rig { amplitude, rig_stiffness, held: AMPLITUDE };
+            let (_, threshold) = canonical.control(Normal::Depth, pressed, 1.0)?;
+            resolved(threshold * pressed.gross_slip, false, pressed, pointer)?;
+            return Ok(canonical);
+        }
+        if motion.tangential() == MotionHeld::Amplitude {
+            let amplitude = resolved(twelve_digits(amplitude), stays, pressed, pointer)?;
+            return Ok(Self::Amplitude { amplitude, held: AMPLITUDE });
+        }
+        let force = match motion.tangential_force.0 {
+            Some(force) => force.0,
+            None => pressed.tangential_force(pressed.threshold(amplitude)),
+        };
+        let tangential_force = twelve_digits(force);
+        let given = motion.tangential_force.0.is_some();
+        let tangential_force = pressed.carried(tangential_force).map_err(|faults| {
+            if given {
+                return faults;
+            }
+            let detail = "makes the whole contact slip, so that the tangential force cannot be held: \
+                          give a smaller motion, or hold the amplitude";
+            Faults::one(pointer, detail)
+        })?;
+        resolved(amplitude, false, pressed, pointer)?;
+        Ok(Self::Force { tangential_force, held: TANGENTIAL_FORCE })
+    }
+
+    /// What this holds, in units of the unworn contact, and its Δ; `unit` is N per Ñ for blocks.
+    pub(super) fn control(
+        &self,
+        normal: Normal,
+        pressed: &Pressed<'_>,
+        unit: f64,
+    ) -> Result<(Control, f64), Faults> {
+        let (tangential, threshold) = match self {
+            Self::Amplitude { amplitude, .. } => {
+                (Tangential::Amplitude, pressed.threshold(*amplitude))
+            }
+            Self::Force { tangential_force, .. } => {
+                let force = pressed.carried(*tangential_force)?;
+                let half = force / (2.0 * pressed.friction * pressed.force);
+                (Tangential::Force(half), pressed.threshold_under(force))
+            }
+            Self::Rig { amplitude, rig_stiffness, .. } => {
+                let compliance = pressed.compliance(*rig_stiffness);
+                let amplitude = amplitude / pressed.gross_slip;
+                let missing = |threshold: f64| {
+                    threshold + 2.0 * compliance * half_tangential(pressed.shape, threshold)
+                        - amplitude
+                };
+                let threshold =
+                    pressed.threshold(pressed.gross_slip * root(0.0, amplitude, missing));
+                (Tangential::Rig { amplitude, compliance }, threshold)
+            }
+            Self::Blocks { blocks } => {
+                let mut end = 0.0;
+                let blocks: Vec<Block> = blocks
+                    .iter()
+                    .map(|block| {
+                        end += block.cycles;
+                        let threshold = pressed.threshold(block.amplitude);
+                        Block { threshold, end: end / unit }
+                    })
+                    .collect();
+                let first = blocks.first().map_or(0.0, |block| block.threshold);
+                // Of one block no end is seen.
+                let one = blocks.len() == 1;
+                (if one { Tangential::Amplitude } else { Tangential::Blocks(blocks) }, first)
+            }
+            Self::Reversals { reversals } => {
+                let record = Record::new(reversals).ok_or_else(|| {
+                    Faults::one("/motion/reversals", "must not all be the same position")
+                })?;
+                let threshold = pressed.threshold(record.amplitude());
+                (Tangential::Record(Arc::new(record)), threshold)
+            }
+        };
+        Ok((Control { normal, tangential }, threshold))
+    }
+
+    /// U of the contact at N = 0, given its Δ; the very number that was given, where there is one.
+    pub(super) fn amplitude(&self, threshold: f64, gross_slip: f64) -> f64 {
+        match self {
+            Self::Amplitude { amplitude, .. } => *amplitude,
+            Self::Blocks { blocks } => blocks.first().map_or(0.0, |block| block.amplitude),
+            _ => threshold * gross_slip,
+        }
+    }
+
+    /// N at which the last block ends.
+    pub(super) fn end(&self) -> Option<f64> {
+        let Self::Blocks { blocks } = self else { return None };
+        Some(twelve_digits(blocks.iter().map(|block| block.cycles).sum()))
+    }
+}
+
+/// U of the contact as asked for by amplitude, stick ratio or tangential force, and its pointer.
+fn contact_amplitude(
+    motion: &Motion,
+    pressed: &Pressed<'_>,
+) -> Result<(f64, &'static str), Faults> {
+    if let Some(ratio) = motion.stick_ratio.0 {
+        let amplitude = pressed.gross_slip * (1.0 - pressed.shape.image(ratio.0));
+        let returned = pressed
+            .shape
+            .image_inverse((1.0 - twelve_digits(amplitude) / pressed.gross_slip).max(0.0));
+        if (returned - ratio.0).abs() > STICK_DIGITS * ratio.0 && ratio.0 > 0.0 {
+            let detail = format!(
+                "{} is so close to gross slip under this profile, or under its flat, that 12 digits \
+                 of the amplitude cannot tell; take 0 for the onset of gross slip, or a larger ratio",
+                ratio.0
+            );
+            return Err(Faults::one("/motion/stick_ratio", detail));
+        }
+        return Ok((amplitude, "/motion/stick_ratio"));
+    }
+    if let Some(force) = motion.tangential_force.0 {
+        let force = pressed.carried(twelve_digits(force.0))?;
+        let amplitude = pressed.threshold_under(force) * pressed.gross_slip;
+        return Ok((amplitude, "/motion/tangential_force"));
+    }
+    let amplitude = motion.amplitude.0.map_or(0.0, |amplitude| amplitude.0);
+    Ok((amplitude, "/motion/amplitude"))
+}
+
+/// An amplitude that can be resolved; `stays` where the stick radius keeps its place.
+fn resolved(
+    amplitude: f64,
+    stays: bool,
+    pressed: &Pressed<'_>,
+    pointer: &str,
+) -> Result<f64, Faults> {
+    let (low, high) = Length::RANGE;
+    if !(low..=high).contains(&amplitude) {
+        let detail = format!(
+            "gives an amplitude of {amplitude:e} m; it must lie between {low:e} and {high:e}"
+        );
+        return Err(Faults::one(pointer, detail));
+    }
+    let mut least = MIN_THRESHOLD * pressed.gross_slip;
+    if !stays {
+        least = least.max(pressed.gross_slip * (1.0 - pressed.shape.image(1.0 - MIN_RING)));
+        let ring = pressed.ring(amplitude);
+        if amplitude >= least && ring < MIN_RING {
+            let detail = format!(
+                "gives an amplitude of {amplitude:.3e} m, the onset of gross slip, at which only a ring of \
+                 {ring:.1e} contact radii about the flat slips, and from {MIN_RING:e} on it can be resolved: \
+                 give a larger motion, under which all slips, or a larger load as well"
+            );
+            return Err(Faults::one(pointer, detail));
+        }
+    }
+    if amplitude < least {
+        let detail = format!(
+            "gives an amplitude of {amplitude:.3e} m, but the slip ring can be resolved only from \
+             {least:.3e} m on"
+        );
+        return Err(Faults::one(pointer, detail));
+    }
+    Ok(amplitude)
+}

@@ -1,0 +1,3 @@
+//! The simplified rule in closed form, while depth and amplitude are held.
+
+pub mod simplified;

@@ -1,0 +1,103 @@
+//! The output radii, and curves over them.
+
+use std::f64::consts::FRAC_2_PI;
+
+use crate::contact::limit::{chord_and_angle, limiting_wear};
+use crate::contact::unworn::Contact;
+
+/// How far beyond the limiting radius the output reaches, in limiting radii.
+const REACH: f64 = 1.2;
+/// Values at every radius.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Curves {
+    /// w ≥ 0.
+    pub wear: Vec<f64>,
+    /// g.
+    pub image: Vec<f64>,
+    /// p; infinite at the apex of a cone, and late at the stick edge.
+    pub pressure: Vec<f64>,
+    /// s: the surface slips a path 4U·s per cycle.
+    pub slip: Vec<f64>,
+}
+
+/// Output radii: the core, then nodes that are dense next to the stick edge, as far as the scar's rim,
+/// then some outside.
+#[derive(Debug, Clone)]
+pub struct Grid {
+    /// The radii, ascending from 0.
+    pub radii: Vec<f64>,
+    /// How many lie inside the stick edge.
+    pub core: usize,
+    /// Cells between the stick edge and the rim.
+    pub cells: usize,
+}
+
+impl Grid {
+    /// So many radii about a scar between c and ã, none beyond `last`.
+    #[must_use]
+    pub fn new(c: f64, scar: f64, points: usize, last: f64) -> Self {
+        // A small core needs few radii; the mesh has an even number of cells for Simpson's rule.
+        let core = if c == 0.0 {
+            0
+        } else {
+            ((points as f64 / 32.0 * (2.0 * c).min(1.0)) as usize).max(1)
+        };
+        let cells = (points - core - 1 - (points / 128).max(1)) & !1;
+        let nodes = cells + 1;
+        let outer = points - core - nodes;
+        let theta = (scar - c) * (scar + c);
+
+        let mut radii = Vec::with_capacity(points);
+        // Denser towards the stick edge, where the pressure peaks.
+        radii.extend((0..core).map(|k| {
+            let rest = 1.0 - k as f64 / core as f64;
+            c * (1.0 - rest * rest)
+        }));
+        let tau = (0..nodes).map(|i| {
+            let u = i as f64 / cells as f64;
+            u * u * u
+        });
+        radii.extend(tau.map(|tau| (c * c + theta * tau).sqrt()));
+        // The ends are what they are, not what rounding makes of them.
+        radii[core] = c;
+        radii[core + cells] = scar;
+        // Not quite as far as the last: a sphere's image is infinite at its equator.
+        let last = scar + (1.0 - 1e-9) * (last - scar);
+        let step = ((REACH - 1.0) * scar).min(last - scar) / outer as f64;
+        radii.extend((1..=outer).map(|k| (scar + step * k as f64).min(last)));
+        Self { radii, core, cells }
+    }
+}
+
+impl Curves {
+    /// The curves of an unworn contact at some radii, in closed form.
+    #[must_use]
+    pub fn unworn(contact: &Contact, radii: &[f64]) -> Self {
+        let Contact { shape, stick: c, threshold, .. } = contact;
+        let (c, threshold) = (*c, *threshold);
+        let slip = |r: f64| {
+            if r <= c && c > 0.0 {
+                return 0.0;
+            }
+            if r == 0.0 {
+                return 1.0 - 1.0 / threshold;
+            }
+            // As springs of the unworn image slip, but those beyond a₀ with the motion itself.
+            let (chord, angle) = chord_and_angle(c, r);
+            let rule =
+                threshold * FRAC_2_PI * angle - limiting_wear(shape, c, 1.0, r, (chord, angle));
+            let beyond = if r > 1.0 {
+                limiting_wear(shape, 1.0, 1.0, r, chord_and_angle(1.0, r))
+            } else {
+                0.0
+            };
+            ((rule + beyond) / threshold).max(0.0)
+        };
+        Self {
+            wear: vec![0.0; radii.len()],
+            image: radii.iter().map(|x| shape.image(*x)).collect(),
+            pressure: radii.iter().map(|r| shape.pressure_inside(*r, 1.0)).collect(),
+            slip: radii.iter().map(|r| slip(*r)).collect(),
+        }
+    }
+}

@@ -1,0 +1,6 @@
+//! How a contact wears: the simplified rule in closed form, and both laws step by step in time.
+
+pub mod closed;
+pub mod curves;
+pub mod events;
+pub mod stepped;

@@ -1,0 +1,169 @@
+//! The curves of a worn contact on the output radii: wear, image, pressure and slip.
+//!
+//! Between the nodes of the mesh curves are monotone cubics in t = r²; inside the sticking core and
+//! outside the mesh they are integrals over the springs.
+//!
+//! # Equations
+//! ```text
+//! p(r) = (1/π) ∫ g′/√(x²−r²) dx over r…a
+//! s(r) = (2/π) ∫ ω/√(r²−x²) dx over 0…r,  1 − (2/π) ∫ (1 − ω)/√(r²−x²) dx outside the contact
+//! ```
+//!
+//! # Accuracy
+//! That of the mesh. Where the springs next to the stick edge carry much less than those inside, the
+//! pressure at the edge has no bound and is infinite.
+
+use std::f64::consts::{FRAC_1_PI, FRAC_2_PI};
+
+use super::mesh::Mesh;
+use super::wearing::Worn;
+use crate::contact::profile::Shape;
+use crate::numeric::Monotone;
+use crate::solver::curves::Curves;
+
+/// Once the first cell carries less than this share of what the stick edge does, there is a step.
+const STEP: f64 = 0.5;
+
+impl Curves {
+    /// The curves of a worn shape at some radii, ascending.
+    #[must_use]
+    pub fn of(shape: &Shape, mesh: &Mesh, worn: &Worn, radii: &[f64]) -> Self {
+        let inner = mesh.radii()[0];
+        let squares = mesh.squares();
+        let (start, end) = (squares[0], squares[squares.len() - 1]);
+        let Worn { wear, images, compressions, slips, depth, contact_radius, scar, .. } = worn;
+        let contact_radius = *contact_radius;
+        let middles: Vec<f64> =
+            mesh.radii().windows(2).map(|ends| 0.5 * (ends[0] + ends[1])).collect();
+        // In gross slip the springs next to the axis are as compressed as the first.
+        let edge = if inner > 0.0 { depth - shape.image(inner) } else { depth - images[0] };
+        let springs = Springs::new(&middles, start, edge, compressions, contact_radius);
+
+        let mut pressure = vec![0.0; squares.len()];
+        mesh.pressure(compressions, &mut pressure);
+        pressure[0] = if inner > 0.0 { springs.pressure(inner) } else { pressure[1] };
+        // A step at the stick edge within the first cell: the pressure there has no bound.
+        let step = inner > 0.0 && compressions.first().is_some_and(|y| *y < STEP * edge);
+        let live = compressions.len();
+        let rim = contact_radius * contact_radius;
+        let inside = squares.iter().take(live + 1).take_while(|t| **t < rim).count().max(1);
+        let mut knots = squares[..inside].to_vec();
+        let mut values = pressure[..inside].to_vec();
+        knots.push(rim);
+        values.push(0.0);
+        let pressure = Monotone::through(knots, values);
+        let slip = Monotone::through(squares.to_vec(), mesh.solve(slips));
+        let profile = Monotone::through(squares.to_vec(), wear.clone());
+        let mut knots = vec![start];
+        knots.extend(middles.iter().map(|x| x * x));
+        let mut values = vec![depth - edge];
+        values.extend(images);
+        knots.push(end);
+        values.push(shape.image(end.sqrt()) + image_outside(squares, wear, end));
+        let image = Monotone::through(knots, values);
+
+        let (mut pressure, mut slip) = (pressure.along(), slip.along());
+        let (mut profile, mut image) = (profile.along(), image.along());
+        let curve = |value: &mut dyn FnMut(f64) -> f64| radii.iter().map(|r| value(*r)).collect();
+        Self {
+            wear: curve(&mut |r| {
+                if r <= inner && inner > 0.0 || r > *scar { 0.0 } else { profile(r * r).max(0.0) }
+            }),
+            image: curve(&mut |x| {
+                if x < inner {
+                    shape.image(x)
+                } else if x * x < end {
+                    let value = image(x * x);
+                    // The mesh smears the kink at the edge of contact over a cell.
+                    if x < contact_radius { value.min(*depth) } else { value.max(*depth) }
+                } else {
+                    shape.image(x) + image_outside(squares, wear, x * x)
+                }
+            }),
+            pressure: curve(&mut |r| {
+                if r < inner {
+                    shape.pressure_inside(r, inner) + springs.pressure(r)
+                } else if step && r * r <= start {
+                    f64::INFINITY
+                } else if r < contact_radius {
+                    pressure(r * r).max(0.0)
+                } else {
+                    0.0
+                }
+            }),
+            slip: curve(&mut |r| {
+                if r <= inner && inner > 0.0 {
+                    0.0
+                } else if r * r < end {
+                    slip(r * r).max(0.0)
+                } else {
+                    let free = slips.last().copied().unwrap_or(1.0);
+                    free * (1.0 - FRAC_2_PI * libm::asin(inner / r))
+                        - displacement(&middles, mesh.widths(), slips, r, free)
+                }
+            }),
+        }
+    }
+}
+
+/// The image outside the mesh of a wear that is linear in t between nodes:
+/// w(0) + x ∫ w′/√(x²−r²) dr.
+fn image_outside(squares: &[f64], wear: &[f64], square: f64) -> f64 {
+    let sum: f64 = squares
+        .windows(2)
+        .zip(wear.windows(2))
+        .map(|(t, w)| {
+            let roots = (square - t[0]).max(0.0).sqrt() + (square - t[1]).max(0.0).sqrt();
+            2.0 * (w[1] - w[0]) / roots
+        })
+        .sum();
+    // At a stick edge, unlike the axis, the wear begins at 0.
+    wear[0] + square.sqrt() * sum
+}
+
+/// The loaded springs outside the stick radius as a curve y(t), linear between the middles of cells.
+struct Springs {
+    /// t and y of the knots.
+    knots: Vec<(f64, f64)>,
+}
+
+impl Springs {
+    fn new(
+        middles: &[f64],
+        start: f64,
+        edge: f64,
+        compressions: &[f64],
+        contact_radius: f64,
+    ) -> Self {
+        let mut knots = vec![(start, edge)];
+        let rim = contact_radius * contact_radius;
+        let loaded = middles.iter().map(|x| x * x).zip(compressions.iter().copied());
+        knots.extend(loaded.take_while(|(t, _)| *t < rim));
+        knots.push((rim, 0.0));
+        Self { knots }
+    }
+
+    /// (1/π) ∫ −y′/√(x²−r²) dx for r up to the first knot.
+    fn pressure(&self, r: f64) -> f64 {
+        let sum: f64 = self
+            .knots
+            .windows(2)
+            .map(|pair| {
+                let ((t, y), (t_next, y_next)) = (pair[0], pair[1]);
+                let near = (t - r * r).max(0.0).sqrt();
+                let far = (t_next - r * r).max(0.0).sqrt();
+                2.0 * (y - y_next) / (near + far)
+            })
+            .sum();
+        FRAC_1_PI * sum
+    }
+}
+
+/// (2/π) ∫ (ω_free − ω)/√(r²−x²) dx over the cells.
+fn displacement(middles: &[f64], widths: &[f64], slips: &[f64], r: f64, free: f64) -> f64 {
+    let cells = slips.iter().zip(middles).zip(widths);
+    FRAC_2_PI
+        * cells
+            .map(|((slip, x), width)| (free - slip) * width / ((r - x) * (r + x)).max(1e-12).sqrt())
+            .sum::<f64>()
+}

@@ -1,0 +1,427 @@
+//! A contact worn step by step, with an estimate of its error and the events it meets.
+//!
+//! Every run is accompanied by one of half the cells, a small part of the cost, whose distance tells
+//! the error of V. Where the stick edge moves outwards into worn material, a first coarse run finds
+//! where it stops, and the mesh is refined there.
+//!
+//! # Accuracy
+//! Second order in the number of cells. At the 52 cells of the default tolerance, depth and amplitude
+//! held, over random scenarios, V is right to 0.05 % in the median and 0.2 % in 95 of 100, F to 0.06 %
+//! of the unworn force.
+//! Depth is first order at the apex in gross slip (a cone: 1 %), and for blunt profiles (n ≥ 8) at the
+//! start of wear, when the ring is narrow. A core smaller than the first cells (c below 1e-3) is taken
+//! for none.
+//!
+//! # Sources
+//! The procedure: A. V. Dimaki et al., *Int. J. Solids Struct.* 51 (2014) 4215. The integrator:
+//! B. P. Sommeijer, L. F. Shampine, J. G. Verwer, *J. Comput. Appl. Math.* 88 (1998) 315 (RKC).
+
+use super::law::Law;
+use super::plan::{FAR, Focus, Plan, REST_BLUR, is_far};
+use super::run::{Run, moves};
+use super::wearing::{Wearing, Worn};
+use crate::contact::control::{Control, Final, Normal, Tangential};
+use crate::contact::limit::Limit;
+use crate::contact::limit::{DEEPEST, WIDEST};
+use crate::contact::unworn::{Contact, Regime};
+use crate::solver::events::{Event, EventKind, LOST, SHAKEN, Until};
+
+/// Cells at the tolerance `COMMON_TOLERANCE`; errors fall with the square of the number.
+const COMMON_CELLS: f64 = 52.0;
+const COMMON_TOLERANCE: f64 = 3e-3;
+/// Fewest and most cells.
+const CELLS_RANGE: (f64, f64) = (24.0, 360.0);
+/// Most cells where more than usual are needed.
+const MOST_CELLS: usize = 512;
+/// Both runs are compared at times that grow by this factor: where their distance happens to change
+/// sign it says nothing, so its last values count too, less and less.
+const CHECKS: f64 = 1.3;
+const FORGET: f64 = 0.7;
+/// At second order the finer run is off by a third of the distance between both; this share of it covers
+/// the error with a margin (a test counts how often).
+const SHARE: f64 = 1.0;
+/// No error is stated below this share of the tolerance.
+const LEAST_ERROR: f64 = 0.15;
+/// Cells and tolerance of the run that looks where the stick edge stops.
+const SCOUT: (usize, f64) = (64, 1e-2);
+/// Most right-hand sides of such a run: what stops so late is not worth the wait.
+const MOST_LOOKS: usize = 100_000;
+/// An indenter wider than a scar by this share has room for it, whatever the mesh.
+const ROOMY: f64 = 0.7;
+/// A run under way.
+#[derive(Debug)]
+pub struct March {
+    fine: Run,
+    coarse: Run,
+    until: Until,
+    /// When both are compared next, and how far apart they were.
+    check: f64,
+    apart: f64,
+    events: Vec<Event>,
+    /// What has happened, or need not be looked for.
+    known: Vec<EventKind>,
+    /// The block of the last step.
+    block: usize,
+}
+
+/// The worn contact at one instant, with what is known of the run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Instant {
+    /// The contact.
+    pub worn: Worn,
+    /// An estimate of the relative error of V.
+    pub volume_error: f64,
+    /// (k_w/μ)·ΣW, summed on its own: with the exact law it should be V.
+    pub worn_by_energy: f64,
+}
+
+/// Cells for a tolerance: the error falls with their square.
+fn cells(tolerance: f64) -> usize {
+    let cells = COMMON_CELLS * (COMMON_TOLERANCE / tolerance).sqrt();
+    cells.clamp(CELLS_RANGE.0, CELLS_RANGE.1).round() as usize
+}
+
+/// Cells and tolerance of a run that aims at a relative error.
+fn effort(contact: &Contact, control: &Control, law: Law, tolerance: f64) -> (usize, f64) {
+    let cells = match law {
+        Law::Exact => cells(tolerance),
+        // Cheap, and less accurate: its images are constant over a cell.
+        Law::Simplified(_) => cells(tolerance) * 3 / 2,
+    };
+    let far = control.tends_to(contact).is_some_and(|end| is_far(contact, &end));
+    if !moves(control, contact) && !far {
+        return (cells, tolerance);
+    }
+    let gives_way = control.normal == Normal::Depth
+        && matches!(control.tangential, Tangential::Force(_))
+        && control.tends_to(contact).is_none();
+    if gives_way && law == Law::Exact {
+        // How long a core holds out is ill-conditioned: it takes twice the error of V ten times over.
+        ((5 * cells).min(MOST_CELLS), 0.25 * tolerance)
+    } else {
+        ((2 * cells).min(MOST_CELLS), tolerance)
+    }
+}
+
+impl March {
+    /// Begins with the unworn contact. `tolerance` is the relative error aimed at, `last` the instant
+    /// up to which the run will go.
+    ///
+    /// `None` where the scar would outgrow the shape.
+    #[must_use]
+    pub fn new(
+        contact: &Contact,
+        control: &Control,
+        law: Law,
+        tolerance: f64,
+        last: f64,
+    ) -> Option<Self> {
+        let (cells, tolerance) = effort(contact, control, law, tolerance);
+        Self::with_cells(contact, control, law, cells, tolerance, last)
+    }
+
+    /// Whether the indenter is wide enough for the scar that will have grown up to an instant.
+    #[must_use]
+    pub fn fits(
+        contact: &Contact,
+        control: &Control,
+        law: Law,
+        end: Option<&Final>,
+        last: f64,
+    ) -> bool {
+        let shape = &contact.shape;
+        if let Some(outermost) = Plan::outermost(contact, control, law, last) {
+            let most = if end.is_some() { shape.extent() } else { 0.9 * shape.extent() };
+            return outermost < most.min(WIDEST) && shape.profile(outermost) < DEEPEST;
+        }
+        if end.is_some() || shape.extent().is_infinite() {
+            return true;
+        }
+        let stick = control.least_stick(contact);
+        if control.normal == Normal::Depth {
+            return Limit::solve(shape, stick).is_some();
+        }
+        // Should the core never grow, the scar would be widest.
+        let depth = control.depth_on_core(shape, stick);
+        let widest = Limit::at_depth(shape, stick, depth);
+        widest.is_some_and(|limit| limit.radius < ROOMY * shape.extent())
+            || Self::scouted(contact, control, law, last).is_some()
+    }
+
+    /// About how many multiplications a run takes to an instant in N₀. Measured on a paraboloid: five
+    /// right-hand sides a cell up to 16 N₀, and beyond as many times more as the power 0.4 says.
+    #[must_use]
+    pub fn operations(
+        contact: &Contact,
+        control: &Control,
+        law: Law,
+        tolerance: f64,
+        until: f64,
+    ) -> f64 {
+        let (cells, tolerance) = effort(contact, control, law, tolerance);
+        let (cells, longer) = (cells as f64, libm::pow((until / 16.0).max(1.0), 0.4));
+        match law {
+            Law::Exact => 5.0 * cells * cells * cells * longer,
+            // A right-hand side costs a few operations a cell, a state two rows of matrices.
+            Law::Simplified(_) => 20.0 * cells * longer / tolerance.sqrt() + 50.0 * cells * cells,
+        }
+    }
+
+    /// Cells of a run that aims at a relative error.
+    #[must_use]
+    pub fn cells_for(contact: &Contact, control: &Control, law: Law, tolerance: f64) -> usize {
+        effort(contact, control, law, tolerance).0
+    }
+
+    /// Begins with the unworn contact on so many cells.
+    #[must_use]
+    pub fn with_cells(
+        contact: &Contact,
+        control: &Control,
+        law: Law,
+        cells: usize,
+        tolerance: f64,
+        last: f64,
+    ) -> Option<Self> {
+        let grows = control.normal == Normal::Force && moves(control, contact);
+        let scouted = if grows { Self::scouted(contact, control, law, last) } else { None };
+        let plan = match scouted {
+            Some(plan) => plan,
+            None => Plan::first(contact, control, cells)?,
+        };
+        let mut fine = Run::new(contact, control, law, plan.clone(), cells, tolerance);
+        fine.accounts = true;
+        let coarse = Run::new(contact, control, law, plan, cells / 2, 4.0 * tolerance);
+        let check = 0.01 * fine.rkc.scale();
+        let until = Until::default();
+        // What the unworn contact does is no event.
+        let mut known = Vec::new();
+        if contact.regime == Regime::GrossSlip {
+            known.push(EventKind::GrossSlip);
+        }
+        if fine.loss[0] <= SHAKEN * fine.first_loss {
+            // A ring that is lost between two nodes has not shaken down.
+            known.push(EventKind::Shakedown);
+        }
+        let mut events = Vec::new();
+        if fine.wearing.springs().slides() {
+            // So close to gross slip that the mesh cannot tell.
+            events.push(Event { at: 0.0, kind: EventKind::GrossSlip, ends: true });
+        }
+        Some(Self { fine, coarse, until, check, apart: 0.0, events, known, block: 0 })
+    }
+
+    /// The mesh for a stick edge that comes to rest in worn material, by coarse runs; `None` where the scar
+    /// outgrows the shape.
+    fn scouted(contact: &Contact, control: &Control, law: Law, last: f64) -> Option<Plan> {
+        let first = Plan::first(contact, control, SCOUT.0)?;
+        let mut plan = first.clone();
+        for blur in [4.0 * REST_BLUR, REST_BLUR] {
+            let mut scout = Run::new(contact, control, law, plan.clone(), SCOUT.0, SCOUT.1);
+            let mut focus = 0.0_f64;
+            while scout.rkc.evaluations < MOST_LOOKS && scout.advance(last) {
+                focus = focus.max(scout.wearing.springs().stick());
+            }
+            if scout.wearing.outgrows() {
+                return None;
+            }
+            let reach = scout.wearing.plan().reach;
+            if reach > FAR * first.reach {
+                // Nodes out there would be missing where the run begins.
+                return Some(first);
+            }
+            plan.reach = reach;
+            if focus > plan.start {
+                let blur = blur * (plan.reach - plan.start);
+                plan.focus = Some(Focus { from: focus, to: focus, blur });
+            }
+        }
+        Some(plan)
+    }
+
+    /// Ends the run at some wear.
+    pub fn end_at(&mut self, until: Until) {
+        self.until = until;
+    }
+
+    /// Takes a step towards an instant in N₀; false once it is reached or the run has ended.
+    pub fn advance(&mut self, until: f64) -> bool {
+        if self.ended().is_some() {
+            return false;
+        }
+        // Both in step, so that no call takes long and they can be compared.
+        let next = until.min(self.check);
+        let coarse = self.coarse.advance(next);
+        let fine = self.fine.advance(next);
+        if fine {
+            self.watch();
+        } else if self.fine.outgrown {
+            let at = self.fine.rkc.time();
+            self.events.push(Event { at, kind: EventKind::RimReached, ends: true });
+            return false;
+        }
+        if fine || coarse {
+            return true;
+        }
+        if self.check > until {
+            return false;
+        }
+        self.apart = self.distance(self.check).max(FORGET * self.apart);
+        self.check *= CHECKS;
+        true
+    }
+
+    /// When the run has ended early.
+    #[must_use]
+    pub fn ended(&self) -> Option<f64> {
+        self.events.iter().find(|event| event.ends).map(|event| event.at)
+    }
+
+    /// What has happened so far, in order.
+    #[must_use]
+    pub fn events(&self) -> &[Event] {
+        &self.events
+    }
+
+    /// Looks for events within the last step.
+    fn watch(&mut self) {
+        use EventKind::{ContactLost, GrossSlip, RimReached, Shakedown, UntilReached};
+        if self.fine.block != self.block {
+            // Under another amplitude a contact may stick again, or wear: the next time counts anew.
+            self.block = self.fine.block;
+            for kind in [GrossSlip, Shakedown] {
+                if self.signal(kind, self.fine.rkc.began()) > 0.0 {
+                    self.known.retain(|known| *known != kind);
+                }
+            }
+        }
+        let mut found = Vec::new();
+        for kind in [GrossSlip, Shakedown, ContactLost, UntilReached] {
+            if self.known.contains(&kind) {
+                continue;
+            }
+            let (began, time) = (self.fine.rkc.began(), self.fine.rkc.time());
+            if self.signal(kind, time) > 0.0 {
+                continue;
+            }
+            let (mut low, mut high) = (began, time);
+            // A change of amplitude happens at once.
+            if self.signal(kind, began) <= 0.0 {
+                high = began;
+            }
+            while high - low > 1e-9 * high {
+                let middle = 0.5 * (low + high);
+                if self.signal(kind, middle) > 0.0 { low = middle } else { high = middle }
+            }
+            let held = matches!(self.fine.control.tangential, Tangential::Force(_));
+            let ends = match kind {
+                GrossSlip => held,
+                Shakedown => false,
+                ContactLost | UntilReached | RimReached => true,
+            };
+            found.push(Event { at: high, kind, ends });
+        }
+        found.sort_by(|a, b| a.at.total_cmp(&b.at));
+        let last = found.iter().position(|event| event.ends);
+        found.truncate(last.map_or(found.len(), |last| last + 1));
+        self.known.extend(found.iter().map(|event| event.kind));
+        self.events.extend(found);
+    }
+
+    /// Falls to 0 or below where an event happens.
+    fn signal(&mut self, kind: EventKind, time: f64) -> f64 {
+        let until = self.until;
+        let run = &mut self.fine;
+        match kind {
+            EventKind::RimReached => 1.0,
+            EventKind::UntilReached if until == Until::default() => 1.0,
+            EventKind::UntilReached => run.under(time, |wearing, values| {
+                let worn = wearing.at(values);
+                until.missing(worn.deepest, worn.volume)
+            }),
+            EventKind::GrossSlip => run.under(time, |wearing, _| wearing.springs().margin()),
+            EventKind::ContactLost => {
+                run.under(time, |wearing, _| wearing.springs().share() - LOST)
+            }
+            EventKind::Shakedown => {
+                let least = SHAKEN * run.first_loss;
+                run.under(time, |wearing, _| {
+                    let springs = wearing.springs();
+                    // Where nothing moves, or all slips, nothing shakes down.
+                    if springs.threshold() == 0.0 || springs.stick() == 0.0 {
+                        1.0
+                    } else {
+                        wearing.energy_rate() - least
+                    }
+                })
+            }
+        }
+    }
+
+    /// How far the volumes of both runs are apart.
+    fn distance(&mut self, time: f64) -> f64 {
+        let volume = self.fine.volume(time);
+        if volume > 0.0 { (self.coarse.volume(time) / volume - 1.0).abs() } else { 0.0 }
+    }
+
+    /// How far the mesh reaches, in a₀.
+    #[must_use]
+    pub fn reach(&self) -> f64 {
+        self.fine.wearing.plan().reach
+    }
+
+    /// How far the run has come, in N₀.
+    #[must_use]
+    pub fn reached(&self) -> f64 {
+        self.fine.rkc.time()
+    }
+
+    /// Cells of the mesh.
+    #[must_use]
+    pub fn cells(&self) -> usize {
+        self.fine.wearing.springs().mesh().widths().len()
+    }
+
+    /// Steps and right-hand sides so far, of both runs.
+    #[must_use]
+    pub fn work(&self) -> (usize, usize) {
+        let (fine, coarse) = (&self.fine.rkc, &self.coarse.rkc);
+        (fine.accepted + coarse.accepted, fine.evaluations + coarse.evaluations)
+    }
+
+    /// About how many multiplications the right-hand sides so far took.
+    #[must_use]
+    pub fn spent(&self) -> f64 {
+        let of = |run: &Run| run.rkc.evaluations as f64 * run.wearing.operations();
+        of(&self.fine) + of(&self.coarse)
+    }
+
+    /// About how many multiplications it takes to tell a state: both volumes, and where the last of the
+    /// load would rest for the error of V.
+    #[must_use]
+    pub fn telling(&self) -> f64 {
+        const LIMITS: f64 = 5000.0;
+        let shape = &self.fine.wearing.contact.shape;
+        4.0 * self.fine.wearing.operations() + LIMITS * shape.pieces() as f64
+    }
+
+    /// The contact as it wears, as the fine run has it.
+    #[must_use]
+    pub fn wearing(&self) -> &Wearing {
+        &self.fine.wearing
+    }
+
+    /// The state at an instant within the last step.
+    #[must_use]
+    pub fn at(&mut self, normalized_cycles: f64) -> Instant {
+        let time = self.fine.within(normalized_cycles);
+        let worn_by_energy = self.fine.energy_until(time);
+        let worn = self.fine.under(time, Wearing::at);
+        let apart = self.distance(normalized_cycles).max(self.apart);
+        let volume_error = (SHARE * self.fine.wearing.springs().doubt() * apart)
+            .max(LEAST_ERROR * self.fine.rkc.tolerance())
+            .max(self.fine.edge_error(&worn))
+            .max(self.fine.core_error(&worn));
+        Instant { worn, volume_error, worn_by_energy }
+    }
+}

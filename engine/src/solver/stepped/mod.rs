@@ -1,0 +1,11 @@
+//! Wear integrated in time, whatever is held.
+
+mod curves;
+pub mod law;
+pub mod march;
+pub mod mesh;
+pub mod plan;
+pub mod rkc;
+mod run;
+pub mod springs;
+pub mod wearing;

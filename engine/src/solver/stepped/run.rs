@@ -1,0 +1,284 @@
+//! One contact on one mesh, integrated in time.
+
+use super::law::Law;
+use super::plan::Plan;
+use super::rkc::Rkc;
+use super::wearing::{Wearing, Worn};
+use crate::contact::control::{Control, Normal, Tangential};
+use crate::contact::limit::Limit;
+use crate::contact::row::UnwornSums;
+use crate::contact::unworn::{Contact, Regime};
+
+/// An edge at a border of cells may be off by half a cell; this share of what a whole one does.
+const EDGE_SHARE: f64 = 0.75;
+/// A run whose wear would grow by less than this share of the tolerance, were it to go on at its rate
+/// for as long as it has lasted, has arrived.
+const SETTLED: f64 = 1e-3;
+/// Springs that dissipate so many times more, or less, than at both ends of a step are not between them: late,
+/// when a core bears the load, the little that others bear is lost in what interpolation adds.
+const NOISY: f64 = 1.1;
+/// Up to this Δ a contact under a held force may come to stick again.
+const REGAINS: f64 = 1.5;
+
+/// One mesh and one integration.
+#[derive(Debug)]
+pub(super) struct Run {
+    pub(super) wearing: Wearing,
+    pub(super) control: Control,
+    pub(super) rkc: Rkc,
+    settled: Option<f64>,
+    /// Whether the scar has no more room.
+    pub(super) outgrown: bool,
+    /// The block under way, and when it began.
+    pub(super) block: usize,
+    block_began: f64,
+    /// Whether the last step passed over what is left of a block that has shaken down.
+    rests: bool,
+    /// 2 ∫ ∫ y ω dx dÑ: (k_w/μ)·ΣW up to where the last step began, and to where it ended.
+    worn_by_energy: [f64; 2],
+    /// 2 ∫ y ω dx at both ends of the last step.
+    pub(super) loss: [f64; 2],
+    pub(super) first_loss: f64,
+    /// Whether its energy is told: otherwise it need not be known well.
+    pub(super) accounts: bool,
+}
+
+/// Whether the stick edge moves, so that more cells are needed. Not far beyond the onset of gross slip
+/// a contact under a held force comes to stick again.
+pub(super) fn moves(control: &Control, contact: &Contact) -> bool {
+    let slips = contact.regime == Regime::GrossSlip;
+    !control.keeps_stick()
+        && (!slips || control.normal == Normal::Force && contact.threshold < REGAINS)
+}
+
+/// The wear by which the amplitude of a contact on a rig doubles where d is held: all that yields as the
+/// force falls is then the rig's.
+fn quickens(contact: &Contact, control: &Control) -> f64 {
+    match control.tangential {
+        Tangential::Rig { compliance, .. } if control.normal == Normal::Depth => {
+            0.5 * contact.threshold / compliance
+        }
+        _ => f64::INFINITY,
+    }
+}
+
+/// 2 ∫ y ω dx of the unworn contact, which the springs of a mesh put at `seen`: cells that are laid out for
+/// the strongest block may be wider than the ring that slips in the first.
+fn first_loss(contact: &Contact, control: &Control, seen: f64) -> f64 {
+    match control.tangential {
+        Tangential::Blocks(_) => 2.0 * UnwornSums::of(contact, None).loss,
+        _ => seen,
+    }
+}
+
+impl Run {
+    pub(super) fn new(
+        contact: &Contact,
+        control: &Control,
+        law: Law,
+        plan: Plan,
+        cells: usize,
+        tolerance: f64,
+    ) -> Self {
+        let mut wearing = Wearing::new(contact, control, law, plan, cells);
+        if let Tangential::Blocks(blocks) = &control.tangential
+            && let Some(first) = blocks.first()
+        {
+            wearing.command(first.threshold);
+        }
+        let unworn = vec![0.0; cells + 1];
+        // A narrow ring is worn sooner: a sixth of the time it would take at the first rate.
+        wearing.press(&unworn);
+        let rate = wearing.energy_rate();
+        let first_loss = first_loss(contact, control, rate);
+        let scale = contact.limit.volume / (6.0 * first_loss);
+        let size = contact.limit.depth.min(quickens(contact, control));
+        let rkc = Rkc::new(&mut wearing, unworn, tolerance, (scale, size));
+        let control = control.clone();
+        Self {
+            wearing,
+            control,
+            rkc,
+            settled: None,
+            outgrown: false,
+            block: 0,
+            block_began: 0.0,
+            rests: false,
+            worn_by_energy: [0.0; 2],
+            loss: [rate; 2],
+            first_loss,
+            accounts: false,
+        }
+    }
+
+    pub(super) fn advance(&mut self, until: f64) -> bool {
+        if self.settled.is_some() || self.rkc.time() >= until || self.wearing.springs().slides() {
+            return false;
+        }
+        let end = self.begin_block();
+        if self.wearing.is_full() {
+            if self.wearing.outgrows() {
+                self.settled = Some(self.rkc.time());
+                self.outgrown = true;
+                return false;
+            }
+            let (wearing, values) = self.wearing.extended(&self.control, self.rkc.values());
+            self.wearing = wearing;
+            self.rkc.restart(&mut self.wearing, Some(values));
+            self.loss = [self.wearing.energy_rate(); 2];
+        }
+        if end.is_finite() && self.has_arrived(end) {
+            // Until the amplitude changes nothing will.
+            self.rkc.rest_until(end);
+            self.worn_by_energy[0] = self.worn_by_energy[1];
+            self.rests = true;
+            return true;
+        }
+        self.rests = false;
+        self.rkc.advance(&mut self.wearing, end);
+        let (began, time) = (self.rkc.began(), self.rkc.time());
+        self.loss = [self.loss[1], self.wearing.energy_rate()];
+        self.worn_by_energy[0] = self.worn_by_energy[1];
+        self.worn_by_energy[1] += if self.accounts {
+            self.loss_since(began, time, self.loss[1])
+        } else {
+            0.5 * (time - began) * (self.loss[0] + self.loss[1])
+        };
+        if end.is_infinite() && self.has_arrived(end) {
+            self.settled = Some(time);
+        }
+        true
+    }
+
+    /// Whether wear has as good as ended, at the present amplitude, which stays up to `end`.
+    fn has_arrived(&self, end: f64) -> bool {
+        let (time, rate) = (self.rkc.time(), self.wearing.energy_rate());
+        let lasted = time - self.block_began;
+        let negligible = SETTLED * self.rkc.tolerance() * self.worn_by_energy[1];
+        // What has just begun has not lasted long enough to tell.
+        let tells = lasted * self.wearing.pace() >= self.rkc.scale();
+        lasted > 0.0
+            && (rate == 0.0
+                || tells && rate * lasted <= negligible
+                || rate * (end - time) <= negligible)
+    }
+
+    /// Commands the next amplitude where a block has ended; when the present one ends.
+    fn begin_block(&mut self) -> f64 {
+        let Tangential::Blocks(blocks) = &self.control.tangential else {
+            return f64::INFINITY;
+        };
+        let Some(block) = blocks.get(self.block) else {
+            return f64::INFINITY;
+        };
+        if self.rkc.time() < block.end {
+            return block.end;
+        }
+        self.block += 1;
+        let Some(next) = blocks.get(self.block) else {
+            return f64::INFINITY;
+        };
+        self.wearing.command(next.threshold);
+        self.block_began = self.rkc.time();
+        let end = next.end;
+        self.rkc.restart(&mut self.wearing, None);
+        self.rkc.hurry(self.wearing.pace());
+        self.loss = [self.wearing.energy_rate(); 2];
+        end
+    }
+
+    /// Simpson's rule for the energy between the beginning of the last step and a time within it.
+    fn loss_since(&mut self, began: f64, time: f64, last: f64) -> f64 {
+        if self.rests {
+            return 0.0;
+        }
+        let middle = self.under(0.5 * (began + time), |wearing, _| wearing.energy_rate());
+        (time - began) / 6.0 * (self.loss[0] + 4.0 * middle + last)
+    }
+
+    pub(super) fn energy_until(&mut self, time: f64) -> f64 {
+        let last = self.under(time, |wearing, _| wearing.energy_rate());
+        self.worn_by_energy[0] + self.loss_since(self.rkc.began(), time, last)
+    }
+
+    /// What holds at a time within the last step.
+    pub(super) fn under<T>(
+        &mut self,
+        time: f64,
+        what: impl FnOnce(&mut Wearing, &[f64]) -> T,
+    ) -> T {
+        if time >= self.rkc.time() {
+            // As the springs are already.
+            return what(&mut self.wearing, self.rkc.values());
+        }
+        let (rkc, [first, last]) = (&self.rkc, self.loss);
+        let noise = |rate: f64| rate > NOISY * first.max(last) || rate < first.min(last) / NOISY;
+        let mut more = 0;
+        let found = self.wearing.under(&rkc.at(time), rkc.values(), |wearing, values| {
+            if !noise(wearing.energy_rate()) {
+                return what(wearing, values);
+            }
+            let (values, evaluations) = rkc.again(wearing, time);
+            more = evaluations;
+            wearing.press(&values);
+            what(wearing, &values)
+        });
+        self.rkc.evaluations += more;
+        found
+    }
+
+    /// What it does to V that a stick edge at rest in worn material stands at a border of cells.
+    pub(super) fn edge_error(&self, worn: &Worn) -> f64 {
+        let Wearing { contact, .. } = &self.wearing;
+        if self.control.normal == Normal::Depth
+            || !moves(&self.control, contact)
+            || worn.stick >= 1.0
+        {
+            return 0.0;
+        }
+        let radii = self.wearing.springs().mesh().radii();
+        let next = radii.partition_point(|r| *r <= worn.stick).clamp(1, radii.len() - 1);
+        let width = radii[next] - radii[next - 1];
+        // In the end all of the load rests on the core.
+        let last = |stick: f64| {
+            let depth = self.control.depth_on_core(&contact.shape, stick);
+            Limit::at_depth(&contact.shape, stick, depth).map(|limit| limit.volume)
+        };
+        let (Some(here), Some(there)) = (last(worn.stick), last(worn.stick + width)) else {
+            return 0.0;
+        };
+        let share = (worn.volume / here).min(1.0);
+        EDGE_SHARE * (1.0 - there / here).abs() * share * share
+    }
+
+    /// What it does to V that a core too small for the cells is taken for none, where d is held.
+    pub(super) fn core_error(&self, worn: &Worn) -> f64 {
+        let Wearing { contact, .. } = &self.wearing;
+        let least = self.control.least_stick(contact);
+        if self.control.normal == Normal::Force || least == 0.0 || self.wearing.plan().start > 0.0 {
+            return 0.0;
+        }
+        let last = |stick: f64| Limit::solve(&contact.shape, stick).map(|limit| limit.volume);
+        let (Some(without), Some(with)) = (last(0.0), last(least)) else {
+            return 0.0;
+        };
+        (without / with - 1.0) * (worn.volume / with).min(1.0)
+    }
+
+    pub(super) fn volume(&mut self, time: f64) -> f64 {
+        let time = self.within(time);
+        if time >= self.rkc.time() {
+            return self.wearing.volume(self.rkc.values());
+        }
+        self.wearing.volume(&self.rkc.at(time))
+    }
+
+    /// A settled run stays as it is, and so does one that has ended.
+    pub(super) fn within(&self, time: f64) -> f64 {
+        if self.settled.is_some() || self.wearing.springs().slides() {
+            time.min(self.rkc.time())
+        } else {
+            time
+        }
+    }
+}

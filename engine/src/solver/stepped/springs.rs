@@ -1,0 +1,429 @@
+//! The row of springs on a mesh: from its images to depth, friction and slip, under what is held.
+//!
+//! # Equations
+//! Cells carry means; D is their width, r₀ the radius inside of which nothing wears:
+//! ```text
+//! y_q = max(0, d − g_q),   F̃/2 = d·r₀ − ∫₀^r₀ g₀ + Σ D y                      (7)–(9)
+//! Q̃/2 = Δ·r₀ + Σ D min(y, Δ),   ω_q = max(0, 1 − y_q/Δ)                       (10), (15), (16)
+//! ```
+//! d from a held force and Δ from a held tangential force by Newton's method: both sums are piecewise
+//! linear, one convex and one concave, so that it ends after a few steps with all digits.
+//!
+//! # Accuracy
+//! Where the stick edge moves inwards it is resolved within its cell: ω is the mean of
+//! max(0, 1 − y/Δ) with y linear across the cell.
+
+use super::mesh::Mesh;
+use crate::contact::control::{Control, Normal, Tangential};
+use crate::contact::unworn::Contact;
+
+/// How far beyond the depth images are computed, in units of it: a held force may press deeper.
+const MARGIN: f64 = 0.1;
+
+/// The springs under what is held.
+#[derive(Debug, Clone)]
+pub struct Springs {
+    mesh: Mesh,
+    control: Control,
+    /// ∫₀ᵃ y dx of the unworn contact.
+    half_force: f64,
+    /// Δ, or Δ_rig, that is commanded.
+    amplitude: f64,
+    /// Compression of the unworn spring at r₀ (at 0 if r₀ = 0), at the depth 1.
+    edge: f64,
+    /// Whether the stick edge moves inwards.
+    moves_in: bool,
+    depth: f64,
+    threshold: f64,
+    slides: bool,
+    /// g of the first cells.
+    images: Vec<f64>,
+    /// y of the cells in contact.
+    compressions: Vec<f64>,
+    /// ω of the cells whose images are known.
+    slips: Vec<f64>,
+}
+
+/// What pressing found, kept while the springs are pressed elsewhere.
+#[derive(Debug, Clone, Default)]
+pub struct Aside {
+    depth: f64,
+    threshold: f64,
+    slides: bool,
+    lists: [Vec<f64>; 3],
+}
+
+impl Springs {
+    /// The springs of a contact on a mesh.
+    #[must_use]
+    pub fn new(mesh: Mesh, contact: &Contact, control: &Control) -> Self {
+        let cells = mesh.widths().len();
+        let room = || Vec::with_capacity(cells);
+        let start = mesh.radii()[0];
+        let amplitude = match control.tangential {
+            Tangential::Rig { amplitude, .. } => amplitude,
+            _ => contact.threshold,
+        };
+        let held = matches!(control.tangential, Tangential::Force(_) | Tangential::Rig { .. });
+        Self {
+            control: control.clone(),
+            half_force: contact.shape.half_force(),
+            amplitude,
+            edge: 1.0 - contact.shape.image(start),
+            moves_in: held && control.normal == Normal::Depth,
+            depth: 1.0,
+            threshold: contact.threshold,
+            slides: false,
+            images: room(),
+            compressions: room(),
+            slips: room(),
+            mesh,
+        }
+    }
+
+    /// The mesh.
+    #[must_use]
+    pub fn mesh(&self) -> &Mesh {
+        &self.mesh
+    }
+
+    /// d.
+    #[must_use]
+    pub fn depth(&self) -> f64 {
+        self.depth
+    }
+
+    /// Δ.
+    #[must_use]
+    pub fn threshold(&self) -> f64 {
+        self.threshold
+    }
+
+    /// Whether the held tangential force is more than friction can carry.
+    #[must_use]
+    pub fn slides(&self) -> bool {
+        self.slides
+    }
+
+    /// y of the cells in contact.
+    #[must_use]
+    pub fn compressions(&self) -> &[f64] {
+        &self.compressions
+    }
+
+    /// ω of the cells whose images are known; beyond them it is 1.
+    #[must_use]
+    pub fn slips(&self) -> &[f64] {
+        &self.slips
+    }
+
+    /// How much less the distance of two meshes says of the error: where the edge moves inwards they are
+    /// off in the same way.
+    #[must_use]
+    pub fn doubt(&self) -> f64 {
+        if self.moves_in { 1.5 } else { 1.0 }
+    }
+
+    /// ω of a spring that hangs free.
+    #[must_use]
+    pub fn free_slip(&self) -> f64 {
+        match &self.control.tangential {
+            Tangential::Record(record) => record.slip(0.0),
+            _ => 1.0,
+        }
+    }
+
+    /// g of the cells whose images are known.
+    #[must_use]
+    pub fn images(&self) -> &[f64] {
+        &self.images
+    }
+
+    /// What is held.
+    #[must_use]
+    pub fn control(&self) -> &Control {
+        &self.control
+    }
+
+    /// Goes on from the depth, friction and amplitude of other springs.
+    pub fn resume(&mut self, other: &Self) {
+        self.depth = other.depth;
+        self.threshold = other.threshold;
+        self.amplitude = other.amplitude;
+    }
+
+    /// Sets aside what the last pressing found.
+    pub fn set_aside(&mut self, aside: &mut Aside) {
+        (aside.depth, aside.threshold, aside.slides) = (self.depth, self.threshold, self.slides);
+        self.exchange(aside);
+    }
+
+    /// Goes back to it.
+    pub fn put_back(&mut self, aside: &mut Aside) {
+        (self.depth, self.threshold, self.slides) = (aside.depth, aside.threshold, aside.slides);
+        self.exchange(aside);
+    }
+
+    fn exchange(&mut self, aside: &mut Aside) {
+        let here = [&mut self.images, &mut self.compressions, &mut self.slips];
+        here.into_iter()
+            .zip(&mut aside.lists)
+            .for_each(|(here, there)| std::mem::swap(here, there));
+    }
+
+    /// Commands another amplitude.
+    pub fn command(&mut self, amplitude: f64) {
+        self.amplitude = amplitude;
+    }
+
+    /// Presses the springs to the images under a wear at the nodes.
+    pub fn press_wear(&mut self, wear: &[f64]) {
+        let worn = wear.iter().rposition(|w| *w > 0.0).unwrap_or(0);
+        self.images.clear();
+        let cells = self.mesh.widths().len();
+        let mut known = self.depth * (1.0 + MARGIN);
+        if self.control.normal == Normal::Depth {
+            known = 1.0;
+        }
+        loop {
+            for q in self.images.len()..cells {
+                let image = self.mesh.unworn()[q] + self.mesh.image(q, wear);
+                self.images.push(image);
+                // Beyond all wear the unworn images rise.
+                if q > worn && image >= known {
+                    break;
+                }
+            }
+            self.press();
+            if self.depth <= known || self.images.len() == cells {
+                break;
+            }
+            known = self.depth * (1.0 + MARGIN);
+        }
+    }
+
+    /// Presses the springs to images that are worn by so much in each cell.
+    pub fn press_images(&mut self, worn: &[f64]) {
+        self.images.clear();
+        self.images.extend(self.mesh.unworn().iter().zip(worn).map(|(g, h)| g + h));
+        self.press();
+    }
+
+    fn press(&mut self) {
+        if self.control.normal == Normal::Force {
+            self.depth = self.depth_under_force();
+        }
+        self.compressions.clear();
+        self.compressions.extend(self.images.iter().map(|g| (self.depth - g).max(0.0)));
+        while self.compressions.last().is_some_and(|last| *last <= 0.0) {
+            self.compressions.pop();
+        }
+        self.slides = false;
+        self.threshold = match self.control.tangential {
+            Tangential::Force(half) => self.threshold_under(0.0, half).unwrap_or_else(|| {
+                self.slides = true;
+                self.compressions.iter().copied().fold(0.0, f64::max)
+            }),
+            Tangential::Rig { compliance, .. } if compliance > 0.0 => {
+                let per_force = 0.5 / compliance;
+                let under = self.threshold_under(per_force, self.amplitude * per_force);
+                under.unwrap_or(self.amplitude)
+            }
+            _ => self.amplitude,
+        };
+        self.slip();
+    }
+
+    /// d with r₀·d + Σ D (d − g)₊ as held.
+    fn depth_under_force(&self) -> f64 {
+        let (start, widths) = (self.mesh.radii()[0], self.mesh.widths());
+        let inside = start - self.mesh.core();
+        let mut depth = self.depth;
+        for _ in 0..100 {
+            let (mut load, mut stiffness) = (start * depth - inside, start);
+            for (g, width) in self.images.iter().zip(widths) {
+                if *g < depth {
+                    load += width * (depth - g);
+                    stiffness += width;
+                }
+            }
+            if stiffness == 0.0 {
+                depth = self.images.iter().copied().fold(f64::INFINITY, f64::min) + self.half_force;
+                continue;
+            }
+            let next = depth + (self.half_force - load) / stiffness;
+            if (next - depth).abs() <= 2.0 * f64::EPSILON * next.abs() {
+                return next;
+            }
+            depth = next;
+        }
+        depth
+    }
+
+    /// Δ with a·Δ + r₀·Δ + Σ D min(y, Δ) = `target`.
+    fn threshold_under(&self, a: f64, target: f64) -> Option<f64> {
+        let (start, widths) = (self.mesh.radii()[0], self.mesh.widths());
+        let most = self.compressions.iter().copied().fold(0.0, f64::max);
+        // From below, a concave sum is met from the left.
+        let mut threshold = if a + start > 0.0 { self.threshold } else { 0.0 };
+        for _ in 0..100 {
+            let (mut sum, mut slope) = ((a + start) * threshold, a + start);
+            for (q, width) in widths[..self.compressions.len()].iter().enumerate() {
+                let (carried, stuck) = self.carried(q, threshold);
+                sum += width * carried;
+                slope += width * stuck;
+            }
+            if slope == 0.0 {
+                return (sum >= target).then_some(most);
+            }
+            let next = (threshold + (target - sum) / slope).max(0.0);
+            if a + start == 0.0 && next >= most && threshold < most {
+                // The last corner lies between.
+                threshold = most;
+                continue;
+            }
+            if (next - threshold).abs() <= 2.0 * f64::EPSILON * next {
+                return Some(next);
+            }
+            threshold = next;
+        }
+        Some(threshold)
+    }
+
+    /// ω of every cell.
+    fn slip(&mut self) {
+        self.slips.clear();
+        let loaded = self.compressions.len();
+        if self.threshold == 0.0 {
+            // Nothing moves.
+            self.slips.resize(self.images.len(), 0.0);
+            return;
+        }
+        let per_threshold = 1.0 / self.threshold;
+        if let Tangential::Record(record) = &self.control.tangential {
+            self.slips.extend(self.compressions.iter().map(|y| record.slip(y * per_threshold)));
+            self.slips.resize(self.images.len(), record.slip(0.0));
+            return;
+        }
+        if !self.moves_in {
+            let carried = self.compressions.iter().map(|y| y.min(self.threshold));
+            self.slips.extend(carried.map(|carried| (1.0 - carried * per_threshold).max(0.0)));
+        }
+        for q in self.slips.len()..loaded {
+            let (carried, _) = self.carried(q, self.threshold);
+            self.slips.push((1.0 - carried * per_threshold).max(0.0));
+        }
+        self.slips.resize(self.images.len(), 1.0);
+    }
+
+    /// min(Δ, y) of the cells in contact.
+    #[must_use]
+    pub fn loads(&self) -> Vec<f64> {
+        (0..self.compressions.len()).map(|q| self.carried(q, self.threshold).0).collect()
+    }
+
+    /// Means over a cell of min(Δ, y), and the share of it that sticks.
+    fn carried(&self, q: usize, threshold: f64) -> (f64, f64) {
+        let here = self.compressions[q];
+        let (least, half_rise) = if self.moves_in { self.across(q) } else { (here, 0.0) };
+        if least >= threshold {
+            (threshold, 1.0)
+        } else if least + 2.0 * half_rise <= threshold {
+            (here, 0.0)
+        } else {
+            let below = threshold - least;
+            (threshold - below * below / (4.0 * half_rise), 1.0 - below / (2.0 * half_rise))
+        }
+    }
+
+    /// The least y of a cell with y linear across it, at the smaller of the slopes to both sides, and
+    /// half of its rise.
+    fn across(&self, q: usize) -> (f64, f64) {
+        let (widths, y) = (self.mesh.widths(), &self.compressions);
+        let here = y[q];
+        let before = match q {
+            0 if self.mesh.radii()[0] > 0.0 => (self.edge() - here) / (0.5 * widths[0]),
+            0 => f64::INFINITY,
+            _ => (y[q - 1] - here) / (0.5 * (widths[q - 1] + widths[q])),
+        };
+        let after = match y.get(q + 1) {
+            Some(next) => (here - next) / (0.5 * (widths[q] + widths[q + 1])),
+            None => 0.0,
+        };
+        let half_rise = 0.5 * widths[q] * before.min(after).max(0.0);
+        (here - half_rise, half_rise)
+    }
+
+    /// ∫₀ᵃ y dx.
+    #[must_use]
+    pub fn normal(&self) -> f64 {
+        let core = self.mesh.core() + self.mesh.radii()[0] * (self.depth - 1.0);
+        core + self.compressions.iter().zip(self.mesh.widths()).map(|(y, d)| y * d).sum::<f64>()
+    }
+
+    /// ∫₀ᵃ min(Δ, y) dx.
+    #[must_use]
+    pub fn tangential(&self) -> f64 {
+        let widths = self.mesh.widths()[..self.compressions.len()].iter().enumerate();
+        let sum: f64 = widths.map(|(q, d)| d * self.carried(q, self.threshold).0).sum();
+        self.threshold * self.mesh.radii()[0] + sum
+    }
+
+    /// ∫₀ᵃ y ω dx.
+    #[must_use]
+    pub fn loss(&self) -> f64 {
+        let springs = self.compressions.iter().zip(&self.slips).zip(self.mesh.widths());
+        springs.map(|((y, slip), d)| d * y * slip).sum()
+    }
+
+    /// How far the springs are from slipping all: falls to 0 where gross slip begins.
+    #[must_use]
+    pub fn margin(&self) -> f64 {
+        match self.control.tangential {
+            _ if self.mesh.radii()[0] > 0.0 => 1.0,
+            Tangential::Force(half) => self.normal() - half,
+            _ => self.compressions.iter().copied().fold(0.0, f64::max) - self.threshold,
+        }
+    }
+
+    /// F/F₀.
+    #[must_use]
+    pub fn share(&self) -> f64 {
+        self.normal() / self.half_force
+    }
+
+    /// c, between the middles of the cells on either side; 0 where all slip.
+    #[must_use]
+    pub fn stick(&self) -> f64 {
+        let radii = self.mesh.radii();
+        let middle = |q: usize| 0.5 * (radii[q] + radii[q + 1]);
+        let y = &self.compressions;
+        let sticks = |y: f64| y >= self.threshold * (1.0 - 1e-12);
+        let Some(last) = y.iter().rposition(|y| sticks(*y)) else {
+            let edge = self.edge();
+            let first = y.first().copied().unwrap_or(0.0);
+            if radii[0] == 0.0 || edge <= self.threshold || edge <= first {
+                return radii[0];
+            }
+            let share = (edge - self.threshold) / (edge - first);
+            return radii[0] + share * (middle(0) - radii[0]);
+        };
+        let Some(next) = y.get(last + 1) else {
+            return radii[last + 1];
+        };
+        // Outside, the springs may be worn down at once: the springs inside say where y falls to Δ.
+        let inner =
+            if last > 0 { (middle(last - 1), y[last - 1]) } else { (radii[0], self.edge()) };
+        let slope = (inner.1 - y[last]) / (middle(last) - inner.0);
+        let from_inside = middle(last) + (y[last] - self.threshold) / slope.max(1e-300);
+        // Springs as flat as those under a blunt tip stick to rounding.
+        let share = ((y[last] - self.threshold) / (y[last] - next)).max(0.0);
+        let between = middle(last) + share * (middle(last + 1) - middle(last));
+        from_inside.clamp(between, middle(last + 1).max(between))
+    }
+
+    /// y at r₀.
+    fn edge(&self) -> f64 {
+        self.edge + self.depth - 1.0
+    }
+}

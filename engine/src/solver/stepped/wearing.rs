@@ -1,0 +1,607 @@
+//! The two laws of wear on one mesh: local pressure times local slip, or the simplified rule (14).
+//!
+//! # Equations
+//! In units of a₀, d₀ and N₀, with A the matrix of the [`mesh`](super::mesh), and Δ/Δ₀ = U/U(0):
+//! ```text
+//! exact        dw/dÑ = p·s·Δ/Δ₀,   p_j = (2/π) Σ D y A_·j / M_j,   A·s = ω
+//! simplified   dg/dÑ = (ξ/ã)·η·ω·Δ/Δ₀  for x < ã,   η = d − g, signed       (14)
+//! V = π Σ M w,   dV/dÑ = 2 Σ D y ω·Δ/Δ₀   (exact: to rounding)
+//! ```
+//! ã is the root of (13) with the present c and d. Where every spring of the contact slips, A·s = ω
+//! has the solution s = (s₀ + w + const)/Δ, so that no system is solved.
+
+use super::law::Law;
+use super::mesh::Mesh;
+use super::plan::Plan;
+use super::rkc::Rates;
+use super::springs::{Aside, Springs};
+use crate::contact::control::{Control, Normal, Tangential};
+use crate::contact::limit::Limit;
+use crate::contact::unworn::Contact;
+use crate::numeric::{Monotone, largest, root, vertex};
+
+/// Multiplications that ã takes for each piece of the shape, about: eight looks for its root, with roots
+/// and logarithms in each.
+const SCAR_OPERATIONS: f64 = 400.0;
+
+/// A contact under wear.
+#[derive(Debug, Clone)]
+pub struct Wearing {
+    /// The unworn contact.
+    pub contact: Contact,
+    law: Law,
+    plan: Plan,
+    springs: Springs,
+    aside: Aside,
+    /// Δ·s of the unworn contact at the nodes, if every spring slips at the depth 1 + `sunk`.
+    unworn_slip: Vec<f64>,
+    /// s of the nodes.
+    slip: Vec<f64>,
+    /// Half of 1 over the width of the narrower cell next to each node: with s, how fast it can decay.
+    stiffness: Vec<f64>,
+    /// ã of the simplified rule, as it was last and as wide as it ever was.
+    scar: f64,
+    widest: f64,
+    radius: f64,
+}
+
+/// The worn contact at one instant, in units of a₀, d₀, E*d₀/a₀ and a₀²d₀.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Worn {
+    /// w at the nodes of the mesh; the simplified rule's may be negative near the rim.
+    pub wear: Vec<f64>,
+    /// g of the cells.
+    pub images: Vec<f64>,
+    /// y of the cells in contact.
+    pub compressions: Vec<f64>,
+    /// min(Δ, y) of these: less than either where the stick edge divides a cell.
+    pub loads: Vec<f64>,
+    /// ω of the cells.
+    pub slips: Vec<f64>,
+    /// d.
+    pub depth: f64,
+    /// Δ.
+    pub threshold: f64,
+    /// c.
+    pub stick: f64,
+    /// ∫₀ᵃ y dx.
+    pub normal: f64,
+    /// ∫₀ᵃ min(Δ, y) dx.
+    pub tangential: f64,
+    /// ∫₀ᵃ y ω dx.
+    pub loss: f64,
+    /// V of the wear that is reported: where it is positive.
+    pub volume: f64,
+    /// The largest wear.
+    pub deepest: f64,
+    /// The largest radius with wear; 0 before there is any.
+    pub scar: f64,
+    /// g(a) = d.
+    pub contact_radius: f64,
+}
+
+impl Wearing {
+    /// Lays a contact out on a mesh.
+    #[must_use]
+    pub fn new(contact: &Contact, control: &Control, law: Law, plan: Plan, cells: usize) -> Self {
+        let mesh = Mesh::new(&contact.shape, plan.radii(cells));
+        let level = 1.0 - contact.threshold;
+        let rest: Vec<f64> = mesh.unworn().iter().map(|g| g - level).collect();
+        let unworn_slip = mesh.solve(&rest);
+        let slip = vec![0.0; cells + 1];
+        let stiffness = (0..=cells)
+            .map(|j| &mesh.widths()[j.saturating_sub(1)..(j + 1).min(cells)])
+            .map(|next| 0.5 / next.iter().copied().fold(f64::INFINITY, f64::min))
+            .collect();
+        let scar = contact.limit.radius;
+        let springs = Springs::new(mesh, contact, control);
+        let contact = contact.clone();
+        let (widest, radius) = (0.0, 0.0);
+        let aside = Aside::default();
+        Self {
+            contact,
+            law,
+            plan,
+            springs,
+            aside,
+            unworn_slip,
+            slip,
+            stiffness,
+            scar,
+            widest,
+            radius,
+        }
+    }
+
+    /// The springs as they were last pressed.
+    #[must_use]
+    pub fn springs(&self) -> &Springs {
+        &self.springs
+    }
+
+    /// Where the nodes lie.
+    #[must_use]
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// Commands another amplitude.
+    pub fn command(&mut self, amplitude: f64) {
+        self.springs.command(amplitude);
+    }
+
+    /// Whether the mesh has room for no more wear and cannot get any.
+    #[must_use]
+    pub fn outgrows(&self) -> bool {
+        self.plan.reach >= self.contact.shape.extent() && self.is_full()
+    }
+
+    /// Whether the wear has come near the end of the mesh.
+    #[must_use]
+    pub fn is_full(&self) -> bool {
+        let cells = self.springs.mesh().widths().len();
+        match self.law {
+            _ if self.plan.reach >= self.plan.farthest => false,
+            Law::Exact => self.springs.compressions().len() + 3 >= cells,
+            Law::Simplified(_) => {
+                let Plan { start, reach, .. } = self.plan;
+                self.scar > start + 0.97 * (reach - start)
+            }
+        }
+    }
+
+    /// The same contact on a mesh that reaches further, and its values there.
+    #[must_use]
+    pub fn extended(&self, control: &Control, values: &[f64]) -> (Self, Vec<f64>) {
+        let Plan { start, reach, farthest, .. } = self.plan;
+        let reach = (start + 1.25 * (reach - start)).min(farthest).min(self.contact.shape.extent());
+        let plan = Plan { reach, ..self.plan.clone() };
+        let cells = self.springs.mesh().widths().len();
+        let mut larger = Self::new(&self.contact, control, self.law, plan, cells);
+        larger.springs.resume(&self.springs);
+        (larger.scar, larger.widest) = (self.scar, self.widest);
+        let (from, to) = (self.springs.mesh(), larger.springs.mesh());
+        let middles = |mesh: &Mesh| -> Vec<f64> {
+            mesh.radii().windows(2).map(|ends| 0.5 * (ends[0] + ends[1])).collect()
+        };
+        let carried = match self.law {
+            Law::Exact => {
+                // Where all has slipped for long the worn profile is almost flat and its wear is not, a
+                // thousandth of which is more than the springs are compressed: what varies less is
+                // carried over.
+                let shape = &self.contact.shape;
+                let squares = from.squares();
+                let worn: Vec<f64> =
+                    from.radii().iter().zip(values).map(|(r, w)| shape.profile(*r) + w).collect();
+                let of_wear = Monotone::through(squares.to_vec(), values.to_vec());
+                let of_worn = Monotone::through(squares.to_vec(), worn.clone());
+                let mut wear: Vec<f64> = to
+                    .squares()
+                    .iter()
+                    .zip(to.radii())
+                    .map(|(t, r)| {
+                        let next = squares.partition_point(|known| known <= t).max(1);
+                        if next > cells {
+                            return 0.0;
+                        }
+                        let varies = |curve: &[f64]| (curve[next] - curve[next - 1]).abs();
+                        if varies(&worn) < varies(values) {
+                            (of_worn.at(*t) - shape.profile(*r)).max(0.0)
+                        } else {
+                            of_wear.at(*t).max(0.0)
+                        }
+                    })
+                    .collect();
+                wear[0] = 0.0;
+                // V is kept by shifting what is worn, which leaves it as flat as it is.
+                let start = to.squares()[0];
+                let share: Vec<f64> = to
+                    .squares()
+                    .iter()
+                    .zip(&wear)
+                    .map(|(t, w)| if *w > 0.0 { 1.0 - start / t } else { 0.0 })
+                    .collect();
+                let area = to.volume(&share);
+                if area > 0.0 {
+                    let shift = (from.volume(values) - to.volume(&wear)) / area;
+                    for (w, share) in wear.iter_mut().zip(&share) {
+                        *w = (*w + shift * share).max(0.0);
+                    }
+                }
+                if to.radii()[0] == 0.0 {
+                    wear[0] = wear[1];
+                }
+                wear
+            }
+            Law::Simplified(_) => {
+                let known = middles(from);
+                let end = known[cells - 1];
+                let curve = Monotone::through(known, values[1..].to_vec());
+                let here = middles(to);
+                let worn = here.iter().map(|x| if *x < end { curve.at(*x) } else { 0.0 });
+                std::iter::once(0.0).chain(worn).collect()
+            }
+        };
+        (larger, carried)
+    }
+
+    /// The wear under worn images; beyond ã the rule leaves the profile as it was.
+    fn inverse(&self, images: &[f64]) -> Vec<f64> {
+        let mesh = self.springs.mesh();
+        let mut wear = mesh.inverse(images);
+        let scar = self.widest;
+        for (wear, r) in wear.iter_mut().zip(mesh.radii()) {
+            *wear = if *r > scar { 0.0 } else { *wear };
+        }
+        wear
+    }
+
+    /// About how many multiplications a right-hand side takes.
+    #[must_use]
+    pub fn operations(&self) -> f64 {
+        let cells = self.springs.mesh().widths().len() as f64;
+        let scar = if self.law == Law::Exact || self.keeps_scar() { 0.0 } else { SCAR_OPERATIONS };
+        cells * cells + scar * self.contact.shape.pieces() as f64
+    }
+
+    /// c of the springs as they were last pressed.
+    fn stick(&self) -> f64 {
+        if self.springs.control().keeps_stick() { self.contact.stick } else { self.springs.stick() }
+    }
+
+    /// Whether ã stays where it is for ever.
+    fn keeps_scar(&self) -> bool {
+        let control = self.springs.control();
+        control.keeps_stick() && control.normal == Normal::Depth
+    }
+
+    /// ã of the springs as they were last pressed.
+    fn scar_radius(&self) -> f64 {
+        if self.keeps_scar() {
+            return self.contact.limit.radius;
+        }
+        Limit::scar(&self.contact.shape, self.stick(), self.springs.depth(), self.scar)
+    }
+
+    /// Presses the springs to the state that these values describe.
+    pub fn press(&mut self, values: &[f64]) {
+        match self.law {
+            Law::Exact => self.springs.press_wear(values),
+            Law::Simplified(_) => {
+                self.springs.press_images(&values[1..]);
+                if self.springs.threshold() > 0.0 {
+                    self.widest = self.widest.max(self.scar_radius());
+                }
+            }
+        }
+    }
+
+    /// What holds where these values describe the state; afterwards the springs are as they were, at
+    /// `now`.
+    pub fn under<T>(
+        &mut self,
+        values: &[f64],
+        now: &[f64],
+        what: impl FnOnce(&mut Self, &[f64]) -> T,
+    ) -> T {
+        let mut aside = std::mem::take(&mut self.aside);
+        self.springs.set_aside(&mut aside);
+        let (scar, radius) = (self.scar, self.radius);
+        self.press(values);
+        let result = what(self, values);
+        (self.scar, self.radius) = (scar, radius);
+        self.springs.put_back(&mut aside);
+        self.aside = aside;
+        if self.law != Law::Exact {
+            // The rule looks how far the scar reaches.
+            self.press(now);
+        }
+        result
+    }
+
+    /// V of the values.
+    #[must_use]
+    pub fn volume(&self, values: &[f64]) -> f64 {
+        match self.law {
+            Law::Exact => self.springs.mesh().volume(values),
+            Law::Simplified(_) => {
+                let mesh = self.springs.mesh();
+                positive_volume(mesh.squares(), &self.inverse(&values[1..]))
+            }
+        }
+    }
+
+    /// dV/dÑ by the energy: 2 ∫ y ω dx·Δ/Δ₀.
+    #[must_use]
+    pub fn energy_rate(&self) -> f64 {
+        2.0 * self.springs.loss() * self.pace()
+    }
+
+    /// Δ/Δ₀.
+    #[must_use]
+    pub fn pace(&self) -> f64 {
+        self.springs.threshold() / self.contact.threshold
+    }
+
+    /// The state that these values describe.
+    #[must_use]
+    pub fn at(&mut self, values: &[f64]) -> Worn {
+        self.press(values);
+        let springs = &self.springs;
+        let mesh = springs.mesh();
+        let wear = match self.law {
+            Law::Exact => values.to_vec(),
+            Law::Simplified(_) => self.inverse(&values[1..]),
+        };
+        let mut images = springs.images().to_vec();
+        let mut slips = springs.slips().to_vec();
+        let known = images.len();
+        images
+            .extend((known..mesh.widths().len()).map(|q| mesh.unworn()[q] + mesh.image(q, &wear)));
+        slips.resize(images.len(), slips.last().copied().unwrap_or(1.0));
+        let (contact_radius, scar) = self.radii(&wear, &images);
+        let volume = positive_volume(mesh.squares(), &wear);
+        let mut wear = wear;
+        if self.law == Law::Exact && mesh.radii()[0] == 0.0 && self.stick() == 0.0 {
+            // Where the axis slips the worn profile is flat there, however steep it was.
+            let first = mesh.radii()[1];
+            wear[0] = (wear[1] + self.contact.shape.profile(first)).min(2.0 * wear[1]);
+        }
+        if self.law == Law::Exact {
+            // No image in contact exceeds d, so no worn profile does.
+            for (wear, r) in wear.iter_mut().zip(mesh.radii()) {
+                let room = (springs.depth() - self.contact.shape.profile(*r)).max(0.0);
+                *wear = wear.min(room);
+            }
+        }
+        Worn {
+            volume,
+            deepest: vertex(mesh.radii(), &wear, largest(&wear)).min(springs.depth()),
+            contact_radius,
+            scar,
+            depth: springs.depth(),
+            threshold: springs.threshold(),
+            stick: self.stick(),
+            normal: springs.normal(),
+            tangential: springs.tangential(),
+            loss: springs.loss(),
+            compressions: springs.compressions().to_vec(),
+            loads: springs.loads(),
+            wear,
+            images,
+            slips,
+        }
+    }
+
+    /// Contact radius and scar radius.
+    fn radii(&self, wear: &[f64], images: &[f64]) -> (f64, f64) {
+        let radii = self.springs.mesh().radii();
+        let most = wear.iter().copied().fold(0.0, f64::max);
+        let held = self.springs.control().normal == Normal::Depth;
+        if most == 0.0 {
+            return (1.0, 0.0);
+        }
+        let last = wear.iter().rposition(|w| *w > 1e-9 * most).unwrap_or(0);
+        if let Law::Simplified(_) = self.law {
+            let scar = match wear.get(last + 1) {
+                Some(next) if *next < 0.0 => {
+                    let share = wear[last] / (wear[last] - next);
+                    radii[last] + share * (radii[last + 1] - radii[last])
+                }
+                _ => radii[last],
+            };
+            // The rule wears a free spring towards d, never past it.
+            return (if held { 1.0 } else { self.touching(images) }, scar);
+        }
+        let floor = if held { 1.0 } else { self.unworn_radius() };
+        let end = radii[(last + 1).min(radii.len() - 1)].max(floor);
+        if last == 0 || wear[last - 1] <= wear[last] {
+            return (end, end);
+        }
+        let (here, before) = (wear[last], wear[last - 1]);
+        let reached = radii[last] + here * (radii[last] - radii[last - 1]) / (before - here);
+        let radius = reached.clamp(floor, end);
+        (radius, radius)
+    }
+
+    /// Where the unworn image reaches the present depth.
+    fn unworn_radius(&self) -> f64 {
+        let depth = self.springs.depth();
+        let radii = self.springs.mesh().radii();
+        let end = radii[radii.len() - 1];
+        let shape = &self.contact.shape;
+        if depth <= 1.0 {
+            return 1.0;
+        }
+        if shape.image(end) <= depth {
+            return end;
+        }
+        root(1.0, end, |x| shape.image(x) - depth)
+    }
+
+    /// Where the images pass the depth, between the middles of cells.
+    fn touching(&self, images: &[f64]) -> f64 {
+        let (radii, depth) = (self.springs.mesh().radii(), self.springs.depth());
+        let loaded = self.springs.compressions().len();
+        let middle = |q: usize| 0.5 * (radii[q] + radii[q + 1]);
+        if loaded == 0 || loaded == images.len() {
+            return radii[loaded];
+        }
+        let (inside, outside) = (depth - images[loaded - 1], images[loaded] - depth);
+        let share = inside / (inside + outside);
+        middle(loaded - 1) + share * (middle(loaded) - middle(loaded - 1))
+    }
+
+    /// s at the nodes as far as the contact reaches.
+    fn solve_slip(&mut self, wear: &[f64]) {
+        let springs = &self.springs;
+        let live = springs.compressions().len();
+        let threshold = springs.threshold();
+        if threshold == 0.0 {
+            self.slip.fill(0.0);
+            return;
+        }
+        let harmonic = !matches!(springs.control().tangential, Tangential::Record(_));
+        let most = springs.compressions().iter().copied().fold(0.0, f64::max);
+        let closed = harmonic
+            && if self.plan.start > 0.0 {
+                springs.control().keeps_stick()
+            } else {
+                most < threshold
+            };
+        if closed {
+            // Δ − d + g₀(c): 0 but in gross slip, where both may have changed.
+            let rise = (threshold - self.contact.threshold) - (springs.depth() - 1.0);
+            let rise = if self.plan.start > 0.0 { 0.0 } else { rise };
+            let per_threshold = 1.0 / threshold;
+            let nodes = self.slip[1..=live].iter_mut().zip(&self.unworn_slip[1..]).zip(&wear[1..]);
+            for ((slip, unworn), wear) in nodes {
+                *slip = (unworn + wear + rise).max(0.0) * per_threshold;
+            }
+            return;
+        }
+        springs.mesh().solve_into(&springs.slips()[..live], &mut self.slip);
+        for slip in &mut self.slip[..=live] {
+            *slip = slip.max(0.0);
+        }
+    }
+
+    fn exact_rates(&mut self, wear: &[f64], rates: &mut [f64]) {
+        self.springs.press_wear(wear);
+        self.solve_slip(wear);
+        let (springs, pace) = (&self.springs, self.pace());
+        let mesh = springs.mesh();
+        mesh.pressure(springs.compressions(), rates);
+        let live = springs.compressions().len();
+        self.radius = 0.0;
+        let nodes = self.slip[1..=live].iter().zip(&self.stiffness[1..=live]);
+        for ((slip, stiffness), rate) in nodes.zip(&mut rates[1..=live]) {
+            let slip = slip * pace;
+            self.radius = self.radius.max(stiffness * slip);
+            *rate *= slip;
+        }
+        rates[live + 1..].fill(0.0);
+        rates[0] = if mesh.radii()[0] == 0.0 { rates[1] } else { 0.0 };
+    }
+
+    fn simplified_rates(&mut self, xi: f64, values: &[f64], rates: &mut [f64]) {
+        self.springs.press_images(&values[1..]);
+        if self.springs.threshold() == 0.0 {
+            rates.fill(0.0);
+            return;
+        }
+        self.scar = self.scar_radius();
+        let springs = &self.springs;
+        let rate = xi / self.scar * self.pace();
+        let radii = springs.mesh().radii();
+        rates[0] = 0.0;
+        for (q, ((image, slip), ends)) in
+            springs.images().iter().zip(springs.slips()).zip(radii.windows(2)).enumerate()
+        {
+            let inside = ((self.scar - ends[0]) / (ends[1] - ends[0])).clamp(0.0, 1.0);
+            rates[q + 1] = rate * inside * (springs.depth() - image) * slip;
+        }
+        self.radius = 2.0 * rate * springs.free_slip();
+    }
+}
+
+impl Rates for Wearing {
+    fn rates(&mut self, values: &[f64], rates: &mut [f64]) {
+        match self.law {
+            Law::Exact => self.exact_rates(values, rates),
+            Law::Simplified(xi) => self.simplified_rates(xi, values, rates),
+        }
+    }
+
+    fn radius(&self) -> f64 {
+        self.radius
+    }
+
+    fn most(&self) -> f64 {
+        match (self.law, self.springs.control().normal) {
+            // However deep the wear, pressure follows from how far the springs are compressed.
+            // Where a core bears the load in the end, those outside bear ever less.
+            (Law::Exact, Normal::Force) => {
+                let even = self.springs.normal() / self.plan.reach;
+                self.springs.compressions().iter().copied().fold(even, f64::max)
+            }
+            _ => f64::INFINITY,
+        }
+    }
+
+    fn live(&self) -> usize {
+        match self.law {
+            Law::Exact => self.springs.compressions().len(),
+            Law::Simplified(_) => self.springs.images().len(),
+        }
+    }
+}
+
+/// π ∫ max(0, w) dt of a wear that is linear in t between nodes.
+fn positive_volume(squares: &[f64], wear: &[f64]) -> f64 {
+    let area = |t: &[f64], w: &[f64]| {
+        let (low, high) = (w[0].min(w[1]), w[0].max(w[1]));
+        if high <= 0.0 {
+            0.0
+        } else if low >= 0.0 {
+            0.5 * (t[1] - t[0]) * (low + high)
+        } else {
+            0.5 * (t[1] - t[0]) * high * high / (high - low)
+        }
+    };
+    let sum: f64 = squares.windows(2).zip(wear.windows(2)).map(|(t, w)| area(t, w)).sum();
+    std::f64::consts::PI * sum
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::contact::control::Block;
+    use crate::contact::profile::Shape;
+    use crate::contact::record::Record;
+    use crate::contact::row::UnwornSums;
+    use crate::solver::stepped::rkc::Rkc;
+
+    #[test]
+    fn wear_and_dissipated_energy_agree_to_rounding_in_any_state_of_every_mode() {
+        let record = Arc::new(Record::new(&[1.0, -1.0, 0.6, -0.4, 0.8]).expect("motion"));
+        for (shape, threshold) in [
+            (Shape::power(2.0), 0.75),
+            (Shape::power(1.0), 0.79),
+            (Shape::sphere(2.0), 0.3),
+            (Shape::power(2.0), 1.8),
+        ] {
+            let contact = Contact::new(shape, threshold).expect("a limit");
+            let force = UnwornSums::of(&contact, None).tangential;
+            for (normal, tangential) in [
+                (Normal::Depth, Tangential::Amplitude),
+                (Normal::Force, Tangential::Amplitude),
+                (Normal::Depth, Tangential::Force(force)),
+                (Normal::Force, Tangential::Force(force)),
+                (Normal::Force, Tangential::Rig { amplitude: threshold + force, compliance: 0.5 }),
+                (Normal::Depth, Tangential::Blocks(vec![Block { threshold, end: 1e9 }])),
+                (Normal::Depth, Tangential::Record(Arc::clone(&record))),
+            ] {
+                if threshold >= 1.0 && matches!(tangential, Tangential::Force(_)) {
+                    continue;
+                }
+                let control = Control { normal, tangential };
+                let plan = Plan::first(&contact, &control, 64).expect("a scar that fits");
+                let mut wearing = Wearing::new(&contact, &control, Law::Exact, plan, 64);
+                let mut rkc = Rkc::new(&mut wearing, vec![0.0; 65], 3e-3, (1.0, 0.3));
+                for _ in 0..40 {
+                    // dV/dÑ = 2 ∫ y ω dx·Δ/Δ₀, term by term another sum.
+                    let rate = wearing.energy_rate();
+                    let growth = wearing.volume(rkc.rates());
+                    assert!((growth - rate).abs() <= 1e-12 * rate, "{growth} {rate} {control:?}");
+                    if wearing.springs().slides() {
+                        break;
+                    }
+                    rkc.advance(&mut wearing, f64::INFINITY);
+                }
+            }
+        }
+    }
+}
