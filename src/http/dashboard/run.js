@@ -72,7 +72,7 @@ export async function showRun(main, { id, signal }) {
       job.state === "queued" && ["Waiting for", "A free worker. Users take turns."],
       started && [finished ? "Duration" : "Running for", duration(elapsed)],
       job.state === "running" && ["Time left (estimate)", left === null ? "Not available yet" : duration(left), "left"],
-      job.attempt > 1 && ["Attempt", `${job.attempt}. The server stopped during the previous attempt.`, "attempt"],
+      job.attempt > 1 && ["Attempt", `${job.attempt}. The server stopped during an earlier attempt.`, "attempt"],
       job.origin === "coalesced" && ["Shared run", "Another job already computes this scenario."],
     ]));
   }
