@@ -13,7 +13,8 @@ use bytesize::ByteSize;
 use clap::builder::{FalseyValueParser, PossibleValuesParser};
 use clap::parser::ValueSource;
 use clap::{ArgAction, ArgMatches, Args, Parser, Subcommand, ValueEnum};
-use fretwork::http::{self, Access, AdminKey, Format, Limits, Origins, Part, QUANTITIES};
+use fretwork::format::{Format, Part, QUANTITIES};
+use fretwork::http::{self, Access, AdminKey, Limits, Origins};
 use fretwork::job::Key;
 use fretwork::store::{self, Role, Search};
 

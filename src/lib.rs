@@ -1,6 +1,7 @@
 //! Fretting wear of axisymmetric contacts: the method of dimensionality reduction as a library
 //! and as a service.
 
+pub mod format;
 pub mod http;
 pub mod job;
 pub mod plot;

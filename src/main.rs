@@ -16,7 +16,8 @@ use std::time::{Duration, Instant};
 use axum::http::Uri;
 use axum::http::uri::Authority;
 use clap::{ArgMatches, CommandFactory as _, FromArgMatches as _};
-use fretwork::http::{self, Ask, Format, Part, Patient, Peer, Quantity, Unsound};
+use fretwork::format::{self, Format, Part, Quantity, View};
+use fretwork::http::{self, IdleTimeout, Peer, Unsound};
 use fretwork::job::{Answer, Step, Task};
 use fretwork::service::workers::{Compute, Workers};
 use fretwork::store::Store;
@@ -124,7 +125,7 @@ async fn serve_until_told(settings: &Serve) -> Result<(), Failure> {
     let (close, mut closed) = watch::channel(false);
     let router = http::router(store.clone(), &compute, draining, &settings.interface(count));
     let service = router.into_make_service_with_connect_info::<Peer>();
-    let listener = Patient { listener, patience: STILL };
+    let listener = IdleTimeout { listener, timeout: STILL };
     let mut shut = closed.clone();
     let server = axum::serve(listener, service).with_graceful_shutdown(async move {
         let _ = shut.wait_for(|shut| *shut).await;
@@ -312,7 +313,8 @@ fn compute(task: &Task) -> Result<(Answer, Duration), Failure> {
 /// Writes the result where it is wanted.
 fn print(answer: &Answer, settings: &Run) -> Result<(), Failure> {
     let (part, format) = settings.format.form();
-    let mut bytes = http::write_form(&answer.body, part, format, &Ask::default())?;
+    let mut bytes = Vec::new();
+    format::write(&mut bytes, &answer.body, part, format, &View::default())?;
     if format == Format::Json {
         bytes.push(b'\n');
     }
@@ -329,8 +331,9 @@ fn print(answer: &Answer, settings: &Run) -> Result<(), Failure> {
 /// Draws the result where a figure of it is wanted.
 fn draw(answer: &Answer, settings: &Run) -> Result<(), Failure> {
     let Some(file) = &settings.plot else { return Ok(()) };
-    let ask = Quantity::named(&settings.quantity).map(Ask::figure).unwrap_or_default();
-    let figure = http::write_form(&answer.body, Part::Plot, Format::Svg, &ask)?;
+    let view = Quantity::named(&settings.quantity).map(View::figure).unwrap_or_default();
+    let mut figure = Vec::new();
+    format::write(&mut figure, &answer.body, Part::Plot, Format::Svg, &view)?;
     fs::write(file, figure)
         .map_err(|error| format!("cannot write {}: {error}", file.display()).into())
 }

@@ -1,4 +1,4 @@
-//! Who asks, and with which request.
+//! The caller of a request, and the ids of the request.
 
 use std::convert::Infallible;
 use std::fmt;
@@ -13,11 +13,11 @@ use tokio::net::TcpListener;
 use uuid::Uuid;
 
 use super::access::Identity;
-use super::connection::Patient;
+use super::connection::IdleTimeout;
 use super::limits::Standing;
 use crate::store::Role;
 
-/// Where a connection comes from.
+/// The address of the client of a connection.
 #[derive(Debug, Clone, Copy)]
 pub struct Peer(SocketAddr);
 
@@ -27,18 +27,18 @@ impl axum::extract::connect_info::Connected<IncomingStream<'_, TcpListener>> for
     }
 }
 
-impl axum::extract::connect_info::Connected<IncomingStream<'_, Patient>> for Peer {
-    fn connect_info(stream: IncomingStream<'_, Patient>) -> Self {
+impl axum::extract::connect_info::Connected<IncomingStream<'_, IdleTimeout>> for Peer {
+    fn connect_info(stream: IncomingStream<'_, IdleTimeout>) -> Self {
         Self(*stream.remote_addr())
     }
 }
 
-/// Names one request, in its answer, in the log and in the log of what it sets off.
+/// The ids of a request. They are in its answer, in the log, and in the log of the job that it submits.
 #[derive(Debug, Clone)]
 pub struct Trace {
     /// The request id.
     pub id: Arc<str>,
-    /// The `traceparent` (W3C Trace Context) under which the caller works, if it has one.
+    /// The `traceparent` header of the client (W3C Trace Context).
     pub parent: Option<Arc<str>>,
 }
 
@@ -46,10 +46,10 @@ pub const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 const TRACEPARENT: HeaderName = HeaderName::from_static("traceparent");
 
 impl Trace {
-    /// Takes the names that the request brings, as far as they are sound.
+    /// Reads the ids from the headers. An invalid request id is replaced by a new one.
     pub fn read(headers: &HeaderMap) -> Self {
         let text = |name| headers.get(name).and_then(|value| value.to_str().ok());
-        let id = text(REQUEST_ID).filter(|id| is_sane(id));
+        let id = text(REQUEST_ID).filter(|id| is_valid_id(id));
         let own =
             || Arc::from(&*Uuid::now_v7().hyphenated().encode_lower(&mut Uuid::encode_buffer()));
         Self {
@@ -66,13 +66,13 @@ impl fmt::Display for Trace {
     }
 }
 
-/// An id from outside goes into the log and into answers, so it must be short and plain.
-fn is_sane(id: &str) -> bool {
+/// The id of a client is written to the log and to answers, so it must be short and harmless.
+fn is_valid_id(id: &str) -> bool {
     let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-_.:/+=".contains(&byte);
     (1..=128).contains(&id.len()) && id.bytes().all(plain)
 }
 
-/// Version, trace, parent and flags in lower-case hexadecimal, neither id only zeros.
+/// Version, trace id, parent id and flags in lower-case hexadecimal; ids must not be zero.
 fn is_traceparent(text: &str) -> bool {
     let parts: Vec<&str> = text.split('-').collect();
     let hex = |part: &&str| part.bytes().all(|b| b.is_ascii_digit() || (b'a'..=b'f').contains(&b));
@@ -83,33 +83,32 @@ fn is_traceparent(text: &str) -> bool {
         && parts[1..3].iter().all(|id| id.bytes().any(|b| b != b'0'))
 }
 
-/// What callers call themselves. No key has this name.
+/// Stands for the caller in filters by owner. No key has this name.
 pub const ME: &str = "me";
 
-/// Who asks.
+/// The client that sent a request.
 #[derive(Debug, Clone)]
 pub struct Caller {
-    /// Whom a job belongs to: the name of the key, or the address of the client where there are no
-    /// keys.
+    /// The owner of its jobs: the name of the key, or the client's address on a server without keys.
     pub owner: String,
-    /// What they may do.
+    /// What the caller may do.
     pub role: Role,
-    /// The key, by the name that may be shown; none where there are no keys.
+    /// The public id of the key; `None` on a server without keys.
     pub key: Option<String>,
-    /// What is left of their requests, if they are counted.
+    /// The remaining requests, if the key has a limit.
     pub standing: Option<Standing>,
-    /// The request. As text it goes with a job: its id and, after a blank, its `traceparent`.
+    /// The ids of the request. A job stores them as text: the request id, a blank, the `traceparent`.
     pub trace: Option<Trace>,
 }
 
 impl Caller {
-    /// Whose jobs they may see and touch; none if everyone's. Where there are no keys nobody is told
-    /// apart in earnest.
+    /// The owner whose jobs the caller may see and change; `None` for all owners. On a server without
+    /// keys every caller may see all jobs.
     pub fn reach(&self) -> Option<&str> {
         (self.role != Role::Admin).then_some(&self.owner)
     }
 
-    /// The owner that is meant by `me` or by a name, if it is one whose jobs they may see.
+    /// The owner with this name, or the caller for `me`. `None` if the caller may not see its jobs.
     pub fn owner_named(&self, name: &str) -> Option<String> {
         let owner = if name == ME { &self.owner } else { name };
         let seen = self.reach().is_none_or(|own| own == owner);
@@ -124,7 +123,8 @@ fn address(parts: &Parts) -> String {
     )
 }
 
-/// A client as an owner. One of version 6 has a whole network of 2⁶⁴ addresses, and changes them.
+/// The owner for an address. An IPv6 client changes its address within a network of 2⁶⁴ addresses, so the
+/// network is the owner.
 fn owner(address: IpAddr) -> String {
     match address {
         IpAddr::V4(address) => address.to_string(),
@@ -154,9 +154,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_a_sound_traceparent_is_taken() {
-        let sound = "00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01";
-        assert!(is_traceparent(sound));
+    fn an_invalid_traceparent_is_ignored() {
+        let valid = "00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01";
+        assert!(is_traceparent(valid));
         for bad in [
             "",
             "00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7",

@@ -1,7 +1,7 @@
-//! Connections that end: nobody keeps one, and what it holds, by doing nothing.
+//! Idle connections are closed.
 //!
-//! A client that vanished without a word, sends half a request or does not read its answer would
-//! occupy a connection and up to an answer's worth of memory for ever.
+//! Otherwise a client that disappears, sends half a request or does not read its answer would occupy a
+//! connection, and the memory of its answer, for ever.
 
 use std::io::{self, IoSlice};
 use std::net::SocketAddr;
@@ -14,25 +14,24 @@ use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::time::{Instant, Sleep, sleep};
 
-/// Accepts connections that are closed once nothing has moved for some time, in either direction.
-/// It must be longer than the longest time a request may wait for its answer.
+/// Accepts connections and closes them when no byte was received or sent for some time.
 #[derive(Debug)]
-pub struct Patient {
-    /// Where connections come from.
+pub struct IdleTimeout {
+    /// Accepts the connections.
     pub listener: TcpListener,
-    /// How long a connection may stand still.
-    pub patience: Duration,
+    /// Maximum idle time. It must be longer than the longest wait for an answer.
+    pub timeout: Duration,
 }
 
-impl Listener for Patient {
+impl Listener for IdleTimeout {
     type Io = Connection<TcpStream>;
     type Addr = SocketAddr;
 
     async fn accept(&mut self) -> (Self::Io, Self::Addr) {
         let (io, address) = Listener::accept(&mut self.listener).await;
-        // Small answers must not wait for more to send; without it they only come later.
+        // Sends small answers at once. If this fails, they are only delayed.
         let _ = io.set_nodelay(true);
-        (Connection::new(io, self.patience), address)
+        (Connection::new(io, self.timeout), address)
     }
 
     fn local_addr(&self) -> io::Result<Self::Addr> {
@@ -40,32 +39,32 @@ impl Listener for Patient {
     }
 }
 
-/// A connection with a clock that starts anew whenever something moves.
+/// A connection with a timer that restarts when a byte is received or sent.
 #[derive(Debug)]
 pub struct Connection<T> {
     io: T,
-    patience: Duration,
-    // One clock for both directions: they are driven by one task.
-    still: Pin<Box<Sleep>>,
+    timeout: Duration,
+    // One timer for both directions: one task drives them.
+    timer: Pin<Box<Sleep>>,
 }
 
 impl<T: Unpin> Connection<T> {
-    fn new(io: T, patience: Duration) -> Self {
-        Self { io, patience, still: Box::pin(sleep(patience)) }
+    fn new(io: T, timeout: Duration) -> Self {
+        Self { io, timeout, timer: Box::pin(sleep(timeout)) }
     }
 
-    /// Has something done, and fails if nothing moves for too long.
+    /// Polls an operation, and fails when the timer expires.
     fn watch<R>(
         &mut self,
         context: &mut Context<'_>,
         go: impl FnOnce(Pin<&mut T>, &mut Context<'_>) -> Poll<io::Result<R>>,
     ) -> Poll<io::Result<R>> {
-        let moved = go(Pin::new(&mut self.io), context);
-        if moved.is_ready() {
-            self.still.as_mut().reset(Instant::now() + self.patience);
-            return moved;
+        let done = go(Pin::new(&mut self.io), context);
+        if done.is_ready() {
+            self.timer.as_mut().reset(Instant::now() + self.timeout);
+            return done;
         }
-        ready!(self.still.as_mut().poll(context));
+        ready!(self.timer.as_mut().poll(context));
         Poll::Ready(Err(io::ErrorKind::TimedOut.into()))
     }
 }
@@ -101,7 +100,7 @@ impl<T: AsyncWrite + Unpin> AsyncWrite for Connection<T> {
         self.io.is_write_vectored()
     }
 
-    // To have nothing to flush is no movement: the clock runs on.
+    // An empty flush succeeds without sending a byte, so it must not restart the timer.
     fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
         Pin::new(&mut self.io).poll_flush(context)
     }
@@ -118,9 +117,9 @@ mod tests {
     use super::*;
 
     #[tokio::test]
-    async fn what_moves_goes_on_and_what_stands_still_ends() {
+    async fn an_idle_connection_times_out_and_an_active_one_does_not() {
         let (mut client, server) = duplex(16);
-        // No patience at all: any pause is too long.
+        // Any pause is too long.
         let mut server = Connection::new(server, Duration::ZERO);
         let mut byte = [0];
         for _ in 0..3 {
@@ -136,11 +135,11 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn an_end_that_is_far_is_not_reached() {
+    async fn a_connection_lives_until_its_timeout() {
         let (mut client, server) = duplex(16);
         let mut server = Connection::new(server, Duration::from_mins(10));
         let mut byte = [0];
-        // It is read before it is written: the clock is looked at, and does not end it.
+        // The read starts first, so the timer is polled once and has not expired.
         let (read, written) = tokio::join!(server.read_exact(&mut byte), client.write_all(b"x"));
         assert_eq!((read.unwrap(), written.unwrap()), (1, ()));
     }

@@ -13,7 +13,6 @@ use axum::response::{IntoResponse, Response};
 use xxhash_rust::xxh3::xxh3_64;
 
 use super::coding::Coding;
-use super::format::Format;
 use super::problem::{self, Problem};
 use super::representation::held;
 use super::wire::{NoQuery, Segment};
@@ -55,7 +54,7 @@ impl Asset {
     fn new(&(name, media_type, bytes): &File) -> Self {
         let bodies = [Coding::Identity, Coding::Gzip, Coding::Zstd].map(|accepted| {
             #[expect(clippy::expect_used, reason = "writing to memory cannot fail")]
-            let (body, used) = accepted.encode(bytes, true).expect("compresses a file in memory");
+            let (body, used) = accepted.encode(bytes).expect("compresses a file in memory");
             (accepted, body, used)
         });
         Self { name, media_type, tag: format!("\"{:016x}\"", xxh3_64(bytes)), bodies }
@@ -92,7 +91,7 @@ fn file(name: &str, headers: &HeaderMap) -> Result<Response, Problem> {
     if let Some(tag) = held(headers, &asset.tag) {
         return Ok((StatusCode::NOT_MODIFIED, [(ETAG, tag)], shared).into_response());
     }
-    let chosen = Coding::choose(headers, Format::Json);
+    let chosen = Coding::choose(headers);
     let (_, body, used) = asset
         .bodies
         .iter()

@@ -172,8 +172,6 @@ pub async fn show(
             result.", content(
             (ref("#/components/schemas/Result") = "application/json"),
             (super::openapi::File = "application/x-npz"),
-            (ref("#/components/schemas/ByDifferences") =
-                "application/vnd.fretwork.differences+json"),
         )),
         (status = 303, description = "The result is at the address in `Location`.",
             headers(("Location" = String, description = "The address of the result."))),

@@ -1,10 +1,10 @@
-//! How much one caller may ask for: so many requests a minute, so many at work at a time.
+//! Rate limits of one key: requests per minute, and concurrent requests.
 
 use std::num::NonZeroU32;
 use std::sync::Arc;
 
 use axum::body::Body;
-use axum::http::{HeaderMap, HeaderName, HeaderValue};
+use axum::http::{HeaderMap, HeaderName};
 use governor::clock::{Clock as _, DefaultClock};
 use governor::middleware::StateInformationMiddleware;
 use governor::state::{InMemoryState, NotKeyed};
@@ -13,41 +13,42 @@ use http_body_util::BodyExt as _;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use super::problem::{self, Problem};
+use super::wire::ascii;
 
 const POLICY: HeaderName = HeaderName::from_static("ratelimit-policy");
 const STATE: HeaderName = HeaderName::from_static("ratelimit");
 
-/// What callers may ask for; none is no limit.
+/// The limits of one key; `None` is no limit.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Limits {
-    /// Requests a minute. As many may come at once; then they are given back evenly.
+    /// Requests per minute. All of them may arrive at once; the quota then refills evenly.
     pub per_minute: Option<NonZeroU32>,
-    /// Requests at work at the same time, up to the last byte of their answers.
+    /// Concurrent requests. A request ends with the last byte of its answer.
     pub at_once: Option<NonZeroU32>,
 }
 
 type Bucket = RateLimiter<NotKeyed, InMemoryState, DefaultClock, StateInformationMiddleware>;
 
-/// What one caller has taken of its limits.
+/// The current use of the limits of one key.
 #[derive(Debug)]
 pub struct Account {
     pub limits: Limits,
     bucket: Option<Bucket>,
-    places: Option<Arc<Semaphore>>,
+    concurrent: Option<Arc<Semaphore>>,
 }
 
-/// What is left of a caller's requests.
+/// The remaining requests of a key.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Standing {
-    /// Of so many a minute.
+    /// Requests per minute.
     quota: NonZeroU32,
-    /// So many may come at once.
+    /// Number of requests that may arrive at once.
     pub left: u32,
-    /// In so many seconds there is at least one more.
+    /// Seconds until at least one more request is allowed.
     more_in: u32,
 }
 
-/// A request that is within the limits, as long as it is kept.
+/// A request within the limits. Dropping it ends the request.
 #[derive(Debug, Default)]
 pub struct Place {
     pub standing: Option<Standing>,
@@ -60,16 +61,16 @@ impl Account {
             RateLimiter::direct(Quota::per_minute(quota))
                 .with_middleware::<StateInformationMiddleware>()
         };
-        let places = limits.at_once.map(|most| Arc::new(Semaphore::new(most.get() as usize)));
-        Self { limits, bucket: limits.per_minute.map(bucket), places }
+        let concurrent = limits.at_once.map(|most| Arc::new(Semaphore::new(most.get() as usize)));
+        Self { limits, bucket: limits.per_minute.map(bucket), concurrent }
     }
 
-    /// Takes one request from what there is.
+    /// Counts a request, or refuses it.
     pub fn take(&self) -> Result<Place, Problem> {
-        let permit = match &self.places {
+        let permit = match &self.concurrent {
             None => None,
-            Some(places) => {
-                let permit = Arc::clone(places).try_acquire_owned();
+            Some(concurrent) => {
+                let permit = Arc::clone(concurrent).try_acquire_owned();
                 Some(permit.map_err(|_| full(self.limits.at_once))?)
             }
         };
@@ -81,14 +82,13 @@ impl Account {
     }
 }
 
-/// All places are taken. When one is free again nobody knows, so nobody is told: event streams have no
-/// end of their own, and answers end when their readers do.
+/// The problem for too many concurrent requests. It has no `Retry-After`: event streams have no end, and
+/// an answer ends when its client has read it.
 fn full(at_once: Option<NonZeroU32>) -> Problem {
     let most = at_once.map_or(0, NonZeroU32::get);
     let detail = format!(
-        "All {most} requests that this key may have at work at the same time are at work, waits and \
-         event streams among them. End some, or try again when some have ended; when that will be is not \
-         known."
+        "This key may have {most} concurrent requests, and has as many, including waits and event \
+         streams. End one of them, or try again later."
     );
     Problem::new(&problem::TOO_MANY_AT_ONCE, detail)
         .with_header(POLICY, format!("\"at-once\";q={most};qu=\"concurrent-requests\""))
@@ -98,7 +98,7 @@ fn full(at_once: Option<NonZeroU32>) -> Problem {
 fn count(bucket: &Bucket, quota: NonZeroU32) -> Result<Standing, Problem> {
     match bucket.check() {
         Ok(state) => {
-            // They are given back one by one.
+            // The quota refills one request at a time.
             let more_in = 60_u32.div_ceil(quota.get());
             Ok(Standing { quota, left: state.remaining_burst_capacity(), more_in })
         }
@@ -106,7 +106,8 @@ fn count(bucket: &Bucket, quota: NonZeroU32) -> Result<Standing, Problem> {
             let wait = refused.wait_time_from(DefaultClock::default().now());
             let more_in = wait.as_secs_f64().ceil().max(1.0) as u32;
             let standing = Standing { quota, left: 0, more_in };
-            let detail = format!("This key may send {quota} requests a minute, and has.");
+            let detail =
+                format!("This key may send {quota} requests per minute, and has sent them.");
             let problem = Problem::new(&problem::RATE_LIMITED, detail).retry_after(more_in);
             Err(standing.tell_in(problem))
         }
@@ -114,8 +115,8 @@ fn count(bucket: &Bucket, quota: NonZeroU32) -> Result<Standing, Problem> {
 }
 
 impl Standing {
-    /// As the IETF draft on RateLimit header fields writes it (draft-ietf-httpapi-ratelimit-headers): `t`
-    /// is how long no more than `r` can be had.
+    /// The headers of the IETF draft on RateLimit header fields (draft-ietf-httpapi-ratelimit-headers):
+    /// `r` requests remain for `t` seconds.
     fn headers(self) -> [(HeaderName, String); 2] {
         let Self { quota, left, more_in } = self;
         [
@@ -124,34 +125,31 @@ impl Standing {
         ]
     }
 
-    /// Says in a problem what is left.
+    /// Adds the remaining requests to a problem.
     pub fn tell_in(self, problem: Problem) -> Problem {
         let headers = self.headers().into_iter();
         headers.fold(problem, |problem, (name, value)| problem.with_header(name, value))
     }
 
-    /// Says in an answer what is left.
+    /// Adds the remaining requests to the headers of an answer.
     pub fn tell(self, headers: &mut HeaderMap) {
         for (name, value) in self.headers() {
-            // Numbers are always legal in a header.
-            if let Ok(value) = HeaderValue::try_from(value) {
-                headers.insert(name, value);
-            }
+            headers.insert(name, ascii(&value));
         }
     }
 }
 
 impl Place {
-    /// The same, without a word of it to the client: what is left is another's business.
+    /// The same without the remaining requests: the caller does not own the key.
     pub fn untold(self) -> Self {
         Self { standing: None, ..self }
     }
 
-    /// A body that keeps the place until it has been sent or given up.
+    /// A body that ends the request when it was sent or dropped.
     pub fn hold(self, body: Body) -> Body {
         match self.permit {
             Some(permit) => Body::new(body.map_err(move |error| {
-                // The closure goes when the body does, and the permit with it.
+                // The body owns this closure, and the closure owns the permit.
                 let _held = &permit;
                 error
             })),
@@ -167,7 +165,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn as_many_as_are_said_to_be_left_are_let_in_and_then_none() {
+    fn exactly_the_announced_number_of_requests_is_accepted() {
         let account = Account::new(Limits { per_minute: NonZeroU32::new(30), at_once: None });
         let left = account.take().unwrap().standing.unwrap().left;
         assert_eq!(left, 29);
@@ -178,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn a_place_is_free_again_when_its_body_is_gone() {
+    fn a_request_ends_when_its_body_is_dropped() {
         let account = Account::new(Limits { per_minute: None, at_once: NonZeroU32::new(1) });
         let body = account.take().unwrap().hold(Body::from("text"));
         assert!(account.take().is_err());

@@ -1,7 +1,7 @@
-//! Signed links: a result shown to somebody who has no key, until some day.
+//! Signed links: they open a result for clients without a key, until they expire.
 //!
-//! A link is the address of a result with `link=<expires>.<issuer>.<signature>`. Nothing is stored: the
-//! signature says that this server made it. It opens this result and its parts, for reading.
+//! A link is the address of a result with `link=<expires>.<issuer>.<signature>`. The server does not store
+//! links: it verifies the signature. A link allows its holder to read one result and its parts.
 
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
@@ -24,10 +24,10 @@ use super::results::read_key;
 use super::wire::{Query, Segment, instant};
 use crate::job::Key;
 
-/// How long a link is good for unless told.
-const USUAL: Duration = Duration::from_hours(7 * 24);
-/// How long a link may be good for.
-const LONGEST: Duration = Duration::from_hours(366 * 24);
+/// Default lifetime of a link.
+const DEFAULT_LIFETIME: Duration = Duration::from_hours(7 * 24);
+/// Maximum lifetime of a link.
+const MAX_LIFETIME: Duration = Duration::from_hours(366 * 24);
 
 /// The routes that a link opens.
 pub const OPENED: [&str; 5] = [
@@ -38,20 +38,20 @@ pub const OPENED: [&str; 5] = [
     "/v1/results/{key}/plot.svg",
 ];
 
-/// Signs links, and knows those it signed.
+/// Signs and verifies links.
 #[derive(Clone)]
 pub struct Signer {
     secret: Hmac<Sha256>,
-    /// The digest of the key from the settings: with another key, its links end.
+    /// The digest of the admin key from the settings. With another admin key, its links become invalid.
     admin: Option<[u8; 32]>,
 }
 
-/// A link that was signed here.
+/// A valid link.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Opened {
-    /// Which key made it.
+    /// The key that made it.
     pub issuer: String,
-    /// For how long it is still good.
+    /// Time until it expires.
     pub left: Duration,
 }
 
@@ -69,17 +69,17 @@ impl Signer {
         mac
     }
 
-    /// What makes an address of this result a link.
+    /// The value of `link` for a result.
     fn sign(&self, key: &Key, expires: u64, issuer: &str) -> String {
         let signature = self.message(key, expires, issuer).finalize().into_bytes();
         format!("{expires}.{issuer}.{}", HEXLOWER.encode(&signature))
     }
 
-    /// Whether a link opens this result now, and who made it.
+    /// Verifies a link to a result.
     fn open(&self, key: &Key, token: &str, now: Duration) -> Result<Opened, Problem> {
         let not_ours = || {
-            let detail = "This link was not made by this server for this result, or it has been \
-                changed. Ask whoever sent it for a new one.";
+            let detail = "This server did not make this link for this result, or the link was changed. \
+                Ask its sender for a new link.";
             Problem::new(&problem::BAD_LINK, detail)
         };
         let mut parts = token.splitn(3, '.');
@@ -96,8 +96,7 @@ impl Signer {
         let left = Duration::from_secs(expires).saturating_sub(now);
         if left.is_zero() {
             let at = instant(i64::try_from(expires.saturating_mul(1000)).unwrap_or(i64::MAX));
-            let detail =
-                format!("This link was good until {at}. Ask whoever sent it for a new one.");
+            let detail = format!("This link was good until {at}. Ask its sender for a new link.");
             return Err(Problem::new(&problem::BAD_LINK, detail));
         }
         Ok(Opened { issuer: issuer.to_owned(), left })
@@ -108,12 +107,12 @@ fn since_1970() -> Duration {
     SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default()
 }
 
-/// The `link` of an address.
+/// The value of `link` in an address.
 pub fn token(uri: &Uri) -> Option<&str> {
     uri.query()?.split('&').find_map(|pair| pair.strip_prefix("link="))
 }
 
-/// The same address without its `link`: handlers, caches and logs do not know of links.
+/// The address without its `link`, which handlers, caches and logs must not see.
 pub fn without_token(uri: &Uri) -> Option<Uri> {
     let rest = uri.query()?.split('&').filter(|pair| !pair.starts_with("link="));
     let rest: Vec<&str> = rest.collect();
@@ -121,10 +120,10 @@ pub fn without_token(uri: &Uri) -> Option<Uri> {
     format!("{}{mark}{}", uri.path(), rest.join("&")).parse().ok()
 }
 
-/// Whether a link opens what a request asks for.
+/// Verifies the link of a request.
 pub fn open(signer: &Signer, uri: &Uri, route: &str, token: &str) -> Result<Opened, Problem> {
     if !OPENED.contains(&route) {
-        let detail = "A link opens one result and its parts, nothing else.";
+        let detail = "A link opens only one result and its parts.";
         return Err(Problem::new(&problem::BAD_LINK, detail));
     }
     let key = uri.path().split('/').nth(3).unwrap_or_default();
@@ -134,24 +133,24 @@ pub fn open(signer: &Signer, uri: &Uri, route: &str, token: &str) -> Result<Open
 /// A link to a result.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct SharedLink {
-    /// The address that anyone may open, on this server. `/history`, `/profiles` and `/loops` can be
-    /// put before its `?`, and further parameters behind it.
+    /// An address on this server that anyone may open. Add `/history`, `/profiles`, `/loops` or
+    /// `/plot.svg` before its `?`, and more parameters at its end.
     #[schema(example = "/v1/results/…?link=1790000000.0a1b2c3d.…")]
     url: String,
-    /// Until when it opens: RFC 3339, UTC.
+    /// When it expires: RFC 3339, UTC.
     #[schema(format = "date-time", example = "2026-02-07T12:00:00.000Z")]
     expires: String,
 }
 
-/// Makes a link to a result, for somebody who has no key.
+/// Makes a link to a result, for readers without a key.
 ///
-/// It opens this result and its parts for reading, until it expires. It cannot be taken back by itself:
-/// it ends with the key that made it.
+/// It opens this result and its parts until it expires. A single link cannot be revoked; revoking the
+/// key that made it revokes all its links.
 #[utoipa::path(post, path = "/v1/results/{key}/links", operation_id = "share_result", tag = "results",
     params(
         ("key" = super::openapi::KeyText, Path, description = "The `key` of a result."),
-        ("expires_in" = Option<String>, Query, description = "For how long, such as `12h`, `7d` (the \
-            default) or `6months`; a year at most.", example = "7d"),
+        ("expires_in" = Option<String>, Query, description = "Lifetime of the link, for example \
+            `12h`, `7d` (the default) or `6months`; at most `366d`.", example = "7d"),
     ),
     responses(
         (status = 201, description = "The link.", body = SharedLink),
@@ -163,17 +162,17 @@ pub async fn share(
     Segment(key): Segment,
     mut query: Query,
 ) -> Result<Response, Problem> {
-    let accepted = "a time from 1s to 366d, such as 12h, 7d or 6months";
+    let accepted = "a time from 1s to 366d, for example 12h, 7d or 6months";
     let time = query.value("expires_in", accepted, |text| {
         let time = humantime::parse_duration(text).ok()?;
-        (Duration::from_secs(1)..=LONGEST).contains(&time).then_some(time)
+        (Duration::from_secs(1)..=MAX_LIFETIME).contains(&time).then_some(time)
     });
     query.finish()?;
     let key = read_key(&key)?;
     if !app.store.has_result(&key).await? {
         find(&app, caller.reach(), &key).await?;
     }
-    let expires = (since_1970() + time.unwrap_or(USUAL)).as_secs();
+    let expires = (since_1970() + time.unwrap_or(DEFAULT_LIFETIME)).as_secs();
     let issuer = caller.key.as_deref().unwrap_or(ANYONE);
     let token = app.gate.signer().await?.sign(&key, expires, issuer);
     let link = SharedLink {
@@ -191,7 +190,7 @@ mod tests {
     const NOW: Duration = Duration::from_secs(1_000_000);
 
     #[test]
-    fn only_what_was_signed_opens_and_only_in_its_time() {
+    fn a_link_opens_only_its_result_and_only_until_it_expires() {
         let signer = Signer::new(&[7; 32], None).unwrap();
         let (key, other) = (Key::from_bytes([1; 32]), Key::from_bytes([2; 32]));
         let token = signer.sign(&key, 1_000_060, "0a1b2c3d");
@@ -200,12 +199,12 @@ mod tests {
         assert!(signer.open(&other, &token, NOW).is_err());
         assert!(signer.open(&key, &token, Duration::from_secs(1_000_060)).is_err());
         assert!(Signer::new(&[8; 32], None).unwrap().open(&key, &token, NOW).is_err());
-        // A link of the key from the settings ends with that key.
+        // A link made with the admin key becomes invalid with another admin key.
         let admin = |digest| Signer::new(&[7; 32], Some(digest)).unwrap();
         let link = admin([1; 32]).sign(&key, 1_000_060, ADMIN);
         assert!(admin([1; 32]).open(&key, &link, NOW).is_ok());
         assert!(admin([2; 32]).open(&key, &link, NOW).is_err());
-        // Every single character counts.
+        // Changing any character makes the link invalid.
         for place in 0..token.len() {
             for new in ["0", "1", ".", "g"] {
                 let changed = format!("{}{new}{}", &token[..place], &token[place + 1..]);
@@ -215,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn an_address_without_its_link_is_the_plain_one() {
+    fn removing_the_link_keeps_the_other_parameters() {
         for (with, plain) in [
             ("/v1/results/ab?link=1.a.b", "/v1/results/ab"),
             ("/r?digits=7&link=1.a.b&format=csv", "/r?digits=7&format=csv"),

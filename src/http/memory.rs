@@ -1,11 +1,12 @@
-//! The answers asked for most, at hand in memory; and those on their way, made and held once for all
-//! who read them.
+//! Encoded answers in memory: a cache, and single-flight for answers that are being made.
+//!
+//! Concurrent requests for the same answer share one computation and one copy of its bytes, even if the
+//! cache does not keep it.
 
 use std::collections::HashMap;
 use std::num::NonZero;
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
-use std::thread;
+use std::{ptr, thread};
 
 use axum::body::Bytes;
 use quick_cache::sync::{Cache, DefaultLifecycle};
@@ -15,89 +16,94 @@ use tokio::sync::{OwnedMutexGuard, OwnedSemaphorePermit, Semaphore};
 use super::coding::Coding;
 use crate::job::Key;
 
-/// An encoded answer.
+/// The encoded body of an answer.
 #[derive(Debug, Clone)]
-pub struct Answer {
+pub struct Encoded {
     /// Its bytes.
     pub body: Bytes,
-    /// What was done to them.
+    /// How they are compressed.
     pub coding: Coding,
 }
 
-impl Answer {
-    /// An answer as it is.
+impl Encoded {
+    /// An uncompressed body.
     pub fn plain(body: Bytes) -> Self {
         Self { body, coding: Coding::Identity }
     }
 }
 
-/// Encoded answers up to some size in all; what is asked for rarely gives way. What is not kept, or
-/// no longer, is shared all the same as long as somebody reads it.
-#[derive(Debug)]
-pub struct Memory {
-    kept: Option<Cache<String, Answer, Size>>,
-    /// What somebody reads.
-    lent: Mutex<HashMap<String, Weak<Answer>>>,
-    /// Those that are being made: who wants one meanwhile waits for their turn.
-    turns: Mutex<HashMap<String, Weak<Turn>>>,
-    /// How often something had to be forgotten.
-    forgotten: AtomicU64,
-    /// Who has a permit may make an answer of what is large.
-    making: Arc<Semaphore>,
-}
+/// Largest number of answers from large results that are made at the same time: each takes several
+/// times the size of its result.
+const MAX_MAKERS: usize = 4;
 
-/// So many answers of what is large are made at the same time, at most: each takes several times the bytes
-/// it is made of.
-const MAKERS: usize = 4;
-
-/// How many names there are before those are looked for that nobody needs.
+/// Number of names from which unused names are removed.
 const NAMES: usize = 64;
 
-type Turn = tokio::sync::Mutex<()>;
+/// One answer, or none while it is being made. The lock is held by the task that makes it.
+type Slot = tokio::sync::Mutex<Option<Encoded>>;
 
-/// An answer is being made: as long as this is held nobody else begins with it. It comes back with the
-/// answer, so that the next one finds that, and otherwise goes with what is left of the making.
+/// A cache of encoded answers by name, which evicts the least used ones beyond its size. A name begins
+/// with the key of the result.
+#[derive(Debug)]
+pub struct Memory {
+    cache: Option<Cache<String, Encoded, Size>>,
+    /// Answers that are being made or sent.
+    slots: Mutex<HashMap<String, Weak<Slot>>>,
+    makers: Arc<Semaphore>,
+}
+
+/// Permission to make an answer. Other requests for it wait until this is dropped.
 #[derive(Debug)]
 pub struct Making {
-    /// How often something had to be forgotten before anything was read for it.
-    pub since: u64,
-    _turn: OwnedMutexGuard<()>,
+    name: String,
+    slot: OwnedMutexGuard<Option<Encoded>>,
+}
+
+/// An answer, or the permission to make it.
+#[derive(Debug)]
+pub enum Lookup {
+    /// The answer is in memory.
+    Found(Encoded),
+    /// The caller must make the answer.
+    Missing(Making),
 }
 
 #[derive(Debug, Clone)]
 struct Size;
 
-impl Weighter<String, Answer> for Size {
-    fn weight(&self, name: &String, answer: &Answer) -> u64 {
-        // What an entry takes beside its texts.
+impl Weighter<String, Encoded> for Size {
+    fn weight(&self, name: &String, answer: &Encoded) -> u64 {
+        /// Approximate size of an entry without its name and body, in bytes.
         const OVERHEAD: usize = 128;
         (name.len() + answer.body.len() + OVERHEAD) as u64
     }
 }
 
-/// The owner of the bytes that are sent: with the last of them the answer is gone.
-struct Owner(Arc<Answer>);
+/// Bytes that keep their slot alive, so that other requests find them there.
+struct Shared {
+    body: Bytes,
+    _slot: Arc<Slot>,
+}
 
-impl AsRef<[u8]> for Owner {
+impl AsRef<[u8]> for Shared {
     fn as_ref(&self) -> &[u8] {
-        &self.0.body
+        &self.body
     }
 }
 
-impl Owner {
-    fn share(answer: Arc<Answer>) -> Answer {
-        let coding = answer.coding;
-        Answer { body: Bytes::from_owner(Self(answer)), coding }
-    }
+fn share(answer: &Encoded, slot: &OwnedMutexGuard<Option<Encoded>>) -> Encoded {
+    let shared =
+        Shared { body: answer.body.clone(), _slot: Arc::clone(OwnedMutexGuard::mutex(slot)) };
+    Encoded { body: Bytes::from_owner(shared), coding: answer.coding }
 }
 
 impl Memory {
-    /// A memory of so many bytes; with none, nothing is remembered.
+    /// A cache of this many bytes; 0 disables it.
     pub fn new(bytes: u64) -> Self {
-        // About how many answers of the usual size there will be.
+        // Assumes answers of 64 KiB.
         let items = usize::try_from(bytes >> 16).unwrap_or(usize::MAX).max(16);
         let options = OptionsBuilder::new()
-            // Few parts, or a large answer fits into none of them.
+            // Few shards: an answer must fit into one shard.
             .shards(2)
             .estimated_items_capacity(items)
             .weight_capacity(bytes)
@@ -107,107 +113,75 @@ impl Memory {
             let (hash, life) = (DefaultHashBuilder::default(), DefaultLifecycle::default());
             Cache::with_options(options, Size, hash, life)
         };
-        let kept = options.filter(|_| bytes > 0).map(cache);
         let processors = thread::available_parallelism().map_or(1, NonZero::get);
         Self {
-            kept,
-            lent: Mutex::default(),
-            turns: Mutex::default(),
-            forgotten: AtomicU64::new(0),
-            making: Arc::new(Semaphore::new(processors.min(MAKERS))),
+            cache: options.filter(|_| bytes > 0).map(cache),
+            slots: Mutex::default(),
+            makers: Arc::new(Semaphore::new(processors.min(MAX_MAKERS))),
         }
     }
 
-    /// The right to make an answer of what is large, as long as the permit is held: until it is made,
-    /// whether or not somebody still waits for it.
-    pub async fn may_make(&self) -> Option<OwnedSemaphorePermit> {
-        Arc::clone(&self.making).acquire_owned().await.ok()
+    /// Waits for permission to make an answer from a large result.
+    pub async fn maker(&self) -> Option<OwnedSemaphorePermit> {
+        Arc::clone(&self.makers).acquire_owned().await.ok()
     }
 
-    /// The answer of this name, if it is remembered.
-    pub fn get(&self, name: &str) -> Option<Answer> {
-        self.kept.as_ref()?.get(name)
+    /// The cached answer with this name.
+    pub fn get(&self, name: &str) -> Option<Encoded> {
+        self.cache.as_ref()?.get(name)
     }
 
-    /// How often something had to be forgotten: who makes an answer that is to be remembered looks at it
-    /// before he reads anything.
-    pub fn forgotten(&self) -> u64 {
-        self.forgotten.load(Ordering::SeqCst)
-    }
-
-    /// Forgets every answer of a result that is there no longer. Who reads on has it to the end.
-    pub fn forget(&self, key: &Key) {
-        let begins = key.to_string();
-        // Under this lock everything is put in. What was made of the result before this moment is
-        // either there already and goes, or comes with the old count and is not taken.
-        let mut lent = lock(&self.lent);
-        if let Some(kept) = &self.kept {
-            kept.retain(|name, _| !name.starts_with(&begins));
-        }
-        lent.retain(|name, _| !name.starts_with(&begins));
-        self.forgotten.fetch_add(1, Ordering::SeqCst);
-    }
-
-    /// Remembers an answer, unless something was forgotten since: perhaps what it was made of.
-    pub fn put(&self, name: String, answer: &Answer, since: u64) {
-        let _lent = lock(&self.lent);
-        if let Some(kept) = self.kept.as_ref().filter(|_| self.forgotten() == since) {
-            kept.insert(name, answer.clone());
-        }
-    }
-
-    /// The answer of this name, which others may be reading; else it is made, by one of those who want it
-    /// at the same time. If that one goes away or fails, the next one makes it, once the turn is free.
-    pub async fn share<E, F>(&self, name: &str, make: impl FnOnce(Making) -> F) -> Result<Answer, E>
-    where
-        F: Future<Output = Result<(Answer, Making), E>>,
-    {
+    /// The answer with this name: cached, or shared with requests that read it now. If another request
+    /// makes it, this waits. If that request fails or is dropped, the caller makes it.
+    pub async fn lookup(&self, name: &str) -> Lookup {
         if let Some(answer) = self.get(name) {
-            return Ok(answer);
+            return Lookup::Found(answer);
         }
-        let turn = entry(&mut lock(&self.turns), name, Arc::default);
-        let turn = turn.lock_owned().await;
-        // Only now: what was forgotten while this one waited concerns nothing that it reads.
-        let since = self.forgotten();
-        if let Some(answer) = self.get(name).or_else(|| self.borrow(name)) {
-            return Ok(answer);
+        let slot = self.slot(name).lock_owned().await;
+        match &*slot {
+            Some(answer) => Lookup::Found(share(answer, &slot)),
+            None => Lookup::Missing(Making { name: name.to_owned(), slot }),
         }
-        let (answer, _making) = make(Making { since, _turn: turn }).await?;
-        Ok(self.lend(name, answer, since))
     }
 
-    /// The answer of this name that somebody reads.
-    fn borrow(&self, name: &str) -> Option<Answer> {
-        let answer = lock(&self.lent).get(name)?.upgrade()?;
-        Some(Owner::share(answer))
-    }
-
-    /// Has those who come read the same bytes, as long as somebody does, unless something was
-    /// forgotten since.
-    fn lend(&self, name: &str, answer: Answer, since: u64) -> Answer {
-        let mut lent = lock(&self.lent);
-        if self.forgotten() != since {
-            return answer;
+    /// Gives a finished answer to all requests that wait for it, and caches it if `keep` is true.
+    pub fn finish(&self, mut making: Making, answer: Encoded, keep: bool) -> Encoded {
+        if keep && let Some(cache) = &self.cache {
+            let slots = lock(&self.slots);
+            // Without its name, the result was deleted while the answer was made.
+            let current = slots.get(&making.name).map_or(ptr::null(), Weak::as_ptr);
+            if ptr::eq(current, Arc::as_ptr(OwnedMutexGuard::mutex(&making.slot))) {
+                cache.insert(making.name, answer.clone());
+            }
         }
-        Owner::share(entry(&mut lent, name, || Arc::new(answer)))
+        let shared = share(&answer, &making.slot);
+        *making.slot = Some(answer);
+        shared
     }
-}
 
-/// What has this name, as long as somebody holds it; else what is made now.
-fn entry<T>(
-    names: &mut HashMap<String, Weak<T>>,
-    name: &str,
-    make: impl FnOnce() -> Arc<T>,
-) -> Arc<T> {
-    if let Some(found) = names.get(name).and_then(Weak::upgrade) {
-        return found;
+    /// Removes all answers of a deleted result. Requests that already read one continue.
+    pub fn forget(&self, key: &Key) {
+        let key = key.to_string();
+        // `finish` inserts under the same lock.
+        let mut slots = lock(&self.slots);
+        if let Some(cache) = &self.cache {
+            cache.retain(|name, _| !name.starts_with(&key));
+        }
+        slots.retain(|name, _| !name.starts_with(&key));
     }
-    if names.len() >= NAMES && names.len() == names.capacity() {
-        names.retain(|_, held| held.strong_count() > 0);
+
+    fn slot(&self, name: &str) -> Arc<Slot> {
+        let mut slots = lock(&self.slots);
+        if let Some(slot) = slots.get(name).and_then(Weak::upgrade) {
+            return slot;
+        }
+        if slots.len() >= NAMES && slots.len() == slots.capacity() {
+            slots.retain(|_, slot| slot.strong_count() > 0);
+        }
+        let slot = Arc::default();
+        slots.insert(name.to_owned(), Arc::downgrade(&slot));
+        slot
     }
-    let made = make();
-    names.insert(name.to_owned(), Arc::downgrade(&made));
-    made
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -216,26 +190,40 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 
 #[cfg(test)]
 mod tests {
-    use std::convert::Infallible;
     use std::sync::atomic::{AtomicUsize, Ordering};
 
     use futures_util::FutureExt as _;
 
     use super::*;
 
-    fn answer(size: usize) -> Answer {
-        Answer::plain(Bytes::from(vec![0; size]))
+    fn answer(size: usize) -> Encoded {
+        Encoded::plain(Bytes::from(vec![0; size]))
     }
 
-    fn place<E: std::fmt::Debug>(answer: &Result<Answer, E>) -> *const u8 {
-        answer.as_ref().unwrap().body.as_ptr()
+    fn address(answer: &Encoded) -> *const u8 {
+        answer.body.as_ptr()
     }
 
-    #[test]
-    fn what_is_remembered_stays_within_its_bytes() {
+    async fn making(memory: &Memory, name: &str) -> Making {
+        match memory.lookup(name).await {
+            Lookup::Missing(making) => making,
+            Lookup::Found(_) => panic!("{name} is in memory"),
+        }
+    }
+
+    async fn found(memory: &Memory, name: &str) -> Encoded {
+        match memory.lookup(name).await {
+            Lookup::Found(answer) => answer,
+            Lookup::Missing(_) => panic!("{name} is not in memory"),
+        }
+    }
+
+    #[tokio::test]
+    async fn the_cache_stays_within_its_size() {
         let memory = Memory::new(100_000);
         for number in 0..100 {
-            memory.put(number.to_string(), &answer(10_000), 0);
+            let making = making(&memory, &number.to_string()).await;
+            memory.finish(making, answer(10_000), true);
         }
         let held = (0..100).filter(|number: &u32| memory.get(&number.to_string()).is_some());
         assert!((1..10).contains(&held.count()));
@@ -243,115 +231,88 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn what_many_want_is_made_once_and_held_once_until_nobody_reads_it() {
+    async fn concurrent_requests_share_one_computation_and_one_copy() {
         let memory = Memory::new(0);
         let made = AtomicUsize::new(0);
-        let want = || {
-            memory.share("form", |making| async {
-                made.fetch_add(1, Ordering::Relaxed);
-                tokio::task::yield_now().await;
-                Ok::<_, Infallible>((answer(1000), making))
-            })
+        let request = || async {
+            match memory.lookup("name").await {
+                Lookup::Found(answer) => answer,
+                Lookup::Missing(making) => {
+                    made.fetch_add(1, Ordering::Relaxed);
+                    tokio::task::yield_now().await;
+                    memory.finish(making, answer(1000), false)
+                }
+            }
         };
-        let (one, two, three) = tokio::join!(want(), want(), want());
-        assert_eq!((place(&one), place(&two)), (place(&two), place(&three)));
+        let (one, two, three) = tokio::join!(request(), request(), request());
+        assert_eq!((address(&one), address(&two)), (address(&two), address(&three)));
         assert_eq!(made.load(Ordering::Relaxed), 1);
         drop((one, two));
-        let four = want().await;
-        assert_eq!((place(&four), made.load(Ordering::Relaxed)), (place(&three), 1));
+        let four = request().await;
+        assert_eq!((address(&four), made.load(Ordering::Relaxed)), (address(&three), 1));
         drop((three, four));
-        want().await.unwrap();
+        request().await;
         assert_eq!(made.load(Ordering::Relaxed), 2);
     }
 
     #[tokio::test]
-    async fn who_fails_or_goes_away_leaves_the_making_to_the_next() {
+    async fn a_request_that_fails_leaves_the_answer_to_the_next() {
         let memory = Memory::new(0);
-        assert_eq!(
-            memory.share("name", |_| async { Err::<(Answer, Making), _>(7) }).await.unwrap_err(),
-            7
-        );
-        let never =
-            memory.share("name", |_| std::future::pending::<Result<(Answer, Making), u8>>());
-        tokio::select! {
-            biased;
-            _ = never => unreachable!("it is never made"),
-            () = std::future::ready(()) => {}
-        }
-        let made = memory.share("name", |making| async { Ok::<_, u8>((answer(1), making)) }).await;
-        assert_eq!(made.unwrap().body.len(), 1);
+        drop(making(&memory, "name").await);
+        let making = making(&memory, "name").await;
+        assert_eq!(memory.finish(making, answer(1), false).body.len(), 1);
     }
 
     #[tokio::test]
-    async fn who_goes_away_while_it_is_made_leaves_it_to_the_next_once_it_is_made() {
-        let memory = Memory::new(1 << 20);
-        let (begun, turn) = tokio::sync::oneshot::channel();
-        let first = memory.share("name", |making| {
-            let _ = begun.send(making);
-            std::future::pending::<Result<(Answer, Making), u8>>()
-        });
-        assert!(first.now_or_never().is_none());
-        let making = turn.await.unwrap();
-        let again = memory.share("name", |_| async { Err::<(Answer, Making), _>(7) });
-        let mut again = std::pin::pin!(again);
-        assert!((&mut again).now_or_never().is_none(), "it is still made");
-        memory.put("name".to_owned(), &answer(1), making.since);
-        drop(making);
-        assert_eq!(again.await.unwrap().body.len(), 1);
+    async fn an_answer_is_finished_for_the_next_request_if_its_own_was_dropped() {
+        let memory = Memory::new(0);
+        // The request is gone; only the thread that makes the answer holds this.
+        let making = making(&memory, "name").await;
+        let mut next = std::pin::pin!(memory.lookup("name"));
+        assert!((&mut next).now_or_never().is_none(), "it waits for the answer");
+        drop(memory.finish(making, answer(1), false));
+        assert!(matches!(next.await, Lookup::Found(answer) if answer.body.len() == 1));
     }
 
     #[tokio::test]
-    async fn what_is_deleted_is_had_by_nobody_who_comes_later() {
+    async fn a_deleted_result_has_no_answers_in_memory() {
         let memory = Memory::new(1 << 20);
         let key = Key::from_bytes([7; 32]);
-        let name = key.to_string();
-        let read = async || {
-            memory.share(&name, |making| async { Ok::<_, Infallible>((answer(1), making)) }).await
-        };
-        let held = read().await;
-        assert_eq!(place(&held), place(&read().await));
-        memory.put(name.clone(), &held.unwrap(), memory.forgotten());
-        assert!(memory.get(&name).is_some());
+        let name = format!("{key}.csv");
+        let held = memory.finish(making(&memory, &name).await, answer(1), true);
+        assert_eq!(address(&held), address(&found(&memory, &name).await));
         memory.forget(&key);
-        assert!(memory.get(&name).is_none() && memory.borrow(&name).is_none());
+        drop(making(&memory, &name).await);
 
-        // What was read before and comes after is had by who reads it, and not remembered.
-        let since = memory.forgotten();
-        let read = |making| async {
-            memory.forget(&key);
-            Ok::<_, Infallible>((answer(1), making))
-        };
-        let late = memory.share(&name, read).await.unwrap();
-        memory.put(name.clone(), &late, since);
-        assert!(memory.get(&name).is_none() && memory.borrow(&name).is_none());
+        // An answer that was made from the result before its deletion is sent, but not cached.
+        let late = making(&memory, &name).await;
+        memory.forget(&key);
+        let sent = memory.finish(late, answer(1), true);
+        drop(making(&memory, &name).await);
+        assert_eq!(sent.body.len(), 1);
     }
 
     #[tokio::test]
-    async fn few_answers_of_what_is_large_are_made_at_the_same_time() {
+    async fn few_answers_are_made_from_large_results_at_the_same_time() {
         let memory = Memory::new(0);
         let mut permits = Vec::new();
-        while let Some(Some(permit)) = memory.may_make().now_or_never() {
+        while let Some(Some(permit)) = memory.maker().now_or_never() {
             permits.push(permit);
         }
-        assert!((1..=MAKERS).contains(&permits.len()), "{}", permits.len());
+        assert!((1..=MAX_MAKERS).contains(&permits.len()), "{}", permits.len());
         permits.pop();
-        assert!(memory.may_make().now_or_never().flatten().is_some());
+        assert!(memory.maker().now_or_never().flatten().is_some());
     }
 
     #[tokio::test]
-    async fn names_that_nobody_reads_are_forgotten() {
+    async fn unused_names_are_removed() {
         let memory = Memory::new(0);
-        let held = memory
-            .share("held", |making| async { Ok::<_, u8>((answer(1), making)) })
-            .await
-            .unwrap();
+        let held = memory.finish(making(&memory, "held").await, answer(1), false);
         for number in 0..10_000 {
-            let name = number.to_string();
-            memory.share(&name, |making| async { Ok::<_, u8>((answer(1), making)) }).await.unwrap();
+            drop(making(&memory, &number.to_string()).await);
         }
-        let (lent, turns) = (memory.lent.lock().unwrap(), memory.turns.lock().unwrap());
-        assert!(lent.len() <= 4 * NAMES && lent.contains_key("held"), "{}", lent.len());
-        assert!(turns.len() <= 4 * NAMES, "{}", turns.len());
+        let slots = memory.slots.lock().unwrap();
+        assert!(slots.len() <= 4 * NAMES && slots.contains_key("held"), "{}", slots.len());
         drop(held);
     }
 }

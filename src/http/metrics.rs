@@ -1,4 +1,4 @@
-//! The numbers for those who watch the server, in the text format of OpenMetrics.
+//! Metrics of the server in the OpenMetrics text format.
 
 use std::time::{Duration, Instant};
 
@@ -46,14 +46,14 @@ struct Routed {
 }
 
 impl Metrics {
-    /// The metrics of a server with this store and so many workers.
+    /// The metrics of a server.
     pub fn new(store: &Store, workers: usize) -> Self {
         let mut registry = Registry::with_prefix("fretwork");
         let version = env!("CARGO_PKG_VERSION").to_owned();
         let build = Info::new(vec![("version", version), ("numerics", NUMERICS.to_string())]);
-        registry.register("build", "Which program this is", build);
+        registry.register("build", "Version of the program and of its numbers", build);
         let workers = ConstGauge::new(i64::try_from(workers).unwrap_or(i64::MAX));
-        registry.register("workers", "Threads that compute", workers);
+        registry.register("workers", "Worker threads", workers);
         store.tally().register(&mut registry);
         let buckets: fn() -> Histogram = || Histogram::new(exponential_buckets(1e-4, 4.0, 10));
         let metrics = Self {
@@ -67,34 +67,34 @@ impl Metrics {
         };
         registry.register_with_unit(
             "queue_oldest",
-            "How long the computation has waited that waits for longest",
+            "Waiting time of the oldest queued run",
             Unit::Seconds,
             metrics.longest_wait.clone(),
         );
         registry.register_with_unit(
             "disk_free",
-            "What is free on the disk of the data directory",
+            "Free space on the disk of the data directory",
             Unit::Bytes,
             metrics.free.clone(),
         );
         registry.register(
             "memory_cache_hits",
-            "Answers that were at hand in memory",
+            "Answers found in memory",
             metrics.memory_hits.clone(),
         );
         registry.register(
             "memory_cache_misses",
-            "Answers that were not at hand in memory",
+            "Answers not found in memory",
             metrics.memory_misses.clone(),
         );
         registry.register(
             "http_requests",
-            "Requests answered, by method, route and status",
+            "Answered requests by method, route and status",
             metrics.requests.clone(),
         );
         registry.register_with_unit(
             "http_request_duration",
-            "From the head of a request to the head of its answer; waits that were asked for count",
+            "Time from the head of a request to the head of its answer, including requested waits",
             Unit::Seconds,
             metrics.durations.clone(),
         );
@@ -110,13 +110,13 @@ impl Metrics {
         self.durations.get_or_create(&routed).observe(started.elapsed().as_secs_f64());
     }
 
-    /// Counts a look into the memory.
-    pub fn looked(&self, found: bool) {
+    /// Counts a lookup in the memory.
+    pub fn looked_up(&self, found: bool) {
         if found { &self.memory_hits } else { &self.memory_misses }.inc();
     }
 }
 
-/// Methods are what clients make up, and a label must not have endlessly many values.
+/// Clients can invent methods, but a label must have few values.
 fn known(method: &Method) -> &'static str {
     match *method {
         Method::GET => "GET",
@@ -129,25 +129,25 @@ fn known(method: &Method) -> &'static str {
     }
 }
 
-/// Returns the numbers for those who watch the server.
+/// Returns the metrics of the server.
 ///
-/// OpenMetrics text, as Prometheus and its kin collect it. Among them: `fretwork_queued_runs`,
-/// `fretwork_running_runs` and `fretwork_queue_oldest_seconds` (a queue that is stuck grows old while
-/// nothing runs), `fretwork_disk_free_bytes` and `fretwork_store_errors_total{kind="full"}` (a disk
-/// that fills), `fretwork_recomputes_total{result="differs"}` (a fault of program or machine).
+/// OpenMetrics text, for Prometheus and similar programs. Important metrics: `fretwork_queued_runs`,
+/// `fretwork_running_runs` and `fretwork_queue_oldest_seconds` show a stuck queue;
+/// `fretwork_disk_free_bytes` and `fretwork_store_errors_total{kind="full"}` show a full disk;
+/// `fretwork_recomputes_total{result="differs"}` shows a fault of the program or the machine.
 #[utoipa::path(get, path = "/metrics", operation_id = "metrics", tag = "system", responses(
     (status = 200, description = "All metrics.", body = String,
         content_type = "application/openmetrics-text"),
 ))]
 pub async fn metrics(State(app): State<App>, _: NoQuery) -> Result<Response, Problem> {
     let metrics = &app.metrics;
-    // A database that does not answer must not keep the other numbers back.
+    // If the database does not answer, the other metrics must still be available.
     let wait = tokio::time::timeout(Duration::from_secs(2), app.store.longest_wait()).await;
-    // What is not known must not look like what it was.
+    // An unknown value must not look like the previous one.
     metrics
         .longest_wait
         .set(wait.map_or(f64::NAN, |wait| wait.map_or(f64::NAN, |t| t.as_secs_f64())));
-    // The disk may be one that does not answer.
+    // A network disk may block.
     let store = app.store.clone();
     if let Ok(Some(free)) = tokio::task::spawn_blocking(move || store.free_bytes()).await {
         metrics.free.set(i64::try_from(free).unwrap_or(i64::MAX));

@@ -10,15 +10,15 @@ mod coding;
 mod connection;
 mod dashboard;
 mod diff;
+mod drain_body;
 mod events;
-mod format;
-mod forms;
 mod jobs;
 mod library;
 mod limits;
 mod links;
 mod memory;
 mod metrics;
+mod negotiation;
 mod openapi;
 mod problem;
 mod representation;
@@ -26,7 +26,6 @@ mod results;
 mod scenarios;
 mod shortly;
 mod system;
-mod unread;
 mod wire;
 
 use std::any::Any;
@@ -36,7 +35,7 @@ use std::time::{Duration, Instant};
 
 use axum::Router;
 use axum::extract::{MatchedPath, Request, State};
-use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, header};
+use axum::http::{HeaderName, HeaderValue, Method, header};
 use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Redirect, Response};
 use axum::routing::get;
@@ -51,9 +50,7 @@ use utoipa_axum::routes;
 
 pub use access::{ADMIN, Access, AdminKey};
 pub use caller::{ME, Peer};
-pub use connection::Patient;
-pub use format::Format;
-pub use forms::{Ask, Error as FormError, Look, Part, QUANTITIES, Quantity, write as write_form};
+pub use connection::IdleTimeout;
 pub use limits::Limits;
 pub use openapi::document;
 pub use scenarios::{EXAMPLES, Example, Unsound, parse_job};
@@ -62,13 +59,14 @@ use crate::service::workers::Compute;
 use crate::store::Store;
 use access::{Gate, Identity};
 use caller::{REQUEST_ID, Trace};
+use coding::Coding;
+use drain_body::drain_body;
 use memory::Memory;
 use metrics::Metrics;
 use problem::Problem;
 use shortly::Shortly;
 use system::Pulse;
-use unread::Unread;
-use wire::{Segment, words};
+use wire::Segment;
 
 /// What every handler can reach; one count of references, for it is cloned with each request.
 #[derive(Debug, Clone)]
@@ -209,7 +207,7 @@ fn dressed<S: Clone + Send + Sync + 'static>(
         // Problems are readable by web pages too, so this is outside of what makes them.
         option_layer(cors(origins)),
         CatchPanicLayer::custom(panicked),
-        CompressionLayer::new().compress_when(coding::OnTheWay),
+        CompressionLayer::new().compress_when(coding::CompressedWhileSent),
         from_fn_with_state(gate, access::pass),
     ))
 }
@@ -228,8 +226,8 @@ async fn edge(
     let (method, uri) = (request.method().clone(), request.uri().clone());
     let span = tracing::info_span!("request", id = &*id, traceparent = trace.parent.as_deref());
     request.extensions_mut().insert(trace);
-    take_any_coding(request.headers_mut());
-    let unread = Unread::watch(&mut request);
+    Coding::settle(request.headers_mut());
+    let closes_after_error = drain_body(&mut request);
     let answer = if is_strange(&origins, &request) {
         drop(request);
         let detail = "The page's origin is not among those that this server knows (--cors-origin).";
@@ -254,7 +252,7 @@ async fn edge(
         }
     });
     let headers = response.headers_mut();
-    if unread.is_some_and(Unread::settle) {
+    if closes_after_error && status >= 400 {
         headers.insert(header::CONNECTION, HeaderValue::from_static("close"));
     }
     if let Ok(id) = HeaderValue::from_str(&id) {
@@ -264,28 +262,6 @@ async fn edge(
         headers.entry(name).or_insert(HeaderValue::from_static(value));
     }
     response
-}
-
-/// Takes out of `Accept-Encoding` that an answer must not come as it is. RFC 9110 (12.5.3) lets a server
-/// disregard that: no status is another for it, least of all that of what has had an effect.
-fn take_any_coding(headers: &mut HeaderMap) {
-    let rules_out = |word: &&str| {
-        let Some((name, weight)) = word.split_once(';') else {
-            return false;
-        };
-        let name = name.trim();
-        let weight = weight.trim().strip_prefix(['q', 'Q']).and_then(|rest| rest.strip_prefix('='));
-        (name == "*" || name.eq_ignore_ascii_case("identity"))
-            && weight.is_some_and(|weight| weight.parse() == Ok(0.0))
-    };
-    if words(headers, header::ACCEPT_ENCODING).any(|word| rules_out(&word)) {
-        let kept = words(headers, header::ACCEPT_ENCODING).filter(|word| !rules_out(word));
-        let kept = kept.collect::<Vec<_>>().join(", ");
-        // What stood in a header can stand in one.
-        if let Ok(kept) = HeaderValue::try_from(kept) {
-            headers.insert(header::ACCEPT_ENCODING, kept);
-        }
-    }
 }
 
 /// What browsers are told of every answer, unless it says otherwise: it is what it is declared as,

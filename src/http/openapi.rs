@@ -1,7 +1,7 @@
-//! The OpenAPI document: the routes describe themselves, the rest is put in here.
+//! The OpenAPI document: generated from the routes, then completed with what all operations share.
 //!
-//! Requests and results have their schemas in files, because those describe documents that are not
-//! Rust types here: the scenario's belongs to the engine, the result's is `documents.schema.json`.
+//! The schemas of scenarios and results are files, because no Rust type of this crate describes these
+//! documents. The engine has the schema of a scenario; `documents.schema.json` has that of a result.
 
 use axum::http::Method;
 use serde::Serialize;
@@ -16,11 +16,11 @@ use utoipa::openapi::{
 };
 use utoipa::{PartialSchema, ToSchema};
 
-use super::forms::{self, Part};
 use super::jobs::Include as Included;
 use super::problem::ProblemDocument;
 use super::scenarios::{EXAMPLES, parse_job};
 use super::{access, links};
+use crate::format::{FigureOptions, Part, QUANTITIES};
 use crate::job;
 use crate::store::Role as StoredRole;
 use fretwork_engine::outcome::{History, Loops, Profiles};
@@ -31,24 +31,24 @@ const DOCUMENT_SCHEMAS: &str = include_str!("documents.schema.json");
 const ABOUT: &str = "\
 Fretting wear of axisymmetric contacts by the method of dimensionality reduction.
 
-Submit a scenario to `POST /v1/jobs`, read its result at `/v1/results/{key}`. Equal scenarios have \
-equal keys, are computed once and shared by everyone who asks.
+Submit a scenario to `POST /v1/jobs` and read its result at `/v1/results/{key}`. Equal scenarios have \
+equal keys: each is computed once, and all clients share its result.
 
 **Quantities.** In requests a physical quantity is a number in SI units or a string with a unit: \
-`0.01`, `\"10 mm\"`, `\"205 GPa\"`, `\"3.03e-5 mm^3/(N m)\"`. Answers are in SI units and say so in \
-`units`; `?units=engineering` gives results in um, mm^3, MPa, mJ and N. `amplitude` is half of the peak-to-peak stroke.
+`0.01`, `\"10 mm\"`, `\"205 GPa\"`, `\"3.03e-5 mm^3/(N m)\"`. Answers are in SI units, which `units` \
+lists; `?units=engineering` gives results in um, mm^3, MPa, mJ and N. `amplitude` is half of the peak-to-peak stroke.
 
-**Errors.** Every answer that is not a success is `application/problem+json` (RFC 9457). All faults \
-of a request are reported at once, each with a JSON pointer. Unknown members and parameters are \
-refused: a misspelt one must not silently take its default.
+**Errors.** Every error is `application/problem+json` (RFC 9457). An error lists all faults of a request, \
+each with a JSON pointer. Unknown members and parameters are errors, so that a misspelt one is not \
+ignored.
 
-**Keys.** A server that others can reach asks for a key, `Authorization: Bearer fretwork_…`. Its role says \
-what it is good for: `read`, `submit` or `admin`. Jobs belong to the name of the key; results are shared by \
-all who have one. Without keys (on one's own machine) everything is open.
+**Keys.** A server on a network requires a key, `Authorization: Bearer fretwork_…`. The role of a key is \
+`read`, `submit` or `admin`. A job belongs to the name of its key; all keys can read all results. \
+A server without keys, on a personal machine, is open.
 
-**Requests** may carry an `x-request-id`; every answer has one, and the log knows it.";
+**Requests** may have an `x-request-id`. Every answer has one, and the log of the server contains it.";
 
-/// The document before any route is in it.
+/// The document without routes.
 pub(super) fn frame() -> OpenApi {
     let tag = |name, about| TagBuilder::new().name(name).description(Some(about)).build();
     OpenApiBuilder::new()
@@ -68,15 +68,15 @@ pub(super) fn frame() -> OpenApi {
         .servers(Some([ServerBuilder::new().url("/").description(Some("This server.")).build()]))
         .tags(Some([
             tag("jobs", "Submit scenarios and follow them."),
-            tag("results", "What was computed. Results never change."),
-            tag("scenarios", "Check a scenario, learn from examples, read the contract."),
+            tag("results", "Read results. They never change."),
+            tag("scenarios", "Check a scenario, see examples, read the schema."),
             tag("system", "The server itself."),
         ]))
         .components(Some(
             ComponentsBuilder::new()
                 .schema_from::<ProblemDocument<'_>>()
                 .schema_from::<super::problem::Complaint>()
-                // Types that appear in parameters only are not found by themselves.
+                // utoipa does not collect types that appear only in parameters.
                 .schema_from::<Include>()
                 .schema_from::<Role>()
                 .schema_from::<WholeFormat>()
@@ -91,7 +91,6 @@ pub(super) fn frame() -> OpenApi {
                 .schema_from::<Layout>()
                 .schema_from::<UnitSystem>()
                 .schema_from::<TableFormat>()
-                .schema_from::<MatrixFormat>()
                 .schema_from::<KeyText>()
                 .build(),
         ))
@@ -105,11 +104,11 @@ pub fn document() -> Vec<u8> {
     if let Some(Value::Object(schemas)) = document.pointer_mut("/components/schemas") {
         adopt(schemas, SCHEMA, Some("Scenario"));
         adopt(schemas, DOCUMENT_SCHEMAS, None);
-        // Spliced in as stored, so no members of the Rust type.
+        // The server inserts the stored bytes, so the Rust type does not have these members.
         schemas["Job"]["properties"]["scenario"] = json!({
-            "description": "With `include=scenario`: what is computed, in SI units with defaults filled \
-                in, as the result has it too; submitted again it has the same key. Null only for a job \
-                that found its result known, once that has been dropped for a year.",
+            "description": "With `include=scenario`: the scenario in SI units with all defaults, as in the \
+                result. Submitted again, it has the same key. Null only for a job whose result was \
+                already known and was evicted more than a year ago.",
             "oneOf": [{"$ref": "#/components/schemas/Scenario"}, {"type": "null"}],
         });
         schemas["Job"]["properties"]["result"] = json!({
@@ -132,7 +131,7 @@ pub fn document() -> Vec<u8> {
     }
     document["components"]["headers"] = shared_headers();
     document["components"]["securitySchemes"] = security_schemes();
-    // Without keys it is open: then none is needed.
+    // A server without keys needs none.
     document["security"] = json!([{"key": []}, {"password": []}, {}]);
     let listing = document.pointer_mut("/paths/~1v1~1results/get/parameters");
     if let Some(Value::Array(parameters)) = listing {
@@ -143,8 +142,7 @@ pub fn document() -> Vec<u8> {
     text
 }
 
-/// Takes the definitions of a JSON Schema file over into the components; the schema itself, if it
-/// is to have a name, beside them.
+/// Copies the definitions of a JSON Schema file into the components, and the schema itself under `name`.
 fn adopt(schemas: &mut Map<String, Value>, file: &str, name: Option<&str>) {
     let Ok(Value::Object(mut root)) = serde_json::from_str(file) else {
         return;
@@ -164,7 +162,7 @@ fn adopt(schemas: &mut Map<String, Value>, file: &str, name: Option<&str>) {
     }
 }
 
-/// Lets references within a schema file point at the components.
+/// Changes references within a schema file to references to the components.
 fn redirect(schema: &mut Value) {
     match schema {
         Value::Object(members) => {
@@ -180,13 +178,13 @@ fn redirect(schema: &mut Value) {
     }
 }
 
-/// Whether an operation answers a result in one of its forms.
+/// Whether an operation returns a result or a part of it.
 fn reads_result(path: &str, method: &Method) -> bool {
     links::OPENED.contains(&path) && *method == Method::GET
 }
 
-/// Adds to an operation what follows from its place: that there may be no such job or result, or no
-/// more, or no room for what it writes; and what all forms of a result share.
+/// Adds the responses that follow from the path of an operation: an unknown job, an unknown or evicted
+/// result, a full disk.
 fn place(path: &str, method: &Method, operation: &mut Value) {
     let mut shared = Vec::new();
     if path.starts_with("/v1/jobs/{id}") {
@@ -195,13 +193,11 @@ fn place(path: &str, method: &Method, operation: &mut Value) {
     if path.starts_with("/v1/results/{key}") {
         shared.push(("404", "No result has this key."));
         if !OUTLIVING.iter().any(|end| path.ends_with(end)) {
-            shared.push((
-                "410",
-                "The result was dropped to make room; `scenario` is what it was computed from.",
-            ));
+            shared
+                .push(("410", "The result was evicted or deleted. `scenario` computes it again."));
         }
     }
-    // More than to read is asked of those who write.
+    // Operations for more than reading write to the disk.
     if access::needed(method, path).is_some_and(|role| role != StoredRole::Read) {
         shared.push(("507", "The disk is full."));
     }
@@ -215,21 +211,20 @@ fn place(path: &str, method: &Method, operation: &mut Value) {
     }
 }
 
-/// What is known of a result after it was dropped.
+/// What the server keeps of an evicted result.
 const OUTLIVING: [&str; 2] = ["/provenance", "/note"];
 
-/// Adds to the reading of a result what all its forms take and answer; those of numbers, a little more.
+/// Adds the parameters and headers of all operations that return a result; figures have fewer.
 fn share_forms(operation: &mut Value, of_numbers: bool) {
     if let Some(Value::Array(parameters)) = operation.get_mut("parameters") {
         if of_numbers {
-            let about = "Rounds every number to so many significant digits. Up to 7, arrays in NPZ and \
-                Arrow are float32, but for columns with numbers below 1.2e-38. In `differences` it is the \
-                largest number of a matrix that has them: 7 unless said otherwise, at most 12.";
+            let about = "Rounds every number to this many significant digits. Up to 7 digits, arrays in \
+                NPZ and Arrow are float32, except columns with numbers below 1.2e-38.";
             let schema = json!({"type": "integer", "format": "int32", "minimum": 1, "maximum": 17});
             let mut digits = parameter("digits", "query", about, &schema);
             digits["example"] = json!(7);
             let about = "`si` (the default), or `engineering`: um, mm^3, MPa (moduli too), mJ, N, \
-                mm^3/(N m). The member `units` and the headers say which.";
+                mm^3/(N m). The member `units` and the headers name them.";
             let schema = json!({"$ref": "#/components/schemas/UnitSystem"});
             let mut units = parameter("units", "query", about, &schema);
             units["example"] = json!("engineering");
@@ -237,49 +232,50 @@ fn share_forms(operation: &mut Value, of_numbers: bool) {
         }
         let text = json!({"type": "string"});
         let codings = if of_numbers {
-            "`zstd` or `gzip`; NPZ is compressed in itself."
+            "`zstd` or `gzip`; NPZ archives are always compressed."
         } else {
             "`zstd` or `gzip`."
         };
         parameters.extend([
-            parameter("If-None-Match", "header", "The `ETag` of a held copy.", &text),
+            parameter("If-None-Match", "header", "The `ETag` of the client's copy.", &text),
             parameter("Accept-Encoding", "header", codings, &text),
         ]);
     }
     let responses = &mut operation["responses"];
-    responses["304"] = json!({"description": "The held copy is still right. It always is."});
+    responses["304"] =
+        json!({"description": "The client's copy is valid. A result never changes."});
     responses["404"] = json!({
-        "description": "No result has this key. `Link` leads to its job, if one is under way.",
+        "description": "No result has this key. `Link` names the job that computes it, if there is one.",
         "headers": {"Link": header("`rel=\"related\"`.")},
     });
     let headers = &mut responses["200"]["headers"];
-    headers["ETag"] = header("The tag of this representation; weak where it is compressed.");
-    headers["Cache-Control"] = header("`immutable`: keep it for ever.");
+    headers["ETag"] = header("The tag of this representation; weak if it is compressed.");
+    headers["Cache-Control"] = header("`immutable`: clients may cache it for ever.");
     if of_numbers {
-        headers["Content-Disposition"] = header("A name for the file: of CSV, NPZ and Arrow.");
+        headers["Content-Disposition"] = header("A file name, for CSV, NPZ and Arrow.");
     }
 }
 
-/// A parameter that need not be given.
+/// An optional parameter.
 fn parameter(name: &str, place: &str, about: &str, schema: &Value) -> Value {
     json!({"name": name, "in": place, "description": about, "required": false, "schema": schema})
 }
 
-/// A header that is a text.
+/// A header with text.
 fn header(about: &str) -> Value {
     json!({"description": about, "schema": {"type": "string"}})
 }
 
-/// Adds to an operation what all operations share: the problems, the request id, the examples.
+/// Adds what all operations share: problems, request id, examples.
 fn complete(operation: &mut Value) {
     let parameters = operation.get_mut("parameters").and_then(Value::as_array_mut);
     for parameter in parameters.into_iter().flatten() {
-        // The key of the first example: whoever has computed it can try every route on the page.
+        // The key of the first example: after computing it, a reader can try every route.
         if parameter["name"] == "key" && parameter["in"] == "path" {
             parameter["example"] = json!(example_key());
         }
         if parameter["in"] == "header" {
-            // A header can be absent, but not null.
+            // A header can be absent, but never null.
             parameter["schema"] = json!({"type": "string"});
         }
     }
@@ -305,15 +301,15 @@ fn complete(operation: &mut Value) {
         return;
     };
     let mut shared = vec![
-        ("422", "A parameter or the body has faults; `errors` lists them all."),
-        ("500", "The server made a mistake, or its database is damaged."),
-        ("503", "The server is going down, or its database is busy; see `Retry-After`."),
+        ("422", "A parameter or the body has faults; `errors` lists all of them."),
+        ("500", "The server has an error, or its database is damaged."),
+        ("503", "The server is shutting down, or its database is busy; see `Retry-After`."),
     ];
     if takes_body {
         shared.extend([
             ("400", "The body is not JSON."),
-            ("413", "The body has more than 4 MiB."),
-            ("415", "The body is not declared as JSON."),
+            ("413", "The body is larger than 4 MiB."),
+            ("415", "The `Content-Type` of the body is not JSON."),
         ]);
     }
     for (status, description) in shared {
@@ -328,7 +324,7 @@ fn complete(operation: &mut Value) {
     }
 }
 
-/// Adds to an operation what the gate before it asks and answers.
+/// Adds the responses and parameters of access control.
 fn guard(path: &str, method: &Method, operation: &mut Value) {
     let Some(role) = access::needed(method, path) else {
         operation["security"] = json!([]);
@@ -343,23 +339,22 @@ fn guard(path: &str, method: &Method, operation: &mut Value) {
         })
     };
     let responses = &mut operation["responses"];
-    responses["421"] = refusal(
-        "A server without keys was asked by a name other than localhost or an address.".into(),
-    );
+    responses["421"] =
+        refusal("A server without keys accepts only localhost or an IP address as `Host`.".into());
     responses["401"] =
-        refusal("The server asks for keys, and the request has none that is good.".into());
+        refusal("The server requires a key, and the request has no valid one.".into());
     responses["401"]["headers"]["WWW-Authenticate"] = header("How to send a key.");
     let mut forbidden = match role {
         StoredRole::Read => String::new(),
-        role => format!("The key has not the role this needs ({role}). "),
+        role => format!("The key does not have the required role, `{role}`. "),
     };
     if *method != Method::GET {
-        forbidden.push_str("A page of an unknown site sent it through a browser. ");
+        forbidden.push_str("A web page of an unknown origin sent the request. ");
     }
     if reads_result(path, method) {
-        forbidden.push_str("The `link` does not open this. ");
+        forbidden.push_str("The `link` does not open this address. ");
         if let Some(Value::Array(parameters)) = operation.get_mut("parameters") {
-            let about = "In place of a key: from `POST /v1/results/{key}/links`.";
+            let about = "A link from `POST /v1/results/{key}/links`, instead of a key.";
             parameters.push(parameter("link", "query", about, &json!({"type": "string"})));
         }
     }
@@ -368,14 +363,14 @@ fn guard(path: &str, method: &Method, operation: &mut Value) {
         responses["403"] = refusal(forbidden.trim_end().to_owned());
     }
     responses["429"] = refusal(
-        "The key has sent too many requests this minute (then with `Retry-After`), or has too many at \
-         work (then without: when one ends is not known)."
+        "The key has sent too many requests this minute (with `Retry-After`), or has too many \
+         concurrent requests (without)."
             .to_owned(),
     );
     responses["429"]["headers"]["Retry-After"] =
         json!({"$ref": "#/components/headers/Retry-After"});
     for (status, response) in responses.as_object_mut().into_iter().flatten() {
-        // To stop work is not counted; who has no good key is told nothing.
+        // Cancelling is not counted. A client without a valid key learns nothing about limits.
         let counted = !access::is_relief(method, path);
         if counted && (status.starts_with(['2', '3']) || ["403", "404", "429"].contains(&&**status))
         {
@@ -386,24 +381,24 @@ fn guard(path: &str, method: &Method, operation: &mut Value) {
     }
 }
 
-/// The headers that answers of many operations carry.
+/// Headers of the answers of many operations.
 fn shared_headers() -> Value {
     json!({
-        "x-request-id": header("The id of the request, in the server's log too."),
+        "x-request-id": header("The id of the request, which the log of the server contains."),
         "Retry-After": {
-            "description": "Come back after so many seconds.", "schema": {"type": "integer", "minimum": 1},
+            "description": "Number of seconds to wait before the next attempt.", "schema": {"type": "integer", "minimum": 1},
         },
         "RateLimit": header(
-            "Where requests are counted: `\"minute\";r=…;t=…`: `r` requests may come at once; in `t` \
-             seconds there is at least one more. `\"at-once\";r=0` with a 429: all requests that may \
-             be at work at the same time are."),
+            "If the key has a limit. `\"minute\";r=…;t=…`: `r` requests may be sent now, and at least one \
+             more in `t` seconds. `\"at-once\";r=0` with a 429: the key has too many concurrent \
+             requests."),
         "RateLimit-Policy": header(
-            "Where requests are counted: `\"minute\";q=…;w=60`: `q` requests in 60 seconds. \
-             `\"at-once\";q=…;qu=\"concurrent-requests\"` with a 429: `q` at the same time."),
+            "If the key has a limit. `\"minute\";q=…;w=60`: `q` requests in 60 seconds. \
+             `\"at-once\";q=…;qu=\"concurrent-requests\"` with a 429: `q` concurrent requests."),
     })
 }
 
-/// The ways of sending a key.
+/// The ways to send a key.
 fn security_schemes() -> Value {
     json!({
         "key": {
@@ -413,7 +408,7 @@ fn security_schemes() -> Value {
         "password": {
             "type": "http", "scheme": "basic",
             "description": "An access key as the password, with any name, or as the name: for clients \
-                that know only `http://name:key@host`.",
+                that support only `http://name:key@host`.",
         },
     })
 }
@@ -423,8 +418,7 @@ fn example_key() -> Option<String> {
     Some(submission.task.key().to_string())
 }
 
-/// Declares types that exist for the document only. What is declared without words has its schema
-/// in a file and is replaced by [`adopt`].
+/// Declares types that exist only in the document. [`adopt`] replaces those whose schema is in a file.
 macro_rules! documented {
     ($($(#[$about:meta])* $name:ident $words:expr;)*) => {
         $(
@@ -446,7 +440,7 @@ fn words<'a>(words: impl IntoIterator<Item = &'a str>) -> Schema {
     ObjectBuilder::new().schema_type(Type::String).enum_values(Some(words)).build().into()
 }
 
-/// A list, which a query has with commas between; what is in it twice counts once.
+/// A list, separated by commas in a query. Repeated items have no effect.
 fn list(items: impl Into<RefOr<Schema>>) -> Schema {
     ArrayBuilder::new().items(items.into()).min_items(Some(1)).build().into()
 }
@@ -462,39 +456,37 @@ fn kept_in_a_file() -> Schema {
 }
 
 documented! {
-    /// Whether a result is there.
+    /// Whether a result is stored.
     Standing words(["held", "dropped", "unknown"]);
-    /// Where a job stands.
+    /// The state of a job.
     JobState words(job::JobState::ALL.iter().map(|state| state.as_str()));
-    /// How a job came to its result.
+    /// How a job got its result.
     Origin words(job::Origin::ALL.iter().map(|origin| origin.as_str()));
-    /// What may be put into the answer beside a job.
+    /// What an answer can include in addition to a job.
     Include list(words(Included::WORDS));
-    /// What a key is good for.
+    /// What a key allows.
     Role words(StoredRole::ALL.iter().map(|role| role.as_str()));
     /// The formats of a whole result.
     WholeFormat words(Part::Whole.formats().iter().map(|format| format.name()));
     /// The formats of a table.
     TableFormat words(Part::History.formats().iter().map(|format| format.name()));
-    /// The formats of a table with matrices.
-    MatrixFormat words(Part::Profiles.formats().iter().map(|format| format.name()));
     /// Columns of a history.
     HistoryFields columns(&History::default());
     /// Columns of profiles.
     ProfileFields columns(&Profiles::default());
     /// Columns of loops.
     LoopFields columns(&Loops::default());
-    /// Instants of a result, in cycles.
+    /// Output cycles of a result.
     ChosenInstants list(ObjectBuilder::new().schema_type(Type::Number).minimum(Some(0)).build());
-    /// What can be drawn.
-    PlotQuantity words(forms::QUANTITIES.iter().map(|quantity| quantity.name));
-    /// Instants that are drawn, in cycles.
+    /// Quantities of figures.
+    PlotQuantity words(QUANTITIES.iter().map(|quantity| quantity.name));
+    /// Output cycles in a figure.
     PlotInstants ArrayBuilder::new()
         .items(ObjectBuilder::new().schema_type(Type::Number).minimum(Some(0)).build())
         .min_items(Some(1))
-        .max_items(Some(forms::MOST))
+        .max_items(Some(FigureOptions::MAX_CYCLES))
         .build();
-    /// How values are spread over an axis.
+    /// The scale of an axis.
     Spacing words(["linear", "log"]);
     /// The layout of a whole result.
     WholeLayout words(["columns"]);
@@ -502,19 +494,19 @@ documented! {
     Layout words(["columns", "records"]);
     /// The units of an answer.
     UnitSystem words(["si", "engineering"]);
-    /// A file for programs.
+    /// A binary file.
     File Schema::from(ObjectBuilder::new().schema_type(Type::String).format(Some(
         SchemaFormat::KnownFormat(KnownFormat::Binary),
     )).build());
-    /// The address of a result.
+    /// The key of a result.
     KeyText ObjectBuilder::new()
         .schema_type(Type::String)
         .pattern(Some("^[0-9a-f]{64}$"))
         .build();
     /// One of the events that follow a job.
     JobEvent kept_in_a_file();
-    /// Something the user should know about a scenario.
+    /// A warning about a scenario.
     Warning kept_in_a_file();
-    /// What is known of a scenario beforehand.
+    /// An estimate for a scenario.
     Preview kept_in_a_file();
 }

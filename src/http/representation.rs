@@ -1,4 +1,4 @@
-//! What is sent of a result: found or made, remembered, compressed, tagged.
+//! Answers made from results: found in memory or made, compressed, tagged.
 
 use axum::body::Bytes;
 use axum::http::header::{self, HeaderName};
@@ -11,16 +11,16 @@ use xxhash_rust::xxh3::xxh3_64;
 use super::App;
 use super::caller::Caller;
 use super::coding::Coding;
-use super::format::Format;
-use super::forms::{self, Ask, Part};
-use super::memory::{Answer, Making};
-use super::problem::{self, Problem};
-use super::wire::{instant, words};
+use super::memory::{Encoded, Lookup, Making};
+use super::problem::{self, Complaint, Problem};
+use super::wire::{ascii, instant, words};
+use crate::format::{self, Format, Part, View};
 use crate::job::Key;
 use crate::store::{self, StoredResult};
 
-/// Finds the stored bytes of a result; an unknown key is answered with the way to a job within reach,
-/// if one is under way.
+/// The stored bytes of a result.
+///
+/// The problem for an unknown key links to the job that computes it, if the caller may see one.
 pub async fn find(app: &App, reach: Option<&str>, key: &Key) -> Result<Bytes, Problem> {
     match app.store.result(key).await? {
         Some(StoredResult::Whole(body)) => Ok(body),
@@ -28,42 +28,49 @@ pub async fn find(app: &App, reach: Option<&str>, key: &Key) -> Result<Bytes, Pr
     }
 }
 
-/// Why there are no bytes of a result.
+/// The same for a large result: read once for all concurrent requests.
+pub async fn large(app: &App, reach: Option<&str>, key: &Key) -> Result<Encoded, Problem> {
+    match app.memory.lookup(&key.to_string()).await {
+        Lookup::Found(answer) => Ok(answer),
+        Lookup::Missing(making) => {
+            let answer = Encoded::plain(find(app, reach, key).await?);
+            Ok(app.memory.finish(making, answer, false))
+        }
+    }
+}
+
+/// The problem for a result that is not stored.
 async fn missing(
     app: &App,
     reach: Option<&str>,
     key: &Key,
     found: Option<StoredResult>,
 ) -> Result<Problem, Problem> {
-    let evicted = match found {
-        Some(StoredResult::Evicted { at, deleted_by, scenario }) => {
-            Some((at, deleted_by, scenario))
-        }
-        _ => None,
-    };
     let live = app.store.live_job(key, reach).await?;
-    let problem = match (evicted, live) {
-        (Some((at, deleted_by, scenario)), live) => {
-            let way = match live {
-                Some(job) => format!("it is computed again, wait with GET /v1/jobs/{job}?wait=10"),
-                None => "POST {\"scenario\": …} with the `scenario` of this answer to /v1/jobs to \
-                    have it again"
-                    .to_owned(),
+    let problem = match (found, live) {
+        (Some(StoredResult::Evicted { at, deleted_by, scenario }), live) => {
+            let next = match live {
+                Some(job) => format!("It is being computed again: GET /v1/jobs/{job}?wait=10."),
+                None => {
+                    "To compute it again, submit {\"scenario\": …} with the `scenario` of this \
+                    answer to POST /v1/jobs."
+                        .to_owned()
+                }
             };
             let gone = match deleted_by {
                 Some(who) => format!("deleted by {who} on {}", instant(at)),
-                None => format!("dropped on {} to make room", instant(at)),
+                None => format!("evicted on {} to free disk space", instant(at)),
             };
-            let detail = format!("The result was {gone}; {way}.");
+            let detail = format!("The result was {gone}. {next}");
             Problem::new(&problem::EVICTED, detail).with_scenario(scenario)
         }
-        (None, Some(job)) => {
+        (_, Some(job)) => {
             let detail =
-                format!("No result has this key yet; wait for it with GET /v1/jobs/{job}?wait=10.");
+                format!("The result is being computed. Wait for it: GET /v1/jobs/{job}?wait=10.");
             Problem::new(&problem::UNKNOWN_RESULT, detail)
         }
-        (None, None) => {
-            let detail = "No result has this key; submit its scenario to POST /v1/jobs.";
+        (_, None) => {
+            let detail = "No result has this key. Submit its scenario to POST /v1/jobs.";
             Problem::new(&problem::UNKNOWN_RESULT, detail)
         }
     };
@@ -75,107 +82,104 @@ async fn missing(
     })
 }
 
-/// A representation of a result: what is asked for, in one form. Equal ones have equal names.
+/// A result in one format and one view. Equal representations have equal names.
 pub struct Representation {
     key: Key,
     part: Part,
     format: Format,
-    ask: Ask,
-    /// Whose jobs may be mentioned; none if everyone's.
+    view: View,
+    /// The owner whose jobs a problem may mention; `None` for all owners.
     reach: Option<String>,
-    /// What it is remembered under: whatever distinguishes it.
+    /// The name in memory, without the coding.
     name: String,
-    /// The tag that clients hold it by.
+    /// The entity tag.
     tag: String,
 }
 
 impl Representation {
-    /// This part of this result, as a caller asks for it.
-    pub fn new(caller: &Caller, key: Key, part: Part, format: Format, ask: Ask) -> Self {
+    /// The representation that a caller requests.
+    pub fn new(caller: &Caller, key: Key, part: Part, format: Format, view: View) -> Self {
         let reach = caller.reach().map(str::to_owned);
-        let ask = ask.in_order();
-        if (part, format) == (Part::Whole, Format::Json) && ask == Ask::default() {
+        let view = view.sorted();
+        if (part, format) == (Part::Whole, Format::Json) && view == View::default() {
             let (name, tag) = (key.to_string(), format!("\"{key}\""));
-            return Self { key, part, format, ask, reach, name, tag };
+            return Self { key, part, format, view, reach, name, tag };
         }
         let address = format!("{key}.{}.{}", part.name(), format.name());
-        let name = format!("{address} {} {ask:?}", forms::VERSION);
+        let name = format!("{address} {} {view:?}", format::VERSION);
         let tag = format!("\"{address}.{:016x}\"", xxh3_64(name.as_bytes()));
-        Self { key, part, format, ask, reach, name, tag }
+        Self { key, part, format, view, reach, name, tag }
     }
 
-    /// The answer in this coding: remembered, read by others just now, or made.
-    pub async fn answer(self, app: &App, coding: Coding) -> Result<Response, Problem> {
+    /// The answer to a request with these headers.
+    pub async fn answer(self, app: &App, headers: &HeaderMap) -> Result<Response, Problem> {
+        if let Some(response) = self.not_modified(app, headers).await? {
+            return Ok(response);
+        }
+        let coding = match self.format {
+            // The archive is compressed.
+            Format::Npz => Coding::Identity,
+            _ => Coding::choose(headers),
+        };
         let name = match coding.name() {
             None => self.name.clone(),
             Some(coding) => format!("{} {coding}", self.name),
         };
-        let since = app.memory.forgotten();
-        let found = app.memory.get(&name);
-        app.metrics.looked(found.is_some());
-        let answer = match found {
-            Some(answer) => answer,
-            None if coding == Coding::Identity && self.name == self.key.to_string() => {
-                let reach = self.reach.as_deref();
-                let answer = match at_hand(app, reach, &self.key).await? {
-                    Some(answer) => answer,
-                    None => large(app, reach, &self.key).await?,
-                };
-                app.memory.put(name, &answer, since);
-                answer
+        app.metrics.looked_up(app.memory.get(&name).is_some());
+        let answer = match app.memory.lookup(&name).await {
+            Lookup::Found(answer) => answer,
+            Lookup::Missing(making) if name == self.key.to_string() => {
+                let body = find(app, self.reach.as_deref(), &self.key).await?;
+                app.memory.finish(making, Encoded::plain(body), true)
             }
-            None => {
-                let make = |making| self.make(app, name.clone(), coding, making);
-                app.memory.share(&name, make).await?
-            }
+            Lookup::Missing(making) => self.make(app, coding, making).await?,
         };
         app.store.was_read(&self.key);
-        Ok(self.send(answer))
+        Ok(self.response(answer))
     }
 
-    /// Written and compressed in one, so that the text before it is nowhere as a whole, and remembered:
-    /// if who asked for it goes away meanwhile, the next one finds it.
-    async fn make(
-        &self,
-        app: &App,
-        name: String,
-        coding: Coding,
-        making: Making,
-    ) -> Result<(Answer, Making), Problem> {
+    /// Formats and compresses the answer on a blocking thread. The thread finishes the answer even if the
+    /// client disconnects: a retry finds it.
+    async fn make(&self, app: &App, coding: Coding, making: Making) -> Result<Encoded, Problem> {
         let (stored, permit) = self.source(app).await?;
-        let (app, part, format, ask) = (app.clone(), self.part, self.format, self.ask.clone());
-        apart(move || {
-            // Who asks for differences asks for few bytes.
-            let mut encoder = coding.encoder(format == Format::Differences);
-            forms::write_to(&mut encoder, &stored, part, format, &ask)?;
-            let (body, coding) = encoder.finish().map_err(forms::Error::from)?;
-            let answer = Answer { body, coding };
-            app.memory.put(name, &answer, making.since);
-            drop(permit);
-            Ok((answer, making))
-        })
-        .await?
+        let (app, part, format, view) = (app.clone(), self.part, self.format, self.view.clone());
+        let make = move || {
+            let _permit = permit;
+            let mut encoder = coding.encoder();
+            format::write(&mut encoder, &stored, part, format, &view)?;
+            let (body, coding) = encoder.finish().map_err(format::Error::from)?;
+            Ok(app.memory.finish(making, Encoded { body, coding }, true))
+        };
+        task::spawn_blocking(make).await.map_err(|_| Problem::internal())?
     }
 
-    /// The stored bytes that something is made of, and where they are large the right to make it, before
-    /// they are read.
+    /// The stored bytes. If they are large, also the permission to make an answer from them, which is
+    /// obtained before they are read.
     async fn source(&self, app: &App) -> Result<(Bytes, Option<OwnedSemaphorePermit>), Problem> {
         let reach = self.reach.as_deref();
-        let held = at_hand(app, reach, &self.key).await?;
-        if let Some(Answer { body, .. }) = &held
+        let cached = app.memory.get(&self.key.to_string()).map(|answer| answer.body);
+        let body = match cached {
+            Some(body) => Some(body),
+            None => match app.store.small_result(&self.key).await? {
+                Some(StoredResult::Whole(body)) => Some(body),
+                Some(StoredResult::Large) => None,
+                other => return Err(missing(app, reach, &self.key, other).await?),
+            },
+        };
+        if let Some(body) = &body
             && body.len() <= store::LARGE
         {
             return Ok((body.clone(), None));
         }
-        let permit = app.memory.may_make().await;
-        let answer = match held {
-            Some(answer) => answer,
-            None => large(app, reach, &self.key).await?,
+        let permit = app.memory.maker().await;
+        let body = match body {
+            Some(body) => body,
+            None => large(app, reach, &self.key).await?.body,
         };
-        Ok((answer.body, permit))
+        Ok((body, permit))
     }
 
-    fn send(&self, Answer { body, coding }: Answer) -> Response {
+    fn response(&self, Encoded { body, coding }: Encoded) -> Response {
         let mut response = body.into_response();
         let headers = response.headers_mut();
         let weak = if coding == Coding::Identity { "" } else { "W/" };
@@ -191,16 +195,14 @@ impl Representation {
                 "attachment; filename=\"fretwork-{:.12}-{part}.{end}\"",
                 self.key.to_string()
             );
-            if let Ok(name) = HeaderValue::try_from(name) {
-                headers.insert(header::CONTENT_DISPOSITION, name);
-            }
+            headers.insert(header::CONTENT_DISPOSITION, ascii(&name));
         }
         response
     }
 
-    /// The short answer to a client that holds this representation of a result that exists: results
-    /// do not change, so the body need not be read.
-    pub async fn not_modified(
+    /// The answer to a client that has this representation. A result does not change, so it need not be
+    /// read if it exists.
+    async fn not_modified(
         &self,
         app: &App,
         headers: &HeaderMap,
@@ -214,57 +216,34 @@ impl Representation {
     }
 }
 
-/// The stored bytes, if they are small, or remembered: read by each for himself, which is what takes
-/// least.
-async fn at_hand(app: &App, reach: Option<&str>, key: &Key) -> Result<Option<Answer>, Problem> {
-    if let Some(answer) = app.memory.get(&key.to_string()) {
-        return Ok(Some(answer));
-    }
-    match app.store.small_result(key).await? {
-        Some(StoredResult::Whole(body)) => Ok(Some(Answer::plain(body))),
-        Some(StoredResult::Large) => Ok(None),
-        other => Err(missing(app, reach, key, other).await?),
-    }
-}
-
-/// The stored bytes of what is large, read once for all who want them.
-pub async fn large(app: &App, reach: Option<&str>, key: &Key) -> Result<Answer, Problem> {
-    let find = |making| async move { Ok((Answer::plain(find(app, reach, key).await?), making)) };
-    app.memory.share(&key.to_string(), find).await
-}
-
-/// Does what takes a while apart from the threads that answer requests.
-async fn apart<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Result<T, Problem> {
-    task::spawn_blocking(work).await.map_err(|_| Problem::internal())
-}
-
-/// What every representation carries: results are a pure function of their key, so they may be
-/// kept for ever; each representation has its own tag.
+/// The headers of every representation. A result does not change, so clients may cache it for ever.
 fn caching(tag: &str) -> [(HeaderName, HeaderValue); 3] {
-    // Keys, names and formats are always legal in a header.
-    let tag = HeaderValue::try_from(tag).unwrap_or(HeaderValue::from_static("\"\""));
     [
-        (header::ETAG, tag),
+        (header::ETAG, ascii(tag)),
         (header::CACHE_CONTROL, HeaderValue::from_static("max-age=31536000, immutable")),
         (header::VARY, HeaderValue::from_static("accept, accept-encoding")),
     ]
 }
 
-/// The tag by which the client holds the representation with this one, if it does: weak where it was
-/// compressed, so that a cache finds what is confirmed.
+/// The tag in `If-None-Match` that names this representation. It is weak if the client has a compressed
+/// copy; the answer repeats it, so that caches recognise their copy.
 pub fn held(headers: &HeaderMap, tag: &str) -> Option<String> {
     let mut tags = words(headers, header::IF_NONE_MATCH);
     let found = tags.find(|held| *held == "*" || held.trim_start_matches("W/") == tag)?;
     Some(if found == "*" { tag } else { found }.to_owned())
 }
 
-impl From<forms::Error> for Problem {
-    fn from(error: forms::Error) -> Self {
+impl From<format::Error> for Problem {
+    fn from(error: format::Error) -> Self {
         match error {
-            forms::Error::NotThere(complaints) => Self::parameters(complaints),
+            format::Error::Missing(items) => {
+                let complaint =
+                    |item: format::Missing| Complaint::parameter(item.parameter, item.detail);
+                Self::parameters(items.into_iter().map(complaint).collect())
+            }
             error => {
                 let error = &error as &dyn std::error::Error;
-                tracing::error!(error, "a stored result cannot be given this form");
+                tracing::error!(error, "a stored result cannot be written in this format");
                 Self::internal()
             }
         }

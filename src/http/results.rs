@@ -1,4 +1,8 @@
-//! Results: whole documents and their parts, which never change, in the forms that tools take.
+//! Results and their parts, in all formats. A result never changes.
+
+use std::fmt::Display;
+use std::ops::RangeInclusive;
+use std::str::FromStr;
 
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
@@ -6,107 +10,99 @@ use axum::response::Response;
 
 use super::App;
 use super::caller::Caller;
-use super::coding::Coding;
-use super::format::Format;
-use super::forms::{self, Ask, Look, Part, Quantity};
+use super::negotiation::choose_format;
 use super::problem::{self, Problem};
 use super::representation::{Representation, find};
 use super::wire::{NoQuery, Query, Segment};
+use crate::format::{FigureOptions, Format, Part, QUANTITIES, Quantity, View};
 use crate::job::Key;
 
-/// The key that an address names.
+/// Reads the key in an address.
 pub(super) fn read_key(text: &str) -> Result<Key, Problem> {
     text.parse().map_err(|bad: crate::job::BadKey| {
-        Problem::new(&problem::UNKNOWN_RESULT, format!("No result has this key: {bad}."))
+        Problem::new(&problem::UNKNOWN_RESULT, format!("This is not a key of a result: {bad}."))
     })
 }
 
-/// Takes the parameters that say how a result or a part is wanted.
-fn ask(query: &mut Query, part: Part) -> Ask {
-    let mut ask = Ask {
-        records: query.value("layout", "\"columns\" or \"records\"", |text| match text {
-            "columns" => Some(false),
-            "records" => Some(true),
-            _ => None,
-        }) == Some(true),
-        digits: query.value("digits", "a whole number from 1 to 17", |text| {
-            text.parse().ok().filter(|digits| (1..=17).contains(digits))
-        }),
-        engineering: query.value("units", "\"si\" or \"engineering\"", |text| match text {
-            "si" => Some(false),
-            "engineering" => Some(true),
-            _ => None,
-        }) == Some(true),
-        cycles: query.value("cycles", "numbers separated by commas", |text| {
-            let number =
-                |text: &str| text.trim().parse().ok().filter(|number: &f64| number.is_finite());
-            text.split(',').map(number).collect()
-        }),
-        ..Ask::default()
+/// Reads numbers separated by commas.
+fn numbers(text: &str) -> Option<Vec<f64>> {
+    let number = |text: &str| text.trim().parse().ok().filter(|number: &f64| number.is_finite());
+    text.split(',').map(number).collect()
+}
+
+/// Takes a parameter with one of two values; true for the second.
+fn either(query: &mut Query, name: &'static str, values: [&str; 2]) -> Option<bool> {
+    let [no, yes] = values;
+    query.value(name, &format!("\"{no}\" or \"{yes}\""), |text| match text {
+        _ if text == no => Some(false),
+        _ if text == yes => Some(true),
+        _ => None,
+    })
+}
+
+/// Takes a parameter that is a whole number in a range.
+fn integer<T: FromStr + PartialOrd + Display>(
+    query: &mut Query,
+    name: &'static str,
+    range: RangeInclusive<T>,
+) -> Option<T> {
+    let accepted = format!("a whole number from {} to {}", range.start(), range.end());
+    query.value(name, &accepted, |text| text.parse().ok().filter(|number| range.contains(number)))
+}
+
+/// Takes the parameters of a result or a table.
+fn view(query: &mut Query, part: Part) -> View {
+    let mut view = View {
+        records: either(query, "layout", ["columns", "records"]) == Some(true),
+        digits: integer(query, "digits", 1..=17),
+        engineering: either(query, "units", ["si", "engineering"]) == Some(true),
+        cycles: query.value("cycles", "numbers separated by commas", numbers),
+        ..View::default()
     };
     if part != Part::Whole {
         let names = |text: String| text.split(',').map(|name| name.trim().to_owned()).collect();
-        ask.fields = query.text("fields").map(names);
+        view.fields = query.text("fields").map(names);
     }
-    // A loop without some of its points encloses another energy, and a history is short.
+    // Without some of its points a loop encloses another energy. A history has no points.
     if matches!(part, Part::Whole | Part::Profiles) {
-        ask.points = query.value("points", "a number from 2 to 4096", |text| {
-            text.parse().ok().filter(|points| (2..=4096).contains(points))
-        });
+        view.points = integer(query, "points", 2..=4096);
     }
-    ask
+    view
 }
 
-/// Takes the parameters that say how a figure is wanted.
-fn ask_figure(query: &mut Query) -> Ask {
-    let names: Vec<_> = forms::QUANTITIES.iter().map(|quantity| quantity.name).collect();
-    let usual = Look::default();
-    let quantity =
-        query.value("quantity", &format!("one of {}", names.join(", ")), Quantity::named);
-    let quantity = quantity.unwrap_or(usual.quantity);
-    let accepted = format!("at most {} numbers separated by commas", forms::MOST);
-    let cycles: Option<Vec<f64>> = query.value("cycles", &accepted, |text| {
-        let number =
-            |text: &str| text.trim().parse().ok().filter(|number: &f64| number.is_finite());
-        let cycles: Vec<f64> = text.split(',').map(number).collect::<Option<_>>()?;
-        (cycles.len() <= forms::MOST).then_some(cycles)
-    });
-    if cycles.is_some() && !quantity.has_instants() {
-        let detail = format!("{} is drawn over all cycles; none can be chosen", quantity.name);
+/// Takes the parameters of a figure.
+fn figure_view(query: &mut Query) -> View {
+    let default = FigureOptions::default();
+    let names: Vec<_> = QUANTITIES.iter().map(|quantity| quantity.name).collect();
+    let accepted = format!("one of {}", names.join(", "));
+    let quantity = query.value("quantity", &accepted, Quantity::named).unwrap_or(default.quantity);
+    let most = FigureOptions::MAX_CYCLES;
+    let accepted = format!("at most {most} numbers separated by commas");
+    let cycles = query
+        .value("cycles", &accepted, |text| numbers(text).filter(|cycles| cycles.len() <= most));
+    if cycles.is_some() && !quantity.has_curve_per_cycle() {
+        let detail =
+            format!("is not possible here: {} is drawn over all output cycles", quantity.name);
         query.complain("cycles", detail);
     }
-    let engineering = query.value("units", "\"engineering\" or \"si\"", |text| match text {
-        "si" => Some(false),
-        "engineering" => Some(true),
-        _ => None,
-    });
+    let engineering = either(query, "units", ["si", "engineering"]).unwrap_or(true);
     let mut axis = |name| {
-        let log = query.value(name, "\"linear\" or \"log\"", |text| match text {
-            "linear" => Some(false),
-            "log" => Some(true),
-            _ => None,
-        });
+        let log = either(query, name, ["linear", "log"]);
         if log == Some(true) && quantity.has_sign() {
-            let detail = format!("must be \"linear\" here: {} go through 0", quantity.name);
+            let detail = "must be \"linear\" here: the values are positive and negative";
             query.complain(name, detail);
         }
         log
     };
-    let log = (axis("x"), axis("y"));
-    let mut side = |name, least: u16, usual| {
-        let accepted = format!("a whole number of px from {least} to {}", forms::LARGEST);
-        let found = query.value(name, &accepted, |text| {
-            text.parse().ok().filter(|side| (least..=forms::LARGEST).contains(side))
-        });
-        found.unwrap_or(usual)
-    };
-    let size =
-        (side("width", forms::LEAST.0, usual.size.0), side("height", forms::LEAST.1, usual.size.1));
-    let look = Look { quantity, log, size };
-    Ask { engineering: engineering.unwrap_or(true), cycles, look, ..Ask::default() }
+    let (log_x, log_y) = (axis("x"), axis("y"));
+    let (least, most) = (FigureOptions::MIN_SIZE, FigureOptions::MAX_SIZE);
+    let width = integer(query, "width", least.0..=most).unwrap_or(default.size.0);
+    let height = integer(query, "height", least.1..=most).unwrap_or(default.size.1);
+    let figure = FigureOptions { quantity, log_x, log_y, size: (width, height) };
+    View { engineering, cycles, figure, ..View::default() }
 }
 
-/// Answers a result or a part of it in the form that the client wants.
+/// Answers a result or a part of it in the format that the client requests.
 async fn answer(
     app: &App,
     caller: &Caller,
@@ -114,76 +110,67 @@ async fn answer(
     headers: &HeaderMap,
     mut query: Query,
 ) -> Result<Response, Problem> {
-    let asked = query.format(part.formats());
-    let ask = ask(&mut query, part);
-    let format = Format::choose(asked, headers, part.formats());
-    if format == Some(Format::Differences) && ask.digits.is_some_and(|n| n > forms::DIGITS) {
-        query.complain("digits", format!("must be at most {} by differences", forms::DIGITS));
-    }
-    if ask.records && part == Part::Whole {
+    let offered = part.formats();
+    let requested = query.format(offered);
+    let view = view(&mut query, part);
+    let format = match requested {
+        Some(format) => Some(format).filter(|format| offered.contains(format)),
+        None => choose_format(headers, offered),
+    };
+    if view.records && part == Part::Whole {
         let parts = "/history, /profiles and /loops";
-        query.complain("layout", format!("a whole result has no rows; its parts have: {parts}"));
-    } else if ask.records && format.is_some_and(|format| format != Format::Json) {
-        query.complain("layout", "is for JSON; other formats have one layout each");
+        query.complain("layout", format!("must be \"columns\" here; only {parts} have records"));
+    } else if view.records && format.is_some_and(|format| format != Format::Json) {
+        query.complain("layout", "is for JSON; every other format has one layout");
     }
     query.finish()?;
     let format = format.ok_or_else(|| not_acceptable(key, part))?;
-    let wanted = Representation::new(caller, read_key(key)?, part, format, ask);
-    if let Some(response) = wanted.not_modified(app, headers).await? {
-        return Ok(response);
-    }
-    wanted.answer(app, Coding::choose(headers, format)).await
+    Representation::new(caller, read_key(key)?, part, format, view).answer(app, headers).await
 }
 
 fn not_acceptable(key: &str, part: Part) -> Problem {
-    let listed = |formats: &[Format]| {
-        let named = formats.iter().map(|format| {
-            let kind = format.media_type().split(';').next().unwrap_or_default();
-            format!("{kind} (?format={})", format.name())
-        });
-        named.collect::<Vec<_>>().join(", ")
+    let formats = part.formats().iter();
+    let formats = formats.map(|format| format!("{} (?format={})", format.essence(), format.name()));
+    let formats: Vec<_> = formats.collect();
+    let detail = format!("The available formats are {}.", formats.join(", "));
+    let address = |part: Part| format!("/v1/results/{key}/{}?format=csv", part.name());
+    let addresses = Part::TABLES.map(address).join(", ");
+    let detail = match part {
+        Part::Whole => format!("{detail} NDJSON, CSV and Arrow can hold one table: {addresses}."),
+        _ => detail,
     };
-    let mut detail = format!("This is available as {}.", listed(part.formats()));
-    if part == Part::Whole {
-        detail += " NDJSON, CSV and Arrow hold one table; its parts are available so: ";
-        let address = |part: Part| format!("/v1/results/{key}/{}?format=csv", part.name());
-        detail += &Part::TABLES.map(address).join(", ");
-        detail += ".";
-    }
     Problem::new(&problem::NOT_ACCEPTABLE, detail)
 }
 
 /// Returns a result.
 ///
-/// A result is a pure function of its key, byte for byte, and may be cached for ever. All numbers
-/// are SI unless `units` says otherwise; the member `units` names the unit of every quantity. Entry 0
-/// of each history column and row 0 of each profile is the unworn state. `scenario` is always SI and
-/// in full, so that it can be sent again.
+/// A result is a pure function of its key, byte for byte, and clients may cache it for ever. All
+/// numbers are in SI units unless `units` is given; the member `units` names the unit of every quantity.
+/// Entry 0 of each history column and row 0 of each profile is the unworn state. `scenario` is complete
+/// and always in SI units, so that it can be submitted again.
 ///
-/// As NPZ each column of its tables is an array, such as `history/wear_volume` and `profiles/wear`
-/// (instants × radii), and everything else is JSON in the text array `meta`; `numpy.load` reads it
-/// without pickle. An infinite pressure is null in JSON and NaN in NPZ.
+/// In NPZ each column of a table is an array, such as `history/wear_volume` and `profiles/wear`
+/// (output cycles × radii). Everything else is JSON in the text array `meta`. `numpy.load` reads the
+/// archive without pickle. An infinite pressure is null in JSON and NaN in NPZ.
 #[utoipa::path(get, path = "/v1/results/{key}", operation_id = "get_result", tag = "results",
     params(
         ("key" = super::openapi::KeyText, Path, description = "The `key` of a job or a checked scenario."),
-        ("format" = Option<super::openapi::WholeFormat>, Query, description = "Wins over `Accept`."),
-        ("layout" = Option<super::openapi::WholeLayout>, Query, description = "Its parts can be had in \
-            `records`."),
+        ("format" = Option<super::openapi::WholeFormat>, Query, description = "Overrides `Accept`."),
+        ("layout" = Option<super::openapi::WholeLayout>, Query, description = "Only the parts of a \
+            result have the layout `records`."),
         ("cycles" = Option<super::openapi::ChosenInstants>, Query, style = Form, explode = false,
-            description = "Only the profiles and loops of these instants, separated by commas; the history \
-            stays whole.",
+            description = "Only the profiles and loops at these output cycles, separated by commas; the \
+            history is complete.",
             example = json!([0])),
-        ("points" = Option<u32>, Query, description = "At most so many radii of the profiles, evenly spread.",
+        ("points" = Option<u32>, Query, description = "Largest number of radii of the profiles, evenly spaced.",
             minimum = 2, maximum = 4096, example = 200),
     ),
     responses(
         (status = 200, description = "The result.", content(
             (ref("#/components/schemas/Result") = "application/json"),
             (super::openapi::File = "application/x-npz"),
-            (ref("#/components/schemas/ByDifferences") =
-                "application/vnd.fretwork.differences+json"),
         )),
-        (status = 406, description = "A whole result is available as JSON, NPZ and by differences; its parts are also \
+        (status = 406, description = "A whole result is available as JSON and NPZ; its parts are also \
             available as NDJSON, CSV and Arrow."),
     ),
 )]
@@ -197,24 +184,24 @@ pub async fn whole(
     answer(&app, &caller, (&key, Part::Whole), &headers, query).await
 }
 
-/// Returns the history of a result: one entry per instant.
+/// Returns the history of a result: one entry per output cycle.
 ///
-/// CSV and NDJSON have one row per instant under names such as `wear_volume[m^3]`: CSV after comment
-/// lines (`#`) with the key, the engine and the units, in NDJSON each line with `key` and `engine`. As
-/// NPZ it is an array per column, as Arrow (an IPC file) a table, whose metadata have key, engine and
-/// units. Equal numbers are equal in every format.
+/// CSV and NDJSON have one row per output cycle, with names such as `wear_volume[m^3]`. CSV begins with
+/// comment lines (`#`) with the key, the engine and the units; in NDJSON each line contains `key` and
+/// `engine`. NPZ has one array per column. Arrow (an IPC file) is a table whose metadata contain key,
+/// engine and units. Equal numbers are equal in every format.
 #[utoipa::path(get, path = "/v1/results/{key}/history", operation_id = "get_history", tag = "results",
     params(
         ("key" = super::openapi::KeyText, Path, description = "The `key` of a job or a checked scenario."),
-        ("format" = Option<super::openapi::TableFormat>, Query, description = "Wins over `Accept`."),
-        ("layout" = Option<super::openapi::Layout>, Query, description = "Of JSON: an array per quantity \
-            (`columns`, the default), or a list of rows under `records`."),
+        ("format" = Option<super::openapi::TableFormat>, Query, description = "Overrides `Accept`."),
+        ("layout" = Option<super::openapi::Layout>, Query, description = "JSON only: one array per \
+            quantity (`columns`, the default), or a list of rows in the member `records`."),
         ("fields" = Option<super::openapi::HistoryFields>, Query, style = Form, explode = false,
             description = "Only these columns, separated by commas; \
-            `cycles` always comes along.",
+            `cycles` is always included.",
             example = json!(["wear_volume", "wear_depth"])),
         ("cycles" = Option<super::openapi::ChosenInstants>, Query, style = Form, explode = false,
-            description = "Only these instants, separated by commas.",
+            description = "Only these output cycles, separated by commas.",
             example = json!([0])),
     ),
     responses(
@@ -240,24 +227,24 @@ pub async fn history(
 
 /// Returns the profiles of a result: worn shape, wear, pressure and slip over the radius.
 ///
-/// Formats with rows have one per instant and radius: `cycles,radius,…`; in NPZ an array has a row per
-/// instant and a column per radius. An infinite pressure is null in JSON, NDJSON and Arrow, empty in
-/// CSV and NaN in NPZ. A result computed with `profiles_at: "none"` has no profiles: null in JSON, no
-/// rows otherwise.
+/// Formats with rows have one row per output cycle and radius: `cycles,radius,…`. In NPZ an array has one
+/// row per output cycle and one column per radius. An infinite pressure is null in JSON, NDJSON and
+/// Arrow, empty in CSV and NaN in NPZ. A result computed with `profiles_at: "none"` has no profiles: null
+/// in JSON, no rows otherwise.
 #[utoipa::path(get, path = "/v1/results/{key}/profiles", operation_id = "get_profiles", tag = "results",
     params(
         ("key" = super::openapi::KeyText, Path, description = "The `key` of a job or a checked scenario."),
-        ("format" = Option<super::openapi::MatrixFormat>, Query, description = "Wins over `Accept`."),
-        ("layout" = Option<super::openapi::Layout>, Query, description = "Of JSON: an array per quantity \
-            (`columns`, the default), or a list of rows under `records`."),
+        ("format" = Option<super::openapi::TableFormat>, Query, description = "Overrides `Accept`."),
+        ("layout" = Option<super::openapi::Layout>, Query, description = "JSON only: one array per \
+            quantity (`columns`, the default), or a list of rows in the member `records`."),
         ("fields" = Option<super::openapi::ProfileFields>, Query, style = Form, explode = false,
             description = "Only these columns, separated by commas; \
-            `cycles` and `radius` always come along.",
+            `cycles` and `radius` are always included.",
             example = json!(["wear", "pressure"])),
         ("cycles" = Option<super::openapi::ChosenInstants>, Query, style = Form, explode = false,
-            description = "Only these instants, separated by commas.",
+            description = "Only these output cycles, separated by commas.",
             example = json!([0])),
-        ("points" = Option<u32>, Query, description = "At most so many radii, evenly spread.",
+        ("points" = Option<u32>, Query, description = "Largest number of radii, evenly spaced.",
             minimum = 2, maximum = 4096, example = 200),
     ),
     responses(
@@ -267,10 +254,8 @@ pub async fn history(
             (String = "text/csv"),
             (super::openapi::File = "application/x-npz"),
             (super::openapi::File = "application/vnd.apache.arrow.file"),
-            (ref("#/components/schemas/ByDifferences") =
-                "application/vnd.fretwork.differences+json"),
         )),
-        (status = 406, description = "The profiles are available as JSON, NDJSON, CSV, NPZ, Arrow and by differences."),
+        (status = 406, description = "The profiles are available as JSON, NDJSON, CSV, NPZ and Arrow."),
     ),
 )]
 pub async fn profiles(
@@ -283,26 +268,26 @@ pub async fn profiles(
     answer(&app, &caller, (&key, Part::Profiles), &headers, query).await
 }
 
-/// Returns the force–displacement loops of a result, at the instants of its profiles.
+/// Returns the force–displacement loops of a result, at the output cycles of its profiles.
 ///
-/// Each loop is a cycle from one turning point over the other back to the first, with a point wherever
-/// another spring of the contact starts to slip: straight lines between the points enclose the energy of
-/// the cycle, and loops may differ in their number of points. Loops of a displacement record are its
-/// outermost. `energy_ratio`, `slip_ratio` and `free_ratio` are the criteria A, D and B of the sliding
-/// transition. Formats with rows have one per instant and point; in NPZ an array has a row per instant,
-/// and shorter loops end in NaN. A result computed with `profiles_at: "none"` has no loops.
+/// A loop goes from one turning point to the other and back. It has a point wherever another spring of
+/// the contact starts to slip. Straight lines between the points enclose the energy of the cycle. Loops
+/// may differ in their number of points. For a displacement record it is the outermost loop.
+/// `energy_ratio`, `slip_ratio` and `free_ratio` are the criteria A, D and B of the sliding transition.
+/// Formats with rows have one row per output cycle and point. In NPZ an array has one row per output
+/// cycle, and NaN fills the shorter loops. A result computed with `profiles_at: "none"` has no loops.
 #[utoipa::path(get, path = "/v1/results/{key}/loops", operation_id = "get_loops", tag = "results",
     params(
         ("key" = super::openapi::KeyText, Path, description = "The `key` of a job or a checked scenario."),
-        ("format" = Option<super::openapi::MatrixFormat>, Query, description = "Wins over `Accept`."),
-        ("layout" = Option<super::openapi::Layout>, Query, description = "Of JSON: an array per quantity \
-            (`columns`, the default), or a list of rows under `records`."),
+        ("format" = Option<super::openapi::TableFormat>, Query, description = "Overrides `Accept`."),
+        ("layout" = Option<super::openapi::Layout>, Query, description = "JSON only: one array per \
+            quantity (`columns`, the default), or a list of rows in the member `records`."),
         ("fields" = Option<super::openapi::LoopFields>, Query, style = Form, explode = false,
             description = "Only these columns, separated by commas; \
-            `cycles` always comes along.",
+            `cycles` is always included.",
             example = json!(["displacement", "tangential_force"])),
         ("cycles" = Option<super::openapi::ChosenInstants>, Query, style = Form, explode = false,
-            description = "Only these instants, separated by commas.",
+            description = "Only these output cycles, separated by commas.",
             example = json!([0])),
     ),
     responses(
@@ -312,10 +297,8 @@ pub async fn profiles(
             (String = "text/csv"),
             (super::openapi::File = "application/x-npz"),
             (super::openapi::File = "application/vnd.apache.arrow.file"),
-            (ref("#/components/schemas/ByDifferences") =
-                "application/vnd.fretwork.differences+json"),
         )),
-        (status = 406, description = "The loops are available as JSON, NDJSON, CSV, NPZ, Arrow and by differences."),
+        (status = 406, description = "The loops are available as JSON, NDJSON, CSV, NPZ and Arrow."),
     ),
 )]
 pub async fn loops(
@@ -330,38 +313,38 @@ pub async fn loops(
 
 /// Returns a figure of a result as SVG, for the screen and for print.
 ///
-/// Profiles (`worn`, `wear`, `image`, `pressure`, `slip`) have a curve for each instant, and the worn
-/// profile stands between the initial and the limiting one. Histories have one entry per instant, with
-/// what happened marked, the limiting state where it is within reach, and the simplified rule where the
-/// result was computed with `compare`. `loops` are force over displacement. An infinite pressure is a
-/// gap, and the curve rises to the frame beside it. `title` and `desc` say in words what is to be seen,
-/// `metadata` holds the key and the engine. The same request gives the same bytes everywhere.
+/// Profiles (`worn`, `wear`, `image`, `pressure`, `slip`) have one curve per output cycle. The worn profile
+/// is shown with the initial and the limiting profile. Histories are drawn over the output cycles, with
+/// marks at events, the limiting state if it is within reach, and the simplified rule if the result was
+/// computed with `compare`. `loops` are force over displacement. An infinite pressure is a gap, and the
+/// curve rises to the frame beside it. `title` and `desc` describe the figure in words; `metadata`
+/// contains the key and the engine. The same request gives the same bytes everywhere.
 #[utoipa::path(get, path = "/v1/results/{key}/plot.svg", operation_id = "plot_result", tag = "results",
     params(
         ("key" = super::openapi::KeyText, Path, description = "The `key` of a job or a checked scenario."),
-        ("quantity" = Option<super::openapi::PlotQuantity>, Query, description = "What is drawn; `worn` \
-            unless told. A result computed with `profiles_at: \"none\"` has histories only.",
+        ("quantity" = Option<super::openapi::PlotQuantity>, Query, description = "The quantity to \
+            draw, by default `worn`. A result computed with `profiles_at: \"none\"` has histories only.",
             example = "pressure"),
         ("cycles" = Option<super::openapi::PlotInstants>, Query, style = Form, explode = false,
-            description = "Of profiles and loops: only these instants, separated by commas. Unless told up \
-            to 6, evenly chosen.",
+            description = "Profiles and loops: only these output cycles, separated by commas. By default up \
+            to 6, evenly spaced.",
             example = json!([0])),
         ("units" = Option<super::openapi::UnitSystem>, Query, description = "`engineering` (the default \
             here): µm, mm³, MPa, mJ and N; or `si`.", example = "si"),
-        ("x" = Option<super::openapi::Spacing>, Query, description = "The horizontal axis: that of a \
-            history is `log` unless told where its instants spread over a factor of 20, every other \
-            `linear`. What is not positive has no place on a logarithmic axis.", example = "linear"),
-        ("y" = Option<super::openapi::Spacing>, Query, description = "The vertical axis: `linear` unless \
-            told.", example = "linear"),
-        ("width" = Option<u16>, Query, description = "In px, of which 96 make an inch; 640 unless told.",
+        ("x" = Option<super::openapi::Spacing>, Query, description = "The horizontal axis. By default \
+            it is `linear`, but `log` for a history whose output cycles span a factor of 20 or more. A \
+            logarithmic axis omits values that are not positive.", example = "linear"),
+        ("y" = Option<super::openapi::Spacing>, Query, description = "The vertical axis, by default \
+            `linear`.", example = "linear"),
+        ("width" = Option<u16>, Query, description = "Width in px (1/96 inch), by default 640.",
             minimum = 320, maximum = 4000, example = 640),
-        ("height" = Option<u16>, Query, description = "In px; 440 unless told.",
+        ("height" = Option<u16>, Query, description = "Height in px, by default 440.",
             minimum = 240, maximum = 4000, example = 440),
     ),
     responses(
         (status = 200, description = "The figure.", content((String = "image/svg+xml"))),
-        (status = 422, description = "A parameter has a fault, or asks for what the result does not \
-            have, such as profiles of one that was computed without; `errors` lists them all."),
+        (status = 422, description = "A parameter has a fault, or requests something that the result does \
+            not have, such as profiles; `errors` lists all faults."),
     ),
 )]
 pub async fn plot(
@@ -371,20 +354,17 @@ pub async fn plot(
     headers: HeaderMap,
     mut query: Query,
 ) -> Result<Response, Problem> {
-    let ask = ask_figure(&mut query);
+    let view = figure_view(&mut query);
     query.finish()?;
-    // The address names the format, so `Accept` has nothing to choose.
-    let figure = Representation::new(&caller, read_key(&key)?, Part::Plot, Format::Svg, ask);
-    if let Some(response) = figure.not_modified(&app, &headers).await? {
-        return Ok(response);
-    }
-    figure.answer(&app, Coding::choose(&headers, Format::Svg)).await
+    // The address names the format, so `Accept` has no effect.
+    let figure = Representation::new(&caller, read_key(&key)?, Part::Plot, Format::Svg, view);
+    figure.answer(&app, &headers).await
 }
 
-/// Pins a result: it is kept however much room it takes.
+/// Pins a result, so that it is never evicted.
 ///
-/// Results that nobody reads are dropped when the database grows too large, those first that were
-/// read longest ago. A pinned result is not. Pinning it again changes nothing.
+/// When the database grows too large, the server evicts the least recently read results, except pinned
+/// ones. Pinning a result again has no effect.
 #[utoipa::path(put, path = "/v1/results/{key}/pin", operation_id = "pin_result", tag = "results",
     params(("key" = super::openapi::KeyText, Path, description = "The `key` of a result.")),
     responses(
@@ -400,9 +380,9 @@ pub async fn pin(
     set_pin(&app, &caller, &key, true).await
 }
 
-/// Takes the pin off a result.
+/// Unpins a result.
 ///
-/// It may then be dropped like others when room is needed.
+/// The server may then evict it.
 #[utoipa::path(delete, path = "/v1/results/{key}/pin", operation_id = "unpin_result", tag = "results",
     params(("key" = super::openapi::KeyText, Path, description = "The `key` of a result.")),
     responses(
@@ -426,7 +406,7 @@ async fn set_pin(
 ) -> Result<StatusCode, Problem> {
     let key = read_key(key)?;
     while !app.store.pin(&key, pinned).await? {
-        // It says why there is nothing to pin, unless it has come to be meanwhile.
+        // Returns the problem for a missing result, or tries again if the result has just been stored.
         find(app, caller.reach(), &key).await?;
     }
     Ok(StatusCode::NO_CONTENT)

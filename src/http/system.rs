@@ -1,4 +1,4 @@
-//! What the server says about itself: health, version, contract, documentation, problem pages.
+//! The server itself: health, version, OpenAPI document, documentation, problem pages.
 
 use std::sync::{Arc, LazyLock};
 use std::time::{Duration, Instant};
@@ -19,7 +19,7 @@ use crate::store::{self, Store};
 use fretwork_engine::request::fields::{MAX_CYCLES, POINTS_RANGE};
 use fretwork_engine::scenario::{MAX_ANSWER, NUMERICS};
 
-/// Whether the server is well.
+/// The health of the process.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Health {
     /// `ok`.
@@ -27,9 +27,9 @@ pub struct Health {
     status: &'static str,
 }
 
-/// Says that the process is alive and answers.
+/// Reports that the process answers.
 ///
-/// Does not touch the database, so it stays cheap enough to be asked every second.
+/// It does not use the database, so a monitor can call it every second.
 #[utoipa::path(get, path = "/healthz", operation_id = "health", tag = "system", responses(
     (status = 200, description = "The server answers.", body = Health),
 ))]
@@ -37,72 +37,72 @@ pub async fn health(_: NoQuery) -> Json<Health> {
     Json(Health { status: "ok" })
 }
 
-/// Whether the server can do its work.
+/// Whether the server can accept jobs.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Readiness {
     /// `ready`.
     #[schema(example = "ready")]
     status: &'static str,
-    /// Computations that wait.
+    /// Number of queued runs.
     #[schema(example = 0)]
     queued: u64,
-    /// For how long the oldest of them has waited.
+    /// Waiting time of the oldest queued run, in seconds.
     #[schema(example = 0.0)]
     oldest_seconds: f64,
 }
 
-/// A queue in which something waits so long while nothing runs is stuck.
+/// A queue is stuck if a run waits longer than this while no run is computed.
 const STUCK: Duration = Duration::from_mins(1);
-/// A database that takes longer to answer is not there.
-const PATIENCE: Duration = Duration::from_secs(3);
+/// Maximum time to wait for the database.
+const TIMEOUT: Duration = Duration::from_secs(3);
 
-/// Whether the database takes changes: found out once in a while, however often it is asked. Anybody may
-/// ask, and to find out is to write.
+/// Checks that the database is writable, at most twice per second: the check writes, and anyone may
+/// request it.
 #[derive(Debug, Default)]
 pub struct Pulse(Mutex<Option<Instant>>);
 
 impl Pulse {
-    async fn feel(&self, store: &Store) -> Result<(), store::Error> {
-        let mut felt = self.0.lock().await;
-        if felt.is_none_or(|felt| felt.elapsed() > Duration::from_millis(500)) {
-            *felt = None;
+    async fn check(&self, store: &Store) -> Result<(), store::Error> {
+        let mut checked = self.0.lock().await;
+        if checked.is_none_or(|checked| checked.elapsed() > Duration::from_millis(500)) {
+            *checked = None;
             store.ping().await?;
-            *felt = Some(Instant::now());
+            *checked = Some(Instant::now());
         }
         Ok(())
     }
 }
 
-/// Says whether the server can do its work: the database takes changes and the queue moves.
+/// Reports whether the server can accept jobs: the database is writable and the queue is not stuck.
 ///
-/// For load balancers and start scripts. `GET /healthz` says only that the process is alive.
+/// For load balancers and start scripts. `GET /healthz` checks only that the process answers.
 #[utoipa::path(get, path = "/readyz", operation_id = "readiness", tag = "system", responses(
-    (status = 200, description = "It can.", body = Readiness),
-    (status = 503, description = "It cannot; the detail says why."),
+    (status = 200, description = "The server can accept jobs.", body = Readiness),
+    (status = 503, description = "The server cannot accept jobs; `detail` says why."),
 ))]
 pub async fn ready(State(app): State<App>, _: NoQuery) -> Result<Json<Readiness>, Problem> {
     let unready = |detail: &str| Problem::new(&problem::NOT_READY, detail).retry_after(5);
     if *app.draining.borrow() {
-        return Err(unready("The server is going down."));
+        return Err(unready("The server is shutting down."));
     }
-    let looked = async {
-        app.pulse.feel(&app.store).await?;
+    let check = async {
+        app.pulse.check(&app.store).await?;
         app.store.longest_wait().await
     };
-    let wait = match tokio::time::timeout(PATIENCE, looked).await {
+    let wait = match tokio::time::timeout(TIMEOUT, check).await {
         Ok(Ok(wait)) => wait,
-        Ok(Err(error)) => return Err(unready(&format!("The database: {error}."))),
+        Ok(Err(error)) => return Err(unready(&format!("The database failed: {error}."))),
         Err(_) => return Err(unready("The database does not answer.")),
     };
     let (queued, running) = (app.store.tally().queued(), app.store.tally().running());
     if running == 0 && wait > STUCK {
-        let detail = format!("The queue is stuck: {queued} wait, none runs.");
+        let detail = format!("The queue is stuck: {queued} runs wait and no run is computed.");
         return Err(unready(&detail));
     }
     Ok(Json(Readiness { status: "ready", queued, oldest_seconds: wait.as_secs_f64() }))
 }
 
-/// Which program this is, whose digits it computes and what it accepts.
+/// The program, the version of its numbers, and its limits.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Version {
     /// `fretwork`.
@@ -112,8 +112,8 @@ pub struct Version {
     #[serde(rename = "version")]
     #[schema(example = "0.1.0")]
     release: &'static str,
-    /// The version of the digits. It rises when the same scenario would give other numbers, and
-    /// enters every key.
+    /// The version of the numbers. It rises when the same scenario gives other digits. It is part of
+    /// every key.
     #[schema(example = 1)]
     numerics: u32,
     /// The limits of a request.
@@ -123,24 +123,24 @@ pub struct Version {
 /// The limits of a request.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Limits {
-    /// The fewest and the most radii, `points`.
+    /// Smallest and largest number of radii, `points`.
     #[schema(example = json!([16, 4096]))]
     points: [u16; 2],
-    /// The most instants, `cycles`.
+    /// Largest number of output cycles, `cycles`.
     #[schema(example = 1000)]
     cycles: usize,
-    /// The largest request body, in bytes.
+    /// Largest request body, in bytes.
     #[schema(example = 4_194_304)]
     body_bytes: usize,
-    /// The largest result as JSON, in bytes.
+    /// Largest result as JSON, in bytes.
     #[schema(example = 64_000_000)]
     answer_bytes: usize,
-    /// The longest wait of one request, in seconds.
+    /// Longest wait of one request, in seconds.
     #[schema(example = 60)]
     wait_seconds: u64,
 }
 
-/// Says which program this is, whose digits it computes and what it accepts.
+/// Returns the version of the program and of its numbers, and the limits of a request.
 ///
 /// When `numerics` rises, the same scenario gives other digits and has another key.
 #[utoipa::path(get, path = "/version", operation_id = "version", tag = "system", responses(
@@ -161,56 +161,59 @@ pub async fn version(_: NoQuery) -> Json<Version> {
     })
 }
 
-/// Returns the contract of this interface.
+/// Returns the OpenAPI document.
 ///
-/// It is generated from the routes themselves, so it says what this server does.
+/// It is generated from the routes of this server.
 #[utoipa::path(get, path = "/openapi.json", operation_id = "openapi", tag = "system", responses(
     (status = 200, description = "An OpenAPI 3.1 document.", body = serde_json::Value),
 ))]
 pub async fn openapi(_: NoQuery) -> Response {
-    // Built on first use: most processes are never asked.
+    // Built on first use, which most processes never need.
     static DOCUMENT: LazyLock<Bytes> = LazyLock::new(|| super::openapi::document().into());
     ([(CONTENT_TYPE, "application/json")], DOCUMENT.clone()).into_response()
 }
 
-/// Lists the kinds of problems.
+/// Lists the problem types.
 ///
-/// Every answer that is not a success has one of these as its `type`.
+/// Every error has one of them as its `type`.
 #[utoipa::path(get, path = "/problems", operation_id = "problems", tag = "system", responses(
-    (status = 200, description = "A page for people.", body = String, content_type = "text/html"),
+    (status = 200, description = "An HTML page.", body = String, content_type = "text/html"),
 ))]
 pub async fn problems(_: NoQuery) -> Html<String> {
     Html(problem::index())
 }
 
-/// Explains one kind of problem.
+/// Explains a problem type.
 ///
-/// What it means, and what to do about it.
+/// The page says what the problem means and how to solve it.
 #[utoipa::path(get, path = "/problems/{slug}", operation_id = "problem", tag = "system",
     params(("slug" = String, Path, description = "The last part of a problem's `type`.",
         example = "invalid-request")),
     responses(
-        (status = 200, description = "A page for people.", body = String, content_type = "text/html"),
-        (status = 404, description = "No problem has this name."),
+        (status = 200, description = "An HTML page.", body = String, content_type = "text/html"),
+        (status = 404, description = "No problem type has this name."),
     ),
 )]
 pub async fn explain(Segment(slug): Segment, _: NoQuery) -> Result<Html<String>, Problem> {
-    let none = "No problem has this name; GET /problems lists them all.";
+    let none = "No problem type has this name; GET /problems lists them all.";
     problem::page(&slug).map(Html).ok_or_else(|| Problem::new(&problem::NOT_FOUND, none))
 }
 
-/// Swagger UI, from files inside the program: it works without a network.
+/// Swagger UI. Its files are part of the program, so it works without a network.
 pub async fn docs(Segment(path): Segment) -> Result<Response, Problem> {
     static CONFIG: LazyLock<Arc<utoipa_swagger_ui::Config<'static>>> = LazyLock::new(|| {
         let config = utoipa_swagger_ui::Config::from("/openapi.json");
         Arc::new(config.try_it_out_enabled(true).display_request_duration(true))
     });
     let file = utoipa_swagger_ui::serve(&path, CONFIG.clone()).map_err(|error| {
-        tracing::error!(error, "the documentation could not be served");
+        tracing::error!(error, "cannot serve the documentation");
         Problem::internal()
     })?;
     let file = file.ok_or_else(|| {
-        Problem::new(&problem::NOT_FOUND, "The documentation has no such page; start at /docs/.")
+        Problem::new(
+            &problem::NOT_FOUND,
+            "The documentation does not have this page; start at /docs/.",
+        )
     })?;
     let headers = [
         (CONTENT_TYPE, file.content_type.as_str()),

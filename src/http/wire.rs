@@ -9,13 +9,13 @@ use axum::body::{Bytes, HttpBody as _};
 use axum::extract::{FromRequest, FromRequestParts, Path, Request};
 use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE};
 use axum::http::request::Parts;
-use axum::http::{HeaderMap, HeaderName};
+use axum::http::{HeaderMap, HeaderName, HeaderValue};
 use http_body_util::BodyExt;
 use serde::de::{DeserializeSeed, MapAccess, SeqAccess, Visitor};
 use serde_json::{Map, Value};
 
-use super::format::Format;
 use super::problem::{self, Complaint, Problem};
+use crate::format::Format;
 use fretwork_engine::request::fault::Fault;
 
 /// The largest body that is read, in bytes.
@@ -185,6 +185,12 @@ const PREFER: HeaderName = HeaderName::from_static("prefer");
 pub fn words(headers: &HeaderMap, name: HeaderName) -> impl Iterator<Item = &str> {
     let values = headers.get_all(name).into_iter().filter_map(|value| value.to_str().ok());
     values.flat_map(|value| value.split(',')).map(str::trim)
+}
+
+/// A header value.
+#[expect(clippy::expect_used, reason = "callers pass keys, hashes, numbers and names of formats")]
+pub fn ascii(text: &str) -> HeaderValue {
+    HeaderValue::try_from(text).expect("the text is ASCII")
 }
 
 /// What a submission asks of the cache by `Cache-Control` (RFC 9111). What is unknown is ignored, as
@@ -437,8 +443,6 @@ impl<'de> Visitor<'de> for Members<'_> {
 
 #[cfg(test)]
 mod tests {
-    use axum::http::HeaderValue;
-
     use super::*;
 
     #[test]

@@ -1,16 +1,16 @@
-//! The few things that SVG has to draw. Coordinates are px from the upper left corner.
+//! SVG elements. Coordinates are px from the upper left corner.
 
 use super::text::{escape, markup};
 use super::{About, Dash, Mark, Style};
 
-/// Deviations in px that nobody sees.
-const UNSEEN: f64 = 0.02;
-/// From mark to mark in px where a curve has more points than marks have room.
-const APART: f64 = 64.0;
-/// Marks that are nearer than this to each other run together.
-const CROWDED: f64 = 9.0;
+/// Largest invisible deviation of a curve, in px.
+const TOLERANCE: f64 = 0.02;
+/// Distance of markers on a curve with dense points, in px.
+const MARK_DISTANCE: f64 = 64.0;
+/// Points with a smaller distance than this are dense, in px.
+const DENSE: f64 = 9.0;
 
-/// A place in px, from the left and from the top.
+/// A point in px, from the left and from the top.
 pub type Point = (f64, f64);
 
 /// A rectangle.
@@ -31,12 +31,12 @@ impl Area {
         self.top + self.height
     }
 
-    /// The place at shares of width and height, counted from the lower left corner.
+    /// The point at fractions of width and height from the lower left corner.
     pub fn at(&self, across: f64, up: f64) -> Point {
         (self.left + across * self.width, self.bottom() - up * self.height)
     }
 
-    /// Whether a straight line comes into the rectangle (L. Barsky's clipping).
+    /// Whether a line segment intersects the rectangle (Liang–Barsky clipping).
     pub fn meets(&self, (x, y): Point, end: Point) -> bool {
         let (dx, dy) = (end.0 - x, end.1 - y);
         let bounds = [
@@ -60,7 +60,7 @@ impl Area {
     }
 }
 
-/// Where a text stands relative to its place.
+/// The alignment of a text relative to its point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Anchor {
     Start,
@@ -78,7 +78,7 @@ impl Anchor {
     }
 }
 
-/// A drawing under way.
+/// The elements drawn so far.
 #[derive(Debug, Default)]
 pub struct Canvas {
     body: String,
@@ -90,17 +90,17 @@ impl Canvas {
         self.body.push('\n');
     }
 
-    /// A label on one line, its baseline at the place.
+    /// A label on one line. The point is on its baseline.
     pub fn text(&mut self, place: Point, anchor: Anchor, size: f64, label: &str) {
         self.label(place, anchor, size, label, "");
     }
 
-    /// A title.
+    /// A bold label.
     pub fn title(&mut self, place: Point, size: f64, label: &str) {
         self.label(place, Anchor::Start, size, label, " font-weight=\"bold\"");
     }
 
-    /// A label that reads upwards.
+    /// A label rotated by 90°, read from bottom to top.
     pub fn upward_text(&mut self, place: Point, size: f64, label: &str) {
         let turn = format!(" transform=\"rotate(-90 {} {})\"", px(place.0), px(place.1));
         self.label(place, Anchor::Middle, size, label, &turn);
@@ -121,14 +121,14 @@ impl Canvas {
         self.put(&format!("<path d=\"{}\"{}/>", path(&[from, to]), stroke(style)));
     }
 
-    /// A curve through points, and its marks: one on every point or, where they would run together on
-    /// a line, now and then, the first `lead` px along the curve.
+    /// A curve through points, with markers on all points. If the points are dense, the markers have a
+    /// constant distance and the first one is `lead` px from the start.
     pub fn curve(&mut self, points: &[Point], style: &Style, lead: f64) {
         if points.len() > 1 && style.width > 0.0 {
             self.put(&format!("<path d=\"{}\"{}/>", path(&thinned(points)), stroke(style)));
         }
         if let Some(mark) = style.mark {
-            // Without a line the marks are all that is seen.
+            // Without a line every point needs a marker.
             let places = if style.width > 0.0 { marked(points, lead) } else { points.to_vec() };
             for place in places {
                 self.mark(place, mark, style.color);
@@ -136,7 +136,7 @@ impl Canvas {
         }
     }
 
-    /// A mark, about as large whatever its form; it hides the curve below it.
+    /// A marker. All shapes have about the same size and cover the curve.
     fn mark(&mut self, (x, y): Point, mark: Mark, color: &str) {
         let polygon = |corners: &[Point]| {
             let corners: Vec<Point> = corners.iter().map(|(dx, dy)| (x + dx, y + dy)).collect();
@@ -167,7 +167,7 @@ impl Canvas {
         self.put(&format!("<rect {} {paint}/>", bounds(area)));
     }
 
-    /// What follows shows only inside a rectangle.
+    /// Clips all following elements to a rectangle.
     pub fn open_window(&mut self, area: &Area) {
         let Area { left, top, width, height } = *area;
         let view = [left, top, width, height].map(px).join(" ");
@@ -179,7 +179,7 @@ impl Canvas {
         self.put("</svg>");
     }
 
-    /// The drawing as a document; its name is for those who cannot see it.
+    /// The drawing as a document. Screen readers read its name.
     pub fn document(
         self,
         (width, height): (f64, f64),
@@ -212,7 +212,7 @@ impl Canvas {
     }
 }
 
-/// A length with two decimals at most.
+/// A length with at most two decimals.
 fn px(x: f64) -> String {
     let text = format!("{x:.2}");
     match text.trim_end_matches('0').trim_end_matches('.') {
@@ -247,11 +247,11 @@ fn stroke(style: &Style) -> String {
     )
 }
 
-/// The points that are marked. Distances count along the curve or, where it never turns back, along
-/// the horizontal axis: steep flanks would be covered with marks.
+/// The points that have markers. Distances are measured along the curve, or along the horizontal axis if
+/// the curve never turns back: otherwise markers would cover steep flanks.
 fn marked(points: &[Point], lead: f64) -> Vec<Point> {
     let length = |pair: &[Point]| libm::hypot(pair[1].0 - pair[0].0, pair[1].1 - pair[0].1);
-    if points.windows(2).all(|pair| length(pair) >= CROWDED) {
+    if points.windows(2).all(|pair| length(pair) >= DENSE) {
         return points.to_vec();
     }
     let onwards = points.windows(2).all(|pair| pair[1].0 >= pair[0].0);
@@ -261,23 +261,23 @@ fn marked(points: &[Point], lead: f64) -> Vec<Point> {
         left -= if onwards { pair[1].0 - pair[0].0 } else { length(pair) };
         if left <= 0.0 {
             out.push(pair[1]);
-            left = APART;
+            left = MARK_DISTANCE;
         }
     }
     if out.is_empty() {
-        // A curve shorter than that still has to be known by its mark.
+        // A short curve needs one marker too.
         out.extend(points.get(points.len() / 2));
     }
     out
 }
 
-/// The points that a curve needs to look the same.
+/// The points without which a curve would look different.
 fn thinned(points: &[Point]) -> Vec<Point> {
     let mut kept: Vec<Point> = points.first().copied().into_iter().collect();
     let mut start = 0;
     for end in 2..points.len() {
         let skipped = &points[start + 1..end];
-        if skipped.iter().any(|point| distance(*point, points[start], points[end]) > UNSEEN) {
+        if skipped.iter().any(|point| distance(*point, points[start], points[end]) > TOLERANCE) {
             start = end - 1;
             kept.push(points[start]);
         }
@@ -286,7 +286,7 @@ fn thinned(points: &[Point]) -> Vec<Point> {
     kept
 }
 
-/// How far a point lies from the straight line between two others.
+/// The distance of a point from a line segment.
 fn distance((x, y): Point, from: Point, to: Point) -> f64 {
     let (dx, dy) = (to.0 - from.0, to.1 - from.1);
     let square = dx * dx + dy * dy;
@@ -300,7 +300,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_line_meets_a_rectangle_or_passes_it() {
+    fn a_segment_intersects_a_rectangle_or_misses_it() {
         let area = Area { left: 1.0, top: 1.0, width: 2.0, height: 1.0 };
         assert!(area.meets((0.0, 1.5), (4.0, 1.5)) && area.meets((2.0, 1.2), (2.0, 1.2)));
         assert!(area.meets((0.0, 0.0), (4.0, 3.0)));
@@ -309,7 +309,7 @@ mod tests {
     }
 
     #[test]
-    fn points_on_a_straight_line_are_left_out_and_corners_stay() {
+    fn points_on_straight_lines_are_removed_and_corners_are_kept() {
         let points: Vec<Point> = (0..=20).map(f64::from).map(|x| (x, (x - 7.0).abs())).collect();
         assert_eq!(thinned(&points), [(0.0, 7.0), (7.0, 0.0), (20.0, 13.0)]);
         assert_eq!(thinned(&[(0.0, 0.0), (9.0, 0.0), (5.0, 0.0)]).len(), 3);
@@ -318,16 +318,16 @@ mod tests {
     }
 
     #[test]
-    fn marks_stand_apart_and_no_curve_is_without() {
+    fn markers_keep_their_distance_and_every_curve_has_one() {
         let sparse = [(0.0, 0.0), (20.0, 5.0), (40.0, 5.0)];
         assert_eq!(marked(&sparse, 30.0), sparse);
-        // A flank, then a plain: the flank gets no more marks than its width.
+        // On a steep flank, distances are measured horizontally.
         let flank = (0..=40).map(|i| (f64::from(i) * 0.125, f64::from(i) * 5.0));
         let plain = (1..=200).map(|i| (5.0 + f64::from(i), 200.0));
         let across: Vec<f64> =
             marked(&flank.chain(plain).collect::<Vec<_>>(), 12.0).iter().map(|p| p.0).collect();
         assert_eq!(across, [12.0, 76.0, 140.0, 204.0]);
-        // There and back, marks are counted along the way.
+        // If the curve turns back, distances are measured along the curve.
         let there = (0..=50).map(|i| (f64::from(i), 0.0));
         let way: Vec<Point> = there.clone().chain(there.rev()).collect();
         assert_eq!(marked(&way, 30.0), [(30.0, 0.0), (6.0, 0.0)]);
@@ -336,7 +336,7 @@ mod tests {
     }
 
     #[test]
-    fn points_without_a_line_are_all_marked() {
+    fn without_a_line_all_points_have_markers() {
         let points = [(0.0, 0.0), (1.0, 9.0), (2.0, 5.0), (90.0, 7.0)];
         let marks = |width: f64| {
             let mut canvas = Canvas::default();
@@ -347,7 +347,7 @@ mod tests {
     }
 
     #[test]
-    fn lengths_are_short_and_never_minus_nothing() {
+    fn lengths_have_two_decimals_and_no_negative_zero() {
         assert_eq!([12.0, 12.5, 0.126, -0.001].map(px).join(" "), "12 12.5 0.13 0");
     }
 }

@@ -1,24 +1,24 @@
-//! Legends: samples of lines with their names, in a column within a figure or in rows below a sheet.
+//! Legends: line samples with names, in a column in a figure or in rows below a sheet.
 
 use super::canvas::{Anchor, Area, Canvas, Point};
 use super::text::width;
 use super::{GAP, LEADING, SINK, SMALL, Series, Style};
 
-/// The length of a sample.
+/// Length of a line sample, in px.
 const SAMPLE: f64 = 30.0;
-/// From line to line.
+/// Distance of two lines, in px.
 const LINE: f64 = SMALL * LEADING;
-/// Places tried in each direction.
+/// Number of positions to try in each direction.
 const PLACES: u32 = 8;
 
-/// The names of some series.
+/// Names and styles of series.
 #[derive(Debug)]
 pub struct Legend {
     entries: Vec<(String, Style)>,
 }
 
 impl Legend {
-    /// The legend of the series that have names; `None` if none has.
+    /// The legend of all named series; `None` without any.
     pub fn of<'a>(series: impl Iterator<Item = (&'a Series, Style)>) -> Option<Self> {
         let entries: Vec<_> = series
             .filter(|(series, _)| !series.label.is_empty())
@@ -27,7 +27,7 @@ impl Legend {
         (!entries.is_empty()).then_some(Self { entries })
     }
 
-    /// Width of an entry with the space after it.
+    /// Width of an entry including the space after it.
     fn advance(label: &str) -> f64 {
         SAMPLE + width(label) * SMALL + 3.0 * GAP
     }
@@ -38,7 +38,7 @@ impl Legend {
         (widest, self.entries.len() as f64 * LINE + GAP)
     }
 
-    /// A place within the area, in a corner if possible, that no line runs through.
+    /// A position in the area, preferably in a corner, that no line crosses.
     pub fn place(&self, area: &Area, lines: &[(Point, Point)]) -> Option<Point> {
         let (width, height) = self.size();
         let room = (area.width - width - 2.0 * GAP, area.height - height - 2.0 * GAP);
@@ -46,7 +46,7 @@ impl Legend {
             return None;
         }
         let (left, top) = (area.left + GAP, area.top + GAP);
-        // From both ends inwards, so that corners come first.
+        // Positions alternate between both ends and move inwards.
         let share = |i: u32| {
             let inward = f64::from(i / 2) / f64::from(PLACES);
             if i.is_multiple_of(2) { inward } else { 1.0 - inward }
@@ -70,7 +70,7 @@ impl Legend {
             .find(free)
     }
 
-    /// Draws a column with its upper left corner at a place.
+    /// Draws a column at its upper left corner.
     pub fn draw(&self, canvas: &mut Canvas, (left, top): Point) {
         let (width, height) = self.size();
         canvas.rectangle(&Area { left, top, width, height }, true);
@@ -79,7 +79,7 @@ impl Legend {
         }
     }
 
-    /// The entries in rows of a measure: the row and the place within it of each, and the height.
+    /// The positions of all entries in rows of width `measure`, and the total height.
     fn rows(&self, measure: f64) -> (Vec<Point>, f64) {
         let (mut x, mut y) = (0.0, 0.0);
         let mut places = Vec::new();
@@ -94,12 +94,12 @@ impl Legend {
         (places, y + LINE + 0.5 * GAP)
     }
 
-    /// The height of the legend in rows of a measure.
+    /// The height of the legend in rows of width `measure`.
     pub fn height(&self, measure: f64) -> f64 {
         self.rows(measure).1
     }
 
-    /// Draws rows of a measure with the upper left corner at a place.
+    /// Draws rows of width `measure` at their upper left corner.
     pub fn draw_rows(&self, canvas: &mut Canvas, (left, top): Point, measure: f64) {
         for ((x, y), (label, style)) in self.rows(measure).0.iter().zip(&self.entries) {
             Self::entry(canvas, (left + x, top + y), label, style);
@@ -122,19 +122,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_legend_stands_where_no_line_runs() {
+    fn a_legend_avoids_all_lines() {
         let series = [Series::new("one", vec![], vec![]), Series::new("two", vec![], vec![])];
         let legend = Legend::of(series.iter().zip((0..).map(Style::numbered))).expect("two names");
         let area = Area { left: 0.0, top: 0.0, width: 300.0, height: 200.0 };
         let (width, height) = legend.size();
         let corner = legend.place(&area, &[]).expect("a place");
         assert_eq!(corner, (300.0 - width - GAP, GAP));
-        // Through the upper right corner: it moves to another one.
+        // A line crosses the upper right corner, so the legend moves to another one.
         let falling = [((0.0, 0.0), (300.0, 200.0))];
         let place = legend.place(&area, &[((150.0, 0.0), (300.0, 30.0))]).expect("a place");
         assert_eq!(place, (GAP, GAP));
         assert_eq!(legend.place(&area, &falling), Some(corner));
-        // A comb leaves no place.
+        // Dense vertical lines leave no position.
         let comb: Vec<_> =
             (0..30).map(|i| f64::from(i) * 10.0).map(|x| ((x, 0.0), (x, 200.0))).collect();
         assert_eq!(legend.place(&area, &comb), None);

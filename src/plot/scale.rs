@@ -1,40 +1,40 @@
-//! Scales: the range of an axis, and where its ticks stand.
+//! Scales: the range of an axis, and its ticks.
 
 use super::Axis;
 use super::text::power_of_ten;
 
-/// Most digits before the point, and most zeros after it, that a tick shows.
+/// Decimal exponents of numbers that tick labels show without a power of ten.
 const PLAIN: std::ops::RangeInclusive<i32> = -3..=4;
 
-/// Values that are nearer than this to each other, relatively, are shown as equal.
+/// Values with a smaller relative difference than this are drawn as equal.
 const SAME: f64 = 1e-6;
-/// A logarithmic axis of less than so many decades has steps instead of them.
-const SHORT: f64 = 0.6;
+/// A logarithmic axis with fewer decades than this has ticks at equal steps.
+const MIN_DECADES: f64 = 0.6;
 
-/// A mark on an axis.
+/// A tick of an axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tick {
-    /// Its place, 0 at the lower and 1 at the upper end.
+    /// Its position: 0 at the lower and 1 at the upper end.
     pub share: f64,
-    /// Its number; a minor tick has none.
+    /// Its label; a minor tick has none.
     pub label: Option<String>,
 }
 
-/// The map from values to shares of an axis.
+/// The map from values to positions on an axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scale {
-    /// The ends; their decadic logarithms on a logarithmic axis.
+    /// The ends; on a logarithmic axis their base-10 logarithms.
     low: f64,
     high: f64,
     log: bool,
     /// Ticks in ascending order.
     pub ticks: Vec<Tick>,
-    /// The power of ten that the labels are multiplied by.
+    /// The power of ten by which the labels are multiplied.
     pub power: i32,
 }
 
 impl Scale {
-    /// The scale of an axis over values, with about `count` labels.
+    /// The scale of an axis for values, with about `count` labels.
     pub fn new(axis: &Axis, values: impl Iterator<Item = f64>, count: f64) -> Self {
         let log = axis.log;
         let place = |value: f64| if log { libm::log10(value) } else { value };
@@ -47,7 +47,7 @@ impl Scale {
         let mut scale = Self { low, high, log, ticks: Vec::new(), power: 0 };
         if !log {
             scale.mark_steps(count);
-        } else if high - low < SHORT {
+        } else if high - low < MIN_DECADES {
             scale.mark_part_of_decade(count);
         } else {
             scale.mark_decades(count);
@@ -55,15 +55,15 @@ impl Scale {
         scale
     }
 
-    /// Where a value stands, 0 at the lower and 1 at the upper end; `None` if nowhere.
+    /// The position of a value: 0 at the lower and 1 at the upper end. `None` if it has none.
     pub fn share(&self, value: f64) -> Option<f64> {
         let place = if self.log { libm::log10(value) } else { value };
         let share = (place - self.low) / (self.high - self.low);
-        // Far outside is outside; renderers stumble over larger numbers.
+        // Renderers fail with very large coordinates.
         share.is_finite().then(|| share.clamp(-9.0, 10.0))
     }
 
-    /// What the labels are multiplied by, if by anything.
+    /// The factor of the labels, or an empty text.
     pub fn factor(&self) -> String {
         if self.power == 0 { String::new() } else { format!("×{}", power_of_ten(self.power)) }
     }
@@ -78,7 +78,7 @@ impl Scale {
         let ends = |step: f64| {
             (libm::ceil((low - slack) / step) as i64, libm::floor((high + slack) / step) as i64)
         };
-        // A single tick says nothing of the scale.
+        // One tick alone does not define the scale.
         let alone = ends(steps[wide]).0 >= ends(steps[wide]).1;
         let step = steps[if alone { wide - 1 } else { wide }];
         let most = libm::floor(libm::log10(low.abs().max(high.abs())) + 1e-9) as i32;
@@ -96,7 +96,7 @@ impl Scale {
             .collect();
     }
 
-    /// Ticks of a logarithmic axis that is too short for decades: at even steps all the same.
+    /// Ticks at equal steps on a short logarithmic axis.
     fn mark_part_of_decade(&mut self, count: f64) {
         let (low, high) = (libm::exp10(self.low), libm::exp10(self.high));
         let mut even = Self { low, high, log: false, ticks: Vec::new(), power: 0 };
@@ -142,8 +142,8 @@ impl Scale {
     }
 }
 
-/// The digits that are labelled in each decade, where there is room for about `count` labels: as many
-/// as leave the nearest two apart.
+/// The digits that are labelled in each decade: as many as fit without overlap, given space for about
+/// `count` labels.
 fn labelled(decades: f64, count: f64) -> &'static [i32] {
     let sets: [(f64, &[i32]); 3] =
         [(1.2, &[1, 2, 3, 4, 5, 6, 7, 8, 9]), (1.2, &[1, 2, 3, 5, 7]), (2.2, &[1, 2, 5])];
@@ -155,12 +155,12 @@ fn labelled(decades: f64, count: f64) -> &'static [i32] {
     sets.into_iter().find(fits).map_or(&[1], |(_, digits)| digits)
 }
 
-/// The range of some values with a little room around them; 0 stays an end.
+/// The range of values with a margin, except at 0.
 fn padded(values: impl Iterator<Item = f64>, log: bool) -> (f64, f64) {
     let whole = (f64::INFINITY, f64::NEG_INFINITY);
     let (low, high) = values.fold(whole, |(low, high), x| (low.min(x), high.max(x)));
     let size = low.abs().max(high.abs());
-    // What differs in rounding only is the same, and its digits are not worth an axis.
+    // Differences due to rounding must not fill the axis.
     let least = SAME * if log { 1.0 } else { size };
     let room = if high - low > least {
         0.04 * (high - low)
@@ -171,7 +171,7 @@ fn padded(values: impl Iterator<Item = f64>, log: bool) -> (f64, f64) {
     (if keep(low) { low } else { low - room }, if keep(high) { high } else { high + room })
 }
 
-/// A number with a proper minus sign.
+/// A number with a typographic minus sign, and without negative zero.
 fn number(value: f64, decimals: usize) -> String {
     let text = format!("{value:.decimals$}");
     if text.bytes().all(|byte| matches!(byte, b'-' | b'0' | b'.')) {
@@ -208,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_held_is_a_level_line_whatever_its_last_digits() {
+    fn a_constant_with_rounding_errors_is_a_level_line() {
         let values = [50.0, 50.000_000_000_000_04, 49.999_999_999];
         for log in [false, true] {
             let axis = Axis { log, ..Axis::default() };
@@ -220,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn whatever_the_values_the_ends_are_apart() {
+    fn the_ends_of_a_scale_differ_for_all_values() {
         for values in [vec![], vec![0.0], vec![3.0, 3.0], vec![f64::NAN, -1.0], vec![0.0, 1e300]] {
             for log in [false, true] {
                 let axis = Axis { log, ..Axis::default() };

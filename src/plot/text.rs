@@ -1,9 +1,9 @@
-//! Text of a figure: how wide it is, where it breaks, and how it stands in SVG.
+//! Text of a figure: its width, its line breaks, its SVG markup.
 //!
-//! Widths are the larger of two: of Helvetica, which Arial and Liberation Sans share, and of DejaVu
-//! Sans, which stands in for it where no other font is installed.
+//! Widths are the larger of two fonts: Helvetica, whose widths Arial and Liberation Sans share, and DejaVu
+//! Sans, which replaces it if no other font is installed.
 
-/// The width of a label in units of its font size; `$` signs, which only mark italics, take none.
+/// The width of a label in units of its font size. `$` signs mark italics and have no width.
 #[must_use]
 pub fn width(label: &str) -> f64 {
     label.chars().map(advance).sum()
@@ -37,13 +37,13 @@ fn advance(c: char) -> f64 {
         }
         '+' | '<' | '=' | '>' | '~' | '^' | '#' | '−' | '×' | '≤' | '≥' | '≈' => 0.84,
         'M' | 'm' | 'W' | '%' | '—' => 1.0,
-        // Scripts without lower case are about as wide as high.
+        // Characters of scripts without lower case are about as wide as high.
         '\u{1100}'.. if !('\u{2000}'..'\u{2e80}').contains(&c) => 1.0,
         _ => 0.64,
     }
 }
 
-/// Lines of at most `measure` font sizes; a longer word gets a line of its own.
+/// Breaks a text into lines of at most `measure` font sizes. A longer word has its own line.
 #[must_use]
 pub fn wrap(text: &str, measure: f64) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
@@ -59,8 +59,8 @@ pub fn wrap(text: &str, measure: f64) -> Vec<String> {
     lines
 }
 
-/// A label as the content of a `text` element: escaped, with what stands between `$` signs in
-/// italics. An odd sign out is a dollar.
+/// A label as the content of a `text` element: escaped, with text between `$` signs in italics. If the
+/// number of signs is odd, they are dollar signs.
 #[must_use]
 pub fn markup(label: &str) -> String {
     let pieces: Vec<&str> = label.split('$').collect();
@@ -74,7 +74,7 @@ pub fn markup(label: &str) -> String {
     pieces.iter().enumerate().map(italic).collect()
 }
 
-/// Text that may stand in XML 1.0, within elements and quoted attributes.
+/// Escapes a text for XML 1.0 elements and quoted attributes.
 #[must_use]
 pub fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
@@ -91,7 +91,7 @@ pub fn escape(text: &str) -> String {
     out
 }
 
-/// 10 with a raised exponent.
+/// 10 with a superscript exponent.
 #[must_use]
 pub fn power_of_ten(exponent: i32) -> String {
     let raised = |c| match c {
@@ -115,14 +115,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn dollars_in_pairs_are_italics_and_markup_of_others_is_text() {
+    fn text_between_dollar_signs_is_italic_and_xml_is_escaped() {
         assert_eq!(markup("$a$₀ < 1"), "<tspan font-style=\"italic\">a</tspan>₀ &lt; 1");
         assert_eq!(markup("5 $ & \u{1}"), "5 $ &amp;  ");
         assert!((width("$a$₀") - width("a₀")).abs() < 1e-15);
     }
 
     #[test]
-    fn lines_are_as_long_as_they_may_be() {
+    fn wrapped_lines_are_as_long_as_possible() {
         let text = "one two three four five";
         for measure in [1.0, 4.0, 8.0, 100.0] {
             let lines = wrap(text, measure);

@@ -3,7 +3,8 @@
 use std::collections::HashSet;
 use std::io::Read as _;
 
-use fretwork::http::{Format, Origins, Part};
+use fretwork::format::{Format, Part};
+use fretwork::http::Origins;
 use serde_json::{Value, json};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::TcpSocket;
@@ -302,28 +303,8 @@ async fn a_large_result_inside_its_job_is_the_same_bytes() {
     assert_eq!(again.json()["state"], "succeeded");
 }
 
-/// Of two dozen steady motions on all shapes, this takes the most by its differences: the contact grows
-/// all the time and nearly all of it slips. A programme of 200 unequal blocks takes up to twice as much.
-#[tokio::test(flavor = "multi_thread")]
-async fn differences_are_few_bytes_for_a_contact_that_changes_all_the_time_too() {
-    let mut body = large("simplified");
-    let scenario = body["scenario"].as_object_mut().unwrap();
-    let height =
-        json!({"shape": "power", "exponent": 1.5, "height": "10 um", "at_radius": "500 um"});
-    scenario.insert("profile".into(), height);
-    scenario.insert("load".into(), json!({"indentation_depth": "3 um", "held": "force"}));
-    scenario.insert("motion".into(), json!({"stick_ratio": 0.2}));
-    let cycles = json!({"normalized": {"from": 0.1, "to": 20, "count": 199, "spacing": "linear"}});
-    scenario.insert("cycles".into(), cycles);
-    let (server, address) = kept(&body).await;
-    let reply = coded(&server, &format!("{address}?format=differences&digits=7"), "zstd").await;
-    assert!((150_000..=300_000).contains(&reply.body.len()), "{}", reply.body.len());
-}
-
 /// Parts of 200 instants and 512 radii, and how many bytes they have at most on the line.
-const LARGEST: [(&str, usize); 5] = [
-    // Everything: five matrices, the loops, the histories.
-    ("?digits=7&format=differences", 300_000),
+const LARGEST: [(&str, usize); 4] = [
     ("/history?digits=7", 10_000),
     ("/profiles?digits=7&fields=worn", 300_000),
     ("/profiles?digits=7&points=64", 300_000),

@@ -4,7 +4,8 @@
 use std::fs;
 use std::path::PathBuf;
 
-use fretwork::http::{self, Ask, FormError, Format, Look, Part, QUANTITIES, Quantity};
+use fretwork::format::{self, Error, FigureOptions, Format, Part, QUANTITIES, Quantity, View};
+use fretwork::http;
 use fretwork::job::{Step, Task};
 use roxmltree::{Document, Node};
 use serde_json::{Value, json};
@@ -52,13 +53,14 @@ fn cone(profiles_at: &Value) -> Value {
     }})
 }
 
-fn drawn(stored: &[u8], ask: &Ask) -> Result<String, FormError> {
-    let svg = http::write_form(stored, Part::Plot, Format::Svg, ask)?;
+fn drawn(stored: &[u8], view: &View) -> Result<String, Error> {
+    let mut svg = Vec::new();
+    format::write(&mut svg, stored, Part::Plot, Format::Svg, view)?;
     Ok(String::from_utf8(svg).unwrap())
 }
 
 fn plotted(stored: &[u8], quantity: &str) -> String {
-    drawn(stored, &Ask::figure(Quantity::named(quantity).unwrap())).unwrap()
+    drawn(stored, &View::figure(Quantity::named(quantity).unwrap())).unwrap()
 }
 
 fn numbers(text: &str) -> Vec<f64> {
@@ -114,16 +116,16 @@ fn every_quantity_of_every_example_is_drawn_well() {
         let stored = computed(&body);
         for quantity in &QUANTITIES {
             let name = format!("{name}, {}", quantity.name);
-            let ask = Ask::figure(quantity);
-            let svg = drawn(&stored, &ask).unwrap_or_else(|error| panic!("{name}: {error}"));
+            let view = View::figure(quantity);
+            let svg = drawn(&stored, &view).unwrap_or_else(|error| panic!("{name}: {error}"));
             sound(&svg, (640, 440), &name);
-            assert!(svg == drawn(&stored, &ask).unwrap(), "{name} changes");
+            assert!(svg == drawn(&stored, &view).unwrap(), "{name} changes");
             assert!(svg.len() < 120_000, "{name} has {} bytes", svg.len());
             // The smallest, with axes of the other kind.
-            let log = if quantity.has_sign() { (None, None) } else { (Some(true), Some(true)) };
-            let look = Look { quantity, log, size: (320, 240) };
-            let svg = drawn(&stored, &Ask { engineering: false, look, ..ask });
-            sound(&svg.unwrap_or_else(|error| panic!("{name}: {error}")), look.size, &name);
+            let log = Some(true).filter(|_| !quantity.has_sign());
+            let figure = FigureOptions { quantity, log_x: log, log_y: log, size: (320, 240) };
+            let svg = drawn(&stored, &View { engineering: false, figure, ..view });
+            sound(&svg.unwrap_or_else(|error| panic!("{name}: {error}")), figure.size, &name);
         }
     }
 }
@@ -150,8 +152,9 @@ fn a_figure_says_in_words_what_it_shows() {
 #[test]
 fn an_infinite_pressure_is_a_gap_and_the_curve_rises_to_the_frame_beside_it() {
     let stored = computed(&cone(&json!([100])).to_string());
-    let ask = Ask { cycles: Some(vec![0.0]), ..Ask::figure(Quantity::named("pressure").unwrap()) };
-    let svg = drawn(&stored, &ask).unwrap();
+    let view =
+        View { cycles: Some(vec![0.0]), ..View::figure(Quantity::named("pressure").unwrap()) };
+    let svg = drawn(&stored, &view).unwrap();
     let document = Document::parse(&svg).unwrap();
     let [left, top, _, bottom] = frame(&document);
     let curve = window(&document).children().find(|node| node.has_tag_name("path")).unwrap();
@@ -167,11 +170,11 @@ fn an_infinite_pressure_is_a_gap_and_the_curve_rises_to_the_frame_beside_it() {
 fn instants_are_those_asked_for_or_some_evenly_chosen() {
     let stored = computed(&cone(&json!("all")).to_string());
     let legend = |quantity, cycles: Option<&[f64]>| {
-        let ask = Ask {
+        let view = View {
             cycles: cycles.map(<[f64]>::to_vec),
-            ..Ask::figure(Quantity::named(quantity).unwrap())
+            ..View::figure(Quantity::named(quantity).unwrap())
         };
-        let svg = drawn(&stored, &ask).unwrap();
+        let svg = drawn(&stored, &view).unwrap();
         let told = svg.split_once("Curves: ").unwrap().1;
         told.split_once(".</desc>").unwrap().0.to_owned()
     };
@@ -186,8 +189,8 @@ fn instants_are_those_asked_for_or_some_evenly_chosen() {
 fn what_was_not_computed_is_refused_by_name_and_histories_are_still_drawn() {
     let stored = computed(&cone(&json!("none")).to_string());
     for quantity in &QUANTITIES {
-        let drawn = drawn(&stored, &Ask::figure(quantity));
-        if quantity.has_instants() {
+        let drawn = drawn(&stored, &View::figure(quantity));
+        if quantity.has_curve_per_cycle() {
             let told = drawn.unwrap_err().to_string();
             assert!(told.contains("profiles_at") && told.contains("wear_volume"), "{told}");
         } else {
@@ -195,13 +198,13 @@ fn what_was_not_computed_is_refused_by_name_and_histories_are_still_drawn() {
         }
     }
     let stored = computed(http::EXAMPLES[0].body);
-    let look = Look {
+    let figure = FigureOptions {
         quantity: Quantity::named("wear").unwrap(),
-        log: (None, Some(true)),
-        ..Look::default()
+        log_y: Some(true),
+        ..FigureOptions::default()
     };
-    let ask = Ask { cycles: Some(vec![0.0]), look, ..Ask::default() };
-    let told = drawn(&stored, &ask).unwrap_err().to_string();
+    let view = View { cycles: Some(vec![0.0]), figure, ..View::default() };
+    let told = drawn(&stored, &view).unwrap_err().to_string();
     assert!(told.contains("no value is positive"), "{told}");
 }
 

@@ -5,7 +5,8 @@ use std::fs;
 use std::path::Path;
 
 /// From left to right; the files that make the program are one room.
-const ROW: [&str; 7] = ["plot", "verification", "job", "store", "service", "http", "main"];
+const ROW: [&str; 8] =
+    ["plot", "verification", "job", "format", "store", "service", "http", "main"];
 
 /// What only some rooms may use: a path, and the rooms.
 const RESERVED: [(&str, &[&str]); 5] = [

@@ -1,10 +1,10 @@
 //! Figures as SVG: curves on linear or logarithmic axes, for the screen and for print.
 //!
-//! A [`Figure`] is a single diagram; a [`Sheet`] holds several, with a common legend and a caption.
-//! The same figure gives the same bytes everywhere. Series that do not choose get the colours of
-//! Okabe and Ito, which colour-blind people can tell apart, and dashes of their own, so that they
-//! differ without colour too. The legend stands where no curve runs, or beside the diagram if there
-//! is no such place. In labels, `$` signs enclose italics: `"$r$/$a$₀"`.
+//! A [`Figure`] is one diagram; a [`Sheet`] contains several, with a common legend and a caption. The same
+//! figure gives the same bytes on every machine. By default, series have the colours of Okabe and Ito,
+//! which colour-blind readers can distinguish, and different dashes, so that they also differ in
+//! greyscale. The legend is where no curve is, or beside the diagram if there is no such place. In labels,
+//! `$` signs enclose italics: `"$r$/$a$₀"`.
 //!
 //! # Examples
 //! ```
@@ -34,66 +34,66 @@ use legend::Legend;
 use scale::{Scale, Tick};
 use text::{width, wrap};
 
-/// The colours of Okabe and Ito, without yellow, which white paper swallows.
+/// The colours of Okabe and Ito, without yellow, which is invisible on white paper.
 pub const PALETTE: [&str; 7] =
     ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000"];
-/// Grey, for what stands behind.
+/// Grey, for reference curves.
 pub const GREY: &str = "#888888";
 
-/// Sizes of text in px: titles of sheets and figures, labels of axes, and ticks, legends, captions.
+/// Font sizes in px: titles of sheets, titles of figures, labels of axes, all other text.
 const HEADING: f64 = 15.0;
 const TITLE: f64 = 12.5;
 const LABEL: f64 = 12.0;
 const SMALL: f64 = 10.5;
-/// From line to line, in font sizes.
+/// Distance of two lines of text, in font sizes.
 const LEADING: f64 = 1.3;
-/// Between things that must not touch, in px.
+/// Distance between elements, in px.
 const GAP: f64 = 6.0;
-/// Room that a tick with its label takes, across and down, in px.
+/// Width and height of a tick with its label, in px.
 const TICK_ROOM: (f64, f64) = (58.0, 42.0);
-/// Where a curve goes that rises to infinity: above the diagram, in its heights from the bottom.
+/// Height at which a curve with an infinite value ends: above the diagram, in heights of the diagram.
 const ABOVE: f64 = 1.1;
-/// Of a baseline below the middle of small text.
+/// Distance of the baseline below the middle of small text, in px.
 const SINK: f64 = 0.35 * SMALL;
 const TICK: Style = Style { color: "#000", dash: Dash::Solid, width: 0.8, mark: None };
 const GRID: Style = Style { color: "#e4e4e4", dash: Dash::Solid, width: 0.6, mark: None };
 const RULE: Style = Style { color: "#555", dash: Dash::ShortDashed, width: 0.8, mark: None };
 
-/// How a line is broken.
+/// The dashes of a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Dash {
-    /// Not at all.
+    /// No dashes.
     Solid,
     /// Long strokes.
     Dashed,
     /// Dots.
     Dotted,
-    /// Strokes and dots in turn.
+    /// Alternating strokes and dots.
     DashDotted,
     /// Short strokes.
     ShortDashed,
 }
 
 impl Dash {
-    /// All of them, in the order in which series get them.
+    /// All variants, in the order of the series.
     pub const ALL: [Self; 5] =
         [Self::Solid, Self::Dashed, Self::DashDotted, Self::ShortDashed, Self::Dotted];
 }
 
-/// How a series looks.
+/// The look of a series.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Style {
-    /// Any colour that SVG knows.
+    /// An SVG colour.
     pub color: &'static str,
     /// The dashes of its line.
     pub dash: Dash,
-    /// The width of its line in px; 0 for none.
+    /// The width of its line in px; 0 draws no line.
     pub width: f64,
-    /// What marks its points; where they are too many, some of them.
+    /// The marker of its points. If points are dense, only some have markers.
     pub mark: Option<Mark>,
 }
 
-/// What stands on the points of a series.
+/// A marker of the points of a series.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mark {
     /// A filled circle.
@@ -104,27 +104,27 @@ pub enum Mark {
     Square,
     /// An empty square on its corner.
     Diamond,
-    /// An empty triangle, its apex above.
+    /// An empty triangle that points up.
     Triangle,
-    /// An empty triangle, its apex below.
+    /// An empty triangle that points down.
     Wedge,
 }
 
 impl Mark {
-    /// All of them, in the order in which series get them.
+    /// All variants, in the order of the series.
     pub const ALL: [Self; 6] =
         [Self::Ring, Self::Square, Self::Triangle, Self::Diamond, Self::Wedge, Self::Disc];
 }
 
 impl Style {
-    /// The style of the series with a number, counted from 0.
+    /// The default style of series `i`, counted from 0.
     #[must_use]
     pub fn numbered(i: usize) -> Self {
         let color = PALETTE[i % PALETTE.len()];
         Self { color, dash: Dash::ALL[i % Dash::ALL.len()], width: 1.6, mark: None }
     }
 
-    /// The same for series of which each has a mark: their lines are whole.
+    /// A style with a marker and a solid line for series `i`.
     #[must_use]
     pub fn marked(i: usize) -> Self {
         let mark = Some(Mark::ALL[i % Mark::ALL.len()]);
@@ -135,46 +135,46 @@ impl Style {
 /// A curve through points.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Series {
-    /// Its name in the legend; empty if it has none.
+    /// Its name in the legend; an empty name is omitted.
     pub label: String,
     /// Abscissae.
     pub x: Vec<f64>,
-    /// Ordinates. The curve breaks where a value is not finite, or not positive on a logarithmic axis;
-    /// to +∞ it rises from both sides, up to the frame.
+    /// Ordinates. The curve has a gap where a value is not finite, or not positive on a logarithmic axis.
+    /// At +∞ it rises to the frame on both sides.
     pub y: Vec<f64>,
-    /// How it looks; by its number in the figure if not given.
+    /// Its style, by default [`Style::numbered`].
     pub style: Option<Style>,
 }
 
 impl Series {
-    /// A series that looks as its number says.
+    /// A series with the default style.
     #[must_use]
     pub fn new(label: &str, x: Vec<f64>, y: Vec<f64>) -> Self {
         Self { label: label.to_owned(), x, y, style: None }
     }
 
-    /// The same series in a style of its own.
+    /// The same series in another style.
     #[must_use]
     pub fn styled(self, style: Style) -> Self {
         Self { style: Some(style), ..self }
     }
 }
 
-/// One of the two axes.
+/// An axis.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Axis {
-    /// What it shows, with the unit.
+    /// Its quantity and unit.
     pub label: String,
     /// Whether it is logarithmic.
     pub log: bool,
-    /// Its ends; from the data if not given.
+    /// Its ends, by default those of the data.
     pub range: Option<(f64, f64)>,
-    /// Values marked by a dashed line across the figure, each with its name.
+    /// Named values, marked by dashed lines across the figure.
     pub marks: Vec<(f64, String)>,
 }
 
 impl Axis {
-    /// A linear axis over the data.
+    /// A linear axis with the range of the data.
     #[must_use]
     pub fn labelled(label: &str) -> Self {
         Self { label: label.to_owned(), ..Self::default() }
@@ -184,28 +184,28 @@ impl Axis {
 /// A diagram.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Figure {
-    /// Above the diagram.
+    /// The title, above the diagram.
     pub title: String,
     /// The horizontal axis.
     pub x: Axis,
     /// The vertical axis.
     pub y: Axis,
-    /// Curves, the last on top.
+    /// Curves; the last one is on top.
     pub series: Vec<Series>,
-    /// Width and height in px, of which 96 make an inch.
+    /// Width and height in px (1/96 inch).
     pub size: (f64, f64),
-    /// What is told in words to those who cannot see it, and to programs.
+    /// Metadata for screen readers and programs.
     pub about: Option<About>,
 }
 
-/// What a figure tells beside its drawing.
+/// Metadata of a figure.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct About {
-    /// What is to be seen.
+    /// A description in words (`desc`).
     pub description: String,
-    /// What of (`dc:identifier`).
+    /// The key of the result (`dc:identifier`).
     pub identifier: String,
-    /// Who computed it (`dc:creator`).
+    /// The engine (`dc:creator`).
     pub creator: String,
 }
 
@@ -225,19 +225,19 @@ impl Default for Figure {
 /// Diagrams side by side, in rows.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Sheet {
-    /// Above all.
+    /// The title, at the top.
     pub title: String,
-    /// Below all.
+    /// The caption, at the bottom.
     pub caption: String,
-    /// Diagrams in a row.
+    /// Number of diagrams per row.
     pub columns: usize,
-    /// The diagrams, row by row; all of the size of the first.
+    /// The diagrams, row by row. All have the size of the first.
     pub figures: Vec<Figure>,
-    /// A legend for all, below the diagrams: labels and styles count, points do not.
+    /// A common legend below the diagrams. It uses the labels and styles of the series.
     pub legend: Vec<Series>,
 }
 
-/// Where the parts of a figure stand.
+/// The layout of a figure.
 struct Plan {
     area: Area,
     x: Scale,
@@ -249,7 +249,7 @@ impl Plan {
         Some(self.area.at(self.x.share(x)?, self.y.share(y)?))
     }
 
-    /// The lines across the figure at the marks of both axes.
+    /// The dashed lines at the marks of both axes.
     fn rules(&self, figure: &Figure) -> Vec<(Point, Point)> {
         let area = &self.area;
         let across = |share: f64| (area.at(0.0, share), area.at(1.0, share));
@@ -271,7 +271,7 @@ impl Figure {
         canvas.document(self.size, &self.title, self.about.as_ref())
     }
 
-    /// Draws the figure with its upper left corner at a place, its area indented at least so far.
+    /// Draws the figure. `corner` is its upper left corner, `indent` the least indentation of its area.
     fn draw(&self, canvas: &mut Canvas, corner: Point, indent: f64) {
         let styles: Vec<Style> = (0..)
             .zip(&self.series)
@@ -296,7 +296,7 @@ impl Figure {
             canvas.line(from, to, &RULE);
         }
         for (i, (curve, style)) in self.curves(&plan).iter().zip(&styles).enumerate() {
-            // Curves that run together are told apart by marks that do not.
+            // Shifts the markers of each curve, so that overlapping curves can be distinguished.
             let lead = 12.0 + 10.0 * (i % Mark::ALL.len()) as f64;
             for run in curve {
                 canvas.curve(run, style, lead);
@@ -309,13 +309,13 @@ impl Figure {
         }
     }
 
-    /// The unbroken runs of every series, in px.
+    /// The pieces of every series between gaps, in px.
     fn curves(&self, plan: &Plan) -> Vec<Vec<Vec<Point>>> {
         let runs = |series: &Series| {
             let mut runs: Vec<Vec<Point>> = vec![Vec::new()];
             for (x, y) in series.x.iter().zip(&series.y) {
                 let rises = *y == f64::INFINITY;
-                // The window cuts it off at the frame.
+                // The clip window ends it at the frame.
                 let place = if rises {
                     plan.x.share(*x).map(|x| plan.area.at(x, ABOVE))
                 } else {
@@ -328,14 +328,14 @@ impl Figure {
                     runs.push(place.into_iter().collect());
                 }
             }
-            // Of a pole alone nothing is to be seen.
-            let seen = |run: &&Vec<Point>| run.iter().any(|(_, y)| *y > plan.area.top - 1.0);
-            runs.iter().filter(seen).cloned().collect()
+            // A piece above the frame is invisible.
+            let visible = |run: &&Vec<Point>| run.iter().any(|(_, y)| *y > plan.area.top - 1.0);
+            runs.iter().filter(visible).cloned().collect()
         };
         self.series.iter().map(runs).collect()
     }
 
-    /// The scale of the vertical axis, and how far it needs the area to be indented.
+    /// The scale of the vertical axis, and the indentation that it needs.
     fn vertical(&self) -> (Scale, f64) {
         let values = self.series.iter().flat_map(|series| &series.y).copied();
         let scale = Scale::new(&self.y, values, (self.size.1 - 70.0) / TICK_ROOM.1);
@@ -344,7 +344,7 @@ impl Figure {
         (scale, line(LABEL, &self.y.label) + widest + 3.0 * GAP)
     }
 
-    /// Where everything stands if `beside` is kept free on the right.
+    /// The layout with a free margin of width `beside` on the right.
     fn plan(&self, corner: Point, indent: f64, beside: f64) -> Plan {
         let (y, least) = self.vertical();
         let names = |axis: &Axis| {
@@ -355,7 +355,7 @@ impl Figure {
             corner.1 + line(TITLE, &self.title) + GAP + if above { SMALL * LEADING } else { 0.0 };
         let bottom = corner.1 + self.size.1 - (SMALL + LABEL) * LEADING - 2.0 * GAP;
         let left = corner.0 + indent.max(least);
-        // Half of the last tick's label hangs over.
+        // Half of the last tick label extends beyond the area.
         let right = corner.0 + self.size.0 - (beside + names(&self.y) + GAP).max(3.0 * GAP);
         let values = self.series.iter().flat_map(|series| &series.x).copied();
         let x = Scale::new(&self.x, values, (right - left) / TICK_ROOM.0);
@@ -386,7 +386,7 @@ impl Figure {
         let above = area.top - 0.5 * GAP;
         canvas.title((area.left, corner.1 + TITLE), TITLE, &self.title);
         canvas.upward_text((corner.0 + LABEL + 2.0, area.at(0.0, 0.5).1), LABEL, &self.y.label);
-        // Both powers of ten stand within the frame's width, and what stands beside them gives way.
+        // Powers of ten are at the ends of the axes; labels beside them move away.
         let (across, up) = (plan.x.factor(), plan.y.factor());
         canvas.text((area.right(), below), Anchor::End, SMALL, &across);
         canvas.text((area.left, above), Anchor::Start, SMALL, &up);
@@ -408,7 +408,7 @@ impl Figure {
 }
 
 impl Axis {
-    /// The names of the marks within the scale, each with its distance from the lower end.
+    /// The names of the visible marks and their distances from the lower end.
     fn names(&self, scale: &Scale, length: f64) -> Vec<(f64, &str)> {
         let shares = self.marks.iter().filter_map(|(value, name)| {
             let share = scale.share(*value).filter(|share| (0.0..=1.0).contains(share))?;
@@ -420,8 +420,7 @@ impl Axis {
     }
 }
 
-/// Moves names on until none stands on the one before, and the first behind the start; where they would
-/// reach beyond the end, the last are moved back.
+/// Moves names forward until they do not overlap each other or the start, then back from the end.
 fn apart(
     mut names: Vec<(f64, &str)>,
     (start, end): (f64, f64),
@@ -477,7 +476,7 @@ impl Sheet {
     }
 }
 
-/// The height of a line, if it is there at all.
+/// The height of a line of text; 0 if it is empty.
 fn line(size: f64, label: &str) -> f64 {
     if label.is_empty() { 0.0 } else { size * LEADING }
 }

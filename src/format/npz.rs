@@ -1,42 +1,41 @@
 //! Results as NPZ, the archive of arrays that NumPy writes and reads (`numpy.load`), without pickle.
 //!
-//! An archive is a ZIP file with one NPY file per array: a line of Python that tells type and shape,
-//! and the numbers. Loops differ in their number of points; the shorter ones end in NaN.
+//! An archive is a ZIP file with one NPY file per array: a header with type and shape, then the numbers.
+//! Loops differ in their number of points; NaN fills the shorter rows.
 
 use std::io::{Cursor, Write};
 use std::iter;
 
-use serde::Serializer as _;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
-use super::document::{Document, Told};
+use super::document::{Document, Member};
+use super::error::Error;
 use super::table::{Table, Values};
 use super::units::fits_single;
-use super::{Ask, Error};
+use super::view::View;
 
-/// A table: one array per column under its name, and `meta`: key, engine and units as JSON.
-pub fn table(document: &Document<'_>, table: &Table, ask: &Ask) -> Result<Vec<u8>, Error> {
-    let mut archive = Archive::new(ask);
+/// Writes a table: one array per column under its name, and `meta` with key, engine and units as JSON.
+pub fn table(document: &Document<'_>, table: &Table, view: &View) -> Result<Vec<u8>, Error> {
+    let mut archive = Archive::new(view);
     let meta = serde_json::json!({
-        "key": document.key, "engine": document.engine, "units": document.telling.units,
+        "key": document.key, "engine": document.engine_text, "units": document.units,
     });
     archive.text("meta", &meta.to_string())?;
     archive.table("", table)?;
     archive.finish()
 }
 
-/// A whole result: the columns of each table under names such as `history/wear_volume`, and `meta`:
-/// everything else as JSON.
-pub fn whole(document: &Document<'_>, ask: &Ask) -> Result<Vec<u8>, Error> {
-    let mut archive = Archive::new(ask);
-    let (tables, others): (Vec<_>, Vec<_>) =
-        document.members()?.into_iter().partition(|(_, told)| matches!(told, Told::Table(_)));
-    let mut meta = Vec::new();
-    serde_json::Serializer::new(&mut meta).collect_map(others)?;
-    archive.text("meta", &String::from_utf8_lossy(&meta))?;
-    for (name, told) in tables {
-        if let Told::Table(table) = told {
+/// Writes a whole result: the columns of each table under names such as `history/wear_volume`, and
+/// `meta` with everything else as JSON.
+pub fn whole(document: &Document<'_>, view: &View) -> Result<Vec<u8>, Error> {
+    let mut archive = Archive::new(view);
+    let mut object = document.object()?;
+    let tables = object.0.extract_if(.., |(_, member)| matches!(member, Member::Table(_)));
+    let tables: Vec<_> = tables.collect();
+    archive.text("meta", &serde_json::to_string(&object)?)?;
+    for (name, member) in tables {
+        if let Member::Table(table) = member {
             archive.table(&format!("{name}/"), &table)?;
         }
     }
@@ -45,19 +44,19 @@ pub fn whole(document: &Document<'_>, ask: &Ask) -> Result<Vec<u8>, Error> {
 
 struct Archive<'a> {
     zip: ZipWriter<Cursor<Vec<u8>>>,
-    ask: &'a Ask,
+    view: &'a View,
 }
 
 impl<'a> Archive<'a> {
-    fn new(ask: &'a Ask) -> Self {
-        Self { zip: ZipWriter::new(Cursor::new(Vec::new())), ask }
+    fn new(view: &'a View) -> Self {
+        Self { zip: ZipWriter::new(Cursor::new(Vec::new())), view }
     }
 
     fn array(&mut self, name: &str, kind: &str, shape: &[usize], data: &[u8]) -> Result<(), Error> {
-        // The time in it is always the same: the same result makes the same bytes.
+        // The default timestamp is constant, so equal results give equal bytes.
         let options = SimpleFileOptions::default().compression_method(CompressionMethod::Deflated);
         self.zip.start_file(format!("{name}.npy"), options)?;
-        self.zip.write_all(&head(kind, shape))?;
+        self.zip.write_all(&header(kind, shape))?;
         self.zip.write_all(data)?;
         Ok(())
     }
@@ -68,21 +67,21 @@ impl<'a> Archive<'a> {
     }
 
     fn table(&mut self, prefix: &str, table: &Table) -> Result<(), Error> {
-        let places = table.places();
+        let points = table.points();
         for (name, values) in &table.columns {
             let (shape, numbers) = match values {
-                Values::Instants(row) | Values::Places(row) => (vec![row.len()], row.clone()),
-                Values::Both(rows) => {
+                Values::Cycles(row) | Values::Points(row) => (vec![row.len()], row.clone()),
+                Values::Matrix(rows) => {
                     let padding = iter::repeat(f64::NAN);
                     let padded = rows
                         .iter()
-                        .flat_map(|row| row.iter().copied().chain(padding.clone()).take(places));
-                    (vec![rows.len(), places], padded.collect())
+                        .flat_map(|row| row.iter().copied().chain(padding.clone()).take(points));
+                    (vec![rows.len(), points], padded.collect())
                 }
-                Values::Absent => (vec![places], vec![f64::NAN; places]),
+                Values::Absent => (vec![points], vec![f64::NAN; points]),
             };
             let name = format!("{prefix}{name}");
-            if fits_single(self.ask.digits, &numbers) {
+            if fits_single(self.view.digits, &numbers) {
                 let data: Vec<u8> =
                     numbers.iter().flat_map(|number| (*number as f32).to_le_bytes()).collect();
                 self.array(&name, "<f4", &shape, &data)?;
@@ -100,11 +99,11 @@ impl<'a> Archive<'a> {
     }
 }
 
-/// What an NPY file of version 1.0 begins with; the numbers after it are aligned to 64 bytes.
-fn head(kind: &str, shape: &[usize]) -> Vec<u8> {
+/// The header of an NPY file, version 1.0, padded so that the numbers start at a multiple of 64 bytes.
+fn header(kind: &str, shape: &[usize]) -> Vec<u8> {
     const FIXED: usize = 10;
     let sizes: Vec<_> = shape.iter().map(usize::to_string).collect();
-    // In Python a tuple of one ends in a comma.
+    // A Python tuple with one item ends with a comma.
     let sizes = sizes.join(", ") + if shape.len() == 1 { "," } else { "" };
     let mut text = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({sizes}), }}");
     let full = (FIXED + text.len() + 1).next_multiple_of(64);
@@ -121,14 +120,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_head_of_an_array_is_as_numpy_writes_it() {
+    fn an_array_header_equals_the_one_that_numpy_writes() {
         let shape = [2, 3];
-        let head = head("<f8", &shape);
-        assert_eq!(head.len(), 128);
-        let text = std::str::from_utf8(&head[10..]).unwrap();
-        let said = "{'descr': '<f8', 'fortran_order': False, 'shape': (2, 3), }";
-        assert_eq!(text.trim_end(), said);
+        let header = header("<f8", &shape);
+        assert_eq!(header.len(), 128);
+        let text = std::str::from_utf8(&header[10..]).unwrap();
+        let expected = "{'descr': '<f8', 'fortran_order': False, 'shape': (2, 3), }";
+        assert_eq!(text.trim_end(), expected);
         assert!(text.ends_with(" \n"));
-        assert_eq!(head[..10], *b"\x93NUMPY\x01\x00\x76\x00");
+        assert_eq!(header[..10], *b"\x93NUMPY\x01\x00\x76\x00");
     }
 }

@@ -1,0 +1,39 @@
+//! Tables as CSV: comment lines about the result, a header row with units, one line per row.
+
+use std::io::Write;
+
+use super::document::Document;
+use super::error::Error;
+use super::table::Table;
+use super::view::View;
+
+/// Writes a table as CSV. Infinite and undefined numbers are empty cells.
+pub fn table(
+    out: &mut impl Write,
+    document: &Document<'_>,
+    table: &Table,
+    view: &View,
+) -> Result<(), Error> {
+    let Document { units, key, engine_text, .. } = document;
+    let (part, system) = (table.part.name(), if view.engineering { "engineering" } else { "SI" });
+    write!(out, "# fretwork {part}\n# key: {key}\n# engine: {engine_text}\n# units: {system}\n")?;
+    if let Some(digits) = view.digits {
+        writeln!(out, "# digits: {digits}")?;
+    }
+    let names: Vec<_> = table.columns.iter().map(|(name, _)| units.header(name)).collect();
+    writeln!(out, "{}", names.join(","))?;
+    for (cycle, point) in table.rows() {
+        for (index, (_, values)) in table.columns.iter().enumerate() {
+            if index > 0 {
+                out.write_all(b",")?;
+            }
+            let number = values.at(cycle, point);
+            if number.is_finite() {
+                // The same digits as in JSON.
+                serde_json::to_writer(&mut *out, &number)?;
+            }
+        }
+        out.write_all(b"\n")?;
+    }
+    Ok(())
+}

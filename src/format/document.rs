@@ -1,0 +1,138 @@
+//! A stored result document, parsed only as far as the formats need.
+
+use std::fmt;
+
+use serde::de::Error as _;
+use serde::{Deserialize, Serialize, Serializer};
+use serde_json::Value;
+use serde_json::value::RawValue;
+
+use super::error::Error;
+use super::kind::Part;
+use super::members::Members;
+use super::table::Table;
+use super::units::Units;
+use super::view::View;
+
+/// The engine that computed a result.
+#[derive(Debug, Deserialize)]
+pub struct Engine {
+    name: String,
+    numerics: u32,
+}
+
+impl fmt::Display for Engine {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}/{}", self.name, self.numerics)
+    }
+}
+
+/// A member of a document as it is written.
+pub enum Member<'a> {
+    /// The stored text.
+    Stored(&'a RawValue),
+    /// A value with rounded or converted numbers.
+    Converted(Value),
+    /// The units.
+    Units(&'a Units),
+    /// A table, cut to the selection.
+    Table(Table),
+}
+
+impl Serialize for Member<'_> {
+    fn serialize<S: Serializer>(&self, json: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Stored(text) => text.serialize(json),
+            Self::Converted(value) => value.serialize(json),
+            Self::Units(units) => units.serialize(json),
+            Self::Table(table) => table.serialize(json),
+        }
+    }
+}
+
+/// The members of a document as they are written, in order.
+pub struct Object<'a>(pub Vec<(&'a str, Member<'a>)>);
+
+impl Serialize for Object<'_> {
+    fn serialize<S: Serializer>(&self, json: S) -> Result<S::Ok, S::Error> {
+        json.collect_map(self.0.iter().map(|(name, member)| (name, member)))
+    }
+}
+
+/// A result document and the view that a client requests of it.
+pub struct Document<'a> {
+    /// The key of the result.
+    pub key: String,
+    /// The member `engine`.
+    pub engine_text: &'a RawValue,
+    /// The same, parsed.
+    pub engine: Engine,
+    /// Units and rounding of all numbers.
+    pub units: Units,
+    members: Members<'a>,
+    view: &'a View,
+}
+
+impl<'a> Document<'a> {
+    /// Parses a stored document.
+    pub fn open(stored: &'a [u8], view: &'a View) -> Result<Self, Error> {
+        let members: Members<'a> = serde_json::from_slice(stored)?;
+        let member = |name: &str| {
+            members.get(name).ok_or_else(|| serde_json::Error::custom(format!("no `{name}`")))
+        };
+        let engine_text = member("engine")?;
+        Ok(Self {
+            key: serde_json::from_str(member("key")?.get())?,
+            engine_text,
+            engine: serde_json::from_str(engine_text.get())?,
+            units: Units::new(serde_json::from_str(member("units")?.get())?, view)?,
+            members,
+            view,
+        })
+    }
+
+    /// A table, cut to a selection and converted.
+    pub fn table(&self, part: Part, selection: &View) -> Result<Table, Error> {
+        let mut table = Table::read(part, self.members.get(part.name()), selection)?;
+        table.convert(&self.units);
+        Ok(table)
+    }
+
+    /// The value of a member with converted numbers; null if the document does not have it.
+    pub fn value(&self, name: &str) -> Result<Value, Error> {
+        let Some(text) = self.members.get(name) else { return Ok(Value::Null) };
+        let mut value = serde_json::from_str(text.get())?;
+        if name != "scenario" {
+            self.units.convert(name, &mut value);
+        }
+        Ok(value)
+    }
+
+    /// All members as they are written.
+    pub fn object(&self) -> Result<Object<'_>, Error> {
+        let members = self.members.0.iter();
+        let members = members.map(|(name, text)| Ok((&**name, self.member(name, text)?)));
+        Ok(Object(members.collect::<Result<_, Error>>()?))
+    }
+
+    fn member(&self, name: &str, text: &'a RawValue) -> Result<Member<'_>, Error> {
+        if name == "units" {
+            return Ok(Member::Units(&self.units));
+        }
+        if let Some(part) = Part::TABLES.into_iter().find(|part| part.name() == name) {
+            let selection = match part {
+                // The history is short, and other members refer to its rows.
+                Part::History => View::default(),
+                Part::Loops => View { points: None, ..self.view.clone() },
+                _ => self.view.clone(),
+            };
+            return Ok(Member::Table(self.table(part, &selection)?));
+        }
+        // The scenario stays in SI and unrounded: submitted again, it must have the same key.
+        let computed = !matches!(name, "key" | "engine" | "scenario" | "regime" | "warnings");
+        if computed && self.units.convert {
+            return Ok(Member::Converted(self.value(name)?));
+        }
+        Ok(Member::Stored(text))
+    }
+}

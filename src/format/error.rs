@@ -1,0 +1,32 @@
+//! Why a format cannot be written.
+
+use std::io;
+
+/// A requested item that the result does not have.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Missing {
+    /// The parameter that requested it.
+    pub parameter: &'static str,
+    /// What is missing, and what the result has instead.
+    pub detail: String,
+}
+
+/// Why a format cannot be written.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The result does not have everything that was requested.
+    #[error("{}", .0.iter().map(|item| item.detail.as_str()).collect::<Vec<_>>().join("; "))]
+    Missing(Vec<Missing>),
+    /// The stored document does not have the structure of a result.
+    #[error("the stored document is not a result")]
+    Document(#[from] serde_json::Error),
+    /// The NPZ archive cannot be written.
+    #[error("the NPZ archive cannot be written")]
+    Npz(#[from] zip::result::ZipError),
+    /// The Arrow file cannot be written.
+    #[error("the Arrow file cannot be written")]
+    Arrow(#[from] arrow_schema::ArrowError),
+    /// The output cannot be written.
+    #[error("the output cannot be written")]
+    Write(#[from] io::Error),
+}

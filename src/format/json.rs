@@ -1,0 +1,79 @@
+//! Results as JSON: whole, in columns, in rows, and as newline-delimited rows (NDJSON).
+
+use std::io::Write;
+
+use serde::ser::SerializeMap as _;
+use serde::{Serialize, Serializer};
+
+use super::document::Document;
+use super::error::Error;
+use super::table::Table;
+
+/// Writes a whole document.
+pub fn whole(out: &mut impl Write, document: &Document<'_>) -> Result<(), Error> {
+    Ok(serde_json::to_writer(out, &document.object()?)?)
+}
+
+/// Writes a table with one array per column, as the document has it.
+pub fn columns(out: &mut impl Write, document: &Document<'_>, table: &Table) -> Result<(), Error> {
+    framed(out, document, table.part.name(), table)
+}
+
+/// Writes a table as a list of rows, which spreadsheets and dashboards expect.
+pub fn records(out: &mut impl Write, document: &Document<'_>, table: &Table) -> Result<(), Error> {
+    framed(out, document, "records", &Rows(table))
+}
+
+fn framed(
+    out: &mut impl Write,
+    document: &Document<'_>,
+    name: &str,
+    value: &impl Serialize,
+) -> Result<(), Error> {
+    let mut json = serde_json::Serializer::new(out);
+    let mut map = json.serialize_map(Some(4))?;
+    map.serialize_entry("key", &document.key)?;
+    map.serialize_entry("engine", document.engine_text)?;
+    map.serialize_entry("units", &document.units)?;
+    map.serialize_entry(name, value)?;
+    Ok(map.end()?)
+}
+
+/// Writes one object per row and line.
+///
+/// NDJSON readers take every line for a row, so there is no header line. Units are in the names, as in
+/// CSV. Each row contains the key and the engine, so that the lines of many results can be joined.
+pub fn lines(out: &mut impl Write, document: &Document<'_>, table: &Table) -> Result<(), Error> {
+    let engine = document.engine.to_string();
+    let units = &document.units;
+    let names: Vec<_> = table.columns.iter().map(|(name, _)| units.header(name)).collect();
+    for (cycle, point) in table.rows() {
+        let mut json = serde_json::Serializer::new(&mut *out);
+        let mut map = json.serialize_map(None)?;
+        map.serialize_entry("key", &document.key)?;
+        map.serialize_entry("engine", &engine)?;
+        for (name, (_, values)) in names.iter().zip(&table.columns) {
+            map.serialize_entry(name, &values.at(cycle, point))?;
+        }
+        map.end()?;
+        out.write_all(b"\n")?;
+    }
+    Ok(())
+}
+
+struct Rows<'a>(&'a Table);
+
+impl Serialize for Rows<'_> {
+    fn serialize<S: Serializer>(&self, json: S) -> Result<S::Ok, S::Error> {
+        json.collect_seq(self.0.rows().map(|row| Row(self.0, row)))
+    }
+}
+
+struct Row<'a>(&'a Table, (usize, usize));
+
+impl Serialize for Row<'_> {
+    fn serialize<S: Serializer>(&self, json: S) -> Result<S::Ok, S::Error> {
+        let Self(table, (cycle, point)) = *self;
+        json.collect_map(table.columns.iter().map(|(name, values)| (name, values.at(cycle, point))))
+    }
+}

@@ -1,0 +1,103 @@
+//! File formats, and the parts of a result that they can hold.
+
+/// A file format.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Format {
+    /// `application/json`.
+    Json,
+    /// `application/x-ndjson`: one JSON object per line.
+    Ndjson,
+    /// `text/csv`: comment lines (`#`), one header row, `,` and `\n`.
+    Csv,
+    /// `application/x-npz`: an archive of NumPy arrays.
+    Npz,
+    /// `application/vnd.apache.arrow.file`: an Arrow IPC file, also known as Feather.
+    Arrow,
+    /// `image/svg+xml`: figures only.
+    Svg,
+}
+
+impl Format {
+    /// All formats of tables, the default first.
+    pub const ALL: [Self; 5] = [Self::Json, Self::Ndjson, Self::Csv, Self::Npz, Self::Arrow];
+
+    /// The value of `?format=`, and the extension of a file name.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Json => "json",
+            Self::Ndjson => "ndjson",
+            Self::Csv => "csv",
+            Self::Npz => "npz",
+            Self::Arrow => "arrow",
+            Self::Svg => "svg",
+        }
+    }
+
+    /// The media type with its parameters.
+    #[must_use]
+    pub fn media_type(self) -> &'static str {
+        match self {
+            Self::Json => "application/json",
+            Self::Ndjson => "application/x-ndjson",
+            Self::Csv => "text/csv; charset=utf-8",
+            Self::Npz => "application/x-npz",
+            Self::Arrow => "application/vnd.apache.arrow.file",
+            Self::Svg => "image/svg+xml",
+        }
+    }
+
+    /// The media type without parameters.
+    #[must_use]
+    pub fn essence(self) -> &'static str {
+        self.media_type().split_once(';').map_or(self.media_type(), |(essence, _)| essence)
+    }
+
+    /// Whether a browser should save the file instead of showing it.
+    #[must_use]
+    pub fn is_file(self) -> bool {
+        matches!(self, Self::Csv | Self::Npz | Self::Arrow)
+    }
+}
+
+/// A part of a result.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Part {
+    /// The whole result.
+    Whole,
+    /// One row per output cycle.
+    History,
+    /// Matrices over output cycles and radii.
+    Profiles,
+    /// The force–displacement loops.
+    Loops,
+    /// A figure.
+    Plot,
+}
+
+impl Part {
+    /// The parts that are tables, in the order of the document.
+    pub const TABLES: [Self; 3] = [Self::History, Self::Profiles, Self::Loops];
+
+    /// The name in addresses and documents.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Whole => "result",
+            Self::History => "history",
+            Self::Profiles => "profiles",
+            Self::Loops => "loops",
+            Self::Plot => "plot",
+        }
+    }
+
+    /// The formats that can hold this part, the default first.
+    #[must_use]
+    pub fn formats(self) -> &'static [Format] {
+        match self {
+            Self::Whole => &[Format::Json, Format::Npz],
+            Self::Plot => &[Format::Svg],
+            Self::History | Self::Profiles | Self::Loops => &Format::ALL,
+        }
+    }
+}

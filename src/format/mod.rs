@@ -1,0 +1,285 @@
+//! A result as JSON, NDJSON, CSV, NPZ, Arrow or SVG.
+//!
+//! All formats are written from the numbers of the stored document. Each number is read as the nearest
+//! float64 and written with the fewest digits that give this float64 back. Equal numbers are therefore
+//! equal in every format: digit by digit in texts, bit by bit in arrays. If a client requests fewer
+//! digits, the numbers are rounded first, and arrays are float32 where possible (see [`View::digits`]).
+//!
+//! | format | a table | a whole result |
+//! |---|---|---|
+//! | JSON | columns, or rows (`records`) | the stored document |
+//! | NDJSON, CSV | rows: one per output cycle, or per output cycle and point | – |
+//! | Arrow | a table of the same rows | – |
+//! | NPZ | one array per column, as in the columns of JSON | one array per column of each table |
+//!
+//! Every format contains the key, the engine and the units. A number that is infinite (null in the
+//! document) is null in JSON, NDJSON and Arrow, empty in CSV and NaN in NPZ.
+
+mod arrow;
+mod csv;
+mod document;
+mod error;
+mod figure;
+mod json;
+mod kind;
+mod members;
+mod npz;
+mod quantity;
+mod table;
+mod units;
+mod view;
+
+use std::io::Write;
+
+use document::Document;
+
+pub use error::{Error, Missing};
+pub use kind::{Format, Part};
+pub use quantity::{QUANTITIES, Quantity};
+pub use view::{FigureOptions, View};
+
+/// The version of the formats. Clients may cache answers for ever, so it must rise when the same request
+/// gives other bytes.
+pub const VERSION: u8 = 2;
+
+/// Writes a stored result, or a part of it. Large results take seconds.
+///
+/// # Errors
+/// [`Error::Missing`] if the result does not have everything that the view selects.
+///
+/// # Panics
+/// If [`Part::formats`] does not list the format.
+pub fn write(
+    out: &mut impl Write,
+    stored: &[u8],
+    part: Part,
+    format: Format,
+    view: &View,
+) -> Result<(), Error> {
+    if (part, format) == (Part::Whole, Format::Json) && *view == View::default() {
+        return Ok(out.write_all(stored)?);
+    }
+    assert!(part.formats().contains(&format), "{part:?} cannot be written as {format:?}");
+    let document = &Document::open(stored, view)?;
+    let table = || document.table(part, view);
+    match format {
+        Format::Svg => Ok(out.write_all(&figure::svg(document, view)?)?),
+        Format::Npz if part == Part::Whole => Ok(out.write_all(&npz::whole(document, view)?)?),
+        Format::Npz => Ok(out.write_all(&npz::table(document, &table()?, view)?)?),
+        Format::Json if part == Part::Whole => json::whole(out, document),
+        Format::Json if view.records => json::records(out, document, &table()?),
+        Format::Json => json::columns(out, document, &table()?),
+        Format::Ndjson => json::lines(out, document, &table()?),
+        Format::Csv => csv::table(out, document, &table()?, view),
+        Format::Arrow => arrow::table(out, document, &table()?, view),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::{Value, json};
+
+    use super::*;
+
+    const RESULT: &str = r#"{"key":"ab","engine":{"name":"fretwork","numerics":1},
+        "scenario":{"friction":0.123456789012},
+        "units":{"cycles":"1","wear_volume":"m^3","radius":"m","worn":"m","pressure":"Pa",
+                 "displacement":"m","tangential_force":"N","energy_ratio":"1","amplitude":"m"},
+        "unworn":{"amplitude":2.25612345e-6},
+        "history":{"cycles":[0.0,1000.0],"wear_volume":[0.0,1.2345678e-13]},
+        "profiles":{"cycles":[0.0,1000.0],"radius":[0.0,1.0,2.0],"initial":[0.0,1.0,4.0],
+                    "limiting":null,"worn":[[0.0,1.0,4.0],[0.1,2.0,5.0]],
+                    "pressure":[[null,2.5e9,0.0],[3e8,1.0,0.0]]},
+        "loops":{"cycles":[0.0,5.0],"displacement":[[1.0,-1.0],[2.0,-2.0,0.5]],
+                 "tangential_force":[[3.0,-3.0],[4.5,-4.0,1.0]],"energy_ratio":[0.1,0.2]},
+        "comparison":{"xi":0.8,"history":{"wear_volume":[1e-13]},
+                      "errors":{"wear_volume":[0.0625]}},
+        "accuracy":{"steps":12345678}}"#;
+
+    fn written(stored: &str, part: Part, format: Format, view: &View) -> Result<Vec<u8>, Error> {
+        let mut out = Vec::new();
+        write(&mut out, stored.as_bytes(), part, format, view).map(|()| out)
+    }
+
+    fn made(part: Part, format: Format, view: &View) -> String {
+        String::from_utf8(written(RESULT, part, format, view).unwrap()).unwrap()
+    }
+
+    fn value(part: Part, view: &View) -> Value {
+        serde_json::from_str(&made(part, Format::Json, view)).unwrap()
+    }
+
+    fn rows(part: Part, view: &View) -> Vec<String> {
+        let csv = made(part, Format::Csv, view);
+        csv.lines().filter(|line| !line.starts_with('#')).map(str::to_owned).collect()
+    }
+
+    fn refused(part: Part, view: &View) -> Vec<(String, String)> {
+        match written(RESULT, part, Format::Json, view) {
+            Err(Error::Missing(items)) => {
+                items.into_iter().map(|item| (item.parameter.to_owned(), item.detail)).collect()
+            }
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn a_history_has_one_row_per_output_cycle() {
+        let csv = made(Part::History, Format::Csv, &View::default());
+        assert!(csv.starts_with("# fretwork history\n# key: ab\n# engine: {\"name\":\"fretwork\""));
+        let expected = ["cycles,wear_volume[m^3]", "0.0,0.0", "1000.0,1.2345678e-13"];
+        assert_eq!(rows(Part::History, &View::default()), expected);
+        let lines = made(Part::History, Format::Ndjson, &View::default());
+        let head = r#"{"key":"ab","engine":"fretwork/1","#;
+        let expected = [
+            format!("{head}\"cycles\":0.0,\"wear_volume[m^3]\":0.0}}"),
+            format!("{head}\"cycles\":1000.0,\"wear_volume[m^3]\":1.2345678e-13}}"),
+        ];
+        assert_eq!(lines.lines().collect::<Vec<_>>(), expected);
+    }
+
+    #[test]
+    fn profiles_have_one_row_per_output_cycle_and_radius() {
+        let expected = [
+            "cycles,radius[m],initial,limiting,worn[m],pressure[Pa]",
+            "0.0,0.0,0.0,,0.0,",
+            "0.0,1.0,1.0,,1.0,2500000000.0",
+            "0.0,2.0,4.0,,4.0,0.0",
+            "1000.0,0.0,0.0,,0.1,300000000.0",
+            "1000.0,1.0,1.0,,2.0,1.0",
+            "1000.0,2.0,4.0,,5.0,0.0",
+        ];
+        assert_eq!(rows(Part::Profiles, &View::default()), expected);
+    }
+
+    #[test]
+    fn loops_have_one_row_per_output_cycle_and_point() {
+        let expected = [
+            "cycles,displacement[m],tangential_force[N],energy_ratio",
+            "0.0,1.0,3.0,0.1",
+            "0.0,-1.0,-3.0,0.1",
+            "5.0,2.0,4.5,0.2",
+            "5.0,-2.0,-4.0,0.2",
+            "5.0,0.5,1.0,0.2",
+        ];
+        assert_eq!(rows(Part::Loops, &View::default()), expected);
+        let ratios = View { fields: Some(vec!["energy_ratio".into()]), ..View::default() };
+        assert_eq!(rows(Part::Loops, &ratios), ["cycles,energy_ratio", "0.0,0.1", "5.0,0.2"]);
+    }
+
+    #[test]
+    fn records_are_rows_with_named_values() {
+        let view = View { records: true, cycles: Some(vec![0.0]), ..View::default() };
+        let profiles = value(Part::Profiles, &view);
+        assert_eq!(profiles["records"].as_array().map(Vec::len), Some(3));
+        let expected = json!({"cycles": 0.0, "radius": 0.0, "initial": 0.0, "limiting": null,
+            "worn": 0.0, "pressure": null});
+        assert_eq!(profiles["records"][0], expected);
+        assert_eq!(
+            (&profiles["key"], &profiles["units"]["pressure"]),
+            (&json!("ab"), &json!("Pa"))
+        );
+    }
+
+    #[test]
+    fn a_selection_applies_to_every_column() {
+        let view = View {
+            fields: Some(vec!["worn".into(), "radius".into()]),
+            cycles: Some(vec![1000.0 * (1.0 + 1e-13)]),
+            points: Some(2),
+            ..View::default()
+        };
+        let expected = ["cycles,radius[m],worn[m]", "1000.0,0.0,0.1", "1000.0,2.0,5.0"];
+        assert_eq!(rows(Part::Profiles, &view), expected);
+        assert_eq!(
+            value(Part::Profiles, &view)["profiles"],
+            json!({"cycles": [1e3], "radius": [0.0, 2.0], "worn": [[0.1, 5.0]]})
+        );
+        let view = View { cycles: Some(vec![1000.0]), ..View::default() };
+        assert_eq!(value(Part::History, &view)["history"]["wear_volume"], json!([1.234_567_8e-13]));
+    }
+
+    #[test]
+    fn an_error_lists_all_missing_items_and_names_the_existing_ones() {
+        let view = View {
+            fields: Some(vec!["warn".into(), "worn".into(), "sleep".into()]),
+            cycles: Some(vec![0.0, 7.0]),
+            ..View::default()
+        };
+        let missing = refused(Part::Profiles, &view);
+        let names: Vec<_> = missing.iter().map(|(name, _)| name.as_str()).collect();
+        assert_eq!(names, ["fields", "fields", "cycles"]);
+        assert!(
+            missing[0].1.contains("\"warn\"") && missing[0].1.contains("initial, limiting, worn")
+        );
+        assert!(
+            missing[2].1.contains("7 is not") && missing[2].1.ends_with("0, 1000"),
+            "{missing:?}"
+        );
+    }
+
+    #[test]
+    fn a_result_without_profiles_has_columns_and_no_rows() {
+        let text = r#"{"key":"ab","engine":{"name":"fretwork","numerics":1},
+            "units":{"worn":"m"},"history":{},"profiles":null}"#;
+        let made = |part, format| {
+            let bytes = written(text, part, format, &View::default()).unwrap();
+            String::from_utf8(bytes).unwrap()
+        };
+        let csv = made(Part::Profiles, Format::Csv);
+        let names = "cycles,radius,initial,limiting,worn[m],wear,image,pressure,slip";
+        assert_eq!(csv.lines().last(), Some(names));
+        assert!(made(Part::Profiles, Format::Json).ends_with("\"profiles\":null}"));
+        assert!(made(Part::Loops, Format::Json).ends_with("\"loops\":null}"));
+        assert_eq!(made(Part::Loops, Format::Ndjson), "");
+    }
+
+    #[test]
+    fn digits_round_computed_numbers_but_not_the_scenario() {
+        let view = View { digits: Some(3), ..View::default() };
+        let whole = value(Part::Whole, &view);
+        assert_eq!(whole["history"]["wear_volume"][1], json!(1.23e-13));
+        assert_eq!(whole["unworn"]["amplitude"], json!(2.26e-6));
+        assert_eq!(whole["scenario"]["friction"], json!(0.123_456_789_012));
+        assert_eq!(whole["accuracy"]["steps"], json!(12_345_678));
+        assert_eq!(rows(Part::History, &view)[2], "1000.0,1.23e-13");
+    }
+
+    #[test]
+    fn engineering_units_apply_to_every_quantity_and_are_named() {
+        let view = View { engineering: true, digits: Some(9), ..View::default() };
+        let whole = value(Part::Whole, &view);
+        assert_eq!(whole["units"]["wear_volume"], "mm^3");
+        assert_eq!(whole["history"]["wear_volume"][1], json!(1.234_567_8e-4));
+        assert_eq!(whole["unworn"]["amplitude"], json!(2.256_123_45));
+        assert_eq!(whole["comparison"]["history"]["wear_volume"][0], json!(1e-4));
+        // A relative error has no unit, although it has the name of a quantity.
+        assert_eq!(whole["comparison"]["errors"]["wear_volume"][0], json!(0.0625));
+        let head = "cycles,radius[um],initial,limiting,worn[um],pressure[MPa]";
+        assert_eq!(rows(Part::Profiles, &view)[0], head);
+        assert_eq!(rows(Part::Profiles, &view)[2], "0.0,1000000.0,1.0,,1000000.0,2500.0");
+    }
+
+    #[test]
+    fn selected_cycles_do_not_cut_the_history_of_a_whole_result() {
+        let view = View { cycles: Some(vec![0.0]), points: Some(2), ..View::default() };
+        let whole = value(Part::Whole, &view);
+        assert_eq!(whole["history"]["cycles"], json!([0.0, 1000.0]));
+        assert_eq!(whole["profiles"]["worn"], json!([[0.0, 4.0]]));
+        assert_eq!(whole["loops"]["displacement"], json!([[1.0, -1.0]]));
+        let names: Vec<_> = whole.as_object().unwrap().keys().cloned().collect();
+        let stored: Value = serde_json::from_str(RESULT).unwrap();
+        assert_eq!(names, stored.as_object().unwrap().keys().cloned().collect::<Vec<_>>());
+        assert_eq!(refused(Part::Whole, &View { cycles: Some(vec![9.0]), ..view }).len(), 1);
+    }
+
+    #[test]
+    fn equal_requests_give_equal_bytes() {
+        for part in Part::TABLES {
+            for format in Format::ALL {
+                let made = || written(RESULT, part, format, &View::default()).unwrap();
+                assert!((0..5).all(|_| made() == made()), "{part:?} {format:?}");
+            }
+        }
+    }
+}

@@ -1,0 +1,292 @@
+//! The tables of a result: columns over output cycles and points.
+//!
+//! The points of a profile are radii; the points of a loop are the corners of its curve.
+
+use serde::{Deserialize, Serialize, Serializer};
+use serde_json::value::RawValue;
+
+use super::error::{Error, Missing};
+use super::kind::Part;
+use super::members::Members;
+use super::units::Units;
+use super::view::View;
+use fretwork_engine::outcome::{Loops, Profiles};
+
+/// A number of a document. Infinite numbers are null in the document and NaN here.
+#[derive(Deserialize)]
+#[serde(from = "Option<f64>")]
+struct Cell(f64);
+
+impl From<Option<f64>> for Cell {
+    fn from(number: Option<f64>) -> Self {
+        Self(number.unwrap_or(f64::NAN))
+    }
+}
+
+fn numbers(cells: Vec<Cell>) -> Vec<f64> {
+    cells.into_iter().map(|cell| cell.0).collect()
+}
+
+/// The numbers of a column.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Values {
+    /// One per output cycle.
+    Cycles(Vec<f64>),
+    /// One per point, the same in all output cycles.
+    Points(Vec<f64>),
+    /// One row of points per output cycle.
+    Matrix(Vec<Vec<f64>>),
+    /// Not defined for this scenario.
+    Absent,
+}
+
+/// Indices of the selected output cycles and points; `None` selects all.
+struct Selection {
+    cycles: Option<Vec<usize>>,
+    points: Option<Vec<usize>>,
+}
+
+impl Values {
+    /// Reads the selected numbers only: parsing numbers takes more time than everything else.
+    fn read(
+        part: Part,
+        name: &str,
+        text: &RawValue,
+        selection: &Selection,
+    ) -> Result<Self, serde_json::Error> {
+        let text = text.get();
+        let mut opening = text.bytes().filter(|byte| !byte.is_ascii_whitespace());
+        match (opening.next(), opening.next()) {
+            (Some(b'['), Some(b'[')) => {
+                let rows: Vec<&RawValue> = serde_json::from_str(text)?;
+                let rows = pick(rows, selection.cycles.as_deref()).into_iter().map(|row| {
+                    let row = numbers(serde_json::from_str(row.get())?);
+                    Ok(pick(row, selection.points.as_deref()))
+                });
+                Ok(Self::Matrix(rows.collect::<Result<_, serde_json::Error>>()?))
+            }
+            (Some(b'['), _) => {
+                let row = numbers(serde_json::from_str(text)?);
+                Ok(if part == Part::Profiles && name != "cycles" {
+                    Self::Points(pick(row, selection.points.as_deref()))
+                } else {
+                    Self::Cycles(pick(row, selection.cycles.as_deref()))
+                })
+            }
+            _ => Ok(Self::Absent),
+        }
+    }
+
+    fn convert(&mut self, convert: impl Fn(f64) -> f64) {
+        let row = |row: &mut Vec<f64>| row.iter_mut().for_each(|number| *number = convert(*number));
+        match self {
+            Self::Cycles(numbers) | Self::Points(numbers) => row(numbers),
+            Self::Matrix(rows) => rows.iter_mut().for_each(row),
+            Self::Absent => {}
+        }
+    }
+
+    /// The number at an output cycle and a point; NaN if the column has none.
+    pub fn at(&self, cycle: usize, point: usize) -> f64 {
+        let found = match self {
+            Self::Cycles(row) => row.get(cycle),
+            Self::Points(row) => row.get(point),
+            Self::Matrix(rows) => rows.get(cycle).and_then(|row| row.get(point)),
+            Self::Absent => None,
+        };
+        found.copied().unwrap_or(f64::NAN)
+    }
+}
+
+impl Serialize for Values {
+    fn serialize<S: Serializer>(&self, json: S) -> Result<S::Ok, S::Error> {
+        // serde_json writes numbers that are not finite as null.
+        match self {
+            Self::Cycles(row) | Self::Points(row) => row.serialize(json),
+            Self::Matrix(rows) => rows.serialize(json),
+            Self::Absent => json.serialize_none(),
+        }
+    }
+}
+
+fn pick<T: Copy>(items: Vec<T>, indices: Option<&[usize]>) -> Vec<T> {
+    match indices {
+        Some(indices) => indices.iter().filter_map(|&index| items.get(index).copied()).collect(),
+        None => items,
+    }
+}
+
+/// The axes of a table: columns that are always included.
+fn axes(part: Part) -> &'static [&'static str] {
+    if part == Part::Profiles { &["cycles", "radius"] } else { &["cycles"] }
+}
+
+/// A table.
+#[derive(Debug)]
+pub struct Table {
+    /// Which one.
+    pub part: Part,
+    /// Names and numbers, in the order of the document.
+    pub columns: Vec<(String, Values)>,
+    /// Whether the document has it: a run can omit profiles and loops.
+    exists: bool,
+}
+
+impl Table {
+    /// Reads the selected part of a table.
+    ///
+    /// # Errors
+    /// [`Error::Missing`] lists all selected columns and output cycles that the table does not have. A table
+    /// that the document does not have has its usual columns and no rows.
+    pub fn read(part: Part, text: Option<&RawValue>, view: &View) -> Result<Self, Error> {
+        let text = text.filter(|text| text.get() != "null");
+        let empty = match part {
+            Part::Profiles => serde_json::to_string(&Profiles::default()),
+            Part::Loops => serde_json::to_string(&Loops::default()),
+            Part::Whole | Part::History | Part::Plot => Ok("{}".to_owned()),
+        }?;
+        let members: Members<'_> = serde_json::from_str(text.map_or(&empty, |text| text.get()))?;
+        let selection = select(&members, axes(part), view)?;
+        let selected = |name: &str| {
+            let fields = view.fields.as_ref();
+            axes(part).contains(&name)
+                || fields.is_none_or(|fields| fields.iter().any(|field| field == name))
+        };
+        let columns = members.0.iter().filter(|(name, _)| selected(name));
+        let columns = columns.map(|(name, text)| {
+            Ok((name.to_string(), Values::read(part, name, text, &selection)?))
+        });
+        let columns = columns.collect::<Result<_, serde_json::Error>>()?;
+        Ok(Self { part, columns, exists: text.is_some() })
+    }
+
+    /// The numbers of a column with one number per output cycle or one per point.
+    pub fn axis(&self, name: &str) -> &[f64] {
+        match self.column(name) {
+            Some(Values::Cycles(row) | Values::Points(row)) => row,
+            _ => &[],
+        }
+    }
+
+    /// The column with this name.
+    pub fn column(&self, name: &str) -> Option<&Values> {
+        self.columns.iter().find(|(column, _)| column == name).map(|(_, values)| values)
+    }
+
+    /// Converts all numbers to the requested units and digits.
+    pub fn convert(&mut self, units: &Units) {
+        for (name, values) in &mut self.columns {
+            if let Some(convert) = units.conversion(name) {
+                values.convert(convert);
+            }
+        }
+    }
+
+    /// The number of output cycles.
+    pub fn cycles(&self) -> usize {
+        self.axis("cycles").len()
+    }
+
+    /// The largest number of points in an output cycle.
+    pub fn points(&self) -> usize {
+        (0..self.cycles()).map(|cycle| self.points_in(cycle)).max().unwrap_or(0)
+    }
+
+    /// The number of rows of an output cycle.
+    fn points_in(&self, cycle: usize) -> usize {
+        let lengths = self.columns.iter().filter_map(|(_, values)| match values {
+            Values::Points(row) => Some(row.len()),
+            Values::Matrix(rows) => Some(rows.get(cycle).map_or(0, Vec::len)),
+            Values::Cycles(_) | Values::Absent => None,
+        });
+        lengths.max().unwrap_or(1)
+    }
+
+    /// All rows: indices of an output cycle and a point.
+    pub fn rows(&self) -> impl Iterator<Item = (usize, usize)> {
+        (0..self.cycles())
+            .flat_map(|cycle| (0..self.points_in(cycle)).map(move |point| (cycle, point)))
+    }
+}
+
+/// Finds the selected output cycles and points of a table, or lists everything that is missing.
+fn select(members: &Members<'_>, axes: &[&str], view: &View) -> Result<Selection, Error> {
+    let axis = |name: &str| -> Result<Vec<f64>, Error> {
+        let text = members.get(name).filter(|_| axes.contains(&name));
+        let cells: Option<_> = text.map_or(Ok(None), |text| serde_json::from_str(text.get()))?;
+        Ok(cells.map(numbers).unwrap_or_default())
+    };
+    let mut missing = Vec::new();
+    for name in view.fields.iter().flatten().filter(|name| members.get(name).is_none()) {
+        let names = members.0.iter().map(|(name, _)| &**name);
+        let names: Vec<_> = names.filter(|name| !axes.contains(name)).collect();
+        let detail = format!("{name:?} is not a column; the columns are {}", names.join(", "));
+        missing.push(Missing { parameter: "fields", detail });
+    }
+    let cycles = axis("cycles")?;
+    for wanted in view.cycles.iter().flatten() {
+        if !cycles.iter().any(|number| same(*number, *wanted)) {
+            let detail = format!("{wanted} is not an output cycle; {}", listed(&cycles));
+            missing.push(Missing { parameter: "cycles", detail });
+        }
+    }
+    if !missing.is_empty() {
+        return Err(Error::Missing(missing));
+    }
+    let selected = view.cycles.as_ref().map(|wanted| {
+        let selected = |index: &usize| wanted.iter().any(|wanted| same(cycles[*index], *wanted));
+        (0..cycles.len()).filter(selected).collect()
+    });
+    let radii = axis("radius")?.len();
+    let points = view.points.map(|points| evenly_spaced(radii, points));
+    Ok(Selection { cycles: selected, points })
+}
+
+impl Serialize for Table {
+    fn serialize<S: Serializer>(&self, json: S) -> Result<S::Ok, S::Error> {
+        if !self.exists {
+            return json.serialize_none();
+        }
+        json.collect_map(self.columns.iter().map(|(name, values)| (name, values)))
+    }
+}
+
+/// Whether two numbers are the same output cycle: a canonical scenario keeps 12 digits.
+fn same(a: f64, b: f64) -> bool {
+    (a - b).abs() <= 1e-11 * a.abs().max(b.abs())
+}
+
+/// The output cycles of a result, shortened for a message.
+fn listed(cycles: &[f64]) -> String {
+    const MOST: usize = 30;
+    let Some(last) = cycles.last() else {
+        return "the result was computed without profiles".to_owned();
+    };
+    let mut out: Vec<_> = cycles.iter().take(MOST).map(f64::to_string).collect();
+    if cycles.len() > MOST {
+        out.push(format!("… {last}"));
+    }
+    format!("the output cycles are {}", out.join(", "))
+}
+
+/// At most `count` indices of `0..length`, evenly spaced, including the first and the last.
+pub fn evenly_spaced(length: usize, count: usize) -> Vec<usize> {
+    if count >= length {
+        return (0..length).collect();
+    }
+    let gaps = count.saturating_sub(1).max(1);
+    (0..count).map(|index| (index * (length - 1) + gaps / 2) / gaps).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn evenly_spaced_indices_include_both_ends() {
+        assert_eq!(evenly_spaced(5, 3), [0, 2, 4]);
+        assert_eq!(evenly_spaced(3, 9), [0, 1, 2]);
+        assert_eq!(evenly_spaced(256, 2), [0, 255]);
+        assert_eq!(evenly_spaced(0, 2), [] as [usize; 0]);
+    }
+}

@@ -1,0 +1,92 @@
+//! Reads the rest of a request body that the handler did not read.
+//!
+//! Many refusals do not need the body. If the server closed the connection while the client still sends
+//! its body, the client would often lose the answer. So the rest of the body is read and discarded. The
+//! answer does not wait for that, and the connection stays usable for the next request.
+
+use std::mem;
+use std::pin::Pin;
+use std::task::{Context, Poll, ready};
+use std::time::Duration;
+
+use axum::body::{Body, Bytes, HttpBody};
+use axum::extract::Request;
+use axum::http::{Version, header};
+use http_body::{Frame, SizeHint};
+use http_body_util::BodyExt as _;
+use tokio::runtime::Handle;
+use tokio::time::timeout;
+
+use super::wire::BODY_LIMIT;
+
+/// Largest number of bytes that are read and discarded.
+const MAX_DRAINED: u64 = 16 * BODY_LIMIT as u64;
+/// Maximum time to drain an unread body.
+const MAX_TIME: Duration = Duration::from_secs(30);
+
+/// Arranges that the rest of the body is drained when the handler drops it.
+///
+/// True if the connection must be closed after an error: the client will send too many bytes, or it waits
+/// for `100 Continue` and need not send any.
+pub fn drain_body(request: &mut Request) -> bool {
+    if request.body().is_end_stream() {
+        return false;
+    }
+    let waits = request.headers().contains_key(header::EXPECT);
+    let body = mem::take(request.body_mut());
+    let too_large = body.size_hint().lower() > MAX_DRAINED;
+    *request.body_mut() = Body::new(Drained { body, drain: !waits });
+    request.version() <= Version::HTTP_11 && (waits || too_large)
+}
+
+/// A body that is drained when it is dropped.
+struct Drained {
+    body: Body,
+    /// Whether the client is sending: not before the server asks for the body of a request with
+    /// `Expect: 100-continue`, and not after its end.
+    drain: bool,
+}
+
+impl HttpBody for Drained {
+    type Data = Bytes;
+    type Error = axum::Error;
+
+    fn poll_frame(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+    ) -> Poll<Option<Result<Frame<Bytes>, axum::Error>>> {
+        self.drain = true;
+        let frame = ready!(Pin::new(&mut self.body).poll_frame(context));
+        self.drain = matches!(frame, Some(Ok(_)));
+        Poll::Ready(frame)
+    }
+
+    fn is_end_stream(&self) -> bool {
+        self.body.is_end_stream()
+    }
+
+    fn size_hint(&self) -> SizeHint {
+        self.body.size_hint()
+    }
+}
+
+impl Drop for Drained {
+    fn drop(&mut self) {
+        // Without a runtime the server is shutting down, and so do its connections.
+        if self.drain
+            && !self.body.is_end_stream()
+            && let Ok(runtime) = Handle::try_current()
+        {
+            runtime.spawn(timeout(MAX_TIME, drain(mem::take(&mut self.body))));
+        }
+    }
+}
+
+async fn drain(mut body: Body) {
+    let mut length = 0;
+    while length <= MAX_DRAINED
+        && let Some(Ok(frame)) = body.frame().await
+    {
+        length += frame.data_ref().map_or(0, Bytes::len) as u64;
+    }
+}
