@@ -1,5 +1,7 @@
 //! What people ask for and what is kept: jobs, their keys and states; and the [`Task`] behind them.
 
+pub mod clock;
+mod outline;
 mod task;
 
 use std::fmt;
@@ -10,6 +12,7 @@ use serde::Serialize;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
+pub use outline::{Outline, SCALARS, Scalar, WORDS, Word};
 pub use task::{
     Answer, Cost, ENGINE, Engine, MAX_LABEL, MAX_TAG, MAX_TAGS, Step, Submission, Task, Work,
     summary,

@@ -1,9 +1,9 @@
 //! Commands for whoever runs a server: they work on its data directory, beside it or without it.
 
 use std::io::{self, Write as _};
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use fretwork::store::{AccessKey, Desk, NewKey};
+use fretwork::job::clock::{self, now};
+use fretwork::store::{AccessKey, Administration, NewKey};
 
 use super::Failure;
 use crate::config::{AddKey, Data, Keys};
@@ -20,28 +20,24 @@ pub fn keys(command: Keys) -> Result<(), Failure> {
     })
 }
 
-/// Milliseconds since 1970.
-fn now() -> i64 {
-    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_millis() as i64)
-}
-
 /// The database that is there; a directory without one is a mistake.
-async fn open(data: &Data) -> Result<Desk, Failure> {
-    if !Desk::is_in(&data.data_dir) {
+async fn open(data: &Data) -> Result<Administration, Failure> {
+    if !Administration::is_in(&data.data_dir) {
         let dir = data.data_dir.display();
         return Err(format!("{dir} holds no database; say which with --data-dir").into());
     }
-    Ok(Desk::open(&data.data_dir).await?)
+    Ok(Administration::open(&data.data_dir).await?)
 }
 
 async fn add(new: AddKey) -> Result<(), Failure> {
     let AddKey { name, role, expires, rate, data } = new;
-    let new_database = !Desk::is_in(&data.data_dir);
-    let mut desk = Desk::open(&data.data_dir).await?;
+    let new_database = !Administration::is_in(&data.data_dir);
+    let mut tables = Administration::open(&data.data_dir).await?;
     let expires = expires.map(|time| now() + time.as_millis() as i64);
-    let first = desk.keys().await?.is_empty();
-    let key = desk.add_key(&NewKey { name: name.clone(), role, per_minute: rate, expires }).await?;
-    desk.close().await?;
+    let first = tables.keys().await?.is_empty();
+    let key =
+        tables.add_key(&NewKey { name: name.clone(), role, per_minute: rate, expires }).await?;
+    tables.close().await?;
     // The key alone goes to standard output, for scripts.
     let mut out = io::stdout().lock();
     writeln!(out, "{key}")?;
@@ -63,9 +59,9 @@ async fn add(new: AddKey) -> Result<(), Failure> {
 }
 
 async fn list(data: &Data) -> Result<(), Failure> {
-    let mut desk = open(data).await?;
-    let keys = desk.keys().await?;
-    desk.close().await?;
+    let mut tables = open(data).await?;
+    let keys = tables.keys().await?;
+    tables.close().await?;
     let mut out = io::stdout().lock();
     if keys.is_empty() {
         writeln!(
@@ -94,9 +90,9 @@ async fn list(data: &Data) -> Result<(), Failure> {
 }
 
 async fn revoke(name: &str, data: &Data) -> Result<(), Failure> {
-    let mut desk = open(data).await?;
-    let count = desk.revoke_keys(name).await?;
-    desk.close().await?;
+    let mut tables = open(data).await?;
+    let count = tables.revoke_keys(name).await?;
+    tables.close().await?;
     match count {
         0 => Err(format!(
             "no key in force has the id or the name {name}; `fretwork keys list` shows them"
@@ -120,6 +116,5 @@ fn state(key: &AccessKey) -> String {
 
 /// The day of a moment in milliseconds since 1970, UTC.
 fn day(at: i64) -> String {
-    let moment = UNIX_EPOCH + Duration::from_millis(at.unsigned_abs());
-    humantime::format_rfc3339_seconds(moment).to_string()[..10].to_owned()
+    clock::rfc3339(at)[..10].to_owned()
 }

@@ -1,28 +1,29 @@
-//! The commands that move results and databases, as people see them.
+//! The commands `export`, `import`, `backup` and `restore`.
 
 use std::io::{self, IsTerminal as _, Write as _};
 use std::path::Path;
 use std::process::ExitCode;
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Duration, Instant};
 
 use bytesize::ByteSize;
-use fretwork::store::{self, AccessKey, Desk, Imported, Saved, Search};
+use fretwork::job::clock;
+use fretwork::store::{self, AccessKey, Administration, Imported, Saved, Search};
 
 use super::{Failure, complain, say};
 use crate::config::{Backup, Export, Import, Restore};
 
-/// How often progress is shown where nobody watches a terminal.
+/// Time between two lines of progress in a log.
 const SELDOM: Duration = Duration::from_secs(10);
-/// And where somebody does.
+/// Time between two updates of progress on a terminal.
 const OFTEN: Duration = Duration::from_millis(200);
 
-/// Does something that waits for a database.
+/// Runs asynchronous work to its end.
 fn wait<T>(work: impl Future<Output = Result<T, store::Moving>>) -> Result<T, Failure> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     Ok(runtime.block_on(work)?)
 }
 
-/// Shows on standard error how far it has come.
+/// Shows progress on standard error.
 fn progress(what: &'static str) -> impl FnMut(usize, usize) {
     let mut err = io::stderr();
     let watched = err.is_terminal();
@@ -37,7 +38,7 @@ fn progress(what: &'static str) -> impl FnMut(usize, usize) {
             (true, true) => ("\r", "\n"),
             _ => ("", "\n"),
         };
-        // With standard error closed there is nobody to tell.
+        // Progress is optional: standard error may be closed.
         let _ = write!(err, "{begin}{what} {done} of {of}{end}").and_then(|()| err.flush());
     }
 }
@@ -47,7 +48,7 @@ fn results(count: u64, bytes: u64) -> String {
     format!("{count} {plural} ({})", ByteSize(bytes))
 }
 
-/// Writes results into a file.
+/// Writes results to a file.
 pub fn export(settings: &Export) -> Result<(), Failure> {
     let mut search = Search::default();
     for (name, value) in &settings.conditions {
@@ -56,14 +57,14 @@ pub fn export(settings: &Export) -> Result<(), Failure> {
     let Export { file, keys, data, .. } = settings;
     let done = wait(store::export(&data.data_dir, file, &search, keys, progress("exported")))?;
     for key in &done.left_out {
-        writeln!(io::stderr(), "left out {key}: it is damaged, or was dropped meanwhile")?;
+        writeln!(io::stderr(), "left out {key}: it is damaged, or was evicted during the export")?;
     }
     say(format!("{}: {}\n", file.display(), results(done.results, done.bytes)).as_bytes())
 }
 
-/// Takes over the results of a file; the exit code is 2 if some were refused.
+/// Imports the results of a file. The exit code is 2 if some were refused.
 pub fn import(settings: &Import) -> ExitCode {
-    match take_over(settings) {
+    match import_all(settings) {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::from(2),
         Err(failure) => {
@@ -73,72 +74,64 @@ pub fn import(settings: &Import) -> ExitCode {
     }
 }
 
-/// Whether all could be taken.
-fn take_over(settings: &Import) -> Result<bool, Failure> {
+/// Returns false if some results were refused.
+fn import_all(settings: &Import) -> Result<bool, Failure> {
     let Import { file, data } = settings;
-    let done = wait(store::import(&data.data_dir, file, progress("looked at")))?;
-    let Imported { results: count, bytes, known, notes, refused, other_notes, .. } = done;
-    let Imported { left_out, lacking, .. } = done;
+    let done = wait(store::import(&data.data_dir, file, progress("checked")))?;
+    let Imported { results: count, bytes, known, notes, refused, other_notes } = done;
     for (key, why) in &refused {
         writeln!(io::stderr(), "refused {}: {why}", key.escape_debug())?;
     }
-    for column in &lacking {
-        writeln!(io::stderr(), "left out of all results: the file has no column {column}")?;
-    }
-    for (key, what) in &left_out {
-        writeln!(io::stderr(), "left out of {key}: {what}")?;
-    }
     for key in &other_notes {
-        writeln!(io::stderr(), "left the note of {key}: there is another one here")?;
+        writeln!(io::stderr(), "{key} keeps its note, which differs from the one in the file")?;
     }
-    let (taken, failed) = (results(count, bytes), refused.len());
-    let (here, unfit) = (other_notes.len(), left_out.len());
+    let (stored, failed, kept) = (results(count, bytes), refused.len(), other_notes.len());
     let file = file.display();
     let line = format!(
-        "{file}: {taken} imported, {known} known already, {failed} refused; notes: {notes} taken, \
-         {here} left for the ones here; {unfit} details left out\n"
+        "{file}: {stored} imported, {known} known already, {failed} refused; notes: {notes} \
+         imported, {kept} kept\n"
     );
     say(line.as_bytes())?;
     Ok(refused.is_empty())
 }
 
-fn holds(saved: &Saved) -> String {
-    let Saved { jobs, dropped, .. } = saved;
-    let there = results(saved.results, saved.bytes);
-    format!("{there}, {jobs} jobs, scenarios of {dropped} dropped results; checked")
+/// Describes the contents of a backup.
+fn contents(saved: &Saved) -> String {
+    let Saved { jobs, results: count, bytes, evicted } = *saved;
+    let results = results(count, bytes);
+    format!("{results}, {jobs} jobs, scenarios of {evicted} evicted results; checked")
 }
 
 /// Copies the whole database.
 pub fn backup(settings: &Backup) -> Result<(), Failure> {
     let saved = wait(store::backup(&settings.data.data_dir, &settings.file))?;
-    say(format!("{}: {}\n", settings.file.display(), holds(&saved)).as_bytes())
+    say(format!("{}: {}\n", settings.file.display(), contents(&saved)).as_bytes())
 }
 
-/// Puts a backup in place.
+/// Replaces the database by a backup.
 pub fn restore(settings: &Restore) -> Result<(), Failure> {
     let Restore { file, replace, data } = settings;
     let (saved, former) = wait(store::restore(&data.data_dir, file, *replace))?;
-    let keys = wait(keys_in_force(&data.data_dir))?;
-    let (dir, holds) = (data.data_dir.display(), holds(&saved));
+    let keys = wait(valid_keys(&data.data_dir))?;
+    let (dir, contents) = (data.data_dir.display(), contents(&saved));
     let kept = former.map_or_else(String::new, |former| {
         format!("the former database is {}\n", former.display())
     });
-    // One that was taken back since the backup is in force again: somebody should see that.
+    // A key that was revoked after the backup is valid again, so the administrator must see it.
     let keys: Vec<String> = keys
         .iter()
-        .map(|AccessKey { id, name, role, .. }| format!("key in force: {id} {name} ({role})\n"))
+        .map(|AccessKey { id, name, role, .. }| format!("valid key: {id} {name} ({role})\n"))
         .collect();
     let keys = keys.concat();
-    say(format!("{dir}: {holds}\n{kept}{keys}").as_bytes())
+    say(format!("{dir}: {contents}\n{kept}{keys}").as_bytes())
 }
 
-/// The access keys that open the server of this directory.
-async fn keys_in_force(dir: &Path) -> Result<Vec<AccessKey>, store::Moving> {
-    let mut desk = Desk::open(dir).await?;
-    let mut keys = desk.keys().await?;
-    desk.close().await?;
-    let now = SystemTime::UNIX_EPOCH.elapsed().unwrap_or_default().as_millis();
-    let is_over = |end: i64| u128::try_from(end).unwrap_or(0) <= now;
-    keys.retain(|key| key.revoked.is_none() && !key.expires.is_some_and(is_over));
+/// The keys that are neither revoked nor expired.
+async fn valid_keys(dir: &Path) -> Result<Vec<AccessKey>, store::Moving> {
+    let mut administration = Administration::open(dir).await?;
+    let mut keys = administration.keys().await?;
+    administration.close().await?;
+    let now = clock::now();
+    keys.retain(|key| key.revoked.is_none() && key.expires.is_none_or(|end| end > now));
     Ok(keys)
 }

@@ -8,7 +8,7 @@ use std::fmt;
 use std::net::{Ipv4Addr, Ipv6Addr};
 use std::sync::atomic::{AtomicI64, Ordering};
 use std::sync::{Arc, PoisonError, RwLock};
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 
 use axum::Json;
 use axum::extract::{MatchedPath, Request, State};
@@ -27,6 +27,7 @@ use super::limits::{Account, Limits, Place};
 use super::links::{self, Signer};
 use super::problem::{self, Problem};
 use super::wire::{NoQuery, instant};
+use crate::job::clock::now;
 use crate::store::{AccessKey, Error, Role, Store, digest};
 
 /// So long a key that was taken back may still open.
@@ -133,12 +134,6 @@ pub fn is_relief(method: &Method, route: &str) -> bool {
         (method.as_str(), route),
         ("POST", "/v1/jobs/{id}/cancel" | "/v1/jobs/cancel") | ("DELETE", "/v1/jobs/{id}")
     )
-}
-
-/// Milliseconds since 1970.
-fn now() -> i64 {
-    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    i64::try_from(since.as_millis()).unwrap_or(i64::MAX)
 }
 
 /// Stands before all routes, and behind those that took long.

@@ -1,4 +1,4 @@
-//! What makes two results, or scenarios, differ.
+//! Comparison of two results or scenarios.
 
 use axum::extract::State;
 use deserr::Deserr;
@@ -11,32 +11,32 @@ use super::App;
 use super::library::read;
 use super::problem::{self, Problem};
 use super::wire::{Body, NoQuery};
-use crate::job::{ENGINE, Key, Task};
-use crate::store::{Known, Outline};
+use crate::job::{ENGINE, Key, Outline};
+use crate::store::Known;
 use fretwork_engine::outcome::UNITS;
 use fretwork_engine::request::fault::{Fault, Faults};
 use fretwork_engine::request::fields::Given;
 use fretwork_engine::scenario;
 
-/// So many differences of parameters are listed.
+/// Largest number of parameters that are listed.
 const DIFFERENCES: usize = 200;
 
-/// Two results, or scenarios, to be compared.
+/// Two results or scenarios to be compared.
 #[derive(Debug, Deserr)]
 #[deserr(error = Faults, deny_unknown_fields)]
 pub struct DiffBody {
-    /// The keys of both: short for `a` and `b`.
+    /// Two keys: short for `a` and `b`.
     #[deserr(default)]
     keys: Given<Vec<String>>,
-    /// The first of them.
+    /// The first side.
     #[deserr(default)]
     a: Given<SideBody>,
-    /// The second of them; without it, the result whose scenario is nearest to the first.
+    /// The second side. Without it, the server takes the result whose scenario is nearest to `a`.
     #[deserr(default)]
     b: Given<SideBody>,
 }
 
-/// A result by its key, or a scenario: one of them.
+/// A result by its key, or a scenario. Give one of the two.
 #[derive(Debug, Deserr)]
 #[deserr(error = Faults, deny_unknown_fields)]
 pub struct SideBody {
@@ -48,68 +48,68 @@ pub struct SideBody {
     scenario: Given<Value>,
 }
 
-/// How two results, or scenarios, differ.
+/// The differences of two results or scenarios.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Diff {
-    /// The first.
+    /// The first side.
     a: SideAnswer,
-    /// The second.
+    /// The second side.
     b: SideAnswer,
-    /// Whether the scenarios are the same.
+    /// Whether the scenarios are equal.
     same_scenario: bool,
     /// The parameters that differ.
     parameters: Vec<ParameterDifference>,
-    /// How many more differ, which are not listed.
+    /// How many more parameters differ but are not listed.
     omitted: usize,
-    /// The regime and the last entry of the history of both; null unless both are known.
+    /// The regime and the last entry of the history of both; null unless both results are known.
     outputs: Option<Vec<OutputDifference>>,
     /// The units of the outputs.
     #[schema(value_type = Object)]
     units: Map<String, Value>,
-    /// What else there is to know.
+    /// Remarks for people.
     remarks: Vec<String>,
 }
 
-/// One of two that are compared.
+/// One side of the comparison.
 #[derive(Debug, Serialize, ToSchema)]
 struct SideAnswer {
     /// Its key.
     #[schema(value_type = String, pattern = "^[0-9a-f]{64}$")]
     key: Key,
-    /// The version of the digits under which it has this key.
+    /// The `numerics` version of the engine that its key belongs to.
     numerics: u32,
-    /// `held`, `dropped` (its scenario and summary are known) or `unknown`.
+    /// `held`, `dropped` (evicted or deleted: only scenario and summary are known) or `unknown`.
     #[schema(value_type = super::openapi::Standing)]
     result: &'static str,
-    /// The address of the result.
+    /// The path of the result.
     link: String,
 }
 
 /// A parameter that differs.
 #[derive(Debug, PartialEq, Serialize, ToSchema)]
 struct ParameterDifference {
-    /// Where it stands in the canonical scenario: a JSON pointer (RFC 6901).
+    /// Its place in the canonical scenario: a JSON pointer (RFC 6901).
     #[schema(example = "/friction")]
     pointer: String,
-    /// What it is in the first, in SI; null if it is not there.
+    /// Its value in `a`, in SI; null if `a` does not have it.
     a: Value,
-    /// What it is in the second.
+    /// Its value in `b`.
     b: Value,
-    /// (b − a)/|a|; null for what are not numbers, or where a is 0.
+    /// (b − a)/|a|; null if a value is not a number, or if a is 0.
     relative: Option<f64>,
 }
 
-/// An output of both.
+/// An output of both results.
 #[derive(Debug, Serialize, ToSchema)]
 struct OutputDifference {
-    /// What it is called.
+    /// Its name.
     #[schema(example = "wear_volume")]
     name: String,
-    /// What it is in the first, in SI.
+    /// Its value in `a`, in SI.
     a: Value,
-    /// What it is in the second.
+    /// Its value in `b`.
     b: Value,
-    /// (b − a)/|a|; null for what are not numbers, or where a is 0.
+    /// (b − a)/|a|; null if a value is not a number, or if a is 0.
     relative: Option<f64>,
 }
 
@@ -119,7 +119,7 @@ fn relative(a: &Value, b: &Value) -> Option<f64> {
     Some(relative).filter(|relative| relative.is_finite())
 }
 
-/// Where two documents differ. Lists of different lengths differ as a whole.
+/// Collects the differences of two documents. Lists of different lengths count as one difference.
 fn differences(a: &Value, b: &Value, pointer: &mut String, out: &mut Vec<ParameterDifference>) {
     let below = |token: &str, pointer: &mut String, a: &Value, b: &Value, out: &mut Vec<_>| {
         let length = pointer.len();
@@ -130,7 +130,7 @@ fn differences(a: &Value, b: &Value, pointer: &mut String, out: &mut Vec<Paramet
     };
     match (a, b) {
         (Value::Object(one), Value::Object(other)) => {
-            // Names of canonical scenarios need no escapes.
+            // Member names of canonical scenarios need no escapes in a pointer.
             for (name, a) in one {
                 below(name, pointer, a, other.get(name).unwrap_or(&Value::Null), out);
             }
@@ -153,7 +153,7 @@ fn differences(a: &Value, b: &Value, pointer: &mut String, out: &mut Vec<Paramet
     }
 }
 
-/// A side as it is compared.
+/// One side, with what the store knows of it.
 struct Side {
     key: Key,
     scenario: Value,
@@ -172,56 +172,52 @@ impl Side {
         SideAnswer { key, numerics, result, link: format!("/v1/results/{key}") }
     }
 
-    async fn of_key(app: &App, key: Key) -> Result<Self, Problem> {
-        let known = app.store.known(&key).await?.ok_or_else(|| {
-            let detail = format!("No result has the key {key}; compare its scenario instead.");
-            Problem::new(&problem::UNKNOWN_RESULT, detail)
-        })?;
-        let (scenario, numerics) = (known.scenario.clone(), known.numerics);
-        Ok(Self { key, scenario, numerics, known: Some(known) })
+    async fn of(app: &App, asked: Asked) -> Result<Self, Problem> {
+        match asked {
+            Asked::Key(key) => {
+                let known = app.store.known(&key).await?.ok_or_else(|| {
+                    let detail =
+                        format!("No result has the key {key}. Compare its scenario instead.");
+                    Problem::new(&problem::UNKNOWN_RESULT, detail)
+                })?;
+                let (scenario, numerics) = (known.scenario.clone(), known.numerics);
+                Ok(Self { key, scenario, numerics, known: Some(known) })
+            }
+            Asked::Scenario(scenario) => {
+                let key = Key::of(ENGINE.numerics, &scenario);
+                let scenario = serde_json::to_value(scenario).map_err(|_| Problem::internal())?;
+                let known = app.store.known(&key).await?;
+                Ok(Self { key, scenario, numerics: ENGINE.numerics, known })
+            }
+        }
     }
 
-    async fn of_scenario(app: &App, scenario: scenario::Scenario) -> Result<Self, Problem> {
-        let task = Task::Run(scenario);
-        let key = task.key();
-        let Task::Run(scenario) = task;
-        let scenario = serde_json::to_value(scenario).map_err(|_| Problem::internal())?;
-        let known = app.store.known(&key).await?;
-        Ok(Self { key, scenario, numerics: ENGINE.numerics, known })
-    }
-
-    /// What results are looked for by that are like this one.
+    /// The outline of the scenario, before any wear.
     async fn outline(&self) -> Result<Outline, Problem> {
-        let given = self.scenario.clone();
-        let outlined = task::spawn_blocking(move || {
-            let mut document = json!({ "scenario": given });
-            let mut summary = json!({});
-            if let Some(last) = given["cycles"].as_array().and_then(|cycles| cycles.last()) {
-                summary["cycles"] = last.clone();
+        let scenario = self.scenario.clone();
+        let outline = task::spawn_blocking(move || {
+            let last = scenario["cycles"].as_array().and_then(|cycles| cycles.last());
+            let mut document = json!({ "scenario": scenario, "summary": { "cycles": last } });
+            // A scenario of another engine version may be invalid here. Then its scales are unknown.
+            let sound = scenario::check(&scenario, "").ok();
+            if let Some(preview) = sound.and_then(|(scenario, _)| scenario.preview().ok()) {
+                document["scales"] = json!(preview.scales);
+                document["unworn"] = json!(preview.unworn);
             }
-            // One of another version may not be sound in this one: then less is known of it.
-            let sound = scenario::check(&given, "").ok();
-            if let Some(preview) = sound.and_then(|(scenario, _)| scenario.preview().ok())
-                && let Ok(Value::Object(preview)) = serde_json::to_value(preview)
-            {
-                document["scales"] = preview.get("scales").cloned().unwrap_or_default();
-                document["unworn"] = preview.get("unworn").cloned().unwrap_or_default();
-            }
-            Outline::of(document, summary)
+            Outline::of(&document)
         });
-        outlined.await.map_err(|_| Problem::internal())
+        outline.await.map_err(|_| Problem::internal())
     }
 }
 
-/// What is asked for: a key or a scenario, or nothing.
+/// One side of a request.
 enum Asked {
     Key(Key),
     Scenario(Box<scenario::Scenario>),
-    Nearest,
 }
 
-/// Both sides, with all faults of the body.
-fn asked(body: DiffBody) -> Result<[Asked; 2], Vec<Fault>> {
+/// Reads both sides and collects all faults. Without a second side, the nearest result is compared.
+fn asked(body: DiffBody) -> Result<(Asked, Option<Asked>), Vec<Fault>> {
     let fault = |pointer: &str, detail: &str| {
         vec![Fault { pointer: pointer.to_owned(), detail: detail.to_owned() }]
     };
@@ -241,22 +237,21 @@ fn asked(body: DiffBody) -> Result<[Asked; 2], Vec<Fault>> {
             _ => return Err(fault("/keys", "must be two keys")),
         },
         (None, Some(a), Some(b)) => (side(a, "/a"), side(b, "/b")),
-        (None, Some(a), None) => (side(a, "/a"), Ok(Asked::Nearest)),
-        _ => return Err(fault("", "must have either `keys`, or `a` and, if wanted, `b`")),
+        (None, Some(a), None) => return Ok((side(a, "/a")?, None)),
+        _ => return Err(fault("", "must have either `keys`, or `a` and optionally `b`")),
     };
     match (a, b) {
-        (Ok(a), Ok(b)) => Ok([a, b]),
+        (Ok(a), Ok(b)) => Ok((a, Some(b))),
         (Err(a), Err(b)) => Err([a, b].concat()),
         (Err(faults), _) | (_, Err(faults)) => Err(faults),
     }
 }
 
-/// Compares two results, or a scenario with a result: why was this a miss?
+/// Compares two results or scenarios, for example to find out why a job was not answered from the cache.
 ///
 /// `a` and `b` are each `{"key": …}` or `{"scenario": …}`; `{"keys": [a, b]}` is short for two keys.
-/// Without `b`, the result that is held and whose scenario is nearest to `a` takes its place. Parameters
-/// are compared in the canonical scenarios, so units and defaults make no difference. It works on
-/// results that were dropped, too.
+/// Without `b`, the server takes the stored result whose scenario is nearest to `a`. It compares canonical
+/// scenarios, so units and defaults make no difference. Evicted and deleted results can be compared too.
 #[utoipa::path(post, path = "/v1/results/diff", operation_id = "diff_results", tag = "results",
     request_body(content = ref("#/components/schemas/DiffBody"), description = "What to compare.",
         example = json!({"a": {"scenario": {
@@ -265,9 +260,8 @@ fn asked(body: DiffBody) -> Result<[Asked; 2], Vec<Fault>> {
             "wear": {"coefficient": "3.03e-5 mm^3/(N m)"}, "load": {"normal_force": "100 N"},
             "motion": {"amplitude": "2 um"}, "cycles": [1000, 10000]}}})),
     responses(
-        (status = 200, description = "How they differ, in SI.", body = Diff),
-        (status = 404, description = "No result has one of the keys, or none is held that could be \
-            compared with."),
+        (status = 200, description = "The differences, in SI.", body = Diff),
+        (status = 404, description = "A key is unknown, or there is no result to compare with."),
         (status = 507, description = "The disk is full."),
     ),
 )]
@@ -276,54 +270,55 @@ pub async fn diff(
     _: NoQuery,
     body: Body,
 ) -> Result<axum::Json<Diff>, Problem> {
-    // A table may have 10 000 rows: reading it takes a while.
+    // Parsing a table of 10 000 rows would block the async thread.
     let sides = task::spawn_blocking(move || asked(read(&body)?).map_err(Problem::faults));
-    let [a, b] = sides.await.map_err(|_| Problem::internal())??;
-    let is_key = matches!(a, Asked::Key(_));
-    let a = match a {
-        Asked::Scenario(scenario) => Side::of_scenario(&app, *scenario).await?,
-        Asked::Key(key) => Side::of_key(&app, key).await?,
-        Asked::Nearest => return Err(Problem::internal()),
-    };
+    let (a, b) = sides.await.map_err(|_| Problem::internal())??;
+    let except = if let Asked::Key(key) = a { Some(key) } else { None };
+    let a = Side::of(&app, a).await?;
     let mut remarks = Vec::new();
-    let b = match b {
-        Asked::Scenario(scenario) => Side::of_scenario(&app, *scenario).await?,
-        Asked::Key(key) => Side::of_key(&app, key).await?,
-        Asked::Nearest => {
-            let except = Some(a.key).filter(|_| is_key);
-            let nearest = app.store.nearest(&a.outline().await?, except).await?;
-            let key = nearest.ok_or_else(|| {
-                let detail = "No result is held that this could be compared with.";
-                Problem::new(&problem::UNKNOWN_RESULT, detail)
-            })?;
-            remarks.push("`b` is the result whose scenario is nearest to that of `a`.".to_owned());
-            Side::of_key(&app, key).await?
-        }
+    let b = if let Some(b) = b {
+        Side::of(&app, b).await?
+    } else {
+        remarks.push("`b` is the result whose scenario is nearest to that of `a`.".to_owned());
+        let nearest = app.store.nearest(&a.outline().await?, except).await?;
+        let key = nearest.ok_or_else(|| {
+            let detail = "There is no stored result to compare with.";
+            Problem::new(&problem::UNKNOWN_RESULT, detail)
+        })?;
+        Side::of(&app, Asked::Key(key)).await?
     };
-    let mut parameters = Vec::new();
-    differences(&a.scenario, &b.scenario, &mut String::new(), &mut parameters);
-    let same_scenario = parameters.is_empty();
-    let omitted = parameters.len().saturating_sub(DIFFERENCES);
-    parameters.truncate(DIFFERENCES);
     if a.numerics != b.numerics {
         remarks.push(format!(
-            "The digits are those of different versions (numerics {} and {}): equal scenarios have \
-             different keys, and outputs may differ in their digits.",
+            "The engines differ (numerics {} and {}): equal scenarios have different keys, and outputs \
+             may differ in their last digits.",
             a.numerics, b.numerics
         ));
     }
-    let outputs = match (&a.known, &b.known) {
-        (Some(a), Some(b)) => Some(outputs(&a.summary, &b.summary)),
-        _ => None,
-    };
-    let units = UNITS
-        .iter()
-        .filter(|(name, _)| outputs.iter().flatten().any(|output| output.name == *name));
-    let units = units.map(|(name, unit)| ((*name).to_owned(), json!(unit))).collect();
-    let (a, b) = (a.answer(), b.answer());
-    Ok(axum::Json(Diff { a, b, same_scenario, parameters, omitted, outputs, units, remarks }))
+    Ok(axum::Json(Diff::of(&a, &b, remarks)))
 }
 
+impl Diff {
+    fn of(a: &Side, b: &Side, remarks: Vec<String>) -> Self {
+        let mut parameters = Vec::new();
+        differences(&a.scenario, &b.scenario, &mut String::new(), &mut parameters);
+        let same_scenario = parameters.is_empty();
+        let omitted = parameters.len().saturating_sub(DIFFERENCES);
+        parameters.truncate(DIFFERENCES);
+        let outputs = match (&a.known, &b.known) {
+            (Some(a), Some(b)) => Some(outputs(&a.summary, &b.summary)),
+            _ => None,
+        };
+        let is_output = |name: &str| {
+            outputs.iter().flatten().any(|output: &OutputDifference| output.name == name)
+        };
+        let units = UNITS.iter().filter(|(name, _)| is_output(name));
+        let units = units.map(|(name, unit)| ((*name).to_owned(), json!(unit))).collect();
+        let (a, b) = (a.answer(), b.answer());
+        Self { a, b, same_scenario, parameters, omitted, outputs, units, remarks }
+    }
+}
+
+/// Pairs the members that both summaries have.
 fn outputs(a: &Value, b: &Value) -> Vec<OutputDifference> {
     let members = a.as_object().into_iter().flatten();
     members

@@ -1,4 +1,4 @@
-//! The library of results: finding them, trusting them, saying something of them, deleting them.
+//! The library of results: search, provenance, notes, deletion.
 
 use axum::extract::State;
 use axum::http::{StatusCode, Uri, header};
@@ -16,24 +16,24 @@ use super::representation::find;
 use super::results::read_key;
 use super::scenarios::Unsound;
 use super::wire::{self, Body, NoQuery, Query, Segment, instant};
-use crate::job::Key;
-use crate::store::{self, Listed, Removed, SCALARS, Search, WORDS};
+use crate::job::{Key, SCALARS, WORDS};
+use crate::store::{self, Listed, Removed, Search};
 use fretwork_engine::request::fault::{Fault, Faults};
 
-/// How many results a page has unless told.
+/// Default number of results on a page.
 const PAGE: u32 = 50;
-/// How many results a page may have.
+/// Largest number of results on a page.
 const LONGEST_PAGE: u32 = 1000;
 
-/// What somebody says of a result.
+/// What a user wrote about a result.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Note {
-    /// What is said.
+    /// The text.
     #[schema(example = "Agrees with the rig of 2025-11.")]
     text: String,
-    /// Who says it.
+    /// Who wrote it.
     owner: String,
-    /// Since when: RFC 3339, UTC.
+    /// When it was written: RFC 3339, UTC.
     #[schema(format = "date-time")]
     at: String,
 }
@@ -44,35 +44,35 @@ impl From<store::Note> for Note {
     }
 }
 
-/// A result in a list: what it was computed from and what came out, in SI.
+/// A result in a list, with its most important inputs and outputs in SI.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct ResultEntry {
-    /// Its address.
+    /// Its key.
     #[schema(value_type = String, pattern = "^[0-9a-f]{64}$")]
     key: Key,
-    /// When it was first known here: RFC 3339, UTC.
+    /// When this server first stored the key: RFC 3339, UTC.
     #[schema(format = "date-time")]
     created: String,
-    /// For whom it was computed; null if that is not known.
+    /// The owner whose job computed it; null if unknown.
     owner: Option<String>,
-    /// Bytes of the whole result.
+    /// Size of the result in bytes.
     size: u64,
-    /// Whether it is kept whatever room it takes.
+    /// Whether it is pinned: never evicted.
     pinned: bool,
-    /// When its body was dropped; null if it is there.
+    /// When it was evicted or deleted; null if it is stored.
     #[schema(format = "date-time")]
     evicted: Option<String>,
-    /// What somebody says of it.
+    /// Its note.
     note: Option<Note>,
     /// `shape`, `method`, `regime`, `held` (of the load) and `motion`.
     #[serde(flatten)]
     #[schema(value_type = Object)]
     words: Map<String, Value>,
-    /// Parameters and the last entry of the history by their names; null where a result has none.
-    /// `normal_force` to `tangential_force` are of the unworn contact.
+    /// Parameters and the last entry of the history; null where a result has none. The values from
+    /// `normal_force` to `tangential_force` belong to the unworn contact.
     #[schema(value_type = Object)]
     values: Map<String, Value>,
-    /// The address of the result.
+    /// The path of the result.
     #[schema(
         example = "/v1/results/7262301ee85039ba4e113b17570ed2e12a9a7b34bc20bf05a1cbfc9b16860c41"
     )]
@@ -90,11 +90,8 @@ impl From<Listed> for ResultEntry {
             pinned,
             evicted: evicted.map(instant),
             note: note.map(Note::from),
-            words: outline.words().map(|(name, word)| (name.to_owned(), json!(word))).collect(),
-            values: outline
-                .scalars()
-                .map(|(name, value)| (name.to_owned(), json!(value)))
-                .collect(),
+            words: outline.words(),
+            values: outline.scalars(),
             link: format!("/v1/results/{key}"),
         }
     }
@@ -108,11 +105,11 @@ pub struct ResultList {
     /// The unit of each member of `values`.
     #[schema(value_type = Object)]
     units: Map<String, Value>,
-    /// The address of the next page; null on the last.
+    /// The path of the next page; null on the last page.
     next: Option<String>,
 }
 
-/// The parameters of [`list`] beside `limit` and `cursor`, as the document has them.
+/// The query parameters of [`list`] other than `limit` and `cursor`, for the OpenAPI document.
 pub(super) fn parameters() -> Vec<Value> {
     let parameter = |name: &str, description: String, schema: Value| {
         let at = json!({"name": name, "in": "query", "required": false});
@@ -139,41 +136,36 @@ pub(super) fn parameters() -> Vec<Value> {
         );
         all.push(parameter(scalar.name, what, text()));
     }
-    let order = ["created", "size"].into_iter().chain(SCALARS.iter().map(|scalar| scalar.name));
     let orders: Vec<String> =
-        order.flat_map(|name| [name.to_owned(), format!("-{name}")]).collect();
+        Search::orders().flat_map(|name| [name.to_owned(), format!("-{name}")]).collect();
     let order = json!({"type": "string", "enum": orders, "default": "-created"});
     let flag = || json!({"type": "boolean"});
     let others = [
         (
             "created",
-            "First known here in this range of days or moments: `2026-01-31..`. A day is the whole \
-             day, UTC.",
+            "Results that this server first stored in this range of days or times: `2026-01-31..`. A \
+             day is the whole day, UTC.",
             text(),
         ),
-        ("size", "Of so many bytes: a range like those of quantities.", text()),
-        ("owner", "Computed for this owner; `me`: for the caller.", text()),
-        ("pinned", "Whether they are pinned.", flag()),
+        ("size", "Results whose size in bytes lies in this range.", text()),
+        ("owner", "Results that a job of this owner computed; `me` is the caller.", text()),
+        ("pinned", "Results that are pinned, or that are not.", flag()),
         (
             "evicted",
-            "`true`: results whose body was dropped, instead of those that are there.",
+            "`true`: only results that were evicted or deleted. Default: only stored results.",
             flag(),
         ),
-        ("note", "Results whose note contains this text, in whatever case.", text()),
-        (
-            "tag",
-            "Results that a job with this tag asked for, among the jobs that the caller may see.",
-            text(),
-        ),
+        ("note", "Results whose note contains this text. Upper and lower case are equal.", text()),
+        ("tag", "Results of jobs with this tag. Only jobs that the caller may see count.", text()),
         (
             "label",
-            "Results that a job with this label asked for, among the jobs that the caller may see.",
+            "Results of jobs with this label. Only jobs that the caller may see count.",
             text(),
         ),
         (
             "sort",
-            "By what they are ordered, after a minus sign the largest first. Results without \
-            it come last.",
+            "The value to sort by. A minus sign puts the largest first. Results without the value \
+            come last.",
             order,
         ),
     ];
@@ -181,20 +173,20 @@ pub(super) fn parameters() -> Vec<Value> {
     all
 }
 
-/// Lists results: the team's cache, by what was asked and what came out.
+/// Searches the stored results by inputs and outputs.
 ///
-/// All filters given must hold. A range is `a..b`, `a..`, `..b` or a single value, in SI or with units:
-/// `friction=0.6..0.8`, `wear_depth=..2 um`, `normal_force=50 N..0.2 kN`. The list is complete at the
-/// moment of the request. The address of the next page is in `next` and in the `Link` header.
+/// A result must meet all conditions. A range is `a..b`, `a..`, `..b` or a single value, in SI or with units:
+/// `friction=0.6..0.8`, `wear_depth=..2 um`, `normal_force=50 N..0.2 kN`. The path of the
+/// next page is in `next` and in the `Link` header.
 #[utoipa::path(get, path = "/v1/results", operation_id = "list_results", tag = "results",
     params(
-        ("limit" = Option<u32>, Query, description = "How many results at most.", minimum = 1,
+        ("limit" = Option<u32>, Query, description = "Largest number of results on the page.", minimum = 1,
             maximum = 1000, example = 50),
-        ("cursor" = Option<String>, Query, description = "Goes on behind a page; comes from its `next`."),
+        ("cursor" = Option<String>, Query, description = "Continues after a page. The server puts it into `next` of that page."),
     ),
     responses(
         (status = 200, description = "A page of results, in SI.", body = ResultList, headers(
-            ("Link" = String, description = "The address of the next page, `rel=\"next\"`."),
+            ("Link" = String, description = "The path of the next page, `rel=\"next\"`."),
         )),
         (status = 507, description = "The disk is full."),
     ),
@@ -209,7 +201,7 @@ pub async fn list(
     search.only_jobs_of(caller.reach());
     for name in Search::names() {
         let text = query.text(name);
-        // What is in the library has an owner's name, and `me` is one only here.
+        // The store knows owners by their names only.
         let own = |text: String| if text == ME { caller.owner.clone() } else { text };
         if let Some(text) = if name == "owner" { text.map(own) } else { text }
             && let Err(fault) = search.set(name, &text)
@@ -232,92 +224,92 @@ pub async fn list(
         .into_response())
 }
 
-/// Where a result comes from. What is not known of results of earlier versions is null.
+/// Who computed a result, when, and with which program. Values that the server does not know are null.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Provenance {
-    /// Its address.
+    /// Its key.
     #[schema(value_type = String, pattern = "^[0-9a-f]{64}$")]
     key: Key,
-    /// When the key was first known here: RFC 3339, UTC, like the times below.
+    /// When this server first stored the key: RFC 3339, UTC, like the times below.
     #[schema(format = "date-time")]
     created: String,
-    /// For whom, when and at what cost it was computed.
+    /// Who computed it, when, and how long it took.
     computed: Computation,
-    /// What computed it.
+    /// The program that computed it.
     program: Option<Program>,
-    /// How many jobs named it, of those that are kept.
+    /// The number of stored jobs with this key.
     #[schema(example = 3)]
     jobs: u64,
-    /// Whether it is kept whatever room it takes.
+    /// Whether it is pinned: never evicted.
     pinned: bool,
-    /// What somebody says of it.
+    /// Its note.
     note: Option<Note>,
-    /// When it was last read, to about a minute.
+    /// When it was last read, with a resolution of about one minute.
     #[schema(format = "date-time")]
     last_access: String,
-    /// When its body was dropped; null if it is there.
+    /// When it was evicted or deleted; null if it is stored.
     #[schema(format = "date-time")]
     evicted: Option<String>,
-    /// Who had it deleted; null if it was dropped to make room.
+    /// Who deleted it; null if it was evicted to free space.
     deleted_by: Option<String>,
-    /// By what the bytes of `GET /v1/results/{key}` are known.
+    /// Size and digest of the bytes of `GET /v1/results/{key}`.
     body: BodySum,
-    /// From where it was imported; null if it was computed here.
+    /// The import that brought it; null if it was computed here.
     imported: Option<Import>,
 }
 
-/// For whom, when and at what cost a result was computed.
+/// Who computed a result, when, and how long it took.
 #[derive(Debug, Serialize, ToSchema)]
 struct Computation {
-    /// For whom.
+    /// The owner of the job.
     owner: Option<String>,
-    /// When it was done.
+    /// When the computation ended.
     #[schema(format = "date-time")]
     at: Option<String>,
-    /// Seconds by the clock.
+    /// Wall-clock time in seconds.
     wall_seconds: Option<f64>,
-    /// Seconds of a processor.
+    /// Processor time in seconds.
     cpu_seconds: Option<f64>,
-    /// The id of the job that had it computed.
+    /// The id of the job that computed it.
     job: Option<String>,
-    /// The id of the request that submitted the job, as in the server's log.
+    /// The id of the request that submitted the job, as in the log of the server.
     request: Option<String>,
 }
 
 /// A version of the program on a machine.
 #[derive(Debug, Serialize, ToSchema)]
 struct Program {
-    /// The release.
+    /// The version of the program.
     #[schema(example = "0.1.0")]
     version: String,
-    /// The version of the digits.
+    /// The `numerics` version of the engine.
     #[schema(example = 1)]
     numerics: u32,
-    /// The name of the machine; null, like the next two, where an imported file does not say.
+    /// The host name; like the next two, null if an imported file does not have it.
     host: Option<String>,
-    /// Its kind of processor.
+    /// The processor architecture.
     #[schema(example = "x86_64")]
     architecture: Option<String>,
-    /// How many of them it has.
+    /// The number of processors.
     processors: Option<u32>,
 }
 
-/// By what the bytes of a result are known.
+/// Size and digest of a result.
 #[derive(Debug, Serialize, ToSchema)]
 struct BodySum {
-    /// How many there are.
+    /// Size in bytes.
     bytes: u64,
-    /// Their SHA-256.
+    /// SHA-256 of the bytes.
     #[schema(value_type = String, pattern = "^[0-9a-f]{64}$")]
     sha256: Key,
 }
 
-/// From where a result was imported.
+/// The import of a result.
 #[derive(Debug, Serialize, ToSchema)]
 struct Import {
-    /// The name of the file.
+    /// The name of the imported file.
     from: String,
-    /// When.
+    /// When it was imported.
     #[schema(format = "date-time")]
     at: String,
 }
@@ -361,14 +353,14 @@ fn unknown() -> Problem {
     Problem::new(&problem::UNKNOWN_RESULT, detail)
 }
 
-/// Says where a result comes from: for whom, when, by what and at what cost it was computed.
+/// Tells who computed a result, when, with which program, and how long it took.
 ///
-/// `body.sha256` is the digest of the bytes that `GET /v1/results/{key}` answers as JSON, for whoever
-/// has a copy. It is known of results whose body was dropped, too.
+/// `body.sha256` is the digest of the JSON bytes of `GET /v1/results/{key}`, so that a client can check a
+/// copy. Evicted and deleted results have it too.
 #[utoipa::path(get, path = "/v1/results/{key}/provenance", operation_id = "get_provenance", tag = "results",
     params(("key" = super::openapi::KeyText, Path, description = "The `key` of a result.")),
     responses(
-        (status = 200, description = "Where it comes from.", body = Provenance),
+        (status = 200, description = "The provenance of the result.", body = Provenance),
     ),
 )]
 pub async fn provenance(
@@ -382,15 +374,15 @@ pub async fn provenance(
     Ok((fresh, axum::Json(Provenance::of(key, known))).into_response())
 }
 
-/// What is to be said of a result.
+/// A note to be written.
 #[derive(Debug, Deserr)]
 #[deserr(error = Faults, deny_unknown_fields)]
 pub struct NoteBody {
-    /// The text, of lines.
+    /// The text. It may have several lines.
     text: String,
 }
 
-/// Parses a body with all its faults.
+/// Parses a JSON body and collects all its faults.
 pub(super) fn read<T: Deserr<Faults>>(body: &Body) -> Result<T, Problem> {
     if body.0.iter().all(u8::is_ascii_whitespace) {
         return Err(Unsound::Empty.into());
@@ -404,16 +396,16 @@ pub(super) fn read<T: Deserr<Faults>>(body: &Body) -> Result<T, Problem> {
     Err(Problem::faults(faults))
 }
 
-/// Writes a note to a result. There is one per result; a new one takes the place of the old one.
+/// Writes the note of a result. A result has one note; a new one replaces it.
 ///
-/// It is shown in the provenance and in lists with who wrote it and when, and stays when the body is
-/// dropped: for a year, like all that is known of such a result.
+/// Provenance and lists show the note, its owner and its time. It stays for a year after the result was
+/// evicted or deleted.
 #[utoipa::path(put, path = "/v1/results/{key}/note", operation_id = "put_note", tag = "results",
     params(("key" = super::openapi::KeyText, Path, description = "The `key` of a result.")),
-    request_body(content = ref("#/components/schemas/NoteBody"), description = "What is to be said.",
+    request_body(content = ref("#/components/schemas/NoteBody"), description = "The note.",
         example = json!({"text": "Agrees with the rig of 2025-11."})),
     responses(
-        (status = 204, description = "The note is kept."),
+        (status = 204, description = "The note is stored."),
     ),
 )]
 pub async fn note(
@@ -432,13 +424,13 @@ pub async fn note(
     if known { Ok(StatusCode::NO_CONTENT) } else { Err(unknown()) }
 }
 
-/// Takes the note off a result.
+/// Deletes the note of a result.
 ///
-/// A result without a note stays as it is.
+/// If there is no note, nothing changes.
 #[utoipa::path(delete, path = "/v1/results/{key}/note", operation_id = "delete_note", tag = "results",
     params(("key" = super::openapi::KeyText, Path, description = "The `key` of a result.")),
     responses(
-        (status = 204, description = "There is no note."),
+        (status = 204, description = "The result has no note."),
     ),
 )]
 pub async fn delete_note(
@@ -453,15 +445,15 @@ pub async fn delete_note(
 
 /// Deletes a result.
 ///
-/// Its address then answers 410 with the scenario, as after the result was dropped to make room; the
-/// same scenario computes it again. Jobs that asked for it stay. A pinned result is not deleted.
+/// Afterwards its path answers 410 with the scenario, as after an eviction. A new job with the same
+/// scenario computes it again. Its jobs stay. A pinned result cannot be deleted.
 #[utoipa::path(delete, path = "/v1/results/{key}", operation_id = "delete_result", tag = "results",
     params(("key" = super::openapi::KeyText, Path, description = "The `key` of a result.")),
     responses(
-        (status = 204, description = "The result is gone."),
-        (status = 409, description = "The result is pinned; take the pin off first."),
-        (status = 410, description = "The result is gone already; `scenario` is what it was computed \
-            from."),
+        (status = 204, description = "The result is deleted."),
+        (status = 409, description = "The result is pinned. Unpin it first."),
+        (status = 410, description = "The result was evicted or deleted before. `scenario` is its \
+            scenario."),
     ),
 )]
 pub async fn delete(
@@ -473,12 +465,12 @@ pub async fn delete(
     let key = read_key(&key)?;
     loop {
         let (here, owner) = (app.clone(), caller.owner.clone());
-        // Whether or not the client waits for it: what is deleted must be forgotten.
-        #[expect(clippy::disallowed_methods, reason = "it ends by itself")]
+        // A task of its own: the memory must be cleared although the client disconnects.
+        #[expect(clippy::disallowed_methods, reason = "the task ends by itself")]
         let removing = tokio::spawn(async move {
             let removed = here.store.remove(&key, owner).await?;
             if removed != Removed::Pinned {
-                // Also what was dropped to make room may still be in memory.
+                // An evicted result may still be in memory.
                 here.memory.forget(&key);
             }
             Ok::<_, Problem>(removed)
@@ -486,13 +478,12 @@ pub async fn delete(
         match removing.await.map_err(|_| Problem::internal())?? {
             Removed::Done => return Ok(StatusCode::NO_CONTENT),
             Removed::Pinned => {
-                let detail = format!(
-                    "The result is pinned; DELETE /v1/results/{key}/pin first if it is to go."
-                );
+                let detail =
+                    format!("The result is pinned. Send DELETE /v1/results/{key}/pin first.");
                 return Err(Problem::new(&problem::PINNED, detail));
             }
             Removed::NotFound => {
-                // It says why there is nothing to delete, unless it has come to be meanwhile.
+                // This answers why there is nothing to delete, unless the result was just stored.
                 find(&app, caller.reach(), &key).await?;
             }
         }

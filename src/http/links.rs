@@ -3,7 +3,7 @@
 //! A link is the address of a result with `link=<expires>.<issuer>.<signature>`. The server does not store
 //! links: it verifies the signature. A link allows its holder to read one result and its parts.
 
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::Duration;
 
 use axum::Json;
 use axum::extract::State;
@@ -22,7 +22,7 @@ use super::problem::{self, Problem};
 use super::representation::find;
 use super::results::read_key;
 use super::wire::{Query, Segment, instant};
-use crate::job::Key;
+use crate::job::{Key, clock};
 
 /// Default lifetime of a link.
 const DEFAULT_LIFETIME: Duration = Duration::from_hours(7 * 24);
@@ -104,7 +104,7 @@ impl Signer {
 }
 
 fn since_1970() -> Duration {
-    SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default()
+    Duration::from_millis(clock::now().unsigned_abs())
 }
 
 /// The value of `link` in an address.

@@ -3,7 +3,7 @@
 //! Each part collects all of its faults before it refuses: one round trip, one complete list.
 
 use std::fmt;
-use std::time::{Duration, UNIX_EPOCH};
+use std::time::Duration;
 
 use axum::body::{Bytes, HttpBody as _};
 use axum::extract::{FromRequest, FromRequestParts, Path, Request};
@@ -16,6 +16,7 @@ use serde_json::{Map, Value};
 
 use super::problem::{self, Complaint, Problem};
 use crate::format::Format;
+use crate::job::clock;
 use fretwork_engine::request::fault::Fault;
 
 /// The largest body that is read, in bytes.
@@ -247,8 +248,7 @@ pub fn idempotency_key(headers: &HeaderMap) -> Result<Option<String>, Problem> {
 
 /// A moment, given in milliseconds since 1970, as RFC 3339 in UTC.
 pub fn instant(milliseconds: i64) -> String {
-    let since = Duration::from_millis(u64::try_from(milliseconds).unwrap_or(0));
-    humantime::format_rfc3339_millis(UNIX_EPOCH + since).to_string()
+    clock::rfc3339(milliseconds)
 }
 
 /// A request body that is declared as JSON, as it came.

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use serde_json::value::RawValue;
 
-use super::Key;
+use super::{Key, Outline};
 use fretwork_engine::outcome::{Outcome, Units};
 use fretwork_engine::request::fault::Faults;
 use fretwork_engine::request::fields::Given;
@@ -40,6 +40,8 @@ pub struct Answer {
     pub body: Bytes,
     /// The short form that the job answer carries: the last history entry and the regime.
     pub summary: Value,
+    /// The words and numbers by which users search for the result.
+    pub outline: Box<Outline>,
 }
 
 /// What it cost to compute something.
@@ -288,11 +290,17 @@ impl Run {
             _ => serde_json::Map::new(),
         };
         let summary = summary(&serde_json::json!(outcome.regime), &history);
+        let outline = Outline::of(&serde_json::json!({
+            "scenario": self.scenario,
+            "scales": outcome.scales,
+            "unworn": outcome.unworn,
+            "summary": summary,
+        }));
         // Columns of numbers always serialise.
         let mut body = serde_json::to_vec(&document).unwrap_or_default();
         // It may stay in memory for long.
         body.shrink_to_fit();
-        Answer { body: body.into(), summary }
+        Answer { body: body.into(), summary, outline: Box::new(outline) }
     }
 }
 

@@ -1,28 +1,28 @@
-//! What the store could not do.
+//! Errors of the store.
 
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use crate::job::{JobId, Key};
 
-/// What the store could not do.
+/// Why an operation of the store failed.
 #[derive(Debug, Clone, thiserror::Error)]
 pub enum Error {
-    /// The data directory cannot be used.
+    /// The data directory cannot be created, read or written.
     #[error("cannot use the data directory {}", dir.display())]
     Directory {
         /// The directory.
         dir: PathBuf,
-        /// What the system says.
+        /// The error of the operating system.
         source: Arc<std::io::Error>,
     },
-    /// Another server holds the data directory.
+    /// Another server uses the data directory.
     #[error("another server is using the data directory {}", dir.display())]
     Locked {
         /// The directory.
         dir: PathBuf,
     },
-    /// The file is not a database, or a damaged one.
+    /// The file is not a database, or it is damaged.
     #[error("{} is not a database, or it is damaged", path.display())]
     NotADatabase {
         /// The file.
@@ -36,58 +36,58 @@ pub enum Error {
     },
     /// The database was written by a later version of this program.
     #[error(
-        "{} was written by a later version of fretwork (its tables are of version {found}, this \
-         program knows {known})", path.display()
+        "{} was written by a later version of fretwork (its schema version is {found}, this program \
+         knows {known})", path.display()
     )]
     Newer {
         /// The file.
         path: PathBuf,
-        /// The version of the tables.
+        /// The schema version of the database.
         found: i64,
-        /// The latest version this program knows.
+        /// The latest schema version that this program knows.
         known: i64,
     },
-    /// A server of an earlier version of this program is at work on the database.
+    /// A server of an earlier version of this program uses the database.
     #[error(
-        "the server that uses {} is of an earlier version (its tables are of version {found}, this \
-         program knows {known}); start the server anew with this version first", path.display()
+        "the server that uses {} has an earlier version (its schema version is {found}, this program \
+         knows {known}); restart the server with this version first", path.display()
     )]
     Older {
         /// The file.
         path: PathBuf,
-        /// The version of the tables.
+        /// The schema version of the database.
         found: i64,
-        /// The latest version this program knows.
+        /// The latest schema version that this program knows.
         known: i64,
     },
-    /// The system gives no random numbers.
-    #[error("the system gives no random numbers")]
+    /// The operating system has no random numbers.
+    #[error("the operating system has no random numbers")]
     NoRandomness,
-    /// The tables could not be brought up to date.
-    #[error("cannot bring the tables of {} up to date", path.display())]
+    /// The database could not be migrated to this version.
+    #[error("cannot migrate {} to this version", path.display())]
     Migration {
         /// The file.
         path: PathBuf,
-        /// What the database says.
+        /// The error of the migration.
         source: Arc<sqlx::migrate::MigrateError>,
     },
-    /// A job of this id exists.
+    /// There is a job with this id.
     #[error("job {0} exists already")]
     JobExists(JobId),
-    /// No space is left on the device.
+    /// The disk is full.
     #[error("no space is left for the database")]
     Full(#[source] Arc<sqlx::Error>),
-    /// Something else writes to the database, or every connection is taken, for too long.
+    /// Another process locked the database for longer than the timeout.
     #[error("the database is busy")]
     Busy(#[source] Arc<sqlx::Error>),
-    /// A page of the database does not hold what it should.
+    /// A page of the database is damaged.
     #[error("the database is damaged")]
     Damaged(#[source] Arc<sqlx::Error>),
-    /// A result is not what was stored.
+    /// The checksum of a result is wrong.
     #[error("the stored result {0} is damaged")]
     DamagedResult(Key),
-    /// The database refused.
-    #[error("the database cannot do this now")]
+    /// Any other error of the database.
+    #[error("the database failed")]
     Database(#[source] Arc<sqlx::Error>),
     /// The store is closed.
     #[error("the store is closed")]
@@ -101,13 +101,12 @@ impl From<sqlx::Error> for Error {
         const SQLITE_FULL: u32 = 13;
         const SQLITE_NOTADB: u32 = 26;
         let code = error.as_database_error().and_then(sqlx::error::DatabaseError::code);
-        // The low byte is the kind of error, the rest says more about it.
+        // The low byte is the primary result code of SQLite.
         let kind = code.and_then(|code| code.parse::<u32>().ok()).map(|code| code & 0xff);
-        match (&error, kind) {
-            (sqlx::Error::PoolClosed, _) => Self::Closed,
-            (sqlx::Error::PoolTimedOut, _) | (_, Some(SQLITE_BUSY)) => Self::Busy(Arc::new(error)),
-            (_, Some(SQLITE_FULL)) => Self::Full(Arc::new(error)),
-            (_, Some(SQLITE_CORRUPT | SQLITE_NOTADB)) => Self::Damaged(Arc::new(error)),
+        match kind {
+            Some(SQLITE_BUSY) => Self::Busy(Arc::new(error)),
+            Some(SQLITE_FULL) => Self::Full(Arc::new(error)),
+            Some(SQLITE_CORRUPT | SQLITE_NOTADB) => Self::Damaged(Arc::new(error)),
             _ => Self::Database(Arc::new(error)),
         }
     }
@@ -123,7 +122,7 @@ mod tests {
     use super::*;
 
     #[tokio::test]
-    async fn a_database_that_another_writes_to_is_busy_and_not_broken() {
+    async fn a_database_that_another_process_writes_to_is_busy() {
         let dir = tempfile::tempdir().unwrap();
         let options = SqliteConnectOptions::new()
             .filename(dir.path().join("db"))

@@ -1,52 +1,52 @@
-//! Results as they come in, and what becomes of them: stored, pinned, noted, deleted.
+//! Changes to results: storing, pinning, notes, deletion.
 
 use bytes::Bytes;
 use sha2::{Digest, Sha256};
 use sqlx::SqliteConnection;
 
 use super::Error;
+use super::outline;
 use super::read;
 use super::runs::Finish;
 use super::signals::Effect;
 use super::writer::{Transaction, Verb};
-use crate::job::{Answer, Cost, JobId, Key};
+use crate::job::{Answer, Cost, JobId, Key, Outline};
 
-/// What became of a wish to delete a result.
+/// What a request to delete a result did.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Removed {
-    /// There is no such result, or its body was dropped before.
+    /// There is no such result, or it was evicted or deleted before.
     NotFound,
     /// It is pinned.
     Pinned,
-    /// Its body is gone; what it was computed from is remembered.
+    /// Its body is deleted. Its scenario stays known.
     Done,
 }
 
-/// An answer on its way into the tables.
+/// A result to be stored.
 pub(super) struct Answered {
     pub(super) body: Bytes,
     pub(super) summary: String,
     pub(super) digest: [u8; 32],
-    /// None where it is not known.
+    pub(super) outline: Box<Outline>,
+    /// `None` if unknown.
     pub(super) cost: Option<Cost>,
 }
 
-/// For whom an answer was computed, from what and by what.
+/// The provenance of a result to be stored.
 pub(super) struct Source<'a> {
     pub(super) task: &'a str,
     pub(super) owner: Option<&'a str>,
     pub(super) job: Option<JobId>,
     pub(super) trace: Option<&'a str>,
-    /// The row of the program on its machine.
+    /// The row in the table `program`.
     pub(super) program: Option<i64>,
 }
 
-/// Puts the body of a result in, and with it all that is known of it. What an earlier body of the
-/// same key left behind gives way; only `created` stays. Its outline goes with its task: the new number
-/// has it written anew, for the old one may have been made of less than the body.
+/// Stores a result. It replaces what an evicted result of the same key left; only `created` stays.
 ///
-/// Numbers that a statement passes over are taken by the library for as many more arguments, so the
-/// first ones are those that all statements share.
+/// sqlx binds the arguments of several statements by their largest number, so all statements share the
+/// first ones.
 const INSERT: &str = "
     INSERT INTO result (key, size, summary, digest, created, last_access, computed, checksum, owner,
         job, trace, wall, cpu, program)
@@ -58,18 +58,18 @@ const INSERT: &str = "
         program = excluded.program, imported = NULL, imported_from = NULL, deleted_by = NULL,
         evicted = NULL;
     INSERT OR REPLACE INTO result_blob (key, body) VALUES (?1, ?2);
-    DELETE FROM result_task WHERE key = ?1;
-    INSERT INTO result_task (key, task) VALUES (?1, ?3)";
+    INSERT INTO result_task (key, task) VALUES (?1, ?3)
+    ON CONFLICT (key) DO UPDATE SET task = excluded.task";
 
 impl Answered {
     pub(super) fn new(answer: &Answer, cost: Option<Cost>) -> Self {
-        let Answer { body, summary } = answer;
-        let digest = Sha256::digest(body).into();
-        Self { body: body.clone(), summary: summary.to_string(), digest, cost }
+        let Answer { body, summary, outline } = answer.clone();
+        let digest = Sha256::digest(&body).into();
+        Self { body, summary: summary.to_string(), digest, outline, cost }
     }
 
-    /// Keeps the body, unless there is one. What an evicted result came to is remembered, so that
-    /// a recompute is compared with it too.
+    /// Stores the result, unless its key has one. The digest is compared with that of a stored or evicted
+    /// result of the key.
     pub(super) async fn keep(
         &self,
         tx: &mut Transaction<'_>,
@@ -87,7 +87,7 @@ impl Answered {
         }
         match before {
             Some((true, true)) => {
-                // The same bytes, unless the disk has changed them since: then this repairs them.
+                // If the stored body was damaged on the disk, this repairs it.
                 sqlx::query(
                     "UPDATE result_blob SET body = ?2 WHERE key = ?1;
                      UPDATE result SET checksum = ?3 WHERE key = ?1",
@@ -108,7 +108,7 @@ impl Answered {
         }
     }
 
-    /// Puts the body in, where there is none.
+    /// Stores the result and its outline. The key must have no body.
     pub(super) async fn insert(
         &self,
         db: &mut SqliteConnection,
@@ -130,9 +130,9 @@ impl Answered {
             .bind(self.cost.map(|cost| cost.wall.as_secs_f64()))
             .bind(self.cost.and_then(|cost| cost.cpu).map(|cpu| cpu.as_secs_f64()))
             .bind(source.program)
-            .execute(db)
+            .execute(&mut *db)
             .await?;
-        Ok(())
+        outline::write(db, key, &self.outline).await
     }
 }
 
@@ -155,7 +155,7 @@ impl Verb for Pin {
     }
 }
 
-/// Writes a note to a result, or takes it away.
+/// Writes or removes the note of a result.
 pub(super) struct Annotate {
     pub(super) key: Key,
     pub(super) text: Option<String>,
@@ -163,7 +163,7 @@ pub(super) struct Annotate {
 }
 
 impl Verb for Annotate {
-    /// Whether there is such a result, be it that its body was dropped.
+    /// Whether there is such a result; it may be evicted.
     type Answer = bool;
 
     async fn apply(&self, tx: &mut Transaction<'_>) -> Result<bool, Error> {
@@ -191,9 +191,7 @@ impl Verb for Annotate {
     }
 }
 
-/// Deletes the body of a result. What it was computed from stays as after [`Evict`], and so do jobs.
-///
-/// [`Evict`]: super::upkeep::Evict
+/// Deletes the body of a result. Its scenario and its jobs stay.
 pub(super) struct Remove {
     pub(super) key: Key,
     pub(super) owner: String,

@@ -1,7 +1,7 @@
-//! Access keys: who may use the server, and for what.
+//! Access keys, their roles, and the secret for signed links.
 //!
-//! A key is `fretwork_<id>_<secret>`. The id names it in lists and logs; of the whole only a digest is
-//! kept, so that nobody who reads the tables can use it.
+//! A key is `fretwork_<id>_<secret>`. Lists and logs show only the id. The database stores only a digest
+//! of the whole key, so reading the database gives no access.
 
 use std::fmt;
 use std::str::FromStr;
@@ -17,21 +17,21 @@ use super::writer::{Transaction, Verb};
 use super::{Error, Store};
 use crate::job::BadWord;
 
-/// What every key begins with: a secret that is found where it should not be can be recognised.
+/// Prefix of all keys. Tools that scan for leaked secrets recognise it.
 const MARK: &str = "fretwork";
-/// Digits of the public part.
+/// Hexadecimal digits of the id.
 const ID: usize = 8;
-/// Bytes of the secret part.
+/// Bytes of the secret.
 const SECRET: usize = 20;
 
-/// What a key is good for; each role may do what those before it may.
+/// What the holder of a key may do. Each role includes the roles before it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Role {
-    /// Look at results, check scenarios.
+    /// Read results and check scenarios.
     Read,
-    /// Submit jobs; see, cancel and delete one's own.
+    /// Submit jobs; see, cancel and delete own jobs.
     Submit,
-    /// Everything, with the jobs and results of everyone.
+    /// Everything, including jobs and results of all owners.
     Admin,
 }
 
@@ -39,7 +39,7 @@ impl Role {
     /// All roles.
     pub const ALL: [Self; 3] = [Self::Read, Self::Submit, Self::Admin];
 
-    /// Its name.
+    /// The name of the role, in the API and in the tables.
     #[must_use]
     pub fn as_str(self) -> &'static str {
         match self {
@@ -64,24 +64,24 @@ impl FromStr for Role {
     }
 }
 
-/// What is known of a key.
+/// A stored access key.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct AccessKey {
-    /// Names it.
+    /// The public part of the key.
     pub id: String,
-    /// Whose it is: keys of one name are one owner of jobs.
+    /// The owner of the jobs that are submitted with it. Several keys may have the same name.
     pub name: String,
-    /// What it is good for.
+    /// What its holder may do.
     pub role: Role,
-    /// Requests per minute; the server's own limit if there is none.
+    /// Requests per minute; `None` means the limit of the server.
     pub per_minute: Option<u32>,
-    /// When it was made. Times are in milliseconds since 1970.
+    /// When it was created. Times are in milliseconds since 1970.
     pub created: i64,
-    /// When it ends.
+    /// When it expires.
     pub expires: Option<i64>,
-    /// When it was taken back.
+    /// When it was revoked.
     pub revoked: Option<i64>,
-    /// When it was last used, to the minute.
+    /// When it was last used, with a resolution of one minute.
     pub last_used: Option<i64>,
     digest: [u8; 32],
 }
@@ -104,19 +104,19 @@ impl FromRow<'_, SqliteRow> for AccessKey {
 }
 
 impl AccessKey {
-    /// Whether this is the key itself. How long it takes tells nothing of it.
+    /// Whether `presented` is this key. The comparison takes constant time.
     #[must_use]
     pub fn is(&self, presented: &str) -> bool {
         digest(presented).ct_eq(&self.digest).into()
     }
 
-    /// Whether it is the same key, with the same limits and the same end.
+    /// Whether both are equal apart from the time of last use.
     #[must_use]
     pub fn is_like(&self, other: &Self) -> bool {
         Self { last_used: None, ..self.clone() } == Self { last_used: None, ..other.clone() }
     }
 
-    /// The id in a text that has the form of a key.
+    /// The id in a text, if the text has the form of a key.
     #[must_use]
     pub fn id_in(presented: &str) -> Option<&str> {
         let (id, secret) = presented.strip_prefix(MARK)?.strip_prefix('_')?.split_once('_')?;
@@ -125,33 +125,33 @@ impl AccessKey {
     }
 }
 
-/// The digest by which a key is known.
+/// The digest that the database stores for a key.
 #[must_use]
 pub fn digest(key: &str) -> [u8; 32] {
     Sha256::digest(key).into()
 }
 
-/// A key that is to be made.
+/// A key to be created.
 #[derive(Debug, Clone)]
 pub struct NewKey {
-    /// Whose it is.
+    /// The owner of the jobs that are submitted with it.
     pub name: String,
-    /// What it is good for.
+    /// What its holder may do.
     pub role: Role,
-    /// Requests per minute; the server's own limit if there is none.
+    /// Requests per minute; `None` means the limit of the server.
     pub per_minute: Option<u32>,
-    /// When it ends, in milliseconds since 1970.
+    /// When it expires, in milliseconds since 1970.
     pub expires: Option<i64>,
 }
 
-/// Hexadecimal digits of so many random bytes.
+/// Random bytes in hexadecimal.
 fn random<const BYTES: usize>() -> Result<String, Error> {
     let mut bytes = [0; BYTES];
     getrandom::fill(&mut bytes).map_err(|_| Error::NoRandomness)?;
     Ok(HEXLOWER.encode(&bytes))
 }
 
-/// Makes a key and returns it: the only time that it is seen.
+/// Creates a key and returns it. It cannot be read again.
 pub(super) async fn add(
     db: &mut SqliteConnection,
     new: &NewKey,
@@ -175,12 +175,12 @@ pub(super) async fn add(
     Ok(key)
 }
 
-/// All keys there ever were, the oldest first.
+/// All keys, also expired and revoked ones, the oldest first.
 pub(super) async fn list(db: &mut SqliteConnection) -> Result<Vec<AccessKey>, Error> {
     Ok(sqlx::query_as("SELECT * FROM access_key ORDER BY created, id").fetch_all(db).await?)
 }
 
-/// Takes back the keys of this id or name that are in force; returns how many.
+/// Revokes the keys with this id or name that are not revoked yet; returns how many.
 pub(super) async fn revoke(db: &mut SqliteConnection, name: &str, now: i64) -> Result<u64, Error> {
     let done = sqlx::query(
         "UPDATE access_key SET revoked = ?2
@@ -194,28 +194,26 @@ pub(super) async fn revoke(db: &mut SqliteConnection, name: &str, now: i64) -> R
 }
 
 impl Store {
-    /// All keys there ever were, the oldest first.
+    /// All keys, also expired and revoked ones, the oldest first.
     pub async fn access_keys(&self) -> Result<Vec<AccessKey>, Error> {
-        // By a connection of their own: who may come in does not wait for who is in.
-        let listed = async { list(self.gatekeeper.get().await?.connection()).await };
-        self.noted(listed.await)
+        self.reading(async |db| list(db).await).await
     }
 
-    /// Notes that a key was used just now.
+    /// Records that a key was used now.
     pub async fn key_was_used(&self, id: &str) -> Result<(), Error> {
         self.write(Used(id.to_owned())).await
     }
 
-    /// What links to results are signed with: the same for ever, and nobody else's.
+    /// The secret that signs links to results. It is created once for each database.
     pub async fn link_secret(&self) -> Result<[u8; 32], Error> {
         let mut candidate = [0; 32];
         getrandom::fill(&mut candidate).map_err(|_| Error::NoRandomness)?;
         self.write(LinkSecret(candidate)).await
     }
 
-    /// How many jobs of an owner wait, and how many are computed.
+    /// The number of queued jobs of an owner, and of running ones.
     pub async fn unfinished(&self, owner: &str) -> Result<(u64, u64), Error> {
-        // By state: finished jobs are many, and these are few.
+        // The index of states skips the many finished jobs.
         let counted = self.reading(async |db| {
             sqlx::query_as(
                 "SELECT count(*) FILTER (WHERE state = 'queued'),
@@ -228,8 +226,7 @@ impl Store {
             .await
             .map_err(Error::from)
         });
-        let (queued, running): (i64, i64) = counted.await?;
-        Ok((queued.unsigned_abs(), running.unsigned_abs()))
+        counted.await
     }
 }
 
@@ -248,7 +245,7 @@ impl Verb for Used {
     }
 }
 
-/// A secret, if there is none yet.
+/// Stores a secret, if there is none yet; returns the stored one.
 struct LinkSecret([u8; 32]);
 
 impl Verb for LinkSecret {
@@ -270,7 +267,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_what_has_the_form_of_a_key_has_an_id() {
+    fn only_a_well_formed_key_has_an_id() {
         let (id, secret) = ("0a1b2c3d", "0123456789abcdef0123456789abcdef01234567");
         assert_eq!(AccessKey::id_in(&format!("fretwork_{id}_{secret}")), Some(id));
         for bad in [

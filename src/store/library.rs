@@ -1,25 +1,22 @@
-//! What is known about results beside their numbers: where they come from, what people say of them,
-//! and how they are found.
+//! Provenance and notes of results, and the entry points for search.
 
 use serde_json::Value;
 use sqlx::sqlite::SqliteRow;
 use sqlx::{Row, SqliteConnection, SqliteExecutor};
 use tokio::sync::SemaphorePermit;
 
-use super::outline::{self, Outline};
 use super::search::{self, Cursor, Found, Search};
-use super::writer::{Transaction, Verb};
 use super::{Error, Removed, Store, keep, read};
-use crate::job::{ENGINE, JobId, Key};
+use crate::job::{ENGINE, JobId, Key, Outline, Task};
 
-/// What somebody says of a result.
+/// What a user wrote about a result.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Note {
-    /// What is said.
+    /// The text.
     pub text: String,
-    /// Who says it.
+    /// Who wrote it.
     pub owner: String,
-    /// Since when, in milliseconds since 1970.
+    /// When it was written, in milliseconds since 1970.
     pub at: i64,
 }
 
@@ -27,15 +24,15 @@ pub struct Note {
 const LONGEST_NOTE: usize = 4000;
 
 impl Note {
-    /// What a text must be to be a note, if it is not that.
+    /// What is wrong with the text of a note, if anything.
     #[must_use]
     pub fn fault(text: &str) -> Option<String> {
         let length = text.chars().count();
-        let strange = |c: char| c.is_control() && c != '\n' && c != '\t';
+        let is_control = |c: char| c.is_control() && c != '\n' && c != '\t';
         if length == 0 || length > LONGEST_NOTE {
             return Some(format!("must have 1 to {LONGEST_NOTE} characters, not {length}"));
         }
-        text.contains(strange).then(|| {
+        text.contains(is_control).then(|| {
             "must not contain control characters other than line breaks and tabs".to_owned()
         })
     }
@@ -47,64 +44,64 @@ impl Note {
     }
 }
 
-/// Where a result comes from, and what became of it. What is not known of results of earlier
-/// versions is none. Times are in milliseconds since 1970.
+/// Who computed a result, when, with which program and at what cost. Results of earlier versions of the
+/// program lack some of it. Times are in milliseconds since 1970.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Provenance {
-    /// When the key was first known here.
+    /// When this server first stored the key.
     pub created: i64,
-    /// For whom it was computed.
+    /// The owner whose job computed it.
     pub owner: Option<String>,
     /// When it was computed.
     pub computed: Option<i64>,
-    /// Seconds by the clock.
+    /// Wall-clock time of the computation in seconds.
     pub wall: Option<f64>,
-    /// Seconds of a processor.
+    /// Processor time of the computation in seconds.
     pub cpu: Option<f64>,
-    /// The job that had it computed.
+    /// The job that computed it.
     pub job: Option<JobId>,
-    /// The request that submitted that job, and after a blank its `traceparent`.
+    /// The id of the request that submitted that job, and after a blank its `traceparent`.
     pub trace: Option<String>,
-    /// What computed it.
+    /// The program that computed it.
     pub program: Option<Program>,
-    /// How many jobs named it, of those that are kept.
+    /// The number of stored jobs with this key.
     pub jobs: u64,
-    /// Whether it is kept whatever room it takes.
+    /// Whether it is pinned: never evicted.
     pub pinned: bool,
     /// When it was last read.
     pub last_access: i64,
-    /// When its body was dropped.
+    /// When its body was evicted or deleted.
     pub evicted: Option<i64>,
-    /// Who had it deleted; none if it had to make room.
+    /// Who deleted it; `None` if it was evicted to free space.
     pub deleted_by: Option<String>,
-    /// What somebody says of it.
+    /// Its note.
     pub note: Option<Note>,
-    /// Bytes of its body.
+    /// Size of its body in bytes.
     pub size: u64,
     /// SHA-256 of its body.
     pub sha256: Key,
-    /// When it came from another server, and in which file.
+    /// When it was imported, and from which file.
     pub imported: Option<(i64, String)>,
 }
 
 /// A version of the program on a machine.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Program {
-    /// The release.
+    /// The version of the program.
     pub version: String,
-    /// The version of its digits.
+    /// The `numerics` version of its engine.
     pub numerics: u32,
-    /// The name of the machine; empty, as the next, if that is not known.
+    /// The host name; empty if unknown.
     pub host: String,
-    /// Its kind of processor.
+    /// The processor architecture; empty if unknown.
     pub architecture: String,
-    /// How many of them it has; 0 if that is not known.
+    /// The number of processors; 0 if unknown.
     pub processors: u32,
 }
 
 impl Program {
     /// This program on this machine.
-    fn this() -> Self {
+    pub(super) fn this() -> Self {
         #[cfg(unix)]
         let host = rustix::system::uname().nodename().to_string_lossy().into_owned();
         #[cfg(not(unix))]
@@ -119,7 +116,7 @@ impl Program {
         }
     }
 
-    /// The number of its row, which is made if there is none.
+    /// The id of its row, which is inserted if necessary.
     pub(super) async fn row(&self, db: &mut SqliteConnection) -> Result<i64, Error> {
         let id = sqlx::query_scalar(
             "INSERT OR IGNORE INTO program (version, numerics, host, architecture, processors)
@@ -137,26 +134,33 @@ impl Program {
         Ok(id)
     }
 
-    /// The number of the row of this program on this machine.
-    pub(super) async fn register(db: &mut SqliteConnection) -> Result<i64, Error> {
-        Self::this().row(db).await
+    /// Reads the columns of the table `program`.
+    fn read(row: &SqliteRow) -> Result<Option<Self>, sqlx::Error> {
+        let Some(version) = row.try_get("version")? else { return Ok(None) };
+        Ok(Some(Self {
+            version,
+            numerics: row.try_get("numerics")?,
+            host: row.try_get("host")?,
+            architecture: row.try_get("architecture")?,
+            processors: row.try_get("processors")?,
+        }))
     }
 }
 
-/// What is known of a key, whether or not its body is there.
+/// What is known of a key, with or without a body.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Known {
     /// The canonical scenario.
     pub scenario: Value,
-    /// The last entry of the history and the regime.
+    /// The regime and the last entry of the history.
     pub summary: Value,
-    /// The version of the digits.
+    /// The `numerics` version of the engine; 0 if unknown.
     pub numerics: u32,
-    /// Whether the body is there.
+    /// Whether the body is stored.
     pub held: bool,
 }
 
-pub(super) const PROVENANCE: &str = "
+const PROVENANCE: &str = "
     SELECT result.key AS key, created, result.owner AS owner, computed, wall, cpu, job, trace,
         pinned, last_access, evicted, deleted_by, size, digest, imported, imported_from, version,
         numerics, host, architecture, processors, note.text AS note, note.owner AS noted_by,
@@ -164,22 +168,16 @@ pub(super) const PROVENANCE: &str = "
     FROM result LEFT JOIN program ON program.id = result.program
     LEFT JOIN note ON note.key = result.key WHERE result.key = ?1";
 
-pub(super) fn provenance(row: &SqliteRow) -> Result<Provenance, sqlx::Error> {
-    let version: Option<String> = row.try_get("version")?;
-    let program = match version {
-        Some(version) => Some(Program {
-            version,
-            numerics: row.try_get("numerics")?,
-            host: row.try_get("host")?,
-            architecture: row.try_get("architecture")?,
-            processors: row.try_get("processors")?,
-        }),
-        None => None,
-    };
+pub(super) async fn provenance(
+    db: &mut SqliteConnection,
+    key: &Key,
+) -> Result<Option<Provenance>, Error> {
+    let query = sqlx::query(PROVENANCE).bind(key.bytes().as_slice());
+    let Some(row) = query.fetch_optional(db).await? else { return Ok(None) };
     let job: Option<&[u8]> = row.try_get("job")?;
     let imported: Option<i64> = row.try_get("imported")?;
-    let from: Option<String> = row.try_get("imported_from")?;
-    Ok(Provenance {
+    let imported = imported.map(|at| Ok::<_, sqlx::Error>((at, row.try_get("imported_from")?)));
+    Ok(Some(Provenance {
         created: row.try_get("created")?,
         owner: row.try_get("owner")?,
         computed: row.try_get("computed")?,
@@ -187,17 +185,17 @@ pub(super) fn provenance(row: &SqliteRow) -> Result<Provenance, sqlx::Error> {
         cpu: row.try_get("cpu")?,
         job: job.map(read::job_id).transpose()?,
         trace: row.try_get("trace")?,
-        program,
-        jobs: u64::try_from(row.try_get::<i64, _>("jobs")?).unwrap_or(0),
+        program: Program::read(&row)?,
+        jobs: row.try_get("jobs")?,
         pinned: row.try_get("pinned")?,
         last_access: row.try_get("last_access")?,
         evicted: row.try_get("evicted")?,
         deleted_by: row.try_get("deleted_by")?,
-        note: Note::read(row)?,
-        size: u64::try_from(row.try_get::<i64, _>("size")?).unwrap_or(0),
-        sha256: read::key(row, "digest")?,
-        imported: imported.map(|at| (at, from.unwrap_or_default())),
-    })
+        note: Note::read(&row)?,
+        size: row.try_get("size")?,
+        sha256: read::key(&row, "digest")?,
+        imported: imported.transpose()?,
+    }))
 }
 
 async fn known(db: impl SqliteExecutor<'_>, key: &Key) -> Result<Option<Known>, Error> {
@@ -210,8 +208,9 @@ async fn known(db: impl SqliteExecutor<'_>, key: &Key) -> Result<Option<Known>, 
     .fetch_optional(db)
     .await?;
     let Some(row) = row else { return Ok(None) };
-    let task: Value = serde_json::from_str(row.try_get("task")?).unwrap_or_default();
-    let scenario = task.get("scenario").cloned().unwrap_or_default();
+    let scenario = Task::scenario(row.try_get("task")?)
+        .ok_or_else(|| sqlx::Error::Decode("the stored task cannot be read".into()))?;
+    let scenario: Value = read::json(scenario.get())?;
     let numerics = match row.try_get("numerics")? {
         Some(numerics) => numerics,
         None => numerics_of(key, &scenario),
@@ -220,35 +219,18 @@ async fn known(db: impl SqliteExecutor<'_>, key: &Key) -> Result<Option<Known>, 
     Ok(Some(Known { scenario, summary, numerics, held }))
 }
 
-/// The version of the digits under which a scenario has this key; 0 if no known one does.
+/// The `numerics` version for which a scenario has this key; 0 if there is none.
 fn numerics_of(key: &Key, scenario: &Value) -> u32 {
     (1..=ENGINE.numerics).rev().find(|numerics| Key::of(*numerics, scenario) == *key).unwrap_or(0)
 }
 
-/// Writes outlines that are still to come.
-pub(super) struct CatchUp;
-
-impl Verb for CatchUp {
-    /// Whether there may be more.
-    type Answer = bool;
-
-    async fn apply(&self, tx: &mut Transaction<'_>) -> Result<bool, Error> {
-        outline::catch_up(tx.db).await
-    }
-}
-
 impl Store {
-    /// Where a result comes from.
+    /// The provenance of a result.
     pub async fn provenance(&self, key: &Key) -> Result<Option<Provenance>, Error> {
-        let key = key.bytes().as_slice();
-        self.reading(async |db| {
-            let row = sqlx::query(PROVENANCE).bind(key).fetch_optional(db).await?;
-            Ok(row.as_ref().map(provenance).transpose()?)
-        })
-        .await
+        self.reading(async |db| provenance(db, key).await).await
     }
 
-    /// Says something of a result, or takes it back; false if there is no such result.
+    /// Writes the note of a result, or removes it. Returns false if there is no such result.
     pub async fn annotate(
         &self,
         key: &Key,
@@ -258,28 +240,26 @@ impl Store {
         self.write(keep::Annotate { key: *key, text, owner }).await
     }
 
-    /// Deletes the body of a result; what it was computed from is remembered.
+    /// Deletes the body of a result; its scenario stays known.
     pub async fn remove(&self, key: &Key, owner: String) -> Result<Removed, Error> {
         self.write(keep::Remove { key: *key, owner }).await
     }
 
-    /// Up to `limit` results that are asked for, behind `cursor`; among everything that was committed
-    /// before this call.
+    /// Returns up to `limit` matching results after `cursor`, among all that were committed before this
+    /// call.
     pub async fn search(
         &self,
         search: &Search,
         cursor: Option<Cursor>,
         limit: u32,
     ) -> Result<Found, Error> {
-        self.catch_up().await?;
-        let _turn = self.scan().await?;
+        let _permit = self.scan().await?;
         self.reading(async |db| search::page(db, search, cursor, limit).await).await
     }
 
-    /// The result that is there whose scenario is nearest to this one, save one.
+    /// The stored result whose scenario is nearest to an outline, other than `except`.
     pub async fn nearest(&self, to: &Outline, except: Option<Key>) -> Result<Option<Key>, Error> {
-        self.catch_up().await?;
-        let _turn = self.scan().await?;
+        let _permit = self.scan().await?;
         self.reading(async |db| search::nearest(db, to, except).await).await
     }
 
@@ -288,16 +268,10 @@ impl Store {
         self.reading(async |db| known(db, key).await).await
     }
 
-    /// A turn to look through many results: who wants to read but one is not to wait for that.
+    /// Waits for permission to scan all results. Scans never take all connections, so single results can
+    /// always be read.
     async fn scan(&self) -> Result<SemaphorePermit<'_>, Error> {
         self.scans.acquire().await.map_err(|_| Error::Closed)
-    }
-
-    async fn catch_up(&self) -> Result<(), Error> {
-        if self.reading(async |db| outline::is_behind(db).await).await? {
-            while self.write(CatchUp).await? {}
-        }
-        Ok(())
     }
 }
 
@@ -306,9 +280,9 @@ mod tests {
     use super::*;
     use crate::store::{JobId, Options, SCANS};
 
-    /// Of one result a million jobs may be kept.
+    /// A result can have a million jobs.
     #[tokio::test]
-    async fn the_jobs_of_a_result_are_counted_along_an_index_of_keys() {
+    async fn the_jobs_of_a_result_are_counted_with_an_index() {
         let dir = tempfile::tempdir().unwrap();
         let store = Store::open(dir.path(), &Options::default()).await.unwrap();
         let plan = format!("EXPLAIN QUERY PLAN {PROVENANCE}");
@@ -323,10 +297,10 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn who_looks_through_many_results_keeps_nobody_from_reading_one() {
+    async fn jobs_can_be_read_while_searches_wait() {
         let dir = tempfile::tempdir().unwrap();
         let store = Store::open(dir.path(), &Options::default()).await.unwrap();
-        let turns = store.scans.acquire_many(u32::try_from(SCANS).unwrap()).await.unwrap();
+        let permits = store.scans.acquire_many(u32::try_from(SCANS).unwrap()).await.unwrap();
         let all = Search::default();
         let mut search = std::pin::pin!(store.search(&all, None, 1));
         let reads = async {
@@ -335,10 +309,10 @@ mod tests {
             }
         };
         tokio::select! {
-            _ = &mut search => panic!("there is no turn for it"),
+            _ = &mut search => panic!("there is no permit for it"),
             () = reads => {}
         }
-        drop(turns);
+        drop(permits);
         assert!(search.await.unwrap().results.is_empty());
     }
 }

@@ -18,8 +18,8 @@
     reason = "they all fail alike: the database refuses or is closed, as `Error` says"
 )]
 
+mod administration;
 mod cancel;
-mod desk;
 mod error;
 mod keep;
 mod keys;
@@ -41,23 +41,23 @@ mod writer;
 use std::path::Path;
 use std::pin::pin;
 use std::sync::Arc;
-use std::time::{Duration, SystemTime};
+use std::time::Duration;
 
 use bytes::Bytes;
 use sqlx::SqliteConnection;
 use tokio::sync::{Semaphore, mpsc};
 
+use crate::job::clock::now;
 use crate::job::{Answer, Cost, FailureKind, Job, JobId, Key};
 
+pub use administration::Administration;
 pub use cancel::{Canceled, Deleted};
-pub use desk::Desk;
 pub use error::Error;
 pub use keep::Removed;
 pub use keys::{AccessKey, NewKey, Role, digest};
 pub use library::{Known, Note, Program, Provenance};
 pub use moving::{Exported, Imported, Moving, Saved, backup, export, import, restore};
 pub use open::Options;
-pub use outline::{Outline, SCALARS, WORDS};
 pub use read::{Filter, Page, StoredResult};
 pub use runs::{Claimed, Finish, Recovered, RunId};
 pub use search::{Cursor, Found, Listed, Search};
@@ -77,8 +77,6 @@ pub struct Store {
     readers: Arc<Readers>,
     /// For large results: a connection keeps the memory it once took.
     large: Arc<Readers>,
-    /// For the keys of callers.
-    gatekeeper: Arc<Readers>,
     /// Who has a permit may look through many results.
     scans: Arc<Semaphore>,
     signals: Arc<Signals>,
@@ -342,7 +340,6 @@ impl Store {
     pub async fn close(&self) {
         self.readers.close().await;
         self.large.close().await;
-        self.gatekeeper.close().await;
         writer::close(&self.writer).await;
     }
 
@@ -362,10 +359,4 @@ impl Store {
     fn noted<T>(&self, result: Result<T, Error>) -> Result<T, Error> {
         result.inspect_err(|error| self.signals.tally.failed(error))
     }
-}
-
-/// The one place where this room reads the time: milliseconds since 1970.
-fn now() -> i64 {
-    let since = SystemTime::UNIX_EPOCH.elapsed().unwrap_or_default();
-    i64::try_from(since.as_millis()).unwrap_or(i64::MAX)
 }

@@ -1,4 +1,4 @@
-//! Opening the data directory: the lock, what the file is, the connections, the migrations.
+//! Opens the data directory: lock, check of the file, migrations, connections.
 
 use std::cmp::Ordering;
 use std::fs::{self, File, TryLockError};
@@ -13,6 +13,7 @@ use sqlx::{ConnectOptions, Connection, SqliteConnection};
 use tokio::sync::Semaphore;
 
 use super::library::Program;
+use super::outline;
 use super::queue::Queue;
 use super::readers::Readers;
 use super::signals::Signals;
@@ -22,28 +23,28 @@ use super::{Error, SCANS, Store};
 
 pub(super) static MIGRATIONS: Migrator = sqlx::migrate!("migrations/sqlite");
 
-/// Marks a database as this program's ("fret"), so that no other is ever written to.
+/// The SQLite application id of our databases ("fret"). The program never writes to another database.
 pub(super) const APPLICATION_ID: i32 = 0x6672_6574;
 
-/// What the database is called in its directory.
+/// The file name of the database.
 pub(super) const DATABASE: &str = "fretwork.db";
 
-/// How long to wait for an administrative command that writes beside the server.
+/// How long a statement waits for another process that writes.
 pub(super) const BUSY: Duration = Duration::from_secs(5);
 
-/// How the database is used.
+/// Settings of the store.
 #[derive(Debug, Clone)]
 pub struct Options {
-    /// Whether each commit waits for the disk, so that an answered change survives a loss of power
-    /// too. Without it, it survives the death of the process.
+    /// Whether each commit waits for the disk. Then an acknowledged change survives a power failure;
+    /// otherwise it survives only a crash of the process.
     pub full_sync: bool,
-    /// Connections that read at the same time.
+    /// The number of read-only connections.
     pub readers: u32,
-    /// Jobs that may wait; more are refused.
+    /// The largest number of queued jobs.
     pub queue_limit: usize,
-    /// How long jobs are kept after their end; for ever if there is none.
+    /// How long finished jobs are kept; `None` means for ever.
     pub keep_jobs: Option<Duration>,
-    /// How much room results may take before some are dropped; without bounds if there is none.
+    /// Bytes of results beyond which the server evicts some; `None` means no limit.
     pub budget: Option<u64>,
 }
 
@@ -54,10 +55,10 @@ impl Default for Options {
 }
 
 impl Store {
-    /// Opens the database in a directory, both made if they do not exist, and starts its writer.
+    /// Opens or creates the database in a directory, and starts the writer task.
     ///
-    /// The directory is this process's alone until the store is closed. Call [`Store::recover`]
-    /// before anything is claimed.
+    /// No other process can open the directory until the store is closed. Call [`Store::recover`]
+    /// before the first [`Store::claim`].
     pub async fn open(dir: &Path, options: &Options) -> Result<Self, Error> {
         let lock = lock(dir)?;
         let path = dir.join(DATABASE);
@@ -67,24 +68,24 @@ impl Store {
         let writing = writing(&path, options.full_sync).create_if_missing(true);
         let mut db = SqliteConnection::connect_with(&writing).await?;
         migrate(&mut db, &path).await?;
-        // Each keeps the upper pages of the indexes at hand, however many results there are.
+        outline::complete(&mut db).await?;
+        // 16 MiB for each connection: enough for the upper pages of all indexes.
         let reading = connecting(&path).read_only(true).pragma("cache_size", "-16384");
         let readers = Arc::new(Readers::open(&reading, options.readers).await?);
         let large = Arc::new(Readers::open(&reading, 1).await?);
-        let gatekeeper = Arc::new(Readers::open(&reading, 1).await?);
         let signals = Arc::new(Signals::default());
         let (queue, upkeep) = (Some(Queue::load(&mut db).await?), Upkeep::new(options));
-        let program = Program::register(&mut db).await?;
+        let program = Program::this().row(&mut db).await?;
         let writer =
             Writer { db, signals: Arc::clone(&signals), queue, upkeep, program, lock }.start();
         let queue_limit = options.queue_limit;
         let scans = Arc::new(Semaphore::new(SCANS));
         let dir = dir.into();
-        Ok(Self { writer, readers, large, gatekeeper, scans, signals, queue_limit, dir })
+        Ok(Self { writer, readers, large, scans, signals, queue_limit, dir })
     }
 }
 
-/// The connections that write.
+/// Options of a connection that writes.
 pub(super) fn writing(path: &Path, full_sync: bool) -> SqliteConnectOptions {
     let synchronous = if full_sync { SqliteSynchronous::Full } else { SqliteSynchronous::Normal };
     connecting(path)
@@ -93,13 +94,13 @@ pub(super) fn writing(path: &Path, full_sync: bool) -> SqliteConnectOptions {
         .synchronous(synchronous)
         .foreign_keys(true)
         .pragma("application_id", APPLICATION_ID.to_string())
-        // There is time for it in quiet moments; under load it comes seldom.
+        // Pages in the log (32 MB) until a commit must checkpoint. Mostly, maintenance does it first.
         .pragma("wal_autocheckpoint", "8000")
-        // A log that once grew large gives its space back.
+        // The log shrinks to 64 MiB after a checkpoint.
         .pragma("journal_size_limit", (64 << 20).to_string())
 }
 
-/// What all connections have in common.
+/// Options of every connection.
 pub(super) fn connecting(path: &Path) -> SqliteConnectOptions {
     SqliteConnectOptions::new().filename(path).busy_timeout(BUSY).disable_statement_logging()
 }
@@ -117,9 +118,11 @@ pub(super) fn lock(dir: &Path) -> Result<File, Error> {
     }
 }
 
-/// Removes a log that belongs to another database: where a backup was put in the place of a database
-/// whose last log was left behind. Such a log would be taken for this database's own, and destroy it. A
-/// database that has a log says so in its head, and a backup does not.
+/// Removes a log that belongs to another database.
+///
+/// Such a log remains when an administrator copies a backup over a database after a crash. SQLite would
+/// apply the log to the backup and destroy it. The header of a database with a log says so; the header
+/// of a backup does not.
 pub(super) fn forget_foreign_log(path: &Path) -> io::Result<()> {
     const VERSIONS: usize = 18;
     const WITHOUT_LOG: [u8; 2] = [1, 1];
@@ -130,7 +133,7 @@ pub(super) fn forget_foreign_log(path: &Path) -> io::Result<()> {
     let mut head = Vec::new();
     File::open(path)?.take(100).read_to_end(&mut head)?;
     if head.get(VERSIONS..VERSIONS + 2) == Some(&WITHOUT_LOG) {
-        tracing::warn!(log = %log.display(), "removing a log that another database left behind");
+        tracing::warn!(log = %log.display(), "removing the log of another database");
         fs::remove_file(log)?;
         let index = with_suffix(path, "-shm");
         if index.exists() {
@@ -140,14 +143,14 @@ pub(super) fn forget_foreign_log(path: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// A path with something behind its name.
+/// A path with a suffix after its file name.
 pub(super) fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(suffix);
     name.into()
 }
 
-/// Refuses a file that is not ours, before anything is written to it.
+/// Refuses a file that is not one of our databases, before anything is written to it.
 pub(super) async fn inspect(path: &Path) -> Result<(), Error> {
     const SQLITE_CORRUPT: &str = "11";
     const SQLITE_NOTADB: &str = "26";
@@ -160,7 +163,7 @@ pub(super) async fn inspect(path: &Path) -> Result<(), Error> {
         let tables: i64 =
             sqlx::query_scalar("SELECT count(*) FROM sqlite_schema").fetch_one(&mut db).await?;
         db.close().await?;
-        // An empty database may be one whose making was interrupted.
+        // An empty database: its creation was interrupted.
         Ok::<_, sqlx::Error>(id == APPLICATION_ID || (id == 0 && tables == 0))
     };
     match looked.await {
@@ -188,13 +191,19 @@ pub(super) async fn migrate(db: &mut SqliteConnection, path: &Path) -> Result<()
     })
 }
 
-/// The version of the tables that this program knows.
-fn latest() -> i64 {
-    MIGRATIONS.iter().map(|migration| migration.version).max().unwrap_or_default()
+/// The schema version of this program.
+#[expect(clippy::expect_used, reason = "the migrations are compiled in")]
+pub(super) fn latest() -> i64 {
+    MIGRATIONS.iter().map(|migration| migration.version).max().expect("there are migrations")
 }
 
-/// Opens the database of a directory for an administrative command, which a server may be using. If
-/// none does, it is made if it is not there, and brought up to date.
+/// The schema version of a database.
+pub(super) async fn version(db: &mut SqliteConnection) -> Result<i64, sqlx::Error> {
+    sqlx::query_scalar("SELECT coalesce(max(version), 0) FROM _sqlx_migrations").fetch_one(db).await
+}
+
+/// Opens the database of a directory for an administrative command; a server may be using it. If no
+/// server does, this creates or migrates the database where necessary.
 pub(super) async fn beside(dir: &Path, patience: Duration) -> Result<SqliteConnection, Error> {
     let lock = match lock(dir) {
         Ok(lock) => Some(lock),
@@ -211,12 +220,11 @@ pub(super) async fn beside(dir: &Path, patience: Duration) -> Result<SqliteConne
     let mut db = SqliteConnection::connect_with(&options).await?;
     if lock.is_some() {
         migrate(&mut db, &path).await?;
+        outline::complete(&mut db).await?;
         return Ok(db);
     }
     let known = latest();
-    let found: i64 = sqlx::query_scalar("SELECT coalesce(max(version), 0) FROM _sqlx_migrations")
-        .fetch_one(&mut db)
-        .await?;
+    let found = version(&mut db).await?;
     match found.cmp(&known) {
         Ordering::Less => Err(Error::Older { path, found, known }),
         Ordering::Equal => Ok(db),

@@ -1,7 +1,7 @@
-//! The connections that read, beside the one that writes.
+//! A pool of read-only connections.
 //!
-//! The library's pool asks a connection whether it is well each time it comes back, which costs as
-//! much as a read. These have nothing that could fail between two reads.
+//! The pool of sqlx pings a connection each time it is returned, which costs as much as a read.
+//! A read-only connection to a local file needs no ping.
 
 use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{Connection as _, SqliteConnection};
@@ -11,16 +11,16 @@ use super::Error;
 
 #[derive(Debug)]
 pub(super) struct Readers {
-    /// None once closed.
+    /// `None` after `close`.
     connections: Vec<Mutex<Option<SqliteConnection>>>,
-    /// Who has a permit finds a connection that nobody uses.
+    /// One permit for each free connection.
     free: Semaphore,
 }
 
-/// A connection, for one reader.
+/// A borrowed connection.
 pub(super) struct Reader<'a> {
     connection: MappedMutexGuard<'a, SqliteConnection>,
-    // Given back after the connection.
+    // Dropped after the connection.
     _permit: SemaphorePermit<'a>,
 }
 
@@ -41,7 +41,7 @@ impl Readers {
         Ok(Self { connections, free })
     }
 
-    /// A connection that nobody else uses meanwhile.
+    /// Borrows a connection, and waits until one is free.
     pub(super) async fn get(&self) -> Result<Reader<'_>, Error> {
         let permit = self.free.acquire().await.map_err(|_| Error::Closed)?;
         let free = self.connections.iter().find_map(|connection| connection.try_lock().ok());
@@ -50,12 +50,12 @@ impl Readers {
         Ok(Reader { connection, _permit: permit })
     }
 
-    /// Closes them when who reads is done.
+    /// Closes all connections once they are returned.
     pub(super) async fn close(&self) {
         self.free.close();
         for connection in &self.connections {
             if let Some(connection) = connection.lock().await.take() {
-                // It has nothing to lose.
+                // A read-only connection has nothing to save.
                 let _ = connection.close().await;
             }
         }

@@ -7,9 +7,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use tokio::sync::watch;
 
-use super::now;
 use super::runs::RunId;
 use super::tally::{Ending, Tally};
+use crate::job::clock::now;
 use crate::job::{Key, Origin};
 
 /// What a committed change means to those who listen.

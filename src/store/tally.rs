@@ -1,4 +1,4 @@
-//! What has happened since the start, in numbers for those who watch the server.
+//! Metrics of the store since the start.
 
 use std::sync::atomic::AtomicU64;
 
@@ -17,7 +17,7 @@ pub(super) enum Ending {
     Succeeded,
     Failed,
     Canceled,
-    /// It waits again.
+    /// It is queued again.
     Released,
 }
 
@@ -34,14 +34,14 @@ impl Ending {
     }
 }
 
-/// Counters that differ in one label.
+/// Counters with one label.
 type Counters = Family<[(&'static str, &'static str); 1], Counter>;
 
 fn count(counters: &Counters, label: &'static str, value: &'static str) {
     counters.get_or_create(&[(label, value)]).inc();
 }
 
-/// Counters of the store, and the state of its queue.
+/// Metrics of the store and its queue.
 #[derive(Debug)]
 pub struct Tally {
     jobs: Counters,
@@ -53,7 +53,7 @@ pub struct Tally {
     queued: Gauge,
     working: Gauge,
     bytes: Gauge,
-    /// About how long a run takes, in seconds: the last ones count most.
+    /// Exponential moving average of the duration of a run, in seconds.
     usual: Gauge<f64, AtomicU64>,
 }
 
@@ -62,7 +62,7 @@ impl Default for Tally {
         let tally = Self {
             jobs: Family::default(),
             runs: Family::default(),
-            // From a millisecond to a quarter of an hour.
+            // Buckets from 1 ms to 17 min.
             seconds: Histogram::new(exponential_buckets(1e-3, 4.0, 11)),
             recomputes: Family::default(),
             evicted: Counter::default(),
@@ -72,7 +72,7 @@ impl Default for Tally {
             bytes: Gauge::default(),
             usual: Gauge::default(),
         };
-        // What never happened is 0, not absent: an alert needs something to compare with.
+        // Alerts need a counter of 0 for what has not happened yet.
         for ending in Ending::ALL {
             let _ = tally.runs.get_or_create(&[("outcome", ending.as_str())]);
         }
@@ -90,66 +90,58 @@ impl Default for Tally {
 }
 
 impl Tally {
-    /// Makes all of it part of what is told.
+    /// Registers all metrics.
     pub fn register(&self, registry: &mut Registry) {
-        registry.register(
-            "jobs",
-            "Jobs accepted, by how they come to their result",
-            self.jobs.clone(),
-        );
+        registry.register("jobs", "Accepted jobs, by how they get their result", self.jobs.clone());
         registry.register(
             "runs",
-            "Computations ended, by how; released ones wait again",
+            "Runs that ended, by outcome; released runs are queued again",
             self.runs.clone(),
         );
         registry.register_with_unit(
             "run_duration",
-            "From the beginning of a computation to its end",
+            "Duration of a run",
             Unit::Seconds,
             self.seconds.clone(),
         );
         registry.register(
             "recomputes",
-            "Results computed again; one that differs is a fault of program or machine",
+            "Results that were computed again; one that differs means a defect of the program or the machine",
             self.recomputes.clone(),
         );
         registry.register(
             "results_evicted",
-            "Results dropped because all took more room than they may",
+            "Results that were evicted to free space",
             self.evicted.clone(),
         );
         registry.register(
             "store_errors",
-            "What the database refused; full means that the disk is",
+            "Errors of the database; full means that the disk is full",
             self.errors.clone(),
         );
-        registry.register(
-            "queued_runs",
-            "Computations that wait for a worker",
-            self.queued.clone(),
-        );
-        registry.register("running_runs", "Computations that workers are at", self.working.clone());
+        registry.register("queued_runs", "Runs that wait for a worker", self.queued.clone());
+        registry.register("running_runs", "Runs that workers compute", self.working.clone());
         registry.register_with_unit(
             "results",
-            "Size of the results that are kept",
+            "Size of the stored results",
             Unit::Bytes,
             self.bytes.clone(),
         );
     }
 
-    /// Computations that wait.
+    /// Runs that wait for a worker.
     #[must_use]
     pub fn queued(&self) -> u64 {
-        u64::try_from(self.queued.get()).unwrap_or(0)
+        self.queued.get().unsigned_abs()
     }
 
-    /// Computations that workers are at.
+    /// Runs that workers compute.
     #[must_use]
     pub fn running(&self) -> u64 {
-        u64::try_from(self.working.get()).unwrap_or(0)
+        self.working.get().unsigned_abs()
     }
 
-    /// How long a computation takes, about; 0 as long as none has ended.
+    /// Typical duration of a run in seconds; 0 before the first one has ended.
     #[must_use]
     pub fn seconds_per_run(&self) -> f64 {
         self.usual.get()
@@ -189,11 +181,11 @@ impl Tally {
     }
 
     pub(super) fn queue_is(&self, queued: usize, working: usize) {
-        self.queued.set(i64::try_from(queued).unwrap_or(i64::MAX));
-        self.working.set(i64::try_from(working).unwrap_or(i64::MAX));
+        self.queued.set((queued as u64).cast_signed());
+        self.working.set((working as u64).cast_signed());
     }
 
     pub(super) fn room_is(&self, bytes: u64) {
-        self.bytes.set(i64::try_from(bytes).unwrap_or(i64::MAX));
+        self.bytes.set(bytes.cast_signed());
     }
 }

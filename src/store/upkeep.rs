@@ -1,8 +1,8 @@
-//! What keeps the database small and fast over years, done in small pieces between other work.
+//! Maintenance that keeps the database small and fast over years.
 //!
-//! The moments at which results were read are written down, old jobs are deleted, and results that
-//! nobody has read for longest are dropped when they take too much room. Each piece is a transaction
-//! of its own: one that fails, on a damaged page for instance, does not keep the others back.
+//! The writer task stores when results were last read, deletes old jobs, and evicts the least recently
+//! read results when all results exceed their budget. It works in small transactions between other
+//! writes. If one of them fails, for example on a damaged page, the others still run.
 
 use std::time::{Duration, Instant};
 
@@ -13,37 +13,37 @@ use super::writer::{Transaction, Verb};
 use super::{Error, Options};
 use crate::job::Key;
 
-/// Without a message for so long, the writer has time.
+/// The writer task is idle after this time without a message.
 const IDLE: Duration = Duration::from_secs(1);
-/// It takes the time at least this often.
+/// Longest time between two rounds of maintenance.
 const OFTEN: Duration = Duration::from_mins(1);
-/// Jobs deleted in one piece: some milliseconds of work.
+/// Jobs deleted in one transaction, which takes a few milliseconds.
 const JOBS: u32 = 100;
-/// How long the scenario of a dropped result is remembered: a year.
-const REMEMBERED: i64 = 365 * 24 * 3600 * 1000;
+/// How long the scenario of an evicted result is kept: one year in milliseconds.
+const KEEP_EVICTED: i64 = 365 * 24 * 3600 * 1000;
 
-/// When to do what.
+/// Decides when to run maintenance.
 #[derive(Debug)]
 pub(super) struct Upkeep {
     pub(super) keep_jobs: Option<Duration>,
     pub(super) budget: Option<u64>,
     last: Instant,
-    /// There is something to tidy up.
+    /// Something was committed since the last round.
     dirty: bool,
-    /// The last piece did not finish it.
+    /// The last round left work over.
     more: bool,
-    /// Bytes stored since the last time.
+    /// Bytes of results stored since the last round.
     stored: u64,
 }
 
 impl Upkeep {
     pub(super) fn new(options: &Options) -> Self {
         let Options { keep_jobs, budget, .. } = *options;
-        // At the start the limits may be other ones than before.
+        // The limits may differ from those of the last start, so the first round is needed.
         Self { keep_jobs, budget, last: Instant::now(), dirty: true, more: false, stored: 0 }
     }
 
-    /// How long to wait for other work before there is time for this.
+    /// How long the writer task waits for messages before the next round.
     pub(super) fn pause(&self) -> Duration {
         match (self.more, self.dirty) {
             (true, _) => Duration::ZERO,
@@ -52,7 +52,7 @@ impl Upkeep {
         }
     }
 
-    /// Takes notice of a commit.
+    /// Records a commit.
     pub(super) fn note(&mut self, effects: &[Effect]) {
         self.dirty = true;
         for effect in effects {
@@ -62,14 +62,14 @@ impl Upkeep {
         }
     }
 
-    /// Whether it cannot wait for a quiet moment.
+    /// Whether a round must run although the writer task is busy.
     pub(super) fn is_due(&self) -> bool {
-        // So results take at most a few hundredths more room than they may.
+        // This limits the overrun of the budget to a few per cent.
         let grown = self.budget.is_some_and(|budget| self.stored > budget / 64);
         self.more || grown || self.last.elapsed() > OFTEN
     }
 
-    /// Takes notice of a round that is done.
+    /// Records the end of a round.
     pub(super) fn did(&mut self, more: bool) {
         self.more = more;
         self.dirty = false;
@@ -78,7 +78,7 @@ impl Upkeep {
     }
 }
 
-/// Finds out whether anything can be changed.
+/// Checks that the database is writable.
 pub(super) struct Ping;
 
 impl Verb for Ping {
@@ -90,7 +90,7 @@ impl Verb for Ping {
     }
 }
 
-/// Writes down when results were last read.
+/// Stores when results were last read.
 pub(super) struct WriteReads(pub(super) Vec<(Key, i64)>);
 
 impl Verb for WriteReads {
@@ -108,16 +108,16 @@ impl Verb for WriteReads {
     }
 }
 
-/// Deletes jobs that ended before so long, the oldest first, and the runs that nobody names any more.
+/// Deletes jobs that ended longer ago than this, the oldest first, and runs without jobs.
 pub(super) struct DeleteOld(pub(super) Duration);
 
 impl Verb for DeleteOld {
-    /// Whether there may be more.
+    /// Whether there may be more to delete.
     type Answer = bool;
 
     async fn apply(&self, tx: &mut Transaction<'_>) -> Result<bool, Error> {
         let cutoff = tx.now - i64::try_from(self.0.as_millis()).unwrap_or(i64::MAX);
-        // Ids begin with the time in milliseconds, so the oldest jobs are found by the primary key.
+        // A job id begins with the time in milliseconds, so the primary key finds the oldest jobs.
         let mut oldest = [0; 16];
         oldest[..6].copy_from_slice(&cutoff.max(0).to_be_bytes()[2..]);
         let rows = sqlx::query(
@@ -139,7 +139,7 @@ impl Verb for DeleteOld {
     }
 }
 
-/// Deletes a run that has ended and that no job names.
+/// Deletes a finished run without jobs.
 pub(super) async fn delete_unnamed(tx: &mut Transaction<'_>, run: i64) -> Result<(), Error> {
     sqlx::query(
         "DELETE FROM run WHERE id = ?1 AND finished IS NOT NULL
@@ -151,39 +151,39 @@ pub(super) async fn delete_unnamed(tx: &mut Transaction<'_>, run: i64) -> Result
     Ok(())
 }
 
-/// Drops the result that was read longest ago, if all take more room than so many bytes; what it
-/// was computed from stays, for a year.
+/// Evicts the least recently read result if all results exceed the budget. Its scenario stays known for
+/// a year. Within the budget, it deletes what is left of results that were evicted earlier.
 pub(super) struct Evict {
     pub(super) budget: Option<u64>,
-    /// The body cannot be deleted: the pages that hold it are damaged.
+    /// Keep the body, because its pages are damaged and cannot be freed.
     pub(super) leave_body: bool,
 }
 
-/// How results and the room they may take stand to each other.
+/// What an eviction did.
 pub(super) struct Room {
+    /// Bytes of all results before the eviction.
     pub(super) used: u64,
-    /// One was dropped, so more may have to go.
-    pub(super) dropped: bool,
+    /// Whether a result was evicted: then the next one may have to be evicted too.
+    pub(super) evicted: bool,
 }
 
 impl Verb for Evict {
     type Answer = Room;
 
     async fn apply(&self, tx: &mut Transaction<'_>) -> Result<Room, Error> {
-        let used: i64 = sqlx::query_scalar("SELECT used FROM room").fetch_one(&mut *tx.db).await?;
-        let used = u64::try_from(used).unwrap_or(0);
+        let used: u64 = sqlx::query_scalar("SELECT used FROM room").fetch_one(&mut *tx.db).await?;
         if self.budget.is_none_or(|budget| used <= budget) {
             sqlx::query(
                 "DELETE FROM result WHERE key IN (
                      SELECT key FROM result WHERE evicted < ?1 LIMIT 100
                  )",
             )
-            .bind(tx.now - REMEMBERED)
+            .bind(tx.now - KEEP_EVICTED)
             .execute(&mut *tx.db)
             .await?;
-            return Ok(Room { used, dropped: false });
+            return Ok(Room { used, evicted: false });
         }
-        let oldest: Option<(Vec<u8>, i64)> = sqlx::query_as(
+        let oldest: Option<(Vec<u8>, u64)> = sqlx::query_as(
             "UPDATE result SET evicted = ?1 WHERE key = (
                  SELECT key FROM result INDEXED BY result_unread
                  WHERE NOT pinned AND evicted IS NULL ORDER BY last_access LIMIT 1
@@ -192,12 +192,12 @@ impl Verb for Evict {
         .bind(tx.now)
         .fetch_optional(&mut *tx.db)
         .await?;
-        let Some((key, size)) = oldest else { return Ok(Room { used, dropped: false }) };
+        let Some((key, size)) = oldest else { return Ok(Room { used, evicted: false }) };
         if !self.leave_body {
             let delete = sqlx::query("DELETE FROM result_blob WHERE key = ?1");
             delete.bind(&key).execute(&mut *tx.db).await?;
         }
-        tx.effects.push(Effect::Evicted(u64::try_from(size).unwrap_or(0)));
-        Ok(Room { used, dropped: true })
+        tx.effects.push(Effect::Evicted(size));
+        Ok(Room { used, evicted: true })
     }
 }

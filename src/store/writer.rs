@@ -9,11 +9,11 @@ use sqlx::{Connection, Executor, SqliteConnection};
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::timeout;
 
-use super::library::CatchUp;
+use super::Error;
 use super::queue::Queue;
 use super::signals::{Effect, READ_AT_ONCE, Signals};
 use super::upkeep::{DeleteOld, Evict, Upkeep, WriteReads};
-use super::{Error, now};
+use crate::job::clock::now;
 
 /// Verbs that may wait for the writer; more wait for a place.
 const WAITING: usize = 1024;
@@ -262,14 +262,13 @@ impl Writer {
         let mut dropped = false;
         if let Ok(room) = room {
             self.signals.tally.room_is(room.used);
-            dropped = room.dropped;
+            dropped = room.evicted;
             if !dropped && budget.is_some_and(|budget| room.used > budget) {
                 let bytes = room.used;
                 tracing::warn!(bytes, "the pinned results alone take more room than they may");
             }
         }
-        let unlisted = self.chore(CatchUp).await.unwrap_or(false);
-        let more = many || old || dropped || unlisted;
+        let more = many || old || dropped;
         self.upkeep.did(more);
         if idle && !more {
             self.shrink().await;

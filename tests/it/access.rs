@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use fretwork::http::{self, Access, AdminKey, Limits, Origins, Settings};
 use fretwork::job::Task;
-use fretwork::store::{Desk, NewKey, Options, Role};
+use fretwork::store::{Administration, NewKey, Options, Role};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
@@ -34,9 +34,9 @@ async fn made(dir: &Path, name: &str, role: Role) -> String {
 }
 
 async fn made_with(dir: &Path, new: NewKey) -> String {
-    let mut desk = Desk::open(dir).await.unwrap();
-    let key = desk.add_key(&new).await.unwrap();
-    desk.close().await.unwrap();
+    let mut administration = Administration::open(dir).await.unwrap();
+    let key = administration.add_key(&new).await.unwrap();
+    administration.close().await.unwrap();
     key
 }
 
@@ -228,15 +228,15 @@ async fn keys_come_and_go_beside_a_running_server() {
     let second = made(server.dir.path(), "ben", Role::Read).await;
     assert_eq!(get(&server, &second, "/v1/jobs").await.status, 200);
 
-    let mut desk = Desk::open(server.dir.path()).await.unwrap();
-    assert_eq!(desk.revoke_keys("anna").await.unwrap(), 1);
-    assert_eq!(desk.revoke_keys("anna").await.unwrap(), 0);
+    let mut administration = Administration::open(server.dir.path()).await.unwrap();
+    assert_eq!(administration.revoke_keys("anna").await.unwrap(), 1);
+    assert_eq!(administration.revoke_keys("anna").await.unwrap(), 0);
     until(401, &key).await;
     let refused = get(&server, &key, "/v1/jobs").await.problem(401, "unauthorized");
     assert!(refused["detail"].as_str().unwrap().contains("taken back"), "{refused}");
     // That the last key is gone opens nothing.
-    let id = desk.keys().await.unwrap()[1].id.clone();
-    assert_eq!(desk.revoke_keys(&id).await.unwrap(), 1);
+    let id = administration.keys().await.unwrap()[1].id.clone();
+    assert_eq!(administration.revoke_keys(&id).await.unwrap(), 1);
     until(401, &second).await;
     until(401, "").await;
 
@@ -346,7 +346,7 @@ async fn a_link_that_was_changed_or_is_over_opens_nothing() {
     }
     // It ends with the key that made it.
     assert_eq!(server.get(&format!("{result}?{link_}")).await.status, 200);
-    Desk::open(server.dir.path()).await.unwrap().revoke_keys("anna").await.unwrap();
+    Administration::open(server.dir.path()).await.unwrap().revoke_keys("anna").await.unwrap();
     let deadline = Instant::now() + Duration::from_secs(20);
     while server.get(&format!("{result}?{link_}")).await.status != 403 {
         assert!(Instant::now() < deadline);
@@ -398,8 +398,8 @@ async fn a_stream_of_events_ends_with_the_key_that_opened_it() {
     let good = followed(&server, Some(&keys[2]), id).await;
     let master = followed(&server, Some(MASTER), id).await;
     let named = |key: &str| key.split('_').nth(1).unwrap().to_owned();
-    let mut desk = Desk::open(server.dir.path()).await.unwrap();
-    assert_eq!(desk.revoke_keys(&named(&keys[0])).await.unwrap(), 1);
+    let mut administration = Administration::open(server.dir.path()).await.unwrap();
+    assert_eq!(administration.revoke_keys(&named(&keys[0])).await.unwrap(), 1);
     // Its end has come.
     sqlx::query("UPDATE access_key SET expires = created + 1 WHERE id = ?1")
         .bind(named(&keys[1]))
@@ -442,7 +442,7 @@ async fn what_a_wait_finds_is_not_told_to_a_key_that_was_taken_back_meanwhile() 
             assert!(Instant::now() < deadline);
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
-        Desk::open(server.dir.path()).await.unwrap().revoke_keys("anna").await.unwrap();
+        Administration::open(server.dir.path()).await.unwrap().revoke_keys("anna").await.unwrap();
         // As long as a key that was taken back may still open.
         tokio::time::sleep(Duration::from_millis(1100)).await;
         gate.open();

@@ -1,5 +1,5 @@
-//! What goes wrong around a server: it is told to end, its disk is full, read-only or damaged, its
-//! queue is long. And what goes wrong with a run: it is canceled while it takes a whole processor.
+//! Faults around a server: shutdown under load, a full, read-only or damaged disk, a full queue, and
+//! cancellation of a run that uses a whole processor.
 
 use std::collections::HashSet;
 use std::fs::{self, File};
@@ -29,8 +29,8 @@ use crate::program::{fails, run};
 use crate::server::{Gate, JSON, Reply, Server, ball, metric, send, steel_ball};
 use crate::store::raw;
 
-/// A run of a second at most, but of the longest steps: all radii, the smallest tolerance, and the
-/// rule beside it.
+/// A run of at most 1 s with the longest steps: most points, smallest tolerance, and the comparison with
+/// the simplified rule.
 fn heavy() -> Value {
     let mut body = steel_ball();
     let scenario = &mut body["scenario"];
@@ -45,14 +45,14 @@ async fn post(address: SocketAddr, body: &Value) -> io::Result<Reply> {
     send(address, "POST", "/v1/jobs", &[JSON], body.to_string()).await
 }
 
-/// What a server acknowledged, and whether it refused what came later.
+/// The jobs that a server acknowledged, and whether it refused later ones.
 #[derive(Default)]
 struct Answers {
     acknowledged: Vec<String>,
     refused: bool,
 }
 
-/// Submits one scenario after another until the server is gone.
+/// Submits scenarios until the server closes its port.
 async fn submitting(address: SocketAddr, numbers: std::ops::Range<u32>) -> Answers {
     let mut answers = Answers::default();
     for number in numbers {
@@ -65,7 +65,7 @@ async fn submitting(address: SocketAddr, numbers: std::ops::Range<u32>) -> Answe
             }
             Err(_) => break,
         }
-        // As many as there may be, so that the next server does not compute for minutes.
+        // More jobs would keep the next server busy for minutes.
         if answers.acknowledged.len() == 10 {
             break;
         }
@@ -74,13 +74,13 @@ async fn submitting(address: SocketAddr, numbers: std::ops::Range<u32>) -> Answe
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_server_that_is_told_to_end_under_load_refuses_what_is_new_and_loses_nothing() {
+async fn a_shutdown_under_load_refuses_new_jobs_and_loses_none() {
     let dir = TempDir::new().unwrap();
     let server = Program::start(dir.path(), "1");
     let address = server.address;
     let first = id(&post(address, &heavy()).await.unwrap().json());
     while server.get(&format!("/v1/jobs/{first}")).await.json()["state"] != "running" {}
-    // Some submit before, some while it ends; the run takes long enough for both.
+    // Some jobs come before the shutdown, some during it; the first run takes long enough for both.
     let before = submitting(address, 0..10).await;
     server.tell_to_end();
     let mut clients = JoinSet::new();
@@ -88,7 +88,7 @@ async fn a_server_that_is_told_to_end_under_load_refuses_what_is_new_and_loses_n
         clients.spawn(submitting(address, 100 * client..100 * client + 100));
     }
     let mut all = clients.join_all().await;
-    assert!(all.iter().any(|answers| answers.refused), "nobody was refused");
+    assert!(all.iter().any(|answers| answers.refused), "no submission was refused");
     all.push(before);
     server.end_of_it();
     let server = Program::start(dir.path(), "2");
@@ -100,8 +100,8 @@ async fn a_server_that_is_told_to_end_under_load_refuses_what_is_new_and_loses_n
     server.end();
 }
 
-/// A command for a program in a mount namespace of its own, after something was mounted there with
-/// the directory as `$0`. None, with a word on standard error, where that is not permitted.
+/// A command that runs the server in its own mount namespace, after the script `mount` with the directory
+/// as `$0`. `None`, with a message on standard error, if the system does not permit it.
 fn mounting(mount: &str, dir: &Path) -> Option<Command> {
     let script = format!("{mount} && exec \"$@\"");
     let with = |options: &[&str]| {
@@ -117,7 +117,7 @@ fn mounting(mount: &str, dir: &Path) -> Option<Command> {
             return Some(command);
         }
     }
-    // Past the harness, which would keep it to itself.
+    // The test harness captures `eprintln!`, but not this.
     let _ = writeln!(io::stderr(), "skipped: this system does not permit `{mount}`");
     None
 }
@@ -132,11 +132,11 @@ fn fill(path: &Path) {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn on_a_full_disk_what_is_known_is_served_and_with_room_again_the_work_goes_on() {
+async fn a_full_disk_stops_submissions_but_not_reads_until_space_is_freed() {
     let dir = TempDir::new().unwrap();
     let mount = "mount -t tmpfs -o size=3m tmpfs \"$0\"";
     let Some(mut command) = mounting(mount, dir.path()) else { return };
-    // Without a memory, so that what is read comes from the database.
+    // Without the memory cache, results are read from the database.
     command.args(["--workers", "1", "--memory-cache", "0"]);
     let server = Program::start_by(command, dir.path());
     let address = server.address;
@@ -150,7 +150,7 @@ async fn on_a_full_disk_what_is_known_is_served_and_with_room_again_the_work_goe
     fill(&filler);
     let mut acknowledged = Vec::new();
     let mut refused = 0;
-    // Until then there is room in the log that SQLite has already made.
+    // First, commits still fit into the existing log file.
     for number in 0..2000 {
         let reply = post(address, &long(number % 100)).await.unwrap();
         if matches!(reply.status, 200 | 202) {
@@ -184,7 +184,7 @@ async fn on_a_full_disk_what_is_known_is_served_and_with_room_again_the_work_goe
 }
 
 #[test]
-fn a_data_directory_that_cannot_be_written_is_named() {
+fn the_program_reports_a_read_only_data_directory() {
     let dir = TempDir::new().unwrap();
     let mount = "mount --bind \"$0\" \"$0\" && mount -o remount,bind,ro \"$0\"";
     let Some(mut command) = mounting(mount, dir.path()) else { return };
@@ -193,7 +193,7 @@ fn a_data_directory_that_cannot_be_written_is_named() {
 }
 
 #[tokio::test]
-async fn a_database_that_is_not_ours_is_named_and_the_program_ends() {
+async fn the_program_ends_with_an_error_for_a_foreign_database() {
     let dir = TempDir::new().unwrap();
     let path = dir.path().join("fretwork.db");
     let refused = |words: &str| {
@@ -214,12 +214,12 @@ async fn a_database_that_is_not_ours_is_named_and_the_program_ends() {
     db.close().await.unwrap();
     refused("another program");
 
-    fs::write(&path, "a shopping list, and by no means short\n".repeat(100)).unwrap();
+    fs::write(&path, "a text that is not a database\n".repeat(100)).unwrap();
     refused("not a database");
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_page_that_is_damaged_under_a_running_server_harms_only_who_needs_it() {
+async fn a_page_damaged_under_a_running_server_harms_only_requests_that_need_it() {
     let dir = TempDir::new().unwrap();
     let server = Program::start(dir.path(), "1");
     let known = server.ended(&id(&post(server.address, &ball(2.0)).await.unwrap().json())).await;
@@ -244,33 +244,32 @@ async fn a_page_that_is_damaged_under_a_running_server_harms_only_who_needs_it()
     server.end();
 }
 
-/// The engine's work, begun anew whenever it is done: no valid run takes a minute by itself, and one
-/// that takes as long as wanted must be stopped in the same steps.
-struct Study {
+/// Real work that starts again when it is done, so it takes as long as the test wants.
+struct EndlessWork {
     work: Box<dyn Work>,
     again: Box<dyn Fn() -> Box<dyn Work> + Send>,
-    desk: Arc<Desk>,
+    control: Arc<Control>,
 }
 
-/// What the test and its studies share.
-struct Desk {
-    /// The threads that have computed, by their directories.
+/// The state that a test shares with its [`EndlessWork`].
+struct Control {
+    /// The directories in /proc of the threads that have computed.
     threads: Mutex<HashSet<String>>,
     begun: AtomicU32,
-    /// The next run to end is the last.
+    /// The work ends when it is next done.
     enough: AtomicBool,
-    /// Whoever takes the only permit holds studies up before their next step.
+    /// A test that holds the only permit stops the work before its next step.
     go: Semaphore,
 }
 
-impl Work for Study {
+impl Work for EndlessWork {
     fn step(&mut self) -> Step {
-        // Without its permit a step waits; it gives it back at once.
-        while self.desk.go.try_acquire().is_err() {
+        // The permit is returned at once.
+        while self.control.go.try_acquire().is_err() {
             std::thread::yield_now();
         }
         match self.work.step() {
-            Step::Done(answer) if self.desk.enough.load(Ordering::SeqCst) => Step::Done(answer),
+            Step::Done(answer) if self.control.enough.load(Ordering::SeqCst) => Step::Done(answer),
             Step::Done(_) => {
                 self.work = (self.again)();
                 Step::Working { progress: 0.5 }
@@ -280,7 +279,7 @@ impl Work for Study {
     }
 }
 
-impl Desk {
+impl Control {
     fn new() -> Arc<Self> {
         Arc::new(Self {
             threads: Mutex::default(),
@@ -291,29 +290,30 @@ impl Desk {
     }
 
     fn compute(self: &Arc<Self>) -> Compute {
-        let desk = Arc::clone(self);
+        let control = Arc::clone(self);
         Arc::new(move |key: &Key, task: &str| {
-            desk.begun.fetch_add(1, Ordering::SeqCst);
-            // Its directory in /proc: other tests have threads of the same name in this process.
+            control.begun.fetch_add(1, Ordering::SeqCst);
+            // Other tests of this process have threads of the same name, so names cannot be used.
             let thread = fs::read_link("/proc/thread-self").unwrap();
-            desk.threads.lock().unwrap().insert(format!("/proc/{}", thread.display()));
+            control.threads.lock().unwrap().insert(format!("/proc/{}", thread.display()));
             let (key, task) = (*key, task.to_owned());
             let again = Box::new(move || Task::start(&key, &task).unwrap());
-            Ok(Box::new(Study { work: again(), again, desk: Arc::clone(&desk) }) as Box<dyn Work>)
+            Ok(Box::new(EndlessWork { work: again(), again, control: Arc::clone(&control) })
+                as Box<dyn Work>)
         })
     }
 
-    /// The processor time that the threads have taken, in ms.
+    /// Processor time of the threads in ms.
     fn processor_time(&self) -> u64 {
         let ticks = |thread: &String| {
             let stat = fs::read_to_string(format!("{thread}/stat")).unwrap();
-            // After the name, which stands in parentheses: state, …, utime, stime.
+            // The fields after the name in parentheses: state, …, utime, stime.
             let (head, numbers) = stat.rsplit_once(") ").unwrap();
             assert!(head.contains("(worker-"), "{head}");
             let times = numbers.split(' ').skip(11).take(2);
             times.map(|number| number.parse::<u64>().unwrap()).sum::<u64>()
         };
-        // A tick is 10 ms on every Linux that people use.
+        // A tick is 10 ms on all common Linux systems.
         10 * self.threads.lock().unwrap().iter().map(ticks).sum::<u64>()
     }
 }
@@ -335,64 +335,64 @@ async fn cancel(server: &Server, id: &str) -> Value {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_canceled_study_of_the_longest_steps_leaves_the_processor_alone() {
-    let desk = Desk::new();
-    let server = server(desk.compute()).await;
-    let study = id(&server.post("/v1/jobs", &heavy()).await.json());
-    until_state(&server, &study, "running").await;
-    while desk.processor_time() < 100 {
+async fn a_cancelled_run_with_the_longest_steps_stops_using_the_processor() {
+    let control = Control::new();
+    let server = server(control.compute()).await;
+    let job = id(&server.post("/v1/jobs", &heavy()).await.json());
+    until_state(&server, &job, "running").await;
+    while control.processor_time() < 100 {
         tokio::time::sleep(Duration::from_millis(10)).await;
     }
-    cancel(&server, &study).await;
+    cancel(&server, &job).await;
     tokio::time::sleep(Duration::from_millis(200)).await;
-    let before = desk.processor_time();
+    let before = control.processor_time();
     tokio::time::sleep(Duration::from_secs(1)).await;
-    let taken = desk.processor_time() - before;
+    let taken = control.processor_time() - before;
     assert!(taken < 50, "{taken} ms of a second");
-    until_state(&server, &study, "canceled").await;
+    until_state(&server, &job, "canceled").await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn when_one_of_five_cancels_the_others_get_the_result_that_they_share() {
-    let desk = Desk::new();
-    let server = server(desk.compute()).await;
+async fn a_cancelled_job_keeps_the_shared_run_of_four_others_alive() {
+    let control = Control::new();
+    let server = server(control.compute()).await;
     let mut jobs = Vec::new();
     for _ in 0..5 {
         jobs.push(id(&server.post("/v1/jobs", &heavy()).await.json()));
     }
     until_state(&server, &jobs[0], "running").await;
-    // It is the one who came first, and whose submission the run was made for.
+    // The first job created the run.
     assert_eq!(cancel(&server, &jobs[0]).await["state"], "canceled");
-    desk.enough.store(true, Ordering::SeqCst);
+    control.enough.store(true, Ordering::SeqCst);
     for job in &jobs[1..] {
         let job = server.get(&format!("/v1/jobs/{job}?wait=60&include=result")).await.json();
         assert_eq!(job["state"], "succeeded", "{job}");
         assert!(job["result"]["history"].is_object());
     }
     until_state(&server, &jobs[0], "canceled").await;
-    assert_eq!(desk.begun.load(Ordering::SeqCst), 1);
+    assert_eq!(control.begun.load(Ordering::SeqCst), 1);
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_submission_while_a_run_dies_begins_a_new_one() {
-    let desk = Desk::new();
-    let server = server(desk.compute()).await;
+async fn a_submission_during_cancellation_starts_a_new_run() {
+    let control = Control::new();
+    let server = server(control.compute()).await;
     let dying = id(&server.post("/v1/jobs", &heavy()).await.json());
     until_state(&server, &dying, "running").await;
-    // Held up before its next step, the run cannot yet see that nobody wants it.
-    let held = desk.go.acquire().await.unwrap();
+    // The run stops before its next step, so it cannot see the cancellation yet.
+    let held = control.go.acquire().await.unwrap();
     assert_eq!(cancel(&server, &dying).await["state"], "canceling");
     let new = server.post("/v1/jobs", &heavy()).await.json();
     assert_eq!(new["origin"], "computed");
-    desk.enough.store(true, Ordering::SeqCst);
+    control.enough.store(true, Ordering::SeqCst);
     drop(held);
     let new = server.get(&format!("/v1/jobs/{}?wait=60", id(&new))).await.json();
     assert_eq!(new["state"], "succeeded", "{new}");
     until_state(&server, &dying, "canceled").await;
-    assert_eq!(desk.begun.load(Ordering::SeqCst), 2);
+    assert_eq!(control.begun.load(Ordering::SeqCst), 2);
 }
 
-/// Sends a submission from another address of this machine: another owner.
+/// Submits from another address of this machine, which is another owner.
 async fn post_as_another(address: SocketAddr, body: &Value) -> Value {
     let socket = TcpSocket::new_v4().unwrap();
     socket.bind("127.0.0.2:0".parse().unwrap()).unwrap();
@@ -411,7 +411,7 @@ async fn post_as_another(address: SocketAddr, body: &Value) -> Value {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn behind_thousands_of_jobs_of_one_owner_the_single_job_of_another_comes_next() {
+async fn a_single_job_comes_before_thousands_of_jobs_of_another_owner() {
     let gate = Gate::default();
     let begun: Arc<Mutex<Vec<String>>> = Arc::default();
     let compute = {
@@ -434,11 +434,11 @@ async fn behind_thousands_of_jobs_of_one_owner_the_single_job_of_another_comes_n
     }
     clients.join_all().await;
     let single = post_as_another(address, &ball(3.0)).await;
-    assert_eq!(begun.lock().unwrap().len(), 2, "two are held up at work");
+    assert_eq!(begun.lock().unwrap().len(), 2, "two runs have started");
     gate.open();
     let ended = server.get(&format!("/v1/jobs/{}?wait=60", id(&single))).await.json();
     assert_eq!(ended["state"], "succeeded", "{ended}");
-    // Each worker takes one more; which of the two begins first is chance.
+    // Both workers claim one more run, in either order.
     let next = begun.lock().unwrap()[2..4].to_vec();
     assert!(next.iter().any(|key| single["key"] == **key), "{single} is not among {next:?}");
     let canceled = server.send("POST", "/v1/jobs/cancel?owner=me", &[], "").await;
@@ -446,13 +446,13 @@ async fn behind_thousands_of_jobs_of_one_owner_the_single_job_of_another_comes_n
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn while_the_queue_is_full_jobs_can_be_seen_and_canceled() {
+async fn jobs_can_be_read_and_cancelled_while_the_queue_is_full() {
     let gate = Gate::default();
     let options = Options { queue_limit: 20, ..Options::default() };
     let server = Server::with(gate.compute(), &Settings::default(), &options).await;
     let address = server.address;
     let over = Arc::new(AtomicBool::new(false));
-    // One who does not take no for an answer; most of what is asked meets a full queue.
+    // This client submits without pause, so it mostly meets a full queue.
     let filling = tokio::spawn({
         let over = Arc::clone(&over);
         async move {
@@ -480,7 +480,7 @@ async fn while_the_queue_is_full_jobs_can_be_seen_and_canceled() {
         let gone = server.send("DELETE", &format!("/v1/jobs/{job}"), &[], "").await;
         assert_eq!(gone.status, 204);
     }
-    // What the last tenth is kept for.
+    // The last tenth of the queue is reserved for other owners.
     let other = id(&post_as_another(address, &ball(3.0)).await);
     while metric(address, "fretwork_queued_runs").await < 18.0 {}
     over.store(true, Ordering::SeqCst);

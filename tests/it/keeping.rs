@@ -1,4 +1,4 @@
-//! What the store does over years: repetitions, turns, retention, eviction, damage, older tables.
+//! The store over years: idempotency, fairness, retention, eviction, damage, migrations.
 
 use std::fs::{self, File};
 use std::os::unix::fs::FileExt as _;
@@ -24,18 +24,18 @@ async fn claim(store: &Store) -> Claimed {
     store.claim().await.unwrap().unwrap()
 }
 
-/// Computes a key, so that its result is known, and returns the job.
+/// Stores a result for a key, and returns its job.
 async fn compute(store: &Store, number: u8, bytes: usize) -> Job {
     let task = json!({"scenario": {"number": number, "exactly": 0.1}}).to_string();
     let job = accepted(store.submit(NewJob { task, ..new_job(number) }).await);
     let claimed = claim(store).await;
     let text = json!({"number": 0.1, "rest": "x".repeat(bytes)}).to_string();
-    let answer = Answer { body: text.into(), summary: json!({}) };
+    let answer = Answer { body: text.into(), summary: json!({}), outline: Box::default() };
     store.finish(claimed.run, claimed.attempt, &answer, Cost::default()).await.unwrap();
     job
 }
 
-/// Waits until something holds that the store brings about by itself, in its quiet moments.
+/// Waits for an effect of maintenance.
 async fn eventually<F: Future<Output = bool>>(holds: impl Fn() -> F) {
     for _ in 0..1000 {
         if holds().await {
@@ -43,7 +43,7 @@ async fn eventually<F: Future<Output = bool>>(holds: impl Fn() -> F) {
         }
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
-    panic!("it did not come about");
+    panic!("the effect did not occur within 20 s");
 }
 
 async fn is_evicted(store: &Store, number: u8) -> bool {
@@ -51,14 +51,14 @@ async fn is_evicted(store: &Store, number: u8) -> bool {
 }
 
 #[tokio::test]
-async fn a_large_result_is_there_and_read_only_by_who_asks_for_all_of_it() {
+async fn a_large_result_is_not_read_as_a_small_one() {
     const SMALL: usize = 1 << 18;
     let (_dir, store) = fresh().await;
     let around = json!({"number": 0.1, "rest": ""}).to_string().len();
     for (number, size) in [(1, SMALL), (2, SMALL + 1)] {
         compute(&store, number, size - around).await;
         let Some(StoredResult::Whole(body)) = store.result(&key(number)).await.unwrap() else {
-            panic!("it is there");
+            panic!("the result is stored");
         };
         assert_eq!(body.len(), size);
         let found = store.small_result(&key(number)).await.unwrap();
@@ -69,17 +69,17 @@ async fn a_large_result_is_there_and_read_only_by_who_asks_for_all_of_it() {
 }
 
 #[tokio::test]
-async fn a_submission_that_is_repeated_under_its_name_is_one_job() {
+async fn a_repeated_idempotency_key_gives_the_same_job() {
     let (_dir, store) = fresh().await;
     let first = accepted(store.submit(repeatable(1, "a", "one")).await);
     let again = store.submit(repeatable(1, "a", "one")).await.unwrap();
     assert_eq!(again, Submitted::Repeated(first.clone()));
     assert_eq!(store.submit(repeatable(2, "a", "two")).await.unwrap(), Submitted::Mistaken);
-    // Names are each owner's own.
+    // Each owner has its own idempotency keys.
     let other = NewJob { owner: "bob".into(), ..repeatable(1, "a", "two") };
     assert_ne!(accepted(store.submit(other).await).id, first.id);
     let claimed = claim(&store).await;
-    let answer = Answer { body: "{}".into(), summary: json!({}) };
+    let answer = Answer { body: "{}".into(), summary: json!({}), outline: Box::default() };
     store.finish(claimed.run, 1, &answer, Cost::default()).await.unwrap();
     match store.submit(repeatable(1, "a", "one")).await.unwrap() {
         Submitted::Repeated(job) => {
@@ -90,20 +90,20 @@ async fn a_submission_that_is_repeated_under_its_name_is_one_job() {
 }
 
 #[tokio::test]
-async fn the_single_job_of_another_comes_next_and_not_last() {
+async fn the_single_job_of_another_owner_comes_next() {
     let (_dir, store) = fresh().await;
     for number in 0..100 {
         accepted(store.submit(new_job(number)).await);
     }
     let single = NewJob { owner: "bob".into(), ..new_job(200) };
     accepted(store.submit(single).await);
-    assert_eq!(claim(&store).await.key, key(0), "ada was there first");
+    assert_eq!(claim(&store).await.key, key(0), "ada submitted first");
     assert_eq!(claim(&store).await.key, key(200));
     assert_eq!(claim(&store).await.key, key(1));
 }
 
 #[tokio::test]
-async fn turns_are_kept_over_a_restart_and_after_a_refused_transaction() {
+async fn the_order_of_claims_survives_a_restart_and_a_failed_transaction() {
     let (dir, store) = fresh().await;
     for (number, owner, priority) in [(1, "ada", 3), (2, "ada", 0), (3, "bob", 3), (4, "ada", 7)] {
         let new = NewJob { owner: owner.into(), priority, ..new_job(number) };
@@ -111,7 +111,7 @@ async fn turns_are_kept_over_a_restart_and_after_a_refused_transaction() {
     }
     store.close().await;
     let store = open(dir.path()).await;
-    // A job under an id that exists makes its transaction fail.
+    // A duplicate job id makes the transaction fail.
     let job = store.jobs(&Filter::default(), None, 1).await.unwrap().jobs.remove(0);
     let twice = store.submit(NewJob { id: job.id, ..new_job(9) }).await;
     assert!(matches!(twice, Err(Error::JobExists(_))), "{twice:?}");
@@ -122,7 +122,7 @@ async fn turns_are_kept_over_a_restart_and_after_a_refused_transaction() {
 }
 
 #[tokio::test]
-async fn a_full_queue_refuses_what_needs_a_place_in_it_and_keeps_a_tenth_for_others() {
+async fn a_full_queue_refuses_new_runs_and_reserves_a_tenth_for_other_owners() {
     let dir = TempDir::new().unwrap();
     let options = Options { queue_limit: 10, ..Options::default() };
     let store = Store::open(dir.path(), &options).await.unwrap();
@@ -131,13 +131,17 @@ async fn a_full_queue_refuses_what_needs_a_place_in_it_and_keeps_a_tenth_for_oth
         accepted(store.submit(new_job(number)).await);
     }
     let refused = Submitted::Refused { queued: 9 };
-    assert_eq!(store.submit(new_job(9)).await.unwrap(), refused, "the last place is for others");
+    assert_eq!(
+        store.submit(new_job(9)).await.unwrap(),
+        refused,
+        "the last place is reserved for other owners"
+    );
     let other = NewJob { owner: "bob".into(), ..new_job(10) };
     accepted(store.submit(other).await);
     let other = NewJob { owner: "eve".into(), ..new_job(11) };
     let refused = Submitted::Refused { queued: 10 };
     assert_eq!(store.submit(other.clone()).await.unwrap(), refused);
-    // What is known, or at work already, needs no place.
+    // A known result and a running run need no place in the queue.
     assert_eq!(accepted(store.submit(new_job(100)).await).origin, Origin::Cached);
     let claimed = claim(&store).await;
     accepted(store.submit(other).await);
@@ -146,26 +150,26 @@ async fn a_full_queue_refuses_what_needs_a_place_in_it_and_keeps_a_tenth_for_oth
 }
 
 #[tokio::test]
-async fn a_known_result_is_computed_again_if_that_is_asked_for() {
+async fn a_known_result_is_computed_again_on_request() {
     let (_dir, store) = fresh().await;
     compute(&store, 1, 0).await;
     let again = accepted(store.submit(NewJob { afresh: true, ..new_job(1) }).await);
     assert_eq!((again.origin, again.state), (Origin::Computed, JobState::Queued));
     let joined = accepted(store.submit(NewJob { afresh: true, ..new_job(1) }).await);
     assert_eq!(joined.origin, Origin::Coalesced);
-    // Who does not ask for that is answered from what is known.
+    // Other submissions still get the stored result.
     assert_eq!(accepted(store.submit(new_job(1)).await).origin, Origin::Cached);
     let claimed = claim(&store).await;
     let before = body(&store, 1).await;
-    let answer = Answer { body: "{}".into(), summary: json!({}) };
+    let answer = Answer { body: "{}".into(), summary: json!({}), outline: Box::default() };
     store.finish(claimed.run, claimed.attempt, &answer, Cost::default()).await.unwrap();
-    assert_eq!(body(&store, 1).await, before, "what is stored stays");
+    assert_eq!(body(&store, 1).await, before, "the stored result stays");
     let job = store.job(again.id).await.unwrap().unwrap();
     assert_eq!(job.state, JobState::Succeeded);
 }
 
 #[tokio::test]
-async fn every_change_of_state_is_remembered_in_its_order() {
+async fn a_job_records_its_changes_of_state_in_order() {
     use JobState::{Canceled, Canceling, Queued, Running};
     let (_dir, store) = fresh().await;
     let trace = Some("request traceparent".to_owned());
@@ -185,13 +189,13 @@ async fn every_change_of_state_is_remembered_in_its_order() {
 }
 
 #[tokio::test]
-async fn only_what_has_ended_is_deleted_and_its_result_stays() {
+async fn only_finished_jobs_can_be_deleted_and_their_results_stay() {
     let (_dir, store) = fresh().await;
     let job = accepted(store.submit(new_job(1)).await);
     assert!(matches!(store.delete(job.id).await.unwrap(), Deleted::Unfinished(_)));
     let shared = accepted(store.submit(new_job(1)).await);
     let claimed = claim(&store).await;
-    let answer = Answer { body: "{}".into(), summary: json!({}) };
+    let answer = Answer { body: "{}".into(), summary: json!({}), outline: Box::default() };
     store.finish(claimed.run, 1, &answer, Cost::default()).await.unwrap();
     for id in [job.id, shared.id] {
         assert_eq!(store.delete(id).await.unwrap(), Deleted::Done);
@@ -201,7 +205,7 @@ async fn only_what_has_ended_is_deleted_and_its_result_stays() {
 }
 
 #[tokio::test]
-async fn many_jobs_are_canceled_by_what_they_have_in_common() {
+async fn many_jobs_can_be_cancelled_with_a_filter() {
     let (_dir, store) = fresh().await;
     for number in 0..250 {
         let tags = vec![if number % 2 == 0 { "even" } else { "odd" }.to_owned()];
@@ -222,7 +226,7 @@ async fn many_jobs_are_canceled_by_what_they_have_in_common() {
 }
 
 #[tokio::test]
-async fn jobs_are_kept_for_their_time_and_results_beyond_it() {
+async fn old_jobs_are_deleted_and_their_results_stay() {
     let dir = TempDir::new().unwrap();
     let options = Options { keep_jobs: Some(Duration::from_millis(50)), ..Options::default() };
     let store = Store::open(dir.path(), &options).await.unwrap();
@@ -232,23 +236,23 @@ async fn jobs_are_kept_for_their_time_and_results_beyond_it() {
     assert_eq!(store.job(waiting.id).await.unwrap().unwrap().state, JobState::Succeeded);
     let (store, id) = (&store, job.id);
     eventually(|| async move { store.job(id).await.unwrap().is_none() }).await;
-    assert!(store.job(later.id).await.unwrap().is_some(), "it still waits");
+    assert!(store.job(later.id).await.unwrap().is_some(), "it is still queued");
     assert!(store.has_result(&key(1)).await.unwrap());
     let runs: i64 = sqlx::query_scalar("SELECT count(*) FROM run")
         .fetch_one(&mut raw(dir.path()).await)
         .await
         .unwrap();
-    assert_eq!(runs, 1, "a run goes with its last job");
+    assert_eq!(runs, 1, "a run is deleted with its last job");
 }
 
 #[tokio::test]
-async fn results_unread_for_longest_give_way_but_pinned_ones_stay() {
+async fn the_least_recently_read_result_is_evicted_unless_it_is_pinned() {
     let dir = TempDir::new().unwrap();
     let options = Options { budget: Some(2 << 20), ..Options::default() };
     let store = Store::open(dir.path(), &options).await.unwrap();
     for number in 0..3 {
         compute(&store, number, 500_000).await;
-        // The times at which they were read are told apart by the millisecond.
+        // Times of reading have a resolution of 1 ms.
         tokio::time::sleep(Duration::from_millis(5)).await;
     }
     assert!(store.pin(&key(0), true).await.unwrap());
@@ -269,15 +273,15 @@ async fn results_unread_for_longest_give_way_but_pinned_ones_stay() {
         }
         other => panic!("{other:?}"),
     }
-    assert!(!store.pin(&key(2), true).await.unwrap(), "there is nothing to keep");
-    // It is computed anew, and is there again.
+    assert!(!store.pin(&key(2), true).await.unwrap(), "an evicted result cannot be pinned");
+    // Computing it again stores it again.
     let job = compute(store, 2, 500_000).await;
     assert_eq!(job.origin, Origin::Computed);
     assert!(body(store, 2).await.len() > 500_000);
 }
 
 #[tokio::test]
-async fn a_stored_number_that_the_disk_has_changed_is_not_given_out() {
+async fn a_body_that_changed_on_the_disk_is_not_served() {
     let (dir, store) = fresh().await;
     compute(&store, 1, 0).await;
     let changed = "UPDATE result_blob SET body = CAST(replace(body, '0.1', '0.2') AS BLOB)";
@@ -287,7 +291,7 @@ async fn a_stored_number_that_the_disk_has_changed_is_not_given_out() {
 }
 
 #[tokio::test]
-async fn a_page_that_is_damaged_is_named_and_the_rest_is_served() {
+async fn a_damaged_page_is_reported_and_the_rest_is_served() {
     let (dir, store) = fresh().await;
     for number in 0..20 {
         compute(&store, number, 20_000).await;
@@ -306,14 +310,14 @@ async fn a_page_that_is_damaged_is_named_and_the_rest_is_served() {
     let found = store.jobs(&labelled, None, 1).await;
     assert!(matches!(found, Err(Error::Damaged(_))), "{found:?}");
     assert!(!body(&store, 3).await.is_empty());
-    // A submission with a label cannot be kept, one without is.
+    // A submission with a label fails, because its index is damaged. One without a label succeeds.
     let new = NewJob { label: Some("x".into()), ..new_job(50) };
     assert!(matches!(store.submit(new).await, Err(Error::Damaged(_))));
     accepted(store.submit(new_job(51)).await);
 }
 
 #[tokio::test]
-async fn the_tables_of_the_first_version_are_brought_up_to_date_with_what_is_in_them() {
+async fn a_database_of_the_first_version_is_migrated_with_its_contents() {
     let (dir, store) = fresh().await;
     store.close().await;
     fs::remove_file(dir.path().join("fretwork.db")).unwrap();
@@ -331,7 +335,7 @@ async fn the_tables_of_the_first_version_are_brought_up_to_date_with_what_is_in_
     )
     .await
     .unwrap();
-    // As the library would have written it down.
+    // sqlx records each migration with its checksum.
     let checksum: Vec<u8> = {
         use sha2::{Digest as _, Sha384};
         Sha384::digest(first).to_vec()
@@ -353,7 +357,7 @@ async fn the_tables_of_the_first_version_are_brought_up_to_date_with_what_is_in_
     let job = store.jobs(&Filter::default(), None, 1).await.unwrap().jobs.remove(0);
     assert_eq!((job.state, job.priority, job.changes[0].at), (JobState::Queued, 3, 5));
     let claimed = claim(&store).await;
-    let answer = Answer { body: "{}".into(), summary: json!({}) };
+    let answer = Answer { body: "{}".into(), summary: json!({}), outline: Box::default() };
     store.finish(claimed.run, 1, &answer, Cost::default()).await.unwrap();
     let job = store.job(job.id).await.unwrap().unwrap();
     let states: Vec<_> = job.changes.iter().map(|change| change.state).collect();

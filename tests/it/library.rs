@@ -1,11 +1,11 @@
-//! The library of results: found by what was asked and what came out, with where they come from.
+//! The library of results: search, provenance, notes, deletion and comparison.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use fretwork::http::{Access, AdminKey, Settings};
-use fretwork::job::Task;
-use fretwork::store::{Cursor, Desk, NewKey, Options, Role, SCALARS, Search, WORDS};
+use fretwork::job::{SCALARS, Task, WORDS};
+use fretwork::store::{Administration, Cursor, NewKey, Options, Role, Search};
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use sqlx::{Connection as _, Row as _};
@@ -17,7 +17,7 @@ use crate::moving::sha256;
 use crate::server::{Gate, JSON, Server, ball, steel_ball};
 use crate::store::raw;
 
-/// Some results that differ in shape, method and numbers; their keys.
+/// Computes results that differ in shape, method and numbers; returns their keys.
 async fn collection(server: &Server) -> Vec<String> {
     let mut bodies = vec![ball(1.0), ball(2.0), ball(2.5), ball(10.0)];
     for (friction, shape) in [(0.3, "sphere"), (0.5, "paraboloid"), (0.9, "paraboloid")] {
@@ -56,11 +56,11 @@ fn keys(list: &[Value]) -> Vec<&str> {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn results_are_found_by_what_was_asked_and_what_came_out() {
+async fn results_are_found_by_inputs_and_outputs() {
     let server = Server::start().await;
     let all = collection(&server).await;
     let newest: Vec<&str> = all.iter().rev().map(String::as_str).collect();
-    assert_eq!(keys(&list(&server, "").await), newest, "the newest first, none missing");
+    assert_eq!(keys(&list(&server, "").await), newest, "all results, the newest first");
     for (query, places) in [
         ("shape=cone", &[7][..]),
         ("method=exact", &[8]),
@@ -92,7 +92,7 @@ async fn results_are_found_by_what_was_asked_and_what_came_out() {
         let expected: Vec<&str> = places.iter().map(|place| all[*place].as_str()).collect();
         assert_eq!(keys(&found), expected, "{query}");
     }
-    // What a list says of a result is what the result says.
+    // The values in the list are those of the result.
     for entry in list(&server, "").await {
         let link = entry["link"].as_str().unwrap();
         let body = server.get(link).await;
@@ -116,7 +116,7 @@ async fn results_are_found_by_what_was_asked_and_what_came_out() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn pages_follow_each_other_in_every_order_and_nulls_come_last() {
+async fn pages_are_complete_in_every_order_and_nulls_come_last() {
     let server = Server::start().await;
     let all = collection(&server).await;
     for sort in
@@ -147,13 +147,13 @@ async fn pages_follow_each_other_in_every_order_and_nulls_come_last() {
         assert!(numbers.windows(2).all(ordered), "{sort}: {values:?}");
         if sort.ends_with("slope_angle") {
             assert_eq!(numbers.len(), 1);
-            assert!(values[0].is_some(), "{sort}: what has none comes last");
+            assert!(values[0].is_some(), "{sort}: results without the value come last");
         }
     }
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn every_fault_of_a_search_is_listed() {
+async fn all_faults_of_a_search_are_listed() {
     let server = Server::start().await;
     let query = "shape=cube&friction=2..1&wear_depth=..2%20N&pinned=yes&sort=colour&limit=0&cursor=x\
         &created=soon&normal_force=0.1..0.2%20kN&tangential_force=1e308%20kN..&firction=1";
@@ -187,12 +187,12 @@ async fn every_fault_of_a_search_is_listed() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_result_says_where_it_comes_from() {
+async fn a_result_has_a_provenance() {
     let server = Server::start().await;
     let headers = [JSON, ("Prefer", "wait=60"), ("x-request-id", "the-first")];
     let first = server.send("POST", "/v1/jobs", &headers, steel_ball().to_string()).await.json();
     server.compute(&steel_ball()).await;
-    // One that goes through the queue and one that does not are told of alike.
+    // A queued run and a short run that skips the queue have the same kind of provenance.
     let headers = [JSON, ("x-request-id", "the-second")];
     let queued = server.send("POST", "/v1/jobs", &headers, ball(1.25).to_string()).await.json();
     let id = queued["id"].as_str().unwrap();
@@ -225,7 +225,7 @@ async fn a_result_says_where_it_comes_from() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_note_is_kept_shown_found_and_taken_away() {
+async fn a_note_is_stored_shown_found_and_deleted() {
     let server = Server::start().await;
     let key = server.compute(&steel_ball()).await.json()["key"].as_str().unwrap().to_owned();
     let at = format!("/v1/results/{key}/note");
@@ -252,14 +252,14 @@ async fn a_note_is_kept_shown_found_and_taken_away() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_deleted_result_is_gone_everywhere_and_comes_back_when_it_is_computed() {
+async fn a_deleted_result_is_gone_until_it_is_computed_again() {
     let server = Server::start().await;
     let job = server.compute(&steel_ball()).await.json();
     let key = job["key"].as_str().unwrap();
     let at = format!("/v1/results/{key}");
     let parts = ["", "/history", "/history?format=csv", "/profiles?points=20", "/loops"];
     for part in parts {
-        // From the database, then from memory.
+        // The first answer comes from the database, the second from memory.
         assert_eq!(server.get(&format!("{at}{part}")).await.status, 200);
         assert_eq!(server.get(&format!("{at}{part}")).await.status, 200);
     }
@@ -286,7 +286,7 @@ async fn a_deleted_result_is_gone_everywhere_and_comes_back_when_it_is_computed(
     assert_eq!(told["deleted_by"], "127.0.0.1");
     let id = job["id"].as_str().unwrap();
     let still = server.get(&format!("/v1/jobs/{id}")).await.json();
-    assert_eq!(still["summary"], job["summary"], "its jobs stay");
+    assert_eq!(still["summary"], job["summary"], "jobs keep their summary");
     let again = server.compute(&steel_ball()).await;
     assert_eq!(again.header("cache-status"), Some("fretwork; fwd=miss; stored"));
     assert_eq!(server.get(&at).await.body, before);
@@ -295,9 +295,9 @@ async fn a_deleted_result_is_gone_everywhere_and_comes_back_when_it_is_computed(
     assert_eq!(keys(&list(&server, "").await), [key]);
 }
 
-/// What was dropped to make room goes on being served from memory; to delete it is to forget it.
+/// The server may answer from memory after an eviction, but not after a deletion.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_dropped_result_that_is_still_in_memory_is_forgotten_when_it_is_deleted() {
+async fn deleting_an_evicted_result_removes_it_from_memory() {
     let body = crate::server::document(&"0".repeat(64)).len() as u64;
     let options = Options { budget: Some(2 * body), ..Options::default() };
     let server = Server::with(Gate::opened(), &Settings::default(), &options).await;
@@ -313,7 +313,7 @@ async fn a_dropped_result_that_is_still_in_memory_is_forgotten_when_it_is_delete
     let provenance = format!("{at}/provenance");
     let deadline = Instant::now() + Duration::from_secs(20);
     while server.get(&provenance).await.json()["evicted"].is_null() {
-        assert!(Instant::now() < deadline, "it is not dropped");
+        assert!(Instant::now() < deadline, "it is not evicted");
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
     for form in &forms {
@@ -326,7 +326,7 @@ async fn a_dropped_result_that_is_still_in_memory_is_forgotten_when_it_is_delete
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_deletion_whose_client_goes_away_is_forgotten_all_the_same() {
+async fn a_deletion_clears_the_memory_although_its_client_disconnects() {
     let server = Server::start().await;
     let mut deleted = 0;
     for attempt in 0..100_u32 {
@@ -341,7 +341,7 @@ async fn a_deletion_whose_client_goes_away_is_forgotten_all_the_same() {
         connection.write_all(request.as_bytes()).await.unwrap();
         tokio::time::sleep(Duration::from_micros(20 * u64::from(attempt))).await;
         drop(connection);
-        // It may have gone before it was heard.
+        // The client may disconnect before the server reads the request.
         let mut found = (false, 200);
         for _ in 0..100 {
             let told = server.get(&format!("{at}/provenance")).await.json();
@@ -358,7 +358,7 @@ async fn a_deletion_whose_client_goes_away_is_forgotten_all_the_same() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 4)]
-async fn a_result_deleted_while_it_is_read_is_not_remembered() {
+async fn a_result_deleted_during_a_read_does_not_stay_in_memory() {
     let server = Server::computing(Gate::opened(), &fretwork::http::Origins::Own).await;
     for round in 0..40 {
         let body = ball(1.0 + 0.01 * f64::from(round));
@@ -376,7 +376,7 @@ async fn a_result_deleted_while_it_is_read_is_not_remembered() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_diff_says_which_parameters_and_outputs_differ() {
+async fn a_diff_lists_the_parameters_and_outputs_that_differ() {
     let server = Server::start().await;
     let mut other = steel_ball();
     other["scenario"]["friction"] = json!(0.75);
@@ -398,7 +398,7 @@ async fn a_diff_says_which_parameters_and_outputs_differ() {
         assert_eq!((&output["a"], &output["b"]), (&a["summary"][name], &b["summary"][name]));
     }
     assert_eq!(diff["units"]["wear_volume"], "m^3");
-    // Dropped results are compared by what is remembered.
+    // A deleted result still has its scenario and summary.
     let at = format!("/v1/results/{}", b["key"].as_str().unwrap());
     assert_eq!(server.send("DELETE", &at, &[], "").await.status, 204);
     let sides = json!({"a": {"key": a["key"]}, "b": {"key": b["key"]}});
@@ -407,7 +407,7 @@ async fn a_diff_says_which_parameters_and_outputs_differ() {
         (&again["b"]["result"], &again["parameters"]),
         (&json!("dropped"), &diff["parameters"])
     );
-    // The same scenario in other units is the same.
+    // Units do not matter.
     let sides = json!({"a": {"key": a["key"]}, "b": {"scenario": steel_ball()["scenario"]}});
     let same = server.post("/v1/results/diff", &sides).await.json();
     assert_eq!((&same["same_scenario"], &same["parameters"]), (&json!(true), &json!([])));
@@ -431,13 +431,13 @@ async fn a_miss_is_explained_by_the_nearest_result() {
     assert!(diff["outputs"].is_null());
     let known = server.post("/v1/results/diff", &scenario(&ball(2.5))).await.json();
     assert_eq!((&known["b"]["key"], &known["same_scenario"]), (&json!(all[2]), &json!(true)));
-    // Of a result it is another one.
+    // A stored result is compared with another one.
     let other = server.post("/v1/results/diff", &json!({"a": {"key": all[1]}})).await.json();
     assert_eq!(other["b"]["key"], all[2].as_str(), "{other}");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_diff_of_something_else_is_refused_with_all_its_faults() {
+async fn all_faults_of_a_diff_are_listed() {
     let server = Server::start().await;
     let key = "0".repeat(64);
     for (body, pointers) in [
@@ -472,9 +472,8 @@ async fn a_diff_of_something_else_is_refused_with_all_its_faults() {
         .problem(404, "unknown-result");
 }
 
-/// The columns of the tables are those that can be asked for.
 #[tokio::test]
-async fn the_table_of_outlines_has_what_can_be_asked_for() {
+async fn the_outline_table_has_a_column_for_each_searchable_value() {
     let (dir, store) = crate::store::fresh().await;
     store.close().await;
     let columns: Vec<String> = sqlx::query_scalar("SELECT name FROM pragma_table_info('outline')")
@@ -486,7 +485,7 @@ async fn the_table_of_outlines_has_what_can_be_asked_for() {
         .chain(WORDS.iter().map(|word| word.name))
         .chain(SCALARS.iter().map(|scalar| scalar.name));
     assert_eq!(columns, known.collect::<Vec<_>>());
-    // And the words are those of the engine.
+    // The shapes are those of the engine.
     let schema: Value = serde_json::from_str(fretwork_engine::scenario::SCHEMA).unwrap();
     let schema = schema.to_string();
     for shape in WORDS[0].values {
@@ -494,7 +493,7 @@ async fn the_table_of_outlines_has_what_can_be_asked_for() {
     }
 }
 
-/// A row as the brute force sees it.
+/// A row of `outline`.
 #[derive(Debug, Clone)]
 struct Row {
     id: i64,
@@ -524,7 +523,7 @@ fn rows() -> impl Strategy<Value = Vec<Row>> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 48, ..ProptestConfig::default() })]
     #[test]
-    fn a_search_finds_what_looking_at_every_row_finds(
+    fn a_search_finds_the_same_rows_as_a_scan_in_memory(
         rows in rows(), low in 0..8_u8, high in 0..8_u8, shape in proptest::option::of(0..3_usize),
         sort in 0..3_usize, descending: bool, limit in 1..7_u32,
     ) {
@@ -573,7 +572,7 @@ proptest! {
                 let page = store.search(&search, cursor, limit).await.unwrap();
                 found.extend(page.results.iter().map(|listed|
                     String::from_utf8(listed.key.bytes().to_vec()).unwrap()));
-                // As it goes through an address.
+                // Clients get the cursor as text.
                 cursor = page.next.map(|cursor| cursor.to_string().parse().unwrap());
                 if cursor.is_none() { break }
                 prop_assert_eq!(page.results.len(), limit as usize);
@@ -584,9 +583,8 @@ proptest! {
     }
 }
 
-/// Outlines go with what they are of, so that the next in number is not taken for done.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_forgotten_result_takes_its_outline_with_it() {
+async fn the_outline_of_a_result_is_deleted_with_it() {
     let server = Server::start().await;
     let key = server.compute(&steel_ball()).await.json()["key"].as_str().unwrap().to_owned();
     assert_eq!(list(&server, "").await.len(), 1);
@@ -608,9 +606,36 @@ async fn a_forgotten_result_takes_its_outline_with_it() {
     assert_ne!(keys(&found), [key]);
 }
 
-/// What was dropped before its numbers were written has them once it is computed again.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_result_that_comes_back_has_all_its_numbers() {
+async fn opening_a_database_writes_the_outlines_that_an_earlier_version_left_out() {
+    let server = Server::start().await;
+    let mut keys = Vec::new();
+    for amplitude in [1.0, 2.0] {
+        let job = server.compute(&ball(amplitude)).await.json();
+        keys.push(job["key"].as_str().unwrap().to_owned());
+    }
+    let delete = server.send("DELETE", &format!("/v1/results/{}", keys[1]), &[], "").await;
+    assert_eq!(delete.status, 204);
+    let all = Search::default();
+    let mut evicted = Search::default();
+    evicted.set("evicted", "true").unwrap();
+    let copy = crate::store::crash(server.dir.path());
+    let store = crate::store::open(copy.path()).await;
+    let whole = store.search(&all, None, 9).await.unwrap();
+    store.close().await;
+    sqlx::query("DELETE FROM outline").execute(&mut raw(copy.path()).await).await.unwrap();
+    let store = crate::store::open(copy.path()).await;
+    assert_eq!(store.search(&all, None, 9).await.unwrap(), whole);
+    // Without its body, only the scenario and the summary of the deleted result are known.
+    let listed = store.search(&evicted, None, 9).await.unwrap().results.remove(0);
+    let numbers = listed.outline.scalars();
+    assert_eq!((listed.key.to_string(), &numbers["friction"]), (keys[1].clone(), &json!(0.7)));
+    assert!(numbers["wear_volume"].is_f64() && numbers["contact_radius"].is_null());
+    store.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_result_that_is_computed_again_has_all_its_numbers() {
     let server = Server::start().await;
     let key = server.compute(&steel_ball()).await.json()["key"].as_str().unwrap().to_owned();
     server.compute(&ball(1.0)).await;
@@ -618,28 +643,30 @@ async fn a_result_that_comes_back_has_all_its_numbers() {
     let delete = server.send("DELETE", &format!("/v1/results/{key}"), &[], "").await;
     assert_eq!(delete.status, 204);
     let mut db = raw(server.dir.path()).await;
-    sqlx::query("DELETE FROM outline").execute(&mut db).await.unwrap();
+    sqlx::query("UPDATE outline SET contact_radius = NULL").execute(&mut db).await.unwrap();
     let dropped = list(&server, "evicted=true").await;
     assert_eq!(keys(&dropped), [&key]);
     assert!(dropped[0]["values"]["contact_radius"].is_null());
     server.compute(&steel_ball()).await;
-    assert_eq!(list(&server, "").await, whole);
+    let found = list(&server, "").await;
+    let of_key = |list: &[Value]| list.iter().find(|one| one["key"] == key.as_str()).cloned();
+    assert_eq!(of_key(&found), of_key(&whole));
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn labels_and_tags_of_others_find_nothing() {
-    let admin = "the-one-who-sees-every-job-of-all";
+async fn labels_and_tags_of_other_owners_find_nothing() {
+    let admin = "the-administrator-who-sees-all-jobs";
     let access = Access { admin_key: Some(AdminKey(admin.into())), ..Access::default() };
     let settings = Settings { access, ..Settings::default() };
     let server = Server::with(Arc::new(Task::start), &settings, &Options::default()).await;
-    let mut desk = Desk::open(server.dir.path()).await.unwrap();
+    let mut administration = Administration::open(server.dir.path()).await.unwrap();
     let mut owners = Vec::new();
     for name in ["anna", "ben"] {
         let name = name.to_owned();
         let new = NewKey { name, role: Role::Submit, per_minute: None, expires: None };
-        owners.push(format!("Bearer {}", desk.add_key(&new).await.unwrap()));
+        owners.push(format!("Bearer {}", administration.add_key(&new).await.unwrap()));
     }
-    desk.close().await.unwrap();
+    administration.close().await.unwrap();
     let mut body = ball(1.0);
     body["label"] = json!("secret");
     body["tags"] = json!(["order-7"]);

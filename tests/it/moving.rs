@@ -1,4 +1,4 @@
-//! Results on their way between servers; backups of the whole, taken and put in place.
+//! Export and import between servers; backup and restore.
 
 use std::fs;
 use std::path::Path;
@@ -8,8 +8,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use fretwork::job::{JobState, Key, Task};
 use fretwork::service::workers::Workers;
 use fretwork::store::{
-    Desk, Error, Filter, Imported, Moving, NewKey, Options, Role, Search, Store, backup, export,
-    import, restore,
+    Administration, Error, Filter, Imported, Moving, NewKey, Options, Role, Search, Store, backup,
+    export, import, restore,
 };
 use serde_json::{Value, json};
 use sha2::{Digest as _, Sha256};
@@ -23,12 +23,12 @@ use crate::store::{new_job, open, raw};
 
 fn quiet(_: usize, _: usize) {}
 
-/// The digest of a body as it is written.
+/// The SHA-256 of a body in hexadecimal.
 pub fn sha256(body: impl AsRef<[u8]>) -> String {
     Key::from_bytes(Sha256::digest(body).into()).to_string()
 }
 
-/// Computes some balls; returns their keys.
+/// Computes a ball for each amplitude; returns the keys.
 async fn computed(server: &Server, amplitudes: &[f64]) -> Vec<String> {
     let mut keys = Vec::new();
     for amplitude in amplitudes {
@@ -38,7 +38,8 @@ async fn computed(server: &Server, amplitudes: &[f64]) -> Vec<String> {
     keys
 }
 
-async fn all(server: &Server, file: &Path) -> u64 {
+/// Exports all results; returns how many.
+async fn export_all(server: &Server, file: &Path) -> u64 {
     let all = Search::default();
     export(server.dir.path(), file, &all, &[], quiet).await.unwrap().results
 }
@@ -49,12 +50,28 @@ async fn open_file(file: &Path) -> SqliteConnection {
         .unwrap()
 }
 
+/// Replaces the body of a result in an export, and its digest.
+async fn replace_body(db: &mut SqliteConnection, key: &str, body: &str) {
+    for sql in [
+        "UPDATE bodies SET body = ?2 WHERE key = ?1 AND ?3 = ?3",
+        "UPDATE results SET sha256 = ?3 WHERE key = ?1 AND ?2 = ?2",
+    ] {
+        let update = sqlx::query(sql).bind(key).bind(body).bind(sha256(body));
+        assert_eq!(update.execute(&mut *db).await.unwrap().rows_affected(), 1);
+    }
+}
+
+fn assert_refused(done: &Imported, key: &str, words: &str) {
+    let why = done.refused.iter().find(|(refused, _)| refused == key);
+    assert!(why.is_some_and(|(_, why)| why.contains(words)), "{words}: {:?}", done.refused);
+}
+
 async fn number(dir: &Path, sql: &'static str) -> i64 {
     sqlx::query_scalar(sql).fetch_one(&mut raw(dir).await).await.unwrap()
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn what_one_server_exports_another_serves_byte_for_byte() {
+async fn another_server_serves_an_imported_result_byte_for_byte() {
     let (from, to) = (Server::start().await, Server::start().await);
     let keys = computed(&from, &[1.0, 1.5, 2.0, 2.5]).await;
     let at = format!("/v1/results/{}/note", keys[0]);
@@ -62,8 +79,8 @@ async fn what_one_server_exports_another_serves_byte_for_byte() {
     assert_eq!(from.send("PUT", &at, &[JSON], text).await.status, 204);
     let dir = TempDir::new().unwrap();
     let file = dir.path().join("results.db");
-    assert_eq!(all(&from, &file).await, 4);
-    // That it is not there was asked before: such an answer is not remembered.
+    assert_eq!(export_all(&from, &file).await, 4);
+    // The answer that the result is unknown must not be cached.
     let unknown = to.get(&format!("/v1/results/{}", keys[0])).await;
     unknown.problem(404, "unknown-result");
     let known = computed(&to, &[2.5]).await;
@@ -83,7 +100,7 @@ async fn what_one_server_exports_another_serves_byte_for_byte() {
         assert_eq!(one["body"], other["body"]);
         assert_eq!(one["program"], other["program"]);
         if *key == keys[3] {
-            assert!(other["imported"].is_null(), "it was there before");
+            assert!(other["imported"].is_null(), "it is not an import");
             continue;
         }
         assert_eq!(other["imported"]["from"], "results.db");
@@ -95,7 +112,7 @@ async fn what_one_server_exports_another_serves_byte_for_byte() {
     let hit = to.compute(&ball(1.5)).await;
     assert_eq!(hit.header("cache-status"), Some("fretwork; hit"));
     assert_eq!(hit.json()["summary"], from.compute(&ball(1.5)).await.json()["summary"]);
-    // They are found, and they take room.
+    // Search finds them, and they count towards the size of all results.
     let found = to.get("/v1/results?sort=amplitude").await.json();
     let found: Vec<&Value> =
         found["results"].as_array().unwrap().iter().map(|entry| &entry["key"]).collect();
@@ -110,7 +127,7 @@ async fn what_one_server_exports_another_serves_byte_for_byte() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn an_export_is_a_database_that_people_read() {
+async fn an_export_is_a_database_with_plain_columns() {
     let server = Server::start().await;
     let keys = computed(&server, &[1.0, 2.0]).await;
     let dir = TempDir::new().unwrap();
@@ -134,7 +151,7 @@ async fn an_export_is_a_database_that_people_read() {
     assert_eq!(row.get::<String, _>("sha256"), sum);
     let scenario: Value = serde_json::from_str(row.get("scenario")).unwrap();
     assert_eq!(scenario, result["scenario"]);
-    // Every column of the history, in its table, with a unit.
+    // The table `history` has every column of the history, and each has a unit.
     let rows =
         sqlx::query("SELECT * FROM history ORDER BY entry").fetch_all(&mut db).await.unwrap();
     let history = result["history"].as_object().unwrap();
@@ -158,37 +175,25 @@ async fn an_export_is_a_database_that_people_read() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn what_was_tampered_with_is_refused_and_the_rest_is_taken() {
+async fn altered_results_are_refused_and_the_others_are_imported() {
     let server = Server::start().await;
     let keys = computed(&server, &[1.0, 1.2, 1.4, 1.6, 1.8, 2.0, 2.2]).await;
     let dir = TempDir::new().unwrap();
     let file = dir.path().join("results.db");
-    all(&server, &file).await;
+    export_all(&server, &file).await;
     let mut db = open_file(&file).await;
+    // A changed digit in the body.
     let digit = "UPDATE bodies SET body = replace(body, '\"wear_volume\":[0.0', '\"wear_volume\":[0.1') WHERE key = ?1";
-    // A digit of the body.
     sqlx::query(digit).bind(&keys[0]).execute(&mut db).await.unwrap();
-    // A parameter in the body, and the sum made to match.
+    // A changed parameter in the body, with a digest that matches.
     let body: String = sqlx::query_scalar("SELECT body FROM bodies WHERE key = ?1")
         .bind(&keys[1])
         .fetch_one(&mut db)
         .await
         .unwrap();
     let body = body.replacen("\"friction\":0.7", "\"friction\":0.6", 1);
-    let sum = sha256(&body);
-    sqlx::query("UPDATE bodies SET body = ?2 WHERE key = ?1")
-        .bind(&keys[1])
-        .bind(body)
-        .execute(&mut db)
-        .await
-        .unwrap();
-    sqlx::query("UPDATE results SET sha256 = ?2 WHERE key = ?1")
-        .bind(&keys[1])
-        .bind(sum)
-        .execute(&mut db)
-        .await
-        .unwrap();
-    // A body under the key of another.
+    replace_body(&mut db, &keys[1], &body).await;
+    // The body of another result.
     sqlx::query("UPDATE bodies SET body = (SELECT body FROM bodies WHERE key = ?2) WHERE key = ?1")
         .bind(&keys[2])
         .bind(&keys[3])
@@ -203,7 +208,7 @@ async fn what_was_tampered_with_is_refused_and_the_rest_is_taken() {
     .execute(&mut db)
     .await
     .unwrap();
-    // No body, no sum, no key.
+    // No body, no digest, no key.
     sqlx::query("DELETE FROM bodies WHERE key = ?1").bind(&keys[4]).execute(&mut db).await.unwrap();
     sqlx::query("UPDATE results SET sha256 = 'none' WHERE key = ?1")
         .bind(&keys[5])
@@ -220,15 +225,14 @@ async fn what_was_tampered_with_is_refused_and_the_rest_is_taken() {
     let done = import(other.dir.path(), &file, quiet).await.unwrap();
     assert_eq!(done.results, 1, "{done:?}");
     for (key, words) in [
-        (&keys[0], "SHA-256"),
-        (&keys[1], "key is not that"),
-        (&keys[2], "key is not that"),
+        (keys[0].as_str(), "SHA-256"),
+        (&keys[1], "key does not belong"),
+        (&keys[2], "key does not belong"),
         (&keys[4], "no body"),
         (&keys[5], "no SHA-256"),
-        (&"x".to_owned(), "key is none"),
+        ("x", "not a key"),
     ] {
-        let why = done.refused.iter().find(|(refused, _)| refused == key);
-        assert!(why.is_some_and(|(_, why)| why.contains(words)), "{words}: {:?}", done.refused);
+        assert_refused(&done, key, words);
     }
     assert_eq!(other.get(&format!("/v1/results/{}", keys[3])).await.status, 200);
     for key in [0, 1, 2, 4, 5, 6] {
@@ -237,13 +241,13 @@ async fn what_was_tampered_with_is_refused_and_the_rest_is_taken() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn another_result_under_the_same_key_is_told_and_not_taken() {
+async fn a_different_result_of_the_same_key_is_refused() {
     let (from, to) = (Server::start().await, Server::start().await);
     let key = computed(&from, &[1.0]).await.remove(0);
     let dir = TempDir::new().unwrap();
     let file = dir.path().join("results.db");
-    all(&from, &file).await;
-    // A sound one, but of a machine that computes otherwise.
+    export_all(&from, &file).await;
+    // A sound result, as a machine that computes other digits would export it.
     let mut db = open_file(&file).await;
     let body: String =
         sqlx::query_scalar("SELECT body FROM bodies").fetch_one(&mut db).await.unwrap();
@@ -256,174 +260,92 @@ async fn another_result_under_the_same_key_is_told_and_not_taken() {
     let before = to.get(&format!("/v1/results/{key}")).await.body;
     let done = import(to.dir.path(), &file, quiet).await.unwrap();
     assert_eq!((done.results, done.refused.len()), (0, 1), "{done:?}");
-    assert!(done.refused[0].1.contains("another result is held"), "{done:?}");
+    assert!(done.refused[0].1.contains("another result under its key"), "{done:?}");
     assert_eq!(to.get(&format!("/v1/results/{key}")).await.body, before);
-    // Dropped here, it is still known what it was.
+    // After an eviction, only the same result may be imported.
     assert_eq!(to.send("DELETE", &format!("/v1/results/{key}"), &[], "").await.status, 204);
     let mut db = raw(to.dir.path()).await;
     db.execute("UPDATE result SET deleted_by = NULL").await.unwrap();
     let refused = import(to.dir.path(), &file, quiet).await.unwrap().refused;
-    assert!(refused[0].1.contains("held under its key and dropped"), "{refused:?}");
+    assert!(refused[0].1.contains("differs from the result that was evicted"), "{refused:?}");
     fs::remove_file(&file).unwrap();
-    all(&from, &file).await;
+    export_all(&from, &file).await;
     assert_eq!(import(to.dir.path(), &file, quiet).await.unwrap().results, 1);
     assert_eq!(to.get(&format!("/v1/results/{key}")).await.body, before);
-    // What somebody had deleted comes back only when it is computed.
+    // A deleted result is not imported: it must be computed again.
     assert_eq!(to.send("DELETE", &format!("/v1/results/{key}"), &[], "").await.status, 204);
     let refused = import(to.dir.path(), &file, quiet).await.unwrap().refused;
-    assert!(refused[0].1.contains("deleted here by 127.0.0.1"), "{refused:?}");
+    assert!(refused[0].1.contains("127.0.0.1 deleted it here"), "{refused:?}");
     to.get(&format!("/v1/results/{key}")).await.problem(410, "evicted");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn what_a_file_states_beside_the_bodies_is_taken_as_far_as_it_fits() {
+async fn a_row_that_cannot_be_read_is_refused_and_named() {
     let (from, to) = (Server::start().await, Server::start().await);
-    let keys = computed(&from, &[1.0, 1.2, 1.4, 1.6, 1.8, 2.0]).await;
+    let keys = computed(&from, &[1.0, 1.2, 1.4, 1.6, 1.8, 2.0, 2.2, 2.4]).await;
     let dir = TempDir::new().unwrap();
     let file = dir.path().join("results.db");
-    all(&from, &file).await;
+    export_all(&from, &file).await;
     let mut db = open_file(&file).await;
-    let long = "x".repeat(4001);
-    for (key, change) in [
-        (&keys[0], format!("note = '{long}', note_owner = 'ann'")),
-        (
-            &keys[1],
-            "note = 'a' || char(27) || 'b', owner = char(7), computed = 'soon', cpu_seconds = -1,
-             host = printf('%0201d', 7), processors = -1, note_at = NULL"
-                .to_owned(),
-        ),
-        (
-            &keys[2],
-            "wall_seconds = 'long', owner = x'00ff', version = x'ff', note = x'ff'".to_owned(),
-        ),
-        (&keys[4], "processors = 'eight', computed = 7".to_owned()),
-        // The sum is essential.
-        (&keys[5], "sha256 = CAST(sha256 AS BLOB)".to_owned()),
-    ] {
+    let cases = [
+        (format!("note = '{}', note_owner = 'ann'", "x".repeat(4001)), "not 4001"),
+        ("computed = 'soon'".to_owned(), "\"soon\" is not an RFC 3339 time"),
+        ("cpu_seconds = -1".to_owned(), "-1 is not a time in seconds"),
+        ("wall_seconds = 'long'".to_owned(), "column wall_seconds"),
+        ("version = x'ff'".to_owned(), "column version"),
+        ("processors = -1".to_owned(), "column processors"),
+        ("sha256 = CAST(sha256 AS BLOB)".to_owned(), "column sha256"),
+    ];
+    for (key, (change, _)) in keys.iter().zip(&cases) {
         let sql = format!("UPDATE results SET {change} WHERE key = '{key}'");
         sqlx::raw_sql(sqlx::AssertSqlSafe(sql)).execute(&mut db).await.unwrap();
     }
-    // A history of columns that are not of one length.
+    // A history whose columns differ in length.
     let body: String = sqlx::query_scalar("SELECT body FROM bodies WHERE key = ?1")
-        .bind(&keys[3])
+        .bind(&keys[7])
         .fetch_one(&mut db)
         .await
         .unwrap();
     let mut body: Value = serde_json::from_str(&body).unwrap();
     body["history"]["wear_depth"].as_array_mut().unwrap().pop();
-    let body = body.to_string();
-    sqlx::query("UPDATE results SET sha256 = ?2 WHERE key = ?1")
-        .bind(&keys[3])
-        .bind(sha256(&body))
-        .execute(&mut db)
-        .await
-        .unwrap();
-    sqlx::query("UPDATE bodies SET body = ?2 WHERE key = ?1")
-        .bind(&keys[3])
-        .bind(body)
-        .execute(&mut db)
-        .await
-        .unwrap();
+    replace_body(&mut db, &keys[7], &body.to_string()).await;
     db.close().await.unwrap();
     let done = import(to.dir.path(), &file, quiet).await.unwrap();
-    assert_eq!((done.results, &done.lacking), (4, &vec![]), "{done:?}");
-    for (key, words) in [(&keys[3], "all of one length"), (&keys[5], "sha256")] {
-        let why = done.refused.iter().find(|(refused, _)| refused == key);
-        assert!(why.is_some_and(|(_, why)| why.contains(words)), "{words}: {done:?}");
-    }
-    let left_out = |key: &str| -> Vec<&str> {
-        let left = done.left_out.iter().filter(|(left, _)| left.to_string() == key);
-        left.map(|(_, what)| what.as_str()).collect()
-    };
-    assert_eq!(left_out(&keys[0]), ["its note must have 1 to 4000 characters, not 4001"]);
-    assert_eq!(
-        left_out(&keys[1]),
-        [
-            "its owner is no name of up to 200 characters",
-            "its computed is no moment such as 2026-01-31T12:00:00.000Z",
-            "its cpu_seconds is no time in seconds",
-            "its host is no name of up to 200 characters",
-            "its processors is no number of processors",
-            "its note must not contain control characters other than line breaks and tabs",
-        ]
-    );
-    assert_eq!(
-        left_out(&keys[2]),
-        [
-            "its owner is no name of up to 200 characters",
-            "its wall_seconds is no time in seconds",
-            "its version is no name of up to 200 characters",
-            "its machine, for there is no version",
-            "its note is no text",
-        ]
-    );
-    assert_eq!(
-        left_out(&keys[4]),
-        [
-            "its computed is no moment such as 2026-01-31T12:00:00.000Z",
-            "its processors is no number of processors",
-        ]
-    );
-    for key in [0, 1, 2, 4] {
-        let told = to.get(&format!("/v1/results/{}/provenance", keys[key])).await.json();
-        assert!(told["note"].is_null(), "{told}");
-        assert_eq!(told["computed"]["owner"].is_null(), key == 1 || key == 2, "{told}");
-        assert_eq!(told["program"].is_null(), key == 2, "{told}");
-        assert_eq!(told["program"]["processors"].is_null(), key != 0, "{told}");
-        assert_eq!(told["program"]["host"].is_null(), key == 1 || key == 2, "{told}");
-    }
-    for key in [3, 5] {
-        let address = format!("/v1/results/{}", keys[key]);
-        to.get(&address).await.problem(404, "unknown-result");
+    assert_eq!((done.results, done.refused.len()), (0, 8), "{done:?}");
+    let words = cases.iter().map(|(_, words)| *words).chain(["columns of equal length"]);
+    for (key, words) in keys.iter().zip(words) {
+        assert_refused(&done, key, words);
+        to.get(&format!("/v1/results/{key}")).await.problem(404, "unknown-result");
     }
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_file_without_some_of_the_columns_is_taken_for_what_it_has() {
+async fn a_file_without_all_columns_is_not_an_export() {
     let (from, to) = (Server::start().await, Server::start().await);
-    let keys = computed(&from, &[1.0, 1.2]).await;
+    computed(&from, &[1.0]).await;
     let dir = TempDir::new().unwrap();
-    let file = dir.path().join("results.db");
-    all(&from, &file).await;
-    let mut db = open_file(&file).await;
-    for column in ["note", "note_owner", "note_at", "processors", "cpu_seconds"] {
-        let sql = format!("ALTER TABLE results DROP COLUMN {column}");
-        sqlx::raw_sql(sqlx::AssertSqlSafe(sql)).execute(&mut db).await.unwrap();
-    }
-    let data = to.dir.path().to_str().unwrap();
-    let output = run(&["import", file.to_str().unwrap(), "--data-dir", data], "");
-    assert!(output.status.success(), "{output:?}");
-    let [said, told] =
-        [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
-    assert!(said.contains(": 2 results (") && said.contains(" 0 refused"), "{said}");
-    for column in ["note", "note_owner", "note_at", "processors", "cpu_seconds"] {
-        let line = format!("left out of all results: the file has no column {column}\n");
-        assert_eq!(told.matches(&line).count(), 1, "{told}");
-    }
-    for key in &keys {
-        let address = format!("/v1/results/{key}/provenance");
-        let (one, other) = (from.get(&address).await.json(), to.get(&address).await.json());
-        assert_eq!(one["computed"]["at"], other["computed"]["at"]);
-        assert_eq!(one["computed"]["wall_seconds"], other["computed"]["wall_seconds"]);
-        assert_eq!(one["program"]["version"], other["program"]["version"]);
-        assert!(other["program"]["processors"].is_null(), "{other}");
-    }
-    // Without what is essential it is no export.
-    for column in ["results DROP COLUMN sha256", "bodies DROP COLUMN body"] {
+    for column in
+        ["results DROP COLUMN note", "results DROP COLUMN sha256", "bodies DROP COLUMN body"]
+    {
+        let file = dir.path().join("results.db");
+        export_all(&from, &file).await;
         let sql = format!("ALTER TABLE {column}");
+        let mut db = open_file(&file).await;
         sqlx::raw_sql(sqlx::AssertSqlSafe(sql)).execute(&mut db).await.unwrap();
+        db.close().await.unwrap();
         let refused = import(to.dir.path(), &file, quiet).await;
         assert!(matches!(refused, Err(Moving::NoExport(_))), "{refused:?}");
+        fs::remove_file(&file).unwrap();
     }
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_file_that_is_damaged_in_one_place_costs_the_result_that_lies_there() {
+async fn a_damaged_page_of_the_file_costs_only_its_result() {
     let (from, to) = (Server::start().await, Server::start().await);
     computed(&from, &[1.0, 1.2, 1.4]).await;
     let dir = TempDir::new().unwrap();
     let file = dir.path().join("results.db");
-    all(&from, &file).await;
+    export_all(&from, &file).await;
     let mut db = open_file(&file).await;
     let place: i64 = sqlx::query_scalar(
         "SELECT pgoffset FROM dbstat WHERE name = 'bodies' AND pagetype = 'overflow'
@@ -433,17 +355,17 @@ async fn a_file_that_is_damaged_in_one_place_costs_the_result_that_lies_there() 
     .await
     .unwrap();
     db.close().await.unwrap();
-    // The number of the next page of the body.
+    // Overwrite the link to the next page of the body.
     let mut bytes = fs::read(&file).unwrap();
     bytes[usize::try_from(place).unwrap()..][..4].fill(0xff);
     fs::write(&file, bytes).unwrap();
     let done = import(to.dir.path(), &file, quiet).await.unwrap();
     let refused: Vec<&str> = done.refused.iter().map(|(_, why)| why.as_str()).collect();
-    assert_eq!((done.results, refused), (2, vec!["the file is damaged where it lies"]));
+    assert_eq!((done.results, refused), (2, vec!["the file is damaged at this result"]));
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_note_comes_where_there_is_none_and_never_in_the_place_of_another() {
+async fn an_imported_note_never_replaces_another() {
     let (from, to) = (Server::start().await, Server::start().await);
     let amplitudes = [1.0, 1.2, 1.4, 1.6];
     let keys = computed(&from, &amplitudes).await;
@@ -459,7 +381,7 @@ async fn a_note_comes_where_there_is_none_and_never_in_the_place_of_another() {
     for (place, text) in ["One.", "Two.", "Three.", "Four."].iter().enumerate() {
         note(&from, place, text).await;
     }
-    // None here, another one, the same, and another one of a result that was dropped.
+    // Result 0 has no note here; 1 has another one; 2 has the same; 3 has another one, and is evicted.
     for (place, text) in [(1, "Mine."), (2, "Three."), (3, "Mine, too.")] {
         note(&to, place, text).await;
     }
@@ -471,7 +393,7 @@ async fn a_note_comes_where_there_is_none_and_never_in_the_place_of_another() {
     assert_eq!(from.send("PUT", &pin, &[], "").await.status, 204);
     let dir = TempDir::new().unwrap();
     let file = dir.path().join("results.db");
-    assert_eq!(all(&from, &file).await, 4);
+    assert_eq!(export_all(&from, &file).await, 4);
     let before = [noted(1).await, noted(2).await, noted(3).await];
 
     let import = || {
@@ -484,31 +406,22 @@ async fn a_note_comes_where_there_is_none_and_never_in_the_place_of_another() {
     let theirs = from.get(&format!("/v1/results/{}/provenance", keys[0])).await.json();
     assert_eq!(noted(0).await, theirs["note"]);
     assert!(said.contains("imported, 3 known already, 0 refused"), "{said}");
-    assert!(
-        said.ends_with("notes: 1 taken, 2 left for the ones here; 0 details left out\n"),
-        "{said}"
-    );
+    assert!(said.ends_with("notes: 1 imported, 2 kept\n"), "{said}");
     for place in [1, 3] {
-        let line = format!("left the note of {}: there is another one here", keys[place]);
+        let line = format!("{} keeps its note", keys[place]);
         assert!(told.contains(&line), "{told}");
     }
     assert_eq!([noted(1).await, noted(2).await, noted(3).await], before);
     assert_eq!(to.get(&dropped).await.status, 200);
-    // What is worth its room is for each server to say.
+    // Pins are not exported: each server decides what to keep.
     let ours = to.get(&format!("/v1/results/{}/provenance", keys[0])).await.json();
     assert_eq!((&theirs["pinned"], &ours["pinned"]), (&json!(true), &json!(false)));
     let [said, _] = import();
-    assert!(
-        said.ends_with(
-            "4 known already, 0 refused; notes: 0 taken, 2 left for the ones here; 0 details left \
-             out\n"
-        ),
-        "{said}"
-    );
+    assert!(said.ends_with("4 known already, 0 refused; notes: 0 imported, 2 kept\n"), "{said}");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn the_commands_say_what_they_did_and_what_is_wrong() {
+async fn the_commands_report_what_they_did_and_what_failed() {
     let server = Server::start().await;
     let key = computed(&server, &[1.0]).await.remove(0);
     computed(&server, &[2.0]).await;
@@ -527,7 +440,7 @@ async fn the_commands_say_what_they_did_and_what_is_wrong() {
     let zeros = "0".repeat(64);
     fails(
         &run(&["export", &path("x.db"), "--key", &zeros, "--data-dir", data], ""),
-        "no result with the key",
+        "there is no result with the key",
     );
     fails(&run(&["export", &path("x.db"), "--data-dir", &path("nowhere")], ""), "there is no");
     let refused = run(&["export", &path("x.db"), "shape=cube", "--data-dir", data], "");
@@ -535,7 +448,7 @@ async fn the_commands_say_what_they_did_and_what_is_wrong() {
         String::from_utf8_lossy(&refused.stderr).contains("must be one of paraboloid"),
         "{refused:?}"
     );
-    // Where there is no database yet, one is made.
+    // An import creates a database if there is none.
     let new = path("new");
     let output = run(&["import", &path("one.db"), "--data-dir", &new], "");
     assert!(output.status.success() && said(&output).contains("1 result ("), "{output:?}");
@@ -553,14 +466,14 @@ async fn the_commands_say_what_they_did_and_what_is_wrong() {
         run(&["import", &path("one.db"), "--data-dir", &path("third")], "").status.code(),
         Some(2)
     );
-    let mut desk = Desk::open(server.dir.path()).await.unwrap();
+    let mut administration = Administration::open(server.dir.path()).await.unwrap();
     for name in ["anna", "ben"] {
         let name = name.to_owned();
         let new = NewKey { name, role: Role::Read, per_minute: None, expires: None };
-        desk.add_key(&new).await.unwrap();
+        administration.add_key(&new).await.unwrap();
     }
-    desk.revoke_keys("ben").await.unwrap();
-    desk.close().await.unwrap();
+    administration.revoke_keys("ben").await.unwrap();
+    administration.close().await.unwrap();
     let output = run(&["backup", &path("backup.db"), "--data-dir", data], "");
     assert!(output.status.success() && said(&output).contains(": 2 results ("), "{output:?}");
     fails(&run(&["backup", &path("backup.db"), "--data-dir", data], ""), "exists already");
@@ -579,7 +492,7 @@ async fn the_commands_say_what_they_did_and_what_is_wrong() {
         output.status.success() && said(&output).contains("the former database is"),
         "{output:?}"
     );
-    assert!(said(&output).contains("key in force: "), "{output:?}");
+    assert!(said(&output).contains("valid key: "), "{output:?}");
     assert!(said(&output).contains("anna (read)"), "{output:?}");
     assert!(!said(&output).contains("ben"), "{output:?}");
     let store = open(Path::new(&new)).await;
@@ -587,14 +500,14 @@ async fn the_commands_say_what_they_did_and_what_is_wrong() {
     assert_eq!(store.jobs(&Filter::default(), None, 9).await.unwrap().jobs.len(), 2);
     fs::write(
         path("text.db"),
-        "some text that is no database, and longer than a head of 100 bytes".repeat(3),
+        "some text, longer than the 100 bytes of a database header".repeat(3),
     )
     .unwrap();
     fails(&run(&["import", &path("text.db"), "--data-dir", data], ""), "not an export");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn tables_of_another_version_are_told_and_not_touched() {
+async fn a_database_of_another_version_is_refused() {
     let (dir, store) = crate::store::fresh().await;
     let file = dir.path().join("out.db");
     let mut db = raw(dir.path()).await;
@@ -611,7 +524,7 @@ async fn tables_of_another_version_are_told_and_not_touched() {
         .unwrap();
     let refused = export(dir.path(), &file, &all, &[], quiet).await;
     assert!(matches!(refused, Err(Moving::Store(Error::Newer { found: 999, .. }))), "{refused:?}");
-    // A copy can be taken all the same.
+    // A backup is possible, but not a restore.
     backup(dir.path(), &file).await.unwrap();
     let refused = restore(&dir.path().join("other"), &file, false).await;
     assert!(matches!(refused, Err(Moving::Store(Error::Newer { .. }))), "{refused:?}");
@@ -619,7 +532,7 @@ async fn tables_of_another_version_are_told_and_not_touched() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 3)]
-async fn a_backup_under_load_holds_every_job_that_was_acknowledged_before() {
+async fn a_backup_under_load_has_every_acknowledged_job() {
     let dir = TempDir::new().unwrap();
     let store = open(dir.path()).await;
     let workers = Workers::start(&store, 1, None, &(Arc::new(Task::start) as _)).unwrap();
@@ -658,16 +571,16 @@ async fn a_backup_under_load_holds_every_job_that_was_acknowledged_before() {
         let copy = open(&data).await;
         copy.recover().await.unwrap();
         for job in &before {
-            let kept = copy.job(job.id).await.unwrap().expect("a job that was acknowledged");
+            let kept = copy.job(job.id).await.unwrap().expect("an acknowledged job");
             assert_eq!(kept.key, job.key);
             if job.state == JobState::Succeeded {
                 assert_eq!(kept, *job);
                 assert!(copy.has_result(&job.key).await.unwrap());
             }
         }
-        // It goes on from there.
+        // A server can continue from the backup.
         let claimed = copy.claim().await.unwrap();
-        assert!(claimed.is_some(), "what was queued still is");
+        assert!(claimed.is_some(), "queued runs are still queued");
         let said: String = sqlx::query_scalar("PRAGMA integrity_check")
             .fetch_one(&mut raw(&data).await)
             .await
@@ -682,14 +595,14 @@ async fn a_backup_under_load_holds_every_job_that_was_acknowledged_before() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_backup_put_in_place_by_hand_is_not_harmed_by_a_log_that_was_left() {
+async fn a_backup_copied_by_hand_is_safe_from_an_old_log() {
     let server = Server::start().await;
     let keys = computed(&server, &[1.0]).await;
     let target = TempDir::new().unwrap();
     let file = target.path().join("backup.db");
     backup(server.dir.path(), &file).await.unwrap();
     let later = computed(&server, &[1.1, 1.2, 1.3]).await;
-    // As after a crash: the log is there, and the database gives way to the backup.
+    // After a crash the log of the old database remains beside the backup.
     let crashed = crate::store::crash(server.dir.path());
     let log = crashed.path().join("fretwork.db-wal");
     assert!(fs::metadata(&log).unwrap().len() > 0);
@@ -703,7 +616,7 @@ async fn a_backup_put_in_place_by_hand_is_not_harmed_by_a_log_that_was_left() {
         .await
         .unwrap();
     assert_eq!(said, "ok");
-    // Its own log is not forgotten.
+    // A database keeps its own log.
     let own = crate::store::crash(server.dir.path());
     let store = Store::open(own.path(), &Options::default()).await.unwrap();
     assert!(store.has_result(&later[0].parse().unwrap()).await.unwrap());

@@ -1,4 +1,4 @@
-//! The store: coalescing, fencing, cancellation, recovery, lists, and what it refuses to open.
+//! The store: coalescing, fencing, cancellation, recovery, lists, and files that it refuses to open.
 
 use std::collections::HashMap;
 use std::fs;
@@ -56,7 +56,7 @@ pub async fn fresh() -> (TempDir, Store) {
     (dir, store)
 }
 
-/// The body of a result that is there.
+/// The body of a stored result.
 pub async fn body(store: &Store, number: u8) -> Vec<u8> {
     match store.result(&key(number)).await.unwrap() {
         Some(StoredResult::Whole(body)) => body.to_vec(),
@@ -64,7 +64,7 @@ pub async fn body(store: &Store, number: u8) -> Vec<u8> {
     }
 }
 
-/// What is on the disk at this moment.
+/// Copies the database as a crash would leave it now.
 pub fn crash(dir: &Path) -> TempDir {
     let copy = TempDir::new().unwrap();
     for file in ["fretwork.db", "fretwork.db-wal"] {
@@ -75,7 +75,7 @@ pub fn crash(dir: &Path) -> TempDir {
     copy
 }
 
-/// What a process that dies now leaves to the next.
+/// Opens the database as a crash would leave it now.
 pub async fn after_a_crash(dir: &Path) -> (TempDir, Store) {
     let copy = crash(dir);
     let store = open(copy.path()).await;
@@ -88,7 +88,8 @@ pub async fn raw(dir: &Path) -> SqliteConnection {
 }
 
 fn answer(text: &str) -> Answer {
-    Answer { body: text.to_owned().into(), summary: json!({ "regime": text }) }
+    let summary = json!({ "regime": text });
+    Answer { body: text.to_owned().into(), summary, outline: Box::default() }
 }
 
 async fn job(store: &Store, id: JobId) -> Job {
@@ -111,7 +112,7 @@ async fn cancel(store: &Store, id: JobId) -> JobState {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn sixty_four_identical_submissions_at_once_are_one_run_and_sixty_four_jobs() {
+async fn sixty_four_equal_submissions_share_one_run() {
     let (_dir, store) = fresh().await;
     let mut submissions = JoinSet::new();
     for _ in 0..64 {
@@ -142,7 +143,7 @@ async fn sixty_four_identical_submissions_at_once_are_one_run_and_sixty_four_job
 }
 
 #[tokio::test]
-async fn a_known_result_ends_a_job_at_once_without_a_run() {
+async fn a_known_result_finishes_a_job_without_a_run() {
     let (_dir, store) = fresh().await;
     accepted(store.submit(new_job(1)).await);
     assert!(!store.has_result(&key(1)).await.unwrap());
@@ -153,12 +154,12 @@ async fn a_known_result_ends_a_job_at_once_without_a_run() {
     let cached = accepted(store.submit(new_job(1)).await);
     assert_eq!((cached.state, cached.origin), (JobState::Succeeded, Origin::Cached));
     assert_eq!((cached.attempt, cached.summary.clone()), (0, Some(json!({ "regime": "a" }))));
-    assert_eq!(job(&store, cached.id).await, cached, "what was answered is what is stored");
+    assert_eq!(job(&store, cached.id).await, cached, "the answer equals what is stored");
     assert!(store.claim().await.unwrap().is_none());
 }
 
 #[tokio::test]
-async fn what_a_submission_answers_is_what_a_later_question_answers() {
+async fn a_submission_answers_the_job_as_it_is_stored() {
     let (_dir, store) = fresh().await;
     let new = NewJob {
         label: Some("ball on flat".into()),
@@ -176,7 +177,7 @@ async fn what_a_submission_answers_is_what_a_later_question_answers() {
 }
 
 #[tokio::test]
-async fn a_job_submitted_twice_under_one_id_is_refused_and_harms_no_other() {
+async fn a_duplicate_job_id_is_refused_and_harms_no_other_job() {
     let (_dir, store) = fresh().await;
     let twice = new_job(1);
     let mut submissions = JoinSet::new();
@@ -195,7 +196,7 @@ async fn a_job_submitted_twice_under_one_id_is_refused_and_harms_no_other() {
 }
 
 #[tokio::test]
-async fn a_worker_that_was_given_up_changes_nothing() {
+async fn a_worker_from_before_a_crash_changes_nothing() {
     let (dir, store) = fresh().await;
     let submitted = accepted(store.submit(new_job(1)).await);
     let zombie = claim(&store).await;
@@ -235,7 +236,7 @@ async fn a_different_result_of_the_same_key_does_not_replace_the_first() {
         accepted(store.submit(new_job(1)).await);
         let claimed = claim(&store).await;
         let mut raw = raw(dir.path()).await;
-        // As a computation under way meets the result of another, after an import for instance.
+        // Another process stores a result during the run, for example an import.
         raw.execute(
             "INSERT INTO result (key, summary, digest, size, created)
              VALUES (unhex(replace(printf('%32s', ''), ' ', '01')), '{}',
@@ -252,7 +253,7 @@ async fn a_different_result_of_the_same_key_does_not_replace_the_first() {
 }
 
 #[tokio::test]
-async fn a_canceled_job_leaves_the_run_to_the_others() {
+async fn a_cancelled_job_keeps_a_shared_run_alive() {
     let (_dir, store) = fresh().await;
     let first = accepted(store.submit(new_job(1)).await);
     let second = accepted(store.submit(new_job(1)).await);
@@ -270,7 +271,7 @@ async fn a_canceled_job_leaves_the_run_to_the_others() {
 }
 
 #[tokio::test]
-async fn the_last_job_of_a_queued_run_takes_the_run_with_it() {
+async fn cancelling_the_last_job_cancels_a_queued_run() {
     let (_dir, store) = fresh().await;
     let first = accepted(store.submit(new_job(1)).await);
     let second = accepted(store.submit(new_job(1)).await);
@@ -282,13 +283,17 @@ async fn the_last_job_of_a_queued_run_takes_the_run_with_it() {
 }
 
 #[tokio::test]
-async fn a_submission_during_the_canceling_of_a_run_starts_a_new_one() {
+async fn a_submission_does_not_join_a_run_that_is_being_cancelled() {
     let (_dir, store) = fresh().await;
     let first = accepted(store.submit(new_job(1)).await);
     let dying = claim(&store).await;
     assert_eq!(cancel(&store, first.id).await, JobState::Canceling);
     assert!(dying.stop.is_raised());
-    assert_eq!(cancel(&store, first.id).await, JobState::Canceling, "canceling again is the same");
+    assert_eq!(
+        cancel(&store, first.id).await,
+        JobState::Canceling,
+        "cancelling twice changes nothing"
+    );
 
     let second = accepted(store.submit(new_job(1)).await);
     assert_eq!((second.origin, second.state), (Origin::Computed, JobState::Queued));
@@ -309,13 +314,13 @@ async fn a_submission_during_the_canceling_of_a_run_starts_a_new_one() {
 }
 
 #[tokio::test]
-async fn canceling_what_is_finished_or_unknown_says_so() {
+async fn cancelling_a_finished_or_unknown_job_is_reported() {
     let (_dir, store) = fresh().await;
     let submitted = accepted(store.submit(new_job(1)).await);
     let claimed = claim(&store).await;
     store.fail(claimed.run, 1, FailureKind::Panicked, "index out of bounds").await.unwrap();
     let Canceled::AlreadyFinished(failed) = store.cancel(submitted.id).await.unwrap() else {
-        panic!("it has failed before");
+        panic!("the job has failed");
     };
     let failure = failed.failure.unwrap();
     assert_eq!(failure.kind, FailureKind::Panicked);
@@ -326,7 +331,7 @@ async fn canceling_what_is_finished_or_unknown_says_so() {
 }
 
 #[tokio::test]
-async fn every_unfinished_state_is_recovered() {
+async fn every_unfinished_state_is_recovered_after_a_crash() {
     let (dir, store) = fresh().await;
     let canceling = accepted(store.submit(new_job(1)).await);
     let running = accepted(store.submit(new_job(2)).await);
@@ -361,10 +366,10 @@ async fn every_unfinished_state_is_recovered() {
 }
 
 #[tokio::test]
-async fn a_run_that_takes_the_process_down_three_times_has_failed() {
+async fn a_run_fails_after_three_crashes() {
     let (mut dir, mut store) = fresh().await;
     let submitted = accepted(store.submit(new_job(1)).await);
-    // To be released on a drain is no fault of the run.
+    // A release does not count as a crash.
     let released = claim(&store).await;
     assert!(store.release(released.run, released.attempt).await.unwrap());
     for attempt in 2..=4 {
@@ -381,7 +386,7 @@ async fn a_run_that_takes_the_process_down_three_times_has_failed() {
 }
 
 #[tokio::test]
-async fn runs_are_claimed_in_the_order_of_submission() {
+async fn runs_are_claimed_in_order_of_submission() {
     let (_dir, store) = fresh().await;
     for number in 0..5 {
         accepted(store.submit(new_job(number)).await);
@@ -394,7 +399,7 @@ async fn runs_are_claimed_in_the_order_of_submission() {
 }
 
 #[tokio::test]
-async fn pages_follow_each_other_without_gap_or_repetition_while_jobs_arrive() {
+async fn pages_have_no_gap_and_no_duplicate_while_jobs_arrive() {
     let (_dir, store) = fresh().await;
     let mut expected = Vec::new();
     for number in 0..7 {
@@ -449,7 +454,7 @@ async fn lists_are_filtered_by_any_combination() {
 }
 
 #[tokio::test]
-async fn waiting_ends_with_the_job_or_with_patience() {
+async fn waiting_ends_with_the_job_or_at_its_deadline() {
     let (_dir, store) = fresh().await;
     let submitted = accepted(store.submit(new_job(1)).await);
     let impatient = store.wait(submitted.clone(), async {}).await.unwrap();
@@ -466,7 +471,7 @@ async fn waiting_ends_with_the_job_or_with_patience() {
 }
 
 #[tokio::test]
-async fn the_live_job_of_a_key_is_the_oldest_that_still_waits() {
+async fn the_live_job_of_a_key_is_the_oldest_unfinished_one() {
     let (_dir, store) = fresh().await;
     assert_eq!(store.live_job(&key(1), None).await.unwrap(), None);
     let first = accepted(store.submit(new_job(1)).await);
@@ -490,7 +495,7 @@ async fn a_second_server_on_the_same_directory_is_refused() {
 }
 
 #[tokio::test]
-async fn what_was_asked_before_closing_is_done() {
+async fn changes_requested_before_closing_are_committed() {
     let (dir, store) = fresh().await;
     let (submitted, ()) = tokio::join!(store.submit(new_job(1)), store.close());
     let store = open(dir.path()).await;
@@ -508,7 +513,7 @@ async fn a_database_of_a_later_version_is_refused() {
 }
 
 #[tokio::test]
-async fn the_database_of_another_program_is_refused_and_left_alone() {
+async fn the_database_of_another_program_is_refused_and_not_changed() {
     let dir = TempDir::new().unwrap();
     let mut foreign = raw(dir.path()).await;
     foreign.execute("CREATE TABLE song (title TEXT)").await.unwrap();
@@ -520,7 +525,7 @@ async fn the_database_of_another_program_is_refused_and_left_alone() {
 }
 
 #[tokio::test]
-async fn a_file_that_is_not_a_database_is_refused_and_left_alone() {
+async fn a_file_that_is_not_a_database_is_refused_and_not_changed() {
     let dir = TempDir::new().unwrap();
     let text = "radius, wear\n".repeat(1000);
     fs::write(dir.path().join("fretwork.db"), &text).unwrap();
@@ -530,14 +535,14 @@ async fn a_file_that_is_not_a_database_is_refused_and_left_alone() {
 }
 
 #[tokio::test]
-async fn a_database_whose_making_was_interrupted_is_made_anew() {
+async fn an_empty_database_file_is_initialised() {
     let dir = TempDir::new().unwrap();
     fs::write(dir.path().join("fretwork.db"), "").unwrap();
     open(dir.path()).await.submit(new_job(1)).await.unwrap();
 }
 
 #[tokio::test]
-async fn a_directory_that_cannot_be_made_is_named() {
+async fn the_error_names_a_directory_that_cannot_be_created() {
     let dir = TempDir::new().unwrap();
     fs::write(dir.path().join("file"), "").unwrap();
     let opened = Store::open(&dir.path().join("file/data"), &Options::default()).await;
@@ -578,30 +583,30 @@ fn verbs() -> impl Strategy<Value = Vec<Verb>> {
     prop::collection::vec(verb, 1..60)
 }
 
-/// A statement that counts what must not be, and what it is that must not be.
-const INVARIANTS: [(&str, &str); 9] = [
+/// Pairs of a fault and a statement that counts it.
+const INVARIANTS: [(&str, &str); 10] = [
     (
         "two live runs of one key",
         "SELECT count(*) FROM (SELECT 1 FROM run WHERE state IN ('queued', 'running')
          GROUP BY key HAVING count(*) > 1)",
     ),
     (
-        "an unfinished job whose state is not its run's",
+        "an unfinished job whose state differs from that of its run",
         "SELECT count(*) FROM job JOIN run ON run.id = job.run
          WHERE job.finished IS NULL AND job.state <> run.state",
     ),
     (
-        "a finished job that is neither canceled nor as its run",
+        "a finished job that is not cancelled and differs from its run",
         "SELECT count(*) FROM job JOIN run ON run.id = job.run
          WHERE job.finished IS NOT NULL AND job.state NOT IN ('canceled', run.state)",
     ),
     (
-        "an unfinished run that nobody waits for",
+        "an unfinished run without an unfinished job",
         "SELECT count(*) FROM run WHERE finished IS NULL
          AND NOT EXISTS (SELECT 1 FROM job WHERE job.run = run.id AND job.finished IS NULL)",
     ),
     (
-        "an unfinished job that counts other attempts than its run",
+        "an unfinished job whose attempt differs from that of its run",
         "SELECT count(*) FROM job JOIN run ON run.id = job.run
          WHERE job.finished IS NULL AND job.attempt <> run.attempt",
     ),
@@ -610,14 +615,19 @@ const INVARIANTS: [(&str, &str); 9] = [
         "SELECT count(*) FROM job WHERE state = 'succeeded' AND key NOT IN (SELECT key FROM result)",
     ),
     (
-        "a run that no job names",
+        "a run without a job",
         "SELECT count(*) FROM run WHERE NOT EXISTS (SELECT 1 FROM job WHERE job.run = run.id)",
     ),
     (
-        "a job whose last change is not its state",
+        "a job whose last recorded change is not its state",
         "SELECT count(*) FROM job
          WHERE changes NOT LIKE '%' || state || ' ' || attempt || ' ' || '%'
              OR (finished IS NOT NULL AND changes NOT LIKE '%' || state || ' % ' || finished)",
+    ),
+    (
+        "a result without an outline, or an outline without a result",
+        "SELECT (SELECT count(*) FROM result_task) + (SELECT count(*) FROM outline)
+             - 2 * (SELECT count(*) FROM result_task JOIN outline USING (id))",
     ),
     (
         "a result without its body, or a body without its result",
@@ -626,14 +636,14 @@ const INVARIANTS: [(&str, &str); 9] = [
     ),
 ];
 
-/// A store under random verbs, and what was acknowledged.
+/// A store under random operations, and what it acknowledged.
 struct Trial {
     dir: TempDir,
     store: Store,
     jobs: Vec<JobId>,
     finished: HashMap<JobId, Job>,
     claims: Vec<Claimed>,
-    /// Claims before this one belong to a process that has died.
+    /// Claims before this place were made before the last crash.
     alive: usize,
 }
 
@@ -698,7 +708,10 @@ impl Trial {
                     Verb::Stopped(_) => store.stopped(run, attempt).await.unwrap(),
                     _ => store.release(run, attempt).await.unwrap(),
                 };
-                assert!(number >= self.alive || !accepted, "a zombie was heard");
+                assert!(
+                    number >= self.alive || !accepted,
+                    "a worker from before the crash changed something"
+                );
             }
             _ => {}
         }
@@ -720,7 +733,7 @@ impl Trial {
         }
     }
 
-    /// Restarts, and computes what is left.
+    /// Restarts, and computes all queued runs.
     async fn drain(&mut self) {
         self.apply(&Verb::Crash).await;
         while let Some(claimed) = self.store.claim().await.unwrap() {
@@ -743,7 +756,7 @@ proptest! {
     })]
 
     #[test]
-    fn nothing_acknowledged_is_lost_whatever_happens_in_whatever_order(verbs in verbs()) {
+    fn random_operations_and_crashes_lose_nothing_acknowledged(verbs in verbs()) {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
         runtime.block_on(async {
             let (dir, store) = fresh().await;

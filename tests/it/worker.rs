@@ -38,7 +38,7 @@ impl Work for Act {
                 std::thread::yield_now();
                 Step::Working { progress: 0.5 }
             }
-            _ => Step::Done(Answer { body: body.into(), summary }),
+            _ => Step::Done(Answer { body: body.into(), summary, outline: Box::default() }),
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Copies of the whole.
+//! Backup and restore of the whole database.
 
 use std::fs::{self, File};
 use std::io;
@@ -6,27 +6,28 @@ use std::path::{Path, PathBuf};
 
 use sqlx::{Connection as _, Row as _, SqliteConnection};
 
-use super::{Moving, PATIENCE, later, name, put, unfinished, versions};
-use crate::store::open::{self, DATABASE, MIGRATIONS};
-use crate::store::{Error, now, read};
+use super::{Moving, PATIENCE, name, put, unfinished};
+use crate::job::clock;
+use crate::store::open::{self, DATABASE};
+use crate::store::{Error, read};
 
-/// What a copy of a database holds.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+/// The contents of a backup.
+#[derive(Debug, Clone, Default, PartialEq, Eq, sqlx::FromRow)]
 pub struct Saved {
-    /// Jobs.
+    /// The number of jobs.
     pub jobs: u64,
-    /// Results that are there.
+    /// The number of results with a body.
     pub results: u64,
     /// Bytes of their bodies.
     pub bytes: u64,
-    /// Results of which the scenario is remembered.
-    pub dropped: u64,
+    /// The number of evicted results, whose scenarios are still known.
+    pub evicted: u64,
 }
 
-/// Copies the whole database into a file, at one moment, and checks the copy.
+/// Copies a snapshot of the database into a file, and checks the copy.
 ///
 /// # Errors
-/// The file exists, the copy is damaged, or a database refuses.
+/// The file exists, the copy is damaged, or a database fails.
 pub async fn backup(dir: &Path, file: &Path) -> Result<Saved, Moving> {
     if file.exists() {
         return Err(Moving::Exists(file.to_owned()));
@@ -42,12 +43,11 @@ pub async fn backup(dir: &Path, file: &Path) -> Result<Saved, Moving> {
     Ok(saved)
 }
 
-/// Puts a backup in the place of the database, which no server may be using; with `replace` also where
-/// there is one, which is then kept beside it. Returns what the backup holds, and where the former
-/// database is.
+/// Puts a backup in place of the database. No server may use the directory. With `replace`, an existing
+/// database is renamed. Returns the contents of the backup, and the path of the former database.
 ///
 /// # Errors
-/// A server is running, there is a database that may not be replaced, or the backup is damaged.
+/// A server is running, there is a database and `replace` is false, or the backup is damaged.
 pub async fn restore(
     dir: &Path,
     file: &Path,
@@ -63,17 +63,15 @@ pub async fn restore(
     }
     open::inspect(file).await?;
     let mut from = SqliteConnection::connect_with(&open::connecting(file).read_only(true)).await?;
-    let there = versions(&mut from).await?;
+    let (found, known) = (open::version(&mut from).await?, open::latest());
     from.close().await?;
-    let known: Vec<i64> = MIGRATIONS.iter().map(|migration| migration.version).collect();
-    if let Some(found) = later(&there, &known) {
-        let known = known.into_iter().max().unwrap_or_default();
+    if found > known {
         return Err(Error::Newer { path: file.to_owned(), found, known }.into());
     }
     let part = unfinished(&path)?;
     let saved = copy(file, &part).await?;
     let former = if path.exists() {
-        let aside = dir.join(format!("fretwork.replaced-{}.db", now()));
+        let aside = dir.join(format!("fretwork.replaced-{}.db", clock::now()));
         supplant(&part, &path, &aside)
             .map_err(|source| Moving::NotReplaced { path: path.clone(), source })?;
         Some(aside)
@@ -85,8 +83,8 @@ pub async fn restore(
     Ok((saved, former))
 }
 
-/// Puts a new database in the place of one, which is kept aside. Whenever this breaks off, one of them is
-/// in place, and whole.
+/// Replaces a database by a new one and keeps the old one at `aside`. If this is interrupted at any step,
+/// one of the two is in place and complete.
 fn supplant(new: &Path, path: &Path, aside: &Path) -> io::Result<()> {
     let log = open::with_suffix(path, "-wal");
     let kept = [(path, aside), (&log, &open::with_suffix(aside, "-wal"))];
@@ -97,19 +95,19 @@ fn supplant(new: &Path, path: &Path, aside: &Path) -> io::Result<()> {
         .and_then(|()| put(new, path));
     if done.is_err() {
         for (_, second) in kept {
-            // The files themselves are still where they were.
+            // This removes only the second names: the files are still in place.
             let _ = fs::remove_file(second);
         }
         return done;
     }
     for suffix in ["-wal", "-shm"] {
-        // What is left of a log is known as another's at the start.
+        // If this fails, `forget_foreign_log` removes the log at the next start.
         let _ = fs::remove_file(open::with_suffix(path, suffix));
     }
     Ok(())
 }
 
-/// Gives a file a second name, or where the disk knows no such thing makes a copy.
+/// Makes a hard link, or a copy where the file system has no hard links.
 fn second_name(old: &Path, second: &Path) -> io::Result<()> {
     match fs::hard_link(old, second) {
         Err(error) if error.kind() != io::ErrorKind::AlreadyExists => {
@@ -120,7 +118,7 @@ fn second_name(old: &Path, second: &Path) -> io::Result<()> {
     }
 }
 
-/// Copies a database as it is at one moment, and holds the copy against its own sums.
+/// Copies a snapshot of a database, and checks every page and every result of the copy.
 async fn copy(from: &Path, to: &Path) -> Result<Saved, Moving> {
     let options = open::connecting(from).busy_timeout(PATIENCE).read_only(true);
     let mut db = SqliteConnection::connect_with(&options).await?;
@@ -135,7 +133,7 @@ async fn copy(from: &Path, to: &Path) -> Result<Saved, Moving> {
         return Err(damaged(said.join("; ")));
     }
     let saved = inventory(&mut db).await?;
-    // By the number of the row: one at a time, however many there are.
+    // One body at a time, to keep memory small.
     let mut last = 0;
     loop {
         let row = sqlx::query(
@@ -151,30 +149,22 @@ async fn copy(from: &Path, to: &Path) -> Result<Saved, Moving> {
         let body: &[u8] = row.try_get("body")?;
         if !read::sum(&row)?.is_of(body) {
             let key = read::key(&row, "key")?;
-            return Err(damaged(format!("the result {key} is not what was stored")));
+            return Err(damaged(format!("the body of the result {key} has changed")));
         }
     }
     db.close().await?;
     Ok(saved)
 }
 
-/// What a database holds.
+/// Counts what a database contains.
 async fn inventory(db: &mut SqliteConnection) -> Result<Saved, Moving> {
-    let (jobs, results, bytes, known): (i64, i64, i64, i64) = sqlx::query_as(
-        "SELECT (SELECT count(*) FROM job), (SELECT count(*) FROM result_blob),
-             (SELECT coalesce(sum(length(body)), 0) FROM result_blob),
-             (SELECT count(*) FROM result)",
+    Ok(sqlx::query_as(
+        "SELECT (SELECT count(*) FROM job) AS jobs, (SELECT count(*) FROM result_blob) AS results,
+             (SELECT coalesce(sum(length(body)), 0) FROM result_blob) AS bytes,
+             (SELECT count(*) FROM result WHERE evicted IS NOT NULL) AS evicted",
     )
     .fetch_one(db)
-    .await?;
-    let count = |number: i64| u64::try_from(number).unwrap_or(0);
-    let (results, known) = (count(results), count(known));
-    Ok(Saved {
-        jobs: count(jobs),
-        results,
-        bytes: count(bytes),
-        dropped: known.saturating_sub(results),
-    })
+    .await?)
 }
 
 #[cfg(test)]
@@ -187,7 +177,7 @@ mod tests {
         let [new, path, aside] = ["new", "db", "aside"].map(|name| dir.path().join(name));
         fs::write(&path, "former").unwrap();
         fs::write(open::with_suffix(&path, "-wal"), "log").unwrap();
-        assert!(supplant(&new, &path, &aside).is_err(), "there is no new one");
+        assert!(supplant(&new, &path, &aside).is_err(), "the new database does not exist");
         assert_eq!(fs::read(&path).unwrap(), b"former");
         assert_eq!(fs::read(open::with_suffix(&path, "-wal")).unwrap(), b"log");
         assert!(!aside.exists());

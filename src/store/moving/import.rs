@@ -1,160 +1,107 @@
-//! Results out of a file.
+//! Reading an export into a database.
 
 use std::path::Path;
-use std::time::{Duration, UNIX_EPOCH};
+use std::time::Duration;
 
 use serde_json::json;
 use sha2::{Digest as _, Sha256};
 use sqlx::sqlite::SqliteRow;
-use sqlx::{Connection as _, Executor as _, Row as _, Sqlite, SqliteConnection};
+use sqlx::{Connection as _, Row as _, SqliteConnection};
 
-use super::{AT_ONCE, EXPORT, FORM, Moving, beside};
-use crate::job::{Answer, Cost, ENGINE, Key};
+use super::{EXPORT, FORM, Moving, PATIENCE};
+use crate::job::{Answer, Cost, ENGINE, Key, clock};
+use crate::store::Error;
 use crate::store::keep::{Answered, Source};
 use crate::store::library::{Note, Program};
-use crate::store::open::{self, DATABASE};
-use crate::store::outline::Body;
-use crate::store::{Error, Options, Store, now};
-use fretwork_engine::scenario::MAX_ANSWER;
+use crate::store::open;
+use crate::store::outline::Document;
 
-/// What a file may say of results beside what is essential, which are the key, the sum and the body.
-const BESIDE: [&str; 11] = [
-    "owner",
-    "computed",
-    "wall_seconds",
-    "cpu_seconds",
-    "version",
-    "host",
-    "architecture",
-    "processors",
-    "note",
-    "note_owner",
-    "note_at",
-];
-
-/// The longest name of an owner, a machine or a release in characters.
-const LONGEST_NAME: usize = 200;
-
-/// What an import came to.
+/// What an import did.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Imported {
-    /// Results that are new here, or are there again.
+    /// Results that were stored.
     pub results: u64,
     /// Bytes of their bodies.
     pub bytes: u64,
-    /// Results that were there already.
+    /// Results that this database already had.
     pub known: u64,
-    /// Notes that are new here, of results that are new or were there already.
+    /// Notes that were stored.
     pub notes: u64,
-    /// Results that were not taken: their key, and why.
+    /// Results that were refused: the key, and why.
     pub refused: Vec<(String, String)>,
-    /// Results here that have another note than in the file, and keep it.
+    /// Results that keep their own note, because the note in the file differs.
     pub other_notes: Vec<Key>,
-    /// What was left out of results that were taken: their key, and what is wrong with it.
-    pub left_out: Vec<(Key, String)>,
-    /// What the file says of no result, as one of an earlier version may not: columns that it lacks.
-    pub lacking: Vec<&'static str>,
 }
 
-impl Imported {
-    fn add(&mut self, more: Self) {
-        self.results += more.results;
-        self.bytes += more.bytes;
-        self.known += more.known;
-        self.notes += more.notes;
-        self.refused.extend(more.refused);
-        self.other_notes.extend(more.other_notes);
-        self.left_out.extend(more.left_out);
-        self.lacking.extend(more.lacking);
-    }
-}
-
-/// Takes the results of an export over, as far as they are sound and not known, and the notes of those
-/// that are known where there is none. What was taken stays
-/// whatever comes later, so that an import that was broken off goes on where it was. `tell` hears how
-/// many were looked at, of how many.
+/// Stores the results of an export that are sound and unknown, and the notes of results that have none.
+///
+/// Each result has its own transaction, so an interrupted import can be repeated. `progress` is called
+/// with the number of results done and the number of all.
 ///
 /// # Errors
-/// The file is no export, or a database refuses.
+/// The file is not an export, or a database fails.
 pub async fn import(
     dir: &Path,
     file: &Path,
-    mut tell: impl FnMut(usize, usize),
+    mut progress: impl FnMut(usize, usize),
 ) -> Result<Imported, Moving> {
     let mut from = open_export(file).await?;
-    if !dir.join(DATABASE).exists() {
-        Store::open(dir, &Options::default()).await?.close().await;
-    }
-    let mut db = beside(dir).await?;
-    let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let keys: Vec<Vec<u8>> =
-        sqlx::query_scalar("SELECT CAST(coalesce(key, '') AS BLOB) FROM results ORDER BY key")
+    let keys: Vec<String> =
+        sqlx::query_scalar("SELECT coalesce(key, '') FROM results ORDER BY key")
             .fetch_all(&mut from)
             .await
-            .map_err(|error| of_file(file, error.into()))?;
-    let columns: Vec<String> = sqlx::query_scalar("SELECT name FROM pragma_table_info('results')")
-        .fetch_all(&mut from)
-        .await?;
-    let is_lacking = |name: &&str| !columns.iter().any(|column| column == name);
-    let lacking = BESIDE.into_iter().filter(is_lacking).collect();
-    let mut done = Imported { lacking, ..Imported::default() };
-    let (mut batch, mut bytes) = (Vec::new(), 0);
-    for (place, text) in keys.iter().enumerate() {
-        let text = String::from_utf8_lossy(text);
-        let looked = match sound(&mut from, &mut db, &text).await {
-            Err(error) => Looked::Refused(misfit(&error).ok_or(error)?),
-            Ok(looked) => looked,
+            .map_err(|error| unreadable(file, error.into()))?;
+    let mut db = open::beside(dir, PATIENCE).await?;
+    let name = file.file_name().ok_or_else(|| Moving::NoExport(file.to_owned()))?;
+    let name = name.to_string_lossy();
+    let mut done = Imported::default();
+    for (place, key) in keys.iter().enumerate() {
+        let refused = match Entry::read(&mut from, key).await? {
+            Ok(entry) => entry.store(&mut db, &name, &mut done).await?,
+            Err(why) => Some(why),
         };
-        match looked {
-            Looked::Refused(why) => done.refused.push((text.into_owned(), why)),
-            Looked::Sound(taken) => {
-                bytes += taken.result.as_ref().map_or(0, |new| new.answer.body.len());
-                batch.push(*taken);
-            }
-        }
-        if batch.len() >= AT_ONCE.0 || bytes >= AT_ONCE.1 || place + 1 == keys.len() {
-            take(&mut db, &name, std::mem::take(&mut batch), &mut done).await?;
-            bytes = 0;
-        }
-        tell(place + 1, keys.len());
+        done.refused.extend(refused.map(|why| (key.clone(), why)));
+        progress(place + 1, keys.len());
     }
     from.close().await?;
     db.close().await?;
     Ok(done)
 }
 
+/// A row of the export, with its body.
+const SELECT: &str = "
+    SELECT sha256, CAST(body AS BLOB) AS body, owner, computed, wall_seconds, cpu_seconds, version,
+        host, architecture, processors, note, note_owner, note_at
+    FROM results LEFT JOIN bodies USING (key) WHERE key = ?1";
+
 async fn open_export(file: &Path) -> Result<SqliteConnection, Moving> {
     if !file.is_file() {
         return Err(Moving::Nothing(file.to_owned()));
     }
     let options = open::connecting(file).read_only(true);
-    let looked = async {
+    let head = async {
         let mut from = SqliteConnection::connect_with(&options).await?;
         let id: i32 = sqlx::query_scalar("PRAGMA application_id").fetch_one(&mut from).await?;
         let form: i32 = sqlx::query_scalar("PRAGMA user_version").fetch_one(&mut from).await?;
-        // A view could make up results without end.
-        let tables: bool = sqlx::query_scalar(
-            "SELECT count(*) = 4 FROM sqlite_schema AS part, pragma_table_info(part.name) AS has
-             WHERE part.type = 'table' AND sql NOT LIKE 'CREATE VIRTUAL%'
-                 AND (part.name, has.name) IN (VALUES ('results', 'key'), ('results', 'sha256'),
-                     ('bodies', 'key'), ('bodies', 'body'))",
-        )
-        .fetch_one(&mut from)
-        .await?;
-        Ok::<_, sqlx::Error>((from, id, form, tables))
+        Ok::<_, sqlx::Error>((from, id, form))
     };
     let path = file.to_owned();
-    match looked.await.map_err(Error::from) {
-        Ok((_, open::APPLICATION_ID, ..)) => Err(Moving::WholeDatabase(path)),
-        Ok((_, EXPORT, found, _)) if found > FORM => Err(Moving::LaterForm { path, found }),
-        Ok((from, EXPORT, _, true)) => Ok(from),
-        Ok(_) => Err(Moving::NoExport(path)),
-        Err(error) => Err(of_file(file, error)),
+    let (mut from, id, found) = head.await.map_err(|error| unreadable(file, error.into()))?;
+    match id {
+        open::APPLICATION_ID => Err(Moving::WholeDatabase(path)),
+        EXPORT if found > FORM => Err(Moving::LaterForm { path, found }),
+        EXPORT => {
+            // The statement fails if a table or column is missing.
+            let tried = sqlx::query(SELECT).bind("").fetch_optional(&mut from).await;
+            tried.map_err(|error| unreadable(file, error.into()))?;
+            Ok(from)
+        }
+        _ => Err(Moving::NoExport(path)),
     }
 }
 
-/// What is wrong with the file, if it is the file.
-fn of_file(file: &Path, error: Error) -> Moving {
+/// Translates an error of the export file.
+fn unreadable(file: &Path, error: Error) -> Moving {
     const SQLITE_NOTADB: &str = "26";
     let path = file.to_owned();
     match error {
@@ -166,362 +113,209 @@ fn of_file(file: &Path, error: Error) -> Moving {
                 Moving::Damaged { path, said: error.to_string() }
             }
         }
+        Error::Database(error) if error.as_database_error().is_some() => Moving::NoExport(path),
         error => error.into(),
     }
 }
 
-/// What is taken of a row, on its way into the tables.
-struct Taken {
+/// A sound result of an export.
+struct Entry {
     key: Key,
-    digest: [u8; 32],
-    /// None of a result that was there when it was looked at.
-    result: Option<New>,
-    note: Option<Note>,
-    /// What is wrong with that which is not taken.
-    left_out: Vec<String>,
-}
-
-/// A sound result.
-struct New {
     answer: Answered,
     task: String,
     owner: Option<String>,
     computed: Option<i64>,
     program: Option<Program>,
+    note: Option<Note>,
 }
 
-/// What was found of a result in an export.
-enum Looked {
-    Refused(String),
-    Sound(Box<Taken>),
-}
-
-/// What is held here under the key of a result.
-enum Held {
-    /// Nothing, or nothing any more.
-    Nothing,
-    /// The same.
-    Same,
-    /// What keeps the result out, for this reason.
-    Other(String),
-}
-
-/// What a row states and nobody can check: taken as far as it fits.
-struct Stated<'r> {
-    row: &'r SqliteRow,
-    /// What does not, and why.
-    left_out: Vec<String>,
-}
-
-impl<'r> Stated<'r> {
-    /// Nothing of a column that is empty or not there; what is of another kind does not fit.
-    fn take<T, U>(&mut self, column: &str, what: &str, read: impl Fn(T) -> Option<U>) -> Option<U>
-    where
-        T: sqlx::Decode<'r, Sqlite> + sqlx::Type<Sqlite>,
-    {
-        let read = match self.row.try_get::<Option<T>, _>(column) {
-            Ok(None) | Err(sqlx::Error::ColumnNotFound(_)) => return None,
-            Ok(Some(stated)) => read(stated),
-            Err(_) => None,
+impl Entry {
+    /// Reads and checks a result. The inner error says why it is refused.
+    async fn read(from: &mut SqliteConnection, key: &str) -> Result<Result<Self, String>, Error> {
+        let row = match sqlx::query(SELECT).bind(key).fetch_one(from).await.map_err(Error::from) {
+            Ok(row) => row,
+            Err(Error::Damaged(_)) => return Ok(Err("the file is damaged at this result".into())),
+            Err(error) => return Err(error),
         };
-        if read.is_none() {
-            self.left_out.push(format!("its {column} is no {what}"));
+        Ok(Self::check(key, &row))
+    }
+
+    /// Checks a row. The body must have the digest of the row, and the scenario must have the key.
+    fn check(text: &str, row: &SqliteRow) -> Result<Self, String> {
+        let key: Key = text.parse().map_err(|_| "its key is not a key")?;
+        let sha256: Option<Key> = column::<&str>(row, "sha256")?.and_then(|sum| sum.parse().ok());
+        let sha256 = sha256.ok_or("it has no SHA-256")?;
+        let body: Vec<u8> = column(row, "body")?.ok_or("it has no body")?;
+        if Sha256::digest(&body)[..] != sha256.bytes()[..] {
+            return Err("its body does not match its SHA-256: one of them was changed".to_owned());
         }
-        read
-    }
-
-    /// At least a name, and not a page of something.
-    fn name(&mut self, column: &str) -> Option<String> {
-        let fits = |text: &String| {
-            text.chars().count() <= LONGEST_NAME && !text.chars().any(char::is_control)
-        };
-        let what = format!("name of up to {LONGEST_NAME} characters");
-        self.take(column, &what, |text: String| Some(text).filter(fits))
-    }
-
-    fn moment(&mut self, column: &str) -> Option<i64> {
-        self.take(column, "moment such as 2026-01-31T12:00:00.000Z", milliseconds)
-    }
-
-    fn seconds(&mut self, column: &str) -> Option<Duration> {
-        self.take(column, "time in seconds", |seconds| Duration::try_from_secs_f64(seconds).ok())
-    }
-
-    fn note(&mut self) -> Option<Note> {
-        let text: String = self.take("note", "text", Some)?;
-        if let Some(fault) = Note::fault(&text) {
-            self.left_out.push(format!("its note {fault}"));
-            return None;
+        let document: Document =
+            serde_json::from_slice(&body).map_err(|_| "its body is not a result")?;
+        let (engine, scenario) = (&document.engine, &document.scenario);
+        if engine.name != ENGINE.name
+            || document.key != text
+            || Key::of(engine.numerics, scenario) != key
+        {
+            return Err("its key does not belong to its scenario: one of them was changed, or \
+                another version of fretwork makes keys differently"
+                .to_owned());
         }
-        let owner = self.name("note_owner").unwrap_or_default();
-        Some(Note { text, owner, at: self.moment("note_at").unwrap_or_else(now) })
-    }
-
-    fn program(&mut self, numerics: u32) -> Option<Program> {
-        let count = |stated: i64| u32::try_from(stated).ok();
-        let (version, host) = (self.name("version"), self.name("host"));
-        let architecture = self.name("architecture");
-        let processors = self.take("processors", "number of processors", count);
-        let Some(version) = version else {
-            if host.is_some() || architecture.is_some() || processors.is_some() {
-                self.left_out.push("its machine, for there is no version".to_owned());
-            }
-            return None;
+        if !document.has_history() {
+            return Err("its history is not a set of columns of equal length".to_owned());
+        }
+        let answer = Answer {
+            body: body.into(),
+            summary: document.summary(),
+            outline: Box::new(document.outline()),
         };
-        let (host, architecture) = (host.unwrap_or_default(), architecture.unwrap_or_default());
-        let processors = processors.unwrap_or_default();
-        Some(Program { version, numerics, host, architecture, processors })
-    }
-
-    /// All of it, with the result that it is of.
-    fn result(&mut self, body: Vec<u8>, parsed: &Body) -> New {
-        let (owner, computed) = (self.name("owner"), self.moment("computed"));
-        let (wall, cpu) = (self.seconds("wall_seconds"), self.seconds("cpu_seconds"));
-        let answer = Answer { body: body.into(), summary: parsed.summary() };
-        New {
+        let wall = column(row, "wall_seconds")?.map(seconds).transpose()?;
+        let cpu = column(row, "cpu_seconds")?.map(seconds).transpose()?;
+        Ok(Self {
+            key,
             answer: Answered::new(&answer, wall.map(|wall| Cost { wall, cpu })),
-            task: json!({"scenario": parsed.scenario}).to_string(),
-            owner,
-            computed,
-            program: self.program(parsed.engine.numerics),
-        }
+            task: json!({"scenario": scenario}).to_string(),
+            owner: column(row, "owner")?,
+            computed: column(row, "computed")?.map(time).transpose()?,
+            program: program(row, engine.numerics)?,
+            note: note(row)?,
+        })
     }
-}
 
-/// What is wrong with a row, if it was that and not a database that refuses.
-fn misfit(error: &Moving) -> Option<String> {
-    let Moving::Store(Error::Database(error)) = error else { return None };
-    match &**error {
-        sqlx::Error::ColumnDecode { index, .. } => {
-            Some(format!("its column {index} does not hold what it should"))
-        }
-        sqlx::Error::ColumnNotFound(name) => Some(format!("it has no column {name:?}")),
-        _ => None,
-    }
-}
-
-/// Why a result that cannot be read is refused.
-const DAMAGED: &str = "the file is damaged where it lies";
-
-/// What a file says; none where it is damaged.
-fn legible<T>(said: Result<T, sqlx::Error>) -> Result<Option<T>, Error> {
-    match said.map_err(Error::from) {
-        Err(Error::Damaged(_)) => Ok(None),
-        said => said.map(Some),
-    }
-}
-
-/// Looks at a result of an export before anything is changed.
-async fn sound(
-    from: &mut SqliteConnection,
-    db: &mut SqliteConnection,
-    text: &str,
-) -> Result<Looked, Moving> {
-    let refuse = |why: &str| Ok(Looked::Refused(why.to_owned()));
-    let Ok(key) = text.parse::<Key>() else { return refuse("its key is none") };
-    let row = sqlx::query(
-        "SELECT results.*, length(CAST(body AS BLOB)) AS length
-         FROM results LEFT JOIN bodies ON bodies.key = results.key WHERE results.key = ?1",
-    )
-    .bind(text)
-    .fetch_optional(&mut *from)
-    .await;
-    let Some(row) = legible(row)? else { return refuse(DAMAGED) };
-    let Some(row) = row else { return refuse("its key is none") };
-    let sha256: Option<Key> =
-        row.try_get::<Option<&str>, _>("sha256")?.and_then(|sum| sum.parse().ok());
-    let Some(sha256) = sha256 else { return refuse("it has no SHA-256") };
-    let digest = *sha256.bytes();
-    let mut stated = Stated { row: &row, left_out: Vec::new() };
-    match held(db, &key, &digest).await? {
-        Held::Nothing => {}
-        Held::Same => {
-            let note = stated.note();
-            let taken = Taken { key, digest, result: None, note, left_out: stated.left_out };
-            return Ok(Looked::Sound(Box::new(taken)));
-        }
-        Held::Other(why) => return Ok(Looked::Refused(why)),
-    }
-    match row.try_get::<Option<i64>, _>("length")? {
-        None => return refuse("it has no body"),
-        Some(length) if usize::try_from(length).is_ok_and(|length| length > 2 * MAX_ANSWER) => {
-            return refuse("its body is too large");
-        }
-        Some(_) => {}
-    }
-    let body = sqlx::query_scalar("SELECT CAST(body AS BLOB) FROM bodies WHERE key = ?1")
-        .bind(text)
-        .fetch_one(from)
-        .await;
-    let Some(body): Option<Vec<u8>> = legible(body)? else { return refuse(DAMAGED) };
-    if Sha256::digest(&body)[..] != digest[..] {
-        return refuse("its body does not match its SHA-256: one of them was changed");
-    }
-    let Ok(parsed) = serde_json::from_slice::<Body>(&body) else {
-        return refuse("its body is no result");
-    };
-    if parsed.engine.name != ENGINE.name
-        || parsed.key != text
-        || Key::of(parsed.engine.numerics, &parsed.scenario) != key
-    {
-        return refuse(
-            "its key is not that of its scenario: it was changed, or comes from a version of \
-             fretwork that makes keys differently",
-        );
-    }
-    if !parsed.has_history() {
-        return refuse("its history is no columns of numbers, all of one length");
-    }
-    let result = Some(stated.result(body, &parsed));
-    let note = stated.note();
-    let taken = Taken { key, digest, result, note, left_out: stated.left_out };
-    Ok(Looked::Sound(Box::new(taken)))
-}
-
-/// What is held under the key of a result, or was.
-async fn held(
-    db: &mut SqliteConnection,
-    key: &Key,
-    digest: &[u8; 32],
-) -> Result<Held, sqlx::Error> {
-    let row: Option<(bool, bool, Option<String>)> = sqlx::query_as(
-        "SELECT evicted IS NULL, digest = ?2, deleted_by FROM result WHERE key = ?1",
-    )
-    .bind(key.bytes().as_slice())
-    .bind(digest.as_slice())
-    .fetch_optional(db)
-    .await?;
-    let why = match row {
-        None | Some((false, true, None)) => return Ok(Held::Nothing),
-        Some((true, true, _)) => return Ok(Held::Same),
-        Some((true, false, _)) => "another result is held under its key, and stays".to_owned(),
-        Some((false, _, Some(who))) => {
-            format!("it was deleted here by {who}; only computing it brings it back")
-        }
-        Some((false, false, None)) => {
-            "it is not the result that was held under its key and dropped".to_owned()
-        }
-    };
-    Ok(Held::Other(why))
-}
-
-/// Puts some results in, in one transaction.
-async fn take(
-    db: &mut SqliteConnection,
-    file: &str,
-    batch: Vec<Taken>,
-    done: &mut Imported,
-) -> Result<(), Moving> {
-    if batch.is_empty() {
-        return Ok(());
-    }
-    db.execute("BEGIN IMMEDIATE").await?;
-    let put = async {
-        let mut some = Imported::default();
-        for taken in batch {
-            put(db, file, taken, &mut some).await?;
-        }
-        db.execute("COMMIT").await?;
-        Ok::<_, Moving>(some)
-    };
-    match put.await {
-        Ok(some) => {
-            done.add(some);
-            Ok(())
-        }
-        Err(error) => {
-            // It fails if SQLite has rolled back already: then there is nothing to do.
-            let _ = db.execute("ROLLBACK").await;
-            Err(error)
-        }
-    }
-}
-
-async fn put(
-    db: &mut SqliteConnection,
-    file: &str,
-    taken: Taken,
-    done: &mut Imported,
-) -> Result<(), Moving> {
-    let Taken { key, digest, result, note, left_out } = taken;
-    if let Some(new) = result {
-        // The server may have computed it since it was looked at.
-        match held(db, &key, &digest).await? {
+    /// Stores the result if it is unknown here, and its note. Returns why it is refused.
+    async fn store(
+        &self,
+        db: &mut SqliteConnection,
+        file: &str,
+        done: &mut Imported,
+    ) -> Result<Option<String>, Error> {
+        let mut tx = db.begin_with("BEGIN IMMEDIATE").await?;
+        match self.held(&mut tx).await? {
             Held::Nothing => {
-                new.put(db, key, file).await?;
+                self.insert(&mut tx, file).await?;
                 done.results += 1;
-                done.bytes += new.answer.body.len() as u64;
+                done.bytes += self.answer.body.len() as u64;
             }
             Held::Same => done.known += 1,
-            Held::Other(why) => {
-                done.refused.push((key.to_string(), why));
-                return Ok(());
-            }
+            Held::Other(why) => return Ok(Some(why)),
         }
-    } else {
-        done.known += 1;
+        self.annotate(&mut tx, done).await?;
+        tx.commit().await?;
+        Ok(None)
     }
-    done.left_out.extend(left_out.into_iter().map(|what| (key, what)));
-    if let Some(note) = note {
-        annotate(db, key, &note, done).await?;
-    }
-    Ok(())
-}
 
-impl New {
-    async fn put(&self, db: &mut SqliteConnection, key: Key, file: &str) -> Result<(), Moving> {
+    /// What this database has under the key.
+    async fn held(&self, db: &mut SqliteConnection) -> Result<Held, Error> {
+        let row: Option<(bool, bool, Option<String>)> = sqlx::query_as(
+            "SELECT evicted IS NULL, digest = ?2, deleted_by FROM result WHERE key = ?1",
+        )
+        .bind(self.key.bytes().as_slice())
+        .bind(self.answer.digest.as_slice())
+        .fetch_optional(db)
+        .await?;
+        Ok(match row {
+            None | Some((false, true, None)) => Held::Nothing,
+            Some((true, true, _)) => Held::Same,
+            Some((true, false, _)) => {
+                Held::Other("this database has another result under its key".to_owned())
+            }
+            Some((false, _, Some(who))) => Held::Other(format!(
+                "{who} deleted it here; it must be computed again to come back"
+            )),
+            Some((false, false, None)) => {
+                Held::Other("it differs from the result that was evicted here".to_owned())
+            }
+        })
+    }
+
+    async fn insert(&self, db: &mut SqliteConnection, file: &str) -> Result<(), Error> {
         let program = match &self.program {
             Some(program) => Some(program.row(db).await?),
             None => None,
         };
         let owner = self.owner.as_deref();
         let source = Source { task: &self.task, owner, job: None, trace: None, program };
-        self.answer.insert(db, key, &source, now()).await?;
+        let now = clock::now();
+        self.answer.insert(db, self.key, &source, now).await?;
         sqlx::query(
             "UPDATE result SET imported = ?2, imported_from = ?3, computed = ?4 WHERE key = ?1",
         )
-        .bind(key.bytes().as_slice())
-        .bind(now())
+        .bind(self.key.bytes().as_slice())
+        .bind(now)
         .bind(file)
         .bind(self.computed)
         .execute(db)
         .await?;
         Ok(())
     }
+
+    /// Stores the note, if the result has none here.
+    async fn annotate(&self, db: &mut SqliteConnection, done: &mut Imported) -> Result<(), Error> {
+        let Some(note) = &self.note else { return Ok(()) };
+        let there: Option<String> = sqlx::query_scalar("SELECT text FROM note WHERE key = ?1")
+            .bind(self.key.bytes().as_slice())
+            .fetch_optional(&mut *db)
+            .await?;
+        match there {
+            Some(there) if there == note.text => {}
+            Some(_) => done.other_notes.push(self.key),
+            None => {
+                sqlx::query("INSERT INTO note (key, text, owner, at) VALUES (?1, ?2, ?3, ?4)")
+                    .bind(self.key.bytes().as_slice())
+                    .bind(&note.text)
+                    .bind(&note.owner)
+                    .bind(note.at)
+                    .execute(db)
+                    .await?;
+                done.notes += 1;
+            }
+        }
+        Ok(())
+    }
 }
 
-/// Puts a note to a result that has none.
-async fn annotate(
-    db: &mut SqliteConnection,
-    key: Key,
-    note: &Note,
-    done: &mut Imported,
-) -> Result<(), Moving> {
-    let new = sqlx::query(
-        "INSERT INTO note (key, text, owner, at) SELECT key, ?2, ?3, ?4 FROM result WHERE key = ?1
-         ON CONFLICT DO NOTHING",
-    )
-    .bind(key.bytes().as_slice())
-    .bind(&note.text)
-    .bind(&note.owner)
-    .bind(note.at)
-    .execute(&mut *db)
-    .await?;
-    if new.rows_affected() > 0 {
-        done.notes += 1;
-        return Ok(());
-    }
-    let there: Option<String> = sqlx::query_scalar("SELECT text FROM note WHERE key = ?1")
-        .bind(key.bytes().as_slice())
-        .fetch_optional(db)
-        .await?;
-    if there.is_some_and(|there| there != note.text) {
-        done.other_notes.push(key);
-    }
-    Ok(())
+/// What a database has under a key.
+enum Held {
+    /// Nothing, or it evicted this very result.
+    Nothing,
+    /// The same result.
+    Same,
+    /// Something that keeps the result out: the reason.
+    Other(String),
 }
 
-fn milliseconds(text: &str) -> Option<i64> {
-    let since = humantime::parse_rfc3339(text).ok()?.duration_since(UNIX_EPOCH).ok()?;
-    i64::try_from(since.as_millis()).ok()
+/// Reads a column; `None` if it is empty.
+fn column<'r, T>(row: &'r SqliteRow, name: &str) -> Result<Option<T>, String>
+where
+    T: sqlx::Decode<'r, sqlx::Sqlite> + sqlx::Type<sqlx::Sqlite>,
+{
+    row.try_get(name).map_err(|_| format!("its column {name} does not hold what it should"))
+}
+
+fn seconds(seconds: f64) -> Result<Duration, String> {
+    Duration::try_from_secs_f64(seconds).map_err(|_| format!("{seconds} is not a time in seconds"))
+}
+
+fn time(text: &str) -> Result<i64, String> {
+    clock::parse(text).ok_or_else(|| format!("{text:?} is not an RFC 3339 time"))
+}
+
+fn program(row: &SqliteRow, numerics: u32) -> Result<Option<Program>, String> {
+    let Some(version) = column(row, "version")? else { return Ok(None) };
+    Ok(Some(Program {
+        version,
+        numerics,
+        host: column(row, "host")?.unwrap_or_default(),
+        architecture: column(row, "architecture")?.unwrap_or_default(),
+        processors: column(row, "processors")?.unwrap_or_default(),
+    }))
+}
+
+fn note(row: &SqliteRow) -> Result<Option<Note>, String> {
+    let Some(text) = column::<String>(row, "note")? else { return Ok(None) };
+    if let Some(fault) = Note::fault(&text) {
+        return Err(format!("its note {fault}"));
+    }
+    let owner = column(row, "note_owner")?.ok_or("its note has no owner")?;
+    let at = column(row, "note_at")?.ok_or("its note has no time")?;
+    Ok(Some(Note { text, owner, at: time(at)? }))
 }

@@ -1,14 +1,12 @@
-//! Results on their way between servers, and copies of the whole.
+//! Export and import of results, backup and restore of the database.
 //!
-//! All of it works beside a running server, whose database is opened once more: SQLite keeps the two
-//! apart, and no transaction here is long. What is written is written beside its place, checked, and
-//! only then given its name.
+//! All commands work while a server uses the database: SQLite isolates them, and no transaction is long.
+//! Each file is written under a temporary name, checked, and then renamed.
 //!
-//! An export is a database of its own kind, for people and their tools as much as for another server:
-//! one table with a row per result in plain columns, one with the bodies, one with the histories, and one
-//! with the units. An import takes numbers and scenarios from the bodies only, and those only where
-//! their SHA-256 and their key are right. Who computed a result, where, when and at what cost, and its
-//! note, nobody can check: these are taken as they are stated.
+//! An export is an SQLite database for other programs and for other servers. It has one table with a
+//! row per result, one with the bodies, one with the histories, and one with the units. An import
+//! reads results from the bodies only, and checks their SHA-256 and their keys. It cannot check who
+//! computed a result, where, when and at what cost, nor notes: it takes these as they are.
 
 mod backup;
 mod export;
@@ -19,76 +17,71 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use sqlx::SqliteConnection;
-
-use super::Error;
-use super::open::{self, DATABASE};
+use super::{Error, open};
 use crate::job::Key;
 
 pub use backup::{Saved, backup, restore};
 pub use export::{Exported, export};
 pub use import::{Imported, import};
 
-/// Marks an export ("frex").
+/// The SQLite application id of an export ("frex").
 const EXPORT: i32 = 0x6672_6578;
-/// The version of the form of an export.
+/// The version of the format of an export.
 const FORM: i32 = 1;
-/// How long to wait for a server that writes.
+/// How long to wait while the server writes.
 const PATIENCE: Duration = Duration::from_secs(30);
-/// Results, and bytes of them, in one transaction: so short that a server does not notice.
-const AT_ONCE: (usize, usize) = (32, 4 << 20);
 
-/// Why results or a database could not be moved.
+/// Why an export, import, backup or restore failed.
 #[derive(Debug, thiserror::Error)]
 pub enum Moving {
-    /// The database cannot be used.
+    /// The database failed.
     #[error(transparent)]
     Store(#[from] Error),
-    /// There is nothing to take from.
+    /// The source does not exist.
     #[error("there is no {}", .0.display())]
     Nothing(PathBuf),
-    /// Nothing is overwritten.
+    /// The target exists.
     #[error("{} exists already, and is not overwritten", .0.display())]
     Exists(PathBuf),
-    /// It is something else.
+    /// The file is something else.
     #[error("{} is not an export of fretwork", .0.display())]
     NoExport(PathBuf),
-    /// It is a backup, or the database of a server.
-    #[error("{} is a whole database, not an export: `fretwork restore` puts a backup in place", .0.display())]
+    /// The file is a backup, or the database of a server.
+    #[error("{} is a whole database, not an export: use `fretwork restore` for a backup", .0.display())]
     WholeDatabase(PathBuf),
-    /// A later program wrote it.
-    #[error("{} was exported by a later version of fretwork (form {found}, this program knows {FORM})", path.display())]
+    /// A later program wrote the file.
+    #[error("{} was exported by a later version of fretwork (format {found}, this program knows {FORM})", path.display())]
     LaterForm {
         /// The file.
         path: PathBuf,
-        /// The version of its form.
+        /// The version of its format.
         found: i32,
     },
-    /// No such result.
-    #[error("no result with the key {0} is there")]
+    /// The database does not have this result.
+    #[error("there is no result with the key {0}")]
     UnknownKey(Key),
-    /// The copy does not hold what it should.
+    /// The file has changed since it was written.
     #[error("{} is damaged: {said}", path.display())]
     Damaged {
         /// The file.
         path: PathBuf,
-        /// What was found.
+        /// What is wrong.
         said: String,
     },
-    /// A backup cannot take the place of the database.
+    /// The backup could not replace the database.
     #[error("the backup cannot be put in place; the former database is still {}", path.display())]
     NotReplaced {
-        /// The former database, as it was.
+        /// The former database, unchanged.
         path: PathBuf,
-        /// What the system says.
+        /// The error of the operating system.
         source: io::Error,
     },
-    /// The system refuses.
+    /// A file could not be written.
     #[error("cannot write {}", path.display())]
     File {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The error of the operating system.
         source: io::Error,
     },
 }
@@ -104,27 +97,7 @@ fn refused(path: &Path) -> impl FnOnce(io::Error) -> Moving {
     move |source| Moving::File { path, source }
 }
 
-/// Opens the database of a directory beside the server that may be using it.
-async fn beside(dir: &Path) -> Result<SqliteConnection, Moving> {
-    let path = dir.join(DATABASE);
-    if !path.exists() {
-        return Err(Moving::Nothing(path));
-    }
-    Ok(open::beside(dir, PATIENCE).await?)
-}
-
-async fn versions(db: &mut SqliteConnection) -> Result<Vec<i64>, sqlx::Error> {
-    sqlx::query_scalar("SELECT version FROM _sqlx_migrations").fetch_all(db).await
-}
-
-/// A version of the tables that is later than all that are known.
-fn later(there: &[i64], known: &[i64]) -> Option<i64> {
-    let latest = known.iter().max().copied().unwrap_or_default();
-    there.iter().max().copied().filter(|found| *found > latest)
-}
-
-/// Where a file is written until it is whole: beside its place. What an earlier attempt left is
-/// removed.
+/// The temporary name of a file that is being written. Removes what an interrupted command left there.
 fn unfinished(file: &Path) -> Result<PathBuf, Moving> {
     let part = open::with_suffix(file, ".part");
     match fs::remove_file(&part) {
@@ -133,20 +106,20 @@ fn unfinished(file: &Path) -> Result<PathBuf, Moving> {
     }
 }
 
-/// Gives a file that is whole its name, once it is on the disk.
+/// Gives a finished file its name, which must be free.
 fn name(part: &Path, file: &Path) -> Result<(), Moving> {
     if file.exists() {
-        return Err(refused(file)(io::ErrorKind::AlreadyExists.into()));
+        return Err(Moving::Exists(file.to_owned()));
     }
     put(part, file).map_err(refused(file))
 }
 
-/// Puts a file that is whole in a place, once it is on the disk, at one moment.
+/// Syncs a finished file to the disk and renames it.
 fn put(part: &Path, file: &Path) -> io::Result<()> {
     File::open(part)?.sync_all()?;
     fs::rename(part, file)?;
     let dir = file.parent().filter(|dir| !dir.as_os_str().is_empty());
-    // Where directories cannot be synced there is nothing to do about it.
+    // Some systems cannot sync directories.
     let _ = File::open(dir.unwrap_or(Path::new("."))).and_then(|dir| dir.sync_all());
     Ok(())
 }

@@ -1,22 +1,21 @@
-//! Looking for results: what may be asked, and how it becomes conditions on outlines.
+//! Search for results: which conditions there are, and how they become SQL.
 
 mod page;
 
 use std::collections::BTreeMap;
-use std::time::{Duration, UNIX_EPOCH};
 
 use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
 
 use super::Error;
-use super::outline::{Outline, SCALARS, WORDS};
+use super::outline;
 use super::read::key;
-use crate::job::Key;
+use crate::job::{Key, Outline, SCALARS, WORDS, clock};
 use fretwork_engine::request::quantity::{self, Dimension};
 
 pub(super) use page::page;
 pub use page::{Cursor, Found, Listed};
 
-/// Which results to list, and in which order; what is not set asks for nothing.
+/// Which results to list, and in which order. The default lists all, the newest first.
 #[derive(Debug, Clone)]
 pub struct Search {
     words: Vec<(&'static str, String)>,
@@ -27,8 +26,9 @@ pub struct Search {
     note: Option<String>,
     tag: Option<String>,
     label: Option<String>,
-    /// Only jobs of theirs are asked for tags and labels.
-    of: Option<String>,
+    /// Tags and labels match only jobs of this owner.
+    jobs_of: Option<String>,
+    /// The column to sort by.
     by: &'static str,
     descending: bool,
 }
@@ -44,25 +44,27 @@ impl Default for Search {
             note: None,
             tag: None,
             label: None,
-            of: None,
+            jobs_of: None,
             by: "created",
             descending: true,
         }
     }
 }
 
-/// Numbers between two, which are among them.
+/// A closed interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Range {
     low: f64,
     high: f64,
 }
 
-/// Derived numbers are off in the last digits: what is asked for by all of its usual digits is meant.
+/// Relative width by which bounds are extended: derived numbers differ in their last digits, and a user
+/// who copies a displayed number must find it.
 const SLACK: f64 = 1e-9;
 
 impl Range {
-    /// Reads `a..b`, `a..`, `..b` or a single value; `value` says from where to where one reaches.
+    /// Reads `a..b`, `a..`, `..b` or a single value. `value` reads one bound; the bound is an interval
+    /// itself.
     fn read(text: &str, value: impl Fn(&str) -> Result<Self, String>) -> Result<Self, String> {
         let (low, high) = text.split_once("..").unwrap_or((text, text));
         let (low, high) = (low.trim(), high.trim());
@@ -79,14 +81,14 @@ impl Range {
         Ok(Self { low, high })
     }
 
-    /// Reads a range of a quantity, whose bounds may carry units.
+    /// Reads a range of a quantity. The bounds may have units.
     fn quantity(text: &str, dimension: Dimension) -> Result<Self, String> {
         let is_plain = |text: &str| text.trim().parse::<f64>().is_ok_and(|number| number != 0.0);
         let has_unit = |text: &str| !text.trim().is_empty() && text.trim().parse::<f64>().is_err();
         if let Some((low, high)) = text.split_once("..")
             && ((is_plain(low) && has_unit(high)) || (has_unit(low) && is_plain(high)))
         {
-            // 0.1..0.2 kN: nobody means 0.1 N to 200 N.
+            // `0.1..0.2 kN` would be 0.1 N to 200 N, which is probably a mistake.
             return Err(format!("{text:?}: give both bounds their unit, or neither"));
         }
         Self::read(text, |text| {
@@ -97,35 +99,38 @@ impl Range {
     }
 }
 
-/// A moment as RFC 3339, or a day from its first to its last millisecond, in those since 1970.
+/// Reads an RFC 3339 time or a day (UTC), in milliseconds since 1970. A day is the whole day.
 fn moment(text: &str) -> Result<Range, String> {
     let is_day = !text.contains(['T', 't', ' ']);
     let whole = if is_day { format!("{text}T00:00:00Z") } else { text.to_owned() };
-    let time = humantime::parse_rfc3339_weak(&whole)
-        .map_err(|_| format!("{text:?} is no moment; write 2026-01-31 or 2026-01-31T12:00:00Z"))?;
-    let since = time.duration_since(UNIX_EPOCH).unwrap_or(Duration::ZERO);
-    let low = since.as_millis() as f64;
+    let low = clock::parse(&whole).ok_or_else(|| {
+        format!("{text:?} is not a time; write 2026-01-31 or 2026-01-31T12:00:00Z")
+    })? as f64;
     Ok(Range { low, high: if is_day { low + 86_399_999.0 } else { low } })
 }
 
 impl Search {
-    /// Every name that [`set`](Self::set) knows.
+    /// All names that [`set`](Self::set) accepts.
     pub fn names() -> impl Iterator<Item = &'static str> {
-        let words = WORDS.iter().map(|word| word.name);
         let others =
             ["created", "size", "owner", "pinned", "evicted", "note", "tag", "label", "sort"];
-        words.chain(SCALARS.iter().map(|scalar| scalar.name)).chain(others)
+        outline::names().chain(others)
     }
 
-    /// Looks for tags and labels among the jobs of this owner only, if there is one.
+    /// All names to sort by.
+    pub fn orders() -> impl Iterator<Item = &'static str> {
+        ["created", "size"].into_iter().chain(SCALARS.iter().map(|scalar| scalar.name))
+    }
+
+    /// Lets tags and labels match only jobs of this owner, if one is given.
     pub fn only_jobs_of(&mut self, owner: Option<&str>) {
-        self.of = owner.map(str::to_owned);
+        self.jobs_of = owner.map(str::to_owned);
     }
 
-    /// Asks for one thing more: a word, a range of a number, or the order.
+    /// Adds one condition, or sets the order.
     ///
     /// # Errors
-    /// A sentence that says what the value must be, or that there is no such name.
+    /// A sentence that says what the value must be, or that the name is unknown.
     pub fn set(&mut self, name: &str, value: &str) -> Result<(), String> {
         if let Some(word) = WORDS.iter().find(|word| word.name == name) {
             if !word.values.contains(&value) {
@@ -152,146 +157,90 @@ impl Search {
             "note" => self.note = Some(value.to_owned()),
             "tag" => self.tag = Some(value.to_owned()),
             "label" => self.label = Some(value.to_owned()),
-            "sort" => {
-                let (by, descending) = match value.strip_prefix('-') {
-                    Some(by) => (by, true),
-                    None => (value, false),
-                };
-                self.by = sorted_by(by).ok_or_else(|| {
-                    let names: Vec<_> = SCALARS.iter().map(|scalar| scalar.name).collect();
-                    format!(
-                        "must be created, size, {}, or one of them after a minus sign for the \
-                         largest first; got {value:?}",
-                        names.join(", ")
-                    )
-                })?;
-                self.descending = descending;
-            }
+            "sort" => self.sort(value)?,
             _ => {
                 let names: Vec<_> = Self::names().collect();
-                return Err(format!("is unknown; there are {}", names.join(", ")));
+                return Err(format!("is unknown; the names are {}", names.join(", ")));
             }
         }
         Ok(())
     }
 
-    /// Asks for a number within a range, and within all that were asked for before.
+    /// Sets the order. A minus sign before the name puts the largest first.
+    fn sort(&mut self, value: &str) -> Result<(), String> {
+        let name = value.strip_prefix('-');
+        self.descending = name.is_some();
+        let name = name.unwrap_or(value);
+        self.by = Self::orders().find(|known| *known == name).ok_or_else(|| {
+            let names: Vec<_> = Self::orders().collect();
+            format!(
+                "must be one of {}, or one of them after a minus sign for the largest first; got \
+                 {value:?}",
+                names.join(", ")
+            )
+        })?;
+        Ok(())
+    }
+
+    /// Restricts a number to a range, in addition to earlier ranges.
     fn restrict(&mut self, name: &'static str, range: Range) {
         let kept = self.ranges.entry(name).or_insert(range);
         *kept = Range { low: kept.low.max(range.low), high: kept.high.min(range.high) };
     }
 
-    /// The index along which results lie in the order that is asked for.
-    fn order(&self) -> &'static str {
-        if self.by == "created" && self.owner.is_some() { OWNER } else { self.by }
-    }
-
-    /// The other indexes that lead to results that may be asked for, and to none besides by the one
-    /// condition: few or many, who knows.
-    fn shortcuts(&self) -> Vec<&'static str> {
-        let owner = self.owner.as_ref().map(|_| OWNER);
-        let all = self.ranges.keys().copied().chain(owner);
-        all.filter(|index| *index != self.order() && *index != self.by).collect()
-    }
-
-    /// Whether a condition names results, which are looked up one by one.
-    fn names_results(&self) -> bool {
-        self.pinned == Some(true)
-            || [&self.note, &self.tag, &self.label].into_iter().any(Option::is_some)
-    }
-
-    /// Ends conditions by those that an index answers by itself.
-    fn along(&self, query: &mut QueryBuilder<Sqlite>, index: &str) {
-        if index == OWNER {
-            self.owned(query);
-            self.within(query, "created");
-        } else {
-            self.within(query, index);
-        }
-    }
-
-    fn owned(&self, query: &mut QueryBuilder<Sqlite>) {
-        if let Some(owner) = &self.owner {
-            query.push(" AND outline.owner = ").push_bind(owner.clone());
-        }
-    }
-
-    /// What is asked of one number.
-    fn within(&self, query: &mut QueryBuilder<Sqlite>, name: &str) {
-        let Some(Range { low, high }) = self.ranges.get(name) else { return };
-        if low.is_finite() {
-            query.push(" AND outline.").push(name).push(" >= ").push_bind(*low);
-        }
-        if high.is_finite() {
-            query.push(" AND outline.").push(name).push(" <= ").push_bind(*high);
-        }
-    }
-
-    /// What is asked, as conditions on outlines.
+    /// Writes all conditions on rows of `outline`.
     fn conditions(&self, query: &mut QueryBuilder<Sqlite>) {
         query.push(if self.evicted { "NOT present" } else { "present" });
         for (name, word) in &self.words {
             query.push(" AND outline.").push(*name).push(" = ").push_bind(word.clone());
         }
-        for name in self.ranges.keys() {
-            self.within(query, name);
+        for (name, Range { low, high }) in &self.ranges {
+            if low.is_finite() {
+                query.push(" AND outline.").push(*name).push(" >= ").push_bind(*low);
+            }
+            if high.is_finite() {
+                query.push(" AND outline.").push(*name).push(" <= ").push_bind(*high);
+            }
         }
-        self.owned(query);
-        match self.pinned {
-            Some(true) => {
-                query.push(" AND outline.id IN ").push(PINNED);
-            }
-            Some(false) => {
-                query.push(" AND outline.id NOT IN ").push(PINNED);
-            }
-            None => {}
+        if let Some(owner) = &self.owner {
+            query.push(" AND outline.owner = ").push_bind(owner.clone());
+        }
+        if let Some(pinned) = self.pinned {
+            query.push(if pinned { " AND outline.id IN (" } else { " AND outline.id NOT IN (" });
+            query.push("SELECT id FROM result_task JOIN result USING (key) WHERE pinned)");
         }
         if let Some(note) = &self.note {
-            among(query, "note JOIN result_task USING (key)");
+            query.push(" AND outline.id IN (SELECT id FROM result_task JOIN note USING (key)");
             query.push(" WHERE instr(lower(text), lower(").push_bind(note.clone()).push(")))");
         }
         if let Some(tag) = &self.tag {
-            let tagged = "job_tag JOIN job ON job.id = job_tag.job \
-                JOIN result_task ON result_task.key = job.key";
-            among(query, tagged);
-            query.push(" WHERE tag = ").push_bind(tag.clone());
-            self.of_owner(query);
+            self.with_job(query, "job_tag JOIN job ON job.id = job_tag.job", "tag", tag);
         }
         if let Some(label) = &self.label {
-            among(query, "job JOIN result_task ON result_task.key = job.key");
-            query.push(" WHERE label = ").push_bind(label.clone());
-            self.of_owner(query);
+            self.with_job(query, "job", "label", label);
         }
     }
 
-    /// Ends a condition on jobs.
-    fn of_owner(&self, query: &mut QueryBuilder<Sqlite>) {
-        if let Some(owner) = &self.of {
+    /// Writes the condition that a job with this label or tag asked for the result.
+    fn with_job(
+        &self,
+        query: &mut QueryBuilder<Sqlite>,
+        jobs: &'static str,
+        column: &'static str,
+        value: &str,
+    ) {
+        query.push(" AND outline.id IN (SELECT result_task.id FROM ").push(jobs);
+        query.push(" JOIN result_task ON result_task.key = job.key WHERE ").push(column);
+        query.push(" = ").push_bind(value.to_owned());
+        if let Some(owner) = &self.jobs_of {
             query.push(" AND job.owner = ").push_bind(owner.clone());
         }
         query.push(")");
     }
 }
 
-/// The name of the index of owners, within which results lie in the order in which they came.
-const OWNER: &str = "owner";
-
-/// The outlines of pinned results, which are few.
-const PINNED: &str = "(SELECT result_task.id FROM result INDEXED BY result_pinned
-    JOIN result_task USING (key) WHERE pinned)";
-
-/// Restricts outlines to those of a join; the condition and the parenthesis are the caller's.
-fn among(query: &mut QueryBuilder<Sqlite>, join: &'static str) {
-    query.push(" AND outline.id IN (SELECT result_task.id FROM ").push(join);
-}
-
-fn sorted_by(name: &str) -> Option<&'static str> {
-    let scalars = SCALARS.iter().map(|scalar| scalar.name);
-    ["created", "size"].into_iter().chain(scalars).find(|known| *known == name)
-}
-
-/// The result that is there whose given quantities are nearest to those of an outline: by the sum of
-/// their relative differences, and 10 for each word that differs.
+/// The stored result whose inputs are nearest to those of an outline. The distance is the sum of the
+/// relative differences, plus 10 for each word that differs.
 pub(super) async fn nearest(
     db: &mut SqliteConnection,
     to: &Outline,
@@ -311,7 +260,7 @@ pub(super) async fn nearest(
             query.push_bind(value.clone()).push(")");
         }
     }
-    for (scalar, value) in SCALARS.iter().zip(&to.scalars).filter(|(scalar, _)| scalar.given) {
+    for (scalar, value) in SCALARS.iter().zip(&to.scalars).filter(|(scalar, _)| scalar.is_input) {
         let Some(value) = value else { continue };
         query.push(" + coalesce(abs(outline.").push(scalar.name).push(" - ").push_bind(*value);
         query.push(") / max(abs(outline.").push(scalar.name).push("), ");
@@ -349,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn moments_are_days_or_instants() {
+    fn times_are_days_or_instants() {
         let range = |text| Range::read(text, moment);
         let day = 86_400_000.0;
         assert_eq!(range("1970-01-02"), Ok(Range { low: day, high: 2.0 * day - 1.0 }));
@@ -359,6 +308,7 @@ mod tests {
             Ok(Range { low: 1000.0, high: 2500.0 })
         );
         assert!(range("yesterday").is_err());
+        assert!(range("1969-12-31").is_err());
         assert!(range("1970-01-03..1970-01-02").is_err());
     }
 }

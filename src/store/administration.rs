@@ -1,21 +1,21 @@
-//! The tables for a command that looks after them, with or without a server at work on them.
+//! Access to the database for the administrative commands, with or without a running server.
 
 use std::path::Path;
 
 use sqlx::{Connection as _, SqliteConnection};
 
 use super::keys::{self, AccessKey, NewKey};
-use super::{Error, now, open};
+use super::{Error, open};
+use crate::job::clock::now;
 
-/// The database of a data directory, for one administrative command.
+/// The database of a data directory, opened by an administrative command.
 ///
-/// Each change is one statement: a server beside it waits for no longer than that.
+/// Each change is one statement, so a running server waits only briefly.
 #[derive(Debug)]
-pub struct Desk(SqliteConnection);
+pub struct Administration(SqliteConnection);
 
-impl Desk {
-    /// Opens the database in a directory. If no server uses it, it is made if it does not exist, and
-    /// brought up to date.
+impl Administration {
+    /// Opens the database in a directory. If no server uses it, creates or migrates it where necessary.
     pub async fn open(dir: &Path) -> Result<Self, Error> {
         open::beside(dir, open::BUSY).await.map(Self)
     }
@@ -26,22 +26,22 @@ impl Desk {
         dir.join(open::DATABASE).exists()
     }
 
-    /// Makes an access key and returns it: the only time that it is seen.
+    /// Creates an access key and returns it. It cannot be read again.
     pub async fn add_key(&mut self, new: &NewKey) -> Result<String, Error> {
         keys::add(&mut self.0, new, now()).await
     }
 
-    /// All access keys there ever were, the oldest first.
+    /// All access keys, also expired and revoked ones, the oldest first.
     pub async fn keys(&mut self) -> Result<Vec<AccessKey>, Error> {
         keys::list(&mut self.0).await
     }
 
-    /// Takes back the keys of this id or name that are in force; returns how many.
+    /// Revokes the valid keys with this id or name; returns how many.
     pub async fn revoke_keys(&mut self, name: &str) -> Result<u64, Error> {
         keys::revoke(&mut self.0, name, now()).await
     }
 
-    /// Lets the database go.
+    /// Closes the database.
     pub async fn close(self) -> Result<(), Error> {
         Ok(self.0.close().await?)
     }
