@@ -15,11 +15,11 @@ use std::time::Instant;
 
 use fretwork_engine::contact::control::Control;
 use fretwork_engine::contact::profile::Shape;
-use fretwork_engine::contact::row::Row;
+use fretwork_engine::contact::row::SpringRow;
 use fretwork_engine::contact::transform::Kernels;
 use fretwork_engine::contact::unworn::{Contact, Decay};
 use fretwork_engine::scenario::{self, Scenario};
-use fretwork_engine::simulation::{Simulation, Step};
+use fretwork_engine::simulation::{Advance, Simulation};
 use fretwork_engine::solver::closed::simplified::Simplified;
 use fretwork_engine::solver::stepped::law::Law;
 use fretwork_engine::solver::stepped::march::March;
@@ -91,7 +91,7 @@ fn main() {
     let changes = shorten(&vectors);
     let mut curves = vectors.clone();
 
-    let row = Row::new(&contact);
+    let row = SpringRow::new(&contact);
     let one_dimensional = || {
         for n in SNAPSHOTS {
             black_box(row.sums(black_box(solver.decay(0.8, n))));
@@ -243,7 +243,7 @@ fn longest_steps() {
                 let step = run.step();
                 let time = start.elapsed().as_secs_f64();
                 (longest, whole) = (longest.max(time), whole + time);
-                if let Step::Done(_) = step {
+                if let Advance::Done(_) = step {
                     return (longest, whole);
                 }
             }

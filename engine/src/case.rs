@@ -4,7 +4,7 @@ use crate::contact::control::{Control, Final, Tangential};
 use crate::contact::hysteresis::{Backbone, ROW_POINTS};
 use crate::contact::row::UnwornSums;
 use crate::contact::unworn::{Contact, Regime};
-use crate::solver::events::Until;
+use crate::solver::events::StopCondition;
 use crate::solver::stepped::law::Law;
 use crate::solver::stepped::march::March;
 
@@ -90,6 +90,17 @@ pub enum Method {
     },
 }
 
+impl Method {
+    /// The wear law of this method.
+    #[must_use]
+    pub fn law(&self) -> Law {
+        match *self {
+            Self::Simplified { xi } => Law::Simplified(xi),
+            Self::Exact { .. } => Law::Exact,
+        }
+    }
+}
+
 /// A scenario made ready for computing: dimensionless, with the scales that lead back.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Case {
@@ -100,7 +111,7 @@ pub struct Case {
     /// The state that wear tends to, where it is known.
     pub tends_to: Option<Final>,
     /// Wear at which the run ends early.
-    pub until: Until,
+    pub until: StopCondition,
     /// The part of the depth that the first body bears, where it is asked for.
     pub share: Option<f64>,
     /// The way back to SI.
@@ -163,10 +174,7 @@ impl Case {
     /// How the contact wears in time steps.
     #[must_use]
     pub fn law(&self) -> Law {
-        match self.method {
-            Method::Simplified { xi } => Law::Simplified(xi),
-            Method::Exact { .. } => Law::Exact,
-        }
+        self.method.law()
     }
 
     /// The largest amplitude over that at N = 0.
@@ -191,7 +199,7 @@ impl Case {
             method: Method::Simplified { xi },
             points: self.points.min(COMPARISON_POINTS),
             profiles: vec![false; self.profiles.len()],
-            until: Until::default(),
+            until: StopCondition::default(),
             share: None,
             ..self.clone()
         }
@@ -229,7 +237,7 @@ impl Case {
     /// Ñ of the last instant.
     #[must_use]
     pub fn normalized_end(&self) -> f64 {
-        self.cycles.last().map_or(0.0, |last| last / self.scales.cycles)
+        self.cycles[self.cycles.len() - 1] / self.scales.cycles
     }
 
     /// About how many bytes the answer takes as JSON.

@@ -6,13 +6,13 @@ use std::sync::Arc;
 
 use fretwork_engine::contact::control::{Block, Control, Normal, Tangential};
 use fretwork_engine::contact::profile::Shape;
-use fretwork_engine::contact::record::Record;
+use fretwork_engine::contact::record::DisplacementRecord;
 use fretwork_engine::contact::row::UnwornSums;
 use fretwork_engine::contact::unworn::Contact;
 use fretwork_engine::scenario;
 use fretwork_engine::simulation::Simulation;
 use fretwork_engine::solver::stepped::law::Law;
-use fretwork_engine::solver::stepped::plan::Plan;
+use fretwork_engine::solver::stepped::plan::MeshPlan;
 use fretwork_engine::solver::stepped::rkc::Rates;
 use fretwork_engine::solver::stepped::wearing::Wearing;
 use serde_json::json;
@@ -31,7 +31,7 @@ fn no_right_hand_side_allocates_in_any_mode() {
     let contact = Contact::sticking(Shape::power(2.0), 0.5).expect("a limit");
     let force = UnwornSums::of(&contact, None).tangential;
     let threshold = contact.threshold;
-    let record = Record::new(&[1.0, -1.0, 0.4]).expect("motion");
+    let record = DisplacementRecord::new(&[1.0, -1.0, 0.4]).expect("motion");
     for tangential in [
         Tangential::Amplitude,
         Tangential::Force(force),
@@ -42,7 +42,7 @@ fn no_right_hand_side_allocates_in_any_mode() {
         for normal in [Normal::Depth, Normal::Force] {
             for law in [Law::Exact, Law::Simplified(0.8)] {
                 let control = Control { normal, tangential: tangential.clone() };
-                let plan = Plan::first(&contact, &control, 64).expect("a scar that fits");
+                let plan = MeshPlan::first(&contact, &control, 64).expect("a scar that fits");
                 let mut wearing = Wearing::new(&contact, &control, law, plan, 64);
                 let (values, mut rates) = (vec![1e-3; 65], vec![0.0; 65]);
                 wearing.rates(&values, &mut rates);

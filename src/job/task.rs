@@ -9,7 +9,7 @@ use serde_json::Value;
 use serde_json::value::RawValue;
 
 use super::{Key, Outline};
-use fretwork_engine::outcome::{Outcome, Units};
+use fretwork_engine::outcome::{Outcome, ResultUnits};
 use fretwork_engine::request::fault::Faults;
 use fretwork_engine::request::fields::Given;
 use fretwork_engine::scenario::{self, Scenario, Warning};
@@ -261,8 +261,8 @@ struct Run {
 impl Work for Run {
     fn step(&mut self) -> Step {
         match self.simulation.step() {
-            simulation::Step::Working(progress) => Step::Working { progress },
-            simulation::Step::Done(outcome) => Step::Done(self.answer(&outcome)),
+            simulation::Advance::Working(progress) => Step::Working { progress },
+            simulation::Advance::Done(outcome) => Step::Done(self.answer(&outcome)),
         }
     }
 }
@@ -274,7 +274,7 @@ impl Run {
             key: Key,
             engine: Engine,
             scenario: &'a Scenario,
-            units: Units,
+            units: ResultUnits,
             #[serde(flatten)]
             outcome: &'a Outcome,
         }
@@ -282,7 +282,7 @@ impl Run {
             key: self.key,
             engine: ENGINE,
             scenario: &self.scenario,
-            units: Units,
+            units: ResultUnits,
             outcome,
         };
         let history = match serde_json::to_value(&outcome.history) {

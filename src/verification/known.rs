@@ -1,5 +1,5 @@
-//! What the literature knows of the unworn contact and of the first and last of its wear, asked for as
-//! a user does: a scenario in SI, and what comes back.
+//! Checks against the literature: the unworn contact, the start of wear and gross slip. Each value comes
+//! from a scenario in SI, as a user writes it.
 
 use serde_json::{Value, json};
 
@@ -16,10 +16,10 @@ const MODULUS: f64 = 112.64e9;
 const RADIUS: f64 = 0.01;
 const LOAD: f64 = 100.0;
 const WEAR: f64 = 3.03e-14;
-/// What goes into a scenario is rounded to 12 digits.
+/// A scenario rounds its numbers to 12 digits.
 const ROUNDED: f64 = 1e-9;
 
-/// The paraboloid.
+/// The paraboloid of all sections.
 const CONTACT: fn() -> CattaneoMindlin = || CattaneoMindlin {
     hertz: Hertz::under(LOAD, MODULUS, RADIUS),
     tangential_modulus: 92.76e9,
@@ -38,7 +38,7 @@ fn cone() -> Value {
     json!({"shape": "cone", "slope_angle": 0.02})
 }
 
-/// A contact under 100 N that is to be worn by the exact method.
+/// A scenario of the exact method with a normal force of 100 N.
 pub fn request(profile: &Value, held: &str, motion: &Value, cycles: &Value) -> Value {
     json!({
         "profile": profile,

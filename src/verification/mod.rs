@@ -1,12 +1,11 @@
-//! The verification page: every number that is known by another way, computed anew and compared.
+//! The verification page compares numbers of this program with the same numbers from other sources.
 //!
-//! A [`Page`] is made of sections, a [`Section`] of checks, and a [`Check`] is one number: what it is,
-//! the reference and where that is from, the value of this program, and how large the error may be.
-//! Nothing is written down beforehand but the references and the words, which are in `page.md`; all
-//! else is computed by [`page()`], in a fixed order, so that the same engine prints the same bytes.
+//! A [`VerificationPage`] consists of sections, and a [`Section`] of checks. A [`Check`] holds a reference
+//! with its source, the computed value, and the accepted error. The words of the page are in `page.md`.
+//! [`page()`] computes the values in a fixed order, so that the same engine prints the same bytes.
 //!
 //! # Units
-//! Those of the [reference solutions](fretwork_engine::reference); what goes through a scenario is in SI.
+//! Those of the [reference solutions](fretwork_engine::reference). Scenarios and their results are in SI.
 
 mod known;
 mod numerics;
@@ -15,11 +14,11 @@ mod problem;
 mod rule;
 mod table;
 
-pub use page::{Check, Page, Section};
+pub use page::{Check, Section, VerificationPage};
 
-/// Computes the page. It takes some seconds.
+/// Computes the page, which takes some seconds.
 #[must_use]
-pub fn page() -> Page {
+pub fn page() -> VerificationPage {
     let sections = [table::sections(), known::sections(), numerics::sections(), rule::sections()];
-    Page { sections: sections.into_iter().flatten().collect() }
+    VerificationPage { sections: sections.into_iter().flatten().collect() }
 }

@@ -1,20 +1,20 @@
-//! What the exact method keeps by its construction, and how its errors fall.
+//! Checks of the numerical method: its energy balance, its order of convergence and its tolerance.
 
 use serde_json::{Value, json};
 
 use super::known::{paraboloid, request, run};
 use super::page::{Check, Section};
-use super::problem::{Problem, at};
+use super::problem::{ContactProblem, at};
 use fretwork_engine::contact::control::Normal::Depth;
-use fretwork_engine::contact::record::Record;
+use fretwork_engine::contact::record::DisplacementRecord;
 use fretwork_engine::scenario::{DEFAULT_TOLERANCE, DEFAULT_XI};
 use fretwork_engine::solver::stepped::law::Law;
 use fretwork_engine::solver::stepped::march::March;
-use fretwork_engine::solver::stepped::plan::Plan;
+use fretwork_engine::solver::stepped::plan::MeshPlan;
 use fretwork_engine::solver::stepped::rkc::Rkc;
 use fretwork_engine::solver::stepped::wearing::Wearing;
 
-/// A tolerance of the steps in time at which only the mesh counts.
+/// Tolerance of the time steps at which only the mesh causes errors.
 const FINE_STEPS: f64 = 1e-5;
 
 pub fn sections() -> Vec<Section> {
@@ -24,8 +24,8 @@ pub fn sections() -> Vec<Section> {
 fn states() -> Section {
     const CELLS: usize = 64;
     Section::of("Energy balance in every state", |section| {
-        for Problem { name, contact, control } in Problem::modes()? {
-            let plan = Plan::first(&contact, &control, CELLS)?;
+        for ContactProblem { name, contact, control } in ContactProblem::modes()? {
+            let plan = MeshPlan::first(&contact, &control, CELLS)?;
             let mut wearing = Wearing::new(&contact, &control, Law::Exact, plan, CELLS);
             let mut rkc = Rkc::new(&mut wearing, vec![0.0; CELLS + 1], 3e-3, (1.0, 0.3));
             let mut worst = 0.0_f64;
@@ -42,7 +42,7 @@ fn states() -> Section {
 
 fn sums() -> Section {
     Section::of("Energy balance over runs", |section| {
-        for problem in Problem::modes()? {
+        for problem in ContactProblem::modes()? {
             for (law, method, accepted) in [
                 (Law::Exact, "exact", Some(1e-3)),
                 (Law::Simplified(DEFAULT_XI), "simplified", None),
@@ -61,9 +61,9 @@ fn sums() -> Section {
     })
 }
 
-/// V at Ñ = 2 on so many cells, and the multiplications it took.
-fn volume(problem: &Problem, cells: usize) -> Option<(f64, f64)> {
-    let Problem { contact, control, .. } = problem;
+/// V at Ñ = 2 on a mesh of `cells` cells, and the multiplications of the run.
+fn volume(problem: &ContactProblem, cells: usize) -> Option<(f64, f64)> {
+    let ContactProblem { contact, control, .. } = problem;
     let mut run = March::with_cells(contact, control, Law::Exact, cells, FINE_STEPS, 2.0)?;
     let volume = at(&mut run, 2.0).worn.volume;
     let (_, evaluations) = run.work();
@@ -73,7 +73,7 @@ fn volume(problem: &Problem, cells: usize) -> Option<(f64, f64)> {
 fn order() -> Section {
     Section::of("Order of convergence", |section| {
         for (n, c) in [(2.0, 0.5), (1.0, 0.21), (4.0, 0.7)] {
-            let problem = Problem::amplitude(Depth, n, c)?;
+            let problem = ContactProblem::amplitude(Depth, n, c)?;
             let distance = |cells: usize| {
                 Some((volume(&problem, cells)?.0 - volume(&problem, 4 * cells)?.0).abs())
             };
@@ -89,7 +89,7 @@ fn order() -> Section {
 
 fn cells() -> Section {
     Section::of("Error and cost", |section| {
-        let problem = Problem::amplitude(Depth, 2.0, 0.5)?;
+        let problem = ContactProblem::amplitude(Depth, 2.0, 0.5)?;
         let (coarse, fine) = (volume(&problem, 256)?.0, volume(&problem, 512)?.0);
         let limit = fine + (fine - coarse) / 3.0;
         for cells in [32, 64, 128, 256, 512] {
@@ -105,9 +105,9 @@ fn cells() -> Section {
 fn tolerance() -> Section {
     const INSTANTS: [f64; 3] = [1.0, 4.0, 16.0];
     Section::of("Tolerance", |section| {
-        let mut problems = Problem::modes()?;
-        problems.push(Problem::amplitude(Depth, 1.0, 0.21)?);
-        problems.push(Problem::amplitude(Depth, 4.0, 0.7)?);
+        let mut problems = ContactProblem::modes()?;
+        problems.push(ContactProblem::amplitude(Depth, 1.0, 0.21)?);
+        problems.push(ContactProblem::amplitude(Depth, 4.0, 0.7)?);
         for problem in problems {
             let mut fine = problem.march(Law::Exact, 0.1 * DEFAULT_TOLERANCE, INSTANTS[2])?;
             for (instant, state) in INSTANTS.into_iter().zip(problem.states(Law::Exact, &INSTANTS)?)
@@ -144,7 +144,7 @@ fn records() -> Section {
     Section::of("Records", |section| {
         let alternating: Vec<f64> =
             dice().take(10_000).enumerate().map(|(i, u)| if i % 2 == 0 { u } else { -u }).collect();
-        // Loops lie deep within each other.
+        // Its loops are nested deeply.
         let wandering: Vec<f64> = alternating
             .iter()
             .scan(0.0, |position, swing| {
@@ -153,7 +153,7 @@ fn records() -> Section {
             })
             .collect();
         for (name, displacements) in [("alternating", alternating), ("wandering", wandering)] {
-            let record = Record::new(&displacements)?;
+            let record = DisplacementRecord::new(&displacements)?;
             for share in [0.0, 0.1, 0.5, 0.9, 0.99] {
                 let (amplitude, limit) = (record.amplitude(), share * record.amplitude());
                 let what = format!("{name}: path at a slip limit of {share} U");
@@ -165,8 +165,8 @@ fn records() -> Section {
     })
 }
 
-/// Numbers between 0 and 1. D. E. Knuth, *The Art of Computer Programming* 2, 3.3.4: the MMIX
-/// generator, its upper half.
+/// Random numbers between 0 and 1: the upper half of the MMIX generator. D. E. Knuth, *The Art of
+/// Computer Programming* 2, 3.3.4.
 fn dice() -> impl Iterator<Item = f64> {
     let step = |state: &u64| {
         Some(state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407))
@@ -175,7 +175,7 @@ fn dice() -> impl Iterator<Item = f64> {
         .map(|state| f64::from((state >> 32) as u32) / f64::from(u32::MAX))
 }
 
-/// The path that a spring slips in its second pass, dragged from point to point.
+/// The path that a spring slips when it is dragged through the record for the second time.
 fn dragged(displacements: &[f64], limit: f64) -> f64 {
     let (mut before, mut deflection, mut path) = (displacements[0], 0.0, 0.0);
     for _ in 0..2 {

@@ -1,22 +1,22 @@
-//! What the page is made of, and how it is written: Markdown, a table to each section.
+//! The parts of the page, written as Markdown with one table per section.
 
 use std::fmt;
 
-/// The words: what precedes the tables, then a heading and a text for each section.
+/// The introduction, then a heading and a text for each section.
 const WORDS: &str = include_str!("page.md");
 
-/// One number that is known by another way.
+/// One number that another source knows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Check {
-    /// What it is.
+    /// Its description.
     pub what: String,
-    /// Where the reference is from.
+    /// The source of the reference.
     pub source: &'static str,
-    /// What it should be.
+    /// The expected value.
     pub reference: f64,
-    /// What this program makes it; not a number if nothing.
+    /// The value that this program computes; NaN if it cannot.
     pub value: f64,
-    /// The largest error that passes; none where an error is reported and not judged.
+    /// The largest error that passes; none if the error is only reported.
     pub accepted: Option<f64>,
 }
 
@@ -27,20 +27,20 @@ impl Check {
         if self.reference == 0.0 { self.value } else { self.value / self.reference - 1.0 }
     }
 
-    /// The error in parts of what is accepted: 1 or less passes, what is not a number never does.
+    /// The error divided by the accepted error. 1 or less passes; NaN never passes.
     #[must_use]
     pub fn share(&self) -> f64 {
         let error = self.error().abs();
         match self.accepted {
             _ if error.is_nan() => f64::INFINITY,
             None => 0.0,
-            // Some things must be met exactly.
+            // The accepted error may be 0.
             Some(_) if error == 0.0 => 0.0,
             Some(accepted) => error / accepted,
         }
     }
 
-    /// Whether the error is accepted.
+    /// Whether the error is not larger than the accepted one.
     #[must_use]
     pub fn passes(&self) -> bool {
         self.share() <= 1.0
@@ -50,10 +50,10 @@ impl Check {
 impl fmt::Display for Check {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { what, source, reference, value, accepted } = self;
-        // What is to agree to many digits is easier to read as a power of ten.
+        // Small errors are easier to read as powers of ten.
         let in_percent = *reference != 0.0 && accepted.is_none_or(|accepted| accepted > 2.5e-4);
         let error = match self.error() {
-            // No minus before a 0.
+            // Prints 0 instead of −0.
             error if in_percent => format!("{:.3} %", (1e5 * error).round() / 1e3 + 0.0),
             error => digits(error, 2),
         };
@@ -73,7 +73,7 @@ impl fmt::Display for Check {
     }
 }
 
-/// Checks that belong together.
+/// A group of checks.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Section {
     /// Its heading.
@@ -83,7 +83,7 @@ pub struct Section {
 }
 
 impl Section {
-    /// A section that is filled by a computation; should that break off, a check fails.
+    /// A section that `fill` adds checks to. If `fill` returns none, a check fails.
     pub fn of(title: &'static str, fill: impl FnOnce(&mut Self) -> Option<()>) -> Self {
         let mut section = Self { title, checks: Vec::new() };
         if fill(&mut section).is_none() {
@@ -92,7 +92,7 @@ impl Section {
         section
     }
 
-    /// Adds a number that must agree.
+    /// Adds a check with an accepted error.
     pub fn check(
         &mut self,
         what: impl Into<String>,
@@ -105,14 +105,14 @@ impl Section {
         self.checks.push(Check { what: what.into(), source, reference, value, accepted });
     }
 
-    /// The check that comes closest to what is accepted, or goes furthest beyond.
+    /// The check with the largest ratio of error to accepted error.
     #[must_use]
     pub fn closest(&self) -> Option<&Check> {
         let judged = self.checks.iter().filter(|check| check.accepted.is_some());
         judged.max_by(|a, b| a.share().total_cmp(&b.share()))
     }
 
-    /// What is said of it.
+    /// The text below its heading.
     fn words(&self) -> Option<&'static str> {
         let mut sections = WORDS.split("\n## ").skip(1);
         sections.find_map(|words| words.strip_prefix(self.title)?.strip_prefix('\n'))
@@ -128,14 +128,14 @@ impl fmt::Display for Section {
     }
 }
 
-/// All of it.
+/// The whole page.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Page {
+pub struct VerificationPage {
     /// Its sections.
     pub sections: Vec<Section>,
 }
 
-impl Page {
+impl VerificationPage {
     fn checks(&self) -> impl Iterator<Item = &Check> {
         self.sections.iter().flat_map(|section| &section.checks)
     }
@@ -146,7 +146,7 @@ impl Page {
     }
 }
 
-impl fmt::Display for Page {
+impl fmt::Display for VerificationPage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let judged = self.checks().filter(|check| check.accepted.is_some()).count();
         let reported = self.checks().count() - judged;
@@ -170,7 +170,7 @@ impl fmt::Display for Page {
     }
 }
 
-/// A number rounded to so many digits, without zeros at its end.
+/// A number rounded to `count` digits, without trailing zeros.
 pub fn digits(x: f64, count: usize) -> String {
     let rounded: f64 = format!("{x:.*e}", count - 1).parse().unwrap_or(f64::NAN);
     match rounded.abs() {
@@ -211,7 +211,7 @@ mod tests {
         assert!(!passes(1.0, f64::NAN, None));
         let lost = Section::of("lost", |_| None);
         assert!(lost.words().is_none() && lost.checks.len() == 1);
-        let page = Page { sections: vec![lost] };
+        let page = VerificationPage { sections: vec![lost] };
         assert_eq!(page.failures().count(), 1);
         assert!(page.to_string().contains("**1 FAIL**"), "{page}");
     }

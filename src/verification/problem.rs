@@ -1,4 +1,4 @@
-//! Contacts to wear, in units of the unworn contact.
+//! Contacts and what is held while they wear, in units of the unworn contact.
 
 use std::sync::Arc;
 
@@ -6,44 +6,44 @@ use serde_json::Value;
 
 use fretwork_engine::contact::control::{Block, Control, Normal, Tangential};
 use fretwork_engine::contact::profile::Shape;
-use fretwork_engine::contact::record::Record;
+use fretwork_engine::contact::record::DisplacementRecord;
 use fretwork_engine::contact::row::UnwornSums;
 use fretwork_engine::contact::unworn::Contact;
 use fretwork_engine::reference::stick_ratio;
 use fretwork_engine::scenario::DEFAULT_TOLERANCE;
 use fretwork_engine::solver::stepped::law::Law;
-use fretwork_engine::solver::stepped::march::{Instant, March};
-use fretwork_engine::solver::stepped::wearing::Worn;
+use fretwork_engine::solver::stepped::march::{March, MarchState};
+use fretwork_engine::solver::stepped::wearing::WornContact;
 
-/// The tolerance at which a scenario marches the simplified rule.
+/// The tolerance with which a scenario integrates the simplified rule in time.
 const RULE_TOLERANCE: f64 = 1e-3;
 
-/// A quantity of a worn contact: its symbol, its name in the table, its value.
-pub type Quantity = (&'static str, &'static str, fn(&Worn) -> f64);
+/// A column of the table: its symbol, its name, and its value for a worn contact.
+pub type TableColumn = (&'static str, &'static str, fn(&WornContact) -> f64);
 
-pub const VOLUME: Quantity = ("V", "wear_volume", |worn| worn.volume);
-pub const DEEPEST: Quantity = ("w", "wear_depth", |worn| worn.deepest);
-pub const FORCE: Quantity = ("F", "normal_force", |worn| 2.0 * worn.normal);
-pub const DEPTH: Quantity = ("d", "indentation_depth", |worn| worn.depth);
-pub const STICK: Quantity = ("c", "stick_radius", |worn| worn.stick);
-pub const RADIUS: Quantity = ("a", "contact_radius", |worn| worn.contact_radius);
+pub const VOLUME: TableColumn = ("V", "wear_volume", |worn| worn.volume);
+pub const DEEPEST: TableColumn = ("w", "wear_depth", |worn| worn.deepest);
+pub const FORCE: TableColumn = ("F", "normal_force", |worn| 2.0 * worn.normal);
+pub const DEPTH: TableColumn = ("d", "indentation_depth", |worn| worn.depth);
+pub const STICK: TableColumn = ("c", "stick_radius", |worn| worn.stick);
+pub const RADIUS: TableColumn = ("a", "contact_radius", |worn| worn.contact_radius);
 
-/// A contact, and what is held while it wears.
-pub struct Problem {
+/// A contact and what is held while it wears.
+pub struct ContactProblem {
     pub name: String,
     pub contact: Contact,
     pub control: Control,
 }
 
-impl Problem {
-    /// A power law with exponent n that sticks inside c, the amplitude held.
+impl ContactProblem {
+    /// A power law with exponent n and stick radius c. The amplitude is held.
     pub fn amplitude(normal: Normal, n: f64, c: f64) -> Option<Self> {
         let contact = Contact::sticking(Shape::power(n), c)?;
         let control = Control { normal, tangential: Tangential::Amplitude };
         Some(Self { name: format!("{}, c = {c}", shape(n)), contact, control })
     }
 
-    /// A power law with exponent n under Q = qμF, held.
+    /// A power law with exponent n. The tangential force Q = qμF is held.
     pub fn force(normal: Normal, n: f64, q: f64) -> Option<Self> {
         let contact = Contact::sticking(Shape::power(n), stick_ratio(n, q))?;
         let tangential = Tangential::Force(q * contact.shape.half_force());
@@ -51,7 +51,7 @@ impl Problem {
         Some(Self { name, contact, control: Control { normal, tangential } })
     }
 
-    /// What a row of the table describes.
+    /// The problem that a row of the table describes.
     pub fn of_row(normal: Normal, row: &Value) -> Option<Self> {
         let n = number(row, "exponent")?;
         match (number(row, "q"), number(row, "stick_radius_initial")) {
@@ -61,7 +61,7 @@ impl Problem {
         }
     }
 
-    /// Every mode, of a paraboloid.
+    /// A paraboloid with each pair of held quantities.
     pub fn modes() -> Option<Vec<Self>> {
         use Normal::{Depth, Force};
         let contact = Contact::sticking(Shape::power(2.0), 0.5)?;
@@ -72,7 +72,8 @@ impl Problem {
         let rig = Tangential::Rig { amplitude: threshold + yielded, compliance };
         let block = |share: f64, end: f64| Block { threshold: share * threshold, end };
         let blocks = Tangential::Blocks(vec![block(1.0, 2.0), block(0.6, 5.0), block(1.1, 1e9)]);
-        let record = Tangential::Record(Arc::new(Record::new(&[1.0, -1.0, 0.6, -0.4, 0.8])?));
+        let record =
+            Tangential::Record(Arc::new(DisplacementRecord::new(&[1.0, -1.0, 0.6, -0.4, 0.8])?));
         let amplitude = || Tangential::Amplitude;
         let mut modes = vec![Self::force(Depth, 2.0, 0.5)?, Self::force(Force, 2.0, 0.7)?];
         (modes[0].name, modes[1].name) = ("depth, Q".to_owned(), "force, Q".to_owned());
@@ -93,26 +94,26 @@ impl Problem {
         Some(modes)
     }
 
-    /// A run at a tolerance.
+    /// Starts a run.
     pub fn march(&self, law: Law, tolerance: f64, last: f64) -> Option<March> {
         March::new(&self.contact, &self.control, law, tolerance, last)
     }
 
-    /// The worn contact at some instants, at the default tolerance.
-    pub fn states(&self, law: Law, instants: &[f64]) -> Option<Vec<Instant>> {
+    /// The states at the given output cycles, with the default tolerance.
+    pub fn states(&self, law: Law, instants: &[f64]) -> Option<Vec<MarchState>> {
         let tolerance = if law == Law::Exact { DEFAULT_TOLERANCE } else { RULE_TOLERANCE };
         let mut march = self.march(law, tolerance, *instants.last()?)?;
         Some(instants.iter().map(|instant| at(&mut march, *instant)).collect())
     }
 }
 
-/// The state of a run at an instant.
-pub fn at(march: &mut March, instant: f64) -> Instant {
+/// Runs to an output cycle and returns the state there.
+pub fn at(march: &mut March, instant: f64) -> MarchState {
     while march.advance(instant) {}
     march.at(instant)
 }
 
-/// What a power law is called.
+/// The name of a power law with exponent n.
 pub fn shape(n: f64) -> String {
     match n {
         1.0 => "cone".to_owned(),

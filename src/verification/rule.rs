@@ -1,9 +1,9 @@
-//! The simplified rule: its closed form, and how far it is from the exact method.
+//! Checks of the simplified rule: its closed form, and its distance from the exact method.
 
 use std::f64::consts::PI;
 
 use super::page::{Check, Section};
-use super::problem::{DEEPEST, DEPTH, FORCE, Problem, STICK, VOLUME, numbers};
+use super::problem::{ContactProblem, DEEPEST, DEPTH, FORCE, STICK, VOLUME, numbers};
 use super::table::{RUNS, rows};
 use fretwork_engine::contact::control::Normal::Depth;
 use fretwork_engine::contact::unworn::{Contact, Decay};
@@ -20,7 +20,7 @@ pub fn sections() -> Vec<Section> {
 fn stepping() -> Section {
     Section::of("Simplified rule by stepping", |section| {
         for (n, c) in CONTACTS {
-            let Problem { name, contact, .. } = Problem::amplitude(Depth, n, c)?;
+            let ContactProblem { name, contact, .. } = ContactProblem::amplitude(Depth, n, c)?;
             let (coarse, fine) = (stepped_apart(&contact, 500), stepped_apart(&contact, 1000));
             let source = "(14)–(16)";
             section.check(format!("{name}: N₀ = 500"), source, 0.0, coarse, 4e-6);
@@ -31,10 +31,10 @@ fn stepping() -> Section {
     })
 }
 
-/// How far the images of springs that are dragged through every cycle are from the closed form at most.
+/// The largest difference between the closed form and springs that are dragged through each cycle.
 ///
-/// Tangential lengths are in μE*d₀/G*, so that a spring sticks while its deflection is below its
-/// compression, and the amplitude is Δ; (14) over a path of 4Δ comes to ξ/ã per N₀ cycles.
+/// Tangential lengths are in μE*d₀/G*. A spring then sticks while its deflection is below its
+/// compression, and the amplitude is Δ. By (14), a path of 4Δ wears ξ/ã per N₀ cycles.
 fn stepped_apart(contact: &Contact, unit: u32) -> f64 {
     const SPRINGS: u32 = 12;
     const STEPS: u32 = 200;
@@ -67,7 +67,7 @@ fn marching() -> Section {
     const INSTANTS: [f64; 6] = [0.5, 1.0, 2.0, 4.0, 8.0, 16.0];
     Section::of("Simplified rule by marching", |section| {
         for (n, c) in CONTACTS {
-            let problem = Problem::amplitude(Depth, n, c)?;
+            let problem = ContactProblem::amplitude(Depth, n, c)?;
             let marched = problem.states(Law::Simplified(DEFAULT_XI), &INSTANTS)?;
             let solver = Simplified::new(&problem.contact, usize::from(DEFAULT_POINTS));
             let wanted = INSTANTS.map(|instant| (solver.decay(DEFAULT_XI, instant), false));
@@ -92,7 +92,7 @@ fn differences() -> Section {
     Section::of("Simplified rule beside the exact method", |section| {
         for (title, part, normal) in RUNS {
             for row in rows(part)? {
-                let problem = Problem::of_row(normal, &row)?;
+                let problem = ContactProblem::of_row(normal, &row)?;
                 let instants = numbers(&row, "normalized_cycles")?;
                 let exact = problem.states(Law::Exact, &instants)?;
                 let rule = problem.states(Law::Simplified(DEFAULT_XI), &instants)?;
@@ -107,7 +107,7 @@ fn differences() -> Section {
                             value: of(&rule.worn),
                             accepted: None,
                         })
-                        // What is held does not differ.
+                        // A held quantity does not differ.
                         .filter(|check| check.error().abs() > 1e-9)
                         .collect();
                     lines.sort_by(|a, b| a.error().total_cmp(&b.error()));

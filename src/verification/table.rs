@@ -1,10 +1,11 @@
-//! Every row of the table that was computed apart: limits, and runs of the exact method.
+//! Checks against the table of reference numbers: limiting states and runs of the exact method.
 
 use serde_json::Value;
 
 use super::page::Section;
 use super::problem::{
-    DEEPEST, DEPTH, FORCE, Problem, Quantity, RADIUS, STICK, VOLUME, at, number, numbers, shape,
+    ContactProblem, DEEPEST, DEPTH, FORCE, RADIUS, STICK, TableColumn, VOLUME, at, number, numbers,
+    shape,
 };
 use fretwork_engine::contact::control::Normal::{self, Depth, Force};
 use fretwork_engine::contact::limit::Limit;
@@ -17,10 +18,10 @@ use fretwork_engine::solver::stepped::law::Law;
 
 use fretwork_engine::reference::TABLE;
 
-/// Where a run is taken to have arrived.
+/// Ñ at which a run has practically reached its limit.
 const ARRIVED: f64 = 200.0;
 
-/// The runs of the table: what is held, the part, what is held in the normal direction.
+/// The runs of the table: section title, part of the table, and what is held in the normal direction.
 pub const RUNS: [(&str, &str, Normal); 4] = [
     ("Runs, depth and amplitude held", "exact_depth_and_amplitude_held", Depth),
     ("Runs, force and amplitude held", "exact_force_and_amplitude_held", Force),
@@ -32,7 +33,7 @@ pub fn sections() -> Vec<Section> {
     let amplitude = "limit_depth_and_amplitude_held";
     let (forces, force) =
         ("limit_force_and_tangential_force_held", "limit_depth_and_tangential_force_held");
-    let quantities: [&[(Quantity, f64)]; 4] = [
+    let quantities: [&[(TableColumn, f64)]; 4] = [
         &[(VOLUME, 1.5e-3), (FORCE, 1.5e-3), (DEEPEST, 1.5e-3), (RADIUS, 5e-3)],
         &[(VOLUME, 5e-3), (DEPTH, 5e-3), (STICK, 5e-3), (DEEPEST, 5e-3), (RADIUS, 5e-3)],
         &[(VOLUME, 5e-3)],
@@ -49,7 +50,7 @@ pub fn sections() -> Vec<Section> {
     sections
 }
 
-/// The rows of a part of the table.
+/// The rows of one part of the table.
 pub fn rows(part: &str) -> Option<Vec<Value>> {
     let table: Value = serde_json::from_str(TABLE).ok()?;
     table.get(part)?.as_array().filter(|rows| !rows.is_empty()).cloned()
@@ -58,13 +59,13 @@ pub fn rows(part: &str) -> Option<Vec<Value>> {
 fn limits(title: &'static str, part: &str, normal: Normal) -> Section {
     Section::of(title, |section| {
         for row in &rows(part)? {
-            let problem = Problem::of_row(normal, row)?;
+            let problem = ContactProblem::of_row(normal, row)?;
             let end = problem.control.tends_to(&problem.contact)?;
             let shape = &problem.contact.shape;
             let inside = integrate(0.0, end.stick, |x| end.depth - shape.image(x));
             let worn = problem.states(Law::Exact, &[ARRIVED])?.pop()?.worn;
             let (limit, whole, name) = (end.limit, shape.half_force(), &problem.name);
-            // c is given where there is no q; d is 1 where there is none.
+            // Without q, c is an input and not a result. Without a depth, d stays 1.
             let known = |column: &str| {
                 let given = column == "stick_radius" && row.get("q").is_none();
                 number(row, column).filter(|_| !given)
@@ -79,7 +80,7 @@ fn limits(title: &'static str, part: &str, normal: Normal) -> Section {
                 ("ã", "limiting_radius", limit.radius, None),
             ] {
                 let Some(reference) = known(column) else { continue };
-                // Half a unit of the last decimal, and what rounding adds.
+                // Half a unit of the last decimal, plus rounding.
                 let unit = if column == "depth_radius" { 6e-5 } else { 6e-6 };
                 let what = format!("{name}: {symbol}");
                 section.check(what, "table", reference, value, unit / reference);
@@ -122,11 +123,11 @@ fn two_solvers() -> Section {
 
 fn runs(
     (title, part, normal): (&'static str, &str, Normal),
-    columns: &[(Quantity, f64)],
+    columns: &[(TableColumn, f64)],
 ) -> Section {
     Section::of(title, |section| {
         for row in &rows(part)? {
-            let problem = Problem::of_row(normal, row)?;
+            let problem = ContactProblem::of_row(normal, row)?;
             let name = &problem.name;
             let instants = numbers(row, "normalized_cycles")?;
             let states = problem.states(Law::Exact, &instants)?;
@@ -149,8 +150,8 @@ fn runs(
     })
 }
 
-/// When the springs of a run lose their grip; infinite if they never do.
-fn slides_at(problem: &Problem, last: f64) -> Option<f64> {
+/// Ñ at which gross slip begins; infinite if it does not.
+fn slides_at(problem: &ContactProblem, last: f64) -> Option<f64> {
     let mut march = problem.march(Law::Exact, DEFAULT_TOLERANCE, last)?;
     at(&mut march, last);
     let event = march.events().iter().find(|event| event.kind == EventKind::GrossSlip);
@@ -160,7 +161,7 @@ fn slides_at(problem: &Problem, last: f64) -> Option<f64> {
 fn shakedown() -> Section {
     Section::of("Shakedown boundary", |section| {
         for q in [0.57, 0.585] {
-            let problem = Problem::force(Depth, 2.0, q)?;
+            let problem = ContactProblem::force(Depth, 2.0, q)?;
             let count = |slides: bool| if slides { 1.0 } else { 0.0 };
             let expected = count(q > shakedown_limit(2.0));
             let slides = count(slides_at(&problem, 500.0)?.is_finite());

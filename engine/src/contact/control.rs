@@ -26,7 +26,7 @@ use std::sync::Arc;
 
 use super::limit::{Limit, chord_and_angle, limiting_wear};
 use super::profile::Shape;
-use super::record::Record;
+use super::record::DisplacementRecord;
 use super::unworn::Contact;
 use crate::numeric::{maximum, root};
 
@@ -56,7 +56,7 @@ pub enum Tangential {
     /// Amplitudes one after the other.
     Blocks(Vec<Block>),
     /// A record of reversals that repeats every cycle.
-    Record(Arc<Record>),
+    Record(Arc<DisplacementRecord>),
 }
 
 /// A number of cycles at one amplitude.

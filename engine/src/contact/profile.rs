@@ -20,7 +20,7 @@
 
 use std::f64::consts::{FRAC_1_PI, FRAC_2_PI, FRAC_PI_2, PI};
 
-use super::table_shape::Pressed;
+use super::table_shape::PressedTable;
 use super::truncated::Truncated;
 use crate::numeric::{integrate, integrate_beyond, maximum, root, whole_power};
 
@@ -40,13 +40,13 @@ pub fn kappa(n: f64) -> f64 {
 /// The shape of an indenter, normalised so that g₀(1) = 1.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shape {
-    kind: Kind,
+    kind: ShapeKind,
     /// f₀ at r = 1.
     height: f64,
 }
 
 #[derive(Debug, Clone, PartialEq)]
-enum Kind {
+enum ShapeKind {
     /// g = xⁿ with a whole n: paraboloid 2, cone 1.
     Whole(u32),
     /// g = xⁿ.
@@ -56,7 +56,7 @@ enum Kind {
     /// A paraboloid or a cone with a flat tip.
     Truncated(Truncated),
     /// A measured table.
-    Table(Pressed),
+    Table(PressedTable),
 }
 
 impl Shape {
@@ -66,9 +66,9 @@ impl Shape {
         let height = 1.0 / kappa(exponent);
         let whole = exponent.round();
         let kind = if (exponent - whole).abs() == 0.0 && whole >= 1.0 {
-            Kind::Whole(whole as u32)
+            ShapeKind::Whole(whole as u32)
         } else {
-            Kind::Power(exponent)
+            ShapeKind::Power(exponent)
         };
         Self { kind, height }
     }
@@ -78,7 +78,7 @@ impl Shape {
     pub fn sphere(rho: f64) -> Self {
         let scale = 1.0 / libm::atanh(1.0 / rho);
         let height = scale / (rho + ((rho - 1.0) * (rho + 1.0)).sqrt());
-        Self { kind: Kind::Sphere { rho, scale }, height }
+        Self { kind: ShapeKind::Sphere { rho, scale }, height }
     }
 
     /// A paraboloid with a flat whose radius is 0 < β < 1 times the contact radius.
@@ -94,13 +94,13 @@ impl Shape {
     }
 
     fn truncated(shape: Truncated) -> Self {
-        Self { kind: Kind::Truncated(shape), height: shape.profile(1.0) }
+        Self { kind: ShapeKind::Truncated(shape), height: shape.profile(1.0) }
     }
 
     /// A measured table.
-    pub(crate) fn table(table: Pressed) -> Self {
+    pub(crate) fn table(table: PressedTable) -> Self {
         let height = table.profile(1.0);
-        Self { kind: Kind::Table(table), height }
+        Self { kind: ShapeKind::Table(table), height }
     }
 
     /// Radii at which the image has a kink: a mesh should have a node there, and a quadrature should
@@ -109,7 +109,7 @@ impl Shape {
     #[must_use]
     pub fn kinks(&self) -> &[f64] {
         match &self.kind {
-            Kind::Truncated(shape) => shape.kinks(),
+            ShapeKind::Truncated(shape) => shape.kinks(),
             _ => &[],
         }
     }
@@ -118,7 +118,7 @@ impl Shape {
     #[must_use]
     pub fn pieces(&self) -> usize {
         match &self.kind {
-            Kind::Table(table) => table.pieces(),
+            ShapeKind::Table(table) => table.pieces(),
             _ => 1,
         }
     }
@@ -127,8 +127,8 @@ impl Shape {
     #[must_use]
     pub fn extent(&self) -> f64 {
         match &self.kind {
-            Kind::Sphere { rho, .. } => *rho,
-            Kind::Table(table) => table.extent(),
+            ShapeKind::Sphere { rho, .. } => *rho,
+            ShapeKind::Table(table) => table.extent(),
             _ => f64::INFINITY,
         }
     }
@@ -137,13 +137,13 @@ impl Shape {
     #[must_use]
     pub fn profile(&self, r: f64) -> f64 {
         match self.kind {
-            Kind::Whole(n) => self.height * whole_power(r, n),
-            Kind::Power(n) => self.height * libm::pow(r, n),
-            Kind::Sphere { rho, scale } => {
+            ShapeKind::Whole(n) => self.height * whole_power(r, n),
+            ShapeKind::Power(n) => self.height * libm::pow(r, n),
+            ShapeKind::Sphere { rho, scale } => {
                 scale * r * r / (rho + ((rho - r) * (rho + r)).max(0.0).sqrt())
             }
-            Kind::Truncated(ref shape) => shape.profile(r),
-            Kind::Table(ref table) => table.profile(r),
+            ShapeKind::Truncated(ref shape) => shape.profile(r),
+            ShapeKind::Table(ref table) => table.profile(r),
         }
     }
 
@@ -151,11 +151,11 @@ impl Shape {
     #[must_use]
     pub fn slope(&self, r: f64) -> f64 {
         match self.kind {
-            Kind::Whole(n) => self.height * f64::from(n) * whole_power(r, n - 1),
-            Kind::Power(n) => self.height * n * libm::pow(r, n - 1.0),
-            Kind::Sphere { rho, scale } => scale * r / ((rho - r) * (rho + r)).max(0.0).sqrt(),
-            Kind::Truncated(ref shape) => shape.slope(r),
-            Kind::Table(ref table) => table.slope(r),
+            ShapeKind::Whole(n) => self.height * f64::from(n) * whole_power(r, n - 1),
+            ShapeKind::Power(n) => self.height * n * libm::pow(r, n - 1.0),
+            ShapeKind::Sphere { rho, scale } => scale * r / ((rho - r) * (rho + r)).max(0.0).sqrt(),
+            ShapeKind::Truncated(ref shape) => shape.slope(r),
+            ShapeKind::Table(ref table) => table.slope(r),
         }
     }
 
@@ -163,11 +163,11 @@ impl Shape {
     #[must_use]
     pub fn image(&self, x: f64) -> f64 {
         match self.kind {
-            Kind::Whole(n) => whole_power(x, n),
-            Kind::Power(n) => libm::pow(x, n),
-            Kind::Sphere { rho, scale } => scale * x * libm::atanh(x / rho),
-            Kind::Truncated(ref shape) => shape.image(x),
-            Kind::Table(ref table) => table.image(x),
+            ShapeKind::Whole(n) => whole_power(x, n),
+            ShapeKind::Power(n) => libm::pow(x, n),
+            ShapeKind::Sphere { rho, scale } => scale * x * libm::atanh(x / rho),
+            ShapeKind::Truncated(ref shape) => shape.image(x),
+            ShapeKind::Table(ref table) => table.image(x),
         }
     }
 
@@ -176,14 +176,16 @@ impl Shape {
     pub fn image_rise(&self, c: f64, delta: f64) -> f64 {
         let x = c + delta;
         match self.kind {
-            Kind::Whole(1) => delta,
-            Kind::Whole(2) => delta * (x + c),
+            ShapeKind::Whole(1) => delta,
+            ShapeKind::Whole(2) => delta * (x + c),
             // xⁿ − cⁿ = (x − c)(xⁿ⁻¹ + xⁿ⁻²c + … + cⁿ⁻¹)
-            Kind::Whole(n) => delta * (0..n).fold(0.0, |sum, k| sum * x + whole_power(c, k)),
-            Kind::Power(n) if c > 0.0 => libm::pow(c, n) * libm::expm1(n * libm::log1p(delta / c)),
-            Kind::Power(_) | Kind::Sphere { .. } => self.image(x) - self.image(c),
-            Kind::Truncated(ref shape) => shape.image_rise(c, delta),
-            Kind::Table(ref table) => table.image_rise(c, delta),
+            ShapeKind::Whole(n) => delta * (0..n).fold(0.0, |sum, k| sum * x + whole_power(c, k)),
+            ShapeKind::Power(n) if c > 0.0 => {
+                libm::pow(c, n) * libm::expm1(n * libm::log1p(delta / c))
+            }
+            ShapeKind::Power(_) | ShapeKind::Sphere { .. } => self.image(x) - self.image(c),
+            ShapeKind::Truncated(ref shape) => shape.image_rise(c, delta),
+            ShapeKind::Table(ref table) => table.image_rise(c, delta),
         }
     }
 
@@ -192,11 +194,11 @@ impl Shape {
     #[must_use]
     pub fn peak_pressure(&self) -> f64 {
         let blunt = match self.kind {
-            Kind::Whole(n) => n > 2,
-            Kind::Power(n) => n > 2.0,
-            Kind::Sphere { .. } => false,
-            Kind::Truncated(_) => return f64::INFINITY,
-            Kind::Table(ref table) => return table.peak_pressure(),
+            ShapeKind::Whole(n) => n > 2,
+            ShapeKind::Power(n) => n > 2.0,
+            ShapeKind::Sphere { .. } => false,
+            ShapeKind::Truncated(_) => return f64::INFINITY,
+            ShapeKind::Table(ref table) => return table.peak_pressure(),
         };
         let at = if blunt { maximum(0.0, 1.0, |r| self.pressure_inside(r, 1.0)) } else { 0.0 };
         self.pressure_inside(at, 1.0)
@@ -206,13 +208,13 @@ impl Shape {
     #[must_use]
     pub fn image_slope(&self, x: f64) -> f64 {
         match self.kind {
-            Kind::Whole(n) => f64::from(n) * whole_power(x, n - 1),
-            Kind::Power(n) => n * libm::pow(x, n - 1.0),
-            Kind::Sphere { rho, scale } => {
+            ShapeKind::Whole(n) => f64::from(n) * whole_power(x, n - 1),
+            ShapeKind::Power(n) => n * libm::pow(x, n - 1.0),
+            ShapeKind::Sphere { rho, scale } => {
                 scale * (libm::atanh(x / rho) + x * rho / ((rho - x) * (rho + x)))
             }
-            Kind::Truncated(ref shape) => shape.image_slope(x),
-            Kind::Table(ref table) => table.image_slope(x),
+            ShapeKind::Truncated(ref shape) => shape.image_slope(x),
+            ShapeKind::Table(ref table) => table.image_slope(x),
         }
     }
 
@@ -220,13 +222,13 @@ impl Shape {
     #[must_use]
     pub fn image_inverse(&self, value: f64) -> f64 {
         match self.kind {
-            Kind::Whole(1) => value,
-            Kind::Whole(2) => value.sqrt(),
-            Kind::Whole(n) => libm::pow(value, 1.0 / f64::from(n)),
-            Kind::Power(n) => libm::pow(value, 1.0 / n),
-            Kind::Sphere { .. } => root(0.0, 1.0, |x| self.image(x) - value),
-            Kind::Truncated(ref shape) => shape.image_inverse(value),
-            Kind::Table(ref table) => table.image_inverse(value),
+            ShapeKind::Whole(1) => value,
+            ShapeKind::Whole(2) => value.sqrt(),
+            ShapeKind::Whole(n) => libm::pow(value, 1.0 / f64::from(n)),
+            ShapeKind::Power(n) => libm::pow(value, 1.0 / n),
+            ShapeKind::Sphere { .. } => root(0.0, 1.0, |x| self.image(x) - value),
+            ShapeKind::Truncated(ref shape) => shape.image_inverse(value),
+            ShapeKind::Table(ref table) => table.image_inverse(value),
         }
     }
 
@@ -234,11 +236,11 @@ impl Shape {
     #[must_use]
     pub fn area(&self, x: f64) -> f64 {
         match self.kind {
-            Kind::Whole(n) => whole_power(x, n + 1) / f64::from(n + 1),
-            Kind::Power(n) => libm::pow(x, n + 1.0) / (n + 1.0),
+            ShapeKind::Whole(n) => whole_power(x, n + 1) / f64::from(n + 1),
+            ShapeKind::Power(n) => libm::pow(x, n + 1.0) / (n + 1.0),
             // A table's image has too many pieces for one rule.
-            Kind::Table(ref table) => table.area(x),
-            Kind::Sphere { .. } | Kind::Truncated(_) => {
+            ShapeKind::Table(ref table) => table.area(x),
+            ShapeKind::Sphere { .. } | ShapeKind::Truncated(_) => {
                 integrate_beyond(0.0, x, self.kinks(), |x| self.image(x))
             }
         }
@@ -248,12 +250,12 @@ impl Shape {
     #[must_use]
     pub fn half_force(&self) -> f64 {
         match self.kind {
-            Kind::Whole(n) => f64::from(n) / (f64::from(n) + 1.0),
-            Kind::Power(n) => n / (n + 1.0),
+            ShapeKind::Whole(n) => f64::from(n) / (f64::from(n) + 1.0),
+            ShapeKind::Power(n) => n / (n + 1.0),
             // Sneddon's closed form loses all digits for a large sphere; the integrand is smooth.
-            Kind::Sphere { .. } => integrate(0.0, 1.0, |x| 1.0 - self.image(x)),
-            Kind::Truncated(ref shape) => shape.half_force(),
-            Kind::Table(ref table) => table.half_force(),
+            ShapeKind::Sphere { .. } => integrate(0.0, 1.0, |x| 1.0 - self.image(x)),
+            ShapeKind::Truncated(ref shape) => shape.half_force(),
+            ShapeKind::Table(ref table) => table.half_force(),
         }
     }
 
@@ -266,11 +268,11 @@ impl Shape {
             return self.profile(r);
         }
         match self.kind {
-            Kind::Truncated(ref shape) => shape.inverse_outside(c, r, chord),
-            Kind::Table(ref table) => table.inverse_outside(c, r),
-            Kind::Whole(1) => FRAC_2_PI * chord,
-            Kind::Whole(2) => FRAC_1_PI * (c * chord + r * r * angle),
-            Kind::Whole(n) => {
+            ShapeKind::Truncated(ref shape) => shape.inverse_outside(c, r, chord),
+            ShapeKind::Table(ref table) => table.inverse_outside(c, r),
+            ShapeKind::Whole(1) => FRAC_2_PI * chord,
+            ShapeKind::Whole(2) => FRAC_1_PI * (c * chord + r * r * angle),
+            ShapeKind::Whole(n) => {
                 // ∫ xᵐ/√(r²−x²) dx from c to r, raised two powers at a time.
                 let mut m = f64::from(n % 2);
                 let (mut sum, mut power) = if n % 2 == 1 { (chord, c * c) } else { (angle, c) };
@@ -303,8 +305,8 @@ impl Shape {
         }
         let chord = ((b - r) * (b + r)).sqrt();
         match self.kind {
-            Kind::Whole(2) => FRAC_2_PI * chord,
-            Kind::Whole(n) => {
+            ShapeKind::Whole(2) => FRAC_2_PI * chord,
+            ShapeKind::Whole(n) => {
                 // ∫ xᵐ/√(x²−r²) dx from r to b, raised two powers at a time, for m = n − 1.
                 let (mut sum, mut m) = if n % 2 == 0 {
                     (chord, 1)
@@ -323,19 +325,19 @@ impl Shape {
                 }
                 f64::from(n) * sum / PI
             }
-            Kind::Power(n) if r == 0.0 => n / (PI * (n - 1.0)) * libm::pow(b, n - 1.0),
-            Kind::Power(_) => {
+            ShapeKind::Power(n) if r == 0.0 => n / (PI * (n - 1.0)) * libm::pow(b, n - 1.0),
+            ShapeKind::Power(_) => {
                 integrate(0.0, libm::acosh(b / r), |s| self.image_slope(r * libm::cosh(s))) / PI
             }
-            Kind::Sphere { .. } => {
+            ShapeKind::Sphere { .. } => {
                 chord / PI
                     * integrate(0.0, 1.0, |v| {
                         let x = (r * r + (v * chord) * (v * chord)).sqrt();
                         self.image_slope(x) / x
                     })
             }
-            Kind::Truncated(ref shape) => shape.pressure_inside(r, b),
-            Kind::Table(ref table) => table.pressure_inside(r, b),
+            ShapeKind::Truncated(ref shape) => shape.pressure_inside(r, b),
+            ShapeKind::Table(ref table) => table.pressure_inside(r, b),
         }
     }
 }

@@ -38,7 +38,7 @@ use crate::numeric;
 /// Two records are equal if their loops have the same ranges: it does not matter where a record
 /// begins, which way it points or runs, or how many points lie between its reversals.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Record {
+pub struct DisplacementRecord {
     amplitude: f64,
     /// From the largest loop to the smallest.
     corners: Vec<Corner>,
@@ -55,7 +55,7 @@ struct Corner {
     loops: usize,
 }
 
-impl Record {
+impl DisplacementRecord {
     /// The record that passes `displacements` one after the other, in any unit of length, and
     /// returns from the last to the first. Points on the way between two others do no harm.
     ///
@@ -161,8 +161,8 @@ mod tests {
     use proptest::prelude::*;
     use std::ops::{Add, Neg, Sub};
 
-    fn record(displacements: &[f64]) -> Record {
-        Record::new(displacements).expect("motion")
+    fn record(displacements: &[f64]) -> DisplacementRecord {
+        DisplacementRecord::new(displacements).expect("motion")
     }
 
     fn same(a: f64, b: f64) {
@@ -170,7 +170,7 @@ mod tests {
     }
 
     /// Loops from the largest to the smallest, read off the corners.
-    fn ranges(record: &Record) -> Vec<f64> {
+    fn ranges(record: &DisplacementRecord) -> Vec<f64> {
         let mut counted = 0;
         let mut ranges = Vec::new();
         for corner in &record.corners {
@@ -278,7 +278,7 @@ mod tests {
             &[f64::INFINITY, 0.0],
             &[f64::MAX, -f64::MAX],
         ] {
-            assert_eq!(Record::new(nothing), None, "{nothing:?}");
+            assert_eq!(DisplacementRecord::new(nothing), None, "{nothing:?}");
         }
         // Steps whose products would underflow.
         assert_eq!(record(&[0.0, 1e-200, 0.0, 2e-200]).reversals(), 4);
@@ -349,7 +349,7 @@ mod tests {
         let coarse = prop::collection::vec((-4..=4).prop_map(f64::from), 2..40);
         let fine = prop::collection::vec(-1.0..1.0, 2..40);
         prop_oneof![coarse, fine]
-            .prop_filter("motion", |displacements| Record::new(displacements).is_some())
+            .prop_filter("motion", |displacements| DisplacementRecord::new(displacements).is_some())
     }
 
     proptest! {

@@ -14,7 +14,7 @@
 //! All integrals here are in units of a₀ and d₀ and over half of the row.
 //!
 //! # Accuracy
-//! [`Row`] integrates over the worn part with 48 Gauss points graded to the fourth power towards the
+//! [`SpringRow`] integrates over the worn part with 48 Gauss points graded to the fourth power towards the
 //! stick edge, where the image forms a step: 1e-9 of the unworn values in partial slip and well into
 //! gross slip (tests compare). At the very onset of gross slip blunt profiles are worse: 1e-6 for
 //! exponent 8, 1e-4 for 20.
@@ -42,7 +42,7 @@ impl UnwornSums {
     /// Sums over the unworn springs; `slip` gives ω of y/Δ where it is not that of one harmonic cycle.
     #[must_use]
     pub fn of(contact: &Contact, slip: Option<&dyn Fn(f64) -> f64>) -> Self {
-        let row = Row::new(contact);
+        let row = SpringRow::new(contact);
         let (sums, compressions) = row.sums_and_compressions(Decay::UNWORN);
         let harmonic = sums.energy / contact.threshold;
         // A record bends ω at many places: many short intervals instead of one long one.
@@ -113,7 +113,7 @@ fn layout(contact: &Contact) -> [(f64, f64); ROW_POINTS] {
 
 /// The slipping springs, c < x < a₀, with what is needed to sum over them.
 #[derive(Debug, Clone)]
-pub struct Row {
+pub struct SpringRow {
     contact: Contact,
     weights: [f64; ROW_POINTS],
     positions: [f64; ROW_POINTS],
@@ -125,7 +125,7 @@ pub struct Row {
     outside_volume: f64,
 }
 
-impl Row {
+impl SpringRow {
     /// Lays out the springs of a contact.
     #[must_use]
     pub fn new(contact: &Contact) -> Self {
@@ -257,7 +257,7 @@ mod tests {
             (Shape::power(2.0), 1.0),
             (Shape::power(2.0), 3.0),
         ] {
-            let row = Row::new(&Contact::new(shape, threshold).expect("a limit"));
+            let row = SpringRow::new(&Contact::new(shape, threshold).expect("a limit"));
             for exponent in [0.0, 0.3, 2.0, 8.0, 20.0, 40.0] {
                 let (sums, compressions) = row.sums_and_compressions(Decay::after(exponent));
                 let lost = 4.0 * sums.energy;

@@ -66,7 +66,7 @@ pub(super) fn smoothed(x: &[f64], z: Vec<f64>) -> Vec<f64> {
     if n < FEWEST_POINTS {
         return z;
     }
-    let mut points = Points { x, z: &z, trust: vec![1.0; n] };
+    let mut points = WeightedPoints { x, z: &z, trust: vec![1.0; n] };
     let nearest: Vec<f64> = (0..n).map(|i| (points.at(i, 2, false) - z[i]).abs()).collect();
     let noise: Vec<f64> = (0..n)
         .map(|i| {
@@ -139,13 +139,13 @@ fn about(i: usize, n: usize) -> std::ops::Range<usize> {
 }
 
 /// Points and how much each counts.
-struct Points<'a> {
+struct WeightedPoints<'a> {
     x: &'a [f64],
     z: &'a [f64],
     trust: Vec<f64>,
 }
 
-impl Points<'_> {
+impl WeightedPoints<'_> {
     /// The value at point i of the parabola fitted to the 2m + 1 points about it, itself included or
     /// not.
     fn at(&self, i: usize, m: usize, included: bool) -> f64 {

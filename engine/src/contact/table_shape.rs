@@ -448,7 +448,7 @@ impl TableShape {
 
 /// A table pressed in by d.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Pressed {
+pub(crate) struct PressedTable {
     table: Arc<TableShape>,
     /// a₀ and d₀ in the units of the table.
     radius: f64,
@@ -457,7 +457,7 @@ pub(crate) struct Pressed {
     extent: f64,
 }
 
-impl Pressed {
+impl PressedTable {
     /// The table pressed in by `depth` in m, and a₀ in m; `None` where it ends inside the contact. An
     /// endless one goes on straight instead.
     pub(crate) fn new(table: &Arc<TableShape>, depth: f64, endless: bool) -> Option<(f64, Self)> {
@@ -618,10 +618,10 @@ mod tests {
             // Hertz with R = 1.
             let hertz = libm::pow(0.75 * force, 2.0 / 3.0);
             assert!((depth / hertz - 1.0).abs() < 1e-4, "{depth} {hertz}");
-            let (radius, pressed) = Pressed::new(&shape, depth, true).expect("endless");
+            let (radius, pressed) = PressedTable::new(&shape, depth, true).expect("endless");
             let again = 2.0 * radius * depth * pressed.half_force();
             assert!((again / force - 1.0).abs() < 1e-9, "{again} {force}");
-            assert_eq!(Pressed::new(&shape, depth, false).is_some(), depth < 4.0);
+            assert_eq!(PressedTable::new(&shape, depth, false).is_some(), depth < 4.0);
         }
         assert!(shape.depth_under(20.0) > 4.0);
     }

@@ -53,9 +53,9 @@ pub const UNITS: &[(&str, &str)] = &[
 
 /// [`UNITS`] as a JSON object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Units;
+pub struct ResultUnits;
 
-impl Serialize for Units {
+impl Serialize for ResultUnits {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_map(UNITS.iter().copied())
     }
@@ -63,7 +63,7 @@ impl Serialize for Units {
 
 /// The scales of the unworn contact.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Scales {
+pub struct ContactScales {
     /// a₀.
     pub contact_radius: f64,
     /// d₀.
@@ -130,9 +130,9 @@ pub struct LimitState {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Preview {
     /// Units of everything below.
-    pub units: Units,
+    pub units: ResultUnits,
     /// Scales of the unworn contact.
-    pub scales: Scales,
+    pub scales: ContactScales,
     /// The unworn state.
     pub unworn: Unworn,
     /// Its regime.
@@ -140,12 +140,12 @@ pub struct Preview {
     /// The state that wear tends to.
     pub limit: Option<LimitState>,
     /// What a run takes.
-    pub cost: Cost,
+    pub cost: CostEstimate,
 }
 
 /// An estimate of what a run takes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Cost {
+pub struct CostEstimate {
     /// Multiplications in the inverse transforms and pressures; a core does about 10⁹ a second.
     pub operations: f64,
     /// Size of the result as JSON.
@@ -288,14 +288,14 @@ pub struct Errors {
 
 /// Something that happened during a run.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Event {
+pub struct OutcomeEvent {
     /// When.
     pub cycles: f64,
     /// What.
     pub kind: EventKind,
 }
 
-impl Event {
+impl OutcomeEvent {
     /// An event of a run whose unit of cycles is N₀.
     pub(crate) fn of(event: &events::Event, unit: f64) -> Self {
         Self { cycles: event.at * unit, kind: event.kind }
@@ -329,7 +329,7 @@ pub struct Accuracy {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Outcome {
     /// Scales of the unworn contact.
-    pub scales: Scales,
+    pub scales: ContactScales,
     /// The unworn state.
     pub unworn: Unworn,
     /// Regime of the unworn state.
@@ -346,7 +346,7 @@ pub struct Outcome {
     /// Force–displacement loops at the same instants.
     pub loops: Option<Loops>,
     /// Changes of regime and early ends.
-    pub events: Vec<Event>,
+    pub events: Vec<OutcomeEvent>,
     /// How far the numbers can be trusted.
     pub accuracy: Accuracy,
     /// The simplified rule beside an exact run, where asked for.
@@ -356,7 +356,7 @@ pub struct Outcome {
     pub warnings: Vec<Warning>,
 }
 
-impl Scales {
+impl ContactScales {
     pub(crate) fn of(case: &Case) -> Self {
         Self {
             contact_radius: case.scales.contact_radius,
@@ -378,7 +378,7 @@ impl Unworn {
             tangential_modulus: scales.tangential_modulus,
             wear_coefficient: scales.wear_coefficient,
             peak_pressure: case.contact.shape.peak_pressure() * scales.pressure(),
-            mean_pressure: Scales::of(case).normal_force / area,
+            mean_pressure: ContactScales::of(case).normal_force / area,
             gross_slip_amplitude: scales.gross_slip_amplitude(),
             stick_radius: case.contact.stick * scales.contact_radius,
             amplitude: scales.amplitude,
@@ -429,12 +429,12 @@ impl Preview {
     #[must_use]
     pub fn of(case: &Case) -> Self {
         Self {
-            units: Units,
-            scales: Scales::of(case),
+            units: ResultUnits,
+            scales: ContactScales::of(case),
             unworn: Unworn::of(case),
             regime: case.regime(),
             limit: limit_state(case),
-            cost: Cost { operations: case.operations(), answer_bytes: case.answer_bytes() },
+            cost: CostEstimate { operations: case.operations(), answer_bytes: case.answer_bytes() },
         }
     }
 }

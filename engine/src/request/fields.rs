@@ -163,14 +163,14 @@ pub const WEAR_RANGE: (f64, f64) = (1e-30, 1.0);
 
 /// A quantity whose dimension depends on its neighbours.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Scalar {
+pub enum NumberOrText {
     /// A number.
     Number(f64),
     /// A string that should hold a number and a unit.
     Text(String),
 }
 
-impl Deserr<Faults> for Scalar {
+impl Deserr<Faults> for NumberOrText {
     fn deserialize_from_value<V: IntoValue>(
         value: Value<V>,
         location: ValuePointerRef<'_>,
@@ -186,7 +186,7 @@ impl Deserr<Faults> for Scalar {
 
 /// How many radii a profile has.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Points(pub u16);
+pub struct PointCount(pub u16);
 
 pub(super) fn whole<V: IntoValue>(
     value: Value<V>,
@@ -202,7 +202,7 @@ pub(super) fn whole<V: IntoValue>(
     }
 }
 
-impl Deserr<Faults> for Points {
+impl Deserr<Faults> for PointCount {
     fn deserialize_from_value<V: IntoValue>(
         value: Value<V>,
         location: ValuePointerRef<'_>,

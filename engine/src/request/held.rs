@@ -1,6 +1,7 @@
 //! What a request says about load and motion.
 
 use deserr::{Deserr, ValuePointerRef};
+use serde::Serialize;
 
 use super::fault::Faults;
 use super::fields::{
@@ -13,8 +14,9 @@ pub const MAX_BLOCKS: usize = 1000;
 /// Most positions of a displacement record.
 pub const MAX_REVERSALS: usize = 100_000;
 /// What is held in the normal direction.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr, Serialize)]
 #[deserr(error = Faults, rename_all = lowercase)]
+#[serde(rename_all = "lowercase")]
 pub enum LoadHeld {
     /// The indentation depth.
     Depth,
@@ -60,8 +62,9 @@ impl Load {
 }
 
 /// What is held in the tangential direction.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr, Serialize)]
 #[deserr(error = Faults)]
+#[serde(rename_all = "snake_case")]
 pub enum MotionHeld {
     /// The amplitude.
     #[deserr(rename = "amplitude")]
@@ -74,7 +77,7 @@ pub enum MotionHeld {
 /// A number of cycles at one amplitude.
 #[derive(Debug, Clone, Copy, PartialEq, Deserr)]
 #[deserr(error = Faults, deny_unknown_fields)]
-pub struct Block {
+pub struct GivenBlock {
     /// U; 0 lets the contact rest.
     pub amplitude: Stroke,
     /// How many.
@@ -102,7 +105,7 @@ pub struct Motion {
     pub rig_stiffness: Given<Stiffness>,
     /// Amplitudes one after the other.
     #[deserr(default)]
-    pub blocks: Given<List<Block, 1, MAX_BLOCKS>>,
+    pub blocks: Given<List<GivenBlock, 1, MAX_BLOCKS>>,
     /// Positions between which the contact moves to and fro.
     #[deserr(default)]
     pub reversals: Given<List<Position, 2, MAX_REVERSALS>>,

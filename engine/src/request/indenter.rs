@@ -15,25 +15,25 @@ pub const MAX_ROWS: usize = 10_000;
 #[derive(Debug, Clone, PartialEq)]
 pub enum Profile {
     /// f = r²/(2R).
-    Paraboloid(Ball),
+    Paraboloid(BallProfile),
     /// f = R − √(R² − r²).
-    Sphere(Ball),
+    Sphere(BallProfile),
     /// f = r·tan θ.
-    Cone(Cone),
+    Cone(ConeProfile),
     /// f = height·(r/at_radius)ⁿ.
-    Power(Power),
+    Power(PowerProfile),
     /// f = (r² − b²)/(2R) beyond the flat radius b.
-    TruncatedParaboloid(FlatBall),
+    TruncatedParaboloid(FlatBallProfile),
     /// f = (r − b)·tan θ beyond the flat radius b.
-    TruncatedCone(FlatCone),
+    TruncatedCone(FlatConeProfile),
     /// Measured points.
-    Table(Table),
+    Table(TableProfile),
 }
 
 /// The radius of a paraboloid or a sphere.
 #[derive(Debug, Clone, Copy, PartialEq, Deserr)]
 #[deserr(error = Faults, deny_unknown_fields)]
-pub struct Ball {
+pub struct BallProfile {
     /// R.
     pub radius: Length,
 }
@@ -41,7 +41,7 @@ pub struct Ball {
 /// The slope of a cone.
 #[derive(Debug, Clone, Copy, PartialEq, Deserr)]
 #[deserr(error = Faults, deny_unknown_fields)]
-pub struct Cone {
+pub struct ConeProfile {
     /// θ, from the plane.
     pub slope_angle: SlopeAngle,
 }
@@ -49,7 +49,7 @@ pub struct Cone {
 /// The parameters of a power law.
 #[derive(Debug, Clone, Copy, PartialEq, Deserr)]
 #[deserr(error = Faults, deny_unknown_fields)]
-pub struct Power {
+pub struct PowerProfile {
     /// n.
     pub exponent: Exponent,
     /// f at `at_radius`.
@@ -61,7 +61,7 @@ pub struct Power {
 /// A paraboloid with a flat.
 #[derive(Debug, Clone, Copy, PartialEq, Deserr)]
 #[deserr(error = Faults, deny_unknown_fields)]
-pub struct FlatBall {
+pub struct FlatBallProfile {
     /// R.
     pub radius: Length,
     /// b.
@@ -71,7 +71,7 @@ pub struct FlatBall {
 /// A cone with a flat.
 #[derive(Debug, Clone, Copy, PartialEq, Deserr)]
 #[deserr(error = Faults, deny_unknown_fields)]
-pub struct FlatCone {
+pub struct FlatConeProfile {
     /// θ, from the plane.
     pub slope_angle: SlopeAngle,
     /// b.
@@ -80,15 +80,15 @@ pub struct FlatCone {
 
 /// Measured points, from the axis outwards.
 #[derive(Debug, Clone, PartialEq, Deserr)]
-#[deserr(error = Faults, deny_unknown_fields, validate = Table::validate -> Faults)]
-pub struct Table {
+#[deserr(error = Faults, deny_unknown_fields, validate = TableProfile::validate -> Faults)]
+pub struct TableProfile {
     /// r, ascending strictly from 0 (at 12 digits).
     pub radius: Column<Radius>,
     /// z; the gap is z less its value on the axis.
     pub height: Column<Height>,
 }
 
-impl Table {
+impl TableProfile {
     fn validate(self, location: ValuePointerRef<'_>) -> Result<Self, Faults> {
         let mut faults = Vec::new();
         let mut fault = |column: &str, row: usize, detail: String| {
@@ -193,18 +193,18 @@ impl Deserr<Faults> for Profile {
         let rest = Value::<V>::Map(map);
         Ok(match shape {
             ShapeName::Paraboloid => {
-                Self::Paraboloid(Ball::deserialize_from_value(rest, location)?)
+                Self::Paraboloid(BallProfile::deserialize_from_value(rest, location)?)
             }
-            ShapeName::Sphere => Self::Sphere(Ball::deserialize_from_value(rest, location)?),
-            ShapeName::Cone => Self::Cone(Cone::deserialize_from_value(rest, location)?),
-            ShapeName::Power => Self::Power(Power::deserialize_from_value(rest, location)?),
+            ShapeName::Sphere => Self::Sphere(BallProfile::deserialize_from_value(rest, location)?),
+            ShapeName::Cone => Self::Cone(ConeProfile::deserialize_from_value(rest, location)?),
+            ShapeName::Power => Self::Power(PowerProfile::deserialize_from_value(rest, location)?),
             ShapeName::TruncatedParaboloid => {
-                Self::TruncatedParaboloid(FlatBall::deserialize_from_value(rest, location)?)
+                Self::TruncatedParaboloid(FlatBallProfile::deserialize_from_value(rest, location)?)
             }
             ShapeName::TruncatedCone => {
-                Self::TruncatedCone(FlatCone::deserialize_from_value(rest, location)?)
+                Self::TruncatedCone(FlatConeProfile::deserialize_from_value(rest, location)?)
             }
-            ShapeName::Table => Self::Table(Table::deserialize_from_value(rest, location)?),
+            ShapeName::Table => Self::Table(TableProfile::deserialize_from_value(rest, location)?),
         })
     }
 }

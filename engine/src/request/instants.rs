@@ -1,6 +1,7 @@
 //! What a request says about the instants of the history, and which of them carry profiles.
 
 use deserr::{Deserr, ErrorKind, IntoValue, Map, Sequence, Value, ValueKind, ValuePointerRef};
+use serde::Serialize;
 
 use super::fault::{Faults, refuse};
 use super::fields::{Instant, MAX_CYCLES, whole};
@@ -59,7 +60,9 @@ fn list<V: IntoValue>(value: Value<V>, location: ValuePointerRef<'_>) -> Result<
                 None => Ok(list),
             }
         }
-        map @ Value::Map(_) => Range::deserialize_from_value(map, location)?.instants(location),
+        map @ Value::Map(_) => {
+            EvenInstants::deserialize_from_value(map, location)?.instants(location)
+        }
         other => {
             let accepted = &[ValueKind::Sequence, ValueKind::Map];
             Err(refuse(ErrorKind::IncorrectValueKind { actual: other, accepted }, location))
@@ -70,10 +73,10 @@ fn list<V: IntoValue>(value: Value<V>, location: ValuePointerRef<'_>) -> Result<
 /// Evenly spaced instants.
 #[derive(Debug, Clone, Copy, PartialEq, Deserr)]
 #[deserr(error = Faults, deny_unknown_fields)]
-struct Range {
+struct EvenInstants {
     from: Instant,
     to: Instant,
-    count: Count,
+    count: InstantCount,
     #[deserr(default)]
     spacing: Spacing,
 }
@@ -86,7 +89,7 @@ enum Spacing {
     Linear,
 }
 
-impl Range {
+impl EvenInstants {
     fn instants(self, location: ValuePointerRef<'_>) -> Result<Vec<f64>, Faults> {
         let (from, to) = (self.from.0, self.to.0);
         if self.spacing == Spacing::Log && from <= 0.0 {
@@ -117,9 +120,9 @@ impl Range {
 
 /// How many instants a range has: 2 to [`MAX_CYCLES`].
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Count(u16);
+struct InstantCount(u16);
 
-impl Deserr<Faults> for Count {
+impl Deserr<Faults> for InstantCount {
     fn deserialize_from_value<V: IntoValue>(
         value: Value<V>,
         location: ValuePointerRef<'_>,
@@ -128,24 +131,26 @@ impl Deserr<Faults> for Count {
     }
 }
 
-/// Which instants carry profiles.
-#[derive(Debug, Clone, PartialEq)]
+/// Which output cycles carry profiles.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
 pub enum ProfilesAt {
-    /// Every one.
-    All,
-    /// The last.
-    Last,
-    /// None; the answer has no profiles at all.
-    None,
-    /// These, in the unit of `cycles`.
+    /// A word instead of a list.
+    Word(ProfilesWord),
+    /// These output cycles, in the unit of `cycles`.
     At(Vec<f64>),
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr)]
+/// A choice of output cycles in one word.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr, Serialize)]
 #[deserr(error = Faults, rename_all = lowercase)]
-enum ProfilesWord {
+#[serde(rename_all = "lowercase")]
+pub enum ProfilesWord {
+    /// Every output cycle.
     All,
+    /// Only the last output cycle.
     Last,
+    /// None. The result has no profiles.
     None,
 }
 
@@ -157,11 +162,7 @@ impl Deserr<Faults> for ProfilesAt {
         match value {
             sequence @ Value::Sequence(_) => list(sequence, location).map(Self::At),
             word @ Value::String(_) => {
-                Ok(match ProfilesWord::deserialize_from_value(word, location)? {
-                    ProfilesWord::All => Self::All,
-                    ProfilesWord::Last => Self::Last,
-                    ProfilesWord::None => Self::None,
-                })
+                ProfilesWord::deserialize_from_value(word, location).map(Self::Word)
             }
             other => {
                 let accepted = &[ValueKind::Sequence, ValueKind::String];

@@ -15,8 +15,8 @@ use deserr::{Deserr, IntoValue, Sequence, Value, ValuePointerRef};
 
 use fault::Faults;
 use fields::{
-    EnergyWear, Friction, Given, Length, Points, PoissonRatio, Scalar, Share, Stress, Tolerance,
-    Volume, WEAR_RANGE, Xi, within,
+    EnergyWear, Friction, Given, Length, NumberOrText, PointCount, PoissonRatio, Share, Stress,
+    Tolerance, Volume, WEAR_RANGE, Xi, within,
 };
 use held::{Load, Motion};
 use indenter::Profile;
@@ -102,7 +102,7 @@ impl Request {
 
 /// Exactly two bodies.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Bodies(pub [Body; 2]);
+pub struct Bodies(pub [ElasticBody; 2]);
 
 impl Deserr<Faults> for Bodies {
     fn deserialize_from_value<V: IntoValue>(
@@ -115,8 +115,8 @@ impl Deserr<Faults> for Bodies {
             let detail = format!("must list exactly two bodies, not {}", list.len());
             return Err(Faults::at(location, detail));
         }
-        let bodies = Vec::<Body>::deserialize_from_value(value, location)?;
-        <[Body; 2]>::try_from(bodies)
+        let bodies = Vec::<ElasticBody>::deserialize_from_value(value, location)?;
+        <[ElasticBody; 2]>::try_from(bodies)
             .map(Self)
             .map_err(|_| Faults::at(location, "must list exactly two bodies"))
     }
@@ -125,7 +125,7 @@ impl Deserr<Faults> for Bodies {
 /// One elastic body.
 #[derive(Debug, Clone, Copy, PartialEq, Deserr)]
 #[deserr(error = Faults, deny_unknown_fields)]
-pub struct Body {
+pub struct ElasticBody {
     /// E.
     pub youngs_modulus: Stress,
     /// ν.
@@ -151,7 +151,7 @@ pub struct Moduli {
 pub struct Wear {
     /// k_w, or the dimensionless k where `hardness` is given.
     #[deserr(default)]
-    coefficient: Given<Scalar>,
+    coefficient: Given<NumberOrText>,
     /// σ₀.
     #[deserr(default)]
     hardness: Given<Stress>,
@@ -185,8 +185,8 @@ impl Wear {
                         .to_owned(),
                 ));
             }
-            (Some(Scalar::Number(x)), _, None) => self.per_load = *x,
-            (Some(Scalar::Text(text)), _, None) => {
+            (Some(NumberOrText::Number(x)), _, None) => self.per_load = *x,
+            (Some(NumberOrText::Text(text)), _, None) => {
                 self.per_load = quantity::parse(text, dimension).map_err(at)?;
             }
         }
@@ -205,7 +205,7 @@ impl Wear {
 /// How wear is computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserr)]
 #[deserr(error = Faults, rename_all = lowercase)]
-pub enum Method {
+pub enum MethodName {
     /// The rule (14).
     #[default]
     Simplified,
@@ -219,7 +219,7 @@ pub enum Method {
 pub struct Model {
     /// The method.
     #[deserr(default)]
-    pub method: Method,
+    pub method: MethodName,
     /// ξ, of the simplified rule.
     #[deserr(default)]
     pub xi: Given<Xi>,
@@ -231,5 +231,5 @@ pub struct Model {
     pub compare: Given<bool>,
     /// Output radii.
     #[deserr(default)]
-    pub points: Given<Points>,
+    pub points: Given<PointCount>,
 }

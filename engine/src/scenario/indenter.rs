@@ -16,7 +16,7 @@ use serde::Serialize;
 
 use crate::contact::limit::{DEEPEST, WIDEST};
 use crate::contact::profile::{Shape, kappa};
-use crate::contact::table_shape::{Pressed, TableShape};
+use crate::contact::table_shape::{PressedTable, TableShape};
 use crate::contact::unworn::Contact;
 use crate::numeric::{root, twelve_digits};
 use crate::request::fault::Fault;
@@ -176,7 +176,9 @@ impl CanonicalProfile {
     /// Why it cannot be pressed in to `depth`, which the member at `pointer` asks for.
     pub(super) fn refusal(&self, depth: f64, pointer: &str) -> Fault {
         let detail = match self.form() {
-            Form::Table(table) => return table.too_short(Pressed::new(&table.shape, depth, true)),
+            Form::Table(table) => {
+                return table.too_short(PressedTable::new(&table.shape, depth, true));
+            }
             Form::Flat(flat) => format!(
                 "presses the flat in by so little ({depth:.3e} m) that hardly a ring around it \
                  touches: such a contact slips as a whole or not at all; load it more or take a \
@@ -196,7 +198,7 @@ impl CanonicalProfile {
         match self.form() {
             Form::Table(table) => {
                 let endless =
-                    Pressed::new(&table.shape, depth, true).and_then(|(radius, pressed)| {
+                    PressedTable::new(&table.shape, depth, true).and_then(|(radius, pressed)| {
                         let limit = Contact::new(Shape::table(pressed.clone()), threshold)?.limit;
                         Some((limit.radius * radius, pressed))
                     });
@@ -216,7 +218,7 @@ impl CanonicalProfile {
 
 impl CanonicalTable {
     /// A table that ends, or stops to rise, before the radius that it should reach.
-    fn too_short(&self, needed: Option<(f64, Pressed)>) -> Fault {
+    fn too_short(&self, needed: Option<(f64, PressedTable)>) -> Fault {
         let radius = &self.radius;
         let reach = self.shape.reach();
         let row = radius.partition_point(|r| *r < reach * (1.0 - 1e-9)).min(radius.len() - 1);
@@ -275,7 +277,7 @@ pub(super) fn indent(profile: &CanonicalProfile, depth: f64) -> Option<(f64, Sha
             Some((radius, shape))
         }
         Form::Table(table) => {
-            let (radius, pressed) = Pressed::new(&table.shape, depth, false)?;
+            let (radius, pressed) = PressedTable::new(&table.shape, depth, false)?;
             Some((radius, Shape::table(pressed)))
         }
     }

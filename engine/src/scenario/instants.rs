@@ -1,29 +1,19 @@
 //! The instants of the history in canonical form, and which of them carry profiles.
 
-use serde::Serialize;
-
 use crate::numeric::twelve_digits;
 use crate::request::fault::{Fault, Faults};
 use crate::request::fields::LAST_CYCLE;
-use crate::request::instants::{Cycles, ProfilesAt};
+use crate::request::instants::{Cycles, ProfilesAt, ProfilesWord};
 
 /// Up to this many instants all carry profiles by default, above it only the last.
 pub const DEFAULT_PROFILES: usize = 20;
-
-/// The word where one fits, so that equal requests have equal keys.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[serde(untagged)]
-pub(super) enum CanonicalProfilesAt {
-    Word(&'static str),
-    At(Vec<f64>),
-}
 
 /// The canonical instants, and which of them carry profiles.
 pub(super) fn canonical(
     cycles: &Cycles,
     profiles_at: Option<&ProfilesAt>,
     unit: f64,
-) -> Result<(Vec<f64>, CanonicalProfilesAt), Faults> {
+) -> Result<(Vec<f64>, ProfilesAt), Faults> {
     let unit = if cycles.normalized { unit } else { 1.0 };
     let convert = |n: f64| {
         if cycles.normalized { twelve_digits(n * unit) } else { n }
@@ -44,12 +34,16 @@ pub(super) fn canonical(
     if list.len() > 1 && list[0] == 0.0 {
         list.remove(0);
     }
-    let word = |word| Ok((list.clone(), CanonicalProfilesAt::Word(word)));
+    let word = |word| Ok((list.clone(), ProfilesAt::Word(word)));
     let wanted = match profiles_at {
-        None if list.len() <= DEFAULT_PROFILES => return word("all"),
-        None | Some(ProfilesAt::Last) if list.len() > 1 => return word("last"),
-        None | Some(ProfilesAt::All | ProfilesAt::Last) => return word("all"),
-        Some(ProfilesAt::None) => return word("none"),
+        None if list.len() <= DEFAULT_PROFILES => return word(ProfilesWord::All),
+        None | Some(ProfilesAt::Word(ProfilesWord::Last)) if list.len() > 1 => {
+            return word(ProfilesWord::Last);
+        }
+        None | Some(ProfilesAt::Word(ProfilesWord::All | ProfilesWord::Last)) => {
+            return word(ProfilesWord::All);
+        }
+        Some(ProfilesAt::Word(ProfilesWord::None)) => return word(ProfilesWord::None),
         Some(ProfilesAt::At(wanted)) => wanted,
     };
     let mut faults = Vec::new();
@@ -69,10 +63,22 @@ pub(super) fn canonical(
         wanted.remove(0);
     }
     if wanted == list {
-        return word("all");
+        return word(ProfilesWord::All);
     }
     if wanted[..] == list[list.len() - 1..] {
-        return word("last");
+        return word(ProfilesWord::Last);
     }
-    Ok((list, CanonicalProfilesAt::At(wanted)))
+    Ok((list, ProfilesAt::At(wanted)))
+}
+
+/// For each output cycle, whether it carries profiles. The unworn state carries them if any does.
+pub(super) fn with_profiles(cycles: &[f64], profiles_at: &ProfilesAt) -> Vec<bool> {
+    let last = cycles.len() - 1;
+    let carries = |(i, n): (usize, &f64)| match profiles_at {
+        ProfilesAt::Word(ProfilesWord::None) => false,
+        ProfilesAt::Word(ProfilesWord::All) => true,
+        ProfilesAt::Word(ProfilesWord::Last) => i == 0 || i == last,
+        ProfilesAt::At(list) => *n == 0.0 || list.contains(n),
+    };
+    cycles.iter().enumerate().map(carries).collect()
 }

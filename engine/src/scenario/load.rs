@@ -11,12 +11,19 @@ use crate::request::fault::Faults;
 use crate::request::fields::{Force, Length, derived};
 use crate::request::held::LoadHeld;
 
+/// The effective moduli, in Pa.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub(super) struct CanonicalModuli {
+    pub(super) normal: f64,
+    pub(super) tangential: f64,
+}
+
 /// The normal direction in canonical form.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(untagged)]
 pub(super) enum CanonicalLoad {
-    Depth { indentation_depth: f64, held: &'static str },
-    Force { normal_force: f64, held: &'static str },
+    Depth { indentation_depth: f64, held: LoadHeld },
+    Force { normal_force: f64, held: LoadHeld },
 }
 
 impl CanonicalLoad {
@@ -29,6 +36,7 @@ impl CanonicalLoad {
 }
 
 /// The normal direction in canonical form.
+#[expect(clippy::expect_used, reason = "the request was validated")]
 pub(super) fn canonical_load(
     request: &Request,
     profile: &CanonicalProfile,
@@ -37,10 +45,12 @@ pub(super) fn canonical_load(
     let given = &request.load;
     let by_depth = |depth: f64| CanonicalLoad::Depth {
         indentation_depth: twelve_digits(depth),
-        held: "depth",
+        held: LoadHeld::Depth,
     };
-    let by_force =
-        |force: f64| CanonicalLoad::Force { normal_force: twelve_digits(force), held: "force" };
+    let by_force = |force: f64| CanonicalLoad::Force {
+        normal_force: twelve_digits(force),
+        held: LoadHeld::Force,
+    };
     let load = match (given.held(), given.normal_force.0, given.indentation_depth.0) {
         (LoadHeld::Force, Some(force), _) => by_force(force.0),
         (LoadHeld::Depth, _, Some(depth)) => by_depth(depth.0),
@@ -49,13 +59,14 @@ pub(super) fn canonical_load(
             let (depth, _, _) = press(profile, &load, normal_modulus)?;
             by_depth(depth)
         }
-        (_, None, depth) => {
-            let load = by_depth(depth.map_or(0.0, |depth| depth.0));
+        (LoadHeld::Force, None, depth) => {
+            let load = by_depth(depth.expect("a request without one of the two is refused").0);
             let (depth, contact_radius, shape) = press(profile, &load, normal_modulus)?;
             let force = 2.0 * normal_modulus * contact_radius * depth * shape.half_force();
             derived(force, Force::RANGE, "a normal force of", "N", "/load/indentation_depth")?;
             by_force(force)
         }
+        (LoadHeld::Depth, None, None) => unreachable!("a request without either is refused"),
     };
     Ok(load)
 }

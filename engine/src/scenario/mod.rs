@@ -30,14 +30,14 @@ use crate::contact::unworn::Contact;
 use crate::numeric::twelve_digits;
 use crate::request::fault::{Fault, Faults};
 use crate::request::fields::{Stress, WEAR_RANGE, derived};
-use crate::request::{self, Body, Request};
-use crate::solver::events::Until;
-use crate::solver::stepped::law::Law;
+use crate::request::instants::ProfilesAt;
+use crate::request::{ElasticBody, MethodName, Model, Request, Until};
+use crate::solver::events::StopCondition;
 use crate::solver::stepped::march::March;
 use indenter::{CanonicalProfile, canonical_profile};
-use instants::CanonicalProfilesAt;
-use load::{CanonicalLoad, canonical_load, press};
-use motion::{CanonicalMotion, Pressed};
+use instants::with_profiles;
+use load::{CanonicalLoad, CanonicalModuli, canonical_load};
+use motion::{CanonicalMotion, UnwornContact};
 
 /// The version of the engine's digits: it rises whenever a result changes in any digit.
 pub const NUMERICS: u32 = 1;
@@ -67,26 +67,20 @@ pub struct Warning {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Scenario {
     profile: CanonicalProfile,
-    moduli: Moduli,
+    moduli: CanonicalModuli,
     friction: f64,
-    wear: Wear,
+    wear: CanonicalWear,
     load: CanonicalLoad,
     motion: CanonicalMotion,
     cycles: Vec<f64>,
-    profiles_at: CanonicalProfilesAt,
+    profiles_at: ProfilesAt,
     #[serde(skip_serializing_if = "Option::is_none")]
     until: Option<CanonicalUntil>,
-    model: Model,
+    model: CanonicalModel,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-struct Moduli {
-    normal: f64,
-    tangential: f64,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-struct Wear {
+struct CanonicalWear {
     coefficient: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
     share: Option<f64>,
@@ -99,16 +93,75 @@ enum CanonicalUntil {
     WearVolume(f64),
 }
 
+/// Only what the method uses, so that nothing else makes a difference.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-struct Model {
-    method: &'static str,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    xi: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    tolerance: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    compare: Option<bool>,
-    points: u16,
+#[serde(tag = "method", rename_all = "lowercase")]
+enum CanonicalModel {
+    Simplified {
+        xi: f64,
+        points: u16,
+    },
+    Exact {
+        #[serde(skip_serializing_if = "Option::is_none")]
+        xi: Option<f64>,
+        tolerance: f64,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        compare: Option<bool>,
+        points: u16,
+    },
+}
+
+impl CanonicalUntil {
+    #[expect(clippy::expect_used, reason = "the request was validated")]
+    fn of(until: &Until) -> Self {
+        match until.wear_depth.0 {
+            Some(depth) => Self::WearDepth(twelve_digits(depth.0)),
+            None => Self::WearVolume(twelve_digits(
+                until.wear_volume.0.expect("a request without either is refused").0,
+            )),
+        }
+    }
+
+    fn stop_condition(self, scales: &Scales) -> StopCondition {
+        match self {
+            Self::WearDepth(w) => StopCondition {
+                depth: Some(w / scales.indentation_depth),
+                ..StopCondition::default()
+            },
+            Self::WearVolume(v) => {
+                StopCondition { volume: Some(v / scales.volume()), ..StopCondition::default() }
+            }
+        }
+    }
+}
+
+impl CanonicalModel {
+    fn of(model: &Model) -> Self {
+        let points = model.points.0.map_or(DEFAULT_POINTS, |points| points.0);
+        let xi = twelve_digits(model.xi.0.map_or(DEFAULT_XI, |xi| xi.0));
+        let tolerance = model.tolerance.0.map_or(DEFAULT_TOLERANCE, |given| given.0);
+        match model.method {
+            MethodName::Simplified => Self::Simplified { xi, points },
+            MethodName::Exact => {
+                let compare = model.compare.0.filter(|compare| *compare);
+                let xi = compare.map(|_| xi);
+                Self::Exact { xi, tolerance: twelve_digits(tolerance), compare, points }
+            }
+        }
+    }
+
+    fn method(self) -> Method {
+        match self {
+            Self::Simplified { xi, .. } => Method::Simplified { xi },
+            Self::Exact { xi, tolerance, .. } => Method::Exact { tolerance, compare: xi },
+        }
+    }
+
+    fn points(self) -> u16 {
+        match self {
+            Self::Simplified { points, .. } | Self::Exact { points, .. } => points,
+        }
+    }
 }
 
 /// Reads a scenario; `prefix` goes before every fault's pointer (`/scenario` in a job body).
@@ -135,73 +188,22 @@ impl Scenario {
         derived(coefficient, WEAR_RANGE, "a wear coefficient of", "1/Pa", "/wear")?;
         let profile = canonical_profile(&request.profile);
         let load = canonical_load(request, &profile, moduli.normal)?;
-        let (depth, contact_radius, shape) = press(&profile, &load, moduli.normal)?;
-        let gross_slip = friction * moduli.normal / moduli.tangential * depth;
-        let pressed = Pressed {
-            shape: &shape,
-            contact_radius,
-            friction,
-            force: moduli.normal * contact_radius * depth,
-            tangential_modulus: moduli.tangential,
-            gross_slip,
-            normal: load.normal(),
-        };
-        let motion = CanonicalMotion::resolve(&request.motion, &pressed)?;
-        let (_, threshold) = motion.control(load.normal(), &pressed, 1.0)?;
-        let amplitude = motion.amplitude(threshold, gross_slip);
-        let unit = contact_radius / (4.0 * amplitude * coefficient * moduli.normal);
-        let fixed = match &motion {
-            CanonicalMotion::Blocks { .. } => Some("blocks"),
-            CanonicalMotion::Reversals { .. } => Some("reversals"),
-            _ => None,
-        };
-        if let Some(fixed) = fixed.filter(|_| request.cycles.normalized) {
-            let detail = format!("cannot be combined with `{fixed}`: give the instants in cycles");
-            return Err(Faults::one("/cycles/normalized", detail));
-        }
-        let (cycles, profiles_at) =
-            instants::canonical(&request.cycles, request.profiles_at.0.as_ref(), unit)?;
-        if let Some(end) = motion.end()
-            && let Some(late) = cycles.iter().position(|n| *n > end)
-        {
-            let detail = format!("is {} cycles, but the last block ends at {end}", cycles[late]);
-            return Err(Faults::one(&format!("/cycles/{late}"), detail));
-        }
-        let points = request.model.points.0.map_or(DEFAULT_POINTS, |points| points.0);
-        let xi = twelve_digits(request.model.xi.0.map_or(DEFAULT_XI, |xi| xi.0));
-        let tolerance = request.model.tolerance.0.map_or(DEFAULT_TOLERANCE, |given| given.0);
-        let tolerance = twelve_digits(tolerance);
-        // What a method ignores is left out, so that it makes no difference.
-        let model = match request.model.method {
-            request::Method::Simplified => {
-                Model { method: "simplified", xi: Some(xi), tolerance: None, compare: None, points }
-            }
-            request::Method::Exact => {
-                let compare = request.model.compare.0.filter(|compare| *compare);
-                let xi = compare.map(|_| xi);
-                Model { method: "exact", xi, tolerance: Some(tolerance), compare, points }
-            }
-        };
+        let contact = UnwornContact::new(&profile, &load, moduli, friction)?;
+        let motion = CanonicalMotion::resolve(&request.motion, &contact)?;
+        let (_, unit) = motion.amplitude_and_cycles(&contact, coefficient)?;
+        let (cycles, profiles_at) = canonical_cycles(request, &motion, unit)?;
+        let share = request.wear.share.0.map(|share| twelve_digits(share.0));
         Ok(Self {
             profile,
             moduli,
             friction,
-            wear: Wear {
-                coefficient,
-                share: request.wear.share.0.map(|share| twelve_digits(share.0)),
-            },
+            wear: CanonicalWear { coefficient, share },
             load,
             motion,
             cycles,
             profiles_at,
-            until: request.until.0.and_then(|until| {
-                let depth =
-                    until.wear_depth.0.map(|w| CanonicalUntil::WearDepth(twelve_digits(w.0)));
-                let volume =
-                    until.wear_volume.0.map(|v| CanonicalUntil::WearVolume(twelve_digits(v.0)));
-                depth.or(volume)
-            }),
-            model,
+            until: request.until.0.as_ref().map(CanonicalUntil::of),
+            model: CanonicalModel::of(&request.model),
         })
     }
 
@@ -210,92 +212,48 @@ impl Scenario {
     /// # Errors
     /// A fault where the numbers, each fine alone, have no answer together.
     pub fn case(&self) -> Result<Case, Fault> {
-        let fault = |pointer: &str, detail: String| Fault { pointer: pointer.to_owned(), detail };
-        let Moduli { normal, tangential } = self.moduli;
-        let (depth, contact_radius, shape) =
-            press(&self.profile, &self.load, normal).map_err(first)?;
-        let gross_slip = self.friction * normal / tangential * depth;
-        let pressed = Pressed {
-            shape: &shape,
-            contact_radius,
-            friction: self.friction,
-            force: normal * contact_radius * depth,
-            tangential_modulus: tangential,
-            gross_slip,
-            normal: self.load.normal(),
-        };
-        let held = |unit| self.motion.control(self.load.normal(), &pressed, unit).map_err(first);
-        let (_, threshold) = held(1.0)?;
-        let amplitude = self.motion.amplitude(threshold, gross_slip);
-        let unit = contact_radius / (4.0 * amplitude * self.wear.coefficient * normal);
-        let (control, threshold) = held(unit)?;
-        let contact = Contact::new(shape, threshold)
-            .ok_or_else(|| self.profile.outgrown(depth, threshold))?;
-        let tends_to = control.tends_to(&contact);
-        let last = self.cycles.last().map_or(0.0, |last| last / unit);
-        let law = match self.model.tolerance {
-            Some(_) => Law::Exact,
-            None => Law::Simplified(self.model.xi.unwrap_or(DEFAULT_XI)),
-        };
-        if !March::fits(&contact, &control, law, tends_to.as_ref(), last) {
-            let Fault { pointer, detail } = self.profile.outgrown(depth, threshold);
-            let detail = format!("{detail}; or ask for fewer cycles");
-            return Err(Fault { pointer, detail });
-        }
+        let contact = UnwornContact::new(&self.profile, &self.load, self.moduli, self.friction)
+            .map_err(first)?;
+        let (amplitude, unit) =
+            self.motion.amplitude_and_cycles(&contact, self.wear.coefficient).map_err(first)?;
+        let (control, threshold) = self.motion.control(&contact, unit).map_err(first)?;
         let scales = Scales {
-            contact_radius,
-            indentation_depth: depth,
+            contact_radius: contact.contact_radius,
+            indentation_depth: contact.depth,
             cycles: unit,
             amplitude,
-            normal_modulus: normal,
-            tangential_modulus: tangential,
+            normal_modulus: self.moduli.normal,
+            tangential_modulus: self.moduli.tangential,
             friction: self.friction,
             wear_coefficient: self.wear.coefficient,
         };
-        let until = match self.until {
-            None => Until::default(),
-            Some(CanonicalUntil::WearDepth(w)) => {
-                Until { depth: Some(w / depth), ..Until::default() }
-            }
-            Some(CanonicalUntil::WearVolume(v)) => {
-                Until { volume: Some(v / scales.volume()), ..Until::default() }
-            }
-        };
+        let outgrown = || self.profile.outgrown(scales.indentation_depth, threshold);
+        let contact = Contact::new(contact.shape, threshold).ok_or_else(outgrown)?;
         let mut cycles = self.cycles.clone();
-        if cycles.first().is_none_or(|first| *first > 0.0) {
+        if cycles[0] > 0.0 {
             cycles.insert(0, 0.0);
         }
-        let profiles = match &self.profiles_at {
-            CanonicalProfilesAt::Word("none") => vec![false; cycles.len()],
-            // Row 0 of the profiles is always the unworn state.
-            CanonicalProfilesAt::Word("all") => vec![true; cycles.len()],
-            CanonicalProfilesAt::Word(_) => {
-                (0..cycles.len()).map(|i| i == 0 || i + 1 == cycles.len()).collect()
-            }
-            CanonicalProfilesAt::At(list) => {
-                cycles.iter().map(|n| *n == 0.0 || list.contains(n)).collect()
-            }
-        };
-        let points = usize::from(self.model.points);
-        let method = match self.model {
-            Model { tolerance: Some(tolerance), compare, xi, .. } => {
-                let compare = compare.and(xi);
-                Method::Exact { tolerance, compare }
-            }
-            Model { xi, .. } => Method::Simplified { xi: xi.unwrap_or(DEFAULT_XI) },
-        };
-        let share = self.wear.share;
+        let tends_to = control.tends_to(&contact);
+        let method = self.model.method();
+        let last = cycles[cycles.len() - 1] / unit;
+        if !March::fits(&contact, &control, method.law(), tends_to.as_ref(), last) {
+            let Fault { pointer, detail } = outgrown();
+            let detail = format!("{detail}; or ask for fewer cycles");
+            return Err(Fault { pointer, detail });
+        }
         let case = Case {
             contact,
             control,
             tends_to,
-            until,
-            share,
+            until: self
+                .until
+                .map_or_else(StopCondition::default, |until| until.stop_condition(&scales)),
+            share: self.wear.share,
             scales,
             method,
-            points,
+            points: usize::from(self.model.points()),
+            profiles: with_profiles(&cycles, &self.profiles_at),
             cycles,
-            profiles,
         };
         if case.answer_bytes() > MAX_ANSWER {
             let detail = format!(
@@ -304,7 +262,7 @@ impl Scenario {
                 case.answer_bytes() / 1_000_000,
                 MAX_ANSWER / 1_000_000
             );
-            return Err(fault("/profiles_at", detail));
+            return Err(Fault { pointer: "/profiles_at".to_owned(), detail });
         }
         Ok(case)
     }
@@ -351,7 +309,7 @@ impl Scenario {
 }
 
 /// E* and G*, (6).
-fn moduli(request: &Request) -> Result<Moduli, Faults> {
+fn moduli(request: &Request) -> Result<CanonicalModuli, Faults> {
     let (normal, tangential) = match (&request.moduli.0, &request.bodies.0) {
         (Some(moduli), _) => (moduli.normal.0, moduli.tangential.0),
         (None, bodies) => {
@@ -372,16 +330,43 @@ fn moduli(request: &Request) -> Result<Moduli, Faults> {
     let (normal, tangential) = (twelve_digits(normal), twelve_digits(tangential));
     derived(normal, Stress::RANGE, "a normal modulus E* of", "Pa", "/bodies")?;
     derived(tangential, Stress::RANGE, "a tangential modulus G* of", "Pa", "/bodies")?;
-    Ok(Moduli { normal, tangential })
+    Ok(CanonicalModuli { normal, tangential })
 }
 
-/// The first of some faults.
+/// The output cycles and which of them carry profiles. Cycles that N₀ cannot scale, or that come after the
+/// last block, are refused.
+fn canonical_cycles(
+    request: &Request,
+    motion: &CanonicalMotion,
+    unit: f64,
+) -> Result<(Vec<f64>, ProfilesAt), Faults> {
+    let varying = match motion {
+        CanonicalMotion::Blocks { .. } => Some("blocks"),
+        CanonicalMotion::Reversals { .. } => Some("reversals"),
+        _ => None,
+    };
+    if let Some(varying) = varying.filter(|_| request.cycles.normalized) {
+        let detail = format!("cannot be combined with `{varying}`: give the instants in cycles");
+        return Err(Faults::one("/cycles/normalized", detail));
+    }
+    let (cycles, profiles_at) =
+        instants::canonical(&request.cycles, request.profiles_at.0.as_ref(), unit)?;
+    if let Some(end) = motion.end()
+        && let Some(late) = cycles.iter().position(|n| *n > end)
+    {
+        let detail = format!("is {} cycles, but the last block ends at {end}", cycles[late]);
+        return Err(Faults::one(&format!("/cycles/{late}"), detail));
+    }
+    Ok((cycles, profiles_at))
+}
+
+/// The first of the faults.
+#[expect(clippy::expect_used, reason = "a refusal without a fault is a bug")]
 fn first(faults: Faults) -> Fault {
-    let unknown = || Fault { pointer: String::new(), detail: "cannot be computed".to_owned() };
-    faults.0.into_iter().next().unwrap_or_else(unknown)
+    faults.0.into_iter().next().expect("a refusal names at least one fault")
 }
 
-fn shear_modulus(body: &Body) -> f64 {
+fn shear_modulus(body: &ElasticBody) -> f64 {
     body.youngs_modulus.0 / (2.0 * (1.0 + body.poisson_ratio.0))
 }
 

@@ -13,13 +13,15 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
+use super::indenter::CanonicalProfile;
+use super::load::{CanonicalLoad, CanonicalModuli, press};
 use crate::contact::control::{Block, Control, Normal, Tangential};
 use crate::contact::profile::Shape;
-use crate::contact::record::Record;
+use crate::contact::record::DisplacementRecord;
 use crate::numeric::{integrate, root, twelve_digits};
 use crate::request::fault::Faults;
 use crate::request::fields::{Length, List};
-use crate::request::held::{Motion, MotionHeld};
+use crate::request::held::{GivenBlock, Motion, MotionHeld};
 
 /// Smallest U/U_gs: below, the slip ring is lost in rounding.
 const MIN_THRESHOLD: f64 = 1e-6;
@@ -34,9 +36,9 @@ const STICK_DIGITS: f64 = 1e-3;
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(untagged)]
 pub(super) enum CanonicalMotion {
-    Amplitude { amplitude: f64, held: &'static str },
-    Force { tangential_force: f64, held: &'static str },
-    Rig { amplitude: f64, rig_stiffness: f64, held: &'static str },
+    Amplitude { amplitude: f64, held: MotionHeld },
+    Force { tangential_force: f64, held: MotionHeld },
+    Rig { amplitude: f64, rig_stiffness: f64, held: MotionHeld },
     Blocks { blocks: Vec<CanonicalBlock> },
     Reversals { reversals: Vec<f64> },
 }
@@ -47,21 +49,22 @@ pub(super) struct CanonicalBlock {
     cycles: f64,
 }
 
-const AMPLITUDE: &str = "amplitude";
-const TANGENTIAL_FORCE: &str = "tangential_force";
-
-/// The unworn contact, as far as the tangential direction needs it.
-pub(super) struct Pressed<'a> {
-    pub(super) shape: &'a Shape,
+/// The unworn contact in SI, with its shape normalised.
+pub(super) struct UnwornContact {
+    pub(super) shape: Shape,
+    /// d₀.
+    pub(super) depth: f64,
+    /// a₀.
     pub(super) contact_radius: f64,
     pub(super) friction: f64,
     /// E*a₀d₀ in N.
-    pub(super) force: f64,
-    pub(super) tangential_modulus: f64,
+    force: f64,
+    normal_modulus: f64,
+    tangential_modulus: f64,
     /// U at Δ = 1 in m.
     pub(super) gross_slip: f64,
-    /// What is held.
-    pub(super) normal: Normal,
+    /// What is held in the normal direction.
+    normal: Normal,
 }
 
 /// ∫₀¹ min(Δ, 1 − g₀) dx.
@@ -79,16 +82,37 @@ fn half_tangential(shape: &Shape, threshold: f64) -> f64 {
     threshold * stick + slipping
 }
 
-impl Pressed<'_> {
+impl UnwornContact {
+    /// Presses the indenter in.
+    pub(super) fn new(
+        profile: &CanonicalProfile,
+        load: &CanonicalLoad,
+        moduli: CanonicalModuli,
+        friction: f64,
+    ) -> Result<Self, Faults> {
+        let (depth, contact_radius, shape) = press(profile, load, moduli.normal)?;
+        Ok(Self {
+            shape,
+            depth,
+            contact_radius,
+            friction,
+            force: moduli.normal * contact_radius * depth,
+            normal_modulus: moduli.normal,
+            tangential_modulus: moduli.tangential,
+            gross_slip: friction * moduli.normal / moduli.tangential * depth,
+            normal: load.normal(),
+        })
+    }
+
     /// Q of the unworn contact at Δ.
     fn tangential_force(&self, threshold: f64) -> f64 {
-        2.0 * self.friction * self.force * half_tangential(self.shape, threshold)
+        2.0 * self.friction * self.force * half_tangential(&self.shape, threshold)
     }
 
     /// Δ under Q < μF.
     fn threshold_under(&self, tangential_force: f64) -> f64 {
         let half = tangential_force / (2.0 * self.friction * self.force);
-        root(0.0, 1.0, |threshold| half_tangential(self.shape, threshold) - half)
+        root(0.0, 1.0, |threshold| half_tangential(&self.shape, threshold) - half)
     }
 
     fn threshold(&self, amplitude: f64) -> f64 {
@@ -122,97 +146,94 @@ impl Pressed<'_> {
 }
 
 impl CanonicalMotion {
-    /// Brings the tangential direction of a request into canonical form.
-    pub(super) fn resolve(motion: &Motion, pressed: &Pressed<'_>) -> Result<Self, Faults> {
-        let stays = pressed.normal == Normal::Depth;
+    /// Brings the motion of a request into canonical form.
+    pub(super) fn resolve(motion: &Motion, pressed: &UnwornContact) -> Result<Self, Faults> {
         if let Some(List(blocks)) = &motion.blocks.0 {
-            let blocks: Vec<CanonicalBlock> = blocks
-                .iter()
-                .map(|block| CanonicalBlock {
-                    amplitude: twelve_digits(block.amplitude.0),
-                    cycles: twelve_digits(block.cycles.0),
-                })
-                .collect();
-            let given = blocks;
-            // Equal neighbours are one block.
-            let mut blocks: Vec<CanonicalBlock> = Vec::new();
-            for block in &given {
-                let same =
-                    |last: &&mut CanonicalBlock| last.amplitude.total_cmp(&block.amplitude).is_eq();
-                match blocks.last_mut().filter(same) {
-                    Some(last) => last.cycles = twelve_digits(last.cycles + block.cycles),
-                    None => blocks.push(*block),
-                }
-            }
-            for (index, block) in given.iter().enumerate().filter(|(_, b)| b.amplitude > 0.0) {
-                resolved(
-                    block.amplitude,
-                    false,
-                    pressed,
-                    &format!("/motion/blocks/{index}/amplitude"),
-                )?;
-            }
-            return Ok(Self::Blocks { blocks });
+            return Self::resolve_blocks(blocks, pressed);
         }
         if let Some(List(reversals)) = &motion.reversals.0 {
             let reversals: Vec<f64> =
                 reversals.iter().map(|position| twelve_digits(position.0)).collect();
-            let Some(record) = Record::new(&reversals) else {
-                return Err(Faults::one("/motion/reversals", "must not all be the same position"));
-            };
+            let record = record_of(&reversals)?;
             resolved(record.amplitude(), false, pressed, "/motion/reversals")?;
             return Ok(Self::Reversals { reversals });
         }
         let (amplitude, pointer) = contact_amplitude(motion, pressed)?;
         if let Some(stiffness) = motion.rig_stiffness.0 {
             let rig_stiffness = twelve_digits(stiffness.0);
-            // A given amplitude is the actuator's, others are the contact's.
-            let amplitude = twelve_digits(if let Some(actuator) = motion.amplitude.0 {
-                actuator.0
-            } else {
-                let force = pressed.tangential_force(pressed.threshold(amplitude));
-                amplitude + force / rig_stiffness
-            });
-            let (low, high) = Length::RANGE;
-            if !(low..=high).contains(&amplitude) {
-                let detail = format!(
-                    "lets the rig yield so much that its actuator would move {amplitude:e} m: give a \
-                     stiffer rig"
-                );
-                return Err(Faults::one("/motion/rig_stiffness", detail));
-            }
-            let canonical = Self::Rig { amplitude, rig_stiffness, held: AMPLITUDE };
-            let (_, threshold) = canonical.control(Normal::Depth, pressed, 1.0)?;
-            resolved(threshold * pressed.gross_slip, false, pressed, pointer)?;
-            return Ok(canonical);
+            return Self::resolve_rig(motion, rig_stiffness, (amplitude, pointer), pressed);
         }
         if motion.tangential() == MotionHeld::Amplitude {
+            let stays = pressed.normal == Normal::Depth;
             let amplitude = resolved(twelve_digits(amplitude), stays, pressed, pointer)?;
-            return Ok(Self::Amplitude { amplitude, held: AMPLITUDE });
+            return Ok(Self::Amplitude { amplitude, held: MotionHeld::Amplitude });
         }
-        let force = match motion.tangential_force.0 {
-            Some(force) => force.0,
-            None => pressed.tangential_force(pressed.threshold(amplitude)),
+        let tangential_force = if let Some(force) = motion.tangential_force.0 {
+            pressed.carried(twelve_digits(force.0))?
+        } else {
+            let force = pressed.tangential_force(pressed.threshold(amplitude));
+            pressed.carried(twelve_digits(force)).map_err(|_| {
+                let detail = "makes the whole contact slip, so that the tangential force cannot \
+                              be held: give a smaller motion, or hold the amplitude";
+                Faults::one(pointer, detail)
+            })?
         };
-        let tangential_force = twelve_digits(force);
-        let given = motion.tangential_force.0.is_some();
-        let tangential_force = pressed.carried(tangential_force).map_err(|faults| {
-            if given {
-                return faults;
-            }
-            let detail = "makes the whole contact slip, so that the tangential force cannot be held: \
-                          give a smaller motion, or hold the amplitude";
-            Faults::one(pointer, detail)
-        })?;
         resolved(amplitude, false, pressed, pointer)?;
-        Ok(Self::Force { tangential_force, held: TANGENTIAL_FORCE })
+        Ok(Self::Force { tangential_force, held: MotionHeld::TangentialForce })
+    }
+
+    fn resolve_blocks(given: &[GivenBlock], pressed: &UnwornContact) -> Result<Self, Faults> {
+        let mut blocks: Vec<CanonicalBlock> = Vec::new();
+        for (index, block) in given.iter().enumerate() {
+            let (amplitude, cycles) =
+                (twelve_digits(block.amplitude.0), twelve_digits(block.cycles.0));
+            if amplitude > 0.0 {
+                let pointer = format!("/motion/blocks/{index}/amplitude");
+                resolved(amplitude, false, pressed, &pointer)?;
+            }
+            match blocks.last_mut() {
+                // Neighbours of equal amplitude are one block.
+                Some(last) if last.amplitude.total_cmp(&amplitude).is_eq() => {
+                    last.cycles = twelve_digits(last.cycles + cycles);
+                }
+                _ => blocks.push(CanonicalBlock { amplitude, cycles }),
+            }
+        }
+        Ok(Self::Blocks { blocks })
+    }
+
+    /// The amplitude of the contact and its pointer are those that the request asks for.
+    fn resolve_rig(
+        motion: &Motion,
+        rig_stiffness: f64,
+        (amplitude, pointer): (f64, &str),
+        pressed: &UnwornContact,
+    ) -> Result<Self, Faults> {
+        // A given amplitude is the actuator's, others are the contact's.
+        let amplitude = twelve_digits(if let Some(actuator) = motion.amplitude.0 {
+            actuator.0
+        } else {
+            let force = pressed.tangential_force(pressed.threshold(amplitude));
+            amplitude + force / rig_stiffness
+        });
+        let (low, high) = Length::RANGE;
+        if !(low..=high).contains(&amplitude) {
+            let detail = format!(
+                "lets the rig yield so much that its actuator would move {amplitude:e} m: give a \
+                 stiffer rig"
+            );
+            return Err(Faults::one("/motion/rig_stiffness", detail));
+        }
+        let canonical = Self::Rig { amplitude, rig_stiffness, held: MotionHeld::Amplitude };
+        let (_, threshold) = canonical.control(pressed, 1.0)?;
+        resolved(threshold * pressed.gross_slip, false, pressed, pointer)?;
+        Ok(canonical)
     }
 
     /// What this holds, in units of the unworn contact, and its Δ; `unit` is N per Ñ for blocks.
     pub(super) fn control(
         &self,
-        normal: Normal,
-        pressed: &Pressed<'_>,
+        pressed: &UnwornContact,
         unit: f64,
     ) -> Result<(Control, f64), Faults> {
         let (tangential, threshold) = match self {
@@ -228,7 +249,7 @@ impl CanonicalMotion {
                 let compliance = pressed.compliance(*rig_stiffness);
                 let amplitude = amplitude / pressed.gross_slip;
                 let missing = |threshold: f64| {
-                    threshold + 2.0 * compliance * half_tangential(pressed.shape, threshold)
+                    threshold + 2.0 * compliance * half_tangential(&pressed.shape, threshold)
                         - amplitude
                 };
                 let threshold =
@@ -245,27 +266,37 @@ impl CanonicalMotion {
                         Block { threshold, end: end / unit }
                     })
                     .collect();
-                let first = blocks.first().map_or(0.0, |block| block.threshold);
+                let first = blocks[0].threshold;
                 // Of one block no end is seen.
                 let one = blocks.len() == 1;
                 (if one { Tangential::Amplitude } else { Tangential::Blocks(blocks) }, first)
             }
             Self::Reversals { reversals } => {
-                let record = Record::new(reversals).ok_or_else(|| {
-                    Faults::one("/motion/reversals", "must not all be the same position")
-                })?;
+                let record = record_of(reversals)?;
                 let threshold = pressed.threshold(record.amplitude());
                 (Tangential::Record(Arc::new(record)), threshold)
             }
         };
-        Ok((Control { normal, tangential }, threshold))
+        Ok((Control { normal: pressed.normal, tangential }, threshold))
+    }
+
+    /// U of the contact at N = 0, and N₀ = a₀/(4 U k_w E*), (18).
+    pub(super) fn amplitude_and_cycles(
+        &self,
+        pressed: &UnwornContact,
+        wear_coefficient: f64,
+    ) -> Result<(f64, f64), Faults> {
+        let (_, threshold) = self.control(pressed, 1.0)?;
+        let amplitude = self.amplitude(threshold, pressed.gross_slip);
+        let UnwornContact { contact_radius, normal_modulus, .. } = pressed;
+        Ok((amplitude, contact_radius / (4.0 * amplitude * wear_coefficient * normal_modulus)))
     }
 
     /// U of the contact at N = 0, given its Δ; the very number that was given, where there is one.
-    pub(super) fn amplitude(&self, threshold: f64, gross_slip: f64) -> f64 {
+    fn amplitude(&self, threshold: f64, gross_slip: f64) -> f64 {
         match self {
             Self::Amplitude { amplitude, .. } => *amplitude,
-            Self::Blocks { blocks } => blocks.first().map_or(0.0, |block| block.amplitude),
+            Self::Blocks { blocks } => blocks[0].amplitude,
             _ => threshold * gross_slip,
         }
     }
@@ -277,10 +308,16 @@ impl CanonicalMotion {
     }
 }
 
+fn record_of(reversals: &[f64]) -> Result<DisplacementRecord, Faults> {
+    DisplacementRecord::new(reversals)
+        .ok_or_else(|| Faults::one("/motion/reversals", "must not all be the same position"))
+}
+
 /// U of the contact as asked for by amplitude, stick ratio or tangential force, and its pointer.
+#[expect(clippy::expect_used, reason = "the request was validated")]
 fn contact_amplitude(
     motion: &Motion,
-    pressed: &Pressed<'_>,
+    pressed: &UnwornContact,
 ) -> Result<(f64, &'static str), Faults> {
     if let Some(ratio) = motion.stick_ratio.0 {
         let amplitude = pressed.gross_slip * (1.0 - pressed.shape.image(ratio.0));
@@ -302,15 +339,15 @@ fn contact_amplitude(
         let amplitude = pressed.threshold_under(force) * pressed.gross_slip;
         return Ok((amplitude, "/motion/tangential_force"));
     }
-    let amplitude = motion.amplitude.0.map_or(0.0, |amplitude| amplitude.0);
-    Ok((amplitude, "/motion/amplitude"))
+    let amplitude = motion.amplitude.0.expect("a request without any of these is refused");
+    Ok((amplitude.0, "/motion/amplitude"))
 }
 
 /// An amplitude that can be resolved; `stays` where the stick radius keeps its place.
 fn resolved(
     amplitude: f64,
     stays: bool,
-    pressed: &Pressed<'_>,
+    pressed: &UnwornContact,
     pointer: &str,
 ) -> Result<f64, Faults> {
     let (low, high) = Length::RANGE;

@@ -6,7 +6,7 @@
 
 use super::single::SingleRun;
 use crate::case::{COMPARISON_RUNS, Case, Method};
-use crate::outcome::{Comparison, Errors, History, Outcome};
+use crate::outcome::{Comparison, Errors, History};
 
 /// Where ξ is looked for.
 const XI_RANGE: (f64, f64) = (0.1, 10.0);
@@ -16,18 +16,31 @@ const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
 /// A comparison under way.
 #[derive(Debug)]
-pub struct Comparing {
+pub(super) struct Comparing {
     case: Case,
     xi: f64,
     exact: History,
-    running: Option<Box<SingleRun>>,
-    /// ln ξ of the run under way.
-    trial: f64,
-    rule: Option<History>,
-    /// ln ξ and error of the tried ones: the ends of the bracket and the two within.
+    run: SingleRun,
+    trial: Trial,
+    rule: History,
+    /// ln ξ: the ends of the bracket and the two trials within it.
     bracket: [f64; 4],
-    errors: [Option<f64>; 2],
+    /// The errors of the two trials.
+    errors: [f64; 2],
     rounds: usize,
+}
+
+/// What the run under way is for.
+#[derive(Debug, Clone, Copy)]
+enum Trial {
+    /// The history of the rule with the given ξ.
+    Rule,
+    /// The error of the left trial, before that of the right one is known.
+    FirstLeft,
+    /// The error of the left trial.
+    Left,
+    /// The error of the right trial.
+    Right,
 }
 
 impl Comparing {
@@ -38,74 +51,74 @@ impl Comparing {
         case.profiles = vec![false; exact.cycles.len()];
         let (low, high) = (libm::log(XI_RANGE.0), libm::log(XI_RANGE.1));
         let width = GOLDEN * (high - low);
-        let mut comparing = Self {
+        Self {
+            run: SingleRun::new(case.clone()),
             case,
             xi,
             exact: exact.clone(),
-            running: None,
-            trial: libm::log(xi),
-            rule: None,
+            trial: Trial::Rule,
+            rule: History::default(),
             bracket: [low, high - width, low + width, high],
-            errors: [None; 2],
+            errors: [f64::INFINITY; 2],
             rounds: 0,
-        };
-        comparing.start(libm::log(xi));
-        comparing
+        }
     }
 
-    fn start(&mut self, trial: f64) {
-        let mut case = self.case.clone();
-        let xi = if self.rule.is_none() { self.xi } else { libm::exp(trial) };
-        case.method = Method::Simplified { xi };
-        self.trial = trial;
-        self.running = Some(Box::new(SingleRun::new(case)));
-    }
-
-    /// Computes some more; the share of the whole job that is done, or none at the end.
+    /// Computes some more. Returns the part of the whole job that is done, or none at the end.
     pub(super) fn step(&mut self) -> Option<f64> {
-        let run = self.running.as_mut()?;
-        run.step();
-        if run.has_ended() {
-            let outcome = run.outcome();
-            self.running = None;
-            self.take(outcome);
+        self.run.step();
+        if self.run.has_ended() {
+            let next = self.take()?;
+            self.start(next);
         }
-        self.running.is_some().then_some(0.999)
+        Some(0.999)
     }
 
-    /// Goes on with the next ξ.
-    fn take(&mut self, outcome: Outcome) {
-        if self.rule.is_none() {
-            self.rule = Some(outcome.history);
-            self.start(self.bracket[1]);
-            return;
+    fn start(&mut self, trial: Trial) {
+        let log_xi = self.bracket[if matches!(trial, Trial::Right) { 2 } else { 1 }];
+        let method = Method::Simplified { xi: libm::exp(log_xi) };
+        self.run = SingleRun::new(Case { method, ..self.case.clone() });
+        self.trial = trial;
+    }
+
+    /// Takes in the run that has ended. Returns what the next one is for.
+    fn take(&mut self) -> Option<Trial> {
+        let history = self.run.history();
+        match self.trial {
+            Trial::Rule => {
+                self.rule = history.clone();
+                Some(Trial::FirstLeft)
+            }
+            Trial::FirstLeft => {
+                self.errors[0] = self.error(history);
+                Some(Trial::Right)
+            }
+            Trial::Left => {
+                self.errors[0] = self.error(history);
+                self.narrow()
+            }
+            Trial::Right => {
+                self.errors[1] = self.error(history);
+                self.narrow()
+            }
         }
-        let error = self.error(&outcome.history);
-        if self.errors[0].is_none() && self.trial <= self.bracket[1] {
-            self.errors[0] = Some(error);
-        } else {
-            self.errors[1] = Some(error);
-        }
-        if self.errors[1].is_none() {
-            self.start(self.bracket[2]);
-            return;
-        }
-        let [Some(left), Some(right)] = self.errors else { return };
+    }
+
+    /// One round of golden section.
+    fn narrow(&mut self) -> Option<Trial> {
         self.rounds += 1;
         if self.rounds > ROUNDS {
-            return;
+            return None;
         }
-        let [low, at_left, at_right, high] = self.bracket;
+        let ([low, at_left, at_right, high], [left, right]) = (self.bracket, self.errors);
         if left < right {
-            let next = at_right - GOLDEN * (at_right - low);
-            self.bracket = [low, next, at_left, at_right];
-            self.errors = [None, Some(left)];
-            self.start(next);
+            self.bracket = [low, at_right - GOLDEN * (at_right - low), at_left, at_right];
+            self.errors[1] = left;
+            Some(Trial::Left)
         } else {
-            let next = at_left + GOLDEN * (high - at_left);
-            self.bracket = [at_left, at_right, next, high];
-            self.errors = [Some(right), None];
-            self.start(next);
+            self.bracket = [at_left, at_right, at_left + GOLDEN * (high - at_left), high];
+            self.errors[0] = right;
+            Some(Trial::Right)
         }
     }
 
@@ -125,11 +138,11 @@ impl Comparing {
     }
 
     /// The comparison, once it is made.
-    pub(super) fn finish(mut self) -> Comparison {
-        let history = self.rule.take().unwrap_or_default();
-        let shared = self.shared(&history);
+    pub(super) fn finish(self) -> Comparison {
+        let history = &self.rule;
+        let shared = self.shared(history);
         let of = |column: fn(&History) -> &Vec<f64>| {
-            relative(&column(&history)[..shared], column(&self.exact))
+            relative(&column(history)[..shared], column(&self.exact))
         };
         let errors = Errors {
             wear_volume: of(|history| &history.wear_volume),
@@ -138,7 +151,7 @@ impl Comparing {
             indentation_depth: of(|history| &history.indentation_depth),
             dissipated_energy: of(|history| &history.dissipated_energy),
         };
-        let [left, right] = self.errors.map(|error| error.unwrap_or(f64::INFINITY));
+        let [left, right] = self.errors;
         let (best, error) =
             if left < right { (self.bracket[1], left) } else { (self.bracket[2], right) };
         let inside = libm::log(XI_RANGE.0) + 1e-3 < best && best < libm::log(XI_RANGE.1) - 1e-3;
@@ -146,10 +159,10 @@ impl Comparing {
         let found = inside && worn && error.is_finite();
         Comparison {
             xi: self.xi,
-            history,
             errors,
             best_xi: found.then(|| libm::exp(best)),
             best_error: found.then_some(error),
+            history: self.rule,
         }
     }
 }

@@ -21,6 +21,7 @@
 //! ```
 
 mod comparing;
+mod recording;
 mod single;
 
 use crate::case::{Case, Method};
@@ -32,7 +33,7 @@ use single::SingleRun;
 
 /// What a step came to.
 #[derive(Debug)]
-pub enum Step {
+pub enum Advance {
     /// There is more to do; the share done so far.
     Working(f64),
     /// The run is over.
@@ -42,9 +43,19 @@ pub enum Step {
 /// A run under way.
 #[derive(Debug)]
 pub struct Simulation {
-    run: SingleRun,
-    comparing: Option<Comparing>,
+    phase: Phase,
     warnings: Vec<Warning>,
+}
+
+/// What the next step does.
+#[derive(Debug)]
+enum Phase {
+    /// Goes on with the run.
+    Running(Box<SingleRun>),
+    /// Goes on with the comparison. The outcome of the run waits for it.
+    Comparing(Box<Outcome>, Box<Comparing>),
+    /// Nothing: the outcome was handed out.
+    Done,
 }
 
 impl Simulation {
@@ -61,42 +72,53 @@ impl Simulation {
     /// Prepares the run of a case; the warnings become part of the outcome.
     #[must_use]
     pub fn new(case: Case, warnings: Vec<Warning>) -> Self {
-        Self { run: SingleRun::new(case), comparing: None, warnings }
+        Self { phase: Phase::Running(Box::new(SingleRun::new(case))), warnings }
     }
 
-    /// Computes some more.
-    pub fn step(&mut self) -> Step {
-        if let Some(comparing) = &mut self.comparing {
-            return match comparing.step() {
-                Some(progress) => Step::Working(progress),
-                None => Step::Done(Box::new(self.outcome())),
-            };
+    /// Computes some more, for about 30 ms.
+    ///
+    /// # Panics
+    /// If the outcome was returned before.
+    pub fn step(&mut self) -> Advance {
+        match std::mem::replace(&mut self.phase, Phase::Done) {
+            Phase::Running(mut run) => {
+                let progress = run.step();
+                if !run.has_ended() {
+                    self.phase = Phase::Running(run);
+                    return Advance::Working(progress);
+                }
+                let method = run.case().method;
+                let Method::Exact { compare: Some(xi), .. } = method else {
+                    return Advance::Done(self.with_warnings(run.outcome()));
+                };
+                let comparing = Box::new(Comparing::new(run.case(), xi, run.history()));
+                self.phase = Phase::Comparing(self.with_warnings(run.outcome()), comparing);
+                Advance::Working(progress)
+            }
+            Phase::Comparing(mut outcome, mut comparing) => {
+                if let Some(progress) = comparing.step() {
+                    self.phase = Phase::Comparing(outcome, comparing);
+                    return Advance::Working(progress);
+                }
+                outcome.comparison = Some(comparing.finish());
+                Advance::Done(outcome)
+            }
+            Phase::Done => unreachable!("the simulation was stepped after its end"),
         }
-        let progress = self.run.step();
-        if !self.run.has_ended() {
-            return Step::Working(progress);
-        }
-        if let Method::Exact { compare: Some(xi), .. } = self.run.case().method {
-            self.comparing = Some(Comparing::new(self.run.case(), xi, self.run.history()));
-            return Step::Working(progress);
-        }
-        Step::Done(Box::new(self.outcome()))
     }
 
     /// Runs to the end.
     #[must_use]
     pub fn run(mut self) -> Outcome {
         loop {
-            if let Step::Done(outcome) = self.step() {
+            if let Advance::Done(outcome) = self.step() {
                 return *outcome;
             }
         }
     }
 
-    fn outcome(&mut self) -> Outcome {
-        let mut outcome = self.run.outcome();
-        outcome.comparison = self.comparing.take().map(Comparing::finish);
+    fn with_warnings(&mut self, mut outcome: Outcome) -> Box<Outcome> {
         outcome.warnings = std::mem::take(&mut self.warnings);
-        outcome
+        Box::new(outcome)
     }
 }

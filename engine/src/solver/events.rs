@@ -36,14 +36,14 @@ pub struct Event {
 
 /// Wear at which a run ends, in units of d₀ and a₀²d₀.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Until {
+pub struct StopCondition {
     /// The largest wear.
     pub depth: Option<f64>,
     /// V.
     pub volume: Option<f64>,
 }
 
-impl Until {
+impl StopCondition {
     /// What is missing, in parts of what is asked for: 0 or less once it is reached.
     #[must_use]
     pub fn missing(&self, depth: f64, volume: f64) -> f64 {

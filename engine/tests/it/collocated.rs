@@ -35,7 +35,7 @@ use std::sync::Arc;
 
 use fretwork_engine::contact::control::{self, Block, Control};
 use fretwork_engine::contact::profile::Shape;
-use fretwork_engine::contact::record::Record;
+use fretwork_engine::contact::record::DisplacementRecord;
 use fretwork_engine::contact::unworn::Contact;
 use fretwork_engine::numeric::{dot, integrate, largest, root, vertex};
 use fretwork_engine::solver::curves::Curves;
@@ -882,7 +882,7 @@ fn gross_slip_under_force_wears_by_force_and_path() {
 }
 
 /// The same problem as the engine has it.
-fn engine(problem: &Problem, record: Option<&Record>, last: f64) -> (Contact, March) {
+fn engine(problem: &Problem, record: Option<&DisplacementRecord>, last: f64) -> (Contact, March) {
     let threshold = unworn_threshold(problem);
     let contact = Contact::new(problem.shape.clone(), threshold).expect("a limit");
     let tangential = match &problem.tangential {
@@ -912,7 +912,7 @@ fn engine(problem: &Problem, record: Option<&Record>, last: f64) -> (Contact, Ma
 fn the_engine_agrees_in_every_mode() {
     use Normal::{Depth, Force};
     use Tangential::{Amplitude, Blocks, Rig};
-    let record = Record::new(&[1.0, -1.0, 0.6, -0.4, 0.8]).expect("motion");
+    let record = DisplacementRecord::new(&[1.0, -1.0, 0.6, -0.4, 0.8]).expect("motion");
     let waves = {
         let record = record.clone();
         Tangential::Record { omega: Box::new(move |y| record.slip(y / 0.75)), limit: 0.75 }
@@ -949,7 +949,7 @@ fn the_engine_agrees_in_every_mode() {
 }
 
 /// Compares the engine's run of a problem with the collocated one.
-fn agree(name: &str, problem: &Problem, record: &Record) {
+fn agree(name: &str, problem: &Problem, record: &DisplacementRecord) {
     let instants = [0.25, 1.0, 4.0];
     let pair = Pair::run(problem, CELLS, &instants);
     let (contact, mut march) = engine(problem, Some(record), 4.0);

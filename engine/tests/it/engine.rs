@@ -6,12 +6,12 @@ use std::f64::consts::{FRAC_2_PI, PI};
 
 use fretwork_engine::contact::hysteresis::Backbone;
 use fretwork_engine::contact::profile::Shape;
-use fretwork_engine::contact::row::Row;
+use fretwork_engine::contact::row::SpringRow;
 use fretwork_engine::contact::unworn::{Contact, Decay, Regime};
 use fretwork_engine::numeric::integrate;
 use fretwork_engine::outcome::Outcome;
 use fretwork_engine::scenario::{self, Scenario};
-use fretwork_engine::simulation::{Simulation, Step};
+use fretwork_engine::simulation::{Advance, Simulation};
 use fretwork_engine::solver::closed::simplified::Simplified;
 use serde_json::{Value, json};
 
@@ -220,7 +220,7 @@ fn kinks(contact: &Contact, more: &[f64]) -> Vec<f64> {
 #[test]
 fn the_sums_over_the_row_are_the_integrals_they_stand_for() {
     for contact in contacts() {
-        let row = Row::new(&contact);
+        let row = SpringRow::new(&contact);
         let outer = contact.limit.radius;
         for exponent in [0.0, 0.1, 1.0, 5.0, 12.0, 20.0, 30.0, 60.0] {
             let decay = Decay::after(exponent);
@@ -444,7 +444,7 @@ fn the_dissipated_energy_is_the_sum_of_the_energy_per_cycle() {
 fn the_energy_integral_of_the_paraboloid_is_its_polynomial() {
     for c in [0.1_f64, 0.5, 0.9] {
         let contact = Contact::new(Shape::power(2.0), 1.0 - c * c).expect("a limit");
-        let sums = Row::new(&contact).sums(Decay::UNWORN);
+        let sums = SpringRow::new(&contact).sums(Decay::UNWORN);
         let polynomial =
             2.0 / 15.0 - 2.0 * c.powi(2) / 3.0 + 2.0 * c.powi(3) / 3.0 - 2.0 * c.powi(5) / 15.0;
         assert!((sums.energy - polynomial).abs() < 1e-12, "{c}");
@@ -540,11 +540,11 @@ fn steps_and_blocks_do_not_change_a_digit() {
     let mut progress = vec![0.0];
     let outcome = loop {
         match simulation.step() {
-            Step::Working(share) => {
+            Advance::Working(share) => {
                 assert!(share > *progress.last().expect("one") && share < 1.0);
                 progress.push(share);
             }
-            Step::Done(outcome) => break outcome,
+            Advance::Done(outcome) => break outcome,
         }
     };
     assert!(progress.len() > 3, "the run was to take several steps");

@@ -12,7 +12,7 @@ use fretwork_engine::scenario;
 use fretwork_engine::simulation::Simulation;
 use fretwork_engine::solver::events::EventKind;
 use fretwork_engine::solver::stepped::law::Law;
-use fretwork_engine::solver::stepped::march::{Instant, March};
+use fretwork_engine::solver::stepped::march::{March, MarchState};
 use serde_json::{Value, json};
 
 use crate::engine::steel_ball;
@@ -32,7 +32,7 @@ fn with_cells(contact: &Contact, cells: usize, tolerance: f64, last: f64) -> Mar
         .expect("a scar that fits")
 }
 
-fn at(run: &mut March, time: f64) -> Instant {
+fn at(run: &mut March, time: f64) -> MarchState {
     while run.advance(time) {}
     run.at(time)
 }
@@ -52,7 +52,7 @@ fn runs_at_the_default_tolerance_agree_with_the_reference_table() {
         let mut promised: f64 = 0.0;
         let mut worst: f64 = 0.0;
         for (i, n) in column("normalized_cycles").iter().enumerate() {
-            let Instant { worn, volume_error, .. } = at(&mut run, *n);
+            let MarchState { worn, volume_error, .. } = at(&mut run, *n);
             let error = |value: f64, name: &str| (value / column(name)[i] - 1.0).abs();
             for (value, name, tolerance) in [
                 (worn.volume, "wear_volume", 1.5e-3),
@@ -252,8 +252,8 @@ fn pieces_of_a_run_do_not_change_a_digit() {
     let mut shares = vec![0.0];
     let outcome = loop {
         match pieces.step() {
-            fretwork_engine::simulation::Step::Working(share) => shares.push(share),
-            fretwork_engine::simulation::Step::Done(outcome) => break *outcome,
+            fretwork_engine::simulation::Advance::Working(share) => shares.push(share),
+            fretwork_engine::simulation::Advance::Done(outcome) => break *outcome,
         }
     };
     assert_eq!(outcome, whole);

@@ -3,7 +3,7 @@
 
 use fretwork_engine::contact::limit::Limit;
 use fretwork_engine::contact::profile::Shape;
-use fretwork_engine::contact::row::Row;
+use fretwork_engine::contact::row::SpringRow;
 use fretwork_engine::contact::unworn::{Contact, Decay};
 use fretwork_engine::reference::{
     CattaneoMindlin, Cone, Hertz, LimitingState, PowerLaw, Sphere, initial_wear_rate,
@@ -78,7 +78,7 @@ fn the_limits_of_the_engine_are_the_reference_solutions() {
             assert!(off < if c < 0.02 { 1e-6 } else { 1e-7 }, "{off} for n = {n}, c = {c}");
             // A contact knows its stick radius from Δ = 1 − cⁿ, which must tell them apart.
             if c.powf(n) > 1e-6 {
-                let row = Row::new(&Contact::sticking(Shape::power(n), c).expect("a limit"));
+                let row = SpringRow::new(&Contact::sticking(Shape::power(n), c).expect("a limit"));
                 let force = |decay| row.sums(decay).normal;
                 let off = force(Decay::COMPLETE) / force(Decay::UNWORN) - state.force_ratio;
                 assert!(off.abs() < 1e-9, "force {off} for n = {n}, c = {c}");
@@ -96,7 +96,8 @@ fn wear_begins_at_the_rate_of_the_row() {
     for n in [1.0, 2.0, 2.5, 7.0] {
         for c in [0.01, 0.3, 0.6, 0.9] {
             let contact = Contact::sticking(Shape::power(n), c).expect("a limit");
-            let rate = 2.0 * Row::new(&contact).sums(Decay::UNWORN).energy / contact.threshold;
+            let rate =
+                2.0 * SpringRow::new(&contact).sums(Decay::UNWORN).energy / contact.threshold;
             assert!((rate / initial_wear_rate(n, c) - 1.0).abs() < 1e-7, "{n} {c}: {rate}");
         }
     }

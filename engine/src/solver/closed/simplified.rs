@@ -18,7 +18,7 @@
 //! off; so are the depth and the scar radius those of the reported curve.
 //!
 //! # Accuracy
-//! Force, energy and the volume of the image to 1e-9 (see [`Row`]). At 256 radii
+//! Force, energy and the volume of the image to 1e-9 (see [`SpringRow`]). At 256 radii
 //! the wear is right to 3e-5 of d₀ up to Ñ = 5, of second order; later a step forms at the stick edge
 //! and next to it the error grows to 1e-4, of order 3/2, and more for c below 0.05. The pressure is of
 //! order 3/2: 0.2 % away from the edge. At the edge it grows without bound, and once the step is
@@ -35,9 +35,9 @@ use std::sync::Arc;
 
 use crate::contact::hysteresis::{Backbone, ROW_POINTS};
 use crate::contact::limit::{chord_and_angle, limiting_wear};
-use crate::contact::row::{Row, Sums};
+use crate::contact::row::{SpringRow, Sums};
 use crate::contact::transform::Kernels;
-use crate::contact::unworn::{Contact, Decay};
+use crate::contact::unworn::{Contact, Decay, Regime};
 use crate::numeric::{dot, integrate, largest, vertex};
 use crate::solver::curves::{Curves, Grid};
 
@@ -48,7 +48,7 @@ const UNRESOLVED: f64 = 0.01;
 #[derive(Debug)]
 pub struct Simplified {
     contact: Contact,
-    row: Row,
+    row: SpringRow,
     kernels: Arc<Kernels>,
     /// Θ = ã² − c².
     theta: f64,
@@ -82,7 +82,7 @@ pub struct Simplified {
 }
 
 /// The springs after some cycles.
-struct Springs {
+struct SpringStates {
     /// g at every radius.
     image: Vec<f64>,
     /// (g − g₀ − apex)/x at the nodes, whose inverse transform is the wear less `apex`; empty if
@@ -155,7 +155,7 @@ impl Simplified {
             limiting[0] = 1.0;
             slip[0] = threshold - 1.0;
         }
-        let row = Row::new(contact);
+        let row = SpringRow::new(contact);
         let unworn_pressure =
             radii[core..core + inside].iter().map(|r| shape.pressure_inside(*r, 1.0)).collect();
         let inner = radii[..core]
@@ -194,8 +194,14 @@ impl Simplified {
 
     /// The springs as integrated for force, friction and energy.
     #[must_use]
-    pub fn row(&self) -> &Row {
+    pub fn row(&self) -> &SpringRow {
         &self.row
+    }
+
+    /// The regime of the unworn contact.
+    #[must_use]
+    pub fn regime(&self) -> Regime {
+        self.contact.regime
     }
 
     /// The output radii, ascending from 0.
@@ -220,6 +226,12 @@ impl Simplified {
     #[must_use]
     pub fn decay(&self, xi: f64, normalized_cycles: f64) -> Decay {
         Decay::after(xi * normalized_cycles / self.contact.limit.radius)
+    }
+
+    /// The state at a decay, without curves.
+    #[must_use]
+    pub fn state(&self, decay: Decay) -> State {
+        self.states(&[(decay, false)]).swap_remove(0)
     }
 
     /// The states at several decays, with curves where the flag says so.
@@ -278,12 +290,12 @@ impl Simplified {
 
     /// The closed form of (14) at every node, as in [`Contact::compression`] and [`Contact::worn`],
     /// but with one division for both.
-    fn springs(&self, decay: Decay) -> Springs {
+    fn springs(&self, decay: Decay) -> SpringStates {
         let Contact { threshold, stick, .. } = self.contact;
         let (left, gone) = (decay.left, decay.gone);
         let mesh = self.core..self.core + self.nodes;
         if gone == 0.0 {
-            return Springs {
+            return SpringStates {
                 image: self.images.clone(),
                 worn: Vec::new(),
                 slope_changes: Vec::new(),
@@ -326,7 +338,7 @@ impl Simplified {
         }
         image.extend(outside.iter().map(|y| 1.0 - left * y));
         image.extend_from_slice(&self.images[mesh.end..]);
-        Springs { image, worn, slope_changes: rest, apex, unresolved }
+        SpringStates { image, worn, slope_changes: rest, apex, unresolved }
     }
 
     /// The value at the first node that makes the first cell's part of the inverse transform exact,

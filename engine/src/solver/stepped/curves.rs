@@ -16,7 +16,7 @@
 use std::f64::consts::{FRAC_1_PI, FRAC_2_PI};
 
 use super::mesh::Mesh;
-use super::wearing::Worn;
+use super::wearing::WornContact;
 use crate::contact::profile::Shape;
 use crate::numeric::Monotone;
 use crate::solver::curves::Curves;
@@ -27,17 +27,18 @@ const STEP: f64 = 0.5;
 impl Curves {
     /// The curves of a worn shape at some radii, ascending.
     #[must_use]
-    pub fn of(shape: &Shape, mesh: &Mesh, worn: &Worn, radii: &[f64]) -> Self {
+    pub fn of(shape: &Shape, mesh: &Mesh, worn: &WornContact, radii: &[f64]) -> Self {
         let inner = mesh.radii()[0];
         let squares = mesh.squares();
         let (start, end) = (squares[0], squares[squares.len() - 1]);
-        let Worn { wear, images, compressions, slips, depth, contact_radius, scar, .. } = worn;
+        let WornContact { wear, images, compressions, slips, depth, contact_radius, scar, .. } =
+            worn;
         let contact_radius = *contact_radius;
         let middles: Vec<f64> =
             mesh.radii().windows(2).map(|ends| 0.5 * (ends[0] + ends[1])).collect();
         // In gross slip the springs next to the axis are as compressed as the first.
         let edge = if inner > 0.0 { depth - shape.image(inner) } else { depth - images[0] };
-        let springs = Springs::new(&middles, start, edge, compressions, contact_radius);
+        let springs = SpringCurve::new(&middles, start, edge, compressions, contact_radius);
 
         let mut pressure = vec![0.0; squares.len()];
         mesh.pressure(compressions, &mut pressure);
@@ -122,12 +123,12 @@ fn image_outside(squares: &[f64], wear: &[f64], square: f64) -> f64 {
 }
 
 /// The loaded springs outside the stick radius as a curve y(t), linear between the middles of cells.
-struct Springs {
+struct SpringCurve {
     /// t and y of the knots.
     knots: Vec<(f64, f64)>,
 }
 
-impl Springs {
+impl SpringCurve {
     fn new(
         middles: &[f64],
         start: f64,

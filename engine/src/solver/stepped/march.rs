@@ -17,14 +17,14 @@
 //! B. P. Sommeijer, L. F. Shampine, J. G. Verwer, *J. Comput. Appl. Math.* 88 (1998) 315 (RKC).
 
 use super::law::Law;
-use super::plan::{FAR, Focus, Plan, REST_BLUR, is_far};
-use super::run::{Run, moves};
-use super::wearing::{Wearing, Worn};
+use super::plan::{FAR, Focus, MeshPlan, REST_BLUR, is_far};
+use super::run::{MeshRun, moves};
+use super::wearing::{Wearing, WornContact};
 use crate::contact::control::{Control, Final, Normal, Tangential};
 use crate::contact::limit::Limit;
 use crate::contact::limit::{DEEPEST, WIDEST};
 use crate::contact::unworn::{Contact, Regime};
-use crate::solver::events::{Event, EventKind, LOST, SHAKEN, Until};
+use crate::solver::events::{Event, EventKind, LOST, SHAKEN, StopCondition};
 
 /// Cells at the tolerance `COMMON_TOLERANCE`; errors fall with the square of the number.
 const COMMON_CELLS: f64 = 52.0;
@@ -51,9 +51,9 @@ const ROOMY: f64 = 0.7;
 /// A run under way.
 #[derive(Debug)]
 pub struct March {
-    fine: Run,
-    coarse: Run,
-    until: Until,
+    fine: MeshRun,
+    coarse: MeshRun,
+    until: StopCondition,
     /// When both are compared next, and how far apart they were.
     check: f64,
     apart: f64,
@@ -66,9 +66,9 @@ pub struct March {
 
 /// The worn contact at one instant, with what is known of the run.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Instant {
+pub struct MarchState {
     /// The contact.
-    pub worn: Worn,
+    pub worn: WornContact,
     /// An estimate of the relative error of V.
     pub volume_error: f64,
     /// (k_w/μ)·ΣW, summed on its own: with the exact law it should be V.
@@ -130,7 +130,7 @@ impl March {
         last: f64,
     ) -> bool {
         let shape = &contact.shape;
-        if let Some(outermost) = Plan::outermost(contact, control, law, last) {
+        if let Some(outermost) = MeshPlan::outermost(contact, control, law, last) {
             let most = if end.is_some() { shape.extent() } else { 0.9 * shape.extent() };
             return outermost < most.min(WIDEST) && shape.profile(outermost) < DEEPEST;
         }
@@ -187,13 +187,13 @@ impl March {
         let scouted = if grows { Self::scouted(contact, control, law, last) } else { None };
         let plan = match scouted {
             Some(plan) => plan,
-            None => Plan::first(contact, control, cells)?,
+            None => MeshPlan::first(contact, control, cells)?,
         };
-        let mut fine = Run::new(contact, control, law, plan.clone(), cells, tolerance);
+        let mut fine = MeshRun::new(contact, control, law, plan.clone(), cells, tolerance);
         fine.accounts = true;
-        let coarse = Run::new(contact, control, law, plan, cells / 2, 4.0 * tolerance);
+        let coarse = MeshRun::new(contact, control, law, plan, cells / 2, 4.0 * tolerance);
         let check = 0.01 * fine.rkc.scale();
-        let until = Until::default();
+        let until = StopCondition::default();
         // What the unworn contact does is no event.
         let mut known = Vec::new();
         if contact.regime == Regime::GrossSlip {
@@ -213,11 +213,11 @@ impl March {
 
     /// The mesh for a stick edge that comes to rest in worn material, by coarse runs; `None` where the scar
     /// outgrows the shape.
-    fn scouted(contact: &Contact, control: &Control, law: Law, last: f64) -> Option<Plan> {
-        let first = Plan::first(contact, control, SCOUT.0)?;
+    fn scouted(contact: &Contact, control: &Control, law: Law, last: f64) -> Option<MeshPlan> {
+        let first = MeshPlan::first(contact, control, SCOUT.0)?;
         let mut plan = first.clone();
         for blur in [4.0 * REST_BLUR, REST_BLUR] {
-            let mut scout = Run::new(contact, control, law, plan.clone(), SCOUT.0, SCOUT.1);
+            let mut scout = MeshRun::new(contact, control, law, plan.clone(), SCOUT.0, SCOUT.1);
             let mut focus = 0.0_f64;
             while scout.rkc.evaluations < MOST_LOOKS && scout.advance(last) {
                 focus = focus.max(scout.wearing.springs().stick());
@@ -240,7 +240,7 @@ impl March {
     }
 
     /// Ends the run at some wear.
-    pub fn end_at(&mut self, until: Until) {
+    pub fn end_at(&mut self, until: StopCondition) {
         self.until = until;
     }
 
@@ -334,7 +334,7 @@ impl March {
         let run = &mut self.fine;
         match kind {
             EventKind::RimReached => 1.0,
-            EventKind::UntilReached if until == Until::default() => 1.0,
+            EventKind::UntilReached if until == StopCondition::default() => 1.0,
             EventKind::UntilReached => run.under(time, |wearing, values| {
                 let worn = wearing.at(values);
                 until.missing(worn.deepest, worn.volume)
@@ -392,7 +392,7 @@ impl March {
     /// About how many multiplications the right-hand sides so far took.
     #[must_use]
     pub fn spent(&self) -> f64 {
-        let of = |run: &Run| run.rkc.evaluations as f64 * run.wearing.operations();
+        let of = |run: &MeshRun| run.rkc.evaluations as f64 * run.wearing.operations();
         of(&self.fine) + of(&self.coarse)
     }
 
@@ -413,7 +413,7 @@ impl March {
 
     /// The state at an instant within the last step.
     #[must_use]
-    pub fn at(&mut self, normalized_cycles: f64) -> Instant {
+    pub fn at(&mut self, normalized_cycles: f64) -> MarchState {
         let time = self.fine.within(normalized_cycles);
         let worn_by_energy = self.fine.energy_until(time);
         let worn = self.fine.under(time, Wearing::at);
@@ -422,6 +422,6 @@ impl March {
             .max(LEAST_ERROR * self.fine.rkc.tolerance())
             .max(self.fine.edge_error(&worn))
             .max(self.fine.core_error(&worn));
-        Instant { worn, volume_error, worn_by_energy }
+        MarchState { worn, volume_error, worn_by_energy }
     }
 }

@@ -24,7 +24,7 @@ const GIVES_WAY: f64 = 0.8;
 /// Where the nodes of a mesh lie: evenly spaced where the stick edge moves, and the further apart the
 /// further away from there, r = edge ± ((u/2 + √blur)² − blur); or all evenly spaced.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Plan {
+pub struct MeshPlan {
     /// r₀: nothing wears inside.
     pub start: f64,
     /// The last node.
@@ -55,7 +55,7 @@ impl Focus {
     }
 }
 
-impl Plan {
+impl MeshPlan {
     /// The mesh for a contact under what is held, before anything is known of the run.
     ///
     /// `None` where the scar would outgrow the shape.

@@ -326,9 +326,9 @@ mod tests {
     use super::*;
 
     /// y′ = −λⱼ(yⱼ − 1): from 0 towards 1, stiff.
-    struct Decay(Vec<f64>);
+    struct Relaxation(Vec<f64>);
 
-    impl Rates for Decay {
+    impl Rates for Relaxation {
         fn rates(&mut self, values: &[f64], rates: &mut [f64]) {
             for ((rate, y), lambda) in rates.iter_mut().zip(values).zip(&self.0) {
                 *rate = lambda * (1.0 - y);
@@ -347,7 +347,7 @@ mod tests {
 
     fn worst_at(end: f64, tolerance: f64) -> (f64, Rkc) {
         // The first component does not count in the error.
-        let mut system = Decay(vec![0.3, 0.3, 1.0, 20.0, 3000.0]);
+        let mut system = Relaxation(vec![0.3, 0.3, 1.0, 20.0, 3000.0]);
         let mut run = Rkc::new(&mut system, vec![0.0; 5], tolerance, (1.0, 1.0));
         while run.time() < end {
             run.advance(&mut system, f64::INFINITY);

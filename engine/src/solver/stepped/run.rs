@@ -1,9 +1,9 @@
 //! One contact on one mesh, integrated in time.
 
 use super::law::Law;
-use super::plan::Plan;
+use super::plan::MeshPlan;
 use super::rkc::Rkc;
-use super::wearing::{Wearing, Worn};
+use super::wearing::{Wearing, WornContact};
 use crate::contact::control::{Control, Normal, Tangential};
 use crate::contact::limit::Limit;
 use crate::contact::row::UnwornSums;
@@ -22,7 +22,7 @@ const REGAINS: f64 = 1.5;
 
 /// One mesh and one integration.
 #[derive(Debug)]
-pub(super) struct Run {
+pub(super) struct MeshRun {
     pub(super) wearing: Wearing,
     pub(super) control: Control,
     pub(super) rkc: Rkc,
@@ -71,12 +71,12 @@ fn first_loss(contact: &Contact, control: &Control, seen: f64) -> f64 {
     }
 }
 
-impl Run {
+impl MeshRun {
     pub(super) fn new(
         contact: &Contact,
         control: &Control,
         law: Law,
-        plan: Plan,
+        plan: MeshPlan,
         cells: usize,
         tolerance: f64,
     ) -> Self {
@@ -228,7 +228,7 @@ impl Run {
     }
 
     /// What it does to V that a stick edge at rest in worn material stands at a border of cells.
-    pub(super) fn edge_error(&self, worn: &Worn) -> f64 {
+    pub(super) fn edge_error(&self, worn: &WornContact) -> f64 {
         let Wearing { contact, .. } = &self.wearing;
         if self.control.normal == Normal::Depth
             || !moves(&self.control, contact)
@@ -252,7 +252,7 @@ impl Run {
     }
 
     /// What it does to V that a core too small for the cells is taken for none, where d is held.
-    pub(super) fn core_error(&self, worn: &Worn) -> f64 {
+    pub(super) fn core_error(&self, worn: &WornContact) -> f64 {
         let Wearing { contact, .. } = &self.wearing;
         let least = self.control.least_stick(contact);
         if self.control.normal == Normal::Force || least == 0.0 || self.wearing.plan().start > 0.0 {

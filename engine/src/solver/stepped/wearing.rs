@@ -12,7 +12,7 @@
 
 use super::law::Law;
 use super::mesh::Mesh;
-use super::plan::Plan;
+use super::plan::MeshPlan;
 use super::rkc::Rates;
 use super::springs::{Aside, Springs};
 use crate::contact::control::{Control, Normal, Tangential};
@@ -30,7 +30,7 @@ pub struct Wearing {
     /// The unworn contact.
     pub contact: Contact,
     law: Law,
-    plan: Plan,
+    plan: MeshPlan,
     springs: Springs,
     aside: Aside,
     /// Δ·s of the unworn contact at the nodes, if every spring slips at the depth 1 + `sunk`.
@@ -47,7 +47,7 @@ pub struct Wearing {
 
 /// The worn contact at one instant, in units of a₀, d₀, E*d₀/a₀ and a₀²d₀.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Worn {
+pub struct WornContact {
     /// w at the nodes of the mesh; the simplified rule's may be negative near the rim.
     pub wear: Vec<f64>,
     /// g of the cells.
@@ -83,7 +83,13 @@ pub struct Worn {
 impl Wearing {
     /// Lays a contact out on a mesh.
     #[must_use]
-    pub fn new(contact: &Contact, control: &Control, law: Law, plan: Plan, cells: usize) -> Self {
+    pub fn new(
+        contact: &Contact,
+        control: &Control,
+        law: Law,
+        plan: MeshPlan,
+        cells: usize,
+    ) -> Self {
         let mesh = Mesh::new(&contact.shape, plan.radii(cells));
         let level = 1.0 - contact.threshold;
         let rest: Vec<f64> = mesh.unworn().iter().map(|g| g - level).collect();
@@ -121,7 +127,7 @@ impl Wearing {
 
     /// Where the nodes lie.
     #[must_use]
-    pub fn plan(&self) -> &Plan {
+    pub fn plan(&self) -> &MeshPlan {
         &self.plan
     }
 
@@ -144,7 +150,7 @@ impl Wearing {
             _ if self.plan.reach >= self.plan.farthest => false,
             Law::Exact => self.springs.compressions().len() + 3 >= cells,
             Law::Simplified(_) => {
-                let Plan { start, reach, .. } = self.plan;
+                let MeshPlan { start, reach, .. } = self.plan;
                 self.scar > start + 0.97 * (reach - start)
             }
         }
@@ -153,9 +159,9 @@ impl Wearing {
     /// The same contact on a mesh that reaches further, and its values there.
     #[must_use]
     pub fn extended(&self, control: &Control, values: &[f64]) -> (Self, Vec<f64>) {
-        let Plan { start, reach, farthest, .. } = self.plan;
+        let MeshPlan { start, reach, farthest, .. } = self.plan;
         let reach = (start + 1.25 * (reach - start)).min(farthest).min(self.contact.shape.extent());
-        let plan = Plan { reach, ..self.plan.clone() };
+        let plan = MeshPlan { reach, ..self.plan.clone() };
         let cells = self.springs.mesh().widths().len();
         let mut larger = Self::new(&self.contact, control, self.law, plan, cells);
         larger.springs.resume(&self.springs);
@@ -325,7 +331,7 @@ impl Wearing {
 
     /// The state that these values describe.
     #[must_use]
-    pub fn at(&mut self, values: &[f64]) -> Worn {
+    pub fn at(&mut self, values: &[f64]) -> WornContact {
         self.press(values);
         let springs = &self.springs;
         let mesh = springs.mesh();
@@ -354,7 +360,7 @@ impl Wearing {
                 *wear = wear.min(room);
             }
         }
-        Worn {
+        WornContact {
             volume,
             deepest: vertex(mesh.radii(), &wear, largest(&wear)).min(springs.depth()),
             contact_radius,
@@ -560,13 +566,14 @@ mod tests {
     use super::*;
     use crate::contact::control::Block;
     use crate::contact::profile::Shape;
-    use crate::contact::record::Record;
+    use crate::contact::record::DisplacementRecord;
     use crate::contact::row::UnwornSums;
     use crate::solver::stepped::rkc::Rkc;
 
     #[test]
     fn wear_and_dissipated_energy_agree_to_rounding_in_any_state_of_every_mode() {
-        let record = Arc::new(Record::new(&[1.0, -1.0, 0.6, -0.4, 0.8]).expect("motion"));
+        let record =
+            Arc::new(DisplacementRecord::new(&[1.0, -1.0, 0.6, -0.4, 0.8]).expect("motion"));
         for (shape, threshold) in [
             (Shape::power(2.0), 0.75),
             (Shape::power(1.0), 0.79),
@@ -588,7 +595,7 @@ mod tests {
                     continue;
                 }
                 let control = Control { normal, tangential };
-                let plan = Plan::first(&contact, &control, 64).expect("a scar that fits");
+                let plan = MeshPlan::first(&contact, &control, 64).expect("a scar that fits");
                 let mut wearing = Wearing::new(&contact, &control, Law::Exact, plan, 64);
                 let mut rkc = Rkc::new(&mut wearing, vec![0.0; 65], 3e-3, (1.0, 0.3));
                 for _ in 0..40 {

@@ -1,0 +1,155 @@
+//! What a run reports: rows of the history and of the profiles, with the units multiplied back in.
+
+use crate::case::Case;
+use crate::contact::hysteresis::Loop;
+use crate::outcome::{History, Loops, Profiles};
+use crate::solver::curves::Curves;
+
+/// What has been reported so far.
+#[derive(Debug)]
+pub(super) struct Recording {
+    pub(super) history: History,
+    pub(super) profiles: Profiles,
+    pub(super) loops: Loops,
+    /// (k_w/μ)·ΣW/V − 1 of the last row with wear.
+    pub(super) mismatch: Option<f64>,
+    /// The largest error of V so far.
+    pub(super) volume_error: Option<f64>,
+    /// f₀ at the output radii, in d₀.
+    initial: Vec<f64>,
+    reported: Reported,
+}
+
+/// The largest values reported so far, in dimensionless units.
+#[derive(Debug, Default)]
+struct Reported {
+    volume: f64,
+    deepest: f64,
+    scar: f64,
+    wear: Vec<f64>,
+}
+
+/// One row of the history, in dimensionless units, whichever method it comes from.
+pub(super) struct HistoryEntry {
+    /// N.
+    pub(super) cycles: f64,
+    pub(super) volume: f64,
+    pub(super) deepest: f64,
+    pub(super) scar: f64,
+    pub(super) contact_radius: f64,
+    pub(super) stick: f64,
+    /// d and Δ.
+    pub(super) depth: f64,
+    pub(super) threshold: f64,
+    /// ∫ y, ∫ min(Δ, y) and ∫ y ω over half of the row.
+    pub(super) normal: f64,
+    pub(super) tangential: f64,
+    pub(super) loss: f64,
+    /// (k_w/μ)·ΣW.
+    pub(super) worn_by_energy: f64,
+    pub(super) volume_error: f64,
+    /// With profiles.
+    pub(super) curves: Option<(Curves, Loop)>,
+}
+
+impl Recording {
+    pub(super) fn new(instants: usize) -> Self {
+        Self {
+            history: History::with_capacity(instants),
+            profiles: Profiles::default(),
+            loops: Loops::default(),
+            mismatch: None,
+            volume_error: None,
+            initial: Vec::new(),
+            reported: Reported::default(),
+        }
+    }
+
+    /// Sets the output radii, and the unworn and the limiting profile there, all dimensionless.
+    pub(super) fn lay_out(
+        &mut self,
+        case: &Case,
+        radii: &[f64],
+        initial: Vec<f64>,
+        limiting: Option<Vec<f64>>,
+    ) {
+        let (length, height) = (case.scales.contact_radius, case.scales.indentation_depth);
+        self.profiles.radius = scaled(radii.to_vec(), length);
+        self.profiles.initial = scaled(initial.clone(), height);
+        self.profiles.limiting = limiting.map(|limiting| scaled(limiting, height));
+        self.initial = initial;
+    }
+
+    /// Multiplies the units back in and appends a row.
+    pub(super) fn record(&mut self, case: &Case, mut entry: HistoryEntry) {
+        self.reported.hold(&mut entry);
+        let Case { scales, contact, .. } = case;
+        let (length, height) = (scales.contact_radius, scales.indentation_depth);
+        let history = &mut self.history;
+        let n = entry.cycles;
+        if entry.volume > 0.0 {
+            self.mismatch = Some(entry.worn_by_energy / entry.volume - 1.0);
+            let error = entry.volume_error;
+            self.volume_error = Some(self.volume_error.map_or(error, |known| known.max(error)));
+        }
+        let amplitude = scales.amplitude * (entry.threshold / contact.threshold);
+        history.cycles.push(n);
+        history.normalized_cycles.push(n / scales.cycles);
+        history.wear_volume.push(entry.volume * scales.volume());
+        history.wear_depth.push(entry.deepest * height);
+        history.scar_radius.push(entry.scar * length);
+        history.contact_radius.push(entry.contact_radius * length);
+        history.stick_radius.push(entry.stick * length);
+        history.normal_force.push(2.0 * entry.normal * scales.force());
+        history.indentation_depth.push(entry.depth * height);
+        history.amplitude.push(amplitude);
+        history.tangential_force.push(scales.tangential(entry.tangential));
+        history.energy_per_cycle.push(scales.energy(entry.loss * entry.threshold));
+        let per_wear = scales.friction / scales.wear_coefficient;
+        history.dissipated_energy.push(entry.worn_by_energy * scales.volume() * per_wear);
+        let Some((curves, found)) = entry.curves else { return };
+        let profiles = &mut self.profiles;
+        profiles.cycles.push(n);
+        let worn = self.initial.iter().zip(&curves.wear);
+        profiles.worn.push(worn.map(|(initial, wear)| (initial + wear) * height).collect());
+        profiles.wear.push(scaled(curves.wear, height));
+        profiles.image.push(scaled(curves.image, height));
+        profiles.pressure.push(scaled(curves.pressure, scales.pressure()));
+        profiles.slip.push(scaled(curves.slip, amplitude));
+        let loops = &mut self.loops;
+        loops.cycles.push(n);
+        loops.displacement.push(scaled(found.displacement, scales.gross_slip_amplitude()));
+        loops.tangential_force.push(scaled(found.force, scales.tangential(1.0)));
+        loops.energy_ratio.push(found.energy_ratio);
+        loops.slip_ratio.push(found.slip_ratio);
+        loops.free_ratio.push(found.free_ratio);
+    }
+}
+
+impl Reported {
+    /// Holds an entry to what has been reported: wear that falls by the noise of a step, or where the
+    /// simplified rule's ã passes, stays.
+    fn hold(&mut self, entry: &mut HistoryEntry) {
+        let hold = |known: &mut f64, value: &mut f64| {
+            // Not by `f64::max`, which looks out for what is no number.
+            *value = if *value < *known { *known } else { *value };
+            *known = *value;
+        };
+        hold(&mut self.volume, &mut entry.volume);
+        hold(&mut self.deepest, &mut entry.deepest);
+        hold(&mut self.scar, &mut entry.scar);
+        if let Some((curves, _)) = &mut entry.curves {
+            self.wear.resize(curves.wear.len(), 0.0);
+            for (known, wear) in self.wear.iter_mut().zip(&mut curves.wear) {
+                hold(known, wear);
+            }
+        }
+    }
+}
+
+fn scaled(mut values: Vec<f64>, scale: f64) -> Vec<f64> {
+    for value in &mut values {
+        *value *= scale;
+    }
+    values
+}

@@ -1,0 +1,86 @@
+//! Events of the simplified rule, from its closed form.
+
+use super::simplified::Simplified;
+use crate::contact::unworn::Regime;
+use crate::numeric::{Bracket, root};
+use crate::solver::events::{Event, EventKind, LOST, SHAKEN, StopCondition};
+
+/// Relative accuracy of the time at which the stop condition is met.
+const STOP_DIGITS: f64 = 1e-12;
+
+/// The search for the time at which the stop condition is met.
+#[derive(Debug, Default)]
+pub enum StopSearch {
+    /// Nothing is known yet.
+    #[default]
+    Unstarted,
+    /// The time lies between two others.
+    Bracketed(Bracket),
+}
+
+impl StopSearch {
+    /// Evaluates at most `states` states up to the time `last`. Returns the time in N₀ once it is known;
+    /// infinite if the condition is not met before `last`.
+    pub fn advance(
+        &mut self,
+        solver: &Simplified,
+        xi: f64,
+        condition: StopCondition,
+        last: f64,
+        states: usize,
+    ) -> Option<f64> {
+        let missing = |time: f64| {
+            let state = solver.state(solver.decay(xi, time));
+            condition.missing(state.depth, state.volume)
+        };
+        match self {
+            Self::Unstarted if condition == StopCondition::default() => Some(f64::INFINITY),
+            Self::Unstarted => {
+                let end = missing(last);
+                if end > 0.0 {
+                    return Some(f64::INFINITY);
+                }
+                let start = (0.0, condition.missing(0.0, 0.0));
+                *self = Self::Bracketed(Bracket::new(start, (last, end)));
+                None
+            }
+            Self::Bracketed(bracket) => {
+                for _ in 0..states {
+                    match bracket.next().filter(|_| bracket.width() > STOP_DIGITS) {
+                        Some(time) => bracket.narrow(time, missing(time)),
+                        None => return Some(bracket.found()),
+                    }
+                }
+                None
+            }
+        }
+    }
+}
+
+/// The events up to the time `last`. The stop condition is met at `stop`.
+#[must_use]
+pub fn events(solver: &Simplified, xi: f64, last: f64, stop: f64) -> Vec<Event> {
+    use EventKind::{ContactLost, Shakedown, UntilReached};
+    let row = solver.row();
+    let unworn = row.sums(solver.decay(xi, 0.0));
+    let sums = |time: f64| row.sums(solver.decay(xi, time));
+    let mut events = Vec::new();
+    let mut look = |kind, ends, signal: &dyn Fn(f64) -> f64| {
+        // As logarithms, what decays is all but straight, and its root soon found.
+        if signal(last) <= 0.0 {
+            events.push(Event { at: root(0.0, last, signal), kind, ends });
+        }
+    };
+    if solver.regime() == Regime::GrossSlip {
+        look(ContactLost, true, &|time| libm::log(sums(time).normal / (LOST * unworn.normal)));
+    } else {
+        look(Shakedown, false, &|time| libm::log(sums(time).energy / (SHAKEN * unworn.energy)));
+    }
+    if stop.is_finite() {
+        events.push(Event { at: stop, kind: UntilReached, ends: true });
+    }
+    events.sort_by(|a, b| a.at.total_cmp(&b.at));
+    let end = events.iter().position(|event| event.ends);
+    events.truncate(end.map_or(events.len(), |end| end + 1));
+    events
+}
