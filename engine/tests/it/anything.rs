@@ -253,6 +253,11 @@ fn judge(scenario: &Scenario, outcome: &Outcome) {
     }
     let unworn = &outcome.unworn;
     assert!(unworn.peak_pressure >= unworn.mean_pressure);
+    judge_profiles(outcome);
+}
+
+/// The profiles and the loops.
+fn judge_profiles(outcome: &Outcome) {
     let Profiles { radius, initial, worn, wear, image, pressure, slip, .. } =
         outcome.profiles.as_ref().expect("profiles");
     assert!(radius.windows(2).all(|pair| pair[0] < pair[1]), "{radius:?}");
@@ -324,61 +329,59 @@ fn judge_energy(scenario: &Scenario, outcome: &Outcome) {
     assert!(mismatch.abs() < most, "energy mismatch {mismatch}, at most {most}");
 }
 
+/// A scenario with one of nine pairs of held quantities and one of four shapes, in scaled units.
+fn scaled_request(
+    mode: usize,
+    shape: usize,
+    method: &str,
+    (length, stress, wear): (f64, f64, f64),
+) -> Value {
+    let force = stress * length * length;
+    let cycle = 1.0 / (wear * stress);
+    let profile = [
+        json!({"shape": "paraboloid", "radius": 0.01 * length}),
+        json!({"shape": "cone", "slope_angle": 0.02}),
+        json!({"shape": "sphere", "radius": 0.01 * length}),
+        json!({"shape": "truncated_paraboloid", "radius": 0.01 * length,
+               "flat_radius": 5e-5 * length}),
+    ][shape]
+        .clone();
+    let (held, motion) = match mode {
+        0 => ("depth", json!({"amplitude": 2e-6 * length})),
+        1 => ("force", json!({"amplitude": 2e-6 * length})),
+        2 => ("force", json!({"tangential_force": 20.0 * force})),
+        3 => ("depth", json!({"tangential_force": 20.0 * force})),
+        4 => ("depth", json!({"amplitude": 3e-6 * length, "rig_stiffness": 2e7 * stress * length})),
+        5 => ("force", json!({"amplitude": 3e-6 * length, "rig_stiffness": 2e7 * stress * length})),
+        6 => (
+            "force",
+            json!({"blocks": [
+            {"amplitude": 2e-6 * length, "cycles": 2000.0 * cycle},
+            {"amplitude": 1e-6 * length, "cycles": 1e6 * cycle}]}),
+        ),
+        7 => ("depth", json!({"reversals": [2e-6 * length, -2e-6 * length, 1e-6 * length]})),
+        _ => ("force", json!({"amplitude": 9e-6 * length})),
+    };
+    // What is held is given, so that nothing is rounded that does not scale.
+    let load = match held {
+        "force" => json!({"normal_force": 64.0 * force}),
+        _ => json!({"indentation_depth": 4e-6 * length}),
+    };
+    json!({
+        "profile": profile,
+        "moduli": {"normal": 1e11 * stress, "tangential": 0.8e11 * stress},
+        "friction": 0.6,
+        "wear": {"coefficient": 1e-14 * wear},
+        "load": load,
+        "motion": motion,
+        "cycles": [1000.0 * cycle, 30_000.0 * cycle],
+        "model": {"points": 64, "method": method},
+    })
+}
+
 /// Lengths, moduli and wear coefficients scale out: only their ratios act.
 #[test]
 fn a_scaled_scenario_has_the_scaled_answer_in_every_mode() {
-    let request = |mode: usize,
-                   shape: usize,
-                   method: &str,
-                   (length, stress, wear): (f64, f64, f64)| {
-        let force = stress * length * length;
-        let cycle = 1.0 / (wear * stress);
-        let profile = [
-            json!({"shape": "paraboloid", "radius": 0.01 * length}),
-            json!({"shape": "cone", "slope_angle": 0.02}),
-            json!({"shape": "sphere", "radius": 0.01 * length}),
-            json!({"shape": "truncated_paraboloid", "radius": 0.01 * length,
-                   "flat_radius": 5e-5 * length}),
-        ][shape]
-            .clone();
-        let (held, motion) = match mode {
-            0 => ("depth", json!({"amplitude": 2e-6 * length})),
-            1 => ("force", json!({"amplitude": 2e-6 * length})),
-            2 => ("force", json!({"tangential_force": 20.0 * force})),
-            3 => ("depth", json!({"tangential_force": 20.0 * force})),
-            4 => (
-                "depth",
-                json!({"amplitude": 3e-6 * length, "rig_stiffness": 2e7 * stress * length}),
-            ),
-            5 => (
-                "force",
-                json!({"amplitude": 3e-6 * length, "rig_stiffness": 2e7 * stress * length}),
-            ),
-            6 => (
-                "force",
-                json!({"blocks": [
-                {"amplitude": 2e-6 * length, "cycles": 2000.0 * cycle},
-                {"amplitude": 1e-6 * length, "cycles": 1e6 * cycle}]}),
-            ),
-            7 => ("depth", json!({"reversals": [2e-6 * length, -2e-6 * length, 1e-6 * length]})),
-            _ => ("force", json!({"amplitude": 9e-6 * length})),
-        };
-        // What is held is given, so that nothing is rounded that does not scale.
-        let load = match held {
-            "force" => json!({"normal_force": 64.0 * force}),
-            _ => json!({"indentation_depth": 4e-6 * length}),
-        };
-        json!({
-            "profile": profile,
-            "moduli": {"normal": 1e11 * stress, "tangential": 0.8e11 * stress},
-            "friction": 0.6,
-            "wear": {"coefficient": 1e-14 * wear},
-            "load": load,
-            "motion": motion,
-            "cycles": [1000.0 * cycle, 30_000.0 * cycle],
-            "model": {"points": 64, "method": method},
-        })
-    };
     let run = |request: &Value| {
         let (scenario, _) =
             scenario::check(request, "").unwrap_or_else(|faults| panic!("{request}: {faults:?}"));
@@ -387,9 +390,9 @@ fn a_scaled_scenario_has_the_scaled_answer_in_every_mode() {
     for mode in 0..9 {
         for shape in 0..4 {
             for method in ["simplified", "exact"] {
-                let plain = run(&request(mode, shape, method, (1.0, 1.0, 1.0)));
+                let plain = run(&scaled_request(mode, shape, method, (1.0, 1.0, 1.0)));
                 let (length, stress, wear) = [(8.0, 0.5, 4.0), (0.25, 32.0, 0.125)][shape % 2];
-                let scaled = run(&request(mode, shape, method, (length, stress, wear)));
+                let scaled = run(&scaled_request(mode, shape, method, (length, stress, wear)));
                 let cube = length * length * length;
                 for (name, column, scale) in [
                     ("volume", (|h| &h.wear_volume) as fn(&History) -> &Vec<f64>, cube),
