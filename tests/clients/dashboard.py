@@ -307,6 +307,9 @@ def interrupt(browser, data):
             expect(page.locator("#banner")).to_be_hidden()
 
         submit(blocks(20_000))
+        # Progress after the first view comes from the event stream.
+        progress = "document.querySelector('progress').value"
+        page.wait_for_function(f"before => {progress} > before", arg=page.evaluate(progress))
         interrupted()
         expect(page.locator("[data-item=attempt]")).to_contain_text("2")
         assert "last-event-id" not in streams[0] and int(streams[-1]["last-event-id"]) >= 1, streams
