@@ -179,7 +179,7 @@ function drawProfile(plot, difference, result, other, { plot: name, row }) {
     curves.push(second);
     const fraction = maxDifference(current, second);
     texts.push(fraction == null ? "At this output cycle there is nothing to compare."
-      : `Maximum difference: ${percent(fraction, 2)} of peak. Run B is at N = ${cycles(other.profiles.cycles[otherRow])}.`);
+      : `Maximum difference: ${percent(fraction, 2)} of peak. Run B is at N\u00a0=\u00a0${cycles(other.profiles.cycles[otherRow])}.`);
   }
   const top = name === "pressure" ? Math.max(...curves.map(({ y }) => axisLimit(y))) : Infinity;
   if (Math.max(...current.y) > top) {

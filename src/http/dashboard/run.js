@@ -81,7 +81,7 @@ export async function showRun(main, { id, signal }) {
     const checked = await post("/v1/scenarios", { scenario }, { signal });
     const { cycles: outputs, model } = checked.scenario;
     fill(summary, h("h2", {}, "Scenario"), h("p", {}, title(entryOf(checked))), h("p", {}, subtitle(entryOf(checked))),
-      list([["Output cycles", `${outputs.length}, the last at N = ${cycles(outputs.at(-1))}`], ["Profile points", model.points]]));
+      list([["Output cycles", `${outputs.length}, the last at N\u00a0=\u00a0${cycles(outputs.at(-1))}`], ["Profile points", model.points]]));
     drawEstimate(estimate, checked);
     summary.hidden = estimate.hidden = false;
   }
