@@ -45,8 +45,8 @@ pub(super) struct Source<'a> {
 
 /// Stores a result. It replaces what an evicted result of the same key left; only `created` stays.
 ///
-/// sqlx binds the arguments of several statements by their largest number, so all statements share the
-/// first ones.
+/// sqlx counts the arguments of each statement by its largest parameter number. So the parameters that
+/// several statements share have the smallest numbers.
 const INSERT: &str = "
     INSERT INTO result (key, size, summary, digest, created, last_access, computed, checksum, owner,
         job, trace, wall, cpu, program)
