@@ -1,171 +1,582 @@
-//! The rooms of the house stand in a row, and each knows only those to its left: the sources are
-//! read, and every path from one room to another is judged.
+//! Reads the sources of both crates. Fails where a room uses a later room, where a room uses a library that is
+//! reserved to others, and where files use each other in a circle.
 
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
-/// From left to right; the files that make the program are one room.
-const ROW: [&str; 8] =
-    ["plot", "verification", "job", "format", "store", "service", "http", "main"];
+use proc_macro2::{Delimiter, TokenStream, TokenTree};
 
-/// What only some rooms may use: a path, and the rooms.
-const RESERVED: [(&str, &[&str]); 5] = [
-    ("sqlx", &["store"]),
-    ("axum", &["http", "main"]),
-    ("tokio", &["store", "service", "http", "main"]),
-    ("std::time", &["job", "store", "service", "http", "main"]),
-    ("std::thread", &["job", "store", "service", "http", "main"]),
-];
-
-/// The room that a name directly below the crate belongs to.
-fn room(name: &str) -> Option<&'static str> {
-    let name = if matches!(name, "cli" | "config" | "telemetry") { "main" } else { name };
-    ROW.into_iter().find(|room| *room == name)
+/// The rooms of one crate, in order, and the paths that only some rooms may use.
+struct Layout {
+    /// The directory of the sources, and the file that the crate begins with.
+    dir: &'static str,
+    root: &'static str,
+    /// A room is a module with everything below it, and may use the rooms before it.
+    rooms: &'static [&'static str],
+    /// A path, and the rooms that may use it.
+    reserved: &'static [(&'static str, &'static [&'static str])],
 }
 
-/// What follows `root::` wherever it stands in a source, one name for each branch of braces.
-/// Comments count: what the documentation of a room points at, the room knows.
-fn heads<'a>(source: &'a str, root: &str) -> Vec<&'a str> {
-    let mut out = Vec::new();
-    let root = format!("{root}::");
-    for (start, _) in source.match_indices(&root) {
-        let before = source[..start].chars().next_back();
-        // A longer name, or a longer path: `tokio::sync` is no `sync`.
-        if before.is_some_and(|c| c.is_alphanumeric() || c == '_' || c == ':') {
-            continue;
-        }
-        branches(&source[start + root.len()..], &mut out);
+const SERVICE: Layout = Layout {
+    dir: "src",
+    root: "lib",
+    rooms: &["plot", "verification", "job", "format", "store", "service", "http"],
+    reserved: &[
+        ("sqlx", &["store"]),
+        ("axum", &["http"]),
+        ("tokio", &["store", "service", "http"]),
+        ("std::time", &["job", "format", "store", "service", "http"]),
+        ("std::thread", &["job", "format", "store", "service", "http"]),
+    ],
+};
+
+/// The program comes after the library. That the library does not use it is checked by the compiler.
+const PROGRAM: Layout = Layout {
+    dir: "src",
+    root: "main",
+    rooms: &["telemetry", "config", "cli"],
+    reserved: &[("sqlx", &[])],
+};
+
+const ENGINE: Layout = Layout {
+    dir: "engine/src",
+    root: "lib",
+    rooms: &[
+        "numeric",
+        "request",
+        "contact",
+        "solver",
+        "solver/closed",
+        "solver/stepped",
+        "case",
+        "scenario",
+        "outcome",
+        "simulation",
+        "reference",
+    ],
+    reserved: &[
+        ("std::env", &[]),
+        ("std::fs", &[]),
+        ("std::net", &[]),
+        ("std::thread", &[]),
+        ("std::time", &[]),
+    ],
+};
+
+const LAYOUTS: [&Layout; 3] = [&SERVICE, &PROGRAM, &ENGINE];
+
+impl Layout {
+    /// The place of the room that owns a file or module, named like `store/read`. A room inside another room owns its
+    /// files alone.
+    fn room(&self, name: &str) -> Option<usize> {
+        let owns = |room: &str| {
+            name.strip_prefix(room).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
+        };
+        let rooms = self.rooms.iter().enumerate().filter(|(_, room)| owns(room));
+        rooms.max_by_key(|(_, room)| room.len()).map(|(place, _)| place)
     }
-    out
 }
 
-/// The first names of what stands here: of one path, or of all within braces.
-fn branches<'a>(text: &'a str, out: &mut Vec<&'a str>) {
-    let Some(group) = text.strip_prefix('{') else {
-        let end = text.find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(text.len());
-        // A star takes everything; that it is refused is as it should be.
-        out.push(if end == 0 { &text[..text.len().min(1)] } else { &text[..end] });
-        return;
-    };
-    let mut depth = 0;
-    let mut begins = true;
-    for (place, c) in group.char_indices() {
-        match c {
-            '{' => depth += 1,
-            '}' if depth == 0 => return,
-            '}' => depth -= 1,
-            ',' if depth == 0 => begins = true,
-            c if begins && !c.is_whitespace() => {
-                branches(&group[place..], out);
-                begins = false;
-            }
-            _ => {}
-        }
+/// Names from the crate down, such as `["store", "read"]`.
+type Names = Vec<String>;
+
+/// A path as a file writes it, such as `super::read::Page`.
+struct Mention {
+    /// The module in which it stands.
+    at: Names,
+    path: Names,
+    /// The path is re-exported by a `pub use`.
+    exported: bool,
+    /// The path stands inside `#[cfg(test)]`.
+    test: bool,
+    /// The path stands in a documentation comment.
+    doc: bool,
+}
+
+impl Mention {
+    /// Whether a module re-exports something from below it, which is no use.
+    fn reexports(&self, module: &Names, target: &Names) -> bool {
+        self.exported && target.starts_with(module)
     }
 }
 
-/// Whether a source uses a path such as `sqlx` or `std::time`.
-fn mentions(source: &str, path: &str) -> bool {
-    match path.split_once("::") {
-        Some((root, name)) => heads(source, root).contains(&name),
-        None => !heads(source, path).is_empty() || source.contains(&format!("use {path};")),
-    }
+/// Collects the paths of one file.
+#[derive(Default)]
+struct Reader {
+    at: Names,
+    test: bool,
+    mentions: Vec<Mention>,
+    /// The names that `use` gives, each with its module and the path that it stands for.
+    imports: Vec<(Names, String, Names)>,
 }
 
-/// Everything that one file of a room should not know.
-fn faults(file: &str, source: &str) -> Vec<String> {
-    let name = file.split(['/', '.']).next().unwrap_or_default();
-    let Some(own) = room(name) else {
-        return vec![format!("{file} belongs to no room")];
-    };
-    let mut out = Vec::new();
-    let place = |room: &str| ROW.iter().position(|other| *other == room);
-    for root in ["crate", "fretwork", "super"] {
-        for head in heads(source, root) {
-            match room(head) {
-                Some(other) if place(other) > place(own) => {
-                    out.push(format!("{file} uses {other}, which is to the right of {own}"));
+impl Reader {
+    fn read(&mut self, tokens: &[TokenTree]) {
+        let mut i = 0;
+        let mut visible = false;
+        while i < tokens.len() {
+            match &tokens[i] {
+                // `use<'a>` is not an import.
+                TokenTree::Ident(word) if word == "use" && !is_punct(tokens.get(i + 1), '<') => {
+                    i = self.read_import(tokens, i + 1, &[], visible);
                 }
-                // Within a room names are its own business.
-                None if root == "super" => {}
-                None => out.push(format!("{file} uses {root}::{head}, which is no room")),
-                Some(_) => {}
+                TokenTree::Ident(word) if word == "mod" && is_block(tokens.get(i + 2)) => {
+                    self.at.push(tokens[i + 1].to_string());
+                    self.read_group(&tokens[i + 2]);
+                    self.at.pop();
+                    i += 3;
+                }
+                TokenTree::Ident(word) => {
+                    visible = word == "pub";
+                    let (path, end) = path(tokens, i);
+                    if path.len() > 1 || is_item(tokens, i) {
+                        self.push(path, false, false);
+                    }
+                    i = end;
+                }
+                TokenTree::Group(_) if is_test_attribute(tokens, i) => {
+                    let item = &tokens[i + 1..];
+                    let end = item
+                        .iter()
+                        .position(|token| is_punct(Some(token), ';') || is_block(Some(token)));
+                    let end = end.map_or(item.len(), |end| end + 1);
+                    let outside = std::mem::replace(&mut self.test, true);
+                    self.read(&item[..end]);
+                    self.test = outside;
+                    i += 1 + end;
+                }
+                token => {
+                    self.read_group(token);
+                    i += 1;
+                }
             }
         }
     }
-    // Steps out of a room are written from the crate down, where they are seen.
-    if source.contains("super::super::") {
-        out.push(format!("{file} has a path with super::super"));
+
+    fn read_group(&mut self, token: &TokenTree) {
+        let TokenTree::Group(group) = token else { return };
+        let text = group.stream().to_string();
+        if group.delimiter() == Delimiter::Bracket && text.starts_with("doc =") {
+            self.read_documentation(&text);
+        } else {
+            self.read(&group.stream().into_iter().collect::<Vec<_>>());
+        }
     }
-    for (path, rooms) in RESERVED {
-        if mentions(source, path) && !rooms.contains(&own) {
-            out.push(format!("{file} uses {path}, which is for {}", rooms.join(", ")));
+
+    /// Reads one branch of a `use`, up to `;` or `,`. Returns the index behind it.
+    fn read_import(
+        &mut self,
+        tokens: &[TokenTree],
+        start: usize,
+        above: &[String],
+        exported: bool,
+    ) -> usize {
+        let mut path = above.to_vec();
+        let mut alias = None;
+        let mut i = start;
+        while let Some(token) = tokens.get(i) {
+            i += 1;
+            match token {
+                TokenTree::Ident(word) if word == "as" => {
+                    alias = tokens.get(i).map(ToString::to_string);
+                }
+                // `a::{self}` is `a`.
+                TokenTree::Ident(word) if word == "self" && !path.is_empty() => {}
+                TokenTree::Ident(word) if alias.is_none() => path.push(word.to_string()),
+                TokenTree::Group(group) => {
+                    let branches: Vec<TokenTree> = group.stream().into_iter().collect();
+                    let mut next = 0;
+                    while next < branches.len() {
+                        next = self.read_import(&branches, next, &path, exported);
+                    }
+                    return i;
+                }
+                TokenTree::Punct(punct) if punct.as_char() == '*' => path.push("*".into()),
+                TokenTree::Punct(punct) if matches!(punct.as_char(), ';' | ',') => break,
+                _ => {}
+            }
+        }
+        if let Some(name) = alias.or_else(|| path.last().cloned()) {
+            self.imports.push((self.at.clone(), name, path.clone()));
+            self.push(path, exported, false);
+        }
+        i
+    }
+
+    fn read_documentation(&mut self, text: &str) {
+        for word in text.split(|c: char| !c.is_alphanumeric() && c != '_' && c != ':') {
+            let path: Names = word.split("::").map(str::to_owned).collect();
+            if path.len() > 1 {
+                self.push(path, false, true);
+            }
+        }
+    }
+
+    fn push(&mut self, path: Names, exported: bool, doc: bool) {
+        self.mentions.push(Mention { at: self.at.clone(), path, exported, test: self.test, doc });
+    }
+}
+
+fn is_punct(token: Option<&TokenTree>, c: char) -> bool {
+    matches!(token, Some(TokenTree::Punct(punct)) if punct.as_char() == c)
+}
+
+fn is_group(token: Option<&TokenTree>, delimiter: Delimiter) -> bool {
+    matches!(token, Some(TokenTree::Group(group)) if group.delimiter() == delimiter)
+}
+
+fn is_block(token: Option<&TokenTree>) -> bool {
+    is_group(token, Delimiter::Brace)
+}
+
+fn is_test_attribute(tokens: &[TokenTree], at: usize) -> bool {
+    at > 0
+        && is_punct(tokens.get(at - 1), '#')
+        && tokens[at].to_string().replace(' ', "") == "[cfg(test)]"
+}
+
+/// Whether a single word may name an item: a type, a constant or a function, but no field, method or variable.
+fn is_item(tokens: &[TokenTree], at: usize) -> bool {
+    let called = is_group(tokens.get(at + 1), Delimiter::Parenthesis);
+    let member = at > 0 && is_punct(tokens.get(at - 1), '.');
+    !member && (called || tokens[at].to_string().starts_with(char::is_uppercase))
+}
+
+/// The path that begins at this word, and the index behind it.
+fn path(tokens: &[TokenTree], start: usize) -> (Names, usize) {
+    let mut out = vec![tokens[start].to_string()];
+    let mut i = start + 1;
+    while is_punct(tokens.get(i), ':') && is_punct(tokens.get(i + 1), ':') {
+        let Some(TokenTree::Ident(word)) = tokens.get(i + 2) else { break };
+        out.push(word.to_string());
+        i += 3;
+    }
+    (out, i)
+}
+
+/// The sources of one crate.
+struct Sources {
+    layout: &'static Layout,
+    /// The modules that have a file, each with the name of the file.
+    files: BTreeMap<Names, String>,
+    mentions: Vec<Mention>,
+    imports: BTreeMap<(Names, String), Names>,
+}
+
+impl Sources {
+    fn new(layout: &'static Layout, texts: &[(String, String)]) -> Self {
+        let mut out =
+            Self { layout, files: BTreeMap::new(), mentions: Vec::new(), imports: BTreeMap::new() };
+        for (file, text) in texts {
+            let name = module_name(file);
+            let module: Names = if name == layout.root {
+                Vec::new()
+            } else {
+                name.split('/').map(str::to_owned).collect()
+            };
+            let mut reader = Reader { at: module.clone(), ..Reader::default() };
+            let tokens: TokenStream =
+                text.parse().unwrap_or_else(|error| panic!("{file}: {error}"));
+            reader.read(&tokens.into_iter().collect::<Vec<_>>());
+            out.files.insert(module, file.clone());
+            out.mentions.extend(reader.mentions);
+            out.imports
+                .extend(reader.imports.into_iter().map(|(at, name, path)| ((at, name), path)));
+        }
+        out
+    }
+
+    /// Reads the files of one crate from the disk.
+    fn of(layout: &'static Layout) -> Self {
+        let mut texts = read_sources(layout.dir);
+        texts.retain(|(file, _)| {
+            module_name(file) == layout.root || layout.room(module_name(file)).is_some()
+        });
+        Self::new(layout, &texts)
+    }
+
+    /// The file of a module, or of the file around an inline module.
+    fn file(&self, module: &[String]) -> (&Names, &str) {
+        let around =
+            (0..=module.len()).rev().find_map(|end| self.files.get_key_value(&module[..end]));
+        let (module, file) = around.expect("the crate has a root");
+        (module, file)
+    }
+
+    fn is_module(&self, names: &[String]) -> bool {
+        self.files.contains_key(names)
+    }
+
+    /// The module that defines what a path names, and the path from there. Re-exports are followed. Returns `None`
+    /// for other crates and for local names.
+    fn resolve(&self, at: &[String], path: &[String]) -> Option<(Names, Names)> {
+        let mut here = at.to_vec();
+        let mut rest = path;
+        match path.first()?.as_str() {
+            "crate" => here.clear(),
+            "self" => {}
+            "super" => drop(here.pop()),
+            name if self.is_module(&[at, &[name.to_owned()]].concat()) => {
+                return self.descend(here, path);
+            }
+            name => {
+                let import = self.imports.get(&(here.clone(), name.to_owned()))?;
+                // `use serde;` stands for itself.
+                let known = import.first() != path.first();
+                return known.then(|| self.resolve(at, &[import, &path[1..]].concat()))?;
+            }
+        }
+        rest = &rest[1..];
+        while rest.first().is_some_and(|name| name == "super") {
+            here.pop();
+            rest = &rest[1..];
+        }
+        self.descend(here, rest)
+    }
+
+    fn descend(&self, mut here: Names, mut rest: &[String]) -> Option<(Names, Names)> {
+        while let Some(name) = rest.first() {
+            let child = [here.as_slice(), std::slice::from_ref(name)].concat();
+            if self.is_module(&child) {
+                here = child;
+                rest = &rest[1..];
+            } else if let Some(import) = self.imports.get(&(here.clone(), name.clone())) {
+                return self.resolve(&here, &[import, &rest[1..]].concat());
+            } else {
+                break;
+            }
+        }
+        Some((here, rest.to_vec()))
+    }
+
+    /// Each use of a later room, and each use of a path that is reserved to other rooms.
+    fn wrong_arrows(&self) -> BTreeSet<String> {
+        let mut out = BTreeSet::new();
+        for mention in &self.mentions {
+            let (module, file) = self.file(&mention.at);
+            let room = self.layout.room(&module.join("/"));
+            let path = mention.path.join("::");
+            if let Some((target, item)) = self.resolve(&mention.at, &mention.path) {
+                let later = self.layout.room(&target.join("/")) > room;
+                if room.is_some() && later && !mention.reexports(module, &target) {
+                    out.insert(format!("{file} uses {path} of a later room"));
+                }
+                // The names that it brings are not known here.
+                if item == ["*"] && !mention.test {
+                    out.insert(format!("{file} uses {path} instead of names"));
+                }
+            }
+            for (reserved, rooms) in self.layout.reserved {
+                let rest = path.strip_prefix(reserved).filter(|_| !mention.doc);
+                let used = rest.is_some_and(|rest| rest.is_empty() || rest.starts_with(':'));
+                if used && room.is_none_or(|room| !rooms.contains(&self.layout.rooms[room])) {
+                    out.insert(format!("{file} uses {reserved}, reserved to {rooms:?}"));
+                }
+            }
+        }
+        out
+    }
+
+    /// The files that each file uses, and a path by which it does.
+    fn uses(&self) -> BTreeMap<&str, BTreeMap<&str, String>> {
+        let mut out: BTreeMap<&str, BTreeMap<&str, String>> = BTreeMap::new();
+        for mention in self.mentions.iter().filter(|mention| !mention.test && !mention.doc) {
+            let (from, file) = self.file(&mention.at);
+            let Some((to, item)) = self.resolve(&mention.at, &mention.path) else { continue };
+            let (to, target) = self.file(&to);
+            // An imported module is not a use. The paths that begin with its name are.
+            if !item.is_empty() && !mention.reexports(from, to) && to != from {
+                out.entry(file).or_default().entry(target).or_insert(mention.path.join("::"));
+            }
+        }
+        out
+    }
+
+    /// Each use that is part of a circle: the file that is used leads back to its user.
+    fn circles(&self) -> BTreeSet<String> {
+        let uses = self.uses();
+        let leads_to = |from: &str, to: &str| {
+            let (mut seen, mut next) = (BTreeSet::new(), vec![from]);
+            while let Some(file) = next.pop() {
+                if seen.insert(file) {
+                    next.extend(uses.get(file).into_iter().flat_map(BTreeMap::keys));
+                }
+            }
+            seen.contains(to)
+        };
+        let pairs = uses
+            .iter()
+            .flat_map(|(from, targets)| targets.iter().map(move |(to, path)| (from, to, path)));
+        pairs
+            .filter(|(from, to, _)| leads_to(to, from))
+            .map(|(from, to, path)| format!("{from} → {to} ({path})"))
+            .collect()
+    }
+}
+
+/// The module of a file, such as `store/read` of `store/read.rs` and `store` of `store/mod.rs`.
+fn module_name(file: &str) -> &str {
+    let name = file.strip_suffix(".rs").expect("a Rust file");
+    name.strip_suffix("/mod").unwrap_or(name)
+}
+
+/// Every Rust file below a directory of the project, named relative to it, with its text.
+fn read_sources(dir: &str) -> Vec<(String, String)> {
+    fn walk(dir: &Path, prefix: &str, out: &mut Vec<(String, String)>) {
+        for entry in fs::read_dir(dir).unwrap() {
+            let entry = entry.unwrap();
+            let name = format!("{prefix}{}", entry.file_name().into_string().unwrap());
+            if entry.file_type().unwrap().is_dir() {
+                walk(&entry.path(), &format!("{name}/"), out);
+            } else if Path::new(&name).extension().is_some_and(|end| end == "rs") {
+                out.push((name, fs::read_to_string(entry.path()).unwrap()));
+            }
+        }
+    }
+    let mut out = Vec::new();
+    walk(&Path::new(env!("CARGO_MANIFEST_DIR")).join(dir), "", &mut out);
+    out
+}
+
+/// What a check finds in the crates, one line each.
+fn find(check: impl Fn(&Sources) -> BTreeSet<String>) -> String {
+    let mut out = String::new();
+    for layout in LAYOUTS {
+        for line in check(&Sources::of(layout)) {
+            writeln!(out, "{}/{line}", layout.dir).unwrap();
         }
     }
     out
 }
 
-/// Every Rust file below a directory, named relative to it.
-fn sources(dir: &Path, prefix: &str, out: &mut Vec<(String, String)>) {
-    for entry in fs::read_dir(dir).unwrap() {
-        let entry = entry.unwrap();
-        let name = format!("{prefix}{}", entry.file_name().into_string().unwrap());
-        if entry.file_type().unwrap().is_dir() {
-            sources(&entry.path(), &format!("{name}/"), out);
-        } else if Path::new(&name).extension().is_some_and(|end| end == "rs") {
-            out.push((name, fs::read_to_string(entry.path()).unwrap()));
+#[test]
+fn every_file_belongs_to_one_room() {
+    for dir in ["src", "engine/src"] {
+        for (file, _) in read_sources(dir) {
+            let name = module_name(&file);
+            let owns = |layout: &&Layout| {
+                layout.dir == dir && (name == layout.root || layout.room(name).is_some())
+            };
+            assert_eq!(LAYOUTS.iter().copied().filter(owns).count(), 1, "rooms of {dir}/{file}");
+        }
+    }
+    for layout in LAYOUTS {
+        let sources = Sources::of(layout);
+        for room in layout.rooms {
+            let below = |module: &Names| module.join("/").starts_with(room);
+            assert!(sources.files.keys().any(below), "the room {room} has no files");
         }
     }
 }
 
 #[test]
-fn no_room_knows_a_room_to_its_right() {
-    let mut files = Vec::new();
-    sources(Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/src")), "", &mut files);
-    // It only says which rooms there are.
-    files.retain(|(name, _)| name != "lib.rs");
-    for room in ROW {
-        let begins = |(name, _): &&(String, String)| name.split(['/', '.']).next() == Some(room);
-        assert!(files.iter().any(|file| begins(&file)), "no file of {room} was read");
+fn no_room_uses_a_later_room() {
+    let found = find(Sources::wrong_arrows);
+    assert!(found.is_empty(), "{found}");
+}
+
+/// The rooms whose files still use each other in a circle. A room that is free of circles must leave this list.
+const CIRCULAR: [&str; 4] = ["src/http/", "src/job", "src/plot/", "src/store/"];
+
+#[test]
+fn no_files_use_each_other_in_a_circle() {
+    let found = find(Sources::circles);
+    let fails = found.lines().filter(|line| !CIRCULAR.iter().any(|room| line.starts_with(room)));
+    assert_eq!(fails.collect::<Vec<_>>(), [""; 0], "circles");
+    for room in CIRCULAR {
+        assert!(found.lines().any(|line| line.starts_with(room)), "{room} has no circle any more");
     }
-    let faults: Vec<String> =
-        files.iter().flat_map(|(name, source)| faults(name, source)).collect();
-    assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
+fn sources(texts: &[(&str, &str)]) -> Sources {
+    let mut texts: Vec<_> =
+        texts.iter().map(|(file, text)| ((*file).into(), (*text).into())).collect();
+    texts.push(("lib.rs".into(), "pub mod plot; pub mod job; pub mod store; pub mod http;".into()));
+    Sources::new(&SERVICE, &texts)
 }
 
 #[test]
-fn a_path_is_found_however_it_is_written() {
-    assert_eq!(
-        heads("use crate::{plot::{a, b}, job, store::c};", "crate"),
-        ["plot", "job", "store"]
-    );
-    assert_eq!(heads("let x = crate::http::f(mycrate::store::g());", "crate"), ["http"]);
-    assert_eq!(heads("use crate::*;", "crate"), ["*"]);
-    assert!(mentions("use std::{fmt, time::Duration};", "std::time"));
-    assert!(!mentions("use tokio::time; use std::fmt;", "std::time"));
-    assert!(mentions("use sqlx;", "sqlx") && mentions("sqlx::query()", "sqlx"));
-}
-
-#[test]
-fn a_look_to_the_right_is_a_fault() {
-    for (file, source) in [
+fn a_wrong_arrow_is_found_however_it_is_written() {
+    for (file, text) in [
         ("plot/scale.rs", "use crate::job::Key;"),
         ("job.rs", "use crate::{plot::scale, store::Store};"),
+        ("job.rs", "use crate::{plot::scale, store::Store as S};"),
         ("job.rs", "fn f() -> super::store::Store {}"),
-        ("store/read.rs", "//! As [`api`](crate::http) shows it."),
-        ("service/mod.rs", "use fretwork::http;"),
-        ("store/read.rs", "use super::super::service;"),
-        ("http/mod.rs", "use crate::config::Serve;"),
-        ("http/jobs.rs", "sqlx::query(\"\");"),
-        ("service/mod.rs", "use axum::Router;"),
+        ("job.rs", "fn f() { vec![crate::store::new()] }"),
+        ("job.rs", "use crate::{plot, store}; fn f() { plot::new() }"),
+        ("job.rs", "use crate::*; fn f() { store::new() }"),
+        ("job.rs", "#[cfg(test)] mod tests { use crate::store::Store; }"),
+        ("job.rs", "#[derive(crate::store::Row)] struct A;"),
+        ("store/read.rs", "//! As [`http`](crate::http) shows it."),
+        ("store/read.rs", "use super::super::http;"),
+        ("http/jobs.rs", "fn f() { sqlx::query(\"\"); }"),
+        ("http/jobs.rs", "use sqlx;"),
+        ("store/read.rs", "use axum::Router;"),
         ("job.rs", "use tokio::sync::watch;"),
         ("plot/scale.rs", "use std::time::Instant;"),
         ("plot/scale.rs", "use std::{fmt, thread};"),
-        ("attic.rs", ""),
-        ("job.rs", "use crate::attic;"),
     ] {
-        assert_eq!(faults(file, source).len(), 1, "{source} in {file}: {:?}", faults(file, source));
+        let mut texts =
+            vec![("plot/mod.rs", ""), ("store/mod.rs", ""), ("http/mod.rs", ""), (file, text)];
+        if file != "job.rs" {
+            texts.push(("job.rs", ""));
+        }
+        let found = sources(&texts).wrong_arrows();
+        assert_eq!(found.len(), 1, "{text} in {file}: {found:?}");
     }
-    assert!(faults("service/mod.rs", "use crate::store::Store;").is_empty());
-    assert!(faults("main.rs", "use fretwork::http; use crate::config::Cli;").is_empty());
+}
+
+#[test]
+fn a_use_of_an_earlier_room_is_allowed() {
+    let found = sources(&[
+        ("plot/mod.rs", "/// Not `std::time`, but std::times. use sqlx;\npub struct Figure;"),
+        ("job.rs", "use crate::plot::Figure; use std::time::Duration; // use crate::store;"),
+        ("store/mod.rs", "use tokio::time; use sqlx::Row; const S: &str = \"crate::http::f\";"),
+        ("http/mod.rs", "use axum::Router; use mycrate::store; fn f() { crate::store::f() }"),
+    ]);
+    assert!(found.wrong_arrows().is_empty(), "{:?}", found.wrong_arrows());
+}
+
+#[test]
+fn a_circle_of_files_is_found_through_reexports_and_imported_modules() {
+    let found = sources(&[
+        ("job.rs", ""),
+        (
+            "store/mod.rs",
+            "mod read; mod write; mod open; pub use read::{Page, Row as Line}; pub struct Store;",
+        ),
+        ("store/read.rs", "use super::write; fn f() { write::all() }"),
+        ("store/write.rs", "use super::Line;"),
+        ("store/open.rs", "use super::{Page, Store}; use crate::job::Job;"),
+    ]);
+    let expected = [
+        "store/read.rs → store/write.rs (write::all)",
+        "store/write.rs → store/read.rs (super::Line)",
+    ];
+    assert_eq!(found.circles(), BTreeSet::from(expected.map(String::from)));
+}
+
+#[test]
+fn a_reexport_that_is_also_used_makes_a_circle() {
+    let found = sources(&[
+        ("store/mod.rs", "mod read; pub use read::Page; pub struct Store(Page);"),
+        ("store/read.rs", "use super::Store; pub struct Page;"),
+    ]);
+    assert_eq!(found.circles().len(), 2, "{:?}", found.circles());
+}
+
+#[test]
+fn tests_and_documentation_and_reexports_make_no_circle() {
+    let found = sources(&[
+        ("store/mod.rs", "mod read; pub(crate) use read::Page; pub struct Store;"),
+        ("store/read.rs", "use super::Store; pub struct Page;"),
+        (
+            "job.rs",
+            "/// See [`Figure`](crate::plot::Figure).\n#[cfg(test)]\nmod tests { use super::*; use crate::plot::Figure; }",
+        ),
+        ("plot.rs", "use crate::job::Key;"),
+    ]);
+    assert!(found.circles().is_empty(), "{:?}", found.circles());
 }
