@@ -2,10 +2,10 @@
 
 import { WORDS } from "./units.js";
 
-/** Members of each shape: name, label and default. */
 const RADIUS = ["radius", "Radius R", "10 mm"];
 const SLOPE = ["slope_angle", "Slope angle θ", "2 deg"];
 const FLAT = ["flat_radius", "Flat radius b", "60 um"];
+/** Members of each shape: name, label and default. */
 const SHAPES = {
   paraboloid: [RADIUS],
   sphere: [RADIUS],
