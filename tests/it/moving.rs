@@ -498,12 +498,16 @@ async fn the_commands_report_what_they_did_and_what_failed() {
     let store = open(Path::new(&new)).await;
     assert!(store.has_result(&key.parse().unwrap()).await.unwrap());
     assert_eq!(store.jobs(&Filter::default(), None, 9).await.unwrap().jobs.len(), 2);
-    fs::write(
-        path("text.db"),
-        "some text, longer than the 100 bytes of a database header".repeat(3),
-    )
-    .unwrap();
-    fails(&run(&["import", &path("text.db"), "--data-dir", data], ""), "not an export");
+}
+
+#[test]
+fn a_file_that_is_not_a_database_cannot_be_imported() {
+    let dir = TempDir::new().unwrap();
+    let file = dir.path().join("text.db");
+    let text = "some text, longer than the 100 bytes of a database header".repeat(3);
+    fs::write(&file, text).unwrap();
+    let data = dir.path().to_str().unwrap();
+    fails(&run(&["import", file.to_str().unwrap(), "--data-dir", data], ""), "not an export");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
