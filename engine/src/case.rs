@@ -1,4 +1,4 @@
-//! A scenario made ready for computing: without units, with the scales that lead back, and what it costs.
+//! The dimensionless problem of a scenario, its scales, and the cost of its run.
 
 use crate::contact::control::{Control, Final, Tangential};
 use crate::contact::hysteresis::{Backbone, ROW_POINTS};
@@ -8,14 +8,14 @@ use crate::solver::events::StopCondition;
 use crate::solver::stepped::law::Law;
 use crate::solver::stepped::march::March;
 
-/// Relative error at which the simplified rule is marched, where it has no closed form.
+/// Tolerance of the simplified rule where it has no closed form and is integrated in time.
 const RULE_TOLERANCE: f64 = 1e-3;
-/// How many runs of the simplified rule a comparison takes.
+/// The number of runs of the simplified rule in a comparison.
 pub(crate) const COMPARISON_RUNS: usize = 31;
-/// Radii of the simplified rule in a comparison, at most: enough for the volume.
+/// Most output radii of the rule in a comparison. More would not change the volume noticeably.
 const COMPARISON_POINTS: usize = 256;
 
-/// The scales that make the contact dimensionless, and what multiplies results back into SI.
+/// The scales of the dimensionless problem. They multiply results back into SI.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scales {
     /// a₀ in m.
@@ -55,7 +55,7 @@ impl Scales {
         self.contact_radius * self.contact_radius * self.indentation_depth
     }
 
-    /// U at Δ = 1: the amplitude from which the whole contact slips, in m.
+    /// The gross-slip threshold in m: U at Δ = 1.
     #[must_use]
     pub fn gross_slip_amplitude(&self) -> f64 {
         self.friction * self.normal_modulus / self.tangential_modulus * self.indentation_depth
@@ -76,16 +76,16 @@ impl Scales {
 /// How wear is computed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Method {
-    /// The rule (14).
+    /// The simplified rule (14).
     Simplified {
         /// ξ.
         xi: f64,
     },
-    /// Local pressure times local slip.
+    /// Wear is local pressure times local slip.
     Exact {
-        /// The relative error aimed at.
+        /// The relative error that the run aims at.
         tolerance: f64,
-        /// ξ of the simplified rule that is run beside it, if it is.
+        /// ξ of the simplified rule that the run is compared with, if it is.
         compare: Option<f64>,
     },
 }
@@ -101,33 +101,33 @@ impl Method {
     }
 }
 
-/// A scenario made ready for computing: dimensionless, with the scales that lead back.
+/// The dimensionless problem of a scenario and its scales.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Case {
     /// The unworn contact.
     pub contact: Contact,
-    /// What is held.
+    /// What is held in the normal and the tangential direction.
     pub control: Control,
-    /// The state that wear tends to, where it is known.
+    /// The limiting state, where it is known without a run.
     pub tends_to: Option<Final>,
-    /// Wear at which the run ends early.
+    /// The wear at which the run ends early.
     pub until: StopCondition,
-    /// The part of the depth that the first body bears, where it is asked for.
+    /// The part of the wear depth on the first body, if requested.
     pub share: Option<f64>,
-    /// The way back to SI.
+    /// The scales that lead back to SI.
     pub scales: Scales,
     /// How wear is computed.
     pub method: Method,
-    /// Output radii.
+    /// The number of output radii.
     pub points: usize,
-    /// The instants in cycles, 0 first.
+    /// The output cycles. The first is 0.
     pub cycles: Vec<f64>,
-    /// Whether each instant carries profiles; all false where the answer has none at all.
+    /// For each output cycle, whether it carries profiles.
     pub profiles: Vec<bool>,
 }
 
 impl Case {
-    /// Regime of the unworn state.
+    /// The regime of the unworn contact.
     #[must_use]
     pub fn regime(&self) -> Regime {
         self.contact.regime
@@ -148,12 +148,12 @@ impl Case {
         sums
     }
 
-    /// Whether an instant at which the run ends carries profiles, since it is the last.
+    /// Whether the run ends at N = `n`, and shows profiles there because that row is the last.
     pub(crate) fn shows_end(&self, n: f64, end: f64) -> bool {
         n >= end && self.profile_rows() > 0
     }
 
-    /// The relative error aimed at in time steps.
+    /// The tolerance of the integration in time.
     #[must_use]
     pub fn tolerance(&self) -> f64 {
         match self.method {
@@ -162,7 +162,7 @@ impl Case {
         }
     }
 
-    /// How many springs slip, at most: each makes a corner of the loops.
+    /// Most springs that can slip. Each of them makes a corner of the friction loop.
     fn springs(&self) -> usize {
         if self.law() != Law::Exact && self.control.is_closed() {
             return ROW_POINTS;
@@ -171,20 +171,20 @@ impl Case {
         cells.max(ROW_POINTS)
     }
 
-    /// How the contact wears in time steps.
+    /// The wear law of the integration in time.
     #[must_use]
     pub fn law(&self) -> Law {
         self.method.law()
     }
 
-    /// The largest amplitude over that at N = 0.
+    /// The largest amplitude, divided by the amplitude at N = 0.
     pub(crate) fn largest_amplitude(&self) -> f64 {
         let Tangential::Blocks(blocks) = &self.control.tangential else { return 1.0 };
         let most = blocks.iter().map(|block| block.threshold).fold(0.0, f64::max);
         (most / self.contact.threshold).max(1.0)
     }
 
-    /// How many times a free spring slips the path of one harmonic cycle.
+    /// The slip path of a free spring per cycle, divided by that of one harmonic cycle.
     pub(crate) fn loops_per_cycle(&self) -> f64 {
         match &self.control.tangential {
             Tangential::Record(record) => record.slip(0.0),
@@ -192,8 +192,8 @@ impl Case {
         }
     }
 
-    /// The run of the simplified rule that an exact run is compared with: the same instants under the
-    /// same control.
+    /// The run of the simplified rule that an exact run is compared with. It has the same output cycles and
+    /// the same held quantities.
     pub(crate) fn rule(&self, xi: f64) -> Self {
         Self {
             method: Method::Simplified { xi },
@@ -205,13 +205,13 @@ impl Case {
         }
     }
 
-    /// Rows of each profile matrix.
+    /// The number of rows in each profile matrix.
     #[must_use]
     pub fn profile_rows(&self) -> usize {
         self.profiles.iter().filter(|carries| **carries).count()
     }
 
-    /// Multiplications in matrices, about: what a run costs.
+    /// Estimated number of multiplications of the run.
     #[must_use]
     pub fn operations(&self) -> f64 {
         let half_square = (self.points * self.points) as f64 / 2.0;
@@ -234,13 +234,13 @@ impl Case {
         }
     }
 
-    /// Ñ of the last instant.
+    /// Ñ of the last output cycle.
     #[must_use]
     pub fn normalized_end(&self) -> f64 {
         self.cycles[self.cycles.len() - 1] / self.scales.cycles
     }
 
-    /// About how many bytes the answer takes as JSON.
+    /// Estimated size of the result as JSON, in bytes.
     #[must_use]
     pub fn answer_bytes(&self) -> usize {
         const NUMBER: usize = 22;

@@ -1,4 +1,4 @@
-//! The physics of one run: SI in, dimensionless inside, SI out.
+//! The physics of one run. Scenarios and results are in SI; the solvers work without dimensions.
 
 pub mod case;
 pub mod contact;

@@ -1,14 +1,14 @@
 //! Small numerical tools: Gauss–Legendre quadrature, bracketed roots and maxima, dot products.
 //!
-//! Everything here gives the same digits on every processor: square roots and the four operations
-//! are exact by IEEE 754, other functions come from `libm`, and sums have a fixed order.
+//! All functions give the same digits on every processor. IEEE 754 defines square roots and the four
+//! operations exactly, other functions come from `libm`, and sums have a fixed order.
 
 use std::sync::OnceLock;
 
-/// Points of the rule behind [`integrate`].
+/// The number of Gauss points in [`integrate`].
 pub const GAUSS_POINTS: usize = 32;
 
-/// A Gauss–Legendre rule of `N` points on 0…1: exact for polynomials of degree 2N − 1.
+/// A Gauss–Legendre rule of `N` points on 0…1. It is exact for polynomials of degree 2N − 1.
 #[derive(Debug, Clone)]
 pub struct Gauss<const N: usize> {
     /// Abscissae in 0…1, ascending.
@@ -58,7 +58,7 @@ fn legendre(n: usize, z: f64) -> (f64, f64) {
     (value, n as f64 * (z * value - before) / (z * z - 1.0))
 }
 
-/// ∫ f over `from`…`to` by one Gauss rule: for functions that are smooth on the closed interval.
+/// ∫ f over `from`…`to` by one Gauss rule, for functions that are smooth on the closed interval.
 pub fn integrate(from: f64, to: f64, f: impl Fn(f64) -> f64) -> f64 {
     static RULE: OnceLock<Gauss<GAUSS_POINTS>> = OnceLock::new();
     let rule = RULE.get_or_init(Gauss::new);
@@ -67,8 +67,8 @@ pub fn integrate(from: f64, to: f64, f: impl Fn(f64) -> f64) -> f64 {
     width * sum
 }
 
-/// ∫ f over `from`…`to`, anew at each of the `kinks` between them: for functions that are smooth but
-/// there, where they may rise like a root on either side.
+/// ∫ f over `from`…`to`, split at the `kinks` in between. The function must be smooth elsewhere, and can rise
+/// like a square root on either side of a kink.
 pub fn integrate_pieces(from: f64, to: f64, kinks: &[f64], f: impl Fn(f64) -> f64) -> f64 {
     let piece = |from: f64, to: f64| {
         integrate(0.0, 1.0, |s| {
@@ -83,9 +83,8 @@ pub fn integrate_pieces(from: f64, to: f64, kinks: &[f64], f: impl Fn(f64) -> f6
     sum + piece(last, to)
 }
 
-/// ∫ f over `from`…`to` as by [`integrate_pieces`], but where `from` is just beyond a kink: there f
-/// is smooth only from the kink on, and the part before `from` is taken away again. Without a kink
-/// near, as by [`integrate`].
+/// ∫ f over `from`…`to`, where a kink can lie just before `from`. It then integrates from the kink, where f
+/// begins to be smooth, and subtracts the part before `from`. Without a kink nearby it is [`integrate`].
 pub fn integrate_beyond(from: f64, to: f64, kinks: &[f64], f: impl Fn(f64) -> f64) -> f64 {
     let near = |kink: &&f64| **kink < to && from - **kink < to - from;
     match kinks.iter().find(near) {
@@ -97,7 +96,7 @@ pub fn integrate_beyond(from: f64, to: f64, kinks: &[f64], f: impl Fn(f64) -> f6
     }
 }
 
-/// The root of `f` between `low` and `high`, where `f` changes sign, to the last bits.
+/// The root of `f` between `low` and `high` to the last bits. `f` must change sign there.
 pub fn root(low: f64, high: f64, f: impl Fn(f64) -> f64) -> f64 {
     let mut bracket = Bracket::new((low, f(low)), (high, f(high)));
     while let Some(middle) = bracket.next() {
@@ -106,7 +105,7 @@ pub fn root(low: f64, high: f64, f: impl Fn(f64) -> f64) -> f64 {
     bracket.found()
 }
 
-/// A root being looked for: false position with the Anderson–Björck correction, backed by bisection.
+/// A search for a root: false position with the Anderson–Björck correction, and bisection every fourth round.
 #[derive(Debug, Clone, Copy)]
 pub struct Bracket {
     low: f64,
@@ -119,19 +118,19 @@ pub struct Bracket {
 impl Bracket {
     const ROUNDS: usize = 200;
 
-    /// Between two points at which the function has different signs, each with its value.
+    /// Starts between two points, each with its value. The values must have different signs.
     #[must_use]
     pub fn new((low, at_low): (f64, f64), (high, at_high): (f64, f64)) -> Self {
         Self { low, high, at_low, at_high, round: 0 }
     }
 
-    /// How far its ends are apart, relative to the larger one.
+    /// The distance of the two ends, relative to the larger one.
     #[must_use]
     pub fn width(&self) -> f64 {
         (self.high - self.low).abs() / self.high.abs().max(self.low.abs())
     }
 
-    /// Where to evaluate the function next; nowhere once the root is known to the last bits.
+    /// The next point at which to evaluate the function; none once the root is known to the last bits.
     #[must_use]
     pub fn next(&self) -> Option<f64> {
         let Self { low, high, at_low, at_high, round } = *self;
@@ -144,7 +143,7 @@ impl Bracket {
         Some(if inside && round % 4 != 3 { secant } else { 0.5 * (low + high) })
     }
 
-    /// Takes in the value there.
+    /// Narrows the bracket with the value at that point.
     pub fn narrow(&mut self, middle: f64, at_middle: f64) {
         if at_middle.is_sign_negative() == self.at_high.is_sign_negative() && at_middle != 0.0 {
             let shrink = 1.0 - at_middle / self.at_high;
@@ -156,15 +155,15 @@ impl Bracket {
         self.round += 1;
     }
 
-    /// The root, as far as it is known.
+    /// The best estimate of the root.
     #[must_use]
     pub fn found(&self) -> f64 {
         if self.at_low == 0.0 { self.low } else { self.high }
     }
 }
 
-/// Where `f`, which rises and then falls, is largest between `low` and `high`: golden section down to
-/// 1e-4 of the interval, then the vertex of a parabola. Right to about 1e-8 of the interval.
+/// The maximum of `f` between `low` and `high`, where `f` rises and then falls. Golden section narrows the
+/// interval to 1e-4 of its width, then a parabola gives the vertex. The error is about 1e-8 of the interval.
 pub fn maximum(mut low: f64, mut high: f64, f: impl Fn(f64) -> f64) -> f64 {
     const GOLDEN: f64 = 0.618_033_988_749_894_9;
     let (first, last) = (low, high);
@@ -183,7 +182,7 @@ pub fn maximum(mut low: f64, mut high: f64, f: impl Fn(f64) -> f64) -> f64 {
         }
     }
     let step = high - low;
-    // Never outside, where `f` may have no value.
+    // Stays inside, because `f` may be undefined outside.
     let middle = (0.5 * (low + high)).clamp(first + step, last - step);
     let (before, here, after) = (f(middle - step), f(middle), f(middle + step));
     let curvature = before - 2.0 * here + after;
@@ -193,7 +192,7 @@ pub fn maximum(mut low: f64, mut high: f64, f: impl Fn(f64) -> f64) -> f64 {
     (middle + 0.5 * step * (before - after) / curvature).clamp(first, last)
 }
 
-/// Σ aᵢbᵢ over the shorter length, in a fixed order that compilers can put on vector lanes.
+/// Σ aᵢbᵢ over the shorter length, in a fixed order that the compiler can vectorise.
 #[must_use]
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     const LANES: usize = 8;
@@ -212,10 +211,10 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
         + rest
 }
 
-/// Where the largest value is; the first if there are several, 0 if there are none.
+/// The index of the first largest value; 0 without values.
 #[must_use]
 pub fn largest(values: &[f64]) -> usize {
-    // Lanes, because a running maximum waits for itself at every step.
+    // Separate lanes, because each step of a single running maximum has to wait for the one before it.
     const LANES: usize = 8;
     let mut lanes = [f64::NEG_INFINITY; LANES];
     let chunks = values.chunks_exact(LANES);
@@ -246,7 +245,7 @@ pub fn vertex(x: &[f64], y: &[f64], at: usize) -> f64 {
     (y[at] - slope * slope / (4.0 * curvature)).max(0.0)
 }
 
-/// A curve through points that overshoots none of them: piecewise cubic, monotone where they are.
+/// A piecewise cubic curve through points. It is monotone between points, and so does not overshoot them.
 ///
 /// F. N. Fritsch, J. Butland, *SIAM J. Sci. Stat. Comput.* 5 (1984) 300.
 #[derive(Debug, Clone)]
@@ -257,7 +256,7 @@ pub struct Monotone {
 }
 
 impl Monotone {
-    /// Through at least one point, in ascending order.
+    /// The curve through at least one point, in ascending order of `x`.
     #[must_use]
     pub fn through(x: Vec<f64>, y: Vec<f64>) -> Self {
         let secants: Vec<f64> =
@@ -277,13 +276,13 @@ impl Monotone {
         Self { x, y, slopes }
     }
 
-    /// The value at `x`; the first or last one outside the points.
+    /// The value at `x`. Outside the points it is the first or the last value.
     #[must_use]
     pub fn at(&self, x: f64) -> f64 {
         value(self.piece(self.x.partition_point(|knot| *knot <= x)), x)
     }
 
-    /// The values at ascending `x`, without looking for the points anew each time.
+    /// A function that gives the values at ascending `x`. It does not search from the start each time.
     pub fn along(&self) -> impl FnMut(f64) -> f64 {
         let mut right = 0;
         let mut piece = self.piece(0);
@@ -297,7 +296,7 @@ impl Monotone {
         }
     }
 
-    /// The cubic before the point `right`, in powers of the distance from where it begins.
+    /// The cubic that ends at the point `right`, in powers of the distance from its start.
     fn piece(&self, right: usize) -> (f64, [f64; 4]) {
         if right == 0 || right == self.x.len() {
             return (0.0, [self.y[right.saturating_sub(1)], 0.0, 0.0, 0.0]);
@@ -312,7 +311,7 @@ impl Monotone {
     }
 }
 
-/// A cubic in powers of the distance from a point, at x.
+/// Evaluates such a cubic at x.
 fn value((from, [value, slope, square, cube]): (f64, [f64; 4]), x: f64) -> f64 {
     let x = x - from;
     value + x * (slope + x * (square + x * cube))
@@ -332,10 +331,11 @@ pub fn whole_power(x: f64, n: u32) -> f64 {
     product
 }
 
-/// `x` rounded to 12 significant decimal digits, the precision of a canonical scenario; −0 becomes 0.
+/// Rounds `x` to 12 significant decimal digits, the precision of a canonical scenario. −0 becomes 0.
 #[must_use]
+#[expect(clippy::expect_used, reason = "formatting and parsing are inverse to each other")]
 pub fn twelve_digits(x: f64) -> f64 {
-    format!("{x:.11e}").parse::<f64>().map_or(x, |rounded| rounded + 0.0)
+    format!("{x:.11e}").parse::<f64>().expect("a formatted number parses") + 0.0
 }
 
 #[cfg(test)]

@@ -1,10 +1,11 @@
-//! What a run finds, in SI and in columns.
+//! The result of a run, in SI units and in columns.
 //!
 //! # Units
-//! [`UNITS`] names the unit of every quantity; a name means the same wherever it occurs.
+//! [`UNITS`] names the unit of every quantity. A name has the same meaning everywhere.
 //!
-//! Entry 0 of every column and row 0 of every matrix is the unworn state. An infinite pressure (the
-//! apex of a cone, late in a run the stick edge) is `f64::INFINITY` here and null in JSON; nothing else is ever non-finite.
+//! Entry 0 of every column and row 0 of every matrix is the unworn state. Pressure can be infinite at the
+//! apex of a cone, and late in a run at the stick edge: `f64::INFINITY` here, null in JSON. All other
+//! numbers are finite.
 
 use serde::Serialize;
 
@@ -15,7 +16,7 @@ use crate::request::fault::Fault;
 use crate::scenario::{Scenario, Warning};
 use crate::solver::events::{self, EventKind};
 
-/// The unit of every quantity in a result, in the order of the result.
+/// The unit of every quantity, in the order of the result.
 pub const UNITS: &[(&str, &str)] = &[
     ("cycles", "1"),
     ("normalized_cycles", "1"),
@@ -74,7 +75,7 @@ pub struct ContactScales {
     pub cycles: f64,
 }
 
-/// The unworn state.
+/// Quantities of the unworn contact.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Unworn {
     /// E*.
@@ -83,11 +84,11 @@ pub struct Unworn {
     pub tangential_modulus: f64,
     /// k_w.
     pub wear_coefficient: f64,
-    /// The largest p; infinite for a cone.
+    /// The peak pressure; infinite for a cone.
     pub peak_pressure: f64,
     /// F/(πa²).
     pub mean_pressure: f64,
-    /// The amplitude from which the whole contact slips.
+    /// The gross-slip threshold: the whole contact slips at this amplitude.
     pub gross_slip_amplitude: f64,
     /// c; 0 in gross slip.
     pub stick_radius: f64,
@@ -97,15 +98,15 @@ pub struct Unworn {
     pub tangential_force: f64,
     /// W.
     pub energy_per_cycle: f64,
-    /// A = W/(4QU), the energy ratio of the sliding transition: 0.2 at gross slip of a paraboloid.
+    /// The energy ratio A = W/(4QU). It is 0.2 for a paraboloid at the gross-slip threshold.
     pub energy_ratio: f64,
-    /// D = δ₀/U, the slip ratio, δ₀ being half of the loop's width at Q = 0: 0.26 there.
+    /// The slip ratio D = δ₀/U, where δ₀ is half of the width of the loop at Q = 0. It is 0.26 there.
     pub slip_ratio: f64,
-    /// B = W/(4Qδ₀), the system-free ratio: 0.77 there.
+    /// The system-free ratio B = W/(4Qδ₀). It is 0.77 there.
     pub free_ratio: f64,
 }
 
-/// The state that wear tends to.
+/// The limiting state of wear.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct LimitState {
     /// ã: the outer radius of the limiting profile, (13).
@@ -114,11 +115,11 @@ pub struct LimitState {
     pub stick_radius: f64,
     /// V∞.
     pub wear_volume: f64,
-    /// Deepest wear.
+    /// The largest wear depth.
     pub wear_depth: f64,
-    /// Where it is.
+    /// The radius of the largest wear depth.
     pub wear_depth_radius: f64,
-    /// F∞, carried inside c alone.
+    /// F∞. Only the part inside c carries it.
     pub normal_force: f64,
     /// d.
     pub indentation_depth: f64,
@@ -126,33 +127,33 @@ pub struct LimitState {
     pub tangential_force: f64,
 }
 
-/// What is known of a scenario before it is run.
+/// What is known of a scenario without a run.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Preview {
-    /// Units of everything below.
+    /// The units of all quantities.
     pub units: ResultUnits,
-    /// Scales of the unworn contact.
+    /// The scales of the unworn contact.
     pub scales: ContactScales,
     /// The unworn state.
     pub unworn: Unworn,
-    /// Its regime.
+    /// The regime of the unworn contact.
     pub regime: Regime,
-    /// The state that wear tends to.
+    /// The limiting state, where it is known without a run.
     pub limit: Option<LimitState>,
-    /// What a run takes.
+    /// The estimated cost of the run.
     pub cost: CostEstimate,
 }
 
-/// An estimate of what a run takes.
+/// The estimated cost of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct CostEstimate {
-    /// Multiplications in the inverse transforms and pressures; a core does about 10⁹ a second.
+    /// Estimated multiplications. One processor core does about 10⁹ per second.
     pub operations: f64,
-    /// Size of the result as JSON.
+    /// Estimated size of the result as JSON, in bytes.
     pub answer_bytes: usize,
 }
 
-/// Columns over the instants.
+/// Columns with one entry per output cycle.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct History {
     /// N.
@@ -161,11 +162,11 @@ pub struct History {
     pub normalized_cycles: Vec<f64>,
     /// V.
     pub wear_volume: Vec<f64>,
-    /// The largest wear.
+    /// The largest wear depth.
     pub wear_depth: Vec<f64>,
-    /// The largest radius with wear; 0 before there is any.
+    /// The largest radius with wear; 0 without wear.
     pub scar_radius: Vec<f64>,
-    /// g(a) = d. The simplified rule with the depth held keeps a = a₀.
+    /// The contact radius a. The simplified rule with held depth keeps a = a₀.
     pub contact_radius: Vec<f64>,
     /// c.
     pub stick_radius: Vec<f64>,
@@ -204,7 +205,7 @@ impl History {
     }
 }
 
-/// Matrices over the profile instants (rows) and radii (columns).
+/// Matrices with one row per output cycle with profiles, and one column per output radius.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Profiles {
     /// N of each row.
@@ -223,60 +224,60 @@ pub struct Profiles {
     pub image: Vec<Vec<f64>>,
     /// p.
     pub pressure: Vec<Vec<f64>>,
-    /// Amplitude of the relative motion of the surfaces, U·s(r); the path is four times it per cycle.
+    /// Amplitude of the local slip, U·s(r). The slip path per cycle is four times as long.
     pub slip: Vec<Vec<f64>>,
 }
 
-/// Force–displacement loops at the instants of the profiles: a cycle each, from +U by −U back to +U, with a
-/// point wherever a spring gives way, so that straight lines between the points enclose W.
+/// Force–displacement loops, one per row of the profiles. A loop goes from +U to −U and back. It has a point
+/// where each spring starts to slip, so that straight lines between the points enclose W.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Loops {
     /// N of each row.
     pub cycles: Vec<f64>,
-    /// u of the contact; of a record, its outermost loop.
+    /// Displacement u of the contact. For a record, that of its largest loop.
     pub displacement: Vec<Vec<f64>>,
-    /// Q at these.
+    /// Tangential force Q at these displacements.
     pub tangential_force: Vec<Vec<f64>>,
     /// A of each loop.
     pub energy_ratio: Vec<f64>,
     /// D of each loop.
     pub slip_ratio: Vec<f64>,
-    /// B of each loop; 0 once it has closed.
+    /// B of each loop; 0 once the loop has no width.
     pub free_ratio: Vec<f64>,
 }
 
-/// What one of the bodies wears.
+/// The wear of one body.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct BodyWear {
-    /// Its part of the depth.
+    /// Its part of the wear depth.
     pub share: f64,
-    /// The largest wear of this body.
+    /// The largest wear depth of this body.
     pub wear_depth: Vec<f64>,
-    /// Its V.
+    /// The wear volume of this body.
     pub wear_volume: Vec<f64>,
 }
 
-/// The simplified rule beside an exact run.
+/// The simplified rule compared with an exact run.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Comparison {
-    /// The ξ of the history.
+    /// ξ of the history.
     pub xi: f64,
-    /// The rule's history over the same instants; it may end sooner, and then elsewhere.
+    /// The history by the rule at the same output cycles. It can end earlier, with a last row of its own.
     pub history: History,
-    /// By how much the rule is off, relative to the exact run.
+    /// The errors of the rule, relative to the exact run.
     pub errors: Errors,
-    /// The ξ whose volumes come closest; none without wear, or if it would lie outside 0.1…10.
+    /// The ξ with the smallest error of V; none without wear, or if it lies outside 0.1…10.
     pub best_xi: Option<f64>,
-    /// The root mean square of the relative errors of V with it.
+    /// The root mean square of the relative errors of V with this ξ.
     pub best_error: Option<f64>,
 }
 
-/// Rule/exact − 1 at each instant that both histories have; 0 where both are 0.
+/// Rule/exact − 1 at each output cycle that both histories have; 0 where both are 0.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Errors {
     /// Of V.
     pub wear_volume: Vec<f64>,
-    /// Of the largest wear.
+    /// Of the largest wear depth.
     pub wear_depth: Vec<f64>,
     /// Of F.
     pub normal_force: Vec<f64>,
@@ -286,73 +287,73 @@ pub struct Errors {
     pub dissipated_energy: Vec<f64>,
 }
 
-/// Something that happened during a run.
+/// An event of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct OutcomeEvent {
-    /// When.
+    /// The number of cycles at the event.
     pub cycles: f64,
-    /// What.
+    /// What happened.
     pub kind: EventKind,
 }
 
 impl OutcomeEvent {
-    /// An event of a run whose unit of cycles is N₀.
+    /// Converts an event whose time is in units of `unit` cycles.
     pub(crate) fn of(event: &events::Event, unit: f64) -> Self {
         Self { cycles: event.at * unit, kind: event.kind }
     }
 }
 
-/// How far the numbers can be trusted.
+/// Estimates of the numerical error.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Accuracy {
-    /// (k_w/μ)·ΣW/V − 1 at the last instant. The exact method keeps dV/dN = (k_w/μ)·W in itself, and what
-    /// is left is the error of summing over time; the simplified rule does not keep it, and this is by
-    /// how much. Null without wear.
+    /// (k_w/μ)·ΣW/V − 1 at the last output cycle; none without wear. The exact method obeys
+    /// dV/dN = (k_w/μ)·W at each instant, so that this is the error of the sum over time. The simplified
+    /// rule does not obey it.
     pub energy_mismatch: Option<f64>,
-    /// The largest relative error of the volume by discretisation, estimated over the history: for
-    /// the simplified rule the difference between the volume under the computed profile and that of
-    /// its image (a few times too large as a rule, too small for blunt profiles in gross slip), for
-    /// the exact method from the distance to a run with half the cells. Null without wear.
+    /// The largest estimate of the relative discretisation error of V over the history; none without wear.
+    /// For the simplified rule in closed form it is the difference between the volumes of the computed
+    /// profile and of its image. This is usually a few times too large, and too small for blunt profiles in
+    /// gross slip. Otherwise it comes from a second run with half as many cells.
     pub volume_error: Option<f64>,
-    /// Cells of the exact method's mesh.
+    /// Mesh cells of the integration in time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cells: Option<usize>,
-    /// Time steps of the exact method, of both runs.
+    /// Time steps, of both runs together.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub steps: Option<usize>,
-    /// How often the exact method evaluated the wear rate.
+    /// Evaluations of the wear rate, of both runs together.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub evaluations: Option<usize>,
 }
 
-/// Everything a run finds.
+/// The result of a run.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Outcome {
-    /// Scales of the unworn contact.
+    /// The scales of the unworn contact.
     pub scales: ContactScales,
     /// The unworn state.
     pub unworn: Unworn,
-    /// Regime of the unworn state.
+    /// The regime of the unworn contact.
     pub regime: Regime,
-    /// The state that wear tends to.
+    /// The limiting state, where it is known without a run.
     pub limit: Option<LimitState>,
-    /// Columns over the instants.
+    /// Columns with one entry per output cycle.
     pub history: History,
-    /// The part of each body, where `share` was given.
+    /// The wear of each body, if the scenario has a `share`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bodies: Option<[BodyWear; 2]>,
-    /// Matrices over instants and radii, where asked for.
+    /// Profiles, if requested.
     pub profiles: Option<Profiles>,
-    /// Force–displacement loops at the same instants.
+    /// Force–displacement loops at the same output cycles.
     pub loops: Option<Loops>,
-    /// Changes of regime and early ends.
+    /// Changes of regime and an early end.
     pub events: Vec<OutcomeEvent>,
-    /// How far the numbers can be trusted.
+    /// Estimates of the numerical error.
     pub accuracy: Accuracy,
-    /// The simplified rule beside an exact run, where asked for.
+    /// The comparison with the simplified rule, if requested.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub comparison: Option<Comparison>,
-    /// What the physics gives reason to warn of.
+    /// Warnings about the validity of the model.
     pub warnings: Vec<Warning>,
 }
 
@@ -391,12 +392,12 @@ impl Unworn {
     }
 }
 
-/// The state that wear tends to, where it is known beforehand.
+/// The limiting state in SI, where it is known without a run.
 pub(crate) fn limit_state(case: &Case) -> Option<LimitState> {
     let scales = &case.scales;
     case.tends_to.map(|end| {
         let limit = &end.limit;
-        // Inside c the springs are as they were, outside they carry nothing.
+        // Inside c the springs are unworn. Outside they carry nothing.
         let shape = &case.contact.shape;
         let inside =
             integrate_beyond(0.0, end.stick, shape.kinks(), |x| end.depth - shape.image(x));
@@ -425,7 +426,7 @@ impl BodyWear {
 }
 
 impl Preview {
-    /// What is known of a case before it is run.
+    /// Computes what is known of a case without a run.
     #[must_use]
     pub fn of(case: &Case) -> Self {
         Self {
@@ -440,7 +441,7 @@ impl Preview {
 }
 
 impl Scenario {
-    /// What is known without running: scales, unworn state, limit and cost.
+    /// Computes what is known without a run: scales, unworn contact, limiting state and cost.
     ///
     /// # Errors
     /// As [`Scenario::case`].

@@ -22,9 +22,9 @@ use crate::numeric::{root, twelve_digits};
 use crate::request::fault::Fault;
 use crate::request::indenter::Profile;
 
-/// Largest a₀/R of a sphere: beyond, half-space theory has no meaning.
+/// Largest accepted a₀/R of a sphere. Half-space theory fails for larger contacts.
 const MAX_SPHERE: f64 = 0.6;
-/// Narrowest ring of contact around a flat, in contact radii: a narrower one is lost in rounding.
+/// Narrowest accepted ring of contact around a flat, in contact radii. A narrower one is lost in rounding.
 const NARROWEST_RING: f64 = 1e-6;
 
 /// A profile in canonical form.
@@ -40,7 +40,7 @@ pub(super) enum CanonicalProfile {
     Table(CanonicalTable),
 }
 
-/// The points as given, and the shape that they are taken for.
+/// The given points, and the smooth shape through them.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(super) struct CanonicalTable {
     radius: Vec<f64>,
@@ -79,7 +79,7 @@ pub(super) fn canonical_profile(profile: &Profile) -> CanonicalProfile {
     }
 }
 
-/// What a profile is pressed in as.
+/// The shape of a profile, as far as pressing it in depends on it.
 enum Form<'a> {
     /// g = height·(x/at_radius)ⁿ.
     Power {
@@ -137,7 +137,7 @@ impl Flat {
                 2.0 / 3.0 * (3.0 * b * b + 2.0 * rim * rim) * rim
             }
         };
-        // The force of the sharp shape, and of the flat alone, are both less.
+        // The sharp shape and the flat alone both give a smaller force.
         let most = if self.conical {
             product.sqrt().min(product / b)
         } else {
@@ -173,7 +173,7 @@ impl CanonicalProfile {
         }
     }
 
-    /// Why it cannot be pressed in to `depth`, which the member at `pointer` asks for.
+    /// The fault if the profile cannot be pressed in to `depth`, which follows from the field at `pointer`.
     pub(super) fn refusal(&self, depth: f64, pointer: &str) -> Fault {
         let detail = match self.form() {
             Form::Table(table) => {
@@ -193,7 +193,7 @@ impl CanonicalProfile {
         Fault { pointer: pointer.to_owned(), detail }
     }
 
-    /// Why the scar at `depth` and amplitude Δ has no room on it.
+    /// The fault if the scar at `depth` and amplitude Δ would be larger than the profile.
     pub(super) fn outgrown(&self, depth: f64, threshold: f64) -> Fault {
         match self.form() {
             Form::Table(table) => {
@@ -217,7 +217,7 @@ impl CanonicalProfile {
 }
 
 impl CanonicalTable {
-    /// A table that ends, or stops to rise, before the radius that it should reach.
+    /// The fault of a table that ends, or stops rising, before the radius that the scar needs.
     fn too_short(&self, needed: Option<(f64, PressedTable)>) -> Fault {
         let radius = &self.radius;
         let reach = self.shape.reach();
@@ -239,8 +239,7 @@ impl CanonicalTable {
     }
 }
 
-/// a₀ and the normalised shape at indentation depth d; `None` where that is no contact that can be
-/// computed, see [`CanonicalProfile::refusal`].
+/// a₀ and the normalised shape at indentation depth d; `None` if [`CanonicalProfile::refusal`] applies.
 pub(super) fn indent(profile: &CanonicalProfile, depth: f64) -> Option<(f64, Shape)> {
     match profile.form() {
         Form::Power { exponent: n, height, at_radius } => {
@@ -258,7 +257,7 @@ pub(super) fn indent(profile: &CanonicalProfile, depth: f64) -> Option<(f64, Sha
             if depth_at(MAX_SPHERE) < depth / radius {
                 return None;
             }
-            // A shallow contact has d/R = (a/R)², a deeper one more.
+            // d/R is (a/R)² in a shallow contact, and larger in a deep one.
             let guess = (depth / radius).sqrt();
             let share = root(0.5 * guess, guess.min(MAX_SPHERE), |s| depth_at(s) - depth / radius);
             Some((share * radius, Shape::sphere(1.0 / share)))

@@ -1,14 +1,14 @@
-//! The instants of the history in canonical form, and which of them carry profiles.
+//! The output cycles in canonical form, and which of them carry profiles.
 
 use crate::numeric::twelve_digits;
 use crate::request::fault::{Fault, Faults};
 use crate::request::fields::LAST_CYCLE;
 use crate::request::instants::{Cycles, ProfilesAt, ProfilesWord};
 
-/// Up to this many instants all carry profiles by default, above it only the last.
+/// Up to this number of output cycles, all carry profiles by default. With more, only the last does.
 pub const DEFAULT_PROFILES: usize = 20;
 
-/// The canonical instants, and which of them carry profiles.
+/// Brings the output cycles of a request, and the choice of profiles, into canonical form.
 pub(super) fn canonical(
     cycles: &Cycles,
     profiles_at: Option<&ProfilesAt>,
@@ -30,7 +30,7 @@ pub(super) fn canonical(
         let detail = "instants agree to 12 digits once they are multiplied by N₀".to_owned();
         return Err(Faults::one("/cycles/normalized", detail));
     }
-    // 0 is always added when running, so it says nothing here.
+    // Every run begins with 0, so that it is not needed here.
     if list.len() > 1 && list[0] == 0.0 {
         list.remove(0);
     }

@@ -18,7 +18,7 @@ pub(super) struct CanonicalModuli {
     pub(super) tangential: f64,
 }
 
-/// The normal direction in canonical form.
+/// The load in canonical form.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(untagged)]
 pub(super) enum CanonicalLoad {
@@ -35,7 +35,7 @@ impl CanonicalLoad {
     }
 }
 
-/// The normal direction in canonical form.
+/// Brings the load of a request into canonical form.
 #[expect(clippy::expect_used, reason = "the request was validated")]
 pub(super) fn canonical_load(
     request: &Request,
@@ -71,7 +71,7 @@ pub(super) fn canonical_load(
     Ok(load)
 }
 
-/// d, a₀ and the normalised shape of the unworn contact.
+/// Presses the indenter in. Returns d, a₀ and the normalised shape.
 pub(super) fn press(
     profile: &CanonicalProfile,
     load: &CanonicalLoad,

@@ -1,8 +1,8 @@
-//! A scenario in its canonical form: effective quantities in SI, nothing left out, 12 digits.
+//! A scenario in canonical form: effective quantities in SI with 12 digits, and all defaults filled in.
 //!
-//! Two requests that mean the same contact have the same canonical scenario and so the same key.
-//! The engine runs the canonical numbers, never the request's, so that the digits of a result do not
-//! depend on who asked first. Reading a canonical scenario again changes nothing.
+//! Two requests with the same meaning have the same canonical scenario, and so the same key. The engine
+//! computes with the canonical numbers and not with those of the request. The digits of a result therefore
+//! do not depend on how the request was written. The canonical form of a canonical scenario is itself.
 //!
 //! # Equations
 //! ```text
@@ -11,8 +11,7 @@
 //! ```
 //!
 //! # Units
-//! SI throughout. Here, and only here, units are divided out ([`Scenario::case`]); [`Scales`]
-//! multiplies them back.
+//! SI. Only [`Scenario::case`] divides the units out. [`Scales`] multiplies them back.
 //!
 //! # Sources
 //! The paper, (6)–(10), (17), (18).
@@ -39,31 +38,31 @@ use instants::with_profiles;
 use load::{CanonicalLoad, CanonicalModuli, canonical_load};
 use motion::{CanonicalMotion, UnwornContact};
 
-/// The version of the engine's digits: it rises whenever a result changes in any digit.
+/// The version of the digits. It rises whenever any digit of a result changes.
 pub const NUMERICS: u32 = 1;
 
 /// The JSON Schema (2020-12) of a scenario.
 pub const SCHEMA: &str = include_str!("scenario.schema.json");
 
-/// Default of ξ in (14).
+/// Default ξ of the simplified rule (14).
 pub const DEFAULT_XI: f64 = 0.8;
 /// Default relative error of the exact method.
 pub const DEFAULT_TOLERANCE: f64 = 3e-3;
-/// Default number of radii.
+/// Default number of output radii.
 pub const DEFAULT_POINTS: u16 = 256;
-/// Largest answer in bytes.
+/// Largest accepted estimate of the size of a result, in bytes.
 pub const MAX_ANSWER: usize = 64_000_000;
 
-/// Something the user should know; never a refusal.
+/// A warning about the validity of the model. The run is computed nevertheless.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Warning {
-    /// A word for programs.
+    /// The kind of warning, for programs.
     pub kind: &'static str,
     /// A sentence for people.
     pub detail: String,
 }
 
-/// What a canonical scenario says, in SI.
+/// A canonical scenario, in SI.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Scenario {
     profile: CanonicalProfile,
@@ -93,7 +92,7 @@ enum CanonicalUntil {
     WearVolume(f64),
 }
 
-/// Only what the method uses, so that nothing else makes a difference.
+/// Only the settings that the method uses, so that the others do not change the key.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(tag = "method", rename_all = "lowercase")]
 enum CanonicalModel {
@@ -164,10 +163,10 @@ impl CanonicalModel {
     }
 }
 
-/// Reads a scenario; `prefix` goes before every fault's pointer (`/scenario` in a job body).
+/// Parses a scenario. `prefix` is put before the pointer of every fault, such as `/scenario`.
 ///
 /// # Errors
-/// Every fault, each with a JSON pointer and a sentence that says what to change.
+/// All faults. Each has a JSON pointer and says what to change.
 pub fn check(value: &serde_json::Value, prefix: &str) -> Result<(Scenario, Vec<Warning>), Faults> {
     let request =
         Request::deserialize_from_value(value.clone().into_value(), ValuePointerRef::Origin)
@@ -207,10 +206,10 @@ impl Scenario {
         })
     }
 
-    /// Divides the units out.
+    /// Builds the dimensionless problem.
     ///
     /// # Errors
-    /// A fault where the numbers, each fine alone, have no answer together.
+    /// A fault if the numbers are valid one by one, but have no solution together.
     pub fn case(&self) -> Result<Case, Fault> {
         let contact = UnwornContact::new(&self.profile, &self.load, self.moduli, self.friction)
             .map_err(first)?;
@@ -267,11 +266,11 @@ impl Scenario {
         Ok(case)
     }
 
-    /// What the canonical numbers themselves give reason to warn of.
+    /// Warnings that follow from the canonical numbers.
     #[must_use]
     pub fn warnings(&self, case: &Case) -> Vec<Warning> {
         let Scales { contact_radius: a, indentation_depth: d, .. } = case.scales;
-        // Of blocks the largest counts; a record may hold many loops.
+        // The largest block counts. A record can contain many loops per cycle.
         let times = case.largest_amplitude();
         let amplitude = times * case.scales.amplitude;
         let cycles = case.scales.cycles / (times * case.loops_per_cycle());
@@ -370,7 +369,7 @@ fn shear_modulus(body: &ElasticBody) -> f64 {
     body.youngs_modulus.0 / (2.0 * (1.0 + body.poisson_ratio.0))
 }
 
-/// Warnings of what the canonical form no longer knows.
+/// Warnings that need the two bodies, which are not part of the canonical form.
 fn body_warnings(request: &Request, case: &Case) -> Vec<Warning> {
     let Some(bodies) = &request.bodies.0 else {
         return Vec::new();

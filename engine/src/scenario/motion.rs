@@ -23,16 +23,16 @@ use crate::request::fault::Faults;
 use crate::request::fields::{Length, List};
 use crate::request::held::{GivenBlock, Motion, MotionHeld};
 
-/// Smallest U/U_gs: below, the slip ring is lost in rounding.
+/// Smallest accepted U/U_gs. Below it, the slip ring is lost in rounding.
 const MIN_THRESHOLD: f64 = 1e-6;
-/// Smallest width of the slip ring in a₀, where its edge may move.
+/// Smallest accepted width of the slip ring in a₀, where the stick edge can move.
 const MIN_RING: f64 = 1e-4;
-/// Rounding U to 12 digits moves Δ by half of this: so close to 1 it is the onset of gross slip.
+/// A Δ this close to 1 is taken as 1, the gross-slip threshold. Rounding U to 12 digits moves Δ by half of it.
 const ONSET: f64 = 1e-11;
-/// A stick ratio must come back from the rounded amplitude as well as this.
+/// Relative accuracy with which the rounded amplitude must reproduce the stick ratio.
 const STICK_DIGITS: f64 = 1e-3;
 
-/// The tangential direction in canonical form.
+/// The motion in canonical form.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(untagged)]
 pub(super) enum CanonicalMotion {
@@ -74,7 +74,7 @@ fn half_tangential(shape: &Shape, threshold: f64) -> f64 {
     }
     let stick = shape.image_inverse(1.0 - threshold);
     let ring = 1.0 - stick;
-    // Dense next to the stick edge, where images of powers below 2 bend.
+    // Dense next to the stick edge, where the image of a power law with n < 2 bends most.
     let slipping = integrate(0.0, 1.0, |s| {
         let cube = s * s * s;
         4.0 * ring * cube * (1.0 - shape.image(stick + ring * cube * s))
@@ -120,7 +120,7 @@ impl UnwornContact {
         if (threshold - 1.0).abs() < ONSET { 1.0 } else { threshold }
     }
 
-    /// Width in a₀ of the ring that slips.
+    /// Width of the slip ring in a₀.
     fn ring(&self, amplitude: f64) -> f64 {
         let threshold = self.threshold(amplitude);
         if threshold > 1.0 { 1.0 } else { 1.0 - self.shape.image_inverse(1.0 - threshold) }
@@ -131,7 +131,7 @@ impl UnwornContact {
         self.tangential_modulus * self.contact_radius / rig_stiffness
     }
 
-    /// Q as asked for, if friction can carry it.
+    /// The requested Q, if friction can carry it.
     fn carried(&self, tangential_force: f64) -> Result<f64, Faults> {
         let most = 2.0 * self.friction * self.force * self.shape.half_force();
         if tangential_force < most * (1.0 - 1e-9) {
@@ -202,14 +202,15 @@ impl CanonicalMotion {
         Ok(Self::Blocks { blocks })
     }
 
-    /// The amplitude of the contact and its pointer are those that the request asks for.
+    /// Takes the requested amplitude of the contact, and the pointer to it.
     fn resolve_rig(
         motion: &Motion,
         rig_stiffness: f64,
         (amplitude, pointer): (f64, &str),
         pressed: &UnwornContact,
     ) -> Result<Self, Faults> {
-        // A given amplitude is the actuator's, others are the contact's.
+        // A given amplitude is that of the actuator. One that follows from a force or a stick ratio is that of
+        // the contact.
         let amplitude = twelve_digits(if let Some(actuator) = motion.amplitude.0 {
             actuator.0
         } else {
@@ -230,7 +231,7 @@ impl CanonicalMotion {
         Ok(canonical)
     }
 
-    /// What this holds, in units of the unworn contact, and its Δ; `unit` is N per Ñ for blocks.
+    /// The held quantities in units of the unworn contact, and Δ at N = 0. `unit` is N₀, for the ends of blocks.
     pub(super) fn control(
         &self,
         pressed: &UnwornContact,
@@ -267,7 +268,7 @@ impl CanonicalMotion {
                     })
                     .collect();
                 let first = blocks[0].threshold;
-                // Of one block no end is seen.
+                // The only block lasts to the end of the run.
                 let one = blocks.len() == 1;
                 (if one { Tangential::Amplitude } else { Tangential::Blocks(blocks) }, first)
             }
@@ -292,7 +293,7 @@ impl CanonicalMotion {
         Ok((amplitude, contact_radius / (4.0 * amplitude * wear_coefficient * normal_modulus)))
     }
 
-    /// U of the contact at N = 0, given its Δ; the very number that was given, where there is one.
+    /// U of the contact at N = 0, from its Δ. A given amplitude is returned without rounding.
     fn amplitude(&self, threshold: f64, gross_slip: f64) -> f64 {
         match self {
             Self::Amplitude { amplitude, .. } => *amplitude,
@@ -313,7 +314,7 @@ fn record_of(reversals: &[f64]) -> Result<DisplacementRecord, Faults> {
         .ok_or_else(|| Faults::one("/motion/reversals", "must not all be the same position"))
 }
 
-/// U of the contact as asked for by amplitude, stick ratio or tangential force, and its pointer.
+/// U of the contact from the requested amplitude, stick ratio or tangential force, and the pointer to it.
 #[expect(clippy::expect_used, reason = "the request was validated")]
 fn contact_amplitude(
     motion: &Motion,
@@ -343,7 +344,7 @@ fn contact_amplitude(
     Ok((amplitude.0, "/motion/amplitude"))
 }
 
-/// An amplitude that can be resolved; `stays` where the stick radius keeps its place.
+/// Checks that the slip ring is wide enough. `stays` says that the stick radius does not move.
 fn resolved(
     amplitude: f64,
     stays: bool,

@@ -1,16 +1,15 @@
-//! An exact run beside the simplified rule: how far the rule is off, and the ξ that fits best.
+//! Compares the simplified rule with an exact run, and finds the ξ that fits best.
 //!
-//! The rule is run over the same instants under the same control. The ξ that fits best makes the
-//! sum of the squares of V_rule/V_exact − 1 over the instants smallest; it is looked for by golden
-//! section between 0.1 and 10.
+//! The rule runs over the same output cycles with the same held quantities. The best ξ minimises the sum
+//! of the squares of V_rule/V_exact − 1. A golden-section search finds it between 0.1 and 10.
 
 use super::single::SingleRun;
 use crate::case::{COMPARISON_RUNS, Case, Method};
 use crate::outcome::{Comparison, Errors, History};
 
-/// Where ξ is looked for.
+/// The range in which the search looks for ξ.
 const XI_RANGE: (f64, f64) = (0.1, 10.0);
-/// Rounds of golden section: ln ξ to 1e-5.
+/// Rounds of golden section. They find ln ξ to 1e-5.
 const ROUNDS: usize = COMPARISON_RUNS - 3;
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
@@ -122,13 +121,14 @@ impl Comparing {
         }
     }
 
-    /// How many instants both have: a rule that ends early has its last entry elsewhere.
+    /// The number of output cycles that both histories have. A rule that ends early has a last row of its own.
     fn shared(&self, rule: &History) -> usize {
         let both = rule.cycles.iter().zip(&self.exact.cycles);
         both.take_while(|(rule, exact)| (*rule - *exact).abs() <= 1e-12 * exact.abs()).count()
     }
 
-    /// The root mean square of V_rule/V_exact − 1; what a rule that ends early misses is all wrong.
+    /// The root mean square of V_rule/V_exact − 1. Output cycles that the rule does not reach count as an error
+    /// of 1.
     fn error(&self, rule: &History) -> f64 {
         let shared = self.shared(rule);
         let errors = relative(&rule.wear_volume[..shared], &self.exact.wear_volume);
@@ -137,7 +137,7 @@ impl Comparing {
         ((errors.iter().map(|error| error * error).sum::<f64>() + missed) / worn).sqrt()
     }
 
-    /// The comparison, once it is made.
+    /// The comparison, after the last step.
     pub(super) fn finish(self) -> Comparison {
         let history = &self.rule;
         let shared = self.shared(history);

@@ -1,4 +1,4 @@
-//! A run, step by step, so that whoever drives it can report progress and stop.
+//! A run in steps, so that the caller can report progress and stop it.
 //!
 //! # Examples
 //! ```
@@ -14,7 +14,7 @@
 //! });
 //! let (scenario, _) = scenario::check(&request, "").expect("a valid scenario");
 //! let outcome = Simulation::of(&scenario).expect("a contact").run();
-//! // After very many cycles the limit (11)–(13) is reached.
+//! // After very many cycles the contact has reached its limiting state (11)–(13).
 //! let limit = outcome.limit.expect("a limit");
 //! assert!((outcome.history.normal_force[1] / limit.normal_force - 1.0).abs() < 1e-9);
 //! assert!((outcome.history.wear_volume[1] / limit.wear_volume - 1.0).abs() < 1e-6);
@@ -31,10 +31,10 @@ use crate::scenario::{Scenario, Warning};
 use comparing::Comparing;
 use single::SingleRun;
 
-/// What a step came to.
+/// The result of a step.
 #[derive(Debug)]
 pub enum Advance {
-    /// There is more to do; the share done so far.
+    /// The run goes on. The number is the part that is done.
     Working(f64),
     /// The run is over.
     Done(Box<Outcome>),
@@ -54,7 +54,7 @@ enum Phase {
     Running(Box<SingleRun>),
     /// Goes on with the comparison. The outcome of the run waits for it.
     Comparing(Box<Outcome>, Box<Comparing>),
-    /// Nothing: the outcome was handed out.
+    /// Nothing: the caller has the outcome.
     Done,
 }
 
@@ -69,7 +69,7 @@ impl Simulation {
         Ok(Self::new(case, warnings))
     }
 
-    /// Prepares the run of a case; the warnings become part of the outcome.
+    /// Prepares the run of a case. The warnings become part of the outcome.
     #[must_use]
     pub fn new(case: Case, warnings: Vec<Warning>) -> Self {
         Self { phase: Phase::Running(Box::new(SingleRun::new(case))), warnings }

@@ -20,7 +20,7 @@ pub(super) struct Recording {
     reported: Reported,
 }
 
-/// The largest values reported so far, in dimensionless units.
+/// The largest values reported so far, dimensionless.
 #[derive(Debug, Default)]
 struct Reported {
     volume: f64,
@@ -29,7 +29,7 @@ struct Reported {
     wear: Vec<f64>,
 }
 
-/// One row of the history, in dimensionless units, whichever method it comes from.
+/// One row of the history, dimensionless. Each method makes such rows.
 pub(super) struct HistoryEntry {
     /// N.
     pub(super) cycles: f64,
@@ -48,7 +48,7 @@ pub(super) struct HistoryEntry {
     /// (k_w/μ)·ΣW.
     pub(super) worn_by_energy: f64,
     pub(super) volume_error: f64,
-    /// With profiles.
+    /// The curves and the friction loop, if the row carries profiles.
     pub(super) curves: Option<(Curves, Loop)>,
 }
 
@@ -127,11 +127,11 @@ impl Recording {
 }
 
 impl Reported {
-    /// Holds an entry to what has been reported: wear that falls by the noise of a step, or where the
-    /// simplified rule's ã passes, stays.
+    /// Keeps reported wear from falling. Without this it could fall by numerical noise, or where the radius ã
+    /// of the simplified rule moves.
     fn hold(&mut self, entry: &mut HistoryEntry) {
         let hold = |known: &mut f64, value: &mut f64| {
-            // Not by `f64::max`, which looks out for what is no number.
+            // Faster than `f64::max`, which also handles NaN.
             *value = if *value < *known { *known } else { *value };
             *known = *value;
         };

@@ -23,14 +23,14 @@ const STEP_INSTANTS: usize = 64;
 #[derive(Debug)]
 pub(super) struct SingleRun {
     case: Case,
-    phase: Phase,
+    phase: RunPhase,
     events: Vec<Event>,
     recording: Recording,
 }
 
 /// What the next step does.
 #[derive(Debug)]
-enum Phase {
+enum RunPhase {
     /// Searches for the time of the stop condition, then evaluates the closed form with this ξ.
     Searching(Box<Simplified>, f64, StopSearch),
     /// Evaluates the closed form with this ξ.
@@ -59,9 +59,9 @@ impl SingleRun {
                 let solver = Box::new(Simplified::new(&case.contact, case.points));
                 let limiting = Some(solver.limiting().to_vec());
                 recording.lay_out(&case, solver.radii(), solver.initial().to_vec(), limiting);
-                Phase::Searching(solver, xi, StopSearch::default())
+                RunPhase::Searching(solver, xi, StopSearch::default())
             }
-            _ => Phase::Planned,
+            _ => RunPhase::Planned,
         };
         Self { case, phase, events: Vec::new(), recording }
     }
@@ -69,27 +69,27 @@ impl SingleRun {
     /// Computes some more. Returns the part of the run that is done.
     pub(super) fn step(&mut self) -> f64 {
         let mut progress = 0.0;
-        self.phase = match std::mem::replace(&mut self.phase, Phase::Planned) {
-            Phase::Searching(solver, xi, mut search) => {
+        self.phase = match std::mem::replace(&mut self.phase, RunPhase::Planned) {
+            RunPhase::Searching(solver, xi, mut search) => {
                 if self.search_stop(&solver, xi, &mut search) {
                     progress = self.step_closed(&solver, xi);
-                    Phase::Closed(solver, xi)
+                    RunPhase::Closed(solver, xi)
                 } else {
-                    Phase::Searching(solver, xi, search)
+                    RunPhase::Searching(solver, xi, search)
                 }
             }
-            Phase::Closed(solver, xi) => {
+            RunPhase::Closed(solver, xi) => {
                 progress = self.step_closed(&solver, xi);
-                Phase::Closed(solver, xi)
+                RunPhase::Closed(solver, xi)
             }
-            Phase::Planned => Phase::Unworn(Box::new(self.begin_march())),
-            Phase::Unworn(mut marching) => {
+            RunPhase::Planned => RunPhase::Unworn(Box::new(self.begin_march())),
+            RunPhase::Unworn(mut marching) => {
                 self.record_unworn(&mut marching);
-                Phase::Marching(marching)
+                RunPhase::Marching(marching)
             }
-            Phase::Marching(mut marching) => {
+            RunPhase::Marching(mut marching) => {
                 progress = self.step_march(&mut marching);
-                Phase::Marching(marching)
+                RunPhase::Marching(marching)
             }
         };
         progress
@@ -254,8 +254,8 @@ impl SingleRun {
         let Self { case, phase, events, recording } = self;
         let shows = case.profile_rows() > 0;
         let march = match &phase {
-            Phase::Unworn(marching) | Phase::Marching(marching) => Some(&marching.march),
-            Phase::Searching(..) | Phase::Closed(..) | Phase::Planned => None,
+            RunPhase::Unworn(marching) | RunPhase::Marching(marching) => Some(&marching.march),
+            RunPhase::Searching(..) | RunPhase::Closed(..) | RunPhase::Planned => None,
         };
         let work = march.map(March::work);
         let unit = case.scales.cycles;

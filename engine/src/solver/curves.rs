@@ -5,38 +5,38 @@ use std::f64::consts::FRAC_2_PI;
 use crate::contact::limit::{chord_and_angle, limiting_wear};
 use crate::contact::unworn::Contact;
 
-/// How far beyond the limiting radius the output reaches, in limiting radii.
+/// The largest output radius, in limiting radii ã.
 const REACH: f64 = 1.2;
-/// Values at every radius.
+/// Values at every output radius.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Curves {
     /// w ≥ 0.
     pub wear: Vec<f64>,
     /// g.
     pub image: Vec<f64>,
-    /// p; infinite at the apex of a cone, and late at the stick edge.
+    /// p; infinite at the apex of a cone, and late in a run at the stick edge.
     pub pressure: Vec<f64>,
-    /// s: the surface slips a path 4U·s per cycle.
+    /// s. The local slip path is 4U·s per cycle.
     pub slip: Vec<f64>,
 }
 
-/// Output radii: the core, then nodes that are dense next to the stick edge, as far as the scar's rim,
-/// then some outside.
+/// The output radii: some in the sticking core, then mesh nodes up to the rim of the scar, which are dense next
+/// to the stick edge, then some outside.
 #[derive(Debug, Clone)]
 pub struct Grid {
     /// The radii, ascending from 0.
     pub radii: Vec<f64>,
-    /// How many lie inside the stick edge.
+    /// The number of radii inside the stick edge.
     pub core: usize,
-    /// Cells between the stick edge and the rim.
+    /// The number of cells between the stick edge and the rim.
     pub cells: usize,
 }
 
 impl Grid {
-    /// So many radii about a scar between c and ã, none beyond `last`.
+    /// Chooses `points` radii for a scar between c and ã, none beyond `last`.
     #[must_use]
     pub fn new(c: f64, scar: f64, points: usize, last: f64) -> Self {
-        // A small core needs few radii; the mesh has an even number of cells for Simpson's rule.
+        // A small core needs few radii. Simpson's rule needs an even number of cells.
         let core = if c == 0.0 {
             0
         } else {
@@ -58,10 +58,10 @@ impl Grid {
             u * u * u
         });
         radii.extend(tau.map(|tau| (c * c + theta * tau).sqrt()));
-        // The ends are what they are, not what rounding makes of them.
+        // Removes the rounding errors of both ends.
         radii[core] = c;
         radii[core + cells] = scar;
-        // Not quite as far as the last: a sphere's image is infinite at its equator.
+        // Stops just before the last radius, because the image of a sphere is infinite at its equator.
         let last = scar + (1.0 - 1e-9) * (last - scar);
         let step = ((REACH - 1.0) * scar).min(last - scar) / outer as f64;
         radii.extend((1..=outer).map(|k| (scar + step * k as f64).min(last)));
@@ -82,7 +82,7 @@ impl Curves {
             if r == 0.0 {
                 return 1.0 - 1.0 / threshold;
             }
-            // As springs of the unworn image slip, but those beyond a₀ with the motion itself.
+            // Springs beyond a₀ slip the whole motion. The others slip as in the unworn contact.
             let (chord, angle) = chord_and_angle(c, r);
             let rule =
                 threshold * FRAC_2_PI * angle - limiting_wear(shape, c, 1.0, r, (chord, angle));

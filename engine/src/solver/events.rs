@@ -1,50 +1,50 @@
-//! What happens to a contact while it wears, and where a run ends.
+//! Events of a run, and the condition that ends it.
 
 use serde::Serialize;
 
-/// Contact is lost once the springs carry less than this share of the unworn force.
+/// Contact is lost when the normal force falls below this share of its first value.
 pub const LOST: f64 = 1e-6;
-/// A contact has shaken down once a cycle dissipates less than this share of what the first one did.
+/// A contact has shaken down when the energy per cycle falls below this share of its first value.
 pub const SHAKEN: f64 = 1e-3;
 
-/// What happens to a contact while it wears.
+/// The kind of an event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum EventKind {
-    /// From here on all slips.
+    /// The whole contact begins to slip.
     GrossSlip,
-    /// The springs carry nothing any more.
+    /// The contact no longer carries a normal force.
     ContactLost,
-    /// Hardly anything is dissipated any more.
+    /// The energy per cycle has become negligible.
     Shakedown,
-    /// The wear that was asked for is reached.
+    /// The stop condition is met.
     UntilReached,
-    /// The scar has come to the rim of the indenter, beyond which nothing is known.
+    /// The scar has reached the rim of the indenter.
     RimReached,
 }
 
-/// When something happens, in N₀.
+/// An event and its time in N₀.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Event {
     /// Ñ.
     pub at: f64,
-    /// What.
+    /// What happens.
     pub kind: EventKind,
-    /// Whether the run ends there.
+    /// Whether the run ends with this event.
     pub ends: bool,
 }
 
-/// Wear at which a run ends, in units of d₀ and a₀²d₀.
+/// The wear at which a run ends, in units of d₀ and a₀²d₀.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct StopCondition {
-    /// The largest wear.
+    /// The largest wear depth.
     pub depth: Option<f64>,
     /// V.
     pub volume: Option<f64>,
 }
 
 impl StopCondition {
-    /// What is missing, in parts of what is asked for: 0 or less once it is reached.
+    /// The part of the requested wear that is missing: 0 or less once the condition is met.
     #[must_use]
     pub fn missing(&self, depth: f64, volume: f64) -> f64 {
         let missing = |asked: Option<f64>, reached: f64| asked.map_or(1.0, |a| 1.0 - reached / a);

@@ -1,10 +1,10 @@
 //! The two laws of wear.
 
-/// How a contact wears.
+/// A wear law.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Law {
-    /// Local pressure times local slip.
+    /// The wear rate is local pressure times local slip.
     Exact,
-    /// The rule (14) with its ξ.
+    /// The simplified rule (14) with its ξ.
     Simplified(f64),
 }

@@ -1,16 +1,15 @@
-//! A contact worn step by step, with an estimate of its error and the events it meets.
+//! A run of a contact in time steps, with an error estimate and events.
 //!
-//! Every run is accompanied by one of half the cells, a small part of the cost, whose distance tells
-//! the error of V. Where the stick edge moves outwards into worn material, a first coarse run finds
-//! where it stops, and the mesh is refined there.
+//! A second run with half as many cells accompanies each run, at little extra cost. The difference of the
+//! two gives the error estimate of V. Where the stick edge moves outwards into worn material, a coarse run
+//! first finds where it stops, and the mesh is refined there.
 //!
 //! # Accuracy
-//! Second order in the number of cells. At the 52 cells of the default tolerance, depth and amplitude
-//! held, over random scenarios, V is right to 0.05 % in the median and 0.2 % in 95 of 100, F to 0.06 %
-//! of the unworn force.
-//! Depth is first order at the apex in gross slip (a cone: 1 %), and for blunt profiles (n ≥ 8) at the
-//! start of wear, when the ring is narrow. A core smaller than the first cells (c below 1e-3) is taken
-//! for none.
+//! Second order in the number of cells. The default tolerance uses 52 cells. Over random scenarios with held
+//! depth and amplitude, the error of V is 0.05 % in the median and 0.2 % in 95 of 100 cases. The error of F
+//! is 0.06 % of the unworn force. Depth is first order at the apex in gross slip (1 % for a cone), and for
+//! blunt profiles (n ≥ 8) at the start of wear, when the ring is narrow. A sticking core smaller than the
+//! first cells (c below 1e-3) is neglected.
 //!
 //! # Sources
 //! The procedure: A. V. Dimaki et al., *Int. J. Solids Struct.* 51 (2014) 4215. The integrator:
@@ -26,27 +25,27 @@ use crate::contact::limit::{DEEPEST, WIDEST};
 use crate::contact::unworn::{Contact, Regime};
 use crate::solver::events::{Event, EventKind, LOST, SHAKEN, StopCondition};
 
-/// Cells at the tolerance `COMMON_TOLERANCE`; errors fall with the square of the number.
+/// Cells at the tolerance `COMMON_TOLERANCE`. The error falls with the square of their number.
 const COMMON_CELLS: f64 = 52.0;
 const COMMON_TOLERANCE: f64 = 3e-3;
 /// Fewest and most cells.
 const CELLS_RANGE: (f64, f64) = (24.0, 360.0);
-/// Most cells where more than usual are needed.
+/// Most cells where the stick edge moves.
 const MOST_CELLS: usize = 512;
-/// Both runs are compared at times that grow by this factor: where their distance happens to change
-/// sign it says nothing, so its last values count too, less and less.
+/// The program compares both runs at times that grow by this factor. Their difference can change sign and
+/// then says nothing. Earlier differences therefore count too, each time less by `FORGET`.
 const CHECKS: f64 = 1.3;
 const FORGET: f64 = 0.7;
-/// At second order the finer run is off by a third of the distance between both; this share of it covers
-/// the error with a margin (a test counts how often).
+/// The error estimate, in differences of both runs. At second order the error of the finer run is a third of
+/// the difference, so that this is a safe estimate. A test counts how often it holds.
 const SHARE: f64 = 1.0;
-/// No error is stated below this share of the tolerance.
+/// Smallest error estimate, in tolerances.
 const LEAST_ERROR: f64 = 0.15;
-/// Cells and tolerance of the run that looks where the stick edge stops.
+/// Cells and tolerance of the coarse run that finds where the stick edge stops.
 const SCOUT: (usize, f64) = (64, 1e-2);
-/// Most right-hand sides of such a run: what stops so late is not worth the wait.
+/// Most evaluations of the wear rate in such a run.
 const MOST_LOOKS: usize = 100_000;
-/// An indenter wider than a scar by this share has room for it, whatever the mesh.
+/// A scar smaller than this share of the indenter has room on any mesh.
 const ROOMY: f64 = 0.7;
 /// A run under way.
 #[derive(Debug)]
@@ -54,38 +53,38 @@ pub struct March {
     fine: MeshRun,
     coarse: MeshRun,
     until: StopCondition,
-    /// When both are compared next, and how far apart they were.
+    /// The time of the next comparison, and the difference of both volumes so far.
     check: f64,
     apart: f64,
     events: Vec<Event>,
-    /// What has happened, or need not be looked for.
+    /// Events that have happened, or that the run does not look for.
     known: Vec<EventKind>,
     /// The block of the last step.
     block: usize,
 }
 
-/// The worn contact at one instant, with what is known of the run.
+/// The worn contact at one time, and the error of the run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MarchState {
     /// The contact.
     pub worn: WornContact,
     /// An estimate of the relative error of V.
     pub volume_error: f64,
-    /// (k_w/μ)·ΣW, summed on its own: with the exact law it should be V.
+    /// (k_w/μ)·ΣW, summed separately. With the exact law it should equal V.
     pub worn_by_energy: f64,
 }
 
-/// Cells for a tolerance: the error falls with their square.
+/// The number of cells for a tolerance.
 fn cells(tolerance: f64) -> usize {
     let cells = COMMON_CELLS * (COMMON_TOLERANCE / tolerance).sqrt();
     cells.clamp(CELLS_RANGE.0, CELLS_RANGE.1).round() as usize
 }
 
-/// Cells and tolerance of a run that aims at a relative error.
+/// Cells and step tolerance of a run with this tolerance.
 fn effort(contact: &Contact, control: &Control, law: Law, tolerance: f64) -> (usize, f64) {
     let cells = match law {
         Law::Exact => cells(tolerance),
-        // Cheap, and less accurate: its images are constant over a cell.
+        // More cells, because images are constant in each cell. The rule is cheap.
         Law::Simplified(_) => cells(tolerance) * 3 / 2,
     };
     let far = control.tends_to(contact).is_some_and(|end| is_far(contact, &end));
@@ -96,7 +95,7 @@ fn effort(contact: &Contact, control: &Control, law: Law, tolerance: f64) -> (us
         && matches!(control.tangential, Tangential::Force(_))
         && control.tends_to(contact).is_none();
     if gives_way && law == Law::Exact {
-        // How long a core holds out is ill-conditioned: it takes twice the error of V ten times over.
+        // The time at which the core vanishes is ill-conditioned: it has about ten times the error of V.
         ((5 * cells).min(MOST_CELLS), 0.25 * tolerance)
     } else {
         ((2 * cells).min(MOST_CELLS), tolerance)
@@ -104,10 +103,10 @@ fn effort(contact: &Contact, control: &Control, law: Law, tolerance: f64) -> (us
 }
 
 impl March {
-    /// Begins with the unworn contact. `tolerance` is the relative error aimed at, `last` the instant
-    /// up to which the run will go.
+    /// Starts with the unworn contact. `tolerance` is the relative error that the run aims at. `last` is the
+    /// time up to which it will go.
     ///
-    /// `None` where the scar would outgrow the shape.
+    /// `None` if the scar would become larger than the shape.
     #[must_use]
     pub fn new(
         contact: &Contact,
@@ -120,7 +119,7 @@ impl March {
         Self::with_cells(contact, control, law, cells, tolerance, last)
     }
 
-    /// Whether the indenter is wide enough for the scar that will have grown up to an instant.
+    /// Whether the indenter is wide enough for the scar up to a time.
     #[must_use]
     pub fn fits(
         contact: &Contact,
@@ -141,15 +140,15 @@ impl March {
         if control.normal == Normal::Depth {
             return Limit::solve(shape, stick).is_some();
         }
-        // Should the core never grow, the scar would be widest.
+        // The scar is widest if the core never grows.
         let depth = control.depth_on_core(shape, stick);
         let widest = Limit::at_depth(shape, stick, depth);
         widest.is_some_and(|limit| limit.radius < ROOMY * shape.extent())
             || Self::scouted(contact, control, law, last).is_some()
     }
 
-    /// About how many multiplications a run takes to an instant in N₀. Measured on a paraboloid: five
-    /// right-hand sides a cell up to 16 N₀, and beyond as many times more as the power 0.4 says.
+    /// Estimated multiplications of a run up to a time in N₀. A paraboloid needs five evaluations of the wear
+    /// rate per cell up to 16 N₀. Beyond, the number grows with the power 0.4 of the time.
     #[must_use]
     pub fn operations(
         contact: &Contact,
@@ -162,18 +161,18 @@ impl March {
         let (cells, longer) = (cells as f64, libm::pow((until / 16.0).max(1.0), 0.4));
         match law {
             Law::Exact => 5.0 * cells * cells * cells * longer,
-            // A right-hand side costs a few operations a cell, a state two rows of matrices.
+            // An evaluation costs a few operations per cell, a state two rows of matrices.
             Law::Simplified(_) => 20.0 * cells * longer / tolerance.sqrt() + 50.0 * cells * cells,
         }
     }
 
-    /// Cells of a run that aims at a relative error.
+    /// The number of cells of a run with this tolerance.
     #[must_use]
     pub fn cells_for(contact: &Contact, control: &Control, law: Law, tolerance: f64) -> usize {
         effort(contact, control, law, tolerance).0
     }
 
-    /// Begins with the unworn contact on so many cells.
+    /// Starts with the unworn contact on `cells` cells.
     #[must_use]
     pub fn with_cells(
         contact: &Contact,
@@ -194,25 +193,25 @@ impl March {
         let coarse = MeshRun::new(contact, control, law, plan, cells / 2, 4.0 * tolerance);
         let check = 0.01 * fine.rkc.scale();
         let until = StopCondition::default();
-        // What the unworn contact does is no event.
+        // A regime of the unworn contact is not an event.
         let mut known = Vec::new();
         if contact.regime == Regime::GrossSlip {
             known.push(EventKind::GrossSlip);
         }
         if fine.loss[0] <= SHAKEN * fine.first_loss {
-            // A ring that is lost between two nodes has not shaken down.
+            // The mesh does not resolve this narrow ring. That is not shakedown.
             known.push(EventKind::Shakedown);
         }
         let mut events = Vec::new();
         if fine.wearing.springs().slides() {
-            // So close to gross slip that the mesh cannot tell.
+            // Too close to gross slip for this mesh.
             events.push(Event { at: 0.0, kind: EventKind::GrossSlip, ends: true });
         }
         Some(Self { fine, coarse, until, check, apart: 0.0, events, known, block: 0 })
     }
 
-    /// The mesh for a stick edge that comes to rest in worn material, by coarse runs; `None` where the scar
-    /// outgrows the shape.
+    /// Plans the mesh for a stick edge that comes to rest in worn material, by coarse runs. `None` if the scar
+    /// becomes larger than the shape.
     fn scouted(contact: &Contact, control: &Control, law: Law, last: f64) -> Option<MeshPlan> {
         let first = MeshPlan::first(contact, control, SCOUT.0)?;
         let mut plan = first.clone();
@@ -227,7 +226,7 @@ impl March {
             }
             let reach = scout.wearing.plan().reach;
             if reach > FAR * first.reach {
-                // Nodes out there would be missing where the run begins.
+                // These nodes would be missing where the run begins.
                 return Some(first);
             }
             plan.reach = reach;
@@ -239,17 +238,17 @@ impl March {
         Some(plan)
     }
 
-    /// Ends the run at some wear.
+    /// Sets the condition that ends the run.
     pub fn end_at(&mut self, until: StopCondition) {
         self.until = until;
     }
 
-    /// Takes a step towards an instant in N₀; false once it is reached or the run has ended.
+    /// Takes a step towards a time in N₀. False once it is reached or the run has ended.
     pub fn advance(&mut self, until: f64) -> bool {
         if self.ended().is_some() {
             return false;
         }
-        // Both in step, so that no call takes long and they can be compared.
+        // Advances both, so that no call takes long and both can be compared.
         let next = until.min(self.check);
         let coarse = self.coarse.advance(next);
         let fine = self.fine.advance(next);
@@ -271,13 +270,13 @@ impl March {
         true
     }
 
-    /// When the run has ended early.
+    /// The time of an early end.
     #[must_use]
     pub fn ended(&self) -> Option<f64> {
         self.events.iter().find(|event| event.ends).map(|event| event.at)
     }
 
-    /// What has happened so far, in order.
+    /// The events so far, in order.
     #[must_use]
     pub fn events(&self) -> &[Event] {
         &self.events
@@ -287,7 +286,7 @@ impl March {
     fn watch(&mut self) {
         use EventKind::{ContactLost, GrossSlip, RimReached, Shakedown, UntilReached};
         if self.fine.block != self.block {
-            // Under another amplitude a contact may stick again, or wear: the next time counts anew.
+            // Under another amplitude a contact can stick or wear again. The event can then happen again.
             self.block = self.fine.block;
             for kind in [GrossSlip, Shakedown] {
                 if self.signal(kind, self.fine.rkc.began()) > 0.0 {
@@ -305,7 +304,7 @@ impl March {
                 continue;
             }
             let (mut low, mut high) = (began, time);
-            // A change of amplitude happens at once.
+            // The change of amplitude itself caused the event.
             if self.signal(kind, began) <= 0.0 {
                 high = began;
             }
@@ -328,7 +327,7 @@ impl March {
         self.events.extend(found);
     }
 
-    /// Falls to 0 or below where an event happens.
+    /// A number that is positive before an event, and 0 or less after it.
     fn signal(&mut self, kind: EventKind, time: f64) -> f64 {
         let until = self.until;
         let run = &mut self.fine;
@@ -347,7 +346,7 @@ impl March {
                 let least = SHAKEN * run.first_loss;
                 run.under(time, |wearing, _| {
                     let springs = wearing.springs();
-                    // Where nothing moves, or all slips, nothing shakes down.
+                    // At rest and in gross slip there is no shakedown.
                     if springs.threshold() == 0.0 || springs.stick() == 0.0 {
                         1.0
                     } else {
@@ -358,46 +357,46 @@ impl March {
         }
     }
 
-    /// How far the volumes of both runs are apart.
+    /// The relative difference of both volumes.
     fn distance(&mut self, time: f64) -> f64 {
         let volume = self.fine.volume(time);
         if volume > 0.0 { (self.coarse.volume(time) / volume - 1.0).abs() } else { 0.0 }
     }
 
-    /// How far the mesh reaches, in a₀.
+    /// The outer radius of the mesh in a₀.
     #[must_use]
     pub fn reach(&self) -> f64 {
         self.fine.wearing.plan().reach
     }
 
-    /// How far the run has come, in N₀.
+    /// The present time in N₀.
     #[must_use]
     pub fn reached(&self) -> f64 {
         self.fine.rkc.time()
     }
 
-    /// Cells of the mesh.
+    /// The number of mesh cells.
     #[must_use]
     pub fn cells(&self) -> usize {
         self.fine.wearing.springs().mesh().widths().len()
     }
 
-    /// Steps and right-hand sides so far, of both runs.
+    /// Steps and evaluations so far, of both runs together.
     #[must_use]
     pub fn work(&self) -> (usize, usize) {
         let (fine, coarse) = (&self.fine.rkc, &self.coarse.rkc);
         (fine.accepted + coarse.accepted, fine.evaluations + coarse.evaluations)
     }
 
-    /// About how many multiplications the right-hand sides so far took.
+    /// Estimated multiplications of all evaluations so far.
     #[must_use]
     pub fn spent(&self) -> f64 {
         let of = |run: &MeshRun| run.rkc.evaluations as f64 * run.wearing.operations();
         of(&self.fine) + of(&self.coarse)
     }
 
-    /// About how many multiplications it takes to tell a state: both volumes, and where the last of the
-    /// load would rest for the error of V.
+    /// Estimated multiplications of one call of [`March::at`]: both volumes, and the limiting states for the
+    /// error of V.
     #[must_use]
     pub fn telling(&self) -> f64 {
         const LIMITS: f64 = 5000.0;
@@ -405,13 +404,13 @@ impl March {
         4.0 * self.fine.wearing.operations() + LIMITS * shape.pieces() as f64
     }
 
-    /// The contact as it wears, as the fine run has it.
+    /// The contact of the fine run.
     #[must_use]
     pub fn wearing(&self) -> &Wearing {
         &self.fine.wearing
     }
 
-    /// The state at an instant within the last step.
+    /// The state at a time within the last step.
     #[must_use]
     pub fn at(&mut self, normalized_cycles: f64) -> MarchState {
         let time = self.fine.within(normalized_cycles);

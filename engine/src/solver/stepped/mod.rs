@@ -1,4 +1,4 @@
-//! Wear integrated in time, whatever is held.
+//! Integration of wear in time, for all held quantities.
 
 mod curves;
 pub mod law;
