@@ -333,7 +333,11 @@ pub fn whole_power(x: f64, n: u32) -> f64 {
 
 /// Rounds `x` to 12 significant decimal digits, the precision of a canonical scenario. −0 becomes 0.
 #[must_use]
-#[expect(clippy::expect_used, reason = "formatting and parsing are inverse to each other")]
+#[expect(
+    clippy::expect_used,
+    clippy::missing_panics_doc,
+    reason = "a formatted number always parses"
+)]
 pub fn twelve_digits(x: f64) -> f64 {
     format!("{x:.11e}").parse::<f64>().expect("a formatted number parses") + 0.0
 }

@@ -228,7 +228,7 @@ impl SingleRun {
             // A run that ends at an output cycle already recorded has its last row there.
             if self.recording.history.cycles.last().is_none_or(|known| *known < cycles) {
                 let shows = case.profiles[next] || ended.is_some() && case.profile_rows() > 0;
-                told += march.telling();
+                told += march.state_operations();
                 if shows {
                     // A curve sums over all cells at some of the radii.
                     told += (radii.len() * march.cells()) as f64;

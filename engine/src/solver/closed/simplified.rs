@@ -1,8 +1,8 @@
 //! Wear by the simplified rule (14), directly on the one-dimensional image.
 //!
-//! While indentation depth and amplitude are held, every spring decays on its own and (14), summed
-//! over cycles, is a logistic equation with an exact solution: no time stepping is needed. The
-//! profile then follows by one inverse transform (4) per instant.
+//! While depth and amplitude are held, springs do not affect each other. For each spring, (14) summed over
+//! cycles is a logistic equation with an exact solution, so that no time steps are needed. One inverse
+//! transform (4) per output cycle then gives the profile.
 //!
 //! # Equations
 //! With e = exp(−ξÑ/ã) and the unworn compression y₀ = 1 − g₀ (signed outside the contact):
@@ -13,9 +13,8 @@
 //! slip           s = (2/π) ∫ ω/√(r²−x²) dx = (s₀ + w)/Δ  for r ≤ a₀
 //! dissipated     Σ W = μ ã (F₀ − F) / (ξ k_w E*)
 //! ```
-//! The rule wears springs outside the contact negatively. Where the inverse transform gives f < f₀
-//! near ã the wear is reported as 0, so the reported volume is that of the image plus the part cut
-//! off; so are the depth and the scar radius those of the reported curve.
+//! Outside the contact the rule gives negative wear. Where the inverse transform gives f < f₀ near ã, the engine
+//! reports a wear of 0. Reported volume, depth and scar radius belong to this clipped curve.
 //!
 //! # Accuracy
 //! Force, energy and the volume of the image to 1e-9 (see [`SpringRow`]). At 256 radii
@@ -41,10 +40,10 @@ use crate::contact::unworn::{Contact, Decay, Regime};
 use crate::numeric::{dot, integrate, largest, vertex};
 use crate::solver::curves::{Curves, Grid};
 
-/// A step of the image over the first cell of more than this share of Δ needs a closer look.
+/// If the image rises over the first cell by more than this share of Δ, the cell is integrated separately.
 const UNRESOLVED: f64 = 0.01;
 
-/// A contact laid out on its output radii, ready to be evaluated at any number of cycles.
+/// A contact on its output radii. It can be evaluated at any number of cycles.
 #[derive(Debug)]
 pub struct Simplified {
     contact: Contact,
@@ -54,10 +53,10 @@ pub struct Simplified {
     theta: f64,
     /// Output radii: the core, then the mesh nodes from c to ã, then some outside.
     radii: Vec<f64>,
-    /// Radii before the first node and after the last.
+    /// The number of radii before the first node, and the number of nodes.
     core: usize,
     nodes: usize,
-    /// Nodes inside a₀.
+    /// The number of nodes inside a₀.
     inside: usize,
     /// g₀ at every radius.
     images: Vec<f64>,
@@ -73,11 +72,10 @@ pub struct Simplified {
     limiting: Vec<f64>,
     /// p of the unworn contact at the nodes inside a₀.
     unworn_pressure: Vec<f64>,
-    /// Per radius of the core: the pressure if the ring ended in a step at the stick edge, and what
-    /// each of the slipping springs takes from it.
+    /// For each radius of the core: the pressure if the ring ended in a step at the stick edge, and how much each
+    /// slipping spring reduces it.
     inner: Vec<(f64, [f64; ROW_POINTS])>,
-    /// Per radius outside ã: the slip that the sticking core leaves, and what each of the other
-    /// springs takes from it.
+    /// For each radius outside ã: the slip that the sticking core leaves, and how much each other spring reduces it.
     outside: Vec<(f64, [f64; ROW_POINTS])>,
 }
 
@@ -85,14 +83,13 @@ pub struct Simplified {
 struct SpringStates {
     /// g at every radius.
     image: Vec<f64>,
-    /// (g − g₀ − apex)/x at the nodes, whose inverse transform is the wear less `apex`; empty if
-    /// nothing is worn.
+    /// (g − g₀ − apex)/x at the nodes; empty without wear. Its inverse transform is the wear less `apex`.
     worn: Vec<f64>,
-    /// R′ changes by so much at the nodes inside a₀, see [`Simplified::pressures`]; empty for R = 0.
+    /// The changes of R′ at the nodes inside a₀, see [`Simplified::pressures`]; empty for R = 0.
     slope_changes: Vec<f64>,
-    /// g − g₀ at the first node: 0 but in gross slip.
+    /// g − g₀ at the first node; 0 except in gross slip.
     apex: f64,
-    /// Whether the first cell holds a step of the image.
+    /// Whether the image has a step in the first cell.
     unresolved: bool,
 }
 
@@ -107,17 +104,16 @@ pub struct State {
     pub depth: f64,
     /// Largest radius with wear.
     pub scar: f64,
-    /// Volume of the unclipped wear by the rule of Simpson on the mesh: to be compared with
-    /// `sums.volume`, which comes from the image alone.
+    /// Volume of the unclipped wear by Simpson's rule on the mesh. `sums.volume` is the same volume from the image.
     pub mesh_volume: f64,
-    /// The curves, where asked for.
+    /// The curves, if requested.
     pub curves: Option<Curves>,
-    /// How the tangential force builds up, where the curves are asked for.
+    /// The backbone of the friction loop, if the curves are requested.
     pub backbone: Option<Backbone>,
 }
 
 impl Simplified {
-    /// Lays out `points` ≥ 16 radii.
+    /// Prepares `points` ≥ 16 output radii.
     #[must_use]
     pub fn new(contact: &Contact, points: usize) -> Self {
         let Contact { ref shape, stick: c, threshold, limit, .. } = *contact;
@@ -151,7 +147,7 @@ impl Simplified {
             }
         }
         if c == 0.0 {
-            // At the axis ψ has no value; everything there is its limit.
+            // ψ is undefined on the axis, where these are the limits.
             limiting[0] = 1.0;
             slip[0] = threshold - 1.0;
         }
@@ -192,7 +188,7 @@ impl Simplified {
         }
     }
 
-    /// The springs as integrated for force, friction and energy.
+    /// The springs for the integrals of force, friction and energy.
     #[must_use]
     pub fn row(&self) -> &SpringRow {
         &self.row
@@ -234,7 +230,7 @@ impl Simplified {
         self.states(&[(decay, false)]).swap_remove(0)
     }
 
-    /// The states at several decays, with curves where the flag says so.
+    /// The states at several decays. The flag requests curves.
     #[must_use]
     pub fn states(&self, wanted: &[(Decay, bool)]) -> Vec<State> {
         let (mut images, mut worn, mut first) = (Vec::new(), Vec::new(), Vec::new());
@@ -306,7 +302,7 @@ impl Simplified {
         let mut image = Vec::with_capacity(self.radii.len());
         image.extend_from_slice(&self.images[..mesh.start]);
         let (inside, outside) = self.unworn.split_at(self.inside);
-        // A share of the compression, first; η and g in turn, in the same place.
+        // The same vector holds a share of the compression, then η, then g.
         image.extend(inside.iter().zip(&self.rest).map(|(y, rest)| y / (y * left + rest)));
         let shares = &mut image[mesh.start..];
         let mut worn: Vec<f64> = Vec::with_capacity(self.nodes);
@@ -316,7 +312,7 @@ impl Simplified {
             *share *= threshold * left;
         }
         if stick > 0.0 {
-            // The node at the stick edge neither slips nor wears, whatever rounding says.
+            // The node at the stick edge neither slips nor wears. This removes rounding errors.
             (shares[0], worn[0]) = (self.unworn[0], 0.0);
         }
         let apex = worn[0];
@@ -330,7 +326,7 @@ impl Simplified {
         }
         let mut rest: Vec<f64> = Vec::with_capacity(self.inside + 1);
         rest.extend(shares.iter().zip(inside).map(|(y, unworn)| y - left * unworn));
-        // From a₀ on R is zero: one node beyond the last inside closes it.
+        // R is 0 from a₀ on. One more node closes the curve.
         rest.push(0.0);
         self.kernels.slope_changes(&mut rest);
         for compression in shares {
@@ -341,9 +337,8 @@ impl Simplified {
         SpringStates { image, worn, slope_changes: rest, apex, unresolved }
     }
 
-    /// The value at the first node that makes the first cell's part of the inverse transform exact,
-    /// however thin the step inside it is: the interpolation there is linear, with `second` at the
-    /// second node.
+    /// The value at the first node that makes the inverse transform of the first cell exact, even with a thin step
+    /// inside. The interpolation there is linear, with `second` at the second node.
     fn first_value(&self, decay: Decay, apex: f64, second: f64) -> f64 {
         let (c, r) = (self.contact.stick, self.radii[self.core + 1]);
         let (_, angle) = chord_and_angle(c, r);
@@ -357,7 +352,7 @@ impl Simplified {
         3.0 * integral / (self.theta.sqrt() * root) - 2.0 * second
     }
 
-    /// Inside a₀ no wear exceeds that of the limit, whatever a step within a cell makes of it.
+    /// Bounds the wear inside a₀ by the limiting wear, which a step within a cell can exceed.
     fn bound(&self, wear: &mut [f64]) {
         let nodes = self.core..self.core + self.inside;
         let limit = self.limiting[nodes.clone()].iter().zip(&self.initial[nodes]);
@@ -366,7 +361,7 @@ impl Simplified {
         }
     }
 
-    /// How wide the step of the image at the stick edge is.
+    /// The width of the step of the image at the stick edge.
     fn step_width(&self, decay: Decay) -> f64 {
         let Contact { ref shape, stick, threshold, .. } = self.contact;
         decay.left * threshold / shape.image_slope(stick)
@@ -395,7 +390,7 @@ impl Simplified {
         }
         State {
             volume: sums.volume - PI * self.theta * cut_off,
-            // A parabola through the edge of a step overshoots; the limit bounds every state.
+            // A parabola overshoots at a step. The limiting depth bounds every state.
             depth: vertex(mesh, wear, deepest).min(self.contact.limit.depth),
             scar,
             mesh_volume: PI * self.theta * self.kernels.area(wear),
@@ -424,8 +419,8 @@ impl Simplified {
 
     /// The pressure at every radius.
     ///
-    /// In the ring y = e·y₀ + R: the first part has the unworn contact's edge and its closed pressure,
-    /// the rest R = y − e·y₀ vanishes twice at a₀, so that no kink falls inside a cell.
+    /// In the ring y = e·y₀ + R. The pressure of the first part is known in closed form, with the edge of the unworn
+    /// contact. The rest R = y − e·y₀ has a double root at a₀, so that no kink lies inside a cell.
     fn pressures(
         &self,
         decays: &[Decay],
@@ -439,14 +434,14 @@ impl Simplified {
         for ((curve, decay), compressions) in curves.iter_mut().zip(decays).zip(compressions) {
             for (pressure, (step, weights)) in curve.iter_mut().zip(&self.inner) {
                 let found = step - dot(weights, compressions);
-                // A core too small for these sums is as good as a point.
+                // A core too small for these sums acts like a point.
                 *pressure = if found >= 0.0 { found } else { f64::INFINITY };
             }
             let ring = &mut curve[self.core..];
             for (pressure, unworn) in ring.iter_mut().zip(&self.unworn_pressure) {
                 *pressure = (decay.left * unworn + scale * *pressure).max(0.0);
             }
-            // The apex of a cone whose every spring slips is infinite, whatever the decay.
+            // At the apex of a cone in gross slip the pressure is always infinite.
             let apex = self.unworn_pressure[0].is_infinite();
             if apex || self.core > 0 && self.step_width(*decay) < first_cell {
                 ring[0] = f64::INFINITY;

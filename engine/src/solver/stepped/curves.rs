@@ -1,7 +1,7 @@
-//! The curves of a worn contact on the output radii: wear, image, pressure and slip.
+//! Curves of a worn contact at the output radii: wear, image, pressure and slip.
 //!
-//! Between the nodes of the mesh curves are monotone cubics in t = r²; inside the sticking core and
-//! outside the mesh they are integrals over the springs.
+//! Between the nodes of the mesh, curves are monotone cubics in t = r². Inside the sticking core and outside the
+//! mesh they are integrals over the springs.
 //!
 //! # Equations
 //! ```text
@@ -10,8 +10,8 @@
 //! ```
 //!
 //! # Accuracy
-//! That of the mesh. Where the springs next to the stick edge carry much less than those inside, the
-//! pressure at the edge has no bound and is infinite.
+//! The accuracy of the mesh. If the springs just outside the stick edge carry much less than those inside, the
+//! pressure at the edge is infinite.
 
 use std::f64::consts::{FRAC_1_PI, FRAC_2_PI};
 
@@ -21,7 +21,7 @@ use crate::contact::profile::Shape;
 use crate::numeric::Monotone;
 use crate::solver::curves::Curves;
 
-/// Once the first cell carries less than this share of what the stick edge does, there is a step.
+/// The pressure at the stick edge is infinite if the first cell carries less than this share of the edge.
 const STEP: f64 = 0.5;
 
 impl Curves {
@@ -43,7 +43,7 @@ impl Curves {
         let mut pressure = vec![0.0; squares.len()];
         mesh.pressure(compressions, &mut pressure);
         pressure[0] = if inner > 0.0 { springs.pressure(inner) } else { pressure[1] };
-        // A step at the stick edge within the first cell: the pressure there has no bound.
+        // A step of the springs within the first cell makes the pressure infinite there.
         let step = inner > 0.0 && compressions.first().is_some_and(|y| *y < STEP * edge);
         let live = compressions.len();
         let rim = contact_radius * contact_radius;
@@ -118,7 +118,7 @@ fn image_outside(squares: &[f64], wear: &[f64], square: f64) -> f64 {
             2.0 * (w[1] - w[0]) / roots
         })
         .sum();
-    // At a stick edge, unlike the axis, the wear begins at 0.
+    // The wear begins at 0 at a stick edge, but not on the axis.
     wear[0] + square.sqrt() * sum
 }
 

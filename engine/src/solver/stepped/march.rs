@@ -398,7 +398,7 @@ impl March {
     /// Estimated multiplications of one call of [`March::at`]: both volumes, and the limiting states for the
     /// error of V.
     #[must_use]
-    pub fn telling(&self) -> f64 {
+    pub fn state_operations(&self) -> f64 {
         const LIMITS: f64 = 5000.0;
         let shape = &self.fine.wearing.contact.shape;
         4.0 * self.fine.wearing.operations() + LIMITS * shape.pieces() as f64
@@ -417,7 +417,7 @@ impl March {
         let worn_by_energy = self.fine.energy_until(time);
         let worn = self.fine.under(time, Wearing::at);
         let apart = self.distance(normalized_cycles).max(self.apart);
-        let volume_error = (SHARE * self.fine.wearing.springs().doubt() * apart)
+        let volume_error = (SHARE * self.fine.wearing.springs().error_safety_factor() * apart)
             .max(LEAST_ERROR * self.fine.rkc.tolerance())
             .max(self.fine.edge_error(&worn))
             .max(self.fine.core_error(&worn));

@@ -1,13 +1,13 @@
 //! The mesh of the exact method and its one matrix.
 //!
-//! Nodes r₀ < … < rₙ; the wear is linear in t = r² between nodes; springs carry cell means. Row q of
-//! A is the exact mean over cell q of the image of each node's share of the wear.
+//! The nodes are r₀ < … < rₙ. The wear is linear in t = r² between nodes. Springs carry means over cells. Row q
+//! of A is the exact mean over cell q of the image of unit wear at each node.
 //!
 //! # Equations
 //! ```text
 //! image of w at x: x ∫ w′(r)/√(x²−r²) dr;   its mean over a cell of x² needs powers 3/2 only
 //! ```
-//! Nothing wears inside r₀ > 0. On the axis (r₀ = 0) the wear is constant over the first cell.
+//! Nothing wears inside r₀ > 0. If r₀ = 0, the wear is constant over the first cell.
 //!
 //! # Accuracy
 //! Exact for wear that is linear in r² between nodes.
@@ -27,7 +27,7 @@ pub struct Mesh {
     squares: Vec<f64>,
     /// r_{q+1} − r_q.
     widths: Vec<f64>,
-    /// ∫ over each node's share of t: V = π Σ areas·w.
+    /// The area of each node in t, so that V = π Σ areas·w.
     areas: Vec<f64>,
     /// Row q holds A_q1 … A_q,q+1.
     matrix: Vec<f64>,
@@ -35,13 +35,12 @@ pub struct Mesh {
     unworn: Vec<f64>,
     /// ∫₀^r₀ (1 − g₀) dx.
     core: f64,
-    /// Rows of (4), once they are asked for.
+    /// Rows of (4), made when first needed.
     inverse: OnceCell<Vec<f64>>,
 }
 
 impl Mesh {
-    /// The mesh over these nodes, which ascend from r₀ ≥ 0. The nearest one moves to a kink of the
-    /// shape.
+    /// Makes the mesh of ascending nodes from r₀ ≥ 0. The node next to a kink of the shape moves onto it.
     #[must_use]
     pub fn new(shape: &Shape, mut radii: Vec<f64>) -> Self {
         place_nodes(&mut radii, shape.kinks());
@@ -67,8 +66,8 @@ impl Mesh {
                 integrate_beyond(ends[0], ends[1], shape.kinks(), image) / (ends[1] - ends[0])
             })
             .collect();
-        // What the cells do not carry of the whole: of an image in many pieces, one rule over the core
-        // would know less than the width of a thin ring.
+        // The whole force less that of the cells. For an image in many pieces, a quadrature over the core would
+        // have an error larger than a thin ring.
         let carried: f64 = radii
             .windows(2)
             .take_while(|ends| ends[0] < 1.0)
@@ -122,8 +121,8 @@ impl Mesh {
         dot(self.row(q), &wear[1..])
     }
 
-    /// The pressure at the nodes under springs that carry `compressions` in the first cells and
-    /// nothing beyond. The first node's is left 0.
+    /// The pressure at the nodes. The springs of the first cells have these compressions, the others carry nothing.
+    /// The pressure at the first node is left 0.
     pub fn pressure(&self, compressions: &[f64], pressure: &mut [f64]) {
         pressure.fill(0.0);
         for (q, compression) in compressions.iter().enumerate() {
@@ -138,7 +137,7 @@ impl Mesh {
         }
     }
 
-    /// s with A·s = `slips`, by forward substitution; s₀ = 0, or s₁ on the axis.
+    /// Solves A·s = `slips` by forward substitution. s₀ is 0, or s₁ on the axis.
     #[must_use]
     pub fn solve(&self, slips: &[f64]) -> Vec<f64> {
         let mut solution = vec![0.0; slips.len() + 1];
@@ -146,22 +145,20 @@ impl Mesh {
         solution
     }
 
-    /// [`solve`](Self::solve) without allocating; leading zeros cost nothing.
+    /// [`solve`](Self::solve) without allocation. Leading zeros cost nothing.
     pub fn solve_into(&self, slips: &[f64], solution: &mut [f64]) {
         let first = slips.iter().position(|slip| *slip != 0.0).unwrap_or(slips.len());
         solution[..=first].fill(0.0);
         for (q, slip) in slips.iter().enumerate().skip(first) {
-            let (diagonal, before) =
-                self.row(q).split_last().map_or((1.0, &[][..]), |(d, b)| (*d, b));
-            solution[q + 1] = (slip - dot(before, &solution[1..=q])) / diagonal;
+            let row = self.row(q);
+            solution[q + 1] = (slip - dot(&row[..q], &solution[1..=q])) / row[q];
         }
         if self.radii[0] == 0.0 {
             solution[0] = solution[1];
         }
     }
 
-    /// The wear at the nodes whose image has the means `worn` over the cells and is constant in each, by
-    /// (4).
+    /// The wear at the nodes by (4). Its image has the value `worn` in each cell.
     #[must_use]
     pub fn inverse(&self, worn: &[f64]) -> Vec<f64> {
         let rows = self.inverse.get_or_init(|| self.inverse_rows());
@@ -193,8 +190,8 @@ impl Mesh {
     }
 }
 
-/// Moves the inner node next to each kink onto it, unless the first cell would become far narrower
-/// than the others: a flat so small is not resolved, and steps in time would have to be as small.
+/// Moves the inner node next to each kink onto it. If the first cell would become much narrower than the others,
+/// the kink is not resolved, because time steps would have to be as small.
 fn place_nodes(radii: &mut [f64], kinks: &[f64]) {
     const NARROWEST: f64 = 0.25;
     for kink in kinks {
@@ -211,7 +208,7 @@ fn place_nodes(radii: &mut [f64], kinks: &[f64]) {
     }
 }
 
-/// Appends row q: differences of what a unit slope dw/dt over each cell adds to the mean.
+/// Appends row q, from the effects of a unit slope dw/dt in each cell on the mean.
 fn push_row(squares: &[f64], sum_of_ends: f64, q: usize, axis: bool, matrix: &mut Vec<f64>) {
     let (low, high) = (squares[q], squares[q + 1]);
     let scale = TWO_THIRDS * sum_of_ends;

@@ -1,4 +1,4 @@
-//! Where the nodes of a mesh lie, and how far they must reach, by what is held.
+//! Plans a mesh: where its nodes lie and how far they reach. This depends on the held quantities.
 
 use super::law::Law;
 use crate::contact::control::{Control, Final, Normal, Tangential};
@@ -6,32 +6,31 @@ use crate::contact::limit::Limit;
 use crate::contact::unworn::Contact;
 use crate::numeric::{integrate_beyond, root};
 
-/// How dense the nodes are where the stick edge moves inwards, in parts of the ring that wears.
+/// Blur of the nodes where the stick edge moves inwards, in widths of the ring that wears.
 const BLUR: f64 = 0.003;
-/// How dense they are where it comes to rest in worn material.
+/// Blur of the nodes where the stick edge comes to rest in worn material.
 pub const REST_BLUR: f64 = 0.001;
-/// Cells at a stick edge that stays begin at most so many times as wide as c/n²: a far wider ring is graded
-/// more and more steeply.
+/// Largest width of the first cell at a fixed stick edge, in c/n². A wide ring is graded more steeply.
 const COARSE_START: f64 = 1500.0;
-/// How many times further than that of the unworn contact a scar reaches on whose last mesh the unworn
-/// contact would lie in a few cells: the mesh begins small and grows.
+/// Ratio of scar radii from which the mesh begins small and grows. Otherwise the unworn contact would lie in
+/// only a few cells of the last mesh.
 pub const FAR: f64 = 2.0;
-/// A smaller core under held forces, in parts of the first scar, is none.
+/// Smallest core under held forces, in first scar radii. A smaller one is neglected.
 const LEAST_CORE: f64 = 1e-4;
-/// A core under a held depth gives way soon after it has shrunk to this part of the critical radius.
+/// A core under a held depth vanishes soon after it has shrunk to this part of the critical radius.
 const GIVES_WAY: f64 = 0.8;
 
-/// Where the nodes of a mesh lie: evenly spaced where the stick edge moves, and the further apart the
-/// further away from there, r = edge ± ((u/2 + √blur)² − blur); or all evenly spaced.
+/// Where the nodes of a mesh lie. They are evenly spaced where the stick edge moves, and further apart away
+/// from there: r = edge ± ((u/2 + √blur)² − blur). Without a focus all are evenly spaced.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MeshPlan {
-    /// r₀: nothing wears inside.
+    /// r₀. Nothing wears inside it.
     pub start: f64,
     /// The last node.
     pub reach: f64,
-    /// Where the last node will have to be in the end; infinite where that is not known beforehand.
+    /// The last node at the end of the run; infinite if it is not known.
     pub farthest: f64,
-    /// Where nodes are dense; none if they are even.
+    /// Where nodes are dense; none if they are evenly spaced.
     pub focus: Option<Focus>,
     /// Radii at which there must be a node.
     pub kinks: Vec<f64>,
@@ -40,46 +39,46 @@ pub struct MeshPlan {
 /// Where nodes are dense.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Focus {
-    /// The innermost radius at which the stick edge is expected,
+    /// The innermost radius at which the stick edge is expected.
     pub from: f64,
-    /// and the outermost.
+    /// The outermost radius at which the stick edge is expected.
     pub to: f64,
-    /// The smaller, the denser; 0 at a stick edge that stays at the start of the mesh.
+    /// Nodes are denser for a smaller blur. It is 0 for a stick edge that stays at the start of the mesh.
     pub blur: f64,
 }
 
 impl Focus {
-    /// At a stick edge that stays.
+    /// The focus at a fixed stick edge.
     fn at(radius: f64) -> Self {
         Self { from: radius, to: radius, blur: 0.0 }
     }
 }
 
 impl MeshPlan {
-    /// The mesh for a contact under what is held, before anything is known of the run.
+    /// Plans the mesh for given held quantities, before the run.
     ///
-    /// `None` where the scar would outgrow the shape.
+    /// `None` if the scar would become larger than the shape.
     #[must_use]
     pub fn first(contact: &Contact, control: &Control, cells: usize) -> Option<Self> {
         let shape = &contact.shape;
         let kinks = Vec::new();
         let least = control.least_stick(contact);
         let end = control.tends_to(contact);
-        // Cells next to an edge that moves are wider than next to one that stays.
+        // Cells next to a moving edge are wider than next to a fixed one.
         let shrinks = matches!(control.tangential, Tangential::Force(_) | Tangential::Rig { .. })
             && control.normal == Normal::Depth;
         let last = match end {
             Some(end) => end.limit.radius,
             None => match Limit::solve(shape, least) {
                 Some(limit) => limit.radius,
-                // It may not come to that: the run ends at the indenter's rim if it does.
+                // The scar need not become that large. If it does, the run ends at the rim of the indenter.
                 None if control.normal == Normal::Force => shape.extent(),
                 None => return None,
             },
         };
         let shrinks = shrinks && contact.stick - least > BLUR * last;
-        // A core smaller than the first cells is none: wear that must vanish on it would swing. But one
-        // that will bear all of a force says how far the scar reaches, however small it is.
+        // A core smaller than the first cells is neglected, because the wear next to it would oscillate. But a
+        // core that will carry all of the force determines the radius of the scar, and is kept.
         let smallest = match control.normal {
             Normal::Force if end.is_some() => LEAST_CORE * contact.limit.radius,
             _ if shrinks => 0.5 / cells as f64 * last,
@@ -124,9 +123,8 @@ impl MeshPlan {
         Some(plan)
     }
 
-    /// How far the scar can grow up to an instant under a held force, where all slips or the tangential force
-    /// is held too: V grows by at most F̃Δ/Δ₀, Δ is at most d, and the worn surface is not more hollow
-    /// than a flat one.
+    /// Largest scar radius up to a time under a held force, in gross slip or where the tangential force is held
+    /// too. V grows by at most F̃Δ/Δ₀, Δ is at most d, and the worn surface is at most as hollow as a flat one.
     #[must_use]
     pub fn outermost(contact: &Contact, control: &Control, law: Law, last: f64) -> Option<f64> {
         let end = control.tends_to(contact);
@@ -134,7 +132,7 @@ impl MeshPlan {
             return None;
         }
         let shape = &contact.shape;
-        // The simplified rule keeps the energy balance less well.
+        // The simplified rule obeys the energy balance less accurately.
         let share = if law == Law::Exact { 1.0 } else { 1.6 };
         let fastest = 2.0 * share * shape.half_force();
         let cut = |radius: f64| {
@@ -160,15 +158,15 @@ impl MeshPlan {
         }
     }
 
-    /// The nodes of so many cells.
+    /// The nodes of a mesh with `cells` cells.
     #[must_use]
     pub fn radii(&self, cells: usize) -> Vec<f64> {
         let Self { start, reach, .. } = *self;
         let share = |i: usize| i as f64 / cells as f64;
         let mut radii: Vec<f64> = match self.focus {
             None => (0..=cells).map(|i| start + (reach - start) * share(i)).collect(),
-            // Nodes begin quadratically at a stick edge that stays, and end as densely as they can:
-            // slip begins there like a root, and the scar's rim should not lie in a wide cell.
+            // Quadratic spacing at a fixed stick edge, where slip begins like a square root. The spacing is
+            // dense at the end too, because the rim of the scar should not lie in a wide cell.
             Some(Focus { to, blur: 0.0, .. }) => {
                 let ring = reach - to;
                 let steepness = steepness(2.0 * ring / (COARSE_START * to));
@@ -214,12 +212,12 @@ fn steepness(ratio: f64) -> f64 {
     if excess(1e-3) > 0.0 { 0.0 } else { root(1e-3, 50.0, excess) }
 }
 
-/// sinh κu / sinh κ: as u while it is small, then like a geometric series.
+/// sinh κu / sinh κ. It is like u for small u, then like a geometric series.
 fn stretched(u: f64, kappa: f64) -> f64 {
     if kappa == 0.0 { u } else { libm::sinh(kappa * u) / libm::sinh(kappa) }
 }
 
-/// Whether the scar will reach far beyond that of the unworn contact.
+/// Whether the scar will become much larger than that of the unworn contact.
 #[must_use]
 pub fn is_far(contact: &Contact, end: &Final) -> bool {
     end.limit.radius > FAR * contact.limit.radius

@@ -1,8 +1,8 @@
-//! Runge–Kutta–Chebyshev steps: explicit, of second order, stable far along the negative real axis.
+//! Runge–Kutta–Chebyshev steps: explicit, second order, and stable far along the negative real axis.
 //!
-//! Wear smooths itself like diffusion: the small cells next to the stick edge would force an explicit
-//! method into tiny steps. A step of s stages here is stable for h·ρ up to about 0.65 s², where ρ is
-//! the spectral radius, so that twice the step costs √2 times the work, without solving systems.
+//! Wear smooths itself like diffusion. The small cells next to the stick edge would force a usual explicit method
+//! into tiny steps. Here a step of s stages is stable for h·ρ up to about 0.65 s², where ρ is the spectral
+//! radius. A step of twice the size costs √2 times the work, and no system is solved.
 //!
 //! # Accuracy
 //! Second order. The step is chosen so that the estimated local error, measured against
@@ -16,11 +16,11 @@
 pub trait Rates {
     /// Writes f(y) into `rates`.
     fn rates(&mut self, values: &[f64], rates: &mut [f64]);
-    /// A bound of the spectral radius of ∂f/∂y at the values last passed to `rates`.
+    /// A bound of the spectral radius of ∂f/∂y at the last values passed to `rates`.
     fn radius(&self) -> f64;
-    /// How many components count in the error, from the second on.
+    /// The number of components, from the second on, that count in the error.
     fn live(&self) -> usize;
-    /// No component needs to be known better than to a share of this, however large it is.
+    /// The largest size that the tolerance refers to, even if components are larger.
     fn most(&self) -> f64;
 }
 
@@ -68,7 +68,7 @@ pub struct Rkc {
     time: f64,
     values: Vec<f64>,
     rates: Vec<f64>,
-    /// The state before the last step, between which and `values` snapshots are interpolated.
+    /// The state before the last step, for interpolation within the step.
     before: (f64, Vec<f64>, Vec<f64>),
     step: f64,
     last_error: f64,
@@ -82,32 +82,30 @@ pub struct Rkc {
     pub evaluations: usize,
 }
 
-/// No step is smaller, in units of the time scale and of the time that has passed: after a long rest wear may
-/// be as fast again as ever.
+/// Smallest step: the first in units of the time scale, the second in units of the time so far. Wear can become
+/// fast again after a long rest.
 const LEAST_STEP: (f64, f64) = (1e-10, 1e-13);
 const FIRST_STEP: f64 = 0.02;
-/// A step is at most so long, plus so much of the time that has passed: what decays at a rate of 1 is
-/// then interpolated within a step as well as it is integrated.
+/// Largest step: the sum of the first in units of the time scale and the second in units of the time so far. The
+/// interpolation within a step is then as accurate as the integration.
 const LONGEST_STEP: (f64, f64) = (1.5, 0.15);
-/// Components that have grown to less than this share of the largest do not count in the mean of the error.
+/// Components below this share of the largest do not count in the mean of the error.
 const GROWN: f64 = 0.01;
 const MOST_STAGES: usize = 1000;
-/// Beyond the first of these, stages come in multiples of the second: few sets of coefficients are made and
-/// kept.
+/// Above the first number, stages are multiples of the second, so that few sets of coefficients are needed.
 const STAGES_APART: (usize, usize) = (200, 50);
-/// After so many steps, and each time that their number has doubled, so is the tolerance: every run ends, and
-/// says how well it was done.
+/// The tolerance doubles after this number of steps, and each time that the number of steps has doubled. Every
+/// run therefore ends, and its error estimate shows the larger error.
 const PATIENCE: usize = 2000;
 
-/// How many stages make a step stable.
+/// The number of stages that makes a step stable.
 fn stages(h: f64, radius: f64) -> usize {
     let stages = ((1.0 + 1.54 * h * radius).sqrt().ceil() as usize).clamp(2, MOST_STAGES);
     if stages > STAGES_APART.0 { stages.next_multiple_of(STAGES_APART.1) } else { stages }
 }
 
 impl Rkc {
-    /// Begins at time 0. `scale` holds the time in which slow changes happen, and a size that the
-    /// values grow to.
+    /// Starts at time 0. `scale` is the time of slow changes, `size` the size that the values will have.
     pub fn new(
         system: &mut impl Rates,
         values: Vec<f64>,
@@ -135,25 +133,25 @@ impl Rkc {
         }
     }
 
-    /// How far the integration has come.
+    /// The present time.
     #[must_use]
     pub fn time(&self) -> f64 {
         self.time
     }
 
-    /// The relative error allowed in a step.
+    /// The relative error that a step may have.
     #[must_use]
     pub fn tolerance(&self) -> f64 {
         self.tolerance
     }
 
-    /// The time in which slow changes happen.
+    /// The time of slow changes.
     #[must_use]
     pub fn scale(&self) -> f64 {
         self.scale
     }
 
-    /// When the last step began.
+    /// The time at the start of the last step.
     #[must_use]
     pub fn began(&self) -> f64 {
         self.before.0
@@ -171,7 +169,7 @@ impl Rkc {
         &self.rates
     }
 
-    /// Goes on from here under changed rates, or from other values.
+    /// Continues with changed rates, or from other values.
     pub fn restart(&mut self, system: &mut impl Rates, values: Option<Vec<f64>>) {
         if let Some(values) = values {
             self.values = values;
@@ -182,26 +180,26 @@ impl Rkc {
         self.before = (self.time, self.values.clone(), self.rates.clone());
     }
 
-    /// Begins anew with small steps, for rates that many times as large as those of the time scale.
+    /// Returns to small steps, for rates that are `times` as large as those of the time scale.
     pub fn hurry(&mut self, times: f64) {
         self.step = self.step.min(FIRST_STEP * self.scale / times.max(1.0));
     }
 
-    /// Passes to a later time at which nothing has changed any more.
+    /// Skips to a later time. Nothing changes in between.
     pub fn rest_until(&mut self, time: f64) {
         self.rates.fill(0.0);
         self.before = (self.time, self.values.clone(), self.rates.clone());
         self.time = time;
     }
 
-    /// Takes one step, at most to `end`.
+    /// Takes one step, not beyond `end`.
     pub fn advance(&mut self, system: &mut impl Rates, end: f64) {
-        // As they are where the step begins: a trial may leave the system elsewhere.
+        // At the start of the step. A trial can leave the system in another state.
         let (radius, live) = (system.radius(), system.live());
         let least = (LEAST_STEP.0 * self.scale).max(LEAST_STEP.1 * self.time);
         loop {
             let limit = (MOST_STAGES * MOST_STAGES) as f64 / (1.54 * radius.max(1e-300));
-            // A step that would end just short of the end goes all the way.
+            // A step that would end just before the end goes to the end.
             let left = end - self.time;
             let whole = self.step.min(limit) >= 0.999 * left;
             let h = if whole { left } else { self.step.min(limit) };
@@ -218,15 +216,15 @@ impl Rkc {
                 self.accepted += 1;
                 let patience = self.accepted / PATIENCE;
                 if self.accepted == patience * PATIENCE && patience.is_power_of_two() {
-                    // Where rates jump again and again no step would ever be long.
+                    // Rates that jump repeatedly would keep all steps small.
                     self.tolerance *= 2.0;
                 }
-                // Proportional and integral control: the step does not swing.
+                // Proportional and integral control, so that the step size does not oscillate.
                 let error = error.max(1e-4);
                 let growth = 0.8 * libm::pow(error, -0.35) * libm::pow(self.last_error, 0.2);
                 self.last_error = error;
                 let longest = LONGEST_STEP.0 * self.scale + LONGEST_STEP.1 * self.time;
-                // A step cut short by the end says little of the next.
+                // A step cut short by the end says little about the next one.
                 let base = if whole { h.max(self.step) } else { h };
                 self.step = (base * growth.clamp(0.2, 3.0)).clamp(least, longest);
                 return;
@@ -237,7 +235,7 @@ impl Rkc {
         }
     }
 
-    /// Computes the values after a step into the first scratch, their rates into the second.
+    /// Computes the values after a step into the first scratch vector, and their rates into the second.
     fn compute(&mut self, system: &mut impl Rates, h: f64, stages: usize) {
         if self.stages.len() <= stages {
             self.stages.resize(stages + 1, None);
@@ -264,7 +262,7 @@ impl Rkc {
         self.evaluations += stages;
     }
 
-    /// The root mean square of the estimated local error over what is allowed.
+    /// The root mean square of the estimated local error, divided by the allowed error.
     fn error(&self, h: f64, live: usize, limit: f64) -> f64 {
         let [next, next_rates, _] = &self.scratch;
         let most = next.iter().copied().fold(0.0, f64::max);
@@ -279,8 +277,8 @@ impl Rkc {
         (sum / count.max(1) as f64).sqrt() / allowed
     }
 
-    /// The values at a time within the last step, by a shorter step from where it began: rates of what is stiff
-    /// say nothing of what lies between. With the right-hand sides that it took.
+    /// The values at a time within the last step, by a shorter step from its start, and the number of evaluations.
+    /// Stiff components cannot be interpolated from their rates.
     #[must_use]
     pub fn again(&self, system: &mut impl Rates, time: f64) -> (Vec<f64>, usize) {
         let mut shorter = self.clone();
@@ -311,7 +309,7 @@ impl Rkc {
         let rates = from_rates.iter().zip(&self.rates);
         ends.zip(rates)
             .map(|((from, to), (from_rate, to_rate))| {
-                // Monotone between the ends, as slow changes are: with steeper ends a cubic may overshoot.
+                // Limits the slopes, so that the cubic is monotone and does not overshoot.
                 let steepest = 3.0 * (to - from) / h;
                 let (low, high) = (steepest.min(0.0), steepest.max(0.0));
                 let slope = |rate: &f64| rate.max(low).min(high);

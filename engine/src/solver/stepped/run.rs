@@ -9,15 +9,15 @@ use crate::contact::limit::Limit;
 use crate::contact::row::UnwornSums;
 use crate::contact::unworn::{Contact, Regime};
 
-/// An edge at a border of cells may be off by half a cell; this share of what a whole one does.
+/// Error of a stick edge at the border of two cells, in effects of a whole cell. It is off by half a cell.
 const EDGE_SHARE: f64 = 0.75;
-/// A run whose wear would grow by less than this share of the tolerance, were it to go on at its rate
-/// for as long as it has lasted, has arrived.
+/// A run has arrived if its wear would grow by less than this share of the tolerance in the time that it has
+/// lasted so far, at the present rate.
 const SETTLED: f64 = 1e-3;
-/// Springs that dissipate so many times more, or less, than at both ends of a step are not between them: late,
-/// when a core bears the load, the little that others bear is lost in what interpolation adds.
+/// If the interpolated springs dissipate more than at both ends of a step by this factor, or less, the
+/// interpolation is noise. This happens late in a run, when a core carries almost all of the load.
 const NOISY: f64 = 1.1;
-/// Up to this Δ a contact under a held force may come to stick again.
+/// Up to this Δ a contact under a held force can begin to stick again.
 const REGAINS: f64 = 1.5;
 
 /// One mesh and one integration.
@@ -27,32 +27,32 @@ pub(super) struct MeshRun {
     pub(super) control: Control,
     pub(super) rkc: Rkc,
     settled: Option<f64>,
-    /// Whether the scar has no more room.
+    /// Whether the scar has reached the rim of the shape.
     pub(super) outgrown: bool,
-    /// The block under way, and when it began.
+    /// The index of the present block, and the time at which it began.
     pub(super) block: usize,
     block_began: f64,
-    /// Whether the last step passed over what is left of a block that has shaken down.
+    /// Whether the last step skipped the rest of a block that has shaken down.
     rests: bool,
-    /// 2 ∫ ∫ y ω dx dÑ: (k_w/μ)·ΣW up to where the last step began, and to where it ended.
+    /// (k_w/μ)·ΣW = 2 ∫ ∫ y ω dx dÑ at the start and at the end of the last step.
     worn_by_energy: [f64; 2],
-    /// 2 ∫ y ω dx at both ends of the last step.
+    /// 2 ∫ y ω dx at the start and at the end of the last step.
     pub(super) loss: [f64; 2],
     pub(super) first_loss: f64,
-    /// Whether its energy is told: otherwise it need not be known well.
+    /// Whether the energy of this run is reported, and so must be accurate.
     pub(super) accounts: bool,
 }
 
-/// Whether the stick edge moves, so that more cells are needed. Not far beyond the onset of gross slip
-/// a contact under a held force comes to stick again.
+/// Whether the stick edge moves, so that more cells are needed. Just above the gross-slip threshold, a contact
+/// under a held force begins to stick again.
 pub(super) fn moves(control: &Control, contact: &Contact) -> bool {
     let slips = contact.regime == Regime::GrossSlip;
     !control.keeps_stick()
         && (!slips || control.normal == Normal::Force && contact.threshold < REGAINS)
 }
 
-/// The wear by which the amplitude of a contact on a rig doubles where d is held: all that yields as the
-/// force falls is then the rig's.
+/// The wear at which the amplitude of a contact on a rig doubles, where d is held. As the force falls, the rig
+/// yields less and the contact moves more.
 fn quickens(contact: &Contact, control: &Control) -> f64 {
     match control.tangential {
         Tangential::Rig { compliance, .. } if control.normal == Normal::Depth => {
@@ -62,8 +62,8 @@ fn quickens(contact: &Contact, control: &Control) -> f64 {
     }
 }
 
-/// 2 ∫ y ω dx of the unworn contact, which the springs of a mesh put at `seen`: cells that are laid out for
-/// the strongest block may be wider than the ring that slips in the first.
+/// 2 ∫ y ω dx of the unworn contact. The springs of the mesh give `seen`. With blocks this can be wrong, because
+/// cells for the strongest block can be wider than the slip ring of the first block.
 fn first_loss(contact: &Contact, control: &Control, seen: f64) -> f64 {
     match control.tangential {
         Tangential::Blocks(_) => 2.0 * UnwornSums::of(contact, None).loss,
@@ -87,7 +87,7 @@ impl MeshRun {
             wearing.command(first.threshold);
         }
         let unworn = vec![0.0; cells + 1];
-        // A narrow ring is worn sooner: a sixth of the time it would take at the first rate.
+        // The time scale is a sixth of the time that the limiting wear would take at the first rate.
         wearing.press(&unworn);
         let rate = wearing.energy_rate();
         let first_loss = first_loss(contact, control, rate);
@@ -128,7 +128,7 @@ impl MeshRun {
             self.loss = [self.wearing.energy_rate(); 2];
         }
         if end.is_finite() && self.has_arrived(end) {
-            // Until the amplitude changes nothing will.
+            // Nothing changes until the amplitude does.
             self.rkc.rest_until(end);
             self.worn_by_energy[0] = self.worn_by_energy[1];
             self.rests = true;
@@ -150,12 +150,12 @@ impl MeshRun {
         true
     }
 
-    /// Whether wear has as good as ended, at the present amplitude, which stays up to `end`.
+    /// Whether wear has practically ended at the present amplitude, which stays up to `end`.
     fn has_arrived(&self, end: f64) -> bool {
         let (time, rate) = (self.rkc.time(), self.wearing.energy_rate());
         let lasted = time - self.block_began;
         let negligible = SETTLED * self.rkc.tolerance() * self.worn_by_energy[1];
-        // What has just begun has not lasted long enough to tell.
+        // A block that has just begun has not lasted long enough.
         let tells = lasted * self.wearing.pace() >= self.rkc.scale();
         lasted > 0.0
             && (rate == 0.0
@@ -163,7 +163,7 @@ impl MeshRun {
                 || rate * (end - time) <= negligible)
     }
 
-    /// Commands the next amplitude where a block has ended; when the present one ends.
+    /// Sets the next amplitude if a block has ended. Returns the end of the present block.
     fn begin_block(&mut self) -> f64 {
         let Tangential::Blocks(blocks) = &self.control.tangential else {
             return f64::INFINITY;
@@ -187,7 +187,7 @@ impl MeshRun {
         end
     }
 
-    /// Simpson's rule for the energy between the beginning of the last step and a time within it.
+    /// The energy between the start of the last step and a time within it, by Simpson's rule.
     fn loss_since(&mut self, began: f64, time: f64, last: f64) -> f64 {
         if self.rests {
             return 0.0;
@@ -201,14 +201,14 @@ impl MeshRun {
         self.worn_by_energy[0] + self.loss_since(self.rkc.began(), time, last)
     }
 
-    /// What holds at a time within the last step.
+    /// Evaluates `what` at a time within the last step.
     pub(super) fn under<T>(
         &mut self,
         time: f64,
         what: impl FnOnce(&mut Wearing, &[f64]) -> T,
     ) -> T {
         if time >= self.rkc.time() {
-            // As the springs are already.
+            // The springs are in this state already.
             return what(&mut self.wearing, self.rkc.values());
         }
         let (rkc, [first, last]) = (&self.rkc, self.loss);
@@ -227,7 +227,7 @@ impl MeshRun {
         found
     }
 
-    /// What it does to V that a stick edge at rest in worn material stands at a border of cells.
+    /// The error of V because a stick edge at rest lies at a border of cells.
     pub(super) fn edge_error(&self, worn: &WornContact) -> f64 {
         let Wearing { contact, .. } = &self.wearing;
         if self.control.normal == Normal::Depth
@@ -239,7 +239,7 @@ impl MeshRun {
         let radii = self.wearing.springs().mesh().radii();
         let next = radii.partition_point(|r| *r <= worn.stick).clamp(1, radii.len() - 1);
         let width = radii[next] - radii[next - 1];
-        // In the end all of the load rests on the core.
+        // In the end the core carries all of the load.
         let last = |stick: f64| {
             let depth = self.control.depth_on_core(&contact.shape, stick);
             Limit::at_depth(&contact.shape, stick, depth).map(|limit| limit.volume)
@@ -251,7 +251,7 @@ impl MeshRun {
         EDGE_SHARE * (1.0 - there / here).abs() * share * share
     }
 
-    /// What it does to V that a core too small for the cells is taken for none, where d is held.
+    /// The error of V because a core smaller than the cells is neglected, where d is held.
     pub(super) fn core_error(&self, worn: &WornContact) -> f64 {
         let Wearing { contact, .. } = &self.wearing;
         let least = self.control.least_stick(contact);
@@ -273,7 +273,7 @@ impl MeshRun {
         self.wearing.volume(&self.rkc.at(time))
     }
 
-    /// A settled run stays as it is, and so does one that has ended.
+    /// A time not after the last step of a run that has settled or ended. Its state no longer changes.
     pub(super) fn within(&self, time: f64) -> f64 {
         if self.settled.is_some() || self.wearing.springs().slides() {
             time.min(self.rkc.time())

@@ -1,33 +1,33 @@
-//! The row of springs on a mesh: from its images to depth, friction and slip, under what is held.
+//! The springs of a mesh. From their images follow depth, friction and slip under the held quantities.
 //!
 //! # Equations
-//! Cells carry means; D is their width, r₀ the radius inside of which nothing wears:
+//! Quantities are means over cells. D is the width of a cell. Nothing wears inside r₀:
 //! ```text
 //! y_q = max(0, d − g_q),   F̃/2 = d·r₀ − ∫₀^r₀ g₀ + Σ D y                      (7)–(9)
 //! Q̃/2 = Δ·r₀ + Σ D min(y, Δ),   ω_q = max(0, 1 − y_q/Δ)                       (10), (15), (16)
 //! ```
-//! d from a held force and Δ from a held tangential force by Newton's method: both sums are piecewise
-//! linear, one convex and one concave, so that it ends after a few steps with all digits.
+//! Newton's method finds d from a held force, and Δ from a held tangential force. Both sums are piecewise
+//! linear, one convex and one concave. It therefore converges to all digits in a few steps.
 //!
 //! # Accuracy
-//! Where the stick edge moves inwards it is resolved within its cell: ω is the mean of
-//! max(0, 1 − y/Δ) with y linear across the cell.
+//! A stick edge that moves inwards is resolved within its cell: ω is the mean of max(0, 1 − y/Δ), with y linear
+//! across the cell.
 
 use super::mesh::Mesh;
 use crate::contact::control::{Control, Normal, Tangential};
 use crate::contact::unworn::Contact;
 
-/// How far beyond the depth images are computed, in units of it: a held force may press deeper.
+/// Images are computed up to this much beyond the depth, in depths. A held force can press deeper.
 const MARGIN: f64 = 0.1;
 
-/// The springs under what is held.
+/// The springs of a mesh and the held quantities.
 #[derive(Debug, Clone)]
 pub struct Springs {
     mesh: Mesh,
     control: Control,
     /// ∫₀ᵃ y dx of the unworn contact.
     half_force: f64,
-    /// Δ, or Δ_rig, that is commanded.
+    /// The present amplitude: Δ, or Δ_rig.
     amplitude: f64,
     /// Compression of the unworn spring at r₀ (at 0 if r₀ = 0), at the depth 1.
     edge: f64,
@@ -44,7 +44,7 @@ pub struct Springs {
     slips: Vec<f64>,
 }
 
-/// What pressing found, kept while the springs are pressed elsewhere.
+/// A saved state of the springs.
 #[derive(Debug, Clone, Default)]
 pub struct Aside {
     depth: f64,
@@ -99,7 +99,7 @@ impl Springs {
         self.threshold
     }
 
-    /// Whether the held tangential force is more than friction can carry.
+    /// Whether friction cannot carry the held tangential force.
     #[must_use]
     pub fn slides(&self) -> bool {
         self.slides
@@ -111,20 +111,20 @@ impl Springs {
         &self.compressions
     }
 
-    /// ω of the cells whose images are known; beyond them it is 1.
+    /// ω of the cells with known images. In the other cells it is 1.
     #[must_use]
     pub fn slips(&self) -> &[f64] {
         &self.slips
     }
 
-    /// How much less the distance of two meshes says of the error: where the edge moves inwards they are
-    /// off in the same way.
+    /// A safety factor of the error estimate. Where the stick edge moves inwards, both meshes have a common error
+    /// that their difference does not show.
     #[must_use]
-    pub fn doubt(&self) -> f64 {
+    pub fn error_safety_factor(&self) -> f64 {
         if self.moves_in { 1.5 } else { 1.0 }
     }
 
-    /// ω of a spring that hangs free.
+    /// ω of a spring without contact.
     #[must_use]
     pub fn free_slip(&self) -> f64 {
         match &self.control.tangential {
@@ -133,7 +133,7 @@ impl Springs {
         }
     }
 
-    /// g of the cells whose images are known.
+    /// g of the cells with known images.
     #[must_use]
     pub fn images(&self) -> &[f64] {
         &self.images
@@ -145,20 +145,20 @@ impl Springs {
         &self.control
     }
 
-    /// Goes on from the depth, friction and amplitude of other springs.
+    /// Takes over depth, Δ and amplitude of other springs.
     pub fn resume(&mut self, other: &Self) {
         self.depth = other.depth;
         self.threshold = other.threshold;
         self.amplitude = other.amplitude;
     }
 
-    /// Sets aside what the last pressing found.
+    /// Saves the state.
     pub fn set_aside(&mut self, aside: &mut Aside) {
         (aside.depth, aside.threshold, aside.slides) = (self.depth, self.threshold, self.slides);
         self.exchange(aside);
     }
 
-    /// Goes back to it.
+    /// Restores the saved state.
     pub fn put_back(&mut self, aside: &mut Aside) {
         (self.depth, self.threshold, self.slides) = (aside.depth, aside.threshold, aside.slides);
         self.exchange(aside);
@@ -171,12 +171,12 @@ impl Springs {
             .for_each(|(here, there)| std::mem::swap(here, there));
     }
 
-    /// Commands another amplitude.
+    /// Sets the amplitude.
     pub fn command(&mut self, amplitude: f64) {
         self.amplitude = amplitude;
     }
 
-    /// Presses the springs to the images under a wear at the nodes.
+    /// Computes the state for a wear at the nodes.
     pub fn press_wear(&mut self, wear: &[f64]) {
         let worn = wear.iter().rposition(|w| *w > 0.0).unwrap_or(0);
         self.images.clear();
@@ -189,7 +189,7 @@ impl Springs {
             for q in self.images.len()..cells {
                 let image = self.mesh.unworn()[q] + self.mesh.image(q, wear);
                 self.images.push(image);
-                // Beyond all wear the unworn images rise.
+                // Beyond the wear the images rise.
                 if q > worn && image >= known {
                     break;
                 }
@@ -202,7 +202,7 @@ impl Springs {
         }
     }
 
-    /// Presses the springs to images that are worn by so much in each cell.
+    /// Computes the state for a wear of the images of the cells.
     pub fn press_images(&mut self, worn: &[f64]) {
         self.images.clear();
         self.images.extend(self.mesh.unworn().iter().zip(worn).map(|(g, h)| g + h));
@@ -264,7 +264,7 @@ impl Springs {
     fn threshold_under(&self, a: f64, target: f64) -> Option<f64> {
         let (start, widths) = (self.mesh.radii()[0], self.mesh.widths());
         let most = self.compressions.iter().copied().fold(0.0, f64::max);
-        // From below, a concave sum is met from the left.
+        // Newton's method meets a concave sum from the left.
         let mut threshold = if a + start > 0.0 { self.threshold } else { 0.0 };
         for _ in 0..100 {
             let (mut sum, mut slope) = ((a + start) * threshold, a + start);
@@ -278,7 +278,7 @@ impl Springs {
             }
             let next = (threshold + (target - sum) / slope).max(0.0);
             if a + start == 0.0 && next >= most && threshold < most {
-                // The last corner lies between.
+                // The last corner lies in between.
                 threshold = most;
                 continue;
             }
@@ -295,7 +295,7 @@ impl Springs {
         self.slips.clear();
         let loaded = self.compressions.len();
         if self.threshold == 0.0 {
-            // Nothing moves.
+            // The contact is at rest.
             self.slips.resize(self.images.len(), 0.0);
             return;
         }
@@ -322,7 +322,7 @@ impl Springs {
         (0..self.compressions.len()).map(|q| self.carried(q, self.threshold).0).collect()
     }
 
-    /// Means over a cell of min(Δ, y), and the share of it that sticks.
+    /// The mean of min(Δ, y) over a cell, and the part of the cell that sticks.
     fn carried(&self, q: usize, threshold: f64) -> (f64, f64) {
         let here = self.compressions[q];
         let (least, half_rise) = if self.moves_in { self.across(q) } else { (here, 0.0) };
@@ -336,8 +336,8 @@ impl Springs {
         }
     }
 
-    /// The least y of a cell with y linear across it, at the smaller of the slopes to both sides, and
-    /// half of its rise.
+    /// The smallest y of a cell and half of its rise. y is linear across the cell, with the smaller of the slopes
+    /// to both sides.
     fn across(&self, q: usize) -> (f64, f64) {
         let (widths, y) = (self.mesh.widths(), &self.compressions);
         let here = y[q];
@@ -376,7 +376,7 @@ impl Springs {
         springs.map(|((y, slip), d)| d * y * slip).sum()
     }
 
-    /// How far the springs are from slipping all: falls to 0 where gross slip begins.
+    /// The distance from gross slip. It falls to 0 where gross slip begins.
     #[must_use]
     pub fn margin(&self) -> f64 {
         match self.control.tangential {
@@ -392,7 +392,7 @@ impl Springs {
         self.normal() / self.half_force
     }
 
-    /// c, between the middles of the cells on either side; 0 where all slip.
+    /// c, interpolated between the middles of two cells; 0 in gross slip.
     #[must_use]
     pub fn stick(&self) -> f64 {
         let radii = self.mesh.radii();
@@ -411,12 +411,12 @@ impl Springs {
         let Some(next) = y.get(last + 1) else {
             return radii[last + 1];
         };
-        // Outside, the springs may be worn down at once: the springs inside say where y falls to Δ.
+        // The springs outside can lose contact abruptly. The springs inside show where y falls to Δ.
         let inner =
             if last > 0 { (middle(last - 1), y[last - 1]) } else { (radii[0], self.edge()) };
         let slope = (inner.1 - y[last]) / (middle(last) - inner.0);
         let from_inside = middle(last) + (y[last] - self.threshold) / slope.max(1e-300);
-        // Springs as flat as those under a blunt tip stick to rounding.
+        // Under a blunt tip, y differs from Δ by rounding only.
         let share = ((y[last] - self.threshold) / (y[last] - next)).max(0.0);
         let between = middle(last) + share * (middle(last + 1) - middle(last));
         from_inside.clamp(between, middle(last + 1).max(between))

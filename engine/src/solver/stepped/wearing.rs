@@ -1,4 +1,4 @@
-//! The two laws of wear on one mesh: local pressure times local slip, or the simplified rule (14).
+//! Wear rates on a mesh by both laws: local pressure times local slip, or the simplified rule (14).
 //!
 //! # Equations
 //! In units of a₀, d₀ and N₀, with A the matrix of the [`mesh`](super::mesh), and Δ/Δ₀ = U/U(0):
@@ -7,8 +7,8 @@
 //! simplified   dg/dÑ = (ξ/ã)·η·ω·Δ/Δ₀  for x < ã,   η = d − g, signed       (14)
 //! V = π Σ M w,   dV/dÑ = 2 Σ D y ω·Δ/Δ₀   (exact: to rounding)
 //! ```
-//! ã is the root of (13) with the present c and d. Where every spring of the contact slips, A·s = ω
-//! has the solution s = (s₀ + w + const)/Δ, so that no system is solved.
+//! ã is the root of (13) with the present c and d. If every spring in contact slips, A·s = ω has the solution
+//! s = (s₀ + w + const)/Δ, and no system needs to be solved.
 
 use super::law::Law;
 use super::mesh::Mesh;
@@ -20,11 +20,10 @@ use crate::contact::limit::Limit;
 use crate::contact::unworn::Contact;
 use crate::numeric::{Monotone, largest, root, vertex};
 
-/// Multiplications that ã takes for each piece of the shape, about: eight looks for its root, with roots
-/// and logarithms in each.
+/// Estimated multiplications for ã per piece of the shape: eight evaluations with square roots and logarithms.
 const SCAR_OPERATIONS: f64 = 400.0;
 
-/// A contact under wear.
+/// A contact that wears.
 #[derive(Debug, Clone)]
 pub struct Wearing {
     /// The unworn contact.
@@ -33,28 +32,28 @@ pub struct Wearing {
     plan: MeshPlan,
     springs: Springs,
     aside: Aside,
-    /// Δ·s of the unworn contact at the nodes, if every spring slips at the depth 1 + `sunk`.
+    /// Δ·s of the unworn contact at the nodes, if every spring slips.
     unworn_slip: Vec<f64>,
-    /// s of the nodes.
+    /// s at the nodes.
     slip: Vec<f64>,
-    /// Half of 1 over the width of the narrower cell next to each node: with s, how fast it can decay.
+    /// 1/(2D) of the narrower cell next to each node. Times s, it bounds the decay rate.
     stiffness: Vec<f64>,
-    /// ã of the simplified rule, as it was last and as wide as it ever was.
+    /// The present and the largest ã of the simplified rule.
     scar: f64,
     widest: f64,
     radius: f64,
 }
 
-/// The worn contact at one instant, in units of a₀, d₀, E*d₀/a₀ and a₀²d₀.
+/// The worn contact at one time, in units of a₀, d₀, E*d₀/a₀ and a₀²d₀.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WornContact {
-    /// w at the nodes of the mesh; the simplified rule's may be negative near the rim.
+    /// w at the nodes. By the simplified rule it can be negative near the rim.
     pub wear: Vec<f64>,
     /// g of the cells.
     pub images: Vec<f64>,
     /// y of the cells in contact.
     pub compressions: Vec<f64>,
-    /// min(Δ, y) of these: less than either where the stick edge divides a cell.
+    /// min(Δ, y) of these cells. It is smaller where the stick edge divides a cell.
     pub loads: Vec<f64>,
     /// ω of the cells.
     pub slips: Vec<f64>,
@@ -70,18 +69,18 @@ pub struct WornContact {
     pub tangential: f64,
     /// ∫₀ᵃ y ω dx.
     pub loss: f64,
-    /// V of the wear that is reported: where it is positive.
+    /// V of the positive wear, which is reported.
     pub volume: f64,
-    /// The largest wear.
+    /// The largest wear depth.
     pub deepest: f64,
-    /// The largest radius with wear; 0 before there is any.
+    /// The largest radius with wear; 0 without wear.
     pub scar: f64,
-    /// g(a) = d.
+    /// The contact radius a, where g = d.
     pub contact_radius: f64,
 }
 
 impl Wearing {
-    /// Lays a contact out on a mesh.
+    /// Sets a contact up on a mesh.
     #[must_use]
     pub fn new(
         contact: &Contact,
@@ -119,7 +118,7 @@ impl Wearing {
         }
     }
 
-    /// The springs as they were last pressed.
+    /// The springs in their present state.
     #[must_use]
     pub fn springs(&self) -> &Springs {
         &self.springs
@@ -131,12 +130,12 @@ impl Wearing {
         &self.plan
     }
 
-    /// Commands another amplitude.
+    /// Sets the amplitude.
     pub fn command(&mut self, amplitude: f64) {
         self.springs.command(amplitude);
     }
 
-    /// Whether the mesh has room for no more wear and cannot get any.
+    /// Whether the scar fills the mesh and the mesh cannot grow.
     #[must_use]
     pub fn outgrows(&self) -> bool {
         self.plan.reach >= self.contact.shape.extent() && self.is_full()
@@ -156,7 +155,7 @@ impl Wearing {
         }
     }
 
-    /// The same contact on a mesh that reaches further, and its values there.
+    /// The same contact on a larger mesh, and its values there.
     #[must_use]
     pub fn extended(&self, control: &Control, values: &[f64]) -> (Self, Vec<f64>) {
         let MeshPlan { start, reach, farthest, .. } = self.plan;
@@ -172,9 +171,9 @@ impl Wearing {
         };
         let carried = match self.law {
             Law::Exact => {
-                // Where all has slipped for long the worn profile is almost flat and its wear is not, a
-                // thousandth of which is more than the springs are compressed: what varies less is
-                // carried over.
+                // After long gross slip the worn profile is almost flat, but its wear is not. A thousandth of
+                // this wear is more than the springs are compressed. The code therefore interpolates the
+                // quantity that varies less.
                 let shape = &self.contact.shape;
                 let squares = from.squares();
                 let worn: Vec<f64> =
@@ -199,7 +198,7 @@ impl Wearing {
                     })
                     .collect();
                 wear[0] = 0.0;
-                // V is kept by shifting what is worn, which leaves it as flat as it is.
+                // A shift of the wear keeps V, and the profile as flat as it is.
                 let start = to.squares()[0];
                 let share: Vec<f64> = to
                     .squares()
@@ -231,7 +230,7 @@ impl Wearing {
         (larger, carried)
     }
 
-    /// The wear under worn images; beyond ã the rule leaves the profile as it was.
+    /// The wear that follows from worn images. The rule does not wear the profile beyond ã.
     fn inverse(&self, images: &[f64]) -> Vec<f64> {
         let mesh = self.springs.mesh();
         let mut wear = mesh.inverse(images);
@@ -242,7 +241,7 @@ impl Wearing {
         wear
     }
 
-    /// About how many multiplications a right-hand side takes.
+    /// Estimated multiplications of one evaluation of the wear rate.
     #[must_use]
     pub fn operations(&self) -> f64 {
         let cells = self.springs.mesh().widths().len() as f64;
@@ -250,18 +249,18 @@ impl Wearing {
         cells * cells + scar * self.contact.shape.pieces() as f64
     }
 
-    /// c of the springs as they were last pressed.
+    /// c of the springs in their present state.
     fn stick(&self) -> f64 {
         if self.springs.control().keeps_stick() { self.contact.stick } else { self.springs.stick() }
     }
 
-    /// Whether ã stays where it is for ever.
+    /// Whether ã never changes.
     fn keeps_scar(&self) -> bool {
         let control = self.springs.control();
         control.keeps_stick() && control.normal == Normal::Depth
     }
 
-    /// ã of the springs as they were last pressed.
+    /// ã of the springs in their present state.
     fn scar_radius(&self) -> f64 {
         if self.keeps_scar() {
             return self.contact.limit.radius;
@@ -269,7 +268,7 @@ impl Wearing {
         Limit::scar(&self.contact.shape, self.stick(), self.springs.depth(), self.scar)
     }
 
-    /// Presses the springs to the state that these values describe.
+    /// Sets the springs to the state that these values describe.
     pub fn press(&mut self, values: &[f64]) {
         match self.law {
             Law::Exact => self.springs.press_wear(values),
@@ -282,8 +281,7 @@ impl Wearing {
         }
     }
 
-    /// What holds where these values describe the state; afterwards the springs are as they were, at
-    /// `now`.
+    /// Evaluates `what` in the state that `values` describe. Then restores the present state, `now`.
     pub fn under<T>(
         &mut self,
         values: &[f64],
@@ -299,13 +297,13 @@ impl Wearing {
         self.springs.put_back(&mut aside);
         self.aside = aside;
         if self.law != Law::Exact {
-            // The rule looks how far the scar reaches.
+            // The rule depends on the present radius of the scar.
             self.press(now);
         }
         result
     }
 
-    /// V of the values.
+    /// V of these values.
     #[must_use]
     pub fn volume(&self, values: &[f64]) -> f64 {
         match self.law {
@@ -317,7 +315,7 @@ impl Wearing {
         }
     }
 
-    /// dV/dÑ by the energy: 2 ∫ y ω dx·Δ/Δ₀.
+    /// dV/dÑ from the dissipated energy: 2 ∫ y ω dx·Δ/Δ₀.
     #[must_use]
     pub fn energy_rate(&self) -> f64 {
         2.0 * self.springs.loss() * self.pace()
@@ -349,12 +347,12 @@ impl Wearing {
         let volume = positive_volume(mesh.squares(), &wear);
         let mut wear = wear;
         if self.law == Law::Exact && mesh.radii()[0] == 0.0 && self.stick() == 0.0 {
-            // Where the axis slips the worn profile is flat there, however steep it was.
+            // If the axis slips, the worn profile is flat there, even that of a cone.
             let first = mesh.radii()[1];
             wear[0] = (wear[1] + self.contact.shape.profile(first)).min(2.0 * wear[1]);
         }
         if self.law == Law::Exact {
-            // No image in contact exceeds d, so no worn profile does.
+            // In contact no image exceeds d, and so no worn profile does.
             for (wear, r) in wear.iter_mut().zip(mesh.radii()) {
                 let room = (springs.depth() - self.contact.shape.profile(*r)).max(0.0);
                 *wear = wear.min(room);
@@ -396,7 +394,7 @@ impl Wearing {
                 }
                 _ => radii[last],
             };
-            // The rule wears a free spring towards d, never past it.
+            // The rule wears a free spring towards d, but not beyond it.
             return (if held { 1.0 } else { self.touching(images) }, scar);
         }
         let floor = if held { 1.0 } else { self.unworn_radius() };
@@ -410,7 +408,7 @@ impl Wearing {
         (radius, radius)
     }
 
-    /// Where the unworn image reaches the present depth.
+    /// The radius at which the unworn image equals the present depth.
     fn unworn_radius(&self) -> f64 {
         let depth = self.springs.depth();
         let radii = self.springs.mesh().radii();
@@ -425,7 +423,7 @@ impl Wearing {
         root(1.0, end, |x| shape.image(x) - depth)
     }
 
-    /// Where the images pass the depth, between the middles of cells.
+    /// The radius at which the images equal the depth, interpolated between the middles of cells.
     fn touching(&self, images: &[f64]) -> f64 {
         let (radii, depth) = (self.springs.mesh().radii(), self.springs.depth());
         let loaded = self.springs.compressions().len();
@@ -438,7 +436,7 @@ impl Wearing {
         middle(loaded - 1) + share * (middle(loaded) - middle(loaded - 1))
     }
 
-    /// s at the nodes as far as the contact reaches.
+    /// Computes s at the nodes in contact.
     fn solve_slip(&mut self, wear: &[f64]) {
         let springs = &self.springs;
         let live = springs.compressions().len();
@@ -456,7 +454,7 @@ impl Wearing {
                 most < threshold
             };
         if closed {
-            // Δ − d + g₀(c): 0 but in gross slip, where both may have changed.
+            // Δ − d + g₀(c). It is 0 except in gross slip, where Δ and d can have changed.
             let rise = (threshold - self.contact.threshold) - (springs.depth() - 1.0);
             let rise = if self.plan.start > 0.0 { 0.0 } else { rise };
             let per_threshold = 1.0 / threshold;
@@ -525,8 +523,8 @@ impl Rates for Wearing {
 
     fn most(&self) -> f64 {
         match (self.law, self.springs.control().normal) {
-            // However deep the wear, pressure follows from how far the springs are compressed.
-            // Where a core bears the load in the end, those outside bear ever less.
+            // Pressure follows from the compression of the springs, which is much less than deep wear. In the end a
+            // core carries the load, and the springs outside carry less and less.
             (Law::Exact, Normal::Force) => {
                 let even = self.springs.normal() / self.plan.reach;
                 self.springs.compressions().iter().copied().fold(even, f64::max)
@@ -543,7 +541,7 @@ impl Rates for Wearing {
     }
 }
 
-/// π ∫ max(0, w) dt of a wear that is linear in t between nodes.
+/// π ∫ max(0, w) dt for a wear that is linear in t between nodes.
 fn positive_volume(squares: &[f64], wear: &[f64]) -> f64 {
     let area = |t: &[f64], w: &[f64]| {
         let (low, high) = (w[0].min(w[1]), w[0].max(w[1]));
