@@ -1,4 +1,4 @@
-//! Draws Figures 2, 3 and 4 of the paper and prints what is measured of them:
+//! Draws Figures 2, 3 and 4 of the paper and prints tables of their numbers:
 //! `cargo run --release --example figures [directory]` (`examples/paper` if none is given).
 
 #![cfg_attr(not(test), expect(clippy::expect_used, reason = "an example may stop where it stands"))]
@@ -13,7 +13,7 @@ use fretwork_engine::reference::LimitingState;
 use fretwork_engine::{scenario, simulation::Simulation};
 use serde_json::{Value, json};
 
-/// A quarter of the cycles that the captions print: Figure 2, and Figures 3 and 4.
+/// A quarter of the cycles in the captions: of Figure 2, and of Figures 3 and 4.
 const CYCLES_2: [f64; 5] = [1.0, 2.5, 5.0, 9.0, 17.5];
 const CYCLES: [f64; 5] = [0.5, 2.0, 4.5, 8.0, 18.0];
 
@@ -44,7 +44,7 @@ pub fn sheets() -> [(&'static str, Sheet); 3] {
     [("figure-2.svg", figure_2()), ("figure-3.svg", figure_3()), ("figure-4.svg", figure_4())]
 }
 
-/// One contact, worn by both methods.
+/// One contact, computed by both methods.
 struct Pair {
     exponent: f64,
     stick: f64,
@@ -52,8 +52,8 @@ struct Pair {
     exact: Outcome,
 }
 
-/// Wears a paraboloid (2) or a cone (1) with the indentation depth held. Whatever the material, the
-/// dimensionless results are the same.
+/// Computes a paraboloid (exponent 2) or a cone (1) with held indentation depth. The dimensionless
+/// results do not depend on the material.
 fn run(exponent: f64, stick: f64, cycles: &[f64], model: &Value) -> Outcome {
     let request = json!({
         "profile": {"shape": "power", "exponent": exponent, "height": "1 um", "at_radius": "1 mm"},
@@ -96,7 +96,7 @@ enum Curve {
 }
 
 impl Pair {
-    /// One panel: the unworn curve, a curve for each instant of each method, the limit.
+    /// One panel: the unworn curve, one curve per output cycle and method, the limit.
     fn panel(&self, title: &str, curve: Curve, methods: &[(&Outcome, Dash)]) -> Figure {
         let n = self.exponent;
         let limit = LimitingState::depth_and_amplitude_held(n, self.stick);
@@ -111,7 +111,7 @@ impl Pair {
         let grid: Vec<f64> = (0..=320).map(|i| f64::from(i) / 200.0).collect();
         let heights = grid.iter().map(|x| unworn(*x)).collect();
         let mut series = vec![Series::new("", grid, heights).styled(UNWORN)];
-        // Inside c nothing is worn, and outside ã no profile is.
+        // There is no wear inside c or outside ã.
         let reach = if curve == Curve::Profile { limit.radius } else { f64::INFINITY };
         let worn = |outcome: &Outcome, curve: &[f64], reach: f64| {
             let (a, d) = (outcome.scales.contact_radius, outcome.scales.indentation_depth);
@@ -266,7 +266,7 @@ fn stick_ratios() -> String {
     out
 }
 
-/// How much of the limiting volume is worn, by either method, at the printed cycles and earlier.
+/// The fraction of the limiting volume that is worn at the printed cycles and earlier, by both methods.
 fn shares_of_the_limit() -> String {
     const ALL: [f64; 7] = [0.5, 2.0, 4.5, 8.0, 18.0, 32.0, 72.0];
     let mut out = "| V/V∞ in % at Ñ = | 0.5 | 2 | 4.5 | 8 | 18 | 32 | 72 |\n\
@@ -296,7 +296,7 @@ fn panels() -> [(&'static str, f64, f64); 6] {
     ]
 }
 
-/// How far the rule is from the exact method: volume, depth and profile.
+/// The error of the rule relative to the exact method: volume, depth and profile.
 fn distances_of_the_rule() -> String {
     let mut out = "| simplified less exact at Ñ = | 0.5 | 2 | 4.5 | 8 | 18 |\n\
                    |---|---|---|---|---|---|\n"
@@ -324,8 +324,8 @@ fn distances_of_the_rule() -> String {
     out
 }
 
-/// The ξ with which the rule comes nearest to the exact method over the instants of the figures: to
-/// its profiles, in the mean square, and to its volumes, at worst.
+/// The ξ with which the rule is closest to the exact method over the output cycles of the figures: by the
+/// mean square of the profiles, and by the largest error of the volumes.
 fn best_fits() -> String {
     let mut out =
         "| panel | ξ for profiles | the same in a₀/ã | ξ for volumes |\n|---|---|---|---|\n"
@@ -350,7 +350,7 @@ fn best_fits() -> String {
     out
 }
 
-/// ∫ (w − w′)² dr, summed over the instants.
+/// ∫ (w − w′)² dr, summed over the output cycles.
 fn mean_square(rule: &Outcome, exact: &Outcome) -> f64 {
     let rule = rule.profiles.as_ref().expect("profiles");
     let exact = exact.profiles.as_ref().expect("profiles");
@@ -360,13 +360,13 @@ fn mean_square(rule: &Outcome, exact: &Outcome) -> f64 {
     points.map(|((rule, exact), width)| (rule - exact) * (rule - exact) * width).sum()
 }
 
-/// The largest relative distance of volumes.
+/// The largest relative difference of volumes.
 fn worst_volume(rule: &Outcome, exact: &Outcome) -> f64 {
     let volumes = rule.history.wear_volume[1..].iter().zip(&exact.history.wear_volume[1..]);
     volumes.map(|(rule, exact)| (rule / exact - 1.0).abs()).fold(0.0, f64::max)
 }
 
-/// A small share in percent, with a sign unless it vanishes.
+/// A small fraction in percent, with a sign unless it is 0.
 fn percents(share: f64, decimals: usize) -> String {
     let text = format!("{:+.decimals$}", 100.0 * share).replace('-', "−");
     if text.contains(|digit| matches!(digit, '1'..='9')) {

@@ -5,16 +5,13 @@
 
 use axum::http::Method;
 use serde::Serialize;
+use serde::de::DeserializeOwned;
 use serde_json::{Map, Value, json};
+use utoipa::openapi::RefOr;
 use utoipa::openapi::schema::{
     ArrayBuilder, KnownFormat, ObjectBuilder, Schema, SchemaFormat, Type,
 };
-use utoipa::openapi::tag::TagBuilder;
-use utoipa::openapi::{
-    ComponentsBuilder, ContactBuilder, InfoBuilder, LicenseBuilder, OpenApi, OpenApiBuilder, RefOr,
-    ServerBuilder,
-};
-use utoipa::{PartialSchema, ToSchema};
+use utoipa::{OpenApi, PartialSchema, ToSchema};
 
 use super::jobs::Include as Included;
 use super::problem::ProblemDocument;
@@ -48,59 +45,53 @@ A server without keys, on a personal machine, is open.
 
 **Requests** may have an `x-request-id`. Every answer has one, and the log of the server contains it.";
 
-/// The document without routes.
-pub(super) fn frame() -> OpenApi {
-    let tag = |name, about| TagBuilder::new().name(name).description(Some(about)).build();
-    OpenApiBuilder::new()
-        .info(
-            InfoBuilder::new()
-                .title("fretwork")
-                .version(env!("CARGO_PKG_VERSION"))
-                .description(Some(ABOUT))
-                .contact(Some(ContactBuilder::new().name(Some("The fretwork developers")).build()))
-                .license(Some(
-                    LicenseBuilder::new()
-                        .name(env!("CARGO_PKG_LICENSE"))
-                        .identifier(Some(env!("CARGO_PKG_LICENSE")))
-                        .build(),
-                )),
-        )
-        .servers(Some([ServerBuilder::new().url("/").description(Some("This server.")).build()]))
-        .tags(Some([
-            tag("jobs", "Submit scenarios and follow them."),
-            tag("results", "Read results. They never change."),
-            tag("scenarios", "Check a scenario, see examples, read the schema."),
-            tag("system", "The server itself."),
-        ]))
-        .components(Some(
-            ComponentsBuilder::new()
-                .schema_from::<ProblemDocument<'_>>()
-                .schema_from::<super::problem::Complaint>()
-                // utoipa does not collect types that appear only in parameters.
-                .schema_from::<Include>()
-                .schema_from::<Role>()
-                .schema_from::<WholeFormat>()
-                .schema_from::<HistoryFields>()
-                .schema_from::<ProfileFields>()
-                .schema_from::<LoopFields>()
-                .schema_from::<ChosenInstants>()
-                .schema_from::<PlotQuantity>()
-                .schema_from::<PlotInstants>()
-                .schema_from::<Spacing>()
-                .schema_from::<WholeLayout>()
-                .schema_from::<Layout>()
-                .schema_from::<UnitSystem>()
-                .schema_from::<TableFormat>()
-                .schema_from::<KeyText>()
-                .build(),
-        ))
-        .build()
+/// The document without routes. utoipa does not collect types that appear only in parameters, so they
+/// are listed here.
+#[derive(OpenApi)]
+#[openapi(
+    info(
+        title = "fretwork",
+        description = ABOUT,
+        contact(name = "The fretwork developers"),
+        license(name = "MIT OR Apache-2.0", identifier = "MIT OR Apache-2.0"),
+    ),
+    servers((url = "/", description = "This server.")),
+    tags(
+        (name = "jobs", description = "Submit scenarios and follow them."),
+        (name = "results", description = "Read results. They never change."),
+        (name = "scenarios", description = "Check a scenario, see examples, read the schema."),
+        (name = "system", description = "The server itself."),
+    ),
+    components(schemas(
+        ProblemDocument<'_>,
+        super::problem::Complaint,
+        Include,
+        Role,
+        WholeFormat,
+        HistoryFields,
+        ProfileFields,
+        LoopFields,
+        ChosenInstants,
+        PlotQuantity,
+        PlotInstants,
+        Spacing,
+        WholeLayout,
+        Layout,
+        UnitSystem,
+        TableFormat,
+        KeyText,
+    )),
+)]
+struct Frame;
+
+pub(super) fn frame() -> utoipa::openapi::OpenApi {
+    Frame::openapi()
 }
 
 /// The complete document as it is served, printed and committed.
 #[must_use]
 pub fn document() -> Vec<u8> {
-    let mut document = serde_json::to_value(super::routes().into_openapi()).unwrap_or_default();
+    let mut document = value(&super::routes().into_openapi());
     if let Some(Value::Object(schemas)) = document.pointer_mut("/components/schemas") {
         adopt(schemas, SCHEMA, Some("Scenario"));
         adopt(schemas, DOCUMENT_SCHEMAS, None);
@@ -119,7 +110,7 @@ pub fn document() -> Vec<u8> {
     if let Some(Value::Object(paths)) = document.pointer_mut("/paths") {
         for (path, item) in paths {
             for (method, operation) in item.as_object_mut().into_iter().flatten() {
-                let method = method.to_uppercase().parse().unwrap_or_default();
+                let method = parsed_method(method);
                 place(path, &method, operation);
                 complete(operation);
                 guard(path, &method, operation);
@@ -137,16 +128,12 @@ pub fn document() -> Vec<u8> {
     if let Some(Value::Array(parameters)) = listing {
         parameters.splice(0..0, super::library::parameters());
     }
-    let mut text = serde_json::to_vec_pretty(&document).unwrap_or_default();
-    text.push(b'\n');
-    text
+    format!("{document:#}\n").into_bytes()
 }
 
 /// Copies the definitions of a JSON Schema file into the components, and the schema itself under `name`.
 fn adopt(schemas: &mut Map<String, Value>, file: &str, name: Option<&str>) {
-    let Ok(Value::Object(mut root)) = serde_json::from_str(file) else {
-        return;
-    };
+    let mut root: Map<String, Value> = parsed(file);
     if let Some(Value::Object(definitions)) = root.remove("$defs") {
         for (name, mut definition) in definitions {
             redirect(&mut definition);
@@ -289,10 +276,10 @@ fn complete(operation: &mut Value) {
     {
         let examples: Map<String, Value> = EXAMPLES
             .iter()
-            .filter_map(|example| {
-                let body: Value = serde_json::from_str(example.body).ok()?;
+            .map(|example| {
+                let body: Value = parsed(example.body);
                 let summary = body["label"].clone();
-                Some((example.name.to_owned(), json!({"summary": summary, "value": body})))
+                (example.name.to_owned(), json!({"summary": summary, "value": body}))
             })
             .collect();
         content["examples"] = Value::Object(examples);
@@ -413,9 +400,25 @@ fn security_schemes() -> Value {
     })
 }
 
-fn example_key() -> Option<String> {
-    let submission = parse_job(EXAMPLES.first()?.body.as_bytes()).ok()?;
-    Some(submission.task.key().to_string())
+#[expect(clippy::expect_used, reason = "a test checks all examples")]
+fn example_key() -> String {
+    let submission = parse_job(EXAMPLES[0].body.as_bytes()).expect("a valid example");
+    submission.task.key().to_string()
+}
+
+#[expect(clippy::expect_used, reason = "utoipa writes the names of HTTP methods")]
+fn parsed_method(name: &str) -> Method {
+    name.to_uppercase().parse().expect("an HTTP method")
+}
+
+#[expect(clippy::expect_used, reason = "the files are part of the program, and tests read them")]
+fn parsed<T: DeserializeOwned>(file: &str) -> T {
+    serde_json::from_str(file).expect("valid JSON")
+}
+
+#[expect(clippy::expect_used, reason = "types with named members are valid JSON")]
+fn value(item: &impl Serialize) -> Value {
+    serde_json::to_value(item).expect("valid JSON")
 }
 
 /// Declares types that exist only in the document. [`adopt`] replaces those whose schema is in a file.
@@ -447,7 +450,7 @@ fn list(items: impl Into<RefOr<Schema>>) -> Schema {
 
 /// Names of the columns of a table.
 fn columns(table: &impl Serialize) -> Schema {
-    let table = serde_json::to_value(table).unwrap_or_default();
+    let table = value(table);
     list(words(table.as_object().into_iter().flat_map(Map::keys).map(String::as_str)))
 }
 

@@ -1,4 +1,4 @@
-//! The figures of the paper: as committed, well formed, and legible.
+//! The figures of the paper: up to date, well-formed XML, and legible.
 
 use std::fs;
 use std::path::Path;
@@ -15,17 +15,17 @@ fn committed(name: &str) -> String {
 }
 
 #[test]
-fn the_committed_figures_are_what_the_program_draws() {
+fn the_committed_figures_are_up_to_date() {
     for (name, sheet) in program::sheets() {
         assert!(sheet.svg() == committed(name), "{name}: run `cargo run --example figures`");
     }
 }
 
 #[test]
-fn the_numbers_beside_the_figures_are_what_the_program_measures() {
+fn the_numbers_in_the_readme_of_the_figures_are_up_to_date() {
     let readme = committed("README.md");
     for table in program::measured().split("\n\n") {
-        assert!(readme.contains(table.trim_end()), "the README has not: {table}");
+        assert!(readme.contains(table.trim_end()), "the README does not contain: {table}");
     }
 }
 
@@ -73,20 +73,20 @@ pub fn legible(svg: &str) -> usize {
 }
 
 #[test]
-fn no_text_of_the_figures_overlaps_another() {
+fn texts_of_the_figures_do_not_overlap() {
     for (_, sheet) in program::sheets() {
         assert!(legible(&sheet.svg()) > 30);
     }
 }
 
-/// Marks so close to each other that their names must make room.
+/// Marks whose names would overlap.
 fn marks(values: &[f64]) -> Vec<(f64, String)> {
     values.iter().map(|value| (*value, "limit".to_owned())).collect()
 }
 
-/// Axes of all kinds, many series, long and hostile names.
+/// All kinds of axes, many series, long names and names with XML characters.
 #[test]
-fn other_figures_are_legible_too() {
+fn figures_with_unusual_content_are_legible() {
     let grid: Vec<f64> = (-10..=50).map(|i| f64::from(i) * 0.1).collect();
     for (log_x, log_y) in [(false, false), (false, true), (true, false), (true, true)] {
         for scale in [1e-9, 1e-3, 1.0, 7e4, 3e12] {
@@ -110,7 +110,7 @@ fn other_figures_are_legible_too() {
     }
 }
 
-/// Every sample in a legend is clear of every curve.
+/// No curve crosses a sample of a legend.
 #[test]
 fn no_curve_runs_behind_a_legend() {
     let x: Vec<f64> = (0..=100).map(|i| f64::from(i) / 100.0).collect();

@@ -1,4 +1,4 @@
-//! The forms of a result, as a client asks for them: formats, selections, tags, compression, memory.
+//! Formats of results over HTTP: negotiation, selections, tags, compression, memory.
 
 use std::collections::HashSet;
 use std::io::Read as _;
@@ -12,8 +12,8 @@ use tokio::net::TcpSocket;
 use crate::program;
 use crate::server::{Gate, JSON, Reply, Server, metric, send, steel_ball};
 
-/// A server with a result that a test can read; returns the address of the result.
-async fn kept(body: &Value) -> (Server, String) {
+/// A server with one result, and the address of the result.
+async fn with_result(body: &Value) -> (Server, String) {
     let server = Server::start().await;
     let job = server.compute(body).await.json();
     assert_eq!(job["state"], "succeeded", "{job}");
@@ -21,7 +21,7 @@ async fn kept(body: &Value) -> (Server, String) {
     (server, address)
 }
 
-/// The steel ball with many large profiles.
+/// The steel ball with 200 profiles of 512 radii.
 fn large(method: &str) -> Value {
     let mut body = steel_ball();
     body["scenario"]["cycles"] =
@@ -41,7 +41,7 @@ fn gunzipped(body: &[u8]) -> Vec<u8> {
     out
 }
 
-/// A body whose length was not known beforehand, put together from its chunks.
+/// Decodes a body with chunked transfer coding.
 fn joined(mut chunks: &[u8]) -> Vec<u8> {
     let mut out = Vec::new();
     loop {
@@ -70,8 +70,8 @@ fn unpacked(reply: &Reply) -> Vec<u8> {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn every_format_is_had_by_its_name_and_by_its_media_type() {
-    let (server, address) = kept(&steel_ball()).await;
+async fn a_client_selects_a_format_by_name_or_by_media_type() {
+    let (server, address) = with_result(&steel_ball()).await;
     for part in Part::TABLES.into_iter().chain([Part::Whole]) {
         let path = match part {
             Part::Whole => address.clone(),
@@ -102,8 +102,8 @@ async fn every_format_is_had_by_its_name_and_by_its_media_type() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn all_that_is_wrong_with_a_form_is_told_at_once() {
-    let (server, address) = kept(&steel_ball()).await;
+async fn an_error_lists_all_faults_of_the_parameters() {
+    let (server, address) = with_result(&steel_ball()).await;
     for (target, expected) in [
         (
             "/profiles?digits=0&units=imperial&layout=rows&cycles=1,x&points=1&colour=red",
@@ -135,13 +135,13 @@ async fn all_that_is_wrong_with_a_form_is_told_at_once() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn numbers_are_equal_in_every_text_and_rounded_where_that_is_asked() {
-    let (server, address) = kept(&steel_ball()).await;
+async fn numbers_are_equal_in_all_text_formats_and_rounded_on_request() {
+    let (server, address) = with_result(&steel_ball()).await;
     let whole = server.get(&address).await;
     for part in Part::TABLES {
         let path = format!("{address}/{}", part.name());
         let table = server.get(&path).await;
-        // As it stands in the stored document, to the letter.
+        // Character by character as in the stored document.
         let (_, text) = table.text().split_once(&format!("\"{}\":", part.name())).unwrap();
         assert!(whole.text().contains(&text[..text.len() - 1]), "{part:?}");
 
@@ -173,8 +173,8 @@ async fn numbers_are_equal_in_every_text_and_rounded_where_that_is_asked() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_tag_stands_for_one_representation_however_it_is_asked_for() {
-    let (server, address) = kept(&steel_ball()).await;
+async fn equivalent_requests_have_equal_tags_and_others_have_different_tags() {
+    let (server, address) = with_result(&steel_ball()).await;
     let tag = async |target: &str| {
         let reply = server.get(&format!("{address}{target}")).await;
         assert_eq!(reply.status, 200, "{target}");
@@ -212,8 +212,8 @@ async fn a_tag_stands_for_one_representation_however_it_is_asked_for() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_is_compressed_has_a_weak_tag_and_is_compressed_once() {
-    let (server, address) = kept(&steel_ball()).await;
+async fn a_compressed_answer_has_a_weak_tag_and_is_cached() {
+    let (server, address) = with_result(&steel_ball()).await;
     for target in ["", "/profiles?format=csv", "/profiles?format=arrow&digits=7"] {
         let target = format!("{address}{target}");
         let plain = server.get(&target).await;
@@ -230,7 +230,7 @@ async fn what_is_compressed_has_a_weak_tag_and_is_compressed_once() {
             let now = metric(server.address, "fretwork_memory_cache_hits_total").await;
             assert_eq!(now, hits + 1.0);
         }
-        // Held compressed or not, in a list or not: it is confirmed by the tag it is held by.
+        // The server confirms strong and weak tags, alone and in lists.
         for held in [tag.to_owned(), format!("W/{tag}"), "*".to_owned()] {
             let list = format!("\"other\", {held} , \"another\"");
             for sent in [&held, &list] {
@@ -253,7 +253,7 @@ async fn what_is_compressed_has_a_weak_tag_and_is_compressed_once() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn other_answers_are_compressed_too_but_not_events() {
+async fn other_answers_are_compressed_but_event_streams_are_not() {
     let gate = Gate::default();
     let server = Server::computing(gate.compute(), &Origins::Own).await;
     let plain = server.get("/openapi.json").await;
@@ -273,10 +273,10 @@ async fn other_answers_are_compressed_too_but_not_events() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn two_hundred_snapshots_are_small_where_little_is_asked_of_them() {
+async fn selections_of_a_large_result_are_small() {
     for method in ["simplified", "exact"] {
-        let (server, address) = kept(&large(method)).await;
-        for (target, most) in LARGEST {
+        let (server, address) = with_result(&large(method)).await;
+        for (target, most) in SELECTIONS {
             let target = format!("{address}{target}");
             let reply = coded(&server, &target, "zstd").await;
             assert_eq!(reply.status, 200);
@@ -286,9 +286,9 @@ async fn two_hundred_snapshots_are_small_where_little_is_asked_of_them() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_large_result_inside_its_job_is_the_same_bytes() {
+async fn a_job_includes_the_stored_bytes_of_a_large_result() {
     let body = large("simplified");
-    let (server, address) = kept(&body).await;
+    let (server, address) = with_result(&body).await;
     let stored = server.get(&address).await;
     let headers = [JSON, ("Prefer", "wait=60")];
     let target = "/v1/jobs?include=result,scenario";
@@ -303,15 +303,15 @@ async fn a_large_result_inside_its_job_is_the_same_bytes() {
     assert_eq!(again.json()["state"], "succeeded");
 }
 
-/// Parts of 200 instants and 512 radii, and how many bytes they have at most on the line.
-const LARGEST: [(&str, usize); 4] = [
+/// Selections of 200 output cycles and 512 radii, and the largest size of the compressed answer in bytes.
+const SELECTIONS: [(&str, usize); 4] = [
     ("/history?digits=7", 10_000),
     ("/profiles?digits=7&fields=worn", 300_000),
     ("/profiles?digits=7&points=64", 300_000),
     ("?digits=3&points=128", 300_000),
 ];
 
-/// The most that a process has held in memory, in kB.
+/// Peak memory of a process, in kB.
 #[cfg(target_os = "linux")]
 fn most_resident(process: u32) -> usize {
     let status = std::fs::read_to_string(format!("/proc/{process}/status")).unwrap();
@@ -321,7 +321,7 @@ fn most_resident(process: u32) -> usize {
 
 #[cfg(target_os = "linux")]
 #[tokio::test(flavor = "multi_thread")]
-async fn fifty_slow_readers_of_a_large_answer_hold_it_once() {
+async fn fifty_slow_readers_share_one_copy_of_a_large_answer() {
     const READERS: usize = 50;
     const MOST: usize = 150_000;
     for cache in ["0", "64MiB"] {
@@ -346,7 +346,7 @@ async fn fifty_slow_readers_of_a_large_answer_hold_it_once() {
             let mut readers = Vec::new();
             for _ in 0..READERS {
                 let socket = TcpSocket::new_v4().unwrap();
-                // What the system takes off the server's hands is not what is measured.
+                // Small buffers keep the answer in the memory of the server.
                 socket.set_recv_buffer_size(1 << 16).unwrap();
                 let mut reader = socket.connect(address).await.unwrap();
                 reader.write_all(request.as_bytes()).await.unwrap();

@@ -1,4 +1,4 @@
-//! The contract: generated from the routes, committed, complete.
+//! The OpenAPI document: committed and complete.
 
 use std::collections::HashSet;
 
@@ -19,7 +19,7 @@ fn operations(document: &Value) -> impl Iterator<Item = (String, &Value)> {
 }
 
 #[test]
-fn the_committed_document_is_what_the_routes_generate() {
+fn the_committed_document_is_up_to_date() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/openapi/openapi.json");
     let committed = std::fs::read(path).unwrap_or_default();
     assert!(
@@ -29,7 +29,7 @@ fn the_committed_document_is_what_the_routes_generate() {
 }
 
 #[test]
-fn every_operation_is_described_and_every_refusal_is_a_problem() {
+fn every_operation_has_a_description_and_every_error_is_a_problem() {
     let document = document();
     let mut ids = HashSet::new();
     for (name, operation) in operations(&document) {
@@ -62,7 +62,7 @@ fn every_operation_is_described_and_every_refusal_is_a_problem() {
 }
 
 #[test]
-fn every_reference_leads_somewhere() {
+fn every_reference_has_a_target() {
     fn check(document: &Value, value: &Value) {
         match value {
             Value::Object(members) => {

@@ -26,7 +26,7 @@ fn computed(body: &str) -> Vec<u8> {
     }
 }
 
-/// The bodies of the examples and of contacts whose pressure has poles from the beginning.
+/// The example jobs, and a cone, whose pressure has poles at cycle 0.
 fn bodies() -> Vec<(String, String)> {
     let directory = concat!(env!("CARGO_MANIFEST_DIR"), "/examples");
     let paths = fs::read_dir(directory).unwrap().map(|entry| entry.unwrap().path());
@@ -41,7 +41,7 @@ fn bodies() -> Vec<(String, String)> {
     out
 }
 
-/// A cone, at many instants.
+/// A cone with 13 output cycles.
 fn cone(profiles_at: &Value) -> Value {
     json!({"scenario": {
         "profile": {"shape": "cone", "slope_angle": "2 deg"},
@@ -69,7 +69,7 @@ fn numbers(text: &str) -> Vec<f64> {
         .collect()
 }
 
-/// The part of the drawing that shows only within the frame.
+/// The clipped part of the drawing.
 fn window<'a>(document: &'a Document) -> Node<'a, 'a> {
     document.descendants().filter(|node| node.has_tag_name("svg")).nth(1).unwrap()
 }
@@ -81,7 +81,7 @@ fn frame(document: &Document) -> [f64; 4] {
     [side("x"), side("y"), side("x") + side("width"), side("y") + side("height")]
 }
 
-/// Checks all that a figure must be, whatever it shows.
+/// Checks what all figures have in common.
 fn sound(svg: &str, size: (u16, u16), name: &str) {
     assert!(legible(svg) > 5, "{name}");
     let document = Document::parse(svg).unwrap();
@@ -96,7 +96,7 @@ fn sound(svg: &str, size: (u16, u16), name: &str) {
         let plain = path.bytes().all(|byte| b"MLZ -.0123456789".contains(&byte));
         assert!(plain, "{name}: {path}");
     }
-    // Ticks stand at the frame, on the left and at the bottom.
+    // Ticks are at the left and the bottom of the frame.
     let group = root.children().find(|node| node.has_tag_name("g")).unwrap();
     let ticks = group.children().filter(|node| node.attribute("stroke") == Some("#000"));
     let mut count = 0;
@@ -111,7 +111,7 @@ fn sound(svg: &str, size: (u16, u16), name: &str) {
 }
 
 #[test]
-fn every_quantity_of_every_example_is_drawn_well() {
+fn every_quantity_of_every_example_gives_a_legible_figure() {
     for (name, body) in bodies() {
         let stored = computed(&body);
         for quantity in &QUANTITIES {
@@ -121,7 +121,7 @@ fn every_quantity_of_every_example_is_drawn_well() {
             sound(&svg, (640, 440), &name);
             assert!(svg == drawn(&stored, &view).unwrap(), "{name} changes");
             assert!(svg.len() < 120_000, "{name} has {} bytes", svg.len());
-            // The smallest, with axes of the other kind.
+            // The smallest size, with logarithmic axes.
             let log = Some(true).filter(|_| !quantity.has_sign());
             let figure = FigureOptions { quantity, log_x: log, log_y: log, size: (320, 240) };
             let svg = drawn(&stored, &View { engineering: false, figure, ..view });
@@ -131,7 +131,7 @@ fn every_quantity_of_every_example_is_drawn_well() {
 }
 
 #[test]
-fn a_figure_says_in_words_what_it_shows() {
+fn a_figure_has_a_description_in_words() {
     let stored = computed(http::EXAMPLES[0].body);
     let key = serde_json::from_slice::<Value>(&stored).unwrap()["key"].as_str().unwrap().to_owned();
     let svg = plotted(&stored, "worn");
@@ -150,7 +150,7 @@ fn a_figure_says_in_words_what_it_shows() {
 }
 
 #[test]
-fn an_infinite_pressure_is_a_gap_and_the_curve_rises_to_the_frame_beside_it() {
+fn beside_an_infinite_pressure_the_curve_rises_to_the_frame() {
     let stored = computed(&cone(&json!([100])).to_string());
     let view =
         View { cycles: Some(vec![0.0]), ..View::figure(Quantity::named("pressure").unwrap()) };
@@ -159,7 +159,7 @@ fn an_infinite_pressure_is_a_gap_and_the_curve_rises_to_the_frame_beside_it() {
     let [left, top, _, bottom] = frame(&document);
     let curve = window(&document).children().find(|node| node.has_tag_name("path")).unwrap();
     let points = numbers(&curve.attribute("d").unwrap().replace(['M', 'L'], " "));
-    // It comes from above the frame at the apex, and the axis shows what is below.
+    // At the apex the curve starts above the frame, and the axis shows the finite pressures.
     assert!((points[0] - left).abs() < 0.01 && points[1] < top, "{points:?}");
     assert!(points[3] > top && points[3] < bottom);
     let highest = points.chunks(2).filter(|point| point[1] < top).count();
@@ -167,7 +167,7 @@ fn an_infinite_pressure_is_a_gap_and_the_curve_rises_to_the_frame_beside_it() {
 }
 
 #[test]
-fn instants_are_those_asked_for_or_some_evenly_chosen() {
+fn a_figure_has_the_selected_output_cycles_or_evenly_spaced_ones() {
     let stored = computed(&cone(&json!("all")).to_string());
     let legend = |quantity, cycles: Option<&[f64]>| {
         let view = View {
@@ -186,7 +186,7 @@ fn instants_are_those_asked_for_or_some_evenly_chosen() {
 }
 
 #[test]
-fn what_was_not_computed_is_refused_by_name_and_histories_are_still_drawn() {
+fn a_result_without_profiles_has_figures_of_its_history_only() {
     let stored = computed(&cone(&json!("none")).to_string());
     for quantity in &QUANTITIES {
         let drawn = drawn(&stored, &View::figure(quantity));
@@ -209,7 +209,7 @@ fn what_was_not_computed_is_refused_by_name_and_histories_are_still_drawn() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_figure_is_served_kept_and_refused_like_every_form() {
+async fn a_figure_is_cached_and_refused_like_every_format() {
     let server = Server::start().await;
     let job = server.compute(&steel_ball()).await.json();
     let address = format!("{}/plot.svg", job["links"]["result"].as_str().unwrap());
@@ -218,7 +218,7 @@ async fn a_figure_is_served_kept_and_refused_like_every_form() {
     assert!(figure.header("cache-control").unwrap().contains("immutable"));
     assert!(figure.header("content-disposition").is_none());
     assert_eq!(figure.text(), plotted(&computed(http::EXAMPLES[0].body), "worn"));
-    // What is asked for in other words is the same, and held by the same tag.
+    // An equivalent request has the same tag.
     let tag = figure.header("etag").unwrap();
     let other = server.get(&format!("{address}?width=640&units=engineering&quantity=worn")).await;
     assert_eq!((other.header("etag"), &other.body), (Some(tag), &figure.body));
@@ -259,7 +259,7 @@ async fn a_figure_is_served_kept_and_refused_like_every_form() {
 }
 
 #[test]
-fn run_draws_beside_what_it_writes() {
+fn run_writes_a_figure_in_addition_to_the_result() {
     let dir = TempDir::new().unwrap();
     let file = dir.path().join("figure.svg");
     let (file, body) = (file.to_str().unwrap(), http::EXAMPLES[0].body);
