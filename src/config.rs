@@ -368,7 +368,7 @@ fn condition(text: &str) -> Result<(String, String), String> {
 
 impl Serve {
     /// What the interface must know.
-    pub fn interface(&self, workers: usize) -> http::Settings {
+    pub fn interface(&self) -> http::Settings {
         http::Settings {
             access: Access {
                 open: self.no_auth,
@@ -378,8 +378,6 @@ impl Serve {
                     at_once: NonZeroU32::new(self.concurrency),
                 },
             },
-            workers,
-            run_limit: some(self.run_limit),
             memory: self.memory_cache.as_u64(),
             origins: self.origins(),
         }

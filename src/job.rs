@@ -1,9 +1,12 @@
-//! What people ask for and what is kept: jobs, their keys and states; and the [`Task`] behind them.
+//! What clients ask for and what is kept: jobs, their keys and states, and the [`Task`] behind them.
 
 pub mod clock;
+pub mod json;
 mod outline;
+mod submission;
 mod task;
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::str::FromStr;
 
@@ -13,10 +16,8 @@ use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 pub use outline::{Outline, SCALARS, Scalar, WORDS, Word};
-pub use task::{
-    Answer, Cost, ENGINE, Engine, MAX_LABEL, MAX_TAG, MAX_TAGS, Step, Submission, Task, Work,
-    summary,
-};
+pub use submission::{BadSubmission, MAX_LABEL, MAX_SUBMITTED, MAX_TAG, MAX_TAGS, Submission};
+pub use task::{Answer, Cost, ENGINE, Engine, Prepared, Step, Task, Work, summary};
 
 /// The address of a result: SHA-256 of the engine's name, its `numerics` version and the
 /// canonical scenario (RFC 8785), written in lower-case hexadecimal.
@@ -34,18 +35,28 @@ impl Key {
     pub fn from_bytes(bytes: [u8; 32]) -> Self {
         Self(bytes)
     }
-    /// The key of a canonical scenario, for the engine of this `numerics` version.
+    /// The key of a canonical task, for instance `{"scenario": {…}}`, under this `numerics` version.
+    ///
+    /// # Panics
+    /// The task has no form in JSON.
     #[must_use]
-    pub fn of(numerics: u32, scenario: &impl Serialize) -> Self {
+    #[expect(clippy::expect_used, reason = "a key must never be made of something else")]
+    pub fn of(numerics: u32, task: &impl Serialize) -> Self {
         #[derive(Serialize)]
-        struct Identity<'a, S> {
+        struct Identity<'a, T> {
             engine: &'static str,
             numerics: u32,
-            scenario: &'a S,
+            #[serde(flatten)]
+            task: &'a T,
         }
-        let identity = Identity { engine: ENGINE.name, numerics, scenario };
-        // A scenario is made of finite numbers and strings, which always serialise.
-        Self::digest(&serde_json_canonicalizer::to_vec(&identity).unwrap_or_default())
+        let identity = Identity { engine: ENGINE.name, numerics, task };
+        let bytes = serde_json_canonicalizer::to_vec(&identity);
+        Self::digest(&bytes.expect("a task is made of finite numbers and strings"))
+    }
+    /// The key of a run by its canonical scenario.
+    #[must_use]
+    pub fn of_scenario(numerics: u32, scenario: &impl Serialize) -> Self {
+        Self::of(numerics, &BTreeMap::from([("scenario", scenario)]))
     }
     fn digest(document: &[u8]) -> Self {
         Self(Sha256::digest(document).into())

@@ -17,9 +17,10 @@ use axum::http::Uri;
 use axum::http::uri::Authority;
 use clap::{ArgMatches, CommandFactory as _, FromArgMatches as _};
 use fretwork::format::{self, Format, Part, Quantity, View};
-use fretwork::http::{self, IdleTimeout, Peer, Unsound};
-use fretwork::job::{Answer, Step, Task};
-use fretwork::service::workers::{Compute, Workers};
+use fretwork::http::{self, IdleTimeout, Peer};
+use fretwork::job::{Answer, BadSubmission, Prepared, Submission, Task};
+use fretwork::service::workers::Workers;
+use fretwork::service::{self, Service};
 use fretwork::store::Store;
 use fretwork::verification;
 use serde_json::Value;
@@ -119,15 +120,14 @@ async fn serve_until_told(settings: &Serve) -> Result<(), Failure> {
     let count = settings
         .workers
         .map_or_else(|| thread::available_parallelism().map_or(1, usize::from), usize::from);
-    let compute: Compute = Arc::new(Task::start);
-    let workers = Workers::start(&store, count, settings.limit(), &compute)?;
-    let (drain, draining) = watch::channel(false);
+    let service = Service::new(store.clone(), Arc::new(Task::start), count, settings.limit());
+    let workers = Workers::start(&store, count, settings.limit(), &service.compute())?;
     let (close, mut closed) = watch::channel(false);
-    let router = http::router(store.clone(), &compute, draining, &settings.interface(count));
-    let service = router.into_make_service_with_connect_info::<Peer>();
+    let router = http::router(service.clone(), &settings.interface());
+    let connections = router.into_make_service_with_connect_info::<Peer>();
     let listener = IdleTimeout { listener, timeout: STILL };
     let mut shut = closed.clone();
-    let server = axum::serve(listener, service).with_graceful_shutdown(async move {
+    let server = axum::serve(listener, connections).with_graceful_shutdown(async move {
         let _ = shut.wait_for(|shut| *shut).await;
     });
     let mut server = pin!(server.into_future());
@@ -142,7 +142,7 @@ async fn serve_until_told(settings: &Serve) -> Result<(), Failure> {
         ended = &mut server => ended?,
     }
     tracing::info!("draining; a second signal stops at once");
-    drain.send_replace(true);
+    service.drain();
     let calmly = async {
         let computing = async {
             workers.drain(settings.drain_seconds).await;
@@ -244,7 +244,7 @@ fn reachable(mut address: SocketAddr) -> SocketAddr {
 fn run(settings: &Run) -> ExitCode {
     let mut err = io::stderr().lock();
     let job = match read(settings) {
-        Ok(text) => http::parse_job(&text),
+        Ok(text) => Submission::parse(&text),
         Err(error) => {
             let _ = writeln!(err, "fretwork: cannot read {}: {error}", settings.file.display());
             return ExitCode::FAILURE;
@@ -252,7 +252,7 @@ fn run(settings: &Run) -> ExitCode {
     };
     let job = match job {
         Ok(job) => job,
-        Err(Unsound::Faults(faults)) => {
+        Err(BadSubmission::Faults(faults)) => {
             for fault in faults {
                 let _ = writeln!(err, "{}: {}", fault.pointer, fault.detail);
             }
@@ -265,7 +265,7 @@ fn run(settings: &Run) -> ExitCode {
         }
     };
     drop(err);
-    match compute(&job.task).and_then(|(answer, time)| {
+    match compute(&job.prepared).and_then(|(answer, time)| {
         print(&answer, settings)?;
         draw(&answer, settings)?;
         summarise(&job, &answer, time)
@@ -287,27 +287,22 @@ fn read(settings: &Run) -> io::Result<Vec<u8>> {
     fs::read(&settings.file)
 }
 
-fn compute(task: &Task) -> Result<(Answer, Duration), Failure> {
+fn compute(prepared: &Prepared) -> Result<(Answer, Duration), Failure> {
     let started = Instant::now();
-    let mut shown = started;
-    let mut work = Task::start(&task.key(), &task.to_json())?;
+    let mut shown = None;
     let mut err = io::stderr();
-    loop {
-        match work.step() {
-            Step::Done(answer) => {
-                if shown > started {
-                    write!(err, "\r      \r")?;
-                }
-                return Ok((answer, started.elapsed()));
-            }
-            Step::Working { progress } => {
-                if err.is_terminal() && shown.elapsed() > Duration::from_millis(500) {
-                    shown = Instant::now();
-                    write!(err, "\r{:4.0} %", progress * 100.0)?;
-                }
-            }
+    let answer = service::evaluate(prepared, |progress| {
+        let last = shown.unwrap_or(started);
+        if err.is_terminal() && last.elapsed() > Duration::from_millis(500) {
+            shown = Some(Instant::now());
+            // A progress that cannot be shown does not stop the run.
+            let _ = write!(err, "\r{:4.0} %", progress * 100.0);
         }
+    });
+    if shown.is_some() {
+        write!(err, "\r      \r")?;
     }
+    Ok((answer, started.elapsed()))
 }
 
 /// Writes the result where it is wanted.
@@ -339,11 +334,7 @@ fn draw(answer: &Answer, settings: &Run) -> Result<(), Failure> {
 }
 
 /// A few lines for people: what was computed, what came out, what to know about it.
-fn summarise(
-    job: &fretwork::job::Submission,
-    answer: &Answer,
-    time: Duration,
-) -> Result<(), Failure> {
+fn summarise(job: &Submission, answer: &Answer, time: Duration) -> Result<(), Failure> {
     let mut err = io::stderr().lock();
     let label = job.label.as_deref().unwrap_or("computed");
     writeln!(err, "{label} ({:.1} ms)", time.as_secs_f64() * 1e3)?;
@@ -356,7 +347,7 @@ fn summarise(
         };
         writeln!(err, "  {name:<20} {}", shown.trim_end())?;
     }
-    for warning in &job.warnings {
+    for warning in &job.prepared.warnings {
         writeln!(err, "  warning: {}", warning.detail)?;
     }
     Ok(())

@@ -116,31 +116,47 @@ struct Pass {
     link: Option<Duration>,
 }
 
-/// What a route asks for; none if it is open to all.
-pub fn needed(method: &Method, route: &str) -> Option<Role> {
-    match (method.as_str(), route) {
-        // The dashboard holds no data; what it asks for is behind the gate.
-        (_, "/healthz" | "/readyz") | ("GET" | "HEAD", "/" | "/assets/{*name}") => None,
-        ("GET" | "HEAD", _) | ("POST", "/v1/scenarios" | "/v1/results/diff") => Some(Role::Read),
-        ("DELETE", "/v1/results/{key}") => Some(Role::Admin),
-        _ => Some(Role::Submit),
-    }
+/// What a route needs, declared where the route is defined.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Needs {
+    /// The least role; none where everyone may call.
+    pub role: Option<Role>,
+    /// Whether a call counts against the limits of its caller.
+    pub counted: bool,
 }
 
-/// Whether a route is there even for who has asked for too much: to stop work is no burden, and is not
-/// counted.
-pub fn is_relief(method: &Method, route: &str) -> bool {
-    matches!(
-        (method.as_str(), route),
-        ("POST", "/v1/jobs/{id}/cancel" | "/v1/jobs/cancel") | ("DELETE", "/v1/jobs/{id}")
-    )
+impl Needs {
+    /// Open to everyone: it shows no data.
+    pub const NOTHING: Self = Self { role: None, counted: false };
+    /// To read.
+    pub const READ: Self = Self { role: Some(Role::Read), counted: true };
+    /// To submit and to change.
+    pub const SUBMIT: Self = Self { role: Some(Role::Submit), counted: true };
+    /// To stop work: it relieves the server, so a caller beyond its limits may do it too.
+    pub const STOP: Self = Self { role: Some(Role::Submit), counted: false };
+    /// To administrate.
+    pub const ADMIN: Self = Self { role: Some(Role::Admin), counted: true };
+}
+
+/// What a route needs; an unknown route is not open.
+pub fn needs(method: &Method, route: &str) -> Needs {
+    let safe = matches!(*method, Method::GET | Method::HEAD);
+    let declared = super::NEEDS.get(route).and_then(|declared| {
+        let method = if safe { "GET" } else { method.as_str() };
+        declared.iter().find(|(name, _)| *name == method)
+    });
+    match declared {
+        Some((_, needs)) => *needs,
+        None if safe => Needs::READ,
+        None => Needs::SUBMIT,
+    }
 }
 
 /// Stands before all routes, and behind those that took long.
 pub async fn pass(State(gate): State<Arc<Gate>>, mut request: Request, next: Next) -> Response {
     let came = Instant::now();
     let route = request.extensions().get::<MatchedPath>().map_or("", MatchedPath::as_str);
-    let needed = needed(request.method(), route).is_some();
+    let needed = needs(request.method(), route).role.is_some();
     let Pass { identity, place, link } = match gate.admit(&mut request).await {
         Ok(pass) => pass,
         Err(problem) => return problem.into_response(),
@@ -223,7 +239,8 @@ impl Gate {
     async fn admit(&self, request: &mut Request) -> Result<Pass, Problem> {
         let matched = request.extensions().get::<MatchedPath>().cloned();
         let route = matched.as_ref().map_or("", MatchedPath::as_str);
-        let Some(needed) = needed(request.method(), route) else {
+        let Needs { role, counted } = needs(request.method(), route);
+        let Some(needed) = role else {
             return Ok(Pass { identity: None, place: Place::default(), link: None });
         };
         if let Some(token) = links::token(request.uri()) {
@@ -250,7 +267,7 @@ impl Gate {
         }
         let (identity, holder) = self.identify(request.headers()).await?;
         let place = match (&holder, &self.master) {
-            _ if is_relief(request.method(), route) => Place::default(),
+            _ if !counted => Place::default(),
             (Some(holder), _) => holder.account.take()?,
             (None, Some(master)) => master.account.take()?,
             (None, None) => Place::default(),
@@ -577,17 +594,21 @@ mod tests {
     }
 
     #[test]
-    fn what_a_route_asks_for() {
-        let asks = |method: Method, route| needed(&method, route);
-        assert_eq!(asks(Method::GET, "/healthz"), None);
-        assert_eq!(asks(Method::GET, "/assets/{*name}"), None);
-        assert_eq!(asks(Method::GET, "/v1/jobs"), Some(Role::Read));
-        assert_eq!(asks(Method::POST, "/v1/scenarios"), Some(Role::Read));
-        assert_eq!(asks(Method::POST, "/v1/jobs"), Some(Role::Submit));
-        assert_eq!(asks(Method::PUT, "/v1/results/{key}/pin"), Some(Role::Submit));
-        assert_eq!(asks(Method::DELETE, "/v1/results/{key}"), Some(Role::Admin));
-        // What is not known is not open.
-        assert_eq!(asks(Method::PATCH, ""), Some(Role::Submit));
-        assert_eq!(asks(Method::GET, ""), Some(Role::Read));
+    fn a_route_needs_the_role_it_declares() {
+        for (method, route, needed) in [
+            (Method::GET, "/healthz", Needs::NOTHING),
+            (Method::HEAD, "/assets/{*name}", Needs::NOTHING),
+            (Method::GET, "/v1/jobs", Needs::READ),
+            (Method::POST, "/v1/scenarios", Needs::READ),
+            (Method::POST, "/v1/jobs", Needs::SUBMIT),
+            (Method::PUT, "/v1/results/{key}/pin", Needs::SUBMIT),
+            (Method::POST, "/v1/jobs/{id}/cancel", Needs::STOP),
+            (Method::DELETE, "/v1/results/{key}", Needs::ADMIN),
+            // An unknown route is not open.
+            (Method::PATCH, "", Needs::SUBMIT),
+            (Method::GET, "", Needs::READ),
+        ] {
+            assert_eq!(needs(&method, route), needed, "{method} {route}");
+        }
     }
 }

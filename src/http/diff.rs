@@ -11,7 +11,7 @@ use super::App;
 use super::library::read;
 use super::problem::{self, Problem};
 use super::wire::{Body, NoQuery};
-use crate::job::{ENGINE, Key, Outline};
+use crate::job::{ENGINE, Key, Outline, Prepared};
 use crate::store::Known;
 use fretwork_engine::outcome::UNITS;
 use fretwork_engine::request::fault::{Fault, Faults};
@@ -183,8 +183,8 @@ impl Side {
                 let (scenario, numerics) = (known.scenario.clone(), known.numerics);
                 Ok(Self { key, scenario, numerics, known: Some(known) })
             }
-            Asked::Scenario(scenario) => {
-                let key = Key::of(ENGINE.numerics, &scenario);
+            Asked::Scenario(prepared) => {
+                let (key, scenario) = (prepared.key, prepared.task.scenario());
                 let scenario = serde_json::to_value(scenario).map_err(|_| Problem::internal())?;
                 let known = app.store.known(&key).await?;
                 Ok(Self { key, scenario, numerics: ENGINE.numerics, known })
@@ -213,7 +213,7 @@ impl Side {
 /// One side of a request.
 enum Asked {
     Key(Key),
-    Scenario(Box<scenario::Scenario>),
+    Scenario(Box<Prepared>),
 }
 
 /// Reads both sides and collects all faults. Without a second side, the nearest result is compared.
@@ -226,8 +226,8 @@ fn asked(body: DiffBody) -> Result<(Asked, Option<Asked>), Vec<Fault>> {
     };
     let side = |side: SideBody, pointer: &str| match (side.key.0, side.scenario.0) {
         (Some(text), None) => key(&text, &format!("{pointer}/key")),
-        (None, Some(scenario)) => scenario::check(&scenario, &format!("{pointer}/scenario"))
-            .map(|(scenario, _)| Asked::Scenario(Box::new(scenario)))
+        (None, Some(scenario)) => Prepared::from_scenario(scenario, &format!("{pointer}/scenario"))
+            .map(|prepared| Asked::Scenario(Box::new(prepared)))
             .map_err(|faults| faults.0),
         _ => Err(fault(pointer, "must have either `key` or `scenario`")),
     };

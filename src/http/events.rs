@@ -81,7 +81,7 @@ pub async fn follow(
     if job.state.is_finished() && seen == job.changes.len() {
         return Ok(StatusCode::NO_CONTENT.into_response());
     }
-    let changes = app.store.watch(&job.key);
+    let changes = app.service.watch(&job);
     let Caller { key, .. } = caller;
     let ready = VecDeque::new();
     let following = Following { app, id, key, changes, seen, progress: -1.0, ready };
@@ -121,14 +121,13 @@ impl Following {
         match step {
             Step::First => {}
             Step::Next => {
-                let mut draining = self.app.draining.clone();
                 let mut changed = false;
                 while !changed {
                     changed = tokio::select! {
                         () = self.changes.changed() => true,
                         () = sleep(KEY_LOOKED_AT) => false,
                         // The client comes back to the next server, which knows where it stood.
-                        _ = draining.wait_for(|draining| *draining) => return None,
+                        () = self.app.service.drained() => return None,
                     };
                     // The client comes back, and is told why it may not.
                     if self.app.gate.ousted(self.key.as_deref()).await.is_some() {
@@ -139,7 +138,7 @@ impl Following {
             Step::Last => return None,
         }
         // An error ends the stream: the client comes back, and is told what is wrong.
-        let job = self.app.store.job(self.id).await.ok().flatten()?;
+        let job = self.app.service.job(None, self.id).await.ok().flatten()?;
         let finished = job.state.is_finished();
         self.tell(job, matches!(step, Step::First));
         Some(if finished { Step::Last } else { Step::Next })

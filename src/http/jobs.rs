@@ -16,7 +16,7 @@ use super::wire::{NoQuery, Query, Segment};
 use crate::job::{Job, JobId, JobState};
 use crate::store::{Canceled, Deleted, Filter};
 
-use answer::{answer, wait};
+use answer::answer;
 
 pub use answer::{Include, JobAnswer};
 pub use submission::{__path_submit, submit};
@@ -43,12 +43,9 @@ pub(super) fn read_id(text: &str) -> Result<JobId, Problem> {
     })
 }
 
-/// The job of this id, if the caller may see it. Jobs of others are as good as none: nobody learns
-/// what there is.
+/// The job of this id, if it is within the caller's reach.
 pub(super) async fn visible(app: &App, caller: &Caller, id: &str) -> Result<Job, Problem> {
-    let job = app.store.job(read_id(id)?).await?;
-    let seen = |job: &Job| caller.reach().is_none_or(|owner| owner == job.owner);
-    job.filter(seen).ok_or_else(unknown)
+    app.service.job(caller.reach(), read_id(id)?).await?.ok_or_else(unknown)
 }
 
 pub(super) fn unknown() -> Problem {
@@ -82,13 +79,13 @@ pub async fn list(
     uri: Uri,
     mut query: Query,
 ) -> Result<Response, Problem> {
-    let filter = within(read_filter(&mut query, &caller), &caller);
+    let filter = read_filter(&mut query, &caller);
     let limit = query.value("limit", &format!("a number from 1 to {LONGEST_PAGE}"), |text| {
         text.parse().ok().filter(|limit| (1..=LONGEST_PAGE).contains(limit))
     });
     let cursor = query.value("cursor", "the id of a job", |text| text.parse().ok());
     query.finish()?;
-    let page = app.store.jobs(&filter, cursor, limit.unwrap_or(PAGE)).await?;
+    let page = app.service.jobs(caller.reach(), filter, cursor, limit.unwrap_or(PAGE)).await?;
     let next = page.next.map(|cursor| next_page(&uri, cursor));
     let link = next.as_ref().map(|next| [(header::LINK, format!("<{next}>; rel=\"next\""))]);
     let jobs = page.jobs.into_iter().map(JobAnswer::from).collect();
@@ -110,11 +107,6 @@ fn read_filter(query: &mut Query, caller: &Caller) -> Filter {
         key: query.value("key", key, |text| text.parse().ok()),
         owner: query.value("owner", whose, |text| caller.owner_named(text)),
     }
-}
-
-/// Of all jobs that match, those that the caller may touch.
-fn within(filter: Filter, caller: &Caller) -> Filter {
-    Filter { owner: filter.owner.or_else(|| caller.reach().map(str::to_owned)), ..filter }
 }
 
 /// The address asked for, with another cursor.
@@ -139,7 +131,8 @@ pub(super) fn next_page(uri: &Uri, cursor: impl std::fmt::Display) -> String {
             after so many seconds.", minimum = 0, maximum = 60, example = 10),
         ("include" = Option<super::openapi::Include>, Query, style = Form, explode = false,
             description = "What to put into the answer beside the job, separated by commas: `result`, \
-                once it is finished, and the `scenario`, in whichever state the job is.",
+                once it is finished, the canonical `scenario`, and the scenario as `submitted` by the \
+                client (null if it has more than 64 kB).",
             example = json!(["result", "scenario"])),
     ),
     responses(
@@ -157,7 +150,7 @@ pub async fn show(
     query.finish()?;
     let mut job = visible(&app, &caller, &id).await?;
     if let Some(time) = time {
-        job = wait(&app, job, time).await?;
+        job = app.service.wait(job, time).await?;
     }
     answer(&app, job, include).await
 }
@@ -227,8 +220,7 @@ pub async fn cancel(
     Segment(id): Segment,
     _: NoQuery,
 ) -> Result<Response, Problem> {
-    let job = visible(&app, &caller, &id).await?;
-    match app.store.cancel(job.id).await? {
+    match app.service.cancel(caller.reach(), read_id(&id)?).await? {
         Canceled::NotFound => Err(unknown()),
         Canceled::AlreadyFinished(job) | Canceled::Done(job) => {
             answer(&app, job, Include::default()).await
@@ -274,7 +266,7 @@ pub async fn cancel_all(
             "one of state, label, tag, key and owner must be given: this cancels many jobs";
         return Err(Problem::parameters(vec![Complaint::parameter("state", detail)]));
     }
-    let canceled = app.store.cancel_all(&within(filter, &caller)).await?;
+    let canceled = app.service.cancel_all(caller.reach(), filter).await?;
     Ok(axum::Json(CanceledJobs { canceled }))
 }
 
@@ -294,8 +286,7 @@ pub async fn delete(
     Segment(id): Segment,
     _: NoQuery,
 ) -> Result<StatusCode, Problem> {
-    let job = visible(&app, &caller, &id).await?;
-    match app.store.delete(job.id).await? {
+    match app.service.delete(caller.reach(), read_id(&id)?).await? {
         Deleted::Done => Ok(StatusCode::NO_CONTENT),
         Deleted::NotFound => Err(unknown()),
         Deleted::Unfinished(state) => {

@@ -14,9 +14,8 @@ use super::jobs::next_page;
 use super::problem::{self, Problem};
 use super::representation::find;
 use super::results::read_key;
-use super::scenarios::Unsound;
-use super::wire::{self, Body, NoQuery, Query, Segment, instant};
-use crate::job::{Key, SCALARS, WORDS};
+use super::wire::{Body, NoQuery, Query, Segment, instant};
+use crate::job::{BadSubmission, Key, SCALARS, WORDS, json as job_json};
 use crate::store::{self, Listed, Removed, Search};
 use fretwork_engine::request::fault::{Fault, Faults};
 
@@ -385,9 +384,9 @@ pub struct NoteBody {
 /// Parses a JSON body and collects all its faults.
 pub(super) fn read<T: Deserr<Faults>>(body: &Body) -> Result<T, Problem> {
     if body.0.iter().all(u8::is_ascii_whitespace) {
-        return Err(Unsound::Empty.into());
+        return Err(BadSubmission::Empty.into());
     }
-    let (value, mut faults) = wire::parse(&body.0).map_err(Unsound::Json)?;
+    let (value, mut faults) = job_json::parse(&body.0).map_err(BadSubmission::Json)?;
     match T::deserialize_from_value(value.into_value(), ValuePointerRef::Origin) {
         Ok(read) if faults.is_empty() => return Ok(read),
         Ok(_) => {}

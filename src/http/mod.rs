@@ -24,28 +24,27 @@ mod problem;
 mod representation;
 mod results;
 mod scenarios;
-mod shortly;
 mod system;
 mod wire;
 
 use std::any::Any;
+use std::collections::HashMap;
 use std::ops::Deref;
-use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::sync::{Arc, LazyLock};
+use std::time::Instant;
 
 use axum::Router;
 use axum::extract::{MatchedPath, Request, State};
 use axum::http::{HeaderName, HeaderValue, Method, header};
 use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Redirect, Response};
-use axum::routing::get;
-use tokio::sync::watch;
+use axum::routing::{MethodRouter, get};
 use tower::util::option_layer;
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::compression::CompressionLayer;
 use tower_http::cors::{AllowHeaders, Any as AnyOrigin, CorsLayer};
 use tracing::Instrument as _;
-use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::router::{OpenApiRouter, UtoipaMethodRouter};
 use utoipa_axum::routes;
 
 pub use access::{ADMIN, Access, AdminKey};
@@ -53,18 +52,17 @@ pub use caller::{ME, Peer};
 pub use connection::IdleTimeout;
 pub use limits::Limits;
 pub use openapi::document;
-pub use scenarios::{EXAMPLES, Example, Unsound, parse_job};
+pub use scenarios::{EXAMPLES, Example};
 
-use crate::service::workers::Compute;
+use crate::service::Service;
 use crate::store::Store;
-use access::{Gate, Identity};
+use access::{Gate, Identity, Needs};
 use caller::{REQUEST_ID, Trace};
 use coding::Coding;
 use drain_body::drain_body;
 use memory::Memory;
 use metrics::Metrics;
 use problem::Problem;
-use shortly::Shortly;
 use system::Pulse;
 use wire::Segment;
 
@@ -83,26 +81,18 @@ impl Deref for App {
 #[derive(Debug)]
 pub struct Shared {
     store: Store,
+    service: Service,
     gate: Arc<Gate>,
     pulse: Pulse,
-    /// Turns true when the server stops taking new jobs.
-    draining: watch::Receiver<bool>,
-    workers: usize,
-    run_limit: Option<Duration>,
     memory: Memory,
-    shortly: Shortly,
     metrics: Arc<Metrics>,
 }
 
-/// What the interface must know of how the server is run.
+/// How the interface is set up.
 #[derive(Debug, Clone)]
 pub struct Settings {
     /// How callers are told apart.
     pub access: Access,
-    /// Threads that compute.
-    pub workers: usize,
-    /// The longest that a run may take.
-    pub run_limit: Option<Duration>,
     /// Bytes of answers kept in memory.
     pub memory: u64,
     /// Which web pages may call.
@@ -111,8 +101,7 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        let access = Access::default();
-        Self { access, workers: 1, run_limit: None, memory: 64 << 20, origins: Origins::Own }
+        Self { access: Access::default(), memory: 64 << 20, origins: Origins::Own }
     }
 }
 
@@ -128,75 +117,102 @@ pub enum Origins {
     These(Vec<HeaderValue>),
 }
 
-/// The documented routes, with their documentation.
-fn routes() -> OpenApiRouter<App> {
-    OpenApiRouter::with_openapi(openapi::frame())
-        .routes(routes!(jobs::submit, jobs::list))
-        .routes(routes!(jobs::show, jobs::delete))
-        .routes(routes!(jobs::result))
-        .routes(routes!(jobs::cancel))
-        .routes(routes!(jobs::cancel_all))
-        .routes(routes!(events::follow))
-        .routes(routes!(library::list))
-        .routes(routes!(diff::diff))
-        .routes(routes!(results::whole, library::delete))
-        .routes(routes!(results::history))
-        .routes(routes!(results::profiles))
-        .routes(routes!(results::loops))
-        .routes(routes!(results::plot))
-        .routes(routes!(results::pin, results::unpin))
-        .routes(routes!(links::share))
-        .routes(routes!(library::provenance))
-        .routes(routes!(library::note, library::delete_note))
-        .routes(routes!(scenarios::check))
-        .routes(routes!(scenarios::examples))
-        .routes(routes!(scenarios::example))
-        .routes(routes!(scenarios::schema))
-        .routes(routes!(access::me))
-        .routes(routes!(system::health))
-        .routes(routes!(system::ready))
-        .routes(routes!(metrics::metrics))
-        .routes(routes!(system::version))
-        .routes(routes!(system::openapi))
-        .routes(routes!(system::problems))
-        .routes(routes!(system::explain))
+/// The routes, with their documentation and with what each needs.
+struct Routes {
+    router: OpenApiRouter<App>,
+    needs: HashMap<String, Vec<(&'static str, Needs)>>,
 }
 
-/// The whole interface as one service. What is short is computed here and now by `compute`;
-/// `draining` turns true when the server is to take no new jobs.
-pub fn router(
-    store: Store,
-    compute: &Compute,
-    draining: watch::Receiver<bool>,
-    settings: &Settings,
-) -> Router {
-    let Settings { workers, run_limit, memory, .. } = *settings;
+/// What each route needs: by its path, and by its method.
+static NEEDS: LazyLock<HashMap<String, Vec<(&'static str, Needs)>>> =
+    LazyLock::new(|| Routes::all().needs);
+
+impl Routes {
+    fn all() -> Self {
+        let router = OpenApiRouter::with_openapi(openapi::frame());
+        Self { router, needs: HashMap::new() }
+            .add(Needs::SUBMIT, routes!(jobs::submit))
+            .add(Needs::READ, routes!(jobs::list))
+            .add(Needs::READ, routes!(jobs::show))
+            .add(Needs::STOP, routes!(jobs::delete))
+            .add(Needs::READ, routes!(jobs::result))
+            .add(Needs::STOP, routes!(jobs::cancel))
+            .add(Needs::STOP, routes!(jobs::cancel_all))
+            .add(Needs::READ, routes!(events::follow))
+            .add(Needs::READ, routes!(library::list))
+            .add(Needs::READ, routes!(diff::diff))
+            .add(Needs::READ, routes!(results::whole))
+            .add(Needs::ADMIN, routes!(library::delete))
+            .add(Needs::READ, routes!(results::history))
+            .add(Needs::READ, routes!(results::profiles))
+            .add(Needs::READ, routes!(results::loops))
+            .add(Needs::READ, routes!(results::plot))
+            .add(Needs::SUBMIT, routes!(results::pin, results::unpin))
+            .add(Needs::SUBMIT, routes!(links::share))
+            .add(Needs::READ, routes!(library::provenance))
+            .add(Needs::SUBMIT, routes!(library::note, library::delete_note))
+            .add(Needs::READ, routes!(scenarios::check))
+            .add(Needs::READ, routes!(scenarios::examples))
+            .add(Needs::READ, routes!(scenarios::example))
+            .add(Needs::READ, routes!(scenarios::schema))
+            .add(Needs::READ, routes!(access::me))
+            .add(Needs::NOTHING, routes!(system::health))
+            .add(Needs::NOTHING, routes!(system::ready))
+            .add(Needs::READ, routes!(metrics::metrics))
+            .add(Needs::READ, routes!(system::version))
+            .add(Needs::READ, routes!(system::openapi))
+            .add(Needs::READ, routes!(system::problems))
+            .add(Needs::READ, routes!(system::explain))
+            // The dashboard holds no data; what it asks for needs a role.
+            .page(Needs::NOTHING, "/", get(dashboard::page))
+            .page(Needs::NOTHING, "/assets/{*name}", get(dashboard::asset))
+            .page(Needs::READ, "/docs", get(|| async { Redirect::to("/docs/") }))
+            .page(Needs::READ, "/docs/", get(|| system::docs(Segment(String::new()))))
+            .page(Needs::READ, "/docs/{*path}", get(system::docs))
+    }
+
+    /// Adds documented routes.
+    fn add(mut self, needs: Needs, routes: UtoipaMethodRouter<App>) -> Self {
+        for (path, item) in &routes.1.paths {
+            let methods = [
+                ("GET", &item.get),
+                ("POST", &item.post),
+                ("PUT", &item.put),
+                ("DELETE", &item.delete),
+            ];
+            let declared = self.needs.entry(path.clone()).or_default();
+            let here = methods.into_iter().filter(|(_, operation)| operation.is_some());
+            declared.extend(here.map(|(method, _)| (method, needs)));
+        }
+        Self { router: self.router.routes(routes), ..self }
+    }
+
+    /// Adds a page for browsers, which is not part of the documented interface.
+    fn page(mut self, needs: Needs, path: &str, page: MethodRouter<App>) -> Self {
+        self.needs.entry(path.to_owned()).or_default().push(("GET", needs));
+        Self { router: self.router.route(path, page), ..self }
+    }
+}
+
+/// The whole interface to a service.
+pub fn router(service: Service, settings: &Settings) -> Router {
+    let store = service.store().clone();
     let gate = Arc::new(Gate::new(&store, &settings.access));
-    let metrics = Arc::new(Metrics::new(&store, workers));
+    let metrics = Arc::new(Metrics::new(&store, service.workers()));
     let app = App(Arc::new(Shared {
         store,
+        service,
         gate: Arc::clone(&gate),
         pulse: Pulse::default(),
-        draining,
-        workers,
-        run_limit,
-        memory: Memory::new(memory),
-        shortly: Shortly::new(Arc::clone(compute), workers),
+        memory: Memory::new(settings.memory),
         metrics: Arc::clone(&metrics),
     }));
-    let (documented, _) = routes().split_for_parts();
-    let router = documented
-        .route("/", get(dashboard::page))
-        .route("/assets/{*name}", get(dashboard::asset))
-        .route("/docs", get(|| async { Redirect::to("/docs/") }))
-        .route("/docs/", get(|| system::docs(Segment(String::new()))))
-        .route("/docs/{*path}", get(system::docs))
-        .fallback(nowhere);
-    dressed(router, gate, metrics, &settings.origins).with_state(app)
+    let (router, _) = Routes::all().router.split_for_parts();
+    with_layers(router.fallback(nowhere), gate, metrics, &settings.origins).with_state(app)
 }
 
 /// Puts around the routes what all answers share. It is one layer: each is cloned with each request.
-fn dressed<S: Clone + Send + Sync + 'static>(
+fn with_layers<S: Clone + Send + Sync + 'static>(
     routes: Router<S>,
     gate: Arc<Gate>,
     metrics: Arc<Metrics>,
@@ -360,7 +376,7 @@ mod tests {
         let metrics = Arc::new(Metrics::new(&store, 1));
         let gate = Arc::new(Gate::new(&store, &Access { open: true, ..Access::default() }));
         let router = Router::new().route("/", get(panics));
-        let router = dressed(router, gate, metrics, &Origins::Any);
+        let router = with_layers(router, gate, metrics, &Origins::Any);
         let response = router.oneshot(Request::new(Body::empty())).await.unwrap();
         assert_eq!(response.status(), 500);
         assert_eq!(response.headers()["content-type"], "application/problem+json");

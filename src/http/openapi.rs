@@ -15,10 +15,10 @@ use utoipa::{OpenApi, PartialSchema, ToSchema};
 
 use super::jobs::Include as Included;
 use super::problem::ProblemDocument;
-use super::scenarios::{EXAMPLES, parse_job};
+use super::scenarios::EXAMPLES;
 use super::{access, links};
 use crate::format::{FigureOptions, Part, QUANTITIES};
-use crate::job;
+use crate::job::{self, Submission};
 use crate::store::Role as StoredRole;
 use fretwork_engine::outcome::{History, Loops, Profiles};
 use fretwork_engine::scenario::SCHEMA;
@@ -91,7 +91,7 @@ pub(super) fn frame() -> utoipa::openapi::OpenApi {
 /// The complete document as it is served, printed and committed.
 #[must_use]
 pub fn document() -> Vec<u8> {
-    let mut document = value(&super::routes().into_openapi());
+    let mut document = value(&super::Routes::all().router.into_openapi());
     if let Some(Value::Object(schemas)) = document.pointer_mut("/components/schemas") {
         adopt(schemas, SCHEMA, Some("Scenario"));
         adopt(schemas, DOCUMENT_SCHEMAS, None);
@@ -185,7 +185,7 @@ fn place(path: &str, method: &Method, operation: &mut Value) {
         }
     }
     // Operations for more than reading write to the disk.
-    if access::needed(method, path).is_some_and(|role| role != StoredRole::Read) {
+    if access::needs(method, path).role.is_some_and(|role| role != StoredRole::Read) {
         shared.push(("507", "The disk is full."));
     }
     if let Some(Value::Object(responses)) = operation.get_mut("responses") {
@@ -313,7 +313,7 @@ fn complete(operation: &mut Value) {
 
 /// Adds the responses and parameters of access control.
 fn guard(path: &str, method: &Method, operation: &mut Value) {
-    let Some(role) = access::needed(method, path) else {
+    let Some(role) = access::needs(method, path).role else {
         operation["security"] = json!([]);
         return;
     };
@@ -358,7 +358,7 @@ fn guard(path: &str, method: &Method, operation: &mut Value) {
         json!({"$ref": "#/components/headers/Retry-After"});
     for (status, response) in responses.as_object_mut().into_iter().flatten() {
         // Cancelling is not counted. A client without a valid key learns nothing about limits.
-        let counted = !access::is_relief(method, path);
+        let counted = access::needs(method, path).counted;
         if counted && (status.starts_with(['2', '3']) || ["403", "404", "429"].contains(&&**status))
         {
             for name in ["RateLimit", "RateLimit-Policy"] {
@@ -402,8 +402,8 @@ fn security_schemes() -> Value {
 
 #[expect(clippy::expect_used, reason = "a test checks all examples")]
 fn example_key() -> String {
-    let submission = parse_job(EXAMPLES[0].body.as_bytes()).expect("a valid example");
-    submission.task.key().to_string()
+    let submission = Submission::parse(EXAMPLES[0].body.as_bytes()).expect("a valid example");
+    submission.prepared.key.to_string()
 }
 
 #[expect(clippy::expect_used, reason = "utoipa writes the names of HTTP methods")]

@@ -11,10 +11,9 @@ use utoipa::ToSchema;
 
 use super::App;
 use super::problem::{self, Problem};
-use super::wire::{self, Body, NoQuery, Segment};
-use crate::job::{Key, Submission, Task};
+use super::wire::{Body, NoQuery, Segment};
+use crate::job::{BadSubmission, Key, Prepared, Submission};
 use fretwork_engine::outcome::Preview;
-use fretwork_engine::request::fault::Fault;
 use fretwork_engine::scenario::{SCHEMA, Scenario, Warning};
 
 /// A job body that works, kept as a file in `examples/`.
@@ -51,60 +50,30 @@ pub static EXAMPLES: &[Example] = &[
     Example { name: "paper-figure-4", body: include_str!("../../examples/paper-figure-4.json") },
 ];
 
-/// Why a text is not a job.
-#[derive(Debug, thiserror::Error)]
-pub enum Unsound {
-    /// It is not JSON.
-    #[error("the text is not JSON")]
-    Json(#[source] serde_json::Error),
-    /// It is empty.
-    #[error("the text is empty")]
-    Empty,
-    /// It is JSON with these faults.
-    #[error("the job has {} fault(s)", .0.len())]
-    Faults(Vec<Fault>),
-}
-
-/// Parses the text of a job body: the faults of its form and of its physics come in one list.
-///
-/// # Errors
-///
-/// The text is not JSON, or has faults.
-pub fn parse_job(text: &[u8]) -> Result<Submission, Unsound> {
-    if text.iter().all(u8::is_ascii_whitespace) {
-        return Err(Unsound::Empty);
-    }
-    let (value, mut faults) = wire::parse(text).map_err(Unsound::Json)?;
-    match Submission::parse(&value) {
-        Ok(submission) if faults.is_empty() => return Ok(submission),
-        Ok(_) => {}
-        Err(more) => faults.extend(more.0),
-    }
-    Err(Unsound::Faults(faults))
-}
-
-impl From<Unsound> for Problem {
-    fn from(unsound: Unsound) -> Self {
+impl From<BadSubmission> for Problem {
+    fn from(bad: BadSubmission) -> Self {
         let advice = "send one JSON document, such as those under /v1/examples";
-        match unsound {
-            Unsound::Json(error) => Self::new(&problem::INVALID_JSON, format!("{error}; {advice}")),
-            Unsound::Empty => {
+        match bad {
+            BadSubmission::Json(error) => {
+                Self::new(&problem::INVALID_JSON, format!("{error}; {advice}"))
+            }
+            BadSubmission::Empty => {
                 Self::new(&problem::INVALID_JSON, format!("the body is empty; {advice}"))
             }
-            Unsound::Faults(faults) => Self::faults(faults),
+            BadSubmission::Faults(faults) => Self::faults(faults),
         }
     }
 }
 
-/// A body up to so many bytes is parsed sooner than it is handed to another thread.
-pub(super) const SHORT: usize = 1 << 14;
+/// Largest body, in bytes, that is parsed on the async thread: handing it to another one takes as long.
+const SMALL: usize = 1 << 14;
 
-/// Parses a job body; a long one apart from the threads that answer requests: it may have 10 000 rows.
+/// Parses a job body; a large one, which may have 10 000 rows, on a blocking thread.
 pub(super) async fn parse(body: Body) -> Result<Submission, Problem> {
-    if body.0.len() <= SHORT {
-        return Ok(parse_job(&body.0)?);
+    if body.0.len() <= SMALL {
+        return Ok(Submission::parse(&body.0)?);
     }
-    let parsed = task::spawn_blocking(move || parse_job(&body.0));
+    let parsed = task::spawn_blocking(move || Submission::parse(&body.0));
     Ok(parsed.await.map_err(|_| Problem::internal())??)
 }
 
@@ -154,16 +123,14 @@ pub async fn check(
     _: NoQuery,
     body: Body,
 ) -> Result<Json<Checked>, Problem> {
-    let submission = parse(body).await?;
-    let key = submission.task.key();
-    let Task::Run(scenario) = submission.task;
+    let Prepared { key, warnings, task: asked, .. } = parse(body).await?.prepared;
     let cached = app.store.has_result(&key).await?;
     // The limit is found by solving for its radius: a few milliseconds of work.
-    let computed = task::spawn_blocking(move || (scenario.preview(), scenario));
-    let (preview, scenario) = computed.await.map_err(|_| Problem::internal())?;
-    let preview = preview.map_err(|fault| Problem::faults(vec![fault]))?;
+    let computed = task::spawn_blocking(move || (asked.preview(), asked));
+    let (preview, asked) = computed.await.map_err(|_| Problem::internal())?;
+    let scenario = asked.scenario().clone();
     let links = CheckedLinks { result: format!("/v1/results/{key}"), submit: "/v1/jobs" };
-    Ok(Json(Checked { key, cached, scenario, preview, warnings: submission.warnings, links }))
+    Ok(Json(Checked { key, cached, scenario, preview, warnings, links }))
 }
 
 /// An example.
@@ -252,8 +219,7 @@ mod tests {
     #[test]
     fn every_example_is_a_sound_job() {
         for example in EXAMPLES {
-            let body = serde_json::from_str(example.body).unwrap();
-            assert!(Submission::parse(&body).is_ok(), "{}", example.name);
+            assert!(Submission::parse(example.body.as_bytes()).is_ok(), "{}", example.name);
         }
     }
 }

@@ -82,7 +82,7 @@ impl Pulse {
 ))]
 pub async fn ready(State(app): State<App>, _: NoQuery) -> Result<Json<Readiness>, Problem> {
     let unready = |detail: &str| Problem::new(&problem::NOT_READY, detail).retry_after(5);
-    if *app.draining.borrow() {
+    if app.service.is_draining() {
         return Err(unready("The server is shutting down."));
     }
     let check = async {

@@ -2,7 +2,6 @@
 //!
 //! Each part collects all of its faults before it refuses: one round trip, one complete list.
 
-use std::fmt;
 use std::time::Duration;
 
 use axum::body::{Bytes, HttpBody as _};
@@ -11,21 +10,15 @@ use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE};
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, HeaderName, HeaderValue};
 use http_body_util::BodyExt;
-use serde::de::{DeserializeSeed, MapAccess, SeqAccess, Visitor};
-use serde_json::{Map, Value};
 
 use super::problem::{self, Complaint, Problem};
 use crate::format::Format;
 use crate::job::clock;
-use fretwork_engine::request::fault::Fault;
 
 /// The largest body that is read, in bytes.
 pub const BODY_LIMIT: usize = 4 << 20;
 /// The longest that one request may wait for a job.
 pub const LONGEST_WAIT: Duration = Duration::from_mins(1);
-/// How many repeated members are listed, and how many bytes their pointers may take together.
-const REPEATED_AT_MOST: usize = 100;
-const POINTERS_AT_MOST: usize = 1 << 16;
 
 /// The query parameters of a request. A handler takes those it knows; whatever is left is refused
 /// by [`Query::finish`], since a misspelt parameter must not silently take its default.
@@ -311,173 +304,9 @@ async fn read(request: Request) -> Result<Bytes, Problem> {
     Ok(kept.into())
 }
 
-/// Parses JSON. Also returns one fault for every member that appears more than once: silently
-/// dropping one would drop a parameter. In the document the last one counts.
-pub fn parse(text: &[u8]) -> Result<(Value, Vec<Fault>), serde_json::Error> {
-    let mut repeated = Repeated::default();
-    let mut pointer = String::new();
-    let mut json = serde_json::Deserializer::from_slice(text);
-    let value =
-        Members { pointer: &mut pointer, repeated: &mut repeated }.deserialize(&mut json)?;
-    json.end()?;
-    Ok((value, repeated.listed()))
-}
-
-/// Members that appear more than once. A short text can hold very many of them below a very long
-/// name, so only some are listed: the rest is counted.
-#[derive(Default)]
-struct Repeated {
-    faults: Vec<Fault>,
-    /// Length of all their pointers.
-    length: usize,
-    more: usize,
-}
-
-impl Repeated {
-    fn note(&mut self, pointer: &str) {
-        let length = self.length + pointer.len();
-        let fits = self.faults.len() < REPEATED_AT_MOST && length <= POINTERS_AT_MOST;
-        if fits || self.faults.is_empty() {
-            self.length = length;
-            let detail = "appears more than once; keep one".to_owned();
-            self.faults.push(Fault { pointer: pointer.to_owned(), detail });
-        } else {
-            self.more += 1;
-        }
-    }
-
-    fn listed(mut self) -> Vec<Fault> {
-        if self.more > 0 {
-            let detail = format!("and {} more repeated members, not listed", self.more);
-            self.faults.push(Fault { pointer: String::new(), detail });
-        }
-        self.faults
-    }
-}
-
-/// Builds a [`Value`] and notes members that appear more than once.
-struct Members<'a> {
-    pointer: &'a mut String,
-    repeated: &'a mut Repeated,
-}
-
-impl Members<'_> {
-    /// Goes on one level below, at `token`.
-    fn below<T>(&mut self, token: &str, go: impl FnOnce(Members<'_>) -> T) -> T {
-        let length = self.pointer.len();
-        self.pointer.push('/');
-        self.pointer.push_str(&token.replace('~', "~0").replace('/', "~1"));
-        let out = go(Members { pointer: self.pointer, repeated: self.repeated });
-        self.pointer.truncate(length);
-        out
-    }
-}
-
-impl<'de> DeserializeSeed<'de> for Members<'_> {
-    type Value = Value;
-
-    fn deserialize<D: serde::Deserializer<'de>>(self, json: D) -> Result<Value, D::Error> {
-        json.deserialize_any(self)
-    }
-}
-
-impl<'de> Visitor<'de> for Members<'_> {
-    type Value = Value;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("JSON")
-    }
-
-    fn visit_unit<E>(self) -> Result<Value, E> {
-        Ok(Value::Null)
-    }
-
-    fn visit_bool<E>(self, value: bool) -> Result<Value, E> {
-        Ok(value.into())
-    }
-
-    fn visit_i64<E>(self, value: i64) -> Result<Value, E> {
-        Ok(value.into())
-    }
-
-    fn visit_u64<E>(self, value: u64) -> Result<Value, E> {
-        Ok(value.into())
-    }
-
-    fn visit_f64<E: serde::de::Error>(self, value: f64) -> Result<Value, E> {
-        let number = serde_json::Number::from_f64(value);
-        number.map(Value::Number).ok_or_else(|| E::custom("number out of range"))
-    }
-
-    fn visit_str<E>(self, value: &str) -> Result<Value, E> {
-        Ok(value.into())
-    }
-
-    fn visit_string<E>(self, value: String) -> Result<Value, E> {
-        Ok(value.into())
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(mut self, mut seq: A) -> Result<Value, A::Error> {
-        let mut out = Vec::new();
-        let mut next = |index: usize, seq: &mut A| {
-            self.below(&index.to_string(), |members| seq.next_element_seed(members))
-        };
-        while let Some(value) = next(out.len(), &mut seq)? {
-            out.push(value);
-        }
-        Ok(out.into())
-    }
-
-    fn visit_map<A: MapAccess<'de>>(mut self, mut map: A) -> Result<Value, A::Error> {
-        let mut out = Map::new();
-        while let Some(name) = map.next_key::<String>()? {
-            let value = self.below(&name, |members| map.next_value_seed(members))?;
-            if out.contains_key(&name) {
-                self.below(&name, |members| members.repeated.note(members.pointer));
-            }
-            out.insert(name, value);
-        }
-        Ok(out.into())
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn repeated_members_are_found_at_any_depth() {
-        let text = br#"{"a": [{"x/y": 1, "x/y": 2}], "b": {}, "a": 1, "a": 2}"#;
-        let (value, repeated) = parse(text).unwrap();
-        let pointers: Vec<_> = repeated.iter().map(|fault| fault.pointer.as_str()).collect();
-        assert_eq!(pointers, ["/a/0/x~1y", "/a", "/a"]);
-        assert_eq!(value, serde_json::json!({"a": 2, "b": {}}));
-    }
-
-    #[test]
-    fn a_short_text_cannot_make_a_long_list_of_faults() {
-        let name = "k".repeat(20_000);
-        let many = vec!["\"a\":1"; 10_000].join(",");
-        for (text, listed) in
-            [(format!("{{{many}}}"), 100), (format!("{{\"{name}\": {{{many}}}}}"), 3)]
-        {
-            let repeated = parse(text.as_bytes()).unwrap().1;
-            assert_eq!(repeated.len(), listed + 1);
-            assert!(repeated.iter().map(|fault| fault.pointer.len()).sum::<usize>() <= 1 << 16);
-            let last = format!("and {} more repeated members, not listed", 9_999 - listed);
-            assert_eq!(repeated[listed].detail, last);
-        }
-    }
-
-    #[test]
-    fn a_document_is_parsed_as_serde_json_would() {
-        let text =
-            br#"{"a": [1, -2, 3.5e-7, null, true, "\u00b5m"], "b": {"c": 18446744073709551615}}"#;
-        assert_eq!(parse(text).unwrap().0, serde_json::from_slice::<Value>(text).unwrap());
-        for bad in ["", "{", "[1,]", "{} {}", "NaN", "[1e999]", "{'a': 1}"] {
-            assert!(parse(bad.as_bytes()).is_err(), "{bad}");
-        }
-    }
 
     #[test]
     fn preferences_that_do_not_parse_are_ignored() {

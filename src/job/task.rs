@@ -1,23 +1,35 @@
-//! What a job computes: read from its body, done step by step, and left behind as an answer.
+//! What a job computes: prepared once, computed step by step, and left behind as an answer.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use bytes::Bytes;
-use deserr::{Deserr, IntoValue, Sequence, ValuePointerRef};
+use fretwork_engine::case::Case;
+use fretwork_engine::outcome::{Outcome, Preview, ResultUnits};
+use fretwork_engine::request::fault::{Fault, Faults};
+use fretwork_engine::scenario::{self, Scenario, Warning};
+use fretwork_engine::simulation::{self, Simulation};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use serde_json::value::RawValue;
 
 use super::{Key, Outline};
-use fretwork_engine::outcome::{Outcome, ResultUnits};
-use fretwork_engine::request::fault::Faults;
-use fretwork_engine::request::fields::Given;
-use fretwork_engine::scenario::{self, Scenario, Warning};
-use fretwork_engine::simulation::{self, Simulation};
 
-/// Something a worker can compute, in steps of at most about 50 ms, so that it can be stopped.
+/// Name and `numerics` version of the engine.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct Engine {
+    /// Its name.
+    pub name: &'static str,
+    /// Rises when digits change.
+    pub numerics: u32,
+}
+
+/// The engine of this program.
+pub const ENGINE: Engine = Engine { name: "fretwork", numerics: scenario::NUMERICS };
+
+/// Something that a worker computes in steps of at most about 50 ms, so that it can be stopped.
 pub trait Work: Send {
-    /// Does a little more.
+    /// Does the next step.
     fn step(&mut self) -> Step;
 }
 
@@ -38,18 +50,18 @@ pub enum Step {
 pub struct Answer {
     /// The result document as it is served: JSON, a pure function of the key.
     pub body: Bytes,
-    /// The short form that the job answer carries: the last history entry and the regime.
+    /// The short form that a job shows: the last history entry and the regime.
     pub summary: Value,
     /// The words and numbers by which users search for the result.
     pub outline: Box<Outline>,
 }
 
-/// What it cost to compute something.
+/// What a computation cost.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Cost {
-    /// By the clock.
+    /// Elapsed time.
     pub wall: Duration,
-    /// Of a processor; none where the system does not say.
+    /// Processor time; none where the system does not report it.
     pub cpu: Option<Duration>,
 }
 
@@ -64,201 +76,185 @@ pub fn summary(regime: &Value, history: &serde_json::Map<String, Value>) -> Valu
     Value::Object(summary)
 }
 
-/// What a processor does in a second, in the terms of [`Case::operations`].
-///
-/// [`Case::operations`]: fretwork_engine::case::Case::operations
+/// What one processor does in a second, in the terms of [`Case::operations`].
 const OPERATIONS_PER_SECOND: f64 = 1e9;
 
-/// What a job computes.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Task {
-    /// One simulation.
-    Run(Scenario),
-}
+/// The version of the form in which tasks are stored. Version 1 had no version number: it was the job
+/// body of the HTTP interface.
+const STORED_VERSION: u32 = 2;
 
-/// A parsed job body: `{"scenario": {…}, "label"?, "tags"?}`.
+/// A task that is sound and ready to start, with all that is derived from it. Clones share it.
 #[derive(Debug, Clone)]
-pub struct Submission {
-    /// What to compute.
-    pub task: Task,
-    /// A line for people.
-    pub label: Option<String>,
-    /// Words to find it by.
-    pub tags: Vec<String>,
-    /// What the physics says the user should know.
+pub struct Prepared {
+    /// The address of its result.
+    pub key: Key,
+    /// The form in which it is stored, and from which [`Task::start`] can prepare it again.
+    pub stored: Arc<str>,
+    /// Estimated processor time, in seconds.
+    pub seconds: f64,
+    /// What the client should know about the task.
     pub warnings: Vec<Warning>,
+    /// What it computes.
+    pub task: Task,
 }
 
-/// Longest label in characters.
-pub const MAX_LABEL: usize = 200;
-/// Most tags of a job.
-pub const MAX_TAGS: usize = 20;
-/// Longest tag in characters.
-pub const MAX_TAG: usize = 50;
-
-/// A job body as JSON; the scenario is judged by the engine.
-#[derive(Deserr)]
-#[deserr(error = Faults, deny_unknown_fields)]
-struct Body {
-    scenario: Value,
-    #[deserr(default)]
-    label: Given<Text<MAX_LABEL>>,
-    #[deserr(default)]
-    tags: Given<Tags>,
+/// What a job computes: one variant for each kind of work.
+#[derive(Debug, Clone)]
+pub enum Task {
+    /// One simulation: its canonical scenario and the case built from it.
+    Run(Arc<(Scenario, Case)>),
 }
 
-/// A text of 1 to `N` characters, none of them a control character.
-struct Text<const N: usize>(String);
-
-impl<const N: usize> Deserr<Faults> for Text<N> {
-    fn deserialize_from_value<V: IntoValue>(
-        value: deserr::Value<V>,
-        location: ValuePointerRef<'_>,
-    ) -> Result<Self, Faults> {
-        let text: String = String::deserialize_from_value(value, location)?;
-        let length = text.chars().count();
-        if length == 0 || length > N {
-            let detail = format!("must have 1 to {N} characters, not {length}");
-            return Err(Faults::at(location, detail));
-        }
-        if text.chars().any(char::is_control) {
-            return Err(Faults::at(location, "must not contain control characters"));
-        }
-        Ok(Self(text))
-    }
+/// A task as the key is made of it and as it is stored: one variant for each kind of work.
+#[derive(Serialize)]
+#[serde(rename_all = "snake_case")]
+enum Canonical<S> {
+    Scenario(S),
 }
 
-struct Tags(Vec<String>);
-
-impl Deserr<Faults> for Tags {
-    fn deserialize_from_value<V: IntoValue>(
-        value: deserr::Value<V>,
-        location: ValuePointerRef<'_>,
-    ) -> Result<Self, Faults> {
-        if let deserr::Value::Sequence(list) = &value
-            && list.len() > MAX_TAGS
-        {
-            let detail = format!("must list at most {MAX_TAGS} tags, not {}", list.len());
-            return Err(Faults::at(location, detail));
-        }
-        let tags = Vec::<Text<MAX_TAG>>::deserialize_from_value(value, location)?;
-        let tags: Vec<String> = tags.into_iter().map(|tag| tag.0).collect();
-        match (1..tags.len()).find(|i| tags[..*i].contains(&tags[*i])) {
-            Some(twice) => Err(Faults::at(location.push_index(twice), "is listed twice")),
-            None => Ok(Self(tags)),
-        }
-    }
+/// The stored form of a task.
+#[derive(Serialize)]
+struct Stored<S> {
+    version: u32,
+    #[serde(flatten)]
+    task: Canonical<S>,
 }
 
-impl Submission {
-    /// Reads a job body.
+/// A stored task as it is read back.
+#[derive(Deserialize)]
+struct StoredText<'a> {
+    #[serde(default = "first_version")]
+    version: u32,
+    #[serde(borrow)]
+    scenario: &'a RawValue,
+}
+
+fn first_version() -> u32 {
+    1
+}
+
+impl Prepared {
+    /// Prepares the run of a scenario; `prefix` goes before the pointer of each fault.
     ///
     /// # Errors
-    /// Every fault of the body and of its scenario, with JSON pointers.
-    pub fn parse(body: &Value) -> Result<Self, Faults> {
-        let parsed: Result<Body, Faults> =
-            Body::deserialize_from_value(body.clone().into_value(), ValuePointerRef::Origin);
-        match (parsed, body.get("scenario")) {
-            (Ok(parsed), _) => {
-                let (scenario, warnings) = scenario::check(&parsed.scenario, "/scenario")?;
-                Ok(Self {
-                    task: Task::Run(scenario),
-                    label: parsed.label.0.map(|label| label.0),
-                    tags: parsed.tags.0.map_or_else(Vec::new, |tags| tags.0),
-                    warnings,
-                })
+    /// Every fault of the scenario.
+    pub fn from_scenario(scenario: Value, prefix: &str) -> Result<Self, Faults> {
+        let (scenario, case, warnings) = scenario::prepare(scenario, prefix)?;
+        Ok(Self::new(Task::Run(Arc::new((scenario, case))), warnings))
+    }
+
+    fn new(task: Task, warnings: Vec<Warning>) -> Self {
+        let key = Key::of(ENGINE.numerics, &task.canonical());
+        let stored = Stored { version: STORED_VERSION, task: task.canonical() };
+        Self { key, stored: to_json(&stored).into(), seconds: task.seconds(), warnings, task }
+    }
+
+    /// Prepares a stored task again, for instance after a restart.
+    ///
+    /// # Errors
+    /// A sentence: the text is not a task that this version of the program can compute, or it has
+    /// another key.
+    pub fn from_stored(key: &Key, stored: &str) -> Result<Self, String> {
+        let StoredText { version, scenario } =
+            serde_json::from_str(stored).map_err(|error| error.to_string())?;
+        if version > STORED_VERSION {
+            return Err("it was stored by a newer version of fretwork".to_owned());
+        }
+        let scenario = serde_json::from_str(scenario.get()).map_err(|error| error.to_string())?;
+        let prepared = Self::from_scenario(scenario, "/scenario").map_err(|faults| {
+            let told = |Fault { pointer, detail }: &Fault| format!("{pointer}: {detail}");
+            faults.0.iter().map(told).collect::<Vec<_>>().join("; ")
+        })?;
+        // After a change of `numerics` this version would leave other digits under the old key.
+        if prepared.key != *key {
+            return Err("it was stored for another version of the engine".to_owned());
+        }
+        Ok(prepared)
+    }
+
+    /// About how many bytes of memory it holds: canonical numbers and case take up to three times the
+    /// bytes of their text.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        size_of::<Self>() + size_of::<(Scenario, Case)>() + 4 * self.stored.len()
+    }
+
+    /// Begins the work.
+    #[must_use]
+    pub fn start(&self) -> Box<dyn Work> {
+        match &self.task {
+            Task::Run(run) => {
+                let (scenario, case) = &**run;
+                let simulation = Simulation::new(case.clone(), scenario.warnings(case));
+                Box::new(RunWork { key: self.key, run: Arc::clone(run), simulation })
             }
-            (Err(mut faults), Some(given)) => {
-                if let Err(more) = scenario::check(given, "/scenario") {
-                    faults.0.extend(more.0);
-                }
-                Err(faults)
-            }
-            (Err(faults), None) => Err(faults),
         }
     }
 }
 
 impl Task {
-    /// The address of this task's result.
-    #[must_use]
-    pub fn key(&self) -> Key {
-        let Self::Run(scenario) = self;
-        Key::of(ENGINE.numerics, scenario)
-    }
-
-    /// The form in which a task is stored: the job body in canonical terms.
-    #[must_use]
-    pub fn to_json(&self) -> String {
-        let Self::Run(scenario) = self;
-        serde_json::json!({ "scenario": scenario }).to_string()
-    }
-
-    /// The scenario of a stored task, as it stands there: canonical, and so of the same key when it is
-    /// submitted again. None where the text is no task.
-    #[must_use]
-    pub fn scenario(stored: &str) -> Option<&RawValue> {
-        #[derive(Deserialize)]
-        struct Stored<'a> {
-            #[serde(borrow)]
-            scenario: &'a RawValue,
+    fn canonical(&self) -> Canonical<&Scenario> {
+        match self {
+            Self::Run(run) => Canonical::Scenario(&run.0),
         }
-        let Stored { scenario } = serde_json::from_str(stored).ok()?;
-        Some(scenario)
     }
 
-    /// About how long a processor takes for it.
+    fn seconds(&self) -> f64 {
+        match self {
+            Self::Run(run) => run.1.operations() / OPERATIONS_PER_SECOND,
+        }
+    }
+
+    /// The canonical scenario.
     #[must_use]
-    pub fn seconds(&self) -> f64 {
-        let Self::Run(scenario) = self;
-        scenario.case().map_or(0.0, |case| case.operations() / OPERATIONS_PER_SECOND)
+    pub fn scenario(&self) -> &Scenario {
+        match self {
+            Self::Run(run) => &run.0,
+        }
     }
 
-    /// Begins the work of a stored task, whose answer will carry `key`.
+    /// What is known of the outcome without computing it.
+    #[must_use]
+    pub fn preview(&self) -> Preview {
+        match self {
+            Self::Run(run) => Preview::of(&run.1),
+        }
+    }
+
+    /// Begins the work of a task: as it was prepared, or else prepared again from its stored form.
     ///
     /// # Errors
-    /// A sentence, where the stored text is not a task that this version can compute, or not the
-    /// one of this key.
-    pub fn start(key: &Key, stored: &str) -> Result<Box<dyn Work>, String> {
-        let body: Value = serde_json::from_str(stored).map_err(|error| error.to_string())?;
-        let submission = Submission::parse(&body).map_err(|faults| {
-            let faults: Vec<_> = faults
-                .0
-                .iter()
-                .map(|fault| format!("{}: {}", fault.pointer, fault.detail))
-                .collect();
-            faults.join("; ")
-        })?;
-        // After a change of `numerics` this version would leave other digits under the old key.
-        if submission.task.key() != *key {
-            return Err("it was stored for another version of the engine".to_owned());
-        }
-        let Self::Run(scenario) = submission.task;
-        let simulation = Simulation::of(&scenario).map_err(|fault| fault.detail)?;
-        Ok(Box::new(Run { key: *key, scenario, simulation }))
+    /// As [`Prepared::from_stored`].
+    pub fn start(
+        key: &Key,
+        stored: &str,
+        prepared: Option<Prepared>,
+    ) -> Result<Box<dyn Work>, String> {
+        let prepared = prepared.map_or_else(|| Prepared::from_stored(key, stored), Ok)?;
+        Ok(prepared.start())
+    }
+
+    /// The stored form of the run of a canonical scenario.
+    #[must_use]
+    pub fn stored(scenario: &Value) -> String {
+        to_json(&Stored { version: STORED_VERSION, task: Canonical::Scenario(scenario) })
+    }
+
+    /// The canonical scenario in a stored task; none where the text is not a stored task.
+    #[must_use]
+    pub fn scenario_in(stored: &str) -> Option<&RawValue> {
+        serde_json::from_str(stored).ok().map(|StoredText { scenario, .. }| scenario)
     }
 }
 
-/// Name and `numerics` version of the engine.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-pub struct Engine {
-    /// Its name.
-    pub name: &'static str,
-    /// Rises when digits change.
-    pub numerics: u32,
-}
-
-/// The engine of this program.
-pub const ENGINE: Engine = Engine { name: "fretwork", numerics: scenario::NUMERICS };
-
 /// One simulation under way.
-struct Run {
+struct RunWork {
     key: Key,
-    scenario: Scenario,
+    run: Arc<(Scenario, Case)>,
     simulation: Simulation,
 }
 
-impl Work for Run {
+impl Work for RunWork {
     fn step(&mut self) -> Step {
         match self.simulation.step() {
             simulation::Advance::Working(progress) => Step::Working { progress },
@@ -267,7 +263,7 @@ impl Work for Run {
     }
 }
 
-impl Run {
+impl RunWork {
     fn answer(&self, outcome: &Outcome) -> Answer {
         #[derive(Serialize)]
         struct Document<'a> {
@@ -281,27 +277,31 @@ impl Run {
         let document = Document {
             key: self.key,
             engine: ENGINE,
-            scenario: &self.scenario,
+            scenario: &self.run.0,
             units: ResultUnits,
             outcome,
         };
-        let history = match serde_json::to_value(&outcome.history) {
-            Ok(Value::Object(columns)) => columns,
-            _ => serde_json::Map::new(),
+        let Ok(Value::Object(history)) = serde_json::to_value(&outcome.history) else {
+            unreachable!("a history is a JSON object of columns")
         };
         let summary = summary(&serde_json::json!(outcome.regime), &history);
         let outline = Outline::of(&serde_json::json!({
-            "scenario": self.scenario,
+            "scenario": self.run.0,
             "scales": outcome.scales,
             "unworn": outcome.unworn,
             "summary": summary,
         }));
-        // Columns of numbers always serialise.
-        let mut body = serde_json::to_vec(&document).unwrap_or_default();
+        let mut body = to_json(&document).into_bytes();
         // It may stay in memory for long.
         body.shrink_to_fit();
         Answer { body: body.into(), summary, outline: Box::new(outline) }
     }
+}
+
+/// Writes what always has a form in JSON.
+#[expect(clippy::expect_used, reason = "a wrong document must not be stored or hashed")]
+fn to_json(document: &impl Serialize) -> String {
+    serde_json::to_string(document).expect("scenarios and outcomes are finite numbers and strings")
 }
 
 #[cfg(test)]
@@ -310,8 +310,9 @@ mod tests {
 
     use super::*;
 
-    fn body(scenario: &Value) -> Value {
-        json!({"scenario": scenario})
+    fn prepared(scenario: &Value) -> Prepared {
+        let prepared = Prepared::from_scenario(scenario.clone(), "/scenario");
+        prepared.unwrap_or_else(|faults| panic!("{faults:?}"))
     }
 
     fn ball() -> Value {
@@ -330,7 +331,7 @@ mod tests {
     }
 
     fn key(scenario: &Value) -> Key {
-        Submission::parse(&body(scenario)).unwrap_or_else(|faults| panic!("{faults:?}")).task.key()
+        prepared(scenario).key
     }
 
     #[test]
@@ -359,14 +360,10 @@ mod tests {
                 json!({"normal": 112_637_362_637.363, "tangential": 92_760_180_995.475_1});
         });
         // The depth that 100 N press in.
-        let canonical = serde_json::to_value(ball_task()).expect("a document");
+        let canonical =
+            serde_json::to_value(prepared(&ball()).task.scenario()).expect("a document");
         same(&|s| s["load"] = json!({"indentation_depth": canonical["load"]["indentation_depth"]}));
         same(&|s| *s = canonical.clone());
-    }
-
-    fn ball_task() -> Scenario {
-        let Task::Run(scenario) = Submission::parse(&body(&ball())).expect("valid").task;
-        scenario
     }
 
     #[test]
@@ -391,23 +388,24 @@ mod tests {
     #[test]
     fn the_digits_of_numerics_1_are_these() {
         assert_eq!(ENGINE.numerics, 1, "new digits: compute the digests below anew");
-        let digest = |task: &Task| {
-            let key = task.key();
-            let mut work = Task::start(&key, &task.to_json()).expect("a task");
+        let digest = |scenario: &Value| {
+            let prepared = prepared(scenario);
+            let mut work = prepared.start();
             let answer = loop {
                 if let Step::Done(answer) = work.step() {
                     break answer;
                 }
             };
-            format!("{} {}", key, Key::digest(&answer.body))
+            format!("{} {}", prepared.key, Key::digest(&answer.body))
         };
         let mut exact = ball();
         exact["model"] = json!({"method": "exact"});
-        let ball = digest(&Task::Run(ball_task()));
-        let mut cone = ball_json_cone();
+        let mut cone = ball();
+        cone["profile"] = json!({"shape": "power", "exponent": 2.5, "height": "1 um",
+                                 "at_radius": "0.1 mm"});
+        cone["motion"] = json!({"stick_ratio": 0.3});
         cone["cycles"] = json!({"normalized": [0.5, 4, 16]});
-        let cone = digest(&Submission::parse(&body(&cone)).expect("valid").task);
-        let exact = digest(&Submission::parse(&body(&exact)).expect("valid").task);
+        let [ball, cone, exact] = [ball(), cone, exact].map(|scenario| digest(&scenario));
         assert_eq!(
             [ball.as_str(), cone.as_str(), exact.as_str()],
             [
@@ -421,50 +419,27 @@ mod tests {
         );
     }
 
-    fn ball_json_cone() -> Value {
-        let mut scenario = ball();
-        scenario["profile"] = json!({"shape": "power", "exponent": 2.5, "height": "1 um",
-                                     "at_radius": "0.1 mm"});
-        scenario["motion"] = json!({"stick_ratio": 0.3});
-        scenario
-    }
-
     #[test]
-    fn every_fault_is_listed_with_its_pointer() {
-        let mut scenario = ball();
-        scenario["bodies"][0]["poisson_ratio"] = json!(0.7);
-        scenario["profile"]["radius"] = json!("-10 mm");
-        scenario["frction"] = json!(0.7);
-        scenario["wear"]["coefficient"] = json!("3 mm^3/(N parsec)");
-        let mut body = body(&scenario);
-        body["label"] = json!("");
-        let faults = Submission::parse(&body).expect_err("five faults");
-        let mut pointers: Vec<_> = faults.0.iter().map(|fault| fault.pointer.as_str()).collect();
-        pointers.sort_unstable();
+    fn a_stored_task_is_computed_under_its_own_key_only() {
+        let Prepared { key, stored, .. } = prepared(&ball());
         assert_eq!(
-            pointers,
-            [
-                "/label",
-                "/scenario/bodies/0/poisson_ratio",
-                "/scenario/frction",
-                "/scenario/profile/radius",
-                "/scenario/wear/coefficient",
-            ]
+            Prepared::from_stored(&key, &stored).map(|again| again.stored),
+            Ok(stored.clone())
         );
-        let of = |pointer: &str| {
-            &faults.0.iter().find(|fault| fault.pointer == pointer).expect(pointer).detail
-        };
-        assert!(of("/scenario/frction").contains("Did you mean `friction`?"));
-        assert!(of("/scenario/wear/coefficient").contains("mm^3/(N m)"));
+        // As the key of an engine with other digits would be.
+        let refused = Prepared::from_stored(&Key::digest(b"numerics 0"), &stored).map(drop);
+        assert_eq!(refused, Err("it was stored for another version of the engine".to_owned()));
     }
 
     #[test]
-    fn a_task_is_computed_under_its_own_key_only() {
-        let stored = Task::Run(ball_task()).to_json();
-        assert!(Task::start(&key(&ball()), &stored).is_ok());
-        // As the key of an engine with other digits would be.
-        let other = Key::digest(b"numerics 0");
-        let refused = Task::start(&other, &stored).map(drop);
-        assert_eq!(refused, Err("it was stored for another version of the engine".to_owned()));
+    fn a_stored_task_has_a_version() {
+        let Prepared { key, stored, task, .. } = prepared(&ball());
+        assert!(stored.starts_with(r#"{"version":2,"scenario":{"profile":"#), "{stored}");
+        // Version 1 had no number.
+        let first = json!({"scenario": task.scenario()}).to_string();
+        assert_eq!(Prepared::from_stored(&key, &first).map(|again| again.key), Ok(key));
+        let later = stored.replacen("\"version\":2", "\"version\":3", 1);
+        let refused = Prepared::from_stored(&key, &later).map(drop);
+        assert_eq!(refused, Err("it was stored by a newer version of fretwork".to_owned()));
     }
 }

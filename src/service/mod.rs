@@ -1,3 +1,100 @@
-//! Everything the program can do with jobs and results; HTTP and the command line are faces of it.
+//! Everything that the program can do: submit, wait, evaluate, cancel, find, share, move. HTTP and the command
+//! line are faces of this room.
 
+mod evaluate;
+mod jobs;
+mod short;
+mod stopwatch;
+mod submit;
+mod waiting;
 pub mod workers;
+
+use std::fmt;
+use std::sync::Arc;
+use std::time::Duration;
+
+use tokio::sync::watch;
+
+use crate::job::{Key, Prepared, Work};
+use crate::store::Store;
+
+pub use evaluate::evaluate;
+pub use submit::{Accepted, Refusal, Terms};
+
+use short::ShortRuns;
+use waiting::Waiting;
+use workers::Compute;
+
+/// Begins the work of a task: as it was prepared, or else from its stored form. Tests put their own work
+/// here; the program puts [`Task::start`](crate::job::Task::start).
+pub type Begin =
+    Arc<dyn Fn(&Key, &str, Option<Prepared>) -> Result<Box<dyn Work>, String> + Send + Sync>;
+
+/// The service as one handle, cheap to clone.
+#[derive(Clone)]
+pub struct Service(Arc<Parts>);
+
+struct Parts {
+    store: Store,
+    begin: Begin,
+    waiting: Arc<Waiting>,
+    short: ShortRuns,
+    /// Threads that compute.
+    workers: usize,
+    /// The longest that a run may take.
+    run_limit: Option<Duration>,
+    /// Turns true when the server stops taking new jobs.
+    draining: watch::Sender<bool>,
+}
+
+impl fmt::Debug for Service {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Service").finish_non_exhaustive()
+    }
+}
+
+impl Service {
+    /// The service on this store. `workers` is the number of threads that compute.
+    #[must_use]
+    pub fn new(store: Store, begin: Begin, workers: usize, run_limit: Option<Duration>) -> Self {
+        let short = ShortRuns::new(Arc::clone(&begin), workers);
+        let (waiting, draining) = (Arc::default(), watch::Sender::new(false));
+        Self(Arc::new(Parts { store, begin, waiting, short, workers, run_limit, draining }))
+    }
+
+    /// The store behind the service.
+    #[must_use]
+    pub fn store(&self) -> &Store {
+        &self.0.store
+    }
+
+    /// Threads that compute.
+    #[must_use]
+    pub fn workers(&self) -> usize {
+        self.0.workers
+    }
+
+    /// How workers begin a claimed run: with the prepared task if it still waits in memory.
+    #[must_use]
+    pub fn compute(&self) -> Compute {
+        let (begin, waiting) = (Arc::clone(&self.0.begin), Arc::clone(&self.0.waiting));
+        Arc::new(move |key, stored| begin(key, stored, waiting.take(key)))
+    }
+
+    /// Stops taking new jobs, ends waits and event streams.
+    pub fn drain(&self) {
+        self.0.draining.send_replace(true);
+    }
+
+    /// Whether the service takes no new jobs any more.
+    #[must_use]
+    pub fn is_draining(&self) -> bool {
+        *self.0.draining.borrow()
+    }
+
+    /// Returns once the service is draining.
+    pub async fn drained(&self) {
+        // The sender lives as long as `self`.
+        let _ = self.0.draining.subscribe().wait_for(|draining| *draining).await;
+    }
+}

@@ -208,7 +208,7 @@ async fn known(db: impl SqliteExecutor<'_>, key: &Key) -> Result<Option<Known>, 
     .fetch_optional(db)
     .await?;
     let Some(row) = row else { return Ok(None) };
-    let scenario = Task::scenario(row.try_get("task")?)
+    let scenario = Task::scenario_in(row.try_get("task")?)
         .ok_or_else(|| sqlx::Error::Decode("the stored task cannot be read".into()))?;
     let scenario: Value = read::json(scenario.get())?;
     let numerics = match row.try_get("numerics")? {
@@ -221,7 +221,10 @@ async fn known(db: impl SqliteExecutor<'_>, key: &Key) -> Result<Option<Known>, 
 
 /// The `numerics` version for which a scenario has this key; 0 if there is none.
 fn numerics_of(key: &Key, scenario: &Value) -> u32 {
-    (1..=ENGINE.numerics).rev().find(|numerics| Key::of(*numerics, scenario) == *key).unwrap_or(0)
+    (1..=ENGINE.numerics)
+        .rev()
+        .find(|numerics| Key::of_scenario(*numerics, scenario) == *key)
+        .unwrap_or(0)
 }
 
 impl Store {

@@ -58,7 +58,7 @@ pub use keys::{AccessKey, NewKey, Role, digest};
 pub use library::{Known, Note, Program, Provenance};
 pub use moving::{Exported, Imported, Moving, Saved, backup, export, import, restore};
 pub use open::Options;
-pub use read::{Filter, Page, StoredResult};
+pub use read::{Asked, Filter, Page, StoredResult};
 pub use runs::{Claimed, Finish, Recovered, RunId};
 pub use search::{Cursor, Found, Listed, Search};
 pub use signals::{Changes, Stop};
@@ -100,7 +100,8 @@ impl Store {
         self.write(submit::Submit::new(job, self.queue_limit)).await
     }
 
-    /// Accepts jobs for one key along with its answer and what that cost: they are finished. If the result is known meanwhile, or a run is live, they are submitted.
+    /// Accepts jobs of one key along with their answer and its cost, and finishes them in the same commit.
+    /// If the result has become known meanwhile, or a run is live, they follow that instead.
     pub async fn record(
         &self,
         jobs: Vec<NewJob>,
@@ -165,7 +166,8 @@ impl Store {
         answer: &Answer,
         cost: Cost,
     ) -> Result<Finish, Error> {
-        self.write(runs::Finished::new(run, attempt, answer, cost)).await
+        let answer = keep::Answered::new(answer, Some(cost));
+        self.write(runs::FinishRun { run, attempt, answer }).await
     }
 
     /// Ends a run by a failure; false if it is no longer this worker's.
@@ -201,10 +203,10 @@ impl Store {
         self.reading(async |db| read::job(db, id).await).await
     }
 
-    /// What a job computes, in its stored form; none if there is no such job, or if its result was known
-    /// when it came, and has since been forgotten.
-    pub async fn task(&self, id: JobId) -> Result<Option<String>, Error> {
-        self.reading(async |db| read::task(db, id).await).await
+    /// What a job computes: its task in the stored form, and the scenario as the client wrote it. Each is
+    /// none where it is not kept (any more).
+    pub async fn asked(&self, id: JobId) -> Result<Asked, Error> {
+        self.reading(async |db| read::asked(db, id).await).await
     }
 
     /// Up to `limit` jobs that match, newest first, older than `cursor`.

@@ -92,7 +92,7 @@ pub(super) async fn complete(db: &mut SqliteConnection) -> Result<(), Error> {
         let outline = if let Some(document) = document(db, key).await? {
             document.outline()
         } else {
-            let scenario = Task::scenario(row.try_get("task")?);
+            let scenario = Task::scenario_in(row.try_get("task")?);
             let summary: Value = json(row.try_get("summary")?)?;
             Outline::of(&json!({"scenario": scenario, "summary": summary}))
         };

@@ -9,7 +9,7 @@ use sqlx::{FromRow, QueryBuilder, Row, Sqlite, SqliteExecutor};
 use xxhash_rust::xxh3::xxh3_64;
 
 use super::Error;
-use crate::job::{Change, Failure, FailureKind, Job, JobId, JobState, Key};
+use crate::job::{Change, Failure, FailureKind, Job, JobId, JobState, Key, Task};
 
 /// Which jobs to list; an absent member asks for nothing.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -150,22 +150,30 @@ pub(super) async fn job(db: impl SqliteExecutor<'_>, id: JobId) -> Result<Option
     Ok(row.map(|JobRow(job)| job))
 }
 
-/// What a job computes. Its run says so, which is there as long as the job. Where the result was known
-/// there was none: then what the result was computed from says it, or, once that is forgotten, the run
-/// of another job.
-pub(super) async fn task(db: impl SqliteExecutor<'_>, id: JobId) -> Result<Option<String>, Error> {
-    let task: Option<Option<String>> = sqlx::query_scalar(
+/// What a job was asked to compute.
+#[derive(Debug, Clone, Default, PartialEq, Eq, FromRow)]
+pub struct Asked {
+    /// The task in its stored form.
+    pub task: Option<String>,
+    /// The scenario as the client wrote it, in JSON.
+    pub submitted: Option<String>,
+}
+
+/// The run of a job holds its task. A job that found a known result has no run: then the task is with the
+/// result, or, once the result is forgotten, with the run of another job.
+pub(super) async fn asked(db: impl SqliteExecutor<'_>, id: JobId) -> Result<Asked, Error> {
+    let asked = sqlx::query_as(
         "SELECT coalesce(
              (SELECT task FROM run WHERE run.id = job.run),
              (SELECT task FROM result_task WHERE result_task.key = job.key),
              (SELECT task FROM job AS other JOIN run ON run.id = other.run
-              WHERE other.key = job.key LIMIT 1))
+              WHERE other.key = job.key LIMIT 1)) AS task, submitted
          FROM job WHERE id = ?1",
     )
     .bind(id.0.as_bytes().as_slice())
     .fetch_optional(db)
     .await?;
-    Ok(task.flatten())
+    Ok(asked.unwrap_or_default())
 }
 
 pub(super) async fn jobs(
@@ -251,12 +259,10 @@ pub(super) async fn result(
     let Some(row) = row else { return Ok(None) };
     if let Some(at) = row.try_get("evicted")? {
         let task: Option<&str> = row.try_get("task")?;
-        let scenario = task.and_then(|task| {
-            let mut task: Value = serde_json::from_str(task).ok()?;
-            task.get_mut("scenario").map(Value::take)
-        });
+        let scenario = task.and_then(Task::scenario_in);
+        let scenario = scenario.map_or(Ok(Value::Null), |scenario| json(scenario.get()))?;
         let deleted_by = row.try_get("deleted_by")?;
-        return Ok(Some(Kept::Evicted { at, deleted_by, scenario: scenario.unwrap_or_default() }));
+        return Ok(Some(Kept::Evicted { at, deleted_by, scenario }));
     }
     if row.try_get("larger")? {
         return Ok(Some(Kept::Larger));

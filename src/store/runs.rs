@@ -12,7 +12,7 @@ use super::read::{self, key};
 use super::signals::{Effect, Stop};
 use super::tally::Ending;
 use super::writer::{Transaction, Verb};
-use crate::job::{Answer, Cost, FailureKind, Key};
+use crate::job::{FailureKind, Key};
 
 /// Names one run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -118,46 +118,50 @@ impl Verb for Progress {
     }
 }
 
-pub(super) struct Finished {
-    run: RunId,
-    attempt: u32,
-    answer: Answered,
+pub(super) struct FinishRun {
+    pub(super) run: RunId,
+    pub(super) attempt: u32,
+    pub(super) answer: Answered,
 }
 
-impl Finished {
-    pub(super) fn new(run: RunId, attempt: u32, answer: &Answer, cost: Cost) -> Self {
-        Self { run, attempt, answer: Answered::new(answer, Some(cost)) }
-    }
-}
-
-impl Verb for Finished {
+impl Verb for FinishRun {
     type Answer = Finish;
 
     async fn apply(&self, tx: &mut Transaction<'_>) -> Result<Finish, Error> {
-        let row = sqlx::query(
-            "UPDATE run SET state = 'succeeded', progress = 1, finished = ?3, changed = ?3
-             WHERE id = ?1 AND attempt = ?2 AND state = 'running'
-             RETURNING id, key, started, task, owner, trace,
-                 (SELECT min(id) FROM job WHERE job.run = run.id) AS job",
-        )
-        .bind(self.run.0)
-        .bind(self.attempt)
-        .bind(tx.now)
-        .fetch_optional(&mut *tx.db)
-        .await?;
-        let (Some(row), Some(key)) = (&row, ended(tx, row.as_ref(), Ending::Succeeded)?) else {
-            return Ok(Finish::Refused);
-        };
-        let job: Option<&[u8]> = row.try_get("job")?;
-        let source = Source {
-            task: row.try_get("task")?,
-            owner: Some(row.try_get("owner")?),
-            job: job.map(read::job_id).transpose()?,
-            trace: row.try_get("trace")?,
-            program: Some(tx.program),
-        };
-        self.answer.keep(tx, key, &source).await
+        finish(tx, self.run, self.attempt, &self.answer).await
     }
+}
+
+/// Ends a run by its answer: the one way to finish a job.
+pub(super) async fn finish(
+    tx: &mut Transaction<'_>,
+    run: RunId,
+    attempt: u32,
+    answer: &Answered,
+) -> Result<Finish, Error> {
+    let row = sqlx::query(
+        "UPDATE run SET state = 'succeeded', progress = 1, finished = ?3, changed = ?3
+         WHERE id = ?1 AND attempt = ?2 AND state = 'running'
+         RETURNING id, key, started, task, owner, trace,
+             (SELECT min(id) FROM job WHERE job.run = run.id) AS job",
+    )
+    .bind(run.0)
+    .bind(attempt)
+    .bind(tx.now)
+    .fetch_optional(&mut *tx.db)
+    .await?;
+    let (Some(row), Some(key)) = (&row, ended(tx, row.as_ref(), Ending::Succeeded)?) else {
+        return Ok(Finish::Refused);
+    };
+    let job: Option<&[u8]> = row.try_get("job")?;
+    let source = Source {
+        task: row.try_get("task")?,
+        owner: Some(row.try_get("owner")?),
+        job: job.map(read::job_id).transpose()?,
+        trace: row.try_get("trace")?,
+        program: Some(tx.program),
+    };
+    answer.keep(tx, key, &source).await
 }
 
 pub(super) struct Fail {

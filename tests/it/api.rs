@@ -184,9 +184,11 @@ async fn canceling_stops_the_work_and_says_so() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_run_that_panics_fails_its_job_and_nothing_else() {
-    let server =
-        Server::computing(Arc::new(|_: &_, _: &str| panic!("made for this test")), &Origins::Own)
-            .await;
+    let server = Server::computing(
+        Arc::new(|_: &_, _: &str, _| panic!("made for this test")),
+        &Origins::Own,
+    )
+    .await;
     let reply = server.compute(&steel_ball()).await;
     let job = reply.json();
     assert_eq!((reply.status, &job["state"]), (200, &json!("failed")));
@@ -227,7 +229,7 @@ async fn a_job_tells_its_scenario_in_whichever_state_it_is() {
     server.get(&format!("{}?wait=60", jobs[2].0)).await;
     assert_eq!(show(&jobs[2]).await, "succeeded");
 
-    let panics = Arc::new(|_: &_, _: &str| panic!("made for this test"));
+    let panics = Arc::new(|_: &_, _: &str, _| panic!("made for this test"));
     let server = Server::computing(panics, &Origins::Own).await;
     let address = job_address(&server.compute(&ball(0.25)).await);
     let job = server.get(&format!("{address}?include=scenario")).await.json();
@@ -556,7 +558,7 @@ async fn a_server_that_goes_down_lets_waiters_go_and_takes_no_more_jobs() {
         let list = server.get("/v1/jobs").await.json();
         address = list["jobs"][0]["links"]["self"].as_str().map(str::to_owned);
     }
-    server.drain.send_replace(true);
+    server.service.drain();
     assert_eq!(waiting.await.unwrap().status, 202);
     let refused = server.post("/v1/jobs", &ball(1.0)).await;
     refused.problem(503, "draining");

@@ -14,7 +14,7 @@ use std::time::Duration;
 
 use fretwork::http::Settings;
 use fretwork::job::{Key, Step, Task, Work};
-use fretwork::service::workers::Compute;
+use fretwork::service::Begin;
 use fretwork::store::Options;
 use serde_json::{Value, json};
 use sqlx::{Connection as _, Executor as _};
@@ -289,15 +289,15 @@ impl Control {
         })
     }
 
-    fn compute(self: &Arc<Self>) -> Compute {
+    fn compute(self: &Arc<Self>) -> Begin {
         let control = Arc::clone(self);
-        Arc::new(move |key: &Key, task: &str| {
+        Arc::new(move |key: &Key, task: &str, prepared| {
             control.begun.fetch_add(1, Ordering::SeqCst);
             // Other tests of this process have threads of the same name, so names cannot be used.
             let thread = fs::read_link("/proc/thread-self").unwrap();
             control.threads.lock().unwrap().insert(format!("/proc/{}", thread.display()));
             let (key, task) = (*key, task.to_owned());
-            let again = Box::new(move || Task::start(&key, &task).unwrap());
+            let again = Box::new(move || Task::start(&key, &task, prepared.clone()).unwrap());
             Ok(Box::new(EndlessWork { work: again(), again, control: Arc::clone(&control) })
                 as Box<dyn Work>)
         })
@@ -318,7 +318,7 @@ impl Control {
     }
 }
 
-async fn server(compute: Compute) -> Server {
+async fn server(compute: Begin) -> Server {
     Server::with(compute, &Settings::default(), &Options::default()).await
 }
 
@@ -416,9 +416,9 @@ async fn a_single_job_comes_before_thousands_of_jobs_of_another_owner() {
     let begun: Arc<Mutex<Vec<String>>> = Arc::default();
     let compute = {
         let (gated, begun) = (gate.compute(), Arc::clone(&begun));
-        Arc::new(move |key: &Key, task: &str| {
+        Arc::new(move |key: &Key, task: &str, prepared| {
             begun.lock().unwrap().push(key.to_string());
-            gated(key, task)
+            gated(key, task, prepared)
         })
     };
     let server = server(compute).await;

@@ -74,7 +74,10 @@ async fn a_repeated_idempotency_key_gives_the_same_job() {
     let first = accepted(store.submit(repeatable(1, "a", "one")).await);
     let again = store.submit(repeatable(1, "a", "one")).await.unwrap();
     assert_eq!(again, Submitted::Repeated(first.clone()));
-    assert_eq!(store.submit(repeatable(2, "a", "two")).await.unwrap(), Submitted::Mistaken);
+    assert_eq!(
+        store.submit(repeatable(2, "a", "two")).await.unwrap(),
+        Submitted::IdempotencyConflict
+    );
     // Each owner has its own idempotency keys.
     let other = NewJob { owner: "bob".into(), ..repeatable(1, "a", "two") };
     assert_ne!(accepted(store.submit(other).await).id, first.id);
@@ -130,7 +133,7 @@ async fn a_full_queue_refuses_new_runs_and_reserves_a_tenth_for_other_owners() {
     for number in 0..9 {
         accepted(store.submit(new_job(number)).await);
     }
-    let refused = Submitted::Refused { queued: 9 };
+    let refused = Submitted::QueueFull { queued: 9 };
     assert_eq!(
         store.submit(new_job(9)).await.unwrap(),
         refused,
@@ -139,7 +142,7 @@ async fn a_full_queue_refuses_new_runs_and_reserves_a_tenth_for_other_owners() {
     let other = NewJob { owner: "bob".into(), ..new_job(10) };
     accepted(store.submit(other).await);
     let other = NewJob { owner: "eve".into(), ..new_job(11) };
-    let refused = Submitted::Refused { queued: 10 };
+    let refused = Submitted::QueueFull { queued: 10 };
     assert_eq!(store.submit(other.clone()).await.unwrap(), refused);
     // A known result and a running run need no place in the queue.
     assert_eq!(accepted(store.submit(new_job(100)).await).origin, Origin::Cached);

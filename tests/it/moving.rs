@@ -539,7 +539,13 @@ async fn a_database_of_another_version_is_refused() {
 async fn a_backup_under_load_has_every_acknowledged_job() {
     let dir = TempDir::new().unwrap();
     let store = open(dir.path()).await;
-    let workers = Workers::start(&store, 1, None, &(Arc::new(Task::start) as _)).unwrap();
+    let workers = Workers::start(
+        &store,
+        1,
+        None,
+        &(Arc::new(|key: &Key, task: &str| Task::start(key, task, None)) as _),
+    )
+    .unwrap();
     let over = Arc::new(AtomicBool::new(false));
     let load = tokio::spawn({
         let (store, over) = (store.clone(), Arc::clone(&over));
@@ -547,9 +553,13 @@ async fn a_backup_under_load_has_every_acknowledged_job() {
             let mut count = 0_u32;
             while !over.load(Ordering::Relaxed) {
                 let body = ball(1.0 + 1e-4 * f64::from(count));
-                let task = fretwork::job::Submission::parse(&body).unwrap().task;
-                let job =
-                    fretwork::store::NewJob { key: task.key(), task: task.to_json(), ..new_job(0) };
+                let task =
+                    fretwork::job::Submission::parse(body.to_string().as_bytes()).unwrap().prepared;
+                let job = fretwork::store::NewJob {
+                    key: task.key,
+                    task: task.stored.to_string(),
+                    ..new_job(0)
+                };
                 store.submit(job).await.unwrap();
                 count += 1;
                 tokio::task::yield_now().await;

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use fretwork::format::{self, Error, FigureOptions, Format, Part, QUANTITIES, Quantity, View};
 use fretwork::http;
-use fretwork::job::{Step, Task};
+use fretwork::job::{Step, Submission};
 use roxmltree::{Document, Node};
 use serde_json::{Value, json};
 use tempfile::TempDir;
@@ -17,8 +17,7 @@ use crate::server::{Server, steel_ball};
 
 /// The stored document of a job body.
 fn computed(body: &str) -> Vec<u8> {
-    let task = http::parse_job(body.as_bytes()).unwrap().task;
-    let mut work = Task::start(&task.key(), &task.to_json()).unwrap();
+    let mut work = Submission::parse(body.as_bytes()).unwrap().prepared.start();
     loop {
         if let Step::Done(answer) = work.step() {
             return answer.body.to_vec();

@@ -8,17 +8,17 @@ use std::time::Duration;
 
 use fretwork::http::{self, Origins, Peer, Settings};
 use fretwork::job::{Answer, Key, Step, Task, Work};
-use fretwork::service::workers::{Compute, Workers};
+use fretwork::service::workers::Workers;
+use fretwork::service::{Begin, Service};
 use fretwork::store::{Options, Store};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::watch;
 
 pub struct Server {
     pub address: SocketAddr,
-    pub drain: watch::Sender<bool>,
+    pub service: Service,
     _workers: Workers,
     pub dir: TempDir,
 }
@@ -35,23 +35,33 @@ impl Server {
         Self::computing(Arc::new(Task::start), &Origins::Own).await
     }
 
-    pub async fn computing(compute: Compute, origins: &Origins) -> Self {
+    pub async fn computing(begin: Begin, origins: &Origins) -> Self {
         let settings = Settings { origins: origins.clone(), ..Settings::default() };
-        Self::with(compute, &settings, &Options::default()).await
+        Self::with(begin, &settings, &Options::default()).await
     }
 
-    pub async fn with(compute: Compute, settings: &Settings, options: &Options) -> Self {
+    pub async fn with(begin: Begin, settings: &Settings, options: &Options) -> Self {
+        Self::with_limit(begin, None, settings, options).await
+    }
+
+    /// A server whose runs may take no longer than `limit`.
+    pub async fn with_limit(
+        begin: Begin,
+        limit: Option<Duration>,
+        settings: &Settings,
+        options: &Options,
+    ) -> Self {
         let dir = TempDir::new().unwrap();
         let store = Store::open(dir.path(), options).await.unwrap();
         store.recover().await.unwrap();
-        let workers = Workers::start(&store, 2, settings.run_limit, &compute).unwrap();
-        let (drain, draining) = watch::channel(false);
-        let router = http::router(store, &compute, draining, settings);
+        let service = Service::new(store.clone(), begin, 2, limit);
+        let workers = Workers::start(&store, 2, limit, &service.compute()).unwrap();
+        let router = http::router(service.clone(), settings);
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = listener.local_addr().unwrap();
-        let service = router.into_make_service_with_connect_info::<Peer>();
-        tokio::spawn(async move { axum::serve(listener, service).await.unwrap() });
-        Self { address, drain, _workers: workers, dir }
+        let connections = router.into_make_service_with_connect_info::<Peer>();
+        tokio::spawn(async move { axum::serve(listener, connections).await.unwrap() });
+        Self { address, service, _workers: workers, dir }
     }
 
     /// Sends one request and reads the whole answer.
@@ -206,15 +216,15 @@ impl Gate {
     }
 
     /// Work that is done once the gate is open, and leaves a small document of the usual form.
-    pub fn compute(&self) -> Compute {
+    pub fn compute(&self) -> Begin {
         let gate = self.clone();
-        Arc::new(move |key: &Key, _: &str| {
+        Arc::new(move |key: &Key, _: &str, _| {
             Ok(Box::new(Gated { gate: gate.clone(), key: *key }) as Box<dyn Work>)
         })
     }
 
     /// Such work, not held up.
-    pub fn opened() -> Compute {
+    pub fn opened() -> Begin {
         let gate = Self::default();
         gate.open();
         gate.compute()

@@ -27,6 +27,7 @@ pub fn new_job(number: u8) -> NewJob {
         owner: "ada".into(),
         key: key(number),
         task: format!("task {number}"),
+        submitted: None,
         priority: 3,
         label: None,
         tags: vec![],

@@ -169,7 +169,7 @@ async fn events_end_when_the_server_goes_down() {
     let first = id(&submit(&server, 2.0, &[]).await);
     let mut listener = Listener::start(server.address, &first, None).await;
     listener.until(|events| has(events, "progress")).await;
-    server.drain.send_replace(true);
+    server.service.drain();
     let events = listener.until(|_| false).await;
     assert_eq!(states(&events).len(), 2, "the rest is told by the next server");
     server.get("/readyz").await.problem(503, "not-ready");
@@ -390,8 +390,8 @@ async fn a_page_of_another_site_changes_nothing() {
 #[tokio::test]
 async fn a_run_that_would_take_too_long_is_refused_before_it_is_begun() {
     let limit = Some(Duration::from_micros(1));
-    let settings = Settings { run_limit: limit, ..Settings::default() };
-    let server = Server::with(Arc::new(Task::start), &settings, &Options::default()).await;
+    let (settings, options) = (Settings::default(), Options::default());
+    let server = Server::with_limit(Arc::new(Task::start), limit, &settings, &options).await;
     let problem = server.compute(&steel_ball()).await.problem(422, "too-expensive");
     assert!(problem["detail"].as_str().unwrap().contains("1us"), "{problem}");
 }

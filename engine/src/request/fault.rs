@@ -29,7 +29,7 @@ pub struct Faults(pub Vec<Fault>);
 
 impl Faults {
     /// One fault.
-    pub(crate) fn one(pointer: &str, detail: impl Into<String>) -> Self {
+    pub fn one(pointer: &str, detail: impl Into<String>) -> Self {
         Self(vec![Fault { pointer: pointer.to_owned(), detail: detail.into() }])
     }
 

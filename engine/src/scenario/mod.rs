@@ -23,6 +23,7 @@ mod motion;
 
 use deserr::{Deserr, IntoValue, ValuePointerRef};
 use serde::Serialize;
+use serde_json::Value;
 
 use crate::case::{Case, Method, Scales};
 use crate::contact::unworn::Contact;
@@ -33,6 +34,7 @@ use crate::request::instants::ProfilesAt;
 use crate::request::{ElasticBody, MethodName, Model, Request, Until};
 use crate::solver::events::StopCondition;
 use crate::solver::stepped::march::March;
+use crate::work_done;
 use indenter::{CanonicalProfile, canonical_profile};
 use instants::with_profiles;
 use load::{CanonicalLoad, CanonicalModuli, canonical_load};
@@ -167,15 +169,23 @@ impl CanonicalModel {
 ///
 /// # Errors
 /// All faults. Each has a JSON pointer and says what to change.
-pub fn check(value: &serde_json::Value, prefix: &str) -> Result<(Scenario, Vec<Warning>), Faults> {
-    let request =
-        Request::deserialize_from_value(value.clone().into_value(), ValuePointerRef::Origin)
-            .map_err(|faults| faults.below(prefix))?;
+pub fn check(value: &Value, prefix: &str) -> Result<(Scenario, Vec<Warning>), Faults> {
+    prepare(value.clone(), prefix).map(|(scenario, _, warnings)| (scenario, warnings))
+}
+
+/// Parses a scenario like [`check`] and also returns the case that was built to check it.
+///
+/// # Errors
+/// As [`check`].
+pub fn prepare(value: Value, prefix: &str) -> Result<(Scenario, Case, Vec<Warning>), Faults> {
+    work_done::note(&work_done::PARSES);
+    let request = Request::deserialize_from_value(value.into_value(), ValuePointerRef::Origin)
+        .map_err(|faults| faults.below(prefix))?;
     let scenario = Scenario::resolve(&request).map_err(|faults| faults.below(prefix))?;
     let case = scenario.case().map_err(|fault| Faults(vec![fault]).below(prefix))?;
     let mut warnings = body_warnings(&request, &case);
     warnings.extend(scenario.warnings(&case));
-    Ok((scenario, warnings))
+    Ok((scenario, case, warnings))
 }
 
 impl Scenario {
@@ -211,6 +221,7 @@ impl Scenario {
     /// # Errors
     /// A fault if the numbers are valid one by one, but have no solution together.
     pub fn case(&self) -> Result<Case, Fault> {
+        work_done::note(&work_done::CASES);
         let contact = UnwornContact::new(&self.profile, &self.load, self.moduli, self.friction)
             .map_err(first)?;
         let (amplitude, unit) =

@@ -2,7 +2,6 @@
 
 use std::convert::Infallible;
 use std::mem;
-use std::time::Duration;
 
 use axum::body::{Body, Bytes};
 use axum::http::header;
@@ -10,7 +9,6 @@ use axum::response::{IntoResponse, Response};
 use futures_util::stream;
 use serde::Serialize;
 use serde_json::Value;
-use tokio::time;
 use utoipa::ToSchema;
 
 use crate::http::App;
@@ -18,7 +16,7 @@ use crate::http::problem::{self, Problem};
 use crate::http::representation;
 use crate::http::wire::{Query, instant};
 use crate::job::{Failure, Job, JobId, JobState, Key, Origin, Task};
-use crate::store::{self, StoredResult};
+use crate::store::{self, Asked, StoredResult};
 
 /// One submission and how far it has come.
 #[derive(Debug, Serialize, ToSchema)]
@@ -155,93 +153,94 @@ pub(super) fn address(id: JobId) -> String {
     format!("/v1/jobs/{id}")
 }
 
-/// Waits until the job is finished, the time is over or the server goes down.
-pub(super) async fn wait(app: &App, job: Job, time: Duration) -> Result<Job, Problem> {
-    let mut draining = app.draining.clone();
-    let until = async move {
-        tokio::select! {
-            () = time::sleep(time) => {}
-            // A closed channel is a server that has already gone; an error only ends the wait.
-            _ = draining.wait_for(|draining| *draining) => {}
-        }
-    };
-    Ok(app.store.wait(job, until).await?)
-}
-
-/// What an answer is to carry beside the job.
+/// What an answer carries beside the job.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Include {
     pub(super) result: bool,
     pub(super) scenario: bool,
+    pub(super) submitted: bool,
 }
 
 impl Include {
     /// The words for it.
-    pub const WORDS: [&str; 2] = ["result", "scenario"];
+    pub const WORDS: [&str; 3] = ["result", "scenario", "submitted"];
 
     /// Takes `include`: words with commas between.
     pub(super) fn take(query: &mut Query) -> Self {
-        let [result, scenario] = Self::WORDS;
-        let accepted = format!("\"{result}\", \"{scenario}\" or \"{result},{scenario}\"");
+        let accepted =
+            "\"result\", \"scenario\", \"submitted\", or some of them with commas between";
         let read = |text: &str| {
             let words: Vec<&str> = text.split(',').map(str::trim).collect();
             let known = words.iter().all(|word| Self::WORDS.contains(word));
-            let has = |word| words.contains(&word);
-            known.then(|| Self { result: has(result), scenario: has(scenario) })
+            let [result, scenario, submitted] = Self::WORDS.map(|word| words.contains(&word));
+            known.then_some(Self { result, scenario, submitted })
         };
-        query.value("include", &accepted, read).unwrap_or_default()
+        query.value("include", accepted, read).unwrap_or_default()
+    }
+
+    /// The members that go behind those of the job, each as JSON.
+    pub(super) fn members(
+        self,
+        asked: &Asked,
+        result: Option<Bytes>,
+    ) -> Vec<(&'static str, Bytes)> {
+        let mut members = Vec::new();
+        if self.scenario {
+            let scenario = asked.task.as_deref().and_then(Task::scenario_in);
+            let scenario =
+                scenario.map_or(NULL, |text| Bytes::copy_from_slice(text.get().as_bytes()));
+            members.push(("scenario", scenario));
+        }
+        if self.submitted {
+            let submitted = asked.submitted.clone().map_or(NULL, Bytes::from);
+            members.push(("submitted", submitted));
+        }
+        members.extend(result.map(|result| ("result", result)));
+        members
     }
 }
 
-/// Answers a job as it is always answered, with what is to be included inside.
+/// Answers a job as it is always answered, with the members that are to be included.
 pub(super) async fn answer(app: &App, job: Job, include: Include) -> Result<Response, Problem> {
-    let mut inside = Vec::new();
-    if include.scenario {
-        let task = app.store.task(job.id).await?;
-        inside.push(("scenario", task.map_or(NOTHING, |task| scenario_in(&task))));
-    }
-    if include.result {
-        inside.push(("result", result_of(app, &job).await?));
-    }
-    write(job, &inside)
+    let asked = if include.scenario || include.submitted {
+        app.service.asked(job.id).await?
+    } else {
+        Asked::default()
+    };
+    let result = if include.result { Some(result_of(app, &job).await?) } else { None };
+    write(job, include.members(&asked, result))
 }
 
-/// What stands for a scenario or a result that there is not.
-pub(super) const NOTHING: Bytes = Bytes::from_static(b"null");
-
-/// The scenario in the stored form of a task; null if that is none.
-pub(super) fn scenario_in(task: &str) -> Bytes {
-    Task::scenario(task)
-        .map_or(NOTHING, |scenario| Bytes::copy_from_slice(scenario.get().as_bytes()))
-}
+/// Stands for what there is not.
+pub(super) const NULL: Bytes = Bytes::from_static(b"null");
 
 /// The result of a job; null if there is none.
 pub(super) async fn result_of(app: &App, job: &Job) -> Result<Bytes, Problem> {
     if job.state != JobState::Succeeded {
-        return Ok(NOTHING);
+        return Ok(NULL);
     }
     Ok(match app.store.small_result(&job.key).await? {
         Some(StoredResult::Whole(body)) => body,
         Some(StoredResult::Large) => representation::large(app, None, &job.key).await?.body,
-        _ => NOTHING,
+        _ => NULL,
     })
 }
 
-/// Writes a job, with more members behind its own: their names, and what they are in JSON.
-pub(super) fn write(job: Job, inside: &[(&str, Bytes)]) -> Result<Response, Problem> {
+/// Writes a job, with more members behind its own: their names and their JSON.
+pub(super) fn write(job: Job, members: Vec<(&str, Bytes)>) -> Result<Response, Problem> {
     let (key, id) = (job.key, job.id);
     let mut told = serde_json::to_vec(&JobAnswer::from(job)).map_err(|_| Problem::internal())?;
     let mut pieces = Vec::new();
-    for (name, text) in inside {
+    for (name, text) in members {
         // The stored bytes go in as they are: parsing and printing them again would cost more
         // than everything else here and could change digits.
         told.pop();
         told.extend_from_slice(format!(",\"{name}\":").as_bytes());
         if text.len() > store::LARGE {
-            // Others may be reading the same bytes.
-            pieces.extend([mem::take(&mut told).into(), text.clone()]);
+            // Other answers may share these bytes.
+            pieces.extend([mem::take(&mut told).into(), text]);
         } else {
-            told.extend_from_slice(text);
+            told.extend_from_slice(&text);
         }
         told.push(b'}');
     }

@@ -6,17 +6,16 @@ use axum::extract::State;
 use axum::http::header::{self, HeaderName};
 use axum::http::{HeaderMap, HeaderValue, StatusCode};
 use axum::response::Response;
-use serde_json::json;
-use sha2::{Digest as _, Sha256};
 
-use super::answer::{Include, JobAnswer, NOTHING, address, result_of, scenario_in, wait, write};
+use super::answer::{Include, JobAnswer, NULL, address, result_of, write};
 use crate::http::App;
 use crate::http::caller::Caller;
 use crate::http::problem::{self, Problem};
 use crate::http::scenarios::parse;
 use crate::http::wire::{Body, Freshness, Prefer, Query, idempotency_key, urgency};
-use crate::job::{Job, JobId, JobState, Origin, Submission};
-use crate::store::{Admission, NewJob, Repeatable, Submitted};
+use crate::job::{Job, JobState, Origin};
+use crate::service::{Accepted, Refusal, Terms};
+use crate::store::Asked;
 
 /// Submits a scenario: computes it, joins the computation under way, or finds its result.
 ///
@@ -28,7 +27,7 @@ use crate::store::{Admission, NewJob, Repeatable, Submitted};
     params(
         ("include" = Option<crate::http::openapi::Include>, Query, style = Form, explode = false,
             description = "What to put into the answer beside the job, separated by commas: `result`, \
-                if it is finished, and the `scenario` as it was understood.",
+                if it is finished, the canonical `scenario`, and the scenario as `submitted`.",
             example = json!(["result"])),
         ("Prefer" = Option<String>, Header,
             description = "`wait=N`: answer when the job is finished, at the latest after N seconds \
@@ -81,109 +80,89 @@ pub async fn submit(
 ) -> Result<Response, Problem> {
     let include = Include::take(&mut query);
     query.finish()?;
-    if *app.draining.borrow() {
-        let detail = "The server is going down and takes no new jobs; submit again in a moment.";
-        return Err(Problem::new(&problem::DRAINING, detail).retry_after(5));
-    }
-    let name = idempotency_key(&headers)?;
-    let submission = parse(body).await?;
     let (prefer, freshness) = (Prefer::read(&headers), Freshness::read(&headers));
-    let Submission { task, label, tags, warnings } = submission;
-    let (key, stored, seconds) = (task.key(), task.to_json(), task.seconds());
-    let limit = app.run_limit.filter(|limit| seconds > limit.as_secs_f64());
-    let mut inside = Vec::new();
-    if include.scenario {
-        inside.push(("scenario", scenario_in(&stored)));
-    }
-    let repeatable = name.map(|name| {
-        let sent = json!([stored, label, tags]).to_string();
-        Repeatable { key: name, fingerprint: Sha256::digest(sent).to_vec() }
-    });
-    let new = NewJob {
-        id: JobId::generate(),
+    let terms = Terms {
         owner: caller.owner,
-        key,
-        task: stored,
         priority: urgency(&headers),
-        label,
-        tags,
-        warnings,
-        repeatable,
+        idempotency_key: idempotency_key(&headers)?,
         afresh: freshness.afresh,
-        admission: Admission {
-            only_known: freshness.only_known,
-            too_expensive: limit.is_some(),
-            unless_needed: false,
-        },
+        only_known: freshness.only_known,
+        wait: prefer.wait,
         trace: caller.trace.map(|trace| trace.to_string()),
     };
-    let (submitted, computed) = match prefer.wait {
-        Some(time) if !time.is_zero() => app.shortly.submit(&app.store, new, seconds).await?,
-        _ => (app.store.submit(new).await?, None),
-    };
-    let mut job = match submitted {
-        Submitted::Accepted(job) | Submitted::Repeated(job) => job,
-        Submitted::Mistaken => {
-            let detail =
-                "This Idempotency-Key came with another submission before; make a new key.";
-            return Err(Problem::new(&problem::KEY_REUSED, detail));
-        }
-        Submitted::Unknown | Submitted::Needed => {
-            let detail =
-                "The result is not known; submit without only-if-cached to have it computed.";
-            return Err(Problem::new(&problem::NOT_CACHED, detail));
-        }
-        Submitted::TooExpensive => return Err(too_expensive(seconds, limit)),
-        Submitted::Refused { queued } => {
-            let detail = format!("{queued} jobs wait already; submit again in a moment.");
-            let seconds = app.store.tally().seconds_per_run() / app.workers as f64;
-            let seconds = seconds.clamp(1.0, 60.0).ceil() as u32;
-            return Err(Problem::new(&problem::QUEUE_FULL, detail).retry_after(seconds));
-        }
-    };
-    // From here on the job is accepted, and the answer must say so whatever else goes wrong (but for a
-    // key that is taken back while it waits).
-    if let Some(time) = prefer.wait {
-        job = wait(&app, job.clone(), time).await.unwrap_or(job);
+    if app.service.is_draining() {
+        return Err(Refusal::Draining.into());
     }
-    let cache = cache_status(&job, freshness.afresh);
+    let submission = parse(body).await?;
+    let asked = Asked {
+        task: include.scenario.then(|| submission.prepared.stored.to_string()),
+        submitted: submission.submitted.clone().filter(|_| include.submitted),
+    };
+    let Accepted { job, answer } = app.service.submit(submission, terms).await?;
+    let result = match answer {
+        _ if !include.result => None,
+        Some(answer) if job.state == JobState::Succeeded => Some(answer.body),
+        // The job is accepted: an answer without the result is better than an error.
+        _ => Some(result_of(&app, &job).await.unwrap_or(NULL)),
+    };
     let finished = job.state.is_finished();
-    let location = address(job.id);
-    if include.result {
-        let result = match computed {
-            Some(computed) if job.state == JobState::Succeeded => computed.body,
-            _ => result_of(&app, &job).await.unwrap_or(NOTHING),
-        };
-        inside.push(("result", result));
-    }
-    let mut response = write(job, &inside)?;
-    response.headers_mut().insert(header::CACHE_STATUS, HeaderValue::from_static(cache));
-    let mut set = |name: HeaderName, value: String| {
-        // Paths and numbers are always legal in a header.
-        if let Ok(value) = HeaderValue::try_from(value) {
-            response.headers_mut().insert(name, value);
-        }
-    };
+    let (location, cache) = (address(job.id), cache_status(&job, freshness.afresh));
+    let mut response = write(job, include.members(&asked, result))?;
+    let headers = response.headers_mut();
+    headers.insert(header::CACHE_STATUS, HeaderValue::from_static(cache));
     if let Some(time) = prefer.wait {
         let name = HeaderName::from_static("preference-applied");
-        set(name, format!("wait={}", time.as_secs()));
+        headers.insert(name, header_value(format!("wait={}", time.as_secs())));
     }
     if !finished {
-        set(header::LOCATION, location);
+        headers.insert(header::LOCATION, header_value(location));
         *response.status_mut() = StatusCode::ACCEPTED;
     }
     Ok(response)
 }
 
-fn too_expensive(seconds: f64, limit: Option<Duration>) -> Problem {
-    let about = |time| humantime::format_duration(time);
-    let detail = format!(
-        "The run would take about {}, and this server lets a run take {}; ask for fewer points, \
-         instants or rows, or for a larger tolerance.",
-        about(Duration::from_secs(seconds as u64)),
-        about(limit.unwrap_or_default()),
-    );
-    Problem::new(&problem::TOO_EXPENSIVE, detail)
+#[expect(clippy::expect_used, reason = "paths and numbers are always valid in a header")]
+fn header_value(text: String) -> HeaderValue {
+    HeaderValue::try_from(text).expect("a path or a number")
+}
+
+impl From<Refusal> for Problem {
+    fn from(refusal: Refusal) -> Self {
+        match refusal {
+            Refusal::Draining => {
+                let detail = "The server is shutting down and takes no new jobs; submit again in a \
+                    moment.";
+                Self::new(&problem::DRAINING, detail).retry_after(5)
+            }
+            Refusal::IdempotencyConflict => {
+                let detail =
+                    "This Idempotency-Key was used for another submission; make a new one.";
+                Self::new(&problem::KEY_REUSED, detail)
+            }
+            Refusal::NotCached => {
+                let detail =
+                    "The result is not known; submit without only-if-cached to compute it.";
+                Self::new(&problem::NOT_CACHED, detail)
+            }
+            Refusal::TooExpensive { estimate, limit } => {
+                let whole = |time: Duration| {
+                    humantime::format_duration(Duration::from_secs(time.as_secs()))
+                };
+                let detail = format!(
+                    "The run would take about {}, and this server lets a run take {}; ask for fewer \
+                     points, output cycles or rows, or for a larger tolerance.",
+                    whole(estimate),
+                    humantime::format_duration(limit),
+                );
+                Self::new(&problem::TOO_EXPENSIVE, detail)
+            }
+            Refusal::QueueFull { queued, retry_after } => {
+                let detail = format!("{queued} jobs wait already; submit again in a moment.");
+                Self::new(&problem::QUEUE_FULL, detail).retry_after(retry_after.as_secs() as u32)
+            }
+            Refusal::Store(error) => error.into(),
+        }
+    }
 }
 
 /// What the cache had to do with the answer (RFC 9211).

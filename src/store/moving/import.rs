@@ -3,13 +3,12 @@
 use std::path::Path;
 use std::time::Duration;
 
-use serde_json::json;
 use sha2::{Digest as _, Sha256};
 use sqlx::sqlite::SqliteRow;
 use sqlx::{Connection as _, Row as _, SqliteConnection};
 
 use super::{EXPORT, FORM, Moving, PATIENCE};
-use crate::job::{Answer, Cost, ENGINE, Key, clock};
+use crate::job::{Answer, Cost, ENGINE, Key, Task, clock};
 use crate::store::Error;
 use crate::store::keep::{Answered, Source};
 use crate::store::library::{Note, Program};
@@ -154,7 +153,7 @@ impl Entry {
         let (engine, scenario) = (&document.engine, &document.scenario);
         if engine.name != ENGINE.name
             || document.key != text
-            || Key::of(engine.numerics, scenario) != key
+            || Key::of_scenario(engine.numerics, scenario) != key
         {
             return Err("its key does not belong to its scenario: one of them was changed, or \
                 another version of fretwork makes keys differently"
@@ -173,7 +172,7 @@ impl Entry {
         Ok(Self {
             key,
             answer: Answered::new(&answer, wall.map(|wall| Cost { wall, cpu })),
-            task: json!({"scenario": scenario}).to_string(),
+            task: Task::stored(scenario),
             owner: column(row, "owner")?,
             computed: column(row, "computed")?.map(time).transpose()?,
             program: program(row, engine.numerics)?,

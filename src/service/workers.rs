@@ -3,8 +3,6 @@
 //! Computing takes whole processors for whole seconds, so it has threads of its own, apart from
 //! those that answer requests. What a thread does to the tables goes through the store.
 
-mod stopwatch;
-
 use std::any::Any;
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -15,10 +13,9 @@ use std::time::{Duration, Instant};
 use tokio::runtime::Handle;
 use tokio::sync::{mpsc, watch};
 
+use super::stopwatch::Stopwatch;
 use crate::job::{Answer, Cost, FailureKind, Key, Step, Work};
 use crate::store::{Claimed, Error, Finish, Store};
-
-pub use stopwatch::Stopwatch;
 
 /// Begins the work of a stored task: its key and its stored form.
 pub type Compute = Arc<dyn Fn(&Key, &str) -> Result<Box<dyn Work>, String> + Send + Sync>;

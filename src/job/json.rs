@@ -1,0 +1,184 @@
+//! JSON that reports repeated members.
+
+use std::fmt;
+
+use fretwork_engine::request::fault::Fault;
+use serde::de::{DeserializeSeed, Error, MapAccess, SeqAccess, Visitor};
+use serde_json::{Deserializer, Map, Number, Value};
+
+/// Most repeated members that are listed, one by one.
+const MAX_LISTED: usize = 100;
+/// Most bytes that the pointers of all listed members may take.
+const MAX_POINTERS: usize = 1 << 16;
+
+/// Parses JSON, and returns a fault for each member that appears more than once: keeping one of them
+/// silently would drop a parameter. The returned value keeps the last.
+///
+/// # Errors
+/// The text is not JSON.
+pub fn parse(text: &[u8]) -> Result<(Value, Vec<Fault>), serde_json::Error> {
+    let mut repeated = Repeated::default();
+    let mut pointer = String::new();
+    let mut json = Deserializer::from_slice(text);
+    let reader = Reader { pointer: &mut pointer, repeated: &mut repeated };
+    let value = reader.deserialize(&mut json)?;
+    json.end()?;
+    Ok((value, repeated.faults()))
+}
+
+/// Repeated members. A short text can hold many of them below a long name, so the list is bounded and
+/// the rest is only counted.
+#[derive(Default)]
+struct Repeated {
+    listed: Vec<Fault>,
+    /// Bytes of all listed pointers.
+    pointers: usize,
+    unlisted: usize,
+}
+
+impl Repeated {
+    fn note(&mut self, pointer: &str) {
+        let pointers = self.pointers + pointer.len();
+        let fits = self.listed.len() < MAX_LISTED && pointers <= MAX_POINTERS;
+        if fits || self.listed.is_empty() {
+            self.pointers = pointers;
+            let detail = "appears more than once; keep one".to_owned();
+            self.listed.push(Fault { pointer: pointer.to_owned(), detail });
+        } else {
+            self.unlisted += 1;
+        }
+    }
+
+    fn faults(mut self) -> Vec<Fault> {
+        if self.unlisted > 0 {
+            let detail = format!("and {} more repeated members, not listed", self.unlisted);
+            self.listed.push(Fault { pointer: String::new(), detail });
+        }
+        self.listed
+    }
+}
+
+/// Builds a [`Value`] and notes repeated members on the way.
+struct Reader<'a> {
+    pointer: &'a mut String,
+    repeated: &'a mut Repeated,
+}
+
+impl Reader<'_> {
+    /// Calls `read` with the pointer extended by `token`.
+    fn within<T>(&mut self, token: &str, read: impl FnOnce(Reader<'_>) -> T) -> T {
+        let length = self.pointer.len();
+        self.pointer.push('/');
+        self.pointer.push_str(&token.replace('~', "~0").replace('/', "~1"));
+        let out = read(Reader { pointer: self.pointer, repeated: self.repeated });
+        self.pointer.truncate(length);
+        out
+    }
+}
+
+impl<'de> DeserializeSeed<'de> for Reader<'_> {
+    type Value = Value;
+
+    fn deserialize<D: serde::Deserializer<'de>>(self, json: D) -> Result<Value, D::Error> {
+        json.deserialize_any(self)
+    }
+}
+
+impl<'de> Visitor<'de> for Reader<'_> {
+    type Value = Value;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("JSON")
+    }
+
+    fn visit_unit<E>(self) -> Result<Value, E> {
+        Ok(Value::Null)
+    }
+
+    fn visit_bool<E>(self, value: bool) -> Result<Value, E> {
+        Ok(value.into())
+    }
+
+    fn visit_i64<E>(self, value: i64) -> Result<Value, E> {
+        Ok(value.into())
+    }
+
+    fn visit_u64<E>(self, value: u64) -> Result<Value, E> {
+        Ok(value.into())
+    }
+
+    fn visit_f64<E: Error>(self, value: f64) -> Result<Value, E> {
+        let number = Number::from_f64(value);
+        number.map(Value::Number).ok_or_else(|| E::custom("number out of range"))
+    }
+
+    fn visit_str<E>(self, value: &str) -> Result<Value, E> {
+        Ok(value.into())
+    }
+
+    fn visit_string<E>(self, value: String) -> Result<Value, E> {
+        Ok(value.into())
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(mut self, mut seq: A) -> Result<Value, A::Error> {
+        let mut out = Vec::new();
+        let mut next = |index: usize, seq: &mut A| {
+            self.within(&index.to_string(), |reader| seq.next_element_seed(reader))
+        };
+        while let Some(value) = next(out.len(), &mut seq)? {
+            out.push(value);
+        }
+        Ok(out.into())
+    }
+
+    fn visit_map<A: MapAccess<'de>>(mut self, mut map: A) -> Result<Value, A::Error> {
+        let mut out = Map::new();
+        while let Some(name) = map.next_key::<String>()? {
+            let value = self.within(&name, |reader| map.next_value_seed(reader))?;
+            if out.contains_key(&name) {
+                self.within(&name, |reader| reader.repeated.note(reader.pointer));
+            }
+            out.insert(name, value);
+        }
+        Ok(out.into())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn repeated_members_are_reported_at_any_depth() {
+        let text = br#"{"a": [{"x/y": 1, "x/y": 2}], "b": {}, "a": 1, "a": 2}"#;
+        let (value, repeated) = parse(text).unwrap();
+        let pointers: Vec<_> = repeated.iter().map(|fault| fault.pointer.as_str()).collect();
+        assert_eq!(pointers, ["/a/0/x~1y", "/a", "/a"]);
+        assert_eq!(value, serde_json::json!({"a": 2, "b": {}}));
+    }
+
+    #[test]
+    fn the_list_of_repeated_members_is_bounded() {
+        let name = "k".repeat(20_000);
+        let many = vec!["\"a\":1"; 10_000].join(",");
+        for (text, listed) in
+            [(format!("{{{many}}}"), 100), (format!("{{\"{name}\": {{{many}}}}}"), 3)]
+        {
+            let repeated = parse(text.as_bytes()).unwrap().1;
+            assert_eq!(repeated.len(), listed + 1);
+            assert!(repeated.iter().map(|fault| fault.pointer.len()).sum::<usize>() <= 1 << 16);
+            let last = format!("and {} more repeated members, not listed", 9_999 - listed);
+            assert_eq!(repeated[listed].detail, last);
+        }
+    }
+
+    #[test]
+    fn parsing_agrees_with_serde_json() {
+        let text =
+            br#"{"a": [1, -2, 3.5e-7, null, true, "\u00b5m"], "b": {"c": 18446744073709551615}}"#;
+        assert_eq!(parse(text).unwrap().0, serde_json::from_slice::<Value>(text).unwrap());
+        for bad in ["", "{", "[1,]", "{} {}", "NaN", "[1e999]", "{'a': 1}"] {
+            assert!(parse(bad.as_bytes()).is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,208 @@
+//! A job body, as a client sends it: parsed once, with all of its faults.
+
+use deserr::{Deserr, IntoValue, Sequence, ValuePointerRef};
+use fretwork_engine::request::fault::{Fault, Faults};
+use fretwork_engine::request::fields::Given;
+use serde_json::Value;
+
+use super::json;
+use super::task::Prepared;
+
+/// Longest label in characters.
+pub const MAX_LABEL: usize = 200;
+/// Most tags of a job.
+pub const MAX_TAGS: usize = 20;
+/// Longest tag in characters.
+pub const MAX_TAG: usize = 50;
+/// Longest scenario, in bytes of compact JSON, that a job keeps as its client wrote it.
+pub const MAX_SUBMITTED: usize = 64 << 10;
+
+/// A job body that is sound: `{"scenario": {…}, "label"?, "tags"?}`.
+#[derive(Debug, Clone)]
+pub struct Submission {
+    /// What to compute.
+    pub prepared: Prepared,
+    /// The scenario as its client wrote it, as JSON; none beyond [`MAX_SUBMITTED`].
+    pub submitted: Option<String>,
+    /// A line for people.
+    pub label: Option<String>,
+    /// Words to find the job by.
+    pub tags: Vec<String>,
+}
+
+/// Why a text is not a job body.
+#[derive(Debug, thiserror::Error)]
+pub enum BadSubmission {
+    /// It is not JSON.
+    #[error("the text is not JSON")]
+    Json(#[source] serde_json::Error),
+    /// It is empty.
+    #[error("the text is empty")]
+    Empty,
+    /// It is JSON with these faults.
+    #[error("the job has {} fault(s)", .0.len())]
+    Faults(Vec<Fault>),
+}
+
+impl Submission {
+    /// Parses the text of a job body. The faults of its form and of its physics come in one list.
+    ///
+    /// # Errors
+    /// The text is not JSON, or it has faults.
+    pub fn parse(text: &[u8]) -> Result<Self, BadSubmission> {
+        if text.iter().all(u8::is_ascii_whitespace) {
+            return Err(BadSubmission::Empty);
+        }
+        let (body, mut faults) = json::parse(text).map_err(BadSubmission::Json)?;
+        match Self::read(body) {
+            Ok(submission) if faults.is_empty() => return Ok(submission),
+            Ok(_) => {}
+            Err(more) => faults.extend(more.0),
+        }
+        Err(BadSubmission::Faults(faults))
+    }
+
+    fn read(mut body: Value) -> Result<Self, Faults> {
+        let scenario = body.get_mut("scenario").map(Value::take);
+        let envelope: Result<Envelope, Faults> =
+            Envelope::deserialize_from_value(body.into_value(), ValuePointerRef::Origin);
+        // Without a scenario the envelope has a fault of its own: the member is missing.
+        let Some(scenario) = scenario else {
+            return Err(envelope.err().unwrap_or_else(|| Faults::one("", "must be an object")));
+        };
+        let submitted = Some(scenario.to_string()).filter(|text| text.len() <= MAX_SUBMITTED);
+        match (envelope, Prepared::from_scenario(scenario, "/scenario")) {
+            (Ok(Envelope { label, tags, .. }), Ok(prepared)) => Ok(Self {
+                prepared,
+                submitted,
+                label: label.0.map(|label| label.0),
+                tags: tags.0.map_or_else(Vec::new, |tags| tags.0),
+            }),
+            (Err(mut faults), Err(more)) => {
+                faults.0.extend(more.0);
+                Err(faults)
+            }
+            (Err(faults), Ok(_)) | (Ok(_), Err(faults)) => Err(faults),
+        }
+    }
+}
+
+/// What stands beside the scenario, whose value has been taken out.
+#[derive(Deserr)]
+#[deserr(error = Faults, deny_unknown_fields)]
+struct Envelope {
+    #[deserr(rename = "scenario")]
+    _scenario: Value,
+    #[deserr(default)]
+    label: Given<Text<MAX_LABEL>>,
+    #[deserr(default)]
+    tags: Given<Tags>,
+}
+
+/// A text of 1 to `N` characters, none of them a control character.
+struct Text<const N: usize>(String);
+
+impl<const N: usize> Deserr<Faults> for Text<N> {
+    fn deserialize_from_value<V: IntoValue>(
+        value: deserr::Value<V>,
+        location: ValuePointerRef<'_>,
+    ) -> Result<Self, Faults> {
+        let text: String = String::deserialize_from_value(value, location)?;
+        let length = text.chars().count();
+        if length == 0 || length > N {
+            let detail = format!("must have 1 to {N} characters, not {length}");
+            return Err(Faults::at(location, detail));
+        }
+        if text.chars().any(char::is_control) {
+            return Err(Faults::at(location, "must not contain control characters"));
+        }
+        Ok(Self(text))
+    }
+}
+
+struct Tags(Vec<String>);
+
+impl Deserr<Faults> for Tags {
+    fn deserialize_from_value<V: IntoValue>(
+        value: deserr::Value<V>,
+        location: ValuePointerRef<'_>,
+    ) -> Result<Self, Faults> {
+        if let deserr::Value::Sequence(list) = &value
+            && list.len() > MAX_TAGS
+        {
+            let detail = format!("must list at most {MAX_TAGS} tags, not {}", list.len());
+            return Err(Faults::at(location, detail));
+        }
+        let tags = Vec::<Text<MAX_TAG>>::deserialize_from_value(value, location)?;
+        let tags: Vec<String> = tags.into_iter().map(|tag| tag.0).collect();
+        match (1..tags.len()).find(|i| tags[..*i].contains(&tags[*i])) {
+            Some(twice) => Err(Faults::at(location.push_index(twice), "is listed twice")),
+            None => Ok(Self(tags)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    fn ball() -> Value {
+        json!({
+            "profile": {"shape": "paraboloid", "radius": "10 mm"},
+            "bodies": [
+                {"youngs_modulus": "205 GPa", "poisson_ratio": 0.3},
+                {"youngs_modulus": "205 GPa", "poisson_ratio": 0.3}
+            ],
+            "friction": 0.7,
+            "wear": {"coefficient": "3.03e-5 mm^3/(N m)"},
+            "load": {"normal_force": "100 N", "held": "depth"},
+            "motion": {"amplitude": "2.256 um"},
+            "cycles": [1000, 3000, 10000, 30000],
+        })
+    }
+
+    #[test]
+    fn every_fault_is_listed_with_its_pointer() {
+        let mut scenario = ball();
+        scenario["bodies"][0]["poisson_ratio"] = json!(0.7);
+        scenario["profile"]["radius"] = json!("-10 mm");
+        scenario["frction"] = json!(0.7);
+        scenario["wear"]["coefficient"] = json!("3 mm^3/(N parsec)");
+        let mut body = json!({"scenario": scenario});
+        body["label"] = json!("");
+        let faults = match Submission::parse(body.to_string().as_bytes()) {
+            Err(BadSubmission::Faults(faults)) => faults,
+            other => panic!("{other:?}"),
+        };
+        let mut pointers: Vec<_> = faults.iter().map(|fault| fault.pointer.as_str()).collect();
+        pointers.sort_unstable();
+        assert_eq!(
+            pointers,
+            [
+                "/label",
+                "/scenario/bodies/0/poisson_ratio",
+                "/scenario/frction",
+                "/scenario/profile/radius",
+                "/scenario/wear/coefficient",
+            ]
+        );
+        let of = |pointer: &str| {
+            &faults.iter().find(|fault| fault.pointer == pointer).expect(pointer).detail
+        };
+        assert!(of("/scenario/frction").contains("Did you mean `friction`?"));
+        assert!(of("/scenario/wear/coefficient").contains("mm^3/(N m)"));
+    }
+
+    #[test]
+    fn a_submission_keeps_what_was_typed_up_to_64_kb() {
+        let parse = |body: &Value| Submission::parse(body.to_string().as_bytes()).unwrap();
+        let mut scenario = ball();
+        let submitted = parse(&json!({"scenario": scenario})).submitted;
+        assert_eq!(submitted, Some(scenario.to_string()));
+        scenario["cycles"] = (1..=10_000).map(|n| n * 1000).collect::<Vec<u32>>().into();
+        scenario["profiles_at"] = json!("none");
+        assert_eq!(parse(&json!({"scenario": scenario})).submitted, None);
+    }
+}

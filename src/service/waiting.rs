@@ -1,0 +1,93 @@
+//! Prepared tasks of queued runs, kept in memory so that a worker need not parse them again.
+//!
+//! The queue itself is in the database. A task that is not here, since the budget was full or the server
+//! has restarted, is prepared again from its stored form.
+
+use quick_cache::Weighter;
+use quick_cache::sync::Cache;
+
+use crate::job::{Key, Prepared};
+
+/// Most bytes that waiting tasks may take.
+const BUDGET: u64 = 32 << 20;
+/// How many tasks the cache expects: one of the usual size takes about 4 kB.
+const EXPECTED: usize = 8192;
+
+/// Prepared tasks by the key of their run.
+#[derive(Debug)]
+pub struct Waiting(Cache<Key, Prepared, Bytes>);
+
+#[derive(Debug, Clone)]
+struct Bytes;
+
+impl Weighter<Key, Prepared> for Bytes {
+    fn weight(&self, _: &Key, prepared: &Prepared) -> u64 {
+        prepared.bytes() as u64
+    }
+}
+
+impl Default for Waiting {
+    fn default() -> Self {
+        Self(Cache::with_weighter(EXPECTED, BUDGET, Bytes))
+    }
+}
+
+impl Waiting {
+    /// Keeps a task until its run is claimed, or until newer ones need the room.
+    pub fn keep(&self, prepared: Prepared) {
+        self.0.insert(prepared.key, prepared);
+    }
+
+    /// Takes a task out.
+    pub fn take(&self, key: &Key) -> Option<Prepared> {
+        self.0.remove(key).map(|(_, prepared)| prepared)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    /// A run whose displacement record has so many rows.
+    fn prepared(rows: u32, friction: f64) -> Prepared {
+        let reversals: Vec<f64> = (0..rows).map(|i| 1e-6 * f64::from(1 + i % 7)).collect();
+        let scenario = json!({
+            "profile": {"shape": "paraboloid", "radius": "10 mm"},
+            "moduli": {"normal": "112 GPa", "tangential": "92 GPa"},
+            "friction": friction,
+            "wear": {"coefficient": "3e-5 mm^3/(N m)"},
+            "load": {"normal_force": "100 N", "held": "depth"},
+            "motion": {"amplitude": "2 um"},
+            "cycles": reversals.iter().scan(0.0, |n, x| { *n += x * 1e9; Some(*n) }).collect::<Vec<_>>(),
+            "profiles_at": "none",
+        });
+        Prepared::from_scenario(scenario, "").unwrap_or_else(|faults| panic!("{faults:?}"))
+    }
+
+    #[test]
+    fn a_task_is_taken_once() {
+        let waiting = Waiting::default();
+        let task = prepared(3, 0.5);
+        waiting.keep(task.clone());
+        assert_eq!(waiting.take(&task.key).map(|taken| taken.key), Some(task.key));
+        assert!(waiting.take(&task.key).is_none());
+    }
+
+    #[test]
+    fn waiting_tasks_stay_within_their_budget() {
+        let waiting = Waiting::default();
+        let large = prepared(2000, 0.5);
+        let many = 3 * BUDGET / large.bytes() as u64;
+        for number in 0..many {
+            let mut task = large.clone();
+            let mut bytes = [0; 32];
+            bytes[..8].copy_from_slice(&number.to_le_bytes());
+            task.key = Key::from_bytes(bytes);
+            waiting.keep(task);
+        }
+        assert!(waiting.0.weight() <= BUDGET, "{} bytes", waiting.0.weight());
+        assert!(waiting.0.len() as u64 > many / 10, "the budget is used");
+    }
+}
