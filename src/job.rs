@@ -17,7 +17,7 @@ use sha2::{Digest, Sha256};
 
 pub use outline::{Outline, SCALARS, Scalar, WORDS, Word};
 pub use submission::{BadSubmission, MAX_LABEL, MAX_SUBMITTED, MAX_TAG, MAX_TAGS, Submission};
-pub use task::{Answer, Cost, ENGINE, Engine, Prepared, Step, Task, Work, summary};
+pub use task::{Answer, Begin, Cost, ENGINE, Engine, Prepared, Step, Task, Work, summary};
 
 /// The address of a result: SHA-256 of the engine's name, its `numerics` version and the
 /// canonical scenario (RFC 8785), written in lower-case hexadecimal.

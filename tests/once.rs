@@ -11,7 +11,7 @@
 
 use std::sync::atomic::Ordering;
 
-use fretwork_engine::work_done::{CASES, PARSES};
+use fretwork_engine::scenario::work_done::{CASES, PARSES};
 use serde_json::json;
 
 #[path = "it/server.rs"]

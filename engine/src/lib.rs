@@ -9,7 +9,6 @@ pub mod request;
 pub mod scenario;
 pub mod simulation;
 pub mod solver;
-pub mod work_done;
 
 /// The code in the README, run as a documentation test.
 #[cfg(doctest)]

@@ -201,7 +201,8 @@ mod tests {
         let mut scenario = ball();
         let submitted = parse(&json!({"scenario": scenario})).submitted;
         assert_eq!(submitted, Some(scenario.to_string()));
-        scenario["cycles"] = (1..=10_000).map(|n| n * 1000).collect::<Vec<u32>>().into();
+        let reversal = |i| if i % 2 == 0 { "1.2345 um" } else { "-1.2345 um" };
+        scenario["motion"] = json!({"reversals": (0..10_000).map(reversal).collect::<Vec<_>>()});
         scenario["profiles_at"] = json!("none");
         assert_eq!(parse(&json!({"scenario": scenario})).submitted, None);
     }

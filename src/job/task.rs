@@ -247,6 +247,11 @@ impl Task {
     }
 }
 
+/// Begins the work of a task: as it was prepared, or else from its stored form. Tests put their own work here.
+/// The program puts [`Task::start`].
+pub type Begin =
+    Arc<dyn Fn(&Key, &str, Option<Prepared>) -> Result<Box<dyn Work>, String> + Send + Sync>;
+
 /// One simulation under way.
 struct RunWork {
     key: Key,

@@ -15,7 +15,7 @@ use std::time::Duration;
 
 use tokio::sync::watch;
 
-use crate::job::{Key, Prepared, Work};
+use crate::job::Begin;
 use crate::store::Store;
 
 pub use evaluate::evaluate;
@@ -24,11 +24,6 @@ pub use submit::{Accepted, Refusal, Terms};
 use short::ShortRuns;
 use waiting::Waiting;
 use workers::Compute;
-
-/// Begins the work of a task: as it was prepared, or else from its stored form. Tests put their own work
-/// here; the program puts [`Task::start`](crate::job::Task::start).
-pub type Begin =
-    Arc<dyn Fn(&Key, &str, Option<Prepared>) -> Result<Box<dyn Work>, String> + Send + Sync>;
 
 /// The service as one handle, cheap to clone.
 #[derive(Clone)]
@@ -57,7 +52,7 @@ impl Service {
     /// The service on this store. `workers` is the number of threads that compute.
     #[must_use]
     pub fn new(store: Store, begin: Begin, workers: usize, run_limit: Option<Duration>) -> Self {
-        let short = ShortRuns::new(Arc::clone(&begin), workers);
+        let short = ShortRuns::new(store.clone(), Arc::clone(&begin), workers);
         let (waiting, draining) = (Arc::default(), watch::Sender::new(false));
         Self(Arc::new(Parts { store, begin, waiting, short, workers, run_limit, draining }))
     }

@@ -15,8 +15,7 @@ use tokio::task;
 use tokio::time::timeout;
 
 use super::stopwatch::Stopwatch;
-use super::{Begin, Service};
-use crate::job::{Answer, Cost, Job, Key, Prepared, Step};
+use crate::job::{Answer, Begin, Cost, Job, Key, Prepared, Step};
 use crate::store::{Admission, Error, NewJob, Store, Submitted};
 
 /// Longest estimate of a short run, in seconds.
@@ -33,8 +32,9 @@ const TIMEOUT: Duration = Duration::from_millis(50);
 
 /// Computes short runs.
 pub struct ShortRuns {
+    store: Store,
     begin: Begin,
-    entrance: Arc<Semaphore>,
+    entrance: Semaphore,
     /// As many computations at a time as there are workers: more would only share the processors.
     places: Arc<Semaphore>,
     /// For each computation under way, the submissions that joined it.
@@ -49,20 +49,66 @@ struct Joined {
 
 impl ShortRuns {
     /// As many places as there are workers.
-    pub fn new(begin: Begin, workers: usize) -> Self {
-        let entrance = Arc::new(Semaphore::new(MAX_WAITING));
+    pub fn new(store: Store, begin: Begin, workers: usize) -> Self {
+        let entrance = Semaphore::new(MAX_WAITING);
         let places = Arc::new(Semaphore::new(workers));
-        Self { begin, entrance, places, flights: Mutex::default() }
+        Self { store, begin, entrance, places, flights: Mutex::default() }
     }
 
     /// Whether a submission is to be computed here. A repetition must find its first job in the tables, and
     /// a new run must not overtake queued ones.
-    pub fn suits(store: &Store, job: &NewJob, prepared: &Prepared) -> bool {
+    pub fn suits(&self, job: &NewJob, prepared: &Prepared) -> bool {
         prepared.seconds < SHORT
             && job.repeatable.is_none()
             && job.admission == Admission::NewRun
             && !job.afresh
-            && store.tally().queued() == 0
+            && self.store.tally().queued() == 0
+    }
+
+    /// Computes a run and records it with its job, or joins the computation under way. None if the job must go
+    /// through the queue.
+    ///
+    /// # Errors
+    /// The database fails.
+    pub async fn submit(
+        &self,
+        job: &NewJob,
+        prepared: &Prepared,
+    ) -> Result<Option<(Submitted, Option<Answer>)>, Error> {
+        let entered = self.entrance.try_acquire().ok();
+        if entered.is_none() && !self.flights().contains_key(&job.key) {
+            return Ok(None);
+        }
+        let probe = NewJob { admission: Admission::NoNewRun, ..job.clone() };
+        match self.store.submit(probe).await? {
+            Submitted::NeedsRun => {}
+            other => return Ok(Some((other, None))),
+        }
+        if let Some(became) = self.join(job) {
+            // A submission that only joins takes no place from others.
+            drop(entered);
+            // If its leader is dropped, the job goes through the queue.
+            return Ok(became.await.ok().map(|job| (Submitted::Accepted(job), None)));
+        }
+        let mut leader = Leader { short: self, key: job.key, landed: false };
+        if entered.is_none() {
+            return Ok(None);
+        }
+        let Some((answer, cost)) = self.compute(prepared).await else { return Ok(None) };
+        let (mut jobs, mut replies) = (vec![job.clone()], Vec::new());
+        for Joined { job, reply } in leader.land() {
+            jobs.push(job);
+            replies.push(reply);
+        }
+        let mut became = self.store.record(jobs, &answer, cost).await?.into_iter();
+        let first = became.next().ok_or(Error::Closed)?;
+        for (submitted, reply) in became.zip(replies) {
+            if let Submitted::Accepted(job) = submitted {
+                // If its client has left, the job is kept all the same.
+                let _ = reply.send(job);
+            }
+        }
+        Ok(Some((first, Some(answer))))
     }
 
     /// The answer and its cost; none if it takes too long or cannot be computed.
@@ -104,63 +150,6 @@ impl ShortRuns {
 
     fn flights(&self) -> MutexGuard<'_, HashMap<Key, Vec<Joined>>> {
         self.flights.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-impl Service {
-    /// Computes a short run and records it with its job, or joins the computation under way.
-    pub(super) async fn submit_short(
-        &self,
-        job: NewJob,
-        prepared: Prepared,
-    ) -> Result<(Submitted, Option<Answer>), Error> {
-        let (store, short) = (&self.0.store, &self.0.short);
-        let entered = short.entrance.try_acquire().ok();
-        if entered.is_none() && !short.flights().contains_key(&job.key) {
-            return Ok((self.enqueue(job, prepared).await?, None));
-        }
-        let probe = NewJob { admission: Admission::NoNewRun, ..job.clone() };
-        match store.submit(probe).await? {
-            Submitted::NeedsRun => {}
-            other => return Ok((other, None)),
-        }
-        if let Some(became) = short.join(&job) {
-            // A submission that only joins takes no place from others.
-            drop(entered);
-            if let Ok(job) = became.await {
-                return Ok((Submitted::Accepted(job), None));
-            }
-            // The leader was dropped. Our job may already be recorded.
-            return match self.enqueue(job, prepared).await {
-                Err(Error::JobExists(id)) => {
-                    let job = store.job(id).await?.ok_or(Error::Closed)?;
-                    Ok((Submitted::Accepted(job), None))
-                }
-                other => Ok((other?, None)),
-            };
-        }
-        let mut leader = Leader { short, key: job.key, landed: false };
-        let answer = match entered {
-            Some(_) => short.compute(&prepared).await,
-            None => None,
-        };
-        let Some((answer, cost)) = answer else {
-            return Ok((self.enqueue(job, prepared).await?, None));
-        };
-        let (mut jobs, mut replies) = (vec![job], Vec::new());
-        for Joined { job, reply } in leader.land() {
-            jobs.push(job);
-            replies.push(reply);
-        }
-        let mut became = store.record(jobs, &answer, cost).await?.into_iter();
-        let first = became.next().ok_or(Error::Closed)?;
-        for (submitted, reply) in became.zip(replies) {
-            if let Submitted::Accepted(job) = submitted {
-                // If its client has left, the job is kept all the same.
-                let _ = reply.send(job);
-            }
-        }
-        Ok((first, Some(answer)))
     }
 }
 

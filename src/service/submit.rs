@@ -6,7 +6,6 @@ use serde_json::json;
 use sha2::{Digest as _, Sha256};
 
 use super::Service;
-use super::short::ShortRuns;
 use crate::job::{Answer, Job, JobId, JobState, Prepared, Submission, Task};
 use crate::store::{Admission, Error, NewJob, Repeatable, Submitted};
 
@@ -107,10 +106,15 @@ impl Service {
             trace: terms.trace,
         };
         let waits = terms.wait.is_some_and(|time| !time.is_zero());
-        let (submitted, answer) = if waits && ShortRuns::suits(&self.0.store, &new, &prepared) {
-            self.submit_short(new, prepared).await?
+        let short = &self.0.short;
+        let recorded = if waits && short.suits(&new, &prepared) {
+            short.submit(&new, &prepared).await?
         } else {
-            (self.enqueue(new, prepared).await?, None)
+            None
+        };
+        let (submitted, answer) = match recorded {
+            Some(recorded) => recorded,
+            None => (self.enqueue(new, prepared).await?, None),
         };
         let job = match submitted {
             Submitted::Accepted(job) | Submitted::Repeated(job) => job,
@@ -134,15 +138,17 @@ impl Service {
     }
 
     /// Submits to the store. The prepared task waits for the worker that claims its run.
-    pub(super) async fn enqueue(
-        &self,
-        new: NewJob,
-        prepared: Prepared,
-    ) -> Result<Submitted, Error> {
+    async fn enqueue(&self, new: NewJob, prepared: Prepared) -> Result<Submitted, Error> {
         let (waiting, key) = (&self.0.waiting, prepared.key);
         // Before the store knows of it: a worker may claim the run before this call returns.
         waiting.keep(prepared);
-        let submitted = self.0.store.submit(new).await;
+        let submitted = match self.0.store.submit(new).await {
+            // A short run recorded it, and then its leader was dropped before it could say so.
+            Err(Error::JobExists(id)) => {
+                self.0.store.job(id).await?.map(Submitted::Accepted).ok_or(Error::Closed)
+            }
+            submitted => submitted,
+        };
         let queued = |job: &Job| job.state == JobState::Queued;
         if !matches!(&submitted, Ok(Submitted::Accepted(job) | Submitted::Repeated(job)) if queued(job))
         {

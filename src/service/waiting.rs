@@ -50,17 +50,18 @@ mod tests {
 
     use super::*;
 
-    /// A run whose displacement record has so many rows.
-    fn prepared(rows: u32, friction: f64) -> Prepared {
-        let reversals: Vec<f64> = (0..rows).map(|i| 1e-6 * f64::from(1 + i % 7)).collect();
+    /// A run whose displacement record has `reversals` reversals.
+    fn prepared(reversals: u32) -> Prepared {
+        let reversal =
+            |i: u32| f64::from(1 + i % 97) * if i.is_multiple_of(2) { 1e-8 } else { -1e-8 };
         let scenario = json!({
             "profile": {"shape": "paraboloid", "radius": "10 mm"},
             "moduli": {"normal": "112 GPa", "tangential": "92 GPa"},
-            "friction": friction,
+            "friction": 0.5,
             "wear": {"coefficient": "3e-5 mm^3/(N m)"},
             "load": {"normal_force": "100 N", "held": "depth"},
-            "motion": {"amplitude": "2 um"},
-            "cycles": reversals.iter().scan(0.0, |n, x| { *n += x * 1e9; Some(*n) }).collect::<Vec<_>>(),
+            "motion": {"reversals": (0..reversals).map(reversal).collect::<Vec<_>>()},
+            "cycles": [1000],
             "profiles_at": "none",
         });
         Prepared::from_scenario(scenario, "").unwrap_or_else(|faults| panic!("{faults:?}"))
@@ -69,7 +70,7 @@ mod tests {
     #[test]
     fn a_task_is_taken_once() {
         let waiting = Waiting::default();
-        let task = prepared(3, 0.5);
+        let task = prepared(4);
         waiting.keep(task.clone());
         assert_eq!(waiting.take(&task.key).map(|taken| taken.key), Some(task.key));
         assert!(waiting.take(&task.key).is_none());
@@ -78,7 +79,7 @@ mod tests {
     #[test]
     fn waiting_tasks_stay_within_their_budget() {
         let waiting = Waiting::default();
-        let large = prepared(2000, 0.5);
+        let large = prepared(2000);
         let many = 3 * BUDGET / large.bytes() as u64;
         for number in 0..many {
             let mut task = large.clone();

@@ -13,8 +13,8 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use fretwork::http::Settings;
-use fretwork::job::{Key, Step, Task, Work};
-use fretwork::service::Begin;
+use fretwork::job::{Begin, Key, Step, Task, Work};
+
 use fretwork::store::Options;
 use serde_json::{Value, json};
 use sqlx::{Connection as _, Executor as _};

@@ -7,9 +7,9 @@ use std::sync::{Arc, Condvar, Mutex};
 use std::time::Duration;
 
 use fretwork::http::{self, Origins, Peer, Settings};
-use fretwork::job::{Answer, Key, Step, Task, Work};
+use fretwork::job::{Answer, Begin, Key, Step, Task, Work};
+use fretwork::service::Service;
 use fretwork::service::workers::Workers;
-use fretwork::service::{Begin, Service};
 use fretwork::store::{Options, Store};
 use serde_json::{Value, json};
 use tempfile::TempDir;

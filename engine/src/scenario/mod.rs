@@ -20,6 +20,7 @@ mod indenter;
 mod instants;
 mod load;
 mod motion;
+pub mod work_done;
 
 use deserr::{Deserr, IntoValue, ValuePointerRef};
 use serde::Serialize;
@@ -34,7 +35,6 @@ use crate::request::instants::ProfilesAt;
 use crate::request::{ElasticBody, MethodName, Model, Request, Until};
 use crate::solver::events::StopCondition;
 use crate::solver::stepped::march::March;
-use crate::work_done;
 use indenter::{CanonicalProfile, canonical_profile};
 use instants::with_profiles;
 use load::{CanonicalLoad, CanonicalModuli, canonical_load};

@@ -8,6 +8,6 @@ pub static PARSES: AtomicU64 = AtomicU64::new(0);
 /// Cases built.
 pub static CASES: AtomicU64 = AtomicU64::new(0);
 
-pub(crate) fn note(counter: &AtomicU64) {
+pub(super) fn note(counter: &AtomicU64) {
     counter.fetch_add(1, Ordering::Relaxed);
 }
