@@ -264,6 +264,31 @@ def cancel(page):
     expect(page.locator(".state.canceled").first).to_be_visible()
 
 
+def edit_typed_values(page):
+    """"Edit and run again" opens what was typed: with a constant depth, 100 N stays 100 N for another radius."""
+    scenario = get("/v1/examples/steel-ball")["scenario"]
+    assert scenario["load"] == {"normal_force": "100 N", "held": "depth"}, scenario
+    scenario["friction"] = 0.61
+    # Another job has the same key but typed the depth.
+    canonical = get("/v1/scenarios", {"scenario": scenario})["scenario"]
+    assert "normal_force" not in canonical["load"], canonical
+    page.goto(BASE + "/#/queue")
+    page.goto(f"{BASE}/#/new?scenario={json.dumps(scenario)}&label=Typed force")
+    page.click("button.primary")
+    page.wait_for_selector("canvas")
+    get("/v1/jobs", {"scenario": canonical, "label": "Typed depth"})
+    page.goto(BASE + "/#/queue")
+    page.get_by_role("link", name="Typed force").first.click()
+    page.get_by_role("link", name="Edit and run again").click()
+    expect(page.locator("#load-normal_force")).to_have_value("100 N")
+    expect(page.locator("#load-held")).to_have_value("depth")
+    expect(page.locator("#canonical")).to_be_hidden()
+    page.fill("#profile-radius", "20 mm")
+    # At a constant force, the contact radius grows with the cube root of R: 188.1 µm · 2^(1/3).
+    expect(item(page, "contact-radius")).to_have_text("237\u00a0µm")
+    expect(item(page, "normal-force")).to_have_text("100 N")
+
+
 def library(browser, base):
     """Shows more results than one page. Previews are drawn when the user scrolls to them."""
     scenario = ask(base, "/v1/examples/steel-ball")["scenario"]
@@ -351,6 +376,8 @@ def edit(page, base, key, submitted):
     page.get_by_role("link", name="Edit and run again").click()
     expect(item(page, "regime")).to_be_visible()
     scenario = json.loads(page.input_value("#json"))
+    if submitted:
+        assert scenario == submitted, (scenario, submitted)
     assert ask(base, "/v1/scenarios", {"scenario": scenario})["key"] == key
     fields = page.locator("[data-pointer]").evaluate_all("fields => fields.map(({dataset, value}) => [dataset.pointer, value])")
     assert len(fields) > 8, fields
@@ -498,6 +525,7 @@ def main():
         every_plot(page, BASE, both, scales=["xy"])
         slide(browser, BASE)
         cancel(page)
+        edit_typed_values(page)
         for example in get("/v1/examples"):
             every_loop(page, BASE, get("/v1/jobs", example["body"])["key"])
             # A later job without a label does not hide the label.

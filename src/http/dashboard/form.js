@@ -108,7 +108,7 @@ export async function showForm(main, { query, signal }) {
       drawFields();
       edited();
     } });
-    if (!known) field.prepend(h("option", { selected: true }, `${WORDS[selected] ?? selected ?? "None"} (in JSON)`));
+    if (!known) field.prepend(h("option", { selected: true }, `${WORDS[selected] ?? selected ?? "None"} (JSON)`));
     return [h("div", { class: "field" }, h("label", { for: choice.id }, choice.label), field),
       known && choice.fields(selected, scenario).map(drawField)];
   }

@@ -25,7 +25,7 @@ class RemainingTime {
 
 export async function showRun(main, { id, signal }) {
   const address = `/v1/jobs/${encodeURIComponent(id)}`;
-  let job = await get(`${address}?include=scenario`, { signal });
+  let job = await get(`${address}?include=submitted,scenario`, { signal });
   const { label, scenario } = job;
   const remaining = new RemainingTime();
   const state = h("strong", { id: "state" });
