@@ -1,52 +1,42 @@
-//! The gate before all routes: who asks, whether they may, and how much.
+//! Access control: a middleware that identifies the caller of a request and checks its role and its limits.
 //!
-//! Keys count from the moment that there is one. Until then whoever reaches the server may do
-//! everything, which is why it then listens on this machine only.
+//! A server without keys accepts every caller, and therefore listens on this machine only. From its first
+//! key on, a server requires one.
 
-use std::collections::HashMap;
 use std::fmt;
 use std::net::{Ipv4Addr, Ipv6Addr};
-use std::sync::atomic::{AtomicI64, Ordering};
-use std::sync::{Arc, PoisonError, RwLock};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use axum::Json;
 use axum::extract::{MatchedPath, Request, State};
-use axum::http::{HeaderMap, HeaderValue, Method, header};
+use axum::http::{HeaderMap, HeaderValue, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use data_encoding::BASE64;
-use serde::Serialize;
 use subtle::ConstantTimeEq as _;
-use tokio::sync::{Mutex, OnceCell};
-use utoipa::ToSchema;
+use tokio::sync::OnceCell;
 
-use super::App;
-use super::caller::Caller;
+use super::keyring::{KeyHolder, Keyring, MAX_AGE};
 use super::limits::{Account, Limits, Place};
-use super::links::{self, Signer};
+use super::needs::{Needs, RouteNeeds};
 use super::problem::{self, Problem};
-use super::wire::{NoQuery, instant};
+use super::signed_link::{self, ADMIN, ANYONE, Signer};
+use super::wire::instant;
 use crate::job::clock::now;
-use crate::store::{AccessKey, Error, Role, Store, digest};
+use crate::store::{AccessKey, Role, Store, digest};
 
-/// So long a key that was taken back may still open.
-const FRESH: Duration = Duration::from_secs(1);
-/// That a key was used is written down so often at most, in milliseconds.
-const NOTED: i64 = 60_000;
-
-/// How callers are told apart.
+/// Settings of access control.
 #[derive(Debug, Clone, Default)]
 pub struct Access {
-    /// Whoever reaches the server may do everything, whether there are keys or not.
+    /// Every caller has all rights, whether there are keys or not.
     pub open: bool,
-    /// A key that may do everything, beside those in the tables.
+    /// An administrator's key besides those in the tables.
     pub admin_key: Option<AdminKey>,
-    /// What one key may ask for, unless it has limits of its own.
+    /// The limits of each key without own limits.
     pub limits: Limits,
 }
 
-/// A secret from the settings. It is not shown.
+/// An administrator's key from the settings. `Debug` hides it.
 #[derive(Clone, PartialEq, Eq)]
 pub struct AdminKey(pub String);
 
@@ -56,25 +46,23 @@ impl fmt::Debug for AdminKey {
     }
 }
 
-/// Who asks, once a key has said so.
+/// The caller, as identified by its key.
 #[derive(Debug, Clone)]
 pub struct Identity {
-    /// Whom jobs belong to.
+    /// The owner of its jobs.
     pub owner: String,
     pub role: Role,
-    /// The key, by the name that may be shown.
+    /// The public id of the key.
     pub key: String,
 }
 
-/// Lets requests in.
+/// Decides which requests are accepted.
 pub struct Gate {
     store: Store,
     open: bool,
-    master: Option<Master>,
-    limits: Limits,
-    ring: RwLock<Option<Ring>>,
-    /// One reads the keys, the others wait for it.
-    reading: Mutex<()>,
+    admin: Option<AdminHolder>,
+    keyring: Keyring,
+    route_needs: RouteNeeds,
     signer: OnceCell<Signer>,
 }
 
@@ -84,84 +72,31 @@ impl fmt::Debug for Gate {
     }
 }
 
-/// The key from the settings.
-struct Master {
+/// The key from the settings, and the use of its limits.
+struct AdminHolder {
     digest: [u8; 32],
     account: Account,
     links: Account,
 }
 
-/// The keys as they were a moment ago.
-#[derive(Clone)]
-struct Ring {
-    read: Instant,
-    holders: Arc<HashMap<String, Arc<Holder>>>,
-}
-
-/// One key, and what it has taken of its limits.
-struct Holder {
-    key: AccessKey,
-    account: Account,
-    /// What those have taken who come by its links: as much as the key itself may.
-    links: Account,
-    /// When it was last written down that it was used.
-    noted: AtomicI64,
-}
-
-/// What a request has passed the gate with.
-struct Pass {
+/// An accepted request.
+#[derive(Default)]
+struct Accepted {
+    /// The caller; `None` on a route or a server that requires no key.
     identity: Option<Identity>,
     place: Place,
-    /// By a link: for how long it is still good.
+    /// For a signed link: the time until it expires.
     link: Option<Duration>,
 }
 
-/// What a route needs, declared where the route is defined.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Needs {
-    /// The least role; none where everyone may call.
-    pub role: Option<Role>,
-    /// Whether a call counts against the limits of its caller.
-    pub counted: bool,
-}
-
-impl Needs {
-    /// Open to everyone: it shows no data.
-    pub const NOTHING: Self = Self { role: None, counted: false };
-    /// To read.
-    pub const READ: Self = Self { role: Some(Role::Read), counted: true };
-    /// To submit and to change.
-    pub const SUBMIT: Self = Self { role: Some(Role::Submit), counted: true };
-    /// To stop work: it relieves the server, so a caller beyond its limits may do it too.
-    pub const STOP: Self = Self { role: Some(Role::Submit), counted: false };
-    /// To administrate.
-    pub const ADMIN: Self = Self { role: Some(Role::Admin), counted: true };
-}
-
-/// What a route needs; an unknown route is not open.
-pub fn needs(method: &Method, route: &str) -> Needs {
-    let safe = matches!(*method, Method::GET | Method::HEAD);
-    let declared = super::NEEDS.get(route).and_then(|declared| {
-        let method = if safe { "GET" } else { method.as_str() };
-        declared.iter().find(|(name, _)| *name == method)
-    });
-    match declared {
-        Some((_, needs)) => *needs,
-        None if safe => Needs::READ,
-        None => Needs::SUBMIT,
-    }
-}
-
-/// Stands before all routes, and behind those that took long.
-pub async fn pass(State(gate): State<Arc<Gate>>, mut request: Request, next: Next) -> Response {
-    let came = Instant::now();
-    let route = request.extensions().get::<MatchedPath>().map_or("", MatchedPath::as_str);
-    let needed = needs(request.method(), route).role.is_some();
-    let Pass { identity, place, link } = match gate.admit(&mut request).await {
-        Ok(pass) => pass,
+/// The middleware. It checks a long request again before it returns the answer.
+pub async fn check(State(gate): State<Arc<Gate>>, mut request: Request, next: Next) -> Response {
+    let started = Instant::now();
+    let needs = gate.route_needs.of(request.method(), route(&request));
+    let Accepted { identity, place, link } = match gate.accept(&mut request, needs).await {
+        Ok(accepted) => accepted,
         Err(problem) => return problem.into_response(),
     };
-    let keyed = identity.is_some();
     if let Some(identity) = &identity {
         request.extensions_mut().insert(identity.clone());
     }
@@ -169,13 +104,16 @@ pub async fn pass(State(gate): State<Arc<Gate>>, mut request: Request, next: Nex
         request.extensions_mut().insert(standing);
     }
     let mut response = next.run(request).await;
-    // What a wait has found is not for a key that was taken back meanwhile.
-    if needed
+    // The key may have been revoked while the request waited.
+    if needs.role.is_some()
         && link.is_none()
-        && came.elapsed() > FRESH
-        && let Some(why) = gate.ousted(identity.as_ref().map(|identity| &*identity.key)).await
+        && started.elapsed() > MAX_AGE
+        && let Some(problem) = gate.recheck(identity.as_ref().map(|identity| &*identity.key)).await
     {
-        response = why.into_response();
+        response = problem.into_response();
+    }
+    if identity.is_some() || link.is_some() {
+        restrict_caching(response.headers_mut(), link);
     }
     if let Some(identity) = identity {
         response.extensions_mut().insert(identity);
@@ -183,14 +121,17 @@ pub async fn pass(State(gate): State<Arc<Gate>>, mut request: Request, next: Nex
     if let Some(standing) = place.standing {
         standing.tell(response.headers_mut());
     }
-    if keyed || link.is_some() {
-        keep_private(response.headers_mut(), link);
-    }
     response.map(|body| place.hold(body))
 }
 
-/// What only some may read is not for caches that many share, nor for longer than the link is good.
-fn keep_private(headers: &mut HeaderMap, link: Option<Duration>) {
+/// The pattern of the route of a request; empty for an unknown route.
+fn route(request: &Request) -> &str {
+    request.extensions().get::<MatchedPath>().map_or("", MatchedPath::as_str)
+}
+
+/// Forbids shared caches to keep an answer that required a key, and all caches to keep an answer longer than
+/// its link is valid.
+fn restrict_caching(headers: &mut HeaderMap, link: Option<Duration>) {
     let Some(caching) = headers.get(header::CACHE_CONTROL).and_then(|value| value.to_str().ok())
     else {
         return;
@@ -208,73 +149,59 @@ fn keep_private(headers: &mut HeaderMap, link: Option<Duration>) {
 }
 
 impl Gate {
-    pub fn new(store: &Store, access: &Access) -> Self {
-        let master = access.admin_key.as_ref().map(|AdminKey(key)| {
-            let digest = digest(key);
-            let accounts = [Account::new(access.limits), Account::new(access.limits)];
-            let [account, links] = accounts;
-            Master { digest, account, links }
+    pub fn new(store: &Store, access: &Access, route_needs: RouteNeeds) -> Self {
+        let account = || Account::new(access.limits);
+        let admin = access.admin_key.as_ref().map(|AdminKey(key)| AdminHolder {
+            digest: digest(key),
+            account: account(),
+            links: account(),
         });
         Self {
             store: store.clone(),
             open: access.open,
-            master,
-            limits: access.limits,
-            ring: RwLock::default(),
-            reading: Mutex::default(),
+            admin,
+            keyring: Keyring::new(store, access.limits),
+            route_needs,
             signer: OnceCell::new(),
         }
     }
 
-    /// What signs links.
+    /// The signer of links.
     pub async fn signer(&self) -> Result<&Signer, Problem> {
         self.signer
             .get_or_try_init(|| async {
-                let admin = self.master.as_ref().map(|master| master.digest);
-                Signer::new(&self.store.link_secret().await?, admin).ok_or_else(Problem::internal)
+                let admin = self.admin.as_ref().map(|admin| admin.digest);
+                Ok(Signer::new(&self.store.link_secret().await?, admin))
             })
             .await
     }
 
-    async fn admit(&self, request: &mut Request) -> Result<Pass, Problem> {
-        let matched = request.extensions().get::<MatchedPath>().cloned();
-        let route = matched.as_ref().map_or("", MatchedPath::as_str);
-        let Needs { role, counted } = needs(request.method(), route);
-        let Some(needed) = role else {
-            return Ok(Pass { identity: None, place: Place::default(), link: None });
-        };
-        if let Some(token) = links::token(request.uri()) {
-            let link = links::open(self.signer().await?, request.uri(), route, token)?;
-            if needed > Role::Read {
-                return Err(Problem::new(&problem::BAD_LINK, "A link is for reading only."));
-            }
-            let place = self.charge(&link.issuer).await?.untold();
-            *request.uri_mut() =
-                links::without_token(request.uri()).ok_or_else(Problem::internal)?;
-            // No key has such a name, so nothing is theirs.
-            let (owner, key) = ("a link".to_owned(), link.issuer);
-            let identity = Some(Identity { owner, role: Role::Read, key });
-            return Ok(Pass { identity, place, link: Some(link.left) });
+    async fn accept(&self, request: &mut Request, needs: Needs) -> Result<Accepted, Problem> {
+        let Some(required) = needs.role else { return Ok(Accepted::default()) };
+        if signed_link::token(request.uri()).is_some() {
+            return self.accept_link(request, required).await;
         }
-        if !self.asks_for_keys().await? {
-            if !self.open && !is_own_name(request) {
-                let detail = "Without keys this server is for the machine it runs on, and answers to \
-                    localhost and to addresses only. To be asked by a name it must have keys \
-                    (`fretwork keys add`) or be told --no-auth.";
+        if !self.requires_key().await? {
+            if !self.open && !has_local_host(request) {
+                let detail = "A server without keys answers only requests to localhost or an IP address. \
+                    To use it under another name, make a key (`fretwork keys add`) or start it with \
+                    --no-auth.";
                 return Err(Problem::new(&problem::UNKNOWN_HOST, detail));
             }
-            return Ok(Pass { identity: None, place: Place::default(), link: None });
+            return Ok(Accepted::default());
         }
         let (identity, holder) = self.identify(request.headers()).await?;
-        let place = match (&holder, &self.master) {
-            _ if !counted => Place::default(),
-            (Some(holder), _) => holder.account.take()?,
-            (None, Some(master)) => master.account.take()?,
-            (None, None) => Place::default(),
+        let account = match (&holder, &self.admin) {
+            (Some(holder), _) => Some(&holder.account),
+            (None, admin) => admin.as_ref().map(|admin| &admin.account),
         };
-        if identity.role < needed {
+        let place = match account {
+            Some(account) if needs.counted => account.take()?,
+            _ => Place::default(),
+        };
+        if identity.role < required {
             let detail = format!(
-                "This needs a key of role {needed}, and this one ({}, {}) has role {}.",
+                "The request requires a key with role {required}. This key ({}, {}) has role {}.",
                 identity.owner, identity.key, identity.role
             );
             let problem = Problem::new(&problem::FORBIDDEN, detail);
@@ -283,141 +210,107 @@ impl Gate {
                 None => problem,
             });
         }
-        Ok(Pass { identity: Some(identity), place, link: None })
+        Ok(Accepted { identity: Some(identity), place, link: None })
     }
 
-    /// Whether callers have to have a key.
-    pub async fn asks_for_keys(&self) -> Result<bool, Problem> {
-        Ok(!self.open && (self.master.is_some() || !self.holders(FRESH).await?.is_empty()))
+    /// Accepts a request with a signed link, and removes the link from its address.
+    async fn accept_link(
+        &self,
+        request: &mut Request,
+        required: Role,
+    ) -> Result<Accepted, Problem> {
+        let link = signed_link::open(self.signer().await?, request.uri(), route(request))?;
+        if required > Role::Read {
+            return Err(Problem::new(&problem::BAD_LINK, "A link allows reading only."));
+        }
+        let place = self.count_link(&link.issuer).await?.untold();
+        *request.uri_mut() = link.address;
+        // No key can have this name, so the caller owns no jobs.
+        let owner = "a link".to_owned();
+        let identity = Identity { owner, role: Role::Read, key: link.issuer };
+        Ok(Accepted { identity: Some(identity), place, link: Some(link.left) })
     }
 
-    /// Who presents the key of a request. Without a holder it is the one from the settings.
+    /// Whether the server requires a key.
+    pub async fn requires_key(&self) -> Result<bool, Problem> {
+        Ok(!self.open && (self.admin.is_some() || !self.keyring.holders().await?.is_empty()))
+    }
+
+    /// The limits of a key; none for callers without a key.
+    pub async fn limits_of(&self, key: Option<&str>) -> Result<Limits, Problem> {
+        let Some(key) = key else { return Ok(Limits::default()) };
+        if let Some(admin) = self.admin.as_ref().filter(|_| key == ADMIN) {
+            return Ok(admin.account.limits);
+        }
+        let holder = self.keyring.holder(key).await?;
+        Ok(holder.map_or_else(Limits::default, |holder| holder.account.limits))
+    }
+
+    /// Identifies the caller by its key. The key from the settings has no holder.
     async fn identify(
         &self,
         headers: &HeaderMap,
-    ) -> Result<(Identity, Option<Arc<Holder>>), Problem> {
-        let presented = credential(headers)?;
-        if let Some(master) = &self.master
-            && bool::from(digest(&presented).ct_eq(&master.digest))
+    ) -> Result<(Identity, Option<Arc<KeyHolder>>), Problem> {
+        let presented = presented_key(headers)?;
+        if let Some(admin) = &self.admin
+            && bool::from(digest(&presented).ct_eq(&admin.digest))
         {
             let (owner, key) = (ADMIN.to_owned(), ADMIN.to_owned());
             return Ok((Identity { owner, role: Role::Admin, key }, None));
         }
-        let unknown = || refused(headers, "This server does not know the key.");
+        let unknown = || unauthorized(headers, "This server does not know the key.");
         let id = AccessKey::id_in(&presented).ok_or_else(unknown)?;
-        let mut holder = self.holders(FRESH).await?.get(id).cloned();
-        if holder.is_none() {
-            // It may have been made this moment.
-            holder = self.holders(Duration::ZERO).await?.get(id).cloned();
-        }
+        let holder = self.keyring.holder(id).await?;
         let holder = holder.filter(|holder| holder.key.is(&presented)).ok_or_else(unknown)?;
         let now = now();
-        if let Some(ended) = ended(&holder.key, now) {
-            return Err(refused(headers, &ended));
+        if let Some(reason) = invalid(&holder.key, now) {
+            return Err(unauthorized(headers, &reason));
         }
-        self.note(&holder, now);
+        self.keyring.record_use(&holder, now);
         let AccessKey { id, name, role, .. } = &holder.key;
         let identity = Identity { owner: name.clone(), role: *role, key: id.clone() };
         Ok((identity, Some(holder)))
     }
 
-    /// Why who was let in by this key, or without one, would not be let in now. What goes on for long
-    /// asks again and again; a database that does not answer throws nobody out.
-    pub async fn ousted(&self, key: Option<&str>) -> Option<Problem> {
-        let why = match key {
+    /// Why a request that was accepted with this key, or without a key, would be refused now. `None` if it
+    /// would still be accepted, or if the database does not answer: then running requests continue.
+    pub async fn recheck(&self, key: Option<&str>) -> Option<Problem> {
+        let reason = match key {
             None => {
-                let keys = self.asks_for_keys().await.unwrap_or(false);
-                keys.then(|| "Since this was asked, keys were made.".to_owned())?
+                let required = self.requires_key().await.unwrap_or(false);
+                required
+                    .then(|| "The server requires a key since this request began.".to_owned())?
             }
-            Some(id) => ended(&self.holders(FRESH).await.ok()?.get(id)?.key, now())?,
+            Some(id) => invalid(&self.keyring.holders().await.ok()?.get(id)?.key, now())?,
         };
-        Some(refused(&HeaderMap::new(), &why))
+        Some(unauthorized(&HeaderMap::new(), &reason))
     }
 
-    /// Takes a request by a link from what its maker may, if the maker is still good.
-    async fn charge(&self, issuer: &str) -> Result<Place, Problem> {
-        let holders = self.holders(FRESH).await?;
-        let holder = holders.get(issuer);
-        match (holder, &self.master) {
-            (Some(holder), _) if self.open || ended(&holder.key, now()).is_none() => {
+    /// Counts a request with a link against the key that signed it, if that key is still valid.
+    async fn count_link(&self, issuer: &str) -> Result<Place, Problem> {
+        let holders = self.keyring.holders().await?;
+        match (holders.get(issuer), &self.admin) {
+            (Some(holder), _) if self.open || invalid(&holder.key, now()).is_none() => {
                 return holder.links.take();
             }
-            // Only who has the key of the settings can have signed it.
-            (None, Some(master)) if issuer == ADMIN => return master.links.take(),
-            // Before there were keys, everyone could make one.
-            (None, _) if issuer == ANYONE && !self.asks_for_keys().await? => {
+            // The signature contains the digest of the admin key.
+            (None, Some(admin)) if issuer == ADMIN => return admin.links.take(),
+            (None, _) if issuer == ANYONE && !self.requires_key().await? => {
                 return Ok(Place::default());
             }
             _ => {}
         }
-        let detail = "The key that made this link is not good any more, and so is the link. Ask \
-            whoever sent it for a new one.";
+        let detail = "The key that made this link is no longer valid, and so the link is not valid either. \
+            Ask its sender for a new link.";
         Err(Problem::new(&problem::BAD_LINK, detail))
-    }
-
-    /// The keys as they were so long ago at most.
-    async fn holders(&self, age: Duration) -> Result<Arc<HashMap<String, Arc<Holder>>>, Error> {
-        let asked = Instant::now();
-        let fresh = |ring: &Option<Ring>| {
-            let ring = ring.as_ref().filter(|ring| ring.read + age >= asked)?;
-            Some(Arc::clone(&ring.holders))
-        };
-        let known = || fresh(&self.ring.read().unwrap_or_else(PoisonError::into_inner));
-        if let Some(holders) = known() {
-            return Ok(holders);
-        }
-        let _reading = self.reading.lock().await;
-        if let Some(holders) = known() {
-            return Ok(holders);
-        }
-        let read = Instant::now();
-        let keys = self.store.access_keys().await?;
-        let mut ring = self.ring.write().unwrap_or_else(PoisonError::into_inner);
-        let before = ring.as_ref().map(|ring| Arc::clone(&ring.holders)).unwrap_or_default();
-        let holders = keys.into_iter().map(|key| {
-            // Who is the same as before keeps what it has taken.
-            let same = before.get(&key.id).filter(|holder| holder.key.is_like(&key));
-            let holder = same.map_or_else(|| Arc::new(self.holder(key.clone())), Arc::clone);
-            (key.id, holder)
-        });
-        let holders = Arc::new(holders.collect());
-        *ring = Some(Ring { read, holders: Arc::clone(&holders) });
-        Ok(holders)
-    }
-
-    fn holder(&self, key: AccessKey) -> Holder {
-        let per_minute = match key.per_minute {
-            None => self.limits.per_minute,
-            Some(own) => std::num::NonZeroU32::new(own),
-        };
-        let limits = Limits { per_minute, ..self.limits };
-        let (account, links) = (Account::new(limits), Account::new(limits));
-        Holder { account, links, noted: AtomicI64::new(key.last_used.unwrap_or(0)), key }
-    }
-
-    /// Has it written down that a key was used.
-    #[expect(clippy::disallowed_methods, reason = "nobody waits for it, and it ends by itself")]
-    fn note(&self, holder: &Holder, now: i64) {
-        let noted = holder.noted.load(Ordering::Relaxed);
-        let first = now - noted > NOTED
-            && holder
-                .noted
-                .compare_exchange(noted, now, Ordering::Relaxed, Ordering::Relaxed)
-                .is_ok();
-        if first {
-            let (store, id) = (self.store.clone(), holder.key.id.clone());
-            tokio::spawn(async move {
-                // It is a hint for people; on a full disk it is missed by nobody.
-                let _ = store.key_was_used(&id).await;
-            });
-        }
     }
 }
 
-/// Whether a request asks for this server by a name that cannot be another's: a page of a foreign name
-/// that leads here (DNS rebinding) is refused.
-fn is_own_name(request: &Request) -> bool {
-    let host = request.headers().get(header::HOST).map(|host| host.to_str().unwrap_or_default());
+/// Whether the `Host` of a request is an IP address or localhost. A web page can point its own name at this
+/// machine (DNS rebinding); this refuses such requests.
+fn has_local_host(request: &Request) -> bool {
+    // A host that is not text is not local.
+    let host = request.headers().get(header::HOST).map(|host| host.to_str().unwrap_or(""));
     let Some(host) = request.uri().host().or(host) else {
         return true;
     };
@@ -428,31 +321,26 @@ fn is_own_name(request: &Request) -> bool {
     }
     let name = host.split_once(':').map_or(host, |(name, _)| name);
     let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-_.".contains(&byte);
-    let last = name.rsplit('.').next().unwrap_or_default();
+    let last = name.rsplit_once('.').map_or(name, |(_, last)| last);
     name.parse::<Ipv4Addr>().is_ok()
         || (last.eq_ignore_ascii_case("localhost") && name.bytes().all(plain))
 }
 
-/// The name under which the key from the settings acts and signs.
-pub const ADMIN: &str = "admin";
-/// Who makes links where there are no keys.
-pub const ANYONE: &str = "anyone";
-
-/// Why a key is not good any more.
-fn ended(key: &AccessKey, now: i64) -> Option<String> {
+/// Why a key is not valid; `None` if it is.
+fn invalid(key: &AccessKey, now: i64) -> Option<String> {
     if let Some(at) = key.revoked {
-        return Some(format!("The key {} was taken back on {}.", key.id, instant(at)));
+        return Some(format!("The key {} was revoked on {}.", key.id, instant(at)));
     }
     let at = key.expires.filter(|at| *at <= now)?;
-    Some(format!("The key {} was good until {}.", key.id, instant(at)))
+    Some(format!("The key {} expired on {}.", key.id, instant(at)))
 }
 
-/// The key that a request presents: as a bearer token, or as the name or the password of Basic
-/// authentication, which is what clients that know only addresses can send.
-fn credential(headers: &HeaderMap) -> Result<String, Problem> {
-    let malformed = || refused(headers, "The Authorization header cannot be read.");
+/// The key in the `Authorization` header: a bearer token, or the name or the password of Basic
+/// authentication, for clients that support only `http://name:password@host`.
+fn presented_key(headers: &HeaderMap) -> Result<String, Problem> {
+    let malformed = || unauthorized(headers, "The Authorization header cannot be parsed.");
     let Some(value) = headers.get(header::AUTHORIZATION) else {
-        return Err(refused(headers, "This server asks for a key."));
+        return Err(unauthorized(headers, "This server requires a key."));
     };
     let text = value.to_str().map_err(|_| malformed())?;
     let (scheme, rest) = text.split_once(' ').ok_or_else(malformed)?;
@@ -470,98 +358,17 @@ fn credential(headers: &HeaderMap) -> Result<String, Problem> {
     Err(malformed())
 }
 
-/// Asks for a key, in the way that the client can answer.
-fn refused(headers: &HeaderMap, why: &str) -> Problem {
-    let detail = format!("{why} Send one as `Authorization: Bearer fretwork_…`.");
+/// The problem for a request without a valid key. It names an authentication scheme that the client supports.
+fn unauthorized(headers: &HeaderMap, reason: &str) -> Problem {
+    let detail = format!("{reason} Send a key as `Authorization: Bearer fretwork_…`.");
     let problem = Problem::new(&problem::UNAUTHORIZED, detail)
         .with_header(header::WWW_AUTHENTICATE, "Bearer realm=\"fretwork\"");
     let accepts = headers.get(header::ACCEPT).and_then(|value| value.to_str().ok());
     if accepts.is_some_and(|accepts| accepts.contains("text/html")) {
-        // A browser then asks its user.
+        // For Basic, a browser asks its user for name and password.
         return problem.with_header(header::WWW_AUTHENTICATE, "Basic realm=\"fretwork\"");
     }
     problem
-}
-
-/// Who the caller is to this server.
-#[derive(Debug, Serialize, ToSchema)]
-pub struct Me {
-    /// Whom jobs belong to: the name of the key, or the address of the client where there are no
-    /// keys.
-    #[schema(example = "anna")]
-    name: String,
-    /// `read`, `submit` or `admin`.
-    #[schema(value_type = super::openapi::Role, example = "submit")]
-    role: &'static str,
-    /// The id of the key; null where there are no keys.
-    #[schema(example = "0a1b2c3d")]
-    key: Option<String>,
-    /// What may be asked for.
-    limits: CallerLimits,
-    /// What is asked for.
-    usage: CallerUsage,
-}
-
-/// What the caller may ask for; null is no limit.
-#[derive(Debug, Serialize, ToSchema)]
-struct CallerLimits {
-    /// Requests a minute.
-    #[schema(example = 60_000)]
-    requests_per_minute: Option<u32>,
-    /// Requests at work at the same time.
-    #[schema(example = 256)]
-    requests_at_once: Option<u32>,
-}
-
-/// What the caller asks for.
-#[derive(Debug, Serialize, ToSchema)]
-struct CallerUsage {
-    /// Requests that may come at once before the limit is met; null without one.
-    #[schema(example = 59_999)]
-    requests_left: Option<u32>,
-    /// Own jobs that wait.
-    #[schema(example = 0)]
-    jobs_queued: u64,
-    /// Own jobs that are computed just now.
-    #[schema(example = 0)]
-    jobs_running: u64,
-}
-
-/// Says who the caller is: name, role, limits and usage.
-///
-/// Without keys every caller is an administrator by the name of its address. Asking counts as a request.
-#[utoipa::path(get, path = "/v1/me", operation_id = "me", tag = "system", responses(
-    (status = 200, description = "The caller.", body = Me),
-))]
-pub async fn me(
-    State(app): State<App>,
-    caller: Caller,
-    _: NoQuery,
-) -> Result<impl IntoResponse, Problem> {
-    let (jobs_queued, jobs_running) = app.store.unfinished(&caller.owner).await?;
-    let limits = match (&caller.key, &app.gate.master) {
-        (None, _) => Limits::default(),
-        (Some(key), Some(master)) if key == ADMIN => master.account.limits,
-        (Some(key), _) => {
-            let holders = app.gate.holders(FRESH).await?;
-            holders.get(key).map_or(app.gate.limits, |holder| holder.account.limits)
-        }
-    };
-    let me = Me {
-        name: caller.owner,
-        role: caller.role.as_str(),
-        key: caller.key,
-        limits: CallerLimits {
-            requests_per_minute: limits.per_minute.map(Into::into),
-            requests_at_once: limits.at_once.map(Into::into),
-        },
-        usage: CallerUsage {
-            requests_left: caller.standing.map(|standing| standing.left),
-            jobs_queued,
-            jobs_running,
-        },
-    };
-    Ok(([(header::CACHE_CONTROL, "no-store")], Json(me)))
 }
 
 #[cfg(test)]
@@ -571,11 +378,11 @@ mod tests {
     fn presented(authorization: &str) -> Option<String> {
         let mut headers = HeaderMap::new();
         headers.insert(header::AUTHORIZATION, HeaderValue::from_str(authorization).unwrap());
-        credential(&headers).ok()
+        presented_key(&headers).ok()
     }
 
     #[test]
-    fn a_key_comes_as_a_token_as_a_name_or_as_a_password() {
+    fn a_key_may_be_sent_as_a_token_a_name_or_a_password() {
         let key = format!("fretwork_0a1b2c3d_{}", "0".repeat(40));
         let basic = |text: String| format!("Basic {}", BASE64.encode(text.as_bytes()));
         for sound in [
@@ -590,25 +397,6 @@ mod tests {
         }
         for bad in ["Bearer", "Digest x", "Basic !", "Basic YQ=="] {
             assert_eq!(presented(bad), None, "{bad}");
-        }
-    }
-
-    #[test]
-    fn a_route_needs_the_role_it_declares() {
-        for (method, route, needed) in [
-            (Method::GET, "/healthz", Needs::NOTHING),
-            (Method::HEAD, "/assets/{*name}", Needs::NOTHING),
-            (Method::GET, "/v1/jobs", Needs::READ),
-            (Method::POST, "/v1/scenarios", Needs::READ),
-            (Method::POST, "/v1/jobs", Needs::SUBMIT),
-            (Method::PUT, "/v1/results/{key}/pin", Needs::SUBMIT),
-            (Method::POST, "/v1/jobs/{id}/cancel", Needs::STOP),
-            (Method::DELETE, "/v1/results/{key}", Needs::ADMIN),
-            // An unknown route is not open.
-            (Method::PATCH, "", Needs::SUBMIT),
-            (Method::GET, "", Needs::READ),
-        ] {
-            assert_eq!(needs(&method, route), needed, "{method} {route}");
         }
     }
 }

@@ -7,7 +7,7 @@ use serde_json::{Map, Value, json};
 use tokio::task;
 use utoipa::ToSchema;
 
-use super::App;
+use super::app::App;
 use super::library::read;
 use super::problem::{self, Problem};
 use super::wire::{Body, NoQuery};
@@ -79,7 +79,7 @@ struct SideAnswer {
     /// The `numerics` version of the engine that its key belongs to.
     numerics: u32,
     /// `held`, `dropped` (evicted or deleted: only scenario and summary are known) or `unknown`.
-    #[schema(value_type = super::openapi::Standing)]
+    #[schema(value_type = super::schemas::Standing)]
     result: &'static str,
     /// The path of the result.
     link: String,
@@ -175,7 +175,7 @@ impl Side {
     async fn of(app: &App, asked: Asked) -> Result<Self, Problem> {
         match asked {
             Asked::Key(key) => {
-                let known = app.store.known(&key).await?.ok_or_else(|| {
+                let known = app.service.known(&key).await?.ok_or_else(|| {
                     let detail =
                         format!("No result has the key {key}. Compare its scenario instead.");
                     Problem::new(&problem::UNKNOWN_RESULT, detail)
@@ -186,7 +186,7 @@ impl Side {
             Asked::Scenario(prepared) => {
                 let (key, scenario) = (prepared.key, prepared.task.scenario());
                 let scenario = serde_json::to_value(scenario).map_err(|_| Problem::internal())?;
-                let known = app.store.known(&key).await?;
+                let known = app.service.known(&key).await?;
                 Ok(Self { key, scenario, numerics: ENGINE.numerics, known })
             }
         }
@@ -280,7 +280,7 @@ pub async fn diff(
         Side::of(&app, b).await?
     } else {
         remarks.push("`b` is the result whose scenario is nearest to that of `a`.".to_owned());
-        let nearest = app.store.nearest(&a.outline().await?, except).await?;
+        let nearest = app.service.nearest(&a.outline().await?, except).await?;
         let key = nearest.ok_or_else(|| {
             let detail = "There is no stored result to compare with.";
             Problem::new(&problem::UNKNOWN_RESULT, detail)

@@ -13,7 +13,7 @@ use futures_util::stream::{self, Stream};
 use serde::Serialize;
 use tokio::time::sleep;
 
-use super::App;
+use super::app::App;
 use super::caller::Caller;
 use super::jobs::{JobAnswer, visible};
 use super::problem::Problem;
@@ -60,7 +60,7 @@ struct Progress {
     ),
     responses(
         (status = 200, description = "The events: `snapshot`, `state` and `progress`, each with JSON \
-            as its data.", body = super::openapi::JobEvent, content_type = "text/event-stream"),
+            as its data.", body = super::schemas::JobEvent, content_type = "text/event-stream"),
         (status = 204, description = "The job is finished, and all its states have been seen."),
         (status = 404, description = "No job has this id."),
     ),
@@ -130,7 +130,7 @@ impl Following {
                         () = self.app.service.drained() => return None,
                     };
                     // The client comes back, and is told why it may not.
-                    if self.app.gate.ousted(self.key.as_deref()).await.is_some() {
+                    if self.app.gate.recheck(self.key.as_deref()).await.is_some() {
                         return None;
                     }
                 }

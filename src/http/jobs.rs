@@ -9,8 +9,9 @@ use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use super::App;
+use super::app::App;
 use super::caller::Caller;
+use super::include::Include;
 use super::problem::{self, Complaint, Problem};
 use super::wire::{NoQuery, Query, Segment};
 use crate::job::{Job, JobId, JobState};
@@ -18,7 +19,7 @@ use crate::store::{Canceled, Deleted, Filter};
 
 use answer::answer;
 
-pub use answer::{Include, JobAnswer};
+pub use answer::JobAnswer;
 pub use submission::{__path_submit, submit};
 
 /// How many jobs a page has unless told.
@@ -58,10 +59,10 @@ pub(super) fn unknown() -> Problem {
 /// header; pages stay correct while new jobs arrive.
 #[utoipa::path(get, path = "/v1/jobs", operation_id = "list_jobs", tag = "jobs",
     params(
-        ("state" = Option<super::openapi::JobState>, Query, description = "Jobs in this state."),
+        ("state" = Option<super::schemas::JobState>, Query, description = "Jobs in this state."),
         ("label" = Option<String>, Query, description = "Jobs with exactly this label."),
         ("tag" = Option<String>, Query, description = "Jobs that carry this tag."),
-        ("key" = Option<super::openapi::KeyText>, Query, description = "Jobs for the result with this key."),
+        ("key" = Option<super::schemas::KeyText>, Query, description = "Jobs for the result with this key."),
         ("owner" = Option<String>, Query, example = "me", description = "Jobs of this owner; `me`: my own. \
             Where keys are asked for, only administrators see those of others, and may name them."),
         ("limit" = Option<u32>, Query, description = "How many jobs at most.", minimum = 1,
@@ -129,7 +130,7 @@ pub(super) fn next_page(uri: &Uri, cursor: impl std::fmt::Display) -> String {
         ("id" = uuid::Uuid, Path, description = "The `id` of a job."),
         ("wait" = Option<f64>, Query, description = "Answers when the job is finished, at the latest \
             after so many seconds.", minimum = 0, maximum = 60, example = 10),
-        ("include" = Option<super::openapi::Include>, Query, style = Form, explode = false,
+        ("include" = Option<super::schemas::Include>, Query, style = Form, explode = false,
             description = "What to put into the answer beside the job, separated by commas: `result`, \
                 once it is finished, the canonical `scenario`, and the scenario as `submitted` by the \
                 client (null if it has more than 64 kB).",
@@ -164,7 +165,7 @@ pub async fn show(
         (status = 200, description = "What clients receive that follow the redirection by themselves: the \
             result.", content(
             (ref("#/components/schemas/Result") = "application/json"),
-            (super::openapi::File = "application/x-npz"),
+            (super::schemas::File = "application/x-npz"),
         )),
         (status = 303, description = "The result is at the address in `Location`.",
             headers(("Location" = String, description = "The address of the result."))),
@@ -242,10 +243,10 @@ pub struct CanceledJobs {
 /// is, and so do jobs that are submitted meanwhile. Computations stop when no other job shares them.
 #[utoipa::path(post, path = "/v1/jobs/cancel", operation_id = "cancel_jobs", tag = "jobs",
     params(
-        ("state" = Option<super::openapi::JobState>, Query, description = "Jobs in this state."),
+        ("state" = Option<super::schemas::JobState>, Query, description = "Jobs in this state."),
         ("label" = Option<String>, Query, description = "Jobs with exactly this label."),
         ("tag" = Option<String>, Query, description = "Jobs that carry this tag."),
-        ("key" = Option<super::openapi::KeyText>, Query, description = "Jobs for the result with this key."),
+        ("key" = Option<super::schemas::KeyText>, Query, description = "Jobs for the result with this key."),
         ("owner" = Option<String>, Query, example = "me", description = "Jobs of this owner; `me`: my own. \
             Where keys are asked for, only administrators see those of others, and may name them."),
     ),

@@ -8,13 +8,12 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 use utoipa::ToSchema;
 
-use super::App;
+use super::app::App;
 use super::caller::{Caller, ME};
 use super::jobs::next_page;
 use super::problem::{self, Problem};
 use super::representation::find;
-use super::results::read_key;
-use super::wire::{Body, NoQuery, Query, Segment, instant};
+use super::wire::{Body, NoQuery, Query, Segment, instant, read_key};
 use crate::job::{BadSubmission, Key, SCALARS, WORDS, json as job_json};
 use crate::store::{self, Listed, Removed, Search};
 use fretwork_engine::request::fault::{Fault, Faults};
@@ -213,7 +212,7 @@ pub async fn list(
     });
     let cursor = query.value("cursor", "the cursor of a page", |text| text.parse().ok());
     query.finish()?;
-    let found = app.store.search(&search, cursor, limit.unwrap_or(PAGE)).await?;
+    let found = app.service.search(&search, cursor, limit.unwrap_or(PAGE)).await?;
     let next = found.next.map(|cursor| next_page(&uri, cursor));
     let link = next.as_ref().map(|next| [(header::LINK, format!("<{next}>; rel=\"next\""))]);
     let results = found.results.into_iter().map(ResultEntry::from).collect();
@@ -357,7 +356,7 @@ fn unknown() -> Problem {
 /// `body.sha256` is the digest of the JSON bytes of `GET /v1/results/{key}`, so that a client can check a
 /// copy. Evicted and deleted results have it too.
 #[utoipa::path(get, path = "/v1/results/{key}/provenance", operation_id = "get_provenance", tag = "results",
-    params(("key" = super::openapi::KeyText, Path, description = "The `key` of a result.")),
+    params(("key" = super::schemas::KeyText, Path, description = "The `key` of a result.")),
     responses(
         (status = 200, description = "The provenance of the result.", body = Provenance),
     ),
@@ -368,7 +367,7 @@ pub async fn provenance(
     _: NoQuery,
 ) -> Result<Response, Problem> {
     let key = read_key(&key)?;
-    let known = app.store.provenance(&key).await?.ok_or_else(unknown)?;
+    let known = app.service.provenance(&key).await?.ok_or_else(unknown)?;
     let fresh = [(header::CACHE_CONTROL, "no-store")];
     Ok((fresh, axum::Json(Provenance::of(key, known))).into_response())
 }
@@ -400,7 +399,7 @@ pub(super) fn read<T: Deserr<Faults>>(body: &Body) -> Result<T, Problem> {
 /// Provenance and lists show the note, its owner and its time. It stays for a year after the result was
 /// evicted or deleted.
 #[utoipa::path(put, path = "/v1/results/{key}/note", operation_id = "put_note", tag = "results",
-    params(("key" = super::openapi::KeyText, Path, description = "The `key` of a result.")),
+    params(("key" = super::schemas::KeyText, Path, description = "The `key` of a result.")),
     request_body(content = ref("#/components/schemas/NoteBody"), description = "The note.",
         example = json!({"text": "Agrees with the rig of 2025-11."})),
     responses(
@@ -419,7 +418,7 @@ pub async fn note(
     if let Some(detail) = store::Note::fault(&text) {
         return Err(Problem::faults(vec![Fault { pointer: "/text".to_owned(), detail }]));
     }
-    let known = app.store.annotate(&key, Some(text), caller.owner).await?;
+    let known = app.service.annotate(&key, Some(text), caller.owner).await?;
     if known { Ok(StatusCode::NO_CONTENT) } else { Err(unknown()) }
 }
 
@@ -427,7 +426,7 @@ pub async fn note(
 ///
 /// If there is no note, nothing changes.
 #[utoipa::path(delete, path = "/v1/results/{key}/note", operation_id = "delete_note", tag = "results",
-    params(("key" = super::openapi::KeyText, Path, description = "The `key` of a result.")),
+    params(("key" = super::schemas::KeyText, Path, description = "The `key` of a result.")),
     responses(
         (status = 204, description = "The result has no note."),
     ),
@@ -438,7 +437,7 @@ pub async fn delete_note(
     Segment(key): Segment,
     _: NoQuery,
 ) -> Result<StatusCode, Problem> {
-    let known = app.store.annotate(&read_key(&key)?, None, caller.owner).await?;
+    let known = app.service.annotate(&read_key(&key)?, None, caller.owner).await?;
     if known { Ok(StatusCode::NO_CONTENT) } else { Err(unknown()) }
 }
 
@@ -447,7 +446,7 @@ pub async fn delete_note(
 /// Afterwards its path answers 410 with the scenario, as after an eviction. A new job with the same
 /// scenario computes it again. Its jobs stay. A pinned result cannot be deleted.
 #[utoipa::path(delete, path = "/v1/results/{key}", operation_id = "delete_result", tag = "results",
-    params(("key" = super::openapi::KeyText, Path, description = "The `key` of a result.")),
+    params(("key" = super::schemas::KeyText, Path, description = "The `key` of a result.")),
     responses(
         (status = 204, description = "The result is deleted."),
         (status = 409, description = "The result is pinned. Unpin it first."),
@@ -467,7 +466,7 @@ pub async fn delete(
         // A task of its own: the memory must be cleared although the client disconnects.
         #[expect(clippy::disallowed_methods, reason = "the task ends by itself")]
         let removing = tokio::spawn(async move {
-            let removed = here.store.remove(&key, owner).await?;
+            let removed = here.service.remove(&key, owner).await?;
             if removed != Removed::Pinned {
                 // An evicted result may still be in memory.
                 here.memory.forget(&key);

@@ -2,10 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use axum::extract::State;
-use axum::http::header::CONTENT_TYPE;
 use axum::http::{Method, StatusCode};
-use axum::response::{IntoResponse, Response};
 use prometheus_client::encoding::EncodeLabelSet;
 use prometheus_client::encoding::text::encode;
 use prometheus_client::metrics::counter::Counter;
@@ -15,10 +12,7 @@ use prometheus_client::metrics::histogram::{Histogram, exponential_buckets};
 use prometheus_client::metrics::info::Info;
 use prometheus_client::registry::{Registry, Unit};
 
-use super::App;
-use super::problem::Problem;
-use super::wire::NoQuery;
-use crate::store::Store;
+use crate::store::Tally;
 use fretwork_engine::scenario::NUMERICS;
 
 /// The metrics of this process.
@@ -47,14 +41,14 @@ struct Routed {
 
 impl Metrics {
     /// The metrics of a server.
-    pub fn new(store: &Store, workers: usize) -> Self {
+    pub fn new(tally: &Tally, workers: usize) -> Self {
         let mut registry = Registry::with_prefix("fretwork");
         let version = env!("CARGO_PKG_VERSION").to_owned();
         let build = Info::new(vec![("version", version), ("numerics", NUMERICS.to_string())]);
         registry.register("build", "Version of the program and of its numbers", build);
         let workers = ConstGauge::new(i64::try_from(workers).unwrap_or(i64::MAX));
         registry.register("workers", "Worker threads", workers);
-        store.tally().register(&mut registry);
+        tally.register(&mut registry);
         let buckets: fn() -> Histogram = || Histogram::new(exponential_buckets(1e-4, 4.0, 10));
         let metrics = Self {
             requests: Family::default(),
@@ -129,31 +123,23 @@ fn known(method: &Method) -> &'static str {
     }
 }
 
-/// Returns the metrics of the server.
-///
-/// OpenMetrics text, for Prometheus and similar programs. Important metrics: `fretwork_queued_runs`,
-/// `fretwork_running_runs` and `fretwork_queue_oldest_seconds` show a stuck queue;
-/// `fretwork_disk_free_bytes` and `fretwork_store_errors_total{kind="full"}` show a full disk;
-/// `fretwork_recomputes_total{result="differs"}` shows a fault of the program or the machine.
-#[utoipa::path(get, path = "/metrics", operation_id = "metrics", tag = "system", responses(
-    (status = 200, description = "All metrics.", body = String,
-        content_type = "application/openmetrics-text"),
-))]
-pub async fn metrics(State(app): State<App>, _: NoQuery) -> Result<Response, Problem> {
-    let metrics = &app.metrics;
-    // If the database does not answer, the other metrics must still be available.
-    let wait = tokio::time::timeout(Duration::from_secs(2), app.store.longest_wait()).await;
-    // An unknown value must not look like the previous one.
-    metrics
-        .longest_wait
-        .set(wait.map_or(f64::NAN, |wait| wait.map_or(f64::NAN, |t| t.as_secs_f64())));
-    // A network disk may block.
-    let store = app.store.clone();
-    if let Ok(Some(free)) = tokio::task::spawn_blocking(move || store.free_bytes()).await {
-        metrics.free.set(i64::try_from(free).unwrap_or(i64::MAX));
+impl Metrics {
+    /// Writes all metrics as OpenMetrics text.
+    ///
+    /// # Errors
+    /// A metric has no text.
+    pub fn write(
+        &self,
+        longest_wait: Option<Duration>,
+        free_bytes: Option<u64>,
+    ) -> Result<String, std::fmt::Error> {
+        // An unknown value must not look like the previous one.
+        self.longest_wait.set(longest_wait.map_or(f64::NAN, |wait| wait.as_secs_f64()));
+        if let Some(free) = free_bytes {
+            self.free.set(free.try_into().unwrap_or(i64::MAX));
+        }
+        let mut text = String::new();
+        encode(&mut text, &self.registry)?;
+        Ok(text)
     }
-    let mut text = String::new();
-    encode(&mut text, &metrics.registry).map_err(|_| Problem::internal())?;
-    let kind = "application/openmetrics-text; version=1.0.0; charset=utf-8";
-    Ok(([(CONTENT_TYPE, kind)], text).into_response())
 }

@@ -4,23 +4,18 @@
 //! documents. The engine has the schema of a scenario; `documents.schema.json` has that of a result.
 
 use axum::http::Method;
-use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value, json};
-use utoipa::openapi::RefOr;
-use utoipa::openapi::schema::{
-    ArrayBuilder, KnownFormat, ObjectBuilder, Schema, SchemaFormat, Type,
-};
-use utoipa::{OpenApi, PartialSchema, ToSchema};
+use utoipa::OpenApi as _;
+use utoipa::openapi::OpenApi;
 
-use super::jobs::Include as Included;
+use super::needs::{Needs, RouteNeeds};
 use super::problem::ProblemDocument;
 use super::scenarios::EXAMPLES;
-use super::{access, links};
-use crate::format::{FigureOptions, Part, QUANTITIES};
-use crate::job::{self, Submission};
-use crate::store::Role as StoredRole;
-use fretwork_engine::outcome::{History, Loops, Profiles};
+use super::schemas;
+use super::signed_link::OPENED;
+use crate::job::Submission;
+use crate::store::Role;
 use fretwork_engine::scenario::SCHEMA;
 
 const DOCUMENT_SCHEMAS: &str = include_str!("documents.schema.json");
@@ -45,9 +40,9 @@ A server without keys, on a personal machine, is open.
 
 **Requests** may have an `x-request-id`. Every answer has one, and the log of the server contains it.";
 
-/// The document without routes. utoipa does not collect types that appear only in parameters, so they
+/// utoipa does not collect types that appear only in parameters, so they
 /// are listed here.
-#[derive(OpenApi)]
+#[derive(utoipa::OpenApi)]
 #[openapi(
     info(
         title = "fretwork",
@@ -65,33 +60,34 @@ A server without keys, on a personal machine, is open.
     components(schemas(
         ProblemDocument<'_>,
         super::problem::Complaint,
-        Include,
-        Role,
-        WholeFormat,
-        HistoryFields,
-        ProfileFields,
-        LoopFields,
-        ChosenInstants,
-        PlotQuantity,
-        PlotInstants,
-        Spacing,
-        WholeLayout,
-        Layout,
-        UnitSystem,
-        TableFormat,
-        KeyText,
+        schemas::Include,
+        schemas::Role,
+        schemas::WholeFormat,
+        schemas::HistoryFields,
+        schemas::ProfileFields,
+        schemas::LoopFields,
+        schemas::ChosenInstants,
+        schemas::PlotQuantity,
+        schemas::PlotInstants,
+        schemas::Spacing,
+        schemas::WholeLayout,
+        schemas::Layout,
+        schemas::UnitSystem,
+        schemas::TableFormat,
+        schemas::KeyText,
     )),
 )]
 struct Frame;
 
-pub(super) fn frame() -> utoipa::openapi::OpenApi {
+/// The document without routes.
+pub fn frame() -> OpenApi {
     Frame::openapi()
 }
 
 /// The complete document as it is served, printed and committed.
-#[must_use]
-pub fn document() -> Vec<u8> {
-    let mut document = value(&super::Routes::all().router.into_openapi());
+#[expect(clippy::expect_used, reason = "utoipa's types are valid JSON")]
+pub fn complete(document: &OpenApi, needs: &RouteNeeds) -> Vec<u8> {
+    let mut document = serde_json::to_value(document).expect("an OpenAPI document");
     if let Some(Value::Object(schemas)) = document.pointer_mut("/components/schemas") {
         adopt(schemas, SCHEMA, Some("Scenario"));
         adopt(schemas, DOCUMENT_SCHEMAS, None);
@@ -111,9 +107,9 @@ pub fn document() -> Vec<u8> {
         for (path, item) in paths {
             for (method, operation) in item.as_object_mut().into_iter().flatten() {
                 let method = parsed_method(method);
-                place(path, &method, operation);
-                complete(operation);
-                guard(path, &method, operation);
+                add_path_responses(path, &method, needs.of(&method, path).role, operation);
+                add_shared_responses(operation);
+                add_access_control(path, &method, needs.of(&method, path), operation);
                 if let Some(Value::Object(responses)) = operation.get_mut("responses") {
                     responses.sort_keys();
                 }
@@ -167,12 +163,12 @@ fn redirect(schema: &mut Value) {
 
 /// Whether an operation returns a result or a part of it.
 fn reads_result(path: &str, method: &Method) -> bool {
-    links::OPENED.contains(&path) && *method == Method::GET
+    OPENED.contains(&path) && *method == Method::GET
 }
 
 /// Adds the responses that follow from the path of an operation: an unknown job, an unknown or evicted
 /// result, a full disk.
-fn place(path: &str, method: &Method, operation: &mut Value) {
+fn add_path_responses(path: &str, method: &Method, role: Option<Role>, operation: &mut Value) {
     let mut shared = Vec::new();
     if path.starts_with("/v1/jobs/{id}") {
         shared.push(("404", "No job has this id."));
@@ -185,7 +181,7 @@ fn place(path: &str, method: &Method, operation: &mut Value) {
         }
     }
     // Operations for more than reading write to the disk.
-    if access::needs(method, path).role.is_some_and(|role| role != StoredRole::Read) {
+    if role.is_some_and(|role| role != Role::Read) {
         shared.push(("507", "The disk is full."));
     }
     if let Some(Value::Object(responses)) = operation.get_mut("responses") {
@@ -194,7 +190,7 @@ fn place(path: &str, method: &Method, operation: &mut Value) {
         }
     }
     if reads_result(path, method) {
-        share_forms(operation, !path.ends_with("/plot.svg"));
+        add_representations(operation, !path.ends_with("/plot.svg"));
     }
 }
 
@@ -202,7 +198,7 @@ fn place(path: &str, method: &Method, operation: &mut Value) {
 const OUTLIVING: [&str; 2] = ["/provenance", "/note"];
 
 /// Adds the parameters and headers of all operations that return a result; figures have fewer.
-fn share_forms(operation: &mut Value, of_numbers: bool) {
+fn add_representations(operation: &mut Value, of_numbers: bool) {
     if let Some(Value::Array(parameters)) = operation.get_mut("parameters") {
         if of_numbers {
             let about = "Rounds every number to this many significant digits. Up to 7 digits, arrays in \
@@ -254,7 +250,7 @@ fn header(about: &str) -> Value {
 }
 
 /// Adds what all operations share: problems, request id, examples.
-fn complete(operation: &mut Value) {
+fn add_shared_responses(operation: &mut Value) {
     let parameters = operation.get_mut("parameters").and_then(Value::as_array_mut);
     for parameter in parameters.into_iter().flatten() {
         // The key of the first example: after computing it, a reader can try every route.
@@ -312,8 +308,8 @@ fn complete(operation: &mut Value) {
 }
 
 /// Adds the responses and parameters of access control.
-fn guard(path: &str, method: &Method, operation: &mut Value) {
-    let Some(role) = access::needs(method, path).role else {
+fn add_access_control(path: &str, method: &Method, needs: Needs, operation: &mut Value) {
+    let Some(role) = needs.role else {
         operation["security"] = json!([]);
         return;
     };
@@ -332,7 +328,7 @@ fn guard(path: &str, method: &Method, operation: &mut Value) {
         refusal("The server requires a key, and the request has no valid one.".into());
     responses["401"]["headers"]["WWW-Authenticate"] = header("How to send a key.");
     let mut forbidden = match role {
-        StoredRole::Read => String::new(),
+        Role::Read => String::new(),
         role => format!("The key does not have the required role, `{role}`. "),
     };
     if *method != Method::GET {
@@ -358,8 +354,8 @@ fn guard(path: &str, method: &Method, operation: &mut Value) {
         json!({"$ref": "#/components/headers/Retry-After"});
     for (status, response) in responses.as_object_mut().into_iter().flatten() {
         // Cancelling is not counted. A client without a valid key learns nothing about limits.
-        let counted = access::needs(method, path).counted;
-        if counted && (status.starts_with(['2', '3']) || ["403", "404", "429"].contains(&&**status))
+        if needs.counted
+            && (status.starts_with(['2', '3']) || ["403", "404", "429"].contains(&&**status))
         {
             for name in ["RateLimit", "RateLimit-Policy"] {
                 response["headers"][name] = json!({"$ref": format!("#/components/headers/{name}")});
@@ -414,102 +410,4 @@ fn parsed_method(name: &str) -> Method {
 #[expect(clippy::expect_used, reason = "the files are part of the program, and tests read them")]
 fn parsed<T: DeserializeOwned>(file: &str) -> T {
     serde_json::from_str(file).expect("valid JSON")
-}
-
-#[expect(clippy::expect_used, reason = "types with named members are valid JSON")]
-fn value(item: &impl Serialize) -> Value {
-    serde_json::to_value(item).expect("valid JSON")
-}
-
-/// Declares types that exist only in the document. [`adopt`] replaces those whose schema is in a file.
-macro_rules! documented {
-    ($($(#[$about:meta])* $name:ident $words:expr;)*) => {
-        $(
-            $(#[$about])*
-            pub enum $name {}
-
-            impl PartialSchema for $name {
-                fn schema() -> RefOr<Schema> {
-                    $words.into()
-                }
-            }
-
-            impl ToSchema for $name {}
-        )*
-    };
-}
-
-fn words<'a>(words: impl IntoIterator<Item = &'a str>) -> Schema {
-    ObjectBuilder::new().schema_type(Type::String).enum_values(Some(words)).build().into()
-}
-
-/// A list, separated by commas in a query. Repeated items have no effect.
-fn list(items: impl Into<RefOr<Schema>>) -> Schema {
-    ArrayBuilder::new().items(items.into()).min_items(Some(1)).build().into()
-}
-
-/// Names of the columns of a table.
-fn columns(table: &impl Serialize) -> Schema {
-    let table = value(table);
-    list(words(table.as_object().into_iter().flat_map(Map::keys).map(String::as_str)))
-}
-
-fn kept_in_a_file() -> Schema {
-    ObjectBuilder::new().build().into()
-}
-
-documented! {
-    /// Whether a result is stored.
-    Standing words(["held", "dropped", "unknown"]);
-    /// The state of a job.
-    JobState words(job::JobState::ALL.iter().map(|state| state.as_str()));
-    /// How a job got its result.
-    Origin words(job::Origin::ALL.iter().map(|origin| origin.as_str()));
-    /// What an answer can include in addition to a job.
-    Include list(words(Included::WORDS));
-    /// What a key allows.
-    Role words(StoredRole::ALL.iter().map(|role| role.as_str()));
-    /// The formats of a whole result.
-    WholeFormat words(Part::Whole.formats().iter().map(|format| format.name()));
-    /// The formats of a table.
-    TableFormat words(Part::History.formats().iter().map(|format| format.name()));
-    /// Columns of a history.
-    HistoryFields columns(&History::default());
-    /// Columns of profiles.
-    ProfileFields columns(&Profiles::default());
-    /// Columns of loops.
-    LoopFields columns(&Loops::default());
-    /// Output cycles of a result.
-    ChosenInstants list(ObjectBuilder::new().schema_type(Type::Number).minimum(Some(0)).build());
-    /// Quantities of figures.
-    PlotQuantity words(QUANTITIES.iter().map(|quantity| quantity.name));
-    /// Output cycles in a figure.
-    PlotInstants ArrayBuilder::new()
-        .items(ObjectBuilder::new().schema_type(Type::Number).minimum(Some(0)).build())
-        .min_items(Some(1))
-        .max_items(Some(FigureOptions::MAX_CYCLES))
-        .build();
-    /// The scale of an axis.
-    Spacing words(["linear", "log"]);
-    /// The layout of a whole result.
-    WholeLayout words(["columns"]);
-    /// The layouts of a table in JSON.
-    Layout words(["columns", "records"]);
-    /// The units of an answer.
-    UnitSystem words(["si", "engineering"]);
-    /// A binary file.
-    File Schema::from(ObjectBuilder::new().schema_type(Type::String).format(Some(
-        SchemaFormat::KnownFormat(KnownFormat::Binary),
-    )).build());
-    /// The key of a result.
-    KeyText ObjectBuilder::new()
-        .schema_type(Type::String)
-        .pattern(Some("^[0-9a-f]{64}$"))
-        .build();
-    /// One of the events that follow a job.
-    JobEvent kept_in_a_file();
-    /// A warning about a scenario.
-    Warning kept_in_a_file();
-    /// An estimate for a scenario.
-    Preview kept_in_a_file();
 }

@@ -8,7 +8,7 @@ use tokio::sync::OwnedSemaphorePermit;
 use tokio::task;
 use xxhash_rust::xxh3::xxh3_64;
 
-use super::App;
+use super::app::App;
 use super::caller::Caller;
 use super::coding::Coding;
 use super::memory::{Encoded, Lookup, Making};
@@ -22,7 +22,7 @@ use crate::store::{self, StoredResult};
 ///
 /// The problem for an unknown key links to the job that computes it, if the caller may see one.
 pub async fn find(app: &App, reach: Option<&str>, key: &Key) -> Result<Bytes, Problem> {
-    match app.store.result(key).await? {
+    match app.service.result(key).await? {
         Some(StoredResult::Whole(body)) => Ok(body),
         other => Err(missing(app, reach, key, other).await?),
     }
@@ -46,7 +46,7 @@ async fn missing(
     key: &Key,
     found: Option<StoredResult>,
 ) -> Result<Problem, Problem> {
-    let live = app.store.live_job(key, reach).await?;
+    let live = app.service.live_job(key, reach).await?;
     let problem = match (found, live) {
         (Some(StoredResult::Evicted { at, deleted_by, scenario }), live) => {
             let next = match live {
@@ -134,7 +134,7 @@ impl Representation {
             }
             Lookup::Missing(making) => self.make(app, coding, making).await?,
         };
-        app.store.was_read(&self.key);
+        app.service.was_read(&self.key);
         Ok(self.response(answer))
     }
 
@@ -160,7 +160,7 @@ impl Representation {
         let cached = app.memory.get(&self.key.to_string()).map(|answer| answer.body);
         let body = match cached {
             Some(body) => Some(body),
-            None => match app.store.small_result(&self.key).await? {
+            None => match app.service.small_result(&self.key).await? {
                 Some(StoredResult::Whole(body)) => Some(body),
                 Some(StoredResult::Large) => None,
                 other => return Err(missing(app, reach, &self.key, other).await?),
@@ -208,10 +208,10 @@ impl Representation {
         headers: &HeaderMap,
     ) -> Result<Option<Response>, Problem> {
         let Some(held) = held(headers, &self.tag) else { return Ok(None) };
-        if !app.store.has_result(&self.key).await? {
+        if !app.service.has_result(&self.key).await? {
             return Ok(None);
         }
-        app.store.was_read(&self.key);
+        app.service.was_read(&self.key);
         Ok(Some((StatusCode::NOT_MODIFIED, caching(&held)).into_response()))
     }
 }

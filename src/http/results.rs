@@ -8,21 +8,13 @@ use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
 
-use super::App;
+use super::app::App;
 use super::caller::Caller;
 use super::negotiation::choose_format;
 use super::problem::{self, Problem};
 use super::representation::{Representation, find};
-use super::wire::{NoQuery, Query, Segment};
+use super::wire::{NoQuery, Query, Segment, read_key};
 use crate::format::{FigureOptions, Format, Part, QUANTITIES, Quantity, View};
-use crate::job::Key;
-
-/// Reads the key in an address.
-pub(super) fn read_key(text: &str) -> Result<Key, Problem> {
-    text.parse().map_err(|bad: crate::job::BadKey| {
-        Problem::new(&problem::UNKNOWN_RESULT, format!("This is not a key of a result: {bad}."))
-    })
-}
 
 /// Reads numbers separated by commas.
 fn numbers(text: &str) -> Option<Vec<f64>> {
@@ -154,11 +146,11 @@ fn not_acceptable(key: &str, part: Part) -> Problem {
 /// archive without pickle. An infinite pressure is null in JSON and NaN in NPZ.
 #[utoipa::path(get, path = "/v1/results/{key}", operation_id = "get_result", tag = "results",
     params(
-        ("key" = super::openapi::KeyText, Path, description = "The `key` of a job or a checked scenario."),
-        ("format" = Option<super::openapi::WholeFormat>, Query, description = "Overrides `Accept`."),
-        ("layout" = Option<super::openapi::WholeLayout>, Query, description = "Only the parts of a \
+        ("key" = super::schemas::KeyText, Path, description = "The `key` of a job or a checked scenario."),
+        ("format" = Option<super::schemas::WholeFormat>, Query, description = "Overrides `Accept`."),
+        ("layout" = Option<super::schemas::WholeLayout>, Query, description = "Only the parts of a \
             result have the layout `records`."),
-        ("cycles" = Option<super::openapi::ChosenInstants>, Query, style = Form, explode = false,
+        ("cycles" = Option<super::schemas::ChosenInstants>, Query, style = Form, explode = false,
             description = "Only the profiles and loops at these output cycles, separated by commas; the \
             history is complete.",
             example = json!([0])),
@@ -168,7 +160,7 @@ fn not_acceptable(key: &str, part: Part) -> Problem {
     responses(
         (status = 200, description = "The result.", content(
             (ref("#/components/schemas/Result") = "application/json"),
-            (super::openapi::File = "application/x-npz"),
+            (super::schemas::File = "application/x-npz"),
         )),
         (status = 406, description = "A whole result is available as JSON and NPZ; its parts are also \
             available as NDJSON, CSV and Arrow."),
@@ -192,15 +184,15 @@ pub async fn whole(
 /// engine and units. Equal numbers are equal in every format.
 #[utoipa::path(get, path = "/v1/results/{key}/history", operation_id = "get_history", tag = "results",
     params(
-        ("key" = super::openapi::KeyText, Path, description = "The `key` of a job or a checked scenario."),
-        ("format" = Option<super::openapi::TableFormat>, Query, description = "Overrides `Accept`."),
-        ("layout" = Option<super::openapi::Layout>, Query, description = "JSON only: one array per \
+        ("key" = super::schemas::KeyText, Path, description = "The `key` of a job or a checked scenario."),
+        ("format" = Option<super::schemas::TableFormat>, Query, description = "Overrides `Accept`."),
+        ("layout" = Option<super::schemas::Layout>, Query, description = "JSON only: one array per \
             quantity (`columns`, the default), or a list of rows in the member `records`."),
-        ("fields" = Option<super::openapi::HistoryFields>, Query, style = Form, explode = false,
+        ("fields" = Option<super::schemas::HistoryFields>, Query, style = Form, explode = false,
             description = "Only these columns, separated by commas; \
             `cycles` is always included.",
             example = json!(["wear_volume", "wear_depth"])),
-        ("cycles" = Option<super::openapi::ChosenInstants>, Query, style = Form, explode = false,
+        ("cycles" = Option<super::schemas::ChosenInstants>, Query, style = Form, explode = false,
             description = "Only these output cycles, separated by commas.",
             example = json!([0])),
     ),
@@ -209,8 +201,8 @@ pub async fn whole(
             (ref("#/components/schemas/HistoryAnswer") = "application/json"),
             (String = "application/x-ndjson"),
             (String = "text/csv"),
-            (super::openapi::File = "application/x-npz"),
-            (super::openapi::File = "application/vnd.apache.arrow.file"),
+            (super::schemas::File = "application/x-npz"),
+            (super::schemas::File = "application/vnd.apache.arrow.file"),
         )),
         (status = 406, description = "The history is available as JSON, NDJSON, CSV, NPZ and Arrow."),
     ),
@@ -233,15 +225,15 @@ pub async fn history(
 /// in JSON, no rows otherwise.
 #[utoipa::path(get, path = "/v1/results/{key}/profiles", operation_id = "get_profiles", tag = "results",
     params(
-        ("key" = super::openapi::KeyText, Path, description = "The `key` of a job or a checked scenario."),
-        ("format" = Option<super::openapi::TableFormat>, Query, description = "Overrides `Accept`."),
-        ("layout" = Option<super::openapi::Layout>, Query, description = "JSON only: one array per \
+        ("key" = super::schemas::KeyText, Path, description = "The `key` of a job or a checked scenario."),
+        ("format" = Option<super::schemas::TableFormat>, Query, description = "Overrides `Accept`."),
+        ("layout" = Option<super::schemas::Layout>, Query, description = "JSON only: one array per \
             quantity (`columns`, the default), or a list of rows in the member `records`."),
-        ("fields" = Option<super::openapi::ProfileFields>, Query, style = Form, explode = false,
+        ("fields" = Option<super::schemas::ProfileFields>, Query, style = Form, explode = false,
             description = "Only these columns, separated by commas; \
             `cycles` and `radius` are always included.",
             example = json!(["wear", "pressure"])),
-        ("cycles" = Option<super::openapi::ChosenInstants>, Query, style = Form, explode = false,
+        ("cycles" = Option<super::schemas::ChosenInstants>, Query, style = Form, explode = false,
             description = "Only these output cycles, separated by commas.",
             example = json!([0])),
         ("points" = Option<u32>, Query, description = "Largest number of radii, evenly spaced.",
@@ -252,8 +244,8 @@ pub async fn history(
             (ref("#/components/schemas/ProfilesAnswer") = "application/json"),
             (String = "application/x-ndjson"),
             (String = "text/csv"),
-            (super::openapi::File = "application/x-npz"),
-            (super::openapi::File = "application/vnd.apache.arrow.file"),
+            (super::schemas::File = "application/x-npz"),
+            (super::schemas::File = "application/vnd.apache.arrow.file"),
         )),
         (status = 406, description = "The profiles are available as JSON, NDJSON, CSV, NPZ and Arrow."),
     ),
@@ -278,15 +270,15 @@ pub async fn profiles(
 /// cycle, and NaN fills the shorter loops. A result computed with `profiles_at: "none"` has no loops.
 #[utoipa::path(get, path = "/v1/results/{key}/loops", operation_id = "get_loops", tag = "results",
     params(
-        ("key" = super::openapi::KeyText, Path, description = "The `key` of a job or a checked scenario."),
-        ("format" = Option<super::openapi::TableFormat>, Query, description = "Overrides `Accept`."),
-        ("layout" = Option<super::openapi::Layout>, Query, description = "JSON only: one array per \
+        ("key" = super::schemas::KeyText, Path, description = "The `key` of a job or a checked scenario."),
+        ("format" = Option<super::schemas::TableFormat>, Query, description = "Overrides `Accept`."),
+        ("layout" = Option<super::schemas::Layout>, Query, description = "JSON only: one array per \
             quantity (`columns`, the default), or a list of rows in the member `records`."),
-        ("fields" = Option<super::openapi::LoopFields>, Query, style = Form, explode = false,
+        ("fields" = Option<super::schemas::LoopFields>, Query, style = Form, explode = false,
             description = "Only these columns, separated by commas; \
             `cycles` is always included.",
             example = json!(["displacement", "tangential_force"])),
-        ("cycles" = Option<super::openapi::ChosenInstants>, Query, style = Form, explode = false,
+        ("cycles" = Option<super::schemas::ChosenInstants>, Query, style = Form, explode = false,
             description = "Only these output cycles, separated by commas.",
             example = json!([0])),
     ),
@@ -295,8 +287,8 @@ pub async fn profiles(
             (ref("#/components/schemas/LoopsAnswer") = "application/json"),
             (String = "application/x-ndjson"),
             (String = "text/csv"),
-            (super::openapi::File = "application/x-npz"),
-            (super::openapi::File = "application/vnd.apache.arrow.file"),
+            (super::schemas::File = "application/x-npz"),
+            (super::schemas::File = "application/vnd.apache.arrow.file"),
         )),
         (status = 406, description = "The loops are available as JSON, NDJSON, CSV, NPZ and Arrow."),
     ),
@@ -321,20 +313,20 @@ pub async fn loops(
 /// contains the key and the engine. The same request gives the same bytes everywhere.
 #[utoipa::path(get, path = "/v1/results/{key}/plot.svg", operation_id = "plot_result", tag = "results",
     params(
-        ("key" = super::openapi::KeyText, Path, description = "The `key` of a job or a checked scenario."),
-        ("quantity" = Option<super::openapi::PlotQuantity>, Query, description = "The quantity to \
+        ("key" = super::schemas::KeyText, Path, description = "The `key` of a job or a checked scenario."),
+        ("quantity" = Option<super::schemas::PlotQuantity>, Query, description = "The quantity to \
             draw, by default `worn`. A result computed with `profiles_at: \"none\"` has histories only.",
             example = "pressure"),
-        ("cycles" = Option<super::openapi::PlotInstants>, Query, style = Form, explode = false,
+        ("cycles" = Option<super::schemas::PlotInstants>, Query, style = Form, explode = false,
             description = "Profiles and loops: only these output cycles, separated by commas. By default up \
             to 6, evenly spaced.",
             example = json!([0])),
-        ("units" = Option<super::openapi::UnitSystem>, Query, description = "`engineering` (the default \
+        ("units" = Option<super::schemas::UnitSystem>, Query, description = "`engineering` (the default \
             here): µm, mm³, MPa, mJ and N; or `si`.", example = "si"),
-        ("x" = Option<super::openapi::Spacing>, Query, description = "The horizontal axis. By default \
+        ("x" = Option<super::schemas::Spacing>, Query, description = "The horizontal axis. By default \
             it is `linear`, but `log` for a history whose output cycles span a factor of 20 or more. A \
             logarithmic axis omits values that are not positive.", example = "linear"),
-        ("y" = Option<super::openapi::Spacing>, Query, description = "The vertical axis, by default \
+        ("y" = Option<super::schemas::Spacing>, Query, description = "The vertical axis, by default \
             `linear`.", example = "linear"),
         ("width" = Option<u16>, Query, description = "Width in px (1/96 inch), by default 640.",
             minimum = 320, maximum = 4000, example = 640),
@@ -366,7 +358,7 @@ pub async fn plot(
 /// When the database grows too large, the server evicts the least recently read results, except pinned
 /// ones. Pinning a result again has no effect.
 #[utoipa::path(put, path = "/v1/results/{key}/pin", operation_id = "pin_result", tag = "results",
-    params(("key" = super::openapi::KeyText, Path, description = "The `key` of a result.")),
+    params(("key" = super::schemas::KeyText, Path, description = "The `key` of a result.")),
     responses(
         (status = 204, description = "The result is pinned."),
     ),
@@ -384,7 +376,7 @@ pub async fn pin(
 ///
 /// The server may then evict it.
 #[utoipa::path(delete, path = "/v1/results/{key}/pin", operation_id = "unpin_result", tag = "results",
-    params(("key" = super::openapi::KeyText, Path, description = "The `key` of a result.")),
+    params(("key" = super::schemas::KeyText, Path, description = "The `key` of a result.")),
     responses(
         (status = 204, description = "The result is not pinned."),
     ),
@@ -405,7 +397,7 @@ async fn set_pin(
     pinned: bool,
 ) -> Result<StatusCode, Problem> {
     let key = read_key(key)?;
-    while !app.store.pin(&key, pinned).await? {
+    while !app.service.pin(&key, pinned).await? {
         // Returns the problem for a missing result, or tries again if the result has just been stored.
         find(app, caller.reach(), &key).await?;
     }

@@ -9,7 +9,7 @@ use serde_json::value::RawValue;
 use tokio::task;
 use utoipa::ToSchema;
 
-use super::App;
+use super::app::App;
 use super::problem::{self, Problem};
 use super::wire::{Body, NoQuery, Segment};
 use crate::job::{BadSubmission, Key, Prepared, Submission};
@@ -91,10 +91,10 @@ pub struct Checked {
     scenario: Scenario,
     /// `scales`, `unworn`, `regime`, `limit`, `units` and `cost`.
     #[serde(flatten)]
-    #[schema(value_type = super::openapi::Preview)]
+    #[schema(value_type = super::schemas::Preview)]
     preview: Preview,
     /// What the user should know.
-    #[schema(value_type = Vec<super::openapi::Warning>)]
+    #[schema(value_type = Vec<super::schemas::Warning>)]
     warnings: Vec<Warning>,
     /// Where to go from here.
     links: CheckedLinks,
@@ -124,7 +124,7 @@ pub async fn check(
     body: Body,
 ) -> Result<Json<Checked>, Problem> {
     let Prepared { key, warnings, task: asked, .. } = parse(body).await?.prepared;
-    let cached = app.store.has_result(&key).await?;
+    let cached = app.service.has_result(&key).await?;
     // The limit is found by solving for its radius: a few milliseconds of work.
     let computed = task::spawn_blocking(move || (asked.preview(), asked));
     let (preview, asked) = computed.await.map_err(|_| Problem::internal())?;

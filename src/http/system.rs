@@ -1,21 +1,18 @@
 //! The server itself: health, version, OpenAPI document, documentation, problem pages.
 
 use std::sync::{Arc, LazyLock};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use axum::Json;
-use axum::body::Bytes;
 use axum::extract::State;
 use axum::http::header::{CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE};
 use axum::response::{Html, IntoResponse, Response};
 use serde::Serialize;
-use tokio::sync::Mutex;
 use utoipa::ToSchema;
 
-use super::App;
+use super::app::App;
 use super::problem::{self, Problem};
 use super::wire::{self, NoQuery, Segment};
-use crate::store::{self, Store};
 use fretwork_engine::request::fields::{MAX_CYCLES, POINTS_RANGE};
 use fretwork_engine::scenario::{MAX_ANSWER, NUMERICS};
 
@@ -56,23 +53,6 @@ const STUCK: Duration = Duration::from_mins(1);
 /// Maximum time to wait for the database.
 const TIMEOUT: Duration = Duration::from_secs(3);
 
-/// Checks that the database is writable, at most twice per second: the check writes, and anyone may
-/// request it.
-#[derive(Debug, Default)]
-pub struct Pulse(Mutex<Option<Instant>>);
-
-impl Pulse {
-    async fn check(&self, store: &Store) -> Result<(), store::Error> {
-        let mut checked = self.0.lock().await;
-        if checked.is_none_or(|checked| checked.elapsed() > Duration::from_millis(500)) {
-            *checked = None;
-            store.ping().await?;
-            *checked = Some(Instant::now());
-        }
-        Ok(())
-    }
-}
-
 /// Reports whether the server can accept jobs: the database is writable and the queue is not stuck.
 ///
 /// For load balancers and start scripts. `GET /healthz` checks only that the process answers.
@@ -86,15 +66,16 @@ pub async fn ready(State(app): State<App>, _: NoQuery) -> Result<Json<Readiness>
         return Err(unready("The server is shutting down."));
     }
     let check = async {
-        app.pulse.check(&app.store).await?;
-        app.store.longest_wait().await
+        app.check_writable().await?;
+        app.service.longest_wait().await
     };
     let wait = match tokio::time::timeout(TIMEOUT, check).await {
         Ok(Ok(wait)) => wait,
         Ok(Err(error)) => return Err(unready(&format!("The database failed: {error}."))),
         Err(_) => return Err(unready("The database does not answer.")),
     };
-    let (queued, running) = (app.store.tally().queued(), app.store.tally().running());
+    let tally = app.service.tally();
+    let (queued, running) = (tally.queued(), tally.running());
     if running == 0 && wait > STUCK {
         let detail = format!("The queue is stuck: {queued} runs wait and no run is computed.");
         return Err(unready(&detail));
@@ -110,7 +91,7 @@ pub struct Version {
     name: &'static str,
     /// The release.
     #[serde(rename = "version")]
-    #[schema(example = "0.1.0")]
+    #[schema(example = "0.2.0")]
     release: &'static str,
     /// The version of the numbers. It rises when the same scenario gives other digits. It is part of
     /// every key.
@@ -161,16 +142,36 @@ pub async fn version(_: NoQuery) -> Json<Version> {
     })
 }
 
+/// Returns the metrics of the server.
+///
+/// OpenMetrics text, for Prometheus and similar programs. Important metrics: `fretwork_queued_runs`,
+/// `fretwork_running_runs` and `fretwork_queue_oldest_seconds` show a stuck queue;
+/// `fretwork_disk_free_bytes` and `fretwork_store_errors_total{kind="full"}` show a full disk;
+/// `fretwork_recomputes_total{result="differs"}` shows a fault of the program or the machine.
+#[utoipa::path(get, path = "/metrics", operation_id = "metrics", tag = "system", responses(
+    (status = 200, description = "All metrics.", body = String,
+        content_type = "application/openmetrics-text"),
+))]
+pub async fn metrics(State(app): State<App>, _: NoQuery) -> Result<Response, Problem> {
+    // If the database does not answer, the other metrics must still be available.
+    let wait = tokio::time::timeout(Duration::from_secs(2), app.service.longest_wait()).await;
+    let wait = wait.ok().and_then(Result::ok);
+    // A network disk can block.
+    let service = app.service.clone();
+    let free = tokio::task::spawn_blocking(move || service.free_bytes()).await.ok().flatten();
+    let text = app.metrics.write(wait, free).map_err(|_| Problem::internal())?;
+    let kind = "application/openmetrics-text; version=1.0.0; charset=utf-8";
+    Ok(([(CONTENT_TYPE, kind)], text).into_response())
+}
+
 /// Returns the OpenAPI document.
 ///
 /// It is generated from the routes of this server.
 #[utoipa::path(get, path = "/openapi.json", operation_id = "openapi", tag = "system", responses(
     (status = 200, description = "An OpenAPI 3.1 document.", body = serde_json::Value),
 ))]
-pub async fn openapi(_: NoQuery) -> Response {
-    // Built on first use, which most processes never need.
-    static DOCUMENT: LazyLock<Bytes> = LazyLock::new(|| super::openapi::document().into());
-    ([(CONTENT_TYPE, "application/json")], DOCUMENT.clone()).into_response()
+pub async fn openapi(State(app): State<App>, _: NoQuery) -> Response {
+    ([(CONTENT_TYPE, "application/json")], app.document.clone()).into_response()
 }
 
 /// Lists the problem types.

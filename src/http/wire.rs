@@ -13,7 +13,7 @@ use http_body_util::BodyExt;
 
 use super::problem::{self, Complaint, Problem};
 use crate::format::Format;
-use crate::job::clock;
+use crate::job::{BadKey, Key, clock};
 
 /// The largest body that is read, in bytes.
 pub const BODY_LIMIT: usize = 4 << 20;
@@ -136,6 +136,13 @@ impl<S: Send + Sync> FromRequestParts<S> for Segment {
             Problem::new(&problem::NOT_FOUND, "The address is not UTF-8, so nothing is here.")
         })
     }
+}
+
+/// Reads the key in an address.
+pub fn read_key(text: &str) -> Result<Key, Problem> {
+    text.parse().map_err(|bad: BadKey| {
+        Problem::new(&problem::UNKNOWN_RESULT, format!("This is not a key of a result: {bad}."))
+    })
 }
 
 fn excerpt(text: &str) -> String {

@@ -43,6 +43,14 @@ impl Service {
         self.0.store.asked(id).await
     }
 
+    /// The number of queued jobs of an owner, and of running ones.
+    ///
+    /// # Errors
+    /// The database fails.
+    pub async fn unfinished(&self, owner: &str) -> Result<(u64, u64), Error> {
+        self.0.store.unfinished(owner).await
+    }
+
     /// Hints that a job has changed, from now on.
     #[must_use]
     pub fn watch(&self, job: &Job) -> Changes {

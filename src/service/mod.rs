@@ -3,6 +3,7 @@
 
 mod evaluate;
 mod jobs;
+mod results;
 mod short;
 mod stopwatch;
 mod submit;
@@ -16,7 +17,7 @@ use std::time::Duration;
 use tokio::sync::watch;
 
 use crate::job::Begin;
-use crate::store::Store;
+use crate::store::{Error, Store, Tally};
 
 pub use evaluate::evaluate;
 pub use submit::{Accepted, Refusal, Terms};
@@ -74,6 +75,34 @@ impl Service {
     pub fn compute(&self) -> Compute {
         let (begin, waiting) = (Arc::clone(&self.0.begin), Arc::clone(&self.0.waiting));
         Arc::new(move |key, stored| begin(key, stored, waiting.take(key)))
+    }
+
+    /// Counts of queued, running and finished runs.
+    #[must_use]
+    pub fn tally(&self) -> &Tally {
+        self.0.store.tally()
+    }
+
+    /// How long the oldest queued run has waited.
+    ///
+    /// # Errors
+    /// The database fails.
+    pub async fn longest_wait(&self) -> Result<Duration, Error> {
+        self.0.store.longest_wait().await
+    }
+
+    /// Writes to the database, to check that this is possible.
+    ///
+    /// # Errors
+    /// The database is not writable.
+    pub async fn ping(&self) -> Result<(), Error> {
+        self.0.store.ping().await
+    }
+
+    /// Free space on the disk of the database, in bytes; `None` if the system does not report it.
+    #[must_use]
+    pub fn free_bytes(&self) -> Option<u64> {
+        self.0.store.free_bytes()
     }
 
     /// Stops taking new jobs, ends waits and event streams.

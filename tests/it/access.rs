@@ -233,7 +233,7 @@ async fn keys_come_and_go_beside_a_running_server() {
     assert_eq!(administration.revoke_keys("anna").await.unwrap(), 0);
     until(401, &key).await;
     let refused = get(&server, &key, "/v1/jobs").await.problem(401, "unauthorized");
-    assert!(refused["detail"].as_str().unwrap().contains("taken back"), "{refused}");
+    assert!(refused["detail"].as_str().unwrap().contains("revoked"), "{refused}");
     // That the last key is gone opens nothing.
     let id = administration.keys().await.unwrap()[1].id.clone();
     assert_eq!(administration.revoke_keys(&id).await.unwrap(), 1);
@@ -338,7 +338,7 @@ async fn a_link_that_was_changed_or_is_over_opens_nothing() {
         let reply = server.get(&format!("{result}?{short}")).await;
         if reply.status == 403 {
             let problem = reply.problem(403, "bad-link");
-            assert!(problem["detail"].as_str().unwrap().contains("good until"), "{problem}");
+            assert!(problem["detail"].as_str().unwrap().contains("expired on"), "{problem}");
             break;
         }
         assert!(Instant::now() < deadline);
@@ -448,7 +448,7 @@ async fn what_a_wait_finds_is_not_told_to_a_key_that_was_taken_back_meanwhile() 
         gate.open();
     });
     let problem = waited.problem(401, "unauthorized");
-    assert!(problem["detail"].as_str().unwrap().contains("taken back"), "{problem}");
+    assert!(problem["detail"].as_str().unwrap().contains("revoked"), "{problem}");
 }
 
 fn number(reply: &Reply, header: &str, name: &str) -> u32 {

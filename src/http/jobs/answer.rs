@@ -11,11 +11,12 @@ use serde::Serialize;
 use serde_json::Value;
 use utoipa::ToSchema;
 
-use crate::http::App;
+use crate::http::app::App;
+use crate::http::include::{Include, NULL};
 use crate::http::problem::{self, Problem};
 use crate::http::representation;
-use crate::http::wire::{Query, instant};
-use crate::job::{Failure, Job, JobId, JobState, Key, Origin, Task};
+use crate::http::wire::instant;
+use crate::job::{Failure, Job, JobId, JobState, Key, Origin};
 use crate::store::{self, Asked, StoredResult};
 
 /// One submission and how far it has come.
@@ -26,7 +27,7 @@ pub struct JobAnswer {
     #[schema(value_type = String, format = "uuid", example = "019aa0f3-1f4e-7cc0-9d8b-1c5b0c1f9a11")]
     id: JobId,
     /// `queued`, `running`, `canceling`, `succeeded`, `failed` or `canceled`.
-    #[schema(value_type = crate::http::openapi::JobState)]
+    #[schema(value_type = crate::http::schemas::JobState)]
     state: JobState,
     /// Whose it is: the name of the key that submitted it, or the address of the client where there were
     /// no keys. Only administrators see the jobs of others.
@@ -37,7 +38,7 @@ pub struct JobAnswer {
     key: Key,
     /// Whether this job started the computation (`computed`), joined one (`coalesced`) or found
     /// the result ready (`cached`).
-    #[schema(value_type = crate::http::openapi::Origin)]
+    #[schema(value_type = crate::http::schemas::Origin)]
     origin: Origin,
     /// How often the computation was begun. More than 1 means that the server was interrupted.
     #[schema(example = 1)]
@@ -59,7 +60,7 @@ pub struct JobAnswer {
     #[schema(value_type = Option<Object>)]
     summary: Option<Value>,
     /// What the user should know about the scenario: a list of `{kind, detail}`.
-    #[schema(value_type = Vec<crate::http::openapi::Warning>)]
+    #[schema(value_type = Vec<crate::http::schemas::Warning>)]
     warnings: Value,
     /// Why it failed, if it did.
     error: Option<JobError>,
@@ -153,53 +154,6 @@ pub(super) fn address(id: JobId) -> String {
     format!("/v1/jobs/{id}")
 }
 
-/// What an answer carries beside the job.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Include {
-    pub(super) result: bool,
-    pub(super) scenario: bool,
-    pub(super) submitted: bool,
-}
-
-impl Include {
-    /// The words for it.
-    pub const WORDS: [&str; 3] = ["result", "scenario", "submitted"];
-
-    /// Takes `include`: words with commas between.
-    pub(super) fn take(query: &mut Query) -> Self {
-        let accepted =
-            "\"result\", \"scenario\", \"submitted\", or some of them with commas between";
-        let read = |text: &str| {
-            let words: Vec<&str> = text.split(',').map(str::trim).collect();
-            let known = words.iter().all(|word| Self::WORDS.contains(word));
-            let [result, scenario, submitted] = Self::WORDS.map(|word| words.contains(&word));
-            known.then_some(Self { result, scenario, submitted })
-        };
-        query.value("include", accepted, read).unwrap_or_default()
-    }
-
-    /// The members that go behind those of the job, each as JSON.
-    pub(super) fn members(
-        self,
-        asked: &Asked,
-        result: Option<Bytes>,
-    ) -> Vec<(&'static str, Bytes)> {
-        let mut members = Vec::new();
-        if self.scenario {
-            let scenario = asked.task.as_deref().and_then(Task::scenario_in);
-            let scenario =
-                scenario.map_or(NULL, |text| Bytes::copy_from_slice(text.get().as_bytes()));
-            members.push(("scenario", scenario));
-        }
-        if self.submitted {
-            let submitted = asked.submitted.clone().map_or(NULL, Bytes::from);
-            members.push(("submitted", submitted));
-        }
-        members.extend(result.map(|result| ("result", result)));
-        members
-    }
-}
-
 /// Answers a job as it is always answered, with the members that are to be included.
 pub(super) async fn answer(app: &App, job: Job, include: Include) -> Result<Response, Problem> {
     let asked = if include.scenario || include.submitted {
@@ -211,15 +165,12 @@ pub(super) async fn answer(app: &App, job: Job, include: Include) -> Result<Resp
     write(job, include.members(&asked, result))
 }
 
-/// Stands for what there is not.
-pub(super) const NULL: Bytes = Bytes::from_static(b"null");
-
 /// The result of a job; null if there is none.
 pub(super) async fn result_of(app: &App, job: &Job) -> Result<Bytes, Problem> {
     if job.state != JobState::Succeeded {
         return Ok(NULL);
     }
-    Ok(match app.store.small_result(&job.key).await? {
+    Ok(match app.service.small_result(&job.key).await? {
         Some(StoredResult::Whole(body)) => body,
         Some(StoredResult::Large) => representation::large(app, None, &job.key).await?.body,
         _ => NULL,

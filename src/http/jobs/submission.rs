@@ -7,9 +7,10 @@ use axum::http::header::{self, HeaderName};
 use axum::http::{HeaderMap, HeaderValue, StatusCode};
 use axum::response::Response;
 
-use super::answer::{Include, JobAnswer, NULL, address, result_of, write};
-use crate::http::App;
+use super::answer::{JobAnswer, address, result_of, write};
+use crate::http::app::App;
 use crate::http::caller::Caller;
+use crate::http::include::{Include, NULL};
 use crate::http::problem::{self, Problem};
 use crate::http::scenarios::parse;
 use crate::http::wire::{Body, Freshness, Prefer, Query, idempotency_key, urgency};
@@ -25,7 +26,7 @@ use crate::store::Asked;
 /// may have been lost can be repeated under the same `Idempotency-Key`: it stays one job.
 #[utoipa::path(post, path = "/v1/jobs", operation_id = "submit_job", tag = "jobs",
     params(
-        ("include" = Option<crate::http::openapi::Include>, Query, style = Form, explode = false,
+        ("include" = Option<crate::http::schemas::Include>, Query, style = Form, explode = false,
             description = "What to put into the answer beside the job, separated by commas: `result`, \
                 if it is finished, the canonical `scenario`, and the scenario as `submitted`.",
             example = json!(["result"])),

@@ -1,0 +1,53 @@
+//! The query parameter `include`: what an answer contains in addition to a job.
+
+use axum::body::Bytes;
+
+use super::wire::Query;
+use crate::job::Task;
+use crate::store::Asked;
+
+/// The JSON of an absent value.
+pub const NULL: Bytes = Bytes::from_static(b"null");
+
+/// What an answer carries beside the job.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Include {
+    pub result: bool,
+    pub scenario: bool,
+    pub submitted: bool,
+}
+
+impl Include {
+    /// The words for it.
+    pub const WORDS: [&str; 3] = ["result", "scenario", "submitted"];
+
+    /// Takes `include`: words with commas between.
+    pub fn take(query: &mut Query) -> Self {
+        let accepted =
+            "\"result\", \"scenario\", \"submitted\", or some of them with commas between";
+        let read = |text: &str| {
+            let words: Vec<&str> = text.split(',').map(str::trim).collect();
+            let known = words.iter().all(|word| Self::WORDS.contains(word));
+            let [result, scenario, submitted] = Self::WORDS.map(|word| words.contains(&word));
+            known.then_some(Self { result, scenario, submitted })
+        };
+        query.value("include", accepted, read).unwrap_or_default()
+    }
+
+    /// The members that go behind those of the job, each as JSON.
+    pub fn members(self, asked: &Asked, result: Option<Bytes>) -> Vec<(&'static str, Bytes)> {
+        let mut members = Vec::new();
+        if self.scenario {
+            let scenario = asked.task.as_deref().and_then(Task::scenario_in);
+            let scenario =
+                scenario.map_or(NULL, |text| Bytes::copy_from_slice(text.get().as_bytes()));
+            members.push(("scenario", scenario));
+        }
+        if self.submitted {
+            let submitted = asked.submitted.clone().map_or(NULL, Bytes::from);
+            members.push(("submitted", submitted));
+        }
+        members.extend(result.map(|result| ("result", result)));
+        members
+    }
+}

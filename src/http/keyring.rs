@@ -1,0 +1,119 @@
+//! The access keys in memory, with the use of their limits.
+
+use std::collections::HashMap;
+use std::num::NonZeroU32;
+use std::sync::atomic::{AtomicI64, Ordering};
+use std::sync::{Arc, PoisonError, RwLock};
+use std::time::{Duration, Instant};
+
+use tokio::sync::Mutex;
+
+use super::limits::{Account, Limits};
+use crate::store::{AccessKey, Error, Store};
+
+/// Longest time that a revoked key may still be accepted.
+pub const MAX_AGE: Duration = Duration::from_secs(1);
+/// Shortest time between two updates of the last use of a key, in milliseconds.
+const LAST_USE_INTERVAL: i64 = 60_000;
+
+/// A key, and the use of its limits.
+pub struct KeyHolder {
+    pub key: AccessKey,
+    pub account: Account,
+    /// The use by the links that the key signed. They have the same limits as the key.
+    pub links: Account,
+    /// When its last use was stored.
+    last_use: AtomicI64,
+}
+
+/// Key holders by the public id of the key.
+type Holders = Arc<HashMap<String, Arc<KeyHolder>>>;
+
+/// The access keys of the store. They are read again when they are older than a caller accepts.
+pub struct Keyring {
+    store: Store,
+    default_limits: Limits,
+    read: RwLock<Option<(Instant, Holders)>>,
+    /// Held by the task that reads the keys. The others wait for it.
+    reading: Mutex<()>,
+}
+
+impl Keyring {
+    /// The keys of a store. Keys without own limits have the default limits.
+    pub fn new(store: &Store, default_limits: Limits) -> Self {
+        let (read, reading) = (RwLock::default(), Mutex::default());
+        Self { store: store.clone(), default_limits, read, reading }
+    }
+
+    /// All keys, as they were at most [`MAX_AGE`] ago.
+    pub async fn holders(&self) -> Result<Holders, Error> {
+        self.holders_within(MAX_AGE).await
+    }
+
+    /// The key with this id. A key that was made a moment ago is found too.
+    pub async fn holder(&self, id: &str) -> Result<Option<Arc<KeyHolder>>, Error> {
+        match self.holders().await?.get(id) {
+            Some(holder) => Ok(Some(Arc::clone(holder))),
+            None => Ok(self.holders_within(Duration::ZERO).await?.get(id).cloned()),
+        }
+    }
+
+    async fn holders_within(&self, age: Duration) -> Result<Holders, Error> {
+        let now = Instant::now();
+        let recent = || {
+            let read = self.read.read().unwrap_or_else(PoisonError::into_inner);
+            read.as_ref().filter(|(at, _)| *at + age >= now).map(|(_, holders)| Arc::clone(holders))
+        };
+        if let Some(holders) = recent() {
+            return Ok(holders);
+        }
+        let _reading = self.reading.lock().await;
+        if let Some(holders) = recent() {
+            return Ok(holders);
+        }
+        let at = Instant::now();
+        let keys = self.store.access_keys().await?;
+        let mut read = self.read.write().unwrap_or_else(PoisonError::into_inner);
+        let before = read.take().map(|(_, holders)| holders).unwrap_or_default();
+        let holders = keys.into_iter().map(|key| {
+            // An unchanged key keeps the use of its limits.
+            let same = before.get(&key.id).filter(|holder| holder.key.is_like(&key));
+            let holder = same.map_or_else(|| Arc::new(self.new_holder(key.clone())), Arc::clone);
+            (key.id, holder)
+        });
+        let holders: Holders = Arc::new(holders.collect());
+        *read = Some((at, Arc::clone(&holders)));
+        Ok(holders)
+    }
+
+    fn new_holder(&self, key: AccessKey) -> KeyHolder {
+        let per_minute = match key.per_minute {
+            None => self.default_limits.per_minute,
+            Some(own) => NonZeroU32::new(own),
+        };
+        let limits = Limits { per_minute, ..self.default_limits };
+        let (account, links) = (Account::new(limits), Account::new(limits));
+        // A key that was never used has no last use: 0 is long ago.
+        KeyHolder { account, links, last_use: AtomicI64::new(key.last_used.unwrap_or(0)), key }
+    }
+
+    /// Stores that a key is in use, in the background.
+    #[expect(
+        clippy::disallowed_methods,
+        reason = "no caller waits for the task; it ends by itself"
+    )]
+    pub fn record_use(&self, holder: &KeyHolder, now: i64) {
+        let last = holder.last_use.load(Ordering::Relaxed);
+        let (success, failure) = (Ordering::Relaxed, Ordering::Relaxed);
+        if now - last > LAST_USE_INTERVAL
+            && holder.last_use.compare_exchange(last, now, success, failure).is_ok()
+        {
+            let (store, id) = (self.store.clone(), holder.key.id.clone());
+            tokio::spawn(async move {
+                // The time of the last use is information for people. A request must not fail because a full
+                // disk does not take it.
+                let _ = store.key_was_used(&id).await;
+            });
+        }
+    }
+}

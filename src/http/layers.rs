@@ -1,0 +1,212 @@
+//! What surrounds all routes: request ids, log, problems, access control, compression, other origins.
+
+use std::any::Any;
+use std::sync::Arc;
+use std::time::Instant;
+
+use axum::Router;
+use axum::extract::{MatchedPath, Request, State};
+use axum::http::{HeaderName, HeaderValue, Method, header};
+use axum::middleware::{Next, from_fn_with_state};
+use axum::response::{IntoResponse, Response};
+use tower::util::option_layer;
+use tower_http::catch_panic::CatchPanicLayer;
+use tower_http::compression::CompressionLayer;
+use tower_http::cors::{AllowHeaders, Any as AnyOrigin, CorsLayer};
+use tracing::Instrument as _;
+
+use super::access::{self, Gate, Identity};
+use super::caller::{REQUEST_ID, Trace};
+use super::coding::{Coding, CompressedWhileSent};
+use super::drain_body::drain_body;
+use super::metrics::Metrics;
+use super::problem::{self, Problem};
+
+/// The origins whose web pages may use the server.
+#[derive(Debug, Clone, Default)]
+pub enum Origins {
+    /// Only the server's own.
+    #[default]
+    Own,
+    /// All.
+    Any,
+    /// These, besides the server's own.
+    These(Vec<HeaderValue>),
+}
+
+/// Surrounds routes with the layers. They form one layer, because axum clones each layer for each request.
+pub fn with_layers<S: Clone + Send + Sync + 'static>(
+    routes: Router<S>,
+    gate: Arc<Gate>,
+    metrics: Arc<Metrics>,
+    origins: &Origins,
+) -> Router<S> {
+    routes.layer((
+        from_fn_with_state((metrics, Arc::new(origins.clone())), observe),
+        // Web pages of other origins must be able to read problems too, so this is outside of the layers that
+        // make them.
+        option_layer(cors(origins)),
+        CatchPanicLayer::custom(panicked),
+        CompressionLayer::new().compress_when(CompressedWhileSent),
+        from_fn_with_state(gate, access::check),
+    ))
+}
+
+/// The outermost layer. It gives the request an id, refuses it if it comes from a foreign page, writes the
+/// problem of its answer, counts it and logs one line.
+async fn observe(
+    State((metrics, origins)): State<(Arc<Metrics>, Arc<Origins>)>,
+    mut request: Request,
+    next: Next,
+) -> Response {
+    let started = Instant::now();
+    let trace = Trace::read(request.headers());
+    let id = Arc::clone(&trace.id);
+    let route = request.extensions().get::<MatchedPath>().cloned();
+    let (method, uri) = (request.method().clone(), request.uri().clone());
+    let span = tracing::info_span!("request", id = &*id, traceparent = trace.parent.as_deref());
+    request.extensions_mut().insert(trace);
+    Coding::settle(request.headers_mut());
+    let closes_after_error = drain_body(&mut request);
+    let answer = if is_cross_site(&origins, &request) {
+        drop(request);
+        let detail = "A web page of an unknown origin sent this request. Add its origin to the option \
+            --cors-origin of the server.";
+        Problem::new(&problem::CROSS_SITE, detail).into_response()
+    } else {
+        next.run(request).instrument(span.clone()).await
+    };
+    let mut response = problem::write(answer, &id);
+    let route = route.as_ref().map_or("none", MatchedPath::as_str);
+    metrics.answered(&method, route, response.status(), started);
+    let caller = response.extensions().get::<Identity>();
+    let caller = caller.map(|identity| format!("{} {}", identity.owner, identity.key));
+    let status = response.status().as_u16();
+    let milliseconds = (started.elapsed().as_secs_f64() * 1e6).round() / 1e3;
+    let path = uri.path();
+    span.in_scope(|| {
+        // Successful reads are frequent, so they are logged at a lower level.
+        if method.is_safe() && status < 400 {
+            tracing::debug!(%method, path, status, milliseconds, caller, "answered");
+        } else {
+            tracing::info!(%method, path, status, milliseconds, caller, "answered");
+        }
+    });
+    let headers = response.headers_mut();
+    if closes_after_error && status >= 400 {
+        headers.insert(header::CONNECTION, HeaderValue::from_static("close"));
+    }
+    if let Ok(id) = HeaderValue::from_str(&id) {
+        headers.insert(REQUEST_ID, id);
+    }
+    for (name, value) in BROWSER_RULES {
+        headers.entry(name).or_insert(HeaderValue::from_static(value));
+    }
+    response
+}
+
+/// Rules for browsers, unless a handler sets others: do not guess the content type, run no scripts, show no
+/// answer in a frame, and do not send the address, which can contain a link, to other sites.
+const BROWSER_RULES: [(HeaderName, &str); 4] = [
+    (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+    (header::REFERRER_POLICY, "no-referrer"),
+    (header::X_FRAME_OPTIONS, "DENY"),
+    (
+        header::CONTENT_SECURITY_POLICY,
+        "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'none'",
+    ),
+];
+
+/// Whether a web page of an unknown origin sent a request that can change something. Browsers send some such
+/// requests, with the rights of their user, before they check whether the page may read the answer.
+fn is_cross_site(known: &Origins, request: &Request) -> bool {
+    let text = |name: HeaderName| request.headers().get(name).map(HeaderValue::as_bytes);
+    let site = text(HeaderName::from_static("sec-fetch-site"));
+    let origin = text(header::ORIGIN);
+    let own = request.uri().authority().map(|own| own.as_str().as_bytes()).or(text(header::HOST));
+    let is_known = match known {
+        Origins::Own => false,
+        Origins::Any => true,
+        Origins::These(list) => list.iter().any(|known| Some(known.as_bytes()) == origin),
+    };
+    // Over plain HTTP, browsers send only the origin.
+    let is_own = match (site, origin) {
+        (Some(b"same-origin" | b"none"), _) | (None, None) => true,
+        (_, Some(origin)) => {
+            let end = origin.windows(3).position(|mark| mark == b"://").map(|at| at + 3);
+            end.is_some_and(|end| Some(&origin[end..]) == own)
+        }
+        (Some(_), None) => false,
+    };
+    !request.method().is_safe() && !is_known && !is_own
+}
+
+/// The answer of a handler that panicked. The panic hook has logged the panic.
+fn panicked(_: Box<dyn Any + Send>) -> Response {
+    Problem::internal().into_response()
+}
+
+fn cors(origins: &Origins) -> Option<CorsLayer> {
+    let exposed = [
+        header::LOCATION,
+        header::CONTENT_LOCATION,
+        header::CONTENT_DISPOSITION,
+        header::LINK,
+        header::CACHE_STATUS,
+        header::ETAG,
+        header::RETRY_AFTER,
+        header::WWW_AUTHENTICATE,
+        HeaderName::from_static("preference-applied"),
+        HeaderName::from_static("ratelimit"),
+        HeaderName::from_static("ratelimit-policy"),
+        REQUEST_ID,
+    ];
+    let layer = CorsLayer::new()
+        .allow_methods([Method::GET, Method::HEAD, Method::POST, Method::PUT, Method::DELETE])
+        // `*` does not include Authorization.
+        .allow_headers(AllowHeaders::mirror_request())
+        .expose_headers(exposed);
+    match origins {
+        Origins::Own => None,
+        Origins::Any => Some(layer.allow_origin(AnyOrigin)),
+        Origins::These(list) => Some(layer.allow_origin(list.clone())),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use axum::body::Body;
+    use http_body_util::BodyExt as _;
+    use tower::ServiceExt as _;
+
+    use super::*;
+    use crate::http::access::Access;
+    use crate::http::needs::RouteNeeds;
+    use crate::store::Store;
+
+    #[tokio::test]
+    async fn the_problem_for_a_panic_does_not_contain_its_message() {
+        async fn panics() {
+            panic!("a secret");
+        }
+        let dir = tempfile::tempdir().unwrap();
+        let store = Store::open(dir.path(), &crate::store::Options::default()).await.unwrap();
+        let metrics = Arc::new(Metrics::new(store.tally(), 1));
+        let gate = Arc::new(Gate::new(
+            &store,
+            &Access { open: true, ..Access::default() },
+            RouteNeeds::default(),
+        ));
+        let router = Router::new().route("/", axum::routing::get(panics));
+        let router = with_layers(router, gate, metrics, &Origins::Any);
+        let response = router.oneshot(Request::new(Body::empty())).await.unwrap();
+        assert_eq!(response.status(), 500);
+        assert_eq!(response.headers()["content-type"], "application/problem+json");
+        assert_eq!(response.headers()["access-control-allow-origin"], "*");
+        let id = response.headers()[REQUEST_ID].to_str().unwrap().to_owned();
+        let body = response.into_body().collect().await.unwrap().to_bytes();
+        let problem: serde_json::Value = serde_json::from_slice(&body).unwrap();
+        assert_eq!(problem["instance"], id);
+        assert!(!problem.to_string().contains("secret"));
+    }
+}

@@ -1,0 +1,113 @@
+//! The routes, each with its documentation and the role that it requires.
+
+use axum::http::Method;
+use axum::response::Redirect;
+use axum::routing::{MethodRouter, get};
+use utoipa_axum::router::{OpenApiRouter, UtoipaMethodRouter};
+use utoipa_axum::routes;
+
+use super::app::App;
+use super::needs::{Needs, RouteNeeds};
+use super::wire::Segment;
+use super::{
+    dashboard, diff, events, jobs, library, links, me, openapi, results, scenarios, system,
+};
+
+/// The routes with their documentation, and what they require.
+pub struct Routes {
+    pub router: OpenApiRouter<App>,
+    pub needs: RouteNeeds,
+}
+
+impl Routes {
+    /// All routes.
+    pub fn all() -> Self {
+        let router = OpenApiRouter::with_openapi(openapi::frame());
+        Self { router, needs: RouteNeeds::default() }
+            .add(Needs::SUBMIT, routes!(jobs::submit))
+            .add(Needs::READ, routes!(jobs::list))
+            .add(Needs::READ, routes!(jobs::show))
+            .add(Needs::CANCEL, routes!(jobs::delete))
+            .add(Needs::READ, routes!(jobs::result))
+            .add(Needs::CANCEL, routes!(jobs::cancel))
+            .add(Needs::CANCEL, routes!(jobs::cancel_all))
+            .add(Needs::READ, routes!(events::follow))
+            .add(Needs::READ, routes!(library::list))
+            .add(Needs::READ, routes!(diff::diff))
+            .add(Needs::READ, routes!(results::whole))
+            .add(Needs::ADMIN, routes!(library::delete))
+            .add(Needs::READ, routes!(results::history))
+            .add(Needs::READ, routes!(results::profiles))
+            .add(Needs::READ, routes!(results::loops))
+            .add(Needs::READ, routes!(results::plot))
+            .add(Needs::SUBMIT, routes!(results::pin, results::unpin))
+            .add(Needs::SUBMIT, routes!(links::share))
+            .add(Needs::READ, routes!(library::provenance))
+            .add(Needs::SUBMIT, routes!(library::note, library::delete_note))
+            .add(Needs::READ, routes!(scenarios::check))
+            .add(Needs::READ, routes!(scenarios::examples))
+            .add(Needs::READ, routes!(scenarios::example))
+            .add(Needs::READ, routes!(scenarios::schema))
+            .add(Needs::READ, routes!(me::me))
+            .add(Needs::NOTHING, routes!(system::health))
+            .add(Needs::NOTHING, routes!(system::ready))
+            .add(Needs::READ, routes!(system::metrics))
+            .add(Needs::READ, routes!(system::version))
+            .add(Needs::READ, routes!(system::openapi))
+            .add(Needs::READ, routes!(system::problems))
+            .add(Needs::READ, routes!(system::explain))
+            // The page contains no data of users: its requests require a role.
+            .page(Needs::NOTHING, "/", get(dashboard::page))
+            .page(Needs::NOTHING, "/assets/{*name}", get(dashboard::asset))
+            .page(Needs::READ, "/docs", get(|| async { Redirect::to("/docs/") }))
+            .page(Needs::READ, "/docs/", get(|| system::docs(Segment(String::new()))))
+            .page(Needs::READ, "/docs/{*path}", get(system::docs))
+    }
+
+    /// Adds documented routes.
+    fn add(mut self, needs: Needs, routes: UtoipaMethodRouter<App>) -> Self {
+        for (path, item) in &routes.1.paths {
+            let operations = [
+                (Method::GET, &item.get),
+                (Method::POST, &item.post),
+                (Method::PUT, &item.put),
+                (Method::DELETE, &item.delete),
+            ];
+            for (method, _) in operations.into_iter().filter(|(_, operation)| operation.is_some()) {
+                self.needs.declare(path, method, needs);
+            }
+        }
+        Self { router: self.router.routes(routes), ..self }
+    }
+
+    /// Adds a page for browsers, which is not part of the documented API.
+    fn page(mut self, needs: Needs, path: &str, page: MethodRouter<App>) -> Self {
+        self.needs.declare(path, Method::GET, needs);
+        Self { router: self.router.route(path, page), ..self }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_route_requires_its_declared_role() {
+        let all = Routes::all().needs;
+        for (method, route, needs) in [
+            (Method::GET, "/healthz", Needs::NOTHING),
+            (Method::HEAD, "/assets/{*name}", Needs::NOTHING),
+            (Method::GET, "/v1/jobs", Needs::READ),
+            (Method::POST, "/v1/scenarios", Needs::READ),
+            (Method::POST, "/v1/jobs", Needs::SUBMIT),
+            (Method::PUT, "/v1/results/{key}/pin", Needs::SUBMIT),
+            (Method::POST, "/v1/jobs/{id}/cancel", Needs::CANCEL),
+            (Method::DELETE, "/v1/results/{key}", Needs::ADMIN),
+            // An unknown route is not open.
+            (Method::PATCH, "", Needs::SUBMIT),
+            (Method::GET, "", Needs::READ),
+        ] {
+            assert_eq!(all.of(&method, route), needs, "{method} {route}");
+        }
+    }
+}

@@ -1,0 +1,109 @@
+//! Types that exist only in the OpenAPI document: closed sets of words, lists in queries, files.
+
+use serde::Serialize;
+use serde_json::Map;
+use utoipa::openapi::RefOr;
+use utoipa::openapi::schema::{
+    ArrayBuilder, KnownFormat, ObjectBuilder, Schema, SchemaFormat, Type,
+};
+use utoipa::{PartialSchema, ToSchema};
+
+use super::include::Include as Included;
+use crate::format::{FigureOptions, Part, QUANTITIES};
+use crate::job;
+use crate::store::Role as StoredRole;
+use fretwork_engine::outcome::{History, Loops, Profiles};
+
+/// Declares types that exist only in the document. [`adopt`] replaces those whose schema is in a file.
+macro_rules! documented {
+    ($($(#[$about:meta])* $name:ident $words:expr;)*) => {
+        $(
+            $(#[$about])*
+            pub enum $name {}
+
+            impl PartialSchema for $name {
+                fn schema() -> RefOr<Schema> {
+                    $words.into()
+                }
+            }
+
+            impl ToSchema for $name {}
+        )*
+    };
+}
+
+fn words<'a>(words: impl IntoIterator<Item = &'a str>) -> Schema {
+    ObjectBuilder::new().schema_type(Type::String).enum_values(Some(words)).build().into()
+}
+
+/// A list, separated by commas in a query. Repeated items have no effect.
+fn list(items: impl Into<RefOr<Schema>>) -> Schema {
+    ArrayBuilder::new().items(items.into()).min_items(Some(1)).build().into()
+}
+
+/// Names of the columns of a table.
+#[expect(clippy::expect_used, reason = "a type with named members is valid JSON")]
+fn columns(table: &impl Serialize) -> Schema {
+    let table = serde_json::to_value(table).expect("columns are valid JSON");
+    list(words(table.as_object().into_iter().flat_map(Map::keys).map(String::as_str)))
+}
+
+fn kept_in_a_file() -> Schema {
+    ObjectBuilder::new().build().into()
+}
+
+documented! {
+    /// Whether a result is stored.
+    Standing words(["held", "dropped", "unknown"]);
+    /// The state of a job.
+    JobState words(job::JobState::ALL.iter().map(|state| state.as_str()));
+    /// How a job got its result.
+    Origin words(job::Origin::ALL.iter().map(|origin| origin.as_str()));
+    /// What an answer can include in addition to a job.
+    Include list(words(Included::WORDS));
+    /// What a key allows.
+    Role words(StoredRole::ALL.iter().map(|role| role.as_str()));
+    /// The formats of a whole result.
+    WholeFormat words(Part::Whole.formats().iter().map(|format| format.name()));
+    /// The formats of a table.
+    TableFormat words(Part::History.formats().iter().map(|format| format.name()));
+    /// Columns of a history.
+    HistoryFields columns(&History::default());
+    /// Columns of profiles.
+    ProfileFields columns(&Profiles::default());
+    /// Columns of loops.
+    LoopFields columns(&Loops::default());
+    /// Output cycles of a result.
+    ChosenInstants list(ObjectBuilder::new().schema_type(Type::Number).minimum(Some(0)).build());
+    /// Quantities of figures.
+    PlotQuantity words(QUANTITIES.iter().map(|quantity| quantity.name));
+    /// Output cycles in a figure.
+    PlotInstants ArrayBuilder::new()
+        .items(ObjectBuilder::new().schema_type(Type::Number).minimum(Some(0)).build())
+        .min_items(Some(1))
+        .max_items(Some(FigureOptions::MAX_CYCLES))
+        .build();
+    /// The scale of an axis.
+    Spacing words(["linear", "log"]);
+    /// The layout of a whole result.
+    WholeLayout words(["columns"]);
+    /// The layouts of a table in JSON.
+    Layout words(["columns", "records"]);
+    /// The units of an answer.
+    UnitSystem words(["si", "engineering"]);
+    /// A binary file.
+    File Schema::from(ObjectBuilder::new().schema_type(Type::String).format(Some(
+        SchemaFormat::KnownFormat(KnownFormat::Binary),
+    )).build());
+    /// The key of a result.
+    KeyText ObjectBuilder::new()
+        .schema_type(Type::String)
+        .pattern(Some("^[0-9a-f]{64}$"))
+        .build();
+    /// One of the events that follow a job.
+    JobEvent kept_in_a_file();
+    /// A warning about a scenario.
+    Warning kept_in_a_file();
+    /// An estimate for a scenario.
+    Preview kept_in_a_file();
+}
