@@ -1,5 +1,4 @@
-//! Requests that are refused: each with the right problem, with every fault it has, and without
-//! any harm to the server.
+//! Refused requests: each gets the right problem with all its faults, and the server keeps running.
 
 use serde_json::{Value, json};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
@@ -7,7 +6,7 @@ use tokio::net::TcpStream;
 
 use crate::server::{JSON, Server, answer, steel_ball};
 
-/// A request and what it should come to.
+/// A request and the expected answer.
 struct Case {
     name: &'static str,
     method: &'static str,
@@ -16,9 +15,9 @@ struct Case {
     body: Vec<u8>,
     status: u16,
     slug: &'static str,
-    /// The pointers or parameters of all faults, sorted.
+    /// The pointers or parameters of all faults.
     places: Vec<&'static str>,
-    /// What one of them should say.
+    /// Words that the text of at least one fault contains.
     says: &'static str,
 }
 
@@ -44,12 +43,12 @@ fn case(
     }
 }
 
-/// A job body as text, refused before its meaning is looked at.
+/// A body that is not valid JSON.
 fn text(name: &'static str, body: impl Into<Vec<u8>>) -> Case {
     Case { body: body.into(), ..case(name, "POST", "/v1/jobs", 400, "invalid-json") }
 }
 
-/// The steel ball with some values set, whose faults should stand at `places`.
+/// The steel ball with some values replaced. The faults are expected at `places`.
 fn ball<const N: usize>(
     name: &'static str,
     set: &[(&str, Value)],
@@ -64,10 +63,10 @@ fn ball<const N: usize>(
             parent => parent[member] = value.clone(),
         }
     }
-    unsound(name, &body.to_string(), places)
+    faulty(name, &body.to_string(), places)
 }
 
-fn unsound<const N: usize>(name: &'static str, body: &str, places: [&'static str; N]) -> Case {
+fn faulty<const N: usize>(name: &'static str, body: &str, places: [&'static str; N]) -> Case {
     Case {
         body: body.into(),
         places: places.to_vec(),
@@ -75,15 +74,15 @@ fn unsound<const N: usize>(name: &'static str, body: &str, places: [&'static str
     }
 }
 
-/// The steel ball with some members of its scenario replaced, which has one fault: where, and words
-/// of what is said of it.
-fn held(name: &'static str, set: Value, place: &'static str, says: &'static str) -> Case {
+/// The steel ball with some members of its scenario replaced. It has one fault, at `place`, whose
+/// text contains `says`.
+fn one_fault(name: &'static str, set: Value, place: &'static str, says: &'static str) -> Case {
     let mut body = steel_ball();
     let Value::Object(set) = set else { panic!("{name}: no object") };
     for (member, value) in set {
         body["scenario"][member] = value;
     }
-    Case { says, ..unsound(name, &body.to_string(), [place]) }
+    Case { says, ..faulty(name, &body.to_string(), [place]) }
 }
 
 /// A query with a fault in one parameter.
@@ -130,20 +129,20 @@ async fn all_are_refused(cases: Vec<Case>) {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_is_not_json_or_not_here_is_refused() {
+async fn invalid_json_and_unknown_paths_are_refused() {
     let oversized = format!("{{\"label\": \"{}\"}}", "x".repeat(5 << 20));
     let deep = "[".repeat(100_000);
     all_are_refused(vec![
         text("empty body", ""),
         text("blank body", " \n"),
-        text("broken off", r#"{"scenario": {"#),
+        text("truncated", r#"{"scenario": {"#),
         text("trailing comma", r#"{"scenario": {},}"#),
         text("NaN literal", r#"{"scenario": {"friction": NaN}}"#),
         text("infinite literal", r#"{"scenario": {"friction": Infinity}}"#),
         text("number too large", r#"{"scenario": {"friction": 1e999}}"#),
         text("not UTF-8", b"{\"label\": \"\xff\"}".to_vec()),
         text("two documents", "{} {}"),
-        text("bottomless nesting", deep),
+        text("deep nesting", deep),
         text("YAML", "scenario:\n  friction: 0.7"),
         Case { status: 413, slug: "body-too-large", ..text("oversized body", oversized) },
         Case {
@@ -192,7 +191,7 @@ async fn what_is_not_json_or_not_here_is_refused() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn bad_queries_are_refused_by_the_name_of_the_parameter() {
+async fn a_bad_query_is_refused_with_the_name_of_the_parameter() {
     all_are_refused(vec![
         query("unknown parameter", "/v1/jobs?lmit=5", "lmit"),
         query("bad state", "/v1/jobs?state=done", "state"),
@@ -206,33 +205,31 @@ async fn bad_queries_are_refused_by_the_name_of_the_parameter() {
         query("long wait", &format!("/v1/jobs/{ID}?wait=3600"), "wait"),
         query("bad include", &format!("/v1/jobs/{ID}?include=everything"), "include"),
         query("bad format", &format!("/v1/results/{KEY}?format=xml"), "format"),
-        query("parameter where none is known", "/healthz?verbose=1", "verbose"),
+        query("parameter on a route without parameters", "/healthz?verbose=1", "verbose"),
         Case {
             places: vec!["limit", "sort", "state"],
-            ..query("three at once", "/v1/jobs?sort=up&limit=x&state=y", "")
+            ..query("three faults", "/v1/jobs?sort=up&limit=x&state=y", "")
         },
         Case {
             body: steel_ball().to_string().into(),
             method: "POST",
             content_type: Some(JSON.1),
-            ..query("of a submission", "/v1/jobs?include=all", "include")
+            ..query("bad include of a submission", "/v1/jobs?include=all", "include")
         },
     ])
     .await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn every_fault_of_a_scenario_is_pointed_at() {
-    let model = "/scenario/model/points";
-    let poisson = "/scenario/bodies/0/poisson_ratio";
+async fn structure_and_unit_faults_have_pointers() {
     all_are_refused(vec![
-        unsound("not an object", "[]", [""]),
-        unsound("no scenario", "{}", ["/scenario"]),
-        unsound("scenario of the wrong type", r#"{"scenario": 7}"#, ["/scenario"]),
+        faulty("not an object", "[]", [""]),
+        faulty("no scenario", "{}", ["/scenario"]),
+        faulty("scenario of the wrong type", r#"{"scenario": 7}"#, ["/scenario"]),
         ball("unknown member of the job", &[("/lable", json!("x"))], ["/lable"]),
         ball("unknown member", &[("/scenario/frictoin", json!(0.7))], ["/scenario/frictoin"]),
         ball(
-            "unknown member below",
+            "unknown member of the load",
             &[("/scenario/load/helt", json!("depth"))],
             ["/scenario/load/helt"],
         ),
@@ -273,14 +270,28 @@ async fn every_fault_of_a_scenario_is_pointed_at() {
             &[("/scenario/profile/shape", json!("cube"))],
             ["/scenario/profile/shape"],
         ),
+        faulty(
+            "repeated member",
+            &steel_ball().to_string().replace("\"friction\":", "\"friction\":0.1,\"friction\":"),
+            ["/scenario/friction"],
+        ),
+    ])
+    .await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn values_out_of_range_have_pointers() {
+    let model = "/scenario/model/points";
+    let poisson = "/scenario/bodies/0/poisson_ratio";
+    all_are_refused(vec![
         ball("Poisson ratio of 0.7", &[(poisson, json!(0.7))], [poisson]),
         ball("negative friction", &[("/scenario/friction", json!(-0.7))], ["/scenario/friction"]),
         ball("three bodies", &[("/scenario/bodies", json!([{}, {}, {}]))], ["/scenario/bodies"]),
         ball("no points", &[(model, json!(0))], [model]),
         ball("a thousand million points", &[(model, json!(1_000_000_000))], [model]),
-        ball("broken points", &[(model, json!(64.5))], [model]),
+        ball("fractional points", &[(model, json!(64.5))], [model]),
         ball(
-            "a million instants",
+            "a million output cycles",
             &[("/scenario/cycles", json!(vec![1; 1_000_000]))],
             ["/scenario/cycles"],
         ),
@@ -288,7 +299,7 @@ async fn every_fault_of_a_scenario_is_pointed_at() {
         ball("no cycles", &[("/scenario/cycles", json!([]))], ["/scenario/cycles"]),
         ball("negative cycles", &[("/scenario/cycles", json!([-1, 1]))], ["/scenario/cycles/0"]),
         ball(
-            "amplitude of nothing",
+            "zero amplitude",
             &[("/scenario/motion/amplitude", json!(0))],
             ["/scenario/motion/amplitude"],
         ),
@@ -297,13 +308,8 @@ async fn every_fault_of_a_scenario_is_pointed_at() {
             &[("/scenario/model/method", json!("guess"))],
             ["/scenario/model/method"],
         ),
-        unsound(
-            "repeated member",
-            &steel_ball().to_string().replace("\"friction\":", "\"friction\":0.1,\"friction\":"),
-            ["/scenario/friction"],
-        ),
         ball(
-            "four at once",
+            "four faults",
             &[
                 ("/scenario/profile/radius", json!("10 kg")),
                 (poisson, json!(0.7)),
@@ -317,7 +323,7 @@ async fn every_fault_of_a_scenario_is_pointed_at() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn faults_of_a_shape_are_pointed_at_by_the_row() {
+async fn faults_of_a_shape_point_at_the_row() {
     all_are_refused(vec![
         ball(
             "flat without a radius",
@@ -325,7 +331,7 @@ async fn faults_of_a_shape_are_pointed_at_by_the_row() {
             ["/scenario/profile/flat_radius"],
         ),
         ball(
-            "table with a weight in it",
+            "height with a unit of mass",
             &[(
                 "/scenario/profile",
                 json!({"shape": "table", "radius": [0, 2e-4, 1e-4], "height": [0, 1e-6, "1 kg"]}),
@@ -333,7 +339,7 @@ async fn faults_of_a_shape_are_pointed_at_by_the_row() {
             ["/scenario/profile/height/2"],
         ),
         ball(
-            "table with rows at fault",
+            "table with two bad rows",
             &[(
                 "/scenario/profile",
                 json!({"shape": "table", "radius": [0, 2e-4, 1e-4], "height": [0, 1e-6, -1e-6]}),
@@ -341,7 +347,7 @@ async fn faults_of_a_shape_are_pointed_at_by_the_row() {
             ["/scenario/profile/radius/2", "/scenario/profile/height/2"],
         ),
         ball(
-            "table that ends too soon",
+            "table narrower than the contact",
             &[(
                 "/scenario/profile",
                 json!({"shape": "table", "radius": [0, 1e-6, 2e-6], "height": [0, 1e-9, 4e-9]}),
@@ -353,55 +359,54 @@ async fn faults_of_a_shape_are_pointed_at_by_the_row() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn faults_of_what_is_held_are_pointed_at() {
+async fn faults_of_the_load_and_the_motion_have_pointers() {
     let load = |load: Value| json!({"load": load});
     let motion = |motion: Value| json!({"motion": motion});
     let force = "/scenario/load/normal_force";
     let tangential = "/scenario/motion/tangential_force";
     let amplitude = "/scenario/motion/amplitude";
-    let rig = "/scenario/motion/rig_stiffness";
     all_are_refused(vec![
-        held(
+        one_fault(
             "force and depth",
             load(json!({"normal_force": 100, "indentation_depth": 3e-6})),
             force,
             "not both",
         ),
-        held("neither", load(json!({"held": "force"})), force, "is missing"),
-        held(
+        one_fault("neither force nor depth", load(json!({"held": "force"})), force, "is missing"),
+        one_fault(
             "pressure held",
             load(json!({"normal_force": 100, "held": "pressure"})),
             "/scenario/load/held",
             "depth, force",
         ),
-        held("no motion", motion(json!({})), amplitude, "is missing"),
-        held(
+        one_fault("no motion", motion(json!({})), amplitude, "is missing"),
+        one_fault(
             "amplitude and force",
             motion(json!({"amplitude": 2e-6, "tangential_force": 40})),
             tangential,
             "not `amplitude` as well",
         ),
-        held("Q = μF", motion(json!({"tangential_force": "70 N"})), tangential, "no more than μF"),
-        held("Q > μF", motion(json!({"tangential_force": "1 kN"})), tangential, "no more than μF"),
-        held(
+        one_fault("Q = μF", motion(json!({"tangential_force": "70 N"})), tangential, "no more than μF"),
+        one_fault("Q > μF", motion(json!({"tangential_force": "1 kN"})), tangential, "no more than μF"),
+        one_fault(
             "force in metres",
             motion(json!({"tangential_force": "1 um"})),
             tangential,
             "the unit of a length",
         ),
-        held(
+        one_fault(
             "Q held in gross slip",
             motion(json!({"amplitude": "4 um", "held": "tangential_force"})),
             amplitude,
             "hold the amplitude",
         ),
-        held(
+        one_fault(
             "Q held at the onset",
             motion(json!({"stick_ratio": 0, "held": "tangential_force"})),
             "/scenario/motion/stick_ratio",
             "hold the amplitude",
         ),
-        held(
+        one_fault(
             "thin ring under a held force",
             json!({
                 "load": {"normal_force": 100, "held": "force"}, "motion": {"amplitude": "0.2 nm"}
@@ -409,32 +414,8 @@ async fn faults_of_what_is_held_are_pointed_at() {
             amplitude,
             "slip ring",
         ),
-        held(
-            "rig with Q held",
-            motion(json!({"tangential_force": 40, "rig_stiffness": 1e7})),
-            rig,
-            "no effect",
-        ),
-        held(
-            "stiffness in newtons",
-            motion(json!({"amplitude": 2e-6, "rig_stiffness": "10 N"})),
-            rig,
-            "N/um",
-        ),
-        held(
-            "no stiffness",
-            motion(json!({"amplitude": 2e-6, "rig_stiffness": 0})),
-            rig,
-            "greater than 0",
-        ),
-        held(
-            "rig of rubber",
-            motion(json!({"stick_ratio": 0.5, "rig_stiffness": 1e-6})),
-            rig,
-            "stiffer",
-        ),
-        held(
-            "scar without bounds",
+        one_fault(
+            "unbounded wear scar",
             json!({
                 "load": {"normal_force": 100, "held": "force"},
                 "motion": {"amplitude": "10 um"}, "cycles": [1e14],
@@ -447,80 +428,113 @@ async fn faults_of_what_is_held_are_pointed_at() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn faults_of_blocks_and_records_are_pointed_at() {
+async fn faults_of_the_rig_have_pointers() {
+    let motion = |motion: Value| json!({"motion": motion});
+    let rig = "/scenario/motion/rig_stiffness";
+    all_are_refused(vec![
+        one_fault(
+            "rig with Q held",
+            motion(json!({"tangential_force": 40, "rig_stiffness": 1e7})),
+            rig,
+            "no effect",
+        ),
+        one_fault(
+            "stiffness in newtons",
+            motion(json!({"amplitude": 2e-6, "rig_stiffness": "10 N"})),
+            rig,
+            "N/um",
+        ),
+        one_fault(
+            "zero stiffness",
+            motion(json!({"amplitude": 2e-6, "rig_stiffness": 0})),
+            rig,
+            "greater than 0",
+        ),
+        one_fault(
+            "rig softer than the contact",
+            motion(json!({"stick_ratio": 0.5, "rig_stiffness": 1e-6})),
+            rig,
+            "stiffer",
+        ),
+    ])
+    .await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn faults_of_blocks_and_reversals_have_pointers() {
     let block = |amplitude: Value, cycles: f64| json!({"amplitude": amplitude, "cycles": cycles});
-    let usual = || block(json!("2 um"), 1e5);
+    let block_2um = || block(json!("2 um"), 1e5);
     let blocks = |blocks: &[Value]| json!({"motion": {"blocks": blocks}});
     let with = |member: &str, value: Value| json!({"motion": {"blocks": [block(json!("2 um"), 1e5)], (member): value}});
     let reversals = |reversals: Value| json!({"motion": {"reversals": reversals}});
     let motion = "/scenario/motion/blocks";
-    let record = "/scenario/motion/reversals";
+    let reversals_pointer = "/scenario/motion/reversals";
     let rig = "/scenario/motion/rig_stiffness";
     let normalized = "/scenario/cycles/normalized";
     all_are_refused(vec![
-        held("amplitude with blocks", with("amplitude", json!(2e-6)), motion, "as well"),
-        held("record with blocks", with("reversals", json!([0, 1e-6])), record, "as well"),
-        held("rig with blocks", with("rig_stiffness", json!(1e7)), rig, "at the contact"),
-        held(
+        one_fault("amplitude with blocks", with("amplitude", json!(2e-6)), motion, "as well"),
+        one_fault("reversals with blocks", with("reversals", json!([0, 1e-6])), reversals_pointer, "as well"),
+        one_fault("rig with blocks", with("rig_stiffness", json!(1e7)), rig, "at the contact"),
+        one_fault(
             "blocks with Q held",
             with("held", json!("tangential_force")),
             "/scenario/motion/held",
             "must be \"amplitude\"",
         ),
-        held("no blocks", blocks(&[]), motion, "1 to 1000"),
-        held("too many blocks", blocks(&vec![usual(); 1001]), motion, "1 to 1000"),
-        held(
+        one_fault("no blocks", blocks(&[]), motion, "1 to 1000"),
+        one_fault("too many blocks", blocks(&vec![block_2um(); 1001]), motion, "1 to 1000"),
+        one_fault(
             "rest in the first block",
-            blocks(&[block(json!(0), 1e4), usual()]),
+            blocks(&[block(json!(0), 1e4), block_2um()]),
             "/scenario/motion/blocks/0/amplitude",
             "in the first block",
         ),
-        held(
-            "block of next to no amplitude",
-            blocks(&[usual(), block(json!(1e-12), 1e4)]),
+        one_fault(
+            "tiny amplitude of a block",
+            blocks(&[block_2um(), block(json!(1e-12), 1e4)]),
             "/scenario/motion/blocks/1/amplitude",
             "slip ring",
         ),
-        held(
+        one_fault(
             "negative amplitude",
-            blocks(&[usual(), block(json!("-2 um"), 1e4)]),
+            blocks(&[block_2um(), block(json!("-2 um"), 1e4)]),
             "/scenario/motion/blocks/1/amplitude",
             "between",
         ),
-        held(
+        one_fault(
             "block without cycles",
             blocks(&[block(json!(2e-6), 0.0)]),
             "/scenario/motion/blocks/0/cycles",
             "greater than 0",
         ),
-        held(
-            "instant after the last block",
+        one_fault(
+            "output cycle after the last block",
             blocks(&[block(json!("2 um"), 1e4), block(json!("1 um"), 1e4)]),
             "/scenario/cycles/3",
             "the last block ends at 20000",
         ),
-        held(
+        one_fault(
             "normalized cycles of blocks",
-            json!({"motion": {"blocks": [usual()]}, "cycles": {"normalized": [1]}}),
+            json!({"motion": {"blocks": [block_2um()]}, "cycles": {"normalized": [1]}}),
             normalized,
             "`blocks`",
         ),
-        held(
-            "normalized cycles of a record",
+        one_fault(
+            "normalized cycles of reversals",
             json!({"motion": {"reversals": [-2e-6, 2e-6]}, "cycles": {"normalized": [1]}}),
             normalized,
             "`reversals`",
         ),
-        held("record at rest", reversals(json!(["1 um", 1e-6, "1000 nm"])), record, "the same"),
-        held("one position", reversals(json!(["1 um"])), record, "2 to 100000"),
-        held(
-            "position in seconds",
+        one_fault("equal reversals", reversals(json!(["1 um", 1e-6, "1000 nm"])), reversals_pointer, "the same"),
+        one_fault("one reversal", reversals(json!(["1 um"])), reversals_pointer, "2 to 100000"),
+        one_fault(
+            "reversal in seconds",
             reversals(json!(["1 um", "1 s"])),
             "/scenario/motion/reversals/1",
             "unknown unit",
         ),
-        held(
-            "rig with a record",
+        one_fault(
+            "rig with reversals",
             json!({"motion": {"reversals": [-2e-6, 2e-6], "rig_stiffness": 1e7}}),
             rig,
             "at the contact",
@@ -530,7 +544,7 @@ async fn faults_of_blocks_and_records_are_pointed_at() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn faults_of_ends_and_shares_are_pointed_at() {
+async fn faults_of_stop_conditions_and_tables_have_pointers() {
     let until = |until: Value| json!({"until": until});
     let profile = |profile: Value| json!({"profile": profile});
     let flat = json!({"shape": "truncated_paraboloid", "radius": "10 mm", "flat_radius": "20 mm"});
@@ -542,21 +556,21 @@ async fn faults_of_ends_and_shares_are_pointed_at() {
     let depth = "/scenario/until/wear_depth";
     let volume = "/scenario/until/wear_volume";
     all_are_refused(vec![
-        held("until nothing", until(json!({})), depth, "is missing"),
-        held(
-            "until both",
+        one_fault("empty stop condition", until(json!({})), depth, "is missing"),
+        one_fault(
+            "two stop conditions",
             until(json!({"wear_depth": 1e-6, "wear_volume": 1e-12})),
             volume,
             "not both",
         ),
-        held("until null", until(Value::Null), "/scenario/until", "an object"),
-        held("until no depth", until(json!({"wear_depth": 0})), depth, "greater than 0"),
-        held("volume in mm²", until(json!({"wear_volume": "1 mm^2"})), volume, "mm^3"),
-        held("share of 1.5", share(json!(1.5)), "/scenario/wear/share", "between 0.0 and 1.0"),
-        held("share in words", share(json!("half")), "/scenario/wear/share", "a number"),
-        held("compare with 1", compare(json!(1)), "/scenario/model/compare", "a boolean"),
-        held("flat wider than the contact", profile(flat), "/scenario/load/normal_force", "ring"),
-        held(
+        one_fault("null stop condition", until(Value::Null), "/scenario/until", "an object"),
+        one_fault("zero wear depth", until(json!({"wear_depth": 0})), depth, "greater than 0"),
+        one_fault("volume in mm²", until(json!({"wear_volume": "1 mm^2"})), volume, "mm^3"),
+        one_fault("share of 1.5", share(json!(1.5)), "/scenario/wear/share", "between 0.0 and 1.0"),
+        one_fault("share in words", share(json!("half")), "/scenario/wear/share", "a number"),
+        one_fault("compare with 1", compare(json!(1)), "/scenario/model/compare", "a boolean"),
+        one_fault("flat wider than the contact", profile(flat), "/scenario/load/normal_force", "ring"),
+        one_fault(
             "stick ratio below the flat",
             json!({
                 "profile": {
@@ -567,25 +581,25 @@ async fn faults_of_ends_and_shares_are_pointed_at() {
             "/scenario/motion/stick_ratio",
             "under its flat",
         ),
-        held(
+        one_fault(
             "table that begins off the axis",
             table(json!([1e-5, 1e-3]), json!([0, 1e-4])),
             "/scenario/profile/radius/0",
             "must be 0",
         ),
-        held(
-            "table with a row too many",
+        one_fault(
+            "table with an extra radius",
             table(json!([0, 5e-4, 1e-3]), json!([0, 1e-4])),
             "/scenario/profile/height",
             "as many rows",
         ),
-        held(
+        one_fault(
             "flat table",
             table(json!([0, 1e-3]), json!([0, 0])),
             "/scenario/profile/height/1",
             "flat",
         ),
-        held(
+        one_fault(
             "table with a radius twice",
             table(json!([0, 5e-4, 5e-4, 1e-3]), json!([0, 1e-5, 1e-5, 5e-5])),
             "/scenario/profile/radius/2",
@@ -595,8 +609,8 @@ async fn faults_of_ends_and_shares_are_pointed_at() {
     .await;
 }
 
-/// Begins a request whose body comes later.
-async fn begun(server: &Server, head: &str, length: usize) -> TcpStream {
+/// Sends the head of a request. The caller sends the body later.
+async fn send_head(server: &Server, head: &str, length: usize) -> TcpStream {
     let mut connection = TcpStream::connect(server.address).await.unwrap();
     let head = format!("{head}Host: localhost\r\nContent-Length: {length}\r\n\r\n");
     connection.write_all(head.as_bytes()).await.unwrap();
@@ -604,7 +618,7 @@ async fn begun(server: &Server, head: &str, length: usize) -> TcpStream {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_connection_outlives_an_answer_that_came_before_the_body_was_read() {
+async fn a_connection_stays_usable_after_an_answer_before_the_body() {
     let server = Server::start().await;
     let json = "Content-Type: application/json\r\n";
     for (status, head, length) in [
@@ -615,7 +629,7 @@ async fn a_connection_outlives_an_answer_that_came_before_the_body_was_read() {
         (200, "GET /healthz HTTP/1.1\r\n".to_owned(), 200_000),
         (413, format!("POST /v1/jobs HTTP/1.1\r\n{json}"), (4 << 20) + 1),
     ] {
-        let mut connection = begun(&server, &head, length).await;
+        let mut connection = send_head(&server, &head, length).await;
         let early = answer(&mut connection).await.unwrap();
         assert_eq!((early.status, early.header("connection")), (status, None), "{head}");
         connection.write_all(&vec![b' '; length]).await.unwrap();
@@ -627,25 +641,25 @@ async fn a_connection_outlives_an_answer_that_came_before_the_body_was_read() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn who_would_send_too_much_for_nothing_is_told_that_the_connection_ends() {
+async fn the_connection_closes_when_the_unread_body_is_too_large() {
     let server = Server::start().await;
     let head = "POST /v1/jobs HTTP/1.1\r\n";
-    let mut connection = begun(&server, head, 1 << 30).await;
-    // Much of it is on its way before anybody reads the answer, which must get through.
+    let mut connection = send_head(&server, head, 1 << 30).await;
+    // The client has sent 8 MiB before it reads the answer. The answer must still arrive.
     connection.write_all(&vec![b' '; 8 << 20]).await.unwrap();
     let early = answer(&mut connection).await.unwrap();
     assert_eq!((early.status, early.header("connection")), (415, Some("close")));
 
-    // Who asks beforehand whether to send is told not to.
+    // A client that sends `Expect: 100-continue` gets the refusal instead of a 100.
     let head = format!("{head}Expect: 100-continue\r\n");
-    let mut connection = begun(&server, &head, 1000).await;
+    let mut connection = send_head(&server, &head, 1000).await;
     let mut text = String::new();
     connection.read_to_string(&mut text).await.unwrap();
     assert!(text.starts_with("HTTP/1.1 415 ") && text.contains("connection: close"), "{text}");
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn nothing_is_refused_for_the_coding_of_its_answer() {
+async fn accept_encoding_never_causes_a_refusal() {
     let server = Server::start().await;
     for accepted in ["identity;q=0", "*;q=0", "*;q=0.0, IDENTITY ; Q=0.000", "gzip;q=0, *;q=0"] {
         let coding = ("Accept-Encoding", accepted);
