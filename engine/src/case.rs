@@ -206,8 +206,7 @@ impl Case {
     }
 
     /// The number of rows in each profile matrix.
-    #[must_use]
-    pub fn profile_rows(&self) -> usize {
+    pub(crate) fn profile_rows(&self) -> usize {
         self.profiles.iter().filter(|carries| **carries).count()
     }
 
@@ -235,8 +234,7 @@ impl Case {
     }
 
     /// Ñ of the last output cycle.
-    #[must_use]
-    pub fn normalized_end(&self) -> f64 {
+    pub(crate) fn normalized_end(&self) -> f64 {
         self.cycles[self.cycles.len() - 1] / self.scales.cycles
     }
 

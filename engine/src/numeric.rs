@@ -69,7 +69,7 @@ pub fn integrate(from: f64, to: f64, f: impl Fn(f64) -> f64) -> f64 {
 
 /// ∫ f over `from`…`to`, split at the `kinks` in between. The function must be smooth elsewhere, and can rise
 /// like a square root on either side of a kink.
-pub fn integrate_pieces(from: f64, to: f64, kinks: &[f64], f: impl Fn(f64) -> f64) -> f64 {
+pub(crate) fn integrate_pieces(from: f64, to: f64, kinks: &[f64], f: impl Fn(f64) -> f64) -> f64 {
     let piece = |from: f64, to: f64| {
         integrate(0.0, 1.0, |s| {
             // Roots at either end become smooth in s.
@@ -85,7 +85,7 @@ pub fn integrate_pieces(from: f64, to: f64, kinks: &[f64], f: impl Fn(f64) -> f6
 
 /// ∫ f over `from`…`to`, where a kink can lie just before `from`. It then integrates from the kink, where f
 /// begins to be smooth, and subtracts the part before `from`. Without a kink nearby it is [`integrate`].
-pub fn integrate_beyond(from: f64, to: f64, kinks: &[f64], f: impl Fn(f64) -> f64) -> f64 {
+pub(crate) fn integrate_beyond(from: f64, to: f64, kinks: &[f64], f: impl Fn(f64) -> f64) -> f64 {
     let near = |kink: &&f64| **kink < to && from - **kink < to - from;
     match kinks.iter().find(near) {
         None => integrate(from, to, f),
@@ -318,8 +318,7 @@ fn value((from, [value, slope, square, cube]): (f64, [f64; 4]), x: f64) -> f64 {
 }
 
 /// xⁿ for a whole n ≥ 0 by repeated multiplication (`f64::powi` may differ between platforms).
-#[must_use]
-pub fn whole_power(x: f64, n: u32) -> f64 {
+pub(crate) fn whole_power(x: f64, n: u32) -> f64 {
     let (mut base, mut left, mut product) = (x, n, 1.0);
     while left > 0 {
         if left & 1 == 1 {
@@ -338,7 +337,7 @@ pub fn whole_power(x: f64, n: u32) -> f64 {
     clippy::missing_panics_doc,
     reason = "a formatted number always parses"
 )]
-pub fn twelve_digits(x: f64) -> f64 {
+pub(crate) fn twelve_digits(x: f64) -> f64 {
     format!("{x:.11e}").parse::<f64>().expect("a formatted number parses") + 0.0
 }
 

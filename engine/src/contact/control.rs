@@ -111,14 +111,12 @@ impl Control {
     pub const PAPER: Self = Self { normal: Normal::Depth, tangential: Tangential::Amplitude };
 
     /// Whether the closed form of the simplified rule applies.
-    #[must_use]
-    pub fn is_closed(&self) -> bool {
+    pub(crate) fn is_closed(&self) -> bool {
         *self == Self::PAPER
     }
 
     /// Whether the stick radius stays where it is for ever.
-    #[must_use]
-    pub fn keeps_stick(&self) -> bool {
+    pub(crate) fn keeps_stick(&self) -> bool {
         matches!(
             (self.normal, &self.tangential),
             (Normal::Depth, Tangential::Amplitude | Tangential::Record(_))
@@ -127,8 +125,7 @@ impl Control {
     }
 
     /// Whether the motion follows a record.
-    #[must_use]
-    pub fn has_record(&self) -> bool {
+    pub(crate) fn has_record(&self) -> bool {
         matches!(self.tangential, Tangential::Record(_))
     }
 
@@ -155,8 +152,7 @@ impl Control {
     }
 
     /// d once a core of radius c > 0 carries all of the load.
-    #[must_use]
-    pub fn depth_on_core(&self, shape: &Shape, stick: f64) -> f64 {
+    pub(crate) fn depth_on_core(&self, shape: &Shape, stick: f64) -> f64 {
         match self.normal {
             Normal::Depth => 1.0,
             Normal::Force => (shape.half_force() + shape.area(stick)) / stick,
@@ -182,14 +178,12 @@ impl Control {
     }
 
     /// The radius at which a core under a held depth and tangential force gives way.
-    #[must_use]
-    pub fn critical_stick(&self, shape: &Shape) -> f64 {
+    pub(crate) fn critical_stick(&self, shape: &Shape) -> f64 {
         maximum(0.0, 1.0, |c| c * (1.0 - shape.image(c)))
     }
 
     /// The stick radius inside of which nothing ever slips.
-    #[must_use]
-    pub fn least_stick(&self, contact: &Contact) -> f64 {
+    pub(crate) fn least_stick(&self, contact: &Contact) -> f64 {
         match (self.normal, &self.tangential) {
             (_, Tangential::Blocks(blocks)) => {
                 let most = blocks.iter().map(|block| block.threshold).fold(0.0, f64::max);

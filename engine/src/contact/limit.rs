@@ -60,8 +60,7 @@ impl Limit {
     /// Solves (13) for a depth d ≥ 1 in units of d₀.
     ///
     /// `None` as for [`Limit::solve`].
-    #[must_use]
-    pub fn at_depth(shape: &Shape, c: f64, d: f64) -> Option<Self> {
+    pub(crate) fn at_depth(shape: &Shape, c: f64, d: f64) -> Option<Self> {
         // w∞ is positive at r = 1, or just outside a larger c, and falls further out; walk outwards until it
         // has changed sign.
         let wear = |r: f64| limiting_wear(shape, c, d, r, chord_and_angle(c, r));
@@ -135,15 +134,19 @@ impl Limit {
 }
 
 /// √(r²−c²) and arccos(c/r), without loss of digits where r is close to c.
-#[must_use]
-pub fn chord_and_angle(c: f64, r: f64) -> (f64, f64) {
+pub(crate) fn chord_and_angle(c: f64, r: f64) -> (f64, f64) {
     let chord = ((r - c) * (r + c)).max(0.0).sqrt();
     (chord, libm::atan(chord / c))
 }
 
 /// w∞(r) for r ≥ c at a depth d.
-#[must_use]
-pub fn limiting_wear(shape: &Shape, c: f64, d: f64, r: f64, (chord, angle): (f64, f64)) -> f64 {
+pub(crate) fn limiting_wear(
+    shape: &Shape,
+    c: f64,
+    d: f64,
+    r: f64,
+    (chord, angle): (f64, f64),
+) -> f64 {
     FRAC_2_PI * angle * d - shape.inverse_outside(c, r, chord, angle)
 }
 

@@ -172,8 +172,7 @@ impl Shape {
     }
 
     /// g₀(c + δ) − g₀(c) without their cancellation.
-    #[must_use]
-    pub fn image_rise(&self, c: f64, delta: f64) -> f64 {
+    pub(crate) fn image_rise(&self, c: f64, delta: f64) -> f64 {
         let x = c + delta;
         match self.kind {
             ShapeKind::Whole(1) => delta,
@@ -262,8 +261,7 @@ impl Shape {
     /// (2/π) ∫ g₀/√(r²−x²) dx over c…r: the part of the inverse transform (4) outside `c`.
     ///
     /// `chord` is √(r²−c²) and `angle` arccos(c/r); callers have them already.
-    #[must_use]
-    pub fn inverse_outside(&self, c: f64, r: f64, chord: f64, angle: f64) -> f64 {
+    pub(crate) fn inverse_outside(&self, c: f64, r: f64, chord: f64, angle: f64) -> f64 {
         if c == 0.0 {
             return self.profile(r);
         }

@@ -170,8 +170,7 @@ impl SpringRow {
     }
 
     /// Sums over the springs, and the compression of each of the slipping ones.
-    #[must_use]
-    pub fn sums_and_compressions(&self, decay: Decay) -> (Sums, [f64; ROW_POINTS]) {
+    pub(crate) fn sums_and_compressions(&self, decay: Decay) -> (Sums, [f64; ROW_POINTS]) {
         let threshold = self.contact.threshold;
         let Decay { left, gone } = decay;
         // As in `Contact::compression` and `Contact::worn`, with one division for both.
@@ -212,8 +211,7 @@ impl SpringRow {
     /// What each slipping spring takes from the pressure (Δ/π)/√(c²−r²) that the ring would put on a
     /// radius r < c if it ended in a step: (1/π) ∫ −y′/√(x²−r²) dx by parts, so that however steep y
     /// is at the stick edge, only y itself is summed.
-    #[must_use]
-    pub fn weights_inside(&self, r: f64) -> [f64; ROW_POINTS] {
+    pub(crate) fn weights_inside(&self, r: f64) -> [f64; ROW_POINTS] {
         std::array::from_fn(|k| {
             let x = self.positions[k];
             let square = (x - r) * (x + r);
@@ -223,8 +221,7 @@ impl SpringRow {
 
     /// (2/π) w/√(r²−x²) of each slipping spring for a radius outside the contact: multiplied with
     /// the compressions they add up to (2/π) ∫ y/√(r²−x²) dx, by which the surface follows the motion.
-    #[must_use]
-    pub fn weights_outside(&self, r: f64) -> [f64; ROW_POINTS] {
+    pub(crate) fn weights_outside(&self, r: f64) -> [f64; ROW_POINTS] {
         std::array::from_fn(|k| {
             let x = self.positions[k];
             std::f64::consts::FRAC_2_PI * self.weights[k] / ((r - x) * (r + x)).sqrt()

@@ -217,7 +217,7 @@ impl Kernels {
 
     /// Turns a sampled R into the growth of its slope dR/dτ at each node. R is given at the first
     /// nodes and is constant outside them.
-    pub fn slope_changes(&self, values: &mut [f64]) {
+    pub(crate) fn slope_changes(&self, values: &mut [f64]) {
         for (j, per_cell) in (1..values.len()).zip(&self.per_cell) {
             values[j - 1] = (values[j] - values[j - 1]) * per_cell;
         }

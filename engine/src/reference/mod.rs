@@ -304,8 +304,7 @@ pub struct CattaneoMindlin {
 
 impl CattaneoMindlin {
     /// μF in N.
-    #[must_use]
-    pub fn sliding_force(&self) -> f64 {
+    pub(crate) fn sliding_force(&self) -> f64 {
         self.friction * self.hertz.force()
     }
 
@@ -346,8 +345,7 @@ impl CattaneoMindlin {
 
     /// The displacement in m at a force −Q* ≤ Q ≤ Q* on the way back from Q*:
     /// (3μF/(4G*a)) (2(1 − (Q*−Q)/(2μF))^(2/3) − (1 − Q*/(μF))^(2/3) − 1).
-    #[must_use]
-    pub fn displacement_on_return(&self, amplitude: f64, force: f64) -> f64 {
+    pub(crate) fn displacement_on_return(&self, amplitude: f64, force: f64) -> f64 {
         let returned = two_thirds(self.reserve(0.5 * (amplitude - force)));
         let turned = two_thirds(self.reserve(amplitude));
         self.sliding_displacement() * (2.0 * returned - turned - 1.0)

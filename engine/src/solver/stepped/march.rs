@@ -167,8 +167,12 @@ impl March {
     }
 
     /// The number of cells of a run with this tolerance.
-    #[must_use]
-    pub fn cells_for(contact: &Contact, control: &Control, law: Law, tolerance: f64) -> usize {
+    pub(crate) fn cells_for(
+        contact: &Contact,
+        control: &Control,
+        law: Law,
+        tolerance: f64,
+    ) -> usize {
         effort(contact, control, law, tolerance).0
     }
 
@@ -239,7 +243,7 @@ impl March {
     }
 
     /// Sets the condition that ends the run.
-    pub fn end_at(&mut self, until: StopCondition) {
+    pub(crate) fn end_at(&mut self, until: StopCondition) {
         self.until = until;
     }
 
@@ -397,8 +401,7 @@ impl March {
 
     /// Estimated multiplications of one call of [`March::at`]: both volumes, and the limiting states for the
     /// error of V.
-    #[must_use]
-    pub fn state_operations(&self) -> f64 {
+    pub(crate) fn state_operations(&self) -> f64 {
         const LIMITS: f64 = 5000.0;
         let shape = &self.fine.wearing.contact.shape;
         4.0 * self.fine.wearing.operations() + LIMITS * shape.pieces() as f64

@@ -87,8 +87,7 @@ impl Mesh {
     }
 
     /// The squares of the nodes.
-    #[must_use]
-    pub fn squares(&self) -> &[f64] {
+    pub(crate) fn squares(&self) -> &[f64] {
         &self.squares
     }
 
@@ -146,7 +145,7 @@ impl Mesh {
     }
 
     /// [`solve`](Self::solve) without allocation. Leading zeros cost nothing.
-    pub fn solve_into(&self, slips: &[f64], solution: &mut [f64]) {
+    pub(crate) fn solve_into(&self, slips: &[f64], solution: &mut [f64]) {
         let first = slips.iter().position(|slip| *slip != 0.0).unwrap_or(slips.len());
         solution[..=first].fill(0.0);
         for (q, slip) in slips.iter().enumerate().skip(first) {

@@ -218,7 +218,6 @@ fn stretched(u: f64, kappa: f64) -> f64 {
 }
 
 /// Whether the scar will become much larger than that of the unworn contact.
-#[must_use]
-pub fn is_far(contact: &Contact, end: &Final) -> bool {
+pub(crate) fn is_far(contact: &Contact, end: &Final) -> bool {
     end.limit.radius > FAR * contact.limit.radius
 }

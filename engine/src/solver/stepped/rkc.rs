@@ -181,12 +181,12 @@ impl Rkc {
     }
 
     /// Returns to small steps, for rates that are `times` as large as those of the time scale.
-    pub fn hurry(&mut self, times: f64) {
+    pub(crate) fn hurry(&mut self, times: f64) {
         self.step = self.step.min(FIRST_STEP * self.scale / times.max(1.0));
     }
 
     /// Skips to a later time. Nothing changes in between.
-    pub fn rest_until(&mut self, time: f64) {
+    pub(crate) fn rest_until(&mut self, time: f64) {
         self.rates.fill(0.0);
         self.before = (self.time, self.values.clone(), self.rates.clone());
         self.time = time;

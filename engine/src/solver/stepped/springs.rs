@@ -119,14 +119,12 @@ impl Springs {
 
     /// A safety factor of the error estimate. Where the stick edge moves inwards, both meshes have a common error
     /// that their difference does not show.
-    #[must_use]
-    pub fn error_safety_factor(&self) -> f64 {
+    pub(crate) fn error_safety_factor(&self) -> f64 {
         if self.moves_in { 1.5 } else { 1.0 }
     }
 
     /// ω of a spring without contact.
-    #[must_use]
-    pub fn free_slip(&self) -> f64 {
+    pub(crate) fn free_slip(&self) -> f64 {
         match &self.control.tangential {
             Tangential::Record(record) => record.slip(0.0),
             _ => 1.0,
@@ -146,20 +144,20 @@ impl Springs {
     }
 
     /// Takes over depth, Δ and amplitude of other springs.
-    pub fn resume(&mut self, other: &Self) {
+    pub(crate) fn resume(&mut self, other: &Self) {
         self.depth = other.depth;
         self.threshold = other.threshold;
         self.amplitude = other.amplitude;
     }
 
     /// Saves the state.
-    pub fn set_aside(&mut self, aside: &mut Aside) {
+    pub(crate) fn set_aside(&mut self, aside: &mut Aside) {
         (aside.depth, aside.threshold, aside.slides) = (self.depth, self.threshold, self.slides);
         self.exchange(aside);
     }
 
     /// Restores the saved state.
-    pub fn put_back(&mut self, aside: &mut Aside) {
+    pub(crate) fn put_back(&mut self, aside: &mut Aside) {
         (self.depth, self.threshold, self.slides) = (aside.depth, aside.threshold, aside.slides);
         self.exchange(aside);
     }
@@ -177,7 +175,7 @@ impl Springs {
     }
 
     /// Computes the state for a wear at the nodes.
-    pub fn press_wear(&mut self, wear: &[f64]) {
+    pub(crate) fn press_wear(&mut self, wear: &[f64]) {
         let worn = wear.iter().rposition(|w| *w > 0.0).unwrap_or(0);
         self.images.clear();
         let cells = self.mesh.widths().len();
@@ -203,7 +201,7 @@ impl Springs {
     }
 
     /// Computes the state for a wear of the images of the cells.
-    pub fn press_images(&mut self, worn: &[f64]) {
+    pub(crate) fn press_images(&mut self, worn: &[f64]) {
         self.images.clear();
         self.images.extend(self.mesh.unworn().iter().zip(worn).map(|(g, h)| g + h));
         self.press();

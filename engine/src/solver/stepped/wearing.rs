@@ -136,14 +136,12 @@ impl Wearing {
     }
 
     /// Whether the scar fills the mesh and the mesh cannot grow.
-    #[must_use]
-    pub fn outgrows(&self) -> bool {
+    pub(crate) fn outgrows(&self) -> bool {
         self.plan.reach >= self.contact.shape.extent() && self.is_full()
     }
 
     /// Whether the wear has come near the end of the mesh.
-    #[must_use]
-    pub fn is_full(&self) -> bool {
+    pub(crate) fn is_full(&self) -> bool {
         let cells = self.springs.mesh().widths().len();
         match self.law {
             _ if self.plan.reach >= self.plan.farthest => false,
