@@ -7,9 +7,9 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use fretwork::plot::{Axis, Dash, Figure, GREY, PALETTE, Series, Sheet, Style};
-use fretwork_engine::contact::profile::kappa;
+use fretwork_engine::contact::limit::Limit;
+use fretwork_engine::contact::profile::{Shape, kappa};
 use fretwork_engine::outcome::Outcome;
-use fretwork_engine::reference::LimitingState;
 use fretwork_engine::{scenario, simulation::Simulation};
 use serde_json::{Value, json};
 
@@ -99,7 +99,7 @@ impl Pair {
     /// One panel: the unworn curve, one curve per output cycle and method, the limit.
     fn panel(&self, title: &str, curve: Curve, methods: &[(&Outcome, Dash)]) -> Figure {
         let n = self.exponent;
-        let limit = LimitingState::depth_and_amplitude_held(n, self.stick);
+        let limit = Limit::solve(&Shape::power(n), self.stick).expect("a limit");
         let (abscissa, ordinate, top) = match curve {
             Curve::Profile => ("$r$/$a$₀", "$f$/$d$₀", 1.0),
             Curve::Image => ("$x$/$a$₀", "$g$/$d$₀", 1.5),
@@ -343,7 +343,7 @@ fn best_fits() -> String {
             distances.iter().min_by(|a, b| of(a).total_cmp(&of(b))).expect("some").0
         };
         let (profiles, volumes) = (best(|fit| fit.1), best(|fit| fit.2));
-        let reach = LimitingState::depth_and_amplitude_held(exponent, stick).radius;
+        let reach = Limit::solve(&Shape::power(exponent), stick).expect("a limit").radius;
         let _ =
             writeln!(out, "| {panel} | {profiles:.2} | {:.2} | {volumes:.2} |", profiles / reach);
     }
@@ -379,7 +379,7 @@ fn percents(share: f64, decimals: usize) -> String {
 /// By how much (19) falls below the root of (13), which it approximates.
 fn error_of_19() -> String {
     let error = |c: f64| {
-        let root = LimitingState::depth_and_amplitude_held(2.0, c).radius;
+        let root = Limit::solve(&Shape::power(2.0), c).expect("a limit").radius;
         ((0.25 * c * c + 2.0).sqrt() - 0.5 * c) / root - 1.0
     };
     let ratios = || (1..1000).map(|i| f64::from(i) / 1000.0);

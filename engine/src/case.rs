@@ -38,14 +38,12 @@ pub struct Scales {
 
 impl Scales {
     /// E*a₀d₀ in N.
-    #[must_use]
-    pub fn force(&self) -> f64 {
+    pub(crate) fn force(&self) -> f64 {
         self.normal_modulus * self.contact_radius * self.indentation_depth
     }
 
     /// E*d₀/a₀ in Pa.
-    #[must_use]
-    pub fn pressure(&self) -> f64 {
+    pub(crate) fn pressure(&self) -> f64 {
         self.normal_modulus * self.indentation_depth / self.contact_radius
     }
 
@@ -56,8 +54,7 @@ impl Scales {
     }
 
     /// The gross-slip threshold in m: U at Δ = 1.
-    #[must_use]
-    pub fn gross_slip_amplitude(&self) -> f64 {
+    pub(crate) fn gross_slip_amplitude(&self) -> f64 {
         self.friction * self.normal_modulus / self.tangential_modulus * self.indentation_depth
     }
 
@@ -92,8 +89,7 @@ pub enum Method {
 
 impl Method {
     /// The wear law of this method.
-    #[must_use]
-    pub fn law(&self) -> Law {
+    pub(crate) fn law(&self) -> Law {
         match *self {
             Self::Simplified { xi } => Law::Simplified(xi),
             Self::Exact { .. } => Law::Exact,
@@ -128,14 +124,12 @@ pub struct Case {
 
 impl Case {
     /// The regime of the unworn contact.
-    #[must_use]
-    pub fn regime(&self) -> Regime {
+    pub(crate) fn regime(&self) -> Regime {
         self.contact.regime
     }
 
     /// Sums over the unworn springs.
-    #[must_use]
-    pub fn unworn(&self) -> UnwornSums {
+    pub(crate) fn unworn(&self) -> UnwornSums {
         let mut sums = match &self.control.tangential {
             Tangential::Record(record) => {
                 UnwornSums::of(&self.contact, Some(&|ratio| record.slip(ratio)))
@@ -154,8 +148,7 @@ impl Case {
     }
 
     /// The tolerance of the integration in time.
-    #[must_use]
-    pub fn tolerance(&self) -> f64 {
+    pub(crate) fn tolerance(&self) -> f64 {
         match self.method {
             Method::Simplified { .. } => RULE_TOLERANCE,
             Method::Exact { tolerance, .. } => tolerance,
@@ -172,8 +165,7 @@ impl Case {
     }
 
     /// The wear law of the integration in time.
-    #[must_use]
-    pub fn law(&self) -> Law {
+    pub(crate) fn law(&self) -> Law {
         self.method.law()
     }
 
@@ -239,8 +231,7 @@ impl Case {
     }
 
     /// Estimated size of the result as JSON, in bytes.
-    #[must_use]
-    pub fn answer_bytes(&self) -> usize {
+    pub(crate) fn answer_bytes(&self) -> usize {
         const NUMBER: usize = 22;
         let rows = self.profile_rows();
         let curves = if rows == 0 { 0 } else { 3 + 5 * rows };

@@ -19,8 +19,7 @@ pub struct Gauss<const N: usize> {
 
 impl<const N: usize> Gauss<N> {
     /// Computes the rule by Newton's method on the Legendre polynomial.
-    #[must_use]
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         let (mut nodes, mut weights) = ([0.0; N], [0.0; N]);
         for i in 0..N {
             let guess = (i as f64 + 0.75) / (N as f64 + 0.5) * std::f64::consts::PI;
@@ -119,20 +118,17 @@ impl Bracket {
     const ROUNDS: usize = 200;
 
     /// Starts between two points, each with its value. The values must have different signs.
-    #[must_use]
-    pub fn new((low, at_low): (f64, f64), (high, at_high): (f64, f64)) -> Self {
+    pub(crate) fn new((low, at_low): (f64, f64), (high, at_high): (f64, f64)) -> Self {
         Self { low, high, at_low, at_high, round: 0 }
     }
 
     /// The distance of the two ends, relative to the larger one.
-    #[must_use]
-    pub fn width(&self) -> f64 {
+    pub(crate) fn width(&self) -> f64 {
         (self.high - self.low).abs() / self.high.abs().max(self.low.abs())
     }
 
     /// The next point at which to evaluate the function; none once the root is known to the last bits.
-    #[must_use]
-    pub fn next(&self) -> Option<f64> {
+    pub(crate) fn next(&self) -> Option<f64> {
         let Self { low, high, at_low, at_high, round } = *self;
         let close = (high - low).abs() <= 2.0 * f64::EPSILON * high.abs().max(low.abs());
         if at_low == 0.0 || at_high == 0.0 || close || round == Self::ROUNDS {
@@ -156,8 +152,7 @@ impl Bracket {
     }
 
     /// The best estimate of the root.
-    #[must_use]
-    pub fn found(&self) -> f64 {
+    pub(crate) fn found(&self) -> f64 {
         if self.at_low == 0.0 { self.low } else { self.high }
     }
 }
@@ -257,8 +252,7 @@ pub struct Monotone {
 
 impl Monotone {
     /// The curve through at least one point, in ascending order of `x`.
-    #[must_use]
-    pub fn through(x: Vec<f64>, y: Vec<f64>) -> Self {
+    pub(crate) fn through(x: Vec<f64>, y: Vec<f64>) -> Self {
         let secants: Vec<f64> =
             x.windows(2).zip(y.windows(2)).map(|(x, y)| (y[1] - y[0]) / (x[1] - x[0])).collect();
         let mut slopes = Vec::with_capacity(x.len());
@@ -277,8 +271,7 @@ impl Monotone {
     }
 
     /// The value at `x`. Outside the points it is the first or the last value.
-    #[must_use]
-    pub fn at(&self, x: f64) -> f64 {
+    pub(crate) fn at(&self, x: f64) -> f64 {
         value(self.piece(self.x.partition_point(|knot| *knot <= x)), x)
     }
 
@@ -331,12 +324,7 @@ pub(crate) fn whole_power(x: f64, n: u32) -> f64 {
 }
 
 /// Rounds `x` to 12 significant decimal digits, the precision of a canonical scenario. −0 becomes 0.
-#[must_use]
-#[expect(
-    clippy::expect_used,
-    clippy::missing_panics_doc,
-    reason = "a formatted number always parses"
-)]
+#[expect(clippy::expect_used, reason = "a formatted number always parses")]
 pub(crate) fn twelve_digits(x: f64) -> f64 {
     format!("{x:.11e}").parse::<f64>().expect("a formatted number parses") + 0.0
 }

@@ -1,12 +1,9 @@
 //! Checks of the simplified rule: its closed form, and its distance from the exact method.
 
-use std::f64::consts::PI;
-
 use super::page::{Check, Section};
 use super::problem::{ContactProblem, DEEPEST, DEPTH, FORCE, STICK, VOLUME, numbers};
 use super::table::{RUNS, rows};
 use fretwork_engine::contact::control::Normal::Depth;
-use fretwork_engine::contact::unworn::{Contact, Decay};
 use fretwork_engine::scenario::{DEFAULT_POINTS, DEFAULT_XI};
 use fretwork_engine::solver::closed::simplified::Simplified;
 use fretwork_engine::solver::stepped::law::Law;
@@ -14,53 +11,7 @@ use fretwork_engine::solver::stepped::law::Law;
 const CONTACTS: [(f64, f64); 2] = [(2.0, 0.5), (1.0, 0.21)];
 
 pub fn sections() -> Vec<Section> {
-    vec![stepping(), marching(), differences()]
-}
-
-fn stepping() -> Section {
-    Section::of("Simplified rule by stepping", |section| {
-        for (n, c) in CONTACTS {
-            let ContactProblem { name, contact, .. } = ContactProblem::amplitude(Depth, n, c)?;
-            let (coarse, fine) = (stepped_apart(&contact, 500), stepped_apart(&contact, 1000));
-            let source = "(14)–(16)";
-            section.check(format!("{name}: N₀ = 500"), source, 0.0, coarse, 4e-6);
-            section.check(format!("{name}: N₀ = 1000"), source, 0.0, fine, 2e-6);
-            section.check(format!("{name}: their ratio"), "1/N₀", 2.0, coarse / fine, 0.05);
-        }
-        Some(())
-    })
-}
-
-/// The largest difference between the closed form and springs that are dragged through each cycle.
-///
-/// Tangential lengths are in μE*d₀/G*. A spring then sticks while its deflection is below its
-/// compression, and the amplitude is Δ. By (14), a path of 4Δ wears ξ/ã per N₀ cycles.
-fn stepped_apart(contact: &Contact, unit: u32) -> f64 {
-    const SPRINGS: u32 = 12;
-    const STEPS: u32 = 200;
-    const UNTIL: u32 = 4;
-    let Contact { shape, stick, threshold, limit, .. } = contact;
-    let rate = DEFAULT_XI / limit.radius / (4.0 * threshold * f64::from(unit));
-    let phase = |k: u32| threshold * libm::cos(2.0 * PI * f64::from(k) / f64::from(STEPS));
-    let moves: Vec<f64> = (0..STEPS).map(|k| phase(k + 1) - phase(k)).collect();
-    let decay = Decay::after(DEFAULT_XI * f64::from(UNTIL) / limit.radius);
-    let apart = (0..SPRINGS).map(|i| {
-        let x = limit.radius * (f64::from(i) + 0.5) / f64::from(SPRINGS);
-        let mut image = shape.image(x);
-        let mut deflection = threshold.min((1.0 - image).max(0.0));
-        for _ in 0..UNTIL * unit {
-            for moved in &moves {
-                let compression = 1.0 - image;
-                let pulled = deflection + moved;
-                deflection = pulled.clamp(-compression.max(0.0), compression.max(0.0));
-                image += rate * compression * (pulled - deflection).abs();
-            }
-        }
-        let sticks = x < *stick;
-        let worn = if sticks { 0.0 } else { contact.worn(x - stick, decay) };
-        (image - shape.image(x) - worn).abs()
-    });
-    apart.fold(0.0, f64::max)
+    vec![marching(), differences()]
 }
 
 fn marching() -> Section {

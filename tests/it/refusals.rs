@@ -386,8 +386,18 @@ async fn faults_of_the_load_and_the_motion_have_pointers() {
             tangential,
             "not `amplitude` as well",
         ),
-        one_fault("Q = μF", motion(json!({"tangential_force": "70 N"})), tangential, "no more than μF"),
-        one_fault("Q > μF", motion(json!({"tangential_force": "1 kN"})), tangential, "no more than μF"),
+        one_fault(
+            "Q = μF",
+            motion(json!({"tangential_force": "70 N"})),
+            tangential,
+            "no more than μF",
+        ),
+        one_fault(
+            "Q > μF",
+            motion(json!({"tangential_force": "1 kN"})),
+            tangential,
+            "no more than μF",
+        ),
         one_fault(
             "force in metres",
             motion(json!({"tangential_force": "1 um"})),
@@ -461,19 +471,23 @@ async fn faults_of_the_rig_have_pointers() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn faults_of_blocks_and_reversals_have_pointers() {
+async fn faults_of_blocks_have_pointers() {
     let block = |amplitude: Value, cycles: f64| json!({"amplitude": amplitude, "cycles": cycles});
     let block_2um = || block(json!("2 um"), 1e5);
     let blocks = |blocks: &[Value]| json!({"motion": {"blocks": blocks}});
     let with = |member: &str, value: Value| json!({"motion": {"blocks": [block(json!("2 um"), 1e5)], (member): value}});
-    let reversals = |reversals: Value| json!({"motion": {"reversals": reversals}});
     let motion = "/scenario/motion/blocks";
     let reversals_pointer = "/scenario/motion/reversals";
     let rig = "/scenario/motion/rig_stiffness";
     let normalized = "/scenario/cycles/normalized";
     all_are_refused(vec![
         one_fault("amplitude with blocks", with("amplitude", json!(2e-6)), motion, "as well"),
-        one_fault("reversals with blocks", with("reversals", json!([0, 1e-6])), reversals_pointer, "as well"),
+        one_fault(
+            "reversals with blocks",
+            with("reversals", json!([0, 1e-6])),
+            reversals_pointer,
+            "as well",
+        ),
         one_fault("rig with blocks", with("rig_stiffness", json!(1e7)), rig, "at the contact"),
         one_fault(
             "blocks with Q held",
@@ -519,14 +533,30 @@ async fn faults_of_blocks_and_reversals_have_pointers() {
             normalized,
             "`blocks`",
         ),
+    ])
+    .await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn faults_of_reversals_have_pointers() {
+    let reversals = |reversals: Value| json!({"motion": {"reversals": reversals}});
+    let pointer = "/scenario/motion/reversals";
+    let rig = "/scenario/motion/rig_stiffness";
+    let normalized = "/scenario/cycles/normalized";
+    all_are_refused(vec![
         one_fault(
             "normalized cycles of reversals",
             json!({"motion": {"reversals": [-2e-6, 2e-6]}, "cycles": {"normalized": [1]}}),
             normalized,
             "`reversals`",
         ),
-        one_fault("equal reversals", reversals(json!(["1 um", 1e-6, "1000 nm"])), reversals_pointer, "the same"),
-        one_fault("one reversal", reversals(json!(["1 um"])), reversals_pointer, "2 to 100000"),
+        one_fault(
+            "equal reversals",
+            reversals(json!(["1 um", 1e-6, "1000 nm"])),
+            pointer,
+            "the same",
+        ),
+        one_fault("one reversal", reversals(json!(["1 um"])), pointer, "2 to 100000"),
         one_fault(
             "reversal in seconds",
             reversals(json!(["1 um", "1 s"])),
@@ -569,7 +599,12 @@ async fn faults_of_stop_conditions_and_tables_have_pointers() {
         one_fault("share of 1.5", share(json!(1.5)), "/scenario/wear/share", "between 0.0 and 1.0"),
         one_fault("share in words", share(json!("half")), "/scenario/wear/share", "a number"),
         one_fault("compare with 1", compare(json!(1)), "/scenario/model/compare", "a boolean"),
-        one_fault("flat wider than the contact", profile(flat), "/scenario/load/normal_force", "ring"),
+        one_fault(
+            "flat wider than the contact",
+            profile(flat),
+            "/scenario/load/normal_force",
+            "ring",
+        ),
         one_fault(
             "stick ratio below the flat",
             json!({

@@ -92,8 +92,7 @@ pub struct Final {
 
 impl Final {
     /// f∞(r).
-    #[must_use]
-    pub fn profile(&self, shape: &Shape, r: f64) -> f64 {
+    pub(crate) fn profile(&self, shape: &Shape, r: f64) -> f64 {
         let unworn = shape.profile(r);
         if r <= self.stick && r > 0.0 || r >= self.limit.radius {
             return unworn;
@@ -177,11 +176,6 @@ impl Control {
         (need(best) > 0.0 && need(1.0) < 0.0).then(|| root(best, 1.0, need))
     }
 
-    /// The radius at which a core under a held depth and tangential force gives way.
-    pub(crate) fn critical_stick(&self, shape: &Shape) -> f64 {
-        maximum(0.0, 1.0, |c| c * (1.0 - shape.image(c)))
-    }
-
     /// The stick radius inside of which nothing ever slips.
     pub(crate) fn least_stick(&self, contact: &Contact) -> f64 {
         match (self.normal, &self.tangential) {
@@ -195,4 +189,9 @@ impl Control {
             _ => contact.stick,
         }
     }
+}
+
+/// The stick radius below which a core cannot carry a held tangential force at a held depth.
+pub(crate) fn critical_stick(shape: &Shape) -> f64 {
+    maximum(0.0, 1.0, |c| c * (1.0 - shape.image(c)))
 }

@@ -54,15 +54,13 @@ pub struct Backbone {
 
 impl Backbone {
     /// Points of a loop of so many springs, at most.
-    #[must_use]
-    pub fn points(springs: usize) -> usize {
+    pub(crate) fn points(springs: usize) -> usize {
         2 * (springs + 1) + 1
     }
 
     /// Of springs that stick inside `stick` and slip at the Gauss points of a
     /// row, with the weights of ∫ dx there.
-    #[must_use]
-    pub fn of_row(
+    pub(crate) fn of_row(
         (stick, threshold): (f64, f64),
         positions: &[f64; ROW_POINTS],
         weights: &[f64; ROW_POINTS],

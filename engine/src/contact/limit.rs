@@ -104,8 +104,7 @@ impl Limit {
 
 impl Limit {
     /// ã alone, the root of (13), found from a guess nearby.
-    #[must_use]
-    pub fn scar(shape: &Shape, c: f64, d: f64, guess: f64) -> f64 {
+    pub(crate) fn scar(shape: &Shape, c: f64, d: f64, guess: f64) -> f64 {
         let wear = |r: f64| limiting_wear(shape, c, d, r, chord_and_angle(c, r));
         // Where the unworn image is below d the wear is positive; at c it has another root.
         let worn = |r: f64| r <= c || shape.image(r) < d || wear(r) > 0.0;

@@ -115,8 +115,7 @@ impl Shape {
     }
 
     /// How many pieces its integrals are summed over.
-    #[must_use]
-    pub fn pieces(&self) -> usize {
+    pub(crate) fn pieces(&self) -> usize {
         match &self.kind {
             ShapeKind::Table(table) => table.pieces(),
             _ => 1,
@@ -124,8 +123,7 @@ impl Shape {
     }
 
     /// The largest radius at which the shape is defined.
-    #[must_use]
-    pub fn extent(&self) -> f64 {
+    pub(crate) fn extent(&self) -> f64 {
         match &self.kind {
             ShapeKind::Sphere { rho, .. } => *rho,
             ShapeKind::Table(table) => table.extent(),
@@ -148,8 +146,7 @@ impl Shape {
     }
 
     /// f₀′(r).
-    #[must_use]
-    pub fn slope(&self, r: f64) -> f64 {
+    pub(crate) fn slope(&self, r: f64) -> f64 {
         match self.kind {
             ShapeKind::Whole(n) => self.height * f64::from(n) * whole_power(r, n - 1),
             ShapeKind::Power(n) => self.height * n * libm::pow(r, n - 1.0),
@@ -232,8 +229,7 @@ impl Shape {
     }
 
     /// ∫₀ˣ g₀ dx.
-    #[must_use]
-    pub fn area(&self, x: f64) -> f64 {
+    pub(crate) fn area(&self, x: f64) -> f64 {
         match self.kind {
             ShapeKind::Whole(n) => whole_power(x, n + 1) / f64::from(n + 1),
             ShapeKind::Power(n) => libm::pow(x, n + 1.0) / (n + 1.0),

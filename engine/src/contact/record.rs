@@ -78,12 +78,6 @@ impl DisplacementRecord {
         self.amplitude
     }
 
-    /// How often one pass turns back: twice the number of its loops.
-    #[must_use]
-    pub fn reversals(&self) -> usize {
-        self.corners.last().map_or(0, |corner| 2 * corner.loops)
-    }
-
     /// P(s): the path that a spring with slip limit `limit` slips in one pass, both in the unit of
     /// the displacements. 0 from U on; below 0, as at 0, the whole path of the record.
     #[must_use]
@@ -160,6 +154,13 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
     use std::ops::{Add, Neg, Sub};
+
+    impl DisplacementRecord {
+        /// The number of reversals in one pass: twice the number of loops.
+        fn reversals(&self) -> usize {
+            self.corners.last().map_or(0, |corner| 2 * corner.loops)
+        }
+    }
 
     fn record(displacements: &[f64]) -> DisplacementRecord {
         DisplacementRecord::new(displacements).expect("motion")

@@ -197,8 +197,7 @@ impl SpringRow {
     }
 
     /// How the tangential force builds up, given the sums and compressions of a state.
-    #[must_use]
-    pub fn backbone(&self, sums: &Sums, compressions: &[f64; ROW_POINTS]) -> Backbone {
+    pub(crate) fn backbone(&self, sums: &Sums, compressions: &[f64; ROW_POINTS]) -> Backbone {
         let Contact { stick, threshold, .. } = self.contact;
         let loss = sums.energy / threshold;
         if self.contact.shape.kinks().iter().any(|kink| *kink > stick) {

@@ -29,18 +29,6 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::numeric::{dot, integrate};
 
-/// The image g(x) of a profile with height `apex` on the axis and slope `slope(r)`, (3).
-///
-/// # Examples
-/// ```
-/// // A cone of unit slope: g = (π/2) x.
-/// let g = fretwork_engine::contact::transform::forward(0.0, |_| 1.0, 0.5);
-/// assert!((g - std::f64::consts::FRAC_PI_4).abs() < 1e-14);
-/// ```
-pub fn forward(apex: f64, slope: impl Fn(f64) -> f64, x: f64) -> f64 {
-    apex + x * quarter_circle(|sine| slope(x * sine))
-}
-
 /// The profile f(r) whose image is `image(x)`, (4).
 ///
 /// # Examples
@@ -130,8 +118,7 @@ impl Kernels {
     }
 
     /// Number of cells n; there are n + 1 nodes.
-    #[must_use]
-    pub fn cells(&self) -> usize {
+    pub(crate) fn cells(&self) -> usize {
         self.tau.len() - 1
     }
 
@@ -142,8 +129,7 @@ impl Kernels {
     }
 
     /// ∫ of sampled values over τ by Simpson's rule; n must be even.
-    #[must_use]
-    pub fn area(&self, values: &[f64]) -> f64 {
+    pub(crate) fn area(&self, values: &[f64]) -> f64 {
         dot(&self.areas, values)
     }
 

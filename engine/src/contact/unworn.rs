@@ -50,8 +50,7 @@ impl Contact {
 
     /// Δ − y₀ of a spring at x = c + δ: how far it is from sticking. Never quite 0, so that no spring
     /// divides 0 by 0 once e has underflowed.
-    #[must_use]
-    pub fn rest(&self, delta: f64) -> f64 {
+    pub(crate) fn rest(&self, delta: f64) -> f64 {
         let excess = (self.threshold - 1.0).max(0.0);
         (excess + self.shape.image_rise(self.stick, delta)).max(1e-300)
     }

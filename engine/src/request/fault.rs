@@ -50,8 +50,7 @@ impl Faults {
     }
 
     /// The faults, with `prefix` before every pointer.
-    #[must_use]
-    pub fn below(mut self, prefix: &str) -> Self {
+    pub(crate) fn below(mut self, prefix: &str) -> Self {
         for fault in &mut self.0 {
             fault.pointer.insert_str(0, prefix);
         }

@@ -54,8 +54,7 @@ impl Load {
     }
 
     /// What is held: by default what was given.
-    #[must_use]
-    pub fn held(&self) -> LoadHeld {
+    pub(crate) fn held(&self) -> LoadHeld {
         let given = if self.normal_force.0.is_some() { LoadHeld::Force } else { LoadHeld::Depth };
         self.held.0.unwrap_or(given)
     }

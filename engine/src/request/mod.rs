@@ -196,8 +196,7 @@ impl Wear {
     }
 
     /// k_w in 1/Pa.
-    #[must_use]
-    pub fn coefficient(&self, friction: f64) -> f64 {
+    pub(crate) fn coefficient(&self, friction: f64) -> f64 {
         self.energy_coefficient.0.map_or(self.per_load, |alpha| alpha.0 * friction)
     }
 }

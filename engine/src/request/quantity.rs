@@ -46,8 +46,7 @@ const DIMENSIONS: [Dimension; 10] =
 
 impl Dimension {
     /// The word for it in a message.
-    #[must_use]
-    pub fn name(self) -> &'static str {
+    pub(crate) fn name(self) -> &'static str {
         match self {
             Length => "a length",
             Force => "a force",

@@ -34,8 +34,7 @@ pub struct Grid {
 
 impl Grid {
     /// Chooses `points` radii for a scar between c and ã, none beyond `last`.
-    #[must_use]
-    pub fn new(c: f64, scar: f64, points: usize, last: f64) -> Self {
+    pub(crate) fn new(c: f64, scar: f64, points: usize, last: f64) -> Self {
         // A small core needs few radii. Simpson's rule needs an even number of cells.
         let core = if c == 0.0 {
             0
@@ -71,8 +70,7 @@ impl Grid {
 
 impl Curves {
     /// The curves of an unworn contact at some radii, in closed form.
-    #[must_use]
-    pub fn unworn(contact: &Contact, radii: &[f64]) -> Self {
+    pub(crate) fn unworn(contact: &Contact, radii: &[f64]) -> Self {
         let Contact { shape, stick: c, threshold, .. } = contact;
         let (c, threshold) = (*c, *threshold);
         let slip = |r: f64| {

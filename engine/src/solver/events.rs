@@ -45,8 +45,7 @@ pub struct StopCondition {
 
 impl StopCondition {
     /// The part of the requested wear that is missing: 0 or less once the condition is met.
-    #[must_use]
-    pub fn missing(&self, depth: f64, volume: f64) -> f64 {
+    pub(crate) fn missing(&self, depth: f64, volume: f64) -> f64 {
         let missing = |asked: Option<f64>, reached: f64| asked.map_or(1.0, |a| 1.0 - reached / a);
         missing(self.depth, depth).min(missing(self.volume, volume))
     }

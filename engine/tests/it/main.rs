@@ -13,6 +13,7 @@ mod collocated;
 mod engine;
 mod exact;
 mod golden;
+mod limiting_state;
 mod literal;
 mod loops;
 mod reference_solutions;

@@ -6,13 +6,13 @@ use fretwork_engine::contact::profile::Shape;
 use fretwork_engine::contact::row::SpringRow;
 use fretwork_engine::contact::unworn::{Contact, Decay};
 use fretwork_engine::reference::{
-    CattaneoMindlin, Cone, Hertz, LimitingState, PowerLaw, Sphere, initial_wear_rate,
-    shakedown_limit,
+    CattaneoMindlin, Cone, Hertz, PowerLaw, Sphere, initial_wear_rate, shakedown_limit,
 };
 use fretwork_engine::scenario;
 use serde_json::{Value, json};
 
 use crate::engine::steel_ball;
+use crate::limiting_state::LimitingState;
 
 /// A limit from an exponent and a row of the table.
 type Solve = fn(f64, &Value) -> Option<LimitingState>;

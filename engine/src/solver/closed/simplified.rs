@@ -189,14 +189,12 @@ impl Simplified {
     }
 
     /// The springs for the integrals of force, friction and energy.
-    #[must_use]
-    pub fn row(&self) -> &SpringRow {
+    pub(crate) fn row(&self) -> &SpringRow {
         &self.row
     }
 
     /// The regime of the unworn contact.
-    #[must_use]
-    pub fn regime(&self) -> Regime {
+    pub(crate) fn regime(&self) -> Regime {
         self.contact.regime
     }
 
@@ -207,14 +205,12 @@ impl Simplified {
     }
 
     /// The unworn profile at the radii.
-    #[must_use]
-    pub fn initial(&self) -> &[f64] {
+    pub(crate) fn initial(&self) -> &[f64] {
         &self.initial
     }
 
     /// The limiting profile (12) at the radii; the unworn one beyond ã.
-    #[must_use]
-    pub fn limiting(&self) -> &[f64] {
+    pub(crate) fn limiting(&self) -> &[f64] {
         &self.limiting
     }
 
@@ -225,8 +221,7 @@ impl Simplified {
     }
 
     /// The state at a decay, without curves.
-    #[must_use]
-    pub fn state(&self, decay: Decay) -> State {
+    pub(crate) fn state(&self, decay: Decay) -> State {
         self.states(&[(decay, false)]).swap_remove(0)
     }
 

@@ -120,8 +120,7 @@ impl March {
     }
 
     /// Whether the indenter is wide enough for the scar up to a time.
-    #[must_use]
-    pub fn fits(
+    pub(crate) fn fits(
         contact: &Contact,
         control: &Control,
         law: Law,
@@ -149,8 +148,7 @@ impl March {
 
     /// Estimated multiplications of a run up to a time in N₀. A paraboloid needs five evaluations of the wear
     /// rate per cell up to 16 N₀. Beyond, the number grows with the power 0.4 of the time.
-    #[must_use]
-    pub fn operations(
+    pub(crate) fn operations(
         contact: &Contact,
         control: &Control,
         law: Law,
@@ -374,14 +372,12 @@ impl March {
     }
 
     /// The present time in N₀.
-    #[must_use]
-    pub fn reached(&self) -> f64 {
+    pub(crate) fn reached(&self) -> f64 {
         self.fine.rkc.time()
     }
 
     /// The number of mesh cells.
-    #[must_use]
-    pub fn cells(&self) -> usize {
+    pub(crate) fn cells(&self) -> usize {
         self.fine.wearing.springs().mesh().widths().len()
     }
 
@@ -393,8 +389,7 @@ impl March {
     }
 
     /// Estimated multiplications of all evaluations so far.
-    #[must_use]
-    pub fn spent(&self) -> f64 {
+    pub(crate) fn spent(&self) -> f64 {
         let of = |run: &MeshRun| run.rkc.evaluations as f64 * run.wearing.operations();
         of(&self.fine) + of(&self.coarse)
     }

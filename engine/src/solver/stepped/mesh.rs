@@ -41,8 +41,7 @@ pub struct Mesh {
 
 impl Mesh {
     /// Makes the mesh of ascending nodes from r₀ ≥ 0. The node next to a kink of the shape moves onto it.
-    #[must_use]
-    pub fn new(shape: &Shape, mut radii: Vec<f64>) -> Self {
+    pub(crate) fn new(shape: &Shape, mut radii: Vec<f64>) -> Self {
         place_nodes(&mut radii, shape.kinks());
         let squares: Vec<f64> = radii.iter().map(|r| r * r).collect();
         let widths: Vec<f64> = radii.windows(2).map(|ends| ends[1] - ends[0]).collect();
@@ -81,8 +80,7 @@ impl Mesh {
     }
 
     /// The nodes.
-    #[must_use]
-    pub fn radii(&self) -> &[f64] {
+    pub(crate) fn radii(&self) -> &[f64] {
         &self.radii
     }
 
@@ -92,20 +90,17 @@ impl Mesh {
     }
 
     /// The widths of the cells.
-    #[must_use]
-    pub fn widths(&self) -> &[f64] {
+    pub(crate) fn widths(&self) -> &[f64] {
         &self.widths
     }
 
     /// Cell means of the unworn image.
-    #[must_use]
-    pub fn unworn(&self) -> &[f64] {
+    pub(crate) fn unworn(&self) -> &[f64] {
         &self.unworn
     }
 
     /// ∫₀^r₀ (1 − g₀) dx: the part of the half force that never changes.
-    #[must_use]
-    pub fn core(&self) -> f64 {
+    pub(crate) fn core(&self) -> f64 {
         self.core
     }
 
@@ -115,8 +110,7 @@ impl Mesh {
     }
 
     /// The mean over cell q of the image of a wear given at the nodes.
-    #[must_use]
-    pub fn image(&self, q: usize, wear: &[f64]) -> f64 {
+    pub(crate) fn image(&self, q: usize, wear: &[f64]) -> f64 {
         dot(self.row(q), &wear[1..])
     }
 
@@ -137,8 +131,7 @@ impl Mesh {
     }
 
     /// Solves A·s = `slips` by forward substitution. s₀ is 0, or s₁ on the axis.
-    #[must_use]
-    pub fn solve(&self, slips: &[f64]) -> Vec<f64> {
+    pub(crate) fn solve(&self, slips: &[f64]) -> Vec<f64> {
         let mut solution = vec![0.0; slips.len() + 1];
         self.solve_into(slips, &mut solution);
         solution
@@ -158,8 +151,7 @@ impl Mesh {
     }
 
     /// The wear at the nodes by (4). Its image has the value `worn` in each cell.
-    #[must_use]
-    pub fn inverse(&self, worn: &[f64]) -> Vec<f64> {
+    pub(crate) fn inverse(&self, worn: &[f64]) -> Vec<f64> {
         let rows = self.inverse.get_or_init(|| self.inverse_rows());
         let row = |j: usize| &rows[(j - 1) * j / 2..j * (j + 1) / 2];
         let mut wear = Vec::with_capacity(self.radii.len());
@@ -183,8 +175,7 @@ impl Mesh {
     }
 
     /// π Σ M w.
-    #[must_use]
-    pub fn volume(&self, wear: &[f64]) -> f64 {
+    pub(crate) fn volume(&self, wear: &[f64]) -> f64 {
         std::f64::consts::PI * dot(&self.areas, wear)
     }
 }

@@ -1,7 +1,7 @@
 //! Plans a mesh: where its nodes lie and how far they reach. This depends on the held quantities.
 
 use super::law::Law;
-use crate::contact::control::{Control, Final, Normal, Tangential};
+use crate::contact::control::{Control, Final, Normal, Tangential, critical_stick};
 use crate::contact::limit::Limit;
 use crate::contact::unworn::Contact;
 use crate::numeric::{integrate_beyond, root};
@@ -105,7 +105,7 @@ impl MeshPlan {
                 Focus::at(start)
             });
         } else if shrinks {
-            let from = GIVES_WAY * control.critical_stick(shape);
+            let from = GIVES_WAY * critical_stick(shape);
             plan.focus =
                 Some(Focus { from: from.min(contact.stick), to: contact.stick, blur: BLUR * ring });
         } else if contact.stick > 0.05 {
@@ -125,8 +125,12 @@ impl MeshPlan {
 
     /// Largest scar radius up to a time under a held force, in gross slip or where the tangential force is held
     /// too. V grows by at most F̃Δ/Δ₀, Δ is at most d, and the worn surface is at most as hollow as a flat one.
-    #[must_use]
-    pub fn outermost(contact: &Contact, control: &Control, law: Law, last: f64) -> Option<f64> {
+    pub(crate) fn outermost(
+        contact: &Contact,
+        control: &Control,
+        law: Law,
+        last: f64,
+    ) -> Option<f64> {
         let end = control.tends_to(contact);
         if control.normal == Normal::Depth || end.is_none() && control.least_stick(contact) > 0.0 {
             return None;
@@ -159,8 +163,7 @@ impl MeshPlan {
     }
 
     /// The nodes of a mesh with `cells` cells.
-    #[must_use]
-    pub fn radii(&self, cells: usize) -> Vec<f64> {
+    pub(crate) fn radii(&self, cells: usize) -> Vec<f64> {
         let Self { start, reach, .. } = *self;
         let share = |i: usize| i as f64 / cells as f64;
         let mut radii: Vec<f64> = match self.focus {

@@ -134,32 +134,27 @@ impl Rkc {
     }
 
     /// The present time.
-    #[must_use]
-    pub fn time(&self) -> f64 {
+    pub(crate) fn time(&self) -> f64 {
         self.time
     }
 
     /// The relative error that a step may have.
-    #[must_use]
-    pub fn tolerance(&self) -> f64 {
+    pub(crate) fn tolerance(&self) -> f64 {
         self.tolerance
     }
 
     /// The time of slow changes.
-    #[must_use]
-    pub fn scale(&self) -> f64 {
+    pub(crate) fn scale(&self) -> f64 {
         self.scale
     }
 
     /// The time at the start of the last step.
-    #[must_use]
-    pub fn began(&self) -> f64 {
+    pub(crate) fn began(&self) -> f64 {
         self.before.0
     }
 
     /// y now.
-    #[must_use]
-    pub fn values(&self) -> &[f64] {
+    pub(crate) fn values(&self) -> &[f64] {
         &self.values
     }
 
@@ -279,8 +274,7 @@ impl Rkc {
 
     /// The values at a time within the last step, by a shorter step from its start, and the number of evaluations.
     /// Stiff components cannot be interpolated from their rates.
-    #[must_use]
-    pub fn again(&self, system: &mut impl Rates, time: f64) -> (Vec<f64>, usize) {
+    pub(crate) fn again(&self, system: &mut impl Rates, time: f64) -> (Vec<f64>, usize) {
         let mut shorter = self.clone();
         shorter.restart(system, Some(self.before.1.clone()));
         let h = time - self.before.0;
@@ -294,8 +288,7 @@ impl Rkc {
     }
 
     /// The values at a time within the last step, by cubic Hermite interpolation.
-    #[must_use]
-    pub fn at(&self, time: f64) -> Vec<f64> {
+    pub(crate) fn at(&self, time: f64) -> Vec<f64> {
         let (start, from, from_rates) = &self.before;
         let h = self.time - start;
         if h <= 0.0 {

@@ -55,8 +55,7 @@ pub struct Aside {
 
 impl Springs {
     /// The springs of a contact on a mesh.
-    #[must_use]
-    pub fn new(mesh: Mesh, contact: &Contact, control: &Control) -> Self {
+    pub(crate) fn new(mesh: Mesh, contact: &Contact, control: &Control) -> Self {
         let cells = mesh.widths().len();
         let room = || Vec::with_capacity(cells);
         let start = mesh.radii()[0];
@@ -88,32 +87,27 @@ impl Springs {
     }
 
     /// d.
-    #[must_use]
-    pub fn depth(&self) -> f64 {
+    pub(crate) fn depth(&self) -> f64 {
         self.depth
     }
 
     /// Δ.
-    #[must_use]
-    pub fn threshold(&self) -> f64 {
+    pub(crate) fn threshold(&self) -> f64 {
         self.threshold
     }
 
     /// Whether friction cannot carry the held tangential force.
-    #[must_use]
-    pub fn slides(&self) -> bool {
+    pub(crate) fn slides(&self) -> bool {
         self.slides
     }
 
     /// y of the cells in contact.
-    #[must_use]
-    pub fn compressions(&self) -> &[f64] {
+    pub(crate) fn compressions(&self) -> &[f64] {
         &self.compressions
     }
 
     /// ω of the cells with known images. In the other cells it is 1.
-    #[must_use]
-    pub fn slips(&self) -> &[f64] {
+    pub(crate) fn slips(&self) -> &[f64] {
         &self.slips
     }
 
@@ -132,14 +126,12 @@ impl Springs {
     }
 
     /// g of the cells with known images.
-    #[must_use]
-    pub fn images(&self) -> &[f64] {
+    pub(crate) fn images(&self) -> &[f64] {
         &self.images
     }
 
     /// What is held.
-    #[must_use]
-    pub fn control(&self) -> &Control {
+    pub(crate) fn control(&self) -> &Control {
         &self.control
     }
 
@@ -315,8 +307,7 @@ impl Springs {
     }
 
     /// min(Δ, y) of the cells in contact.
-    #[must_use]
-    pub fn loads(&self) -> Vec<f64> {
+    pub(crate) fn loads(&self) -> Vec<f64> {
         (0..self.compressions.len()).map(|q| self.carried(q, self.threshold).0).collect()
     }
 
@@ -353,30 +344,26 @@ impl Springs {
     }
 
     /// ∫₀ᵃ y dx.
-    #[must_use]
-    pub fn normal(&self) -> f64 {
+    pub(crate) fn normal(&self) -> f64 {
         let core = self.mesh.core() + self.mesh.radii()[0] * (self.depth - 1.0);
         core + self.compressions.iter().zip(self.mesh.widths()).map(|(y, d)| y * d).sum::<f64>()
     }
 
     /// ∫₀ᵃ min(Δ, y) dx.
-    #[must_use]
-    pub fn tangential(&self) -> f64 {
+    pub(crate) fn tangential(&self) -> f64 {
         let widths = self.mesh.widths()[..self.compressions.len()].iter().enumerate();
         let sum: f64 = widths.map(|(q, d)| d * self.carried(q, self.threshold).0).sum();
         self.threshold * self.mesh.radii()[0] + sum
     }
 
     /// ∫₀ᵃ y ω dx.
-    #[must_use]
-    pub fn loss(&self) -> f64 {
+    pub(crate) fn loss(&self) -> f64 {
         let springs = self.compressions.iter().zip(&self.slips).zip(self.mesh.widths());
         springs.map(|((y, slip), d)| d * y * slip).sum()
     }
 
     /// The distance from gross slip. It falls to 0 where gross slip begins.
-    #[must_use]
-    pub fn margin(&self) -> f64 {
+    pub(crate) fn margin(&self) -> f64 {
         match self.control.tangential {
             _ if self.mesh.radii()[0] > 0.0 => 1.0,
             Tangential::Force(half) => self.normal() - half,
@@ -385,14 +372,12 @@ impl Springs {
     }
 
     /// F/F₀.
-    #[must_use]
-    pub fn share(&self) -> f64 {
+    pub(crate) fn share(&self) -> f64 {
         self.normal() / self.half_force
     }
 
     /// c, interpolated between the middles of two cells; 0 in gross slip.
-    #[must_use]
-    pub fn stick(&self) -> f64 {
+    pub(crate) fn stick(&self) -> f64 {
         let radii = self.mesh.radii();
         let middle = |q: usize| 0.5 * (radii[q] + radii[q + 1]);
         let y = &self.compressions;

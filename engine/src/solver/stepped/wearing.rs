@@ -125,8 +125,7 @@ impl Wearing {
     }
 
     /// Where the nodes lie.
-    #[must_use]
-    pub fn plan(&self) -> &MeshPlan {
+    pub(crate) fn plan(&self) -> &MeshPlan {
         &self.plan
     }
 
@@ -154,8 +153,7 @@ impl Wearing {
     }
 
     /// The same contact on a larger mesh, and its values there.
-    #[must_use]
-    pub fn extended(&self, control: &Control, values: &[f64]) -> (Self, Vec<f64>) {
+    pub(crate) fn extended(&self, control: &Control, values: &[f64]) -> (Self, Vec<f64>) {
         let MeshPlan { start, reach, farthest, .. } = self.plan;
         let reach = (start + 1.25 * (reach - start)).min(farthest).min(self.contact.shape.extent());
         let plan = MeshPlan { reach, ..self.plan.clone() };
@@ -240,8 +238,7 @@ impl Wearing {
     }
 
     /// Estimated multiplications of one evaluation of the wear rate.
-    #[must_use]
-    pub fn operations(&self) -> f64 {
+    pub(crate) fn operations(&self) -> f64 {
         let cells = self.springs.mesh().widths().len() as f64;
         let scar = if self.law == Law::Exact || self.keeps_scar() { 0.0 } else { SCAR_OPERATIONS };
         cells * cells + scar * self.contact.shape.pieces() as f64
@@ -320,14 +317,12 @@ impl Wearing {
     }
 
     /// Δ/Δ₀.
-    #[must_use]
-    pub fn pace(&self) -> f64 {
+    pub(crate) fn pace(&self) -> f64 {
         self.springs.threshold() / self.contact.threshold
     }
 
     /// The state that these values describe.
-    #[must_use]
-    pub fn at(&mut self, values: &[f64]) -> WornContact {
+    pub(crate) fn at(&mut self, values: &[f64]) -> WornContact {
         self.press(values);
         let springs = &self.springs;
         let mesh = springs.mesh();
