@@ -73,16 +73,8 @@ impl DisplacementRecord {
     }
 
     /// U: half of the largest range, in the unit of the displacements.
-    #[must_use]
-    pub fn amplitude(&self) -> f64 {
+    pub(crate) fn amplitude(&self) -> f64 {
         self.amplitude
-    }
-
-    /// P(s): the path that a spring with slip limit `limit` slips in one pass, both in the unit of
-    /// the displacements. 0 from U on; below 0, as at 0, the whole path of the record.
-    #[must_use]
-    pub fn path(&self, limit: f64) -> f64 {
-        4.0 * self.strokes(limit, self.amplitude)
     }
 
     /// ω(ρ) = P(ρU)/4U: the path in units of a harmonic stroke, to and fro, of the same amplitude.
@@ -159,6 +151,12 @@ mod tests {
         /// The number of reversals in one pass: twice the number of loops.
         fn reversals(&self) -> usize {
             self.corners.last().map_or(0, |corner| 2 * corner.loops)
+        }
+
+        /// P(s): the path that a spring with slip limit `limit` slips in one pass, both in the unit of
+        /// the displacements. 0 from U on; below 0, as at 0, the whole path of the record.
+        fn path(&self, limit: f64) -> f64 {
+            4.0 * self.strokes(limit, self.amplitude)
         }
     }
 

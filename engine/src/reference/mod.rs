@@ -73,7 +73,8 @@ impl Hertz {
     }
 
     /// F = (4/3) E* √R d^(3/2) in N.
-    pub(crate) fn force(&self) -> f64 {
+    #[must_use]
+    pub fn force(&self) -> f64 {
         4.0 / 3.0 * self.modulus * self.depth * (self.radius * self.depth).sqrt()
     }
 
@@ -151,7 +152,8 @@ impl PowerLaw {
     }
 
     /// F = (2n/(n+1)) E*ad in N.
-    pub(crate) fn force(&self) -> f64 {
+    #[must_use]
+    pub fn force(&self) -> f64 {
         let n = self.exponent;
         2.0 * n / (n + 1.0) * self.modulus * self.contact_radius() * self.depth
     }

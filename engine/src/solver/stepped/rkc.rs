@@ -67,7 +67,8 @@ pub struct Rkc {
     size: f64,
     time: f64,
     values: Vec<f64>,
-    rates: Vec<f64>,
+    /// f(y) now.
+    pub(super) rates: Vec<f64>,
     /// The state before the last step, for interpolation within the step.
     before: (f64, Vec<f64>, Vec<f64>),
     step: f64,
@@ -156,12 +157,6 @@ impl Rkc {
     /// y now.
     pub(crate) fn values(&self) -> &[f64] {
         &self.values
-    }
-
-    /// f(y) now.
-    #[must_use]
-    pub fn rates(&self) -> &[f64] {
-        &self.rates
     }
 
     /// Continues with changed rates, or from other values.

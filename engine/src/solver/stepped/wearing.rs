@@ -299,8 +299,7 @@ impl Wearing {
     }
 
     /// V of these values.
-    #[must_use]
-    pub fn volume(&self, values: &[f64]) -> f64 {
+    pub(crate) fn volume(&self, values: &[f64]) -> f64 {
         match self.law {
             Law::Exact => self.springs.mesh().volume(values),
             Law::Simplified(_) => {
@@ -311,8 +310,7 @@ impl Wearing {
     }
 
     /// dV/dÑ from the dissipated energy: 2 ∫ y ω dx·Δ/Δ₀.
-    #[must_use]
-    pub fn energy_rate(&self) -> f64 {
+    pub(crate) fn energy_rate(&self) -> f64 {
         2.0 * self.springs.loss() * self.pace()
     }
 
@@ -592,7 +590,7 @@ mod tests {
                 for _ in 0..40 {
                     // dV/dÑ = 2 ∫ y ω dx·Δ/Δ₀, term by term another sum.
                     let rate = wearing.energy_rate();
-                    let growth = wearing.volume(rkc.rates());
+                    let growth = wearing.volume(&rkc.rates);
                     assert!((growth - rate).abs() <= 1e-12 * rate, "{growth} {rate} {control:?}");
                     if wearing.springs().slides() {
                         break;
