@@ -13,19 +13,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use serde_json::value::RawValue;
 
-use super::{Key, Outline};
-
-/// Name and `numerics` version of the engine.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-pub struct Engine {
-    /// Its name.
-    pub name: &'static str,
-    /// Rises when digits change.
-    pub numerics: u32,
-}
-
-/// The engine of this program.
-pub const ENGINE: Engine = Engine { name: "fretwork", numerics: scenario::NUMERICS };
+use super::{ENGINE, Engine, Key, Outline};
 
 /// Something that a worker computes in steps of at most about 50 ms, so that it can be stopped.
 pub trait Work: Send {

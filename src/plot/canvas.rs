@@ -1,7 +1,7 @@
 //! SVG elements. Coordinates are px from the upper left corner.
 
+use super::series::{Dash, Mark, Style};
 use super::text::{escape, markup};
-use super::{About, Dash, Mark, Style};
 
 /// Largest invisible deviation of a curve, in px.
 const TOLERANCE: f64 = 0.02;
@@ -76,6 +76,17 @@ impl Anchor {
             Self::End => "end",
         }
     }
+}
+
+/// Metadata of a figure.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct About {
+    /// A description in words (`desc`).
+    pub description: String,
+    /// The key of the result (`dc:identifier`).
+    pub identifier: String,
+    /// The engine (`dc:creator`).
+    pub creator: String,
 }
 
 /// The elements drawn so far.

@@ -1,8 +1,8 @@
 //! Legends: line samples with names, in a column in a figure or in rows below a sheet.
 
 use super::canvas::{Anchor, Area, Canvas, Point};
-use super::text::width;
-use super::{GAP, LEADING, SINK, SMALL, Series, Style};
+use super::series::{Series, Style};
+use super::text::{GAP, LEADING, SINK, SMALL, width};
 
 /// Length of a line sample, in px.
 const SAMPLE: f64 = 30.0;

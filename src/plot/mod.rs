@@ -27,159 +27,25 @@
 mod canvas;
 mod legend;
 mod scale;
+mod series;
 pub mod text;
+
+pub use canvas::About;
+pub use scale::Axis;
+pub use series::{Dash, GREY, Mark, PALETTE, Series, Style};
 
 use canvas::{Anchor, Area, Canvas, Point};
 use legend::Legend;
 use scale::{Scale, Tick};
-use text::{width, wrap};
+use text::{GAP, HEADING, LABEL, LEADING, SINK, SMALL, TITLE, width, wrap};
 
-/// The colours of Okabe and Ito, without yellow, which is invisible on white paper.
-pub const PALETTE: [&str; 7] =
-    ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000"];
-/// Grey, for reference curves.
-pub const GREY: &str = "#888888";
-
-/// Font sizes in px: titles of sheets, titles of figures, labels of axes, all other text.
-const HEADING: f64 = 15.0;
-const TITLE: f64 = 12.5;
-const LABEL: f64 = 12.0;
-const SMALL: f64 = 10.5;
-/// Distance of two lines of text, in font sizes.
-const LEADING: f64 = 1.3;
-/// Distance between elements, in px.
-const GAP: f64 = 6.0;
 /// Width and height of a tick with its label, in px.
 const TICK_ROOM: (f64, f64) = (58.0, 42.0);
 /// Height at which a curve with an infinite value ends: above the diagram, in heights of the diagram.
 const ABOVE: f64 = 1.1;
-/// Distance of the baseline below the middle of small text, in px.
-const SINK: f64 = 0.35 * SMALL;
 const TICK: Style = Style { color: "#000", dash: Dash::Solid, width: 0.8, mark: None };
 const GRID: Style = Style { color: "#e4e4e4", dash: Dash::Solid, width: 0.6, mark: None };
 const RULE: Style = Style { color: "#555", dash: Dash::ShortDashed, width: 0.8, mark: None };
-
-/// The dashes of a line.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Dash {
-    /// No dashes.
-    Solid,
-    /// Long strokes.
-    Dashed,
-    /// Dots.
-    Dotted,
-    /// Alternating strokes and dots.
-    DashDotted,
-    /// Short strokes.
-    ShortDashed,
-}
-
-impl Dash {
-    /// All variants, in the order of the series.
-    pub const ALL: [Self; 5] =
-        [Self::Solid, Self::Dashed, Self::DashDotted, Self::ShortDashed, Self::Dotted];
-}
-
-/// The look of a series.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Style {
-    /// An SVG colour.
-    pub color: &'static str,
-    /// The dashes of its line.
-    pub dash: Dash,
-    /// The width of its line in px; 0 draws no line.
-    pub width: f64,
-    /// The marker of its points. If points are dense, only some have markers.
-    pub mark: Option<Mark>,
-}
-
-/// A marker of the points of a series.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Mark {
-    /// A filled circle.
-    Disc,
-    /// An empty circle.
-    Ring,
-    /// An empty square.
-    Square,
-    /// An empty square on its corner.
-    Diamond,
-    /// An empty triangle that points up.
-    Triangle,
-    /// An empty triangle that points down.
-    Wedge,
-}
-
-impl Mark {
-    /// All variants, in the order of the series.
-    pub const ALL: [Self; 6] =
-        [Self::Ring, Self::Square, Self::Triangle, Self::Diamond, Self::Wedge, Self::Disc];
-}
-
-impl Style {
-    /// The default style of series `i`, counted from 0.
-    #[must_use]
-    pub fn numbered(i: usize) -> Self {
-        let color = PALETTE[i % PALETTE.len()];
-        Self { color, dash: Dash::ALL[i % Dash::ALL.len()], width: 1.6, mark: None }
-    }
-
-    /// A style with a marker and a solid line for series `i`.
-    #[must_use]
-    pub fn marked(i: usize) -> Self {
-        let mark = Some(Mark::ALL[i % Mark::ALL.len()]);
-        Self { dash: Dash::Solid, width: 1.4, mark, ..Self::numbered(i) }
-    }
-}
-
-/// A curve through points.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Series {
-    /// Its name in the legend; an empty name is omitted.
-    pub label: String,
-    /// Abscissae.
-    pub x: Vec<f64>,
-    /// Ordinates. The curve has a gap where a value is not finite, or not positive on a logarithmic axis.
-    /// At +∞ it rises to the frame on both sides.
-    pub y: Vec<f64>,
-    /// Its style, by default [`Style::numbered`].
-    pub style: Option<Style>,
-}
-
-impl Series {
-    /// A series with the default style.
-    #[must_use]
-    pub fn new(label: &str, x: Vec<f64>, y: Vec<f64>) -> Self {
-        Self { label: label.to_owned(), x, y, style: None }
-    }
-
-    /// The same series in another style.
-    #[must_use]
-    pub fn styled(self, style: Style) -> Self {
-        Self { style: Some(style), ..self }
-    }
-}
-
-/// An axis.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Axis {
-    /// Its quantity and unit.
-    pub label: String,
-    /// Whether it is logarithmic.
-    pub log: bool,
-    /// Its ends, by default those of the data.
-    pub range: Option<(f64, f64)>,
-    /// Named values, marked by dashed lines across the figure.
-    pub marks: Vec<(f64, String)>,
-}
-
-impl Axis {
-    /// A linear axis with the range of the data.
-    #[must_use]
-    pub fn labelled(label: &str) -> Self {
-        Self { label: label.to_owned(), ..Self::default() }
-    }
-}
 
 /// A diagram.
 #[derive(Debug, Clone, PartialEq)]
@@ -196,17 +62,6 @@ pub struct Figure {
     pub size: (f64, f64),
     /// Metadata for screen readers and programs.
     pub about: Option<About>,
-}
-
-/// Metadata of a figure.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct About {
-    /// A description in words (`desc`).
-    pub description: String,
-    /// The key of the result (`dc:identifier`).
-    pub identifier: String,
-    /// The engine (`dc:creator`).
-    pub creator: String,
 }
 
 impl Default for Figure {
@@ -404,19 +259,6 @@ impl Figure {
             let place = (area.right() + 0.5 * GAP, area.bottom() - y + SINK);
             canvas.text(place, Anchor::Start, SMALL, name);
         }
-    }
-}
-
-impl Axis {
-    /// The names of the visible marks and their distances from the lower end.
-    fn names(&self, scale: &Scale, length: f64) -> Vec<(f64, &str)> {
-        let shares = self.marks.iter().filter_map(|(value, name)| {
-            let share = scale.share(*value).filter(|share| (0.0..=1.0).contains(share))?;
-            Some((share * length, name.as_str()))
-        });
-        let mut names: Vec<(f64, &str)> = shares.collect();
-        names.sort_by(|a, b| a.0.total_cmp(&b.0));
-        names
     }
 }
 

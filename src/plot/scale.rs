@@ -1,6 +1,5 @@
 //! Scales: the range of an axis, and its ticks.
 
-use super::Axis;
 use super::text::power_of_ten;
 
 /// Decimal exponents of numbers that tick labels show without a power of ten.
@@ -10,6 +9,38 @@ const PLAIN: std::ops::RangeInclusive<i32> = -3..=4;
 const SAME: f64 = 1e-6;
 /// A logarithmic axis with fewer decades than this has ticks at equal steps.
 const MIN_DECADES: f64 = 0.6;
+
+/// An axis.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Axis {
+    /// Its quantity and unit.
+    pub label: String,
+    /// Whether it is logarithmic.
+    pub log: bool,
+    /// Its ends, by default those of the data.
+    pub range: Option<(f64, f64)>,
+    /// Named values, marked by dashed lines across the figure.
+    pub marks: Vec<(f64, String)>,
+}
+
+impl Axis {
+    /// A linear axis with the range of the data.
+    #[must_use]
+    pub fn labelled(label: &str) -> Self {
+        Self { label: label.to_owned(), ..Self::default() }
+    }
+
+    /// The names of the visible marks and their distances from the lower end.
+    pub(super) fn names(&self, scale: &Scale, length: f64) -> Vec<(f64, &str)> {
+        let shares = self.marks.iter().filter_map(|(value, name)| {
+            let share = scale.share(*value).filter(|share| (0.0..=1.0).contains(share))?;
+            Some((share * length, name.as_str()))
+        });
+        let mut names: Vec<(f64, &str)> = shares.collect();
+        names.sort_by(|a, b| a.0.total_cmp(&b.0));
+        names
+    }
+}
 
 /// A tick of an axis.
 #[derive(Debug, Clone, PartialEq)]

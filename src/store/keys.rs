@@ -3,9 +3,6 @@
 //! A key is `fretwork_<id>_<secret>`. Lists and logs show only the id. The database stores only a digest
 //! of the whole key, so reading the database gives no access.
 
-use std::fmt;
-use std::str::FromStr;
-
 use data_encoding::HEXLOWER;
 use sha2::{Digest as _, Sha256};
 use sqlx::sqlite::SqliteRow;
@@ -15,7 +12,7 @@ use subtle::ConstantTimeEq as _;
 use super::read::word;
 use super::writer::{Transaction, Verb};
 use super::{Error, Store};
-use crate::job::BadWord;
+use crate::job::words;
 
 /// Prefix of all keys. Tools that scan for leaked secrets recognise it.
 const MARK: &str = "fretwork";
@@ -24,43 +21,15 @@ const ID: usize = 8;
 /// Bytes of the secret.
 const SECRET: usize = 20;
 
-/// What the holder of a key may do. Each role includes the roles before it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Role {
-    /// Read results and check scenarios.
-    Read,
-    /// Submit jobs; see, cancel and delete own jobs.
-    Submit,
-    /// Everything, including jobs and results of all owners.
-    Admin,
-}
-
-impl Role {
-    /// All roles.
-    pub const ALL: [Self; 3] = [Self::Read, Self::Submit, Self::Admin];
-
-    /// The name of the role, in the API and in the tables.
-    #[must_use]
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Self::Read => "read",
-            Self::Submit => "submit",
-            Self::Admin => "admin",
-        }
-    }
-}
-
-impl fmt::Display for Role {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(self.as_str())
-    }
-}
-
-impl FromStr for Role {
-    type Err = BadWord;
-
-    fn from_str(text: &str) -> Result<Self, BadWord> {
-        Self::ALL.into_iter().find(|role| role.as_str() == text).ok_or(BadWord("role"))
+words! {
+    /// What the holder of a key may do. Each role includes the roles before it.
+    pub enum Role: "role" {
+        /// Read results and check scenarios.
+        Read = "read",
+        /// Submit jobs; see, cancel and delete own jobs.
+        Submit = "submit",
+        /// Everything, including jobs and results of all owners.
+        Admin = "admin",
     }
 }
 

@@ -9,28 +9,16 @@ use prometheus_client::metrics::histogram::{Histogram, exponential_buckets};
 use prometheus_client::registry::{Registry, Unit};
 
 use super::Error;
-use crate::job::Origin;
+use crate::job::{Origin, words};
 
-/// How a run ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Ending {
-    Succeeded,
-    Failed,
-    Canceled,
-    /// It is queued again.
-    Released,
-}
-
-impl Ending {
-    const ALL: [Self; 4] = [Self::Succeeded, Self::Failed, Self::Canceled, Self::Released];
-
-    fn as_str(self) -> &'static str {
-        match self {
-            Self::Succeeded => "succeeded",
-            Self::Failed => "failed",
-            Self::Canceled => "canceled",
-            Self::Released => "released",
-        }
+words! {
+    /// How a run ended.
+    pub(super) enum Ending: "outcome" {
+        Succeeded = "succeeded",
+        Failed = "failed",
+        Canceled = "canceled",
+        /// It is queued again.
+        Released = "released",
     }
 }
 

@@ -1,0 +1,108 @@
+//! Series of points, and how they look.
+
+/// The colours of Okabe and Ito, without yellow, which is invisible on white paper.
+pub const PALETTE: [&str; 7] =
+    ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000"];
+/// Grey, for reference curves.
+pub const GREY: &str = "#888888";
+
+/// The dashes of a line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Dash {
+    /// No dashes.
+    Solid,
+    /// Long strokes.
+    Dashed,
+    /// Dots.
+    Dotted,
+    /// Alternating strokes and dots.
+    DashDotted,
+    /// Short strokes.
+    ShortDashed,
+}
+
+impl Dash {
+    /// All variants, in the order of the series.
+    pub const ALL: [Self; 5] =
+        [Self::Solid, Self::Dashed, Self::DashDotted, Self::ShortDashed, Self::Dotted];
+}
+
+/// The look of a series.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Style {
+    /// An SVG colour.
+    pub color: &'static str,
+    /// The dashes of its line.
+    pub dash: Dash,
+    /// The width of its line in px; 0 draws no line.
+    pub width: f64,
+    /// The marker of its points. If points are dense, only some have markers.
+    pub mark: Option<Mark>,
+}
+
+/// A marker of the points of a series.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Mark {
+    /// A filled circle.
+    Disc,
+    /// An empty circle.
+    Ring,
+    /// An empty square.
+    Square,
+    /// An empty square on its corner.
+    Diamond,
+    /// An empty triangle that points up.
+    Triangle,
+    /// An empty triangle that points down.
+    Wedge,
+}
+
+impl Mark {
+    /// All variants, in the order of the series.
+    pub const ALL: [Self; 6] =
+        [Self::Ring, Self::Square, Self::Triangle, Self::Diamond, Self::Wedge, Self::Disc];
+}
+
+impl Style {
+    /// The default style of series `i`, counted from 0.
+    #[must_use]
+    pub fn numbered(i: usize) -> Self {
+        let color = PALETTE[i % PALETTE.len()];
+        Self { color, dash: Dash::ALL[i % Dash::ALL.len()], width: 1.6, mark: None }
+    }
+
+    /// A style with a marker and a solid line for series `i`.
+    #[must_use]
+    pub fn marked(i: usize) -> Self {
+        let mark = Some(Mark::ALL[i % Mark::ALL.len()]);
+        Self { dash: Dash::Solid, width: 1.4, mark, ..Self::numbered(i) }
+    }
+}
+
+/// A curve through points.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Series {
+    /// Its name in the legend; an empty name is omitted.
+    pub label: String,
+    /// Abscissae.
+    pub x: Vec<f64>,
+    /// Ordinates. The curve has a gap where a value is not finite, or not positive on a logarithmic axis.
+    /// At +∞ it rises to the frame on both sides.
+    pub y: Vec<f64>,
+    /// Its style, by default [`Style::numbered`].
+    pub style: Option<Style>,
+}
+
+impl Series {
+    /// A series with the default style.
+    #[must_use]
+    pub fn new(label: &str, x: Vec<f64>, y: Vec<f64>) -> Self {
+        Self { label: label.to_owned(), x, y, style: None }
+    }
+
+    /// The same series in another style.
+    #[must_use]
+    pub fn styled(self, style: Style) -> Self {
+        Self { style: Some(style), ..self }
+    }
+}
