@@ -4,13 +4,25 @@ use bytes::Bytes;
 use sha2::{Digest, Sha256};
 use sqlx::SqliteConnection;
 
-use super::Error;
+use super::error::Error;
 use super::outline;
-use super::read;
-use super::runs::Finish;
+use super::row::checksum;
 use super::signals::Effect;
-use super::writer::{Transaction, Verb};
+use super::transaction::Transaction;
 use crate::job::{Answer, Cost, JobId, Key, Outline};
+
+/// What happened to the result of a run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Finish {
+    /// It is stored.
+    Stored,
+    /// The same result was stored before.
+    Same,
+    /// A different result was stored before, and stays. This is a defect, and it is logged.
+    Differs,
+    /// The worker has lost the run. The result is not stored.
+    Refused,
+}
 
 /// What a request to delete a result did.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -72,7 +84,7 @@ impl Answered {
     /// result of the key.
     pub(super) async fn keep(
         &self,
-        tx: &mut Transaction<'_>,
+        tx: &mut Transaction,
         key: Key,
         source: &Source<'_>,
     ) -> Result<Finish, Error> {
@@ -80,7 +92,7 @@ impl Answered {
             sqlx::query_as("SELECT digest = ?2, evicted IS NULL FROM result WHERE key = ?1")
                 .bind(key.bytes().as_slice())
                 .bind(self.digest.as_slice())
-                .fetch_optional(&mut *tx.db)
+                .fetch_optional(&mut tx.db)
                 .await?;
         if let Some((same, _)) = before {
             tx.effects.push(Effect::Recomputed { key, same });
@@ -94,14 +106,14 @@ impl Answered {
                 )
                 .bind(key.bytes().as_slice())
                 .bind(&*self.body)
-                .bind(read::checksum(&self.body))
-                .execute(&mut *tx.db)
+                .bind(checksum(&self.body))
+                .execute(&mut tx.db)
                 .await?;
                 Ok(Finish::Same)
             }
             Some((false, true)) => Ok(Finish::Differs),
             Some((_, false)) | None => {
-                self.insert(tx.db, key, source, tx.now).await?;
+                self.insert(&mut tx.db, key, source, tx.now).await?;
                 tx.effects.push(Effect::Stored(self.body.len() as u64));
                 Ok(Finish::Stored)
             }
@@ -123,7 +135,7 @@ impl Answered {
             .bind(&self.summary)
             .bind(self.digest.as_slice())
             .bind(now)
-            .bind(read::checksum(&self.body))
+            .bind(checksum(&self.body))
             .bind(source.owner)
             .bind(source.job.map(|job| job.0.as_bytes().to_vec()))
             .bind(source.trace)
@@ -136,91 +148,67 @@ impl Answered {
     }
 }
 
-pub(super) struct Pin {
-    pub(super) key: Key,
-    pub(super) pinned: bool,
+/// Pins or unpins a result. Returns whether there is such a result.
+pub(super) async fn pin((key, pinned): &(Key, bool), tx: &mut Transaction) -> Result<bool, Error> {
+    let done = sqlx::query("UPDATE result SET pinned = ?2 WHERE key = ?1 AND evicted IS NULL")
+        .bind(key.bytes().as_slice())
+        .bind(pinned)
+        .execute(&mut tx.db)
+        .await?;
+    Ok(done.rows_affected() > 0)
 }
 
-impl Verb for Pin {
-    /// Whether there is such a result.
-    type Answer = bool;
-
-    async fn apply(&self, tx: &mut Transaction<'_>) -> Result<bool, Error> {
-        let done = sqlx::query("UPDATE result SET pinned = ?2 WHERE key = ?1 AND evicted IS NULL")
-            .bind(self.key.bytes().as_slice())
-            .bind(self.pinned)
-            .execute(&mut *tx.db)
-            .await?;
-        Ok(done.rows_affected() > 0)
+/// Writes the note of a result, or removes it. Returns whether there is such a result; it may be evicted.
+pub(super) async fn annotate(
+    (key, text, owner): &(Key, Option<String>, String),
+    tx: &mut Transaction,
+) -> Result<bool, Error> {
+    let key = key.bytes().as_slice();
+    let known: bool = sqlx::query_scalar("SELECT EXISTS (SELECT 1 FROM result WHERE key = ?1)")
+        .bind(key)
+        .fetch_one(&mut tx.db)
+        .await?;
+    if !known {
+        return Ok(false);
     }
-}
-
-/// Writes or removes the note of a result.
-pub(super) struct Annotate {
-    pub(super) key: Key,
-    pub(super) text: Option<String>,
-    pub(super) owner: String,
-}
-
-impl Verb for Annotate {
-    /// Whether there is such a result; it may be evicted.
-    type Answer = bool;
-
-    async fn apply(&self, tx: &mut Transaction<'_>) -> Result<bool, Error> {
-        let known: bool = sqlx::query_scalar("SELECT EXISTS (SELECT 1 FROM result WHERE key = ?1)")
-            .bind(self.key.bytes().as_slice())
-            .fetch_one(&mut *tx.db)
-            .await?;
-        if !known {
-            return Ok(false);
-        }
-        let change = match &self.text {
-            Some(text) => sqlx::query(
-                "INSERT OR REPLACE INTO note (key, text, owner, at) VALUES (?1, ?2, ?3, ?4)",
-            )
-            .bind(self.key.bytes().as_slice())
-            .bind(text)
-            .bind(&self.owner)
-            .bind(tx.now),
-            None => {
-                sqlx::query("DELETE FROM note WHERE key = ?1").bind(self.key.bytes().as_slice())
-            }
-        };
-        change.execute(&mut *tx.db).await?;
-        Ok(true)
-    }
+    let change = match text {
+        Some(text) => sqlx::query(
+            "INSERT OR REPLACE INTO note (key, text, owner, at) VALUES (?1, ?2, ?3, ?4)",
+        )
+        .bind(key)
+        .bind(text)
+        .bind(owner)
+        .bind(tx.now),
+        None => sqlx::query("DELETE FROM note WHERE key = ?1").bind(key),
+    };
+    change.execute(&mut tx.db).await?;
+    Ok(true)
 }
 
 /// Deletes the body of a result. Its scenario and its jobs stay.
-pub(super) struct Remove {
-    pub(super) key: Key,
-    pub(super) owner: String,
-}
-
-impl Verb for Remove {
-    type Answer = Removed;
-
-    async fn apply(&self, tx: &mut Transaction<'_>) -> Result<Removed, Error> {
-        let key = self.key.bytes().as_slice();
-        let found: Option<(bool, bool)> =
-            sqlx::query_as("SELECT evicted IS NULL, pinned FROM result WHERE key = ?1")
-                .bind(key)
-                .fetch_optional(&mut *tx.db)
-                .await?;
-        match found {
-            None | Some((false, _)) => return Ok(Removed::NotFound),
-            Some((true, true)) => return Ok(Removed::Pinned),
-            Some((true, false)) => {}
-        }
-        sqlx::query(
-            "UPDATE result SET evicted = ?2, deleted_by = ?3 WHERE key = ?1;
-             DELETE FROM result_blob WHERE key = ?1",
-        )
-        .bind(key)
-        .bind(tx.now)
-        .bind(&self.owner)
-        .execute(&mut *tx.db)
-        .await?;
-        Ok(Removed::Done)
+pub(super) async fn remove(
+    (key, owner): &(Key, String),
+    tx: &mut Transaction,
+) -> Result<Removed, Error> {
+    let key = key.bytes().as_slice();
+    let found: Option<(bool, bool)> =
+        sqlx::query_as("SELECT evicted IS NULL, pinned FROM result WHERE key = ?1")
+            .bind(key)
+            .fetch_optional(&mut tx.db)
+            .await?;
+    match found {
+        None | Some((false, _)) => return Ok(Removed::NotFound),
+        Some((true, true)) => return Ok(Removed::Pinned),
+        Some((true, false)) => {}
     }
+    sqlx::query(
+        "UPDATE result SET evicted = ?2, deleted_by = ?3 WHERE key = ?1;
+         DELETE FROM result_blob WHERE key = ?1",
+    )
+    .bind(key)
+    .bind(tx.now)
+    .bind(owner)
+    .execute(&mut tx.db)
+    .await?;
+    Ok(Removed::Done)
 }

@@ -9,8 +9,8 @@ use sqlx::sqlite::SqliteRow;
 use sqlx::{FromRow, Row, SqliteConnection};
 use subtle::ConstantTimeEq as _;
 
-use super::read::word;
-use super::writer::{Transaction, Verb};
+use super::row::word;
+use super::transaction::Transaction;
 use super::{Error, Store};
 use crate::job::words;
 
@@ -170,14 +170,14 @@ impl Store {
 
     /// Records that a key was used now.
     pub async fn key_was_used(&self, id: &str) -> Result<(), Error> {
-        self.write(Used(id.to_owned())).await
+        self.write(use_now, id.to_owned()).await
     }
 
     /// The secret that signs links to results. It is created once for each database.
     pub async fn link_secret(&self) -> Result<[u8; 32], Error> {
         let mut candidate = [0; 32];
         getrandom::fill(&mut candidate).map_err(|_| Error::NoRandomness)?;
-        self.write(LinkSecret(candidate)).await
+        self.write(link_secret, candidate).await
     }
 
     /// The number of queued jobs of an owner, and of running ones.
@@ -199,36 +199,24 @@ impl Store {
     }
 }
 
-struct Used(String);
-
-impl Verb for Used {
-    type Answer = ();
-
-    async fn apply(&self, tx: &mut Transaction<'_>) -> Result<(), Error> {
-        sqlx::query("UPDATE access_key SET last_used = ?2 WHERE id = ?1")
-            .bind(&self.0)
-            .bind(tx.now)
-            .execute(&mut *tx.db)
-            .await?;
-        Ok(())
-    }
+async fn use_now(id: &String, tx: &mut Transaction) -> Result<(), Error> {
+    sqlx::query("UPDATE access_key SET last_used = ?2 WHERE id = ?1")
+        .bind(id)
+        .bind(tx.now)
+        .execute(&mut tx.db)
+        .await?;
+    Ok(())
 }
 
 /// Stores a secret, if there is none yet; returns the stored one.
-struct LinkSecret([u8; 32]);
-
-impl Verb for LinkSecret {
-    type Answer = [u8; 32];
-
-    async fn apply(&self, tx: &mut Transaction<'_>) -> Result<[u8; 32], Error> {
-        sqlx::query("INSERT INTO link_secret (id, secret) VALUES (1, ?1) ON CONFLICT DO NOTHING")
-            .bind(self.0.as_slice())
-            .execute(&mut *tx.db)
-            .await?;
-        let kept: Vec<u8> =
-            sqlx::query_scalar("SELECT secret FROM link_secret").fetch_one(&mut *tx.db).await?;
-        kept.try_into().map_err(|_| sqlx::Error::Decode("a secret has 32 bytes".into()).into())
-    }
+async fn link_secret(candidate: &[u8; 32], tx: &mut Transaction) -> Result<[u8; 32], Error> {
+    sqlx::query("INSERT INTO link_secret (id, secret) VALUES (1, ?1) ON CONFLICT DO NOTHING")
+        .bind(candidate.as_slice())
+        .execute(&mut tx.db)
+        .await?;
+    let kept: Vec<u8> =
+        sqlx::query_scalar("SELECT secret FROM link_secret").fetch_one(&mut tx.db).await?;
+    kept.try_into().map_err(|_| sqlx::Error::Decode("a secret has 32 bytes".into()).into())
 }
 
 #[cfg(test)]

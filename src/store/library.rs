@@ -1,13 +1,12 @@
-//! Provenance and notes of results, and the entry points for search.
+//! Provenance, notes and deletion of results.
 
 use serde_json::Value;
 use sqlx::sqlite::SqliteRow;
-use sqlx::{Row, SqliteConnection, SqliteExecutor};
-use tokio::sync::SemaphorePermit;
+use sqlx::{Row, SqliteConnection};
 
-use super::search::{self, Cursor, Found, Search};
-use super::{Error, Removed, Store, keep, read};
-use crate::job::{ENGINE, JobId, Key, Outline, Task};
+use super::keep::{self, Removed};
+use super::{Error, Store, row};
+use crate::job::{ENGINE, JobId, Key, Task};
 
 /// What a user wrote about a result.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -183,7 +182,7 @@ pub(super) async fn provenance(
         computed: row.try_get("computed")?,
         wall: row.try_get("wall")?,
         cpu: row.try_get("cpu")?,
-        job: job.map(read::job_id).transpose()?,
+        job: job.map(row::job_id).transpose()?,
         trace: row.try_get("trace")?,
         program: Program::read(&row)?,
         jobs: row.try_get("jobs")?,
@@ -193,30 +192,9 @@ pub(super) async fn provenance(
         deleted_by: row.try_get("deleted_by")?,
         note: Note::read(&row)?,
         size: row.try_get("size")?,
-        sha256: read::key(&row, "digest")?,
+        sha256: row::key(&row, "digest")?,
         imported: imported.transpose()?,
     }))
-}
-
-async fn known(db: impl SqliteExecutor<'_>, key: &Key) -> Result<Option<Known>, Error> {
-    let row = sqlx::query(
-        "SELECT task, summary, numerics, evicted IS NULL AS held
-         FROM result JOIN result_task USING (key) LEFT JOIN program ON program.id = result.program
-         WHERE result.key = ?1",
-    )
-    .bind(key.bytes().as_slice())
-    .fetch_optional(db)
-    .await?;
-    let Some(row) = row else { return Ok(None) };
-    let scenario = Task::scenario_in(row.try_get("task")?)
-        .ok_or_else(|| sqlx::Error::Decode("the stored task cannot be read".into()))?;
-    let scenario: Value = read::json(scenario.get())?;
-    let numerics = match row.try_get("numerics")? {
-        Some(numerics) => numerics,
-        None => numerics_of(key, &scenario),
-    };
-    let (summary, held) = (read::json(row.try_get("summary")?)?, row.try_get("held")?);
-    Ok(Some(Known { scenario, summary, numerics, held }))
 }
 
 /// The `numerics` version for which a scenario has this key; 0 if there is none.
@@ -233,6 +211,11 @@ impl Store {
         self.reading(async |db| provenance(db, key).await).await
     }
 
+    /// Pins a result, which is then never evicted, or unpins it. Returns false if there is no such result.
+    pub async fn pin(&self, key: &Key, pinned: bool) -> Result<bool, Error> {
+        self.write(keep::pin, (*key, pinned)).await
+    }
+
     /// Writes the note of a result, or removes it. Returns false if there is no such result.
     pub async fn annotate(
         &self,
@@ -240,48 +223,41 @@ impl Store {
         text: Option<String>,
         owner: String,
     ) -> Result<bool, Error> {
-        self.write(keep::Annotate { key: *key, text, owner }).await
+        self.write(keep::annotate, (*key, text, owner)).await
     }
 
     /// Deletes the body of a result; its scenario stays known.
     pub async fn remove(&self, key: &Key, owner: String) -> Result<Removed, Error> {
-        self.write(keep::Remove { key: *key, owner }).await
-    }
-
-    /// Returns up to `limit` matching results after `cursor`, among all that were committed before this
-    /// call.
-    pub async fn search(
-        &self,
-        search: &Search,
-        cursor: Option<Cursor>,
-        limit: u32,
-    ) -> Result<Found, Error> {
-        let _permit = self.scan().await?;
-        self.reading(async |db| search::page(db, search, cursor, limit).await).await
-    }
-
-    /// The stored result whose scenario is nearest to an outline, other than `except`.
-    pub async fn nearest(&self, to: &Outline, except: Option<Key>) -> Result<Option<Key>, Error> {
-        let _permit = self.scan().await?;
-        self.reading(async |db| search::nearest(db, to, except).await).await
+        self.write(keep::remove, (*key, owner)).await
     }
 
     /// What is known of a key.
     pub async fn known(&self, key: &Key) -> Result<Option<Known>, Error> {
-        self.reading(async |db| known(db, key).await).await
-    }
-
-    /// Waits for permission to scan all results. Scans never take all connections, so single results can
-    /// always be read.
-    async fn scan(&self) -> Result<SemaphorePermit<'_>, Error> {
-        self.scans.acquire().await.map_err(|_| Error::Closed)
+        let row = self.reading(async |db| {
+            let query = sqlx::query(
+                "SELECT task, summary, numerics, evicted IS NULL AS held
+                 FROM result JOIN result_task USING (key)
+                 LEFT JOIN program ON program.id = result.program WHERE result.key = ?1",
+            );
+            Ok(query.bind(key.bytes().as_slice()).fetch_optional(db).await?)
+        });
+        let Some(row) = row.await? else { return Ok(None) };
+        let scenario = Task::scenario_in(row.try_get("task")?)
+            .ok_or_else(|| sqlx::Error::Decode("the stored task cannot be read".into()))?;
+        let scenario: Value = row::json(scenario.get())?;
+        let numerics = match row.try_get("numerics")? {
+            Some(numerics) => numerics,
+            None => numerics_of(key, &scenario),
+        };
+        let (summary, held) = (row::json(row.try_get("summary")?)?, row.try_get("held")?);
+        Ok(Some(Known { scenario, summary, numerics, held }))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::{JobId, Options, SCANS};
+    use crate::store::Options;
 
     /// A result can have a million jobs.
     #[tokio::test]
@@ -297,25 +273,5 @@ mod tests {
         let steps: Vec<&str> = rows.iter().map(|row| row.get("detail")).collect();
         assert!(steps.contains(&"SEARCH job USING COVERING INDEX job_key (key=?)"), "{steps:?}");
         assert!(steps.iter().all(|step| !step.starts_with("SCAN")), "{steps:?}");
-    }
-
-    #[tokio::test]
-    async fn jobs_can_be_read_while_searches_wait() {
-        let dir = tempfile::tempdir().unwrap();
-        let store = Store::open(dir.path(), &Options::default()).await.unwrap();
-        let permits = store.scans.acquire_many(u32::try_from(SCANS).unwrap()).await.unwrap();
-        let all = Search::default();
-        let mut search = std::pin::pin!(store.search(&all, None, 1));
-        let reads = async {
-            for _ in 0..100 {
-                assert_eq!(store.job(JobId::generate()).await.unwrap(), None);
-            }
-        };
-        tokio::select! {
-            _ = &mut search => panic!("there is no permit for it"),
-            () = reads => {}
-        }
-        drop(permits);
-        assert!(search.await.unwrap().results.is_empty());
     }
 }

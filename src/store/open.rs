@@ -17,9 +17,11 @@ use super::outline;
 use super::queue::Queue;
 use super::readers::Readers;
 use super::signals::Signals;
+use super::transaction::Transaction;
 use super::upkeep::Upkeep;
 use super::writer::Writer;
-use super::{Error, SCANS, Store};
+use super::{Error, Store};
+use crate::job::clock::now;
 
 pub(super) static MIGRATIONS: Migrator = sqlx::migrate!("migrations/sqlite");
 
@@ -28,6 +30,9 @@ pub(super) const APPLICATION_ID: i32 = 0x6672_6574;
 
 /// The file name of the database.
 pub(super) const DATABASE: &str = "fretwork.db";
+
+/// The number of readers that may scan all results at the same time. The others read single results.
+pub(super) const SCANS: usize = 2;
 
 /// How long a statement waits for another process that writes.
 pub(super) const BUSY: Duration = Duration::from_secs(5);
@@ -74,10 +79,11 @@ impl Store {
         let readers = Arc::new(Readers::open(&reading, options.readers).await?);
         let large = Arc::new(Readers::open(&reading, 1).await?);
         let signals = Arc::new(Signals::default());
-        let (queue, upkeep) = (Some(Queue::load(&mut db).await?), Upkeep::new(options));
+        let queue = Queue::load(&mut db).await?;
         let program = Program::this().row(&mut db).await?;
-        let writer =
-            Writer { db, signals: Arc::clone(&signals), queue, upkeep, program, lock }.start();
+        let tx = Transaction { db, now: now(), queue, program, effects: Vec::new() };
+        let upkeep = Upkeep::new(options.keep_jobs, options.budget);
+        let writer = Writer::new(tx, Arc::clone(&signals), upkeep, lock).start();
         let queue_limit = options.queue_limit;
         let scans = Arc::new(Semaphore::new(SCANS));
         let dir = dir.into();

@@ -4,8 +4,8 @@ use serde::Deserialize;
 use serde_json::{Map, Value, json};
 use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
 
-use super::Error;
-use super::read::{json, key};
+use super::error::Error;
+use super::row::{json, key};
 use crate::job::{Key, Outline, SCALARS, Task, WORDS, summary};
 
 /// The members of a stored result that search and export need.

@@ -12,8 +12,8 @@ use std::collections::{BTreeMap, HashMap};
 
 use sqlx::SqliteConnection;
 
-use super::Error;
-use super::runs::RunId;
+use super::error::Error;
+use super::row::{RunId, job_id};
 use crate::job::JobId;
 
 /// Where a job stands in its owner's lane: its priority, and its age by its id.
@@ -61,7 +61,7 @@ impl Queue {
         .fetch_all(db)
         .await?;
         for (run, owner, priority, job) in rows {
-            queue.add(RunId(run), &owner, priority, super::read::job_id(&job)?);
+            queue.add(RunId(run), &owner, priority, job_id(&job)?);
         }
         Ok(queue)
     }

@@ -1,24 +1,27 @@
-//! What can be asked of the tables, and how a row becomes a job.
+//! Reading jobs and results.
+
+use std::pin::pin;
+use std::time::Duration;
 
 use bytes::Bytes;
-use serde::de::DeserializeOwned;
 use serde_json::Value;
-use sha2::{Digest as _, Sha256};
 use sqlx::sqlite::SqliteRow;
 use sqlx::{FromRow, QueryBuilder, Row, Sqlite, SqliteExecutor};
-use xxhash_rust::xxh3::xxh3_64;
 
-use super::Error;
-use crate::job::{Change, Failure, FailureKind, Job, JobId, JobState, Key, Task};
+use super::readers::Readers;
+use super::row::{Sum, changes, job_id, json, key, word};
+use super::{Error, Store, upkeep};
+use crate::job::clock::now;
+use crate::job::{Failure, FailureKind, Job, JobId, JobState, Key, Task};
 
-/// Which jobs to list; an absent member asks for nothing.
+/// Conditions on the jobs of a list; `None` is no condition.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Filter {
     /// In this state.
     pub state: Option<JobState>,
     /// With exactly this label.
     pub label: Option<String>,
-    /// With this tag among theirs.
+    /// With this tag.
     pub tag: Option<String>,
     /// For this result.
     pub key: Option<Key>,
@@ -26,35 +29,202 @@ pub struct Filter {
     pub owner: Option<String>,
 }
 
-/// A part of a list, newest first.
+/// A page of a list, newest first.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Page {
     /// The jobs.
     pub jobs: Vec<Job>,
-    /// Where the next page begins, if there is one.
+    /// The cursor of the next page; `None` on the last page.
     pub next: Option<JobId>,
 }
 
-/// A result as it is kept.
+/// A result as it is stored.
 #[derive(Debug, Clone, PartialEq)]
 pub enum StoredResult {
-    /// It is there: the document as it is served.
+    /// The document as it is served.
     Whole(Bytes),
-    /// It is there, and large.
+    /// The document is [`LARGE`] and was not read.
     Large,
-    /// It was dropped.
+    /// The document was evicted or deleted.
     Evicted {
         /// When, in milliseconds since 1970.
         at: i64,
-        /// Who had it deleted; none if it had to make room.
+        /// Who deleted it; `None` if it was evicted to free space.
         deleted_by: Option<String>,
-        /// The scenario that it was the result of.
+        /// The scenario of the result.
         scenario: Value,
     },
 }
 
-/// A job with what it takes from its run and result. A run may go on, or fail, after a job of it
-/// was canceled: that is no longer the job's business.
+/// Larger results, in bytes, use one dedicated connection and are checksummed on a blocking thread.
+pub const LARGE: usize = 1 << 18;
+
+/// What a job was asked to compute.
+#[derive(Debug, Clone, Default, PartialEq, Eq, FromRow)]
+pub struct Asked {
+    /// The task in its stored form; `None` if it is no longer stored.
+    pub task: Option<String>,
+    /// The scenario as the client wrote it, in JSON; `None` if it is not stored.
+    pub submitted: Option<String>,
+}
+
+impl Store {
+    /// A job in its current state.
+    pub async fn job(&self, id: JobId) -> Result<Option<Job>, Error> {
+        self.reading(async |db| job(db, id).await).await
+    }
+
+    /// What a job was asked to compute.
+    pub async fn asked(&self, id: JobId) -> Result<Asked, Error> {
+        let asked = self.reading(async |db| {
+            // The run of a job has its task. A job that found a known result has no run. Its task is
+            // stored with the result, or, if the result was forgotten, with the run of another job.
+            let query = sqlx::query_as(
+                "SELECT coalesce(
+                     (SELECT task FROM run WHERE run.id = job.run),
+                     (SELECT task FROM result_task WHERE result_task.key = job.key),
+                     (SELECT task FROM job AS other JOIN run ON run.id = other.run
+                      WHERE other.key = job.key LIMIT 1)) AS task, submitted
+                 FROM job WHERE id = ?1",
+            );
+            let asked = query.bind(id.0.as_bytes().as_slice()).fetch_optional(db).await?;
+            Ok(asked.unwrap_or_default())
+        });
+        asked.await
+    }
+
+    /// Returns up to `limit` jobs that match, newest first, older than `cursor`.
+    pub async fn jobs(
+        &self,
+        filter: &Filter,
+        cursor: Option<JobId>,
+        limit: u32,
+    ) -> Result<Page, Error> {
+        let mut query = QueryBuilder::<Sqlite>::new(SELECT_JOB);
+        matching(&mut query, filter);
+        if let Some(cursor) = cursor {
+            query.push(" AND job.id < ").push_bind(cursor.0.as_bytes().to_vec());
+        }
+        // One row more than the page has tells whether there is a next page.
+        query.push(" ORDER BY job.id DESC LIMIT ").push_bind(i64::from(limit) + 1);
+        let rows = self.reading(async |db| Ok(query.build_query_as().fetch_all(db).await?));
+        let mut jobs: Vec<Job> = rows.await?.into_iter().map(|JobRow(job)| job).collect();
+        let more = jobs.len() as u64 > u64::from(limit);
+        jobs.truncate(limit as usize);
+        let next = jobs.last().filter(|_| more).map(|job| job.id);
+        Ok(Page { jobs, next })
+    }
+
+    /// The result of a key. Its checksum is verified, so damage to the disk cannot change a number.
+    pub async fn result(&self, key: &Key) -> Result<Option<StoredResult>, Error> {
+        match self.small_result(key).await? {
+            Some(StoredResult::Large) => self.result_by(&self.large, key, i64::MAX).await,
+            found => Ok(found),
+        }
+    }
+
+    /// The result of a key, unless it is [`LARGE`].
+    pub async fn small_result(&self, key: &Key) -> Result<Option<StoredResult>, Error> {
+        self.result_by(&self.readers, key, (LARGE as u64).cast_signed()).await
+    }
+
+    async fn result_by(
+        &self,
+        readers: &Readers,
+        key: &Key,
+        most: i64,
+    ) -> Result<Option<StoredResult>, Error> {
+        let read = async { result(readers.get().await?.connection(), key, most).await };
+        let Some((found, sum)) = self.counted(read.await)? else { return Ok(None) };
+        let StoredResult::Whole(body) = &found else { return Ok(Some(found)) };
+        let sound = if body.len() <= LARGE {
+            sum.is_of(body)
+        } else {
+            let body = body.clone();
+            // If the checksum panicked, the body would not be trusted.
+            tokio::task::spawn_blocking(move || sum.is_of(&body)).await.unwrap_or(false)
+        };
+        if !sound {
+            return self.counted(Err(Error::DamagedResult(*key)));
+        }
+        self.was_read(key);
+        Ok(Some(found))
+    }
+
+    /// Records that a result was read: the least recently read result is evicted first.
+    pub fn was_read(&self, key: &Key) {
+        self.signals.read(*key, now());
+    }
+
+    /// Whether the result of a key is stored.
+    pub async fn has_result(&self, key: &Key) -> Result<bool, Error> {
+        let known = self.reading(async |db| {
+            let query = sqlx::query_scalar(
+                "SELECT EXISTS (SELECT 1 FROM result WHERE key = ?1 AND evicted IS NULL)",
+            );
+            Ok(query.bind(key.bytes().as_slice()).fetch_one(db).await?)
+        });
+        known.await
+    }
+
+    /// The oldest unfinished job of the live run of a key. With an owner, the oldest of that owner.
+    pub async fn live_job(&self, key: &Key, owner: Option<&str>) -> Result<Option<JobId>, Error> {
+        let id = self.reading(async |db| {
+            let query = sqlx::query_scalar(
+                "SELECT job.id FROM run JOIN job ON job.run = run.id AND job.finished IS NULL
+                 WHERE run.key = ?1 AND run.state IN ('queued', 'running')
+                     AND (?2 IS NULL OR job.owner = ?2)
+                 ORDER BY job.id LIMIT 1",
+            );
+            Ok(query.bind(key.bytes().as_slice()).bind(owner).fetch_optional(db).await?)
+        });
+        let id: Option<Vec<u8>> = id.await?;
+        Ok(id.map(|bytes| job_id(&bytes)).transpose()?)
+    }
+
+    /// How long the oldest queued run has waited.
+    pub async fn longest_wait(&self) -> Result<Duration, Error> {
+        let oldest = self.reading(async |db| {
+            let query = sqlx::query_scalar(
+                "SELECT created FROM run INDEXED BY run_unfinished
+                 WHERE state = 'queued' AND finished IS NULL ORDER BY id LIMIT 1",
+            );
+            Ok(query.fetch_optional(db).await?)
+        });
+        let waited = oldest.await?.map_or(0, |oldest: i64| now() - oldest);
+        // The clock of the system may have been set back.
+        Ok(Duration::from_millis(waited.max(0).unsigned_abs()))
+    }
+
+    /// Checks that the database is writable.
+    pub async fn ping(&self) -> Result<(), Error> {
+        self.write(upkeep::ping, ()).await
+    }
+
+    /// Returns the job once it has finished, or in its current state once `until` has completed.
+    pub async fn wait(&self, job: Job, until: impl Future<Output = ()>) -> Result<Job, Error> {
+        if job.state.is_finished() {
+            return Ok(job);
+        }
+        let mut changes = self.watch(&job.key);
+        let mut until = pin!(until);
+        let mut over = false;
+        loop {
+            match self.job(job.id).await? {
+                Some(now) if over || now.state.is_finished() => return Ok(now),
+                Some(_) => {}
+                None => return Ok(job),
+            }
+            tokio::select! {
+                () = changes.ended() => {}
+                () = &mut until => over = true,
+            }
+        }
+    }
+}
+
+/// A job, with columns of its run and result. A run may continue or fail after one of its jobs was canceled.
+/// That does not change the job.
 const SELECT_JOB: &str = "
     SELECT job.id, job.owner, job.key, job.state, job.origin, job.label, job.tags, job.warnings,
         job.created, job.started, job.finished, job.attempt, job.priority, job.changes,
@@ -103,99 +273,11 @@ impl FromRow<'_, SqliteRow> for JobRow {
     }
 }
 
-/// Reads a word of a closed set.
-pub(super) fn word<T>(row: &SqliteRow, column: &str) -> Result<T, sqlx::Error>
-where
-    T: std::str::FromStr<Err: std::error::Error + Send + Sync + 'static>,
-{
-    row.try_get::<&str, _>(column)?.parse().map_err(|error| sqlx::Error::Decode(Box::new(error)))
-}
-
-/// Reads a key.
-pub(super) fn key(row: &SqliteRow, column: &str) -> Result<Key, sqlx::Error> {
-    let bytes: &[u8] = row.try_get(column)?;
-    let bytes = bytes.try_into().map_err(|error| sqlx::Error::Decode(Box::new(error)))?;
-    Ok(Key::from_bytes(bytes))
-}
-
-/// Reads the id of a job.
-pub(super) fn job_id(bytes: &[u8]) -> Result<JobId, sqlx::Error> {
-    uuid::Uuid::from_slice(bytes).map(JobId).map_err(|error| sqlx::Error::Decode(Box::new(error)))
-}
-
-/// Reads the changes of a job, one per line: state, attempt, time.
-pub(super) fn changes(text: &str) -> Result<Vec<Change>, sqlx::Error> {
-    let read = |line: &str| {
-        let mut words = line.split(' ');
-        Some(Change {
-            state: words.next()?.parse().ok()?,
-            attempt: words.next()?.parse().ok()?,
-            at: words.next()?.parse().ok()?,
-        })
-    };
-    text.lines()
-        .map(|line| read(line).ok_or_else(|| sqlx::Error::Decode("not a change of state".into())))
-        .collect()
-}
-
-/// Reads a document.
-pub(super) fn json<T: DeserializeOwned>(text: &str) -> Result<T, sqlx::Error> {
-    serde_json::from_str(text).map_err(|error| sqlx::Error::Decode(Box::new(error)))
-}
-
 pub(super) async fn job(db: impl SqliteExecutor<'_>, id: JobId) -> Result<Option<Job>, Error> {
     let mut query = QueryBuilder::<Sqlite>::new(SELECT_JOB);
     query.push("job.id = ").push_bind(id.0.as_bytes().as_slice());
     let row: Option<JobRow> = query.build_query_as().fetch_optional(db).await?;
     Ok(row.map(|JobRow(job)| job))
-}
-
-/// What a job was asked to compute.
-#[derive(Debug, Clone, Default, PartialEq, Eq, FromRow)]
-pub struct Asked {
-    /// The task in its stored form.
-    pub task: Option<String>,
-    /// The scenario as the client wrote it, in JSON.
-    pub submitted: Option<String>,
-}
-
-/// The run of a job holds its task. A job that found a known result has no run: then the task is with the
-/// result, or, once the result is forgotten, with the run of another job.
-pub(super) async fn asked(db: impl SqliteExecutor<'_>, id: JobId) -> Result<Asked, Error> {
-    let asked = sqlx::query_as(
-        "SELECT coalesce(
-             (SELECT task FROM run WHERE run.id = job.run),
-             (SELECT task FROM result_task WHERE result_task.key = job.key),
-             (SELECT task FROM job AS other JOIN run ON run.id = other.run
-              WHERE other.key = job.key LIMIT 1)) AS task, submitted
-         FROM job WHERE id = ?1",
-    )
-    .bind(id.0.as_bytes().as_slice())
-    .fetch_optional(db)
-    .await?;
-    Ok(asked.unwrap_or_default())
-}
-
-pub(super) async fn jobs(
-    db: impl SqliteExecutor<'_>,
-    filter: &Filter,
-    cursor: Option<JobId>,
-    limit: u32,
-) -> Result<Page, Error> {
-    let mut query = QueryBuilder::<Sqlite>::new(SELECT_JOB);
-    matching(&mut query, filter);
-    if let Some(cursor) = cursor {
-        query.push(" AND job.id < ").push_bind(cursor.0.as_bytes().to_vec());
-    }
-    // One more than asked for tells whether there is a next page.
-    query.push(" ORDER BY job.id DESC LIMIT ").push_bind(i64::from(limit) + 1);
-    let rows: Vec<JobRow> = query.build_query_as().fetch_all(db).await?;
-    let mut jobs: Vec<Job> = rows.into_iter().map(|JobRow(job)| job).collect();
-    let limit = usize::try_from(limit).unwrap_or(usize::MAX);
-    let more = jobs.len() > limit;
-    jobs.truncate(limit);
-    let next = jobs.last().filter(|_| more).map(|job| job.id);
-    Ok(Page { jobs, next })
 }
 
 /// The unfinished jobs that match and are not being canceled, newest first, older than `before`.
@@ -205,7 +287,7 @@ pub(super) async fn unfinished(
     before: JobId,
     at_most: u32,
 ) -> Result<Vec<JobId>, Error> {
-    // By the index of states: there are few that have not ended among very many that have.
+    // The index of states skips the many finished jobs.
     let mut query =
         QueryBuilder::<Sqlite>::new("SELECT job.id FROM job INDEXED BY job_state WHERE ");
     matching(&mut query, filter);
@@ -218,7 +300,7 @@ pub(super) async fn unfinished(
     Ok(ids.iter().map(|id| job_id(id)).collect::<Result<_, _>>()?)
 }
 
-/// What a filter asks of a job.
+/// Writes the conditions of a filter.
 fn matching(query: &mut QueryBuilder<Sqlite>, filter: &Filter) {
     query.push("TRUE");
     if let Some(state) = filter.state {
@@ -241,12 +323,12 @@ fn matching(query: &mut QueryBuilder<Sqlite>, filter: &Filter) {
     }
 }
 
-/// A result, if its body has no more bytes than this.
+/// A result and the hash of its body. The body is read if it has at most `most` bytes.
 pub(super) async fn result(
     db: impl SqliteExecutor<'_>,
     key: &Key,
     most: i64,
-) -> Result<Option<Kept>, Error> {
+) -> Result<Option<(StoredResult, Sum)>, Error> {
     let row = sqlx::query(
         "SELECT size > ?2 AS larger, iif(size > ?2, NULL, body) AS body, digest, checksum, evicted,
              deleted_by, iif(evicted IS NULL, NULL, (SELECT task FROM result_task WHERE key = ?1)) AS task
@@ -257,97 +339,15 @@ pub(super) async fn result(
     .fetch_optional(db)
     .await?;
     let Some(row) = row else { return Ok(None) };
-    if let Some(at) = row.try_get("evicted")? {
+    let found = if let Some(at) = row.try_get("evicted")? {
         let task: Option<&str> = row.try_get("task")?;
         let scenario = task.and_then(Task::scenario_in);
         let scenario = scenario.map_or(Ok(Value::Null), |scenario| json(scenario.get()))?;
-        let deleted_by = row.try_get("deleted_by")?;
-        return Ok(Some(Kept::Evicted { at, deleted_by, scenario }));
-    }
-    if row.try_get("larger")? {
-        return Ok(Some(Kept::Larger));
-    }
-    let body: Vec<u8> = row.try_get("body")?;
-    Ok(Some(Kept::Whole { body, sum: sum(&row)? }))
-}
-
-/// Reads the columns `checksum` and `digest`.
-pub(super) fn sum(row: &SqliteRow) -> Result<Sum, sqlx::Error> {
-    Ok(match row.try_get("checksum")? {
-        Some(checksum) => Sum::Check(checksum),
-        None => Sum::Digest(row.try_get("digest")?),
-    })
-}
-
-/// A result as the tables have it.
-pub(super) enum Kept {
-    Whole {
-        body: Vec<u8>,
-        sum: Sum,
-    },
-    /// It has more bytes than were asked for.
-    Larger,
-    Evicted {
-        at: i64,
-        deleted_by: Option<String>,
-        scenario: Value,
-    },
-}
-
-/// What the bytes of a body must come to.
-pub(super) enum Sum {
-    Check(i64),
-    /// Results of the first version have nothing else.
-    Digest(Vec<u8>),
-}
-
-impl Sum {
-    pub(super) fn is_of(&self, body: &[u8]) -> bool {
-        match self {
-            Self::Check(sum) => checksum(body) == *sum,
-            Self::Digest(digest) => *Sha256::digest(body) == **digest,
-        }
-    }
-}
-
-pub(super) fn checksum(body: &[u8]) -> i64 {
-    xxh3_64(body).cast_signed()
-}
-
-pub(super) async fn has_result(db: impl SqliteExecutor<'_>, key: &Key) -> Result<bool, Error> {
-    let known = sqlx::query_scalar(
-        "SELECT EXISTS (SELECT 1 FROM result WHERE key = ?1 AND evicted IS NULL)",
-    )
-    .bind(key.bytes().as_slice())
-    .fetch_one(db)
-    .await?;
-    Ok(known)
-}
-
-pub(super) async fn live_job(
-    db: impl SqliteExecutor<'_>,
-    key: &Key,
-    owner: Option<&str>,
-) -> Result<Option<JobId>, Error> {
-    let id: Option<Vec<u8>> = sqlx::query_scalar(
-        "SELECT job.id FROM run JOIN job ON job.run = run.id AND job.finished IS NULL
-         WHERE run.key = ?1 AND run.state IN ('queued', 'running') AND (?2 IS NULL OR job.owner = ?2)
-         ORDER BY job.id LIMIT 1",
-    )
-    .bind(key.bytes().as_slice())
-    .bind(owner)
-    .fetch_optional(db)
-    .await?;
-    Ok(id.map(|bytes| job_id(&bytes)).transpose()?)
-}
-
-/// When the oldest queued run was made.
-pub(super) async fn oldest_queued(db: impl SqliteExecutor<'_>) -> Result<Option<i64>, Error> {
-    let created = sqlx::query_scalar(
-        "SELECT created FROM run INDEXED BY run_unfinished
-         WHERE state = 'queued' AND finished IS NULL ORDER BY id LIMIT 1",
-    )
-    .fetch_optional(db)
-    .await?;
-    Ok(created)
+        StoredResult::Evicted { at, deleted_by: row.try_get("deleted_by")?, scenario }
+    } else if row.try_get("larger")? {
+        StoredResult::Large
+    } else {
+        StoredResult::Whole(row.try_get::<Vec<u8>, _>("body")?.into())
+    };
+    Ok(Some((found, Sum::read(&row)?)))
 }

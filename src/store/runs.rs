@@ -1,318 +1,284 @@
-//! What workers do with runs.
+//! How workers claim and end runs.
 //!
-//! A worker's verbs name the run *and* the attempt: a worker that was given up changes nothing.
+//! Each change names the run and the attempt. So a worker that has lost its run changes nothing.
 
-use sqlx::Row;
-use sqlx::sqlite::SqliteRow;
+use sqlx::query::Query;
+use sqlx::sqlite::{SqliteArguments, SqliteRow};
+use sqlx::{Row, Sqlite};
 
-use super::Error;
-use super::keep::{Answered, Source};
+use super::keep::{Answered, Finish, Source};
 use super::queue::Queue;
-use super::read::{self, key};
+use super::row::{RunId, job_id, key};
 use super::signals::{Effect, Stop};
 use super::tally::Ending;
-use super::writer::{Transaction, Verb};
-use crate::job::{FailureKind, Key};
+use super::transaction::Transaction;
+use super::{Error, Store};
+use crate::job::{Answer, Cost, FailureKind, Key};
 
-/// Names one run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct RunId(pub(super) i64);
-
-/// A run that a worker has taken.
+/// A run that a worker has claimed.
 #[derive(Debug, Clone)]
 pub struct Claimed {
-    /// Its name.
+    /// Its id.
     pub run: RunId,
-    /// Which attempt this is, from 1: what the worker reports is fenced by it.
+    /// The number of this attempt, from 1.
     pub attempt: u32,
-    /// The address of the result.
+    /// The key of the result.
     pub key: Key,
     /// What to compute, in its stored form.
     pub task: String,
     /// The request that submitted it, for the log.
     pub trace: Option<String>,
-    /// Raised once nobody wants the result any more.
+    /// Tells the worker that no job needs the result any more.
     pub stop: Stop,
 }
 
-/// What became of a finished run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Finish {
-    /// The result is stored.
-    Stored,
-    /// The same result was there already.
-    Same,
-    /// A different result was there already, and stays: a fault, logged.
-    Differs,
-    /// The run is no longer this worker's to finish; nothing was stored.
-    Refused,
-}
-
-/// What was found unfinished at the start.
+/// How many unfinished runs of the last process were found at the start.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Recovered {
-    /// Runs that were interrupted and wait again.
+    /// Running runs that are queued again.
     pub requeued: u64,
-    /// Runs that were interrupted too often and have failed.
+    /// Running runs that were lost too often and have failed.
     pub failed: u64,
-    /// Runs that were being canceled and now are.
+    /// Runs that were being canceled and are canceled now.
     pub canceled: u64,
 }
 
-/// A run that took the process down with it this often is given up.
-const LOST_AT_MOST: u32 = 3;
+/// A run fails after the process has died this often while computing it.
+const MAX_LOST: u32 = 3;
 
-pub(super) struct Claim;
+impl Store {
+    /// Claims the next queued run.
+    ///
+    /// The caller must end it by [`finish`](Self::finish), [`fail`](Self::fail),
+    /// [`stopped`](Self::stopped) or [`release`](Self::release). Otherwise it stays claimed until the next
+    /// start of the server.
+    pub async fn claim(&self) -> Result<Option<Claimed>, Error> {
+        self.write(claim, ()).await
+    }
 
-impl Verb for Claim {
-    type Answer = Option<Claimed>;
+    /// Stores the progress of a run, in 0…1. Returns false if the worker has lost the run.
+    pub async fn progress(&self, run: RunId, attempt: u32, share: f64) -> Result<bool, Error> {
+        self.write(progress, (run, attempt, share)).await
+    }
 
-    async fn apply(&self, tx: &mut Transaction<'_>) -> Result<Self::Answer, Error> {
-        let Some(run) = tx.queue.take() else { return Ok(None) };
-        let row = sqlx::query(
-            "UPDATE run SET state = 'running', attempt = attempt + 1, progress = 0, started = ?2,
-                 changed = ?2
-             WHERE id = ?1 AND state = 'queued' RETURNING attempt, key, task, trace",
-        )
-        .bind(run.0)
-        .bind(tx.now)
-        .fetch_one(&mut *tx.db)
-        .await?;
-        let claimed = Claimed {
-            run,
-            attempt: row.try_get("attempt")?,
-            key: key(&row, "key")?,
-            task: row.try_get("task")?,
-            trace: row.try_get("trace")?,
-            stop: Stop::default(),
-        };
-        tx.effects.push(Effect::Started(claimed.run, claimed.stop.clone()));
-        tx.effects.push(Effect::Changed(claimed.key));
-        Ok(Some(claimed))
+    /// Stores the result of a run, and the cost of this attempt.
+    pub async fn finish(
+        &self,
+        run: RunId,
+        attempt: u32,
+        answer: &Answer,
+        cost: Cost,
+    ) -> Result<Finish, Error> {
+        self.write(finish, (run, attempt, Answered::new(answer, Some(cost)))).await
+    }
+
+    /// Ends a run by a failure. Returns false if the worker has lost the run.
+    pub async fn fail(
+        &self,
+        run: RunId,
+        attempt: u32,
+        kind: FailureKind,
+        message: &str,
+    ) -> Result<bool, Error> {
+        self.write(fail, (run, attempt, kind, message.to_owned())).await
+    }
+
+    /// Confirms that the worker has stopped a run that is being canceled. Returns false if it is not.
+    pub async fn stopped(&self, run: RunId, attempt: u32) -> Result<bool, Error> {
+        self.write(stopped, (run, attempt)).await
+    }
+
+    /// Queues a running run again. It does not count as lost. Returns false if the worker has lost the run.
+    pub async fn release(&self, run: RunId, attempt: u32) -> Result<bool, Error> {
+        self.write(release, (run, attempt)).await
+    }
+
+    /// Ends or queues all runs that the last process left unfinished. Call it before the first claim: it
+    /// treats every running run as lost.
+    pub async fn recover(&self) -> Result<Recovered, Error> {
+        self.write(recover, ()).await
     }
 }
 
-pub(super) struct Progress {
-    pub(super) run: RunId,
-    pub(super) attempt: u32,
-    pub(super) share: f64,
+async fn claim((): &(), tx: &mut Transaction) -> Result<Option<Claimed>, Error> {
+    let Some(run) = tx.queue.take() else { return Ok(None) };
+    let row = sqlx::query(
+        "UPDATE run SET state = 'running', attempt = attempt + 1, progress = 0, started = ?2,
+             changed = ?2
+         WHERE id = ?1 AND state = 'queued' RETURNING attempt, key, task, trace",
+    )
+    .bind(run.0)
+    .bind(tx.now)
+    .fetch_one(&mut tx.db)
+    .await?;
+    let claimed = Claimed {
+        run,
+        attempt: row.try_get("attempt")?,
+        key: key(&row, "key")?,
+        task: row.try_get("task")?,
+        trace: row.try_get("trace")?,
+        stop: Stop::default(),
+    };
+    tx.effects.push(Effect::Started(run, claimed.stop.clone()));
+    tx.effects.push(Effect::Changed(claimed.key));
+    Ok(Some(claimed))
 }
 
-impl Verb for Progress {
-    type Answer = bool;
-
-    async fn apply(&self, tx: &mut Transaction<'_>) -> Result<bool, Error> {
-        let row = sqlx::query(
-            "UPDATE run SET progress = ?3 WHERE id = ?1 AND attempt = ?2 AND state = 'running'
-             RETURNING key",
-        )
-        .bind(self.run.0)
-        .bind(self.attempt)
-        // NaN would be null: no share at all.
-        .bind(if self.share.is_nan() { 0.0 } else { self.share.clamp(0.0, 1.0) })
-        .fetch_optional(&mut *tx.db)
-        .await?;
-        let Some(row) = row else { return Ok(false) };
-        tx.effects.push(Effect::Changed(key(&row, "key")?));
-        Ok(true)
-    }
+async fn progress(
+    (run, attempt, share): &(RunId, u32, f64),
+    tx: &mut Transaction,
+) -> Result<bool, Error> {
+    let row = sqlx::query(
+        "UPDATE run SET progress = ?3 WHERE id = ?1 AND attempt = ?2 AND state = 'running'
+         RETURNING key",
+    )
+    .bind(run.0)
+    .bind(attempt)
+    // SQLite would store NaN as null.
+    .bind(if share.is_nan() { 0.0 } else { share.clamp(0.0, 1.0) })
+    .fetch_optional(&mut tx.db)
+    .await?;
+    let Some(row) = row else { return Ok(false) };
+    tx.effects.push(Effect::Changed(key(&row, "key")?));
+    Ok(true)
 }
 
-pub(super) struct FinishRun {
-    pub(super) run: RunId,
-    pub(super) attempt: u32,
-    pub(super) answer: Answered,
+async fn finish(
+    (run, attempt, answer): &(RunId, u32, Answered),
+    tx: &mut Transaction,
+) -> Result<Finish, Error> {
+    succeed(tx, *run, *attempt, answer).await
 }
 
-impl Verb for FinishRun {
-    type Answer = Finish;
-
-    async fn apply(&self, tx: &mut Transaction<'_>) -> Result<Finish, Error> {
-        finish(tx, self.run, self.attempt, &self.answer).await
-    }
-}
-
-/// Ends a run by its answer: the one way to finish a job.
-pub(super) async fn finish(
-    tx: &mut Transaction<'_>,
+/// Ends a run by its answer. Every computed job finishes here.
+pub(super) async fn succeed(
+    tx: &mut Transaction,
     run: RunId,
     attempt: u32,
     answer: &Answered,
 ) -> Result<Finish, Error> {
-    let row = sqlx::query(
+    let update = sqlx::query(
         "UPDATE run SET state = 'succeeded', progress = 1, finished = ?3, changed = ?3
          WHERE id = ?1 AND attempt = ?2 AND state = 'running'
-         RETURNING id, key, started, task, owner, trace,
+         RETURNING key, started, task, owner, trace,
              (SELECT min(id) FROM job WHERE job.run = run.id) AS job",
-    )
-    .bind(run.0)
-    .bind(attempt)
-    .bind(tx.now)
-    .fetch_optional(&mut *tx.db)
-    .await?;
-    let (Some(row), Some(key)) = (&row, ended(tx, row.as_ref(), Ending::Succeeded)?) else {
+    );
+    let Some(row) = end(tx, update, run, attempt, Ending::Succeeded).await? else {
         return Ok(Finish::Refused);
     };
     let job: Option<&[u8]> = row.try_get("job")?;
     let source = Source {
         task: row.try_get("task")?,
         owner: Some(row.try_get("owner")?),
-        job: job.map(read::job_id).transpose()?,
+        job: job.map(job_id).transpose()?,
         trace: row.try_get("trace")?,
         program: Some(tx.program),
     };
-    answer.keep(tx, key, &source).await
+    answer.keep(tx, key(&row, "key")?, &source).await
 }
 
-pub(super) struct Fail {
-    pub(super) run: RunId,
-    pub(super) attempt: u32,
-    pub(super) kind: FailureKind,
-    pub(super) message: String,
+async fn fail(
+    (run, attempt, kind, message): &(RunId, u32, FailureKind, String),
+    tx: &mut Transaction,
+) -> Result<bool, Error> {
+    let update = sqlx::query(
+        "UPDATE run SET state = 'failed', finished = ?5, changed = ?5, error_kind = ?1, error = ?2
+         WHERE id = ?3 AND attempt = ?4 AND state = 'running' RETURNING key, started",
+    );
+    let update = update.bind(kind.as_str()).bind(message);
+    Ok(end(tx, update, *run, *attempt, Ending::Failed).await?.is_some())
 }
 
-impl Verb for Fail {
-    type Answer = bool;
+async fn stopped((run, attempt): &(RunId, u32), tx: &mut Transaction) -> Result<bool, Error> {
+    let update = sqlx::query(
+        "UPDATE run SET state = 'canceled', finished = ?3, changed = ?3
+         WHERE id = ?1 AND attempt = ?2 AND state = 'canceling' RETURNING key, started",
+    );
+    Ok(end(tx, update, *run, *attempt, Ending::Canceled).await?.is_some())
+}
 
-    async fn apply(&self, tx: &mut Transaction<'_>) -> Result<bool, Error> {
-        let row = sqlx::query(
-            "UPDATE run SET state = 'failed', finished = ?3, changed = ?3, error_kind = ?4,
-                 error = ?5
-             WHERE id = ?1 AND attempt = ?2 AND state = 'running' RETURNING id, key, started",
-        )
-        .bind(self.run.0)
-        .bind(self.attempt)
-        .bind(tx.now)
-        .bind(self.kind.as_str())
-        .bind(&self.message)
-        .fetch_optional(&mut *tx.db)
-        .await?;
-        Ok(ended(tx, row.as_ref(), Ending::Failed)?.is_some())
+async fn release((run, attempt): &(RunId, u32), tx: &mut Transaction) -> Result<bool, Error> {
+    // `started` is null after the update, and a released run does not count in the durations.
+    let update = sqlx::query(
+        "UPDATE run SET state = 'queued', progress = 0, started = NULL, changed = ?3
+         WHERE id = ?1 AND attempt = ?2 AND state = 'running' RETURNING key, started",
+    );
+    if end(tx, update, *run, *attempt, Ending::Released).await?.is_none() {
+        return Ok(false);
     }
-}
-
-pub(super) struct Stopped {
-    pub(super) run: RunId,
-    pub(super) attempt: u32,
-}
-
-impl Verb for Stopped {
-    type Answer = bool;
-
-    async fn apply(&self, tx: &mut Transaction<'_>) -> Result<bool, Error> {
-        let row = sqlx::query(
-            "UPDATE run SET state = 'canceled', finished = ?3, changed = ?3
-             WHERE id = ?1 AND attempt = ?2 AND state = 'canceling' RETURNING id, key, started",
-        )
-        .bind(self.run.0)
-        .bind(self.attempt)
-        .bind(tx.now)
-        .fetch_optional(&mut *tx.db)
-        .await?;
-        Ok(ended(tx, row.as_ref(), Ending::Canceled)?.is_some())
-    }
-}
-
-pub(super) struct Release {
-    pub(super) run: RunId,
-    pub(super) attempt: u32,
-}
-
-impl Verb for Release {
-    type Answer = bool;
-
-    async fn apply(&self, tx: &mut Transaction<'_>) -> Result<bool, Error> {
-        let row = sqlx::query(
-            "UPDATE run SET state = 'queued', progress = 0, started = NULL, changed = ?3
-             WHERE id = ?1 AND attempt = ?2 AND state = 'running' RETURNING id, key, started",
-        )
-        .bind(self.run.0)
-        .bind(self.attempt)
-        .bind(tx.now)
-        .fetch_optional(&mut *tx.db)
-        .await?;
-        let released = ended(tx, row.as_ref(), Ending::Released)?.is_some();
-        if released {
-            let jobs: Vec<(String, u8, Vec<u8>)> = sqlx::query_as(
-                "SELECT owner, priority, id FROM job WHERE run = ?1 AND finished IS NULL",
-            )
-            .bind(self.run.0)
-            .fetch_all(&mut *tx.db)
+    let jobs: Vec<(String, u8, Vec<u8>)> =
+        sqlx::query_as("SELECT owner, priority, id FROM job WHERE run = ?1 AND finished IS NULL")
+            .bind(run.0)
+            .fetch_all(&mut tx.db)
             .await?;
-            for (owner, priority, id) in jobs {
-                tx.queue.add(self.run, &owner, priority, read::job_id(&id)?);
-            }
-            tx.effects.push(Effect::Queued);
-        }
-        Ok(released)
+    for (owner, priority, id) in jobs {
+        tx.queue.add(*run, &owner, priority, job_id(&id)?);
     }
+    tx.effects.push(Effect::Queued);
+    Ok(true)
 }
 
-pub(super) struct Recover;
-
-impl Verb for Recover {
-    type Answer = Recovered;
-
-    async fn apply(&self, tx: &mut Transaction<'_>) -> Result<Recovered, Error> {
-        let canceled = sqlx::query(
-            "UPDATE run SET state = 'canceled', finished = ?1, changed = ?1
-             WHERE state = 'canceling' AND finished IS NULL RETURNING key",
-        )
-        .bind(tx.now)
-        .fetch_all(&mut *tx.db)
-        .await?;
-        let failed = sqlx::query(
-            "UPDATE run SET state = 'failed', lost = lost + 1, finished = ?1, changed = ?1,
-                 error_kind = ?2, error = ?3
-             WHERE state = 'running' AND finished IS NULL AND lost + 1 >= ?4 RETURNING key",
-        )
-        .bind(tx.now)
-        .bind(FailureKind::WorkerLost.as_str())
-        .bind(format!("the server died {LOST_AT_MOST} times while computing this"))
-        .bind(LOST_AT_MOST)
-        .fetch_all(&mut *tx.db)
-        .await?;
-        let requeued = sqlx::query(
-            "UPDATE run SET state = 'queued', lost = lost + 1, progress = 0, started = NULL,
-                 changed = ?1
-             WHERE state = 'running' AND finished IS NULL RETURNING key",
-        )
-        .bind(tx.now)
-        .fetch_all(&mut *tx.db)
-        .await?;
-        let counts = Recovered {
-            requeued: requeued.len() as u64,
-            failed: failed.len() as u64,
-            canceled: canceled.len() as u64,
-        };
-        for (rows, ending) in
-            [(canceled, Ending::Canceled), (failed, Ending::Failed), (requeued, Ending::Released)]
-        {
-            for row in rows {
-                // How long the server was down is not how long they took.
-                let key = key(&row, "key")?;
-                tx.effects.extend([Effect::Ended(key), Effect::Settled(ending, None)]);
-            }
+async fn recover((): &(), tx: &mut Transaction) -> Result<Recovered, Error> {
+    let canceled = sqlx::query(
+        "UPDATE run SET state = 'canceled', finished = ?1, changed = ?1
+         WHERE state = 'canceling' AND finished IS NULL RETURNING key",
+    )
+    .bind(tx.now)
+    .fetch_all(&mut tx.db)
+    .await?;
+    let failed = sqlx::query(
+        "UPDATE run SET state = 'failed', lost = lost + 1, finished = ?1, changed = ?1,
+             error_kind = ?2, error = ?3
+         WHERE state = 'running' AND finished IS NULL AND lost + 1 >= ?4 RETURNING key",
+    )
+    .bind(tx.now)
+    .bind(FailureKind::WorkerLost.as_str())
+    .bind(format!("the server died {MAX_LOST} times while computing this"))
+    .bind(MAX_LOST)
+    .fetch_all(&mut tx.db)
+    .await?;
+    let requeued = sqlx::query(
+        "UPDATE run SET state = 'queued', lost = lost + 1, progress = 0, started = NULL,
+             changed = ?1
+         WHERE state = 'running' AND finished IS NULL RETURNING key",
+    )
+    .bind(tx.now)
+    .fetch_all(&mut tx.db)
+    .await?;
+    let counts = Recovered {
+        requeued: requeued.len() as u64,
+        failed: failed.len() as u64,
+        canceled: canceled.len() as u64,
+    };
+    for (rows, ending) in
+        [(canceled, Ending::Canceled), (failed, Ending::Failed), (requeued, Ending::Released)]
+    {
+        for row in rows {
+            // The time during which the server was down is no duration of a run.
+            tx.effects.extend([Effect::Ended(key(&row, "key")?), Effect::Settled(ending, None)]);
         }
-        *tx.queue = Queue::load(tx.db).await?;
-        tx.effects.push(Effect::Queued);
-        Ok(counts)
     }
+    tx.queue = Queue::load(&mut tx.db).await?;
+    tx.effects.push(Effect::Queued);
+    Ok(counts)
 }
 
-/// After a statement that took a run from its worker: its stop flag is forgotten, and those who
-/// wait are told. Returns the key if there was such a run.
-fn ended(
-    tx: &mut Transaction<'_>,
-    row: Option<&SqliteRow>,
-    how: Ending,
-) -> Result<Option<Key>, Error> {
-    let Some(row) = row else { return Ok(None) };
-    let (run, key) = (RunId(row.try_get("id")?), key(row, "key")?);
+/// Takes a run from its worker by a statement that returns at least `key` and `started`. The next three
+/// parameters of the statement are the run, the attempt and the time. Returns `None` if the worker has
+/// lost the run.
+async fn end(
+    tx: &mut Transaction,
+    update: Query<'_, Sqlite, SqliteArguments>,
+    run: RunId,
+    attempt: u32,
+    ending: Ending,
+) -> Result<Option<SqliteRow>, Error> {
+    let update = update.bind(run.0).bind(attempt).bind(tx.now);
+    let Some(row) = update.fetch_optional(&mut tx.db).await? else { return Ok(None) };
     let started: Option<i64> = row.try_get("started")?;
     tx.queue.end(run);
     tx.effects.push(Effect::LetGo(run));
-    tx.effects.push(Effect::Ended(key));
-    tx.effects.push(Effect::Settled(how, started.map(|started| tx.now - started)));
-    Ok(Some(key))
+    tx.effects.push(Effect::Ended(key(&row, "key")?));
+    tx.effects.push(Effect::Settled(ending, started.map(|started| tx.now - started)));
+    Ok(Some(row))
 }

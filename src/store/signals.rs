@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use tokio::sync::watch;
 
-use super::runs::RunId;
+use super::row::RunId;
 use super::tally::{Ending, Tally};
 use crate::job::clock::now;
 use crate::job::{Key, Origin};

@@ -1,41 +1,40 @@
-//! Submissions: known results, live runs and new runs; also those that come with their answer.
+//! Submissions: they find a known result, join a live run, or queue a new run. Some come with their answer.
 
 use serde_json::Value;
 use sqlx::Row;
 
-use super::Error;
 use super::keep::Answered;
-use super::read::{self, json, word};
-use super::runs::{self, RunId};
+use super::row::{RunId, changes, job_id, json, word};
 use super::signals::Effect;
-use super::writer::{Transaction, Verb};
+use super::transaction::Transaction;
+use super::{Error, Store, read, runs};
 use crate::job::{Answer, Change, Cost, Job, JobId, JobState, Key, Origin};
 use fretwork_engine::scenario::Warning;
 
-/// A submission, checked and addressed.
+/// A submission, checked and with its key.
 #[derive(Debug, Clone)]
 pub struct NewJob {
     /// Its id, made by the caller.
     pub id: JobId,
     /// Who submits it.
     pub owner: String,
-    /// The address of its result.
+    /// The key of its result.
     pub key: Key,
     /// What to compute, in its stored form.
     pub task: String,
     /// The scenario as the client wrote it, in JSON.
     pub submitted: Option<String>,
-    /// Among the jobs of its owner: 0 is the most urgent, 7 the least.
+    /// Its priority among the jobs of its owner: 0 is the most urgent, 7 the least.
     pub priority: u8,
-    /// A line for people.
+    /// A title for people.
     pub label: Option<String>,
     /// Words to find it by.
     pub tags: Vec<String>,
     /// What the client should know about the task.
     pub warnings: Vec<Warning>,
-    /// By what a repetition of this submission is known.
+    /// How a repetition of this submission is recognised.
     pub repeatable: Option<Repeatable>,
-    /// Whether to compute although the result may be known.
+    /// Whether to compute even if the result is known.
     pub afresh: bool,
     /// What it may start.
     pub admission: Admission,
@@ -46,80 +45,102 @@ pub struct NewJob {
 /// What a submission may start.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Admission {
-    /// A run, if it needs one.
+    /// A new run, if it needs one.
     #[default]
     NewRun,
-    /// Nothing: it finds a known result, or joins a live run.
+    /// No run: it finds a known result or joins a live run.
     NoNewRun,
-    /// Nothing: it finds a known result.
+    /// No run: it finds a known result.
     OnlyKnown,
 }
 
-/// By what a repetition of a submission is known.
+/// How a repetition of a submission is recognised.
 #[derive(Debug, Clone)]
 pub struct Repeatable {
     /// The idempotency key that the client gave to the submission.
     pub key: String,
-    /// A digest of what was sent: the same key for something else is a mistake of the client.
+    /// A digest of the submission. The same key with another digest is a mistake of the client.
     pub fingerprint: Vec<u8>,
 }
 
-/// What became of a submission.
+/// What a submission did.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Submitted {
     /// It is a job.
     Accepted(Job),
-    /// It was sent before: this is the job that was made then.
+    /// It is a repetition. This is the job of the first submission.
     Repeated(Job),
-    /// Its idempotency key belongs to a submission of something else.
+    /// Its idempotency key belongs to another submission.
     IdempotencyConflict,
     /// It needs a new run, and [`Admission`] allows none.
     NeedsRun,
-    /// Only a known result was asked for, and it is not known.
+    /// [`Admission::OnlyKnown`] is set, and the result is not known.
     Unknown,
-    /// The queue has no place for it.
+    /// The queue is full.
     QueueFull {
-        /// How many jobs wait.
+        /// The number of queued jobs.
         queued: usize,
     },
 }
 
-pub(super) struct Submit {
+impl Store {
+    /// Accepts a job. It ends at once if the result is known. Otherwise it joins the live run, or a new run
+    /// is queued if the queue is not full.
+    pub async fn submit(&self, job: NewJob) -> Result<Submitted, Error> {
+        self.write(submit, Submission::new(job, self.queue_limit)).await
+    }
+
+    /// Accepts jobs of one key with their answer and its cost, and finishes them in the same commit. If the
+    /// result has become known meanwhile, or a run is live, they use that instead.
+    pub async fn record(
+        &self,
+        jobs: Vec<NewJob>,
+        answer: &Answer,
+        cost: Cost,
+    ) -> Result<Vec<Submitted>, Error> {
+        let limit = self.queue_limit;
+        let jobs = jobs.into_iter().map(|job| Submission::new(job, limit)).collect();
+        self.write(record, Record { jobs, cost, answer: Answered::new(answer, Some(cost)) }).await
+    }
+}
+
+/// A submission with its texts in JSON, written before the writer task gets it.
+struct Submission {
     job: NewJob,
     tags: String,
     warnings: Value,
-    /// How many jobs may wait.
+    /// The largest number of queued jobs.
     limit: usize,
 }
 
-impl Submit {
+impl Submission {
     #[expect(clippy::expect_used, reason = "a job without its warnings would mislead its client")]
-    pub(super) fn new(job: NewJob, limit: usize) -> Self {
+    fn new(job: NewJob, limit: usize) -> Self {
         let tags = Value::from(job.tags.clone()).to_string();
-        let warnings = serde_json::to_value(&job.warnings).expect("warnings are texts");
+        let warnings = serde_json::to_value(&job.warnings).expect("warnings are plain texts");
         Self { job, tags, warnings, limit }
     }
 
     /// The job that this submission made when it was first sent.
-    async fn repeated(&self, tx: &mut Transaction<'_>) -> Result<Option<Submitted>, Error> {
+    async fn repeated(&self, tx: &mut Transaction) -> Result<Option<Submitted>, Error> {
         let Some(repeatable) = &self.job.repeatable else { return Ok(None) };
         let found: Option<(Vec<u8>, Vec<u8>)> = sqlx::query_as(
             "SELECT id, fingerprint FROM job WHERE owner = ?1 AND idempotency_key = ?2",
         )
         .bind(&self.job.owner)
         .bind(&repeatable.key)
-        .fetch_optional(&mut *tx.db)
+        .fetch_optional(&mut tx.db)
         .await?;
         let Some((id, fingerprint)) = found else { return Ok(None) };
         if fingerprint != repeatable.fingerprint {
             return Ok(Some(Submitted::IdempotencyConflict));
         }
-        let job = read::job(&mut *tx.db, read::job_id(&id)?).await?;
+        let job = read::job(&mut tx.db, job_id(&id)?).await?;
         Ok(job.map(Submitted::Repeated))
     }
 
-    /// Why this is refused, if it is.
-    async fn refusal(&self, tx: &mut Transaction<'_>) -> Result<Option<Submitted>, Error> {
+    /// Why the submission is refused, if it is.
+    async fn refusal(&self, tx: &mut Transaction) -> Result<Option<Submitted>, Error> {
         let admission = self.job.admission;
         // The last tenth of the queue is for owners with few jobs in it, so that no owner fills it all.
         let (queued, tenth) = (tx.queue.jobs(), self.limit / 10);
@@ -129,7 +150,7 @@ impl Submit {
             return Ok(None);
         }
         let Known { result, live } = known(tx, self.job.key).await?;
-        // A job that needs neither a worker nor a place in the queue is welcome all the same.
+        // A job that needs neither a worker nor a place in the queue is always accepted.
         Ok(match live.as_deref() {
             _ if result && !self.job.afresh => None,
             _ if admission == Admission::OnlyKnown => Some(Submitted::Unknown),
@@ -139,11 +160,11 @@ impl Submit {
         })
     }
 
-    /// Inserts the job, and a run if it needs one: queued, or with `begun` already running, since it was
-    /// computed before. Returns the run of a job that waits for one.
+    /// Inserts the job, and a run if it needs one. The run is queued, or with `begun` running, because it is
+    /// already computed. Returns the run that the job shares, if any.
     async fn insert(
         &self,
-        tx: &mut Transaction<'_>,
+        tx: &mut Transaction,
         created: i64,
         begun: bool,
     ) -> Result<(Submitted, Option<RunId>), Error> {
@@ -166,7 +187,7 @@ impl Submit {
             .bind(repeatable.map(|repeatable| &repeatable.key))
             .bind(repeatable.map(|repeatable| repeatable.fingerprint.as_slice()))
             .bind(&new.submitted)
-            .fetch_optional(&mut *tx.db)
+            .fetch_optional(&mut tx.db)
             .await
             .map_err(|error| match error.as_database_error() {
                 Some(refusal) if refusal.is_unique_violation() => Error::JobExists(new.id),
@@ -198,7 +219,7 @@ impl Submit {
             created,
             started: row.try_get("started")?,
             finished: row.try_get("finished")?,
-            changes: read::changes(row.try_get("changes")?)?,
+            changes: changes(row.try_get("changes")?)?,
             failure: None,
             summary: row.try_get::<Option<&str>, _>("summary")?.map(json).transpose()?,
         };
@@ -206,16 +227,16 @@ impl Submit {
     }
 }
 
-/// What is known of a key.
+/// What the tables have for a key.
 #[derive(sqlx::FromRow)]
 struct Known {
-    /// Whether its result is there.
+    /// Whether its result is stored.
     result: bool,
     /// The state of its live run.
     live: Option<String>,
 }
 
-async fn known(tx: &mut Transaction<'_>, key: Key) -> Result<Known, Error> {
+async fn known(tx: &mut Transaction, key: Key) -> Result<Known, Error> {
     let known = sqlx::query_as(
         "SELECT result.key IS NOT NULL AND result.evicted IS NULL AS result, run.state AS live
          FROM (SELECT ?1 AS key) AS asked
@@ -223,17 +244,17 @@ async fn known(tx: &mut Transaction<'_>, key: Key) -> Result<Known, Error> {
          LEFT JOIN run ON run.key = asked.key AND run.state IN ('queued', 'running')",
     )
     .bind(key.bytes().as_slice())
-    .fetch_one(&mut *tx.db)
+    .fetch_one(&mut tx.db)
     .await?;
     Ok(known)
 }
 
-/// The first statement inserts a run (queued, or running with ?8) unless there is a live one, or a result
-/// that will do, or ?7 forbids it. The second inserts the job; `changes()` tells it whether the first one
+/// The first statement inserts a run (queued, or running with ?8), unless a run is live, the known result is
+/// sufficient, or ?7 forbids it. The second inserts the job; `changes()` tells it whether the first one
 /// inserted a run.
 ///
-/// The numbers of the first statement come first: sqlx counts the numbers that a statement leaves out as
-/// further arguments.
+/// The first statement has the smallest parameter numbers: sqlx counts the arguments of each statement by
+/// its largest number.
 const SUBMIT: &str = "
     INSERT INTO run (id, key, owner, created, task, state, attempt, started, changed, trace)
     SELECT (SELECT runs + 1 FROM room), ?1, ?2, ?3, ?4, iif(?8, 'running', 'queued'), ?8,
@@ -258,65 +279,52 @@ const SUBMIT: &str = "
         iif(state = 'succeeded', (SELECT summary FROM result WHERE result.key = job.key), NULL)
             AS summary";
 
-impl Verb for Submit {
-    type Answer = Submitted;
-
-    async fn apply(&self, tx: &mut Transaction<'_>) -> Result<Submitted, Error> {
-        if let Some(repeated) = self.repeated(tx).await? {
-            return Ok(repeated);
-        }
-        if let Some(refusal) = self.refusal(tx).await? {
-            return Ok(refusal);
-        }
-        Ok(self.insert(tx, tx.now, false).await?.0)
+async fn submit(submission: &Submission, tx: &mut Transaction) -> Result<Submitted, Error> {
+    if let Some(repeated) = submission.repeated(tx).await? {
+        return Ok(repeated);
     }
+    if let Some(refusal) = submission.refusal(tx).await? {
+        return Ok(refusal);
+    }
+    Ok(submission.insert(tx, tx.now, false).await?.0)
 }
 
 /// Jobs of one key whose answer was computed before they were submitted.
-pub(super) struct Record {
-    jobs: Vec<Submit>,
+struct Record {
+    jobs: Vec<Submission>,
     cost: Cost,
     answer: Answered,
-}
-
-impl Record {
-    pub(super) fn new(jobs: Vec<Submit>, answer: &Answer, cost: Cost) -> Self {
-        Self { jobs, cost, answer: Answered::new(answer, Some(cost)) }
-    }
 }
 
 /// A run that is recorded with its answer was computed at the first attempt.
 const ATTEMPT: u32 = 1;
 
-impl Verb for Record {
-    type Answer = Vec<Submitted>;
-
-    /// The first job starts a run, the others join it, and the answer finishes it. If the result has become
-    /// known meanwhile, or a run is live, the jobs follow that instead and the answer is dropped.
-    async fn apply(&self, tx: &mut Transaction<'_>) -> Result<Self::Answer, Error> {
-        let took = i64::try_from(self.cost.wall.as_millis()).unwrap_or(i64::MAX);
-        let began = tx.now.saturating_sub(took);
-        let mut all = Vec::with_capacity(self.jobs.len());
-        let mut started = None;
-        for job in &self.jobs {
-            let (submitted, run) = job.insert(tx, began, true).await?;
-            if matches!(&submitted, Submitted::Accepted(job) if job.origin == Origin::Computed) {
-                started = run;
-            }
-            all.push(submitted);
+/// The first job starts a run, the others join it, and the answer finishes it. If the result has become
+/// known meanwhile, or a run is live, the jobs use that instead and the answer is dropped.
+async fn record(record: &Record, tx: &mut Transaction) -> Result<Vec<Submitted>, Error> {
+    let Record { jobs, cost, answer } = record;
+    let took = i64::try_from(cost.wall.as_millis()).unwrap_or(i64::MAX);
+    let began = tx.now.saturating_sub(took);
+    let mut all = Vec::with_capacity(jobs.len());
+    let mut started = None;
+    for job in jobs {
+        let (submitted, run) = job.insert(tx, began, true).await?;
+        if matches!(&submitted, Submitted::Accepted(job) if job.origin == Origin::Computed) {
+            started = run;
         }
-        let Some(run) = started else { return Ok(all) };
-        runs::finish(tx, run, ATTEMPT, &self.answer).await?;
-        let summary: Value = json(&self.answer.summary)?;
-        for submitted in &mut all {
-            let Submitted::Accepted(job) = submitted else { continue };
-            let state = JobState::Succeeded;
-            job.state = state;
-            job.progress = 1.0;
-            job.finished = Some(tx.now);
-            job.changes.push(Change { state, attempt: ATTEMPT, at: tx.now });
-            job.summary = Some(summary.clone());
-        }
-        Ok(all)
+        all.push(submitted);
     }
+    let Some(run) = started else { return Ok(all) };
+    runs::succeed(tx, run, ATTEMPT, answer).await?;
+    let summary: Value = json(&answer.summary)?;
+    for submitted in &mut all {
+        let Submitted::Accepted(job) = submitted else { continue };
+        let state = JobState::Succeeded;
+        job.state = state;
+        job.progress = 1.0;
+        job.finished = Some(tx.now);
+        job.changes.push(Change { state, attempt: ATTEMPT, at: tx.now });
+        job.summary = Some(summary.clone());
+    }
+    Ok(all)
 }

@@ -8,9 +8,9 @@ use std::time::{Duration, Instant};
 
 use sqlx::Row;
 
+use super::error::Error;
 use super::signals::Effect;
-use super::writer::{Transaction, Verb};
-use super::{Error, Options};
+use super::transaction::Transaction;
 use crate::job::Key;
 
 /// The writer task is idle after this time without a message.
@@ -37,8 +37,7 @@ pub(super) struct Upkeep {
 }
 
 impl Upkeep {
-    pub(super) fn new(options: &Options) -> Self {
-        let Options { keep_jobs, budget, .. } = *options;
+    pub(super) fn new(keep_jobs: Option<Duration>, budget: Option<u64>) -> Self {
         // The limits may differ from those of the last start, so the first round is needed.
         Self { keep_jobs, budget, last: Instant::now(), dirty: true, more: false, stored: 0 }
     }
@@ -79,84 +78,61 @@ impl Upkeep {
 }
 
 /// Checks that the database is writable.
-pub(super) struct Ping;
-
-impl Verb for Ping {
-    type Answer = ();
-
-    async fn apply(&self, tx: &mut Transaction<'_>) -> Result<(), Error> {
-        sqlx::query("UPDATE room SET tried = ?1").bind(tx.now).execute(&mut *tx.db).await?;
-        Ok(())
-    }
+pub(super) async fn ping((): &(), tx: &mut Transaction) -> Result<(), Error> {
+    sqlx::query("UPDATE room SET tried = ?1").bind(tx.now).execute(&mut tx.db).await?;
+    Ok(())
 }
 
 /// Stores when results were last read.
-pub(super) struct WriteReads(pub(super) Vec<(Key, i64)>);
-
-impl Verb for WriteReads {
-    type Answer = ();
-
-    async fn apply(&self, tx: &mut Transaction<'_>) -> Result<(), Error> {
-        for (key, at) in &self.0 {
-            sqlx::query("UPDATE result SET last_access = ?2 WHERE key = ?1 AND last_access < ?2")
-                .bind(key.bytes().as_slice())
-                .bind(at)
-                .execute(&mut *tx.db)
-                .await?;
-        }
-        Ok(())
+pub(super) async fn write_reads(
+    reads: &Vec<(Key, i64)>,
+    tx: &mut Transaction,
+) -> Result<(), Error> {
+    for (key, at) in reads {
+        sqlx::query("UPDATE result SET last_access = ?2 WHERE key = ?1 AND last_access < ?2")
+            .bind(key.bytes().as_slice())
+            .bind(at)
+            .execute(&mut tx.db)
+            .await?;
     }
+    Ok(())
 }
 
-/// Deletes jobs that ended longer ago than this, the oldest first, and runs without jobs.
-pub(super) struct DeleteOld(pub(super) Duration);
-
-impl Verb for DeleteOld {
-    /// Whether there may be more to delete.
-    type Answer = bool;
-
-    async fn apply(&self, tx: &mut Transaction<'_>) -> Result<bool, Error> {
-        let cutoff = tx.now - i64::try_from(self.0.as_millis()).unwrap_or(i64::MAX);
-        // A job id begins with the time in milliseconds, so the primary key finds the oldest jobs.
-        let mut oldest = [0; 16];
-        oldest[..6].copy_from_slice(&cutoff.max(0).to_be_bytes()[2..]);
-        let rows = sqlx::query(
-            "DELETE FROM job WHERE id IN (
-                 SELECT id FROM job WHERE id < ?1 AND finished < ?2 ORDER BY id LIMIT ?3
-             ) RETURNING run",
-        )
-        .bind(oldest.as_slice())
-        .bind(cutoff)
-        .bind(JOBS)
-        .fetch_all(&mut *tx.db)
-        .await?;
-        for row in &rows {
-            if let Some(run) = row.try_get("run")? {
-                delete_unnamed(tx, run).await?;
-            }
+/// Deletes jobs that ended longer ago than this, the oldest first, and runs without jobs. Returns whether
+/// there may be more to delete.
+pub(super) async fn delete_old(age: &Duration, tx: &mut Transaction) -> Result<bool, Error> {
+    let cutoff = tx.now - i64::try_from(age.as_millis()).unwrap_or(i64::MAX);
+    // A job id begins with the time in milliseconds, so the primary key finds the oldest jobs.
+    let mut oldest = [0; 16];
+    oldest[..6].copy_from_slice(&cutoff.max(0).to_be_bytes()[2..]);
+    let rows = sqlx::query(
+        "DELETE FROM job WHERE id IN (
+             SELECT id FROM job WHERE id < ?1 AND finished < ?2 ORDER BY id LIMIT ?3
+         ) RETURNING run",
+    )
+    .bind(oldest.as_slice())
+    .bind(cutoff)
+    .bind(JOBS)
+    .fetch_all(&mut tx.db)
+    .await?;
+    for row in &rows {
+        if let Some(run) = row.try_get("run")? {
+            delete_unnamed(tx, run).await?;
         }
-        Ok(rows.len() as u64 == u64::from(JOBS))
     }
+    Ok(rows.len() as u64 == u64::from(JOBS))
 }
 
 /// Deletes a finished run without jobs.
-pub(super) async fn delete_unnamed(tx: &mut Transaction<'_>, run: i64) -> Result<(), Error> {
+pub(super) async fn delete_unnamed(tx: &mut Transaction, run: i64) -> Result<(), Error> {
     sqlx::query(
         "DELETE FROM run WHERE id = ?1 AND finished IS NOT NULL
              AND NOT EXISTS (SELECT 1 FROM job WHERE run = ?1)",
     )
     .bind(run)
-    .execute(&mut *tx.db)
+    .execute(&mut tx.db)
     .await?;
     Ok(())
-}
-
-/// Evicts the least recently read result if all results exceed the budget. Its scenario stays known for
-/// a year. Within the budget, it deletes what is left of results that were evicted earlier.
-pub(super) struct Evict {
-    pub(super) budget: Option<u64>,
-    /// Keep the body, because its pages are damaged and cannot be freed.
-    pub(super) leave_body: bool,
 }
 
 /// What an eviction did.
@@ -167,37 +143,40 @@ pub(super) struct Room {
     pub(super) evicted: bool,
 }
 
-impl Verb for Evict {
-    type Answer = Room;
-
-    async fn apply(&self, tx: &mut Transaction<'_>) -> Result<Room, Error> {
-        let used: u64 = sqlx::query_scalar("SELECT used FROM room").fetch_one(&mut *tx.db).await?;
-        if self.budget.is_none_or(|budget| used <= budget) {
-            sqlx::query(
-                "DELETE FROM result WHERE key IN (
-                     SELECT key FROM result WHERE evicted < ?1 LIMIT 100
-                 )",
-            )
-            .bind(tx.now - KEEP_EVICTED)
-            .execute(&mut *tx.db)
-            .await?;
-            return Ok(Room { used, evicted: false });
-        }
-        let oldest: Option<(Vec<u8>, u64)> = sqlx::query_as(
-            "UPDATE result SET evicted = ?1 WHERE key = (
-                 SELECT key FROM result INDEXED BY result_unread
-                 WHERE NOT pinned AND evicted IS NULL ORDER BY last_access LIMIT 1
-             ) RETURNING key, size",
+/// Evicts the least recently read result if all results exceed the budget. Its scenario stays known for
+/// a year. Within the budget, it deletes what is left of results that were evicted earlier.
+///
+/// With `leave_body` it does not delete the body, because its pages are damaged and cannot be freed.
+pub(super) async fn evict(
+    (budget, leave_body): &(Option<u64>, bool),
+    tx: &mut Transaction,
+) -> Result<Room, Error> {
+    let used: u64 = sqlx::query_scalar("SELECT used FROM room").fetch_one(&mut tx.db).await?;
+    if budget.is_none_or(|budget| used <= budget) {
+        sqlx::query(
+            "DELETE FROM result WHERE key IN (
+                 SELECT key FROM result WHERE evicted < ?1 LIMIT 100
+             )",
         )
-        .bind(tx.now)
-        .fetch_optional(&mut *tx.db)
+        .bind(tx.now - KEEP_EVICTED)
+        .execute(&mut tx.db)
         .await?;
-        let Some((key, size)) = oldest else { return Ok(Room { used, evicted: false }) };
-        if !self.leave_body {
-            let delete = sqlx::query("DELETE FROM result_blob WHERE key = ?1");
-            delete.bind(&key).execute(&mut *tx.db).await?;
-        }
-        tx.effects.push(Effect::Evicted(size));
-        Ok(Room { used, evicted: true })
+        return Ok(Room { used, evicted: false });
     }
+    let oldest: Option<(Vec<u8>, u64)> = sqlx::query_as(
+        "UPDATE result SET evicted = ?1 WHERE key = (
+             SELECT key FROM result INDEXED BY result_unread
+             WHERE NOT pinned AND evicted IS NULL ORDER BY last_access LIMIT 1
+         ) RETURNING key, size",
+    )
+    .bind(tx.now)
+    .fetch_optional(&mut tx.db)
+    .await?;
+    let Some((key, size)) = oldest else { return Ok(Room { used, evicted: false }) };
+    if !leave_body {
+        let delete = sqlx::query("DELETE FROM result_blob WHERE key = ?1");
+        delete.bind(&key).execute(&mut tx.db).await?;
+    }
+    tx.effects.push(Effect::Evicted(size));
+    Ok(Room { used, evicted: true })
 }

@@ -5,124 +5,123 @@ use std::future::Future;
 use std::pin::Pin;
 use std::sync::Arc;
 
-use sqlx::{Connection, Executor, SqliteConnection};
+use sqlx::{Connection, Executor};
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::timeout;
 
-use super::Error;
+use super::error::Error;
 use super::queue::Queue;
-use super::signals::{Effect, READ_AT_ONCE, Signals};
-use super::upkeep::{DeleteOld, Evict, Upkeep, WriteReads};
+use super::signals::{READ_AT_ONCE, Signals};
+use super::transaction::{Transaction, Verb};
+use super::upkeep::{Upkeep, delete_old, evict, write_reads};
 use crate::job::clock::now;
 
-/// Verbs that may wait for the writer; more wait for a place.
+/// The number of messages that may wait for the writer task; senders of further ones wait.
 const WAITING: usize = 1024;
-/// After so many verbs that met a full disk, the others of their batch are not tried.
+/// After this many changes in a row that found the disk full, the rest of their batch is not tried.
 const HOPELESS: u32 = 3;
-/// Verbs in one transaction: enough to spread the cost of a commit, few enough that none waits long.
+/// The number of changes in one transaction. It spreads the cost of a commit, and delays no change for long.
 const BATCH: usize = 256;
 
-/// A change to the database: a verb of a job's life.
-///
-/// It may be applied more than once, each time after a rollback of the time before.
-pub(super) trait Verb: Send + Sync + 'static {
-    type Answer: Send + 'static;
-    fn apply(
-        &self,
-        tx: &mut Transaction<'_>,
-    ) -> impl Future<Output = Result<Self::Answer, Error>> + Send;
-}
-
-/// An open transaction: where a verb works.
-pub(super) struct Transaction<'a> {
-    pub(super) db: &'a mut SqliteConnection,
-    /// The time of everything that happens in it.
-    pub(super) now: i64,
-    /// What is queued: changed along with the tables.
-    pub(super) queue: &'a mut Queue,
-    /// The row of this program on this machine.
-    pub(super) program: i64,
-    /// Whom to tell after the commit.
-    pub(super) effects: Vec<Effect>,
-}
-
-/// What the writer is told.
+/// A message to the writer task.
 pub(super) enum Message {
     Apply(Box<dyn Order>),
     Close(oneshot::Sender<()>),
 }
 
-/// A verb on its way, with the place for its answer. Verbs differ in what they answer, so the
-/// writer handles them through this.
+type BoxFuture<'a, T> = Pin<Box<dyn Future<Output = T> + Send + 'a>>;
+
+/// A [`Verb`] with its input, and with the place for its answer. This trait hides their types.
 pub(super) trait Order: Send {
-    fn apply<'a>(
-        &'a mut self,
-        tx: &'a mut Transaction<'_>,
-    ) -> Pin<Box<dyn Future<Output = Result<(), Error>> + Send + 'a>>;
-    /// Sends the answer off: only after the commit, or after everything failed.
+    fn apply<'a>(&'a mut self, tx: &'a mut Transaction) -> BoxFuture<'a, Result<(), Error>>;
+
+    /// Sends the answer. The transaction must have ended.
     fn settle(self: Box<Self>, committed: Result<(), Error>);
 }
 
-struct Asked<V: Verb> {
+struct Asked<V, Input, Answer> {
     verb: V,
-    answer: Option<V::Answer>,
-    reply: oneshot::Sender<Result<V::Answer, Error>>,
+    input: Input,
+    answer: Option<Answer>,
+    reply: oneshot::Sender<Result<Answer, Error>>,
 }
 
-impl<V: Verb> Order for Asked<V> {
-    fn apply<'a>(
-        &'a mut self,
-        tx: &'a mut Transaction<'_>,
-    ) -> Pin<Box<dyn Future<Output = Result<(), Error>> + Send + 'a>> {
+impl<V, Input, Answer> Order for Asked<V, Input, Answer>
+where
+    V: for<'a> Verb<'a, Input, Answer = Answer>,
+    Input: Send + Sync,
+    Answer: Send,
+{
+    fn apply<'a>(&'a mut self, tx: &'a mut Transaction) -> BoxFuture<'a, Result<(), Error>> {
         Box::pin(async {
-            self.answer = Some(self.verb.apply(tx).await?);
+            self.answer = Some(self.verb.apply(&self.input, tx).await?);
             Ok(())
         })
     }
 
     fn settle(self: Box<Self>, committed: Result<(), Error>) {
         let Self { answer, reply, .. } = *self;
-        // Who asked may have left; the change stands all the same.
+        // The caller may have been dropped. The change is committed all the same.
         let _ = reply.send(committed.and_then(|()| answer.ok_or(Error::Closed)));
     }
 }
 
-/// Has a verb applied, and returns its answer once it is committed.
-pub(super) async fn ask<V: Verb>(
+type Reply<Answer> = oneshot::Receiver<Result<Answer, Error>>;
+
+/// A verb on its input, and where its answer arrives.
+fn order<V, Input, Answer>(verb: V, input: Input) -> (Box<dyn Order>, Reply<Answer>)
+where
+    V: for<'a> Verb<'a, Input, Answer = Answer>,
+    Input: Send + Sync + 'static,
+    Answer: Send + 'static,
+{
+    let (reply, answer) = oneshot::channel();
+    (Box::new(Asked { verb, input, answer: None, reply }), answer)
+}
+
+/// Lets the writer task apply a verb. Returns its answer after the commit.
+pub(super) async fn ask<V, Input, Answer>(
     writer: &mpsc::Sender<Message>,
     verb: V,
-) -> Result<V::Answer, Error> {
-    let (reply, answer) = oneshot::channel();
-    let order = Box::new(Asked { verb, answer: None, reply });
+    input: Input,
+) -> Result<Answer, Error>
+where
+    V: for<'a> Verb<'a, Input, Answer = Answer>,
+    Input: Send + Sync + 'static,
+    Answer: Send + 'static,
+{
+    let (order, answer) = order(verb, input);
     writer.send(Message::Apply(order)).await.map_err(|_| Error::Closed)?;
     answer.await.map_err(|_| Error::Closed)?
 }
 
-/// Lets the writer finish what it was told before, and end.
+/// Lets the writer task complete all earlier messages and end.
 pub(super) async fn close(writer: &mpsc::Sender<Message>) {
     let (reply, closed) = oneshot::channel();
     if writer.send(Message::Close(reply)).await.is_ok() {
-        // An error means that the writer ended on its own: closed as well.
+        // An error means that the writer task has ended before.
         let _ = closed.await;
     }
 }
 
 /// The state of the writer task.
 pub(super) struct Writer {
-    pub(super) db: SqliteConnection,
-    pub(super) signals: Arc<Signals>,
-    /// What is queued; none after a transaction that failed, until it is read anew.
-    pub(super) queue: Option<Queue>,
-    pub(super) upkeep: Upkeep,
-    /// The row of this program on this machine.
-    pub(super) program: i64,
-    /// Held as long as this process may write to the data directory.
-    pub(super) lock: File,
+    tx: Transaction,
+    /// A transaction has failed, so the queue must be read again.
+    queue_is_stale: bool,
+    signals: Arc<Signals>,
+    upkeep: Upkeep,
+    /// Locks the data directory against other servers.
+    lock: File,
 }
 
 impl Writer {
-    /// Starts the task. It ends when it is closed or the last sender is gone.
-    #[expect(clippy::disallowed_methods, reason = "`close` ends the task and waits for its end")]
+    pub(super) fn new(tx: Transaction, signals: Arc<Signals>, upkeep: Upkeep, lock: File) -> Self {
+        Self { tx, queue_is_stale: false, signals, upkeep, lock }
+    }
+
+    /// Starts the task. It ends when it is closed or the last sender is dropped.
+    #[expect(clippy::disallowed_methods, reason = "`close` waits until the task has ended")]
     pub(super) fn start(self) -> mpsc::Sender<Message> {
         let (sender, receiver) = mpsc::channel(WAITING);
         tokio::spawn(self.run(receiver));
@@ -156,8 +155,8 @@ impl Writer {
                 self.keep_up(false).await;
             }
         }
-        if let Err(error) = self.db.close().await {
-            tracing::warn!(%error, "the database did not close cleanly; nothing is lost by it");
+        if let Err(error) = self.tx.db.close().await {
+            tracing::warn!(%error, "the database was not closed cleanly; no data is lost");
         }
         drop(self.lock);
         for reply in closing {
@@ -165,8 +164,8 @@ impl Writer {
         }
     }
 
-    /// Applies a batch in one transaction. If that fails, each verb gets its own, so that none
-    /// suffers from another.
+    /// Applies a batch in one transaction. If that fails, each verb gets its own transaction, so that only the
+    /// faulty ones fail.
     async fn process(&mut self, mut orders: Vec<Box<dyn Order>>) {
         match self.commit(&mut orders).await {
             Ok(()) => {
@@ -175,7 +174,7 @@ impl Writer {
                 }
             }
             Err(Failed::Within(error)) if orders.len() > 1 => {
-                tracing::debug!(%error, verbs = orders.len(), "a batch failed; one by one now");
+                tracing::debug!(%error, verbs = orders.len(), "a batch failed; now each change has its own transaction");
                 let mut hopeless = 0;
                 for mut order in orders {
                     if hopeless == HOPELESS {
@@ -198,109 +197,113 @@ impl Writer {
     }
 
     async fn commit(&mut self, orders: &mut [Box<dyn Order>]) -> Result<(), Failed> {
-        // Plain statements, not the library's transactions: on a full disk SQLite rolls back by
-        // itself, and the library would count one transaction as open for ever.
-        let begun = self.db.execute("BEGIN IMMEDIATE").await;
-        begun.map_err(|error| Failed::ToBegin(error.into()))?;
-        let mut queue = match self.queue.take() {
-            Some(queue) => queue,
-            None => match Queue::load(&mut self.db).await {
-                Ok(queue) => queue,
-                Err(error) => {
-                    let _ = self.db.execute("ROLLBACK").await;
-                    return Err(Failed::ToBegin(error));
-                }
-            },
-        };
-        let mut tx = Transaction {
-            db: &mut self.db,
-            now: now(),
-            queue: &mut queue,
-            program: self.program,
-            effects: Vec::new(),
-        };
-        let applied = async {
-            for order in orders {
-                order.apply(&mut tx).await?;
-            }
-            tx.db.execute("COMMIT").await?;
-            Ok(tx.effects)
-        };
-        match applied.await {
-            Ok(effects) => {
-                self.upkeep.note(&effects);
-                self.signals.tally.queue_is(queue.len(), queue.working());
-                self.queue = Some(queue);
-                self.signals.apply(effects);
-                Ok(())
-            }
-            Err(error) => {
-                // It fails if SQLite has rolled back already: then there is nothing to do.
-                let _ = self.db.execute("ROLLBACK").await;
-                Err(Failed::Within(error))
-            }
+        self.begin().await.map_err(Failed::ToBegin)?;
+        if let Err(error) = self.apply(orders).await {
+            self.roll_back().await;
+            return Err(Failed::Within(error));
         }
+        let effects = std::mem::take(&mut self.tx.effects);
+        self.upkeep.note(&effects);
+        self.signals.tally.queue_is(self.tx.queue.len(), self.tx.queue.working());
+        self.signals.apply(effects);
+        Ok(())
     }
 
-    /// Does a round of what keeps the database in order; in a quiet moment also what takes longer.
+    async fn begin(&mut self) -> Result<(), Error> {
+        // Not a transaction of sqlx: if the disk is full, SQLite rolls back by itself, and sqlx would count
+        // the transaction as open for ever.
+        self.tx.db.execute("BEGIN IMMEDIATE").await?;
+        if self.queue_is_stale {
+            match Queue::load(&mut self.tx.db).await {
+                Ok(queue) => self.tx.queue = queue,
+                Err(error) => {
+                    self.roll_back().await;
+                    return Err(error);
+                }
+            }
+            self.queue_is_stale = false;
+        }
+        self.tx.now = now();
+        Ok(())
+    }
+
+    async fn apply(&mut self, orders: &mut [Box<dyn Order>]) -> Result<(), Error> {
+        for order in orders {
+            order.apply(&mut self.tx).await?;
+        }
+        self.tx.db.execute("COMMIT").await?;
+        Ok(())
+    }
+
+    async fn roll_back(&mut self) {
+        // This fails if SQLite has already rolled back.
+        let _ = self.tx.db.execute("ROLLBACK").await;
+        self.tx.effects.clear();
+        self.queue_is_stale = true;
+    }
+
+    /// Does one round of maintenance; when `idle`, also the slow parts.
     async fn keep_up(&mut self, idle: bool) {
         let reads = self.signals.take_read();
         let many = reads.len() == READ_AT_ONCE;
         if !reads.is_empty() {
-            // That they were read is not worth a second attempt.
-            let _ = self.chore(WriteReads(reads)).await;
+            // If this fails, only the order of evictions is less exact.
+            let _ = self.chore(write_reads, reads).await;
         }
         let old = match self.upkeep.keep_jobs {
-            Some(age) => self.chore(DeleteOld(age)).await.unwrap_or(false),
+            Some(age) => self.chore(delete_old, age).await.unwrap_or(false),
             None => false,
         };
         let budget = self.upkeep.budget;
-        let mut room = self.chore(Evict { budget, leave_body: false }).await;
+        let mut room = self.chore(evict, (budget, false)).await;
         if let Err(Error::Damaged(_)) = room {
-            room = self.chore(Evict { budget, leave_body: true }).await;
+            room = self.chore(evict, (budget, true)).await;
         }
-        let mut dropped = false;
+        let mut evicted = false;
         if let Ok(room) = room {
             self.signals.tally.room_is(room.used);
-            dropped = room.evicted;
-            if !dropped && budget.is_some_and(|budget| room.used > budget) {
+            evicted = room.evicted;
+            if !evicted && budget.is_some_and(|budget| room.used > budget) {
                 let bytes = room.used;
-                tracing::warn!(bytes, "the pinned results alone take more room than they may");
+                tracing::warn!(bytes, "the pinned results alone exceed the budget");
             }
         }
-        let more = many || old || dropped;
+        let more = many || old || evicted;
         self.upkeep.did(more);
         if idle && !more {
             self.shrink().await;
         }
     }
 
-    /// Applies a verb that nobody waits for, in its own transaction.
-    async fn chore<V: Verb>(&mut self, verb: V) -> Result<V::Answer, Error> {
-        let (reply, answer) = oneshot::channel();
-        let mut order: Box<dyn Order> = Box::new(Asked { verb, answer: None, reply });
+    /// Applies a verb of the maintenance in its own transaction.
+    async fn chore<V, Input, Answer>(&mut self, verb: V, input: Input) -> Result<Answer, Error>
+    where
+        V: for<'a> Verb<'a, Input, Answer = Answer>,
+        Input: Send + Sync + 'static,
+        Answer: Send + 'static,
+    {
+        let (mut order, answer) = order(verb, input);
         let committed = self.commit(std::slice::from_mut(&mut order)).await;
         order.settle(committed.map_err(Failed::into_error));
-        let answer = answer.await.unwrap_or(Err(Error::Closed));
-        answer.inspect_err(|error| {
+        answer.await.unwrap_or(Err(Error::Closed)).inspect_err(|error| {
             self.signals.tally.failed(error);
             let error = error as &dyn std::error::Error;
-            tracing::warn!(error, "could not tidy up the database; trying again later");
+            tracing::warn!(error, "maintenance of the database failed; it will be tried again");
         })
     }
 
-    /// Moves the log into the database, and gives room that is free for good back to the disk.
-    /// Readers may keep a part of the log back; there will be another quiet moment.
+    /// Moves the log into the database, and returns free pages to the disk. Readers may delay a part of it
+    /// to a later round.
     async fn shrink(&mut self) {
         for pragma in ["PRAGMA incremental_vacuum(2000)", "PRAGMA wal_checkpoint(PASSIVE)"] {
-            if let Err(error) = self.db.execute(pragma).await {
-                tracing::warn!(%error, pragma, "could not make the database smaller");
+            if let Err(error) = self.tx.db.execute(pragma).await {
+                tracing::warn!(%error, pragma, "cannot shrink the database");
             }
         }
     }
 }
 
-/// Where a transaction failed: if it did not even begin, no verb is to blame.
+/// Where a transaction failed. If it did not begin, all verbs fail alike.
 enum Failed {
     ToBegin(Error),
     Within(Error),
@@ -318,61 +321,57 @@ impl Failed {
 mod tests {
     use std::sync::atomic::{AtomicU32, Ordering};
 
+    use sqlx::SqliteConnection;
+
     use super::*;
-    use crate::store::Options;
     use crate::store::open::MIGRATIONS;
 
-    /// Inserts so many bytes under a number; counts how often it was applied.
-    struct Insert(i64, i64, Arc<AtomicU32>);
-
-    impl Verb for Insert {
-        type Answer = i64;
-        async fn apply(&self, tx: &mut Transaction<'_>) -> Result<i64, Error> {
-            self.2.fetch_add(1, Ordering::Relaxed);
-            sqlx::query("INSERT INTO t VALUES (?1, zeroblob(?2))")
-                .bind(self.0)
-                .bind(self.1)
-                .execute(&mut *tx.db)
-                .await?;
-            Ok(self.0)
-        }
+    /// Inserts a row of this number and size. Counts its calls.
+    async fn insert(
+        (number, bytes, calls): &(i64, i64, Arc<AtomicU32>),
+        tx: &mut Transaction,
+    ) -> Result<i64, Error> {
+        calls.fetch_add(1, Ordering::Relaxed);
+        sqlx::query("INSERT INTO t VALUES (?1, zeroblob(?2))")
+            .bind(number)
+            .bind(bytes)
+            .execute(&mut tx.db)
+            .await?;
+        Ok(*number)
     }
 
     async fn writer() -> Writer {
         let mut db = SqliteConnection::connect("sqlite::memory:").await.unwrap();
-        // What is queued is read anew after a failure.
+        // After a failure the queue is read from the tables.
         MIGRATIONS.run(&mut db).await.unwrap();
         db.execute("CREATE TABLE t (x INTEGER PRIMARY KEY, y BLOB)").await.unwrap();
-        let (queue, upkeep) = (Some(Queue::default()), Upkeep::new(&Options::default()));
+        let queue = Queue::default();
+        let tx = Transaction { db, now: 0, queue, program: 1, effects: Vec::new() };
         let lock = tempfile::tempfile().unwrap();
-        Writer { db, signals: Arc::default(), queue, upkeep, program: 1, lock }
+        Writer::new(tx, Arc::default(), Upkeep::new(None, None), lock)
     }
 
-    /// Applies insertions of (number, bytes) as one batch; returns what was answered and applied.
+    /// Applies insertions of (number, bytes) as one batch. Returns the answers and the number of calls.
     async fn batch(writer: &mut Writer, rows: &[(i64, i64)]) -> (Vec<Result<i64, Error>>, u32) {
-        let applied = Arc::new(AtomicU32::new(0));
-        let mut orders: Vec<Box<dyn Order>> = Vec::new();
-        let mut replies = Vec::new();
-        for (number, bytes) in rows {
-            let (reply, answer) = oneshot::channel();
-            let verb = Insert(*number, *bytes, Arc::clone(&applied));
-            orders.push(Box::new(Asked { verb, answer: None, reply }));
-            replies.push(answer);
-        }
+        let calls = Arc::new(AtomicU32::new(0));
+        let (orders, replies): (Vec<_>, Vec<_>) = rows
+            .iter()
+            .map(|(number, bytes)| order(insert, (*number, *bytes, Arc::clone(&calls))))
+            .unzip();
         writer.process(orders).await;
         let mut answers = Vec::new();
         for reply in replies {
             answers.push(reply.await.unwrap());
         }
-        (answers, applied.load(Ordering::Relaxed))
+        (answers, calls.load(Ordering::Relaxed))
     }
 
     async fn rows(writer: &mut Writer) -> i64 {
-        sqlx::query_scalar("SELECT count(*) FROM t").fetch_one(&mut writer.db).await.unwrap()
+        sqlx::query_scalar("SELECT count(*) FROM t").fetch_one(&mut writer.tx.db).await.unwrap()
     }
 
     #[tokio::test]
-    async fn a_batch_without_fault_is_one_transaction() {
+    async fn a_batch_without_errors_is_one_transaction() {
         let mut writer = writer().await;
         let (answers, applied) = batch(&mut writer, &[(1, 0), (2, 0), (3, 0)]).await;
         assert!(answers.iter().all(Result::is_ok));
@@ -380,31 +379,31 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_failing_verb_harms_no_other_in_its_batch() {
+    async fn a_failing_verb_does_not_affect_the_others_in_its_batch() {
         let mut writer = writer().await;
         let (answers, applied) = batch(&mut writer, &[(1, 0), (2, 0), (2, 0), (3, 0)]).await;
         let ok: Vec<_> = answers.iter().map(Result::is_ok).collect();
         assert_eq!(ok, [true, true, false, true]);
-        // Three up to the fault, then each of the four alone.
+        // Three up to the failure, then each of the four alone.
         assert_eq!((applied, rows(&mut writer).await), (7, 3));
     }
 
     #[tokio::test]
-    async fn a_full_disk_is_named_and_writing_resumes_when_there_is_space() {
+    async fn a_full_disk_is_reported_and_writing_resumes_when_there_is_space() {
         let mut writer = writer().await;
-        writer.db.execute("PRAGMA max_page_count = 60").await.unwrap();
+        writer.tx.db.execute("PRAGMA max_page_count = 60").await.unwrap();
         let (answers, _) = batch(&mut writer, &[(1, 0), (2, 1 << 20), (3, 0)]).await;
         assert!(matches!(answers[..], [Ok(1), Err(Error::Full(_)), Ok(3)]), "{answers:?}");
-        writer.db.execute("PRAGMA max_page_count = 10000").await.unwrap();
+        writer.tx.db.execute("PRAGMA max_page_count = 10000").await.unwrap();
         let (answers, _) = batch(&mut writer, &[(2, 1 << 20)]).await;
         assert!(matches!(answers[..], [Ok(2)]), "{answers:?}");
         assert_eq!(rows(&mut writer).await, 3);
     }
 
     #[tokio::test]
-    async fn when_no_transaction_begins_every_verb_is_told_at_once() {
+    async fn if_no_transaction_can_begin_every_verb_fails_at_once() {
         let mut writer = writer().await;
-        writer.db.execute("BEGIN").await.unwrap();
+        writer.tx.db.execute("BEGIN").await.unwrap();
         let (answers, applied) = batch(&mut writer, &[(1, 0), (2, 0)]).await;
         assert!(answers.iter().all(Result::is_err));
         assert_eq!(applied, 0);

@@ -8,8 +8,9 @@ use sqlx::{Connection as _, Row as _, SqliteConnection};
 
 use super::{Moving, PATIENCE, name, put, unfinished};
 use crate::job::clock;
+use crate::store::Error;
 use crate::store::open::{self, DATABASE};
-use crate::store::{Error, read};
+use crate::store::row::{Sum, key};
 
 /// The contents of a backup.
 #[derive(Debug, Clone, Default, PartialEq, Eq, sqlx::FromRow)]
@@ -147,8 +148,8 @@ async fn copy(from: &Path, to: &Path) -> Result<Saved, Moving> {
         let Some(row) = row else { break };
         last = row.try_get("place")?;
         let body: &[u8] = row.try_get("body")?;
-        if !read::sum(&row)?.is_of(body) {
-            let key = read::key(&row, "key")?;
+        if !Sum::read(&row)?.is_of(body) {
+            let key = key(&row, "key")?;
             return Err(damaged(format!("the body of the result {key} has changed")));
         }
     }

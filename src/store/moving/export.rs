@@ -12,7 +12,7 @@ use crate::store::library::{self, Provenance};
 use crate::store::open::{self, DATABASE};
 use crate::store::outline::Document;
 use crate::store::search::{self, Search};
-use crate::store::{Error, read};
+use crate::store::{Error, StoredResult, read};
 use fretwork_engine::outcome::UNITS;
 
 /// The columns of a history.
@@ -120,7 +120,7 @@ enum Absent {
 
 async fn entry(db: &mut SqliteConnection, key: &Key) -> Result<Result<Entry, Absent>, Error> {
     let (body, sum) = match read::result(&mut *db, key, i64::MAX).await {
-        Ok(Some(read::Kept::Whole { body, sum })) => (body, sum),
+        Ok(Some((StoredResult::Whole(body), sum))) => (body, sum),
         Ok(_) => return Ok(Err(Absent::Unknown)),
         Err(Error::Damaged(_)) => return Ok(Err(Absent::Damaged)),
         Err(error) => return Err(error),
@@ -132,7 +132,7 @@ async fn entry(db: &mut SqliteConnection, key: &Key) -> Result<Result<Entry, Abs
         return Ok(Err(Absent::Damaged));
     }
     let parsed: Result<Document, _> = serde_json::from_slice(&body);
-    let (Ok(document), Ok(body)) = (parsed, String::from_utf8(body)) else {
+    let (Ok(document), Ok(body)) = (parsed, String::from_utf8(body.into())) else {
         return Ok(Err(Absent::Damaged));
     };
     Ok(Ok(Entry {

@@ -4,11 +4,12 @@ mod page;
 
 use std::collections::BTreeMap;
 
-use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
+use sqlx::{QueryBuilder, Sqlite};
+use tokio::sync::SemaphorePermit;
 
-use super::Error;
 use super::outline;
-use super::read::key;
+use super::row::key;
+use super::{Error, Store};
 use crate::job::{Key, Outline, SCALARS, WORDS, clock};
 use fretwork_engine::request::quantity::{self, Dimension};
 
@@ -239,36 +240,42 @@ impl Search {
     }
 }
 
-/// The stored result whose inputs are nearest to those of an outline. The distance is the sum of the
-/// relative differences, plus 10 for each word that differs.
-pub(super) async fn nearest(
-    db: &mut SqliteConnection,
-    to: &Outline,
-    except: Option<Key>,
-) -> Result<Option<Key>, Error> {
-    let mut query = QueryBuilder::<Sqlite>::new(
-        "SELECT key FROM result_task WHERE id = (SELECT id FROM outline WHERE present",
-    );
-    if let Some(key) = except {
-        query.push(" AND id IS NOT (SELECT id FROM result_task WHERE key = ");
-        query.push_bind(key.bytes().to_vec()).push(")");
-    }
-    query.push(" ORDER BY 0.0");
-    for (word, value) in WORDS.iter().zip(&to.words) {
-        if word.name != "regime" {
-            query.push(" + 10.0 * (outline.").push(word.name).push(" IS NOT ");
-            query.push_bind(value.clone()).push(")");
+impl Store {
+    /// The stored result whose inputs are nearest to those of an outline, other than `except`. The distance
+    /// is the sum of the relative differences, plus 10 for each word that differs.
+    pub async fn nearest(&self, to: &Outline, except: Option<Key>) -> Result<Option<Key>, Error> {
+        let _permit = self.scan().await?;
+        let mut query = QueryBuilder::<Sqlite>::new(
+            "SELECT key FROM result_task WHERE id = (SELECT id FROM outline WHERE present",
+        );
+        if let Some(key) = except {
+            query.push(" AND id IS NOT (SELECT id FROM result_task WHERE key = ");
+            query.push_bind(key.bytes().to_vec()).push(")");
         }
+        query.push(" ORDER BY 0.0");
+        for (word, value) in WORDS.iter().zip(&to.words) {
+            if word.name != "regime" {
+                query.push(" + 10.0 * (outline.").push(word.name).push(" IS NOT ");
+                query.push_bind(value.clone()).push(")");
+            }
+        }
+        let inputs = SCALARS.iter().zip(&to.scalars).filter(|(scalar, _)| scalar.is_input);
+        for (scalar, value) in inputs {
+            let Some(value) = value else { continue };
+            query.push(" + coalesce(abs(outline.").push(scalar.name).push(" - ").push_bind(*value);
+            query.push(") / max(abs(outline.").push(scalar.name).push("), ");
+            query.push_bind(value.abs()).push(", 1e-300), 1.0)");
+        }
+        query.push(", outline.id DESC LIMIT 1)");
+        let row = self.reading(async |db| Ok(query.build().fetch_optional(db).await?)).await?;
+        Ok(row.map(|row| key(&row, "key")).transpose()?)
     }
-    for (scalar, value) in SCALARS.iter().zip(&to.scalars).filter(|(scalar, _)| scalar.is_input) {
-        let Some(value) = value else { continue };
-        query.push(" + coalesce(abs(outline.").push(scalar.name).push(" - ").push_bind(*value);
-        query.push(") / max(abs(outline.").push(scalar.name).push("), ");
-        query.push_bind(value.abs()).push(", 1e-300), 1.0)");
+
+    /// Waits for permission to scan all results. Scans never take all connections, so single results can
+    /// always be read.
+    async fn scan(&self) -> Result<SemaphorePermit<'_>, Error> {
+        self.scans.acquire().await.map_err(|_| Error::Closed)
     }
-    query.push(", outline.id DESC LIMIT 1)");
-    let row = query.build().fetch_optional(db).await?;
-    Ok(row.map(|row| key(&row, "key")).transpose()?)
 }
 
 #[cfg(test)]

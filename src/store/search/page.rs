@@ -8,8 +8,9 @@ use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
 
 use super::Search;
 use crate::job::{Key, Outline, SCALARS, WORDS};
-use crate::store::read::key;
-use crate::store::{Error, Note};
+use crate::store::library::Note;
+use crate::store::row::key;
+use crate::store::{Error, Store};
 
 /// The position of the last result of a page: its value in the sort column, and its row number.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -102,6 +103,20 @@ pub struct Found {
     pub next: Option<Cursor>,
 }
 
+impl Store {
+    /// Returns up to `limit` matching results after `cursor`, among all that were committed before this
+    /// call.
+    pub async fn search(
+        &self,
+        search: &Search,
+        cursor: Option<Cursor>,
+        limit: u32,
+    ) -> Result<Found, Error> {
+        let _permit = self.scan().await?;
+        self.reading(async |db| page(db, search, cursor, limit).await).await
+    }
+}
+
 /// Returns up to `limit` matching results after `cursor`. Results without the number they are sorted
 /// by come last in both directions.
 pub(in crate::store) async fn page(
@@ -173,7 +188,9 @@ fn after(query: &mut QueryBuilder<Sqlite>, search: &Search, cursor: Option<Curso
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::{Options, Store};
+    use crate::job::JobId;
+    use crate::store::Options;
+    use crate::store::open::SCANS;
 
     #[tokio::test]
     async fn lists_of_the_newest_results_are_read_from_an_index() {
@@ -195,6 +212,26 @@ mod tests {
                 |step: &String| step.contains(&format!("SEARCH outline USING INDEX {index}"));
             assert!(plan.iter().any(is_used), "{plan:?}");
         }
+    }
+
+    #[tokio::test]
+    async fn jobs_can_be_read_while_searches_wait() {
+        let dir = tempfile::tempdir().unwrap();
+        let store = Store::open(dir.path(), &Options::default()).await.unwrap();
+        let permits = store.scans.acquire_many(u32::try_from(SCANS).unwrap()).await.unwrap();
+        let all = Search::default();
+        let mut search = std::pin::pin!(store.search(&all, None, 1));
+        let reads = async {
+            for _ in 0..100 {
+                assert_eq!(store.job(JobId::generate()).await.unwrap(), None);
+            }
+        };
+        tokio::select! {
+            _ = &mut search => panic!("there is no permit for it"),
+            () = reads => {}
+        }
+        drop(permits);
+        assert!(search.await.unwrap().results.is_empty());
     }
 
     #[test]
