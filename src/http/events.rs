@@ -1,4 +1,4 @@
-//! A job as it goes on: server-sent events.
+//! Server-sent events with the progress of a job.
 
 use std::collections::VecDeque;
 use std::convert::Infallible;
@@ -9,7 +9,7 @@ use axum::http::header::CACHE_CONTROL;
 use axum::http::{HeaderMap, HeaderName, StatusCode};
 use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
-use futures_util::stream::{self, Stream};
+use futures_util::stream;
 use serde::Serialize;
 use tokio::time::sleep;
 
@@ -21,19 +21,19 @@ use super::wire::{NoQuery, Segment, instant};
 use crate::job::{Job, JobId, JobState};
 use crate::store::Changes;
 
-/// So often something is sent even if nothing happens: proxies cut what is silent.
+/// A comment is sent after this time without events, because proxies close silent connections.
 const KEEP_ALIVE: Duration = Duration::from_secs(15);
 
-/// So often a listener's key is looked at, beside whenever there is something to send.
-const KEY_LOOKED_AT: Duration = Duration::from_secs(1);
+/// How often the key of a stream is checked, in addition to each event.
+const KEY_INTERVAL: Duration = Duration::from_secs(1);
 
-/// A change of state, as it is sent.
+/// The data of a `state` event.
 #[derive(Serialize)]
 struct Changed {
     state: JobState,
     attempt: u32,
     at: String,
-    /// The whole job, with the last change.
+    /// The job, in the last event only.
     #[serde(skip_serializing_if = "Option::is_none")]
     job: Option<JobAnswer>,
 }
@@ -44,24 +44,23 @@ struct Progress {
     attempt: u32,
 }
 
-/// Follows a job: server-sent events until it is finished.
+/// Follows a job with server-sent events until it is finished.
 ///
-/// First comes a `snapshot`, the job as it stands. Then every change of state since the job was
-/// submitted, as `state` events with `id` 1, 2, …; the last one carries the whole `job`. Between
-/// them `progress` events. A client that comes back with `Last-Event-ID` gets the states after that
-/// one: each exactly once. When all have been seen the answer is 204, which tells a browser's
-/// `EventSource` to stop. The stream also ends with the key that opened it. Where a proxy holds back
-/// events, poll with `GET /v1/jobs/{id}?wait=`.
+/// The first event is a `snapshot` of the job. A `state` event with `id` 1, 2, … follows for each change of
+/// state since the job was submitted; the last one contains the `job`. `progress` events come between
+/// them. A client that reconnects with `Last-Event-ID` gets the later states, each exactly once. After the
+/// last state the answer is 204, and the `EventSource` of a browser stops. The stream ends if its key
+/// is revoked. If a proxy delays events, use `GET /v1/jobs/{id}?wait=` instead.
 #[utoipa::path(get, path = "/v1/jobs/{id}/events", operation_id = "follow_job", tag = "jobs",
     params(
         ("id" = uuid::Uuid, Path, description = "The `id` of a job."),
         ("Last-Event-ID" = Option<String>, Header,
-            description = "The `id` of the last event that was seen."),
+            description = "The `id` of the last received event."),
     ),
     responses(
-        (status = 200, description = "The events: `snapshot`, `state` and `progress`, each with JSON \
-            as its data.", body = super::schemas::JobEvent, content_type = "text/event-stream"),
-        (status = 204, description = "The job is finished, and all its states have been seen."),
+        (status = 200, description = "`snapshot`, `state` and `progress` events. Their data \
+            are JSON.", body = super::schemas::JobEvent, content_type = "text/event-stream"),
+        (status = 204, description = "The job is finished, and the client has all its states."),
         (status = 404, description = "No job has this id."),
     ),
 )]
@@ -74,7 +73,7 @@ pub async fn follow(
 ) -> Result<Response, Problem> {
     let job = visible(&app, &caller, &id).await?;
     let id = job.id;
-    // An id that is none of ours is as good as none: everything is sent.
+    // With an unknown id, all states are sent.
     let seen: Option<usize> =
         headers.get("last-event-id").and_then(|value| value.to_str().ok()?.parse().ok());
     let seen = seen.filter(|seen| *seen <= job.changes.len()).unwrap_or(0);
@@ -84,28 +83,27 @@ pub async fn follow(
     let changes = app.service.watch(&job);
     let Caller { key, .. } = caller;
     let ready = VecDeque::new();
-    let following = Following { app, id, key, changes, seen, progress: -1.0, ready };
-    let events =
-        Sse::new(following.into_stream()).keep_alive(KeepAlive::new().interval(KEEP_ALIVE));
+    let events = Stream { app, id, key, changes, seen, progress: -1.0, ready };
+    let events = Sse::new(events.into_events()).keep_alive(KeepAlive::new().interval(KEEP_ALIVE));
     let buffering = HeaderName::from_static("x-accel-buffering");
     Ok(([(CACHE_CONTROL, "no-store"), (buffering, "no")], events).into_response())
 }
 
-/// One listener and what it has heard.
-struct Following {
+/// One stream of events.
+struct Stream {
     app: App,
     id: JobId,
-    /// What the stream was opened with; none where there are no keys.
+    /// The id of the caller's key; `None` on a server without keys.
     key: Option<String>,
     changes: Changes,
-    /// So many changes of state have been sent.
+    /// The number of sent changes of state.
     seen: usize,
     progress: f64,
     ready: VecDeque<Event>,
 }
 
-impl Following {
-    fn into_stream(self) -> impl Stream<Item = Result<Event, Infallible>> {
+impl Stream {
+    fn into_events(self) -> impl futures_util::Stream<Item = Result<Event, Infallible>> {
         stream::unfold((self, Step::First), |(mut this, mut step)| async move {
             loop {
                 if let Some(event) = this.ready.pop_front() {
@@ -116,7 +114,7 @@ impl Following {
         })
     }
 
-    /// Prepares what there is to tell, if need be after waiting for it; none at the end.
+    /// Waits for the next change, and puts its events into `ready`. `None` at the end.
     async fn advance(&mut self, step: Step) -> Option<Step> {
         match step {
             Step::First => {}
@@ -125,11 +123,11 @@ impl Following {
                 while !changed {
                     changed = tokio::select! {
                         () = self.changes.changed() => true,
-                        () = sleep(KEY_LOOKED_AT) => false,
-                        // The client comes back to the next server, which knows where it stood.
+                        () = sleep(KEY_INTERVAL) => false,
+                        // The client reconnects after the restart and continues with `Last-Event-ID`.
                         () = self.app.service.drained() => return None,
                     };
-                    // The client comes back, and is told why it may not.
+                    // The client reconnects and receives the problem.
                     if self.app.gate.recheck(self.key.as_deref()).await.is_some() {
                         return None;
                     }
@@ -137,14 +135,14 @@ impl Following {
             }
             Step::Last => return None,
         }
-        // An error ends the stream: the client comes back, and is told what is wrong.
+        // After an error the client reconnects and receives the problem.
         let job = self.app.service.job(None, self.id).await.ok().flatten()?;
         let finished = job.state.is_finished();
-        self.tell(job, matches!(step, Step::First));
+        self.push_events(job, matches!(step, Step::First));
         Some(if finished { Step::Last } else { Step::Next })
     }
 
-    fn tell(&mut self, job: Job, first: bool) {
+    fn push_events(&mut self, job: Job, first: bool) {
         let Job { state, attempt, progress, .. } = job;
         let new = job.changes[self.seen.min(job.changes.len())..].to_vec();
         let answer = JobAnswer::from(job);
@@ -169,7 +167,7 @@ impl Following {
     }
 }
 
-/// Where a listener stands.
+/// The next step of a stream.
 enum Step {
     First,
     Next,

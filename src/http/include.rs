@@ -9,7 +9,7 @@ use crate::store::Asked;
 /// The JSON of an absent value.
 pub const NULL: Bytes = Bytes::from_static(b"null");
 
-/// What an answer carries beside the job.
+/// The values of `include`.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Include {
     pub result: bool,
@@ -18,13 +18,13 @@ pub struct Include {
 }
 
 impl Include {
-    /// The words for it.
+    /// Their names.
     pub const WORDS: [&str; 3] = ["result", "scenario", "submitted"];
 
-    /// Takes `include`: words with commas between.
+    /// Takes `include`: names, separated by commas.
     pub fn take(query: &mut Query) -> Self {
         let accepted =
-            "\"result\", \"scenario\", \"submitted\", or some of them with commas between";
+            "\"result\", \"scenario\", \"submitted\", or several of them separated by commas";
         let read = |text: &str| {
             let words: Vec<&str> = text.split(',').map(str::trim).collect();
             let known = words.iter().all(|word| Self::WORDS.contains(word));
@@ -34,7 +34,7 @@ impl Include {
         query.value("include", accepted, read).unwrap_or_default()
     }
 
-    /// The members that go behind those of the job, each as JSON.
+    /// The members to add to a job: their names and their JSON.
     pub fn members(self, asked: &Asked, result: Option<Bytes>) -> Vec<(&'static str, Bytes)> {
         let mut members = Vec::new();
         if self.scenario {

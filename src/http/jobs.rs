@@ -1,4 +1,4 @@
-//! Jobs: submit, list, show, cancel, delete.
+//! Jobs: list, show, cancel, delete. `submission` submits them.
 
 mod answer;
 mod submission;
@@ -22,9 +22,9 @@ use answer::answer;
 pub use answer::JobAnswer;
 pub use submission::{__path_submit, submit};
 
-/// How many jobs a page has unless told.
+/// Default number of jobs on a page.
 const PAGE: u32 = 50;
-/// How many jobs a page may have.
+/// Largest number of jobs on a page.
 const LONGEST_PAGE: u32 = 200;
 
 /// A page of jobs, the newest first.
@@ -32,43 +32,43 @@ const LONGEST_PAGE: u32 = 200;
 pub struct JobList {
     /// The jobs.
     jobs: Vec<JobAnswer>,
-    /// The address of the next page; null on the last.
+    /// The address of the next page; null on the last page.
     #[schema(example = "/v1/jobs?limit=50&cursor=019aa0f3-1f4e-7cc0-9d8b-1c5b0c1f9a11")]
     next: Option<String>,
 }
 
 pub(super) fn read_id(text: &str) -> Result<JobId, Problem> {
     text.parse().map_err(|_| {
-        let detail = "No job has this id: an id is a UUID in lower case, as in the `id` of a job.";
+        let detail = "No job has this id. An id is a UUID in lower case, as in the `id` of a job.";
         Problem::new(&problem::NOT_FOUND, detail)
     })
 }
 
-/// The job of this id, if it is within the caller's reach.
+/// The job with this id, if the caller may see it.
 pub(super) async fn visible(app: &App, caller: &Caller, id: &str) -> Result<Job, Problem> {
     app.service.job(caller.reach(), read_id(id)?).await?.ok_or_else(unknown)
 }
 
 pub(super) fn unknown() -> Problem {
-    Problem::new(&problem::NOT_FOUND, "No job has this id; GET /v1/jobs lists those there are.")
+    Problem::new(&problem::NOT_FOUND, "No job has this id. GET /v1/jobs lists all jobs.")
 }
 
 /// Lists jobs, the newest first.
 ///
-/// All filters given must hold. The address of the next page is in `next` and in the `Link`
-/// header; pages stay correct while new jobs arrive.
+/// A job must match all filters. The address of the next page is in `next` and in the `Link` header. New jobs
+/// do not shift the pages.
 #[utoipa::path(get, path = "/v1/jobs", operation_id = "list_jobs", tag = "jobs",
     params(
         ("state" = Option<super::schemas::JobState>, Query, description = "Jobs in this state."),
         ("label" = Option<String>, Query, description = "Jobs with exactly this label."),
-        ("tag" = Option<String>, Query, description = "Jobs that carry this tag."),
+        ("tag" = Option<String>, Query, description = "Jobs with this tag."),
         ("key" = Option<super::schemas::KeyText>, Query, description = "Jobs for the result with this key."),
-        ("owner" = Option<String>, Query, example = "me", description = "Jobs of this owner; `me`: my own. \
-            Where keys are asked for, only administrators see those of others, and may name them."),
-        ("limit" = Option<u32>, Query, description = "How many jobs at most.", minimum = 1,
+        ("owner" = Option<String>, Query, example = "me", description = "Jobs of this owner; `me` is the caller. On a \
+            server with keys, only administrators see the jobs of others."),
+        ("limit" = Option<u32>, Query, description = "Largest number of jobs on the page.", minimum = 1,
             maximum = 200, example = 50),
         ("cursor" = Option<uuid::Uuid>, Query,
-            description = "Goes on behind this job; comes from the `next` of a page."),
+            description = "Continues after this job. The server puts it into `next` of a page."),
     ),
     responses((status = 200, description = "A page of jobs.", body = JobList, headers(
         ("Link" = String, description = "The address of the next page, `rel=\"next\"`."),
@@ -93,12 +93,12 @@ pub async fn list(
     Ok((link, axum::Json(JobList { jobs, next })).into_response())
 }
 
-/// Takes the parameters that select jobs.
+/// Takes the filters of jobs.
 fn read_filter(query: &mut Query, caller: &Caller) -> Filter {
     let states = JobState::ALL.map(JobState::as_str).join(", ");
     let key = "a key of 64 lower-case hexadecimal digits";
     let whose = match caller.reach() {
-        Some(_) => "\"me\": only administrators see the jobs of others",
+        Some(_) => "\"me\", because only administrators see the jobs of others",
         None => "\"me\" or the name of an owner",
     };
     Filter {
@@ -110,7 +110,7 @@ fn read_filter(query: &mut Query, caller: &Caller) -> Filter {
     }
 }
 
-/// The address asked for, with another cursor.
+/// The address of the request, with another cursor.
 pub(super) fn next_page(uri: &Uri, cursor: impl std::fmt::Display) -> String {
     let query = uri.query().unwrap_or_default().as_bytes();
     let rest = form_urlencoded::parse(query).filter(|(name, _)| name != "cursor");
@@ -123,17 +123,17 @@ pub(super) fn next_page(uri: &Uri, cursor: impl std::fmt::Display) -> String {
 
 /// Shows a job.
 ///
-/// With `wait` the answer comes as soon as the job is finished, which is cheaper than asking again and
-/// again. It does not say how the job ended: `state` does.
+/// With `wait` the server answers when the job is finished, which takes fewer requests than polling. `state`
+/// says whether the job succeeded.
 #[utoipa::path(get, path = "/v1/jobs/{id}", operation_id = "get_job", tag = "jobs",
     params(
         ("id" = uuid::Uuid, Path, description = "The `id` of a job."),
-        ("wait" = Option<f64>, Query, description = "Answers when the job is finished, at the latest \
-            after so many seconds.", minimum = 0, maximum = 60, example = 10),
+        ("wait" = Option<f64>, Query, description = "Waits until the job is finished, at most \
+            this number of seconds.", minimum = 0, maximum = 60, example = 10),
         ("include" = Option<super::schemas::Include>, Query, style = Form, explode = false,
-            description = "What to put into the answer beside the job, separated by commas: `result`, \
-                once it is finished, the canonical `scenario`, and the scenario as `submitted` by the \
-                client (null if it has more than 64 kB).",
+            description = "Adds to the job, separated by commas: the `result`, if the job is \
+                finished; the canonical `scenario`; the scenario as `submitted` by the client (null above \
+                64 kB).",
             example = json!(["result", "scenario"])),
     ),
     responses(
@@ -156,21 +156,21 @@ pub async fn show(
     answer(&app, job, include).await
 }
 
-/// Leads to the result of a job.
+/// Redirects to the result of a job.
 ///
-/// A finished job answers with a redirection; clients that follow it have the result.
+/// Clients that follow the redirection receive the result.
 #[utoipa::path(get, path = "/v1/jobs/{id}/result", operation_id = "get_job_result", tag = "jobs",
     params(("id" = uuid::Uuid, Path, description = "The `id` of a job.")),
     responses(
-        (status = 200, description = "What clients receive that follow the redirection by themselves: the \
-            result.", content(
+        (status = 200, description = "The result, for clients that follow the redirection \
+            automatically.", content(
             (ref("#/components/schemas/Result") = "application/json"),
             (super::schemas::File = "application/x-npz"),
         )),
         (status = 303, description = "The result is at the address in `Location`.",
             headers(("Location" = String, description = "The address of the result."))),
-        (status = 409, description = "The job is not finished (then with `Retry-After`), failed, or \
-            was canceled.", headers(("Retry-After" = u32, description = "Seconds."))),
+        (status = 409, description = "The job is not finished (with `Retry-After`), has failed, \
+            or was canceled.", headers(("Retry-After" = u32, description = "Seconds."))),
     ),
 )]
 pub async fn result(
@@ -187,7 +187,7 @@ pub async fn result(
         }
         JobState::Queued | JobState::Running | JobState::Canceling => {
             let detail = format!(
-                "The job is {}; ask again in a second, or GET /v1/jobs/{id}?wait=10.",
+                "The job is {}. Try again in a second, or wait: GET /v1/jobs/{id}?wait=10.",
                 job.state
             );
             Problem::new(&problem::NOT_FINISHED, detail).retry_after(1)
@@ -198,7 +198,7 @@ pub async fn result(
             Problem::new(&problem::JOB_FAILED, detail)
         }
         JobState::Canceled => {
-            let detail = "The job was canceled; submit the scenario again for its result.";
+            let detail = "The job was canceled. To get the result, submit the scenario again.";
             Problem::new(&problem::JOB_CANCELED, detail)
         }
     };
@@ -207,12 +207,12 @@ pub async fn result(
 
 /// Cancels a job.
 ///
-/// The computation stops when no other job shares it. A finished job stays as it is: the answer
-/// shows its state. The job remains readable.
+/// The run stops when no other job shares it. A finished job does not change, and `state` of the answer shows
+/// this. The canceled job can still be read.
 #[utoipa::path(post, path = "/v1/jobs/{id}/cancel", operation_id = "cancel_job", tag = "jobs",
     params(("id" = uuid::Uuid, Path, description = "The `id` of a job.")),
     responses(
-        (status = 200, description = "The job as it is now.", body = JobAnswer),
+        (status = 200, description = "The job after the request.", body = JobAnswer),
     ),
 )]
 pub async fn cancel(
@@ -229,30 +229,30 @@ pub async fn cancel(
     }
 }
 
-/// How many jobs were canceled.
+/// The number of canceled jobs.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct CanceledJobs {
-    /// So many jobs.
+    /// The number of jobs.
     #[schema(example = 12)]
     canceled: u64,
 }
 
 /// Cancels all jobs that match.
 ///
-/// At least one filter must be given, and all that are given must hold. What is finished stays as it
-/// is, and so do jobs that are submitted meanwhile. Computations stop when no other job shares them.
+/// At least one filter is required, and a job must match all of them. Finished jobs do not change, nor do jobs
+/// that are submitted during the request. A run stops when no other job shares it.
 #[utoipa::path(post, path = "/v1/jobs/cancel", operation_id = "cancel_jobs", tag = "jobs",
     params(
         ("state" = Option<super::schemas::JobState>, Query, description = "Jobs in this state."),
         ("label" = Option<String>, Query, description = "Jobs with exactly this label."),
-        ("tag" = Option<String>, Query, description = "Jobs that carry this tag."),
+        ("tag" = Option<String>, Query, description = "Jobs with this tag."),
         ("key" = Option<super::schemas::KeyText>, Query, description = "Jobs for the result with this key."),
-        ("owner" = Option<String>, Query, example = "me", description = "Jobs of this owner; `me`: my own. \
-            Where keys are asked for, only administrators see those of others, and may name them."),
+        ("owner" = Option<String>, Query, example = "me", description = "Jobs of this owner; `me` is the caller. On a \
+            server with keys, only administrators see the jobs of others."),
     ),
     responses(
-        (status = 200, description = "They are canceled, or will be as soon as their workers let \
-            go.", body = CanceledJobs),
+        (status = 200, description = "The jobs are canceled, or will be when their workers \
+            stop.", body = CanceledJobs),
     ),
 )]
 pub async fn cancel_all(
@@ -264,21 +264,21 @@ pub async fn cancel_all(
     query.finish()?;
     if filter == Filter::default() {
         let detail =
-            "one of state, label, tag, key and owner must be given: this cancels many jobs";
+            "is required, or label, tag, key or owner: without a filter all jobs would be canceled";
         return Err(Problem::parameters(vec![Complaint::parameter("state", detail)]));
     }
     let canceled = app.service.cancel_all(caller.reach(), filter).await?;
     Ok(axum::Json(CanceledJobs { canceled }))
 }
 
-/// Deletes a job that has ended.
+/// Deletes a finished job.
 ///
-/// Its result stays, for it belongs to everyone.
+/// Its result stays, because other jobs may share it.
 #[utoipa::path(delete, path = "/v1/jobs/{id}", operation_id = "delete_job", tag = "jobs",
     params(("id" = uuid::Uuid, Path, description = "The `id` of a job.")),
     responses(
-        (status = 204, description = "The job is gone."),
-        (status = 409, description = "The job has not ended; cancel it first."),
+        (status = 204, description = "The job is deleted."),
+        (status = 409, description = "The job is not finished. Cancel it first."),
     ),
 )]
 pub async fn delete(
@@ -291,7 +291,7 @@ pub async fn delete(
         Deleted::Done => Ok(StatusCode::NO_CONTENT),
         Deleted::NotFound => Err(unknown()),
         Deleted::Unfinished(state) => {
-            let detail = format!("The job is {state}; cancel it first, POST /v1/jobs/{id}/cancel.");
+            let detail = format!("The job is {state}. Cancel it first: POST /v1/jobs/{id}/cancel.");
             Err(Problem::new(&problem::STILL_GOING, detail))
         }
     }

@@ -1,4 +1,4 @@
-//! Scenarios: check one without running it, learn from examples, read the contract.
+//! Scenarios: check, examples, schema.
 
 use axum::Json;
 use axum::extract::State;
@@ -16,16 +16,16 @@ use crate::job::{BadSubmission, Key, Prepared, Submission};
 use fretwork_engine::outcome::Preview;
 use fretwork_engine::scenario::{SCHEMA, Scenario, Warning};
 
-/// A job body that works, kept as a file in `examples/`.
+/// A valid job body, from a file in `examples/`.
 #[derive(Debug)]
 pub struct Example {
-    /// What it is called in addresses.
+    /// Its name in addresses.
     pub name: &'static str,
     /// The job body.
     pub body: &'static str,
 }
 
-/// The job bodies in `examples/`; the first is the one that the program shows at start.
+/// The job bodies in `examples/`. The program prints the first one when it starts.
 pub static EXAMPLES: &[Example] = &[
     Example { name: "steel-ball", body: include_str!("../../examples/steel-ball.json") },
     Example {
@@ -52,23 +52,23 @@ pub static EXAMPLES: &[Example] = &[
 
 impl From<BadSubmission> for Problem {
     fn from(bad: BadSubmission) -> Self {
-        let advice = "send one JSON document, such as those under /v1/examples";
+        let advice = "Send one JSON document, such as those under /v1/examples.";
         match bad {
             BadSubmission::Json(error) => {
-                Self::new(&problem::INVALID_JSON, format!("{error}; {advice}"))
+                Self::new(&problem::INVALID_JSON, format!("{error}. {advice}"))
             }
             BadSubmission::Empty => {
-                Self::new(&problem::INVALID_JSON, format!("the body is empty; {advice}"))
+                Self::new(&problem::INVALID_JSON, format!("The body is empty. {advice}"))
             }
             BadSubmission::Faults(faults) => Self::faults(faults),
         }
     }
 }
 
-/// Largest body, in bytes, that is parsed on the async thread: handing it to another one takes as long.
+/// Largest body that is parsed on the async thread, in bytes. To pass it to another thread takes as long.
 const SMALL: usize = 1 << 14;
 
-/// Parses a job body; a large one, which may have 10 000 rows, on a blocking thread.
+/// Parses a job body. A large one, with up to 10 000 rows, is parsed on a blocking thread.
 pub(super) async fn parse(body: Body) -> Result<Submission, Problem> {
     if body.0.len() <= SMALL {
         return Ok(Submission::parse(&body.0)?);
@@ -77,46 +77,45 @@ pub(super) async fn parse(body: Body) -> Result<Submission, Problem> {
     Ok(parsed.await.map_err(|_| Problem::internal())??)
 }
 
-/// What can be said of a scenario without running it.
+/// What is known of a scenario without a run.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Checked {
-    /// The address that its result has, or will have.
+    /// The key of its result.
     #[schema(value_type = String, pattern = "^[0-9a-f]{64}$")]
     key: Key,
-    /// Whether the result is there already.
+    /// Whether the result is stored.
     cached: bool,
-    /// The scenario as it is computed: SI units, defaults filled in. Submitting it again gives the
-    /// same key.
+    /// The scenario in SI units with all defaults. Submitted again, it has the same key.
     #[schema(value_type = Object)]
     scenario: Scenario,
     /// `scales`, `unworn`, `regime`, `limit`, `units` and `cost`.
     #[serde(flatten)]
     #[schema(value_type = super::schemas::Preview)]
     preview: Preview,
-    /// What the user should know.
+    /// Warnings about the validity of the model.
     #[schema(value_type = Vec<super::schemas::Warning>)]
     warnings: Vec<Warning>,
-    /// Where to go from here.
+    /// Related addresses.
     links: CheckedLinks,
 }
 
-/// Where to go from a checked scenario.
+/// Addresses related to a checked scenario.
 #[derive(Debug, Serialize, ToSchema)]
 struct CheckedLinks {
-    /// The result, once it is computed.
+    /// The result, after it was computed.
     result: String,
-    /// POST the same body here to compute it.
+    /// POST the same body to this address to compute it.
     submit: &'static str,
 }
 
-/// Checks a scenario without running it.
+/// Checks a scenario without a run.
 ///
-/// Takes what `POST /v1/jobs` takes and answers what is known beforehand: the key, the canonical
-/// scenario, scales, the unworn state, the limit to which wear tends, warnings and the cost.
+/// The body is that of `POST /v1/jobs`. The answer has the key, the canonical scenario, scales, the unworn
+/// state, the limiting state of wear, warnings and the estimated cost.
 #[utoipa::path(post, path = "/v1/scenarios", operation_id = "check_scenario", tag = "scenarios",
-    request_body(content = ref("#/components/schemas/JobBody"), description = "What would be \
-        submitted."),
-    responses((status = 200, description = "The scenario is sound.", body = Checked)),
+    request_body(content = ref("#/components/schemas/JobBody"), description = "The job \
+        body."),
+    responses((status = 200, description = "The scenario is valid.", body = Checked)),
 )]
 pub async fn check(
     State(app): State<App>,
@@ -125,7 +124,7 @@ pub async fn check(
 ) -> Result<Json<Checked>, Problem> {
     let Prepared { key, warnings, task: asked, .. } = parse(body).await?.prepared;
     let cached = app.service.has_result(&key).await?;
-    // The limit is found by solving for its radius: a few milliseconds of work.
+    // The limiting state takes a few milliseconds to compute.
     let computed = task::spawn_blocking(move || (asked.preview(), asked));
     let (preview, asked) = computed.await.map_err(|_| Problem::internal())?;
     let scenario = asked.scenario().clone();
@@ -136,19 +135,19 @@ pub async fn check(
 /// An example.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct ExampleAnswer {
-    /// What it is called in addresses.
+    /// Its name in addresses.
     #[schema(example = "steel-ball")]
     name: &'static str,
-    /// What it shows.
+    /// A description for people.
     label: String,
     /// The job body.
     #[schema(value_type = Object)]
     body: &'static RawValue,
 }
 
-/// Lists job bodies that work.
+/// Lists examples of job bodies.
 ///
-/// Each is ready to be sent to `POST /v1/jobs`; the first is the steel ball of the documentation.
+/// Each can be sent to `POST /v1/jobs`. The first is the steel ball of the documentation.
 #[utoipa::path(get, path = "/v1/examples", operation_id = "list_examples", tag = "scenarios",
     responses((status = 200, description = "The examples.", body = Vec<ExampleAnswer>)),
 )]
@@ -166,9 +165,9 @@ pub async fn examples(_: NoQuery) -> Result<Json<Vec<ExampleAnswer>>, Problem> {
     answers.map(Json).map_err(|_| Problem::internal())
 }
 
-/// Returns a job body that works.
+/// Returns an example of a job body.
 ///
-/// It is ready to be sent to `POST /v1/jobs` as it comes.
+/// It can be sent to `POST /v1/jobs` unchanged.
 #[utoipa::path(get, path = "/v1/examples/{name}", operation_id = "get_example", tag = "scenarios",
     params(("name" = String, Path, description = "The `name` of an example.", example = "steel-ball")),
     responses(
@@ -179,17 +178,17 @@ pub async fn examples(_: NoQuery) -> Result<Json<Vec<ExampleAnswer>>, Problem> {
 )]
 pub async fn example(Segment(name): Segment, _: NoQuery) -> Result<Response, Problem> {
     let example = EXAMPLES.iter().find(|example| example.name == name).ok_or_else(|| {
-        Problem::new(&problem::NOT_FOUND, "No example has this name; GET /v1/examples lists them.")
+        Problem::new(&problem::NOT_FOUND, "No example has this name. GET /v1/examples lists all.")
     })?;
     Ok(([(CONTENT_TYPE, "application/json")], example.body).into_response())
 }
 
 /// Returns the JSON Schema of a scenario.
 ///
-/// For editors and forms: draft 2020-12, with the units, bounds and defaults of every member.
+/// Draft 2020-12, with the units, bounds and defaults of all members, for editors and forms.
 #[utoipa::path(get, path = "/v1/schema/scenario", operation_id = "get_scenario_schema",
     tag = "scenarios",
-    responses((status = 200, description = "A JSON Schema of the dialect 2020-12.",
+    responses((status = 200, description = "A JSON Schema, draft 2020-12.",
         content((serde_json::Value = "application/schema+json")))),
 )]
 pub async fn schema(_: NoQuery) -> Response {
@@ -202,7 +201,7 @@ mod tests {
     use std::path::Path;
 
     #[test]
-    fn every_file_among_the_examples_is_served_under_its_name() {
+    fn every_file_in_examples_is_served_under_its_name() {
         let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/examples");
         let mut files: Vec<String> = std::fs::read_dir(folder)
             .unwrap()
@@ -217,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn every_example_is_a_sound_job() {
+    fn every_example_is_a_valid_job() {
         for example in EXAMPLES {
             assert!(Submission::parse(example.body.as_bytes()).is_ok(), "{}", example.name);
         }

@@ -1,6 +1,6 @@
-//! What requests are made of: query parameters, bodies, `Prefer` and other headers.
+//! The parts of requests: query parameters, bodies, `Prefer` and other headers.
 //!
-//! Each part collects all of its faults before it refuses: one round trip, one complete list.
+//! A query collects all its faults before it refuses the request, so that a client sees all of them at once.
 
 use std::time::Duration;
 
@@ -15,13 +15,13 @@ use super::problem::{self, Complaint, Problem};
 use crate::format::Format;
 use crate::job::{BadKey, Key, clock};
 
-/// The largest body that is read, in bytes.
+/// Largest body of a request, in bytes.
 pub const BODY_LIMIT: usize = 4 << 20;
-/// The longest that one request may wait for a job.
+/// Longest time that a request may wait for a job.
 pub const LONGEST_WAIT: Duration = Duration::from_mins(1);
 
-/// The query parameters of a request. A handler takes those it knows; whatever is left is refused
-/// by [`Query::finish`], since a misspelt parameter must not silently take its default.
+/// The query parameters of a request. A handler takes those it knows. [`Query::finish`] refuses the others, so
+/// that a misspelt parameter is not ignored.
 pub struct Query {
     pairs: Vec<(String, String)>,
     known: Vec<&'static str>,
@@ -39,7 +39,7 @@ impl<S: Sync> FromRequestParts<S> for Query {
 }
 
 impl Query {
-    /// Takes a parameter as it stands.
+    /// Takes a parameter as text.
     pub fn text(&mut self, name: &'static str) -> Option<String> {
         self.known.push(name);
         let mut found = None;
@@ -57,7 +57,7 @@ impl Query {
         found
     }
 
-    /// Takes a parameter that must be read by `read`; `accepted` completes "must be …".
+    /// Takes a parameter and parses it with `read`. `accepted` completes the fault "must be …".
     pub fn value<T>(
         &mut self,
         name: &'static str,
@@ -72,7 +72,7 @@ impl Query {
         value
     }
 
-    /// Takes `wait`: whole or broken seconds, at most [`LONGEST_WAIT`].
+    /// Takes `wait`: a number of seconds, at most [`LONGEST_WAIT`].
     pub fn wait(&mut self) -> Option<Duration> {
         self.value("wait", "a number of seconds between 0 and 60", |text| {
             let seconds: f64 = text.parse().ok()?;
@@ -82,24 +82,24 @@ impl Query {
         })
     }
 
-    /// Takes `format`: which of the formats `offered` is asked for, if any.
+    /// Takes `format`. Faults list the formats `offered`.
     pub fn format(&mut self, offered: &[Format]) -> Option<Format> {
         let accepted = names(offered, Format::name, " or ");
         self.value("format", &accepted, |text| {
-            // A format there is, but not here, is not a fault of the query: 406 answers it.
+            // An existing format that is not offered here is answered with 406 instead.
             Format::ALL.into_iter().find(|format| format.name() == text)
         })
     }
 
-    /// Notes a fault.
+    /// Adds a fault.
     pub fn complain(&mut self, name: &str, detail: impl Into<String>) {
         self.complaints.push(Complaint::parameter(name, detail));
     }
 
-    /// Refuses the request if anything is wrong with its parameters, or if some are left over.
+    /// Refuses the request if its parameters have faults, or if some were not taken.
     pub fn finish(mut self) -> Result<(), Problem> {
         let accepted = match self.known.as_slice() {
-            [] => "this address takes no parameters".to_owned(),
+            [] => "this address has no parameters".to_owned(),
             known => format!("the parameters here are {}", known.join(", ")),
         };
         for (name, _) in std::mem::take(&mut self.pairs) {
@@ -112,7 +112,7 @@ impl Query {
     }
 }
 
-/// For addresses without parameters: refuses whatever is given.
+/// The query of an address without parameters. It refuses all parameters.
 pub struct NoQuery;
 
 impl<S: Sync> FromRequestParts<S> for NoQuery {
@@ -124,7 +124,7 @@ impl<S: Sync> FromRequestParts<S> for NoQuery {
     }
 }
 
-/// The one variable part of an address, as text.
+/// The variable part of an address, as text.
 pub struct Segment(pub String);
 
 impl<S: Send + Sync> FromRequestParts<S> for Segment {
@@ -132,9 +132,8 @@ impl<S: Send + Sync> FromRequestParts<S> for Segment {
 
     async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Problem> {
         let path = Path::<String>::from_request_parts(parts, state).await;
-        path.map(|Path(text)| Self(text)).map_err(|_| {
-            Problem::new(&problem::NOT_FOUND, "The address is not UTF-8, so nothing is here.")
-        })
+        path.map(|Path(text)| Self(text))
+            .map_err(|_| Problem::new(&problem::NOT_FOUND, "The address is not valid UTF-8."))
     }
 }
 
@@ -157,15 +156,15 @@ fn names<T: Copy>(items: &[T], name: impl Fn(T) -> &'static str, join: &str) -> 
     items.iter().map(|&item| format!("\"{}\"", name(item))).collect::<Vec<_>>().join(join)
 }
 
-/// What a `Prefer` header (RFC 7240) asks for. Preferences that are unknown or do not parse are
-/// ignored, as that standard wants.
+/// The preferences in `Prefer` headers (RFC 7240). Unknown and invalid preferences are ignored, as the RFC
+/// requires.
 pub struct Prefer {
-    /// How long the answer may take, already cut to [`LONGEST_WAIT`].
+    /// How long the client waits for the job, at most [`LONGEST_WAIT`].
     pub wait: Option<Duration>,
 }
 
 impl Prefer {
-    /// Reads all `Prefer` headers; the first `wait` counts.
+    /// Reads all `Prefer` headers. The first `wait` is used.
     pub fn read(headers: &HeaderMap) -> Self {
         let wait = headers
             .get_all(PREFER)
@@ -182,7 +181,7 @@ impl Prefer {
 
 const PREFER: HeaderName = HeaderName::from_static("prefer");
 
-/// The words of all headers of this name, which are lists.
+/// The items of all headers with this name, whose values are lists.
 pub fn words(headers: &HeaderMap, name: HeaderName) -> impl Iterator<Item = &str> {
     let values = headers.get_all(name).into_iter().filter_map(|value| value.to_str().ok());
     values.flat_map(|value| value.split(',')).map(str::trim)
@@ -194,10 +193,10 @@ pub fn ascii(text: &str) -> HeaderValue {
     HeaderValue::try_from(text).expect("the text is ASCII")
 }
 
-/// What a submission asks of the cache by `Cache-Control` (RFC 9111). What is unknown is ignored, as
-/// that standard wants.
+/// The directives of a submission in `Cache-Control` (RFC 9111). Unknown directives are ignored, as the RFC
+/// requires.
 pub struct Freshness {
-    /// `no-cache`: compute, even if the result is known.
+    /// `no-cache`: compute even a known result.
     pub afresh: bool,
     /// `only-if-cached`: do not compute.
     pub only_known: bool,
@@ -213,7 +212,7 @@ impl Freshness {
     }
 }
 
-/// How urgent a submission is: the `u` of a `Priority` header (RFC 9218), 3 if it does not say.
+/// The urgency of a submission: `u` in the `Priority` header (RFC 9218), by default 3.
 pub fn urgency(headers: &HeaderMap) -> u8 {
     words(headers, PRIORITY)
         .filter_map(|word| word.split(';').next()?.trim().strip_prefix("u=")?.parse().ok())
@@ -223,10 +222,10 @@ pub fn urgency(headers: &HeaderMap) -> u8 {
 
 const PRIORITY: HeaderName = HeaderName::from_static("priority");
 const IDEMPOTENCY_KEY: HeaderName = HeaderName::from_static("idempotency-key");
-/// The longest `Idempotency-Key`.
+/// Longest `Idempotency-Key`, in characters.
 const LONGEST_KEY: usize = 255;
 
-/// The `Idempotency-Key` of a submission, with or without the quotes of the draft standard.
+/// The `Idempotency-Key` of a submission. The draft standard has quotes around it; they are optional here.
 pub fn idempotency_key(headers: &HeaderMap) -> Result<Option<String>, Problem> {
     let mut values = headers.get_all(IDEMPOTENCY_KEY).iter();
     let Some(value) = values.next() else { return Ok(None) };
@@ -246,30 +245,29 @@ pub fn idempotency_key(headers: &HeaderMap) -> Result<Option<String>, Problem> {
     }
 }
 
-/// A moment, given in milliseconds since 1970, as RFC 3339 in UTC.
+/// A time in milliseconds since 1970, as RFC 3339 in UTC.
 pub fn instant(milliseconds: i64) -> String {
     clock::rfc3339(milliseconds)
 }
 
-/// A request body that is declared as JSON, as it came.
+/// The bytes of a request body with a JSON content type.
 pub struct Body(pub Bytes);
 
 impl<S: Sync> FromRequest<S> for Body {
     type Rejection = Problem;
 
     async fn from_request(request: Request, _: &S) -> Result<Self, Problem> {
-        // A body without a type is refused too: a web page of any origin can send one here without
-        // asking first, and a job costs something.
+        // A body without a type is refused too: browsers let web pages of any origin send one.
         let declared =
             request.headers().get(CONTENT_TYPE).map(|value| value.to_str().unwrap_or(""));
         if !declared.is_some_and(is_json) {
             let declared = declared.map_or_else(
-                || "The body has no type".to_owned(),
-                |declared| format!("The body is declared as \"{}\"", excerpt(declared)),
+                || "The body has no Content-Type".to_owned(),
+                |declared| format!("The Content-Type of the body is \"{}\"", excerpt(declared)),
             );
             return Err(Problem::new(
                 &problem::UNSUPPORTED_MEDIA_TYPE,
-                format!("{declared}; send it with Content-Type: application/json."),
+                format!("{declared}. Send it with Content-Type: application/json."),
             ));
         }
         read(request).await.map(Self)
@@ -287,7 +285,7 @@ async fn read(request: Request) -> Result<Bytes, Problem> {
     let too_large = || {
         Problem::new(
             &problem::BODY_TOO_LARGE,
-            format!("The body has more than {BODY_LIMIT} bytes; thin out its tables."),
+            format!("The body has more than {BODY_LIMIT} bytes. Remove rows from its tables."),
         )
     };
     let mut body = request.into_body();
@@ -298,7 +296,10 @@ async fn read(request: Request) -> Result<Bytes, Problem> {
     let mut kept = Vec::with_capacity(declared);
     while let Some(frame) = body.frame().await {
         let frame = frame.map_err(|_| {
-            Problem::new(&problem::INVALID_JSON, "the body broke off; send it completely")
+            Problem::new(
+                &problem::INVALID_JSON,
+                "The connection ended before the end of the body. Send it again.",
+            )
         })?;
         let Ok(data) = frame.into_data() else {
             continue;
@@ -316,7 +317,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn preferences_that_do_not_parse_are_ignored() {
+    fn invalid_preferences_are_ignored() {
         let prefer = |value| {
             let headers = HeaderMap::from_iter([(PREFER, HeaderValue::from_static(value))]);
             Prefer::read(&headers).wait.map(|wait| wait.as_secs())

@@ -1,4 +1,4 @@
-//! How a job is told, with its scenario and its result inside or without.
+//! A job as JSON, with or without its scenario and its result.
 
 use std::convert::Infallible;
 use std::mem;
@@ -19,50 +19,50 @@ use crate::http::wire::instant;
 use crate::job::{Failure, Job, JobId, JobState, Key, Origin};
 use crate::store::{self, Asked, StoredResult};
 
-/// One submission and how far it has come.
+/// A job: one submission and its progress.
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(as = Job)]
 pub struct JobAnswer {
-    /// Names the job: a UUID of version 7, so ids sort by time of submission.
+    /// Its id: a UUID of version 7, so that ids sort by time of submission.
     #[schema(value_type = String, format = "uuid", example = "019aa0f3-1f4e-7cc0-9d8b-1c5b0c1f9a11")]
     id: JobId,
     /// `queued`, `running`, `canceling`, `succeeded`, `failed` or `canceled`.
     #[schema(value_type = crate::http::schemas::JobState)]
     state: JobState,
-    /// Whose it is: the name of the key that submitted it, or the address of the client where there were
-    /// no keys. Only administrators see the jobs of others.
+    /// Its owner: the name of the key that submitted it, or the address of the client on a server without keys.
+    /// Only administrators see the jobs of others.
     #[schema(example = "anna")]
     owner: String,
-    /// The address of the result: the same for every submission of the same scenario.
+    /// The key of the result, which is the same for every submission of the same scenario.
     #[schema(value_type = String, pattern = "^[0-9a-f]{64}$")]
     key: Key,
-    /// Whether this job started the computation (`computed`), joined one (`coalesced`) or found
-    /// the result ready (`cached`).
+    /// Whether this job started its run (`computed`), joined the run of another job (`coalesced`), or found the
+    /// result stored (`cached`).
     #[schema(value_type = crate::http::schemas::Origin)]
     origin: Origin,
-    /// How often the computation was begun. More than 1 means that the server was interrupted.
+    /// How often the run was started. It is more than 1 if the server was interrupted.
     #[schema(example = 1)]
     attempt: u32,
-    /// The share of the computation that is done, 0 to 1.
+    /// The part of the run that is done, 0 to 1.
     #[schema(minimum = 0, maximum = 1, example = 1.0)]
     progress: f64,
-    /// Among the jobs of the same owner: 0 is the most urgent, 7 the least; from the `Priority`
-    /// header.
+    /// The urgency among the jobs of the same owner, from the `Priority` header: 0 is the most urgent, 7 the
+    /// least.
     #[schema(minimum = 0, maximum = 7, example = 3)]
     priority: u8,
-    /// When it was submitted, begun and finished.
+    /// When it was submitted, started and finished.
     times: Times,
-    /// A line for people, as submitted.
+    /// A description for people, as submitted.
     label: Option<String>,
-    /// Words to find it by, as submitted.
+    /// Words for filters, as submitted.
     tags: Vec<String>,
-    /// The last entry of the history and the regime, once it has succeeded.
+    /// The last entry of the history and the regime; null until the job has succeeded.
     #[schema(value_type = Option<Object>)]
     summary: Option<Value>,
-    /// What the user should know about the scenario: a list of `{kind, detail}`.
+    /// Warnings about the validity of the model: a list of `{kind, detail}`.
     #[schema(value_type = Vec<crate::http::schemas::Warning>)]
     warnings: Value,
-    /// Why it failed, if it did.
+    /// Why it failed; null unless it did.
     error: Option<JobError>,
     /// Where to go from here.
     links: Links,
@@ -74,10 +74,10 @@ struct Times {
     /// When it was submitted.
     #[schema(format = "date-time", example = "2026-01-31T12:00:00.000Z")]
     created: String,
-    /// When a worker began it.
+    /// When a worker started the run.
     #[schema(format = "date-time")]
     started: Option<String>,
-    /// When it came to its end.
+    /// When it was finished.
     #[schema(format = "date-time")]
     finished: Option<String>,
 }
@@ -85,26 +85,26 @@ struct Times {
 /// Why a job failed.
 #[derive(Debug, Serialize, ToSchema)]
 struct JobError {
-    /// The kind of failure: the address of a page that explains it.
+    /// The problem type: the address of a page that explains it.
     #[schema(example = "/problems/worker-lost")]
     r#type: String,
-    /// The kind of failure in words.
+    /// The title of the problem type.
     title: String,
     /// What happened.
     detail: String,
 }
 
-/// Where to go from a job.
+/// Addresses related to a job.
 #[derive(Debug, Serialize, ToSchema)]
 struct Links {
     /// The job itself.
     #[serde(rename = "self")]
     this: String,
-    /// Its result, once it has succeeded.
+    /// Its result, after it has succeeded.
     result: String,
-    /// Server-sent events of what becomes of it.
+    /// Server-sent events with its progress.
     events: String,
-    /// POST here to cancel it; null once it is finished.
+    /// POST to this address to cancel it; null after it is finished.
     cancel: Option<String>,
 }
 
@@ -154,7 +154,7 @@ pub(super) fn address(id: JobId) -> String {
     format!("/v1/jobs/{id}")
 }
 
-/// Answers a job as it is always answered, with the members that are to be included.
+/// Answers a job, with the included members.
 pub(super) async fn answer(app: &App, job: Job, include: Include) -> Result<Response, Problem> {
     let asked = if include.scenario || include.submitted {
         app.service.asked(job.id).await?
@@ -165,7 +165,7 @@ pub(super) async fn answer(app: &App, job: Job, include: Include) -> Result<Resp
     write(job, include.members(&asked, result))
 }
 
-/// The result of a job; null if there is none.
+/// The JSON of the result of a job; null if it has none.
 pub(super) async fn result_of(app: &App, job: &Job) -> Result<Bytes, Problem> {
     if job.state != JobState::Succeeded {
         return Ok(NULL);
@@ -177,18 +177,18 @@ pub(super) async fn result_of(app: &App, job: &Job) -> Result<Bytes, Problem> {
     })
 }
 
-/// Writes a job, with more members behind its own: their names and their JSON.
+/// Writes a job, followed by more members: their names and their JSON.
 pub(super) fn write(job: Job, members: Vec<(&str, Bytes)>) -> Result<Response, Problem> {
     let (key, id) = (job.key, job.id);
     let mut told = serde_json::to_vec(&JobAnswer::from(job)).map_err(|_| Problem::internal())?;
     let mut pieces = Vec::new();
     for (name, text) in members {
-        // The stored bytes go in as they are: parsing and printing them again would cost more
-        // than everything else here and could change digits.
+        // The stored bytes are copied: to parse and print them again would cost more than everything else
+        // here, and could change digits.
         told.pop();
         told.extend_from_slice(format!(",\"{name}\":").as_bytes());
         if text.len() > store::LARGE {
-            // Other answers may share these bytes.
+            // Large bytes are not copied: other answers share them.
             pieces.extend([mem::take(&mut told).into(), text]);
         } else {
             told.extend_from_slice(&text);
@@ -197,7 +197,7 @@ pub(super) fn write(job: Job, members: Vec<(&str, Bytes)>) -> Result<Response, P
     }
     let headers = [
         (header::CONTENT_TYPE, "application/json".to_owned()),
-        // A job changes; what does not is its result, at an address of its own.
+        // A job changes.
         (header::CACHE_CONTROL, "no-store".to_owned()),
         (header::CONTENT_LOCATION, address(id)),
         (header::LINK, format!("</v1/results/{key}>; rel=\"related\"")),

@@ -1,4 +1,4 @@
-//! A submission: what is read from it, and what becomes of it.
+//! Submits a job.
 
 use std::time::Duration;
 
@@ -18,34 +18,34 @@ use crate::job::{Job, JobState, Origin};
 use crate::service::{Accepted, Refusal, Terms};
 use crate::store::Asked;
 
-/// Submits a scenario: computes it, joins the computation under way, or finds its result.
+/// Submits a scenario: computes it, joins the run of another job, or finds the stored result.
 ///
-/// Every submission is a job of its own and is kept. The same scenario is computed once, however
-/// many submit it, and whatever units they write it in. With `Prefer: wait=10` the answer waits
-/// up to 10 s for the end; with `include=result` it then holds the result itself. A submission that
-/// may have been lost can be repeated under the same `Idempotency-Key`: it stays one job.
+/// Every submission is a job, and is kept. Equal scenarios are computed once, even if they are written in
+/// different units. With `Prefer: wait=10` the server answers when the job is finished, at most 10 s later.
+/// `include=result` then adds the result. After a lost connection a client can repeat its submission with
+/// the same `Idempotency-Key`: it stays one job.
 #[utoipa::path(post, path = "/v1/jobs", operation_id = "submit_job", tag = "jobs",
     params(
         ("include" = Option<crate::http::schemas::Include>, Query, style = Form, explode = false,
-            description = "What to put into the answer beside the job, separated by commas: `result`, \
-                if it is finished, the canonical `scenario`, and the scenario as `submitted`.",
+            description = "Adds to the job, separated by commas: the `result`, if the job is \
+                finished; the canonical `scenario`; the scenario as `submitted`.",
             example = json!(["result"])),
         ("Prefer" = Option<String>, Header,
-            description = "`wait=N`: answer when the job is finished, at the latest after N seconds \
+            description = "`wait=N`: the server answers when the job is finished, or after N seconds \
                 (at most 60).", example = "wait=10"),
         ("Idempotency-Key" = Option<String>, Header,
-            description = "A name for this submission, such as a random UUID. The same name with the \
-                same body is the same job, for as long as the job is kept."),
+            description = "A name for this submission, for example a random UUID. A repeated \
+                submission with the same name and body is the same job, as long as the job is kept."),
         ("Priority" = Option<String>, Header,
-            description = "`u=0` (most urgent) to `u=7` (least), RFC 9218: the order among the \
-                caller's own jobs. Callers take turns whatever they set.", example = "u=3"),
+            description = "`u=0` (most urgent) to `u=7` (least urgent), RFC 9218: the order of the \
+                caller's own jobs. It does not affect the jobs of other callers, which take turns.", example = "u=3"),
         ("Cache-Control" = Option<String>, Header,
-            description = "`no-cache`: compute again, and compare with the result that is known. \
-                `only-if-cached`: do not compute; 504 if the result is not known."),
+            description = "`no-cache`: computes again, and compares with the stored result. \
+                `only-if-cached`: does not compute; 504 if the result is not known."),
         ("traceparent" = Option<String>, Header,
-            description = "W3C Trace Context: appears in the log of the request and of the run."),
+            description = "W3C Trace Context. The log of the request and of the run contains it."),
     ),
-    request_body(content = ref("#/components/schemas/JobBody"), description = "What to compute. A \
+    request_body(content = ref("#/components/schemas/JobBody"), description = "The job. A \
         physical quantity is a number in SI units or a string with a unit."),
     responses(
         (status = 200, description = "The job is finished: it succeeded, failed or was canceled.",
@@ -54,22 +54,22 @@ use crate::store::Asked;
                     fwd=miss` with `stored` or `collapsed`; `fwd=request` after `no-cache`."),
                 ("Content-Location" = String, description = "The address of the job."),
                 ("Link" = String, description = "The address of the result, `rel=\"related\"`."),
-                ("Preference-Applied" = String, description = "The wait that was granted."),
+                ("Preference-Applied" = String, description = "The longest wait, as granted."),
             )),
         (status = 202, description = "The job is accepted. Its address is in `Location`.",
             body = JobAnswer, headers(
                 ("Location" = String, description = "The address of the job."),
                 ("Cache-Status" = String, description = "RFC 9211: `fretwork; fwd=miss`, with \
-                    `collapsed` if it joined a computation under way."),
+                    `collapsed` if it joined the run of another job."),
                 ("Link" = String, description = "The address of the result, `rel=\"related\"`."),
-                ("Preference-Applied" = String, description = "The wait that was granted."),
+                ("Preference-Applied" = String, description = "The longest wait, as granted."),
             )),
-        (status = 422, description = "The body or a header has faults, and `errors` lists them all; \
-            or the run would take longer than the server allows; or the Idempotency-Key stands for \
-            another submission."),
-        (status = 503, description = "The server takes no jobs just now, or its queue is full; see \
+        (status = 422, description = "The body or a header has faults, which `errors` lists; or the run \
+            would take longer than the server allows; or the Idempotency-Key belongs to another \
+            submission."),
+        (status = 503, description = "The server is shutting down, or its queue is full; see \
             `Retry-After`.", headers(("Retry-After" = u32, description = "Seconds."))),
-        (status = 504, description = "`only-if-cached` was asked for, and the result is not known."),
+        (status = 504, description = "With `only-if-cached`: the result is not known."),
     ),
 )]
 pub async fn submit(
@@ -103,7 +103,7 @@ pub async fn submit(
     let result = match answer {
         _ if !include.result => None,
         Some(answer) if job.state == JobState::Succeeded => Some(answer.body),
-        // The job is accepted: an answer without the result is better than an error.
+        // The job is accepted, so the client must get it even if its result cannot be read.
         _ => Some(result_of(&app, &job).await.unwrap_or(NULL)),
     };
     let finished = job.state.is_finished();
@@ -131,18 +131,17 @@ impl From<Refusal> for Problem {
     fn from(refusal: Refusal) -> Self {
         match refusal {
             Refusal::Draining => {
-                let detail = "The server is shutting down and takes no new jobs; submit again in a \
+                let detail = "The server is shutting down and accepts no new jobs. Submit again in a \
                     moment.";
                 Self::new(&problem::DRAINING, detail).retry_after(5)
             }
             Refusal::IdempotencyConflict => {
-                let detail =
-                    "This Idempotency-Key was used for another submission; make a new one.";
+                let detail = "This Idempotency-Key was used for another submission. Use a new one.";
                 Self::new(&problem::KEY_REUSED, detail)
             }
             Refusal::NotCached => {
                 let detail =
-                    "The result is not known; submit without only-if-cached to compute it.";
+                    "The result is not known. To compute it, submit without only-if-cached.";
                 Self::new(&problem::NOT_CACHED, detail)
             }
             Refusal::TooExpensive { estimate, limit } => {
@@ -150,15 +149,17 @@ impl From<Refusal> for Problem {
                     humantime::format_duration(Duration::from_secs(time.as_secs()))
                 };
                 let detail = format!(
-                    "The run would take about {}, and this server lets a run take {}; ask for fewer \
-                     points, output cycles or rows, or for a larger tolerance.",
+                    "The run would take about {}, and the limit of this server is {}. Request fewer \
+                     points, output cycles or rows, or a larger tolerance.",
                     whole(estimate),
                     humantime::format_duration(limit),
                 );
                 Self::new(&problem::TOO_EXPENSIVE, detail)
             }
             Refusal::QueueFull { queued, retry_after } => {
-                let detail = format!("{queued} jobs wait already; submit again in a moment.");
+                let detail = format!(
+                    "{queued} runs are queued. Submit again after the seconds in Retry-After."
+                );
                 Self::new(&problem::QUEUE_FULL, detail).retry_after(retry_after.as_secs() as u32)
             }
             Refusal::Store(error) => error.into(),
@@ -166,7 +167,7 @@ impl From<Refusal> for Problem {
     }
 }
 
-/// What the cache had to do with the answer (RFC 9211).
+/// How the cache handled the submission (RFC 9211).
 fn cache_status(job: &Job, afresh: bool) -> &'static str {
     match (job.origin, job.state) {
         (Origin::Cached, _) => "fretwork; hit",
