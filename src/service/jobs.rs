@@ -1,7 +1,7 @@
-//! Jobs after they are accepted: found, waited for, canceled, deleted.
+//! Accepted jobs: find, wait, cancel, delete.
 //!
-//! `reach` says whose jobs a caller may see and touch: those of one owner, or everyone's. The job of
-//! another owner is answered like a job that does not exist, so that ids cannot be probed.
+//! `reach` is the owner whose jobs a caller may see and change; `None` is all owners. A job out of reach is
+//! reported as unknown, so that a caller cannot find out whether it exists.
 
 use std::time::Duration;
 
@@ -12,7 +12,7 @@ use crate::job::{Job, JobId};
 use crate::store::{Asked, Canceled, Changes, Deleted, Error, Filter, Page};
 
 impl Service {
-    /// A job as it stands.
+    /// A job, if it is within reach: if its owner is `reach`, or if `reach` is `None`.
     ///
     /// # Errors
     /// The database fails.
@@ -21,7 +21,7 @@ impl Service {
         Ok(job.filter(|job| reach.is_none_or(|owner| owner == job.owner)))
     }
 
-    /// Up to `limit` jobs that match, newest first, older than `cursor`.
+    /// Up to `limit` jobs within reach that match, newest first, after `cursor`.
     ///
     /// # Errors
     /// The database fails.
@@ -35,7 +35,7 @@ impl Service {
         self.0.store.jobs(&within(filter, reach), cursor, limit).await
     }
 
-    /// What a job was asked to compute.
+    /// The task of a job, and the scenario as the client wrote it.
     ///
     /// # Errors
     /// The database fails.
@@ -51,13 +51,13 @@ impl Service {
         self.0.store.unfinished(owner).await
     }
 
-    /// Hints that a job has changed, from now on.
+    /// Signals that the job may have changed.
     #[must_use]
     pub fn watch(&self, job: &Job) -> Changes {
         self.0.store.watch(&job.key)
     }
 
-    /// The job once it is finished, or as it stands when the time is over or the service drains.
+    /// Waits until the job is finished, the time is over or the service drains. Returns the job as it is then.
     ///
     /// # Errors
     /// The database fails.
@@ -71,7 +71,7 @@ impl Service {
         self.0.store.wait(job, until).await
     }
 
-    /// Cancels a job; its run stops when no other job shares it.
+    /// Cancels a job within reach. Its run stops if no other job shares it.
     ///
     /// # Errors
     /// The database fails.
@@ -82,7 +82,7 @@ impl Service {
         }
     }
 
-    /// Cancels every unfinished job that matches and was submitted before this call. Returns how many.
+    /// Cancels all unfinished jobs within reach that match. Returns their number.
     ///
     /// # Errors
     /// The database fails.
@@ -90,7 +90,7 @@ impl Service {
         self.0.store.cancel_all(&within(filter, reach)).await
     }
 
-    /// Deletes a finished job; its result stays.
+    /// Deletes a finished job within reach. Its result stays.
     ///
     /// # Errors
     /// The database fails.
@@ -102,7 +102,7 @@ impl Service {
     }
 }
 
-/// Of all jobs that match, those within reach.
+/// The filter, limited to jobs within reach.
 fn within(filter: Filter, reach: Option<&str>) -> Filter {
     Filter { owner: filter.owner.or_else(|| reach.map(str::to_owned)), ..filter }
 }

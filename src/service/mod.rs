@@ -1,5 +1,5 @@
-//! Everything that the program can do: submit, wait, evaluate, cancel, find, share, move. HTTP and the command
-//! line are faces of this room.
+//! What the program can do with jobs and results: submit, wait, evaluate, cancel, find, share. HTTP and the
+//! command line call this room.
 
 mod evaluate;
 mod jobs;
@@ -26,7 +26,7 @@ use short::ShortRuns;
 use waiting::Waiting;
 use workers::Compute;
 
-/// The service as one handle, cheap to clone.
+/// A handle of the service. Clones share it.
 #[derive(Clone)]
 pub struct Service(Arc<Parts>);
 
@@ -35,11 +35,11 @@ struct Parts {
     begin: Begin,
     waiting: Arc<Waiting>,
     short: ShortRuns,
-    /// Threads that compute.
+    /// The number of worker threads.
     workers: usize,
-    /// The longest that a run may take.
+    /// The time limit of a run.
     run_limit: Option<Duration>,
-    /// Turns true when the server stops taking new jobs.
+    /// True after the service has stopped accepting jobs.
     draining: watch::Sender<bool>,
 }
 
@@ -50,7 +50,7 @@ impl fmt::Debug for Service {
 }
 
 impl Service {
-    /// The service on this store. `workers` is the number of threads that compute.
+    /// The service of a store, with a number of worker threads.
     #[must_use]
     pub fn new(store: Store, begin: Begin, workers: usize, run_limit: Option<Duration>) -> Self {
         let short = ShortRuns::new(store.clone(), Arc::clone(&begin), workers);
@@ -64,13 +64,13 @@ impl Service {
         &self.0.store
     }
 
-    /// Threads that compute.
+    /// The number of worker threads.
     #[must_use]
     pub fn workers(&self) -> usize {
         self.0.workers
     }
 
-    /// How workers begin a claimed run: with the prepared task if it still waits in memory.
+    /// How workers begin a claimed run: with the prepared task if it is still in memory.
     #[must_use]
     pub fn compute(&self) -> Compute {
         let (begin, waiting) = (Arc::clone(&self.0.begin), Arc::clone(&self.0.waiting));
@@ -105,12 +105,12 @@ impl Service {
         self.0.store.free_bytes()
     }
 
-    /// Stops taking new jobs, ends waits and event streams.
+    /// Stops accepting jobs, and ends waits and event streams.
     pub fn drain(&self) {
         self.0.draining.send_replace(true);
     }
 
-    /// Whether the service takes no new jobs any more.
+    /// Whether the service has stopped accepting jobs.
     #[must_use]
     pub fn is_draining(&self) -> bool {
         *self.0.draining.borrow()

@@ -1,4 +1,4 @@
-//! Submitting: the one way in for every job.
+//! Submits jobs. Every job of every interface comes through here.
 
 use std::time::Duration;
 
@@ -12,57 +12,57 @@ use crate::store::{Admission, Error, NewJob, Repeatable, Submitted};
 /// How a submission is treated.
 #[derive(Debug, Clone, Default)]
 pub struct Terms {
-    /// Who submits it.
+    /// The owner of the job.
     pub owner: String,
-    /// Among the jobs of its owner: 0 is the most urgent, 7 the least.
+    /// The urgency among the jobs of the owner: 0 is the most urgent, 7 the least.
     pub priority: u8,
-    /// The client's name for this submission: repeated under the same name, it stays one job.
+    /// The client's name for this submission. Repeated with the same name, it stays one job.
     pub idempotency_key: Option<String>,
-    /// Compute although the result may be known.
+    /// Computes even a known result.
     pub afresh: bool,
-    /// Accept it only if the result is known.
+    /// Accepts the job only if its result is known.
     pub only_known: bool,
-    /// Answer when the job is finished, at the latest after this time; without it, at once.
+    /// How long to wait for the end of the job.
     pub wait: Option<Duration>,
-    /// The request that submits it, for the log.
+    /// The ids of the request, for the log of the run.
     pub trace: Option<String>,
 }
 
-/// A submission that is a job now.
+/// An accepted submission.
 #[derive(Debug)]
 pub struct Accepted {
     /// The job.
     pub job: Job,
-    /// The answer, where it was computed just now.
+    /// The answer, if this call computed it.
     pub answer: Option<Answer>,
 }
 
-/// Why a submission is no job.
+/// Why a submission was refused.
 #[derive(Debug, thiserror::Error)]
 pub enum Refusal {
-    /// The service takes no new jobs.
-    #[error("the server is shutting down and takes no new jobs")]
+    /// The service accepts no new jobs.
+    #[error("the server is shutting down and accepts no new jobs")]
     Draining,
-    /// The idempotency key was used for something else.
+    /// The idempotency key was used for another submission.
     #[error("the idempotency key was used for another submission")]
     IdempotencyConflict,
-    /// Only a known result was asked for, and it is not known.
+    /// The submission accepts only a known result, and the result is not known.
     #[error("the result is not known")]
     NotCached,
-    /// The run would take longer than a run may take.
+    /// The run would take longer than the limit.
     #[error("the run would take {estimate:?}, and the limit is {limit:?}")]
     TooExpensive {
         /// Estimated processor time of the run.
         estimate: Duration,
-        /// The longest that a run may take.
+        /// The time limit of a run.
         limit: Duration,
     },
-    /// The queue has no place for it.
-    #[error("{queued} jobs wait already")]
+    /// The queue is full.
+    #[error("the queue is full: {queued} runs are queued")]
     QueueFull {
-        /// How many jobs wait.
+        /// The number of queued runs.
         queued: usize,
-        /// When a place is likely to be free.
+        /// Estimated time until the queue has room.
         retry_after: Duration,
     },
     /// The database failed.
@@ -71,11 +71,11 @@ pub enum Refusal {
 }
 
 impl Service {
-    /// Makes a job of a submission: finds its result, joins the run under way, or starts a run. A short run
-    /// whose client waits is computed here; a longer one goes through the queue.
+    /// Submits a job: finds the stored result, joins the live run, or makes a new run. If the client waits, a short
+    /// run is computed in this call. A longer run is queued.
     ///
     /// # Errors
-    /// The submission is refused. Once the job is accepted there is no error: a wait that fails only ends.
+    /// The submission is refused. After the job is accepted there are no errors: if waiting fails, the wait ends.
     pub async fn submit(&self, submission: Submission, terms: Terms) -> Result<Accepted, Refusal> {
         if self.is_draining() {
             return Err(Refusal::Draining);
@@ -121,7 +121,8 @@ impl Service {
             Submitted::IdempotencyConflict => return Err(Refusal::IdempotencyConflict),
             Submitted::Unknown => return Err(Refusal::NotCached),
             Submitted::NeedsRun => {
-                let limit = too_long.unwrap_or_default();
+                #[expect(clippy::expect_used, reason = "only an expensive task is refused a run")]
+                let limit = too_long.expect("the estimate exceeds the limit");
                 return Err(Refusal::TooExpensive { estimate, limit });
             }
             Submitted::QueueFull { queued } => {
@@ -129,7 +130,7 @@ impl Service {
                 return Err(Refusal::QueueFull { queued, retry_after });
             }
         };
-        // From here on the job is accepted, and the client must hear so whatever else goes wrong.
+        // The job is accepted, so its client must get it even if the wait fails.
         let job = match terms.wait {
             Some(time) => self.wait(job.clone(), time).await.unwrap_or(job),
             None => job,
@@ -137,13 +138,13 @@ impl Service {
         Ok(Accepted { job, answer })
     }
 
-    /// Submits to the store. The prepared task waits for the worker that claims its run.
+    /// Submits to the store. The prepared task stays in memory for the worker that claims its run.
     async fn enqueue(&self, new: NewJob, prepared: Prepared) -> Result<Submitted, Error> {
         let (waiting, key) = (&self.0.waiting, prepared.key);
-        // Before the store knows of it: a worker may claim the run before this call returns.
+        // First, because a worker may claim the run before this call returns.
         waiting.keep(prepared);
         let submitted = match self.0.store.submit(new).await {
-            // A short run recorded it, and then its leader was dropped before it could say so.
+            // A short run stored the job, but its submission was dropped before it could report this.
             Err(Error::JobExists(id)) => {
                 self.0.store.job(id).await?.map(Submitted::Accepted).ok_or(Error::Closed)
             }
@@ -157,17 +158,18 @@ impl Service {
         submitted
     }
 
-    /// When the queue is likely to have a place: the time of a run, shared by the workers.
+    /// Estimated time until the queue has room: the mean time of a run, divided by the number of workers.
     fn retry_after(&self) -> Duration {
         let seconds = self.0.store.tally().seconds_per_run() / self.0.workers as f64;
         Duration::from_secs_f64(seconds.clamp(1.0, 60.0).ceil())
     }
 }
 
-/// A digest of what was sent. It is made of the first stored form of tasks, so that an idempotency key
-/// outlives an update of the program.
+/// A digest of a submission, to recognise its repetition. It is made of version 1 of the stored form, so that a
+/// repetition is recognised after an update of the program too.
+#[expect(clippy::expect_used, reason = "a wrong digest would accept another submission")]
 fn fingerprint(prepared: &Prepared, label: Option<&str>, tags: &[String]) -> Vec<u8> {
-    let scenario = Task::scenario_in(&prepared.stored).map(ToString::to_string);
-    let first_form = format!("{{\"scenario\":{}}}", scenario.unwrap_or_default());
-    Sha256::digest(json!([first_form, label, tags]).to_string()).to_vec()
+    let scenario = Task::scenario_in(&prepared.stored).expect("a prepared task has a scenario");
+    let version_1 = format!("{{\"scenario\":{scenario}}}");
+    Sha256::digest(json!([version_1, label, tags]).to_string()).to_vec()
 }
