@@ -121,8 +121,9 @@ impl Service {
             Submitted::IdempotencyConflict => return Err(Refusal::IdempotencyConflict),
             Submitted::Unknown => return Err(Refusal::NotCached),
             Submitted::NeedsRun => {
-                #[expect(clippy::expect_used, reason = "only an expensive task is refused a run")]
-                let limit = too_long.expect("the estimate exceeds the limit");
+                let Some(limit) = too_long else {
+                    unreachable!("only a task beyond the limit needs a run and gets none")
+                };
                 return Err(Refusal::TooExpensive { estimate, limit });
             }
             Submitted::QueueFull { queued } => {
