@@ -1,8 +1,8 @@
-//! The time of day: milliseconds since 1970, UTC.
+//! Times in milliseconds since 1970, UTC.
 
 use std::time::{Duration, UNIX_EPOCH};
 
-/// The present time, in milliseconds since 1970.
+/// The current time, in milliseconds since 1970.
 ///
 /// # Panics
 /// If the system clock is before 1970.
@@ -16,7 +16,7 @@ pub fn now() -> i64 {
     i64::try_from(since.as_millis()).expect("the system clock is before the year 292 million")
 }
 
-/// A time in milliseconds since 1970 as RFC 3339, UTC.
+/// Writes a time in milliseconds since 1970 as RFC 3339, UTC.
 #[must_use]
 pub fn rfc3339(milliseconds: i64) -> String {
     let since = Duration::from_millis(milliseconds.unsigned_abs());

@@ -14,15 +14,15 @@ use sha2::{Digest, Sha256};
 pub struct Engine {
     /// Its name.
     pub name: &'static str,
-    /// Rises when digits change.
+    /// Increases with each version that changes a digit of a result.
     pub numerics: u32,
 }
 
 /// The engine of this program.
 pub const ENGINE: Engine = Engine { name: "fretwork", numerics: scenario::NUMERICS };
 
-/// The address of a result: SHA-256 of the engine's name, its `numerics` version and the
-/// canonical scenario (RFC 8785), written in lower-case hexadecimal.
+/// The key of a result: SHA-256 of the engine's name, its `numerics` version and the canonical scenario
+/// (RFC 8785). Its text form is lower-case hexadecimal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Key([u8; 32]);
 
@@ -33,7 +33,7 @@ impl Key {
         &self.0
     }
 
-    /// The key whose digest these bytes are.
+    /// The key with this digest.
     #[must_use]
     pub fn from_bytes(bytes: [u8; 32]) -> Self {
         Self(bytes)
@@ -42,9 +42,9 @@ impl Key {
     /// The key of a canonical task, for instance `{"scenario": {…}}`, under this `numerics` version.
     ///
     /// # Panics
-    /// The task has no form in JSON.
+    /// The task cannot be written as JSON.
     #[must_use]
-    #[expect(clippy::expect_used, reason = "a key must never be made of something else")]
+    #[expect(clippy::expect_used, reason = "a wrong key would name another result")]
     pub fn of(numerics: u32, task: &impl Serialize) -> Self {
         #[derive(Serialize)]
         struct Identity<'a, T> {
@@ -58,7 +58,7 @@ impl Key {
         Self::digest(&bytes.expect("a task is made of finite numbers and strings"))
     }
 
-    /// The key of a run by its canonical scenario.
+    /// The key of the run of a canonical scenario.
     #[must_use]
     pub fn of_scenario(numerics: u32, scenario: &impl Serialize) -> Self {
         Self::of(numerics, &BTreeMap::from([("scenario", scenario)]))
@@ -77,7 +77,7 @@ impl fmt::Display for Key {
     }
 }
 
-/// A key must be 64 lower-case hexadecimal digits.
+/// The text is not a key.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("a key is 64 lower-case hexadecimal digits")]
 pub struct BadKey;
@@ -105,7 +105,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_key_reads_back_as_it_was_written() {
+    fn a_key_can_be_read_from_its_text() {
         let key = Key::digest(b"a scenario");
         assert_eq!(key.to_string().parse(), Ok(key));
         assert_eq!(key.to_string().to_uppercase().parse::<Key>(), Err(BadKey));

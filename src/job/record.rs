@@ -9,12 +9,12 @@ use serde_json::Value;
 use super::key::Key;
 use super::words::{BadWord, words};
 
-/// Names one job: a UUID of version 7, so that ids sort by time of submission.
+/// The id of a job: a UUID of version 7, so that ids sort by time of submission.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct JobId(pub uuid::Uuid);
 
 impl JobId {
-    /// A new id, later than every id this process has made before.
+    /// A new id. It sorts after all ids that this process has generated before.
     #[must_use]
     pub fn generate() -> Self {
         Self(uuid::Uuid::now_v7())
@@ -30,7 +30,7 @@ impl fmt::Display for JobId {
 impl FromStr for JobId {
     type Err = BadWord;
     fn from_str(text: &str) -> Result<Self, BadWord> {
-        // Only the spelling that `Display` writes: a job has one address.
+        // Only the form that `Display` writes is valid, so that a job has one URL.
         let id = uuid::Uuid::try_parse(text).map(Self).map_err(|_| BadWord("job id"))?;
         if id.to_string() == text { Ok(id) } else { Err(BadWord("job id")) }
     }
@@ -96,61 +96,61 @@ words! {
     }
 }
 
-/// One submission, as it stands.
+/// One submission in its current state.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Job {
-    /// Its name.
+    /// Its id.
     pub id: JobId,
-    /// Where it stands.
+    /// Its state.
     pub state: JobState,
-    /// The address of its result.
+    /// The key of its result.
     pub key: Key,
     /// Who submitted it.
     pub owner: String,
-    /// How it came to its result.
+    /// How it gets its result.
     pub origin: Origin,
-    /// How often its run was begun: 0 before the first time and when the result was known.
+    /// The number of attempts of its run; 0 before the first one, and if the result was known.
     pub attempt: u32,
-    /// The share of the work done, 0…1; 0 once canceled.
+    /// The share of the work that is done, in 0…1; 0 if it was canceled.
     pub progress: f64,
-    /// Among the jobs of its owner: 0 is the most urgent, 7 the least.
+    /// Its priority among the jobs of its owner: 0 is the most urgent, 7 the least.
     pub priority: u8,
-    /// A line for people.
+    /// A title for people.
     pub label: Option<String>,
     /// Words to find it by.
     pub tags: Vec<String>,
-    /// What the physics says the user should know: a JSON array of warnings.
+    /// Warnings about the physics, as a JSON array.
     pub warnings: Value,
-    /// When it was submitted, in milliseconds since 1970, like the times below.
+    /// When it was submitted. Times are in milliseconds since 1970.
     pub created: i64,
-    /// When the present attempt began.
+    /// When the current attempt began.
     pub started: Option<i64>,
     /// When it ended.
     pub finished: Option<i64>,
-    /// Every state it was in, from the first.
+    /// All its states, from the first.
     pub changes: Vec<Change>,
     /// Why it failed.
     pub failure: Option<Failure>,
-    /// The short form of the result, once it has succeeded.
+    /// The summary of the result, once the job has succeeded.
     pub summary: Option<Value>,
 }
 
 /// A change of a job's state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Change {
-    /// The state from then on.
+    /// The new state.
     pub state: JobState,
-    /// The attempt it was in.
+    /// The attempt.
     pub attempt: u32,
-    /// When, in milliseconds since 1970.
+    /// When it changed, in milliseconds since 1970.
     pub at: i64,
 }
 
 /// Why a job failed.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Failure {
-    /// A word for programs.
+    /// The kind of failure.
     pub kind: FailureKind,
-    /// A sentence for people.
+    /// A message for people.
     pub message: String,
 }

@@ -1,4 +1,4 @@
-//! A job body, as a client sends it: parsed once, with all of its faults.
+//! The JSON body of a submission. It is parsed once, and all its faults are listed.
 
 use deserr::{Deserr, IntoValue, Sequence, ValuePointerRef};
 use fretwork_engine::request::fault::{Fault, Faults};
@@ -14,17 +14,17 @@ pub const MAX_LABEL: usize = 200;
 pub const MAX_TAGS: usize = 20;
 /// Longest tag in characters.
 pub const MAX_TAG: usize = 50;
-/// Longest scenario, in bytes of compact JSON, that a job keeps as its client wrote it.
+/// Longest scenario, in bytes of compact JSON, that is stored as the client wrote it.
 pub const MAX_SUBMITTED: usize = 64 << 10;
 
-/// A job body that is sound: `{"scenario": {…}, "label"?, "tags"?}`.
+/// A valid job body: `{"scenario": {…}, "label"?, "tags"?}`.
 #[derive(Debug, Clone)]
 pub struct Submission {
     /// What to compute.
     pub prepared: Prepared,
-    /// The scenario as its client wrote it, as JSON; none beyond [`MAX_SUBMITTED`].
+    /// The scenario as the client wrote it, as JSON; `None` if it is longer than [`MAX_SUBMITTED`].
     pub submitted: Option<String>,
-    /// A line for people.
+    /// A title for people.
     pub label: Option<String>,
     /// Words to find the job by.
     pub tags: Vec<String>,
@@ -45,7 +45,7 @@ pub enum BadSubmission {
 }
 
 impl Submission {
-    /// Parses the text of a job body. The faults of its form and of its physics come in one list.
+    /// Parses a job body. The faults of its form and of its physics are in one list.
     ///
     /// # Errors
     /// The text is not JSON, or it has faults.
@@ -66,7 +66,7 @@ impl Submission {
         let scenario = body.get_mut("scenario").map(Value::take);
         let envelope: Result<Envelope, Faults> =
             Envelope::deserialize_from_value(body.into_value(), ValuePointerRef::Origin);
-        // Without a scenario the envelope has a fault of its own: the member is missing.
+        // Without a scenario, the envelope has the fault that the member is missing.
         let Some(scenario) = scenario else {
             return Err(envelope.err().unwrap_or_else(|| Faults::one("", "must be an object")));
         };
@@ -87,7 +87,7 @@ impl Submission {
     }
 }
 
-/// What stands beside the scenario, whose value has been taken out.
+/// A job body whose scenario was taken out.
 #[derive(Deserr)]
 #[deserr(error = Faults, deny_unknown_fields)]
 struct Envelope {
@@ -196,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn a_submission_keeps_what_was_typed_up_to_64_kb() {
+    fn a_scenario_is_stored_as_written_up_to_64_kb() {
         let parse = |body: &Value| Submission::parse(body.to_string().as_bytes()).unwrap();
         let mut scenario = ball();
         let submitted = parse(&json!({"scenario": scenario})).submitted;

@@ -1,4 +1,4 @@
-//! What a job computes: prepared once, computed step by step, and left behind as an answer.
+//! What a job computes: it is prepared once and computed step by step.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -17,26 +17,26 @@ use super::{ENGINE, Engine, Key, Outline};
 
 /// Something that a worker computes in steps of at most about 50 ms, so that it can be stopped.
 pub trait Work: Send {
-    /// Does the next step.
+    /// Computes the next step.
     fn step(&mut self) -> Step;
 }
 
-/// What a step of [`Work`] came to.
+/// The state of [`Work`] after a step.
 #[derive(Debug)]
 pub enum Step {
-    /// There is more to do; `progress` is in 0…1.
+    /// It needs more steps.
     Working {
-        /// The share of the work done so far.
+        /// The share of the work that is done, in 0…1.
         progress: f64,
     },
-    /// The work is done.
+    /// It is done.
     Done(Answer),
 }
 
-/// What a finished piece of work leaves behind.
+/// The result of finished work.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Answer {
-    /// The result document as it is served: JSON, a pure function of the key.
+    /// The result document as it is served: JSON that depends only on the key.
     pub body: Bytes,
     /// The short form that a job shows: the last history entry and the regime.
     pub summary: Value,
@@ -44,12 +44,12 @@ pub struct Answer {
     pub outline: Box<Outline>,
 }
 
-/// What a computation cost.
+/// The cost of a computation.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Cost {
     /// Elapsed time.
     pub wall: Duration,
-    /// Processor time; none where the system does not report it.
+    /// Processor time; `None` if the system does not report it.
     pub cpu: Option<Duration>,
 }
 
@@ -64,19 +64,19 @@ pub fn summary(regime: &Value, history: &serde_json::Map<String, Value>) -> Valu
     Value::Object(summary)
 }
 
-/// What one processor does in a second, in the terms of [`Case::operations`].
+/// Speed of one processor, in the unit of [`Case::operations`].
 const OPERATIONS_PER_SECOND: f64 = 1e9;
 
 /// The version of the form in which tasks are stored. Version 1 had no version number: it was the job
 /// body of the HTTP interface.
 const STORED_VERSION: u32 = 2;
 
-/// A task that is sound and ready to start, with all that is derived from it. Clones share it.
+/// A valid task that is ready to start, with everything that is derived from it. Clones share the task.
 #[derive(Debug, Clone)]
 pub struct Prepared {
-    /// The address of its result.
+    /// The key of its result.
     pub key: Key,
-    /// The form in which it is stored, and from which [`Task::start`] can prepare it again.
+    /// Its stored form, from which [`Task::start`] can prepare it again.
     pub stored: Arc<str>,
     /// Estimated processor time, in seconds.
     pub seconds: f64,
@@ -93,7 +93,7 @@ pub enum Task {
     Run(Arc<(Scenario, Case)>),
 }
 
-/// A task as the key is made of it and as it is stored: one variant for each kind of work.
+/// The part of a task that determines its key: one variant for each kind of work.
 #[derive(Serialize)]
 #[serde(rename_all = "snake_case")]
 enum Canonical<S> {
@@ -111,14 +111,10 @@ struct Stored<S> {
 /// A stored task as it is read back.
 #[derive(Deserialize)]
 struct StoredText<'a> {
-    #[serde(default = "first_version")]
-    version: u32,
+    /// Absent in version 1.
+    version: Option<u32>,
     #[serde(borrow)]
     scenario: &'a RawValue,
-}
-
-fn first_version() -> u32 {
-    1
 }
 
 impl Prepared {
@@ -140,12 +136,11 @@ impl Prepared {
     /// Prepares a stored task again, for instance after a restart.
     ///
     /// # Errors
-    /// A sentence: the text is not a task that this version of the program can compute, or it has
-    /// another key.
+    /// A message: this version of the program cannot compute the task, or the task has another key.
     pub fn from_stored(key: &Key, stored: &str) -> Result<Self, String> {
         let StoredText { version, scenario } =
             serde_json::from_str(stored).map_err(|error| error.to_string())?;
-        if version > STORED_VERSION {
+        if version.is_some_and(|version| version > STORED_VERSION) {
             return Err("it was stored by a newer version of fretwork".to_owned());
         }
         let scenario = serde_json::from_str(scenario.get()).map_err(|error| error.to_string())?;
@@ -209,7 +204,7 @@ impl Task {
         }
     }
 
-    /// Begins the work of a task: as it was prepared, or else prepared again from its stored form.
+    /// Begins the work of a task. If it is not given as prepared, it is prepared again from its stored form.
     ///
     /// # Errors
     /// As [`Prepared::from_stored`].
@@ -228,19 +223,18 @@ impl Task {
         to_json(&Stored { version: STORED_VERSION, task: Canonical::Scenario(scenario) })
     }
 
-    /// The canonical scenario in a stored task; none where the text is not a stored task.
+    /// The canonical scenario in a stored task; `None` if the text is not a stored task.
     #[must_use]
     pub fn scenario_in(stored: &str) -> Option<&RawValue> {
         serde_json::from_str(stored).ok().map(|StoredText { scenario, .. }| scenario)
     }
 }
 
-/// Begins the work of a task: as it was prepared, or else from its stored form. Tests put their own work here.
-/// The program puts [`Task::start`].
+/// Begins the work of a task. The program uses [`Task::start`], and tests use work of their own.
 pub type Begin =
     Arc<dyn Fn(&Key, &str, Option<Prepared>) -> Result<Box<dyn Work>, String> + Send + Sync>;
 
-/// One simulation under way.
+/// A simulation in progress.
 struct RunWork {
     key: Key,
     run: Arc<(Scenario, Case)>,
@@ -285,13 +279,13 @@ impl RunWork {
             "summary": summary,
         }));
         let mut body = to_json(&document).into_bytes();
-        // It may stay in memory for long.
+        // The memory cache may keep it for long.
         body.shrink_to_fit();
         Answer { body: body.into(), summary, outline: Box::new(outline) }
     }
 }
 
-/// Writes what always has a form in JSON.
+/// Writes a document that can always be written as JSON.
 #[expect(clippy::expect_used, reason = "a wrong document must not be stored or hashed")]
 fn to_json(document: &impl Serialize) -> String {
     serde_json::to_string(document).expect("scenarios and outcomes are finite numbers and strings")
@@ -328,7 +322,7 @@ mod tests {
     }
 
     #[test]
-    fn what_means_the_same_has_the_same_key() {
+    fn equivalent_scenarios_have_the_same_key() {
         let expected = key(&ball());
         let same = |change: &dyn Fn(&mut Value)| {
             let mut scenario = ball();
@@ -352,7 +346,7 @@ mod tests {
             s["moduli"] =
                 json!({"normal": 112_637_362_637.363, "tangential": 92_760_180_995.475_1});
         });
-        // The depth that 100 N press in.
+        // The indentation depth at 100 N.
         let canonical =
             serde_json::to_value(prepared(&ball()).task.scenario()).expect("a document");
         same(&|s| s["load"] = json!({"indentation_depth": canonical["load"]["indentation_depth"]}));
@@ -360,7 +354,7 @@ mod tests {
     }
 
     #[test]
-    fn what_means_something_else_has_another_key() {
+    fn different_scenarios_have_different_keys() {
         let expected = key(&ball());
         for (pointer, value) in [
             ("/friction", json!(0.700_000_000_01)),
@@ -377,9 +371,9 @@ mod tests {
         assert_ne!(key(&scenario), expected);
     }
 
-    /// The forgotten bump of `NUMERICS`: these digests change with any digit of the result.
+    /// Catches a change of digits without a new `NUMERICS`: the digests change with every digit of a result.
     #[test]
-    fn the_digits_of_numerics_1_are_these() {
+    fn the_results_of_numerics_1_have_these_digests() {
         assert_eq!(ENGINE.numerics, 1, "new digits: compute the digests below anew");
         let digest = |scenario: &Value| {
             let prepared = prepared(scenario);
@@ -419,7 +413,7 @@ mod tests {
             Prepared::from_stored(&key, &stored).map(|again| again.stored),
             Ok(stored.clone())
         );
-        // As the key of an engine with other digits would be.
+        // An engine with other digits would have another key.
         let refused = Prepared::from_stored(&Key::digest(b"numerics 0"), &stored).map(drop);
         assert_eq!(refused, Err("it was stored for another version of the engine".to_owned()));
     }

@@ -21,37 +21,27 @@ pub fn width(label: &str) -> f64 {
     label.chars().map(advance).sum()
 }
 
-/// Advance widths, rounded up within each class.
+/// Advance widths of characters in font sizes, rounded up within each class.
+const ADVANCES: [(&str, f64); 7] = [
+    ("ijl'", 0.28),
+    (" ,./:;I\\|", 0.34),
+    ("!()-[]frt·₀₁₂₃₄₅₆₇₈₉⁰¹²³⁴⁵⁶⁷⁸⁹", 0.41),
+    ("cksvxyzJ⁻", 0.6),
+    ("ABEFKLPSTVXYZ", 0.69),
+    ("CDGHNÑOQRUw&ΔΩ", 0.82),
+    ("+<=>~^#−×≤≥≈", 0.84),
+];
+
 fn advance(c: char) -> f64 {
     match c {
         '$' | '\u{300}'..='\u{36f}' => 0.0,
-        'i' | 'j' | 'l' | '\'' => 0.28,
-        ' ' | ',' | '.' | '/' | ':' | ';' | 'I' | '\\' | '|' => 0.34,
-        '!'
-        | '('
-        | ')'
-        | '-'
-        | '['
-        | ']'
-        | 'f'
-        | 'r'
-        | 't'
-        | '·'
-        | '₀'..='₉'
-        | '⁰'..='⁹'
-        | '²'
-        | '³'
-        | '¹' => 0.41,
-        'c' | 'k' | 's' | 'v' | 'x' | 'y' | 'z' | 'J' | '⁻' => 0.6,
-        'A' | 'B' | 'E' | 'F' | 'K' | 'L' | 'P' | 'S' | 'T' | 'V' | 'X' | 'Y' | 'Z' => 0.69,
-        'C' | 'D' | 'G' | 'H' | 'N' | 'Ñ' | 'O' | 'Q' | 'R' | 'U' | 'w' | '&' | 'Δ' | 'Ω' => {
-            0.82
-        }
-        '+' | '<' | '=' | '>' | '~' | '^' | '#' | '−' | '×' | '≤' | '≥' | '≈' => 0.84,
         'M' | 'm' | 'W' | '%' | '—' => 1.0,
         // Characters of scripts without lower case are about as wide as high.
         '\u{1100}'.. if !('\u{2000}'..'\u{2e80}').contains(&c) => 1.0,
-        _ => 0.64,
+        _ => {
+            let class = ADVANCES.iter().find(|(characters, _)| characters.contains(c));
+            class.map_or(0.64, |(_, advance)| *advance)
+        }
     }
 }
 

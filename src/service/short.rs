@@ -48,15 +48,15 @@ struct Joined {
 }
 
 impl ShortRuns {
-    /// As many places as there are workers.
+    /// Computes as many runs at a time as there are workers.
     pub fn new(store: Store, begin: Begin, workers: usize) -> Self {
         let entrance = Semaphore::new(MAX_WAITING);
         let places = Arc::new(Semaphore::new(workers));
         Self { store, begin, entrance, places, flights: Mutex::default() }
     }
 
-    /// Whether a submission is to be computed here. A repetition must find its first job in the tables, and
-    /// a new run must not overtake queued ones.
+    /// Whether a submission is computed here. A repetition must find its first job in the tables, and a new
+    /// run must not overtake queued ones.
     pub fn suits(&self, job: &NewJob, prepared: &Prepared) -> bool {
         prepared.seconds < SHORT
             && job.repeatable.is_none()
@@ -65,8 +65,8 @@ impl ShortRuns {
             && self.store.tally().queued() == 0
     }
 
-    /// Computes a run and records it with its job, or joins the computation under way. None if the job must go
-    /// through the queue.
+    /// Computes a run and records it with its job, or joins the computation under way. Returns `None` if the job must
+    /// go through the queue.
     ///
     /// # Errors
     /// The database fails.
@@ -111,7 +111,7 @@ impl ShortRuns {
         Ok(Some((first, Some(answer))))
     }
 
-    /// The answer and its cost; none if it takes too long or cannot be computed.
+    /// The answer and its cost; `None` if it takes too long or cannot be computed.
     async fn compute(&self, prepared: &Prepared) -> Option<(Answer, Cost)> {
         let place = timeout(TIMEOUT, Arc::clone(&self.places).acquire_owned()).await.ok()?.ok()?;
         let inline = prepared.seconds < INLINE && prepared.stored.len() <= INLINE_BYTES;
@@ -136,7 +136,7 @@ impl ShortRuns {
         }
     }
 
-    /// Joins the computation of this key. None if there is none: the caller then leads one.
+    /// Joins the computation of this key. If there is none, returns `None`, and the caller leads one.
     fn join(&self, job: &NewJob) -> Option<oneshot::Receiver<Job>> {
         let mut flights = self.flights();
         let Some(joined) = flights.get_mut(&job.key) else {

@@ -1,10 +1,10 @@
-//! What a computation costs, by the clock and of the processor.
+//! Measures the wall-clock time and the processor time of a computation.
 
 use std::time::{Duration, Instant};
 
 use crate::job::Cost;
 
-/// Measures the thread that starts it and asks it.
+/// Measures on the thread that starts it. Read it on the same thread.
 #[derive(Debug)]
 pub struct Stopwatch {
     started: Instant,
@@ -12,13 +12,13 @@ pub struct Stopwatch {
 }
 
 impl Stopwatch {
-    /// Starts now.
+    /// Starts the measurement.
     #[must_use]
     pub fn start() -> Self {
         Self { started: Instant::now(), cpu: thread_time() }
     }
 
-    /// By the clock.
+    /// Wall-clock time since the start.
     #[must_use]
     pub fn elapsed(&self) -> Duration {
         self.started.elapsed()
@@ -32,7 +32,7 @@ impl Stopwatch {
     }
 }
 
-/// The time that a processor has given to this thread.
+/// The processor time of this thread.
 #[cfg(unix)]
 fn thread_time() -> Option<Duration> {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
@@ -50,7 +50,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn a_thread_that_sleeps_costs_time_but_no_processor() {
+    fn a_sleeping_thread_uses_no_processor_time() {
         let watch = Stopwatch::start();
         std::thread::sleep(Duration::from_millis(200));
         let Cost { wall, cpu } = watch.cost();

@@ -1,7 +1,7 @@
 //! Prepared tasks of queued runs, kept in memory so that a worker need not parse them again.
 //!
-//! The queue itself is in the database. A task that is not here, since the budget was full or the server
-//! has restarted, is prepared again from its stored form.
+//! The queue is in the database. A task that is not in memory, because the budget was full or the server has
+//! restarted, is prepared again from its stored form.
 
 use quick_cache::Weighter;
 use quick_cache::sync::Cache;
@@ -10,7 +10,7 @@ use crate::job::{Key, Prepared};
 
 /// Most bytes that waiting tasks may take.
 const BUDGET: u64 = 32 << 20;
-/// How many tasks the cache expects: one of the usual size takes about 4 kB.
+/// Expected number of tasks: most take about 4 kB.
 const EXPECTED: usize = 8192;
 
 /// Prepared tasks by the key of their run.
@@ -33,7 +33,7 @@ impl Default for Waiting {
 }
 
 impl Waiting {
-    /// Keeps a task until its run is claimed, or until newer ones need the room.
+    /// Keeps a task until its run is claimed, or until newer tasks need the space.
     pub fn keep(&self, prepared: Prepared) {
         self.0.insert(prepared.key, prepared);
     }

@@ -1,7 +1,7 @@
 //! The worker pool: threads that claim runs, compute them step by step, and stop on request.
 //!
-//! Computing takes whole processors for whole seconds, so it has threads of its own, apart from
-//! those that answer requests. What a thread does to the tables goes through the store.
+//! A computation uses a whole processor for seconds, so it must not run on the threads that answer requests.
+//! The threads read and change the tables only through the store.
 
 use std::any::Any;
 use std::io;
@@ -17,48 +17,47 @@ use super::stopwatch::Stopwatch;
 use crate::job::{Answer, Cost, FailureKind, Key, Step, Work};
 use crate::store::{Claimed, Error, Finish, Store};
 
-/// Begins the work of a stored task: its key and its stored form.
+/// Begins the work of a run from its key and its stored task.
 pub type Compute = Arc<dyn Fn(&Key, &str) -> Result<Box<dyn Work>, String> + Send + Sync>;
 
-/// Progress is stored at most this often.
+/// Shortest time between two updates of the stored progress.
 const REPORT: Duration = Duration::from_millis(250);
-/// An idle worker looks into the queue this often even if nothing was signalled.
+/// An idle worker checks the queue at this interval even without a signal.
 const POLL: Duration = Duration::from_secs(5);
-/// The pauses between attempts to reach a store that refuses grow from the first to the last.
+/// First and longest pause between two attempts to use a store that fails. Each pause doubles the last.
 const PAUSE: (Duration, Duration) = (Duration::from_millis(50), Duration::from_secs(5));
-/// After so many refusals that no room on the disk would change, a run fails.
-const REFUSED_AT_MOST: u32 = 8;
-/// A step should take 50 ms; a thread that is silent for so long after it was told to let go is
-/// left behind.
-const LINGER: Duration = Duration::from_secs(5);
+/// A run fails after the database has refused its result this often, other than for a full disk.
+const MAX_REFUSALS: u32 = 8;
+/// How long a drain waits for threads that must abandon their runs. A step should take only 50 ms.
+const MAX_ABANDON: Duration = Duration::from_secs(5);
 
-/// What the threads are told.
+/// What the threads must do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd)]
 enum Order {
     /// Claim and compute.
     Work,
-    /// Finish what is begun, claim nothing more.
+    /// Finish the current run, and claim no other.
     Finish,
-    /// Let go of what is begun.
-    LetGo,
+    /// Release the current run.
+    Abandon,
 }
 
-/// A running pool. Dropping it makes the threads let go of their runs and end, unattended.
+/// A running pool. If it is dropped, the threads release their runs and end; nothing waits for them.
 #[derive(Debug)]
 pub struct Workers {
     order: watch::Sender<Order>,
     threads: Vec<JoinHandle<()>>,
-    /// Yields nothing, and ends when the last thread has.
+    /// Carries no messages. It is closed when the last thread has ended.
     alive: mpsc::Receiver<()>,
 }
 
 impl Workers {
-    /// Starts `count` threads; a run that takes longer than `limit` fails. It must be called inside a
-    /// tokio runtime, which drives the store.
+    /// Starts `count` threads. A run that takes longer than `limit` fails. Call this inside a tokio runtime,
+    /// on which the store runs.
     ///
     /// # Errors
     ///
-    /// The system starts no more threads.
+    /// The system cannot start a thread.
     pub fn start(
         store: &Store,
         count: usize,
@@ -82,19 +81,19 @@ impl Workers {
         Ok(Self { order, threads, alive })
     }
 
-    /// Claims nothing more, lets running work finish within `grace`, puts the rest back in the
-    /// queue, and ends the threads.
+    /// Claims no more runs, and waits up to `grace` for the current ones. Then releases them to the queue, and
+    /// ends the threads.
     pub async fn drain(mut self, grace: Duration) {
         self.order.send_replace(Order::Finish);
         if tokio::time::timeout(grace, self.alive.recv()).await.is_err() {
-            self.order.send_replace(Order::LetGo);
-            if tokio::time::timeout(LINGER, self.alive.recv()).await.is_err() {
-                tracing::error!("a run does not let go; it is recovered at the next start");
+            self.order.send_replace(Order::Abandon);
+            if tokio::time::timeout(MAX_ABANDON, self.alive.recv()).await.is_err() {
+                tracing::error!("a worker does not stop; its run is recovered at the next start");
                 return;
             }
         }
         for thread in self.threads.drain(..) {
-            // They have all ended, or are about to: this does not block. A panic has been printed.
+            // All threads have ended or are about to end, so this does not block. A panic was printed before.
             let _ = thread.join();
         }
     }
@@ -102,11 +101,11 @@ impl Workers {
 
 impl Drop for Workers {
     fn drop(&mut self) {
-        self.order.send_replace(Order::LetGo);
+        self.order.send_replace(Order::Abandon);
     }
 }
 
-/// One thread's state.
+/// The state of one thread.
 struct Worker {
     store: Store,
     compute: Compute,
@@ -116,13 +115,13 @@ struct Worker {
     _living: mpsc::Sender<()>,
 }
 
-/// How the computing of a run ended.
+/// How a computation ended.
 enum Outcome {
     Done(Answer, Cost),
     Failed(FailureKind, String),
-    /// Nobody wants it any more.
+    /// No job needs it any more.
     Unwanted,
-    /// There is no time to finish it.
+    /// The server shuts down before it is finished.
     Interrupted,
 }
 
@@ -133,27 +132,29 @@ impl Worker {
             let mut next = Some(claimed);
             while let Some(claimed) = next {
                 let _span = span(&claimed).entered();
-                tracing::debug!("begun");
-                // The payload of a panic is all that can come through: nothing the closure could
-                // leave half done is used afterwards.
+                tracing::debug!("started");
+                // This is unwind safe: after a panic, nothing that the closure has changed is used.
                 let outcome = catch_unwind(AssertUnwindSafe(|| self.compute(&claimed)))
-                    .unwrap_or_else(|panic| Outcome::Failed(FailureKind::Panicked, said(&*panic)));
+                    .unwrap_or_else(|panic| {
+                        Outcome::Failed(FailureKind::Panicked, message_of(&*panic))
+                    });
                 next = runtime.block_on(self.settle_and_claim(&claimed, &outcome));
             }
         }
     }
 
-    /// Both at once, so that they share a commit. None if there is no run at this moment.
+    /// Stores the outcome and claims the next run at the same time, so that both share a commit. Returns `None`
+    /// if the queue is empty.
     async fn settle_and_claim(&self, claimed: &Claimed, outcome: &Outcome) -> Option<Claimed> {
         if self.order() != Order::Work {
             self.settle(claimed, outcome).await;
             return None;
         }
         let (stored, next) = tokio::join!(self.store_outcome(claimed, outcome), self.store.claim());
-        // An error of the claim is met again, and told, where a claim is waited for.
+        // If the claim fails, `claim` tries again and logs the error.
         let mut next = next.ok().flatten();
         if stored.is_err() {
-            // The next run must not wait for the store to take this one.
+            // The next run must not wait until the store accepts this outcome.
             if let Some(Claimed { run, attempt, .. }) = next
                 && self.store.release(run, attempt).await.is_ok()
             {
@@ -168,7 +169,7 @@ impl Worker {
         *self.orders.borrow()
     }
 
-    /// Waits for a run to compute; none once the pool is to end.
+    /// Waits for a run to compute. Returns `None` when the pool must end.
     async fn claim(&mut self) -> Option<Claimed> {
         let mut queue = self.store.watch_queue();
         let mut pause = PAUSE.0;
@@ -207,7 +208,7 @@ impl Worker {
             if claimed.stop.is_raised() {
                 return Outcome::Unwanted;
             }
-            if self.order() == Order::LetGo {
+            if self.order() == Order::Abandon {
                 return Outcome::Interrupted;
             }
             let progress = match work.step() {
@@ -229,15 +230,15 @@ impl Worker {
                 match self.runtime.block_on(noted) {
                     Ok(true) => {}
                     Ok(false) => return Outcome::Unwanted,
-                    // The work is worth more than its progress.
+                    // The computation continues: only the displayed progress is missing.
                     Err(error) => tracing::debug!(%error, "cannot store the progress of a run"),
                 }
             }
         }
     }
 
-    /// Stores how a run ended, however long the disk is full or the database busy: a run must not be
-    /// lost silently. What the database refuses for good fails the run, or it would keep its thread.
+    /// Stores how a run ended. Tries again for as long as the disk is full or the database is busy, because a
+    /// result must not be lost. After other errors the run fails, because it would block its thread.
     async fn settle(&self, claimed: &Claimed, outcome: &Outcome) {
         let mut pause = PAUSE.0;
         let mut refused = 0;
@@ -246,23 +247,27 @@ impl Worker {
             if matches!(error, Error::Damaged(_) | Error::Database(_)) {
                 refused += 1;
             }
-            let giving_up = matches!(error, Error::Closed) || self.order() == Order::LetGo;
+            let giving_up = matches!(error, Error::Closed) || self.order() == Order::Abandon;
             let message = error.to_string();
             let error = &error as &dyn std::error::Error;
             if giving_up {
-                tracing::error!(?run, error, "a run is left to the next start");
+                tracing::error!(
+                    ?run,
+                    error,
+                    "the outcome of a run is not stored; the run is recovered at the next start"
+                );
                 return;
             }
-            tracing::error!(?run, error, "cannot store how a run ended; trying again");
-            if refused >= REFUSED_AT_MOST {
+            tracing::error!(?run, error, "cannot store the outcome of a run; trying again");
+            if refused >= MAX_REFUSALS {
                 let (attempt, kind) = (claimed.attempt, FailureKind::NotStored);
                 if self.store.fail(run, attempt, kind, &message).await.is_ok() {
                     return;
                 }
             }
             let mut orders = self.orders.clone();
-            let let_go = orders.wait_for(|order| *order == Order::LetGo);
-            let _ = tokio::time::timeout(pause, let_go).await;
+            let abandon = orders.wait_for(|order| *order == Order::Abandon);
+            let _ = tokio::time::timeout(pause, abandon).await;
             pause = PAUSE.1.min(pause * 2);
         }
     }
@@ -271,7 +276,7 @@ impl Worker {
         let Claimed { run, attempt, .. } = claimed;
         let accepted = match outcome {
             Outcome::Done(answer, cost) => {
-                tracing::debug!("done");
+                tracing::debug!("finished");
                 self.store.finish(*run, *attempt, answer, *cost).await? != Finish::Refused
             }
             Outcome::Failed(kind, message) => {
@@ -282,14 +287,15 @@ impl Worker {
             Outcome::Unwanted => false,
         };
         if !accepted {
-            // It was canceled meanwhile, else it is no longer ours and this changes nothing.
+            // If the run is being canceled, this confirms it. Otherwise the worker has lost the run, and this
+            // changes nothing.
             self.store.stopped(*run, *attempt).await?;
         }
         Ok(())
     }
 }
 
-/// What the log lines of a run have in common: its key, and the request that wanted it.
+/// The log span of a run: its key, and the request that submitted it.
 fn span(claimed: &Claimed) -> tracing::Span {
     let Claimed { key, attempt, trace, .. } = claimed;
     let mut words = trace.as_deref().unwrap_or_default().split(' ');
@@ -297,8 +303,8 @@ fn span(claimed: &Claimed) -> tracing::Span {
     tracing::info_span!("run", %key, attempt, request, traceparent)
 }
 
-/// What a panic said.
-fn said(panic: &(dyn Any + Send)) -> String {
+/// The message of a panic.
+fn message_of(panic: &(dyn Any + Send)) -> String {
     let text = panic.downcast_ref::<&str>().copied();
     text.or_else(|| panic.downcast_ref::<String>().map(String::as_str))
         .unwrap_or("the computation panicked")

@@ -4,15 +4,13 @@ use std::path::Path;
 
 use sqlx::{Connection as _, SqliteConnection};
 
-use super::keys::{self, AccessKey, NewKey};
 use super::{Error, open};
-use crate::job::clock::now;
 
 /// The database of a data directory, opened by an administrative command.
 ///
 /// Each change is one statement, so a running server waits only briefly.
 #[derive(Debug)]
-pub struct Administration(SqliteConnection);
+pub struct Administration(pub(super) SqliteConnection);
 
 impl Administration {
     /// Opens the database in a directory. If no server uses it, creates or migrates it where necessary.
@@ -24,21 +22,6 @@ impl Administration {
     #[must_use]
     pub fn is_in(dir: &Path) -> bool {
         dir.join(open::DATABASE).exists()
-    }
-
-    /// Creates an access key and returns it. It cannot be read again.
-    pub async fn add_key(&mut self, new: &NewKey) -> Result<String, Error> {
-        keys::add(&mut self.0, new, now()).await
-    }
-
-    /// All access keys, also expired and revoked ones, the oldest first.
-    pub async fn keys(&mut self) -> Result<Vec<AccessKey>, Error> {
-        keys::list(&mut self.0).await
-    }
-
-    /// Revokes the valid keys with this id or name; returns how many.
-    pub async fn revoke_keys(&mut self, name: &str) -> Result<u64, Error> {
-        keys::revoke(&mut self.0, name, now()).await
     }
 
     /// Closes the database.

@@ -5,14 +5,14 @@
 
 use data_encoding::HEXLOWER;
 use sha2::{Digest as _, Sha256};
-use sqlx::sqlite::SqliteRow;
-use sqlx::{FromRow, Row, SqliteConnection};
+use sqlx::{FromRow, SqliteConnection};
 use subtle::ConstantTimeEq as _;
 
-use super::row::word;
+use super::administration::Administration;
 use super::transaction::Transaction;
 use super::{Error, Store};
-use crate::job::words;
+use crate::job::clock::now;
+use crate::job::{BadWord, words};
 
 /// Prefix of all keys. Tools that scan for leaked secrets recognise it.
 const MARK: &str = "fretwork";
@@ -33,14 +33,23 @@ words! {
     }
 }
 
+impl TryFrom<String> for Role {
+    type Error = BadWord;
+
+    fn try_from(word: String) -> Result<Self, BadWord> {
+        word.parse()
+    }
+}
+
 /// A stored access key.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, FromRow)]
 pub struct AccessKey {
     /// The public part of the key.
     pub id: String,
     /// The owner of the jobs that are submitted with it. Several keys may have the same name.
     pub name: String,
     /// What its holder may do.
+    #[sqlx(try_from = "String")]
     pub role: Role,
     /// Requests per minute; `None` means the limit of the server.
     pub per_minute: Option<u32>,
@@ -52,31 +61,14 @@ pub struct AccessKey {
     pub revoked: Option<i64>,
     /// When it was last used, with a resolution of one minute.
     pub last_used: Option<i64>,
-    digest: [u8; 32],
-}
-
-impl FromRow<'_, SqliteRow> for AccessKey {
-    fn from_row(row: &SqliteRow) -> Result<Self, sqlx::Error> {
-        let digest: &[u8] = row.try_get("digest")?;
-        Ok(Self {
-            id: row.try_get("id")?,
-            name: row.try_get("name")?,
-            role: word(row, "role")?,
-            per_minute: row.try_get("per_minute")?,
-            created: row.try_get("created")?,
-            expires: row.try_get("expires")?,
-            revoked: row.try_get("revoked")?,
-            last_used: row.try_get("last_used")?,
-            digest: digest.try_into().map_err(|error| sqlx::Error::Decode(Box::new(error)))?,
-        })
-    }
+    digest: Vec<u8>,
 }
 
 impl AccessKey {
     /// Whether `presented` is this key. The comparison takes constant time.
     #[must_use]
     pub fn is(&self, presented: &str) -> bool {
-        digest(presented).ct_eq(&self.digest).into()
+        digest(presented).ct_eq(&*self.digest).into()
     }
 
     /// Whether both are equal apart from the time of last use.
@@ -120,46 +112,49 @@ fn random<const BYTES: usize>() -> Result<String, Error> {
     Ok(HEXLOWER.encode(&bytes))
 }
 
-/// Creates a key and returns it. It cannot be read again.
-pub(super) async fn add(
-    db: &mut SqliteConnection,
-    new: &NewKey,
-    now: i64,
-) -> Result<String, Error> {
-    let (id, secret) = (random::<{ ID / 2 }>()?, random::<SECRET>()?);
-    let key = format!("{MARK}_{id}_{secret}");
-    sqlx::query(
-        "INSERT INTO access_key (id, name, role, digest, per_minute, created, expires)
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)",
-    )
-    .bind(&id)
-    .bind(&new.name)
-    .bind(new.role.as_str())
-    .bind(digest(&key).as_slice())
-    .bind(new.per_minute)
-    .bind(now)
-    .bind(new.expires)
-    .execute(db)
-    .await?;
-    Ok(key)
-}
-
 /// All keys, also expired and revoked ones, the oldest first.
-pub(super) async fn list(db: &mut SqliteConnection) -> Result<Vec<AccessKey>, Error> {
+async fn list(db: &mut SqliteConnection) -> Result<Vec<AccessKey>, Error> {
     Ok(sqlx::query_as("SELECT * FROM access_key ORDER BY created, id").fetch_all(db).await?)
 }
 
-/// Revokes the keys with this id or name that are not revoked yet; returns how many.
-pub(super) async fn revoke(db: &mut SqliteConnection, name: &str, now: i64) -> Result<u64, Error> {
-    let done = sqlx::query(
-        "UPDATE access_key SET revoked = ?2
-         WHERE (id = ?1 OR name = ?1) AND revoked IS NULL",
-    )
-    .bind(name)
-    .bind(now)
-    .execute(db)
-    .await?;
-    Ok(done.rows_affected())
+impl Administration {
+    /// Creates an access key and returns it. It cannot be read again.
+    pub async fn add_key(&mut self, new: &NewKey) -> Result<String, Error> {
+        let (id, secret) = (random::<{ ID / 2 }>()?, random::<SECRET>()?);
+        let key = format!("{MARK}_{id}_{secret}");
+        sqlx::query(
+            "INSERT INTO access_key (id, name, role, digest, per_minute, created, expires)
+             VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)",
+        )
+        .bind(&id)
+        .bind(&new.name)
+        .bind(new.role.as_str())
+        .bind(digest(&key).as_slice())
+        .bind(new.per_minute)
+        .bind(now())
+        .bind(new.expires)
+        .execute(&mut self.0)
+        .await?;
+        Ok(key)
+    }
+
+    /// All access keys, also expired and revoked ones, the oldest first.
+    pub async fn keys(&mut self) -> Result<Vec<AccessKey>, Error> {
+        list(&mut self.0).await
+    }
+
+    /// Revokes the valid keys with this id or name; returns how many.
+    pub async fn revoke_keys(&mut self, name: &str) -> Result<u64, Error> {
+        let done = sqlx::query(
+            "UPDATE access_key SET revoked = ?2
+             WHERE (id = ?1 OR name = ?1) AND revoked IS NULL",
+        )
+        .bind(name)
+        .bind(now())
+        .execute(&mut self.0)
+        .await?;
+        Ok(done.rows_affected())
+    }
 }
 
 impl Store {

@@ -67,13 +67,7 @@ impl Store {
     pub async fn open(dir: &Path, options: &Options) -> Result<Self, Error> {
         let lock = lock(dir)?;
         let path = dir.join(DATABASE);
-        forget_foreign_log(&path)
-            .map_err(|source| Error::Directory { dir: dir.to_owned(), source: Arc::new(source) })?;
-        inspect(&path).await?;
-        let writing = writing(&path, options.full_sync).create_if_missing(true);
-        let mut db = SqliteConnection::connect_with(&writing).await?;
-        migrate(&mut db, &path).await?;
-        outline::complete(&mut db).await?;
+        let mut db = prepare(dir, writing(&path, options.full_sync)).await?;
         // 16 MiB for each connection: enough for the upper pages of all indexes.
         let reading = connecting(&path).read_only(true).pragma("cache_size", "-16384");
         let readers = Arc::new(Readers::open(&reading, options.readers).await?);
@@ -89,6 +83,18 @@ impl Store {
         let dir = dir.into();
         Ok(Self { writer, readers, large, scans, signals, queue_limit, dir })
     }
+}
+
+/// Opens or creates the database of a locked directory, and migrates it to this version.
+async fn prepare(dir: &Path, options: SqliteConnectOptions) -> Result<SqliteConnection, Error> {
+    let path = dir.join(DATABASE);
+    forget_foreign_log(&path)
+        .map_err(|source| Error::Directory { dir: dir.to_owned(), source: Arc::new(source) })?;
+    inspect(&path).await?;
+    let mut db = SqliteConnection::connect_with(&options.create_if_missing(true)).await?;
+    migrate(&mut db, &path).await?;
+    outline::complete(&mut db).await?;
+    Ok(db)
 }
 
 /// Options of a connection that writes.
@@ -158,8 +164,6 @@ pub(super) fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
 
 /// Refuses a file that is not one of our databases, before anything is written to it.
 pub(super) async fn inspect(path: &Path) -> Result<(), Error> {
-    const SQLITE_CORRUPT: &str = "11";
-    const SQLITE_NOTADB: &str = "26";
     if !path.exists() {
         return Ok(());
     }
@@ -172,18 +176,11 @@ pub(super) async fn inspect(path: &Path) -> Result<(), Error> {
         // An empty database: its creation was interrupted.
         Ok::<_, sqlx::Error>(id == APPLICATION_ID || (id == 0 && tables == 0))
     };
-    match looked.await {
+    match looked.await.map_err(Error::from) {
         Ok(true) => Ok(()),
         Ok(false) => Err(Error::Foreign { path: path.to_owned() }),
-        Err(error) => {
-            let code = error.as_database_error().and_then(sqlx::error::DatabaseError::code);
-            match code.as_deref() {
-                Some(SQLITE_CORRUPT | SQLITE_NOTADB) => {
-                    Err(Error::NotADatabase { path: path.to_owned() })
-                }
-                _ => Err(error.into()),
-            }
-        }
+        Err(Error::Damaged(_)) => Err(Error::NotADatabase { path: path.to_owned() }),
+        Err(error) => Err(error),
     }
 }
 
@@ -211,26 +208,16 @@ pub(super) async fn version(db: &mut SqliteConnection) -> Result<i64, sqlx::Erro
 /// Opens the database of a directory for an administrative command; a server may be using it. If no
 /// server does, this creates or migrates the database where necessary.
 pub(super) async fn beside(dir: &Path, patience: Duration) -> Result<SqliteConnection, Error> {
-    let lock = match lock(dir) {
-        Ok(lock) => Some(lock),
-        Err(Error::Locked { .. }) => None,
-        Err(error) => return Err(error),
-    };
     let path = dir.join(DATABASE);
-    if lock.is_some() {
-        forget_foreign_log(&path)
-            .map_err(|source| Error::Directory { dir: dir.to_owned(), source: Arc::new(source) })?;
+    let options = writing(&path, false).busy_timeout(patience);
+    match lock(dir) {
+        Ok(_lock) => return prepare(dir, options).await,
+        Err(Error::Locked { .. }) => {}
+        Err(error) => return Err(error),
     }
     inspect(&path).await?;
-    let options = writing(&path, false).busy_timeout(patience).create_if_missing(lock.is_some());
     let mut db = SqliteConnection::connect_with(&options).await?;
-    if lock.is_some() {
-        migrate(&mut db, &path).await?;
-        outline::complete(&mut db).await?;
-        return Ok(db);
-    }
-    let known = latest();
-    let found = version(&mut db).await?;
+    let (found, known) = (version(&mut db).await?, latest());
     match found.cmp(&known) {
         Ordering::Less => Err(Error::Older { path, found, known }),
         Ordering::Equal => Ok(db),

@@ -1,12 +1,11 @@
-//! Whose turn it is: what is queued, by owner, in the memory of the writer.
+//! The queued runs by owner, in the memory of the writer task. It decides which run is claimed next.
 //!
-//! The owner with the fewest runs at work is next; among equals the one who was served longest ago.
-//! Who comes new comes before the one who was served last, and behind all others: so who comes again
-//! and again has no more turns than who waits. Within an owner the more urgent job comes first, then
-//! the older one. A run that several owners wait for stands in the lane of each.
+//! The next owner is the one with the fewest running runs; among equals, the one that was served longest
+//! ago. A new owner comes directly before the one that was served last. So an owner that submits one job
+//! after another gets no more turns than an owner whose jobs wait. Within an owner, the more urgent job
+//! comes first, then the older one. A run that several owners share is in the lane of each.
 //!
-//! The tables stay the truth: this is read from them at the start, and again after a transaction
-//! that failed.
+//! The tables are the truth. The queue is read from them at the start and after each failed transaction.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -16,18 +15,18 @@ use super::error::Error;
 use super::row::{RunId, job_id};
 use crate::job::JobId;
 
-/// Where a job stands in its owner's lane: its priority, and its age by its id.
+/// The position of a job in the lane of its owner: its priority, then its id, which gives its age.
 type Place = (u8, JobId);
 
 #[derive(Debug, Default)]
 pub(super) struct Queue {
     lanes: HashMap<String, Lane>,
-    /// Where each queued run stands: one place for each job that waits for it.
+    /// The positions of each queued run: one for each of its jobs.
     places: HashMap<RunId, BTreeMap<Place, String>>,
-    /// In whose turn each run at work was taken.
+    /// The owner in whose turn each running run was claimed.
     working: HashMap<RunId, String>,
     turns: u64,
-    /// How many jobs wait.
+    /// The number of queued jobs.
     jobs: usize,
 }
 
@@ -35,15 +34,15 @@ pub(super) struct Queue {
 struct Lane {
     waiting: BTreeMap<Place, RunId>,
     working: usize,
-    /// The last turn this owner had.
+    /// The last turn of this owner.
     served: u64,
 }
 
 impl Queue {
-    /// Reads what is queued and at work.
+    /// Reads the queued and running runs.
     pub(super) async fn load(db: &mut SqliteConnection) -> Result<Self, Error> {
         let mut queue = Self::default();
-        // By the index, whose size is that of the queue; the table grows for ever.
+        // The index has only unfinished runs; the table grows for ever.
         let rows: Vec<(i64, String)> = sqlx::query_as(
             "SELECT id, owner FROM run INDEXED BY run_unfinished
              WHERE finished IS NULL AND state IN ('running', 'canceling')",
@@ -66,27 +65,27 @@ impl Queue {
         Ok(queue)
     }
 
-    /// How many runs are queued.
+    /// The number of queued runs.
     pub(super) fn len(&self) -> usize {
         self.places.len()
     }
 
-    /// How many runs are at work.
+    /// The number of running runs.
     pub(super) fn working(&self) -> usize {
         self.working.len()
     }
 
-    /// How many jobs wait.
+    /// The number of queued jobs.
     pub(super) fn jobs(&self) -> usize {
         self.jobs
     }
 
-    /// How many jobs of an owner wait.
+    /// The number of queued jobs of an owner.
     pub(super) fn waiting_of(&self, owner: &str) -> usize {
         self.lanes.get(owner).map_or(0, |lane| lane.waiting.len())
     }
 
-    /// A job begins to wait for a queued run.
+    /// Adds a job that waits for a queued run.
     pub(super) fn add(&mut self, run: RunId, owner: &str, priority: u8, job: JobId) {
         let place = (priority, job);
         if self.lane(owner).waiting.insert(place, run).is_none() {
@@ -95,7 +94,7 @@ impl Queue {
         self.places.entry(run).or_default().insert(place, owner.to_owned());
     }
 
-    /// A job waits no longer, though others may for the same run.
+    /// Removes a job. Its run stays queued for other jobs, if there are any.
     pub(super) fn leave(&mut self, run: RunId, priority: u8, job: JobId) {
         let place = (priority, job);
         let Some(places) = self.places.get_mut(&run) else { return };
@@ -108,14 +107,14 @@ impl Queue {
         }
     }
 
-    /// A run is queued no longer.
+    /// Removes a run with all its jobs.
     pub(super) fn remove(&mut self, run: RunId) {
         for (place, owner) in self.places.remove(&run).unwrap_or_default() {
             self.vacate(&owner, place);
         }
     }
 
-    /// Takes the run whose turn it is; it is at work from now on.
+    /// Takes the next run, which is running from now on.
     pub(super) fn take(&mut self) -> Option<RunId> {
         let waiting = self.lanes.iter().filter_map(|(owner, lane)| {
             let ((_, oldest), run) = lane.waiting.first_key_value()?;
@@ -132,7 +131,7 @@ impl Queue {
         Some(run)
     }
 
-    /// A run is at work no longer.
+    /// Ends a running run.
     pub(super) fn end(&mut self, run: RunId) {
         let Some(owner) = self.working.remove(&run) else { return };
         if let Some(lane) = self.lanes.get_mut(&owner) {
@@ -161,7 +160,7 @@ impl Queue {
         self.tidy(owner);
     }
 
-    /// Owners who want nothing are forgotten.
+    /// Removes the lane of an owner without queued and running runs.
     fn tidy(&mut self, owner: &str) {
         if self.lanes.get(owner).is_some_and(|lane| lane.working == 0 && lane.waiting.is_empty()) {
             self.lanes.remove(owner);
@@ -195,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn owners_take_turns_however_much_one_of_them_wants() {
+    fn owners_take_turns_although_one_has_more_jobs() {
         let (mut queue, _) =
             queue(&[("ada", 1, 3), ("ada", 2, 3), ("ada", 3, 3), ("bob", 4, 3), ("eve", 5, 3)]);
         assert_eq!(turns(&mut queue), [1, 4, 5, 2, 3]);
@@ -203,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn who_comes_again_and_again_has_no_more_turns_than_who_waits() {
+    fn an_owner_that_submits_one_job_after_another_gets_no_more_turns() {
         let mut queue = Queue::default();
         for run in 0..100 {
             queue.add(RunId(run), "ada", 3, JobId::generate());
@@ -223,32 +222,32 @@ mod tests {
     }
 
     #[test]
-    fn who_has_fewer_runs_at_work_comes_first() {
+    fn the_owner_with_fewer_running_runs_comes_first() {
         let (mut queue, _) = queue(&[("ada", 1, 3), ("ada", 2, 3), ("ada", 3, 3)]);
         assert_eq!(queue.take(), Some(RunId(1)));
         queue.add(RunId(4), "bob", 3, JobId::generate());
         queue.add(RunId(5), "bob", 3, JobId::generate());
-        assert_eq!(queue.take(), Some(RunId(4)), "bob has none at work");
+        assert_eq!(queue.take(), Some(RunId(4)), "bob has no running run");
         queue.end(RunId(1));
-        assert_eq!(queue.take(), Some(RunId(2)), "now ada has none");
+        assert_eq!(queue.take(), Some(RunId(2)), "ada has none now");
     }
 
     #[test]
-    fn urgency_counts_among_the_jobs_of_one_owner_only() {
+    fn priorities_order_only_the_jobs_of_one_owner() {
         let (mut queue, _) =
             queue(&[("ada", 1, 3), ("ada", 2, 0), ("ada", 3, 7), ("bob", 4, 7), ("bob", 5, 6)]);
         assert_eq!(turns(&mut queue), [2, 5, 1, 4, 3]);
     }
 
     #[test]
-    fn a_run_that_two_wait_for_comes_in_whichever_turn_is_first_and_once() {
+    fn a_shared_run_comes_once_and_in_the_first_turn_of_its_owners() {
         let (mut queue, _) =
             queue(&[("ada", 1, 3), ("ada", 2, 3), ("ada", 3, 3), ("bob", 3, 3), ("bob", 4, 3)]);
         assert_eq!(turns(&mut queue), [1, 3, 2, 4]);
     }
 
     #[test]
-    fn who_leaves_takes_only_his_own_place_with_him() {
+    fn a_job_that_leaves_keeps_the_run_queued_for_other_jobs() {
         let (mut queue, ids) = queue(&[("ada", 1, 3), ("bob", 1, 3), ("bob", 2, 3)]);
         queue.leave(RunId(1), 3, ids[1]);
         assert_eq!((queue.len(), queue.waiting_of("bob")), (2, 1));

@@ -1,5 +1,5 @@
-//! Who wants to hear of what: listeners by key, idle workers, the stop flags of running runs, and
-//! the counters.
+//! What is signalled after a commit: to listeners of a key, to idle workers, to the workers of running runs,
+//! and to the metrics.
 
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -12,44 +12,44 @@ use super::tally::{Ending, Tally};
 use crate::job::clock::now;
 use crate::job::{Key, Origin};
 
-/// What a committed change means to those who listen.
+/// What the writer task signals after a commit.
 #[derive(Debug)]
 pub(super) enum Effect {
     /// A job or run of this key has changed.
     Changed(Key),
     /// The same, and it may have been the last change.
     Ended(Key),
-    /// There is something to claim.
+    /// A run can be claimed.
     Queued,
-    /// A worker has taken this run, and is stopped through this flag.
+    /// A worker has claimed this run. The flag stops it.
     Started(RunId, Stop),
-    /// Nobody wants this running run any more.
+    /// No job needs this running run any more.
     Unwanted(RunId),
     /// No worker computes this run any more.
     LetGo(RunId),
     /// A job was accepted.
     Submitted(Origin),
-    /// A run ended, so many milliseconds after it was begun.
+    /// A run ended, and how many milliseconds it took.
     Settled(Ending, Option<i64>),
     /// A result was computed again.
     Recomputed { key: Key, same: bool },
-    /// So many bytes of a result were stored.
+    /// A result of this many bytes was stored.
     Stored(u64),
-    /// A result was used.
+    /// A result was read.
     Read(Key),
-    /// A result of so many bytes was dropped.
+    /// A result of this many bytes was evicted.
     Evicted(u64),
 }
 
-/// A flag between the store and the worker of one run: nobody wants the result any more.
+/// A flag that tells the worker of a run that no job needs its result any more.
 #[derive(Debug, Clone, Default)]
 pub struct Stop(Arc<AtomicBool>);
 
 impl Stop {
-    /// Whether to stop.
+    /// Whether the worker must stop.
     #[must_use]
     pub fn is_raised(&self) -> bool {
-        // The flag carries no data with it, so no ordering is needed.
+        // The flag guards no other data, so no ordering is needed.
         self.0.load(Ordering::Relaxed)
     }
 
@@ -67,28 +67,28 @@ pub(super) struct Signals {
 
 #[derive(Debug, Default)]
 struct Tables {
-    /// Each channel counts the ends of its key, and tells of every change.
+    /// Each channel counts the ended jobs and runs of its key, and signals every change.
     listeners: HashMap<Key, watch::Sender<u64>>,
     running: HashMap<RunId, Stop>,
-    /// When results were read, as far as it is not yet written down.
+    /// When results were read, until it is stored.
     read: HashMap<Key, i64>,
 }
 
-/// So many moments of reading are remembered at most; the others are not missed.
-const READ_AT_MOST: usize = 10_000;
-/// So many are written down at once: some milliseconds of work.
+/// Results whose time of reading is remembered. Times beyond are dropped: evictions are then less exact.
+const MAX_READ: usize = 10_000;
+/// Times of reading that one transaction stores, which takes a few milliseconds.
 pub(super) const READ_AT_ONCE: usize = 500;
 
 impl Tables {
     fn note(&mut self, key: Key, at: i64) {
-        if self.read.len() < READ_AT_MOST || self.read.contains_key(&key) {
+        if self.read.len() < MAX_READ || self.read.contains_key(&key) {
             self.read.insert(key, at);
         }
     }
 }
 
 impl Signals {
-    /// Tells those concerned, in the order in which the changes were made.
+    /// Sends all signals, in the order of the changes.
     pub(super) fn apply(&self, effects: Vec<Effect>) {
         let mut tables = self.tables();
         for effect in effects {
@@ -121,13 +121,13 @@ impl Signals {
                 Effect::Settled(how, milliseconds) => self.tally.settled(how, milliseconds),
                 Effect::Recomputed { key, same } => {
                     if !same {
-                        tracing::error!(%key, "computed again, a result differs");
+                        tracing::error!(%key, "a result that was computed again differs from the stored one");
                     }
                     self.tally.recomputed(same);
                 }
                 Effect::Read(key) => tables.note(key, now()),
                 Effect::Evicted(bytes) => {
-                    tracing::info!(bytes, "dropped the result that was read longest ago");
+                    tracing::info!(bytes, "evicted the least recently read result");
                     self.tally.evicted();
                 }
                 Effect::Stored(_) => {}
@@ -140,7 +140,7 @@ impl Signals {
         self.tables().note(key, at);
     }
 
-    /// Some of what was read and not yet written down.
+    /// Takes out some results and their times of reading, to be stored.
     pub(super) fn take_read(&self) -> Vec<(Key, i64)> {
         let mut tables = self.tables();
         let some: Vec<_> = tables.read.keys().copied().take(READ_AT_ONCE).collect();
@@ -156,16 +156,16 @@ impl Signals {
         Changes::new(self.queue.subscribe(), None)
     }
 
-    /// A panic while the lock was held leaves the maps whole: each change is one call.
+    /// A poisoned lock is safe: each change of a map is one call, so a panic leaves the maps consistent.
     fn tables(&self) -> MutexGuard<'_, Tables> {
         self.tables.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// Hints that something has changed since the last look.
+/// Signals of changes since the last call.
 #[derive(Debug)]
 pub struct Changes {
-    // Dropped before `_listening`, which counts the receivers that remain.
+    // Dropped before `_listening`, which counts the remaining receivers.
     receiver: watch::Receiver<u64>,
     ends: u64,
     _listening: Option<Listening>,
@@ -177,16 +177,16 @@ impl Changes {
         Self { receiver, ends, _listening: listening }
     }
 
-    /// Returns once something has changed since this was made or last returned. Spurious returns
-    /// are possible, missed changes are not.
+    /// Returns once something has changed since this was created or last returned. It may return without a
+    /// change, but it misses none.
     pub async fn changed(&mut self) {
         if self.receiver.changed().await.is_err() {
-            // The store is gone: nothing will change any more.
+            // The store is closed, so nothing changes any more.
             std::future::pending::<()>().await;
         }
     }
 
-    /// Like [`changed`](Self::changed), but passes over changes that finish no job.
+    /// Like [`changed`](Self::changed), but ignores changes that end no job or run.
     pub async fn ended(&mut self) {
         let Ok(ends) = self.receiver.wait_for(|ends| *ends != self.ends).await.map(|ends| *ends)
         else {
@@ -216,7 +216,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_key_is_forgotten_when_its_last_listener_leaves() {
+    fn a_key_is_removed_with_its_last_listener() {
         let signals = Arc::new(Signals::default());
         let key = Key::from_bytes([7; 32]);
         let first = signals.watch(key);
@@ -228,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn a_run_is_stopped_by_the_flag_of_its_latest_claim_and_forgotten_at_its_end() {
+    fn a_run_is_stopped_by_the_flag_of_its_latest_claim_and_removed_at_its_end() {
         let signals = Arc::new(Signals::default());
         let (first, second) = (Stop::default(), Stop::default());
         signals.apply(vec![

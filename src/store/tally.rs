@@ -25,6 +25,15 @@ words! {
 /// Counters with one label.
 type Counters = Family<[(&'static str, &'static str); 1], Counter>;
 
+/// Counters that start at 0: alerts need a number also for events that have not happened yet.
+fn counters<const N: usize>(label: &'static str, values: [&'static str; N]) -> Counters {
+    let counters = Counters::default();
+    for value in values {
+        let _ = counters.get_or_create(&[(label, value)]);
+    }
+    counters
+}
+
 fn count(counters: &Counters, label: &'static str, value: &'static str) {
     counters.get_or_create(&[(label, value)]).inc();
 }
@@ -47,33 +56,19 @@ pub struct Tally {
 
 impl Default for Tally {
     fn default() -> Self {
-        let tally = Self {
-            jobs: Family::default(),
-            runs: Family::default(),
+        Self {
+            jobs: counters("origin", Origin::ALL.map(Origin::as_str)),
+            runs: counters("outcome", Ending::ALL.map(Ending::as_str)),
             // Buckets from 1 ms to 17 min.
             seconds: Histogram::new(exponential_buckets(1e-3, 4.0, 11)),
-            recomputes: Family::default(),
+            recomputes: counters("result", ["same", "differs"]),
             evicted: Counter::default(),
-            errors: Family::default(),
+            errors: counters("kind", ["busy", "damaged", "full", "other"]),
             queued: Gauge::default(),
             working: Gauge::default(),
             bytes: Gauge::default(),
             usual: Gauge::default(),
-        };
-        // Alerts need a counter of 0 for what has not happened yet.
-        for ending in Ending::ALL {
-            let _ = tally.runs.get_or_create(&[("outcome", ending.as_str())]);
         }
-        for origin in Origin::ALL {
-            let _ = tally.jobs.get_or_create(&[("origin", origin.as_str())]);
-        }
-        for result in ["same", "differs"] {
-            let _ = tally.recomputes.get_or_create(&[("result", result)]);
-        }
-        for kind in ["busy", "damaged", "full", "other"] {
-            let _ = tally.errors.get_or_create(&[("kind", kind)]);
-        }
-        tally
     }
 }
 

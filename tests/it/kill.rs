@@ -1,5 +1,5 @@
-//! The real program, killed while it computes: what was acknowledged is done after the restart,
-//! once, with the same bytes.
+//! The program is killed while it computes. After the restart every acknowledged job is completed once, with
+//! the same bytes.
 
 use std::collections::{HashMap, HashSet};
 use std::env;
@@ -18,11 +18,11 @@ use crate::server::{JSON, Reply, send, steel_ball};
 use crate::store::{crash, raw};
 use crate::team::{Listener, states};
 
-/// How many jobs there are.
+/// The number of jobs.
 const JOBS: u32 = 200;
 
-/// One of many scenarios, all different. Measured on one core of 2.5 GHz: at least 60 ms each,
-/// about all of it in the 90 inverse transforms of 2048 points.
+/// A scenario that differs for each number. It takes at least 60 ms on one core of 2.5 GHz, almost all of it
+/// in 90 inverse transforms of 2048 points.
 pub fn long(number: u32) -> Value {
     let mut body = steel_ball();
     let scenario = &mut body["scenario"];
@@ -33,7 +33,7 @@ pub fn long(number: u32) -> Value {
     body
 }
 
-/// A running server; it is killed in any case.
+/// A running server. It is killed when this is dropped.
 pub struct Program {
     pub child: Running,
     pub address: SocketAddr,
@@ -44,7 +44,7 @@ impl Program {
         Self::of(serve(dir, &["--workers", workers]))
     }
 
-    /// The program that a command becomes.
+    /// Starts the program by a command.
     pub fn start_by(command: Command, dir: &Path) -> Self {
         Self::of(serve_by(command, dir))
     }
@@ -54,25 +54,25 @@ impl Program {
         Self { child, address }
     }
 
-    /// SIGKILL: no handler runs, nothing is flushed.
+    /// Sends SIGKILL: no handler runs and nothing is flushed.
     fn kill(mut self) {
         self.child.kill().unwrap();
         self.child.wait().unwrap();
     }
 
-    /// SIGTERM.
+    /// Sends SIGTERM.
     pub fn tell_to_end(&self) {
         let id = self.child.id().to_string();
         assert!(Command::new("kill").args(["-TERM", &id]).status().unwrap().success());
     }
 
-    /// SIGTERM, and the end that comes of it.
+    /// Sends SIGTERM, and waits for a successful end.
     pub fn end(self) {
         self.tell_to_end();
         self.end_of_it();
     }
 
-    /// The end, well, after it was told.
+    /// Waits for a successful end after SIGTERM.
     pub fn end_of_it(mut self) {
         assert_eq!(self.child.wait().unwrap().code(), Some(0));
     }
@@ -86,7 +86,7 @@ impl Program {
         submit(self.address, &long(number), &[]).await.unwrap()
     }
 
-    /// All jobs that a query selects, the newest first.
+    /// All jobs that match a query, the newest first.
     async fn jobs(&self, query: &str) -> Vec<Value> {
         let mut jobs = Vec::new();
         let mut next = Some(format!("/v1/jobs?limit=200&{query}"));
@@ -103,7 +103,7 @@ impl Program {
         self.jobs("state=running").await.iter().map(id).collect()
     }
 
-    /// The job, once it has ended.
+    /// Waits until a job has ended.
     pub async fn ended(&self, id: &str) -> Value {
         loop {
             let job = self.get(&format!("/v1/jobs/{id}?wait=60")).await.json();
@@ -124,7 +124,7 @@ pub fn id(job: &Value) -> String {
     job["id"].as_str().unwrap().to_owned()
 }
 
-/// The id of an acknowledged job; an error if the server dies before.
+/// Submits a job and returns its id, or an error if the server dies before it answers.
 async fn submit(address: SocketAddr, body: &Value, headers: &[(&str, &str)]) -> io::Result<String> {
     let headers = [&[JSON], headers].concat();
     let reply = send(address, "POST", "/v1/jobs", &headers, body.to_string()).await?;
@@ -133,8 +133,8 @@ async fn submit(address: SocketAddr, body: &Value, headers: &[(&str, &str)]) -> 
     Ok(id(&job))
 }
 
-/// Asserts that the results, by number, are those of a server that nobody disturbs.
-async fn are_undisturbed(results: HashMap<u32, Vec<u8>>) {
+/// Asserts that a server that is not killed computes the same results. The keys are scenario numbers.
+async fn equal_undisturbed_results(results: HashMap<u32, Vec<u8>>) {
     let dir = TempDir::new().unwrap();
     let server = Program::start(dir.path(), "2");
     let mut ids = Vec::new();
@@ -148,7 +148,7 @@ async fn are_undisturbed(results: HashMap<u32, Vec<u8>>) {
     server.end();
 }
 
-/// Asserts that each of so many keys has one run and one result, and that it ended well.
+/// Asserts that each of this many keys has one run, which succeeded, and one result.
 async fn each_key_was_completed_once(dir: &Path, keys: u32) {
     let mut db = raw(dir).await;
     let counts: (u32, u32, u32, u32) = sqlx::query_as(
@@ -162,14 +162,14 @@ async fn each_key_was_completed_once(dir: &Path, keys: u32) {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn after_a_kill_every_acknowledged_job_is_done_once_and_as_if_nothing_had_been() {
+async fn after_a_kill_every_acknowledged_job_is_completed_once_with_the_same_result() {
     let dir = TempDir::new().unwrap();
     let server = Program::start(dir.path(), "1");
     let mut ids = Vec::new();
     for number in 0..JOBS {
         ids.push(server.submit(number).await);
     }
-    // The moment after another run has begun: it is interrupted, and not between two runs.
+    // Wait until a run has just begun, so that the kill interrupts it.
     let before = server.running().await;
     loop {
         let running = server.running().await;
@@ -182,7 +182,7 @@ async fn after_a_kill_every_acknowledged_job_is_done_once_and_as_if_nothing_had_
     }
     server.kill();
 
-    // A copy, so that it is the next server that finds what the last one left.
+    // Inspect a copy, so that the next server is the first to open the database.
     let copy = crash(dir.path());
     let mut left = raw(copy.path()).await;
     let running = "SELECT lower(hex(key)) FROM run WHERE state = 'running'";
@@ -191,7 +191,7 @@ async fn after_a_kill_every_acknowledged_job_is_done_once_and_as_if_nothing_had_
         .fetch_one(&mut left)
         .await
         .unwrap();
-    assert_eq!(interrupted.len(), 1, "one worker, one run");
+    assert_eq!(interrupted.len(), 1, "one worker computes one run");
     assert!(unfinished >= JOBS / 2, "only {unfinished} of {JOBS} were unfinished");
 
     let server = Program::start(dir.path(), "1");
@@ -205,10 +205,10 @@ async fn after_a_kill_every_acknowledged_job_is_done_once_and_as_if_nothing_had_
     }
     server.end();
     each_key_was_completed_once(dir.path(), JOBS).await;
-    are_undisturbed(results).await;
+    equal_undisturbed_results(results).await;
 }
 
-/// A small generator, so that a failure comes again: splitmix64.
+/// A random generator (splitmix64) with a fixed seed, so that failures can be repeated.
 struct Dice(u64);
 
 impl Dice {
@@ -221,8 +221,7 @@ impl Dice {
     }
 }
 
-/// Somebody who uses the server while it is killed again and again, and remembers what was asked of
-/// it.
+/// A client that uses the server while it is killed again and again, and records its requests.
 struct Client {
     name: String,
     dice: Dice,
@@ -234,15 +233,15 @@ struct Asked {
     number: u32,
     /// The Idempotency-Key.
     name: String,
-    /// One of those that are canceled all at once.
-    of_the_crowd: bool,
-    /// None before it is acknowledged.
+    /// It has the tag by which many jobs are canceled at once.
+    tagged: bool,
+    /// `None` before it is acknowledged.
     id: Option<String>,
-    /// Somebody wanted it canceled, before its end or after.
-    unwanted: bool,
-    /// Somebody wanted it deleted after its end.
+    /// A client has asked to cancel it.
+    canceled: bool,
+    /// A client has asked to delete it.
     deleted: bool,
-    /// The states that have been listened to.
+    /// The states that were received as events.
     heard: Vec<String>,
 }
 
@@ -252,10 +251,10 @@ impl Client {
         Self { name: format!("client-{number}"), dice, asked: Vec::new() }
     }
 
-    /// Does one thing after another until the server dies.
+    /// Sends one request after another until the server dies.
     async fn live(mut self, address: SocketAddr, numbers: u32) -> Self {
         while self.act(address, numbers).await.is_ok() {
-            // It stands for chance, nothing is waited for.
+            // A random pause; nothing depends on its length.
             tokio::time::sleep(Duration::from_micros(self.dice.below(10_000))).await;
         }
         self
@@ -263,7 +262,7 @@ impl Client {
 
     async fn act(&mut self, address: SocketAddr, numbers: u32) -> io::Result<()> {
         if let Some(lost) = self.asked.iter().position(|asked| asked.id.is_none()) {
-            // It may have arrived all the same; under its name it stays one job.
+            // The server may have received it. With its idempotency key it stays one job.
             return self.send(address, lost).await;
         }
         let some = self.dice.below(self.asked.len().max(1) as u64) as usize;
@@ -273,35 +272,30 @@ impl Client {
             4 => self.send(address, some).await,
             5 => self.cancel(address, some).await,
             6 => self.ask(address, numbers, true).await,
-            7 => self.cancel_the_crowd(address).await,
+            7 => self.cancel_tagged(address).await,
             8 => self.delete(address, some).await,
             _ => self.listen(address, some).await,
         }
     }
 
-    /// Submits a scenario, which may be new or one that others have submitted too.
-    async fn ask(
-        &mut self,
-        address: SocketAddr,
-        numbers: u32,
-        of_the_crowd: bool,
-    ) -> io::Result<()> {
+    /// Submits a scenario, which may be new or the same as that of another client.
+    async fn ask(&mut self, address: SocketAddr, numbers: u32, tagged: bool) -> io::Result<()> {
         let number = self.dice.below(numbers.into()) as u32;
         let name = format!("{}-{}", self.name, self.asked.len());
-        let (unwanted, deleted, heard) = (false, false, Vec::new());
-        self.asked.push(Asked { number, name, of_the_crowd, id: None, unwanted, deleted, heard });
+        let (canceled, deleted, heard) = (false, false, Vec::new());
+        self.asked.push(Asked { number, name, tagged, id: None, canceled, deleted, heard });
         self.send(address, self.asked.len() - 1).await
     }
 
-    /// Sends a submission, for the first time or again.
+    /// Sends a submission, possibly not for the first time.
     async fn send(&mut self, address: SocketAddr, some: usize) -> io::Result<()> {
         let asked = &mut self.asked[some];
         if asked.deleted {
-            // Its name is free, and would make a new job.
+            // Its idempotency key is free again, and would create a new job.
             return Ok(());
         }
         let mut body = long(asked.number);
-        body["tags"] = json!([if asked.of_the_crowd { &self.name } else { "single" }]);
+        body["tags"] = json!([if asked.tagged { &self.name } else { "single" }]);
         let id = submit(address, &body, &[("Idempotency-Key", &asked.name)]).await?;
         assert_eq!(*asked.id.get_or_insert_with(|| id.clone()), id, "{} is two jobs", asked.name);
         Ok(())
@@ -309,16 +303,16 @@ impl Client {
 
     async fn cancel(&mut self, address: SocketAddr, some: usize) -> io::Result<()> {
         let asked = &mut self.asked[some];
-        asked.unwanted = true;
+        asked.canceled = true;
         let path = format!("/v1/jobs/{}/cancel", asked.id.as_ref().unwrap());
         let status = send(address, "POST", &path, &[], "").await?.status;
         assert!(status == 200 || asked.deleted, "{status}");
         Ok(())
     }
 
-    async fn cancel_the_crowd(&mut self, address: SocketAddr) -> io::Result<()> {
-        for asked in self.asked.iter_mut().filter(|asked| asked.of_the_crowd) {
-            asked.unwanted = true;
+    async fn cancel_tagged(&mut self, address: SocketAddr) -> io::Result<()> {
+        for asked in self.asked.iter_mut().filter(|asked| asked.tagged) {
+            asked.canceled = true;
         }
         let path = format!("/v1/jobs/cancel?tag={}", self.name);
         assert_eq!(send(address, "POST", &path, &[], "").await?.status, 200);
@@ -336,7 +330,7 @@ impl Client {
         Ok(())
     }
 
-    /// Listens for a moment, from where it stopped the last time.
+    /// Listens to events for a moment, and continues after the last one it has received.
     async fn listen(&mut self, address: SocketAddr, some: usize) -> io::Result<()> {
         let asked = &mut self.asked[some];
         let (id, last) = (asked.id.as_ref().unwrap(), asked.heard.len() as u32);
@@ -350,14 +344,13 @@ impl Client {
         Ok(())
     }
 
-    /// Asserts that everything acknowledged came to the end that it must have, once; adds the
-    /// results.
+    /// Asserts that every acknowledged job ended once in a permitted state. Collects the results.
     async fn check(&self, server: &Program, results: &mut HashMap<u32, Vec<u8>>) {
         for asked in self.asked.iter().filter(|asked| !asked.deleted) {
             let Some(id) = &asked.id else { continue };
             let job = server.ended(id).await;
             let state = job["state"].as_str().unwrap();
-            let good = state == "succeeded" || asked.unwanted && state == "canceled";
+            let good = state == "succeeded" || asked.canceled && state == "canceled";
             assert!(good, "{} of {}: {job}", asked.name, asked.number);
             let events = Listener::connect(server.address, id, None).await.unwrap();
             let events = { events }.until(|_| false).await;
@@ -380,7 +373,7 @@ async fn interrupted(server: &Program) -> Vec<String> {
     jobs.iter().filter(was).map(id).collect()
 }
 
-/// Asserts that no run is left over, and that no key was completed twice.
+/// Asserts that every run has ended, and that no key was completed twice.
 async fn no_key_was_completed_twice(dir: &Path) {
     let mut db = raw(dir).await;
     let counts: (u32, u32, u32) = sqlx::query_as(
@@ -398,7 +391,7 @@ async fn no_key_was_completed_twice(dir: &Path) {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn kills_at_any_moment_under_any_load_lose_nothing_and_change_no_result() {
-    // A tenth of it by default; tests/long runs all.
+    // By default a tenth of the rounds; tests/long runs all.
     let kills = if env::var_os("FRETWORK_TEST_LONG").is_some() { 100 } else { 10 };
     let dir = TempDir::new().unwrap();
     let seed = env::var("FRETWORK_TEST_SEED").map_or(1, |seed| seed.parse().unwrap());
@@ -407,30 +400,30 @@ async fn kills_at_any_moment_under_any_load_lose_nothing_and_change_no_result() 
     let mut met = 0;
     for kill in 1..=kills {
         let server = Program::start(dir.path(), "1");
-        // A run that kills its server three times is given up. These did not, so each server lives
-        // until the run that its predecessor left has ended.
+        // A run fails after three crashes. So each server lives until the run that the last one left
+        // unfinished has ended.
         for id in interrupted(&server).await {
             server.ended(&id).await;
             met += 1;
         }
-        // A few scenarios more each time: most submissions repeat what was submitted before.
+        // Each round adds a few scenarios, so most submissions repeat an earlier one.
         let (address, numbers) = (server.address, 3 * kill);
         let living = clients.drain(..).map(|client| tokio::spawn(client.live(address, numbers)));
         let living: Vec<_> = living.collect();
-        // It stands for chance, nothing is waited for.
+        // A random pause; nothing depends on its length.
         tokio::time::sleep(Duration::from_micros(dice.below(150_000))).await;
         server.kill();
         for client in living {
             clients.push(client.await.unwrap());
         }
     }
-    assert!(met > 0, "no kill met a run");
+    assert!(met > 0, "no kill interrupted a run");
     let server = Program::start(dir.path(), "1");
     let mut results = HashMap::new();
     for client in &clients {
         client.check(&server, &mut results).await;
     }
-    // What was sent again after its answer was lost would be a job that nobody knows.
+    // A repeated submission whose answer was lost must not have created a second job.
     let asked = || clients.iter().flat_map(|client| &client.asked);
     let known: HashSet<_> = asked().filter_map(|asked| asked.id.clone()).collect();
     let lost = asked().filter(|asked| asked.id.is_none()).count();
@@ -439,5 +432,5 @@ async fn kills_at_any_moment_under_any_load_lose_nothing_and_change_no_result() 
     assert!(unknown <= lost, "{unknown} jobs that nobody knows, {lost} answers lost at the end");
     server.end();
     no_key_was_completed_twice(dir.path()).await;
-    are_undisturbed(results).await;
+    equal_undisturbed_results(results).await;
 }

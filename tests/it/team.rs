@@ -1,4 +1,4 @@
-//! What many people and dashboards ask of one server: events, repetitions, turns, numbers to watch.
+//! Many clients of one server: events, repeated submissions, fairness, metrics.
 
 use std::io;
 use std::net::SocketAddr;
@@ -29,7 +29,7 @@ fn id(reply: &Reply) -> String {
     reply.json()["id"].as_str().unwrap().to_owned()
 }
 
-/// One event: its name, its id if it has one, and its data.
+/// An event: its name, its id if it has one, and its data.
 pub type Event = (String, Option<u32>, Value);
 
 /// A listener to the events of a job.
@@ -43,7 +43,7 @@ impl Listener {
         Self::connect(address, id, last).await.unwrap()
     }
 
-    /// An error if there is no server any more.
+    /// Fails if the server has ended.
     pub async fn connect(address: SocketAddr, id: &str, last: Option<u32>) -> io::Result<Self> {
         let mut connection = TcpStream::connect(address).await?;
         let last = last.map_or_else(String::new, |last| format!("Last-Event-ID: {last}\r\n"));
@@ -52,7 +52,7 @@ impl Listener {
         Ok(Self { connection, text: String::new() })
     }
 
-    /// What has come so far, once it satisfies `enough` or the stream has ended.
+    /// The events so far, once they satisfy `enough` or the stream has ended.
     pub async fn until(&mut self, enough: impl Fn(&[Event]) -> bool) -> Vec<Event> {
         loop {
             let events = self.events();
@@ -60,10 +60,10 @@ impl Listener {
                 return events;
             }
             let mut buffer = [0; 4096];
-            // A server that dies ends the stream as well.
+            // The death of the server ends the stream too.
             let length = self.connection.read(&mut buffer).await.unwrap_or(0);
             self.text.push_str(std::str::from_utf8(&buffer[..length]).unwrap());
-            // The last chunk of a body that is sent in chunks has no length.
+            // The last chunk of a chunked body is empty.
             if length == 0 || self.text.ends_with("\r\n0\r\n\r\n") {
                 return self.events();
             }
@@ -72,7 +72,7 @@ impl Listener {
 
     pub fn events(&self) -> Vec<Event> {
         let Some((_, body)) = self.text.split_once("\r\n\r\n") else { return Vec::new() };
-        // Chunk sizes stand on lines of their own, which no event has.
+        // Chunk sizes are on lines of their own, which are not parts of events.
         let blocks = body.split("\n\n").filter(|block| block.contains("data: "));
         let parse = |block: &str| {
             let field = |name| {
@@ -99,7 +99,7 @@ fn has(events: &[Event], name: &str) -> bool {
 }
 
 #[tokio::test]
-async fn a_listener_that_comes_back_sees_every_state_exactly_once() {
+async fn a_listener_that_reconnects_receives_every_state_exactly_once() {
     let (server, gate) = gated().await;
     let id = id(&submit(&server, 2.0, &[]).await);
     let mut listener = Listener::start(server.address, &id, None).await;
@@ -122,11 +122,11 @@ async fn a_listener_that_comes_back_sees_every_state_exactly_once() {
     let last = &events.last().unwrap().2;
     assert_eq!(last["job"]["state"], "succeeded");
     assert_eq!(last["job"]["summary"]["wear_volume"], 2.5e-13);
-    // Who has seen all is told to stop.
+    // A listener that has received all events is told to stop.
     let path = format!("/v1/jobs/{id}/events");
     let reply = server.send("GET", &path, &[("Last-Event-ID", "3")], "").await;
     assert_eq!((reply.status, reply.body.len()), (204, 0));
-    // Who has seen nothing sees all, as does one whose id is none of ours.
+    // A listener without an event id, or with an unknown one, receives all events.
     for last in [None, Some(77)] {
         let events = Listener::start(server.address, &id, last).await.until(|_| false).await;
         assert_eq!(states(&events), [(1, "queued"), (2, "running"), (3, "succeeded")]);
@@ -138,10 +138,10 @@ async fn a_listener_that_comes_back_sees_every_state_exactly_once() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn five_hundred_listeners_cost_one_computation_and_one_who_never_reads_harms_none() {
+async fn five_hundred_listeners_share_one_run_and_a_stalled_one_delays_no_other() {
     let (server, gate) = gated().await;
     let id = id(&submit(&server, 2.0, &[]).await);
-    // They ask, and never take the answer off the line.
+    // These listeners never read the answer.
     let mut silent = Vec::new();
     for _ in 0..20 {
         silent.push(Listener::start(server.address, &id, None).await);
@@ -164,25 +164,25 @@ async fn five_hundred_listeners_cost_one_computation_and_one_who_never_reads_har
 }
 
 #[tokio::test]
-async fn events_end_when_the_server_goes_down() {
+async fn event_streams_end_at_shutdown() {
     let (server, gate) = gated().await;
     let first = id(&submit(&server, 2.0, &[]).await);
     let mut listener = Listener::start(server.address, &first, None).await;
     listener.until(|events| has(events, "progress")).await;
     server.service.drain();
     let events = listener.until(|_| false).await;
-    assert_eq!(states(&events).len(), 2, "the rest is told by the next server");
+    assert_eq!(states(&events).len(), 2, "the next server sends the rest");
     server.get("/readyz").await.problem(503, "not-ready");
     gate.open();
 }
 
 #[tokio::test]
-async fn a_repeated_submission_is_one_job_and_a_mistaken_one_is_refused() {
+async fn an_idempotency_key_gives_one_job_and_is_refused_for_another_submission() {
     let (server, gate) = gated().await;
     let name = ("Idempotency-Key", "\"8e03978e-40d5-43dd-bc93-6894a57f9324\"");
     let first = submit(&server, 2.0, &[name]).await;
     assert_eq!(first.status, 202);
-    // With and without quotes it is the same name.
+    // The idempotency key may be quoted.
     let bare = ("Idempotency-Key", "8e03978e-40d5-43dd-bc93-6894a57f9324");
     let again = submit(&server, 2.0, &[bare]).await;
     assert_eq!((again.status, id(&again)), (202, id(&first)));
@@ -198,7 +198,7 @@ async fn a_repeated_submission_is_one_job_and_a_mistaken_one_is_refused() {
 }
 
 #[tokio::test]
-async fn a_cache_can_be_passed_over_or_asked_for_alone() {
+async fn cache_control_can_bypass_the_cache_or_require_it() {
     let server = Server::with(Gate::opened(), &Settings::default(), &Options::default()).await;
     let only = ("Cache-Control", "only-if-cached");
     submit(&server, 2.0, &[only]).await.problem(504, "not-cached");
@@ -214,13 +214,13 @@ async fn a_cache_can_be_passed_over_or_asked_for_alone() {
 }
 
 #[tokio::test]
-async fn a_result_that_differs_when_computed_again_can_be_seen_from_outside() {
+async fn a_metric_counts_results_that_differ_when_computed_again() {
     let server = Server::with(Gate::opened(), &Settings::default(), &Options::default()).await;
     let wait = ("Prefer", "wait=60");
     let job = submit(&server, 2.0, &[wait]).await.json();
     let differs = "fretwork_recomputes_total{result=\"differs\"}";
     assert_eq!(metric(server.address, differs).await.to_bits(), 0f64.to_bits());
-    // As if the first had been computed on a machine with a fault.
+    // Change the stored digest, as if a faulty machine had computed the first result.
     let mut db = crate::store::raw(server.dir.path()).await;
     sqlx::query("UPDATE result SET digest = zeroblob(32)").execute(&mut db).await.unwrap();
     let again = submit(&server, 2.0, &[wait, ("Cache-Control", "no-cache")]).await.json();
@@ -229,12 +229,12 @@ async fn a_result_that_differs_when_computed_again_can_be_seen_from_outside() {
 }
 
 #[tokio::test]
-async fn a_queue_that_is_stuck_can_be_seen_from_outside() {
+async fn metrics_show_a_stuck_queue() {
     let (server, gate) = gated().await;
     for number in 0..4 {
         submit(&server, 2.0 + f64::from(number), &[]).await;
     }
-    // Two workers are held up; what waits grows old, and nothing ends.
+    // Both workers are blocked, so the waiting time grows and no run ends.
     let old = "fretwork_queue_oldest_seconds";
     while metric(server.address, old).await < 0.05 {}
     assert_eq!(metric(server.address, "fretwork_queued_runs").await.to_bits(), 2f64.to_bits());
@@ -252,7 +252,7 @@ async fn a_queue_that_is_stuck_can_be_seen_from_outside() {
 }
 
 #[tokio::test]
-async fn jobs_are_canceled_by_filter_and_deleted_once_they_have_ended() {
+async fn jobs_can_be_cancelled_by_filter_and_deleted_after_their_end() {
     let (server, gate) = gated().await;
     let mut body = steel_ball();
     body["label"] = json!("mine");
@@ -276,7 +276,7 @@ async fn jobs_are_canceled_by_filter_and_deleted_once_they_have_ended() {
 }
 
 #[tokio::test]
-async fn a_full_queue_says_when_to_come_back() {
+async fn the_answer_to_a_full_queue_has_a_retry_time() {
     let gate = Gate::default();
     let options = Options { queue_limit: 3, ..Options::default() };
     let server = Server::with(gate.compute(), &Settings::default(), &options).await;
@@ -297,7 +297,7 @@ async fn a_full_queue_says_when_to_come_back() {
 #[tokio::test]
 async fn urgent_jobs_of_one_owner_come_first() {
     let (server, gate) = gated().await;
-    // Two are held up at work, the others wait.
+    // Two runs are blocked, the others wait.
     for amplitude in [2.0, 2.1] {
         let id = id(&submit(&server, amplitude, &[]).await);
         while server.get(&format!("/v1/jobs/{id}")).await.json()["state"] == "queued" {}
@@ -316,7 +316,7 @@ async fn urgent_jobs_of_one_owner_come_first() {
 }
 
 #[tokio::test]
-async fn a_result_can_be_pinned_and_says_so_if_there_is_none() {
+async fn a_result_can_be_pinned_and_an_unknown_one_is_reported() {
     let server = Server::with(Gate::opened(), &Settings::default(), &Options::default()).await;
     let job = submit(&server, 2.0, &[("Prefer", "wait=60")]).await.json();
     let path = format!("/v1/results/{}/pin", job["key"].as_str().unwrap());
@@ -328,14 +328,14 @@ async fn a_result_can_be_pinned_and_says_so_if_there_is_none() {
 }
 
 #[tokio::test]
-async fn a_dropped_result_names_its_scenario_and_comes_back_under_its_key() {
+async fn an_evicted_result_shows_its_scenario_and_can_be_computed_again() {
     let settings = Settings { memory: 0, ..Settings::default() };
     let server = Server::with(Arc::new(Task::start), &settings, &Options::default()).await;
     let body = steel_ball();
     let job = server.compute(&body).await.json();
     let path = format!("/v1/results/{}", job["key"].as_str().unwrap());
     let before = server.get(&path).await;
-    // As the store does when the database has grown too large.
+    // Evict the result, as the store does when all results exceed the budget.
     let mut db = crate::store::raw(server.dir.path()).await;
     for change in ["UPDATE result SET evicted = 1765432100000", "DELETE FROM result_blob"] {
         sqlx::query(change).execute(&mut db).await.unwrap();
@@ -349,7 +349,7 @@ async fn a_dropped_result_names_its_scenario_and_comes_back_under_its_key() {
 }
 
 #[tokio::test]
-async fn what_the_disk_has_changed_is_named_and_repaired_by_computing_again() {
+async fn a_result_damaged_on_the_disk_is_reported_and_repaired_by_computing_it_again() {
     let settings = Settings { memory: 0, ..Settings::default() };
     let server = Server::with(Gate::opened(), &settings, &Options::default()).await;
     let wait = ("Prefer", "wait=60");
@@ -363,7 +363,7 @@ async fn what_the_disk_has_changed_is_named_and_repaired_by_computing_again() {
     server.get(&path).await.problem(500, "database-damaged");
     let damaged = "fretwork_store_errors_total{kind=\"damaged\"}";
     assert!(metric(server.address, damaged).await >= 1.0);
-    // A job that asks for it inline is accepted all the same.
+    // A job that asks for the result inline is still accepted.
     let headers = [JSON, wait];
     let body = ball(2.0).to_string();
     let job = server.send("POST", "/v1/jobs?include=result", &headers, body).await;
@@ -373,13 +373,13 @@ async fn what_the_disk_has_changed_is_named_and_repaired_by_computing_again() {
 }
 
 #[tokio::test]
-async fn a_page_of_another_site_changes_nothing() {
+async fn a_page_of_another_site_cannot_change_anything() {
     let (server, gate) = gated().await;
     submit(&server, 2.0, &[]).await;
     let page = [("Origin", "https://evil.example"), ("Sec-Fetch-Site", "cross-site")];
     let refused = server.send("POST", "/v1/jobs/cancel?owner=me", &page, "").await;
     refused.problem(403, "cross-site");
-    // Reading is the browser's business: without leave it does not show the page the answer.
+    // Reads are protected by the browser: it hides the answer from a page of another site.
     assert_eq!(server.send("GET", "/v1/jobs", &page, "").await.status, 200);
     let own = [("Origin", "http://test"), ("Sec-Fetch-Site", "same-origin")];
     let canceled = server.send("POST", "/v1/jobs/cancel?owner=me", &own, "").await;
@@ -388,7 +388,7 @@ async fn a_page_of_another_site_changes_nothing() {
 }
 
 #[tokio::test]
-async fn a_run_that_would_take_too_long_is_refused_before_it_is_begun() {
+async fn a_run_with_too_long_an_estimate_is_refused() {
     let limit = Some(Duration::from_micros(1));
     let (settings, options) = (Settings::default(), Options::default());
     let server = Server::with_limit(Arc::new(Task::start), limit, &settings, &options).await;

@@ -1,4 +1,4 @@
-//! The worker pool: isolation of panics, stopping on request, draining.
+//! The worker pool: panics, cancellation, and shutdown.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -12,10 +12,10 @@ use sqlx::Executor;
 
 use crate::store::{accepted, body, fresh, new_job, raw};
 
-/// Long enough for anything that is not stuck.
+/// A test that takes longer than this is stuck.
 const PATIENCE: Duration = Duration::from_mins(1);
 
-/// What the tests' tasks share: a gate that holds work back, and how many are being computed.
+/// State that a test shares with its tasks: a gate that holds them back, and counters.
 #[derive(Default)]
 struct Stage {
     open: AtomicBool,
@@ -34,7 +34,7 @@ impl Work for Act {
         match &*self.task {
             "panic" => panic!("no such spring: {}", 17),
             "gated" if !self.stage.open.load(Ordering::SeqCst) => {
-                // A step that takes its time, as real ones do.
+                // A real step takes time too.
                 std::thread::yield_now();
                 Step::Working { progress: 0.5 }
             }
@@ -65,7 +65,7 @@ async fn submit(store: &Store, number: u8, task: &str) -> JobId {
     accepted(store.submit(job).await).id
 }
 
-/// Waits until a job is as it should be.
+/// Waits until a job satisfies a condition.
 async fn until(store: &Store, id: JobId, good: impl Fn(&Job) -> bool) -> Job {
     let found = async {
         let job = store.job(id).await.unwrap().unwrap();
@@ -86,7 +86,7 @@ async fn state(store: &Store, id: JobId, state: JobState) -> Job {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn every_job_is_computed_once_and_its_result_kept() {
+async fn every_job_is_computed_once_and_its_result_is_stored() {
     let (_dir, store) = fresh().await;
     let stage = Arc::default();
     let workers = Workers::start(&store, 3, None, &compute(&stage)).unwrap();
@@ -105,7 +105,7 @@ async fn every_job_is_computed_once_and_its_result_kept() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_panic_fails_its_run_and_nothing_else() {
+async fn a_panic_fails_only_its_own_run() {
     let (_dir, store) = fresh().await;
     let stage = Arc::default();
     let workers = Workers::start(&store, 1, None, &compute(&stage)).unwrap();
@@ -130,7 +130,7 @@ async fn canceling_stops_the_work_and_frees_the_thread() {
     let shared = submit(&store, 1, "gated").await;
     state(&store, shared, JobState::Running).await;
     assert!(matches!(store.cancel(endless).await.unwrap(), Canceled::Done(_)));
-    assert_eq!(stage.dropped.load(Ordering::SeqCst), 0, "the other still waits for it");
+    assert_eq!(stage.dropped.load(Ordering::SeqCst), 0, "the other job still needs the run");
     assert!(matches!(store.cancel(shared).await.unwrap(), Canceled::Done(_)));
     state(&store, shared, JobState::Canceled).await;
     assert_eq!(stage.dropped.load(Ordering::SeqCst), 1);
@@ -140,7 +140,7 @@ async fn canceling_stops_the_work_and_frees_the_thread() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn progress_is_told_while_the_work_goes_on() {
+async fn progress_is_stored_during_the_computation() {
     let (_dir, store) = fresh().await;
     let stage: Arc<Stage> = Arc::default();
     let workers = Workers::start(&store, 1, None, &compute(&stage)).unwrap();
@@ -153,7 +153,7 @@ async fn progress_is_told_while_the_work_goes_on() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_drain_without_grace_puts_running_work_back_in_the_queue() {
+async fn a_drain_without_grace_queues_running_runs_again() {
     let (_dir, store) = fresh().await;
     let stage: Arc<Stage> = Arc::default();
     let workers = Workers::start(&store, 2, None, &compute(&stage)).unwrap();
@@ -175,7 +175,7 @@ async fn a_drain_without_grace_puts_running_work_back_in_the_queue() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_drain_lets_running_work_finish_and_begins_nothing_more() {
+async fn a_drain_finishes_running_runs_and_claims_no_others() {
     let (_dir, store) = fresh().await;
     let stage: Arc<Stage> = Arc::default();
     let workers = Workers::start(&store, 1, None, &compute(&stage)).unwrap();
@@ -185,7 +185,7 @@ async fn a_drain_lets_running_work_finish_and_begins_nothing_more() {
     let open = async {
         stage.open.store(true, Ordering::SeqCst);
     };
-    // The drain is polled first, so it has begun when the gate opens.
+    // `join!` polls the drain first, so it has begun when the gate opens.
     tokio::join!(workers.drain(PATIENCE), open);
     assert_eq!(store.job(running).await.unwrap().unwrap().state, JobState::Succeeded);
     assert_eq!(store.job(waiting).await.unwrap().unwrap().state, JobState::Queued);
@@ -196,7 +196,7 @@ const REFUSE: &str =
     "CREATE TRIGGER refuse BEFORE INSERT ON result BEGIN SELECT RAISE(ABORT, 'refused'); END";
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_result_that_the_store_refuses_is_kept_until_it_is_accepted() {
+async fn a_worker_keeps_a_result_until_the_store_accepts_it() {
     let (dir, store) = fresh().await;
     let mut raw = raw(dir.path()).await;
     raw.execute(REFUSE).await.unwrap();
@@ -204,17 +204,17 @@ async fn a_result_that_the_store_refuses_is_kept_until_it_is_accepted() {
     let workers = Workers::start(&store, 1, None, &compute(&stage)).unwrap();
     let refused = submit(&store, 1, "refused").await;
     state(&store, refused, JobState::Running).await;
-    // Other changes are accepted meanwhile, whether or not they share a batch with the refused one.
+    // The store accepts other changes meanwhile, even in the same batch as the refused one.
     let joined = submit(&store, 1, "refused").await;
     assert!(matches!(store.cancel(joined).await.unwrap(), Canceled::Done(_)));
     raw.execute("DROP TRIGGER refuse").await.unwrap();
     assert_eq!(state(&store, refused, JobState::Succeeded).await.attempt, 1);
-    assert_eq!(stage.begun.load(Ordering::SeqCst), 1, "it was not computed again");
+    assert_eq!(stage.begun.load(Ordering::SeqCst), 1, "the run was computed once");
     workers.drain(PATIENCE).await;
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_drain_ends_although_the_store_refuses_and_the_run_is_recovered() {
+async fn a_drain_ends_although_the_store_refuses_results_and_the_run_is_recovered() {
     let (dir, store) = fresh().await;
     let mut raw = raw(dir.path()).await;
     raw.execute(REFUSE).await.unwrap();
@@ -227,7 +227,7 @@ async fn a_drain_ends_although_the_store_refuses_and_the_run_is_recovered() {
     workers.drain(Duration::ZERO).await;
     let left = store.job(id).await.unwrap().unwrap().state;
     let recovered = store.recover().await.unwrap();
-    // It had no grace: it was interrupted before its end, or left there.
+    // Without grace, the run was interrupted during the computation or before its result was stored.
     match left {
         JobState::Queued => assert_eq!(recovered.requeued, 0),
         JobState::Running => assert_eq!(recovered.requeued, 1),

@@ -188,22 +188,22 @@ impl Entry {
         done: &mut Imported,
     ) -> Result<Option<String>, Error> {
         let mut tx = db.begin_with("BEGIN IMMEDIATE").await?;
-        match self.held(&mut tx).await? {
-            Held::Nothing => {
+        match self.is_known(&mut tx).await? {
+            Ok(true) => done.known += 1,
+            Ok(false) => {
                 self.insert(&mut tx, file).await?;
                 done.results += 1;
                 done.bytes += self.answer.body.len() as u64;
             }
-            Held::Same => done.known += 1,
-            Held::Other(why) => return Ok(Some(why)),
+            Err(why) => return Ok(Some(why)),
         }
         self.annotate(&mut tx, done).await?;
         tx.commit().await?;
         Ok(None)
     }
 
-    /// What this database has under the key.
-    async fn held(&self, db: &mut SqliteConnection) -> Result<Held, Error> {
+    /// Whether this database has the result. The inner error says why the result is refused.
+    async fn is_known(&self, db: &mut SqliteConnection) -> Result<Result<bool, String>, Error> {
         let row: Option<(bool, bool, Option<String>)> = sqlx::query_as(
             "SELECT evicted IS NULL, digest = ?2, deleted_by FROM result WHERE key = ?1",
         )
@@ -212,16 +212,16 @@ impl Entry {
         .fetch_optional(db)
         .await?;
         Ok(match row {
-            None | Some((false, true, None)) => Held::Nothing,
-            Some((true, true, _)) => Held::Same,
+            None | Some((false, true, None)) => Ok(false),
+            Some((true, true, _)) => Ok(true),
             Some((true, false, _)) => {
-                Held::Other("this database has another result under its key".to_owned())
+                Err("this database has another result under its key".to_owned())
             }
-            Some((false, _, Some(who))) => Held::Other(format!(
-                "{who} deleted it here; it must be computed again to come back"
-            )),
+            Some((false, _, Some(who))) => {
+                Err(format!("{who} deleted it here; it must be computed again to come back"))
+            }
             Some((false, false, None)) => {
-                Held::Other("it differs from the result that was evicted here".to_owned())
+                Err("it differs from the result that was evicted here".to_owned())
             }
         })
     }
@@ -270,16 +270,6 @@ impl Entry {
         }
         Ok(())
     }
-}
-
-/// What a database has under a key.
-enum Held {
-    /// Nothing, or it evicted this very result.
-    Nothing,
-    /// The same result.
-    Same,
-    /// Something that keeps the result out: the reason.
-    Other(String),
 }
 
 /// Reads a column; `None` if it is empty.

@@ -17,7 +17,7 @@ pub(super) use page::page;
 pub use page::{Cursor, Found, Listed};
 
 /// Which results to list, and in which order. The default lists all, the newest first.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Search {
     words: Vec<(&'static str, String)>,
     ranges: BTreeMap<&'static str, Range>,
@@ -29,26 +29,20 @@ pub struct Search {
     label: Option<String>,
     /// Tags and labels match only jobs of this owner.
     jobs_of: Option<String>,
+    order: Order,
+}
+
+/// The order of a list.
+#[derive(Debug, Clone, Copy)]
+struct Order {
     /// The column to sort by.
     by: &'static str,
     descending: bool,
 }
 
-impl Default for Search {
+impl Default for Order {
     fn default() -> Self {
-        Self {
-            words: Vec::new(),
-            ranges: BTreeMap::new(),
-            owner: None,
-            pinned: None,
-            evicted: false,
-            note: None,
-            tag: None,
-            label: None,
-            jobs_of: None,
-            by: "created",
-            descending: true,
-        }
+        Self { by: "created", descending: true }
     }
 }
 
@@ -169,10 +163,9 @@ impl Search {
 
     /// Sets the order. A minus sign before the name puts the largest first.
     fn sort(&mut self, value: &str) -> Result<(), String> {
-        let name = value.strip_prefix('-');
-        self.descending = name.is_some();
-        let name = name.unwrap_or(value);
-        self.by = Self::orders().find(|known| *known == name).ok_or_else(|| {
+        let (name, descending) =
+            value.strip_prefix('-').map_or((value, false), |name| (name, true));
+        let by = Self::orders().find(|known| *known == name).ok_or_else(|| {
             let names: Vec<_> = Self::orders().collect();
             format!(
                 "must be one of {}, or one of them after a minus sign for the largest first; got \
@@ -180,6 +173,7 @@ impl Search {
                 names.join(", ")
             )
         })?;
+        self.order = Order { by, descending };
         Ok(())
     }
 

@@ -6,7 +6,7 @@ use std::str::FromStr;
 use sqlx::sqlite::SqliteRow;
 use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
 
-use super::Search;
+use super::{Order, Search};
 use crate::job::{Key, Outline, SCALARS, WORDS};
 use crate::store::library::Note;
 use crate::store::row::key;
@@ -141,7 +141,7 @@ fn statement(
     limit: u32,
 ) -> QueryBuilder<Sqlite> {
     let mut query = QueryBuilder::new(prefix);
-    query.push("SELECT outline.*, CAST(outline.").push(search.by).push(
+    query.push("SELECT outline.*, CAST(outline.").push(search.order.by).push(
         " AS REAL) AS place, result.key AS key, pinned, evicted, note.text AS note,
              note.owner AS noted_by, note.at AS noted
          FROM (SELECT * FROM outline WHERE ",
@@ -160,17 +160,18 @@ fn statement(
 }
 
 fn order(query: &mut QueryBuilder<Sqlite>, search: &Search) {
-    let direction = if search.descending { "DESC" } else { "ASC" };
+    let direction = if search.order.descending { "DESC" } else { "ASC" };
     query.push(format_args!(
         " ORDER BY outline.{} {direction} NULLS LAST, outline.id {direction}",
-        search.by
+        search.order.by
     ));
 }
 
 /// Restricts a statement to results after the cursor.
 fn after(query: &mut QueryBuilder<Sqlite>, search: &Search, cursor: Option<Cursor>) {
     let Some(Cursor { value, id }) = cursor else { return };
-    let (by, beyond) = (search.by, if search.descending { "<" } else { ">" });
+    let Order { by, descending } = search.order;
+    let beyond = if descending { "<" } else { ">" };
     let Some(value) = value else {
         query.push(format_args!(" AND outline.{by} IS NULL AND outline.id {beyond} "));
         query.push_bind(id);
