@@ -53,13 +53,17 @@ pub struct Cost {
     pub cpu: Option<Duration>,
 }
 
-/// The short form of a result: its regime and the last entry of each column of its history.
+/// The summary of a result: its regime and the last entry of each column of its history.
+///
+/// # Panics
+/// A member of the history is not a column with at least one entry.
 #[must_use]
+#[expect(clippy::expect_used, reason = "a summary without a number must not be stored")]
 pub fn summary(regime: &Value, history: &serde_json::Map<String, Value>) -> Value {
     let mut summary = serde_json::Map::from_iter([("regime".to_owned(), regime.clone())]);
     for (name, column) in history {
-        let last = column.as_array().and_then(|column| column.last()).cloned();
-        summary.insert(name.clone(), last.unwrap_or_default());
+        let last = column.as_array().and_then(|column| column.last());
+        summary.insert(name.clone(), last.expect("a column has entries").clone());
     }
     Value::Object(summary)
 }

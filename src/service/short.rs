@@ -162,11 +162,12 @@ struct Leader<'a> {
 
 impl Leader<'_> {
     /// Ends the flight: later submissions of this key begin another one. Returns those that joined.
+    #[expect(clippy::expect_used, reason = "submissions that joined must not be forgotten")]
     fn land(&mut self) -> Vec<Joined> {
         if std::mem::replace(&mut self.landed, true) {
             return Vec::new();
         }
-        self.short.flights().remove(&self.key).unwrap_or_default()
+        self.short.flights().remove(&self.key).expect("only its leader ends a flight")
     }
 }
 

@@ -31,6 +31,8 @@ pub(super) const APPLICATION_ID: i32 = 0x6672_6574;
 /// The file name of the database.
 pub(super) const DATABASE: &str = "fretwork.db";
 
+/// The number of read-only connections for small results and lists.
+const READERS: u32 = 4;
 /// The number of readers that may scan all results at the same time. The others read single results.
 pub(super) const SCANS: usize = 2;
 
@@ -43,8 +45,6 @@ pub struct Options {
     /// Whether each commit waits for the disk. Then an acknowledged change survives a power failure;
     /// otherwise it survives only a crash of the process.
     pub full_sync: bool,
-    /// The number of read-only connections.
-    pub readers: u32,
     /// The largest number of queued jobs.
     pub queue_limit: usize,
     /// How long finished jobs are kept; `None` means for ever.
@@ -55,7 +55,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { full_sync: false, readers: 4, queue_limit: 20_000, keep_jobs: None, budget: None }
+        Self { full_sync: false, queue_limit: 20_000, keep_jobs: None, budget: None }
     }
 }
 
@@ -70,7 +70,7 @@ impl Store {
         let mut db = prepare(dir, writing(&path, options.full_sync)).await?;
         // 16 MiB for each connection: enough for the upper pages of all indexes.
         let reading = connecting(&path).read_only(true).pragma("cache_size", "-16384");
-        let readers = Arc::new(Readers::open(&reading, options.readers).await?);
+        let readers = Arc::new(Readers::open(&reading, READERS).await?);
         let large = Arc::new(Readers::open(&reading, 1).await?);
         let signals = Arc::new(Signals::default());
         let queue = Queue::load(&mut db).await?;

@@ -28,6 +28,11 @@ pub(super) struct Engine {
 }
 
 impl Document {
+    /// Reads a stored result; `None` if the text is not one.
+    pub(super) fn read(body: &[u8]) -> Option<Self> {
+        serde_json::from_slice(body).ok().filter(Self::has_history)
+    }
+
     /// The short form that the table `result` holds.
     pub(super) fn summary(&self) -> Value {
         summary(&self.regime, &self.history)
@@ -109,7 +114,7 @@ async fn document(db: &mut SqliteConnection, key: Key) -> Result<Option<Document
             .fetch_optional(db)
             .await;
     match body.map_err(Error::from) {
-        Ok(body) => Ok(body.and_then(|body| serde_json::from_slice(&body).ok())),
+        Ok(body) => Ok(body.and_then(|body| Document::read(&body))),
         // A damaged page must not keep the server from starting.
         Err(Error::Damaged(_)) => Ok(None),
         Err(error) => Err(error),

@@ -123,9 +123,7 @@ impl Queue {
         let (_, owner, run) = waiting.min_by_key(|(turn, ..)| *turn)?;
         let owner = owner.clone();
         self.turns += 1;
-        if let Some(lane) = self.lanes.get_mut(&owner) {
-            lane.served = self.turns;
-        }
+        self.lane(&owner).served = self.turns;
         self.begin(run, owner);
         self.remove(run);
         Some(run)
@@ -134,9 +132,7 @@ impl Queue {
     /// Ends a running run.
     pub(super) fn end(&mut self, run: RunId) {
         let Some(owner) = self.working.remove(&run) else { return };
-        if let Some(lane) = self.lanes.get_mut(&owner) {
-            lane.working = lane.working.saturating_sub(1);
-        }
+        self.lane(&owner).working -= 1;
         self.tidy(&owner);
     }
 

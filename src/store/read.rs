@@ -257,7 +257,7 @@ impl FromRow<'_, SqliteRow> for JobRow {
             progress: match state {
                 JobState::Succeeded => 1.0,
                 JobState::Canceled => 0.0,
-                _ => row.try_get::<Option<f64>, _>("progress")?.unwrap_or(0.0),
+                _ => row.try_get("progress")?,
             },
             priority: row.try_get("priority")?,
             label: row.try_get("label")?,

@@ -33,7 +33,7 @@ impl Reader<'_> {
 impl Readers {
     pub(super) async fn open(options: &SqliteConnectOptions, count: u32) -> Result<Self, Error> {
         let mut connections = Vec::new();
-        for _ in 0..count.max(1) {
+        for _ in 0..count {
             let connection = SqliteConnection::connect_with(options).await?;
             connections.push(Mutex::new(Some(connection)));
         }

@@ -149,7 +149,16 @@ impl Submission {
         if admission != Admission::OnlyKnown && !full {
             return Ok(None);
         }
-        let Known { result, live } = known(tx, self.job.key).await?;
+        // Whether the result is stored, and the state of the live run.
+        let (result, live): (bool, Option<String>) = sqlx::query_as(
+            "SELECT result.key IS NOT NULL AND result.evicted IS NULL, run.state
+             FROM (SELECT ?1 AS key) AS asked
+             LEFT JOIN result ON result.key = asked.key
+             LEFT JOIN run ON run.key = asked.key AND run.state IN ('queued', 'running')",
+        )
+        .bind(self.job.key.bytes().as_slice())
+        .fetch_one(&mut tx.db)
+        .await?;
         // A job that needs neither a worker nor a place in the queue is always accepted.
         Ok(match live.as_deref() {
             _ if result && !self.job.afresh => None,
@@ -211,7 +220,10 @@ impl Submission {
             owner: new.owner.clone(),
             origin,
             attempt: row.try_get("attempt")?,
-            progress: row.try_get::<Option<f64>, _>("progress")?.unwrap_or(1.0),
+            progress: match state {
+                JobState::Succeeded => 1.0,
+                _ => row.try_get("progress")?,
+            },
             priority: new.priority,
             label: new.label.clone(),
             tags: new.tags.clone(),
@@ -225,28 +237,6 @@ impl Submission {
         };
         Ok((Submitted::Accepted(job), run))
     }
-}
-
-/// What the tables have for a key.
-#[derive(sqlx::FromRow)]
-struct Known {
-    /// Whether its result is stored.
-    result: bool,
-    /// The state of its live run.
-    live: Option<String>,
-}
-
-async fn known(tx: &mut Transaction, key: Key) -> Result<Known, Error> {
-    let known = sqlx::query_as(
-        "SELECT result.key IS NOT NULL AND result.evicted IS NULL AS result, run.state AS live
-         FROM (SELECT ?1 AS key) AS asked
-         LEFT JOIN result ON result.key = asked.key
-         LEFT JOIN run ON run.key = asked.key AND run.state IN ('queued', 'running')",
-    )
-    .bind(key.bytes().as_slice())
-    .fetch_one(&mut tx.db)
-    .await?;
-    Ok(known)
 }
 
 /// The first statement inserts a run (queued, or running with ?8), unless a run is live, the known result is

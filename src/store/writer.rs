@@ -39,14 +39,14 @@ pub(super) trait Order: Send {
     fn settle(self: Box<Self>, committed: Result<(), Error>);
 }
 
-struct Asked<V, Input, Answer> {
+struct Pending<V, Input, Answer> {
     verb: V,
     input: Input,
     answer: Option<Answer>,
     reply: oneshot::Sender<Result<Answer, Error>>,
 }
 
-impl<V, Input, Answer> Order for Asked<V, Input, Answer>
+impl<V, Input, Answer> Order for Pending<V, Input, Answer>
 where
     V: for<'a> Verb<'a, Input, Answer = Answer>,
     Input: Send + Sync,
@@ -76,7 +76,7 @@ where
     Answer: Send + 'static,
 {
     let (reply, answer) = oneshot::channel();
-    (Box::new(Asked { verb, input, answer: None, reply }), answer)
+    (Box::new(Pending { verb, input, answer: None, reply }), answer)
 }
 
 /// Lets the writer task apply a verb. Returns its answer after the commit.

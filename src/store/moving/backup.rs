@@ -133,7 +133,13 @@ async fn copy(from: &Path, to: &Path) -> Result<Saved, Moving> {
     if said != ["ok"] {
         return Err(damaged(said.join("; ")));
     }
-    let saved = inventory(&mut db).await?;
+    let saved = sqlx::query_as(
+        "SELECT (SELECT count(*) FROM job) AS jobs, (SELECT count(*) FROM result_blob) AS results,
+             (SELECT coalesce(sum(length(body)), 0) FROM result_blob) AS bytes,
+             (SELECT count(*) FROM result WHERE evicted IS NOT NULL) AS evicted",
+    )
+    .fetch_one(&mut db)
+    .await?;
     // One body at a time, to keep memory small.
     let mut last = 0;
     loop {
@@ -155,17 +161,6 @@ async fn copy(from: &Path, to: &Path) -> Result<Saved, Moving> {
     }
     db.close().await?;
     Ok(saved)
-}
-
-/// Counts what a database contains.
-async fn inventory(db: &mut SqliteConnection) -> Result<Saved, Moving> {
-    Ok(sqlx::query_as(
-        "SELECT (SELECT count(*) FROM job) AS jobs, (SELECT count(*) FROM result_blob) AS results,
-             (SELECT coalesce(sum(length(body)), 0) FROM result_blob) AS bytes,
-             (SELECT count(*) FROM result WHERE evicted IS NOT NULL) AS evicted",
-    )
-    .fetch_one(db)
-    .await?)
 }
 
 #[cfg(test)]

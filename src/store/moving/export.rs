@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use serde_json::{Map, Value};
+use serde_json::Value;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqliteSynchronous};
 use sqlx::{Connection as _, Executor as _, QueryBuilder, Sqlite, SqliteConnection};
 
 use super::{EXPORT, FORM, Moving, PATIENCE, name, unfinished};
-use crate::job::{ENGINE, Key, Outline, SCALARS, WORDS, clock};
+use crate::job::{ENGINE, Key, SCALARS, WORDS, clock};
 use crate::store::library::{self, Provenance};
 use crate::store::open::{self, DATABASE};
 use crate::store::outline::Document;
@@ -104,11 +104,7 @@ async fn matching(db: &mut SqliteConnection, search: &Search) -> Result<Vec<Key>
 /// A result to be written.
 struct Entry {
     body: String,
-    scenario: Value,
-    summary: Value,
-    outline: Outline,
-    history: Map<String, Value>,
-    numerics: u32,
+    document: Document,
     provenance: Provenance,
 }
 
@@ -131,19 +127,10 @@ async fn entry(db: &mut SqliteConnection, key: &Key) -> Result<Result<Entry, Abs
     if !sum.is_of(&body) {
         return Ok(Err(Absent::Damaged));
     }
-    let parsed: Result<Document, _> = serde_json::from_slice(&body);
-    let (Ok(document), Ok(body)) = (parsed, String::from_utf8(body.into())) else {
+    let (Some(document), Ok(body)) = (Document::read(&body), String::from_utf8(body.into())) else {
         return Ok(Err(Absent::Damaged));
     };
-    Ok(Ok(Entry {
-        body,
-        summary: document.summary(),
-        outline: document.outline(),
-        scenario: document.scenario,
-        history: document.history,
-        numerics: document.engine.numerics,
-        provenance,
-    }))
+    Ok(Ok(Entry { body, document, provenance }))
 }
 
 /// Creates an empty export.
@@ -215,10 +202,11 @@ async fn describe(out: &mut SqliteConnection) -> Result<(), Moving> {
 }
 
 async fn write(out: &mut SqliteConnection, key: &Key, entry: &Entry) -> Result<(), Moving> {
-    let Entry { body, scenario, summary, outline, history, numerics, provenance } = entry;
+    let Entry { body, document, provenance } = entry;
+    let outline = document.outline();
     let mut query = QueryBuilder::<Sqlite>::new("INSERT INTO results VALUES (");
     let mut row = query.separated(", ");
-    row.push_bind(key.to_string()).push_bind(*numerics);
+    row.push_bind(key.to_string()).push_bind(document.engine.numerics);
     for word in &outline.words {
         row.push_bind(word.as_deref());
     }
@@ -227,7 +215,7 @@ async fn write(out: &mut SqliteConnection, key: &Key, entry: &Entry) -> Result<(
     }
     let Provenance { owner, wall, cpu, pinned, .. } = provenance;
     let (program, note) = (provenance.program.as_ref(), provenance.note.as_ref());
-    row.push_bind(scenario.to_string()).push_bind(summary.to_string());
+    row.push_bind(document.scenario.to_string()).push_bind(document.summary().to_string());
     row.push_bind((body.len() as u64).cast_signed()).push_bind(provenance.sha256.to_string());
     row.push_bind(clock::rfc3339(provenance.created)).push_bind(owner.as_deref());
     row.push_bind(provenance.computed.map(clock::rfc3339)).push_bind(*wall).push_bind(*cpu);
@@ -243,7 +231,7 @@ async fn write(out: &mut SqliteConnection, key: &Key, entry: &Entry) -> Result<(
     query.build().execute(&mut *out).await?;
     let insert = sqlx::query("INSERT INTO bodies VALUES (?1, ?2)");
     insert.bind(key.to_string()).bind(body).execute(&mut *out).await?;
-    let columns = HISTORY.map(|name| history.get(name).and_then(Value::as_array));
+    let columns = HISTORY.map(|name| document.history.get(name).and_then(Value::as_array));
     let rows = columns.iter().flatten().map(|column| column.len()).max().unwrap_or(0);
     for (number, place) in (0_i64..).zip(0..rows) {
         let mut query = QueryBuilder::<Sqlite>::new("INSERT INTO history VALUES (");
