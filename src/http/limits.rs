@@ -34,7 +34,8 @@ type Bucket = RateLimiter<NotKeyed, InMemoryState, DefaultClock, StateInformatio
 pub struct Account {
     pub limits: Limits,
     bucket: Option<Bucket>,
-    concurrent: Option<Arc<Semaphore>>,
+    /// The permits of concurrent requests, and their number.
+    concurrent: Option<(Arc<Semaphore>, NonZeroU32)>,
 }
 
 /// The remaining requests of a key.
@@ -61,17 +62,17 @@ impl Account {
             RateLimiter::direct(Quota::per_minute(quota))
                 .with_middleware::<StateInformationMiddleware>()
         };
-        let concurrent = limits.at_once.map(|most| Arc::new(Semaphore::new(most.get() as usize)));
-        Self { limits, bucket: limits.per_minute.map(bucket), concurrent }
+        let permits = |most: NonZeroU32| (Arc::new(Semaphore::new(most.get() as usize)), most);
+        let (bucket, concurrent) = (limits.per_minute.map(bucket), limits.at_once.map(permits));
+        Self { limits, bucket, concurrent }
     }
 
     /// Counts a request, or refuses it.
     pub fn take(&self) -> Result<Place, Problem> {
         let permit = match &self.concurrent {
             None => None,
-            Some(concurrent) => {
-                let permit = Arc::clone(concurrent).try_acquire_owned();
-                Some(permit.map_err(|_| full(self.limits.at_once))?)
+            Some((permits, most)) => {
+                Some(Arc::clone(permits).try_acquire_owned().map_err(|_| full(*most))?)
             }
         };
         let standing = match (&self.bucket, self.limits.per_minute) {
@@ -84,8 +85,7 @@ impl Account {
 
 /// The problem for too many concurrent requests. It has no `Retry-After`: event streams have no end, and
 /// an answer ends when its client has read it.
-fn full(at_once: Option<NonZeroU32>) -> Problem {
-    let most = at_once.map_or(0, NonZeroU32::get);
+fn full(most: NonZeroU32) -> Problem {
     let detail = format!(
         "This key may have {most} concurrent requests, and has as many, including waits and event \
          streams. End one of them, or try again later."

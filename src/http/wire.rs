@@ -188,7 +188,7 @@ pub fn words(headers: &HeaderMap, name: HeaderName) -> impl Iterator<Item = &str
 }
 
 /// A header value.
-#[expect(clippy::expect_used, reason = "callers pass keys, hashes, numbers and names of formats")]
+#[expect(clippy::expect_used, reason = "callers pass keys, paths, numbers and names of formats")]
 pub fn ascii(text: &str) -> HeaderValue {
     HeaderValue::try_from(text).expect("the text is ASCII")
 }

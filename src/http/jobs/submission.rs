@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use axum::body::Bytes;
 use axum::extract::State;
 use axum::http::header::{self, HeaderName};
 use axum::http::{HeaderMap, HeaderValue, StatusCode};
@@ -13,7 +14,7 @@ use crate::http::caller::Caller;
 use crate::http::include::{Include, NULL};
 use crate::http::problem::{self, Problem};
 use crate::http::scenarios::parse;
-use crate::http::wire::{Body, Freshness, Prefer, Query, idempotency_key, urgency};
+use crate::http::wire::{Body, Freshness, Prefer, Query, ascii, idempotency_key, urgency};
 use crate::job::{Job, JobState, Origin};
 use crate::service::{Accepted, Refusal, Terms};
 use crate::store::Asked;
@@ -81,16 +82,8 @@ pub async fn submit(
 ) -> Result<Response, Problem> {
     let include = Include::take(&mut query);
     query.finish()?;
-    let (prefer, freshness) = (Prefer::read(&headers), Freshness::read(&headers));
-    let terms = Terms {
-        owner: caller.owner,
-        priority: urgency(&headers),
-        idempotency_key: idempotency_key(&headers)?,
-        afresh: freshness.afresh,
-        only_known: freshness.only_known,
-        wait: prefer.wait,
-        trace: caller.trace.map(|trace| trace.to_string()),
-    };
+    let terms = terms(caller, &headers)?;
+    let (wait, afresh) = (terms.wait, terms.afresh);
     if app.service.is_draining() {
         return Err(Refusal::Draining.into());
     }
@@ -106,25 +99,44 @@ pub async fn submit(
         // The job is accepted, so the client must get it even if its result cannot be read.
         _ => Some(result_of(&app, &job).await.unwrap_or(NULL)),
     };
-    let finished = job.state.is_finished();
-    let (location, cache) = (address(job.id), cache_status(&job, freshness.afresh));
-    let mut response = write(job, include.members(&asked, result))?;
+    accepted(job, include.members(&asked, result), wait, afresh)
+}
+
+/// The terms of a submission, from its headers.
+fn terms(caller: Caller, headers: &HeaderMap) -> Result<Terms, Problem> {
+    let Freshness { afresh, only_known } = Freshness::read(headers);
+    Ok(Terms {
+        owner: caller.owner,
+        priority: urgency(headers),
+        idempotency_key: idempotency_key(headers)?,
+        afresh,
+        only_known,
+        wait: Prefer::read(headers).wait,
+        trace: caller.trace.map(|trace| trace.to_string()),
+    })
+}
+
+/// The answer to an accepted submission: 200 if its job is finished, otherwise 202.
+fn accepted(
+    job: Job,
+    members: Vec<(&str, Bytes)>,
+    wait: Option<Duration>,
+    afresh: bool,
+) -> Result<Response, Problem> {
+    let (finished, location) = (job.state.is_finished(), address(job.id));
+    let cache = cache_status(&job, afresh);
+    let mut response = write(job, members)?;
     let headers = response.headers_mut();
     headers.insert(header::CACHE_STATUS, HeaderValue::from_static(cache));
-    if let Some(time) = prefer.wait {
+    if let Some(time) = wait {
         let name = HeaderName::from_static("preference-applied");
-        headers.insert(name, header_value(format!("wait={}", time.as_secs())));
+        headers.insert(name, ascii(&format!("wait={}", time.as_secs())));
     }
     if !finished {
-        headers.insert(header::LOCATION, header_value(location));
+        headers.insert(header::LOCATION, ascii(&location));
         *response.status_mut() = StatusCode::ACCEPTED;
     }
     Ok(response)
-}
-
-#[expect(clippy::expect_used, reason = "paths and numbers are always valid in a header")]
-fn header_value(text: String) -> HeaderValue {
-    HeaderValue::try_from(text).expect("a path or a number")
 }
 
 impl From<Refusal> for Problem {
