@@ -87,8 +87,8 @@ impl Account {
 /// an answer ends when its client has read it.
 fn full(most: NonZeroU32) -> Problem {
     let detail = format!(
-        "This key may have {most} concurrent requests, and has as many, including waits and event \
-         streams. End one of them, or try again later."
+        "This key has reached its limit of {most} concurrent requests. Waits and event streams count. End \
+         one of them, or try again later."
     );
     Problem::new(&problem::TOO_MANY_AT_ONCE, detail)
         .with_header(POLICY, format!("\"at-once\";q={most};qu=\"concurrent-requests\""))
@@ -106,8 +106,7 @@ fn count(bucket: &Bucket, quota: NonZeroU32) -> Result<Standing, Problem> {
             let wait = refused.wait_time_from(DefaultClock::default().now());
             let more_in = wait.as_secs_f64().ceil().max(1.0) as u32;
             let standing = Standing { quota, left: 0, more_in };
-            let detail =
-                format!("This key may send {quota} requests per minute, and has sent them.");
+            let detail = format!("This key has reached its limit of {quota} requests per minute.");
             let problem = Problem::new(&problem::RATE_LIMITED, detail).retry_after(more_in);
             Err(standing.tell_in(problem))
         }

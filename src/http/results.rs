@@ -128,7 +128,9 @@ fn not_acceptable(key: &str, part: Part) -> Problem {
     let address = |part: Part| format!("/v1/results/{key}/{}?format=csv", part.name());
     let addresses = Part::TABLES.map(address).join(", ");
     let detail = match part {
-        Part::Whole => format!("{detail} NDJSON, CSV and Arrow can hold one table: {addresses}."),
+        Part::Whole => format!(
+            "{detail} NDJSON, CSV and Arrow are available for one table at a time: {addresses}."
+        ),
         _ => detail,
     };
     Problem::new(&problem::NOT_ACCEPTABLE, detail)
@@ -262,10 +264,10 @@ pub async fn profiles(
 
 /// Returns the force–displacement loops of a result, at the output cycles of its profiles.
 ///
-/// A loop goes from one turning point to the other and back. It has a point wherever another spring of
-/// the contact starts to slip. Straight lines between the points enclose the energy of the cycle. Loops
-/// may differ in their number of points. For a displacement record it is the outermost loop.
-/// `energy_ratio`, `slip_ratio` and `free_ratio` are the criteria A, D and B of the sliding transition.
+/// A loop goes from one turning point to the other and back. It has one point for each spring that starts to
+/// slip. Straight lines between the points enclose the energy of the cycle. Loops may differ in their number
+/// of points. For a displacement record, the outermost loop is returned. `energy_ratio` (A), `slip_ratio` (D)
+/// and `free_ratio` (B) are the criteria of the sliding transition by Fouvry.
 /// Formats with rows have one row per output cycle and point. In NPZ an array has one row per output
 /// cycle, and NaN fills the shorter loops. A result computed with `profiles_at: "none"` has no loops.
 #[utoipa::path(get, path = "/v1/results/{key}/loops", operation_id = "get_loops", tag = "results",
@@ -308,8 +310,8 @@ pub async fn loops(
 /// Profiles (`worn`, `wear`, `image`, `pressure`, `slip`) have one curve per output cycle. The worn profile
 /// is shown with the initial and the limiting profile. Histories are drawn over the output cycles, with
 /// marks at events, the limiting state if it is within reach, and the simplified rule if the result was
-/// computed with `compare`. `loops` are force over displacement. An infinite pressure is a gap, and the
-/// curve rises to the frame beside it. `title` and `desc` describe the figure in words; `metadata`
+/// computed with `compare`. `loops` are force over displacement. An infinite pressure is a gap: next to it the
+/// curve leaves the frame. `title` and `desc` describe the figure in words; `metadata`
 /// contains the key and the engine. The same request gives the same bytes everywhere.
 #[utoipa::path(get, path = "/v1/results/{key}/plot.svg", operation_id = "plot_result", tag = "results",
     params(

@@ -102,7 +102,7 @@ impl Service {
     }
 }
 
-/// The filter, limited to jobs within reach.
+/// Limits a filter to jobs within reach.
 fn within(filter: Filter, reach: Option<&str>) -> Filter {
-    Filter { owner: filter.owner.or_else(|| reach.map(str::to_owned)), ..filter }
+    Filter { owner: reach.map(str::to_owned).or(filter.owner), ..filter }
 }

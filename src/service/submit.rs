@@ -145,7 +145,7 @@ impl Service {
         // First, because a worker may claim the run before this call returns.
         waiting.keep(prepared);
         let submitted = match self.0.store.submit(new).await {
-            // A short run stored the job, but its submission was dropped before it could report this.
+            // The job exists already: a short run stored it, and was dropped before it returned the job.
             Err(Error::JobExists(id)) => {
                 self.0.store.job(id).await?.map(Submitted::Accepted).ok_or(Error::Closed)
             }

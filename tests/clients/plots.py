@@ -76,10 +76,10 @@ def every_plot(page, base, key, scales=("x", "", "xy")):
         page.select_option("#choose-plot", name)
         unworn = profiles["initial"] if name == "worn" else profiles[name][0]
         expected = {"Current": (radius, scaled(factor, profiles[name][-1])), "Unworn": (radius, scaled(factor, unworn))}
-        assert ("Limiting" in legend(page, "Profiles")) == (name in ("worn", "wear") and profiles["limiting"] is not None)
+        assert ("Limit" in legend(page, "Profiles")) == (name in ("worn", "wear") and profiles["limiting"] is not None)
         if profiles["limiting"] and name in ("worn", "wear"):
             wear = [end - start for end, start in zip(profiles["limiting"], profiles["initial"])]
-            expected["Limiting"] = (radius, scaled(1e6, profiles["limiting"] if name == "worn" else wear))
+            expected["Limit"] = (radius, scaled(1e6, profiles["limiting"] if name == "worn" else wear))
         read_plot(page, "Profiles", "Radius r", expected)
         pictures.add(canvas(page, "Profiles").evaluate("canvas => canvas.toDataURL()"))
     for name, columns in HISTORIES.items():

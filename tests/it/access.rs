@@ -512,7 +512,7 @@ async fn a_key_has_only_so_many_requests_at_work() {
             if refused.status == 429 {
                 let problem = refused.problem(429, "too-many-at-once");
                 let detail = problem["detail"].as_str().unwrap();
-                assert!(detail.contains("may have 2 concurrent requests"), "{detail}");
+                assert!(detail.contains("limit of 2 concurrent requests"), "{detail}");
                 // When a place is free again nobody knows.
                 assert_eq!(refused.header("retry-after"), None);
                 assert_eq!(refused.header("ratelimit"), Some("\"at-once\";r=0"));

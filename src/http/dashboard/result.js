@@ -161,7 +161,7 @@ function profileCurves(result, quantityName, row, name) {
   if (isWorn || row > 0) curves.push(profileCurve(result, quantityName, isWorn ? initial : rows[0], { name: "Unworn", ink: 4, dashed: true }));
   if (limiting && (isWorn || quantityName === "wear")) {
     const values = isWorn ? limiting : limiting.map((height, i) => height - initial[i]);
-    curves.push(profileCurve(result, quantityName, values, { name: "Limiting", ink: 3, dashed: true }));
+    curves.push(profileCurve(result, quantityName, values, { name: "Limit", ink: 3, dashed: true }));
   }
   return [...curves, profileCurve(result, quantityName, rows[row], { name, ink: 1 })];
 }

@@ -64,7 +64,7 @@ pub struct JobAnswer {
     warnings: Value,
     /// Why it failed; null unless it did.
     error: Option<JobError>,
-    /// Where to go from here.
+    /// The addresses of the job, its result and its events.
     links: Links,
 }
 
