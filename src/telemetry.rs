@@ -1,4 +1,4 @@
-//! Logs: to standard error, as lines for people or JSON for machines.
+//! Logs to standard error, as text or as JSON.
 
 use std::io::IsTerminal as _;
 
@@ -6,16 +6,16 @@ use clap::ValueEnum;
 use tracing_subscriber::EnvFilter;
 use tracing_subscriber::filter::LevelFilter;
 
-/// What a log line looks like.
+/// The format of a log line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum LogFormat {
-    /// For people.
+    /// Text for people.
     Text,
     /// One JSON object per line, for machines.
     Json,
 }
 
-/// Starts logging. `FRETWORK_LOG` selects what is logged (`info`, `warn`, `fretwork=debug`, …).
+/// Starts logging. `FRETWORK_LOG` sets the level (`info`, `warn`, `fretwork=debug`, …).
 pub fn start(format: LogFormat) {
     let filter = EnvFilter::builder()
         .with_env_var("FRETWORK_LOG")
@@ -29,6 +29,6 @@ pub fn start(format: LogFormat) {
         LogFormat::Text => logs.init(),
         LogFormat::Json => logs.json().flatten_event(true).init(),
     }
-    // A panic is a log entry like any other: in its format, and with the request that caused it.
+    // A panic becomes a log entry in the same format, with the request that caused it.
     std::panic::set_hook(Box::new(|panic| tracing::error!(%panic, "panicked")));
 }

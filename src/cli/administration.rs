@@ -1,15 +1,15 @@
-//! Commands for whoever runs a server: they work on its data directory, beside it or without it.
+//! The command `keys`. It works on the data directory, with or without a running server.
 
 use std::io::{self, Write as _};
 
 use fretwork::job::clock::{self, now};
 use fretwork::store::{AccessKey, Administration, NewKey};
 
-use super::Failure;
+use super::Error;
 use crate::config::{AddKey, Data, Keys};
 
-/// Makes, lists or takes back access keys.
-pub fn keys(command: Keys) -> Result<(), Failure> {
+/// Adds, lists or revokes access keys.
+pub fn keys(command: Keys) -> Result<(), Error> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     runtime.block_on(async {
         match command {
@@ -20,16 +20,18 @@ pub fn keys(command: Keys) -> Result<(), Failure> {
     })
 }
 
-/// The database that is there; a directory without one is a mistake.
-async fn open(data: &Data) -> Result<Administration, Failure> {
+/// Opens an existing database.
+async fn open(data: &Data) -> Result<Administration, Error> {
     if !Administration::is_in(&data.data_dir) {
         let dir = data.data_dir.display();
-        return Err(format!("{dir} holds no database; say which with --data-dir").into());
+        return Err(
+            format!("{dir} contains no database; name its directory with --data-dir").into()
+        );
     }
     Ok(Administration::open(&data.data_dir).await?)
 }
 
-async fn add(new: AddKey) -> Result<(), Failure> {
+async fn add(new: AddKey) -> Result<(), Error> {
     let AddKey { name, role, expires, rate, data } = new;
     let new_database = !Administration::is_in(&data.data_dir);
     let mut tables = Administration::open(&data.data_dir).await?;
@@ -38,7 +40,7 @@ async fn add(new: AddKey) -> Result<(), Failure> {
     let key =
         tables.add_key(&NewKey { name: name.clone(), role, per_minute: rate, expires }).await?;
     tables.close().await?;
-    // The key alone goes to standard output, for scripts.
+    // Only the key goes to standard output, so that scripts can read it.
     let mut out = io::stdout().lock();
     writeln!(out, "{key}")?;
     out.flush()?;
@@ -46,19 +48,19 @@ async fn add(new: AddKey) -> Result<(), Failure> {
     writeln!(err, "This is the key of {name} ({role}). It is not shown again. Send it as")?;
     writeln!(err, "  Authorization: Bearer {}…", &key[..key.len().min(18)])?;
     if new_database {
-        writeln!(err, "{} held no database; there is a new one now.", data.data_dir.display())?;
+        writeln!(err, "{} contained no database. A new one was created.", data.data_dir.display())?;
     }
     if first {
         writeln!(
             err,
-            "It is the first: from now on a server on {} asks for keys.",
+            "This is the first key. From now on the server on {} requires a key.",
             data.data_dir.display()
         )?;
     }
     Ok(())
 }
 
-async fn list(data: &Data) -> Result<(), Failure> {
+async fn list(data: &Data) -> Result<(), Error> {
     let mut tables = open(data).await?;
     let keys = tables.keys().await?;
     tables.close().await?;
@@ -66,55 +68,55 @@ async fn list(data: &Data) -> Result<(), Failure> {
     if keys.is_empty() {
         writeln!(
             io::stderr(),
-            "There are no keys; make one with `fretwork keys add NAME --role ROLE`."
+            "There are no keys. Add one with `fretwork keys add NAME --role ROLE`."
         )?;
         return Ok(());
     }
     writeln!(
         out,
         "{:<8}  {:<16} {:<6}  {:<10}  {:<10}  {:<10}  state",
-        "id", "name", "role", "made", "used", "rate"
+        "id", "name", "role", "created", "used", "rate"
     )?;
     for key in keys {
         let AccessKey { id, name, role, per_minute, created, last_used, .. } = &key;
         let rate = per_minute.map_or("-".to_owned(), |rate| format!("{rate}/min"));
         let used = last_used.map_or("never".to_owned(), day);
-        let made = day(*created);
+        let created = day(*created);
         writeln!(
             out,
-            "{id:<8}  {name:<16} {role:<6}  {made:<10}  {used:<10}  {rate:<10}  {}",
+            "{id:<8}  {name:<16} {role:<6}  {created:<10}  {used:<10}  {rate:<10}  {}",
             state(&key)
         )?;
     }
     Ok(())
 }
 
-async fn revoke(name: &str, data: &Data) -> Result<(), Failure> {
+async fn revoke(name: &str, data: &Data) -> Result<(), Error> {
     let mut tables = open(data).await?;
     let count = tables.revoke_keys(name).await?;
     tables.close().await?;
     match count {
         0 => Err(format!(
-            "no key in force has the id or the name {name}; `fretwork keys list` shows them"
+            "no valid key has the id or the name {name}; `fretwork keys list` shows all keys"
         )
         .into()),
-        1 => Ok(writeln!(io::stdout(), "1 key taken back")?),
-        count => Ok(writeln!(io::stdout(), "{count} keys taken back")?),
+        1 => Ok(writeln!(io::stdout(), "1 key revoked")?),
+        count => Ok(writeln!(io::stdout(), "{count} keys revoked")?),
     }
 }
 
-/// Whether a key is in force.
+/// Whether a key is valid, and until when.
 fn state(key: &AccessKey) -> String {
     let now = now();
     match (key.revoked, key.expires) {
-        (Some(at), _) => format!("taken back {}", day(at)),
-        (None, Some(at)) if at <= now => format!("ended {}", day(at)),
+        (Some(at), _) => format!("revoked {}", day(at)),
+        (None, Some(at)) if at <= now => format!("expired {}", day(at)),
         (None, Some(at)) => format!("until {}", day(at)),
-        (None, None) => "in force".to_owned(),
+        (None, None) => "valid".to_owned(),
     }
 }
 
-/// The day of a moment in milliseconds since 1970, UTC.
+/// The UTC date of a time in milliseconds since 1970.
 fn day(at: i64) -> String {
     clock::rfc3339(at)[..10].to_owned()
 }

@@ -1,30 +1,41 @@
 //! The commands of the program.
 
 pub mod administration;
+pub mod health;
 pub mod moving;
+pub mod run;
 
 use std::io::{self, Write as _};
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 
-/// What ends a command: its message is one line for the user.
-pub type Failure = Box<dyn std::error::Error>;
+/// The error of a command. Its message is one line for the user.
+pub type Error = Box<dyn std::error::Error>;
 
-/// Prints an error and its causes on one line.
-pub fn complain(failure: &dyn std::error::Error) {
-    let mut line = format!("fretwork: {failure}");
-    let mut cause = failure.source();
-    while let Some(error) = cause {
-        line = format!("{line}: {error}");
-        cause = error.source();
+/// Prints an error and its causes to standard error, on one line.
+pub fn print_error(error: &dyn std::error::Error) {
+    let mut line = format!("fretwork: {error}");
+    let mut source = error.source();
+    while let Some(cause) = source {
+        line = format!("{line}: {cause}");
+        source = cause.source();
     }
-    // With standard error closed there is nobody to tell.
+    // If standard error is closed, the exit code still reports the failure.
     let _ = writeln!(io::stderr(), "{line}");
 }
 
-/// Writes to standard output. A reader that has seen enough, such as `head`, is not an error.
-pub fn say(text: &[u8]) -> Result<(), Failure> {
+/// Writes to standard output. A reader that closes the pipe early, such as `head`, is not an error.
+pub fn print(text: &[u8]) -> Result<(), Error> {
     let mut out = io::stdout().lock();
     match out.write_all(text).and_then(|()| out.flush()) {
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(error.into()),
         _ => Ok(()),
     }
+}
+
+/// The address under which this machine reaches a listener.
+pub fn reachable(mut address: SocketAddr) -> SocketAddr {
+    if address.ip().is_unspecified() {
+        address.set_ip(IpAddr::V4(Ipv4Addr::LOCALHOST));
+    }
+    address
 }

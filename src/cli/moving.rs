@@ -9,16 +9,16 @@ use bytesize::ByteSize;
 use fretwork::job::clock;
 use fretwork::store::{self, AccessKey, Administration, Imported, Saved, Search};
 
-use super::{Failure, complain, say};
+use super::{Error, print};
 use crate::config::{Backup, Export, Import, Restore};
 
 /// Time between two lines of progress in a log.
-const SELDOM: Duration = Duration::from_secs(10);
+const LOG_INTERVAL: Duration = Duration::from_secs(10);
 /// Time between two updates of progress on a terminal.
-const OFTEN: Duration = Duration::from_millis(200);
+const TERMINAL_INTERVAL: Duration = Duration::from_millis(200);
 
 /// Runs asynchronous work to its end.
-fn wait<T>(work: impl Future<Output = Result<T, store::Moving>>) -> Result<T, Failure> {
+fn block_on<T>(work: impl Future<Output = Result<T, store::Moving>>) -> Result<T, Error> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     Ok(runtime.block_on(work)?)
 }
@@ -26,14 +26,15 @@ fn wait<T>(work: impl Future<Output = Result<T, store::Moving>>) -> Result<T, Fa
 /// Shows progress on standard error.
 fn progress(what: &'static str) -> impl FnMut(usize, usize) {
     let mut err = io::stderr();
-    let watched = err.is_terminal();
+    let is_terminal = err.is_terminal();
+    let interval = if is_terminal { TERMINAL_INTERVAL } else { LOG_INTERVAL };
     let mut shown = Instant::now();
     move |done, of| {
-        if done < of && shown.elapsed() < if watched { OFTEN } else { SELDOM } {
+        if done < of && shown.elapsed() < interval {
             return;
         }
         shown = Instant::now();
-        let (begin, end) = match (watched, done == of) {
+        let (begin, end) = match (is_terminal, done == of) {
             (true, false) => ("\r", ""),
             (true, true) => ("\r", "\n"),
             _ => ("", "\n"),
@@ -49,35 +50,23 @@ fn results(count: u64, bytes: u64) -> String {
 }
 
 /// Writes results to a file.
-pub fn export(settings: &Export) -> Result<(), Failure> {
+pub fn export(settings: &Export) -> Result<(), Error> {
     let mut search = Search::default();
     for (name, value) in &settings.conditions {
         search.set(name, value)?;
     }
     let Export { file, keys, data, .. } = settings;
-    let done = wait(store::export(&data.data_dir, file, &search, keys, progress("exported")))?;
+    let done = block_on(store::export(&data.data_dir, file, &search, keys, progress("exported")))?;
     for key in &done.left_out {
         writeln!(io::stderr(), "left out {key}: it is damaged, or was evicted during the export")?;
     }
-    say(format!("{}: {}\n", file.display(), results(done.results, done.bytes)).as_bytes())
+    print(format!("{}: {}\n", file.display(), results(done.results, done.bytes)).as_bytes())
 }
 
 /// Imports the results of a file. The exit code is 2 if some were refused.
-pub fn import(settings: &Import) -> ExitCode {
-    match import_all(settings) {
-        Ok(true) => ExitCode::SUCCESS,
-        Ok(false) => ExitCode::from(2),
-        Err(failure) => {
-            complain(failure.as_ref());
-            ExitCode::FAILURE
-        }
-    }
-}
-
-/// Returns false if some results were refused.
-fn import_all(settings: &Import) -> Result<bool, Failure> {
+pub fn import(settings: &Import) -> Result<ExitCode, Error> {
     let Import { file, data } = settings;
-    let done = wait(store::import(&data.data_dir, file, progress("checked")))?;
+    let done = block_on(store::import(&data.data_dir, file, progress("checked")))?;
     let Imported { results: count, bytes, known, notes, refused, other_notes } = done;
     for (key, why) in &refused {
         writeln!(io::stderr(), "refused {}: {why}", key.escape_debug())?;
@@ -91,8 +80,8 @@ fn import_all(settings: &Import) -> Result<bool, Failure> {
         "{file}: {stored} imported, {known} known already, {failed} refused; notes: {notes} \
          imported, {kept} kept\n"
     );
-    say(line.as_bytes())?;
-    Ok(refused.is_empty())
+    print(line.as_bytes())?;
+    Ok(if refused.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(2) })
 }
 
 /// Describes the contents of a backup.
@@ -103,19 +92,19 @@ fn contents(saved: &Saved) -> String {
 }
 
 /// Copies the whole database.
-pub fn backup(settings: &Backup) -> Result<(), Failure> {
-    let saved = wait(store::backup(&settings.data.data_dir, &settings.file))?;
-    say(format!("{}: {}\n", settings.file.display(), contents(&saved)).as_bytes())
+pub fn backup(settings: &Backup) -> Result<(), Error> {
+    let saved = block_on(store::backup(&settings.data.data_dir, &settings.file))?;
+    print(format!("{}: {}\n", settings.file.display(), contents(&saved)).as_bytes())
 }
 
 /// Replaces the database by a backup.
-pub fn restore(settings: &Restore) -> Result<(), Failure> {
+pub fn restore(settings: &Restore) -> Result<(), Error> {
     let Restore { file, replace, data } = settings;
-    let (saved, former) = wait(store::restore(&data.data_dir, file, *replace))?;
-    let keys = wait(valid_keys(&data.data_dir))?;
+    let (saved, former) = block_on(store::restore(&data.data_dir, file, *replace))?;
+    let keys = block_on(valid_keys(&data.data_dir))?;
     let (dir, contents) = (data.data_dir.display(), contents(&saved));
     let kept = former.map_or_else(String::new, |former| {
-        format!("the former database is {}\n", former.display())
+        format!("the former database is now {}\n", former.display())
     });
     // A key that was revoked after the backup is valid again, so the administrator must see it.
     let keys: Vec<String> = keys
@@ -123,7 +112,7 @@ pub fn restore(settings: &Restore) -> Result<(), Failure> {
         .map(|AccessKey { id, name, role, .. }| format!("valid key: {id} {name} ({role})\n"))
         .collect();
     let keys = keys.concat();
-    say(format!("{dir}: {contents}\n{kept}{keys}").as_bytes())
+    print(format!("{dir}: {contents}\n{kept}{keys}").as_bytes())
 }
 
 /// The keys that are neither revoked nor expired.

@@ -443,7 +443,7 @@ async fn what_a_wait_finds_is_not_told_to_a_key_that_was_taken_back_meanwhile() 
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
         Administration::open(server.dir.path()).await.unwrap().revoke_keys("anna").await.unwrap();
-        // As long as a key that was taken back may still open.
+        // A revoked key may still be accepted for this time.
         tokio::time::sleep(Duration::from_millis(1100)).await;
         gate.open();
     });
@@ -733,14 +733,14 @@ fn the_words_for_keys_say_what_they_do() {
     let lines: Vec<&str> = listed.lines().collect();
     assert_eq!(lines.len(), 3, "{listed}");
     assert!(lines[1].starts_with(id) && lines[1].contains("600/min"), "{listed}");
-    assert!(lines[1].ends_with("in force") && lines[2].contains("until 20"), "{listed}");
+    assert!(lines[1].ends_with("valid") && lines[2].contains("until 20"), "{listed}");
     assert!(!listed.contains(key.trim().rsplit('_').next().unwrap()));
-    assert_eq!(out(&["revoke", id]), "1 key taken back\n");
-    assert!(out(&["list"]).lines().nth(1).unwrap().contains("taken back 20"));
-    fails(&keys(&["revoke", id]), "no key in force");
+    assert_eq!(out(&["revoke", id]), "1 key revoked\n");
+    assert!(out(&["list"]).lines().nth(1).unwrap().contains("revoked 20"));
+    fails(&keys(&["revoke", id]), "no valid key");
     let nowhere = dir.path().join("nowhere");
     let nowhere = nowhere.to_str().unwrap();
-    fails(&run(&["keys", "list", "--data-dir", nowhere], ""), "holds no database");
+    fails(&run(&["keys", "list", "--data-dir", nowhere], ""), "contains no database");
     assert!(!Path::new(nowhere).exists());
     for bad in [
         &["add", "a b", "--role", "read"][..],

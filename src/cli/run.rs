@@ -1,0 +1,121 @@
+//! The command `run`: computes one job without a server.
+
+use std::fs;
+use std::io::{self, IsTerminal as _, Read as _, Write as _};
+use std::path::Path;
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+use fretwork::format::{self, Format, Part, View};
+use fretwork::job::{Answer, BadSubmission, Prepared, Submission};
+use fretwork::service;
+use serde_json::Value;
+
+use super::{Error, print, print_error};
+use crate::config::Run;
+
+/// Minimum time between two updates of the progress on a terminal.
+const PROGRESS_INTERVAL: Duration = Duration::from_millis(500);
+
+/// Computes one job body. The exit code is 2 if the body is invalid.
+pub fn run(settings: &Run) -> Result<ExitCode, Error> {
+    let text = read(&settings.file)
+        .map_err(|error| format!("cannot read {}: {error}", settings.file.display()))?;
+    let job = match Submission::parse(&text) {
+        Ok(job) => job,
+        Err(BadSubmission::Faults(faults)) => {
+            for fault in faults {
+                // If standard error is closed, the exit code still reports the faults.
+                let _ = writeln!(io::stderr(), "{}: {}", fault.pointer, fault.detail);
+            }
+            return Ok(ExitCode::from(2));
+        }
+        Err(error) => {
+            print_error(&error);
+            return Ok(ExitCode::from(2));
+        }
+    };
+    let (answer, time) = compute(&job.prepared)?;
+    write_result(&answer, settings)?;
+    if let Some(file) = &settings.plot {
+        let mut figure = Vec::new();
+        let view = View::figure(settings.quantity);
+        format::write(&mut figure, &answer.body, Part::Plot, Format::Svg, &view)?;
+        write_file(file, &figure)?;
+    }
+    summarise(&job, &answer, time)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn read(file: &Path) -> io::Result<Vec<u8>> {
+    if file.as_os_str() != "-" {
+        return fs::read(file);
+    }
+    let mut text = Vec::new();
+    io::stdin().read_to_end(&mut text)?;
+    Ok(text)
+}
+
+/// Computes the result. Shows the progress if standard error is a terminal.
+fn compute(prepared: &Prepared) -> Result<(Answer, Duration), Error> {
+    let started = Instant::now();
+    let mut shown = None;
+    let mut err = io::stderr();
+    let answer = service::evaluate(prepared, |progress| {
+        if err.is_terminal() && shown.unwrap_or(started).elapsed() > PROGRESS_INTERVAL {
+            shown = Some(Instant::now());
+            // Progress is optional: an error here does not stop the run.
+            let _ = write!(err, "\r{:4.0} %", progress * 100.0);
+        }
+    });
+    if shown.is_some() {
+        write!(err, "\r      \r")?;
+    }
+    Ok((answer, started.elapsed()))
+}
+
+/// Writes the result to the output file or to standard output.
+fn write_result(answer: &Answer, settings: &Run) -> Result<(), Error> {
+    let format = *settings.format;
+    let part = match format {
+        Format::Json | Format::Npz => Part::Whole,
+        _ => Part::History,
+    };
+    let mut bytes = Vec::new();
+    format::write(&mut bytes, &answer.body, part, format, &View::default())?;
+    if format == Format::Json {
+        bytes.push(b'\n');
+    }
+    match &settings.output {
+        Some(file) => write_file(file, &bytes),
+        None if matches!(format, Format::Npz | Format::Arrow) && io::stdout().is_terminal() => {
+            Err("this format is binary: write it to a file with --output".into())
+        }
+        None => print(&bytes),
+    }
+}
+
+fn write_file(file: &Path, bytes: &[u8]) -> Result<(), Error> {
+    fs::write(file, bytes)
+        .map_err(|error| format!("cannot write {}: {error}", file.display()).into())
+}
+
+/// Prints a summary of the result and the warnings to standard error.
+fn summarise(job: &Submission, answer: &Answer, time: Duration) -> Result<(), Error> {
+    let mut err = io::stderr().lock();
+    let label = job.label.as_deref().unwrap_or("computed");
+    writeln!(err, "{label} ({:.1} ms)", time.as_secs_f64() * 1e3)?;
+    let units: Value = serde_json::from_slice::<Value>(&answer.body)?["units"].take();
+    for (name, value) in answer.summary.as_object().into_iter().flatten() {
+        let shown = match value.as_f64() {
+            Some(number) => format!("{number:>12.5e}"),
+            None => format!("{:>12}", value.as_str().unwrap_or("-")),
+        };
+        let unit = units[name].as_str().filter(|unit| *unit != "1").unwrap_or("");
+        writeln!(err, "  {name:<20} {}", format!("{shown} {unit}").trim_end())?;
+    }
+    for warning in &job.prepared.warnings {
+        writeln!(err, "  warning: {}", warning.detail)?;
+    }
+    Ok(())
+}
