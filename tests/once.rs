@@ -1,5 +1,5 @@
-//! One submission is parsed once and builds one case, on each of its ways to a result. These tests count what
-//! the whole process does, so they are a program of their own.
+//! Every submission is parsed once and builds one case. The tests count for the whole process, and so they are
+//! a program of their own.
 
 #![expect(
     clippy::disallowed_methods,
@@ -36,7 +36,7 @@ async fn a_submission_is_parsed_once_and_builds_one_case() {
         (ball(1.0), true, "computed while the client waits"),
         (ball(1.5), false, "computed by a worker"),
         (exact, true, "exact, computed while the client waits"),
-        (long, true, "too long for the short way, computed by a worker"),
+        (long, true, "too long to compute at once, computed by a worker"),
         (ball(1.0), true, "found in the cache"),
     ] {
         let before = counts();

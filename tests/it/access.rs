@@ -1,4 +1,4 @@
-//! Who may do what: keys, roles, owners, links, limits.
+//! Access control: keys, roles, owners, links and limits.
 
 use std::fmt::Write as _;
 use std::io::Read as _;
@@ -28,7 +28,7 @@ async fn server(limits: Limits) -> Server {
     Server::with(Arc::new(Task::start), &settings, &Options::default()).await
 }
 
-/// A key made beside the running server.
+/// Adds a key while the server runs.
 async fn made(dir: &Path, name: &str, role: Role) -> String {
     made_with(dir, NewKey { name: name.into(), role, per_minute: None, expires: None }).await
 }
@@ -71,7 +71,7 @@ fn operations() -> Vec<(String, String)> {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn with_keys_every_route_asks_for_one_health_and_dashboard_aside() {
+async fn every_route_except_health_and_dashboard_requires_a_key() {
     let server = server(Limits::default()).await;
     let mut asked = operations();
     for page in ["/docs", "/docs/", "/docs/swagger-ui.css", "/nowhere", "/v1/jobs/"] {
@@ -93,14 +93,14 @@ async fn with_keys_every_route_asks_for_one_health_and_dashboard_aside() {
         let known = ask(&server, MASTER, &method, &target, "").await;
         assert!(![401, 403].contains(&known.status), "{method} {target}: {}", known.status);
     }
-    // A browser asks its user.
+    // Browsers show a login dialog for this header.
     let shown = server.send("GET", "/docs/", &[("Accept", "text/html")], "").await;
     let ways = shown.headers.iter().filter(|(name, _)| name == "www-authenticate");
     assert_eq!((shown.status, ways.count()), (401, 2));
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_role_may_do_what_it_is_for_and_no_more() {
+async fn each_role_allows_only_its_own_operations() {
     let server = server(Limits::default()).await;
     let read = made(server.dir.path(), "reader", Role::Read).await;
     let submit = made(server.dir.path(), "worker", Role::Submit).await;
@@ -127,7 +127,7 @@ async fn a_role_may_do_what_it_is_for_and_no_more() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn jobs_are_their_owners_and_results_are_everyones() {
+async fn jobs_are_private_and_results_are_shared() {
     let gate = Gate::default();
     let access = Access { admin_key: Some(AdminKey(MASTER.into())), ..Access::default() };
     let settings = Settings { access, ..Settings::default() };
@@ -165,7 +165,7 @@ async fn jobs_are_their_owners_and_results_are_everyones() {
     for (owner, count) in [("me", 0), ("anna", 1), ("ben", 0), ("nobody", 0)] {
         assert_eq!(listed(MASTER, &format!("?owner={owner}")).await, count, "{owner}");
     }
-    // An administrator sees whose job it is; others see their own alone, and cannot ask for another's.
+    // An administrator sees the owner of a job. Other users see only their own jobs.
     for key in [&anna, MASTER] {
         let told = get(&server, key, "/v1/jobs").await.json();
         assert_eq!(told["jobs"][0]["owner"], "anna", "{told}");
@@ -185,10 +185,10 @@ async fn jobs_are_their_owners_and_results_are_everyones() {
             );
         }
     }
-    // Nor by many at once.
+    // The same for several jobs in one request.
     let all = "/v1/jobs/cancel?state=running";
     assert_eq!(ask(&server, &ben, "POST", all, "").await.json(), json!({"canceled": 0}));
-    // The way to a run under way is shown to whose job it is.
+    // Only the owner of the job gets the address of the running job.
     let result = format!("/v1/results/{key}");
     let told = get(&server, &anna, &result).await;
     assert_eq!(told.header("link"), Some(format!("<{own}>; rel=\"related\"").as_str()));
@@ -211,7 +211,7 @@ async fn jobs_are_their_owners_and_results_are_everyones() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn keys_come_and_go_beside_a_running_server() {
+async fn a_running_server_applies_new_and_revoked_keys() {
     let server = Server::start().await;
     assert_eq!(server.get("/v1/jobs").await.status, 200);
     let key = made(server.dir.path(), "anna", Role::Read).await;
@@ -224,7 +224,7 @@ async fn keys_come_and_go_beside_a_running_server() {
     };
     until(401, "").await;
     until(200, &key).await;
-    // A new one is good at once, without the server having looked at the keys meanwhile.
+    // A new key is valid at once, before the server reads the keys again.
     let second = made(server.dir.path(), "ben", Role::Read).await;
     assert_eq!(get(&server, &second, "/v1/jobs").await.status, 200);
 
@@ -234,7 +234,7 @@ async fn keys_come_and_go_beside_a_running_server() {
     until(401, &key).await;
     let refused = get(&server, &key, "/v1/jobs").await.problem(401, "unauthorized");
     assert!(refused["detail"].as_str().unwrap().contains("revoked"), "{refused}");
-    // That the last key is gone opens nothing.
+    // Revoking the last key does not open the server.
     let id = administration.keys().await.unwrap()[1].id.clone();
     assert_eq!(administration.revoke_keys(&id).await.unwrap(), 1);
     until(401, &second).await;
@@ -247,7 +247,7 @@ async fn keys_come_and_go_beside_a_running_server() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_caller_is_told_who_they_are() {
+async fn a_caller_can_read_its_own_name_and_role() {
     let limits = Limits { per_minute: NonZeroU32::new(100), at_once: NonZeroU32::new(7) };
     let server = server(limits).await;
     let new =
@@ -267,7 +267,7 @@ async fn a_caller_is_told_who_they_are() {
     assert_eq!(open["limits"]["requests_per_minute"], Value::Null);
 }
 
-/// A result in a server with keys: the server, a key that may share it, the address.
+/// A server with keys and one result: the server, a key that can share the result, and its address.
 async fn shared() -> (Server, String, String) {
     let server = server(Limits::default()).await;
     let key = made(server.dir.path(), "anna", Role::Submit).await;
@@ -285,7 +285,7 @@ async fn link(server: &Server, key: &str, result: &str, query: &str) -> String {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_link_opens_one_result_for_reading() {
+async fn a_link_gives_read_access_to_one_result() {
     let (server, key, result) = shared().await;
     let link = link(&server, &key, &result, "").await;
     let whole = server.get(&format!("{result}?{link}")).await;
@@ -297,7 +297,7 @@ async fn a_link_opens_one_result_for_reading() {
     for part in ["/profiles", "/loops"] {
         assert_eq!(server.get(&format!("{result}{part}?{link}")).await.status, 200);
     }
-    // Faults of an address are told as ever; the link is none.
+    // A bad parameter is reported as usual. It is not a fault of the link.
     server.get(&format!("{result}?{link}&digits=none")).await.problem(422, "invalid-parameters");
 
     let job = ball(1.0).to_string();
@@ -322,7 +322,7 @@ async fn a_link_opens_one_result_for_reading() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_link_that_was_changed_or_is_over_opens_nothing() {
+async fn a_changed_or_expired_link_is_refused() {
     let (server, key, result) = shared().await;
     let link_ = link(&server, &key, &result, "?expires_in=2d").await;
     let (expires, rest) = link_["link=".len()..].split_once('.').unwrap();
@@ -344,7 +344,7 @@ async fn a_link_that_was_changed_or_is_over_opens_nothing() {
         assert!(Instant::now() < deadline);
         tokio::time::sleep(Duration::from_millis(100)).await;
     }
-    // It ends with the key that made it.
+    // Revoking the key that made the link revokes the link.
     assert_eq!(server.get(&format!("{result}?{link_}")).await.status, 200);
     Administration::open(server.dir.path()).await.unwrap().revoke_keys("anna").await.unwrap();
     let deadline = Instant::now() + Duration::from_secs(20);
@@ -354,7 +354,7 @@ async fn a_link_that_was_changed_or_is_over_opens_nothing() {
     }
 }
 
-/// The stream of a job's events, once its first one has come.
+/// Opens the event stream of a job and reads its first event.
 async fn followed(server: &Server, key: Option<&str>, id: &str) -> TcpStream {
     let mut stream = TcpStream::connect(server.address).await.unwrap();
     let bearer = key.map_or_else(String::new, |key| format!("Authorization: Bearer {key}\r\n"));
@@ -370,7 +370,7 @@ async fn followed(server: &Server, key: Option<&str>, id: &str) -> TcpStream {
     stream
 }
 
-/// What else a stream says until its end, which is soon, and that of a whole answer.
+/// Reads the rest of an event stream. The stream must end soon, and properly.
 async fn rest(mut stream: TcpStream) -> String {
     let mut text = String::new();
     let read = stream.read_to_string(&mut text);
@@ -380,7 +380,7 @@ async fn rest(mut stream: TcpStream) -> String {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_stream_of_events_ends_with_the_key_that_opened_it() {
+async fn an_event_stream_ends_when_its_key_is_revoked() {
     let gate = Gate::default();
     let access = Access { admin_key: Some(AdminKey(MASTER.into())), ..Access::default() };
     let settings = Settings { access, ..Settings::default() };
@@ -400,7 +400,7 @@ async fn a_stream_of_events_ends_with_the_key_that_opened_it() {
     let named = |key: &str| key.split('_').nth(1).unwrap().to_owned();
     let mut administration = Administration::open(server.dir.path()).await.unwrap();
     assert_eq!(administration.revoke_keys(&named(&keys[0])).await.unwrap(), 1);
-    // Its end has come.
+    // The key has expired.
     sqlx::query("UPDATE access_key SET expires = created + 1 WHERE id = ?1")
         .bind(named(&keys[1]))
         .execute(&mut raw(server.dir.path()).await)
@@ -417,7 +417,7 @@ async fn a_stream_of_events_ends_with_the_key_that_opened_it() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_stream_without_a_key_ends_when_keys_are_asked_for() {
+async fn an_event_stream_without_a_key_ends_when_keys_are_required() {
     let gate = Gate::default();
     let server = Server::computing(gate.compute(), &Origins::Own).await;
     let job = server.post("/v1/jobs", &ball(1.0)).await.json();
@@ -429,7 +429,7 @@ async fn a_stream_without_a_key_ends_when_keys_are_asked_for() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_a_wait_finds_is_not_told_to_a_key_that_was_taken_back_meanwhile() {
+async fn a_wait_is_refused_when_its_key_is_revoked_meanwhile() {
     let gate = Gate::default();
     let access = Access { admin_key: Some(AdminKey(MASTER.into())), ..Access::default() };
     let settings = Settings { access, ..Settings::default() };
@@ -458,9 +458,9 @@ fn number(reply: &Reply, header: &str, name: &str) -> u32 {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn who_asks_too_much_is_told_how_long_to_wait_and_others_are_not_concerned() {
+async fn a_rate_limited_key_gets_retry_after_and_other_keys_are_unaffected() {
     let server = server(Limits { per_minute: NonZeroU32::new(6000), at_once: None }).await;
-    // One more each second.
+    // The limit allows one more request per second.
     let new =
         NewKey { name: "anna".into(), role: Role::Submit, per_minute: Some(60), expires: None };
     let anna = made_with(server.dir.path(), new).await;
@@ -470,8 +470,8 @@ async fn who_asks_too_much_is_told_how_long_to_wait_and_others_are_not_concerned
     assert_eq!(number(&first, "ratelimit-policy", "w"), 60);
     let left = number(&first, "ratelimit", "r");
     assert_eq!((left, number(&first, "ratelimit", "t")), (59, 1));
-    // As many as were promised, and then those that are given back meanwhile. The time is always that
-    // to the next one.
+    // The key can send the announced number of requests, and those that become available meanwhile. The announced
+    // time is the time to the next one.
     for _ in 0..left {
         let reply = get(&server, &anna, "/version").await;
         assert_eq!((reply.status, number(&reply, "ratelimit", "t")), (200, 1));
@@ -484,7 +484,7 @@ async fn who_asks_too_much_is_told_how_long_to_wait_and_others_are_not_concerned
     let wait: u32 = refused.header("retry-after").unwrap().parse().unwrap();
     assert_eq!((wait, number(&refused, "ratelimit", "r")), (1, 0));
     assert_eq!(number(&refused, "ratelimit", "t"), wait);
-    // To stop work is never refused.
+    // Canceling a job is never refused.
     let cancel = ask(&server, &anna, "POST", "/v1/jobs/cancel?owner=me", "").await;
     assert_eq!((cancel.json(), cancel.header("ratelimit")), (json!({"canceled": 0}), None));
     for _ in 0..5 {
@@ -496,7 +496,7 @@ async fn who_asks_too_much_is_told_how_long_to_wait_and_others_are_not_concerned
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_key_has_only_so_many_requests_at_work() {
+async fn a_key_has_a_limited_number_of_concurrent_requests() {
     let gate = Gate::default();
     let limits = Limits { per_minute: None, at_once: NonZeroU32::new(2) };
     let access = Access { admin_key: Some(AdminKey(MASTER.into())), limits, ..Access::default() };
@@ -513,7 +513,7 @@ async fn a_key_has_only_so_many_requests_at_work() {
                 let problem = refused.problem(429, "too-many-at-once");
                 let detail = problem["detail"].as_str().unwrap();
                 assert!(detail.contains("limit of 2 concurrent requests"), "{detail}");
-                // When a place is free again nobody knows.
+                // The server cannot know when a request ends.
                 assert_eq!(refused.header("retry-after"), None);
                 assert_eq!(refused.header("ratelimit"), Some("\"at-once\";r=0"));
                 let policy = "\"at-once\";q=2;qu=\"concurrent-requests\"";
@@ -531,7 +531,7 @@ async fn a_key_has_only_so_many_requests_at_work() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn who_may_not_is_counted_and_told_what_is_left() {
+async fn forbidden_requests_count_towards_the_rate_limit() {
     let server = server(Limits { per_minute: NonZeroU32::new(60), at_once: None }).await;
     let read = made(server.dir.path(), "reader", Role::Read).await;
     let refused = ask(&server, &read, "POST", "/v1/jobs", "{}").await;
@@ -541,7 +541,7 @@ async fn who_may_not_is_counted_and_told_what_is_left() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_connection_outlives_what_the_gate_refuses() {
+async fn a_connection_stays_usable_after_a_refusal_by_access_control() {
     let server = server(Limits::default()).await;
     let read = made(server.dir.path(), "reader", Role::Read).await;
     let once = NewKey { name: "s".into(), role: Role::Submit, per_minute: Some(1), expires: None };
@@ -563,7 +563,7 @@ async fn a_connection_outlives_what_the_gate_refuses() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_page_of_a_known_site_may_send_a_key() {
+async fn a_page_of_an_allowed_origin_can_send_a_key() {
     let site = "https://lab.example";
     let access = Access { admin_key: Some(AdminKey(MASTER.into())), ..Access::default() };
     let origins = Origins::These(vec![axum::http::HeaderValue::from_static(site)]);
@@ -577,7 +577,7 @@ async fn a_page_of_a_known_site_may_send_a_key() {
     let reply = server.send("OPTIONS", "/v1/jobs", &asked, "").await;
     assert_eq!(reply.header("access-control-allow-origin"), Some(site));
     assert_eq!(reply.header("access-control-allow-headers"), Some("authorization,content-type"));
-    // It can read what is wrong, too.
+    // The page can read the problem too.
     let refused = server.send("GET", "/v1/jobs", &[("Origin", site)], "").await;
     refused.problem(401, "unauthorized");
     assert_eq!(refused.header("access-control-allow-origin"), Some(site));
@@ -592,7 +592,7 @@ async fn a_page_of_a_known_site_may_send_a_key() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn links_take_from_a_limit_of_their_own() {
+async fn links_have_their_own_rate_limit() {
     let server = server(Limits { per_minute: NonZeroU32::new(6000), at_once: None }).await;
     let new =
         NewKey { name: "anna".into(), role: Role::Submit, per_minute: Some(20), expires: None };
@@ -617,7 +617,7 @@ async fn links_take_from_a_limit_of_their_own() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_server_without_keys_is_no_servant_of_foreign_pages() {
+async fn a_server_without_keys_refuses_pages_of_other_origins() {
     let server = Server::start().await;
     let asked = async |host: &str, method: &str, headers: &[(&str, &str)]| {
         let target = if method == "GET" { "/v1/jobs" } else { "/v1/jobs/cancel?owner=me" };
@@ -664,7 +664,7 @@ async fn a_server_without_keys_is_no_servant_of_foreign_pages() {
 
 #[cfg(unix)]
 #[test]
-fn nobody_else_reads_the_data() {
+fn files_in_the_data_directory_are_readable_by_their_owner_only() {
     use std::os::unix::fs::PermissionsExt as _;
     let dir = TempDir::new().unwrap();
     let data = dir.path().join("data");
@@ -687,7 +687,7 @@ fn nobody_else_reads_the_data() {
 }
 
 #[test]
-fn a_bad_admin_key_is_refused_and_not_repeated() {
+fn a_bad_admin_key_is_refused_without_printing_it() {
     let dir = TempDir::new().unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_fretwork"));
     command.args(["--listen", "127.0.0.1:0", "--data-dir"]).arg(dir.path());
@@ -695,7 +695,7 @@ fn a_bad_admin_key_is_refused_and_not_repeated() {
     let output = command.env("FRETWORK_ADMIN_KEY", bad).output().unwrap();
     fails(&output, "FRETWORK_ADMIN_KEY must have");
     assert!(!String::from_utf8_lossy(&output.stderr).contains("horse"));
-    // Other commands are not concerned.
+    // Other commands ignore the admin key.
     let mut listed = Command::new(env!("CARGO_BIN_EXE_fretwork"));
     let output =
         listed.arg("verify").arg("--help").env("FRETWORK_ADMIN_KEY", bad).output().unwrap();
@@ -703,7 +703,7 @@ fn a_bad_admin_key_is_refused_and_not_repeated() {
 }
 
 #[test]
-fn beyond_this_machine_it_listens_only_with_keys() {
+fn listening_on_a_public_address_requires_keys() {
     let dir = TempDir::new().unwrap();
     let data = dir.path().to_str().unwrap();
     let refused = run(&["--listen", "0.0.0.0:0", "--data-dir", data], "");
@@ -722,7 +722,7 @@ fn beyond_this_machine_it_listens_only_with_keys() {
 }
 
 #[test]
-fn the_words_for_keys_say_what_they_do() {
+fn the_keys_command_adds_lists_and_revokes_keys() {
     let dir = TempDir::new().unwrap();
     let data = dir.path().to_str().unwrap();
     let keys = |words: &[&str]| run(&[&["keys"], words, &["--data-dir", data]].concat(), "");
@@ -757,9 +757,9 @@ fn the_words_for_keys_say_what_they_do() {
     }
 }
 
-/// Sends secrets in every place where one could be sent, then looks for them everywhere.
+/// Sends secrets in all parts of requests, then searches logs, answers and files for them.
 #[test]
-fn a_secret_is_nowhere_but_with_its_owner() {
+fn secrets_do_not_appear_in_logs_answers_or_files() {
     let dir = TempDir::new().unwrap();
     let data = dir.path().join("data");
     let made =
@@ -769,7 +769,7 @@ fn a_secret_is_nowhere_but_with_its_owner() {
     assert!(!String::from_utf8_lossy(&made.stderr).contains(secret));
 
     let log = dir.path().join("log");
-    // The greeting is read by the helper, which silences the log: here it is what matters.
+    // The helper switches the log off, but this test reads the log.
     let mut command = Command::new("sh");
     let program = env!("CARGO_BIN_EXE_fretwork");
     let script = format!("FRETWORK_LOG=trace exec '{program}' \"$@\" 2>'{}'", log.display());
@@ -791,7 +791,7 @@ fn a_secret_is_nowhere_but_with_its_owner() {
             seen += &send(format!("Bearer {good}"), "/v1/jobs", &ball).await;
             for target in ["/v1/me", "/v1/jobs", "/v1/nowhere", "/metrics", "/v1/jobs?key=x"] {
                 seen += &send(format!("Bearer {good}"), target, "").await;
-                // A slip of the hand: refused, and not repeated.
+                // A key in the wrong place is refused, and the answer does not repeat it.
                 seen += &send(format!("Bearer {good}x"), target, "").await;
                 seen += &send(format!("Basic {good}"), target, "").await;
                 seen += &send(good.to_owned(), target, "").await;
@@ -821,10 +821,10 @@ fn a_secret_is_nowhere_but_with_its_owner() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_dashboard_is_open_and_holds_nothing() {
+async fn the_dashboard_is_public_and_contains_no_data() {
     let server = server(Limits::default()).await;
     let page = server.get("/").await;
-    // Whatever the server knows, the page is the file.
+    // The page does not depend on the data of the server.
     assert_eq!(page.text(), include_str!("../../src/http/dashboard/index.html"));
     let policy = page.header("content-security-policy").unwrap();
     assert!(policy.contains("default-src 'none'") && !policy.contains("unsafe"), "{policy}");
@@ -847,7 +847,7 @@ async fn the_dashboard_is_open_and_holds_nothing() {
             .skip(1)
             .map(|rest| format!("/assets/{}", rest.split('"').next().unwrap()));
         wanted.extend(imports.collect::<Vec<_>>());
-        // Who holds it is told so, and gets nothing.
+        // The holder of the link gets an explanation, but no data.
         let tag = file.header("etag").unwrap().to_owned();
         let again = server.send("GET", &address, &[("If-None-Match", &tag)], "").await;
         assert_eq!((again.status, again.text().len()), (304, 0), "{address}");

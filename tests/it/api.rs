@@ -1,4 +1,4 @@
-//! The interface from outside: what is submitted, watched, shared, canceled and read.
+//! The HTTP interface: submitting, waiting, canceling, listing and reading.
 
 use std::sync::Arc;
 
@@ -49,7 +49,7 @@ async fn quick() -> Server {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_steel_ball_is_answered_by_the_engine_in_one_call() {
+async fn one_request_computes_the_steel_ball() {
     let server = Server::start().await;
     let headers = [JSON, ("Prefer", "wait=60")];
     let body = steel_ball().to_string();
@@ -78,7 +78,7 @@ async fn the_steel_ball_is_answered_by_the_engine_in_one_call() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_checked_scenario_tells_its_key_and_its_echo_has_the_same() {
+async fn a_checked_scenario_and_its_canonical_form_have_the_same_key() {
     let server = Server::start().await;
     let checked = server.post("/v1/scenarios", &steel_ball()).await;
     let checked = checked.json();
@@ -96,7 +96,7 @@ async fn a_checked_scenario_tells_its_key_and_its_echo_has_the_same() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_job_that_is_not_waited_for_is_accepted_with_its_address() {
+async fn a_submission_without_a_wait_returns_202_and_the_address_of_the_job() {
     let (server, gate) = gated().await;
     let reply = server.post("/v1/jobs", &steel_ball()).await;
     let job = reply.json();
@@ -130,7 +130,7 @@ async fn a_job_that_is_not_waited_for_is_accepted_with_its_address() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_wait_that_runs_out_answers_the_job_as_it_stands() {
+async fn a_wait_that_times_out_returns_the_present_state_of_the_job() {
     let (server, _gate) = gated().await;
     let headers = [JSON, ("Prefer", "wait=0")];
     let reply = server.send("POST", "/v1/jobs", &headers, steel_ball().to_string()).await;
@@ -140,7 +140,7 @@ async fn a_wait_that_runs_out_answers_the_job_as_it_stands() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn sixty_four_equal_submissions_are_one_computation_and_sixty_four_jobs() {
+async fn equal_submissions_share_one_run_and_have_their_own_jobs() {
     let (server, gate) = gated().await;
     let server = Arc::new(server);
     let mut submitting = tokio::task::JoinSet::new();
@@ -168,7 +168,7 @@ async fn sixty_four_equal_submissions_are_one_computation_and_sixty_four_jobs() 
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn canceling_stops_the_work_and_says_so() {
+async fn canceling_a_job_stops_its_run() {
     let (server, _gate) = gated().await;
     let address = job_address(&server.post("/v1/jobs", &steel_ball()).await);
     let canceled = server.send("POST", &format!("{address}/cancel"), &[], "").await;
@@ -183,7 +183,7 @@ async fn canceling_stops_the_work_and_says_so() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_run_that_panics_fails_its_job_and_nothing_else() {
+async fn a_run_that_panics_fails_only_its_job() {
     let server = Server::computing(
         Arc::new(|_: &_, _: &str, _| panic!("made for this test")),
         &Origins::Own,
@@ -200,7 +200,7 @@ async fn a_run_that_panics_fails_its_job_and_nothing_else() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_job_tells_its_scenario_in_whichever_state_it_is() {
+async fn a_job_has_its_scenario_in_every_state() {
     let (server, gate) = gated().await;
     let mut jobs = Vec::new();
     for number in 1..=4 {
@@ -223,7 +223,7 @@ async fn a_job_tells_its_scenario_in_whichever_state_it_is() {
     server.send("POST", &format!("{}/cancel", jobs[3].0), &[], "").await;
     assert_eq!(show(&jobs[3]).await, "canceled");
     server.send("POST", &format!("{}/cancel", jobs[0].0), &[], "").await;
-    // While its worker lets go, and when it has.
+    // Before and after the worker has stopped.
     while show(&jobs[0]).await != "canceled" {}
     gate.open();
     server.get(&format!("{}?wait=60", jobs[2].0)).await;
@@ -237,7 +237,7 @@ async fn a_job_tells_its_scenario_in_whichever_state_it_is() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_scenario_of_a_job_is_that_of_its_result_and_outlives_it() {
+async fn a_job_keeps_its_scenario_after_its_result_is_evicted() {
     let server = Server::start().await;
     let headers = [JSON, ("Prefer", "wait=60")];
     let submit = async |body: &Value| {
@@ -247,7 +247,7 @@ async fn the_scenario_of_a_job_is_that_of_its_result_and_outlives_it() {
         (reply, job, own)
     };
     let (reply, job, computed) = submit(&steel_ball()).await;
-    // Digit for digit.
+    // Equal in every digit.
     let scenario = format!("\"scenario\":{}", job["result"]["scenario"]);
     assert_eq!(reply.text().matches(&scenario).count(), 2, "{scenario}");
     let again = json!({"scenario": job["scenario"]});
@@ -255,7 +255,7 @@ async fn the_scenario_of_a_job_is_that_of_its_result_and_outlives_it() {
     assert_eq!((&echo["origin"], &echo["key"]), (&json!("cached"), &job["key"]));
     assert_eq!(echo["scenario"], job["scenario"]);
 
-    // What is left of it, step by step: the result is dropped, and forgotten, and nobody knows any more.
+    // First the result is evicted, then its history is deleted, then the key is unknown.
     let told = async |address: &str| {
         let job = server.get(&format!("{address}?include=result,scenario")).await;
         assert_eq!((job.status, &job.json()["result"]), (200, &Value::Null));
@@ -276,7 +276,7 @@ async fn the_scenario_of_a_job_is_that_of_its_result_and_outlives_it() {
     server.send("DELETE", &computed, &[], "").await;
     assert_eq!(told(&cached).await, Value::Null);
 
-    // Without the job that computed it, a result says what it was computed from, dropped or not.
+    // The result has its scenario also when the job is deleted or the result is evicted.
     let (_, job, computed) = submit(&ball(0.5)).await;
     let (_, _, cached) = submit(&ball(0.5)).await;
     server.send("DELETE", &computed, &[], "").await;
@@ -285,7 +285,7 @@ async fn the_scenario_of_a_job_is_that_of_its_result_and_outlives_it() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_is_to_be_included_is_a_list_of_what_there_is() {
+async fn include_takes_a_list_of_members() {
     let server = quick().await;
     let address = job_address(&server.compute(&steel_ball()).await);
     for (asked, result, scenario) in [
@@ -339,7 +339,7 @@ async fn jobs_are_listed_newest_first_in_pages_and_by_filters() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_result_is_served_as_it_was_stored_and_cached_for_ever() {
+async fn a_result_is_immutable_for_caches() {
     let server = quick().await;
     let job = server.compute(&steel_ball()).await.json();
     let (key, address) = (text(&job, "/key"), text(&job, "/links/result"));
@@ -375,7 +375,7 @@ async fn a_result_is_served_as_it_was_stored_and_cached_for_ever() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn tables_come_as_json_or_csv() {
+async fn tables_are_served_as_json_and_csv() {
     let server = quick().await;
     let job = server.compute(&steel_ball()).await.json();
     let (key, address) = (text(&job, "/key"), text(&job, "/links/result"));
@@ -427,7 +427,7 @@ async fn tables_come_as_json_or_csv() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn loops_come_as_json_or_csv() {
+async fn loops_are_served_as_json_and_csv() {
     let server = Server::start().await;
     let mut body = steel_ball();
     body["scenario"]["profiles_at"] = json!([1000, 30_000]);
@@ -501,7 +501,7 @@ async fn a_run_that_ends_early_ends_at_its_event() {
         if kind == "until_reached" {
             assert!((depth / 0.8e-6 - 1.0).abs() < 1e-6, "{depth:e}");
         } else {
-            // Q = μF, to the mesh.
+            // Q = μF, up to the error of the mesh.
             for (member, force) in [("tangential_force", 45.0), ("normal_force", 45.0 / 0.7)] {
                 let reached = *column(&result, &format!("/history/{member}")).last().unwrap();
                 assert!((reached / force - 1.0).abs() < 1e-4, "{member}: {reached}");
@@ -511,7 +511,7 @@ async fn a_run_that_ends_early_ends_at_its_event() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_result_tells_what_each_body_wears_and_how_far_the_rule_is_off() {
+async fn a_result_contains_the_wear_of_each_body_and_the_comparison_with_the_rule() {
     let server = Server::start().await;
     let mut body = example("flat-on-rig");
     body["scenario"]["wear"]["share"] = json!(0.25);
@@ -538,21 +538,21 @@ async fn a_result_tells_what_each_body_wears_and_how_far_the_rule_is_off() {
     let best = result["comparison"]["best_xi"].as_f64().unwrap();
     assert!((0.8..1.2).contains(&best), "{best}");
     assert_eq!(result["history"]["cycles"], result["comparison"]["history"]["cycles"]);
-    // Without both members neither is there.
+    // The result has neither member if the scenario requests neither.
     let plain = self::result(&server, &steel_ball()).await;
     assert_eq!((&plain["bodies"], &plain["comparison"]), (&Value::Null, &Value::Null));
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_server_that_goes_down_lets_waiters_go_and_takes_no_more_jobs() {
+async fn a_draining_server_answers_waiting_clients_and_refuses_jobs() {
     let (server, _gate) = gated().await;
     let server = Arc::new(server);
     let waiting = tokio::spawn({
         let server = Arc::clone(&server);
         async move { server.compute(&steel_ball()).await }
     });
-    // The job appears in the list before its submitter's wait begins or after; either way the
-    // wait must end with the drain and not with its minute.
+    // The job can appear in the list before or after the wait begins. In both cases the wait must end with the
+    // drain, and not after a minute.
     let mut address = None;
     while address.is_none() {
         let list = server.get("/v1/jobs").await.json();
@@ -569,7 +569,7 @@ async fn a_server_that_goes_down_lets_waiters_go_and_takes_no_more_jobs() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_database_held_by_another_program_is_no_mistake_of_the_server() {
+async fn a_locked_database_is_reported_as_busy() {
     let server = quick().await;
     let address = job_address(&server.compute(&steel_ball()).await);
     let mut other = raw(server.dir.path()).await;
@@ -583,7 +583,7 @@ async fn a_database_held_by_another_program_is_no_mistake_of_the_server() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_request_keeps_a_sane_id_and_is_given_one_otherwise() {
+async fn a_request_without_a_valid_id_gets_one() {
     let server = quick().await;
     let id = |value: &'static str| {
         let server = &server;
@@ -600,7 +600,7 @@ async fn a_request_keeps_a_sane_id_and_is_given_one_otherwise() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn pages_of_allowed_origins_may_read_the_headers_they_need() {
+async fn pages_of_allowed_origins_can_read_the_exposed_headers() {
     let origins = Origins::These(vec![HeaderValue::from_static("https://lab.example")]);
     let server = Server::computing(Gate::opened(), &origins).await;
     let from = |origin: &'static str| [("Origin", origin)];
@@ -624,7 +624,7 @@ async fn pages_of_allowed_origins_may_read_the_headers_they_need() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_server_explains_itself_without_a_network() {
+async fn the_documentation_works_offline() {
     let server = quick().await;
     let page = server.get("/docs/").await;
     assert_eq!((page.status, page.text().contains("//unpkg")), (200, false));
@@ -646,7 +646,7 @@ async fn the_server_explains_itself_without_a_network() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn examples_can_be_submitted_as_they_come() {
+async fn every_example_can_be_submitted_unchanged() {
     let server = quick().await;
     let examples = server.get("/v1/examples").await.json();
     for example in examples.as_array().unwrap() {

@@ -1,4 +1,4 @@
-//! The program as a user meets it: its commands, what it prints, how it ends.
+//! The commands of the program, their output and their exit codes.
 
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::net::TcpListener;
@@ -31,12 +31,12 @@ fn text(bytes: &[u8]) -> &str {
     std::str::from_utf8(bytes).unwrap()
 }
 
-/// A server on a free port, and the address that it prints.
+/// Starts a server on a free port. Returns the address that it prints.
 pub fn serve(dir: &Path, options: &[&str]) -> (Running, String) {
     serve_by(fretwork(options), dir)
 }
 
-/// A server that ends with the test, however that ends.
+/// A server process that is killed when the test ends.
 pub struct Running(Child);
 
 impl Deref for Running {
@@ -54,13 +54,13 @@ impl DerefMut for Running {
 
 impl Drop for Running {
     fn drop(&mut self) {
-        // It may have ended by itself.
+        // The process may have ended already.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
 }
 
-/// A server that a command becomes, such as one that changes what the program finds.
+/// Starts a server by a prepared command.
 pub fn serve_by(mut command: Command, dir: &Path) -> (Running, String) {
     command.args(["--listen", "127.0.0.1:0", "--data-dir"]).arg(dir).env("FRETWORK_LOG", "off");
     let mut child = Running(command.stdout(Stdio::piped()).spawn().unwrap());
@@ -76,7 +76,7 @@ pub fn serve_by(mut command: Command, dir: &Path) -> (Running, String) {
     (child, address)
 }
 
-/// One plain line on standard error and exit code 1.
+/// Asserts one line on standard error and the exit code 1.
 pub fn fails(output: &Output, words: &str) {
     let said = text(&output.stderr);
     assert_eq!((output.status.code(), said.lines().count()), (Some(1), 1), "{said}");
@@ -145,12 +145,12 @@ fn faults_of_a_file_are_printed_one_per_line() {
 }
 
 #[test]
-fn the_document_that_is_printed_is_the_one_that_is_served() {
+fn openapi_prints_the_served_document() {
     assert_eq!(run(&["openapi"], "").stdout, http::document());
 }
 
 #[test]
-fn a_server_is_healthy_until_it_is_told_to_end_and_then_ends_well() {
+fn a_server_is_healthy_until_sigterm_and_exits_with_0() {
     let dir = TempDir::new().unwrap();
     for options in [&[][..], &["serve", "--log-format", "json"]] {
         let (mut child, address) = serve(dir.path(), options);
@@ -171,7 +171,7 @@ fn a_server_is_healthy_until_it_is_told_to_end_and_then_ends_well() {
 }
 
 #[test]
-fn a_server_whose_greeting_nobody_reads_serves_all_the_same() {
+fn a_server_runs_with_a_closed_standard_output() {
     let dir = TempDir::new().unwrap();
     let (reader, writer) = std::io::pipe().unwrap();
     drop(reader);
@@ -188,13 +188,13 @@ fn a_server_whose_greeting_nobody_reads_serves_all_the_same() {
     assert_eq!(text(&run(&["health", "--url", &address], "").stdout), "ok\n");
     let told = Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap();
     assert!(told.success());
-    // What it still has to say must find a reader.
+    // Reads the rest of the log, so that the server can write it.
     log.for_each(drop);
     assert_eq!(child.wait().unwrap().code(), Some(0));
 }
 
 #[test]
-fn a_server_that_cannot_start_says_why_in_one_line() {
+fn a_server_that_cannot_start_prints_the_reason_on_one_line() {
     let dir = TempDir::new().unwrap();
     let taken = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = taken.local_addr().unwrap().to_string();

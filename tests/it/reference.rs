@@ -1,11 +1,10 @@
-//! Numbers that were published, found again at the far end: in what a client reads.
+//! Results over HTTP contain the numbers of the reference table.
 
 use serde_json::{Value, json};
 
 use crate::server::{JSON, Server};
 
-/// Indenters that press f = r^n/κ_n, in units of a₀ and d₀, into the ground: every way there is to
-/// say so. a₀ is 1 mm and d₀ is 1 µm.
+/// All profiles that describe the indenter f = rⁿ/κₙ in units of a₀ = 1 mm and d₀ = 1 µm.
 fn profiles(exponent: f64) -> Vec<Value> {
     let (radius, depth) = (1e-3, 1e-6);
     // κ_n = √π·Γ(n/2 + 1)/Γ(n/2 + 1/2), so that g = x^n: (3).
@@ -13,7 +12,7 @@ fn profiles(exponent: f64) -> Vec<Value> {
         1.0 => std::f64::consts::FRAC_PI_2,
         2.0 => 2.0,
         4.0 => 8.0 / 3.0,
-        other => panic!("κ of {other} is not written here"),
+        other => panic!("no κ for the exponent {other}"),
     };
     let height = depth / kappa;
     let power =
@@ -28,7 +27,7 @@ fn profiles(exponent: f64) -> Vec<Value> {
 
 /// Source: V. L. Popov, Sci. Rep. 4 (2014) 3749, evaluated in engine/src/reference/reference.json.
 #[tokio::test(flavor = "multi_thread")]
-async fn the_limits_of_the_reference_table_are_answered_to_their_last_digit() {
+async fn results_contain_the_limits_of_the_reference_table() {
     let table: Value = serde_json::from_str(fretwork_engine::reference::TABLE).unwrap();
     let rows = table["limit_depth_and_amplitude_held"].as_array().unwrap();
     assert_eq!(rows.len(), 15);

@@ -614,7 +614,7 @@ async fn faults_of_stop_conditions_and_tables_have_pointers() {
                 "motion": {"stick_ratio": 0.3},
             }),
             "/scenario/motion/stick_ratio",
-            "under its flat",
+            "under the flat",
         ),
         one_fault(
             "table that begins off the axis",

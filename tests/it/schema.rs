@@ -1,4 +1,4 @@
-//! The JSON Schema of a scenario says what the parser does.
+//! The JSON Schema of a scenario agrees with the parser.
 
 use fretwork_engine::request::fields::{
     BlockCycles, EnergyWear, Exponent, Force, Friction, Height, Instant, LAST_CYCLE, Length,
@@ -16,7 +16,7 @@ fn schema() -> Value {
 }
 
 #[test]
-fn ranges_and_defaults_in_the_schema_are_those_of_the_parser() {
+fn the_schema_has_the_ranges_and_defaults_of_the_parser() {
     let schema = schema();
     let at = |pointer: &str| schema.pointer(pointer).unwrap_or_else(|| panic!("{pointer}"));
     let number = |pointer: &str| at(pointer).as_f64().unwrap_or_else(|| panic!("{pointer}"));
@@ -65,7 +65,7 @@ fn ranges_and_defaults_in_the_schema_are_those_of_the_parser() {
 }
 
 #[test]
-fn every_unit_that_is_accepted_is_named_in_the_schema() {
+fn the_schema_names_every_accepted_unit() {
     let schema = schema();
     for (pointer, dimension) in [
         ("/$defs/Length", Dimension::Length),
@@ -93,7 +93,7 @@ fn every_unit_that_is_accepted_is_named_in_the_schema() {
 }
 
 #[test]
-fn the_examples_in_the_schema_and_in_the_repository_are_accepted() {
+fn all_examples_are_accepted() {
     let schema = schema();
     let examples = schema["examples"].as_array().expect("examples");
     for example in examples {

@@ -1,4 +1,4 @@
-//! A server of our own for each test: real store, real workers, real sockets.
+//! Starts a server for a test, with a real store, real workers and real sockets.
 
 use std::fmt::Write as _;
 use std::io;
@@ -30,7 +30,7 @@ pub struct Reply {
 }
 
 impl Server {
-    /// A server that computes with the engine.
+    /// Starts a server that computes with the engine.
     pub async fn start() -> Self {
         Self::computing(Arc::new(Task::start), &Origins::Own).await
     }
@@ -44,7 +44,7 @@ impl Server {
         Self::with_limit(begin, None, settings, options).await
     }
 
-    /// A server whose runs may take no longer than `limit`.
+    /// Starts a server with a limit for the time of a run.
     pub async fn with_limit(
         begin: Begin,
         limit: Option<Duration>,
@@ -83,14 +83,14 @@ impl Server {
         self.send("POST", target, &[JSON], body.to_string()).await
     }
 
-    /// Submits and waits for the end.
+    /// Submits a job and waits for its end.
     pub async fn compute(&self, body: &Value) -> Reply {
         let headers = [JSON, ("Prefer", "wait=60")];
         self.send("POST", "/v1/jobs", &headers, body.to_string()).await
     }
 }
 
-/// Sends one request and reads the whole answer; an error if the server goes away meanwhile.
+/// Sends one request and reads the whole answer. Fails if the connection breaks.
 pub async fn send(
     address: SocketAddr,
     method: &str,
@@ -115,7 +115,7 @@ pub async fn send(
     Reply::parse(&answer).ok_or_else(|| io::ErrorKind::UnexpectedEof.into())
 }
 
-/// Reads one answer from a connection that goes on; an error if it breaks off.
+/// Reads one answer from a connection that stays open. Fails if the connection breaks.
 pub async fn answer(connection: &mut TcpStream) -> io::Result<Reply> {
     let (mut answer, mut buffer) = (Vec::new(), [0; 4096]);
     loop {
@@ -133,7 +133,7 @@ pub async fn answer(connection: &mut TcpStream) -> io::Result<Reply> {
     }
 }
 
-/// The value of a metric, by its name and labels.
+/// Reads a metric by its name and labels.
 pub async fn metric(address: SocketAddr, name: &str) -> f64 {
     let reply = send(address, "GET", "/metrics", &[], "").await.unwrap();
     assert!(reply.header("content-type").unwrap().starts_with("application/openmetrics-text"));
@@ -145,7 +145,7 @@ pub async fn metric(address: SocketAddr, name: &str) -> f64 {
 pub const JSON: (&str, &str) = ("Content-Type", "application/json");
 
 impl Reply {
-    /// None if the answer broke off.
+    /// Returns none if the answer is incomplete.
     fn parse(answer: &[u8]) -> Option<Self> {
         let end = answer.windows(4).position(|window| window == b"\r\n\r\n")?;
         let head = std::str::from_utf8(&answer[..end]).unwrap();
@@ -157,7 +157,7 @@ impl Reply {
             .collect();
         let reply = Self { status, headers, body: answer[end + 4..].to_vec() };
         let whole = reply.header("content-length").and_then(|length| length.parse().ok());
-        // The answer to HEAD has a length without a body.
+        // The answer to HEAD has a length but no body.
         (reply.body.is_empty() || whole.is_none_or(|length: usize| length == reply.body.len()))
             .then_some(reply)
     }
@@ -198,14 +198,14 @@ pub fn steel_ball() -> Value {
     serde_json::from_str(http::EXAMPLES[0].body).unwrap()
 }
 
-/// The steel ball with one value changed: another scenario, another key.
+/// The steel ball with another amplitude, and so another key.
 pub fn ball(amplitude: f64) -> Value {
     let mut body = steel_ball();
     body["scenario"]["motion"]["amplitude"] = json!(amplitude * 1e-6);
     body
 }
 
-/// Holds work up until a test lets it go.
+/// Blocks runs until a test opens the gate.
 #[derive(Clone, Default)]
 pub struct Gate(Arc<(Mutex<bool>, Condvar)>);
 
@@ -215,7 +215,7 @@ impl Gate {
         self.0.1.notify_all();
     }
 
-    /// Work that is done once the gate is open, and leaves a small document of the usual form.
+    /// Runs that end when the gate opens, with a small document as their result.
     pub fn compute(&self) -> Begin {
         let gate = self.clone();
         Arc::new(move |key: &Key, _: &str, _| {
@@ -223,7 +223,7 @@ impl Gate {
         })
     }
 
-    /// Such work, not held up.
+    /// Such runs with an open gate.
     pub fn opened() -> Begin {
         let gate = Self::default();
         gate.open();
@@ -239,7 +239,7 @@ struct Gated {
 impl Work for Gated {
     fn step(&mut self) -> Step {
         let (open, changed) = &*self.gate.0;
-        // Steps are short, so that the work can be stopped.
+        // Short steps, so that the run can be canceled.
         let step = Duration::from_millis(20);
         let open = changed.wait_timeout_while(open.lock().unwrap(), step, |open| !*open).unwrap().0;
         if !*open {
@@ -254,7 +254,7 @@ impl Work for Gated {
     }
 }
 
-/// A small document of the form of a result.
+/// A small document with the members of a result.
 pub fn document(key: &str) -> String {
     format!(
         "{{\"key\":\"{key}\",\"engine\":{{\"name\":\"fretwork\",\"numerics\":1}},\

@@ -1,7 +1,6 @@
-//! What is wrong with a request: every fault at once, each with a pointer and a way out.
+//! Faults of a request. Each has a JSON pointer and says what to change.
 //!
-//! `deserr` calls [`Faults`] for each fault it meets and goes on; sentences for its kinds of faults
-//! are made here.
+//! `deserr` reports its errors to [`Faults`], which turns them into sentences and collects them.
 
 use std::ops::ControlFlow;
 
@@ -10,19 +9,19 @@ use deserr::{
 };
 use serde::Serialize;
 
-/// Faults listed in one answer; more are counted.
+/// Most listed faults. Further faults are only counted.
 const MAX_FAULTS: usize = 100;
 
-/// One thing wrong with a request.
+/// One fault of a request.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Fault {
-    /// JSON pointer (RFC 6901) to the member at fault.
+    /// JSON pointer (RFC 6901) to the faulty member.
     pub pointer: String,
     /// What is wrong and what to change.
     pub detail: String,
 }
 
-/// Everything wrong with a request.
+/// All faults of a request.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{} fault(s) in the request", .0.len())]
 pub struct Faults(pub Vec<Fault>);
@@ -38,18 +37,18 @@ impl Faults {
         Self(vec![Fault { pointer: pointer(location), detail: detail.into() }])
     }
 
-    /// No more than can be listed, with a word on the rest.
+    /// The first faults, and the number of the others.
     pub(crate) fn capped(mut self) -> Self {
         if self.0.len() > MAX_FAULTS {
             let more = self.0.len() - MAX_FAULTS;
             self.0.truncate(MAX_FAULTS);
-            let detail = format!("and at least {more} more faults, not listed");
+            let detail = format!("has at least {more} more faults, which are not listed");
             self.0.push(Fault { pointer: String::new(), detail });
         }
         self
     }
 
-    /// The faults, with `prefix` before every pointer.
+    /// Puts `prefix` before every pointer.
     pub(crate) fn below(mut self, prefix: &str) -> Self {
         for fault in &mut self.0 {
             fault.pointer.insert_str(0, prefix);
@@ -86,7 +85,7 @@ impl DeserializeError for Faults {
                 Self::at(location, format!("must be {accepted}, not {}", kind_name(actual.kind())))
             }
             ErrorKind::MissingField { field } => {
-                Self::at(location.push_key(field), format!("is missing: give `{field}`"))
+                Self::at(location.push_key(field), format!("is missing. Enter `{field}`"))
             }
             ErrorKind::UnknownKey { key, accepted } => {
                 Self::at(location.push_key(key), unknown("member", key, accepted))
@@ -103,7 +102,7 @@ impl DeserializeError for Faults {
     }
 }
 
-/// The one fault `error` as a finished `Faults`.
+/// Turns one error of `deserr` into a fault.
 pub(crate) fn refuse<V: IntoValue>(
     error: ErrorKind<'_, V>,
     location: ValuePointerRef<'_>,
@@ -141,7 +140,7 @@ fn unknown(what: &str, given: &str, accepted: &[&str]) -> String {
         .filter(|(likeness, _)| *likeness > 0.8)
         .max_by(|a, b| a.0.total_cmp(&b.0))
         .map_or(String::new(), |(_, known)| format!(" Did you mean `{known}`?"));
-    // A name from a request may be megabytes long.
+    // A name in a request can be megabytes long.
     let given: String = given.chars().take(60).collect();
     format!("unknown {what} `{given}`.{near} Accepted here: {}.", accepted.join(", "))
 }

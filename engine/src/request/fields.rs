@@ -1,4 +1,4 @@
-//! The members of a request: numbers and quantities with units, each within its range.
+//! Numbers and quantities with units, each with its range.
 
 use deserr::{Deserr, ErrorKind, IntoValue, Sequence, Value, ValueKind, ValuePointerRef};
 
@@ -7,13 +7,13 @@ use super::quantity::{self, Dimension};
 
 /// Smallest and largest exponent of a power-law profile.
 pub const EXPONENT_RANGE: (f64, f64) = (1.0, 20.0);
-/// Most instants in a history.
+/// Most output cycles of a run.
 pub const MAX_CYCLES: usize = 1000;
 /// Fewest and most radii of a profile.
 pub const POINTS_RANGE: (u16, u16) = (16, 4096);
 /// Largest number of cycles.
 pub const LAST_CYCLE: f64 = 1e15;
-/// A member that may be left out. Unlike an `Option` it does not take null for absent.
+/// An optional member. Unlike an `Option`, it does not accept null.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Given<T>(pub Option<T>);
 
@@ -32,7 +32,7 @@ impl<T: Deserr<Faults>> Deserr<Faults> for Given<T> {
     }
 }
 
-/// A number as it stands in JSON.
+/// A JSON number.
 pub(super) fn number<V: IntoValue>(
     value: Value<V>,
     location: ValuePointerRef<'_>,
@@ -78,7 +78,7 @@ pub(super) fn within(
     Err(Faults::at(location, detail))
 }
 
-/// Defines a quantity: a positive number of SI units within a range, parsed with its unit.
+/// Defines quantities: numbers in SI units within a range, parsed with their units.
 macro_rules! quantities {
     ($($(#[$doc:meta])* $name:ident: $dimension:ident in $range:expr;)*) => {$(
         $(#[$doc])*
@@ -116,9 +116,9 @@ macro_rules! quantities {
 quantities! {
     /// A length in metres.
     Length: Length in (1e-12, 1e6);
-    /// A radius in metres, which may be 0.
+    /// A radius in metres; 0 is allowed.
     Radius: Length in (0.0, 1e6);
-    /// A height in metres, above or below an origin.
+    /// A height in metres, positive or negative.
     Height: Length in (-1e6, 1e6);
     /// A normal force in newtons.
     Force: Force in (1e-12, 1e15);
@@ -126,15 +126,15 @@ quantities! {
     TangentialForce: Force in (1e-18, 1e15);
     /// The stiffness of a rig in newtons per metre.
     Stiffness: Stiffness in (1e-6, 1e18);
-    /// An amplitude in metres that may be 0.
+    /// An amplitude in metres; 0 is allowed.
     Stroke: Length in (0.0, 1e6);
     /// A position in metres.
     Position: Length in (-1e6, 1e6);
     /// A wear volume in cubic metres.
     Volume: Volume in (1e-40, 1e18);
-    /// The part of the wear depth that the first body bears.
+    /// The part of the wear depth on the first body.
     Share: Number in (0.0, 1.0);
-    /// How many cycles a block has.
+    /// The number of cycles of a block.
     BlockCycles: Number in (1e-6, LAST_CYCLE);
     /// A stress or modulus in pascals.
     Stress: Stress in (1.0, 1e15);
@@ -161,12 +161,12 @@ quantities! {
 /// Range of a wear coefficient k_w in 1/Pa, and of the dimensionless k = k_w·hardness.
 pub const WEAR_RANGE: (f64, f64) = (1e-30, 1.0);
 
-/// A quantity whose dimension depends on its neighbours.
+/// A quantity whose dimension depends on another member.
 #[derive(Debug, Clone, PartialEq)]
 pub enum NumberOrText {
     /// A number.
     Number(f64),
-    /// A string that should hold a number and a unit.
+    /// A string with a number and a unit.
     Text(String),
 }
 
@@ -184,7 +184,7 @@ impl Deserr<Faults> for NumberOrText {
     }
 }
 
-/// How many radii a profile has.
+/// The number of output radii.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PointCount(pub u16);
 
@@ -211,7 +211,7 @@ impl Deserr<Faults> for PointCount {
     }
 }
 
-/// A list of 1 to `MOST` items.
+/// A list of `LEAST` to `MOST` items.
 #[derive(Debug, Clone, PartialEq)]
 pub struct List<T, const LEAST: usize, const MOST: usize>(pub Vec<T>);
 
@@ -238,7 +238,7 @@ impl<T: Deserr<Faults>, const LEAST: usize, const MOST: usize> Deserr<Faults>
     }
 }
 
-/// What follows from the request must itself be acceptable, or the echo would be refused.
+/// Checks a quantity that follows from the request. The canonical scenario must be a valid request too.
 pub(crate) fn derived(
     x: f64,
     (low, high): (f64, f64),
@@ -249,6 +249,7 @@ pub(crate) fn derived(
     if (low..=high).contains(&x) {
         return Ok(());
     }
-    let detail = format!("gives {what} {x:e} {unit}; it must lie between {low:e} and {high:e}");
+    let detail =
+        format!("gives {what} {x:e} {unit}; it must be between {low:e} and {high:e} {unit}");
     Err(Faults::one(pointer, detail))
 }

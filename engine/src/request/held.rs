@@ -1,4 +1,4 @@
-//! What a request says about load and motion.
+//! The load and the motion of a request.
 
 use deserr::{Deserr, ValuePointerRef};
 use serde::Serialize;
@@ -34,7 +34,7 @@ pub struct Load {
     /// d of the unworn contact.
     #[deserr(default)]
     pub indentation_depth: Given<Length>,
-    /// What stays constant.
+    /// The quantity that stays constant.
     #[deserr(default)]
     pub held: Given<LoadHeld>,
 }
@@ -47,13 +47,13 @@ impl Load {
                 Err(Faults::at(here, "give either `normal_force` or `indentation_depth`, not both"))
             }
             (None, None) => {
-                Err(Faults::at(here, "is missing: give `normal_force` or `indentation_depth`"))
+                Err(Faults::at(here, "is missing. Enter `normal_force` or `indentation_depth`"))
             }
             _ => Ok(self),
         }
     }
 
-    /// What is held: by default what was given.
+    /// The held quantity; by default the given one.
     pub(crate) fn held(&self) -> LoadHeld {
         let given = if self.normal_force.0.is_some() { LoadHeld::Force } else { LoadHeld::Depth };
         self.held.0.unwrap_or(given)
@@ -77,9 +77,9 @@ pub enum MotionHeld {
 #[derive(Debug, Clone, Copy, PartialEq, Deserr)]
 #[deserr(error = Faults, deny_unknown_fields)]
 pub struct GivenBlock {
-    /// U; 0 lets the contact rest.
+    /// U; 0 for a contact at rest.
     pub amplitude: Stroke,
-    /// How many.
+    /// The number of cycles.
     pub cycles: BlockCycles,
 }
 
@@ -96,16 +96,16 @@ pub struct Motion {
     /// c/a₀, which sets U.
     #[deserr(default)]
     pub stick_ratio: Given<StickRatio>,
-    /// What stays constant.
+    /// The quantity that stays constant.
     #[deserr(default)]
     pub held: Given<MotionHeld>,
-    /// k_rig: the amplitude is then that of the actuator.
+    /// k_rig. `amplitude` is then the amplitude of the actuator.
     #[deserr(default)]
     pub rig_stiffness: Given<Stiffness>,
-    /// Amplitudes one after the other.
+    /// A sequence of blocks with different amplitudes.
     #[deserr(default)]
     pub blocks: Given<List<GivenBlock, 1, MAX_BLOCKS>>,
-    /// Positions between which the contact moves to and fro.
+    /// The positions at which the contact reverses.
     #[deserr(default)]
     pub reversals: Given<List<Position, 2, MAX_REVERSALS>>,
 }
@@ -124,7 +124,7 @@ impl Motion {
         let mut names = given.into_iter().filter(|(_, given)| *given).map(|(name, _)| name);
         let Some(first) = names.next() else {
             let here = location.push_key("amplitude");
-            return Err(Faults::at(here, format!("is missing: give {WAYS}")));
+            return Err(Faults::at(here, format!("is missing. Enter {WAYS}")));
         };
         if let Some(second) = names.next() {
             let here = location.push_key(second);
@@ -140,10 +140,9 @@ impl Motion {
             && (varies || self.tangential() == MotionHeld::TangentialForce)
         {
             let detail = if varies {
-                format!("cannot be combined with `{first}`: give the amplitudes at the contact")
+                format!("cannot be combined with `{first}`. Enter the amplitudes at the contact")
             } else {
-                "has no effect on a held tangential force: leave it out, or write \"held\": \
-                 \"amplitude\""
+                "has no effect on a held tangential force. Remove it, or enter \"held\": \"amplitude\""
                     .to_owned()
             };
             return Err(Faults::at(location.push_key("rig_stiffness"), detail));
@@ -154,13 +153,13 @@ impl Motion {
             let here = location.push_key("blocks");
             let here = here.push_index(0);
             let detail =
-                "must be greater than 0 in the first block, whose N₀ is the unit of cycles";
+                "must be greater than 0 in the first block, because this amplitude defines N₀";
             return Err(Faults::at(here.push_key("amplitude"), detail));
         }
         Ok(self)
     }
 
-    /// What is held: the amplitude, unless a tangential force was given.
+    /// The held quantity: the tangential force if it is given, otherwise the amplitude.
     pub(crate) fn tangential(&self) -> MotionHeld {
         self.held.0.unwrap_or(if self.tangential_force.0.is_some() {
             MotionHeld::TangentialForce

@@ -1,4 +1,4 @@
-//! What a request says about the indenter.
+//! The indenter of a request.
 
 use std::marker::PhantomData;
 
@@ -54,7 +54,7 @@ pub struct PowerProfile {
     pub exponent: Exponent,
     /// f at `at_radius`.
     pub height: Length,
-    /// Where f is `height`.
+    /// The radius at which f is `height`.
     pub at_radius: Length,
 }
 
@@ -82,9 +82,9 @@ pub struct FlatConeProfile {
 #[derive(Debug, Clone, PartialEq, Deserr)]
 #[deserr(error = Faults, deny_unknown_fields, validate = TableProfile::validate -> Faults)]
 pub struct TableProfile {
-    /// r, ascending strictly from 0 (at 12 digits).
+    /// r, strictly ascending from 0, rounded to 12 digits.
     pub radius: Column<Radius>,
-    /// z; the gap is z less its value on the axis.
+    /// z. The gap is z minus its value on the axis.
     pub height: Column<Height>,
 }
 
@@ -97,14 +97,13 @@ impl TableProfile {
         };
         let (radius, height) = (&self.radius.0, &self.height.0);
         if radius[0] > 0.0 {
-            let detail = "must be 0: the table begins on the axis, from which heights are measured";
+            let detail = "must be 0, because heights are measured from the axis";
             fault("radius", 0, detail.to_owned());
         }
         for (row, pair) in radius.windows(2).enumerate() {
             if pair[0] >= pair[1] {
                 let detail = format!(
-                    "must be greater than the radius before it ({} after {}); radii agree where 12 \
-                     digits do",
+                    "must be greater than the radius before it ({} after {}, compared to 12 digits)",
                     pair[1], pair[0]
                 );
                 fault("radius", row + 1, detail);
@@ -114,15 +113,17 @@ impl TableProfile {
         if let Some(first) = lower.first() {
             let more = match lower.len() - 1 {
                 0 => String::new(),
-                more => format!(", as do {more} more"),
+                more => format!(", like {more} other rows"),
             };
             let detail = format!(
-                "lies below the height on the axis ({} m){more}: contact must begin on the axis",
+                "is below the height on the axis ({} m){more}. Contact begins on the axis, so no height \
+                 can be lower",
                 height[0]
             );
             fault("height", *first, detail);
         } else if height.iter().all(|z| *z <= height[0]) {
-            let detail = "must rise above the height on the axis: this table is flat";
+            let detail =
+                "must be above the height on the axis, because a flat table has no contact radius";
             fault("height", height.len() - 1, detail.to_owned());
         }
         if radius.len() != height.len() {
@@ -137,7 +138,7 @@ impl TableProfile {
     }
 }
 
-/// Two to [`MAX_ROWS`] quantities in SI, at 12 digits.
+/// 2 to [`MAX_ROWS`] quantities in SI, rounded to 12 digits.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Column<T>(pub Vec<f64>, PhantomData<T>);
 
@@ -172,7 +173,7 @@ enum ShapeName {
     Table,
 }
 
-// By hand, because `deserr` does not say which tags of an enum it accepts.
+// Not derived, because the error of `deserr` does not list the accepted tags of an enum.
 impl Deserr<Faults> for Profile {
     fn deserialize_from_value<V: IntoValue>(
         value: Value<V>,

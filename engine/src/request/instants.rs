@@ -1,4 +1,4 @@
-//! What a request says about the instants of the history, and which of them carry profiles.
+//! The output cycles of a request, and which of them carry profiles.
 
 use deserr::{Deserr, ErrorKind, IntoValue, Map, Sequence, Value, ValueKind, ValuePointerRef};
 use serde::Serialize;
@@ -7,12 +7,12 @@ use super::fault::{Faults, refuse};
 use super::fields::{Instant, MAX_CYCLES, whole};
 use crate::numeric::twelve_digits;
 
-/// The instants of the history, in cycles or in units of N₀.
+/// The output cycles, in cycles or in units of N₀.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Cycles {
-    /// Strictly increasing, at 12 digits.
+    /// Strictly ascending, rounded to 12 digits.
     pub instants: Vec<f64>,
-    /// Whether they are in units of N₀.
+    /// Whether the unit is N₀.
     pub normalized: bool,
 }
 
@@ -41,7 +41,7 @@ fn list<V: IntoValue>(value: Value<V>, location: ValuePointerRef<'_>) -> Result<
         Value::Sequence(list) => {
             let count = list.len();
             if count == 0 || count > MAX_CYCLES {
-                let detail = format!("must list 1 to {MAX_CYCLES} instants, not {count}");
+                let detail = format!("must list 1 to {MAX_CYCLES} output cycles, not {count}");
                 return Err(Faults::at(location, detail));
             }
             let list =
@@ -51,8 +51,8 @@ fn list<V: IntoValue>(value: Value<V>, location: ValuePointerRef<'_>) -> Result<
                 Some(before) => Err(Faults::at(
                     location.push_index(before + 1),
                     format!(
-                        "must be greater than the instant before it ({} after {}); instants agree \
-                         where 12 digits do",
+                        "must be greater than the output cycle before it ({} after {}, compared to 12 \
+                         digits)",
                         list[before + 1],
                         list[before]
                     ),
@@ -70,7 +70,7 @@ fn list<V: IntoValue>(value: Value<V>, location: ValuePointerRef<'_>) -> Result<
     }
 }
 
-/// Evenly spaced instants.
+/// Evenly spaced output cycles.
 #[derive(Debug, Clone, Copy, PartialEq, Deserr)]
 #[deserr(error = Faults, deny_unknown_fields)]
 struct EvenInstants {
@@ -93,8 +93,8 @@ impl EvenInstants {
     fn instants(self, location: ValuePointerRef<'_>) -> Result<Vec<f64>, Faults> {
         let (from, to) = (self.from.0, self.to.0);
         if self.spacing == Spacing::Log && from <= 0.0 {
-            let detail = "must be greater than 0 for logarithmic spacing; or write \"spacing\": \
-                          \"linear\"";
+            let detail = "must be greater than 0 for logarithmic spacing. Enter a larger number, or \
+                          \"spacing\": \"linear\"";
             return Err(Faults::at(location.push_key("from"), detail));
         }
         let last = f64::from(self.count.0 - 1);
@@ -110,15 +110,16 @@ impl EvenInstants {
             })
             .collect();
         if list.windows(2).any(|pair| pair[0] >= pair[1]) {
-            let detail =
-                format!("must be greater than `from` ({from}), for `count` instants apart");
+            let detail = format!(
+                "must be so much larger than `from` ({from}) that no two output cycles are equal"
+            );
             return Err(Faults::at(location.push_key("to"), detail));
         }
         Ok(list)
     }
 }
 
-/// How many instants a range has: 2 to [`MAX_CYCLES`].
+/// The number of output cycles in a range: 2 to [`MAX_CYCLES`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct InstantCount(u16);
 

@@ -1,8 +1,7 @@
-//! A scenario as people write it: types that parse themselves and report every fault at once.
+//! A scenario as a user writes it.
 //!
-//! Each type here mirrors one object of the JSON Schema (`scenario.schema.json`); `deserr` walks
-//! them and collects the faults of all members instead of stopping at the first. What only the
-//! physics can judge is left to the module `scenario`.
+//! Each type mirrors one object of the JSON Schema (`scenario.schema.json`). `deserr` parses all members and
+//! collects all faults. The module `scenario` makes the checks that need contact mechanics.
 
 pub mod fault;
 pub mod fields;
@@ -43,12 +42,12 @@ pub struct Request {
     pub load: Load,
     /// The tangential direction.
     pub motion: Motion,
-    /// The instants of the history.
+    /// The output cycles.
     pub cycles: Cycles,
-    /// Which instants carry profiles.
+    /// The output cycles with profiles.
     #[deserr(default)]
     pub profiles_at: Given<ProfilesAt>,
-    /// Where the run ends early.
+    /// The condition that ends the run early.
     #[deserr(default)]
     pub until: Given<Until>,
     /// Method and resolution.
@@ -56,11 +55,11 @@ pub struct Request {
     pub model: Model,
 }
 
-/// Wear at which a run ends early.
+/// The wear at which a run ends early.
 #[derive(Debug, Clone, Copy, PartialEq, Deserr)]
 #[deserr(error = Faults, deny_unknown_fields, validate = Until::validate -> Faults)]
 pub struct Until {
-    /// The largest wear.
+    /// The largest wear depth.
     #[deserr(default)]
     pub wear_depth: Given<Length>,
     /// V.
@@ -73,7 +72,7 @@ impl Until {
         match (self.wear_depth.0, self.wear_volume.0) {
             (None, None) => Err(Faults::at(
                 location.push_key("wear_depth"),
-                "is missing: give `wear_depth` or `wear_volume`",
+                "is missing. Enter `wear_depth` or `wear_volume`",
             )),
             (Some(_), Some(_)) => Err(Faults::at(
                 location.push_key("wear_volume"),
@@ -93,7 +92,7 @@ impl Request {
             )),
             (false, false) => Err(Faults::at(
                 location.push_key("bodies"),
-                "is missing: give the two `bodies`, or their effective `moduli`",
+                "is missing. Enter the two `bodies`, or their effective `moduli`",
             )),
             _ => Ok(self),
         }
@@ -130,7 +129,7 @@ pub struct ElasticBody {
     pub youngs_modulus: Stress,
     /// ν.
     pub poisson_ratio: PoissonRatio,
-    /// Yield strength, to be warned by.
+    /// Yield strength, for a warning.
     #[deserr(default)]
     pub yield_strength: Given<Stress>,
 }
@@ -149,7 +148,7 @@ pub struct Moduli {
 #[derive(Debug, Clone, PartialEq, Deserr)]
 #[deserr(error = Faults, deny_unknown_fields, validate = Wear::validate -> Faults)]
 pub struct Wear {
-    /// k_w, or the dimensionless k where `hardness` is given.
+    /// k_w, or the dimensionless k together with `hardness`.
     #[deserr(default)]
     coefficient: Given<NumberOrText>,
     /// σ₀.
@@ -158,7 +157,7 @@ pub struct Wear {
     /// α.
     #[deserr(default)]
     energy_coefficient: Given<EnergyWear>,
-    /// How the depth is split between the bodies.
+    /// The part of the wear depth on the first body.
     #[deserr(default)]
     pub share: Given<Share>,
     #[deserr(skip)]
@@ -176,11 +175,13 @@ impl Wear {
         match (&self.coefficient.0, self.hardness.0, self.energy_coefficient.0) {
             (None, None, Some(_)) => return Ok(self),
             (Some(_), _, Some(_)) => {
-                return Err(at("give either `coefficient` or `energy_coefficient`".to_owned()));
+                return Err(at(
+                    "give either `coefficient` or `energy_coefficient`, not both".to_owned()
+                ));
             }
             (None, _, _) => {
                 return Err(at(
-                    "is missing: give `coefficient` (k_w, or k beside `hardness`), or \
+                    "is missing. Enter `coefficient` (k_w, or k together with `hardness`), or \
                                `energy_coefficient` alone"
                         .to_owned(),
                 ));
@@ -219,16 +220,16 @@ pub struct Model {
     /// The method.
     #[deserr(default)]
     pub method: MethodName,
-    /// ξ, of the simplified rule.
+    /// ξ of the simplified rule.
     #[deserr(default)]
     pub xi: Given<Xi>,
-    /// Relative error aimed at, of the exact method.
+    /// The relative error that the exact method aims at.
     #[deserr(default)]
     pub tolerance: Given<Tolerance>,
     /// Whether an exact run is compared with the simplified rule.
     #[deserr(default)]
     pub compare: Given<bool>,
-    /// Output radii.
+    /// The number of output radii.
     #[deserr(default)]
     pub points: Given<PointCount>,
 }

@@ -1,8 +1,6 @@
 //! Physical quantities as users write them: a number in SI, or a string with a unit.
 //!
-//! A table of units per dimension is all there is: what tribologists write (`mm^3/(N m)`, `µm`,
-//! `205 GPa`) is looked up, not derived, so that the answer to an unknown unit can list what is
-//! accepted.
+//! Each dimension has a table of units, such as `mm^3/(N m)` or `GPa`. The error for an unknown unit lists them.
 //!
 //! # Examples
 //! ```
@@ -12,7 +10,7 @@
 //! assert!(parse("10 GPa", Dimension::Length).unwrap_err().contains("stress"));
 //! ```
 
-/// What a quantity measures. Each dimension has its own unit table and range.
+/// A physical dimension with its table of units.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Dimension {
     /// Metres.
@@ -45,7 +43,7 @@ const DIMENSIONS: [Dimension; 10] =
     [Length, Force, Stress, Stiffness, Volume, Energy, Angle, WearCoefficient, EnergyWear, Number];
 
 impl Dimension {
-    /// The word for it in a message.
+    /// The name in messages.
     pub(crate) fn name(self) -> &'static str {
         match self {
             Length => "a length",
@@ -61,13 +59,13 @@ impl Dimension {
         }
     }
 
-    /// The SI unit, in which plain numbers are understood.
+    /// The SI unit, which applies to plain numbers.
     #[must_use]
     pub fn si(self) -> &'static str {
         self.units().first().map_or("", |unit| unit.0)
     }
 
-    /// Accepted units and their size in SI, the SI unit first.
+    /// The accepted units and their factors to SI. The SI unit is the first.
     fn units(self) -> &'static [(&'static str, f64)] {
         match self {
             Length => &[
@@ -140,7 +138,7 @@ impl Dimension {
         }
     }
 
-    /// Every accepted unit, for messages and the schema.
+    /// A list of all accepted units, for messages and the schema.
     #[must_use]
     pub fn accepted(self) -> String {
         self.units().iter().map(|unit| unit.0).collect::<Vec<_>>().join(", ")
@@ -150,7 +148,7 @@ impl Dimension {
 /// Reads `text` as a quantity of `dimension` and returns it in SI.
 ///
 /// # Errors
-/// A sentence that says what is wrong and, for a unit, which ones are accepted.
+/// A sentence that says what is wrong, and for a unit, which units are accepted.
 pub fn parse(text: &str, dimension: Dimension) -> Result<f64, String> {
     let text = text.trim();
     let split = number_length(text);
@@ -201,7 +199,7 @@ fn factor(unit: &str, dimension: Dimension) -> Result<f64, String> {
     }
 }
 
-/// How many bytes at the start of `text` form a decimal number.
+/// The number of bytes of the decimal number at the start of `text`.
 fn number_length(text: &str) -> usize {
     let bytes = text.as_bytes();
     let digits_from = |start: usize| {
@@ -222,7 +220,7 @@ fn number_length(text: &str) -> usize {
     end
 }
 
-/// One spelling for every way to write a unit: `µm³/(N·m)`, `um3/(N*m)` and `um^3/Nm` agree.
+/// Converts all spellings of a unit into one: `µm³/(N·m)`, `um3/(N*m)` and `um^3/Nm` agree.
 fn normalise(unit: &str) -> String {
     let mut plain = String::with_capacity(unit.len());
     for character in unit.chars() {

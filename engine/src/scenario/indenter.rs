@@ -1,4 +1,4 @@
-//! The indenter in canonical form, and pressed into the ground.
+//! The indenter in canonical form, and its contact with the half-space.
 //!
 //! # Equations
 //! ```text
@@ -79,7 +79,7 @@ pub(super) fn canonical_profile(profile: &Profile) -> CanonicalProfile {
     }
 }
 
-/// The shape of a profile, as far as pressing it in depends on it.
+/// The properties of a profile that determine the unworn contact.
 enum Form<'a> {
     /// g = height·(x/at_radius)ⁿ.
     Power {
@@ -180,14 +180,13 @@ impl CanonicalProfile {
                 return table.too_short(PressedTable::new(&table.shape, depth, true));
             }
             Form::Flat(flat) => format!(
-                "presses the flat in by so little ({depth:.3e} m) that hardly a ring around it \
-                 touches: such a contact slips as a whole or not at all; load it more or take a \
-                 flat_radius below {} m",
+                "gives an indentation depth of {depth:.3e} m, at which the ring of contact around the \
+                 flat is too narrow to compute. Increase the load, or enter a `flat_radius` below {} m",
                 flat.tip
             ),
             Form::Sphere { .. } | Form::Power { .. } => format!(
-                "presses the sphere in beyond a₀/R = {MAX_SPHERE}, where half-space theory has no \
-                 meaning; load it less or take a larger radius"
+                "makes the contact radius larger than {MAX_SPHERE} of the radius of the sphere, where \
+                 half-space theory is not valid. Reduce the load, or enter a larger radius"
             ),
         };
         Fault { pointer: pointer.to_owned(), detail }
@@ -208,8 +207,9 @@ impl CanonicalProfile {
             Form::Flat(_) | Form::Power { .. } => Fault {
                 pointer: "/cycles".to_owned(),
                 detail: format!(
-                    "wear the contact to more than {WIDEST} times its radius or {DEEPEST} times its \
-                     depth: where all slips under a held force the scar grows for ever"
+                    "would wear the contact to more than {WIDEST} times its radius or {DEEPEST} times its \
+                     depth. In gross slip under a held force the scar grows without limit. Hold the \
+                     depth instead"
                 ),
             },
         }
@@ -224,16 +224,16 @@ impl CanonicalTable {
         let row = radius.partition_point(|r| *r < reach * (1.0 - 1e-9)).min(radius.len() - 1);
         let needed = needed.map_or(f64::INFINITY, |(radius, _)| radius);
         let ends = if row + 1 == radius.len() {
-            "is where the table ends, inside the contact or the scar to come"
+            "is the end of the table, inside the contact or inside the future scar"
         } else {
-            "is where the image of the profile begins to fall, so that the edge of contact or of \
-             the scar to come is not unique"
+            "is where the image of the profile begins to fall, so that the edge of the contact or \
+             of the future scar is not unique"
         };
         Fault {
             pointer: format!("/profile/radius/{row}"),
             detail: format!(
-                "{ends}; it must rise as far as about {needed:.3e} m (if it goes on as it ends), or \
-                 load it less"
+                "{ends}. Enter a profile that rises up to about {needed:.3e} m (extrapolated from its \
+                 end), or reduce the load"
             ),
         }
     }

@@ -22,12 +22,16 @@ pub(super) fn canonical(
     let mut list: Vec<f64> = given.iter().map(|n| convert(*n)).collect();
     if let Some(too_large) = list.iter().find(|n| **n > LAST_CYCLE) {
         let detail = format!(
-            "comes to {too_large:e} cycles (N₀ = {unit:.3e}); at most {LAST_CYCLE:e} are accepted"
+            "is {too_large:e} cycles (N₀ = {unit:.3e}), but the limit is {LAST_CYCLE:e} cycles. \
+             Enter smaller numbers"
         );
         return Err(Faults::one("/cycles/normalized", detail));
     }
     if list.windows(2).any(|pair| pair[0] >= pair[1]) {
-        let detail = "instants agree to 12 digits once they are multiplied by N₀".to_owned();
+        let detail =
+            "contains two output cycles that are equal to 12 digits after multiplication by N₀. \
+                      Remove one of them"
+                .to_owned();
         return Err(Faults::one("/cycles/normalized", detail));
     }
     // Every run begins with 0, so that it is not needed here.
@@ -51,7 +55,9 @@ pub(super) fn canonical(
         if *n != 0.0 && !given.contains(n) {
             faults.push(Fault {
                 pointer: format!("/profiles_at/{index}"),
-                detail: format!("{n} is not one of the instants in `cycles`"),
+                detail: format!(
+                    "is {n}, which is not in `cycles`. Add it there, or remove it here"
+                ),
             });
         }
     }

@@ -248,7 +248,7 @@ impl Scenario {
         let last = cycles[cycles.len() - 1] / unit;
         if !March::fits(&contact, &control, method.law(), tends_to.as_ref(), last) {
             let Fault { pointer, detail } = outgrown();
-            let detail = format!("{detail}; or ask for fewer cycles");
+            let detail = format!("{detail}, or request fewer cycles");
             return Err(Fault { pointer, detail });
         }
         let case = Case {
@@ -267,8 +267,8 @@ impl Scenario {
         };
         if case.answer_bytes() > MAX_ANSWER {
             let detail = format!(
-                "the answer would take about {} MB, and {} MB is the most: ask for profiles at \
-                 fewer instants (\"profiles_at\"), or for fewer points",
+                "the result would have about {} MB, but the limit is {} MB. Request profiles at fewer \
+                 output cycles (`profiles_at`), or fewer points",
                 case.answer_bytes() / 1_000_000,
                 MAX_ANSWER / 1_000_000
             );
@@ -356,7 +356,9 @@ fn canonical_cycles(
         _ => None,
     };
     if let Some(varying) = varying.filter(|_| request.cycles.normalized) {
-        let detail = format!("cannot be combined with `{varying}`: give the instants in cycles");
+        let detail = format!(
+            "cannot be combined with `{varying}`. Enter `cycles` as a list of numbers of cycles"
+        );
         return Err(Faults::one("/cycles/normalized", detail));
     }
     let (cycles, profiles_at) =
@@ -364,7 +366,11 @@ fn canonical_cycles(
     if let Some(end) = motion.end()
         && let Some(late) = cycles.iter().position(|n| *n > end)
     {
-        let detail = format!("is {} cycles, but the last block ends at {end}", cycles[late]);
+        let detail = format!(
+            "is {} cycles, but the last block ends at {end} cycles. Remove this output cycle, or add \
+             cycles to the last block",
+            cycles[late]
+        );
         return Err(Faults::one(&format!("/cycles/{late}"), detail));
     }
     Ok((cycles, profiles_at))

@@ -138,8 +138,8 @@ impl UnwornContact {
             return Ok(tangential_force);
         }
         let detail = format!(
-            "is {tangential_force:.6e} N, but friction carries no more than μF = {most:.6e} N, and the \
-             contact would slide away: give less"
+            "is {tangential_force:.6e} N, but friction carries no more than μF = {most:.6e} N. Enter a \
+             smaller force"
         );
         Err(Faults::one("/motion/tangential_force", detail))
     }
@@ -174,7 +174,7 @@ impl CanonicalMotion {
             let force = pressed.tangential_force(pressed.threshold(amplitude));
             pressed.carried(twelve_digits(force)).map_err(|_| {
                 let detail = "makes the whole contact slip, so that the tangential force cannot \
-                              be held: give a smaller motion, or hold the amplitude";
+                              be held. Enter a smaller motion, or hold the amplitude";
                 Faults::one(pointer, detail)
             })?
         };
@@ -220,7 +220,7 @@ impl CanonicalMotion {
         let (low, high) = Length::RANGE;
         if !(low..=high).contains(&amplitude) {
             let detail = format!(
-                "lets the rig yield so much that its actuator would move {amplitude:e} m: give a \
+                "is so small that the actuator would move {amplitude:e} m. Enter the stiffness of a \
                  stiffer rig"
             );
             return Err(Faults::one("/motion/rig_stiffness", detail));
@@ -310,8 +310,12 @@ impl CanonicalMotion {
 }
 
 fn record_of(reversals: &[f64]) -> Result<DisplacementRecord, Faults> {
-    DisplacementRecord::new(reversals)
-        .ok_or_else(|| Faults::one("/motion/reversals", "must not all be the same position"))
+    DisplacementRecord::new(reversals).ok_or_else(|| {
+        Faults::one(
+            "/motion/reversals",
+            "must not all be the same position. Enter at least two different positions",
+        )
+    })
 }
 
 /// U of the contact from the requested amplitude, stick ratio or tangential force, and the pointer to it.
@@ -327,8 +331,9 @@ fn contact_amplitude(
             .image_inverse((1.0 - twelve_digits(amplitude) / pressed.gross_slip).max(0.0));
         if (returned - ratio.0).abs() > STICK_DIGITS * ratio.0 && ratio.0 > 0.0 {
             let detail = format!(
-                "{} is so close to gross slip under this profile, or under its flat, that 12 digits \
-                 of the amplitude cannot tell; take 0 for the onset of gross slip, or a larger ratio",
+                "is {}, but the stick edge is then so close to the axis, or under the flat, that 12 \
+                 digits of the amplitude cannot distinguish it from gross slip. Enter 0 for the \
+                 gross-slip threshold, or a larger ratio",
                 ratio.0
             );
             return Err(Faults::one("/motion/stick_ratio", detail));
@@ -354,7 +359,7 @@ fn resolved(
     let (low, high) = Length::RANGE;
     if !(low..=high).contains(&amplitude) {
         let detail = format!(
-            "gives an amplitude of {amplitude:e} m; it must lie between {low:e} and {high:e}"
+            "gives an amplitude of {amplitude:e} m; it must be between {low:e} and {high:e} m"
         );
         return Err(Faults::one(pointer, detail));
     }
@@ -364,17 +369,17 @@ fn resolved(
         let ring = pressed.ring(amplitude);
         if amplitude >= least && ring < MIN_RING {
             let detail = format!(
-                "gives an amplitude of {amplitude:.3e} m, the onset of gross slip, at which only a ring of \
-                 {ring:.1e} contact radii about the flat slips, and from {MIN_RING:e} on it can be resolved: \
-                 give a larger motion, under which all slips, or a larger load as well"
+                "gives an amplitude of {amplitude:.3e} m, just below the gross-slip threshold. Only a ring \
+                 of {ring:.1e} contact radii around the flat slips there, but at least {MIN_RING:e} are \
+                 needed. Enter a larger motion, at which the whole contact slips, or a larger load"
             );
             return Err(Faults::one(pointer, detail));
         }
     }
     if amplitude < least {
         let detail = format!(
-            "gives an amplitude of {amplitude:.3e} m, but the slip ring can be resolved only from \
-             {least:.3e} m on"
+            "gives an amplitude of {amplitude:.3e} m, but the slip ring is too narrow to compute below \
+             {least:.3e} m. Enter a larger motion"
         );
         return Err(Faults::one(pointer, detail));
     }

@@ -237,10 +237,10 @@ fn a_ring_about_a_flat_too_thin_to_resolve_is_refused() {
     let faults = scenario::check(&request, "").expect_err("a ring of 2.7e-6");
     assert_eq!(faults.0.len(), 1, "{faults:?}");
     assert_eq!(faults.0[0].pointer, "/motion/amplitude");
-    for told in ["2.7e-6 contact radii about the flat", "larger motion", "larger load"] {
-        assert!(faults.0[0].detail.contains(told), "{faults:?}");
+    for words in ["2.7e-6 contact radii around the flat", "larger motion", "larger load"] {
+        assert!(faults.0[0].detail.contains(words), "{faults:?}");
     }
-    // Both ways out are ways out.
+    // Both proposed changes make the request valid.
     request["motion"]["amplitude"] = json!(2.8e-9);
     run(&request);
     request["load"]["indentation_depth"] = json!(3e-8);
