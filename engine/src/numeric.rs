@@ -66,8 +66,8 @@ pub fn integrate(from: f64, to: f64, f: impl Fn(f64) -> f64) -> f64 {
     width * sum
 }
 
-/// ∫ f over `from`…`to`, split at the `kinks` in between. The function must be smooth elsewhere, and can rise
-/// like a square root on either side of a kink.
+/// ∫ f over `from`…`to`, split at the `kinks` in between. Elsewhere the function must be smooth. At a kink it can
+/// rise like a square root.
 pub(crate) fn integrate_pieces(from: f64, to: f64, kinks: &[f64], f: impl Fn(f64) -> f64) -> f64 {
     let piece = |from: f64, to: f64| {
         integrate(0.0, 1.0, |s| {

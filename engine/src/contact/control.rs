@@ -1,8 +1,8 @@
-//! What is held while a contact wears, and where that leads.
+//! The held quantities of a wearing contact, and the final states that they lead to.
 //!
-//! In the normal direction the indentation depth or the force; in the tangential direction the
-//! amplitude of the motion, the tangential force, or the amplitude of an actuator behind a compliant
-//! rig. The amplitude may also follow blocks (a load spectrum) or a record of reversals.
+//! In the normal direction the indentation depth or the force is held. In the tangential direction it is the
+//! amplitude of the motion, the tangential force, or the amplitude of an actuator behind a compliant rig. The
+//! amplitude can also follow blocks (a load spectrum) or a record of reversals.
 //!
 //! # Equations
 //! With Q̃(Δ) = 2 ∫ min(Δ, y) dx, all in units of a₀, d₀ and E*a₀d₀:
@@ -12,15 +12,15 @@
 //! Q held          Q̃(Δ) = Q/(μE*a₀d₀) gives Δ;  no root: gross slip
 //! rig             Δ + κ·Q̃(Δ) = Δ_rig,  κ = G*a₀/k_rig
 //! ```
-//! In every limit the load is carried inside c alone, where nothing has worn:
+//! In every final state only the unworn part inside c carries load:
 //! ```text
-//! F, Q   g₀(c) = 1 − Δ₀ for ever;   d∞ = (F̃₀/2 + ∫₀ᶜ g₀ dx)/c
-//! d, Q   2c(1 − g₀(c)) = Q̃, the larger root; none above its maximum: gross slip
+//! F, Q   g₀(c) = 1 − Δ₀ at all times;   d∞ = (F̃₀/2 + ∫₀ᶜ g₀ dx)/c
+//! d, Q   2c(1 − g₀(c)) = Q̃, the larger root;  no root: gross slip
 //! d, rig (1 + 2κc)(1 − g₀(c)) = Δ_rig, the largest root
 //! ```
 //!
 //! # Sources
-//! Cattaneo and Mindlin's principle, (10); the limits by (11) with the load that is held.
+//! The principle of Cattaneo and Mindlin, (10). The final states follow from (11) and the held load.
 
 use std::sync::Arc;
 
@@ -30,30 +30,30 @@ use super::record::DisplacementRecord;
 use super::unworn::Contact;
 use crate::numeric::{maximum, root};
 
-/// What is held in the normal direction.
+/// The held quantity in the normal direction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Normal {
-    /// d.
+    /// The indentation depth d.
     Depth,
-    /// F.
+    /// The normal force F.
     Force,
 }
 
-/// What is held in the tangential direction, in units of the unworn contact.
+/// The held quantity in the tangential direction, in units of the unworn contact.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Tangential {
-    /// U.
+    /// The amplitude U of the contact.
     Amplitude,
-    /// Q̃/2 = ∫ min(Δ, y) dx.
+    /// The tangential force, as Q̃/2 = ∫ min(Δ, y) dx.
     Force(f64),
-    /// The amplitude of the actuator, and what the rig yields.
+    /// The amplitude of an actuator behind a compliant rig.
     Rig {
         /// Δ_rig.
         amplitude: f64,
         /// κ.
         compliance: f64,
     },
-    /// Amplitudes one after the other.
+    /// A sequence of blocks with different amplitudes.
     Blocks(Vec<Block>),
     /// A record of reversals that repeats every cycle.
     Record(Arc<DisplacementRecord>),
@@ -64,11 +64,11 @@ pub enum Tangential {
 pub struct Block {
     /// Δ.
     pub threshold: f64,
-    /// Ñ at which it ends, counted from the first.
+    /// Ñ at the end of the block, counted from the start of the run.
     pub end: f64,
 }
 
-/// What is held.
+/// The held quantities.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Control {
     /// In the normal direction.
@@ -77,7 +77,7 @@ pub struct Control {
     pub tangential: Tangential,
 }
 
-/// The state that wear tends to, where it is known beforehand.
+/// The final state of wear, where it is known without a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Final {
     /// d∞.
@@ -86,7 +86,7 @@ pub struct Final {
     pub stick: f64,
     /// Δ∞.
     pub threshold: f64,
-    /// The scar.
+    /// The final scar.
     pub limit: Limit,
 }
 
@@ -106,7 +106,7 @@ impl Final {
 }
 
 impl Control {
-    /// The paper's case: indentation depth and amplitude held.
+    /// The case of the paper: held indentation depth and amplitude.
     pub const PAPER: Self = Self { normal: Normal::Depth, tangential: Tangential::Amplitude };
 
     /// Whether the closed form of the simplified rule applies.
@@ -114,7 +114,7 @@ impl Control {
         *self == Self::PAPER
     }
 
-    /// Whether the stick radius stays where it is for ever.
+    /// Whether the stick radius never changes.
     pub(crate) fn keeps_stick(&self) -> bool {
         matches!(
             (self.normal, &self.tangential),
@@ -128,15 +128,14 @@ impl Control {
         matches!(self.tangential, Tangential::Record(_))
     }
 
-    /// The state that wear tends to; `None` where it is not known without running, or where there
-    /// is none.
+    /// The final state of wear; `None` if it is not known without a run, or if there is none.
     #[must_use]
     pub fn tends_to(&self, contact: &Contact) -> Option<Final> {
         let Contact { shape, stick, threshold, .. } = contact;
         let stick = match (self.normal, &self.tangential) {
             _ if self.keeps_stick() => *stick,
             (Normal::Depth, Tangential::Force(_)) => self.last_stick(shape)?,
-            // Should all slip, the actuator still moves on.
+            // In gross slip the actuator still moves.
             (Normal::Depth, Tangential::Rig { .. }) => self.last_stick(shape).unwrap_or(0.0),
             _ => return None,
         };
@@ -150,7 +149,7 @@ impl Control {
         Some(Final { depth, stick, threshold, limit })
     }
 
-    /// d once a core of radius c > 0 carries all of the load.
+    /// d when a core of radius c > 0 carries the whole load.
     pub(crate) fn depth_on_core(&self, shape: &Shape, stick: f64) -> f64 {
         match self.normal {
             Normal::Depth => 1.0,
@@ -158,10 +157,10 @@ impl Control {
         }
     }
 
-    /// The stick radius at which a shrinking core comes to rest: the largest at which the springs
-    /// inside, all there is left to carry the tangential force, still stick.
+    /// The final stick radius of a shrinking core: the largest radius at which the springs inside carry the whole
+    /// tangential force without slip.
     fn last_stick(&self, shape: &Shape) -> Option<f64> {
-        let need = |c: f64| {
+        let surplus = |c: f64| {
             let threshold = 1.0 - shape.image(c);
             match self.tangential {
                 Tangential::Force(half) => c * threshold - half,
@@ -171,12 +170,12 @@ impl Control {
                 _ => -1.0,
             }
         };
-        let best = maximum(0.0, 1.0, need);
-        // Between the best radius and a₀ the need falls to less than is asked for.
-        (need(best) > 0.0 && need(1.0) < 0.0).then(|| root(best, 1.0, need))
+        let best = maximum(0.0, 1.0, surplus);
+        // The function has one root between its maximum and a₀.
+        (surplus(best) > 0.0 && surplus(1.0) < 0.0).then(|| root(best, 1.0, surplus))
     }
 
-    /// The stick radius inside of which nothing ever slips.
+    /// The radius inside which no spring ever slips.
     pub(crate) fn least_stick(&self, contact: &Contact) -> f64 {
         match (self.normal, &self.tangential) {
             (_, Tangential::Blocks(blocks)) => {

@@ -1,20 +1,20 @@
 //! Force–displacement loops of one cycle, and the criteria of the sliding transition.
 //!
 //! # Equations
-//! In units of a₀, d₀ and E*a₀d₀; the backbone is what a first loading follows, the branches of a loop
-//! follow by Masing's rule:
+//! In units of a₀, d₀ and E*a₀d₀. The backbone is the curve of the first loading. Masing's rule gives the
+//! branches of a loop from it:
 //! ```text
 //! Q̃(u)/2 = ∫ min(u, y) dx                                     backbone, 0 ≤ u ≤ Δ
 //! Q̃ = Q̃(Δ) − 2 Q̃((Δ − u)/2)                                  unloading; loading is its mirror image
 //! A = W/(4QU),  D = δ₀/U,  B = W/(4Qδ₀),  δ₀ where the unloading branch meets Q = 0
 //! ```
 //!
-//! A loop is that of the springs that the energy is summed over, and its points are its corners: where
-//! springs give way, so that straight lines between the points enclose W.
+//! The loop belongs to the same springs as the energy. It has a corner where a spring begins to slip, so that
+//! straight lines between the corners enclose W.
 //!
 //! # Accuracy
-//! The area to 1e-6 of W, or to rounding, 1e-15 of 4QU, once the loop has all but closed. So few springs
-//! have corners within 1e-3 of Q of the smooth curve of an unworn contact. D is found on that curve.
+//! The area has an error of 1e-6 of W, or of 1e-15 of 4QU if the loop is almost closed. The corners lie within
+//! 1e-3 of Q of the smooth curve of an unworn contact. D is computed on the smooth curve.
 //!
 //! # Sources
 //! G. Masing (1926); the criteria: S. Fouvry, P. Kapsa, L. Vincent, *Wear* 185 (1995) 35.
@@ -26,11 +26,10 @@ use crate::numeric::{Gauss, dot, root};
 /// Gauss points of a row of springs.
 pub const ROW_POINTS: usize = 48;
 
-/// A loop, beginning and ending where the motion turns back at +Δ: a point wherever a spring gives way,
-/// straight between them.
+/// A loop from +Δ to −Δ and back, with a point where each spring begins to slip.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Loop {
-    /// u in units of d₀ as Δ is.
+    /// u in the unit of Δ.
     pub displacement: Vec<f64>,
     /// Q̃/2.
     pub force: Vec<f64>,
@@ -38,28 +37,28 @@ pub struct Loop {
     pub energy_ratio: f64,
     /// D, the slip ratio.
     pub slip_ratio: f64,
-    /// B, the system-free ratio; 0 once the loop has closed.
+    /// B, the system-free ratio; 0 if the loop is closed.
     pub free_ratio: f64,
 }
 
-/// The force that a first loading builds up.
+/// The force–displacement curve of the first loading.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Backbone {
-    /// u and Q̃/2 where springs give way, ascending, from rest to Δ.
+    /// u and Q̃/2 where springs begin to slip, ascending from rest to Δ.
     corners: Vec<[f64; 2]>,
-    /// The u at which half of the force is reached.
+    /// u at half of the largest force.
     half: f64,
     loss: f64,
 }
 
 impl Backbone {
-    /// Points of a loop of so many springs, at most.
+    /// The largest number of points of a loop with this number of springs.
     pub(crate) fn points(springs: usize) -> usize {
         2 * (springs + 1) + 1
     }
 
-    /// Of springs that stick inside `stick` and slip at the Gauss points of a
-    /// row, with the weights of ∫ dx there.
+    /// The backbone of springs that stick inside `stick` and slip at the Gauss points of a row. `weights` are the
+    /// weights of ∫ dx.
     pub(crate) fn of_row(
         (stick, threshold): (f64, f64),
         positions: &[f64; ROW_POINTS],
@@ -70,9 +69,8 @@ impl Backbone {
         let mut backbone = Self::of_cells(stick, threshold, compressions, weights, Some(loss));
         let [_, most] = backbone.last();
         let loads: [f64; ROW_POINTS] = std::array::from_fn(|k| weights[k] * compressions[k]);
-        // Knots of u, ∫ min(y, u) dx and its slope, from the last inwards to rest. Where u = y(x) all
-        // within x carry u, the others what they have: as exact as the sums over the row, while the
-        // corners are those of so many springs.
+        // Knots of u, ∫ min(y, u) dx and its slope, from the last inwards to rest. At u = y(x) the springs inside
+        // x carry u, and the others their y. These sums are as accurate as the sums over the row.
         let knot = |k: usize| match k {
             0 => [threshold, most, stick],
             1..=ROW_POINTS => {
@@ -81,7 +79,7 @@ impl Backbone {
             }
             _ => [0.0, 0.0, 1.0],
         };
-        // Half of the force is reached between the knots where the corners say so, or next to them.
+        // The corners show between which knots half of the force is reached. It can also be next to them.
         let middle = 0.5 * most;
         let mut below = 1 + compressions.iter().filter(|y| **y > backbone.half).count();
         let (mut low, mut high) = (knot(below), knot(below - 1));
@@ -99,8 +97,8 @@ impl Backbone {
         backbone
     }
 
-    /// Of cells of constant y, and a core of radius `start` that sticks; `loss` is ∫ y ω dx if it is known
-    /// better than by these.
+    /// The backbone of cells with constant y around a sticking core of radius `start`. `loss` is a more accurate
+    /// ∫ y ω dx, if there is one.
     #[must_use]
     pub fn of_cells(
         start: f64,
@@ -113,7 +111,7 @@ impl Backbone {
             let springs = compressions.iter().zip(widths);
             springs.map(|(y, width)| width * y * (1.0 - y / threshold).max(0.0)).sum()
         });
-        // First y and width of each spring. Outwards they are compressed less and less, as a rule.
+        // First y and the width of each spring. Usually y falls outwards, so that the sort is fast.
         let mut corners = Vec::with_capacity(compressions.len() + 2);
         corners.push([0.0, 0.0]);
         corners.extend(compressions.iter().zip(widths).rev().map(|(y, width)| [*y, *width]));
@@ -121,7 +119,7 @@ impl Backbone {
         let slipping = corners.partition_point(|[y, _]| *y < threshold).max(1);
         let mut slope = start + corners[slipping..].iter().map(|[_, width]| width).sum::<f64>();
         corners.truncate(slipping);
-        // What sticks beyond each corner is a sum from the inside, where it may be nothing at all.
+        // The length of the sticking springs at each corner, summed from the inside.
         for [_, width] in corners[1..].iter_mut().rev() {
             let all = slope + *width;
             *width = std::mem::replace(&mut slope, all);
@@ -144,7 +142,7 @@ impl Backbone {
         Self { corners, half, loss }
     }
 
-    /// Δ and the force there.
+    /// Δ and the force at Δ.
     fn last(&self) -> [f64; 2] {
         self.corners[self.corners.len() - 1]
     }
@@ -166,9 +164,9 @@ impl Backbone {
             let (energy_ratio, slip_ratio, free_ratio) = (0.0, 0.0, 0.0);
             return Loop { displacement, force, energy_ratio, slip_ratio, free_ratio };
         }
-        // The unloading branch meets zero where the backbone has half of the force.
+        // The unloading branch is zero where the backbone has half of the force.
         let aperture = (threshold - 2.0 * self.half).max(0.0);
-        // W = 4·2 ∫ y ω dx·Δ in the units of 2·(Q̃/2)·u.
+        // W = 8Δ ∫ y ω dx, in units of 2·(Q̃/2)·u.
         let lost = 4.0 * self.loss * threshold;
         let slip_ratio = aperture / threshold;
         let energy_ratio = lost / (4.0 * most * threshold);
@@ -187,13 +185,13 @@ fn between(low: [f64; 3], high: [f64; 3], u: f64) -> f64 {
         + width * t * s * (s * slope_from - t * slope_to)
 }
 
-/// Row k gives ∫ f ds from the k-th Gauss point to 1 for products of f with the Gauss weights: the
-/// Legendre series of f, integrated term by term.
+/// Row k gives ∫ f ds from the k-th Gauss point to 1, from the products of f and the Gauss weights. It integrates
+/// the Legendre series of f.
 fn rests() -> &'static [[f64; ROW_POINTS]] {
     static RESTS: OnceLock<Vec<[f64; ROW_POINTS]>> = OnceLock::new();
     RESTS.get_or_init(|| {
         let rule = Gauss::<ROW_POINTS>::new();
-        // P₀ … P_N at each point.
+        // P₀ … P_N at each Gauss point.
         let series = rule.nodes.map(|s| {
             let z = 2.0 * s - 1.0;
             let mut p = [1.0; ROW_POINTS + 1];

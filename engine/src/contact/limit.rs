@@ -1,8 +1,7 @@
-//! The state that wear tends to while indentation depth and amplitude are held: (11)–(13).
+//! The limiting state of wear with held indentation depth and amplitude: (11)–(13).
 //!
-//! Inside the stick radius nothing changes; outside, every spring is worn until it carries nothing,
-//! so that the image is flat at g = d as far as the limiting radius ã, where the worn profile meets
-//! the unworn one.
+//! Inside the stick radius nothing wears. Outside, every spring wears until it carries no load. The image is then
+//! flat, g = d, up to the limiting radius ã, where the worn profile meets the unworn profile.
 //!
 //! # Equations
 //! ```text
@@ -10,11 +9,11 @@
 //! w∞(ã) = 0, ã > c                                                   (13)
 //! V∞    = 4 ∫ᶜᵃ (d − g₀(x)) √(ã²−x²) dx          (the upper end is ã)
 //! ```
-//! Equation (19) of the paper is up to 3.6 % below the root of (13); here (13) itself is solved.
+//! Equation (19) of the paper is up to 3.6 % below the root of (13). This module solves (13).
 //!
 //! # Accuracy
-//! Radius and volume to 1e-9 (the volume to 3e-7 in gross slip with an exponent between 1 and 2, not
-//! whole); the depth to 1e-11, its radius to 1e-8 (1e-6 for c below 0.01).
+//! Radius and volume to 1e-9 (the volume to 3e-7 in gross slip with an exponent between 1 and 2). The depth to
+//! 1e-11, and its radius to 1e-8 (1e-6 for c below 0.01).
 //!
 //! # Sources
 //! V. L. Popov, *Sci. Rep.* 4 (2014) 3749.
@@ -24,34 +23,34 @@ use std::f64::consts::FRAC_2_PI;
 use super::profile::Shape;
 use crate::numeric::{Bracket, integrate, integrate_pieces, maximum, root};
 
-/// Widest scar in a₀ where all slips under a held force: beyond, the unworn contact says nothing any more.
+/// Largest scar radius in a₀ in gross slip under a held force. The scales of the unworn contact do not fit
+/// larger scars.
 pub const WIDEST: f64 = 100.0;
-/// Deepest wear in d₀ there.
+/// Largest wear depth in d₀ in this case.
 pub const DEEPEST: f64 = 1000.0;
 
-/// Steps of 2 % to either side in which ã is looked for.
+/// Most steps of 2 % in the search for ã, to each side.
 const MOST_STEPS: usize = 500;
-/// The scar is found to this share of it: every look at a table is a sum over its rows.
+/// Relative accuracy of ã. Each evaluation sums over all rows of a table.
 const SCAR_DIGITS: f64 = 1e-13;
 
 /// The limiting state in units of a₀, d₀ and a₀²d₀.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limit {
-    /// ã, where the limiting profile meets the unworn one: the radius of the scar.
+    /// ã: the outer radius of the scar, where the limiting profile meets the unworn profile.
     pub radius: f64,
     /// V∞.
     pub volume: f64,
-    /// The deepest wear.
+    /// The largest wear depth.
     pub depth: f64,
-    /// Where the wear is deepest.
+    /// The radius of the largest wear depth.
     pub depth_radius: f64,
 }
 
 impl Limit {
-    /// Solves (13) for a stick radius 0 ≤ c < 1 at the unworn depth; c = 0 is gross slip, where all
-    /// springs wear.
+    /// Solves (13) for a stick radius 0 ≤ c < 1 at the unworn depth. c = 0 is gross slip, where all springs wear.
     ///
-    /// `None` where the scar would outgrow the shape (a sphere loaded to its equator).
+    /// `None` if the scar would become larger than the shape, such as a sphere loaded to its equator.
     #[must_use]
     pub fn solve(shape: &Shape, c: f64) -> Option<Self> {
         Self::at_depth(shape, c, 1.0)
@@ -61,8 +60,8 @@ impl Limit {
     ///
     /// `None` as for [`Limit::solve`].
     pub(crate) fn at_depth(shape: &Shape, c: f64, d: f64) -> Option<Self> {
-        // w∞ is positive at r = 1, or just outside a larger c, and falls further out; walk outwards until it
-        // has changed sign.
+        // w∞ is positive at r = 1, or just outside a larger c, and falls further out. The loop goes outwards until
+        // the sign changes.
         let wear = |r: f64| limiting_wear(shape, c, d, r, chord_and_angle(c, r));
         let (mut inner, mut step) = (c.max(1.0), (1.0 - c).max(1e-12));
         let outer = loop {
@@ -78,8 +77,8 @@ impl Limit {
         };
         let radius = root(inner, outer, wear);
         let chord = |x: f64| ((radius - x) * (radius + x)).max(0.0).sqrt();
-        // The part inside a kink near c is taken away again, as in `integrate_beyond`; otherwise
-        // x = ã − (ã − c)s² takes the root at the end out of the integrand.
+        // For a kink near c, subtracts the part inside c, as in `integrate_beyond`. Otherwise x = ã − (ã − c)s²
+        // removes the square root at the end of the integrand.
         let width = radius - c;
         let volume = if shape.kinks().iter().any(|kink| c - kink < width) {
             let of_spring = |x: f64| (d - shape.image(x)) * chord(x);
@@ -103,10 +102,10 @@ impl Limit {
 }
 
 impl Limit {
-    /// ã alone, the root of (13), found from a guess nearby.
+    /// Only ã, the root of (13), from a guess close to it.
     pub(crate) fn scar(shape: &Shape, c: f64, d: f64, guess: f64) -> f64 {
         let wear = |r: f64| limiting_wear(shape, c, d, r, chord_and_angle(c, r));
-        // Where the unworn image is below d the wear is positive; at c it has another root.
+        // The wear is positive where the unworn image is below d. It has another root at c.
         let worn = |r: f64| r <= c || shape.image(r) < d || wear(r) > 0.0;
         let step = |r: f64| 0.02 * (r - c).max(0.01 * r);
         let (mut inner, mut outer) = (guess, guess);
@@ -132,7 +131,7 @@ impl Limit {
     }
 }
 
-/// √(r²−c²) and arccos(c/r), without loss of digits where r is close to c.
+/// √(r²−c²) and arccos(c/r), without loss of digits for r close to c.
 pub(crate) fn chord_and_angle(c: f64, r: f64) -> (f64, f64) {
     let chord = ((r - c) * (r + c)).max(0.0).sqrt();
     (chord, libm::atan(chord / c))

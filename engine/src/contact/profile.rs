@@ -1,8 +1,7 @@
 //! Shapes of the indenter and their one-dimensional images, in dimensionless form.
 //!
-//! Lengths are in units of the unworn contact radius a₀ and heights in units of the unworn
-//! indentation depth d₀, so that g₀(1) = 1 for every shape, and a power law knows nothing but its
-//! exponent.
+//! Lengths are in units of the unworn contact radius a₀, and heights in units of the unworn indentation
+//! depth d₀. Then g₀(1) = 1 for every shape, and the exponent alone defines a power law.
 //!
 //! # Equations
 //! ```text
@@ -12,7 +11,7 @@
 //! Truncated paraboloids and cones are in the module `truncated`, tables in `table_shape`.
 //!
 //! # Accuracy
-//! Closed forms for whole exponents; otherwise one Gauss rule of 32 points, better than 1e-9.
+//! Closed forms for whole exponents. Otherwise one Gauss rule of 32 points, with an error below 1e-9.
 //!
 //! # Sources
 //! M. Heß, *Phys. Mesomech.* 15 (2012) 264 (power laws); K. L. Johnson, *Contact Mechanics* (1987),
@@ -103,9 +102,8 @@ impl Shape {
         Self { kind: ShapeKind::Table(table), height }
     }
 
-    /// Radii at which the image has a kink: a mesh should have a node there, and a quadrature should
-    /// begin anew. Ascending, inside the contact. A table is
-    /// smooth enough without.
+    /// The radii inside the contact at which the image has a kink, ascending. A mesh needs a node there, and a
+    /// quadrature must be split there. A table needs no kinks.
     #[must_use]
     pub fn kinks(&self) -> &[f64] {
         match &self.kind {
@@ -114,7 +112,7 @@ impl Shape {
         }
     }
 
-    /// How many pieces its integrals are summed over.
+    /// The number of pieces that an integral sums over.
     pub(crate) fn pieces(&self) -> usize {
         match &self.kind {
             ShapeKind::Table(table) => table.pieces(),
@@ -131,7 +129,7 @@ impl Shape {
         }
     }
 
-    /// f₀(r): the gap before loading.
+    /// f₀(r): the gap without load.
     #[must_use]
     pub fn profile(&self, r: f64) -> f64 {
         match self.kind {
@@ -168,7 +166,7 @@ impl Shape {
         }
     }
 
-    /// g₀(c + δ) − g₀(c) without their cancellation.
+    /// g₀(c + δ) − g₀(c) without cancellation.
     pub(crate) fn image_rise(&self, c: f64, delta: f64) -> f64 {
         let x = c + delta;
         match self.kind {
@@ -185,8 +183,8 @@ impl Shape {
         }
     }
 
-    /// The largest pressure of the unworn contact, in E*d₀/a₀: on the axis, or in a ring under a
-    /// profile blunter than a paraboloid. Infinite for a cone and where a flat ends.
+    /// The largest pressure of the unworn contact in E*d₀/a₀. Under a profile blunter than a paraboloid it lies in
+    /// a ring, otherwise on the axis. It is infinite for a cone and at the edge of a flat.
     #[must_use]
     pub fn peak_pressure(&self) -> f64 {
         let blunt = match self.kind {
@@ -233,7 +231,7 @@ impl Shape {
         match self.kind {
             ShapeKind::Whole(n) => whole_power(x, n + 1) / f64::from(n + 1),
             ShapeKind::Power(n) => libm::pow(x, n + 1.0) / (n + 1.0),
-            // A table's image has too many pieces for one rule.
+            // The image of a table has too many pieces for one rule.
             ShapeKind::Table(ref table) => table.area(x),
             ShapeKind::Sphere { .. } | ShapeKind::Truncated(_) => {
                 integrate_beyond(0.0, x, self.kinks(), |x| self.image(x))
@@ -247,7 +245,7 @@ impl Shape {
         match self.kind {
             ShapeKind::Whole(n) => f64::from(n) / (f64::from(n) + 1.0),
             ShapeKind::Power(n) => n / (n + 1.0),
-            // Sneddon's closed form loses all digits for a large sphere; the integrand is smooth.
+            // Sneddon's closed form cancels for a large sphere. The integrand is smooth.
             ShapeKind::Sphere { .. } => integrate(0.0, 1.0, |x| 1.0 - self.image(x)),
             ShapeKind::Truncated(ref shape) => shape.half_force(),
             ShapeKind::Table(ref table) => table.half_force(),
@@ -256,7 +254,7 @@ impl Shape {
 
     /// (2/π) ∫ g₀/√(r²−x²) dx over c…r: the part of the inverse transform (4) outside `c`.
     ///
-    /// `chord` is √(r²−c²) and `angle` arccos(c/r); callers have them already.
+    /// `chord` is √(r²−c²), and `angle` is arccos(c/r).
     pub(crate) fn inverse_outside(&self, c: f64, r: f64, chord: f64, angle: f64) -> f64 {
         if c == 0.0 {
             return self.profile(r);
@@ -267,7 +265,7 @@ impl Shape {
             ShapeKind::Whole(1) => FRAC_2_PI * chord,
             ShapeKind::Whole(2) => FRAC_1_PI * (c * chord + r * r * angle),
             ShapeKind::Whole(n) => {
-                // ∫ xᵐ/√(r²−x²) dx from c to r, raised two powers at a time.
+                // Recursion for ∫ xᵐ/√(r²−x²) dx from c to r in steps of two powers.
                 let mut m = f64::from(n % 2);
                 let (mut sum, mut power) = if n % 2 == 1 { (chord, c * c) } else { (angle, c) };
                 for _ in 0..n / 2 {
@@ -277,8 +275,8 @@ impl Shape {
                 }
                 FRAC_2_PI * sum
             }
-            // Away from c = 0 the integrand in the angle is smooth; near it, the part inside c is
-            // the easier one, and the whole is known.
+            // For c near 0 the integrand is not smooth. The code then integrates the part inside c, and subtracts
+            // it from the known total.
             _ if 2.0 * c < r => {
                 let inner = FRAC_PI_2 - angle;
                 let inside = integrate(0.0, 1.0, |s| {
@@ -290,8 +288,8 @@ impl Shape {
         }
     }
 
-    /// (1/π) ∫ g₀′/√(x²−r²) dx over r…b: the pressure (in E*d₀/a₀) of springs that follow the
-    /// unworn image as far as b. Infinite at the apex of a cone and where a flat ends.
+    /// (1/π) ∫ g₀′/√(x²−r²) dx over r…b: the pressure in E*d₀/a₀ of springs with the unworn image up to b. It is
+    /// infinite at the apex of a cone and at the edge of a flat.
     #[must_use]
     pub fn pressure_inside(&self, r: f64, b: f64) -> f64 {
         if r >= b {
@@ -301,7 +299,7 @@ impl Shape {
         match self.kind {
             ShapeKind::Whole(2) => FRAC_2_PI * chord,
             ShapeKind::Whole(n) => {
-                // ∫ xᵐ/√(x²−r²) dx from r to b, raised two powers at a time, for m = n − 1.
+                // Recursion for ∫ xᵐ/√(x²−r²) dx from r to b in steps of two powers, up to m = n − 1.
                 let (mut sum, mut m) = if n % 2 == 0 {
                     (chord, 1)
                 } else if r == 0.0 {

@@ -1,42 +1,39 @@
-//! The slip of springs under an arbitrary displacement record that is repeated for ever.
+//! The slip of springs under an arbitrary displacement record that repeats endlessly.
 //!
-//! A spring sticks up to a limit s of its deflection and slips beyond it: a play (Prandtl) element.
-//! Of a displacement record it sees the reversals only. One pass of the record is one cycle.
+//! A spring sticks up to a deflection s, and slips beyond it. It is a play (Prandtl) element, so that only the
+//! reversals of the record matter. One pass of the record is one cycle.
 //!
 //! # Equations
 //! ```text
 //! P(s) = Σ 2 max(0, R − 2s) = 4 Σ max(0, R/2 − s)      slip path of one pass, over closed loops
 //! ω(ρ) = P(ρU) / 4U                                    the same in units of a harmonic stroke
 //! ```
-//! R is the range of a loop, U half of the largest. On each of the two branches of a loop a spring
-//! first sticks for 2s. Where the loop closes, the spring is as it was where the loop began, so that
-//! the loop can be cut out of the record and the rest counted alike: a play's memory is wiped out by
-//! larger swings. For a spring of compression y, ρ = y/Δ with Δ = G*U/(μE*d₀); the harmonic record
-//! has a single loop, ω = 1 − ρ.
+//! R is the range of a loop, and U is half of the largest range. On each of the two branches of a loop a spring
+//! first sticks for 2s. When a loop closes, the spring has the same state as at its start. The loop can therefore
+//! be removed from the record, and the rest is counted in the same way. A spring with compression y has ρ = y/Δ
+//! with Δ = G*U/(μE*d₀). A harmonic record has a single loop, ω = 1 − ρ.
 //!
-//! The loops are those of rainflow counting, begun at the highest position so that all of them
-//! close. That counts the steady state, which is reached within the first pass: between its
-//! extremes the contact moves by 2U, so that a spring with s < U reaches its limit there whatever
-//! its past, while one with s ≥ U slips no more once it has seen both.
+//! Rainflow counting finds the loops. It begins at the highest position, so that all loops close. This counts the
+//! steady state, which is reached within the first pass. Between its extremes the contact moves by 2U. A spring
+//! with s < U reaches its limit there in any case, and a spring with s ≥ U stops slipping.
 //!
 //! # Accuracy
-//! P is convex, piecewise linear, with a corner at each R/2. It is summed downwards from the largest
-//! loop, where it is 0, over the stretches between corners: all terms are positive, nothing cancels
-//! however close the limit is to U, and the sum is compensated. What remains is the rounding of the
-//! ranges themselves.
+//! P is convex and piecewise linear, with a corner at each R/2. The sum begins at the largest loop, where P is 0. All
+//! terms are positive, so that nothing cancels for limits close to U, and the sum is compensated. Only the rounding
+//! of the ranges remains.
 //!
 //! # Sources
-//! Play and its memory: M. A. Krasnosel'skii, A. V. Pokrovskii, *Systems with Hysteresis*, Springer
+//! Play operators: M. A. Krasnosel'skii, A. V. Pokrovskii, *Systems with Hysteresis*, Springer
 //! 1989. Loops: M. Matsuishi, T. Endo, *Fatigue of metals subjected to varying stress*, Japan Soc.
 //! Mech. Engrs. 1968; ASTM E1049-85, 5.4.5 (repeating histories). Their dissipation: M. Brokate,
 //! K. Dressler, P. Krejčí, *Eur. J. Mech. A/Solids* 15 (1996) 705.
 
 use crate::numeric;
 
-/// A displacement record, repeated for ever, as far as springs can feel it.
+/// The loops of a displacement record that repeats endlessly.
 ///
-/// Two records are equal if their loops have the same ranges: it does not matter where a record
-/// begins, which way it points or runs, or how many points lie between its reversals.
+/// Two records are equal if their loops have the same ranges. The start, the direction and points between reversals
+/// do not matter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DisplacementRecord {
     amplitude: f64,
@@ -44,22 +41,22 @@ pub struct DisplacementRecord {
     corners: Vec<Corner>,
 }
 
-/// Where ω bends: a spring with a lower limit slips in more loops.
+/// A corner of ω. A spring with a lower limit slips in more loops.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Corner {
     /// ρ = R/2U.
     ratio: f64,
     /// ω(ρ).
     slip: f64,
-    /// How many loops are as large as this or larger: −dω/dρ just below ρ.
+    /// The number of loops with this range or a larger one: −dω/dρ just below ρ.
     loops: usize,
 }
 
 impl DisplacementRecord {
-    /// The record that passes `displacements` one after the other, in any unit of length, and
-    /// returns from the last to the first. Points on the way between two others do no harm.
+    /// The record that passes through `displacements` in order, and returns from the last to the first. The unit is
+    /// arbitrary.
     ///
-    /// `None` if nothing moves, if a value is not finite, or if the largest range is not.
+    /// `None` if all displacements are equal, or if a value or the largest range is not finite.
     #[must_use]
     pub fn new(displacements: &[f64]) -> Option<Self> {
         if !displacements.iter().all(|u| u.is_finite()) {
@@ -77,8 +74,8 @@ impl DisplacementRecord {
         self.amplitude
     }
 
-    /// ω(ρ) = P(ρU)/4U: the path in units of a harmonic stroke, to and fro, of the same amplitude.
-    /// Without any stick, at ρ ≤ 0, it exceeds 1 if the record has more than one loop.
+    /// ω(ρ) = P(ρU)/4U: the path, divided by the path of a harmonic cycle of the same amplitude. For ρ ≤ 0 it exceeds
+    /// 1 if the record has more than one loop.
     #[must_use]
     pub fn slip(&self, ratio: f64) -> f64 {
         self.strokes(ratio, 1.0)
@@ -86,7 +83,7 @@ impl DisplacementRecord {
 
     /// P/4, in a unit of length in which the amplitude is `amplitude`.
     ///
-    /// The corners are scaled rather than the limit, whose rounding would show next to U.
+    /// Scales the corners and not the limit, because rounding the limit would matter close to U.
     fn strokes(&self, limit: f64, amplitude: f64) -> f64 {
         let limit = limit.max(0.0);
         let slipping = self.corners.partition_point(|corner| corner.ratio * amplitude > limit);
@@ -96,22 +93,22 @@ impl DisplacementRecord {
     }
 }
 
-/// The ranges of the loops that one pass closes, by rainflow counting.
+/// The ranges of the loops of one pass, by rainflow counting.
 ///
-/// Positions are compared but never their differences: no rounding can make or miss a loop.
+/// It compares positions and not their differences, so that rounding cannot add or remove a loop.
 fn loops(displacements: &[f64]) -> Vec<f64> {
     let between = |x: f64, a: f64, b: f64| a.min(b) <= x && x <= a.max(b);
     let (before, after) = displacements.split_at(numeric::largest(displacements));
     let mut ranges = Vec::new();
-    // Reversals whose loops are open: each swing lies within the one before it.
+    // Reversals with open loops. Each range lies within the one before it.
     let mut open: Vec<f64> = Vec::new();
     for &u in after.iter().chain(before).chain(after.first()) {
         while let [.., a, b] = open[..] {
             if between(b, a, u) {
-                // Not a reversal: still on the way, or at rest.
+                // b is not a reversal: the motion continues or rests.
                 open.pop();
             } else if between(a, b, u) {
-                // Back where the swing from a to b began.
+                // The motion has returned to a, so that the loop from a to b closes.
                 ranges.push((a - b).abs());
                 open.truncate(open.len() - 2);
             } else {
@@ -126,7 +123,7 @@ fn loops(displacements: &[f64]) -> Vec<f64> {
 /// The corners of ω for ranges in descending order.
 fn corners(ranges: &[f64]) -> Vec<Corner> {
     let mut corner = Corner { ratio: 1.0, slip: 0.0, loops: 0 };
-    // What the running sum has lost by rounding: 10⁵ terms could lose 1e-11 of it.
+    // The rounding error of the running sum. With 10⁵ terms it could reach 1e-11.
     let mut lost = 0.0;
     ranges
         .chunk_by(|a, b| a <= b)

@@ -1,8 +1,8 @@
 //! Normal contact and friction of a worn profile, on the row of springs: (5)–(10), (15), (16).
 //!
-//! A spring at x is compressed by y = max(0, d − g). It sticks while its tangential force stays
-//! below μ times its normal force, that is where y ≥ Δ = G*U/(μE*), and otherwise slips a path
-//! 4U·ω per cycle, ω = 1 − y/Δ. This is (15), (16) summed over one steady cycle.
+//! A spring at x is compressed by y = max(0, d − g). It sticks if its tangential force stays below μ times its
+//! normal force, which means y ≥ Δ = G*U/(μE*). Otherwise it slips 4U·ω per cycle with ω = 1 − y/Δ. This is (15),
+//! (16), summed over one steady cycle.
 //!
 //! # Equations
 //! ```text
@@ -14,10 +14,9 @@
 //! All integrals here are in units of a₀ and d₀ and over half of the row.
 //!
 //! # Accuracy
-//! [`SpringRow`] integrates over the worn part with 48 Gauss points graded to the fourth power towards the
-//! stick edge, where the image forms a step: 1e-9 of the unworn values in partial slip and well into
-//! gross slip (tests compare). At the very onset of gross slip blunt profiles are worse: 1e-6 for
-//! exponent 8, 1e-4 for 20.
+//! [`SpringRow`] integrates over the worn part with 48 Gauss points. They are graded with the fourth power towards the
+//! stick edge, where the image forms a step. The error is 1e-9 of the unworn values in partial slip and in gross
+//! slip. At the gross-slip threshold it is larger for blunt profiles: 1e-6 for exponent 8, and 1e-4 for 20.
 
 use std::sync::OnceLock;
 
@@ -34,18 +33,18 @@ pub struct UnwornSums {
     pub tangential: f64,
     /// ∫₀ᵃ y ω dx.
     pub loss: f64,
-    /// How the tangential force builds up.
+    /// The backbone of the friction loop.
     pub backbone: Backbone,
 }
 
 impl UnwornSums {
-    /// Sums over the unworn springs; `slip` gives ω of y/Δ where it is not that of one harmonic cycle.
+    /// Sums over the unworn springs. `slip` gives ω as a function of y/Δ if the motion is not harmonic.
     #[must_use]
     pub fn of(contact: &Contact, slip: Option<&dyn Fn(f64) -> f64>) -> Self {
         let row = SpringRow::new(contact);
         let (sums, compressions) = row.sums_and_compressions(Decay::UNWORN);
         let harmonic = sums.energy / contact.threshold;
-        // A record bends ω at many places: many short intervals instead of one long one.
+        // With a record, ω has many corners, so that many short intervals are needed.
         let loss = slip.map_or(harmonic, |slip| {
             let width = (1.0 - contact.stick) / RECORD_INTERVALS as f64;
             (0..RECORD_INTERVALS)
@@ -63,13 +62,12 @@ impl UnwornSums {
     }
 }
 
-/// The integrals of one state: half of the normal force, half of the tangential force amplitude, the
-/// energy integral and the volume, each in its dimensionless unit.
+/// The dimensionless integrals of one state.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sums {
     /// ∫₀ᵃ y dx.
     pub normal: f64,
-    /// By how much `normal` has fallen.
+    /// The decrease of `normal` by wear.
     pub unloaded: f64,
     /// ∫₀ᵃ min(Δ, y) dx.
     pub tangential: f64,
@@ -79,13 +77,13 @@ pub struct Sums {
     pub volume: f64,
 }
 
-/// Intervals of the sum over a record's slip.
+/// Intervals of the integral over the slip of a record.
 const RECORD_INTERVALS: usize = 64;
-/// How many of them are under a flat, where there is one that slips.
+/// Gauss points under a slipping flat.
 const FLAT_POINTS: usize = 8;
 static WHOLE: OnceLock<Gauss<ROW_POINTS>> = OnceLock::new();
 
-/// Where the slipping springs are, as distances from c, and the lengths that they stand for.
+/// The distances of the slipping springs from c, and their weights.
 fn layout(contact: &Contact) -> [(f64, f64); ROW_POINTS] {
     static UNDER: OnceLock<Gauss<FLAT_POINTS>> = OnceLock::new();
     static BEYOND: OnceLock<Gauss<{ ROW_POINTS - FLAT_POINTS }>> = OnceLock::new();
@@ -98,7 +96,8 @@ fn layout(contact: &Contact) -> [(f64, f64); ROW_POINTS] {
         let rule = WHOLE.get_or_init(Gauss::new);
         return std::array::from_fn(|k| graded(c, rule.nodes[k], rule.weights[k]));
     };
-    // The springs under a flat are all alike, and few stand for them; the grading begins at its edge.
+    // All springs under a flat have the same compression, so that few points are enough. The grading begins at
+    // the edge of the flat.
     let (under, beyond) = (UNDER.get_or_init(Gauss::new), BEYOND.get_or_init(Gauss::new));
     std::array::from_fn(|k| {
         if k < FLAT_POINTS {
@@ -111,7 +110,7 @@ fn layout(contact: &Contact) -> [(f64, f64); ROW_POINTS] {
     })
 }
 
-/// The slipping springs, c < x < a₀, with what is needed to sum over them.
+/// The slipping springs, c < x < a₀, and constants for sums over them.
 #[derive(Debug, Clone)]
 pub struct SpringRow {
     contact: Contact,
@@ -151,13 +150,13 @@ impl SpringRow {
             row.rest[k] = contact.rest(delta);
             row.chords[k] = chord(x);
             unworn_normal += row.weights[k] * row.unworn[k];
-            // Between a₀ and ã the springs hang free; x = ã − (ã − 1)s² as in the limit.
+            // Between a₀ and ã the springs have no contact. x = ã − (ã − 1)s², as in `limit`.
             let (s, weight) = (rule.nodes[k], rule.weights[k]);
             let width = limit.radius - 1.0;
             let x = limit.radius - width * s * s;
             row.outside_volume += 8.0 * width * weight * s * (1.0 - shape.image(x)) * chord(x);
         }
-        // Not below 0, whatever a rough table makes of the rule.
+        // For a rough table the error of the rule could make it negative.
         let core = (shape.half_force() - unworn_normal).max(0.0);
         row.core_normal = if c == 0.0 { 0.0 } else { core };
         row
@@ -169,7 +168,7 @@ impl SpringRow {
         self.sums_and_compressions(decay).0
     }
 
-    /// Sums over the springs, and the compression of each of the slipping ones.
+    /// Sums over the springs, and the compressions of the slipping springs.
     pub(crate) fn sums_and_compressions(&self, decay: Decay) -> (Sums, [f64; ROW_POINTS]) {
         let threshold = self.contact.threshold;
         let Decay { left, gone } = decay;
@@ -196,20 +195,19 @@ impl SpringRow {
         (sums, compressions)
     }
 
-    /// How the tangential force builds up, given the sums and compressions of a state.
+    /// The backbone of the friction loop, from the sums and compressions of a state.
     pub(crate) fn backbone(&self, sums: &Sums, compressions: &[f64; ROW_POINTS]) -> Backbone {
         let Contact { stick, threshold, .. } = self.contact;
         let loss = sums.energy / threshold;
         if self.contact.shape.kinks().iter().any(|kink| *kink > stick) {
-            // The points do not stand as one rule has them: each carries what it stands for.
+            // With a kink the points are not those of one Gauss rule. Each point represents a cell.
             return Backbone::of_cells(stick, threshold, compressions, &self.weights, Some(loss));
         }
         Backbone::of_row((stick, threshold), &self.positions, &self.weights, compressions, loss)
     }
 
-    /// What each slipping spring takes from the pressure (Δ/π)/√(c²−r²) that the ring would put on a
-    /// radius r < c if it ended in a step: (1/π) ∫ −y′/√(x²−r²) dx by parts, so that however steep y
-    /// is at the stick edge, only y itself is summed.
+    /// By how much each slipping spring reduces the pressure at r < c, compared with a step at the stick edge, which
+    /// gives (Δ/π)/√(c²−r²). This is (1/π) ∫ −y′/√(x²−r²) dx, integrated by parts, because y′ can be very large.
     pub(crate) fn weights_inside(&self, r: f64) -> [f64; ROW_POINTS] {
         std::array::from_fn(|k| {
             let x = self.positions[k];
@@ -218,8 +216,8 @@ impl SpringRow {
         })
     }
 
-    /// (2/π) w/√(r²−x²) of each slipping spring for a radius outside the contact: multiplied with
-    /// the compressions they add up to (2/π) ∫ y/√(r²−x²) dx, by which the surface follows the motion.
+    /// (2/π) w/√(r²−x²) of each slipping spring for a radius outside the contact. The sum of their products with the
+    /// compressions is (2/π) ∫ y/√(r²−x²) dx, by which the surface follows the motion.
     pub(crate) fn weights_outside(&self, r: f64) -> [f64; ROW_POINTS] {
         std::array::from_fn(|k| {
             let x = self.positions[k];

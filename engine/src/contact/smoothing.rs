@@ -1,11 +1,9 @@
-//! Measured points made fit for differentiation: as little smoothing as the noise asks for.
+//! Removes noise from measured points, so that they can be differentiated.
 //!
-//! Every point is replaced by a parabola fitted to it and its neighbours, m on either side, weighted
-//! by their distance (tricube) and by their noise. A paraboloid and a cone are parabolas in r, so that
-//! smoothing does not bend them. How far the neighbourhood reaches is decided by the points, about
-//! each of them anew: the largest m that predicts the points there from the others nearly as well as
-//! the best m does. Where that is the smallest one, as for exact points and close to a kink, nothing
-//! is smoothed at all.
+//! A parabola is fitted to each point and its m neighbours on either side, weighted by distance (tricube) and by
+//! noise. It replaces the point. A paraboloid and a cone are parabolas in r, and smoothing does not change them. Cross-
+//! validation chooses m for each point: the largest m that predicts the points nearby almost as well as the best m.
+//! For exact points and next to a kink this is the smallest m, and nothing is smoothed.
 //!
 //! # Equations
 //! ```text
@@ -16,29 +14,29 @@
 //! ```
 //!
 //! # Accuracy
-//! Of 200 points with a noise of 1 % (normal, of the local height), over seeds: a paraboloid, a cone
-//! and a sphere wear within 0.5 % of the exact ones, the worst within 1 %; an exponent of 4 within 2 %
-//! and 8 %; depths of the exact method in partial slip are the most sensitive (20 %). The edge of a
-//! truncated shape is rounded by noise: 2 to 7 % and more.
+//! For 200 points with 1 % of normally distributed noise in the local height: the wear of a paraboloid, a cone and a
+//! sphere is within 0.5 % of the exact shapes, and within 1 % for the worst seed. An exponent of 4 has 2 % and 8 %.
+//! Depths by the exact method in partial slip are the most sensitive (20 %). Noise rounds the edge of a truncated
+//! shape, which changes its wear by 2 to 7 % and more.
 //!
 //! # Sources
 //! W. S. Cleveland, *J. Am. Stat. Assoc.* 74 (1979) 829 (local regression).
 
-/// Most points that are told apart; neighbours are averaged in groups if there are more.
+/// Most points. If there are more, groups of neighbours are averaged.
 const MOST_POINTS: usize = 500;
-/// Fewer points than this tell nothing of their noise.
+/// Fewest points from which noise can be estimated.
 const FEWEST_POINTS: usize = 12;
-/// Predictions as good as this, in units of the greatest height, leave nothing to smooth.
+/// Points with a smaller prediction error, in units of the largest height, are not smoothed.
 const NEGLIGIBLE: f64 = 1e-9;
-/// Points on either side whose noise is taken to be alike.
-const ALIKE: usize = 25;
-/// A misfit of this many times the least is as good, as far as 51 points can tell.
-const ENOUGH: f64 = 1.5;
-/// No point is trusted more than this many times the worst.
+/// Points on either side that are assumed to have the same noise.
+const NEIGHBOURS: usize = 25;
+/// Misfits up to this factor above the smallest one count as equal, because 51 points cannot tell them apart.
+const EQUAL_MISFIT: f64 = 1.5;
+/// Largest ratio of the noise of the worst point to the noise of a point in the weights.
 const TRUST: f64 = 1e3;
 
-/// The means of groups of neighbours, if there are more than [`MOST_POINTS`]; groups are narrow
-/// where points are scarce. The first point stays alone.
+/// The means of groups of neighbours if there are more than [`MOST_POINTS`]. Groups are narrow where there are few
+/// points. The first point is not grouped.
 pub(super) fn grouped(x: &[f64], z: &[f64]) -> (Vec<f64>, Vec<f64>) {
     if x.len() <= MOST_POINTS {
         return (x.to_vec(), z.to_vec());
@@ -48,9 +46,9 @@ pub(super) fn grouped(x: &[f64], z: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let mut means = (vec![x[0]], vec![z[0]]);
     let mut from = 1;
     while from < x.len() {
-        let near = x[from..].partition_point(|other| other - x[from] <= widest);
-        let to = from + near.clamp(1, most);
-        // The last point stays alone too: it says how far the table reaches.
+        let within = x[from..].partition_point(|other| other - x[from] <= widest);
+        let to = from + within.clamp(1, most);
+        // The last point is not grouped either, because it is the end of the table.
         let to = if to == x.len() && to - from > 1 { to - 1 } else { to };
         let count = (to - from) as f64;
         means.0.push(x[from..to].iter().sum::<f64>() / count);
@@ -60,7 +58,7 @@ pub(super) fn grouped(x: &[f64], z: &[f64]) -> (Vec<f64>, Vec<f64>) {
     means
 }
 
-/// The heights `z` at ascending `x`, less their noise.
+/// The heights `z` at ascending `x` without their noise.
 pub(super) fn smoothed(x: &[f64], z: Vec<f64>) -> Vec<f64> {
     let n = x.len();
     if n < FEWEST_POINTS {
@@ -70,7 +68,7 @@ pub(super) fn smoothed(x: &[f64], z: Vec<f64>) -> Vec<f64> {
     let nearest: Vec<f64> = (0..n).map(|i| (points.at(i, 2, false) - z[i]).abs()).collect();
     let noise: Vec<f64> = (0..n)
         .map(|i| {
-            let mut errors = nearest[about(i, n)].to_vec();
+            let mut errors = nearest[near(i, n)].to_vec();
             errors.sort_by(f64::total_cmp);
             errors[errors.len() / 2]
         })
@@ -92,7 +90,7 @@ pub(super) fn smoothed(x: &[f64], z: Vec<f64>) -> Vec<f64> {
     {
         reaches.push(m + m.div_ceil(2));
     }
-    // How badly each reach predicts, summed up about each point.
+    // The prediction error of each reach, summed over the neighbourhood of each point.
     let misfits: Vec<Vec<f64>> = reaches
         .iter()
         .map(|m| {
@@ -102,23 +100,23 @@ pub(super) fn smoothed(x: &[f64], z: Vec<f64>) -> Vec<f64> {
                     error * error * points.trust[i]
                 })
                 .collect();
-            // Beyond the outermost points there is nothing to predict them from.
+            // The outermost points cannot be predicted, because they have no neighbours further out.
             (0..n)
-                .map(|i| about(i, n).filter(|j| (2..n - 2).contains(j)).map(|j| squares[j]).sum())
+                .map(|i| near(i, n).filter(|j| (2..n - 2).contains(j)).map(|j| squares[j]).sum())
                 .collect()
         })
         .collect();
     let chosen: Vec<usize> = (0..n)
         .map(|i| {
             let least = misfits.iter().map(|misfit| misfit[i]).fold(f64::INFINITY, f64::min);
-            misfits.iter().rposition(|misfit| misfit[i] <= ENOUGH * least).unwrap_or(0)
+            misfits.iter().rposition(|misfit| misfit[i] <= EQUAL_MISFIT * least).unwrap_or(0)
         })
         .collect();
     (0..n)
         .map(|i| {
-            // Where the reach changes, it does so gradually.
+            // Averages over the reaches of the neighbours, so that the reach changes gradually.
             let mut counts = vec![0; reaches.len()];
-            about(i, n).for_each(|j| counts[chosen[j]] += 1);
+            near(i, n).for_each(|j| counts[chosen[j]] += 1);
             let sum: f64 = counts
                 .iter()
                 .zip(&reaches)
@@ -133,12 +131,12 @@ pub(super) fn smoothed(x: &[f64], z: Vec<f64>) -> Vec<f64> {
         .collect()
 }
 
-/// The points about point i of n, whose noise is taken to be alike.
-fn about(i: usize, n: usize) -> std::ops::Range<usize> {
-    i.saturating_sub(ALIKE)..(i + ALIKE + 1).min(n)
+/// The neighbourhood of point i of n, in which the noise is assumed to be the same.
+fn near(i: usize, n: usize) -> std::ops::Range<usize> {
+    i.saturating_sub(NEIGHBOURS)..(i + NEIGHBOURS + 1).min(n)
 }
 
-/// Points and how much each counts.
+/// Points with their weights.
 struct WeightedPoints<'a> {
     x: &'a [f64],
     z: &'a [f64],
@@ -146,8 +144,7 @@ struct WeightedPoints<'a> {
 }
 
 impl WeightedPoints<'_> {
-    /// The value at point i of the parabola fitted to the 2m + 1 points about it, itself included or
-    /// not.
+    /// The value at point i of the parabola fitted to the 2m + 1 points around it, with or without the point itself.
     fn at(&self, i: usize, m: usize, included: bool) -> f64 {
         let n = self.x.len();
         let first = i.saturating_sub(m).min(n.saturating_sub(2 * m + 1));
@@ -197,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn exact_points_and_kinks_are_left_alone() {
+    fn exact_points_and_kinks_are_not_changed() {
         let (x, _) = uneven(200);
         let shapes: [fn(f64) -> f64; 4] =
             [|x| x * x, |x| x, |x| x * x * x * x, |x| (x - 0.4).max(0.0)];
@@ -208,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_is_taken_off() {
+    fn noise_is_removed() {
         let (x, noise) = uneven(200);
         let shapes: [fn(f64) -> f64; 2] = [|x| x * x, |x| x];
         for shape in shapes {

@@ -1,26 +1,26 @@
 //! The shape of a measured table, and its image.
 //!
-//! The points, less their noise ([`smoothing`](super::smoothing)), are joined by a cubic that is
-//! monotone where they are: slopes of the parabolas through three neighbours, limited to three times
-//! the smaller secant. Its image (3) is integrated exactly at nodes, the points and some between
-//! them, and so is the slope of the image. From there on the image is the cubic through them, made to
-//! rise; profile, pressure and force are the exact transforms of that.
+//! First, [`smoothing`](super::smoothing) removes noise from the points. A piecewise cubic then joins them. It is
+//! monotone where the points are: its slopes are those of parabolas through three neighbours, limited to three times
+//! the smaller secant. Its image (3) and the slope of the image are integrated exactly at nodes, which are the points
+//! and some radii between them. The image of the table is the rising cubic through these values. Profile, pressure and
+//! force are exact transforms of this image.
 //!
 //! # Equations
-//! A piecewise polynomial is the sum of what begins at each node, (x − xᵢ)ᵏ for x > xᵢ, and
+//! A piecewise polynomial is a sum of powers (x − xᵢ)ᵏ that begin at the nodes xᵢ:
 //! ```text
 //! T_k = ∫ᵇʳ (x−b)ᵏ/√(r²−x²) dx:  kT_k = (k−1)(r²−b²)T_{k−2} − (2k−1)bT_{k−1},  T₀ = arccos(b/r)
 //! S_k = ∫ᵇᵉ (x−b)ᵏ/√(x²−r²) dx:  kS_k = (e−b)ᵏ⁻¹√(e²−r²) − (2k−1)bS_{k−1} − (k−1)(b²−r²)S_{k−2}
 //! ```
-//! Between the axis and the first node, where nothing is measured, the image is even in x: a table
-//! has no apex.
+//! Between the axis and the first node there are no points. There the image is even in x, so that a table has no
+//! apex.
 //!
 //! # Units
-//! Lengths in the last radius, heights in the greatest height.
+//! Lengths in units of the last radius, and heights in units of the largest height.
 //!
 //! # Accuracy
-//! Transforms of the image to 1e-11. The image of a paraboloid of 200 exact points is right to 1e-8, of
-//! a cone to 1e-4, and to 1e-2 in its first hundredth.
+//! Transforms of the image to 1e-11. The image of 200 exact points of a paraboloid has an error of 1e-8. For a cone it
+//! is 1e-4, and 1e-2 in the first hundredth of the radius.
 
 use std::f64::consts::{FRAC_1_PI, FRAC_2_PI};
 use std::sync::Arc;
@@ -30,27 +30,27 @@ use crate::numeric::{maximum, root};
 
 /// Fewest nodes of the image.
 const NODES: usize = 160;
-/// An image that falls by more than this share of its height, or by so much of the greatest height,
-/// has no unique contact beyond.
+/// Beyond a fall of the image by more than this share of its height, over this share of its radius, the contact is
+/// not unique. Next to the axis the fall is measured in units of the largest height.
 const FALL: f64 = 0.02;
 const FAR: f64 = 0.1;
 const FALL_AT_AXIS: f64 = 1e-3;
-/// A fall by so much is no noise, and what lies beyond it does not count.
+/// A larger fall cannot be noise. The points beyond it are ignored.
 const DEEP: f64 = 0.3;
 /// Coefficients of (x − xᵢ)ᵏ.
 type Powers = [f64; 5];
 
-/// A table as one shape, from the axis outwards.
+/// The rising image of a table.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct TableShape {
-    /// The last radius and the greatest height, in m.
+    /// The last radius and the largest height, in m.
     length: f64,
     height: f64,
-    /// Nodes of the image, 0 first.
+    /// The nodes of the image. The first is 0.
     nodes: Vec<f64>,
-    /// The image on the cell after each node; after the last it goes on straight.
+    /// The image in the cell after each node. After the last node it is a straight line.
     cells: Vec<Powers>,
-    /// By how much the coefficients change at each node.
+    /// The changes of the coefficients at each node.
     changes: Vec<Powers>,
     /// ∫ g from the axis to each node.
     areas: Vec<f64>,
@@ -69,7 +69,7 @@ fn inverse_kernel(b: f64, r: f64) -> Powers {
     t
 }
 
-/// S₀ … S₃ for r ≤ b < e, where `last` is √(e²−r²). On the axis S₀ is infinite and left 0.
+/// S₀ … S₃ for r ≤ b < e. `last` is √(e²−r²). On the axis S₀ is infinite, and the result contains 0 instead.
 fn pressure_kernel(b: f64, r: f64, end: f64, last: f64) -> [f64; 4] {
     let square = (b - r) * (b + r);
     let first = square.sqrt();
@@ -86,7 +86,7 @@ fn pressure_kernel(b: f64, r: f64, end: f64, last: f64) -> [f64; 4] {
     s
 }
 
-/// The coefficients of a polynomial about a point `u` further on.
+/// The coefficients of a polynomial around a point shifted by `u`.
 fn shifted(powers: &Powers, u: f64) -> Powers {
     let mut shifted = *powers;
     for from in 0..4 {
@@ -120,8 +120,8 @@ fn cubic(width: f64, values: [f64; 2], slopes: [f64; 2]) -> Powers {
     [values[0], slopes[0], second, third, 0.0]
 }
 
-/// Slopes of a curve through points, monotone where they are: parabolas through three neighbours,
-/// limited as F. N. Fritsch and R. E. Carlson, *SIAM J. Numer. Anal.* 17 (1980) 238, found enough.
+/// Slopes of a curve that is monotone where the points are. They are those of parabolas through three neighbours,
+/// limited after F. N. Fritsch, R. E. Carlson, *SIAM J. Numer. Anal.* 17 (1980) 238.
 fn monotone_slopes(x: &[f64], z: &[f64]) -> Vec<f64> {
     let secants: Vec<f64> =
         x.windows(2).zip(z.windows(2)).map(|(x, z)| (z[1] - z[0]) / (x[1] - x[0])).collect();
@@ -135,7 +135,7 @@ fn monotone_slopes(x: &[f64], z: &[f64]) -> Vec<f64> {
     let last = x.len() - 1;
     (0..=last)
         .map(|i| {
-            // At an end, the parabola of the point next to it.
+            // An end point uses the parabola of its neighbour.
             let middle = i.clamp(1, last.max(2) - 1);
             let (Some(left), Some(right)) = (secants.get(middle - 1), secants.get(middle)) else {
                 return secants[0];
@@ -151,7 +151,7 @@ fn monotone_slopes(x: &[f64], z: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// The sums over changes of a piecewise polynomial f′ at `knots` that make the image and its slope:
+/// The image and its slope, from the changes of a piecewise polynomial f′ at `knots`:
 /// g = x ∫ f′/√(x²−r²) dr and g′ = g/x + ∫ r f″/√(x²−r²) dr.
 fn image_of(knots: &[f64], changes: &[[f64; 3]], x: f64) -> (f64, f64) {
     let (mut first, mut second) = (0.0, 0.0);
@@ -163,7 +163,7 @@ fn image_of(knots: &[f64], changes: &[[f64; 3]], x: f64) -> (f64, f64) {
     (x * first, first + second)
 }
 
-/// How many nodes there are before the image has fallen by more than `DEEP` of what it had reached.
+/// The number of nodes before the image has fallen by more than `DEEP` of its largest value so far.
 fn before_the_fall(images: &[(f64, f64)]) -> usize {
     let mut top = 0;
     for (i, (image, _)) in images.iter().enumerate().skip(1) {
@@ -176,8 +176,8 @@ fn before_the_fall(images: &[(f64, f64)]) -> usize {
     images.len()
 }
 
-/// The rising values that are closest to those at the nodes: neighbours that fall are replaced by
-/// their mean, each with its share of the axis. They begin at 0.
+/// The rising values closest to the given ones (isotonic regression). Falling neighbours are replaced by their mean,
+/// weighted by the lengths of their cells. The first value is 0.
 fn isotonic(nodes: &[f64], images: &[(f64, f64)]) -> Vec<f64> {
     // Mean, weight and number of each run of equal values.
     let mut runs: Vec<(f64, f64, usize)> = vec![(0.0, f64::INFINITY, 1)];
@@ -201,7 +201,7 @@ fn isotonic(nodes: &[f64], images: &[(f64, f64)]) -> Vec<f64> {
     runs.iter().flat_map(|(mean, _, count)| std::iter::repeat_n(*mean, *count)).collect()
 }
 
-/// How many nodes there are until the image falls for good: deeply and over some distance.
+/// The number of nodes before the image falls deeply and over some distance.
 fn rising_part(nodes: &[f64], images: &[(f64, f64)], values: &[f64]) -> usize {
     let mut first = 0;
     for i in 1..nodes.len() {
@@ -211,7 +211,7 @@ fn rising_part(nodes: &[f64], images: &[(f64, f64)], values: &[f64]) -> usize {
         let fall = values[i] - images[i].0;
         let far = nodes[i] - nodes[first] > FAR * nodes[i];
         if first > 0 && far && fall > FALL * values[i] + FALL_AT_AXIS {
-            // The first cell is there whatever it is like.
+            // The first cell is always kept.
             return first.max(2);
         }
     }
@@ -219,7 +219,7 @@ fn rising_part(nodes: &[f64], images: &[(f64, f64)], values: &[f64]) -> usize {
 }
 
 impl TableShape {
-    /// The shape through heights at radii that ascend strictly from 0, at least two.
+    /// The shape of at least two heights at strictly ascending radii from 0.
     pub(crate) fn through(radius: &[f64], height: &[f64]) -> Self {
         let length = radius[radius.len() - 1];
         let (lowest, greatest) =
@@ -230,7 +230,7 @@ impl TableShape {
         let (x, z) = grouped(&x, &z);
         let z = smoothed(&x, z);
         let slopes = monotone_slopes(&x, &z);
-        // f′ on each cell, and how it changes at each point.
+        // f′ in each cell, and its changes at the points.
         let mut before = [0.0; 3];
         let changes: Vec<[f64; 3]> = (0..x.len() - 1)
             .map(|i| {
@@ -256,9 +256,9 @@ impl TableShape {
         Self::rising(length, scale, nodes, &images)
     }
 
-    /// The image through values and slopes at nodes, made to rise, as far as it does.
+    /// The rising image through values and slopes at the nodes, up to the radius at which it falls.
     fn rising(length: f64, height: f64, mut nodes: Vec<f64>, images: &[(f64, f64)]) -> Self {
-        // A deep fall far out must not be averaged into the rise before it.
+        // Otherwise a deep fall would lower the mean of the rising part before it.
         nodes.truncate(before_the_fall(images));
         let images = &images[..nodes.len()];
         let mut values = isotonic(&nodes, images);
@@ -270,7 +270,7 @@ impl TableShape {
             .map(|i| {
                 let left = match i {
                     0 => return 0.0,
-                    // Of the even quartic that is steepest there.
+                    // The steepest even quartic.
                     1 => 4.0 / 3.0 * secant(0),
                     _ => secant(i - 1),
                 };
@@ -292,7 +292,7 @@ impl TableShape {
                 cubic(width, [values[i], values[i + 1]], [slopes[i], slopes[i + 1]])
             })
             .collect();
-        // Only to tell how far the table should have gone.
+        // The straight line is needed only to estimate how far the table must reach.
         let straight = slopes[last].max(secant(last - 1)).max(FALL);
         cells.push([values[last], straight, 0.0, 0.0, 0.0]);
         let changes = (0..=last)
@@ -303,7 +303,7 @@ impl TableShape {
                     for (change, before) in change.iter_mut().zip(before) {
                         *change -= before;
                     }
-                    // Value and slope are continuous, whatever rounding says.
+                    // Value and slope are continuous. This removes rounding errors.
                     change[0] = 0.0;
                     if i < last {
                         change[1] = 0.0;
@@ -319,7 +319,7 @@ impl TableShape {
         Self { length, height, nodes, cells, changes, areas }
     }
 
-    /// How far the image rises, in m: as far as the table goes, unless it falls before.
+    /// The radius in m up to which the image rises: the end of the table, or the radius at which it falls.
     pub(crate) fn reach(&self) -> f64 {
         self.end() * self.length
     }
@@ -328,7 +328,7 @@ impl TableShape {
         self.nodes[self.nodes.len() - 1]
     }
 
-    /// The cell with `x` and how far in it is.
+    /// The cell that contains `x`, and the distance from its node.
     fn locate(&self, x: f64) -> (usize, f64) {
         let cell = self.nodes.partition_point(|node| *node <= x).saturating_sub(1);
         (cell, x - self.nodes[cell])
@@ -374,7 +374,7 @@ impl TableShape {
         self.areas[cell] + area(&self.cells[cell], u)
     }
 
-    /// The polynomials that begin between `from` and `to`, the first with the cell of `from`.
+    /// The polynomials that begin between `from` and `to`. The first is that of the cell at `from`.
     fn terms(&self, from: f64, to: f64) -> impl Iterator<Item = (f64, Powers)> + '_ {
         let (cell, u) = self.locate(from);
         let later = self.nodes[cell + 1..].iter().zip(&self.changes[cell + 1..]);
@@ -428,15 +428,14 @@ impl TableShape {
         FRAC_1_PI * sum
     }
 
-    /// d in m under a force, given as F/E* in m²: 2∫ (d − g) dx. Beyond the table the image goes on
-    /// straight.
+    /// d in m under a force, given as F/E* in m²: 2∫ (d − g) dx. Beyond the table the image is a straight line.
     pub(crate) fn depth_under(&self, force: f64) -> f64 {
         let half = force / (2.0 * self.length * self.height);
         let carried = |x: f64| x * self.image(x) - self.area(x);
         let end = self.end();
         let missing = half - carried(end);
         let radius = if missing > 0.0 {
-            // Further on by e, the force has grown by s·e·(x + e/2).
+            // At a distance e beyond the end, the force has grown by s·e·(x + e/2).
             let slope = self.cells[self.cells.len() - 1][1];
             end + 2.0 * missing / slope / (end + (end * end + 2.0 * missing / slope).sqrt())
         } else {
@@ -453,13 +452,13 @@ pub(crate) struct PressedTable {
     /// a₀ and d₀ in the units of the table.
     radius: f64,
     depth: f64,
-    /// Where it ends, in a₀.
+    /// The end of the table in a₀.
     extent: f64,
 }
 
 impl PressedTable {
-    /// The table pressed in by `depth` in m, and a₀ in m; `None` where it ends inside the contact. An
-    /// endless one goes on straight instead.
+    /// The table pressed in by `depth` in m, and a₀ in m. `None` if the table ends inside the contact. With `endless` it
+    /// continues as a straight line.
     pub(crate) fn new(table: &Arc<TableShape>, depth: f64, endless: bool) -> Option<(f64, Self)> {
         let depth = depth / table.height;
         let radius = table.image_inverse(depth);
@@ -517,7 +516,7 @@ impl PressedTable {
         pressure * self.radius / self.depth
     }
 
-    /// The largest pressure, looked for in steps.
+    /// The largest pressure, searched in steps.
     pub(crate) fn peak_pressure(&self) -> f64 {
         const STEP: f64 = 1.0 / 64.0;
         let at = |r: f64| self.pressure_inside(r, 1.0);

@@ -1,8 +1,7 @@
-//! The two integral transforms of the method of dimensionality reduction.
+//! The inverse transform and the pressure integral of the method of dimensionality reduction.
 //!
-//! [`forward`] and [`inverse`] evaluate (3) and (4) for functions. [`Kernels`] does the same for
-//! sampled wear: Abel integrals are convolutions in x², so on the mesh
-//! τ = (x² − c²)/(ã² − c²) = (i/n)³ their matrices are constants that depend on nothing but n.
+//! [`Kernels`] evaluates them for sampled wear. Abel integrals are convolutions in x². On the mesh
+//! τ = (x² − c²)/(ã² − c²) = (i/n)³ their matrices therefore depend only on n.
 //!
 //! # Equations
 //! ```text
@@ -12,11 +11,10 @@
 //! ```
 //!
 //! # Accuracy
-//! [`forward`] and [`inverse`] are exact to rounding for smooth functions, 1e-10 for |x|ⁿ, n ≥ 1.
-//! [`Kernels`] is of order 2 in 1/n for smooth wear (3e-5 of d₀ at n = 200) and of order 3/2 for the
-//! pressure, whose integrand is a piecewise constant slope. The cubic grading
-//! resolves the jump that the image forms at the stick edge; with quadratic grading the wear next to
-//! that edge is ten times less accurate late in a run, with quartic grading the scar's rim is coarse.
+//! [`Kernels`] is of order 2 in 1/n for smooth wear (3e-5 of d₀ at n = 200). The pressure is of order 3/2, because its
+//! integrand is a piecewise constant slope. The cubic grading resolves the jump of the image at the stick edge. With
+//! quadratic grading the wear next to this edge is ten times less accurate late in a run. With quartic grading the rim
+//! of the scar is coarse.
 //!
 //! # Sources
 //! V. L. Popov, M. Heß, *Method of Dimensionality Reduction in Contact Mechanics and Friction*
@@ -48,10 +46,9 @@ fn quarter_circle(f: impl Fn(f64) -> f64) -> f64 {
 }
 
 const TWO_THIRDS: f64 = 2.0 / 3.0;
-/// Above this n the matrices are not kept but made row by row as they are used: two of them would
-/// take 16 n² bytes… 134 MB at n = 4096.
+/// For larger n each row is computed when it is used. Both matrices together need 8 n² bytes: 134 MB at n = 4096.
 const KEPT_CELLS: usize = 512;
-/// How many sizes are kept at once (at most 4 MB each).
+/// Most sizes in the cache, with at most 2 MB each.
 const KEPT_SIZES: usize = 4;
 
 /// The matrices of the inverse transform and of the pressure on the mesh τᵢ = (i/n)³.
@@ -62,13 +59,13 @@ pub struct Kernels {
     per_cell: Vec<f64>,
     /// Simpson's weights of ∫ dτ = ∫ 3u² du over the nodes, for an even n.
     areas: Vec<f64>,
-    /// Row i of the inverse has i + 1 entries, row i of the pressure n − i; both empty for large n.
+    /// Row i of the inverse has i + 1 entries, and row i of the pressure n − i. Both are empty for large n.
     inverse: Vec<f64>,
     pressure: Vec<f64>,
 }
 
 impl Kernels {
-    /// The kernels of `cells` cells, kept from an earlier call if there was one.
+    /// The kernels for this number of cells, from a cache of recent sizes.
     #[must_use]
     pub fn with_cells(cells: usize) -> Arc<Self> {
         static RECENT: Mutex<VecDeque<Arc<Kernels>>> = Mutex::new(VecDeque::new());
@@ -128,14 +125,13 @@ impl Kernels {
         &self.tau
     }
 
-    /// ∫ of sampled values over τ by Simpson's rule; n must be even.
+    /// ∫ of sampled values over τ by Simpson's rule, for even n.
     pub(crate) fn area(&self, values: &[f64]) -> f64 {
         dot(&self.areas, values)
     }
 
-    /// Weights of ∫₀^τᵢ φ(τ)/√(τᵢ−τ) dτ for φ linear between nodes: with α = √(τᵢ−τⱼ) and
-    /// β = √(τᵢ−τⱼ₊₁), cell j gives e(α+2β) to its left node and e(2α+β) to its right one, where
-    /// e = ⅔(α−β)²/(τⱼ₊₁−τⱼ).
+    /// Weights of ∫₀^τᵢ φ(τ)/√(τᵢ−τ) dτ for φ linear between nodes. With α = √(τᵢ−τⱼ), β = √(τᵢ−τⱼ₊₁) and
+    /// e = ⅔(α−β)²/(τⱼ₊₁−τⱼ), cell j adds e(α+2β) to its left node and e(2α+β) to its right node.
     fn fill_inverse_row(&self, i: usize, row: &mut Vec<f64>) {
         row.clear();
         row.extend(self.tau[..=i].iter().map(|tau| (self.tau[i] - tau).sqrt()));
@@ -149,14 +145,14 @@ impl Kernels {
         row[i] = from_left;
     }
 
-    /// √(τⱼ−τᵢ) for j > i, which multiply the changes of slope dR/dτ at node j.
+    /// √(τⱼ−τᵢ) for j > i: the weights of the changes of the slope dR/dτ at node j.
     fn fill_pressure_row(&self, i: usize, row: &mut Vec<f64>) {
         row.clear();
         row.extend(self.tau[i + 1..].iter().map(|tau| (tau - self.tau[i]).sqrt()));
     }
 
-    /// ∫₀^τᵢ φ(τ)/√(τᵢ−τ) dτ at every node, for several φ at once: of `φ[k]` into `curves[k]`, from
-    /// index `first` on. An empty φ stands for zero: it costs nothing and leaves its curve as it is.
+    /// Writes ∫₀^τᵢ φ(τ)/√(τᵢ−τ) dτ at every node to `curves[k]`, from index `first` on, for each φ = `phi[k]`. An empty φ
+    /// means zero, and leaves its curve unchanged.
     pub fn inverse(&self, phi: &[Vec<f64>], curves: &mut [Vec<f64>], first: usize) {
         let mut pairs = not_empty(phi, curves);
         let (mut made, mut start) = (Vec::new(), 0);
@@ -174,9 +170,8 @@ impl Kernels {
         }
     }
 
-    /// −½ ∫ from τᵢ of R′(τ)/√(τ−τᵢ) dτ at the first `rows` nodes, for several R at once, each given
-    /// by its [`slope_changes`](Self::slope_changes): into `curves[k]`, from index `first` on. An
-    /// empty list stands for R = 0 and leaves its curve as it is.
+    /// Writes −½ ∫ R′(τ)/√(τ−τᵢ) dτ from τᵢ on, at the first `rows` nodes, to `curves[k]`, from index `first` on. R is given
+    /// by its [`slope_changes`](Self::slope_changes). An empty list means R = 0, and leaves its curve unchanged.
     pub fn pressure(
         &self,
         changes: &[Vec<f64>],
@@ -201,8 +196,8 @@ impl Kernels {
         }
     }
 
-    /// Turns a sampled R into the growth of its slope dR/dτ at each node. R is given at the first
-    /// nodes and is constant outside them.
+    /// Replaces a sampled R by the changes of its slope dR/dτ at the nodes. R is given at the first nodes, and is
+    /// constant beyond them.
     pub(crate) fn slope_changes(&self, values: &mut [f64]) {
         for (j, per_cell) in (1..values.len()).zip(&self.per_cell) {
             values[j - 1] = (values[j] - values[j - 1]) * per_cell;
@@ -216,7 +211,7 @@ impl Kernels {
     }
 }
 
-/// What is given, each with the curve that it makes.
+/// Pairs of the lists that are not empty with their curves.
 fn not_empty<'a>(
     given: &'a [Vec<f64>],
     curves: &'a mut [Vec<f64>],

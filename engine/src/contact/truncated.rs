@@ -1,16 +1,16 @@
-//! Paraboloids and cones whose tip is worn or cut to a flat of radius β, in units of a₀ and d₀.
+//! Paraboloids and cones with a flat tip of radius β, in units of a₀ and d₀.
 //!
 //! # Equations
-//! Outside the flat, 0 inside it:
+//! Outside the flat (inside, both are 0):
 //! ```text
 //! paraboloid   f = (A/2)(r² − β²)    g = A x √(x²−β²)
 //! cone         f = A (r − β)         g = A x arccos(β/x)
 //! ```
-//! with A such that g(1) = 1. The springs under the flat are all compressed by d, so that either all
-//! of them slip or none does: in partial slip c ≥ β. The pressure is infinite at r = β.
+//! A follows from g(1) = 1. All springs under the flat have the compression d, so that all of them slip or none. In
+//! partial slip c ≥ β. The pressure is infinite at r = β.
 //!
 //! # Accuracy
-//! Closed forms to rounding; the pressure by Gauss rules, better than 1e-12.
+//! Closed forms to rounding. The pressure by Gauss rules, with an error below 1e-12.
 //!
 //! # Sources
 //! U. B. C. O. Ejike, *Int. J. Eng. Sci.* 19 (1981) 865; D. Maugis, M. Barquins, *J. Phys. D* 16
@@ -21,7 +21,7 @@ use std::f64::consts::{FRAC_1_PI, FRAC_2_PI};
 
 use crate::numeric::{integrate, root};
 
-/// What is beyond the flat.
+/// The shape outside the flat.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Flank {
     Paraboloid,
@@ -55,7 +55,7 @@ impl Truncated {
         Self { flank: Flank::Cone, flat, scale }
     }
 
-    /// β as a list.
+    /// β, as a list.
     pub(super) fn kinks(&self) -> &[f64] {
         std::slice::from_ref(&self.flat)
     }
@@ -89,7 +89,7 @@ impl Truncated {
         }
     }
 
-    /// g(c + δ) − g(c) without their cancellation.
+    /// g(c + δ) − g(c) without cancellation.
     pub(super) fn image_rise(&self, c: f64, delta: f64) -> f64 {
         let b = self.flat;
         if c <= b {
@@ -130,7 +130,7 @@ impl Truncated {
                 let (b, q) = (self.flat * self.flat, value / self.scale);
                 (0.5 * (b + (b * b + 4.0 * q * q).sqrt())).sqrt()
             }
-            // A little further than 1, where rounding may leave the image below it.
+            // The bracket is slightly larger than 1, because rounding can leave the image below 1.
             Flank::Cone => root(self.flat, 1.0 + 1e-12, |x| self.image(x) - value),
         }
     }
@@ -161,15 +161,15 @@ impl Truncated {
         }
     }
 
-    /// (1/π) ∫ g′/√(x²−r²) dx as far as `end`; infinite at r = β.
+    /// (1/π) ∫ g′/√(x²−r²) dx up to `end`; infinite at r = β.
     pub(super) fn pressure_inside(&self, r: f64, end: f64) -> f64 {
-        /// Longest panel: the integrand is analytic for |Im v| < π/2, so that a rule on it is exact.
+        /// Longest panel. The integrand is analytic for |Im v| < π/2, so that one rule is exact on it.
         const PANEL: f64 = 4.0;
         let b = self.flat;
         if r >= end || b >= end {
             return 0.0;
         }
-        // Both roots vanish close to each other: with m and l the larger and the smaller of r and β,
+        // Both roots can vanish close to each other. m is the larger of r and β, and l the smaller. Then
         // x² = m² + (m² − l²) sinh²v turns dx/√((x²−r²)(x²−β²)) into dv/x.
         let (larger, smaller) = (r.max(b), r.min(b));
         let gap = chord(larger, smaller);

@@ -1,9 +1,9 @@
-//! The unworn contact and the state that wear tends to, in dimensionless form.
+//! The unworn contact and its limiting state, in dimensionless form.
 
 use super::limit::Limit;
 use super::profile::Shape;
 
-/// How far the contact slips at the unworn state.
+/// The slip regime of the unworn contact.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Regime {
@@ -24,17 +24,17 @@ pub struct Contact {
     pub threshold: f64,
     /// c/a₀; 0 in gross slip.
     pub stick: f64,
-    /// Partial or gross slip.
+    /// The slip regime.
     pub regime: Regime,
-    /// The state that wear tends to.
+    /// The limiting state.
     pub limit: Limit,
 }
 
 impl Contact {
-    /// The contact of `shape` at amplitude Δ > 0; `None` where its scar would outgrow the shape.
+    /// The contact of `shape` at an amplitude Δ > 0; `None` if its scar would become larger than the shape.
     #[must_use]
     pub fn new(shape: Shape, threshold: f64) -> Option<Self> {
-        // At Δ = 1 the springs under a flat, if there is one, still stick.
+        // At Δ = 1 springs under a flat still stick.
         let stick = if threshold > 1.0 { 0.0 } else { shape.image_inverse(1.0 - threshold) };
         let regime = if stick > 0.0 { Regime::PartialSlip } else { Regime::GrossSlip };
         let limit = Limit::solve(&shape, stick)?;
@@ -48,8 +48,8 @@ impl Contact {
         Self::new(shape, threshold)
     }
 
-    /// Δ − y₀ of a spring at x = c + δ: how far it is from sticking. Never quite 0, so that no spring
-    /// divides 0 by 0 once e has underflowed.
+    /// Δ − y₀ of a spring at x = c + δ: its distance from sticking. It is never 0, because that would give 0/0 once e
+    /// has underflowed.
     pub(crate) fn rest(&self, delta: f64) -> f64 {
         let excess = (self.threshold - 1.0).max(0.0);
         (excess + self.shape.image_rise(self.stick, delta)).max(1e-300)
@@ -66,7 +66,7 @@ impl Contact {
         self.threshold * unworn * decay.left / (unworn * decay.left + rest)
     }
 
-    /// g − g₀ of such a spring, which is y₀ less its compression, without their cancellation.
+    /// g − g₀ of such a spring: y₀ minus its compression, without cancellation.
     #[must_use]
     pub fn worn(&self, delta: f64, decay: Decay) -> f64 {
         let rest = self.rest(delta);
@@ -78,7 +78,7 @@ impl Contact {
     }
 }
 
-/// e = exp(−ξÑ/ã), by which the simplified rule has come down, and 1 − e with all its digits.
+/// The decay e = exp(−ξÑ/ã) of the simplified rule, and 1 − e without cancellation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Decay {
     /// e.
@@ -88,7 +88,7 @@ pub struct Decay {
 }
 
 impl Decay {
-    /// Nothing is worn.
+    /// The unworn state.
     pub const UNWORN: Self = Self { left: 1.0, gone: 0.0 };
     /// The limiting state.
     pub const COMPLETE: Self = Self { left: 0.0, gone: 1.0 };

@@ -1,15 +1,12 @@
-//! Reference solutions: what is known in closed form about contact, partial slip and its wear.
+//! Reference solutions in closed form for contact, partial slip and its wear.
 //!
-//! They are written from the literature alone and share no code with the methods of this crate but a
-//! quadrature rule and a root finder, so that the methods can be judged by them, and so can other
-//! programs.
+//! They are written from the literature alone, and share no code with the methods of this crate. They can therefore
+//! check these methods, and other programs.
 //!
 //! # Units
-//! [`Hertz`], [`Cone`], [`PowerLaw`], [`Sphere`], [`TruncatedCone`], [`TruncatedParaboloid`] and
-//! [`CattaneoMindlin`] take and give quantities with dimensions, in any coherent system: with Pa
-//! and m, forces are in N and energies in J. [`LimitingState`] and the functions of an exponent are
-//! dimensionless: lengths in a₀, heights in d₀, forces in E*a₀d₀, volumes in a₀²d₀, all of the
-//! unworn contact, amplitudes in U_gs = μ(E*/G*)d₀ and cycles in N₀ = a₀/(4Uk_wE*).
+//! [`Hertz`], [`Cone`], [`PowerLaw`], [`Sphere`] and [`CattaneoMindlin`] use SI units, or any other coherent system.
+//! The functions of an exponent are dimensionless: lengths in a₀, heights in d₀, forces in E*a₀d₀ and volumes in
+//! a₀²d₀ of the unworn contact, amplitudes in U_gs = μ(E*/G*)d₀ and cycles in N₀ = a₀/(4Uk_wE*).
 //!
 //! # Symbols
 //! ```text
@@ -40,8 +37,8 @@
 //! assert!((contact.energy_per_cycle(force) / 57.9e-6 - 1.0).abs() < 1e-3);
 //! ```
 
-/// Numbers computed independently of this engine, as JSON: the closed forms of V. L. Popov, Sci. Rep. 4
-/// (2014) 3749, and exact runs by two discretisations, extrapolated.
+/// Numbers from other programs, as JSON: closed forms of V. L. Popov, Sci. Rep. 4 (2014) 3749, and exact runs by two
+/// discretisations, extrapolated.
 pub const TABLE: &str = include_str!("reference.json");
 
 use std::f64::consts::{FRAC_2_PI, FRAC_PI_2, PI};
@@ -159,17 +156,16 @@ impl PowerLaw {
     }
 }
 
-/// κₙ = √π Γ(n/2 + 1)/Γ((n+1)/2), by which the depth exceeds the profile at the contact radius.
+/// κₙ = √π Γ(n/2 + 1)/Γ((n+1)/2): the ratio of the depth to the profile at the contact radius.
 fn stretch(n: f64) -> f64 {
     let logarithm = libm::lgamma(0.5 * n + 1.0) - libm::lgamma(0.5 * (n + 1.0));
     PI.sqrt() * libm::exp(logarithm)
 }
 
-/// A sphere of radius R, in contact as far as a < R. C. M. Segedin, *Mathematika* 4 (1957) 156;
+/// A sphere of radius R with a contact radius a < R. C. M. Segedin, *Mathematika* 4 (1957) 156;
 /// I. N. Sneddon, *Int. J. Eng. Sci.* 3 (1965) 47; *Handbook* §2.5.4.
 ///
-/// The surface of the ground is still taken for a plane half-space: beyond a/R of about 0.3 this is
-/// a formula, not a contact.
+/// The formulas assume a plane half-space, which is not valid for a/R above about 0.3.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sphere {
     /// E* in Pa.
@@ -187,7 +183,7 @@ impl Sphere {
         self.contact_radius * libm::atanh(self.contact_radius / self.radius)
     }
 
-    /// F = E* ((R² + a²) artanh(a/R) − aR) in N. For a ≪ R digits cancel: R²/a² times the rounding.
+    /// F = E* ((R² + a²) artanh(a/R) − aR) in N. For a ≪ R it cancels: the error is R²/a² times the rounding.
     #[must_use]
     pub fn force(&self) -> f64 {
         let (r, a) = (self.radius, self.contact_radius);
@@ -195,7 +191,7 @@ impl Sphere {
     }
 }
 
-/// A paraboloid under a constant normal and a varying tangential force: a core sticks, a ring
+/// A paraboloid under a constant normal force and a varying tangential force. A core sticks, and a ring around it
 /// slips. C. Cattaneo, *Rend. Accad. Lincei* 27 (1938) 342; R. D. Mindlin, *J. Appl. Mech.* 16
 /// (1949) 259; R. D. Mindlin, H. Deresiewicz, *J. Appl. Mech.* 20 (1953) 327; *Johnson* §7.2(d),
 /// §7.4; *Handbook* §4.6.
@@ -229,8 +225,7 @@ impl CattaneoMindlin {
         self.hertz.contact_radius() * libm::cbrt(self.reserve(force))
     }
 
-    /// Q at a displacement U in m: the inverse of [`displacement`](Self::displacement); μF in gross
-    /// slip.
+    /// Q at a displacement U in m; μF in gross slip.
     #[must_use]
     pub fn force(&self, displacement: f64) -> f64 {
         let left = (1.0 - displacement / self.sliding_displacement()).max(0.0);
@@ -240,7 +235,7 @@ impl CattaneoMindlin {
     /// The energy lost in a cycle of amplitude Q*, in J:
     /// (18μ²F²/(5G*a)) (1 − (1−q)^(5/3) − (5q/6)(1 + (1−q)^(2/3))), q = Q*/(μF).
     ///
-    /// For small q it goes with q³, and digits cancel: 1e-15/q³ of it are lost.
+    /// For small q it is proportional to q³ and cancels: the relative error is 1e-15/q³.
     #[must_use]
     pub fn energy_per_cycle(&self, amplitude: f64) -> f64 {
         let left = self.reserve(amplitude);
@@ -262,8 +257,8 @@ fn two_thirds(x: f64) -> f64 {
 }
 
 /// c/a = (1 − q)^(1/(n+1)) of a power law with exponent n under Q = qμF. J. Jäger, *Arch. Appl.
-/// Mech.* 65 (1995) 478; M. Ciavarella, *J. Appl. Mech.* 65 (1998) 998: the stick zone is what a
-/// smaller normal force would press.
+/// Mech.* 65 (1995) 478; M. Ciavarella, *J. Appl. Mech.* 65 (1998) 998: the stick zone is the contact area of a
+/// smaller normal force.
 ///
 /// # Examples
 /// ```
@@ -275,19 +270,18 @@ pub fn stick_ratio(n: f64, q: f64) -> f64 {
     libm::pow(1.0 - q, 1.0 / (n + 1.0))
 }
 
-/// The fretting loop at the onset of gross slip, by which tests of sliding are judged. S. Fouvry,
+/// The criteria of the sliding transition, for the fretting loop at the gross-slip threshold. S. Fouvry,
 /// P. Kapsa, L. Vincent, *Wear* 185 (1995) 35.
 ///
-/// With δ* half of the stroke, δ₀ the half width of the loop where Q = 0, Q* = μF its height and W
-/// its area:
+/// δ* is half of the stroke, δ₀ half of the width of the loop at Q = 0, Q* = μF its height, and W its area:
 /// ```text
 /// A = W/(4Q*δ*) = 1/(2n+1)        D = δ₀/δ* = 2^(1/(n+1)) − 1        B = W/(4Q*δ₀) = A/D
 /// ```
-/// For n = 2 these are 0.2, 0.26 and 0.77; larger values say gross slip. A contains the compliance
-/// of the rig, B does not.
+/// For n = 2 these are 0.2, 0.26 and 0.77. Larger values mean gross slip. The compliance of the rig changes A, but
+/// not B.
 ///
 /// # Derivation
-/// At U = U_gs all springs slip: W = 8μE*(μE*/G*) ∫ y(d − y) dx with y = d(1 − (x/a)ⁿ), and
+/// At U = U_gs all springs slip, so that W = 8μE*(μE*/G*) ∫ y(d − y) dx with y = d(1 − (x/a)ⁿ), and
 /// ∫ xⁿ(1 − xⁿ) dx = n/((n+1)(2n+1)) over 0…1, while Q*δ* = μF·μ(E*/G*)d with F = (2n/(n+1))E*ad.
 /// By Masing's rule the way back from Q* is U* − 2U((Q*−Q)/2), which at Q = 0 is 2·2^(−n/(n+1)) − 1
 /// of U*.
@@ -302,7 +296,7 @@ pub struct SlidingTransition {
 }
 
 impl SlidingTransition {
-    /// The criteria for a power law with exponent n: 2 is Hertz and Mindlin's.
+    /// The criteria for a power law with exponent n.
     #[must_use]
     pub fn of(n: f64) -> Self {
         let energy_ratio = 1.0 / (2.0 * n + 1.0);
@@ -316,8 +310,8 @@ impl SlidingTransition {
 /// I = (n/(n+1)) ((1 − c²ⁿ⁺¹)/(2n+1) − cⁿ + cⁿ⁺¹), for n = 2
 /// 2/15 − 2c²/3 + 2c³/3 − 2c⁵/15.
 ///
-/// It is dV/dN = (k_w/μ)W with the loss W of the unworn contact, the integral of y(Δ − y) over the
-/// ring, where y = 1 − xⁿ and Δ = 1 − cⁿ. Digits cancel as 1e-15/(1 − c)³.
+/// This follows from dV/dN = (k_w/μ)W. The loss W of the unworn contact is the integral of y(Δ − y) over the ring,
+/// with y = 1 − xⁿ and Δ = 1 − cⁿ. The error by cancellation is 1e-15/(1 − c)³.
 ///
 /// # Examples
 /// ```
@@ -332,29 +326,27 @@ pub fn initial_wear_rate(n: f64, c: f64) -> f64 {
     2.0 * integral / (1.0 - power)
 }
 
-/// U_el/U_gs = 2n/(2n+1): the part of the amplitude that goes into the springs when an unworn power
-/// law slips as a whole.
+/// U_el/U_gs = 2n/(2n+1): the elastic part of the amplitude in gross slip of an unworn power law.
 ///
 /// # Derivation
 /// In gross slip W = 8μE* ∫ y(U − (μE*/G*)y) dx = 4μF(U − U_el) with U_el = μ(E*/G*) ∫y²dx/∫y dx;
 /// for y = d(1 − (x/a)ⁿ) the quotient is d·2n/(2n+1). For U = U_gs this gives A of
-/// [`SlidingTransition`]. A flat punch has U_el = U_gs = μF/(2G*a): no wear lowers it below that.
+/// [`SlidingTransition`]. A flat punch has U_el = U_gs = μF/(2G*a), which is the lower bound under wear.
 #[must_use]
 pub fn elastic_amplitude_ratio(n: f64) -> f64 {
     2.0 * n / (2.0 * n + 1.0)
 }
 
-/// The volume worn in N cycles of gross slip under a constant force, in m³: V = 4k_wF(U − U_el)N,
-/// Archard's law less the part U_el of the stroke that is elastic, [`elastic_amplitude_ratio`] of
-/// U_gs.
+/// The wear volume of N cycles of gross slip under a constant force, in m³: V = 4k_wF(U − U_el)N. This is Archard's
+/// law without the elastic part U_el of the stroke, [`elastic_amplitude_ratio`] of U_gs.
 ///
-/// `wear` is k_w in 1/Pa, `force` F in N, `slip` U − U_el ≥ 0 in m. As long as U_el ≪ U it does not
-/// matter that wear flattens the contact and lowers U_el.
+/// `wear` is k_w in 1/Pa, `force` is F in N, and `slip` is U − U_el ≥ 0 in m. Wear lowers U_el, which is negligible
+/// for U_el ≪ U.
 ///
 /// # Examples
 /// ```
 /// use fretwork_engine::reference::gross_slip_volume;
-/// // Half a stroke of 50 µm, next to which U_el is nothing, under 10 N; 1e-5 mm³/(N m).
+/// // An amplitude of 50 µm, with negligible U_el, under 10 N and with 1e-5 mm³/(N m).
 /// let volume = gross_slip_volume(1e-14, 10.0, 50e-6, 1e6);
 /// assert!((volume / 0.02e-9 - 1.0).abs() < 1e-12);
 /// ```
@@ -363,9 +355,9 @@ pub fn gross_slip_volume(wear: f64, force: f64, slip: f64, cycles: f64) -> f64 {
     4.0 * wear * force * slip * cycles
 }
 
-/// The largest q₀ = Q/(μF₀) under which wear with depth and tangential force held comes to an end:
-/// (n+1)^(−1/n), 0.577 for a paraboloid and 0.5 for a cone. It is also the smallest stick radius
-/// such an end has. Above it the contact loses its grip while it wears.
+/// The shakedown limit of q₀ = Q/(μF₀) with held depth and tangential force: (n+1)^(−1/n), which is 0.577 for a
+/// paraboloid and 0.5 for a cone. Below it wear ends, and this number is also the smallest final stick radius. Above
+/// it wear leads to gross slip.
 #[must_use]
 pub fn shakedown_limit(n: f64) -> f64 {
     libm::pow(n + 1.0, -1.0 / n)
