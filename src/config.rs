@@ -361,7 +361,6 @@ impl Serve {
             queue_limit: self.queue_limit as usize,
             keep_jobs: nonzero(self.keep_jobs),
             budget: Some(self.keep_results.as_u64()).filter(|bytes| *bytes > 0),
-            ..store::Options::default()
         }
     }
 

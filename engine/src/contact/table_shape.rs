@@ -457,8 +457,8 @@ pub(crate) struct PressedTable {
 }
 
 impl PressedTable {
-    /// The table pressed in by `depth` in m, and a₀ in m. `None` if the table ends inside the contact. With `endless` it
-    /// continues as a straight line.
+    /// The table pressed in by `depth` in m, and a₀ in m. `None` if the table ends inside the contact. With `endless`
+    /// it continues as a straight line.
     pub(crate) fn new(table: &Arc<TableShape>, depth: f64, endless: bool) -> Option<(f64, Self)> {
         let depth = depth / table.height;
         let radius = table.image_inverse(depth);

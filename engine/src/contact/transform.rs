@@ -48,7 +48,7 @@ fn quarter_circle(f: impl Fn(f64) -> f64) -> f64 {
 const TWO_THIRDS: f64 = 2.0 / 3.0;
 /// For larger n each row is computed when it is used. Both matrices together need 8 n² bytes: 134 MB at n = 4096.
 const KEPT_CELLS: usize = 512;
-/// Most sizes in the cache, with at most 2 MB each.
+/// Most sizes in the cache, with about 2 MB each at most.
 const KEPT_SIZES: usize = 4;
 
 /// The matrices of the inverse transform and of the pressure on the mesh τᵢ = (i/n)³.
@@ -151,8 +151,8 @@ impl Kernels {
         row.extend(self.tau[i + 1..].iter().map(|tau| (tau - self.tau[i]).sqrt()));
     }
 
-    /// Writes ∫₀^τᵢ φ(τ)/√(τᵢ−τ) dτ at every node to `curves[k]`, from index `first` on, for each φ = `phi[k]`. An empty φ
-    /// means zero, and leaves its curve unchanged.
+    /// Writes ∫₀^τᵢ φ(τ)/√(τᵢ−τ) dτ at every node to `curves[k]`, from index `first` on, for each φ = `phi[k]`. An
+    /// empty φ means zero, and leaves its curve unchanged.
     pub fn inverse(&self, phi: &[Vec<f64>], curves: &mut [Vec<f64>], first: usize) {
         let mut pairs = not_empty(phi, curves);
         let (mut made, mut start) = (Vec::new(), 0);
@@ -170,8 +170,8 @@ impl Kernels {
         }
     }
 
-    /// Writes −½ ∫ R′(τ)/√(τ−τᵢ) dτ from τᵢ on, at the first `rows` nodes, to `curves[k]`, from index `first` on. R is given
-    /// by its [`slope_changes`](Self::slope_changes). An empty list means R = 0, and leaves its curve unchanged.
+    /// Writes −½ ∫ R′(τ)/√(τ−τᵢ) dτ from τᵢ on, at the first `rows` nodes, to `curves[k]`, from index `first` on. R is
+    /// given by its [`slope_changes`](Self::slope_changes). An empty list means R = 0, and leaves its curve unchanged.
     pub fn pressure(
         &self,
         changes: &[Vec<f64>],
