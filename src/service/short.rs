@@ -104,7 +104,7 @@ impl ShortRuns {
         let first = became.next().ok_or(Error::Closed)?;
         for (submitted, reply) in became.zip(replies) {
             if let Submitted::Accepted(job) = submitted {
-                // If its client has left, the job is kept all the same.
+                // If the client has disconnected, the job is still recorded.
                 let _ = reply.send(job);
             }
         }
@@ -153,7 +153,7 @@ impl ShortRuns {
     }
 }
 
-/// The submission that computes. Dropped, it releases those that joined, and each goes on alone.
+/// The submission that computes. If it is dropped, those that joined continue on their own.
 struct Leader<'a> {
     short: &'a ShortRuns,
     key: Key,

@@ -155,8 +155,8 @@ impl Worker {
         let mut next = next.ok().flatten();
         if stored.is_err() {
             // The next run must not wait until the store accepts this outcome.
-            if let Some(Claimed { run, attempt, .. }) = next
-                && self.store.release(run, attempt).await.is_ok()
+            if let Some(claimed) = &next
+                && self.store.release(claimed).await.is_ok()
             {
                 next = None;
             }
@@ -226,8 +226,7 @@ impl Worker {
             }
             if reported.elapsed() >= REPORT {
                 reported = Instant::now();
-                let noted = self.store.progress(claimed.run, claimed.attempt, progress);
-                match self.runtime.block_on(noted) {
+                match self.runtime.block_on(self.store.progress(claimed, progress)) {
                     Ok(true) => {}
                     Ok(false) => return Outcome::Unwanted,
                     // The computation continues: only the displayed progress is missing.
@@ -251,19 +250,14 @@ impl Worker {
             let message = error.to_string();
             let error = &error as &dyn std::error::Error;
             if giving_up {
-                tracing::error!(
-                    ?run,
-                    error,
-                    "the outcome of a run is not stored; the run is recovered at the next start"
-                );
+                tracing::error!(?run, error, "a run is not stored; the next start recovers it");
                 return;
             }
             tracing::error!(?run, error, "cannot store the outcome of a run; trying again");
-            if refused >= MAX_REFUSALS {
-                let (attempt, kind) = (claimed.attempt, FailureKind::NotStored);
-                if self.store.fail(run, attempt, kind, &message).await.is_ok() {
-                    return;
-                }
+            if refused >= MAX_REFUSALS
+                && self.store.fail(claimed, FailureKind::NotStored, &message).await.is_ok()
+            {
+                return;
             }
             let mut orders = self.orders.clone();
             let abandon = orders.wait_for(|order| *order == Order::Abandon);
@@ -273,23 +267,22 @@ impl Worker {
     }
 
     async fn store_outcome(&self, claimed: &Claimed, outcome: &Outcome) -> Result<(), Error> {
-        let Claimed { run, attempt, .. } = claimed;
         let accepted = match outcome {
             Outcome::Done(answer, cost) => {
                 tracing::debug!("finished");
-                self.store.finish(*run, *attempt, answer, *cost).await? != Finish::Refused
+                self.store.finish(claimed, answer, *cost).await? != Finish::Refused
             }
             Outcome::Failed(kind, message) => {
                 tracing::error!(%kind, message, "a run failed");
-                self.store.fail(*run, *attempt, *kind, message).await?
+                self.store.fail(claimed, *kind, message).await?
             }
-            Outcome::Interrupted => self.store.release(*run, *attempt).await?,
+            Outcome::Interrupted => self.store.release(claimed).await?,
             Outcome::Unwanted => false,
         };
         if !accepted {
             // If the run is being canceled, this confirms it. Otherwise the worker has lost the run, and this
             // changes nothing.
-            self.store.stopped(*run, *attempt).await?;
+            self.store.stopped(claimed).await?;
         }
         Ok(())
     }

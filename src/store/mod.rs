@@ -123,7 +123,12 @@ impl Store {
         V: for<'a> Verb<'a, Input, Answer = Answer>,
         Answer: Send + 'static,
     {
-        self.counted(writer::ask(&self.writer, verb, input).await)
+        let (order, answer) = writer::order(verb, input);
+        let done = async {
+            self.writer.send(Message::Apply(order)).await.map_err(|_| Error::Closed)?;
+            answer.await.map_err(|_| Error::Closed)?
+        };
+        self.counted(done.await)
     }
 
     async fn reading<T>(

@@ -107,10 +107,10 @@ impl Store {
         }
         // One row more than the page has tells whether there is a next page.
         query.push(" ORDER BY job.id DESC LIMIT ").push_bind(i64::from(limit) + 1);
-        let rows = self.reading(async |db| Ok(query.build_query_as().fetch_all(db).await?));
-        let mut jobs: Vec<Job> = rows.await?.into_iter().map(|JobRow(job)| job).collect();
-        let more = jobs.len() as u64 > u64::from(limit);
-        jobs.truncate(limit as usize);
+        let mut rows = self.reading(async |db| Ok(query.build().fetch_all(db).await?)).await?;
+        let more = rows.len() as u64 > u64::from(limit);
+        rows.truncate(limit as usize);
+        let jobs: Vec<Job> = rows.iter().map(read_job).collect::<Result<_, _>>()?;
         let next = jobs.last().filter(|_| more).map(|job| job.id);
         Ok(Page { jobs, next })
     }
@@ -234,50 +234,46 @@ const SELECT_JOB: &str = "
     LEFT JOIN result ON result.key = job.key AND job.state = 'succeeded'
     WHERE ";
 
-struct JobRow(Job);
-
-impl FromRow<'_, SqliteRow> for JobRow {
-    fn from_row(row: &SqliteRow) -> Result<Self, sqlx::Error> {
-        let state: JobState = word(row, "state")?;
-        let failure = match state {
-            JobState::Failed => Some(Failure {
-                kind: word::<FailureKind>(row, "error_kind")?,
-                message: row.try_get("error")?,
-            }),
-            _ => None,
-        };
-        let summary: Option<&str> = row.try_get("summary")?;
-        Ok(Self(Job {
-            id: job_id(row.try_get("id")?)?,
-            state,
-            key: key(row, "key")?,
-            owner: row.try_get("owner")?,
-            origin: word(row, "origin")?,
-            attempt: row.try_get("attempt")?,
-            progress: match state {
-                JobState::Succeeded => 1.0,
-                JobState::Canceled => 0.0,
-                _ => row.try_get("progress")?,
-            },
-            priority: row.try_get("priority")?,
-            label: row.try_get("label")?,
-            tags: json(row.try_get("tags")?)?,
-            warnings: json(row.try_get("warnings")?)?,
-            created: row.try_get("created")?,
-            started: row.try_get("started")?,
-            finished: row.try_get("finished")?,
-            changes: changes(row.try_get("changes")?)?,
-            failure,
-            summary: summary.map(json).transpose()?,
-        }))
-    }
+fn read_job(row: &SqliteRow) -> Result<Job, sqlx::Error> {
+    let state: JobState = word(row, "state")?;
+    let failure = match state {
+        JobState::Failed => Some(Failure {
+            kind: word::<FailureKind>(row, "error_kind")?,
+            message: row.try_get("error")?,
+        }),
+        _ => None,
+    };
+    let summary: Option<&str> = row.try_get("summary")?;
+    Ok(Job {
+        id: job_id(row.try_get("id")?)?,
+        state,
+        key: key(row, "key")?,
+        owner: row.try_get("owner")?,
+        origin: word(row, "origin")?,
+        attempt: row.try_get("attempt")?,
+        progress: match state {
+            JobState::Succeeded => 1.0,
+            JobState::Canceled => 0.0,
+            _ => row.try_get("progress")?,
+        },
+        priority: row.try_get("priority")?,
+        label: row.try_get("label")?,
+        tags: json(row.try_get("tags")?)?,
+        warnings: json(row.try_get("warnings")?)?,
+        created: row.try_get("created")?,
+        started: row.try_get("started")?,
+        finished: row.try_get("finished")?,
+        changes: changes(row.try_get("changes")?)?,
+        failure,
+        summary: summary.map(json).transpose()?,
+    })
 }
 
 pub(super) async fn job(db: impl SqliteExecutor<'_>, id: JobId) -> Result<Option<Job>, Error> {
     let mut query = QueryBuilder::<Sqlite>::new(SELECT_JOB);
     query.push("job.id = ").push_bind(id.0.as_bytes().as_slice());
-    let row: Option<JobRow> = query.build_query_as().fetch_optional(db).await?;
-    Ok(row.map(|JobRow(job)| job))
+    let row = query.build().fetch_optional(db).await?;
+    Ok(row.as_ref().map(read_job).transpose()?)
 }
 
 /// The unfinished jobs that match and are not being canceled, newest first, older than `before`.

@@ -57,40 +57,39 @@ impl Store {
     }
 
     /// Stores the progress of a run, in 0…1. Returns false if the worker has lost the run.
-    pub async fn progress(&self, run: RunId, attempt: u32, share: f64) -> Result<bool, Error> {
-        self.write(progress, (run, attempt, share)).await
+    pub async fn progress(&self, claimed: &Claimed, share: f64) -> Result<bool, Error> {
+        self.write(progress, (claimed.run, claimed.attempt, share)).await
     }
 
     /// Stores the result of a run, and the cost of this attempt.
     pub async fn finish(
         &self,
-        run: RunId,
-        attempt: u32,
+        claimed: &Claimed,
         answer: &Answer,
         cost: Cost,
     ) -> Result<Finish, Error> {
-        self.write(finish, (run, attempt, Answered::new(answer, Some(cost)))).await
+        let answer = Answered::new(answer, Some(cost));
+        self.write(finish, (claimed.run, claimed.attempt, answer)).await
     }
 
     /// Ends a run by a failure. Returns false if the worker has lost the run.
     pub async fn fail(
         &self,
-        run: RunId,
-        attempt: u32,
+        claimed: &Claimed,
         kind: FailureKind,
         message: &str,
     ) -> Result<bool, Error> {
-        self.write(fail, (run, attempt, kind, message.to_owned())).await
+        self.write(fail, (claimed.run, claimed.attempt, kind, message.to_owned())).await
     }
 
     /// Confirms that the worker has stopped a run that is being canceled. Returns false if it is not.
-    pub async fn stopped(&self, run: RunId, attempt: u32) -> Result<bool, Error> {
-        self.write(stopped, (run, attempt)).await
+    pub async fn stopped(&self, claimed: &Claimed) -> Result<bool, Error> {
+        self.write(stopped, (claimed.run, claimed.attempt)).await
     }
 
     /// Queues a running run again. It does not count as lost. Returns false if the worker has lost the run.
-    pub async fn release(&self, run: RunId, attempt: u32) -> Result<bool, Error> {
-        self.write(release, (run, attempt)).await
+    pub async fn release(&self, claimed: &Claimed) -> Result<bool, Error> {
+        self.write(release, (claimed.run, claimed.attempt)).await
     }
 
     /// Ends or queues all runs that the last process left unfinished. Call it before the first claim: it

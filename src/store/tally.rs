@@ -75,41 +75,29 @@ impl Default for Tally {
 impl Tally {
     /// Registers all metrics.
     pub fn register(&self, registry: &mut Registry) {
-        registry.register("jobs", "Accepted jobs, by how they get their result", self.jobs.clone());
-        registry.register(
-            "runs",
-            "Runs that ended, by outcome; released runs are queued again",
-            self.runs.clone(),
-        );
-        registry.register_with_unit(
-            "run_duration",
-            "Duration of a run",
-            Unit::Seconds,
-            self.seconds.clone(),
-        );
-        registry.register(
-            "recomputes",
-            "Results that were computed again; one that differs means a defect of the program or the machine",
-            self.recomputes.clone(),
-        );
-        registry.register(
-            "results_evicted",
-            "Results that were evicted to free space",
-            self.evicted.clone(),
-        );
-        registry.register(
-            "store_errors",
-            "Errors of the database; full means that the disk is full",
-            self.errors.clone(),
-        );
+        for (name, help, counters) in [
+            ("jobs", "Accepted jobs, by how they get their result", &self.jobs),
+            ("runs", "Runs that ended, by outcome; released runs are queued again", &self.runs),
+            (
+                "recomputes",
+                "Results that were computed again; one that differs means a defect of the program or the machine",
+                &self.recomputes,
+            ),
+            (
+                "store_errors",
+                "Errors of the database; full means that the disk is full",
+                &self.errors,
+            ),
+        ] {
+            registry.register(name, help, counters.clone());
+        }
+        let help = "Results that were evicted to free space";
+        registry.register("results_evicted", help, self.evicted.clone());
         registry.register("queued_runs", "Runs that wait for a worker", self.queued.clone());
         registry.register("running_runs", "Runs that workers compute", self.working.clone());
-        registry.register_with_unit(
-            "results",
-            "Size of the stored results",
-            Unit::Bytes,
-            self.bytes.clone(),
-        );
+        let (seconds, bytes) = (self.seconds.clone(), self.bytes.clone());
+        registry.register_with_unit("run_duration", "Duration of a run", Unit::Seconds, seconds);
+        registry.register_with_unit("results", "Size of the stored results", Unit::Bytes, bytes);
     }
 
     /// Runs that wait for a worker.

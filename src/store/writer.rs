@@ -61,15 +61,15 @@ where
 
     fn settle(self: Box<Self>, committed: Result<(), Error>) {
         let Self { answer, reply, .. } = *self;
-        // The caller may have been dropped. The change is committed all the same.
+        // If the caller was dropped, the change is still committed.
         let _ = reply.send(committed.and_then(|()| answer.ok_or(Error::Closed)));
     }
 }
 
 type Reply<Answer> = oneshot::Receiver<Result<Answer, Error>>;
 
-/// A verb on its input, and where its answer arrives.
-fn order<V, Input, Answer>(verb: V, input: Input) -> (Box<dyn Order>, Reply<Answer>)
+/// A verb with its input, for the writer task. The receiver gets the answer after the commit.
+pub(super) fn order<V, Input, Answer>(verb: V, input: Input) -> (Box<dyn Order>, Reply<Answer>)
 where
     V: for<'a> Verb<'a, Input, Answer = Answer>,
     Input: Send + Sync + 'static,
@@ -77,22 +77,6 @@ where
 {
     let (reply, answer) = oneshot::channel();
     (Box::new(Pending { verb, input, answer: None, reply }), answer)
-}
-
-/// Lets the writer task apply a verb. Returns its answer after the commit.
-pub(super) async fn ask<V, Input, Answer>(
-    writer: &mpsc::Sender<Message>,
-    verb: V,
-    input: Input,
-) -> Result<Answer, Error>
-where
-    V: for<'a> Verb<'a, Input, Answer = Answer>,
-    Input: Send + Sync + 'static,
-    Answer: Send + 'static,
-{
-    let (order, answer) = order(verb, input);
-    writer.send(Message::Apply(order)).await.map_err(|_| Error::Closed)?;
-    answer.await.map_err(|_| Error::Closed)?
 }
 
 /// Lets the writer task complete all earlier messages and end.

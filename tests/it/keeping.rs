@@ -31,7 +31,7 @@ async fn compute(store: &Store, number: u8, bytes: usize) -> Job {
     let claimed = claim(store).await;
     let text = json!({"number": 0.1, "rest": "x".repeat(bytes)}).to_string();
     let answer = Answer { body: text.into(), summary: json!({}), outline: Box::default() };
-    store.finish(claimed.run, claimed.attempt, &answer, Cost::default()).await.unwrap();
+    store.finish(&claimed, &answer, Cost::default()).await.unwrap();
     job
 }
 
@@ -83,7 +83,7 @@ async fn a_repeated_idempotency_key_gives_the_same_job() {
     assert_ne!(accepted(store.submit(other).await).id, first.id);
     let claimed = claim(&store).await;
     let answer = Answer { body: "{}".into(), summary: json!({}), outline: Box::default() };
-    store.finish(claimed.run, 1, &answer, Cost::default()).await.unwrap();
+    store.finish(&claimed, &answer, Cost::default()).await.unwrap();
     match store.submit(repeatable(1, "a", "one")).await.unwrap() {
         Submitted::Repeated(job) => {
             assert_eq!((job.id, job.state), (first.id, JobState::Succeeded));
@@ -165,7 +165,7 @@ async fn a_known_result_is_computed_again_on_request() {
     let claimed = claim(&store).await;
     let before = body(&store, 1).await;
     let answer = Answer { body: "{}".into(), summary: json!({}), outline: Box::default() };
-    store.finish(claimed.run, claimed.attempt, &answer, Cost::default()).await.unwrap();
+    store.finish(&claimed, &answer, Cost::default()).await.unwrap();
     assert_eq!(body(&store, 1).await, before, "the stored result stays");
     let job = store.job(again.id).await.unwrap().unwrap();
     assert_eq!(job.state, JobState::Succeeded);
@@ -179,10 +179,10 @@ async fn a_job_records_its_changes_of_state_in_order() {
     let job = accepted(store.submit(NewJob { trace: trace.clone(), ..new_job(1) }).await);
     let claimed = claim(&store).await;
     assert_eq!(claimed.trace, trace);
-    store.release(claimed.run, 1).await.unwrap();
+    store.release(&claimed).await.unwrap();
     let claimed = claim(&store).await;
     store.cancel(job.id).await.unwrap();
-    store.stopped(claimed.run, 2).await.unwrap();
+    store.stopped(&claimed).await.unwrap();
     let job = store.job(job.id).await.unwrap().unwrap();
     let changes: Vec<_> = job.changes.iter().map(|change| (change.state, change.attempt)).collect();
     let expected =
@@ -199,7 +199,7 @@ async fn only_finished_jobs_can_be_deleted_and_their_results_stay() {
     let shared = accepted(store.submit(new_job(1)).await);
     let claimed = claim(&store).await;
     let answer = Answer { body: "{}".into(), summary: json!({}), outline: Box::default() };
-    store.finish(claimed.run, 1, &answer, Cost::default()).await.unwrap();
+    store.finish(&claimed, &answer, Cost::default()).await.unwrap();
     for id in [job.id, shared.id] {
         assert_eq!(store.delete(id).await.unwrap(), Deleted::Done);
         assert_eq!(store.delete(id).await.unwrap(), Deleted::NotFound);
@@ -219,7 +219,7 @@ async fn many_jobs_can_be_cancelled_with_a_filter() {
     assert_eq!(store.cancel_all(&even).await.unwrap(), 125);
     assert!(running.stop.is_raised());
     assert_eq!(store.cancel_all(&even).await.unwrap(), 0);
-    store.stopped(running.run, 1).await.unwrap();
+    store.stopped(&running).await.unwrap();
     let mut left = 0;
     while let Some(claimed) = store.claim().await.unwrap() {
         assert_eq!(claimed.key.bytes()[0] % 2, 1);
@@ -361,7 +361,7 @@ async fn a_database_of_the_first_version_is_migrated_with_its_contents() {
     assert_eq!((job.state, job.priority, job.changes[0].at), (JobState::Queued, 3, 5));
     let claimed = claim(&store).await;
     let answer = Answer { body: "{}".into(), summary: json!({}), outline: Box::default() };
-    store.finish(claimed.run, 1, &answer, Cost::default()).await.unwrap();
+    store.finish(&claimed, &answer, Cost::default()).await.unwrap();
     let job = store.job(job.id).await.unwrap().unwrap();
     let states: Vec<_> = job.changes.iter().map(|change| change.state).collect();
     assert_eq!(states, [JobState::Queued, JobState::Running, JobState::Succeeded]);

@@ -128,8 +128,7 @@ async fn sixty_four_equal_submissions_share_one_run() {
     let claimed = claim(&store).await;
     assert!(store.claim().await.unwrap().is_none(), "there is one run");
     assert_eq!((claimed.attempt, claimed.key, &*claimed.task), (1, key(1), "task 1"));
-    let done =
-        store.finish(claimed.run, claimed.attempt, &answer("a"), Cost::default()).await.unwrap();
+    let done = store.finish(&claimed, &answer("a"), Cost::default()).await.unwrap();
     assert_eq!(done, Finish::Stored);
     for submitted in jobs {
         let job = job(&store, submitted.id).await;
@@ -149,7 +148,7 @@ async fn a_known_result_finishes_a_job_without_a_run() {
     accepted(store.submit(new_job(1)).await);
     assert!(!store.has_result(&key(1)).await.unwrap());
     let claimed = claim(&store).await;
-    store.finish(claimed.run, 1, &answer("a"), Cost::default()).await.unwrap();
+    store.finish(&claimed, &answer("a"), Cost::default()).await.unwrap();
     assert!(store.has_result(&key(1)).await.unwrap());
 
     let cached = accepted(store.submit(new_job(1)).await);
@@ -170,7 +169,7 @@ async fn a_submission_answers_the_job_as_it_is_stored() {
     let queued = accepted(store.submit(new).await);
     assert_eq!(job(&store, queued.id).await, queued);
     let claimed = claim(&store).await;
-    assert!(store.progress(claimed.run, 1, 0.25).await.unwrap());
+    assert!(store.progress(&claimed, 0.25).await.unwrap());
     let joined = accepted(store.submit(new_job(1)).await);
     assert_eq!(joined.progress.to_bits(), 0.25f64.to_bits());
     assert_eq!((joined.state, joined.attempt), (JobState::Running, 1));
@@ -205,14 +204,12 @@ async fn a_worker_from_before_a_crash_changes_nothing() {
     assert_eq!(store.recover().await.unwrap(), Recovered { requeued: 1, ..Recovered::default() });
 
     let changes_nothing = async |expected: &Job| {
-        let Claimed { run, attempt, .. } = zombie;
-        let finished =
-            store.finish(run, attempt, &answer("zombie"), Cost::default()).await.unwrap();
+        let finished = store.finish(&zombie, &answer("zombie"), Cost::default()).await.unwrap();
         assert_eq!(finished, Finish::Refused);
-        assert!(!store.fail(run, attempt, FailureKind::Panicked, "zombie").await.unwrap());
-        assert!(!store.progress(run, attempt, 0.9).await.unwrap());
-        assert!(!store.release(run, attempt).await.unwrap());
-        assert!(!store.stopped(run, attempt).await.unwrap());
+        assert!(!store.fail(&zombie, FailureKind::Panicked, "zombie").await.unwrap());
+        assert!(!store.progress(&zombie, 0.9).await.unwrap());
+        assert!(!store.release(&zombie).await.unwrap());
+        assert!(!store.stopped(&zombie).await.unwrap());
         assert_eq!(&job(&store, submitted.id).await, expected);
         assert!(!store.has_result(&key(1)).await.unwrap());
     };
@@ -224,10 +221,7 @@ async fn a_worker_from_before_a_crash_changes_nothing() {
     let running = job(&store, submitted.id).await;
     assert_eq!((running.state, running.attempt), (JobState::Running, 2));
     changes_nothing(&running).await;
-    assert_eq!(
-        store.finish(second.run, 2, &answer("a"), Cost::default()).await.unwrap(),
-        Finish::Stored
-    );
+    assert_eq!(store.finish(&second, &answer("a"), Cost::default()).await.unwrap(), Finish::Stored);
 }
 
 #[tokio::test]
@@ -246,7 +240,7 @@ async fn a_different_result_of_the_same_key_does_not_replace_the_first() {
         )
         .await
         .unwrap();
-        let finish = store.finish(claimed.run, 1, &answer(text), Cost::default()).await.unwrap();
+        let finish = store.finish(&claimed, &answer(text), Cost::default()).await.unwrap();
         assert_eq!(finish, expected);
         assert_eq!(body(&store, 1).await, b"a");
         raw.execute("DELETE FROM result").await.unwrap();
@@ -263,7 +257,7 @@ async fn a_cancelled_job_keeps_a_shared_run_alive() {
     let third = accepted(store.submit(new_job(1)).await);
     assert_eq!(cancel(&store, second.id).await, JobState::Canceled);
     assert!(!claimed.stop.is_raised());
-    store.finish(claimed.run, 1, &answer("a"), Cost::default()).await.unwrap();
+    store.finish(&claimed, &answer("a"), Cost::default()).await.unwrap();
     assert_eq!(state(&store, third.id).await, JobState::Succeeded);
     for id in [first.id, second.id] {
         let job = job(&store, id).await;
@@ -301,15 +295,12 @@ async fn a_submission_does_not_join_a_run_that_is_being_cancelled() {
     let alive = claim(&store).await;
     assert_ne!(alive.run, dying.run);
 
-    let late = store.finish(dying.run, 1, &answer("late"), Cost::default()).await.unwrap();
+    let late = store.finish(&dying, &answer("late"), Cost::default()).await.unwrap();
     assert_eq!(late, Finish::Refused);
-    assert!(store.stopped(dying.run, 1).await.unwrap());
-    assert!(!store.stopped(dying.run, 1).await.unwrap());
+    assert!(store.stopped(&dying).await.unwrap());
+    assert!(!store.stopped(&dying).await.unwrap());
     assert_eq!(state(&store, first.id).await, JobState::Canceled);
-    assert_eq!(
-        store.finish(alive.run, 1, &answer("a"), Cost::default()).await.unwrap(),
-        Finish::Stored
-    );
+    assert_eq!(store.finish(&alive, &answer("a"), Cost::default()).await.unwrap(), Finish::Stored);
     assert_eq!(state(&store, second.id).await, JobState::Succeeded);
     assert_eq!(state(&store, first.id).await, JobState::Canceled);
 }
@@ -319,7 +310,7 @@ async fn cancelling_a_finished_or_unknown_job_is_reported() {
     let (_dir, store) = fresh().await;
     let submitted = accepted(store.submit(new_job(1)).await);
     let claimed = claim(&store).await;
-    store.fail(claimed.run, 1, FailureKind::Panicked, "index out of bounds").await.unwrap();
+    store.fail(&claimed, FailureKind::Panicked, "index out of bounds").await.unwrap();
     let Canceled::AlreadyFinished(failed) = store.cancel(submitted.id).await.unwrap() else {
         panic!("the job has failed");
     };
@@ -345,7 +336,7 @@ async fn every_unfinished_state_is_recovered_after_a_crash() {
     let third = claim(&store).await;
     cancel(&store, canceling.id).await;
     cancel(&store, left.id).await;
-    store.finish(third.run, 1, &answer("a"), Cost::default()).await.unwrap();
+    store.finish(&third, &answer("a"), Cost::default()).await.unwrap();
 
     let (_copy, store) = after_a_crash(dir.path()).await;
     let recovered = store.recover().await.unwrap();
@@ -372,7 +363,7 @@ async fn a_run_fails_after_three_crashes() {
     let submitted = accepted(store.submit(new_job(1)).await);
     // A release does not count as a crash.
     let released = claim(&store).await;
-    assert!(store.release(released.run, released.attempt).await.unwrap());
+    assert!(store.release(&released).await.unwrap());
     for attempt in 2..=4 {
         assert_eq!(claim(&store).await.attempt, attempt);
         (dir, store) = after_a_crash(dir.path()).await;
@@ -393,7 +384,7 @@ async fn runs_are_claimed_in_order_of_submission() {
         accepted(store.submit(new_job(number)).await);
     }
     let first = claim(&store).await;
-    store.release(first.run, first.attempt).await.unwrap();
+    store.release(&first).await.unwrap();
     for number in 0..5 {
         assert_eq!(claim(&store).await.key, key(number));
     }
@@ -463,8 +454,8 @@ async fn waiting_ends_with_the_job_or_at_its_deadline() {
 
     let worker = async {
         let claimed = claim(&store).await;
-        store.progress(claimed.run, 1, 0.5).await.unwrap();
-        store.finish(claimed.run, 1, &answer("a"), Cost::default()).await.unwrap();
+        store.progress(&claimed, 0.5).await.unwrap();
+        store.finish(&claimed, &answer("a"), Cost::default()).await.unwrap();
     };
     let wait = store.wait(submitted, std::future::pending());
     let (waited, ()) = tokio::join!(wait, worker);
@@ -693,21 +684,18 @@ impl Trial {
                 if !self.claims.is_empty() =>
             {
                 let number = index.index(self.claims.len());
-                let Claimed { run, attempt, key, .. } = self.claims[number].clone();
+                let claimed = &self.claims[number];
                 let accepted = match verb {
-                    Verb::Progress(_) => store.progress(run, attempt, 0.5).await.unwrap(),
+                    Verb::Progress(_) => store.progress(claimed, 0.5).await.unwrap(),
                     Verb::Finish(_) => {
-                        let body = answer(&key.to_string());
-                        let finish =
-                            store.finish(run, attempt, &body, Cost::default()).await.unwrap();
+                        let body = answer(&claimed.key.to_string());
+                        let finish = store.finish(claimed, &body, Cost::default()).await.unwrap();
                         assert_ne!(finish, Finish::Differs);
                         finish != Finish::Refused
                     }
-                    Verb::Fail(_) => {
-                        store.fail(run, attempt, FailureKind::Panicked, "").await.unwrap()
-                    }
-                    Verb::Stopped(_) => store.stopped(run, attempt).await.unwrap(),
-                    _ => store.release(run, attempt).await.unwrap(),
+                    Verb::Fail(_) => store.fail(claimed, FailureKind::Panicked, "").await.unwrap(),
+                    Verb::Stopped(_) => store.stopped(claimed).await.unwrap(),
+                    _ => store.release(claimed).await.unwrap(),
                 };
                 assert!(
                     number >= self.alive || !accepted,
@@ -739,11 +727,7 @@ impl Trial {
         self.apply(&Verb::Crash).await;
         while let Some(claimed) = self.store.claim().await.unwrap() {
             let body = answer(&claimed.key.to_string());
-            let finish = self
-                .store
-                .finish(claimed.run, claimed.attempt, &body, Cost::default())
-                .await
-                .unwrap();
+            let finish = self.store.finish(&claimed, &body, Cost::default()).await.unwrap();
             assert_eq!(finish, Finish::Stored);
         }
     }
