@@ -1,26 +1,28 @@
-//! The held quantities of a wearing contact, and the final states that they lead to.
+//! The quantities that are held constant during wear, and the limiting states.
 //!
-//! In the normal direction the indentation depth or the force is held. In the tangential direction it is the
-//! amplitude of the motion, the tangential force, or the amplitude of an actuator behind a compliant rig. The
-//! amplitude can also follow blocks (a load spectrum) or a record of reversals.
+//! In the normal direction the indentation depth or the force is constant. In the tangential
+//! direction the constant quantity is the amplitude of the motion, the tangential force, or the
+//! amplitude of an actuator behind a compliant rig. The amplitude may also follow blocks (a load
+//! spectrum) or a record of reversals.
 //!
 //! # Equations
-//! With Q̃(Δ) = 2 ∫ min(Δ, y) dx, all in units of a₀, d₀ and E*a₀d₀:
+//! With Q̃(Δ) = 2 ∫ min(Δ, y) dx, all in units of a₀, d₀ and E*a₀d₀ ("const" = held constant):
 //! ```text
-//! d held          c stays: g₀(c) = 1 − Δ, or falls where Q is held
-//! F held          2 ∫ (d − g)₊ dx = F̃₀ gives d;  c grows, or stays where Q is held
-//! Q held          Q̃(Δ) = Q/(μE*a₀d₀) gives Δ;  no root: gross slip
+//! d const         c stays: g₀(c) = 1 − Δ, or decreases if Q is constant
+//! F const         2 ∫ (d − g)₊ dx = F̃₀ gives d;  c grows, or stays if Q is constant
+//! Q const         Q̃(Δ) = Q/(μE*a₀d₀) gives Δ;  no root: gross slip
 //! rig             Δ + κ·Q̃(Δ) = Δ_rig,  κ = G*a₀/k_rig
 //! ```
-//! In every final state only the unworn part inside c carries load:
+//! In every limiting state, the unworn core inside c carries the whole load:
 //! ```text
-//! F, Q   g₀(c) = 1 − Δ₀ at all times;   d∞ = (F̃₀/2 + ∫₀ᶜ g₀ dx)/c
-//! d, Q   2c(1 − g₀(c)) = Q̃, the larger root;  no root: gross slip
+//! F, Q   g₀(c) = 1 − Δ₀ at all times;  d∞ = (F̃₀/2 + ∫₀ᶜ g₀ dx)/c
+//! d, Q   2c(1 − g₀(c)) = Q̃, the larger root; above the maximum no root: gross slip
 //! d, rig (1 + 2κc)(1 − g₀(c)) = Δ_rig, the largest root
 //! ```
 //!
 //! # Sources
-//! The principle of Cattaneo and Mindlin, (10). The final states follow from (11) and the held load.
+//! The principle of Cattaneo and Mindlin, (10). The limiting states follow from (11) with the
+//! constant load.
 
 use std::sync::Arc;
 
@@ -30,7 +32,7 @@ use super::record::DisplacementRecord;
 use super::unworn::Contact;
 use crate::numeric::{maximum, root};
 
-/// The held quantity in the normal direction.
+/// The quantity that is held constant in the normal direction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Normal {
     /// The indentation depth d.
@@ -39,21 +41,21 @@ pub enum Normal {
     Force,
 }
 
-/// The held quantity in the tangential direction, in units of the unworn contact.
+/// The quantity that is held constant in the tangential direction, in units of the unworn contact.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Tangential {
-    /// The amplitude U of the contact.
+    /// The amplitude U of the motion.
     Amplitude,
-    /// The tangential force, as Q̃/2 = ∫ min(Δ, y) dx.
+    /// The tangential force, given as Q̃/2 = ∫ min(Δ, y) dx.
     Force(f64),
     /// The amplitude of an actuator behind a compliant rig.
     Rig {
-        /// Δ_rig.
+        /// The amplitude of the actuator, Δ_rig.
         amplitude: f64,
-        /// κ.
+        /// The compliance of the rig, κ.
         compliance: f64,
     },
-    /// A sequence of blocks with different amplitudes.
+    /// Blocks of different amplitudes, one after the other.
     Blocks(Vec<Block>),
     /// A record of reversals that repeats every cycle.
     Record(Arc<DisplacementRecord>),
@@ -62,36 +64,36 @@ pub enum Tangential {
 /// A number of cycles at one amplitude.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Block {
-    /// Δ.
+    /// The amplitude of the block, Δ.
     pub threshold: f64,
-    /// Ñ at the end of the block, counted from the start of the run.
+    /// The cycle Ñ at which the block ends, counted from the start of the run.
     pub end: f64,
 }
 
-/// The held quantities.
+/// The quantities that are held constant in both directions.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Control {
-    /// In the normal direction.
+    /// The constant quantity in the normal direction.
     pub normal: Normal,
-    /// In the tangential direction.
+    /// The constant quantity in the tangential direction.
     pub tangential: Tangential,
 }
 
-/// The final state of wear, where it is known without a run.
+/// The limiting state of a control whose limit can be computed without a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Final {
-    /// d∞.
+    /// d∞, the limiting indentation depth.
     pub depth: f64,
-    /// c∞.
+    /// c∞, the limiting stick radius.
     pub stick: f64,
-    /// Δ∞.
+    /// Δ∞, the limiting amplitude.
     pub threshold: f64,
-    /// The final scar.
+    /// Radius, volume and depth of the limiting scar.
     pub limit: Limit,
 }
 
 impl Final {
-    /// f∞(r).
+    /// f∞(r), the limiting profile.
     pub(crate) fn profile(&self, shape: &Shape, r: f64) -> f64 {
         let unworn = shape.profile(r);
         if r <= self.stick && r > 0.0 || r >= self.limit.radius {
@@ -106,7 +108,7 @@ impl Final {
 }
 
 impl Control {
-    /// The case of the paper: held indentation depth and amplitude.
+    /// The case of the paper: indentation depth and amplitude are constant.
     pub const PAPER: Self = Self { normal: Normal::Depth, tangential: Tangential::Amplitude };
 
     /// Whether the closed form of the simplified rule applies.
@@ -114,7 +116,7 @@ impl Control {
         *self == Self::PAPER
     }
 
-    /// Whether the stick radius never changes.
+    /// Whether the stick radius is constant during wear.
     pub(crate) fn keeps_stick(&self) -> bool {
         matches!(
             (self.normal, &self.tangential),
@@ -123,12 +125,12 @@ impl Control {
         )
     }
 
-    /// Whether the motion follows a record.
+    /// Whether the motion follows a displacement record.
     pub(crate) fn has_record(&self) -> bool {
         matches!(self.tangential, Tangential::Record(_))
     }
 
-    /// The final state of wear; `None` if it is not known without a run, or if there is none.
+    /// The limiting state. `None` if it cannot be computed without a run, or if it does not exist.
     #[must_use]
     pub fn tends_to(&self, contact: &Contact) -> Option<Final> {
         let Contact { shape, stick, threshold, .. } = contact;
@@ -149,7 +151,7 @@ impl Control {
         Some(Final { depth, stick, threshold, limit })
     }
 
-    /// d when a core of radius c > 0 carries the whole load.
+    /// The indentation depth d after a core of radius c > 0 carries the whole load.
     pub(crate) fn depth_on_core(&self, shape: &Shape, stick: f64) -> f64 {
         match self.normal {
             Normal::Depth => 1.0,
@@ -157,8 +159,8 @@ impl Control {
         }
     }
 
-    /// The final stick radius of a shrinking core: the largest radius at which the springs inside carry the whole
-    /// tangential force without slip.
+    /// The stick radius at which a shrinking core stops shrinking. It is the largest radius at
+    /// which the springs inside still stick although they alone carry the tangential force.
     fn last_stick(&self, shape: &Shape) -> Option<f64> {
         let surplus = |c: f64| {
             let threshold = 1.0 - shape.image(c);
@@ -170,12 +172,12 @@ impl Control {
                 _ => -1.0,
             }
         };
-        let best = maximum(0.0, 1.0, surplus);
-        // The function has one root between its maximum and a₀.
-        (surplus(best) > 0.0 && surplus(1.0) < 0.0).then(|| root(best, 1.0, surplus))
+        let best = maximum(0.0, 1.0, need);
+        // Between the radius `best` and a₀ the value of `need` changes its sign.
+        (need(best) > 0.0 && need(1.0) < 0.0).then(|| root(best, 1.0, need))
     }
 
-    /// The radius inside which no spring ever slips.
+    /// The smallest stick radius of the whole run. Inside it no spring ever slips.
     pub(crate) fn least_stick(&self, contact: &Contact) -> f64 {
         match (self.normal, &self.tangential) {
             (_, Tangential::Blocks(blocks)) => {
@@ -190,7 +192,8 @@ impl Control {
     }
 }
 
-/// The stick radius below which a core cannot carry a held tangential force at a held depth.
+/// The stick radius below which a core cannot carry a constant tangential force at a constant
+/// depth.
 pub(crate) fn critical_stick(shape: &Shape) -> f64 {
     maximum(0.0, 1.0, |c| c * (1.0 - shape.image(c)))
 }

@@ -1,20 +1,22 @@
-//! Force–displacement loops of one cycle, and the criteria of the sliding transition.
+//! Force–displacement loops of one cycle, and the three criteria of the sliding transition.
 //!
 //! # Equations
-//! In units of a₀, d₀ and E*a₀d₀. The backbone is the curve of the first loading. Masing's rule gives the
-//! branches of a loop from it:
+//! Units: a₀, d₀ and E*a₀d₀. The backbone is the curve of the first loading. Masing's rule gives
+//! the branches of the loop:
 //! ```text
 //! Q̃(u)/2 = ∫ min(u, y) dx                                     backbone, 0 ≤ u ≤ Δ
 //! Q̃ = Q̃(Δ) − 2 Q̃((Δ − u)/2)                                  unloading; loading is its mirror image
-//! A = W/(4QU),  D = δ₀/U,  B = W/(4Qδ₀),  δ₀ where the unloading branch meets Q = 0
+//! A = W/(4QU),  D = δ₀/U,  B = W/(4Qδ₀); the unloading branch crosses Q = 0 at δ₀
 //! ```
 //!
-//! The loop belongs to the same springs as the energy. It has a corner where a spring begins to slip, so that
-//! straight lines between the corners enclose W.
+//! The loop uses the same springs as the energy sum. Its points are its corners: the displacements
+//! at which a spring starts to slip. Straight lines between the points therefore enclose the area
+//! W.
 //!
 //! # Accuracy
-//! The area has an error of 1e-6 of W, or of 1e-15 of 4QU if the loop is almost closed. The corners lie within
-//! 1e-3 of Q of the smooth curve of an unworn contact. D is computed on the smooth curve.
+//! The area is accurate to 1e-6 of W. When the loop has almost closed, rounding limits the accuracy
+//! to 1e-15 of 4QU. The corners lie within 1e-3 of Q of the smooth curve of an unworn contact,
+//! because there are only 48 springs. D is computed from the smooth curve.
 //!
 //! # Sources
 //! G. Masing (1926); the criteria: S. Fouvry, P. Kapsa, L. Vincent, *Wear* 185 (1995) 35.
@@ -23,42 +25,45 @@ use std::sync::OnceLock;
 
 use crate::numeric::{Gauss, dot, root};
 
-/// Gauss points of a row of springs.
+/// Number of Gauss points in a row of springs.
 pub const ROW_POINTS: usize = 48;
 
-/// A loop from +Δ to −Δ and back, with a point where each spring begins to slip.
+/// A closed loop that starts and ends at the reversal at +Δ. There is one point for each spring
+/// that starts to slip; the lines between the points are straight.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Loop {
-    /// u in the unit of Δ.
+    /// Displacement u, in the same unit as Δ (d₀).
     pub displacement: Vec<f64>,
-    /// Q̃/2.
+    /// Half of the tangential force, Q̃/2.
     pub force: Vec<f64>,
     /// A, the energy ratio.
     pub energy_ratio: f64,
     /// D, the slip ratio.
     pub slip_ratio: f64,
-    /// B, the system-free ratio; 0 if the loop is closed.
+    /// B, the system-free ratio. It is 0 after the loop has closed.
     pub free_ratio: f64,
 }
 
-/// The force–displacement curve of the first loading.
+/// The tangential force during the first loading, as a function of the displacement.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Backbone {
-    /// u and Q̃/2 where springs begin to slip, ascending from rest to Δ.
+    /// u and Q̃/2 at each displacement where a spring starts to slip, in ascending order from 0 to
+    /// Δ.
     corners: Vec<[f64; 2]>,
-    /// u at half of the largest force.
+    /// The displacement u at which the force reaches half of its maximum.
     half: f64,
+    /// ∫ y ω dx.
     loss: f64,
 }
 
 impl Backbone {
-    /// The largest number of points of a loop with this number of springs.
+    /// Maximum number of points of a loop of `springs` springs.
     pub(crate) fn points(springs: usize) -> usize {
         2 * (springs + 1) + 1
     }
 
-    /// The backbone of springs that stick inside `stick` and slip at the Gauss points of a row. `weights` are the
-    /// weights of ∫ dx.
+    /// The backbone of springs that stick inside `stick` and slip at the Gauss points of a row.
+    /// `weights` are the weights of ∫ dx at these points.
     pub(crate) fn of_row(
         (stick, threshold): (f64, f64),
         positions: &[f64; ROW_POINTS],
@@ -69,8 +74,10 @@ impl Backbone {
         let mut backbone = Self::of_cells(stick, threshold, compressions, weights, Some(loss));
         let [_, most] = backbone.last();
         let loads: [f64; ROW_POINTS] = std::array::from_fn(|k| weights[k] * compressions[k]);
-        // Knots of u, ∫ min(y, u) dx and its slope, from the last inwards to rest. At u = y(x) the springs inside
-        // x carry u, and the others their y. These sums are as accurate as the sums over the row.
+        // Knots of [u, ∫ min(y, u) dx, slope], from the last one (Δ) to the first one (u = 0). If u
+        // = y(x), all springs inside x carry u and the others carry their own y. The knots are as
+        // accurate as the sums over the row. The corners are less accurate, because there are only
+        // 48 springs.
         let knot = |k: usize| match k {
             0 => [threshold, most, stick],
             1..=ROW_POINTS => {
@@ -79,7 +86,8 @@ impl Backbone {
             }
             _ => [0.0, 0.0, 1.0],
         };
-        // The corners show between which knots half of the force is reached. It can also be next to them.
+        // Find the interval of knots with half of the force, starting from the interval that the
+        // corners suggest.
         let middle = 0.5 * most;
         let mut below = 1 + compressions.iter().filter(|y| **y > backbone.half).count();
         let (mut low, mut high) = (knot(below), knot(below - 1));
@@ -97,8 +105,8 @@ impl Backbone {
         backbone
     }
 
-    /// The backbone of cells with constant y around a sticking core of radius `start`. `loss` is a more accurate
-    /// ∫ y ω dx, if there is one.
+    /// The backbone of cells of constant y around a core of radius `start` that sticks. `loss` is ∫
+    /// y ω dx if a more accurate value is known.
     #[must_use]
     pub fn of_cells(
         start: f64,
@@ -111,7 +119,8 @@ impl Backbone {
             let springs = compressions.iter().zip(widths);
             springs.map(|(y, width)| width * y * (1.0 - y / threshold).max(0.0)).sum()
         });
-        // First y and the width of each spring. Usually y falls outwards, so that the sort is fast.
+        // First y and width of each spring. Usually y decreases outwards, so the reversed order is
+        // nearly sorted.
         let mut corners = Vec::with_capacity(compressions.len() + 2);
         corners.push([0.0, 0.0]);
         corners.extend(compressions.iter().zip(widths).rev().map(|(y, width)| [*y, *width]));
@@ -119,7 +128,8 @@ impl Backbone {
         let slipping = corners.partition_point(|[y, _]| *y < threshold).max(1);
         let mut slope = start + corners[slipping..].iter().map(|[_, width]| width).sum::<f64>();
         corners.truncate(slipping);
-        // The length of the sticking springs at each corner, summed from the inside.
+        // Sum the sticking width from the inside outwards, because it may be 0 there and must not
+        // be a difference.
         for [_, width] in corners[1..].iter_mut().rev() {
             let all = slope + *width;
             *width = std::mem::replace(&mut slope, all);
@@ -164,9 +174,9 @@ impl Backbone {
             let (energy_ratio, slip_ratio, free_ratio) = (0.0, 0.0, 0.0);
             return Loop { displacement, force, energy_ratio, slip_ratio, free_ratio };
         }
-        // The unloading branch is zero where the backbone has half of the force.
+        // The unloading branch crosses zero where the backbone has half of the maximum force.
         let aperture = (threshold - 2.0 * self.half).max(0.0);
-        // W = 8Δ ∫ y ω dx, in units of 2·(Q̃/2)·u.
+        // W = 4·2 ∫ y ω dx·Δ in units of 2·(Q̃/2)·u.
         let lost = 4.0 * self.loss * threshold;
         let slip_ratio = aperture / threshold;
         let energy_ratio = lost / (4.0 * most * threshold);
@@ -175,7 +185,7 @@ impl Backbone {
     }
 }
 
-/// The cubic between two knots of [u, Q̃/2, slope].
+/// Cubic Hermite interpolation between two knots [u, Q̃/2, slope].
 fn between(low: [f64; 3], high: [f64; 3], u: f64) -> f64 {
     let ([low, from, slope_from], [high, to, slope_to]) = (low, high);
     let width = high - low;
@@ -185,8 +195,8 @@ fn between(low: [f64; 3], high: [f64; 3], u: f64) -> f64 {
         + width * t * s * (s * slope_from - t * slope_to)
 }
 
-/// Row k gives ∫ f ds from the k-th Gauss point to 1, from the products of f and the Gauss weights. It integrates
-/// the Legendre series of f.
+/// Row k contains factors for ∫ f ds from the k-th Gauss point to 1. They multiply the products of
+/// f and the Gauss weights. The Legendre series of f is integrated term by term.
 fn rests() -> &'static [[f64; ROW_POINTS]] {
     static RESTS: OnceLock<Vec<[f64; ROW_POINTS]>> = OnceLock::new();
     RESTS.get_or_init(|| {

@@ -1,7 +1,8 @@
-//! The limiting state of wear with held indentation depth and amplitude: (11)–(13).
+//! The limiting state at constant indentation depth and amplitude: (11)–(13).
 //!
-//! Inside the stick radius nothing wears. Outside, every spring wears until it carries no load. The image is then
-//! flat, g = d, up to the limiting radius ã, where the worn profile meets the unworn profile.
+//! Nothing wears inside the stick radius c. Outside c, every spring is worn until it carries no
+//! load. The image is therefore flat, g = d, between c and the limiting radius ã. At ã the worn
+//! profile meets the unworn profile.
 //!
 //! # Equations
 //! ```text
@@ -9,11 +10,12 @@
 //! w∞(ã) = 0, ã > c                                                   (13)
 //! V∞    = 4 ∫ᶜᵃ (d − g₀(x)) √(ã²−x²) dx          (the upper end is ã)
 //! ```
-//! Equation (19) of the paper is up to 3.6 % below the root of (13). This module solves (13).
+//! Equation (19) of the paper gives values up to 3.6 % below the root of (13). This module solves
+//! (13) itself.
 //!
 //! # Accuracy
-//! Radius and volume to 1e-9 (the volume to 3e-7 in gross slip with an exponent between 1 and 2). The depth to
-//! 1e-11, and its radius to 1e-8 (1e-6 for c below 0.01).
+//! Radius and volume: 1e-9. In gross slip with a non-integer exponent between 1 and 2 the volume is
+//! accurate to 3e-7. Depth: 1e-11. Radius of the greatest depth: 1e-8 (1e-6 for c below 0.01).
 //!
 //! # Sources
 //! V. L. Popov, *Sci. Rep.* 4 (2014) 3749.
@@ -23,34 +25,36 @@ use std::f64::consts::FRAC_2_PI;
 use super::profile::Shape;
 use crate::numeric::{Bracket, integrate, integrate_pieces, maximum, root};
 
-/// Largest scar radius in a₀ in gross slip under a held force. The scales of the unworn contact do not fit
-/// larger scars.
+/// Maximum scar radius, in a₀, in gross slip at constant force. Further out the shape is unknown,
+/// because the scar is much larger than the unworn contact.
 pub const WIDEST: f64 = 100.0;
-/// Largest wear depth in d₀ in this case.
+/// Maximum wear depth, in d₀, in gross slip at constant force.
 pub const DEEPEST: f64 = 1000.0;
 
-/// Most steps of 2 % in the search for ã, to each side.
+/// Maximum number of steps of 2 % to either side in the search for ã.
 const MOST_STEPS: usize = 500;
-/// Relative accuracy of ã. Each evaluation sums over all rows of a table.
+/// Relative tolerance of the scar radius. It limits the number of evaluations, because each
+/// evaluation of a table sums over all its rows.
 const SCAR_DIGITS: f64 = 1e-13;
 
 /// The limiting state in units of a₀, d₀ and a₀²d₀.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limit {
-    /// ã: the outer radius of the scar, where the limiting profile meets the unworn profile.
+    /// ã, the radius of the scar, where the limiting profile meets the unworn profile.
     pub radius: f64,
-    /// V∞.
+    /// V∞, the limiting volume.
     pub volume: f64,
-    /// The largest wear depth.
+    /// The greatest wear depth.
     pub depth: f64,
-    /// The radius of the largest wear depth.
+    /// The radius at which the wear is deepest.
     pub depth_radius: f64,
 }
 
 impl Limit {
-    /// Solves (13) for a stick radius 0 ≤ c < 1 at the unworn depth. c = 0 is gross slip, where all springs wear.
+    /// Solves (13) for a stick radius 0 ≤ c < 1 at the unworn depth. c = 0 means gross slip, where
+    /// all springs wear.
     ///
-    /// `None` if the scar would become larger than the shape, such as a sphere loaded to its equator.
+    /// `None` if the scar would become larger than the shape (a sphere loaded to its equator).
     #[must_use]
     pub fn solve(shape: &Shape, c: f64) -> Option<Self> {
         Self::at_depth(shape, c, 1.0)
@@ -58,10 +62,10 @@ impl Limit {
 
     /// Solves (13) for a depth d ≥ 1 in units of d₀.
     ///
-    /// `None` as for [`Limit::solve`].
+    /// `None` under the same condition as for [`Limit::solve`].
     pub(crate) fn at_depth(shape: &Shape, c: f64, d: f64) -> Option<Self> {
-        // w∞ is positive at r = 1, or just outside a larger c, and falls further out. The loop goes outwards until
-        // the sign changes.
+        // w∞ is positive at r = 1, or just outside c if c > 1, and decreases further out. Search
+        // outwards until w∞ changes sign.
         let wear = |r: f64| limiting_wear(shape, c, d, r, chord_and_angle(c, r));
         let (mut inner, mut step) = (c.max(1.0), (1.0 - c).max(1e-12));
         let outer = loop {
@@ -77,8 +81,8 @@ impl Limit {
         };
         let radius = root(inner, outer, wear);
         let chord = |x: f64| ((radius - x) * (radius + x)).max(0.0).sqrt();
-        // For a kink near c, subtracts the part inside c, as in `integrate_beyond`. Otherwise x = ã − (ã − c)s²
-        // removes the square root at the end of the integrand.
+        // If a kink is close to c, subtract the integral inside c, as in `integrate_beyond`.
+        // Otherwise the substitution x = ã − (ã − c)s² removes the square root at the end.
         let width = radius - c;
         let volume = if shape.kinks().iter().any(|kink| c - kink < width) {
             let of_spring = |x: f64| (d - shape.image(x)) * chord(x);
@@ -102,10 +106,11 @@ impl Limit {
 }
 
 impl Limit {
-    /// Only ã, the root of (13), from a guess close to it.
+    /// The scar radius ã: the root of (13), found from a first guess.
     pub(crate) fn scar(shape: &Shape, c: f64, d: f64, guess: f64) -> f64 {
         let wear = |r: f64| limiting_wear(shape, c, d, r, chord_and_angle(c, r));
-        // The wear is positive where the unworn image is below d. It has another root at c.
+        // The wear is positive where the unworn image is below d. (13) has another root at c, which
+        // is excluded.
         let worn = |r: f64| r <= c || shape.image(r) < d || wear(r) > 0.0;
         let step = |r: f64| 0.02 * (r - c).max(0.01 * r);
         let (mut inner, mut outer) = (guess, guess);
@@ -131,7 +136,7 @@ impl Limit {
     }
 }
 
-/// √(r²−c²) and arccos(c/r), without loss of digits for r close to c.
+/// √(r²−c²) and arccos(c/r), without loss of digits if r is close to c.
 pub(crate) fn chord_and_angle(c: f64, r: f64) -> (f64, f64) {
     let chord = ((r - c) * (r + c)).max(0.0).sqrt();
     (chord, libm::atan(chord / c))
@@ -154,7 +159,7 @@ mod tests {
     use std::f64::consts::{FRAC_PI_2, PI, SQRT_2};
 
     #[test]
-    fn the_cone_obeys_the_papers_equation_20() {
+    fn the_cone_obeys_equation_20_of_the_paper() {
         for c in [0.05, 0.21, 0.368, 0.522, 0.9, 0.9999] {
             let a = Limit::solve(&Shape::power(1.0), c).expect("a root").radius;
             let left = FRAC_PI_2 - libm::asin(c / a);
@@ -163,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn gross_slip_wears_until_the_apex_touches_no_more() {
+    fn gross_slip_removes_the_tip_down_to_the_indentation_depth() {
         let paraboloid = Limit::solve(&Shape::power(2.0), 0.0).expect("a root");
         assert!((paraboloid.radius - SQRT_2).abs() < 1e-12);
         assert!((paraboloid.volume - PI).abs() < 1e-12);
@@ -173,8 +178,8 @@ mod tests {
     }
 
     #[test]
-    fn the_volume_of_the_1d_formula_is_that_of_the_profile() {
-        // 2π ∫ w r dr over the profile itself: an independent way to the same number.
+    fn the_volume_formula_agrees_with_the_volume_of_the_limiting_profile() {
+        // 2π ∫ w r dr over the profile is an independent calculation of the volume.
         for (shape, c) in [
             (Shape::power(2.0), 0.5),
             (Shape::power(1.0), 0.21),
@@ -189,7 +194,7 @@ mod tests {
             (Shape::truncated_cone(0.7), 0.9),
         ] {
             let limit = Limit::solve(&shape, c).expect("a root");
-            // Square-root behaviour at c: r = c + width·s².
+            // w∞ has a square root at c: r = c + width·s² removes it.
             let width = limit.radius - c;
             let at = |s: f64| {
                 let r = c + width * s * s;

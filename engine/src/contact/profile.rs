@@ -1,17 +1,18 @@
 //! Shapes of the indenter and their one-dimensional images, in dimensionless form.
 //!
-//! Lengths are in units of the unworn contact radius a₀, and heights in units of the unworn indentation
-//! depth d₀. Then g₀(1) = 1 for every shape, and the exponent alone defines a power law.
+//! Lengths are in units of the unworn contact radius a₀, heights in units of the unworn indentation
+//! depth d₀. So g₀(1) = 1 for every shape, and a power law depends on its exponent only.
 //!
 //! # Equations
 //! ```text
 //! f = A rⁿ        g = κₙ A xⁿ,  κₙ = √π n Γ(n/2) / (2 Γ((n+1)/2))      κ₁ = π/2, κ₂ = 2
 //! sphere          g = (x/2) ln((R+x)/(R−x)) = x·artanh(x/R)
 //! ```
-//! Truncated paraboloids and cones are in the module `truncated`, tables in `table_shape`.
+//! Truncated paraboloids and cones are in the module `truncated`; measured tables are in
+//! `table_shape`.
 //!
 //! # Accuracy
-//! Closed forms for whole exponents. Otherwise one Gauss rule of 32 points, with an error below 1e-9.
+//! Closed forms for integer exponents. Otherwise one Gauss rule of 32 points, better than 1e-9.
 //!
 //! # Sources
 //! M. Heß, *Phys. Mesomech.* 15 (2012) 264 (power laws); K. L. Johnson, *Contact Mechanics* (1987),
@@ -46,7 +47,7 @@ pub struct Shape {
 
 #[derive(Debug, Clone, PartialEq)]
 enum ShapeKind {
-    /// g = xⁿ with a whole n: paraboloid 2, cone 1.
+    /// g = xⁿ with an integer n: paraboloid 2, cone 1.
     Whole(u32),
     /// g = xⁿ.
     Power(f64),
@@ -59,7 +60,7 @@ enum ShapeKind {
 }
 
 impl Shape {
-    /// f ∝ rⁿ; 1 is the cone, 2 the paraboloid.
+    /// f ∝ rⁿ. An exponent of 1 is a cone, 2 a paraboloid.
     #[must_use]
     pub fn power(exponent: f64) -> Self {
         let height = 1.0 / kappa(exponent);
@@ -72,7 +73,7 @@ impl Shape {
         Self { kind, height }
     }
 
-    /// A sphere whose radius is ρ > 1 times the contact radius.
+    /// A sphere with a radius of ρ > 1 contact radii.
     #[must_use]
     pub fn sphere(rho: f64) -> Self {
         let scale = 1.0 / libm::atanh(1.0 / rho);
@@ -80,13 +81,13 @@ impl Shape {
         Self { kind: ShapeKind::Sphere { rho, scale }, height }
     }
 
-    /// A paraboloid with a flat whose radius is 0 < β < 1 times the contact radius.
+    /// A paraboloid with a flat tip of radius 0 < β < 1, in contact radii.
     #[must_use]
     pub fn truncated_paraboloid(flat: f64) -> Self {
         Self::truncated(Truncated::paraboloid(flat))
     }
 
-    /// A cone with a flat whose radius is 0 < β < 1 times the contact radius.
+    /// A cone with a flat tip of radius 0 < β < 1, in contact radii.
     #[must_use]
     pub fn truncated_cone(flat: f64) -> Self {
         Self::truncated(Truncated::cone(flat))
@@ -102,8 +103,9 @@ impl Shape {
         Self { kind: ShapeKind::Table(table), height }
     }
 
-    /// The radii inside the contact at which the image has a kink, ascending. A mesh needs a node there, and a
-    /// quadrature must be split there. A table needs no kinks.
+    /// Radii inside the contact at which the image has a kink, in ascending order. A mesh should
+    /// have a node at each kink, and a quadrature should be split there. A table is smooth enough
+    /// and has no kinks.
     #[must_use]
     pub fn kinks(&self) -> &[f64] {
         match &self.kind {
@@ -112,7 +114,7 @@ impl Shape {
         }
     }
 
-    /// The number of pieces that an integral sums over.
+    /// Number of pieces over which the integrals of the shape are summed.
     pub(crate) fn pieces(&self) -> usize {
         match &self.kind {
             ShapeKind::Table(table) => table.pieces(),
@@ -166,7 +168,7 @@ impl Shape {
         }
     }
 
-    /// g₀(c + δ) − g₀(c) without cancellation.
+    /// g₀(c + δ) − g₀(c), without cancellation.
     pub(crate) fn image_rise(&self, c: f64, delta: f64) -> f64 {
         let x = c + delta;
         match self.kind {
@@ -183,8 +185,9 @@ impl Shape {
         }
     }
 
-    /// The largest pressure of the unworn contact in E*d₀/a₀. Under a profile blunter than a paraboloid it lies in
-    /// a ring, otherwise on the axis. It is infinite for a cone and at the edge of a flat.
+    /// The largest pressure of the unworn contact, in E*d₀/a₀. It is on the axis, or on a ring if
+    /// the profile is blunter than a paraboloid. It is infinite for a cone and at the edge of a
+    /// flat.
     #[must_use]
     pub fn peak_pressure(&self) -> f64 {
         let blunt = match self.kind {
@@ -212,7 +215,7 @@ impl Shape {
         }
     }
 
-    /// The radius at which the image reaches `value` in 0…1.
+    /// The radius at which the image equals `value` in 0…1.
     #[must_use]
     pub fn image_inverse(&self, value: f64) -> f64 {
         match self.kind {
@@ -231,7 +234,7 @@ impl Shape {
         match self.kind {
             ShapeKind::Whole(n) => whole_power(x, n + 1) / f64::from(n + 1),
             ShapeKind::Power(n) => libm::pow(x, n + 1.0) / (n + 1.0),
-            // The image of a table has too many pieces for one rule.
+            // The image of a table has too many pieces for a single Gauss rule.
             ShapeKind::Table(ref table) => table.area(x),
             ShapeKind::Sphere { .. } | ShapeKind::Truncated(_) => {
                 integrate_beyond(0.0, x, self.kinks(), |x| self.image(x))
@@ -239,13 +242,14 @@ impl Shape {
         }
     }
 
-    /// ∫₀¹ (1 − g₀) dx, half of the unworn force in units of E*a₀d₀.
+    /// ∫₀¹ (1 − g₀) dx: half of the unworn force in units of E*a₀d₀.
     #[must_use]
     pub fn half_force(&self) -> f64 {
         match self.kind {
             ShapeKind::Whole(n) => f64::from(n) / (f64::from(n) + 1.0),
             ShapeKind::Power(n) => n / (n + 1.0),
-            // Sneddon's closed form cancels for a large sphere. The integrand is smooth.
+            // Sneddon's closed form loses all digits for a large sphere, but the integrand is
+            // smooth.
             ShapeKind::Sphere { .. } => integrate(0.0, 1.0, |x| 1.0 - self.image(x)),
             ShapeKind::Truncated(ref shape) => shape.half_force(),
             ShapeKind::Table(ref table) => table.half_force(),
@@ -254,7 +258,7 @@ impl Shape {
 
     /// (2/π) ∫ g₀/√(r²−x²) dx over c…r: the part of the inverse transform (4) outside `c`.
     ///
-    /// `chord` is √(r²−c²), and `angle` is arccos(c/r).
+    /// `chord` is √(r²−c²) and `angle` is arccos(c/r). The callers have already computed both.
     pub(crate) fn inverse_outside(&self, c: f64, r: f64, chord: f64, angle: f64) -> f64 {
         if c == 0.0 {
             return self.profile(r);
@@ -265,7 +269,7 @@ impl Shape {
             ShapeKind::Whole(1) => FRAC_2_PI * chord,
             ShapeKind::Whole(2) => FRAC_1_PI * (c * chord + r * r * angle),
             ShapeKind::Whole(n) => {
-                // Recursion for ∫ xᵐ/√(r²−x²) dx from c to r in steps of two powers.
+                // ∫ xᵐ/√(r²−x²) dx from c to r, by a recursion that increases m by 2.
                 let mut m = f64::from(n % 2);
                 let (mut sum, mut power) = if n % 2 == 1 { (chord, c * c) } else { (angle, c) };
                 for _ in 0..n / 2 {
@@ -275,8 +279,8 @@ impl Shape {
                 }
                 FRAC_2_PI * sum
             }
-            // For c near 0 the integrand is not smooth. The code then integrates the part inside c, and subtracts
-            // it from the known total.
+            // For a large c/r the integrand is smooth in the angle. For a small c/r the integral
+            // inside c is easier; it is subtracted from the known total.
             _ if 2.0 * c < r => {
                 let inner = FRAC_PI_2 - angle;
                 let inside = integrate(0.0, 1.0, |s| {
@@ -288,8 +292,8 @@ impl Shape {
         }
     }
 
-    /// (1/π) ∫ g₀′/√(x²−r²) dx over r…b: the pressure in E*d₀/a₀ of springs with the unworn image up to b. It is
-    /// infinite at the apex of a cone and at the edge of a flat.
+    /// (1/π) ∫ g₀′/√(x²−r²) dx over r…b: the pressure, in E*d₀/a₀, of springs that follow the
+    /// unworn image inside b. It is infinite at the apex of a cone and at the edge of a flat.
     #[must_use]
     pub fn pressure_inside(&self, r: f64, b: f64) -> f64 {
         if r >= b {
@@ -299,7 +303,7 @@ impl Shape {
         match self.kind {
             ShapeKind::Whole(2) => FRAC_2_PI * chord,
             ShapeKind::Whole(n) => {
-                // Recursion for ∫ xᵐ/√(x²−r²) dx from r to b in steps of two powers, up to m = n − 1.
+                // ∫ xᵐ/√(x²−r²) dx from r to b for m = n − 1, by a recursion that increases m by 2.
                 let (mut sum, mut m) = if n % 2 == 0 {
                     (chord, 1)
                 } else if r == 0.0 {
@@ -358,7 +362,8 @@ mod tests {
         ]
     }
 
-    /// ∫ over from…to, anew at every kink, for functions with roots at the ends of the pieces.
+    /// ∫ over from…to, split at every kink, for functions with square roots at the ends of the
+    /// pieces.
     fn pieces(from: f64, to: f64, kinks: &[f64], f: impl Fn(f64) -> f64) -> f64 {
         let mut edges = vec![from];
         edges.extend(kinks.iter().filter(|kink| (from..to).contains(kink)));
@@ -388,7 +393,7 @@ mod tests {
     }
 
     #[test]
-    fn profile_and_image_are_a_transform_pair() {
+    fn image_and_profile_are_transforms_of_each_other() {
         for (name, shape) in shapes() {
             for r in [0.0, 0.1, 0.5, 0.9, 1.0, 1.2] {
                 let g = r * transformed(&shape, r, |x| shape.slope(x));
@@ -400,8 +405,8 @@ mod tests {
     }
 
     #[test]
-    fn the_round_trip_returns_the_profile() {
-        // (4) of (3), both by quadrature, never through the closed image.
+    fn the_inverse_transform_of_the_forward_transform_is_the_profile() {
+        // (4) of (3). Both use quadrature and do not use the closed form of the image.
         for (name, shape) in shapes() {
             for r in [0.05, 0.4, 0.8, 1.1] {
                 let f = FRAC_2_PI
@@ -413,9 +418,9 @@ mod tests {
     }
 
     #[test]
-    fn parts_of_the_transforms_agree_with_a_fine_sum() {
-        // Midpoint rule on 200 000 graded cells: a second, cruder way, right to 1e-8. It begins anew
-        // at a kink, from both sides of which the cells are graded.
+    fn the_partial_transforms_agree_with_a_midpoint_sum() {
+        // Midpoint rule on 200 000 graded cells: an independent method, accurate to 1e-8. The
+        // integral is split at a kink, and the cells are graded towards the kink from both sides.
         let fine = |kink: Option<f64>, f: &dyn Fn(f64) -> f64| {
             let cells = 200_000;
             let piece = |from: f64, to: f64| {
@@ -456,7 +461,7 @@ mod tests {
     }
 
     #[test]
-    fn forces_are_those_of_hertz_and_sneddon() {
+    fn forces_agree_with_hertz_and_sneddon() {
         assert!((2.0 * Shape::power(2.0).half_force() - 4.0 / 3.0).abs() < 1e-15);
         assert!((2.0 * Shape::power(1.0).half_force() - 1.0).abs() < 1e-15);
         for (name, shape) in shapes() {
@@ -471,14 +476,15 @@ mod tests {
     }
 
     #[test]
-    fn the_rise_of_an_image_keeps_its_digits() {
+    fn image_rise_has_no_cancellation() {
         for (name, shape) in shapes() {
             for c in [0.0, 0.3, 0.9] {
                 let coarse = shape.image_rise(c, 0.05);
                 let direct = shape.image(c + 0.05) - shape.image(c);
                 assert!((coarse - direct).abs() < 1e-15 + 1e-13 * direct, "{name} {c}");
             }
-            // 1e-12 further on it is the slope times that; a difference would have four digits.
+            // Over a distance of 1e-12 the rise is slope × distance. A plain difference would have
+            // only four digits.
             let at = shape.kinks().first().map_or(0.5, |flat| 0.5_f64.max(flat + 5e-4));
             let fine = shape.image_rise(at, 1e-12) / 1e-12;
             let digits = match shape.kinks() {
@@ -491,7 +497,7 @@ mod tests {
     }
 
     #[test]
-    fn the_peak_pressure_is_nowhere_exceeded() {
+    fn the_pressure_never_exceeds_the_peak_pressure() {
         for (name, shape) in shapes().into_iter().skip(1) {
             if let [flat] = shape.kinks() {
                 assert!(shape.peak_pressure().is_infinite());
@@ -506,10 +512,11 @@ mod tests {
         }
     }
 
-    /// Sources: Ejike (1981) for the paraboloid, F = 2E*(2a² + b²)√(a² − b²)/(3R), d = a√(a² − b²)/R;
-    /// Maugis and Barquins (1983) for the cone, F = E* tanθ a(a·arccos(b/a) + b√(1 − b²/a²)).
+    /// Sources: Ejike (1981) for the paraboloid, F = 2E*(2a² + b²)√(a² − b²)/(3R), d = a√(a² −
+    /// b²)/R; Maugis and Barquins (1983) for the cone, F = E* tanθ a(a·arccos(b/a) + b√(1 −
+    /// b²/a²)).
     #[test]
-    fn forces_under_a_flat_are_the_published_ones() {
+    fn forces_of_truncated_shapes_agree_with_published_formulas() {
         for b in [0.01_f64, 0.4, 0.9, 0.9999] {
             let rim = ((1.0 - b) * (1.0 + b)).sqrt();
             let ejike = 2.0 * (2.0 + b * b) * rim / (3.0 * rim);
@@ -521,13 +528,13 @@ mod tests {
     }
 
     #[test]
-    fn the_pressure_carries_the_force_across_the_edge_of_a_flat() {
+    fn the_pressure_integrates_to_the_force_and_is_logarithmic_at_the_edge_of_the_flat() {
         for shape in [Shape::truncated_paraboloid(0.4), Shape::truncated_cone(0.8)] {
             let force =
                 2.0 * PI * pieces(0.0, 1.0, shape.kinks(), |r| r * shape.pressure_inside(r, 1.0));
             assert!((force / (2.0 * shape.half_force()) - 1.0).abs() < 1e-5, "{force}");
             for (near, far) in [(1e-3, 1e-4), (1e-9, 1e-10), (-1e-3, -1e-4), (-1e-9, -1e-10)] {
-                // It grows like a logarithm, on both sides alike.
+                // The pressure grows logarithmically, equally on both sides of the edge.
                 let at = |distance: f64| shape.pressure_inside(shape.kinks()[0] + distance, 1.0);
                 let growth = at(far) - at(near);
                 let expected = at(1e-5) - at(1e-4);
@@ -537,7 +544,7 @@ mod tests {
     }
 
     #[test]
-    fn a_small_flat_is_none() {
+    fn a_very_small_flat_gives_the_results_of_the_pointed_shape() {
         for (flat, sharp) in [
             (Shape::truncated_paraboloid(1e-6), Shape::power(2.0)),
             (Shape::truncated_cone(1e-6), Shape::power(1.0)),
@@ -553,11 +560,12 @@ mod tests {
     }
 
     #[test]
-    fn the_image_of_a_flat_is_inverted_to_its_edge() {
+    fn image_inverse_inverts_the_image() {
         for (name, shape) in shapes() {
             for value in [0.0, 1e-12, 1e-6, 0.1, 0.7, 1.0] {
                 let x = shape.image_inverse(value);
-                // Next to a flat the image rises like a root, and a bit of x is much of it.
+                // Near the edge of a flat the image grows like a square root, so rounding of x
+                // changes it noticeably.
                 let (below, above) = (shape.image((x - 1e-15).max(0.0)), shape.image(x + 1e-15));
                 assert!((below - 1e-14..=above + 1e-14).contains(&value), "{name} {value}: {x}");
             }
@@ -568,7 +576,7 @@ mod tests {
     }
 
     #[test]
-    fn a_large_sphere_is_a_paraboloid() {
+    fn a_large_sphere_gives_the_results_of_a_paraboloid() {
         let (sphere, paraboloid) = (Shape::sphere(1e4), Shape::power(2.0));
         for r in [0.1, 0.7, 1.0, 1.3] {
             assert!((sphere.profile(r) - paraboloid.profile(r)).abs() < 1e-8);
@@ -578,7 +586,7 @@ mod tests {
     }
 
     #[test]
-    fn the_pressure_of_hertz_is_an_ellipse_and_of_the_cone_an_area_cosine() {
+    fn the_pressure_is_an_ellipse_for_a_paraboloid_and_an_inverse_hyperbolic_cosine_for_a_cone() {
         for r in [0.0_f64, 0.3, 0.9] {
             let hertz = FRAC_2_PI * (1.0 - r * r).sqrt();
             assert!((Shape::power(2.0).pressure_inside(r, 1.0) - hertz).abs() < 1e-15);

@@ -1,26 +1,29 @@
-//! The slip of springs under an arbitrary displacement record that repeats endlessly.
+//! The slip of springs under an arbitrary displacement record that repeats indefinitely.
 //!
-//! A spring sticks up to a deflection s, and slips beyond it. It is a play (Prandtl) element, so that only the
-//! reversals of the record matter. One pass of the record is one cycle.
+//! A spring sticks until its deflection reaches the limit s, and slips beyond it: a play (Prandtl)
+//! element. Only the reversals of the displacement record matter to a spring. One pass of the
+//! record is one cycle.
 //!
 //! # Equations
 //! ```text
 //! P(s) = Σ 2 max(0, R − 2s) = 4 Σ max(0, R/2 − s)      slip path of one pass, over closed loops
 //! ω(ρ) = P(ρU) / 4U                                    the same in units of a harmonic stroke
 //! ```
-//! R is the range of a loop, and U is half of the largest range. On each of the two branches of a loop a spring
-//! first sticks for 2s. When a loop closes, the spring has the same state as at its start. The loop can therefore
-//! be removed from the record, and the rest is counted in the same way. A spring with compression y has ρ = y/Δ
-//! with Δ = G*U/(μE*d₀). A harmonic record has a single loop, ω = 1 − ρ.
+//! R is the range of a loop, U half of the largest range. On each of the two branches of a loop a
+//! spring first sticks over a distance of 2s. When the loop closes, the spring is in the same state
+//! as at the start of the loop. A closed loop can therefore be removed from the record and counted
+//! separately: larger swings erase the memory of a play element. A spring of compression y has ρ =
+//! y/Δ with Δ = G*U/(μE*d₀). The harmonic record has a single loop, ω = 1 − ρ.
 //!
-//! Rainflow counting finds the loops. It begins at the highest position, so that all loops close. This counts the
-//! steady state, which is reached within the first pass. Between its extremes the contact moves by 2U. A spring
-//! with s < U reaches its limit there in any case, and a spring with s ≥ U stops slipping.
-//!
+//! Rainflow counting finds the loops. The count starts at the highest position, so that all loops
+//! close. The count describes the steady state, which is reached within the first pass: between its
+//! extremes the contact moves by 2U. There a spring with s < U reaches its limit, whatever its
+//! initial state. A spring with s ≥ U does not slip again after it has passed both extremes.
 //! # Accuracy
-//! P is convex and piecewise linear, with a corner at each R/2. The sum begins at the largest loop, where P is 0. All
-//! terms are positive, so that nothing cancels for limits close to U, and the sum is compensated. Only the rounding
-//! of the ranges remains.
+//! P is convex and piecewise linear, with a corner at each R/2. The sum starts at the largest loop,
+//! where P = 0, and adds one interval between corners after the other. All terms are positive, so
+//! there is no cancellation even if s is close to U. The sum is compensated. Only the rounding of
+//! the ranges remains.
 //!
 //! # Sources
 //! Play operators: M. A. Krasnosel'skii, A. V. Pokrovskii, *Systems with Hysteresis*, Springer
@@ -30,33 +33,34 @@
 
 use crate::numeric;
 
-/// The loops of a displacement record that repeats endlessly.
+/// A displacement record that repeats indefinitely, reduced to what the springs feel.
 ///
-/// Two records are equal if their loops have the same ranges. The start, the direction and points between reversals
-/// do not matter.
+/// Two records are equal if their loops have the same ranges. The starting point, the sign, the
+/// direction in time and the points between reversals have no influence.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DisplacementRecord {
     amplitude: f64,
-    /// From the largest loop to the smallest.
+    /// Corners of ω, from the largest loop to the smallest loop.
     corners: Vec<Corner>,
 }
 
-/// A corner of ω. A spring with a lower limit slips in more loops.
+/// A corner of ω(ρ): a spring with a lower limit slips in more loops.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Corner {
     /// ρ = R/2U.
     ratio: f64,
     /// ω(ρ).
     slip: f64,
-    /// The number of loops with this range or a larger one: −dω/dρ just below ρ.
+    /// Number of loops of at least this size: −dω/dρ just below ρ.
     loops: usize,
 }
 
 impl DisplacementRecord {
-    /// The record that passes through `displacements` in order, and returns from the last to the first. The unit is
-    /// arbitrary.
+    /// The record that passes through `displacements` in order, in any unit of length, and returns
+    /// from the last to the first. Points between two reversals are ignored.
     ///
-    /// `None` if all displacements are equal, or if a value or the largest range is not finite.
+    /// `None` if there is no motion, if a value is not finite, or if the largest range is not
+    /// finite.
     #[must_use]
     pub fn new(displacements: &[f64]) -> Option<Self> {
         if !displacements.iter().all(|u| u.is_finite()) {
@@ -74,8 +78,8 @@ impl DisplacementRecord {
         self.amplitude
     }
 
-    /// ω(ρ) = P(ρU)/4U: the path, divided by the path of a harmonic cycle of the same amplitude. For ρ ≤ 0 it exceeds
-    /// 1 if the record has more than one loop.
+    /// ω(ρ) = P(ρU)/4U: the slip path in units of one complete harmonic cycle of the same
+    /// amplitude. Without stick, at ρ ≤ 0, ω exceeds 1 if the record has more than one loop.
     #[must_use]
     pub fn slip(&self, ratio: f64) -> f64 {
         self.strokes(ratio, 1.0)
@@ -83,7 +87,8 @@ impl DisplacementRecord {
 
     /// P/4, in a unit of length in which the amplitude is `amplitude`.
     ///
-    /// Scales the corners and not the limit, because rounding the limit would matter close to U.
+    /// The code scales the corners and not the limit, because rounding of the limit would be
+    /// visible close to U.
     fn strokes(&self, limit: f64, amplitude: f64) -> f64 {
         let limit = limit.max(0.0);
         let slipping = self.corners.partition_point(|corner| corner.ratio * amplitude > limit);
@@ -93,22 +98,23 @@ impl DisplacementRecord {
     }
 }
 
-/// The ranges of the loops of one pass, by rainflow counting.
+/// The ranges of the loops that close in one pass, by rainflow counting.
 ///
-/// It compares positions and not their differences, so that rounding cannot add or remove a loop.
+/// The code compares positions, not their differences, so rounding cannot add or remove a loop.
 fn loops(displacements: &[f64]) -> Vec<f64> {
     let between = |x: f64, a: f64, b: f64| a.min(b) <= x && x <= a.max(b);
     let (before, after) = displacements.split_at(numeric::largest(displacements));
     let mut ranges = Vec::new();
-    // Reversals with open loops. Each range lies within the one before it.
+    // Reversals of open loops: each swing lies inside the previous swing.
     let mut open: Vec<f64> = Vec::new();
     for &u in after.iter().chain(before).chain(after.first()) {
         while let [.., a, b] = open[..] {
             if between(b, a, u) {
-                // b is not a reversal: the motion continues or rests.
+                // Not a reversal: `b` lies between its neighbours, or the position has not changed.
                 open.pop();
             } else if between(a, b, u) {
-                // The motion has returned to a, so that the loop from a to b closes.
+                // The motion has returned to the start of the swing from a to b, so this loop
+                // closes.
                 ranges.push((a - b).abs());
                 open.truncate(open.len() - 2);
             } else {
@@ -120,10 +126,10 @@ fn loops(displacements: &[f64]) -> Vec<f64> {
     ranges
 }
 
-/// The corners of ω for ranges in descending order.
+/// The corners of ω for `ranges` in descending order.
 fn corners(ranges: &[f64]) -> Vec<Corner> {
     let mut corner = Corner { ratio: 1.0, slip: 0.0, loops: 0 };
-    // The rounding error of the running sum. With 10⁵ terms it could reach 1e-11.
+    // Kahan compensation: without it, 10⁵ terms could lose 1e-11 of the sum.
     let mut lost = 0.0;
     ranges
         .chunk_by(|a, b| a <= b)
@@ -150,8 +156,9 @@ mod tests {
             self.corners.last().map_or(0, |corner| 2 * corner.loops)
         }
 
-        /// P(s): the path that a spring with slip limit `limit` slips in one pass, both in the unit of
-        /// the displacements. 0 from U on; below 0, as at 0, the whole path of the record.
+        /// P(s): the path that a spring with slip limit `limit` slips in one pass, in the unit of
+        /// the displacements. It is 0 for limits of at least U. For negative limits, as for 0, it
+        /// is the whole path of the record.
         fn path(&self, limit: f64) -> f64 {
             4.0 * self.strokes(limit, self.amplitude)
         }
@@ -165,7 +172,7 @@ mod tests {
         assert_eq!(a.to_bits(), b.to_bits(), "{a} {b}");
     }
 
-    /// Loops from the largest to the smallest, read off the corners.
+    /// Ranges of the loops from the largest to the smallest, computed from the corners.
     fn ranges(record: &DisplacementRecord) -> Vec<f64> {
         let mut counted = 0;
         let mut ranges = Vec::new();
@@ -177,7 +184,7 @@ mod tests {
         ranges
     }
 
-    /// splitmix64.
+    /// The splitmix64 random number generator.
     fn dice(mut state: u64) -> impl FnMut() -> u64 {
         move || {
             state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
@@ -187,7 +194,7 @@ mod tests {
         }
     }
 
-    /// What a spring slips in the second pass, dragged from point to point.
+    /// The slip path of a spring in the second pass, simulated from point to point.
     fn dragged<T>(displacements: &[T], limit: T) -> T
     where
         T: Copy + Default + PartialOrd + Neg<Output = T> + Add<Output = T> + Sub<Output = T>,
@@ -211,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn a_harmonic_record_slips_as_one_cycle_to_the_last_bit() {
+    fn a_harmonic_record_gives_exactly_the_slip_of_one_harmonic_cycle() {
         for amplitude in [1.0, 2.256e-6, 0.1, 3e200] {
             let harmonic = record(&[amplitude, -amplitude]);
             assert_eq!(harmonic.reversals(), 2);
@@ -231,8 +238,9 @@ mod tests {
     }
 
     #[test]
-    fn nested_loops_are_counted_as_by_hand() {
-        // 0 to 10 and back; on the way up 6-3-6 with 5-4-5 inside, on the way down 4-8-4.
+    fn the_ranges_of_nested_loops_agree_with_a_count_by_hand() {
+        // From 0 to 10 and back. On the way up the loop 6-3-6 with the loop 5-4-5 inside; on the
+        // way down the loop 4-8-4.
         let nested = record(&[0.0, 6.0, 3.0, 5.0, 4.0, 10.0, 4.0, 8.0]);
         assert_eq!(ranges(&nested), [10.0, 4.0, 3.0, 1.0]);
         assert_eq!(nested.reversals(), 8);
@@ -249,7 +257,7 @@ mod tests {
             assert!((nested.path(limit) - path).abs() < 1e-14, "{limit}");
             assert!((nested.slip(limit / 5.0) - path / 20.0).abs() < 1e-15, "{limit}");
         }
-        // Equal loops, and loops that share an end with a larger one.
+        // Loops of equal size, and loops that share an end with a larger loop.
         assert_eq!(
             ranges(&record(&[0.0, 2.0, 1.0, 2.0, 1.0, 2.0, 0.0, 1.0])),
             [2.0, 1.0, 1.0, 1.0]
@@ -258,13 +266,13 @@ mod tests {
 
     /// Source: ASTM E1049-85, 5.4.5 and its figure.
     #[test]
-    fn the_repeating_history_of_the_standard_is_counted_as_printed() {
+    fn the_repeating_history_of_astm_e1049_gives_the_printed_ranges() {
         let history = record(&[-2.0, 1.0, -3.0, 5.0, -1.0, 3.0, -4.0, 4.0]);
         assert_eq!(ranges(&history), [9.0, 7.0, 4.0, 3.0]);
     }
 
     #[test]
-    fn what_is_no_motion_is_no_record() {
+    fn displacements_without_motion_or_with_infinite_values_give_no_record() {
         for nothing in [
             &[][..],
             &[1.0],
@@ -276,12 +284,12 @@ mod tests {
         ] {
             assert_eq!(DisplacementRecord::new(nothing), None, "{nothing:?}");
         }
-        // Steps whose products would underflow.
+        // The products of these steps would underflow.
         assert_eq!(record(&[0.0, 1e-200, 0.0, 2e-200]).reversals(), 4);
     }
 
     #[test]
-    fn random_records_slip_as_springs_that_are_dragged() {
+    fn random_long_records_agree_with_a_simulated_spring() {
         for seed in 0..4 {
             let mut dice = dice(seed);
             let mut position = 0.0;
@@ -289,7 +297,8 @@ mod tests {
                 .map(|i| {
                     let swing = dice() as f64 / u64::MAX as f64;
                     let swing = if i % 2 == 0 { swing } else { -swing };
-                    // Half of the records wander, so that loops lie deep within each other.
+                    // In half of the records the position is a random walk, so that loops are
+                    // deeply nested.
                     position = if seed % 2 == 0 { swing } else { position + swing };
                     position
                 })
@@ -309,9 +318,9 @@ mod tests {
     }
 
     #[test]
-    fn sums_of_100_000_loops_keep_all_digits_next_to_the_amplitude_too() {
+    fn sums_of_100_000_loops_are_accurate_to_1e_15_even_close_to_the_amplitude() {
         const AMPLITUDE: i64 = 1 << 40;
-        // Loops of all sizes, then such that differ in their last digits only.
+        // First loops of all sizes, then loops that differ in their last digits only.
         for spread in [AMPLITUDE, 1 << 12] {
             let mut dice = dice(spread.unsigned_abs());
             let mut displacements: Vec<i64> = (0..200_000)
@@ -341,7 +350,7 @@ mod tests {
     }
 
     fn any_displacements() -> impl Strategy<Value = Vec<f64>> {
-        // Few levels, so that many positions coincide, or many.
+        // Either few levels, so that many positions coincide, or arbitrary positions.
         let coarse = prop::collection::vec((-4..=4).prop_map(f64::from), 2..40);
         let fine = prop::collection::vec(-1.0..1.0, 2..40);
         prop_oneof![coarse, fine]
@@ -352,7 +361,7 @@ mod tests {
         #![proptest_config(ProptestConfig { cases: 2000, ..ProptestConfig::default() })]
 
         #[test]
-        fn where_a_record_begins_and_which_way_it_goes_does_not_matter(
+        fn rotating_reversing_or_negating_a_record_changes_nothing(
             displacements in any_displacements(),
             start in any::<prop::sample::Index>(),
         ) {
@@ -370,7 +379,7 @@ mod tests {
         }
 
         #[test]
-        fn points_between_reversals_do_not_matter(
+        fn points_between_reversals_change_nothing(
             displacements in any_displacements(),
             parts in prop::collection::vec(prop::collection::vec(0.0..=1.0, 0..4), 40),
         ) {
@@ -379,7 +388,7 @@ mod tests {
             for ((from, to), mut parts) in displacements.iter().zip(next).zip(parts) {
                 parts.sort_unstable_by(f64::total_cmp);
                 denser.push(*from);
-                // No rounding may lead out of the stretch.
+                // Rounding must not move a point outside the interval.
                 let (low, high) = (from.min(*to), from.max(*to));
                 denser.extend(parts.iter().map(|part| (from + part * (to - from)).clamp(low, high)));
             }
@@ -387,7 +396,7 @@ mod tests {
         }
 
         #[test]
-        fn the_path_falls_from_the_whole_record_to_nothing_and_is_convex(
+        fn the_slip_path_decreases_with_the_limit_to_zero_and_is_convex(
             displacements in any_displacements(),
             limits in prop::array::uniform3(0.0..1.2),
         ) {
@@ -407,7 +416,7 @@ mod tests {
         }
 
         #[test]
-        fn short_records_slip_as_springs_that_are_dragged(
+        fn random_short_records_agree_with_a_simulated_spring(
             displacements in any_displacements(),
             ratio in 0.0..1.0,
         ) {

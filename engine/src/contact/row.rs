@@ -1,8 +1,8 @@
 //! Normal contact and friction of a worn profile, on the row of springs: (5)–(10), (15), (16).
 //!
-//! A spring at x is compressed by y = max(0, d − g). It sticks if its tangential force stays below μ times its
-//! normal force, which means y ≥ Δ = G*U/(μE*). Otherwise it slips 4U·ω per cycle with ω = 1 − y/Δ. This is (15),
-//! (16), summed over one steady cycle.
+//! A spring at x is compressed by y = max(0, d − g). The spring sticks while its tangential force
+//! is below μ times its normal force, that is where y ≥ Δ = G*U/(μE*). Otherwise it slips over a
+//! path of 4U·ω per cycle, with ω = 1 − y/Δ. This is (15), (16) summed over one steady cycle.
 //!
 //! # Equations
 //! ```text
@@ -11,12 +11,13 @@
 //! Q = 2 ∫₀ᵃ min(G*U, μE*y) dx                     amplitude of the tangential force
 //! W = 8μE* ∫₀ᵃ y·(U − (μE*/G*) y)₊ dx             energy lost per cycle
 //! ```
-//! All integrals here are in units of a₀ and d₀ and over half of the row.
+//! All integrals in this module are in units of a₀ and d₀ and cover half of the row.
 //!
 //! # Accuracy
-//! [`SpringRow`] integrates over the worn part with 48 Gauss points. They are graded with the fourth power towards the
-//! stick edge, where the image forms a step. The error is 1e-9 of the unworn values in partial slip and in gross
-//! slip. At the gross-slip threshold it is larger for blunt profiles: 1e-6 for exponent 8, and 1e-4 for 20.
+//! [`SpringRow`] integrates over the worn part with 48 Gauss points. They are graded with the
+//! fourth power towards the stick edge, where the image forms a step. In partial slip and in clear
+//! gross slip the error is 1e-9 of the unworn values (tests compare). Just above the gross-slip
+//! threshold it is larger for blunt profiles: 1e-6 for exponent 8, 1e-4 for 20.
 
 use std::sync::OnceLock;
 
@@ -33,18 +34,19 @@ pub struct UnwornSums {
     pub tangential: f64,
     /// ∫₀ᵃ y ω dx.
     pub loss: f64,
-    /// The backbone of the friction loop.
+    /// The backbone of the force–displacement loop.
     pub backbone: Backbone,
 }
 
 impl UnwornSums {
-    /// Sums over the unworn springs. `slip` gives ω as a function of y/Δ if the motion is not harmonic.
+    /// Sums over the unworn springs. `slip` gives ω as a function of y/Δ if the motion is not
+    /// harmonic.
     #[must_use]
     pub fn of(contact: &Contact, slip: Option<&dyn Fn(f64) -> f64>) -> Self {
         let row = SpringRow::new(contact);
         let (sums, compressions) = row.sums_and_compressions(Decay::UNWORN);
         let harmonic = sums.energy / contact.threshold;
-        // With a record, ω has many corners, so that many short intervals are needed.
+        // With a record, ω has many corners: use many short intervals instead of one long interval.
         let loss = slip.map_or(harmonic, |slip| {
             let width = (1.0 - contact.stick) / RECORD_INTERVALS as f64;
             (0..RECORD_INTERVALS)
@@ -62,12 +64,13 @@ impl UnwornSums {
     }
 }
 
-/// The dimensionless integrals of one state.
+/// The integrals of one state: half of the normal force, half of the tangential force amplitude,
+/// the energy integral and the volume. Each is in its dimensionless unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sums {
     /// ∫₀ᵃ y dx.
     pub normal: f64,
-    /// The decrease of `normal` by wear.
+    /// The decrease of `normal` since the unworn state.
     pub unloaded: f64,
     /// ∫₀ᵃ min(Δ, y) dx.
     pub tangential: f64,
@@ -77,13 +80,13 @@ pub struct Sums {
     pub volume: f64,
 }
 
-/// Intervals of the integral over the slip of a record.
+/// Number of intervals in the sum over the slip of a record.
 const RECORD_INTERVALS: usize = 64;
-/// Gauss points under a slipping flat.
+/// Number of Gauss points under a flat that slips.
 const FLAT_POINTS: usize = 8;
 static WHOLE: OnceLock<Gauss<ROW_POINTS>> = OnceLock::new();
 
-/// The distances of the slipping springs from c, and their weights.
+/// The slipping springs: their distances from c and the lengths that they represent.
 fn layout(contact: &Contact) -> [(f64, f64); ROW_POINTS] {
     static UNDER: OnceLock<Gauss<FLAT_POINTS>> = OnceLock::new();
     static BEYOND: OnceLock<Gauss<{ ROW_POINTS - FLAT_POINTS }>> = OnceLock::new();
@@ -96,8 +99,8 @@ fn layout(contact: &Contact) -> [(f64, f64); ROW_POINTS] {
         let rule = WHOLE.get_or_init(Gauss::new);
         return std::array::from_fn(|k| graded(c, rule.nodes[k], rule.weights[k]));
     };
-    // All springs under a flat have the same compression, so that few points are enough. The grading begins at
-    // the edge of the flat.
+    // All springs under a flat are equal, so few points are enough. The grading starts at the edge
+    // of the flat.
     let (under, beyond) = (UNDER.get_or_init(Gauss::new), BEYOND.get_or_init(Gauss::new));
     std::array::from_fn(|k| {
         if k < FLAT_POINTS {
@@ -110,7 +113,7 @@ fn layout(contact: &Contact) -> [(f64, f64); ROW_POINTS] {
     })
 }
 
-/// The slipping springs, c < x < a₀, and constants for sums over them.
+/// The slipping springs, c < x < a₀, with the data for the sums over them.
 #[derive(Debug, Clone)]
 pub struct SpringRow {
     contact: Contact,
@@ -150,13 +153,14 @@ impl SpringRow {
             row.rest[k] = contact.rest(delta);
             row.chords[k] = chord(x);
             unworn_normal += row.weights[k] * row.unworn[k];
-            // Between a₀ and ã the springs have no contact. x = ã − (ã − 1)s², as in `limit`.
+            // The springs between a₀ and ã are not in contact. The substitution is x = ã − (ã −
+            // 1)s², as in the limit.
             let (s, weight) = (rule.nodes[k], rule.weights[k]);
             let width = limit.radius - 1.0;
             let x = limit.radius - width * s * s;
             row.outside_volume += 8.0 * width * weight * s * (1.0 - shape.image(x)) * chord(x);
         }
-        // For a rough table the error of the rule could make it negative.
+        // For a rough table the difference may be slightly negative because of quadrature errors.
         let core = (shape.half_force() - unworn_normal).max(0.0);
         row.core_normal = if c == 0.0 { 0.0 } else { core };
         row
@@ -172,7 +176,8 @@ impl SpringRow {
     pub(crate) fn sums_and_compressions(&self, decay: Decay) -> (Sums, [f64; ROW_POINTS]) {
         let threshold = self.contact.threshold;
         let Decay { left, gone } = decay;
-        // As in `Contact::compression` and `Contact::worn`, with one division for both.
+        // The formulas of `Contact::compression` and `Contact::worn`, with a single division for
+        // both.
         let share: [f64; ROW_POINTS] =
             std::array::from_fn(|k| self.unworn[k] / (self.unworn[k] * left + self.rest[k]));
         let compressions = share.map(|share| threshold * left * share);
@@ -195,19 +200,20 @@ impl SpringRow {
         (sums, compressions)
     }
 
-    /// The backbone of the friction loop, from the sums and compressions of a state.
+    /// The backbone of a state, from its sums and compressions.
     pub(crate) fn backbone(&self, sums: &Sums, compressions: &[f64; ROW_POINTS]) -> Backbone {
         let Contact { stick, threshold, .. } = self.contact;
         let loss = sums.energy / threshold;
         if self.contact.shape.kinks().iter().any(|kink| *kink > stick) {
-            // With a kink the points are not those of one Gauss rule. Each point represents a cell.
+            // The points do not form a single Gauss rule: treat each point as a cell.
             return Backbone::of_cells(stick, threshold, compressions, &self.weights, Some(loss));
         }
         Backbone::of_row((stick, threshold), &self.positions, &self.weights, compressions, loss)
     }
 
-    /// By how much each slipping spring reduces the pressure at r < c, compared with a step at the stick edge, which
-    /// gives (Δ/π)/√(c²−r²). This is (1/π) ∫ −y′/√(x²−r²) dx, integrated by parts, because y′ can be very large.
+    /// Weights of the slipping springs in the pressure at a radius r < c. They give the difference
+    /// from (Δ/π)/√(c²−r²), the pressure if y had a step at c: (1/π) ∫ −y′/√(x²−r²) dx, integrated
+    /// by parts. Only y is summed, so a steep y at the stick edge does not reduce the accuracy.
     pub(crate) fn weights_inside(&self, r: f64) -> [f64; ROW_POINTS] {
         std::array::from_fn(|k| {
             let x = self.positions[k];
@@ -216,8 +222,9 @@ impl SpringRow {
         })
     }
 
-    /// (2/π) w/√(r²−x²) of each slipping spring for a radius outside the contact. The sum of their products with the
-    /// compressions is (2/π) ∫ y/√(r²−x²) dx, by which the surface follows the motion.
+    /// (2/π) w/√(r²−x²) of each slipping spring for a radius r outside the contact. Multiplied by
+    /// the compressions and summed, these weights give (2/π) ∫ y/√(r²−x²) dx: the part of the
+    /// motion that the surface at r follows.
     pub(crate) fn weights_outside(&self, r: f64) -> [f64; ROW_POINTS] {
         std::array::from_fn(|k| {
             let x = self.positions[k];
@@ -255,7 +262,7 @@ mod tests {
             for exponent in [0.0, 0.3, 2.0, 8.0, 20.0, 40.0] {
                 let (sums, compressions) = row.sums_and_compressions(Decay::after(exponent));
                 let lost = 4.0 * sums.energy;
-                // The area is a difference: of a narrow loop rounding leaves fewer digits.
+                // The area is a difference. For a narrow loop, rounding leaves fewer digits.
                 let whole = 4.0 * sums.tangential * threshold;
                 let found = row.backbone(&sums, &compressions).wind();
                 let error = area(&found).abs() - lost;
@@ -268,8 +275,9 @@ mod tests {
     }
 
     #[test]
-    fn the_corners_of_a_loop_lie_on_the_smooth_curve() {
-        // Of Cattaneo and Mindlin: Q/μF = 1 − (1 − δ/δ*)^{3/2} on first loading, δ* at gross slip.
+    fn the_corners_of_an_unworn_loop_lie_on_the_curve_of_cattaneo_and_mindlin() {
+        // Cattaneo and Mindlin: Q/μF = 1 − (1 − δ/δ*)^{3/2} on first loading, with δ* at gross
+        // slip.
         for threshold in [0.1, 0.5, 0.75, 0.99] {
             let contact = Contact::new(Shape::power(2.0), threshold).expect("a limit");
             let found = UnwornSums::of(&contact, None).backbone.wind();
@@ -285,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn the_sliding_transition_of_hertz_and_mindlin_has_its_three_ratios() {
+    fn the_three_transition_ratios_of_a_hertz_mindlin_contact_are_reproduced() {
         let sums = UnwornSums::of(&Contact::new(Shape::power(2.0), 1.0).expect("a limit"), None);
         let found = sums.backbone.wind();
         let slip = 2.0 * libm::pow(2.0, -2.0 / 3.0) - 1.0;

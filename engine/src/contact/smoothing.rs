@@ -1,9 +1,10 @@
-//! Removes noise from measured points, so that they can be differentiated.
+//! Local regression of measured points, so that the profile can be differentiated.
 //!
-//! A parabola is fitted to each point and its m neighbours on either side, weighted by distance (tricube) and by
-//! noise. It replaces the point. A paraboloid and a cone are parabolas in r, and smoothing does not change them. Cross-
-//! validation chooses m for each point: the largest m that predicts the points nearby almost as well as the best m.
-//! For exact points and next to a kink this is the smallest m, and nothing is smoothed.
+//! Each point is replaced by the value of a parabola fitted to the point and to its m neighbours on
+//! either side. The weights depend on the distance (tricube) and on the noise. A paraboloid and a
+//! cone are parabolas in r, so smoothing does not distort them. Cross-validation chooses m
+//! separately for each point: the largest m that predicts the nearby points nearly as well as the
+//! best m. Exact points and points close to a kink keep the smallest m and are not changed.
 //!
 //! # Equations
 //! ```text
@@ -14,29 +15,32 @@
 //! ```
 //!
 //! # Accuracy
-//! For 200 points with 1 % of normally distributed noise in the local height: the wear of a paraboloid, a cone and a
-//! sphere is within 0.5 % of the exact shapes, and within 1 % for the worst seed. An exponent of 4 has 2 % and 8 %.
-//! Depths by the exact method in partial slip are the most sensitive (20 %). Noise rounds the edge of a truncated
-//! shape, which changes its wear by 2 to 7 % and more.
+//! Measured with 200 points and several random seeds. The noise is normal, with a standard
+//! deviation of 1 % of the local height. The wear of a paraboloid, a cone and a sphere is usually
+//! within 0.5 % and always within 1 % of the exact wear. For an exponent of 4 the errors are 2 %
+//! and 8 %. In partial slip the depths of the exact method are the most sensitive (20 %). Noise
+//! rounds the edge of a truncated shape: errors of 2 to 7 % and more.
 //!
 //! # Sources
 //! W. S. Cleveland, *J. Am. Stat. Assoc.* 74 (1979) 829 (local regression).
 
-/// Most points. If there are more, groups of neighbours are averaged.
+/// Approximate maximum number of points. With more points, neighbours are averaged in groups.
 const MOST_POINTS: usize = 500;
-/// Fewest points from which noise can be estimated.
+/// Minimum number of points from which the noise can be estimated.
 const FEWEST_POINTS: usize = 12;
-/// Points with a smaller prediction error, in units of the largest height, are not smoothed.
+/// If the prediction errors are below this share of the largest height, the points are not
+/// smoothed.
 const NEGLIGIBLE: f64 = 1e-9;
-/// Points on either side that are assumed to have the same noise.
-const NEIGHBOURS: usize = 25;
-/// Misfits up to this factor above the smallest one count as equal, because 51 points cannot tell them apart.
-const EQUAL_MISFIT: f64 = 1.5;
-/// Largest ratio of the noise of the worst point to the noise of a point in the weights.
+/// Number of neighbours on either side that are assumed to have the same noise.
+const ALIKE: usize = 25;
+/// The largest m with a misfit of at most this many times the smallest misfit is chosen. With 51
+/// points such a difference is not significant.
+const ENOUGH: f64 = 1.5;
+/// Maximum ratio of the noise of the worst point to the noise assumed for any other point.
 const TRUST: f64 = 1e3;
 
-/// The means of groups of neighbours if there are more than [`MOST_POINTS`]. Groups are narrow where there are few
-/// points. The first point is not grouped.
+/// Replaces neighbours by their means if there are more than [`MOST_POINTS`] points. Where points
+/// are sparse the groups contain few points. The first point is never averaged.
 pub(super) fn grouped(x: &[f64], z: &[f64]) -> (Vec<f64>, Vec<f64>) {
     if x.len() <= MOST_POINTS {
         return (x.to_vec(), z.to_vec());
@@ -46,9 +50,9 @@ pub(super) fn grouped(x: &[f64], z: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let mut means = (vec![x[0]], vec![z[0]]);
     let mut from = 1;
     while from < x.len() {
-        let within = x[from..].partition_point(|other| other - x[from] <= widest);
-        let to = from + within.clamp(1, most);
-        // The last point is not grouped either, because it is the end of the table.
+        let near = x[from..].partition_point(|other| other - x[from] <= widest);
+        let to = from + near.clamp(1, most);
+        // The last point is not averaged either, because it marks the end of the table.
         let to = if to == x.len() && to - from > 1 { to - 1 } else { to };
         let count = (to - from) as f64;
         means.0.push(x[from..to].iter().sum::<f64>() / count);
@@ -58,7 +62,7 @@ pub(super) fn grouped(x: &[f64], z: &[f64]) -> (Vec<f64>, Vec<f64>) {
     means
 }
 
-/// The heights `z` at ascending `x` without their noise.
+/// Removes the noise from the heights `z` at the ascending positions `x`.
 pub(super) fn smoothed(x: &[f64], z: Vec<f64>) -> Vec<f64> {
     let n = x.len();
     if n < FEWEST_POINTS {
@@ -90,7 +94,7 @@ pub(super) fn smoothed(x: &[f64], z: Vec<f64>) -> Vec<f64> {
     {
         reaches.push(m + m.div_ceil(2));
     }
-    // The prediction error of each reach, summed over the neighbourhood of each point.
+    // The misfit of each m, summed over the neighbours of each point.
     let misfits: Vec<Vec<f64>> = reaches
         .iter()
         .map(|m| {
@@ -100,7 +104,8 @@ pub(super) fn smoothed(x: &[f64], z: Vec<f64>) -> Vec<f64> {
                     error * error * points.trust[i]
                 })
                 .collect();
-            // The outermost points cannot be predicted, because they have no neighbours further out.
+            // The two outermost points on each side have no neighbours beyond them, so they are not
+            // predicted.
             (0..n)
                 .map(|i| near(i, n).filter(|j| (2..n - 2).contains(j)).map(|j| squares[j]).sum())
                 .collect()
@@ -114,7 +119,7 @@ pub(super) fn smoothed(x: &[f64], z: Vec<f64>) -> Vec<f64> {
         .collect();
     (0..n)
         .map(|i| {
-            // Averages over the reaches of the neighbours, so that the reach changes gradually.
+            // Average over the neighbours, so that the result changes gradually where m changes.
             let mut counts = vec![0; reaches.len()];
             near(i, n).for_each(|j| counts[chosen[j]] += 1);
             let sum: f64 = counts
@@ -131,12 +136,12 @@ pub(super) fn smoothed(x: &[f64], z: Vec<f64>) -> Vec<f64> {
         .collect()
 }
 
-/// The neighbourhood of point i of n, in which the noise is assumed to be the same.
-fn near(i: usize, n: usize) -> std::ops::Range<usize> {
-    i.saturating_sub(NEIGHBOURS)..(i + NEIGHBOURS + 1).min(n)
+/// The points around point i of n that are assumed to have the same noise.
+fn about(i: usize, n: usize) -> std::ops::Range<usize> {
+    i.saturating_sub(ALIKE)..(i + ALIKE + 1).min(n)
 }
 
-/// Points with their weights.
+/// Measured points and their weights.
 struct WeightedPoints<'a> {
     x: &'a [f64],
     z: &'a [f64],
@@ -144,7 +149,8 @@ struct WeightedPoints<'a> {
 }
 
 impl WeightedPoints<'_> {
-    /// The value at point i of the parabola fitted to the 2m + 1 points around it, with or without the point itself.
+    /// The value at point i of the parabola fitted to the 2m + 1 points around it. Point i itself
+    /// takes part in the fit if `included` is true.
     fn at(&self, i: usize, m: usize, included: bool) -> f64 {
         let n = self.x.len();
         let first = i.saturating_sub(m).min(n.saturating_sub(2 * m + 1));
@@ -179,7 +185,7 @@ impl WeightedPoints<'_> {
 mod tests {
     use super::*;
 
-    /// Uneven points in 0…1 and noise in −1…1, from multiples of irrational numbers.
+    /// Unevenly spaced points in 0…1 and noise in −1…1, from multiples of irrational numbers.
     fn uneven(count: u32) -> (Vec<f64>, Vec<f64>) {
         let part = |i: u32, factor: f64| (f64::from(i) * factor).fract();
         let mut x: Vec<f64> = (1..count).map(|i| part(i, 2_f64.sqrt())).collect();
@@ -205,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_is_removed() {
+    fn smoothing_reduces_the_noise() {
         let (x, noise) = uneven(200);
         let shapes: [fn(f64) -> f64; 2] = [|x| x * x, |x| x];
         for shape in shapes {
@@ -217,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn groups_keep_both_ends_and_are_not_too_wide() {
+    fn groups_keep_both_ends_and_stay_narrow() {
         let (x, _) = uneven(10_000);
         let z = x.iter().map(|x| x * x).collect::<Vec<f64>>();
         let (means, heights) = grouped(&x, &z);

@@ -1,26 +1,27 @@
 //! The shape of a measured table, and its image.
 //!
-//! First, [`smoothing`](super::smoothing) removes noise from the points. A piecewise cubic then joins them. It is
-//! monotone where the points are: its slopes are those of parabolas through three neighbours, limited to three times
-//! the smaller secant. Its image (3) and the slope of the image are integrated exactly at nodes, which are the points
-//! and some radii between them. The image of the table is the rising cubic through these values. Profile, pressure and
-//! force are exact transforms of this image.
+//! The module first removes the noise from the points ([`smoothing`](super::smoothing)). A cubic
+//! through the points is monotone where the points are monotone. Its slopes are those of parabolas
+//! through three neighbours, limited to three times the smaller secant. The image (3) of this cubic
+//! and the slope of the image are integrated exactly at the nodes: the points and some positions
+//! between them. The final image is a cubic through these values, forced to increase. Profile,
+//! pressure and force are the exact transforms of the final image.
 //!
 //! # Equations
-//! A piecewise polynomial is a sum of powers (x − xᵢ)ᵏ that begin at the nodes xᵢ:
+//! A piecewise polynomial is a sum of terms (x − xᵢ)ᵏ that start at the nodes xᵢ, and
 //! ```text
 //! T_k = ∫ᵇʳ (x−b)ᵏ/√(r²−x²) dx:  kT_k = (k−1)(r²−b²)T_{k−2} − (2k−1)bT_{k−1},  T₀ = arccos(b/r)
 //! S_k = ∫ᵇᵉ (x−b)ᵏ/√(x²−r²) dx:  kS_k = (e−b)ᵏ⁻¹√(e²−r²) − (2k−1)bS_{k−1} − (k−1)(b²−r²)S_{k−2}
 //! ```
-//! Between the axis and the first node there are no points. There the image is even in x, so that a table has no
-//! apex.
+//! No points are measured between the axis and the first node. There the image is an even function
+//! of x, because a measured table has no sharp apex.
 //!
 //! # Units
-//! Lengths in units of the last radius, and heights in units of the largest height.
+//! Lengths are in units of the last radius, heights in units of the greatest height.
 //!
 //! # Accuracy
-//! Transforms of the image to 1e-11. The image of 200 exact points of a paraboloid has an error of 1e-8. For a cone it
-//! is 1e-4, and 1e-2 in the first hundredth of the radius.
+//! Transforms of the image: 1e-11. The image of 200 exact points is accurate to 1e-8 for a
+//! paraboloid. For a cone it is accurate to 1e-4, and to 1e-2 in the first hundredth of the radius.
 
 use std::f64::consts::{FRAC_1_PI, FRAC_2_PI};
 use std::sync::Arc;
@@ -28,27 +29,32 @@ use std::sync::Arc;
 use super::smoothing::{grouped, smoothed};
 use crate::numeric::{maximum, root};
 
-/// Fewest nodes of the image.
+/// Minimum number of nodes of the image.
 const NODES: usize = 160;
-/// Beyond a fall of the image by more than this share of its height, over this share of its radius, the contact is
-/// not unique. Next to the axis the fall is measured in units of the largest height.
+/// The contact is not unique beyond the radius at which the image decreases. A decrease counts if
+/// it exceeds this share of the image.
 const FALL: f64 = 0.02;
+/// A decrease counts only if the radius has increased by more than this share since the maximum.
 const FAR: f64 = 0.1;
+/// A decrease counts only if it also exceeds this share of the greatest height. Near the axis the
+/// image itself is small.
 const FALL_AT_AXIS: f64 = 1e-3;
-/// A larger fall cannot be noise. The points beyond it are ignored.
+/// A decrease by more than this share of the image is not noise. The table is cut off there.
 const DEEP: f64 = 0.3;
-/// Coefficients of (x − xᵢ)ᵏ.
+/// Coefficients of (x − xᵢ)ᵏ for k = 0 … 4.
 type Powers = [f64; 5];
 
-/// The rising image of a table.
+/// The shape of a measured table, from the axis outwards.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct TableShape {
-    /// The last radius and the largest height, in m.
+    /// The last radius, in m.
     length: f64,
+    /// The greatest height, in m.
     height: f64,
-    /// The nodes of the image. The first is 0.
+    /// Nodes of the image, starting with 0.
     nodes: Vec<f64>,
-    /// The image in the cell after each node. After the last node it is a straight line.
+    /// The polynomial of the image in the cell after each node. After the last node the image is
+    /// linear.
     cells: Vec<Powers>,
     /// The changes of the coefficients at each node.
     changes: Vec<Powers>,
@@ -69,7 +75,8 @@ fn inverse_kernel(b: f64, r: f64) -> Powers {
     t
 }
 
-/// S₀ … S₃ for r ≤ b < e. `last` is √(e²−r²). On the axis S₀ is infinite, and the result contains 0 instead.
+/// S₀ … S₃ for r ≤ b < e, where `last` is √(e²−r²). On the axis S₀ is infinite; this function
+/// returns 0 instead.
 fn pressure_kernel(b: f64, r: f64, end: f64, last: f64) -> [f64; 4] {
     let square = (b - r) * (b + r);
     let first = square.sqrt();
@@ -86,7 +93,7 @@ fn pressure_kernel(b: f64, r: f64, end: f64, last: f64) -> [f64; 4] {
     s
 }
 
-/// The coefficients of a polynomial around a point shifted by `u`.
+/// The coefficients of the same polynomial about a point at the distance `u`.
 fn shifted(powers: &Powers, u: f64) -> Powers {
     let mut shifted = *powers;
     for from in 0..4 {
@@ -106,13 +113,13 @@ fn slope(powers: &Powers, u: f64) -> f64 {
     value(&derivative, u)
 }
 
-/// ∫ over 0…u.
+/// ∫ of the polynomial over 0…u.
 fn area(powers: &Powers, u: f64) -> f64 {
     let [a, b, c, d, e] = *powers;
     u * value(&[a, b / 2.0, c / 3.0, d / 4.0, e / 5.0], u)
 }
 
-/// The cubic over `width` with these values and slopes at its ends.
+/// The cubic polynomial over `width` with the given values and slopes at its ends.
 fn cubic(width: f64, values: [f64; 2], slopes: [f64; 2]) -> Powers {
     let secant = (values[1] - values[0]) / width;
     let second = (3.0 * secant - 2.0 * slopes[0] - slopes[1]) / width;
@@ -120,8 +127,9 @@ fn cubic(width: f64, values: [f64; 2], slopes: [f64; 2]) -> Powers {
     [values[0], slopes[0], second, third, 0.0]
 }
 
-/// Slopes of a curve that is monotone where the points are. They are those of parabolas through three neighbours,
-/// limited after F. N. Fritsch, R. E. Carlson, *SIAM J. Numer. Anal.* 17 (1980) 238.
+/// Slopes of a curve through points; the curve is monotone where the points are monotone. The
+/// slopes are those of parabolas through three neighbours. The limit of three times the smaller
+/// secant is from F. N. Fritsch and R. E. Carlson, *SIAM J. Numer. Anal.* 17 (1980) 238.
 fn monotone_slopes(x: &[f64], z: &[f64]) -> Vec<f64> {
     let secants: Vec<f64> =
         x.windows(2).zip(z.windows(2)).map(|(x, z)| (z[1] - z[0]) / (x[1] - x[0])).collect();
@@ -135,7 +143,7 @@ fn monotone_slopes(x: &[f64], z: &[f64]) -> Vec<f64> {
     let last = x.len() - 1;
     (0..=last)
         .map(|i| {
-            // An end point uses the parabola of its neighbour.
+            // At an end, use the parabola of the neighbouring point.
             let middle = i.clamp(1, last.max(2) - 1);
             let (Some(left), Some(right)) = (secants.get(middle - 1), secants.get(middle)) else {
                 return secants[0];
@@ -151,8 +159,8 @@ fn monotone_slopes(x: &[f64], z: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// The image and its slope, from the changes of a piecewise polynomial f′ at `knots`:
-/// g = x ∫ f′/√(x²−r²) dr and g′ = g/x + ∫ r f″/√(x²−r²) dr.
+/// The image and its slope at x. `changes` are the changes of the piecewise polynomial f′ at
+/// `knots`: g = x ∫ f′/√(x²−r²) dr and g′ = g/x + ∫ r f″/√(x²−r²) dr.
 fn image_of(knots: &[f64], changes: &[[f64; 3]], x: f64) -> (f64, f64) {
     let (mut first, mut second) = (0.0, 0.0);
     for (r, change) in knots.iter().zip(changes).take_while(|(r, _)| **r < x) {
@@ -163,7 +171,7 @@ fn image_of(knots: &[f64], changes: &[[f64; 3]], x: f64) -> (f64, f64) {
     (x * first, first + second)
 }
 
-/// The number of nodes before the image has fallen by more than `DEEP` of its largest value so far.
+/// Number of nodes before the image decreases by more than `DEEP` of its maximum so far.
 fn before_the_fall(images: &[(f64, f64)]) -> usize {
     let mut top = 0;
     for (i, (image, _)) in images.iter().enumerate().skip(1) {
@@ -176,10 +184,11 @@ fn before_the_fall(images: &[(f64, f64)]) -> usize {
     images.len()
 }
 
-/// The rising values closest to the given ones (isotonic regression). Falling neighbours are replaced by their mean,
-/// weighted by the lengths of their cells. The first value is 0.
+/// Isotonic regression: the non-decreasing values that are closest to those at the nodes.
+/// Neighbours with decreasing values are replaced by their mean, weighted by their length on the
+/// axis. The first value is 0.
 fn isotonic(nodes: &[f64], images: &[(f64, f64)]) -> Vec<f64> {
-    // Mean, weight and number of each run of equal values.
+    // Mean, weight and number of values of each group of equal values.
     let mut runs: Vec<(f64, f64, usize)> = vec![(0.0, f64::INFINITY, 1)];
     for i in 1..nodes.len() {
         let share = nodes[(i + 1).min(nodes.len() - 1)] - nodes[i - 1];
@@ -201,7 +210,7 @@ fn isotonic(nodes: &[f64], images: &[(f64, f64)]) -> Vec<f64> {
     runs.iter().flat_map(|(mean, _, count)| std::iter::repeat_n(*mean, *count)).collect()
 }
 
-/// The number of nodes before the image falls deeply and over some distance.
+/// Number of nodes before the image decreases considerably over a considerable distance.
 fn rising_part(nodes: &[f64], images: &[(f64, f64)], values: &[f64]) -> usize {
     let mut first = 0;
     for i in 1..nodes.len() {
@@ -211,7 +220,7 @@ fn rising_part(nodes: &[f64], images: &[(f64, f64)], values: &[f64]) -> usize {
         let fall = values[i] - images[i].0;
         let far = nodes[i] - nodes[first] > FAR * nodes[i];
         if first > 0 && far && fall > FALL * values[i] + FALL_AT_AXIS {
-            // The first cell is always kept.
+            // Always keep the first cell.
             return first.max(2);
         }
     }
@@ -219,7 +228,8 @@ fn rising_part(nodes: &[f64], images: &[(f64, f64)], values: &[f64]) -> usize {
 }
 
 impl TableShape {
-    /// The shape of at least two heights at strictly ascending radii from 0.
+    /// The shape through `height` at `radius`. The radii increase strictly from 0; there are at
+    /// least two.
     pub(crate) fn through(radius: &[f64], height: &[f64]) -> Self {
         let length = radius[radius.len() - 1];
         let (lowest, greatest) =
@@ -230,7 +240,7 @@ impl TableShape {
         let (x, z) = grouped(&x, &z);
         let z = smoothed(&x, z);
         let slopes = monotone_slopes(&x, &z);
-        // f′ in each cell, and its changes at the points.
+        // The polynomial f′ in each cell, and its change at each point.
         let mut before = [0.0; 3];
         let changes: Vec<[f64; 3]> = (0..x.len() - 1)
             .map(|i| {
@@ -256,9 +266,10 @@ impl TableShape {
         Self::rising(length, scale, nodes, &images)
     }
 
-    /// The rising image through values and slopes at the nodes, up to the radius at which it falls.
+    /// The increasing image through values and slopes at nodes. The table is cut off where the
+    /// image decreases.
     fn rising(length: f64, height: f64, mut nodes: Vec<f64>, images: &[(f64, f64)]) -> Self {
-        // Otherwise a deep fall would lower the mean of the rising part before it.
+        // Cut off a large decrease first, because averaging would mix it with the increasing part.
         nodes.truncate(before_the_fall(images));
         let images = &images[..nodes.len()];
         let mut values = isotonic(&nodes, images);
@@ -270,7 +281,7 @@ impl TableShape {
             .map(|i| {
                 let left = match i {
                     0 => return 0.0,
-                    // The steepest even quartic.
+                    // Slope of the steepest possible even quartic at the first node.
                     1 => 4.0 / 3.0 * secant(0),
                     _ => secant(i - 1),
                 };
@@ -292,7 +303,7 @@ impl TableShape {
                 cubic(width, [values[i], values[i + 1]], [slopes[i], slopes[i + 1]])
             })
             .collect();
-        // The straight line is needed only to estimate how far the table must reach.
+        // The linear part beyond the table only serves to estimate how far the table should extend.
         let straight = slopes[last].max(secant(last - 1)).max(FALL);
         cells.push([values[last], straight, 0.0, 0.0, 0.0]);
         let changes = (0..=last)
@@ -303,7 +314,7 @@ impl TableShape {
                     for (change, before) in change.iter_mut().zip(before) {
                         *change -= before;
                     }
-                    // Value and slope are continuous. This removes rounding errors.
+                    // Value and slope are continuous: remove rounding errors.
                     change[0] = 0.0;
                     if i < last {
                         change[1] = 0.0;
@@ -319,7 +330,8 @@ impl TableShape {
         Self { length, height, nodes, cells, changes, areas }
     }
 
-    /// The radius in m up to which the image rises: the end of the table, or the radius at which it falls.
+    /// The radius, in m, up to which the image increases: the last radius of the table, or less if
+    /// the image decreases earlier.
     pub(crate) fn reach(&self) -> f64 {
         self.end() * self.length
     }
@@ -328,7 +340,7 @@ impl TableShape {
         self.nodes[self.nodes.len() - 1]
     }
 
-    /// The cell that contains `x`, and the distance from its node.
+    /// The cell that contains `x`, and the distance of `x` from the start of the cell.
     fn locate(&self, x: f64) -> (usize, f64) {
         let cell = self.nodes.partition_point(|node| *node <= x).saturating_sub(1);
         (cell, x - self.nodes[cell])
@@ -368,13 +380,14 @@ impl TableShape {
         }
     }
 
-    /// ∫ g from the axis.
+    /// ∫ g dx from the axis to `x`.
     fn area(&self, x: f64) -> f64 {
         let (cell, u) = self.locate(x);
         self.areas[cell] + area(&self.cells[cell], u)
     }
 
-    /// The polynomials that begin between `from` and `to`. The first is that of the cell at `from`.
+    /// The polynomial terms that start between `from` and `to`. The first term is the cell that
+    /// contains `from`.
     fn terms(&self, from: f64, to: f64) -> impl Iterator<Item = (f64, Powers)> + '_ {
         let (cell, u) = self.locate(from);
         let later = self.nodes[cell + 1..].iter().zip(&self.changes[cell + 1..]);
@@ -428,14 +441,15 @@ impl TableShape {
         FRAC_1_PI * sum
     }
 
-    /// d in m under a force, given as F/E* in m²: 2∫ (d − g) dx. Beyond the table the image is a straight line.
+    /// The indentation depth d, in m, under a force given as F/E* in m²: F/E* = 2∫ (d − g) dx.
+    /// Beyond the table the image is linear.
     pub(crate) fn depth_under(&self, force: f64) -> f64 {
         let half = force / (2.0 * self.length * self.height);
         let carried = |x: f64| x * self.image(x) - self.area(x);
         let end = self.end();
         let missing = half - carried(end);
         let radius = if missing > 0.0 {
-            // At a distance e beyond the end, the force has grown by s·e·(x + e/2).
+            // At a distance e beyond the table, the force is larger by s·e·(x + e/2).
             let slope = self.cells[self.cells.len() - 1][1];
             end + 2.0 * missing / slope / (end + (end * end + 2.0 * missing / slope).sqrt())
         } else {
@@ -445,20 +459,21 @@ impl TableShape {
     }
 }
 
-/// A table pressed in by d.
+/// A table at the indentation depth d.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct PressedTable {
     table: Arc<TableShape>,
-    /// a₀ and d₀ in the units of the table.
+    /// a₀ in units of the last radius of the table.
     radius: f64,
+    /// d₀ in units of the greatest height of the table.
     depth: f64,
-    /// The end of the table in a₀.
+    /// The last radius of the table, in a₀.
     extent: f64,
 }
 
 impl PressedTable {
-    /// The table pressed in by `depth` in m, and a₀ in m. `None` if the table ends inside the contact. With `endless`
-    /// it continues as a straight line.
+    /// The table at the indentation depth `depth` (in m), and a₀ in m. `None` if the table ends
+    /// inside the contact. If `endless` is true, the image is linear beyond the table.
     pub(crate) fn new(table: &Arc<TableShape>, depth: f64, endless: bool) -> Option<(f64, Self)> {
         let depth = depth / table.height;
         let radius = table.image_inverse(depth);
@@ -516,7 +531,7 @@ impl PressedTable {
         pressure * self.radius / self.depth
     }
 
-    /// The largest pressure, searched in steps.
+    /// The largest pressure, from a search in steps.
     pub(crate) fn peak_pressure(&self) -> f64 {
         const STEP: f64 = 1.0 / 64.0;
         let at = |r: f64| self.pressure_inside(r, 1.0);
@@ -533,7 +548,7 @@ mod tests {
     use super::*;
     use std::f64::consts::{FRAC_PI_2, PI};
 
-    /// Uneven points of a profile as far as 2.
+    /// Unevenly spaced points of a profile between 0 and 2.
     fn table(count: u32, f: impl Fn(f64) -> f64) -> TableShape {
         let radius: Vec<f64> = (0..=count)
             .map(|i| {
@@ -558,8 +573,8 @@ mod tests {
     }
 
     #[test]
-    fn the_images_of_sampled_shapes_are_the_closed_ones() {
-        // x, g and f in the units of the table: 2 and the height there.
+    fn images_of_sampled_shapes_agree_with_the_closed_forms() {
+        // x, g and f are in units of the table: the length 2 and the height at that radius.
         for x in [0.01, 0.1, 0.33, 0.8, 0.999] {
             let ball = table(200, |r| 0.5 * r * r);
             assert!((ball.image(x) - 2.0 * x * x).abs() < 1e-8, "{}", ball.image(x));
@@ -573,7 +588,7 @@ mod tests {
     }
 
     #[test]
-    fn the_transforms_are_those_of_the_image() {
+    fn transforms_of_a_table_agree_with_a_midpoint_sum_of_its_image() {
         let flat = |r: f64| (r - 0.7).max(0.0) * (r + 0.1);
         for shape in [table(7, flat), table(300, flat), table(60, |r| r * r * r)] {
             for (c, r) in [(0.0_f64, 0.8_f64), (0.001, 0.3), (0.2, 0.95), (0.5, 0.501)] {
@@ -602,7 +617,7 @@ mod tests {
             for value in [0.01, 0.3, 0.9] {
                 assert!((shape.image(shape.image_inverse(value)) - value).abs() < 1e-13);
             }
-            // On the axis as next to it.
+            // The pressure is continuous at the axis.
             let (axis, beside) =
                 (shape.pressure_inside(0.0, 0.9), shape.pressure_inside(1e-7, 0.9));
             assert!((axis - beside).abs() < 1e-6 * (1.0 + axis), "{axis} {beside}");
@@ -610,7 +625,7 @@ mod tests {
     }
 
     #[test]
-    fn a_force_comes_back_from_its_depth_within_and_beyond_the_table() {
+    fn the_depth_of_a_force_gives_the_same_force_inside_and_beyond_the_table() {
         let shape = Arc::new(table(100, |r| 0.5 * r * r));
         for force in [1e-6, 0.1, 3.0, 8.0] {
             let depth = shape.depth_under(force);
@@ -626,8 +641,8 @@ mod tests {
     }
 
     #[test]
-    fn a_fall_far_out_leaves_the_rise_before_it_alone() {
-        // A parabola as far as row 10, then down to where it began.
+    fn a_decrease_far_out_does_not_change_the_increasing_part() {
+        // A parabola up to row 10, then a decrease to the initial height.
         let r: Vec<f64> = (0..=40).map(f64::from).collect();
         let top = 100.0;
         let z = |r: f64| if r <= 10.0 { r * r } else { (top - 0.1 * top * (r - 10.0)).max(0.0) };
@@ -637,7 +652,7 @@ mod tests {
     }
 
     #[test]
-    fn the_closest_rising_values_are_means_of_what_falls() {
+    fn isotonic_replaces_decreasing_values_by_their_means() {
         let nodes = [0.0, 1.0, 2.0, 3.0, 4.0];
         let images = [0.0, 3.0, 1.0, 5.0, 4.0].map(|value| (value, 0.0));
         let values = isotonic(&nodes, &images);

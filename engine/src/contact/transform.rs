@@ -1,7 +1,8 @@
-//! The inverse transform and the pressure integral of the method of dimensionality reduction.
+//! The two integral transforms of the method of dimensionality reduction (MDR).
 //!
-//! [`Kernels`] evaluates them for sampled wear. Abel integrals are convolutions in x². On the mesh
-//! τ = (x² − c²)/(ã² − c²) = (i/n)³ their matrices therefore depend only on n.
+//! [`inverse`] evaluates (4) for a function. [`Kernels`] evaluates (4) and the pressure for sampled
+//! wear. Abel integrals are convolutions in x². On the mesh τ = (x² − c²)/(ã² − c²) = (i/n)³ their
+//! matrices therefore depend on n only.
 //!
 //! # Equations
 //! ```text
@@ -11,10 +12,11 @@
 //! ```
 //!
 //! # Accuracy
-//! [`Kernels`] is of order 2 in 1/n for smooth wear (3e-5 of d₀ at n = 200). The pressure is of order 3/2, because its
-//! integrand is a piecewise constant slope. The cubic grading resolves the jump of the image at the stick edge. With
-//! quadratic grading the wear next to this edge is ten times less accurate late in a run. With quartic grading the rim
-//! of the scar is coarse.
+//! [`inverse`] is exact to rounding for smooth functions, and to 1e-10 for |x|ⁿ, n ≥ 1. For smooth
+//! wear, [`Kernels`] converges with order 2 in 1/n (3e-5 of d₀ at n = 200). The pressure converges
+//! with order 3/2, because its integrand is a piecewise constant slope. The cubic grading resolves the
+//! jump of the image at the stick edge. With quadratic grading the wear next to the stick edge is ten
+//! times less accurate late in a run. With quartic grading the mesh is coarse at the edge of the scar.
 //!
 //! # Sources
 //! V. L. Popov, M. Heß, *Method of Dimensionality Reduction in Contact Mechanics and Friction*
@@ -27,11 +29,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::numeric::{dot, integrate};
 
-/// The profile f(r) whose image is `image(x)`, (4).
+/// The profile f(r) that has the image `image(x)`, (4).
 ///
 /// # Examples
 /// ```
-/// // g = x² belongs to f = r²/2.
+/// The image g = x² has the profile f = r²/2.
 /// let f = fretwork_engine::contact::transform::inverse(|x| x * x, 0.6);
 /// assert!((f - 0.18).abs() < 1e-14);
 /// ```
@@ -39,16 +41,17 @@ pub fn inverse(image: impl Fn(f64) -> f64, r: f64) -> f64 {
     FRAC_2_PI * quarter_circle(|sine| image(r * sine))
 }
 
-/// ∫ f(sin θ) dθ over a quarter circle, graded towards θ = 0, where powers of sin θ may not be smooth.
+/// ∫ f(sin θ) dθ over a quarter circle, graded towards θ = 0, where f may not be smooth.
 fn quarter_circle(f: impl Fn(f64) -> f64) -> f64 {
     let theta = |s: f64| FRAC_PI_2 * s * s * s;
     3.0 * FRAC_PI_2 * integrate(0.0, 1.0, |s| s * s * f(libm::sin(theta(s))))
 }
 
 const TWO_THIRDS: f64 = 2.0 / 3.0;
-/// For larger n each row is computed when it is used. Both matrices together need 8 n² bytes: 134 MB at n = 4096.
+/// Maximum n for which the matrices are stored. For a larger n each row is computed when it is
+/// needed, because both matrices together take 8 n² bytes (134 MB at n = 4096).
 const KEPT_CELLS: usize = 512;
-/// Most sizes in the cache, with about 2 MB each at most.
+/// Maximum number of mesh sizes in the cache (at most 4 MB each).
 const KEPT_SIZES: usize = 4;
 
 /// The matrices of the inverse transform and of the pressure on the mesh τᵢ = (i/n)³.
@@ -59,13 +62,14 @@ pub struct Kernels {
     per_cell: Vec<f64>,
     /// Simpson's weights of ∫ dτ = ∫ 3u² du over the nodes, for an even n.
     areas: Vec<f64>,
-    /// Row i of the inverse has i + 1 entries, and row i of the pressure n − i. Both are empty for large n.
+    /// Rows of the inverse transform; row i has i + 1 entries. Empty for a large n.
     inverse: Vec<f64>,
+    /// Rows of the pressure; row i has n − i entries. Empty for a large n.
     pressure: Vec<f64>,
 }
 
 impl Kernels {
-    /// The kernels for this number of cells, from a cache of recent sizes.
+    /// The kernels of `cells` cells, from the cache if it contains them.
     #[must_use]
     pub fn with_cells(cells: usize) -> Arc<Self> {
         static RECENT: Mutex<VecDeque<Arc<Kernels>>> = Mutex::new(VecDeque::new());
@@ -125,13 +129,14 @@ impl Kernels {
         &self.tau
     }
 
-    /// ∫ of sampled values over τ by Simpson's rule, for even n.
+    /// ∫ of sampled values over τ by Simpson's rule. The number of cells n must be even.
     pub(crate) fn area(&self, values: &[f64]) -> f64 {
         dot(&self.areas, values)
     }
 
-    /// Weights of ∫₀^τᵢ φ(τ)/√(τᵢ−τ) dτ for φ linear between nodes. With α = √(τᵢ−τⱼ), β = √(τᵢ−τⱼ₊₁) and
-    /// e = ⅔(α−β)²/(τⱼ₊₁−τⱼ), cell j adds e(α+2β) to its left node and e(2α+β) to its right node.
+    /// Weights of ∫₀^τᵢ φ(τ)/√(τᵢ−τ) dτ for φ linear between nodes. With α = √(τᵢ−τⱼ) and β =
+    /// √(τᵢ−τⱼ₊₁), cell j adds e(α+2β) to its left node and e(2α+β) to its right node. Here e =
+    /// ⅔(α−β)²/(τⱼ₊₁−τⱼ).
     fn fill_inverse_row(&self, i: usize, row: &mut Vec<f64>) {
         row.clear();
         row.extend(self.tau[..=i].iter().map(|tau| (self.tau[i] - tau).sqrt()));
@@ -145,14 +150,15 @@ impl Kernels {
         row[i] = from_left;
     }
 
-    /// √(τⱼ−τᵢ) for j > i: the weights of the changes of the slope dR/dτ at node j.
+    /// √(τⱼ−τᵢ) for j > i. These factors multiply the changes of the slope dR/dτ at node j.
     fn fill_pressure_row(&self, i: usize, row: &mut Vec<f64>) {
         row.clear();
         row.extend(self.tau[i + 1..].iter().map(|tau| (tau - self.tau[i]).sqrt()));
     }
 
-    /// Writes ∫₀^τᵢ φ(τ)/√(τᵢ−τ) dτ at every node to `curves[k]`, from index `first` on, for each φ = `phi[k]`. An
-    /// empty φ means zero, and leaves its curve unchanged.
+    /// ∫₀^τᵢ φ(τ)/√(τᵢ−τ) dτ at every node, for several φ at once. The result of `phi[k]` is
+    /// written to `curves[k]`, starting at index `first`. An empty `phi[k]` means φ = 0: its curve
+    /// is not changed.
     pub fn inverse(&self, phi: &[Vec<f64>], curves: &mut [Vec<f64>], first: usize) {
         let mut pairs = not_empty(phi, curves);
         let (mut made, mut start) = (Vec::new(), 0);
@@ -170,8 +176,9 @@ impl Kernels {
         }
     }
 
-    /// Writes −½ ∫ R′(τ)/√(τ−τᵢ) dτ from τᵢ on, at the first `rows` nodes, to `curves[k]`, from index `first` on. R is
-    /// given by its [`slope_changes`](Self::slope_changes). An empty list means R = 0, and leaves its curve unchanged.
+    /// −½ ∫ R′(τ)/√(τ−τᵢ) dτ over τ > τᵢ at the first `rows` nodes, for several R at once. Each R
+    /// is given by its [`slope_changes`](Self::slope_changes). The result is written to
+    /// `curves[k]`, starting at index `first`. An empty list means R = 0: its curve is not changed.
     pub fn pressure(
         &self,
         changes: &[Vec<f64>],
@@ -196,8 +203,8 @@ impl Kernels {
         }
     }
 
-    /// Replaces a sampled R by the changes of its slope dR/dτ at the nodes. R is given at the first nodes, and is
-    /// constant beyond them.
+    /// Converts a sampled R to the change of its slope dR/dτ at each node. R is given at the first
+    /// nodes and is constant outside them.
     pub(crate) fn slope_changes(&self, values: &mut [f64]) {
         for (j, per_cell) in (1..values.len()).zip(&self.per_cell) {
             values[j - 1] = (values[j] - values[j - 1]) * per_cell;
@@ -211,7 +218,7 @@ impl Kernels {
     }
 }
 
-/// Pairs of the lists that are not empty with their curves.
+/// Pairs each non-empty input with the curve that receives its result.
 fn not_empty<'a>(
     given: &'a [Vec<f64>],
     curves: &'a mut [Vec<f64>],
@@ -257,7 +264,8 @@ mod tests {
             .iter()
             .zip(&sums[0])
             .map(|(t, sum)| {
-                // ½ ∫ 2(1 − s)/√(s − t) ds from t to 1 = (2/3)(1 − t)^{3/2}·… done by parts
+                // ½ ∫ 2(1 − s)/√(s − t) ds from t to 1 is a multiple of (1 − t)^{3/2}, by
+                // integration by parts.
                 let rest = 1.0 - t;
                 let exact = 4.0 / 3.0 * rest * rest.sqrt();
                 (sum - exact).abs()
@@ -277,7 +285,7 @@ mod tests {
     }
 
     #[test]
-    fn kept_and_passing_rows_give_the_same_bits() {
+    fn stored_rows_and_rows_computed_on_demand_give_the_same_bits() {
         let (kept, passing) = (Kernels::new(40, true), Kernels::new(40, false));
         let phi = [kept.tau().iter().map(|t| libm::cos(3.0 * t)).collect::<Vec<f64>>()];
         let evaluated = |kernels: &Kernels| {

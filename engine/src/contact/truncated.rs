@@ -1,16 +1,17 @@
-//! Paraboloids and cones with a flat tip of radius β, in units of a₀ and d₀.
+//! Paraboloids and cones with a flat tip of radius β, in units of a₀ and d₀. The tip is worn or cut
+//! off.
 //!
 //! # Equations
-//! Outside the flat (inside, both are 0):
+//! Outside the flat (inside it, f and g are 0):
 //! ```text
 //! paraboloid   f = (A/2)(r² − β²)    g = A x √(x²−β²)
 //! cone         f = A (r − β)         g = A x arccos(β/x)
 //! ```
-//! A follows from g(1) = 1. All springs under the flat have the compression d, so that all of them slip or none. In
-//! partial slip c ≥ β. The pressure is infinite at r = β.
+//! The factor A makes g(1) = 1. All springs under the flat have the compression d, so either all of
+//! them slip or none of them slips: in partial slip c ≥ β. The pressure is infinite at r = β.
 //!
 //! # Accuracy
-//! Closed forms to rounding. The pressure by Gauss rules, with an error below 1e-12.
+//! Closed forms are exact to rounding. The pressure uses Gauss rules, better than 1e-12.
 //!
 //! # Sources
 //! U. B. C. O. Ejike, *Int. J. Eng. Sci.* 19 (1981) 865; D. Maugis, M. Barquins, *J. Phys. D* 16
@@ -32,13 +33,13 @@ enum Flank {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Truncated {
     flank: Flank,
-    /// β.
+    /// β, the radius of the flat.
     flat: f64,
-    /// A.
+    /// The factor A that makes g(1) = 1.
     scale: f64,
 }
 
-/// √(x² − b²), 0 inside b.
+/// √(x² − b²) outside b, and 0 inside b.
 fn chord(x: f64, b: f64) -> f64 {
     ((x - b) * (x + b)).max(0.0).sqrt()
 }
@@ -55,7 +56,7 @@ impl Truncated {
         Self { flank: Flank::Cone, flat, scale }
     }
 
-    /// β, as a list.
+    /// The only kink, β, as a slice.
     pub(super) fn kinks(&self) -> &[f64] {
         std::slice::from_ref(&self.flat)
     }
@@ -89,7 +90,7 @@ impl Truncated {
         }
     }
 
-    /// g(c + δ) − g(c) without cancellation.
+    /// g(c + δ) − g(c), without cancellation.
     pub(super) fn image_rise(&self, c: f64, delta: f64) -> f64 {
         let b = self.flat;
         if c <= b {
@@ -122,7 +123,7 @@ impl Truncated {
             }
     }
 
-    /// The radius at which the image reaches `value` in 0…1: β for 0.
+    /// The radius at which the image equals `value` in 0…1. The result for 0 is β.
     pub(super) fn image_inverse(&self, value: f64) -> f64 {
         match self.flank {
             Flank::Paraboloid => {
@@ -130,7 +131,8 @@ impl Truncated {
                 let (b, q) = (self.flat * self.flat, value / self.scale);
                 (0.5 * (b + (b * b + 4.0 * q * q).sqrt())).sqrt()
             }
-            // The bracket is slightly larger than 1, because rounding can leave the image below 1.
+            // The upper end is slightly more than 1, because rounding may leave the image at 1
+            // below `value`.
             Flank::Cone => root(self.flat, 1.0 + 1e-12, |x| self.image(x) - value),
         }
     }
@@ -161,16 +163,18 @@ impl Truncated {
         }
     }
 
-    /// (1/π) ∫ g′/√(x²−r²) dx up to `end`; infinite at r = β.
+    /// (1/π) ∫ g′/√(x²−r²) dx from r to `end`. The result is infinite at r = β.
     pub(super) fn pressure_inside(&self, r: f64, end: f64) -> f64 {
-        /// Longest panel. The integrand is analytic for |Im v| < π/2, so that one rule is exact on it.
+        /// Maximum length of one integration panel. The integrand is analytic for |Im v| < π/2, so
+        /// the Gauss rule is accurate on such a panel.
         const PANEL: f64 = 4.0;
         let b = self.flat;
         if r >= end || b >= end {
             return 0.0;
         }
-        // Both roots can vanish close to each other. m is the larger of r and β, and l the smaller. Then
-        // x² = m² + (m² − l²) sinh²v turns dx/√((x²−r²)(x²−β²)) into dv/x.
+        // The two roots may be zero at nearly the same x. Let m be the larger and l the smaller of
+        // r and β. The substitution x² = m² + (m² − l²) sinh²v transforms dx/√((x²−r²)(x²−β²)) into
+        // dv/x.
         let (larger, smaller) = (r.max(b), r.min(b));
         let gap = chord(larger, smaller);
         if gap == 0.0 {

@@ -9,7 +9,7 @@ use super::profile::Shape;
 pub enum Regime {
     /// Nothing slips.
     FullStick,
-    /// A ring slips around a sticking core.
+    /// A ring slips around a core that sticks.
     PartialSlip,
     /// The whole contact slips.
     GrossSlip,
@@ -24,14 +24,15 @@ pub struct Contact {
     pub threshold: f64,
     /// c/a₀; 0 in gross slip.
     pub stick: f64,
-    /// The slip regime.
+    /// The slip regime: partial or gross slip.
     pub regime: Regime,
     /// The limiting state.
     pub limit: Limit,
 }
 
 impl Contact {
-    /// The contact of `shape` at an amplitude Δ > 0; `None` if its scar would become larger than the shape.
+    /// The contact of `shape` at amplitude Δ > 0. `None` if its scar would become larger than the
+    /// shape.
     #[must_use]
     pub fn new(shape: Shape, threshold: f64) -> Option<Self> {
         // At Δ = 1 springs under a flat still stick.
@@ -41,21 +42,21 @@ impl Contact {
         Some(Self { shape, threshold, stick, regime, limit })
     }
 
-    /// The contact of `shape` whose springs stick inside 0 ≤ c < 1.
+    /// The contact of `shape` whose springs stick inside the radius 0 ≤ c < 1.
     #[must_use]
     pub fn sticking(shape: Shape, c: f64) -> Option<Self> {
         let threshold = 1.0 - shape.image(c);
         Self::new(shape, threshold)
     }
 
-    /// Δ − y₀ of a spring at x = c + δ: its distance from sticking. It is never 0, because that would give 0/0 once e
-    /// has underflowed.
+    /// Δ − y₀ of a spring at x = c + δ: the compression that is missing for stick. The value is
+    /// never 0, so that 0/0 cannot occur after e has underflowed.
     pub(crate) fn rest(&self, delta: f64) -> f64 {
         let excess = (self.threshold - 1.0).max(0.0);
         (excess + self.shape.image_rise(self.stick, delta)).max(1e-300)
     }
 
-    /// η of a spring at x = c + δ, c < x < ã, by the closed form of (14).
+    /// The compression η of a spring at x = c + δ, c < x < ã, by the closed form of (14).
     #[must_use]
     pub fn compression(&self, delta: f64, decay: Decay) -> f64 {
         let rest = self.rest(delta);
@@ -66,7 +67,7 @@ impl Contact {
         self.threshold * unworn * decay.left / (unworn * decay.left + rest)
     }
 
-    /// g − g₀ of such a spring: y₀ minus its compression, without cancellation.
+    /// g − g₀ of a spring at x = c + δ: y₀ minus the compression, without cancellation.
     #[must_use]
     pub fn worn(&self, delta: f64, decay: Decay) -> f64 {
         let rest = self.rest(delta);
@@ -78,7 +79,7 @@ impl Contact {
     }
 }
 
-/// The decay e = exp(−ξÑ/ã) of the simplified rule, and 1 − e without cancellation.
+/// The decay factor of the simplified rule, e = exp(−ξÑ/ã), and 1 − e without cancellation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Decay {
     /// e.
