@@ -172,9 +172,9 @@ impl Control {
                 _ => -1.0,
             }
         };
-        let best = maximum(0.0, 1.0, need);
-        // Between the radius `best` and a₀ the value of `need` changes its sign.
-        (need(best) > 0.0 && need(1.0) < 0.0).then(|| root(best, 1.0, need))
+        let best = maximum(0.0, 1.0, surplus);
+        // Between the radius `best` and a₀ `surplus` changes its sign.
+        (surplus(best) > 0.0 && surplus(1.0) < 0.0).then(|| root(best, 1.0, surplus))
     }
 
     /// The smallest stick radius of the whole run. Inside it no spring ever slips.

@@ -32,10 +32,10 @@ const FEWEST_POINTS: usize = 12;
 /// smoothed.
 const NEGLIGIBLE: f64 = 1e-9;
 /// Number of neighbours on either side that are assumed to have the same noise.
-const ALIKE: usize = 25;
+const NEIGHBOURS: usize = 25;
 /// The largest m with a misfit of at most this many times the smallest misfit is chosen. With 51
 /// points such a difference is not significant.
-const ENOUGH: f64 = 1.5;
+const EQUAL_MISFIT: f64 = 1.5;
 /// Maximum ratio of the noise of the worst point to the noise assumed for any other point.
 const TRUST: f64 = 1e3;
 
@@ -50,8 +50,8 @@ pub(super) fn grouped(x: &[f64], z: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let mut means = (vec![x[0]], vec![z[0]]);
     let mut from = 1;
     while from < x.len() {
-        let near = x[from..].partition_point(|other| other - x[from] <= widest);
-        let to = from + near.clamp(1, most);
+        let within = x[from..].partition_point(|other| other - x[from] <= widest);
+        let to = from + within.clamp(1, most);
         // The last point is not averaged either, because it marks the end of the table.
         let to = if to == x.len() && to - from > 1 { to - 1 } else { to };
         let count = (to - from) as f64;
@@ -137,8 +137,8 @@ pub(super) fn smoothed(x: &[f64], z: Vec<f64>) -> Vec<f64> {
 }
 
 /// The points around point i of n that are assumed to have the same noise.
-fn about(i: usize, n: usize) -> std::ops::Range<usize> {
-    i.saturating_sub(ALIKE)..(i + ALIKE + 1).min(n)
+fn near(i: usize, n: usize) -> std::ops::Range<usize> {
+    i.saturating_sub(NEIGHBOURS)..(i + NEIGHBOURS + 1).min(n)
 }
 
 /// Measured points and their weights.
