@@ -371,7 +371,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pole_of_the_pressure_does_not_flatten_the_rest_of_the_curve() {
+    fn an_extreme_pressure_peak_is_excluded_from_the_axis_range() {
         let x: Vec<f64> = (0..=100).map(f64::from).collect();
         let with = |peak: f64| {
             let y = x.iter().map(|x| if (x - 50.0).abs() < 0.5 { peak } else { 2.0 }).collect();

@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn records_are_rows_with_named_values() {
+    fn the_records_layout_has_one_object_per_row() {
         let view = View { records: true, cycles: Some(vec![0.0]), ..View::default() };
         let profiles = value(Part::Profiles, &view);
         assert_eq!(profiles["records"].as_array().map(Vec::len), Some(3));
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn a_selection_applies_to_every_column() {
+    fn fields_cycles_and_points_select_parts_of_a_table() {
         let view = View {
             fields: Some(vec!["worn".into(), "radius".into()]),
             cycles: Some(vec![1000.0 * (1.0 + 1e-13)]),
@@ -200,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn an_error_lists_all_missing_items_and_names_the_existing_ones() {
+    fn an_error_lists_all_unknown_fields_and_cycles_and_the_valid_ones() {
         let view = View {
             fields: Some(vec!["warn".into(), "worn".into(), "sleep".into()]),
             cycles: Some(vec![0.0, 7.0]),
@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn a_result_without_profiles_has_columns_and_no_rows() {
+    fn tables_of_a_result_without_profiles_have_no_rows() {
         let text = r#"{"key":"ab","engine":{"name":"fretwork","numerics":1},
             "units":{"worn":"m"},"history":{},"profiles":null}"#;
         let made = |part, format| {
@@ -235,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn digits_round_computed_numbers_but_not_the_scenario() {
+    fn the_digits_parameter_rounds_results_but_not_the_scenario() {
         let view = View { digits: Some(3), ..View::default() };
         let whole = value(Part::Whole, &view);
         assert_eq!(whole["history"]["wear_volume"][1], json!(1.23e-13));
@@ -246,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn engineering_units_apply_to_every_quantity_and_are_named() {
+    fn engineering_units_convert_every_quantity_and_its_unit_name() {
         let view = View { engineering: true, digits: Some(9), ..View::default() };
         let whole = value(Part::Whole, &view);
         assert_eq!(whole["units"]["wear_volume"], "mm^3");
@@ -261,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn selected_cycles_do_not_cut_the_history_of_a_whole_result() {
+    fn selected_cycles_limit_profiles_and_loops_but_not_the_history() {
         let view = View { cycles: Some(vec![0.0]), points: Some(2), ..View::default() };
         let whole = value(Part::Whole, &view);
         assert_eq!(whole["history"]["cycles"], json!([0.0, 1000.0]));

@@ -153,7 +153,7 @@ mod tests {
     use fretwork_engine::request::quantity::{Dimension, parse};
 
     #[test]
-    fn a_scenario_accepts_every_engineering_unit_with_the_same_meaning() {
+    fn a_scenario_parses_every_engineering_unit_to_the_same_value() {
         for &(name, si) in UNITS {
             let Some(unit) = Unit::engineering(si) else {
                 assert!(matches!(si, "1" | "N"), "{name} stays in {si}");

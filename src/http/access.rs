@@ -382,7 +382,7 @@ mod tests {
     }
 
     #[test]
-    fn a_key_may_be_sent_as_a_token_a_name_or_a_password() {
+    fn a_key_is_accepted_as_bearer_token_user_name_or_password() {
         let key = format!("fretwork_0a1b2c3d_{}", "0".repeat(40));
         let basic = |text: String| format!("Basic {}", BASE64.encode(text.as_bytes()));
         for sound in [

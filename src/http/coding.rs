@@ -188,7 +188,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_client_chooses_the_coding() {
+    fn the_accept_encoding_header_selects_the_compression() {
         let choose = |value| {
             let headers =
                 HeaderMap::from_iter([(ACCEPT_ENCODING, HeaderValue::from_static(value))]);
@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn a_compressed_text_decompresses_to_itself() {
+    fn a_compressed_body_decompresses_to_the_original() {
         let pack = |coding: Coding, text: &[u8]| coding.encode(text).unwrap();
         for times in [1000, 100_000, 400_000] {
             let body = b"[0.0,1.5e-7]".repeat(times);

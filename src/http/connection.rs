@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_connection_lives_until_its_timeout() {
+    async fn a_read_before_the_timeout_succeeds() {
         let (mut client, server) = duplex(16);
         let mut server = Connection::new(server, Duration::from_mins(10));
         let mut byte = [0];

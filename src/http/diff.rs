@@ -335,7 +335,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn differences_have_pointers_and_relative_sizes() {
+    fn each_difference_has_a_pointer_and_a_relative_change() {
         let a = json!({"friction": 0.5, "list": [1, 2], "load": {"held": "depth"}, "table": [1]});
         let b = json!({"friction": 0.6, "list": [1, 3], "load": {"held": "force"}, "table": [1, 2],
             "until": {"wear_depth": 1e-6}});

@@ -185,7 +185,7 @@ mod tests {
     use crate::store::Store;
 
     #[tokio::test]
-    async fn the_problem_for_a_panic_does_not_contain_its_message() {
+    async fn the_answer_after_a_panic_hides_the_panic_message() {
         async fn panics() {
             panic!("a secret");
         }

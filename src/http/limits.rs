@@ -164,7 +164,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn exactly_the_announced_number_of_requests_is_accepted() {
+    fn a_caller_can_send_exactly_the_reported_remaining_requests() {
         let account = Account::new(Limits { per_minute: NonZeroU32::new(30), at_once: None });
         let left = account.take().unwrap().standing.unwrap().left;
         assert_eq!(left, 29);
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn a_request_ends_when_its_body_is_dropped() {
+    fn a_request_counts_as_concurrent_until_its_body_is_dropped() {
         let account = Account::new(Limits { per_minute: None, at_once: NonZeroU32::new(1) });
         let body = account.take().unwrap().hold(Body::from("text"));
         assert!(account.take().is_err());

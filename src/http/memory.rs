@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn the_cache_stays_within_its_size() {
+    async fn the_cache_stays_within_its_size_limit() {
         let memory = Memory::new(100_000);
         for number in 0..100 {
             let making = making(&memory, &number.to_string()).await;
@@ -256,7 +256,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_request_that_fails_leaves_the_answer_to_the_next() {
+    async fn after_a_failed_request_the_next_one_computes_the_answer() {
         let memory = Memory::new(0);
         drop(making(&memory, "name").await);
         let making = making(&memory, "name").await;
@@ -264,7 +264,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn an_answer_is_finished_for_the_next_request_if_its_own_was_dropped() {
+    async fn a_waiting_request_gets_the_answer_of_a_dropped_request() {
         let memory = Memory::new(0);
         // The request is gone; only the thread that makes the answer holds this.
         let making = making(&memory, "name").await;
@@ -275,7 +275,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_deleted_result_has_no_answers_in_memory() {
+    async fn deleting_a_result_removes_its_answers_from_the_cache() {
         let memory = Memory::new(1 << 20);
         let key = Key::from_bytes([7; 32]);
         let name = format!("{key}.csv");
@@ -293,7 +293,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn few_answers_are_made_from_large_results_at_the_same_time() {
+    async fn the_number_of_concurrent_answers_from_large_results_is_limited() {
         let memory = Memory::new(0);
         let mut permits = Vec::new();
         while let Some(Some(permit)) = memory.maker().now_or_never() {
@@ -305,7 +305,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn unused_names_are_removed() {
+    async fn unused_cache_names_are_removed() {
         let memory = Memory::new(0);
         let held = memory.finish(making(&memory, "held").await, answer(1), false);
         for number in 0..10_000 {

@@ -69,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn the_most_specific_range_of_an_accept_header_decides() {
+    fn the_most_specific_media_range_of_accept_has_priority() {
         let both = [Format::Json, Format::Csv];
         assert_eq!(accept("*/*", &both), Some(Format::Json));
         assert_eq!(accept("text/csv", &both), Some(Format::Csv));

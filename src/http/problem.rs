@@ -482,7 +482,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_problem_type_has_its_own_slug_and_a_page() {
+    fn every_problem_type_has_a_unique_slug_and_a_page() {
         for (place, kind) in ALL.iter().enumerate() {
             assert!(ALL[..place].iter().all(|other| other.slug != kind.slug), "{}", kind.slug);
             assert!(page(kind.slug).is_some_and(|page| page.contains(&code(kind.remedy))));

@@ -139,7 +139,7 @@ mod tests {
     const NOW: Duration = Duration::from_secs(1_000_000);
 
     #[test]
-    fn a_link_opens_only_its_result_and_only_until_it_expires() {
+    fn a_signed_link_is_valid_only_for_its_result_until_it_expires() {
         let signer = Signer::new(&[7; 32], None);
         let (key, other) = (Key::from_bytes([1; 32]), Key::from_bytes([2; 32]));
         let token = signer.sign(&key, 1_000_060, "0a1b2c3d");
@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn removing_the_link_keeps_the_other_parameters() {
+    fn removing_the_link_token_keeps_the_other_query_parameters() {
         for (with, plain) in [
             ("/v1/results/ab?link=1.a.b", "/v1/results/ab"),
             ("/r?digits=7&link=1.a.b&format=csv", "/r?digits=7&format=csv"),

@@ -317,7 +317,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn invalid_preferences_are_ignored() {
+    fn the_wait_preference_is_capped_and_ignored_if_invalid() {
         let prefer = |value| {
             let headers = HeaderMap::from_iter([(PREFER, HeaderValue::from_static(value))]);
             Prefer::read(&headers).wait.map(|wait| wait.as_secs())

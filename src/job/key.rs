@@ -105,7 +105,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_key_can_be_read_from_its_text() {
+    fn a_key_can_be_parsed_from_its_text() {
         let key = Key::digest(b"a scenario");
         assert_eq!(key.to_string().parse(), Ok(key));
         assert_eq!(key.to_string().to_uppercase().parse::<Key>(), Err(BadKey));

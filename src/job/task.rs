@@ -377,7 +377,7 @@ mod tests {
 
     /// Catches a change of digits without a new `NUMERICS`: the digests change with every digit of a result.
     #[test]
-    fn the_results_of_numerics_1_have_these_digests() {
+    fn results_of_numerics_1_are_unchanged() {
         assert_eq!(ENGINE.numerics, 1, "new digits: compute the digests below anew");
         let digest = |scenario: &Value| {
             let prepared = prepared(scenario);
@@ -411,7 +411,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stored_task_is_computed_under_its_own_key_only() {
+    fn a_stored_task_is_refused_under_another_key() {
         let Prepared { key, stored, .. } = prepared(&ball());
         assert_eq!(
             Prepared::from_stored(&key, &stored).map(|again| again.stored),
@@ -423,7 +423,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stored_task_has_a_version() {
+    fn older_stored_tasks_are_read_and_newer_ones_are_refused() {
         let Prepared { key, stored, task, .. } = prepared(&ball());
         assert!(stored.starts_with(r#"{"version":2,"scenario":{"profile":"#), "{stored}");
         // Version 1 had no number.

@@ -311,7 +311,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_segment_intersects_a_rectangle_or_misses_it() {
+    fn the_intersection_of_a_segment_with_a_rectangle_is_detected() {
         let area = Area { left: 1.0, top: 1.0, width: 2.0, height: 1.0 };
         assert!(area.meets((0.0, 1.5), (4.0, 1.5)) && area.meets((2.0, 1.2), (2.0, 1.2)));
         assert!(area.meets((0.0, 0.0), (4.0, 3.0)));
@@ -329,7 +329,7 @@ mod tests {
     }
 
     #[test]
-    fn markers_keep_their_distance_and_every_curve_has_one() {
+    fn markers_keep_a_minimum_distance_and_every_curve_has_one() {
         let sparse = [(0.0, 0.0), (20.0, 5.0), (40.0, 5.0)];
         assert_eq!(marked(&sparse, 30.0), sparse);
         // On a steep flank, distances are measured horizontally.
@@ -347,7 +347,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_line_all_points_have_markers() {
+    fn a_series_without_a_line_has_a_marker_at_every_point() {
         let points = [(0.0, 0.0), (1.0, 9.0), (2.0, 5.0), (90.0, 7.0)];
         let marks = |width: f64| {
             let mut canvas = Canvas::default();
@@ -358,7 +358,7 @@ mod tests {
     }
 
     #[test]
-    fn lengths_have_two_decimals_and_no_negative_zero() {
+    fn svg_lengths_have_at_most_two_decimals_and_no_negative_zero() {
         assert_eq!([12.0, 12.5, 0.126, -0.001].map(px).join(" "), "12 12.5 0.13 0");
     }
 }

@@ -122,7 +122,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_legend_avoids_all_lines() {
+    fn a_legend_is_placed_where_no_line_crosses_it() {
         let series = [Series::new("one", vec![], vec![]), Series::new("two", vec![], vec![])];
         let legend = Legend::of(series.iter().zip((0..).map(Style::numbered))).expect("two names");
         let area = Area { left: 0.0, top: 0.0, width: 300.0, height: 200.0 };

@@ -239,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn a_constant_with_rounding_errors_is_a_level_line() {
+    fn a_constant_with_rounding_errors_is_drawn_as_a_horizontal_line() {
         let values = [50.0, 50.000_000_000_000_04, 49.999_999_999];
         for log in [false, true] {
             let axis = Axis { log, ..Axis::default() };
@@ -251,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn the_ends_of_a_scale_differ_for_all_values() {
+    fn a_scale_never_has_zero_length() {
         for values in [vec![], vec![0.0], vec![3.0, 3.0], vec![f64::NAN, -1.0], vec![0.0, 1e300]] {
             for log in [false, true] {
                 let axis = Axis { log, ..Axis::default() };

@@ -68,7 +68,7 @@ mod tests {
     }
 
     #[test]
-    fn a_task_is_taken_once() {
+    fn a_waiting_task_can_be_taken_only_once() {
         let waiting = Waiting::default();
         let task = prepared(4);
         waiting.keep(task.clone());
@@ -77,7 +77,7 @@ mod tests {
     }
 
     #[test]
-    fn waiting_tasks_stay_within_their_budget() {
+    fn the_memory_of_waiting_tasks_is_limited() {
         let waiting = Waiting::default();
         let large = prepared(2000);
         let many = 3 * BUDGET / large.bytes() as u64;

@@ -122,7 +122,7 @@ mod tests {
     use super::*;
 
     #[tokio::test]
-    async fn a_database_that_another_process_writes_to_is_busy() {
+    async fn a_database_locked_by_another_writer_is_reported_as_busy() {
         let dir = tempfile::tempdir().unwrap();
         let options = SqliteConnectOptions::new()
             .filename(dir.path().join("db"))

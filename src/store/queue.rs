@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn owners_take_turns_although_one_has_more_jobs() {
+    fn owners_take_turns_even_if_one_owner_has_more_jobs() {
         let (mut queue, _) =
             queue(&[("ada", 1, 3), ("ada", 2, 3), ("ada", 3, 3), ("bob", 4, 3), ("eve", 5, 3)]);
         assert_eq!(turns(&mut queue), [1, 4, 5, 2, 3]);
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn an_owner_that_submits_one_job_after_another_gets_no_more_turns() {
+    fn owners_with_one_job_at_a_time_get_the_same_share_of_turns() {
         let mut queue = Queue::default();
         for run in 0..100 {
             queue.add(RunId(run), "ada", 3, JobId::generate());
@@ -236,14 +236,14 @@ mod tests {
     }
 
     #[test]
-    fn a_shared_run_comes_once_and_in_the_first_turn_of_its_owners() {
+    fn a_shared_run_is_claimed_once_at_the_earliest_turn_of_its_owners() {
         let (mut queue, _) =
             queue(&[("ada", 1, 3), ("ada", 2, 3), ("ada", 3, 3), ("bob", 3, 3), ("bob", 4, 3)]);
         assert_eq!(turns(&mut queue), [1, 3, 2, 4]);
     }
 
     #[test]
-    fn a_job_that_leaves_keeps_the_run_queued_for_other_jobs() {
+    fn a_run_stays_queued_until_its_last_job_is_removed() {
         let (mut queue, ids) = queue(&[("ada", 1, 3), ("bob", 1, 3), ("bob", 2, 3)]);
         queue.leave(RunId(1), 3, ids[1]);
         assert_eq!((queue.len(), queue.waiting_of("bob")), (2, 1));

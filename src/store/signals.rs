@@ -216,7 +216,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_key_is_removed_with_its_last_listener() {
+    fn a_key_is_removed_when_its_last_listener_is_dropped() {
         let signals = Arc::new(Signals::default());
         let key = Key::from_bytes([7; 32]);
         let first = signals.watch(key);
@@ -228,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn a_run_is_stopped_by_the_flag_of_its_latest_claim_and_removed_at_its_end() {
+    fn only_the_stop_flag_of_the_latest_claim_is_raised() {
         let signals = Arc::new(Signals::default());
         let (first, second) = (Stop::default(), Stop::default());
         signals.apply(vec![

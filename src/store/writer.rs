@@ -363,7 +363,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_failing_verb_does_not_affect_the_others_in_its_batch() {
+    async fn a_failed_operation_does_not_affect_the_others_in_its_batch() {
         let mut writer = writer().await;
         let (answers, applied) = batch(&mut writer, &[(1, 0), (2, 0), (2, 0), (3, 0)]).await;
         let ok: Vec<_> = answers.iter().map(Result::is_ok).collect();
@@ -385,7 +385,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn if_no_transaction_can_begin_every_verb_fails_at_once() {
+    async fn all_operations_fail_if_no_transaction_can_begin() {
         let mut writer = writer().await;
         writer.tx.db.execute("BEGIN").await.unwrap();
         let (answers, applied) = batch(&mut writer, &[(1, 0), (2, 0)]).await;

@@ -186,7 +186,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_are_written_with_the_digits_that_count() {
+    fn numbers_are_printed_with_the_requested_significant_digits() {
         for (x, count, text) in [
             (0.497_063_21, 6, "0.497063"),
             (-1.0, 6, "-1"),
@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_are_relative_and_what_is_not_computed_fails() {
+    fn a_check_fails_on_a_large_relative_error_or_a_missing_value() {
         let passes = |reference, value, accepted| {
             Check { what: String::new(), source: "", reference, value, accepted }.passes()
         };
@@ -217,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn every_section_has_its_words_and_all_words_a_section() {
+    fn every_section_has_a_text_and_every_text_has_a_section() {
         let page = crate::verification::page();
         assert!(page.sections.iter().all(|section| section.words().is_some()));
         assert_eq!(page.sections.len(), WORDS.matches("\n## ").count());

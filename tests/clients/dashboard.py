@@ -483,7 +483,7 @@ def lose_the_server(browser, data):
             browser.check_view(page, f"lost-{width}-{scheme}")
         own.start()
         expect(page.locator("#banner")).to_be_hidden()
-        # The form checks the input that was typed meanwhile.
+        # The form checks the input that was typed while the server was not running.
         expect(item(page, "regime")).to_have_text("Gross slip")
         page.click("nav >> text=Queue")
         expect(page.locator(".empty")).to_contain_text("No jobs")

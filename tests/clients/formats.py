@@ -1,5 +1,5 @@
-"""Reads one result in every form with the libraries that people use, and holds the forms against
-each other: equal numbers, the key and the units in each.
+"""Reads one result in every format with common libraries, and compares the formats: each must contain
+the same numbers, the key and the units.
 
     python formats.py http://127.0.0.1:8080
 """
@@ -34,7 +34,7 @@ JOB = {
     }
 }
 
-# The engineering unit of each SI unit, and what a number is multiplied with and divided by.
+# For each SI unit: the engineering unit, and the factor and the divisor of the conversion.
 ENGINEERING = {
     "m": ("um", 1e6, 1.0),
     "m^3": ("mm^3", 1e9, 1.0),
@@ -45,7 +45,7 @@ ENGINEERING = {
 
 
 def get(path, **headers):
-    """The answer to a GET: status, headers, body."""
+    """Sends a GET request. Returns the status, the headers and the body."""
     names = {name.replace("_", "-"): value for name, value in headers.items()}
     request = urllib.request.Request(BASE + path, headers=names)
     try:
@@ -77,14 +77,14 @@ def numbers(column):
 
 
 def same(found, expected, what):
-    """Bit by bit, NaN where NaN is."""
+    """Asserts that two arrays are equal in every bit. NaN equals NaN."""
     found, expected = numpy.asarray(found), numpy.asarray(expected)
     assert found.shape == expected.shape, (what, found.shape, expected.shape)
     assert numpy.array_equal(found, expected, equal_nan=True), what
 
 
 def tidy(part, table):
-    """The rows that a table of JSON stands for, as columns."""
+    """Expands a JSON table to rows, as the CSV has them. Returns the columns."""
     table = {name: column for name, column in table.items() if name != "limiting" or column}
     if part == "history":
         return {name: numbers(column) for name, column in table.items()}
@@ -107,7 +107,7 @@ def header(name, units):
 
 
 def check_part(key, part, query=""):
-    """One table in every form."""
+    """Compares one table in all formats."""
     address = f"/v1/results/{key}/{part}?{query}"
     columns = json.loads(body(f"{address}&format=json"))
     units, table = columns["units"], columns[part]
@@ -115,7 +115,7 @@ def check_part(key, part, query=""):
     headers = {name: header(name, units) for name in expected}
     assert columns["key"] == key
 
-    # As the backend parser of Grafana's Infinity data source asks; its root selector is `records`.
+    # The request of Grafana's Infinity data source (backend parser, root selector `records`).
     grafana = {
         "User_Agent": "Grafana/12.2.0",
         "Accept": "application/json;q=0.9,text/plain",
@@ -139,7 +139,7 @@ def check_part(key, part, query=""):
     assert by_polars["key"].unique().to_list() == [key]
     for name, column in expected.items():
         found = by_pandas[headers[name]].to_numpy(dtype=float)
-        # The reader's own rounding; the text is held against JSON below.
+        # The CSV reader rounds the last digit. The exact text is compared with the JSON below.
         numpy.testing.assert_allclose(found, column, rtol=4e-16, atol=0, err_msg=name)
         same(by_polars[headers[name]].cast(float).fill_null(numpy.nan), column, ("polars", name))
     for line, row in zip(lines.splitlines(), rows["records"], strict=True):
@@ -175,7 +175,7 @@ def check_part(key, part, query=""):
 
 
 def check_arrays(arrays, prefix, table):
-    """The arrays of a table, which have the shape of its columns in JSON."""
+    """Asserts that the NPZ arrays of a table have the shape of its JSON columns."""
     for name, column in table.items():
         found = arrays[prefix + name]
         assert found.dtype == numpy.float64, name
@@ -202,7 +202,7 @@ def check_whole(key):
 
 
 def check_units(key, whole):
-    """Engineering units are SI times a factor, wherever a quantity stands."""
+    """Asserts that each quantity in engineering units is its SI value times a factor."""
     told = json.loads(body(f"/v1/results/{key}?units=engineering"))
     assert told["scenario"] == whole["scenario"]
     seen = set()
@@ -244,7 +244,7 @@ def check_digits(key, whole):
 
 
 def check_held(key):
-    """A copy that is held is confirmed, compressed or not, by the tag it came with."""
+    """A request with the ETag of a previous answer gets 304, with and without compression."""
     tags = set()
     csv, arrow = "/history?format=csv", "/profiles?format=arrow"
     for path in ["", csv, "/profiles?digits=3", arrow, "?format=npz"]:

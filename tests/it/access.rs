@@ -185,7 +185,7 @@ async fn jobs_are_private_and_results_are_shared() {
             );
         }
     }
-    // The same for several jobs in one request.
+    // Cancelling by a filter does not reach the jobs of other owners either.
     let all = "/v1/jobs/cancel?state=running";
     assert_eq!(ask(&server, &ben, "POST", all, "").await.json(), json!({"canceled": 0}));
     // Only the owner of the job gets the address of the running job.
@@ -297,7 +297,7 @@ async fn a_link_gives_read_access_to_one_result() {
     for part in ["/profiles", "/loops"] {
         assert_eq!(server.get(&format!("{result}{part}?{link}")).await.status, 200);
     }
-    // A bad parameter is reported as usual. It is not a fault of the link.
+    // An invalid parameter is reported as 422, and not as a bad link.
     server.get(&format!("{result}?{link}&digits=none")).await.problem(422, "invalid-parameters");
 
     let job = ball(1.0).to_string();
@@ -370,7 +370,7 @@ async fn followed(server: &Server, key: Option<&str>, id: &str) -> TcpStream {
     stream
 }
 
-/// Reads the rest of an event stream. The stream must end soon, and properly.
+/// Reads the rest of an event stream. It must end within 20 s and with the last chunk of a complete answer.
 async fn rest(mut stream: TcpStream) -> String {
     let mut text = String::new();
     let read = stream.read_to_string(&mut text);
@@ -380,7 +380,7 @@ async fn rest(mut stream: TcpStream) -> String {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn an_event_stream_ends_when_its_key_is_revoked() {
+async fn an_event_stream_ends_when_its_key_is_revoked_or_expires() {
     let gate = Gate::default();
     let access = Access { admin_key: Some(AdminKey(MASTER.into())), ..Access::default() };
     let settings = Settings { access, ..Settings::default() };
@@ -417,7 +417,7 @@ async fn an_event_stream_ends_when_its_key_is_revoked() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn an_event_stream_without_a_key_ends_when_keys_are_required() {
+async fn an_event_stream_without_a_key_ends_when_the_first_key_is_added() {
     let gate = Gate::default();
     let server = Server::computing(gate.compute(), &Origins::Own).await;
     let job = server.post("/v1/jobs", &ball(1.0)).await.json();
@@ -429,7 +429,7 @@ async fn an_event_stream_without_a_key_ends_when_keys_are_required() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_wait_is_refused_when_its_key_is_revoked_meanwhile() {
+async fn a_key_revoked_during_a_wait_does_not_receive_the_result() {
     let gate = Gate::default();
     let access = Access { admin_key: Some(AdminKey(MASTER.into())), ..Access::default() };
     let settings = Settings { access, ..Settings::default() };
@@ -470,8 +470,8 @@ async fn a_rate_limited_key_gets_retry_after_and_other_keys_are_unaffected() {
     assert_eq!(number(&first, "ratelimit-policy", "w"), 60);
     let left = number(&first, "ratelimit", "r");
     assert_eq!((left, number(&first, "ratelimit", "t")), (59, 1));
-    // The key can send the announced number of requests, and those that become available meanwhile. The announced
-    // time is the time to the next one.
+    // The key can send the reported number of remaining requests, plus one for each second that passes. `t` is always
+    // the time in s until the next request is allowed.
     for _ in 0..left {
         let reply = get(&server, &anna, "/version").await;
         assert_eq!((reply.status, number(&reply, "ratelimit", "t")), (200, 1));
@@ -847,7 +847,7 @@ async fn the_dashboard_is_public_and_contains_no_data() {
             .skip(1)
             .map(|rest| format!("/assets/{}", rest.split('"').next().unwrap()));
         wanted.extend(imports.collect::<Vec<_>>());
-        // The holder of the link gets an explanation, but no data.
+        // A client with a cached copy gets 304 and no body.
         let tag = file.header("etag").unwrap().to_owned();
         let again = server.send("GET", &address, &[("If-None-Match", &tag)], "").await;
         assert_eq!((again.status, again.text().len()), (304, 0), "{address}");

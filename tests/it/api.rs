@@ -130,7 +130,7 @@ async fn a_submission_without_a_wait_returns_202_and_the_address_of_the_job() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_wait_that_times_out_returns_the_present_state_of_the_job() {
+async fn a_wait_that_times_out_returns_the_unfinished_job() {
     let (server, _gate) = gated().await;
     let headers = [JSON, ("Prefer", "wait=0")];
     let reply = server.send("POST", "/v1/jobs", &headers, steel_ball().to_string()).await;
@@ -168,7 +168,7 @@ async fn equal_submissions_share_one_run_and_have_their_own_jobs() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn canceling_a_job_stops_its_run() {
+async fn cancelling_a_job_stops_its_run() {
     let (server, _gate) = gated().await;
     let address = job_address(&server.post("/v1/jobs", &steel_ball()).await);
     let canceled = server.send("POST", &format!("{address}/cancel"), &[], "").await;
@@ -223,7 +223,7 @@ async fn a_job_has_its_scenario_in_every_state() {
     server.send("POST", &format!("{}/cancel", jobs[3].0), &[], "").await;
     assert_eq!(show(&jobs[3]).await, "canceled");
     server.send("POST", &format!("{}/cancel", jobs[0].0), &[], "").await;
-    // Before and after the worker has stopped.
+    // The job is `canceling` until the worker stops, then `canceled`. It has its scenario in both states.
     while show(&jobs[0]).await != "canceled" {}
     gate.open();
     server.get(&format!("{}?wait=60", jobs[2].0)).await;
@@ -237,7 +237,7 @@ async fn a_job_has_its_scenario_in_every_state() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_job_keeps_its_scenario_after_its_result_is_evicted() {
+async fn a_job_keeps_its_scenario_after_its_result_is_deleted() {
     let server = Server::start().await;
     let headers = [JSON, ("Prefer", "wait=60")];
     let submit = async |body: &Value| {
@@ -255,7 +255,7 @@ async fn a_job_keeps_its_scenario_after_its_result_is_evicted() {
     assert_eq!((&echo["origin"], &echo["key"]), (&json!("cached"), &job["key"]));
     assert_eq!(echo["scenario"], job["scenario"]);
 
-    // First the result is evicted, then its history is deleted, then the key is unknown.
+    // First the body of the result is deleted, then its row in `result`, then the job that computed it.
     let told = async |address: &str| {
         let job = server.get(&format!("{address}?include=result,scenario")).await;
         assert_eq!((job.status, &job.json()["result"]), (200, &Value::Null));
@@ -276,7 +276,7 @@ async fn a_job_keeps_its_scenario_after_its_result_is_evicted() {
     server.send("DELETE", &computed, &[], "").await;
     assert_eq!(told(&cached).await, Value::Null);
 
-    // The result has its scenario also when the job is deleted or the result is evicted.
+    // Without the job that computed it, the scenario is read from the result, even if its body was deleted.
     let (_, job, computed) = submit(&ball(0.5)).await;
     let (_, _, cached) = submit(&ball(0.5)).await;
     server.send("DELETE", &computed, &[], "").await;
@@ -285,7 +285,7 @@ async fn a_job_keeps_its_scenario_after_its_result_is_evicted() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn include_takes_a_list_of_members() {
+async fn the_include_parameter_is_a_list_of_known_members() {
     let server = quick().await;
     let address = job_address(&server.compute(&steel_ball()).await);
     for (asked, result, scenario) in [
@@ -309,7 +309,7 @@ async fn include_takes_a_list_of_members() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn jobs_are_listed_newest_first_in_pages_and_by_filters() {
+async fn jobs_are_listed_newest_first_with_pages_and_filters() {
     let server = quick().await;
     let mut ids = Vec::new();
     for number in 1..=5 {
@@ -339,7 +339,7 @@ async fn jobs_are_listed_newest_first_in_pages_and_by_filters() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_result_is_immutable_for_caches() {
+async fn a_result_is_served_as_stored_and_marked_immutable() {
     let server = quick().await;
     let job = server.compute(&steel_ball()).await.json();
     let (key, address) = (text(&job, "/key"), text(&job, "/links/result"));
@@ -483,7 +483,7 @@ async fn loops_are_served_as_json_and_csv() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_run_that_ends_early_ends_at_its_event() {
+async fn the_output_of_a_stopped_run_ends_at_the_event_that_stopped_it() {
     let server = Server::start().await;
     for (name, kind, asked) in
         [("displacement-record", "until_reached", 9), ("held-tangential-force", "gross_slip", 13)]
@@ -511,7 +511,7 @@ async fn a_run_that_ends_early_ends_at_its_event() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_result_contains_the_wear_of_each_body_and_the_comparison_with_the_rule() {
+async fn a_result_reports_the_wear_of_each_body_and_the_model_error() {
     let server = Server::start().await;
     let mut body = example("flat-on-rig");
     body["scenario"]["wear"]["share"] = json!(0.25);
@@ -538,7 +538,7 @@ async fn a_result_contains_the_wear_of_each_body_and_the_comparison_with_the_rul
     let best = result["comparison"]["best_xi"].as_f64().unwrap();
     assert!((0.8..1.2).contains(&best), "{best}");
     assert_eq!(result["history"]["cycles"], result["comparison"]["history"]["cycles"]);
-    // The result has neither member if the scenario requests neither.
+    // Without a share and a comparison in the scenario, the result has neither member.
     let plain = self::result(&server, &steel_ball()).await;
     assert_eq!((&plain["bodies"], &plain["comparison"]), (&Value::Null, &Value::Null));
 }
@@ -583,7 +583,7 @@ async fn a_locked_database_is_reported_as_busy() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_request_without_a_valid_id_gets_one() {
+async fn a_valid_request_id_is_kept_and_an_invalid_one_is_replaced() {
     let server = quick().await;
     let id = |value: &'static str| {
         let server = &server;

@@ -65,7 +65,7 @@ async fn submitting(address: SocketAddr, numbers: std::ops::Range<u32>) -> Answe
             }
             Err(_) => break,
         }
-        // More jobs would keep the next server busy for minutes.
+        // With more jobs, the next server would compute for minutes.
         if answers.acknowledged.len() == 10 {
             break;
         }
@@ -74,7 +74,7 @@ async fn submitting(address: SocketAddr, numbers: std::ops::Range<u32>) -> Answe
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_shutdown_under_load_refuses_new_jobs_and_loses_none() {
+async fn a_shutdown_under_load_refuses_new_jobs_and_keeps_accepted_ones() {
     let dir = TempDir::new().unwrap();
     let server = Program::start(dir.path(), "1");
     let address = server.address;
@@ -132,7 +132,7 @@ fn fill(path: &Path) {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_full_disk_stops_submissions_but_not_reads_until_space_is_freed() {
+async fn submissions_fail_and_reads_work_while_the_disk_is_full() {
     let dir = TempDir::new().unwrap();
     let mount = "mount -t tmpfs -o size=3m tmpfs \"$0\"";
     let Some(mut command) = mounting(mount, dir.path()) else { return };
@@ -193,7 +193,7 @@ fn the_program_reports_a_read_only_data_directory() {
 }
 
 #[tokio::test]
-async fn the_program_ends_with_an_error_for_a_foreign_database() {
+async fn the_program_ends_with_an_error_for_an_unusable_database() {
     let dir = TempDir::new().unwrap();
     let path = dir.path().join("fretwork.db");
     let refused = |words: &str| {
@@ -219,7 +219,7 @@ async fn the_program_ends_with_an_error_for_a_foreign_database() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_page_damaged_under_a_running_server_harms_only_requests_that_need_it() {
+async fn a_damaged_database_page_affects_only_requests_that_use_it() {
     let dir = TempDir::new().unwrap();
     let server = Program::start(dir.path(), "1");
     let known = server.ended(&id(&post(server.address, &ball(2.0)).await.unwrap().json())).await;
@@ -335,7 +335,7 @@ async fn cancel(server: &Server, id: &str) -> Value {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_cancelled_run_with_the_longest_steps_stops_using_the_processor() {
+async fn a_cancelled_long_run_stops_using_the_processor() {
     let control = Control::new();
     let server = server(control.compute()).await;
     let job = id(&server.post("/v1/jobs", &heavy()).await.json());
@@ -411,7 +411,7 @@ async fn post_as_another(address: SocketAddr, body: &Value) -> Value {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_single_job_comes_before_thousands_of_jobs_of_another_owner() {
+async fn a_single_job_starts_before_thousands_of_jobs_of_another_owner() {
     let gate = Gate::default();
     let begun: Arc<Mutex<Vec<String>>> = Arc::default();
     let compute = {

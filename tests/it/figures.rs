@@ -112,7 +112,7 @@ fn figures_with_unusual_content_are_legible() {
 
 /// No curve crosses a sample of a legend.
 #[test]
-fn no_curve_runs_behind_a_legend() {
+fn no_curve_crosses_the_legend() {
     let x: Vec<f64> = (0..=100).map(|i| f64::from(i) / 100.0).collect();
     for phase in 0..20 {
         let wave = |k: f64| x.iter().map(|x| (k + 7.0 * x + f64::from(phase)).sin()).collect();

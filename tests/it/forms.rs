@@ -102,7 +102,7 @@ async fn a_client_selects_a_format_by_name_or_by_media_type() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn an_error_lists_all_faults_of_the_parameters() {
+async fn an_error_lists_all_invalid_parameters() {
     let (server, address) = with_result(&steel_ball()).await;
     for (target, expected) in [
         (
@@ -173,7 +173,7 @@ async fn numbers_are_equal_in_all_text_formats_and_rounded_on_request() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn equivalent_requests_have_equal_tags_and_others_have_different_tags() {
+async fn equivalent_requests_have_the_same_etag_and_others_do_not() {
     let (server, address) = with_result(&steel_ball()).await;
     let tag = async |target: &str| {
         let reply = server.get(&format!("{address}{target}")).await;
@@ -212,7 +212,7 @@ async fn equivalent_requests_have_equal_tags_and_others_have_different_tags() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_compressed_answer_has_a_weak_tag_and_is_cached() {
+async fn a_compressed_answer_has_a_weak_etag_and_is_cached() {
     let (server, address) = with_result(&steel_ball()).await;
     for target in ["", "/profiles?format=csv", "/profiles?format=arrow&digits=7"] {
         let target = format!("{address}{target}");
@@ -253,7 +253,7 @@ async fn a_compressed_answer_has_a_weak_tag_and_is_cached() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn other_answers_are_compressed_but_event_streams_are_not() {
+async fn the_openapi_document_is_compressed_but_event_streams_are_not() {
     let gate = Gate::default();
     let server = Server::computing(gate.compute(), &Origins::Own).await;
     let plain = server.get("/openapi.json").await;
@@ -273,7 +273,7 @@ async fn other_answers_are_compressed_but_event_streams_are_not() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn selections_of_a_large_result_are_small() {
+async fn selected_parts_of_a_large_result_are_small() {
     for method in ["simplified", "exact"] {
         let (server, address) = with_result(&large(method)).await;
         for (target, most) in SELECTIONS {

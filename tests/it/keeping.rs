@@ -51,7 +51,7 @@ async fn is_evicted(store: &Store, number: u8) -> bool {
 }
 
 #[tokio::test]
-async fn a_large_result_is_not_read_as_a_small_one() {
+async fn results_above_256_kib_are_not_returned_as_small_results() {
     const SMALL: usize = 1 << 18;
     let (_dir, store) = fresh().await;
     let around = json!({"number": 0.1, "rest": ""}).to_string().len();
@@ -93,7 +93,7 @@ async fn a_repeated_idempotency_key_gives_the_same_job() {
 }
 
 #[tokio::test]
-async fn the_single_job_of_another_owner_comes_next() {
+async fn a_single_job_of_another_owner_is_claimed_next() {
     let (_dir, store) = fresh().await;
     for number in 0..100 {
         accepted(store.submit(new_job(number)).await);
@@ -172,7 +172,7 @@ async fn a_known_result_is_computed_again_on_request() {
 }
 
 #[tokio::test]
-async fn a_job_records_its_changes_of_state_in_order() {
+async fn a_job_records_its_state_changes_in_order() {
     use JobState::{Canceled, Canceling, Queued, Running};
     let (_dir, store) = fresh().await;
     let trace = Some("request traceparent".to_owned());
@@ -284,7 +284,7 @@ async fn the_least_recently_read_result_is_evicted_unless_it_is_pinned() {
 }
 
 #[tokio::test]
-async fn a_body_that_changed_on_the_disk_is_not_served() {
+async fn a_result_altered_on_the_disk_is_reported_as_damaged() {
     let (dir, store) = fresh().await;
     compute(&store, 1, 0).await;
     let changed = "UPDATE result_blob SET body = CAST(replace(body, '0.1', '0.2') AS BLOB)";
@@ -294,7 +294,7 @@ async fn a_body_that_changed_on_the_disk_is_not_served() {
 }
 
 #[tokio::test]
-async fn a_damaged_page_is_reported_and_the_rest_is_served() {
+async fn a_damaged_database_page_is_reported_and_the_rest_is_readable() {
     let (dir, store) = fresh().await;
     for number in 0..20 {
         compute(&store, number, 20_000).await;

@@ -162,7 +162,7 @@ async fn each_key_was_completed_once(dir: &Path, keys: u32) {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn after_a_kill_every_acknowledged_job_is_completed_once_with_the_same_result() {
+async fn every_acknowledged_job_is_completed_once_after_a_kill() {
     let dir = TempDir::new().unwrap();
     let server = Program::start(dir.path(), "1");
     let mut ids = Vec::new();
@@ -390,7 +390,7 @@ async fn no_key_was_completed_twice(dir: &Path) {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn kills_at_any_moment_under_any_load_lose_nothing_and_change_no_result() {
+async fn repeated_kills_under_load_lose_no_job_and_change_no_result() {
     // By default a tenth of the rounds; tests/long runs all.
     let kills = if env::var_os("FRETWORK_TEST_LONG").is_some() { 100 } else { 10 };
     let dir = TempDir::new().unwrap();

@@ -116,7 +116,7 @@ async fn results_are_found_by_inputs_and_outputs() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn pages_are_complete_in_every_order_and_nulls_come_last() {
+async fn pages_are_complete_in_every_sort_order_with_nulls_last() {
     let server = Server::start().await;
     let all = collection(&server).await;
     for sort in
@@ -187,7 +187,7 @@ async fn all_faults_of_a_search_are_listed() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_result_has_a_provenance() {
+async fn the_provenance_names_the_owner_request_and_program_of_a_result() {
     let server = Server::start().await;
     let headers = [JSON, ("Prefer", "wait=60"), ("x-request-id", "the-first")];
     let first = server.send("POST", "/v1/jobs", &headers, steel_ball().to_string()).await.json();
@@ -252,7 +252,7 @@ async fn a_note_is_stored_shown_found_and_deleted() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_deleted_result_is_gone_until_it_is_computed_again() {
+async fn a_deleted_result_is_unavailable_until_it_is_computed_again() {
     let server = Server::start().await;
     let job = server.compute(&steel_ball()).await.json();
     let key = job["key"].as_str().unwrap();
@@ -297,7 +297,7 @@ async fn a_deleted_result_is_gone_until_it_is_computed_again() {
 
 /// The server may answer from memory after an eviction, but not after a deletion.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn deleting_an_evicted_result_removes_it_from_memory() {
+async fn deleting_an_evicted_result_removes_it_from_the_cache() {
     let body = crate::server::document(&"0".repeat(64)).len() as u64;
     let options = Options { budget: Some(2 * body), ..Options::default() };
     let server = Server::with(Gate::opened(), &Settings::default(), &options).await;
@@ -326,7 +326,7 @@ async fn deleting_an_evicted_result_removes_it_from_memory() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_deletion_clears_the_memory_although_its_client_disconnects() {
+async fn a_deletion_clears_the_cache_even_if_the_client_disconnects() {
     let server = Server::start().await;
     let mut deleted = 0;
     for attempt in 0..100_u32 {
@@ -358,7 +358,7 @@ async fn a_deletion_clears_the_memory_although_its_client_disconnects() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 4)]
-async fn a_result_deleted_during_a_read_does_not_stay_in_memory() {
+async fn a_result_deleted_during_a_read_does_not_stay_in_the_cache() {
     let server = Server::computing(Gate::opened(), &fretwork::http::Origins::Own).await;
     for round in 0..40 {
         let body = ball(1.0 + 0.01 * f64::from(round));
@@ -415,7 +415,7 @@ async fn a_diff_lists_the_parameters_and_outputs_that_differ() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_miss_is_explained_by_the_nearest_result() {
+async fn an_unknown_scenario_is_compared_with_the_nearest_result() {
     let server = Server::start().await;
     let scenario = |body: &Value| json!({"a": {"scenario": body["scenario"]}});
     let none = server.post("/v1/results/diff", &scenario(&steel_ball())).await;
@@ -437,7 +437,7 @@ async fn a_miss_is_explained_by_the_nearest_result() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn all_faults_of_a_diff_are_listed() {
+async fn all_faults_of_a_diff_request_are_listed() {
     let server = Server::start().await;
     let key = "0".repeat(64);
     for (body, pointers) in [
@@ -607,7 +607,7 @@ async fn the_outline_of_a_result_is_deleted_with_it() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn opening_a_database_writes_the_outlines_that_an_earlier_version_left_out() {
+async fn opening_a_database_adds_missing_outlines() {
     let server = Server::start().await;
     let mut keys = Vec::new();
     for amplitude in [1.0, 2.0] {
@@ -635,7 +635,7 @@ async fn opening_a_database_writes_the_outlines_that_an_earlier_version_left_out
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_result_that_is_computed_again_has_all_its_numbers() {
+async fn computing_a_result_again_restores_its_search_values() {
     let server = Server::start().await;
     let key = server.compute(&steel_ball()).await.json()["key"].as_str().unwrap().to_owned();
     server.compute(&ball(1.0)).await;
@@ -654,7 +654,7 @@ async fn a_result_that_is_computed_again_has_all_its_numbers() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn labels_and_tags_of_other_owners_find_nothing() {
+async fn labels_and_tags_of_other_owners_cannot_be_searched() {
     let admin = "the-administrator-who-sees-all-jobs";
     let access = Access { admin_key: Some(AdminKey(admin.into())), ..Access::default() };
     let settings = Settings { access, ..Settings::default() };

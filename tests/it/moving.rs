@@ -71,7 +71,7 @@ async fn number(dir: &Path, sql: &'static str) -> i64 {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn another_server_serves_an_imported_result_byte_for_byte() {
+async fn an_imported_result_equals_the_original_byte_for_byte() {
     let (from, to) = (Server::start().await, Server::start().await);
     let keys = computed(&from, &[1.0, 1.5, 2.0, 2.5]).await;
     let at = format!("/v1/results/{}/note", keys[0]);
@@ -127,7 +127,7 @@ async fn another_server_serves_an_imported_result_byte_for_byte() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn an_export_is_a_database_with_plain_columns() {
+async fn an_export_is_a_database_with_readable_columns_and_units() {
     let server = Server::start().await;
     let keys = computed(&server, &[1.0, 2.0]).await;
     let dir = TempDir::new().unwrap();
@@ -241,7 +241,7 @@ async fn altered_results_are_refused_and_the_others_are_imported() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_different_result_of_the_same_key_is_refused() {
+async fn importing_a_different_result_under_a_known_key_is_refused() {
     let (from, to) = (Server::start().await, Server::start().await);
     let key = computed(&from, &[1.0]).await.remove(0);
     let dir = TempDir::new().unwrap();
@@ -280,7 +280,7 @@ async fn a_different_result_of_the_same_key_is_refused() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_row_that_cannot_be_read_is_refused_and_named() {
+async fn an_invalid_row_is_refused_with_a_reason() {
     let (from, to) = (Server::start().await, Server::start().await);
     let keys = computed(&from, &[1.0, 1.2, 1.4, 1.6, 1.8, 2.0, 2.2, 2.4]).await;
     let dir = TempDir::new().unwrap();
@@ -320,7 +320,7 @@ async fn a_row_that_cannot_be_read_is_refused_and_named() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_file_without_all_columns_is_not_an_export() {
+async fn an_import_file_must_have_all_columns() {
     let (from, to) = (Server::start().await, Server::start().await);
     computed(&from, &[1.0]).await;
     let dir = TempDir::new().unwrap();
@@ -340,7 +340,7 @@ async fn a_file_without_all_columns_is_not_an_export() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_damaged_page_of_the_file_costs_only_its_result() {
+async fn a_damaged_page_of_an_import_file_affects_only_its_result() {
     let (from, to) = (Server::start().await, Server::start().await);
     computed(&from, &[1.0, 1.2, 1.4]).await;
     let dir = TempDir::new().unwrap();
@@ -365,7 +365,7 @@ async fn a_damaged_page_of_the_file_costs_only_its_result() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn an_imported_note_never_replaces_another() {
+async fn an_import_never_replaces_an_existing_note() {
     let (from, to) = (Server::start().await, Server::start().await);
     let amplitudes = [1.0, 1.2, 1.4, 1.6];
     let keys = computed(&from, &amplitudes).await;
@@ -421,7 +421,7 @@ async fn an_imported_note_never_replaces_another() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn the_commands_report_what_they_did_and_what_failed() {
+async fn export_import_backup_and_restore_report_results_and_errors() {
     let server = Server::start().await;
     let key = computed(&server, &[1.0]).await.remove(0);
     computed(&server, &[2.0]).await;
@@ -511,7 +511,7 @@ fn a_file_that_is_not_a_database_cannot_be_imported() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_database_of_another_version_is_refused() {
+async fn export_and_restore_refuse_a_database_of_another_version() {
     let (dir, store) = crate::store::fresh().await;
     let file = dir.path().join("out.db");
     let mut db = raw(dir.path()).await;
@@ -536,7 +536,7 @@ async fn a_database_of_another_version_is_refused() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 3)]
-async fn a_backup_under_load_has_every_acknowledged_job() {
+async fn a_backup_under_load_contains_every_acknowledged_job() {
     let dir = TempDir::new().unwrap();
     let store = open(dir.path()).await;
     let workers = Workers::start(
@@ -609,7 +609,7 @@ async fn a_backup_under_load_has_every_acknowledged_job() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_backup_copied_by_hand_is_safe_from_an_old_log() {
+async fn a_manually_copied_backup_ignores_an_old_write_ahead_log() {
     let server = Server::start().await;
     let keys = computed(&server, &[1.0]).await;
     let target = TempDir::new().unwrap();

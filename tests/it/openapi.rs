@@ -19,7 +19,7 @@ fn operations(document: &Value) -> impl Iterator<Item = (String, &Value)> {
 }
 
 #[test]
-fn the_committed_document_is_up_to_date() {
+fn the_committed_openapi_document_is_up_to_date() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/openapi/openapi.json");
     let committed = std::fs::read(path).unwrap_or_default();
     assert!(
@@ -29,7 +29,7 @@ fn the_committed_document_is_up_to_date() {
 }
 
 #[test]
-fn every_operation_has_a_description_and_every_error_is_a_problem() {
+fn every_operation_is_described_and_every_error_uses_the_problem_schema() {
     let document = document();
     let mut ids = HashSet::new();
     for (name, operation) in operations(&document) {
@@ -62,7 +62,7 @@ fn every_operation_has_a_description_and_every_error_is_a_problem() {
 }
 
 #[test]
-fn every_reference_has_a_target() {
+fn every_schema_reference_has_a_target() {
     fn check(document: &Value, value: &Value) {
         match value {
             Value::Object(members) => {

@@ -130,7 +130,7 @@ fn every_quantity_of_every_example_gives_a_legible_figure() {
 }
 
 #[test]
-fn a_figure_has_a_description_in_words() {
+fn a_figure_contains_a_title_and_a_text_description() {
     let stored = computed(http::EXAMPLES[0].body);
     let key = serde_json::from_slice::<Value>(&stored).unwrap()["key"].as_str().unwrap().to_owned();
     let svg = plotted(&stored, "worn");
@@ -149,7 +149,7 @@ fn a_figure_has_a_description_in_words() {
 }
 
 #[test]
-fn beside_an_infinite_pressure_the_curve_rises_to_the_frame() {
+fn an_infinite_pressure_is_drawn_above_the_frame() {
     let stored = computed(&cone(&json!([100])).to_string());
     let view =
         View { cycles: Some(vec![0.0]), ..View::figure(Quantity::named("pressure").unwrap()) };
@@ -166,7 +166,7 @@ fn beside_an_infinite_pressure_the_curve_rises_to_the_frame() {
 }
 
 #[test]
-fn a_figure_has_the_selected_output_cycles_or_evenly_spaced_ones() {
+fn a_figure_shows_the_selected_or_evenly_spaced_output_cycles() {
     let stored = computed(&cone(&json!("all")).to_string());
     let legend = |quantity, cycles: Option<&[f64]>| {
         let view = View {
@@ -185,7 +185,7 @@ fn a_figure_has_the_selected_output_cycles_or_evenly_spaced_ones() {
 }
 
 #[test]
-fn a_result_without_profiles_has_figures_of_its_history_only() {
+fn a_result_without_profiles_has_only_history_figures() {
     let stored = computed(&cone(&json!("none")).to_string());
     for quantity in &QUANTITIES {
         let drawn = drawn(&stored, &View::figure(quantity));
@@ -208,7 +208,7 @@ fn a_result_without_profiles_has_figures_of_its_history_only() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_figure_is_cached_and_refused_like_every_format() {
+async fn figures_have_etags_and_report_invalid_parameters() {
     let server = Server::start().await;
     let job = server.compute(&steel_ball()).await.json();
     let address = format!("{}/plot.svg", job["links"]["result"].as_str().unwrap());
@@ -258,7 +258,7 @@ async fn a_figure_is_cached_and_refused_like_every_format() {
 }
 
 #[test]
-fn run_writes_a_figure_in_addition_to_the_result() {
+fn the_run_command_writes_a_figure_in_addition_to_the_result() {
     let dir = TempDir::new().unwrap();
     let file = dir.path().join("figure.svg");
     let (file, body) = (file.to_str().unwrap(), http::EXAMPLES[0].body);

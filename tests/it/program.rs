@@ -84,7 +84,7 @@ pub fn fails(output: &Output, words: &str) {
 }
 
 #[test]
-fn a_file_is_computed_without_a_server() {
+fn the_run_command_computes_a_file_without_a_server() {
     let output = run(&["run", BALL], "");
     assert!(output.status.success(), "{}", text(&output.stderr));
     let result: Value = serde_json::from_slice(&output.stdout).unwrap();
@@ -145,7 +145,7 @@ fn faults_of_a_file_are_printed_one_per_line() {
 }
 
 #[test]
-fn openapi_prints_the_served_document() {
+fn the_openapi_command_prints_the_served_document() {
     assert_eq!(run(&["openapi"], "").stdout, http::document());
 }
 

@@ -27,7 +27,7 @@ fn profiles(exponent: f64) -> Vec<Value> {
 
 /// Source: V. L. Popov, Sci. Rep. 4 (2014) 3749, evaluated in engine/src/reference/reference.json.
 #[tokio::test(flavor = "multi_thread")]
-async fn results_contain_the_limits_of_the_reference_table() {
+async fn results_agree_with_the_limits_of_the_reference_table() {
     let table: Value = serde_json::from_str(fretwork_engine::reference::TABLE).unwrap();
     let rows = table["limit_depth_and_amplitude_held"].as_array().unwrap();
     assert_eq!(rows.len(), 15);

@@ -191,7 +191,7 @@ async fn invalid_json_and_unknown_paths_are_refused() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_bad_query_is_refused_with_the_name_of_the_parameter() {
+async fn an_invalid_query_is_refused_with_the_parameter_name() {
     all_are_refused(vec![
         query("unknown parameter", "/v1/jobs?lmit=5", "lmit"),
         query("bad state", "/v1/jobs?state=done", "state"),
@@ -221,7 +221,7 @@ async fn a_bad_query_is_refused_with_the_name_of_the_parameter() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn structure_and_unit_faults_have_pointers() {
+async fn structure_and_unit_faults_are_reported_with_pointers() {
     all_are_refused(vec![
         faulty("not an object", "[]", [""]),
         faulty("no scenario", "{}", ["/scenario"]),
@@ -280,7 +280,7 @@ async fn structure_and_unit_faults_have_pointers() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn values_out_of_range_have_pointers() {
+async fn values_out_of_range_are_reported_with_pointers() {
     let model = "/scenario/model/points";
     let poisson = "/scenario/bodies/0/poisson_ratio";
     all_are_refused(vec![
@@ -323,7 +323,7 @@ async fn values_out_of_range_have_pointers() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn faults_of_a_shape_point_at_the_row() {
+async fn shape_faults_are_reported_with_pointers() {
     all_are_refused(vec![
         ball(
             "flat without a radius",
@@ -359,7 +359,7 @@ async fn faults_of_a_shape_point_at_the_row() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn faults_of_the_load_and_the_motion_have_pointers() {
+async fn load_and_motion_faults_are_reported_with_pointers() {
     let load = |load: Value| json!({"load": load});
     let motion = |motion: Value| json!({"motion": motion});
     let force = "/scenario/load/normal_force";
@@ -438,7 +438,7 @@ async fn faults_of_the_load_and_the_motion_have_pointers() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn faults_of_the_rig_have_pointers() {
+async fn rig_faults_are_reported_with_pointers() {
     let motion = |motion: Value| json!({"motion": motion});
     let rig = "/scenario/motion/rig_stiffness";
     all_are_refused(vec![
@@ -471,7 +471,7 @@ async fn faults_of_the_rig_have_pointers() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn faults_of_blocks_have_pointers() {
+async fn block_faults_are_reported_with_pointers() {
     let block = |amplitude: Value, cycles: f64| json!({"amplitude": amplitude, "cycles": cycles});
     let block_2um = || block(json!("2 um"), 1e5);
     let blocks = |blocks: &[Value]| json!({"motion": {"blocks": blocks}});
@@ -538,7 +538,7 @@ async fn faults_of_blocks_have_pointers() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn faults_of_reversals_have_pointers() {
+async fn reversal_faults_are_reported_with_pointers() {
     let reversals = |reversals: Value| json!({"motion": {"reversals": reversals}});
     let pointer = "/scenario/motion/reversals";
     let rig = "/scenario/motion/rig_stiffness";
@@ -574,7 +574,7 @@ async fn faults_of_reversals_have_pointers() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn faults_of_stop_conditions_and_tables_have_pointers() {
+async fn stop_condition_and_table_faults_are_reported_with_pointers() {
     let until = |until: Value| json!({"until": until});
     let profile = |profile: Value| json!({"profile": profile});
     let flat = json!({"shape": "truncated_paraboloid", "radius": "10 mm", "flat_radius": "20 mm"});
@@ -653,7 +653,7 @@ async fn send_head(server: &Server, head: &str, length: usize) -> TcpStream {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_connection_stays_usable_after_an_answer_before_the_body() {
+async fn a_connection_stays_usable_if_the_answer_precedes_the_body() {
     let server = Server::start().await;
     let json = "Content-Type: application/json\r\n";
     for (status, head, length) in [

@@ -32,7 +32,7 @@ const SERVICE: Layout = Layout {
     ],
 };
 
-/// The program comes after the library. That the library does not use it is checked by the compiler.
+/// The program uses the library. The compiler already checks that the library does not use the program.
 const PROGRAM: Layout = Layout {
     dir: "src",
     root: "main",
@@ -96,7 +96,7 @@ struct Mention {
 }
 
 impl Mention {
-    /// Whether a module re-exports something from below it, which is no use.
+    /// Whether a module re-exports an item of its own submodule. This does not count as a use.
     fn reexports(&self, module: &Names, target: &Names) -> bool {
         self.exported && target.starts_with(module)
     }
@@ -363,7 +363,7 @@ impl Sources {
                 if room.is_some() && later && !mention.reexports(module, &target) {
                     out.insert(format!("{file} uses {path} of a later room"));
                 }
-                // The names that it brings are not known here.
+                // A glob import hides the imported names from this check.
                 if item == ["*"] && !mention.test {
                     out.insert(format!("{file} uses {path} instead of names"));
                 }
@@ -478,7 +478,7 @@ fn no_room_uses_a_later_room() {
 }
 
 #[test]
-fn no_files_use_each_other_in_a_circle() {
+fn files_have_no_cyclic_dependencies() {
     let found = find(Sources::circles);
     assert!(found.is_empty(), "{found}");
 }
@@ -491,7 +491,7 @@ fn sources(texts: &[(&str, &str)]) -> Sources {
 }
 
 #[test]
-fn a_wrong_arrow_is_found_however_it_is_written() {
+fn a_forbidden_dependency_is_found_in_every_syntax() {
     for (file, text) in [
         ("plot/scale.rs", "use crate::job::Key;"),
         ("job.rs", "use crate::{plot::scale, store::Store};"),
@@ -533,7 +533,7 @@ fn a_use_of_an_earlier_room_is_allowed() {
 }
 
 #[test]
-fn a_circle_of_files_is_found_through_reexports_and_imported_modules() {
+fn a_dependency_cycle_through_reexports_and_imports_is_found() {
     let found = sources(&[
         ("job.rs", ""),
         (
@@ -552,7 +552,7 @@ fn a_circle_of_files_is_found_through_reexports_and_imported_modules() {
 }
 
 #[test]
-fn a_reexport_that_is_also_used_makes_a_circle() {
+fn a_reexport_that_is_also_used_creates_a_dependency_cycle() {
     let found = sources(&[
         ("store/mod.rs", "mod read; pub use read::Page; pub struct Store(Page);"),
         ("store/read.rs", "use super::Store; pub struct Page;"),
@@ -561,7 +561,7 @@ fn a_reexport_that_is_also_used_makes_a_circle() {
 }
 
 #[test]
-fn tests_and_documentation_and_reexports_make_no_circle() {
+fn tests_documentation_and_reexports_create_no_dependency_cycle() {
     let found = sources(&[
         ("store/mod.rs", "mod read; pub(crate) use read::Page; pub struct Store;"),
         ("store/read.rs", "use super::Store; pub struct Page;"),

@@ -223,7 +223,7 @@ impl Gate {
         })
     }
 
-    /// Such runs with an open gate.
+    /// The same runs, with a gate that is already open.
     pub fn opened() -> Begin {
         let gate = Self::default();
         gate.open();

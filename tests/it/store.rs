@@ -159,7 +159,7 @@ async fn a_known_result_finishes_a_job_without_a_run() {
 }
 
 #[tokio::test]
-async fn a_submission_answers_the_job_as_it_is_stored() {
+async fn a_submission_returns_the_job_as_stored() {
     let (_dir, store) = fresh().await;
     let new = NewJob {
         label: Some("ball on flat".into()),
@@ -177,7 +177,7 @@ async fn a_submission_answers_the_job_as_it_is_stored() {
 }
 
 #[tokio::test]
-async fn a_duplicate_job_id_is_refused_and_harms_no_other_job() {
+async fn a_duplicate_job_id_is_refused_without_affecting_other_jobs() {
     let (_dir, store) = fresh().await;
     let twice = new_job(1);
     let mut submissions = JoinSet::new();
@@ -196,7 +196,7 @@ async fn a_duplicate_job_id_is_refused_and_harms_no_other_job() {
 }
 
 #[tokio::test]
-async fn a_worker_from_before_a_crash_changes_nothing() {
+async fn updates_of_a_worker_from_before_a_crash_are_refused() {
     let (dir, store) = fresh().await;
     let submitted = accepted(store.submit(new_job(1)).await);
     let zombie = claim(&store).await;
@@ -413,7 +413,7 @@ async fn pages_have_no_gap_and_no_duplicate_while_jobs_arrive() {
 }
 
 #[tokio::test]
-async fn lists_are_filtered_by_any_combination() {
+async fn jobs_can_be_filtered_by_any_combination_of_fields() {
     let (_dir, store) = fresh().await;
     let label = Some("ball".to_owned());
     let labelled =
@@ -446,7 +446,7 @@ async fn lists_are_filtered_by_any_combination() {
 }
 
 #[tokio::test]
-async fn waiting_ends_with_the_job_or_at_its_deadline() {
+async fn a_wait_ends_when_the_job_ends_or_at_the_deadline() {
     let (_dir, store) = fresh().await;
     let submitted = accepted(store.submit(new_job(1)).await);
     let impatient = store.wait(submitted.clone(), async {}).await.unwrap();
@@ -741,7 +741,7 @@ proptest! {
     })]
 
     #[test]
-    fn random_operations_and_crashes_lose_nothing_acknowledged(verbs in verbs()) {
+    fn random_operations_and_crashes_lose_no_acknowledged_job(verbs in verbs()) {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
         runtime.block_on(async {
             let (dir, store) = fresh().await;

@@ -138,7 +138,7 @@ async fn a_listener_that_reconnects_receives_every_state_exactly_once() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn five_hundred_listeners_share_one_run_and_a_stalled_one_delays_no_other() {
+async fn stalled_listeners_do_not_delay_five_hundred_others() {
     let (server, gate) = gated().await;
     let id = id(&submit(&server, 2.0, &[]).await);
     // These listeners never read the answer.
@@ -177,7 +177,7 @@ async fn event_streams_end_at_shutdown() {
 }
 
 #[tokio::test]
-async fn an_idempotency_key_gives_one_job_and_is_refused_for_another_submission() {
+async fn an_idempotency_key_creates_one_job_and_refuses_another_scenario() {
     let (server, gate) = gated().await;
     let name = ("Idempotency-Key", "\"8e03978e-40d5-43dd-bc93-6894a57f9324\"");
     let first = submit(&server, 2.0, &[name]).await;
@@ -252,7 +252,7 @@ async fn metrics_show_a_stuck_queue() {
 }
 
 #[tokio::test]
-async fn jobs_can_be_cancelled_by_filter_and_deleted_after_their_end() {
+async fn jobs_can_be_cancelled_by_filter_and_deleted_when_finished() {
     let (server, gate) = gated().await;
     let mut body = steel_ball();
     body["label"] = json!("mine");
@@ -276,7 +276,7 @@ async fn jobs_can_be_cancelled_by_filter_and_deleted_after_their_end() {
 }
 
 #[tokio::test]
-async fn the_answer_to_a_full_queue_has_a_retry_time() {
+async fn a_submission_to_a_full_queue_is_refused_with_a_retry_time() {
     let gate = Gate::default();
     let options = Options { queue_limit: 3, ..Options::default() };
     let server = Server::with(gate.compute(), &Settings::default(), &options).await;
@@ -316,7 +316,7 @@ async fn urgent_jobs_of_one_owner_come_first() {
 }
 
 #[tokio::test]
-async fn a_result_can_be_pinned_and_an_unknown_one_is_reported() {
+async fn a_known_result_can_be_pinned_and_an_unknown_one_cannot() {
     let server = Server::with(Gate::opened(), &Settings::default(), &Options::default()).await;
     let job = submit(&server, 2.0, &[("Prefer", "wait=60")]).await.json();
     let path = format!("/v1/results/{}/pin", job["key"].as_str().unwrap());
@@ -349,7 +349,7 @@ async fn an_evicted_result_shows_its_scenario_and_can_be_computed_again() {
 }
 
 #[tokio::test]
-async fn a_result_damaged_on_the_disk_is_reported_and_repaired_by_computing_it_again() {
+async fn computing_a_damaged_result_again_repairs_it() {
     let settings = Settings { memory: 0, ..Settings::default() };
     let server = Server::with(Gate::opened(), &settings, &Options::default()).await;
     let wait = ("Prefer", "wait=60");
@@ -388,7 +388,7 @@ async fn a_page_of_another_site_cannot_change_anything() {
 }
 
 #[tokio::test]
-async fn a_run_with_too_long_an_estimate_is_refused() {
+async fn a_run_is_refused_if_its_estimated_time_is_too_long() {
     let limit = Some(Duration::from_micros(1));
     let (settings, options) = (Settings::default(), Options::default());
     let server = Server::with_limit(Arc::new(Task::start), limit, &settings, &options).await;

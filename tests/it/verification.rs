@@ -17,7 +17,7 @@ fn every_check_passes_and_the_committed_page_is_up_to_date() {
 }
 
 #[test]
-fn the_command_prints_the_committed_page() {
+fn the_verify_command_prints_the_committed_page() {
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_fretwork"));
     let output = command.arg("verify").output().expect("the program");
     assert!(output.stdout == COMMITTED.as_bytes(), "{UPDATE}");

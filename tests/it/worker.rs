@@ -122,7 +122,7 @@ async fn a_panic_fails_only_its_own_run() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn canceling_stops_the_work_and_frees_the_thread() {
+async fn cancelling_the_last_job_stops_the_run_and_frees_the_worker() {
     let (_dir, store) = fresh().await;
     let stage = Arc::default();
     let workers = Workers::start(&store, 1, None, &compute(&stage)).unwrap();
@@ -153,7 +153,7 @@ async fn progress_is_stored_during_the_computation() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_drain_without_grace_queues_running_runs_again() {
+async fn a_drain_without_a_grace_period_requeues_running_runs() {
     let (_dir, store) = fresh().await;
     let stage: Arc<Stage> = Arc::default();
     let workers = Workers::start(&store, 2, None, &compute(&stage)).unwrap();
@@ -204,7 +204,7 @@ async fn a_worker_keeps_a_result_until_the_store_accepts_it() {
     let workers = Workers::start(&store, 1, None, &compute(&stage)).unwrap();
     let refused = submit(&store, 1, "refused").await;
     state(&store, refused, JobState::Running).await;
-    // The store accepts other changes meanwhile, even in the same batch as the refused one.
+    // The store still accepts other changes, even in the same batch as the refused result.
     let joined = submit(&store, 1, "refused").await;
     assert!(matches!(store.cancel(joined).await.unwrap(), Canceled::Done(_)));
     raw.execute("DROP TRIGGER refuse").await.unwrap();
@@ -214,7 +214,7 @@ async fn a_worker_keeps_a_result_until_the_store_accepts_it() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_drain_ends_although_the_store_refuses_results_and_the_run_is_recovered() {
+async fn a_drain_ends_even_if_the_store_refuses_results() {
     let (dir, store) = fresh().await;
     let mut raw = raw(dir.path()).await;
     raw.execute(REFUSE).await.unwrap();

@@ -168,7 +168,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_database_that_cannot_be_replaced_stays_in_its_place() {
+    fn a_failed_replacement_leaves_the_old_database_unchanged() {
         let dir = tempfile::tempdir().unwrap();
         let [new, path, aside] = ["new", "db", "aside"].map(|name| dir.path().join(name));
         fs::write(&path, "former").unwrap();

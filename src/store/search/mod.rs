@@ -277,7 +277,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ranges_are_read_with_and_without_units() {
+    fn ranges_are_parsed_with_and_without_units() {
         let range = |text| Range::quantity(text, Dimension::Force);
         let near = |text, low: f64, high: f64| {
             let Range { low: from, high: to } = range(text).unwrap();
@@ -299,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn times_are_days_or_instants() {
+    fn times_are_parsed_as_dates_or_timestamps() {
         let range = |text| Range::read(text, moment);
         let day = 86_400_000.0;
         assert_eq!(range("1970-01-02"), Ok(Range { low: day, high: 2.0 * day - 1.0 }));

@@ -194,7 +194,7 @@ mod tests {
     use crate::store::open::SCANS;
 
     #[tokio::test]
-    async fn lists_of_the_newest_results_are_read_from_an_index() {
+    async fn searches_for_the_newest_results_use_an_index() {
         let dir = tempfile::tempdir().unwrap();
         let store = Store::open(dir.path(), &Options::default()).await.unwrap();
         for (name, value, index) in [
@@ -236,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cursor_reads_back_as_it_was_written() {
+    fn a_cursor_is_unchanged_after_a_round_trip_through_text() {
         for value in [None, Some(0.0), Some(-1.5), Some(2.5e-13)] {
             let cursor = Cursor { value, id: 7 };
             assert_eq!(cursor.to_string().parse(), Ok(cursor));
