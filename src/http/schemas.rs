@@ -14,7 +14,7 @@ use crate::job;
 use crate::store::Role as StoredRole;
 use fretwork_engine::outcome::{History, Loops, Profiles};
 
-/// Declares types that exist only in the document. [`adopt`] replaces those whose schema is in a file.
+/// Declares types that exist only in the document. `openapi` replaces those whose schema is in a file.
 macro_rules! documented {
     ($($(#[$about:meta])* $name:ident $words:expr;)*) => {
         $(

@@ -33,7 +33,7 @@ use crate::numeric::{dot, integrate};
 ///
 /// # Examples
 /// ```
-/// The image g = x² has the profile f = r²/2.
+/// // The image g = x² has the profile f = r²/2.
 /// let f = fretwork_engine::contact::transform::inverse(|x| x * x, 0.6);
 /// assert!((f - 0.18).abs() < 1e-14);
 /// ```
@@ -177,7 +177,7 @@ impl Kernels {
     }
 
     /// −½ ∫ R′(τ)/√(τ−τᵢ) dτ over τ > τᵢ at the first `rows` nodes, for several R at once. Each R
-    /// is given by its [`slope_changes`](Self::slope_changes). The result is written to
+    /// is given by its `slope_changes`. The result is written to
     /// `curves[k]`, starting at index `first`. An empty list means R = 0: its curve is not changed.
     pub fn pressure(
         &self,
