@@ -7,33 +7,33 @@ use crate::contact::unworn::Contact;
 
 /// The largest output radius, in limiting radii ã.
 const REACH: f64 = 1.2;
-/// Values at every output radius.
+/// Curves over the output radii, with one value per radius.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Curves {
-    /// w ≥ 0.
+    /// Wear w ≥ 0.
     pub wear: Vec<f64>,
-    /// g.
+    /// Image g.
     pub image: Vec<f64>,
-    /// p; infinite at the apex of a cone, and late in a run at the stick edge.
+    /// Pressure p. It is infinite at the apex of a cone, and late in a run at the stick edge.
     pub pressure: Vec<f64>,
-    /// s. The local slip path is 4U·s per cycle.
+    /// Slip s. The local slip path per cycle is 4U·s.
     pub slip: Vec<f64>,
 }
 
-/// The output radii: some in the sticking core, then mesh nodes up to the rim of the scar, which are dense next
-/// to the stick edge, then some outside.
+/// The output radii: some in the sticking core, then the mesh nodes up to the edge of the scar,
+/// then some outside. The mesh nodes are dense next to the stick edge.
 #[derive(Debug, Clone)]
 pub struct Grid {
     /// The radii, ascending from 0.
     pub radii: Vec<f64>,
     /// The number of radii inside the stick edge.
     pub core: usize,
-    /// The number of cells between the stick edge and the rim.
+    /// The number of cells between the stick edge and the edge of the scar.
     pub cells: usize,
 }
 
 impl Grid {
-    /// Chooses `points` radii for a scar between c and ã, none beyond `last`.
+    /// Selects `points` radii for a scar between c and ã. None of them exceeds `last`.
     pub(crate) fn new(c: f64, scar: f64, points: usize, last: f64) -> Self {
         // A small core needs few radii. Simpson's rule needs an even number of cells.
         let core = if c == 0.0 {
@@ -47,7 +47,7 @@ impl Grid {
         let theta = (scar - c) * (scar + c);
 
         let mut radii = Vec::with_capacity(points);
-        // Denser towards the stick edge, where the pressure peaks.
+        // Denser towards the stick edge, where the pressure has its peak.
         radii.extend((0..core).map(|k| {
             let rest = 1.0 - k as f64 / core as f64;
             c * (1.0 - rest * rest)
@@ -60,7 +60,7 @@ impl Grid {
         // Removes the rounding errors of both ends.
         radii[core] = c;
         radii[core + cells] = scar;
-        // Stops just before the last radius, because the image of a sphere is infinite at its equator.
+        // The last radius is not used, because the image of a sphere is infinite at its equator.
         let last = scar + (1.0 - 1e-9) * (last - scar);
         let step = ((REACH - 1.0) * scar).min(last - scar) / outer as f64;
         radii.extend((1..=outer).map(|k| (scar + step * k as f64).min(last)));
@@ -69,7 +69,7 @@ impl Grid {
 }
 
 impl Curves {
-    /// The curves of an unworn contact at some radii, in closed form.
+    /// The curves of an unworn contact at the given radii, in closed form.
     pub(crate) fn unworn(contact: &Contact, radii: &[f64]) -> Self {
         let Contact { shape, stick: c, threshold, .. } = contact;
         let (c, threshold) = (*c, *threshold);
@@ -80,7 +80,8 @@ impl Curves {
             if r == 0.0 {
                 return 1.0 - 1.0 / threshold;
             }
-            // Springs beyond a₀ slip the whole motion. The others slip as in the unworn contact.
+            // Springs outside a₀ are free, so they slip over the whole motion. The springs inside
+            // slip by ω.
             let (chord, angle) = chord_and_angle(c, r);
             let rule =
                 threshold * FRAC_2_PI * angle - limiting_wear(shape, c, 1.0, r, (chord, angle));

@@ -2,9 +2,9 @@
 
 use serde::Serialize;
 
-/// Contact is lost when the normal force falls below this share of its first value.
+/// Contact is lost when the normal force is below this share of its initial value.
 pub const LOST: f64 = 1e-6;
-/// A contact has shaken down when the energy per cycle falls below this share of its first value.
+/// Shakedown: the energy per cycle is below this share of its initial value.
 pub const SHAKEN: f64 = 1e-3;
 
 /// The kind of an event.
@@ -19,16 +19,16 @@ pub enum EventKind {
     Shakedown,
     /// The stop condition is met.
     UntilReached,
-    /// The scar has reached the rim of the indenter.
+    /// The scar has reached the outer edge of the indenter.
     RimReached,
 }
 
 /// An event and its time in N₀.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Event {
-    /// Ñ.
+    /// The time of the event, Ñ.
     pub at: f64,
-    /// What happens.
+    /// The kind of the event.
     pub kind: EventKind,
     /// Whether the run ends with this event.
     pub ends: bool,
@@ -37,14 +37,15 @@ pub struct Event {
 /// The wear at which a run ends, in units of d₀ and a₀²d₀.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct StopCondition {
-    /// The largest wear depth.
+    /// The maximum wear depth.
     pub depth: Option<f64>,
-    /// V.
+    /// The wear volume V.
     pub volume: Option<f64>,
 }
 
 impl StopCondition {
-    /// The part of the requested wear that is missing: 0 or less once the condition is met.
+    /// The share of the required wear that is still missing. It is 0 or negative after the
+    /// condition is met.
     pub(crate) fn missing(&self, depth: f64, volume: f64) -> f64 {
         let missing = |asked: Option<f64>, reached: f64| asked.map_or(1.0, |a| 1.0 - reached / a);
         missing(self.depth, depth).min(missing(self.volume, volume))

@@ -11,16 +11,16 @@ const STOP_DIGITS: f64 = 1e-12;
 /// The search for the time at which the stop condition is met.
 #[derive(Debug, Default)]
 pub enum StopSearch {
-    /// Nothing is known yet.
+    /// The search has not started.
     #[default]
     Unstarted,
-    /// The time lies between two others.
+    /// The time lies between the two ends of the bracket.
     Bracketed(Bracket),
 }
 
 impl StopSearch {
-    /// Evaluates at most `states` states up to the time `last`. Returns the time in N₀ once it is known;
-    /// infinite if the condition is not met before `last`.
+    /// Evaluates at most `states` states up to the time `last`. Returns the time in N₀ as soon as
+    /// the search has finished. The time is infinite if the condition is not met before `last`.
     pub fn advance(
         &mut self,
         solver: &Simplified,
@@ -65,7 +65,8 @@ pub(crate) fn events(solver: &Simplified, xi: f64, last: f64, stop: f64) -> Vec<
     let sums = |time: f64| row.sums(solver.decay(xi, time));
     let mut events = Vec::new();
     let mut look = |kind, ends, signal: &dyn Fn(f64) -> f64| {
-        // As logarithms, what decays is all but straight, and its root soon found.
+        // The logarithm of a decaying quantity is almost linear, so the search for its root is
+        // short.
         if signal(last) <= 0.0 {
             events.push(Event { at: root(0.0, last, signal), kind, ends });
         }

@@ -13,21 +13,22 @@
 //! slip           s = (2/π) ∫ ω/√(r²−x²) dx = (s₀ + w)/Δ  for r ≤ a₀
 //! dissipated     Σ W = μ ã (F₀ − F) / (ξ k_w E*)
 //! ```
-//! Outside the contact the rule gives negative wear. Where the inverse transform gives f < f₀ near ã, the engine
-//! reports a wear of 0. Reported volume, depth and scar radius belong to this clipped curve.
+//! Outside the contact the rule gives negative wear. If the inverse transform gives f < f₀ near ã,
+//! the reported wear is 0. The reported volume, depth and scar radius belong to this clipped curve.
 //!
 //! # Accuracy
-//! Force, energy and the volume of the image to 1e-9 (see [`SpringRow`]). At 256 radii
-//! the wear is right to 3e-5 of d₀ up to Ñ = 5, of second order; later a step forms at the stick edge
-//! and next to it the error grows to 1e-4, of order 3/2, and more for c below 0.05. The pressure is of
-//! order 3/2: 0.2 % away from the edge. At the edge it grows without bound, and once the step is
-//! thinner than the first cell it is reported as infinite there: such a curve no longer integrates to F.
-//! For 1 < n < 2 the pressure on the axis is low close to the onset of gross slip.
-//! Against the exact method the *rule* itself, at ξ = 0.8, is −7…+4 % off in volume and up to 21 % low
-//! in depth.
+//! Force, energy and the volume of the image have an error of 1e-9 (see [`SpringRow`]). With 256
+//! radii the error of the wear is 3e-5 of d₀ up to Ñ = 5, with convergence of order 2. Later a step
+//! forms at the stick edge. Next to the step the error grows to 1e-4 with order 3/2, and to more
+//! for c below 0.05. The pressure has order 3/2, and an error of 0.2 % away from the edge. At the
+//! edge the pressure grows without bound. When the step is thinner than the first cell, the
+//! reported pressure at the edge is infinite, and the curve no longer integrates to F. For 1 < n <
+//! 2 the pressure on the axis is too small just above the gross-slip threshold. At ξ = 0.8 the
+//! *rule* itself differs from the exact method by −7…+4 % in volume and by up to 21 % in depth,
+//! which is too small.
 //!
 //! # Sources
-//! The rule: (14)–(16) of the paper. Closed form, energy and slip: summed here.
+//! The rule: (14)–(16) of the paper. Closed form, energy and slip: derived here.
 
 use std::f64::consts::{FRAC_2_PI, PI};
 use std::sync::Arc;
@@ -51,31 +52,37 @@ pub struct Simplified {
     kernels: Arc<Kernels>,
     /// Θ = ã² − c².
     theta: f64,
-    /// Output radii: the core, then the mesh nodes from c to ã, then some outside.
+    /// The output radii: the core, then the mesh nodes from c to ã, then some radii outside.
     radii: Vec<f64>,
-    /// The number of radii before the first node, and the number of nodes.
+    /// The number of radii before the first mesh node.
     core: usize,
+    /// The number of mesh nodes.
     nodes: usize,
     /// The number of nodes inside a₀.
     inside: usize,
     /// g₀ at every radius.
     images: Vec<f64>,
-    /// Signed y₀, Δ − y₀ and 1/x at the nodes.
+    /// Signed y₀ at the nodes.
     unworn: Vec<f64>,
+    /// Δ − y₀ at the nodes inside a₀.
     rest: Vec<f64>,
+    /// 1/x at the nodes; 0 on the axis.
     reciprocal: Vec<f64>,
-    /// Δ·s at the nodes while nothing is worn, as if the rule's ω held outside a₀ too, and what that
-    /// adds beyond a₀ (times e).
+    /// Δ·s of the unworn contact at the nodes, with the ω of the rule also outside a₀.
     slip: Vec<f64>,
+    /// The error of `slip` outside a₀, divided by e; 0 inside a₀.
     slip_excess: Vec<f64>,
+    /// The unworn profile f₀ at every radius.
     initial: Vec<f64>,
+    /// The limiting profile f∞ at every radius.
     limiting: Vec<f64>,
-    /// p of the unworn contact at the nodes inside a₀.
+    /// The pressure of the unworn contact at the nodes inside a₀.
     unworn_pressure: Vec<f64>,
-    /// For each radius of the core: the pressure if the ring ended in a step at the stick edge, and how much each
-    /// slipping spring reduces it.
+    /// For each radius of the core: the pressure if y had a step at the stick edge, and the amount
+    /// by which each slipping spring reduces it.
     inner: Vec<(f64, [f64; ROW_POINTS])>,
-    /// For each radius outside ã: the slip that the sticking core leaves, and how much each other spring reduces it.
+    /// For each radius outside ã: the slip with only the sticking core, and the amount by which
+    /// each slipping spring reduces it.
     outside: Vec<(f64, [f64; ROW_POINTS])>,
 }
 
@@ -83,7 +90,8 @@ pub struct Simplified {
 struct SpringStates {
     /// g at every radius.
     image: Vec<f64>,
-    /// (g − g₀ − apex)/x at the nodes; empty without wear. Its inverse transform is the wear less `apex`.
+    /// (g − g₀ − apex)/x at the nodes; empty without wear. The inverse transform gives the wear
+    /// minus `apex`.
     worn: Vec<f64>,
     /// The changes of R′ at the nodes inside a₀, see [`Simplified::pressures`]; empty for R = 0.
     slope_changes: Vec<f64>,

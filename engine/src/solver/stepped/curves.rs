@@ -1,7 +1,7 @@
 //! Curves of a worn contact at the output radii: wear, image, pressure and slip.
 //!
-//! Between the nodes of the mesh, curves are monotone cubics in t = r². Inside the sticking core and outside the
-//! mesh they are integrals over the springs.
+//! Between the mesh nodes, the curves are monotone cubics in t = r². Inside the sticking core and
+//! outside the mesh, they are integrals over the springs.
 //!
 //! # Equations
 //! ```text
@@ -10,8 +10,8 @@
 //! ```
 //!
 //! # Accuracy
-//! The accuracy of the mesh. If the springs just outside the stick edge carry much less than those inside, the
-//! pressure at the edge is infinite.
+//! The accuracy is that of the mesh. If the springs just outside the stick edge carry much less
+//! load than those inside, the reported pressure at the edge is infinite.
 
 use std::f64::consts::{FRAC_1_PI, FRAC_2_PI};
 
@@ -21,11 +21,12 @@ use crate::contact::profile::Shape;
 use crate::numeric::Monotone;
 use crate::solver::curves::Curves;
 
-/// The pressure at the stick edge is infinite if the first cell carries less than this share of the edge.
+/// The reported pressure at the stick edge is infinite if the compression of the first cell is
+/// below this share of the compression at the edge.
 const STEP: f64 = 0.5;
 
 impl Curves {
-    /// The curves of a worn shape at some radii, ascending.
+    /// The curves of a worn shape at the given radii, in ascending order.
     #[must_use]
     pub fn of(shape: &Shape, mesh: &Mesh, worn: &WornContact, radii: &[f64]) -> Self {
         let inner = mesh.radii()[0];
@@ -36,14 +37,14 @@ impl Curves {
         let contact_radius = *contact_radius;
         let middles: Vec<f64> =
             mesh.radii().windows(2).map(|ends| 0.5 * (ends[0] + ends[1])).collect();
-        // In gross slip the springs next to the axis are as compressed as the first.
+        // In gross slip, the spring on the axis has the same compression as the first cell.
         let edge = if inner > 0.0 { depth - shape.image(inner) } else { depth - images[0] };
         let springs = SpringCurve::new(&middles, start, edge, compressions, contact_radius);
 
         let mut pressure = vec![0.0; squares.len()];
         mesh.pressure(compressions, &mut pressure);
         pressure[0] = if inner > 0.0 { springs.pressure(inner) } else { pressure[1] };
-        // A step of the springs within the first cell makes the pressure infinite there.
+        // A large drop of y within the first cell makes the pressure at the stick edge infinite.
         let step = inner > 0.0 && compressions.first().is_some_and(|y| *y < STEP * edge);
         let live = compressions.len();
         let rim = contact_radius * contact_radius;
@@ -75,7 +76,8 @@ impl Curves {
                     shape.image(x)
                 } else if x * x < end {
                     let value = image(x * x);
-                    // The mesh smears the kink at the edge of contact over a cell.
+                    // The mesh spreads the kink at the contact radius over one cell. Inside the
+                    // contact g is at most d.
                     if x < contact_radius { value.min(*depth) } else { value.max(*depth) }
                 } else {
                     shape.image(x) + image_outside(squares, wear, x * x)
@@ -118,13 +120,13 @@ fn image_outside(squares: &[f64], wear: &[f64], square: f64) -> f64 {
             2.0 * (w[1] - w[0]) / roots
         })
         .sum();
-    // The wear begins at 0 at a stick edge, but not on the axis.
+    // The wear is 0 at a stick edge, but not on the axis.
     wear[0] + square.sqrt() * sum
 }
 
 /// The loaded springs outside the stick radius as a curve y(t), linear between the middles of cells.
 struct SpringCurve {
-    /// t and y of the knots.
+    /// The pairs (t, y) of the knots.
     knots: Vec<(f64, f64)>,
 }
 
@@ -144,7 +146,7 @@ impl SpringCurve {
         Self { knots }
     }
 
-    /// (1/π) ∫ −y′/√(x²−r²) dx for r up to the first knot.
+    /// (1/π) ∫ −y′/√(x²−r²) dx for radii r up to the first knot.
     fn pressure(&self, r: f64) -> f64 {
         let sum: f64 = self
             .knots

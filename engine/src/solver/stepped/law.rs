@@ -5,6 +5,6 @@
 pub enum Law {
     /// The wear rate is local pressure times local slip.
     Exact,
-    /// The simplified rule (14) with its ξ.
+    /// The simplified rule (14) with the parameter ξ.
     Simplified(f64),
 }

@@ -1,15 +1,16 @@
 //! A run of a contact in time steps, with an error estimate and events.
 //!
-//! A second run with half as many cells accompanies each run, at little extra cost. The difference of the
-//! two gives the error estimate of V. Where the stick edge moves outwards into worn material, a coarse run
-//! first finds where it stops, and the mesh is refined there.
+//! A second run with half as many cells accompanies each run, at little extra cost. The difference
+//! between the two runs gives the error estimate of V. If the stick edge moves outwards into worn
+//! material, a coarse run first finds its final position, and the mesh is refined there.
 //!
 //! # Accuracy
-//! Second order in the number of cells. The default tolerance uses 52 cells. Over random scenarios with held
-//! depth and amplitude, the error of V is 0.05 % in the median and 0.2 % in 95 of 100 cases. The error of F
-//! is 0.06 % of the unworn force. Depth is first order at the apex in gross slip (1 % for a cone), and for
-//! blunt profiles (n ≥ 8) at the start of wear, when the ring is narrow. A sticking core smaller than the
-//! first cells (c below 1e-3) is neglected.
+//! Second order in the number of cells. The default tolerance uses 52 cells. For random scenarios
+//! at constant depth and amplitude, the error of V is 0.05 % in the median, and at most 0.2 % in 95
+//! of 100 cases. The error of F is 0.06 % of the unworn force. The depth has first order at the
+//! apex in gross slip (1 % for a cone). It also has first order for blunt profiles (n ≥ 8) at the
+//! start of wear, when the ring is narrow. The mesh neglects a sticking core smaller than the first
+//! cells (c below 1e-3).
 //!
 //! # Sources
 //! The procedure: A. V. Dimaki et al., *Int. J. Solids Struct.* 51 (2014) 4215. The integrator:
@@ -25,52 +26,57 @@ use crate::contact::limit::{DEEPEST, WIDEST};
 use crate::contact::unworn::{Contact, Regime};
 use crate::solver::events::{Event, EventKind, LOST, SHAKEN, StopCondition};
 
-/// Cells at the tolerance `COMMON_TOLERANCE`. The error falls with the square of their number.
+/// Number of cells at the tolerance `COMMON_TOLERANCE`. The error decreases with the square of the
+/// number of cells.
 const COMMON_CELLS: f64 = 52.0;
+/// Tolerance for `COMMON_CELLS` cells.
 const COMMON_TOLERANCE: f64 = 3e-3;
-/// Fewest and most cells.
+/// Minimum and maximum number of cells.
 const CELLS_RANGE: (f64, f64) = (24.0, 360.0);
-/// Most cells where the stick edge moves.
+/// Maximum number of cells if the stick edge moves.
 const MOST_CELLS: usize = 512;
-/// The program compares both runs at times that grow by this factor. Their difference can change sign and
-/// then says nothing. Earlier differences therefore count too, each time less by `FORGET`.
+/// The two runs are compared at times that grow by this factor.
 const CHECKS: f64 = 1.3;
+/// Weight of the previous comparisons at each new comparison. Earlier differences count too,
+/// because a difference can be 0 by chance when it changes its sign.
 const FORGET: f64 = 0.7;
-/// The error estimate, in differences of both runs. At second order the error of the finer run is a third of
-/// the difference, so that this is a safe estimate. A test counts how often it holds.
+/// Error estimate divided by the difference of the two runs. For second order the error of the
+/// finer run is a third of the difference, so this estimate is on the safe side. A test counts how
+/// often it is.
 const SHARE: f64 = 1.0;
-/// Smallest error estimate, in tolerances.
+/// Minimum error estimate, in units of the tolerance.
 const LEAST_ERROR: f64 = 0.15;
-/// Cells and tolerance of the coarse run that finds where the stick edge stops.
+/// Number of cells and tolerance of the coarse run that finds the final position of the stick edge.
 const SCOUT: (usize, f64) = (64, 1e-2);
-/// Most evaluations of the wear rate in such a run.
+/// Maximum number of evaluations of the wear rate in a coarse run.
 const MOST_LOOKS: usize = 100_000;
-/// A scar smaller than this share of the indenter has room on any mesh.
+/// A scar smaller than this share of the indenter always fits.
 const ROOMY: f64 = 0.7;
-/// A run under way.
+/// A run with its error estimate and its events.
 #[derive(Debug)]
 pub struct March {
     fine: MeshRun,
     coarse: MeshRun,
     until: StopCondition,
-    /// The time of the next comparison, and the difference of both volumes so far.
+    /// The time of the next comparison.
     check: f64,
+    /// The relative difference of the two volumes so far.
     apart: f64,
     events: Vec<Event>,
-    /// Events that have happened, or that the run does not look for.
+    /// Events that have happened, and events that the run does not search for.
     known: Vec<EventKind>,
-    /// The block of the last step.
+    /// The index of the block in the last step.
     block: usize,
 }
 
 /// The worn contact at one time, and the error of the run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MarchState {
-    /// The contact.
+    /// The worn contact.
     pub worn: WornContact,
-    /// An estimate of the relative error of V.
+    /// The estimated relative error of V.
     pub volume_error: f64,
-    /// (k_w/μ)·ΣW, summed separately. With the exact law it should equal V.
+    /// (k_w/μ)·ΣW, summed separately. For the exact law this number should equal V.
     pub worn_by_energy: f64,
 }
 
@@ -80,11 +86,11 @@ fn cells(tolerance: f64) -> usize {
     cells.clamp(CELLS_RANGE.0, CELLS_RANGE.1).round() as usize
 }
 
-/// Cells and step tolerance of a run with this tolerance.
+/// Number of cells and step tolerance of a run with this tolerance.
 fn effort(contact: &Contact, control: &Control, law: Law, tolerance: f64) -> (usize, f64) {
     let cells = match law {
         Law::Exact => cells(tolerance),
-        // More cells, because images are constant in each cell. The rule is cheap.
+        // More cells are needed, because images are constant in each cell. The rule is cheap.
         Law::Simplified(_) => cells(tolerance) * 3 / 2,
     };
     let far = control.tends_to(contact).is_some_and(|end| is_far(contact, &end));
@@ -95,7 +101,8 @@ fn effort(contact: &Contact, control: &Control, law: Law, tolerance: f64) -> (us
         && matches!(control.tangential, Tangential::Force(_))
         && control.tends_to(contact).is_none();
     if gives_way && law == Law::Exact {
-        // The time at which the core vanishes is ill-conditioned: it has about ten times the error of V.
+        // The time at which the core vanishes is ill-conditioned: its relative error is about ten
+        // times that of V.
         ((5 * cells).min(MOST_CELLS), 0.25 * tolerance)
     } else {
         ((2 * cells).min(MOST_CELLS), tolerance)
@@ -103,8 +110,8 @@ fn effort(contact: &Contact, control: &Control, law: Law, tolerance: f64) -> (us
 }
 
 impl March {
-    /// Starts with the unworn contact. `tolerance` is the relative error that the run aims at. `last` is the
-    /// time up to which it will go.
+    /// Starts with the unworn contact. `tolerance` is the target relative error. `last` is the time
+    /// at which the run will end.
     ///
     /// `None` if the scar would become larger than the shape.
     #[must_use]
@@ -119,7 +126,7 @@ impl March {
         Self::with_cells(contact, control, law, cells, tolerance, last)
     }
 
-    /// Whether the indenter is wide enough for the scar up to a time.
+    /// Whether the indenter is large enough for the scar up to the time `last`.
     pub(crate) fn fits(
         contact: &Contact,
         control: &Control,
@@ -139,15 +146,16 @@ impl March {
         if control.normal == Normal::Depth {
             return Limit::solve(shape, stick).is_some();
         }
-        // The scar is widest if the core never grows.
+        // The scar is largest if the core never grows.
         let depth = control.depth_on_core(shape, stick);
         let widest = Limit::at_depth(shape, stick, depth);
         widest.is_some_and(|limit| limit.radius < ROOMY * shape.extent())
             || Self::scouted(contact, control, law, last).is_some()
     }
 
-    /// Estimated multiplications of a run up to a time in N₀. A paraboloid needs five evaluations of the wear
-    /// rate per cell up to 16 N₀. Beyond, the number grows with the power 0.4 of the time.
+    /// Estimated number of multiplications of a run up to a time in N₀. For a paraboloid, a run up
+    /// to 16 N₀ needs five evaluations of the wear rate per cell. For longer runs the number grows
+    /// with the power 0.4 of the time.
     pub(crate) fn operations(
         contact: &Contact,
         control: &Control,
@@ -159,7 +167,8 @@ impl March {
         let (cells, longer) = (cells as f64, libm::pow((until / 16.0).max(1.0), 0.4));
         match law {
             Law::Exact => 5.0 * cells * cells * cells * longer,
-            // An evaluation costs a few operations per cell, a state two rows of matrices.
+            // An evaluation needs a few operations per cell. An output state needs two matrix rows
+            // per cell.
             Law::Simplified(_) => 20.0 * cells * longer / tolerance.sqrt() + 50.0 * cells * cells,
         }
     }
@@ -195,25 +204,25 @@ impl March {
         let coarse = MeshRun::new(contact, control, law, plan, cells / 2, 4.0 * tolerance);
         let check = 0.01 * fine.rkc.scale();
         let until = StopCondition::default();
-        // A regime of the unworn contact is not an event.
+        // The initial regime is not an event.
         let mut known = Vec::new();
         if contact.regime == Regime::GrossSlip {
             known.push(EventKind::GrossSlip);
         }
         if fine.loss[0] <= SHAKEN * fine.first_loss {
-            // The mesh does not resolve this narrow ring. That is not shakedown.
+            // The mesh does not resolve this narrow ring, so the small loss is not shakedown.
             known.push(EventKind::Shakedown);
         }
         let mut events = Vec::new();
         if fine.wearing.springs().slides() {
-            // Too close to gross slip for this mesh.
+            // The contact is too close to gross slip for this mesh.
             events.push(Event { at: 0.0, kind: EventKind::GrossSlip, ends: true });
         }
         Some(Self { fine, coarse, until, check, apart: 0.0, events, known, block: 0 })
     }
 
-    /// Plans the mesh for a stick edge that comes to rest in worn material, by coarse runs. `None` if the scar
-    /// becomes larger than the shape.
+    /// Finds the mesh plan for a stick edge that comes to rest in worn material, by coarse runs.
+    /// `None` if the scar would become larger than the shape.
     fn scouted(contact: &Contact, control: &Control, law: Law, last: f64) -> Option<MeshPlan> {
         let first = MeshPlan::first(contact, control, SCOUT.0)?;
         let mut plan = first.clone();
@@ -228,7 +237,7 @@ impl March {
             }
             let reach = scout.wearing.plan().reach;
             if reach > FAR * first.reach {
-                // These nodes would be missing where the run begins.
+                // A mesh of this size would be too coarse at the start of the run.
                 return Some(first);
             }
             plan.reach = reach;
@@ -245,12 +254,13 @@ impl March {
         self.until = until;
     }
 
-    /// Takes a step towards a time in N₀. False once it is reached or the run has ended.
+    /// Takes one step towards a time in N₀. Returns false if this time is reached or the run has
+    /// ended.
     pub fn advance(&mut self, until: f64) -> bool {
         if self.ended().is_some() {
             return false;
         }
-        // Advances both, so that no call takes long and both can be compared.
+        // Both runs advance together, so that each call is short and the runs can be compared.
         let next = until.min(self.check);
         let coarse = self.coarse.advance(next);
         let fine = self.fine.advance(next);
@@ -272,23 +282,24 @@ impl March {
         true
     }
 
-    /// The time of an early end.
+    /// The time at which the run ended early, if it did.
     #[must_use]
     pub fn ended(&self) -> Option<f64> {
         self.events.iter().find(|event| event.ends).map(|event| event.at)
     }
 
-    /// The events so far, in order.
+    /// The events so far, in order of time.
     #[must_use]
     pub fn events(&self) -> &[Event] {
         &self.events
     }
 
-    /// Looks for events within the last step.
+    /// Searches for events within the last step.
     fn watch(&mut self) {
         use EventKind::{ContactLost, GrossSlip, RimReached, Shakedown, UntilReached};
         if self.fine.block != self.block {
-            // Under another amplitude a contact can stick or wear again. The event can then happen again.
+            // At another amplitude the contact can stick or wear again. An event can then occur a
+            // second time.
             self.block = self.fine.block;
             for kind in [GrossSlip, Shakedown] {
                 if self.signal(kind, self.fine.rkc.began()) > 0.0 {
@@ -306,7 +317,7 @@ impl March {
                 continue;
             }
             let (mut low, mut high) = (began, time);
-            // The change of amplitude itself caused the event.
+            // The change of amplitude itself is the cause of the event.
             if self.signal(kind, began) <= 0.0 {
                 high = began;
             }
@@ -329,7 +340,7 @@ impl March {
         self.events.extend(found);
     }
 
-    /// A number that is positive before an event, and 0 or less after it.
+    /// A number that is positive before the event, and 0 or negative after it.
     fn signal(&mut self, kind: EventKind, time: f64) -> f64 {
         let until = self.until;
         let run = &mut self.fine;
@@ -348,7 +359,7 @@ impl March {
                 let least = SHAKEN * run.first_loss;
                 run.under(time, |wearing, _| {
                     let springs = wearing.springs();
-                    // At rest and in gross slip there is no shakedown.
+                    // A contact at rest or in gross slip is not in shakedown.
                     if springs.threshold() == 0.0 || springs.stick() == 0.0 {
                         1.0
                     } else {
@@ -359,7 +370,7 @@ impl March {
         }
     }
 
-    /// The relative difference of both volumes.
+    /// The relative difference of the volumes of the two runs.
     fn distance(&mut self, time: f64) -> f64 {
         let volume = self.fine.volume(time);
         if volume > 0.0 { (self.coarse.volume(time) / volume - 1.0).abs() } else { 0.0 }
@@ -381,21 +392,21 @@ impl March {
         self.fine.wearing.springs().mesh().widths().len()
     }
 
-    /// Steps and evaluations so far, of both runs together.
+    /// The number of steps and of evaluations so far, for both runs together.
     #[must_use]
     pub fn work(&self) -> (usize, usize) {
         let (fine, coarse) = (&self.fine.rkc, &self.coarse.rkc);
         (fine.accepted + coarse.accepted, fine.evaluations + coarse.evaluations)
     }
 
-    /// Estimated multiplications of all evaluations so far.
+    /// Estimated number of multiplications of all evaluations so far.
     pub(crate) fn spent(&self) -> f64 {
         let of = |run: &MeshRun| run.rkc.evaluations as f64 * run.wearing.operations();
         of(&self.fine) + of(&self.coarse)
     }
 
-    /// Estimated multiplications of one call of [`March::at`]: both volumes, and the limiting states for the
-    /// error of V.
+    /// Estimated number of multiplications of one call of [`March::at`]: the volumes of both runs,
+    /// and the limiting states for the error of V.
     pub(crate) fn state_operations(&self) -> f64 {
         const LIMITS: f64 = 5000.0;
         let shape = &self.fine.wearing.contact.shape;

@@ -1,11 +1,12 @@
 //! The mesh of the exact method and its one matrix.
 //!
-//! The nodes are r₀ < … < rₙ. The wear is linear in t = r² between nodes. Springs carry means over cells. Row q
-//! of A is the exact mean over cell q of the image of unit wear at each node.
+//! The nodes are r₀ < … < rₙ. The wear is linear in t = r² between nodes. Each cell is one spring
+//! with mean values. Row q of the matrix A is the exact mean over cell q of the image of unit wear
+//! at each node.
 //!
 //! # Equations
 //! ```text
-//! image of w at x: x ∫ w′(r)/√(x²−r²) dr;   its mean over a cell of x² needs powers 3/2 only
+//! image of w at x: x ∫ w′(r)/√(x²−r²) dr;   its mean over a cell of x² contains only powers 3/2
 //! ```
 //! Nothing wears inside r₀ > 0. If r₀ = 0, the wear is constant over the first cell.
 //!
@@ -25,22 +26,23 @@ const TWO_THIRDS: f64 = 2.0 / 3.0;
 pub struct Mesh {
     radii: Vec<f64>,
     squares: Vec<f64>,
-    /// r_{q+1} − r_q.
+    /// Width of each cell, r_{q+1} − r_q.
     widths: Vec<f64>,
-    /// The area of each node in t, so that V = π Σ areas·w.
+    /// The area of each node in t: V = π Σ areas·w.
     areas: Vec<f64>,
-    /// Row q holds A_q1 … A_q,q+1.
+    /// The matrix A row by row: row q contains A_q1 … A_q,q+1.
     matrix: Vec<f64>,
-    /// Cell means of g₀.
+    /// Mean of g₀ over each cell.
     unworn: Vec<f64>,
     /// ∫₀^r₀ (1 − g₀) dx.
     core: f64,
-    /// Rows of (4), made when first needed.
+    /// The rows of (4), computed when they are first needed.
     inverse: OnceCell<Vec<f64>>,
 }
 
 impl Mesh {
-    /// Makes the mesh of ascending nodes from r₀ ≥ 0. The node next to a kink of the shape moves onto it.
+    /// Creates the mesh of ascending nodes from r₀ ≥ 0. The node next to a kink of the shape moves
+    /// onto the kink.
     pub(crate) fn new(shape: &Shape, mut radii: Vec<f64>) -> Self {
         place_nodes(&mut radii, shape.kinks());
         let squares: Vec<f64> = radii.iter().map(|r| r * r).collect();
@@ -65,8 +67,8 @@ impl Mesh {
                 integrate_beyond(ends[0], ends[1], shape.kinks(), image) / (ends[1] - ends[0])
             })
             .collect();
-        // The whole force less that of the cells. For an image in many pieces, a quadrature over the core would
-        // have an error larger than a thin ring.
+        // The whole force minus the force of the cells. A quadrature over the core would be less
+        // accurate: with many pieces its error could exceed the force of a thin ring.
         let carried: f64 = radii
             .windows(2)
             .take_while(|ends| ends[0] < 1.0)
@@ -104,18 +106,18 @@ impl Mesh {
         self.core
     }
 
-    /// A_q1 … A_q,q+1.
+    /// Row q of the matrix: A_q1 … A_q,q+1.
     fn row(&self, q: usize) -> &[f64] {
         &self.matrix[q * (q + 1) / 2..(q + 1) * (q + 2) / 2]
     }
 
-    /// The mean over cell q of the image of a wear given at the nodes.
+    /// The mean over cell q of the image of the given wear at the nodes.
     pub(crate) fn image(&self, q: usize, wear: &[f64]) -> f64 {
         dot(self.row(q), &wear[1..])
     }
 
-    /// The pressure at the nodes. The springs of the first cells have these compressions, the others carry nothing.
-    /// The pressure at the first node is left 0.
+    /// The pressure at the nodes. `compressions` belong to the springs of the first cells; the
+    /// other springs carry no load. The pressure at the first node is set to 0.
     pub fn pressure(&self, compressions: &[f64], pressure: &mut [f64]) {
         pressure.fill(0.0);
         for (q, compression) in compressions.iter().enumerate() {
@@ -130,14 +132,15 @@ impl Mesh {
         }
     }
 
-    /// Solves A·s = `slips` by forward substitution. s₀ is 0, or s₁ on the axis.
+    /// Solves A·s = `slips` by forward substitution. The first value s₀ is 0, or s₁ if the mesh
+    /// starts on the axis.
     pub(crate) fn solve(&self, slips: &[f64]) -> Vec<f64> {
         let mut solution = vec![0.0; slips.len() + 1];
         self.solve_into(slips, &mut solution);
         solution
     }
 
-    /// [`solve`](Self::solve) without allocation. Leading zeros cost nothing.
+    /// [`solve`](Self::solve) without allocation. Leading zeros are skipped.
     pub(crate) fn solve_into(&self, slips: &[f64], solution: &mut [f64]) {
         let first = slips.iter().position(|slip| *slip != 0.0).unwrap_or(slips.len());
         solution[..=first].fill(0.0);
@@ -150,7 +153,7 @@ impl Mesh {
         }
     }
 
-    /// The wear at the nodes by (4). Its image has the value `worn` in each cell.
+    /// The wear at the nodes by (4) from the wear `worn` of the image in each cell.
     pub(crate) fn inverse(&self, worn: &[f64]) -> Vec<f64> {
         let rows = self.inverse.get_or_init(|| self.inverse_rows());
         let row = |j: usize| &rows[(j - 1) * j / 2..j * (j + 1) / 2];
@@ -160,7 +163,7 @@ impl Mesh {
         wear
     }
 
-    /// (2/π)·(arcsin(r_{q+1}/r_j) − arcsin(r_q/r_j)), row after row from j = 1.
+    /// (2/π)·(arcsin(r_{q+1}/r_j) − arcsin(r_q/r_j)) for each q, row by row from j = 1.
     fn inverse_rows(&self) -> Vec<f64> {
         let mut rows = Vec::with_capacity(self.matrix.len());
         for (j, r) in self.radii.iter().enumerate().skip(1) {
@@ -174,14 +177,14 @@ impl Mesh {
         rows
     }
 
-    /// π Σ M w.
+    /// The wear volume, π Σ areas·w.
     pub(crate) fn volume(&self, wear: &[f64]) -> f64 {
         std::f64::consts::PI * dot(&self.areas, wear)
     }
 }
 
-/// Moves the inner node next to each kink onto it. If the first cell would become much narrower than the others,
-/// the kink is not resolved, because time steps would have to be as small.
+/// Moves the inner node next to each kink onto the kink. A kink that would make the first cell much
+/// narrower than the others is ignored, because a narrow cell needs small time steps.
 fn place_nodes(radii: &mut [f64], kinks: &[f64]) {
     const NARROWEST: f64 = 0.25;
     for kink in kinks {
@@ -198,7 +201,7 @@ fn place_nodes(radii: &mut [f64], kinks: &[f64]) {
     }
 }
 
-/// Appends row q, from the effects of a unit slope dw/dt in each cell on the mean.
+/// Appends row q of the matrix. Each cell contributes the mean of the image of a unit slope dw/dt.
 fn push_row(squares: &[f64], sum_of_ends: f64, q: usize, axis: bool, matrix: &mut Vec<f64>) {
     let (low, high) = (squares[q], squares[q + 1]);
     let scale = TWO_THIRDS * sum_of_ends;
@@ -241,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wear_linear_in_the_square_has_its_exact_cell_means() {
+    fn a_wear_linear_in_r_squared_has_the_exact_cell_means() {
         // w = t − t₀ outside r₀ has the image 2x√(x² − r₀²), with the mean ⅔·Δ(t − t₀)^{3/2}/Δr.
         let mesh = Mesh::new(&Shape::power(2.0), graded(0.4, 1.3, 30));
         let start = mesh.squares()[0];
@@ -266,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn a_node_moves_to_a_kink_if_that_is_not_too_near_the_axis() {
+    fn a_node_moves_onto_a_kink_unless_the_kink_is_too_close_to_the_axis() {
         let radii: Vec<f64> = (0..=10).map(|i| f64::from(i) * 0.13).collect();
         for (flat, node) in [(0.5, Some(4)), (0.45, Some(3)), (0.1, Some(1)), (0.01, None)] {
             let mesh = Mesh::new(&Shape::truncated_cone(flat), radii.clone());
@@ -277,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn solving_undoes_the_matrix() {
+    fn solve_inverts_the_image_matrix() {
         for from in [0.0, 0.5] {
             let mesh = Mesh::new(&Shape::power(2.0), graded(from, 1.2, 40));
             let mut wear: Vec<f64> = (0..=40).map(|j| libm::sin(0.3 * f64::from(j))).collect();
@@ -290,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn the_unworn_pressure_is_that_of_hertz() {
+    fn the_unworn_pressure_agrees_with_hertz() {
         let radii = (0..=200).map(|i| f64::from(i) * 0.005).collect();
         let mesh = Mesh::new(&Shape::power(2.0), radii);
         let loads: Vec<f64> = mesh.unworn().iter().map(|g| 1.0 - g).collect();

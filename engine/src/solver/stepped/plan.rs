@@ -1,4 +1,5 @@
-//! Plans a mesh: where its nodes lie and how far they reach. This depends on the held quantities.
+//! Plans a mesh: the positions of the nodes and the outer radius. The plan depends on the held
+//! quantities.
 
 use super::law::Law;
 use crate::contact::control::{Control, Final, Normal, Tangential, critical_stick};
@@ -6,44 +7,49 @@ use crate::contact::limit::Limit;
 use crate::contact::unworn::Contact;
 use crate::numeric::{integrate_beyond, root};
 
-/// Blur of the nodes where the stick edge moves inwards, in widths of the ring that wears.
+/// Blur of the nodes if the stick edge moves inwards, in widths of the wearing ring.
 const BLUR: f64 = 0.003;
-/// Blur of the nodes where the stick edge comes to rest in worn material.
+/// Blur of the nodes if the stick edge comes to rest in worn material.
 pub const REST_BLUR: f64 = 0.001;
-/// Largest width of the first cell at a fixed stick edge, in c/n². A wide ring is graded more steeply.
+/// Maximum width of the first cell at a fixed stick edge, in c/n². In a wide ring the nodes are
+/// graded more steeply.
 const COARSE_START: f64 = 1500.0;
-/// Ratio of scar radii from which the mesh begins small and grows. Otherwise the unworn contact would lie in
-/// only a few cells of the last mesh.
+/// If the ratio of the last to the first scar radius exceeds this number, the mesh starts small and
+/// grows. Otherwise the unworn contact would lie in only a few cells of the last mesh.
 pub const FAR: f64 = 2.0;
-/// Smallest core under held forces, in first scar radii. A smaller one is neglected.
+/// Minimum radius of a core at constant force, in first scar radii. The plan neglects a smaller
+/// core.
 const LEAST_CORE: f64 = 1e-4;
-/// A core under a held depth vanishes soon after it has shrunk to this part of the critical radius.
+/// At constant depth, a core vanishes soon after it has shrunk to this share of the critical
+/// radius.
 const GIVES_WAY: f64 = 0.8;
 
-/// Where the nodes of a mesh lie. They are evenly spaced where the stick edge moves, and further apart away
-/// from there: r = edge ± ((u/2 + √blur)² − blur). Without a focus all are evenly spaced.
+/// The positions of the mesh nodes. They are evenly spaced where the stick edge moves. Away from
+/// there their distances increase: r = edge ± ((u/2 + √blur)² − blur). Without a focus all nodes
+/// are evenly spaced.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MeshPlan {
-    /// r₀. Nothing wears inside it.
+    /// The first node r₀. Nothing wears inside it.
     pub start: f64,
-    /// The last node.
+    /// The last node at the start of the run.
     pub reach: f64,
-    /// The last node at the end of the run; infinite if it is not known.
+    /// The last node at the end of the run. It is infinite if it is not known.
     pub farthest: f64,
-    /// Where nodes are dense; none if they are evenly spaced.
+    /// The radii where nodes are dense. `None` if the nodes are evenly spaced.
     pub focus: Option<Focus>,
     /// Radii at which there must be a node.
     pub kinks: Vec<f64>,
 }
 
-/// Where nodes are dense.
+/// The range of radii where nodes are dense.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Focus {
     /// The innermost radius at which the stick edge is expected.
     pub from: f64,
     /// The outermost radius at which the stick edge is expected.
     pub to: f64,
-    /// Nodes are denser for a smaller blur. It is 0 for a stick edge that stays at the start of the mesh.
+    /// A smaller blur gives denser nodes. It is 0 for a stick edge that stays at the start of the
+    /// mesh.
     pub blur: f64,
 }
 
@@ -64,21 +70,23 @@ impl MeshPlan {
         let kinks = Vec::new();
         let least = control.least_stick(contact);
         let end = control.tends_to(contact);
-        // Cells next to a moving edge are wider than next to a fixed one.
+        // Cells next to a moving stick edge are wider than cells next to a fixed one.
         let shrinks = matches!(control.tangential, Tangential::Force(_) | Tangential::Rig { .. })
             && control.normal == Normal::Depth;
         let last = match end {
             Some(end) => end.limit.radius,
             None => match Limit::solve(shape, least) {
                 Some(limit) => limit.radius,
-                // The scar need not become that large. If it does, the run ends at the rim of the indenter.
+                // The scar may stay smaller. If it does not, the run ends at the outer edge of the
+                // indenter.
                 None if control.normal == Normal::Force => shape.extent(),
                 None => return None,
             },
         };
         let shrinks = shrinks && contact.stick - least > BLUR * last;
-        // A core smaller than the first cells is neglected, because the wear next to it would oscillate. But a
-        // core that will carry all of the force determines the radius of the scar, and is kept.
+        // The plan neglects a core that is smaller than the first cells, because the wear next to
+        // it would oscillate. A core that will carry the whole force is kept, because it determines
+        // the radius of the scar.
         let smallest = match control.normal {
             Normal::Force if end.is_some() => LEAST_CORE * contact.limit.radius,
             _ if shrinks => 0.5 / cells as f64 * last,
@@ -123,8 +131,9 @@ impl MeshPlan {
         Some(plan)
     }
 
-    /// Largest scar radius up to a time under a held force, in gross slip or where the tangential force is held
-    /// too. V grows by at most F̃Δ/Δ₀, Δ is at most d, and the worn surface is at most as hollow as a flat one.
+    /// Upper bound of the scar radius up to the time `last`, for a constant force. It applies in
+    /// gross slip, and if the tangential force is constant too. The bound uses three facts: V grows
+    /// by at most F̃Δ/Δ₀, Δ is at most d, and the worn surface is never more concave than a flat.
     pub(crate) fn outermost(
         contact: &Contact,
         control: &Control,
@@ -136,7 +145,7 @@ impl MeshPlan {
             return None;
         }
         let shape = &contact.shape;
-        // The simplified rule obeys the energy balance less accurately.
+        // The simplified rule satisfies the energy balance less accurately.
         let share = if law == Law::Exact { 1.0 } else { 1.6 };
         let fastest = 2.0 * share * shape.half_force();
         let cut = |radius: f64| {
@@ -168,8 +177,9 @@ impl MeshPlan {
         let share = |i: usize| i as f64 / cells as f64;
         let mut radii: Vec<f64> = match self.focus {
             None => (0..=cells).map(|i| start + (reach - start) * share(i)).collect(),
-            // Quadratic spacing at a fixed stick edge, where slip begins like a square root. The spacing is
-            // dense at the end too, because the rim of the scar should not lie in a wide cell.
+            // Quadratic spacing at a fixed stick edge, because slip starts there like a square
+            // root. The nodes are also dense at the outer end, because the edge of the scar should
+            // not lie in a wide cell.
             Some(Focus { to, blur: 0.0, .. }) => {
                 let ring = reach - to;
                 let steepness = steepness(2.0 * ring / (COARSE_START * to));
@@ -209,18 +219,18 @@ impl MeshPlan {
     }
 }
 
-/// κ with (sinh κ/κ)² = `ratio`; 0 if that is less than 1.
+/// κ with (sinh κ/κ)² = `ratio`. The result is 0 if `ratio` is less than 1.
 fn steepness(ratio: f64) -> f64 {
     let excess = |kappa: f64| libm::sinh(kappa) / kappa - ratio.sqrt();
     if excess(1e-3) > 0.0 { 0.0 } else { root(1e-3, 50.0, excess) }
 }
 
-/// sinh κu / sinh κ. It is like u for small u, then like a geometric series.
+/// sinh κu / sinh κ. For small u it is proportional to u; for large u it grows exponentially.
 fn stretched(u: f64, kappa: f64) -> f64 {
     if kappa == 0.0 { u } else { libm::sinh(kappa * u) / libm::sinh(kappa) }
 }
 
-/// Whether the scar will become much larger than that of the unworn contact.
+/// Whether the final scar is much larger than the scar at the depth of the unworn contact.
 pub(crate) fn is_far(contact: &Contact, end: &Final) -> bool {
     end.limit.radius > FAR * contact.limit.radius
 }

@@ -1,34 +1,37 @@
-//! Runge–Kutta–Chebyshev steps: explicit, second order, and stable far along the negative real axis.
+//! Runge–Kutta–Chebyshev (RKC) integration: explicit, second order, and stable over a long part of
+//! the negative real axis.
 //!
-//! Wear smooths itself like diffusion. The small cells next to the stick edge would force a usual explicit method
-//! into tiny steps. Here a step of s stages is stable for h·ρ up to about 0.65 s², where ρ is the spectral
-//! radius. A step of twice the size costs √2 times the work, and no system is solved.
+//! Wear is a stiff problem, similar to diffusion. With a usual explicit method, the small cells
+//! next to the stick edge would require very small steps. A step of s stages is stable for h·ρ up
+//! to about 0.65 s², where ρ is the spectral radius. A step of twice the size therefore costs only
+//! √2 times the work. No system of equations is solved.
 //!
 //! # Accuracy
-//! Second order. The step is chosen so that the estimated local error, measured against
-//! `tolerance`·(largest value + 1 % of what it will grow to), stays below 1 in the root mean square.
+//! Second order. The step control keeps the root mean square of the local error below 1. The unit
+//! of this error is `tolerance`·(largest value + 1 % of the expected final value).
 //!
 //! # Sources
 //! B. P. Sommeijer, L. F. Shampine, J. G. Verwer, *J. Comput. Appl. Math.* 88 (1998) 315, equations
 //! (2.1)–(2.8). Step control: K. Gustafsson, *ACM Trans. Math. Softw.* 17 (1991) 533.
 
-/// A right-hand side y′ = f(y).
+/// The right-hand side f of y′ = f(y).
 pub trait Rates {
     /// Writes f(y) into `rates`.
     fn rates(&mut self, values: &[f64], rates: &mut [f64]);
-    /// A bound of the spectral radius of ∂f/∂y at the last values passed to `rates`.
+    /// An upper bound of the spectral radius of ∂f/∂y at the values last passed to `rates`.
     fn radius(&self) -> f64;
-    /// The number of components, from the second on, that count in the error.
+    /// The number of components, starting with the second, that count in the error norm.
     fn live(&self) -> usize;
-    /// The largest size that the tolerance refers to, even if components are larger.
+    /// The maximum scale of the error norm, even if components are larger.
     fn most(&self) -> f64;
 }
 
-/// The coefficients of s stages.
+/// The coefficients of an RKC step.
 #[derive(Debug, Clone)]
 struct Stages {
+    /// μ̃ of the first stage.
     first: f64,
-    /// μ, ν, μ̃, γ̃ of stages 2 to s.
+    /// μ, ν, μ̃ and γ̃ of stages 2 to s.
     rest: Vec<[f64; 4]>,
 }
 
@@ -59,7 +62,7 @@ impl Stages {
     }
 }
 
-/// An integration under way.
+/// An integration and its present state.
 #[derive(Debug, Clone)]
 pub struct Rkc {
     tolerance: f64,
@@ -67,7 +70,7 @@ pub struct Rkc {
     size: f64,
     time: f64,
     values: Vec<f64>,
-    /// f(y) now.
+    /// f(y) at the present time.
     pub(super) rates: Vec<f64>,
     /// The state before the last step, for interpolation within the step.
     before: (f64, Vec<f64>, Vec<f64>),
@@ -75,38 +78,43 @@ pub struct Rkc {
     last_error: f64,
     scratch: [Vec<f64>; 3],
     stages: Vec<Option<Stages>>,
-    /// Steps accepted.
+    /// Number of accepted steps.
     pub accepted: usize,
-    /// Steps done again with a smaller h.
+    /// Number of steps that were repeated with a smaller h.
     pub rejected: usize,
-    /// Right-hand sides evaluated.
+    /// Number of evaluations of the right-hand side.
     pub evaluations: usize,
 }
 
-/// Smallest step: the first in units of the time scale, the second in units of the time so far. Wear can become
-/// fast again after a long rest.
+/// Minimum step, in units of the time scale and of the present time; the larger one applies. Small
+/// steps must stay possible late in a run, because wear can become fast again after a long rest.
 const LEAST_STEP: (f64, f64) = (1e-10, 1e-13);
+/// First step, in units of the time scale.
 const FIRST_STEP: f64 = 0.02;
-/// Largest step: the sum of the first in units of the time scale and the second in units of the time so far. The
-/// interpolation within a step is then as accurate as the integration.
+/// Maximum step: the sum of one part in units of the time scale and one part in units of the
+/// present time. With this limit, the interpolation within a step is as accurate as the
+/// integration.
 const LONGEST_STEP: (f64, f64) = (1.5, 0.15);
-/// Components below this share of the largest do not count in the mean of the error.
+/// Components below this share of the largest component are not counted in the mean of the error.
 const GROWN: f64 = 0.01;
+/// Maximum number of stages of a step.
 const MOST_STAGES: usize = 1000;
-/// Above the first number, stages are multiples of the second, so that few sets of coefficients are needed.
+/// Above the first number, the number of stages is a multiple of the second. Fewer sets of
+/// coefficients are then needed.
 const STAGES_APART: (usize, usize) = (200, 50);
-/// The tolerance doubles after this number of steps, and each time that the number of steps has doubled. Every
-/// run therefore ends, and its error estimate shows the larger error.
+/// The tolerance doubles after this number of steps, and again each time the number of steps has
+/// doubled. Every run therefore ends, and its error estimate includes the larger tolerance.
 const PATIENCE: usize = 2000;
 
-/// The number of stages that makes a step stable.
+/// The number of stages at which a step of size h is stable.
 fn stages(h: f64, radius: f64) -> usize {
     let stages = ((1.0 + 1.54 * h * radius).sqrt().ceil() as usize).clamp(2, MOST_STAGES);
     if stages > STAGES_APART.0 { stages.next_multiple_of(STAGES_APART.1) } else { stages }
 }
 
 impl Rkc {
-    /// Starts at time 0. `scale` is the time of slow changes, `size` the size that the values will have.
+    /// Starts at time 0. `scale` is the time scale of slow changes. `size` is the expected final
+    /// size of the values.
     pub fn new(
         system: &mut impl Rates,
         values: Vec<f64>,
@@ -139,12 +147,12 @@ impl Rkc {
         self.time
     }
 
-    /// The relative error that a step may have.
+    /// The maximum relative error of a step.
     pub(crate) fn tolerance(&self) -> f64 {
         self.tolerance
     }
 
-    /// The time of slow changes.
+    /// The time scale of slow changes.
     pub(crate) fn scale(&self) -> f64 {
         self.scale
     }
@@ -154,12 +162,12 @@ impl Rkc {
         self.before.0
     }
 
-    /// y now.
+    /// The values y at the present time.
     pub(crate) fn values(&self) -> &[f64] {
         &self.values
     }
 
-    /// Continues with changed rates, or from other values.
+    /// Continues with a changed right-hand side, or from other values.
     pub fn restart(&mut self, system: &mut impl Rates, values: Option<Vec<f64>>) {
         if let Some(values) = values {
             self.values = values;
@@ -170,26 +178,26 @@ impl Rkc {
         self.before = (self.time, self.values.clone(), self.rates.clone());
     }
 
-    /// Returns to small steps, for rates that are `times` as large as those of the time scale.
+    /// Limits the next step. The rates are now `times` as large as those of the time scale.
     pub(crate) fn hurry(&mut self, times: f64) {
         self.step = self.step.min(FIRST_STEP * self.scale / times.max(1.0));
     }
 
-    /// Skips to a later time. Nothing changes in between.
+    /// Moves to a later time without a change of the values.
     pub(crate) fn rest_until(&mut self, time: f64) {
         self.rates.fill(0.0);
         self.before = (self.time, self.values.clone(), self.rates.clone());
         self.time = time;
     }
 
-    /// Takes one step, not beyond `end`.
+    /// Takes one step that ends at `end` or earlier.
     pub fn advance(&mut self, system: &mut impl Rates, end: f64) {
-        // At the start of the step. A trial can leave the system in another state.
+        // Evaluate both before the first trial, because a trial can change the state of the system.
         let (radius, live) = (system.radius(), system.live());
         let least = (LEAST_STEP.0 * self.scale).max(LEAST_STEP.1 * self.time);
         loop {
             let limit = (MOST_STAGES * MOST_STAGES) as f64 / (1.54 * radius.max(1e-300));
-            // A step that would end just before the end goes to the end.
+            // A step that would stop just before `end` is extended to `end`.
             let left = end - self.time;
             let whole = self.step.min(limit) >= 0.999 * left;
             let h = if whole { left } else { self.step.min(limit) };
@@ -206,15 +214,15 @@ impl Rkc {
                 self.accepted += 1;
                 let patience = self.accepted / PATIENCE;
                 if self.accepted == patience * PATIENCE && patience.is_power_of_two() {
-                    // Rates that jump repeatedly would keep all steps small.
+                    // Discontinuous rates would otherwise keep all steps small.
                     self.tolerance *= 2.0;
                 }
-                // Proportional and integral control, so that the step size does not oscillate.
+                // Proportional–integral control prevents an oscillating step size.
                 let error = error.max(1e-4);
                 let growth = 0.8 * libm::pow(error, -0.35) * libm::pow(self.last_error, 0.2);
                 self.last_error = error;
                 let longest = LONGEST_STEP.0 * self.scale + LONGEST_STEP.1 * self.time;
-                // A step cut short by the end says little about the next one.
+                // A step that was shortened by `end` does not limit the next step.
                 let base = if whole { h.max(self.step) } else { h };
                 self.step = (base * growth.clamp(0.2, 3.0)).clamp(least, longest);
                 return;
@@ -225,7 +233,8 @@ impl Rkc {
         }
     }
 
-    /// Computes the values after a step into the first scratch vector, and their rates into the second.
+    /// Computes the values after a step (first scratch vector) and their rates (second scratch
+    /// vector).
     fn compute(&mut self, system: &mut impl Rates, h: f64, stages: usize) {
         if self.stages.len() <= stages {
             self.stages.resize(stages + 1, None);
@@ -252,7 +261,7 @@ impl Rkc {
         self.evaluations += stages;
     }
 
-    /// The root mean square of the estimated local error, divided by the allowed error.
+    /// The root mean square of the estimated local error, divided by the maximum error.
     fn error(&self, h: f64, live: usize, limit: f64) -> f64 {
         let [next, next_rates, _] = &self.scratch;
         let most = next.iter().copied().fold(0.0, f64::max);
@@ -267,8 +276,9 @@ impl Rkc {
         (sum / count.max(1) as f64).sqrt() / allowed
     }
 
-    /// The values at a time within the last step, by a shorter step from its start, and the number of evaluations.
-    /// Stiff components cannot be interpolated from their rates.
+    /// The values at a time within the last step, computed by a shorter step from the same start,
+    /// and the number of evaluations. Interpolation from the rates is not accurate for stiff
+    /// components.
     pub(crate) fn again(&self, system: &mut impl Rates, time: f64) -> (Vec<f64>, usize) {
         let mut shorter = self.clone();
         shorter.restart(system, Some(self.before.1.clone()));
@@ -297,7 +307,7 @@ impl Rkc {
         let rates = from_rates.iter().zip(&self.rates);
         ends.zip(rates)
             .map(|((from, to), (from_rate, to_rate))| {
-                // Limits the slopes, so that the cubic is monotone and does not overshoot.
+                // Limit the slopes. The cubic is then monotone and does not overshoot.
                 let steepest = 3.0 * (to - from) / h;
                 let (low, high) = (steepest.min(0.0), steepest.max(0.0));
                 let slope = |rate: &f64| rate.max(low).min(high);
@@ -311,7 +321,7 @@ impl Rkc {
 mod tests {
     use super::*;
 
-    /// y′ = −λⱼ(yⱼ − 1): from 0 towards 1, stiff.
+    /// y′ = −λⱼ(yⱼ − 1): the values relax from 0 to 1 at different rates, so the problem is stiff.
     struct Relaxation(Vec<f64>);
 
     impl Rates for Relaxation {
@@ -332,7 +342,7 @@ mod tests {
     }
 
     fn worst_at(end: f64, tolerance: f64) -> (f64, Rkc) {
-        // The first component does not count in the error.
+        // The first component is not counted in the error.
         let mut system = Relaxation(vec![0.3, 0.3, 1.0, 20.0, 3000.0]);
         let mut run = Rkc::new(&mut system, vec![0.0; 5], tolerance, (1.0, 1.0));
         while run.time() < end {
@@ -352,14 +362,14 @@ mod tests {
     }
 
     #[test]
-    fn stiffness_costs_stages_and_not_steps() {
+    fn a_stiff_problem_needs_few_evaluations() {
         let (_, run) = worst_at(10.0, 1e-3);
-        // Euler would need 15 000 steps to stay stable.
+        // The explicit Euler method would need 15 000 steps to be stable.
         assert!(run.evaluations < 1500, "{} evaluations", run.evaluations);
     }
 
     #[test]
-    fn stages_are_stable_as_far_as_promised_and_of_second_order() {
+    fn rkc_steps_are_stable_in_their_range_and_second_order_accurate() {
         for stages in [2, 3, 7, 20] {
             let coefficients = Stages::new(stages);
             let amplify = |z: f64| {

@@ -9,15 +9,17 @@ use crate::contact::limit::Limit;
 use crate::contact::row::UnwornSums;
 use crate::contact::unworn::{Contact, Regime};
 
-/// Error of a stick edge at the border of two cells, in effects of a whole cell. It is off by half a cell.
+/// Maximum error of a stick edge that lies at the border of two cells, in effects of a whole cell.
+/// The expected position error is half a cell.
 const EDGE_SHARE: f64 = 0.75;
-/// A run has arrived if its wear would grow by less than this share of the tolerance in the time that it has
-/// lasted so far, at the present rate.
+/// A run has settled if the wear, at the present rate, would grow by less than this share of the
+/// tolerance over the duration of the run so far.
 const SETTLED: f64 = 1e-3;
-/// If the interpolated springs dissipate more than at both ends of a step by this factor, or less, the
-/// interpolation is noise. This happens late in a run, when a core carries almost all of the load.
+/// The energy rate within a step should lie between its values at the two ends. If the interpolated
+/// rate is outside by more than this factor, the interpolation is noise. Noise occurs late in a
+/// run, when a core carries almost the whole load.
 const NOISY: f64 = 1.1;
-/// Up to this Δ a contact under a held force can begin to stick again.
+/// Maximum Δ at which a contact in gross slip at constant force can start to stick again.
 const REGAINS: f64 = 1.5;
 
 /// One mesh and one integration.
@@ -29,30 +31,32 @@ pub(super) struct MeshRun {
     settled: Option<f64>,
     /// Whether the scar has reached the rim of the shape.
     pub(super) outgrown: bool,
-    /// The index of the present block, and the time at which it began.
+    /// The index of the present block.
     pub(super) block: usize,
+    /// The time at which the present block started.
     block_began: f64,
-    /// Whether the last step skipped the rest of a block that has shaken down.
+    /// Whether the last step skipped the rest of a block after shakedown.
     rests: bool,
     /// (k_w/μ)·ΣW = 2 ∫ ∫ y ω dx dÑ at the start and at the end of the last step.
     worn_by_energy: [f64; 2],
     /// 2 ∫ y ω dx at the start and at the end of the last step.
     pub(super) loss: [f64; 2],
+    /// 2 ∫ y ω dx of the unworn contact.
     pub(super) first_loss: f64,
-    /// Whether the energy of this run is reported, and so must be accurate.
+    /// Whether the result reports the energy of this run, so that the energy must be accurate.
     pub(super) accounts: bool,
 }
 
-/// Whether the stick edge moves, so that more cells are needed. Just above the gross-slip threshold, a contact
-/// under a held force begins to stick again.
+/// Whether the stick edge moves and more cells are needed. Just above the gross-slip threshold, a
+/// contact at constant force starts to stick again.
 pub(super) fn moves(control: &Control, contact: &Contact) -> bool {
     let slips = contact.regime == Regime::GrossSlip;
     !control.keeps_stick()
         && (!slips || control.normal == Normal::Force && contact.threshold < REGAINS)
 }
 
-/// The wear at which the amplitude of a contact on a rig doubles, where d is held. As the force falls, the rig
-/// yields less and the contact moves more.
+/// The wear at which the amplitude of a contact on a rig doubles at constant d. As the tangential
+/// force decreases, the rig deforms less and the contact moves more.
 fn quickens(contact: &Contact, control: &Control) -> f64 {
     match control.tangential {
         Tangential::Rig { compliance, .. } if control.normal == Normal::Depth => {
@@ -62,8 +66,9 @@ fn quickens(contact: &Contact, control: &Control) -> f64 {
     }
 }
 
-/// 2 ∫ y ω dx of the unworn contact. The springs of the mesh give `seen`. With blocks this can be wrong, because
-/// cells for the strongest block can be wider than the slip ring of the first block.
+/// 2 ∫ y ω dx of the unworn contact. `seen` is the value from the springs of the mesh. With blocks
+/// `seen` can be wrong: the cells suit the strongest block and can be wider than the slip ring of
+/// the first block.
 fn first_loss(contact: &Contact, control: &Control, seen: f64) -> f64 {
     match control.tangential {
         Tangential::Blocks(_) => 2.0 * UnwornSums::of(contact, None).loss,
@@ -87,7 +92,8 @@ impl MeshRun {
             wearing.command(first.threshold);
         }
         let unworn = vec![0.0; cells + 1];
-        // The time scale is a sixth of the time that the limiting wear would take at the first rate.
+        // The time scale is one sixth of the time in which the initial wear rate would produce the
+        // limiting volume.
         wearing.press(&unworn);
         let rate = wearing.energy_rate();
         let first_loss = first_loss(contact, control, rate);
@@ -128,7 +134,7 @@ impl MeshRun {
             self.loss = [self.wearing.energy_rate(); 2];
         }
         if end.is_finite() && self.has_arrived(end) {
-            // Nothing changes until the amplitude does.
+            // The contact does not change until the next block starts.
             self.rkc.rest_until(end);
             self.worn_by_energy[0] = self.worn_by_energy[1];
             self.rests = true;
@@ -150,12 +156,13 @@ impl MeshRun {
         true
     }
 
-    /// Whether wear has practically ended at the present amplitude, which stays up to `end`.
+    /// Whether wear has practically stopped at the present amplitude, which is constant until
+    /// `end`.
     fn has_arrived(&self, end: f64) -> bool {
         let (time, rate) = (self.rkc.time(), self.wearing.energy_rate());
         let lasted = time - self.block_began;
         let negligible = SETTLED * self.rkc.tolerance() * self.worn_by_energy[1];
-        // A block that has just begun has not lasted long enough.
+        // The rate is conclusive only after the block has lasted at least the time scale.
         let tells = lasted * self.wearing.pace() >= self.rkc.scale();
         lasted > 0.0
             && (rate == 0.0
@@ -163,7 +170,7 @@ impl MeshRun {
                 || rate * (end - time) <= negligible)
     }
 
-    /// Sets the next amplitude if a block has ended. Returns the end of the present block.
+    /// Sets the next amplitude if a block has ended, and returns the end of the present block.
     fn begin_block(&mut self) -> f64 {
         let Tangential::Blocks(blocks) = &self.control.tangential else {
             return f64::INFINITY;
@@ -187,7 +194,8 @@ impl MeshRun {
         end
     }
 
-    /// The energy between the start of the last step and a time within it, by Simpson's rule.
+    /// The energy between the start of the last step and a later time within the step, by Simpson's
+    /// rule.
     fn loss_since(&mut self, began: f64, time: f64, last: f64) -> f64 {
         if self.rests {
             return 0.0;
@@ -201,14 +209,14 @@ impl MeshRun {
         self.worn_by_energy[0] + self.loss_since(self.rkc.began(), time, last)
     }
 
-    /// Evaluates `what` at a time within the last step.
+    /// Evaluates `what` in the state at a time within the last step.
     pub(super) fn under<T>(
         &mut self,
         time: f64,
         what: impl FnOnce(&mut Wearing, &[f64]) -> T,
     ) -> T {
         if time >= self.rkc.time() {
-            // The springs are in this state already.
+            // The springs already have this state.
             return what(&mut self.wearing, self.rkc.values());
         }
         let (rkc, [first, last]) = (&self.rkc, self.loss);
@@ -227,7 +235,7 @@ impl MeshRun {
         found
     }
 
-    /// The error of V because a stick edge at rest lies at a border of cells.
+    /// The error of V that occurs because a resting stick edge lies at the border of two cells.
     pub(super) fn edge_error(&self, worn: &WornContact) -> f64 {
         let Wearing { contact, .. } = &self.wearing;
         if self.control.normal == Normal::Depth
@@ -239,7 +247,7 @@ impl MeshRun {
         let radii = self.wearing.springs().mesh().radii();
         let next = radii.partition_point(|r| *r <= worn.stick).clamp(1, radii.len() - 1);
         let width = radii[next] - radii[next - 1];
-        // In the end the core carries all of the load.
+        // In the limiting state the core carries the whole load.
         let last = |stick: f64| {
             let depth = self.control.depth_on_core(&contact.shape, stick);
             Limit::at_depth(&contact.shape, stick, depth).map(|limit| limit.volume)
@@ -251,7 +259,8 @@ impl MeshRun {
         EDGE_SHARE * (1.0 - there / here).abs() * share * share
     }
 
-    /// The error of V because a core smaller than the cells is neglected, where d is held.
+    /// The error of V that occurs because the mesh neglects a core smaller than the cells, at
+    /// constant d.
     pub(super) fn core_error(&self, worn: &WornContact) -> f64 {
         let Wearing { contact, .. } = &self.wearing;
         let least = self.control.least_stick(contact);
@@ -273,7 +282,8 @@ impl MeshRun {
         self.wearing.volume(&self.rkc.at(time))
     }
 
-    /// A time not after the last step of a run that has settled or ended. Its state no longer changes.
+    /// `time`, but at most the time of the last step if the run has settled or ended. Afterwards
+    /// the state is constant.
     pub(super) fn within(&self, time: f64) -> f64 {
         if self.settled.is_some() || self.wearing.springs().slides() {
             time.min(self.rkc.time())

@@ -1,13 +1,14 @@
-//! The springs of a mesh. From their images follow depth, friction and slip under the held quantities.
+//! The springs of a mesh. Their images and the held quantities determine depth, friction and slip.
 //!
 //! # Equations
-//! Quantities are means over cells. D is the width of a cell. Nothing wears inside r₀:
+//! All quantities are means over cells. D is the width of a cell. Nothing wears inside r₀:
 //! ```text
 //! y_q = max(0, d − g_q),   F̃/2 = d·r₀ − ∫₀^r₀ g₀ + Σ D y                      (7)–(9)
 //! Q̃/2 = Δ·r₀ + Σ D min(y, Δ),   ω_q = max(0, 1 − y_q/Δ)                       (10), (15), (16)
 //! ```
-//! Newton's method finds d from a held force, and Δ from a held tangential force. Both sums are piecewise
-//! linear, one convex and one concave. It therefore converges to all digits in a few steps.
+//! Newton's method finds d from a constant force, and Δ from a constant tangential force. Both sums
+//! are piecewise linear; one is convex, the other concave. The method therefore converges to all
+//! digits in a few steps.
 //!
 //! # Accuracy
 //! A stick edge that moves inwards is resolved within its cell: ω is the mean of max(0, 1 − y/Δ), with y linear
@@ -17,7 +18,8 @@ use super::mesh::Mesh;
 use crate::contact::control::{Control, Normal, Tangential};
 use crate::contact::unworn::Contact;
 
-/// Images are computed up to this much beyond the depth, in depths. A held force can press deeper.
+/// Images are computed up to this share beyond the present depth, because the depth can increase at
+/// constant force.
 const MARGIN: f64 = 0.1;
 
 /// The springs of a mesh and the held quantities.
@@ -27,20 +29,20 @@ pub struct Springs {
     control: Control,
     /// ∫₀ᵃ y dx of the unworn contact.
     half_force: f64,
-    /// The present amplitude: Δ, or Δ_rig.
+    /// The present amplitude: Δ, or Δ_rig with a rig.
     amplitude: f64,
-    /// Compression of the unworn spring at r₀ (at 0 if r₀ = 0), at the depth 1.
+    /// Compression of the unworn spring at r₀ at the depth d₀.
     edge: f64,
     /// Whether the stick edge moves inwards.
     moves_in: bool,
     depth: f64,
     threshold: f64,
     slides: bool,
-    /// g of the first cells.
+    /// Image g of each of the first cells.
     images: Vec<f64>,
-    /// y of the cells in contact.
+    /// Compression y of each cell in contact.
     compressions: Vec<f64>,
-    /// ω of the cells whose images are known.
+    /// Slip ω of each cell with a known image.
     slips: Vec<f64>,
 }
 
@@ -86,38 +88,38 @@ impl Springs {
         &self.mesh
     }
 
-    /// d.
+    /// Indentation depth d.
     pub(crate) fn depth(&self) -> f64 {
         self.depth
     }
 
-    /// Δ.
+    /// Amplitude Δ.
     pub(crate) fn threshold(&self) -> f64 {
         self.threshold
     }
 
-    /// Whether friction cannot carry the held tangential force.
+    /// Whether friction is too small to carry the constant tangential force.
     pub(crate) fn slides(&self) -> bool {
         self.slides
     }
 
-    /// y of the cells in contact.
+    /// Compression y of each cell in contact.
     pub(crate) fn compressions(&self) -> &[f64] {
         &self.compressions
     }
 
-    /// ω of the cells with known images. In the other cells it is 1.
+    /// Slip ω of each cell with a known image. In the other cells ω is 1.
     pub(crate) fn slips(&self) -> &[f64] {
         &self.slips
     }
 
-    /// A safety factor of the error estimate. Where the stick edge moves inwards, both meshes have a common error
-    /// that their difference does not show.
+    /// A safety factor of the error estimate. If the stick edge moves inwards, both meshes have a
+    /// common error, which their difference does not contain.
     pub(crate) fn error_safety_factor(&self) -> f64 {
         if self.moves_in { 1.5 } else { 1.0 }
     }
 
-    /// ω of a spring without contact.
+    /// Slip ω of a spring without contact.
     pub(crate) fn free_slip(&self) -> f64 {
         match &self.control.tangential {
             Tangential::Record(record) => record.slip(0.0),
@@ -125,17 +127,17 @@ impl Springs {
         }
     }
 
-    /// g of the cells with known images.
+    /// Image g of each cell with a known image.
     pub(crate) fn images(&self) -> &[f64] {
         &self.images
     }
 
-    /// What is held.
+    /// The quantities that are held constant.
     pub(crate) fn control(&self) -> &Control {
         &self.control
     }
 
-    /// Takes over depth, Δ and amplitude of other springs.
+    /// Copies depth, Δ and amplitude from other springs.
     pub(crate) fn resume(&mut self, other: &Self) {
         self.depth = other.depth;
         self.threshold = other.threshold;
@@ -166,7 +168,7 @@ impl Springs {
         self.amplitude = amplitude;
     }
 
-    /// Computes the state for a wear at the nodes.
+    /// Computes the state for the given wear at the nodes.
     pub(crate) fn press_wear(&mut self, wear: &[f64]) {
         let worn = wear.iter().rposition(|w| *w > 0.0).unwrap_or(0);
         self.images.clear();
@@ -179,7 +181,7 @@ impl Springs {
             for q in self.images.len()..cells {
                 let image = self.mesh.unworn()[q] + self.mesh.image(q, wear);
                 self.images.push(image);
-                // Beyond the wear the images rise.
+                // Outside the worn region the images increase, so no later cell can be in contact.
                 if q > worn && image >= known {
                     break;
                 }
@@ -192,7 +194,7 @@ impl Springs {
         }
     }
 
-    /// Computes the state for a wear of the images of the cells.
+    /// Computes the state for the given wear of the image in each cell.
     pub(crate) fn press_images(&mut self, worn: &[f64]) {
         self.images.clear();
         self.images.extend(self.mesh.unworn().iter().zip(worn).map(|(g, h)| g + h));
@@ -224,7 +226,7 @@ impl Springs {
         self.slip();
     }
 
-    /// d with r₀·d + Σ D (d − g)₊ as held.
+    /// The depth d at which r₀·d + Σ D (d − g)₊ gives the constant force.
     fn depth_under_force(&self) -> f64 {
         let (start, widths) = (self.mesh.radii()[0], self.mesh.widths());
         let inside = start - self.mesh.core();
@@ -250,11 +252,11 @@ impl Springs {
         depth
     }
 
-    /// Δ with a·Δ + r₀·Δ + Σ D min(y, Δ) = `target`.
+    /// The amplitude Δ with a·Δ + r₀·Δ + Σ D min(y, Δ) = `target`.
     fn threshold_under(&self, a: f64, target: f64) -> Option<f64> {
         let (start, widths) = (self.mesh.radii()[0], self.mesh.widths());
         let most = self.compressions.iter().copied().fold(0.0, f64::max);
-        // Newton's method meets a concave sum from the left.
+        // Newton's method approaches the root of a concave sum from the left.
         let mut threshold = if a + start > 0.0 { self.threshold } else { 0.0 };
         for _ in 0..100 {
             let (mut sum, mut slope) = ((a + start) * threshold, a + start);
@@ -268,7 +270,7 @@ impl Springs {
             }
             let next = (threshold + (target - sum) / slope).max(0.0);
             if a + start == 0.0 && next >= most && threshold < most {
-                // The last corner lies in between.
+                // The step has passed the last corner of the sum. Continue from there.
                 threshold = most;
                 continue;
             }
@@ -280,7 +282,7 @@ impl Springs {
         Some(threshold)
     }
 
-    /// ω of every cell.
+    /// Computes the slip ω of every cell.
     fn slip(&mut self) {
         self.slips.clear();
         let loaded = self.compressions.len();
@@ -306,12 +308,12 @@ impl Springs {
         self.slips.resize(self.images.len(), 1.0);
     }
 
-    /// min(Δ, y) of the cells in contact.
+    /// min(Δ, y) of each cell in contact.
     pub(crate) fn loads(&self) -> Vec<f64> {
         (0..self.compressions.len()).map(|q| self.carried(q, self.threshold).0).collect()
     }
 
-    /// The mean of min(Δ, y) over a cell, and the part of the cell that sticks.
+    /// The mean of min(Δ, y) over a cell, and the share of the cell that sticks.
     fn carried(&self, q: usize, threshold: f64) -> (f64, f64) {
         let here = self.compressions[q];
         let (least, half_rise) = if self.moves_in { self.across(q) } else { (here, 0.0) };
@@ -325,8 +327,8 @@ impl Springs {
         }
     }
 
-    /// The smallest y of a cell and half of its rise. y is linear across the cell, with the smaller of the slopes
-    /// to both sides.
+    /// The smallest y of a cell, and half of the difference between its largest and smallest y. y
+    /// is linear across the cell, with the smaller of the slopes to the two neighbours.
     fn across(&self, q: usize) -> (f64, f64) {
         let (widths, y) = (self.mesh.widths(), &self.compressions);
         let here = y[q];
@@ -362,7 +364,7 @@ impl Springs {
         springs.map(|((y, slip), d)| d * y * slip).sum()
     }
 
-    /// The distance from gross slip. It falls to 0 where gross slip begins.
+    /// The distance from gross slip. It is 0 when gross slip starts.
     pub(crate) fn margin(&self) -> f64 {
         match self.control.tangential {
             _ if self.mesh.radii()[0] > 0.0 => 1.0,
@@ -376,7 +378,7 @@ impl Springs {
         self.normal() / self.half_force
     }
 
-    /// c, interpolated between the middles of two cells; 0 in gross slip.
+    /// The stick radius c, interpolated between the centres of two cells. It is 0 in gross slip.
     pub(crate) fn stick(&self) -> f64 {
         let radii = self.mesh.radii();
         let middle = |q: usize| 0.5 * (radii[q] + radii[q + 1]);
@@ -394,18 +396,19 @@ impl Springs {
         let Some(next) = y.get(last + 1) else {
             return radii[last + 1];
         };
-        // The springs outside can lose contact abruptly. The springs inside show where y falls to Δ.
+        // The springs outside can lose contact abruptly, so the springs inside determine the radius
+        // with y = Δ.
         let inner =
             if last > 0 { (middle(last - 1), y[last - 1]) } else { (radii[0], self.edge()) };
         let slope = (inner.1 - y[last]) / (middle(last) - inner.0);
         let from_inside = middle(last) + (y[last] - self.threshold) / slope.max(1e-300);
-        // Under a blunt tip, y differs from Δ by rounding only.
+        // Under a blunt tip, y and Δ differ by rounding only.
         let share = ((y[last] - self.threshold) / (y[last] - next)).max(0.0);
         let between = middle(last) + share * (middle(last + 1) - middle(last));
         from_inside.clamp(between, middle(last + 1).max(between))
     }
 
-    /// y at r₀.
+    /// The compression y at r₀.
     fn edge(&self) -> f64 {
         self.edge + self.depth - 1.0
     }

@@ -7,8 +7,8 @@
 //! simplified   dg/dÑ = (ξ/ã)·η·ω·Δ/Δ₀  for x < ã,   η = d − g, signed       (14)
 //! V = π Σ M w,   dV/dÑ = 2 Σ D y ω·Δ/Δ₀   (exact: to rounding)
 //! ```
-//! ã is the root of (13) with the present c and d. If every spring in contact slips, A·s = ω has the solution
-//! s = (s₀ + w + const)/Δ, and no system needs to be solved.
+//! ã is the root of (13) with the present c and d. If every spring in contact slips, A·s = ω has
+//! the closed solution s = (s₀ + w + const)/Δ.
 
 use super::law::Law;
 use super::mesh::Mesh;
@@ -20,10 +20,11 @@ use crate::contact::limit::Limit;
 use crate::contact::unworn::Contact;
 use crate::numeric::{Monotone, largest, root, vertex};
 
-/// Estimated multiplications for ã per piece of the shape: eight evaluations with square roots and logarithms.
+/// Estimated number of multiplications to find ã, per piece of the shape: eight evaluations with
+/// square roots and logarithms.
 const SCAR_OPERATIONS: f64 = 400.0;
 
-/// A contact that wears.
+/// A contact and its wear rate.
 #[derive(Debug, Clone)]
 pub struct Wearing {
     /// The unworn contact.
@@ -32,36 +33,40 @@ pub struct Wearing {
     plan: MeshPlan,
     springs: Springs,
     aside: Aside,
-    /// Δ·s of the unworn contact at the nodes, if every spring slips.
+    /// Δ·s of the unworn contact at the nodes if every spring slips.
     unworn_slip: Vec<f64>,
-    /// s at the nodes.
+    /// The slip s at the nodes.
     slip: Vec<f64>,
-    /// 1/(2D) of the narrower cell next to each node. Times s, it bounds the decay rate.
+    /// 1/(2D) of the narrower cell next to each node. The product with s is an upper bound of the
+    /// decay rate.
     stiffness: Vec<f64>,
-    /// The present and the largest ã of the simplified rule.
+    /// The present ã of the simplified rule.
     scar: f64,
+    /// The largest ã of the simplified rule so far.
     widest: f64,
+    /// The bound of the spectral radius at the last evaluation of the rates.
     radius: f64,
 }
 
 /// The worn contact at one time, in units of a₀, d₀, E*d₀/a₀ and a₀²d₀.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WornContact {
-    /// w at the nodes. By the simplified rule it can be negative near the rim.
+    /// Wear w at the nodes. With the simplified rule w can be negative near the edge of the scar.
     pub wear: Vec<f64>,
-    /// g of the cells.
+    /// Image g of each cell.
     pub images: Vec<f64>,
-    /// y of the cells in contact.
+    /// Compression y of each cell in contact.
     pub compressions: Vec<f64>,
-    /// min(Δ, y) of these cells. It is smaller where the stick edge divides a cell.
+    /// min(Δ, y) of each cell in contact. The mean is smaller in a cell that contains the stick
+    /// edge.
     pub loads: Vec<f64>,
-    /// ω of the cells.
+    /// Slip ω of each cell.
     pub slips: Vec<f64>,
-    /// d.
+    /// Indentation depth d.
     pub depth: f64,
-    /// Δ.
+    /// Amplitude Δ.
     pub threshold: f64,
-    /// c.
+    /// Stick radius c.
     pub stick: f64,
     /// ∫₀ᵃ y dx.
     pub normal: f64,
@@ -69,18 +74,18 @@ pub struct WornContact {
     pub tangential: f64,
     /// ∫₀ᵃ y ω dx.
     pub loss: f64,
-    /// V of the positive wear, which is reported.
+    /// Volume of the positive wear, which is the reported volume.
     pub volume: f64,
     /// The largest wear depth.
     pub deepest: f64,
-    /// The largest radius with wear; 0 without wear.
+    /// The largest radius with wear. It is 0 without wear.
     pub scar: f64,
     /// The contact radius a, where g = d.
     pub contact_radius: f64,
 }
 
 impl Wearing {
-    /// Sets a contact up on a mesh.
+    /// Creates the unworn contact on a mesh.
     #[must_use]
     pub fn new(
         contact: &Contact,
@@ -124,7 +129,7 @@ impl Wearing {
         &self.springs
     }
 
-    /// Where the nodes lie.
+    /// The positions of the mesh nodes.
     pub(crate) fn plan(&self) -> &MeshPlan {
         &self.plan
     }
@@ -139,7 +144,7 @@ impl Wearing {
         self.plan.reach >= self.contact.shape.extent() && self.is_full()
     }
 
-    /// Whether the wear has come near the end of the mesh.
+    /// Whether the wear has almost reached the end of the mesh.
     pub(crate) fn is_full(&self) -> bool {
         let cells = self.springs.mesh().widths().len();
         match self.law {
@@ -152,7 +157,7 @@ impl Wearing {
         }
     }
 
-    /// The same contact on a larger mesh, and its values there.
+    /// The same contact on a larger mesh, and the values on this mesh.
     pub(crate) fn extended(&self, control: &Control, values: &[f64]) -> (Self, Vec<f64>) {
         let MeshPlan { start, reach, farthest, .. } = self.plan;
         let reach = (start + 1.25 * (reach - start)).min(farthest).min(self.contact.shape.extent());
@@ -167,9 +172,9 @@ impl Wearing {
         };
         let carried = match self.law {
             Law::Exact => {
-                // After long gross slip the worn profile is almost flat, but its wear is not. A thousandth of
-                // this wear is more than the springs are compressed. The code therefore interpolates the
-                // quantity that varies less.
+                // After long gross slip the worn profile is almost flat, but the wear is not. An
+                // error of 0.1 % of this wear exceeds the compression of the springs. Therefore
+                // interpolate the profile or the wear, whichever varies less.
                 let shape = &self.contact.shape;
                 let squares = from.squares();
                 let worn: Vec<f64> =
@@ -194,7 +199,7 @@ impl Wearing {
                     })
                     .collect();
                 wear[0] = 0.0;
-                // A shift of the wear keeps V, and the profile as flat as it is.
+                // A shift of the wear restores V and keeps the profile flat.
                 let start = to.squares()[0];
                 let share: Vec<f64> = to
                     .squares()
@@ -226,7 +231,7 @@ impl Wearing {
         (larger, carried)
     }
 
-    /// The wear that follows from worn images. The rule does not wear the profile beyond ã.
+    /// The wear that belongs to worn images. The rule does not wear the profile outside ã.
     fn inverse(&self, images: &[f64]) -> Vec<f64> {
         let mesh = self.springs.mesh();
         let mut wear = mesh.inverse(images);
@@ -237,25 +242,25 @@ impl Wearing {
         wear
     }
 
-    /// Estimated multiplications of one evaluation of the wear rate.
+    /// Estimated number of multiplications of one evaluation of the wear rate.
     pub(crate) fn operations(&self) -> f64 {
         let cells = self.springs.mesh().widths().len() as f64;
         let scar = if self.law == Law::Exact || self.keeps_scar() { 0.0 } else { SCAR_OPERATIONS };
         cells * cells + scar * self.contact.shape.pieces() as f64
     }
 
-    /// c of the springs in their present state.
+    /// The stick radius c in the present state of the springs.
     fn stick(&self) -> f64 {
         if self.springs.control().keeps_stick() { self.contact.stick } else { self.springs.stick() }
     }
 
-    /// Whether ã never changes.
+    /// Whether ã is constant.
     fn keeps_scar(&self) -> bool {
         let control = self.springs.control();
         control.keeps_stick() && control.normal == Normal::Depth
     }
 
-    /// ã of the springs in their present state.
+    /// ã in the present state of the springs.
     fn scar_radius(&self) -> f64 {
         if self.keeps_scar() {
             return self.contact.limit.radius;
@@ -263,7 +268,7 @@ impl Wearing {
         Limit::scar(&self.contact.shape, self.stick(), self.springs.depth(), self.scar)
     }
 
-    /// Sets the springs to the state that these values describe.
+    /// Computes the state of the springs for the given values.
     pub fn press(&mut self, values: &[f64]) {
         match self.law {
             Law::Exact => self.springs.press_wear(values),
@@ -276,7 +281,7 @@ impl Wearing {
         }
     }
 
-    /// Evaluates `what` in the state that `values` describe. Then restores the present state, `now`.
+    /// Evaluates `what` in the state of `values`, and then restores the present state `now`.
     pub fn under<T>(
         &mut self,
         values: &[f64],
@@ -292,13 +297,13 @@ impl Wearing {
         self.springs.put_back(&mut aside);
         self.aside = aside;
         if self.law != Law::Exact {
-            // The rule depends on the present radius of the scar.
+            // The simplified rule depends on the present ã.
             self.press(now);
         }
         result
     }
 
-    /// V of these values.
+    /// The wear volume V of the given values.
     pub(crate) fn volume(&self, values: &[f64]) -> f64 {
         match self.law {
             Law::Exact => self.springs.mesh().volume(values),
@@ -314,12 +319,12 @@ impl Wearing {
         2.0 * self.springs.loss() * self.pace()
     }
 
-    /// Δ/Δ₀.
+    /// The present amplitude, relative to the initial amplitude: Δ/Δ₀.
     pub(crate) fn pace(&self) -> f64 {
         self.springs.threshold() / self.contact.threshold
     }
 
-    /// The state that these values describe.
+    /// The worn contact for the given values.
     pub(crate) fn at(&mut self, values: &[f64]) -> WornContact {
         self.press(values);
         let springs = &self.springs;
@@ -338,12 +343,12 @@ impl Wearing {
         let volume = positive_volume(mesh.squares(), &wear);
         let mut wear = wear;
         if self.law == Law::Exact && mesh.radii()[0] == 0.0 && self.stick() == 0.0 {
-            // If the axis slips, the worn profile is flat there, even that of a cone.
+            // If the axis slips, the worn profile is flat there, even for a cone.
             let first = mesh.radii()[1];
             wear[0] = (wear[1] + self.contact.shape.profile(first)).min(2.0 * wear[1]);
         }
         if self.law == Law::Exact {
-            // In contact no image exceeds d, and so no worn profile does.
+            // In contact no image exceeds d, so the worn profile cannot exceed d either.
             for (wear, r) in wear.iter_mut().zip(mesh.radii()) {
                 let room = (springs.depth() - self.contact.shape.profile(*r)).max(0.0);
                 *wear = wear.min(room);
@@ -368,7 +373,7 @@ impl Wearing {
         }
     }
 
-    /// Contact radius and scar radius.
+    /// The contact radius and the scar radius.
     fn radii(&self, wear: &[f64], images: &[f64]) -> (f64, f64) {
         let radii = self.springs.mesh().radii();
         let most = wear.iter().copied().fold(0.0, f64::max);
@@ -385,7 +390,7 @@ impl Wearing {
                 }
                 _ => radii[last],
             };
-            // The rule wears a free spring towards d, but not beyond it.
+            // With the rule, a free spring wears towards d and not beyond it.
             return (if held { 1.0 } else { self.touching(images) }, scar);
         }
         let floor = if held { 1.0 } else { self.unworn_radius() };
@@ -414,7 +419,8 @@ impl Wearing {
         root(1.0, end, |x| shape.image(x) - depth)
     }
 
-    /// The radius at which the images equal the depth, interpolated between the middles of cells.
+    /// The radius at which the worn image equals the depth, interpolated between the centres of
+    /// cells.
     fn touching(&self, images: &[f64]) -> f64 {
         let (radii, depth) = (self.springs.mesh().radii(), self.springs.depth());
         let loaded = self.springs.compressions().len();
@@ -427,7 +433,7 @@ impl Wearing {
         middle(loaded - 1) + share * (middle(loaded) - middle(loaded - 1))
     }
 
-    /// Computes s at the nodes in contact.
+    /// Computes the slip s at the nodes in contact.
     fn solve_slip(&mut self, wear: &[f64]) {
         let springs = &self.springs;
         let live = springs.compressions().len();
@@ -445,7 +451,7 @@ impl Wearing {
                 most < threshold
             };
         if closed {
-            // Δ − d + g₀(c). It is 0 except in gross slip, where Δ and d can have changed.
+            // Δ − d + g₀(c). The value is 0 except in gross slip, where Δ and d may have changed.
             let rise = (threshold - self.contact.threshold) - (springs.depth() - 1.0);
             let rise = if self.plan.start > 0.0 { 0.0 } else { rise };
             let per_threshold = 1.0 / threshold;
@@ -514,8 +520,9 @@ impl Rates for Wearing {
 
     fn most(&self) -> f64 {
         match (self.law, self.springs.control().normal) {
-            // Pressure follows from the compression of the springs, which is much less than deep wear. In the end a
-            // core carries the load, and the springs outside carry less and less.
+            // The compression of the springs, which determines the pressure, is much smaller than a
+            // deep wear. Late in a run a core carries the load, and the springs outside carry ever
+            // less.
             (Law::Exact, Normal::Force) => {
                 let even = self.springs.normal() / self.plan.reach;
                 self.springs.compressions().iter().copied().fold(even, f64::max)
@@ -532,7 +539,7 @@ impl Rates for Wearing {
     }
 }
 
-/// π ∫ max(0, w) dt for a wear that is linear in t between nodes.
+/// π ∫ max(0, w) dt for wear that is linear in t between nodes.
 fn positive_volume(squares: &[f64], wear: &[f64]) -> f64 {
     let area = |t: &[f64], w: &[f64]| {
         let (low, high) = (w[0].min(w[1]), w[0].max(w[1]));
@@ -560,7 +567,7 @@ mod tests {
     use crate::solver::stepped::rkc::Rkc;
 
     #[test]
-    fn wear_and_dissipated_energy_agree_to_rounding_in_any_state_of_every_mode() {
+    fn the_wear_rate_equals_the_dissipation_rate_for_every_control_and_shape() {
         let record =
             Arc::new(DisplacementRecord::new(&[1.0, -1.0, 0.6, -0.4, 0.8]).expect("motion"));
         for (shape, threshold) in [
@@ -588,7 +595,7 @@ mod tests {
                 let mut wearing = Wearing::new(&contact, &control, Law::Exact, plan, 64);
                 let mut rkc = Rkc::new(&mut wearing, vec![0.0; 65], 3e-3, (1.0, 0.3));
                 for _ in 0..40 {
-                    // dV/dÑ = 2 ∫ y ω dx·Δ/Δ₀, term by term another sum.
+                    // dV/dÑ = 2 ∫ y ω dx·Δ/Δ₀. The two sides are sums of different terms.
                     let rate = wearing.energy_rate();
                     let growth = wearing.volume(&rkc.rates);
                     assert!((growth - rate).abs() <= 1e-12 * rate, "{growth} {rate} {control:?}");
