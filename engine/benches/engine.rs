@@ -1,7 +1,8 @@
-//! What a simplified run costs, beside the literal procedure and beside its own matrix products.
+//! Measures the cost of a simplified run, compared with a simulation of every cycle and with the
+//! matrix products of the run.
 //!
-//! Everything is measured in one process, in turns of about a millisecond, so that what slows the
-//! machine slows all alike; ratios are medians over the turns.
+//! All work is measured in one process, in turns of about 1 ms. A slow machine therefore affects
+//! all measurements equally. The reported ratios are medians over the turns.
 
 #![expect(
     clippy::disallowed_methods,
@@ -32,7 +33,7 @@ mod uniform;
 const SNAPSHOTS: [f64; 5] = [0.5, 2.0, 4.5, 8.0, 16.0];
 const ROUNDS: usize = 500;
 
-/// The steel ball with half of the contact sticking.
+/// The steel ball example in partial slip, c = a₀/2.
 fn ball(normalized: &[f64], model: &Value, profiles_at: &str) -> Scenario {
     let request = json!({
         "profile": {"shape": "paraboloid", "radius": "10 mm"},
@@ -52,7 +53,7 @@ fn run_of(points: usize) -> Scenario {
     ball(&SNAPSHOTS, &json!({"points": points}), "all")
 }
 
-/// Seconds per call of `work`, over about a millisecond.
+/// Time in seconds per call of `work`, measured over about 1 ms.
 fn seconds(mut work: impl FnMut()) -> f64 {
     let start = Instant::now();
     work();
@@ -74,7 +75,7 @@ fn main() {
     let solver = Simplified::new(&contact, 256);
     let wanted: Vec<(Decay, bool)> = SNAPSHOTS.map(|n| (solver.decay(0.8, n), true)).to_vec();
 
-    // The products that this run makes: five inverses, five pressures inside a₀.
+    // The matrix products of this run: five inverse transforms, and five pressures inside a₀.
     let mesh: Vec<f64> = solver
         .radii()
         .iter()
@@ -134,7 +135,7 @@ fn main() {
     exact_runs(&scenario);
     longest_steps();
 
-    // The literal procedure: 256 springs dragged through 400 steps a cycle, N₀ = 1000, to Ñ = 16.
+    // The simulation of every cycle: 256 springs, 400 steps per cycle, N₀ = 1000, up to Ñ = 16.
     let springs: Vec<f64> =
         (0..256).map(|i| contact.limit.radius * (f64::from(i) + 0.5) / 256.0).collect();
     let mut ratios = Vec::new();
@@ -150,7 +151,7 @@ fn main() {
     println!("literal stepping / simplified run = {:.0}   (at least 5000)", median(ratios));
 }
 
-/// The exact method beside a simplified run of 256 points.
+/// The cost of the exact method, relative to a simplified run of 256 points.
 fn exact_runs(simplified: &Scenario) {
     let beside = |scenario: &Scenario| {
         let ratios = (0..50).map(|_| {
@@ -166,7 +167,7 @@ fn exact_runs(simplified: &Scenario) {
         let ratio = beside(&exact);
         println!("exact run at defaults, profiles {profiles} / simplified run = {ratio:.1}");
     }
-    // Only the run that is reported, without the one that tells its error.
+    // Only the fine run, without the coarse run for the error estimate.
     let contact = Contact::sticking(Shape::power(2.0), 0.5).expect("a limit");
     let march = |control: &Control, cells: usize, tolerance: f64, last: f64| {
         let run = March::with_cells(&contact, control, Law::Exact, cells, tolerance, last);
@@ -193,7 +194,7 @@ fn exact_runs(simplified: &Scenario) {
         beside(&held)
     );
 
-    // Error of V at Ñ = 4 against cost.
+    // The error of V at Ñ = 4, and the cost.
     let reference = march(&Control::PAPER, 512, 2e-5, 4.0).worn.volume;
     let mut known = Vec::new();
     println!("cells   V error at Ñ = 4   µs");
@@ -215,7 +216,8 @@ fn exact_runs(simplified: &Scenario) {
     println!("  / exact run at equal error = {:.0}   (at least 150)", cost / equal);
 }
 
-/// How long whoever stops a run waits at most: the longest of its steps, where there is most to do.
+/// The longest step of a run, which is the maximum delay of a cancellation. The scenarios have the
+/// largest steps.
 fn longest_steps() {
     let radii: Vec<f64> = (0..10_000).map(|i| 1e-7 * f64::from(i)).collect();
     let heights: Vec<f64> = radii.iter().map(|r| r * r / 0.02).collect();
@@ -234,7 +236,7 @@ fn longest_steps() {
             request[member] = value.clone();
         }
         let (scenario, _) = scenario::check(&request, "").expect("a valid scenario");
-        // The least of three: what the machine does besides is no part of it.
+        // The minimum of three measurements excludes other work of the machine.
         let longest = (0..3).map(|_| {
             let mut run = Simulation::of(&scenario).expect("a run");
             let (mut longest, mut whole) = (0.0_f64, 0.0);

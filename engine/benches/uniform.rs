@@ -1,23 +1,24 @@
-//! The exact procedure as it is usually done: even nodes, product integration of each transform,
-//! explicit steps of Euler's method.
+//! The conventional procedure for the exact law: evenly spaced nodes, product integration of each
+//! transform, and explicit Euler steps.
 
 use std::f64::consts::{FRAC_1_PI, FRAC_2_PI, PI};
 
 use fretwork_engine::contact::unworn::Contact;
 
-/// The nodes and what the transforms need of them.
+/// The nodes and the matrices of the transforms.
 pub struct Procedure {
     threshold: f64,
     radii: Vec<f64>,
     unworn: Vec<f64>,
-    /// Row i: arcsin(r_j/r_i) for j ≤ i.
+    /// Row i contains arcsin(r_j/r_i) for j ≤ i.
     angles: Vec<Vec<f64>>,
-    /// Row i: arcosh(r_j/r_i) for j ≥ i.
+    /// Row i contains arcosh(r_j/r_i) for j ≥ i.
     stretches: Vec<Vec<f64>>,
 }
 
 impl Procedure {
-    /// Depth and amplitude held, on so many cells as far as the scar will reach.
+    /// A contact at constant depth and amplitude, with `cells` cells up to the limiting scar
+    /// radius.
     #[must_use]
     pub fn new(contact: &Contact, cells: usize) -> Self {
         let reach = 1.01 * contact.limit.radius;
@@ -34,11 +35,11 @@ impl Procedure {
         }
     }
 
-    /// V at an instant in N₀.
+    /// The wear volume V at a time in N₀.
     #[must_use]
     pub fn run(&self, until: f64) -> f64 {
         let (nodes, step) = (self.radii.len(), self.radii[1]);
-        // Stable up to 1.5 cells.
+        // The Euler step is stable up to 1.5 cells.
         let steps = (until / (0.8 * step)).ceil();
         let mut wear = vec![0.0; nodes];
         for _ in 0..steps as usize {
@@ -57,14 +58,14 @@ impl Procedure {
         PI * step * (1..nodes).map(ring).sum::<f64>()
     }
 
-    /// x ∫ w′/√(x²−r²) dr with w linear between nodes, (3).
+    /// x ∫ w′/√(x²−r²) dr for w linear between nodes, (3).
     fn image(&self, wear: &[f64], i: usize) -> f64 {
         let slopes =
             (1..=i).map(|j| (wear[j] - wear[j - 1]) * (self.angles[i][j] - self.angles[i][j - 1]));
         self.unworn[i] + self.radii[i] / self.radii[1] * slopes.sum::<f64>()
     }
 
-    /// (1/π) ∫ g′/√(x²−r²) dx with g linear between nodes.
+    /// (1/π) ∫ g′/√(x²−r²) dx for g linear between nodes.
     fn pressure(&self, image: &[f64], i: usize) -> f64 {
         let row = &self.stretches[i];
         let slopes =
@@ -72,7 +73,7 @@ impl Procedure {
         FRAC_1_PI / self.radii[1] * slopes.sum::<f64>()
     }
 
-    /// (2/π) ∫ ω/√(r²−x²) dx with ω constant between the middles of cells.
+    /// (2/π) ∫ ω/√(r²−x²) dx for ω constant between the centres of cells.
     fn slip(&self, slips: &[f64], i: usize) -> f64 {
         let parts = (1..=i)
             .map(|j| 0.5 * (slips[j] + slips[j - 1]) * (self.angles[i][j] - self.angles[i][j - 1]));

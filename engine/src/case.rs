@@ -8,46 +8,48 @@ use crate::solver::events::StopCondition;
 use crate::solver::stepped::law::Law;
 use crate::solver::stepped::march::March;
 
-/// Tolerance of the simplified rule where it has no closed form and is integrated in time.
+/// Tolerance of the time integration for the simplified rule. The rule is integrated only if it has
+/// no closed form.
 const RULE_TOLERANCE: f64 = 1e-3;
 /// The number of runs of the simplified rule in a comparison.
 pub(crate) const COMPARISON_RUNS: usize = 31;
-/// Most output radii of the rule in a comparison. More would not change the volume noticeably.
+/// Maximum number of output radii of the rule in a comparison. With more radii the volume would
+/// change by less than its error.
 const COMPARISON_POINTS: usize = 256;
 
-/// The scales of the dimensionless problem. They multiply results back into SI.
+/// The scales of the dimensionless problem. They convert results to SI.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scales {
-    /// a₀ in m.
+    /// Contact radius a₀ in m.
     pub contact_radius: f64,
-    /// d₀ in m.
+    /// Indentation depth d₀ in m.
     pub indentation_depth: f64,
-    /// N₀.
+    /// Characteristic cycles N₀.
     pub cycles: f64,
-    /// U in m.
+    /// Amplitude U in m.
     pub amplitude: f64,
-    /// E* in Pa.
+    /// Normal modulus E* in Pa.
     pub normal_modulus: f64,
-    /// G* in Pa.
+    /// Tangential modulus G* in Pa.
     pub tangential_modulus: f64,
-    /// μ.
+    /// Coefficient of friction μ.
     pub friction: f64,
-    /// k_w in 1/Pa.
+    /// Wear coefficient k_w in 1/Pa.
     pub wear_coefficient: f64,
 }
 
 impl Scales {
-    /// E*a₀d₀ in N.
+    /// The unit of force, E*a₀d₀ in N.
     pub(crate) fn force(&self) -> f64 {
         self.normal_modulus * self.contact_radius * self.indentation_depth
     }
 
-    /// E*d₀/a₀ in Pa.
+    /// The unit of pressure, E*d₀/a₀ in Pa.
     pub(crate) fn pressure(&self) -> f64 {
         self.normal_modulus * self.indentation_depth / self.contact_radius
     }
 
-    /// a₀²d₀ in m³.
+    /// The unit of volume, a₀²d₀ in m³.
     #[must_use]
     pub fn volume(&self) -> f64 {
         self.contact_radius * self.contact_radius * self.indentation_depth
@@ -58,31 +60,31 @@ impl Scales {
         self.friction * self.normal_modulus / self.tangential_modulus * self.indentation_depth
     }
 
-    /// Q from ∫ min(Δ, y).
+    /// The tangential force Q in N from `half` = ∫ min(Δ, y) dx.
     pub(crate) fn tangential(&self, half: f64) -> f64 {
         2.0 * self.friction * half * self.force()
     }
 
-    /// W from ∫ y(Δ − y)₊: 8μE*·(μE*/G*)·a₀d₀² times it.
+    /// The energy W in J from `integral` = ∫ y(Δ − y)₊ dx: W = 8μE*·(μE*/G*)·a₀d₀² · `integral`.
     pub(crate) fn energy(&self, integral: f64) -> f64 {
         let lost = self.friction * self.force();
         8.0 * lost * self.gross_slip_amplitude() * integral
     }
 }
 
-/// How wear is computed.
+/// The method by which wear is computed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Method {
     /// The simplified rule (14).
     Simplified {
-        /// ξ.
+        /// The parameter ξ of the rule.
         xi: f64,
     },
-    /// Wear is local pressure times local slip.
+    /// The exact method: the wear rate is local pressure times local slip.
     Exact {
-        /// The relative error that the run aims at.
+        /// The target relative error of the run.
         tolerance: f64,
-        /// ξ of the simplified rule that the run is compared with, if it is.
+        /// ξ of the simplified rule for a comparison. `None` without a comparison.
         compare: Option<f64>,
     },
 }
@@ -102,15 +104,15 @@ impl Method {
 pub struct Case {
     /// The unworn contact.
     pub contact: Contact,
-    /// What is held in the normal and the tangential direction.
+    /// The quantities that are held constant in the normal and the tangential direction.
     pub control: Control,
-    /// The limiting state, where it is known without a run.
+    /// The limiting state, if it is known without a run.
     pub tends_to: Option<Final>,
     /// The wear at which the run ends early.
     pub until: StopCondition,
-    /// The part of the wear depth on the first body, if requested.
+    /// The share of the wear depth on the first body, if requested.
     pub share: Option<f64>,
-    /// The scales that lead back to SI.
+    /// The scales that convert results to SI.
     pub scales: Scales,
     /// How wear is computed.
     pub method: Method,
@@ -142,7 +144,7 @@ impl Case {
         sums
     }
 
-    /// Whether the run ends at N = `n`, and shows profiles there because that row is the last.
+    /// Whether the run ends at N = `n` and its last row must contain profiles.
     pub(crate) fn shows_end(&self, n: f64, end: f64) -> bool {
         n >= end && self.profile_rows() > 0
     }
@@ -155,7 +157,7 @@ impl Case {
         }
     }
 
-    /// Most springs that can slip. Each of them makes a corner of the friction loop.
+    /// Maximum number of springs that can slip. Each of them is a corner of the friction loop.
     fn springs(&self) -> usize {
         if self.law() != Law::Exact && self.control.is_closed() {
             return ROW_POINTS;
@@ -184,8 +186,8 @@ impl Case {
         }
     }
 
-    /// The run of the simplified rule that an exact run is compared with. It has the same output cycles and
-    /// the same held quantities.
+    /// The run of the simplified rule for a comparison with an exact run. It has the same output
+    /// cycles and the same held quantities.
     pub(crate) fn rule(&self, xi: f64) -> Self {
         Self {
             method: Method::Simplified { xi },
@@ -225,7 +227,7 @@ impl Case {
         }
     }
 
-    /// Ñ of the last output cycle.
+    /// The last output cycle in units of N₀.
     pub(crate) fn normalized_end(&self) -> f64 {
         self.cycles[self.cycles.len() - 1] / self.scales.cycles
     }

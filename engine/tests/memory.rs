@@ -1,6 +1,7 @@
-//! What the engine asks of the allocator: nothing in a right-hand side, little in a run.
+//! Memory use of the engine: evaluating the wear rate allocates nothing, and a run stays below 100
+//! MB.
 
-#![expect(clippy::expect_used, clippy::print_stdout, reason = "tests may stop where they stand")]
+#![expect(clippy::expect_used, clippy::print_stdout, reason = "a failed test may panic")]
 
 use std::sync::Arc;
 
@@ -20,13 +21,13 @@ use serde_json::json;
 #[global_allocator]
 static COUNTED: dhat::Alloc = dhat::Alloc;
 
-// Without the harness, whose threads allocate too.
+// No test harness, because its threads allocate memory too.
 fn main() {
-    no_right_hand_side_allocates_in_any_mode();
+    evaluating_the_wear_rate_allocates_nothing();
     a_run_with_4096_radii_stays_below_100_megabytes();
 }
 
-fn no_right_hand_side_allocates_in_any_mode() {
+fn evaluating_the_wear_rate_allocates_nothing() {
     let _profiler = dhat::Profiler::builder().testing().build();
     let contact = Contact::sticking(Shape::power(2.0), 0.5).expect("a limit");
     let force = UnwornSums::of(&contact, None).tangential;

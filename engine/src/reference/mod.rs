@@ -1,10 +1,11 @@
 //! Reference solutions in closed form for contact, partial slip and its wear.
 //!
-//! They are written from the literature alone, and share no code with the methods of this crate. They can therefore
-//! check these methods, and other programs.
+//! These solutions come from the literature and share no code with the methods of this crate. They
+//! can therefore verify these methods, and other programs too.
 //!
 //! # Units
-//! [`Hertz`], [`Cone`], [`PowerLaw`], [`Sphere`] and [`CattaneoMindlin`] use SI units, or any other coherent system.
+//! [`Hertz`], [`Cone`], [`PowerLaw`], [`Sphere`] and [`CattaneoMindlin`] use SI units, or any other
+//! coherent system of units.
 //! The functions of an exponent are dimensionless: lengths in a₀, heights in d₀, forces in E*a₀d₀ and volumes in
 //! a₀²d₀ of the unworn contact, amplitudes in U_gs = μ(E*/G*)d₀ and cycles in N₀ = a₀/(4Uk_wE*).
 //!
@@ -37,21 +38,21 @@
 //! assert!((contact.energy_per_cycle(force) / 57.9e-6 - 1.0).abs() < 1e-3);
 //! ```
 
-/// Numbers from other programs, as JSON: closed forms of V. L. Popov, Sci. Rep. 4 (2014) 3749, and exact runs by two
-/// discretisations, extrapolated.
+/// Numbers from other programs, as JSON. They are closed forms of V. L. Popov, Sci. Rep. 4 (2014)
+/// 3749, and exact runs, extrapolated from two discretisations.
 pub const TABLE: &str = include_str!("reference.json");
 
 use std::f64::consts::{FRAC_2_PI, FRAC_PI_2, PI};
 
-/// A paraboloid f = r²/(2R), pressed by d. H. Hertz, *J. reine angew. Math.* 92 (1882) 156;
-/// *Johnson* §4.2(a); *Handbook* §2.5.3.
+/// A paraboloid f = r²/(2R) at the indentation depth d. Sources: H. Hertz, *J. reine angew. Math.*
+/// 92 (1882) 156; *Johnson* §4.2(a); *Handbook* §2.5.3.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hertz {
-    /// E* in Pa.
+    /// Normal modulus E* in Pa.
     pub modulus: f64,
-    /// R in m.
+    /// Radius R of the paraboloid in m.
     pub radius: f64,
-    /// d in m.
+    /// Indentation depth d in m.
     pub depth: f64,
 }
 
@@ -63,34 +64,34 @@ impl Hertz {
         Self { modulus, radius, depth: libm::cbrt(root * root / radius) }
     }
 
-    /// a = √(Rd) in m.
+    /// Contact radius a = √(Rd) in m.
     #[must_use]
     pub fn contact_radius(&self) -> f64 {
         (self.radius * self.depth).sqrt()
     }
 
-    /// F = (4/3) E* √R d^(3/2) in N.
+    /// Normal force F = (4/3) E* √R d^(3/2) in N.
     #[must_use]
     pub fn force(&self) -> f64 {
         4.0 / 3.0 * self.modulus * self.depth * (self.radius * self.depth).sqrt()
     }
 
-    /// p₀ = (2/π) E* √(d/R) = 3F/(2πa²) in Pa, on the axis.
+    /// Pressure on the axis, p₀ = (2/π) E* √(d/R) = 3F/(2πa²), in Pa.
     #[must_use]
     pub fn peak_pressure(&self) -> f64 {
         FRAC_2_PI * self.modulus * (self.depth / self.radius).sqrt()
     }
 }
 
-/// A cone f = r·tan θ, pressed by d. I. N. Sneddon, *Int. J. Eng. Sci.* 3 (1965) 47; *Johnson*
-/// §5.2; *Handbook* §2.5.2.
+/// A cone f = r·tan θ at the indentation depth d. Sources: I. N. Sneddon, *Int. J. Eng. Sci.* 3
+/// (1965) 47; *Johnson* §5.2; *Handbook* §2.5.2.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cone {
-    /// E* in Pa.
+    /// Normal modulus E* in Pa.
     pub modulus: f64,
-    /// tan θ, θ from the plane.
+    /// tan θ, with the slope angle θ measured from the plane.
     pub slope: f64,
-    /// d in m.
+    /// Indentation depth d in m.
     pub depth: f64,
 }
 
@@ -101,33 +102,33 @@ impl Cone {
         Self { modulus, slope, depth: (FRAC_PI_2 * force * slope / modulus).sqrt() }
     }
 
-    /// a = (2/π) d/tan θ in m.
+    /// Contact radius a = (2/π) d/tan θ in m.
     #[must_use]
     pub fn contact_radius(&self) -> f64 {
         FRAC_2_PI * self.depth / self.slope
     }
 }
 
-/// A power law f = A rⁿ, pressed by d. L. A. Galin, *Contact Problems in the Theory of Elasticity*
-/// (1953); M. Heß, *Phys. Mesomech.* 15 (2012) 264; *Handbook* §2.5.6.
+/// A power law f = A rⁿ at the indentation depth d. Sources: L. A. Galin, *Contact Problems in the
+/// Theory of Elasticity* (1953); M. Heß, *Phys. Mesomech.* 15 (2012) 264; *Handbook* §2.5.6.
 ///
 /// # Examples
 /// ```
 /// use fretwork_engine::reference::{Hertz, PowerLaw};
-/// // f = r²/(2R) with R = 10 mm is the paraboloid of Hertz.
+/// f = r²/(2R) with R = 10 mm is the paraboloid of Hertz.
 /// let power = PowerLaw { modulus: 113e9, exponent: 2.0, coefficient: 50.0, depth: 3e-6 };
 /// let hertz = Hertz { modulus: 113e9, radius: 0.01, depth: 3e-6 };
 /// assert!((power.force() / hertz.force() - 1.0).abs() < 1e-13);
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PowerLaw {
-    /// E* in Pa.
+    /// Normal modulus E* in Pa.
     pub modulus: f64,
-    /// n > 0.
+    /// Exponent n > 0.
     pub exponent: f64,
-    /// A in m^(1−n).
+    /// Coefficient A in m^(1−n).
     pub coefficient: f64,
-    /// d in m.
+    /// Indentation depth d in m.
     pub depth: f64,
 }
 
@@ -141,14 +142,14 @@ impl PowerLaw {
         Self { depth, ..unit }
     }
 
-    /// a = (d/(κₙA))^(1/n) in m, κₙ = √π Γ(n/2 + 1)/Γ((n+1)/2).
+    /// Contact radius a = (d/(κₙA))^(1/n) in m, with κₙ = √π Γ(n/2 + 1)/Γ((n+1)/2).
     #[must_use]
     pub fn contact_radius(&self) -> f64 {
         let n = self.exponent;
         libm::pow(self.depth / (stretch(n) * self.coefficient), 1.0 / n)
     }
 
-    /// F = (2n/(n+1)) E*ad in N.
+    /// Normal force F = (2n/(n+1)) E*ad in N.
     #[must_use]
     pub fn force(&self) -> f64 {
         let n = self.exponent;
@@ -168,22 +169,23 @@ fn stretch(n: f64) -> f64 {
 /// The formulas assume a plane half-space, which is not valid for a/R above about 0.3.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sphere {
-    /// E* in Pa.
+    /// Normal modulus E* in Pa.
     pub modulus: f64,
-    /// R in m.
+    /// Radius R of the sphere in m.
     pub radius: f64,
-    /// a in m.
+    /// Contact radius a in m.
     pub contact_radius: f64,
 }
 
 impl Sphere {
-    /// d = a artanh(a/R) in m.
+    /// Indentation depth d = a artanh(a/R) in m.
     #[must_use]
     pub fn depth(&self) -> f64 {
         self.contact_radius * libm::atanh(self.contact_radius / self.radius)
     }
 
-    /// F = E* ((R² + a²) artanh(a/R) − aR) in N. For a ≪ R it cancels: the error is R²/a² times the rounding.
+    /// Normal force F = E* ((R² + a²) artanh(a/R) − aR) in N. For a ≪ R the terms cancel, and the
+    /// relative rounding error is multiplied by R²/a².
     #[must_use]
     pub fn force(&self) -> f64 {
         let (r, a) = (self.radius, self.contact_radius);
@@ -196,36 +198,36 @@ impl Sphere {
 /// (1949) 259; R. D. Mindlin, H. Deresiewicz, *J. Appl. Mech.* 20 (1953) 327; *Johnson* §7.2(d),
 /// §7.4; *Handbook* §4.6.
 ///
-/// Tangential forces are Q in N with 0 ≤ Q ≤ μF; Q = μF is the onset of gross slip.
+/// Tangential forces Q are in N, with 0 ≤ Q ≤ μF. Gross slip starts at Q = μF.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CattaneoMindlin {
-    /// The normal contact.
+    /// The normal contact, which Hertz describes.
     pub hertz: Hertz,
-    /// G* in Pa.
+    /// Tangential modulus G* in Pa.
     pub tangential_modulus: f64,
-    /// μ.
+    /// Coefficient of friction μ.
     pub friction: f64,
 }
 
 impl CattaneoMindlin {
-    /// μF in N.
+    /// The friction limit μF in N.
     pub(crate) fn sliding_force(&self) -> f64 {
         self.friction * self.hertz.force()
     }
 
-    /// U at Q = μF in m: μ(E*/G*)d = 3μF/(4G*a).
+    /// The displacement U in m at Q = μF: μ(E*/G*)d = 3μF/(4G*a).
     #[must_use]
     pub fn sliding_displacement(&self) -> f64 {
         0.75 * self.sliding_force() / (self.tangential_modulus * self.hertz.contact_radius())
     }
 
-    /// c = a (1 − Q/(μF))^(1/3) in m.
+    /// Stick radius c = a (1 − Q/(μF))^(1/3) in m.
     #[must_use]
     pub fn stick_radius(&self, force: f64) -> f64 {
         self.hertz.contact_radius() * libm::cbrt(self.reserve(force))
     }
 
-    /// Q at a displacement U in m; μF in gross slip.
+    /// Tangential force Q in N at a displacement U in m. In gross slip it is μF.
     #[must_use]
     pub fn force(&self, displacement: f64) -> f64 {
         let left = (1.0 - displacement / self.sliding_displacement()).max(0.0);
@@ -235,7 +237,8 @@ impl CattaneoMindlin {
     /// The energy lost in a cycle of amplitude Q*, in J:
     /// (18μ²F²/(5G*a)) (1 − (1−q)^(5/3) − (5q/6)(1 + (1−q)^(2/3))), q = Q*/(μF).
     ///
-    /// For small q it is proportional to q³ and cancels: the relative error is 1e-15/q³.
+    /// For small q the result is proportional to q³ and the terms cancel: the relative error is
+    /// 1e-15/q³.
     #[must_use]
     pub fn energy_per_cycle(&self, amplitude: f64) -> f64 {
         let left = self.reserve(amplitude);
@@ -256,9 +259,9 @@ fn two_thirds(x: f64) -> f64 {
     root * root
 }
 
-/// c/a = (1 − q)^(1/(n+1)) of a power law with exponent n under Q = qμF. J. Jäger, *Arch. Appl.
-/// Mech.* 65 (1995) 478; M. Ciavarella, *J. Appl. Mech.* 65 (1998) 998: the stick zone is the contact area of a
-/// smaller normal force.
+/// The stick ratio c/a = (1 − q)^(1/(n+1)) of a power law with exponent n at Q = qμF. The stick
+/// zone is the contact area of a smaller normal force. Sources: J. Jäger, *Arch. Appl. Mech.* 65
+/// (1995) 478; M. Ciavarella, *J. Appl. Mech.* 65 (1998) 998.
 ///
 /// # Examples
 /// ```
@@ -270,28 +273,29 @@ pub fn stick_ratio(n: f64, q: f64) -> f64 {
     libm::pow(1.0 - q, 1.0 / (n + 1.0))
 }
 
-/// The criteria of the sliding transition, for the fretting loop at the gross-slip threshold. S. Fouvry,
-/// P. Kapsa, L. Vincent, *Wear* 185 (1995) 35.
+/// The three criteria of the sliding transition, for the fretting loop at the gross-slip threshold.
+/// Source: S. Fouvry, P. Kapsa, L. Vincent, *Wear* 185 (1995) 35.
 ///
-/// δ* is half of the stroke, δ₀ half of the width of the loop at Q = 0, Q* = μF its height, and W its area:
+/// δ* is half of the stroke, and δ₀ is half of the width of the loop at Q = 0. Q* = μF is the
+/// height of the loop, and W is its area:
 /// ```text
 /// A = W/(4Q*δ*) = 1/(2n+1)        D = δ₀/δ* = 2^(1/(n+1)) − 1        B = W/(4Q*δ₀) = A/D
 /// ```
-/// For n = 2 these are 0.2, 0.26 and 0.77. Larger values mean gross slip. The compliance of the rig changes A, but
-/// not B.
+/// For n = 2 these are 0.2, 0.26 and 0.77. Larger values mean gross slip. The compliance of the rig
+/// changes A but not B.
 ///
 /// # Derivation
-/// At U = U_gs all springs slip, so that W = 8μE*(μE*/G*) ∫ y(d − y) dx with y = d(1 − (x/a)ⁿ), and
-/// ∫ xⁿ(1 − xⁿ) dx = n/((n+1)(2n+1)) over 0…1, while Q*δ* = μF·μ(E*/G*)d with F = (2n/(n+1))E*ad.
-/// By Masing's rule the way back from Q* is U* − 2U((Q*−Q)/2), which at Q = 0 is 2·2^(−n/(n+1)) − 1
-/// of U*.
+/// At U = U_gs all springs slip: W = 8μE*(μE*/G*) ∫ y(d − y) dx with y = d(1 − (x/a)ⁿ). Over 0…1, ∫
+/// xⁿ(1 − xⁿ) dx = n/((n+1)(2n+1)). The denominator of A follows from Q*δ* = μF·μ(E*/G*)d with F =
+/// (2n/(n+1))E*ad. By Masing's rule the unloading branch from Q* is U* − 2U((Q*−Q)/2). At Q = 0 the
+/// displacement on this branch is 2·2^(−n/(n+1)) − 1 of U*.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SlidingTransition {
-    /// A.
+    /// The energy ratio A.
     pub energy_ratio: f64,
-    /// B.
+    /// The system-free ratio B.
     pub system_free_ratio: f64,
-    /// D.
+    /// The displacement ratio D.
     pub displacement_ratio: f64,
 }
 
@@ -306,12 +310,13 @@ impl SlidingTransition {
     }
 }
 
-/// dV/dÑ of an unworn power law whose springs stick inside 0 < c < 1, a₀²d₀: 2I/(1 − cⁿ) with
-/// I = (n/(n+1)) ((1 − c²ⁿ⁺¹)/(2n+1) − cⁿ + cⁿ⁺¹), for n = 2
-/// 2/15 − 2c²/3 + 2c³/3 − 2c⁵/15.
+/// The initial wear rate dV/dÑ, in a₀²d₀, of an unworn power law whose springs stick inside 0 < c <
+/// 1. It is 2I/(1 − cⁿ) with I = (n/(n+1)) ((1 − c²ⁿ⁺¹)/(2n+1) − cⁿ + cⁿ⁺¹). For n = 2, I = 2/15 −
+/// 2c²/3 + 2c³/3 − 2c⁵/15.
 ///
-/// This follows from dV/dN = (k_w/μ)W. The loss W of the unworn contact is the integral of y(Δ − y) over the ring,
-/// with y = 1 − xⁿ and Δ = 1 − cⁿ. The error by cancellation is 1e-15/(1 − c)³.
+/// The formula follows from dV/dN = (k_w/μ)W. The loss W of the unworn contact is the integral of
+/// y(Δ − y) over the ring, with y = 1 − xⁿ and Δ = 1 − cⁿ. Cancellation causes a relative error of
+/// 1e-15/(1 − c)³.
 ///
 /// # Examples
 /// ```
@@ -329,24 +334,26 @@ pub fn initial_wear_rate(n: f64, c: f64) -> f64 {
 /// U_el/U_gs = 2n/(2n+1): the elastic part of the amplitude in gross slip of an unworn power law.
 ///
 /// # Derivation
-/// In gross slip W = 8μE* ∫ y(U − (μE*/G*)y) dx = 4μF(U − U_el) with U_el = μ(E*/G*) ∫y²dx/∫y dx;
-/// for y = d(1 − (x/a)ⁿ) the quotient is d·2n/(2n+1). For U = U_gs this gives A of
-/// [`SlidingTransition`]. A flat punch has U_el = U_gs = μF/(2G*a), which is the lower bound under wear.
+/// In gross slip W = 8μE* ∫ y(U − (μE*/G*)y) dx = 4μF(U − U_el), with U_el = μ(E*/G*) ∫y²dx/∫y dx.
+/// For y = d(1 − (x/a)ⁿ) the quotient of the integrals is d·2n/(2n+1). For U = U_gs this result
+/// gives A of [`SlidingTransition`]. A flat punch has U_el = U_gs = μF/(2G*a), which is a lower
+/// bound of U_el during wear.
 #[must_use]
 pub fn elastic_amplitude_ratio(n: f64) -> f64 {
     2.0 * n / (2.0 * n + 1.0)
 }
 
-/// The wear volume of N cycles of gross slip under a constant force, in m³: V = 4k_wF(U − U_el)N. This is Archard's
-/// law without the elastic part U_el of the stroke, [`elastic_amplitude_ratio`] of U_gs.
+/// The wear volume of N cycles of gross slip at constant force, in m³: V = 4k_wF(U − U_el)N. This
+/// is Archard's law with the slip amplitude U − U_el. U_el is the elastic part of the amplitude.
+/// [`elastic_amplitude_ratio`] gives U_el/U_gs.
 ///
-/// `wear` is k_w in 1/Pa, `force` is F in N, and `slip` is U − U_el ≥ 0 in m. Wear lowers U_el, which is negligible
-/// for U_el ≪ U.
+/// `wear` is k_w in 1/Pa, `force` is F in N, `slip` is U − U_el ≥ 0 in m, and `cycles` is N. U_el
+/// decreases during wear. For U_el ≪ U this decrease is negligible.
 ///
 /// # Examples
 /// ```
 /// use fretwork_engine::reference::gross_slip_volume;
-/// // An amplitude of 50 µm, with negligible U_el, under 10 N and with 1e-5 mm³/(N m).
+/// An amplitude of 50 µm, with negligible U_el, at 10 N and 1e-5 mm³/(N m).
 /// let volume = gross_slip_volume(1e-14, 10.0, 50e-6, 1e6);
 /// assert!((volume / 0.02e-9 - 1.0).abs() < 1e-12);
 /// ```
@@ -355,9 +362,9 @@ pub fn gross_slip_volume(wear: f64, force: f64, slip: f64, cycles: f64) -> f64 {
     4.0 * wear * force * slip * cycles
 }
 
-/// The shakedown limit of q₀ = Q/(μF₀) with held depth and tangential force: (n+1)^(−1/n), which is 0.577 for a
-/// paraboloid and 0.5 for a cone. Below it wear ends, and this number is also the smallest final stick radius. Above
-/// it wear leads to gross slip.
+/// The shakedown limit of q₀ = Q/(μF₀) at constant depth and tangential force: (n+1)^(−1/n). It is
+/// 0.577 for a paraboloid and 0.5 for a cone. Below the limit wear stops, and the final stick ratio
+/// is at least (n+1)^(−1/n). Above the limit wear leads to gross slip.
 #[must_use]
 pub fn shakedown_limit(n: f64) -> f64 {
     libm::pow(n + 1.0, -1.0 / n)
@@ -397,15 +404,15 @@ mod tests {
             self.sliding_displacement() * (1.0 - two_thirds(self.reserve(force)))
         }
 
-        /// The shear traction at r in Pa: μp₀(√(1 − r²/a²) − (c/a) √(1 − r²/c²)), the root counting only
-        /// inside its radius.
+        /// The shear traction at r in Pa: μp₀(√(1 − r²/a²) − (c/a) √(1 − r²/c²)). Each root is 0
+        /// outside its radius.
         fn shear(&self, force: f64, r: f64) -> f64 {
             let (a, c) = (self.hertz.contact_radius(), self.stick_radius(force));
             let chord = |radius: f64| ((radius - r) * (radius + r)).max(0.0).sqrt();
             self.friction * self.hertz.peak_pressure() * (chord(a) - chord(c)) / a
         }
 
-        /// The displacement in m at a force −Q* ≤ Q ≤ Q* on the way back from Q*:
+        /// The displacement in m on the unloading branch from Q*, at a force −Q* ≤ Q ≤ Q*:
         /// (3μF/(4G*a)) (2(1 − (Q*−Q)/(2μF))^(2/3) − (1 − Q*/(μF))^(2/3) − 1).
         fn displacement_on_return(&self, amplitude: f64, force: f64) -> f64 {
             let returned = two_thirds(self.reserve(0.5 * (amplitude - force)));
@@ -423,14 +430,15 @@ mod tests {
         assert!((value / expected - 1.0).abs() < tolerance, "{value}, not {expected}");
     }
 
-    /// F = 2E* ∫ (d − g) dx over 0…a and, from the pressure, 2π ∫ p r dr: (9) and its counterpart.
+    /// The force by the springs: F = 2E* ∫ (d − g) dx over 0…a, (9).
     fn by_springs(radius: f64, image: impl Fn(f64) -> f64) -> f64 {
         let depth = image(radius);
         2.0 * MODULUS * integrate(0.0, radius, |x| depth - image(x))
     }
 
+    /// The force by the pressure: F = 2π ∫ p r dr.
     fn by_pressure(radius: f64, pressure: impl Fn(f64) -> f64) -> f64 {
-        // Graded to both ends, where pressures have roots and logarithms.
+        // Graded to both ends, because pressures have square roots and logarithms there.
         let half = |from: f64, to: f64| {
             integrate(0.0, 1.0, |s| {
                 let r = from + (to - from) * s * s;
@@ -441,7 +449,7 @@ mod tests {
     }
 
     #[test]
-    fn hertz_carries_his_pressure_and_that_of_the_springs() {
+    fn hertz_agrees_with_integrals_over_springs_and_pressure() {
         let hertz = Hertz { modulus: MODULUS, radius: 0.01, depth: 3.5e-6 };
         let a = hertz.contact_radius();
         close(hertz.force(), by_springs(a, |x| x * x / hertz.radius), 1e-12);
@@ -452,7 +460,7 @@ mod tests {
     }
 
     #[test]
-    fn the_cone_carries_its_pressure_and_that_of_the_springs() {
+    fn the_cone_agrees_with_integrals_over_springs_and_pressure() {
         let cone = Cone { modulus: MODULUS, slope: 0.02, depth: 3.5e-6 };
         let a = cone.contact_radius();
         close(cone.force(), by_springs(a, |x| FRAC_PI_2 * cone.slope * x), 1e-12);
@@ -462,7 +470,7 @@ mod tests {
     }
 
     #[test]
-    fn the_power_law_holds_cone_paraboloid_and_what_is_between_and_beyond() {
+    fn the_power_law_agrees_with_cone_and_paraboloid_and_with_quadrature() {
         let hertz = Hertz { modulus: MODULUS, radius: 0.01, depth: 3e-6 };
         let power = PowerLaw { modulus: MODULUS, exponent: 2.0, coefficient: 50.0, depth: 3e-6 };
         close(power.contact_radius(), hertz.contact_radius(), 1e-14);
@@ -486,7 +494,7 @@ mod tests {
     }
 
     #[test]
-    fn the_sphere_carries_what_its_springs_carry() {
+    fn the_sphere_agrees_with_its_springs_and_with_hertz_for_small_contacts() {
         let sphere = Sphere { modulus: MODULUS, radius: 0.01, contact_radius: 3e-3 };
         close(sphere.depth(), 3e-3 * libm::atanh(0.3), 1e-14);
         close(sphere.force(), by_springs(3e-3, |x| x * libm::atanh(x / 0.01)), 1e-12);
@@ -495,7 +503,7 @@ mod tests {
         close(small.force(), hertz.force(), 1e-4);
     }
 
-    /// (8)–(10) on the row of springs of a paraboloid, without a formula of Cattaneo or Mindlin.
+    /// (8)–(10) for the springs of a paraboloid, without the formulas of Cattaneo and Mindlin.
     #[test]
     fn cattaneo_and_mindlin_agree_with_the_springs() {
         let hertz = Hertz::under(100.0, MODULUS, 0.01);
@@ -523,7 +531,8 @@ mod tests {
                 },
                 1e-4,
             );
-            // Springs dragged back: by Masing each turns round at twice its limit.
+            // Springs during unloading. By Masing's rule each spring slips again after twice its
+            // limit.
             let back = 0.4 * u;
             let returned = 2.0
                 * in_pieces(c, &|x| {
@@ -532,14 +541,14 @@ mod tests {
                 });
             let displacement = contact.displacement_on_return(force, returned);
             assert!((displacement - back).abs() < 1e-3 * u, "{displacement} {back}");
-            // W is the area of the loop, and what the springs lose: 4·limit·(U − limit/G*) each,
-            // twice the half row.
+            // W is the area of the loop. It also is the sum of the losses of the springs,
+            // 4·limit·(U − limit/G*) each. The factor 8 covers both halves of the row.
             let lost = 8.0 * integrate(c, a, |x| limit(x) * (u - limit(x) / 93e9));
             close(contact.energy_per_cycle(force), lost, 1e-9);
             let area = 2.0
                 * integrate(0.0, 1.0, |s| {
                     let q = force * (1.0 - 2.0 * s);
-                    // ∮ u dQ: the way out is the way back turned round.
+                    // ∮ u dQ. The loading branch is the unloading branch with the opposite sign.
                     2.0 * force * contact.displacement_on_return(force, q)
                 });
             close(area, lost, 1e-4);
@@ -550,7 +559,7 @@ mod tests {
     }
 
     #[test]
-    fn the_sliding_transition_of_hertz_and_mindlin_is_that_of_fouvry() {
+    fn the_transition_criteria_of_a_hertz_mindlin_contact_agree_with_fouvry() {
         let criteria = SlidingTransition::of(2.0);
         assert!((criteria.energy_ratio - 0.2).abs() < 1e-15);
         assert!((criteria.displacement_ratio - (2.0 * libm::exp2(-2.0 / 3.0) - 1.0)).abs() < 1e-15);
@@ -561,13 +570,13 @@ mod tests {
         close(contact.energy_per_cycle(top) / (4.0 * top * stroke), criteria.energy_ratio, 1e-13);
         let open = contact.displacement_on_return(top, 0.0) / stroke;
         close(open, criteria.displacement_ratio, 1e-13);
-        // The cone by quadrature: y = 1 − x.
+        // The loss of the cone by quadrature, with y = 1 − x.
         let lost = 8.0 * integrate(0.0, 1.0, |x| (1.0 - x) * x);
         close(lost / 4.0, SlidingTransition::of(1.0).energy_ratio, 1e-13);
     }
 
     #[test]
-    fn wear_begins_with_the_loss_of_the_unworn_springs() {
+    fn the_initial_wear_rate_is_the_loss_of_the_unworn_springs() {
         for (n, c) in [(1.0_f64, 0.21), (2.0, 0.5), (2.5, 0.7), (4.0, 0.3)] {
             let threshold = 1.0 - libm::pow(c, n);
             let y = |x: f64| 1.0 - libm::pow(x, n);
@@ -581,7 +590,7 @@ mod tests {
     }
 
     #[test]
-    fn gross_slip_stores_four_fifths_of_its_onset_in_a_paraboloid() {
+    fn the_elastic_amplitude_ratio_agrees_with_quadrature_and_with_mindlin_and_deresiewicz() {
         close(elastic_amplitude_ratio(2.0), 0.8, 1e-15);
         for n in [1.0, 2.0, 3.0, 8.0] {
             let y = |x: f64| 1.0 - libm::pow(x, n);
@@ -589,7 +598,8 @@ mod tests {
             close(elastic_amplitude_ratio(n), second / first, 1e-13);
             close(SlidingTransition::of(n).energy_ratio, 1.0 - second / first, 1e-13);
         }
-        // At its onset this is (k_w/μ)·W of Mindlin and Deresiewicz.
+        // At the gross-slip threshold the volume per cycle is (k_w/μ)·W, with W of Mindlin and
+        // Deresiewicz.
         let hertz = Hertz::under(100.0, MODULUS, 0.01);
         let contact = CattaneoMindlin { hertz, tangential_modulus: 93e9, friction: 0.7 };
         let slip = contact.sliding_displacement() * (1.0 - elastic_amplitude_ratio(2.0));

@@ -1,6 +1,7 @@
-//! Scenarios of every kind, made up at random: what must hold in any answer.
+//! Random scenarios of every kind, and the properties that every result must have.
 //!
-//! `FRETWORK_TEST_LONG` takes 100 000 for the simplified rule and 2 000 for the exact method.
+//! With the environment variable `FRETWORK_TEST_LONG` the tests run 100 000 scenarios by the
+//! simplified rule and 2 000 by the exact method.
 
 use fretwork_engine::case::{Case, Method};
 use fretwork_engine::contact::control::{Normal, Tangential};
@@ -12,7 +13,7 @@ use proptest::prelude::*;
 use proptest::test_runner::TestRunner;
 use serde_json::{Value, json};
 
-/// Tables that rise more or less: steps of any length and height, and now and then a fall.
+/// Tables with an increasing trend: steps of any length and height, with occasional decreases.
 fn any_table() -> impl Strategy<Value = Value> {
     let rows = prop::collection::vec((1e-3..1.0_f64, -0.1..1.0_f64), 1..40);
     (rows, -6.0..-2.0_f64, -8.0..-3.0_f64, 1.0..4.0_f64).prop_map(|(rows, length, height, power)| {
@@ -29,7 +30,7 @@ fn any_table() -> impl Strategy<Value = Value> {
     })
 }
 
-/// Motions, and instants that fit them.
+/// Random motions, each with suitable output cycles.
 fn any_motion() -> impl Strategy<Value = (Value, Value)> {
     let amplitude = || (-9.0..-3.0_f64).prop_map(|u| 10_f64.powf(u));
     let stick = prop_oneof![
@@ -65,7 +66,7 @@ fn any_motion() -> impl Strategy<Value = (Value, Value)> {
                     let cycles = 10_f64.powf(*n).round();
                     instants.extend([end + 0.3 * cycles, end + cycles]);
                     end += cycles;
-                    // Now and then the contact rests.
+                    // Sometimes the contact is at rest in a block.
                     let share = if i > 0 && *share < 0.3 { 0.0 } else { share.max(0.1) };
                     json!({"amplitude": share * u, "cycles": cycles})
                 })
@@ -81,7 +82,7 @@ fn any_motion() -> impl Strategy<Value = (Value, Value)> {
     prop_oneof![4 => (plain, cycles), 1 => blocks, 1 => reversals]
 }
 
-/// Anything that one might ask for; not all of it is accepted.
+/// Random requests of every kind. Some of them are not valid.
 pub fn any_scenario() -> impl Strategy<Value = Value> {
     let profile = prop_oneof![
         (1e-6..1e3_f64).prop_map(|r| json!({"shape": "paraboloid", "radius": r})),
@@ -128,7 +129,8 @@ pub fn any_scenario() -> impl Strategy<Value = Value> {
     )
 }
 
-/// Runs `count` scenarios that are accepted; `vary` makes of each what is to be run.
+/// Runs `count` valid scenarios. `vary` changes each request before the check, and `judge` checks
+/// the result.
 fn over(count: u32, vary: impl Fn(&mut Value), judge: impl Fn(&Scenario, &Outcome)) {
     let config = ProptestConfig {
         cases: count,
@@ -146,7 +148,7 @@ fn over(count: u32, vary: impl Fn(&mut Value), judge: impl Fn(&Scenario, &Outcom
         let echo = serde_json::to_value(&scenario).expect("a document");
         let (again, _) = scenario::check(&echo, "").expect("the echo is accepted");
         prop_assert_eq!(&again, &scenario);
-        // The scenario as it can be sent again goes with whatever is wrong.
+        // A failure prints the scenario, so that it can be reproduced.
         let judged = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
             judge(&scenario, &Simulation::of(&scenario).expect("a contact").run());
         }));
@@ -169,7 +171,7 @@ fn is_long() -> bool {
     std::env::var_os("FRETWORK_TEST_LONG").is_some()
 }
 
-/// What is held stays.
+/// The held quantities must be constant.
 fn judge_held(case: &Case, outcome: &Outcome) {
     let History { normal_force, indentation_depth, tangential_force, .. } = &outcome.history;
     let same = |column: &[f64], digits: f64| {
@@ -181,7 +183,7 @@ fn judge_held(case: &Case, outcome: &Outcome) {
         Normal::Depth => same(indentation_depth, 1e-14),
         Normal::Force => {
             same(normal_force, 1e-9);
-            // What has gone from between the bodies does not come back.
+            // Removed material does not return, so the depth must not decrease.
             let error = outcome.accuracy.volume_error.unwrap_or(0.0);
             let slack = 1.0 - 3.0 * tolerance(case) - error;
             let sinks = indentation_depth.windows(2).all(|pair| pair[1] >= slack * pair[0]);
@@ -189,14 +191,14 @@ fn judge_held(case: &Case, outcome: &Outcome) {
         }
     }
     if let Tangential::Force(_) = case.control.tangential {
-        // Where all slips the force is at its bound, to the mesh.
+        // In gross slip the tangential force differs from its bound by the error of the mesh.
         let end = tangential_force.len()
             - usize::from(outcome.events.iter().any(|event| event.kind == EventKind::GrossSlip));
         same(&tangential_force[..end], 1e-9);
     }
 }
 
-/// What holds whichever method computes.
+/// The properties that the results of both methods must have.
 fn judge(scenario: &Scenario, outcome: &Outcome) {
     let case = scenario.case().expect("a case");
     let History {
@@ -238,7 +240,7 @@ fn judge(scenario: &Scenario, outcome: &Outcome) {
     }
     assert_eq!(wear_volume[0], 0.0);
     judge_held(&case, outcome);
-    // Nothing wears deeper than the indenter goes.
+    // The wear depth must not exceed the indentation depth.
     for (wear, depth) in wear_depth.iter().zip(indentation_depth) {
         let deepest = depth.max(indentation_depth[0]);
         assert!(*wear <= 1.02 * deepest, "{wear_depth:?} {indentation_depth:?}");
@@ -256,7 +258,7 @@ fn judge(scenario: &Scenario, outcome: &Outcome) {
     judge_profiles(outcome);
 }
 
-/// The profiles and the loops.
+/// The properties of the profiles and of the loops.
 fn judge_profiles(outcome: &Outcome) {
     let Profiles { radius, initial, worn, wear, image, pressure, slip, .. } =
         outcome.profiles.as_ref().expect("profiles");
@@ -277,7 +279,8 @@ fn judge_profiles(outcome: &Outcome) {
         for p in row {
             assert!(*p >= 0.0, "{row:?}");
         }
-        // Apex, flat edge, stick edge: where it may be infinite, it is so at one radius.
+        // The pressure may be infinite at the apex, at the edge of a flat or at the stick edge, and
+        // nowhere else.
         assert!(row.iter().filter(|p| p.is_infinite()).count() <= 2, "{row:?}");
     }
     for row in slip {
@@ -294,17 +297,17 @@ fn judge_profiles(outcome: &Outcome) {
 }
 
 #[test]
-fn whatever_is_accepted_is_worn_sensibly_by_the_simplified_rule() {
+fn the_simplified_rule_gives_valid_results_for_random_scenarios() {
     let count = if is_long() { 100_000 } else { 2000 };
     over(count, |_| {}, judge);
 }
 
 #[test]
-fn whatever_is_accepted_is_worn_sensibly_by_the_exact_method() {
+fn the_exact_method_gives_valid_results_for_random_scenarios() {
     let count = if is_long() { 2000 } else { 300 };
     let exact = |request: &mut Value| {
         request["model"]["method"] = json!("exact");
-        // Coarse runs must not leave the rails either.
+        // Coarse runs must be valid too.
         let coarse = request["model"]["points"].as_u64().is_some_and(|points| points % 2 == 0);
         request["model"]["tolerance"] = json!(if coarse { 0.02 } else { 3e-3 });
     };
@@ -319,8 +322,9 @@ fn whatever_is_accepted_is_worn_sensibly_by_the_exact_method() {
     });
 }
 
-/// Each right-hand side wears as much as its energy says, to rounding: what is left is the error of the steps,
-/// which is held to the tolerance, in parts of the wear there is and of 1 % of what it will grow to.
+/// The wear rate satisfies the energy balance to rounding, so the mismatch is the error of the time
+/// steps. The tolerance limits this error, relative to the present wear plus 1 % of the limiting
+/// wear.
 fn judge_energy(scenario: &Scenario, outcome: &Outcome) {
     let case = scenario.case().expect("a case");
     let Some(mismatch) = outcome.accuracy.energy_mismatch else { return };
@@ -329,7 +333,8 @@ fn judge_energy(scenario: &Scenario, outcome: &Outcome) {
     assert!(mismatch.abs() < most, "energy mismatch {mismatch}, at most {most}");
 }
 
-/// A scenario with one of nine pairs of held quantities and one of four shapes, in scaled units.
+/// A scenario with one of nine combinations of held quantities and one of four shapes, in scaled
+/// units.
 fn scaled_request(
     mode: usize,
     shape: usize,
@@ -362,7 +367,8 @@ fn scaled_request(
         7 => ("depth", json!({"reversals": [2e-6 * length, -2e-6 * length, 1e-6 * length]})),
         _ => ("force", json!({"amplitude": 9e-6 * length})),
     };
-    // What is held is given, so that nothing is rounded that does not scale.
+    // The request contains the held quantities themselves, so that no rounding depends on the
+    // scale.
     let load = match held {
         "force" => json!({"normal_force": 64.0 * force}),
         _ => json!({"indentation_depth": 4e-6 * length}),
@@ -379,9 +385,9 @@ fn scaled_request(
     })
 }
 
-/// Lengths, moduli and wear coefficients scale out: only their ratios act.
+/// Results depend on the ratios of lengths, moduli and wear coefficients only.
 #[test]
-fn a_scaled_scenario_has_the_scaled_answer_in_every_mode() {
+fn scaling_the_units_of_a_scenario_scales_the_result_for_all_held_quantities() {
     let run = |request: &Value| {
         let (scenario, _) =
             scenario::check(request, "").unwrap_or_else(|faults| panic!("{request}: {faults:?}"));

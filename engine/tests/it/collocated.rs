@@ -1,9 +1,9 @@
-//! A second exact solver, built differently, so that it can judge the first.
+//! A second exact solver with a different discretisation, as an independent check of the engine.
 //!
-//! Where the engine's mesh is staggered and its springs carry means, here everything lives in the
-//! same points: the wear w, the springs and the pressure. Each of the three transforms is integrated
-//! by itself, none is got from another, and the energy is not made to balance. All is in units of
-//! a₀, d₀, E*d₀/a₀ and E*a₀d₀; η = d − g, y = max(0, η).
+//! In the engine the mesh is staggered and the springs have mean values over cells. Here the wear
+//! w, the springs and the pressure are values at the same points. Each of the three transforms has
+//! its own quadrature, and the energy balance is not enforced. Units: a₀, d₀, E*d₀/a₀ and E*a₀d₀; η
+//! = d − g, y = max(0, η).
 //!
 //! # Equations
 //! ```text
@@ -13,21 +13,23 @@
 //! dw/dÑ = p·s,   ω = max(0, Δ − y)/Δ(0)
 //! F = 2 ∫ y dx,   Q = 2 ∫ min(Δ, y) dx
 //! ```
-//! The edges of contact (η = 0) and of stick (y = Δ) lie anywhere between two points; such a cell is
-//! cut there. Steps in time are Heun's, kept below the limit of stability. A crude run on equal cells
-//! comes first; the second one has small cells where the stick edge has spent its time.
+//! The edge of contact (η = 0) and the stick edge (y = Δ) can lie between two points. The cell is
+//! then divided at the edge. The time integration is Heun's method with steps below the stability
+//! limit. A coarse run on equal cells comes first. The second run has small cells at the positions
+//! of the stick edge.
 //!
 //! # Accuracy
-//! Of first order in the cell. With 240 cells, against the table of other discretisations:
+//! First order in the cell width. Errors with 240 cells, compared with the table of other
+//! discretisations:
 //! ```text
-//! held        V        F        d        depth    c        a        gross slip begins
+//! held        V        F        d        depth    c        a        start of gross slip
 //! d, Δ        0.2 %    0.2 %             0.2 %             1 %
 //! F, Δ        0.4 %             0.1 %    0.3 %    0.1 %    1 %
 //! d, Q        0.3 %                                                 2 % late
 //! F, Q        0.2 %
 //! ```
-//! and dV/dÑ is 2 ∫ y ω dx to 0.6 %. Where d and g hardly differ any more, a is up to 4 % short, but
-//! the scar is not. Steps in time add 0.01 %.
+//! dV/dÑ equals 2 ∫ y ω dx to 0.6 %. If d and g are almost equal, a is up to 4 % too small, but the
+//! scar radius is not. The time steps add an error of 0.01 %.
 
 use std::f64::consts::{FRAC_1_PI, FRAC_2_PI, PI};
 
@@ -43,89 +45,89 @@ use fretwork_engine::solver::stepped::law::Law;
 use fretwork_engine::solver::stepped::march::March;
 use serde_json::Value;
 
-/// What presses the indenter.
+/// The quantity that is held constant in the normal direction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Normal {
-    /// d = 1.
+    /// The depth: d = 1.
     Depth,
-    /// F is that of the unworn contact.
+    /// The force: F is that of the unworn contact.
     Force,
 }
 
-/// What moves it to and fro.
+/// The quantity that is held constant in the tangential direction.
 pub enum Tangential {
-    /// Δ.
+    /// The amplitude Δ.
     Amplitude(f64),
-    /// Q, which no contact bears that is pressed by less.
+    /// The tangential force Q. A contact with F ≤ Q cannot carry it.
     Force(f64),
-    /// Δ + κQ: a drive of this amplitude through a spring of compliance κ.
+    /// Δ + κQ: the amplitude of an actuator behind a spring of compliance κ.
     Rig { amplitude: f64, compliance: f64 },
-    /// Δ and until when, one after the other; the last holds for ever.
+    /// The amplitude Δ and the end time of each block. The last block does not end.
     Blocks(Vec<(f64, f64)>),
-    /// ω of a spring that slips from y on, as a function of y, and the least y at which it is 0.
+    /// ω as a function of y, and the smallest y at which ω is 0.
     Record { omega: Box<dyn Fn(f64) -> f64>, limit: f64 },
 }
 
-/// A contact to wear.
+/// A contact and its held quantities.
 pub struct Problem {
     pub shape: Shape,
     pub normal: Normal,
     pub tangential: Tangential,
 }
 
-/// The worn contact at one instant.
+/// The worn contact at one time.
 #[derive(Debug, Clone)]
 pub struct State {
-    /// Ñ.
+    /// Time Ñ.
     pub time: f64,
-    /// V.
+    /// Wear volume V.
     pub volume: f64,
-    /// F.
+    /// Normal force F.
     pub normal_force: f64,
-    /// Q.
+    /// Tangential force Q.
     pub tangential_force: f64,
-    /// d.
+    /// Indentation depth d.
     pub indentation_depth: f64,
-    /// Δ.
+    /// Amplitude Δ.
     pub threshold: f64,
-    /// The largest w.
+    /// The largest wear depth.
     pub wear_depth: f64,
-    /// Where g = d, which is hard to tell once the springs out there carry hardly anything.
+    /// The radius where g = d. It is inaccurate if the outer springs carry almost no load.
     pub contact_radius: f64,
-    /// Where w ends, to a cell.
+    /// The outer radius of the wear, to the width of a cell.
     pub scar_radius: f64,
-    /// Where y = Δ; 0 if everything slips.
+    /// The radius where y = Δ; 0 in gross slip.
     pub stick_radius: f64,
     /// ∫ y ω dx, half of dV/dÑ.
     pub energy: f64,
-    /// The points.
+    /// The radii of the points.
     pub radii: Vec<f64>,
-    /// w there.
+    /// Wear w at the points.
     pub wear: Vec<f64>,
-    /// g there.
+    /// Image g at the points.
     pub image: Vec<f64>,
-    /// p there.
+    /// Pressure p at the points.
     pub pressure: Vec<f64>,
-    /// s there, as ω times Δ/Δ(0).
+    /// Slip s at the points, multiplied by Δ/Δ(0).
     pub slip: Vec<f64>,
 }
 
-/// What came of a problem.
+/// The result of a run.
 #[derive(Debug)]
 pub struct Course {
-    /// At the instants asked for, as far as the tangential force could be borne.
+    /// The states at the requested times, as long as the contact can carry the tangential force.
     pub states: Vec<State>,
-    /// From when on nothing sticks.
+    /// The time at which gross slip starts.
     pub gross_slip: Option<f64>,
 }
 
-/// Runs a problem on so many cells; `instants` ascend.
+/// Runs a problem on `cells` cells. The times in `instants` ascend.
 pub fn run(problem: &Problem, cells: usize, instants: &[f64]) -> Course {
     let unworn = unworn_threshold(problem);
     let stick = problem.shape.image_inverse((1.0 - unworn).max(0.0));
     let mut crude = Run::new(problem, equal(stick, 1.2, cells / 3), unworn);
     crude.to(instants);
-    // Where the stick edge never comes nothing wears; but the crude run may be wrong about that.
+    // Nothing wears inside the smallest stick radius. The margin covers an error of the coarse run.
     let least = crude.trace.iter().copied().fold(stick, f64::min);
     let from = if crude.gross_slip.is_some() { 0.0 } else { 0.9 * least };
     let mesh = |from: f64| graded(from, stick, &crude.trace, 1.05 * crude.outer, cells);
@@ -138,23 +140,24 @@ pub fn run(problem: &Problem, cells: usize, instants: &[f64]) -> Course {
     Course { states: run.states, gross_slip: run.gross_slip }
 }
 
-/// A problem on two meshes, which tell the error.
+/// The results of a problem on two meshes. Their difference gives an error estimate.
 pub struct Pair {
-    /// On half of the cells.
+    /// The result on half of the cells.
     pub coarse: Course,
-    /// On all of them.
+    /// The result on all cells.
     pub fine: Course,
 }
 
 impl Pair {
-    /// Runs a problem on half and on all of so many cells.
+    /// Runs a problem on `cells` cells and on half as many.
     pub fn run(problem: &Problem, cells: usize, instants: &[f64]) -> Self {
         Self { coarse: run(problem, cells / 2, instants), fine: run(problem, cells, instants) }
     }
 
-    /// A quantity at the instants on the finer mesh, and its relative error: twice the largest
-    /// difference between both meshes. Twice, because the order is a little below one at the moving
-    /// edge of contact; the largest, because the error changes its sign in time.
+    /// A quantity at the requested times on the finer mesh, and its relative error: twice the
+    /// largest difference between the two meshes. The factor 2 is needed because the order is
+    /// slightly below one at a moving edge of contact. The largest difference is used because the
+    /// error changes its sign in time.
     pub fn column(&self, of: impl Fn(&State) -> f64) -> (Vec<f64>, f64) {
         let fine: Vec<f64> = self.fine.states.iter().map(&of).collect();
         let coarse: Vec<f64> = self.coarse.states.iter().map(&of).collect();
@@ -164,14 +167,14 @@ impl Pair {
         (fine, error)
     }
 
-    /// When gross slip began on the finer mesh, and by how much this may be wrong.
+    /// The time at which gross slip starts on the finer mesh, and its error.
     pub fn gross_slip(&self) -> Option<(f64, f64)> {
         let (fine, coarse) = (self.fine.gross_slip?, self.coarse.gross_slip?);
         Some((fine, 2.0 * (fine - coarse).abs()))
     }
 }
 
-/// Δ of the unworn contact.
+/// The amplitude Δ of the unworn contact.
 fn unworn_threshold(problem: &Problem) -> f64 {
     let shape = &problem.shape;
     let force = |c: f64| {
@@ -192,7 +195,7 @@ fn unworn_threshold(problem: &Problem) -> f64 {
     }
 }
 
-/// Cells of one width up to `to`, one point at `at`.
+/// Cells of equal width up to `to`, with one point at `at`.
 fn equal(at: f64, to: f64, cells: usize) -> Vec<f64> {
     let width = to / cells as f64;
     let nearest = (at / width).round();
@@ -203,14 +206,14 @@ fn equal(at: f64, to: f64, cells: usize) -> Vec<f64> {
     radii
 }
 
-/// Cells shrink towards the stick edge as far as this, and not beyond.
+/// Minimum scale of the cell widths next to the stick edge.
 const CORE: f64 = 0.003;
-/// How many cells that takes; the others are of one width.
+/// Weight of the small cells in the distribution of points; the other cells have equal widths.
 const SHARE: f64 = 0.1;
 
-/// Cells that are small near the places in `trace`, one point at `at`.
+/// Cells that are small near the positions in `trace`, with one point at `at`.
 fn graded(from: f64, at: f64, trace: &[f64], to: f64, cells: usize) -> Vec<f64> {
-    // As many points below x as this.
+    // A number proportional to the number of points below x.
     let count = |x: f64| -> f64 {
         let sticking: Vec<f64> =
             trace.iter().filter(|c| **c > 0.0).map(|c| ((x - c) / CORE).asinh()).collect();
@@ -232,7 +235,7 @@ fn graded(from: f64, at: f64, trace: &[f64], to: f64, cells: usize) -> Vec<f64> 
     radii
 }
 
-/// (2/π) ∫ ω/√(r²−x²) dx between two points, ω linear.
+/// (2/π) ∫ ω/√(r²−x²) dx between two points, for linear ω.
 fn slipped(r: f64, (from, to): (f64, f64), (at_from, at_to): (f64, f64)) -> f64 {
     if from == to {
         return 0.0;
@@ -244,15 +247,15 @@ fn slipped(r: f64, (from, to): (f64, f64), (at_from, at_to): (f64, f64)) -> f64 
     FRAC_2_PI * ((at_from - slope * from) * angle + slope * (near - far))
 }
 
-/// The mesh and what depends on nothing else.
+/// The mesh and the matrices of the transforms.
 struct Mesh {
     radii: Vec<f64>,
     unworn: Vec<f64>,
-    /// Point by point, g − g₀ − w(0) from the differences of w in the cells inside.
+    /// Row i gives g − g₀ − w(0) at point i from the differences of w in the cells inside.
     image: Vec<Vec<f64>>,
-    /// Point by point, p from the differences of y in the cells outside.
+    /// Row i gives p at point i from the differences of y in the cells outside.
     pressure: Vec<Vec<f64>>,
-    /// Point by point, s from ω inside.
+    /// Row i gives s at point i from ω inside.
     slip: Vec<Vec<f64>>,
 }
 
@@ -263,7 +266,7 @@ impl Mesh {
             radii.iter().enumerate().map(|(i, r)| row(i, *r)).collect()
         };
         let image = rows(&|i, x| {
-            // x ∫ dr/√(x²−r²) is what `slipped` of a constant is, but for a factor.
+            // x ∫ dr/√(x²−r²) is `slipped` of a constant, without the factor 2/π.
             let one = |cell: &(f64, f64)| slipped(x, *cell, (1.0, 1.0)) / (cell.1 - cell.0);
             cells[..i].iter().map(|cell| x / FRAC_2_PI * one(cell)).collect()
         });
@@ -284,13 +287,14 @@ impl Mesh {
     }
 }
 
-/// p from a fall of y by 1 between two points, y linear in x².
+/// The pressure for a decrease of y by 1 between two points, with y linear in x².
 fn pressed(r: f64, (from, to): (f64, f64)) -> f64 {
     let chord = |x: f64| ((x - r) * (x + r)).max(0.0).sqrt();
     2.0 * FRAC_1_PI / (chord(from) + chord(to))
 }
 
-/// Where, as shares of a cell in which η runs from one value to the other, η is Δ or 0; and both ends.
+/// The two ends of a cell, and the positions at which η equals Δ and 0, as shares of the cell. η is
+/// linear.
 fn pieces(ends: (f64, f64), threshold: f64) -> [f64; 4] {
     let share = |level: f64| {
         if ends.0 == ends.1 { 0.0 } else { ((level - ends.0) / (ends.1 - ends.0)).clamp(0.0, 1.0) }
@@ -299,7 +303,7 @@ fn pieces(ends: (f64, f64), threshold: f64) -> [f64; 4] {
     [0.0, one.min(other), one.max(other), 1.0]
 }
 
-/// The springs under some wear.
+/// The springs for a given wear.
 struct Springs {
     depth: f64,
     /// The largest y.
@@ -311,12 +315,12 @@ struct Springs {
     tangential_force: f64,
 }
 
-/// p, s and their product dw/dÑ at the points.
+/// Pressure p, slip s and the wear rate dw/dÑ = p·s at the points.
 struct Rubbing {
     pressure: Vec<f64>,
     slip: Vec<f64>,
     rate: Vec<f64>,
-    /// The largest s over the width of a cell.
+    /// The largest ratio of s to the width of the cell.
     speed: f64,
 }
 
@@ -328,21 +332,22 @@ struct Run<'a> {
     wear: Vec<f64>,
     states: Vec<State>,
     gross_slip: Option<f64>,
-    /// Where the stick edge was, look by look.
+    /// The stick radii at the looks so far.
     trace: Vec<f64>,
-    /// How far the contact went.
+    /// The largest contact radius so far.
     outer: f64,
-    /// Something slips inside the first point.
+    /// Whether a spring inside the first point slips.
     too_far: bool,
 }
 
-/// The step is this share of the time in which s would cross the smallest cell.
+/// Time step, divided by the time in which s would cross the smallest cell.
 const COURANT: f64 = 0.8;
-/// And never longer than this.
+/// Maximum time step.
 const LONGEST: f64 = 0.1;
-/// Where no step as short as this is possible, the tangential force is borne no more.
+/// If a step would have to be shorter than this, the contact can no longer carry the tangential
+/// force.
 const SHORTEST: f64 = 1e-5;
-/// How often the stick edge is looked at to see where it stays.
+/// Number of times at which the position of the stick edge is recorded.
 const LOOKS: usize = 16;
 
 impl<'a> Run<'a> {
@@ -363,7 +368,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Runs to the instants, as far as the tangential force can be borne.
+    /// Runs to the requested times, as long as the contact can carry the tangential force.
     fn to(&mut self, instants: &[f64]) {
         let end = instants.last().copied().unwrap_or(0.0);
         let mut stops: Vec<f64> = instants.to_vec();
@@ -387,7 +392,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Steps to an instant; false if it is out of reach.
+    /// Steps to the time `until`. Returns false if the run cannot reach this time.
     fn advance(&mut self, until: f64) -> bool {
         while self.time < until {
             let Some(springs) = self.springs(&self.wear) else {
@@ -428,7 +433,7 @@ impl<'a> Run<'a> {
         true
     }
 
-    /// Appends cells once the contact has come near the last.
+    /// Appends cells when the wear has almost reached the last cell.
     fn make_room(&mut self) {
         let points = self.mesh.radii.len();
         if self.wear[points - 3..].iter().all(|w| *w == 0.0) {
@@ -442,7 +447,7 @@ impl<'a> Run<'a> {
         self.mesh = Mesh::new(&self.problem.shape, radii);
     }
 
-    /// ω of a spring.
+    /// The slip ω of a spring.
     fn omega(&self, eta: f64, threshold: f64) -> f64 {
         match &self.problem.tangential {
             Tangential::Record { omega, .. } => omega(eta.max(0.0)),
@@ -450,7 +455,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// ∫ f(y) dx from the first point on, f smooth between 0 and Δ and beyond.
+    /// ∫ f(y) dx over the mesh, for f that is smooth between 0 and Δ and above Δ.
     fn sum(&self, eta: &[f64], threshold: f64, f: impl Fn(f64) -> f64) -> f64 {
         let radii = &self.mesh.radii;
         let mut sum = 0.0;
@@ -494,7 +499,7 @@ impl<'a> Run<'a> {
         2.0 * (core + self.sum(eta, threshold, |y| y.min(threshold)))
     }
 
-    /// The springs under some wear; `None` if they cannot bear the tangential force.
+    /// The springs for a given wear. `None` if they cannot carry the tangential force.
     fn springs(&self, wear: &[f64]) -> Option<Springs> {
         let mesh = &self.mesh;
         let rises: Vec<f64> = wear.windows(2).map(|pair| pair[1] - pair[0]).collect();
@@ -517,7 +522,7 @@ impl<'a> Run<'a> {
         };
         let eta: Vec<f64> = image.iter().map(|g| depth - g).collect();
         let normal_force = self.normal_force(&image, depth);
-        // Inside the first point nothing is worn.
+        // Nothing is worn inside the first point, so g = 0 on the axis.
         let axis = if mesh.radii[0] > 0.0 { depth } else { eta[0] };
         let most = eta.iter().copied().fold(axis, f64::max);
         let force = |threshold: f64| self.tangential_force(&eta, depth, threshold);
@@ -539,7 +544,7 @@ impl<'a> Run<'a> {
         Some(Springs { depth, most, threshold, eta, normal_force, tangential_force })
     }
 
-    /// What rubs under some springs.
+    /// Pressure, slip and wear rate for a state of the springs.
     fn rubbing(&self, springs: &Springs) -> Rubbing {
         let (mesh, eta) = (&self.mesh, &springs.eta);
         let radii = &mesh.radii;
@@ -549,7 +554,7 @@ impl<'a> Run<'a> {
         let mut slip: Vec<f64> = mesh.slip.iter().map(|row| dot(row, &omega)).collect();
         let mut pressure: Vec<f64> =
             mesh.pressure.iter().enumerate().map(|(i, row)| dot(row, &falls[i..])).collect();
-        // The cells in which an edge lies are taken out and put in again in pieces.
+        // A cell that contains an edge is subtracted and added again in pieces.
         for j in 0..falls.len() {
             let cell = (radii[j], radii[j + 1]);
             let ends = (eta[j], eta[j + 1]);
@@ -631,14 +636,14 @@ impl<'a> Run<'a> {
     }
 }
 
-/// Cells of the finer mesh in the tests below.
+/// Number of cells of the finer mesh in the tests below.
 const CELLS: usize = 240;
 
 fn held(shape: Shape, normal: Normal, tangential: Tangential) -> Problem {
     Problem { shape, normal, tangential }
 }
 
-/// The rows of a part of the table: two other discretisations, extrapolated.
+/// The rows of a part of the table, extrapolated from two other discretisations.
 fn rows(part: &str) -> Vec<Value> {
     let table: Value =
         serde_json::from_str(fretwork_engine::reference::TABLE).expect("a JSON table");
@@ -653,12 +658,12 @@ fn numbers(row: &Value, name: &str) -> Vec<f64> {
     row[name].as_array().expect(name).iter().map(|x| x.as_f64().expect(name)).collect()
 }
 
-/// The largest relative difference.
+/// The largest relative difference between two columns.
 fn apart(values: &[f64], expected: &[f64]) -> f64 {
     values.iter().zip(expected).map(|(value, x)| (value / x - 1.0).abs()).fold(0.0, f64::max)
 }
 
-/// A quantity of the states, by the name of its column in the table.
+/// A quantity of a state, with the name of its column in the table.
 type Quantity = (&'static str, fn(&State) -> f64);
 
 const VOLUME: Quantity = ("wear_volume", |state| state.volume);
@@ -668,8 +673,8 @@ const DEPTH: Quantity = ("wear_depth", |state| state.wear_depth);
 const CONTACT: Quantity = ("contact_radius", |state| state.contact_radius);
 const STICK: Quantity = ("stick_radius", |state| state.stick_radius);
 
-/// Checks a pair against columns of a row: off by less than `tolerance`, and by less than it says
-/// itself and the row leaves open.
+/// Compares a pair with columns of a row. The difference must be below `tolerance`. It must also be
+/// below the estimated error of the pair plus the error `open` of the row.
 fn compare(pair: &Pair, row: &Value, open: f64, columns: &[(Quantity, f64)]) {
     for ((name, of), tolerance) in columns {
         let (values, error) = pair.column(of);
@@ -680,7 +685,7 @@ fn compare(pair: &Pair, row: &Value, open: f64, columns: &[(Quantity, f64)]) {
 }
 
 #[test]
-fn each_transform_by_itself_is_right() {
+fn each_transform_agrees_with_its_closed_form() {
     for exponent in [1.0, 2.0, 3.0] {
         let shape = Shape::power(exponent);
         let problem = held(shape.clone(), Normal::Depth, Tangential::Amplitude(2.0));
@@ -690,11 +695,12 @@ fn each_transform_by_itself_is_right() {
             let most = |f: &dyn Fn(usize) -> f64| {
                 (0..radii.len()).filter(|i| radii[*i] > 0.1).map(f).fold(0.0, f64::max)
             };
-            // Worn by its own profile, the indenter has twice its image.
+            // If the wear equals the profile, the image is twice the unworn image.
             let wear: Vec<f64> = radii.iter().map(|r| shape.profile(*r)).collect();
             let worn = run.springs(&wear).expect("springs");
             let image = most(&|i| (1.0 - worn.eta[i] - 2.0 * shape.image(radii[i])).abs());
-            // Unworn, p is known, and ω = (1 + g₀)/2 gives s = (1 + f₀)/2 in the contact.
+            // For the unworn contact p is known, and ω = (1 + g₀)/2 gives s = (1 + f₀)/2 inside the
+            // contact.
             let unworn = run.springs(&vec![0.0; radii.len()]).expect("springs");
             let rubbing = run.rubbing(&unworn);
             let pressure = |i: usize| shape.pressure_inside(radii[i], 1.0);
@@ -712,7 +718,7 @@ fn each_transform_by_itself_is_right() {
 }
 
 #[test]
-fn with_depth_and_amplitude_held_the_table_is_met() {
+fn the_collocated_solver_agrees_with_the_table_at_constant_depth_and_amplitude() {
     for row in rows("exact_depth_and_amplitude_held") {
         let shape = Shape::power(number(&row, "exponent"));
         let threshold = 1.0 - shape.image(number(&row, "stick_radius"));
@@ -725,7 +731,7 @@ fn with_depth_and_amplitude_held_the_table_is_met() {
 }
 
 #[test]
-fn with_force_and_amplitude_held_the_table_is_met() {
+fn the_collocated_solver_agrees_with_the_table_at_constant_force_and_amplitude() {
     for row in rows("exact_force_and_amplitude_held") {
         let shape = Shape::power(number(&row, "exponent"));
         let threshold = 1.0 - shape.image(number(&row, "stick_radius_initial"));
@@ -738,7 +744,7 @@ fn with_force_and_amplitude_held_the_table_is_met() {
 }
 
 #[test]
-fn with_depth_and_tangential_force_held_the_table_is_met() {
+fn the_collocated_solver_agrees_with_the_table_at_constant_depth_and_tangential_force() {
     for row in rows("exact_depth_and_tangential_force_held") {
         let shape = Shape::power(number(&row, "exponent"));
         let force = 2.0 * shape.half_force() * number(&row, "q");
@@ -760,7 +766,7 @@ fn with_depth_and_tangential_force_held_the_table_is_met() {
 }
 
 #[test]
-fn with_both_forces_held_the_table_is_met() {
+fn the_collocated_solver_agrees_with_the_table_at_constant_normal_and_tangential_force() {
     for row in rows("exact_force_and_tangential_force_held") {
         let shape = Shape::power(number(&row, "exponent"));
         let force = 2.0 * shape.half_force() * number(&row, "q");
@@ -770,9 +776,10 @@ fn with_both_forces_held_the_table_is_met() {
     }
 }
 
-/// Source: V. L. Popov, Sci. Rep. 4 (2014) 3749, with the depth and the stick radius of each mode.
+/// Source: V. L. Popov, Sci. Rep. 4 (2014) 3749, with the depth and the stick radius of each
+/// control.
 #[test]
-fn the_limits_of_the_table_are_reached_where_q_is_held() {
+fn the_collocated_solver_reaches_the_limiting_states_at_constant_tangential_force() {
     for (part, normal) in [
         ("limit_force_and_tangential_force_held", Normal::Force),
         ("limit_depth_and_tangential_force_held", Normal::Depth),
@@ -793,7 +800,7 @@ fn the_limits_of_the_table_are_reached_where_q_is_held() {
                 let off = (value / number(&row, name) - 1.0).abs();
                 assert!(off < tolerance, "{name} is {off} off in {row}");
             }
-            // All of the tangential force is borne where nothing slips.
+            // In the limiting state the sticking core carries the whole tangential force.
             let borne = 2.0 * state.threshold * state.stick_radius;
             assert!((borne / state.tangential_force - 1.0).abs() < 2e-3, "{borne}");
         }
@@ -801,7 +808,7 @@ fn the_limits_of_the_table_are_reached_where_q_is_held() {
 }
 
 #[test]
-fn wear_is_what_the_energy_says_in_every_mode() {
+fn the_wear_rate_agrees_with_the_energy_for_all_held_quantities() {
     let wave = |y: f64| 0.5 * ((0.75 - y).max(0.0) + (0.6 - y).max(0.0)) / 0.75;
     for (name, normal, tangential) in [
         ("amplitude", Normal::Depth, Tangential::Amplitude(0.75)),
@@ -823,13 +830,13 @@ fn wear_is_what_the_energy_says_in_every_mode() {
 }
 
 #[test]
-fn a_rig_lies_between_amplitude_and_force_held() {
+fn wear_with_a_rig_lies_between_constant_amplitude_and_constant_force() {
     let volumes = |tangential: Tangential| -> Vec<f64> {
         let problem = held(Shape::power(2.0), Normal::Force, tangential);
         let course = run(&problem, CELLS / 4, &[0.5, 2.0, 8.0]);
         course.states.iter().map(|state| state.volume).collect()
     };
-    // c = 0.6
+    // These values belong to c = 0.6.
     let (threshold, force) = (0.64, 2.0 * (0.6 * 0.64 + integrate(0.6, 1.0, |x| 1.0 - x * x)));
     let rig = |compliance: f64| {
         volumes(Tangential::Rig { amplitude: threshold + compliance * force, compliance })
@@ -844,7 +851,7 @@ fn a_rig_lies_between_amplitude_and_force_held() {
 }
 
 #[test]
-fn blocks_and_records_of_one_amplitude_are_that_amplitude() {
+fn blocks_and_records_of_one_amplitude_give_the_wear_of_that_amplitude() {
     let volumes = |tangential: Tangential| -> Vec<f64> {
         let problem = held(Shape::power(2.0), Normal::Depth, tangential);
         let course = run(&problem, CELLS / 4, &[0.5, 1.0, 2.0, 40.0]);
@@ -854,9 +861,10 @@ fn blocks_and_records_of_one_amplitude_are_that_amplitude() {
     let blocks = volumes(Tangential::Blocks(vec![(0.75, 1.0), (0.75, 3.0)]));
     let omega = Box::new(|y: f64| (0.75 - y).max(0.0) / 0.75);
     let record = volumes(Tangential::Record { omega, limit: 0.75 });
-    // At the end of a block a step ends.
+    // The small difference is due to an additional time step at the end of a block.
     assert!(apart(&blocks, &amplitude) < 1e-4 && apart(&record, &amplitude) < 1e-9);
-    // The smaller amplitude adds less, and what comes last is what the limit knows.
+    // The block of smaller amplitude adds less wear. The limiting wear is that of the larger
+    // amplitude in the last block.
     let falling = volumes(Tangential::Blocks(vec![(0.75, 1.0), (0.5, 99.0)]));
     let rising = volumes(Tangential::Blocks(vec![(0.5, 1.0), (0.75, 99.0)]));
     assert!((falling[0] / amplitude[0] - 1.0).abs() < 5e-3, "{falling:?} {amplitude:?}");
@@ -865,9 +873,9 @@ fn blocks_and_records_of_one_amplitude_are_that_amplitude() {
     assert!((rising[3] / amplitude[3] - 1.0).abs() < 5e-3, "{rising:?} {amplitude:?}");
 }
 
-/// dV/dÑ = F·(1 − what is lost to the elastic part of the stroke), however far the contact grows.
+/// dV/dÑ = F·(1 − elastic part of the amplitude), for any size of the contact.
 #[test]
-fn gross_slip_under_force_wears_by_force_and_path() {
+fn gross_slip_under_constant_force_obeys_archards_law() {
     let problem = held(Shape::power(2.0), Normal::Force, Tangential::Amplitude(100.0));
     let instants = [1.0, 8.0, 32.0];
     let pair = Pair::run(&problem, CELLS, &instants);
@@ -881,7 +889,7 @@ fn gross_slip_under_force_wears_by_force_and_path() {
     assert!(pair.fine.states[2].contact_radius > 2.0, "it has grown");
 }
 
-/// The same problem as the engine has it.
+/// The same problem in the types of the engine.
 fn engine(problem: &Problem, record: Option<&DisplacementRecord>, last: f64) -> (Contact, March) {
     let threshold = unworn_threshold(problem);
     let contact = Contact::new(problem.shape.clone(), threshold).expect("a limit");
@@ -909,7 +917,7 @@ fn engine(problem: &Problem, record: Option<&DisplacementRecord>, last: f64) -> 
 }
 
 #[test]
-fn the_engine_agrees_in_every_mode() {
+fn the_engine_agrees_with_the_collocated_solver_for_all_held_quantities() {
     use Normal::{Depth, Force};
     use Tangential::{Amplitude, Blocks, Rig};
     let record = DisplacementRecord::new(&[1.0, -1.0, 0.6, -0.4, 0.8]).expect("motion");
@@ -948,7 +956,7 @@ fn the_engine_agrees_in_every_mode() {
     }
 }
 
-/// Compares the engine's run of a problem with the collocated one.
+/// Compares the run of the engine with the run of the collocated solver.
 fn agree(name: &str, problem: &Problem, record: &DisplacementRecord) {
     let instants = [0.25, 1.0, 4.0];
     let pair = Pair::run(problem, CELLS, &instants);
@@ -1006,8 +1014,8 @@ fn agree(name: &str, problem: &Problem, record: &DisplacementRecord) {
     {
         let (values, error) = pair.column(of);
         let off = apart(&values, expected);
-        // The engine has errors too: more where d and g hardly differ, and on the axis of a cone,
-        // where its wear is right only to the height of its first cell.
+        // The engine has errors too. They are larger where d and g are almost equal, and on the
+        // axis of a cone, where the error of the wear is the height of the first cell.
         let (tolerance, open) = match quantity {
             "wear_depth" if apex => (2e-2, 2e-2),
             "contact_radius" => (tolerance, 2e-3),

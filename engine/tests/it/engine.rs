@@ -1,5 +1,5 @@
-//! The engine against independent ways to the same numbers: closed forms, tabulated reference
-//! solutions, a literal stepping of the springs, and quadrature of the integrals that define the
+//! Compares the engine with independent calculations: closed forms, tabulated reference solutions,
+//! a step-by-step simulation of the springs, and quadrature of the integrals that define the
 //! curves.
 
 use std::f64::consts::{FRAC_2_PI, PI};
@@ -48,9 +48,9 @@ fn close(value: f64, expected: f64, tolerance: f64) {
     );
 }
 
-/// A worked example whose digits were computed with other tools.
+/// A worked example. Its digits were computed with other programs.
 #[test]
-fn the_steel_ball_has_its_published_digits() {
+fn the_steel_ball_example_has_the_published_digits() {
     let outcome = run(&steel_ball());
     close(outcome.unworn.normal_modulus, 112.64e9, 5e-5);
     close(outcome.unworn.tangential_modulus, 92.76e9, 5e-5);
@@ -68,10 +68,11 @@ fn the_steel_ball_has_its_published_digits() {
     assert_eq!(outcome.warnings, []);
 }
 
-/// Source: R. D. Mindlin, H. Deresiewicz, J. Appl. Mech. 20 (1953) 327: the energy lost per cycle of
-/// a Hertz contact under constant normal force and a tangential force amplitude Q.
+/// Source: R. D. Mindlin, H. Deresiewicz, J. Appl. Mech. 20 (1953) 327. It gives the energy lost
+/// per cycle of a Hertz contact under a constant normal force and a tangential force of amplitude
+/// Q.
 #[test]
-fn the_unworn_energy_is_that_of_mindlin_and_deresiewicz() {
+fn the_unworn_energy_per_cycle_agrees_with_mindlin_and_deresiewicz() {
     for ratio in [0.05, 0.3, 0.5, 0.8, 0.99] {
         let mut request = steel_ball();
         request["motion"] = json!({"stick_ratio": ratio});
@@ -89,7 +90,7 @@ fn the_unworn_energy_is_that_of_mindlin_and_deresiewicz() {
 
 /// Source: V. L. Popov, Sci. Rep. 4 (2014) 3749, evaluated in reference.json.
 #[test]
-fn the_limits_agree_with_the_reference_table() {
+fn limiting_states_agree_with_the_reference_table() {
     let table: Value =
         serde_json::from_str(fretwork_engine::reference::TABLE).expect("a JSON table");
     let rows = table["limit_depth_and_amplitude_held"].as_array().expect("rows");
@@ -111,9 +112,9 @@ fn the_limits_agree_with_the_reference_table() {
     }
 }
 
-/// The closed form of (14)–(16) against stepping the springs through every cycle.
+/// Compares the closed form of (14)–(16) with a simulation of the springs in every cycle.
 #[test]
-fn the_closed_form_is_what_literal_stepping_converges_to() {
+fn step_by_step_simulation_converges_to_the_closed_form() {
     for (exponent, c) in [(2.0, 0.5), (1.0, 0.21)] {
         let shape = Shape::power(exponent);
         let contact = Contact::sticking(shape, c).expect("a limit");
@@ -146,7 +147,7 @@ fn the_closed_form_is_what_literal_stepping_converges_to() {
     }
 }
 
-/// Shapes and stick radii on which curves are compared with their defining integrals.
+/// Shapes and stick radii for the comparison of curves with their defining integrals.
 fn contacts() -> Vec<Contact> {
     [
         (Shape::power(2.0), 0.5),
@@ -173,12 +174,12 @@ fn contacts() -> Vec<Contact> {
     .collect()
 }
 
-/// arccos(c/r), 0 for r < c.
+/// arccos(c/r); 0 for r < c.
 fn angle(c: f64, r: f64) -> f64 {
     (c / r).min(1.0).acos()
 }
 
-/// η(x) of the simplified rule.
+/// The signed compression η(x) of the simplified rule.
 fn signed_compression(contact: &Contact, x: f64, decay: Decay) -> f64 {
     let unworn = 1.0 - contact.shape.image(x);
     if x <= contact.stick || x > contact.limit.radius {
@@ -190,7 +191,7 @@ fn signed_compression(contact: &Contact, x: f64, decay: Decay) -> f64 {
     compression
 }
 
-/// ∫ over from…to in panels that shrink towards both ends and `kinks`.
+/// ∫ over from…to, in panels that become smaller towards both ends and towards the `kinks`.
 fn panels(from: f64, to: f64, kinks: &[f64], f: impl Fn(f64) -> f64) -> f64 {
     let mut edges = vec![from, to];
     edges.extend(kinks.iter().copied().filter(|k| (from..to).contains(k)));
@@ -211,14 +212,15 @@ fn panels(from: f64, to: f64, kinks: &[f64], f: impl Fn(f64) -> f64) -> f64 {
         .sum()
 }
 
-/// The kinks of a contact's unworn image and `more`.
+/// The kinks of the unworn image, and the additional kinks `more`.
 fn kinks(contact: &Contact, more: &[f64]) -> Vec<f64> {
     [contact.shape.kinks(), more].concat()
 }
 
-/// Force, energy and volume against quadrature in panels that shrink towards the stick edge.
+/// Compares force, energy and volume with a quadrature in panels that become smaller towards the
+/// stick edge.
 #[test]
-fn the_sums_over_the_row_are_the_integrals_they_stand_for() {
+fn spring_row_sums_agree_with_numerical_integrals() {
     for contact in contacts() {
         let row = SpringRow::new(&contact);
         let outer = contact.limit.radius;
@@ -248,9 +250,9 @@ fn the_sums_over_the_row_are_the_integrals_they_stand_for() {
     }
 }
 
-/// Every curve at 256 radii against quadrature of the integral that defines it.
+/// Compares every curve at 256 radii with a quadrature of its defining integral.
 #[test]
-fn the_curves_are_the_integrals_they_stand_for() {
+fn the_curves_agree_with_numerical_integrals() {
     for contact in contacts() {
         let solver = Simplified::new(&contact, 256);
         let (c, outer) = (contact.stick, contact.limit.radius);
@@ -262,7 +264,7 @@ fn the_curves_are_the_integrals_they_stand_for() {
             let unworn = |x: f64| 1.0 - contact.shape.image(x);
             for (index, r) in solver.radii().iter().enumerate().skip(1).step_by(5) {
                 let r = *r;
-                // Wear: (4) of g − g₀, in the angle, so that the root is gone.
+                // Wear: (4) of g − g₀. The substitution by an angle removes the root.
                 let kinks = kinks(&contact, &[1.0, outer]);
                 let kinks: Vec<f64> = kinks.iter().map(|kink| angle(*kink, r)).collect();
                 let wear = if r > outer {
@@ -280,7 +282,7 @@ fn the_curves_are_the_integrals_they_stand_for() {
                     "wear {} for {wear} at r = {r}, Ñ = {normalized}: {contact:?}",
                     curves.wear[index]
                 );
-                // Slip: the same of ω.
+                // Slip: the same integral of ω.
                 let slip = FRAC_2_PI
                     * panels(0.0, angle(c, r), &kinks, |psi| {
                         (1.0 - eta(r * psi.cos()).max(0.0) / contact.threshold).max(0.0)
@@ -296,9 +298,10 @@ fn the_curves_are_the_integrals_they_stand_for() {
     }
 }
 
-/// At the onset of gross slip the image forms a step on the axis that no mesh resolves.
+/// Just above the gross-slip threshold, the image forms a step on the axis that no mesh can
+/// resolve.
 #[test]
-fn a_step_thinner_than_any_cell_does_no_harm() {
+fn wear_is_accurate_even_if_the_step_of_the_image_is_thinner_than_a_cell() {
     for exponent in [1.0, 1.5, 2.0, 8.0] {
         for threshold in [1.0, 1.0 + 1e-9, 1.0 + 1e-6, 1.0 + 1e-3] {
             let contact = Contact::new(Shape::power(exponent), threshold).expect("a limit");
@@ -318,7 +321,7 @@ fn a_step_thinner_than_any_cell_does_no_harm() {
                             let x = r * psi.cos();
                             1.0 - contact.shape.image(x) - signed_compression(&contact, x, *decay)
                         });
-                    // Next to the axis the worst is a cone at Ñ = 20.
+                    // Next to the axis, the largest error is that of a cone at Ñ = 20.
                     let tolerance = if *r < 0.1 { 0.1 } else { 2e-3 };
                     let error = (wear - exact.max(0.0)).abs();
                     assert!(error < tolerance, "{error} at {r} of {exponent} {threshold}");
@@ -329,8 +332,8 @@ fn a_step_thinner_than_any_cell_does_no_harm() {
 }
 
 #[test]
-fn a_blunt_contact_near_gross_slip_keeps_its_core() {
-    // For n = 20 and c = 0.35 the threshold is 1 − 8e-10: not gross slip.
+fn a_blunt_contact_near_gross_slip_keeps_its_sticking_core() {
+    // For n = 20 and c = 0.35 the threshold is 1 − 8e-10, which is still partial slip.
     let mut request = steel_ball();
     request["profile"] =
         json!({"shape": "power", "exponent": 20, "height": "1 um", "at_radius": "0.1 mm"});
@@ -340,15 +343,16 @@ fn a_blunt_contact_near_gross_slip_keeps_its_core() {
     close(outcome.unworn.stick_radius / outcome.scales.contact_radius, 0.35, 1e-3);
     let limit = outcome.limit.expect("a limit");
     close(limit.normal_force / outcome.scales.normal_force, 0.3675, 1e-3);
-    // What 12 digits cannot tell from gross slip is refused.
+    // The engine refuses a stick ratio that 12 digits of the amplitude cannot distinguish from
+    // gross slip.
     request["motion"] = json!({"stick_ratio": 0.2});
     let faults = scenario::check(&request, "").expect_err("a fault");
     assert_eq!(faults.0[0].pointer, "/motion/stick_ratio");
 }
 
-/// The pressure by (3)'s companion integral of the exact −y′, against the sampled one.
+/// Compares the sampled pressure with (1/π) ∫ −y′/√(x²−r²) dx of the exact −y′.
 #[test]
-fn the_pressure_is_the_integral_of_the_image_slope() {
+fn the_pressure_agrees_with_the_integral_of_the_image_slope() {
     for contact in contacts() {
         let solver = Simplified::new(&contact, 256);
         for normalized in [0.0, 0.5, 4.0] {
@@ -360,7 +364,7 @@ fn the_pressure_is_the_integral_of_the_image_slope() {
                 let rest = contact.threshold - unworn;
                 let ratio = contact.threshold / (unworn * decay.left + rest);
                 let factor = if x < contact.stick { 1.0 } else { decay.left * ratio * ratio };
-                // Infinite at the edge of a flat, where no quadrature should look.
+                // The slope is infinite at the edge of a flat, so it is limited for the quadrature.
                 contact.shape.image_slope(x).min(1e9) * factor
             };
             for (index, r) in solver.radii().iter().enumerate().skip(1).step_by(3) {
@@ -369,14 +373,15 @@ fn the_pressure_is_the_integral_of_the_image_slope() {
                     assert_eq!(curves.pressure[index], 0.0, "outside the contact");
                     continue;
                 }
-                // x = r cosh s takes the root out.
+                // The substitution x = r cosh s removes the root.
                 let panel_ends: Vec<f64> = kinks(&contact, &[contact.stick])
                     .iter()
                     .map(|kink| libm::acosh((kink / r).max(1.0)))
                     .collect();
                 let exact =
                     panels(0.0, libm::acosh(1.0 / r), &panel_ends, |s| slope(r * s.cosh())) / PI;
-                // Next to the stick edge the pressure peaks within a few radii of the mesh.
+                // Next to the stick edge the pressure has a peak that is only a few mesh cells
+                // wide.
                 let near = |edge: &f64, width| (r - edge).abs() < width;
                 let edge = near(&contact.stick, 0.02)
                     || contact.shape.kinks().iter().any(|kink| near(kink, 0.05));
@@ -392,8 +397,8 @@ fn the_pressure_is_the_integral_of_the_image_slope() {
 }
 
 #[test]
-fn pressure_carries_the_force_and_its_sum_the_volume() {
-    // 2π ∫ p r dr = F: pressure and force come from different sums.
+fn the_pressure_integrates_to_the_force_and_the_wear_to_the_volume() {
+    // 2π ∫ p r dr = F. Pressure and force are computed from different sums.
     for contact in contacts() {
         let solver = Simplified::new(&contact, 512);
         for normalized in [0.0, 1.0, 4.0] {
@@ -407,7 +412,7 @@ fn pressure_carries_the_force_and_its_sum_the_volume() {
                     PI * (low + curves.pressure[i] * radii[i]) * (radii[i] - radii[i - 1])
                 })
                 .sum();
-            // The pressure at the edge of a flat is infinite, if integrable.
+            // The pressure at the edge of a flat is infinite but integrable.
             let tolerance = if contact.shape.kinks().is_empty() { 3e-3 } else { 8e-3 };
             close(force, 2.0 * state.sums.normal, tolerance);
             if normalized > 0.0 {
@@ -417,7 +422,7 @@ fn pressure_carries_the_force_and_its_sum_the_volume() {
     }
 }
 
-/// Σ W has a closed form for the simplified rule; here the energy per cycle is summed instead.
+/// For the simplified rule Σ W has a closed form. The test sums the energy per cycle instead.
 #[test]
 fn the_dissipated_energy_is_the_sum_of_the_energy_per_cycle() {
     let mut request = steel_ball();
@@ -426,7 +431,7 @@ fn the_dissipated_energy_is_the_sum_of_the_energy_per_cycle() {
     let history = run(&request).history;
     let last = history.cycles.len() - 1;
     let mut sum = 0.0;
-    // Simpson on pairs of equal steps (the last single step by the trapezium).
+    // Simpson's rule on pairs of equal steps. The trapezoidal rule is used for a single last step.
     let step = history.cycles[2] - history.cycles[1];
     for i in (0..last - 1).step_by(2) {
         let w = &history.energy_per_cycle[i..i + 3];
@@ -438,10 +443,10 @@ fn the_dissipated_energy_is_the_sum_of_the_energy_per_cycle() {
     close(history.dissipated_energy[last], sum, 1e-8);
 }
 
-/// At the start of wear of a paraboloid, dṼ/dÑ(0) = 2I/(1−c²) by the exact method. The energy
-/// integral I is common to both methods: W̃(0) = 8·I in its unit.
+/// At the start of wear of a paraboloid, the exact method has dṼ/dÑ(0) = 2I/(1−c²). Both methods
+/// use the same energy integral I: W̃(0) = 8·I in its unit.
 #[test]
-fn the_energy_integral_of_the_paraboloid_is_its_polynomial() {
+fn the_energy_integral_of_a_paraboloid_agrees_with_its_polynomial() {
     for c in [0.1_f64, 0.5, 0.9] {
         let contact = Contact::new(Shape::power(2.0), 1.0 - c * c).expect("a limit");
         let sums = SpringRow::new(&contact).sums(Decay::UNWORN);
@@ -451,9 +456,9 @@ fn the_energy_integral_of_the_paraboloid_is_its_polynomial() {
     }
 }
 
-/// Source: the exact runs in reference.json. How far the rule itself is off.
+/// Source: the exact runs in reference.json. The test measures the error of the simplified rule.
 #[test]
-fn the_simplified_rule_is_as_far_from_the_exact_method_as_documented() {
+fn the_error_of_the_simplified_rule_stays_within_the_documented_range() {
     let table: Value =
         serde_json::from_str(fretwork_engine::reference::TABLE).expect("a JSON table");
     for row in table["exact_depth_and_amplitude_held"].as_array().expect("rows") {
@@ -477,9 +482,10 @@ fn the_simplified_rule_is_as_far_from_the_exact_method_as_documented() {
     }
 }
 
-/// A sphere's image is infinite at its equator, which radii about a wide scar must not touch.
+/// The image of a sphere is infinite at its equator. The output radii around a large scar must stay
+/// inside it.
 #[test]
-fn radii_about_a_wide_scar_stay_inside_the_sphere() {
+fn output_radii_around_a_large_scar_stay_inside_the_sphere() {
     let request = json!({
         "profile": {"shape": "sphere", "radius": 112.449_327_18},
         "moduli": {"normal": 187_090.257_306, "tangential": 149_672.205_845},
@@ -492,9 +498,9 @@ fn radii_about_a_wide_scar_stay_inside_the_sphere() {
     assert!(profiles.image.iter().flatten().all(|g| g.is_finite()), "{:?}", profiles.image);
 }
 
-/// An actuator may move a billion times as far as the springs yield.
+/// An actuator can move a billion times the elastic displacement of the springs.
 #[test]
-fn a_loop_far_wider_than_the_springs_yield_keeps_its_ratios() {
+fn a_loop_much_wider_than_the_elastic_displacement_has_ratios_of_one() {
     let widths: Vec<f64> = (1..40).map(|q| 0.01 + 0.001 * f64::from(q % 7)).collect();
     let compressions: Vec<f64> = (1..40).map(|q| 1e-6 / f64::from(q)).collect();
     let found = Backbone::of_cells(0.0, 1e9, &compressions, &widths, None).wind();
@@ -504,7 +510,7 @@ fn a_loop_far_wider_than_the_springs_yield_keeps_its_ratios() {
 }
 
 #[test]
-fn more_points_converge_to_second_order() {
+fn the_closed_form_solver_converges_with_second_order() {
     for (exponent, c) in [(2.0, 0.5), (1.0, 0.21), (2.0, 0.0)] {
         let shape = Shape::power(exponent);
         let contact = Contact::sticking(shape, c).expect("a limit");
@@ -530,8 +536,9 @@ fn more_points_converge_to_second_order() {
 }
 
 #[test]
-fn steps_and_blocks_do_not_change_a_digit() {
-    // 70 instants take several steps at 4096 points; each instant alone is a run of its own.
+fn splitting_a_simplified_run_into_steps_changes_no_digit() {
+    // At 2048 points the 70 output cycles take several steps. Each output cycle is also computed in
+    // a separate run.
     let mut request = steel_ball();
     request["cycles"] = json!({"from": 10, "to": 1e6, "count": 70});
     request["profiles_at"] = json!("last");

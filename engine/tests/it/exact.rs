@@ -1,4 +1,5 @@
-//! The exact method against converged reference runs, the limit and what must hold in itself.
+//! Compares the exact method with converged reference runs and with the limiting state, and checks
+//! its consistency.
 
 use std::f64::consts::PI;
 
@@ -22,7 +23,7 @@ fn contact(exponent: f64, c: f64) -> Contact {
     Contact::sticking(shape, c).expect("a limit")
 }
 
-/// A run with depth and amplitude held.
+/// A run at constant depth and amplitude.
 fn exact(contact: &Contact, tolerance: f64, last: f64) -> March {
     March::new(contact, &Control::PAPER, Law::Exact, tolerance, last).expect("a scar that fits")
 }
@@ -37,7 +38,7 @@ fn at(run: &mut March, time: f64) -> MarchState {
     run.at(time)
 }
 
-/// Source: reference.json, two discretisations extrapolated.
+/// Source: reference.json, extrapolated from two discretisations.
 #[test]
 fn runs_at_the_default_tolerance_agree_with_the_reference_table() {
     let table: Value =
@@ -71,10 +72,10 @@ fn runs_at_the_default_tolerance_agree_with_the_reference_table() {
 }
 
 #[test]
-fn halving_the_cells_quarters_the_accuracy() {
+fn the_volume_converges_with_second_order_in_the_number_of_cells() {
     for (exponent, c) in [(2.0, 0.5), (1.0, 0.21), (4.0, 0.7)] {
         let volume = |cells: usize| {
-            // The time steps are far finer than the mesh, so that only the mesh counts.
+            // The time steps are so small that only the error of the mesh remains.
             at(&mut with_cells(&contact(exponent, c), cells, 1e-5, 2.0), 2.0).worn.volume
         };
         let finest = volume(320);
@@ -85,7 +86,7 @@ fn halving_the_cells_quarters_the_accuracy() {
 }
 
 #[test]
-fn after_very_many_cycles_the_limit_is_reached() {
+fn the_exact_method_reaches_the_limiting_state_after_many_cycles() {
     for c in [1e-5, 1e-4, 1e-3, 0.05, 0.5, 0.9, 0.999] {
         let contact = contact(2.0, c);
         let state = at(&mut exact(&contact, 3e-3, 1e9), 1e9).worn;
@@ -95,9 +96,9 @@ fn after_very_many_cycles_the_limit_is_reached() {
     }
 }
 
-/// The start of wear: dV/dÑ = 2I/Δ by the energy of the unworn contact.
+/// At the start of wear dV/dÑ = 2I/Δ, from the energy integral I of the unworn contact.
 #[test]
-fn wear_begins_at_the_rate_of_the_unworn_energy() {
+fn the_initial_wear_rate_follows_from_the_unworn_energy() {
     for (exponent, c) in [(2.0, 0.5), (1.0, 0.3), (2.5, 0.6)] {
         let contact = contact(exponent, c);
         let energy = integrate(c, 1.0, |x| {
@@ -110,9 +111,9 @@ fn wear_begins_at_the_rate_of_the_unworn_energy() {
     }
 }
 
-/// The curves that a result shows, against the numbers in its history.
+/// Compares the curves of a result with the numbers in its history.
 #[test]
-fn the_curves_of_a_result_carry_its_numbers() {
+fn the_profiles_of_a_result_agree_with_its_history() {
     for (shape, motion) in [
         (json!({"shape": "paraboloid", "radius": "10 mm"}), json!({"stick_ratio": 0.5})),
         (json!({"shape": "cone", "slope_angle": "1 deg"}), json!({"stick_ratio": 0.3})),
@@ -143,7 +144,7 @@ fn the_curves_of_a_result_carry_its_numbers() {
             assert!((volume - 1.0).abs() < 3e-3, "volume {volume} in {request}");
             let force = over(&profiles.pressure[i]) / outcome.history.normal_force[i];
             assert!((force - 1.0).abs() < 1.5e-2, "force {force} in {request}");
-            // Slip begins at the stick edge; the image meets d at the contact radius.
+            // Slip starts at the stick edge. The image equals d at the contact radius.
             let slip = &profiles.slip[i];
             let edge = outcome.history.stick_radius[i];
             for (r, s) in radius.iter().zip(slip) {
@@ -167,8 +168,8 @@ fn the_curves_of_a_result_carry_its_numbers() {
     }
 }
 
-/// A scenario of any mode, shape, stick ratio and length: multiples of irrational numbers fill the
-/// space evenly.
+/// A pseudo-random scenario: held quantities, shape, stick ratio and duration vary with `i`.
+/// Multiples of irrational numbers fill the parameter space evenly.
 fn any_problem(i: u32) -> (Contact, Control, f64) {
     let part = |factor: f64| (f64::from(i) * factor.sqrt()).fract();
     let shape = match i % 4 {
@@ -179,7 +180,7 @@ fn any_problem(i: u32) -> (Contact, Control, f64) {
     };
     let stick = 0.02 + 0.96 * part(3.0);
     let mode = i / 4 % 7;
-    // With Q held all must not slip.
+    // At a constant tangential force the contact must not start in gross slip.
     let gross = part(5.0) < 0.2 && mode != 1 && mode != 3;
     let threshold = if gross { 1.0 + 3.0 * stick } else { 1.0 - shape.image(stick) };
     let contact = Contact::new(shape, threshold).expect("a limit");
@@ -202,9 +203,10 @@ fn any_problem(i: u32) -> (Contact, Control, f64) {
     (contact, Control { normal, tangential }, 10_f64.powf(-2.0 + 3.5 * part(7.0)))
 }
 
-/// What the module and the README say of the error and of its estimate, counted over all modes.
+/// Checks the statements of the module and of the README about the error and its estimate, over all
+/// held quantities.
 #[test]
-fn the_stated_error_covers_the_true_one_and_seldom_exceeds_it_tenfold() {
+fn the_error_estimate_covers_95_percent_of_true_errors_and_rarely_exceeds_them_tenfold() {
     const SCENARIOS: u32 = 420;
     let (mut covered, mut tenfold, mut errors) = (0, 0, Vec::new());
     for i in 1..=SCENARIOS {
@@ -222,8 +224,8 @@ fn the_stated_error_covers_the_true_one_and_seldom_exceeds_it_tenfold() {
             found
         };
         let (found, reference) = (history(3e-3), history(5e-4));
-        // As a result states it: the largest over the history. Where nothing wears before all slips,
-        // it states none.
+        // A result states the largest estimate over its history. It states no estimate if there is
+        // no wear before gross slip.
         let pairs = found.iter().zip(&reference).filter(|((volume, _), _)| *volume > 0.0);
         let (mut error, mut stated) = (0.0_f64, 0.0_f64);
         for ((volume, volume_error), (true_volume, _)) in pairs {
@@ -243,7 +245,7 @@ fn the_stated_error_covers_the_true_one_and_seldom_exceeds_it_tenfold() {
 }
 
 #[test]
-fn pieces_of_a_run_do_not_change_a_digit() {
+fn splitting_an_exact_run_into_steps_changes_no_digit() {
     let mut request = steel_ball();
     request["model"] = json!({"method": "exact", "tolerance": 1e-4});
     let (scenario, _) = scenario::check(&request, "").expect("valid");
@@ -261,9 +263,10 @@ fn pieces_of_a_run_do_not_change_a_digit() {
     assert!(shares.windows(2).all(|pair| pair[0] <= pair[1] && pair[1] < 1.0), "{shares:?}");
 }
 
-/// However the steps fall, an end is recorded, and whatever came before it.
+/// The history contains the end of the run and all earlier output cycles, for any sequence of time
+/// steps.
 #[test]
-fn a_run_that_ends_early_keeps_every_instant_before_its_end() {
+fn a_run_that_ends_early_keeps_all_output_cycles_before_its_end() {
     let mut ends = 0;
     for tolerance in [3e-3, 1e-3, 3e-4] {
         for force in [49.4, 49.8, 53.0, 57.0, 61.0, 64.6] {
@@ -287,9 +290,10 @@ fn a_run_that_ends_early_keeps_every_instant_before_its_end() {
     assert!(ends >= 12, "{ends} of 18 end in gross slip");
 }
 
-/// Of blocks that slip wholly, rest and slip wholly again each entry is an event, and so is each shakedown.
+/// The blocks alternate between gross slip, rest and partial slip. Each transition into gross slip
+/// is an event, and so is each shakedown.
 #[test]
-fn blocks_that_come_back_to_gross_slip_say_so_each_time() {
+fn each_return_to_gross_slip_is_reported_as_an_event() {
     let mut request = steel_ball();
     let block = |um: f64, cycles: f64| json!({"amplitude": um * 1e-6, "cycles": cycles});
     request["motion"] = json!({"blocks": [
@@ -304,7 +308,8 @@ fn blocks_that_come_back_to_gross_slip_say_so_each_time() {
         let of = |kind: EventKind| -> Vec<f64> {
             outcome.events.iter().filter(|e| e.kind == kind).map(|e| e.cycles).collect()
         };
-        // The fourth comes from gross slip by way of a rest, the fifth from gross slip at once.
+        // The contact enters gross slip in the second, fourth and sixth block. The seventh block is
+        // already in gross slip at its start, so it causes no event.
         let entries = [1e8, 1e8 + 600.0, 1.1e9 + 900.0];
         let found = of(EventKind::GrossSlip);
         assert_eq!(found.len(), entries.len(), "{method}: {:?}", outcome.events);
@@ -317,10 +322,10 @@ fn blocks_that_come_back_to_gross_slip_say_so_each_time() {
     }
 }
 
-/// The ring of a first block far weaker than the next is lost between two nodes: it has not shaken down, and
-/// what follows is worn as if it came first.
+/// The slip ring of the first block is so narrow that it lies between two nodes. This is not
+/// shakedown, and the next block must wear as if it were the first.
 #[test]
-fn a_first_block_that_hardly_slips_leaves_the_next_as_it_is() {
+fn a_first_block_with_almost_no_slip_does_not_change_the_next_block() {
     for method in ["exact", "simplified"] {
         let run = |blocks: Value, cycles: Value| {
             let mut request = steel_ball();
@@ -350,9 +355,10 @@ fn a_first_block_that_hardly_slips_leaves_the_next_as_it_is() {
     }
 }
 
-/// Under a blunt tip on a rig at the onset of gross slip springs stick to rounding: the edge is told as a radius.
+/// A blunt tip on a rig just above the gross-slip threshold: the springs stick only within
+/// rounding. The reported stick radius must be finite and small.
 #[test]
-fn a_blunt_tip_at_the_onset_of_gross_slip_has_a_stick_radius() {
+fn a_blunt_tip_near_the_gross_slip_threshold_has_a_valid_stick_radius() {
     let request = json!({
         "profile": {"shape": "power", "exponent": 6.615_970_556_05, "height": 0.779_669_496_24,
             "at_radius": 0.308_350_253_423},
@@ -367,15 +373,16 @@ fn a_blunt_tip_at_the_onset_of_gross_slip_has_a_stick_radius() {
     let (scenario, _) = scenario::check(&request, "").expect("valid");
     let outcome = Simulation::of(&scenario).expect("a contact").run();
     let stick = &outcome.history.stick_radius;
-    // 1 − y of x⁶·⁶ is rounding up to a hundredth of a₀ or so.
+    // Up to about a₀/100, 1 − y = x⁶·⁶ is of the order of rounding.
     let most = 0.1 * outcome.scales.contact_radius;
     assert!(stick.iter().all(|c| (0.0..most).contains(c)), "{stick:?}");
 }
 
-/// Late, when a core bears almost all of the load, what the others bear is lost in an interpolated state: it is
-/// computed instead, and asking for it changes nothing that follows.
+/// Late in a run a core carries almost the whole load, so interpolation of the other springs is
+/// inaccurate. The engine recomputes these states, and the requested output cycles must not change
+/// later results.
 #[test]
-fn states_within_a_late_step_dissipate_no_more_than_those_around_them() {
+fn the_energy_per_cycle_decreases_within_late_time_steps() {
     let run = |cycles: Value| {
         let request = json!({
             "profile": {"shape": "cone", "slope_angle": 0.868_075_200_133},
@@ -392,7 +399,7 @@ fn states_within_a_late_step_dissipate_no_more_than_those_around_them() {
         Simulation::of(&scenario).expect("a contact").run()
     };
     let often = run(json!({"from": 2e10, "to": 1e12, "count": 60}));
-    // Up to where it has shaken down.
+    // Only output cycles before shakedown.
     let energy = &often.history.energy_per_cycle;
     let alive =
         energy.iter().filter(|energy| **energy > 1e-3 * often.history.energy_per_cycle[0]).count();
@@ -409,9 +416,9 @@ fn states_within_a_late_step_dissipate_no_more_than_those_around_them() {
     assert_eq!(last(&often), last(&once));
 }
 
-/// Nothing is known beyond the rim of an indenter: a run that comes there ends.
+/// The shape is unknown outside the indenter, so a run ends when the scar reaches its outer edge.
 #[test]
-fn a_scar_at_the_rim_ends_the_run() {
+fn a_run_ends_when_the_scar_reaches_the_edge_of_the_indenter() {
     let contact = Contact::new(Shape::sphere(2.5), 1.8).expect("a limit");
     let control = Control { normal: Normal::Force, tangential: Tangential::Amplitude };
     let mut run = March::new(&contact, &control, Law::Exact, 3e-3, 1e3).expect("a scar that fits");
@@ -422,10 +429,10 @@ fn a_scar_at_the_rim_ends_the_run() {
     assert!(worn.contact_radius > 2.2 && worn.contact_radius <= 2.5, "{}", worn.contact_radius);
 }
 
-/// Late in gross slip the wear is a thousand times as deep as the springs are compressed, and pressure must not
-/// be lost in it: all that slips rubs off what the force allows, less the elastic part of the motion.
+/// Late in gross slip the wear is a thousand times the compression of the springs, and rounding
+/// must not destroy the pressure. The wear must still balance the dissipated energy.
 #[test]
-fn gross_slip_for_a_long_time_keeps_its_pressure() {
+fn the_pressure_stays_accurate_after_long_gross_slip() {
     let contact = Contact::new(Shape::power(2.0), 1.6).expect("a limit");
     let control = Control { normal: Normal::Force, tangential: Tangential::Amplitude };
     for tolerance in [0.02, 3e-3] {
@@ -437,7 +444,7 @@ fn gross_slip_for_a_long_time_keeps_its_pressure() {
             let mismatch = instant.worn_by_energy / worn.volume - 1.0;
             assert!(mismatch.abs() < 0.1 * tolerance, "{time}: {mismatch}");
             assert_eq!(worn.stick.to_bits(), 0.0_f64.to_bits());
-            // An even pressure under springs √(a² − x²).
+            // A uniform pressure corresponds to springs with y ∝ √(a² − x²).
             let a = worn.contact_radius;
             let most = worn.compressions.iter().copied().fold(0.0, f64::max);
             let even = 4.0 / PI * worn.normal / a;
@@ -447,9 +454,10 @@ fn gross_slip_for_a_long_time_keeps_its_pressure() {
     assert!(contact.stick == 0.0);
 }
 
-/// A small core under held forces bears all of them in the end, far deeper than it began.
+/// At constant forces, a small core finally carries the whole load, at a much greater depth than at
+/// the start.
 #[test]
-fn a_small_core_bears_the_force_in_the_end() {
+fn a_contact_with_a_small_core_reaches_its_limiting_state() {
     for (exponent, c) in [(2.0, 0.006), (1.0, 0.03)] {
         let contact = contact(exponent, c);
         let force = UnwornSums::of(&contact, None).tangential;
@@ -464,11 +472,11 @@ fn a_small_core_bears_the_force_in_the_end() {
     }
 }
 
-/// Reported wear is held to what was reported before; by so much the steps themselves would let it fall: at nodes
-/// whose rate ends within a step, most where the stick edge passes them, by the step's own error. What lies between
-/// the ends of a step adds nothing.
+/// A result never reports a decrease of wear. This test measures how much the wear decreases before
+/// that correction. A decrease occurs at nodes whose wear rate drops to 0 within a step, mostly
+/// where the stick edge passes. It is of the order of the step error.
 #[test]
-fn wear_hardly_falls_even_before_it_is_held() {
+fn wear_decreases_by_less_than_2e_4_before_the_correction() {
     let (mut largest, mut falling) = (0.0_f64, 0);
     for i in 1..=140 {
         let (contact, control, last) = any_problem(i);
@@ -479,7 +487,7 @@ fn wear_hardly_falls_even_before_it_is_held() {
             let time = last * f64::from(step) / 20.0;
             while run.advance(time) {}
             let now = run.at(time.min(run.ended().unwrap_or(time))).worn;
-            // A mesh that was extended has other nodes.
+            // A mesh that was extended has other nodes and cannot be compared.
             if reach == run.reach() {
                 let falls = before.iter().zip(&now.wear).map(|(was, is): (&f64, &f64)| was - is);
                 fall = falls.fold(fall, f64::max);

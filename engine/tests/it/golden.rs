@@ -1,5 +1,5 @@
-//! Golden digits: every digit of some results, as checksums. A test that fails here means that the
-//! digits of the engine changed. If that is intended, raise [`scenario::NUMERICS`].
+//! Golden digits: checksums over every digit of some results. If this test fails, the digits of the
+//! engine have changed. For an intended change, raise [`scenario::NUMERICS`].
 
 use fretwork_engine::scenario;
 use fretwork_engine::simulation::Simulation;
@@ -14,7 +14,7 @@ fn checksum(text: &str) -> u64 {
     })
 }
 
-/// The steel ball with some members replaced.
+/// The steel ball with some members of the request replaced.
 fn ball_with(changes: &Value) -> Value {
     let mut request = steel_ball();
     for (name, value) in changes.as_object().expect("an object") {
@@ -23,7 +23,7 @@ fn ball_with(changes: &Value) -> Value {
     request
 }
 
-/// Each name, what it changes in the steel ball, and the checksum.
+/// The name of each case, its changes to the steel ball, and the expected checksum.
 fn paraboloids() -> Vec<(&'static str, Value, u64)> {
     let blocks = json!({"blocks": [{"amplitude": "2 um", "cycles": 5000},
                                    {"amplitude": "1 um", "cycles": 1e6}]});
@@ -93,7 +93,7 @@ fn paraboloids() -> Vec<(&'static str, Value, u64)> {
     ]
 }
 
-/// The same for other shapes.
+/// The same for other shapes of the indenter.
 fn shapes() -> Vec<(&'static str, Value, u64)> {
     let table = json!({"shape": "table", "radius": [0, 1e-4, 2e-4, 3e-4, 4e-4, 6e-4, 8e-4],
                        "height": [0, 5.1e-7, 2e-6, 4.4e-6, 8e-6, 1.81e-5, 3.2e-5]});
@@ -123,7 +123,7 @@ fn shapes() -> Vec<(&'static str, Value, u64)> {
 }
 
 #[test]
-fn the_digits_of_results_are_those_of_numerics_1() {
+fn results_have_the_digits_of_numerics_version_1() {
     assert_eq!(scenario::NUMERICS, 1, "new digits: compute the checksums below anew");
     let mut changed = Vec::new();
     for (name, changes, expected) in paraboloids().into_iter().chain(shapes()) {

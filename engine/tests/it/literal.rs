@@ -1,16 +1,16 @@
-//! (14)–(16) taken literally: every spring is dragged through every cycle in small steps.
+//! Direct simulation of (14)–(16): every spring moves through every cycle in small steps.
 //!
-//! Slow, and written without a thought for the closed form, so that it can judge it.
+//! The simulation is slow. It does not use the closed form, so it is an independent check.
 
 use fretwork_engine::contact::unworn::Contact;
 
 /// A row of springs under one oscillating indenter.
 pub struct Springs {
-    /// g of each spring.
+    /// Image g of each spring.
     image: Vec<f64>,
-    /// u_x of each spring, in units in which the friction limit is its compression.
+    /// Deflection u_x of each spring, in units in which the friction limit equals the compression.
     deflection: Vec<f64>,
-    /// Springs further out than ã do not wear.
+    /// Whether each spring wears. Springs outside ã do not wear.
     wearing: Vec<bool>,
     amplitude: f64,
     rate: f64,
@@ -20,9 +20,9 @@ pub struct Springs {
 impl Springs {
     /// Springs at `positions` (in a₀), at the first reversal: (15) at t = 0.
     ///
-    /// Tangential lengths are measured in μE*d₀/G*, so that a spring sticks while its deflection is
-    /// below its compression y, and the amplitude is Δ. Then (14) over one full slip path 4Δ must
-    /// come to ξ/ã per N₀ cycles.
+    /// The unit of tangential lengths is μE*d₀/G*. In this unit a spring sticks while its
+    /// deflection is below its compression y, and the amplitude is Δ. Over one full slip path 4Δ,
+    /// (14) must then give ξ/ã per N₀ cycles.
     pub fn new(
         contact: &Contact,
         positions: &[f64],
@@ -38,7 +38,7 @@ impl Springs {
         Self { image, deflection, wearing, amplitude, rate, steps }
     }
 
-    /// Runs some cycles of `steps` steps each.
+    /// Runs `cycles` cycles of `steps` steps each.
     pub fn run(&mut self, cycles: u32) {
         let path: Vec<f64> = (0..=self.steps)
             .map(|k| {
@@ -53,7 +53,7 @@ impl Springs {
         }
     }
 
-    /// (16), then (14) with the path slipped in this step.
+    /// Applies (16), and then (14) with the slip path of this step.
     fn step(&mut self, moved: f64) {
         for ((image, deflection), wearing) in
             self.image.iter_mut().zip(&mut self.deflection).zip(&self.wearing)
@@ -69,7 +69,7 @@ impl Springs {
         }
     }
 
-    /// g of each spring.
+    /// Image g of each spring.
     pub fn images(&self) -> &[f64] {
         &self.image
     }

@@ -1,5 +1,5 @@
-//! Force–displacement loops: what the straight lines between their points enclose is what a cycle
-//! dissipates, whatever is held, by both methods, for as long as there is a loop.
+//! Force–displacement loops: straight lines between the points enclose the energy of one cycle. The
+//! tests cover all held quantities and both methods, until the loop closes.
 
 use fretwork_engine::scenario;
 use fretwork_engine::simulation::Simulation;
@@ -27,7 +27,7 @@ fn request(method: &str, load: &Value, motion: &Value) -> Value {
 }
 
 #[test]
-fn the_lines_between_the_points_of_a_loop_enclose_the_energy_of_a_cycle() {
+fn the_area_of_each_loop_is_the_energy_per_cycle() {
     let depth = json!({"normal_force": "100 N", "held": "depth"});
     let force = json!({"normal_force": "100 N", "held": "force"});
     for (load, motion) in [
@@ -67,7 +67,7 @@ fn the_lines_between_the_points_of_a_loop_enclose_the_energy_of_a_cycle() {
                 let found = area(u, q);
                 let whole = 4.0 * stroke * most;
                 let error = (found - lost).abs();
-                // Of a loop that has all but closed rounding leaves nothing else.
+                // For an almost closed loop, rounding limits the accuracy.
                 assert!(
                     error <= 1e-6 * lost + 1e-15 * whole,
                     "{method} {motion} {load} at {n}: {found} against {lost}"

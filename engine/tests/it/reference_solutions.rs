@@ -1,5 +1,5 @@
-//! The reference solutions and the engine judge each other, and both the table that was computed
-//! apart.
+//! Compares the reference solutions with the engine, and both with a table that other programs
+//! computed.
 
 use fretwork_engine::contact::limit::Limit;
 use fretwork_engine::contact::profile::Shape;
@@ -14,16 +14,16 @@ use serde_json::{Value, json};
 use crate::engine::steel_ball;
 use crate::limiting_state::LimitingState;
 
-/// A limit from an exponent and a row of the table.
+/// Computes a limiting state from an exponent and a row of the table.
 type Solve = fn(f64, &Value) -> Option<LimitingState>;
 
 fn table() -> Value {
     serde_json::from_str(fretwork_engine::reference::TABLE).expect("a JSON table")
 }
 
-/// Source: reference.json, closed forms to five digits.
+/// Source: reference.json, closed forms with five digits.
 #[test]
-fn the_limits_are_those_of_the_table() {
+fn reference_limiting_states_agree_with_the_table() {
     let table = table();
     let mut rows = 0;
     let number = |row: &Value, name: &str| row[name].as_f64().expect("a number");
@@ -60,10 +60,10 @@ fn the_limits_are_those_of_the_table() {
     assert_eq!(rows, 21);
 }
 
-/// Two ways to the same state: a root in the angle and closed forms, a root in the radius and
-/// quadrature.
+/// Two independent calculations of the limiting state. The reference solution solves for an angle
+/// and uses closed forms. The engine solves for a radius and uses quadrature.
 #[test]
-fn the_limits_of_the_engine_are_the_reference_solutions() {
+fn limiting_states_of_the_engine_agree_with_the_reference_solutions() {
     for n in [1.0, 1.5, 2.0, 2.5, 3.0, 6.0, 11.3] {
         for c in [0.001, 0.01, 0.1, 0.35, 0.7, 0.95, 0.999] {
             let solved = Limit::solve(&Shape::power(n), c).expect("a root");
@@ -76,7 +76,8 @@ fn the_limits_of_the_engine_are_the_reference_solutions() {
             close(solved.depth, state.depth, 1e-9, "depth");
             let off = (solved.depth_radius - state.depth_radius).abs();
             assert!(off < if c < 0.02 { 1e-6 } else { 1e-7 }, "{off} for n = {n}, c = {c}");
-            // A contact knows its stick radius from Δ = 1 − cⁿ, which must tell them apart.
+            // A contact computes its stick radius from Δ = 1 − cⁿ. For very small cⁿ, rounding
+            // makes Δ equal to 1.
             if c.powf(n) > 1e-6 {
                 let row = SpringRow::new(&Contact::sticking(Shape::power(n), c).expect("a limit"));
                 let force = |decay| row.sums(decay).normal;
@@ -92,7 +93,7 @@ fn the_limits_of_the_engine_are_the_reference_solutions() {
 }
 
 #[test]
-fn wear_begins_at_the_rate_of_the_row() {
+fn the_reference_wear_rate_agrees_with_the_spring_row() {
     for n in [1.0, 2.0, 2.5, 7.0] {
         for c in [0.01, 0.3, 0.6, 0.9] {
             let contact = Contact::sticking(Shape::power(n), c).expect("a limit");
@@ -103,9 +104,9 @@ fn wear_begins_at_the_rate_of_the_row() {
     }
 }
 
-/// What the engine says of an unworn contact is what the literature says of it.
+/// The unworn contact of the engine must agree with the literature.
 #[test]
-fn the_unworn_contact_is_that_of_hertz_cattaneo_and_mindlin() {
+fn the_unworn_contact_agrees_with_hertz_cattaneo_and_mindlin() {
     let (modulus, tangential, radius) = (112.64e9, 92.76e9, 0.01);
     let close = |value: f64, expected: f64| {
         assert!((value / expected - 1.0).abs() < 1e-9, "{value}, not {expected}");
@@ -163,7 +164,7 @@ fn the_unworn_contact_is_that_of_hertz_cattaneo_and_mindlin() {
 }
 
 #[test]
-fn the_loss_of_grip_in_the_table_lies_beyond_the_shakedown_limit() {
+fn gross_slip_in_the_table_occurs_only_above_the_shakedown_limit() {
     for row in table()["exact_depth_and_tangential_force_held"].as_array().expect("rows") {
         let limit = shakedown_limit(row["exponent"].as_f64().expect("n"));
         let slips = row.get("gross_slip_at").is_some();

@@ -1,4 +1,5 @@
-//! Truncated shapes and measured tables: against closed forms, the limit, and each other.
+//! Truncated shapes and measured tables: comparison with closed forms, with the limiting state and
+//! with each other.
 
 use std::f64::consts::PI;
 
@@ -16,7 +17,7 @@ fn run(request: &Value) -> Outcome {
     Simulation::of(&scenario).expect("a contact").run()
 }
 
-/// A sequence of evenly spread numbers in 0…1 that looks like chance.
+/// Pseudo-random numbers, evenly distributed in 0…1.
 struct Chance(u64);
 
 impl Chance {
@@ -29,13 +30,13 @@ impl Chance {
         ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// Normally distributed with the standard deviation 1.
+    /// A normally distributed number with standard deviation 1.
     fn normal(&mut self) -> f64 {
         (-2.0 * (1.0 - self.draw()).ln()).sqrt() * (2.0 * PI * self.draw()).cos()
     }
 }
 
-/// A profile sampled at uneven radii from 0 to `last`.
+/// A profile sampled at unevenly spaced radii from 0 to `last`, with noise.
 fn sampled(count: usize, last: f64, seed: u64, noise: f64, f: impl Fn(f64) -> f64) -> Value {
     let mut chance = Chance(seed);
     let mut radius: Vec<f64> = (2..count).map(|_| last * chance.draw()).collect();
@@ -45,8 +46,8 @@ fn sampled(count: usize, last: f64, seed: u64, noise: f64, f: impl Fn(f64) -> f6
     json!({"shape": "table", "radius": radius, "height": height})
 }
 
-/// The largest relative distance of two runs in what a tribologist reads off, and of their limits.
-/// Forces and energies are compared with those of the unworn contact.
+/// The largest relative difference between the main quantities of two runs and of their limits.
+/// Forces and energies are divided by those of the unworn contact.
 fn distance(found: &Outcome, exact: &Outcome) -> f64 {
     let columns = |outcome: &Outcome| {
         let history = outcome.history.clone();
@@ -71,7 +72,8 @@ fn distance(found: &Outcome, exact: &Outcome) -> f64 {
     worst
 }
 
-/// A contact pressed in by 3.5 µm; the whole of a paraboloid of 10 mm would slip from 3 µm on.
+/// A contact at an indentation depth of 3.5 µm. A paraboloid of 10 mm is in gross slip from 3 µm
+/// on.
 fn pressed(profile: Value, method: &str, amplitude: &str) -> Value {
     let mut request = steel_ball();
     request["profile"] = profile;
@@ -85,7 +87,7 @@ const WAYS: [(&str, &str); 4] =
     [("simplified", "2.2 um"), ("simplified", "4 um"), ("exact", "2.2 um"), ("exact", "4 um")];
 
 #[test]
-fn a_sampled_paraboloid_is_a_paraboloid() {
+fn a_sampled_paraboloid_gives_the_results_of_a_paraboloid() {
     for (method, amplitude) in WAYS {
         let ball = json!({"shape": "paraboloid", "radius": 0.01});
         let analytic = run(&pressed(ball, method, amplitude));
@@ -104,7 +106,7 @@ fn a_sampled_paraboloid_is_a_paraboloid() {
 type Height<'a> = &'a dyn Fn(f64) -> f64;
 
 #[test]
-fn other_shapes_survive_being_sampled() {
+fn sampled_cones_and_power_laws_give_the_results_of_the_exact_shape() {
     let one_degree = 1_f64.to_radians();
     let flat_cone = json!({"shape": "truncated_cone", "slope_angle": one_degree,
         "flat_radius": 0.05e-3});
@@ -125,7 +127,7 @@ fn other_shapes_survive_being_sampled() {
                 for (noise, tolerance) in [(0.0, tolerance), (0.01, noisy)] {
                     let table = sampled(200, 0.4e-3, seed, noise, height);
                     let request = pressed(table, method, amplitude);
-                    // A noisy flat has an edge that need not be where it was; it may be refused.
+                    // With noise the edge of the flat can move, so these runs are not compared.
                     if tolerance.is_finite() {
                         let found = distance(&run(&request), &analytic);
                         assert!(found < tolerance, "{profile} {method} {noise} {seed}: {found}");
@@ -137,7 +139,7 @@ fn other_shapes_survive_being_sampled() {
 }
 
 #[test]
-fn ten_thousand_rows_are_prepared_at_once() {
+fn a_table_of_10_000_rows_takes_less_than_2_seconds() {
     let table = sampled(10_000, 0.4e-3, 1, 0.01, |r| r * r / 0.02);
     let request = pressed(table, "simplified", "2.2 um");
     let began = std::time::Instant::now();
@@ -149,7 +151,7 @@ fn ten_thousand_rows_are_prepared_at_once() {
     assert!(distance(&outcome, &run(&pressed(ball, "simplified", "2.2 um"))) < 0.02);
 }
 
-/// Truncated shapes that are pressed in to twice their flat, about.
+/// Truncated shapes. The contact radius is about twice the radius of the flat.
 fn truncated() -> [Value; 2] {
     [
         json!({"shape": "truncated_paraboloid", "radius": "10 mm", "flat_radius": "0.1 mm"}),
@@ -158,7 +160,7 @@ fn truncated() -> [Value; 2] {
 }
 
 #[test]
-fn truncated_contacts_wear_like_any_other() {
+fn truncated_shapes_reach_their_limit_and_conserve_energy_and_volume() {
     for profile in truncated() {
         for (method, amplitude) in WAYS {
             let mut request = pressed(profile.clone(), method, amplitude);
@@ -183,7 +185,7 @@ fn truncated_contacts_wear_like_any_other() {
                 let mismatch = outcome.accuracy.energy_mismatch.expect("wear");
                 assert!(mismatch.abs() < 2e-3, "energy mismatch {mismatch}");
             }
-            // 2π ∫ w r dr over the reported curve.
+            // 2π ∫ w r dr over the reported curve must equal the reported volume.
             let profiles = outcome.profiles.expect("profiles");
             let radius = &profiles.radius;
             for (wear, volume) in profiles.wear.iter().zip(volume).take(4).skip(1) {
@@ -201,10 +203,10 @@ fn truncated_contacts_wear_like_any_other() {
 }
 
 #[test]
-fn under_a_flat_either_all_sticks_or_nothing() {
+fn a_stick_radius_inside_the_flat_is_refused() {
     for profile in truncated() {
         let mut request = pressed(profile, "exact", "2.2 um");
-        // At the onset of gross slip just the flat sticks.
+        // At the gross-slip threshold only the flat sticks.
         request["motion"] = json!({"stick_ratio": 0});
         let outcome = run(&request);
         let flat = outcome.unworn.stick_radius / outcome.scales.contact_radius;
@@ -219,10 +221,11 @@ fn under_a_flat_either_all_sticks_or_nothing() {
     }
 }
 
-/// A flat that is almost all of the contact: just before all slips only a ring about it does, which is refused
-/// where its edge may move, behind a rig too.
+/// The flat is almost the whole contact. Just below the gross-slip threshold only a very thin ring
+/// around the flat slips. The engine refuses this scenario if the stick edge can move, also with a
+/// rig.
 #[test]
-fn a_ring_about_a_flat_too_thin_to_resolve_is_refused() {
+fn a_slip_ring_around_a_flat_that_is_too_thin_is_refused() {
     let mut request = json!({
         "profile": {"shape": "truncated_cone", "slope_angle": 1.127_406_806_38,
             "flat_radius": 3.932_386_237_64e-7},
@@ -248,9 +251,9 @@ fn a_ring_about_a_flat_too_thin_to_resolve_is_refused() {
     run(&request);
 }
 
-/// F and d of the sources in `engine::truncated`, in SI.
+/// F and d by the formulas of the sources in `engine::truncated`, in SI.
 #[test]
-fn a_force_presses_truncated_shapes_in_as_published() {
+fn force_and_depth_of_truncated_shapes_agree_with_published_formulas() {
     let modulus = 205e9 / (1.0 - 0.09) / 2.0;
     for [force, b] in [[1.0, 1e-5], [100.0, 1e-4], [100.0, 5e-5], [500.0, 0.2e-3]] {
         for (conical, profile) in [
@@ -277,7 +280,7 @@ fn a_force_presses_truncated_shapes_in_as_published() {
 }
 
 #[test]
-fn the_canonical_form_of_a_new_shape_is_its_own() {
+fn canonical_truncated_shapes_and_tables_are_their_own_canonical_form() {
     let table = sampled(50, 0.4e-3, 3, 0.01, |r| r * r / 0.02);
     for profile in truncated().into_iter().chain([table]) {
         let request = pressed(profile.clone(), "exact", "2.2 um");
@@ -296,7 +299,7 @@ fn the_canonical_form_of_a_new_shape_is_its_own() {
 }
 
 #[test]
-fn units_and_the_origin_of_heights_make_no_difference() {
+fn units_and_the_origin_of_heights_do_not_change_the_result() {
     let plain = json!({"shape": "table", "radius": [0, 1e-4, 2e-4, 3e-4, 4e-4],
         "height": [0, 0.5e-6, 2e-6, 4.5e-6, 8e-6]});
     let written = json!({"shape": "table", "radius": [0, "0.1 mm", "200 um", 3e-4, "0.4 mm"],
@@ -306,7 +309,7 @@ fn units_and_the_origin_of_heights_make_no_difference() {
 }
 
 #[test]
-fn bad_tables_are_refused_by_the_row() {
+fn faults_in_tables_point_to_the_faulty_row() {
     let r = |n: u32| (0..n).map(|i| f64::from(i) * 1e-5).collect::<Vec<f64>>();
     let good = r(40);
     let heights: Vec<f64> = good.iter().map(|r| r * r / 0.02).collect();
@@ -330,7 +333,7 @@ fn bad_tables_are_refused_by_the_row() {
         (json!([0]), json!([0]), vec!["/profile/height", "/profile/radius"]),
         (json!("0, 1"), json!(heights), vec!["/profile/radius"]),
         (long.clone(), long, vec!["/profile/height", "/profile/radius"]),
-        // Inside the contact, whose radius is 0.187 mm, and inside the scar, of 0.22 mm.
+        // The table ends inside the contact (radius 0.187 mm), or inside the scar (radius 0.22 mm).
         (json!(good[..18]), json!(heights[..18]), vec!["/profile/radius/17"]),
         (json!(good[..21]), json!(heights[..21]), vec!["/profile/radius/20"]),
         (
@@ -356,7 +359,7 @@ fn bad_tables_are_refused_by_the_row() {
 }
 
 #[test]
-fn a_table_that_ends_too_soon_says_how_far_it_must_reach() {
+fn the_fault_for_a_short_table_states_the_required_radius() {
     let radius: Vec<f64> = (0..21).map(|i| f64::from(i) * 1e-5).collect();
     let height: Vec<f64> = radius.iter().map(|r| r * r / 0.02).collect();
     let table = json!({"shape": "table", "radius": radius, "height": height});
@@ -371,8 +374,8 @@ fn a_table_that_ends_too_soon_says_how_far_it_must_reach() {
 }
 
 #[test]
-fn a_profile_that_falls_back_has_no_unique_contact() {
-    // A bump of 2 µm on an otherwise shallow bowl.
+fn a_profile_whose_image_decreases_is_refused() {
+    // A bump of 2 µm on a shallow bowl.
     let radius: Vec<f64> = (0..200).map(|i| f64::from(i) * 3e-6).collect();
     let hollow = |r: f64| 2e-6 * (-((r - 1e-4) / 4e-5).powi(2)).exp() + r * r / 0.2;
     let height: Vec<f64> = radius.iter().map(|r| hollow(*r) - hollow(0.0)).collect();
@@ -382,9 +385,9 @@ fn a_profile_that_falls_back_has_no_unique_contact() {
     assert!(faults.0[0].detail.contains("fall"), "{faults:?}");
 }
 
-/// A table that ends close behind the scar, and a ring that is thin: the radii rise all the same.
+/// The table ends just outside the scar and the ring is thin. The output radii must still increase.
 #[test]
-fn radii_about_a_thin_ring_at_the_end_of_a_table_rise() {
+fn output_radii_increase_for_a_thin_ring_at_the_end_of_a_table() {
     let request = json!({
         "profile": {
             "shape": "table",
