@@ -1,25 +1,22 @@
-//! What the HTTP service costs, beside a bare axum server that does the least one could ask for.
+//! Compares the HTTP service with a bare axum server that does only the minimum.
 //!
-//! The server is the built program, the bare one this file once more: each is a process of its own
-//! with two threads for requests. A client here asks both in turn, by the same code, over as many
-//! connections that stay open; ratios are medians over the turns. Beside them stands what the
-//! processor time of the two servers would give, which suffers less from whatever else runs; it is
-//! read as Linux shows it. The server logs as it does by default, to nobody; `FRETWORK_LOG=off`
-//! takes the log away.
+//! The server is the built program. The bare server is this file, started as another process. Each has two threads for
+//! requests. A client here calls both in turn over the same number of open connections. Ratios are medians over the
+//! turns. The ratio of the processor times is printed too, because other processes disturb it less; it is read from
+//! Linux. The server writes its default log to a closed output; `FRETWORK_LOG=off` switches it off.
 //!
-//! - `result`: `GET /v1/results/{key}`, over a route that has the same bytes in memory; with the
-//!   server's memory cache, and without.
-//! - `job`: `POST /v1/jobs`, over a route that commits a row of a job's size per request through
-//!   sqlx (SQLite, write-ahead log, synchronous NORMAL, one connection). A cached job is one whose
-//!   scenario is known, and kept as a job; a computed one has a new scenario each time, and is
-//!   computed, stored and answered, its result inside, before the connection asks for the next.
-//! - `table`: how much longer it takes to get a result out of a table of a million than out of one
-//!   of a thousand, of 1 kB each and without the memory cache.
-//! - `library`: how long a page of `GET /v1/results` takes with a hundred thousand results. It should take
-//!   at most 0.3 s for any search.
-//! - `memory`: what the server holds while ten thousand jobs wait.
+//! - `result`: `GET /v1/results/{key}`, compared with a route that has the same bytes in memory; with the memory cache
+//!   of the server and without.
+//! - `job`: `POST /v1/jobs`, compared with a route that commits one row of the size of a job per request through sqlx
+//!   (SQLite, write-ahead log, synchronous NORMAL, one connection). A cached job has a known scenario. A computed job
+//!   has a new scenario, and its answer contains the result.
+//! - `table`: the time to read a result from a table of a million results, compared with a table of a thousand, with
+//!   1 kB each and without the memory cache.
+//! - `library`: the time of a page of `GET /v1/results` with a hundred thousand results. It should take at most 0.3 s
+//!   for any search.
+//! - `memory`: the memory of the server while ten thousand jobs wait.
 //!
-//! These words choose what is measured: `cargo bench --bench service -- job memory`.
+//! Arguments select the measurements: `cargo bench --bench service -- job memory`.
 
 #![expect(
     clippy::expect_used,
@@ -62,7 +59,7 @@ const INSIDE: &str = "?include=result";
 const FEW: u32 = 1000;
 const MANY: u32 = 1_000_000;
 const LISTED: u32 = 100_000;
-/// What a row of the bare server holds, in bytes: about as much as a job.
+/// Size of a row of the bare server in bytes: about the size of a job.
 const ROW: usize = 256;
 
 fn main() {
@@ -143,11 +140,11 @@ async fn tables() {
     let dirs = [directory(), directory()];
     let (mut servers, mut loads) = (vec![], vec![]);
     for (dir, rows) in dirs.iter().zip([FEW, MANY]) {
-        // It makes the tables, and ends.
+        // This start only creates the tables.
         drop(Server::program(dir.path(), &[]));
         let keys = fill(dir.path(), rows).await;
         let server = Server::program(dir.path(), uncached());
-        // The keys are in order; a long stride leads all over them.
+        // The keys are sorted. A long stride reads them from all over the table.
         let ask = move |i: usize| {
             let key = &keys[7_368_787 * i % keys.len()];
             request("GET", &format!("/v1/results/{key}"), "")
@@ -201,7 +198,7 @@ async fn memory() {
     let dir = directory();
     let server = Server::program(dir.path(), &["--workers", "1"]);
     let mut client = Connection::to(server.address).await;
-    // These keep the one worker: exact runs far into wear, under a held force.
+    // Long exact runs under a held force keep the only worker busy.
     for i in 0..40 {
         let mut job = ball(256);
         job["scenario"]["cycles"] = json!([1e9 + f64::from(i)]);
@@ -224,7 +221,7 @@ async fn memory() {
     println!("{WAITING} jobs wait in {full:.0} MB   (below 150)   [{before:.0} MB before]");
 }
 
-/// The example, with so many points.
+/// The steel ball with this number of points.
 fn ball(points: u32) -> Value {
     let text = include_str!("../examples/steel-ball.json");
     let mut job: Value = serde_json::from_str(text).expect("an example");
@@ -235,7 +232,7 @@ fn ball(points: u32) -> Value {
     job
 }
 
-/// Bodies of jobs that differ in their amplitudes.
+/// Job bodies with different amplitudes.
 fn distinct(points: u32, profiles: &str) -> impl Fn(usize) -> String + Send + Sync + use<> {
     let mut job = ball(points);
     job["scenario"]["profiles_at"] = json!(profiles);
@@ -244,7 +241,7 @@ fn distinct(points: u32, profiles: &str) -> impl Fn(usize) -> String + Send + Sy
     move |i| text.replace("HERE", &format!("{:.7} um", 2.0 + 1e-6 * i as f64))
 }
 
-/// A job whose answer waits for its end.
+/// A submission that waits for the end of its job.
 fn submit(query: &str, body: &str) -> Vec<u8> {
     let rest = request("POST", &format!("/v1/jobs{query}"), body);
     let line = rest.iter().position(|byte| *byte == b'\n').expect("a line") + 1;
@@ -258,7 +255,7 @@ fn request(method: &str, path: &str, body: &str) -> Vec<u8> {
         .into_bytes()
 }
 
-/// The options of a server that keeps no result in memory.
+/// The options of a server without a memory cache.
 fn uncached() -> &'static [&'static str] {
     let help = Command::new(PROGRAM).arg("--help").output().expect("the program");
     let known = String::from_utf8_lossy(&help.stdout).contains("--memory-cache");
@@ -269,14 +266,14 @@ fn directory() -> TempDir {
     TempDir::new().expect("a directory")
 }
 
-/// What one server is asked, and through which connections.
+/// The requests to one server, and the connections for them.
 struct Load {
     connections: Vec<Connection>,
     request: Arc<dyn Fn(usize) -> Vec<u8> + Send + Sync>,
     asked: Arc<AtomicUsize>,
     answered: f64,
     process: u32,
-    /// What the process had used before it was asked.
+    /// Processor time of the process before the measurement.
     used: f64,
 }
 
@@ -300,7 +297,7 @@ impl Load {
         }
     }
 
-    /// Answers per second, over a turn.
+    /// Runs one turn, and returns the answers per second.
     async fn rate(&mut self) -> f64 {
         let start = Instant::now();
         let asking = self.connections.drain(..).map(|mut connection| {
@@ -322,17 +319,17 @@ impl Load {
         answers / start.elapsed().as_secs_f64()
     }
 
-    /// Processor time per answer, in a unit of its own.
+    /// Processor time per answer, in an arbitrary unit.
     fn cost(&self) -> f64 {
         (used(self.process) - self.used) / self.answered
     }
 }
 
-/// Two loads beside each other, by the medians of their turns.
+/// The ratios of two loads, as medians over their turns.
 struct Compared {
     ratio: f64,
     rates: [f64; 2],
-    /// The ratio that processor time alone would give: it suffers less from what else runs here.
+    /// The ratio of the processor times. Other processes disturb it less.
     by_cost: f64,
 }
 
@@ -363,14 +360,14 @@ fn report(what: &str, least: f64, compared: &Compared) {
     );
 }
 
-/// The processor time that a process has used, as Linux counts it.
+/// The processor time of a process, from Linux.
 fn used(process: u32) -> f64 {
     let stat = fs::read_to_string(format!("/proc/{process}/stat")).expect("a process on Linux");
     let fields = stat.rsplit_once(')').expect("its name").1.split_whitespace();
     fields.skip(11).take(2).map(|ticks| ticks.parse::<f64>().expect("a count")).sum()
 }
 
-/// A connection that stays open.
+/// An open connection.
 struct Connection {
     stream: TcpStream,
     buffer: Vec<u8>,
@@ -383,7 +380,7 @@ impl Connection {
         Self { stream, buffer: Vec::with_capacity(1 << 18) }
     }
 
-    /// The body of the answer, which must be a success.
+    /// Sends a request, asserts success, and returns the body.
     async fn ask(&mut self, request: &[u8]) -> &[u8] {
         self.stream.write_all(request).await.expect("a connection");
         self.buffer.clear();
@@ -401,7 +398,7 @@ impl Connection {
     }
 }
 
-/// Where the body of an answer lies, once its head is there.
+/// The range of the body of an answer; none while its head is incomplete.
 fn body_of(answer: &[u8]) -> Option<Range<usize>> {
     let start = answer.windows(4).position(|bytes| bytes == b"\r\n\r\n")? + 4;
     let head = str::from_utf8(&answer[..start]).expect("a head");
@@ -411,7 +408,7 @@ fn body_of(answer: &[u8]) -> Option<Range<usize>> {
     Some(start..start + length)
 }
 
-/// A server in a process of its own.
+/// A server in another process.
 struct Server {
     child: Child,
     address: SocketAddr,
@@ -424,7 +421,7 @@ impl Server {
         Self::start(&mut command, &[])
     }
 
-    /// One that has these bytes in memory, and keeps its rows in this directory.
+    /// Starts the bare server, with these bytes in memory and its table in this directory.
     fn bare(dir: &Path, bytes: &[u8]) -> Self {
         let this = env::current_exe().expect("this program");
         Self::start(Command::new(this).arg("bare").arg(dir), bytes)
@@ -455,13 +452,13 @@ impl Server {
 
 impl Drop for Server {
     fn drop(&mut self) {
-        // It may have ended by itself.
+        // The process may have ended already.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
 }
 
-/// The bare server: bytes from its input, kept in memory, and rows in a table.
+/// The bare server. It serves the bytes of its standard input, and writes rows to a table.
 async fn serve_bare(dir: &Path) {
     let mut bytes = Vec::new();
     io::stdin().read_to_end(&mut bytes).expect("bytes");
@@ -493,8 +490,8 @@ async fn serve_bare(dir: &Path) {
     axum::serve(listener, router).await.expect("to serve");
 }
 
-/// Writes so many results of 1 kB into the tables of a server that has ended; returns the keys of
-/// up to a hundred thousand or so of them, in order.
+/// Writes this number of results of 1 kB to the tables of a stopped server. Returns about a hundred thousand of their
+/// keys, sorted.
 async fn fill(dir: &Path, rows: u32) -> Vec<String> {
     let mut db = written(dir).await;
     let results = "
@@ -514,8 +511,8 @@ async fn fill(dir: &Path, rows: u32) -> Vec<String> {
     keys
 }
 
-/// Lists so many results, without their bodies, in the tables of a server that has ended: every
-/// number of each is somewhere between 0 and 1, and every second one a cone.
+/// Writes this number of library entries without results to the tables of a stopped server. Their numbers are between 0
+/// and 1, and every second one is a cone.
 async fn list(dir: &Path, rows: u32) {
     let names: Vec<&str> = SCALARS.iter().map(|scalar| scalar.name).collect();
     let (names, values) =
@@ -536,7 +533,7 @@ async fn list(dir: &Path, rows: u32) {
     db.close().await.expect("the database closed");
 }
 
-/// The database of a server that has ended, to be written into.
+/// Opens the database of a stopped server for writing.
 async fn written(dir: &Path) -> SqliteConnection {
     let options = SqliteConnectOptions::new()
         .filename(dir.join("fretwork.db"))

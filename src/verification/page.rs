@@ -154,7 +154,11 @@ impl fmt::Display for VerificationPage {
             0 => "**all pass**".to_owned(),
             failed => format!("**{failed} FAIL**"),
         };
-        writeln!(f, "{}\n", WORDS.split("\n## ").next().unwrap_or_default().trim())?;
+        writeln!(
+            f,
+            "{}\n",
+            WORDS.split_once("\n## ").map_or(WORDS, |(introduction, _)| introduction).trim()
+        )?;
         writeln!(f, "{judged} checks: {verdict}. {reported} more numbers are reported.\n")?;
         writeln!(f, "| section | lines | closest to what is accepted | error / accepted |")?;
         writeln!(f, "|---|---:|---|---:|")?;
@@ -171,8 +175,9 @@ impl fmt::Display for VerificationPage {
 }
 
 /// A number rounded to `count` digits, without trailing zeros.
+#[expect(clippy::expect_used, reason = "a formatted number always parses")]
 pub fn digits(x: f64, count: usize) -> String {
-    let rounded: f64 = format!("{x:.*e}", count - 1).parse().unwrap_or(f64::NAN);
+    let rounded: f64 = format!("{x:.*e}", count - 1).parse().expect("a formatted number");
     match rounded.abs() {
         size if size.is_nan() => "none".to_owned(),
         0.0 => "0".to_owned(),

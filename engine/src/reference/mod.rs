@@ -115,7 +115,7 @@ impl Cone {
 /// # Examples
 /// ```
 /// use fretwork_engine::reference::{Hertz, PowerLaw};
-/// f = r²/(2R) with R = 10 mm is the paraboloid of Hertz.
+/// // f = r²/(2R) with R = 10 mm is the paraboloid of Hertz.
 /// let power = PowerLaw { modulus: 113e9, exponent: 2.0, coefficient: 50.0, depth: 3e-6 };
 /// let hertz = Hertz { modulus: 113e9, radius: 0.01, depth: 3e-6 };
 /// assert!((power.force() / hertz.force() - 1.0).abs() < 1e-13);
@@ -311,8 +311,8 @@ impl SlidingTransition {
 }
 
 /// The initial wear rate dV/dÑ, in a₀²d₀, of an unworn power law whose springs stick inside 0 < c <
-/// 1. It is 2I/(1 − cⁿ) with I = (n/(n+1)) ((1 − c²ⁿ⁺¹)/(2n+1) − cⁿ + cⁿ⁺¹). For n = 2, I = 2/15 −
-/// 2c²/3 + 2c³/3 − 2c⁵/15.
+/// 1. It is 2I/(1 − cⁿ) with I = (n/(n+1)) ((1 − c²ⁿ⁺¹)/(2n+1) − cⁿ + cⁿ⁺¹). For n = 2,
+/// I is 2/15 − 2c²/3 + 2c³/3 − 2c⁵/15.
 ///
 /// The formula follows from dV/dN = (k_w/μ)W. The loss W of the unworn contact is the integral of
 /// y(Δ − y) over the ring, with y = 1 − xⁿ and Δ = 1 − cⁿ. Cancellation causes a relative error of
@@ -353,7 +353,7 @@ pub fn elastic_amplitude_ratio(n: f64) -> f64 {
 /// # Examples
 /// ```
 /// use fretwork_engine::reference::gross_slip_volume;
-/// An amplitude of 50 µm, with negligible U_el, at 10 N and 1e-5 mm³/(N m).
+/// // An amplitude of 50 µm, with negligible U_el, at 10 N and 1e-5 mm³/(N m).
 /// let volume = gross_slip_volume(1e-14, 10.0, 50e-6, 1e6);
 /// assert!((volume / 0.02e-9 - 1.0).abs() < 1e-12);
 /// ```

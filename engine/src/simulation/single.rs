@@ -57,8 +57,8 @@ impl SingleRun {
         let phase = match case.method {
             Method::Simplified { xi } if case.control.is_closed() => {
                 let solver = Box::new(Simplified::new(&case.contact, case.points));
-                let limiting = Some(solver.limiting().to_vec());
-                recording.lay_out(&case, solver.radii(), solver.initial().to_vec(), limiting);
+                let limiting = Some(solver.limiting.clone());
+                recording.lay_out(&case, &solver.radii, solver.initial.clone(), limiting);
                 RunPhase::Searching(solver, xi, StopSearch::default())
             }
             _ => RunPhase::Planned,
@@ -182,7 +182,7 @@ impl SingleRun {
         let curves = case.profiles[0].then(|| {
             let mut curves = Curves::unworn(&case.contact, radii);
             if case.control.has_record() {
-                let mesh = march.wearing().springs().mesh();
+                let mesh = &march.wearing().springs.mesh;
                 curves.slip = Curves::of(&case.contact.shape, mesh, &first.worn, radii).slip;
             }
             (curves, unworn.backbone.wind())
@@ -212,9 +212,9 @@ impl SingleRun {
         let case = &self.case;
         let (done, all) = (self.recording.history.cycles.len(), case.cycles.len());
         let last = case.normalized_end();
-        let (before, mut told) = (march.spent(), 0.0);
+        let (before, mut recorded) = (march.spent(), 0.0);
         let (mut next, mut over) = (done, false);
-        while next < all && march.spent() - before + told < STEP_OPERATIONS {
+        while next < all && march.spent() - before + recorded < STEP_OPERATIONS {
             let now = case.cycles[next] / case.scales.cycles;
             if march.advance(now) {
                 continue;
@@ -228,10 +228,10 @@ impl SingleRun {
             // A run that ends at an output cycle already recorded has its last row there.
             if self.recording.history.cycles.last().is_none_or(|known| *known < cycles) {
                 let shows = case.profiles[next] || ended.is_some() && case.profile_rows() > 0;
-                told += march.state_operations();
+                recorded += march.state_operations();
                 if shows {
                     // A curve sums over all cells at some of the radii.
-                    told += (radii.len() * march.cells()) as f64;
+                    recorded += (radii.len() * march.cells()) as f64;
                 }
                 let entry = marched_entry(case, march, radii, (cycles, at), shows);
                 self.recording.record(case, entry);
@@ -315,12 +315,12 @@ fn marched_entry(
 ) -> HistoryEntry {
     let state = march.at(at);
     let worn = state.worn;
-    let mesh = march.wearing().springs().mesh();
+    let mesh = &march.wearing().springs.mesh;
     let curves = shows.then(|| {
         let curves = Curves::of(&case.contact.shape, mesh, &worn, radii);
-        let start = mesh.radii()[0];
+        let start = mesh.radii[0];
         let loss = (!case.control.has_record()).then_some(worn.loss);
-        let backbone = Backbone::of_cells(start, worn.threshold, &worn.loads, mesh.widths(), loss);
+        let backbone = Backbone::of_cells(start, worn.threshold, &worn.loads, &mesh.widths, loss);
         (curves, backbone.wind())
     });
     HistoryEntry {

@@ -262,7 +262,7 @@ fn the_curves_agree_with_numerical_integrals() {
             let curves = state.curves.expect("curves");
             let eta = |x: f64| signed_compression(&contact, x, decay);
             let unworn = |x: f64| 1.0 - contact.shape.image(x);
-            for (index, r) in solver.radii().iter().enumerate().skip(1).step_by(5) {
+            for (index, r) in solver.radii.iter().enumerate().skip(1).step_by(5) {
                 let r = *r;
                 // Wear: (4) of g − g₀. The substitution by an angle removes the root.
                 let kinks = kinks(&contact, &[1.0, outer]);
@@ -311,7 +311,7 @@ fn wear_is_accurate_even_if_the_step_of_the_image_is_thinner_than_a_cell() {
             for (state, (decay, _)) in solver.states(&wanted).iter().zip(&wanted) {
                 assert!(state.depth <= 1.0 + 1e-12, "{} of {exponent} {threshold}", state.depth);
                 let curves = state.curves.as_ref().expect("curves");
-                for (r, wear) in solver.radii().iter().zip(&curves.wear).skip(1).step_by(7) {
+                for (r, wear) in solver.radii.iter().zip(&curves.wear).skip(1).step_by(7) {
                     if *r > contact.limit.radius {
                         continue;
                     }
@@ -367,7 +367,7 @@ fn the_pressure_agrees_with_the_integral_of_the_image_slope() {
                 // The slope is infinite at the edge of a flat, so it is limited for the quadrature.
                 contact.shape.image_slope(x).min(1e9) * factor
             };
-            for (index, r) in solver.radii().iter().enumerate().skip(1).step_by(3) {
+            for (index, r) in solver.radii.iter().enumerate().skip(1).step_by(3) {
                 let r = *r;
                 if r >= 1.0 {
                     assert_eq!(curves.pressure[index], 0.0, "outside the contact");
@@ -404,7 +404,7 @@ fn the_pressure_integrates_to_the_force_and_the_wear_to_the_volume() {
         for normalized in [0.0, 1.0, 4.0] {
             let state = solver.states(&[(solver.decay(0.8, normalized), true)]).remove(0);
             let curves = state.curves.as_ref().expect("curves");
-            let radii = solver.radii();
+            let radii = &solver.radii;
             let force: f64 = (1..radii.len())
                 .map(|i| {
                     let low = curves.pressure[i - 1] * radii[i - 1];

@@ -60,7 +60,7 @@ impl StopSearch {
 /// The events up to the time `last`. The stop condition is met at `stop`.
 pub(crate) fn events(solver: &Simplified, xi: f64, last: f64, stop: f64) -> Vec<Event> {
     use EventKind::{ContactLost, Shakedown, UntilReached};
-    let row = solver.row();
+    let row = &solver.row;
     let unworn = row.sums(solver.decay(xi, 0.0));
     let sums = |time: f64| row.sums(solver.decay(xi, time));
     let mut events = Vec::new();

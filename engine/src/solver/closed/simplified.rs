@@ -48,12 +48,12 @@ const UNRESOLVED: f64 = 0.01;
 #[derive(Debug)]
 pub struct Simplified {
     contact: Contact,
-    row: SpringRow,
+    pub(crate) row: SpringRow,
     kernels: Arc<Kernels>,
     /// Θ = ã² − c².
     theta: f64,
     /// The output radii: the core, then the mesh nodes from c to ã, then some radii outside.
-    radii: Vec<f64>,
+    pub radii: Vec<f64>,
     /// The number of radii before the first mesh node.
     core: usize,
     /// The number of mesh nodes.
@@ -73,9 +73,9 @@ pub struct Simplified {
     /// The error of `slip` outside a₀, divided by e; 0 inside a₀.
     slip_excess: Vec<f64>,
     /// The unworn profile f₀ at every radius.
-    initial: Vec<f64>,
+    pub(crate) initial: Vec<f64>,
     /// The limiting profile f∞ at every radius.
-    limiting: Vec<f64>,
+    pub(crate) limiting: Vec<f64>,
     /// The pressure of the unworn contact at the nodes inside a₀.
     unworn_pressure: Vec<f64>,
     /// For each radius of the core: the pressure if y had a step at the stick edge, and the amount
@@ -196,30 +196,9 @@ impl Simplified {
         }
     }
 
-    /// The springs for the integrals of force, friction and energy.
-    pub(crate) fn row(&self) -> &SpringRow {
-        &self.row
-    }
-
     /// The regime of the unworn contact.
     pub(crate) fn regime(&self) -> Regime {
         self.contact.regime
-    }
-
-    /// The output radii, ascending from 0.
-    #[must_use]
-    pub fn radii(&self) -> &[f64] {
-        &self.radii
-    }
-
-    /// The unworn profile at the radii.
-    pub(crate) fn initial(&self) -> &[f64] {
-        &self.initial
-    }
-
-    /// The limiting profile (12) at the radii; the unworn one beyond ã.
-    pub(crate) fn limiting(&self) -> &[f64] {
-        &self.limiting
     }
 
     /// e = exp(−ξÑ/ã).

@@ -29,14 +29,14 @@ impl Curves {
     /// The curves of a worn shape at the given radii, in ascending order.
     #[must_use]
     pub fn of(shape: &Shape, mesh: &Mesh, worn: &WornContact, radii: &[f64]) -> Self {
-        let inner = mesh.radii()[0];
-        let squares = mesh.squares();
+        let inner = mesh.radii[0];
+        let squares = &mesh.squares;
         let (start, end) = (squares[0], squares[squares.len() - 1]);
         let WornContact { wear, images, compressions, slips, depth, contact_radius, scar, .. } =
             worn;
         let contact_radius = *contact_radius;
         let middles: Vec<f64> =
-            mesh.radii().windows(2).map(|ends| 0.5 * (ends[0] + ends[1])).collect();
+            mesh.radii.windows(2).map(|ends| 0.5 * (ends[0] + ends[1])).collect();
         // In gross slip, the spring on the axis has the same compression as the first cell.
         let edge = if inner > 0.0 { depth - shape.image(inner) } else { depth - images[0] };
         let springs = SpringCurve::new(&middles, start, edge, compressions, contact_radius);
@@ -54,8 +54,8 @@ impl Curves {
         knots.push(rim);
         values.push(0.0);
         let pressure = Monotone::through(knots, values);
-        let slip = Monotone::through(squares.to_vec(), mesh.solve(slips));
-        let profile = Monotone::through(squares.to_vec(), wear.clone());
+        let slip = Monotone::through(squares.clone(), mesh.solve(slips));
+        let profile = Monotone::through(squares.clone(), wear.clone());
         let mut knots = vec![start];
         knots.extend(middles.iter().map(|x| x * x));
         let mut values = vec![depth - edge];
@@ -102,7 +102,7 @@ impl Curves {
                 } else {
                     let free = slips.last().copied().unwrap_or(1.0);
                     free * (1.0 - FRAC_2_PI * libm::asin(inner / r))
-                        - displacement(&middles, mesh.widths(), slips, r, free)
+                        - displacement(&middles, &mesh.widths, slips, r, free)
                 }
             }),
         }

@@ -202,7 +202,7 @@ impl March {
         let mut fine = MeshRun::new(contact, control, law, plan.clone(), cells, tolerance);
         fine.accounts = true;
         let coarse = MeshRun::new(contact, control, law, plan, cells / 2, 4.0 * tolerance);
-        let check = 0.01 * fine.rkc.scale();
+        let check = 0.01 * fine.rkc.scale;
         let until = StopCondition::default();
         // The initial regime is not an event.
         let mut known = Vec::new();
@@ -214,7 +214,7 @@ impl March {
             known.push(EventKind::Shakedown);
         }
         let mut events = Vec::new();
-        if fine.wearing.springs().slides() {
+        if fine.wearing.springs.slides {
             // The contact is too close to gross slip for this mesh.
             events.push(Event { at: 0.0, kind: EventKind::GrossSlip, ends: true });
         }
@@ -230,12 +230,12 @@ impl March {
             let mut scout = MeshRun::new(contact, control, law, plan.clone(), SCOUT.0, SCOUT.1);
             let mut focus = 0.0_f64;
             while scout.rkc.evaluations < MOST_LOOKS && scout.advance(last) {
-                focus = focus.max(scout.wearing.springs().stick());
+                focus = focus.max(scout.wearing.springs.stick());
             }
             if scout.wearing.outgrows() {
                 return None;
             }
-            let reach = scout.wearing.plan().reach;
+            let reach = scout.wearing.plan.reach;
             if reach > FAR * first.reach {
                 // A mesh of this size would be too coarse at the start of the run.
                 return Some(first);
@@ -267,7 +267,7 @@ impl March {
         if fine {
             self.watch();
         } else if self.fine.outgrown {
-            let at = self.fine.rkc.time();
+            let at = self.fine.rkc.time;
             self.events.push(Event { at, kind: EventKind::RimReached, ends: true });
             return false;
         }
@@ -312,7 +312,7 @@ impl March {
             if self.known.contains(&kind) {
                 continue;
             }
-            let (began, time) = (self.fine.rkc.began(), self.fine.rkc.time());
+            let (began, time) = (self.fine.rkc.began(), self.fine.rkc.time);
             if self.signal(kind, time) > 0.0 {
                 continue;
             }
@@ -351,16 +351,14 @@ impl March {
                 let worn = wearing.at(values);
                 until.missing(worn.deepest, worn.volume)
             }),
-            EventKind::GrossSlip => run.under(time, |wearing, _| wearing.springs().margin()),
-            EventKind::ContactLost => {
-                run.under(time, |wearing, _| wearing.springs().share() - LOST)
-            }
+            EventKind::GrossSlip => run.under(time, |wearing, _| wearing.springs.margin()),
+            EventKind::ContactLost => run.under(time, |wearing, _| wearing.springs.share() - LOST),
             EventKind::Shakedown => {
                 let least = SHAKEN * run.first_loss;
                 run.under(time, |wearing, _| {
-                    let springs = wearing.springs();
+                    let springs = &wearing.springs;
                     // A contact at rest or in gross slip is not in shakedown.
-                    if springs.threshold() == 0.0 || springs.stick() == 0.0 {
+                    if springs.threshold == 0.0 || springs.stick() == 0.0 {
                         1.0
                     } else {
                         wearing.energy_rate() - least
@@ -379,17 +377,17 @@ impl March {
     /// The outer radius of the mesh in a₀.
     #[must_use]
     pub fn reach(&self) -> f64 {
-        self.fine.wearing.plan().reach
+        self.fine.wearing.plan.reach
     }
 
     /// The present time in N₀.
     pub(crate) fn reached(&self) -> f64 {
-        self.fine.rkc.time()
+        self.fine.rkc.time
     }
 
     /// The number of mesh cells.
     pub(crate) fn cells(&self) -> usize {
-        self.fine.wearing.springs().mesh().widths().len()
+        self.fine.wearing.springs.mesh.widths.len()
     }
 
     /// The number of steps and of evaluations so far, for both runs together.
@@ -426,8 +424,8 @@ impl March {
         let worn_by_energy = self.fine.energy_until(time);
         let worn = self.fine.under(time, Wearing::at);
         let apart = self.distance(normalized_cycles).max(self.apart);
-        let volume_error = (SHARE * self.fine.wearing.springs().error_safety_factor() * apart)
-            .max(LEAST_ERROR * self.fine.rkc.tolerance())
+        let volume_error = (SHARE * self.fine.wearing.springs.error_safety_factor() * apart)
+            .max(LEAST_ERROR * self.fine.rkc.tolerance)
             .max(self.fine.edge_error(&worn))
             .max(self.fine.core_error(&worn));
         MarchState { worn, volume_error, worn_by_energy }

@@ -24,18 +24,20 @@ const TWO_THIRDS: f64 = 2.0 / 3.0;
 /// Nodes, cells and the matrix A of a shape.
 #[derive(Debug, Clone)]
 pub struct Mesh {
-    radii: Vec<f64>,
-    squares: Vec<f64>,
+    /// The nodes.
+    pub(crate) radii: Vec<f64>,
+    /// The squares of the nodes.
+    pub(crate) squares: Vec<f64>,
     /// Width of each cell, r_{q+1} − r_q.
-    widths: Vec<f64>,
+    pub(crate) widths: Vec<f64>,
     /// The area of each node in t: V = π Σ areas·w.
     areas: Vec<f64>,
     /// The matrix A row by row: row q contains A_q1 … A_q,q+1.
     matrix: Vec<f64>,
     /// Mean of g₀ over each cell.
-    unworn: Vec<f64>,
+    pub(crate) unworn: Vec<f64>,
     /// ∫₀^r₀ (1 − g₀) dx.
-    core: f64,
+    pub(crate) core: f64,
     /// The rows of (4), computed when they are first needed.
     inverse: OnceCell<Vec<f64>>,
 }
@@ -79,31 +81,6 @@ impl Mesh {
             .sum();
         let core = if axis { 0.0 } else { shape.half_force() - carried };
         Self { radii, squares, widths, areas, matrix, unworn, core, inverse: OnceCell::new() }
-    }
-
-    /// The nodes.
-    pub(crate) fn radii(&self) -> &[f64] {
-        &self.radii
-    }
-
-    /// The squares of the nodes.
-    pub(crate) fn squares(&self) -> &[f64] {
-        &self.squares
-    }
-
-    /// The widths of the cells.
-    pub(crate) fn widths(&self) -> &[f64] {
-        &self.widths
-    }
-
-    /// Cell means of the unworn image.
-    pub(crate) fn unworn(&self) -> &[f64] {
-        &self.unworn
-    }
-
-    /// ∫₀^r₀ (1 − g₀) dx: the part of the half force that never changes.
-    pub(crate) fn core(&self) -> f64 {
-        self.core
     }
 
     /// Row q of the matrix: A_q1 … A_q,q+1.
@@ -247,12 +224,12 @@ mod tests {
     fn a_wear_linear_in_r_squared_has_the_exact_cell_means() {
         // w = t − t₀ outside r₀ has the image 2x√(x² − r₀²), with the mean ⅔·Δ(t − t₀)^{3/2}/Δr.
         let mesh = Mesh::new(&Shape::power(2.0), graded(0.4, 1.3, 30));
-        let start = mesh.squares()[0];
-        let wear: Vec<f64> = mesh.squares().iter().map(|t| t - start).collect();
+        let start = mesh.squares[0];
+        let wear: Vec<f64> = mesh.squares.iter().map(|t| t - start).collect();
         for q in 0..30 {
             let power = |t: f64| (t - start) * (t - start).sqrt();
-            let exact = TWO_THIRDS * (power(mesh.squares()[q + 1]) - power(mesh.squares()[q]))
-                / mesh.widths()[q];
+            let exact =
+                TWO_THIRDS * (power(mesh.squares[q + 1]) - power(mesh.squares[q])) / mesh.widths[q];
             assert!((mesh.image(q, &wear) - exact).abs() < 1e-13, "{q}");
         }
         let volume = 0.5 * std::f64::consts::PI * (1.69 - start) * (1.69 - start);
@@ -273,9 +250,9 @@ mod tests {
         let radii: Vec<f64> = (0..=10).map(|i| f64::from(i) * 0.13).collect();
         for (flat, node) in [(0.5, Some(4)), (0.45, Some(3)), (0.1, Some(1)), (0.01, None)] {
             let mesh = Mesh::new(&Shape::truncated_cone(flat), radii.clone());
-            let moved = mesh.radii().iter().position(|r| (r - flat).abs() < 1e-15);
+            let moved = mesh.radii.iter().position(|r| (r - flat).abs() < 1e-15);
             assert_eq!(moved, node, "{flat}");
-            assert!(mesh.widths().iter().all(|width| *width > 0.03));
+            assert!(mesh.widths.iter().all(|width| *width > 0.03));
         }
     }
 
@@ -296,14 +273,14 @@ mod tests {
     fn the_unworn_pressure_agrees_with_hertz() {
         let radii = (0..=200).map(|i| f64::from(i) * 0.005).collect();
         let mesh = Mesh::new(&Shape::power(2.0), radii);
-        let loads: Vec<f64> = mesh.unworn().iter().map(|g| 1.0 - g).collect();
+        let loads: Vec<f64> = mesh.unworn.iter().map(|g| 1.0 - g).collect();
         let mut pressure = vec![0.0; 201];
         mesh.pressure(&loads, &mut pressure);
-        for (r, p) in mesh.radii().iter().zip(&pressure).skip(2).take(190) {
+        for (r, p) in mesh.radii.iter().zip(&pressure).skip(2).take(190) {
             let hertz = std::f64::consts::FRAC_2_PI * (1.0 - r * r).sqrt();
             assert!((p - hertz).abs() < 2e-3, "{r}: {p} {hertz}");
         }
-        let force: f64 = 2.0 * loads.iter().zip(mesh.widths()).map(|(y, d)| y * d).sum::<f64>();
+        let force: f64 = 2.0 * loads.iter().zip(&mesh.widths).map(|(y, d)| y * d).sum::<f64>();
         assert!((force - 4.0 / 3.0).abs() < 1e-12);
     }
 }

@@ -65,11 +65,15 @@ impl Stages {
 /// An integration and its present state.
 #[derive(Debug, Clone)]
 pub struct Rkc {
-    tolerance: f64,
-    scale: f64,
+    /// The relative error that a step may have.
+    pub(crate) tolerance: f64,
+    /// The time of slow changes.
+    pub(crate) scale: f64,
     size: f64,
-    time: f64,
-    values: Vec<f64>,
+    /// The present time.
+    pub(crate) time: f64,
+    /// y now.
+    pub(crate) values: Vec<f64>,
     /// f(y) at the present time.
     pub(super) rates: Vec<f64>,
     /// The state before the last step, for interpolation within the step.
@@ -80,8 +84,6 @@ pub struct Rkc {
     stages: Vec<Option<Stages>>,
     /// Number of accepted steps.
     pub accepted: usize,
-    /// Number of steps that were repeated with a smaller h.
-    pub rejected: usize,
     /// Number of evaluations of the right-hand side.
     pub evaluations: usize,
 }
@@ -137,34 +139,13 @@ impl Rkc {
             scratch: [zeros.clone(), zeros.clone(), zeros],
             stages: Vec::new(),
             accepted: 0,
-            rejected: 0,
             evaluations: 1,
         }
-    }
-
-    /// The present time.
-    pub(crate) fn time(&self) -> f64 {
-        self.time
-    }
-
-    /// The maximum relative error of a step.
-    pub(crate) fn tolerance(&self) -> f64 {
-        self.tolerance
-    }
-
-    /// The time scale of slow changes.
-    pub(crate) fn scale(&self) -> f64 {
-        self.scale
     }
 
     /// The time at the start of the last step.
     pub(crate) fn began(&self) -> f64 {
         self.before.0
-    }
-
-    /// The values y at the present time.
-    pub(crate) fn values(&self) -> &[f64] {
-        &self.values
     }
 
     /// Continues with a changed right-hand side, or from other values.
@@ -227,7 +208,6 @@ impl Rkc {
                 self.step = (base * growth.clamp(0.2, 3.0)).clamp(least, longest);
                 return;
             }
-            self.rejected += 1;
             let shrink = (0.8 / error.sqrt()).max(0.1);
             self.step = (h * shrink).max(least);
         }
@@ -345,7 +325,7 @@ mod tests {
         // The first component is not counted in the error.
         let mut system = Relaxation(vec![0.3, 0.3, 1.0, 20.0, 3000.0]);
         let mut run = Rkc::new(&mut system, vec![0.0; 5], tolerance, (1.0, 1.0));
-        while run.time() < end {
+        while run.time < end {
             run.advance(&mut system, f64::INFINITY);
         }
         let values = run.at(end);

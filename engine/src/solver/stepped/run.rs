@@ -118,17 +118,17 @@ impl MeshRun {
     }
 
     pub(super) fn advance(&mut self, until: f64) -> bool {
-        if self.settled.is_some() || self.rkc.time() >= until || self.wearing.springs().slides() {
+        if self.settled.is_some() || self.rkc.time >= until || self.wearing.springs.slides {
             return false;
         }
         let end = self.begin_block();
         if self.wearing.is_full() {
             if self.wearing.outgrows() {
-                self.settled = Some(self.rkc.time());
+                self.settled = Some(self.rkc.time);
                 self.outgrown = true;
                 return false;
             }
-            let (wearing, values) = self.wearing.extended(&self.control, self.rkc.values());
+            let (wearing, values) = self.wearing.extended(&self.control, &self.rkc.values);
             self.wearing = wearing;
             self.rkc.restart(&mut self.wearing, Some(values));
             self.loss = [self.wearing.energy_rate(); 2];
@@ -142,7 +142,7 @@ impl MeshRun {
         }
         self.rests = false;
         self.rkc.advance(&mut self.wearing, end);
-        let (began, time) = (self.rkc.began(), self.rkc.time());
+        let (began, time) = (self.rkc.began(), self.rkc.time);
         self.loss = [self.loss[1], self.wearing.energy_rate()];
         self.worn_by_energy[0] = self.worn_by_energy[1];
         self.worn_by_energy[1] += if self.accounts {
@@ -159,11 +159,11 @@ impl MeshRun {
     /// Whether wear has practically stopped at the present amplitude, which is constant until
     /// `end`.
     fn has_arrived(&self, end: f64) -> bool {
-        let (time, rate) = (self.rkc.time(), self.wearing.energy_rate());
+        let (time, rate) = (self.rkc.time, self.wearing.energy_rate());
         let lasted = time - self.block_began;
-        let negligible = SETTLED * self.rkc.tolerance() * self.worn_by_energy[1];
+        let negligible = SETTLED * self.rkc.tolerance * self.worn_by_energy[1];
         // The rate is conclusive only after the block has lasted at least the time scale.
-        let tells = lasted * self.wearing.pace() >= self.rkc.scale();
+        let tells = lasted * self.wearing.pace() >= self.rkc.scale;
         lasted > 0.0
             && (rate == 0.0
                 || tells && rate * lasted <= negligible
@@ -178,7 +178,7 @@ impl MeshRun {
         let Some(block) = blocks.get(self.block) else {
             return f64::INFINITY;
         };
-        if self.rkc.time() < block.end {
+        if self.rkc.time < block.end {
             return block.end;
         }
         self.block += 1;
@@ -186,7 +186,7 @@ impl MeshRun {
             return f64::INFINITY;
         };
         self.wearing.command(next.threshold);
-        self.block_began = self.rkc.time();
+        self.block_began = self.rkc.time;
         let end = next.end;
         self.rkc.restart(&mut self.wearing, None);
         self.rkc.hurry(self.wearing.pace());
@@ -215,14 +215,14 @@ impl MeshRun {
         time: f64,
         what: impl FnOnce(&mut Wearing, &[f64]) -> T,
     ) -> T {
-        if time >= self.rkc.time() {
+        if time >= self.rkc.time {
             // The springs already have this state.
-            return what(&mut self.wearing, self.rkc.values());
+            return what(&mut self.wearing, &self.rkc.values);
         }
         let (rkc, [first, last]) = (&self.rkc, self.loss);
         let noise = |rate: f64| rate > NOISY * first.max(last) || rate < first.min(last) / NOISY;
         let mut more = 0;
-        let found = self.wearing.under(&rkc.at(time), rkc.values(), |wearing, values| {
+        let found = self.wearing.under(&rkc.at(time), &rkc.values, |wearing, values| {
             if !noise(wearing.energy_rate()) {
                 return what(wearing, values);
             }
@@ -244,7 +244,7 @@ impl MeshRun {
         {
             return 0.0;
         }
-        let radii = self.wearing.springs().mesh().radii();
+        let radii = &self.wearing.springs.mesh.radii;
         let next = radii.partition_point(|r| *r <= worn.stick).clamp(1, radii.len() - 1);
         let width = radii[next] - radii[next - 1];
         // In the limiting state the core carries the whole load.
@@ -264,7 +264,7 @@ impl MeshRun {
     pub(super) fn core_error(&self, worn: &WornContact) -> f64 {
         let Wearing { contact, .. } = &self.wearing;
         let least = self.control.least_stick(contact);
-        if self.control.normal == Normal::Force || least == 0.0 || self.wearing.plan().start > 0.0 {
+        if self.control.normal == Normal::Force || least == 0.0 || self.wearing.plan.start > 0.0 {
             return 0.0;
         }
         let last = |stick: f64| Limit::solve(&contact.shape, stick).map(|limit| limit.volume);
@@ -276,8 +276,8 @@ impl MeshRun {
 
     pub(super) fn volume(&mut self, time: f64) -> f64 {
         let time = self.within(time);
-        if time >= self.rkc.time() {
-            return self.wearing.volume(self.rkc.values());
+        if time >= self.rkc.time {
+            return self.wearing.volume(&self.rkc.values);
         }
         self.wearing.volume(&self.rkc.at(time))
     }
@@ -285,8 +285,8 @@ impl MeshRun {
     /// `time`, but at most the time of the last step if the run has settled or ended. Afterwards
     /// the state is constant.
     pub(super) fn within(&self, time: f64) -> f64 {
-        if self.settled.is_some() || self.wearing.springs().slides() {
-            time.min(self.rkc.time())
+        if self.settled.is_some() || self.wearing.springs.slides {
+            time.min(self.rkc.time)
         } else {
             time
         }

@@ -25,8 +25,10 @@ const MARGIN: f64 = 0.1;
 /// The springs of a mesh and the held quantities.
 #[derive(Debug, Clone)]
 pub struct Springs {
-    mesh: Mesh,
-    control: Control,
+    /// The mesh.
+    pub mesh: Mesh,
+    /// The held quantities.
+    pub(crate) control: Control,
     /// ∫₀ᵃ y dx of the unworn contact.
     half_force: f64,
     /// The present amplitude: Δ, or Δ_rig with a rig.
@@ -35,15 +37,18 @@ pub struct Springs {
     edge: f64,
     /// Whether the stick edge moves inwards.
     moves_in: bool,
-    depth: f64,
-    threshold: f64,
-    slides: bool,
+    /// d.
+    pub(crate) depth: f64,
+    /// Δ.
+    pub(crate) threshold: f64,
+    /// Whether friction cannot carry the held tangential force.
+    pub(crate) slides: bool,
     /// Image g of each of the first cells.
-    images: Vec<f64>,
+    pub(crate) images: Vec<f64>,
     /// Compression y of each cell in contact.
-    compressions: Vec<f64>,
+    pub(crate) compressions: Vec<f64>,
     /// Slip ω of each cell with a known image.
-    slips: Vec<f64>,
+    pub(crate) slips: Vec<f64>,
 }
 
 /// A saved state of the springs.
@@ -58,9 +63,9 @@ pub struct Aside {
 impl Springs {
     /// The springs of a contact on a mesh.
     pub(crate) fn new(mesh: Mesh, contact: &Contact, control: &Control) -> Self {
-        let cells = mesh.widths().len();
+        let cells = mesh.widths.len();
         let room = || Vec::with_capacity(cells);
-        let start = mesh.radii()[0];
+        let start = mesh.radii[0];
         let amplitude = match control.tangential {
             Tangential::Rig { amplitude, .. } => amplitude,
             _ => contact.threshold,
@@ -82,37 +87,6 @@ impl Springs {
         }
     }
 
-    /// The mesh.
-    #[must_use]
-    pub fn mesh(&self) -> &Mesh {
-        &self.mesh
-    }
-
-    /// Indentation depth d.
-    pub(crate) fn depth(&self) -> f64 {
-        self.depth
-    }
-
-    /// Amplitude Δ.
-    pub(crate) fn threshold(&self) -> f64 {
-        self.threshold
-    }
-
-    /// Whether friction is too small to carry the constant tangential force.
-    pub(crate) fn slides(&self) -> bool {
-        self.slides
-    }
-
-    /// Compression y of each cell in contact.
-    pub(crate) fn compressions(&self) -> &[f64] {
-        &self.compressions
-    }
-
-    /// Slip ω of each cell with a known image. In the other cells ω is 1.
-    pub(crate) fn slips(&self) -> &[f64] {
-        &self.slips
-    }
-
     /// A safety factor of the error estimate. If the stick edge moves inwards, both meshes have a
     /// common error, which their difference does not contain.
     pub(crate) fn error_safety_factor(&self) -> f64 {
@@ -125,16 +99,6 @@ impl Springs {
             Tangential::Record(record) => record.slip(0.0),
             _ => 1.0,
         }
-    }
-
-    /// Image g of each cell with a known image.
-    pub(crate) fn images(&self) -> &[f64] {
-        &self.images
-    }
-
-    /// The quantities that are held constant.
-    pub(crate) fn control(&self) -> &Control {
-        &self.control
     }
 
     /// Copies depth, Δ and amplitude from other springs.
@@ -172,14 +136,14 @@ impl Springs {
     pub(crate) fn press_wear(&mut self, wear: &[f64]) {
         let worn = wear.iter().rposition(|w| *w > 0.0).unwrap_or(0);
         self.images.clear();
-        let cells = self.mesh.widths().len();
+        let cells = self.mesh.widths.len();
         let mut known = self.depth * (1.0 + MARGIN);
         if self.control.normal == Normal::Depth {
             known = 1.0;
         }
         loop {
             for q in self.images.len()..cells {
-                let image = self.mesh.unworn()[q] + self.mesh.image(q, wear);
+                let image = self.mesh.unworn[q] + self.mesh.image(q, wear);
                 self.images.push(image);
                 // Outside the worn region the images increase, so no later cell can be in contact.
                 if q > worn && image >= known {
@@ -197,7 +161,7 @@ impl Springs {
     /// Computes the state for the given wear of the image in each cell.
     pub(crate) fn press_images(&mut self, worn: &[f64]) {
         self.images.clear();
-        self.images.extend(self.mesh.unworn().iter().zip(worn).map(|(g, h)| g + h));
+        self.images.extend(self.mesh.unworn.iter().zip(worn).map(|(g, h)| g + h));
         self.press();
     }
 
@@ -228,8 +192,8 @@ impl Springs {
 
     /// The depth d at which r₀·d + Σ D (d − g)₊ gives the constant force.
     fn depth_under_force(&self) -> f64 {
-        let (start, widths) = (self.mesh.radii()[0], self.mesh.widths());
-        let inside = start - self.mesh.core();
+        let (start, widths) = (self.mesh.radii[0], &self.mesh.widths);
+        let inside = start - self.mesh.core;
         let mut depth = self.depth;
         for _ in 0..100 {
             let (mut load, mut stiffness) = (start * depth - inside, start);
@@ -254,7 +218,7 @@ impl Springs {
 
     /// The amplitude Δ with a·Δ + r₀·Δ + Σ D min(y, Δ) = `target`.
     fn threshold_under(&self, a: f64, target: f64) -> Option<f64> {
-        let (start, widths) = (self.mesh.radii()[0], self.mesh.widths());
+        let (start, widths) = (self.mesh.radii[0], &self.mesh.widths);
         let most = self.compressions.iter().copied().fold(0.0, f64::max);
         // Newton's method approaches the root of a concave sum from the left.
         let mut threshold = if a + start > 0.0 { self.threshold } else { 0.0 };
@@ -330,10 +294,10 @@ impl Springs {
     /// The smallest y of a cell, and half of the difference between its largest and smallest y. y
     /// is linear across the cell, with the smaller of the slopes to the two neighbours.
     fn across(&self, q: usize) -> (f64, f64) {
-        let (widths, y) = (self.mesh.widths(), &self.compressions);
+        let (widths, y) = (&self.mesh.widths, &self.compressions);
         let here = y[q];
         let before = match q {
-            0 if self.mesh.radii()[0] > 0.0 => (self.edge() - here) / (0.5 * widths[0]),
+            0 if self.mesh.radii[0] > 0.0 => (self.edge() - here) / (0.5 * widths[0]),
             0 => f64::INFINITY,
             _ => (y[q - 1] - here) / (0.5 * (widths[q - 1] + widths[q])),
         };
@@ -347,27 +311,27 @@ impl Springs {
 
     /// ∫₀ᵃ y dx.
     pub(crate) fn normal(&self) -> f64 {
-        let core = self.mesh.core() + self.mesh.radii()[0] * (self.depth - 1.0);
-        core + self.compressions.iter().zip(self.mesh.widths()).map(|(y, d)| y * d).sum::<f64>()
+        let core = self.mesh.core + self.mesh.radii[0] * (self.depth - 1.0);
+        core + self.compressions.iter().zip(&self.mesh.widths).map(|(y, d)| y * d).sum::<f64>()
     }
 
     /// ∫₀ᵃ min(Δ, y) dx.
     pub(crate) fn tangential(&self) -> f64 {
-        let widths = self.mesh.widths()[..self.compressions.len()].iter().enumerate();
+        let widths = self.mesh.widths[..self.compressions.len()].iter().enumerate();
         let sum: f64 = widths.map(|(q, d)| d * self.carried(q, self.threshold).0).sum();
-        self.threshold * self.mesh.radii()[0] + sum
+        self.threshold * self.mesh.radii[0] + sum
     }
 
     /// ∫₀ᵃ y ω dx.
     pub(crate) fn loss(&self) -> f64 {
-        let springs = self.compressions.iter().zip(&self.slips).zip(self.mesh.widths());
+        let springs = self.compressions.iter().zip(&self.slips).zip(&self.mesh.widths);
         springs.map(|((y, slip), d)| d * y * slip).sum()
     }
 
     /// The distance from gross slip. It is 0 when gross slip starts.
     pub(crate) fn margin(&self) -> f64 {
         match self.control.tangential {
-            _ if self.mesh.radii()[0] > 0.0 => 1.0,
+            _ if self.mesh.radii[0] > 0.0 => 1.0,
             Tangential::Force(half) => self.normal() - half,
             _ => self.compressions.iter().copied().fold(0.0, f64::max) - self.threshold,
         }
@@ -380,7 +344,7 @@ impl Springs {
 
     /// The stick radius c, interpolated between the centres of two cells. It is 0 in gross slip.
     pub(crate) fn stick(&self) -> f64 {
-        let radii = self.mesh.radii();
+        let radii = &self.mesh.radii;
         let middle = |q: usize| 0.5 * (radii[q] + radii[q + 1]);
         let y = &self.compressions;
         let sticks = |y: f64| y >= self.threshold * (1.0 - 1e-12);

@@ -30,8 +30,10 @@ pub struct Wearing {
     /// The unworn contact.
     pub contact: Contact,
     law: Law,
-    plan: MeshPlan,
-    springs: Springs,
+    /// Where the nodes lie.
+    pub(crate) plan: MeshPlan,
+    /// The springs in their present state.
+    pub springs: Springs,
     aside: Aside,
     /// Δ·s of the unworn contact at the nodes if every spring slips.
     unworn_slip: Vec<f64>,
@@ -96,11 +98,11 @@ impl Wearing {
     ) -> Self {
         let mesh = Mesh::new(&contact.shape, plan.radii(cells));
         let level = 1.0 - contact.threshold;
-        let rest: Vec<f64> = mesh.unworn().iter().map(|g| g - level).collect();
+        let rest: Vec<f64> = mesh.unworn.iter().map(|g| g - level).collect();
         let unworn_slip = mesh.solve(&rest);
         let slip = vec![0.0; cells + 1];
         let stiffness = (0..=cells)
-            .map(|j| &mesh.widths()[j.saturating_sub(1)..(j + 1).min(cells)])
+            .map(|j| &mesh.widths[j.saturating_sub(1)..(j + 1).min(cells)])
             .map(|next| 0.5 / next.iter().copied().fold(f64::INFINITY, f64::min))
             .collect();
         let scar = contact.limit.radius;
@@ -123,17 +125,6 @@ impl Wearing {
         }
     }
 
-    /// The springs in their present state.
-    #[must_use]
-    pub fn springs(&self) -> &Springs {
-        &self.springs
-    }
-
-    /// The positions of the mesh nodes.
-    pub(crate) fn plan(&self) -> &MeshPlan {
-        &self.plan
-    }
-
     /// Sets the amplitude.
     pub fn command(&mut self, amplitude: f64) {
         self.springs.command(amplitude);
@@ -146,10 +137,10 @@ impl Wearing {
 
     /// Whether the wear has almost reached the end of the mesh.
     pub(crate) fn is_full(&self) -> bool {
-        let cells = self.springs.mesh().widths().len();
+        let cells = self.springs.mesh.widths.len();
         match self.law {
             _ if self.plan.reach >= self.plan.farthest => false,
-            Law::Exact => self.springs.compressions().len() + 3 >= cells,
+            Law::Exact => self.springs.compressions.len() + 3 >= cells,
             Law::Simplified(_) => {
                 let MeshPlan { start, reach, .. } = self.plan;
                 self.scar > start + 0.97 * (reach - start)
@@ -162,13 +153,13 @@ impl Wearing {
         let MeshPlan { start, reach, farthest, .. } = self.plan;
         let reach = (start + 1.25 * (reach - start)).min(farthest).min(self.contact.shape.extent());
         let plan = MeshPlan { reach, ..self.plan.clone() };
-        let cells = self.springs.mesh().widths().len();
+        let cells = self.springs.mesh.widths.len();
         let mut larger = Self::new(&self.contact, control, self.law, plan, cells);
         larger.springs.resume(&self.springs);
         (larger.scar, larger.widest) = (self.scar, self.widest);
-        let (from, to) = (self.springs.mesh(), larger.springs.mesh());
+        let (from, to) = (&self.springs.mesh, &larger.springs.mesh);
         let middles = |mesh: &Mesh| -> Vec<f64> {
-            mesh.radii().windows(2).map(|ends| 0.5 * (ends[0] + ends[1])).collect()
+            mesh.radii.windows(2).map(|ends| 0.5 * (ends[0] + ends[1])).collect()
         };
         let carried = match self.law {
             Law::Exact => {
@@ -176,15 +167,15 @@ impl Wearing {
                 // error of 0.1 % of this wear exceeds the compression of the springs. Therefore
                 // interpolate the profile or the wear, whichever varies less.
                 let shape = &self.contact.shape;
-                let squares = from.squares();
+                let squares = &from.squares;
                 let worn: Vec<f64> =
-                    from.radii().iter().zip(values).map(|(r, w)| shape.profile(*r) + w).collect();
-                let of_wear = Monotone::through(squares.to_vec(), values.to_vec());
-                let of_worn = Monotone::through(squares.to_vec(), worn.clone());
+                    from.radii.iter().zip(values).map(|(r, w)| shape.profile(*r) + w).collect();
+                let of_wear = Monotone::through(squares.clone(), values.to_vec());
+                let of_worn = Monotone::through(squares.clone(), worn.clone());
                 let mut wear: Vec<f64> = to
-                    .squares()
+                    .squares
                     .iter()
-                    .zip(to.radii())
+                    .zip(&to.radii)
                     .map(|(t, r)| {
                         let next = squares.partition_point(|known| known <= t).max(1);
                         if next > cells {
@@ -200,9 +191,9 @@ impl Wearing {
                     .collect();
                 wear[0] = 0.0;
                 // A shift of the wear restores V and keeps the profile flat.
-                let start = to.squares()[0];
+                let start = to.squares[0];
                 let share: Vec<f64> = to
-                    .squares()
+                    .squares
                     .iter()
                     .zip(&wear)
                     .map(|(t, w)| if *w > 0.0 { 1.0 - start / t } else { 0.0 })
@@ -214,7 +205,7 @@ impl Wearing {
                         *w = (*w + shift * share).max(0.0);
                     }
                 }
-                if to.radii()[0] == 0.0 {
+                if to.radii[0] == 0.0 {
                     wear[0] = wear[1];
                 }
                 wear
@@ -233,10 +224,10 @@ impl Wearing {
 
     /// The wear that belongs to worn images. The rule does not wear the profile outside ã.
     fn inverse(&self, images: &[f64]) -> Vec<f64> {
-        let mesh = self.springs.mesh();
+        let mesh = &self.springs.mesh;
         let mut wear = mesh.inverse(images);
         let scar = self.widest;
-        for (wear, r) in wear.iter_mut().zip(mesh.radii()) {
+        for (wear, r) in wear.iter_mut().zip(&mesh.radii) {
             *wear = if *r > scar { 0.0 } else { *wear };
         }
         wear
@@ -244,19 +235,19 @@ impl Wearing {
 
     /// Estimated number of multiplications of one evaluation of the wear rate.
     pub(crate) fn operations(&self) -> f64 {
-        let cells = self.springs.mesh().widths().len() as f64;
+        let cells = self.springs.mesh.widths.len() as f64;
         let scar = if self.law == Law::Exact || self.keeps_scar() { 0.0 } else { SCAR_OPERATIONS };
         cells * cells + scar * self.contact.shape.pieces() as f64
     }
 
     /// The stick radius c in the present state of the springs.
     fn stick(&self) -> f64 {
-        if self.springs.control().keeps_stick() { self.contact.stick } else { self.springs.stick() }
+        if self.springs.control.keeps_stick() { self.contact.stick } else { self.springs.stick() }
     }
 
     /// Whether ã is constant.
     fn keeps_scar(&self) -> bool {
-        let control = self.springs.control();
+        let control = &self.springs.control;
         control.keeps_stick() && control.normal == Normal::Depth
     }
 
@@ -265,7 +256,7 @@ impl Wearing {
         if self.keeps_scar() {
             return self.contact.limit.radius;
         }
-        Limit::scar(&self.contact.shape, self.stick(), self.springs.depth(), self.scar)
+        Limit::scar(&self.contact.shape, self.stick(), self.springs.depth, self.scar)
     }
 
     /// Computes the state of the springs for the given values.
@@ -274,7 +265,7 @@ impl Wearing {
             Law::Exact => self.springs.press_wear(values),
             Law::Simplified(_) => {
                 self.springs.press_images(&values[1..]);
-                if self.springs.threshold() > 0.0 {
+                if self.springs.threshold > 0.0 {
                     self.widest = self.widest.max(self.scar_radius());
                 }
             }
@@ -306,10 +297,10 @@ impl Wearing {
     /// The wear volume V of the given values.
     pub(crate) fn volume(&self, values: &[f64]) -> f64 {
         match self.law {
-            Law::Exact => self.springs.mesh().volume(values),
+            Law::Exact => self.springs.mesh.volume(values),
             Law::Simplified(_) => {
-                let mesh = self.springs.mesh();
-                positive_volume(mesh.squares(), &self.inverse(&values[1..]))
+                let mesh = &self.springs.mesh;
+                positive_volume(&mesh.squares, &self.inverse(&values[1..]))
             }
         }
     }
@@ -321,51 +312,50 @@ impl Wearing {
 
     /// The present amplitude, relative to the initial amplitude: Δ/Δ₀.
     pub(crate) fn pace(&self) -> f64 {
-        self.springs.threshold() / self.contact.threshold
+        self.springs.threshold / self.contact.threshold
     }
 
     /// The worn contact for the given values.
     pub(crate) fn at(&mut self, values: &[f64]) -> WornContact {
         self.press(values);
         let springs = &self.springs;
-        let mesh = springs.mesh();
+        let mesh = &springs.mesh;
         let wear = match self.law {
             Law::Exact => values.to_vec(),
             Law::Simplified(_) => self.inverse(&values[1..]),
         };
-        let mut images = springs.images().to_vec();
-        let mut slips = springs.slips().to_vec();
+        let mut images = springs.images.clone();
+        let mut slips = springs.slips.clone();
         let known = images.len();
-        images
-            .extend((known..mesh.widths().len()).map(|q| mesh.unworn()[q] + mesh.image(q, &wear)));
+        images.extend((known..mesh.widths.len()).map(|q| mesh.unworn[q] + mesh.image(q, &wear)));
         slips.resize(images.len(), slips.last().copied().unwrap_or(1.0));
         let (contact_radius, scar) = self.radii(&wear, &images);
-        let volume = positive_volume(mesh.squares(), &wear);
+        let volume = positive_volume(&mesh.squares, &wear);
         let mut wear = wear;
-        if self.law == Law::Exact && mesh.radii()[0] == 0.0 && self.stick() == 0.0 {
+        if self.law == Law::Exact && mesh.radii[0] == 0.0 && self.stick() == 0.0 {
             // If the axis slips, the worn profile is flat there, even for a cone.
-            let first = mesh.radii()[1];
+            let first = mesh.radii[1];
             wear[0] = (wear[1] + self.contact.shape.profile(first)).min(2.0 * wear[1]);
         }
         if self.law == Law::Exact {
             // In contact no image exceeds d, so the worn profile cannot exceed d either.
-            for (wear, r) in wear.iter_mut().zip(mesh.radii()) {
-                let room = (springs.depth() - self.contact.shape.profile(*r)).max(0.0);
+            for (wear, r) in wear.iter_mut().zip(&mesh.radii) {
+                let room = (springs.depth - self.contact.shape.profile(*r)).max(0.0);
                 *wear = wear.min(room);
             }
         }
         WornContact {
             volume,
-            deepest: vertex(mesh.radii(), &wear, largest(&wear)).min(springs.depth()),
+            deepest: vertex(&mesh.radii, &wear, largest(&wear)).min(springs.depth),
             contact_radius,
             scar,
-            depth: springs.depth(),
-            threshold: springs.threshold(),
+            depth: springs.depth,
+            threshold: springs.threshold,
             stick: self.stick(),
             normal: springs.normal(),
             tangential: springs.tangential(),
             loss: springs.loss(),
-            compressions: springs.compressions().to_vec(),
+            compressions: springs.compressions.clone(),
             loads: springs.loads(),
             wear,
             images,
@@ -375,9 +365,9 @@ impl Wearing {
 
     /// The contact radius and the scar radius.
     fn radii(&self, wear: &[f64], images: &[f64]) -> (f64, f64) {
-        let radii = self.springs.mesh().radii();
+        let radii = &self.springs.mesh.radii;
         let most = wear.iter().copied().fold(0.0, f64::max);
-        let held = self.springs.control().normal == Normal::Depth;
+        let held = self.springs.control.normal == Normal::Depth;
         if most == 0.0 {
             return (1.0, 0.0);
         }
@@ -406,8 +396,8 @@ impl Wearing {
 
     /// The radius at which the unworn image equals the present depth.
     fn unworn_radius(&self) -> f64 {
-        let depth = self.springs.depth();
-        let radii = self.springs.mesh().radii();
+        let depth = self.springs.depth;
+        let radii = &self.springs.mesh.radii;
         let end = radii[radii.len() - 1];
         let shape = &self.contact.shape;
         if depth <= 1.0 {
@@ -422,8 +412,8 @@ impl Wearing {
     /// The radius at which the worn image equals the depth, interpolated between the centres of
     /// cells.
     fn touching(&self, images: &[f64]) -> f64 {
-        let (radii, depth) = (self.springs.mesh().radii(), self.springs.depth());
-        let loaded = self.springs.compressions().len();
+        let (radii, depth) = (&self.springs.mesh.radii, self.springs.depth);
+        let loaded = self.springs.compressions.len();
         let middle = |q: usize| 0.5 * (radii[q] + radii[q + 1]);
         if loaded == 0 || loaded == images.len() {
             return radii[loaded];
@@ -436,23 +426,19 @@ impl Wearing {
     /// Computes the slip s at the nodes in contact.
     fn solve_slip(&mut self, wear: &[f64]) {
         let springs = &self.springs;
-        let live = springs.compressions().len();
-        let threshold = springs.threshold();
+        let live = springs.compressions.len();
+        let threshold = springs.threshold;
         if threshold == 0.0 {
             self.slip.fill(0.0);
             return;
         }
-        let harmonic = !matches!(springs.control().tangential, Tangential::Record(_));
-        let most = springs.compressions().iter().copied().fold(0.0, f64::max);
+        let harmonic = !matches!(springs.control.tangential, Tangential::Record(_));
+        let most = springs.compressions.iter().copied().fold(0.0, f64::max);
         let closed = harmonic
-            && if self.plan.start > 0.0 {
-                springs.control().keeps_stick()
-            } else {
-                most < threshold
-            };
+            && if self.plan.start > 0.0 { springs.control.keeps_stick() } else { most < threshold };
         if closed {
             // Δ − d + g₀(c). The value is 0 except in gross slip, where Δ and d may have changed.
-            let rise = (threshold - self.contact.threshold) - (springs.depth() - 1.0);
+            let rise = (threshold - self.contact.threshold) - (springs.depth - 1.0);
             let rise = if self.plan.start > 0.0 { 0.0 } else { rise };
             let per_threshold = 1.0 / threshold;
             let nodes = self.slip[1..=live].iter_mut().zip(&self.unworn_slip[1..]).zip(&wear[1..]);
@@ -461,7 +447,7 @@ impl Wearing {
             }
             return;
         }
-        springs.mesh().solve_into(&springs.slips()[..live], &mut self.slip);
+        springs.mesh.solve_into(&springs.slips[..live], &mut self.slip);
         for slip in &mut self.slip[..=live] {
             *slip = slip.max(0.0);
         }
@@ -471,9 +457,9 @@ impl Wearing {
         self.springs.press_wear(wear);
         self.solve_slip(wear);
         let (springs, pace) = (&self.springs, self.pace());
-        let mesh = springs.mesh();
-        mesh.pressure(springs.compressions(), rates);
-        let live = springs.compressions().len();
+        let mesh = &springs.mesh;
+        mesh.pressure(&springs.compressions, rates);
+        let live = springs.compressions.len();
         self.radius = 0.0;
         let nodes = self.slip[1..=live].iter().zip(&self.stiffness[1..=live]);
         for ((slip, stiffness), rate) in nodes.zip(&mut rates[1..=live]) {
@@ -482,25 +468,25 @@ impl Wearing {
             *rate *= slip;
         }
         rates[live + 1..].fill(0.0);
-        rates[0] = if mesh.radii()[0] == 0.0 { rates[1] } else { 0.0 };
+        rates[0] = if mesh.radii[0] == 0.0 { rates[1] } else { 0.0 };
     }
 
     fn simplified_rates(&mut self, xi: f64, values: &[f64], rates: &mut [f64]) {
         self.springs.press_images(&values[1..]);
-        if self.springs.threshold() == 0.0 {
+        if self.springs.threshold == 0.0 {
             rates.fill(0.0);
             return;
         }
         self.scar = self.scar_radius();
         let springs = &self.springs;
         let rate = xi / self.scar * self.pace();
-        let radii = springs.mesh().radii();
+        let radii = &springs.mesh.radii;
         rates[0] = 0.0;
         for (q, ((image, slip), ends)) in
-            springs.images().iter().zip(springs.slips()).zip(radii.windows(2)).enumerate()
+            springs.images.iter().zip(&springs.slips).zip(radii.windows(2)).enumerate()
         {
             let inside = ((self.scar - ends[0]) / (ends[1] - ends[0])).clamp(0.0, 1.0);
-            rates[q + 1] = rate * inside * (springs.depth() - image) * slip;
+            rates[q + 1] = rate * inside * (springs.depth - image) * slip;
         }
         self.radius = 2.0 * rate * springs.free_slip();
     }
@@ -519,13 +505,13 @@ impl Rates for Wearing {
     }
 
     fn most(&self) -> f64 {
-        match (self.law, self.springs.control().normal) {
+        match (self.law, self.springs.control.normal) {
             // The compression of the springs, which determines the pressure, is much smaller than a
             // deep wear. Late in a run a core carries the load, and the springs outside carry ever
             // less.
             (Law::Exact, Normal::Force) => {
                 let even = self.springs.normal() / self.plan.reach;
-                self.springs.compressions().iter().copied().fold(even, f64::max)
+                self.springs.compressions.iter().copied().fold(even, f64::max)
             }
             _ => f64::INFINITY,
         }
@@ -533,8 +519,8 @@ impl Rates for Wearing {
 
     fn live(&self) -> usize {
         match self.law {
-            Law::Exact => self.springs.compressions().len(),
-            Law::Simplified(_) => self.springs.images().len(),
+            Law::Exact => self.springs.compressions.len(),
+            Law::Simplified(_) => self.springs.images.len(),
         }
     }
 }
@@ -599,7 +585,7 @@ mod tests {
                     let rate = wearing.energy_rate();
                     let growth = wearing.volume(&rkc.rates);
                     assert!((growth - rate).abs() <= 1e-12 * rate, "{growth} {rate} {control:?}");
-                    if wearing.springs().slides() {
+                    if wearing.springs.slides {
                         break;
                     }
                     rkc.advance(&mut wearing, f64::INFINITY);
