@@ -310,8 +310,9 @@ impl SlidingTransition {
     }
 }
 
-/// The initial wear rate dV/dÑ, in a₀²d₀, of an unworn power law whose springs stick inside 0 < c <
-/// 1. It is 2I/(1 − cⁿ) with I = (n/(n+1)) ((1 − c²ⁿ⁺¹)/(2n+1) − cⁿ + cⁿ⁺¹). For n = 2,
+/// The initial wear rate dV/dÑ, in a₀²d₀, of an unworn power law with a stick radius 0 < c < 1.
+///
+/// It is 2I/(1 − cⁿ) with I = (n/(n+1)) ((1 − c²ⁿ⁺¹)/(2n+1) − cⁿ + cⁿ⁺¹). For n = 2,
 /// I is 2/15 − 2c²/3 + 2c³/3 − 2c⁵/15.
 ///
 /// The formula follows from dV/dN = (k_w/μ)W. The loss W of the unworn contact is the integral of
