@@ -351,7 +351,7 @@ mod tests {
     }
 
     #[test]
-    fn roots_at_a_kink_cost_no_digits() {
+    fn integrals_with_square_roots_at_a_kink_are_accurate() {
         let rooted = |x: f64| (x - 0.3_f64).abs().sqrt();
         let exact = (0.3 * 0.3_f64.sqrt() + 0.7 * 0.7_f64.sqrt()) / 1.5;
         assert!((integrate_pieces(0.0, 1.0, &[0.3], rooted) - exact).abs() < 1e-14);
@@ -361,7 +361,7 @@ mod tests {
     }
 
     #[test]
-    fn roots_and_maxima_are_found_to_the_last_digits() {
+    fn roots_and_maxima_are_accurate() {
         assert!((root(0.0, 2.0, |x| x * x - 2.0) - std::f64::consts::SQRT_2).abs() < 1e-15);
         assert!((root(0.0, 1.0, |x| libm::pow(x, 9.0) - 1e-9) - 0.1).abs() < 1e-15);
         assert!((maximum(0.0, 3.0, |x| x * (2.0 - x)) - 1.0).abs() < 1e-7);
@@ -371,7 +371,7 @@ mod tests {
     }
 
     #[test]
-    fn a_dot_product_of_any_length_is_the_sum_of_products() {
+    fn dot_is_the_sum_of_products_for_any_length() {
         let a: Vec<f64> = (0..37).map(f64::from).collect();
         for length in 0..a.len() {
             let expected: f64 = a[..length].iter().map(|x| x * x).sum();
@@ -380,7 +380,7 @@ mod tests {
     }
 
     #[test]
-    fn the_largest_value_is_found_wherever_it_is() {
+    fn largest_finds_the_largest_value_at_any_position() {
         for length in 1..40 {
             for at in 0..length {
                 let values: Vec<f64> = (0..length).map(|i| f64::from(u8::from(i == at))).collect();
@@ -392,7 +392,7 @@ mod tests {
     }
 
     #[test]
-    fn a_monotone_curve_passes_its_points_and_overshoots_none() {
+    fn a_monotone_curve_passes_through_its_points_without_overshoot() {
         let x: Vec<f64> = vec![0.0, 0.1, 0.5, 0.6, 2.0];
         let y = vec![0.0, 0.0, 1.0, 1.0, 3.0];
         let curve = Monotone::through(x.clone(), y.clone());

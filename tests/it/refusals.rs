@@ -384,19 +384,19 @@ async fn load_and_motion_faults_are_reported_with_pointers() {
             "amplitude and force",
             motion(json!({"amplitude": 2e-6, "tangential_force": 40})),
             tangential,
-            "not `amplitude` as well",
+            "combined with `amplitude`",
         ),
         one_fault(
             "Q = μF",
             motion(json!({"tangential_force": "70 N"})),
             tangential,
-            "no more than μF",
+            "at most μF",
         ),
         one_fault(
             "Q > μF",
             motion(json!({"tangential_force": "1 kN"})),
             tangential,
-            "no more than μF",
+            "at most μF",
         ),
         one_fault(
             "force in metres",
@@ -486,7 +486,7 @@ async fn block_faults_are_reported_with_pointers() {
             "reversals with blocks",
             with("reversals", json!([0, 1e-6])),
             reversals_pointer,
-            "as well",
+            "combined with",
         ),
         one_fault("rig with blocks", with("rig_stiffness", json!(1e7)), rig, "at the contact"),
         one_fault(

@@ -65,44 +65,45 @@ impl Serialize for ResultUnits {
 /// The scales of the unworn contact.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ContactScales {
-    /// a₀.
+    /// Contact radius a₀.
     pub contact_radius: f64,
-    /// d₀.
+    /// Indentation depth d₀.
     pub indentation_depth: f64,
-    /// F₀.
+    /// Normal force F₀.
     pub normal_force: f64,
-    /// N₀.
+    /// Characteristic cycles N₀.
     pub cycles: f64,
 }
 
 /// Quantities of the unworn contact.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Unworn {
-    /// E*.
+    /// Normal modulus E*.
     pub normal_modulus: f64,
-    /// G*.
+    /// Tangential modulus G*.
     pub tangential_modulus: f64,
-    /// k_w.
+    /// Wear coefficient k_w.
     pub wear_coefficient: f64,
-    /// The peak pressure; infinite for a cone.
+    /// Peak pressure. It is infinite for a cone and at the edge of a flat.
     pub peak_pressure: f64,
-    /// F/(πa²).
+    /// Mean pressure F/(πa²).
     pub mean_pressure: f64,
     /// The gross-slip threshold: the whole contact slips at this amplitude.
     pub gross_slip_amplitude: f64,
-    /// c; 0 in gross slip.
+    /// Stick radius c. It is 0 in gross slip.
     pub stick_radius: f64,
-    /// U.
+    /// Amplitude U.
     pub amplitude: f64,
     /// Q, the amplitude of the tangential force.
     pub tangential_force: f64,
-    /// W.
+    /// Energy W lost per cycle.
     pub energy_per_cycle: f64,
     /// The energy ratio A = W/(4QU). It is 0.2 for a paraboloid at the gross-slip threshold.
     pub energy_ratio: f64,
-    /// The slip ratio D = δ₀/U, where δ₀ is half of the width of the loop at Q = 0. It is 0.26 there.
+    /// The slip ratio D = δ₀/U, where δ₀ is half of the width of the loop at Q = 0. It is 0.26 for
+    /// a paraboloid at the gross-slip threshold.
     pub slip_ratio: f64,
-    /// The system-free ratio B = W/(4Qδ₀). It is 0.77 there.
+    /// The system-free ratio B = W/(4Qδ₀). It is 0.77 for a paraboloid at the gross-slip threshold.
     pub free_ratio: f64,
 }
 
@@ -111,23 +112,23 @@ pub struct Unworn {
 pub struct LimitState {
     /// ã: the outer radius of the limiting profile, (13).
     pub contact_radius: f64,
-    /// c.
+    /// Limiting stick radius c.
     pub stick_radius: f64,
-    /// V∞.
+    /// Limiting wear volume V∞.
     pub wear_volume: f64,
     /// The largest wear depth.
     pub wear_depth: f64,
     /// The radius of the largest wear depth.
     pub wear_depth_radius: f64,
-    /// F∞. Only the part inside c carries it.
+    /// Limiting normal force F∞. Only the core inside c carries it.
     pub normal_force: f64,
-    /// d.
+    /// Limiting indentation depth d.
     pub indentation_depth: f64,
-    /// Q∞ = 2G*U·c.
+    /// Limiting tangential force Q∞ = 2G*U·c.
     pub tangential_force: f64,
 }
 
-/// What is known of a scenario without a run.
+/// The properties of a scenario that are known without a run.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Preview {
     /// The units of all quantities.
@@ -138,7 +139,7 @@ pub struct Preview {
     pub unworn: Unworn,
     /// The regime of the unworn contact.
     pub regime: Regime,
-    /// The limiting state, where it is known without a run.
+    /// The limiting state, if it is known without a run.
     pub limit: Option<LimitState>,
     /// The estimated cost of the run.
     pub cost: CostEstimate,
@@ -147,7 +148,7 @@ pub struct Preview {
 /// The estimated cost of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct CostEstimate {
-    /// Estimated multiplications. One processor core does about 10⁹ per second.
+    /// Estimated number of multiplications. One processor core does about 10⁹ per second.
     pub operations: f64,
     /// Estimated size of the result as JSON, in bytes.
     pub answer_bytes: usize,
@@ -156,11 +157,11 @@ pub struct CostEstimate {
 /// Columns with one entry per output cycle.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct History {
-    /// N.
+    /// Number of cycles N.
     pub cycles: Vec<f64>,
-    /// Ñ = N/N₀.
+    /// Normalized cycles Ñ = N/N₀.
     pub normalized_cycles: Vec<f64>,
-    /// V.
+    /// Wear volume V.
     pub wear_volume: Vec<f64>,
     /// The largest wear depth.
     pub wear_depth: Vec<f64>,
@@ -168,19 +169,19 @@ pub struct History {
     pub scar_radius: Vec<f64>,
     /// The contact radius a. The simplified rule with held depth keeps a = a₀.
     pub contact_radius: Vec<f64>,
-    /// c.
+    /// Stick radius c.
     pub stick_radius: Vec<f64>,
-    /// F.
+    /// Normal force F.
     pub normal_force: Vec<f64>,
-    /// d.
+    /// Indentation depth d.
     pub indentation_depth: Vec<f64>,
-    /// U.
+    /// Amplitude U.
     pub amplitude: Vec<f64>,
-    /// Q.
+    /// Amplitude Q of the tangential force.
     pub tangential_force: Vec<f64>,
-    /// W.
+    /// Energy W lost per cycle.
     pub energy_per_cycle: Vec<f64>,
-    /// Σ W since N = 0.
+    /// Dissipated energy Σ W since N = 0.
     pub dissipated_energy: Vec<f64>,
 }
 
@@ -208,21 +209,21 @@ impl History {
 /// Matrices with one row per output cycle with profiles, and one column per output radius.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Profiles {
-    /// N of each row.
+    /// Number of cycles N of each row.
     pub cycles: Vec<f64>,
-    /// r of each column.
+    /// Radius r of each column.
     pub radius: Vec<f64>,
-    /// f₀.
+    /// Unworn profile f₀.
     pub initial: Vec<f64>,
-    /// f∞.
+    /// Limiting profile f∞.
     pub limiting: Option<Vec<f64>>,
-    /// f = f₀ + w.
+    /// Worn profile f = f₀ + w.
     pub worn: Vec<Vec<f64>>,
-    /// w ≥ 0.
+    /// Wear w ≥ 0.
     pub wear: Vec<Vec<f64>>,
-    /// g.
+    /// Image g.
     pub image: Vec<Vec<f64>>,
-    /// p.
+    /// Pressure p.
     pub pressure: Vec<Vec<f64>>,
     /// Amplitude of the local slip, U·s(r). The slip path per cycle is four times as long.
     pub slip: Vec<Vec<f64>>,
@@ -232,24 +233,24 @@ pub struct Profiles {
 /// where each spring starts to slip, so that straight lines between the points enclose W.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Loops {
-    /// N of each row.
+    /// Number of cycles N of each row.
     pub cycles: Vec<f64>,
-    /// Displacement u of the contact. For a record, that of its largest loop.
+    /// Displacement u of the contact. For a record it is the displacement of the largest loop.
     pub displacement: Vec<Vec<f64>>,
     /// Tangential force Q at these displacements.
     pub tangential_force: Vec<Vec<f64>>,
-    /// A of each loop.
+    /// Energy ratio A of each loop.
     pub energy_ratio: Vec<f64>,
-    /// D of each loop.
+    /// Slip ratio D of each loop.
     pub slip_ratio: Vec<f64>,
-    /// B of each loop; 0 once the loop has no width.
+    /// System-free ratio B of each loop. It is 0 if the loop has no width.
     pub free_ratio: Vec<f64>,
 }
 
 /// The wear of one body.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct BodyWear {
-    /// Its part of the wear depth.
+    /// Share of the wear depth on this body.
     pub share: f64,
     /// The largest wear depth of this body.
     pub wear_depth: Vec<f64>,
@@ -260,30 +261,32 @@ pub struct BodyWear {
 /// The simplified rule compared with an exact run.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Comparison {
-    /// ξ of the history.
+    /// The parameter ξ of the history.
     pub xi: f64,
-    /// The history by the rule at the same output cycles. It can end earlier, with a last row of its own.
+    /// The history by the rule at the same output cycles. A run of the rule can end earlier, with a
+    /// different last row.
     pub history: History,
     /// The errors of the rule, relative to the exact run.
     pub errors: Errors,
-    /// The ξ with the smallest error of V; none without wear, or if it lies outside 0.1…10.
+    /// The ξ with the smallest error of V. `None` without wear, or if this ξ lies outside 0.1…10.
     pub best_xi: Option<f64>,
-    /// The root mean square of the relative errors of V with this ξ.
+    /// The root mean square of the relative errors of V at `best_xi`.
     pub best_error: Option<f64>,
 }
 
-/// Rule/exact − 1 at each output cycle that both histories have; 0 where both are 0.
+/// The relative error rule/exact − 1 at each output cycle that both histories contain. It is 0
+/// where both values are 0.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Errors {
-    /// Of V.
+    /// Error of the wear volume V.
     pub wear_volume: Vec<f64>,
-    /// Of the largest wear depth.
+    /// Error of the largest wear depth.
     pub wear_depth: Vec<f64>,
-    /// Of F.
+    /// Error of the normal force F.
     pub normal_force: Vec<f64>,
-    /// Of d.
+    /// Error of the indentation depth d.
     pub indentation_depth: Vec<f64>,
-    /// Of ΣW.
+    /// Error of the dissipated energy ΣW.
     pub dissipated_energy: Vec<f64>,
 }
 
@@ -292,7 +295,7 @@ pub struct Errors {
 pub struct OutcomeEvent {
     /// The number of cycles at the event.
     pub cycles: f64,
-    /// What happened.
+    /// The kind of the event.
     pub kind: EventKind,
 }
 
@@ -306,22 +309,23 @@ impl OutcomeEvent {
 /// Estimates of the numerical error.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Accuracy {
-    /// (k_w/μ)·ΣW/V − 1 at the last output cycle; none without wear. The exact method obeys
-    /// dV/dN = (k_w/μ)·W at each instant, so that this is the error of the sum over time. The simplified
-    /// rule does not obey it.
+    /// (k_w/μ)·ΣW/V − 1 at the last output cycle. `None` without wear. The exact method satisfies
+    /// dV/dN = (k_w/μ)·W at each time, so this number is the error of the time integration. The
+    /// simplified rule does not satisfy the equation.
     pub energy_mismatch: Option<f64>,
-    /// The largest estimate of the relative discretisation error of V over the history; none without wear.
-    /// For the simplified rule in closed form it is the difference between the volumes of the computed
-    /// profile and of its image. This is usually a few times too large, and too small for blunt profiles in
-    /// gross slip. Otherwise it comes from a second run with half as many cells.
+    /// The largest estimate of the relative discretisation error of V over the history. `None`
+    /// without wear. For the closed form of the simplified rule, the estimate is the difference
+    /// between the volumes of the computed profile and of its image. It is usually a few times too
+    /// large, but too small for blunt profiles in gross slip. Otherwise the estimate comes from a
+    /// second run with half as many cells.
     pub volume_error: Option<f64>,
-    /// Mesh cells of the integration in time.
+    /// Number of mesh cells of the time integration.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cells: Option<usize>,
-    /// Time steps, of both runs together.
+    /// Number of time steps, of both runs together.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub steps: Option<usize>,
-    /// Evaluations of the wear rate, of both runs together.
+    /// Number of evaluations of the wear rate, of both runs together.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub evaluations: Option<usize>,
 }
@@ -335,7 +339,7 @@ pub struct Outcome {
     pub unworn: Unworn,
     /// The regime of the unworn contact.
     pub regime: Regime,
-    /// The limiting state, where it is known without a run.
+    /// The limiting state, if it is known without a run.
     pub limit: Option<LimitState>,
     /// Columns with one entry per output cycle.
     pub history: History,
@@ -392,12 +396,12 @@ impl Unworn {
     }
 }
 
-/// The limiting state in SI, where it is known without a run.
+/// The limiting state in SI units, if it is known without a run.
 pub(crate) fn limit_state(case: &Case) -> Option<LimitState> {
     let scales = &case.scales;
     case.tends_to.map(|end| {
         let limit = &end.limit;
-        // Inside c the springs are unworn. Outside they carry nothing.
+        // The springs inside c are unworn. The springs outside carry no load.
         let shape = &case.contact.shape;
         let inside =
             integrate_beyond(0.0, end.stick, shape.kinks(), |x| end.depth - shape.image(x));
@@ -426,7 +430,7 @@ impl BodyWear {
 }
 
 impl Preview {
-    /// Computes what is known of a case without a run.
+    /// Computes the properties of a case that are known without a run.
     #[must_use]
     pub fn of(case: &Case) -> Self {
         Self {
@@ -441,10 +445,11 @@ impl Preview {
 }
 
 impl Scenario {
-    /// Computes what is known without a run: scales, unworn contact, limiting state and cost.
+    /// Computes the properties that are known without a run: scales, unworn contact, limiting state
+    /// and cost.
     ///
     /// # Errors
-    /// As [`Scenario::case`].
+    /// The same fault as for [`Scenario::case`].
     pub fn preview(&self) -> Result<Preview, Fault> {
         self.case().map(|case| Preview::of(&case))
     }

@@ -9,13 +9,13 @@ use deserr::{
 };
 use serde::Serialize;
 
-/// Most listed faults. Further faults are only counted.
+/// Maximum number of listed faults. The other faults are only counted.
 const MAX_FAULTS: usize = 100;
 
 /// One fault of a request.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Fault {
-    /// JSON pointer (RFC 6901) to the faulty member.
+    /// JSON pointer (RFC 6901) to the faulty member of the request.
     pub pointer: String,
     /// What is wrong and what to change.
     pub detail: String,
@@ -37,12 +37,14 @@ impl Faults {
         Self(vec![Fault { pointer: pointer(location), detail: detail.into() }])
     }
 
-    /// The first faults, and the number of the others.
+    /// The first faults, and one more entry with the number of the others.
     pub(crate) fn capped(mut self) -> Self {
         if self.0.len() > MAX_FAULTS {
             let more = self.0.len() - MAX_FAULTS;
             self.0.truncate(MAX_FAULTS);
-            let detail = format!("has at least {more} more faults, which are not listed");
+            let detail = format!(
+                "has at least {more} more faults, which are not listed. Correct the listed faults first"
+            );
             self.0.push(Fault { pointer: String::new(), detail });
         }
         self
@@ -102,7 +104,7 @@ impl DeserializeError for Faults {
     }
 }
 
-/// Turns one error of `deserr` into a fault.
+/// Converts one error of `deserr` to a fault.
 pub(crate) fn refuse<V: IntoValue>(
     error: ErrorKind<'_, V>,
     location: ValuePointerRef<'_>,
@@ -140,7 +142,7 @@ fn unknown(what: &str, given: &str, accepted: &[&str]) -> String {
         .filter(|(likeness, _)| *likeness > 0.8)
         .max_by(|a, b| a.0.total_cmp(&b.0))
         .map_or(String::new(), |(_, known)| format!(" Did you mean `{known}`?"));
-    // A name in a request can be megabytes long.
+    // Limit the length, because a name in a request can be megabytes long.
     let given: String = given.chars().take(60).collect();
     format!("unknown {what} `{given}`.{near} Accepted here: {}.", accepted.join(", "))
 }

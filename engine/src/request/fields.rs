@@ -1,4 +1,4 @@
-//! Numbers and quantities with units, each with its range.
+//! Numbers and quantities with units. Each type has a range of accepted values.
 
 use deserr::{Deserr, ErrorKind, IntoValue, Sequence, Value, ValueKind, ValuePointerRef};
 
@@ -7,11 +7,11 @@ use super::quantity::{self, Dimension};
 
 /// Smallest and largest exponent of a power-law profile.
 pub const EXPONENT_RANGE: (f64, f64) = (1.0, 20.0);
-/// Most output cycles of a run.
+/// Maximum number of output cycles of a run.
 pub const MAX_CYCLES: usize = 1000;
-/// Fewest and most radii of a profile.
+/// Minimum and maximum number of output radii of a profile.
 pub const POINTS_RANGE: (u16, u16) = (16, 4096);
-/// Largest number of cycles.
+/// Maximum number of cycles.
 pub const LAST_CYCLE: f64 = 1e15;
 /// An optional member. Unlike an `Option`, it does not accept null.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,7 +32,7 @@ impl<T: Deserr<Faults>> Deserr<Faults> for Given<T> {
     }
 }
 
-/// A JSON number.
+/// Reads a JSON number.
 pub(super) fn number<V: IntoValue>(
     value: Value<V>,
     location: ValuePointerRef<'_>,
@@ -46,7 +46,7 @@ pub(super) fn number<V: IntoValue>(
     }
 }
 
-/// A number, or a string with a unit, in SI.
+/// Reads a number, or a string with a unit. Returns the value in SI units.
 fn quantity<V: IntoValue>(
     value: Value<V>,
     location: ValuePointerRef<'_>,
@@ -132,7 +132,7 @@ quantities! {
     Position: Length in (-1e6, 1e6);
     /// A wear volume in cubic metres.
     Volume: Volume in (1e-40, 1e18);
-    /// The part of the wear depth on the first body.
+    /// The share of the wear depth on the first body.
     Share: Number in (0.0, 1.0);
     /// The number of cycles of a block.
     BlockCycles: Number in (1e-6, LAST_CYCLE);
@@ -148,17 +148,18 @@ quantities! {
     PoissonRatio: Number in (-0.999, 0.5);
     /// The exponent of a power-law profile.
     Exponent: Number in EXPONENT_RANGE;
-    /// The ratio c/a₀.
+    /// The stick ratio c/a₀.
     StickRatio: Number in (0.0, 0.9999);
-    /// The fitting parameter of (14).
+    /// The fitting parameter ξ of the simplified rule (14).
     Xi: Number in (1e-3, 1e3);
-    /// The relative error that an exact run aims at.
+    /// The target relative error of the exact method.
     Tolerance: Number in (1e-4, 3e-2);
     /// A number of cycles.
     Instant: Number in (0.0, LAST_CYCLE);
 }
 
-/// Range of a wear coefficient k_w in 1/Pa, and of the dimensionless k = k_w·hardness.
+/// Range of a wear coefficient k_w in 1/Pa. The range also applies to the dimensionless k =
+/// k_w·hardness.
 pub const WEAR_RANGE: (f64, f64) = (1e-30, 1.0);
 
 /// A quantity whose dimension depends on another member.
@@ -238,7 +239,8 @@ impl<T: Deserr<Faults>, const LEAST: usize, const MOST: usize> Deserr<Faults>
     }
 }
 
-/// Checks a quantity that follows from the request. The canonical scenario must be a valid request too.
+/// Checks the range of a quantity that is computed from the request. The canonical scenario
+/// contains this quantity and must be a valid request too.
 pub(crate) fn derived(
     x: f64,
     (low, high): (f64, f64),
@@ -249,7 +251,8 @@ pub(crate) fn derived(
     if (low..=high).contains(&x) {
         return Ok(());
     }
-    let detail =
-        format!("gives {what} {x:e} {unit}; it must be between {low:e} and {high:e} {unit}");
+    let detail = format!(
+        "gives {what} {x:e} {unit}. This value must be between {low:e} and {high:e} {unit}"
+    );
     Err(Faults::one(pointer, detail))
 }

@@ -9,11 +9,11 @@ use super::fields::{
     TangentialForce,
 };
 
-/// Most amplitude blocks.
+/// Maximum number of blocks.
 pub const MAX_BLOCKS: usize = 1000;
-/// Most positions of a displacement record.
+/// Maximum number of positions in a displacement record.
 pub const MAX_REVERSALS: usize = 100_000;
-/// What is held in the normal direction.
+/// The quantity that is held constant in the normal direction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr, Serialize)]
 #[deserr(error = Faults, rename_all = lowercase)]
 #[serde(rename_all = "lowercase")]
@@ -24,17 +24,17 @@ pub enum LoadHeld {
     Force,
 }
 
-/// The normal direction.
+/// The load: force or depth in the normal direction.
 #[derive(Debug, Clone, Copy, PartialEq, Deserr)]
 #[deserr(error = Faults, deny_unknown_fields, validate = Load::validate -> Faults)]
 pub struct Load {
-    /// F of the unworn contact.
+    /// Normal force F of the unworn contact.
     #[deserr(default)]
     pub normal_force: Given<Force>,
-    /// d of the unworn contact.
+    /// Indentation depth d of the unworn contact.
     #[deserr(default)]
     pub indentation_depth: Given<Length>,
-    /// The quantity that stays constant.
+    /// The quantity that is held constant during wear.
     #[deserr(default)]
     pub held: Given<LoadHeld>,
 }
@@ -53,14 +53,14 @@ impl Load {
         }
     }
 
-    /// The held quantity; by default the given one.
+    /// The held quantity. By default it is the quantity that the request contains.
     pub(crate) fn held(&self) -> LoadHeld {
         let given = if self.normal_force.0.is_some() { LoadHeld::Force } else { LoadHeld::Depth };
         self.held.0.unwrap_or(given)
     }
 }
 
-/// What is held in the tangential direction.
+/// The quantity that is held constant in the tangential direction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr, Serialize)]
 #[deserr(error = Faults)]
 #[serde(rename_all = "snake_case")]
@@ -77,32 +77,32 @@ pub enum MotionHeld {
 #[derive(Debug, Clone, Copy, PartialEq, Deserr)]
 #[deserr(error = Faults, deny_unknown_fields)]
 pub struct GivenBlock {
-    /// U; 0 for a contact at rest.
+    /// Amplitude U. It is 0 for a contact at rest.
     pub amplitude: Stroke,
     /// The number of cycles.
     pub cycles: BlockCycles,
 }
 
-/// The tangential direction.
+/// The motion in the tangential direction.
 #[derive(Debug, Clone, PartialEq, Deserr)]
 #[deserr(error = Faults, deny_unknown_fields, validate = Motion::validate -> Faults)]
 pub struct Motion {
-    /// U, half of the peak-to-peak stroke.
+    /// Amplitude U, half of the peak-to-peak stroke.
     #[deserr(default)]
     pub amplitude: Given<Length>,
-    /// Q, the amplitude of the tangential force.
+    /// Amplitude Q of the tangential force.
     #[deserr(default)]
     pub tangential_force: Given<TangentialForce>,
-    /// c/a₀, which sets U.
+    /// Stick ratio c/a₀, from which the amplitude U is computed.
     #[deserr(default)]
     pub stick_ratio: Given<StickRatio>,
-    /// The quantity that stays constant.
+    /// The quantity that is held constant during wear.
     #[deserr(default)]
     pub held: Given<MotionHeld>,
-    /// k_rig. `amplitude` is then the amplitude of the actuator.
+    /// Stiffness k_rig. With this member, `amplitude` is the amplitude of the actuator.
     #[deserr(default)]
     pub rig_stiffness: Given<Stiffness>,
-    /// A sequence of blocks with different amplitudes.
+    /// Blocks of different amplitudes, one after the other.
     #[deserr(default)]
     pub blocks: Given<List<GivenBlock, 1, MAX_BLOCKS>>,
     /// The positions at which the contact reverses.
@@ -128,7 +128,10 @@ impl Motion {
         };
         if let Some(second) = names.next() {
             let here = location.push_key(second);
-            return Err(Faults::at(here, format!("give {WAYS}, not `{first}` as well")));
+            return Err(Faults::at(
+                here,
+                format!("cannot be combined with `{first}`. Enter only {WAYS}"),
+            ));
         }
         let varies = first == "blocks" || first == "reversals";
         let force_held = self.held.0 == Some(MotionHeld::TangentialForce);
@@ -142,7 +145,7 @@ impl Motion {
             let detail = if varies {
                 format!("cannot be combined with `{first}`. Enter the amplitudes at the contact")
             } else {
-                "has no effect on a held tangential force. Remove it, or enter \"held\": \"amplitude\""
+                "has no effect if the tangential force is held constant. Remove it, or enter \"held\": \"amplitude\""
                     .to_owned()
             };
             return Err(Faults::at(location.push_key("rig_stiffness"), detail));

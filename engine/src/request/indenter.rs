@@ -8,7 +8,7 @@ use super::fault::{Faults, refuse};
 use super::fields::{Exponent, Height, Length, Radius, SlopeAngle};
 use crate::numeric::twelve_digits;
 
-/// Most rows of a table.
+/// Maximum number of rows of a table.
 pub const MAX_ROWS: usize = 10_000;
 
 /// The shape of the indenter.
@@ -22,11 +22,11 @@ pub enum Profile {
     Cone(ConeProfile),
     /// f = height·(r/at_radius)ⁿ.
     Power(PowerProfile),
-    /// f = (r² − b²)/(2R) beyond the flat radius b.
+    /// f = (r² − b²)/(2R) outside the flat tip of radius b.
     TruncatedParaboloid(FlatBallProfile),
-    /// f = (r − b)·tan θ beyond the flat radius b.
+    /// f = (r − b)·tan θ outside the flat tip of radius b.
     TruncatedCone(FlatConeProfile),
-    /// Measured points.
+    /// A table of measured points.
     Table(TableProfile),
 }
 
@@ -34,7 +34,7 @@ pub enum Profile {
 #[derive(Debug, Clone, Copy, PartialEq, Deserr)]
 #[deserr(error = Faults, deny_unknown_fields)]
 pub struct BallProfile {
-    /// R.
+    /// Radius R of the paraboloid or sphere.
     pub radius: Length,
 }
 
@@ -42,7 +42,7 @@ pub struct BallProfile {
 #[derive(Debug, Clone, Copy, PartialEq, Deserr)]
 #[deserr(error = Faults, deny_unknown_fields)]
 pub struct ConeProfile {
-    /// θ, from the plane.
+    /// Slope angle θ, measured from the plane.
     pub slope_angle: SlopeAngle,
 }
 
@@ -50,9 +50,9 @@ pub struct ConeProfile {
 #[derive(Debug, Clone, Copy, PartialEq, Deserr)]
 #[deserr(error = Faults, deny_unknown_fields)]
 pub struct PowerProfile {
-    /// n.
+    /// Exponent n.
     pub exponent: Exponent,
-    /// f at `at_radius`.
+    /// Height: f at the radius `at_radius`.
     pub height: Length,
     /// The radius at which f is `height`.
     pub at_radius: Length,
@@ -62,9 +62,9 @@ pub struct PowerProfile {
 #[derive(Debug, Clone, Copy, PartialEq, Deserr)]
 #[deserr(error = Faults, deny_unknown_fields)]
 pub struct FlatBallProfile {
-    /// R.
+    /// Radius R of the paraboloid.
     pub radius: Length,
-    /// b.
+    /// Radius b of the flat tip.
     pub flat_radius: Length,
 }
 
@@ -72,9 +72,9 @@ pub struct FlatBallProfile {
 #[derive(Debug, Clone, Copy, PartialEq, Deserr)]
 #[deserr(error = Faults, deny_unknown_fields)]
 pub struct FlatConeProfile {
-    /// θ, from the plane.
+    /// Slope angle θ, measured from the plane.
     pub slope_angle: SlopeAngle,
-    /// b.
+    /// Radius b of the flat tip.
     pub flat_radius: Length,
 }
 
@@ -82,9 +82,9 @@ pub struct FlatConeProfile {
 #[derive(Debug, Clone, PartialEq, Deserr)]
 #[deserr(error = Faults, deny_unknown_fields, validate = TableProfile::validate -> Faults)]
 pub struct TableProfile {
-    /// r, strictly ascending from 0, rounded to 12 digits.
+    /// Radius r of each point, strictly ascending from 0, rounded to 12 digits.
     pub radius: Column<Radius>,
-    /// z. The gap is z minus its value on the axis.
+    /// Height z of each point. The profile is z minus the first height.
     pub height: Column<Height>,
 }
 
@@ -97,13 +97,15 @@ impl TableProfile {
         };
         let (radius, height) = (&self.radius.0, &self.height.0);
         if radius[0] > 0.0 {
-            let detail = "must be 0, because heights are measured from the axis";
+            let detail =
+                "must be 0, because the first point lies on the axis. Add a point at radius 0";
             fault("radius", 0, detail.to_owned());
         }
         for (row, pair) in radius.windows(2).enumerate() {
             if pair[0] >= pair[1] {
                 let detail = format!(
-                    "must be greater than the radius before it ({} after {}, compared to 12 digits)",
+                    "must be greater than the radius before it. Here {} follows {} (compared with \
+                     12 digits). Sort the rows, or remove repeated radii",
                     pair[1], pair[0]
                 );
                 fault("radius", row + 1, detail);
@@ -113,17 +115,16 @@ impl TableProfile {
         if let Some(first) = lower.first() {
             let more = match lower.len() - 1 {
                 0 => String::new(),
-                more => format!(", like {more} other rows"),
+                more => format!(", and so are {more} other heights"),
             };
             let detail = format!(
-                "is below the height on the axis ({} m){more}. Contact begins on the axis, so no height \
-                 can be lower",
+                "is below the height on the axis ({} m){more}. Contact starts on the axis. Enter \
+                 heights that are not lower than the first one",
                 height[0]
             );
             fault("height", *first, detail);
         } else if height.iter().all(|z| *z <= height[0]) {
-            let detail =
-                "must be above the height on the axis, because a flat table has no contact radius";
+            let detail = "must be above the height on the axis. A flat table has no contact radius";
             fault("height", height.len() - 1, detail.to_owned());
         }
         if radius.len() != height.len() {

@@ -1,4 +1,4 @@
-//! The output cycles of a request, and which of them carry profiles.
+//! The output cycles of a request, and the output cycles with profiles.
 
 use deserr::{Deserr, ErrorKind, IntoValue, Map, Sequence, Value, ValueKind, ValuePointerRef};
 use serde::Serialize;
@@ -7,10 +7,10 @@ use super::fault::{Faults, refuse};
 use super::fields::{Instant, MAX_CYCLES, whole};
 use crate::numeric::twelve_digits;
 
-/// The output cycles, in cycles or in units of N₀.
+/// The output cycles, as numbers of cycles or in units of N₀.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Cycles {
-    /// Strictly ascending, rounded to 12 digits.
+    /// The output cycles, strictly ascending, rounded to 12 digits.
     pub instants: Vec<f64>,
     /// Whether the unit is N₀.
     pub normalized: bool,
@@ -51,8 +51,8 @@ fn list<V: IntoValue>(value: Value<V>, location: ValuePointerRef<'_>) -> Result<
                 Some(before) => Err(Faults::at(
                     location.push_index(before + 1),
                     format!(
-                        "must be greater than the output cycle before it ({} after {}, compared to 12 \
-                         digits)",
+                        "must be greater than the output cycle before it. Here {} follows {} \
+                         (compared with 12 digits). Sort the list, or remove repeated numbers",
                         list[before + 1],
                         list[before]
                     ),
@@ -111,7 +111,8 @@ impl EvenInstants {
             .collect();
         if list.windows(2).any(|pair| pair[0] >= pair[1]) {
             let detail = format!(
-                "must be so much larger than `from` ({from}) that no two output cycles are equal"
+                "must be larger. Between `from` ({from}) and `to`, some of the output cycles are \
+                 equal to 12 digits. Enter a larger `to`, or a smaller `count`"
             );
             return Err(Faults::at(location.push_key("to"), detail));
         }
@@ -132,26 +133,26 @@ impl Deserr<Faults> for InstantCount {
     }
 }
 
-/// Which output cycles carry profiles.
+/// The output cycles with profiles.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum ProfilesAt {
     /// A word instead of a list.
     Word(ProfilesWord),
-    /// These output cycles, in the unit of `cycles`.
+    /// A list of output cycles, in the unit of `cycles`.
     At(Vec<f64>),
 }
 
-/// A choice of output cycles in one word.
+/// A single word for a common choice of output cycles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr, Serialize)]
 #[deserr(error = Faults, rename_all = lowercase)]
 #[serde(rename_all = "lowercase")]
 pub enum ProfilesWord {
-    /// Every output cycle.
+    /// All output cycles.
     All,
     /// Only the last output cycle.
     Last,
-    /// None. The result has no profiles.
+    /// No output cycle: the result has no profiles.
     None,
 }
 

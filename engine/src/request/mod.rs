@@ -1,7 +1,8 @@
-//! A scenario as a user writes it.
+//! The request: a scenario in the form in which a client sends it.
 //!
-//! Each type mirrors one object of the JSON Schema (`scenario.schema.json`). `deserr` parses all members and
-//! collects all faults. The module `scenario` makes the checks that need contact mechanics.
+//! Each type corresponds to one object of the JSON Schema (`scenario.schema.json`). `deserr` parses
+//! all members and collects all faults. The module `scenario` does the checks that need contact
+//! mechanics.
 
 pub mod fault;
 pub mod fields;
@@ -28,19 +29,19 @@ use quantity::Dimension;
 pub struct Request {
     /// The indenter.
     pub profile: Profile,
-    /// The two bodies, or `moduli`.
+    /// The two bodies. The alternative is `moduli`.
     #[deserr(default)]
     pub bodies: Given<Bodies>,
-    /// E* and G*, or `bodies`.
+    /// The effective moduli E* and G*. The alternative is `bodies`.
     #[deserr(default)]
     pub moduli: Given<Moduli>,
-    /// μ.
+    /// Coefficient of friction μ.
     pub friction: Friction,
-    /// The wear coefficient.
+    /// The wear coefficient and the share of each body.
     pub wear: Wear,
-    /// The normal direction.
+    /// The load in the normal direction.
     pub load: Load,
-    /// The tangential direction.
+    /// The motion in the tangential direction.
     pub motion: Motion,
     /// The output cycles.
     pub cycles: Cycles,
@@ -50,7 +51,7 @@ pub struct Request {
     /// The condition that ends the run early.
     #[deserr(default)]
     pub until: Given<Until>,
-    /// Method and resolution.
+    /// The method and its parameters.
     #[deserr(default)]
     pub model: Model,
 }
@@ -59,10 +60,10 @@ pub struct Request {
 #[derive(Debug, Clone, Copy, PartialEq, Deserr)]
 #[deserr(error = Faults, deny_unknown_fields, validate = Until::validate -> Faults)]
 pub struct Until {
-    /// The largest wear depth.
+    /// The maximum wear depth.
     #[deserr(default)]
     pub wear_depth: Given<Length>,
-    /// V.
+    /// The wear volume V.
     #[deserr(default)]
     pub wear_volume: Given<Volume>,
 }
@@ -99,7 +100,7 @@ impl Request {
     }
 }
 
-/// Exactly two bodies.
+/// The two bodies of a contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bodies(pub [ElasticBody; 2]);
 
@@ -125,11 +126,11 @@ impl Deserr<Faults> for Bodies {
 #[derive(Debug, Clone, Copy, PartialEq, Deserr)]
 #[deserr(error = Faults, deny_unknown_fields)]
 pub struct ElasticBody {
-    /// E.
+    /// Young's modulus E.
     pub youngs_modulus: Stress,
-    /// ν.
+    /// Poisson's ratio ν.
     pub poisson_ratio: PoissonRatio,
-    /// Yield strength, for a warning.
+    /// Yield strength. It is used for a warning only.
     #[deserr(default)]
     pub yield_strength: Given<Stress>,
 }
@@ -138,26 +139,26 @@ pub struct ElasticBody {
 #[derive(Debug, Clone, Copy, PartialEq, Deserr)]
 #[deserr(error = Faults, deny_unknown_fields)]
 pub struct Moduli {
-    /// E*.
+    /// Normal modulus E*.
     pub normal: Stress,
-    /// G*.
+    /// Tangential modulus G*.
     pub tangential: Stress,
 }
 
-/// The wear coefficient, in one of three ways.
+/// The wear coefficient: k_w, or k with the hardness, or the energy wear coefficient α.
 #[derive(Debug, Clone, PartialEq, Deserr)]
 #[deserr(error = Faults, deny_unknown_fields, validate = Wear::validate -> Faults)]
 pub struct Wear {
-    /// k_w, or the dimensionless k together with `hardness`.
+    /// The wear coefficient k_w, or the dimensionless k together with `hardness`.
     #[deserr(default)]
     coefficient: Given<NumberOrText>,
-    /// σ₀.
+    /// Hardness σ₀.
     #[deserr(default)]
     hardness: Given<Stress>,
-    /// α.
+    /// Energy wear coefficient α.
     #[deserr(default)]
     energy_coefficient: Given<EnergyWear>,
-    /// The part of the wear depth on the first body.
+    /// The share of the wear depth on the first body.
     #[deserr(default)]
     pub share: Given<Share>,
     #[deserr(skip)]
@@ -181,8 +182,8 @@ impl Wear {
             }
             (None, _, _) => {
                 return Err(at(
-                    "is missing. Enter `coefficient` (k_w, or k together with `hardness`), or \
-                               `energy_coefficient` alone"
+                    "is missing. Enter `coefficient` or `energy_coefficient`. With `hardness`, \
+                     `coefficient` is the dimensionless k; without it, k_w"
                         .to_owned(),
                 ));
             }
@@ -196,34 +197,34 @@ impl Wear {
         Ok(self)
     }
 
-    /// k_w in 1/Pa.
+    /// The wear coefficient k_w in 1/Pa.
     pub(crate) fn coefficient(&self, friction: f64) -> f64 {
         self.energy_coefficient.0.map_or(self.per_load, |alpha| alpha.0 * friction)
     }
 }
 
-/// How wear is computed.
+/// The method by which wear is computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserr)]
 #[deserr(error = Faults, rename_all = lowercase)]
 pub enum MethodName {
-    /// The rule (14).
+    /// The simplified rule (14).
     #[default]
     Simplified,
-    /// Local pressure times local slip.
+    /// The exact method: the wear rate is local pressure times local slip.
     Exact,
 }
 
-/// Method and resolution.
+/// The method and its parameters.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Deserr)]
 #[deserr(error = Faults, deny_unknown_fields)]
 pub struct Model {
-    /// The method.
+    /// The method by which wear is computed.
     #[deserr(default)]
     pub method: MethodName,
-    /// ξ of the simplified rule.
+    /// The parameter ξ of the simplified rule.
     #[deserr(default)]
     pub xi: Given<Xi>,
-    /// The relative error that the exact method aims at.
+    /// The target relative error of the exact method.
     #[deserr(default)]
     pub tolerance: Given<Tolerance>,
     /// Whether an exact run is compared with the simplified rule.

@@ -1,4 +1,4 @@
-//! Physical quantities as users write them: a number in SI, or a string with a unit.
+//! Physical quantities in a request: a number in SI units, or a string with a unit.
 //!
 //! Each dimension has a table of units, such as `mm^3/(N m)` or `GPa`. The error for an unknown unit lists them.
 //!
@@ -27,11 +27,11 @@ pub enum Dimension {
     Energy,
     /// Radians.
     Angle,
-    /// k_w in 1/Pa = m³/(N·m): volume per load and sliding path.
+    /// Wear coefficient k_w in 1/Pa = m³/(N·m): volume per load and sliding distance.
     WearCoefficient,
-    /// α = k_w/μ in m³/J: volume per dissipated energy.
+    /// Energy wear coefficient α = k_w/μ in m³/J: volume per dissipated energy.
     EnergyWear,
-    /// A plain number.
+    /// A number without a unit.
     Number,
 }
 
@@ -43,7 +43,7 @@ const DIMENSIONS: [Dimension; 10] =
     [Length, Force, Stress, Stiffness, Volume, Energy, Angle, WearCoefficient, EnergyWear, Number];
 
 impl Dimension {
-    /// The name in messages.
+    /// The name in error texts.
     pub(crate) fn name(self) -> &'static str {
         match self {
             Length => "a length",
@@ -59,13 +59,13 @@ impl Dimension {
         }
     }
 
-    /// The SI unit, which applies to plain numbers.
+    /// The SI unit of numbers without a unit.
     #[must_use]
     pub fn si(self) -> &'static str {
         self.units().first().map_or("", |unit| unit.0)
     }
 
-    /// The accepted units and their factors to SI. The SI unit is the first.
+    /// The accepted units and their factors to the SI unit. The SI unit is the first.
     fn units(self) -> &'static [(&'static str, f64)] {
         match self {
             Length => &[
@@ -138,17 +138,17 @@ impl Dimension {
         }
     }
 
-    /// A list of all accepted units, for messages and the schema.
+    /// A list of all accepted units, for error texts and for the schema.
     #[must_use]
     pub fn accepted(self) -> String {
         self.units().iter().map(|unit| unit.0).collect::<Vec<_>>().join(", ")
     }
 }
 
-/// Reads `text` as a quantity of `dimension` and returns it in SI.
+/// Reads `text` as a quantity of `dimension`. Returns the value in SI units.
 ///
 /// # Errors
-/// A sentence that says what is wrong, and for a unit, which units are accepted.
+/// A sentence that states the fault. For an unknown unit it lists the accepted units.
 pub fn parse(text: &str, dimension: Dimension) -> Result<f64, String> {
     let text = text.trim();
     let split = number_length(text);
@@ -158,22 +158,22 @@ pub fn parse(text: &str, dimension: Dimension) -> Result<f64, String> {
             Number => "such as 0.7".to_owned(),
             _ => format!("with a unit, such as \"1 {}\"", dimension.si()),
         };
-        format!("{text:?} does not begin with a number; write {} {example}", dimension.name())
+        format!("{text:?} does not begin with a number. Enter {} {example}", dimension.name())
     })?;
     if !number.is_finite() {
-        return Err(format!("{digits} is too large to be represented"));
+        return Err(format!("{digits} is too large. Enter a smaller number"));
     }
     if unit.is_empty() {
         return Ok(number);
     }
     if unit.starts_with(',') {
-        return Err(format!("{text:?}: write a decimal point instead of the comma"));
+        return Err(format!("{text:?} contains a comma. Enter a decimal point instead"));
     }
     let value = number * factor(unit, dimension)?;
     if value.is_finite() {
         Ok(value)
     } else {
-        Err(format!("{text} is too large to be represented"))
+        Err(format!("{text} is too large. Enter a smaller number"))
     }
 }
 
@@ -186,16 +186,16 @@ fn factor(unit: &str, dimension: Dimension) -> Result<f64, String> {
         return Ok(factor);
     }
     if dimension == Number {
-        return Err(format!("{unit:?}: a plain number is needed here, without a unit"));
+        return Err(format!("a plain number has no unit. Remove {unit:?}"));
     }
     let accepted = dimension.accepted();
     match DIMENSIONS.into_iter().find(|other| find(*other).is_some()) {
         Some(other) => Err(format!(
-            "{unit:?} is the unit of {}, but {} is needed here; accepted units: {accepted}",
+            "{unit:?} is the unit of {}, but {} is needed. Accepted units: {accepted}",
             other.name(),
             dimension.name()
         )),
-        None => Err(format!("unknown unit {unit:?}; accepted units: {accepted}")),
+        None => Err(format!("unknown unit {unit:?}. Accepted units: {accepted}")),
     }
 }
 
@@ -220,7 +220,8 @@ fn number_length(text: &str) -> usize {
     end
 }
 
-/// Converts all spellings of a unit into one: `µm³/(N·m)`, `um3/(N*m)` and `um^3/Nm` agree.
+/// Converts all spellings of a unit to the same text: `µm³/(N·m)`, `um3/(N*m)` and `um^3/Nm` are
+/// equal.
 fn normalise(unit: &str) -> String {
     let mut plain = String::with_capacity(unit.len());
     for character in unit.chars() {
@@ -242,7 +243,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_spelling_of_a_unit_means_the_same() {
+    fn all_spellings_of_a_unit_give_the_same_value() {
         for text in [
             "3.03e-5 mm^3/(N m)",
             "3.03e-5mm³/(N·m)",
@@ -263,9 +264,9 @@ mod tests {
     }
 
     #[test]
-    fn a_fault_says_what_is_accepted() {
+    fn a_fault_in_a_quantity_states_the_accepted_units_or_the_remedy() {
         let of = |text, dimension| parse(text, dimension).expect_err(text);
-        assert!(of("1 parsec", Length).contains("accepted units: m, cm, mm, um, nm"));
+        assert!(of("1 parsec", Length).contains("Accepted units: m, cm, mm, um, nm"));
         assert!(of("1 GPa", Length).contains("unit of a stress, but a length is needed"));
         assert!(of("1 mm^3/J", WearCoefficient).contains("energy wear coefficient"));
         assert!(of("NaN mm", Length).contains("does not begin with a number"));
@@ -278,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn every_unit_in_a_table_is_found_under_its_own_dimension_only() {
+    fn every_unit_belongs_to_exactly_one_dimension() {
         for dimension in DIMENSIONS {
             for (unit, factor) in dimension.units() {
                 assert_eq!(parse(&format!("1 {unit}"), dimension), Ok(*factor), "{unit}");

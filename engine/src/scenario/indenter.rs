@@ -22,9 +22,10 @@ use crate::numeric::{root, twelve_digits};
 use crate::request::fault::Fault;
 use crate::request::indenter::Profile;
 
-/// Largest accepted a₀/R of a sphere. Half-space theory fails for larger contacts.
+/// Maximum a₀/R of a sphere. Half-space theory is not valid for larger contacts.
 const MAX_SPHERE: f64 = 0.6;
-/// Narrowest accepted ring of contact around a flat, in contact radii. A narrower one is lost in rounding.
+/// Minimum width of the ring of contact around a flat, in contact radii. A narrower ring would be
+/// lost in rounding.
 const NARROWEST_RING: f64 = 1e-6;
 
 /// A profile in canonical form.
@@ -40,7 +41,7 @@ pub(super) enum CanonicalProfile {
     Table(CanonicalTable),
 }
 
-/// The given points, and the smooth shape through them.
+/// A measured table in canonical form, with the smooth shape through its points.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(super) struct CanonicalTable {
     radius: Vec<f64>,
@@ -94,7 +95,7 @@ enum Form<'a> {
     Table(&'a CanonicalTable),
 }
 
-/// A truncated shape with a flat tip of radius b; its steepness is 1/R or tanθ.
+/// A truncated shape with a flat tip of radius b. The steepness is 1/R or tan θ.
 #[derive(Clone, Copy)]
 struct Flat {
     conical: bool,
@@ -103,12 +104,12 @@ struct Flat {
 }
 
 impl Flat {
-    /// a from √(a²−b²).
+    /// Contact radius a from `rim` = √(a²−b²).
     fn contact_radius(self, rim: f64) -> f64 {
         (self.tip * self.tip + rim * rim).sqrt()
     }
 
-    /// d from √(a²−b²).
+    /// Indentation depth d from `rim` = √(a²−b²).
     fn depth(self, rim: f64) -> f64 {
         let radius = self.contact_radius(rim);
         let width = if self.conical { libm::atan2(rim, self.tip) } else { rim };
@@ -137,7 +138,7 @@ impl Flat {
                 2.0 / 3.0 * (3.0 * b * b + 2.0 * rim * rim) * rim
             }
         };
-        // The sharp shape and the flat alone both give a smaller force.
+        // The force of the sharp shape and the force of the flat alone are both smaller.
         let most = if self.conical {
             product.sqrt().min(product / b)
         } else {
@@ -173,26 +174,27 @@ impl CanonicalProfile {
         }
     }
 
-    /// The fault if the profile cannot be pressed in to `depth`, which follows from the field at `pointer`.
+    /// The fault if the profile cannot have the indentation depth `depth`. The depth follows from
+    /// the member at `pointer`.
     pub(super) fn refusal(&self, depth: f64, pointer: &str) -> Fault {
         let detail = match self.form() {
             Form::Table(table) => {
                 return table.too_short(PressedTable::new(&table.shape, depth, true));
             }
             Form::Flat(flat) => format!(
-                "gives an indentation depth of {depth:.3e} m, at which the ring of contact around the \
-                 flat is too narrow to compute. Increase the load, or enter a `flat_radius` below {} m",
+                "gives an indentation depth of {depth:.3e} m. The ring of contact around the flat is \
+                 then too narrow to compute. Increase the load, or enter a `flat_radius` below {} m",
                 flat.tip
             ),
             Form::Sphere { .. } | Form::Power { .. } => format!(
-                "makes the contact radius larger than {MAX_SPHERE} of the radius of the sphere, where \
-                 half-space theory is not valid. Reduce the load, or enter a larger radius"
+                "makes the contact radius larger than {MAX_SPHERE} times the radius of the sphere. \
+                 Half-space theory is not valid there. Reduce the load, or enter a larger radius"
             ),
         };
         Fault { pointer: pointer.to_owned(), detail }
     }
 
-    /// The fault if the scar at `depth` and amplitude Δ would be larger than the profile.
+    /// The fault if the scar at `depth` and amplitude Δ would become larger than the profile.
     pub(super) fn outgrown(&self, depth: f64, threshold: f64) -> Fault {
         match self.form() {
             Form::Table(table) => {
@@ -207,9 +209,9 @@ impl CanonicalProfile {
             Form::Flat(_) | Form::Power { .. } => Fault {
                 pointer: "/cycles".to_owned(),
                 detail: format!(
-                    "would wear the contact to more than {WIDEST} times its radius or {DEEPEST} times its \
-                     depth. In gross slip under a held force the scar grows without limit. Hold the \
-                     depth instead"
+                    "would make the scar wider than {WIDEST} contact radii or deeper than {DEEPEST} \
+                     indentation depths. In gross slip at constant force the scar grows without \
+                     limit. Hold the indentation depth constant"
                 ),
             },
         }
@@ -217,29 +219,30 @@ impl CanonicalProfile {
 }
 
 impl CanonicalTable {
-    /// The fault of a table that ends, or stops rising, before the radius that the scar needs.
+    /// The fault if the table ends, or its image decreases, inside the radius that the scar needs.
     fn too_short(&self, needed: Option<(f64, PressedTable)>) -> Fault {
         let radius = &self.radius;
         let reach = self.shape.reach();
         let row = radius.partition_point(|r| *r < reach * (1.0 - 1e-9)).min(radius.len() - 1);
         let needed = needed.map_or(f64::INFINITY, |(radius, _)| radius);
         let ends = if row + 1 == radius.len() {
-            "is the end of the table, inside the contact or inside the future scar"
+            "is the end of the table, but it lies inside the contact or inside the future scar"
         } else {
-            "is where the image of the profile begins to fall, so that the edge of the contact or \
-             of the future scar is not unique"
+            "is where the image of the profile starts to fall. The edge of the contact or of the \
+             future scar would not be unique"
         };
         Fault {
             pointer: format!("/profile/radius/{row}"),
             detail: format!(
-                "{ends}. Enter a profile that rises up to about {needed:.3e} m (extrapolated from its \
-                 end), or reduce the load"
+                "{ends}. Enter a profile that rises up to a radius of about {needed:.3e} m \
+                 (extrapolated), or reduce the load"
             ),
         }
     }
 }
 
-/// a₀ and the normalised shape at indentation depth d; `None` if [`CanonicalProfile::refusal`] applies.
+/// The contact radius a₀ and the normalised shape at indentation depth d. `None` if
+/// [`CanonicalProfile::refusal`] applies.
 pub(super) fn indent(profile: &CanonicalProfile, depth: f64) -> Option<(f64, Shape)> {
     match profile.form() {
         Form::Power { exponent: n, height, at_radius } => {
@@ -257,7 +260,7 @@ pub(super) fn indent(profile: &CanonicalProfile, depth: f64) -> Option<(f64, Sha
             if depth_at(MAX_SPHERE) < depth / radius {
                 return None;
             }
-            // d/R is (a/R)² in a shallow contact, and larger in a deep one.
+            // d/R is (a/R)² in a shallow contact, and larger in a deep contact.
             let guess = (depth / radius).sqrt();
             let share = root(0.5 * guess, guess.min(MAX_SPHERE), |s| depth_at(s) - depth / radius);
             Some((share * radius, Shape::sphere(1.0 / share)))
@@ -282,7 +285,7 @@ pub(super) fn indent(profile: &CanonicalProfile, depth: f64) -> Option<(f64, Sha
     }
 }
 
-/// d under a force F, given as F/E* in m².
+/// The indentation depth d under a force F, given as F/E* in m².
 pub(super) fn depth_under(profile: &CanonicalProfile, force: f64) -> f64 {
     match profile.form() {
         Form::Power { exponent: n, height, at_radius } => {

@@ -1,14 +1,15 @@
-//! The output cycles in canonical form, and which of them carry profiles.
+//! The output cycles in canonical form, and the output cycles with profiles.
 
 use crate::numeric::twelve_digits;
 use crate::request::fault::{Fault, Faults};
 use crate::request::fields::LAST_CYCLE;
 use crate::request::instants::{Cycles, ProfilesAt, ProfilesWord};
 
-/// Up to this number of output cycles, all carry profiles by default. With more, only the last does.
+/// Maximum number of output cycles for which all have profiles by default. With more output cycles,
+/// only the last one has profiles.
 pub const DEFAULT_PROFILES: usize = 20;
 
-/// Brings the output cycles of a request, and the choice of profiles, into canonical form.
+/// Converts the output cycles of a request, and the choice of profiles, to canonical form.
 pub(super) fn canonical(
     cycles: &Cycles,
     profiles_at: Option<&ProfilesAt>,
@@ -22,8 +23,8 @@ pub(super) fn canonical(
     let mut list: Vec<f64> = given.iter().map(|n| convert(*n)).collect();
     if let Some(too_large) = list.iter().find(|n| **n > LAST_CYCLE) {
         let detail = format!(
-            "is {too_large:e} cycles (N₀ = {unit:.3e}), but the limit is {LAST_CYCLE:e} cycles. \
-             Enter smaller numbers"
+            "contains an output cycle of {too_large:e} cycles (N₀ = {unit:.3e}). The limit is \
+             {LAST_CYCLE:e} cycles. Enter smaller numbers"
         );
         return Err(Faults::one("/cycles/normalized", detail));
     }
@@ -34,7 +35,7 @@ pub(super) fn canonical(
                 .to_owned();
         return Err(Faults::one("/cycles/normalized", detail));
     }
-    // Every run begins with 0, so that it is not needed here.
+    // Every run starts at cycle 0, so the canonical form omits it.
     if list.len() > 1 && list[0] == 0.0 {
         list.remove(0);
     }
@@ -56,7 +57,8 @@ pub(super) fn canonical(
             faults.push(Fault {
                 pointer: format!("/profiles_at/{index}"),
                 detail: format!(
-                    "is {n}, which is not in `cycles`. Add it there, or remove it here"
+                    "is {n}, but `cycles` does not contain this number. Add it to `cycles`, or remove \
+                     it from `profiles_at`"
                 ),
             });
         }
@@ -77,7 +79,8 @@ pub(super) fn canonical(
     Ok((list, ProfilesAt::At(wanted)))
 }
 
-/// For each output cycle, whether it carries profiles. The unworn state carries them if any does.
+/// For each output cycle, whether it has profiles. The unworn state has profiles if any output
+/// cycle has them.
 pub(super) fn with_profiles(cycles: &[f64], profiles_at: &ProfilesAt) -> Vec<bool> {
     let last = cycles.len() - 1;
     let carries = |(i, n): (usize, &f64)| match profiles_at {

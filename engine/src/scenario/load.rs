@@ -1,4 +1,4 @@
-//! The load in canonical form, and the unworn contact that it makes.
+//! The load in canonical form, and the unworn contact under this load.
 
 use serde::Serialize;
 
@@ -35,7 +35,7 @@ impl CanonicalLoad {
     }
 }
 
-/// Brings the load of a request into canonical form.
+/// Converts the load of a request to canonical form.
 #[expect(clippy::expect_used, reason = "the request was validated")]
 pub(super) fn canonical_load(
     request: &Request,
@@ -71,7 +71,7 @@ pub(super) fn canonical_load(
     Ok(load)
 }
 
-/// Presses the indenter in. Returns d, a₀ and the normalised shape.
+/// The unworn contact: d, a₀ and the normalised shape.
 pub(super) fn press(
     profile: &CanonicalProfile,
     load: &CanonicalLoad,

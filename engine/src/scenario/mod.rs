@@ -1,8 +1,10 @@
-//! A scenario in canonical form: effective quantities in SI with 12 digits, and all defaults filled in.
+//! A scenario in canonical form: effective quantities in SI units with 12 digits, including all
+//! defaults.
 //!
-//! Two requests with the same meaning have the same canonical scenario, and so the same key. The engine
-//! computes with the canonical numbers and not with those of the request. The digits of a result therefore
-//! do not depend on how the request was written. The canonical form of a canonical scenario is itself.
+//! Requests with the same meaning have the same canonical scenario and therefore the same key. The
+//! engine computes with the canonical numbers and not with those of the request. So the digits of a
+//! result do not depend on the form of the request. The canonical form of a canonical scenario is
+//! the same scenario.
 //!
 //! # Equations
 //! ```text
@@ -11,7 +13,8 @@
 //! ```
 //!
 //! # Units
-//! SI. Only [`Scenario::case`] divides the units out. [`Scales`] multiplies them back.
+//! SI units. [`Scenario::case`] makes the problem dimensionless, and [`Scales`] converts the
+//! results to SI.
 //!
 //! # Sources
 //! The paper, (6)–(10), (17), (18).
@@ -40,7 +43,7 @@ use instants::with_profiles;
 use load::{CanonicalLoad, CanonicalModuli, canonical_load};
 use motion::{CanonicalMotion, UnwornContact};
 
-/// The version of the digits. It rises whenever any digit of a result changes.
+/// The version of the digits. It is raised when any digit of a result changes.
 pub const NUMERICS: u32 = 1;
 
 /// The JSON Schema (2020-12) of a scenario.
@@ -48,17 +51,17 @@ pub const SCHEMA: &str = include_str!("scenario.schema.json");
 
 /// Default ξ of the simplified rule (14).
 pub const DEFAULT_XI: f64 = 0.8;
-/// Default relative error of the exact method.
+/// Default target relative error of the exact method.
 pub const DEFAULT_TOLERANCE: f64 = 3e-3;
 /// Default number of output radii.
 pub const DEFAULT_POINTS: u16 = 256;
-/// Largest accepted estimate of the size of a result, in bytes.
+/// Maximum estimated size of a result, in bytes.
 pub const MAX_ANSWER: usize = 64_000_000;
 
-/// A warning about the validity of the model. The run is computed nevertheless.
+/// A warning about the validity of the model. It does not prevent the run.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Warning {
-    /// The kind of warning, for programs.
+    /// The kind of the warning, for programs.
     pub kind: &'static str,
     /// A sentence for people.
     pub detail: String,
@@ -94,7 +97,8 @@ enum CanonicalUntil {
     WearVolume(f64),
 }
 
-/// Only the settings that the method uses, so that the others do not change the key.
+/// The settings that the method uses. Other settings are omitted, so that they do not change the
+/// key.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(tag = "method", rename_all = "lowercase")]
 enum CanonicalModel {
@@ -165,7 +169,8 @@ impl CanonicalModel {
     }
 }
 
-/// Parses a scenario. `prefix` is put before the pointer of every fault, such as `/scenario`.
+/// Parses and checks a scenario. `prefix`, for example `/scenario`, is added before the pointer of
+/// every fault.
 ///
 /// # Errors
 /// All faults. Each has a JSON pointer and says what to change.
@@ -173,10 +178,10 @@ pub fn check(value: &Value, prefix: &str) -> Result<(Scenario, Vec<Warning>), Fa
     prepare(value.clone(), prefix).map(|(scenario, _, warnings)| (scenario, warnings))
 }
 
-/// Parses a scenario like [`check`] and also returns the case that was built to check it.
+/// Parses a scenario like [`check`], and also returns the case that the check has built.
 ///
 /// # Errors
-/// As [`check`].
+/// The same faults as for [`check`].
 pub fn prepare(value: Value, prefix: &str) -> Result<(Scenario, Case, Vec<Warning>), Faults> {
     work_done::note(&work_done::PARSES);
     let request = Request::deserialize_from_value(value.into_value(), ValuePointerRef::Origin)
@@ -189,7 +194,7 @@ pub fn prepare(value: Value, prefix: &str) -> Result<(Scenario, Case, Vec<Warnin
 }
 
 impl Scenario {
-    /// Brings a request into canonical form.
+    /// Converts a request to canonical form.
     fn resolve(request: &Request) -> Result<Self, Faults> {
         let friction = twelve_digits(request.friction.0);
         let moduli = moduli(request)?;
@@ -219,7 +224,7 @@ impl Scenario {
     /// Builds the dimensionless problem.
     ///
     /// # Errors
-    /// A fault if the numbers are valid one by one, but have no solution together.
+    /// A fault if each number is valid but the combination has no solution.
     pub fn case(&self) -> Result<Case, Fault> {
         work_done::note(&work_done::CASES);
         let contact = UnwornContact::new(&self.profile, &self.load, self.moduli, self.friction)
@@ -267,8 +272,8 @@ impl Scenario {
         };
         if case.answer_bytes() > MAX_ANSWER {
             let detail = format!(
-                "the result would have about {} MB, but the limit is {} MB. Request profiles at fewer \
-                 output cycles (`profiles_at`), or fewer points",
+                "makes the result about {} MB large, but the limit is {} MB. Request profiles at \
+                 fewer output cycles, or fewer `points`",
                 case.answer_bytes() / 1_000_000,
                 MAX_ANSWER / 1_000_000
             );
@@ -281,7 +286,7 @@ impl Scenario {
     #[must_use]
     pub fn warnings(&self, case: &Case) -> Vec<Warning> {
         let Scales { contact_radius: a, indentation_depth: d, .. } = case.scales;
-        // The largest block counts. A record can contain many loops per cycle.
+        // The largest block determines the warnings. A record can contain many loops per cycle.
         let times = case.largest_amplitude();
         let amplitude = times * case.scales.amplitude;
         let cycles = case.scales.cycles / (times * case.loops_per_cycle());
@@ -343,8 +348,9 @@ fn moduli(request: &Request) -> Result<CanonicalModuli, Faults> {
     Ok(CanonicalModuli { normal, tangential })
 }
 
-/// The output cycles and which of them carry profiles. Cycles that N₀ cannot scale, or that come after the
-/// last block, are refused.
+/// The output cycles, and the output cycles with profiles. Normalized cycles are refused for blocks
+/// and records, because N₀ does not apply to them. Output cycles after the last block are refused
+/// too.
 fn canonical_cycles(
     request: &Request,
     motion: &CanonicalMotion,
@@ -357,7 +363,7 @@ fn canonical_cycles(
     };
     if let Some(varying) = varying.filter(|_| request.cycles.normalized) {
         let detail = format!(
-            "cannot be combined with `{varying}`. Enter `cycles` as a list of numbers of cycles"
+            "cannot be combined with `{varying}`. Enter the output cycles as plain numbers of cycles"
         );
         return Err(Faults::one("/cycles/normalized", detail));
     }
@@ -367,8 +373,8 @@ fn canonical_cycles(
         && let Some(late) = cycles.iter().position(|n| *n > end)
     {
         let detail = format!(
-            "is {} cycles, but the last block ends at {end} cycles. Remove this output cycle, or add \
-             cycles to the last block",
+            "is {} cycles, but the last block ends at {end} cycles. Remove this output cycle, or \
+             increase the `cycles` of the last block",
             cycles[late]
         );
         return Err(Faults::one(&format!("/cycles/{late}"), detail));
@@ -376,7 +382,7 @@ fn canonical_cycles(
     Ok((cycles, profiles_at))
 }
 
-/// The first of the faults.
+/// The first of the faults. There is always at least one.
 #[expect(clippy::expect_used, reason = "a refusal without a fault is a bug")]
 fn first(faults: Faults) -> Fault {
     faults.0.into_iter().next().expect("a refusal names at least one fault")
@@ -386,7 +392,7 @@ fn shear_modulus(body: &ElasticBody) -> f64 {
     body.youngs_modulus.0 / (2.0 * (1.0 + body.poisson_ratio.0))
 }
 
-/// Warnings that need the two bodies, which are not part of the canonical form.
+/// Warnings that need the properties of the two bodies, which are not part of the canonical form.
 fn body_warnings(request: &Request, case: &Case) -> Vec<Warning> {
     let Some(bodies) = &request.bodies.0 else {
         return Vec::new();

@@ -23,13 +23,15 @@ use crate::request::fault::Faults;
 use crate::request::fields::{Length, List};
 use crate::request::held::{GivenBlock, Motion, MotionHeld};
 
-/// Smallest accepted U/U_gs. Below it, the slip ring is lost in rounding.
+/// Minimum U/U_gs. For a smaller ratio the slip ring would be lost in rounding.
 const MIN_THRESHOLD: f64 = 1e-6;
-/// Smallest accepted width of the slip ring in a₀, where the stick edge can move.
+/// Minimum width of the slip ring, in a₀, if the stick edge can move.
 const MIN_RING: f64 = 1e-4;
-/// A Δ this close to 1 is taken as 1, the gross-slip threshold. Rounding U to 12 digits moves Δ by half of it.
+/// If Δ differs from 1 by less than this, it is set to 1, the gross-slip threshold. Rounding U to
+/// 12 digits changes Δ by half of this value.
 const ONSET: f64 = 1e-11;
-/// Relative accuracy with which the rounded amplitude must reproduce the stick ratio.
+/// Maximum relative difference between the given stick ratio and the ratio that follows from the
+/// rounded amplitude.
 const STICK_DIGITS: f64 = 1e-3;
 
 /// The motion in canonical form.
@@ -49,21 +51,21 @@ pub(super) struct CanonicalBlock {
     cycles: f64,
 }
 
-/// The unworn contact in SI, with its shape normalised.
+/// The unworn contact in SI units, with the normalised shape.
 pub(super) struct UnwornContact {
     pub(super) shape: Shape,
-    /// d₀.
+    /// Indentation depth d₀ in m.
     pub(super) depth: f64,
-    /// a₀.
+    /// Contact radius a₀ in m.
     pub(super) contact_radius: f64,
     pub(super) friction: f64,
-    /// E*a₀d₀ in N.
+    /// The unit of force, E*a₀d₀ in N.
     force: f64,
     normal_modulus: f64,
     tangential_modulus: f64,
-    /// U at Δ = 1 in m.
+    /// The gross-slip threshold: U at Δ = 1, in m.
     pub(super) gross_slip: f64,
-    /// What is held in the normal direction.
+    /// The quantity that is held constant in the normal direction.
     normal: Normal,
 }
 
@@ -74,7 +76,8 @@ fn half_tangential(shape: &Shape, threshold: f64) -> f64 {
     }
     let stick = shape.image_inverse(1.0 - threshold);
     let ring = 1.0 - stick;
-    // Dense next to the stick edge, where the image of a power law with n < 2 bends most.
+    // Dense next to the stick edge, where the image of a power law with n < 2 has its largest
+    // curvature.
     let slipping = integrate(0.0, 1.0, |s| {
         let cube = s * s * s;
         4.0 * ring * cube * (1.0 - shape.image(stick + ring * cube * s))
@@ -83,7 +86,7 @@ fn half_tangential(shape: &Shape, threshold: f64) -> f64 {
 }
 
 impl UnwornContact {
-    /// Presses the indenter in.
+    /// Computes the unworn contact.
     pub(super) fn new(
         profile: &CanonicalProfile,
         load: &CanonicalLoad,
@@ -104,12 +107,12 @@ impl UnwornContact {
         })
     }
 
-    /// Q of the unworn contact at Δ.
+    /// The tangential force Q of the unworn contact at amplitude Δ.
     fn tangential_force(&self, threshold: f64) -> f64 {
         2.0 * self.friction * self.force * half_tangential(&self.shape, threshold)
     }
 
-    /// Δ under Q < μF.
+    /// The amplitude Δ at a tangential force Q < μF.
     fn threshold_under(&self, tangential_force: f64) -> f64 {
         let half = tangential_force / (2.0 * self.friction * self.force);
         root(0.0, 1.0, |threshold| half_tangential(&self.shape, threshold) - half)
@@ -126,27 +129,27 @@ impl UnwornContact {
         if threshold > 1.0 { 1.0 } else { 1.0 - self.shape.image_inverse(1.0 - threshold) }
     }
 
-    /// κ of a rig.
+    /// The compliance κ of a rig.
     fn compliance(&self, rig_stiffness: f64) -> f64 {
         self.tangential_modulus * self.contact_radius / rig_stiffness
     }
 
-    /// The requested Q, if friction can carry it.
+    /// The given tangential force, if friction can carry it.
     fn carried(&self, tangential_force: f64) -> Result<f64, Faults> {
         let most = 2.0 * self.friction * self.force * self.shape.half_force();
         if tangential_force < most * (1.0 - 1e-9) {
             return Ok(tangential_force);
         }
         let detail = format!(
-            "is {tangential_force:.6e} N, but friction carries no more than μF = {most:.6e} N. Enter a \
-             smaller force"
+            "is {tangential_force:.6e} N, but friction carries at most μF = {most:.6e} N. Enter a \
+             smaller tangential force"
         );
         Err(Faults::one("/motion/tangential_force", detail))
     }
 }
 
 impl CanonicalMotion {
-    /// Brings the motion of a request into canonical form.
+    /// Converts the motion of a request to canonical form.
     pub(super) fn resolve(motion: &Motion, pressed: &UnwornContact) -> Result<Self, Faults> {
         if let Some(List(blocks)) = &motion.blocks.0 {
             return Self::resolve_blocks(blocks, pressed);
@@ -173,8 +176,8 @@ impl CanonicalMotion {
         } else {
             let force = pressed.tangential_force(pressed.threshold(amplitude));
             pressed.carried(twelve_digits(force)).map_err(|_| {
-                let detail = "makes the whole contact slip, so that the tangential force cannot \
-                              be held. Enter a smaller motion, or hold the amplitude";
+                let detail = "makes the whole contact slip. The tangential force cannot be held \
+                              constant in gross slip. Reduce the motion, or hold the amplitude";
                 Faults::one(pointer, detail)
             })?
         };
@@ -192,7 +195,7 @@ impl CanonicalMotion {
                 resolved(amplitude, false, pressed, &pointer)?;
             }
             match blocks.last_mut() {
-                // Neighbours of equal amplitude are one block.
+                // Consecutive blocks of the same amplitude are merged.
                 Some(last) if last.amplitude.total_cmp(&amplitude).is_eq() => {
                     last.cycles = twelve_digits(last.cycles + cycles);
                 }
@@ -202,15 +205,16 @@ impl CanonicalMotion {
         Ok(Self::Blocks { blocks })
     }
 
-    /// Takes the requested amplitude of the contact, and the pointer to it.
+    /// Converts a motion with a rig. `amplitude` is the amplitude of the contact, and `pointer` its
+    /// location in the request.
     fn resolve_rig(
         motion: &Motion,
         rig_stiffness: f64,
         (amplitude, pointer): (f64, &str),
         pressed: &UnwornContact,
     ) -> Result<Self, Faults> {
-        // A given amplitude is that of the actuator. One that follows from a force or a stick ratio is that of
-        // the contact.
+        // An amplitude in the request is that of the actuator. An amplitude computed from a force
+        // or a stick ratio is that of the contact.
         let amplitude = twelve_digits(if let Some(actuator) = motion.amplitude.0 {
             actuator.0
         } else {
@@ -220,8 +224,8 @@ impl CanonicalMotion {
         let (low, high) = Length::RANGE;
         if !(low..=high).contains(&amplitude) {
             let detail = format!(
-                "is so small that the actuator would move {amplitude:e} m. Enter the stiffness of a \
-                 stiffer rig"
+                "requires an actuator amplitude of {amplitude:e} m. The limits are {low:e} and \
+                 {high:e} m. Enter a larger stiffness (a stiffer rig)"
             );
             return Err(Faults::one("/motion/rig_stiffness", detail));
         }
@@ -231,7 +235,8 @@ impl CanonicalMotion {
         Ok(canonical)
     }
 
-    /// The held quantities in units of the unworn contact, and Δ at N = 0. `unit` is N₀, for the ends of blocks.
+    /// The held quantities in units of the unworn contact, and the initial Δ. `unit` is N₀, for the
+    /// end times of the blocks.
     pub(super) fn control(
         &self,
         pressed: &UnwornContact,
@@ -268,7 +273,7 @@ impl CanonicalMotion {
                     })
                     .collect();
                 let first = blocks[0].threshold;
-                // The only block lasts to the end of the run.
+                // A single block lasts until the end of the run, so it is a constant amplitude.
                 let one = blocks.len() == 1;
                 (if one { Tangential::Amplitude } else { Tangential::Blocks(blocks) }, first)
             }
@@ -281,7 +286,7 @@ impl CanonicalMotion {
         Ok((Control { normal: pressed.normal, tangential }, threshold))
     }
 
-    /// U of the contact at N = 0, and N₀ = a₀/(4 U k_w E*), (18).
+    /// The initial amplitude U of the contact, and N₀ = a₀/(4 U k_w E*), (18).
     pub(super) fn amplitude_and_cycles(
         &self,
         pressed: &UnwornContact,
@@ -293,7 +298,8 @@ impl CanonicalMotion {
         Ok((amplitude, contact_radius / (4.0 * amplitude * wear_coefficient * normal_modulus)))
     }
 
-    /// U of the contact at N = 0, from its Δ. A given amplitude is returned without rounding.
+    /// The initial amplitude U of the contact, from its Δ. An amplitude in the request is returned
+    /// without rounding.
     fn amplitude(&self, threshold: f64, gross_slip: f64) -> f64 {
         match self {
             Self::Amplitude { amplitude, .. } => *amplitude,
@@ -302,7 +308,7 @@ impl CanonicalMotion {
         }
     }
 
-    /// N at which the last block ends.
+    /// The cycle at which the last block ends.
     pub(super) fn end(&self) -> Option<f64> {
         let Self::Blocks { blocks } = self else { return None };
         Some(twelve_digits(blocks.iter().map(|block| block.cycles).sum()))
@@ -318,7 +324,8 @@ fn record_of(reversals: &[f64]) -> Result<DisplacementRecord, Faults> {
     })
 }
 
-/// U of the contact from the requested amplitude, stick ratio or tangential force, and the pointer to it.
+/// The amplitude U of the contact, from the given amplitude, stick ratio or tangential force, and
+/// the pointer to this member.
 #[expect(clippy::expect_used, reason = "the request was validated")]
 fn contact_amplitude(
     motion: &Motion,
@@ -331,9 +338,9 @@ fn contact_amplitude(
             .image_inverse((1.0 - twelve_digits(amplitude) / pressed.gross_slip).max(0.0));
         if (returned - ratio.0).abs() > STICK_DIGITS * ratio.0 && ratio.0 > 0.0 {
             let detail = format!(
-                "is {}, but the stick edge is then so close to the axis, or under the flat, that 12 \
-                 digits of the amplitude cannot distinguish it from gross slip. Enter 0 for the \
-                 gross-slip threshold, or a larger ratio",
+                "is {}, but 12 digits of the amplitude cannot distinguish this ratio from gross slip. \
+                 The stick edge is too close to the axis, or it lies under the flat. Enter a larger \
+                 ratio, or 0 for the gross-slip threshold",
                 ratio.0
             );
             return Err(Faults::one("/motion/stick_ratio", detail));
@@ -349,7 +356,7 @@ fn contact_amplitude(
     Ok((amplitude.0, "/motion/amplitude"))
 }
 
-/// Checks that the slip ring is wide enough. `stays` says that the stick radius does not move.
+/// Checks that the slip ring is wide enough. `stays` is true if the stick radius is constant.
 fn resolved(
     amplitude: f64,
     stays: bool,
@@ -359,7 +366,8 @@ fn resolved(
     let (low, high) = Length::RANGE;
     if !(low..=high).contains(&amplitude) {
         let detail = format!(
-            "gives an amplitude of {amplitude:e} m; it must be between {low:e} and {high:e} m"
+            "gives an amplitude of {amplitude:e} m. The amplitude must be between {low:e} and \
+             {high:e} m"
         );
         return Err(Faults::one(pointer, detail));
     }
@@ -370,16 +378,16 @@ fn resolved(
         if amplitude >= least && ring < MIN_RING {
             let detail = format!(
                 "gives an amplitude of {amplitude:.3e} m, just below the gross-slip threshold. Only a ring \
-                 of {ring:.1e} contact radii around the flat slips there, but at least {MIN_RING:e} are \
-                 needed. Enter a larger motion, at which the whole contact slips, or a larger load"
+                 of {ring:.1e} contact radii around the flat slips, but the minimum is {MIN_RING:e}. \
+                 Enter a larger motion (gross slip), or a larger load"
             );
             return Err(Faults::one(pointer, detail));
         }
     }
     if amplitude < least {
         let detail = format!(
-            "gives an amplitude of {amplitude:.3e} m, but the slip ring is too narrow to compute below \
-             {least:.3e} m. Enter a larger motion"
+            "gives an amplitude of {amplitude:.3e} m. Below {least:.3e} m the slip ring is too narrow \
+             to compute. Enter a larger motion"
         );
         return Err(Faults::one(pointer, detail));
     }

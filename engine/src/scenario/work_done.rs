@@ -1,11 +1,11 @@
-//! How often this process has parsed a scenario and built a case. Tests use it to show that nothing is derived
-//! twice.
+//! Counts how often this process has parsed a scenario and built a case. With these numbers, tests
+//! check that no work is done twice.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Scenarios parsed.
+/// Number of parsed scenarios.
 pub static PARSES: AtomicU64 = AtomicU64::new(0);
-/// Cases built.
+/// Number of cases built.
 pub static CASES: AtomicU64 = AtomicU64::new(0);
 
 pub(super) fn note(counter: &AtomicU64) {

@@ -7,13 +7,13 @@ use super::single::SingleRun;
 use crate::case::{COMPARISON_RUNS, Case, Method};
 use crate::outcome::{Comparison, Errors, History};
 
-/// The range in which the search looks for ξ.
+/// The range of ξ in the search.
 const XI_RANGE: (f64, f64) = (0.1, 10.0);
-/// Rounds of golden section. They find ln ξ to 1e-5.
+/// Number of golden-section rounds. They determine ln ξ to 1e-5.
 const ROUNDS: usize = COMPARISON_RUNS - 3;
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
-/// A comparison under way.
+/// A comparison and its present state.
 #[derive(Debug)]
 pub(super) struct Comparing {
     case: Case,
@@ -22,28 +22,28 @@ pub(super) struct Comparing {
     run: SingleRun,
     trial: Trial,
     rule: History,
-    /// ln ξ: the ends of the bracket and the two trials within it.
+    /// Values of ln ξ: the two ends of the bracket and the two trial values inside it.
     bracket: [f64; 4],
     /// The errors of the two trials.
     errors: [f64; 2],
     rounds: usize,
 }
 
-/// What the run under way is for.
+/// The purpose of the present run.
 #[derive(Debug, Clone, Copy)]
 enum Trial {
-    /// The history of the rule with the given ξ.
+    /// Compute the history of the rule with the given ξ.
     Rule,
-    /// The error of the left trial, before that of the right one is known.
+    /// Compute the error of the left trial, before the first right trial.
     FirstLeft,
-    /// The error of the left trial.
+    /// Compute the error of the left trial.
     Left,
-    /// The error of the right trial.
+    /// Compute the error of the right trial.
     Right,
 }
 
 impl Comparing {
-    /// Compares with the history of an exact run.
+    /// Compares the rule with the history of an exact run.
     pub(super) fn new(case: &Case, xi: f64, exact: &History) -> Self {
         let mut case = case.rule(xi);
         case.cycles.clone_from(&exact.cycles);
@@ -63,7 +63,8 @@ impl Comparing {
         }
     }
 
-    /// Computes some more. Returns the part of the whole job that is done, or none at the end.
+    /// Computes for a short time. Returns the completed share of the whole job, or `None` at the
+    /// end.
     pub(super) fn step(&mut self) -> Option<f64> {
         self.run.step();
         if self.run.has_ended() {
@@ -80,7 +81,7 @@ impl Comparing {
         self.trial = trial;
     }
 
-    /// Takes in the run that has ended. Returns what the next one is for.
+    /// Uses the result of the completed run. Returns the purpose of the next run.
     fn take(&mut self) -> Option<Trial> {
         let history = self.run.history();
         match self.trial {
@@ -103,7 +104,7 @@ impl Comparing {
         }
     }
 
-    /// One round of golden section.
+    /// Does one round of golden section.
     fn narrow(&mut self) -> Option<Trial> {
         self.rounds += 1;
         if self.rounds > ROUNDS {
@@ -121,14 +122,15 @@ impl Comparing {
         }
     }
 
-    /// The number of output cycles that both histories have. A rule that ends early has a last row of its own.
+    /// The number of output cycles that both histories contain. If the rule ended early, its last
+    /// row is different.
     fn shared(&self, rule: &History) -> usize {
         let both = rule.cycles.iter().zip(&self.exact.cycles);
         both.take_while(|(rule, exact)| (*rule - *exact).abs() <= 1e-12 * exact.abs()).count()
     }
 
-    /// The root mean square of V_rule/V_exact − 1. Output cycles that the rule does not reach count as an error
-    /// of 1.
+    /// The root mean square of V_rule/V_exact − 1. An output cycle that the rule did not reach
+    /// counts as an error of 1.
     fn error(&self, rule: &History) -> f64 {
         let shared = self.shared(rule);
         let errors = relative(&rule.wear_volume[..shared], &self.exact.wear_volume);
@@ -137,7 +139,7 @@ impl Comparing {
         ((errors.iter().map(|error| error * error).sum::<f64>() + missed) / worn).sqrt()
     }
 
-    /// The comparison, after the last step.
+    /// The result of the comparison, after the last step.
     pub(super) fn finish(self) -> Comparison {
         let history = &self.rule;
         let shared = self.shared(history);
@@ -167,7 +169,7 @@ impl Comparing {
     }
 }
 
-/// a/b − 1, term by term; 0 where both are 0.
+/// a/b − 1 for each pair of values. The result is 0 where both are 0.
 fn relative(a: &[f64], b: &[f64]) -> Vec<f64> {
     a.iter().zip(b).map(|(a, b)| if *b == 0.0 { 0.0 } else { a / b - 1.0 }).collect()
 }

@@ -1,4 +1,4 @@
-//! A run in steps, so that the caller can report progress and stop it.
+//! A run in short steps. Between two steps the caller can report progress or stop the run.
 //!
 //! # Examples
 //! ```
@@ -34,27 +34,27 @@ use single::SingleRun;
 /// The result of a step.
 #[derive(Debug)]
 pub enum Advance {
-    /// The run goes on. The number is the part that is done.
+    /// The run is not complete. The number is the completed share.
     Working(f64),
-    /// The run is over.
+    /// The run is complete.
     Done(Box<Outcome>),
 }
 
-/// A run under way.
+/// A run and its present state.
 #[derive(Debug)]
 pub struct Simulation {
     phase: Phase,
     warnings: Vec<Warning>,
 }
 
-/// What the next step does.
+/// The work of the next step.
 #[derive(Debug)]
 enum Phase {
-    /// Goes on with the run.
+    /// Continues the run.
     Running(Box<SingleRun>),
-    /// Goes on with the comparison. The outcome of the run waits for it.
+    /// Continues the comparison. The outcome of the run is kept until the comparison is complete.
     Comparing(Box<Outcome>, Box<Comparing>),
-    /// Nothing: the caller has the outcome.
+    /// No work is left, because the caller has received the outcome.
     Done,
 }
 
@@ -62,7 +62,7 @@ impl Simulation {
     /// Prepares the run of a scenario.
     ///
     /// # Errors
-    /// As [`Scenario::case`].
+    /// The same fault as for [`Scenario::case`].
     pub fn of(scenario: &Scenario) -> Result<Self, Fault> {
         let case = scenario.case()?;
         let warnings = scenario.warnings(&case);
@@ -75,10 +75,10 @@ impl Simulation {
         Self { phase: Phase::Running(Box::new(SingleRun::new(case))), warnings }
     }
 
-    /// Computes some more, for about 30 ms.
+    /// Computes for about 30 ms.
     ///
     /// # Panics
-    /// If the outcome was returned before.
+    /// Panics if an earlier step has returned the outcome.
     pub fn step(&mut self) -> Advance {
         match std::mem::replace(&mut self.phase, Phase::Done) {
             Phase::Running(mut run) => {

@@ -1,21 +1,21 @@
-//! What a run reports: rows of the history and of the profiles, with the units multiplied back in.
+//! Records the rows of the history and of the profiles, in SI units.
 
 use crate::case::Case;
 use crate::contact::hysteresis::Loop;
 use crate::outcome::{History, Loops, Profiles};
 use crate::solver::curves::Curves;
 
-/// What has been reported so far.
+/// The rows recorded so far.
 #[derive(Debug)]
 pub(super) struct Recording {
     pub(super) history: History,
     pub(super) profiles: Profiles,
     pub(super) loops: Loops,
-    /// (k_w/μ)·ΣW/V − 1 of the last row with wear.
+    /// The energy mismatch (k_w/μ)·ΣW/V − 1 of the last row with wear.
     pub(super) mismatch: Option<f64>,
     /// The largest error of V so far.
     pub(super) volume_error: Option<f64>,
-    /// f₀ at the output radii, in d₀.
+    /// The unworn profile f₀ at the output radii, in d₀.
     initial: Vec<f64>,
     reported: Reported,
 }
@@ -29,26 +29,29 @@ struct Reported {
     wear: Vec<f64>,
 }
 
-/// One row of the history, dimensionless. Each method makes such rows.
+/// One row of the history, dimensionless. Both methods produce such rows.
 pub(super) struct HistoryEntry {
-    /// N.
+    /// Number of cycles N, not dimensionless.
     pub(super) cycles: f64,
     pub(super) volume: f64,
     pub(super) deepest: f64,
     pub(super) scar: f64,
     pub(super) contact_radius: f64,
     pub(super) stick: f64,
-    /// d and Δ.
+    /// Indentation depth d.
     pub(super) depth: f64,
+    /// Amplitude Δ.
     pub(super) threshold: f64,
-    /// ∫ y, ∫ min(Δ, y) and ∫ y ω over half of the row.
+    /// ∫ y dx over half of the row.
     pub(super) normal: f64,
+    /// ∫ min(Δ, y) dx over half of the row.
     pub(super) tangential: f64,
+    /// ∫ y ω dx over half of the row.
     pub(super) loss: f64,
-    /// (k_w/μ)·ΣW.
+    /// The volume that follows from the energy, (k_w/μ)·ΣW.
     pub(super) worn_by_energy: f64,
     pub(super) volume_error: f64,
-    /// The curves and the friction loop, if the row carries profiles.
+    /// The curves and the friction loop, if this row has profiles.
     pub(super) curves: Option<(Curves, Loop)>,
 }
 
@@ -65,7 +68,8 @@ impl Recording {
         }
     }
 
-    /// Sets the output radii, and the unworn and the limiting profile there, all dimensionless.
+    /// Sets the output radii, and the unworn and the limiting profile at these radii, all
+    /// dimensionless.
     pub(super) fn lay_out(
         &mut self,
         case: &Case,
@@ -80,7 +84,7 @@ impl Recording {
         self.initial = initial;
     }
 
-    /// Multiplies the units back in and appends a row.
+    /// Converts a row to SI units and appends it.
     pub(super) fn record(&mut self, case: &Case, mut entry: HistoryEntry) {
         self.reported.hold(&mut entry);
         let Case { scales, contact, .. } = case;
@@ -127,11 +131,11 @@ impl Recording {
 }
 
 impl Reported {
-    /// Keeps reported wear from falling. Without this it could fall by numerical noise, or where the radius ã
-    /// of the simplified rule moves.
+    /// Prevents a decrease of the reported wear. Without this correction the wear could decrease by
+    /// numerical noise, or because the radius ã of the simplified rule changes.
     fn hold(&mut self, entry: &mut HistoryEntry) {
         let hold = |known: &mut f64, value: &mut f64| {
-            // Faster than `f64::max`, which also handles NaN.
+            // This comparison is faster than `f64::max`, which also handles NaN.
             *value = if *value < *known { *known } else { *value };
             *known = *value;
         };

@@ -14,12 +14,12 @@ use crate::solver::events::Event;
 use crate::solver::stepped::march::March;
 use crate::solver::stepped::plan::MeshPlan;
 
-/// Multiplications per step: about 30 ms.
+/// Number of multiplications per step: about 30 ms.
 const STEP_OPERATIONS: f64 = 3e7;
-/// Most output cycles per step.
+/// Maximum number of output cycles per step.
 const STEP_INSTANTS: usize = 64;
 
-/// A run under way.
+/// A run by one method and its present state.
 #[derive(Debug)]
 pub(super) struct SingleRun {
     case: Case,
@@ -28,14 +28,14 @@ pub(super) struct SingleRun {
     recording: Recording,
 }
 
-/// What the next step does.
+/// The work of the next step.
 #[derive(Debug)]
 enum RunPhase {
-    /// Searches for the time of the stop condition, then evaluates the closed form with this ξ.
+    /// Searches for the time of the stop condition. Then evaluates the closed form with this ξ.
     Searching(Box<Simplified>, f64, StopSearch),
     /// Evaluates the closed form with this ξ.
     Closed(Box<Simplified>, f64),
-    /// Prepares the integration in time.
+    /// Prepares the time integration.
     Planned,
     /// Records the unworn state, which is known in closed form.
     Unworn(Box<Marching>),
@@ -43,7 +43,7 @@ enum RunPhase {
     Marching(Box<Marching>),
 }
 
-/// An integration in time and the output radii, in a₀.
+/// A time integration and the output radii, in a₀.
 #[derive(Debug)]
 struct Marching {
     march: March,
@@ -66,7 +66,7 @@ impl SingleRun {
         Self { case, phase, events: Vec::new(), recording }
     }
 
-    /// Computes some more. Returns the part of the run that is done.
+    /// Computes for a short time. Returns the completed share of the run.
     pub(super) fn step(&mut self) -> f64 {
         let mut progress = 0.0;
         self.phase = match std::mem::replace(&mut self.phase, RunPhase::Planned) {
@@ -108,10 +108,10 @@ impl SingleRun {
         &self.recording.history
     }
 
-    /// Searches for the time of the stop condition. Returns true once the events are known.
+    /// Searches for the time of the stop condition. Returns true when the events are known.
     fn search_stop(&mut self, solver: &Simplified, xi: f64, search: &mut StopSearch) -> bool {
         let last = self.case.normalized_end();
-        // Rows of the matrices that are made anew cost more than their products.
+        // The cost of computing matrix rows exceeds the cost of their products.
         let per_state = (2 * self.case.points * self.case.points) as f64;
         let states = ((STEP_OPERATIONS / per_state) as usize).max(1);
         match search.advance(solver, xi, self.case.until, last, states) {
@@ -123,7 +123,7 @@ impl SingleRun {
         }
     }
 
-    /// Evaluates some output cycles at once, since they share the rows of the matrices.
+    /// Evaluates several output cycles together, because they use the same matrix rows.
     fn step_closed(&mut self, solver: &Simplified, xi: f64) -> f64 {
         let case = &self.case;
         let (done, all) = (self.recording.history.cycles.len(), case.cycles.len());
@@ -150,7 +150,7 @@ impl SingleRun {
         until as f64 / all as f64
     }
 
-    /// Prepares the integration in time. Where the stick edge moves, a coarse run looks ahead.
+    /// Prepares the time integration. If the stick edge moves, a coarse run comes first.
     #[expect(clippy::expect_used, reason = "the scenario was refused otherwise")]
     fn begin_march(&mut self) -> Marching {
         let Case { contact, control, tends_to, points, .. } = &self.case;
@@ -164,7 +164,7 @@ impl SingleRun {
             None => (control.least_stick(contact), march.reach()),
         };
         let outermost = MeshPlan::outermost(contact, control, law, last).unwrap_or(reach);
-        // Some output radii lie outside the scar.
+        // Some output radii must lie outside the scar.
         let most = shape.extent() - 1e-3 * (shape.extent() - start);
         let reach = reach.max(outermost).min(most);
         let radii = Grid::new(start, reach, *points, shape.extent()).radii;
@@ -206,7 +206,7 @@ impl SingleRun {
         self.recording.record(case, entry);
     }
 
-    /// Takes some time steps, and records the output cycles that they pass.
+    /// Takes some time steps and records the output cycles that they reach.
     fn step_march(&mut self, marching: &mut Marching) -> f64 {
         let Marching { march, radii } = marching;
         let case = &self.case;
@@ -225,12 +225,13 @@ impl SingleRun {
                 Some(end) => end * case.scales.cycles,
                 None => case.cycles[next],
             };
-            // A run that ends at an output cycle already recorded has its last row there.
+            // If the run ends at an output cycle that is already recorded, this row is the last
+            // one.
             if self.recording.history.cycles.last().is_none_or(|known| *known < cycles) {
                 let shows = case.profiles[next] || ended.is_some() && case.profile_rows() > 0;
                 recorded += march.state_operations();
                 if shows {
-                    // A curve sums over all cells at some of the radii.
+                    // At some radii, a curve is a sum over all cells.
                     recorded += (radii.len() * march.cells()) as f64;
                 }
                 let entry = marched_entry(case, march, radii, (cycles, at), shows);
@@ -244,12 +245,13 @@ impl SingleRun {
         }
         let progress = (march.reached() / last).clamp(next as f64 / all as f64 * 1e-3, 0.999);
         self.events = march.events().to_vec();
-        // Events after the last output cycle have not happened. The end counts once it is recorded.
+        // Events after the last output cycle are not reported. The end is reported after its row is
+        // recorded.
         self.events.retain(|event| event.at <= last && (over || !event.ends));
         progress
     }
 
-    /// What the run found; the comparison and the warnings are not part of it.
+    /// The result of the run, without the comparison and the warnings.
     pub(super) fn outcome(self) -> Outcome {
         let Self { case, phase, events, recording } = self;
         let shows = case.profile_rows() > 0;
@@ -305,7 +307,8 @@ fn closed_entry(case: &Case, xi: f64, cycles: f64, state: State) -> HistoryEntry
     }
 }
 
-/// A row of the history from the integration in time, at a number of cycles and the time in N₀.
+/// A row of the history from the time integration. `cycles` and `at` are the same time, in cycles
+/// and in N₀.
 fn marched_entry(
     case: &Case,
     march: &mut March,
