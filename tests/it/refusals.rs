@@ -481,7 +481,7 @@ async fn block_faults_are_reported_with_pointers() {
     let rig = "/scenario/motion/rig_stiffness";
     let normalized = "/scenario/cycles/normalized";
     all_are_refused(vec![
-        one_fault("amplitude with blocks", with("amplitude", json!(2e-6)), motion, "as well"),
+        one_fault("amplitude with blocks", with("amplitude", json!(2e-6)), motion, "combined with"),
         one_fault(
             "reversals with blocks",
             with("reversals", json!([0, 1e-6])),
