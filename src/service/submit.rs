@@ -35,6 +35,8 @@ pub struct Accepted {
     pub job: Job,
     /// The answer, if this call computed it.
     pub answer: Option<Answer>,
+    /// Whether the submission repeats an earlier one. The job then keeps what the first one sent.
+    pub repeated: bool,
 }
 
 /// Why a submission was refused.
@@ -116,6 +118,7 @@ impl Service {
             Some(recorded) => recorded,
             None => (self.enqueue(new, prepared).await?, None),
         };
+        let repeated = matches!(submitted, Submitted::Repeated(_));
         let job = match submitted {
             Submitted::Accepted(job) | Submitted::Repeated(job) => job,
             Submitted::IdempotencyConflict => return Err(Refusal::IdempotencyConflict),
@@ -136,14 +139,14 @@ impl Service {
             Some(time) => self.wait(job.clone(), time).await.unwrap_or(job),
             None => job,
         };
-        Ok(Accepted { job, answer })
+        Ok(Accepted { job, answer, repeated })
     }
 
     /// Submits to the store. The prepared task stays in memory for the worker that claims its run.
     async fn enqueue(&self, new: NewJob, prepared: Prepared) -> Result<Submitted, Error> {
         let (waiting, key) = (&self.0.waiting, prepared.key);
         // First, because a worker may claim the run before this call returns.
-        waiting.keep(prepared);
+        let kept = waiting.keep(prepared);
         let submitted = match self.0.store.submit(new).await {
             // The job exists already: a short run stored it, and was dropped before it returned the job.
             Err(Error::JobExists(id)) => {
@@ -152,7 +155,8 @@ impl Service {
             submitted => submitted,
         };
         let queued = |job: &Job| job.state == JobState::Queued;
-        if !matches!(&submitted, Ok(Submitted::Accepted(job) | Submitted::Repeated(job)) if queued(job))
+        if kept
+            && !matches!(&submitted, Ok(Submitted::Accepted(job) | Submitted::Repeated(job)) if queued(job))
         {
             waiting.take(&key);
         }

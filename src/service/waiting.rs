@@ -33,9 +33,14 @@ impl Default for Waiting {
 }
 
 impl Waiting {
-    /// Keeps a task until its run is claimed, or until newer tasks need the space.
-    pub fn keep(&self, prepared: Prepared) {
-        self.0.insert(prepared.key, prepared);
+    /// Keeps a task until its run is claimed, or until newer tasks need the space. Returns false if an equal task
+    /// is kept already.
+    pub fn keep(&self, prepared: Prepared) -> bool {
+        let is_new = self.0.peek(&prepared.key).is_none();
+        if is_new {
+            self.0.insert(prepared.key, prepared);
+        }
+        is_new
     }
 
     /// Takes a task out.

@@ -160,7 +160,7 @@ impl Administration {
 impl Store {
     /// All keys, also expired and revoked ones, the oldest first.
     pub async fn access_keys(&self) -> Result<Vec<AccessKey>, Error> {
-        self.reading(async |db| list(db).await).await
+        self.reading_by(&self.keys, async |db| list(db).await).await
     }
 
     /// Records that a key was used now.
@@ -211,7 +211,8 @@ async fn link_secret(candidate: &[u8; 32], tx: &mut Transaction) -> Result<[u8; 
         .await?;
     let kept: Vec<u8> =
         sqlx::query_scalar("SELECT secret FROM link_secret").fetch_one(&mut tx.db).await?;
-    kept.try_into().map_err(|_| sqlx::Error::Decode("a secret has 32 bytes".into()).into())
+    kept.try_into()
+        .map_err(|_| sqlx::Error::Decode("the stored secret does not have 32 bytes".into()).into())
 }
 
 #[cfg(test)]
@@ -233,5 +234,18 @@ mod tests {
         ] {
             assert_eq!(AccessKey::id_in(&bad), None, "{bad}");
         }
+    }
+
+    #[tokio::test]
+    async fn access_keys_do_not_wait_for_other_reads() {
+        let dir = tempfile::tempdir().unwrap();
+        let store = Store::open(dir.path(), &crate::store::Options::default()).await.unwrap();
+        let mut busy = Vec::new();
+        for _ in 0..crate::store::open::READERS {
+            busy.push(store.readers.get().await.unwrap());
+        }
+        assert!(store.access_keys().await.unwrap().is_empty());
+        drop(busy);
+        store.close().await;
     }
 }

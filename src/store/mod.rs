@@ -76,6 +76,8 @@ pub struct Store {
     readers: Arc<Readers>,
     /// One connection for [`LARGE`] results: a connection keeps the memory that it has allocated.
     large: Arc<Readers>,
+    /// One connection for access keys: every request needs them, and must not wait for long lists.
+    keys: Arc<Readers>,
     /// Permits to scan all results.
     scans: Arc<Semaphore>,
     signals: Arc<Signals>,
@@ -113,6 +115,7 @@ impl Store {
     pub async fn close(&self) {
         self.readers.close().await;
         self.large.close().await;
+        self.keys.close().await;
         writer::close(&self.writer).await;
     }
 
@@ -135,7 +138,15 @@ impl Store {
         &self,
         read: impl AsyncFnOnce(&mut SqliteConnection) -> Result<T, Error>,
     ) -> Result<T, Error> {
-        let done = async { read(self.readers.get().await?.connection()).await };
+        self.reading_by(&self.readers, read).await
+    }
+
+    async fn reading_by<T>(
+        &self,
+        readers: &Readers,
+        read: impl AsyncFnOnce(&mut SqliteConnection) -> Result<T, Error>,
+    ) -> Result<T, Error> {
+        let done = async { read(readers.get().await?.connection()).await };
         self.counted(done.await)
     }
 

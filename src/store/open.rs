@@ -32,7 +32,7 @@ pub(super) const APPLICATION_ID: i32 = 0x6672_6574;
 pub(super) const DATABASE: &str = "fretwork.db";
 
 /// The number of read-only connections for small results and lists.
-const READERS: u32 = 4;
+pub(super) const READERS: u32 = 4;
 /// The number of readers that may scan all results at the same time. The others read single results.
 pub(super) const SCANS: usize = 2;
 
@@ -72,6 +72,7 @@ impl Store {
         let reading = connecting(&path).read_only(true).pragma("cache_size", "-16384");
         let readers = Arc::new(Readers::open(&reading, READERS).await?);
         let large = Arc::new(Readers::open(&reading, 1).await?);
+        let keys = Arc::new(Readers::open(&reading, 1).await?);
         let signals = Arc::new(Signals::default());
         let queue = Queue::load(&mut db).await?;
         let program = Program::this().row(&mut db).await?;
@@ -81,7 +82,7 @@ impl Store {
         let queue_limit = options.queue_limit;
         let scans = Arc::new(Semaphore::new(SCANS));
         let dir = dir.into();
-        Ok(Self { writer, readers, large, scans, signals, queue_limit, dir })
+        Ok(Self { writer, readers, large, keys, scans, signals, queue_limit, dir })
     }
 }
 
@@ -93,7 +94,15 @@ async fn prepare(dir: &Path, options: SqliteConnectOptions) -> Result<SqliteConn
     inspect(&path).await?;
     let mut db = SqliteConnection::connect_with(&options.create_if_missing(true)).await?;
     migrate(&mut db, &path).await?;
-    outline::complete(&mut db).await?;
+    match outline::complete(&mut db).await {
+        Ok(()) => {}
+        Err(error @ (Error::Full(_) | Error::Busy(_))) => return Err(error),
+        // Damage to the index of the search must not keep the server from starting.
+        Err(error) => {
+            let error = &error as &dyn std::error::Error;
+            tracing::warn!(error, "search does not find some results of an earlier version");
+        }
+    }
     Ok(db)
 }
 

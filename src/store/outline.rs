@@ -98,7 +98,8 @@ pub(super) async fn complete(db: &mut SqliteConnection) -> Result<(), Error> {
             document.outline()
         } else {
             let scenario = Task::scenario_in(row.try_get("task")?);
-            let summary: Value = json(row.try_get("summary")?)?;
+            // Without a readable summary, search still finds the result by its inputs.
+            let summary: Value = json(row.try_get("summary")?).unwrap_or(Value::Null);
             Outline::of(&json!({"scenario": scenario, "summary": summary}))
         };
         write(db, key, &outline).await?;

@@ -169,25 +169,24 @@ impl Submission {
         })
     }
 
-    /// Inserts the job, and a run if it needs one. The run is queued, or with `begun` running, because it is
-    /// already computed. Returns the run that the job shares, if any.
+    /// Inserts the job, and a run if it needs one. The new run is queued. With `began`, it is running since
+    /// then, because it is already computed. Returns the run that the job shares, if any.
     async fn insert(
         &self,
         tx: &mut Transaction,
-        created: i64,
-        begun: bool,
+        began: Option<i64>,
     ) -> Result<(Submitted, Option<RunId>), Error> {
         let new = &self.job;
         let repeatable = new.repeatable.as_ref();
         let row = sqlx::query(SUBMIT)
             .bind(new.key.bytes().as_slice())
             .bind(&new.owner)
-            .bind(created)
+            .bind(began.unwrap_or(tx.now))
             .bind(&new.task)
             .bind(new.afresh)
             .bind(&new.trace)
             .bind(new.admission == Admission::NoNewRun)
-            .bind(begun)
+            .bind(began.is_some())
             .bind(new.id.0.as_bytes().as_slice())
             .bind(&new.label)
             .bind(&self.tags)
@@ -196,6 +195,7 @@ impl Submission {
             .bind(repeatable.map(|repeatable| &repeatable.key))
             .bind(repeatable.map(|repeatable| repeatable.fingerprint.as_slice()))
             .bind(&new.submitted)
+            .bind(tx.now)
             .fetch_optional(&mut tx.db)
             .await
             .map_err(|error| match error.as_database_error() {
@@ -228,7 +228,7 @@ impl Submission {
             label: new.label.clone(),
             tags: new.tags.clone(),
             warnings: self.warnings.clone(),
-            created,
+            created: row.try_get("created")?,
             started: row.try_get("started")?,
             finished: row.try_get("finished")?,
             changes: changes(row.try_get("changes")?)?,
@@ -239,9 +239,10 @@ impl Submission {
     }
 }
 
-/// The first statement inserts a run (queued, or running with ?8), unless a run is live, the known result is
-/// sufficient, or ?7 forbids it. The second inserts the job; `changes()` tells it whether the first one
-/// inserted a run.
+/// The first statement inserts a run, unless a run is live, the known result is sufficient, or ?7 forbids it. The
+/// run is queued, or with ?8 running since ?3. The second statement inserts the job. `changes()` tells it whether
+/// the first one inserted a run. The job of a run that this transaction records began at ?3, and any other now
+/// (?17).
 ///
 /// The first statement has the smallest parameter numbers: sqlx counts the arguments of each statement by
 /// its largest number.
@@ -255,16 +256,20 @@ const SUBMIT: &str = "
 
     INSERT INTO job (key, owner, created, id, label, tags, warnings, priority, idempotency_key,
         fingerprint, submitted, run, state, attempt, origin, started, finished, changes)
-    SELECT ?1, ?2, ?3, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16, run.id,
-        coalesce(run.state, 'succeeded'), coalesce(run.attempt, 0),
-        CASE WHEN run.id IS NULL THEN 'cached' WHEN changes() THEN 'computed' ELSE 'coalesced' END,
-        iif(run.state = 'queued', NULL, ?3), iif(run.id IS NULL, ?3, NULL),
-        iif(?8 AND run.id IS NOT NULL, 'queued 0 ' || ?3 || char(10), '')
-            || coalesce(run.state, 'succeeded') || ' ' || coalesce(run.attempt, 0) || ' ' || ?3
-    FROM (SELECT EXISTS (SELECT 1 FROM result WHERE key = ?1 AND evicted IS NULL) AS is_known)
-    LEFT JOIN run ON run.key = ?1 AND run.state IN ('queued', 'running') AND (?5 OR NOT is_known)
-    WHERE NOT ?7 OR run.id IS NOT NULL OR is_known
-    RETURNING run, state, attempt, origin, started, finished, changes,
+    WITH found AS (
+        SELECT is_known, run.id AS run, coalesce(run.state, 'succeeded') AS state,
+            coalesce(run.attempt, 0) AS attempt, changes() AS is_new,
+            ?8 AND run.id = (SELECT runs FROM room) AND run.started = ?3 AS is_recorded
+        FROM (SELECT EXISTS (SELECT 1 FROM result WHERE key = ?1 AND evicted IS NULL) AS is_known)
+        LEFT JOIN run ON run.key = ?1 AND run.state IN ('queued', 'running') AND (?5 OR NOT is_known)
+    ), dated AS (SELECT *, iif(is_recorded, ?3, ?17) AS at FROM found)
+    SELECT ?1, ?2, at, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16, run, state, attempt,
+        CASE WHEN run IS NULL THEN 'cached' WHEN is_new THEN 'computed' ELSE 'coalesced' END,
+        iif(state = 'queued', NULL, at), iif(run IS NULL, at, NULL),
+        iif(is_recorded, 'queued 0 ' || at || char(10), '') || state || ' ' || attempt || ' ' || at
+    FROM dated
+    WHERE NOT ?7 OR run IS NOT NULL OR (is_known AND NOT ?5)
+    RETURNING run, created, state, attempt, origin, started, finished, changes,
         (SELECT progress FROM run WHERE run.id = job.run) AS progress,
         iif(state = 'succeeded', (SELECT summary FROM result WHERE result.key = job.key), NULL)
             AS summary";
@@ -276,7 +281,7 @@ async fn submit(submission: &Submission, tx: &mut Transaction) -> Result<Submitt
     if let Some(refusal) = submission.refusal(tx).await? {
         return Ok(refusal);
     }
-    Ok(submission.insert(tx, tx.now, false).await?.0)
+    Ok(submission.insert(tx, None).await?.0)
 }
 
 /// Jobs of one key whose answer was computed before they were submitted.
@@ -298,7 +303,7 @@ async fn record(record: &Record, tx: &mut Transaction) -> Result<Vec<Submitted>,
     let mut all = Vec::with_capacity(jobs.len());
     let mut started = None;
     for job in jobs {
-        let (submitted, run) = job.insert(tx, began, true).await?;
+        let (submitted, run) = job.insert(tx, Some(began)).await?;
         if matches!(&submitted, Submitted::Accepted(job) if job.origin == Origin::Computed) {
             started = run;
         }

@@ -237,6 +237,37 @@ async fn a_job_has_its_scenario_in_every_state() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_job_keeps_its_scenario_as_its_client_wrote_it() {
+    let server = Server::start().await;
+    let submit = async |force: &str, headers: &[(&str, &str)]| {
+        let mut body = steel_ball();
+        body["scenario"]["load"]["normal_force"] = json!(force);
+        let target = "/v1/jobs?include=submitted,scenario";
+        let reply = server.send("POST", target, headers, body.to_string()).await;
+        (reply.json(), job_address(&reply), body["scenario"].take())
+    };
+    let named = [JSON, ("Idempotency-Key", "one")];
+    let (job, address, typed) = submit("100 N", &named).await;
+    assert_eq!(job["submitted"], typed);
+    assert_ne!(job["scenario"], typed);
+    let shown = server.get(&format!("{address}?include=submitted&wait=60")).await.json();
+    assert_eq!(shown["submitted"], typed);
+    assert!(shown.get("scenario").is_none());
+    // Another job with the same key has its own text. A repetition is the first job, with the first text.
+    let (other, _, kilo) = submit("0.1 kN", &[JSON]).await;
+    assert_eq!((&other["key"], &other["submitted"]), (&job["key"], &kilo));
+    let (again, _, _) = submit("0.1 kN", &named).await;
+    assert_eq!((&again["id"], &again["submitted"]), (&job["id"], &typed));
+
+    let reversal = |i| if i % 2 == 0 { "1.2345 um" } else { "-1.2345 um" };
+    let mut large = ball(1.0);
+    large["scenario"]["motion"] =
+        json!({"reversals": (0..10_000).map(reversal).collect::<Vec<_>>()});
+    let reply = server.send("POST", "/v1/jobs?include=submitted", &[JSON], large.to_string()).await;
+    assert_eq!((reply.status, &reply.json()["submitted"]), (202, &Value::Null));
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_job_keeps_its_scenario_after_its_result_is_deleted() {
     let server = Server::start().await;
     let headers = [JSON, ("Prefer", "wait=60")];

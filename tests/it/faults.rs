@@ -27,7 +27,7 @@ use tokio::task::JoinSet;
 use crate::kill::{Program, id, long};
 use crate::program::{fails, run};
 use crate::server::{Gate, JSON, Reply, Server, ball, metric, send, steel_ball};
-use crate::store::raw;
+use crate::store::{accepted, fresh, new_job, open, raw};
 
 /// A run of at most 1 s with the longest steps: most points, smallest tolerance, and the comparison with
 /// the simplified rule.
@@ -242,6 +242,21 @@ async fn a_damaged_database_page_affects_only_requests_that_use_it() {
     let damaged = "fretwork_store_errors_total{kind=\"damaged\"}";
     assert!(metric(server.address, damaged).await >= 2.0);
     server.end();
+}
+
+#[tokio::test]
+async fn a_damaged_search_index_does_not_prevent_the_start() {
+    let (dir, store) = fresh().await;
+    let root = "SELECT rootpage FROM sqlite_schema WHERE name = 'outline'";
+    let mut db = raw(dir.path()).await;
+    let page: i64 = sqlx::query_scalar(root).fetch_one(&mut db).await.unwrap();
+    db.close().await.unwrap();
+    store.close().await;
+    let file = File::options().write(true).open(dir.path().join("fretwork.db")).unwrap();
+    file.write_all_at(&[0xff; 4096], (page as u64 - 1) * 4096).unwrap();
+    let store = open(dir.path()).await;
+    accepted(store.submit(new_job(1)).await);
+    store.close().await;
 }
 
 /// Real work that starts again when it is done, so it takes as long as the test wants.

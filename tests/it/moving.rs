@@ -320,6 +320,63 @@ async fn an_invalid_row_is_refused_with_a_reason() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn an_invalid_key_or_an_oversized_value_is_refused_and_the_rest_is_imported() {
+    let (from, to) = (Server::start().await, Server::start().await);
+    let keys = computed(&from, &[1.0, 1.2, 1.4, 1.6]).await;
+    let dir = TempDir::new().unwrap();
+    let file = dir.path().join("results.db");
+    export_all(&from, &file).await;
+    let mut db = open_file(&file).await;
+    let columns = "numerics, scenario, summary, size, created, pinned, sha256, owner, computed, wall_seconds, cpu_seconds, version, host, architecture,
+        processors, note, note_owner, note_at";
+    for key in ["NULL", "x'00ff'", "'abc'"] {
+        let sql = format!(
+            "INSERT INTO results (key, {columns}) SELECT {key}, {columns} FROM results LIMIT 1"
+        );
+        sqlx::raw_sql(sqlx::AssertSqlSafe(sql)).execute(&mut db).await.unwrap();
+    }
+    let owners = [(&keys[0], "x".repeat(201)), (&keys[1], "\u{1b}[2J".to_owned())];
+    for (key, owner) in owners {
+        let update = sqlx::query("UPDATE results SET owner = ?2 WHERE key = ?1");
+        update.bind(key).bind(owner).execute(&mut db).await.unwrap();
+    }
+    let body: String = sqlx::query_scalar("SELECT body FROM bodies WHERE key = ?1")
+        .bind(&keys[2])
+        .fetch_one(&mut db)
+        .await
+        .unwrap();
+    replace_body(&mut db, &keys[2], &(body + &" ".repeat(128_000_001))).await;
+    db.close().await.unwrap();
+    let done = import(to.dir.path(), &file, quiet).await.unwrap();
+    assert_eq!((done.results, done.refused.len()), (1, 6), "{:?}", done.refused);
+    assert_refused(&done, "abc", "its key is not");
+    assert_refused(&done, &keys[0], "its column owner has more than 200 characters");
+    assert_refused(&done, &keys[1], "its column owner has more than 200 characters");
+    assert_refused(&done, &keys[2], "its body has more than 128000000 bytes");
+}
+
+#[tokio::test]
+async fn an_import_file_with_a_view_is_refused() {
+    let from = Server::start().await;
+    computed(&from, &[1.0]).await;
+    let dir = TempDir::new().unwrap();
+    let file = dir.path().join("results.db");
+    export_all(&from, &file).await;
+    let mut db = open_file(&file).await;
+    for sql in [
+        "ALTER TABLE results RENAME TO held",
+        "CREATE VIEW results AS
+         WITH RECURSIVE n (i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT held.* FROM held, n",
+    ] {
+        sqlx::raw_sql(sql).execute(&mut db).await.unwrap();
+    }
+    db.close().await.unwrap();
+    let to = TempDir::new().unwrap();
+    let refused = import(to.path(), &file, quiet).await;
+    assert!(matches!(refused, Err(Moving::NoExport(_))), "{refused:?}");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn an_import_file_must_have_all_columns() {
     let (from, to) = (Server::start().await, Server::start().await);
     computed(&from, &[1.0]).await;

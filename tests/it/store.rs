@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::fs;
 use std::path::Path;
+use std::time::Duration;
 
 use fretwork::job::{Answer, Cost, FailureKind, Job, JobId, JobState, Key, Origin};
 use fretwork::store::{
@@ -756,4 +757,35 @@ proptest! {
             assert_eq!(trial.finished.len(), trial.jobs.len(), "every job has ended");
         });
     }
+}
+
+#[tokio::test]
+async fn a_refused_recomputation_is_not_answered_from_the_cache() {
+    let (_dir, store) = fresh().await;
+    accepted(store.submit(new_job(1)).await);
+    let claimed = store.claim().await.unwrap().unwrap();
+    store.finish(&claimed, &answer("{}"), Cost::default()).await.unwrap();
+    let afresh = NewJob { afresh: true, admission: Admission::NoNewRun, ..new_job(1) };
+    assert_eq!(store.submit(afresh).await.unwrap(), Submitted::NeedsRun);
+    let known = NewJob { admission: Admission::NoNewRun, ..new_job(1) };
+    assert_eq!(accepted(store.submit(known).await).origin, Origin::Cached);
+}
+
+#[tokio::test]
+async fn an_answer_recorded_beside_a_live_run_leaves_its_job_to_the_run() {
+    let (_dir, store) = fresh().await;
+    let cost = Cost { wall: Duration::from_mins(1), cpu: None };
+    let record = async || {
+        let recorded = store.record(vec![new_job(1)], &answer("{}"), cost).await.unwrap();
+        accepted(Ok(recorded.into_iter().next().unwrap()))
+    };
+    let states = |job: &Job| job.changes.iter().map(|change| change.state).collect::<Vec<_>>();
+    let first = accepted(store.submit(new_job(1)).await);
+    let queued = record().await;
+    assert_eq!((queued.origin, states(&queued)), (Origin::Coalesced, vec![JobState::Queued]));
+    assert!(queued.created >= first.created);
+    store.claim().await.unwrap().unwrap();
+    let running = record().await;
+    assert_eq!((running.origin, states(&running)), (Origin::Coalesced, vec![JobState::Running]));
+    assert!(running.created >= first.created && running.started == Some(running.created));
 }

@@ -88,11 +88,14 @@ pub async fn submit(
         return Err(Refusal::Draining.into());
     }
     let submission = parse(body).await?;
-    let asked = Asked {
+    let mut asked = Asked {
         task: include.scenario.then(|| submission.prepared.stored.to_string()),
         submitted: submission.submitted.clone().filter(|_| include.submitted),
     };
-    let Accepted { job, answer } = app.service.submit(submission, terms).await?;
+    let Accepted { job, answer, repeated } = app.service.submit(submission, terms).await?;
+    if repeated && include.submitted {
+        asked = app.service.asked(job.id).await?;
+    }
     let result = match answer {
         _ if !include.result => None,
         Some(answer) if job.state == JobState::Succeeded => Some(answer.body),

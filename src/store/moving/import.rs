@@ -14,6 +14,7 @@ use crate::store::keep::{Answered, Source};
 use crate::store::library::{Note, Program};
 use crate::store::open;
 use crate::store::outline::Document;
+use fretwork_engine::scenario::MAX_ANSWER;
 
 /// What an import did.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -45,8 +46,8 @@ pub async fn import(
     mut progress: impl FnMut(usize, usize),
 ) -> Result<Imported, Moving> {
     let mut from = open_export(file).await?;
-    let keys: Vec<String> =
-        sqlx::query_scalar("SELECT coalesce(key, '') FROM results ORDER BY key")
+    let keys: Vec<Vec<u8>> =
+        sqlx::query_scalar("SELECT CAST(coalesce(key, '') AS BLOB) FROM results ORDER BY key")
             .fetch_all(&mut from)
             .await
             .map_err(|error| unreadable(file, error.into()))?;
@@ -55,11 +56,12 @@ pub async fn import(
     let name = name.to_string_lossy();
     let mut done = Imported::default();
     for (place, key) in keys.iter().enumerate() {
-        let refused = match Entry::read(&mut from, key).await? {
+        let key = String::from_utf8_lossy(key);
+        let refused = match Entry::read(&mut from, &key).await? {
             Ok(entry) => entry.store(&mut db, &name, &mut done).await?,
             Err(why) => Some(why),
         };
-        done.refused.extend(refused.map(|why| (key.clone(), why)));
+        done.refused.extend(refused.map(|why| (key.into_owned(), why)));
         progress(place + 1, keys.len());
     }
     from.close().await?;
@@ -67,9 +69,16 @@ pub async fn import(
     Ok(done)
 }
 
-/// A row of the export, with its body.
+/// Maximum size of an imported body, in bytes. Estimates of the size of a result can be too low.
+#[expect(clippy::cast_possible_wrap, reason = "64 MB")]
+const MAX_BODY: i64 = 2 * MAX_ANSWER as i64;
+/// Maximum length of an imported name, in characters.
+const MAX_NAME: usize = 200;
+
+/// A row of the export, with its body unless it is larger than ?2.
 const SELECT: &str = "
-    SELECT sha256, CAST(body AS BLOB) AS body, owner, computed, wall_seconds, cpu_seconds, version,
+    SELECT sha256, length(CAST(body AS BLOB)) AS length,
+        iif(length(CAST(body AS BLOB)) > ?2, NULL, CAST(body AS BLOB)) AS body, owner, computed, wall_seconds, cpu_seconds, version,
         host, architecture, processors, note, note_owner, note_at
     FROM results LEFT JOIN bodies USING (key) WHERE key = ?1";
 
@@ -91,9 +100,16 @@ async fn open_export(file: &Path) -> Result<SqliteConnection, Moving> {
         EXPORT if found > FORM => Err(Moving::LaterForm { path, found }),
         EXPORT => {
             // The statement fails if a table or column is missing.
-            let tried = sqlx::query(SELECT).bind("").fetch_optional(&mut from).await;
+            let tried = sqlx::query(SELECT).bind("").bind(MAX_BODY).fetch_optional(&mut from).await;
             tried.map_err(|error| unreadable(file, error.into()))?;
-            Ok(from)
+            // A view could return endless rows.
+            let tables: i64 = sqlx::query_scalar(
+                "SELECT count(*) FROM sqlite_schema WHERE name IN ('results', 'bodies')
+                 AND type = 'table' AND sql NOT LIKE 'CREATE VIRTUAL%'",
+            )
+            .fetch_one(&mut from)
+            .await?;
+            if tables == 2 { Ok(from) } else { Err(Moving::NoExport(path)) }
         }
         _ => Err(Moving::NoExport(path)),
     }
@@ -131,25 +147,30 @@ struct Entry {
 impl Entry {
     /// Reads and checks a result. The inner error says why it is refused.
     async fn read(from: &mut SqliteConnection, key: &str) -> Result<Result<Self, String>, Error> {
-        let row = match sqlx::query(SELECT).bind(key).fetch_one(from).await.map_err(Error::from) {
-            Ok(row) => row,
-            Err(Error::Damaged(_)) => return Ok(Err("the file is damaged at this result".into())),
-            Err(error) => return Err(error),
-        };
-        Ok(Self::check(key, &row))
+        let row = sqlx::query(SELECT).bind(key).bind(MAX_BODY).fetch_optional(from).await;
+        match row.map_err(Error::from) {
+            Ok(Some(row)) => Ok(Self::check(key, &row)),
+            Ok(None) => Ok(Err("its key is not a text".to_owned())),
+            Err(Error::Damaged(_)) => Ok(Err("the file is damaged at this result".to_owned())),
+            Err(error) => Err(error),
+        }
     }
 
     /// Checks a row. The body must have the digest of the row, and the scenario must have the key.
     fn check(text: &str, row: &SqliteRow) -> Result<Self, String> {
-        let key: Key = text.parse().map_err(|_| "its key is not a key")?;
+        let key: Key =
+            text.parse().map_err(|_| "its key is not 64 lower-case hexadecimal digits")?;
         let sha256: Option<Key> = column::<&str>(row, "sha256")?.and_then(|sum| sum.parse().ok());
         let sha256 = sha256.ok_or("it has no SHA-256")?;
+        if column(row, "length")?.is_some_and(|length: i64| length > MAX_BODY) {
+            return Err(format!("its body has more than {MAX_BODY} bytes"));
+        }
         let body: Vec<u8> = column(row, "body")?.ok_or("it has no body")?;
         if Sha256::digest(&body)[..] != sha256.bytes()[..] {
             return Err("its body does not match its SHA-256: one of them was changed".to_owned());
         }
         let document: Document =
-            serde_json::from_slice(&body).map_err(|_| "its body is not a result")?;
+            serde_json::from_slice(&body).map_err(|_| "its body cannot be read as a result")?;
         let (engine, scenario) = (&document.engine, &document.scenario);
         if engine.name != ENGINE.name
             || document.key != text
@@ -173,7 +194,7 @@ impl Entry {
             key,
             answer: Answered::new(&answer, wall.map(|wall| Cost { wall, cpu })),
             task: Task::stored(scenario),
-            owner: column(row, "owner")?,
+            owner: name(row, "owner")?,
             computed: column(row, "computed")?.map(time).transpose()?,
             program: program(row, engine.numerics)?,
             note: note(row)?,
@@ -277,7 +298,20 @@ fn column<'r, T>(row: &'r SqliteRow, name: &str) -> Result<Option<T>, String>
 where
     T: sqlx::Decode<'r, sqlx::Sqlite> + sqlx::Type<sqlx::Sqlite>,
 {
-    row.try_get(name).map_err(|_| format!("its column {name} does not hold what it should"))
+    row.try_get(name).map_err(|_| format!("its column {name} has a wrong type"))
+}
+
+/// Reads a column with a name, which lists and terminals will show.
+fn name(row: &SqliteRow, column_name: &str) -> Result<Option<String>, String> {
+    let name: Option<String> = column(row, column_name)?;
+    match name {
+        Some(name) if name.chars().count() > MAX_NAME || name.chars().any(char::is_control) => {
+            Err(format!(
+                "its column {column_name} has more than {MAX_NAME} characters, or control characters"
+            ))
+        }
+        name => Ok(name),
+    }
 }
 
 fn seconds(seconds: f64) -> Result<Duration, String> {
@@ -289,12 +323,12 @@ fn time(text: &str) -> Result<i64, String> {
 }
 
 fn program(row: &SqliteRow, numerics: u32) -> Result<Option<Program>, String> {
-    let Some(version) = column(row, "version")? else { return Ok(None) };
+    let Some(version) = name(row, "version")? else { return Ok(None) };
     Ok(Some(Program {
         version,
         numerics,
-        host: column(row, "host")?.unwrap_or_default(),
-        architecture: column(row, "architecture")?.unwrap_or_default(),
+        host: name(row, "host")?.unwrap_or_default(),
+        architecture: name(row, "architecture")?.unwrap_or_default(),
         processors: column(row, "processors")?.unwrap_or_default(),
     }))
 }
@@ -304,7 +338,7 @@ fn note(row: &SqliteRow) -> Result<Option<Note>, String> {
     if let Some(fault) = Note::fault(&text) {
         return Err(format!("its note {fault}"));
     }
-    let owner = column(row, "note_owner")?.ok_or("its note has no owner")?;
+    let owner = name(row, "note_owner")?.ok_or("its note has no owner")?;
     let at = column(row, "note_at")?.ok_or("its note has no time")?;
     Ok(Some(Note { text, owner, at: time(at)? }))
 }
