@@ -230,7 +230,7 @@ async fn altered_results_are_refused_and_the_others_are_imported() {
         (&keys[2], "key does not belong"),
         (&keys[4], "no body"),
         (&keys[5], "no SHA-256"),
-        ("x", "not a key"),
+        ("x", "not 64 lower-case hexadecimal digits"),
     ] {
         assert_refused(&done, key, words);
     }

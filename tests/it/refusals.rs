@@ -386,18 +386,8 @@ async fn load_and_motion_faults_are_reported_with_pointers() {
             tangential,
             "combined with `amplitude`",
         ),
-        one_fault(
-            "Q = μF",
-            motion(json!({"tangential_force": "70 N"})),
-            tangential,
-            "at most μF",
-        ),
-        one_fault(
-            "Q > μF",
-            motion(json!({"tangential_force": "1 kN"})),
-            tangential,
-            "at most μF",
-        ),
+        one_fault("Q = μF", motion(json!({"tangential_force": "70 N"})), tangential, "at most μF"),
+        one_fault("Q > μF", motion(json!({"tangential_force": "1 kN"})), tangential, "at most μF"),
         one_fault(
             "force in metres",
             motion(json!({"tangential_force": "1 um"})),
