@@ -88,7 +88,7 @@ fn serve(settings: &Serve, matches: &ArgMatches) -> Result<(), Error> {
 }
 
 async fn serve_until_signal(settings: &Serve) -> Result<(), Error> {
-    let mut signals = Signals::new()?;
+    let mut signals = ShutdownSignals::new()?;
     let store = Store::open(&settings.data_dir, &settings.storage()).await?;
     let requires_key = check_access(settings, &store).await?;
     let listener = TcpListener::bind(settings.listen).await.map_err(|error| {
@@ -172,12 +172,12 @@ async fn check_access(settings: &Serve, store: &Store) -> Result<bool, Error> {
 }
 
 /// The signals that end the process: SIGTERM and Ctrl-C.
-struct Signals {
+struct ShutdownSignals {
     #[cfg(unix)]
     terminate: tokio::signal::unix::Signal,
 }
 
-impl Signals {
+impl ShutdownSignals {
     fn new() -> io::Result<Self> {
         Ok(Self {
             #[cfg(unix)]

@@ -81,7 +81,7 @@ struct AdminHolder {
 
 /// An accepted request.
 #[derive(Default)]
-struct Accepted {
+struct Admitted {
     /// The caller; `None` on a route or a server that requires no key.
     identity: Option<Identity>,
     place: Place,
@@ -93,7 +93,7 @@ struct Accepted {
 pub async fn check(State(gate): State<Arc<Gate>>, mut request: Request, next: Next) -> Response {
     let started = Instant::now();
     let needs = gate.route_needs.of(request.method(), route(&request));
-    let Accepted { identity, place, link } = match gate.accept(&mut request, needs).await {
+    let Admitted { identity, place, link } = match gate.accept(&mut request, needs).await {
         Ok(accepted) => accepted,
         Err(problem) => return problem.into_response(),
     };
@@ -176,8 +176,8 @@ impl Gate {
             .await
     }
 
-    async fn accept(&self, request: &mut Request, needs: Needs) -> Result<Accepted, Problem> {
-        let Some(required) = needs.role else { return Ok(Accepted::default()) };
+    async fn accept(&self, request: &mut Request, needs: Needs) -> Result<Admitted, Problem> {
+        let Some(required) = needs.role else { return Ok(Admitted::default()) };
         if signed_link::token(request.uri()).is_some() {
             return self.accept_link(request, required).await;
         }
@@ -188,7 +188,7 @@ impl Gate {
                     --no-auth.";
                 return Err(Problem::new(&problem::UNKNOWN_HOST, detail));
             }
-            return Ok(Accepted::default());
+            return Ok(Admitted::default());
         }
         let (identity, holder) = self.identify(request.headers()).await?;
         let account = match (&holder, &self.admin) {
@@ -210,7 +210,7 @@ impl Gate {
                 None => problem,
             });
         }
-        Ok(Accepted { identity: Some(identity), place, link: None })
+        Ok(Admitted { identity: Some(identity), place, link: None })
     }
 
     /// Accepts a request with a signed link, and removes the link from its address.
@@ -218,7 +218,7 @@ impl Gate {
         &self,
         request: &mut Request,
         required: Role,
-    ) -> Result<Accepted, Problem> {
+    ) -> Result<Admitted, Problem> {
         let link = signed_link::open(self.signer().await?, request.uri(), route(request))?;
         if required > Role::Read {
             return Err(Problem::new(&problem::BAD_LINK, "A link allows reading only."));
@@ -228,7 +228,7 @@ impl Gate {
         // No key can have this name, so the caller owns no jobs.
         let owner = "a link".to_owned();
         let identity = Identity { owner, role: Role::Read, key: link.issuer };
-        Ok(Accepted { identity: Some(identity), place, link: Some(link.left) })
+        Ok(Admitted { identity: Some(identity), place, link: Some(link.left) })
     }
 
     /// Whether the server requires a key.

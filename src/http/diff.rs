@@ -172,9 +172,9 @@ impl Side {
         SideAnswer { key, numerics, result, link: format!("/v1/results/{key}") }
     }
 
-    async fn of(app: &App, asked: Asked) -> Result<Self, Problem> {
+    async fn of(app: &App, asked: Requested) -> Result<Self, Problem> {
         match asked {
-            Asked::Key(key) => {
+            Requested::Key(key) => {
                 let known = app.service.known(&key).await?.ok_or_else(|| {
                     let detail =
                         format!("No result has the key {key}. Compare its scenario instead.");
@@ -183,7 +183,7 @@ impl Side {
                 let (scenario, numerics) = (known.scenario.clone(), known.numerics);
                 Ok(Self { key, scenario, numerics, known: Some(known) })
             }
-            Asked::Scenario(prepared) => {
+            Requested::Scenario(prepared) => {
                 let (key, scenario) = (prepared.key, prepared.task.scenario());
                 let scenario = serde_json::to_value(scenario).map_err(|_| Problem::internal())?;
                 let known = app.service.known(&key).await?;
@@ -211,23 +211,23 @@ impl Side {
 }
 
 /// One side of a request.
-enum Asked {
+enum Requested {
     Key(Key),
     Scenario(Box<Prepared>),
 }
 
 /// Reads both sides and collects all faults. Without a second side, the nearest result is compared.
-fn asked(body: DiffBody) -> Result<(Asked, Option<Asked>), Vec<Fault>> {
+fn asked(body: DiffBody) -> Result<(Requested, Option<Requested>), Vec<Fault>> {
     let fault = |pointer: &str, detail: &str| {
         vec![Fault { pointer: pointer.to_owned(), detail: detail.to_owned() }]
     };
     let key = |text: &str, pointer: &str| {
-        text.parse().map(Asked::Key).map_err(|bad| fault(pointer, &format!("{bad}")))
+        text.parse().map(Requested::Key).map_err(|bad| fault(pointer, &format!("{bad}")))
     };
     let side = |side: SideBody, pointer: &str| match (side.key.0, side.scenario.0) {
         (Some(text), None) => key(&text, &format!("{pointer}/key")),
         (None, Some(scenario)) => Prepared::from_scenario(scenario, &format!("{pointer}/scenario"))
-            .map(|prepared| Asked::Scenario(Box::new(prepared)))
+            .map(|prepared| Requested::Scenario(Box::new(prepared)))
             .map_err(|faults| faults.0),
         _ => Err(fault(pointer, "must have either `key` or `scenario`")),
     };
@@ -273,7 +273,7 @@ pub async fn diff(
     // Parsing a table of 10 000 rows would block the async thread.
     let sides = task::spawn_blocking(move || asked(read(&body)?).map_err(Problem::faults));
     let (a, b) = sides.await.map_err(|_| Problem::internal())??;
-    let except = if let Asked::Key(key) = a { Some(key) } else { None };
+    let except = if let Requested::Key(key) = a { Some(key) } else { None };
     let a = Side::of(&app, a).await?;
     let mut remarks = Vec::new();
     let b = if let Some(b) = b {
@@ -285,7 +285,7 @@ pub async fn diff(
             let detail = "There is no stored result to compare with.";
             Problem::new(&problem::UNKNOWN_RESULT, detail)
         })?;
-        Side::of(&app, Asked::Key(key)).await?
+        Side::of(&app, Requested::Key(key)).await?
     };
     if a.numerics != b.numerics {
         remarks.push(format!(

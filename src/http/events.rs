@@ -83,14 +83,14 @@ pub async fn follow(
     let changes = app.service.watch(&job);
     let Caller { key, .. } = caller;
     let ready = VecDeque::new();
-    let events = Stream { app, id, key, changes, seen, progress: -1.0, ready };
+    let events = EventStream { app, id, key, changes, seen, progress: -1.0, ready };
     let events = Sse::new(events.into_events()).keep_alive(KeepAlive::new().interval(KEEP_ALIVE));
     let buffering = HeaderName::from_static("x-accel-buffering");
     Ok(([(CACHE_CONTROL, "no-store"), (buffering, "no")], events).into_response())
 }
 
 /// One stream of events.
-struct Stream {
+struct EventStream {
     app: App,
     id: JobId,
     /// The id of the caller's key; `None` on a server without keys.
@@ -102,23 +102,23 @@ struct Stream {
     ready: VecDeque<Event>,
 }
 
-impl Stream {
+impl EventStream {
     fn into_events(self) -> impl futures_util::Stream<Item = Result<Event, Infallible>> {
-        stream::unfold((self, Step::First), |(mut this, mut step)| async move {
+        stream::unfold((self, Next::Snapshot), |(mut this, mut next)| async move {
             loop {
                 if let Some(event) = this.ready.pop_front() {
-                    return Some((Ok(event), (this, step)));
+                    return Some((Ok(event), (this, next)));
                 }
-                step = this.advance(step).await?;
+                next = this.advance(next).await?;
             }
         })
     }
 
     /// Waits for the next change, and puts its events into `ready`. `None` at the end.
-    async fn advance(&mut self, step: Step) -> Option<Step> {
-        match step {
-            Step::First => {}
-            Step::Next => {
+    async fn advance(&mut self, next: Next) -> Option<Next> {
+        match next {
+            Next::Snapshot => {}
+            Next::Change => {
                 let mut changed = false;
                 while !changed {
                     changed = tokio::select! {
@@ -133,13 +133,13 @@ impl Stream {
                     }
                 }
             }
-            Step::Last => return None,
+            Next::End => return None,
         }
         // After an error the client reconnects and receives the problem.
         let job = self.app.service.job(None, self.id).await.ok().flatten()?;
         let finished = job.state.is_finished();
-        self.push_events(job, matches!(step, Step::First));
-        Some(if finished { Step::Last } else { Step::Next })
+        self.push_events(job, matches!(next, Next::Snapshot));
+        Some(if finished { Next::End } else { Next::Change })
     }
 
     fn push_events(&mut self, job: Job, first: bool) {
@@ -167,9 +167,12 @@ impl Stream {
     }
 }
 
-/// The next step of a stream.
-enum Step {
-    First,
-    Next,
-    Last,
+/// What a stream sends next.
+enum Next {
+    /// The job as it is.
+    Snapshot,
+    /// The next change of the job.
+    Change,
+    /// Nothing: the job is finished.
+    End,
 }

@@ -80,12 +80,12 @@ impl Weighter<String, Encoded> for Size {
 }
 
 /// Bytes that keep their slot alive, so that other requests find them there.
-struct Shared {
+struct SharedBytes {
     body: Bytes,
     _slot: Arc<Slot>,
 }
 
-impl AsRef<[u8]> for Shared {
+impl AsRef<[u8]> for SharedBytes {
     fn as_ref(&self) -> &[u8] {
         &self.body
     }
@@ -93,7 +93,7 @@ impl AsRef<[u8]> for Shared {
 
 fn share(answer: &Encoded, slot: &OwnedMutexGuard<Option<Encoded>>) -> Encoded {
     let shared =
-        Shared { body: answer.body.clone(), _slot: Arc::clone(OwnedMutexGuard::mutex(slot)) };
+        SharedBytes { body: answer.body.clone(), _slot: Arc::clone(OwnedMutexGuard::mutex(slot)) };
     Encoded { body: Bytes::from_owner(shared), coding: answer.coding }
 }
 

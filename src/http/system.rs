@@ -98,12 +98,13 @@ pub struct Version {
     #[schema(example = 1)]
     numerics: u32,
     /// The limits of a request.
-    limits: Limits,
+    limits: RequestLimits,
 }
 
 /// The limits of a request.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Limits {
+#[schema(as = Limits)]
+pub struct RequestLimits {
     /// Smallest and largest number of radii, `points`.
     #[schema(example = json!([16, 4096]))]
     points: [u16; 2],
@@ -132,7 +133,7 @@ pub async fn version(_: NoQuery) -> Json<Version> {
         name: env!("CARGO_PKG_NAME"),
         release: env!("CARGO_PKG_VERSION"),
         numerics: NUMERICS,
-        limits: Limits {
+        limits: RequestLimits {
             points: [POINTS_RANGE.0, POINTS_RANGE.1],
             cycles: MAX_CYCLES,
             answer_bytes: MAX_ANSWER,

@@ -33,7 +33,7 @@ const MAX_ABANDON: Duration = Duration::from_secs(5);
 
 /// What the threads must do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd)]
-enum Order {
+enum WorkerOrder {
     /// Claim and compute.
     Work,
     /// Finish the current run, and claim no other.
@@ -45,7 +45,7 @@ enum Order {
 /// A running pool. If it is dropped, the threads release their runs and end; nothing waits for them.
 #[derive(Debug)]
 pub struct Workers {
-    order: watch::Sender<Order>,
+    order: watch::Sender<WorkerOrder>,
     threads: Vec<JoinHandle<()>>,
     /// Carries no messages. It is closed when the last thread has ended.
     alive: mpsc::Receiver<()>,
@@ -64,7 +64,7 @@ impl Workers {
         limit: Option<Duration>,
         compute: &Compute,
     ) -> io::Result<Self> {
-        let (order, orders) = watch::channel(Order::Work);
+        let (order, orders) = watch::channel(WorkerOrder::Work);
         let (living, alive) = mpsc::channel(1);
         let start = |number| {
             let mut worker = Worker {
@@ -84,9 +84,9 @@ impl Workers {
     /// Claims no more runs, and waits up to `grace` for the current ones. Then releases them to the queue, and
     /// ends the threads.
     pub async fn drain(mut self, grace: Duration) {
-        self.order.send_replace(Order::Finish);
+        self.order.send_replace(WorkerOrder::Finish);
         if tokio::time::timeout(grace, self.alive.recv()).await.is_err() {
-            self.order.send_replace(Order::Abandon);
+            self.order.send_replace(WorkerOrder::Abandon);
             if tokio::time::timeout(MAX_ABANDON, self.alive.recv()).await.is_err() {
                 tracing::error!("a worker does not stop; its run is recovered at the next start");
                 return;
@@ -101,7 +101,7 @@ impl Workers {
 
 impl Drop for Workers {
     fn drop(&mut self) {
-        self.order.send_replace(Order::Abandon);
+        self.order.send_replace(WorkerOrder::Abandon);
     }
 }
 
@@ -110,13 +110,13 @@ struct Worker {
     store: Store,
     compute: Compute,
     limit: Option<Duration>,
-    orders: watch::Receiver<Order>,
+    orders: watch::Receiver<WorkerOrder>,
     runtime: Handle,
     _living: mpsc::Sender<()>,
 }
 
 /// How a computation ended.
-enum Outcome {
+enum RunEnd {
     Done(Answer, Cost),
     Failed(FailureKind, String),
     /// No job needs it any more.
@@ -136,7 +136,7 @@ impl Worker {
                 // This is unwind safe: after a panic, nothing that the closure has changed is used.
                 let outcome = catch_unwind(AssertUnwindSafe(|| self.compute(&claimed)))
                     .unwrap_or_else(|panic| {
-                        Outcome::Failed(FailureKind::Panicked, message_of(&*panic))
+                        RunEnd::Failed(FailureKind::Panicked, message_of(&*panic))
                     });
                 next = runtime.block_on(self.settle_and_claim(&claimed, &outcome));
             }
@@ -145,8 +145,8 @@ impl Worker {
 
     /// Stores the outcome and claims the next run at the same time, so that both share a commit. Returns `None`
     /// if the queue is empty.
-    async fn settle_and_claim(&self, claimed: &Claimed, outcome: &Outcome) -> Option<Claimed> {
-        if self.order() != Order::Work {
+    async fn settle_and_claim(&self, claimed: &Claimed, outcome: &RunEnd) -> Option<Claimed> {
+        if self.order() != WorkerOrder::Work {
             self.settle(claimed, outcome).await;
             return None;
         }
@@ -165,7 +165,7 @@ impl Worker {
         next
     }
 
-    fn order(&self) -> Order {
+    fn order(&self) -> WorkerOrder {
         *self.orders.borrow()
     }
 
@@ -173,7 +173,7 @@ impl Worker {
     async fn claim(&mut self) -> Option<Claimed> {
         let mut queue = self.store.watch_queue();
         let mut pause = PAUSE.0;
-        while self.order() == Order::Work {
+        while self.order() == WorkerOrder::Work {
             let wait = match self.store.claim().await {
                 Ok(Some(claimed)) => return Some(claimed),
                 Ok(None) => {
@@ -196,23 +196,23 @@ impl Worker {
         None
     }
 
-    fn compute(&self, claimed: &Claimed) -> Outcome {
+    fn compute(&self, claimed: &Claimed) -> RunEnd {
         let watch = Stopwatch::start();
         let mut work = match (self.compute)(&claimed.key, &claimed.task) {
             Ok(work) => work,
-            Err(message) => return Outcome::Failed(FailureKind::UnreadableTask, message),
+            Err(message) => return RunEnd::Failed(FailureKind::UnreadableTask, message),
         };
         let started = Instant::now();
         let mut reported = started;
         loop {
             if claimed.stop.is_raised() {
-                return Outcome::Unwanted;
+                return RunEnd::Unwanted;
             }
-            if self.order() == Order::Abandon {
-                return Outcome::Interrupted;
+            if self.order() == WorkerOrder::Abandon {
+                return RunEnd::Interrupted;
             }
             let progress = match work.step() {
-                Step::Done(answer) => return Outcome::Done(answer, watch.cost()),
+                Step::Done(answer) => return RunEnd::Done(answer, watch.cost()),
                 Step::Working { progress } => progress,
             };
             if let Some(limit) = self.limit
@@ -222,13 +222,13 @@ impl Worker {
                     "it took longer than the {} that this server allows",
                     humantime::format_duration(limit)
                 );
-                return Outcome::Failed(FailureKind::TimeLimit, message);
+                return RunEnd::Failed(FailureKind::TimeLimit, message);
             }
             if reported.elapsed() >= REPORT {
                 reported = Instant::now();
                 match self.runtime.block_on(self.store.progress(claimed, progress)) {
                     Ok(true) => {}
-                    Ok(false) => return Outcome::Unwanted,
+                    Ok(false) => return RunEnd::Unwanted,
                     // The computation continues: only the displayed progress is missing.
                     Err(error) => tracing::debug!(%error, "cannot store the progress of a run"),
                 }
@@ -238,7 +238,7 @@ impl Worker {
 
     /// Stores how a run ended. Tries again for as long as the disk is full or the database is busy, because a
     /// result must not be lost. After other errors the run fails, because it would block its thread.
-    async fn settle(&self, claimed: &Claimed, outcome: &Outcome) {
+    async fn settle(&self, claimed: &Claimed, outcome: &RunEnd) {
         let mut pause = PAUSE.0;
         let mut refused = 0;
         while let Err(error) = self.store_outcome(claimed, outcome).await {
@@ -246,7 +246,7 @@ impl Worker {
             if matches!(error, Error::Damaged(_) | Error::Database(_)) {
                 refused += 1;
             }
-            let giving_up = matches!(error, Error::Closed) || self.order() == Order::Abandon;
+            let giving_up = matches!(error, Error::Closed) || self.order() == WorkerOrder::Abandon;
             let message = error.to_string();
             let error = &error as &dyn std::error::Error;
             if giving_up {
@@ -260,24 +260,24 @@ impl Worker {
                 return;
             }
             let mut orders = self.orders.clone();
-            let abandon = orders.wait_for(|order| *order == Order::Abandon);
+            let abandon = orders.wait_for(|order| *order == WorkerOrder::Abandon);
             let _ = tokio::time::timeout(pause, abandon).await;
             pause = PAUSE.1.min(pause * 2);
         }
     }
 
-    async fn store_outcome(&self, claimed: &Claimed, outcome: &Outcome) -> Result<(), Error> {
+    async fn store_outcome(&self, claimed: &Claimed, outcome: &RunEnd) -> Result<(), Error> {
         let accepted = match outcome {
-            Outcome::Done(answer, cost) => {
+            RunEnd::Done(answer, cost) => {
                 tracing::debug!("finished");
                 self.store.finish(claimed, answer, *cost).await? != Finish::Refused
             }
-            Outcome::Failed(kind, message) => {
+            RunEnd::Failed(kind, message) => {
                 tracing::error!(%kind, message, "a run failed");
                 self.store.fail(claimed, *kind, message).await?
             }
-            Outcome::Interrupted => self.store.release(claimed).await?,
-            Outcome::Unwanted => false,
+            RunEnd::Interrupted => self.store.release(claimed).await?,
+            RunEnd::Unwanted => false,
         };
         if !accepted {
             // If the run is being canceled, this confirms it. Otherwise the worker has lost the run, and this

@@ -87,7 +87,7 @@ impl Store {
     /// Accepts a job. It ends at once if the result is known. Otherwise it joins the live run, or a new run
     /// is queued if the queue is not full.
     pub async fn submit(&self, job: NewJob) -> Result<Submitted, Error> {
-        self.write(submit, Submission::new(job, self.queue_limit)).await
+        self.write(submit, EncodedJob::new(job, self.queue_limit)).await
     }
 
     /// Accepts jobs of one key with their answer and its cost, and finishes them in the same commit. If the
@@ -99,13 +99,13 @@ impl Store {
         cost: Cost,
     ) -> Result<Vec<Submitted>, Error> {
         let limit = self.queue_limit;
-        let jobs = jobs.into_iter().map(|job| Submission::new(job, limit)).collect();
+        let jobs = jobs.into_iter().map(|job| EncodedJob::new(job, limit)).collect();
         self.write(record, Record { jobs, cost, answer: Answered::new(answer, Some(cost)) }).await
     }
 }
 
 /// A submission with its texts in JSON, written before the writer task gets it.
-struct Submission {
+struct EncodedJob {
     job: NewJob,
     tags: String,
     warnings: Value,
@@ -113,7 +113,7 @@ struct Submission {
     limit: usize,
 }
 
-impl Submission {
+impl EncodedJob {
     #[expect(clippy::expect_used, reason = "a job without its warnings would mislead its client")]
     fn new(job: NewJob, limit: usize) -> Self {
         let tags = Value::from(job.tags.clone()).to_string();
@@ -274,7 +274,7 @@ const SUBMIT: &str = "
         iif(state = 'succeeded', (SELECT summary FROM result WHERE result.key = job.key), NULL)
             AS summary";
 
-async fn submit(submission: &Submission, tx: &mut Transaction) -> Result<Submitted, Error> {
+async fn submit(submission: &EncodedJob, tx: &mut Transaction) -> Result<Submitted, Error> {
     if let Some(repeated) = submission.repeated(tx).await? {
         return Ok(repeated);
     }
@@ -286,7 +286,7 @@ async fn submit(submission: &Submission, tx: &mut Transaction) -> Result<Submitt
 
 /// Jobs of one key whose answer was computed before they were submitted.
 struct Record {
-    jobs: Vec<Submission>,
+    jobs: Vec<EncodedJob>,
     cost: Cost,
     answer: Answered,
 }

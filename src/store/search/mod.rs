@@ -29,18 +29,18 @@ pub struct Search {
     label: Option<String>,
     /// Tags and labels match only jobs of this owner.
     jobs_of: Option<String>,
-    order: Order,
+    order: SortOrder,
 }
 
 /// The order of a list.
 #[derive(Debug, Clone, Copy)]
-struct Order {
+struct SortOrder {
     /// The column to sort by.
     by: &'static str,
     descending: bool,
 }
 
-impl Default for Order {
+impl Default for SortOrder {
     fn default() -> Self {
         Self { by: "created", descending: true }
     }
@@ -173,7 +173,7 @@ impl Search {
                 names.join(", ")
             )
         })?;
-        self.order = Order { by, descending };
+        self.order = SortOrder { by, descending };
         Ok(())
     }
 

@@ -6,7 +6,7 @@ use std::str::FromStr;
 use sqlx::sqlite::SqliteRow;
 use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
 
-use super::{Order, Search};
+use super::{Search, SortOrder};
 use crate::job::{Key, Outline, SCALARS, WORDS};
 use crate::store::library::Note;
 use crate::store::row::key;
@@ -170,7 +170,7 @@ fn order(query: &mut QueryBuilder<Sqlite>, search: &Search) {
 /// Restricts a statement to results after the cursor.
 fn after(query: &mut QueryBuilder<Sqlite>, search: &Search, cursor: Option<Cursor>) {
     let Some(Cursor { value, id }) = cursor else { return };
-    let Order { by, descending } = search.order;
+    let SortOrder { by, descending } = search.order;
     let beyond = if descending { "<" } else { ">" };
     let Some(value) = value else {
         query.push(format_args!(" AND outline.{by} IS NULL AND outline.id {beyond} "));
