@@ -99,9 +99,9 @@ pub enum Command {
     /// Import the results of an exported file.
     ///
     /// The server may run meanwhile, and serves the imported results at once. The command checks the SHA-256 of
-    /// every body and the key of every scenario. It overwrites nothing. It imports notes where there are none,
-    /// and no pins. Refused results are printed to standard error; the exit code is then 2. An interrupted
-    /// import continues when it is started again.
+    /// every body and the key of every scenario. It overwrites nothing. It imports the note of a result that has
+    /// no note yet. It does not import pins. Refused results are printed to standard error; the exit code is then 2.
+    /// An interrupted import continues when it is started again.
     Import(Import),
     /// Copy the whole database to a file, and check the copy.
     ///
@@ -193,7 +193,7 @@ pub struct Serve {
     #[arg(long, env = "FRETWORK_DRAIN_SECONDS", default_value = "7", value_name = "SECONDS",
         value_parser = seconds)]
     pub drain_seconds: Duration,
-    /// Most jobs in the queue; the server refuses more. The last tenth is reserved for owners with few queued
+    /// Maximum number of jobs in the queue. The last tenth is reserved for owners with few queued
     /// jobs.
     #[arg(long, env = "FRETWORK_QUEUE_LIMIT", default_value = "20000", value_name = "N",
         value_parser = clap::value_parser!(u32).range(1..))]
@@ -291,7 +291,7 @@ pub struct Export {
     /// The key of a result. Repeat the option for more results.
     #[arg(long = "key", value_name = "KEY")]
     pub keys: Vec<Key>,
-    /// Where to take them from.
+    /// The database that contains the results.
     #[command(flatten)]
     pub data: Data,
 }
@@ -301,7 +301,7 @@ pub struct Export {
 pub struct Import {
     /// The file that `export` wrote.
     pub file: PathBuf,
-    /// Where to put them.
+    /// The database that receives the results.
     #[command(flatten)]
     pub data: Data,
 }
@@ -311,7 +311,7 @@ pub struct Import {
 pub struct Backup {
     /// The file to write; it must not exist.
     pub file: PathBuf,
-    /// What to copy.
+    /// The database to copy.
     #[command(flatten)]
     pub data: Data,
 }
@@ -324,7 +324,7 @@ pub struct Restore {
     /// Replace an existing database. It is kept under another name in the same directory.
     #[arg(long)]
     pub replace: bool,
-    /// Where to put it.
+    /// The database to replace.
     #[command(flatten)]
     pub data: Data,
 }
@@ -449,7 +449,7 @@ fn lifetime(text: &str) -> Result<Duration, String> {
     if sound { Ok(time) } else { Err("expected a time from 1s to 100years".to_owned()) }
 }
 
-/// A limit; 0 means none.
+/// A time limit. `None`, which means no limit, if `time` is 0.
 fn nonzero(time: Duration) -> Option<Duration> {
     Some(time).filter(|time| !time.is_zero())
 }

@@ -139,7 +139,7 @@ impl Bracket {
         Some(if inside && round % 4 != 3 { secant } else { 0.5 * (low + high) })
     }
 
-    /// Narrows the bracket with the value at that point.
+    /// Narrows the bracket with the value `at_middle` of the function at `middle`.
     pub fn narrow(&mut self, middle: f64, at_middle: f64) {
         if at_middle.is_sign_negative() == self.at_high.is_sign_negative() && at_middle != 0.0 {
             let shrink = 1.0 - at_middle / self.at_high;

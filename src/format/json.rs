@@ -39,9 +39,9 @@ fn framed(
     Ok(map.end()?)
 }
 
-/// Writes one object per row and line.
+/// Writes one object per row, each on its own line.
 ///
-/// NDJSON readers take every line for a row, so there is no header line. Units are in the names, as in
+/// Readers of NDJSON treat every line as a row, so there is no header line. Units are in the names, as in
 /// CSV. Each row contains the key and the engine, so that the lines of many results can be joined.
 pub fn lines(out: &mut impl Write, document: &Document<'_>, table: &Table) -> Result<(), Error> {
     let engine = document.engine.to_string();

@@ -20,7 +20,7 @@ pub struct View {
     pub fields: Option<Vec<String>>,
     /// Output cycles. In a whole result they select rows of the profiles and loops only.
     pub cycles: Option<Vec<f64>>,
-    /// Largest number of radii, evenly spaced from the first to the last.
+    /// Maximum number of radii. The radii are selected evenly from the first to the last.
     pub points: Option<usize>,
     /// Figures only: the quantity and the axes.
     pub figure: FigureOptions,

@@ -1,7 +1,7 @@
 //! Access control: a middleware that identifies the caller of a request and checks its role and its limits.
 //!
-//! A server without keys accepts every caller, and therefore listens on this machine only. From its first
-//! key on, a server requires one.
+//! A server without keys accepts every caller, and therefore listens on this machine only. As soon as the
+//! server has a key, every caller must send a key.
 
 use std::fmt;
 use std::net::{Ipv4Addr, Ipv6Addr};

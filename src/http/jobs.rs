@@ -194,7 +194,8 @@ pub async fn result(
         }
         JobState::Failed => {
             let cause = job.failure.map_or_else(String::new, |failure| failure.message);
-            let detail = format!("The job failed: {cause}. A new submission computes again.");
+            let detail =
+                format!("The job failed: {cause}. To compute it again, submit the scenario again.");
             Problem::new(&problem::JOB_FAILED, detail)
         }
         JobState::Canceled => {

@@ -180,7 +180,7 @@ fn add_path_responses(path: &str, method: &Method, role: Option<Role>, operation
                 .push(("410", "The result was evicted or deleted. `scenario` computes it again."));
         }
     }
-    // Operations for more than reading write to the disk.
+    // Operations that need a higher role than `read` write to the disk.
     if role.is_some_and(|role| role != Role::Read) {
         shared.push(("507", "The disk is full."));
     }

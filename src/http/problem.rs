@@ -159,7 +159,7 @@ kinds! {
         "The operator should stop the server, copy its data directory, and restore a backup or recover the \
          readable part (`.recover` of sqlite3).";
     QUEUE_FULL = SERVICE_UNAVAILABLE "queue-full" "The queue is full"
-        "Too many runs are queued. The server still accepts submissions whose result is known or is being \
+        "Too many jobs are queued. The server still accepts submissions whose result is known or is being \
          computed."
         "Submit again after the seconds in Retry-After. The operator of the server can allow a longer \
          queue (--queue-limit).";
@@ -308,7 +308,7 @@ impl Problem {
     pub fn internal() -> Self {
         Self::new(
             &INTERNAL,
-            "The server has a bug. Its log contains the details under the `instance`.",
+            "The server has a bug. Its log contains the details: search it for the `instance` of this problem.",
         )
     }
 
@@ -363,7 +363,7 @@ impl From<store::Error> for Problem {
                     "the database is damaged"
                 );
                 let detail = "A part of the server's database is damaged. Its operator must repair \
-                    it. The log contains the details under the `instance`.";
+                    it. The log contains the details: search it for the `instance` of this problem.";
                 Self::new(&DAMAGED, detail)
             }
             _ => {
@@ -387,8 +387,8 @@ impl IntoResponse for Problem {
     }
 }
 
-/// Writes the document of the problem in a response. A response with the error status of a library gets the
-/// problem of that status.
+/// Writes the problem of a response as its body. If a library made an error response, the response contains no
+/// problem, and the body describes the general problem of its status.
 pub(super) fn write(mut response: Response, instance: &str) -> Response {
     let status = response.status();
     let problem = response.extensions_mut().remove::<Problem>();

@@ -87,7 +87,7 @@ words! {
         Panicked = "panicked",
         /// The stored task cannot be read.
         UnreadableTask = "unreadable-task",
-        /// The process died each time it computed this.
+        /// The process died at each attempt to compute the run.
         WorkerLost = "worker-lost",
         /// It took longer than the server allows.
         TimeLimit = "time-limit",

@@ -68,7 +68,7 @@ pub fn summary(regime: &Value, history: &serde_json::Map<String, Value>) -> Valu
     Value::Object(summary)
 }
 
-/// Speed of one processor, in the unit of [`Case::operations`].
+/// Speed of one processor: operations per second, counted as in [`Case::operations`].
 const OPERATIONS_PER_SECOND: f64 = 1e9;
 
 /// The version of the form in which tasks are stored. Version 1 had no version number: it was the job

@@ -60,9 +60,9 @@ pub enum Refusal {
         limit: Duration,
     },
     /// The queue is full.
-    #[error("the queue is full: {queued} runs are queued")]
+    #[error("the queue is full: {queued} jobs are queued")]
     QueueFull {
-        /// The number of queued runs.
+        /// The number of queued jobs.
         queued: usize,
         /// Estimated time until the queue has room.
         retry_after: Duration,

@@ -14,7 +14,7 @@ use crate::job::{Job, JobId, JobState};
 pub enum Canceled {
     /// There is no such job.
     NotFound,
-    /// It had ended before.
+    /// The job had already ended.
     AlreadyFinished(Job),
     /// It is canceled, or will be as soon as its worker stops.
     Done(Job),

@@ -55,7 +55,7 @@ pub(super) struct Source<'a> {
     pub(super) program: Option<i64>,
 }
 
-/// Stores a result. It replaces what an evicted result of the same key left; only `created` stays.
+/// Stores a result. If a result with the same key was evicted, its row is replaced, except `created`.
 ///
 /// sqlx counts the arguments of each statement by its largest parameter number. So the parameters that
 /// several statements share have the smallest numbers.
@@ -80,8 +80,8 @@ impl Answered {
         Self { body, summary: summary.to_string(), digest, outline, cost }
     }
 
-    /// Stores the result, unless its key has one. The digest is compared with that of a stored or evicted
-    /// result of the key.
+    /// Stores the result, unless one with the same key is stored. The digest is compared with that of a stored or
+    /// evicted result of the key.
     pub(super) async fn keep(
         &self,
         tx: &mut Transaction,

@@ -146,7 +146,7 @@ impl Program {
     }
 }
 
-/// What is known of a key, with or without a body.
+/// What the database knows about a key. The body of the result may have been evicted.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Known {
     /// The canonical scenario.
@@ -231,7 +231,7 @@ impl Store {
         self.write(keep::remove, (*key, owner)).await
     }
 
-    /// What is known of a key.
+    /// What the database knows about a key.
     pub async fn known(&self, key: &Key) -> Result<Option<Known>, Error> {
         let row = self.reading(async |db| {
             let query = sqlx::query(

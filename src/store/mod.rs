@@ -2,7 +2,7 @@
 //!
 //! One writer task makes all changes. It takes all waiting messages, applies them in one immediate
 //! transaction, and answers after the commit. So an acknowledged change survives a crash of the process.
-//! A pool of read-only connections serves reads. The tables are the truth; a signal ([`Changes`],
+//! A pool of read-only connections serves reads. The tables are authoritative; a signal ([`Changes`],
 //! [`Stop`]) is a hint to read them again.
 //!
 //! ```text
@@ -78,7 +78,7 @@ pub struct Store {
     large: Arc<Readers>,
     /// One connection for access keys: every request needs them, and must not wait for long lists.
     keys: Arc<Readers>,
-    /// Permits to scan all results.
+    /// Permits for scans of all results. They limit the number of concurrent scans.
     scans: Arc<Semaphore>,
     signals: Arc<Signals>,
     queue_limit: usize,
@@ -150,7 +150,7 @@ impl Store {
         self.counted(done.await)
     }
 
-    /// Counts an error.
+    /// Counts the error of a failed operation in the metrics, and returns the result unchanged.
     fn counted<T>(&self, result: Result<T, Error>) -> Result<T, Error> {
         result.inspect_err(|error| self.signals.tally.failed(error))
     }

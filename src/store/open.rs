@@ -42,7 +42,7 @@ pub(super) const BUSY: Duration = Duration::from_secs(5);
 /// Settings of the store.
 #[derive(Debug, Clone)]
 pub struct Options {
-    /// Whether each commit waits for the disk. Then an acknowledged change survives a power failure;
+    /// Whether each commit waits for the disk. If true, an acknowledged change survives a power failure;
     /// otherwise it survives only a crash of the process.
     pub full_sync: bool,
     /// The largest number of queued jobs.
@@ -115,7 +115,8 @@ pub(super) fn writing(path: &Path, full_sync: bool) -> SqliteConnectOptions {
         .synchronous(synchronous)
         .foreign_keys(true)
         .pragma("application_id", APPLICATION_ID.to_string())
-        // Pages in the log (32 MB) until a commit must checkpoint. Mostly, maintenance does it first.
+        // Number of pages in the log (32 MB) at which a commit must checkpoint. Usually maintenance runs a
+        // checkpoint earlier.
         .pragma("wal_autocheckpoint", "8000")
         // The log shrinks to 64 MiB after a checkpoint.
         .pragma("journal_size_limit", (64 << 20).to_string())
@@ -142,8 +143,8 @@ pub(super) fn lock(dir: &Path) -> Result<File, Error> {
 /// Removes a log that belongs to another database.
 ///
 /// Such a log remains when an administrator copies a backup over a database after a crash. SQLite would
-/// apply the log to the backup and destroy it. The header of a database with a log says so; the header
-/// of a backup does not.
+/// apply the log to the backup and destroy it. The header of a database says whether the database uses a
+/// log. The header of a backup says that it does not.
 pub(super) fn forget_foreign_log(path: &Path) -> io::Result<()> {
     const VERSIONS: usize = 18;
     const WITHOUT_LOG: [u8; 2] = [1, 1];

@@ -38,7 +38,7 @@ impl Document {
         summary(&self.regime, &self.history)
     }
 
-    /// Whether the history consists of columns of numbers of one length, at least 1.
+    /// Whether the history consists of columns of numbers that all have the same length of at least 1.
     pub(super) fn has_history(&self) -> bool {
         let rows = self.history.get("cycles").and_then(Value::as_array).map_or(0, Vec::len);
         let is_column = |column: &Value| {
@@ -86,7 +86,8 @@ pub(super) async fn write(
     Ok(())
 }
 
-/// Writes the outlines that a database of an earlier version lacks: those with the largest numbers.
+/// Writes the outlines that a database of an earlier version lacks. They belong to the results with the
+/// largest ids.
 pub(super) async fn complete(db: &mut SqliteConnection) -> Result<(), Error> {
     const NEXT: &str = "
         SELECT result.key AS key, task, summary FROM result_task CROSS JOIN result USING (key)

@@ -3,9 +3,10 @@
 //! The next owner is the one with the fewest running runs; among equals, the one that was served longest
 //! ago. A new owner comes directly before the one that was served last. So an owner that submits one job
 //! after another gets no more turns than an owner whose jobs wait. Within an owner, the more urgent job
-//! comes first, then the older one. A run that several owners share is in the lane of each.
+//! comes first, then the older one. The queued jobs of one owner are its lane. A run that several owners
+//! share is in the lane of each.
 //!
-//! The tables are the truth. The queue is read from them at the start and after each failed transaction.
+//! The tables are authoritative. The queue is read from them at the start and after each failed transaction.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -34,7 +35,7 @@ pub(super) struct Queue {
 struct Lane {
     waiting: BTreeMap<Place, RunId>,
     working: usize,
-    /// The last turn of this owner.
+    /// The number of the last turn of this owner. A later turn has a larger number.
     served: u64,
 }
 

@@ -12,7 +12,7 @@ use crate::job::{Change, JobId, Key};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct RunId(pub(super) i64);
 
-/// Reads a word of a closed set.
+/// Reads a word that stands for a variant of an enum.
 pub(super) fn word<T>(row: &SqliteRow, column: &str) -> Result<T, sqlx::Error>
 where
     T: std::str::FromStr<Err: std::error::Error + Send + Sync + 'static>,

@@ -82,7 +82,8 @@ impl Store {
         self.write(fail, (claimed.run, claimed.attempt, kind, message.to_owned())).await
     }
 
-    /// Confirms that the worker has stopped a run that is being canceled. Returns false if it is not.
+    /// Confirms that the worker has stopped a run that is being canceled. Returns false if the run is not
+    /// being canceled.
     pub async fn stopped(&self, claimed: &Claimed) -> Result<bool, Error> {
         self.write(stopped, (claimed.run, claimed.attempt)).await
     }
@@ -149,7 +150,7 @@ async fn finish(
     succeed(tx, *run, *attempt, answer).await
 }
 
-/// Ends a run by its answer. Every computed job finishes here.
+/// Ends a run with its answer. All jobs of a computed run finish here.
 pub(super) async fn succeed(
     tx: &mut Transaction,
     run: RunId,
@@ -253,7 +254,7 @@ async fn recover((): &(), tx: &mut Transaction) -> Result<Recovered, Error> {
         [(canceled, Ending::Canceled), (failed, Ending::Failed), (requeued, Ending::Released)]
     {
         for row in rows {
-            // The time during which the server was down is no duration of a run.
+            // No duration is recorded, because it would include the time during which the server was down.
             tx.effects.extend([Effect::Ended(key(&row, "key")?), Effect::Settled(ending, None)]);
         }
     }
@@ -262,7 +263,7 @@ async fn recover((): &(), tx: &mut Transaction) -> Result<Recovered, Error> {
     Ok(counts)
 }
 
-/// Takes a run from its worker by a statement that returns at least `key` and `started`. The next three
+/// Takes a run from its worker with the statement `update`, which returns at least `key` and `started`. The next three
 /// parameters of the statement are the run, the attempt and the time. Returns `None` if the worker has
 /// lost the run.
 async fn end(

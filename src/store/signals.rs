@@ -17,7 +17,7 @@ use crate::job::{Key, Origin};
 pub(super) enum Effect {
     /// A job or run of this key has changed.
     Changed(Key),
-    /// The same, and it may have been the last change.
+    /// A job or run of this key has changed, and may have ended.
     Ended(Key),
     /// A run can be claimed.
     Queued,
@@ -70,11 +70,12 @@ struct Tables {
     /// Each channel counts the ended jobs and runs of its key, and signals every change.
     listeners: HashMap<Key, watch::Sender<u64>>,
     running: HashMap<RunId, Stop>,
-    /// When results were read, until it is stored.
+    /// The time at which each result was last read. An entry is removed when its time is stored.
     read: HashMap<Key, i64>,
 }
 
-/// Results whose time of reading is remembered. Times beyond are dropped: evictions are then less exact.
+/// Maximum number of results whose time of reading is remembered. Further times are dropped, so evictions
+/// become less exact.
 const MAX_READ: usize = 10_000;
 /// Times of reading that one transaction stores, which takes a few milliseconds.
 pub(super) const READ_AT_ONCE: usize = 500;

@@ -1,4 +1,5 @@
-//! Submissions: they find a known result, join a live run, or queue a new run. Some come with their answer.
+//! Submissions: they find a known result, join a live run, or queue a new run. For some submissions the answer
+//! is already computed.
 
 use serde_json::Value;
 use sqlx::Row;
@@ -241,8 +242,8 @@ impl EncodedJob {
 
 /// The first statement inserts a run, unless a run is live, the known result is sufficient, or ?7 forbids it. The
 /// run is queued, or with ?8 running since ?3. The second statement inserts the job. `changes()` tells it whether
-/// the first one inserted a run. The job of a run that this transaction records began at ?3, and any other now
-/// (?17).
+/// the first one inserted a run. The job of a run that this transaction records began at ?3. Any other job begins
+/// now (?17).
 ///
 /// The first statement has the smallest parameter numbers: sqlx counts the arguments of each statement by
 /// its largest number.
@@ -291,7 +292,7 @@ struct Record {
     answer: Answered,
 }
 
-/// A run that is recorded with its answer was computed at the first attempt.
+/// The attempt of a run that is recorded with its answer. Such a run has only one attempt.
 const ATTEMPT: u32 = 1;
 
 /// The first job starts a run, the others join it, and the answer finishes it. If the result has become

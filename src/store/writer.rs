@@ -18,9 +18,9 @@ use crate::job::clock::now;
 
 /// The number of messages that may wait for the writer task; senders of further ones wait.
 const WAITING: usize = 1024;
-/// After this many changes in a row that found the disk full, the rest of their batch is not tried.
+/// After this number of consecutive changes that failed because the disk is full, the rest of the batch is not tried.
 const HOPELESS: u32 = 3;
-/// The number of changes in one transaction. It spreads the cost of a commit, and delays no change for long.
+/// Maximum number of changes in one transaction. Many changes share the cost of one commit, but none waits long.
 const BATCH: usize = 256;
 
 /// A message to the writer task.
@@ -287,7 +287,7 @@ impl Writer {
     }
 }
 
-/// Where a transaction failed. If it did not begin, all verbs fail alike.
+/// Where a transaction failed. If no transaction could begin, all verbs fail with the same error.
 enum Failed {
     ToBegin(Error),
     Within(Error),

@@ -137,7 +137,7 @@ impl Control {
         let stick = match (self.normal, &self.tangential) {
             _ if self.keeps_stick() => *stick,
             (Normal::Depth, Tangential::Force(_)) => self.last_stick(shape)?,
-            // In gross slip the actuator still moves.
+            // If the whole contact slips, the actuator still determines the amplitude, so the limit exists.
             (Normal::Depth, Tangential::Rig { .. }) => self.last_stick(shape).unwrap_or(0.0),
             _ => return None,
         };

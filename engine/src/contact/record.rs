@@ -7,7 +7,7 @@
 //! # Equations
 //! ```text
 //! P(s) = Σ 2 max(0, R − 2s) = 4 Σ max(0, R/2 − s)      slip path of one pass, over closed loops
-//! ω(ρ) = P(ρU) / 4U                                    the same in units of a harmonic stroke
+//! ω(ρ) = P(ρU) / 4U                                    in units of the path 4U of a harmonic cycle
 //! ```
 //! R is the range of a loop, U half of the largest range. On each of the two branches of a loop a
 //! spring first sticks over a distance of 2s. When the loop closes, the spring is in the same state
@@ -33,7 +33,7 @@
 
 use crate::numeric;
 
-/// A displacement record that repeats indefinitely, reduced to what the springs feel.
+/// A displacement record that repeats indefinitely, reduced to the data that determine the slip.
 ///
 /// Two records are equal if their loops have the same ranges. The starting point, the sign, the
 /// direction in time and the points between reversals have no influence.

@@ -65,7 +65,7 @@ impl UnwornSums {
 }
 
 /// The integrals of one state: half of the normal force, half of the tangential force amplitude,
-/// the energy integral and the volume. Each is in its dimensionless unit.
+/// the energy integral and the volume. All are dimensionless.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sums {
     /// ∫₀ᵃ y dx.

@@ -44,7 +44,7 @@ const DEEP: f64 = 0.3;
 /// Coefficients of (x − xᵢ)ᵏ for k = 0 … 4.
 type Powers = [f64; 5];
 
-/// The shape of a measured table, from the axis outwards.
+/// The shape of a measured table. All lists run from the axis outwards.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct TableShape {
     /// The last radius, in m.
@@ -210,7 +210,7 @@ fn isotonic(nodes: &[f64], images: &[(f64, f64)]) -> Vec<f64> {
     runs.iter().flat_map(|(mean, _, count)| std::iter::repeat_n(*mean, *count)).collect()
 }
 
-/// Number of nodes before the image decreases considerably over a considerable distance.
+/// Number of nodes before the first decrease that counts: see [`FALL`], [`FAR`] and [`FALL_AT_AXIS`].
 fn rising_part(nodes: &[f64], images: &[(f64, f64)], values: &[f64]) -> usize {
     let mut first = 0;
     for i in 1..nodes.len() {
@@ -386,7 +386,7 @@ impl TableShape {
         self.areas[cell] + area(&self.cells[cell], u)
     }
 
-    /// The polynomial terms that start between `from` and `to`. The first term is the cell that
+    /// The polynomial terms that start between `from` and `to`. The first term is the polynomial of the cell that
     /// contains `from`.
     fn terms(&self, from: f64, to: f64) -> impl Iterator<Item = (f64, Powers)> + '_ {
         let (cell, u) = self.locate(from);

@@ -439,7 +439,8 @@ mod tests {
 
     /// The force by the pressure: F = 2π ∫ p r dr.
     fn by_pressure(radius: f64, pressure: impl Fn(f64) -> f64) -> f64 {
-        // Graded to both ends, because pressures have square roots and logarithms there.
+        // The points are denser towards the axis and the edge, where pressures have square roots and
+        // logarithms.
         let half = |from: f64, to: f64| {
             integrate(0.0, 1.0, |s| {
                 let r = from + (to - from) * s * s;

@@ -23,7 +23,7 @@ use indenter::Profile;
 use instants::{Cycles, ProfilesAt};
 use quantity::Dimension;
 
-/// The body of a scenario.
+/// A scenario as the client sends it.
 #[derive(Debug, Clone, PartialEq, Deserr)]
 #[deserr(error = Faults, deny_unknown_fields, validate = Request::validate -> Faults)]
 pub struct Request {

@@ -5,7 +5,7 @@ use crate::request::fault::{Fault, Faults};
 use crate::request::fields::LAST_CYCLE;
 use crate::request::instants::{Cycles, ProfilesAt, ProfilesWord};
 
-/// Maximum number of output cycles for which all have profiles by default. With more output cycles,
+/// If there are at most this many output cycles, all of them have profiles by default. With more,
 /// only the last one has profiles.
 pub const DEFAULT_PROFILES: usize = 20;
 

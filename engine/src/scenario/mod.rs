@@ -43,7 +43,7 @@ use instants::with_profiles;
 use load::{CanonicalLoad, CanonicalModuli, canonical_load};
 use motion::{CanonicalMotion, UnwornContact};
 
-/// The version of the digits. It is raised when any digit of a result changes.
+/// The version of the numerics. It increases when any digit of a result changes.
 pub const NUMERICS: u32 = 1;
 
 /// The JSON Schema (2020-12) of a scenario.

@@ -76,7 +76,7 @@ fn half_tangential(shape: &Shape, threshold: f64) -> f64 {
     }
     let stick = shape.image_inverse(1.0 - threshold);
     let ring = 1.0 - stick;
-    // Dense next to the stick edge, where the image of a power law with n < 2 has its largest
+    // The points are dense next to the stick edge, where the image of a power law with n < 2 has its largest
     // curvature.
     let slipping = integrate(0.0, 1.0, |s| {
         let cube = s * s * s;

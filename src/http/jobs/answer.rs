@@ -188,7 +188,7 @@ pub(super) fn write(job: Job, members: Vec<(&str, Bytes)>) -> Result<Response, P
         told.pop();
         told.extend_from_slice(format!(",\"{name}\":").as_bytes());
         if text.len() > store::LARGE {
-            // Large bytes are not copied: other answers share them.
+            // A large text is not copied: other answers share the same bytes.
             pieces.extend([mem::take(&mut told).into(), text]);
         } else {
             told.extend_from_slice(&text);

@@ -173,7 +173,7 @@ impl From<Refusal> for Problem {
             }
             Refusal::QueueFull { queued, retry_after } => {
                 let detail = format!(
-                    "{queued} runs are queued. Submit again after the seconds in Retry-After."
+                    "{queued} jobs are queued. Submit again after the number of seconds in Retry-After."
                 );
                 Self::new(&problem::QUEUE_FULL, detail).retry_after(retry_after.as_secs() as u32)
             }

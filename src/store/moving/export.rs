@@ -166,7 +166,7 @@ async fn create(path: &Path) -> Result<SqliteConnection, Moving> {
          CREATE TABLE about (name TEXT PRIMARY KEY, value TEXT NOT NULL)",
     )
     .await?;
-    // A view would parse the whole body for each number.
+    // A table and not a view, because a view would parse the whole body for each number.
     let mut query = QueryBuilder::<Sqlite>::new(
         "CREATE TABLE history (key TEXT NOT NULL REFERENCES results (key), entry INTEGER NOT NULL",
     );

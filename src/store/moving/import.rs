@@ -33,7 +33,8 @@ pub struct Imported {
     pub other_notes: Vec<Key>,
 }
 
-/// Stores the results of an export that are sound and unknown, and the notes of results that have none.
+/// Stores the valid results of an export that this database does not have. Also stores the notes of results
+/// that have no note in this database.
 ///
 /// Each result has its own transaction, so an interrupted import can be repeated. `progress` is called
 /// with the number of results done and the number of all.
@@ -133,7 +134,7 @@ fn unreadable(file: &Path, error: Error) -> Moving {
     }
 }
 
-/// A sound result of an export.
+/// A result of an export that has passed all checks.
 struct Entry {
     key: Key,
     answer: Answered,
@@ -201,7 +202,7 @@ impl Entry {
         })
     }
 
-    /// Stores the result if it is unknown here, and its note. Returns why it is refused.
+    /// Stores the result if this database does not have it, and its note. If the result is refused, returns why.
     async fn store(
         &self,
         db: &mut SqliteConnection,
@@ -268,7 +269,7 @@ impl Entry {
         Ok(())
     }
 
-    /// Stores the note, if the result has none here.
+    /// Stores the note, unless the result already has a note in this database.
     async fn annotate(&self, db: &mut SqliteConnection, done: &mut Imported) -> Result<(), Error> {
         let Some(note) = &self.note else { return Ok(()) };
         let there: Option<String> = sqlx::query_scalar("SELECT text FROM note WHERE key = ?1")
@@ -301,7 +302,7 @@ where
     row.try_get(name).map_err(|_| format!("its column {name} has a wrong type"))
 }
 
-/// Reads a column with a name, which lists and terminals will show.
+/// Reads a column that contains a name. Lists and terminals show names, so control characters are refused.
 fn name(row: &SqliteRow, column_name: &str) -> Result<Option<String>, String> {
     let name: Option<String> = column(row, column_name)?;
     match name {

@@ -53,7 +53,7 @@ struct Range {
     high: f64,
 }
 
-/// Relative width by which bounds are extended: derived numbers differ in their last digits, and a user
+/// Relative width by which bounds are extended. Computed numbers can differ in their last digits, and a user
 /// who copies a displayed number must find it.
 const SLACK: f64 = 1e-9;
 

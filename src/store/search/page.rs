@@ -179,7 +179,8 @@ fn after(query: &mut QueryBuilder<Sqlite>, search: &Search, cursor: Option<Curso
     };
     query.push(format_args!(" AND ((outline.{by}, outline.id) {beyond} ("));
     query.push_bind(value).push(", ").push_bind(id).push(")");
-    // These two are never null. Without the second condition SQLite can use their index.
+    // These two columns are never null, so they do not need the second condition. Without it, SQLite can
+    // use their index.
     if !matches!(by, "created" | "size") {
         query.push(format_args!(" OR outline.{by} IS NULL"));
     }

@@ -155,7 +155,7 @@ impl Simplified {
             }
         }
         if c == 0.0 {
-            // ψ is undefined on the axis, where these are the limits.
+            // On the axis ψ is undefined. The following values are the limits for r → 0.
             limiting[0] = 1.0;
             slip[0] = threshold - 1.0;
         }
@@ -294,7 +294,7 @@ impl Simplified {
             *share *= threshold * left;
         }
         if stick > 0.0 {
-            // The node at the stick edge neither slips nor wears. This removes rounding errors.
+            // The node at the stick edge neither slips nor wears: set the exact values, without rounding errors.
             (shares[0], worn[0]) = (self.unworn[0], 0.0);
         }
         let apex = worn[0];
@@ -308,7 +308,7 @@ impl Simplified {
         }
         let mut rest: Vec<f64> = Vec::with_capacity(self.inside + 1);
         rest.extend(shares.iter().zip(inside).map(|(y, unworn)| y - left * unworn));
-        // R is 0 from a₀ on. One more node closes the curve.
+        // R is 0 at a₀ and outside it. One more node lets the curve end at 0.
         rest.push(0.0);
         self.kernels.slope_changes(&mut rest);
         for compression in shares {
@@ -334,7 +334,8 @@ impl Simplified {
         3.0 * integral / (self.theta.sqrt() * root) - 2.0 * second
     }
 
-    /// Bounds the wear inside a₀ by the limiting wear, which a step within a cell can exceed.
+    /// Limits the wear inside a₀ to the limiting wear. If the image has a step within a cell, the computed
+    /// wear can exceed the limiting wear.
     fn bound(&self, wear: &mut [f64]) {
         let nodes = self.core..self.core + self.inside;
         let limit = self.limiting[nodes.clone()].iter().zip(&self.initial[nodes]);
@@ -401,8 +402,8 @@ impl Simplified {
 
     /// The pressure at every radius.
     ///
-    /// In the ring y = e·y₀ + R. The pressure of the first part is known in closed form, with the edge of the unworn
-    /// contact. The rest R = y − e·y₀ has a double root at a₀, so that no kink lies inside a cell.
+    /// In the ring y = e·y₀ + R. The pressure of e·y₀ is e times the pressure of the unworn contact, known in closed
+    /// form. The rest R = y − e·y₀ has a double root at a₀, so that no kink lies inside a cell.
     fn pressures(
         &self,
         decays: &[Decay],
@@ -416,7 +417,7 @@ impl Simplified {
         for ((curve, decay), compressions) in curves.iter_mut().zip(decays).zip(compressions) {
             for (pressure, (step, weights)) in curve.iter_mut().zip(&self.inner) {
                 let found = step - dot(weights, compressions);
-                // A core too small for these sums acts like a point.
+                // If the core is too small for these sums, it acts like a point: the pressure is infinite.
                 *pressure = if found >= 0.0 { found } else { f64::INFINITY };
             }
             let ring = &mut curve[self.core..];

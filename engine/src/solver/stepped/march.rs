@@ -41,8 +41,8 @@ const CHECKS: f64 = 1.3;
 /// because a difference can be 0 by chance when it changes its sign.
 const FORGET: f64 = 0.7;
 /// Error estimate divided by the difference of the two runs. For second order the error of the
-/// finer run is a third of the difference, so this estimate is on the safe side. A test counts how
-/// often it is.
+/// finer run is a third of the difference, so this estimate usually exceeds the error. A test counts how
+/// often it does.
 const SHARE: f64 = 1.0;
 /// Minimum error estimate, in units of the tolerance.
 const LEAST_ERROR: f64 = 0.15;
@@ -317,7 +317,7 @@ impl March {
                 continue;
             }
             let (mut low, mut high) = (began, time);
-            // The change of amplitude itself is the cause of the event.
+            // If the condition is already met at the start of the step, the change of amplitude caused the event.
             if self.signal(kind, began) <= 0.0 {
                 high = began;
             }

@@ -77,8 +77,8 @@ impl MeshPlan {
             Some(end) => end.limit.radius,
             None => match Limit::solve(shape, least) {
                 Some(limit) => limit.radius,
-                // The scar may stay smaller. If it does not, the run ends at the outer edge of the
-                // indenter.
+                // The limiting scar is larger than the indenter, but the scar may stay smaller during
+                // the run. Otherwise the run ends when the scar reaches the edge of the indenter.
                 None if control.normal == Normal::Force => shape.extent(),
                 None => return None,
             },

@@ -67,7 +67,7 @@ impl Stages {
 pub struct Rkc {
     /// The relative error that a step may have.
     pub(crate) tolerance: f64,
-    /// The time of slow changes.
+    /// The time scale of slow changes.
     pub(crate) scale: f64,
     size: f64,
     /// The present time.
@@ -159,7 +159,8 @@ impl Rkc {
         self.before = (self.time, self.values.clone(), self.rates.clone());
     }
 
-    /// Limits the next step. The rates are now `times` as large as those of the time scale.
+    /// Limits the next step, because the rates are now `times` times as large as those that belong to the
+    /// time scale.
     pub(crate) fn hurry(&mut self, times: f64) {
         self.step = self.step.min(FIRST_STEP * self.scale / times.max(1.0));
     }

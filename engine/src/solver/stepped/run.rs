@@ -9,7 +9,8 @@ use crate::contact::limit::Limit;
 use crate::contact::row::UnwornSums;
 use crate::contact::unworn::{Contact, Regime};
 
-/// Maximum error of a stick edge that lies at the border of two cells, in effects of a whole cell.
+/// The estimated error of V if a stick edge lies at the border of two cells. The unit is the change
+/// of V when the stick edge moves by one cell.
 /// The expected position error is half a cell.
 const EDGE_SHARE: f64 = 0.75;
 /// A run has settled if the wear, at the present rate, would grow by less than this share of the

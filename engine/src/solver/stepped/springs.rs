@@ -1,4 +1,5 @@
-//! The springs of a mesh. Their images and the held quantities determine depth, friction and slip.
+//! The springs of a mesh. Depth, tangential force and slip follow from the images of the springs and
+//! from the held quantities.
 //!
 //! # Equations
 //! All quantities are means over cells. D is the width of a cell. Nothing wears inside r₀:
@@ -37,9 +38,9 @@ pub struct Springs {
     edge: f64,
     /// Whether the stick edge moves inwards.
     moves_in: bool,
-    /// d.
+    /// Indentation depth d in units of d₀.
     pub(crate) depth: f64,
-    /// Δ.
+    /// Amplitude Δ of the contact.
     pub(crate) threshold: f64,
     /// Whether friction cannot carry the held tangential force.
     pub(crate) slides: bool,
@@ -337,7 +338,7 @@ impl Springs {
         }
     }
 
-    /// F/F₀.
+    /// The normal force as a share of its initial value, F/F₀.
     pub(crate) fn share(&self) -> f64 {
         self.normal() / self.half_force
     }

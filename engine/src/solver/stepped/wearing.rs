@@ -30,7 +30,7 @@ pub struct Wearing {
     /// The unworn contact.
     pub contact: Contact,
     law: Law,
-    /// Where the nodes lie.
+    /// The positions of the mesh nodes.
     pub(crate) plan: MeshPlan,
     /// The springs in their present state.
     pub springs: Springs,
@@ -222,7 +222,8 @@ impl Wearing {
         (larger, carried)
     }
 
-    /// The wear that belongs to worn images. The rule does not wear the profile outside ã.
+    /// The wear at the nodes that corresponds to the wear of the images. The rule does not wear the profile
+    /// outside ã.
     fn inverse(&self, images: &[f64]) -> Vec<f64> {
         let mesh = &self.springs.mesh;
         let mut wear = mesh.inverse(images);
@@ -288,7 +289,7 @@ impl Wearing {
         self.springs.put_back(&mut aside);
         self.aside = aside;
         if self.law != Law::Exact {
-            // The simplified rule depends on the present ã.
+            // The simplified rule uses the present ã, so compute the state again.
             self.press(now);
         }
         result
@@ -437,7 +438,8 @@ impl Wearing {
         let closed = harmonic
             && if self.plan.start > 0.0 { springs.control.keeps_stick() } else { most < threshold };
         if closed {
-            // Δ − d + g₀(c). The value is 0 except in gross slip, where Δ and d may have changed.
+            // The change of Δ − d since the unworn contact. It is 0 except in gross slip, where Δ and d
+            // may have changed.
             let rise = (threshold - self.contact.threshold) - (springs.depth - 1.0);
             let rise = if self.plan.start > 0.0 { 0.0 } else { rise };
             let per_threshold = 1.0 / threshold;
