@@ -129,7 +129,7 @@ kinds! {
         "Correct the parameters that `errors` names. It also says which values they accept.";
     TOO_EXPENSIVE = UNPROCESSABLE_ENTITY "too-expensive" "The run would take too long"
         "The estimated time of the run is longer than the limit of this server."
-        "Request fewer `points`, output cycles or rows of a table, or a larger `tolerance`. POST \
+        "Request fewer `points`, output cycles or profiles, an earlier last cycle, or a larger `tolerance`. POST \
          /v1/scenarios returns the `cost` of a scenario. The operator of the server can raise the limit \
          (--run-limit).";
     KEY_REUSED = UNPROCESSABLE_ENTITY "idempotency-key-reused" "The Idempotency-Key belongs to another submission"

@@ -14,7 +14,7 @@ pub const MAX_LABEL: usize = 200;
 pub const MAX_TAGS: usize = 20;
 /// Longest tag in characters.
 pub const MAX_TAG: usize = 50;
-/// Longest scenario, in bytes of compact JSON, that is stored as the client wrote it.
+/// Longest submitted scenario that is stored, in bytes of compact JSON.
 pub const MAX_SUBMITTED: usize = 64 << 10;
 
 /// A valid job body: `{"scenario": {…}, "label"?, "tags"?}`.
@@ -22,7 +22,8 @@ pub const MAX_SUBMITTED: usize = 64 << 10;
 pub struct Submission {
     /// What to compute.
     pub prepared: Prepared,
-    /// The scenario as the client wrote it, as JSON; `None` if it is longer than [`MAX_SUBMITTED`].
+    /// The scenario with the members and units of the client, as compact JSON; `None` if it is longer than
+    /// [`MAX_SUBMITTED`].
     pub submitted: Option<String>,
     /// A title for people.
     pub label: Option<String>,
@@ -196,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn a_scenario_is_stored_as_written_up_to_64_kb() {
+    fn the_submitted_scenario_is_stored_up_to_64_kb() {
         let parse = |body: &Value| Submission::parse(body.to_string().as_bytes()).unwrap();
         let mut scenario = ball();
         let submitted = parse(&json!({"scenario": scenario})).submitted;

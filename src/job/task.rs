@@ -358,7 +358,7 @@ mod tests {
     }
 
     #[test]
-    fn different_scenarios_have_different_keys() {
+    fn scenarios_that_differ_within_12_digits_have_different_keys() {
         let expected = key(&ball());
         for (pointer, value) in [
             ("/friction", json!(0.700_000_000_01)),

@@ -359,7 +359,7 @@ async fn every_unfinished_state_is_recovered_after_a_crash() {
 }
 
 #[tokio::test]
-async fn a_run_fails_after_three_crashes() {
+async fn a_run_fails_after_three_crashes_of_the_server() {
     let (mut dir, mut store) = fresh().await;
     let submitted = accepted(store.submit(new_job(1)).await);
     // A release does not count as a crash.

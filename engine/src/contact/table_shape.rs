@@ -62,7 +62,7 @@ pub(crate) struct TableShape {
     areas: Vec<f64>,
 }
 
-/// T₀ … T₄ for b < r.
+/// The integrals T₀ … T₄ of the module documentation, for a term that starts at b < r.
 fn inverse_kernel(b: f64, r: f64) -> Powers {
     let square = (r - b) * (r + b);
     let chord = square.sqrt();

@@ -162,7 +162,8 @@ impl Motion {
         Ok(self)
     }
 
-    /// The held quantity: the tangential force if it is given, otherwise the amplitude.
+    /// The held quantity: `held` if it is given, otherwise the tangential force if that is given, otherwise the
+    /// amplitude.
     pub(crate) fn tangential(&self) -> MotionHeld {
         self.held.0.unwrap_or(if self.tangential_force.0.is_some() {
             MotionHeld::TangentialForce

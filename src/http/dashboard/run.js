@@ -56,7 +56,7 @@ export async function showRun(main, { id, signal }) {
     cancel.hidden = !OPEN.includes(job.state);
     edit.className = cancel.hidden ? "button primary" : "button";
     drawTimes();
-    if (job.state === "failed") fill(outcome, errorCard({ title: "The run failed", ...job.error }));
+    if (job.state === "failed") fill(outcome, errorCard(job.error));
     if (job.state === "canceled") {
       fill(outcome, h("section", { class: "card" }, h("p", {}, "This run was canceled. It has no result."),
         h("p", {}, h("a", { class: "button", href: "#/queue" }, "Open the queue"))));

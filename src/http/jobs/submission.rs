@@ -165,7 +165,7 @@ impl From<Refusal> for Problem {
                 };
                 let detail = format!(
                     "The run would take about {}, and the limit of this server is {}. Request fewer \
-                     points, output cycles or rows, or a larger tolerance.",
+                     points, output cycles or profiles, an earlier last cycle, or a larger tolerance.",
                     whole(estimate),
                     humantime::format_duration(limit),
                 );
