@@ -2,6 +2,7 @@
 
 pub mod clock;
 pub mod json;
+mod document;
 mod key;
 mod outline;
 mod record;
@@ -9,10 +10,11 @@ mod submission;
 mod task;
 mod words;
 
+pub use document::{BadDocument, Document};
 pub use key::{BadKey, ENGINE, Engine, Key};
 pub use outline::{Outline, SCALARS, Scalar, WORDS, Word};
 pub use record::{Change, Failure, FailureKind, Job, JobId, JobState, Origin};
 pub use submission::{BadSubmission, MAX_LABEL, MAX_SUBMITTED, MAX_TAG, MAX_TAGS, Submission};
-pub use task::{Answer, Begin, Cost, Prepared, Step, Task, Work, summary};
+pub use task::{Answer, Begin, Cost, Prepared, Step, Task, Work};
 pub use words::BadWord;
 pub(crate) use words::words;

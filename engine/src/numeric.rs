@@ -323,9 +323,52 @@ pub(crate) fn whole_power(x: f64, n: u32) -> f64 {
     product
 }
 
-/// Rounds `x` to 12 significant decimal digits, the precision of a canonical scenario. −0 becomes 0.
+/// Rounds `x` to 12 significant decimal digits, the precision of scenarios and results. The result is the float64
+/// nearest to the decimal number; a tie is rounded to the even digit. −0 becomes 0.
+#[must_use]
+pub fn twelve_digits(x: f64) -> f64 {
+    /// 5⁰ to 5²², which fit into 52 bits. 10²² is the largest power of ten that float64 holds exactly.
+    const FIVES: [u64; 23] = {
+        let mut fives = [1; 23];
+        let mut k = 1;
+        while k < fives.len() {
+            fives[k] = 5 * fives[k - 1];
+            k += 1;
+        }
+        fives
+    };
+    const TENS: [f64; 23] = [
+        1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17,
+        1e18, 1e19, 1e20, 1e21, 1e22,
+    ];
+    const LEAST: u64 = 100_000_000_000;
+    if !(1e-10..1e12).contains(&x.abs()) {
+        return printed_with_twelve_digits(x);
+    }
+    // |x| = significand·2^−shift, and 78913/2¹⁸ is log 2. So the estimated power may be one too small.
+    let bits = x.abs().to_bits();
+    let exponent = (bits >> 52) as i32 - 1023;
+    let (significand, shift) = (bits & ((1 << 52) - 1) | 1 << 52, 52 - exponent);
+    let power = (exponent * 78_913) >> 18;
+    let (mut places, mut digits) = (11 - power, 0);
+    for _ in 0..2 {
+        // All digits with these decimal places: significand·10^places/2^shift, exactly.
+        let product = u128::from(significand) * u128::from(FIVES[places as usize]);
+        let shift = (shift - places) as u32;
+        digits = (product >> shift) as u64;
+        let (rest, half) = (product & ((1 << shift) - 1), 1 << (shift - 1));
+        digits += u64::from(rest > half || rest == half && digits % 2 == 1);
+        if digits <= 10 * LEAST {
+            break;
+        }
+        places -= 1;
+    }
+    (digits as f64 / TENS[places as usize]).copysign(x)
+}
+
+/// [`twelve_digits`] for all numbers, by printing and parsing.
 #[expect(clippy::expect_used, reason = "a formatted number always parses")]
-pub(crate) fn twelve_digits(x: f64) -> f64 {
+fn printed_with_twelve_digits(x: f64) -> f64 {
     format!("{x:.11e}").parse::<f64>().expect("a formatted number parses") + 0.0
 }
 
@@ -421,5 +464,36 @@ mod tests {
         let third = twelve_digits(1.0 / 3.0);
         same(third, 0.333_333_333_333);
         same(twelve_digits(third), third);
+    }
+
+    #[test]
+    fn rounding_to_twelve_digits_agrees_with_printing() {
+        let mut seed = 0x9e37_79b9_7f4a_7c15_u64;
+        let mut random = || {
+            seed = seed.wrapping_mul(0x5851_f42d_4c95_7f2d).wrapping_add(0x1405_7b7e_f767_814f);
+            seed >> 11
+        };
+        let check = |x: f64| {
+            let (fast, printed) = (twelve_digits(x), printed_with_twelve_digits(x));
+            assert_eq!(fast.to_bits(), printed.to_bits(), "{x:e}: {fast:e}, {printed:e}");
+            assert_eq!(twelve_digits(fast).to_bits(), fast.to_bits(), "{x:e}");
+        };
+        for _ in 0..200_000 {
+            let significand = 1.0 + random() as f64 / 2_f64.powi(53);
+            check(significand * 2_f64.powi((random() % 100) as i32 - 50));
+            // Ties and their neighbours: 13 digits, the last of which is 5.
+            let thirteen = 10 * (random() % 1_000_000_000_000) + 5;
+            check(thirteen as f64 / 2_f64.powi((random() % 40) as i32));
+        }
+        for power in -14..15 {
+            let ten: f64 = format!("1e{power}").parse().unwrap();
+            for x in [ten, ten.next_down(), ten.next_up(), ten * (1.0 - 5e-13), -3.0 * ten] {
+                check(x);
+            }
+        }
+        for x in [0.0, -0.0, f64::MIN_POSITIVE, 5e-324, 1e300] {
+            check(x);
+        }
+        assert!(twelve_digits(f64::INFINITY).is_infinite() && twelve_digits(f64::NAN).is_nan());
     }
 }

@@ -40,7 +40,7 @@ pub use view::{FigureOptions, View};
 
 /// The version of the formats. Clients may cache answers for ever, so it must rise when the same request
 /// gives other bytes.
-pub const VERSION: u8 = 2;
+pub const VERSION: u8 = 3;
 
 /// Writes a stored result, or a part of it. Large results take seconds.
 ///

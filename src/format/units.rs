@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 
+use fretwork_engine::numeric::twelve_digits;
 use serde::{Serialize, Serializer};
 use serde_json::{Number, Value};
 
@@ -113,7 +114,7 @@ impl Units {
         let digits = self.digits;
         (unit.is_some() || digits.is_some()).then_some(move |number| {
             let converted = unit.map_or(number, |unit| unit.convert(number));
-            digits.map_or(converted, |digits| round(converted, digits))
+            digits.map_or_else(|| twelve_digits(converted), |digits| round(converted, digits))
         })
     }
 

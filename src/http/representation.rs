@@ -16,27 +16,43 @@ use super::problem::{self, Complaint, Problem};
 use super::wire::{ascii, instant, words};
 use crate::format::{self, Format, Part, View};
 use crate::job::Key;
-use crate::store::{self, StoredResult};
+use crate::store::{self, Body, Error, StoredResult};
 
-/// The stored bytes of a result.
+/// The body of a result.
 ///
 /// The problem for an unknown key links to the job that computes it, if the caller may see one.
-pub async fn find(app: &App, reach: Option<&str>, key: &Key) -> Result<Bytes, Problem> {
+pub async fn find(app: &App, reach: Option<&str>, key: &Key) -> Result<Body, Problem> {
     match app.service.result(key).await? {
         Some(StoredResult::Whole(body)) => Ok(body),
         other => Err(missing(app, reach, key, other).await?),
     }
 }
 
-/// The same for a large result: read once for all concurrent requests.
-pub async fn large(app: &App, reach: Option<&str>, key: &Key) -> Result<Encoded, Problem> {
-    match app.memory.lookup(&key.to_string()).await {
-        Lookup::Found(answer) => Ok(answer),
+/// The JSON of a result, or `None` if it is not stored. It is read once for all concurrent requests, and kept in memory
+/// if `keep` is true.
+pub async fn json(app: &App, key: &Key, keep: bool) -> Result<Option<Bytes>, Problem> {
+    let answer = match app.memory.lookup(&key.to_string()).await {
+        Lookup::Found(answer) => answer,
         Lookup::Missing(making) => {
-            let answer = Encoded::plain(find(app, reach, key).await?);
-            Ok(app.memory.finish(making, answer, false))
+            let Some(StoredResult::Whole(body)) = app.service.result(key).await? else {
+                return Ok(None);
+            };
+            app.memory.finish(making, Encoded::plain(unpacked(key, body).await?), keep)
         }
-    }
+    };
+    Ok(Some(answer.body))
+}
+
+/// The JSON of a body. A large one is decompressed on a blocking thread.
+async fn unpacked(key: &Key, body: Body) -> Result<Bytes, Problem> {
+    /// Number of bytes that are decompressed in less than 0.3 ms.
+    const SHORT: usize = 1 << 16;
+    let json = if !body.is_compressed() || body.bytes().len() <= SHORT {
+        body.json()
+    } else {
+        task::spawn_blocking(move || body.json()).await.map_err(|_| Problem::internal())?
+    };
+    Ok(json.map_err(|_| Error::DamagedResult(*key))?)
 }
 
 /// The problem for a result that is not stored.
@@ -88,6 +104,8 @@ pub struct Representation {
     part: Part,
     format: Format,
     view: View,
+    /// Whether it is the JSON of the result, unchanged.
+    is_unchanged: bool,
     /// The owner whose jobs a problem may mention; `None` for all owners.
     reach: Option<String>,
     /// The name in memory, without the coding.
@@ -101,14 +119,15 @@ impl Representation {
     pub fn new(caller: &Caller, key: Key, part: Part, format: Format, view: View) -> Self {
         let reach = caller.reach().map(str::to_owned);
         let view = view.sorted();
-        if (part, format) == (Part::Whole, Format::Json) && view == View::default() {
+        let is_unchanged = (part, format) == (Part::Whole, Format::Json) && view == View::default();
+        if is_unchanged {
             let (name, tag) = (key.to_string(), format!("\"{key}\""));
-            return Self { key, part, format, view, reach, name, tag };
+            return Self { key, part, format, view, is_unchanged, reach, name, tag };
         }
         let address = format!("{key}.{}.{}", part.name(), format.name());
         let name = format!("{address} {} {view:?}", format::VERSION);
         let tag = format!("\"{address}.{:016x}\"", xxh3_64(name.as_bytes()));
-        Self { key, part, format, view, reach, name, tag }
+        Self { key, part, format, view, is_unchanged, reach, name, tag }
     }
 
     /// The answer to a request with these headers.
@@ -128,9 +147,19 @@ impl Representation {
         app.metrics.looked_up(app.memory.get(&name).is_some());
         let answer = match app.memory.lookup(&name).await {
             Lookup::Found(answer) => answer,
-            Lookup::Missing(making) if name == self.key.to_string() => {
+            Lookup::Missing(making) if self.is_unchanged => {
                 let body = find(app, self.reach.as_deref(), &self.key).await?;
-                app.memory.finish(making, Encoded::plain(body), true)
+                match coding {
+                    Coding::Zstd if body.is_compressed() => {
+                        let encoded = Encoded { body: body.bytes().clone(), coding };
+                        app.memory.finish(making, encoded, true)
+                    }
+                    Coding::Identity => {
+                        let json = unpacked(&self.key, body).await?;
+                        app.memory.finish(making, Encoded::plain(json), true)
+                    }
+                    _ => self.make(app, coding, making).await?,
+                }
             }
             Lookup::Missing(making) => self.make(app, coding, making).await?,
         };
@@ -141,42 +170,45 @@ impl Representation {
     /// Formats and compresses the answer on a blocking thread. The thread finishes the answer even if the
     /// client disconnects: a retry finds it.
     async fn make(&self, app: &App, coding: Coding, making: Making) -> Result<Encoded, Problem> {
-        let (stored, permit) = self.source(app).await?;
+        let (json, permit) = self.source(app).await?;
         let (app, part, format, view) = (app.clone(), self.part, self.format, self.view.clone());
         let make = move || {
             let _permit = permit;
             let mut encoder = coding.encoder();
-            format::write(&mut encoder, &stored, part, format, &view)?;
+            format::write(&mut encoder, &json, part, format, &view)?;
             let (body, coding) = encoder.finish().map_err(format::Error::from)?;
             Ok(app.memory.finish(making, Encoded { body, coding }, true))
         };
         task::spawn_blocking(make).await.map_err(|_| Problem::internal())?
     }
 
-    /// The stored bytes. If they are large, also the permission to make an answer from them, which is
-    /// obtained before they are read.
+    /// The JSON of the result. If it is large, also the permission to make an answer from it, which is obtained before
+    /// it is read.
     async fn source(&self, app: &App) -> Result<(Bytes, Option<OwnedSemaphorePermit>), Problem> {
         let reach = self.reach.as_deref();
         let cached = app.memory.get(&self.key.to_string()).map(|answer| answer.body);
-        let body = match cached {
-            Some(body) => Some(body),
+        let small = match cached {
+            Some(json) => Some(json),
             None => match app.service.small_result(&self.key).await? {
-                Some(StoredResult::Whole(body)) => Some(body),
+                Some(StoredResult::Whole(body)) => Some(unpacked(&self.key, body).await?),
                 Some(StoredResult::Large) => None,
                 other => return Err(missing(app, reach, &self.key, other).await?),
             },
         };
-        if let Some(body) = &body
-            && body.len() <= store::LARGE
+        if let Some(json) = &small
+            && json.len() <= store::LARGE
         {
-            return Ok((body.clone(), None));
+            return Ok((json.clone(), None));
         }
         let permit = app.memory.maker().await;
-        let body = match body {
-            Some(body) => body,
-            None => large(app, reach, &self.key).await?.body,
+        let json = match small {
+            None => json(app, &self.key, false).await?,
+            found => found,
         };
-        Ok((body, permit))
+        match json {
+            Some(json) => Ok((json, permit)),
+            None => Err(missing(app, reach, &self.key, None).await?),
+        }
     }
 
     fn response(&self, Encoded { body, coding }: Encoded) -> Response {

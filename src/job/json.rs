@@ -1,15 +1,41 @@
-//! JSON that reports repeated members.
+//! JSON with the digits of results, and a parser that reports repeated members.
 
 use std::fmt;
+use std::io::{self, Write};
 
+use fretwork_engine::numeric::twelve_digits;
 use fretwork_engine::request::fault::Fault;
+use serde::Serialize;
 use serde::de::{DeserializeSeed, Error, MapAccess, SeqAccess, Visitor};
-use serde_json::{Deserializer, Map, Number, Value};
+use serde_json::ser::{CompactFormatter, Formatter};
+use serde_json::{Deserializer, Map, Number, Serializer, Value};
 
 /// Most repeated members that are listed, one by one.
 const MAX_LISTED: usize = 100;
 /// Most bytes that the pointers of all listed members may take.
 const MAX_POINTERS: usize = 1 << 16;
+
+/// Writes a scenario or a result, with numbers of 12 significant digits. Infinite numbers are written as null.
+///
+/// # Panics
+/// The document cannot be written as JSON.
+#[must_use]
+#[expect(clippy::expect_used, reason = "a wrong document must not be stored or hashed")]
+pub fn write(document: &impl Serialize) -> String {
+    let mut out = Vec::new();
+    let written = document.serialize(&mut Serializer::with_formatter(&mut out, TwelveDigits));
+    written.expect("scenarios and outcomes are numbers, strings, lists and maps of them");
+    String::from_utf8(out).expect("JSON is UTF-8")
+}
+
+/// Writes numbers with 12 significant digits.
+struct TwelveDigits;
+
+impl Formatter for TwelveDigits {
+    fn write_f64<W: ?Sized + Write>(&mut self, out: &mut W, number: f64) -> io::Result<()> {
+        CompactFormatter.write_f64(out, twelve_digits(number))
+    }
+}
 
 /// Parses JSON, and returns a fault for each member that appears more than once: keeping one of them
 /// silently would drop a parameter. The returned value keeps the last.
@@ -143,6 +169,13 @@ impl<'de> Visitor<'de> for Reader<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn numbers_are_written_with_twelve_digits() {
+        let numbers = [1.0 / 3.0, -2.0e-13 / 3.0, 1e300 / 3.0, 0.1 + 0.2, 5e6, f64::INFINITY];
+        let expected = "[0.333333333333,-6.66666666667e-14,3.33333333333e299,0.3,5000000.0,null]";
+        assert_eq!(write(&numbers), expected);
+    }
 
     #[test]
     fn repeated_members_are_reported_at_any_depth() {

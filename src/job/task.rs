@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use serde_json::value::RawValue;
 
-use super::{ENGINE, Engine, Key, Outline};
+use super::{Document, ENGINE, Engine, Key, Outline, json};
 
 /// Something that a worker computes in steps of at most about 50 ms, so that it can be stopped.
 pub trait Work: Send {
@@ -44,6 +44,14 @@ pub struct Answer {
     pub outline: Box<Outline>,
 }
 
+impl Answer {
+    /// A result with its JSON, and what the JSON says.
+    #[must_use]
+    pub fn new(body: Bytes, document: &Document) -> Self {
+        Self { body, summary: document.summary().clone(), outline: Box::new(document.outline()) }
+    }
+}
+
 /// The cost of a computation.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Cost {
@@ -51,21 +59,6 @@ pub struct Cost {
     pub wall: Duration,
     /// Processor time; `None` if the system does not report it.
     pub cpu: Option<Duration>,
-}
-
-/// The summary of a result: its regime and the last entry of each column of its history.
-///
-/// # Panics
-/// A member of the history is not a column with at least one entry.
-#[must_use]
-#[expect(clippy::expect_used, reason = "a summary without a number must not be stored")]
-pub fn summary(regime: &Value, history: &serde_json::Map<String, Value>) -> Value {
-    let mut summary = serde_json::Map::from_iter([("regime".to_owned(), regime.clone())]);
-    for (name, column) in history {
-        let last = column.as_array().and_then(|column| column.last());
-        summary.insert(name.clone(), last.expect("a column has entries").clone());
-    }
-    Value::Object(summary)
 }
 
 /// Speed of one processor: operations per second, counted as in [`Case::operations`].
@@ -134,7 +127,7 @@ impl Prepared {
     fn new(task: Task, warnings: Vec<Warning>) -> Self {
         let key = Key::of(ENGINE.numerics, &task.canonical());
         let stored = Stored { version: STORED_VERSION, task: task.canonical() };
-        Self { key, stored: to_json(&stored).into(), seconds: task.seconds(), warnings, task }
+        Self { key, stored: json::write(&stored).into(), seconds: task.seconds(), warnings, task }
     }
 
     /// Prepares a stored task again, for instance after a restart.
@@ -224,7 +217,14 @@ impl Task {
     /// The stored form of the run of a canonical scenario.
     #[must_use]
     pub fn stored(scenario: &Value) -> String {
-        to_json(&Stored { version: STORED_VERSION, task: Canonical::Scenario(scenario) })
+        json::write(&Stored { version: STORED_VERSION, task: Canonical::Scenario(scenario) })
+    }
+
+    /// The key of a stored task; `None` if the text is not a stored task.
+    #[must_use]
+    pub fn key_of(stored: &str) -> Option<Key> {
+        let scenario: Value = serde_json::from_str(Self::scenario_in(stored)?.get()).ok()?;
+        Some(Key::of_scenario(ENGINE.numerics, &scenario))
     }
 
     /// The canonical scenario in a stored task; `None` if the text is not a stored task.
@@ -257,7 +257,7 @@ impl Work for RunWork {
 impl RunWork {
     fn answer(&self, outcome: &Outcome) -> Answer {
         #[derive(Serialize)]
-        struct Document<'a> {
+        struct Whole<'a> {
             key: Key,
             engine: Engine,
             scenario: &'a Scenario,
@@ -265,34 +265,13 @@ impl RunWork {
             #[serde(flatten)]
             outcome: &'a Outcome,
         }
-        let document = Document {
-            key: self.key,
-            engine: ENGINE,
-            scenario: &self.run.0,
-            units: ResultUnits,
-            outcome,
-        };
-        let Ok(Value::Object(history)) = serde_json::to_value(&outcome.history) else {
-            unreachable!("a history is a JSON object of columns")
-        };
-        let summary = summary(&serde_json::json!(outcome.regime), &history);
-        let outline = Outline::of(&serde_json::json!({
-            "scenario": self.run.0,
-            "scales": outcome.scales,
-            "unworn": outcome.unworn,
-            "summary": summary,
-        }));
-        let mut body = to_json(&document).into_bytes();
+        let (key, scenario) = (self.key, &self.run.0);
+        let whole = Whole { key, engine: ENGINE, scenario, units: ResultUnits, outcome };
+        let mut body = json::write(&whole).into_bytes();
         // The memory cache may keep it for long.
         body.shrink_to_fit();
-        Answer { body: body.into(), summary, outline: Box::new(outline) }
+        Answer::new(body.into(), &Document::of(key, scenario, outcome))
     }
-}
-
-/// Writes a document that can always be written as JSON.
-#[expect(clippy::expect_used, reason = "a wrong document must not be stored or hashed")]
-fn to_json(document: &impl Serialize) -> String {
-    serde_json::to_string(document).expect("scenarios and outcomes are finite numbers and strings")
 }
 
 #[cfg(test)]

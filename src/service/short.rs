@@ -15,8 +15,8 @@ use tokio::task;
 use tokio::time::timeout;
 
 use super::stopwatch::Stopwatch;
-use crate::job::{Answer, Begin, Cost, Job, Key, Prepared, Step};
-use crate::store::{Admission, Error, NewJob, Store, Submitted};
+use crate::job::{Answer, Begin, Job, Key, Prepared, Step};
+use crate::store::{Admission, Answered, Error, NewJob, Store, Submitted};
 
 /// Longest estimate of a short run, in seconds.
 const SHORT: f64 = 0.02;
@@ -39,6 +39,13 @@ pub struct ShortRuns {
     places: Arc<Semaphore>,
     /// For each computation under way, the submissions that joined it.
     flights: Mutex<HashMap<Key, Vec<Joined>>>,
+}
+
+/// An answer, and the same answer ready to be stored.
+struct Computed {
+    answer: Answer,
+    answered: Answered,
+    wall: Duration,
 }
 
 /// A submission that joined, and where to send the job that it becomes.
@@ -94,13 +101,15 @@ impl ShortRuns {
         if entered.is_none() {
             return Ok(None);
         }
-        let Some((answer, cost)) = self.compute(prepared).await else { return Ok(None) };
+        let Some(Computed { answer, answered, wall }) = self.compute(prepared).await else {
+            return Ok(None);
+        };
         let (mut jobs, mut replies) = (vec![job.clone()], Vec::new());
         for Joined { job, reply } in leader.land() {
             jobs.push(job);
             replies.push(reply);
         }
-        let mut became = self.store.record(jobs, &answer, cost).await?.into_iter();
+        let mut became = self.store.record(jobs, answered, wall).await?.into_iter();
         let first = became.next().ok_or(Error::Closed)?;
         for (submitted, reply) in became.zip(replies) {
             if let Submitted::Accepted(job) = submitted {
@@ -111,8 +120,8 @@ impl ShortRuns {
         Ok(Some((first, Some(answer))))
     }
 
-    /// The answer and its cost; `None` if it takes too long or cannot be computed.
-    async fn compute(&self, prepared: &Prepared) -> Option<(Answer, Cost)> {
+    /// Computes a run; `None` if it takes too long or cannot be computed.
+    async fn compute(&self, prepared: &Prepared) -> Option<Computed> {
         let place = timeout(TIMEOUT, Arc::clone(&self.places).acquire_owned()).await.ok()?.ok()?;
         let inline = prepared.seconds < INLINE && prepared.stored.len() <= INLINE_BYTES;
         let (begin, prepared) = (Arc::clone(&self.begin), prepared.clone());
@@ -123,7 +132,9 @@ impl ShortRuns {
             let mut work = begin(&key, &stored, Some(prepared)).ok()?;
             while watch.elapsed() < TIMEOUT {
                 if let Step::Done(answer) = work.step() {
-                    return Some((answer, watch.cost()));
+                    let cost = watch.cost();
+                    let answered = Answered::new(&answer, Some(cost));
+                    return Some(Computed { answer, answered, wall: cost.wall });
                 }
             }
             None

@@ -1,15 +1,16 @@
 //! Changes to results: storing, pinning, notes, deletion.
 
-use bytes::Bytes;
-use sha2::{Digest, Sha256};
-use sqlx::SqliteConnection;
+use std::sync::{Arc, LazyLock};
 
+use sha2::{Digest, Sha256};
+use sqlx::{AssertSqlSafe, Row as _, SqliteConnection};
+
+use super::body::Body;
 use super::error::Error;
 use super::outline;
-use super::row::checksum;
-use super::signals::Effect;
+use super::row::RunId;
 use super::transaction::Transaction;
-use crate::job::{Answer, Cost, JobId, Key, Outline};
+use crate::job::{Answer, Cost, Key, Outline};
 
 /// What happened to the result of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -35,116 +36,146 @@ pub enum Removed {
     Done,
 }
 
-/// A result to be stored.
-pub(super) struct Answered {
-    pub(super) body: Bytes,
+/// A result to be stored: compressed and hashed, outside of the writer task.
+#[derive(Debug)]
+pub struct Answered {
+    pub(super) body: Body,
+    /// Number of bytes of the JSON.
+    pub(super) size: usize,
     pub(super) summary: String,
     pub(super) digest: [u8; 32],
-    pub(super) outline: Box<Outline>,
+    outline: Box<Outline>,
     /// `None` if unknown.
-    pub(super) cost: Option<Cost>,
+    cost: Option<Cost>,
 }
 
 /// The provenance of a result to be stored.
 pub(super) struct Source<'a> {
+    /// The run that it ends, and the attempt; `None` for an imported result.
+    pub(super) run: Option<(RunId, u32)>,
     pub(super) task: &'a str,
+    /// The owner; `None` for the owner of the run.
     pub(super) owner: Option<&'a str>,
-    pub(super) job: Option<JobId>,
     pub(super) trace: Option<&'a str>,
     /// The row in the table `program`.
     pub(super) program: Option<i64>,
 }
 
-/// Stores a result. If a result with the same key was evicted, its row is replaced, except `created`.
+/// What [`Answered::keep`] did.
+pub(super) struct Kept {
+    /// When the run began that is now ended; `None` without a run, or if the worker has lost it.
+    pub(super) started: Option<i64>,
+    pub(super) finish: Finish,
+    /// If the key had a result before, stored or evicted: whether it was the same.
+    pub(super) same: Option<bool>,
+}
+
+/// All statements that end a run with its result. One call of the database takes less time than its statements.
 ///
-/// sqlx counts the arguments of each statement by its largest parameter number. So the parameters that
-/// several statements share have the smallest numbers.
-const INSERT: &str = "
-    INSERT INTO result (key, size, summary, digest, created, last_access, computed, checksum, owner,
-        job, trace, wall, cpu, program)
-    VALUES (?1, length(?2), ?4, ?5, ?6, ?6, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13)
-    ON CONFLICT DO UPDATE SET size = excluded.size, summary = excluded.summary,
-        digest = excluded.digest, last_access = excluded.last_access, computed = excluded.computed,
-        checksum = excluded.checksum, owner = excluded.owner, job = excluded.job,
-        trace = excluded.trace, wall = excluded.wall, cpu = excluded.cpu,
-        program = excluded.program, imported = NULL, imported_from = NULL, deleted_by = NULL,
-        evicted = NULL;
-    INSERT OR REPLACE INTO result_blob (key, body) VALUES (?1, ?2);
-    INSERT INTO result_task (key, task) VALUES (?1, ?3)
-    ON CONFLICT (key) DO UPDATE SET task = excluded.task";
+/// `changes()` is the number of rows that the statement before has changed. So everything is stored or nothing: the run
+/// must be ended by this call, and a result that is stored already stays.
+static KEEP: LazyLock<Arc<str>> = LazyLock::new(|| {
+    let outline = outline::insert("WHERE changes() = 1 AND result.key = $4", 16);
+    let statements = format!(
+        "SELECT digest = $5 AS same, evicted IS NULL AS held FROM result WHERE key = $4;
+         UPDATE run SET state = 'succeeded', progress = 1, finished = $3, changed = $3
+         WHERE id = $1 AND attempt = $2 AND state = 'running' RETURNING started;
+         INSERT INTO result (key, size, stored, summary, digest, created, last_access, computed, checksum,
+             owner, job, trace, wall, cpu, program)
+         SELECT $4, $7, length($6), $8, $5, $3, $3, $3, $9, coalesce($11, (SELECT owner FROM run WHERE id = $1)),
+             (SELECT min(id) FROM job WHERE run = $1), $12, $13, $14, $15
+         WHERE $1 IS NULL OR changes() = 1
+         ON CONFLICT (key) DO UPDATE SET size = excluded.size, stored = excluded.stored,
+             summary = excluded.summary, digest = excluded.digest, last_access = excluded.last_access,
+             computed = excluded.computed, checksum = excluded.checksum, owner = excluded.owner,
+             job = excluded.job, trace = excluded.trace, wall = excluded.wall, cpu = excluded.cpu,
+             program = excluded.program, imported = NULL, imported_from = NULL, deleted_by = NULL,
+             evicted = NULL
+         WHERE evicted IS NOT NULL;
+         INSERT OR REPLACE INTO result_blob (key, body) SELECT $4, $6 WHERE changes() = 1;
+         INSERT INTO result_task (key, task) SELECT $4, $10 WHERE changes() = 1
+         ON CONFLICT (key) DO UPDATE SET task = excluded.task;
+         {outline}"
+    );
+    statements.into()
+});
 
 impl Answered {
-    pub(super) fn new(answer: &Answer, cost: Option<Cost>) -> Self {
-        let Answer { body, summary, outline } = answer.clone();
-        let digest = Sha256::digest(&body).into();
-        Self { body, summary: summary.to_string(), digest, outline, cost }
+    /// Compresses and hashes an answer. Large answers take long, so do not call this in the writer task.
+    ///
+    /// # Panics
+    /// There is no memory for the compressor.
+    #[must_use]
+    #[expect(clippy::expect_used, reason = "a result must not be lost silently")]
+    pub fn new(answer: &Answer, cost: Option<Cost>) -> Self {
+        Self {
+            body: Body::pack(&answer.body).expect("any bytes can be compressed"),
+            size: answer.body.len(),
+            summary: answer.summary.to_string(),
+            digest: Sha256::digest(&answer.body).into(),
+            outline: answer.outline.clone(),
+            cost,
+        }
     }
 
-    /// Stores the result, unless one with the same key is stored. The digest is compared with that of a stored or
-    /// evicted result of the key.
+    /// Stores the result, unless one with the same key is stored, and ends its run. The digest is compared with that of
+    /// a stored or evicted result of the key.
     pub(super) async fn keep(
-        &self,
-        tx: &mut Transaction,
-        key: Key,
-        source: &Source<'_>,
-    ) -> Result<Finish, Error> {
-        let before: Option<(bool, bool)> =
-            sqlx::query_as("SELECT digest = ?2, evicted IS NULL FROM result WHERE key = ?1")
-                .bind(key.bytes().as_slice())
-                .bind(self.digest.as_slice())
-                .fetch_optional(&mut tx.db)
-                .await?;
-        if let Some((same, _)) = before {
-            tx.effects.push(Effect::Recomputed { key, same });
-        }
-        match before {
-            Some((true, true)) => {
-                // If the stored body was damaged on the disk, this repairs it.
-                sqlx::query(
-                    "UPDATE result_blob SET body = ?2 WHERE key = ?1;
-                     UPDATE result SET checksum = ?3 WHERE key = ?1",
-                )
-                .bind(key.bytes().as_slice())
-                .bind(&*self.body)
-                .bind(checksum(&self.body))
-                .execute(&mut tx.db)
-                .await?;
-                Ok(Finish::Same)
-            }
-            Some((false, true)) => Ok(Finish::Differs),
-            Some((_, false)) | None => {
-                self.insert(&mut tx.db, key, source, tx.now).await?;
-                tx.effects.push(Effect::Stored(self.body.len() as u64));
-                Ok(Finish::Stored)
-            }
-        }
-    }
-
-    /// Stores the result and its outline. The key must have no body.
-    pub(super) async fn insert(
         &self,
         db: &mut SqliteConnection,
         key: Key,
         source: &Source<'_>,
         now: i64,
-    ) -> Result<(), Error> {
-        sqlx::query(INSERT)
-            .bind(key.bytes().as_slice())
-            .bind(&*self.body)
-            .bind(source.task)
-            .bind(&self.summary)
-            .bind(self.digest.as_slice())
+    ) -> Result<Kept, Error> {
+        let (run, attempt) = source.run.unzip();
+        let query = sqlx::query(AssertSqlSafe(Arc::clone(&KEEP)))
+            .bind(run.map(|run| run.0))
+            .bind(attempt)
             .bind(now)
-            .bind(checksum(&self.body))
+            .bind(key.bytes().as_slice())
+            .bind(self.digest.as_slice())
+            .bind(&**self.body.bytes())
+            .bind((self.size as u64).cast_signed())
+            .bind(&self.summary)
+            .bind(self.body.checksum())
+            .bind(source.task)
             .bind(source.owner)
-            .bind(source.job.map(|job| job.0.as_bytes().to_vec()))
             .bind(source.trace)
             .bind(self.cost.map(|cost| cost.wall.as_secs_f64()))
             .bind(self.cost.and_then(|cost| cost.cpu).map(|cpu| cpu.as_secs_f64()))
-            .bind(source.program)
-            .execute(&mut *db)
-            .await?;
-        outline::write(db, key, &self.outline).await
+            .bind(source.program);
+        let rows = outline::bind(query, &self.outline).fetch_all(&mut *db).await?;
+        let (mut before, mut started) = (None, None);
+        for row in &rows {
+            match row.try_get("started") {
+                Ok(at) => started = at,
+                Err(_) => before = Some((row.try_get("same")?, row.try_get("held")?)),
+            }
+        }
+        let finish = match before {
+            _ if run.is_some() && started.is_none() => Finish::Refused,
+            Some((true, true)) => {
+                self.repair(db, key).await?;
+                Finish::Same
+            }
+            Some((false, true)) => Finish::Differs,
+            Some((_, false)) | None => Finish::Stored,
+        };
+        Ok(Kept { started, finish, same: before.map(|(same, _)| same) })
+    }
+
+    /// Writes the body again. If the stored body was damaged on the disk, this repairs it.
+    async fn repair(&self, db: &mut SqliteConnection, key: Key) -> Result<(), Error> {
+        sqlx::query(
+            "UPDATE result_blob SET body = $2 WHERE key = $1;
+             UPDATE result SET checksum = $3, stored = length($2) WHERE key = $1",
+        )
+        .bind(key.bytes().as_slice())
+        .bind(&**self.body.bytes())
+        .bind(self.body.checksum())
+        .execute(db)
+        .await?;
+        Ok(())
     }
 }
 

@@ -19,6 +19,7 @@
 )]
 
 mod administration;
+mod body;
 mod cancel;
 mod error;
 mod keep;
@@ -49,9 +50,10 @@ use tokio::sync::{Semaphore, mpsc};
 use crate::job::Key;
 
 pub use administration::Administration;
+pub use body::Body;
 pub use cancel::{Canceled, Deleted};
 pub use error::Error;
-pub use keep::{Finish, Removed};
+pub use keep::{Answered, Finish, Removed};
 pub use keys::{AccessKey, NewKey, Role, digest};
 pub use library::{Known, Note, Program, Provenance};
 pub use moving::{Exported, Imported, Moving, Saved, backup, export, import, restore};

@@ -22,6 +22,7 @@ use super::upkeep::Upkeep;
 use super::writer::Writer;
 use super::{Error, Store};
 use crate::job::clock::now;
+use crate::job::{ENGINE, Task};
 
 pub(super) static MIGRATIONS: Migrator = sqlx::migrate!("migrations/sqlite");
 
@@ -94,6 +95,7 @@ async fn prepare(dir: &Path, options: SqliteConnectOptions) -> Result<SqliteConn
     inspect(&path).await?;
     let mut db = SqliteConnection::connect_with(&options.create_if_missing(true)).await?;
     migrate(&mut db, &path).await?;
+    rekey(&mut db).await?;
     match outline::complete(&mut db).await {
         Ok(()) => {}
         Err(error @ (Error::Full(_) | Error::Busy(_))) => return Err(error),
@@ -104,6 +106,32 @@ async fn prepare(dir: &Path, options: SqliteConnectOptions) -> Result<SqliteConn
         }
     }
     Ok(db)
+}
+
+/// Gives the unfinished runs of an earlier `numerics` version, and their jobs, the keys of this version. Their results
+/// are computed by this version.
+async fn rekey(db: &mut SqliteConnection) -> Result<(), Error> {
+    let mut tx = db.begin_with("BEGIN IMMEDIATE").await?;
+    let numerics: u32 = sqlx::query_scalar("SELECT numerics FROM room").fetch_one(&mut *tx).await?;
+    if numerics == ENGINE.numerics {
+        return Ok(());
+    }
+    let runs: Vec<(i64, String)> =
+        sqlx::query_as("SELECT id, task FROM run WHERE finished IS NULL").fetch_all(&mut *tx).await?;
+    for (run, task) in runs {
+        // A run whose task cannot be read fails when a worker claims it.
+        let Some(key) = Task::key_of(&task) else { continue };
+        sqlx::query(
+            "UPDATE run SET key = $2 WHERE id = $1;
+             UPDATE job SET key = $2 WHERE run = $1 AND finished IS NULL",
+        )
+        .bind(run)
+        .bind(key.bytes().as_slice())
+        .execute(&mut *tx)
+        .await?;
+    }
+    sqlx::query("UPDATE room SET numerics = $1").bind(ENGINE.numerics).execute(&mut *tx).await?;
+    Ok(tx.commit().await?)
 }
 
 /// Options of a connection that writes.

@@ -3,11 +3,11 @@
 use std::pin::pin;
 use std::time::Duration;
 
-use bytes::Bytes;
 use serde_json::Value;
 use sqlx::sqlite::SqliteRow;
 use sqlx::{FromRow, QueryBuilder, Row, Sqlite, SqliteExecutor};
 
+use super::body::Body;
 use super::readers::Readers;
 use super::row::{Sum, changes, job_id, json, key, word};
 use super::{Error, Store, upkeep};
@@ -41,8 +41,8 @@ pub struct Page {
 /// A result as it is stored.
 #[derive(Debug, Clone, PartialEq)]
 pub enum StoredResult {
-    /// The document as it is served.
-    Whole(Bytes),
+    /// The document.
+    Whole(Body),
     /// The document is [`LARGE`] and was not read.
     Large,
     /// The document was evicted or deleted.
@@ -56,7 +56,8 @@ pub enum StoredResult {
     },
 }
 
-/// Larger results, in bytes, use one dedicated connection and are checksummed on a blocking thread.
+/// Results whose JSON has more bytes use one dedicated connection, and are checksummed and decompressed on a blocking
+/// thread.
 pub const LARGE: usize = 1 << 18;
 
 /// What a job was asked to compute.
@@ -137,7 +138,7 @@ impl Store {
         let read = async { result(readers.get().await?.connection(), key, most).await };
         let Some((found, sum)) = self.counted(read.await)? else { return Ok(None) };
         let StoredResult::Whole(body) = &found else { return Ok(Some(found)) };
-        let sound = if body.len() <= LARGE {
+        let sound = if body.bytes().len() <= LARGE {
             sum.is_of(body)
         } else {
             let body = body.clone();
@@ -319,7 +320,7 @@ fn matching(query: &mut QueryBuilder<Sqlite>, filter: &Filter) {
     }
 }
 
-/// A result and the hash of its body. The body is read if it has at most `most` bytes.
+/// A result and the hash of its body. The body is read if its JSON has at most `most` bytes.
 pub(super) async fn result(
     db: impl SqliteExecutor<'_>,
     key: &Key,
@@ -343,7 +344,7 @@ pub(super) async fn result(
     } else if row.try_get("larger")? {
         StoredResult::Large
     } else {
-        StoredResult::Whole(row.try_get::<Vec<u8>, _>("body")?.into())
+        StoredResult::Whole(Body::stored(row.try_get("body")?))
     };
     Ok(Some((found, Sum::read(&row)?)))
 }

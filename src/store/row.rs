@@ -4,8 +4,8 @@ use serde::de::DeserializeOwned;
 use sha2::{Digest as _, Sha256};
 use sqlx::Row;
 use sqlx::sqlite::SqliteRow;
-use xxhash_rust::xxh3::xxh3_64;
 
+use super::body::Body;
 use crate::job::{Change, JobId, Key};
 
 /// The id of a run.
@@ -52,7 +52,7 @@ pub(super) fn json<T: DeserializeOwned>(text: &str) -> Result<T, sqlx::Error> {
     serde_json::from_str(text).map_err(|error| sqlx::Error::Decode(Box::new(error)))
 }
 
-/// A stored hash of a body.
+/// The hash of a body as it is stored.
 pub(super) enum Sum {
     Check(i64),
     /// Results of the first version have only a SHA-256.
@@ -69,14 +69,10 @@ impl Sum {
     }
 
     /// Whether the body has this hash.
-    pub(super) fn is_of(&self, body: &[u8]) -> bool {
+    pub(super) fn is_of(&self, body: &Body) -> bool {
         match self {
-            Self::Check(sum) => checksum(body) == *sum,
-            Self::Digest(digest) => *Sha256::digest(body) == **digest,
+            Self::Check(sum) => body.checksum() == *sum,
+            Self::Digest(digest) => *Sha256::digest(body.bytes()) == **digest,
         }
     }
-}
-
-pub(super) fn checksum(body: &[u8]) -> i64 {
-    xxh3_64(body).cast_signed()
 }

@@ -69,7 +69,7 @@ impl Store {
         cost: Cost,
     ) -> Result<Finish, Error> {
         let answer = Answered::new(answer, Some(cost));
-        self.write(finish, (claimed.run, claimed.attempt, answer)).await
+        self.write(finish, Finished { claimed: claimed.clone(), answer }).await
     }
 
     /// Ends a run by a failure. Returns false if the worker has lost the run.
@@ -143,38 +143,42 @@ async fn progress(
     Ok(true)
 }
 
+/// A result and the run that it ends.
+struct Finished {
+    claimed: Claimed,
+    answer: Answered,
+}
+
 async fn finish(
-    (run, attempt, answer): &(RunId, u32, Answered),
+    Finished { claimed, answer }: &Finished,
     tx: &mut Transaction,
 ) -> Result<Finish, Error> {
-    succeed(tx, *run, *attempt, answer).await
+    let Claimed { run, attempt, key, task, trace, .. } = claimed;
+    succeed(tx, (*run, *attempt), *key, (task, trace.as_deref()), answer).await
 }
 
 /// Ends a run with its answer. All jobs of a computed run finish here.
 pub(super) async fn succeed(
     tx: &mut Transaction,
-    run: RunId,
-    attempt: u32,
+    run: (RunId, u32),
+    key: Key,
+    (task, trace): (&str, Option<&str>),
     answer: &Answered,
 ) -> Result<Finish, Error> {
-    let update = sqlx::query(
-        "UPDATE run SET state = 'succeeded', progress = 1, finished = ?3, changed = ?3
-         WHERE id = ?1 AND attempt = ?2 AND state = 'running'
-         RETURNING key, started, task, owner, trace,
-             (SELECT min(id) FROM job WHERE job.run = run.id) AS job",
-    );
-    let Some(row) = end(tx, update, run, attempt, Ending::Succeeded).await? else {
-        return Ok(Finish::Refused);
-    };
-    let job: Option<&[u8]> = row.try_get("job")?;
-    let source = Source {
-        task: row.try_get("task")?,
-        owner: Some(row.try_get("owner")?),
-        job: job.map(job_id).transpose()?,
-        trace: row.try_get("trace")?,
-        program: Some(tx.program),
-    };
-    answer.keep(tx, key(&row, "key")?, &source).await
+    let program = Some(tx.program);
+    let source = Source { run: Some(run), task, owner: None, trace, program };
+    let kept = answer.keep(&mut tx.db, key, &source, tx.now).await?;
+    if kept.finish == Finish::Refused {
+        return Ok(kept.finish);
+    }
+    ended(tx, run.0, key, kept.started, Ending::Succeeded);
+    if let Some(same) = kept.same {
+        tx.effects.push(Effect::Recomputed { key, same });
+    }
+    if kept.finish == Finish::Stored {
+        tx.effects.push(Effect::Stored(answer.body.bytes().len() as u64));
+    }
+    Ok(kept.finish)
 }
 
 async fn fail(
@@ -275,10 +279,14 @@ async fn end(
 ) -> Result<Option<SqliteRow>, Error> {
     let update = update.bind(run.0).bind(attempt).bind(tx.now);
     let Some(row) = update.fetch_optional(&mut tx.db).await? else { return Ok(None) };
-    let started: Option<i64> = row.try_get("started")?;
+    ended(tx, run, key(&row, "key")?, row.try_get("started")?, ending);
+    Ok(Some(row))
+}
+
+/// Signals the end of a run.
+fn ended(tx: &mut Transaction, run: RunId, key: Key, started: Option<i64>, ending: Ending) {
     tx.queue.end(run);
     tx.effects.push(Effect::LetGo(run));
-    tx.effects.push(Effect::Ended(key(&row, "key")?));
+    tx.effects.push(Effect::Ended(key));
     tx.effects.push(Effect::Settled(ending, started.map(|started| tx.now - started)));
-    Ok(Some(row))
 }

@@ -1,6 +1,8 @@
 //! Submissions: they find a known result, join a live run, or queue a new run. For some submissions the answer
 //! is already computed.
 
+use std::time::Duration;
+
 use serde_json::Value;
 use sqlx::Row;
 
@@ -9,7 +11,7 @@ use super::row::{RunId, changes, job_id, json, word};
 use super::signals::Effect;
 use super::transaction::Transaction;
 use super::{Error, Store, read, runs};
-use crate::job::{Answer, Change, Cost, Job, JobId, JobState, Key, Origin};
+use crate::job::{Change, Job, JobId, JobState, Key, Origin};
 use fretwork_engine::scenario::Warning;
 
 /// A submission, checked and with its key.
@@ -96,12 +98,12 @@ impl Store {
     pub async fn record(
         &self,
         jobs: Vec<NewJob>,
-        answer: &Answer,
-        cost: Cost,
+        answer: Answered,
+        wall: Duration,
     ) -> Result<Vec<Submitted>, Error> {
         let limit = self.queue_limit;
         let jobs = jobs.into_iter().map(|job| EncodedJob::new(job, limit)).collect();
-        self.write(record, Record { jobs, cost, answer: Answered::new(answer, Some(cost)) }).await
+        self.write(record, Record { jobs, wall, answer }).await
     }
 }
 
@@ -288,7 +290,8 @@ async fn submit(submission: &EncodedJob, tx: &mut Transaction) -> Result<Submitt
 /// Jobs of one key whose answer was computed before they were submitted.
 struct Record {
     jobs: Vec<EncodedJob>,
-    cost: Cost,
+    /// How long the computation took.
+    wall: Duration,
     answer: Answered,
 }
 
@@ -298,20 +301,20 @@ const ATTEMPT: u32 = 1;
 /// The first job starts a run, the others join it, and the answer finishes it. If the result has become
 /// known meanwhile, or a run is live, the jobs use that instead and the answer is dropped.
 async fn record(record: &Record, tx: &mut Transaction) -> Result<Vec<Submitted>, Error> {
-    let Record { jobs, cost, answer } = record;
-    let took = i64::try_from(cost.wall.as_millis()).unwrap_or(i64::MAX);
+    let Record { jobs, wall, answer } = record;
+    let took = i64::try_from(wall.as_millis()).unwrap_or(i64::MAX);
     let began = tx.now.saturating_sub(took);
     let mut all = Vec::with_capacity(jobs.len());
     let mut started = None;
-    for job in jobs {
-        let (submitted, run) = job.insert(tx, Some(began)).await?;
+    for encoded in jobs {
+        let (submitted, run) = encoded.insert(tx, Some(began)).await?;
         if matches!(&submitted, Submitted::Accepted(job) if job.origin == Origin::Computed) {
-            started = run;
+            started = run.map(|run| (run, &encoded.job));
         }
         all.push(submitted);
     }
-    let Some(run) = started else { return Ok(all) };
-    runs::succeed(tx, run, ATTEMPT, answer).await?;
+    let Some((run, NewJob { key, task, trace, .. })) = started else { return Ok(all) };
+    runs::succeed(tx, (run, ATTEMPT), *key, (task, trace.as_deref()), answer).await?;
     let summary: Value = json(&answer.summary)?;
     for submitted in &mut all {
         let Submitted::Accepted(job) = submitted else { continue };

@@ -28,5 +28,6 @@ mod schema;
 mod server;
 mod store;
 mod team;
+mod upgrade;
 mod verification;
 mod worker;

@@ -51,7 +51,17 @@ impl Server {
         settings: &Settings,
         options: &Options,
     ) -> Self {
-        let dir = TempDir::new().unwrap();
+        Self::opening(TempDir::new().unwrap(), begin, limit, settings, options).await
+    }
+
+    /// Starts a server with the database of a directory.
+    pub async fn opening(
+        dir: TempDir,
+        begin: Begin,
+        limit: Option<Duration>,
+        settings: &Settings,
+        options: &Options,
+    ) -> Self {
         let store = Store::open(dir.path(), options).await.unwrap();
         store.recover().await.unwrap();
         let service = Service::new(store.clone(), begin, 2, limit);

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use fretwork::job::{Answer, Cost, FailureKind, Job, JobId, JobState, Key, Origin};
 use fretwork::store::{
-    Admission, Canceled, Claimed, Deleted, Error, Filter, Finish, NewJob, Options, Recovered,
+    Admission, Answered, Canceled, Claimed, Deleted, Error, Filter, Finish, NewJob, Options, Recovered,
     Store, StoredResult, Submitted,
 };
 use proptest::prelude::*;
@@ -61,7 +61,7 @@ pub async fn fresh() -> (TempDir, Store) {
 /// The body of a stored result.
 pub async fn body(store: &Store, number: u8) -> Vec<u8> {
     match store.result(&key(number)).await.unwrap() {
-        Some(StoredResult::Whole(body)) => body.to_vec(),
+        Some(StoredResult::Whole(body)) => body.json().unwrap().to_vec(),
         other => panic!("{other:?}"),
     }
 }
@@ -776,7 +776,7 @@ async fn an_answer_recorded_beside_a_live_run_leaves_its_job_to_the_run() {
     let (_dir, store) = fresh().await;
     let cost = Cost { wall: Duration::from_mins(1), cpu: None };
     let record = async || {
-        let recorded = store.record(vec![new_job(1)], &answer("{}"), cost).await.unwrap();
+        let recorded = store.record(vec![new_job(1)], Answered::new(&answer("{}"), Some(cost)), cost.wall).await.unwrap();
         accepted(Ok(recorded.into_iter().next().unwrap()))
     };
     let states = |job: &Job| job.changes.iter().map(|change| change.state).collect::<Vec<_>>();

@@ -96,8 +96,12 @@ impl SingleRun {
     }
 
     pub(super) fn has_ended(&self) -> bool {
-        self.recording.history.cycles.len() == self.case.cycles.len()
-            || self.events.iter().any(|event| event.ends)
+        let recorded = &self.recording.history.cycles;
+        let unit = self.case.scales.cycles;
+        // The closed form knows its end before the rows up to the end are recorded.
+        let is_reached = |end: &Event| recorded.last().is_some_and(|last| *last >= end.at * unit);
+        recorded.len() == self.case.cycles.len()
+            || self.events.iter().any(|event| event.ends && is_reached(event))
     }
 
     pub(super) fn case(&self) -> &Case {

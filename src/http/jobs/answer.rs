@@ -17,7 +17,7 @@ use crate::http::problem::{self, Problem};
 use crate::http::representation;
 use crate::http::wire::instant;
 use crate::job::{Failure, Job, JobId, JobState, Key, Origin};
-use crate::store::{self, Asked, StoredResult};
+use crate::store::{self, Asked};
 
 /// A job: one submission and its progress.
 #[derive(Debug, Serialize, ToSchema)]
@@ -167,14 +167,11 @@ pub(super) async fn answer(app: &App, job: Job, include: Include) -> Result<Resp
 
 /// The JSON of the result of a job; null if it has none.
 pub(super) async fn result_of(app: &App, job: &Job) -> Result<Bytes, Problem> {
-    if job.state != JobState::Succeeded {
-        return Ok(NULL);
-    }
-    Ok(match app.service.small_result(&job.key).await? {
-        Some(StoredResult::Whole(body)) => body,
-        Some(StoredResult::Large) => representation::large(app, None, &job.key).await?.body,
-        _ => NULL,
-    })
+    let json = match job.state {
+        JobState::Succeeded => representation::json(app, &job.key, true).await?,
+        _ => None,
+    };
+    Ok(json.unwrap_or(NULL))
 }
 
 /// Writes a job, followed by more members: their names and their JSON.

@@ -8,6 +8,7 @@ use sqlx::{Connection as _, Row as _, SqliteConnection};
 
 use super::{Moving, PATIENCE, name, put, unfinished};
 use crate::job::clock;
+use crate::store::body::Body;
 use crate::store::Error;
 use crate::store::open::{self, DATABASE};
 use crate::store::row::{Sum, key};
@@ -153,8 +154,8 @@ async fn copy(from: &Path, to: &Path) -> Result<Saved, Moving> {
         .await?;
         let Some(row) = row else { break };
         last = row.try_get("place")?;
-        let body: &[u8] = row.try_get("body")?;
-        if !Sum::read(&row)?.is_of(body) {
+        let body = Body::stored(row.try_get("body")?);
+        if !Sum::read(&row)?.is_of(&body) {
             let key = key(&row, "key")?;
             return Err(damaged(format!("the body of the result {key} has changed")));
         }

@@ -7,10 +7,9 @@ use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqliteSynchronous};
 use sqlx::{Connection as _, Executor as _, QueryBuilder, Sqlite, SqliteConnection};
 
 use super::{EXPORT, FORM, Moving, PATIENCE, name, unfinished};
-use crate::job::{ENGINE, Key, SCALARS, WORDS, clock};
+use crate::job::{Document, ENGINE, Key, SCALARS, WORDS, clock};
 use crate::store::library::{self, Provenance};
 use crate::store::open::{self, DATABASE};
-use crate::store::outline::Document;
 use crate::store::search::{self, Search};
 use crate::store::{Error, StoredResult, read};
 use fretwork_engine::outcome::UNITS;
@@ -127,7 +126,8 @@ async fn entry(db: &mut SqliteConnection, key: &Key) -> Result<Result<Entry, Abs
     if !sum.is_of(&body) {
         return Ok(Err(Absent::Damaged));
     }
-    let (Some(document), Ok(body)) = (Document::read(&body), String::from_utf8(body.into())) else {
+    let Ok(body) = body.json() else { return Ok(Err(Absent::Damaged)) };
+    let (Ok(document), Ok(body)) = (Document::read(&body), String::from_utf8(body.into())) else {
         return Ok(Err(Absent::Damaged));
     };
     Ok(Ok(Entry { body, document, provenance }))
@@ -206,7 +206,7 @@ async fn write(out: &mut SqliteConnection, key: &Key, entry: &Entry) -> Result<(
     let outline = document.outline();
     let mut query = QueryBuilder::<Sqlite>::new("INSERT INTO results VALUES (");
     let mut row = query.separated(", ");
-    row.push_bind(key.to_string()).push_bind(document.engine.numerics);
+    row.push_bind(key.to_string()).push_bind(document.numerics);
     for word in &outline.words {
         row.push_bind(word.as_deref());
     }
@@ -215,7 +215,7 @@ async fn write(out: &mut SqliteConnection, key: &Key, entry: &Entry) -> Result<(
     }
     let Provenance { owner, wall, cpu, pinned, .. } = provenance;
     let (program, note) = (provenance.program.as_ref(), provenance.note.as_ref());
-    row.push_bind(document.scenario.to_string()).push_bind(document.summary().to_string());
+    row.push_bind(document.scenario().to_string()).push_bind(document.summary().to_string());
     row.push_bind((body.len() as u64).cast_signed()).push_bind(provenance.sha256.to_string());
     row.push_bind(clock::rfc3339(provenance.created)).push_bind(owner.as_deref());
     row.push_bind(provenance.computed.map(clock::rfc3339)).push_bind(*wall).push_bind(*cpu);

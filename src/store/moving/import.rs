@@ -8,12 +8,11 @@ use sqlx::sqlite::SqliteRow;
 use sqlx::{Connection as _, Row as _, SqliteConnection};
 
 use super::{EXPORT, FORM, Moving, PATIENCE};
-use crate::job::{Answer, Cost, ENGINE, Key, Task, clock};
+use crate::job::{Answer, Cost, Document, ENGINE, Key, Task, clock};
 use crate::store::Error;
 use crate::store::keep::{Answered, Source};
 use crate::store::library::{Note, Program};
 use crate::store::open;
-use crate::store::outline::Document;
 use fretwork_engine::scenario::MAX_ANSWER;
 
 /// What an import did.
@@ -170,25 +169,17 @@ impl Entry {
         if Sha256::digest(&body)[..] != sha256.bytes()[..] {
             return Err("its body does not match its SHA-256: one of them was changed".to_owned());
         }
-        let document: Document =
-            serde_json::from_slice(&body).map_err(|_| "its body cannot be read as a result")?;
-        let (engine, scenario) = (&document.engine, &document.scenario);
-        if engine.name != ENGINE.name
+        let document = Document::read(&body).map_err(|bad| bad.to_string())?;
+        let (numerics, scenario) = (document.numerics, document.scenario());
+        if document.engine != ENGINE.name
             || document.key != text
-            || Key::of_scenario(engine.numerics, scenario) != key
+            || Key::of_scenario(numerics, scenario) != key
         {
             return Err("its key does not belong to its scenario: one of them was changed, or \
                 another version of fretwork makes keys differently"
                 .to_owned());
         }
-        if !document.has_history() {
-            return Err("its history is not a set of columns of equal length".to_owned());
-        }
-        let answer = Answer {
-            body: body.into(),
-            summary: document.summary(),
-            outline: Box::new(document.outline()),
-        };
+        let answer = Answer::new(body.into(), &document);
         let wall = column(row, "wall_seconds")?.map(seconds).transpose()?;
         let cpu = column(row, "cpu_seconds")?.map(seconds).transpose()?;
         Ok(Self {
@@ -197,7 +188,7 @@ impl Entry {
             task: Task::stored(scenario),
             owner: name(row, "owner")?,
             computed: column(row, "computed")?.map(time).transpose()?,
-            program: program(row, engine.numerics)?,
+            program: program(row, numerics)?,
             note: note(row)?,
         })
     }
@@ -215,7 +206,7 @@ impl Entry {
             Ok(false) => {
                 self.insert(&mut tx, file).await?;
                 done.results += 1;
-                done.bytes += self.answer.body.len() as u64;
+                done.bytes += self.answer.size as u64;
             }
             Err(why) => return Ok(Some(why)),
         }
@@ -254,9 +245,9 @@ impl Entry {
             None => None,
         };
         let owner = self.owner.as_deref();
-        let source = Source { task: &self.task, owner, job: None, trace: None, program };
+        let source = Source { run: None, task: &self.task, owner, trace: None, program };
         let now = clock::now();
-        self.answer.insert(db, self.key, &source, now).await?;
+        self.answer.keep(db, self.key, &source, now).await?;
         sqlx::query(
             "UPDATE result SET imported = ?2, imported_from = ?3, computed = ?4 WHERE key = ?1",
         )

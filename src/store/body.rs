@@ -1,0 +1,109 @@
+//! The body of a result as it is stored: its JSON, compressed with Zstandard.
+//!
+//! Bodies from before version 0.3 are stored as plain JSON. The first bytes tell them apart.
+
+use std::cell::RefCell;
+use std::io;
+
+use bytes::Bytes;
+use xxhash_rust::xxh3::xxh3_64;
+use zstd::bulk::Compressor;
+use zstd::zstd_safe::{self, CParameter, Strategy};
+
+/// The first bytes of a Zstandard frame (RFC 8878).
+const MAGIC: [u8; 4] = 0xfd2f_b528_u32.to_le_bytes();
+
+/// A body as it is stored.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Body(Bytes);
+
+impl Body {
+    /// Compresses the JSON of a result.
+    pub(super) fn pack(json: &[u8]) -> io::Result<Self> {
+        thread_local! {
+            /// Its tables take longer to allocate than a short result to compress.
+            static COMPRESSOR: RefCell<Option<Compressor<'static>>> = const { RefCell::new(None) };
+        }
+        COMPRESSOR.with_borrow_mut(|compressor| {
+            let compressor = match compressor {
+                Some(compressor) => compressor,
+                none => none.insert(compressor_of_digits()?),
+            };
+            Ok(Self(compressor.compress(json)?.into()))
+        })
+    }
+
+    /// A body that was read from the database.
+    pub(super) fn stored(bytes: Vec<u8>) -> Self {
+        Self(bytes.into())
+    }
+
+    /// The bytes as they are stored.
+    #[must_use]
+    pub fn bytes(&self) -> &Bytes {
+        &self.0
+    }
+
+    /// Whether the bytes are compressed with Zstandard. Otherwise they are JSON.
+    #[must_use]
+    pub fn is_compressed(&self) -> bool {
+        self.0.starts_with(&MAGIC)
+    }
+
+    /// The JSON of the result.
+    ///
+    /// # Errors
+    /// The bytes are not what [`Body::pack`] has written.
+    pub fn json(&self) -> io::Result<Bytes> {
+        if !self.is_compressed() {
+            return Ok(self.0.clone());
+        }
+        let size = zstd_safe::get_frame_content_size(&self.0).ok().flatten();
+        let size = size.and_then(|size| usize::try_from(size).ok());
+        let size = size.ok_or_else(|| io::Error::other("the frame does not tell its size"))?;
+        zstd::bulk::decompress(&self.0, size).map(Bytes::from)
+    }
+
+    /// A hash of the stored bytes, by which damage is detected.
+    pub(super) fn checksum(&self) -> i64 {
+        xxh3_64(&self.0).cast_signed()
+    }
+}
+
+/// A compressor for digits. Almost nothing repeats but short sequences of digits by chance, and a
+/// reference to one takes more space than its digits. So only longer matches count.
+///
+/// A result of 256 points and 6 output cycles shrinks from 160 kB to 55 kB, and to 58…64 kB with the usual
+/// parameters of the levels 1 to 9, which take up to ten times as long.
+fn compressor_of_digits() -> io::Result<Compressor<'static>> {
+    let mut compressor = Compressor::new(1)?;
+    compressor.set_parameter(CParameter::Strategy(Strategy::ZSTD_dfast))?;
+    compressor.set_parameter(CParameter::MinMatch(7))?;
+    Ok(compressor)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_packed_body_gives_its_json_back() {
+        for times in [0, 1, 100, 100_000] {
+            let json = format!("[{}]", "1.23456789012e-7,0.0,".repeat(times));
+            let body = Body::pack(json.as_bytes()).unwrap();
+            assert!(body.is_compressed());
+            assert!(body.json().unwrap() == json.as_bytes());
+            assert!(Body::stored(body.bytes().to_vec()) == body);
+        }
+        let plain = Body::stored(b"{}".to_vec());
+        assert!(!plain.is_compressed() && plain.json().unwrap() == "{}");
+    }
+
+    #[test]
+    fn a_truncated_body_is_an_error() {
+        let body = Body::pack(&b"[0.5]".repeat(1000)).unwrap();
+        for length in [4, 5, 10, body.bytes().len() - 1] {
+            assert!(Body::stored(body.bytes()[..length].to_vec()).json().is_err(), "{length}");
+        }
+    }
+}
