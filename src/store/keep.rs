@@ -1,14 +1,16 @@
 //! Changes to results: storing, pinning, notes, deletion.
 
+use std::array;
 use std::sync::{Arc, LazyLock};
 
 use sha2::{Digest, Sha256};
+use sqlx::sqlite::SqliteRow;
 use sqlx::{AssertSqlSafe, Row as _, SqliteConnection};
 
 use super::body::Body;
 use super::error::Error;
-use super::outline;
-use super::row::RunId;
+use super::outline::{self, Statement};
+use super::signals::Effect;
 use super::transaction::Transaction;
 use crate::job::{Answer, Cost, Key, Outline};
 
@@ -51,40 +53,53 @@ pub struct Answered {
 
 /// The provenance of a result to be stored.
 pub(super) struct Source<'a> {
-    /// The run that it ends, and the attempt; `None` for an imported result.
-    pub(super) run: Option<(RunId, u32)>,
+    pub(super) key: Key,
+    /// The attempt of the run that it ends.
+    pub(super) attempt: u32,
     pub(super) task: &'a str,
     /// The owner; `None` for the owner of the run.
     pub(super) owner: Option<&'a str>,
     pub(super) trace: Option<&'a str>,
     /// The row in the table `program`.
     pub(super) program: Option<i64>,
+    pub(super) now: i64,
 }
 
-/// What [`Answered::keep`] did.
+/// What the statements of [`keeping`] did.
 pub(super) struct Kept {
-    /// When the run began that is now ended; `None` without a run, or if the worker has lost it.
+    /// When the run began that is now ended; `None` if the worker has lost it.
     pub(super) started: Option<i64>,
-    pub(super) finish: Finish,
-    /// If the key had a result before, stored or evicted: whether it was the same.
-    pub(super) same: Option<bool>,
+    /// Whether the key had the same result before, and whether that was still stored.
+    before: Option<(bool, bool)>,
 }
 
-/// All statements that end a run with its result. One call of the database takes less time than its statements.
+/// The statements that store a result, and before that end the run `run`, an SQL expression. Without a run they store
+/// the result only. The parameters of [`Answered::bind`] are those from `first` on.
 ///
-/// `changes()` is the number of rows that the statement before has changed. So everything is stored or nothing: the run
-/// must be ended by this call, and a result that is stored already stays.
-static KEEP: LazyLock<Arc<str>> = LazyLock::new(|| {
-    let outline = outline::insert("WHERE changes() = 1 AND result.key = $4", 16);
-    let statements = format!(
-        "SELECT digest = $5 AS same, evicted IS NULL AS held FROM result WHERE key = $4;
-         UPDATE run SET state = 'succeeded', progress = 1, finished = $3, changed = $3
-         WHERE id = $1 AND attempt = $2 AND state = 'running' RETURNING started;
+/// They are sent to the database together, because each call takes longer than a statement. `changes()` is the number of
+/// rows that the statement before has changed: so a result is stored only if its run was ended, and one that is stored
+/// already stays.
+pub(super) fn keeping(run: Option<&str>, first: usize) -> Arc<str> {
+    let p = |place: usize| format!("${}", first + place);
+    let [attempt, now, key, digest, body, size, summary, sum, task, owner, trace, wall, cpu, program] =
+        array::from_fn(p);
+    let end = run.map_or_else(String::new, |run| {
+        format!(
+            "UPDATE run SET state = 'succeeded', progress = 1, finished = {now}, changed = {now}
+             WHERE id = {run} AND attempt = {attempt} AND state = 'running' RETURNING started;"
+        )
+    });
+    let (run, ended) = (run.unwrap_or("NULL"), if run.is_some() { "changes() = 1" } else { "TRUE" });
+    let outline = outline::insert(&format!("WHERE changes() = 1 AND result.key = {key}"), first + 14);
+    format!(
+        "SELECT digest = {digest} AS same, evicted IS NULL AS held FROM result WHERE key = {key};
+         {end}
          INSERT INTO result (key, size, stored, summary, digest, created, last_access, computed, checksum,
              owner, job, trace, wall, cpu, program)
-         SELECT $4, $7, length($6), $8, $5, $3, $3, $3, $9, coalesce($11, (SELECT owner FROM run WHERE id = $1)),
-             (SELECT min(id) FROM job WHERE run = $1), $12, $13, $14, $15
-         WHERE $1 IS NULL OR changes() = 1
+         SELECT {key}, {size}, length({body}), {summary}, {digest}, {now}, {now}, {now}, {sum},
+             coalesce({owner}, (SELECT owner FROM run WHERE id = {run})),
+             (SELECT min(id) FROM job WHERE job.run = {run}), {trace}, {wall}, {cpu}, {program}
+         WHERE {ended}
          ON CONFLICT (key) DO UPDATE SET size = excluded.size, stored = excluded.stored,
              summary = excluded.summary, digest = excluded.digest, last_access = excluded.last_access,
              computed = excluded.computed, checksum = excluded.checksum, owner = excluded.owner,
@@ -92,13 +107,16 @@ static KEEP: LazyLock<Arc<str>> = LazyLock::new(|| {
              program = excluded.program, imported = NULL, imported_from = NULL, deleted_by = NULL,
              evicted = NULL
          WHERE evicted IS NOT NULL;
-         INSERT OR REPLACE INTO result_blob (key, body) SELECT $4, $6 WHERE changes() = 1;
-         INSERT INTO result_task (key, task) SELECT $4, $10 WHERE changes() = 1
+         INSERT OR REPLACE INTO result_blob (key, body) SELECT {key}, {body} WHERE changes() = 1;
+         INSERT INTO result_task (key, task) SELECT {key}, {task} WHERE changes() = 1
          ON CONFLICT (key) DO UPDATE SET task = excluded.task;
          {outline}"
-    );
-    statements.into()
-});
+    )
+    .into()
+}
+
+/// Stores a result without a run.
+static IMPORT: LazyLock<Arc<str>> = LazyLock::new(|| keeping(None, 1));
 
 impl Answered {
     /// Compresses and hashes an answer. Large answers take long, so do not call this in the writer task.
@@ -118,21 +136,12 @@ impl Answered {
         }
     }
 
-    /// Stores the result, unless one with the same key is stored, and ends its run. The digest is compared with that of
-    /// a stored or evicted result of the key.
-    pub(super) async fn keep(
-        &self,
-        db: &mut SqliteConnection,
-        key: Key,
-        source: &Source<'_>,
-        now: i64,
-    ) -> Result<Kept, Error> {
-        let (run, attempt) = source.run.unzip();
-        let query = sqlx::query(AssertSqlSafe(Arc::clone(&KEEP)))
-            .bind(run.map(|run| run.0))
-            .bind(attempt)
-            .bind(now)
-            .bind(key.bytes().as_slice())
+    /// Adds the parameters of [`keeping`] to a statement.
+    pub(super) fn bind<'q>(&'q self, query: Statement<'q>, source: &Source<'q>) -> Statement<'q> {
+        let query = query
+            .bind(source.attempt)
+            .bind(source.now)
+            .bind(source.key.bytes().to_vec())
             .bind(self.digest.as_slice())
             .bind(&**self.body.bytes())
             .bind((self.size as u64).cast_signed())
@@ -144,38 +153,66 @@ impl Answered {
             .bind(self.cost.map(|cost| cost.wall.as_secs_f64()))
             .bind(self.cost.and_then(|cost| cost.cpu).map(|cpu| cpu.as_secs_f64()))
             .bind(source.program);
-        let rows = outline::bind(query, &self.outline).fetch_all(&mut *db).await?;
-        let (mut before, mut started) = (None, None);
-        for row in &rows {
-            match row.try_get("started") {
-                Ok(at) => started = at,
-                Err(_) => before = Some((row.try_get("same")?, row.try_get("held")?)),
-            }
-        }
-        let finish = match before {
-            _ if run.is_some() && started.is_none() => Finish::Refused,
-            Some((true, true)) => {
-                self.repair(db, key).await?;
-                Finish::Same
-            }
-            Some((false, true)) => Finish::Differs,
-            Some((_, false)) | None => Finish::Stored,
-        };
-        Ok(Kept { started, finish, same: before.map(|(same, _)| same) })
+        outline::bind(query, &self.outline)
     }
 
-    /// Writes the body again. If the stored body was damaged on the disk, this repairs it.
-    async fn repair(&self, db: &mut SqliteConnection, key: Key) -> Result<(), Error> {
-        sqlx::query(
-            "UPDATE result_blob SET body = $2 WHERE key = $1;
-             UPDATE result SET checksum = $3, stored = length($2) WHERE key = $1",
-        )
-        .bind(key.bytes().as_slice())
-        .bind(&**self.body.bytes())
-        .bind(self.body.checksum())
-        .execute(db)
-        .await?;
+    /// Stores an imported result, unless one with the same key is stored.
+    pub(super) async fn import(
+        &self,
+        db: &mut SqliteConnection,
+        source: &Source<'_>,
+    ) -> Result<(), Error> {
+        let query = sqlx::query(AssertSqlSafe(Arc::clone(&IMPORT)));
+        self.bind(query, source).execute(db).await?;
         Ok(())
+    }
+
+    /// What became of the result, after [`keeping`]. The digest is compared with that of a stored or evicted result of
+    /// the key.
+    pub(super) async fn kept(
+        &self,
+        tx: &mut Transaction,
+        key: Key,
+        kept: &Kept,
+    ) -> Result<Finish, Error> {
+        if let Some((same, _)) = kept.before {
+            tx.effects.push(Effect::Recomputed { key, same });
+        }
+        match kept.before {
+            Some((true, true)) => {
+                // If the stored body was damaged on the disk, this repairs it.
+                sqlx::query(
+                    "UPDATE result_blob SET body = $2 WHERE key = $1;
+                     UPDATE result SET checksum = $3, stored = length($2) WHERE key = $1",
+                )
+                .bind(key.bytes().as_slice())
+                .bind(&**self.body.bytes())
+                .bind(self.body.checksum())
+                .execute(&mut tx.db)
+                .await?;
+                Ok(Finish::Same)
+            }
+            Some((false, true)) => Ok(Finish::Differs),
+            Some((_, false)) | None => {
+                tx.effects.push(Effect::Stored(self.body.bytes().len() as u64));
+                Ok(Finish::Stored)
+            }
+        }
+    }
+}
+
+impl Kept {
+    /// Reads what the statements have returned; other rows may be among theirs.
+    pub(super) fn read(rows: &[SqliteRow]) -> Result<Self, sqlx::Error> {
+        let mut kept = Self { started: None, before: None };
+        for row in rows {
+            if let Ok(started) = row.try_get("started") {
+                kept.started = started;
+            } else if let Ok(same) = row.try_get("same") {
+                kept.before = Some((same, row.try_get("held")?));
+            }
+        }
+        Ok(kept)
     }
 }
 

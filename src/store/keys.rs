@@ -5,14 +5,16 @@
 
 use data_encoding::HEXLOWER;
 use sha2::{Digest as _, Sha256};
-use sqlx::{FromRow, SqliteConnection};
+use sqlx::sqlite::SqliteRow;
+use sqlx::{Row as _, SqliteConnection};
 use subtle::ConstantTimeEq as _;
 
 use super::administration::Administration;
+use super::row::word;
 use super::transaction::Transaction;
 use super::{Error, Store};
 use crate::job::clock::now;
-use crate::job::{BadWord, words};
+use crate::job::words;
 
 /// Prefix of all keys. Tools that scan for leaked secrets recognise it.
 const MARK: &str = "fretwork";
@@ -33,23 +35,14 @@ words! {
     }
 }
 
-impl TryFrom<String> for Role {
-    type Error = BadWord;
-
-    fn try_from(word: String) -> Result<Self, BadWord> {
-        word.parse()
-    }
-}
-
 /// A stored access key.
-#[derive(Debug, Clone, PartialEq, Eq, FromRow)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct AccessKey {
     /// The public part of the key.
     pub id: String,
     /// The owner of the jobs that are submitted with it. Several keys may have the same name.
     pub name: String,
     /// What its holder may do.
-    #[sqlx(try_from = "String")]
     pub role: Role,
     /// Requests per minute; `None` means the limit of the server.
     pub per_minute: Option<u32>,
@@ -65,6 +58,20 @@ pub struct AccessKey {
 }
 
 impl AccessKey {
+    fn read(row: &SqliteRow) -> Result<Self, sqlx::Error> {
+        Ok(Self {
+            id: row.try_get("id")?,
+            name: row.try_get("name")?,
+            role: word(row, "role")?,
+            per_minute: row.try_get("per_minute")?,
+            created: row.try_get("created")?,
+            expires: row.try_get("expires")?,
+            revoked: row.try_get("revoked")?,
+            last_used: row.try_get("last_used")?,
+            digest: row.try_get("digest")?,
+        })
+    }
+
     /// Whether `presented` is this key. The comparison takes constant time.
     #[must_use]
     pub fn is(&self, presented: &str) -> bool {
@@ -114,7 +121,8 @@ fn random<const BYTES: usize>() -> Result<String, Error> {
 
 /// All keys, also expired and revoked ones, the oldest first.
 async fn list(db: &mut SqliteConnection) -> Result<Vec<AccessKey>, Error> {
-    Ok(sqlx::query_as("SELECT * FROM access_key ORDER BY created, id").fetch_all(db).await?)
+    let rows = sqlx::query("SELECT * FROM access_key ORDER BY created, id").fetch_all(db).await?;
+    Ok(rows.iter().map(AccessKey::read).collect::<Result<_, _>>()?)
 }
 
 impl Administration {

@@ -4,12 +4,12 @@ use std::cmp::Ordering;
 use std::fs::{self, File, TryLockError};
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 
-use sqlx::migrate::{MigrateError, Migrator};
+use sqlx::migrate::{MigrateError, Migration, MigrationType, Migrator};
 use sqlx::sqlite::{SqliteAutoVacuum, SqliteConnectOptions, SqliteJournalMode, SqliteSynchronous};
-use sqlx::{ConnectOptions, Connection, SqliteConnection};
+use sqlx::{ConnectOptions, Connection, SqlSafeStr as _, SqliteConnection};
 use tokio::sync::Semaphore;
 
 use super::library::Program;
@@ -24,7 +24,24 @@ use super::{Error, Store};
 use crate::job::clock::now;
 use crate::job::{ENGINE, Task};
 
-pub(super) static MIGRATIONS: Migrator = sqlx::migrate!("migrations/sqlite");
+/// The changes of the schema: version, name and SQL.
+const CHANGES: [(i64, &str, &str); 7] = [
+    (1, "jobs", include_str!("../../migrations/sqlite/0001_jobs.sql")),
+    (2, "years of service", include_str!("../../migrations/sqlite/0002_years_of_service.sql")),
+    (3, "access keys", include_str!("../../migrations/sqlite/0003_access_keys.sql")),
+    (4, "library", include_str!("../../migrations/sqlite/0004_library.sql")),
+    (5, "search", include_str!("../../migrations/sqlite/0005_search.sql")),
+    (6, "submitted", include_str!("../../migrations/sqlite/0006_submitted.sql")),
+    (7, "compact results", include_str!("../../migrations/sqlite/0007_compact_results.sql")),
+];
+
+/// All migrations. The macros of sqlx would embed the directory, but they compile SQLite a second time.
+pub(super) static MIGRATIONS: LazyLock<Migrator> = LazyLock::new(|| {
+    let migration = |(version, name, sql): (_, &'static str, &'static str)| {
+        Migration::new(version, name.into(), MigrationType::Simple, sql.into_sql_str(), false)
+    };
+    Migrator::with_migrations(CHANGES.map(migration).into())
+});
 
 /// The SQLite application id of our databases ("fret"). The program never writes to another database.
 pub(super) const APPLICATION_ID: i32 = 0x6672_6574;
@@ -143,6 +160,8 @@ pub(super) fn writing(path: &Path, full_sync: bool) -> SqliteConnectOptions {
         .synchronous(synchronous)
         .foreign_keys(true)
         .pragma("application_id", APPLICATION_ID.to_string())
+        // What a statement needs to undo itself stays in memory, instead of a temporary file.
+        .pragma("temp_store", "memory")
         // Number of pages in the log (32 MB) at which a commit must checkpoint. Usually maintenance runs a
         // checkpoint earlier.
         .pragma("wal_autocheckpoint", "8000")
@@ -235,7 +254,7 @@ pub(super) async fn migrate(db: &mut SqliteConnection, path: &Path) -> Result<()
 /// The schema version of this program.
 #[expect(clippy::expect_used, reason = "the migrations are compiled in")]
 pub(super) fn latest() -> i64 {
-    MIGRATIONS.iter().map(|migration| migration.version).max().expect("there are migrations")
+    CHANGES.iter().map(|(version, ..)| *version).max().expect("there are migrations")
 }
 
 /// The schema version of a database.
@@ -260,5 +279,23 @@ pub(super) async fn beside(dir: &Path, patience: Duration) -> Result<SqliteConne
         Ordering::Less => Err(Error::Older { path, found, known }),
         Ordering::Equal => Ok(db),
         Ordering::Greater => Err(Error::Newer { path, found, known }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_migration_of_the_directory_is_embedded() {
+        let mut files: Vec<_> = fs::read_dir("migrations/sqlite")
+            .unwrap()
+            .map(|file| file.unwrap().file_name().into_string().unwrap())
+            .collect();
+        files.sort();
+        let file = |(version, name, _): &(i64, &str, &str)| {
+            format!("{version:04}_{}.sql", name.replace(' ', "_"))
+        };
+        assert_eq!(files, CHANGES.iter().map(file).collect::<Vec<_>>());
     }
 }

@@ -31,7 +31,7 @@ pub(super) fn insert(which: &str, first: usize) -> String {
 }
 
 /// A statement with its arguments so far.
-type Statement<'q> = Query<'q, Sqlite, SqliteArguments>;
+pub(super) type Statement<'q> = Query<'q, Sqlite, SqliteArguments>;
 
 /// Adds the words and numbers to the arguments of a statement.
 pub(super) fn bind<'q>(query: Statement<'q>, outline: &'q Outline) -> Statement<'q> {

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use serde_json::Value;
 use sqlx::sqlite::SqliteRow;
-use sqlx::{FromRow, QueryBuilder, Row, Sqlite, SqliteExecutor};
+use sqlx::{QueryBuilder, Row, Sqlite, SqliteExecutor};
 
 use super::body::Body;
 use super::readers::Readers;
@@ -61,7 +61,7 @@ pub enum StoredResult {
 pub const LARGE: usize = 1 << 18;
 
 /// What a job was asked to compute.
-#[derive(Debug, Clone, Default, PartialEq, Eq, FromRow)]
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Asked {
     /// The task in its stored form; `None` if it is no longer stored.
     pub task: Option<String>,
@@ -89,7 +89,8 @@ impl Store {
                  FROM job WHERE id = ?1",
             );
             let asked = query.bind(id.0.as_bytes().as_slice()).fetch_optional(db).await?;
-            Ok(asked.unwrap_or_default())
+            let (task, submitted) = asked.unwrap_or_default();
+            Ok(Asked { task, submitted })
         });
         asked.await
     }

@@ -2,11 +2,13 @@
 //!
 //! Each change names the run and the attempt. So a worker that has lost its run changes nothing.
 
+use std::sync::{Arc, LazyLock};
+
 use sqlx::query::Query;
 use sqlx::sqlite::{SqliteArguments, SqliteRow};
-use sqlx::{Row, Sqlite};
+use sqlx::{AssertSqlSafe, Row, Sqlite};
 
-use super::keep::{Answered, Finish, Source};
+use super::keep::{Answered, Finish, Kept, Source, keeping};
 use super::queue::Queue;
 use super::row::{RunId, job_id, key};
 use super::signals::{Effect, Stop};
@@ -153,32 +155,28 @@ async fn finish(
     Finished { claimed, answer }: &Finished,
     tx: &mut Transaction,
 ) -> Result<Finish, Error> {
-    let Claimed { run, attempt, key, task, trace, .. } = claimed;
-    succeed(tx, (*run, *attempt), *key, (task, trace.as_deref()), answer).await
+    static FINISH: LazyLock<Arc<str>> = LazyLock::new(|| keeping(Some("$1"), 2));
+    let Claimed { run, attempt, key, ref task, ref trace, .. } = *claimed;
+    let (owner, trace, program, now) = (None, trace.as_deref(), Some(tx.program), tx.now);
+    let source = Source { key, attempt, task, owner, trace, program, now };
+    let query = sqlx::query(AssertSqlSafe(Arc::clone(&FINISH))).bind(run.0);
+    let rows = answer.bind(query, &source).fetch_all(&mut tx.db).await?;
+    succeeded(tx, run, key, answer, &Kept::read(&rows)?).await
 }
 
-/// Ends a run with its answer. All jobs of a computed run finish here.
-pub(super) async fn succeed(
+/// Signals the end of a run with a result. All jobs of a computed run finish here.
+pub(super) async fn succeeded(
     tx: &mut Transaction,
-    run: (RunId, u32),
+    run: RunId,
     key: Key,
-    (task, trace): (&str, Option<&str>),
     answer: &Answered,
+    kept: &Kept,
 ) -> Result<Finish, Error> {
-    let program = Some(tx.program);
-    let source = Source { run: Some(run), task, owner: None, trace, program };
-    let kept = answer.keep(&mut tx.db, key, &source, tx.now).await?;
-    if kept.finish == Finish::Refused {
-        return Ok(kept.finish);
+    if kept.started.is_none() {
+        return Ok(Finish::Refused);
     }
-    ended(tx, run.0, key, kept.started, Ending::Succeeded);
-    if let Some(same) = kept.same {
-        tx.effects.push(Effect::Recomputed { key, same });
-    }
-    if kept.finish == Finish::Stored {
-        tx.effects.push(Effect::Stored(answer.body.bytes().len() as u64));
-    }
-    Ok(kept.finish)
+    ended(tx, run, key, kept.started, Ending::Succeeded);
+    answer.kept(tx, key, kept).await
 }
 
 async fn fail(

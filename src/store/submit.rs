@@ -1,12 +1,15 @@
 //! Submissions: they find a known result, join a live run, or queue a new run. For some submissions the answer
 //! is already computed.
 
+use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 
 use serde_json::Value;
-use sqlx::Row;
+use sqlx::sqlite::SqliteRow;
+use sqlx::{AssertSqlSafe, Row};
 
-use super::keep::Answered;
+use super::keep::{Answered, Kept, Source, keeping};
+use super::outline::Statement;
 use super::row::{RunId, changes, job_id, json, word};
 use super::signals::Effect;
 use super::transaction::Transaction;
@@ -172,19 +175,21 @@ impl EncodedJob {
         })
     }
 
-    /// Inserts the job, and a run if it needs one. The new run is queued. With `began`, it is running since
-    /// then, because it is already computed. Returns the run that the job shares, if any.
-    async fn insert(
-        &self,
-        tx: &mut Transaction,
-        began: Option<i64>,
-    ) -> Result<(Submitted, Option<RunId>), Error> {
+    /// Inserts the job, and a run if it needs one. The new run is queued.
+    async fn insert(&self, tx: &mut Transaction) -> Result<Submitted, Error> {
+        let query = self.bind(sqlx::query(SUBMIT), None, tx.now);
+        let rows = query.fetch_all(&mut tx.db).await.map_err(|error| self.refused(error))?;
+        Ok(self.submitted(tx, &rows)?.0)
+    }
+
+    /// Binds the parameters of [`SUBMIT`]. With `began` a new run is running since then, because it is already computed.
+    fn bind<'q>(&'q self, query: Statement<'q>, began: Option<i64>, now: i64) -> Statement<'q> {
         let new = &self.job;
         let repeatable = new.repeatable.as_ref();
-        let row = sqlx::query(SUBMIT)
+        query
             .bind(new.key.bytes().as_slice())
             .bind(&new.owner)
-            .bind(began.unwrap_or(tx.now))
+            .bind(began.unwrap_or(now))
             .bind(&new.task)
             .bind(new.afresh)
             .bind(&new.trace)
@@ -198,15 +203,28 @@ impl EncodedJob {
             .bind(repeatable.map(|repeatable| &repeatable.key))
             .bind(repeatable.map(|repeatable| repeatable.fingerprint.as_slice()))
             .bind(&new.submitted)
-            .bind(tx.now)
-            .fetch_optional(&mut tx.db)
-            .await
-            .map_err(|error| match error.as_database_error() {
-                Some(refusal) if refusal.is_unique_violation() => Error::JobExists(new.id),
-                _ => error.into(),
-            })?;
-        let Some(row) = row else { return Ok((Submitted::NeedsRun, None)) };
-        let (origin, state) = (word(&row, "origin")?, word(&row, "state")?);
+            .bind(now)
+    }
+
+    /// The error of [`SUBMIT`].
+    fn refused(&self, error: sqlx::Error) -> Error {
+        match error.as_database_error() {
+            Some(refusal) if refusal.is_unique_violation() => Error::JobExists(self.job.id),
+            _ => error.into(),
+        }
+    }
+
+    /// Signals a submission after [`SUBMIT`]. Returns the job, and its run if it has one.
+    fn submitted(
+        &self,
+        tx: &mut Transaction,
+        rows: &[SqliteRow],
+    ) -> Result<(Submitted, Option<RunId>), Error> {
+        let new = &self.job;
+        let Some(row) = rows.iter().find(|row| row.try_get_raw("origin").is_ok()) else {
+            return Ok((Submitted::NeedsRun, None));
+        };
+        let (origin, state) = (word(row, "origin")?, word(row, "state")?);
         let run = row.try_get::<Option<i64>, _>("run")?.map(RunId);
         if let Some(run) = run.filter(|_| state == JobState::Queued) {
             tx.queue.add(run, &new.owner, new.priority, new.id);
@@ -232,7 +250,7 @@ impl EncodedJob {
             tags: new.tags.clone(),
             warnings: self.warnings.clone(),
             created: row.try_get("created")?,
-            started: row.try_get("started")?,
+            started: row.try_get("began")?,
             finished: row.try_get("finished")?,
             changes: changes(row.try_get("changes")?)?,
             failure: None,
@@ -242,19 +260,16 @@ impl EncodedJob {
     }
 }
 
-/// The first statement inserts a run, unless a run is live, the known result is sufficient, or ?7 forbids it. The
-/// run is queued, or with ?8 running since ?3. The second statement inserts the job. `changes()` tells it whether
-/// the first one inserted a run. The job of a run that this transaction records began at ?3. Any other job begins
-/// now (?17).
-///
-/// The first statement has the smallest parameter numbers: sqlx counts the arguments of each statement by
-/// its largest number.
+/// The first statement inserts a run, unless a run is live, the known result is sufficient, or $7 forbids it. The
+/// run is queued, or with $8 running since $3. The second statement inserts the job. `changes()` tells it whether
+/// the first one inserted a run. The job of a run that this transaction records began at $3. Any other job begins
+/// now ($17).
 const SUBMIT: &str = "
     INSERT INTO run (id, key, owner, created, task, state, attempt, started, changed, trace)
-    SELECT (SELECT runs + 1 FROM room), ?1, ?2, ?3, ?4, iif(?8, 'running', 'queued'), ?8,
-        iif(?8, ?3, NULL), ?3, ?6
-    WHERE NOT ?7
-        AND (?5 OR NOT EXISTS (SELECT 1 FROM result WHERE key = ?1 AND evicted IS NULL))
+    SELECT (SELECT runs + 1 FROM room), $1, $2, $3, $4, iif($8, 'running', 'queued'), $8,
+        iif($8, $3, NULL), $3, $6
+    WHERE NOT $7
+        AND ($5 OR NOT EXISTS (SELECT 1 FROM result WHERE key = $1 AND evicted IS NULL))
     ON CONFLICT (key) WHERE state IN ('queued', 'running') DO NOTHING;
 
     INSERT INTO job (key, owner, created, id, label, tags, warnings, priority, idempotency_key,
@@ -262,17 +277,17 @@ const SUBMIT: &str = "
     WITH found AS (
         SELECT is_known, run.id AS run, coalesce(run.state, 'succeeded') AS state,
             coalesce(run.attempt, 0) AS attempt, changes() AS is_new,
-            ?8 AND run.id = (SELECT runs FROM room) AND run.started = ?3 AS is_recorded
-        FROM (SELECT EXISTS (SELECT 1 FROM result WHERE key = ?1 AND evicted IS NULL) AS is_known)
-        LEFT JOIN run ON run.key = ?1 AND run.state IN ('queued', 'running') AND (?5 OR NOT is_known)
-    ), dated AS (SELECT *, iif(is_recorded, ?3, ?17) AS at FROM found)
-    SELECT ?1, ?2, at, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16, run, state, attempt,
+            $8 AND run.id = (SELECT runs FROM room) AND run.started = $3 AS is_recorded
+        FROM (SELECT EXISTS (SELECT 1 FROM result WHERE key = $1 AND evicted IS NULL) AS is_known)
+        LEFT JOIN run ON run.key = $1 AND run.state IN ('queued', 'running') AND ($5 OR NOT is_known)
+    ), dated AS (SELECT *, iif(is_recorded, $3, $17) AS at FROM found)
+    SELECT $1, $2, at, $9, $10, $11, $12, $13, $14, $15, $16, run, state, attempt,
         CASE WHEN run IS NULL THEN 'cached' WHEN is_new THEN 'computed' ELSE 'coalesced' END,
         iif(state = 'queued', NULL, at), iif(run IS NULL, at, NULL),
         iif(is_recorded, 'queued 0 ' || at || char(10), '') || state || ' ' || attempt || ' ' || at
     FROM dated
-    WHERE NOT ?7 OR run IS NOT NULL OR (is_known AND NOT ?5)
-    RETURNING run, created, state, attempt, origin, started, finished, changes,
+    WHERE NOT $7 OR run IS NOT NULL OR (is_known AND NOT $5)
+    RETURNING run, created, state, attempt, origin, started AS began, finished, changes,
         (SELECT progress FROM run WHERE run.id = job.run) AS progress,
         iif(state = 'succeeded', (SELECT summary FROM result WHERE result.key = job.key), NULL)
             AS summary";
@@ -284,7 +299,7 @@ async fn submit(submission: &EncodedJob, tx: &mut Transaction) -> Result<Submitt
     if let Some(refusal) = submission.refusal(tx).await? {
         return Ok(refusal);
     }
-    Ok(submission.insert(tx, None).await?.0)
+    submission.insert(tx).await
 }
 
 /// Jobs of one key whose answer was computed before they were submitted.
@@ -298,31 +313,47 @@ struct Record {
 /// The attempt of a run that is recorded with its answer. Such a run has only one attempt.
 const ATTEMPT: u32 = 1;
 
+/// [`SUBMIT`], and then the end of the run that the job $18 started.
+static RECORD: LazyLock<Arc<str>> = LazyLock::new(|| {
+    let run = "(SELECT run FROM job WHERE id = $18 AND origin = 'computed')";
+    format!("{SUBMIT}; {}", keeping(Some(run), 19)).into()
+});
+
 /// The first job starts a run, the others join it, and the answer finishes it. If the result has become
 /// known meanwhile, or a run is live, the jobs use that instead and the answer is dropped.
 async fn record(record: &Record, tx: &mut Transaction) -> Result<Vec<Submitted>, Error> {
     let Record { jobs, wall, answer } = record;
     let took = i64::try_from(wall.as_millis()).unwrap_or(i64::MAX);
-    let began = tx.now.saturating_sub(took);
+    let (began, now) = (Some(tx.now.saturating_sub(took)), tx.now);
+    let Some((last, others)) = jobs.split_last() else { return Ok(Vec::new()) };
     let mut all = Vec::with_capacity(jobs.len());
-    let mut started = None;
-    for encoded in jobs {
-        let (submitted, run) = encoded.insert(tx, Some(began)).await?;
-        if matches!(&submitted, Submitted::Accepted(job) if job.origin == Origin::Computed) {
-            started = run.map(|run| (run, &encoded.job));
-        }
+    let mut first = None;
+    for encoded in others {
+        let query = encoded.bind(sqlx::query(SUBMIT), began, now);
+        let rows = query.fetch_all(&mut tx.db).await.map_err(|error| encoded.refused(error))?;
+        let (submitted, run) = encoded.submitted(tx, &rows)?;
+        first.get_or_insert(run);
         all.push(submitted);
     }
-    let Some((run, NewJob { key, task, trace, .. })) = started else { return Ok(all) };
-    runs::succeed(tx, (run, ATTEMPT), *key, (task, trace.as_deref()), answer).await?;
+    let NewJob { id, key, ref task, ref trace, .. } = jobs[0].job;
+    let (owner, trace, program) = (None, trace.as_deref(), Some(tx.program));
+    let source = Source { key, attempt: ATTEMPT, task, owner, trace, program, now };
+    let query = last.bind(sqlx::query(AssertSqlSafe(Arc::clone(&RECORD))), began, now);
+    let query = answer.bind(query.bind(id.0.as_bytes().to_vec()), &source);
+    let rows = query.fetch_all(&mut tx.db).await.map_err(|error| last.refused(error))?;
+    let (submitted, run) = last.submitted(tx, &rows)?;
+    all.push(submitted);
+    let kept = Kept::read(&rows)?;
+    let Some(run) = first.unwrap_or(run).filter(|_| kept.started.is_some()) else { return Ok(all) };
+    runs::succeeded(tx, run, key, answer, &kept).await?;
     let summary: Value = json(&answer.summary)?;
     for submitted in &mut all {
         let Submitted::Accepted(job) = submitted else { continue };
         let state = JobState::Succeeded;
         job.state = state;
         job.progress = 1.0;
-        job.finished = Some(tx.now);
-        job.changes.push(Change { state, attempt: ATTEMPT, at: tx.now });
+        job.finished = Some(now);
+        job.changes.push(Change { state, attempt: ATTEMPT, at: now });
         job.summary = Some(summary.clone());
     }
     Ok(all)

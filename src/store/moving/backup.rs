@@ -14,7 +14,7 @@ use crate::store::open::{self, DATABASE};
 use crate::store::row::{Sum, key};
 
 /// The contents of a backup.
-#[derive(Debug, Clone, Default, PartialEq, Eq, sqlx::FromRow)]
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Saved {
     /// The number of jobs.
     pub jobs: u64,
@@ -134,7 +134,7 @@ async fn copy(from: &Path, to: &Path) -> Result<Saved, Moving> {
     if said != ["ok"] {
         return Err(damaged(said.join("; ")));
     }
-    let saved = sqlx::query_as(
+    let (jobs, results, bytes, evicted) = sqlx::query_as(
         "SELECT (SELECT count(*) FROM job) AS jobs, (SELECT count(*) FROM result_blob) AS results,
              (SELECT coalesce(sum(length(body)), 0) FROM result_blob) AS bytes,
              (SELECT count(*) FROM result WHERE evicted IS NOT NULL) AS evicted",
@@ -161,7 +161,7 @@ async fn copy(from: &Path, to: &Path) -> Result<Saved, Moving> {
         }
     }
     db.close().await?;
-    Ok(saved)
+    Ok(Saved { jobs, results, bytes, evicted })
 }
 
 #[cfg(test)]

@@ -245,9 +245,9 @@ impl Entry {
             None => None,
         };
         let owner = self.owner.as_deref();
-        let source = Source { run: None, task: &self.task, owner, trace: None, program };
-        let now = clock::now();
-        self.answer.keep(db, self.key, &source, now).await?;
+        let (key, task, now) = (self.key, &self.task, clock::now());
+        let source = Source { key, attempt: 0, task, owner, trace: None, program, now };
+        self.answer.import(db, &source).await?;
         sqlx::query(
             "UPDATE result SET imported = ?2, imported_from = ?3, computed = ?4 WHERE key = ?1",
         )
