@@ -1,174 +1,168 @@
 //! Compares the HTTP service with a bare axum server that does only the minimum.
 //!
 //! The server is the built program. The bare server is this file, started as another process. Each has two threads for
-//! requests. A client here calls both in turn over the same number of open connections. Ratios are medians over the
-//! turns. The ratio of the processor times is printed too, because other processes disturb it less; it is read from
-//! Linux. The server writes its default log to a closed output; `FRETWORK_LOG=off` switches it off.
+//! requests. `wrk` (a Debian package) calls both in turn for a second, with one thread and 32 connections. Rates and
+//! ratios are medians over the turns. Processor times are those of the server per answer, as Linux reports them. The
+//! server writes its default log to `/dev/null`; `FRETWORK_LOG=off` switches it off.
 //!
-//! - `result`: `GET /v1/results/{key}`, compared with a route that has the same bytes in memory; with the memory cache
-//!   of the server and without.
-//! - `job`: `POST /v1/jobs`, compared with a route that commits one row of the size of a job per request through sqlx
-//!   (SQLite, write-ahead log, synchronous NORMAL, one connection). A cached job has a known scenario. A computed job
-//!   has a new scenario, and its answer contains the result.
+//! The databases are in the temporary directory. A busy disk slows both servers and hides the difference:
+//! `TMPDIR=/dev/shm` selects memory.
+//!
+//! The scenario is the steel ball of `examples/` under the simplified rule, with 256 points and five output cycles.
+//!
+//! - `result`: `GET /v1/results/{key}`, compared with a route that has the same bytes in memory; plain and compressed,
+//!   with the memory cache of the server and without.
+//! - `job`: `POST /v1/jobs` with `Prefer: wait`, compared with a route that commits the body as one row per request
+//!   through sqlx (SQLite, write-ahead log, synchronous NORMAL, one connection). A cached job has a known scenario. A
+//!   computed job has a new scenario, and its result is stored.
 //! - `table`: the time to read a result from a table of a million results, compared with a table of a thousand, with
 //!   1 kB each and without the memory cache.
-//! - `library`: the time of a page of `GET /v1/results` with a hundred thousand results. It should take at most 0.3 s
-//!   for any search.
+//! - `library`: the time of a page of `GET /v1/results` with a hundred thousand results.
 //! - `memory`: the memory of the server while ten thousand jobs wait.
+//! - `disk`: the size of the database file with a thousand results.
 //!
 //! Arguments select the measurements: `cargo bench --bench service -- job memory`.
 
 #![expect(
     clippy::expect_used,
+    clippy::panic,
+    clippy::print_stderr,
     clippy::print_stdout,
-    reason = "a benchmark prints, and may stop where it stands"
+    reason = "a benchmark prints, and stops at the first error"
 )]
 
 use std::io::{self, BufRead as _, BufReader, Read as _, Write as _};
-use std::net::SocketAddr;
-use std::ops::Range;
+use std::net::{SocketAddr, TcpStream};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::{Duration, Instant};
+use std::process::{Child, Command, ExitCode, Stdio};
+use std::time::Instant;
 use std::{env, fs};
 
 use axum::Router;
 use axum::body::Bytes;
-use axum::http::header::CONTENT_TYPE;
+use axum::http::HeaderValue;
+use axum::http::header::{CONTENT_ENCODING, CONTENT_TYPE};
 use axum::routing::{get, post};
 use axum::serve::ListenerExt as _;
 use fretwork::job::SCALARS;
 use serde_json::{Value, json};
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
-use sqlx::{AssertSqlSafe, ConnectOptions as _, Connection as _, SqliteConnection};
+use sqlx::{AssertSqlSafe, ConnectOptions as _, Connection as _};
 use tempfile::TempDir;
-use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
-use tokio::net::{TcpListener, TcpStream};
-use tokio::runtime::Builder;
-use tokio::task::JoinSet;
+use tokio::net::TcpListener;
 use xxhash_rust::xxh3::xxh3_64;
 
+const MEASUREMENTS: [(&str, fn()); 6] = [
+    ("result", results),
+    ("job", jobs),
+    ("table", tables),
+    ("library", library),
+    ("memory", memory),
+    ("disk", disk),
+];
 const PROGRAM: &str = env!("CARGO_BIN_EXE_fretwork");
-const CONNECTIONS: usize = 16;
-const ROUNDS: usize = 30;
-const TURN: Duration = Duration::from_millis(100);
-const WAITING: usize = 10_000;
-const INSIDE: &str = "?include=result";
-const FEW: u32 = 1000;
-const MANY: u32 = 1_000_000;
+const SCRIPT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/load.lua");
+/// Turns of each server that count, after one that warms it up.
+const TURNS: usize = 7;
+/// More requests than `wrk` sends in a turn.
+const REQUESTS_PER_TURN: usize = 1_000_000;
+const WAIT: &str = "prefer: wait=10\r\n";
+const UNCACHED: &[&str] = &["--memory-cache", "0"];
 const LISTED: u32 = 100_000;
-/// Size of a row of the bare server in bytes: about the size of a job.
-const ROW: usize = 256;
+const WAITING: usize = 10_000;
+const STORED: usize = 1000;
 
-fn main() {
-    let words: Vec<String> = env::args().skip(1).collect();
-    if let [word, dir] = words.as_slice()
+fn main() -> ExitCode {
+    // Cargo adds `--bench`.
+    let words: Vec<String> = env::args().skip(1).filter(|word| word != "--bench").collect();
+    if let [word, dir, coding] = words.as_slice()
         && word == "bare"
     {
-        let runtime = Builder::new_multi_thread().worker_threads(2).enable_all().build();
-        return runtime.expect("a runtime").block_on(serve_bare(Path::new(dir)));
+        serve_bare(Path::new(dir), coding);
+        return ExitCode::SUCCESS;
     }
-    let chosen = |name: &str| {
-        words.iter().any(|word| word == name) || words.iter().all(|word| word.starts_with("--"))
-    };
-    let runtime = Builder::new_current_thread().enable_all().build().expect("a runtime");
-    runtime.block_on(async {
-        if chosen("result") {
-            results().await;
+    if let Some(word) = words.iter().find(|word| MEASUREMENTS.iter().all(|(name, _)| name != word))
+    {
+        eprintln!("There is no measurement {word:?}.");
+        return ExitCode::FAILURE;
+    }
+    if Command::new("wrk").arg("--version").output().is_err() {
+        eprintln!("`wrk` is missing. Install it, on Debian with `apt-get install wrk`.");
+        return ExitCode::FAILURE;
+    }
+    for (name, measure) in MEASUREMENTS {
+        if words.is_empty() || words.iter().any(|word| word == name) {
+            measure();
         }
-        if chosen("job") {
-            jobs().await;
-        }
-        if chosen("table") {
-            tables().await;
-        }
-        if chosen("library") {
-            library().await;
-        }
-        if chosen("memory") {
-            memory().await;
-        }
-    });
+    }
+    ExitCode::SUCCESS
 }
 
-async fn results() {
-    println!("a kept result / the same bytes from memory");
-    for (cache, options, least) in [("", &[][..], 0.7), (", no memory cache", uncached(), 0.3)] {
+fn results() {
+    println!("a stored result / the same bytes from memory");
+    for (cache, options, least) in [("", &[][..], 0.8), (", no memory cache", UNCACHED, 0.3)] {
         let dir = directory();
         let server = Server::program(dir.path(), options);
-        for points in [64, 256] {
-            let mut client = Connection::to(server.address).await;
-            let job = client.json(&submit("", &ball(points).to_string())).await;
-            let ask = request("GET", job["links"]["result"].as_str().expect("a link"), "");
-            let body = client.ask(&ask).await.to_vec();
-            let bare = Server::bare(dir.path(), &body);
-            let kept = Load::new(&server, move |_| ask.clone()).await;
-            let route = Load::new(&bare, |_| request("GET", "/bytes", "")).await;
-            let what = format!("{points} points, {} kB{cache}", body.len() / 1000);
-            report(&what, least, &compare(kept, route).await);
+        let mut client = server.connect();
+        let job = client.json(200, &submission(WAIT, &ball("all", "00000000")));
+        let result = format!("GET {}", job["links"]["result"].as_str().expect("a link"));
+        for coding in ["identity", "zstd"] {
+            let stored = request(&result, &format!("accept-encoding: {coding}\r\n"), "");
+            let body = client.ask(200, &stored);
+            let bare = Server::bare(dir.path(), coding, &body);
+            let compared = compare(
+                Load::new(&server, stored),
+                Load::new(&bare, request("GET /bytes", "", "")),
+            );
+            report(&format!("{coding}, {} kB{cache}", body.len() / 1000), least, &compared);
         }
     }
 }
 
-async fn jobs() {
+fn jobs() {
     println!("a job / a committed row");
     let dir = directory();
     let server = Server::program(dir.path(), &[]);
-    let bare = Server::bare(dir.path(), &[]);
-    let known = ball(256).to_string();
-    let row = request("POST", "/rows", &known);
-    let rows = async || {
-        let row = row.clone();
-        Load::new(&bare, move |_| row.clone()).await
+    let bare = Server::bare(dir.path(), "identity", &[]);
+    let known = ball("all", "00000000");
+    let compared = |body: &str| {
+        let job = Load::new(&server, submission(WAIT, body));
+        compare(job, Load::new(&bare, request("POST /rows", "", &known)))
     };
-    let cached = submit("", &known);
-    let cached = Load::new(&server, move |_| cached.clone()).await;
-    report("cached", 0.6, &compare(cached, rows().await).await);
-    for (points, profiles) in [(64, "none"), (64, "all"), (256, "all")] {
-        let computed = distinct(points, profiles);
-        let body =
-            Connection::to(server.address).await.ask(&submit(INSIDE, &computed(0))).await.len();
-        let computed = Load::new(&server, move |i| submit(INSIDE, &computed(i + 1))).await;
-        let what = format!("computed, {points} points, profiles at {profiles}, {} kB", body / 1000);
-        report(&what, 0.25, &compare(computed, rows().await).await);
-    }
+    // The load of a cached job sends it once before.
+    report("cached", 0.6, &compared(&known));
+    let without_profiles = compared(&ball("none", "########"));
+    report("computed, no profiles", 0.25, &without_profiles);
+    println!("    {:.2} ms of processor time   (at most 0.45)", without_profiles.costs[0]);
+    report("computed, all profiles", 0.06, &compared(&ball("all", "########")));
 }
 
-async fn tables() {
-    let dirs = [directory(), directory()];
-    let (mut servers, mut loads) = (vec![], vec![]);
-    for (dir, rows) in dirs.iter().zip([FEW, MANY]) {
-        // This start only creates the tables.
-        drop(Server::program(dir.path(), &[]));
-        let keys = fill(dir.path(), rows).await;
-        let server = Server::program(dir.path(), uncached());
-        // The keys are sorted. A long stride reads them from all over the table.
-        let ask = move |i: usize| {
-            let key = &keys[7_368_787 * i % keys.len()];
-            request("GET", &format!("/v1/results/{key}"), "")
-        };
-        loads.push(Load::new(&server, ask).await);
-        servers.push(server);
-    }
-    let [many_rows, few_rows] = [loads.pop(), loads.pop()].map(|load| load.expect("two loads"));
-    let compared = compare(few_rows, many_rows).await;
-    let Compared { ratio, rates: [few, many], by_cost } = compared;
+fn tables() {
+    // The number of marks is the number of digits in the number of a result.
+    let [few, many] = ["###", "######"].map(|marks| {
+        let dir = directory();
+        fill(dir.path(), 10_u64.pow(marks.len() as u32));
+        let key = format!("{marks:0>64}");
+        let server = Server::program(dir.path(), UNCACHED);
+        (server, dir, request(&format!("GET /v1/results/{key}"), "", ""))
+    });
+    let [few, many] = [&few, &many].map(|(server, _, get)| Load::new(server, get.clone()));
+    let Compared { ratio, rates, costs } = compare(few, many);
     println!(
-        "the time of a result out of {MANY} / out of {FEW} = {ratio:.2}   (at most 1.3)   \
-         [by processor time {by_cost:.2}; {many:.0} and {few:.0} per second]"
+        "the time of a result out of a million / out of a thousand = {ratio:.2}   (at most 1.3)   \
+         [by processor time {:.2}; {:.0} and {:.0} per second]",
+        costs[1] / costs[0],
+        rates[1],
+        rates[0]
     );
 }
 
-async fn library() {
+fn library() {
     println!("the time of a page out of {LISTED} results   (at most 300 ms)");
     let dir = directory();
-    // This start only creates the tables.
-    drop(Server::program(dir.path(), &[]));
-    list(dir.path(), LISTED).await;
+    list(dir.path(), LISTED);
     let server = Server::program(dir.path(), &[]);
-    let mut connection = Connection::to(server.address).await;
+    let mut client = server.connect();
     for query in [
         "",
         "sort=-wear_volume",
@@ -181,12 +175,12 @@ async fn library() {
         "friction=2..",
         "friction=0.2..0.3&shape=table",
     ] {
-        let ask = request("GET", &format!("/v1/results?{query}"), "");
+        let page = request(&format!("GET /v1/results?{query}"), "", "");
         let mut times = Vec::new();
         let mut found = 0;
         for _ in 0..5 {
             let start = Instant::now();
-            found = connection.json(&ask).await["results"].as_array().expect("a page").len();
+            found = client.json(200, &page)["results"].as_array().expect("a page").len();
             times.push(start.elapsed());
         }
         times.sort_unstable();
@@ -194,218 +188,180 @@ async fn library() {
     }
 }
 
-async fn memory() {
+fn memory() {
     let dir = directory();
     let server = Server::program(dir.path(), &["--workers", "1"]);
-    let mut client = Connection::to(server.address).await;
+    let mut client = server.connect();
     // Long exact runs under a held force keep the only worker busy.
+    let mut long: Value = serde_json::from_str(&ball("all", "00000000")).expect("a job");
+    long["scenario"]["load"]["held"] = json!("force");
+    long["scenario"]["model"] = json!({"method": "exact", "tolerance": 1e-4, "points": 256});
     for i in 0..40 {
-        let mut job = ball(256);
-        job["scenario"]["cycles"] = json!([1e9 + f64::from(i)]);
-        job["scenario"]["load"]["held"] = json!("force");
-        job["scenario"]["model"] = json!({"method": "exact", "tolerance": 1e-4});
-        client.ask(&request("POST", "/v1/jobs", &job.to_string())).await;
+        long["scenario"]["cycles"] = json!([1e9 + f64::from(i)]);
+        client.ask(202, &submission("", &long.to_string()));
     }
     let before = server.resident();
-    let jobs = distinct(64, "all");
     let mut first = Value::Null;
     for i in 0..WAITING {
-        let job = client.json(&request("POST", "/v1/jobs", &jobs(i))).await;
+        let job = client.json(202, &submission("", &ball("all", &format!("{i:08}"))));
         if i == 0 {
             first = job;
         }
     }
     let full = server.resident();
     let first = first["links"]["self"].as_str().expect("a link");
-    assert_eq!(client.json(&request("GET", first, "")).await["state"], "queued");
+    let first = client.json(200, &request(&format!("GET {first}"), "", ""));
+    assert_eq!(first["state"], "queued", "the long runs ended");
     println!("{WAITING} jobs wait in {full:.0} MB   (below 150)   [{before:.0} MB before]");
 }
 
-/// The steel ball with this number of points.
-fn ball(points: u32) -> Value {
+fn disk() {
+    let dir = directory();
+    let server = Server::program(dir.path(), &[]);
+    let mut client = server.connect();
+    let mut json = 0;
+    for i in 0..STORED {
+        let job = client.json(200, &submission(WAIT, &ball("all", &format!("{i:08}"))));
+        let result = job["links"]["result"].as_str().expect("a link");
+        json += client.ask(200, &request(&format!("GET {result}"), "", "")).len();
+    }
+    server.stop();
+    let file = fs::metadata(dir.path().join("fretwork.db")).expect("a database").len();
+    println!(
+        "each of {STORED} results takes {:.1} kB of the database file   (at most 65)   \
+         [{:.1} kB of JSON]",
+        file as f64 / STORED as f64 / 1e3,
+        json as f64 / STORED as f64 / 1e3
+    );
+}
+
+/// A job: the steel ball with profiles at these cycles and these digits in its amplitude.
+fn ball(profiles: &str, digits: &str) -> String {
     let text = include_str!("../examples/steel-ball.json");
     let mut job: Value = serde_json::from_str(text).expect("an example");
-    job["scenario"]["model"]["points"] = json!(points);
-    if points < 256 {
-        job["scenario"]["cycles"] = json!([10_000, 100_000]);
-    }
-    job
+    let scenario = &mut job["scenario"];
+    assert_eq!(scenario["cycles"].as_array().map(Vec::len), Some(5), "output cycles");
+    scenario["model"] = json!({"method": "simplified", "xi": 0.8, "points": 256});
+    scenario["motion"]["amplitude"] = json!(format!("2.2{digits} um"));
+    scenario["profiles_at"] = json!(profiles);
+    job.to_string()
 }
 
-/// Job bodies with different amplitudes.
-fn distinct(points: u32, profiles: &str) -> impl Fn(usize) -> String + Send + Sync + use<> {
-    let mut job = ball(points);
-    job["scenario"]["profiles_at"] = json!(profiles);
-    job["scenario"]["motion"]["amplitude"] = json!("HERE");
-    let text = job.to_string();
-    move |i| text.replace("HERE", &format!("{:.7} um", 2.0 + 1e-6 * i as f64))
+fn submission(headers: &str, job: &str) -> String {
+    request("POST /v1/jobs", headers, job)
 }
 
-/// A submission that waits for the end of its job.
-fn submit(query: &str, body: &str) -> Vec<u8> {
-    let rest = request("POST", &format!("/v1/jobs{query}"), body);
-    let line = rest.iter().position(|byte| *byte == b'\n').expect("a line") + 1;
-    [&rest[..line], b"prefer: wait=10\r\n", &rest[line..]].concat()
-}
-
-fn request(method: &str, path: &str, body: &str) -> Vec<u8> {
+fn request(line: &str, headers: &str, body: &str) -> String {
     let length = body.len();
-    let headers = "host: localhost\r\ncontent-type: application/json";
-    format!("{method} {path} HTTP/1.1\r\n{headers}\r\ncontent-length: {length}\r\n\r\n{body}")
-        .into_bytes()
-}
-
-/// The options of a server without a memory cache.
-fn uncached() -> &'static [&'static str] {
-    let help = Command::new(PROGRAM).arg("--help").output().expect("the program");
-    let known = String::from_utf8_lossy(&help.stdout).contains("--memory-cache");
-    if known { &["--memory-cache", "0"] } else { &[] }
+    format!(
+        "{line} HTTP/1.1\r\nhost: localhost\r\n{headers}content-type: application/json\r\n\
+         content-length: {length}\r\n\r\n{body}"
+    )
 }
 
 fn directory() -> TempDir {
     TempDir::new().expect("a directory")
 }
 
-/// The requests to one server, and the connections for them.
-struct Load {
-    connections: Vec<Connection>,
-    request: Arc<dyn Fn(usize) -> Vec<u8> + Send + Sync>,
-    asked: Arc<AtomicUsize>,
-    answered: f64,
-    process: u32,
-    /// Processor time of the process before the measurement.
+/// A request that `wrk` sends to a server again and again.
+struct Load<'a> {
+    server: &'a Server,
+    /// `wrk` replaces the marks (`###`) in it by digits.
+    request: String,
+    turns: usize,
+    answers: f64,
+    /// Processor time of the server before the first turn, in ms.
     used: f64,
 }
 
-impl Load {
-    async fn new(
-        server: &Server,
-        request: impl Fn(usize) -> Vec<u8> + Send + Sync + 'static,
-    ) -> Self {
-        let mut connections = Vec::new();
-        for _ in 0..CONNECTIONS {
-            connections.push(Connection::to(server.address).await);
-        }
-        let process = server.child.id();
-        Self {
-            connections,
-            request: Arc::new(request),
-            asked: Arc::default(),
-            answered: 0.0,
-            process,
-            used: used(process),
-        }
+impl<'a> Load<'a> {
+    /// Asserts that the server answers the request with 200.
+    fn new(server: &'a Server, request: String) -> Self {
+        server.connect().ask(200, &request.replace('#', "9"));
+        Self { server, request, turns: 0, answers: 0.0, used: server.used() }
     }
 
-    /// Runs one turn, and returns the answers per second.
-    async fn rate(&mut self) -> f64 {
-        let start = Instant::now();
-        let asking = self.connections.drain(..).map(|mut connection| {
-            let (request, asked) = (Arc::clone(&self.request), Arc::clone(&self.asked));
-            async move {
-                let mut answers = 0;
-                while start.elapsed() < TURN {
-                    connection.ask(&request(asked.fetch_add(1, Ordering::Relaxed))).await;
-                    answers += 1;
-                }
-                (connection, answers)
-            }
-        });
-        let (connections, answers): (_, Vec<u32>) =
-            asking.collect::<JoinSet<_>>().join_all().await.into_iter().unzip();
-        self.connections = connections;
-        let answers = f64::from(answers.iter().sum::<u32>());
-        self.answered += answers;
-        answers / start.elapsed().as_secs_f64()
+    /// Runs `wrk` for a second, and returns the answers per second.
+    fn turn(&mut self) -> f64 {
+        let url = format!("http://{}", self.server.address);
+        let sent = self.turns * REQUESTS_PER_TURN;
+        let wrk = Command::new("wrk")
+            .args(["-t1", "-c32", "-d1s", "-s", SCRIPT, &url, "--", &self.request])
+            .arg(sent.to_string())
+            .output()
+            .expect("wrk");
+        let output = String::from_utf8_lossy(&wrk.stdout);
+        let last = output.lines().last().unwrap_or_default();
+        let numbers: Vec<u32> = last.split_whitespace().map_while(|n| n.parse().ok()).collect();
+        let [answers, microseconds, 0] = numbers[..] else {
+            panic!("`wrk` reports errors: {wrk:?}");
+        };
+        self.turns += 1;
+        self.answers += f64::from(answers);
+        f64::from(answers) / f64::from(microseconds) * 1e6
     }
 
-    /// Processor time per answer, in an arbitrary unit.
+    /// Processor time of the server per answer, in ms.
     fn cost(&self) -> f64 {
-        (used(self.process) - self.used) / self.answered
+        (self.server.used() - self.used) / self.answers
     }
 }
 
-/// The ratios of two loads, as medians over their turns.
+/// Two loads, compared.
 struct Compared {
+    /// Median of the ratios of their rates.
     ratio: f64,
+    /// Medians of the answers per second.
     rates: [f64; 2],
-    /// The ratio of the processor times. Other processes disturb it less.
-    by_cost: f64,
+    /// Processor times per answer, in ms. Other processes disturb them less.
+    costs: [f64; 2],
 }
 
-async fn compare(mut one: Load, mut other: Load) -> Compared {
+fn compare(mut one: Load, mut other: Load) -> Compared {
     let median = |mut values: Vec<f64>| {
         values.sort_by(f64::total_cmp);
         values[values.len() / 2]
     };
-    // The first turns only warm up.
-    one.rate().await;
-    other.rate().await;
-    let (mut ratios, mut rates) = (vec![], [vec![], vec![]]);
-    for _ in 0..ROUNDS {
-        let pair = [one.rate().await, other.rate().await];
-        ratios.push(pair[0] / pair[1]);
-        rates[0].push(pair[0]);
-        rates[1].push(pair[1]);
+    one.turn();
+    other.turn();
+    let pairs: Vec<_> = (0..TURNS).map(|_| [one.turn(), other.turn()]).collect();
+    Compared {
+        ratio: median(pairs.iter().map(|pair| pair[0] / pair[1]).collect()),
+        rates: [0, 1].map(|i| median(pairs.iter().map(|pair| pair[i]).collect())),
+        costs: [one.cost(), other.cost()],
     }
-    let by_cost = other.cost() / one.cost();
-    Compared { ratio: median(ratios), rates: rates.map(median), by_cost }
 }
 
 fn report(what: &str, least: f64, compared: &Compared) {
-    let Compared { ratio, rates: [one, other], by_cost } = compared;
+    let Compared { ratio, rates: [one, other], costs: [cost, other_cost] } = compared;
     println!(
-        "  {what}: {ratio:.2}   (at least {least})   \
-         [by processor time {by_cost:.2}; {one:.0} and {other:.0} per second]"
+        "  {what}: {ratio:.2}   (at least {least})   [{one:.0} and {other:.0} per second; \
+         {cost:.3} and {other_cost:.3} ms of processor time]"
     );
 }
 
-/// The processor time of a process, from Linux.
-fn used(process: u32) -> f64 {
-    let stat = fs::read_to_string(format!("/proc/{process}/stat")).expect("a process on Linux");
-    let fields = stat.rsplit_once(')').expect("its name").1.split_whitespace();
-    fields.skip(11).take(2).map(|ticks| ticks.parse::<f64>().expect("a count")).sum()
-}
+/// A connection for single requests.
+struct Client(BufReader<TcpStream>);
 
-/// An open connection.
-struct Connection {
-    stream: TcpStream,
-    buffer: Vec<u8>,
-}
-
-impl Connection {
-    async fn to(address: SocketAddr) -> Self {
-        let stream = TcpStream::connect(address).await.expect("a server");
-        stream.set_nodelay(true).expect("a connection");
-        Self { stream, buffer: Vec::with_capacity(1 << 18) }
-    }
-
-    /// Sends a request, asserts success, and returns the body.
-    async fn ask(&mut self, request: &[u8]) -> &[u8] {
-        self.stream.write_all(request).await.expect("a connection");
-        self.buffer.clear();
-        let mut body = None;
-        while body.as_ref().is_none_or(|body: &Range<usize>| self.buffer.len() < body.end) {
-            let read = self.stream.read_buf(&mut self.buffer).await.expect("an answer");
-            assert!(read > 0, "the server hung up");
-            body = body.or_else(|| body_of(&self.buffer));
+impl Client {
+    /// Sends a request, asserts the status, and returns the body.
+    fn ask(&mut self, status: u16, request: &str) -> Vec<u8> {
+        self.0.get_mut().write_all(request.as_bytes()).expect("a connection");
+        let mut head = String::new();
+        while !head.ends_with("\r\n\r\n") {
+            let read = self.0.read_line(&mut head).expect("an answer");
+            assert!(read > 0, "the server closed the connection");
         }
-        &self.buffer[body.expect("a body")]
+        assert!(head.starts_with(&format!("HTTP/1.1 {status} ")), "{request}\n{head}");
+        let length = head.split_once("content-length: ").and_then(|(_, rest)| rest.lines().next());
+        let mut body = vec![0; length.expect("a length").parse().expect("a length")];
+        self.0.read_exact(&mut body).expect("a body");
+        body
     }
 
-    async fn json(&mut self, request: &[u8]) -> Value {
-        serde_json::from_slice(self.ask(request).await).expect("JSON")
+    fn json(&mut self, status: u16, request: &str) -> Value {
+        serde_json::from_slice(&self.ask(status, request)).expect("JSON")
     }
-}
-
-/// The range of the body of an answer; none while its head is incomplete.
-fn body_of(answer: &[u8]) -> Option<Range<usize>> {
-    let start = answer.windows(4).position(|bytes| bytes == b"\r\n\r\n")? + 4;
-    let head = str::from_utf8(&answer[..start]).expect("a head");
-    assert!(head.starts_with("HTTP/1.1 20"), "{head}");
-    let length = head.split_once("content-length: ").expect("a length").1;
-    let length: usize = length.lines().next()?.parse().expect("a length");
-    Some(start..start + length)
 }
 
 /// A server in another process.
@@ -421,10 +377,10 @@ impl Server {
         Self::start(&mut command, &[])
     }
 
-    /// Starts the bare server, with these bytes in memory and its table in this directory.
-    fn bare(dir: &Path, bytes: &[u8]) -> Self {
+    /// Starts the bare server, with these encoded bytes in memory and its table in this directory.
+    fn bare(dir: &Path, coding: &str, bytes: &[u8]) -> Self {
         let this = env::current_exe().expect("this program");
-        Self::start(Command::new(this).arg("bare").arg(dir), bytes)
+        Self::start(Command::new(this).arg("bare").arg(dir).arg(coding), bytes)
     }
 
     /// Starts a server that prints its address at the end of a line.
@@ -440,13 +396,40 @@ impl Server {
         Self { child, address }
     }
 
+    fn connect(&self) -> Client {
+        let stream = TcpStream::connect(self.address).expect("a server");
+        stream.set_nodelay(true).expect("a connection");
+        Client(BufReader::new(stream))
+    }
+
+    /// Stops the program with SIGTERM, so that it completes its work.
+    fn stop(mut self) {
+        let id = self.child.id().to_string();
+        assert!(Command::new("kill").args(["-TERM", &id]).status().expect("kill").success());
+        assert!(self.child.wait().expect("the server").success());
+    }
+
+    /// Its processor time in ms.
+    fn used(&self) -> f64 {
+        // The unit of Linux is 10 ms.
+        const TICK: f64 = 10.0;
+        let stat = self.status("stat");
+        let fields = stat.rsplit_once(')').expect("its name").1.split_whitespace();
+        let ticks = fields.skip(11).take(2).map(|ticks| ticks.parse::<f64>().expect("a count"));
+        ticks.sum::<f64>() * TICK
+    }
+
     /// Its resident memory in MB.
     fn resident(&self) -> f64 {
-        let status = fs::read_to_string(format!("/proc/{}/status", self.child.id()));
-        let status = status.expect("the status of a process, as Linux shows it");
+        let status = self.status("status");
         let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
         let kilobytes = line.and_then(|line| line.trim().strip_suffix(" kB"));
         kilobytes.and_then(|text| text.parse::<f64>().ok()).expect("a size") * 1.024e-3
+    }
+
+    /// What Linux reports about its process.
+    fn status(&self, file: &str) -> String {
+        fs::read_to_string(format!("/proc/{}/{file}", self.child.id())).expect("a process on Linux")
     }
 }
 
@@ -459,28 +442,30 @@ impl Drop for Server {
 }
 
 /// The bare server. It serves the bytes of its standard input, and writes rows to a table.
-async fn serve_bare(dir: &Path) {
+#[tokio::main(worker_threads = 2)]
+async fn serve_bare(dir: &Path, coding: &str) {
     let mut bytes = Vec::new();
     io::stdin().read_to_end(&mut bytes).expect("bytes");
     let bytes = Bytes::from(bytes);
+    let json = (CONTENT_TYPE, HeaderValue::from_static("application/json"));
+    let head = [json, (CONTENT_ENCODING, coding.parse().expect("a coding"))];
     let options = SqliteConnectOptions::new()
         .filename(dir.join("bare.db"))
         .create_if_missing(true)
         .journal_mode(SqliteJournalMode::Wal)
-        .synchronous(SqliteSynchronous::Normal)
-        .disable_statement_logging();
-    let pool = SqlitePoolOptions::new().max_connections(1).test_before_acquire(false);
-    let pool = pool.connect_with(options).await.expect("a database");
-    let table = "CREATE TABLE IF NOT EXISTS row (id INTEGER PRIMARY KEY, text BLOB NOT NULL)";
+        .synchronous(SqliteSynchronous::Normal);
+    let pool = SqlitePoolOptions::new().max_connections(1).connect_with(options);
+    let pool = pool.await.expect("a database");
+    let table = "CREATE TABLE IF NOT EXISTS row (id INTEGER PRIMARY KEY, body BLOB NOT NULL)";
     sqlx::query(table).execute(&pool).await.expect("a table");
     let insert = async move |body: Bytes| {
-        let insert = sqlx::query("INSERT INTO row (text) VALUES (?1)").bind(&body[..ROW]);
+        let insert = sqlx::query("INSERT INTO row (body) VALUES (?1)").bind(&body[..]);
         let done = insert.execute(&pool).await.expect("a row");
         let answer = format!("{{\"id\":{}}}", done.last_insert_rowid());
         ([(CONTENT_TYPE, "application/json")], answer)
     };
     let router = Router::new()
-        .route("/bytes", get(async move || ([(CONTENT_TYPE, "application/json")], bytes.clone())))
+        .route("/bytes", get(async move || (head.clone(), bytes.clone())))
         .route("/rows", post(insert));
     let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port");
     println!("http://{}", listener.local_addr().expect("an address"));
@@ -490,55 +475,54 @@ async fn serve_bare(dir: &Path) {
     axum::serve(listener, router).await.expect("to serve");
 }
 
-/// Writes this number of results of 1 kB to the tables of a stopped server. Returns about a hundred thousand of their
-/// keys, sorted.
-async fn fill(dir: &Path, rows: u32) -> Vec<String> {
-    let mut db = written(dir).await;
-    let results = "
-        WITH RECURSIVE n (i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < ?1)
-        INSERT INTO result (key, summary, digest, size, created, checksum)
-        SELECT randomblob(32) AS key, ?2, zeroblob(32), 1000, 0, ?3 FROM n ORDER BY key";
+/// Writes this number of results of 1 kB to the tables of a new server. Their keys are the numbers from 0, in decimal
+/// digits.
+fn fill(dir: &Path, rows: u64) {
     let summary = json!({"regime": "partial_slip", "wear_depth": 1.048_713_745_566e-6});
     let checksum = xxh3_64(&[0; 1000]).cast_signed();
-    let results = sqlx::query(results).bind(rows).bind(summary.to_string()).bind(checksum);
-    results.execute(&mut db).await.expect("rows");
-    let bodies = "INSERT INTO result_blob (key, body) SELECT key, zeroblob(1000) FROM result";
-    sqlx::query(bodies).execute(&mut db).await.expect("rows");
-    let keys = "SELECT lower(hex(key)) FROM result WHERE random() % ?1 = 0 ORDER BY key";
-    let keys = sqlx::query_scalar(keys).bind((rows / 100_000).max(1));
-    let keys = keys.fetch_all(&mut db).await.expect("keys");
-    db.close().await.expect("the database closed");
-    keys
+    write(
+        dir,
+        &format!(
+            "WITH RECURSIVE n (i) AS (SELECT 0 UNION ALL SELECT i + 1 FROM n WHERE i + 1 < {rows})
+             INSERT INTO result (key, summary, digest, size, created, checksum)
+             SELECT unhex(format('%064d', i)), '{summary}', zeroblob(32), 1000, 0, {checksum} FROM n;
+             INSERT INTO result_blob (key, body) SELECT key, zeroblob(1000) FROM result"
+        ),
+    );
 }
 
-/// Writes this number of library entries without results to the tables of a stopped server. Their numbers are between 0
+/// Writes this number of library entries without results to the tables of a new server. Their numbers are between 0
 /// and 1, and every second one is a cone.
-async fn list(dir: &Path, rows: u32) {
+fn list(dir: &Path, rows: u32) {
     let names: Vec<&str> = SCALARS.iter().map(|scalar| scalar.name).collect();
     let (names, values) =
         (names.join(", "), vec!["abs(random() / 9.3e18)"; names.len()].join(", "));
-    let sql = format!(
-        "WITH RECURSIVE n (i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < {rows})
-         INSERT INTO result (key, summary, digest, size, created)
-         SELECT randomblob(32), '{{}}', zeroblob(32), 60000, 1700000000000 + i FROM n;
-         INSERT INTO result_task (key, task) SELECT key, '{{}}' FROM result ORDER BY created;
-         INSERT INTO outline
-             (id, created, size, present, shape, method, regime, held, motion, {names})
-         SELECT id, created, size, 1, iif(id % 2, 'cone', 'sphere'), 'exact', 'partial_slip',
-             'depth', 'amplitude', {values}
-         FROM result_task JOIN result USING (key)"
+    write(
+        dir,
+        &format!(
+            "WITH RECURSIVE n (i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < {rows})
+             INSERT INTO result (key, summary, digest, size, created)
+             SELECT randomblob(32), '{{}}', zeroblob(32), 60000, 1700000000000 + i FROM n;
+             INSERT INTO result_task (key, task) SELECT key, '{{}}' FROM result ORDER BY created;
+             INSERT INTO outline
+                 (id, created, size, present, shape, method, regime, held, motion, {names})
+             SELECT id, created, size, 1, iif(id % 2, 'cone', 'sphere'), 'exact', 'partial_slip',
+                 'depth', 'amplitude', {values}
+             FROM result_task JOIN result USING (key)"
+        ),
     );
-    let mut db = written(dir).await;
-    sqlx::raw_sql(AssertSqlSafe(sql)).execute(&mut db).await.expect("rows");
-    db.close().await.expect("the database closed");
 }
 
-/// Opens the database of a stopped server for writing.
-async fn written(dir: &Path) -> SqliteConnection {
+/// Lets a server create its tables, stops it, and executes this SQL.
+#[tokio::main(flavor = "current_thread")]
+async fn write(dir: &Path, sql: &str) {
+    drop(Server::program(dir, &[]));
     let options = SqliteConnectOptions::new()
         .filename(dir.join("fretwork.db"))
         .journal_mode(SqliteJournalMode::Off)
         .foreign_keys(false)
         .disable_statement_logging();
-    options.connect().await.expect("a database")
+    let mut db = options.connect().await.expect("a database");
+    sqlx::raw_sql(AssertSqlSafe(sql.to_owned())).execute(&mut db).await.expect("rows");
+    db.close().await.expect("the database closed");
 }
