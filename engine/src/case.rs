@@ -233,8 +233,10 @@ impl Case {
     }
 
     /// Estimated size of the result as JSON, in bytes.
-    pub(crate) fn answer_bytes(&self) -> usize {
-        const NUMBER: usize = 22;
+    #[must_use]
+    pub fn answer_bytes(&self) -> usize {
+        /// Bytes of a number of 12 digits with its exponent and comma, at most.
+        const NUMBER: usize = 18;
         let rows = self.profile_rows();
         let curves = if rows == 0 { 0 } else { 3 + 5 * rows };
         let loops = rows * (2 * Backbone::points(self.springs()) + 3);

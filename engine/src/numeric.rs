@@ -324,46 +324,69 @@ pub(crate) fn whole_power(x: f64, n: u32) -> f64 {
 }
 
 /// Rounds `x` to 12 significant decimal digits, the precision of scenarios and results. The result is the float64
-/// nearest to the decimal number; a tie is rounded to the even digit. −0 becomes 0.
+/// nearest to the decimal number. −0 becomes 0.
 #[must_use]
 pub fn twelve_digits(x: f64) -> f64 {
-    /// 5⁰ to 5²², which fit into 52 bits. 10²² is the largest power of ten that float64 holds exactly.
-    const FIVES: [u64; 23] = {
-        let mut fives = [1; 23];
-        let mut k = 1;
-        while k < fives.len() {
-            fives[k] = 5 * fives[k - 1];
-            k += 1;
-        }
-        fives
-    };
+    /// The powers of ten that float64 holds exactly.
     const TENS: [f64; 23] = [
-        1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17,
-        1e18, 1e19, 1e20, 1e21, 1e22,
+        1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16,
+        1e17, 1e18, 1e19, 1e20, 1e21, 1e22,
     ];
-    const LEAST: u64 = 100_000_000_000;
-    if !(1e-10..1e12).contains(&x.abs()) {
-        return printed_with_twelve_digits(x);
-    }
-    // |x| = significand·2^−shift, and 78913/2¹⁸ is log 2. So the estimated power may be one too small.
-    let bits = x.abs().to_bits();
-    let exponent = (bits >> 52) as i32 - 1023;
-    let (significand, shift) = (bits & ((1 << 52) - 1) | 1 << 52, 52 - exponent);
-    let power = (exponent * 78_913) >> 18;
-    let (mut places, mut digits) = (11 - power, 0);
-    for _ in 0..2 {
-        // All digits with these decimal places: significand·10^places/2^shift, exactly.
-        let product = u128::from(significand) * u128::from(FIVES[places as usize]);
-        let shift = (shift - places) as u32;
-        digits = (product >> shift) as u64;
-        let (rest, half) = (product & ((1 << shift) - 1), 1 << (shift - 1));
-        digits += u64::from(rest > half || rest == half && digits % 2 == 1);
-        if digits <= 10 * LEAST {
-            break;
+    let decimal = Decimal::of(x).and_then(|decimal| {
+        // One division of two exact numbers, so it is rounded once.
+        let ten = TENS.get(decimal.places as usize)?;
+        Some((decimal.digits as f64 / ten).copysign(x))
+    });
+    decimal.unwrap_or_else(|| printed_with_twelve_digits(x))
+}
+
+/// A positive decimal number: `digits`·10^−`places`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Decimal {
+    /// All digits, at most 10¹².
+    pub digits: u64,
+    /// The number of decimal places, 0…27.
+    pub places: u32,
+}
+
+impl Decimal {
+    /// |x| rounded to 12 significant digits; a tie is rounded to the even digit. `None` outside of 10⁻¹⁵…10¹², where the
+    /// arithmetic is not exact.
+    #[must_use]
+    pub fn of(x: f64) -> Option<Self> {
+        /// The powers of five that fit into 64 bits.
+        const FIVES: [u64; 28] = {
+            let mut fives = [1; 28];
+            let mut k = 1;
+            while k < fives.len() {
+                fives[k] = 5 * fives[k - 1];
+                k += 1;
+            }
+            fives
+        };
+        const MOST: u64 = 1_000_000_000_000;
+        if !(1e-15..1e12).contains(&x.abs()) {
+            return None;
         }
-        places -= 1;
+        // |x| = significand·2^−shift, and 78913/2¹⁸ is log 2. So the estimated power may be one too small.
+        let bits = x.abs().to_bits();
+        let exponent = (bits >> 52) as i32 - 1023;
+        let (significand, shift) = (bits & ((1 << 52) - 1) | 1 << 52, 52 - exponent);
+        let power = (exponent * 78_913) >> 18;
+        let places = 11 - power;
+        let rounded = |places: i32| {
+            // significand·10^places/2^shift, exactly.
+            let product = u128::from(significand) * u128::from(FIVES[places as usize]);
+            let shift = (shift - places) as u32;
+            let digits = (product >> shift) as u64;
+            let (rest, half) = (product & ((1 << shift) - 1), 1 << (shift - 1));
+            digits + u64::from(rest > half || rest == half && digits % 2 == 1)
+        };
+        let digits = rounded(places);
+        let (digits, places) =
+            if digits <= MOST { (digits, places) } else { (rounded(places - 1), places - 1) };
+        Some(Self { digits, places: places as u32 })
     }
-    (digits as f64 / TENS[places as usize]).copysign(x)
 }
 
 /// [`twelve_digits`] for all numbers, by printing and parsing.

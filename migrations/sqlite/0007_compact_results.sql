@@ -12,5 +12,9 @@ CREATE TRIGGER a_result_changes_its_room AFTER UPDATE OF stored, evicted ON resu
         - iif(old.evicted IS NULL, old.stored, 0);
 END;
 
+-- Most jobs have succeeded, and a list of them needs no index.
+DROP INDEX job_state;
+CREATE INDEX job_state ON job (state, id) WHERE state <> 'succeeded';
+
 -- The `numerics` version of the keys of all unfinished runs. A later version of the program gives them new keys.
 ALTER TABLE room ADD COLUMN numerics INTEGER NOT NULL DEFAULT 1;

@@ -1,13 +1,12 @@
 //! The members of a result that search, lists and exports need.
 
-use fretwork_engine::contact::unworn::Regime;
-use fretwork_engine::outcome::{ContactScales, History, Outcome, Unworn};
+use fretwork_engine::numeric::twelve_digits;
+use fretwork_engine::outcome::Outcome;
 use fretwork_engine::scenario::Scenario;
 use serde::{Deserialize, Serialize};
-use serde_json::{Map, Value};
+use serde_json::{Map, Number, Value, to_value};
 
-use super::json::write;
-use super::{ENGINE, Engine, Key, Outline};
+use super::Outline;
 
 /// A result without its profiles and loops.
 #[derive(Debug)]
@@ -62,33 +61,9 @@ impl Document {
         let Members { key, engine, scenario, scales, unworn, regime, history } =
             serde_json::from_slice(text)?;
         let summary = summary(regime, &history).ok_or(BadDocument::History)?;
-        let members = Map::from_iter([
-            ("scenario".to_owned(), scenario),
-            ("scales".to_owned(), scales),
-            ("unworn".to_owned(), unworn),
-            ("summary".to_owned(), summary),
-        ]);
+        let members = members(scenario, scales, unworn, summary);
         let Producer { name: engine, numerics } = engine;
-        Ok(Self { key, engine, numerics, history, members: Value::Object(members) })
-    }
-
-    /// The document of a new result, with the digits that are stored.
-    #[expect(clippy::expect_used, reason = "search must find what is stored")]
-    pub(super) fn of(key: Key, scenario: &Scenario, outcome: &Outcome) -> Self {
-        #[derive(Serialize)]
-        struct Members<'a> {
-            key: Key,
-            engine: Engine,
-            scenario: &'a Scenario,
-            scales: ContactScales,
-            unworn: Unworn,
-            regime: Regime,
-            history: &'a History,
-        }
-        let Outcome { scales, unworn, regime, ref history, .. } = *outcome;
-        let engine = ENGINE;
-        let text = write(&Members { key, engine, scenario, scales, unworn, regime, history });
-        Self::read(text.as_bytes()).expect("this program has written it")
+        Ok(Self { key, engine, numerics, history, members })
     }
 
     /// The canonical scenario.
@@ -108,6 +83,41 @@ impl Document {
     pub fn outline(&self) -> Outline {
         Outline::of(&self.members)
     }
+}
+
+/// Summary and outline of a new result, with the digits of its JSON.
+#[expect(clippy::expect_used, reason = "search must find what is stored")]
+pub(super) fn digest(scenario: &Scenario, outcome: &Outcome) -> (Value, Outline) {
+    fn value(part: impl Serialize) -> Value {
+        let mut value = to_value(part).expect("scenarios and outcomes are plain numbers and texts");
+        round(&mut value);
+        value
+    }
+    let Outcome { scales, unworn, regime, history, .. } = outcome;
+    let history = value(history);
+    let columns = history.as_object().expect("a history has columns");
+    let summary = summary(value(regime), columns).expect("each column has an entry per output cycle");
+    let members = members(value(scenario), value(scales), value(unworn), summary.clone());
+    (summary, Outline::of(&members))
+}
+
+/// Rounds all numbers as [`write`](super::json::write) does.
+fn round(value: &mut Value) {
+    match value {
+        Value::Number(number) if number.is_f64() => {
+            let rounded = number.as_f64().map(twelve_digits).and_then(Number::from_f64);
+            *number = rounded.unwrap_or_else(|| number.clone());
+        }
+        Value::Array(items) => items.iter_mut().for_each(round),
+        Value::Object(members) => members.values_mut().for_each(round),
+        _ => {}
+    }
+}
+
+/// The document of [`Outline::of`].
+fn members(scenario: Value, scales: Value, unworn: Value, summary: Value) -> Value {
+    let names = ["scenario", "scales", "unworn", "summary"].map(str::to_owned);
+    names.into_iter().zip([scenario, scales, unworn, summary]).collect()
 }
 
 /// The summary of a result; `None` if its history is not valid.

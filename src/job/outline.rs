@@ -126,11 +126,11 @@ impl Outline {
     /// A value is `None` where the document does not have it.
     #[must_use]
     pub fn of(document: &Value) -> Self {
-        let word = |word: &Word| match document.pointer(word.pointer)? {
+        let word = |word: &Word| match at(document, word.pointer)? {
             Value::String(text) => Some(text.clone()),
             motion => motion_kind(motion),
         };
-        let number = |scalar: &Scalar| document.pointer(scalar.pointer)?.as_f64();
+        let number = |scalar: &Scalar| at(document, scalar.pointer)?.as_f64();
         Self {
             words: array::from_fn(|place| word(&WORDS[place])),
             scalars: array::from_fn(|place| number(&SCALARS[place])),
@@ -153,6 +153,11 @@ impl Outline {
         let members = SCALARS.iter().zip(&self.scalars);
         members.map(|(scalar, value)| (scalar.name.into(), json!(value))).collect()
     }
+}
+
+/// The value at a JSON pointer without escapes. `Value::pointer` allocates for each member.
+fn at<'a>(document: &'a Value, pointer: &str) -> Option<&'a Value> {
+    pointer.split('/').skip(1).try_fold(document, |value, member| value.get(member))
 }
 
 /// How a canonical scenario gives the tangential motion.

@@ -10,12 +10,13 @@ use std::panic::{self, AssertUnwindSafe};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use quick_cache::sync::Cache;
 use tokio::sync::{Semaphore, oneshot};
 use tokio::task;
 use tokio::time::timeout;
 
 use super::stopwatch::Stopwatch;
-use crate::job::{Answer, Begin, Job, Key, Prepared, Step};
+use crate::job::{Answer, Begin, Job, JobState, Key, Prepared, Step};
 use crate::store::{Admission, Answered, Error, NewJob, Store, Submitted};
 
 /// Longest estimate of a short run, in seconds.
@@ -25,10 +26,14 @@ const SHORT: f64 = 0.02;
 const INLINE: f64 = 1e-4;
 /// Longest stored form, in bytes, of a run that is computed on the async thread.
 const INLINE_BYTES: usize = 1 << 14;
+/// Number of remembered keys, with about 100 bytes each.
+const KNOWN: usize = 1 << 14;
 /// Most submissions that wait for a place to compute; further ones go through the queue.
 const MAX_WAITING: usize = 64;
-/// Longest wait for a place, and longest computation; then the run goes through the queue.
-const TIMEOUT: Duration = Duration::from_millis(50);
+/// Longest wait for a place; then the run goes through the queue.
+const MAX_WAIT: Duration = Duration::from_millis(250);
+/// Longest computation; then the run goes through the queue.
+const MAX_TIME: Duration = Duration::from_millis(50);
 
 /// Computes short runs.
 pub struct ShortRuns {
@@ -37,6 +42,9 @@ pub struct ShortRuns {
     entrance: Semaphore,
     /// As many computations at a time as there are workers: more would only share the processors.
     places: Arc<Semaphore>,
+    /// Keys whose results were stored lately. For other keys, a run below [`INLINE`] takes less time than a look
+    /// into the database: it is computed first, and its result is dropped if the database has it.
+    known: Cache<Key, ()>,
     /// For each computation under way, the submissions that joined it.
     flights: Mutex<HashMap<Key, Vec<Joined>>>,
 }
@@ -59,7 +67,8 @@ impl ShortRuns {
     pub fn new(store: Store, begin: Begin, workers: usize) -> Self {
         let entrance = Semaphore::new(MAX_WAITING);
         let places = Arc::new(Semaphore::new(workers));
-        Self { store, begin, entrance, places, flights: Mutex::default() }
+        let known = Cache::new(KNOWN);
+        Self { store, begin, entrance, places, known, flights: Mutex::default() }
     }
 
     /// Whether a submission is computed here. A repetition must find its first job in the tables, and a new
@@ -86,10 +95,15 @@ impl ShortRuns {
         if entered.is_none() && !self.flights().contains_key(&job.key) {
             return Ok(None);
         }
-        let probe = NewJob { admission: Admission::NoNewRun, ..job.clone() };
-        match self.store.submit(probe).await? {
-            Submitted::NeedsRun => {}
-            other => return Ok(Some((other, None))),
+        if prepared.seconds >= INLINE || self.known.get(&job.key).is_some() {
+            let probe = NewJob { admission: Admission::NoNewRun, ..job.clone() };
+            match self.store.submit(probe).await? {
+                Submitted::NeedsRun => {}
+                other => {
+                    self.note(&job.key, &other);
+                    return Ok(Some((other, None)));
+                }
+            }
         }
         if let Some(became) = self.join(job) {
             // A submission that only joins takes no place from others.
@@ -117,12 +131,20 @@ impl ShortRuns {
                 let _ = reply.send(job);
             }
         }
+        self.note(&job.key, &first);
         Ok(Some((first, Some(answer))))
+    }
+
+    /// Remembers a key whose result is stored.
+    fn note(&self, key: &Key, submitted: &Submitted) {
+        if matches!(submitted, Submitted::Accepted(job) if job.state == JobState::Succeeded) {
+            self.known.insert(*key, ());
+        }
     }
 
     /// Computes a run; `None` if it takes too long or cannot be computed.
     async fn compute(&self, prepared: &Prepared) -> Option<Computed> {
-        let place = timeout(TIMEOUT, Arc::clone(&self.places).acquire_owned()).await.ok()?.ok()?;
+        let place = timeout(MAX_WAIT, Arc::clone(&self.places).acquire_owned()).await.ok()?.ok()?;
         let inline = prepared.seconds < INLINE && prepared.stored.len() <= INLINE_BYTES;
         let (begin, prepared) = (Arc::clone(&self.begin), prepared.clone());
         let work = move || {
@@ -130,7 +152,7 @@ impl ShortRuns {
             let watch = Stopwatch::start();
             let (key, stored) = (prepared.key, Arc::clone(&prepared.stored));
             let mut work = begin(&key, &stored, Some(prepared)).ok()?;
-            while watch.elapsed() < TIMEOUT {
+            while watch.elapsed() < MAX_TIME {
                 if let Step::Done(answer) = work.step() {
                     let cost = watch.cost();
                     let answered = Answered::new(&answer, Some(cost));

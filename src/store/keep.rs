@@ -86,14 +86,15 @@ pub(super) fn keeping(run: Option<&str>, first: usize) -> Arc<str> {
     let end = run.map_or_else(String::new, |run| {
         format!(
             "UPDATE run SET state = 'succeeded', progress = 1, finished = {now}, changed = {now}
-             WHERE id = {run} AND attempt = {attempt} AND state = 'running' RETURNING started;"
+             WHERE id = {run} AND attempt = {attempt} AND state = 'running'
+             RETURNING started, (SELECT digest = {digest} FROM result WHERE result.key = run.key) AS same,
+                 (SELECT evicted IS NULL FROM result WHERE result.key = run.key) AS held;"
         )
     });
     let (run, ended) = (run.unwrap_or("NULL"), if run.is_some() { "changes() = 1" } else { "TRUE" });
     let outline = outline::insert(&format!("WHERE changes() = 1 AND result.key = {key}"), first + 14);
     format!(
-        "SELECT digest = {digest} AS same, evicted IS NULL AS held FROM result WHERE key = {key};
-         {end}
+        "{end}
          INSERT INTO result (key, size, stored, summary, digest, created, last_access, computed, checksum,
              owner, job, trace, wall, cpu, program)
          SELECT {key}, {size}, length({body}), {summary}, {digest}, {now}, {now}, {now}, {sum},
@@ -204,15 +205,11 @@ impl Answered {
 impl Kept {
     /// Reads what the statements have returned; other rows may be among theirs.
     pub(super) fn read(rows: &[SqliteRow]) -> Result<Self, sqlx::Error> {
-        let mut kept = Self { started: None, before: None };
-        for row in rows {
-            if let Ok(started) = row.try_get("started") {
-                kept.started = started;
-            } else if let Ok(same) = row.try_get("same") {
-                kept.before = Some((same, row.try_get("held")?));
-            }
-        }
-        Ok(kept)
+        let Some(row) = rows.iter().find(|row| row.try_get_raw("held").is_ok()) else {
+            return Ok(Self { started: None, before: None });
+        };
+        let before: (Option<bool>, Option<bool>) = (row.try_get("same")?, row.try_get("held")?);
+        Ok(Self { started: row.try_get("started")?, before: before.0.zip(before.1) })
     }
 }
 

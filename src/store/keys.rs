@@ -191,7 +191,8 @@ impl Store {
                 "SELECT count(*) FILTER (WHERE state = 'queued'),
                      count(*) FILTER (WHERE state <> 'queued')
                  FROM job INDEXED BY job_state
-                 WHERE state IN ('queued', 'running', 'canceling') AND owner = ?1",
+                 WHERE state IN ('queued', 'running', 'canceling') AND state <> 'succeeded'
+                     AND owner = ?1",
             )
             .bind(owner)
             .fetch_one(db)

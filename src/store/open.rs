@@ -162,6 +162,8 @@ pub(super) fn writing(path: &Path, full_sync: bool) -> SqliteConnectOptions {
         .pragma("application_id", APPLICATION_ID.to_string())
         // What a statement needs to undo itself stays in memory, instead of a temporary file.
         .pragma("temp_store", "memory")
+        // 64 MiB: keys are random, so each result changes pages all over the tables.
+        .pragma("cache_size", "-65536")
         // Number of pages in the log (32 MB) at which a commit must checkpoint. Usually maintenance runs a
         // checkpoint earlier.
         .pragma("wal_autocheckpoint", "8000")

@@ -290,7 +290,7 @@ pub(super) async fn unfinished(
         QueryBuilder::<Sqlite>::new("SELECT job.id FROM job INDEXED BY job_state WHERE ");
     matching(&mut query, filter);
     query
-        .push(" AND job.state IN ('queued', 'running') AND job.id < ")
+        .push(" AND job.state IN ('queued', 'running') AND job.state <> 'succeeded' AND job.id < ")
         .push_bind(before.0.as_bytes().to_vec())
         .push(" ORDER BY job.id DESC LIMIT ")
         .push_bind(at_most);
@@ -303,6 +303,10 @@ fn matching(query: &mut QueryBuilder<Sqlite>, filter: &Filter) {
     query.push("TRUE");
     if let Some(state) = filter.state {
         query.push(" AND job.state = ").push_bind(state.as_str());
+        if state != JobState::Succeeded {
+            // The index `job_state` requires this condition.
+            query.push(" AND job.state <> 'succeeded'");
+        }
     }
     if let Some(label) = &filter.label {
         query.push(" AND job.label = ").push_bind(label.clone());

@@ -296,7 +296,7 @@ async fn the_least_recently_read_result_is_evicted_unless_it_is_pinned() {
 async fn a_result_altered_on_the_disk_is_reported_as_damaged() {
     let (dir, store) = fresh().await;
     compute(&store, 1, 0).await;
-    let changed = "UPDATE result_blob SET body = CAST(replace(body, '0.1', '0.2') AS BLOB)";
+    let changed = "UPDATE result_blob SET body = zeroblob(length(body))";
     raw(dir.path()).await.execute(changed).await.unwrap();
     let found = store.result(&key(1)).await;
     assert!(matches!(found, Err(Error::DamagedResult(damaged)) if damaged == key(1)), "{found:?}");
