@@ -19,12 +19,17 @@ use fretwork::service::Service;
 use fretwork::service::workers::Workers;
 use fretwork::store::Store;
 use fretwork::verification;
+use mimalloc::MiMalloc;
 use tokio::net::TcpListener;
 use tokio::sync::oneshot;
 use tokio::time;
 
 use cli::{Error, print, print_error, reachable};
 use config::{Cli, Command, Serve};
+
+/// Requests and results are many short allocations, freed by other threads than those that made them.
+#[global_allocator]
+static ALLOCATOR: MiMalloc = MiMalloc;
 
 /// How long connections may stay open after the last run has ended. Together with the drain time it is shorter
 /// than the 10 s after which service managers kill a process.
