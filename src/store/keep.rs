@@ -12,7 +12,7 @@ use super::error::Error;
 use super::outline::{self, Statement};
 use super::signals::Effect;
 use super::transaction::Transaction;
-use crate::job::{Answer, Cost, Key, Outline};
+use crate::job::{Answer, Cost, JobId, Key, Outline};
 
 /// What happened to the result of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -57,15 +57,16 @@ pub(super) struct Source<'a> {
     /// The attempt of the run that it ends.
     pub(super) attempt: u32,
     pub(super) task: &'a str,
-    /// The owner; `None` for the owner of the run.
+    /// Its owner and its job; for [`Reason::Run`] those of the run.
     pub(super) owner: Option<&'a str>,
+    pub(super) job: Option<JobId>,
     pub(super) trace: Option<&'a str>,
     /// The row in the table `program`.
     pub(super) program: Option<i64>,
     pub(super) now: i64,
 }
 
-/// What the statements of [`keeping`] did.
+/// What the statements for [`Reason::Run`] did.
 pub(super) struct Kept {
     /// When the run began that is now ended; `None` if the worker has lost it.
     pub(super) started: Option<i64>,
@@ -73,33 +74,47 @@ pub(super) struct Kept {
     before: Option<(bool, bool)>,
 }
 
-/// The statements that store a result, and before that end the run `run`, an SQL expression. Without a run they store
-/// the result only. The parameters of [`Answered::bind`] are those from `first` on.
+/// Why a result is stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Reason {
+    /// It ends the run $1.
+    Run,
+    /// It was computed before its job was submitted. It does not replace an evicted result, because it is not compared
+    /// with it.
+    Job,
+    /// It is imported.
+    Import,
+}
+
+/// The statements that store a result. The parameters of [`Answered::bind`] are those from `first` on.
 ///
 /// They are sent to the database together, because each call takes longer than a statement. `changes()` is the number of
-/// rows that the statement before has changed: so a result is stored only if its run was ended, and one that is stored
-/// already stays.
-pub(super) fn keeping(run: Option<&str>, first: usize) -> Arc<str> {
+/// rows that the statement before has changed. So a result is stored only if its run was ended, and one that is stored
+/// already stays. After the last statement it is 1 if the result was stored.
+pub(super) fn keeping(reason: Reason, first: usize) -> Arc<str> {
     let p = |place: usize| format!("${}", first + place);
-    let [attempt, now, key, digest, body, size, summary, sum, task, owner, trace, wall, cpu, program] =
-        array::from_fn(p);
-    let end = run.map_or_else(String::new, |run| {
-        format!(
-            "UPDATE run SET state = 'succeeded', progress = 1, finished = {now}, changed = {now}
-             WHERE id = {run} AND attempt = {attempt} AND state = 'running'
-             RETURNING started, (SELECT digest = {digest} FROM result WHERE result.key = run.key) AS same,
-                 (SELECT evicted IS NULL FROM result WHERE result.key = run.key) AS held;"
-        )
-    });
-    let (run, ended) = (run.unwrap_or("NULL"), if run.is_some() { "changes() = 1" } else { "TRUE" });
-    let outline = outline::insert(&format!("WHERE changes() = 1 AND result.key = {key}"), first + 14);
+    let [attempt, now, key, digest, body, size, summary, sum] = array::from_fn(p);
+    let [task, owner, job, trace, wall, cpu, program] = array::from_fn(|place| p(8 + place));
+    let outline = outline::insert(&format!("WHERE changes() = 1 AND result.key = {key}"), first + 15);
+    let end = format!(
+        "UPDATE run SET state = 'succeeded', progress = 1, finished = {now}, changed = {now}
+         WHERE id = $1 AND attempt = {attempt} AND state = 'running'
+         RETURNING started, (SELECT digest = {digest} FROM result WHERE result.key = run.key) AS same,
+             (SELECT evicted IS NULL FROM result WHERE result.key = run.key) AS held;"
+    );
+    let owner_of_run = "(SELECT owner FROM run WHERE id = $1)".to_owned();
+    let first_job = "(SELECT min(id) FROM job WHERE run = $1)".to_owned();
+    let (end, ended, owner, job) = match reason {
+        Reason::Run => (end, "changes() = 1", owner_of_run, first_job),
+        Reason::Job | Reason::Import => (String::new(), "TRUE", owner, job),
+    };
+    let replaces = if reason == Reason::Job { "FALSE" } else { "evicted IS NOT NULL" };
     format!(
         "{end}
          INSERT INTO result (key, size, stored, summary, digest, created, last_access, computed, checksum,
              owner, job, trace, wall, cpu, program)
-         SELECT {key}, {size}, length({body}), {summary}, {digest}, {now}, {now}, {now}, {sum},
-             coalesce({owner}, (SELECT owner FROM run WHERE id = {run})),
-             (SELECT min(id) FROM job WHERE job.run = {run}), {trace}, {wall}, {cpu}, {program}
+         SELECT {key}, {size}, length({body}), {summary}, {digest}, {now}, {now}, {now}, {sum}, {owner},
+             {job}, {trace}, {wall}, {cpu}, {program}
          WHERE {ended}
          ON CONFLICT (key) DO UPDATE SET size = excluded.size, stored = excluded.stored,
              summary = excluded.summary, digest = excluded.digest, last_access = excluded.last_access,
@@ -107,7 +122,7 @@ pub(super) fn keeping(run: Option<&str>, first: usize) -> Arc<str> {
              job = excluded.job, trace = excluded.trace, wall = excluded.wall, cpu = excluded.cpu,
              program = excluded.program, imported = NULL, imported_from = NULL, deleted_by = NULL,
              evicted = NULL
-         WHERE evicted IS NOT NULL;
+         WHERE {replaces};
          INSERT OR REPLACE INTO result_blob (key, body) SELECT {key}, {body} WHERE changes() = 1;
          INSERT INTO result_task (key, task) SELECT {key}, {task} WHERE changes() = 1
          ON CONFLICT (key) DO UPDATE SET task = excluded.task;
@@ -117,7 +132,7 @@ pub(super) fn keeping(run: Option<&str>, first: usize) -> Arc<str> {
 }
 
 /// Stores a result without a run.
-static IMPORT: LazyLock<Arc<str>> = LazyLock::new(|| keeping(None, 1));
+static IMPORT: LazyLock<Arc<str>> = LazyLock::new(|| keeping(Reason::Import, 1));
 
 impl Answered {
     /// Compresses and hashes an answer. Large answers take long, so do not call this in the writer task.
@@ -150,6 +165,7 @@ impl Answered {
             .bind(self.body.checksum())
             .bind(source.task)
             .bind(source.owner)
+            .bind(source.job.map(|job| job.0.as_bytes().to_vec()))
             .bind(source.trace)
             .bind(self.cost.map(|cost| cost.wall.as_secs_f64()))
             .bind(self.cost.and_then(|cost| cost.cpu).map(|cpu| cpu.as_secs_f64()))
@@ -203,11 +219,9 @@ impl Answered {
 }
 
 impl Kept {
-    /// Reads what the statements have returned; other rows may be among theirs.
+    /// Reads what the statements have returned.
     pub(super) fn read(rows: &[SqliteRow]) -> Result<Self, sqlx::Error> {
-        let Some(row) = rows.iter().find(|row| row.try_get_raw("held").is_ok()) else {
-            return Ok(Self { started: None, before: None });
-        };
+        let Some(row) = rows.first() else { return Ok(Self { started: None, before: None }) };
         let before: (Option<bool>, Option<bool>) = (row.try_get("same")?, row.try_get("held")?);
         Ok(Self { started: row.try_get("started")?, before: before.0.zip(before.1) })
     }

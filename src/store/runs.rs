@@ -8,7 +8,7 @@ use sqlx::query::Query;
 use sqlx::sqlite::{SqliteArguments, SqliteRow};
 use sqlx::{AssertSqlSafe, Row, Sqlite};
 
-use super::keep::{Answered, Finish, Kept, Source, keeping};
+use super::keep::{Answered, Finish, Kept, Reason, Source, keeping};
 use super::queue::Queue;
 use super::row::{RunId, job_id, key};
 use super::signals::{Effect, Stop};
@@ -155,28 +155,19 @@ async fn finish(
     Finished { claimed, answer }: &Finished,
     tx: &mut Transaction,
 ) -> Result<Finish, Error> {
-    static FINISH: LazyLock<Arc<str>> = LazyLock::new(|| keeping(Some("$1"), 2));
+    static FINISH: LazyLock<Arc<str>> = LazyLock::new(|| keeping(Reason::Run, 2));
     let Claimed { run, attempt, key, ref task, ref trace, .. } = *claimed;
-    let (owner, trace, program, now) = (None, trace.as_deref(), Some(tx.program), tx.now);
-    let source = Source { key, attempt, task, owner, trace, program, now };
+    let (owner, job, program, now) = (None, None, Some(tx.program), tx.now);
+    let trace = trace.as_deref();
+    let source = Source { key, attempt, task, owner, job, trace, program, now };
     let query = sqlx::query(AssertSqlSafe(Arc::clone(&FINISH))).bind(run.0);
     let rows = answer.bind(query, &source).fetch_all(&mut tx.db).await?;
-    succeeded(tx, run, key, answer, &Kept::read(&rows)?).await
-}
-
-/// Signals the end of a run with a result. All jobs of a computed run finish here.
-pub(super) async fn succeeded(
-    tx: &mut Transaction,
-    run: RunId,
-    key: Key,
-    answer: &Answered,
-    kept: &Kept,
-) -> Result<Finish, Error> {
+    let kept = Kept::read(&rows)?;
     if kept.started.is_none() {
         return Ok(Finish::Refused);
     }
     ended(tx, run, key, kept.started, Ending::Succeeded);
-    answer.kept(tx, key, kept).await
+    answer.kept(tx, key, &kept).await
 }
 
 async fn fail(

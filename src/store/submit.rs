@@ -8,13 +8,14 @@ use serde_json::Value;
 use sqlx::sqlite::SqliteRow;
 use sqlx::{AssertSqlSafe, Row};
 
-use super::keep::{Answered, Kept, Source, keeping};
+use super::keep::{Answered, Reason, Source, keeping};
 use super::outline::Statement;
 use super::row::{RunId, changes, job_id, json, word};
 use super::signals::Effect;
+use super::tally::Ending;
 use super::transaction::Transaction;
-use super::{Error, Store, read, runs};
-use crate::job::{Change, Job, JobId, JobState, Key, Origin};
+use super::{Error, Store, read};
+use crate::job::{Job, JobId, JobState, Key, Origin};
 use fretwork_engine::scenario::Warning;
 
 /// A submission, checked and with its key.
@@ -177,24 +178,29 @@ impl EncodedJob {
 
     /// Inserts the job, and a run if it needs one. The new run is queued.
     async fn insert(&self, tx: &mut Transaction) -> Result<Submitted, Error> {
-        let query = self.bind(sqlx::query(SUBMIT), None, tx.now);
+        let query = self.bind(sqlx::query(AssertSqlSafe(Arc::clone(&SUBMIT))), tx.now, None);
         let rows = query.fetch_all(&mut tx.db).await.map_err(|error| self.refused(error))?;
-        Ok(self.submitted(tx, &rows)?.0)
+        self.submitted(tx, &rows)
     }
 
-    /// Binds the parameters of [`SUBMIT`]. With `began` a new run is running since then, because it is already computed.
-    fn bind<'q>(&'q self, query: Statement<'q>, began: Option<i64>, now: i64) -> Statement<'q> {
+    /// Binds the parameters of [`RUN`] and [`JOB`].
+    fn bind<'q>(
+        &'q self,
+        query: Statement<'q>,
+        now: i64,
+        recorded: Option<Recorded>,
+    ) -> Statement<'q> {
         let new = &self.job;
         let repeatable = new.repeatable.as_ref();
         query
             .bind(new.key.bytes().as_slice())
             .bind(&new.owner)
-            .bind(began.unwrap_or(now))
+            .bind(recorded.map(|recorded| recorded.began))
             .bind(&new.task)
             .bind(new.afresh)
             .bind(&new.trace)
-            .bind(new.admission == Admission::NoNewRun)
-            .bind(began.is_some())
+            .bind(recorded.is_some() || new.admission == Admission::NoNewRun)
+            .bind(recorded.map(|recorded| recorded.origin.as_str()))
             .bind(new.id.0.as_bytes().as_slice())
             .bind(&new.label)
             .bind(&self.tags)
@@ -206,7 +212,7 @@ impl EncodedJob {
             .bind(now)
     }
 
-    /// The error of [`SUBMIT`].
+    /// The error of [`JOB`].
     fn refused(&self, error: sqlx::Error) -> Error {
         match error.as_database_error() {
             Some(refusal) if refusal.is_unique_violation() => Error::JobExists(self.job.id),
@@ -214,16 +220,10 @@ impl EncodedJob {
         }
     }
 
-    /// Signals a submission after [`SUBMIT`]. Returns the job, and its run if it has one.
-    fn submitted(
-        &self,
-        tx: &mut Transaction,
-        rows: &[SqliteRow],
-    ) -> Result<(Submitted, Option<RunId>), Error> {
+    /// Signals a submission after [`JOB`], and returns its job.
+    fn submitted(&self, tx: &mut Transaction, rows: &[SqliteRow]) -> Result<Submitted, Error> {
         let new = &self.job;
-        let Some(row) = rows.iter().find(|row| row.try_get_raw("origin").is_ok()) else {
-            return Ok((Submitted::NeedsRun, None));
-        };
+        let Some(row) = rows.first() else { return Ok(Submitted::NeedsRun) };
         let (origin, state) = (word(row, "origin")?, word(row, "state")?);
         let run = row.try_get::<Option<i64>, _>("run")?.map(RunId);
         if let Some(run) = run.filter(|_| state == JobState::Queued) {
@@ -250,47 +250,52 @@ impl EncodedJob {
             tags: new.tags.clone(),
             warnings: self.warnings.clone(),
             created: row.try_get("created")?,
-            started: row.try_get("began")?,
+            started: row.try_get("started")?,
             finished: row.try_get("finished")?,
             changes: changes(row.try_get("changes")?)?,
             failure: None,
             summary: row.try_get::<Option<&str>, _>("summary")?.map(json).transpose()?,
         };
-        Ok((Submitted::Accepted(job), run))
+        Ok(Submitted::Accepted(job))
     }
 }
 
-/// The first statement inserts a run, unless a run is live, the known result is sufficient, or $7 forbids it. The
-/// run is queued, or with $8 running since $3. The second statement inserts the job. `changes()` tells it whether
-/// the first one inserted a run. The job of a run that this transaction records began at $3. Any other job begins
-/// now ($17).
-const SUBMIT: &str = "
-    INSERT INTO run (id, key, owner, created, task, state, attempt, started, changed, trace)
-    SELECT (SELECT runs + 1 FROM room), $1, $2, $3, $4, iif($8, 'running', 'queued'), $8,
-        iif($8, $3, NULL), $3, $6
+/// Inserts a queued run, unless a run is live, the known result is sufficient, or $7 forbids it.
+const RUN: &str = "
+    INSERT INTO run (id, key, owner, created, task, state, changed, trace)
+    SELECT (SELECT runs + 1 FROM room), $1, $2, $17, $4, 'queued', $17, $6
     WHERE NOT $7
         AND ($5 OR NOT EXISTS (SELECT 1 FROM result WHERE key = $1 AND evicted IS NULL))
-    ON CONFLICT (key) WHERE state IN ('queued', 'running') DO NOTHING;
+    ON CONFLICT (key) WHERE state IN ('queued', 'running') DO NOTHING";
 
+/// Inserts a job at the time $17, if its result is known or its run is live. `changes()` tells whether the statement
+/// before has inserted this run. With $8 that statement has stored the result or inserted another of its jobs: then $8 is
+/// the origin of the job, and its computation began at $3.
+const JOB: &str = "
     INSERT INTO job (key, owner, created, id, label, tags, warnings, priority, idempotency_key,
         fingerprint, submitted, run, state, attempt, origin, started, finished, changes)
     WITH found AS (
         SELECT is_known, run.id AS run, coalesce(run.state, 'succeeded') AS state,
             coalesce(run.attempt, 0) AS attempt, changes() AS is_new,
-            $8 AND run.id = (SELECT runs FROM room) AND run.started = $3 AS is_recorded
+            $8 IS NOT NULL AND changes() = 1 AS is_recorded
         FROM (SELECT EXISTS (SELECT 1 FROM result WHERE key = $1 AND evicted IS NULL) AS is_known)
         LEFT JOIN run ON run.key = $1 AND run.state IN ('queued', 'running') AND ($5 OR NOT is_known)
-    ), dated AS (SELECT *, iif(is_recorded, $3, $17) AS at FROM found)
-    SELECT $1, $2, at, $9, $10, $11, $12, $13, $14, $15, $16, run, state, attempt,
-        CASE WHEN run IS NULL THEN 'cached' WHEN is_new THEN 'computed' ELSE 'coalesced' END,
-        iif(state = 'queued', NULL, at), iif(run IS NULL, at, NULL),
-        iif(is_recorded, 'queued 0 ' || at || char(10), '') || state || ' ' || attempt || ' ' || at
-    FROM dated
+    )
+    SELECT $1, $2, iif(is_recorded, $3, $17), $9, $10, $11, $12, $13, $14, $15, $16, run, state,
+        iif(is_recorded, 1, attempt),
+        CASE WHEN is_recorded THEN $8 WHEN run IS NULL THEN 'cached'
+            WHEN is_new THEN 'computed' ELSE 'coalesced' END,
+        CASE WHEN is_recorded THEN $3 WHEN state <> 'queued' THEN $17 END, iif(run IS NULL, $17, NULL),
+        iif(is_recorded, 'queued 0 ' || $3 || char(10) || 'running 1 ' || $3 || char(10)
+            || 'succeeded 1 ' || $17, state || ' ' || attempt || ' ' || $17)
+    FROM found
     WHERE NOT $7 OR run IS NOT NULL OR (is_known AND NOT $5)
-    RETURNING run, created, state, attempt, origin, started AS began, finished, changes,
+    RETURNING run, created, state, attempt, origin, started, finished, changes,
         (SELECT progress FROM run WHERE run.id = job.run) AS progress,
         iif(state = 'succeeded', (SELECT summary FROM result WHERE result.key = job.key), NULL)
             AS summary";
+
+static SUBMIT: LazyLock<Arc<str>> = LazyLock::new(|| format!("{RUN}; {JOB}").into());
 
 async fn submit(submission: &EncodedJob, tx: &mut Transaction) -> Result<Submitted, Error> {
     if let Some(repeated) = submission.repeated(tx).await? {
@@ -310,51 +315,47 @@ struct Record {
     answer: Answered,
 }
 
-/// The attempt of a run that is recorded with its answer. Such a run has only one attempt.
-const ATTEMPT: u32 = 1;
+/// How a job got its answer before it was submitted.
+#[derive(Debug, Clone, Copy)]
+struct Recorded {
+    origin: Origin,
+    /// When the computation began.
+    began: i64,
+}
 
-/// [`SUBMIT`], and then the end of the run that the job $18 started.
-static RECORD: LazyLock<Arc<str>> = LazyLock::new(|| {
-    let run = "(SELECT run FROM job WHERE id = $18 AND origin = 'computed')";
-    format!("{SUBMIT}; {}", keeping(Some(run), 19)).into()
-});
+/// Stores a result and its first job.
+static RECORD: LazyLock<Arc<str>> =
+    LazyLock::new(|| format!("{}; {JOB}", keeping(Reason::Job, 18)).into());
 
-/// The first job starts a run, the others join it, and the answer finishes it. If the result has become
-/// known meanwhile, or a run is live, the jobs use that instead and the answer is dropped.
+/// Stores the answer and its jobs, which are finished and have no run. If the result is known, or is evicted and a run is
+/// live, the jobs use that instead, and the answer is dropped. If it is evicted and no run is live, the jobs need one.
 async fn record(record: &Record, tx: &mut Transaction) -> Result<Vec<Submitted>, Error> {
     let Record { jobs, wall, answer } = record;
     let took = i64::try_from(wall.as_millis()).unwrap_or(i64::MAX);
-    let (began, now) = (Some(tx.now.saturating_sub(took)), tx.now);
-    let Some((last, others)) = jobs.split_last() else { return Ok(Vec::new()) };
-    let mut all = Vec::with_capacity(jobs.len());
-    let mut first = None;
-    for encoded in others {
-        let query = encoded.bind(sqlx::query(SUBMIT), began, now);
-        let rows = query.fetch_all(&mut tx.db).await.map_err(|error| encoded.refused(error))?;
-        let (submitted, run) = encoded.submitted(tx, &rows)?;
-        first.get_or_insert(run);
-        all.push(submitted);
+    let (began, now) = (tx.now.saturating_sub(took), tx.now);
+    let Some((first, others)) = jobs.split_first() else { return Ok(Vec::new()) };
+    let NewJob { id, key, ref owner, ref task, ref trace, .. } = first.job;
+    let (owner, job, trace) = (Some(owner.as_str()), Some(id), trace.as_deref());
+    let source =
+        Source { key, attempt: 0, task, owner, job, trace, program: Some(tx.program), now };
+    let recorded = Some(Recorded { origin: Origin::Computed, began });
+    let query = first.bind(sqlx::query(AssertSqlSafe(Arc::clone(&RECORD))), now, recorded);
+    let rows = answer.bind(query, &source).fetch_all(&mut tx.db).await;
+    let submitted = first.submitted(tx, &rows.map_err(|error| first.refused(error))?)?;
+    let is_stored =
+        matches!(&submitted, Submitted::Accepted(job) if job.origin == Origin::Computed);
+    if is_stored {
+        tx.effects.extend([
+            Effect::Ended(key),
+            Effect::Settled(Ending::Succeeded, Some(took)),
+            Effect::Stored(answer.body.bytes().len() as u64),
+        ]);
     }
-    let NewJob { id, key, ref task, ref trace, .. } = jobs[0].job;
-    let (owner, trace, program) = (None, trace.as_deref(), Some(tx.program));
-    let source = Source { key, attempt: ATTEMPT, task, owner, trace, program, now };
-    let query = last.bind(sqlx::query(AssertSqlSafe(Arc::clone(&RECORD))), began, now);
-    let query = answer.bind(query.bind(id.0.as_bytes().to_vec()), &source);
-    let rows = query.fetch_all(&mut tx.db).await.map_err(|error| last.refused(error))?;
-    let (submitted, run) = last.submitted(tx, &rows)?;
-    all.push(submitted);
-    let kept = Kept::read(&rows)?;
-    let Some(run) = first.unwrap_or(run).filter(|_| kept.started.is_some()) else { return Ok(all) };
-    runs::succeeded(tx, run, key, answer, &kept).await?;
-    let summary: Value = json(&answer.summary)?;
-    for submitted in &mut all {
-        let Submitted::Accepted(job) = submitted else { continue };
-        let state = JobState::Succeeded;
-        job.state = state;
-        job.progress = 1.0;
-        job.finished = Some(now);
-        job.changes.push(Change { state, attempt: ATTEMPT, at: now });
-        job.summary = Some(summary.clone());
+    let mut all = vec![submitted];
+    let recorded = is_stored.then_some(Recorded { origin: Origin::Coalesced, began });
+    for other in others {
+        let rows = other.bind(sqlx::query(JOB), now, recorded).fetch_all(&mut tx.db).await;
+        all.push(other.submitted(tx, &rows.map_err(|error| other.refused(error))?)?);
     }
     Ok(all)
 }

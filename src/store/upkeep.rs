@@ -19,7 +19,7 @@ const IDLE: Duration = Duration::from_secs(1);
 const OFTEN: Duration = Duration::from_mins(1);
 /// Jobs deleted in one transaction, which takes a few milliseconds.
 const JOBS: u32 = 100;
-/// How long the scenario of an evicted result is kept: one year in milliseconds.
+/// How long the scenario of an evicted result is kept at least: one year in milliseconds.
 const KEEP_EVICTED: i64 = 365 * 24 * 3600 * 1000;
 
 /// Decides when to run maintenance.
@@ -144,8 +144,8 @@ pub(super) struct Room {
 }
 
 /// Evicts the least recently read result if all results together exceed the budget. The scenario of an evicted
-/// result stays known for a year. If the results are within the budget, deletes rows that were evicted more than
-/// a year ago.
+/// result stays known for a year, and for as long as it has jobs. If the results are within the budget, deletes older
+/// rows without jobs.
 ///
 /// With `leave_body` it does not delete the body, because its pages are damaged and cannot be freed.
 pub(super) async fn evict(
@@ -154,9 +154,13 @@ pub(super) async fn evict(
 ) -> Result<Room, Error> {
     let used: u64 = sqlx::query_scalar("SELECT used FROM room").fetch_one(&mut tx.db).await?;
     if budget.is_none_or(|budget| used <= budget) {
+        // The oldest 1000 only, so that many results with old jobs do not slow every round.
         sqlx::query(
             "DELETE FROM result WHERE key IN (
-                 SELECT key FROM result WHERE evicted < ?1 LIMIT 100
+                 SELECT key FROM (
+                     SELECT key FROM result WHERE evicted < ?1 ORDER BY evicted LIMIT 1000
+                 ) AS old
+                 WHERE NOT EXISTS (SELECT 1 FROM job WHERE job.key = old.key) LIMIT 100
              )",
         )
         .bind(tx.now - KEEP_EVICTED)

@@ -293,6 +293,23 @@ async fn the_least_recently_read_result_is_evicted_unless_it_is_pinned() {
 }
 
 #[tokio::test]
+async fn the_scenario_of_an_evicted_result_is_kept_for_a_year_and_as_long_as_it_has_jobs() {
+    let (dir, store) = fresh().await;
+    let mut jobs = Vec::new();
+    for number in 1..=3 {
+        jobs.push(compute(&store, number, 0).await);
+    }
+    let forget = "UPDATE result SET evicted = 1 WHERE substr(key, 1, 1) <> x'03'";
+    raw(dir.path()).await.execute(forget).await.unwrap();
+    for number in [1, 3] {
+        store.delete(jobs[number - 1].id).await.unwrap();
+    }
+    let store = &store;
+    eventually(async || store.result(&key(1)).await.unwrap().is_none()).await;
+    assert!(is_evicted(store, 2).await && store.has_result(&key(3)).await.unwrap());
+}
+
+#[tokio::test]
 async fn a_result_altered_on_the_disk_is_reported_as_damaged() {
     let (dir, store) = fresh().await;
     compute(&store, 1, 0).await;

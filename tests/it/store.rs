@@ -772,20 +772,30 @@ async fn a_refused_recomputation_is_not_answered_from_the_cache() {
 }
 
 #[tokio::test]
-async fn an_answer_recorded_beside_a_live_run_leaves_its_job_to_the_run() {
+async fn an_answer_recorded_beside_a_live_run_is_stored_and_the_run_finds_the_same() {
     let (_dir, store) = fresh().await;
     let cost = Cost { wall: Duration::from_mins(1), cpu: None };
-    let record = async || {
-        let recorded = store.record(vec![new_job(1)], Answered::new(&answer("{}"), Some(cost)), cost.wall).await.unwrap();
-        accepted(Ok(recorded.into_iter().next().unwrap()))
+    let record = async |job| {
+        let answered = Answered::new(&answer("a"), Some(cost));
+        let recorded = store.record(vec![job], answered, cost.wall).await.unwrap();
+        recorded.into_iter().next().unwrap()
     };
-    let states = |job: &Job| job.changes.iter().map(|change| change.state).collect::<Vec<_>>();
-    let first = accepted(store.submit(new_job(1)).await);
-    let queued = record().await;
-    assert_eq!((queued.origin, states(&queued)), (Origin::Coalesced, vec![JobState::Queued]));
-    assert!(queued.created >= first.created);
-    store.claim().await.unwrap().unwrap();
-    let running = record().await;
-    assert_eq!((running.origin, states(&running)), (Origin::Coalesced, vec![JobState::Running]));
-    assert!(running.created >= first.created && running.started == Some(running.created));
+    let queued = accepted(store.submit(new_job(1)).await);
+    let claimed = store.claim().await.unwrap().unwrap();
+    let job = accepted(Ok(record(new_job(1)).await));
+    let states: Vec<_> = job.changes.iter().map(|change| change.state).collect();
+    assert_eq!(states, [JobState::Queued, JobState::Running, JobState::Succeeded]);
+    assert_eq!((job.state, job.origin, job.attempt), (JobState::Succeeded, Origin::Computed, 1));
+    let (started, finished) = (job.started.unwrap(), job.finished.unwrap());
+    assert_eq!((job.created, finished - started), (started, 60_000));
+    assert_eq!(store.job(job.id).await.unwrap(), Some(job.clone()));
+    // Another one finds the result.
+    assert_eq!(accepted(Ok(record(new_job(1)).await)).origin, Origin::Cached);
+    let finish = store.finish(&claimed, &answer("a"), Cost::default()).await.unwrap();
+    assert_eq!(finish, Finish::Same);
+    let queued = store.job(queued.id).await.unwrap().unwrap();
+    assert_eq!((queued.state, queued.origin), (JobState::Succeeded, Origin::Computed));
+    // An evicted result is compared with the new one by the run that computes it again.
+    store.remove(&key(1), "ada".into()).await.unwrap();
+    assert_eq!(record(new_job(1)).await, Submitted::NeedsRun);
 }

@@ -246,7 +246,8 @@ impl Entry {
         };
         let owner = self.owner.as_deref();
         let (key, task, now) = (self.key, &self.task, clock::now());
-        let source = Source { key, attempt: 0, task, owner, trace: None, program, now };
+        let (job, trace) = (None, None);
+        let source = Source { key, attempt: 0, task, owner, job, trace, program, now };
         self.answer.import(db, &source).await?;
         sqlx::query(
             "UPDATE result SET imported = ?2, imported_from = ?3, computed = ?4 WHERE key = ?1",
