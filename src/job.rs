@@ -1,8 +1,8 @@
 //! Jobs, their keys and states, and the [`Task`] that a job computes.
 
 pub mod clock;
-pub mod json;
 mod document;
+pub mod json;
 mod key;
 mod outline;
 mod record;

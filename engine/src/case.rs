@@ -235,7 +235,7 @@ impl Case {
     /// Estimated size of the result as JSON, in bytes.
     #[must_use]
     pub fn answer_bytes(&self) -> usize {
-        /// Bytes of a number of 12 digits with its exponent and comma, at most.
+        /// Bytes of a positive number of 12 digits with its exponent and comma.
         const NUMBER: usize = 18;
         let rows = self.profile_rows();
         let curves = if rows == 0 { 0 } else { 3 + 5 * rows };

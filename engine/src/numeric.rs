@@ -334,7 +334,7 @@ pub fn twelve_digits(x: f64) -> f64 {
     ];
     let decimal = Decimal::of(x).and_then(|decimal| {
         // One division of two exact numbers, so it is rounded once.
-        let ten = TENS.get(decimal.places as usize)?;
+        let ten = TENS.get(usize::from(decimal.places))?;
         Some((decimal.digits as f64 / ten).copysign(x))
     });
     decimal.unwrap_or_else(|| printed_with_twelve_digits(x))
@@ -346,7 +346,7 @@ pub struct Decimal {
     /// All digits, at most 10¹².
     pub digits: u64,
     /// The number of decimal places, 0…27.
-    pub places: u32,
+    pub places: u8,
 }
 
 impl Decimal {
@@ -385,7 +385,7 @@ impl Decimal {
         let digits = rounded(places);
         let (digits, places) =
             if digits <= MOST { (digits, places) } else { (rounded(places - 1), places - 1) };
-        Some(Self { digits, places: places as u32 })
+        Some(Self { digits, places: places as u8 })
     }
 }
 
@@ -496,17 +496,18 @@ mod tests {
             seed = seed.wrapping_mul(0x5851_f42d_4c95_7f2d).wrapping_add(0x1405_7b7e_f767_814f);
             seed >> 11
         };
+        let two = |power: i64| f64::from_bits(((1023 + power) as u64) << 52);
         let check = |x: f64| {
             let (fast, printed) = (twelve_digits(x), printed_with_twelve_digits(x));
             assert_eq!(fast.to_bits(), printed.to_bits(), "{x:e}: {fast:e}, {printed:e}");
             assert_eq!(twelve_digits(fast).to_bits(), fast.to_bits(), "{x:e}");
         };
         for _ in 0..200_000 {
-            let significand = 1.0 + random() as f64 / 2_f64.powi(53);
-            check(significand * 2_f64.powi((random() % 100) as i32 - 50));
+            let significand = 1.0 + random() as f64 * two(-53);
+            check(significand * two((random() % 100).cast_signed() - 50));
             // Ties and their neighbours: 13 digits, the last of which is 5.
             let thirteen = 10 * (random() % 1_000_000_000_000) + 5;
-            check(thirteen as f64 / 2_f64.powi((random() % 40) as i32));
+            check(thirteen as f64 * two(-(random() % 40).cast_signed()));
         }
         for power in -14..15 {
             let ten: f64 = format!("1e{power}").parse().unwrap();

@@ -32,7 +32,10 @@ pub async fn find(app: &App, reach: Option<&str>, key: &Key) -> Result<Body, Pro
 /// if `keep` is true.
 pub async fn json(app: &App, key: &Key, keep: bool) -> Result<Option<Bytes>, Problem> {
     let answer = match app.memory.lookup(&key.to_string()).await {
-        Lookup::Found(answer) => answer,
+        Lookup::Found(answer) => {
+            app.service.was_read(key);
+            answer
+        }
         Lookup::Missing(making) => {
             let Some(StoredResult::Whole(body)) = app.service.result(key).await? else {
                 return Ok(None);
@@ -45,9 +48,7 @@ pub async fn json(app: &App, key: &Key, keep: bool) -> Result<Option<Bytes>, Pro
 
 /// The JSON of a body. A large one is decompressed on a blocking thread.
 async fn unpacked(key: &Key, body: Body) -> Result<Bytes, Problem> {
-    /// Number of bytes that are decompressed in less than 0.3 ms.
-    const SHORT: usize = 1 << 16;
-    let json = if !body.is_compressed() || body.bytes().len() <= SHORT {
+    let json = if !body.is_compressed() || body.size().is_none_or(|size| size <= store::LARGE) {
         body.json()
     } else {
         task::spawn_blocking(move || body.json()).await.map_err(|_| Problem::internal())?
@@ -144,10 +145,15 @@ impl Representation {
             None => self.name.clone(),
             Some(coding) => format!("{} {coding}", self.name),
         };
-        app.metrics.looked_up(app.memory.get(&name).is_some());
-        let answer = match app.memory.lookup(&name).await {
+        let cached = app.memory.get(&name);
+        app.metrics.looked_up(cached.is_some());
+        let found = match cached {
+            Some(answer) => Lookup::Found(answer),
+            None => app.memory.lookup(&name).await,
+        };
+        let answer = match found {
             Lookup::Found(answer) => answer,
-            Lookup::Missing(making) if self.is_unchanged => {
+            Lookup::Missing(making) if self.is_unchanged && coding != Coding::Gzip => {
                 let body = find(app, self.reach.as_deref(), &self.key).await?;
                 match coding {
                     Coding::Zstd if body.is_compressed() => {
@@ -158,7 +164,10 @@ impl Representation {
                         let json = unpacked(&self.key, body).await?;
                         app.memory.finish(making, Encoded::plain(json), true)
                     }
-                    _ => self.make(app, coding, making).await?,
+                    _ => {
+                        drop(body);
+                        self.make(app, coding, making).await?
+                    }
                 }
             }
             Lookup::Missing(making) => self.make(app, coding, making).await?,

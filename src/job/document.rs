@@ -29,7 +29,7 @@ pub enum BadDocument {
     /// It is not JSON with the members of a result.
     #[error("its body cannot be read as a result")]
     Unreadable(#[from] serde_json::Error),
-    /// Its history has other columns than those of numbers that all have the same length of at least 1.
+    /// A column of its history is empty, contains something other than numbers, or has another length than the others.
     #[error("its history is not a set of columns of equal length")]
     History,
 }
@@ -87,7 +87,7 @@ impl Document {
 
 /// Summary and outline of a new result, with the digits of its JSON.
 #[expect(clippy::expect_used, reason = "search must find what is stored")]
-pub(super) fn digest(scenario: &Scenario, outcome: &Outcome) -> (Value, Outline) {
+pub(super) fn summarize(scenario: &Scenario, outcome: &Outcome) -> (Value, Outline) {
     fn value(part: impl Serialize) -> Value {
         let mut value = to_value(part).expect("scenarios and outcomes are plain numbers and texts");
         round(&mut value);
@@ -96,7 +96,8 @@ pub(super) fn digest(scenario: &Scenario, outcome: &Outcome) -> (Value, Outline)
     let Outcome { scales, unworn, regime, history, .. } = outcome;
     let history = value(history);
     let columns = history.as_object().expect("a history has columns");
-    let summary = summary(value(regime), columns).expect("each column has an entry per output cycle");
+    let summary =
+        summary(value(regime), columns).expect("each column has an entry per output cycle");
     let members = members(value(scenario), value(scales), value(unworn), summary.clone());
     (summary, Outline::of(&members))
 }
@@ -145,7 +146,8 @@ mod tests {
                 "key": "", "engine": {"name": "fretwork", "numerics": 2}, "scenario": {}, "scales": {},
                 "unworn": {}, "regime": "gross_slip", "history": history,
             });
-            Document::read(document.to_string().as_bytes()).map(|document| document.summary().clone())
+            Document::read(document.to_string().as_bytes())
+                .map(|document| document.summary().clone())
         };
         let sound = read(json!({"cycles": [0.0, 5.0], "wear_volume": [0.0, 1e-13]}));
         let expected = json!({"regime": "gross_slip", "cycles": 5.0, "wear_volume": 1e-13});

@@ -49,22 +49,21 @@ fn write_decimal<W: ?Sized + Write>(
     Decimal { mut digits, places }: Decimal,
 ) -> io::Result<()> {
     // The power of ten of the last digit.
-    let mut power = -(places as i32);
+    let mut power = -i32::from(places);
     while digits.is_multiple_of(10) {
         digits /= 10;
         power += 1;
     }
     let mut text = [b'0'; 40];
-    // The digits end here, and zeros follow.
+    // The digits end here, and zeros follow. `leading` becomes the power of ten of the first digit.
     let end = 24;
-    let mut first = end;
+    let (mut first, mut leading) = (end, power - 1);
     while digits > 0 {
         first -= 1;
+        leading += 1;
         text[first] = b'0' + (digits % 10) as u8;
         digits /= 10;
     }
-    // The power of ten of the first digit.
-    let leading = (end - first) as i32 - 1 + power;
     if is_negative {
         out.write_all(b"-")?;
     }
@@ -237,7 +236,8 @@ mod tests {
         for _ in 0..100_000 {
             // All lengths from 1 to 16 digits.
             let digits = random() % 10_u64.pow((random() % 17) as u32) + 1;
-            let number: f64 = format!("-{digits}e{}", random() as i64 % 50 - 36).parse().unwrap();
+            let number: f64 =
+                format!("-{digits}e{}", random().cast_signed() % 50 - 36).parse().unwrap();
             let expected = serde_json::to_string(&twelve_digits(number)).unwrap();
             assert_eq!(write(&number, 0), expected, "{number:e}");
         }

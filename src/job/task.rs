@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use serde_json::value::RawValue;
 
-use super::document::digest;
+use super::document::summarize;
 use super::{Document, ENGINE, Engine, Key, Outline, json};
 
 /// Something that a worker computes in steps of at most about 50 ms, so that it can be stopped.
@@ -128,7 +128,13 @@ impl Prepared {
     fn new(task: Task, warnings: Vec<Warning>) -> Self {
         let key = Key::of(ENGINE.numerics, &task.canonical());
         let stored = Stored { version: STORED_VERSION, task: task.canonical() };
-        Self { key, stored: json::write(&stored, 1 << 10).into(), seconds: task.seconds(), warnings, task }
+        Self {
+            key,
+            stored: json::write(&stored, 1 << 10).into(),
+            seconds: task.seconds(),
+            warnings,
+            task,
+        }
     }
 
     /// Prepares a stored task again, for instance after a restart.
@@ -218,7 +224,10 @@ impl Task {
     /// The stored form of the run of a canonical scenario.
     #[must_use]
     pub fn stored(scenario: &Value) -> String {
-        json::write(&Stored { version: STORED_VERSION, task: Canonical::Scenario(scenario) }, 1 << 10)
+        json::write(
+            &Stored { version: STORED_VERSION, task: Canonical::Scenario(scenario) },
+            1 << 10,
+        )
     }
 
     /// The key of a stored task; `None` if the text is not a stored task.
@@ -271,7 +280,7 @@ impl RunWork {
         let mut body = json::write(&whole, self.run.1.answer_bytes()).into_bytes();
         // The memory cache may keep it for long.
         body.shrink_to_fit();
-        let (summary, outline) = digest(scenario, outcome);
+        let (summary, outline) = summarize(scenario, outcome);
         Answer { body: body.into(), summary, outline: Box::new(outline) }
     }
 }

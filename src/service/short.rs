@@ -1,7 +1,7 @@
 //! Short runs, computed while their client waits.
 //!
 //! A run of milliseconds costs more on its way through the queue than in the engine. If its client waits
-//! anyway, it is computed first; then the job, its run and its result are committed together, and nothing
+//! anyway, it is computed first; then its result and the finished job are committed together, and nothing
 //! is acknowledged before. Equal submissions that arrive meanwhile join it (single-flight). A run that
 //! takes longer than estimated goes through the queue.
 
@@ -16,7 +16,7 @@ use tokio::task;
 use tokio::time::timeout;
 
 use super::stopwatch::Stopwatch;
-use crate::job::{Answer, Begin, Job, JobState, Key, Prepared, Step};
+use crate::job::{Answer, Begin, Job, JobState, Key, Origin, Prepared, Step};
 use crate::store::{Admission, Answered, Error, NewJob, Store, Submitted};
 
 /// Longest estimate of a short run, in seconds.
@@ -136,7 +136,10 @@ impl ShortRuns {
             return Ok(None);
         }
         self.note(&job.key, &first);
-        Ok(Some((first, Some(answer))))
+        // If the result was known, its stored bytes are those to return.
+        let is_stored =
+            matches!(&first, Submitted::Accepted(job) if job.origin == Origin::Computed);
+        Ok(Some((first, is_stored.then_some(answer))))
     }
 
     /// Remembers a key whose result is stored.

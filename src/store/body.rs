@@ -6,12 +6,16 @@ use std::cell::RefCell;
 use std::io;
 
 use bytes::Bytes;
+use fretwork_engine::scenario::MAX_ANSWER;
 use xxhash_rust::xxh3::xxh3_64;
 use zstd::bulk::Compressor;
 use zstd::zstd_safe::{self, CParameter};
 
 /// The first bytes of a Zstandard frame (RFC 8878).
 const MAGIC: [u8; 4] = 0xfd2f_b528_u32.to_le_bytes();
+
+/// Largest JSON that is decompressed, in bytes. A result is about as large as was estimated before it was computed.
+const MAX_SIZE: usize = 2 * MAX_ANSWER;
 
 /// A body as it is stored.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -58,10 +62,17 @@ impl Body {
         if !self.is_compressed() {
             return Ok(self.0.clone());
         }
-        let size = zstd_safe::get_frame_content_size(&self.0).ok().flatten();
-        let size = size.and_then(|size| usize::try_from(size).ok());
-        let size = size.ok_or_else(|| io::Error::other("the frame does not tell its size"))?;
+        let size = self.size().filter(|size| *size <= MAX_SIZE);
+        let size =
+            size.ok_or_else(|| io::Error::other("it does not state its size, or is too large"))?;
         zstd::bulk::decompress(&self.0, size).map(Bytes::from)
+    }
+
+    /// The number of bytes of the JSON, if the compressed body states it.
+    #[must_use]
+    pub fn size(&self) -> Option<usize> {
+        let size = zstd_safe::get_frame_content_size(&self.0).ok().flatten();
+        size.and_then(|size| usize::try_from(size).ok())
     }
 
     /// A hash of the stored bytes, by which damage is detected.
@@ -91,7 +102,7 @@ mod tests {
         for times in [0, 1, 100, 100_000] {
             let json = format!("[{}]", "1.23456789012e-7,0.0,".repeat(times));
             let body = Body::pack(json.as_bytes()).unwrap();
-            assert!(body.is_compressed());
+            assert!(body.is_compressed() && body.size() == Some(json.len()));
             assert!(body.json().unwrap() == json.as_bytes());
             assert!(Body::stored(body.bytes().to_vec()) == body);
         }

@@ -95,7 +95,8 @@ pub(super) fn keeping(reason: Reason, first: usize) -> Arc<str> {
     let p = |place: usize| format!("${}", first + place);
     let [attempt, now, key, digest, body, size, summary, sum] = array::from_fn(p);
     let [task, owner, job, trace, wall, cpu, program] = array::from_fn(|place| p(8 + place));
-    let outline = outline::insert(&format!("WHERE changes() = 1 AND result.key = {key}"), first + 15);
+    let outline =
+        outline::insert(&format!("WHERE changes() = 1 AND result.key = {key}"), first + 15);
     let end = format!(
         "UPDATE run SET state = 'succeeded', progress = 1, finished = {now}, changed = {now}
          WHERE id = $1 AND attempt = {attempt} AND state = 'running'

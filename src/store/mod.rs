@@ -9,6 +9,8 @@
 //! job ──▶ run ──▶ result ── result_blob
 //! ```
 //!
+//! A job without a run found its result, or was stored together with it.
+//!
 //! A run is live while it is queued or running. A key has at most one live run, and a submission of the
 //! key joins it. If the last job of a running run is canceled, the run is `canceling` until its worker
 //! stops. It is no longer live, so a later submission does not join it.

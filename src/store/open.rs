@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use sqlx::migrate::{MigrateError, Migration, MigrationType, Migrator};
 use sqlx::sqlite::{SqliteAutoVacuum, SqliteConnectOptions, SqliteJournalMode, SqliteSynchronous};
-use sqlx::{ConnectOptions, Connection, SqlSafeStr as _, SqliteConnection};
+use sqlx::{ConnectOptions, Connection, Executor as _, SqlSafeStr as _, SqliteConnection};
 use tokio::sync::Semaphore;
 
 use super::library::Program;
@@ -86,6 +86,9 @@ impl Store {
         let lock = lock(dir)?;
         let path = dir.join(DATABASE);
         let mut db = prepare(dir, writing(&path, options.full_sync)).await?;
+        // What a statement needs to undo itself stays in memory, instead of a temporary file. For a migration it could
+        // be large.
+        db.execute("PRAGMA temp_store = memory").await?;
         // 16 MiB for each connection: enough for the upper pages of all indexes.
         let reading = connecting(&path).read_only(true).pragma("cache_size", "-16384");
         let readers = Arc::new(Readers::open(&reading, READERS).await?);
@@ -134,7 +137,9 @@ async fn rekey(db: &mut SqliteConnection) -> Result<(), Error> {
         return Ok(());
     }
     let runs: Vec<(i64, String)> =
-        sqlx::query_as("SELECT id, task FROM run WHERE finished IS NULL").fetch_all(&mut *tx).await?;
+        sqlx::query_as("SELECT id, task FROM run WHERE finished IS NULL")
+            .fetch_all(&mut *tx)
+            .await?;
     for (run, task) in runs {
         // A run whose task cannot be read fails when a worker claims it.
         let Some(key) = Task::key_of(&task) else { continue };
@@ -160,8 +165,6 @@ pub(super) fn writing(path: &Path, full_sync: bool) -> SqliteConnectOptions {
         .synchronous(synchronous)
         .foreign_keys(true)
         .pragma("application_id", APPLICATION_ID.to_string())
-        // What a statement needs to undo itself stays in memory, instead of a temporary file.
-        .pragma("temp_store", "memory")
         // 64 MiB: keys are random, so each result changes pages all over the tables.
         .pragma("cache_size", "-65536")
         // Number of pages in the log (32 MB) at which a commit must checkpoint. Usually maintenance runs a

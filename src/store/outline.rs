@@ -20,7 +20,8 @@ pub(super) fn names() -> impl Iterator<Item = &'static str> {
 /// The words and numbers are the parameters from `first` on.
 pub(super) fn insert(which: &str, first: usize) -> String {
     let columns: Vec<_> = names().collect();
-    let values: Vec<_> = (first..first + columns.len()).map(|number| format!("${number}")).collect();
+    let values: Vec<_> =
+        (first..first + columns.len()).map(|number| format!("${number}")).collect();
     format!(
         "INSERT OR REPLACE INTO outline (id, created, size, present, owner, {})
          SELECT result_task.id, created, size, evicted IS NULL, owner, {}

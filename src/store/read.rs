@@ -78,8 +78,9 @@ impl Store {
     /// What a job was asked to compute.
     pub async fn asked(&self, id: JobId) -> Result<Asked, Error> {
         let asked = self.reading(async |db| {
-            // The run of a job has its task. A job that found a known result has no run. Its task is
-            // stored with the result, or, if the result was forgotten, with the run of another job.
+            // The run of a job has its task. A job that found its result, or was stored together with it, has no run.
+            // Its task is stored with the result. A version before 0.3 could forget the result; then another job may
+            // have a run.
             let query = sqlx::query_as(
                 "SELECT coalesce(
                      (SELECT task FROM run WHERE run.id = job.run),

@@ -200,7 +200,7 @@ impl EncodedJob {
             .bind(new.afresh)
             .bind(&new.trace)
             .bind(recorded.is_some() || new.admission == Admission::NoNewRun)
-            .bind(recorded.map(|recorded| recorded.origin.as_str()))
+            .bind(recorded.and_then(|recorded| recorded.origin).map(Origin::as_str))
             .bind(new.id.0.as_bytes().as_slice())
             .bind(&new.label)
             .bind(&self.tags)
@@ -268,15 +268,17 @@ const RUN: &str = "
         AND ($5 OR NOT EXISTS (SELECT 1 FROM result WHERE key = $1 AND evicted IS NULL))
     ON CONFLICT (key) WHERE state IN ('queued', 'running') DO NOTHING";
 
-/// Inserts a job at the time $17, if its result is known or its run is live. `changes()` tells whether the statement
-/// before has inserted this run. With $8 that statement has stored the result or inserted another of its jobs: then $8 is
-/// the origin of the job, and its computation began at $3.
+/// Inserts a job at the time $17, if its result is known or its run is live.
+///
+/// `changes()` is 1 if the statement before has changed a row. In [`SUBMIT`] this is [`RUN`], so the run is new. In [`RECORD`]
+/// it stores the result; then the job has the origin $8, and its computation began at $3. For another job of the same
+/// result it is the job before.
 const JOB: &str = "
     INSERT INTO job (key, owner, created, id, label, tags, warnings, priority, idempotency_key,
         fingerprint, submitted, run, state, attempt, origin, started, finished, changes)
     WITH found AS (
         SELECT is_known, run.id AS run, coalesce(run.state, 'succeeded') AS state,
-            coalesce(run.attempt, 0) AS attempt, changes() AS is_new,
+            coalesce(run.attempt, 0) AS attempt, changes() = 1 AND NOT $7 AS is_new,
             $8 IS NOT NULL AND changes() = 1 AS is_recorded
         FROM (SELECT EXISTS (SELECT 1 FROM result WHERE key = $1 AND evicted IS NULL) AS is_known)
         LEFT JOIN run ON run.key = $1 AND run.state IN ('queued', 'running') AND ($5 OR NOT is_known)
@@ -318,7 +320,8 @@ struct Record {
 /// How a job got its answer before it was submitted.
 #[derive(Debug, Clone, Copy)]
 struct Recorded {
-    origin: Origin,
+    /// `None` if the answer was not stored.
+    origin: Option<Origin>,
     /// When the computation began.
     began: i64,
 }
@@ -338,7 +341,7 @@ async fn record(record: &Record, tx: &mut Transaction) -> Result<Vec<Submitted>,
     let (owner, job, trace) = (Some(owner.as_str()), Some(id), trace.as_deref());
     let source =
         Source { key, attempt: 0, task, owner, job, trace, program: Some(tx.program), now };
-    let recorded = Some(Recorded { origin: Origin::Computed, began });
+    let recorded = Some(Recorded { origin: Some(Origin::Computed), began });
     let query = first.bind(sqlx::query(AssertSqlSafe(Arc::clone(&RECORD))), now, recorded);
     let rows = answer.bind(query, &source).fetch_all(&mut tx.db).await;
     let submitted = first.submitted(tx, &rows.map_err(|error| first.refused(error))?)?;
@@ -352,7 +355,8 @@ async fn record(record: &Record, tx: &mut Transaction) -> Result<Vec<Submitted>,
         ]);
     }
     let mut all = vec![submitted];
-    let recorded = is_stored.then_some(Recorded { origin: Origin::Coalesced, began });
+    let origin = is_stored.then_some(Origin::Coalesced);
+    let recorded = Some(Recorded { origin, began });
     for other in others {
         let rows = other.bind(sqlx::query(JOB), now, recorded).fetch_all(&mut tx.db).await;
         all.push(other.submitted(tx, &rows.map_err(|error| other.refused(error))?)?);

@@ -154,7 +154,8 @@ pub(super) async fn evict(
 ) -> Result<Room, Error> {
     let used: u64 = sqlx::query_scalar("SELECT used FROM room").fetch_one(&mut tx.db).await?;
     if budget.is_none_or(|budget| used <= budget) {
-        // The oldest 1000 only, so that many results with old jobs do not slow every round.
+        // Among the oldest 1000 only, so that many results with jobs do not slow every round. Younger results without
+        // jobs wait until the jobs of older ones are deleted.
         sqlx::query(
             "DELETE FROM result WHERE key IN (
                  SELECT key FROM (
@@ -172,16 +173,16 @@ pub(super) async fn evict(
         "UPDATE result SET evicted = ?1 WHERE key = (
              SELECT key FROM result INDEXED BY result_unread
              WHERE NOT pinned AND evicted IS NULL ORDER BY last_access LIMIT 1
-         ) RETURNING key, size",
+         ) RETURNING key, stored",
     )
     .bind(tx.now)
     .fetch_optional(&mut tx.db)
     .await?;
-    let Some((key, size)) = oldest else { return Ok(Room { used, evicted: false }) };
+    let Some((key, bytes)) = oldest else { return Ok(Room { used, evicted: false }) };
     if !leave_body {
         let delete = sqlx::query("DELETE FROM result_blob WHERE key = ?1");
         delete.bind(&key).execute(&mut tx.db).await?;
     }
-    tx.effects.push(Effect::Evicted(size));
+    tx.effects.push(Effect::Evicted(bytes));
     Ok(Room { used, evicted: true })
 }

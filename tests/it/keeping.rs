@@ -313,7 +313,9 @@ async fn the_scenario_of_an_evicted_result_is_kept_for_a_year_and_as_long_as_it_
 async fn a_result_altered_on_the_disk_is_reported_as_damaged() {
     let (dir, store) = fresh().await;
     compute(&store, 1, 0).await;
-    let changed = "UPDATE result_blob SET body = zeroblob(length(body))";
+    // One byte inside of the compressed body.
+    let changed = "UPDATE result_blob
+        SET body = CAST(substr(body, 1, 20) || x'07' || substr(body, 22) AS BLOB)";
     raw(dir.path()).await.execute(changed).await.unwrap();
     let found = store.result(&key(1)).await;
     assert!(matches!(found, Err(Error::DamagedResult(damaged)) if damaged == key(1)), "{found:?}");

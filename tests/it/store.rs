@@ -7,8 +7,8 @@ use std::time::Duration;
 
 use fretwork::job::{Answer, Cost, FailureKind, Job, JobId, JobState, Key, Origin};
 use fretwork::store::{
-    Admission, Answered, Canceled, Claimed, Deleted, Error, Filter, Finish, NewJob, Options, Recovered,
-    Store, StoredResult, Submitted,
+    Admission, Answered, Canceled, Claimed, Deleted, Error, Filter, Finish, NewJob, Options,
+    Recovered, Store, StoredResult, Submitted,
 };
 use proptest::prelude::*;
 use proptest::sample::Index;
@@ -795,7 +795,31 @@ async fn an_answer_recorded_beside_a_live_run_is_stored_and_the_run_finds_the_sa
     assert_eq!(finish, Finish::Same);
     let queued = store.job(queued.id).await.unwrap().unwrap();
     assert_eq!((queued.state, queued.origin), (JobState::Succeeded, Origin::Computed));
+}
+
+/// Equal submissions of a short run are recorded together.
+#[tokio::test]
+async fn jobs_that_are_recorded_together_share_the_fate_of_the_first() {
+    let (_dir, store) = fresh().await;
+    let record = async || {
+        let answered = Answered::new(&answer("a"), None);
+        let jobs = (0..3).map(|_| new_job(1)).collect();
+        store.record(jobs, answered, Duration::ZERO).await.unwrap()
+    };
+    let origins = |all: Vec<Submitted>| -> Vec<(JobState, Origin)> {
+        let job = |submitted| accepted(Ok(submitted));
+        all.into_iter().map(job).map(|job: Job| (job.state, job.origin)).collect()
+    };
+    let (computed, coalesced, cached) = (Origin::Computed, Origin::Coalesced, Origin::Cached);
+    let succeeded = JobState::Succeeded;
+    let new = [(succeeded, computed), (succeeded, coalesced), (succeeded, coalesced)];
+    assert_eq!(origins(record().await), new);
+    assert_eq!(origins(record().await), [(succeeded, cached); 3]);
     // An evicted result is compared with the new one by the run that computes it again.
     store.remove(&key(1), "ada".into()).await.unwrap();
-    assert_eq!(record(new_job(1)).await, Submitted::NeedsRun);
+    assert_eq!(record().await, [const { Submitted::NeedsRun }; 3]);
+    accepted(store.submit(new_job(1)).await);
+    assert_eq!(origins(record().await), [(JobState::Queued, coalesced); 3]);
+    store.claim().await.unwrap().unwrap();
+    assert_eq!(origins(record().await), [(JobState::Running, coalesced); 3]);
 }

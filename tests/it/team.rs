@@ -357,8 +357,7 @@ async fn computing_a_damaged_result_again_repairs_it() {
     let path = format!("/v1/results/{}", job["key"].as_str().unwrap());
     let before = server.get(&path).await;
     let mut db = crate::store::raw(server.dir.path()).await;
-    let change =
-        "UPDATE result_blob SET body = zeroblob(length(body))";
+    let change = "UPDATE result_blob SET body = zeroblob(length(body))";
     assert_eq!(sqlx::query(change).execute(&mut db).await.unwrap().rows_affected(), 1);
     server.get(&path).await.problem(500, "database-damaged");
     let damaged = "fretwork_store_errors_total{kind=\"damaged\"}";

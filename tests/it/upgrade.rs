@@ -9,6 +9,7 @@ use fretwork::job::Task;
 use fretwork::store::{Options, Search, export};
 use serde_json::{Value, json};
 use sha2::{Digest as _, Sha256};
+use sqlx::Executor as _;
 use tempfile::TempDir;
 
 use crate::server::Server;
@@ -80,6 +81,15 @@ async fn unfinished_runs_of_the_previous_version_get_new_keys_and_are_computed()
         assert_eq!((&cached["key"], &cached["origin"]), (&job["key"], &json!("cached")));
     }
     assert_eq!(finished(&server, "canceled").await["state"], "canceled");
+}
+
+#[tokio::test]
+async fn a_job_keeps_its_scenario_although_the_previous_version_forgot_its_result() {
+    let server = upgraded().await;
+    crate::store::raw(server.dir.path()).await.execute("DELETE FROM result").await.unwrap();
+    let found = server.get("/v1/jobs?label=deleted").await.json();
+    let job = format!("/v1/jobs/{}?include=scenario", found["jobs"][0]["id"].as_str().unwrap());
+    assert_eq!(server.get(&job).await.json()["scenario"]["friction"], 0.7);
 }
 
 #[tokio::test]

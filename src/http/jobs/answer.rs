@@ -36,11 +36,11 @@ pub struct JobAnswer {
     /// The key of the result, which is the same for every submission of the same scenario.
     #[schema(value_type = String, pattern = "^[0-9a-f]{64}$")]
     key: Key,
-    /// Whether this job started its run (`computed`), joined the run of another job (`coalesced`), or found the
-    /// result stored (`cached`).
+    /// Whether the result was computed for this job (`computed`), for another job at the same time (`coalesced`), or
+    /// before (`cached`).
     #[schema(value_type = crate::http::schemas::Origin)]
     origin: Origin,
-    /// How often the run was started. It is more than 1 if the server was interrupted.
+    /// How often its computation was started. It is more than 1 if the server was interrupted.
     #[schema(example = 1)]
     attempt: u32,
     /// The part of the run that is done, 0 to 1.
@@ -74,7 +74,7 @@ struct Times {
     /// When it was submitted.
     #[schema(format = "date-time", example = "2026-01-31T12:00:00.000Z")]
     created: String,
-    /// When a worker started the run.
+    /// When its computation began.
     #[schema(format = "date-time")]
     started: Option<String>,
     /// When it was finished.

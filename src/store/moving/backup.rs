@@ -8,8 +8,8 @@ use sqlx::{Connection as _, Row as _, SqliteConnection};
 
 use super::{Moving, PATIENCE, name, put, unfinished};
 use crate::job::clock;
-use crate::store::body::Body;
 use crate::store::Error;
+use crate::store::body::Body;
 use crate::store::open::{self, DATABASE};
 use crate::store::row::{Sum, key};
 
