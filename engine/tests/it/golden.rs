@@ -33,62 +33,62 @@ fn paraboloids() -> Vec<(&'static str, Value, u64)> {
     let cycles = json!([500, 5000, 6000, 50_000, 500_000]);
     let long = json!({"normalized": [0.5, 4, 16, 1000]});
     vec![
-        ("simplified", json!({"cycles": long}), 0x8b4a_ff80_430a_d3e8),
+        ("simplified", json!({"cycles": long}), 0x7c47_97f9_0dab_f475),
         (
             "simplified, stopped",
             json!({"until": {"wear_depth": "0.5 um"}, "cycles": long}),
-            0xe877_9ee7_438b_73ea,
+            0xd34b_bb5e_1cd7_8551,
         ),
         (
             "simplified, gross slip",
             json!({"motion": {"amplitude": "5 um"}, "cycles": long}),
-            0x5f3f_d92b_9b98_45ff,
+            0x9aa9_f68a_946a_8e06,
         ),
-        ("exact", json!({"model": exact, "load": depth, "cycles": long}), 0x8eb5_a77b_f4b0_8b94),
+        ("exact", json!({"model": exact, "load": depth, "cycles": long}), 0x055e_87a5_56c1_8266),
         (
             "exact beside the rule",
             json!({"model": {"method": "exact", "compare": true}}),
-            0x9b70_8d20_7b2c_c5a8,
+            0x8ed7_8a04_b12c_8db6,
         ),
         (
             "exact, force held, stopped",
             json!({"model": exact, "load": force, "until": {"wear_volume": "1e-3 mm^3"},
                    "cycles": long}),
-            0x36d7_1774_bde6_7bbd,
+            0xba66_ad41_f895_7dfd,
         ),
         (
             "exact, both forces held, shared",
             json!({"model": exact, "load": force, "motion": {"tangential_force": "50 N"},
                    "wear": {"coefficient": "3.03e-5 mm^3/(N m)", "share": 0.3}, "cycles": long}),
-            0xbcf5_e539_1194_da5a,
+            0x8221_a2fc_a901_dcb0,
         ),
         (
             "exact, tangential force held",
             json!({"model": exact, "load": depth, "motion": {"tangential_force": "50 N"},
                    "cycles": long}),
-            0xe65b_46ea_975a_9a91,
+            0xe2ac_4fb0_855a_a53c,
         ),
         (
             "exact, rig",
             json!({"model": exact, "load": force,
                    "motion": {"amplitude": "2.5 um", "rig_stiffness": "50 N/um"}}),
-            0x99a4_5ba2_b40b_39ba,
+            0x2625_cb52_8bf7_277e,
         ),
         (
             "exact, blocks",
             json!({"model": exact, "load": depth, "motion": blocks, "cycles": cycles}),
-            0x65b4_375a_07be_2705,
+            0x0cbc_ed89_e538_0d8c,
         ),
         (
             "simplified, blocks, force held",
             json!({"load": force, "motion": blocks, "cycles": cycles}),
-            0x82be_55e7_174a_c268,
+            0x49f1_701e_9951_0f20,
         ),
         (
             "exact, reversals",
             json!({"model": exact, "motion": {"reversals": ["2 um", "-2 um", "1 um", "-1.5 um"]},
                    "cycles": cycles, "profiles_at": [500, 50_000]}),
-            0x4abe_18bc_132f_3420,
+            0x7cfb_78e5_7758_cd62,
         ),
     ]
 }
@@ -100,24 +100,24 @@ fn shapes() -> Vec<(&'static str, Value, u64)> {
     let exact = json!({"method": "exact"});
     let force = json!({"normal_force": "100 N", "held": "force"});
     vec![
-        ("simplified, table", json!({"profile": table}), 0xc2c6_a82f_14fc_7892),
+        ("simplified, table", json!({"profile": table}), 0x1274_e4b7_2d40_a1e5),
         (
             "exact, table",
             json!({"profile": table, "model": exact, "load": force}),
-            0xe7d1_a04f_1417_2288,
+            0xa7b8_8662_425c_1400,
         ),
         (
             "exact, truncated cone, gross slip",
             json!({"profile": {"shape": "truncated_cone", "slope_angle": "2 deg",
                                "flat_radius": "20 um"},
                    "motion": {"amplitude": "8 um"}, "model": exact, "load": force}),
-            0x36c8_a556_c565_4289,
+            0xb79e_0b8a_0fbc_05c1,
         ),
         (
             "simplified, power",
             json!({"profile": {"shape": "power", "exponent": 2.5, "height": "1 um",
                                "at_radius": "0.1 mm"}, "profiles_at": "last"}),
-            0x04ed_62b3_44e9_a8ee,
+            0x0135_3302_2390_d85d,
         ),
     ]
 }
