@@ -22,8 +22,8 @@ use crate::store::{Admission, Answered, Error, NewJob, Store, Submitted};
 /// Longest estimate of a short run, in seconds.
 const SHORT: f64 = 0.02;
 /// Runs with a shorter estimate, in seconds, are computed on the async thread: handing them over would
-/// take as long.
-const INLINE: f64 = 1e-4;
+/// take as long. A default run without profiles has an estimate of 2e-4.
+const INLINE: f64 = 3e-4;
 /// Longest stored form, in bytes, of a run that is computed on the async thread.
 const INLINE_BYTES: usize = 1 << 14;
 /// Number of remembered keys, with about 100 bytes each.

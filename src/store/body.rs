@@ -57,7 +57,7 @@ impl Body {
     /// The JSON of the result.
     ///
     /// # Errors
-    /// The bytes are not what [`Body::pack`] has written.
+    /// The bytes are damaged.
     pub fn json(&self) -> io::Result<Bytes> {
         if !self.is_compressed() {
             return Ok(self.0.clone());

@@ -101,6 +101,40 @@ async fn a_client_selects_a_format_by_name_or_by_media_type() {
     }
 }
 
+/// The number of significant digits of a number as it is written.
+fn significant(number: &str) -> usize {
+    let digits = number.split('e').next().unwrap().replace(['-', '.'], "");
+    digits.trim_start_matches('0').trim_end_matches('0').len()
+}
+
+/// The largest number of significant digits in a JSON document.
+fn most_digits(value: &Value) -> usize {
+    match value {
+        Value::Number(number) => significant(&number.to_string()),
+        Value::Array(items) => items.iter().map(most_digits).max().unwrap_or(0),
+        Value::Object(members) => members.values().map(most_digits).max().unwrap_or(0),
+        _ => 0,
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn numbers_have_twelve_digits_in_every_part_and_in_both_unit_systems() {
+    let mut body = steel_ball();
+    body["scenario"]["model"] = json!({"method": "exact", "points": 64, "compare": true});
+    let (server, address) = with_result(&body).await;
+    for units in ["si", "engineering"] {
+        let whole = server.get(&format!("{address}?units={units}")).await.json();
+        assert_eq!(most_digits(&whole), 12, "{units}");
+        for part in Part::TABLES {
+            let table =
+                server.get(&format!("{address}/{}?format=csv&units={units}", part.name())).await;
+            let lines = table.text().lines().filter(|line| !line.starts_with('#')).skip(1);
+            let most = lines.flat_map(|line| line.split(',')).map(significant).max();
+            assert_eq!(most, Some(12), "{part:?} {units}");
+        }
+    }
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn an_error_lists_all_invalid_parameters() {
     let (server, address) = with_result(&steel_ball()).await;
