@@ -42,7 +42,7 @@ impl Formatter for TwelveDigits {
     }
 }
 
-/// Writes a decimal number as serde_json writes the nearest float64, but in half of the time.
+/// Writes a decimal number as serde_json writes the nearest float64, without computing this float64.
 fn write_decimal<W: ?Sized + Write>(
     out: &mut W,
     is_negative: bool,

@@ -26,7 +26,7 @@ const SHORT: f64 = 0.02;
 const INLINE: f64 = 3e-4;
 /// Longest stored form, in bytes, of a run that is computed on the async thread.
 const INLINE_BYTES: usize = 1 << 14;
-/// Number of remembered keys, with about 100 bytes each.
+/// Number of remembered keys.
 const KNOWN: usize = 1 << 14;
 /// Most submissions that wait for a place to compute; further ones go through the queue.
 const MAX_WAITING: usize = 64;
