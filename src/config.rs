@@ -17,8 +17,9 @@ use fretwork::format::{Format, QUANTITIES, Quantity};
 use fretwork::http::{self, Access, AdminKey, Limits, Origins};
 use fretwork::job::Key;
 use fretwork::store::{self, Role, Search};
+use tracing_subscriber::filter::Targets;
 
-use crate::telemetry::LogFormat;
+use crate::telemetry::{LogFormat, log_levels};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -33,8 +34,7 @@ Examples:
   fretwork keys add anna --role submit              add an access key; then callers need one
   fretwork --print-config > fretwork.env            write the settings as environment variables
 
-Every option of the server has an environment variable. FRETWORK_LOG sets the log level
-(info, warn, fretwork=debug, ...).";
+Every option of the server has an environment variable.";
 
 const KEYS_EXAMPLES: &str = "\
 Examples:
@@ -74,7 +74,7 @@ pub struct Cli {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Start the server (the default).
-    Serve(Serve),
+    Serve(Box<Serve>),
     /// Compute a job body from a file, without a server or a database.
     ///
     /// The result goes to standard output or to a file, and a summary to standard error. If the job body is
@@ -214,6 +214,9 @@ pub struct Serve {
     /// Memory for frequently read answers, such as 64MiB; 0 switches the memory cache off.
     #[arg(long, env = "FRETWORK_MEMORY_CACHE", default_value = "64MiB", value_name = "SIZE")]
     pub memory_cache: ByteSize,
+    /// Level of the log: off, error, warn, info, debug or trace; for single modules as in info,sqlx=debug.
+    #[arg(long, env = "FRETWORK_LOG", default_value = "info", value_name = "LEVEL", value_parser = log_levels)]
+    pub log: Targets,
     /// Format of the log.
     #[arg(long, env = "FRETWORK_LOG_FORMAT", default_value = "text")]
     pub log_format: LogFormat,
@@ -518,7 +521,7 @@ mod tests {
         {
             let cli = Cli::try_parse_from(words).unwrap();
             let serve = match cli.command {
-                Some(Command::Serve(serve)) => serve,
+                Some(Command::Serve(serve)) => *serve,
                 _ => cli.serve,
             };
             assert_eq!(serve.workers, Some(3));

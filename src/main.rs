@@ -82,7 +82,7 @@ fn serve(settings: &Serve, matches: &ArgMatches) -> Result<(), Error> {
         return print(config::described(matches).as_bytes());
     }
     settings.check()?;
-    telemetry::start(settings.log_format);
+    telemetry::start(&settings.log, settings.log_format);
     // Two threads are enough, because requests are short and runs have their own threads.
     tokio::runtime::Builder::new_multi_thread()
         .worker_threads(2)

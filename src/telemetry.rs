@@ -3,8 +3,10 @@
 use std::io::IsTerminal as _;
 
 use clap::ValueEnum;
-use tracing_subscriber::EnvFilter;
-use tracing_subscriber::filter::LevelFilter;
+use tracing_subscriber::Layer as _;
+use tracing_subscriber::filter::{LevelFilter, Targets};
+use tracing_subscriber::layer::SubscriberExt as _;
+use tracing_subscriber::util::SubscriberInitExt as _;
 
 /// The format of a log line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -15,20 +17,48 @@ pub enum LogFormat {
     Json,
 }
 
-/// Starts logging. `FRETWORK_LOG` sets the level (`info`, `warn`, `fretwork=debug`, …).
-pub fn start(format: LogFormat) {
-    let filter = EnvFilter::builder()
-        .with_env_var("FRETWORK_LOG")
-        .with_default_directive(LevelFilter::INFO.into())
-        .from_env_lossy();
-    let logs = tracing_subscriber::fmt()
-        .with_env_filter(filter)
+/// Parses the levels of the log: one for all modules, others for named modules.
+pub fn log_levels(text: &str) -> Result<Targets, String> {
+    text.split(',').try_fold(Targets::new(), |levels, part| {
+        let (module, name) = part.split_once('=').unwrap_or(("", part));
+        let level: Option<LevelFilter> = name.parse().ok().filter(|_| !name.is_empty());
+        let level = level.ok_or_else(|| {
+            format!("{name:?} is not a level; use off, error, warn, info, debug or trace")
+        })?;
+        Ok(match module {
+            "" => levels.with_default(level),
+            module => levels.with_target(module, level),
+        })
+    })
+}
+
+/// Starts logging.
+pub fn start(levels: &Targets, format: LogFormat) {
+    let lines = tracing_subscriber::fmt::layer()
         .with_writer(std::io::stderr)
         .with_ansi(std::io::stderr().is_terminal());
-    match format {
-        LogFormat::Text => logs.init(),
-        LogFormat::Json => logs.json().flatten_event(true).init(),
-    }
+    let lines = match format {
+        LogFormat::Text => lines.boxed(),
+        LogFormat::Json => lines.json().flatten_event(true).boxed(),
+    };
+    tracing_subscriber::registry().with(lines).with(levels.clone()).init();
     // A panic becomes a log entry in the same format, with the request that caused it.
     std::panic::set_hook(Box::new(|panic| tracing::error!(%panic, "panicked")));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_log_has_one_level_and_others_for_named_modules() {
+        let levels = log_levels("warn,sqlx=off,fretwork::http=DEBUG").unwrap();
+        assert_eq!(levels.default_level(), Some(LevelFilter::WARN));
+        let modules: Vec<_> = levels.iter().collect();
+        let expected = [("sqlx", LevelFilter::OFF), ("fretwork::http", LevelFilter::DEBUG)];
+        assert!(expected.iter().all(|level| modules.contains(level)), "{modules:?}");
+        for bad in ["", "loud", "warn,", "fretwork=", "fretwork"] {
+            assert!(log_levels(bad).is_err(), "{bad}");
+        }
+    }
 }

@@ -8,13 +8,14 @@ use std::net::{Ipv4Addr, Ipv6Addr};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use axum::extract::{MatchedPath, Request, State};
+use axum::extract::{MatchedPath, Request};
 use axum::http::{HeaderMap, HeaderValue, header};
-use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
+use axum::routing::Route;
 use data_encoding::BASE64;
 use subtle::ConstantTimeEq as _;
 use tokio::sync::OnceCell;
+use tower::Service as _;
 
 use super::keyring::{KeyHolder, Keyring, MAX_AGE};
 use super::limits::{Account, Limits, Place};
@@ -89,10 +90,10 @@ struct Admitted {
     link: Option<Duration>,
 }
 
-/// The middleware. It checks a long request again before it returns the answer.
-pub async fn check(State(gate): State<Arc<Gate>>, mut request: Request, next: Next) -> Response {
+/// Answers a request if its caller may send it. A long request is checked again before it is answered.
+pub async fn check(gate: &Gate, mut request: Request, mut route: Route) -> Response {
     let started = Instant::now();
-    let needs = gate.route_needs.of(request.method(), route(&request));
+    let needs = gate.route_needs.of(request.method(), pattern(&request));
     let Admitted { identity, place, link } = match gate.accept(&mut request, needs).await {
         Ok(accepted) => accepted,
         Err(problem) => return problem.into_response(),
@@ -103,7 +104,7 @@ pub async fn check(State(gate): State<Arc<Gate>>, mut request: Request, next: Ne
     if let Some(standing) = place.standing {
         request.extensions_mut().insert(standing);
     }
-    let mut response = next.run(request).await;
+    let Ok(mut response) = route.call(request).await;
     // The key may have been revoked while the request waited.
     if needs.role.is_some()
         && link.is_none()
@@ -125,7 +126,7 @@ pub async fn check(State(gate): State<Arc<Gate>>, mut request: Request, next: Ne
 }
 
 /// The pattern of the route of a request; empty for an unknown route.
-fn route(request: &Request) -> &str {
+fn pattern(request: &Request) -> &str {
     request.extensions().get::<MatchedPath>().map_or("", MatchedPath::as_str)
 }
 
@@ -219,7 +220,7 @@ impl Gate {
         request: &mut Request,
         required: Role,
     ) -> Result<Admitted, Problem> {
-        let link = signed_link::open(self.signer().await?, request.uri(), route(request))?;
+        let link = signed_link::open(self.signer().await?, request.uri(), pattern(request))?;
         if required > Role::Read {
             return Err(Problem::new(&problem::BAD_LINK, "A link allows reading only."));
         }

@@ -1,25 +1,29 @@
 //! Compressed answers: Zstandard or gzip, as the client accepts.
 //!
-//! Answers made from results are compressed here, once for all clients, on a blocking thread. A layer
-//! around the routes compresses all other answers while they are sent.
+//! Answers made from results are compressed once for all clients; other answers are compressed each time.
 
 use std::io::{self, Write};
 
-use axum::body::Bytes;
-use axum::http::header::{ACCEPT_ENCODING, CONTENT_TYPE, ETAG};
-use axum::http::{HeaderMap, HeaderValue, Response};
+use axum::body::{Body, Bytes, HttpBody as _};
+use axum::http::header::{
+    ACCEPT_ENCODING, CONTENT_ENCODING, CONTENT_LENGTH, CONTENT_TYPE, ETAG, VARY,
+};
+use axum::http::{HeaderMap, HeaderValue};
+use axum::response::{IntoResponse as _, Response};
 use flate2::Compression;
 use flate2::write::GzEncoder;
-use tower_http::compression::predicate::Predicate;
+use http_body_util::BodyExt as _;
+use tokio::task;
 use zstd::zstd_safe::CParameter;
 
 use super::negotiation::{preferred, weighted};
+use super::problem::Problem;
 
 /// Smallest body that is compressed, in bytes: less fits into one or two packets.
 const MIN_SIZE: u64 = 1 << 10;
 
-/// Largest body that is compressed while it is sent, in bytes: more would block an async thread.
-const MAX_LAYER_SIZE: u64 = 1 << 20;
+/// Largest body that is compressed for one client only, in bytes.
+const MAX_SIZE: u64 = 1 << 20;
 
 /// A compression (`Content-Encoding`).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -55,13 +59,35 @@ impl Coding {
         preferred(&[Self::Zstd, Self::Gzip], weight).unwrap_or(Self::Identity)
     }
 
-    /// Replaces `Accept-Encoding` by the chosen coding: the layer that compresses other answers
-    /// refuses requests that reject the identity coding.
-    pub fn settle(headers: &mut HeaderMap) {
-        match Self::choose(headers).name() {
-            Some(name) => drop(headers.insert(ACCEPT_ENCODING, HeaderValue::from_static(name))),
-            None => drop(headers.remove(ACCEPT_ENCODING)),
+    /// Compresses an answer for one client, if it is a text of known size without a tag. Answers with a tag are
+    /// made from results or files, and compressed already.
+    pub async fn compress(self, mut answer: Response) -> Response {
+        if !is_compressible(&answer) {
+            return answer;
         }
+        answer.headers_mut().append(VARY, HeaderValue::from_static("accept-encoding"));
+        let Some(name) = self.name() else { return answer };
+        let (mut head, body) = answer.into_parts();
+        let Some(body) = self.compress_quickly(body).await else {
+            return Problem::internal().into_response();
+        };
+        head.headers.insert(CONTENT_ENCODING, HeaderValue::from_static(name));
+        head.headers.remove(CONTENT_LENGTH);
+        Response::from_parts(head, body.into())
+    }
+
+    async fn compress_quickly(self, body: Body) -> Option<Vec<u8>> {
+        let text = body.collect().await.ok()?.to_bytes();
+        let compress = move || match self {
+            Self::Identity => Ok(text.into()),
+            Self::Gzip => {
+                let mut gzip = GzEncoder::new(Vec::new(), Compression::default());
+                gzip.write_all(&text)?;
+                gzip.finish()
+            }
+            Self::Zstd => zstd::bulk::compress(&text, zstd::DEFAULT_COMPRESSION_LEVEL),
+        };
+        task::spawn_blocking(compress).await.ok()?.ok()
     }
 
     /// Compresses everything that is written to it.
@@ -163,24 +189,17 @@ impl Write for Encoder {
     }
 }
 
-/// Selects answers that are compressed while they are sent: texts of known size without a tag. Answers
-/// with a tag are made from results.
-#[derive(Debug, Clone, Copy)]
-pub struct CompressedWhileSent;
-
-impl Predicate for CompressedWhileSent {
-    fn should_compress<B: axum::body::HttpBody>(&self, response: &Response<B>) -> bool {
-        let headers = response.headers();
-        let kind = headers.get(CONTENT_TYPE).and_then(|kind| kind.to_str().ok());
-        let is_text = kind.is_some_and(|kind| {
-            let words = ["json", "xml", "javascript", "text/"];
-            words.iter().any(|word| kind.contains(word)) && !kind.contains("event-stream")
-        });
-        let size = response.body().size_hint().exact();
-        is_text
-            && !headers.contains_key(ETAG)
-            && size.is_some_and(|size| (MIN_SIZE..=MAX_LAYER_SIZE).contains(&size))
-    }
+fn is_compressible(answer: &Response) -> bool {
+    let headers = answer.headers();
+    let kind = headers.get(CONTENT_TYPE).and_then(|kind| kind.to_str().ok());
+    let is_text = kind.is_some_and(|kind| {
+        let words = ["json", "xml", "javascript", "text/"];
+        words.iter().any(|word| kind.contains(word)) && !kind.contains("event-stream")
+    });
+    let size = answer.body().size_hint().exact();
+    is_text
+        && !headers.contains_key(ETAG)
+        && size.is_some_and(|size| (MIN_SIZE..=MAX_SIZE).contains(&size))
 }
 
 #[cfg(test)]

@@ -81,7 +81,7 @@ pub async fn list(
     mut query: Query,
 ) -> Result<Response, Problem> {
     let filter = read_filter(&mut query, &caller);
-    let limit = query.value("limit", &format!("a number from 1 to {LONGEST_PAGE}"), |text| {
+    let limit = query.value("limit", format_args!("a number from 1 to {LONGEST_PAGE}"), |text| {
         text.parse().ok().filter(|limit| (1..=LONGEST_PAGE).contains(limit))
     });
     let cursor = query.value("cursor", "the id of a job", |text| text.parse().ok());
@@ -102,7 +102,7 @@ fn read_filter(query: &mut Query, caller: &Caller) -> Filter {
         None => "\"me\" or the name of an owner",
     };
     Filter {
-        state: query.value("state", &format!("one of {states}"), |text| text.parse().ok()),
+        state: query.value("state", format_args!("one of {states}"), |text| text.parse().ok()),
         label: query.text("label"),
         tag: query.text("tag"),
         key: query.value("key", key, |text| text.parse().ok()),

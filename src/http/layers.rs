@@ -1,23 +1,27 @@
 //! What surrounds all routes: request ids, log, problems, access control, compression, other origins.
 
-use std::any::Any;
+use std::convert::Infallible;
+use std::panic::AssertUnwindSafe;
 use std::sync::Arc;
+use std::task::{Context, Poll};
 use std::time::Instant;
 
 use axum::Router;
-use axum::extract::{MatchedPath, Request, State};
+use axum::extract::{MatchedPath, Request};
 use axum::http::{HeaderName, HeaderValue, Method, header};
-use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
+use axum::routing::Route;
+use futures_util::FutureExt as _;
+use futures_util::future::BoxFuture;
+use tower::Service;
+use tower::layer::layer_fn;
 use tower::util::option_layer;
-use tower_http::catch_panic::CatchPanicLayer;
-use tower_http::compression::CompressionLayer;
 use tower_http::cors::{AllowHeaders, Any as AnyOrigin, CorsLayer};
 use tracing::Instrument as _;
 
 use super::access::{self, Gate, Identity};
 use super::caller::{REQUEST_ID, Trace};
-use super::coding::{Coding, CompressedWhileSent};
+use super::coding::Coding;
 use super::drain_body::drain_body;
 use super::metrics::Metrics;
 use super::problem::{self, Problem};
@@ -39,46 +43,67 @@ pub fn with_layers<S: Clone + Send + Sync + 'static>(
     routes: Router<S>,
     gate: Arc<Gate>,
     metrics: Arc<Metrics>,
-    origins: &Origins,
+    origins: Origins,
 ) -> Router<S> {
-    routes.layer((
-        from_fn_with_state((metrics, Arc::new(origins.clone())), observe),
-        // Web pages of other origins must be able to read problems too, so this is outside of the layers that
-        // make them.
-        option_layer(cors(origins)),
-        CatchPanicLayer::custom(panicked),
-        CompressionLayer::new().compress_when(CompressedWhileSent),
-        from_fn_with_state(gate, access::check),
-    ))
+    // Web pages of other origins must be able to read problems too, so this is the outermost layer.
+    let cors = option_layer(cors(&origins));
+    let shared = Arc::new(Shared { gate, metrics, origins });
+    let surround = layer_fn(move |route| Surrounded { route, shared: Arc::clone(&shared) });
+    routes.layer((cors, surround))
 }
 
-/// The outermost layer. It gives the request an id, refuses it if it comes from a foreign page, writes the
-/// problem of its answer, counts it and logs one line.
-async fn observe(
-    State((metrics, origins)): State<(Arc<Metrics>, Arc<Origins>)>,
-    mut request: Request,
-    next: Next,
-) -> Response {
+/// A route with the layers.
+#[derive(Clone)]
+struct Surrounded {
+    route: Route,
+    shared: Arc<Shared>,
+}
+
+impl Service<Request> for Surrounded {
+    type Response = Response;
+    type Error = Infallible;
+    type Future = BoxFuture<'static, Result<Response, Infallible>>;
+
+    fn poll_ready(&mut self, _: &mut Context<'_>) -> Poll<Result<(), Infallible>> {
+        // A route is always ready.
+        Poll::Ready(Ok(()))
+    }
+
+    fn call(&mut self, request: Request) -> Self::Future {
+        surround(Arc::clone(&self.shared), request, self.route.clone()).map(Ok).boxed()
+    }
+}
+
+/// What all requests share here.
+struct Shared {
+    gate: Arc<Gate>,
+    metrics: Arc<Metrics>,
+    origins: Origins,
+}
+
+/// Gives a request an id, refuses it if it comes from a foreign page, writes the problem of its answer, counts
+/// it and logs one line.
+async fn surround(shared: Arc<Shared>, mut request: Request, route: Route) -> Response {
+    let Shared { gate, metrics, origins } = &*shared;
     let started = Instant::now();
     let trace = Trace::read(request.headers());
     let id = Arc::clone(&trace.id);
-    let route = request.extensions().get::<MatchedPath>().cloned();
+    let pattern = request.extensions().get::<MatchedPath>().cloned();
     let (method, uri) = (request.method().clone(), request.uri().clone());
     let span = tracing::info_span!("request", id = &*id, traceparent = trace.parent.as_deref());
     request.extensions_mut().insert(trace);
-    Coding::settle(request.headers_mut());
     let closes_after_error = drain_body(&mut request);
-    let answer = if is_cross_site(&origins, &request) {
+    let answer = if is_cross_site(origins, &request) {
         drop(request);
         let detail = "A web page of an unknown origin sent this request. Add its origin to the option \
             --cors-origin of the server.";
         Problem::new(&problem::CROSS_SITE, detail).into_response()
     } else {
-        next.run(request).instrument(span.clone()).await
+        answer(gate, request, route).instrument(span.clone()).await
     };
     let mut response = problem::write(answer, &id);
-    let route = route.as_ref().map_or("none", MatchedPath::as_str);
-    metrics.answered(&method, route, response.status(), started);
+    let pattern = pattern.as_ref().map_or("none", MatchedPath::as_str);
+    metrics.answered(&method, pattern, response.status(), started);
     let caller = response.extensions().get::<Identity>();
     let caller = caller.map(|identity| format!("{} {}", identity.owner, identity.key));
     let status = response.status().as_u16();
@@ -103,6 +128,17 @@ async fn observe(
         headers.entry(name).or_insert(HeaderValue::from_static(value));
     }
     response
+}
+
+/// The answer of the routes, compressed if the client accepts that.
+async fn answer(gate: &Gate, request: Request, route: Route) -> Response {
+    let coding = Coding::choose(request.headers());
+    let answer = AssertUnwindSafe(access::check(gate, request, route)).catch_unwind().await;
+    match answer {
+        Ok(answer) => coding.compress(answer).await,
+        // The panic hook has logged the panic.
+        Err(_) => Problem::internal().into_response(),
+    }
 }
 
 /// Rules for browsers, unless a handler sets others: do not guess the content type, run no scripts, show no
@@ -139,11 +175,6 @@ fn is_cross_site(known: &Origins, request: &Request) -> bool {
         (Some(_), None) => false,
     };
     !request.method().is_safe() && !is_known && !is_own
-}
-
-/// The answer of a handler that panicked. The panic hook has logged the panic.
-fn panicked(_: Box<dyn Any + Send>) -> Response {
-    Problem::internal().into_response()
 }
 
 fn cors(origins: &Origins) -> Option<CorsLayer> {
@@ -198,7 +229,7 @@ mod tests {
             RouteNeeds::default(),
         ));
         let router = Router::new().route("/", axum::routing::get(panics));
-        let router = with_layers(router, gate, metrics, &Origins::Any);
+        let router = with_layers(router, gate, metrics, Origins::Any);
         let response = router.oneshot(Request::new(Body::empty())).await.unwrap();
         assert_eq!(response.status(), 500);
         assert_eq!(response.headers()["content-type"], "application/problem+json");

@@ -207,7 +207,7 @@ pub async fn list(
             query.complain(name, fault);
         }
     }
-    let limit = query.value("limit", &format!("a number from 1 to {LONGEST_PAGE}"), |text| {
+    let limit = query.value("limit", format_args!("a number from 1 to {LONGEST_PAGE}"), |text| {
         text.parse().ok().filter(|limit| (1..=LONGEST_PAGE).contains(limit))
     });
     let cursor = query.value("cursor", "the cursor of a page", |text| text.parse().ok());

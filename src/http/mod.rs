@@ -80,8 +80,12 @@ pub fn router(service: Service, settings: &Settings) -> Router {
     let (router, _) = router.split_for_parts();
     let gate = Arc::new(Gate::new(service.store(), &settings.access, needs));
     let metrics = Arc::new(Metrics::new(service.tally(), service.workers()));
-    let layered =
-        with_layers(router.fallback(not_found), gate.clone(), metrics.clone(), &settings.origins);
+    let layered = with_layers(
+        router.fallback(not_found),
+        gate.clone(),
+        metrics.clone(),
+        settings.origins.clone(),
+    );
     let memory = Memory::new(settings.memory);
     layered.with_state(App::new(service, gate, memory, metrics, || document().into()))
 }

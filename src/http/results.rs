@@ -4,7 +4,7 @@ use std::fmt::Display;
 use std::ops::RangeInclusive;
 use std::str::FromStr;
 
-use axum::extract::State;
+use axum::extract::{Request, State};
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
 
@@ -25,7 +25,7 @@ fn numbers(text: &str) -> Option<Vec<f64>> {
 /// Takes a parameter with one of two values; true for the second.
 fn either(query: &mut Query, name: &'static str, values: [&str; 2]) -> Option<bool> {
     let [no, yes] = values;
-    query.value(name, &format!("\"{no}\" or \"{yes}\""), |text| match text {
+    query.value(name, format_args!("\"{no}\" or \"{yes}\""), |text| match text {
         _ if text == no => Some(false),
         _ if text == yes => Some(true),
         _ => None,
@@ -38,8 +38,8 @@ fn integer<T: FromStr + PartialOrd + Display>(
     name: &'static str,
     range: RangeInclusive<T>,
 ) -> Option<T> {
-    let accepted = format!("a whole number from {} to {}", range.start(), range.end());
-    query.value(name, &accepted, |text| text.parse().ok().filter(|number| range.contains(number)))
+    let accepted = format_args!("a whole number from {} to {}", range.start(), range.end());
+    query.value(name, accepted, |text| text.parse().ok().filter(|number| range.contains(number)))
 }
 
 /// Takes the parameters of a result or a table.
@@ -172,10 +172,10 @@ pub async fn whole(
     State(app): State<App>,
     caller: Caller,
     Segment(key): Segment,
-    headers: HeaderMap,
     query: Query,
+    request: Request,
 ) -> Result<Response, Problem> {
-    answer(&app, &caller, (&key, Part::Whole), &headers, query).await
+    answer(&app, &caller, (&key, Part::Whole), request.headers(), query).await
 }
 
 /// Returns the history of a result: one entry per output cycle.
@@ -213,10 +213,10 @@ pub async fn history(
     State(app): State<App>,
     caller: Caller,
     Segment(key): Segment,
-    headers: HeaderMap,
     query: Query,
+    request: Request,
 ) -> Result<Response, Problem> {
-    answer(&app, &caller, (&key, Part::History), &headers, query).await
+    answer(&app, &caller, (&key, Part::History), request.headers(), query).await
 }
 
 /// Returns the profiles of a result: worn shape, wear, pressure and slip over the radius.
@@ -256,10 +256,10 @@ pub async fn profiles(
     State(app): State<App>,
     caller: Caller,
     Segment(key): Segment,
-    headers: HeaderMap,
     query: Query,
+    request: Request,
 ) -> Result<Response, Problem> {
-    answer(&app, &caller, (&key, Part::Profiles), &headers, query).await
+    answer(&app, &caller, (&key, Part::Profiles), request.headers(), query).await
 }
 
 /// Returns the force–displacement loops of a result, at the output cycles of its profiles.
@@ -299,10 +299,10 @@ pub async fn loops(
     State(app): State<App>,
     caller: Caller,
     Segment(key): Segment,
-    headers: HeaderMap,
     query: Query,
+    request: Request,
 ) -> Result<Response, Problem> {
-    answer(&app, &caller, (&key, Part::Loops), &headers, query).await
+    answer(&app, &caller, (&key, Part::Loops), request.headers(), query).await
 }
 
 /// Returns a figure of a result as SVG, for the screen and for print.
@@ -345,14 +345,14 @@ pub async fn plot(
     State(app): State<App>,
     caller: Caller,
     Segment(key): Segment,
-    headers: HeaderMap,
     mut query: Query,
+    request: Request,
 ) -> Result<Response, Problem> {
     let view = figure_view(&mut query);
     query.finish()?;
     // The address names the format, so `Accept` has no effect.
     let figure = Representation::new(&caller, read_key(&key)?, Part::Plot, Format::Svg, view);
-    figure.answer(&app, &headers).await
+    figure.answer(&app, request.headers()).await
 }
 
 /// Pins a result, so that it is never evicted.

@@ -2,6 +2,8 @@
 //!
 //! A query collects all its faults before it refuses the request, so that a client sees all of them at once.
 
+use std::fmt::{self, Display};
+use std::mem;
 use std::time::Duration;
 
 use axum::body::{Bytes, HttpBody as _};
@@ -47,7 +49,7 @@ impl Query {
         self.pairs.retain_mut(|(key, value)| {
             let here = key == name;
             if here {
-                repeated |= found.replace(std::mem::take(value)).is_some();
+                repeated |= found.replace(mem::take(value)).is_some();
             }
             !here
         });
@@ -61,7 +63,7 @@ impl Query {
     pub fn value<T>(
         &mut self,
         name: &'static str,
-        accepted: &str,
+        accepted: impl Display,
         read: impl FnOnce(&str) -> Option<T>,
     ) -> Option<T> {
         let text = self.text(name)?;
@@ -84,8 +86,13 @@ impl Query {
 
     /// Takes `format`. Faults list the formats `offered`.
     pub fn format(&mut self, offered: &[Format]) -> Option<Format> {
-        let accepted = names(offered, Format::name, " or ");
-        self.value("format", &accepted, |text| {
+        let accepted = fmt::from_fn(|f| {
+            let mut or = "";
+            offered.iter().try_for_each(|format| {
+                write!(f, "{}\"{}\"", mem::replace(&mut or, " or "), format.name())
+            })
+        });
+        self.value("format", accepted, |text| {
             // An existing format that is not offered here is answered with 406 instead.
             Format::ALL.into_iter().find(|format| format.name() == text)
         })
@@ -98,15 +105,15 @@ impl Query {
 
     /// Refuses the request if its parameters have faults, or if some were not taken.
     pub fn finish(mut self) -> Result<(), Problem> {
+        if self.pairs.is_empty() && self.complaints.is_empty() {
+            return Ok(());
+        }
         let accepted = match self.known.as_slice() {
             [] => "this address has no parameters".to_owned(),
             known => format!("the parameters here are {}", known.join(", ")),
         };
-        for (name, _) in std::mem::take(&mut self.pairs) {
+        for (name, _) in mem::take(&mut self.pairs) {
             self.complain(&excerpt(&name), format!("is unknown: {accepted}"));
-        }
-        if self.complaints.is_empty() {
-            return Ok(());
         }
         Err(Problem::parameters(self.complaints))
     }
@@ -150,10 +157,6 @@ fn excerpt(text: &str) -> String {
         out.push('…');
     }
     out
-}
-
-fn names<T: Copy>(items: &[T], name: impl Fn(T) -> &'static str, join: &str) -> String {
-    items.iter().map(|&item| format!("\"{}\"", name(item))).collect::<Vec<_>>().join(join)
 }
 
 /// The preferences in `Prefer` headers (RFC 7240). Unknown and invalid preferences are ignored, as the RFC
