@@ -17,7 +17,6 @@ use tower::Service;
 use tower::layer::layer_fn;
 use tower::util::option_layer;
 use tower_http::cors::{AllowHeaders, Any as AnyOrigin, CorsLayer};
-use tracing::Instrument as _;
 
 use super::access::{self, Gate, Identity};
 use super::caller::{REQUEST_ID, Trace};
@@ -87,10 +86,9 @@ async fn surround(shared: Arc<Shared>, mut request: Request, route: Route) -> Re
     let Shared { gate, metrics, origins } = &*shared;
     let started = Instant::now();
     let trace = Trace::read(request.headers());
-    let id = Arc::clone(&trace.id);
+    let Trace { id, parent } = trace.clone();
     let pattern = request.extensions().get::<MatchedPath>().cloned();
     let (method, uri) = (request.method().clone(), request.uri().clone());
-    let span = tracing::info_span!("request", id = &*id, traceparent = trace.parent.as_deref());
     request.extensions_mut().insert(trace);
     let closes_after_error = drain_body(&mut request);
     let answer = if is_cross_site(origins, &request) {
@@ -99,8 +97,9 @@ async fn surround(shared: Arc<Shared>, mut request: Request, route: Route) -> Re
             --cors-origin of the server.";
         Problem::new(&problem::CROSS_SITE, detail).into_response()
     } else {
-        answer(gate, request, route).instrument(span.clone()).await
+        answer(gate, request, route).await
     };
+    let error = answer.extensions().get::<Problem>().and_then(Problem::cause).map(str::to_owned);
     let mut response = problem::write(answer, &id);
     let pattern = pattern.as_ref().map_or("none", MatchedPath::as_str);
     metrics.answered(&method, pattern, response.status(), started);
@@ -108,15 +107,18 @@ async fn surround(shared: Arc<Shared>, mut request: Request, route: Route) -> Re
     let caller = caller.map(|identity| format!("{} {}", identity.owner, identity.key));
     let status = response.status().as_u16();
     let milliseconds = (started.elapsed().as_secs_f64() * 1e6).round() / 1e3;
-    let path = uri.path();
-    span.in_scope(|| {
-        // Successful reads are frequent, so they are logged at a lower level.
-        if method.is_safe() && status < 400 {
-            tracing::debug!(%method, path, status, milliseconds, caller, "answered");
-        } else {
-            tracing::info!(%method, path, status, milliseconds, caller, "answered");
-        }
-    });
+    macro_rules! log {
+        ($level:ident) => {
+            tracing::$level!(request = &*id, traceparent = parent.as_deref(), %method, path = uri.path(),
+                status, milliseconds, caller, error, "answered")
+        };
+    }
+    // Successful reads are frequent, so they are logged at a lower level.
+    match error {
+        Some(_) => log!(error),
+        None if method.is_safe() && status < 400 => log!(debug),
+        None => log!(info),
+    }
     let headers = response.headers_mut();
     if closes_after_error && status >= 400 {
         headers.insert(header::CONNECTION, HeaderValue::from_static("close"));
@@ -130,14 +132,18 @@ async fn surround(shared: Arc<Shared>, mut request: Request, route: Route) -> Re
     response
 }
 
+/// The panic hook has logged where and why.
+#[derive(Debug, thiserror::Error)]
+#[error("a handler panicked")]
+struct Panicked;
+
 /// The answer of the routes, compressed if the client accepts that.
 async fn answer(gate: &Gate, request: Request, route: Route) -> Response {
     let coding = Coding::choose(request.headers());
     let answer = AssertUnwindSafe(access::check(gate, request, route)).catch_unwind().await;
     match answer {
         Ok(answer) => coding.compress(answer).await,
-        // The panic hook has logged the panic.
-        Err(_) => Problem::internal().into_response(),
+        Err(_) => Problem::internal().caused_by(&Panicked).into_response(),
     }
 }
 

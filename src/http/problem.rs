@@ -3,7 +3,9 @@
 //! A handler returns a [`Problem`], which becomes an extension of the response. The outermost layer writes
 //! the document, because it knows the request id. It does the same for the 404 and 405 of axum and for panics.
 
+use std::error::Error;
 use std::fmt::Write as _;
+use std::iter;
 
 use axum::http::header::{CACHE_CONTROL, CONTENT_LENGTH, CONTENT_TYPE};
 use axum::http::{HeaderName, HeaderValue, StatusCode};
@@ -239,6 +241,7 @@ pub struct Problem {
     /// The scenario of an evicted result. Boxed, because few problems have one.
     scenario: Option<Box<Value>>,
     headers: Vec<(HeaderName, String)>,
+    cause: Option<String>,
 }
 
 /// Every error, as the server writes it (RFC 9457).
@@ -279,6 +282,7 @@ impl Problem {
             errors: Vec::new(),
             scenario: None,
             headers: Vec::new(),
+            cause: None,
         }
     }
 
@@ -312,6 +316,19 @@ impl Problem {
         )
     }
 
+    /// Adds the error that caused the problem, for the log.
+    #[must_use]
+    pub fn caused_by(self, error: &(dyn Error + 'static)) -> Self {
+        let causes = iter::successors(Some(error), |&error| error.source());
+        let causes: Vec<_> = causes.map(ToString::to_string).collect();
+        Self { cause: Some(causes.join(": ")), ..self }
+    }
+
+    /// The error that caused the problem. It is for the log, not for the client.
+    pub fn cause(&self) -> Option<&str> {
+        self.cause.as_deref()
+    }
+
     /// Adds the scenario of an evicted result.
     #[must_use]
     pub fn with_scenario(self, scenario: Value) -> Self {
@@ -340,37 +357,27 @@ impl From<Faults> for Problem {
 
 impl From<store::Error> for Problem {
     fn from(error: store::Error) -> Self {
-        match error {
+        let problem = match error {
             store::Error::Closed => {
-                Self::new(&DRAINING, "The server is shutting down. Try again in a moment.")
-                    .retry_after(5)
+                return Self::new(&DRAINING, "The server is shutting down. Try again in a moment.")
+                    .retry_after(5);
             }
             store::Error::Busy(..) => {
-                tracing::warn!(error = &error as &dyn std::error::Error, "the database is busy");
                 Self::new(&BUSY, "The database of the server is busy. Try again in a moment.")
                     .retry_after(1)
             }
-            store::Error::Full(..) => {
-                tracing::error!(error = &error as &dyn std::error::Error, "the disk is full");
-                Self::new(
-                    &DISK_FULL,
-                    "The disk of the server is full. Its operator must free space.",
-                )
-            }
+            store::Error::Full(..) => Self::new(
+                &DISK_FULL,
+                "The disk of the server is full. Its operator must free space.",
+            ),
             store::Error::Damaged(..) | store::Error::DamagedResult(..) => {
-                tracing::error!(
-                    error = &error as &dyn std::error::Error,
-                    "the database is damaged"
-                );
                 let detail = "A part of the server's database is damaged. Its operator must repair \
                     it. The log contains the details: search it for the `instance` of this problem.";
                 Self::new(&DAMAGED, detail)
             }
-            _ => {
-                tracing::error!(error = &error as &dyn std::error::Error, "the store failed");
-                Self::internal()
-            }
-        }
+            _ => Self::internal(),
+        };
+        problem.caused_by(&error)
     }
 }
 

@@ -282,11 +282,7 @@ impl From<format::Error> for Problem {
                     |item: format::Missing| Complaint::parameter(item.parameter, item.detail);
                 Self::parameters(items.into_iter().map(complaint).collect())
             }
-            error => {
-                let error = &error as &dyn std::error::Error;
-                tracing::error!(error, "a stored result cannot be written in this format");
-                Self::internal()
-            }
+            error => Self::internal().caused_by(&error),
         }
     }
 }

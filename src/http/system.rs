@@ -207,10 +207,8 @@ pub async fn docs(Segment(path): Segment) -> Result<Response, Problem> {
         let config = utoipa_swagger_ui::Config::from("/openapi.json");
         Arc::new(config.try_it_out_enabled(true).display_request_duration(true))
     });
-    let file = utoipa_swagger_ui::serve(&path, CONFIG.clone()).map_err(|error| {
-        tracing::error!(error, "cannot serve the documentation");
-        Problem::internal()
-    })?;
+    let file = utoipa_swagger_ui::serve(&path, CONFIG.clone())
+        .map_err(|error| Problem::internal().caused_by(&*error))?;
     let file = file.ok_or_else(|| {
         Problem::new(
             &problem::NOT_FOUND,

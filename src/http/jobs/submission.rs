@@ -100,7 +100,10 @@ pub async fn submit(
         _ if !include.result => None,
         Some(answer) if job.state == JobState::Succeeded => Some(answer.body),
         // The job is accepted, so the client must get it even if its result cannot be read.
-        _ => Some(result_of(&app, &job).await.unwrap_or(NULL)),
+        _ => Some(result_of(&app, &job).await.unwrap_or_else(|problem| {
+            tracing::error!(job = %job.id, error = problem.cause(), "cannot read the result");
+            NULL
+        })),
     };
     accepted(job, include.members(&asked, result), wait, afresh)
 }
