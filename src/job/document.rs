@@ -89,17 +89,17 @@ impl Document {
 #[expect(clippy::expect_used, reason = "search must find what is stored")]
 pub(super) fn summarize(scenario: &Scenario, outcome: &Outcome) -> (Value, Outline) {
     fn value(part: impl Serialize) -> Value {
-        let mut value = to_value(part).expect("scenarios and outcomes are plain numbers and texts");
-        round(&mut value);
-        value
+        to_value(part).expect("scenarios and outcomes are plain numbers and texts")
     }
     let Outcome { scales, unworn, regime, history, .. } = outcome;
     let history = value(history);
     let columns = history.as_object().expect("a history has columns");
     let summary =
         summary(value(regime), columns).expect("each column has an entry per output cycle");
-    let members = members(value(scenario), value(scales), value(unworn), summary.clone());
-    (summary, Outline::of(&members))
+    let mut members = members(value(scenario), value(scales), value(unworn), summary);
+    round(&mut members);
+    let outline = Outline::of(&members);
+    (members["summary"].take(), outline)
 }
 
 /// Rounds all numbers as [`write`](super::json::write) does.
