@@ -21,6 +21,7 @@ pub enum LogFormat {
 pub fn log_levels(text: &str) -> Result<Targets, String> {
     text.split(',').try_fold(Targets::new(), |levels, part| {
         let (module, name) = part.split_once('=').unwrap_or(("", part));
+        let (module, name) = (module.trim(), name.trim());
         let level: Option<LevelFilter> = name.parse().ok().filter(|_| !name.is_empty());
         let level = level.ok_or_else(|| {
             format!("{name:?} is not a level; use off, error, warn, info, debug or trace")
@@ -42,7 +43,7 @@ pub fn start(levels: &Targets, format: LogFormat) {
         LogFormat::Json => lines.json().flatten_event(true).boxed(),
     };
     tracing_subscriber::registry().with(lines).with(levels.clone()).init();
-    // A panic becomes a log entry in the same format, with the request that caused it.
+    // A panic becomes a log entry in the same format.
     std::panic::set_hook(Box::new(|panic| tracing::error!(%panic, "panicked")));
 }
 
@@ -52,7 +53,7 @@ mod tests {
 
     #[test]
     fn the_log_has_one_level_and_others_for_named_modules() {
-        let levels = log_levels("warn,sqlx=off,fretwork::http=DEBUG").unwrap();
+        let levels = log_levels("warn, sqlx=off,fretwork::http = DEBUG").unwrap();
         assert_eq!(levels.default_level(), Some(LevelFilter::WARN));
         let modules: Vec<_> = levels.iter().collect();
         let expected = [("sqlx", LevelFilter::OFF), ("fretwork::http", LevelFilter::DEBUG)];

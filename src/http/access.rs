@@ -1,4 +1,4 @@
-//! Access control: a middleware that identifies the caller of a request and checks its role and its limits.
+//! Access control: identifies the caller of a request, and checks its role and its limits.
 //!
 //! A server without keys accepts every caller, and therefore listens on this machine only. As soon as the
 //! server has a key, every caller must send a key.
@@ -11,11 +11,9 @@ use std::time::{Duration, Instant};
 use axum::extract::{MatchedPath, Request};
 use axum::http::{HeaderMap, HeaderValue, header};
 use axum::response::{IntoResponse, Response};
-use axum::routing::Route;
 use data_encoding::BASE64;
 use subtle::ConstantTimeEq as _;
 use tokio::sync::OnceCell;
-use tower::Service as _;
 
 use super::keyring::{KeyHolder, Keyring, MAX_AGE};
 use super::limits::{Account, Limits, Place};
@@ -90,8 +88,13 @@ struct Admitted {
     link: Option<Duration>,
 }
 
-/// Answers a request if its caller may send it. A long request is checked again before it is answered.
-pub async fn check(gate: &Gate, mut request: Request, mut route: Route) -> Response {
+/// Answers a request if its caller may send it, and refuses it otherwise. After a long time it checks the caller
+/// again.
+pub async fn check<A: Future<Output = Response>>(
+    gate: &Gate,
+    mut request: Request,
+    answer: impl FnOnce(Request) -> A,
+) -> Response {
     let started = Instant::now();
     let needs = gate.route_needs.of(request.method(), pattern(&request));
     let Admitted { identity, place, link } = match gate.accept(&mut request, needs).await {
@@ -104,7 +107,7 @@ pub async fn check(gate: &Gate, mut request: Request, mut route: Route) -> Respo
     if let Some(standing) = place.standing {
         request.extensions_mut().insert(standing);
     }
-    let Ok(mut response) = route.call(request).await;
+    let mut response = answer(request).await;
     // The key may have been revoked while the request waited.
     if needs.role.is_some()
         && link.is_none()
@@ -278,7 +281,10 @@ impl Gate {
     pub async fn recheck(&self, key: Option<&str>) -> Option<Problem> {
         let reason = match key {
             None => {
-                let required = self.requires_key().await.unwrap_or(false);
+                let required = self.requires_key().await.unwrap_or_else(|problem| {
+                    tracing::error!(error = problem.cause(), "cannot read the access keys");
+                    false
+                });
                 required
                     .then(|| "The server requires a key since this request began.".to_owned())?
             }

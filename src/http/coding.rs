@@ -4,7 +4,7 @@
 
 use std::io::{self, Write};
 
-use axum::body::{Body, Bytes, HttpBody as _};
+use axum::body::{Bytes, HttpBody as _};
 use axum::http::header::{
     ACCEPT_ENCODING, CONTENT_ENCODING, CONTENT_LENGTH, CONTENT_TYPE, ETAG, VARY,
 };
@@ -22,8 +22,11 @@ use super::problem::Problem;
 /// Smallest body that is compressed, in bytes: less fits into one or two packets.
 const MIN_SIZE: u64 = 1 << 10;
 
-/// Largest body that is compressed for one client only, in bytes.
+/// Largest body that is compressed for one client only, in bytes: it is in memory as a whole.
 const MAX_SIZE: u64 = 1 << 20;
+
+/// Largest body that is compressed on an async thread, in bytes. To pass it to another thread takes as long.
+const SHORT: usize = 1 << 14;
 
 /// A compression (`Content-Encoding`).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -68,26 +71,35 @@ impl Coding {
         answer.headers_mut().append(VARY, HeaderValue::from_static("accept-encoding"));
         let Some(name) = self.name() else { return answer };
         let (mut head, body) = answer.into_parts();
-        let Some(body) = self.compress_quickly(body).await else {
-            return Problem::internal().into_response();
+        let text = match body.collect().await {
+            Ok(text) => text.to_bytes(),
+            Err(error) => return Problem::bug(error).into_response(),
         };
-        head.headers.insert(CONTENT_ENCODING, HeaderValue::from_static(name));
-        head.headers.remove(CONTENT_LENGTH);
-        Response::from_parts(head, body.into())
+        match self.packed(text.clone()).await {
+            Ok(packed) => {
+                head.headers.insert(CONTENT_ENCODING, HeaderValue::from_static(name));
+                head.headers.remove(CONTENT_LENGTH);
+                Response::from_parts(head, packed.into())
+            }
+            Err(error) => {
+                tracing::error!(%error, "cannot compress an answer");
+                Response::from_parts(head, text.into())
+            }
+        }
     }
 
-    async fn compress_quickly(self, body: Body) -> Option<Vec<u8>> {
-        let text = body.collect().await.ok()?.to_bytes();
-        let compress = move || match self {
-            Self::Identity => Ok(text.into()),
-            Self::Gzip => {
+    /// Compresses a text quickly. A long one is compressed on a blocking thread.
+    async fn packed(self, text: Bytes) -> io::Result<Vec<u8>> {
+        let size = text.len();
+        let pack = move || match self {
+            Self::Zstd => zstd::bulk::compress(&text, zstd::DEFAULT_COMPRESSION_LEVEL),
+            Self::Gzip | Self::Identity => {
                 let mut gzip = GzEncoder::new(Vec::new(), Compression::default());
                 gzip.write_all(&text)?;
                 gzip.finish()
             }
-            Self::Zstd => zstd::bulk::compress(&text, zstd::DEFAULT_COMPRESSION_LEVEL),
         };
-        task::spawn_blocking(compress).await.ok()?.ok()
+        if size <= SHORT { pack() } else { task::spawn_blocking(pack).await? }
     }
 
     /// Compresses everything that is written to it.
@@ -189,6 +201,7 @@ impl Write for Encoder {
     }
 }
 
+/// Whether an answer is a text that is not compressed and would become shorter.
 fn is_compressible(answer: &Response) -> bool {
     let headers = answer.headers();
     let kind = headers.get(CONTENT_TYPE).and_then(|kind| kind.to_str().ok());
@@ -199,6 +212,7 @@ fn is_compressible(answer: &Response) -> bool {
     let size = answer.body().size_hint().exact();
     is_text
         && !headers.contains_key(ETAG)
+        && !headers.contains_key(CONTENT_ENCODING)
         && size.is_some_and(|size| (MIN_SIZE..=MAX_SIZE).contains(&size))
 }
 

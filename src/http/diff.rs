@@ -185,7 +185,7 @@ impl Side {
             }
             Requested::Scenario(prepared) => {
                 let (key, scenario) = (prepared.key, prepared.task.scenario());
-                let scenario = serde_json::to_value(scenario).map_err(|_| Problem::internal())?;
+                let scenario = serde_json::to_value(scenario).map_err(Problem::bug)?;
                 let known = app.service.known(&key).await?;
                 Ok(Self { key, scenario, numerics: ENGINE.numerics, known })
             }
@@ -206,7 +206,7 @@ impl Side {
             }
             Outline::of(&document)
         });
-        outline.await.map_err(|_| Problem::internal())
+        outline.await.map_err(Problem::bug)
     }
 }
 
@@ -272,7 +272,7 @@ pub async fn diff(
 ) -> Result<axum::Json<Diff>, Problem> {
     // Parsing a table of 10 000 rows would block the async thread.
     let sides = task::spawn_blocking(move || asked(read(&body)?).map_err(Problem::faults));
-    let (a, b) = sides.await.map_err(|_| Problem::internal())??;
+    let (a, b) = sides.await.map_err(Problem::bug)??;
     let except = if let Requested::Key(key) = a { Some(key) } else { None };
     let a = Side::of(&app, a).await?;
     let mut remarks = Vec::new();

@@ -13,9 +13,8 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::Route;
 use futures_util::FutureExt as _;
 use futures_util::future::BoxFuture;
-use tower::Service;
 use tower::layer::layer_fn;
-use tower::util::option_layer;
+use tower::{Layer as _, Service, ServiceExt as _, service_fn};
 use tower_http::cors::{AllowHeaders, Any as AnyOrigin, CorsLayer};
 
 use super::access::{self, Gate, Identity};
@@ -24,6 +23,7 @@ use super::coding::Coding;
 use super::drain_body::drain_body;
 use super::metrics::Metrics;
 use super::problem::{self, Problem};
+use crate::service::workers::message_of;
 
 /// The origins whose web pages may use the server.
 #[derive(Debug, Clone, Default)]
@@ -37,21 +37,18 @@ pub enum Origins {
     These(Vec<HeaderValue>),
 }
 
-/// Surrounds routes with the layers. They form one layer, because axum clones each layer for each request.
+/// Surrounds routes with one layer. It is one, because axum clones each layer for each request.
 pub fn with_layers<S: Clone + Send + Sync + 'static>(
     routes: Router<S>,
     gate: Arc<Gate>,
     metrics: Arc<Metrics>,
     origins: Origins,
 ) -> Router<S> {
-    // Web pages of other origins must be able to read problems too, so this is the outermost layer.
-    let cors = option_layer(cors(&origins));
-    let shared = Arc::new(Shared { gate, metrics, origins });
-    let surround = layer_fn(move |route| Surrounded { route, shared: Arc::clone(&shared) });
-    routes.layer((cors, surround))
+    let shared = Arc::new(Shared { gate, metrics, cors: cors(&origins), origins });
+    routes.layer(layer_fn(move |route| Surrounded { route, shared: Arc::clone(&shared) }))
 }
 
-/// A route with the layers.
+/// A route with the layer.
 #[derive(Clone)]
 struct Surrounded {
     route: Route,
@@ -78,12 +75,14 @@ struct Shared {
     gate: Arc<Gate>,
     metrics: Arc<Metrics>,
     origins: Origins,
+    /// Lets web pages of the other origins read the answers, and answers their preflights.
+    cors: Option<CorsLayer>,
 }
 
 /// Gives a request an id, refuses it if it comes from a foreign page, writes the problem of its answer, counts
 /// it and logs one line.
 async fn surround(shared: Arc<Shared>, mut request: Request, route: Route) -> Response {
-    let Shared { gate, metrics, origins } = &*shared;
+    let Shared { gate, metrics, origins, cors } = &*shared;
     let started = Instant::now();
     let trace = Trace::read(request.headers());
     let Trace { id, parent } = trace.clone();
@@ -97,7 +96,13 @@ async fn surround(shared: Arc<Shared>, mut request: Request, route: Route) -> Re
             --cors-origin of the server.";
         Problem::new(&problem::CROSS_SITE, detail).into_response()
     } else {
-        answer(gate, request, route).await
+        let answered =
+            service_fn(|request| answer(gate, request, route.clone()).map(Ok::<_, Infallible>));
+        let Ok(answer) = match cors {
+            Some(cors) => cors.layer(answered).oneshot(request).await,
+            None => answered.oneshot(request).await,
+        };
+        answer
     };
     let error = answer.extensions().get::<Problem>().and_then(Problem::cause).map(str::to_owned);
     let mut response = problem::write(answer, &id);
@@ -113,11 +118,12 @@ async fn surround(shared: Arc<Shared>, mut request: Request, route: Route) -> Re
                 status, milliseconds, caller, error, "answered")
         };
     }
-    // Successful reads are frequent, so they are logged at a lower level.
-    match error {
-        Some(_) => log!(error),
-        None if method.is_safe() && status < 400 => log!(debug),
-        None => log!(info),
+    match (&error, status) {
+        (Some(_), 503) => log!(warn),
+        (Some(_), _) | (None, 500) => log!(error),
+        // Successful reads are frequent.
+        (None, ..400) if method.is_safe() => log!(debug),
+        _ => log!(info),
     }
     let headers = response.headers_mut();
     if closes_after_error && status >= 400 {
@@ -132,19 +138,20 @@ async fn surround(shared: Arc<Shared>, mut request: Request, route: Route) -> Re
     response
 }
 
-/// The panic hook has logged where and why.
+/// A handler panicked, with this message. The panic hook has logged where.
 #[derive(Debug, thiserror::Error)]
-#[error("a handler panicked")]
-struct Panicked;
+#[error("panicked: {0}")]
+struct Panicked(String);
 
 /// The answer of the routes, compressed if the client accepts that.
-async fn answer(gate: &Gate, request: Request, route: Route) -> Response {
+async fn answer(gate: &Gate, request: Request, mut route: Route) -> Response {
     let coding = Coding::choose(request.headers());
-    let answer = AssertUnwindSafe(access::check(gate, request, route)).catch_unwind().await;
-    match answer {
-        Ok(answer) => coding.compress(answer).await,
-        Err(_) => Problem::internal().caused_by(&Panicked).into_response(),
-    }
+    let compressed = move |request: Request| async move {
+        let Ok(answer) = route.call(request).await;
+        coding.compress(answer).await
+    };
+    let checked = AssertUnwindSafe(access::check(gate, request, compressed)).catch_unwind().await;
+    checked.unwrap_or_else(|panic| Problem::bug(Panicked(message_of(&*panic))).into_response())
 }
 
 /// Rules for browsers, unless a handler sets others: do not guess the content type, run no scripts, show no
@@ -212,30 +219,36 @@ fn cors(origins: &Origins) -> Option<CorsLayer> {
 
 #[cfg(test)]
 mod tests {
+    use std::num::NonZeroU32;
+
     use axum::body::Body;
+    use axum::routing::{MethodRouter, get};
     use http_body_util::BodyExt as _;
+    use tempfile::TempDir;
     use tower::ServiceExt as _;
 
     use super::*;
-    use crate::http::access::Access;
+    use crate::http::access::{Access, AdminKey};
+    use crate::http::limits::Limits;
     use crate::http::needs::RouteNeeds;
     use crate::store::Store;
+
+    /// A server with one route, and the directory of its database.
+    async fn surrounded(route: MethodRouter, access: &Access) -> (Router, TempDir) {
+        let dir = TempDir::new().unwrap();
+        let store = Store::open(dir.path(), &crate::store::Options::default()).await.unwrap();
+        let metrics = Arc::new(Metrics::new(store.tally(), 1));
+        let gate = Arc::new(Gate::new(&store, access, RouteNeeds::default()));
+        (with_layers(Router::new().route("/", route), gate, metrics, Origins::Any), dir)
+    }
 
     #[tokio::test]
     async fn the_answer_after_a_panic_hides_the_panic_message() {
         async fn panics() {
             panic!("a secret");
         }
-        let dir = tempfile::tempdir().unwrap();
-        let store = Store::open(dir.path(), &crate::store::Options::default()).await.unwrap();
-        let metrics = Arc::new(Metrics::new(store.tally(), 1));
-        let gate = Arc::new(Gate::new(
-            &store,
-            &Access { open: true, ..Access::default() },
-            RouteNeeds::default(),
-        ));
-        let router = Router::new().route("/", axum::routing::get(panics));
-        let router = with_layers(router, gate, metrics, Origins::Any);
+        let access = Access { open: true, ..Access::default() };
+        let (router, _dir) = surrounded(get(panics), &access).await;
         let response = router.oneshot(Request::new(Body::empty())).await.unwrap();
         assert_eq!(response.status(), 500);
         assert_eq!(response.headers()["content-type"], "application/problem+json");
@@ -245,5 +258,23 @@ mod tests {
         let problem: serde_json::Value = serde_json::from_slice(&body).unwrap();
         assert_eq!(problem["instance"], id);
         assert!(!problem.to_string().contains("secret"));
+    }
+
+    #[tokio::test]
+    async fn a_compressed_answer_counts_as_concurrent_until_it_was_sent() {
+        let limits = Limits { per_minute: None, at_once: NonZeroU32::new(1) };
+        let access = Access { admin_key: Some(AdminKey("secret".into())), limits, open: false };
+        let (router, _dir) = surrounded(get(|| async { "text ".repeat(1000) }), &access).await;
+        let ask = async || {
+            let request = Request::get("/")
+                .header("authorization", "Bearer secret")
+                .header("accept-encoding", "gzip");
+            router.clone().oneshot(request.body(Body::empty()).unwrap()).await.unwrap()
+        };
+        let unread = ask().await;
+        assert_eq!(unread.headers()["content-encoding"], "gzip");
+        assert_eq!(ask().await.status(), 429);
+        drop(unread);
+        assert_eq!(ask().await.status(), 200);
     }
 }

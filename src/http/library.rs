@@ -473,7 +473,7 @@ pub async fn delete(
             }
             Ok::<_, Problem>(removed)
         });
-        match removing.await.map_err(|_| Problem::internal())?? {
+        match removing.await.map_err(Problem::bug)?? {
             Removed::Done => return Ok(StatusCode::NO_CONTENT),
             Removed::Pinned => {
                 let detail =

@@ -1,7 +1,6 @@
 //! All errors of the API: problem documents (RFC 9457) and their types.
 //!
-//! A handler returns a [`Problem`], which becomes an extension of the response. The outermost layer writes
-//! the document, because it knows the request id. It does the same for the 404 and 405 of axum and for panics.
+//! A handler returns a [`Problem`], which becomes an extension of the response. `layers` writes the document, because it knows the request id. It does the same for the 404 and 405 of axum and for panics.
 
 use std::error::Error;
 use std::fmt::Write as _;
@@ -241,6 +240,7 @@ pub struct Problem {
     /// The scenario of an evicted result. Boxed, because few problems have one.
     scenario: Option<Box<Value>>,
     headers: Vec<(HeaderName, String)>,
+    /// For the log.
     cause: Option<String>,
 }
 
@@ -314,6 +314,11 @@ impl Problem {
             &INTERNAL,
             "The server has a bug. Its log contains the details: search it for the `instance` of this problem.",
         )
+    }
+
+    /// The problem for an error that only a bug of the server can cause.
+    pub fn bug(error: impl Error + 'static) -> Self {
+        Self::internal().caused_by(&error)
     }
 
     /// Adds the error that caused the problem, for the log.

@@ -51,7 +51,7 @@ async fn unpacked(key: &Key, body: Body) -> Result<Bytes, Problem> {
     let json = if !body.is_compressed() || body.size().is_none_or(|size| size <= store::LARGE) {
         body.json()
     } else {
-        task::spawn_blocking(move || body.json()).await.map_err(|_| Problem::internal())?
+        task::spawn_blocking(move || body.json()).await.map_err(Problem::bug)?
     };
     Ok(json.map_err(|_| Error::DamagedResult(*key))?)
 }
@@ -188,7 +188,7 @@ impl Representation {
             let (body, coding) = encoder.finish().map_err(format::Error::from)?;
             Ok(app.memory.finish(making, Encoded { body, coding }, true))
         };
-        task::spawn_blocking(make).await.map_err(|_| Problem::internal())?
+        task::spawn_blocking(make).await.map_err(Problem::bug)?
     }
 
     /// The JSON of the result. If it is large, also the permission to make an answer from it, which is obtained before

@@ -74,7 +74,7 @@ pub(super) async fn parse(body: Body) -> Result<Submission, Problem> {
         return Ok(Submission::parse(&body.0)?);
     }
     let parsed = task::spawn_blocking(move || Submission::parse(&body.0));
-    Ok(parsed.await.map_err(|_| Problem::internal())??)
+    Ok(parsed.await.map_err(Problem::bug)??)
 }
 
 /// What is known of a scenario without a run.
@@ -126,7 +126,7 @@ pub async fn check(
     let cached = app.service.has_result(&key).await?;
     // The limiting state takes a few milliseconds to compute.
     let computed = task::spawn_blocking(move || (asked.preview(), asked));
-    let (preview, asked) = computed.await.map_err(|_| Problem::internal())?;
+    let (preview, asked) = computed.await.map_err(Problem::bug)?;
     let scenario = asked.scenario().clone();
     let links = CheckedLinks { result: format!("/v1/results/{key}"), submit: "/v1/jobs" };
     Ok(Json(Checked { key, cached, scenario, preview, warnings, links }))
@@ -162,7 +162,7 @@ pub async fn examples(_: NoQuery) -> Result<Json<Vec<ExampleAnswer>>, Problem> {
         Ok(ExampleAnswer { name: example.name, label, body })
     };
     let answers: Result<_, serde_json::Error> = EXAMPLES.iter().map(read).collect();
-    answers.map(Json).map_err(|_| Problem::internal())
+    answers.map(Json).map_err(Problem::bug)
 }
 
 /// Returns an example of a job body.

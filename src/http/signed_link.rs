@@ -112,7 +112,7 @@ fn without_token(uri: &Uri) -> Result<Uri, Problem> {
     let rest: Vec<&str> = pairs.filter(|pair| !pair.starts_with("link=")).collect();
     let mark = if rest.is_empty() { "" } else { "?" };
     let address = format!("{}{mark}{}", uri.path(), rest.join("&")).parse();
-    address.map_err(|_| Problem::internal())
+    address.map_err(Problem::bug)
 }
 
 /// Verifies the link of a request.

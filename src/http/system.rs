@@ -71,7 +71,9 @@ pub async fn ready(State(app): State<App>, _: NoQuery) -> Result<Json<Readiness>
     };
     let wait = match tokio::time::timeout(TIMEOUT, check).await {
         Ok(Ok(wait)) => wait,
-        Ok(Err(error)) => return Err(unready(&format!("The database failed: {error}."))),
+        Ok(Err(error)) => {
+            return Err(unready(&format!("The database failed: {error}.")).caused_by(&error));
+        }
         Err(_) => return Err(unready("The database does not answer.")),
     };
     let tally = app.service.tally();
@@ -160,7 +162,7 @@ pub async fn metrics(State(app): State<App>, _: NoQuery) -> Result<Response, Pro
     // A network disk can block.
     let service = app.service.clone();
     let free = tokio::task::spawn_blocking(move || service.free_bytes()).await.ok().flatten();
-    let text = app.metrics.write(wait, free).map_err(|_| Problem::internal())?;
+    let text = app.metrics.write(wait, free).map_err(Problem::bug)?;
     let kind = "application/openmetrics-text; version=1.0.0; charset=utf-8";
     Ok(([(CONTENT_TYPE, kind)], text).into_response())
 }

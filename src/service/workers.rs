@@ -297,9 +297,9 @@ fn span(claimed: &Claimed) -> tracing::Span {
 }
 
 /// The message of a panic.
-fn message_of(panic: &(dyn Any + Send)) -> String {
+pub fn message_of(panic: &(dyn Any + Send)) -> String {
     let text = panic.downcast_ref::<&str>().copied();
     text.or_else(|| panic.downcast_ref::<String>().map(String::as_str))
-        .unwrap_or("the computation panicked")
+        .unwrap_or("a panic without a message")
         .to_owned()
 }

@@ -639,6 +639,8 @@ async fn pages_of_allowed_origins_can_read_the_exposed_headers() {
     let preflight = server.send("OPTIONS", "/v1/jobs", &asked, "").await;
     assert_eq!(preflight.status, 200);
     assert!(preflight.header("access-control-allow-methods").unwrap().contains("POST"));
+    assert!(preflight.header("x-request-id").is_some());
+    assert_eq!(preflight.header("x-content-type-options"), Some("nosniff"));
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -177,7 +177,7 @@ pub(super) async fn result_of(app: &App, job: &Job) -> Result<Bytes, Problem> {
 /// Writes a job, followed by more members: their names and their JSON.
 pub(super) fn write(job: Job, members: Vec<(&str, Bytes)>) -> Result<Response, Problem> {
     let (key, id) = (job.key, job.id);
-    let mut told = serde_json::to_vec(&JobAnswer::from(job)).map_err(|_| Problem::internal())?;
+    let mut told = serde_json::to_vec(&JobAnswer::from(job)).map_err(Problem::bug)?;
     let mut pieces = Vec::new();
     for (name, text) in members {
         // The stored bytes are copied: to parse and print them again would cost more than everything else

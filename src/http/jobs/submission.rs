@@ -82,6 +82,7 @@ pub async fn submit(
 ) -> Result<Response, Problem> {
     let include = Include::take(&mut query);
     query.finish()?;
+    let trace = caller.trace.clone();
     let terms = terms(caller, &headers)?;
     let (wait, afresh) = (terms.wait, terms.afresh);
     if app.service.is_draining() {
@@ -101,7 +102,10 @@ pub async fn submit(
         Some(answer) if job.state == JobState::Succeeded => Some(answer.body),
         // The job is accepted, so the client must get it even if its result cannot be read.
         _ => Some(result_of(&app, &job).await.unwrap_or_else(|problem| {
-            tracing::error!(job = %job.id, error = problem.cause(), "cannot read the result");
+            if let Some(error) = problem.cause() {
+                let request = trace.as_ref().map(|trace| &*trace.id);
+                tracing::error!(request, job = %job.id, error, "cannot read the result");
+            }
             NULL
         })),
     };
