@@ -289,7 +289,7 @@ impl<'a> Load<'a> {
             .args(["-t1", "-c32", "-d1s", "-s", SCRIPT, &url, "--", &self.request])
             .arg(sent.to_string())
             .output()
-            .expect("wrk");
+            .expect("`wrk`, from `apt-get install wrk`");
         let output = String::from_utf8_lossy(&wrk.stdout);
         let last = output.lines().last().unwrap_or_default();
         let numbers: Vec<u32> = last.split_whitespace().map_while(|n| n.parse().ok()).collect();

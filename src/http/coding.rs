@@ -25,7 +25,7 @@ const MIN_SIZE: u64 = 1 << 10;
 /// Largest body that is compressed for one client only, in bytes: it is in memory as a whole.
 const MAX_SIZE: u64 = 1 << 20;
 
-/// Largest body that is compressed on an async thread, in bytes. To pass it to another thread takes as long.
+/// Largest body that is compressed on an async thread, in bytes: more would delay other requests.
 const SHORT: usize = 1 << 14;
 
 /// A compression (`Content-Encoding`).
@@ -89,14 +89,13 @@ impl Coding {
     }
 
     /// Compresses a text quickly. A long one is compressed on a blocking thread.
-    async fn packed(self, text: Bytes) -> io::Result<Vec<u8>> {
+    async fn packed(self, text: Bytes) -> io::Result<Bytes> {
         let size = text.len();
         let pack = move || match self {
-            Self::Zstd => zstd::bulk::compress(&text, zstd::DEFAULT_COMPRESSION_LEVEL),
-            Self::Gzip | Self::Identity => {
-                let mut gzip = GzEncoder::new(Vec::new(), Compression::default());
-                gzip.write_all(&text)?;
-                gzip.finish()
+            Self::Identity => Ok(text),
+            Self::Gzip => self.encode(&text).map(|(packed, _)| packed),
+            Self::Zstd => {
+                zstd::bulk::compress(&text, zstd::DEFAULT_COMPRESSION_LEVEL).map(Bytes::from)
             }
         };
         if size <= SHORT { pack() } else { task::spawn_blocking(pack).await? }

@@ -96,13 +96,14 @@ async fn surround(shared: Arc<Shared>, mut request: Request, route: Route) -> Re
             --cors-origin of the server.";
         Problem::new(&problem::CROSS_SITE, detail).into_response()
     } else {
-        let answered =
-            service_fn(|request| answer(gate, request, route.clone()).map(Ok::<_, Infallible>));
-        let Ok(answer) = match cors {
-            Some(cors) => cors.layer(answered).oneshot(request).await,
-            None => answered.oneshot(request).await,
-        };
-        answer
+        match cors {
+            None => answer(gate, request, route).await,
+            Some(cors) => {
+                let inner = |request| answer(gate, request, route.clone()).map(Ok::<_, Infallible>);
+                let Ok(answer) = cors.layer(service_fn(inner)).oneshot(request).await;
+                answer
+            }
+        }
     };
     let error = answer.extensions().get::<Problem>().and_then(Problem::cause).map(str::to_owned);
     let mut response = problem::write(answer, &id);
@@ -243,13 +244,18 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn the_answer_after_a_panic_hides_the_panic_message() {
+    async fn the_log_shows_the_message_of_a_panic_and_the_answer_hides_it() {
         async fn panics() {
             panic!("a secret");
         }
         let access = Access { open: true, ..Access::default() };
-        let (router, _dir) = surrounded(get(panics), &access).await;
+        let (router, dir) = surrounded(get(panics), &access).await;
+        let log = dir.path().join("log");
+        let file = std::fs::File::create(&log).unwrap();
+        let lines = tracing_subscriber::fmt().with_writer(file).with_ansi(false).finish();
+        let logging = tracing::subscriber::set_default(lines);
         let response = router.oneshot(Request::new(Body::empty())).await.unwrap();
+        drop(logging);
         assert_eq!(response.status(), 500);
         assert_eq!(response.headers()["content-type"], "application/problem+json");
         assert_eq!(response.headers()["access-control-allow-origin"], "*");
@@ -258,6 +264,10 @@ mod tests {
         let problem: serde_json::Value = serde_json::from_slice(&body).unwrap();
         assert_eq!(problem["instance"], id);
         assert!(!problem.to_string().contains("secret"));
+        // One line of the log has the id and the cause.
+        let log = std::fs::read_to_string(log).unwrap();
+        let line = log.lines().find(|line| line.contains(&id)).expect("a line with the id");
+        assert!(line.contains("ERROR") && line.contains("panicked: a secret"), "{log}");
     }
 
     #[tokio::test]

@@ -1,6 +1,7 @@
 //! All errors of the API: problem documents (RFC 9457) and their types.
 //!
-//! A handler returns a [`Problem`], which becomes an extension of the response. `layers` writes the document, because it knows the request id. It does the same for the 404 and 405 of axum and for panics.
+//! A handler returns a [`Problem`], which becomes an extension of the response. `layers` writes the document,
+//! because it knows the request id. It does the same for the 404 and 405 of axum and for panics.
 
 use std::error::Error;
 use std::fmt::Write as _;
