@@ -29,8 +29,8 @@ pub struct Example {
 pub static EXAMPLES: &[Example] = &[
     Example { name: "steel-ball", body: include_str!("../../examples/steel-ball.json") },
     Example {
-        name: "steel-ball-exact",
-        body: include_str!("../../examples/steel-ball-exact.json"),
+        name: "steel-ball-simplified",
+        body: include_str!("../../examples/steel-ball-simplified.json"),
     },
     Example { name: "flat-on-rig", body: include_str!("../../examples/flat-on-rig.json") },
     Example {

@@ -309,6 +309,7 @@ pub(super) mod tests {
             "load": {"normal_force": "100 N", "held": "depth"},
             "motion": {"amplitude": "2.256 um"},
             "cycles": [1000, 3000, 10000, 30000],
+            "model": {"method": "simplified"},
         })
     }
 
@@ -362,8 +363,16 @@ pub(super) mod tests {
             assert_ne!(key(&scenario), expected, "{pointer}");
         }
         let mut scenario = ball();
-        scenario["model"] = json!({"points": 255});
+        scenario["model"] = json!({"method": "simplified", "points": 255});
         assert_ne!(key(&scenario), expected);
+    }
+
+    #[test]
+    fn the_exact_method_is_the_default() {
+        let (mut unnamed, mut exact) = (ball(), ball());
+        unnamed.as_object_mut().expect("an object").remove("model");
+        exact["model"] = json!({"method": "exact", "tolerance": 0.003, "compare": false});
+        assert_eq!(key(&unnamed), key(&exact));
     }
 
     /// Catches a change of digits without a new `NUMERICS`: the digests change with every digit of a result.

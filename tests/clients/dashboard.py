@@ -202,18 +202,18 @@ def view_result(page):
 
 def compare(browser, page):
     """Compares two results from the library. The address opens the same view in another browser."""
-    rule = key_of(page)
-    exact = get("/v1/jobs", get("/v1/examples/steel-ball-exact"))["key"]
+    exact = key_of(page)
+    rule = get("/v1/jobs", get("/v1/examples/steel-ball-simplified"))["key"]
     both = get("/v1/jobs", get("/v1/examples/flat-on-rig"))["key"]
     page.goto(BASE + "/#/library")
     page.select_option("#find-shape", "truncated_paraboloid")
     expect(page.locator(f".entry input[value='{both}']")).to_be_visible()
-    expect(page.locator(f".entry input[value='{rule}']")).to_have_count(0)
+    expect(page.locator(f".entry input[value='{exact}']")).to_have_count(0)
     page.select_option("#find-shape", "paraboloid")
     page.fill("#find-friction", "plenty")
     expect(page.locator(".error")).to_contain_text("friction")
     page.fill("#find-friction", "0.65..0.75")
-    for key in (rule, exact):
+    for key in (exact, rule):
         page.check(f".entry input[value='{key}']")
     page.get_by_role("link", name="Compare 2 results").click()
     page.wait_for_selector("#difference:has-text('%')")
@@ -221,7 +221,7 @@ def compare(browser, page):
     page.locator("#output").fill("2")
     page.select_option("#choose-history", "depth")
     shown = page.locator("#difference").inner_text()
-    assert rule in page.url and "at=3000" in page.url, page.url
+    assert exact in page.url and "at=3000" in page.url, page.url
     other = browser.page(BASE)
     other.goto(page.url)
     other.wait_for_selector("#difference:has-text('%')")
@@ -229,7 +229,7 @@ def compare(browser, page):
     assert other.input_value("#choose-plot") == "wear" and other.input_value("#choose-history") == "depth"
     assert other.locator("#at").inner_text() == page.locator("#at").inner_text()
     other.context.close()
-    return both, exact
+    return both, rule
 
 
 def rule_errors(page, both):

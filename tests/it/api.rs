@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use axum::http::HeaderValue;
-use fretwork::http::{EXAMPLES, Origins};
+use fretwork::http::Origins;
 use serde_json::{Value, json};
 use sqlx::Executor as _;
 
-use crate::server::{Gate, JSON, Reply, Server, ball, document, steel_ball};
+use crate::server::{Gate, JSON, Reply, Server, ball, document, example, steel_ball};
 use crate::store::raw;
 
 fn text<'a>(value: &'a Value, pointer: &str) -> &'a str {
@@ -20,12 +20,6 @@ fn column(value: &Value, pointer: &str) -> Vec<f64> {
     let found = value.pointer(pointer).and_then(Value::as_array);
     let found = found.unwrap_or_else(|| panic!("no column at {pointer}"));
     found.iter().map(|number| number.as_f64().unwrap()).collect()
-}
-
-/// An example, by its name.
-fn example(name: &str) -> Value {
-    let found = EXAMPLES.iter().find(|example| example.name == name);
-    serde_json::from_str(found.unwrap().body).unwrap()
 }
 
 /// The result of a job, computed by the engine.

@@ -29,7 +29,7 @@ pub fn long(number: u32) -> Value {
     scenario["motion"] = json!({"stick_ratio": 0.3 + 0.4 * f64::from(number) / 1024.0});
     scenario["cycles"] = json!({"from": 100, "to": 1e6, "count": 90, "spacing": "log"});
     scenario["profiles_at"] = json!("none");
-    scenario["model"] = json!({"points": 2048});
+    scenario["model"] = json!({"method": "simplified", "points": 2048});
     body
 }
 

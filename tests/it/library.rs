@@ -380,7 +380,7 @@ async fn a_diff_lists_the_parameters_and_outputs_that_differ() {
     let server = Server::start().await;
     let mut other = steel_ball();
     other["scenario"]["friction"] = json!(0.75);
-    other["scenario"]["model"] = json!({"xi": 0.9});
+    other["scenario"]["model"]["xi"] = json!(0.9);
     let a = server.compute(&steel_ball()).await.json();
     let b = server.compute(&other).await.json();
     let diff = server.post("/v1/results/diff", &json!({"keys": [a["key"], b["key"]]})).await;

@@ -203,9 +203,15 @@ impl Reply {
     }
 }
 
-/// The steel ball, the first of the examples.
+/// The example with this name.
+pub fn example(name: &str) -> Value {
+    let found = http::EXAMPLES.iter().find(|example| example.name == name);
+    serde_json::from_str(found.unwrap().body).unwrap()
+}
+
+/// The steel ball by the simplified rule, the quickest of the examples.
 pub fn steel_ball() -> Value {
-    serde_json::from_str(http::EXAMPLES[0].body).unwrap()
+    example("steel-ball-simplified")
 }
 
 /// The steel ball with another amplitude, and so another key.

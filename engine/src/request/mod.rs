@@ -207,11 +207,11 @@ impl Wear {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserr)]
 #[deserr(error = Faults, rename_all = lowercase)]
 pub enum MethodName {
-    /// The simplified rule (14).
-    #[default]
-    Simplified,
     /// The exact method: the wear rate is local pressure times local slip.
+    #[default]
     Exact,
+    /// The simplified rule (14).
+    Simplified,
 }
 
 /// The method and its parameters.

@@ -11,6 +11,7 @@
 //!     "load": {"normal_force": "100 N", "held": "depth"},
 //!     "motion": {"stick_ratio": 0.5},
 //!     "cycles": {"normalized": [1e9]},
+//!     "model": {"method": "simplified"},
 //! });
 //! let (scenario, _) = scenario::check(&request, "").expect("a valid scenario");
 //! let outcome = Simulation::of(&scenario).expect("a contact").run();

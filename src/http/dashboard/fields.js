@@ -120,8 +120,8 @@ export const CHOICES = [
   },
   {
     id: "method", group: "Model", label: "Method",
-    options: { simplified: "Simplified rule", exact: "Exact method" },
-    selected: ({ model = {} }) => model.method ?? "simplified",
+    options: { exact: "Exact method", simplified: "Simplified rule" },
+    selected: ({ model = {} }) => model.method ?? "exact",
     apply: (scenario, method) => {
       const { points } = scenario.model ?? {};
       scenario.model = { method, ...(points && { points }) };
