@@ -519,7 +519,7 @@ def main():
         page = run_steel_ball(browser)
         key = key_of(page)
         view_result(page)
-        both, exact = compare(browser, page)
+        both, rule = compare(browser, page)
         rule_errors(page, both)
         every_plot(page, BASE, key)
         every_plot(page, BASE, both, scales=["xy"])
@@ -534,7 +534,7 @@ def main():
         labelled = "#result-label"
         browser.check_views(BASE, {"form": ("/", "[data-item=regime]"), "result": (f"/#/result/{both}?at=10000", labelled),
             "pressure": (f"/#/result/{key}?plot=pressure&history=radii&at=10000", labelled),
-            "compare": (f"/#/result/{exact}?with={key}&plot=wear&at=10000", labelled),
+            "compare": (f"/#/result/{rule}?with={key}&plot=wear&at=10000", labelled),
             "library": ("/#/library", ".thumbnail path"), "queue": ("/#/queue", "tbody tr")})
         sign_in(browser, directory("keys"))
         lose_the_server(browser, directory("lost"))
