@@ -52,9 +52,10 @@ Examples:
   fretwork export cones.db shape=cone friction=0.6..0.8     the results that GET /v1/results lists
   fretwork export one.db --key 7262301e...                  one result, by its whole key";
 
-const VERIFY_EXAMPLE: &str = "\
-Example:
-  fretwork verify > VERIFICATION.md   write the page again";
+const VERIFY_EXAMPLES: &str = "\
+Examples:
+  fretwork verify > VERIFICATION.md   write the page again
+  fretwork verify --exact-volumes > engine/src/simulation/exact_volumes.csv";
 
 /// Fretting wear of axisymmetric contacts, as a service with a shared result cache.
 ///
@@ -86,8 +87,12 @@ pub enum Command {
     ///
     /// Prints a page in Markdown. Each check has its reference, the computed value, the error and the accepted
     /// error. The exit code is 1 if a check fails. The command takes some seconds and needs no server.
-    #[command(after_help = VERIFY_EXAMPLE)]
-    Verify,
+    #[command(after_help = VERIFY_EXAMPLES)]
+    Verify {
+        /// Instead, print the table of volumes from which the error of the simplified rule follows.
+        #[arg(long)]
+        exact_volumes: bool,
+    },
     /// Check a server's health: exit code 0 or 1.
     Health(Health),
     /// Write results to an SQLite file that another server can import.

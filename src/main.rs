@@ -19,6 +19,7 @@ use fretwork::service::Service;
 use fretwork::service::workers::Workers;
 use fretwork::store::Store;
 use fretwork::verification;
+use fretwork_engine::simulation::model_error;
 use mimalloc::MiMalloc;
 use tokio::net::TcpListener;
 use tokio::sync::oneshot;
@@ -57,7 +58,10 @@ fn main() -> ExitCode {
         }
         Some(Command::Run(settings)) => cli::run::run(&settings),
         Some(Command::Openapi) => print(&http::document()).map(success),
-        Some(Command::Verify) => verify().map(success),
+        Some(Command::Verify { exact_volumes: true }) => {
+            print(model_error::exact_volumes().as_bytes()).map(success)
+        }
+        Some(Command::Verify { exact_volumes: false }) => verify().map(success),
         Some(Command::Health(settings)) => cli::health::health(&settings).map(success),
         Some(Command::Keys(command)) => cli::administration::keys(command).map(success),
         Some(Command::Export(settings)) => cli::moving::export(&settings).map(success),

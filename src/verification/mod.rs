@@ -7,13 +7,16 @@
 //! # Units
 //! Those of the [reference solutions](fretwork_engine::reference). Scenarios and their results are in SI.
 
+mod accuracy;
 mod known;
 mod numerics;
 mod page;
 mod problem;
+mod random;
 mod rule;
 mod table;
 
+pub use accuracy::accuracy;
 pub use page::{Check, Section, VerificationPage};
 
 /// Computes the page, which takes some seconds.

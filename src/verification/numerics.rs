@@ -6,8 +6,8 @@ use super::known::{paraboloid, request, run};
 use super::page::{Check, Section};
 use super::problem::{ContactProblem, at};
 use fretwork_engine::contact::control::Normal::Depth;
-use fretwork_engine::scenario::{DEFAULT_TOLERANCE, DEFAULT_XI};
-use fretwork_engine::solver::stepped::law::Law;
+use fretwork_engine::scenario::DEFAULT_TOLERANCE;
+use fretwork_engine::solver::stepped::law::{Law, PAPER_XI};
 use fretwork_engine::solver::stepped::march::March;
 
 /// Tolerance of the time steps at which only the mesh causes errors.
@@ -20,10 +20,9 @@ pub fn sections() -> Vec<Section> {
 fn sums() -> Section {
     Section::of("Energy balance over runs", |section| {
         for problem in ContactProblem::modes()? {
-            for (law, method, accepted) in [
-                (Law::Exact, "exact", Some(1e-3)),
-                (Law::Simplified(DEFAULT_XI), "simplified", None),
-            ] {
+            for (law, method, accepted) in
+                [(Law::Exact, "exact", Some(1e-3)), (Law::Simplified(PAPER_XI), "simplified", None)]
+            {
                 let end = problem.states(law, &[16.0])?.pop()?;
                 section.checks.push(Check {
                     what: format!("{}: {method}", problem.name),

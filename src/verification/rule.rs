@@ -4,9 +4,9 @@ use super::page::{Check, Section};
 use super::problem::{ContactProblem, DEEPEST, DEPTH, FORCE, STICK, VOLUME, numbers};
 use super::table::{RUNS, rows};
 use fretwork_engine::contact::control::Normal::Depth;
-use fretwork_engine::scenario::{DEFAULT_POINTS, DEFAULT_XI};
+use fretwork_engine::scenario::DEFAULT_POINTS;
 use fretwork_engine::solver::closed::simplified::Simplified;
-use fretwork_engine::solver::stepped::law::Law;
+use fretwork_engine::solver::stepped::law::{Law, PAPER_XI, fitted_xi};
 
 const CONTACTS: [(f64, f64); 2] = [(2.0, 0.5), (1.0, 0.21)];
 
@@ -19,9 +19,9 @@ fn marching() -> Section {
     Section::of("Simplified rule by marching", |section| {
         for (n, c) in CONTACTS {
             let problem = ContactProblem::amplitude(Depth, n, c)?;
-            let marched = problem.states(Law::Simplified(DEFAULT_XI), &INSTANTS)?;
+            let marched = problem.states(Law::Simplified(PAPER_XI), &INSTANTS)?;
             let solver = Simplified::new(&problem.contact, usize::from(DEFAULT_POINTS));
-            let wanted = INSTANTS.map(|instant| (solver.decay(DEFAULT_XI, instant), false));
+            let wanted = INSTANTS.map(|instant| (solver.decay(PAPER_XI, instant), false));
             let closed = solver.states(&wanted);
             for ((instant, marched), closed) in INSTANTS.iter().zip(&marched).zip(&closed) {
                 let worn = &marched.worn;
@@ -46,7 +46,8 @@ fn differences() -> Section {
                 let problem = ContactProblem::of_row(normal, &row)?;
                 let instants = numbers(&row, "normalized_cycles")?;
                 let exact = problem.states(Law::Exact, &instants)?;
-                let rule = problem.states(Law::Simplified(DEFAULT_XI), &instants)?;
+                let xi = fitted_xi(problem.contact.stick);
+                let rule = problem.states(Law::Simplified(xi), &instants)?;
                 let held = title.trim_start_matches("Runs, ");
                 for (symbol, _, of) in [VOLUME, DEEPEST, FORCE, DEPTH, STICK] {
                     let runs = instants.iter().zip(exact.iter().zip(&rule));

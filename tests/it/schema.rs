@@ -8,7 +8,7 @@ use fretwork_engine::request::fields::{
 use fretwork_engine::request::held::{MAX_BLOCKS, MAX_REVERSALS};
 use fretwork_engine::request::indenter::MAX_ROWS;
 use fretwork_engine::request::quantity::Dimension;
-use fretwork_engine::scenario::{self, DEFAULT_POINTS, DEFAULT_TOLERANCE, DEFAULT_XI, SCHEMA};
+use fretwork_engine::scenario::{self, DEFAULT_POINTS, DEFAULT_TOLERANCE, SCHEMA};
 use serde_json::Value;
 
 fn schema() -> Value {
@@ -43,7 +43,7 @@ fn the_schema_has_the_ranges_and_defaults_of_the_parser() {
         ("/$defs/Range/properties/from", Instant::RANGE),
         ("/$defs/Range/properties/to", (0.0, LAST_CYCLE)),
         ("/$defs/Range/properties/count", (2.0, MAX_CYCLES as f64)),
-        ("/$defs/Model/properties/xi", Xi::RANGE),
+        ("/$defs/Model/properties/xi/oneOf/1", Xi::RANGE),
         ("/$defs/Model/properties/tolerance", Tolerance::RANGE),
         ("/$defs/Model/properties/points", (f64::from(POINTS_RANGE.0), f64::from(POINTS_RANGE.1))),
     ] {
@@ -59,7 +59,6 @@ fn the_schema_has_the_ranges_and_defaults_of_the_parser() {
         let column = format!("/$defs/Profile/oneOf/6/properties/{column}");
         assert_eq!(number(&format!("{column}/maxItems")), MAX_ROWS as f64);
     }
-    assert_eq!(number("/$defs/Model/properties/xi/default"), DEFAULT_XI);
     assert_eq!(number("/$defs/Model/properties/tolerance/default"), DEFAULT_TOLERANCE);
     assert_eq!(number("/$defs/Model/properties/points/default"), f64::from(DEFAULT_POINTS));
 }

@@ -318,7 +318,11 @@ pub struct Accuracy {
     /// between the volumes of the computed profile and of its image. It is usually a few times too
     /// large, but too small for blunt profiles in gross slip. Otherwise the estimate comes from a
     /// second run with half as many cells.
-    pub volume_error: Option<f64>,
+    pub numerical_error: Option<f64>,
+    /// The largest relative error of V to expect over the history, compared with the exact method.
+    /// It is 0 for the exact method. `None` if the simplified rule was not compared with the exact
+    /// method for such a contact.
+    pub model_error: Option<f64>,
     /// Number of mesh cells of the time integration.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cells: Option<usize>,

@@ -185,6 +185,32 @@ impl Deserr<Faults> for NumberOrText {
     }
 }
 
+/// The parameter ξ as the client gives it.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum GivenXi {
+    /// The engine chooses ξ from the stick ratio.
+    #[default]
+    Auto,
+    /// A number.
+    Number(Xi),
+}
+
+impl Deserr<Faults> for GivenXi {
+    fn deserialize_from_value<V: IntoValue>(
+        value: Value<V>,
+        location: ValuePointerRef<'_>,
+    ) -> Result<Self, Faults> {
+        match value {
+            Value::String(text) if text == "auto" => Ok(Self::Auto),
+            Value::String(text) => {
+                let detail = format!("must be a number or \"auto\", not \"{text}\"");
+                Err(Faults::at(location, detail))
+            }
+            other => Xi::deserialize_from_value(other, location).map(Self::Number),
+        }
+    }
+}
+
 /// The number of output radii.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PointCount(pub u16);

@@ -15,8 +15,8 @@ use deserr::{Deserr, IntoValue, Sequence, Value, ValuePointerRef};
 
 use fault::Faults;
 use fields::{
-    EnergyWear, Friction, Given, Length, NumberOrText, PointCount, PoissonRatio, Share, Stress,
-    Tolerance, Volume, WEAR_RANGE, Xi, within,
+    EnergyWear, Friction, Given, GivenXi, Length, NumberOrText, PointCount, PoissonRatio, Share,
+    Stress, Tolerance, Volume, WEAR_RANGE, within,
 };
 use held::{Load, Motion};
 use indenter::Profile;
@@ -223,7 +223,7 @@ pub struct Model {
     pub method: MethodName,
     /// The parameter ξ of the simplified rule.
     #[deserr(default)]
-    pub xi: Given<Xi>,
+    pub xi: GivenXi,
     /// The target relative error of the exact method.
     #[deserr(default)]
     pub tolerance: Given<Tolerance>,

@@ -33,10 +33,11 @@ use crate::case::{Case, Method, Scales};
 use crate::contact::unworn::Contact;
 use crate::numeric::twelve_digits;
 use crate::request::fault::{Fault, Faults};
-use crate::request::fields::{Stress, WEAR_RANGE, derived};
+use crate::request::fields::{GivenXi, Stress, WEAR_RANGE, Xi, derived};
 use crate::request::instants::ProfilesAt;
 use crate::request::{ElasticBody, MethodName, Model, Request, Until};
 use crate::solver::events::StopCondition;
+use crate::solver::stepped::law::fitted_xi;
 use crate::solver::stepped::march::March;
 use indenter::{CanonicalProfile, canonical_profile};
 use instants::with_profiles;
@@ -44,13 +45,11 @@ use load::{CanonicalLoad, CanonicalModuli, canonical_load};
 use motion::{CanonicalMotion, UnwornContact};
 
 /// The version of the numerics. It increases when any digit of a result changes.
-pub const NUMERICS: u32 = 2;
+pub const NUMERICS: u32 = 3;
 
 /// The JSON Schema (2020-12) of a scenario.
 pub const SCHEMA: &str = include_str!("scenario.schema.json");
 
-/// Default ξ of the simplified rule (14).
-pub const DEFAULT_XI: f64 = 0.8;
 /// Default target relative error of the exact method.
 pub const DEFAULT_TOLERANCE: f64 = 3e-3;
 /// Default number of output radii.
@@ -141,18 +140,27 @@ impl CanonicalUntil {
 }
 
 impl CanonicalModel {
-    fn of(model: &Model) -> Self {
+    /// The settings of a request. `stick_ratio` determines ξ if the request gives no number.
+    fn of(
+        model: &Model,
+        stick_ratio: impl FnOnce() -> Result<f64, Faults>,
+    ) -> Result<Self, Faults> {
         let points = model.points.0.map_or(DEFAULT_POINTS, |points| points.0);
-        let xi = twelve_digits(model.xi.0.map_or(DEFAULT_XI, |xi| xi.0));
+        let xi = || {
+            Ok(twelve_digits(match model.xi {
+                GivenXi::Auto => fitted_xi(stick_ratio()?),
+                GivenXi::Number(Xi(xi)) => xi,
+            }))
+        };
         let tolerance = model.tolerance.0.map_or(DEFAULT_TOLERANCE, |given| given.0);
-        match model.method {
-            MethodName::Simplified => Self::Simplified { xi, points },
+        Ok(match model.method {
+            MethodName::Simplified => Self::Simplified { xi: xi()?, points },
             MethodName::Exact => {
                 let compare = model.compare.0.filter(|compare| *compare);
-                let xi = compare.map(|_| xi);
+                let xi = compare.map(|_| xi()).transpose()?;
                 Self::Exact { xi, tolerance: twelve_digits(tolerance), compare, points }
             }
-        }
+        })
     }
 
     fn method(self) -> Method {
@@ -207,6 +215,7 @@ impl Scenario {
         let (_, unit) = motion.amplitude_and_cycles(&contact, coefficient)?;
         let (cycles, profiles_at) = canonical_cycles(request, &motion, unit)?;
         let share = request.wear.share.0.map(|share| twelve_digits(share.0));
+        let model = CanonicalModel::of(&request.model, || motion.stick_ratio(&contact))?;
         Ok(Self {
             profile,
             moduli,
@@ -217,7 +226,7 @@ impl Scenario {
             cycles,
             profiles_at,
             until: request.until.0.as_ref().map(CanonicalUntil::of),
-            model: CanonicalModel::of(&request.model),
+            model,
         })
     }
 

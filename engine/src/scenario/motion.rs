@@ -308,6 +308,18 @@ impl CanonicalMotion {
         }
     }
 
+    /// The stick ratio c/a₀ of the unworn contact at the largest amplitude. It is 0 in gross slip.
+    pub(super) fn stick_ratio(&self, pressed: &UnwornContact) -> Result<f64, Faults> {
+        let (control, threshold) = self.control(pressed, 1.0)?;
+        let largest = match control.tangential {
+            Tangential::Blocks(blocks) => {
+                blocks.iter().map(|block| block.threshold).fold(threshold, f64::max)
+            }
+            _ => threshold,
+        };
+        Ok(if largest > 1.0 { 0.0 } else { pressed.shape.image_inverse(1.0 - largest) })
+    }
+
     /// The cycle at which the last block ends.
     pub(super) fn end(&self) -> Option<f64> {
         let Self::Blocks { blocks } = self else { return None };

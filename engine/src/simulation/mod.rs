@@ -22,6 +22,7 @@
 //! ```
 
 mod comparing;
+pub mod model_error;
 mod recording;
 mod single;
 
@@ -119,7 +120,7 @@ impl Simulation {
     }
 
     fn with_warnings(&mut self, mut outcome: Outcome) -> Box<Outcome> {
-        outcome.warnings = std::mem::take(&mut self.warnings);
+        outcome.warnings.splice(0..0, self.warnings.drain(..));
         Box::new(outcome)
     }
 }

@@ -84,6 +84,36 @@ impl Recording {
         self.initial = initial;
     }
 
+    /// Replaces the contact radii of all rows, given in a₀. With the exact method, all of the
+    /// contact wears.
+    pub(super) fn set_contact_radii(&mut self, radii: &[f64], length: f64) {
+        let History { contact_radius, scar_radius, .. } = &mut self.history;
+        for ((contact, scar), radius) in contact_radius.iter_mut().zip(scar_radius).zip(radii) {
+            *contact = radius * length;
+            if *scar > 0.0 {
+                *scar = *contact;
+            }
+        }
+        self.end_profiles_at_contact_radii();
+    }
+
+    /// Adjusts image and pressure at the radii next to the edge of the contact: g = d at the edge,
+    /// and p = 0 outside.
+    fn end_profiles_at_contact_radii(&mut self) {
+        let Self { history, profiles, .. } = self;
+        let mut rows = 0..history.cycles.len();
+        let curves = profiles.image.iter_mut().zip(&mut profiles.pressure);
+        for (cycles, (image, pressure)) in profiles.cycles.iter().zip(curves) {
+            // Each row of the profiles is a row of the history too.
+            let Some(row) = rows.find(|row| history.cycles[*row] >= *cycles) else { return };
+            let edge = profiles.radius.partition_point(|r| *r < history.contact_radius[row]);
+            let depth = history.indentation_depth[row];
+            image[..edge].iter_mut().for_each(|g| *g = g.min(depth));
+            image[edge..].iter_mut().for_each(|g| *g = g.max(depth));
+            pressure[edge..].fill(0.0);
+        }
+    }
+
     /// Converts a row to SI units and appends it.
     pub(super) fn record(&mut self, case: &Case, mut entry: HistoryEntry) {
         self.reported.hold(&mut entry);

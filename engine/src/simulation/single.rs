@@ -1,5 +1,6 @@
 //! One run by one method, without a comparison.
 
+use super::model_error::{model_error, warning};
 use super::recording::{HistoryEntry, Recording};
 use crate::case::{Case, Method};
 use crate::contact::hysteresis::Backbone;
@@ -257,14 +258,25 @@ impl SingleRun {
 
     /// The result of the run, without the comparison and the warnings.
     pub(super) fn outcome(self) -> Outcome {
-        let Self { case, phase, events, recording } = self;
+        let Self { case, mut phase, events, mut recording } = self;
         let shows = case.profile_rows() > 0;
-        let march = match &phase {
-            RunPhase::Unworn(marching) | RunPhase::Marching(marching) => Some(&marching.march),
+        let mut march = match &mut phase {
+            RunPhase::Unworn(marching) | RunPhase::Marching(marching) => Some(&mut marching.march),
             RunPhase::Searching(..) | RunPhase::Closed(..) | RunPhase::Planned => None,
         };
+        if let Some(march) = &mut march {
+            let times = &recording.history.normalized_cycles;
+            if let Some(radii) = march.contact_radii(times) {
+                recording.set_contact_radii(&radii, case.scales.contact_radius);
+            }
+        }
+        let march = march.as_deref();
         let work = march.map(March::work);
         let unit = case.scales.cycles;
+        let model_error = match case.method {
+            Method::Exact { .. } => Some(0.0),
+            Method::Simplified { .. } => model_error(&case, &recording.history),
+        };
         Outcome {
             scales: ContactScales::of(&case),
             unworn: Unworn::of(&case),
@@ -277,13 +289,14 @@ impl SingleRun {
             events: events.iter().map(|event| OutcomeEvent::of(event, unit)).collect(),
             accuracy: Accuracy {
                 energy_mismatch: recording.mismatch,
-                volume_error: recording.volume_error,
+                numerical_error: recording.volume_error,
+                model_error,
                 cells: march.map(March::cells),
                 steps: work.map(|(steps, _)| steps),
                 evaluations: work.map(|(_, evaluations)| evaluations),
             },
             comparison: None,
-            warnings: Vec::new(),
+            warnings: warning(model_error).into_iter().collect(),
         }
     }
 }

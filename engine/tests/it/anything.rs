@@ -184,7 +184,7 @@ fn judge_held(case: &Case, outcome: &Outcome) {
         Normal::Force => {
             same(normal_force, 1e-9);
             // Removed material does not return, so the depth must not decrease.
-            let error = outcome.accuracy.volume_error.unwrap_or(0.0);
+            let error = outcome.accuracy.numerical_error.unwrap_or(0.0);
             let slack = 1.0 - 3.0 * tolerance(case) - error;
             let sinks = indentation_depth.windows(2).all(|pair| pair[1] >= slack * pair[0]);
             assert!(sinks, "{indentation_depth:?}");
@@ -316,7 +316,7 @@ fn the_exact_method_gives_valid_results_for_random_scenarios() {
         judge_energy(scenario, outcome);
         if let Some(limit) = &outcome.limit {
             let worn = outcome.history.wear_volume.last().expect("one") / limit.wear_volume;
-            let error = outcome.accuracy.volume_error.unwrap_or(0.0);
+            let error = outcome.accuracy.numerical_error.unwrap_or(0.0);
             assert!(worn < 1.02 + error, "{worn} times the limit, error {error}");
         }
     });

@@ -164,7 +164,7 @@ fn the_profiles_of_a_result_agree_with_its_history() {
         }
         let mismatch = outcome.accuracy.energy_mismatch.expect("wear");
         assert!(mismatch.abs() < 1e-3, "energy mismatch {mismatch} in {request}");
-        assert!(outcome.accuracy.volume_error.expect("an error") < 5e-3);
+        assert!(outcome.accuracy.numerical_error.expect("an error") < 5e-3);
     }
 }
 

@@ -22,7 +22,8 @@ export function drawDetails(place, result) {
       limit && ["Limiting depth", inUnits("wear_depth", limit.wear_depth)],
     ])),
     card("Accuracy", list([
-      accuracy.volume_error != null && ["Numerical error of the volume", percent(accuracy.volume_error)],
+      accuracy.numerical_error != null && ["Numerical error of the volume", percent(accuracy.numerical_error)],
+      isRule && ["Expected error of the rule", accuracy.model_error == null ? "unknown" : percent(accuracy.model_error)],
       [isRule ? "Energy mismatch of the rule" : "Energy balance error", percent(accuracy.energy_mismatch)],
       accuracy.steps != null && ["Time steps", digits(accuracy.steps)]]),
     isRule && h("p", { class: "muted" }, "The simplified rule satisfies the energy balance V = (k_w/μ)·ΣW only approximately. ",

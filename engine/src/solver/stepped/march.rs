@@ -16,6 +16,7 @@
 //! The procedure: A. V. Dimaki et al., *Int. J. Solids Struct.* 51 (2014) 4215. The integrator:
 //! B. P. Sommeijer, L. F. Shampine, J. G. Verwer, *J. Comput. Appl. Math.* 88 (1998) 315 (RKC).
 
+use super::edge::ContactEdge;
 use super::law::Law;
 use super::plan::{FAR, Focus, MeshPlan, REST_BLUR, is_far};
 use super::run::{MeshRun, moves};
@@ -57,6 +58,8 @@ const ROOMY: f64 = 0.7;
 pub struct March {
     fine: MeshRun,
     coarse: MeshRun,
+    /// The edge of the contact, if the law is exact.
+    edge: Option<ContactEdge>,
     until: StopCondition,
     /// The time of the next comparison.
     check: f64,
@@ -202,6 +205,7 @@ impl March {
         let mut fine = MeshRun::new(contact, control, law, plan.clone(), cells, tolerance);
         fine.accounts = true;
         let coarse = MeshRun::new(contact, control, law, plan, cells / 2, 4.0 * tolerance);
+        let edge = (law == Law::Exact).then(|| ContactEdge::new(&fine));
         let check = 0.01 * fine.rkc.scale;
         let until = StopCondition::default();
         // The initial regime is not an event.
@@ -218,7 +222,7 @@ impl March {
             // The contact is too close to gross slip for this mesh.
             events.push(Event { at: 0.0, kind: EventKind::GrossSlip, ends: true });
         }
-        Some(Self { fine, coarse, until, check, apart: 0.0, events, known, block: 0 })
+        Some(Self { fine, coarse, edge, until, check, apart: 0.0, events, known, block: 0 })
     }
 
     /// Finds the mesh plan for a stick edge that comes to rest in worn material, by coarse runs.
@@ -265,6 +269,9 @@ impl March {
         let coarse = self.coarse.advance(next);
         let fine = self.fine.advance(next);
         if fine {
+            if let Some(edge) = &mut self.edge {
+                edge.follow(&mut self.fine);
+            }
             self.watch();
         } else if self.fine.outgrown {
             let at = self.fine.rkc.time;
@@ -280,6 +287,12 @@ impl March {
         self.apart = self.distance(self.check).max(FORGET * self.apart);
         self.check *= CHECKS;
         true
+    }
+
+    /// The contact radius at ascending times up to the present time, smoothed in time. `None` for
+    /// the simplified rule.
+    pub fn contact_radii(&mut self, times: &[f64]) -> Option<Vec<f64>> {
+        self.edge.as_mut().map(|edge| edge.radii(&mut self.fine, times))
     }
 
     /// The time at which the run ended early, if it did.

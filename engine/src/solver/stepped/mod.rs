@@ -1,6 +1,7 @@
 //! Integration of wear in time, for all held quantities.
 
 mod curves;
+mod edge;
 pub mod law;
 pub mod march;
 pub mod mesh;

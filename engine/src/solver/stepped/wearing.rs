@@ -372,8 +372,8 @@ impl Wearing {
         if most == 0.0 {
             return (1.0, 0.0);
         }
-        let last = wear.iter().rposition(|w| *w > 1e-9 * most).unwrap_or(0);
         if let Law::Simplified(_) = self.law {
+            let last = wear.iter().rposition(|w| *w > 1e-9 * most).unwrap_or(0);
             let scar = match wear.get(last + 1) {
                 Some(next) if *next < 0.0 => {
                     let share = wear[last] / (wear[last] - next);
@@ -384,15 +384,26 @@ impl Wearing {
             // With the rule, a free spring wears towards d and not beyond it.
             return (if held { 1.0 } else { self.touching(images) }, scar);
         }
-        let floor = if held { 1.0 } else { self.unworn_radius() };
+        let radius = self.worn_radius(wear);
+        (radius, radius)
+    }
+
+    /// The radius at which the wear of the exact law ends, extrapolated from the outermost nodes.
+    pub(super) fn worn_radius(&self, wear: &[f64]) -> f64 {
+        let radii = &self.springs.mesh.radii;
+        let most = wear.iter().copied().fold(0.0, f64::max);
+        let last = wear.iter().rposition(|w| *w > 1e-9 * most).unwrap_or(0);
+        let floor = match self.springs.control.normal {
+            Normal::Depth => 1.0,
+            Normal::Force => self.unworn_radius(),
+        };
         let end = radii[(last + 1).min(radii.len() - 1)].max(floor);
         if last == 0 || wear[last - 1] <= wear[last] {
-            return (end, end);
+            return end;
         }
         let (here, before) = (wear[last], wear[last - 1]);
         let reached = radii[last] + here * (radii[last] - radii[last - 1]) / (before - here);
-        let radius = reached.clamp(floor, end);
-        (radius, radius)
+        reached.clamp(floor, end)
     }
 
     /// The radius at which the unworn image equals the present depth.

@@ -1,0 +1,179 @@
+//! The contact radius over time, for the exact law.
+//!
+//! The edge of the contact lies somewhere within a spring of finite width. Its position is known
+//! best at the time when the next spring comes into contact. So the radius is computed at these
+//! times, and interpolated between them.
+//!
+//! # Equations
+//! ```text
+//! Σ D y over the two springs around the edge = s_in·l_in²/2 − s_out·l_out²/2
+//! ```
+//! Here y = d − g is signed, and y is linear on each side of the edge, with the slopes s of the next
+//! springs. l are the distances of the edge from the outer ends of the two springs. Late in a run
+//! y inside is too small, and the radius follows from the wear.
+//!
+//! # Accuracy
+//! VERIFICATION.md compares random runs with fine ones.
+
+use super::run::MeshRun;
+use super::wearing::Wearing;
+use crate::numeric::{Monotone, root};
+
+/// The slope ratio inside/outside below which the wear determines the radius.
+const FLAT: f64 = 0.2;
+/// Below this weight of the springs, the wear alone determines the radius precisely.
+const WORN: f64 = 0.5;
+/// The radius from the wear is learned if the time has grown by this factor.
+const PAUSE: f64 = 1.15;
+/// At first the contact grows about like this power of the time.
+const GROWTH: f64 = 0.75;
+
+/// The radius at the times when springs came into contact.
+#[derive(Debug, Default)]
+pub(super) struct ContactEdge {
+    /// Pairs of time and radius, both ascending.
+    known: Vec<(f64, f64)>,
+    /// The outer radius of the outermost spring that has been in contact.
+    reached: f64,
+}
+
+impl ContactEdge {
+    pub(super) fn new(run: &MeshRun) -> Self {
+        let mesh = &run.wearing.springs.mesh;
+        let reached = mesh.radii[run.wearing.springs.compressions.len()];
+        Self { known: vec![(0.0, 1.0)], reached }
+    }
+
+    /// Looks for springs that came into contact in the last step.
+    pub(super) fn follow(&mut self, run: &mut MeshRun) {
+        let springs = &run.wearing.springs;
+        let loaded = springs.compressions.len();
+        let radii = &springs.mesh.radii;
+        if radii[loaded] > self.reached {
+            let first = radii.partition_point(|r| *r <= self.reached) - 1;
+            self.reached = radii[loaded];
+            for spring in first..loaded {
+                self.touch(run, spring);
+            }
+        }
+        let (wearing, wear, time) = (&run.wearing, &run.rkc.values, run.rkc.time);
+        let last = self.known.last().map_or(0.0, |(last, _)| *last);
+        if time > PAUSE * last && self.share(wearing, wear) < WORN {
+            self.learn(time, wearing.worn_radius(wear));
+        }
+    }
+
+    /// Learns the radius at the time in the last step when a spring came into contact.
+    fn touch(&mut self, run: &mut MeshRun, spring: usize) {
+        let (began, time) = (run.rkc.began(), run.rkc.time);
+        let mut at = |time| run.under(time, |wearing, wear| gap(wearing, wear, spring));
+        let (before, after) = (at(began), at(time));
+        let share = if before < 0.0 { before / (before - after) } else { 0.0 };
+        let then = began + share * (time - began);
+        let found = run.under(then, |wearing, wear| {
+            let edge = Edge::around(wearing, wear, spring);
+            (edge.share() >= WORN).then(|| edge.weighted(wearing.worn_radius(wear)))
+        });
+        if let Some(radius) = found {
+            self.learn(then, radius);
+        }
+    }
+
+    /// The weight of the springs at the present edge. It is 0 if the outermost springs have lost
+    /// contact again, because they carry almost no load then.
+    fn share(&self, wearing: &Wearing, wear: &[f64]) -> f64 {
+        let springs = &wearing.springs;
+        let next = springs.compressions.len();
+        if springs.mesh.radii[next] < self.reached {
+            return 0.0;
+        }
+        Edge::around(wearing, wear, next).share()
+    }
+
+    fn learn(&mut self, time: f64, radius: f64) {
+        if self.known.last().is_some_and(|(last, least)| time > *last && radius > *least) {
+            self.known.push((time, radius));
+        }
+    }
+
+    /// The radius at each of the given times, which are not later than the present time of the run.
+    pub(super) fn radii(&mut self, run: &mut MeshRun, times: &[f64]) -> Vec<f64> {
+        let now = times.last().map_or(0.0, |last| run.within(*last));
+        let last = run.under(now, |wearing, wear| {
+            let worn = wearing.worn_radius(wear);
+            let next = wearing.springs.compressions.len();
+            match self.share(wearing, wear) {
+                0.0 => worn,
+                _ => Edge::around(wearing, wear, next).weighted(worn),
+            }
+        });
+        self.learn(now, last);
+        let (knots, values) =
+            self.known.iter().map(|(time, radius)| (libm::pow(*time, GROWTH), *radius)).unzip();
+        let curve = Monotone::through(knots, values);
+        let end = self.known.last().map_or(0.0, |(time, _)| *time);
+        times.iter().map(|time| curve.at(libm::pow(time.min(end), GROWTH))).collect()
+    }
+}
+
+/// The signed mean compression d − g of a spring.
+fn gap(wearing: &Wearing, wear: &[f64], spring: usize) -> f64 {
+    let mesh = &wearing.springs.mesh;
+    wearing.springs.depth - mesh.unworn[spring] - mesh.image(spring, wear)
+}
+
+/// The four springs around the edge of the contact.
+struct Edge<'a> {
+    radii: &'a [f64],
+    /// The first spring outside the contact.
+    next: usize,
+    /// d − g of the springs from `next` − 2 to `next` + 1. All are 0 if a spring is missing.
+    gaps: [f64; 4],
+    /// The slope of the unworn image at a₀.
+    first_slope: f64,
+}
+
+impl<'a> Edge<'a> {
+    fn around(wearing: &'a Wearing, wear: &[f64], next: usize) -> Self {
+        let radii = &wearing.springs.mesh.radii;
+        let exist = next >= 2 && next + 2 < radii.len();
+        let at = |i: usize| if exist { gap(wearing, wear, next + i - 2) } else { 0.0 };
+        let first_slope = wearing.contact.shape.image_slope(1.0);
+        Self { radii, next, gaps: std::array::from_fn(at), first_slope }
+    }
+
+    /// The weight of the radius that follows from the springs. The rest of the weight is that of
+    /// the radius that follows from the wear.
+    fn share(&self) -> f64 {
+        let [inside, .., outside] = self.gaps;
+        if inside <= 0.0 || outside >= 0.0 {
+            return 0.0;
+        }
+        let slope = inside / (self.radii[self.next] - self.radii[self.next - 2]);
+        slope / (slope + FLAT * self.first_slope)
+    }
+
+    /// The radius at which y = 0. `None` if the springs do not determine it.
+    fn radius(&self) -> Option<f64> {
+        let Self { radii, next, gaps: [inside, y_low, y_high, outside], .. } = *self;
+        let middle = |spring: usize| 0.5 * (radii[spring] + radii[spring + 1]);
+        if self.share() == 0.0 {
+            return None;
+        }
+        let (low, high) = (radii[next - 1], radii[next + 1]);
+        let sum = (radii[next] - low) * y_low + (high - radii[next]) * y_high;
+        let excess = |a: f64| {
+            let (within, beyond) = (a - low, high - a);
+            0.5 * inside * within * within / (a - middle(next - 2))
+                + 0.5 * outside * beyond * beyond / (middle(next + 1) - a)
+                - sum
+        };
+        (excess(low) < 0.0 && excess(high) > 0.0).then(|| root(low, high, excess))
+    }
+
+    /// The radius from the springs and the one from the wear, weighted.
+    fn weighted(&self, worn: f64) -> f64 {
+        let share = self.share();
+        self.radius().map_or(worn, |radius| share * radius + (1.0 - share) * worn)
+    }
+}
