@@ -4,7 +4,7 @@ use std::convert::Infallible;
 use std::ffi::OsStr;
 use std::fmt::Write as _;
 use std::net::{IpAddr, SocketAddr, ToSocketAddrs};
-use std::num::NonZeroU32;
+use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -55,7 +55,8 @@ Examples:
 const VERIFY_EXAMPLES: &str = "\
 Examples:
   fretwork verify > VERIFICATION.md   write the page again
-  fretwork verify --exact-volumes > engine/src/simulation/exact_volumes.csv";
+  fretwork verify --exact-volumes > engine/src/simulation/exact_volumes.csv
+  fretwork verify --random 500 > src/verification/accuracy.md";
 
 /// Fretting wear of axisymmetric contacts, as a service with a shared result cache.
 ///
@@ -92,6 +93,9 @@ pub enum Command {
         /// Instead, print the table of volumes from which the error of the simplified rule follows.
         #[arg(long)]
         exact_volumes: bool,
+        /// Instead, compare this number of random runs with fine ones. 500 take about half an hour.
+        #[arg(long, value_name = "COUNT", conflicts_with = "exact_volumes")]
+        random: Option<NonZeroUsize>,
     },
     /// Check a server's health: exit code 0 or 1.
     Health(Health),

@@ -42,6 +42,9 @@ const STOP_TIMEOUT: Duration = Duration::from_millis(300);
 /// How long a connection may transfer nothing. A request waits for a result for at most one minute.
 const IDLE_TIMEOUT: Duration = Duration::from_mins(2);
 
+/// The seed of the random scenarios on the verification page.
+const SEED: u64 = 16;
+
 fn main() -> ExitCode {
     let matches = Cli::command().get_matches();
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
@@ -58,10 +61,13 @@ fn main() -> ExitCode {
         }
         Some(Command::Run(settings)) => cli::run::run(&settings),
         Some(Command::Openapi) => print(&http::document()).map(success),
-        Some(Command::Verify { exact_volumes: true }) => {
+        Some(Command::Verify { exact_volumes: true, .. }) => {
             print(model_error::exact_volumes().as_bytes()).map(success)
         }
-        Some(Command::Verify { exact_volumes: false }) => verify().map(success),
+        Some(Command::Verify { random: Some(count), .. }) => {
+            print(verification::accuracy(count.get(), SEED).as_bytes()).map(success)
+        }
+        Some(Command::Verify { .. }) => verify().map(success),
         Some(Command::Health(settings)) => cli::health::health(&settings).map(success),
         Some(Command::Keys(command)) => cli::administration::keys(command).map(success),
         Some(Command::Export(settings)) => cli::moving::export(&settings).map(success),

@@ -12,7 +12,7 @@ mod known;
 mod numerics;
 mod page;
 mod problem;
-mod random;
+pub mod random;
 mod rule;
 mod table;
 

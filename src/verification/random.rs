@@ -1,9 +1,12 @@
-//! Seeded random numbers, so that a test always runs the same cases.
+//! Seeded random numbers, so that the same cases always run.
 
 /// A SplitMix64 generator (G. L. Steele et al., OOPSLA 2014).
+#[derive(Debug)]
 pub struct Random(u64);
 
 impl Random {
+    /// Numbers that depend on the seed only.
+    #[must_use]
     pub fn new(seed: u64) -> Self {
         Self(seed)
     }
@@ -20,14 +23,17 @@ impl Random {
         (self.next() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
+    /// A number between two bounds.
     pub fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.unit()
     }
 
+    /// A number between two positive bounds, evenly distributed on a logarithmic scale.
     pub fn log_between(&mut self, low: f64, high: f64) -> f64 {
-        low * (high / low).powf(self.unit())
+        low * libm::pow(high / low, self.unit())
     }
 
+    /// One of the options.
     pub fn one_of<T: Copy>(&mut self, options: &[T]) -> T {
         options[(self.unit() * options.len() as f64) as usize]
     }

@@ -24,6 +24,7 @@ mod program;
 mod reference;
 mod refusals;
 mod rooms;
+mod rule;
 mod schema;
 mod server;
 mod store;

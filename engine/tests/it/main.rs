@@ -16,7 +16,5 @@ mod golden;
 mod limiting_state;
 mod literal;
 mod loops;
-mod random;
 mod reference_solutions;
-mod rule;
 mod shapes;
