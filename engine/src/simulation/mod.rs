@@ -119,7 +119,8 @@ impl Simulation {
     }
 
     fn with_warnings(&mut self, mut outcome: Outcome) -> Box<Outcome> {
-        outcome.warnings = std::mem::take(&mut self.warnings);
+        // The warnings about the scenario come first, then those of the run.
+        outcome.warnings.splice(0..0, self.warnings.drain(..));
         Box::new(outcome)
     }
 }

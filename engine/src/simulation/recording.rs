@@ -1,6 +1,7 @@
 //! Records the rows of the history and of the profiles, in SI units.
 
-use crate::case::Case;
+use crate::case::{Case, Scales};
+use crate::contact::control::Tangential;
 use crate::contact::hysteresis::Loop;
 use crate::outcome::{History, Loops, Profiles};
 use crate::solver::curves::Curves;
@@ -11,6 +12,8 @@ pub(super) struct Recording {
     pub(super) history: History,
     pub(super) profiles: Profiles,
     pub(super) loops: Loops,
+    /// Half of the length of the scar on each body in m, one entry per row of the history.
+    pub(super) half_lengths: [Vec<f64>; 2],
     /// The energy mismatch (k_w/μ)·ΣW/V − 1 of the last row with wear.
     pub(super) mismatch: Option<f64>,
     /// The largest error of V so far.
@@ -26,6 +29,8 @@ struct Reported {
     volume: f64,
     deepest: f64,
     scar: f64,
+    /// Half of the length of the scar on each body, in m.
+    half_lengths: [f64; 2],
     wear: Vec<f64>,
 }
 
@@ -36,6 +41,8 @@ pub(super) struct HistoryEntry {
     pub(super) volume: f64,
     pub(super) deepest: f64,
     pub(super) scar: f64,
+    /// Amplitude Δ·s of the local slip at the edge of the scar.
+    pub(super) edge_slip: f64,
     pub(super) contact_radius: f64,
     pub(super) stick: f64,
     /// Indentation depth d.
@@ -61,6 +68,7 @@ impl Recording {
             history: History::with_capacity(instants),
             profiles: Profiles::default(),
             loops: Loops::default(),
+            half_lengths: [Vec::with_capacity(instants), Vec::with_capacity(instants)],
             mismatch: None,
             volume_error: None,
             initial: Vec::new(),
@@ -84,10 +92,24 @@ impl Recording {
         self.initial = initial;
     }
 
+    /// Notes that the contact has slid with the amplitude Δ·s = `slip` at the scar radius. The slip increases outwards,
+    /// so x + s(x) is largest there.
+    pub(super) fn slide(&mut self, scales: &Scales, (scar, slip): (f64, f64)) {
+        let x = scar * scales.contact_radius;
+        let reached = [x, x + slip * scales.gross_slip_amplitude()];
+        for (known, reached) in self.reported.half_lengths.iter_mut().zip(reached) {
+            *known = known.max(reached);
+        }
+    }
+
     /// Converts a row to SI units and appends it.
     pub(super) fn record(&mut self, case: &Case, mut entry: HistoryEntry) {
         self.reported.hold(&mut entry);
         let Case { scales, contact, .. } = case;
+        self.slide(scales, (entry.scar, entry.edge_slip));
+        for (column, half_length) in self.half_lengths.iter_mut().zip(self.reported.half_lengths) {
+            column.push(half_length);
+        }
         let (length, height) = (scales.contact_radius, scales.indentation_depth);
         let history = &mut self.history;
         let n = entry.cycles;
@@ -127,6 +149,15 @@ impl Recording {
         loops.energy_ratio.push(found.energy_ratio);
         loops.slip_ratio.push(found.slip_ratio);
         loops.free_ratio.push(found.free_ratio);
+        if let Tangential::Rig { amplitude, .. } = case.control.tangential {
+            // U/U_rig. The rig is elastic, so W, Q and δ₀ are the same at the actuator.
+            let share = entry.threshold / amplitude;
+            let push = |column: &mut Option<Vec<f64>>, ratio| {
+                column.get_or_insert_default().push(share * ratio);
+            };
+            push(&mut loops.actuator_energy_ratio, found.energy_ratio);
+            push(&mut loops.actuator_slip_ratio, found.slip_ratio);
+        }
     }
 }
 
