@@ -167,9 +167,9 @@ impl SingleRun {
         let end = end.map_or(f64::INFINITY, |event| event.at * case.scales.cycles);
         let until = (done + block).min(all);
         let mut wanted = Vec::new();
-        for i in done..until {
-            let n = cycles[i].min(end);
-            wanted.push((n, case.profiles[i] || case.shows_end(n, end)));
+        for (n, shows) in cycles[done..until].iter().zip(&case.profiles[done..until]) {
+            let n = n.min(end);
+            wanted.push((n, *shows || case.shows_end(n, end)));
             if n >= end {
                 break;
             }
