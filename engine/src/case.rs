@@ -4,6 +4,7 @@ use crate::contact::control::{Control, Final, Tangential};
 use crate::contact::hysteresis::{Backbone, ROW_POINTS};
 use crate::contact::row::UnwornSums;
 use crate::contact::unworn::{Contact, Regime};
+use crate::solver::closed::energy;
 use crate::solver::events::StopCondition;
 use crate::solver::stepped::law::Law;
 use crate::solver::stepped::march::March;
@@ -16,6 +17,9 @@ pub(crate) const COMPARISON_RUNS: usize = 31;
 /// Maximum number of output radii of the rule in a comparison. With more radii the volume would
 /// change by less than its error.
 const COMPARISON_POINTS: usize = 256;
+
+/// Evaluations of the wear rate by which a time integration finds the cycle of an energy.
+pub(crate) const SEARCH_EVALUATIONS: usize = 20;
 
 /// The scales of the dimensionless problem. They convert results to SI.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -60,6 +64,11 @@ impl Scales {
         self.friction * self.normal_modulus / self.tangential_modulus * self.indentation_depth
     }
 
+    /// The wear volume that an energy in J would produce in the exact method, (k_w/μ)·`energy`, in units of a₀²d₀.
+    pub(crate) fn worn_by(&self, energy: f64) -> f64 {
+        energy * (self.wear_coefficient / self.friction) / self.volume()
+    }
+
     /// The tangential force Q in N from `half` = ∫ min(Δ, y) dx.
     pub(crate) fn tangential(&self, half: f64) -> f64 {
         2.0 * self.friction * half * self.force()
@@ -97,6 +106,61 @@ impl Method {
             Self::Exact { .. } => Law::Exact,
         }
     }
+
+    /// Estimates the time in N₀ at which (k_w/μ)·ΣW reaches `energy`. It is at most `horizon`.
+    pub(crate) fn time_of(
+        &self,
+        contact: &Contact,
+        control: &Control,
+        energy: f64,
+        horizon: f64,
+    ) -> f64 {
+        match *self {
+            Self::Simplified { xi } if control.is_closed() => {
+                let (times, stop) = energy::times(contact, xi, &[energy], horizon);
+                stop.unwrap_or_else(|| times[0])
+            }
+            _ => March::time_of(contact, control, self.law(), energy, horizon),
+        }
+    }
+}
+
+/// The output cycles of a run. The first is 0.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Outputs {
+    /// Numbers of cycles.
+    Cycles(Vec<f64>),
+    /// The cycles at which the run reaches dissipated energies.
+    Energies(EnergyOutputs),
+}
+
+/// Dissipated energies at which a run records its state.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EnergyOutputs {
+    /// The energies as (k_w/μ)·ΣW, in units of a₀²d₀. The first is 0.
+    pub energies: Vec<f64>,
+    /// The time in N₀ at which the run ends, even if it has not reached all energies.
+    pub horizon: f64,
+    /// The estimated time of the last energy, in N₀.
+    pub expected: f64,
+}
+
+impl Outputs {
+    /// The number of output cycles.
+    pub(crate) fn count(&self) -> usize {
+        match self {
+            Self::Cycles(cycles) => cycles.len(),
+            Self::Energies(outputs) => outputs.energies.len(),
+        }
+    }
+
+    /// The time of the last output cycle in N₀, for `unit` = N₀. For energies it is an estimate.
+    pub(crate) fn last_time(&self, unit: f64) -> f64 {
+        match self {
+            Self::Cycles(cycles) => cycles[cycles.len() - 1] / unit,
+            Self::Energies(outputs) => outputs.expected,
+        }
+    }
 }
 
 /// The dimensionless problem of a scenario and its scales.
@@ -118,8 +182,8 @@ pub struct Case {
     pub method: Method,
     /// The number of output radii.
     pub points: usize,
-    /// The output cycles. The first is 0.
-    pub cycles: Vec<f64>,
+    /// The output cycles.
+    pub outputs: Outputs,
     /// For each output cycle, whether it carries profiles.
     pub profiles: Vec<bool>,
 }
@@ -172,7 +236,7 @@ impl Case {
     }
 
     /// The largest amplitude, divided by the amplitude at N = 0.
-    pub(crate) fn largest_amplitude(&self) -> f64 {
+    pub fn largest_amplitude(&self) -> f64 {
         let Tangential::Blocks(blocks) = &self.control.tangential else { return 1.0 };
         let most = blocks.iter().map(|block| block.threshold).fold(0.0, f64::max);
         (most / self.contact.threshold).max(1.0)
@@ -209,14 +273,20 @@ impl Case {
     pub fn operations(&self) -> f64 {
         let half_square = (self.points * self.points) as f64 / 2.0;
         let rows = self.profile_rows();
-        let output = (self.points * rows + self.cycles.len()) as f64;
+        let count = self.outputs.count();
         let march = |law, tolerance| {
             let last = self.normalized_end();
+            let cells = March::cells_for(&self.contact, &self.control, law, tolerance);
+            let search = match self.outputs {
+                Outputs::Cycles(_) => 1,
+                Outputs::Energies(_) => SEARCH_EVALUATIONS * cells * cells,
+            };
+            let output = (self.points * rows + search * count) as f64;
             March::operations(&self.contact, &self.control, law, tolerance, last) + output
         };
         match self.method {
             Method::Simplified { .. } if self.control.is_closed() => {
-                half_square * (self.cycles.len() + rows) as f64
+                half_square * (count + rows) as f64
             }
             Method::Simplified { xi } => march(Law::Simplified(xi), RULE_TOLERANCE),
             Method::Exact { tolerance, compare } => {
@@ -227,9 +297,9 @@ impl Case {
         }
     }
 
-    /// The last output cycle in units of N₀.
+    /// The last output cycle in units of N₀. For energies it is an estimate.
     pub(crate) fn normalized_end(&self) -> f64 {
-        self.cycles[self.cycles.len() - 1] / self.scales.cycles
+        self.outputs.last_time(self.scales.cycles)
     }
 
     /// Estimated size of the result as JSON, in bytes.
@@ -239,7 +309,7 @@ impl Case {
         const NUMBER: usize = 18;
         let rows = self.profile_rows();
         let curves = if rows == 0 { 0 } else { 3 + 5 * rows };
-        let loops = rows * (2 * Backbone::points(self.springs()) + 3);
-        4096 + NUMBER * (self.points * curves + loops + 13 * self.cycles.len())
+        let loops = rows * (2 * Backbone::points(self.springs()) + 5);
+        4096 + NUMBER * (self.points * curves + loops + 15 * self.outputs.count())
     }
 }

@@ -103,8 +103,9 @@ def every_plot(page, base, key, scales=("x", "", "xy")):
             pictures.add(canvas(page, "History").evaluate("canvas => canvas.toDataURL()"))
     assert len(pictures) == len(PROFILES) + len(scales) * len(HISTORIES), len(pictures)
     ratios = re.findall(r"=\xa0([^,]+)", page.locator("#ratios").text_content())
-    for shown, ratio in zip(ratios, ("energy_ratio", "slip_ratio", "free_ratio"), strict=True):
-        close(shown, loops[ratio][-1], 5e-3)
+    names = ("energy_ratio", "slip_ratio", "free_ratio", "actuator_energy_ratio", "actuator_slip_ratio")
+    for shown, ratio in zip(ratios, [loops[name] for name in names if name in loops], strict=True):
+        close(shown, ratio[-1], 5e-3)
     moved, force = scaled(1e6, loops["displacement"][-1]), loops["tangential_force"][-1]
     turn = moved.index(min(moved))
     read_plot(page, "Fretting loop", "Displacement", {"Unloading": (moved[:turn + 1], force[:turn + 1])})

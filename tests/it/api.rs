@@ -550,9 +550,42 @@ async fn a_result_reports_the_wear_of_each_body_and_the_model_error() {
     let best = result["comparison"]["best_xi"].as_f64().unwrap();
     assert!((0.8..1.2).contains(&best), "{best}");
     assert_eq!(result["history"]["cycles"], result["comparison"]["history"]["cycles"]);
-    // Without a share and a comparison in the scenario, the result has neither member.
+    let half_length = |body| column(&result, &format!("/bodies/{body}/scar_half_length"));
+    assert_eq!(half_length(0), column(&result, "/history/scar_radius"));
+    assert!(
+        half_length(0).iter().zip(half_length(1)).skip(1).all(|(first, second)| *first < second)
+    );
+    // The example has a rig, so the result has the criteria at the actuator too.
+    let loops = server.get(&format!("/v1/results/{}/loops", text(&result, "/key"))).await.json();
+    let share = result["unworn"]["amplitude"].as_f64().unwrap()
+        / result["unworn"]["actuator_amplitude"].as_f64().unwrap();
+    let at_contact = column(&loops, "/loops/slip_ratio")[0];
+    let at_actuator = column(&loops, "/loops/actuator_slip_ratio")[0];
+    assert!((at_actuator / at_contact / share - 1.0).abs() < 1e-10, "{at_actuator} {at_contact}");
+    // Without a share and a comparison in the scenario, the result has neither.
     let plain = self::result(&server, &steel_ball()).await;
-    assert_eq!((&plain["bodies"], &plain["comparison"]), (&Value::Null, &Value::Null));
+    assert_eq!((&plain["bodies"][0]["share"], &plain["comparison"]), (&Value::Null, &Value::Null));
+    assert_eq!(plain["bodies"][1].as_object().unwrap().len(), 1);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn output_cycles_can_be_given_as_dissipated_energies() {
+    let server = Server::start().await;
+    let mut body = steel_ball();
+    body["scenario"]["cycles"] = json!({"dissipated_energy": ["10 mJ", 0.1]});
+    let first = result(&server, &body).await;
+    assert_eq!(first["scenario"]["cycles"], json!({"dissipated_energy": [0.01, 0.1]}));
+    let found = column(&first, "/history/dissipated_energy");
+    for (found, energy) in found.iter().zip([0.0, 0.01, 0.1]) {
+        assert!((found - energy).abs() <= 1e-10 * energy, "{found}");
+    }
+    // The run for the found cycles has another key and the same numbers.
+    body["scenario"]["cycles"] = json!(column(&first, "/history/cycles")[1..]);
+    let second = result(&server, &body).await;
+    assert_ne!(first["key"], second["key"]);
+    for part in ["history", "profiles", "loops", "bodies", "events", "accuracy"] {
+        assert_eq!(first[part], second[part], "{part}");
+    }
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -299,6 +299,28 @@ async fn values_out_of_range_are_reported_with_pointers() {
         ball("no cycles", &[("/scenario/cycles", json!([]))], ["/scenario/cycles"]),
         ball("negative cycles", &[("/scenario/cycles", json!([-1, 1]))], ["/scenario/cycles/0"]),
         ball(
+            "unsorted energies",
+            &[("/scenario/cycles", json!({"dissipated_energy": ["1 J", "10 mJ"]}))],
+            ["/scenario/cycles/dissipated_energy/1"],
+        ),
+        ball(
+            "energies of 0, in newtons, and too large",
+            &[("/scenario/cycles", json!({"dissipated_energy": [0, "1 N", 1e19]}))],
+            [
+                "/scenario/cycles/dissipated_energy/0",
+                "/scenario/cycles/dissipated_energy/1",
+                "/scenario/cycles/dissipated_energy/2",
+            ],
+        ),
+        ball(
+            "profiles at listed energies",
+            &[
+                ("/scenario/cycles", json!({"dissipated_energy": [1]})),
+                ("/scenario/profiles_at", json!([1])),
+            ],
+            ["/scenario/profiles_at"],
+        ),
+        ball(
             "zero amplitude",
             &[("/scenario/motion/amplitude", json!(0))],
             ["/scenario/motion/amplitude"],
@@ -581,7 +603,13 @@ async fn stop_condition_and_table_faults_are_reported_with_pointers() {
             "two stop conditions",
             until(json!({"wear_depth": 1e-6, "wear_volume": 1e-12})),
             volume,
-            "not both",
+            "only one",
+        ),
+        one_fault(
+            "energy in watts",
+            until(json!({"dissipated_energy": "1 W"})),
+            "/scenario/until/dissipated_energy",
+            "Accepted units: J, kJ",
         ),
         one_fault("null stop condition", until(Value::Null), "/scenario/until", "an object"),
         one_fault("zero wear depth", until(json!({"wear_depth": 0})), depth, "greater than 0"),

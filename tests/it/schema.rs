@@ -1,9 +1,9 @@
 //! The JSON Schema of a scenario agrees with the parser.
 
 use fretwork_engine::request::fields::{
-    BlockCycles, EnergyWear, Exponent, Force, Friction, Height, Instant, LAST_CYCLE, Length,
-    MAX_CYCLES, POINTS_RANGE, PoissonRatio, Position, Radius, Share, SlopeAngle, StickRatio,
-    Stiffness, Stress, Stroke, Tolerance, Volume, WEAR_RANGE, Xi,
+    BlockCycles, DissipatedEnergy, EnergyWear, Exponent, Force, Friction, Height, Instant,
+    LAST_CYCLE, Length, MAX_CYCLES, POINTS_RANGE, PoissonRatio, Position, Radius, Share,
+    SlopeAngle, StickRatio, Stiffness, Stress, Stroke, Tolerance, Volume, WEAR_RANGE, Xi,
 };
 use fretwork_engine::request::held::{MAX_BLOCKS, MAX_REVERSALS};
 use fretwork_engine::request::indenter::MAX_ROWS;
@@ -28,6 +28,7 @@ fn the_schema_has_the_ranges_and_defaults_of_the_parser() {
         ("/$defs/Stress/oneOf/0", Stress::RANGE),
         ("/$defs/Stiffness/oneOf/0", Stiffness::RANGE),
         ("/$defs/Volume/oneOf/0", Volume::RANGE),
+        ("/$defs/Energy/oneOf/0", DissipatedEnergy::RANGE),
         ("/$defs/Position/oneOf/0", Position::RANGE),
         ("/$defs/Block/properties/amplitude/oneOf/0", Stroke::RANGE),
         ("/$defs/Block/properties/cycles", BlockCycles::RANGE),
@@ -43,6 +44,7 @@ fn the_schema_has_the_ranges_and_defaults_of_the_parser() {
         ("/$defs/Range/properties/from", Instant::RANGE),
         ("/$defs/Range/properties/to", (0.0, LAST_CYCLE)),
         ("/$defs/Range/properties/count", (2.0, MAX_CYCLES as f64)),
+        ("/$defs/EnergyRange/properties/count", (2.0, MAX_CYCLES as f64)),
         ("/$defs/Model/properties/xi/oneOf/1", Xi::RANGE),
         ("/$defs/Model/properties/tolerance", Tolerance::RANGE),
         ("/$defs/Model/properties/points", (f64::from(POINTS_RANGE.0), f64::from(POINTS_RANGE.1))),
@@ -51,6 +53,7 @@ fn the_schema_has_the_ranges_and_defaults_of_the_parser() {
         assert_eq!(found, range, "{pointer}");
     }
     assert_eq!(number("/$defs/Instants/maxItems"), MAX_CYCLES as f64);
+    assert_eq!(number("/$defs/Energies/maxItems"), MAX_CYCLES as f64);
     let blocks = "/$defs/Motion/oneOf/3/properties/blocks/maxItems";
     assert_eq!(number(blocks), MAX_BLOCKS as f64);
     let reversals = "/$defs/Motion/oneOf/4/properties/reversals/maxItems";
@@ -74,6 +77,7 @@ fn the_schema_names_every_accepted_unit() {
         ("/$defs/Stress", Dimension::Stress),
         ("/$defs/Stiffness", Dimension::Stiffness),
         ("/$defs/Volume", Dimension::Volume),
+        ("/$defs/Energy", Dimension::Energy),
         ("/$defs/SlopeAngle", Dimension::Angle),
         ("/$defs/Wear/oneOf/0/properties/coefficient", Dimension::WearCoefficient),
         ("/$defs/Wear/oneOf/2/properties/energy_coefficient", Dimension::EnergyWear),

@@ -132,6 +132,8 @@ quantities! {
     Position: Length in (-1e6, 1e6);
     /// A wear volume in cubic metres.
     Volume: Volume in (1e-40, 1e18);
+    /// A dissipated energy in joules.
+    DissipatedEnergy: Energy in (1e-30, 1e18);
     /// The share of the wear depth on the first body.
     Share: Number in (0.0, 1.0);
     /// The number of cycles of a block.

@@ -4,16 +4,27 @@ use deserr::{Deserr, ErrorKind, IntoValue, Map, Sequence, Value, ValueKind, Valu
 use serde::Serialize;
 
 use super::fault::{Faults, refuse};
-use super::fields::{Instant, MAX_CYCLES, whole};
+use super::fields::{DissipatedEnergy, Instant, MAX_CYCLES, whole};
 use crate::numeric::twelve_digits;
 
-/// The output cycles, as numbers of cycles or in units of N₀.
+/// The output cycles.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Cycles {
-    /// The output cycles, strictly ascending, rounded to 12 digits.
+    /// The numbers that define the output cycles, strictly ascending, rounded to 12 digits.
     pub instants: Vec<f64>,
-    /// Whether the unit is N₀.
-    pub normalized: bool,
+    /// What these numbers are.
+    pub measure: Measure,
+}
+
+/// The measure by which a request gives its output cycles.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Measure {
+    /// Numbers of cycles.
+    Cycles,
+    /// Numbers of cycles in units of N₀.
+    Normalized,
+    /// Dissipated energies in J. Only the run can find the cycles.
+    DissipatedEnergy,
 }
 
 impl Deserr<Faults> for Cycles {
@@ -25,18 +36,30 @@ impl Deserr<Faults> for Cycles {
             Value::Map(mut map) if map.len() == 1 => {
                 if let Some(inner) = map.remove("normalized") {
                     let here = location.push_key("normalized");
-                    let instants = list(inner.into_value(), here)?;
-                    return Ok(Self { instants, normalized: true });
+                    let instants = list::<Instant, V>(inner.into_value(), here)?;
+                    return Ok(Self { instants, measure: Measure::Normalized });
                 }
-                let instants = list(Value::<V>::Map(map), location)?;
-                Ok(Self { instants, normalized: false })
+                if let Some(inner) = map.remove("dissipated_energy") {
+                    let here = location.push_key("dissipated_energy");
+                    let instants = list::<DissipatedEnergy, V>(inner.into_value(), here)?;
+                    return Ok(Self { instants, measure: Measure::DissipatedEnergy });
+                }
+                let instants = list::<Instant, V>(Value::Map(map), location)?;
+                Ok(Self { instants, measure: Measure::Cycles })
             }
-            other => Ok(Self { instants: list(other, location)?, normalized: false }),
+            other => {
+                let instants = list::<Instant, V>(other, location)?;
+                Ok(Self { instants, measure: Measure::Cycles })
+            }
         }
     }
 }
 
-fn list<V: IntoValue>(value: Value<V>, location: ValuePointerRef<'_>) -> Result<Vec<f64>, Faults> {
+/// Reads a list of items, or a range of them.
+fn list<T: Deserr<Faults> + Into<f64>, V: IntoValue>(
+    value: Value<V>,
+    location: ValuePointerRef<'_>,
+) -> Result<Vec<f64>, Faults> {
     match value {
         Value::Sequence(list) => {
             let count = list.len();
@@ -44,14 +67,13 @@ fn list<V: IntoValue>(value: Value<V>, location: ValuePointerRef<'_>) -> Result<
                 let detail = format!("must list 1 to {MAX_CYCLES} output cycles, not {count}");
                 return Err(Faults::at(location, detail));
             }
-            let list =
-                Vec::<Instant>::deserialize_from_value(Value::<V>::Sequence(list), location)?;
-            let list: Vec<f64> = list.iter().map(|instant| twelve_digits(instant.0)).collect();
+            let list = Vec::<T>::deserialize_from_value(Value::<V>::Sequence(list), location)?;
+            let list: Vec<f64> = list.into_iter().map(|item| twelve_digits(item.into())).collect();
             match list.windows(2).position(|pair| pair[0] >= pair[1]) {
                 Some(before) => Err(Faults::at(
                     location.push_index(before + 1),
                     format!(
-                        "must be greater than the output cycle before it. Here {} follows {} \
+                        "must be greater than the number before it. Here {} follows {} \
                          (compared with 12 digits). Sort the list, or remove repeated numbers",
                         list[before + 1],
                         list[before]
@@ -61,7 +83,7 @@ fn list<V: IntoValue>(value: Value<V>, location: ValuePointerRef<'_>) -> Result<
             }
         }
         map @ Value::Map(_) => {
-            EvenInstants::deserialize_from_value(map, location)?.instants(location)
+            EvenInstants::<T>::deserialize_from_value(map, location)?.instants(location)
         }
         other => {
             let accepted = &[ValueKind::Sequence, ValueKind::Map];
@@ -72,10 +94,10 @@ fn list<V: IntoValue>(value: Value<V>, location: ValuePointerRef<'_>) -> Result<
 
 /// Evenly spaced output cycles.
 #[derive(Debug, Clone, Copy, PartialEq, Deserr)]
-#[deserr(error = Faults, deny_unknown_fields)]
-struct EvenInstants {
-    from: Instant,
-    to: Instant,
+#[deserr(error = Faults, deny_unknown_fields, where_predicate = T: Deserr<Faults>)]
+struct EvenInstants<T> {
+    from: T,
+    to: T,
     count: InstantCount,
     #[deserr(default)]
     spacing: Spacing,
@@ -89,9 +111,9 @@ enum Spacing {
     Linear,
 }
 
-impl EvenInstants {
+impl<T: Into<f64>> EvenInstants<T> {
     fn instants(self, location: ValuePointerRef<'_>) -> Result<Vec<f64>, Faults> {
-        let (from, to) = (self.from.0, self.to.0);
+        let (from, to) = (self.from.into(), self.to.into());
         if self.spacing == Spacing::Log && from <= 0.0 {
             let detail = "must be greater than 0 for logarithmic spacing. Enter a larger number, or \
                           \"spacing\": \"linear\"";
@@ -162,7 +184,7 @@ impl Deserr<Faults> for ProfilesAt {
         location: ValuePointerRef<'_>,
     ) -> Result<Self, Faults> {
         match value {
-            sequence @ Value::Sequence(_) => list(sequence, location).map(Self::At),
+            sequence @ Value::Sequence(_) => list::<Instant, V>(sequence, location).map(Self::At),
             word @ Value::String(_) => {
                 ProfilesWord::deserialize_from_value(word, location).map(Self::Word)
             }

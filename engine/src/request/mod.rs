@@ -15,8 +15,8 @@ use deserr::{Deserr, IntoValue, Sequence, Value, ValuePointerRef};
 
 use fault::Faults;
 use fields::{
-    EnergyWear, Friction, Given, GivenXi, Length, NumberOrText, PointCount, PoissonRatio, Share,
-    Stress, Tolerance, Volume, WEAR_RANGE, within,
+    DissipatedEnergy, EnergyWear, Friction, Given, GivenXi, Length, NumberOrText, PointCount,
+    PoissonRatio, Share, Stress, Tolerance, Volume, WEAR_RANGE, within,
 };
 use held::{Load, Motion};
 use indenter::Profile;
@@ -29,7 +29,7 @@ use quantity::Dimension;
 pub struct Request {
     /// The indenter.
     pub profile: Profile,
-    /// The two bodies. The alternative is `moduli`.
+    /// The two bodies. The first one carries the profile. The alternative is `moduli`.
     #[deserr(default)]
     pub bodies: Given<Bodies>,
     /// The effective moduli E* and G*. The alternative is `bodies`.
@@ -56,7 +56,7 @@ pub struct Request {
     pub model: Model,
 }
 
-/// The wear at which a run ends early.
+/// The wear or the energy at which a run ends early.
 #[derive(Debug, Clone, Copy, PartialEq, Deserr)]
 #[deserr(error = Faults, deny_unknown_fields, validate = Until::validate -> Faults)]
 pub struct Until {
@@ -66,19 +66,28 @@ pub struct Until {
     /// The wear volume V.
     #[deserr(default)]
     pub wear_volume: Given<Volume>,
+    /// The dissipated energy ΣW.
+    #[deserr(default)]
+    pub dissipated_energy: Given<DissipatedEnergy>,
 }
 
 impl Until {
     fn validate(self, location: ValuePointerRef<'_>) -> Result<Self, Faults> {
-        match (self.wear_depth.0, self.wear_volume.0) {
-            (None, None) => Err(Faults::at(
+        const WAYS: &str = "`wear_depth`, `wear_volume` or `dissipated_energy`";
+        let given = [
+            ("wear_depth", self.wear_depth.0.is_some()),
+            ("wear_volume", self.wear_volume.0.is_some()),
+            ("dissipated_energy", self.dissipated_energy.0.is_some()),
+        ];
+        let mut names = given.into_iter().filter(|(_, given)| *given).map(|(name, _)| name);
+        match (names.next(), names.next()) {
+            (None, _) => Err(Faults::at(
                 location.push_key("wear_depth"),
-                "is missing. Enter `wear_depth` or `wear_volume`",
+                format!("is missing. Enter {WAYS}"),
             )),
-            (Some(_), Some(_)) => Err(Faults::at(
-                location.push_key("wear_volume"),
-                "give either `wear_depth` or `wear_volume`, not both",
-            )),
+            (_, Some(second)) => {
+                Err(Faults::at(location.push_key(second), format!("give only one of {WAYS}")))
+            }
             _ => Ok(self),
         }
     }
@@ -158,7 +167,7 @@ pub struct Wear {
     /// Energy wear coefficient α.
     #[deserr(default)]
     energy_coefficient: Given<EnergyWear>,
-    /// The share of the wear depth on the first body.
+    /// The share of the wear depth on the first body, which carries the profile.
     #[deserr(default)]
     pub share: Given<Share>,
     #[deserr(skip)]

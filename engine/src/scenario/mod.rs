@@ -33,14 +33,14 @@ use crate::case::{Case, Method, Scales};
 use crate::contact::unworn::Contact;
 use crate::numeric::twelve_digits;
 use crate::request::fault::{Fault, Faults};
-use crate::request::fields::{GivenXi, Stress, WEAR_RANGE, Xi, derived};
-use crate::request::instants::ProfilesAt;
+use crate::request::fields::{GivenXi, LAST_CYCLE, Stress, WEAR_RANGE, Xi, derived};
+use crate::request::instants::{Measure, ProfilesAt};
 use crate::request::{ElasticBody, MethodName, Model, Request, Until};
 use crate::solver::events::StopCondition;
 use crate::solver::stepped::law::fitted_xi;
 use crate::solver::stepped::march::March;
 use indenter::{CanonicalProfile, canonical_profile};
-use instants::with_profiles;
+use instants::{CanonicalCycles, with_profiles};
 use load::{CanonicalLoad, CanonicalModuli, canonical_load};
 use motion::{CanonicalMotion, UnwornContact};
 
@@ -75,7 +75,7 @@ pub struct Scenario {
     wear: CanonicalWear,
     load: CanonicalLoad,
     motion: CanonicalMotion,
-    cycles: Vec<f64>,
+    cycles: CanonicalCycles,
     profiles_at: ProfilesAt,
     #[serde(skip_serializing_if = "Option::is_none")]
     until: Option<CanonicalUntil>,
@@ -94,6 +94,7 @@ struct CanonicalWear {
 enum CanonicalUntil {
     WearDepth(f64),
     WearVolume(f64),
+    DissipatedEnergy(f64),
 }
 
 /// The settings that the method uses. Other settings are omitted, so that they do not change the
@@ -116,24 +117,24 @@ enum CanonicalModel {
 }
 
 impl CanonicalUntil {
-    #[expect(clippy::expect_used, reason = "the request was validated")]
     fn of(until: &Until) -> Self {
-        match until.wear_depth.0 {
-            Some(depth) => Self::WearDepth(twelve_digits(depth.0)),
-            None => Self::WearVolume(twelve_digits(
-                until.wear_volume.0.expect("a request without either is refused").0,
-            )),
+        match (until.wear_depth.0, until.wear_volume.0, until.dissipated_energy.0) {
+            (Some(depth), _, _) => Self::WearDepth(twelve_digits(depth.0)),
+            (_, Some(volume), _) => Self::WearVolume(twelve_digits(volume.0)),
+            (_, _, Some(energy)) => Self::DissipatedEnergy(twelve_digits(energy.0)),
+            (None, None, None) => unreachable!("a request without any of them is refused"),
         }
     }
 
     fn stop_condition(self, scales: &Scales) -> StopCondition {
+        let none = StopCondition::default();
         match self {
-            Self::WearDepth(w) => StopCondition {
-                depth: Some(w / scales.indentation_depth),
-                ..StopCondition::default()
-            },
-            Self::WearVolume(v) => {
-                StopCondition { volume: Some(v / scales.volume()), ..StopCondition::default() }
+            Self::WearDepth(w) => {
+                StopCondition { depth: Some(w / scales.indentation_depth), ..none }
+            }
+            Self::WearVolume(v) => StopCondition { volume: Some(v / scales.volume()), ..none },
+            Self::DissipatedEnergy(energy) => {
+                StopCondition { energy: Some(scales.worn_by(energy)), ..none }
             }
         }
     }
@@ -253,13 +254,13 @@ impl Scenario {
         };
         let outgrown = || self.profile.outgrown(scales.indentation_depth, threshold);
         let contact = Contact::new(contact.shape, threshold).ok_or_else(outgrown)?;
-        let mut cycles = self.cycles.clone();
-        if cycles[0] > 0.0 {
-            cycles.insert(0, 0.0);
-        }
         let tends_to = control.tends_to(&contact);
         let method = self.model.method();
-        let last = cycles[cycles.len() - 1] / unit;
+        let horizon = self.motion.end().unwrap_or(LAST_CYCLE) / unit;
+        let outputs = self.cycles.outputs(&scales, horizon, |energy| {
+            method.time_of(&contact, &control, energy, horizon)
+        });
+        let last = outputs.last_time(unit);
         if !March::fits(&contact, &control, method.law(), tends_to.as_ref(), last) {
             let Fault { pointer, detail } = outgrown();
             let detail = format!("{detail}, or request fewer cycles");
@@ -276,8 +277,8 @@ impl Scenario {
             scales,
             method,
             points: usize::from(self.model.points()),
-            profiles: with_profiles(&cycles, &self.profiles_at),
-            cycles,
+            profiles: with_profiles(&outputs, &self.profiles_at),
+            outputs,
         };
         if case.answer_bytes() > MAX_ANSWER {
             let detail = format!(
@@ -364,13 +365,13 @@ fn canonical_cycles(
     request: &Request,
     motion: &CanonicalMotion,
     unit: f64,
-) -> Result<(Vec<f64>, ProfilesAt), Faults> {
+) -> Result<(CanonicalCycles, ProfilesAt), Faults> {
     let varying = match motion {
         CanonicalMotion::Blocks { .. } => Some("blocks"),
         CanonicalMotion::Reversals { .. } => Some("reversals"),
         _ => None,
     };
-    if let Some(varying) = varying.filter(|_| request.cycles.normalized) {
+    if let Some(varying) = varying.filter(|_| request.cycles.measure == Measure::Normalized) {
         let detail = format!(
             "cannot be combined with `{varying}`. Enter the output cycles as plain numbers of cycles"
         );
@@ -378,7 +379,7 @@ fn canonical_cycles(
     }
     let (cycles, profiles_at) =
         instants::canonical(&request.cycles, request.profiles_at.0.as_ref(), unit)?;
-    if let Some(end) = motion.end()
+    if let (CanonicalCycles::Cycles(cycles), Some(end)) = (&cycles, motion.end())
         && let Some(late) = cycles.iter().position(|n| *n > end)
     {
         let detail = format!(

@@ -4,7 +4,7 @@
 //! of the squares of V_rule/V_exact − 1. A golden-section search finds it between 0.1 and 10.
 
 use super::single::SingleRun;
-use crate::case::{COMPARISON_RUNS, Case, Method};
+use crate::case::{COMPARISON_RUNS, Case, Method, Outputs};
 use crate::outcome::{Comparison, Errors, History};
 
 /// The range of ξ in the search.
@@ -46,7 +46,7 @@ impl Comparing {
     /// Compares the rule with the history of an exact run.
     pub(super) fn new(case: &Case, xi: f64, exact: &History) -> Self {
         let mut case = case.rule(xi);
-        case.cycles.clone_from(&exact.cycles);
+        case.outputs = Outputs::Cycles(exact.cycles.clone());
         case.profiles = vec![false; exact.cycles.len()];
         let (low, high) = (libm::log(XI_RANGE.0), libm::log(XI_RANGE.1));
         let width = GOLDEN * (high - low);

@@ -120,6 +120,7 @@ impl Simulation {
     }
 
     fn with_warnings(&mut self, mut outcome: Outcome) -> Box<Outcome> {
+        // The warnings about the scenario come first, then those of the run.
         outcome.warnings.splice(0..0, self.warnings.drain(..));
         Box::new(outcome)
     }

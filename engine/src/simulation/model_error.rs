@@ -160,7 +160,7 @@ impl Interpolated {
 /// The largest expected relative error of the wear volume, over the output cycles of a run by the
 /// simplified rule. `None` if the table contains no such contact, or none of the output cycles.
 pub(super) fn model_error(case: &Case, history: &History) -> Option<f64> {
-    if case.cycles.len() == 1 {
+    if case.outputs.count() == 1 {
         // Nothing has worn.
         return Some(0.0);
     }

@@ -1,6 +1,7 @@
 //! Records the rows of the history and of the profiles, in SI units.
 
-use crate::case::Case;
+use crate::case::{Case, Scales};
+use crate::contact::control::Tangential;
 use crate::contact::hysteresis::Loop;
 use crate::outcome::{History, Loops, Profiles};
 use crate::solver::curves::Curves;
@@ -11,6 +12,8 @@ pub(super) struct Recording {
     pub(super) history: History,
     pub(super) profiles: Profiles,
     pub(super) loops: Loops,
+    /// Half of the length of the scar on each body in m, one entry per row of the history.
+    pub(super) half_lengths: [Vec<f64>; 2],
     /// The energy mismatch (k_w/μ)·ΣW/V − 1 of the last row with wear.
     pub(super) mismatch: Option<f64>,
     /// The largest error of V so far.
@@ -26,6 +29,8 @@ struct Reported {
     volume: f64,
     deepest: f64,
     scar: f64,
+    /// Half of the length of the scar on each body, in m.
+    half_lengths: [f64; 2],
     wear: Vec<f64>,
 }
 
@@ -36,6 +41,8 @@ pub(super) struct HistoryEntry {
     pub(super) volume: f64,
     pub(super) deepest: f64,
     pub(super) scar: f64,
+    /// Amplitude Δ·s of the local slip at the edge of the scar.
+    pub(super) edge_slip: f64,
     pub(super) contact_radius: f64,
     pub(super) stick: f64,
     /// Indentation depth d.
@@ -61,6 +68,7 @@ impl Recording {
             history: History::with_capacity(instants),
             profiles: Profiles::default(),
             loops: Loops::default(),
+            half_lengths: [Vec::with_capacity(instants), Vec::with_capacity(instants)],
             mismatch: None,
             volume_error: None,
             initial: Vec::new(),
@@ -87,11 +95,17 @@ impl Recording {
     /// Replaces the contact radii of all rows, given in a₀. With the exact method, all of the
     /// contact wears.
     pub(super) fn set_contact_radii(&mut self, radii: &[f64], length: f64) {
+        let [first, second] = &mut self.half_lengths;
         let History { contact_radius, scar_radius, .. } = &mut self.history;
-        for ((contact, scar), radius) in contact_radius.iter_mut().zip(scar_radius).zip(radii) {
-            *contact = radius * length;
-            if *scar > 0.0 {
-                *scar = *contact;
+        for (row, radius) in radii.iter().enumerate() {
+            contact_radius[row] = radius * length;
+            if scar_radius[row] > 0.0 {
+                let shift = contact_radius[row] - scar_radius[row];
+                scar_radius[row] = contact_radius[row];
+                let known =
+                    row.checked_sub(1).map_or([0.0; 2], |before| [first[before], second[before]]);
+                first[row] = known[0].max(first[row] + shift);
+                second[row] = known[1].max(second[row] + shift);
             }
         }
         self.end_profiles_at_contact_radii();
@@ -114,10 +128,24 @@ impl Recording {
         }
     }
 
+    /// Notes that the contact has slid with the amplitude Δ·s = `slip` at the scar radius. The slip increases outwards,
+    /// so x + s(x) is largest there.
+    pub(super) fn slide(&mut self, scales: &Scales, (scar, slip): (f64, f64)) {
+        let x = scar * scales.contact_radius;
+        let reached = [x, x + slip * scales.gross_slip_amplitude()];
+        for (known, reached) in self.reported.half_lengths.iter_mut().zip(reached) {
+            *known = known.max(reached);
+        }
+    }
+
     /// Converts a row to SI units and appends it.
     pub(super) fn record(&mut self, case: &Case, mut entry: HistoryEntry) {
         self.reported.hold(&mut entry);
         let Case { scales, contact, .. } = case;
+        self.slide(scales, (entry.scar, entry.edge_slip));
+        for (column, half_length) in self.half_lengths.iter_mut().zip(self.reported.half_lengths) {
+            column.push(half_length);
+        }
         let (length, height) = (scales.contact_radius, scales.indentation_depth);
         let history = &mut self.history;
         let n = entry.cycles;
@@ -157,6 +185,15 @@ impl Recording {
         loops.energy_ratio.push(found.energy_ratio);
         loops.slip_ratio.push(found.slip_ratio);
         loops.free_ratio.push(found.free_ratio);
+        if let Tangential::Rig { amplitude, .. } = case.control.tangential {
+            // U/U_rig. The rig is elastic, so W, Q and δ₀ are the same at the actuator.
+            let share = entry.threshold / amplitude;
+            let push = |column: &mut Option<Vec<f64>>, ratio| {
+                column.get_or_insert_default().push(share * ratio);
+            };
+            push(&mut loops.actuator_energy_ratio, found.energy_ratio);
+            push(&mut loops.actuator_slip_ratio, found.slip_ratio);
+        }
     }
 }
 

@@ -2,16 +2,19 @@
 
 use super::model_error::{model_error, warning};
 use super::recording::{HistoryEntry, Recording};
-use crate::case::{Case, Method};
+use crate::case::{Case, EnergyOutputs, Method, Outputs, SEARCH_EVALUATIONS};
 use crate::contact::hysteresis::Backbone;
 use crate::contact::limit::WIDEST;
+use crate::contact::unworn::Decay;
+use crate::numeric::twelve_digits;
 use crate::outcome::{
     Accuracy, BodyWear, ContactScales, History, Outcome, OutcomeEvent, Unworn, limit_state,
 };
+use crate::solver::closed::energy;
 use crate::solver::closed::events::{StopSearch, events};
 use crate::solver::closed::simplified::{Simplified, State};
 use crate::solver::curves::{Curves, Grid};
-use crate::solver::events::Event;
+use crate::solver::events::{Event, EventKind};
 use crate::solver::stepped::march::March;
 use crate::solver::stepped::plan::MeshPlan;
 
@@ -49,14 +52,34 @@ enum RunPhase {
 struct Marching {
     march: March,
     radii: Vec<f64>,
+    /// The next output cycle, if the run has found it.
+    found: Option<f64>,
+}
+
+impl Marching {
+    /// The output cycle with this index. `None` if the run has to continue to find it. Infinite if the run ends
+    /// before.
+    fn output_cycle(&mut self, case: &Case, index: usize) -> Option<f64> {
+        let outputs = match &case.outputs {
+            Outputs::Cycles(cycles) => return Some(cycles[index]),
+            Outputs::Energies(outputs) => outputs,
+        };
+        if self.found.is_none() {
+            let time = self.march.seek(outputs.energies[index], outputs.horizon)?;
+            self.found = Some(whole_digits(time * case.scales.cycles));
+        }
+        self.found
+    }
 }
 
 impl SingleRun {
     /// Prepares the run of a case.
-    pub(super) fn new(case: Case) -> Self {
-        let mut recording = Recording::new(case.cycles.len());
+    pub(super) fn new(mut case: Case) -> Self {
+        let mut recording = Recording::new(case.outputs.count());
+        let mut events = Vec::new();
         let phase = match case.method {
             Method::Simplified { xi } if case.control.is_closed() => {
+                events.extend(find_outputs(&mut case, xi));
                 let solver = Box::new(Simplified::new(&case.contact, case.points));
                 let limiting = Some(solver.limiting.clone());
                 recording.lay_out(&case, &solver.radii, solver.initial.clone(), limiting);
@@ -64,7 +87,7 @@ impl SingleRun {
             }
             _ => RunPhase::Planned,
         };
-        Self { case, phase, events: Vec::new(), recording }
+        Self { case, phase, events, recording }
     }
 
     /// Computes for a short time. Returns the completed share of the run.
@@ -101,7 +124,7 @@ impl SingleRun {
         let unit = self.case.scales.cycles;
         // The closed form knows its end before the rows up to the end are recorded.
         let is_reached = |end: &Event| recorded.last().is_some_and(|last| *last >= end.at * unit);
-        recorded.len() == self.case.cycles.len()
+        recorded.len() == self.case.outputs.count()
             || self.events.iter().any(|event| event.ends && is_reached(event))
     }
 
@@ -121,7 +144,11 @@ impl SingleRun {
         let states = ((STEP_OPERATIONS / per_state) as usize).max(1);
         match search.advance(solver, xi, self.case.until, last, states) {
             Some(stop) => {
-                self.events = events(solver, xi, last, stop);
+                let mut known = std::mem::take(&mut self.events);
+                if stop.is_finite() {
+                    known.push(Event { at: stop, kind: EventKind::UntilReached, ends: true });
+                }
+                self.events = events(solver, xi, last, known);
                 true
             }
             None => false,
@@ -131,16 +158,19 @@ impl SingleRun {
     /// Evaluates several output cycles together, because they use the same matrix rows.
     fn step_closed(&mut self, solver: &Simplified, xi: f64) -> f64 {
         let case = &self.case;
-        let (done, all) = (self.recording.history.cycles.len(), case.cycles.len());
+        let Outputs::Cycles(cycles) = &case.outputs else {
+            unreachable!("the closed form has found the output cycles")
+        };
+        let (done, all) = (self.recording.history.cycles.len(), cycles.len());
         let per_instant = case.operations() / all as f64;
         let block = ((STEP_OPERATIONS / per_instant) as usize).clamp(1, STEP_INSTANTS);
         let end = self.events.iter().find(|event| event.ends);
         let end = end.map_or(f64::INFINITY, |event| event.at * case.scales.cycles);
         let until = (done + block).min(all);
         let mut wanted = Vec::new();
-        for i in done..until {
-            let n = case.cycles[i].min(end);
-            wanted.push((n, case.profiles[i] || case.shows_end(n, end)));
+        for (n, shows) in cycles[done..until].iter().zip(&case.profiles[done..until]) {
+            let n = n.min(end);
+            wanted.push((n, *shows || case.shows_end(n, end)));
             if n >= end {
                 break;
             }
@@ -149,8 +179,9 @@ impl SingleRun {
             .iter()
             .map(|(n, curves)| (solver.decay(xi, n / case.scales.cycles), *curves))
             .collect();
-        for (state, (cycles, _)) in solver.states(&decays).into_iter().zip(wanted) {
-            self.recording.record(case, closed_entry(case, xi, cycles, state));
+        let states = solver.states(&decays).into_iter().zip(&decays);
+        for ((state, (decay, _)), (cycles, _)) in states.zip(wanted) {
+            self.recording.record(case, closed_entry(case, solver, xi, (cycles, *decay), state));
         }
         until as f64 / all as f64
     }
@@ -176,11 +207,11 @@ impl SingleRun {
         let initial = radii.iter().map(|r| shape.profile(*r)).collect();
         let limiting = tends_to.map(|end| radii.iter().map(|r| end.profile(shape, *r)).collect());
         self.recording.lay_out(&self.case, &radii, initial, limiting);
-        Marching { march, radii }
+        Marching { march, radii, found: None }
     }
 
     fn record_unworn(&mut self, marching: &mut Marching) {
-        let Marching { march, radii } = marching;
+        let Marching { march, radii, .. } = marching;
         let first = march.at(0.0);
         let case = &self.case;
         let unworn = case.unworn();
@@ -197,6 +228,7 @@ impl SingleRun {
             volume: 0.0,
             deepest: 0.0,
             scar: 0.0,
+            edge_slip: 0.0,
             contact_radius: 1.0,
             stick: case.contact.stick,
             depth: 1.0,
@@ -213,31 +245,35 @@ impl SingleRun {
 
     /// Takes some time steps and records the output cycles that they reach.
     fn step_march(&mut self, marching: &mut Marching) -> f64 {
-        let Marching { march, radii } = marching;
         let case = &self.case;
-        let (done, all) = (self.recording.history.cycles.len(), case.cycles.len());
-        let last = case.normalized_end();
-        let (before, mut recorded) = (march.spent(), 0.0);
+        let (done, all) = (self.recording.history.cycles.len(), case.outputs.count());
+        let (before, mut recorded) = (marching.march.spent(), 0.0);
         let (mut next, mut over) = (done, false);
-        while next < all && march.spent() - before + recorded < STEP_OPERATIONS {
-            let now = case.cycles[next] / case.scales.cycles;
+        while next < all && marching.march.spent() - before + recorded < STEP_OPERATIONS {
+            let Some(due) = marching.output_cycle(case, next) else { continue };
+            let now = due / case.scales.cycles;
+            let Marching { march, radii, found } = &mut *marching;
             if march.advance(now) {
                 continue;
             }
+            if found.take().is_some() {
+                recorded += SEARCH_EVALUATIONS as f64 * march.wearing().operations();
+            }
             let ended = march.ended().filter(|end| *end <= now);
             let at = ended.unwrap_or(now);
-            let cycles = match ended {
-                Some(end) => end * case.scales.cycles,
-                None => case.cycles[next],
-            };
+            let cycles = ended.map_or(due, |end| end * case.scales.cycles);
             // If the run ends at an output cycle that is already recorded, this row is the last
             // one.
-            if self.recording.history.cycles.last().is_none_or(|known| *known < cycles) {
+            let known = self.recording.history.cycles.last();
+            if ended.is_none() || known.is_none_or(|known| *known < cycles) {
                 let shows = case.profiles[next] || ended.is_some() && case.profile_rows() > 0;
                 recorded += march.state_operations();
                 if shows {
                     // At some radii, a curve is a sum over all cells.
                     recorded += (radii.len() * march.cells()) as f64;
+                }
+                for edge in march.block_edges() {
+                    self.recording.slide(&case.scales, edge);
                 }
                 let entry = marched_entry(case, march, radii, (cycles, at), shows);
                 self.recording.record(case, entry);
@@ -248,12 +284,15 @@ impl SingleRun {
                 break;
             }
         }
-        let progress = (march.reached() / last).clamp(next as f64 / all as f64 * 1e-3, 0.999);
+        let march = &marching.march;
+        let progress = march.reached() / case.normalized_end();
         self.events = march.events().to_vec();
         // Events after the last output cycle are not reported. The end is reported after its row is
         // recorded.
-        self.events.retain(|event| event.at <= last && (over || !event.ends));
-        progress
+        let last = self.recording.history.normalized_cycles.last().filter(|_| next == all);
+        let is_past = |event: &Event| last.is_some_and(|last| event.at > *last);
+        self.events.retain(|event| if event.ends { over } else { !is_past(event) });
+        progress.clamp(next as f64 / all as f64 * 1e-3, 0.999)
     }
 
     /// The result of the run, without the comparison and the warnings.
@@ -277,12 +316,14 @@ impl SingleRun {
             Method::Exact { .. } => Some(0.0),
             Method::Simplified { .. } => model_error(&case, &recording.history),
         };
+        let bodies = BodyWear::of(case.share, &recording.history, recording.half_lengths);
+        let warnings = BodyWear::warning(&bodies).into_iter().chain(warning(model_error));
         Outcome {
             scales: ContactScales::of(&case),
             unworn: Unworn::of(&case),
             regime: case.regime(),
             limit: limit_state(&case),
-            bodies: case.share.map(|share| BodyWear::of(share, &recording.history)),
+            bodies,
             history: recording.history,
             profiles: shows.then_some(recording.profiles),
             loops: shows.then_some(recording.loops),
@@ -296,13 +337,39 @@ impl SingleRun {
                 evaluations: work.map(|(_, evaluations)| evaluations),
             },
             comparison: None,
-            warnings: warning(model_error).into_iter().collect(),
+            warnings: warnings.collect(),
         }
     }
 }
 
+/// With 12 digits, the output cycle of an energy is valid in a scenario. A run with this cycle gives the same row.
+fn whole_digits(cycles: f64) -> f64 {
+    if cycles.is_finite() { twelve_digits(cycles) } else { cycles }
+}
+
+/// Replaces energies by the output cycles of the closed form. Returns the end of the run if it cannot reach them
+/// all.
+fn find_outputs(case: &mut Case, xi: f64) -> Option<Event> {
+    let Outputs::Energies(EnergyOutputs { energies, horizon, .. }) = &case.outputs else {
+        return None;
+    };
+    let (times, stop) = energy::times(&case.contact, xi, energies, *horizon);
+    let unit = case.scales.cycles;
+    let found = times.iter().map(|time| twelve_digits(time * unit));
+    let cycles: Vec<f64> = found.chain(stop.map(|stop| stop * unit)).collect();
+    case.profiles.truncate(cycles.len());
+    case.outputs = Outputs::Cycles(cycles);
+    stop.map(|at| Event { at, kind: EventKind::EnergyNotReached, ends: true })
+}
+
 /// A row of the history from the closed form.
-fn closed_entry(case: &Case, xi: f64, cycles: f64, state: State) -> HistoryEntry {
+fn closed_entry(
+    case: &Case,
+    solver: &Simplified,
+    xi: f64,
+    (cycles, decay): (f64, Decay),
+    state: State,
+) -> HistoryEntry {
     let (contact, sums) = (&case.contact, state.sums);
     let worn = sums.volume > 0.0;
     HistoryEntry {
@@ -310,6 +377,11 @@ fn closed_entry(case: &Case, xi: f64, cycles: f64, state: State) -> HistoryEntry
         volume: state.volume,
         deepest: state.depth,
         scar: state.scar,
+        edge_slip: if state.scar > 0.0 {
+            solver.slip_outside(state.scar.max(1.0), decay)
+        } else {
+            0.0
+        },
         contact_radius: 1.0,
         stick: contact.stick,
         depth: 1.0,
@@ -317,8 +389,7 @@ fn closed_entry(case: &Case, xi: f64, cycles: f64, state: State) -> HistoryEntry
         normal: sums.normal,
         tangential: sums.tangential,
         loss: sums.energy / contact.threshold,
-        // Σ W = μã(F₀ − F)/(ξ k_w E*).
-        worn_by_energy: contact.limit.radius * 2.0 * sums.unloaded / xi,
+        worn_by_energy: solver.dissipated(xi, &sums),
         volume_error: if worn { (state.mesh_volume / sums.volume - 1.0).abs() } else { 0.0 },
         curves: state.curves.zip(state.backbone.map(|backbone| backbone.wind())),
     }
@@ -348,6 +419,7 @@ fn marched_entry(
         volume: worn.volume,
         deepest: worn.deepest,
         scar: worn.scar,
+        edge_slip: worn.edge_slip(mesh),
         contact_radius: worn.contact_radius,
         stick: worn.stick,
         depth: worn.depth,

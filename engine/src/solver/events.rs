@@ -21,6 +21,9 @@ pub enum EventKind {
     UntilReached,
     /// The scar has reached the outer edge of the indenter.
     RimReached,
+    /// A requested energy cannot be dissipated: wear has practically stopped, the last block has ended, or the
+    /// run has reached the largest number of cycles.
+    EnergyNotReached,
 }
 
 /// An event and its time in N₀.
@@ -34,20 +37,24 @@ pub struct Event {
     pub ends: bool,
 }
 
-/// The wear at which a run ends, in units of d₀ and a₀²d₀.
+/// The wear or the energy at which a run ends, in units of d₀ and a₀²d₀.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct StopCondition {
     /// The maximum wear depth.
     pub depth: Option<f64>,
     /// The wear volume V.
     pub volume: Option<f64>,
+    /// The dissipated energy, as (k_w/μ)·ΣW.
+    pub energy: Option<f64>,
 }
 
 impl StopCondition {
-    /// The share of the required wear that is still missing. It is 0 or negative after the
+    /// The share of the required wear or energy that is still missing. It is 0 or negative after the
     /// condition is met.
-    pub(crate) fn missing(&self, depth: f64, volume: f64) -> f64 {
+    pub(crate) fn missing(&self, depth: f64, volume: f64, energy: f64) -> f64 {
         let missing = |asked: Option<f64>, reached: f64| asked.map_or(1.0, |a| 1.0 - reached / a);
-        missing(self.depth, depth).min(missing(self.volume, volume))
+        missing(self.depth, depth)
+            .min(missing(self.volume, volume))
+            .min(missing(self.energy, energy))
     }
 }

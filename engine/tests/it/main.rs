@@ -17,4 +17,5 @@ mod limiting_state;
 mod literal;
 mod loops;
 mod reference_solutions;
+mod rig;
 mod shapes;

@@ -32,8 +32,11 @@ export function drawDetails(place, result) {
     events.length > 0 && card("Events", h("ul", {}, events.map(({ kind, cycles: at }) =>
       h("li", {}, `${WORDS[kind]} at N = ${cycles(Math.round(at))}`)))),
     comparison && drawComparison(comparison),
-    bodies && card("Wear of each body", list(bodies.map((body, i) => [`Body ${i + 1}, share ${percent(body.share)}`,
-      `${inUnits("wear_depth", body.wear_depth.at(-1))}, ${inUnits("wear_volume", body.wear_volume.at(-1))}`]))),
+    bodies && card("Wear of each body", list(bodies.flatMap((body, i) => [
+      body.share !== undefined && [`Body ${i + 1}, share ${percent(body.share)}`,
+        `${inUnits("wear_depth", body.wear_depth.at(-1))}, ${inUnits("wear_volume", body.wear_volume.at(-1))}`],
+      body.scar_half_length && [`Body ${i + 1} (${i ? "counterbody" : "with the profile"}), half-length of the scar`,
+        inUnits("scar_half_length", body.scar_half_length.at(-1))]]))),
     card("Scenario", h("details", {}, h("summary", {}, "Show as JSON in SI units"),
       h("pre", { tabIndex: 0 }, JSON.stringify(scenario, null, 2)))),
   ].filter(Boolean));

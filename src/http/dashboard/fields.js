@@ -16,6 +16,10 @@ const SHAPES = {
   truncated_cone: [SLOPE, FLAT],
 };
 
+/** The member of `cycles` that holds the outputs, if they are not numbers of cycles, and its unit. */
+const CYCLES_IN = { normalized: "N₀", dissipated_energy: "J" };
+const cyclesIn = (cycles) => Object.keys(CYCLES_IN).find((name) => name in Object(cycles));
+
 const STEEL = () => ({ youngs_modulus: "205 GPa", poisson_ratio: 0.3 });
 
 /**
@@ -103,7 +107,7 @@ export const CHOICES = [
     id: "cycles", group: "Duration", label: "Output cycles",
     options: { list: "List", range: "Range" },
     selected: ({ cycles }) => {
-      const own = cycles?.normalized ?? cycles;
+      const own = cycles?.[cyclesIn(cycles)] ?? cycles;
       return own && typeof own === "object" && !Array.isArray(own) ? "range" : "list";
     },
     apply: (scenario, kind) => {
@@ -111,8 +115,10 @@ export const CHOICES = [
         : { from: 1000, to: 100000, count: 13, spacing: "log" };
     },
     fields: (kind, scenario) => {
-      const [at, unit] = scenario.cycles?.normalized === undefined ? ["/cycles", ""] : ["/cycles/normalized", " [N₀]"];
-      return [...(kind === "list" ? [[at, `Cycles${unit}, separated by commas`]]
+      const name = cyclesIn(scenario.cycles);
+      const [at, unit] = name ? [`/cycles/${name}`, ` [${CYCLES_IN[name]}]`] : ["/cycles", ""];
+      const word = name === "dissipated_energy" ? "Dissipated energies" : "Cycles";
+      return [...(kind === "list" ? [[at, `${word}${unit}, separated by commas`]]
         : [[`${at}/from`, `First${unit}`], [`${at}/to`, `Last${unit}`], [`${at}/count`, "Number of outputs"],
            [`${at}/spacing`, "Spacing", { log: "Logarithmic", linear: "Linear" }]]),
       ["/until/wear_depth", "Stop at wear depth (optional)"]];
@@ -166,7 +172,9 @@ export function setValueAt(scenario, pointer, value) {
 export function parseInput(pointer, text) {
   const trimmed = text.trim();
   if (trimmed === "") return undefined;
-  if (/^\/cycles(\/normalized)?$/.test(pointer)) return trimmed.split(/[,;\s]+/).filter(Boolean).map(numberOrText);
+  // A space before a unit does not separate two numbers.
+  if (/^\/cycles(\/(normalized|dissipated_energy))?$/.test(pointer))
+    return trimmed.split(/\s*[,;]\s*|\s+(?=[-+.\d])/).filter(Boolean).map(numberOrText);
   return trimmed === "true" ? true : numberOrText(trimmed);
 }
 

@@ -27,7 +27,7 @@ export const WORDS = {
   full_stick: "Full stick", partial_slip: "Partial slip", gross_slip: "Gross slip",
   simplified: "Simplified rule", exact: "Exact method",
   contact_lost: "Contact lost", shakedown: "Shakedown", until_reached: "Stop condition reached",
-  rim_reached: "Edge of the profile reached",
+  rim_reached: "Edge of the profile reached", energy_not_reached: "Requested energy not reached",
 };
 
 let isSi = localStorage.getItem("fretwork-units") === "si";

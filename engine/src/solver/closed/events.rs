@@ -31,7 +31,7 @@ impl StopSearch {
     ) -> Option<f64> {
         let missing = |time: f64| {
             let state = solver.state(solver.decay(xi, time));
-            condition.missing(state.depth, state.volume)
+            condition.missing(state.depth, state.volume, solver.dissipated(xi, &state.sums))
         };
         match self {
             Self::Unstarted if condition == StopCondition::default() => Some(f64::INFINITY),
@@ -40,7 +40,7 @@ impl StopSearch {
                 if end > 0.0 {
                     return Some(f64::INFINITY);
                 }
-                let start = (0.0, condition.missing(0.0, 0.0));
+                let start = (0.0, condition.missing(0.0, 0.0, 0.0));
                 *self = Self::Bracketed(Bracket::new(start, (last, end)));
                 None
             }
@@ -57,13 +57,17 @@ impl StopSearch {
     }
 }
 
-/// The events up to the time `last`. The stop condition is met at `stop`.
-pub(crate) fn events(solver: &Simplified, xi: f64, last: f64, stop: f64) -> Vec<Event> {
-    use EventKind::{ContactLost, Shakedown, UntilReached};
+/// The events up to the time `last`. `events` are those that are already known.
+pub(crate) fn events(
+    solver: &Simplified,
+    xi: f64,
+    last: f64,
+    mut events: Vec<Event>,
+) -> Vec<Event> {
+    use EventKind::{ContactLost, Shakedown};
     let row = &solver.row;
     let unworn = row.sums(solver.decay(xi, 0.0));
     let sums = |time: f64| row.sums(solver.decay(xi, time));
-    let mut events = Vec::new();
     let mut look = |kind, ends, signal: &dyn Fn(f64) -> f64| {
         // The logarithm of a decaying quantity is almost linear, so the search for its root is
         // short.
@@ -75,9 +79,6 @@ pub(crate) fn events(solver: &Simplified, xi: f64, last: f64, stop: f64) -> Vec<
         look(ContactLost, true, &|time| libm::log(sums(time).normal / (LOST * unworn.normal)));
     } else {
         look(Shakedown, false, &|time| libm::log(sums(time).energy / (SHAKEN * unworn.energy)));
-    }
-    if stop.is_finite() {
-        events.push(Event { at: stop, kind: UntilReached, ends: true });
     }
     events.sort_by(|a, b| a.at.total_cmp(&b.at));
     let end = events.iter().position(|event| event.ends);

@@ -1,4 +1,5 @@
 //! The simplified rule in closed form, while depth and amplitude are held.
 
+pub(crate) mod energy;
 pub mod events;
 pub mod simplified;

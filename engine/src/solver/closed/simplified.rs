@@ -39,6 +39,7 @@ use crate::contact::row::{SpringRow, Sums};
 use crate::contact::transform::Kernels;
 use crate::contact::unworn::{Contact, Decay, Regime};
 use crate::numeric::{dot, integrate, largest, vertex};
+use crate::solver::closed::energy::dissipated;
 use crate::solver::curves::{Curves, Grid};
 
 /// If the image rises over the first cell by more than this share of Δ, the cell is integrated separately.
@@ -199,6 +200,19 @@ impl Simplified {
     /// The regime of the unworn contact.
     pub(crate) fn regime(&self) -> Regime {
         self.contact.regime
+    }
+
+    /// (k_w/μ)·ΣW in units of a₀²d₀.
+    pub(crate) fn dissipated(&self, xi: f64, sums: &Sums) -> f64 {
+        dissipated(&self.contact, xi, sums)
+    }
+
+    /// Δ·s at a radius outside the contact: the amplitude of the local slip.
+    pub(crate) fn slip_outside(&self, r: f64, decay: Decay) -> f64 {
+        let Contact { stick, threshold, .. } = self.contact;
+        let (_, compressions) = self.row.sums_and_compressions(decay);
+        let unstuck = 1.0 - FRAC_2_PI * libm::asin(stick / r);
+        threshold * unstuck - dot(&self.row.weights_outside(r), &compressions)
     }
 
     /// e = exp(−ξÑ/ã).

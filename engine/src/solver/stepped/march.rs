@@ -261,27 +261,28 @@ impl March {
     /// Takes one step towards a time in N₀. Returns false if this time is reached or the run has
     /// ended.
     pub fn advance(&mut self, until: f64) -> bool {
-        if self.ended().is_some() {
-            return false;
-        }
-        // Both runs advance together, so that each call is short and the runs can be compared.
-        let next = until.min(self.check);
-        let coarse = self.coarse.advance(next);
-        let fine = self.fine.advance(next);
-        if fine {
-            if let Some(edge) = &mut self.edge {
-                edge.follow(&mut self.fine);
+        // The fine run goes first, because it can end early. The coarse run follows it, so that both can be
+        // compared at every time that the caller may ask for.
+        let last = until.min(self.ended().unwrap_or(f64::INFINITY));
+        let next = last.min(self.check);
+        if self.ended().is_none() {
+            if self.fine.advance(next) {
+                if let Some(edge) = &mut self.edge {
+                    edge.follow(&mut self.fine);
+                }
+                self.watch();
+                return true;
             }
-            self.watch();
-        } else if self.fine.outgrown {
-            let at = self.fine.rkc.time;
-            self.events.push(Event { at, kind: EventKind::RimReached, ends: true });
-            return false;
+            if self.fine.outgrown {
+                let at = self.fine.rkc.time;
+                self.events.push(Event { at, kind: EventKind::RimReached, ends: true });
+                return true;
+            }
         }
-        if fine || coarse {
+        if self.coarse.advance(next) {
             return true;
         }
-        if self.check > until {
+        if self.check > last {
             return false;
         }
         self.apart = self.distance(self.check).max(FORGET * self.apart);
@@ -293,6 +294,47 @@ impl March {
     /// the simplified rule.
     pub fn contact_radii(&mut self, times: &[f64]) -> Option<Vec<f64>> {
         self.edge.as_mut().map(|edge| edge.radii(&mut self.fine, times))
+    }
+
+    /// Takes one step towards the time at which (k_w/μ)·ΣW reaches `energy`, and returns this time as soon as it is
+    /// known. If the run ends before it reaches the energy, at the time `last` at the latest, the returned time is
+    /// infinite.
+    pub(crate) fn seek(&mut self, energy: f64, last: f64) -> Option<f64> {
+        if self.fine.energy() >= energy {
+            let time = self.fine.time_of(energy);
+            if time <= last {
+                return Some(time);
+            }
+        } else if !self.fine.has_settled() && self.ended().is_none() && self.advance(last) {
+            return None;
+        }
+        if self.ended().is_none() {
+            let at = self.fine.within(last);
+            self.events.push(Event { at, kind: EventKind::EnergyNotReached, ends: true });
+        }
+        Some(f64::INFINITY)
+    }
+
+    /// Estimates the time at which (k_w/μ)·ΣW reaches `energy`, by a coarse run. The time is at most `last`. It is
+    /// earlier if wear practically stops.
+    pub(crate) fn time_of(
+        contact: &Contact,
+        control: &Control,
+        law: Law,
+        energy: f64,
+        last: f64,
+    ) -> f64 {
+        let Some(plan) = MeshPlan::first(contact, control, SCOUT.0) else { return last };
+        let mut scout = MeshRun::new(contact, control, law, plan, SCOUT.0, SCOUT.1);
+        while scout.energy() < energy && scout.rkc.evaluations < MOST_LOOKS && scout.advance(last) {
+        }
+        let reached = scout.energy() >= energy;
+        last.min(if reached { scout.time_of(energy) } else { scout.rkc.time })
+    }
+
+    /// Scar radius and slip amplitude Δ·s at its edge, at the end of each block since the last call.
+    pub(crate) fn block_edges(&mut self) -> Vec<(f64, f64)> {
+        std::mem::take(&mut self.fine.block_edges)
     }
 
     /// The time at which the run ended early, if it did.
@@ -309,7 +351,9 @@ impl March {
 
     /// Searches for events within the last step.
     fn watch(&mut self) {
-        use EventKind::{ContactLost, GrossSlip, RimReached, Shakedown, UntilReached};
+        use EventKind::{
+            ContactLost, EnergyNotReached, GrossSlip, RimReached, Shakedown, UntilReached,
+        };
         if self.fine.block != self.block {
             // At another amplitude the contact can stick or wear again. An event can then occur a
             // second time.
@@ -342,7 +386,7 @@ impl March {
             let ends = match kind {
                 GrossSlip => held,
                 Shakedown => false,
-                ContactLost | UntilReached | RimReached => true,
+                ContactLost | UntilReached | RimReached | EnergyNotReached => true,
             };
             found.push(Event { at: high, kind, ends });
         }
@@ -358,12 +402,15 @@ impl March {
         let until = self.until;
         let run = &mut self.fine;
         match kind {
-            EventKind::RimReached => 1.0,
+            EventKind::RimReached | EventKind::EnergyNotReached => 1.0,
             EventKind::UntilReached if until == StopCondition::default() => 1.0,
-            EventKind::UntilReached => run.under(time, |wearing, values| {
-                let worn = wearing.at(values);
-                until.missing(worn.deepest, worn.volume)
-            }),
+            EventKind::UntilReached => {
+                let energy = run.energy_until(time);
+                run.under(time, |wearing, values| {
+                    let worn = wearing.at(values);
+                    until.missing(worn.deepest, worn.volume, energy)
+                })
+            }
             EventKind::GrossSlip => run.under(time, |wearing, _| wearing.springs.margin()),
             EventKind::ContactLost => run.under(time, |wearing, _| wearing.springs.share() - LOST),
             EventKind::Shakedown => {

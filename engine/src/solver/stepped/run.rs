@@ -8,6 +8,7 @@ use crate::contact::control::{Control, Normal, Tangential};
 use crate::contact::limit::Limit;
 use crate::contact::row::UnwornSums;
 use crate::contact::unworn::{Contact, Regime};
+use crate::numeric::Bracket;
 
 /// The estimated error of V if a stick edge lies at the border of two cells. The unit is the change
 /// of V when the stick edge moves by one cell.
@@ -23,6 +24,9 @@ const NOISY: f64 = 1.1;
 /// Maximum Δ at which a contact in gross slip at constant force can start to stick again.
 const REGAINS: f64 = 1.5;
 
+/// Relative accuracy of the time at which an energy is reached.
+const TIME_DIGITS: f64 = 1e-13;
+
 /// One mesh and one integration.
 #[derive(Debug)]
 pub(super) struct MeshRun {
@@ -36,6 +40,8 @@ pub(super) struct MeshRun {
     pub(super) block: usize,
     /// The time at which the present block started.
     block_began: f64,
+    /// Scar radius and slip amplitude Δ·s at its edge, at the end of each block so far.
+    pub(super) block_edges: Vec<(f64, f64)>,
     /// Whether the last step skipped the rest of a block after shakedown.
     rests: bool,
     /// (k_w/μ)·ΣW = 2 ∫ ∫ y ω dx dÑ at the start and at the end of the last step.
@@ -110,6 +116,7 @@ impl MeshRun {
             outgrown: false,
             block: 0,
             block_began: 0.0,
+            block_edges: Vec::new(),
             rests: false,
             worn_by_energy: [0.0; 2],
             loss: [rate; 2],
@@ -157,6 +164,30 @@ impl MeshRun {
         true
     }
 
+    /// (k_w/μ)·ΣW at the end of the last step.
+    pub(super) fn energy(&self) -> f64 {
+        self.worn_by_energy[1]
+    }
+
+    /// The time within the last step at which (k_w/μ)·ΣW reaches `energy`.
+    pub(super) fn time_of(&mut self, energy: f64) -> f64 {
+        let (began, time) = (self.rkc.began(), self.rkc.time);
+        let [before, after] = self.worn_by_energy;
+        if energy <= before {
+            return began;
+        }
+        let mut bracket = Bracket::new((began, before - energy), (time, after - energy));
+        while let Some(middle) = bracket.next().filter(|_| bracket.width() > TIME_DIGITS) {
+            bracket.narrow(middle, self.energy_until(middle) - energy);
+        }
+        bracket.found()
+    }
+
+    /// Whether wear has practically stopped for the rest of the run.
+    pub(super) fn has_settled(&self) -> bool {
+        self.settled.is_some()
+    }
+
     /// Whether wear has practically stopped at the present amplitude, which is constant until
     /// `end`.
     fn has_arrived(&self, end: f64) -> bool {
@@ -186,6 +217,10 @@ impl MeshRun {
         let Some(next) = blocks.get(self.block) else {
             return f64::INFINITY;
         };
+        if self.accounts {
+            let worn = self.wearing.at(&self.rkc.values);
+            self.block_edges.push((worn.scar, worn.edge_slip(&self.wearing.springs.mesh)));
+        }
         self.wearing.command(next.threshold);
         self.block_began = self.rkc.time;
         let end = next.end;

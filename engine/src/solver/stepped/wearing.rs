@@ -10,6 +10,8 @@
 //! ã is the root of (13) with the present c and d. If every spring in contact slips, A·s = ω has
 //! the closed solution s = (s₀ + w + const)/Δ.
 
+use std::f64::consts::FRAC_2_PI;
+
 use super::law::Law;
 use super::mesh::Mesh;
 use super::plan::MeshPlan;
@@ -84,6 +86,27 @@ pub struct WornContact {
     pub scar: f64,
     /// The contact radius a, where g = d.
     pub contact_radius: f64,
+}
+
+impl WornContact {
+    /// Δ·s at the edge of the scar: the amplitude of the local slip there. It is 0 without wear.
+    ///
+    /// s(r) = 1 − (2/π) ∫ min(1, y/Δ)/√(r²−x²) dx over the contact, for a cycle of amplitude Δ. For a
+    /// record this is its largest loop.
+    pub(crate) fn edge_slip(&self, mesh: &Mesh) -> f64 {
+        if self.scar == 0.0 {
+            return 0.0;
+        }
+        let angle = |x: f64| libm::asin((x / self.scar).min(1.0));
+        let mut inner = angle(mesh.radii[0]);
+        let mut stuck = self.threshold * inner;
+        for (load, outer) in self.loads.iter().zip(&mesh.radii[1..]) {
+            let outer = angle(*outer);
+            stuck += load * (outer - inner);
+            inner = outer;
+        }
+        (self.threshold - FRAC_2_PI * stuck).max(0.0)
+    }
 }
 
 impl Wearing {
