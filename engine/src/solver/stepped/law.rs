@@ -1,17 +1,19 @@
 //! The two laws of wear.
 
+use crate::request::fields::Xi;
+
 /// The parameter ξ that the paper uses in its examples.
 pub const PAPER_XI: f64 = 0.8;
 
 /// The ξ with which the simplified rule fits the exact method, for the stick ratio c/a₀ < 1 of the
-/// unworn contact: ξ = √(0.33 + 0.20/(1 − c/a₀)).
+/// unworn contact: ξ = √(0.33 + 0.20/(1 − c/a₀)), but at most 1000.
 ///
 /// # Accuracy
 /// The two numbers were fitted to runs of the exact method. VERIFICATION.md shows the errors that
 /// remain.
 #[must_use]
 pub fn fitted_xi(stick_ratio: f64) -> f64 {
-    (0.33 + 0.20 / (1.0 - stick_ratio)).sqrt()
+    (0.33 + 0.20 / (1.0 - stick_ratio)).sqrt().min(Xi::RANGE.1)
 }
 
 /// A wear law.

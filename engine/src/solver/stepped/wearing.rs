@@ -94,10 +94,26 @@ impl WornContact {
     /// s(r) = 1 − (2/π) ∫ min(1, y/Δ)/√(r²−x²) dx over the contact, for a cycle of amplitude Δ. For a
     /// record this is its largest loop.
     pub(crate) fn edge_slip(&self, mesh: &Mesh) -> f64 {
+        self.slip_at(mesh, self.scar)
+    }
+
+    /// The change of [`edge_slip`](Self::edge_slip) per change of the radius.
+    pub(crate) fn edge_slope(&self, mesh: &Mesh) -> f64 {
+        /// The share of the radius by which it is changed. Smoothing changes the first radii by
+        /// about this share.
+        const STEP: f64 = -5e-3;
         if self.scar == 0.0 {
             return 0.0;
         }
-        let angle = |x: f64| libm::asin((x / self.scar).min(1.0));
+        let beyond = self.slip_at(mesh, (1.0 + STEP) * self.scar);
+        (beyond - self.edge_slip(mesh)) / (STEP * self.scar)
+    }
+
+    fn slip_at(&self, mesh: &Mesh, radius: f64) -> f64 {
+        if radius == 0.0 {
+            return 0.0;
+        }
+        let angle = |x: f64| libm::asin((x / radius).min(1.0));
         let mut inner = angle(mesh.radii[0]);
         let mut stuck = self.threshold * inner;
         for (load, outer) in self.loads.iter().zip(&mesh.radii[1..]) {
