@@ -2,10 +2,12 @@
 
 use serde::Serialize;
 
-/// Contact is lost when the normal force is below this share of its initial value.
-pub const LOST: f64 = 1e-6;
-/// Shakedown: the energy per cycle is below this share of its initial value.
-pub const SHAKEN: f64 = 1e-3;
+/// Contact is lost when the normal force is below this share of its initial value. A mesh does not
+/// resolve the decay of much smaller forces.
+pub const LOST: f64 = 3e-3;
+/// Shakedown: the energy per cycle is below this share of its initial value. A mesh does not resolve
+/// the decay of much smaller energies.
+pub const SHAKEN: f64 = 1e-2;
 
 /// The kind of an event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]

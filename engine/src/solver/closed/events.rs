@@ -76,7 +76,7 @@ pub(crate) fn events(
         }
     };
     if solver.regime() == Regime::GrossSlip {
-        look(ContactLost, true, &|time| libm::log(sums(time).normal / (LOST * unworn.normal)));
+        look(ContactLost, false, &|time| libm::log(sums(time).normal / (LOST * unworn.normal)));
     } else {
         look(Shakedown, false, &|time| libm::log(sums(time).energy / (SHAKEN * unworn.energy)));
     }

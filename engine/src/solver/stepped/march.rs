@@ -385,8 +385,8 @@ impl March {
             let held = matches!(self.fine.control.tangential, Tangential::Force(_));
             let ends = match kind {
                 GrossSlip => held,
-                Shakedown => false,
-                ContactLost | UntilReached | RimReached | EnergyNotReached => true,
+                Shakedown | ContactLost => false,
+                UntilReached | RimReached | EnergyNotReached => true,
             };
             found.push(Event { at: high, kind, ends });
         }
