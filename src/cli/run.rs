@@ -114,7 +114,7 @@ fn summarise(job: &Submission, answer: &Answer, time: Duration) -> Result<(), Er
         let unit = units[name].as_str().filter(|unit| *unit != "1").unwrap_or("");
         writeln!(err, "  {name:<20} {}", format!("{shown} {unit}").trim_end())?;
     }
-    for warning in &job.prepared.warnings {
+    for warning in job.prepared.warnings() {
         writeln!(err, "  warning: {}", warning.detail)?;
     }
     Ok(())

@@ -233,6 +233,10 @@ pub struct Provenance {
     created: String,
     /// Who computed it, when, and how long it took.
     computed: Computation,
+    /// The warnings about the two bodies in the submission that computed it: a list of `{kind, detail}`. The
+    /// result has the other warnings.
+    #[schema(value_type = Option<Vec<super::schemas::Warning>>)]
+    warnings: Option<Value>,
     /// The program that computed it.
     program: Option<Program>,
     /// The number of stored jobs with this key.
@@ -327,6 +331,7 @@ impl Provenance {
                 job: known.job.map(|job| job.to_string()),
                 request,
             },
+            warnings: known.warnings,
             program: known.program.map(|program| Program {
                 version: program.version,
                 numerics: program.numerics,
@@ -370,6 +375,34 @@ pub async fn provenance(
     let known = app.service.provenance(&key).await?.ok_or_else(unknown)?;
     let fresh = [(header::CACHE_CONTROL, "no-store")];
     Ok((fresh, axum::Json(Provenance::of(key, known))).into_response())
+}
+
+/// The warnings of the submission that computed a result.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct SubmissionWarnings {
+    /// A list of `{kind, detail}`; null if the server does not know the submission.
+    #[schema(value_type = Option<Vec<super::schemas::Warning>>)]
+    warnings: Option<Value>,
+}
+
+/// Returns the warnings about the two bodies in the submission that computed a result.
+///
+/// `elastic_mismatch` and `yield` follow from the bodies. The key does not contain the bodies, so these warnings belong
+/// to a submission. The result itself has the other warnings. Links open this address too.
+#[utoipa::path(get, path = "/v1/results/{key}/warnings", operation_id = "get_warnings", tag = "results",
+    params(("key" = super::schemas::KeyText, Path, description = "The `key` of a result.")),
+    responses(
+        (status = 200, description = "The warnings.", body = SubmissionWarnings),
+    ),
+)]
+pub async fn warnings(
+    State(app): State<App>,
+    Segment(key): Segment,
+    _: NoQuery,
+) -> Result<Response, Problem> {
+    let known = app.service.provenance(&read_key(&key)?).await?.ok_or_else(unknown)?;
+    let fresh = [(header::CACHE_CONTROL, "no-store")];
+    Ok((fresh, axum::Json(SubmissionWarnings { warnings: known.warnings })).into_response())
 }
 
 /// A note to be written.

@@ -24,8 +24,8 @@ const MAX_LIFETIME: Duration = Duration::from_hours(366 * 24);
 /// A link to a result.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct SharedLink {
-    /// An address on this server that anyone may open. Add `/history`, `/profiles`, `/loops` or
-    /// `/plot.svg` before its `?`, and more parameters at its end.
+    /// An address on this server that anyone may open. Add `/history`, `/profiles`, `/loops`,
+    /// `/plot.svg` or `/warnings` before its `?`, and more parameters at its end.
     #[schema(example = "/v1/results/…?link=1790000000.0a1b2c3d.…")]
     url: String,
     /// When it expires: RFC 3339, UTC.
@@ -35,7 +35,7 @@ pub struct SharedLink {
 
 /// Makes a link to a result, for readers without a key.
 ///
-/// It opens this result and its parts until it expires. A single link cannot be revoked; revoking the
+/// It opens this result, its parts and its warnings until it expires. A single link cannot be revoked; revoking the
 /// key that made it revokes all its links.
 #[utoipa::path(post, path = "/v1/results/{key}/links", operation_id = "share_result", tag = "results",
     params(

@@ -161,8 +161,8 @@ fn redirect(schema: &mut Value) {
     }
 }
 
-/// Whether an operation returns a result or a part of it.
-fn reads_result(path: &str, method: &Method) -> bool {
+/// Whether a link allows an operation.
+fn is_opened(path: &str, method: &Method) -> bool {
     OPENED.contains(&path) && *method == Method::GET
 }
 
@@ -175,7 +175,7 @@ fn add_path_responses(path: &str, method: &Method, role: Option<Role>, operation
     }
     if path.starts_with("/v1/results/{key}") {
         shared.push(("404", "No result has this key."));
-        if !OUTLIVING.iter().any(|end| path.ends_with(end)) {
+        if !outlives(path) {
             shared
                 .push(("410", "The result was evicted or deleted. `scenario` computes it again."));
         }
@@ -189,13 +189,16 @@ fn add_path_responses(path: &str, method: &Method, role: Option<Role>, operation
             responses.entry(status).or_insert_with(|| json!({"description": description}));
         }
     }
-    if reads_result(path, method) {
+    // What outlives a result is not a part of it.
+    if is_opened(path, method) && !outlives(path) {
         add_representations(operation, !path.ends_with("/plot.svg"));
     }
 }
 
-/// What the server keeps of an evicted result.
-const OUTLIVING: [&str; 2] = ["/provenance", "/note"];
+/// Whether the server keeps this of an evicted result.
+fn outlives(path: &str) -> bool {
+    ["/provenance", "/warnings", "/note"].iter().any(|end| path.ends_with(end))
+}
 
 /// Adds the parameters and headers of all operations that return a result; figures have fewer.
 fn add_representations(operation: &mut Value, of_numbers: bool) {
@@ -334,7 +337,7 @@ fn add_access_control(path: &str, method: &Method, needs: Needs, operation: &mut
     if *method != Method::GET {
         forbidden.push_str("A web page of an unknown origin sent the request. ");
     }
-    if reads_result(path, method) {
+    if is_opened(path, method) {
         forbidden.push_str("The `link` does not open this address. ");
         if let Some(Value::Array(parameters)) = operation.get_mut("parameters") {
             let about = "A link from `POST /v1/results/{key}/links`, instead of a key.";

@@ -43,6 +43,7 @@ impl Routes {
             .add(Needs::SUBMIT, routes!(results::pin, results::unpin))
             .add(Needs::SUBMIT, routes!(links::share))
             .add(Needs::READ, routes!(library::provenance))
+            .add(Needs::READ, routes!(library::warnings))
             .add(Needs::SUBMIT, routes!(library::note, library::delete_note))
             .add(Needs::READ, routes!(scenarios::check))
             .add(Needs::READ, routes!(scenarios::examples))

@@ -122,7 +122,9 @@ pub async fn check(
     _: NoQuery,
     body: Body,
 ) -> Result<Json<Checked>, Problem> {
-    let Prepared { key, warnings, task: asked, .. } = parse(body).await?.prepared;
+    let prepared = parse(body).await?.prepared;
+    let warnings = prepared.warnings();
+    let Prepared { key, task: asked, .. } = prepared;
     let cached = app.service.has_result(&key).await?;
     // The limiting state takes a few milliseconds to compute.
     let computed = task::spawn_blocking(move || (asked.preview(), asked));

@@ -1,7 +1,7 @@
 //! Signed links: they open a result for clients without a key, until they expire.
 //!
 //! A link is the address of a result with `link=<expires>.<issuer>.<signature>`. The server does not store
-//! links: it verifies the signature. A link allows its holder to read one result and its parts.
+//! links: it verifies the signature. A link allows its holder to read one result, its parts, and its warnings.
 
 use std::time::Duration;
 
@@ -20,12 +20,13 @@ pub const ADMIN: &str = "admin";
 pub const ANYONE: &str = "anyone";
 
 /// The routes that a link opens.
-pub const OPENED: [&str; 5] = [
+pub const OPENED: [&str; 6] = [
     "/v1/results/{key}",
     "/v1/results/{key}/history",
     "/v1/results/{key}/profiles",
     "/v1/results/{key}/loops",
     "/v1/results/{key}/plot.svg",
+    "/v1/results/{key}/warnings",
 ];
 
 /// Signs and verifies links.

@@ -78,8 +78,9 @@ pub struct Prepared {
     pub stored: Arc<str>,
     /// Estimated processor time, in seconds.
     pub seconds: f64,
-    /// What the client should know about the task.
-    pub warnings: Vec<Warning>,
+    /// Warnings about the two bodies. They belong to the submission: the task does not contain the bodies, and its
+    /// result does not contain these warnings.
+    pub submission_warnings: Vec<Warning>,
     /// What it computes.
     pub task: Task,
 }
@@ -125,14 +126,14 @@ impl Prepared {
         Ok(Self::new(Task::Run(Arc::new((scenario, case))), warnings))
     }
 
-    fn new(task: Task, warnings: Vec<Warning>) -> Self {
+    fn new(task: Task, submission_warnings: Vec<Warning>) -> Self {
         let key = Key::of(ENGINE.numerics, &task.canonical());
         let stored = Stored { version: STORED_VERSION, task: task.canonical() };
         Self {
             key,
             stored: json::write(&stored, 1 << 10).into(),
             seconds: task.seconds(),
-            warnings,
+            submission_warnings,
             task,
         }
     }
@@ -157,6 +158,15 @@ impl Prepared {
             return Err("it was stored for another version of the engine".to_owned());
         }
         Ok(prepared)
+    }
+
+    /// What the client should know about the task: the warnings of the submission, and those of the result.
+    #[must_use]
+    pub fn warnings(&self) -> Vec<Warning> {
+        let of_result = match &self.task {
+            Task::Run(run) => run.0.warnings(&run.1),
+        };
+        self.submission_warnings.iter().cloned().chain(of_result).collect()
     }
 
     /// The estimated memory, in bytes. Measured memory was 0.5 to 1.4 times this estimate, for plain runs, records of

@@ -98,7 +98,8 @@ impl Service {
             }),
             label,
             tags,
-            warnings: prepared.warnings.clone(),
+            warnings: prepared.warnings(),
+            submission_warnings: prepared.submission_warnings.clone(),
             afresh: terms.afresh,
             admission: match too_long {
                 _ if terms.only_known => Admission::OnlyKnown,

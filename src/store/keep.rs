@@ -57,9 +57,10 @@ pub(super) struct Source<'a> {
     /// The attempt of the run that it ends.
     pub(super) attempt: u32,
     pub(super) task: &'a str,
-    /// Its owner and its job; for [`Reason::Run`] those of the run.
+    /// Its owner, its job, and the warnings of its submission as JSON; for [`Reason::Run`] those of the run.
     pub(super) owner: Option<&'a str>,
     pub(super) job: Option<JobId>,
+    pub(super) warnings: Option<&'a str>,
     pub(super) trace: Option<&'a str>,
     /// The row in the table `program`.
     pub(super) program: Option<i64>,
@@ -94,35 +95,36 @@ pub(super) enum Reason {
 pub(super) fn keeping(reason: Reason, first: usize) -> Arc<str> {
     let p = |place: usize| format!("${}", first + place);
     let [attempt, now, key, digest, body, size, summary, sum] = array::from_fn(p);
-    let [task, owner, job, trace, wall, cpu, program] = array::from_fn(|place| p(8 + place));
+    let [task, owner, job, warnings, trace, wall, cpu, program] =
+        array::from_fn(|place| p(8 + place));
     let outline =
-        outline::insert(&format!("WHERE changes() = 1 AND result.key = {key}"), first + 15);
+        outline::insert(&format!("WHERE changes() = 1 AND result.key = {key}"), first + 16);
     let end = format!(
         "UPDATE run SET state = 'succeeded', progress = 1, finished = {now}, changed = {now}
          WHERE id = $1 AND attempt = {attempt} AND state = 'running'
          RETURNING started, (SELECT digest = {digest} FROM result WHERE result.key = run.key) AS same,
              (SELECT evicted IS NULL FROM result WHERE result.key = run.key) AS held;"
     );
-    let owner_of_run = "(SELECT owner FROM run WHERE id = $1)".to_owned();
+    let of_run = |column: &str| format!("(SELECT {column} FROM run WHERE id = $1)");
     let first_job = "(SELECT min(id) FROM job WHERE run = $1)".to_owned();
-    let (end, ended, owner, job) = match reason {
-        Reason::Run => (end, "changes() = 1", owner_of_run, first_job),
-        Reason::Job | Reason::Import => (String::new(), "TRUE", owner, job),
+    let (end, ended, owner, job, warnings) = match reason {
+        Reason::Run => (end, "changes() = 1", of_run("owner"), first_job, of_run("warnings")),
+        Reason::Job | Reason::Import => (String::new(), "TRUE", owner, job, warnings),
     };
     let replaces = if reason == Reason::Job { "FALSE" } else { "evicted IS NOT NULL" };
     format!(
         "{end}
          INSERT INTO result (key, size, stored, summary, digest, created, last_access, computed, checksum,
-             owner, job, trace, wall, cpu, program)
+             owner, job, warnings, trace, wall, cpu, program)
          SELECT {key}, {size}, length({body}), {summary}, {digest}, {now}, {now}, {now}, {sum}, {owner},
-             {job}, {trace}, {wall}, {cpu}, {program}
+             {job}, {warnings}, {trace}, {wall}, {cpu}, {program}
          WHERE {ended}
          ON CONFLICT (key) DO UPDATE SET size = excluded.size, stored = excluded.stored,
              summary = excluded.summary, digest = excluded.digest, last_access = excluded.last_access,
              computed = excluded.computed, checksum = excluded.checksum, owner = excluded.owner,
-             job = excluded.job, trace = excluded.trace, wall = excluded.wall, cpu = excluded.cpu,
-             program = excluded.program, imported = NULL, imported_from = NULL, deleted_by = NULL,
-             evicted = NULL
+             job = excluded.job, warnings = excluded.warnings, trace = excluded.trace,
+             wall = excluded.wall, cpu = excluded.cpu, program = excluded.program, imported = NULL,
+             imported_from = NULL, deleted_by = NULL, evicted = NULL
          WHERE {replaces};
          INSERT OR REPLACE INTO result_blob (key, body) SELECT {key}, {body} WHERE changes() = 1;
          INSERT INTO result_task (key, task) SELECT {key}, {task} WHERE changes() = 1
@@ -167,6 +169,7 @@ impl Answered {
             .bind(source.task)
             .bind(source.owner)
             .bind(source.job.map(|job| job.0.as_bytes().to_vec()))
+            .bind(source.warnings)
             .bind(source.trace)
             .bind(self.cost.map(|cost| cost.wall.as_secs_f64()))
             .bind(self.cost.and_then(|cost| cost.cpu).map(|cpu| cpu.as_secs_f64()))

@@ -61,6 +61,9 @@ pub struct Provenance {
     pub job: Option<JobId>,
     /// The id of the request that submitted that job, and after a blank its `traceparent`.
     pub trace: Option<String>,
+    /// The warnings of the submission that computed it, as a JSON array. They are about the two bodies, and the
+    /// result does not contain them.
+    pub warnings: Option<Value>,
     /// The program that computed it.
     pub program: Option<Program>,
     /// The number of stored jobs with this key.
@@ -161,7 +164,7 @@ pub struct Known {
 
 const PROVENANCE: &str = "
     SELECT result.key AS key, created, result.owner AS owner, computed, wall, cpu, job, trace,
-        pinned, last_access, evicted, deleted_by, size, digest, imported, imported_from, version,
+        warnings, pinned, last_access, evicted, deleted_by, size, digest, imported, imported_from, version,
         numerics, host, architecture, processors, note.text AS note, note.owner AS noted_by,
         note.at AS noted, (SELECT count(*) FROM job WHERE job.key = result.key) AS jobs
     FROM result LEFT JOIN program ON program.id = result.program
@@ -184,6 +187,7 @@ pub(super) async fn provenance(
         cpu: row.try_get("cpu")?,
         job: job.map(row::job_id).transpose()?,
         trace: row.try_get("trace")?,
+        warnings: row.try_get::<Option<&str>, _>("warnings")?.map(row::json).transpose()?,
         program: Program::read(&row)?,
         jobs: row.try_get("jobs")?,
         pinned: row.try_get("pinned")?,

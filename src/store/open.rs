@@ -25,7 +25,7 @@ use crate::job::clock::now;
 use crate::job::{ENGINE, Task};
 
 /// The changes of the schema: version, name and SQL.
-const CHANGES: [(i64, &str, &str); 7] = [
+const CHANGES: [(i64, &str, &str); 8] = [
     (1, "jobs", include_str!("../../migrations/sqlite/0001_jobs.sql")),
     (2, "years of service", include_str!("../../migrations/sqlite/0002_years_of_service.sql")),
     (3, "access keys", include_str!("../../migrations/sqlite/0003_access_keys.sql")),
@@ -33,6 +33,7 @@ const CHANGES: [(i64, &str, &str); 7] = [
     (5, "search", include_str!("../../migrations/sqlite/0005_search.sql")),
     (6, "submitted", include_str!("../../migrations/sqlite/0006_submitted.sql")),
     (7, "compact results", include_str!("../../migrations/sqlite/0007_compact_results.sql")),
+    (8, "warnings", include_str!("../../migrations/sqlite/0008_warnings.sql")),
 ];
 
 /// All migrations. The macros of sqlx would embed the directory, but they compile SQLite a second time.

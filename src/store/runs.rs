@@ -157,9 +157,9 @@ async fn finish(
 ) -> Result<Finish, Error> {
     static FINISH: LazyLock<Arc<str>> = LazyLock::new(|| keeping(Reason::Run, 2));
     let Claimed { run, attempt, key, ref task, ref trace, .. } = *claimed;
-    let (owner, job, program, now) = (None, None, Some(tx.program), tx.now);
-    let trace = trace.as_deref();
-    let source = Source { key, attempt, task, owner, job, trace, program, now };
+    let (owner, job, warnings) = (None, None, None);
+    let (trace, program, now) = (trace.as_deref(), Some(tx.program), tx.now);
+    let source = Source { key, attempt, task, owner, job, warnings, trace, program, now };
     let query = sqlx::query(AssertSqlSafe(Arc::clone(&FINISH))).bind(run.0);
     let rows = answer.bind(query, &source).fetch_all(&mut tx.db).await?;
     let kept = Kept::read(&rows)?;

@@ -39,6 +39,9 @@ pub struct NewJob {
     pub tags: Vec<String>,
     /// What the client should know about the task.
     pub warnings: Vec<Warning>,
+    /// Those of the warnings that the result does not contain: they are about the two bodies. If this submission
+    /// computes the result, the provenance of the result has them.
+    pub submission_warnings: Vec<Warning>,
     /// How a repetition of this submission is recognised.
     pub repeatable: Option<Repeatable>,
     /// Whether to compute even if the result is known.
@@ -116,6 +119,7 @@ struct EncodedJob {
     job: NewJob,
     tags: String,
     warnings: Value,
+    submission_warnings: String,
     /// The largest number of queued jobs.
     limit: usize,
 }
@@ -124,8 +128,10 @@ impl EncodedJob {
     #[expect(clippy::expect_used, reason = "a job without its warnings would mislead its client")]
     fn new(job: NewJob, limit: usize) -> Self {
         let tags = Value::from(job.tags.clone()).to_string();
-        let warnings = serde_json::to_value(&job.warnings).expect("warnings are plain texts");
-        Self { job, tags, warnings, limit }
+        let json = |warnings| serde_json::to_value(warnings).expect("warnings are plain texts");
+        let warnings = json(&job.warnings);
+        let submission_warnings = json(&job.submission_warnings).to_string();
+        Self { job, tags, warnings, submission_warnings, limit }
     }
 
     /// The job that this submission made when it was first sent.
@@ -210,6 +216,7 @@ impl EncodedJob {
             .bind(repeatable.map(|repeatable| repeatable.fingerprint.as_slice()))
             .bind(&new.submitted)
             .bind(now)
+            .bind(&self.submission_warnings)
     }
 
     /// The error of [`JOB`].
@@ -262,8 +269,8 @@ impl EncodedJob {
 
 /// Inserts a queued run, unless a run is live, the known result is sufficient, or $7 forbids it.
 const RUN: &str = "
-    INSERT INTO run (id, key, owner, created, task, state, changed, trace)
-    SELECT (SELECT runs + 1 FROM room), $1, $2, $17, $4, 'queued', $17, $6
+    INSERT INTO run (id, key, owner, created, task, state, changed, trace, warnings)
+    SELECT (SELECT runs + 1 FROM room), $1, $2, $17, $4, 'queued', $17, $6, $18
     WHERE NOT $7
         AND ($5 OR NOT EXISTS (SELECT 1 FROM result WHERE key = $1 AND evicted IS NULL))
     ON CONFLICT (key) WHERE state IN ('queued', 'running') DO NOTHING";
@@ -328,7 +335,7 @@ struct Recorded {
 
 /// Stores a result and its first job.
 static RECORD: LazyLock<Arc<str>> =
-    LazyLock::new(|| format!("{}; {JOB}", keeping(Reason::Job, 18)).into());
+    LazyLock::new(|| format!("{}; {JOB}", keeping(Reason::Job, 19)).into());
 
 /// Stores the answer and its jobs, which are finished and have no run. If the result is known, or is evicted and a run is
 /// live, the jobs use that instead, and the answer is dropped. If it is evicted and no run is live, the jobs need one.
@@ -339,8 +346,8 @@ async fn record(record: &Record, tx: &mut Transaction) -> Result<Vec<Submitted>,
     let Some((first, others)) = jobs.split_first() else { return Ok(Vec::new()) };
     let NewJob { id, key, ref owner, ref task, ref trace, .. } = first.job;
     let (owner, job, trace) = (Some(owner.as_str()), Some(id), trace.as_deref());
-    let source =
-        Source { key, attempt: 0, task, owner, job, trace, program: Some(tx.program), now };
+    let (warnings, program) = (Some(first.submission_warnings.as_str()), Some(tx.program));
+    let source = Source { key, attempt: 0, task, owner, job, warnings, trace, program, now };
     let recorded = Some(Recorded { origin: Some(Origin::Computed), began });
     let query = first.bind(sqlx::query(AssertSqlSafe(Arc::clone(&RECORD))), now, recorded);
     let rows = answer.bind(query, &source).fetch_all(&mut tx.db).await;

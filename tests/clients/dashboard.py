@@ -242,6 +242,22 @@ def rule_errors(page, both):
     close(cells.last.locator("td").first.inner_text(), 100 * errors[-1], 1e-2)
 
 
+def body_warnings(browser):
+    """A result has the warnings about the bodies of the job that computed it, also for a guest with a link. A job has its own."""
+    scenario = {**get("/v1/examples/steel-ball-simplified")["scenario"], "friction": 0.66}
+    bodies = [{**body, "yield_strength": "300 MPa"} for body in scenario["bodies"]]
+    weak, strong = get("/v1/jobs", {"scenario": {**scenario, "bodies": bodies}}), get("/v1/jobs", {"scenario": scenario})
+    assert weak["key"] == strong["key"] and strong["origin"] == "cached", strong
+    link = get(f"/v1/results/{weak['key']}/links", method="POST")["url"].split("?")[1]
+    page = browser.page(BASE)
+    for words, shown in (("", True), (link, True), (f"job={weak['id']}", True), (f"job={strong['id']}", False)):
+        page.goto(BASE + "/#/library")
+        page.goto(f"{BASE}/#/result/{weak['key']}?{words}")
+        page.wait_for_selector("canvas")
+        expect(page.locator(".warning li", has_text="exceeds the yield strength of body")).to_have_count(2 if shown else 0)
+    page.context.close()
+
+
 def cancel(page):
     page.goto(BASE + "/#/new")
     page.wait_for_selector("#json", state="attached")
@@ -521,6 +537,7 @@ def main():
         view_result(page)
         both, rule = compare(browser, page)
         rule_errors(page, both)
+        body_warnings(browser)
         every_plot(page, BASE, key)
         every_plot(page, BASE, both, scales=["xy"])
         slide(browser, BASE)

@@ -17,7 +17,9 @@ use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::TcpStream;
 
 use crate::program::{fails, run, serve_by};
-use crate::server::{Gate, JSON, Reply, Server, answer, ball, steel_ball};
+use crate::server::{
+    Gate, JSON, Reply, Server, answer, assert_yields, ball, steel_ball, yielding_ball,
+};
 use crate::store::raw;
 
 const MASTER: &str = "the-key-from-the-settings";
@@ -319,6 +321,21 @@ async fn a_link_gives_read_access_to_one_result() {
         let target = format!("{result}/links?expires_in={bad}");
         ask(&server, &key, "POST", &target, "").await.problem(422, "invalid-parameters");
     }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_link_opens_the_warnings_about_the_bodies_but_not_the_provenance() {
+    let server = server(Limits::default()).await;
+    let key = made(server.dir.path(), "anna", Role::Submit).await;
+    let job = ask(&server, &key, "POST", "/v1/jobs", &yielding_ball().to_string()).await.json();
+    let result = job["links"]["result"].as_str().unwrap();
+    let link = link(&server, &key, result, "").await;
+    let warnings = server.get(&format!("{result}/warnings?{link}")).await;
+    assert_eq!(warnings.header("cache-control"), Some("no-store"));
+    assert_yields(&warnings.json()["warnings"]);
+    // The provenance names people and machines.
+    server.get(&format!("{result}/provenance?{link}")).await.problem(403, "bad-link");
+    server.get(&format!("{result}/warnings")).await.problem(401, "unauthorized");
 }
 
 #[tokio::test(flavor = "multi_thread")]

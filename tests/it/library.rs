@@ -14,7 +14,7 @@ use tokio::net::TcpStream;
 use tokio::runtime::Builder;
 
 use crate::moving::sha256;
-use crate::server::{Gate, JSON, Server, ball, steel_ball};
+use crate::server::{Gate, JSON, Server, assert_yields, ball, steel_ball, yielding_ball};
 use crate::store::raw;
 
 /// Computes results that differ in shape, method and numbers; returns their keys.
@@ -222,6 +222,51 @@ async fn the_provenance_names_the_owner_request_and_program_of_a_result() {
     }
     let unknown = format!("/v1/results/{}/provenance", "0".repeat(64));
     server.get(&unknown).await.problem(404, "unknown-result");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_contact_with_and_without_yield_strength_has_one_key_and_one_result() {
+    let (weak, strong) = (Server::start().await, Server::start().await);
+    let told = weak.compute(&yielding_ball()).await.json();
+    let plain = strong.compute(&steel_ball()).await.json();
+    assert_eq!((&told["origin"], &plain["origin"]), (&json!("computed"), &json!("computed")));
+    assert_eq!(told["key"], plain["key"]);
+    assert_yields(&told["warnings"]);
+    assert_eq!(plain["warnings"], json!([]));
+    let at = told["links"]["result"].as_str().unwrap().to_owned();
+    assert_eq!(weak.get(&at).await.body, strong.get(&at).await.body);
+    // Each job has its own warnings, and the result has those of the job that computed it.
+    for (server, computed, other) in
+        [(&weak, told, steel_ball()), (&strong, plain, yielding_ball())]
+    {
+        let cached = server.compute(&other).await.json();
+        assert_eq!((&cached["origin"], &cached["key"]), (&json!("cached"), &computed["key"]));
+        assert_ne!(cached["warnings"], computed["warnings"]);
+        let own = json!({"warnings": computed["warnings"]});
+        assert_eq!(server.get(&format!("{at}/warnings")).await.json(), own);
+        let provenance = server.get(&format!("{at}/provenance")).await.json();
+        assert_eq!(provenance["warnings"], own["warnings"]);
+    }
+    let unknown = format!("/v1/results/{}/warnings", "0".repeat(64));
+    weak.get(&unknown).await.problem(404, "unknown-result");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_result_keeps_the_warnings_of_a_queued_job_and_of_a_new_computation() {
+    let server = Server::start().await;
+    let queued = server.post("/v1/jobs", &yielding_ball()).await.json();
+    let id = queued["id"].as_str().unwrap();
+    let job = server.get(&format!("/v1/jobs/{id}?wait=60")).await.json();
+    assert_eq!(job["state"], "succeeded");
+    assert_yields(&job["warnings"]);
+    let at = job["links"]["result"].as_str().unwrap();
+    let warnings = format!("{at}/warnings");
+    assert_yields(&server.get(&warnings).await.json()["warnings"]);
+    // They outlive the result, until another job computes it again.
+    assert_eq!(server.send("DELETE", at, &[], "").await.status, 204);
+    assert_yields(&server.get(&warnings).await.json()["warnings"]);
+    assert_eq!(server.compute(&steel_ball()).await.json()["origin"], "computed");
+    assert_eq!(server.get(&warnings).await.json(), json!({"warnings": []}));
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -18,7 +18,7 @@ use sqlx::{Connection as _, Executor as _, Row as _, SqliteConnection};
 use tempfile::TempDir;
 
 use crate::program::{fails, run};
-use crate::server::{JSON, Server, ball};
+use crate::server::{JSON, Server, assert_yields, ball, yielding_ball};
 use crate::store::{new_job, open, raw};
 
 fn quiet(_: usize, _: usize) {}
@@ -124,6 +124,29 @@ async fn an_imported_result_equals_the_original_byte_for_byte() {
     assert_eq!(done.notes, 1);
     let again = import(to.dir.path(), &file, quiet).await.unwrap();
     assert_eq!(again, Imported { known: 4, ..Imported::default() });
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn an_imported_result_has_the_warnings_of_the_submission_that_computed_it() {
+    let from = Server::start().await;
+    let job = from.compute(&yielding_ball()).await.json();
+    let at = format!("{}/warnings", job["links"]["result"].as_str().unwrap());
+    let dir = TempDir::new().unwrap();
+    let file = dir.path().join("results.db");
+    export_all(&from, &file).await;
+    let to = Server::start().await;
+    assert_eq!(import(to.dir.path(), &file, quiet).await.unwrap().results, 1);
+    let imported = to.get(&at).await.json();
+    assert_yields(&imported["warnings"]);
+    assert_eq!(imported, from.get(&at).await.json());
+
+    // An export of an earlier version has no such column.
+    let mut db = open_file(&file).await;
+    db.execute("ALTER TABLE results DROP COLUMN warnings").await.unwrap();
+    db.close().await.unwrap();
+    let other = Server::start().await;
+    assert_eq!(import(other.dir.path(), &file, quiet).await.unwrap().results, 1);
+    assert_eq!(other.get(&at).await.json(), json!({"warnings": null}));
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -282,7 +305,7 @@ async fn importing_a_different_result_under_a_known_key_is_refused() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn an_invalid_row_is_refused_with_a_reason() {
     let (from, to) = (Server::start().await, Server::start().await);
-    let keys = computed(&from, &[1.0, 1.2, 1.4, 1.6, 1.8, 2.0, 2.2, 2.4]).await;
+    let keys = computed(&from, &[0.6, 0.7, 0.8, 1.0, 1.2, 1.4, 1.6, 1.8, 2.0, 2.2, 2.4]).await;
     let dir = TempDir::new().unwrap();
     let file = dir.path().join("results.db");
     export_all(&from, &file).await;
@@ -295,6 +318,9 @@ async fn an_invalid_row_is_refused_with_a_reason() {
         ("version = x'ff'".to_owned(), "column version"),
         ("processors = -1".to_owned(), "column processors"),
         ("sha256 = CAST(sha256 AS BLOB)".to_owned(), "column sha256"),
+        ("warnings = '[\"yield\"]'".to_owned(), "warnings are too long, or not a list"),
+        (format!("warnings = '[{}]'", " ".repeat(4000)), "warnings are too long, or not a list"),
+        ("warnings = x'ff'".to_owned(), "column warnings"),
     ];
     for (key, (change, _)) in keys.iter().zip(&cases) {
         let sql = format!("UPDATE results SET {change} WHERE key = '{key}'");
@@ -302,16 +328,16 @@ async fn an_invalid_row_is_refused_with_a_reason() {
     }
     // A history whose columns differ in length.
     let body: String = sqlx::query_scalar("SELECT body FROM bodies WHERE key = ?1")
-        .bind(&keys[7])
+        .bind(&keys[10])
         .fetch_one(&mut db)
         .await
         .unwrap();
     let mut body: Value = serde_json::from_str(&body).unwrap();
     body["history"]["wear_depth"].as_array_mut().unwrap().pop();
-    replace_body(&mut db, &keys[7], &body.to_string()).await;
+    replace_body(&mut db, &keys[10], &body.to_string()).await;
     db.close().await.unwrap();
     let done = import(to.dir.path(), &file, quiet).await.unwrap();
-    assert_eq!((done.results, done.refused.len()), (0, 8), "{done:?}");
+    assert_eq!((done.results, done.refused.len()), (0, 11), "{done:?}");
     let words = cases.iter().map(|(_, words)| *words).chain(["columns of equal length"]);
     for (key, words) in keys.iter().zip(words) {
         assert_refused(&done, key, words);

@@ -221,6 +221,26 @@ pub fn ball(amplitude: f64) -> Value {
     body
 }
 
+/// The steel ball in a job whose bodies yield. It has the same key.
+pub fn yielding_ball() -> Value {
+    let mut body = steel_ball();
+    for i in 0..2 {
+        body["scenario"]["bodies"][i]["yield_strength"] = json!("300 MPa");
+    }
+    body
+}
+
+/// Asserts that these are the warnings of [`yielding_ball`] about its bodies.
+pub fn assert_yields(warnings: &Value) {
+    let warnings = warnings.as_array().unwrap_or_else(|| panic!("{warnings}"));
+    assert_eq!(warnings.len(), 2, "{warnings:?}");
+    for (i, warning) in warnings.iter().enumerate() {
+        assert_eq!(warning["kind"], "yield");
+        let words = format!("exceeds the yield strength of body {i} (300 MPa)");
+        assert!(warning["detail"].as_str().unwrap().contains(&words), "{warning}");
+    }
+}
+
 /// Blocks runs until a test opens the gate.
 #[derive(Clone, Default)]
 pub struct Gate(Arc<(Mutex<bool>, Condvar)>);

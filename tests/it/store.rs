@@ -33,6 +33,7 @@ pub fn new_job(number: u8) -> NewJob {
         label: None,
         tags: vec![],
         warnings: vec![],
+        submission_warnings: vec![],
         repeatable: None,
         afresh: false,
         admission: Admission::default(),

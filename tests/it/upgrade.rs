@@ -2,6 +2,7 @@
 //! run, and a queued run of three jobs, one of which is canceled.
 
 use std::fs;
+use std::path::Path;
 use std::sync::Arc;
 
 use fretwork::http::Settings;
@@ -9,7 +10,7 @@ use fretwork::job::Task;
 use fretwork::store::{Options, Search, export};
 use serde_json::{Value, json};
 use sha2::{Digest as _, Sha256};
-use sqlx::Executor as _;
+use sqlx::{Connection as _, Executor as _};
 use tempfile::TempDir;
 
 use crate::server::Server;
@@ -24,8 +25,16 @@ const DELETED: &str = "600b65a3248daba789d775a76e2daf794b569168568c37a9560ccfd3f
 
 async fn upgraded() -> Server {
     let dir = TempDir::new().unwrap();
+    write_database(dir.path());
+    opened(dir).await
+}
+
+fn write_database(dir: &Path) {
     let database = zstd::bulk::decompress(DATABASE, 1 << 20).unwrap();
-    fs::write(dir.path().join("fretwork.db"), database).unwrap();
+    fs::write(dir.join("fretwork.db"), database).unwrap();
+}
+
+async fn opened(dir: TempDir) -> Server {
     let (settings, options) = (Settings::default(), Options::default());
     Server::opening(dir, Arc::new(Task::start), None, &settings, &options).await
 }
@@ -81,6 +90,37 @@ async fn unfinished_runs_of_the_previous_version_get_new_keys_and_are_computed()
         assert_eq!((&cached["key"], &cached["origin"]), (&job["key"], &json!("cached")));
     }
     assert_eq!(finished(&server, "canceled").await["state"], "canceled");
+}
+
+#[tokio::test]
+async fn a_result_of_the_previous_version_has_the_warnings_about_bodies_that_its_job_has() {
+    let dir = TempDir::new().unwrap();
+    write_database(dir.path());
+    let mut db = crate::store::raw(dir.path()).await;
+    let (mismatch, slope) = (
+        json!({"kind": "elastic_mismatch", "detail": "different"}),
+        json!({"kind": "large_contact", "detail": "steep"}),
+    );
+    sqlx::query("UPDATE job SET warnings = ?1")
+        .bind(json!([mismatch, slope]).to_string())
+        .execute(&mut db)
+        .await
+        .unwrap();
+    // The job of this result was deleted.
+    sqlx::query("UPDATE result SET job = randomblob(16) WHERE hex(key) = upper(?1)")
+        .bind(SIMPLIFIED)
+        .execute(&mut db)
+        .await
+        .unwrap();
+    db.close().await.unwrap();
+    let server = opened(dir).await;
+    let warnings = async |key: &str| {
+        server.get(&format!("/v1/results/{key}/warnings")).await.json()["warnings"].take()
+    };
+    assert_eq!(warnings(EXACT).await, json!([mismatch]));
+    assert_eq!(warnings(SIMPLIFIED).await, Value::Null);
+    let queued = finished(&server, "queued").await;
+    assert_eq!(warnings(queued["key"].as_str().unwrap()).await, json!([mismatch]));
 }
 
 #[tokio::test]

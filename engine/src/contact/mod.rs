@@ -12,3 +12,4 @@ pub(crate) mod table_shape;
 pub mod transform;
 mod truncated;
 pub mod unworn;
+pub mod yielding;

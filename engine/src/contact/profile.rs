@@ -107,6 +107,11 @@ impl Shape {
         Self { kind: ShapeKind::Table(table), height }
     }
 
+    /// Whether the contact is that of a ball: a paraboloid or a sphere.
+    pub(crate) fn is_ball(&self) -> bool {
+        matches!(self.kind, ShapeKind::Whole(2) | ShapeKind::Sphere { .. })
+    }
+
     /// Radii inside the contact at which the image has a kink, in ascending order. A mesh should
     /// have a node at each kink, and a quadrature should be split there. A table is smooth enough
     /// and has no kinks.

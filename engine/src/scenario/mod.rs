@@ -31,6 +31,7 @@ use serde_json::Value;
 
 use crate::case::{Case, Method, Scales};
 use crate::contact::unworn::Contact;
+use crate::contact::yielding::Rubbing;
 use crate::numeric::twelve_digits;
 use crate::request::fault::{Fault, Faults};
 use crate::request::fields::{GivenXi, LAST_CYCLE, Stress, WEAR_RANGE, Xi, derived};
@@ -184,10 +185,13 @@ impl CanonicalModel {
 /// # Errors
 /// All faults. Each has a JSON pointer and says what to change.
 pub fn check(value: &Value, prefix: &str) -> Result<(Scenario, Vec<Warning>), Faults> {
-    prepare(value.clone(), prefix).map(|(scenario, _, warnings)| (scenario, warnings))
+    let (scenario, case, mut warnings) = prepare(value.clone(), prefix)?;
+    warnings.extend(scenario.warnings(&case));
+    Ok((scenario, warnings))
 }
 
-/// Parses a scenario like [`check`], and also returns the case that the check has built.
+/// Parses a scenario like [`check`], and also returns the case that the check has built. The
+/// warnings are only those about the two bodies, which the canonical scenario does not contain.
 ///
 /// # Errors
 /// The same faults as for [`check`].
@@ -197,8 +201,7 @@ pub fn prepare(value: Value, prefix: &str) -> Result<(Scenario, Case, Vec<Warnin
         .map_err(|faults| faults.below(prefix))?;
     let scenario = Scenario::resolve(&request).map_err(|faults| faults.below(prefix))?;
     let case = scenario.case().map_err(|fault| Faults(vec![fault]).below(prefix))?;
-    let mut warnings = body_warnings(&request, &case);
-    warnings.extend(scenario.warnings(&case));
+    let warnings = body_warnings(&request, &case);
     Ok((scenario, case, warnings))
 }
 
@@ -417,23 +420,39 @@ fn body_warnings(request: &Request, case: &Case) -> Vec<Warning> {
         );
         warnings.push(Warning { kind: "elastic_mismatch", detail });
     }
-    let peak = case.contact.shape.peak_pressure() * case.scales.pressure();
-    for (index, body) in bodies.0.iter().enumerate() {
-        if let Some(strength) = body.yield_strength.0
-            && peak > 1.6 * strength.0
-        {
-            let peak = if peak.is_finite() {
-                format!("{:.0} MPa", peak / 1e6)
-            } else {
-                "infinite at an apex or an edge".to_owned()
-            };
-            let detail = format!(
-                "The unworn peak pressure ({peak}) exceeds 1.6 times the yield strength of body \
-                 {index} ({:.0} MPa): it yields, which is not modelled.",
-                strength.0 / 1e6
-            );
-            warnings.push(Warning { kind: "yield", detail });
-        }
-    }
+    let bodies = bodies.0.iter().enumerate();
+    warnings.extend(bodies.filter_map(|(index, body)| yield_warning(case, index, body)));
     warnings
+}
+
+/// A warning if a body yields. Under a ball the von Mises stress decides. Under another shape only
+/// the pressure is known, and friction is ignored.
+fn yield_warning(case: &Case, index: usize, body: &ElasticBody) -> Option<Warning> {
+    let strength = body.yield_strength.0?.0;
+    let shape = &case.contact.shape;
+    let peak = shape.peak_pressure() * case.scales.pressure();
+    let megapascals = |stress: f64| format!("{:.0} MPa", stress / 1e6);
+    let excess = if shape.is_ball() {
+        let threshold = case.contact.threshold * case.largest_amplitude();
+        let stick = if threshold < 1.0 { shape.image_inverse(1.0 - threshold) } else { 0.0 };
+        let rubbing = Rubbing { friction: case.scales.friction, stick };
+        let stress = peak * rubbing.largest_von_mises(body.poisson_ratio.0);
+        let told = megapascals(stress);
+        (stress > strength)
+            .then(|| format!("The largest von Mises stress of the unworn contact ({told}) exceeds"))
+    } else {
+        let told = if peak.is_finite() {
+            megapascals(peak)
+        } else {
+            "infinite at an apex or an edge".to_owned()
+        };
+        (peak > 1.6 * strength)
+            .then(|| format!("The unworn peak pressure ({told}) exceeds 1.6 times"))
+    };
+    let detail = format!(
+        "{} the yield strength of body {index} ({}): it yields, which is not modelled.",
+        excess?,
+        megapascals(strength)
+    );
+    Some(Warning { kind: "yield", detail })
 }

@@ -19,3 +19,4 @@ mod loops;
 mod reference_solutions;
 mod rig;
 mod shapes;
+mod yielding;

@@ -7,7 +7,7 @@ import { cycles, digits, percent, quantity, WORDS } from "./units.js";
 
 const card = (title, ...children) => h("section", { class: "card" }, h("h2", {}, title), ...children);
 
-export function drawDetails(place, result) {
+export function drawDetails(place, result, bodyWarnings) {
   const { scales, unworn, limit, units, events, accuracy, warnings, comparison, bodies, scenario } = result;
   const isRule = scenario.model.method === "simplified";
   const inUnits = (name, value) => quantity(value, units[name]);
@@ -28,7 +28,8 @@ export function drawDetails(place, result) {
       accuracy.steps != null && ["Time steps", digits(accuracy.steps)]]),
     isRule && h("p", { class: "muted" }, "The simplified rule satisfies the energy balance V = (k_w/μ)·ΣW only approximately. ",
       "The mismatch shows by how much. To measure the error of the rule, run the exact method and compare it with the rule."),
-    drawWarnings(warnings)),
+    drawWarnings(warnings),
+    drawWarnings(bodyWarnings.list, bodyWarnings.title)),
     events.length > 0 && card("Events", h("ul", {}, events.map(({ kind, cycles: at }) =>
       h("li", {}, `${WORDS[kind]} at N = ${cycles(Math.round(at))}`)))),
     comparison && drawComparison(comparison),

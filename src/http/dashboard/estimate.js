@@ -30,5 +30,5 @@ export function drawEstimate(place, { scenario, scales, unworn, limit, cost, reg
 }
 
 /** The server's warnings about a scenario, or nothing. */
-export const drawWarnings = (warnings) => warnings.length > 0 && h("div", { class: "warning" }, h("h3", {}, "Warnings"),
+export const drawWarnings = (warnings, title = "Warnings") => warnings.length > 0 && h("div", { class: "warning" }, h("h3", {}, title),
   h("ul", {}, warnings.map(({ detail }) => h("li", {}, detail))));

@@ -24,18 +24,28 @@ const MAX_BRANCHES = 24;
 const READOUT = ["wear_volume", "wear_depth", "scar_radius", "contact_radius", "stick_radius", "normal_force",
   "tangential_force", "energy_per_cycle", "dissipated_energy"];
 
-/** Loads a result. `link` is the token of a shared link. */
-function load(key, link, signal) {
+/** Loads a result, or the part of it at `path`. `link` is the token of a shared link. */
+function load(key, link, signal, path = "") {
   const words = link ? `?${new URLSearchParams({ link })}` : "";
-  return get(`/v1/results/${key}${words}`, { signal });
+  return get(`/v1/results/${key}${path}${words}`, { signal });
 }
 
-/** The label and the submitted scenario of a job, by default of the latest job of the result. */
+/** The label and the submitted scenario of a job, by default of the latest job of the result. With `id`, also its warnings. */
 async function loadJob(key, id, signal) {
   const jobs = await jobsOf(key, signal);
   const job = id ?? jobs[0]?.id;
   const own = job && (await get(`/v1/jobs/${job}?include=submitted`, { signal }).catch(() => null));
-  return { label: own?.label || labelOf(jobs), submitted: own?.submitted };
+  return { label: own?.label || labelOf(jobs), submitted: own?.submitted, warnings: id && own?.warnings };
+}
+
+/** The warnings about the bodies, which the result does not contain: those of the job, or of the job that computed the result. */
+async function loadBodyWarnings(result, job, link, signal) {
+  if (job.warnings) {
+    const known = new Set(result.warnings.map(({ detail }) => detail));
+    return { title: "Warnings about the bodies of this job", list: job.warnings.filter(({ detail }) => !known.has(detail)) };
+  }
+  const { warnings } = await load(result.key, link, signal, "/warnings");
+  return { title: "Warnings about the bodies of the job that computed this result", list: warnings ?? [] };
 }
 
 /** The row of `cycles` nearest to `at`; the last row if `at` is missing. */
@@ -48,6 +58,7 @@ function nearest(cycles, at) {
 export async function showResult(main, { id: key, query, signal }) {
   const link = query.get("link");
   const [result, job] = await Promise.all([load(key, link, signal), link ? {} : loadJob(key, query.get("job"), signal)]);
+  const bodyWarnings = await loadBodyWarnings(result, job, link, signal);
   const other = query.get("with") ? await load(query.get("with"), query.get("withlink"), signal).catch((problem) => {
     if (!(problem instanceof Problem)) throw problem;
     notify(`Run B cannot be shown. ${problem.detail}`);
@@ -135,7 +146,7 @@ export async function showResult(main, { id: key, query, signal }) {
     details);
   const drawAll = () => {
     draw();
-    drawDetails(details, result);
+    drawDetails(details, result, bodyWarnings);
   };
   drawAll();
   remember();

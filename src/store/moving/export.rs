@@ -157,7 +157,7 @@ async fn create(path: &Path) -> Result<SqliteConnection, Moving> {
         ", scenario TEXT NOT NULL, summary TEXT NOT NULL, size INTEGER NOT NULL, sha256 TEXT NOT NULL,
          created TEXT NOT NULL, owner TEXT, computed TEXT, wall_seconds REAL, cpu_seconds REAL,
          version TEXT, host TEXT, architecture TEXT, processors INTEGER, pinned INTEGER NOT NULL,
-         note TEXT, note_owner TEXT, note_at TEXT)",
+         note TEXT, note_owner TEXT, note_at TEXT, warnings TEXT)",
     );
     query.build().execute(&mut out).await?;
     out.execute(
@@ -227,6 +227,7 @@ async fn write(out: &mut SqliteConnection, key: &Key, entry: &Entry) -> Result<(
     row.push_bind(note.map(|note| note.text.as_str()));
     row.push_bind(note.map(|note| note.owner.as_str()));
     row.push_bind(note.map(|note| clock::rfc3339(note.at)));
+    row.push_bind(provenance.warnings.as_ref().map(Value::to_string));
     query.push(")");
     query.build().execute(&mut *out).await?;
     let insert = sqlx::query("INSERT INTO bodies VALUES (?1, ?2)");

@@ -3,6 +3,8 @@
 use std::path::Path;
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
+use serde_json::json;
 use sha2::{Digest as _, Sha256};
 use sqlx::sqlite::SqliteRow;
 use sqlx::{Connection as _, Row as _, SqliteConnection};
@@ -74,13 +76,17 @@ pub async fn import(
 const MAX_BODY: i64 = 2 * MAX_ANSWER as i64;
 /// Maximum length of an imported name, in characters.
 const MAX_NAME: usize = 200;
+/// Maximum length of the imported warnings, in bytes. A submission has at most three of about 200 bytes each.
+const MAX_WARNINGS: usize = 4000;
 
-/// A row of the export, with its body unless it is larger than ?2.
+/// A row of the export, with its body unless it is larger than ?2. Exports of earlier versions have no column
+/// `warnings`. Then the name stands for the column of `absent`, which is null.
 const SELECT: &str = "
     SELECT sha256, length(CAST(body AS BLOB)) AS length,
         iif(length(CAST(body AS BLOB)) > ?2, NULL, CAST(body AS BLOB)) AS body, owner, computed, wall_seconds, cpu_seconds, version,
-        host, architecture, processors, note, note_owner, note_at
-    FROM results LEFT JOIN bodies USING (key) WHERE key = ?1";
+        host, architecture, processors, note, note_owner, note_at,
+        (SELECT warnings FROM results AS same WHERE same.key = ?1) AS warnings
+    FROM results LEFT JOIN bodies USING (key), (SELECT NULL AS warnings) AS absent WHERE key = ?1";
 
 async fn open_export(file: &Path) -> Result<SqliteConnection, Moving> {
     if !file.is_file() {
@@ -141,6 +147,7 @@ struct Entry {
     owner: Option<String>,
     computed: Option<i64>,
     program: Option<Program>,
+    warnings: Option<String>,
     note: Option<Note>,
 }
 
@@ -189,6 +196,7 @@ impl Entry {
             owner: name(row, "owner")?,
             computed: column(row, "computed")?.map(time).transpose()?,
             program: program(row, numerics)?,
+            warnings: warnings(row)?,
             note: note(row)?,
         })
     }
@@ -244,10 +252,10 @@ impl Entry {
             Some(program) => Some(program.row(db).await?),
             None => None,
         };
-        let owner = self.owner.as_deref();
+        let (owner, warnings) = (self.owner.as_deref(), self.warnings.as_deref());
         let (key, task, now) = (self.key, &self.task, clock::now());
         let (job, trace) = (None, None);
-        let source = Source { key, attempt: 0, task, owner, job, trace, program, now };
+        let source = Source { key, attempt: 0, task, owner, job, warnings, trace, program, now };
         self.answer.import(db, &source).await?;
         sqlx::query(
             "UPDATE result SET imported = ?2, imported_from = ?3, computed = ?4 WHERE key = ?1",
@@ -324,6 +332,20 @@ fn program(row: &SqliteRow, numerics: u32) -> Result<Option<Program>, String> {
         architecture: name(row, "architecture")?.unwrap_or_default(),
         processors: column(row, "processors")?.unwrap_or_default(),
     }))
+}
+
+/// Reads the warnings of the submission. Members that this version does not know are dropped.
+fn warnings(row: &SqliteRow) -> Result<Option<String>, String> {
+    #[derive(Serialize, Deserialize)]
+    struct Told {
+        kind: String,
+        detail: String,
+    }
+    let Some(text) = column::<&str>(row, "warnings")? else { return Ok(None) };
+    let told = Some(text).filter(|text| text.len() <= MAX_WARNINGS);
+    let told: Option<Vec<Told>> = told.and_then(|text| serde_json::from_str(text).ok());
+    let told = told.map(|told| json!(told).to_string());
+    told.ok_or("its warnings are too long, or not a list of kinds and details".to_owned()).map(Some)
 }
 
 fn note(row: &SqliteRow) -> Result<Option<Note>, String> {
