@@ -31,6 +31,7 @@ mod literal;
 mod uniform;
 
 const SNAPSHOTS: [f64; 5] = [0.5, 2.0, 4.5, 8.0, 16.0];
+const LATER_SNAPSHOTS: [f64; 6] = [0.5, 1.0, 2.0, 4.0, 8.0, 16.0];
 const ROUNDS: usize = 500;
 
 /// The steel ball example in partial slip, c = a₀/2.
@@ -50,7 +51,7 @@ fn ball(normalized: &[f64], model: &Value, profiles_at: &str) -> Scenario {
 }
 
 fn run_of(points: usize) -> Scenario {
-    ball(&SNAPSHOTS, &json!({"points": points}), "all")
+    ball(&SNAPSHOTS, &json!({"method": "simplified", "points": points}), "all")
 }
 
 /// Time in seconds per call of `work`, measured over about 1 ms.
@@ -98,8 +99,8 @@ fn main() {
     for _ in 0..ROUNDS {
         runs.push(seconds(|| drop(black_box(Simulation::of(&scenario).expect("a run").run()))));
         products.push(seconds(|| {
-            kernels.inverse(black_box(&vectors), &mut curves, 0);
-            kernels.pressure(black_box(&changes), inside, &mut curves, 0);
+            kernels.inverse(black_box(&vectors), &mut curves);
+            kernels.pressure(black_box(&changes), inside, &mut curves);
             black_box(&curves);
         }));
         sums.push(seconds(one_dimensional));
@@ -119,15 +120,8 @@ fn main() {
     println!("  of it, states on a laid-out contact: {:.1} µs", micro(&states));
     println!("  run / products = {:.2}   (at most 1.5)", ratio(&runs, &products));
     println!("1-D part alone (F, Q, W, V unclipped, 5 snapshots): {:.2} µs", micro(&sums));
-    for points in [64, 1024, 4096] {
-        let scenario = run_of(points);
-        let time = seconds(|| drop(black_box(Simulation::of(&scenario).expect("a run").run())));
-        println!(
-            "simplified run, {points} points: {:.2} times that of 256",
-            time / median(runs.clone())
-        );
-    }
 
+    growth();
     exact_runs(&scenario);
     longest_steps();
 
@@ -147,6 +141,37 @@ fn main() {
     println!("literal stepping / simplified run = {:.0}   (at least 5000)", median(ratios));
 }
 
+/// How the cost grows with the number of output radii, for runs with every output. The unit of the
+/// time-stepped runs is the product of a triangular 64 × 64 matrix and a vector.
+fn growth() {
+    let kernels = Kernels::with_cells(63);
+    let vector = [kernels.tau().iter().map(|tau| libm::cos(*tau)).collect::<Vec<f64>>()];
+    let mut product = [vec![0.0; 64]];
+    let mut one_product = || {
+        seconds(|| {
+            kernels.inverse(black_box(&vector), &mut product);
+            black_box(&product);
+        })
+    };
+    let run = |scenario: &Scenario| {
+        seconds(|| drop(black_box(Simulation::of(scenario).expect("a run").run())))
+    };
+    let common = run_of(256);
+    println!("points   closed form, 5 snapshots   exact method, 6 snapshots");
+    println!("         / that of 256 points       / triangular products 64 × 64");
+    for points in [64, 128, 256, 512, 1024, 2048, 4096] {
+        let closed = run_of(points);
+        let model = json!({"method": "exact", "points": points});
+        let stepped = ball(&LATER_SNAPSHOTS, &model, "all");
+        let ratios = (0..40).map(|_| {
+            let (closed, common) = (run(&closed), run(&common));
+            (closed / common, run(&stepped) / one_product())
+        });
+        let (closed, stepped) = ratios.unzip();
+        println!("{points:6} {:20.2} {:27.0}", median(closed), median(stepped));
+    }
+}
+
 /// The cost of the exact method, relative to a simplified run of 256 points.
 fn exact_runs(simplified: &Scenario) {
     let beside = |scenario: &Scenario| {
@@ -157,9 +182,8 @@ fn exact_runs(simplified: &Scenario) {
         });
         median(ratios.collect())
     };
-    let instants = [0.5, 1.0, 2.0, 4.0, 8.0, 16.0];
     for profiles in ["none", "all"] {
-        let exact = ball(&instants, &json!({"method": "exact"}), profiles);
+        let exact = ball(&LATER_SNAPSHOTS, &json!({"method": "exact"}), profiles);
         let ratio = beside(&exact);
         println!("exact run at defaults, profiles {profiles} / simplified run = {ratio:.1}");
     }
@@ -218,7 +242,8 @@ fn longest_steps() {
     let radii: Vec<f64> = (0..10_000).map(|i| 1e-7 * f64::from(i)).collect();
     let heights: Vec<f64> = radii.iter().map(|r| r * r / 0.02).collect();
     let table = json!({"shape": "table", "radius": radii, "height": heights});
-    let closed = json!({"model": {"points": 4096}, "until": {"wear_depth": "0.5 um"}});
+    let rule = json!({"method": "simplified", "points": 4096});
+    let closed = json!({"model": rule, "until": {"wear_depth": "0.5 um"}});
     let dead_weight = json!({"normal_force": "100 N", "held": "force"});
     let rough = json!({"profile": table, "load": dead_weight, "motion": {"amplitude": "4 um"}});
     let fine = json!({"load": dead_weight, "model": {"method": "exact", "tolerance": 1e-4}});
@@ -227,7 +252,7 @@ fn longest_steps() {
         ("rule, all slips, a table of 10 000 rows", rough),
         ("exact, force and amplitude held, tolerance 1e-4", fine),
     ] {
-        let mut request = serde_json::to_value(ball(&SNAPSHOTS, &json!({}), "all")).expect("JSON");
+        let mut request = serde_json::to_value(run_of(256)).expect("JSON");
         for (member, value) in changes.as_object().expect("members") {
             request[member] = value.clone();
         }

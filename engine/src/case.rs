@@ -5,6 +5,7 @@ use crate::contact::hysteresis::{Backbone, ROW_POINTS};
 use crate::contact::row::UnwornSums;
 use crate::contact::unworn::{Contact, Regime};
 use crate::solver::closed::energy;
+use crate::solver::closed::simplified::Simplified;
 use crate::solver::events::StopCondition;
 use crate::solver::stepped::law::Law;
 use crate::solver::stepped::march::March;
@@ -271,7 +272,6 @@ impl Case {
     /// Estimated number of multiplications of the run.
     #[must_use]
     pub fn operations(&self) -> f64 {
-        let half_square = (self.points * self.points) as f64 / 2.0;
         let rows = self.profile_rows();
         let count = self.outputs.count();
         let march = |law, tolerance| {
@@ -286,7 +286,7 @@ impl Case {
         };
         match self.method {
             Method::Simplified { .. } if self.control.is_closed() => {
-                half_square * (count + rows) as f64
+                Simplified::operations(self.points, count, rows)
             }
             Method::Simplified { xi } => march(Law::Simplified(xi), RULE_TOLERANCE),
             Method::Exact { tolerance, compare } => {

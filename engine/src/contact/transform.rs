@@ -48,11 +48,16 @@ fn quarter_circle(f: impl Fn(f64) -> f64) -> f64 {
 }
 
 const TWO_THIRDS: f64 = 2.0 / 3.0;
-/// Maximum n for which the matrices are stored. For a larger n each row is computed when it is
-/// needed, because both matrices together take 8 n² bytes (134 MB at n = 4096).
-const KEPT_CELLS: usize = 512;
-/// Maximum number of mesh sizes in the cache (at most 4 MB each).
+/// Number of mesh sizes in the cache. The matrices of 512 cells take 2 MB.
 const KEPT_SIZES: usize = 4;
+
+/// The nodes τᵢ = (i/n)³ of `cells` cells.
+pub(crate) fn graded(cells: usize) -> impl Iterator<Item = f64> {
+    (0..=cells).map(move |i| {
+        let u = i as f64 / cells as f64;
+        u * u * u
+    })
+}
 
 /// The matrices of the inverse transform and of the pressure on the mesh τᵢ = (i/n)³.
 #[derive(Debug)]
@@ -62,9 +67,9 @@ pub struct Kernels {
     per_cell: Vec<f64>,
     /// Simpson's weights of ∫ dτ = ∫ 3u² du over the nodes, for an even n.
     areas: Vec<f64>,
-    /// Rows of the inverse transform; row i has i + 1 entries. Empty for a large n.
+    /// Rows of the inverse transform; row i has i + 1 entries.
     inverse: Vec<f64>,
-    /// Rows of the pressure; row i has n − i entries. Empty for a large n.
+    /// Rows of the pressure; row i has n − i entries.
     pressure: Vec<f64>,
 }
 
@@ -74,28 +79,17 @@ impl Kernels {
     pub fn with_cells(cells: usize) -> Arc<Self> {
         static RECENT: Mutex<VecDeque<Arc<Kernels>>> = Mutex::new(VecDeque::new());
         let mut recent = RECENT.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(position) = recent.iter().position(|known| known.cells() == cells)
-            && let Some(known) = recent.remove(position)
-        {
-            recent.push_front(Arc::clone(&known));
-            return known;
-        }
-        let made = Arc::new(Self::new(cells, cells <= KEPT_CELLS));
-        if cells <= KEPT_CELLS {
-            recent.push_front(Arc::clone(&made));
-            recent.truncate(KEPT_SIZES);
-        }
-        made
+        let known = recent.iter().position(|known| known.cells() == cells);
+        let kernels = known.and_then(|position| recent.remove(position));
+        let kernels = kernels.unwrap_or_else(|| Arc::new(Self::new(cells)));
+        recent.push_front(Arc::clone(&kernels));
+        recent.truncate(KEPT_SIZES);
+        kernels
     }
 
-    fn new(cells: usize, keep: bool) -> Self {
-        let tau: Vec<f64> = (0..=cells)
-            .map(|i| {
-                let u = i as f64 / cells as f64;
-                u * u * u
-            })
-            .collect();
-        let per_cell = tau.windows(2).map(|ends| 1.0 / (ends[1] - ends[0])).collect();
+    fn new(cells: usize) -> Self {
+        let tau: Vec<f64> = graded(cells).collect();
+        let per_cell: Vec<f64> = tau.windows(2).map(|ends| 1.0 / (ends[1] - ends[0])).collect();
         let areas = (0..=cells)
             .map(|i| {
                 let u = i as f64 / cells as f64;
@@ -103,19 +97,14 @@ impl Kernels {
                 weight * u * u / cells as f64
             })
             .collect();
-        let mut kernels = Self { tau, per_cell, areas, inverse: Vec::new(), pressure: Vec::new() };
-        if keep {
-            let mut row = Vec::new();
-            for i in 0..=cells {
-                kernels.fill_inverse_row(i, &mut row);
-                kernels.inverse.extend_from_slice(&row);
-            }
-            for i in 0..=cells {
-                kernels.fill_pressure_row(i, &mut row);
-                kernels.pressure.extend_from_slice(&row);
-            }
+        let mut inverse = Vec::with_capacity((cells + 1) * (cells + 2) / 2);
+        let mut pressure = Vec::with_capacity(cells * (cells + 1) / 2);
+        for (i, here) in tau.iter().enumerate() {
+            push_inverse_row(&tau[..=i], &per_cell, &mut inverse);
+            // The factors √(τⱼ − τᵢ) of the changes of the slope dR/dτ at each node j > i.
+            pressure.extend(tau[i + 1..].iter().map(|tau| (tau - here).sqrt()));
         }
-        kernels
+        Self { tau, per_cell, areas, inverse, pressure }
     }
 
     /// Number of cells n; there are n + 1 nodes.
@@ -134,71 +123,32 @@ impl Kernels {
         dot(&self.areas, values)
     }
 
-    /// Weights of ∫₀^τᵢ φ(τ)/√(τᵢ−τ) dτ for φ linear between nodes. With α = √(τᵢ−τⱼ) and β =
-    /// √(τᵢ−τⱼ₊₁), cell j adds e(α+2β) to its left node and e(2α+β) to its right node. Here e =
-    /// ⅔(α−β)²/(τⱼ₊₁−τⱼ).
-    fn fill_inverse_row(&self, i: usize, row: &mut Vec<f64>) {
-        row.clear();
-        row.extend(self.tau[..=i].iter().map(|tau| (self.tau[i] - tau).sqrt()));
-        let mut from_left = 0.0;
-        for j in 0..i {
-            let (alpha, beta) = (row[j], row[j + 1]);
-            let e = TWO_THIRDS * (alpha - beta) * (alpha - beta) * self.per_cell[j];
-            row[j] = from_left + e * (alpha + 2.0 * beta);
-            from_left = e * (2.0 * alpha + beta);
-        }
-        row[i] = from_left;
-    }
-
-    /// √(τⱼ−τᵢ) for j > i. These factors multiply the changes of the slope dR/dτ at node j.
-    fn fill_pressure_row(&self, i: usize, row: &mut Vec<f64>) {
-        row.clear();
-        row.extend(self.tau[i + 1..].iter().map(|tau| (tau - self.tau[i]).sqrt()));
-    }
-
     /// ∫₀^τᵢ φ(τ)/√(τᵢ−τ) dτ at every node, for several φ at once. The result of `phi[k]` is
-    /// written to `curves[k]`, starting at index `first`. An empty `phi[k]` means φ = 0: its curve
-    /// is not changed.
-    pub fn inverse(&self, phi: &[Vec<f64>], curves: &mut [Vec<f64>], first: usize) {
+    /// written to `curves[k]`. An empty `phi[k]` means φ = 0: its curve is not changed.
+    pub fn inverse(&self, phi: &[Vec<f64>], curves: &mut [Vec<f64>]) {
         let mut pairs = not_empty(phi, curves);
-        let (mut made, mut start) = (Vec::new(), 0);
+        let mut start = 0;
         for i in 0..self.tau.len() {
-            let row = if self.inverse.is_empty() {
-                self.fill_inverse_row(i, &mut made);
-                &made[..]
-            } else {
-                &self.inverse[start..=start + i]
-            };
+            let row = &self.inverse[start..=start + i];
             start += i + 1;
             for (phi, curve) in &mut pairs {
-                curve[first + i] = dot(row, phi);
+                curve[i] = dot(row, phi);
             }
         }
     }
 
     /// −½ ∫ R′(τ)/√(τ−τᵢ) dτ over τ > τᵢ at the first `rows` nodes, for several R at once. Each R
-    /// is given by its `slope_changes`. The result is written to
-    /// `curves[k]`, starting at index `first`. An empty list means R = 0: its curve is not changed.
-    pub fn pressure(
-        &self,
-        changes: &[Vec<f64>],
-        rows: usize,
-        curves: &mut [Vec<f64>],
-        first: usize,
-    ) {
+    /// is given by its `slope_changes`. The result is written to `curves[k]`. An empty list means
+    /// R = 0: its curve is not changed.
+    pub fn pressure(&self, changes: &[Vec<f64>], rows: usize, curves: &mut [Vec<f64>]) {
         let cells = self.cells();
         let mut pairs = not_empty(changes, curves);
-        let (mut made, mut start) = (Vec::new(), 0);
+        let mut start = 0;
         for i in 0..rows {
-            let row = if self.pressure.is_empty() {
-                self.fill_pressure_row(i, &mut made);
-                &made[..]
-            } else {
-                &self.pressure[start..start + cells - i]
-            };
+            let row = &self.pressure[start..start + cells - i];
             start += cells - i;
             for (changes, curve) in &mut pairs {
-                curve[first + i] = dot(row, changes.get(i + 1..).unwrap_or_default());
+                curve[i] = dot(row, changes.get(i + 1..).unwrap_or_default());
             }
         }
     }
@@ -216,6 +166,21 @@ impl Kernels {
             values[j] -= values[j - 1];
         }
     }
+}
+
+/// Appends the weights of ∫₀^τᵢ φ(τ)/√(τᵢ−τ) dτ for φ linear between the nodes up to τᵢ. With α =
+/// √(τᵢ−τⱼ) and β = √(τᵢ−τⱼ₊₁), cell j adds e(α+2β) to its left node and e(2α+β) to its right node.
+/// Here e = ⅔(α−β)²/(τⱼ₊₁−τⱼ).
+fn push_inverse_row(nodes: &[f64], per_cell: &[f64], rows: &mut Vec<f64>) {
+    let last = nodes[nodes.len() - 1];
+    let (mut alpha, mut from_left) = ((last - nodes[0]).sqrt(), 0.0);
+    for (node, per_cell) in nodes[1..].iter().zip(per_cell) {
+        let beta = (last - node).sqrt();
+        let e = TWO_THIRDS * (alpha - beta) * (alpha - beta) * per_cell;
+        rows.push(from_left + e * (alpha + 2.0 * beta));
+        (alpha, from_left) = (beta, e * (2.0 * alpha + beta));
+    }
+    rows.push(from_left);
 }
 
 /// Pairs each non-empty input with the curve that receives its result.
@@ -240,7 +205,7 @@ mod tests {
         let x: Vec<f64> = kernels.tau().iter().map(|tau| (c * c + theta * tau).sqrt()).collect();
         let phi = x.iter().map(|x| (x * x - c * c) / x).collect();
         let mut sums = [vec![0.0; x.len()]];
-        kernels.inverse(&[phi], &mut sums, 0);
+        kernels.inverse(&[phi], &mut sums);
         x.iter()
             .zip(&sums[0])
             .map(|(r, sum)| {
@@ -258,7 +223,7 @@ mod tests {
         let mut values: Vec<f64> = kernels.tau().iter().map(|t| (1.0 - t) * (1.0 - t)).collect();
         kernels.slope_changes(&mut values);
         let mut sums = [vec![0.0; cells + 1]];
-        kernels.pressure(&[values], cells, &mut sums, 0);
+        kernels.pressure(&[values], cells, &mut sums);
         kernels
             .tau()
             .iter()
@@ -282,18 +247,5 @@ mod tests {
             }
             assert!(fine < 5e-4, "{fine}");
         }
-    }
-
-    #[test]
-    fn stored_rows_and_rows_computed_on_demand_give_the_same_bits() {
-        let (kept, passing) = (Kernels::new(40, true), Kernels::new(40, false));
-        let phi = [kept.tau().iter().map(|t| libm::cos(3.0 * t)).collect::<Vec<f64>>()];
-        let evaluated = |kernels: &Kernels| {
-            let (mut wear, mut pressure) = ([vec![0.0; 43]], [vec![0.0; 43]]);
-            kernels.inverse(&phi, &mut wear, 2);
-            kernels.pressure(&phi, 30, &mut pressure, 2);
-            [wear, pressure]
-        };
-        assert_eq!(evaluated(&kept), evaluated(&passing));
     }
 }

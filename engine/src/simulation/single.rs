@@ -139,10 +139,8 @@ impl SingleRun {
     /// Searches for the time of the stop condition. Returns true when the events are known.
     fn search_stop(&mut self, solver: &Simplified, xi: f64, search: &mut StopSearch) -> bool {
         let last = self.case.normalized_end();
-        // The cost of computing matrix rows exceeds the cost of their products.
-        let per_state = (2 * self.case.points * self.case.points) as f64;
-        let states = ((STEP_OPERATIONS / per_state) as usize).max(1);
-        match search.advance(solver, xi, self.case.until, last, states) {
+        let states = STEP_OPERATIONS / Simplified::operations(self.case.points, 1, 0);
+        match search.advance(solver, xi, self.case.until, last, states as usize) {
             Some(stop) => {
                 let mut known = std::mem::take(&mut self.events);
                 if stop.is_finite() {

@@ -3,6 +3,7 @@
 use std::f64::consts::FRAC_2_PI;
 
 use crate::contact::limit::{chord_and_angle, limiting_wear};
+use crate::contact::transform::graded;
 use crate::contact::unworn::Contact;
 
 /// The largest output radius, in limiting radii ã.
@@ -20,16 +21,25 @@ pub struct Curves {
     pub slip: Vec<f64>,
 }
 
-/// The output radii: some in the sticking core, then the mesh nodes up to the edge of the scar,
-/// then some outside. The mesh nodes are dense next to the stick edge.
+/// The output radii: some in the sticking core, then the ring up to the edge of the scar, then some
+/// outside. They are dense next to the stick edge.
 #[derive(Debug, Clone)]
 pub struct Grid {
     /// The radii, ascending from 0.
     pub radii: Vec<f64>,
     /// The number of radii inside the stick edge.
     pub core: usize,
-    /// The number of cells between the stick edge and the edge of the scar.
+    /// The number of intervals between the stick edge and the edge of the scar.
     pub cells: usize,
+}
+
+/// The radii from c to ã at which (r² − c²)/(ã² − c²) = (i/n)³.
+pub(crate) fn ring(c: f64, scar: f64, cells: usize) -> Vec<f64> {
+    let theta = (scar - c) * (scar + c);
+    let mut radii: Vec<f64> = graded(cells).map(|tau| (c * c + theta * tau).sqrt()).collect();
+    // Removes the rounding errors of both ends.
+    (radii[0], radii[cells]) = (c, scar);
+    radii
 }
 
 impl Grid {
@@ -44,7 +54,6 @@ impl Grid {
         let cells = (points - core - 1 - (points / 128).max(1)) & !1;
         let nodes = cells + 1;
         let outer = points - core - nodes;
-        let theta = (scar - c) * (scar + c);
 
         let mut radii = Vec::with_capacity(points);
         // Denser towards the stick edge, where the pressure has its peak.
@@ -52,14 +61,7 @@ impl Grid {
             let rest = 1.0 - k as f64 / core as f64;
             c * (1.0 - rest * rest)
         }));
-        let tau = (0..nodes).map(|i| {
-            let u = i as f64 / cells as f64;
-            u * u * u
-        });
-        radii.extend(tau.map(|tau| (c * c + theta * tau).sqrt()));
-        // Removes the rounding errors of both ends.
-        radii[core] = c;
-        radii[core + cells] = scar;
+        radii.extend(ring(c, scar, cells));
         // The last radius is not used, because the image of a sphere is infinite at its equator.
         let last = scar + (1.0 - 1e-9) * (last - scar);
         let step = ((REACH - 1.0) * scar).min(last - scar) / outer as f64;

@@ -250,22 +250,33 @@ fn spring_row_sums_agree_with_numerical_integrals() {
     }
 }
 
-/// Compares every curve at 256 radii with a quadrature of its defining integral.
+/// About `count` of the output radii, with their indices. With many radii some lie next to the edge
+/// of a flat. In gross slip the curves are singular there, and the mesh is coarse.
+fn visited(contact: &Contact, solver: &Simplified, count: usize) -> Vec<(usize, f64)> {
+    let points = solver.radii.len();
+    let near = |r: f64| contact.shape.kinks().iter().any(|edge| (r - edge).abs() < 0.01);
+    let singular = |r: f64| points > 256 && contact.stick == 0.0 && near(r);
+    let radii = solver.radii.iter().copied().enumerate().skip(points / 256);
+    radii.step_by(points / count).filter(|(_, r)| !singular(*r)).collect()
+}
+
+/// Compares every curve with a quadrature of its defining integral. With 2048 radii, the curves are
+/// interpolated between mesh nodes.
 #[test]
 fn the_curves_agree_with_numerical_integrals() {
-    for contact in contacts() {
-        let solver = Simplified::new(&contact, 256);
+    let contacts = contacts();
+    for (contact, points) in contacts.iter().flat_map(|contact| [(contact, 256), (contact, 2048)]) {
+        let solver = Simplified::new(contact, points);
         let (c, outer) = (contact.stick, contact.limit.radius);
         for normalized in [0.0, 0.5, 4.0, 16.0] {
             let decay = solver.decay(0.8, normalized);
             let state = solver.states(&[(decay, true)]).remove(0);
             let curves = state.curves.expect("curves");
-            let eta = |x: f64| signed_compression(&contact, x, decay);
+            let eta = |x: f64| signed_compression(contact, x, decay);
             let unworn = |x: f64| 1.0 - contact.shape.image(x);
-            for (index, r) in solver.radii.iter().enumerate().skip(1).step_by(5) {
-                let r = *r;
+            for (index, r) in visited(contact, &solver, 50) {
                 // Wear: (4) of g − g₀. The substitution by an angle removes the root.
-                let kinks = kinks(&contact, &[1.0, outer]);
+                let kinks = kinks(contact, &[1.0, outer]);
                 let kinks: Vec<f64> = kinks.iter().map(|kink| angle(*kink, r)).collect();
                 let wear = if r > outer {
                     0.0
@@ -353,8 +364,9 @@ fn a_blunt_contact_near_gross_slip_keeps_its_sticking_core() {
 /// Compares the sampled pressure with (1/π) ∫ −y′/√(x²−r²) dx of the exact −y′.
 #[test]
 fn the_pressure_agrees_with_the_integral_of_the_image_slope() {
-    for contact in contacts() {
-        let solver = Simplified::new(&contact, 256);
+    let contacts = contacts();
+    for (contact, points) in contacts.iter().flat_map(|contact| [(contact, 256), (contact, 2048)]) {
+        let solver = Simplified::new(contact, points);
         for normalized in [0.0, 0.5, 4.0] {
             let decay = solver.decay(0.8, normalized);
             let curves = solver.states(&[(decay, true)]).remove(0).curves.expect("curves");
@@ -367,14 +379,13 @@ fn the_pressure_agrees_with_the_integral_of_the_image_slope() {
                 // The slope is infinite at the edge of a flat, so it is limited for the quadrature.
                 contact.shape.image_slope(x).min(1e9) * factor
             };
-            for (index, r) in solver.radii.iter().enumerate().skip(1).step_by(3) {
-                let r = *r;
+            for (index, r) in visited(contact, &solver, 85) {
                 if r >= 1.0 {
                     assert_eq!(curves.pressure[index], 0.0, "outside the contact");
                     continue;
                 }
                 // The substitution x = r cosh s removes the root.
-                let panel_ends: Vec<f64> = kinks(&contact, &[contact.stick])
+                let panel_ends: Vec<f64> = kinks(contact, &[contact.stick])
                     .iter()
                     .map(|kink| libm::acosh((kink / r).max(1.0)))
                     .collect();
@@ -519,30 +530,23 @@ fn the_closed_form_solver_converges_with_second_order() {
             let state = solver.states(&[(solver.decay(0.8, 2.0), false)]).remove(0);
             (state.depth, state.mesh_volume - state.sums.volume)
         };
-        let finest = depth(4096);
-        let errors: Vec<_> = [64, 128, 256, 512]
-            .map(depth)
-            .iter()
-            .map(|(depth, volume)| ((depth - finest.0).abs(), volume.abs()))
-            .collect();
-        let order = |first: f64, last: f64| (first / last).log2() / 3.0;
-        let volume = order(errors[0].1, errors[3].1);
-        assert!(volume > 1.7, "volume converges with order {volume}: {errors:?}");
+        let found = [64, 128, 256, 512].map(depth);
+        let order = |first: f64, last: f64, doublings: f64| (first / last).abs().log2() / doublings;
+        let volume = order(found[0].1, found[3].1, 3.0);
+        assert!(volume > 1.7, "volume converges with order {volume}: {found:?}");
         if c > 0.0 {
-            let depth = order(errors[0].0, errors[3].0);
-            assert!(depth > 1.7, "depth converges with order {depth}: {errors:?}");
+            let depth = order(found[1].0 - found[0].0, found[3].0 - found[2].0, 2.0);
+            assert!(depth > 1.7, "depth converges with order {depth}: {found:?}");
         }
     }
 }
 
 #[test]
 fn splitting_a_simplified_run_into_steps_changes_no_digit() {
-    // At 2048 points the 70 output cycles take several steps. Each output cycle is also computed in
-    // a separate run.
+    // 300 output cycles take several steps. Three of them are also computed in separate runs.
     let mut request = steel_ball();
-    request["cycles"] = json!({"from": 10, "to": 1e6, "count": 70});
+    request["cycles"] = json!({"from": 10, "to": 1e6, "count": 300});
     request["profiles_at"] = json!("last");
-    request["model"]["points"] = json!(2048);
     let mut simulation = Simulation::of(&scenario(&request)).expect("a contact");
     let mut progress = vec![0.0];
     let outcome = loop {
@@ -555,7 +559,7 @@ fn splitting_a_simplified_run_into_steps_changes_no_digit() {
         }
     };
     assert!(progress.len() > 3, "the run was to take several steps");
-    for index in [1, 35, 70] {
+    for index in [1, 150, 300] {
         request["cycles"] = json!([outcome.history.cycles[index]]);
         let alone = run(&request);
         assert_eq!(alone.history.wear_volume[1], outcome.history.wear_volume[index]);

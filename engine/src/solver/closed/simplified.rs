@@ -17,13 +17,15 @@
 //! the reported wear is 0. The reported volume, depth and scar radius belong to this clipped curve.
 //!
 //! # Accuracy
-//! Force, energy and the volume of the image have an error of 1e-9 (see [`SpringRow`]). With 256
-//! radii the error of the wear is 3e-5 of d₀ up to Ñ = 5, with convergence of order 2. Later a step
-//! forms at the stick edge. Next to the step the error grows to 1e-4 with order 3/2, and to more
-//! for c below 0.05. The pressure has order 3/2, and an error of 0.2 % away from the edge. At the
-//! edge the pressure grows without bound. When the step is thinner than the first cell, the
-//! reported pressure at the edge is infinite, and the curve no longer integrates to F. For 1 < n <
-//! 2 the pressure on the axis is too small just above the gross-slip threshold. At ξ = 0.8 the
+//! Force, energy and the volume of the image have an error of 1e-9 (see [`SpringRow`]). The mesh has
+//! a node at each output radius between c and ã, but at most 512 cells. With 256 radii, the error of
+//! the wear is 3e-5 of d₀ up to Ñ = 5, with convergence of order 2. With 512 cells it is 1e-5. Later
+//! a step forms at the stick edge. Next to the step the error grows to 1e-4 with order 3/2, and to
+//! more for c below 0.05. In gross slip it is 6e-4 next to the edge of a flat, and up to 2e-2 just
+//! above the gross-slip threshold. The pressure has order 3/2, and an error of 0.2 % away from the
+//! edge. At the edge the pressure grows without bound. When the step is thinner than the first cell,
+//! the reported pressure at the edge is infinite, and the curve no longer integrates to F. For 1 < n
+//! < 2 the pressure on the axis is too small just above the gross-slip threshold. At ξ = 0.8 the
 //! *rule* itself differs from the exact method by −7…+4 % in volume and by up to 21 % in depth,
 //! which is too small.
 //!
@@ -36,16 +38,87 @@ use std::sync::Arc;
 use crate::contact::hysteresis::{Backbone, ROW_POINTS};
 use crate::contact::limit::{chord_and_angle, limiting_wear};
 use crate::contact::row::{SpringRow, Sums};
-use crate::contact::transform::Kernels;
+use crate::contact::transform::{Kernels, graded};
 use crate::contact::unworn::{Contact, Decay, Regime};
-use crate::numeric::{dot, integrate, largest, vertex};
+use crate::numeric::{Monotone, dot, integrate, largest, vertex};
 use crate::solver::closed::energy::dissipated;
-use crate::solver::curves::{Curves, Grid};
+use crate::solver::curves::{self, Curves, Grid};
 
 /// If the image rises over the first cell by more than this share of Δ, the cell is integrated separately.
 const UNRESOLVED: f64 = 0.01;
+/// Maximum number of mesh cells. With more output radii, wear and pressure are interpolated between
+/// the mesh nodes.
+const MOST_CELLS: usize = 512;
+/// Estimated number of multiplications per output radius, apart from the transforms.
+const CURVE_OPERATIONS: f64 = 40.0;
 
-/// A contact on its output radii. It can be evaluated at any number of cycles.
+/// The radii from c to ã: all mesh nodes, or all output radii of this range.
+#[derive(Debug)]
+struct Ring {
+    radii: Vec<f64>,
+    /// Signed y₀.
+    unworn: Vec<f64>,
+    /// Δ − y₀ inside a₀.
+    rest: Vec<f64>,
+    /// The limiting wear.
+    limiting: Vec<f64>,
+    /// Δ·s of the unworn contact, with the ω of the rule also outside a₀.
+    slip: Vec<f64>,
+}
+
+impl Ring {
+    /// The ring of the given radii and unworn images.
+    fn new(contact: &Contact, radii: Vec<f64>, images: &[f64]) -> Self {
+        let Contact { ref shape, stick: c, threshold, limit, .. } = *contact;
+        let theta = (limit.radius - c) * (limit.radius + c);
+        let cells = radii.len() - 1;
+        let unworn = images[..=cells].iter().map(|image| 1.0 - image).collect();
+        let rest = graded(cells)
+            .zip(&radii)
+            .take_while(|(_, x)| **x < 1.0)
+            .map(|(tau, x)| contact.rest(if c == 0.0 { *x } else { theta * tau / (x + c) }))
+            .collect();
+        let (mut limiting, mut slip) =
+            (Vec::with_capacity(cells + 1), Vec::with_capacity(cells + 1));
+        for r in &radii {
+            let (chord, psi) = chord_and_angle(c, *r);
+            let wear = limiting_wear(shape, c, 1.0, *r, (chord, psi));
+            limiting.push(wear);
+            // Δ − y₀ = Δ − (1 − g₀), so Δ·s₀ = Δ·(2/π)ψ − w∞.
+            slip.push((threshold * FRAC_2_PI * psi - wear).max(0.0));
+        }
+        if c == 0.0 {
+            // On the axis ψ is undefined. The following values are the limits for r → 0.
+            (limiting[0], slip[0]) = (1.0, threshold - 1.0);
+        }
+        Self { radii, unworn, rest, limiting, slip }
+    }
+
+    /// The number of cells.
+    fn cells(&self) -> usize {
+        self.radii.len() - 1
+    }
+
+    /// The number of radii inside a₀.
+    fn inside(&self) -> usize {
+        self.rest.len()
+    }
+
+    /// y/(Δe) at the radii inside a₀, by (14).
+    fn shares(&self, decay: Decay) -> impl Iterator<Item = f64> {
+        self.unworn.iter().zip(&self.rest).map(move |(y, rest)| y / (y * decay.left + rest))
+    }
+
+    /// Limits the wear inside a₀ to the limiting wear. If the image has a step within a cell, the
+    /// computed wear can exceed the limiting wear.
+    fn bound(&self, wear: &mut [f64]) {
+        for (wear, limiting) in wear.iter_mut().zip(&self.limiting[..self.inside()]) {
+            *wear = wear.min(limiting.max(0.0));
+        }
+    }
+}
+
+/// A contact on its mesh and its output radii. It can be evaluated at any number of cycles.
 #[derive(Debug)]
 pub struct Simplified {
     contact: Contact,
@@ -53,32 +126,26 @@ pub struct Simplified {
     kernels: Arc<Kernels>,
     /// Θ = ã² − c².
     theta: f64,
-    /// The output radii: the core, then the mesh nodes from c to ã, then some radii outside.
+    /// 1/x at the mesh nodes; 0 on the axis.
+    reciprocal: Vec<f64>,
+    /// The output radii: the core, then the ring from c to ã, then some radii outside.
     pub radii: Vec<f64>,
-    /// The number of radii before the first mesh node.
+    /// The number of radii before the ring.
     core: usize,
-    /// The number of mesh nodes.
-    nodes: usize,
-    /// The number of nodes inside a₀.
-    inside: usize,
+    /// The output radii between c and ã.
+    ring: Ring,
+    /// The mesh nodes, if they are not the radii of `ring`.
+    coarse: Option<Ring>,
+    /// The error of the slip of the ring outside a₀, divided by e; 0 inside a₀.
+    slip_excess: Vec<f64>,
+    /// The pressure of the unworn contact in the ring inside a₀.
+    unworn_pressure: Vec<f64>,
     /// g₀ at every radius.
     images: Vec<f64>,
-    /// Signed y₀ at the nodes.
-    unworn: Vec<f64>,
-    /// Δ − y₀ at the nodes inside a₀.
-    rest: Vec<f64>,
-    /// 1/x at the nodes; 0 on the axis.
-    reciprocal: Vec<f64>,
-    /// Δ·s of the unworn contact at the nodes, with the ω of the rule also outside a₀.
-    slip: Vec<f64>,
-    /// The error of `slip` outside a₀, divided by e; 0 inside a₀.
-    slip_excess: Vec<f64>,
     /// The unworn profile f₀ at every radius.
     pub(crate) initial: Vec<f64>,
     /// The limiting profile f∞ at every radius.
     pub(crate) limiting: Vec<f64>,
-    /// The pressure of the unworn contact at the nodes inside a₀.
-    unworn_pressure: Vec<f64>,
     /// For each radius of the core: the pressure if y had a step at the stick edge, and the amount
     /// by which each slipping spring reduces it.
     inner: Vec<(f64, [f64; ROW_POINTS])>,
@@ -87,10 +154,8 @@ pub struct Simplified {
     outside: Vec<(f64, [f64; ROW_POINTS])>,
 }
 
-/// The springs after some cycles.
+/// The springs at the mesh nodes after some cycles.
 struct SpringStates {
-    /// g at every radius.
-    image: Vec<f64>,
     /// (g − g₀ − apex)/x at the nodes; empty without wear. The inverse transform gives the wear
     /// minus `apex`.
     worn: Vec<f64>,
@@ -127,42 +192,29 @@ impl Simplified {
     pub fn new(contact: &Contact, points: usize) -> Self {
         let Contact { ref shape, stick: c, threshold, limit, .. } = *contact;
         let Grid { radii, core, cells } = Grid::new(c, limit.radius, points, shape.extent());
-        let nodes = cells + 1;
-        let kernels = Kernels::with_cells(cells);
-        let theta = (limit.radius - c) * (limit.radius + c);
-        let mesh = &radii[core..core + nodes];
-        let inside = mesh.iter().take_while(|r| **r < 1.0).count();
-        let images: Vec<f64> = radii.iter().map(|x| shape.image(*x)).collect();
-        let unworn = images[core..core + nodes].iter().map(|g| 1.0 - g).collect();
-        let rest: Vec<f64> = kernels
-            .tau()
-            .iter()
-            .zip(mesh)
-            .take(inside)
-            .map(|(tau, x)| contact.rest(if c == 0.0 { *x } else { theta * tau / (x + c) }))
-            .collect();
-        let reciprocal = mesh.iter().map(|x| if *x > 0.0 { 1.0 / x } else { 0.0 }).collect();
+        let images_at = |radii: &[f64]| radii.iter().map(|x| shape.image(*x)).collect::<Vec<f64>>();
+        let images = images_at(&radii);
+        let ring = Ring::new(contact, radii[core..=core + cells].to_vec(), &images[core..]);
+        let coarse = (cells > MOST_CELLS).then(|| {
+            let nodes = curves::ring(c, limit.radius, MOST_CELLS);
+            let images = images_at(&nodes);
+            Ring::new(contact, nodes, &images)
+        });
+        let mesh = coarse.as_ref().unwrap_or(&ring);
+        let reciprocal = mesh.radii.iter().map(|x| if *x > 0.0 { 1.0 / x } else { 0.0 }).collect();
         let initial: Vec<f64> = radii.iter().map(|r| shape.profile(*r)).collect();
         let mut limiting = initial.clone();
-        let (mut slip, mut slip_excess) = (vec![0.0; nodes], vec![0.0; nodes]);
-        for (i, r) in mesh.iter().enumerate() {
-            let (chord, psi) = chord_and_angle(c, *r);
-            let wear = limiting_wear(shape, c, 1.0, *r, (chord, psi));
-            limiting[core + i] += wear.max(0.0);
-            // Δ − y₀ = Δ − (1 − g₀), so Δ·s₀ = Δ·(2/π)ψ − w∞.
-            slip[i] = (threshold * FRAC_2_PI * psi - wear).max(0.0);
-            if *r > 1.0 {
-                slip_excess[i] = -limiting_wear(shape, 1.0, 1.0, *r, chord_and_angle(1.0, *r));
-            }
+        for (profile, wear) in limiting[core..].iter_mut().zip(&ring.limiting) {
+            *profile += wear.max(0.0);
         }
-        if c == 0.0 {
-            // On the axis ψ is undefined. The following values are the limits for r → 0.
-            limiting[0] = 1.0;
-            slip[0] = threshold - 1.0;
-        }
+        let excess = |r: &f64| match *r {
+            r if r > 1.0 => -limiting_wear(shape, 1.0, 1.0, r, chord_and_angle(1.0, r)),
+            _ => 0.0,
+        };
+        let slip_excess = ring.radii.iter().map(excess).collect();
         let row = SpringRow::new(contact);
         let unworn_pressure =
-            radii[core..core + inside].iter().map(|r| shape.pressure_inside(*r, 1.0)).collect();
+            ring.radii[..ring.inside()].iter().map(|r| shape.pressure_inside(*r, 1.0)).collect();
         let inner = radii[..core]
             .iter()
             .map(|r| {
@@ -170,31 +222,39 @@ impl Simplified {
                 (shape.pressure_inside(*r, c) + step, row.weights_inside(*r))
             })
             .collect();
-        let outside = radii[core + nodes..]
+        let outside = radii[core + cells + 1..]
             .iter()
             .map(|r| (1.0 - FRAC_2_PI * libm::asin(c / r), row.weights_outside(*r)))
             .collect();
         Self {
             contact: contact.clone(),
             row,
-            kernels,
-            theta,
+            kernels: Kernels::with_cells(mesh.cells()),
+            theta: (limit.radius - c) * (limit.radius + c),
+            reciprocal,
             radii,
             core,
-            nodes,
-            inside,
-            images,
-            unworn,
-            rest,
-            reciprocal,
-            slip,
+            ring,
+            coarse,
             slip_excess,
+            unworn_pressure,
+            images,
             initial,
             limiting,
-            unworn_pressure,
             inner,
             outside,
         }
+    }
+
+    /// Estimated number of multiplications of `states` states, some of them with curves.
+    pub(crate) fn operations(points: usize, states: usize, curves: usize) -> f64 {
+        let cells = points.min(MOST_CELLS) as f64;
+        0.5 * cells * cells * (states + curves) as f64 + CURVE_OPERATIONS * (points * curves) as f64
+    }
+
+    /// The mesh nodes.
+    fn mesh(&self) -> &Ring {
+        self.coarse.as_ref().unwrap_or(&self.ring)
     }
 
     /// The regime of the unworn contact.
@@ -229,88 +289,74 @@ impl Simplified {
     /// The states at several decays. The flag requests curves.
     #[must_use]
     pub fn states(&self, wanted: &[(Decay, bool)]) -> Vec<State> {
-        let (mut images, mut worn, mut first) = (Vec::new(), Vec::new(), Vec::new());
-        let (mut changes, mut decays) = (Vec::new(), Vec::new());
-        let (mut sums, mut compressions) = (Vec::new(), Vec::new());
+        let (mut worn, mut changes) = (Vec::new(), Vec::new());
+        let (mut found, mut more) = (Vec::new(), Vec::new());
         for (decay, curves) in wanted {
             let springs = self.springs(*decay);
-            let (summed, compressed) = self.row.sums_and_compressions(*decay);
-            sums.push(summed);
+            let (sums, compressions) = self.row.sums_and_compressions(*decay);
             worn.push(springs.worn);
-            first.push((springs.apex, springs.unresolved));
+            found.push((springs.apex, springs.unresolved, sums));
             if *curves {
-                images.push(springs.image);
                 changes.push(springs.slope_changes);
-                decays.push(*decay);
-                compressions.push(compressed);
+                more.push((*decay, compressions));
             }
         }
-        let mut wear = vec![vec![0.0; self.radii.len()]; wanted.len()];
-        self.kernels.inverse(&worn, &mut wear, self.core);
-        let mut more = images
-            .into_iter()
-            .zip(self.pressures(&decays, &changes, &compressions))
-            .zip(&compressions);
+        let mut wear = vec![vec![0.0; self.mesh().radii.len()]; wanted.len()];
+        self.kernels.inverse(&worn, &mut wear);
+        let mut more = more.iter().zip(self.pressures(&changes));
         let scale = self.theta.sqrt() / PI;
         wear.into_iter()
-            .zip(first)
-            .zip(sums)
+            .zip(found)
             .zip(wanted)
-            .map(|(((mut wear, (apex, unresolved)), sums), (decay, curves))| {
-                let mesh = &mut wear[self.core..self.core + self.nodes];
-                for wear in &mut *mesh {
+            .map(|((mut wear, (apex, unresolved, sums)), (_, curves))| {
+                for wear in &mut wear {
                     *wear = apex + scale * *wear;
                 }
                 if unresolved {
-                    self.bound(mesh);
+                    self.mesh().bound(&mut wear);
                 }
-                let mut state = self.measure(mesh, sums);
-                if let Some(((image, pressure), compressions)) =
+                let mut state = self.measure(&wear, sums);
+                if let Some(((decay, compressions), pressure)) =
                     curves.then(|| more.next()).flatten()
                 {
-                    let slip = self.slip(mesh, *decay, compressions);
-                    for wear in mesh {
-                        *wear = wear.max(0.0);
+                    let mut wear = self.spread(wear, self.ring.radii.len());
+                    if unresolved {
+                        self.ring.bound(&mut wear);
                     }
                     state.backbone = Some(self.row.backbone(&sums, compressions));
-                    state.curves = Some(Curves { wear, image, pressure, slip });
+                    state.curves = Some(self.curves(&wear, pressure, *decay, compressions));
                 }
                 state
             })
             .collect()
     }
 
-    /// The closed form of (14) at every node, as in [`Contact::compression`] and [`Contact::worn`],
-    /// but with one division for both.
+    /// The closed form of (14) at every mesh node, as in [`Contact::compression`] and
+    /// [`Contact::worn`], but with one division for both.
     fn springs(&self, decay: Decay) -> SpringStates {
         let Contact { threshold, stick, .. } = self.contact;
         let (left, gone) = (decay.left, decay.gone);
-        let mesh = self.core..self.core + self.nodes;
         if gone == 0.0 {
-            return SpringStates {
-                image: self.images.clone(),
-                worn: Vec::new(),
-                slope_changes: Vec::new(),
-                apex: 0.0,
-                unresolved: false,
-            };
+            let (worn, slope_changes) = (Vec::new(), Vec::new());
+            return SpringStates { worn, slope_changes, apex: 0.0, unresolved: false };
         }
-        let mut image = Vec::with_capacity(self.radii.len());
-        image.extend_from_slice(&self.images[..mesh.start]);
-        let (inside, outside) = self.unworn.split_at(self.inside);
-        // The same vector holds a share of the compression, then η, then g.
-        image.extend(inside.iter().zip(&self.rest).map(|(y, rest)| y / (y * left + rest)));
-        let shares = &mut image[mesh.start..];
-        let mut worn: Vec<f64> = Vec::with_capacity(self.nodes);
-        worn.extend(shares.iter().zip(&self.rest).map(|(share, rest)| gone * rest * share));
+        let mesh = self.mesh();
+        let (inside, outside) = mesh.unworn.split_at(mesh.inside());
+        let mut rest: Vec<f64> = Vec::with_capacity(mesh.inside() + 1);
+        rest.extend(mesh.shares(decay));
+        let mut worn: Vec<f64> = Vec::with_capacity(mesh.radii.len());
+        worn.extend(rest.iter().zip(&mesh.rest).map(|(share, rest)| gone * rest * share));
         worn.extend(outside.iter().map(|y| gone * y));
-        for share in &mut *shares {
-            *share *= threshold * left;
+        for (rest, unworn) in rest.iter_mut().zip(inside) {
+            *rest = *rest * (threshold * left) - left * unworn;
         }
         if stick > 0.0 {
             // The node at the stick edge neither slips nor wears: set the exact values, without rounding errors.
-            (shares[0], worn[0]) = (self.unworn[0], 0.0);
+            (rest[0], worn[0]) = (inside[0] - left * inside[0], 0.0);
         }
+        // R is 0 at a₀ and outside it. One more node lets the curve end at 0.
+        rest.push(0.0);
+        self.kernels.slope_changes(&mut rest);
         let apex = worn[0];
         let first_step = worn[1] - apex;
         for (worn, reciprocal) in worn.iter_mut().zip(&self.reciprocal) {
@@ -320,23 +366,13 @@ impl Simplified {
         if unresolved {
             worn[0] = self.first_value(decay, apex, worn[1]);
         }
-        let mut rest: Vec<f64> = Vec::with_capacity(self.inside + 1);
-        rest.extend(shares.iter().zip(inside).map(|(y, unworn)| y - left * unworn));
-        // R is 0 at a₀ and outside it. One more node lets the curve end at 0.
-        rest.push(0.0);
-        self.kernels.slope_changes(&mut rest);
-        for compression in shares {
-            *compression = 1.0 - *compression;
-        }
-        image.extend(outside.iter().map(|y| 1.0 - left * y));
-        image.extend_from_slice(&self.images[mesh.end..]);
-        SpringStates { image, worn, slope_changes: rest, apex, unresolved }
+        SpringStates { worn, slope_changes: rest, apex, unresolved }
     }
 
     /// The value at the first node that makes the inverse transform of the first cell exact, even with a thin step
     /// inside. The interpolation there is linear, with `second` at the second node.
     fn first_value(&self, decay: Decay, apex: f64, second: f64) -> f64 {
-        let (c, r) = (self.contact.stick, self.radii[self.core + 1]);
+        let (c, r) = (self.contact.stick, self.mesh().radii[1]);
         let (_, angle) = chord_and_angle(c, r);
         // ψ = ψ₁(1 − s⁴): x = r cos ψ is c at s = 0, and x − c = 2r sin((ψ₁−ψ)/2) sin((ψ₁+ψ)/2).
         let integral = integrate(0.0, 1.0, |s| {
@@ -348,16 +384,6 @@ impl Simplified {
         3.0 * integral / (self.theta.sqrt() * root) - 2.0 * second
     }
 
-    /// Limits the wear inside a₀ to the limiting wear. If the image has a step within a cell, the computed
-    /// wear can exceed the limiting wear.
-    fn bound(&self, wear: &mut [f64]) {
-        let nodes = self.core..self.core + self.inside;
-        let limit = self.limiting[nodes.clone()].iter().zip(&self.initial[nodes]);
-        for (wear, (limiting, initial)) in wear.iter_mut().zip(limit) {
-            *wear = wear.min(limiting - initial);
-        }
-    }
-
     /// The width of the step of the image at the stick edge.
     fn step_width(&self, decay: Decay) -> f64 {
         let Contact { ref shape, stick, threshold, .. } = self.contact;
@@ -365,8 +391,7 @@ impl Simplified {
     }
 
     fn measure(&self, wear: &[f64], sums: Sums) -> State {
-        let mesh = &self.radii[self.core..self.core + self.nodes];
-        let tau = self.kernels.tau();
+        let (mesh, tau) = (&self.mesh().radii, self.kernels.tau());
         let deepest = largest(wear);
         let mut scar = 0.0;
         let mut cut_off = 0.0;
@@ -397,11 +422,67 @@ impl Simplified {
         }
     }
 
+    /// Interpolates values at the first mesh nodes to the first `radii` radii of the ring, by
+    /// monotone cubics in u = τ^⅓. Both are evenly spaced in u.
+    fn spread(&self, nodes: Vec<f64>, radii: usize) -> Vec<f64> {
+        let (cells, intervals) = (self.mesh().cells(), self.ring.cells());
+        if cells == intervals {
+            return nodes;
+        }
+        let knots = (0..nodes.len()).map(|i| i as f64).collect();
+        let curve = Monotone::through(knots, nodes);
+        let per_interval = cells as f64 / intervals as f64;
+        (0..radii).map(|i| i as f64 * per_interval).map(curve.along()).collect()
+    }
+
+    /// The curves from the wear and the sums of the pressure in the ring.
+    fn curves(
+        &self,
+        wear: &[f64],
+        pressure: Vec<f64>,
+        decay: Decay,
+        compressions: &[f64; ROW_POINTS],
+    ) -> Curves {
+        let mut curve = Vec::with_capacity(self.radii.len());
+        curve.resize(self.core, 0.0);
+        curve.extend(wear.iter().map(|wear| wear.max(0.0)));
+        curve.resize(self.radii.len(), 0.0);
+        Curves {
+            wear: curve,
+            image: self.image(decay),
+            pressure: self.pressure(pressure, decay, compressions),
+            slip: self.slip(wear, decay, compressions),
+        }
+    }
+
+    /// The image at every radius.
+    fn image(&self, decay: Decay) -> Vec<f64> {
+        let mut image = self.images.clone();
+        if decay.gone == 0.0 {
+            return image;
+        }
+        let carried = self.contact.threshold * decay.left;
+        let (inside, outside) = image[self.core..].split_at_mut(self.ring.inside());
+        let edge = inside[0];
+        for (image, share) in inside.iter_mut().zip(self.ring.shares(decay)) {
+            *image = 1.0 - carried * share;
+        }
+        if self.core > 0 {
+            // The stick edge does not wear: set the exact value, without rounding errors.
+            inside[0] = edge;
+        }
+        for (image, unworn) in outside.iter_mut().zip(&self.ring.unworn[self.ring.inside()..]) {
+            *image = 1.0 - decay.left * unworn;
+        }
+        image
+    }
+
+    /// The slip at every radius, from the wear in the ring.
     fn slip(&self, wear: &[f64], decay: Decay, compressions: &[f64]) -> Vec<f64> {
         let per_threshold = 1.0 / self.contact.threshold;
         let mut slip = Vec::with_capacity(self.radii.len());
         slip.resize(self.core, 0.0);
-        slip.extend(wear.iter().zip(&self.slip).zip(&self.slip_excess).map(
+        slip.extend(wear.iter().zip(&self.ring.slip).zip(&self.slip_excess).map(
             |((wear, unworn), excess)| {
                 ((unworn + wear - decay.left * excess) * per_threshold).max(0.0)
             },
@@ -414,36 +495,46 @@ impl Simplified {
         slip
     }
 
-    /// The pressure at every radius.
+    /// The sums of the pressure in the ring inside a₀, for several R at once.
     ///
-    /// In the ring y = e·y₀ + R. The pressure of e·y₀ is e times the pressure of the unworn contact, known in closed
-    /// form. The rest R = y − e·y₀ has a double root at a₀, so that no kink lies inside a cell.
-    fn pressures(
+    /// In the ring y = e·y₀ + R. The pressure of e·y₀ is e times the pressure of the unworn contact,
+    /// known in closed form. The rest R = y − e·y₀ has a double root at a₀, so that no kink lies
+    /// inside a cell.
+    fn pressures(&self, changes: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        // The sum is 0 at the first node outside a₀.
+        let mut sums = vec![vec![0.0; self.mesh().inside() + 1]; changes.len()];
+        self.kernels.pressure(changes, self.mesh().inside(), &mut sums);
+        sums
+    }
+
+    /// The pressure at every radius, from the sums of [`pressures`](Self::pressures).
+    fn pressure(
         &self,
-        decays: &[Decay],
-        changes: &[Vec<f64>],
-        compressions: &[[f64; ROW_POINTS]],
-    ) -> Vec<Vec<f64>> {
-        let mut curves = vec![vec![0.0; self.radii.len()]; decays.len()];
-        self.kernels.pressure(changes, self.inside, &mut curves, self.core);
-        let scale = FRAC_2_PI / self.theta.sqrt();
-        let first_cell = self.radii[self.core + 1] - self.radii[self.core];
-        for ((curve, decay), compressions) in curves.iter_mut().zip(decays).zip(compressions) {
-            for (pressure, (step, weights)) in curve.iter_mut().zip(&self.inner) {
-                let found = step - dot(weights, compressions);
-                // If the core is too small for these sums, it acts like a point: the pressure is infinite.
-                *pressure = if found >= 0.0 { found } else { f64::INFINITY };
-            }
-            let ring = &mut curve[self.core..];
-            for (pressure, unworn) in ring.iter_mut().zip(&self.unworn_pressure) {
-                *pressure = (decay.left * unworn + scale * *pressure).max(0.0);
-            }
-            // At the apex of a cone in gross slip the pressure is always infinite.
-            let apex = self.unworn_pressure[0].is_infinite();
-            if apex || self.core > 0 && self.step_width(*decay) < first_cell {
-                ring[0] = f64::INFINITY;
-            }
+        mut sums: Vec<f64>,
+        decay: Decay,
+        compressions: &[f64; ROW_POINTS],
+    ) -> Vec<f64> {
+        let mut curve = Vec::with_capacity(self.radii.len());
+        curve.extend(self.inner.iter().map(|(step, weights)| {
+            let found = step - dot(weights, compressions);
+            // If the core is too small for these sums, it acts like a point: the pressure is infinite.
+            if found >= 0.0 { found } else { f64::INFINITY }
+        }));
+        let unresolved =
+            self.core > 0 && self.step_width(decay) < self.mesh().radii[1] - self.mesh().radii[0];
+        if unresolved {
+            // The sum at the stick edge contains the step. The sums outside do not.
+            sums[0] = sums[1];
         }
-        curves
+        let scale = FRAC_2_PI / self.theta.sqrt();
+        let sums = self.spread(sums, self.ring.inside());
+        let ring = self.unworn_pressure.iter().zip(&sums);
+        curve.extend(ring.map(|(unworn, sum)| (decay.left * unworn + scale * sum).max(0.0)));
+        // At the apex of a cone in gross slip the pressure is always infinite.
+        if unresolved || self.unworn_pressure[0].is_infinite() {
+            curve[self.core] = f64::INFINITY;
+        }
+        curve.resize(self.radii.len(), 0.0);
+        curve
     }
 }

@@ -66,12 +66,11 @@ impl Curves {
 
         let (mut pressure, mut slip) = (pressure.along(), slip.along());
         let (mut profile, mut image) = (profile.along(), image.along());
-        let curve = |value: &mut dyn FnMut(f64) -> f64| radii.iter().map(|r| value(*r)).collect();
         Self {
-            wear: curve(&mut |r| {
+            wear: curve(radii, |r| {
                 if r <= inner && inner > 0.0 || r > *scar { 0.0 } else { profile(r * r).max(0.0) }
             }),
-            image: curve(&mut |x| {
+            image: curve(radii, |x| {
                 if x < inner {
                     shape.image(x)
                 } else if x * x < end {
@@ -83,7 +82,7 @@ impl Curves {
                     shape.image(x) + image_outside(squares, wear, x * x)
                 }
             }),
-            pressure: curve(&mut |r| {
+            pressure: curve(radii, |r| {
                 if r < inner {
                     shape.pressure_inside(r, inner) + springs.pressure(r)
                 } else if step && r * r <= start {
@@ -94,7 +93,7 @@ impl Curves {
                     0.0
                 }
             }),
-            slip: curve(&mut |r| {
+            slip: curve(radii, |r| {
                 if r <= inner && inner > 0.0 {
                     0.0
                 } else if r * r < end {
@@ -107,6 +106,11 @@ impl Curves {
             }),
         }
     }
+}
+
+/// The values at the given radii.
+fn curve(radii: &[f64], value: impl FnMut(f64) -> f64) -> Vec<f64> {
+    radii.iter().copied().map(value).collect()
 }
 
 /// The image outside the mesh of a wear that is linear in t between nodes:
@@ -148,14 +152,15 @@ impl SpringCurve {
 
     /// (1/π) ∫ −y′/√(x²−r²) dx for radii r up to the first knot.
     fn pressure(&self, r: f64) -> f64 {
+        let root = |t: f64| (t - r * r).max(0.0).sqrt();
+        let mut near = root(self.knots[0].0);
         let sum: f64 = self
             .knots
             .windows(2)
             .map(|pair| {
-                let ((t, y), (t_next, y_next)) = (pair[0], pair[1]);
-                let near = (t - r * r).max(0.0).sqrt();
-                let far = (t_next - r * r).max(0.0).sqrt();
-                2.0 * (y - y_next) / (near + far)
+                let ((_, y), (t_next, y_next)) = (pair[0], pair[1]);
+                let far = root(t_next);
+                2.0 * (y - y_next) / (std::mem::replace(&mut near, far) + far)
             })
             .sum();
         FRAC_1_PI * sum

@@ -20,6 +20,12 @@ use crate::contact::profile::Shape;
 use crate::numeric::{dot, integrate_beyond};
 
 const TWO_THIRDS: f64 = 2.0 / 3.0;
+/// Number of matrix rows that are multiplied together. Their sums fit into the registers of a
+/// processor, and so many independent sums hide the latency of an addition.
+const GROUP: usize = 12;
+
+/// The entries of one column in a group of rows.
+type Column = [f64; GROUP];
 
 /// Nodes, cells and the matrix A of a shape.
 #[derive(Debug, Clone)]
@@ -32,8 +38,10 @@ pub struct Mesh {
     pub(crate) widths: Vec<f64>,
     /// The area of each node in t: V = π Σ areas·w.
     areas: Vec<f64>,
-    /// The matrix A row by row: row q contains A_q1 … A_q,q+1.
-    matrix: Vec<f64>,
+    /// The matrix A in groups of rows, each column by column. Row q of A is A_q1 … A_q,q+1.
+    image: Vec<Vec<Column>>,
+    /// The matrix of the pressure in groups of rows, each column by column from the diagonal on.
+    pressure: Vec<Vec<Column>>,
     /// Mean of g₀ over each cell.
     pub(crate) unworn: Vec<f64>,
     /// ∫₀^r₀ (1 − g₀) dx.
@@ -58,54 +66,50 @@ impl Mesh {
         if axis {
             areas[1] += 0.5 * squares[1];
         }
-        let mut matrix = Vec::with_capacity(last * (last + 1) / 2);
-        for q in 0..last {
-            push_row(&squares, radii[q] + radii[q + 1], q, axis, &mut matrix);
-        }
-        let unworn = radii
-            .windows(2)
-            .map(|ends| {
-                let image = |x: f64| shape.image(x);
-                integrate_beyond(ends[0], ends[1], shape.kinks(), image) / (ends[1] - ends[0])
-            })
-            .collect();
+        let image = image(&radii, &squares);
+        let pressure = pressure(&image, &widths, &areas[1..]);
+        let mean = |ends: &[f64]| {
+            let image = |x: f64| shape.image(x);
+            integrate_beyond(ends[0], ends[1], shape.kinks(), image) / (ends[1] - ends[0])
+        };
+        let unworn: Vec<f64> = radii.windows(2).map(mean).collect();
         // The whole force minus the force of the cells. A quadrature over the core would be less
         // accurate: with many pieces its error could exceed the force of a thin ring.
-        let carried: f64 = radii
-            .windows(2)
-            .take_while(|ends| ends[0] < 1.0)
-            .map(|ends| {
-                let load = |x: f64| 1.0 - shape.image(x);
-                integrate_beyond(ends[0], ends[1].min(1.0), shape.kinks(), load)
-            })
-            .sum();
-        let core = if axis { 0.0 } else { shape.half_force() - carried };
-        Self { radii, squares, widths, areas, matrix, unworn, core, inverse: OnceCell::new() }
-    }
-
-    /// Row q of the matrix: A_q1 … A_q,q+1.
-    fn row(&self, q: usize) -> &[f64] {
-        &self.matrix[q * (q + 1) / 2..(q + 1) * (q + 2) / 2]
+        let loads = radii.windows(2).zip(&unworn).map(|(ends, unworn)| {
+            if ends[1] <= 1.0 {
+                (ends[1] - ends[0]) * (1.0 - unworn)
+            } else if ends[0] < 1.0 {
+                (1.0 - ends[0]) * (1.0 - mean(&[ends[0], 1.0]))
+            } else {
+                0.0
+            }
+        });
+        let core = if axis { 0.0 } else { shape.half_force() - loads.sum::<f64>() };
+        let inverse = OnceCell::new();
+        Self { radii, squares, widths, areas, image, pressure, unworn, core, inverse }
     }
 
     /// The mean over cell q of the image of the given wear at the nodes.
     pub(crate) fn image(&self, q: usize, wear: &[f64]) -> f64 {
-        dot(self.row(q), &wear[1..])
+        products(&self.image[q / GROUP], &wear[1..])[q % GROUP]
+    }
+
+    /// Appends the images of the next group of cells, for the given wear at the nodes. `images`
+    /// contains all groups before.
+    pub(crate) fn push_images(&self, wear: &[f64], images: &mut Vec<f64>) {
+        let known = images.len();
+        let worn = products(&self.image[known / GROUP], &wear[1..]);
+        images.extend(self.unworn[known..].iter().zip(worn).map(|(unworn, worn)| unworn + worn));
     }
 
     /// The pressure at the nodes. `compressions` belong to the springs of the first cells; the
     /// other springs carry no load. The pressure at the first node is set to 0.
     pub fn pressure(&self, compressions: &[f64], pressure: &mut [f64]) {
-        pressure.fill(0.0);
-        for (q, compression) in compressions.iter().enumerate() {
-            let load = self.widths[q] * compression;
-            for (sum, entry) in pressure[1..].iter_mut().zip(self.row(q)) {
-                *sum += load * entry;
-            }
-        }
-        let reached = (compressions.len() + 1).min(pressure.len());
-        for (sum, area) in pressure[..reached].iter_mut().zip(&self.areas).skip(1) {
-            *sum *= FRAC_2_PI / area;
+        pressure[0] = 0.0;
+        let groups = pressure[1..].chunks_mut(GROUP).zip(&self.pressure);
+        for (group, (pressure, columns)) in groups.enumerate() {
+            let loaded = compressions.get(group * GROUP..).unwrap_or_default();
+            pressure.copy_from_slice(&products(columns, loaded)[..pressure.len()]);
         }
     }
 
@@ -121,9 +125,17 @@ impl Mesh {
     pub(crate) fn solve_into(&self, slips: &[f64], solution: &mut [f64]) {
         let first = slips.iter().position(|slip| *slip != 0.0).unwrap_or(slips.len());
         solution[..=first].fill(0.0);
-        for (q, slip) in slips.iter().enumerate().skip(first) {
-            let row = self.row(q);
-            solution[q + 1] = (slip - dot(&row[..q], &solution[1..=q])) / row[q];
+        let groups = slips.chunks(GROUP).zip(&self.image).enumerate();
+        for (group, (slips, columns)) in groups.skip(first / GROUP) {
+            let (before, here) = solution[1..].split_at_mut(group * GROUP);
+            let mut sums = products(columns, before);
+            let diagonal = columns[before.len()..].iter().enumerate();
+            for ((i, column), (slip, solution)) in diagonal.zip(slips.iter().zip(here)) {
+                *solution = (slip - sums[i]) / column[i];
+                for (sum, entry) in sums.iter_mut().zip(column) {
+                    *sum += entry * *solution;
+                }
+            }
         }
         if self.radii[0] == 0.0 {
             solution[0] = solution[1];
@@ -142,7 +154,7 @@ impl Mesh {
 
     /// (2/π)·(arcsin(r_{q+1}/r_j) − arcsin(r_q/r_j)) for each q, row by row from j = 1.
     fn inverse_rows(&self) -> Vec<f64> {
-        let mut rows = Vec::with_capacity(self.matrix.len());
+        let mut rows = Vec::with_capacity(self.radii.len() * self.widths.len() / 2);
         for (j, r) in self.radii.iter().enumerate().skip(1) {
             let mut before = libm::asin(self.radii[0] / r);
             for q in 1..=j {
@@ -178,33 +190,72 @@ fn place_nodes(radii: &mut [f64], kinks: &[f64]) {
     }
 }
 
-/// Appends row q of the matrix. Each cell contributes the mean of the image of a unit slope dw/dt.
-fn push_row(squares: &[f64], sum_of_ends: f64, q: usize, axis: bool, matrix: &mut Vec<f64>) {
-    let (low, high) = (squares[q], squares[q + 1]);
-    let scale = TWO_THIRDS * sum_of_ends;
-    let cell = |j: usize| {
-        let a1 = (high - squares[j]).sqrt();
-        if j == q {
-            return scale / a1;
+/// The products of a group of rows with a vector, which can be shorter than the rows.
+fn products(columns: &[Column], vector: &[f64]) -> Column {
+    let mut sums = [0.0; GROUP];
+    for (column, value) in columns.iter().zip(vector) {
+        for (sum, entry) in sums.iter_mut().zip(column) {
+            *sum += entry * value;
         }
-        let a0 = (low - squares[j]).sqrt();
-        let b1 = (high - squares[j + 1]).sqrt();
-        let b0 = (low - squares[j + 1]).sqrt();
-        let (outer, inner) = (1.0 / (a1 + b1), 1.0 / (a0 + b0));
-        let cross = (a1 * b1 * inner + a0 * b0 * outer) / ((a1 + a0) * (b1 + b0));
-        scale * (outer + inner - cross)
+    }
+    sums
+}
+
+/// The matrix A. Each cell contributes the mean of the image of a unit slope dw/dt.
+fn image(radii: &[f64], squares: &[f64]) -> Vec<Vec<Column>> {
+    let (cells, axis) = (radii.len() - 1, radii[0] == 0.0);
+    let mut groups: Vec<Vec<Column>> = (0..cells)
+        .step_by(GROUP)
+        .map(|first| vec![[0.0; GROUP]; (first + GROUP).min(cells)])
+        .collect();
+    // √(t_q − t_j) for j ≤ q.
+    let (mut roots, mut next) = (vec![0.0], Vec::with_capacity(cells));
+    let mut row = Vec::with_capacity(cells);
+    for q in 0..cells {
+        let scale = TWO_THIRDS * (radii[q] + radii[q + 1]);
+        next.clear();
+        next.extend(squares[..=q].iter().map(|t| (squares[q + 1] - t).sqrt()));
+        let slopes = roots.windows(2).zip(next.windows(2)).map(|(a0, a1)| {
+            let (outer, inner) = (1.0 / (a1[0] + a1[1]), 1.0 / (a0[0] + a0[1]));
+            let cross = (a1[0] * a1[1] * inner + a0[0] * a0[1] * outer)
+                / ((a1[0] + a0[0]) * (a1[1] + a0[1]));
+            scale * (outer + inner - cross)
+        });
+        row.clear();
+        row.extend(slopes.chain([scale / next[q]]));
+        if axis {
+            row[0] = 0.0;
+        }
+        // Unit wear at a node has a slope on both sides of the node.
+        let entries = row.windows(2).map(|slopes| slopes[0] - slopes[1]).chain(row.last().copied());
+        let columns = &mut groups[q / GROUP];
+        for (column, entry) in columns.iter_mut().zip(entries) {
+            column[q % GROUP] = entry;
+        }
+        if axis {
+            columns[0][q % GROUP] += 1.0;
+        }
+        next.push(0.0);
+        std::mem::swap(&mut roots, &mut next);
+    }
+    groups
+}
+
+/// The matrix of the pressure: the transpose of A with the widths of cells and the areas of nodes.
+fn pressure(image: &[Vec<Column>], widths: &[f64], areas: &[f64]) -> Vec<Vec<Column>> {
+    let group = |(group, areas): (usize, &[f64])| {
+        let first = group * GROUP;
+        let columns = widths.iter().enumerate().skip(first).map(|(q, width)| {
+            let mut column = [0.0; GROUP];
+            let entries = image[q / GROUP][first..].iter().map(|column| column[q % GROUP]);
+            for ((sum, entry), area) in column.iter_mut().zip(entries).zip(areas) {
+                *sum = FRAC_2_PI * width * entry / area;
+            }
+            column
+        });
+        columns.collect()
     };
-    let mut before = if axis { 0.0 } else { cell(0) };
-    for j in 1..=q {
-        let here = cell(j);
-        matrix.push(before - here);
-        before = here;
-    }
-    matrix.push(before);
-    if axis {
-        let first = matrix.len() - 1 - q;
-        matrix[first] += 1.0;
-    }
+    areas.chunks(GROUP).enumerate().map(group).collect()
 }
 
 #[cfg(test)]
@@ -258,11 +309,11 @@ mod tests {
 
     #[test]
     fn solve_inverts_the_image_matrix() {
-        for from in [0.0, 0.5] {
-            let mesh = Mesh::new(&Shape::power(2.0), graded(from, 1.2, 40));
-            let mut wear: Vec<f64> = (0..=40).map(|j| libm::sin(0.3 * f64::from(j))).collect();
+        for (from, cells) in [(0.0, 40), (0.5, 40), (0.0, 41), (0.5, 42), (0.5, 43)] {
+            let mesh = Mesh::new(&Shape::power(2.0), graded(from, 1.2, cells));
+            let mut wear: Vec<f64> = (0..=cells).map(|j| libm::sin(0.3 * j as f64)).collect();
             wear[0] = if from == 0.0 { wear[1] } else { 0.0 };
-            let image: Vec<f64> = (0..40).map(|q| mesh.image(q, &wear)).collect();
+            let image: Vec<f64> = (0..cells).map(|q| mesh.image(q, &wear)).collect();
             for (solved, given) in mesh.solve(&image).iter().zip(&wear) {
                 assert!((solved - given).abs() < 1e-11);
             }

@@ -229,13 +229,15 @@ impl Rkc {
         }
         for [mu, nu, mu_rate, gamma] in &coefficients.rest {
             system.rates(now, rates);
-            for j in 0..now.len() {
-                let next = (1.0 - mu - nu) * start[j]
-                    + mu * now[j]
-                    + nu * earlier[j]
-                    + h * (mu_rate * rates[j] + gamma * start_rates[j]);
-                earlier[j] = now[j];
-                now[j] = next;
+            let known = rates.iter().zip(start).zip(start_rates);
+            for ((now, earlier), ((rate, start), start_rate)) in
+                now.iter_mut().zip(&mut *earlier).zip(known)
+            {
+                let next = (1.0 - mu - nu) * start
+                    + mu * *now
+                    + nu * *earlier
+                    + h * (mu_rate * rate + gamma * start_rate);
+                *earlier = std::mem::replace(now, next);
             }
         }
         system.rates(now, rates);

@@ -143,11 +143,11 @@ impl Springs {
             known = 1.0;
         }
         loop {
-            for q in self.images.len()..cells {
-                let image = self.mesh.unworn[q] + self.mesh.image(q, wear);
-                self.images.push(image);
+            while self.images.len() < cells {
+                self.mesh.push_images(wear, &mut self.images);
                 // Outside the worn region the images increase, so no later cell can be in contact.
-                if q > worn && image >= known {
+                let outside = self.images.len() - 1 > worn;
+                if outside && self.images.last().is_some_and(|image| *image >= known) {
                     break;
                 }
             }

@@ -366,8 +366,9 @@ impl Wearing {
         };
         let mut images = springs.images.clone();
         let mut slips = springs.slips.clone();
-        let known = images.len();
-        images.extend((known..mesh.widths.len()).map(|q| mesh.unworn[q] + mesh.image(q, &wear)));
+        while images.len() < mesh.widths.len() {
+            mesh.push_images(&wear, &mut images);
+        }
         slips.resize(images.len(), slips.last().copied().unwrap_or(1.0));
         let (contact_radius, scar) = self.radii(&wear, &images);
         let volume = positive_volume(&mesh.squares, &wear);
@@ -484,9 +485,12 @@ impl Wearing {
             return;
         }
         let harmonic = !matches!(springs.control.tangential, Tangential::Record(_));
-        let most = springs.compressions.iter().copied().fold(0.0, f64::max);
         let closed = harmonic
-            && if self.plan.start > 0.0 { springs.control.keeps_stick() } else { most < threshold };
+            && if self.plan.start > 0.0 {
+                springs.control.keeps_stick()
+            } else {
+                springs.compressions.iter().all(|y| *y < threshold)
+            };
         if closed {
             // The change of Δ − d since the unworn contact. It is 0 except in gross slip, where Δ and d
             // may have changed.
@@ -512,13 +516,13 @@ impl Wearing {
         let mesh = &springs.mesh;
         mesh.pressure(&springs.compressions, rates);
         let live = springs.compressions.len();
-        self.radius = 0.0;
-        let nodes = self.slip[1..=live].iter().zip(&self.stiffness[1..=live]);
-        for ((slip, stiffness), rate) in nodes.zip(&mut rates[1..=live]) {
-            let slip = slip * pace;
-            self.radius = self.radius.max(stiffness * slip);
-            *rate *= slip;
+        for (rate, slip) in rates[1..=live].iter_mut().zip(&self.slip[1..]) {
+            *rate *= slip * pace;
         }
+        // This comparison is faster than `f64::max`, which also handles NaN.
+        let bounds = self.slip[1..=live].iter().zip(&self.stiffness[1..]).map(|(s, k)| s * k);
+        self.radius =
+            pace * bounds.fold(0.0, |most, bound| if bound > most { bound } else { most });
         rates[live + 1..].fill(0.0);
         rates[0] = if mesh.radii[0] == 0.0 { rates[1] } else { 0.0 };
     }
