@@ -8,17 +8,25 @@
 //! Those of the [reference solutions](fretwork_engine::reference). Scenarios and their results are in SI.
 
 mod known;
+mod literature;
 mod numerics;
 mod page;
 mod problem;
 mod rule;
 mod table;
 
+pub use literature::volume_over_energy;
 pub use page::{Check, Section, VerificationPage};
 
 /// Computes the page, which takes some seconds.
 #[must_use]
 pub fn page() -> VerificationPage {
-    let sections = [table::sections(), known::sections(), numerics::sections(), rule::sections()];
+    let sections = [
+        table::sections(),
+        known::sections(),
+        literature::sections(),
+        numerics::sections(),
+        rule::sections(),
+    ];
     VerificationPage { sections: sections.into_iter().flatten().collect() }
 }
