@@ -1,5 +1,5 @@
-//! Draws Figures 2, 3 and 4 of the paper and prints tables of their numbers:
-//! `cargo run --release --example figures [directory]` (`examples/paper` if none is given).
+//! Draws Figures 2, 3 and 4 of the paper, and the figure of VERIFICATION.md. Prints tables of the numbers of the paper's
+//! figures: `cargo run --release --example figures [directory]` (`examples` if none is given).
 
 #![cfg_attr(not(test), expect(clippy::expect_used, reason = "an example may stop where it stands"))]
 
@@ -7,6 +7,7 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use fretwork::plot::{Axis, Dash, Figure, GREY, PALETTE, Series, Sheet, Style};
+use fretwork::verification::volume_over_energy;
 use fretwork_engine::contact::limit::Limit;
 use fretwork_engine::contact::profile::{Shape, kappa};
 use fretwork_engine::outcome::Outcome;
@@ -29,7 +30,7 @@ const UNWORN: Style = Style { color: GREY, dash: Dash::Solid, width: 1.2, mark: 
 #[cfg_attr(test, expect(dead_code, reason = "the tests use what it prints and draws"))]
 #[expect(clippy::print_stdout, reason = "a program that is run by hand")]
 fn main() {
-    let directory = std::env::args().nth(1).unwrap_or_else(|| "examples/paper".to_owned());
+    let directory = std::env::args().nth(1).unwrap_or_else(|| "examples".to_owned());
     for (name, sheet) in sheets() {
         let path = PathBuf::from(&directory).join(name);
         std::fs::write(&path, sheet.svg()).expect("a directory to write to");
@@ -40,8 +41,17 @@ fn main() {
 
 /// The figures under their file names.
 #[must_use]
-pub fn sheets() -> [(&'static str, Sheet); 3] {
-    [("figure-2.svg", figure_2()), ("figure-3.svg", figure_3()), ("figure-4.svg", figure_4())]
+pub fn sheets() -> [(&'static str, Sheet); 4] {
+    [
+        ("paper/figure-2.svg", figure_2()),
+        ("paper/figure-3.svg", figure_3()),
+        ("paper/figure-4.svg", figure_4()),
+        ("literature/fouvry-2007.svg", gross_slip()),
+    ]
+}
+
+fn gross_slip() -> Sheet {
+    volume_over_energy().expect("runs of valid scenarios")
 }
 
 /// One contact, computed by both methods.

@@ -9,6 +9,7 @@
 
 mod accuracy;
 mod known;
+mod literature;
 mod numerics;
 mod page;
 mod problem;
@@ -17,11 +18,18 @@ mod rule;
 mod table;
 
 pub use accuracy::accuracy;
+pub use literature::volume_over_energy;
 pub use page::{Check, Section, VerificationPage};
 
 /// Computes the page, which takes some seconds.
 #[must_use]
 pub fn page() -> VerificationPage {
-    let sections = [table::sections(), known::sections(), numerics::sections(), rule::sections()];
+    let sections = [
+        table::sections(),
+        known::sections(),
+        literature::sections(),
+        numerics::sections(),
+        rule::sections(),
+    ];
     VerificationPage { sections: sections.into_iter().flatten().collect() }
 }

@@ -29,6 +29,7 @@ fn sums() -> Section {
                     source: "dV/dN = (k_w/μ)W",
                     reference: 1.0,
                     value: end.worn_by_energy / end.worn.volume,
+                    expected: 0.0,
                     accepted,
                 });
             }

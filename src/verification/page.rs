@@ -16,7 +16,9 @@ pub struct Check {
     pub reference: f64,
     /// The value that this program computes; NaN if it cannot.
     pub value: f64,
-    /// The largest error that passes; none if the error is only reported.
+    /// The error that is due to the reference: 0 if the reference is exact.
+    pub expected: f64,
+    /// The largest distance from the expected error that passes; none if the error is only reported.
     pub accepted: Option<f64>,
 }
 
@@ -27,10 +29,10 @@ impl Check {
         if self.reference == 0.0 { self.value } else { self.value / self.reference - 1.0 }
     }
 
-    /// The error divided by the accepted error. 1 or less passes; NaN never passes.
+    /// The distance from the expected error, divided by the accepted one. 1 or less passes; NaN never passes.
     #[must_use]
     pub fn share(&self) -> f64 {
-        let error = self.error().abs();
+        let error = (self.error() - self.expected).abs();
         match self.accepted {
             _ if error.is_nan() => f64::INFINITY,
             None => 0.0,
@@ -40,7 +42,7 @@ impl Check {
         }
     }
 
-    /// Whether the error is not larger than the accepted one.
+    /// Whether the error is accepted.
     #[must_use]
     pub fn passes(&self) -> bool {
         self.share() <= 1.0
@@ -49,7 +51,7 @@ impl Check {
 
 impl fmt::Display for Check {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { what, source, reference, value, accepted } = self;
+        let Self { what, source, reference, value, expected, accepted } = self;
         // Small errors are easier to read as powers of ten.
         let in_percent = *reference != 0.0 && accepted.is_none_or(|accepted| accepted > 2.5e-4);
         let error = match self.error() {
@@ -62,7 +64,9 @@ impl fmt::Display for Check {
             Some(accepted) => {
                 let verdict = if self.passes() { "pass" } else { "**FAIL**" };
                 let percent = || digits(100.0 * accepted, 2) + " %";
-                (if in_percent { percent() } else { digits(*accepted, 2) }, verdict)
+                let size = if in_percent { percent() } else { digits(*accepted, 2) };
+                let around = format!("{} ± ", digits(100.0 * expected, 3));
+                (if *expected == 0.0 { size } else { around + &size }, verdict)
             }
         };
         let (reference, value) = (digits(*reference, 6), digits(*value, 6));
@@ -101,8 +105,20 @@ impl Section {
         value: f64,
         accepted: f64,
     ) {
-        let accepted = Some(accepted);
-        self.checks.push(Check { what: what.into(), source, reference, value, accepted });
+        let (what, accepted) = (what.into(), Some(accepted));
+        self.checks.push(Check { what, source, reference, value, expected: 0.0, accepted });
+    }
+
+    /// Adds a number without an accepted error.
+    pub fn report(
+        &mut self,
+        what: impl Into<String>,
+        source: &'static str,
+        reference: f64,
+        value: f64,
+    ) {
+        let what = what.into();
+        self.checks.push(Check { what, source, reference, value, expected: 0.0, accepted: None });
     }
 
     /// The check with the largest ratio of error to accepted error.
@@ -207,13 +223,22 @@ mod tests {
 
     #[test]
     fn a_check_fails_on_a_large_relative_error_or_a_missing_value() {
-        let passes = |reference, value, accepted| {
-            Check { what: String::new(), source: "", reference, value, accepted }.passes()
+        let check = |reference, value, expected, accepted| Check {
+            what: String::new(),
+            source: "",
+            reference,
+            value,
+            expected,
+            accepted,
         };
+        let passes = |reference, value, accepted| check(reference, value, 0.0, accepted).passes();
         assert!(passes(2.0, 2.02, Some(0.011)) && !passes(2.0, 2.02, Some(0.009)));
         assert!(passes(0.0, 0.0, Some(0.0)) && !passes(0.0, 1.0, Some(0.0)));
         assert!(passes(1.0, 3.0, None) && !passes(1.0, f64::NAN, Some(1.0)));
         assert!(!passes(1.0, f64::NAN, None));
+        let beside = |value| check(2.0, value, 0.01, Some(3e-3));
+        assert!(beside(2.025).passes() && !beside(2.0).passes() && !beside(2.03).passes());
+        assert!(beside(2.025).to_string().contains("| 1.250 % | 1 ± 0.3 % | pass |"));
         let lost = Section::of("lost", |_| None);
         assert!(lost.words().is_none() && lost.checks.len() == 1);
         let page = VerificationPage { sections: vec![lost] };

@@ -57,6 +57,7 @@ fn differences() -> Section {
                             source: "exact method",
                             reference: of(&exact.worn),
                             value: of(&rule.worn),
+                            expected: 0.0,
                             accepted: None,
                         })
                         // A held quantity does not differ.

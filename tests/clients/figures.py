@@ -1,4 +1,4 @@
-"""Checks the SVG figures: each quantity of each example in three layouts, and the figures of the paper.
+"""Checks the SVG figures: each quantity of each example in three layouts, and the figures of the repository.
 
 Each figure passes the Nu checker (the validator of the W3C). A browser then opens it with two substitutes for
 Helvetica: no text overlaps another or leaves the page.
@@ -55,7 +55,7 @@ def ask(path, body=None):
 
 
 def draw():
-    """Writes the figures of the server and copies those of the paper."""
+    """Writes the figures of the server and copies those of the repository."""
     shutil.rmtree(FIGURES, ignore_errors=True)
     FIGURES.mkdir(parents=True)
     quantities = json.loads(ask("/openapi.json"))["components"]["schemas"]["PlotQuantity"]["enum"]
@@ -66,7 +66,7 @@ def draw():
         for quantity, (layout, more) in itertools.product(quantities, LAYOUTS.items()):
             figure = ask(f"{result}/plot.svg?quantity={quantity}{more}")
             (FIGURES / f"{example.stem}-{quantity}{layout}.svg").write_bytes(figure)
-    for figure in (ROOT / "examples/paper").glob("*.svg"):
+    for figure in (ROOT / "examples").glob("*/*.svg"):
         shutil.copy(figure, FIGURES)
     return sorted(FIGURES.glob("*.svg"))
 

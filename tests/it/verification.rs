@@ -1,5 +1,9 @@
 //! The verification page is up to date and has no failures.
 
+use std::fs;
+use std::path::Path;
+
+use fretwork::job::Submission;
 use fretwork::verification;
 
 const COMMITTED: &str = include_str!("../../VERIFICATION.md");
@@ -22,4 +26,28 @@ fn the_verify_command_prints_the_committed_page() {
     let output = command.arg("verify").output().expect("the program");
     assert!(output.stdout == COMMITTED.as_bytes(), "{UPDATE}");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+#[test]
+fn the_inputs_from_the_literature_are_job_bodies_and_their_sources_are_named() {
+    let directory = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/examples/literature"));
+    let sources = fs::read_to_string(directory.join("README.md")).expect("a list of sources");
+    let mut inputs = 0;
+    for entry in fs::read_dir(directory).expect("the directory") {
+        let name = entry.expect("an entry").file_name().into_string().expect("a name");
+        if name == "README.md" {
+            continue;
+        }
+        assert!(sources.contains(&format!("[{name}]({name})")), "{name} has no source");
+        let linked = COMMITTED.contains(&format!("(examples/literature/{name})"));
+        assert!(linked, "VERIFICATION.md does not link {name}");
+        let file = directory.join(&name);
+        if file.extension().is_some_and(|extension| extension == "json") {
+            let text = fs::read(file).expect("a file");
+            let job = Submission::parse(&text).expect(&name);
+            assert!(job.label.is_some(), "{name} has no label");
+            inputs += 1;
+        }
+    }
+    assert_eq!(inputs, 4);
 }
