@@ -151,12 +151,11 @@ struct Worn {
 
 impl Worn {
     fn of(request: &Value) -> Option<Self> {
-        let Outcome { history, bodies, .. } = run(request)?;
-        let [_, flat] = bodies?;
+        let Outcome { history, bodies: [_, flat], .. } = run(request)?;
         Some(Self {
             energy: history.dissipated_energy,
-            volume: flat.wear_volume.iter().map(|v| 1e18 * v).collect(),
-            depth: flat.wear_depth.iter().map(|w| 1e6 * w).collect(),
+            volume: flat.wear_volume?.iter().map(|v| 1e18 * v).collect(),
+            depth: flat.wear_depth?.iter().map(|w| 1e6 * w).collect(),
         })
     }
 

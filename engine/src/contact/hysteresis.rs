@@ -179,7 +179,9 @@ impl Backbone {
         // W = 4·2 ∫ y ω dx·Δ in units of 2·(Q̃/2)·u.
         let lost = 4.0 * self.loss * threshold;
         let slip_ratio = aperture / threshold;
-        let energy_ratio = lost / (4.0 * most * threshold);
+        // If the contact is lost, the ratio has its limit for small forces, which slip over the whole
+        // motion.
+        let energy_ratio = if most == 0.0 { 1.0 } else { lost / (4.0 * most * threshold) };
         let free_ratio = if slip_ratio > 1e-9 { energy_ratio / slip_ratio } else { 0.0 };
         Loop { displacement, force, energy_ratio, slip_ratio, free_ratio }
     }

@@ -33,62 +33,62 @@ fn paraboloids() -> Vec<(&'static str, Value, u64)> {
     let cycles = json!([500, 5000, 6000, 50_000, 500_000]);
     let long = json!({"normalized": [0.5, 4, 16, 1000]});
     vec![
-        ("simplified", json!({"cycles": long}), 0x7c47_97f9_0dab_f475),
+        ("simplified", json!({"cycles": long}), 0x46ac_2c11_16a6_5a4d),
         (
             "simplified, stopped",
             json!({"until": {"wear_depth": "0.5 um"}, "cycles": long}),
-            0xd34b_bb5e_1cd7_8551,
+            0x7ba8_2671_cc81_2b45,
         ),
         (
             "simplified, gross slip",
             json!({"motion": {"amplitude": "5 um"}, "cycles": long}),
-            0x9aa9_f68a_946a_8e06,
+            0xaa35_7d6a_24ac_0e92,
         ),
-        ("exact", json!({"model": exact, "load": depth, "cycles": long}), 0x055e_87a5_56c1_8266),
+        ("exact", json!({"model": exact, "load": depth, "cycles": long}), 0x19bb_e151_7915_ce9a),
         (
             "exact beside the rule",
             json!({"model": {"method": "exact", "compare": true}}),
-            0x8ed7_8a04_b12c_8db6,
+            0xa839_ae2d_b1b8_4e61,
         ),
         (
             "exact, force held, stopped",
             json!({"model": exact, "load": force, "until": {"wear_volume": "1e-3 mm^3"},
                    "cycles": long}),
-            0xba66_ad41_f895_7dfd,
+            0xe8d6_4842_6437_4aea,
         ),
         (
             "exact, both forces held, shared",
             json!({"model": exact, "load": force, "motion": {"tangential_force": "50 N"},
                    "wear": {"coefficient": "3.03e-5 mm^3/(N m)", "share": 0.3}, "cycles": long}),
-            0x8221_a2fc_a901_dcb0,
+            0x8dba_3ceb_9e5a_e86c,
         ),
         (
             "exact, tangential force held",
             json!({"model": exact, "load": depth, "motion": {"tangential_force": "50 N"},
                    "cycles": long}),
-            0xe2ac_4fb0_855a_a53c,
+            0xc5c0_766d_001c_775f,
         ),
         (
             "exact, rig",
             json!({"model": exact, "load": force,
                    "motion": {"amplitude": "2.5 um", "rig_stiffness": "50 N/um"}}),
-            0x2625_cb52_8bf7_277e,
+            0xcde6_3765_ebe3_818e,
         ),
         (
             "exact, blocks",
             json!({"model": exact, "load": depth, "motion": blocks, "cycles": cycles}),
-            0x0cbc_ed89_e538_0d8c,
+            0x3e9a_47e1_7e91_aace,
         ),
         (
             "simplified, blocks, force held",
             json!({"load": force, "motion": blocks, "cycles": cycles}),
-            0x49f1_701e_9951_0f20,
+            0x485b_28f9_c5f1_1f7b,
         ),
         (
             "exact, reversals",
             json!({"model": exact, "motion": {"reversals": ["2 um", "-2 um", "1 um", "-1.5 um"]},
                    "cycles": cycles, "profiles_at": [500, 50_000]}),
-            0x7cfb_78e5_7758_cd62,
+            0x318d_4d37_2b28_a619,
         ),
     ]
 }
@@ -100,31 +100,31 @@ fn shapes() -> Vec<(&'static str, Value, u64)> {
     let exact = json!({"method": "exact"});
     let force = json!({"normal_force": "100 N", "held": "force"});
     vec![
-        ("simplified, table", json!({"profile": table}), 0x1274_e4b7_2d40_a1e5),
+        ("simplified, table", json!({"profile": table}), 0x8b84_7d63_dcec_3e3b),
         (
             "exact, table",
             json!({"profile": table, "model": exact, "load": force}),
-            0xa7b8_8662_425c_1400,
+            0x309e_74b7_f68d_460d,
         ),
         (
             "exact, truncated cone, gross slip",
             json!({"profile": {"shape": "truncated_cone", "slope_angle": "2 deg",
                                "flat_radius": "20 um"},
                    "motion": {"amplitude": "8 um"}, "model": exact, "load": force}),
-            0xb79e_0b8a_0fbc_05c1,
+            0x54d4_924c_d389_96a4,
         ),
         (
             "simplified, power",
             json!({"profile": {"shape": "power", "exponent": 2.5, "height": "1 um",
                                "at_radius": "0.1 mm"}, "profiles_at": "last"}),
-            0x0135_3302_2390_d85d,
+            0x507d_7880_973b_5d29,
         ),
     ]
 }
 
 #[test]
 fn results_have_the_digits_of_this_numerics_version() {
-    assert_eq!(scenario::NUMERICS, 2, "new digits: compute the checksums below anew");
+    assert_eq!(scenario::NUMERICS, 3, "new digits: compute the checksums below anew");
     let mut changed = Vec::new();
     for (name, changes, expected) in paraboloids().into_iter().chain(shapes()) {
         let request = ball_with(&changes);
