@@ -1,21 +1,28 @@
 //! Checks of the simplified rule: its closed form, and its distance from the exact method.
 
 use super::page::{Check, Section};
-use super::problem::{ContactProblem, DEEPEST, DEPTH, FORCE, STICK, VOLUME, numbers};
+use super::problem::{
+    ContactProblem, DEEPEST, DEPTH, FORCE, RULE_TOLERANCE, STICK, VOLUME, at, numbers,
+};
 use super::table::{RUNS, rows};
-use fretwork_engine::contact::control::Normal::Depth;
-use fretwork_engine::scenario::DEFAULT_POINTS;
+use fretwork_engine::contact::control::Normal::{Depth, Force};
+use fretwork_engine::contact::control::{Control, Tangential};
+use fretwork_engine::contact::row::UnwornSums;
+use fretwork_engine::scenario::{DEFAULT_POINTS, DEFAULT_TOLERANCE};
 use fretwork_engine::solver::closed::simplified::Simplified;
 use fretwork_engine::solver::stepped::law::{Law, PAPER_XI, fitted_xi};
+
+/// Output cycles Ñ, and stick ratios, at which the errors of the rule are shown.
+const INSTANTS: [f64; 6] = [0.5, 1.0, 2.0, 4.0, 8.0, 16.0];
+const STICK_RATIOS: [f64; 8] = [0.1, 0.3, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95];
 
 const CONTACTS: [(f64, f64); 2] = [(2.0, 0.5), (1.0, 0.21)];
 
 pub fn sections() -> Vec<Section> {
-    vec![marching(), differences()]
+    vec![marching(), differences(), errors()]
 }
 
 fn marching() -> Section {
-    const INSTANTS: [f64; 6] = [0.5, 1.0, 2.0, 4.0, 8.0, 16.0];
     Section::of("Simplified rule by marching", |section| {
         for (n, c) in CONTACTS {
             let problem = ContactProblem::amplitude(Depth, n, c)?;
@@ -73,4 +80,51 @@ fn differences() -> Section {
         }
         Some(())
     })
+}
+
+/// The largest errors of the volume for a paraboloid, over the stick ratio and the held quantities.
+fn errors() -> Section {
+    Section::of("Error of the simplified rule", |section| {
+        for (held, normal, by_force) in [
+            ("depth and amplitude", Depth, false),
+            ("force and amplitude", Force, false),
+            ("depth and Q", Depth, true),
+            ("force and Q", Force, true),
+        ] {
+            for c in STICK_RATIOS {
+                let mut problem = ContactProblem::amplitude(normal, 2.0, c)?;
+                if by_force {
+                    let half = UnwornSums::of(&problem.contact, None).tangential;
+                    problem.control = Control { normal, tangential: Tangential::Force(half) };
+                }
+                section.checks.extend(largest_error(held, &problem));
+            }
+        }
+        Some(())
+    })
+}
+
+/// The largest error of the volume while both runs go on. `None` if they end before the first
+/// output cycle.
+fn largest_error(held: &str, problem: &ContactProblem) -> Option<Check> {
+    let xi = fitted_xi(problem.contact.stick);
+    let volumes = |law, tolerance| -> Option<Vec<f64>> {
+        let mut march = problem.march(law, tolerance, INSTANTS[INSTANTS.len() - 1])?;
+        let states = INSTANTS.map(|instant| {
+            let worn = at(&mut march, instant).worn;
+            march.ended().is_none_or(|end| end >= instant).then_some(worn.volume)
+        });
+        Some(states.into_iter().map_while(|volume| volume).collect())
+    };
+    let exact = volumes(Law::Exact, DEFAULT_TOLERANCE)?;
+    let rule = volumes(Law::Simplified(xi), RULE_TOLERANCE)?;
+    let checks =
+        INSTANTS.iter().zip(exact.iter().zip(&rule)).map(|(instant, (exact, rule))| Check {
+            what: format!("{held} held, c = {}: V at Ñ = {instant}", problem.contact.stick),
+            source: "exact method",
+            reference: *exact,
+            value: *rule,
+            accepted: None,
+        });
+    checks.max_by(|a, b| a.error().abs().total_cmp(&b.error().abs()))
 }
