@@ -248,6 +248,18 @@ impl Shape {
         }
     }
 
+    /// The mean of g₀ over from…to, without cancellation.
+    pub(crate) fn image_mean(&self, from: f64, to: f64) -> f64 {
+        match self.kind {
+            // (bⁿ⁺¹ − aⁿ⁺¹)/(b − a) = bⁿ + bⁿ⁻¹a + … + aⁿ
+            ShapeKind::Whole(n) => {
+                let sum = (0..=n).fold(0.0, |sum, k| sum * to + whole_power(from, k));
+                sum / f64::from(n + 1)
+            }
+            _ => integrate_beyond(from, to, self.kinks(), |x| self.image(x)) / (to - from),
+        }
+    }
+
     /// ∫₀ˣ g₀ dx.
     pub(crate) fn area(&self, x: f64) -> f64 {
         match self.kind {

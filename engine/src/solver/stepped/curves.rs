@@ -14,6 +14,7 @@
 //! load than those inside, the reported pressure at the edge is infinite.
 
 use std::f64::consts::{FRAC_1_PI, FRAC_2_PI};
+use std::iter;
 
 use super::mesh::Mesh;
 use super::wearing::WornContact;
@@ -49,19 +50,16 @@ impl Curves {
         let live = compressions.len();
         let rim = contact_radius * contact_radius;
         let inside = squares.iter().take(live + 1).take_while(|t| **t < rim).count().max(1);
-        let mut knots = squares[..inside].to_vec();
-        let mut values = pressure[..inside].to_vec();
-        knots.push(rim);
-        values.push(0.0);
-        let pressure = Monotone::through(knots, values);
+        let pressure = Monotone::through(
+            [&squares[..inside], &[rim]].concat(),
+            [&pressure[..inside], &[0.0]].concat(),
+        );
         let slip = Monotone::through(squares.clone(), mesh.solve(slips));
         let profile = Monotone::through(squares.clone(), wear.clone());
-        let mut knots = vec![start];
-        knots.extend(middles.iter().map(|x| x * x));
-        let mut values = vec![depth - edge];
-        values.extend(images);
-        knots.push(end);
-        values.push(shape.image(end.sqrt()) + image_outside(squares, wear, end));
+        let middle_squares = middles.iter().map(|x| x * x);
+        let knots = iter::once(start).chain(middle_squares).chain([end]).collect();
+        let at_end = shape.image(end.sqrt()) + image_outside(squares, wear, end);
+        let values = [&[depth - edge], &images[..], &[at_end]].concat();
         let image = Monotone::through(knots, values);
 
         let (mut pressure, mut slip) = (pressure.along(), slip.along());
@@ -142,7 +140,8 @@ impl SpringCurve {
         compressions: &[f64],
         contact_radius: f64,
     ) -> Self {
-        let mut knots = vec![(start, edge)];
+        let mut knots = Vec::with_capacity(middles.len() + 2);
+        knots.push((start, edge));
         let rim = contact_radius * contact_radius;
         let loaded = middles.iter().map(|x| x * x).zip(compressions.iter().copied());
         knots.extend(loaded.take_while(|(t, _)| *t < rim));

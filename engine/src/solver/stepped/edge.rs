@@ -118,8 +118,10 @@ impl ContactEdge {
 
 /// The signed mean compression d − g of a spring.
 fn gap(wearing: &Wearing, wear: &[f64], spring: usize) -> f64 {
-    let mesh = &wearing.springs.mesh;
-    wearing.springs.depth - mesh.unworn[spring] - mesh.image(spring, wear)
+    let springs = &wearing.springs;
+    let mesh = &springs.mesh;
+    let known = springs.images.get(spring).copied();
+    springs.depth - known.unwrap_or_else(|| mesh.unworn[spring] + mesh.image(spring, wear))
 }
 
 /// The four springs around the edge of the contact.

@@ -17,7 +17,7 @@ use std::cell::OnceCell;
 use std::f64::consts::{FRAC_2_PI, FRAC_PI_2};
 
 use crate::contact::profile::Shape;
-use crate::numeric::{dot, integrate_beyond};
+use crate::numeric::dot;
 
 const TWO_THIRDS: f64 = 2.0 / 3.0;
 /// Number of matrix rows that are multiplied together. Their sums fit into the registers of a
@@ -68,18 +68,15 @@ impl Mesh {
         }
         let image = image(&radii, &squares);
         let pressure = pressure(&image, &widths, &areas[1..]);
-        let mean = |ends: &[f64]| {
-            let image = |x: f64| shape.image(x);
-            integrate_beyond(ends[0], ends[1], shape.kinks(), image) / (ends[1] - ends[0])
-        };
-        let unworn: Vec<f64> = radii.windows(2).map(mean).collect();
+        let unworn: Vec<f64> =
+            radii.windows(2).map(|ends| shape.image_mean(ends[0], ends[1])).collect();
         // The whole force minus the force of the cells. A quadrature over the core would be less
         // accurate: with many pieces its error could exceed the force of a thin ring.
         let loads = radii.windows(2).zip(&unworn).map(|(ends, unworn)| {
             if ends[1] <= 1.0 {
                 (ends[1] - ends[0]) * (1.0 - unworn)
             } else if ends[0] < 1.0 {
-                (1.0 - ends[0]) * (1.0 - mean(&[ends[0], 1.0]))
+                (1.0 - ends[0]) * (1.0 - shape.image_mean(ends[0], 1.0))
             } else {
                 0.0
             }
@@ -106,10 +103,14 @@ impl Mesh {
     /// other springs carry no load. The pressure at the first node is set to 0.
     pub fn pressure(&self, compressions: &[f64], pressure: &mut [f64]) {
         pressure[0] = 0.0;
-        let groups = pressure[1..].chunks_mut(GROUP).zip(&self.pressure);
-        for (group, (pressure, columns)) in groups.enumerate() {
-            let loaded = compressions.get(group * GROUP..).unwrap_or_default();
-            pressure.copy_from_slice(&products(columns, loaded)[..pressure.len()]);
+        let loaded = |group: usize| compressions.get(group * GROUP..).unwrap_or_default();
+        let (groups, rest) = pressure[1..].as_chunks_mut();
+        let last = groups.len();
+        for ((group, pressure), columns) in groups.iter_mut().enumerate().zip(&self.pressure) {
+            *pressure = products(columns, loaded(group));
+        }
+        if let Some(columns) = self.pressure.get(last) {
+            rest.copy_from_slice(&products(columns, loaded(last))[..rest.len()]);
         }
     }
 
@@ -243,19 +244,20 @@ fn image(radii: &[f64], squares: &[f64]) -> Vec<Vec<Column>> {
 
 /// The matrix of the pressure: the transpose of A with the widths of cells and the areas of nodes.
 fn pressure(image: &[Vec<Column>], widths: &[f64], areas: &[f64]) -> Vec<Vec<Column>> {
-    let group = |(group, areas): (usize, &[f64])| {
+    let per_area: Vec<f64> = areas.iter().map(|area| FRAC_2_PI / area).collect();
+    let group = |(group, per_area): (usize, &[f64])| {
         let first = group * GROUP;
         let columns = widths.iter().enumerate().skip(first).map(|(q, width)| {
             let mut column = [0.0; GROUP];
             let entries = image[q / GROUP][first..].iter().map(|column| column[q % GROUP]);
-            for ((sum, entry), area) in column.iter_mut().zip(entries).zip(areas) {
-                *sum = FRAC_2_PI * width * entry / area;
+            for ((sum, entry), per_area) in column.iter_mut().zip(entries).zip(per_area) {
+                *sum = per_area * width * entry;
             }
             column
         });
         columns.collect()
     };
-    areas.chunks(GROUP).enumerate().map(group).collect()
+    per_area.chunks(GROUP).enumerate().map(group).collect()
 }
 
 #[cfg(test)]

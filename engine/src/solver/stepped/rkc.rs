@@ -79,6 +79,7 @@ pub struct Rkc {
     /// The state before the last step, for interpolation within the step.
     before: (f64, Vec<f64>, Vec<f64>),
     step: f64,
+    /// The logarithm of the error of the last step.
     last_error: f64,
     scratch: [Vec<f64>; 3],
     stages: Vec<Option<Stages>>,
@@ -135,7 +136,7 @@ impl Rkc {
             values,
             rates,
             step: FIRST_STEP * scale,
-            last_error: 1.0,
+            last_error: 0.0,
             scratch: [zeros.clone(), zeros.clone(), zeros],
             stages: Vec::new(),
             accepted: 0,
@@ -200,8 +201,8 @@ impl Rkc {
                     self.tolerance *= 2.0;
                 }
                 // Proportional–integral control prevents an oscillating step size.
-                let error = error.max(1e-4);
-                let growth = 0.8 * libm::pow(error, -0.35) * libm::pow(self.last_error, 0.2);
+                let error = libm::log(error.max(1e-4));
+                let growth = 0.8 * libm::exp(0.2 * self.last_error - 0.35 * error);
                 self.last_error = error;
                 let longest = LONGEST_STEP.0 * self.scale + LONGEST_STEP.1 * self.time;
                 // A step that was shortened by `end` does not limit the next step.
@@ -286,12 +287,13 @@ impl Rkc {
         let (v, uu) = (1.0 - u, u * u);
         let (rest, gone) = (v * v * (1.0 + 2.0 * u), uu * (3.0 - 2.0 * u));
         let (early, late) = (h * u * v * v, h * uu * v);
+        let three_per_step = 3.0 / h;
         let ends = from.iter().zip(&self.values);
         let rates = from_rates.iter().zip(&self.rates);
         ends.zip(rates)
             .map(|((from, to), (from_rate, to_rate))| {
                 // Limit the slopes. The cubic is then monotone and does not overshoot.
-                let steepest = 3.0 * (to - from) / h;
+                let steepest = three_per_step * (to - from);
                 let (low, high) = (steepest.min(0.0), steepest.max(0.0));
                 let slope = |rate: &f64| rate.max(low).min(high);
                 rest * from + gone * to + early * slope(from_rate) - late * slope(to_rate)
