@@ -124,6 +124,7 @@ fn largest_error(held: &str, problem: &ContactProblem) -> Option<Check> {
             source: "exact method",
             reference: *exact,
             value: *rule,
+            expected: 0.0,
             accepted: None,
         });
     checks.max_by(|a, b| a.error().abs().total_cmp(&b.error().abs()))
