@@ -262,12 +262,16 @@ impl Figure {
     }
 }
 
-/// Moves names forward until they do not overlap each other or the start, then back from the end.
+/// Moves names forward until they do not overlap each other or the start, then back from the end. If there is no room for
+/// all names, the last ones are left out.
 fn apart(
     mut names: Vec<(f64, &str)>,
     (start, end): (f64, f64),
     extent: impl Fn(&str) -> f64,
 ) -> Vec<(f64, &str)> {
+    while names.iter().map(|(_, name)| extent(name)).sum::<f64>() > end - start {
+        names.pop();
+    }
     let mut free = start;
     for (place, name) in &mut names {
         let half = 0.5 * extent(name);

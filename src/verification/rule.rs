@@ -97,7 +97,7 @@ fn errors() -> Section {
                     let half = UnwornSums::of(&problem.contact, None).tangential;
                     problem.control = Control { normal, tangential: Tangential::Force(half) };
                 }
-                section.checks.extend(largest_error(held, &problem));
+                section.checks.extend(largest_error(&format!("{held} held, c = {c}"), &problem));
             }
         }
         Some(())
@@ -106,7 +106,7 @@ fn errors() -> Section {
 
 /// The largest error of the volume while both runs go on. `None` if they end before the first
 /// output cycle.
-fn largest_error(held: &str, problem: &ContactProblem) -> Option<Check> {
+fn largest_error(name: &str, problem: &ContactProblem) -> Option<Check> {
     let xi = fitted_xi(problem.contact.stick);
     let volumes = |law, tolerance| -> Option<Vec<f64>> {
         let mut march = problem.march(law, tolerance, INSTANTS[INSTANTS.len() - 1])?;
@@ -120,7 +120,7 @@ fn largest_error(held: &str, problem: &ContactProblem) -> Option<Check> {
     let rule = volumes(Law::Simplified(xi), RULE_TOLERANCE)?;
     let checks =
         INSTANTS.iter().zip(exact.iter().zip(&rule)).map(|(instant, (exact, rule))| Check {
-            what: format!("{held} held, c = {}: V at Ñ = {instant}", problem.contact.stick),
+            what: format!("{name}: V at Ñ = {instant}"),
             source: "exact method",
             reference: *exact,
             value: *rule,

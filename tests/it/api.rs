@@ -546,7 +546,10 @@ async fn a_result_reports_the_wear_of_each_body_and_the_model_error() {
     for ((exact, rule), error) in exact.iter().zip(&rule).zip(&errors).skip(1) {
         assert!((rule / exact - 1.0 - error).abs() < 1e-11, "{rule} against {exact}: {error}");
     }
-    assert_eq!(result["comparison"]["xi"], 0.8);
+    let radius = |pointer: &str| result.pointer(pointer).unwrap().as_f64().unwrap();
+    let stick_ratio = radius("/unworn/stick_radius") / radius("/scales/contact_radius");
+    let xi = (0.33 + 0.2 / (1.0 - stick_ratio)).sqrt();
+    assert!((radius("/comparison/xi") / xi - 1.0).abs() < 1e-9);
     let best = result["comparison"]["best_xi"].as_f64().unwrap();
     assert!((0.8..1.2).contains(&best), "{best}");
     assert_eq!(result["history"]["cycles"], result["comparison"]["history"]["cycles"]);
