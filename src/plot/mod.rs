@@ -41,6 +41,8 @@ use text::{GAP, HEADING, LABEL, LEADING, SINK, SMALL, TITLE, width, wrap};
 
 /// Width and height of a tick with its label, in px.
 const TICK_ROOM: (f64, f64) = (58.0, 42.0);
+/// The largest share of the width that a legend beside the curves may take.
+const WIDEST_MARGIN: f64 = 0.5;
 /// Height at which a curve with an infinite value ends: above the diagram, in heights of the diagram.
 const ABOVE: f64 = 1.1;
 const TICK: Style = Style { color: "#000", dash: Dash::Solid, width: 0.8, mark: None };
@@ -140,9 +142,14 @@ impl Figure {
                 lines.extend(run.windows(2).map(|pair| (pair[0], pair[1])));
                 lines.extend(run.first().map(|point| (*point, *point)));
             }
+            let (wide, _) = legend.size();
             legend.place(&plan.area, &lines).unwrap_or_else(|| {
-                plan = self.plan(corner, indent, legend.size().0);
-                (corner.0 + self.size.0 - legend.size().0, plan.area.top)
+                if wide > WIDEST_MARGIN * self.size.0 {
+                    // A margin would leave too little room for the curves, so the legend covers some of them.
+                    return (plan.area.right() - wide, plan.area.top);
+                }
+                plan = self.plan(corner, indent, wide);
+                (corner.0 + self.size.0 - wide, plan.area.top)
             })
         });
         self.draw_axes(canvas, &plan, corner);

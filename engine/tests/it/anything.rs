@@ -280,7 +280,8 @@ fn judge_bodies(case: &Case, outcome: &Outcome) {
     let lengths = first.scar_half_length.iter().zip(&second.scar_half_length);
     for ((first, second), scar) in lengths.zip(scar_radius) {
         assert!(scar <= first && first <= second, "{scar} {first} {second}");
-        assert!(*second <= (first + stroke) * (1.0 + 1e-12), "{first} {second} {stroke}");
+        // An amplitude that is as close as this to the gross-slip threshold is set to it.
+        assert!(*second <= (first + stroke) * (1.0 + 1e-11), "{first} {second} {stroke}");
     }
     assert!(second.scar_half_length.windows(2).all(|pair| pair[0] <= pair[1]));
 }
