@@ -208,7 +208,10 @@ impl Deserr<Faults> for GivenXi {
                 let detail = format!("must be a number or \"auto\", not \"{text}\"");
                 Err(Faults::at(location, detail))
             }
-            other => Xi::deserialize_from_value(other, location).map(Self::Number),
+            other => {
+                let x = number(other, location, &[ValueKind::Float, ValueKind::String])?;
+                within(x, Xi::RANGE, "", location).map(|x| Self::Number(Xi(x)))
+            }
         }
     }
 }

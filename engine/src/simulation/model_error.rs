@@ -2,7 +2,7 @@
 //!
 //! The table `exact_volumes.csv` holds wear volumes by the exact method for power laws and for four
 //! pairs of held quantities. The volume of the rule is compared with a volume that is interpolated
-//! in this table. `fretwork verify exact-volumes` prints the table.
+//! in this table. `fretwork verify --exact-volumes` prints the table.
 //!
 //! # Equations
 //! ```text
@@ -10,7 +10,7 @@
 //! ```
 //!
 //! # Accuracy
-//! In most contacts an interpolated volume is within [`TABLE_ERROR`] of that of the exact method. A
+//! In most contacts an interpolated volume is within 1.5 % of that of the exact method. A
 //! test with 400 random contacts shows how often the error of the rule is within `model_error`.
 
 use std::sync::LazyLock;
@@ -26,7 +26,7 @@ use crate::scenario::Warning;
 use crate::solver::stepped::law::Law;
 use crate::solver::stepped::march::March;
 
-/// The table. If a run ends early, its row ends with the time and the value of the end.
+/// The table. If a run ends early, its row has no values after the end.
 const TABLE: &str = include_str!("exact_volumes.csv");
 /// Exponents n of the table.
 const EXPONENTS: [f64; 7] = [1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 10.0];
@@ -55,12 +55,14 @@ const PAIRS: [(&str, Normal, bool); 4] = [
     ("force,tangential_force", Normal::Force, true),
 ];
 
-/// The table, row by row.
+/// The table, row by row. The first four columns name the row.
 static ROWS: LazyLock<Vec<Row>> = LazyLock::new(|| {
-    // The first four columns name the row.
-    let numbers =
-        |line: &str| line.split(',').skip(4).map_while(|cell| cell.parse().ok()).collect();
-    TABLE.lines().skip(1).map(|line| Row::new(numbers(line))).collect()
+    let row = |line: &str| {
+        let mut cells = line.split(',').skip(4).map(|cell| cell.parse().ok());
+        let end = cells.next().flatten().zip(cells.next().flatten());
+        Row::new(end, cells.map_while(|cell| cell).collect())
+    };
+    TABLE.lines().skip(1).map(row).collect()
 });
 
 /// The volume of one run of the table over time.
@@ -74,23 +76,14 @@ struct Row {
 }
 
 impl Row {
-    /// A row from its numbers. If the run ended early, the last two are the time and the value of
-    /// its end.
-    fn new(mut values: Vec<f64>) -> Self {
-        let mut times = TIMES.to_vec();
-        let mut end = None;
-        if values.len() != TIMES.len() {
-            let last = values.pop();
-            end = values.pop();
-            times.truncate(values.len());
-            times.extend(end);
-            values.extend(last);
-        }
-        let volumes = times.iter().zip(&values).map(|(time, value)| libm::log(time * value));
-        let volumes = volumes.collect();
-        let knots = times.iter().map(|time| libm::log(*time)).collect();
-        let first = values.first().copied().unwrap_or(1.0);
-        Self { curve: Monotone::through(knots, volumes), first, end }
+    /// A row from the time and the value of an early end, and from the values at the known times.
+    fn new(end: Option<(f64, f64)>, values: Vec<f64>) -> Self {
+        let known = TIMES.iter().copied().zip(values);
+        let points: Vec<(f64, f64)> = known.chain(end).collect();
+        let first = points.first().map_or(1.0, |(_, value)| *value);
+        let logarithms = |(time, value): &(f64, f64)| (libm::log(*time), libm::log(time * value));
+        let (knots, volumes) = points.iter().map(logarithms).unzip();
+        Self { curve: Monotone::through(knots, volumes), first, end: end.map(|(time, _)| time) }
     }
 
     /// V/(V̇(0)·Ñ) at a time up to the end. Before the first known time it tends to 1.
@@ -140,6 +133,10 @@ impl Interpolated {
             all if all == rows.len() => Some(libm::exp(ends.iter().sum())),
             _ => return None,
         };
+        if end == Some(0.0) {
+            // The mesh of the table does not resolve a core that vanishes at once.
+            return None;
+        }
         Some(Self { rows, end })
     }
 
@@ -158,7 +155,7 @@ impl Interpolated {
 }
 
 /// The largest expected relative error of the wear volume, over the output cycles of a run by the
-/// simplified rule. `None` if the table contains no such contact, or none of the output cycles.
+/// simplified rule. `None` if the table contains no such contact, or not for so many cycles.
 pub(super) fn model_error(case: &Case, history: &History) -> Option<f64> {
     if case.outputs.count() == 1 {
         // Nothing has worn.
@@ -172,11 +169,13 @@ pub(super) fn model_error(case: &Case, history: &History) -> Option<f64> {
         last.is_some_and(|last| rate * last > SETTLED * limit)
     });
     let rows = history.normalized_cycles.iter().zip(&history.wear_volume).skip(1);
-    let errors = rows.filter_map(|(time, volume)| {
+    let mut largest = None;
+    for (time, volume) in rows {
         let exact = table.volume(*time).map(|volume| rate * volume).or(limit)?;
-        Some((volume / exact - 1.0).abs() + TABLE_ERROR)
-    });
-    errors.reduce(f64::max)
+        let error = (volume / exact - 1.0).abs() + TABLE_ERROR;
+        largest = Some(error.max(largest.unwrap_or(0.0)));
+    }
+    largest
 }
 
 /// The warning about the error of the simplified rule, if one is necessary.
@@ -186,8 +185,8 @@ pub(super) fn warning(model_error: Option<f64>) -> Option<Warning> {
         Some(error) => {
             let percent = 100.0 * error;
             let detail = format!(
-                "The wear volume by the simplified rule is expected to be wrong by up to \
-                 {percent:.0} %. Use the exact method."
+                "The wear volume by the simplified rule may differ from that of the exact method by up \
+                 to {percent:.0} %. Use the exact method."
             );
             ("model_error", detail)
         }
@@ -195,7 +194,8 @@ pub(super) fn warning(model_error: Option<f64>) -> Option<Warning> {
             let detail = format!(
                 "The error of the simplified rule is not known for this contact. The rule was \
                  compared with the exact method for power laws and shallow spheres, without rig, \
-                 blocks or reversals, for stick ratios from {} to {} and up to {} N₀. Use the exact \
+                 blocks or reversals, for stick ratios from {} to {} and up to {} N₀. Close to gross \
+                 slip under a held tangential force the comparison is not conclusive. Use the exact \
                  method, which can also compare itself with the rule.",
                 STICK_RATIOS[0],
                 STICK_RATIOS[STICK_RATIOS.len() - 1],
@@ -219,6 +219,9 @@ fn pair(control: &Control) -> Option<usize> {
 
 /// The interval of ascending `knots` that contains `x`, and the position in it from 0 to 1.
 fn between(knots: &[f64], x: f64) -> Option<(usize, f64)> {
+    let (first, last) = (*knots.first()?, *knots.last()?);
+    // Rounding may move a value slightly out of the table.
+    let x = if (x - first).abs().min((x - last).abs()) < 1e-6 { x.clamp(first, last) } else { x };
     let next = knots.partition_point(|knot| *knot <= x);
     let low = next.checked_sub(1)?;
     match knots.get(next) {
@@ -230,30 +233,29 @@ fn between(knots: &[f64], x: f64) -> Option<(usize, f64)> {
 /// Computes the table again. This takes about a minute.
 #[must_use]
 pub fn exact_volumes() -> String {
-    let mut table = "load_held,motion_held,exponent,stick_ratio".to_owned();
-    let mut write = |cell: String| table.push_str(&cell);
-    for time in TIMES {
-        write(format!(",{time}"));
-    }
-    write("\n".to_owned());
+    let names = "load_held,motion_held,exponent,stick_ratio,end,end_value";
+    let mut lines = vec![format!("{names},{}", TIMES.map(|time| time.to_string()).join(","))];
     for (pair, (words, ..)) in PAIRS.iter().enumerate() {
         for exponent in EXPONENTS {
             for stick in STICK_RATIOS {
-                write(format!("{words},{exponent},{stick}"));
-                for value in row(pair, exponent, stick) {
-                    write(format!(",{value:.5}"));
-                }
-                write("\n".to_owned());
+                let (end, values) = row(pair, exponent, stick);
+                let end = end.map_or_else(
+                    || ",".to_owned(),
+                    |(time, value)| format!("{time:.6e},{value:.5}"),
+                );
+                let mut cells = vec![format!("{words},{exponent},{stick},{end}")];
+                cells.extend(values.iter().map(|value| format!("{value:.5}")));
+                lines.push(cells.join(","));
             }
         }
     }
-    table
+    lines.join("\n") + "\n"
 }
 
-/// The values of one row, by a run of the exact method. If the run ends early, the last two values
-/// are the time and the value of its end.
+/// The time and the value of the early end of a run of the exact method, if it ends early, and the
+/// values at the times before.
 #[expect(clippy::expect_used, reason = "a power law has no edge that the scar could reach")]
-fn row(pair: usize, exponent: f64, stick: f64) -> Vec<f64> {
+fn row(pair: usize, exponent: f64, stick: f64) -> (Option<(f64, f64)>, Vec<f64>) {
     let (_, normal, by_force) = PAIRS[pair];
     let contact = Contact::sticking(Shape::power(exponent), stick).expect("a limiting state");
     let sums = UnwornSums::of(&contact, None);
@@ -268,16 +270,12 @@ fn row(pair: usize, exponent: f64, stick: f64) -> Vec<f64> {
         while march.advance(time) {}
         let end = march.ended().filter(|end| *end < time);
         let at = end.unwrap_or(time);
-        values.extend(end);
         // A run that cannot begin has no wear.
-        values.push(if at == 0.0 {
-            1.0
-        } else {
-            march.at(at).worn.volume / (2.0 * sums.loss * at)
-        });
+        let value = if at == 0.0 { 1.0 } else { march.at(at).worn.volume / (2.0 * sums.loss * at) };
         if end.is_some() {
-            break;
+            return (Some((at, value)), values);
         }
+        values.push(value);
     }
-    values
+    (None, values)
 }

@@ -14,8 +14,8 @@ pub(super) struct Recording {
     pub(super) loops: Loops,
     /// Half of the length of the scar on each body in m, one entry per row of the history.
     pub(super) half_lengths: [Vec<f64>; 2],
-    /// The change of the slip at the edge per change of the scar radius.
-    edge_slopes: Vec<f64>,
+    /// For each row, x + s(x) at the edge of the scar, and the change of s per change of x there.
+    edges: Vec<(f64, f64)>,
     /// The energy mismatch (k_w/μ)·ΣW/V − 1 of the last row with wear.
     pub(super) mismatch: Option<f64>,
     /// The largest error of V so far.
@@ -73,7 +73,7 @@ impl Recording {
             profiles: Profiles::default(),
             loops: Loops::default(),
             half_lengths: [Vec::with_capacity(instants), Vec::with_capacity(instants)],
-            edge_slopes: Vec::with_capacity(instants),
+            edges: Vec::with_capacity(instants),
             mismatch: None,
             volume_error: None,
             initial: Vec::new(),
@@ -97,33 +97,39 @@ impl Recording {
         self.initial = initial;
     }
 
-    /// Replaces the contact radii of all rows, given in a₀. With the exact method, all of the
-    /// contact wears.
+    /// Replaces the contact radii of all rows, given in a₀. With the exact method, the scar ends at
+    /// the contact radius.
     pub(super) fn set_contact_radii(&mut self, radii: &[f64], length: f64) {
         let [first, second] = &mut self.half_lengths;
-        let slopes = &self.edge_slopes;
         let History { contact_radius, scar_radius, .. } = &mut self.history;
+        let mut reached = [0.0_f64; 2];
         for (row, radius) in radii.iter().enumerate() {
             contact_radius[row] = radius * length;
             if scar_radius[row] > 0.0 {
                 let shift = contact_radius[row] - scar_radius[row];
                 scar_radius[row] = contact_radius[row];
-                let known =
-                    row.checked_sub(1).map_or([0.0; 2], |before| [first[before], second[before]]);
-                first[row] = known[0].max(first[row] + shift);
-                second[row] = known[1].max(second[row] + shift * (1.0 + slopes[row]));
+                let (end, slope) = self.edges[row];
+                // A row after a block of larger amplitude keeps the end that this block has reached.
+                if second[row] <= end {
+                    second[row] = end + shift * (1.0 + slope);
+                }
+                first[row] = scar_radius[row];
             }
+            reached = [reached[0].max(first[row]), reached[1].max(second[row])];
+            [first[row], second[row]] = reached;
         }
         self.end_profiles_at_contact_radii();
     }
 
-    /// Adjusts image and pressure at the radii next to the edge of the contact: g = d at the edge,
-    /// and p = 0 outside.
+    /// Adjusts the curves next to the edge of the contact: g = d at the edge, and no pressure and no
+    /// wear outside.
     fn end_profiles_at_contact_radii(&mut self) {
         let Self { history, profiles, .. } = self;
         let mut rows = 0..history.cycles.len();
         let curves = profiles.image.iter_mut().zip(&mut profiles.pressure);
-        for (cycles, (image, pressure)) in profiles.cycles.iter().zip(curves) {
+        let wear = profiles.wear.iter_mut().zip(&mut profiles.worn);
+        let curves = curves.zip(wear);
+        for (cycles, ((image, pressure), (wear, worn))) in profiles.cycles.iter().zip(curves) {
             // Each row of the profiles is a row of the history too.
             let Some(row) = rows.find(|row| history.cycles[*row] >= *cycles) else { return };
             let edge = profiles.radius.partition_point(|r| *r < history.contact_radius[row]);
@@ -131,10 +137,12 @@ impl Recording {
             image[..edge].iter_mut().for_each(|g| *g = g.min(depth));
             image[edge..].iter_mut().for_each(|g| *g = g.max(depth));
             pressure[edge..].fill(0.0);
+            wear[edge..].fill(0.0);
+            worn[edge..].copy_from_slice(&profiles.initial[edge..]);
         }
     }
 
-    /// Notes that the contact has slid with the amplitude Δ·s = `slip` at the scar radius. The slip increases outwards,
+    /// Records that the contact has slid with the amplitude Δ·s = `slip` at the scar radius. The slip increases outwards,
     /// so x + s(x) is largest there.
     pub(super) fn slide(&mut self, scales: &Scales, (scar, slip): (f64, f64)) {
         let x = scar * scales.contact_radius;
@@ -149,8 +157,9 @@ impl Recording {
         self.reported.hold(&mut entry);
         let Case { scales, contact, .. } = case;
         self.slide(scales, (entry.scar, entry.edge_slip));
-        let slope = scales.gross_slip_amplitude() / scales.contact_radius;
-        self.edge_slopes.push(entry.edge_slope * slope);
+        let (x, unit) = (entry.scar * scales.contact_radius, scales.gross_slip_amplitude());
+        let slope = entry.edge_slope * unit / scales.contact_radius;
+        self.edges.push((x + entry.edge_slip * unit, slope));
         for (column, half_length) in self.half_lengths.iter_mut().zip(self.reported.half_lengths) {
             column.push(half_length);
         }

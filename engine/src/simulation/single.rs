@@ -284,7 +284,8 @@ impl SingleRun {
             }
         }
         let march = &marching.march;
-        let progress = march.reached() / case.normalized_end();
+        let end = case.normalized_end();
+        let progress = if end > 0.0 { march.reached() / end } else { 1.0 };
         self.events = march.events().to_vec();
         // Events after the last output cycle are not reported. The end is reported after its row is
         // recorded.

@@ -15,9 +15,9 @@ pub const SHAKEN: f64 = 1e-2;
 pub enum EventKind {
     /// The whole contact begins to slip.
     GrossSlip,
-    /// The contact no longer carries a normal force.
+    /// The normal force is below 0.3 % of its initial value. The run continues.
     ContactLost,
-    /// The energy per cycle has become negligible.
+    /// The energy per cycle is below 1 % of its initial value.
     Shakedown,
     /// The stop condition is met.
     UntilReached,

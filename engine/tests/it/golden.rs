@@ -42,7 +42,7 @@ fn paraboloids() -> Vec<(&'static str, Value, u64)> {
         (
             "simplified, gross slip",
             json!({"motion": {"amplitude": "5 um"}, "cycles": long}),
-            0xaa35_7d6a_24ac_0e92,
+            0x9d66_4a30_7c40_8187,
         ),
         ("exact", json!({"model": exact, "load": depth, "cycles": long}), 0x4355_f65b_87c2_f988),
         (
@@ -77,18 +77,18 @@ fn paraboloids() -> Vec<(&'static str, Value, u64)> {
         (
             "exact, blocks",
             json!({"model": exact, "load": depth, "motion": blocks, "cycles": cycles}),
-            0xdb6c_4f91_4143_cfe5,
+            0xc859_0cf8_91e4_8e2c,
         ),
         (
             "simplified, blocks, force held",
             json!({"load": force, "motion": blocks, "cycles": cycles}),
-            0x7385_6959_78d9_1110,
+            0x03ce_7220_cbfd_e059,
         ),
         (
             "exact, reversals",
             json!({"model": exact, "motion": {"reversals": ["2 um", "-2 um", "1 um", "-1.5 um"]},
                    "cycles": cycles, "profiles_at": [500, 50_000]}),
-            0xd85a_c293_89a3_df23,
+            0xe87d_11aa_011d_7c6b,
         ),
     ]
 }
@@ -100,11 +100,11 @@ fn shapes() -> Vec<(&'static str, Value, u64)> {
     let exact = json!({"method": "exact"});
     let force = json!({"normal_force": "100 N", "held": "force"});
     vec![
-        ("simplified, table", json!({"profile": table}), 0x8b84_7d63_dcec_3e3b),
+        ("simplified, table", json!({"profile": table}), 0xd895_1e2c_2b4e_9382),
         (
             "exact, table",
             json!({"profile": table, "model": exact, "load": force}),
-            0xb9df_c4a1_6c75_708c,
+            0x7078_f047_8601_9020,
         ),
         (
             "exact, truncated cone, gross slip",
@@ -117,7 +117,7 @@ fn shapes() -> Vec<(&'static str, Value, u64)> {
             "simplified, power",
             json!({"profile": {"shape": "power", "exponent": 2.5, "height": "1 um",
                                "at_radius": "0.1 mm"}, "profiles_at": "last"}),
-            0x507d_7880_973b_5d29,
+            0x1ffd_1a41_d6b8_0adc,
         ),
     ]
 }

@@ -2,7 +2,7 @@
 //!
 //! The edge of the contact lies somewhere within a spring of finite width. Its position is known
 //! best at the time when the next spring comes into contact. So the radius is computed at these
-//! times, and interpolated between them.
+//! times, and interpolated between them. During a rest it is constant.
 //!
 //! # Equations
 //! ```text
@@ -10,7 +10,7 @@
 //! ```
 //! Here y = d − g is signed, and y is linear on each side of the edge, with the slopes s of the next
 //! springs. l are the distances of the edge from the outer ends of the two springs. Late in a run
-//! y inside is too small, and the radius follows from the wear.
+//! the springs inside the edge carry almost no load, and the radius follows from the wear.
 //!
 //! # Accuracy
 //! VERIFICATION.md compares random runs with fine ones.
@@ -21,7 +21,7 @@ use crate::numeric::{Monotone, root};
 
 /// The slope ratio inside/outside below which the wear determines the radius.
 const FLAT: f64 = 0.2;
-/// Below this weight of the springs, the wear alone determines the radius precisely.
+/// Below this weight of the springs, the radius is taken from the wear only.
 const WORN: f64 = 0.5;
 /// The radius from the wear is learned if the time has grown by this factor.
 const PAUSE: f64 = 1.15;
@@ -46,6 +46,14 @@ impl ContactEdge {
 
     /// Looks for springs that came into contact in the last step.
     pub(super) fn follow(&mut self, run: &mut MeshRun) {
+        if run.rests {
+            // Nothing wears until the next block, so the radius is constant.
+            let least = self.known.last().map_or(1.0, |(_, radius)| *radius);
+            let radius = run.wearing.worn_radius(&run.rkc.values).max(least);
+            self.learn(run.rkc.began(), radius);
+            self.learn(run.rkc.time, radius);
+            return;
+        }
         let springs = &run.wearing.springs;
         let loaded = springs.compressions.len();
         let radii = &springs.mesh.radii;
@@ -68,6 +76,10 @@ impl ContactEdge {
         let (began, time) = (run.rkc.began(), run.rkc.time);
         let mut at = |time| run.under(time, |wearing, wear| gap(wearing, wear, spring));
         let (before, after) = (at(began), at(time));
+        if after <= 0.0 {
+            // Only springs further out are in contact.
+            return;
+        }
         let share = if before < 0.0 { before / (before - after) } else { 0.0 };
         let then = began + share * (time - began);
         let found = run.under(then, |wearing, wear| {
@@ -91,7 +103,7 @@ impl ContactEdge {
     }
 
     fn learn(&mut self, time: f64, radius: f64) {
-        if self.known.last().is_some_and(|(last, least)| time > *last && radius > *least) {
+        if self.known.last().is_some_and(|(last, least)| time > *last && radius >= *least) {
             self.known.push((time, radius));
         }
     }

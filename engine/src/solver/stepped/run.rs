@@ -43,7 +43,7 @@ pub(super) struct MeshRun {
     /// Scar radius and slip amplitude Δ·s at its edge, at the end of each block so far.
     pub(super) block_edges: Vec<(f64, f64)>,
     /// Whether the last step skipped the rest of a block after shakedown.
-    rests: bool,
+    pub(super) rests: bool,
     /// (k_w/μ)·ΣW = 2 ∫ ∫ y ω dx dÑ at the start and at the end of the last step.
     worn_by_energy: [f64; 2],
     /// 2 ∫ y ω dx at the start and at the end of the last step.
