@@ -109,10 +109,12 @@ impl Recording {
                 let shift = contact_radius[row] - scar_radius[row];
                 scar_radius[row] = contact_radius[row];
                 let (end, slope) = self.edges[row];
-                // A row after a block of larger amplitude keeps the end that this block has reached.
-                if second[row] <= end {
-                    second[row] = end + shift * (1.0 + slope);
-                }
+                second[row] = if second[row] <= end {
+                    end + shift * (1.0 + slope)
+                } else {
+                    // An earlier block of larger amplitude has reached further.
+                    scar_radius[row] + second[row] - first[row]
+                };
                 first[row] = scar_radius[row];
             }
             reached = [reached[0].max(first[row]), reached[1].max(second[row])];

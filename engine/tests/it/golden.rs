@@ -77,7 +77,7 @@ fn paraboloids() -> Vec<(&'static str, Value, u64)> {
         (
             "exact, blocks",
             json!({"model": exact, "load": depth, "motion": blocks, "cycles": cycles}),
-            0xc859_0cf8_91e4_8e2c,
+            0xe22d_54b6_01ea_ac1c,
         ),
         (
             "simplified, blocks, force held",

@@ -17,6 +17,8 @@ const EDGE_SHARE: f64 = 0.75;
 /// A run has settled if the wear, at the present rate, would grow by less than this share of the
 /// tolerance over the duration of the run so far.
 const SETTLED: f64 = 1e-3;
+/// A contact that carries less than this share of its initial force has settled.
+const VANISHED: f64 = 1e-6;
 /// The energy rate within a step should lie between its values at the two ends. If the interpolated
 /// rate is outside by more than this factor, the interpolation is noise. Noise occurs late in a
 /// run, when a core carries almost the whole load.
@@ -198,6 +200,7 @@ impl MeshRun {
         let tells = lasted * self.wearing.pace() >= self.rkc.scale;
         lasted > 0.0
             && (rate == 0.0
+                || self.wearing.springs.share() < VANISHED
                 || tells && rate * lasted <= negligible
                 || rate * (end - time) <= negligible)
     }
