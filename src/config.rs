@@ -93,7 +93,7 @@ pub enum Command {
         /// Instead, print the table of volumes from which the error of the simplified rule follows.
         #[arg(long)]
         exact_volumes: bool,
-        /// Instead, compare this number of random runs with fine ones. 500 take about half an hour.
+        /// Instead, compare this number of random runs with fine ones. 500 take about half a minute.
         #[arg(long, value_name = "COUNT", conflicts_with = "exact_volumes")]
         random: Option<NonZeroUsize>,
     },
