@@ -18,7 +18,7 @@ use fretwork::job::Task;
 use fretwork::service::Service;
 use fretwork::service::workers::Workers;
 use fretwork::store::Store;
-use fretwork::verification;
+use fretwork::verification::{self, Accuracy};
 use fretwork_engine::simulation::model_error;
 use mimalloc::MiMalloc;
 use tokio::net::TcpListener;
@@ -65,7 +65,8 @@ fn main() -> ExitCode {
             print(model_error::exact_volumes().as_bytes()).map(success)
         }
         Some(Command::Verify { random: Some(count), .. }) => {
-            print(verification::accuracy(count.get(), SEED).as_bytes()).map(success)
+            let accuracy = Accuracy::measured(count.get(), SEED);
+            print(accuracy.to_string().as_bytes()).map(success)
         }
         Some(Command::Verify { .. }) => verify().map(success),
         Some(Command::Health(settings)) => cli::health::health(&settings).map(success),

@@ -1,29 +1,57 @@
 //! The numerical error of the exact method over random scenarios of all kinds.
 
-use std::fmt::Write;
+use std::fmt::{self, Display, Formatter};
 
 use serde_json::{Value, json};
 
 use super::known::run;
 use super::page::digits;
 use super::random::Random;
-use fretwork_engine::outcome::{History, Outcome, Preview};
+use fretwork_engine::outcome::{Outcome, Preview};
 use fretwork_engine::scenario;
+use fretwork_engine::solver::events::EventKind;
 
 /// The tolerance of the runs with which the default runs are compared.
 const FINE: f64 = 1e-4;
 /// What is held or how the contact moves.
 const MODES: [&str; 6] = ["amplitude", "tangential force", "rig", "blocks", "record", "gross slip"];
 
-/// Errors of one run, relative to a run with the tolerance [`FINE`]; the largest of all output
-/// cycles.
+/// What is compared.
+const MEASURES: [&str; 6] = [
+    "wear volume",
+    "wear depth",
+    "contact radius",
+    "energy per cycle",
+    "contact_lost",
+    "shakedown",
+];
+/// The energy per cycle is compared down to this share of its first value.
+const LEAST_ENERGY: f64 = 0.01;
+
+/// Errors of one run, relative to a run with the tolerance [`FINE`].
 struct RunErrors {
     mode: String,
-    volume: f64,
-    depth: f64,
-    contact_radius: f64,
+    /// The largest error of each of [`MEASURES`] over all output cycles, or the error of the moment of an
+    /// event. `None` without such an event, or if too little energy is lost.
+    errors: [Option<f64>; MEASURES.len()],
     /// The error that the run states for its volume.
     stated: f64,
+}
+
+impl RunErrors {
+    fn volume(&self) -> Option<f64> {
+        self.errors[0]
+    }
+
+    /// The stated error of the volume relative to the true one.
+    fn caution(&self) -> Option<f64> {
+        self.volume().map(|volume| self.stated / volume)
+    }
+}
+
+/// The errors of random runs. It is printed as Markdown.
+pub struct Accuracy {
+    runs: Vec<RunErrors>,
 }
 
 /// A random scenario, and the words for its kind.
@@ -72,82 +100,120 @@ fn random_scenario(random: &mut Random) -> Option<(String, Value)> {
     Some((format!("{held}, {mode}"), request))
 }
 
-/// The largest relative error of a column over the output cycles that both runs have reached.
-fn largest_error(column: fn(&History) -> &Vec<f64>, run: &History, fine: &History) -> f64 {
-    let reached =
-        run.cycles.iter().zip(&fine.cycles).take_while(|(a, b)| a.total_cmp(b).is_eq()).count();
-    let pairs = column(run)[1..reached].iter().zip(&column(fine)[1..reached]);
-    pairs.map(|(value, fine)| (value / fine - 1.0).abs()).fold(0.0, f64::max)
+/// The largest relative error of a column over the rows in question.
+fn largest(column: &[f64], fine: &[f64], rows: impl Iterator<Item = usize>) -> Option<f64> {
+    rows.map(|row| (column[row] / fine[row] - 1.0).abs()).max_by(f64::total_cmp)
 }
 
+/// The relative error of the moment of an event, if both runs report it.
+fn moment(kind: EventKind, run: &Outcome, fine: &Outcome) -> Option<f64> {
+    let at = |outcome: &Outcome| {
+        outcome.events.iter().find(|event| event.kind == kind).map(|event| event.cycles)
+    };
+    Some((at(run)? / at(fine)? - 1.0).abs())
+}
+
+/// `None` if a run is refused, or if both runs have no output cycle with wear in common.
 fn errors(mode: String, request: &Value) -> Option<RunErrors> {
     let with_tolerance = |tolerance: f64| -> Option<Outcome> {
         let mut request = request.clone();
         request["model"] = json!({"tolerance": tolerance});
         run(&request)
     };
-    let (found, fine) = (run(request)?, with_tolerance(FINE)?);
-    let of = |column| largest_error(column, &found.history, &fine.history);
+    let (outcome, fine) = (run(request)?, with_tolerance(FINE)?);
+    let (found, exact) = (&outcome.history, &fine.history);
+    let pairs = found.cycles.iter().zip(&exact.cycles);
+    let common = pairs.take_while(|(a, b)| a.total_cmp(b).is_eq()).count();
+    let rows = || 1..common;
+    let energies = &exact.energy_per_cycle;
+    let lively = rows().filter(|row| energies[*row] >= LEAST_ENERGY * energies[0]);
     Some(RunErrors {
         mode,
-        volume: of(|history| &history.wear_volume),
-        depth: of(|history| &history.wear_depth),
-        contact_radius: of(|history| &history.contact_radius),
-        stated: found.accuracy.numerical_error?,
+        errors: [
+            Some(largest(&found.wear_volume, &exact.wear_volume, rows())?),
+            largest(&found.wear_depth, &exact.wear_depth, rows()),
+            largest(&found.contact_radius, &exact.contact_radius, rows()),
+            largest(&found.energy_per_cycle, energies, lively),
+            moment(EventKind::ContactLost, &outcome, &fine),
+            moment(EventKind::Shakedown, &outcome, &fine),
+        ],
+        stated: outcome.accuracy.numerical_error?,
     })
 }
 
 /// The value below which a share of the values lies.
-fn quantile(values: impl Iterator<Item = f64>, share: f64) -> f64 {
-    let mut values: Vec<f64> = values.collect();
+fn quantile(values: &[f64], share: f64) -> f64 {
+    let mut values = values.to_vec();
     values.sort_by(f64::total_cmp);
     let index = (share * values.len() as f64).ceil() as usize;
     values[index.clamp(1, values.len()) - 1]
 }
 
-/// Runs `count` random scenarios and prints their errors as Markdown.
-#[must_use]
-pub fn accuracy(count: usize, seed: u64) -> String {
-    let mut random = Random::new(seed);
-    let mut runs = Vec::new();
-    while runs.len() < count {
-        // Some random scenarios are refused, for example because the scar would outgrow the sphere.
-        let Some((mode, request)) = random_scenario(&mut random) else { continue };
-        let Some(found) = errors(mode, &request) else { continue };
-        runs.push(found);
+impl Accuracy {
+    /// Computes `count` random scenarios.
+    #[must_use]
+    pub fn measured(count: usize, seed: u64) -> Self {
+        let mut random = Random::new(seed);
+        let mut runs = Vec::new();
+        while runs.len() < count {
+            // Some random scenarios are refused, for example because the scar would outgrow the sphere.
+            let Some((mode, request)) = random_scenario(&mut random) else { continue };
+            runs.extend(errors(mode, &request));
+        }
+        Self { runs }
     }
-    let mut text = String::new();
-    let percent = |value: f64| digits(100.0 * value, 2) + " %";
-    let mut line = |what: &str, of: &dyn Fn(&RunErrors) -> f64, runs: &[&RunErrors]| {
-        let at = |share| percent(quantile(runs.iter().map(|run| of(run)), share));
-        let _ = writeln!(
-            text,
-            "| {what} | {} | {} | {} | {} |",
-            runs.len(),
-            at(0.5),
-            at(0.95),
-            at(1.0)
-        );
-    };
-    let all: Vec<&RunErrors> = runs.iter().collect();
-    line("wear volume", &|run| run.volume, &all);
-    line("wear depth", &|run| run.depth, &all);
-    line("contact radius", &|run| run.contact_radius, &all);
-    for held in ["depth", "force"] {
-        for mode in MODES {
-            let name = format!("{held}, {mode}");
-            let some: Vec<&RunErrors> = runs.iter().filter(|run| run.mode == name).collect();
-            if !some.is_empty() {
-                line(&format!("wear volume; {name}"), &|run| run.volume, &some);
+
+    /// The error of a measure that a share of the runs does not exceed. `None` if no run has this
+    /// measure.
+    #[must_use]
+    pub fn below(&self, measure: &str, share: f64) -> Option<f64> {
+        let index = MEASURES.iter().position(|name| *name == measure)?;
+        let errors: Vec<_> = self.runs.iter().filter_map(|run| run.errors[index]).collect();
+        (!errors.is_empty()).then(|| quantile(&errors, share))
+    }
+
+    /// The number of runs whose `numerical_error` is not below the error of the volume.
+    #[must_use]
+    pub fn covered(&self) -> usize {
+        self.runs.iter().filter(|run| run.volume().is_some_and(|error| error <= run.stated)).count()
+    }
+
+    /// The median of `numerical_error` over the error of the volume.
+    #[must_use]
+    pub fn caution(&self) -> f64 {
+        quantile(&self.runs.iter().filter_map(RunErrors::caution).collect::<Vec<_>>(), 0.5)
+    }
+}
+
+impl Display for Accuracy {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let mut line = |what: &str, errors: Vec<f64>| -> fmt::Result {
+            if errors.is_empty() {
+                return Ok(());
+            }
+            let at = |share| digits(100.0 * quantile(&errors, share), 2);
+            let (median, most, all) = (at(0.5), at(0.95), at(1.0));
+            writeln!(f, "| {what} | {} | {median} % | {most} % | {all} % |", errors.len())
+        };
+        for (index, measure) in MEASURES.iter().enumerate() {
+            line(measure, self.runs.iter().filter_map(|run| run.errors[index]).collect())?;
+        }
+        for held in ["depth", "force"] {
+            for mode in MODES {
+                let name = format!("{held}, {mode}");
+                let some = self.runs.iter().filter(|run| run.mode == name);
+                line(
+                    &format!("wear volume; {name}"),
+                    some.filter_map(RunErrors::volume).collect(),
+                )?;
             }
         }
+        let (covered, count, caution) =
+            (self.covered(), self.runs.len(), digits(self.caution(), 2));
+        writeln!(
+            f,
+            "\n`numerical_error` covers the error of the volume in {covered} of {count} runs. \
+             In the median it is {caution} times the error."
+        )
     }
-    let covered = runs.iter().filter(|run| run.volume <= run.stated).count();
-    let ratio = quantile(runs.iter().map(|run| run.stated / run.volume), 0.5);
-    let _ = writeln!(
-        text,
-        "\n`numerical_error` covers the error of the volume in {covered} of {count} runs. In the median it is {} times the error.",
-        digits(ratio, 2)
-    );
-    text
 }

@@ -126,7 +126,8 @@ fn normal_energy(outcome: &Outcome) -> f64 {
 fn first_loading(section: &mut Section, outcome: &Outcome, known: [(f64, f64); 6]) {
     let Outcome { scales, unworn, .. } = outcome;
     let (force, shift, loss) = (unworn.tangential_force, unworn.amplitude, unworn.energy_per_cycle);
-    // Masing: a cycle loses four times as much as the first loading, which takes ∫Q dU = QU/2 + W/8.
+    // By Masing's rule a cycle loses four times the energy of the first loading. The first loading takes
+    // the work ∫Q dU = QU/2 + W/8.
     let work = 0.25 * loss;
     let elastic = normal_energy(outcome) + 0.5 * force * shift + 0.125 * loss - work;
     let found = [

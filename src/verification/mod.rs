@@ -17,7 +17,7 @@ pub mod random;
 mod rule;
 mod table;
 
-pub use accuracy::accuracy;
+pub use accuracy::Accuracy;
 pub use literature::volume_over_energy;
 pub use page::{Check, Section, VerificationPage};
 

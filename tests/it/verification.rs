@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use fretwork::job::Submission;
-use fretwork::verification;
+use fretwork::verification::{self, Accuracy};
 
 const COMMITTED: &str = include_str!("../../VERIFICATION.md");
 const UPDATE: &str = "run `cargo run --release -- verify > VERIFICATION.md`";
@@ -50,4 +50,23 @@ fn the_inputs_from_the_literature_are_job_bodies_and_their_sources_are_named() {
         }
     }
     assert_eq!(inputs, 4);
+}
+
+/// The figures of the README, for fewer runs than on the page.
+#[test]
+fn the_exact_method_is_as_accurate_as_the_readme_says() {
+    let accuracy = Accuracy::measured(60, 16);
+    let limits = [
+        ("wear volume", 3e-3),
+        ("wear depth", 5e-3),
+        ("contact radius", 5e-3),
+        ("energy per cycle", 1e-2),
+    ];
+    for (measure, limit) in limits {
+        let error = accuracy.below(measure, 0.95).expect(measure);
+        assert!(error > 0.0 && error < limit, "{measure}: {error}\n{accuracy}");
+    }
+    assert!(accuracy.covered() >= 57, "{accuracy}");
+    let caution = accuracy.caution();
+    assert!(caution > 1.0 && caution < 4.0, "{accuracy}");
 }

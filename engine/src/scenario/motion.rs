@@ -27,6 +27,9 @@ use crate::request::held::{GivenBlock, Motion, MotionHeld};
 const MIN_THRESHOLD: f64 = 1e-6;
 /// Minimum width of the slip ring, in a₀, if the stick edge can move.
 const MIN_RING: f64 = 1e-4;
+/// A ring may be narrower by this factor, because the largest stick ratio gives exactly the minimum
+/// before its amplitude is rounded.
+const ROUNDED: f64 = 1.0 - 1e-6;
 /// If Δ differs from 1 by less than this, it is set to 1, the gross-slip threshold. Rounding U to
 /// 12 digits changes Δ by half of this value.
 const ONSET: f64 = 1e-11;
@@ -385,9 +388,10 @@ fn resolved(
     }
     let mut least = MIN_THRESHOLD * pressed.gross_slip;
     if !stays {
-        least = least.max(pressed.gross_slip * (1.0 - pressed.shape.image(1.0 - MIN_RING)));
+        let narrowest = ROUNDED * MIN_RING;
+        least = least.max(pressed.gross_slip * (1.0 - pressed.shape.image(1.0 - narrowest)));
         let ring = pressed.ring(amplitude);
-        if amplitude >= least && ring < MIN_RING {
+        if amplitude >= least && ring < narrowest {
             let detail = format!(
                 "gives an amplitude of {amplitude:.3e} m, just below the gross-slip threshold. Only a ring \
                  of {ring:.1e} contact radii around the flat slips, but the minimum is {MIN_RING:e}. \

@@ -55,15 +55,8 @@ const PAIRS: [(&str, Normal, bool); 4] = [
     ("force,tangential_force", Normal::Force, true),
 ];
 
-/// The table, row by row. The first four columns name the row.
-static ROWS: LazyLock<Vec<Row>> = LazyLock::new(|| {
-    let row = |line: &str| {
-        let mut cells = line.split(',').skip(4).map(|cell| cell.parse().ok());
-        let end = cells.next().flatten().zip(cells.next().flatten());
-        Row::new(end, cells.map_while(|cell| cell).collect())
-    };
-    TABLE.lines().skip(1).map(row).collect()
-});
+/// The table, row by row.
+static ROWS: LazyLock<Vec<Row>> = LazyLock::new(|| TABLE.lines().skip(1).map(Row::read).collect());
 
 /// The volume of one run of the table over time.
 struct Row {
@@ -76,6 +69,16 @@ struct Row {
 }
 
 impl Row {
+    /// Reads a line of the table. Its first four cells name the row.
+    #[expect(clippy::expect_used, reason = "a test reads the whole table")]
+    fn read(line: &str) -> Self {
+        let number = |cell: &str| cell.parse().expect("a cell of the table is a number");
+        let mut cells = line.split(',').skip(4);
+        let mut end = || cells.next().filter(|cell| !cell.is_empty()).map(number);
+        let end = end().zip(end());
+        Self::new(end, cells.map(number).collect())
+    }
+
     /// A row from the time and the value of an early end, and from the values at the known times.
     fn new(end: Option<(f64, f64)>, values: Vec<f64>) -> Self {
         let known = TIMES.iter().copied().zip(values);
@@ -155,7 +158,8 @@ impl Interpolated {
 }
 
 /// The largest expected relative error of the wear volume, over the output cycles of a run by the
-/// simplified rule. `None` if the table contains no such contact, or not for so many cycles.
+/// simplified rule. `None` if the table contains no such contact, or if an output cycle lies after
+/// its last time.
 pub(super) fn model_error(case: &Case, history: &History) -> Option<f64> {
     if case.outputs.count() == 1 {
         // Nothing has worn.
@@ -230,7 +234,7 @@ fn between(knots: &[f64], x: f64) -> Option<(usize, f64)> {
     }
 }
 
-/// Computes the table again. This takes about a minute.
+/// Computes the table again. This takes some ten seconds.
 #[must_use]
 pub fn exact_volumes() -> String {
     let names = "load_held,motion_held,exponent,stick_ratio,end,end_value";
@@ -238,24 +242,17 @@ pub fn exact_volumes() -> String {
     for (pair, (words, ..)) in PAIRS.iter().enumerate() {
         for exponent in EXPONENTS {
             for stick in STICK_RATIOS {
-                let (end, values) = row(pair, exponent, stick);
-                let end = end.map_or_else(
-                    || ",".to_owned(),
-                    |(time, value)| format!("{time:.6e},{value:.5}"),
-                );
-                let mut cells = vec![format!("{words},{exponent},{stick},{end}")];
-                cells.extend(values.iter().map(|value| format!("{value:.5}")));
-                lines.push(cells.join(","));
+                lines.push(format!("{words},{exponent},{stick},{}", row(pair, exponent, stick)));
             }
         }
     }
     lines.join("\n") + "\n"
 }
 
-/// The time and the value of the early end of a run of the exact method, if it ends early, and the
-/// values at the times before.
+/// A row without its first four cells, by a run of the exact method: time and value of an early end,
+/// and the values at the times before.
 #[expect(clippy::expect_used, reason = "a power law has no edge that the scar could reach")]
-fn row(pair: usize, exponent: f64, stick: f64) -> (Option<(f64, f64)>, Vec<f64>) {
+fn row(pair: usize, exponent: f64, stick: f64) -> String {
     let (_, normal, by_force) = PAIRS[pair];
     let contact = Contact::sticking(Shape::power(exponent), stick).expect("a limiting state");
     let sums = UnwornSums::of(&contact, None);
@@ -265,7 +262,7 @@ fn row(pair: usize, exponent: f64, stick: f64) -> (Option<(f64, f64)>, Vec<f64>)
     let last = TIMES[TIMES.len() - 1];
     let mut march =
         March::new(&contact, &control, Law::Exact, TOLERANCE, last).expect("a scar that fits");
-    let mut values = Vec::new();
+    let mut cells = vec![",".to_owned()];
     for time in TIMES {
         while march.advance(time) {}
         let end = march.ended().filter(|end| *end < time);
@@ -273,9 +270,36 @@ fn row(pair: usize, exponent: f64, stick: f64) -> (Option<(f64, f64)>, Vec<f64>)
         // A run that cannot begin has no wear.
         let value = if at == 0.0 { 1.0 } else { march.at(at).worn.volume / (2.0 * sums.loss * at) };
         if end.is_some() {
-            return (Some((at, value)), values);
+            cells[0] = format!("{at:.6e},{value:.5}");
+            break;
         }
-        values.push(value);
+        cells.push(format!("{value:.5}"));
     }
-    (None, values)
+    cells.join(",")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_table_has_a_row_for_each_contact_and_its_numbers_are_those_of_the_exact_method() {
+        let mut lines = TABLE.lines().skip(1).enumerate();
+        for (pair, (words, ..)) in PAIRS.iter().enumerate() {
+            for exponent in EXPONENTS {
+                for stick in STICK_RATIOS {
+                    let (index, line) = lines.next().expect("a row");
+                    let name = format!("{words},{exponent},{stick},");
+                    let cells = line.strip_prefix(&name).expect(&name);
+                    // Some rows, from all parts of the table.
+                    if index % 23 == 7 {
+                        assert_eq!(cells, row(pair, exponent, stick), "{name}");
+                    }
+                    let known = Row::read(line);
+                    assert!(known.end.is_some() || cells.split(',').count() == 2 + TIMES.len());
+                }
+            }
+        }
+        assert!(lines.next().is_none());
+    }
 }

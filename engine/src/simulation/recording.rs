@@ -125,6 +125,7 @@ impl Recording {
 
     /// Adjusts the curves next to the edge of the contact: g = d at the edge, and no pressure and no
     /// wear outside.
+    #[expect(clippy::expect_used, reason = "profiles that do not match the history would mislead")]
     fn end_profiles_at_contact_radii(&mut self) {
         let Self { history, profiles, .. } = self;
         let mut rows = 0..history.cycles.len();
@@ -132,8 +133,8 @@ impl Recording {
         let wear = profiles.wear.iter_mut().zip(&mut profiles.worn);
         let curves = curves.zip(wear);
         for (cycles, ((image, pressure), (wear, worn))) in profiles.cycles.iter().zip(curves) {
-            // Each row of the profiles is a row of the history too.
-            let Some(row) = rows.find(|row| history.cycles[*row] >= *cycles) else { return };
+            let row = rows.find(|row| history.cycles[*row] >= *cycles);
+            let row = row.expect("each row of the profiles is a row of the history too");
             let edge = profiles.radius.partition_point(|r| *r < history.contact_radius[row]);
             let depth = history.indentation_depth[row];
             image[..edge].iter_mut().for_each(|g| *g = g.min(depth));
@@ -144,24 +145,24 @@ impl Recording {
         }
     }
 
-    /// Records that the contact has slid with the amplitude Δ·s = `slip` at the scar radius. The slip increases outwards,
-    /// so x + s(x) is largest there.
-    pub(super) fn slide(&mut self, scales: &Scales, (scar, slip): (f64, f64)) {
+    /// Records that the contact has slid with the amplitude Δ·s = `slip` at the scar radius, and returns x + s(x) there.
+    /// The slip increases outwards, so x + s(x) is largest at the edge.
+    pub(super) fn slide(&mut self, scales: &Scales, (scar, slip): (f64, f64)) -> f64 {
         let x = scar * scales.contact_radius;
-        let reached = [x, x + slip * scales.gross_slip_amplitude()];
-        for (known, reached) in self.reported.half_lengths.iter_mut().zip(reached) {
+        let end = x + slip * scales.gross_slip_amplitude();
+        for (known, reached) in self.reported.half_lengths.iter_mut().zip([x, end]) {
             *known = known.max(reached);
         }
+        end
     }
 
     /// Converts a row to SI units and appends it.
     pub(super) fn record(&mut self, case: &Case, mut entry: HistoryEntry) {
         self.reported.hold(&mut entry);
         let Case { scales, contact, .. } = case;
-        self.slide(scales, (entry.scar, entry.edge_slip));
-        let (x, unit) = (entry.scar * scales.contact_radius, scales.gross_slip_amplitude());
-        let slope = entry.edge_slope * unit / scales.contact_radius;
-        self.edges.push((x + entry.edge_slip * unit, slope));
+        let end = self.slide(scales, (entry.scar, entry.edge_slip));
+        let slope = entry.edge_slope * scales.gross_slip_amplitude() / scales.contact_radius;
+        self.edges.push((end, slope));
         for (column, half_length) in self.half_lengths.iter_mut().zip(self.reported.half_lengths) {
             column.push(half_length);
         }

@@ -251,6 +251,26 @@ fn a_slip_ring_around_a_flat_that_is_too_thin_is_refused() {
     run(&request);
 }
 
+/// The largest stick ratio gives the narrowest ring. It is accepted for each pair of held quantities,
+/// although its amplitude is rounded.
+#[test]
+fn the_largest_stick_ratio_is_accepted() {
+    for load in ["force", "depth"] {
+        for motion in ["amplitude", "tangential_force"] {
+            for exponent in [1.0, 1.7, 2.0, 6.0] {
+                let profile = json!({"shape": "power", "exponent": exponent, "height": 1e-6, "at_radius": 1e-4});
+                let mut request = pressed(profile, "exact", "1 um");
+                request["load"] = json!({"normal_force": 37.0, "held": load});
+                request["motion"] = json!({"stick_ratio": 0.9999, "held": motion});
+                request["cycles"] = json!([1, 10]);
+                let outcome = run(&request);
+                let stick = outcome.unworn.stick_radius / outcome.scales.contact_radius;
+                assert!((stick - 0.9999).abs() < 1e-9, "{stick}");
+            }
+        }
+    }
+}
+
 /// F and d by the formulas of the sources in `engine::truncated`, in SI.
 #[test]
 fn force_and_depth_of_truncated_shapes_agree_with_published_formulas() {

@@ -19,7 +19,8 @@ use super::run::MeshRun;
 use super::wearing::Wearing;
 use crate::numeric::{Monotone, root};
 
-/// The slope ratio inside/outside below which the wear determines the radius.
+/// The slope of y inside the edge, relative to that of the unworn contact, at which the springs and
+/// the wear have equal weight.
 const FLAT: f64 = 0.2;
 /// Below this weight of the springs, the radius is taken from the wear only.
 const WORN: f64 = 0.5;
@@ -66,7 +67,8 @@ impl ContactEdge {
         }
         let (wearing, wear, time) = (&run.wearing, &run.rkc.values, run.rkc.time);
         let last = self.known.last().map_or(0.0, |(last, _)| *last);
-        if time > PAUSE * last && self.share(wearing, wear) < WORN {
+        let worn = self.present(wearing, wear).is_none_or(|edge| edge.share < WORN);
+        if worn && time > PAUSE * last {
             self.learn(time, wearing.worn_radius(wear));
         }
     }
@@ -83,23 +85,21 @@ impl ContactEdge {
         let share = if before < 0.0 { before / (before - after) } else { 0.0 };
         let then = began + share * (time - began);
         let found = run.under(then, |wearing, wear| {
-            let edge = Edge::around(wearing, wear, spring);
-            (edge.share() >= WORN).then(|| edge.weighted(wearing.worn_radius(wear)))
+            let edge = Edge::around(wearing, wear, spring).filter(|edge| edge.share >= WORN)?;
+            Some(edge.radius(wearing.worn_radius(wear)))
         });
         if let Some(radius) = found {
             self.learn(then, radius);
         }
     }
 
-    /// The weight of the springs at the present edge. It is 0 if the outermost springs have lost
-    /// contact again, because they carry almost no load then.
-    fn share(&self, wearing: &Wearing, wear: &[f64]) -> f64 {
+    /// The present edge. `None` if the springs do not determine it, or if the outermost springs have
+    /// lost contact again, because they carry almost no load then.
+    fn present<'a>(&self, wearing: &'a Wearing, wear: &[f64]) -> Option<Edge<'a>> {
         let springs = &wearing.springs;
         let next = springs.compressions.len();
-        if springs.mesh.radii[next] < self.reached {
-            return 0.0;
-        }
-        Edge::around(wearing, wear, next).share()
+        let receded = springs.mesh.radii[next] < self.reached;
+        if receded { None } else { Edge::around(wearing, wear, next) }
     }
 
     fn learn(&mut self, time: f64, radius: f64) {
@@ -113,11 +113,7 @@ impl ContactEdge {
         let now = times.last().map_or(0.0, |last| run.within(*last));
         let last = run.under(now, |wearing, wear| {
             let worn = wearing.worn_radius(wear);
-            let next = wearing.springs.compressions.len();
-            match self.share(wearing, wear) {
-                0.0 => worn,
-                _ => Edge::around(wearing, wear, next).weighted(worn),
-            }
+            self.present(wearing, wear).map_or(worn, |edge| edge.radius(worn))
         });
         self.learn(now, last);
         let (knots, values) =
@@ -136,44 +132,40 @@ fn gap(wearing: &Wearing, wear: &[f64], spring: usize) -> f64 {
     springs.depth - known.unwrap_or_else(|| mesh.unworn[spring] + mesh.image(spring, wear))
 }
 
-/// The four springs around the edge of the contact.
+/// The four springs around the edge of the contact. y is positive in the innermost and negative in
+/// the outermost.
 struct Edge<'a> {
     radii: &'a [f64],
     /// The first spring outside the contact.
     next: usize,
-    /// d − g of the springs from `next` − 2 to `next` + 1. All are 0 if a spring is missing.
+    /// d − g of the springs from `next` − 2 to `next` + 1.
     gaps: [f64; 4],
-    /// The slope of the unworn image at a₀.
-    first_slope: f64,
+    /// The weight of the radius that follows from the springs. The rest of the weight is that of the
+    /// radius that follows from the wear.
+    share: f64,
 }
 
 impl<'a> Edge<'a> {
-    fn around(wearing: &'a Wearing, wear: &[f64], next: usize) -> Self {
+    /// `None` if the springs do not determine the edge.
+    fn around(wearing: &'a Wearing, wear: &[f64], next: usize) -> Option<Self> {
         let radii = &wearing.springs.mesh.radii;
-        let exist = next >= 2 && next + 2 < radii.len();
-        let at = |i: usize| if exist { gap(wearing, wear, next + i - 2) } else { 0.0 };
-        let first_slope = wearing.contact.shape.image_slope(1.0);
-        Self { radii, next, gaps: std::array::from_fn(at), first_slope }
-    }
-
-    /// The weight of the radius that follows from the springs. The rest of the weight is that of
-    /// the radius that follows from the wear.
-    fn share(&self) -> f64 {
-        let [inside, .., outside] = self.gaps;
-        if inside <= 0.0 || outside >= 0.0 {
-            return 0.0;
-        }
-        let slope = inside / (self.radii[self.next] - self.radii[self.next - 2]);
-        slope / (slope + FLAT * self.first_slope)
-    }
-
-    /// The radius at which y = 0. `None` if the springs do not determine it.
-    fn radius(&self) -> Option<f64> {
-        let Self { radii, next, gaps: [inside, y_low, y_high, outside], .. } = *self;
-        let middle = |spring: usize| 0.5 * (radii[spring] + radii[spring + 1]);
-        if self.share() == 0.0 {
+        if next < 2 || next + 2 >= radii.len() {
             return None;
         }
+        let gaps: [f64; 4] = std::array::from_fn(|i| gap(wearing, wear, next + i - 2));
+        let [inside, .., outside] = gaps;
+        if inside <= 0.0 || outside >= 0.0 {
+            return None;
+        }
+        let slope = inside / (radii[next] - radii[next - 2]);
+        let share = slope / (slope + FLAT * wearing.contact.shape.image_slope(1.0));
+        Some(Self { radii, next, gaps, share })
+    }
+
+    /// The radius at which y = 0, weighted with the radius `worn` that follows from the wear.
+    fn radius(&self, worn: f64) -> f64 {
+        let Self { radii, next, gaps: [inside, y_low, y_high, outside], share } = *self;
+        let middle = |spring: usize| 0.5 * (radii[spring] + radii[spring + 1]);
         let (low, high) = (radii[next - 1], radii[next + 1]);
         let sum = (radii[next] - low) * y_low + (high - radii[next]) * y_high;
         let excess = |a: f64| {
@@ -182,12 +174,9 @@ impl<'a> Edge<'a> {
                 + 0.5 * outside * beyond * beyond / (middle(next + 1) - a)
                 - sum
         };
-        (excess(low) < 0.0 && excess(high) > 0.0).then(|| root(low, high, excess))
-    }
-
-    /// The radius from the springs and the one from the wear, weighted.
-    fn weighted(&self, worn: f64) -> f64 {
-        let share = self.share();
-        self.radius().map_or(worn, |radius| share * radius + (1.0 - share) * worn)
+        if excess(low) >= 0.0 || excess(high) <= 0.0 {
+            return worn;
+        }
+        share * root(low, high, excess) + (1.0 - share) * worn
     }
 }

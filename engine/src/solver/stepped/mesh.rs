@@ -21,7 +21,7 @@ use crate::numeric::dot;
 
 const TWO_THIRDS: f64 = 2.0 / 3.0;
 /// Number of matrix rows that are multiplied together. Their sums fit into the registers of a
-/// processor, and so many independent sums hide the latency of an addition.
+/// processor. An addition needs several clock cycles. The processor works on other sums meanwhile.
 const GROUP: usize = 12;
 
 /// The entries of one column in a group of rows.
