@@ -14,7 +14,7 @@ use clap::builder::{FalseyValueParser, PossibleValuesParser, TypedValueParser};
 use clap::parser::ValueSource;
 use clap::{ArgAction, ArgMatches, Args, Parser, Subcommand, ValueEnum};
 use fretwork::format::{Format, QUANTITIES, Quantity};
-use fretwork::http::{self, Access, AdminKey, Limits, Origins};
+use fretwork::http::{self, Access, AdminKey, Connections, Limits, Origins, Patience};
 use fretwork::job::Key;
 use fretwork::store::{self, Role, Search};
 use tracing_subscriber::filter::Targets;
@@ -223,6 +223,27 @@ pub struct Serve {
     /// Memory for frequently read answers, such as 64MiB; 0 switches the memory cache off.
     #[arg(long, env = "FRETWORK_MEMORY_CACHE", default_value = "64MiB", value_name = "SIZE")]
     pub memory_cache: ByteSize,
+    /// Memory for large bodies of requests and answers until they are read or sent. One caller may use half of it.
+    #[arg(long, env = "FRETWORK_TRANSFER_MEMORY", default_value = "128MiB", value_name = "SIZE")]
+    pub transfer_memory: ByteSize,
+    /// Maximum number of connections. The last 64 are reserved for this machine.
+    #[arg(long, env = "FRETWORK_CONNECTIONS", default_value = "4096", value_name = "N",
+        value_parser = clap::value_parser!(u32).range(128..=1_000_000))]
+    pub connections: u32,
+    /// Maximum number of connections of one address. This machine and the trusted proxies have no limit of their
+    /// own.
+    #[arg(long, env = "FRETWORK_ADDRESS_CONNECTIONS", default_value = "1024", value_name = "N",
+        value_parser = clap::value_parser!(u32).range(1..))]
+    pub address_connections: u32,
+    /// The address of a reverse proxy, which tells the address of each client in X-Forwarded-For. Repeat the option
+    /// for more proxies.
+    #[arg(
+        long = "trusted-proxy",
+        env = "FRETWORK_TRUSTED_PROXY",
+        value_name = "ADDRESS",
+        value_delimiter = ','
+    )]
+    pub trusted_proxies: Vec<IpAddr>,
     /// Level of the log: off, error, warn, info, debug or trace; for single modules as in info,sqlx=debug.
     #[arg(long, env = "FRETWORK_LOG", default_value = "info", value_name = "LEVEL", value_parser = log_levels)]
     pub log: Targets,
@@ -362,6 +383,13 @@ impl Serve {
                 },
             },
             memory: self.memory_cache.as_u64(),
+            transfers: self.transfer_memory.as_u64(),
+            connections: Connections {
+                total: self.connections as usize,
+                per_address: self.address_connections as usize,
+                proxies: self.trusted_proxies.iter().map(IpAddr::to_canonical).collect(),
+            },
+            patience: Patience::default(),
             origins: self.origins(),
         }
     }

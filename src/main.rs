@@ -13,7 +13,7 @@ use std::thread;
 use std::time::Duration;
 
 use clap::{ArgMatches, CommandFactory as _, FromArgMatches as _};
-use fretwork::http::{self, IdleTimeout, Peer};
+use fretwork::http;
 use fretwork::job::Task;
 use fretwork::service::Service;
 use fretwork::service::workers::Workers;
@@ -38,9 +38,6 @@ const CLOSE_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// How long runs may take to stop after a second signal: a few steps of about 30 ms.
 const STOP_TIMEOUT: Duration = Duration::from_millis(300);
-
-/// How long a connection may transfer nothing. A request waits for a result for at most one minute.
-const IDLE_TIMEOUT: Duration = Duration::from_mins(2);
 
 /// The seed of the random scenarios on the verification page.
 const SEED: u64 = 16;
@@ -88,6 +85,29 @@ fn restrict_permissions() {
     rustix::process::umask(rustix::fs::Mode::from_raw_mode(0o077));
 }
 
+/// Raises the soft limit of open files as far as this process may.
+fn allow_open_files(connections: u32) {
+    /// Files besides the connections: the database, its readers and the log.
+    #[cfg(unix)]
+    const OTHERS: u64 = 128;
+    #[cfg(unix)]
+    {
+        use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+        let Rlimit { current, maximum } = getrlimit(Resource::Nofile);
+        let wanted = u64::from(connections) + OTHERS;
+        let Some(allowed) = current.filter(|current| *current < wanted) else { return };
+        let raised = maximum.map_or(wanted, |maximum| maximum.min(wanted));
+        let failed =
+            setrlimit(Resource::Nofile, Rlimit { current: Some(raised), maximum }).is_err();
+        let limit = if failed { allowed } else { raised };
+        if limit < wanted {
+            tracing::warn!(limit, wanted, "--connections needs a higher limit of open files");
+        }
+    }
+    #[cfg(not(unix))]
+    let _ = connections;
+}
+
 fn serve(settings: &Serve, matches: &ArgMatches) -> Result<(), Error> {
     if settings.print_config {
         return print(config::described(matches).as_bytes());
@@ -105,6 +125,7 @@ fn serve(settings: &Serve, matches: &ArgMatches) -> Result<(), Error> {
 
 async fn serve_until_signal(settings: &Serve) -> Result<(), Error> {
     let mut signals = ShutdownSignals::new()?;
+    allow_open_files(settings.connections);
     let store = Store::open(&settings.data_dir, &settings.storage()).await?;
     let requires_key = check_access(settings, &store).await?;
     let listener = TcpListener::bind(settings.listen).await.map_err(|error| {
@@ -119,13 +140,11 @@ async fn serve_until_signal(settings: &Serve) -> Result<(), Error> {
     let service = Service::new(store.clone(), Arc::new(Task::start), count, settings.limit());
     let workers = Workers::start(&store, count, settings.limit(), &service.compute())?;
     let (close, closed) = oneshot::channel::<()>();
-    let router = http::router(service.clone(), &settings.interface());
-    let connections = router.into_make_service_with_connect_info::<Peer>();
-    let listener = IdleTimeout { listener, timeout: IDLE_TIMEOUT };
-    let server = axum::serve(listener, connections).with_graceful_shutdown(async {
+    let interface = settings.interface();
+    let server = http::serve(listener, service.clone(), &interface, async {
         let _ = closed.await;
     });
-    let mut server = pin!(server.into_future());
+    let mut server = pin!(server);
     tracing::info!(%address, "listening");
     // Standard output may be closed. The server does not need it.
     if let Err(error) = greet(address, settings, requires_key) {
@@ -134,7 +153,7 @@ async fn serve_until_signal(settings: &Serve) -> Result<(), Error> {
 
     tokio::select! {
         () = signals.next() => {}
-        ended = &mut server => ended?,
+        () = &mut server => {}
     }
     tracing::info!("draining; a second signal stops at once");
     service.drain();
@@ -147,7 +166,7 @@ async fn serve_until_signal(settings: &Serve) -> Result<(), Error> {
             time::sleep(CLOSE_TIMEOUT).await;
         };
         tokio::select! {
-            _ = &mut server => {}
+            () = &mut server => {}
             () = close_connections => {}
         }
         store.close().await;

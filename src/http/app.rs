@@ -10,6 +10,7 @@ use tokio::sync::Mutex;
 use super::access::Gate;
 use super::memory::Memory;
 use super::metrics::Metrics;
+use super::shares::Shares;
 use crate::service::Service;
 use crate::store::Error;
 
@@ -30,6 +31,7 @@ pub struct Shared {
     pub service: Service,
     pub gate: Arc<Gate>,
     pub memory: Memory,
+    pub shares: Arc<Shares>,
     pub metrics: Arc<Metrics>,
     /// The OpenAPI document. It is made when it is first requested.
     pub document: LazyLock<Bytes>,
@@ -45,11 +47,12 @@ impl App {
         service: Service,
         gate: Arc<Gate>,
         memory: Memory,
+        shares: Arc<Shares>,
         metrics: Arc<Metrics>,
         document: fn() -> Bytes,
     ) -> Self {
         let (document, written) = (LazyLock::new(document), Mutex::default());
-        Self(Arc::new(Shared { service, gate, memory, metrics, document, written }))
+        Self(Arc::new(Shared { service, gate, memory, shares, metrics, document, written }))
     }
 
     /// Checks that the database is writable, by writing to it. Anyone may request this, so it writes at most

@@ -2,36 +2,22 @@
 
 use std::convert::Infallible;
 use std::fmt;
-use std::net::{IpAddr, Ipv6Addr, SocketAddr};
+use std::net::IpAddr;
 use std::sync::Arc;
 
-use axum::extract::{ConnectInfo, FromRequestParts};
+use axum::extract::FromRequestParts;
 use axum::http::request::Parts;
-use axum::http::{HeaderMap, HeaderName};
-use axum::serve::IncomingStream;
-use tokio::net::TcpListener;
+use axum::http::{Extensions, HeaderMap, HeaderName};
 use uuid::Uuid;
 
 use super::access::Identity;
-use super::connection::IdleTimeout;
+use super::admission::network;
 use super::limits::Standing;
 use crate::store::Role;
 
-/// The address of the client of a connection.
+/// The address of the client of a request.
 #[derive(Debug, Clone, Copy)]
-pub struct Peer(SocketAddr);
-
-impl axum::extract::connect_info::Connected<IncomingStream<'_, TcpListener>> for Peer {
-    fn connect_info(stream: IncomingStream<'_, TcpListener>) -> Self {
-        Self(*stream.remote_addr())
-    }
-}
-
-impl axum::extract::connect_info::Connected<IncomingStream<'_, IdleTimeout>> for Peer {
-    fn connect_info(stream: IncomingStream<'_, IdleTimeout>) -> Self {
-        Self(*stream.remote_addr())
-    }
-}
+pub struct Peer(pub IpAddr);
 
 /// The ids of a request. They are in its answer, in the log, and in the log of the job that it submits.
 #[derive(Debug, Clone)]
@@ -116,22 +102,20 @@ impl Caller {
     }
 }
 
-fn address(parts: &Parts) -> String {
-    parts.extensions.get::<ConnectInfo<Peer>>().map_or_else(
-        || "unknown".to_owned(),
-        |ConnectInfo(Peer(address))| owner(address.ip().to_canonical()),
-    )
+/// The owner for an address: its network.
+fn owner(address: IpAddr) -> String {
+    match network(address) {
+        IpAddr::V4(address) => address.to_string(),
+        IpAddr::V6(network) => format!("{network}/64"),
+    }
 }
 
-/// The owner for an address. An IPv6 client changes its address within a network of 2⁶⁴ addresses, so the
-/// network is the owner.
-fn owner(address: IpAddr) -> String {
-    match address {
-        IpAddr::V4(address) => address.to_string(),
-        IpAddr::V6(address) => {
-            let network = address.to_bits() >> 64 << 64;
-            format!("{}/64", Ipv6Addr::from_bits(network))
-        }
+/// The owner of a request: the name of its key, or the network of its client.
+pub fn owner_of(extensions: &Extensions) -> String {
+    match (extensions.get::<Identity>(), extensions.get::<Peer>()) {
+        (Some(identity), _) => identity.owner.clone(),
+        (None, Some(Peer(address))) => owner(*address),
+        (None, None) => "unknown".to_owned(),
     }
 }
 
@@ -139,9 +123,10 @@ impl<S: Sync> FromRequestParts<S> for Caller {
     type Rejection = Infallible;
 
     async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Infallible> {
-        let (owner, role, key) = match parts.extensions.get::<Identity>() {
-            Some(Identity { owner, role, key }) => (owner.clone(), *role, Some(key.clone())),
-            None => (address(parts), Role::Admin, None),
+        let owner = owner_of(&parts.extensions);
+        let (role, key) = match parts.extensions.get::<Identity>() {
+            Some(Identity { role, key, .. }) => (*role, Some(key.clone())),
+            None => (Role::Admin, None),
         };
         let standing = parts.extensions.get::<Standing>().copied();
         let trace = parts.extensions.get::<Trace>().cloned();

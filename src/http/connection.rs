@@ -1,91 +1,234 @@
-//! Idle connections are closed.
+//! What happens on one connection, and when the server closes it.
 //!
-//! Otherwise a client that disappears, sends half a request or does not read its answer would occupy a
-//! connection, and the memory of its answer, for ever.
+//! A client may be slow, but not for ever: an unfinished request, an unread answer and an idle connection
+//! each occupy memory and one of the connections that the server can have.
 
 use std::io::{self, IoSlice};
-use std::net::SocketAddr;
 use std::pin::Pin;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering::Relaxed};
 use std::task::{Context, Poll, ready};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-use axum::serve::Listener;
+use axum::body::{Body, Bytes, HttpBody};
+use axum::http::Version;
+use http_body::{Frame, SizeHint};
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
-use tokio::net::{TcpListener, TcpStream};
-use tokio::time::{Instant, Sleep, sleep};
+use tokio::sync::Notify;
 
-/// Accepts connections and closes them when no byte was received or sent for some time.
-#[derive(Debug)]
-pub struct IdleTimeout {
-    /// Accepts the connections.
-    pub listener: TcpListener,
-    /// Maximum idle time. It must be longer than the longest wait for an answer.
-    pub timeout: Duration,
+use super::shares::Permit;
+
+/// Smallest number of bytes per second in which a client must take its answer and send its body.
+pub const SLOWEST: u64 = 4 << 10;
+
+/// How long the server waits for a client.
+#[derive(Debug, Clone, Copy)]
+pub struct Patience {
+    /// The time between two looks at a connection.
+    pub look: Duration,
+    /// For the head of a request, from its first byte on. The first request must come within this time.
+    pub head: Duration,
+    /// For the next request.
+    pub idle: Duration,
+    /// While an answer is taken more slowly than [`SLOWEST`].
+    pub slow: Duration,
+    /// For any byte during a request. This must be longer than the longest wait for a job.
+    pub silent: Duration,
 }
 
-impl Listener for IdleTimeout {
-    type Io = Connection<TcpStream>;
-    type Addr = SocketAddr;
-
-    async fn accept(&mut self) -> (Self::Io, Self::Addr) {
-        let (io, address) = Listener::accept(&mut self.listener).await;
-        // Sends small answers at once. If this fails, they are only delayed.
-        let _ = io.set_nodelay(true);
-        (Connection::new(io, self.timeout), address)
-    }
-
-    fn local_addr(&self) -> io::Result<Self::Addr> {
-        Listener::local_addr(&self.listener)
-    }
-}
-
-/// A connection with a timer that restarts when a byte is received or sent.
-#[derive(Debug)]
-pub struct Connection<T> {
-    io: T,
-    timeout: Duration,
-    // One timer for both directions: one task drives them.
-    timer: Pin<Box<Sleep>>,
-}
-
-impl<T: Unpin> Connection<T> {
-    fn new(io: T, timeout: Duration) -> Self {
-        Self { io, timeout, timer: Box::pin(sleep(timeout)) }
-    }
-
-    /// Polls an operation, and fails when the timer expires.
-    fn watch<R>(
-        &mut self,
-        context: &mut Context<'_>,
-        go: impl FnOnce(Pin<&mut T>, &mut Context<'_>) -> Poll<io::Result<R>>,
-    ) -> Poll<io::Result<R>> {
-        let done = go(Pin::new(&mut self.io), context);
-        if done.is_ready() {
-            self.timer.as_mut().reset(Instant::now() + self.timeout);
-            return done;
+impl Default for Patience {
+    fn default() -> Self {
+        Self {
+            look: Duration::from_secs(5),
+            head: Duration::from_secs(10),
+            idle: Duration::from_mins(1),
+            slow: Duration::from_secs(20),
+            silent: Duration::from_mins(2),
         }
-        ready!(self.timer.as_mut().poll(context));
-        Poll::Ready(Err(io::ErrorKind::TimedOut.into()))
     }
 }
 
-impl<T: AsyncRead + Unpin> AsyncRead for Connection<T> {
+/// The requests and the bytes of one connection. Its socket and its requests count them.
+#[derive(Debug)]
+pub struct Activity {
+    opened: Instant,
+    /// Requests without a complete answer.
+    open: AtomicUsize,
+    /// Whether it has had a request.
+    served: AtomicBool,
+    /// Whether it is HTTP/2, which exchanges bytes also without requests.
+    multiplexed: AtomicBool,
+    /// Milliseconds from its start to the end of the last request.
+    ended: AtomicU64,
+    /// Bytes received, and how many of them before the last request ended.
+    received: AtomicU64,
+    received_before: AtomicU64,
+    sent: AtomicU64,
+    /// Bytes of answers that the client has not taken.
+    owed: AtomicU64,
+    /// Whether the socket accepts no more bytes.
+    blocked: AtomicBool,
+    displaced: Notify,
+}
+
+impl Activity {
+    pub fn new() -> Self {
+        Self {
+            opened: Instant::now(),
+            open: AtomicUsize::default(),
+            served: AtomicBool::default(),
+            multiplexed: AtomicBool::default(),
+            ended: AtomicU64::default(),
+            received: AtomicU64::default(),
+            received_before: AtomicU64::default(),
+            sent: AtomicU64::default(),
+            owed: AtomicU64::default(),
+            blocked: AtomicBool::default(),
+            displaced: Notify::new(),
+        }
+    }
+
+    /// Counts a request until the guard is dropped.
+    pub fn begin(self: &Arc<Self>, version: Version) -> OpenRequest {
+        self.open.fetch_add(1, Relaxed);
+        self.served.store(true, Relaxed);
+        self.multiplexed.store(version >= Version::HTTP_2, Relaxed);
+        OpenRequest(Arc::clone(self))
+    }
+
+    fn owes(&self) -> bool {
+        self.blocked.load(Relaxed) || self.owed.load(Relaxed) > 0
+    }
+
+    /// How long the connection has had no request; `None` if it has one.
+    pub fn idle(&self) -> Option<Duration> {
+        let ended = Duration::from_millis(self.ended.load(Relaxed));
+        let is_idle = self.open.load(Relaxed) == 0 && !self.owes();
+        is_idle.then(|| self.opened.elapsed().saturating_sub(ended))
+    }
+
+    /// Closes the connection, because another one needs its place.
+    pub fn displace(&self) {
+        self.displaced.notify_one();
+    }
+
+    /// Waits until the connection must be closed, and returns the reason.
+    pub async fn overdue(&self, patience: Patience) -> &'static str {
+        let mut seen = Seen::default();
+        loop {
+            tokio::select! {
+                () = self.displaced.notified() => return "another connection needs its place",
+                () = tokio::time::sleep(patience.look) => {}
+            }
+            if let Some(reason) = seen.look(self, patience) {
+                return reason;
+            }
+        }
+    }
+}
+
+/// A request without a complete answer.
+#[derive(Debug)]
+pub struct OpenRequest(Arc<Activity>);
+
+impl Drop for OpenRequest {
+    fn drop(&mut self) {
+        let Activity { opened, open, ended, received, received_before, .. } = &*self.0;
+        ended.store(opened.elapsed().as_millis() as u64, Relaxed);
+        received_before.store(received.load(Relaxed), Relaxed);
+        open.fetch_sub(1, Relaxed);
+    }
+}
+
+/// What the last looks at a connection have seen.
+#[derive(Debug, Default)]
+struct Seen {
+    sent: u64,
+    received: u64,
+    owed: bool,
+    /// How long it has taken its answer too slowly.
+    slow: Duration,
+    /// How long no byte was sent or received.
+    silent: Duration,
+    /// How long a request has been incomplete.
+    unfinished: Duration,
+}
+
+impl Seen {
+    /// Looks at a connection; returns the reason if it must be closed.
+    fn look(&mut self, activity: &Activity, patience: Patience) -> Option<&'static str> {
+        let passed = |is: bool, before: Duration| {
+            if is { before + patience.look } else { Duration::ZERO }
+        };
+        let (sent, received) = (activity.sent.load(Relaxed), activity.received.load(Relaxed));
+        let owes = activity.owes();
+        let enough = SLOWEST as f64 * patience.look.as_secs_f64();
+        let is_slow = owes && self.owed && ((sent - self.sent) as f64) < enough;
+        let is_silent = (sent, received) == (self.sent, self.received);
+        let idle = activity.idle();
+        let is_partial = received > activity.received_before.load(Relaxed)
+            && !activity.multiplexed.load(Relaxed);
+        let is_unfinished = idle.is_some() && (!activity.served.load(Relaxed) || is_partial);
+        *self = Self {
+            sent,
+            received,
+            owed: owes,
+            slow: passed(is_slow, self.slow),
+            silent: passed(is_silent && idle.is_none(), self.silent),
+            unfinished: passed(is_unfinished, self.unfinished),
+        };
+        if self.slow >= patience.slow {
+            Some("the client takes its answer too slowly")
+        } else if self.unfinished >= patience.head {
+            Some("the head of the request is late")
+        } else if self.silent >= patience.silent {
+            Some("the connection is silent")
+        } else if idle.is_some_and(|idle| idle >= patience.idle) {
+            Some("the connection is idle")
+        } else {
+            None
+        }
+    }
+}
+
+/// A socket that counts its bytes.
+#[derive(Debug)]
+pub struct Watched<T> {
+    pub socket: T,
+    pub activity: Arc<Activity>,
+}
+
+impl<T> Watched<T> {
+    fn wrote(&self, written: Poll<io::Result<usize>>) -> Poll<io::Result<usize>> {
+        self.activity.blocked.store(written.is_pending(), Relaxed);
+        if let Poll::Ready(Ok(bytes)) = written {
+            self.activity.sent.fetch_add(bytes as u64, Relaxed);
+        }
+        written
+    }
+}
+
+impl<T: AsyncRead + Unpin> AsyncRead for Watched<T> {
     fn poll_read(
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
-        self.watch(context, |io, context| io.poll_read(context, buffer))
+        let before = buffer.filled().len();
+        let done = ready!(Pin::new(&mut self.socket).poll_read(context, buffer));
+        self.activity.received.fetch_add((buffer.filled().len() - before) as u64, Relaxed);
+        Poll::Ready(done)
     }
 }
 
-impl<T: AsyncWrite + Unpin> AsyncWrite for Connection<T> {
+impl<T: AsyncWrite + Unpin> AsyncWrite for Watched<T> {
     fn poll_write(
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,
         bytes: &[u8],
     ) -> Poll<io::Result<usize>> {
-        self.watch(context, |io, context| io.poll_write(context, bytes))
+        let written = Pin::new(&mut self.socket).poll_write(context, bytes);
+        self.wrote(written)
     }
 
     fn poll_write_vectored(
@@ -93,54 +236,193 @@ impl<T: AsyncWrite + Unpin> AsyncWrite for Connection<T> {
         context: &mut Context<'_>,
         bytes: &[IoSlice<'_>],
     ) -> Poll<io::Result<usize>> {
-        self.watch(context, |io, context| io.poll_write_vectored(context, bytes))
+        let written = Pin::new(&mut self.socket).poll_write_vectored(context, bytes);
+        self.wrote(written)
     }
 
     fn is_write_vectored(&self) -> bool {
-        self.io.is_write_vectored()
+        self.socket.is_write_vectored()
     }
 
-    // An empty flush succeeds without sending a byte, so it must not restart the timer.
     fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.io).poll_flush(context)
+        Pin::new(&mut self.socket).poll_flush(context)
     }
 
     fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.io).poll_shutdown(context)
+        Pin::new(&mut self.socket).poll_shutdown(context)
+    }
+}
+
+/// The body of an answer, handed over in pieces. Its request ends, and its memory is free, when it was sent or
+/// dropped.
+pub struct AnswerBody {
+    body: Body,
+    /// The rest of a frame.
+    rest: Bytes,
+    /// Bytes that are counted as owed. The length of an event stream is not known, so it owes nothing.
+    owed: u64,
+    request: OpenRequest,
+    _permit: Option<Arc<Permit>>,
+}
+
+impl AnswerBody {
+    /// A body of this many bytes, if their number is known.
+    pub fn new(
+        body: Body,
+        length: Option<u64>,
+        request: OpenRequest,
+        permit: Option<Arc<Permit>>,
+    ) -> Self {
+        let owed = length.unwrap_or(0);
+        request.0.owed.fetch_add(owed, Relaxed);
+        Self { body, rest: Bytes::new(), owed, request, _permit: permit }
+    }
+
+    /// The next piece of the rest.
+    fn piece(&mut self) -> Bytes {
+        /// Most results are one piece.
+        const PIECE: usize = 256 << 10;
+        let piece = self.rest.split_to(self.rest.len().min(PIECE));
+        let taken = (piece.len() as u64).min(self.owed);
+        self.owed -= taken;
+        self.request.0.owed.fetch_sub(taken, Relaxed);
+        piece
+    }
+}
+
+impl HttpBody for AnswerBody {
+    type Data = Bytes;
+    type Error = axum::Error;
+
+    fn poll_frame(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+    ) -> Poll<Option<Result<Frame<Bytes>, axum::Error>>> {
+        if self.rest.is_empty() {
+            match ready!(Pin::new(&mut self.body).poll_frame(context)) {
+                Some(Ok(frame)) => match frame.into_data() {
+                    Ok(data) => self.rest = data,
+                    Err(trailers) => return Poll::Ready(Some(Ok(trailers))),
+                },
+                end => return Poll::Ready(end),
+            }
+        }
+        Poll::Ready(Some(Ok(Frame::data(self.piece()))))
+    }
+
+    fn is_end_stream(&self) -> bool {
+        self.rest.is_empty() && self.body.is_end_stream()
+    }
+
+    fn size_hint(&self) -> SizeHint {
+        let rest = self.rest.len() as u64;
+        let inner = self.body.size_hint();
+        let mut hint = SizeHint::new();
+        hint.set_lower(inner.lower() + rest);
+        if let Some(upper) = inner.upper() {
+            hint.set_upper(upper + rest);
+        }
+        hint
+    }
+}
+
+impl Drop for AnswerBody {
+    fn drop(&mut self) {
+        self.request.0.owed.fetch_sub(self.owed, Relaxed);
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use http_body_util::BodyExt as _;
     use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, duplex};
 
     use super::*;
 
-    #[tokio::test]
-    async fn an_idle_connection_times_out_and_an_active_one_does_not() {
-        let (mut client, server) = duplex(16);
-        // Any pause is too long.
-        let mut server = Connection::new(server, Duration::ZERO);
-        let mut byte = [0];
-        for _ in 0..3 {
-            client.write_all(b"x").await.unwrap();
-            server.read_exact(&mut byte).await.unwrap();
-            server.write_all(b"y").await.unwrap();
-            client.read_exact(&mut byte).await.unwrap();
+    const HASTE: Patience = Patience {
+        look: Duration::from_secs(1),
+        head: Duration::from_secs(2),
+        idle: Duration::from_secs(4),
+        slow: Duration::from_secs(3),
+        silent: Duration::from_secs(5),
+    };
+
+    /// The number of looks after which a connection is closed, and why. `each` happens before each look.
+    fn closed(activity: &Activity, mut each: impl FnMut()) -> Option<(usize, &'static str)> {
+        let mut seen = Seen::default();
+        (1..=20).find_map(|looks| {
+            each();
+            seen.look(activity, HASTE).map(|reason| (looks, reason))
+        })
+    }
+
+    #[test]
+    fn the_head_of_a_request_must_arrive_in_time() {
+        let activity = Arc::new(Activity::new());
+        let late = Some((2, "the head of the request is late"));
+        assert_eq!(closed(&activity, || ()), late);
+        // Bytes do not help, if they do not complete the head.
+        let trickle = || {
+            activity.received.fetch_add(1, Relaxed);
+        };
+        assert_eq!(closed(&activity, trickle), late);
+        drop(activity.begin(Version::HTTP_11));
+        assert_eq!(closed(&activity, || ()), None, "it may be idle for a while");
+        assert_eq!(closed(&activity, trickle), late);
+        drop(activity.begin(Version::HTTP_2));
+        assert_eq!(closed(&activity, trickle), None, "HTTP/2 has bytes between requests");
+    }
+
+    #[test]
+    fn an_answer_must_be_taken_in_time_but_may_come_late() {
+        let activity = Arc::new(Activity::new());
+        let request = activity.begin(Version::HTTP_11);
+        let alive = || {
+            activity.sent.fetch_add(1, Relaxed);
+        };
+        assert_eq!(closed(&activity, alive), None, "the server computes");
+        let mut body = AnswerBody::new(Body::from(vec![0; 1 << 20]), Some(1 << 20), request, None);
+        let slow = "the client takes its answer too slowly";
+        assert_eq!(closed(&activity, alive), Some((4, slow)));
+        let steady = || {
+            activity.sent.fetch_add(SLOWEST, Relaxed);
+        };
+        assert_eq!(closed(&activity, steady), None);
+        // A stream of events owes nothing, but a client that does not read blocks its socket.
+        let mut taken = 0;
+        while let Some(Some(frame)) = futures_util::FutureExt::now_or_never(body.frame())
+            .map(|frame| frame.transpose().unwrap())
+        {
+            taken += frame.into_data().unwrap().len();
         }
-        let silent = server.read(&mut byte).await.unwrap_err();
-        assert_eq!(silent.kind(), io::ErrorKind::TimedOut);
-        let unread = server.write_all(&[0; 64]).await.unwrap_err();
-        assert_eq!(unread.kind(), io::ErrorKind::TimedOut);
+        assert_eq!((taken, activity.owes()), (1 << 20, false));
+        assert!(activity.idle().is_none(), "the request ends with its body");
+        drop(body);
+        assert!(activity.idle().is_some());
+        activity.blocked.store(true, Relaxed);
+        assert_eq!(closed(&activity, alive), Some((4, slow)));
+    }
+
+    #[test]
+    fn a_silent_request_is_closed() {
+        let activity = Arc::new(Activity::new());
+        let _request = activity.begin(Version::HTTP_2);
+        assert_eq!(closed(&activity, || ()), Some((5, "the connection is silent")));
     }
 
     #[tokio::test]
-    async fn a_read_before_the_timeout_succeeds() {
-        let (mut client, server) = duplex(16);
-        let mut server = Connection::new(server, Duration::from_mins(10));
-        let mut byte = [0];
-        // The read starts first, so the timer is polled once and has not expired.
-        let (read, written) = tokio::join!(server.read_exact(&mut byte), client.write_all(b"x"));
-        assert_eq!((read.unwrap(), written.unwrap()), (1, ()));
+    async fn a_socket_counts_its_bytes_and_tells_when_it_is_blocked() {
+        let (mut client, socket) = duplex(16);
+        let activity = Arc::new(Activity::new());
+        let mut server = Watched { socket, activity: Arc::clone(&activity) };
+        client.write_all(b"four").await.unwrap();
+        server.read_exact(&mut [0; 4]).await.unwrap();
+        assert_eq!(activity.received.load(Relaxed), 4);
+        let written = futures_util::FutureExt::now_or_never(server.write_all(&[0; 64]));
+        assert!(written.is_none() && activity.owes());
+        assert_eq!(activity.sent.load(Relaxed), 16);
+        client.read_exact(&mut [0; 16]).await.unwrap();
+        server.write_all(b"more").await.unwrap();
+        assert!(!activity.owes());
     }
 }

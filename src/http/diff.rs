@@ -8,9 +8,11 @@ use tokio::task;
 use utoipa::ToSchema;
 
 use super::app::App;
+use super::body::Body;
+use super::caller::Caller;
 use super::library::read;
 use super::problem::{self, Problem};
-use super::wire::{Body, NoQuery};
+use super::wire::NoQuery;
 use crate::job::{ENGINE, Key, Outline, Prepared};
 use crate::store::Known;
 use fretwork_engine::outcome::UNITS;
@@ -267,9 +269,11 @@ fn asked(body: DiffBody) -> Result<(Requested, Option<Requested>), Vec<Fault>> {
 )]
 pub async fn diff(
     State(app): State<App>,
+    caller: Caller,
     _: NoQuery,
     body: Body,
 ) -> Result<axum::Json<Diff>, Problem> {
+    let _turn = app.shares.turn(&caller.owner).await;
     // Parsing a table of 10 000 rows would block the async thread.
     let sides = task::spawn_blocking(move || asked(read(&body)?).map_err(Problem::faults));
     let (a, b) = sides.await.map_err(Problem::bug)??;

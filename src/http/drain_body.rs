@@ -17,7 +17,7 @@ use http_body_util::BodyExt as _;
 use tokio::runtime::Handle;
 use tokio::time::timeout;
 
-use super::wire::BODY_LIMIT;
+use super::body::BODY_LIMIT;
 
 /// Largest number of bytes that are read and discarded.
 const MAX_DRAINED: u64 = 16 * BODY_LIMIT as u64;

@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use axum::Router;
 use axum::extract::{MatchedPath, Request};
-use axum::http::{HeaderName, HeaderValue, Method, header};
+use axum::http::{HeaderName, HeaderValue, Method, Version, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::Route;
 use futures_util::FutureExt as _;
@@ -18,11 +18,13 @@ use tower::{Layer as _, Service, ServiceExt as _, service_fn};
 use tower_http::cors::{AllowHeaders, Any as AnyOrigin, CorsLayer};
 
 use super::access::{self, Gate, Identity};
-use super::caller::{REQUEST_ID, Trace};
+use super::caller::{Peer, REQUEST_ID, Trace, owner_of};
 use super::coding::Coding;
 use super::drain_body::drain_body;
 use super::metrics::Metrics;
 use super::problem::{self, Problem};
+use super::shares::{Permit, Shares};
+use super::wire::length_of;
 use crate::service::workers::message_of;
 
 /// The origins whose web pages may use the server.
@@ -42,9 +44,10 @@ pub fn with_layers<S: Clone + Send + Sync + 'static>(
     routes: Router<S>,
     gate: Arc<Gate>,
     metrics: Arc<Metrics>,
+    shares: Arc<Shares>,
     origins: Origins,
 ) -> Router<S> {
-    let shared = Arc::new(Shared { gate, metrics, cors: cors(&origins), origins });
+    let shared = Arc::new(Shared { gate, metrics, shares, cors: cors(&origins), origins });
     routes.layer(layer_fn(move |route| Surrounded { route, shared: Arc::clone(&shared) }))
 }
 
@@ -74,6 +77,7 @@ impl Service<Request> for Surrounded {
 struct Shared {
     gate: Arc<Gate>,
     metrics: Arc<Metrics>,
+    shares: Arc<Shares>,
     origins: Origins,
     /// Lets web pages of the other origins read the answers, and answers their preflights.
     cors: Option<CorsLayer>,
@@ -82,15 +86,19 @@ struct Shared {
 /// Gives a request an id, refuses it if it comes from a foreign page, writes the problem of its answer, counts
 /// it and logs one line.
 async fn surround(shared: Arc<Shared>, mut request: Request, route: Route) -> Response {
-    let Shared { gate, metrics, origins, cors } = &*shared;
+    let Shared { gate, metrics, shares, origins, cors } = &*shared;
     let started = Instant::now();
     let trace = Trace::read(request.headers());
     let Trace { id, parent } = trace.clone();
     let pattern = request.extensions().get::<MatchedPath>().cloned();
     let (method, uri) = (request.method().clone(), request.uri().clone());
     request.extensions_mut().insert(trace);
+    request.extensions_mut().insert(Arc::clone(shares));
+    let peer = request.extensions().get::<Peer>().copied();
     let closes_after_error = drain_body(&mut request);
-    let answer = if is_cross_site(origins, &request) {
+    let answer = if peer.is_some() && !has_one_host(&request) {
+        Problem::new(&problem::BAD_HOST, "Send exactly one Host header.").into_response()
+    } else if is_cross_site(origins, &request) {
         drop(request);
         let detail = "A web page of an unknown origin sent this request. Add its origin to the option \
             --cors-origin of the server.";
@@ -105,6 +113,7 @@ async fn surround(shared: Arc<Shared>, mut request: Request, route: Route) -> Re
             }
         }
     };
+    let answer = counted(shares, answer, peer).await;
     let error = answer.extensions().get::<Problem>().and_then(Problem::cause).map(str::to_owned);
     let mut response = problem::write(answer, &id);
     let pattern = pattern.as_ref().map_or("none", MatchedPath::as_str);
@@ -137,6 +146,33 @@ async fn surround(shared: Arc<Shared>, mut request: Request, route: Route) -> Re
         headers.entry(name).or_insert(HeaderValue::from_static(value));
     }
     response
+}
+
+/// The answer with permission for the memory of its body, or a refusal.
+async fn counted(shares: &Shares, mut answer: Response, peer: Option<Peer>) -> Response {
+    let size = length_of(&answer).unwrap_or(0);
+    if answer.extensions().get::<Arc<Permit>>().is_none() {
+        if let Some(peer) = peer
+            && answer.extensions().get::<Identity>().is_none()
+        {
+            answer.extensions_mut().insert(peer);
+        }
+        let caller = owner_of(answer.extensions());
+        match shares.hold(&caller, usize::try_from(size).unwrap_or(usize::MAX)).await {
+            Ok(permit) => _ = answer.extensions_mut().insert(Arc::new(permit)),
+            Err(problem) => return problem.into_response(),
+        }
+    }
+    answer
+}
+
+/// Whether a request of HTTP/1.1 has exactly one `Host`.
+fn has_one_host(request: &Request) -> bool {
+    let hosts = request.headers().get_all(header::HOST).iter().count();
+    match request.version() {
+        Version::HTTP_11 => hosts == 1,
+        _ => hosts <= 1,
+    }
 }
 
 /// A handler panicked, with this message. The panic hook has logged where.
@@ -230,6 +266,7 @@ mod tests {
 
     use super::*;
     use crate::http::access::{Access, AdminKey};
+    use crate::http::admission::{Admission, Connections};
     use crate::http::limits::Limits;
     use crate::http::needs::RouteNeeds;
     use crate::store::Store;
@@ -238,9 +275,11 @@ mod tests {
     async fn surrounded(route: MethodRouter, access: &Access) -> (Router, TempDir) {
         let dir = TempDir::new().unwrap();
         let store = Store::open(dir.path(), &crate::store::Options::default()).await.unwrap();
-        let metrics = Arc::new(Metrics::new(store.tally(), 1));
+        let shares = Arc::new(Shares::new(1 << 20));
+        let admission = Admission::new(Connections::default());
+        let metrics = Arc::new(Metrics::new(store.tally(), 1, &admission, &shares));
         let gate = Arc::new(Gate::new(&store, access, RouteNeeds::default()));
-        (with_layers(Router::new().route("/", route), gate, metrics, Origins::Any), dir)
+        (with_layers(Router::new().route("/", route), gate, metrics, shares, Origins::Any), dir)
     }
 
     #[tokio::test]

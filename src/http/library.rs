@@ -9,11 +9,12 @@ use serde_json::{Map, Value, json};
 use utoipa::ToSchema;
 
 use super::app::App;
+use super::body::Body;
 use super::caller::{Caller, ME};
 use super::jobs::next_page;
 use super::problem::{self, Problem};
-use super::representation::find;
-use super::wire::{Body, NoQuery, Query, Segment, instant, read_key};
+use super::representation::require;
+use super::wire::{NoQuery, Query, Segment, instant, read_key};
 use crate::job::{BadSubmission, Key, SCALARS, WORDS, json as job_json};
 use crate::store::{self, Listed, Removed, Search};
 use fretwork_engine::request::fault::{Fault, Faults};
@@ -212,6 +213,7 @@ pub async fn list(
     });
     let cursor = query.value("cursor", "the cursor of a page", |text| text.parse().ok());
     query.finish()?;
+    let _turn = app.shares.turn(&caller.owner).await;
     let found = app.service.search(&search, cursor, limit.unwrap_or(PAGE)).await?;
     let next = found.next.map(|cursor| next_page(&uri, cursor));
     let link = next.as_ref().map(|next| [(header::LINK, format!("<{next}>; rel=\"next\""))]);
@@ -515,7 +517,7 @@ pub async fn delete(
             }
             Removed::NotFound => {
                 // This answers why there is nothing to delete, unless the result was just stored.
-                find(&app, caller.reach(), &key).await?;
+                require(&app, caller.reach(), &key).await?;
             }
         }
     }

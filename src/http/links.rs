@@ -12,7 +12,7 @@ use utoipa::ToSchema;
 use super::app::App;
 use super::caller::Caller;
 use super::problem::Problem;
-use super::representation::find;
+use super::representation::require;
 use super::signed_link;
 use super::wire::{Query, Segment, read_key};
 
@@ -61,7 +61,7 @@ pub async fn share(
     query.finish()?;
     let key = read_key(&key)?;
     if !app.service.has_result(&key).await? {
-        find(&app, caller.reach(), &key).await?;
+        require(&app, caller.reach(), &key).await?;
     }
     let expires = (signed_link::since_1970() + time.unwrap_or(DEFAULT_LIFETIME)).as_secs();
     let issuer = caller.key.as_deref().unwrap_or(signed_link::ANYONE);

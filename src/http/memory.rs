@@ -14,6 +14,7 @@ use quick_cache::{DefaultHashBuilder, OptionsBuilder, Weighter};
 use tokio::sync::{OwnedMutexGuard, OwnedSemaphorePermit, Semaphore};
 
 use super::coding::Coding;
+use super::shares::Permit;
 use crate::job::Key;
 
 /// The encoded body of an answer.
@@ -23,12 +24,23 @@ pub struct Encoded {
     pub body: Bytes,
     /// How they are compressed.
     pub coding: Coding,
+    /// Permission for their memory, while clients read them. The cache has memory of its own.
+    pub permit: Option<Arc<Permit>>,
 }
 
 impl Encoded {
     /// An uncompressed body.
     pub fn plain(body: Bytes) -> Self {
-        Self { body, coding: Coding::Identity }
+        Self::of(body, Coding::Identity, None)
+    }
+
+    /// A body, and permission for its memory.
+    pub fn of(body: Bytes, coding: Coding, permit: Option<Permit>) -> Self {
+        let permit = permit.map(|mut permit| {
+            permit.shrink(body.len());
+            Arc::new(permit)
+        });
+        Self { body, coding, permit }
     }
 }
 
@@ -94,7 +106,7 @@ impl AsRef<[u8]> for SharedBytes {
 fn share(answer: &Encoded, slot: &OwnedMutexGuard<Option<Encoded>>) -> Encoded {
     let shared =
         SharedBytes { body: answer.body.clone(), _slot: Arc::clone(OwnedMutexGuard::mutex(slot)) };
-    Encoded { body: Bytes::from_owner(shared), coding: answer.coding }
+    Encoded { body: Bytes::from_owner(shared), ..answer.clone() }
 }
 
 impl Memory {
@@ -131,12 +143,9 @@ impl Memory {
         self.cache.as_ref()?.get(name)
     }
 
-    /// The answer with this name: cached, or shared with requests that read it now. If another request
+    /// The answer with this name, shared with requests that read it now. If another request
     /// makes it, this waits. If that request fails or is dropped, the caller makes it.
     pub async fn lookup(&self, name: &str) -> Lookup {
-        if let Some(answer) = self.get(name) {
-            return Lookup::Found(answer);
-        }
         let slot = self.slot(name).lock_owned().await;
         match &*slot {
             Some(answer) => Lookup::Found(share(answer, &slot)),
@@ -151,7 +160,7 @@ impl Memory {
             // Without its name, the result was deleted while the answer was made.
             let current = slots.get(&making.name).map_or(ptr::null(), Weak::as_ptr);
             if ptr::eq(current, Arc::as_ptr(OwnedMutexGuard::mutex(&making.slot))) {
-                cache.insert(making.name, answer.clone());
+                cache.insert(making.name, Encoded { permit: None, ..answer.clone() });
             }
         }
         let shared = share(&answer, &making.slot);

@@ -12,6 +12,8 @@ use prometheus_client::metrics::histogram::{Histogram, exponential_buckets};
 use prometheus_client::metrics::info::Info;
 use prometheus_client::registry::{Registry, Unit};
 
+use super::admission::Admission;
+use super::shares::Shares;
 use crate::store::Tally;
 use fretwork_engine::scenario::NUMERICS;
 
@@ -41,7 +43,7 @@ struct Routed {
 
 impl Metrics {
     /// The metrics of a server.
-    pub fn new(tally: &Tally, workers: usize) -> Self {
+    pub fn new(tally: &Tally, workers: usize, admission: &Admission, shares: &Shares) -> Self {
         let mut registry = Registry::with_prefix("fretwork");
         let version = env!("CARGO_PKG_VERSION").to_owned();
         let build = Info::new(vec![("version", version), ("numerics", NUMERICS.to_string())]);
@@ -49,6 +51,18 @@ impl Metrics {
         let workers = ConstGauge::new(i64::try_from(workers).unwrap_or(i64::MAX));
         registry.register("workers", "Worker threads", workers);
         tally.register(&mut registry);
+        registry.register("connections", "Open connections", admission.open.clone());
+        registry.register(
+            "connections_refused",
+            "Connections refused because there were too many",
+            admission.refused.clone(),
+        );
+        registry.register_with_unit(
+            "transfers",
+            "Memory for large bodies of requests and answers",
+            Unit::Bytes,
+            shares.held.clone(),
+        );
         let buckets: fn() -> Histogram = || Histogram::new(exponential_buckets(1e-4, 4.0, 10));
         let metrics = Self {
             requests: Family::default(),

@@ -4,7 +4,9 @@
 //! file. `layers` has what all answers share.
 
 mod access;
+mod admission;
 mod app;
+mod body;
 mod caller;
 mod coding;
 mod connection;
@@ -31,18 +33,22 @@ mod results;
 mod routes;
 mod scenarios;
 mod schemas;
+mod server;
+mod shares;
 mod signed_link;
 mod system;
+mod weight;
 mod wire;
 
 use std::sync::Arc;
 
-use axum::Router;
 use axum::extract::Request;
+use tokio::net::TcpListener;
 
 pub use access::{Access, AdminKey};
-pub use caller::{ME, Peer};
-pub use connection::IdleTimeout;
+pub use admission::Connections;
+pub use caller::ME;
+pub use connection::Patience;
 pub use layers::Origins;
 pub use limits::Limits;
 pub use scenarios::{EXAMPLES, Example};
@@ -50,12 +56,14 @@ pub use signed_link::ADMIN;
 
 use crate::service::Service;
 use access::Gate;
+use admission::Admission;
 use app::App;
 use layers::with_layers;
 use memory::Memory;
 use metrics::Metrics;
 use problem::Problem;
 use routes::Routes;
+use shares::Shares;
 
 /// Settings of the API.
 #[derive(Debug, Clone)]
@@ -64,30 +72,52 @@ pub struct Settings {
     pub access: Access,
     /// Bytes of answers that are kept in memory.
     pub memory: u64,
+    /// Bytes of the bodies of requests and answers until they are read or sent.
+    pub transfers: u64,
+    /// Limits of connections.
+    pub connections: Connections,
+    /// How long the server waits for slow clients.
+    pub patience: Patience,
     /// The origins whose web pages may use the server.
     pub origins: Origins,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { access: Access::default(), memory: 64 << 20, origins: Origins::Own }
+        Self {
+            access: Access::default(),
+            memory: 64 << 20,
+            transfers: 128 << 20,
+            connections: Connections::default(),
+            patience: Patience::default(),
+            origins: Origins::Own,
+        }
     }
 }
 
-/// The whole API of a service.
-pub fn router(service: Service, settings: &Settings) -> Router {
+/// Serves the whole API of a service on a listener, until `closing` ends and all connections are closed.
+pub async fn serve(
+    listener: TcpListener,
+    service: Service,
+    settings: &Settings,
+    closing: impl Future<Output = ()>,
+) {
     let Routes { router, needs } = Routes::all();
     let (router, _) = router.split_for_parts();
     let gate = Arc::new(Gate::new(service.store(), &settings.access, needs));
-    let metrics = Arc::new(Metrics::new(service.tally(), service.workers()));
+    let admission = Arc::new(Admission::new(settings.connections.clone()));
+    let shares = Arc::new(Shares::new(settings.transfers));
+    let metrics = Arc::new(Metrics::new(service.tally(), service.workers(), &admission, &shares));
     let layered = with_layers(
         router.fallback(not_found),
         gate.clone(),
         metrics.clone(),
+        shares.clone(),
         settings.origins.clone(),
     );
     let memory = Memory::new(settings.memory);
-    layered.with_state(App::new(service, gate, memory, metrics, || document().into()))
+    let app = App::new(service, gate, memory, shares, metrics, || document().into());
+    server::serve(listener, layered.with_state(app), admission, settings.patience, closing).await;
 }
 
 /// The OpenAPI document, as JSON text.

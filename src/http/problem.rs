@@ -53,6 +53,14 @@ kinds! {
     INVALID_JSON = BAD_REQUEST "invalid-json" "The body is not JSON"
         "The body of the request cannot be parsed as JSON. The detail names the line and the column."
         "Send one JSON document in UTF-8. JSON has no NaN, Infinity, comments or trailing commas.";
+    BAD_HOST = BAD_REQUEST "bad-host" "The Host header is missing or repeated"
+        "A request of HTTP/1.1 must have exactly one Host header (RFC 9112). Otherwise the server and a proxy \
+         before it could read different addresses from the same request."
+        "Send one Host header. All usual clients do.";
+    SLOW_BODY = REQUEST_TIMEOUT "slow-body" "The body arrives too slowly"
+        "The body of the request did not arrive in time. After ten seconds, the server waits only for a client \
+         that sends at least 4 KiB per second."
+        "Send the request again over a faster connection, or send a smaller body.";
     NOT_FOUND = NOT_FOUND "not-found" "Not found"
         "No route, job or document has this address."
         "Compare the address with the list of routes under /docs. GET /v1/jobs lists jobs.";
@@ -112,7 +120,8 @@ kinds! {
         "POST `{\"scenario\": …}` with the `scenario` of this answer to /v1/jobs. The result will have the \
          same key and the same numbers. PUT /v1/results/{key}/pin prevents eviction.";
     BODY_TOO_LARGE = PAYLOAD_TOO_LARGE "body-too-large" "The body is too large"
-        "The body of a request may have at most 4 MiB."
+        "The body of a request may have at most 4 MiB, 10 000 objects and arrays, 50 000 members, 250 000 values \
+         and 32 levels. The detail names the limit."
         "Remove rows from long tables (`profile`, `cycles`): 10 000 rows are enough for every shape. Submit a \
          large set of runs as many small jobs.";
     UNSUPPORTED_MEDIA_TYPE = UNSUPPORTED_MEDIA_TYPE "unsupported-media-type" "The Content-Type is not JSON"
@@ -171,6 +180,11 @@ kinds! {
     DRAINING = SERVICE_UNAVAILABLE "draining" "The server is shutting down"
         "The server finishes its running jobs and accepts no new ones."
         "Submit again after the seconds in Retry-After. All accepted jobs are kept.";
+    MEMORY_FULL = SERVICE_UNAVAILABLE "memory-full" "The memory for large bodies is in use"
+        "The memory for large bodies of requests and answers is limited, in total and for each caller. Answers use it \
+         until their clients have read them. Small answers are not limited."
+        "Read your other answers to the end, then send the request again after the seconds in Retry-After. The \
+         operator of the server can allow more memory (--transfer-memory).";
     BUSY = SERVICE_UNAVAILABLE "busy" "The database is busy"
         "Another program, for example a backup, has locked the database for some seconds."
         "Send the request again after the seconds in Retry-After.";

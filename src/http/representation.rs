@@ -13,37 +13,80 @@ use super::caller::Caller;
 use super::coding::Coding;
 use super::memory::{Encoded, Lookup, Making};
 use super::problem::{self, Complaint, Problem};
+use super::shares::{Permit, SMALL};
 use super::wire::{ascii, instant, words};
 use crate::format::{self, Format, Part, View};
 use crate::job::Key;
 use crate::store::{self, Body, Error, StoredResult};
 
-/// The body of a result.
-///
-/// The problem for an unknown key links to the job that computes it, if the caller may see one.
-pub async fn find(app: &App, reach: Option<&str>, key: &Key) -> Result<Body, Problem> {
-    match app.service.result(key).await? {
-        Some(StoredResult::Whole(body)) => Ok(body),
+/// The problem for an unknown key links to the job that computes it, if the caller may see one. There is none if the
+/// result is stored.
+pub async fn require(app: &App, reach: Option<&str>, key: &Key) -> Result<(), Problem> {
+    match app.service.small_result(key).await? {
+        Some(StoredResult::Whole(_) | StoredResult::Large(_)) => Ok(()),
         other => Err(missing(app, reach, key, other).await?),
     }
 }
 
-/// The JSON of a result, or `None` if it is not stored. It is read once for all concurrent requests, and kept in memory
-/// if `keep` is true.
-pub async fn json(app: &App, key: &Key, keep: bool) -> Result<Option<Bytes>, Problem> {
-    let answer = match app.memory.lookup(&key.to_string()).await {
+/// An answer that is in memory, or the permission to make it. Its memory is counted once for all requests that read it.
+async fn shared(app: &App, caller: &str, name: &str) -> Result<Lookup, Problem> {
+    if let Some(answer) = app.memory.get(name).filter(|answer| answer.body.len() <= SMALL) {
+        return Ok(Lookup::Found(answer));
+    }
+    let making = match app.memory.lookup(name).await {
+        Lookup::Missing(making) => making,
+        found @ Lookup::Found(_) => return Ok(found),
+    };
+    let Some(Encoded { body, coding, .. }) = app.memory.get(name) else {
+        return Ok(Lookup::Missing(making));
+    };
+    let permit = app.shares.hold(caller, body.len()).await?;
+    let answer = Encoded::of(body, coding, Some(permit));
+    Ok(Lookup::Found(app.memory.finish(making, answer, false)))
+}
+
+/// The JSON of a result, or `None` if it is not stored. It is read once for all concurrent requests, and kept in
+/// memory.
+pub async fn json(app: &App, caller: &str, key: &Key) -> Result<Option<Encoded>, Problem> {
+    let making = match shared(app, caller, &key.to_string()).await? {
         Lookup::Found(answer) => {
             app.service.was_read(key);
-            answer
+            return Ok(Some(answer));
         }
-        Lookup::Missing(making) => {
-            let Some(StoredResult::Whole(body)) = app.service.result(key).await? else {
-                return Ok(None);
-            };
-            app.memory.finish(making, Encoded::plain(unpacked(key, body).await?), keep)
-        }
+        Lookup::Missing(making) => making,
     };
-    Ok(Some(answer.body))
+    let Some((body, permit)) = stored(app, caller, key).await? else { return Ok(None) };
+    let answer = Encoded::of(unpacked(key, body).await?, Coding::Identity, Some(permit));
+    Ok(Some(app.memory.finish(making, answer, true)))
+}
+
+/// The JSON of a large result, for whose memory the caller has permission.
+async fn large_json(app: &App, key: &Key) -> Result<Option<Bytes>, Problem> {
+    let name = key.to_string();
+    let making = match app.memory.lookup(&name).await {
+        Lookup::Found(answer) => return Ok(Some(answer.body)),
+        Lookup::Missing(making) => making,
+    };
+    if let Some(answer) = app.memory.get(&name) {
+        return Ok(Some(answer.body));
+    }
+    let Some(StoredResult::Whole(body)) = app.service.result(key).await? else { return Ok(None) };
+    let json = Encoded::plain(unpacked(key, body).await?);
+    Ok(Some(app.memory.finish(making, json, false).body))
+}
+
+/// The stored body of a result, with permission for its memory and for that of its JSON.
+async fn stored(app: &App, caller: &str, key: &Key) -> Result<Option<(Body, Permit)>, Problem> {
+    let permit = match app.service.small_result(key).await? {
+        Some(StoredResult::Whole(body)) => return Ok(Some((body, Permit::default()))),
+        // The compressed body is smaller than the JSON.
+        Some(StoredResult::Large(size)) => app.shares.hold(caller, 2 * size).await?,
+        _ => return Ok(None),
+    };
+    match app.service.result(key).await? {
+        Some(StoredResult::Whole(body)) => Ok(Some((body, permit))),
+        _ => Ok(None),
+    }
 }
 
 /// The JSON of a body. A large one is decompressed on a blocking thread.
@@ -109,6 +152,8 @@ pub struct Representation {
     is_unchanged: bool,
     /// The owner whose jobs a problem may mention; `None` for all owners.
     reach: Option<String>,
+    /// The caller whose share of the memory the answer uses.
+    caller: String,
     /// The name in memory, without the coding.
     name: String,
     /// The entity tag.
@@ -118,17 +163,17 @@ pub struct Representation {
 impl Representation {
     /// The representation that a caller requests.
     pub fn new(caller: &Caller, key: Key, part: Part, format: Format, view: View) -> Self {
-        let reach = caller.reach().map(str::to_owned);
+        let (reach, caller) = (caller.reach().map(str::to_owned), caller.owner.clone());
         let view = view.sorted();
         let is_unchanged = (part, format) == (Part::Whole, Format::Json) && view == View::default();
         if is_unchanged {
             let (name, tag) = (key.to_string(), format!("\"{key}\""));
-            return Self { key, part, format, view, is_unchanged, reach, name, tag };
+            return Self { key, part, format, view, is_unchanged, reach, caller, name, tag };
         }
         let address = format!("{key}.{}.{}", part.name(), format.name());
         let name = format!("{address} {} {view:?}", format::VERSION);
         let tag = format!("\"{address}.{:016x}\"", xxh3_64(name.as_bytes()));
-        Self { key, part, format, view, is_unchanged, reach, name, tag }
+        Self { key, part, format, view, is_unchanged, reach, caller, name, tag }
     }
 
     /// The answer to a request with these headers.
@@ -145,83 +190,89 @@ impl Representation {
             None => self.name.clone(),
             Some(coding) => format!("{} {coding}", self.name),
         };
-        let cached = app.memory.get(&name);
-        app.metrics.looked_up(cached.is_some());
-        let found = match cached {
-            Some(answer) => Lookup::Found(answer),
-            None => app.memory.lookup(&name).await,
-        };
+        let found = shared(app, &self.caller, &name).await?;
+        app.metrics.looked_up(matches!(found, Lookup::Found(_)));
         let answer = match found {
             Lookup::Found(answer) => answer,
-            Lookup::Missing(making) if self.is_unchanged && coding != Coding::Gzip => {
-                let body = find(app, self.reach.as_deref(), &self.key).await?;
-                match coding {
-                    Coding::Zstd if body.is_compressed() => {
-                        let encoded = Encoded { body: body.bytes().clone(), coding };
-                        app.memory.finish(making, encoded, true)
-                    }
-                    Coding::Identity => {
-                        let json = unpacked(&self.key, body).await?;
-                        app.memory.finish(making, Encoded::plain(json), true)
-                    }
-                    _ => {
-                        drop(body);
-                        self.make(app, coding, making).await?
-                    }
-                }
-            }
-            Lookup::Missing(making) => self.make(app, coding, making).await?,
+            Lookup::Missing(making) => match self.unchanged(app, coding).await? {
+                Some(answer) => app.memory.finish(making, answer, true),
+                None => self.make(app, coding, making).await?,
+            },
         };
         app.service.was_read(&self.key);
         Ok(self.response(answer))
     }
 
+    /// The JSON of the result, if this is all that the answer needs.
+    async fn unchanged(&self, app: &App, coding: Coding) -> Result<Option<Encoded>, Problem> {
+        if !self.is_unchanged || coding == Coding::Gzip {
+            return Ok(None);
+        }
+        let Some((body, permit)) = stored(app, &self.caller, &self.key).await? else {
+            return Err(self.missing(app).await?);
+        };
+        let bytes = match coding {
+            Coding::Zstd if body.is_compressed() => body.bytes().clone(),
+            Coding::Identity => unpacked(&self.key, body).await?,
+            _ => return Ok(None),
+        };
+        Ok(Some(Encoded::of(bytes, coding, Some(permit))))
+    }
+
+    /// The problem for a result that is not stored.
+    async fn missing(&self, app: &App) -> Result<Problem, Problem> {
+        let found = app.service.small_result(&self.key).await?;
+        missing(app, self.reach.as_deref(), &self.key, found).await
+    }
+
     /// Formats and compresses the answer on a blocking thread. The thread finishes the answer even if the
     /// client disconnects: a retry finds it.
     async fn make(&self, app: &App, coding: Coding, making: Making) -> Result<Encoded, Problem> {
-        let (json, permit) = self.source(app).await?;
+        let (json, (permit, maker)) = self.source(app).await?;
         let (app, part, format, view) = (app.clone(), self.part, self.format, self.view.clone());
         let make = move || {
-            let _permit = permit;
+            let _maker = maker;
             let mut encoder = coding.encoder();
             format::write(&mut encoder, &json, part, format, &view)?;
             let (body, coding) = encoder.finish().map_err(format::Error::from)?;
-            Ok(app.memory.finish(making, Encoded { body, coding }, true))
+            Ok(app.memory.finish(making, Encoded::of(body, coding, Some(permit)), true))
         };
         task::spawn_blocking(make).await.map_err(Problem::bug)?
     }
 
-    /// The JSON of the result. If it is large, also the permission to make an answer from it, which is obtained before
-    /// it is read.
-    async fn source(&self, app: &App) -> Result<(Bytes, Option<OwnedSemaphorePermit>), Problem> {
-        let reach = self.reach.as_deref();
+    /// The JSON of the result, with permission for its memory and for that of the answer. If it is large, also the
+    /// permission to make an answer from it, which is obtained before it is read.
+    async fn source(
+        &self,
+        app: &App,
+    ) -> Result<(Bytes, (Permit, Option<OwnedSemaphorePermit>)), Problem> {
         let cached = app.memory.get(&self.key.to_string()).map(|answer| answer.body);
-        let small = match cached {
-            Some(json) => Some(json),
+        let size = match cached {
+            Some(json) if json.len() <= store::LARGE => return Ok((json, Default::default())),
+            Some(json) => json.len(),
             None => match app.service.small_result(&self.key).await? {
-                Some(StoredResult::Whole(body)) => Some(unpacked(&self.key, body).await?),
-                Some(StoredResult::Large) => None,
-                other => return Err(missing(app, reach, &self.key, other).await?),
+                Some(StoredResult::Whole(body)) => {
+                    return Ok((unpacked(&self.key, body).await?, Default::default()));
+                }
+                Some(StoredResult::Large(size)) => size,
+                other => {
+                    return Err(missing(app, self.reach.as_deref(), &self.key, other).await?);
+                }
             },
         };
-        if let Some(json) = &small
-            && json.len() <= store::LARGE
-        {
-            return Ok((json.clone(), None));
-        }
-        let permit = app.memory.maker().await;
-        let json = match small {
-            None => json(app, &self.key, false).await?,
-            found => found,
-        };
-        match json {
-            Some(json) => Ok((json, permit)),
-            None => Err(missing(app, reach, &self.key, None).await?),
+        let permit = app.shares.hold(&self.caller, 2 * size).await?;
+        let maker = app.memory.maker().await;
+        match large_json(app, &self.key).await? {
+            Some(json) => Ok((json, (permit, maker))),
+            None => Err(self.missing(app).await?),
         }
     }
 
-    fn response(&self, Encoded { body, coding }: Encoded) -> Response {
+    fn response(&self, Encoded { body, coding, permit }: Encoded) -> Response {
         let mut response = body.into_response();
+        if let Some(permit) = permit {
+            response.extensions_mut().insert(permit);
+        }
         let headers = response.headers_mut();
         let weak = if coding == Coding::Identity { "" } else { "W/" };
         headers.extend(caching(&format!("{weak}{}", self.tag)));

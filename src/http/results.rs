@@ -12,7 +12,7 @@ use super::app::App;
 use super::caller::Caller;
 use super::negotiation::choose_format;
 use super::problem::{self, Problem};
-use super::representation::{Representation, find};
+use super::representation::{Representation, require};
 use super::wire::{NoQuery, Query, Segment, read_key};
 use crate::format::{FigureOptions, Format, Part, QUANTITIES, Quantity, View};
 
@@ -401,7 +401,7 @@ async fn set_pin(
     let key = read_key(key)?;
     while !app.service.pin(&key, pinned).await? {
         // Returns the problem for a missing result, or tries again if the result has just been stored.
-        find(app, caller.reach(), &key).await?;
+        require(app, caller.reach(), &key).await?;
     }
     Ok(StatusCode::NO_CONTENT)
 }

@@ -10,8 +10,9 @@ use tokio::task;
 use utoipa::ToSchema;
 
 use super::app::App;
+use super::body::Body;
 use super::problem::{self, Problem};
-use super::wire::{Body, NoQuery, Segment};
+use super::wire::{NoQuery, Segment};
 use crate::job::{BadSubmission, Key, Prepared, Submission};
 use fretwork_engine::outcome::Preview;
 use fretwork_engine::scenario::{SCHEMA, Scenario, Warning};

@@ -11,6 +11,7 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::app::App;
+use super::body::BODY_LIMIT;
 use super::problem::{self, Problem};
 use super::wire::{self, NoQuery, Segment};
 use fretwork_engine::request::fields::{MAX_CYCLES, POINTS_RANGE};
@@ -139,7 +140,7 @@ pub async fn version(_: NoQuery) -> Json<Version> {
             points: [POINTS_RANGE.0, POINTS_RANGE.1],
             cycles: MAX_CYCLES,
             answer_bytes: MAX_ANSWER,
-            body_bytes: wire::BODY_LIMIT,
+            body_bytes: BODY_LIMIT,
             wait_seconds: wire::LONGEST_WAIT.as_secs(),
         },
     })

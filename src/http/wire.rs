@@ -1,4 +1,4 @@
-//! The parts of requests: query parameters, bodies, `Prefer` and other headers.
+//! The parts of requests: query parameters, `Prefer` and other headers.
 //!
 //! A query collects all its faults before it refuses the request, so that a client sees all of them at once.
 
@@ -6,21 +6,25 @@ use std::fmt::{self, Display};
 use std::mem;
 use std::time::Duration;
 
-use axum::body::{Bytes, HttpBody as _};
-use axum::extract::{FromRequest, FromRequestParts, Path, Request};
-use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE};
+use axum::body::HttpBody as _;
+use axum::extract::{FromRequestParts, Path};
+use axum::http::header::{CACHE_CONTROL, CONTENT_LENGTH};
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, HeaderName, HeaderValue};
-use http_body_util::BodyExt;
+use axum::response::Response;
 
 use super::problem::{self, Complaint, Problem};
 use crate::format::Format;
 use crate::job::{BadKey, Key, clock};
 
-/// Largest body of a request, in bytes.
-pub const BODY_LIMIT: usize = 4 << 20;
 /// Longest time that a request may wait for a job.
 pub const LONGEST_WAIT: Duration = Duration::from_mins(1);
+
+/// The number of bytes of an answer; `None` if it is not known, as for a stream of events.
+pub fn length_of(answer: &Response) -> Option<u64> {
+    let stated = || answer.headers().get(CONTENT_LENGTH)?.to_str().ok()?.parse().ok();
+    answer.body().size_hint().exact().or_else(stated)
+}
 
 /// The query parameters of a request. A handler takes those it knows. [`Query::finish`] refuses the others, so
 /// that a misspelt parameter is not ignored.
@@ -151,7 +155,7 @@ pub fn read_key(text: &str) -> Result<Key, Problem> {
     })
 }
 
-fn excerpt(text: &str) -> String {
+pub fn excerpt(text: &str) -> String {
     let mut out: String = text.chars().take(60).collect();
     if out.len() < text.len() {
         out.push('…');
@@ -251,68 +255,6 @@ pub fn idempotency_key(headers: &HeaderMap) -> Result<Option<String>, Problem> {
 /// A time in milliseconds since 1970, as RFC 3339 in UTC.
 pub fn instant(milliseconds: i64) -> String {
     clock::rfc3339(milliseconds)
-}
-
-/// The bytes of a request body with a JSON content type.
-pub struct Body(pub Bytes);
-
-impl<S: Sync> FromRequest<S> for Body {
-    type Rejection = Problem;
-
-    async fn from_request(request: Request, _: &S) -> Result<Self, Problem> {
-        // A body without a type is refused too: browsers let web pages of any origin send one.
-        let declared =
-            request.headers().get(CONTENT_TYPE).map(|value| value.to_str().unwrap_or(""));
-        if !declared.is_some_and(is_json) {
-            let declared = declared.map_or_else(
-                || "The body has no Content-Type".to_owned(),
-                |declared| format!("The Content-Type of the body is \"{}\"", excerpt(declared)),
-            );
-            return Err(Problem::new(
-                &problem::UNSUPPORTED_MEDIA_TYPE,
-                format!("{declared}. Send it with Content-Type: application/json."),
-            ));
-        }
-        read(request).await.map(Self)
-    }
-}
-
-fn is_json(media_type: &str) -> bool {
-    let essence = media_type.split(';').next().unwrap_or_default().trim().to_ascii_lowercase();
-    essence == "application/json"
-        || (essence.starts_with("application/") && essence.ends_with("+json"))
-}
-
-/// Reads a body up to [`BODY_LIMIT`].
-async fn read(request: Request) -> Result<Bytes, Problem> {
-    let too_large = || {
-        Problem::new(
-            &problem::BODY_TOO_LARGE,
-            format!("The body has more than {BODY_LIMIT} bytes. Remove rows from its tables."),
-        )
-    };
-    let mut body = request.into_body();
-    let declared = usize::try_from(body.size_hint().lower()).unwrap_or(usize::MAX);
-    if declared > BODY_LIMIT {
-        return Err(too_large());
-    }
-    let mut kept = Vec::with_capacity(declared);
-    while let Some(frame) = body.frame().await {
-        let frame = frame.map_err(|_| {
-            Problem::new(
-                &problem::INVALID_JSON,
-                "The connection ended before the end of the body. Send it again.",
-            )
-        })?;
-        let Ok(data) = frame.into_data() else {
-            continue;
-        };
-        if kept.len() + data.len() > BODY_LIMIT {
-            return Err(too_large());
-        }
-        kept.extend_from_slice(&data);
-    }
-    Ok(kept.into())
 }
 
 #[cfg(test)]

@@ -43,8 +43,8 @@ pub struct Page {
 pub enum StoredResult {
     /// The document.
     Whole(Body),
-    /// The document is [`LARGE`] and was not read.
-    Large,
+    /// The document is [`LARGE`] and was not read: the number of bytes of its JSON.
+    Large(usize),
     /// The document was evicted or deleted.
     Evicted {
         /// When, in milliseconds since 1970.
@@ -121,7 +121,7 @@ impl Store {
     /// The result of a key. Its checksum is verified, so damage to the disk cannot change a number.
     pub async fn result(&self, key: &Key) -> Result<Option<StoredResult>, Error> {
         match self.small_result(key).await? {
-            Some(StoredResult::Large) => self.result_by(&self.large, key, i64::MAX).await,
+            Some(StoredResult::Large(_)) => self.result_by(&self.large, key, i64::MAX).await,
             found => Ok(found),
         }
     }
@@ -333,7 +333,7 @@ pub(super) async fn result(
     most: i64,
 ) -> Result<Option<(StoredResult, Sum)>, Error> {
     let row = sqlx::query(
-        "SELECT size > ?2 AS larger, iif(size > ?2, NULL, body) AS body, digest, checksum, evicted,
+        "SELECT size, iif(size > ?2, NULL, body) AS body, digest, checksum, evicted,
              deleted_by, iif(evicted IS NULL, NULL, (SELECT task FROM result_task WHERE key = ?1)) AS task
          FROM result LEFT JOIN result_blob USING (key) WHERE key = ?1",
     )
@@ -347,8 +347,10 @@ pub(super) async fn result(
         let scenario = task.and_then(Task::scenario_in);
         let scenario = scenario.map_or(Ok(Value::Null), |scenario| json(scenario.get()))?;
         StoredResult::Evicted { at, deleted_by: row.try_get("deleted_by")?, scenario }
-    } else if row.try_get("larger")? {
-        StoredResult::Large
+    } else if let size @ 0.. = row.try_get::<i64, _>("size")?
+        && size > most
+    {
+        StoredResult::Large(size.cast_unsigned() as usize)
     } else {
         StoredResult::Whole(Body::stored(row.try_get("body")?))
     };

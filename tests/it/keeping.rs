@@ -71,7 +71,8 @@ async fn results_above_256_kib_are_not_returned_as_small_results() {
         };
         assert_eq!(body.json().unwrap().len(), size);
         let found = store.small_result(&key(number)).await.unwrap();
-        let small = if size > SMALL { StoredResult::Large } else { StoredResult::Whole(body) };
+        let small =
+            if size > SMALL { StoredResult::Large(size) } else { StoredResult::Whole(body) };
         assert_eq!(found, Some(small));
     }
     assert!(store.small_result(&key(3)).await.unwrap().is_none());

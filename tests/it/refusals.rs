@@ -142,7 +142,7 @@ async fn invalid_json_and_unknown_paths_are_refused() {
         text("number too large", r#"{"scenario": {"friction": 1e999}}"#),
         text("not UTF-8", b"{\"label\": \"\xff\"}".to_vec()),
         text("two documents", "{} {}"),
-        text("deep nesting", deep),
+        Case { status: 413, slug: "body-too-large", ..text("deep nesting", deep) },
         text("YAML", "scenario:\n  friction: 0.7"),
         Case { status: 413, slug: "body-too-large", ..text("oversized body", oversized) },
         Case {
@@ -291,8 +291,8 @@ async fn values_out_of_range_are_reported_with_pointers() {
         ball("a thousand million points", &[(model, json!(1_000_000_000))], [model]),
         ball("fractional points", &[(model, json!(64.5))], [model]),
         ball(
-            "a million output cycles",
-            &[("/scenario/cycles", json!(vec![1; 1_000_000]))],
+            "many output cycles",
+            &[("/scenario/cycles", json!(vec![1; 200_000]))],
             ["/scenario/cycles"],
         ),
         ball("unsorted cycles", &[("/scenario/cycles", json!([3, 1]))], ["/scenario/cycles/1"]),

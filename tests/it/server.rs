@@ -6,7 +6,7 @@ use std::net::SocketAddr;
 use std::sync::{Arc, Condvar, Mutex};
 use std::time::Duration;
 
-use fretwork::http::{self, Origins, Peer, Settings};
+use fretwork::http::{self, Origins, Settings};
 use fretwork::job::{Answer, Begin, Key, Step, Task, Work};
 use fretwork::service::Service;
 use fretwork::service::workers::Workers;
@@ -66,11 +66,12 @@ impl Server {
         store.recover().await.unwrap();
         let service = Service::new(store.clone(), begin, 2, limit);
         let workers = Workers::start(&store, 2, limit, &service.compute()).unwrap();
-        let router = http::router(service.clone(), settings);
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = listener.local_addr().unwrap();
-        let connections = router.into_make_service_with_connect_info::<Peer>();
-        tokio::spawn(async move { axum::serve(listener, connections).await.unwrap() });
+        let (api, settings) = (service.clone(), settings.clone());
+        tokio::spawn(async move {
+            http::serve(listener, api, &settings, std::future::pending()).await;
+        });
         Self { address, service, _workers: workers, dir }
     }
 

@@ -13,6 +13,7 @@ use utoipa::ToSchema;
 
 use crate::http::app::App;
 use crate::http::include::{Include, NULL};
+use crate::http::memory::Encoded;
 use crate::http::problem::{self, Problem};
 use crate::http::representation;
 use crate::http::wire::instant;
@@ -161,17 +162,24 @@ pub(super) async fn answer(app: &App, job: Job, include: Include) -> Result<Resp
     } else {
         Asked::default()
     };
-    let result = if include.result { Some(result_of(app, &job).await?) } else { None };
-    write(job, include.members(&asked, result))
+    if !include.result {
+        return write(job, include.members(&asked, None));
+    }
+    let Encoded { body, permit, .. } = result_of(app, &job).await?;
+    let mut response = write(job, include.members(&asked, Some(body)))?;
+    if let Some(permit) = permit {
+        response.extensions_mut().insert(permit);
+    }
+    Ok(response)
 }
 
 /// The JSON of the result of a job; null if it has none.
-pub(super) async fn result_of(app: &App, job: &Job) -> Result<Bytes, Problem> {
+pub(super) async fn result_of(app: &App, job: &Job) -> Result<Encoded, Problem> {
     let json = match job.state {
-        JobState::Succeeded => representation::json(app, &job.key, true).await?,
+        JobState::Succeeded => representation::json(app, &job.owner, &job.key).await?,
         _ => None,
     };
-    Ok(json.unwrap_or(NULL))
+    Ok(json.unwrap_or_else(|| Encoded::plain(NULL)))
 }
 
 /// Writes a job, followed by more members: their names and their JSON.

@@ -10,11 +10,13 @@ use axum::response::Response;
 
 use super::answer::{JobAnswer, address, result_of, write};
 use crate::http::app::App;
+use crate::http::body::Body;
 use crate::http::caller::Caller;
 use crate::http::include::{Include, NULL};
+use crate::http::memory::Encoded;
 use crate::http::problem::{self, Problem};
 use crate::http::scenarios::parse;
-use crate::http::wire::{Body, Freshness, Prefer, Query, ascii, idempotency_key, urgency};
+use crate::http::wire::{Freshness, Prefer, Query, ascii, idempotency_key, urgency};
 use crate::job::{Job, JobState, Origin};
 use crate::service::{Accepted, Refusal, Terms};
 use crate::store::Asked;
@@ -97,19 +99,26 @@ pub async fn submit(
     if repeated && include.submitted {
         asked = app.service.asked(job.id).await?;
     }
-    let result = match answer {
-        _ if !include.result => None,
-        Some(answer) if job.state == JobState::Succeeded => Some(answer.body),
+    let (result, permit) = match answer {
+        _ if !include.result => (None, None),
+        Some(answer) if job.state == JobState::Succeeded => (Some(answer.body), None),
         // The job is accepted, so the client must get it even if its result cannot be read.
-        _ => Some(result_of(&app, &job).await.unwrap_or_else(|problem| {
-            if let Some(error) = problem.cause() {
-                let request = trace.as_ref().map(|trace| &*trace.id);
-                tracing::error!(request, job = %job.id, error, "cannot read the result");
+        _ => match result_of(&app, &job).await {
+            Ok(Encoded { body, permit, .. }) => (Some(body), permit),
+            Err(problem) => {
+                if let Some(error) = problem.cause() {
+                    let request = trace.as_ref().map(|trace| &*trace.id);
+                    tracing::error!(request, job = %job.id, error, "cannot read the result");
+                }
+                (Some(NULL), None)
             }
-            NULL
-        })),
+        },
     };
-    accepted(job, include.members(&asked, result), wait, afresh)
+    let mut response = accepted(job, include.members(&asked, result), wait, afresh)?;
+    if let Some(permit) = permit {
+        response.extensions_mut().insert(permit);
+    }
+    Ok(response)
 }
 
 /// The terms of a submission, from its headers.
