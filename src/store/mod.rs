@@ -26,6 +26,7 @@ mod cancel;
 mod error;
 mod keep;
 mod keys;
+mod ledger;
 mod library;
 mod moving;
 mod open;
