@@ -28,6 +28,7 @@ mod keep;
 mod keys;
 mod ledger;
 mod library;
+mod log;
 mod moving;
 mod open;
 mod outline;

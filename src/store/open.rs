@@ -14,6 +14,7 @@ use tokio::sync::Semaphore;
 
 use super::ledger::Ledger;
 use super::library::Program;
+use super::log::Log;
 use super::outline;
 use super::queue::Queue;
 use super::readers::Readers;
@@ -51,6 +52,9 @@ pub(super) const APPLICATION_ID: i32 = 0x6672_6574;
 
 /// The file name of the database.
 pub(super) const DATABASE: &str = "fretwork.db";
+
+/// The file that a server locks, in the data directory.
+pub(super) const LOCK: &str = "fretwork.lock";
 
 /// The number of read-only connections for small results and lists.
 pub(super) const READERS: u32 = 4;
@@ -109,7 +113,8 @@ impl Store {
         let ledger = Ledger::open(lock, &mut db).await?;
         let upkeep = Upkeep::new(options.keep_jobs, options.budget, AgeClock::load(&mut db).await?);
         let tx = Transaction { db, now: now(), queue, program, effects: Vec::new() };
-        let writer = Writer::new(tx, Arc::clone(&signals), upkeep, ledger).start();
+        let log = Log::new(with_suffix(&path, "-wal"), log_pages * PAGE);
+        let writer = Writer::new(tx, Arc::clone(&signals), upkeep, ledger, log).start();
         let queue_limit = options.queue_limit;
         let scans = Arc::new(Semaphore::new(SCANS));
         let dir = dir.into();
@@ -200,7 +205,7 @@ pub(super) fn connecting(path: &Path) -> SqliteConnectOptions {
 pub(super) fn lock(dir: &Path) -> Result<File, Error> {
     let refused = |source| Error::Directory { dir: dir.to_owned(), source: Arc::new(source) };
     fs::create_dir_all(dir).map_err(refused)?;
-    let path = dir.join("fretwork.lock");
+    let path = dir.join(LOCK);
     let file = File::options().create(true).truncate(false).read(true).write(true).open(path);
     let file = file.map_err(refused)?;
     match file.try_lock() {
@@ -213,18 +218,10 @@ pub(super) fn lock(dir: &Path) -> Result<File, Error> {
 /// Removes a log that belongs to another database.
 ///
 /// Such a log remains when an administrator copies a backup over a database after a crash. SQLite would
-/// apply the log to the backup and destroy it. The header of a database says whether the database uses a
-/// log. The header of a backup says that it does not.
+/// apply the log to the backup and destroy it. A backup does not use a log.
 pub(super) fn forget_foreign_log(path: &Path) -> io::Result<()> {
-    const VERSIONS: usize = 18;
-    const WITHOUT_LOG: [u8; 2] = [1, 1];
     let log = with_suffix(path, "-wal");
-    if !log.exists() || !path.exists() {
-        return Ok(());
-    }
-    let mut head = Vec::new();
-    File::open(path)?.take(100).read_to_end(&mut head)?;
-    if head.get(VERSIONS..VERSIONS + 2) == Some(&WITHOUT_LOG) {
+    if log.exists() && path.exists() && uses_log(path)? == Some(false) {
         tracing::warn!(log = %log.display(), "removing the log of another database");
         fs::remove_file(log)?;
         let index = with_suffix(path, "-shm");
@@ -233,6 +230,18 @@ pub(super) fn forget_foreign_log(path: &Path) -> io::Result<()> {
         }
     }
     Ok(())
+}
+
+/// Whether the header of a database says that it uses a write-ahead log; `None` if it has another header.
+pub(super) fn uses_log(path: &Path) -> io::Result<Option<bool>> {
+    const VERSIONS: usize = 18;
+    let mut head = Vec::new();
+    File::open(path)?.take(100).read_to_end(&mut head)?;
+    Ok(match head.get(VERSIONS..VERSIONS + 2) {
+        Some([1, 1]) => Some(false),
+        Some([2, 2]) => Some(true),
+        _ => None,
+    })
 }
 
 /// A path with a suffix after its file name.

@@ -10,6 +10,7 @@ use tokio::time::timeout;
 
 use super::error::Error;
 use super::ledger::Ledger;
+use super::log::{self, Log};
 use super::queue::Queue;
 use super::signals::{READ_AT_ONCE, Signals};
 use super::transaction::{Transaction, Verb};
@@ -98,6 +99,7 @@ pub(super) struct Writer {
     signals: Arc<Signals>,
     upkeep: Upkeep,
     ledger: Ledger,
+    log: Log,
     /// All changes of this connection up to the last commit, as SQLite counts them.
     changes: i64,
 }
@@ -117,8 +119,9 @@ impl Writer {
         signals: Arc<Signals>,
         upkeep: Upkeep,
         ledger: Ledger,
+        log: Log,
     ) -> Self {
-        Self { tx, queue_is_stale: false, signals, upkeep, ledger, changes: 0 }
+        Self { tx, queue_is_stale: false, signals, upkeep, ledger, log, changes: 0 }
     }
 
     /// Starts the task. It ends when it is closed or the last sender is dropped.
@@ -152,6 +155,10 @@ impl Writer {
                 }
             }
             self.process(orders).await;
+            if self.log.is_long() {
+                self.pragma(log::RESTART).await;
+                self.log.tried();
+            }
             if self.upkeep.is_due() {
                 self.keep_up(false).await;
             }
@@ -399,7 +406,7 @@ mod tests {
         let ledger = Ledger::open(tempfile::tempfile().unwrap(), &mut db).await.unwrap();
         let upkeep = Upkeep::new(None, None, AgeClock::at(None));
         let tx = Transaction { db, now: 0, queue, program: 1, effects: Vec::new() };
-        Writer::new(tx, Arc::default(), upkeep, ledger)
+        Writer::new(tx, Arc::default(), upkeep, ledger, Log::new("".into(), 0))
     }
 
     /// Applies insertions of (number, bytes) as one batch. Returns the answers and the number of calls.
