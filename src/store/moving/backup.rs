@@ -239,16 +239,24 @@ async fn copy_readable(from: &Path, to: &Path) -> Result<(), Moving> {
     }
     let bodies: Vec<i64> =
         sqlx::query_scalar("SELECT rowid FROM source.result_blob").fetch_all(&mut *tx).await?;
+    // After a damaged page, SQLite refuses to commit. So another connection tries to read each body.
+    let mut reader = reading(from).await?;
     for body in bodies {
-        let insert = sqlx::query(
-            "INSERT INTO main.result_blob (key, body)
-             SELECT key, body FROM source.result_blob WHERE rowid = ?1",
-        );
-        match insert.bind(body).execute(&mut *tx).await.map_err(Error::from) {
-            Ok(_) | Err(Error::Damaged(_)) => {}
+        let read = sqlx::query("SELECT body FROM result_blob WHERE rowid = ?1").bind(body);
+        match read.fetch_optional(&mut reader).await.map_err(Error::from) {
+            Ok(_) => {}
+            Err(Error::Damaged(_)) => continue,
             Err(error) => return Err(error.into()),
         }
+        sqlx::query(
+            "INSERT INTO main.result_blob (key, body)
+             SELECT key, body FROM source.result_blob WHERE rowid = ?1",
+        )
+        .bind(body)
+        .execute(&mut *tx)
+        .await?;
     }
+    reader.close().await?;
     tx.commit().await?;
     Ok(db.close().await?)
 }
