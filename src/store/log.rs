@@ -5,6 +5,8 @@
 use std::fs;
 use std::path::PathBuf;
 
+use super::readers::BUSY;
+
 /// The write-ahead log.
 #[derive(Debug)]
 pub(super) struct Log {
@@ -15,9 +17,13 @@ pub(super) struct Log {
     patience: u64,
 }
 
-/// Starts the log anew, and waits up to 50 ms for readers. A backup reads for longer.
-pub(super) const RESTART: &str = "
-    PRAGMA busy_timeout = 50; PRAGMA wal_checkpoint(TRUNCATE); PRAGMA busy_timeout = 5000";
+/// The statements that start the log anew. They wait up to 50 ms for readers; a backup reads for longer.
+pub(super) fn restart() -> String {
+    let usual = BUSY.as_millis();
+    format!(
+        "PRAGMA busy_timeout = 50; PRAGMA wal_checkpoint(TRUNCATE); PRAGMA busy_timeout = {usual}"
+    )
+}
 
 impl Log {
     pub(super) fn new(path: PathBuf, limit: u64) -> Self {

@@ -17,7 +17,7 @@ use super::library::Program;
 use super::log::Log;
 use super::outline;
 use super::queue::Queue;
-use super::readers::Readers;
+use super::readers::{BUSY, Readers};
 use super::signals::Signals;
 use super::transaction::Transaction;
 use super::upkeep::{AgeClock, Upkeep};
@@ -60,9 +60,6 @@ pub(super) const LOCK: &str = "fretwork.lock";
 pub(super) const READERS: u32 = 4;
 /// The number of readers that may scan all results at the same time. The others read single results.
 pub(super) const SCANS: usize = 2;
-
-/// How long a statement waits for another process that writes.
-pub(super) const BUSY: Duration = Duration::from_secs(5);
 
 /// Settings of the store.
 #[derive(Debug, Clone)]

@@ -156,7 +156,7 @@ impl Writer {
             }
             self.process(orders).await;
             if self.log.is_long() {
-                self.pragma(log::RESTART).await;
+                self.pragma(&log::restart()).await;
                 self.log.tried();
             }
             if self.upkeep.is_due() {
@@ -299,9 +299,11 @@ impl Writer {
             room = self.chore(make_room, (budget, true)).await;
         }
         let Ok(Room { used, deleted }) = room else { return false };
+        let is_stuck = deleted == 0 && used > budget;
         if deleted > 0 {
             tracing::debug!(deleted, used, "deleted what was used longest ago");
-        } else if used > budget && self.upkeep.cannot_delete(used) {
+        }
+        if self.upkeep.cannot_delete(is_stuck.then_some(used)) {
             tracing::warn!(
                 used,
                 budget,

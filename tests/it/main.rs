@@ -18,6 +18,7 @@ mod full_disk;
 mod keeping;
 mod kill;
 mod library;
+mod many;
 mod moving;
 mod openapi;
 mod plots;
