@@ -17,17 +17,17 @@ pub(super) struct Log {
     patience: u64,
 }
 
-/// The statements that start the log anew. They wait up to 50 ms for readers; a backup reads for longer.
+/// The statements that start the log anew. They wait up to 100 ms for readers; a backup reads for longer.
 pub(super) fn restart() -> String {
     let usual = BUSY.as_millis();
     format!(
-        "PRAGMA busy_timeout = 50; PRAGMA wal_checkpoint(TRUNCATE); PRAGMA busy_timeout = {usual}"
+        "PRAGMA busy_timeout = 100; PRAGMA wal_checkpoint(TRUNCATE); PRAGMA busy_timeout = {usual}"
     )
 }
 
 impl Log {
     pub(super) fn new(path: PathBuf, limit: u64) -> Self {
-        Self { path, limit, patience: 2 * limit }
+        Self { path, limit, patience: limit + limit / 2 }
     }
 
     fn bytes(&self) -> u64 {
@@ -41,6 +41,6 @@ impl Log {
 
     /// Records an attempt. If a reader has prevented it, the next one waits until the log is longer.
     pub(super) fn tried(&mut self) {
-        self.patience = self.bytes() + 2 * self.limit;
+        self.patience = self.bytes() + self.limit + self.limit / 2;
     }
 }

@@ -17,7 +17,8 @@ use tokio::task::JoinSet;
 
 use crate::faults::{fill, mounting};
 use crate::kill::{Dice, Program, id};
-use crate::server::{JSON, ball, send};
+use crate::server::{JSON, Server, ball, send};
+use crate::store::raw;
 
 /// `/readyz` must tell within this time, and the service must resume within it.
 const BOUND: Duration = Duration::from_secs(5);
@@ -146,4 +147,22 @@ async fn full_disks_at_random_moments_lose_no_acknowledged_job() {
         assert!(matches!(job["state"].as_str().unwrap(), "succeeded" | "running"), "{job}");
     }
     server.end();
+}
+
+#[tokio::test]
+async fn readyz_writes_at_most_every_two_seconds() {
+    let server = Server::start().await;
+    let written = async || -> Vec<u8> {
+        assert_eq!(server.get("/readyz").await.status, 200);
+        let query = sqlx::query_scalar("SELECT bytes FROM probe");
+        query.fetch_one(&mut raw(server.dir.path()).await).await.unwrap()
+    };
+    let interval = Duration::from_secs(2);
+    let begun = Instant::now();
+    let first = written().await;
+    let second = written().await;
+    assert!(second == first || begun.elapsed() > interval);
+    tokio::time::sleep(interval).await;
+    assert!(written().await != second);
+    assert_eq!(first.len(), 256 << 10, "about what a default result takes with its job");
 }

@@ -108,10 +108,20 @@ impl Part {
     /// The temporary name is that of the file with a suffix. Removes what a command that was killed has left there.
     fn of(file: &Path, suffix: &str) -> Result<Self, Moving> {
         let part = Self(open::with_suffix(file, suffix));
-        match fs::remove_file(&part.0) {
-            Err(error) if error.kind() != io::ErrorKind::NotFound => Err(refused(&part.0)(error)),
-            _ => Ok(part),
+        // A journal that is left over would change the new file.
+        part.remove().map_err(refused(&part.0))?;
+        Ok(part)
+    }
+
+    /// Removes the file, and what SQLite keeps beside it.
+    fn remove(&self) -> io::Result<()> {
+        for suffix in ["-journal", "-wal", "-shm", ""] {
+            match fs::remove_file(open::with_suffix(&self.0, suffix)) {
+                Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
+                _ => {}
+            }
         }
+        Ok(())
     }
 
     /// Gives the finished file its name, which must be free.
@@ -125,10 +135,8 @@ impl Part {
 
 impl Drop for Part {
     fn drop(&mut self) {
-        for suffix in ["", "-wal", "-shm", "-journal"] {
-            // Most of them do not exist.
-            let _ = fs::remove_file(open::with_suffix(&self.0, suffix));
-        }
+        // If this fails, the next command tries again.
+        let _ = self.remove();
     }
 }
 
