@@ -55,7 +55,7 @@ async fn submit(
             shared.refused.fetch_add(1, Ordering::SeqCst);
         }
         // A random pause; nothing depends on its length.
-        tokio::time::sleep(Duration::from_micros(dice.below(20_000))).await;
+        tokio::time::sleep(Duration::from_micros(dice.below(100_000))).await;
     }
     acknowledged
 }
@@ -110,7 +110,8 @@ async fn full_disks_at_random_moments_lose_no_acknowledged_job() {
     let disks = if env::var_os("FRETWORK_TEST_LONG").is_some() { 100 } else { 2 };
     let seed = env::var("FRETWORK_TEST_SEED").map_or(1, |seed| seed.parse().unwrap());
     let dir = TempDir::new().unwrap();
-    let mount = "mount -t tmpfs -o size=256m tmpfs \"$0\"";
+    // Large enough for the jobs of all rounds.
+    let mount = "mount -t tmpfs -o size=512m tmpfs \"$0\"";
     let Some(mut command) = mounting(mount, dir.path()) else { return };
     command.args(["--workers", "1", "--memory-cache", "0"]);
     let server = Program::start_by(command, dir.path());
@@ -124,16 +125,17 @@ async fn full_disks_at_random_moments_lose_no_acknowledged_job() {
         clients.spawn(submit(server.address, dice, Arc::clone(&shared), ended.clone()));
     }
     let mut dice = Dice(seed);
-    for _ in 0..disks {
+    for number in 1..=disks {
         // A random pause; nothing depends on its length.
         tokio::time::sleep(Duration::from_micros(dice.below(300_000))).await;
         one_full_disk(&server, &filler, &shared).await;
+        println!("{number} full disks, {} jobs", shared.accepted.load(Ordering::SeqCst));
     }
     end.send_replace(true);
     let acknowledged = clients.join_all().await.concat();
     let refused = shared.refused.load(Ordering::SeqCst) as usize;
     assert!(
-        acknowledged.len() > 10 * disks && refused >= disks,
+        acknowledged.len() > 5 * disks && refused >= disks,
         "{}, {refused}",
         acknowledged.len()
     );
