@@ -122,9 +122,9 @@ pub fn mounting(mount: &str, dir: &Path) -> Option<Command> {
     None
 }
 
-/// Fills a file system to the last block.
+/// Fills a file system to the last block with a file, or with more of it.
 pub fn fill(path: &Path) {
-    let mut file = File::create(path).unwrap();
+    let mut file = File::options().create(true).append(true).open(path).unwrap();
     for size in [1 << 16, 1 << 12] {
         let block = vec![0xa5; size];
         while file.write_all(&block).is_ok() {}
