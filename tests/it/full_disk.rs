@@ -111,7 +111,7 @@ async fn full_disks_at_random_moments_lose_no_acknowledged_job() {
     let seed = env::var("FRETWORK_TEST_SEED").map_or(1, |seed| seed.parse().unwrap());
     let dir = TempDir::new().unwrap();
     // Large enough for the jobs of all rounds.
-    let mount = "mount -t tmpfs -o size=256m tmpfs \"$0\"";
+    let mount = "mount -t tmpfs -o size=512m tmpfs \"$0\"";
     let Some(mut command) = mounting(mount, dir.path()) else { return };
     command.args(["--workers", "1", "--memory-cache", "0"]);
     let server = Program::start_by(command, dir.path());
