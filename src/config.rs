@@ -212,12 +212,15 @@ pub struct Serve {
     #[arg(long, env = "FRETWORK_RUN_LIMIT", default_value = "30min", value_name = "TIME",
         value_parser = duration)]
     pub run_limit: Duration,
-    /// How long finished jobs are kept, such as 90d; 0 means for ever. This does not affect results.
+    /// How long finished jobs are kept, such as 90d; 0 means for ever. This does not affect results. Jobs are deleted earlier
+    /// if the database would exceed --keep-results.
     #[arg(long, env = "FRETWORK_KEEP_JOBS", default_value = "90d", value_name = "TIME",
         value_parser = duration)]
     pub keep_jobs: Duration,
-    /// Disk space for results, such as 10GiB. Beyond it, the server evicts the least recently read results that
-    /// are not pinned. One result has at most 64 MB. 0 means no limit.
+    /// Size of the database, such as 10GiB: results, jobs, scenarios of evicted results, and indexes. Beyond it, the server
+    /// deletes what was used longest ago, except pinned results and unfinished jobs. The write-ahead log takes up to a sixteenth
+    /// more (at least 1 MB, at most 32 MB), and for a moment more while a client reads for long. One result has at most 64 MB. 0
+    /// means no limit.
     #[arg(long, env = "FRETWORK_KEEP_RESULTS", default_value = "10GiB", value_name = "SIZE")]
     pub keep_results: ByteSize,
     /// Memory for frequently read answers, such as 64MiB; 0 switches the memory cache off.

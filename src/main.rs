@@ -70,8 +70,8 @@ fn main() -> ExitCode {
         Some(Command::Keys(command)) => cli::administration::keys(command).map(success),
         Some(Command::Export(settings)) => cli::moving::export(&settings).map(success),
         Some(Command::Import(settings)) => cli::moving::import(&settings),
-        Some(Command::Backup(settings)) => cli::moving::backup(&settings).map(success),
-        Some(Command::Restore(settings)) => cli::moving::restore(&settings).map(success),
+        Some(Command::Backup(settings)) => cli::moving::backup(&settings),
+        Some(Command::Restore(settings)) => cli::moving::restore(&settings),
     };
     done.unwrap_or_else(|error| {
         print_error(error.as_ref());

@@ -86,19 +86,31 @@ pub fn import(settings: &Import) -> Result<ExitCode, Error> {
 
 /// Describes the contents of a backup.
 fn contents(saved: &Saved) -> String {
-    let Saved { jobs, results: count, bytes, evicted } = *saved;
+    let Saved { jobs, results: count, bytes, evicted, .. } = *saved;
     let results = results(count, bytes);
     format!("{results}, {jobs} jobs, scenarios of {evicted} evicted results; checked")
 }
 
+/// Names the damaged results on standard error. The exit code is 2 if there are any.
+fn name_damaged(saved: &Saved) -> Result<ExitCode, Error> {
+    for key in &saved.damaged {
+        writeln!(
+            io::stderr(),
+            "left out {key}: it is damaged; its scenario is kept, and submitting it computes the result again"
+        )?;
+    }
+    Ok(if saved.damaged.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(2) })
+}
+
 /// Copies the whole database.
-pub fn backup(settings: &Backup) -> Result<(), Error> {
+pub fn backup(settings: &Backup) -> Result<ExitCode, Error> {
     let saved = block_on(store::backup(&settings.data.data_dir, &settings.file))?;
-    print(format!("{}: {}\n", settings.file.display(), contents(&saved)).as_bytes())
+    print(format!("{}: {}\n", settings.file.display(), contents(&saved)).as_bytes())?;
+    name_damaged(&saved)
 }
 
 /// Replaces the database by a backup.
-pub fn restore(settings: &Restore) -> Result<(), Error> {
+pub fn restore(settings: &Restore) -> Result<ExitCode, Error> {
     let Restore { file, replace, data } = settings;
     let (saved, former) = block_on(store::restore(&data.data_dir, file, *replace))?;
     let keys = block_on(valid_keys(&data.data_dir))?;
@@ -112,7 +124,8 @@ pub fn restore(settings: &Restore) -> Result<(), Error> {
         .map(|AccessKey { id, name, role, .. }| format!("valid key: {id} {name} ({role})\n"))
         .collect();
     let keys = keys.concat();
-    print(format!("{dir}: {contents}\n{kept}{keys}").as_bytes())
+    print(format!("{dir}: {contents}\n{kept}{keys}").as_bytes())?;
+    name_damaged(&saved)
 }
 
 /// The keys that are neither revoked nor expired.

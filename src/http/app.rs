@@ -35,12 +35,13 @@ pub struct Shared {
     pub metrics: Arc<Metrics>,
     /// The OpenAPI document. It is made when it is first requested.
     pub document: LazyLock<Bytes>,
-    /// When the database was last seen to be writable.
-    written: Mutex<Option<Instant>>,
+    /// When the database was last probed, and what came of it.
+    probed: Mutex<Option<(Instant, Result<(), Error>)>>,
 }
 
-/// Shortest time between two writes that check the database.
-const WRITE_INTERVAL: Duration = Duration::from_millis(500);
+/// Shortest time between two probes of the database. Each writes 256 KiB, and anyone may request one. A full disk is
+/// noticed within this time.
+const PROBE_INTERVAL: Duration = Duration::from_secs(2);
 
 impl App {
     pub fn new(
@@ -51,22 +52,23 @@ impl App {
         metrics: Arc<Metrics>,
         document: fn() -> Bytes,
     ) -> Self {
-        let (document, written) = (LazyLock::new(document), Mutex::default());
-        Self(Arc::new(Shared { service, gate, memory, shares, metrics, document, written }))
+        let (document, probed) = (LazyLock::new(document), Mutex::default());
+        Self(Arc::new(Shared { service, gate, memory, shares, metrics, document, probed }))
     }
 
-    /// Checks that the database is writable, by writing to it. Anyone may request this, so it writes at most
-    /// twice per second.
+    /// Checks that the database can store a submission, or did so less than [`PROBE_INTERVAL`] ago.
     ///
     /// # Errors
-    /// The database is not writable.
-    pub async fn check_writable(&self) -> Result<(), Error> {
-        let mut written = self.written.lock().await;
-        if written.is_none_or(|written| written.elapsed() > WRITE_INTERVAL) {
-            *written = None;
-            self.service.ping().await?;
-            *written = Some(Instant::now());
+    /// A submission would fail.
+    pub async fn check_storage(&self) -> Result<(), Error> {
+        let mut probed = self.probed.lock().await;
+        if let Some((at, outcome)) = &*probed
+            && at.elapsed() < PROBE_INTERVAL
+        {
+            return outcome.clone();
         }
-        Ok(())
+        let outcome = self.service.probe().await;
+        *probed = Some((Instant::now(), outcome.clone()));
+        outcome
     }
 }

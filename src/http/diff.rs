@@ -264,7 +264,6 @@ fn asked(body: DiffBody) -> Result<(Requested, Option<Requested>), Vec<Fault>> {
     responses(
         (status = 200, description = "The differences, in SI.", body = Diff),
         (status = 404, description = "A key is unknown, or there is no result to compare with."),
-        (status = 507, description = "The disk is full."),
     ),
 )]
 pub async fn diff(

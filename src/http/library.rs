@@ -187,7 +187,6 @@ pub(super) fn parameters() -> Vec<Value> {
         (status = 200, description = "A page of results, in SI.", body = ResultList, headers(
             ("Link" = String, description = "The path of the next page, `rel=\"next\"`."),
         )),
-        (status = 507, description = "The disk is full."),
     ),
 )]
 pub async fn list(

@@ -54,7 +54,7 @@ const STUCK: Duration = Duration::from_mins(1);
 /// Maximum time to wait for the database.
 const TIMEOUT: Duration = Duration::from_secs(3);
 
-/// Reports whether the server can accept jobs: the database is writable and the queue is not stuck.
+/// Reports whether the server can accept jobs: the disk has room for a submission and the queue is not stuck.
 ///
 /// For load balancers and start scripts. `GET /healthz` checks only that the process answers.
 #[utoipa::path(get, path = "/readyz", operation_id = "readiness", tag = "system", responses(
@@ -67,13 +67,15 @@ pub async fn ready(State(app): State<App>, _: NoQuery) -> Result<Json<Readiness>
         return Err(unready("The server is shutting down."));
     }
     let check = async {
-        app.check_writable().await?;
+        app.check_storage().await?;
         app.service.longest_wait().await
     };
     let wait = match tokio::time::timeout(TIMEOUT, check).await {
         Ok(Ok(wait)) => wait,
         Ok(Err(error)) => {
-            return Err(unready(&format!("The database failed: {error}.")).caused_by(&error));
+            return Err(
+                unready(&format!("The server cannot store jobs: {error}.")).caused_by(&error)
+            );
         }
         Err(_) => return Err(unready("The database does not answer.")),
     };

@@ -91,12 +91,12 @@ impl Service {
         self.0.store.longest_wait().await
     }
 
-    /// Writes to the database, to check that this is possible.
+    /// Checks that the disk has room for a submission, by a write of the same size.
     ///
     /// # Errors
-    /// The database is not writable.
-    pub async fn ping(&self) -> Result<(), Error> {
-        self.0.store.ping().await
+    /// A submission would fail.
+    pub async fn probe(&self) -> Result<(), Error> {
+        self.0.store.probe().await
     }
 
     /// Free space on the disk of the database, in bytes; `None` if the system does not report it.

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use sqlx::{Connection as _, SqliteConnection};
 
-use super::{Error, open};
+use super::{Error, open, readers};
 
 /// The database of a data directory, opened by an administrative command.
 ///
@@ -15,7 +15,7 @@ pub struct Administration(pub(super) SqliteConnection);
 impl Administration {
     /// Opens the database in a directory. If no server uses it, creates or migrates it where necessary.
     pub async fn open(dir: &Path) -> Result<Self, Error> {
-        open::beside(dir, open::BUSY).await.map(Self)
+        open::beside(dir, readers::BUSY).await.map(Self)
     }
 
     /// Whether there is a database in a directory.

@@ -214,10 +214,7 @@ impl Answered {
                 Ok(Finish::Same)
             }
             Some((false, true)) => Ok(Finish::Differs),
-            Some((_, false)) | None => {
-                tx.effects.push(Effect::Stored(self.body.bytes().len() as u64));
-                Ok(Finish::Stored)
-            }
+            Some((_, false)) | None => Ok(Finish::Stored),
         }
     }
 }

@@ -12,20 +12,22 @@ use sqlx::sqlite::{SqliteAutoVacuum, SqliteConnectOptions, SqliteJournalMode, Sq
 use sqlx::{ConnectOptions, Connection, Executor as _, SqlSafeStr as _, SqliteConnection};
 use tokio::sync::Semaphore;
 
+use super::ledger::Ledger;
 use super::library::Program;
+use super::log::Log;
 use super::outline;
 use super::queue::Queue;
-use super::readers::Readers;
+use super::readers::{BUSY, Readers};
 use super::signals::Signals;
 use super::transaction::Transaction;
-use super::upkeep::Upkeep;
+use super::upkeep::{AgeClock, Upkeep};
 use super::writer::Writer;
 use super::{Error, Store};
 use crate::job::clock::now;
 use crate::job::{ENGINE, Task};
 
 /// The changes of the schema: version, name and SQL.
-const CHANGES: [(i64, &str, &str); 8] = [
+const CHANGES: [(i64, &str, &str); 9] = [
     (1, "jobs", include_str!("../../migrations/sqlite/0001_jobs.sql")),
     (2, "years of service", include_str!("../../migrations/sqlite/0002_years_of_service.sql")),
     (3, "access keys", include_str!("../../migrations/sqlite/0003_access_keys.sql")),
@@ -34,6 +36,7 @@ const CHANGES: [(i64, &str, &str); 8] = [
     (6, "submitted", include_str!("../../migrations/sqlite/0006_submitted.sql")),
     (7, "compact results", include_str!("../../migrations/sqlite/0007_compact_results.sql")),
     (8, "warnings", include_str!("../../migrations/sqlite/0008_warnings.sql")),
+    (10, "commits", include_str!("../../migrations/sqlite/0010_commits.sql")),
 ];
 
 /// All migrations. The macros of sqlx would embed the directory, but they compile SQLite a second time.
@@ -50,13 +53,13 @@ pub(super) const APPLICATION_ID: i32 = 0x6672_6574;
 /// The file name of the database.
 pub(super) const DATABASE: &str = "fretwork.db";
 
+/// The file that a server locks, in the data directory.
+pub(super) const LOCK: &str = "fretwork.lock";
+
 /// The number of read-only connections for small results and lists.
 pub(super) const READERS: u32 = 4;
 /// The number of readers that may scan all results at the same time. The others read single results.
 pub(super) const SCANS: usize = 2;
-
-/// How long a statement waits for another process that writes.
-pub(super) const BUSY: Duration = Duration::from_secs(5);
 
 /// Settings of the store.
 #[derive(Debug, Clone)]
@@ -68,7 +71,7 @@ pub struct Options {
     pub queue_limit: usize,
     /// How long finished jobs are kept; `None` means for ever.
     pub keep_jobs: Option<Duration>,
-    /// Bytes of results beyond which the server evicts some; `None` means no limit.
+    /// Bytes of the database beyond which the server deletes what was used longest ago; `None` means no limit.
     pub budget: Option<u64>,
 }
 
@@ -86,21 +89,29 @@ impl Store {
     pub async fn open(dir: &Path, options: &Options) -> Result<Self, Error> {
         let lock = lock(dir)?;
         let path = dir.join(DATABASE);
-        let mut db = prepare(dir, writing(&path, options.full_sync)).await?;
+        let log_pages = log_pages(options.budget);
+        let writing = writing(&path, options.full_sync)
+            .pragma("wal_autocheckpoint", log_pages.to_string())
+            .pragma("journal_size_limit", (log_pages * PAGE).to_string());
+        let mut db = prepare(dir, writing).await?;
         // What a statement needs to undo itself stays in memory, instead of a temporary file. For a migration it could
         // be large.
         db.execute("PRAGMA temp_store = memory").await?;
         // 16 MiB for each connection: enough for the upper pages of all indexes.
         let reading = connecting(&path).read_only(true).pragma("cache_size", "-16384");
+        // A list must not need space on a disk that is full.
+        let reading = reading.pragma("temp_store", "memory");
         let readers = Arc::new(Readers::open(&reading, READERS).await?);
         let large = Arc::new(Readers::open(&reading, 1).await?);
         let keys = Arc::new(Readers::open(&reading, 1).await?);
         let signals = Arc::new(Signals::default());
         let queue = Queue::load(&mut db).await?;
         let program = Program::this().row(&mut db).await?;
+        let ledger = Ledger::open(lock, &mut db).await?;
+        let upkeep = Upkeep::new(options.keep_jobs, options.budget, AgeClock::load(&mut db).await?);
         let tx = Transaction { db, now: now(), queue, program, effects: Vec::new() };
-        let upkeep = Upkeep::new(options.keep_jobs, options.budget);
-        let writer = Writer::new(tx, Arc::clone(&signals), upkeep, lock).start();
+        let log = Log::new(with_suffix(&path, "-wal"), log_pages * PAGE);
+        let writer = Writer::new(tx, Arc::clone(&signals), upkeep, ledger, log).start();
         let queue_limit = options.queue_limit;
         let scans = Arc::new(Semaphore::new(SCANS));
         let dir = dir.into();
@@ -168,11 +179,19 @@ pub(super) fn writing(path: &Path, full_sync: bool) -> SqliteConnectOptions {
         .pragma("application_id", APPLICATION_ID.to_string())
         // 64 MiB: keys are random, so each result changes pages all over the tables.
         .pragma("cache_size", "-65536")
-        // Number of pages in the log (32 MB) at which a commit must checkpoint. Usually maintenance runs a
-        // checkpoint earlier.
-        .pragma("wal_autocheckpoint", "8000")
-        // The log shrinks to 64 MiB after a checkpoint.
-        .pragma("journal_size_limit", (64 << 20).to_string())
+        .pragma("wal_autocheckpoint", MOST_LOG_PAGES.to_string())
+        .pragma("journal_size_limit", (MOST_LOG_PAGES * PAGE).to_string())
+}
+
+/// Bytes of a page, the default of SQLite.
+const PAGE: u64 = 4096;
+/// The number of pages in the log (32 MB) at which a commit must checkpoint, and to which the log shrinks then. Usually
+/// maintenance runs a checkpoint earlier.
+const MOST_LOG_PAGES: u64 = 8000;
+
+/// The limit of the log: a sixteenth of the budget, and at least 1 MB, which is a few large transactions.
+fn log_pages(budget: Option<u64>) -> u64 {
+    budget.map_or(MOST_LOG_PAGES, |budget| (budget / 16 / PAGE).clamp(250, MOST_LOG_PAGES))
 }
 
 /// Options of every connection.
@@ -183,9 +202,9 @@ pub(super) fn connecting(path: &Path) -> SqliteConnectOptions {
 pub(super) fn lock(dir: &Path) -> Result<File, Error> {
     let refused = |source| Error::Directory { dir: dir.to_owned(), source: Arc::new(source) };
     fs::create_dir_all(dir).map_err(refused)?;
-    let path = dir.join("fretwork.lock");
-    let file =
-        File::options().create(true).truncate(false).write(true).open(path).map_err(refused)?;
+    let path = dir.join(LOCK);
+    let file = File::options().create(true).truncate(false).read(true).write(true).open(path);
+    let file = file.map_err(refused)?;
     match file.try_lock() {
         Ok(()) => Ok(file),
         Err(TryLockError::WouldBlock) => Err(Error::Locked { dir: dir.to_owned() }),
@@ -196,18 +215,10 @@ pub(super) fn lock(dir: &Path) -> Result<File, Error> {
 /// Removes a log that belongs to another database.
 ///
 /// Such a log remains when an administrator copies a backup over a database after a crash. SQLite would
-/// apply the log to the backup and destroy it. The header of a database says whether the database uses a
-/// log. The header of a backup says that it does not.
+/// apply the log to the backup and destroy it. A backup does not use a log.
 pub(super) fn forget_foreign_log(path: &Path) -> io::Result<()> {
-    const VERSIONS: usize = 18;
-    const WITHOUT_LOG: [u8; 2] = [1, 1];
     let log = with_suffix(path, "-wal");
-    if !log.exists() || !path.exists() {
-        return Ok(());
-    }
-    let mut head = Vec::new();
-    File::open(path)?.take(100).read_to_end(&mut head)?;
-    if head.get(VERSIONS..VERSIONS + 2) == Some(&WITHOUT_LOG) {
+    if log.exists() && path.exists() && uses_log(path)? == Some(false) {
         tracing::warn!(log = %log.display(), "removing the log of another database");
         fs::remove_file(log)?;
         let index = with_suffix(path, "-shm");
@@ -216,6 +227,18 @@ pub(super) fn forget_foreign_log(path: &Path) -> io::Result<()> {
         }
     }
     Ok(())
+}
+
+/// Whether the header of a database says that it uses a write-ahead log; `None` if it has another header.
+pub(super) fn uses_log(path: &Path) -> io::Result<Option<bool>> {
+    const VERSIONS: usize = 18;
+    let mut head = Vec::new();
+    File::open(path)?.take(100).read_to_end(&mut head)?;
+    Ok(match head.get(VERSIONS..VERSIONS + 2) {
+        Some([1, 1]) => Some(false),
+        Some([2, 2]) => Some(true),
+        _ => None,
+    })
 }
 
 /// A path with a suffix after its file name.

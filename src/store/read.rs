@@ -199,9 +199,9 @@ impl Store {
         Ok(Duration::from_millis(waited.max(0).unsigned_abs()))
     }
 
-    /// Checks that the database is writable.
-    pub async fn ping(&self) -> Result<(), Error> {
-        self.write(upkeep::ping, ()).await
+    /// Checks that the disk has room for a submission, by a write of the same size.
+    pub async fn probe(&self) -> Result<(), Error> {
+        self.write(upkeep::probe, ()).await
     }
 
     /// Returns the job once it has finished, or in its current state once `until` has completed.

@@ -3,11 +3,16 @@
 //! The pool of sqlx pings a connection each time it is returned, which costs as much as a read.
 //! A read-only connection to a local file needs no ping.
 
+use std::time::Duration;
+
 use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{Connection as _, SqliteConnection};
 use tokio::sync::{MappedMutexGuard, Mutex, MutexGuard, Semaphore, SemaphorePermit};
 
 use super::Error;
+
+/// How long a statement waits for another connection.
+pub(super) const BUSY: Duration = Duration::from_secs(5);
 
 #[derive(Debug)]
 pub(super) struct Readers {

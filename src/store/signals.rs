@@ -33,12 +33,10 @@ pub(super) enum Effect {
     Settled(Ending, Option<i64>),
     /// A result was computed again.
     Recomputed { key: Key, same: bool },
-    /// A result of this many bytes was stored.
-    Stored(u64),
     /// A result was read.
     Read(Key),
-    /// A result of this many bytes was evicted.
-    Evicted(u64),
+    /// A result was evicted.
+    Evicted,
 }
 
 /// A flag that tells the worker of a run that no job needs its result any more.
@@ -127,11 +125,7 @@ impl Signals {
                     self.tally.recomputed(same);
                 }
                 Effect::Read(key) => tables.note(key, now()),
-                Effect::Evicted(bytes) => {
-                    tracing::info!(bytes, "evicted the least recently read result");
-                    self.tally.evicted();
-                }
-                Effect::Stored(_) => {}
+                Effect::Evicted => self.tally.evicted(),
             }
         }
     }

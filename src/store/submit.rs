@@ -355,11 +355,8 @@ async fn record(record: &Record, tx: &mut Transaction) -> Result<Vec<Submitted>,
     let is_stored =
         matches!(&submitted, Submitted::Accepted(job) if job.origin == Origin::Computed);
     if is_stored {
-        tx.effects.extend([
-            Effect::Ended(key),
-            Effect::Settled(Ending::Succeeded, Some(took)),
-            Effect::Stored(answer.body.bytes().len() as u64),
-        ]);
+        tx.effects.push(Effect::Ended(key));
+        tx.effects.push(Effect::Settled(Ending::Succeeded, Some(took)));
     }
     let mut all = vec![submitted];
     let origin = is_stored.then_some(Origin::Coalesced);

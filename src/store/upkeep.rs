@@ -1,17 +1,20 @@
 //! Maintenance that keeps the database small and fast over years.
 //!
-//! The writer task stores when results were last read, deletes old jobs, and evicts the least recently
-//! read results when all results exceed their budget. It works in small transactions between other
-//! writes. If one of them fails, for example on a damaged page, the others still run.
+//! The writer task stores when results were last read, deletes old jobs, and makes room when the database exceeds its
+//! budget: it deletes what was used longest ago, be it a finished job, a result, or the scenario of an evicted result.
+//! It works in small transactions between other writes. If one of them fails, for example on a damaged page, the
+//! others still run.
 
 use std::time::{Duration, Instant};
 
-use sqlx::Row;
+use sqlx::sqlite::SqliteRow;
+use sqlx::{Row, SqliteConnection};
 
 use super::error::Error;
 use super::signals::Effect;
 use super::transaction::Transaction;
 use crate::job::Key;
+use crate::job::clock::now;
 
 /// The writer task is idle after this time without a message.
 const IDLE: Duration = Duration::from_secs(1);
@@ -19,27 +22,35 @@ const IDLE: Duration = Duration::from_secs(1);
 const OFTEN: Duration = Duration::from_mins(1);
 /// Jobs deleted in one transaction, which takes a few milliseconds.
 const JOBS: u32 = 100;
-/// How long the scenario of an evicted result is kept at least: one year in milliseconds.
+/// How long the scenario of an evicted result is kept at most: one year in milliseconds.
 const KEEP_EVICTED: i64 = 365 * 24 * 3600 * 1000;
+/// Rows that one transaction deletes to make room: twice as many as one transaction adds.
+const ROOM: usize = 512;
+/// Rows that are looked up at a time.
+const OLDEST: i64 = 64;
 
 /// Decides when to run maintenance.
 #[derive(Debug)]
 pub(super) struct Upkeep {
     pub(super) keep_jobs: Option<Duration>,
     pub(super) budget: Option<u64>,
+    pub(super) clock: AgeClock,
     last: Instant,
     /// Something was committed since the last round.
     dirty: bool,
     /// The last round left work over.
     more: bool,
-    /// Bytes of results stored since the last round.
-    stored: u64,
+    /// Bytes that the database uses.
+    used: u64,
+    /// What the database used when nothing was left to delete.
+    immovable: u64,
 }
 
 impl Upkeep {
-    pub(super) fn new(keep_jobs: Option<Duration>, budget: Option<u64>) -> Self {
+    pub(super) fn new(keep_jobs: Option<Duration>, budget: Option<u64>, clock: AgeClock) -> Self {
         // The limits may differ from those of the last start, so the first round is needed.
-        Self { keep_jobs, budget, last: Instant::now(), dirty: true, more: false, stored: 0 }
+        let (last, dirty) = (Instant::now(), true);
+        Self { keep_jobs, budget, clock, last, dirty, more: false, used: 0, immovable: 0 }
     }
 
     /// How long the writer task waits for messages before the next round.
@@ -51,35 +62,93 @@ impl Upkeep {
         }
     }
 
-    /// Records a commit.
-    pub(super) fn note(&mut self, effects: &[Effect]) {
+    /// Records a commit, after which the database uses this number of bytes.
+    pub(super) fn note(&mut self, used: u64) {
         self.dirty = true;
-        for effect in effects {
-            if let Effect::Stored(bytes) = effect {
-                self.stored += bytes;
-            }
-        }
+        self.used = used;
     }
 
     /// Whether a round must run although the writer task is busy.
     pub(super) fn is_due(&self) -> bool {
-        // This limits the overrun of the budget to a few per cent.
-        let grown = self.budget.is_some_and(|budget| self.stored > budget / 64);
-        self.more || grown || self.last.elapsed() > OFTEN
+        // If nothing can be deleted, another round waits until there is more.
+        let exceeds = |budget| self.used > budget && self.used > self.immovable + budget / 64;
+        self.more || self.budget.is_some_and(exceeds) || self.last.elapsed() > OFTEN
+    }
+
+    /// Records what the database uses when nothing is left that can be deleted; `None` after something was deleted.
+    /// Returns whether the former is news.
+    pub(super) fn cannot_delete(&mut self, used: Option<u64>) -> bool {
+        let is_news = used.is_some() && self.immovable == 0;
+        self.immovable = used.unwrap_or(0);
+        is_news
     }
 
     /// Records the end of a round.
     pub(super) fn did(&mut self, more: bool) {
         self.more = more;
         self.dirty = false;
-        self.stored = 0;
         self.last = Instant::now();
     }
 }
 
-/// Checks that the database is writable.
-pub(super) async fn ping((): &(), tx: &mut Transaction) -> Result<(), Error> {
-    sqlx::query("UPDATE room SET tried = ?1").bind(tx.now).execute(&mut tx.db).await?;
+/// The clock by which ages are measured, in milliseconds since 1970.
+///
+/// It follows the clock of the system, but advances only while the server runs, and at most twice as fast. So nothing
+/// is deleted because the clock of the system has jumped ahead. After a pause of the server it catches up.
+#[derive(Debug)]
+pub(super) struct AgeClock {
+    time: i64,
+    read: Instant,
+    /// The time in the table.
+    stored: i64,
+}
+
+/// The clock is stored when it has advanced by this time, in milliseconds.
+const STORE_CLOCK: i64 = 10 * 60 * 1000;
+
+impl AgeClock {
+    /// Reads the clock of the last server; a new database has none.
+    pub(super) async fn load(db: &mut SqliteConnection) -> Result<Self, Error> {
+        let stored: Option<i64> =
+            sqlx::query_scalar("SELECT clock FROM room").fetch_one(db).await?;
+        Ok(Self::at(stored))
+    }
+
+    pub(super) fn at(stored: Option<i64>) -> Self {
+        Self { time: stored.unwrap_or_else(now), read: Instant::now(), stored: stored.unwrap_or(0) }
+    }
+
+    /// Advances to the time of the system, or as far as it may. Returns the time, or that of the system if it is earlier.
+    pub(super) fn advance(&mut self, system: i64) -> i64 {
+        let passed = i64::try_from(self.read.elapsed().as_millis()).unwrap_or(i64::MAX);
+        self.read = Instant::now();
+        self.time = self.time.max(system.min(self.time.saturating_add(passed.saturating_mul(2))));
+        self.time.min(system)
+    }
+
+    /// The time to be stored now, if any.
+    pub(super) fn unstored(&mut self) -> Option<i64> {
+        let due = (self.time - self.stored).abs() >= STORE_CLOCK;
+        due.then(|| {
+            self.stored = self.time;
+            self.time
+        })
+    }
+}
+
+/// Stores the [`AgeClock`].
+pub(super) async fn write_clock(time: &i64, tx: &mut Transaction) -> Result<(), Error> {
+    sqlx::query("UPDATE room SET clock = ?1").bind(time).execute(&mut tx.db).await?;
+    Ok(())
+}
+
+/// Checks that the disk has room for a submission, by writing about as many bytes as a default result with its job
+/// takes.
+pub(super) async fn probe((): &(), tx: &mut Transaction) -> Result<(), Error> {
+    // SQLite does not write bytes that have not changed, hence random ones.
+    sqlx::query("INSERT OR REPLACE INTO probe (id, bytes) VALUES (1, randomblob(262144))")
+        .execute(&mut tx.db)
+        .await?;
     Ok(())
 }
 
@@ -98,20 +167,19 @@ pub(super) async fn write_reads(
     Ok(())
 }
 
-/// Deletes jobs that ended longer ago than this, the oldest first, and runs without jobs. Returns whether
-/// there may be more to delete.
-pub(super) async fn delete_old(age: &Duration, tx: &mut Transaction) -> Result<bool, Error> {
-    let cutoff = tx.now - i64::try_from(age.as_millis()).unwrap_or(i64::MAX);
+/// Deletes jobs that ended before this time, the oldest first, and runs without jobs. Returns whether there may be more
+/// to delete.
+pub(super) async fn delete_old(before: &i64, tx: &mut Transaction) -> Result<bool, Error> {
     // A job id begins with the time in milliseconds, so the primary key finds the oldest jobs.
     let mut oldest = [0; 16];
-    oldest[..6].copy_from_slice(&cutoff.max(0).to_be_bytes()[2..]);
+    oldest[..6].copy_from_slice(&(*before).max(0).to_be_bytes()[2..]);
     let rows = sqlx::query(
         "DELETE FROM job WHERE id IN (
              SELECT id FROM job WHERE id < ?1 AND finished < ?2 ORDER BY id LIMIT ?3
          ) RETURNING run",
     )
     .bind(oldest.as_slice())
-    .bind(cutoff)
+    .bind(before)
     .bind(JOBS)
     .fetch_all(&mut tx.db)
     .await?;
@@ -135,54 +203,158 @@ pub(super) async fn delete_unnamed(tx: &mut Transaction, run: i64) -> Result<(),
     Ok(())
 }
 
-/// What an eviction did.
-pub(super) struct Room {
-    /// Bytes of all results before the eviction.
-    pub(super) used: u64,
-    /// Whether a result was evicted: then the next one may have to be evicted too.
-    pub(super) evicted: bool,
+/// Deletes the scenarios of results that were evicted more than a year before this time and have no jobs.
+pub(super) async fn forget_evicted(time: &i64, tx: &mut Transaction) -> Result<(), Error> {
+    // Among the oldest 1000 only, so that many results with jobs do not slow every round. Younger results without
+    // jobs wait until the jobs of older ones are deleted.
+    sqlx::query(
+        "DELETE FROM result WHERE key IN (
+             SELECT key FROM (
+                 SELECT key FROM result WHERE evicted < ?1 ORDER BY evicted LIMIT 1000
+             ) AS old
+             WHERE NOT EXISTS (SELECT 1 FROM job WHERE job.key = old.key) LIMIT 100
+         )",
+    )
+    .bind(time - KEEP_EVICTED)
+    .execute(&mut tx.db)
+    .await?;
+    Ok(())
 }
 
-/// Evicts the least recently read result if all results together exceed the budget. The scenario of an evicted
-/// result stays known for a year, and for as long as it has jobs. If the results are within the budget, deletes older
-/// rows without jobs.
+/// What [`make_room`] did.
+pub(super) struct Room {
+    /// Bytes that the database uses now.
+    pub(super) used: u64,
+    /// The number of jobs, results and scenarios that it deleted.
+    pub(super) deleted: usize,
+}
+
+/// Deletes what was used longest ago until the database is within its budget, but not more than a few hundred rows.
+/// Pinned results and unfinished jobs stay.
 ///
-/// With `leave_body` it does not delete the body, because its pages are damaged and cannot be freed.
-pub(super) async fn evict(
-    (budget, leave_body): &(Option<u64>, bool),
+/// With `leave_bodies` it deletes no body, because pages of one are damaged and cannot be freed.
+pub(super) async fn make_room(
+    (budget, leave_bodies): &(u64, bool),
     tx: &mut Transaction,
 ) -> Result<Room, Error> {
-    let used: u64 = sqlx::query_scalar("SELECT used FROM room").fetch_one(&mut tx.db).await?;
-    if budget.is_none_or(|budget| used <= budget) {
-        // Among the oldest 1000 only, so that many results with jobs do not slow every round. Younger results without
-        // jobs wait until the jobs of older ones are deleted.
-        sqlx::query(
-            "DELETE FROM result WHERE key IN (
-                 SELECT key FROM (
-                     SELECT key FROM result WHERE evicted < ?1 ORDER BY evicted LIMIT 1000
-                 ) AS old
-                 WHERE NOT EXISTS (SELECT 1 FROM job WHERE job.key = old.key) LIMIT 100
-             )",
-        )
-        .bind(tx.now - KEEP_EVICTED)
+    let mut room = Room { used: used(&mut tx.db).await?, deleted: 0 };
+    while room.used > *budget && room.deleted < ROOM {
+        let oldest = oldest(&mut tx.db).await?;
+        if oldest.is_empty() {
+            break;
+        }
+        for row in &oldest {
+            if room.used <= *budget {
+                break;
+            }
+            let (kind, id): (&str, &[u8]) = (row.try_get("kind")?, row.try_get("id")?);
+            match kind {
+                "job" => delete_job(id, tx).await?,
+                "result" => evict(id, *leave_bodies, tx).await?,
+                _ => forget(id, tx).await?,
+            }
+            room.deleted += 1;
+            room.used = used(&mut tx.db).await?;
+        }
+    }
+    Ok(room)
+}
+
+/// Bytes of all pages of the database that are in use: results, jobs, scenarios and indexes.
+async fn used(db: &mut SqliteConnection) -> Result<u64, Error> {
+    let query = sqlx::query_scalar(
+        "SELECT (page_count - freelist_count) * page_size
+         FROM pragma_page_count, pragma_freelist_count, pragma_page_size",
+    );
+    Ok(query.fetch_one(db).await?)
+}
+
+/// The jobs, results and scenarios that were used longest ago, the oldest first: a job when it ended, a result when it
+/// was read, a scenario when its result was evicted. A scenario whose damaged body could not be deleted is not among
+/// them.
+async fn oldest(db: &mut SqliteConnection) -> Result<Vec<SqliteRow>, Error> {
+    let query = sqlx::query(
+        "SELECT * FROM (
+             SELECT 'job' AS kind, id, finished AS used FROM job
+             WHERE finished IS NOT NULL ORDER BY id LIMIT ?1)
+         UNION ALL SELECT * FROM (
+             SELECT 'result', key, last_access FROM result INDEXED BY result_unread
+             WHERE NOT pinned AND evicted IS NULL ORDER BY last_access LIMIT ?1)
+         UNION ALL SELECT * FROM (
+             SELECT 'scenario', key, evicted FROM result INDEXED BY result_evicted
+             WHERE evicted IS NOT NULL AND NOT pinned
+                 AND NOT EXISTS (SELECT 1 FROM result_blob WHERE result_blob.key = result.key)
+             ORDER BY evicted LIMIT ?1)
+         ORDER BY used LIMIT ?1",
+    );
+    Ok(query.bind(OLDEST).fetch_all(db).await?)
+}
+
+async fn delete_job(id: &[u8], tx: &mut Transaction) -> Result<(), Error> {
+    let run: Option<i64> = sqlx::query_scalar("DELETE FROM job WHERE id = ?1 RETURNING run")
+        .bind(id)
+        .fetch_one(&mut tx.db)
+        .await?;
+    match run {
+        Some(run) => delete_unnamed(tx, run).await,
+        None => Ok(()),
+    }
+}
+
+/// Deletes the body of a result. Its scenario stays known.
+async fn evict(key: &[u8], leave_body: bool, tx: &mut Transaction) -> Result<(), Error> {
+    sqlx::query("UPDATE result SET evicted = ?2 WHERE key = ?1")
+        .bind(key)
+        .bind(tx.now)
         .execute(&mut tx.db)
         .await?;
-        return Ok(Room { used, evicted: false });
-    }
-    let oldest: Option<(Vec<u8>, u64)> = sqlx::query_as(
-        "UPDATE result SET evicted = ?1 WHERE key = (
-             SELECT key FROM result INDEXED BY result_unread
-             WHERE NOT pinned AND evicted IS NULL ORDER BY last_access LIMIT 1
-         ) RETURNING key, stored",
-    )
-    .bind(tx.now)
-    .fetch_optional(&mut tx.db)
-    .await?;
-    let Some((key, bytes)) = oldest else { return Ok(Room { used, evicted: false }) };
     if !leave_body {
         let delete = sqlx::query("DELETE FROM result_blob WHERE key = ?1");
-        delete.bind(&key).execute(&mut tx.db).await?;
+        delete.bind(key).execute(&mut tx.db).await?;
     }
-    tx.effects.push(Effect::Evicted(bytes));
-    Ok(Room { used, evicted: true })
+    tx.effects.push(Effect::Evicted);
+    Ok(())
+}
+
+/// Deletes the scenario of an evicted result.
+async fn forget(key: &[u8], tx: &mut Transaction) -> Result<(), Error> {
+    let delete = sqlx::query("DELETE FROM result WHERE key = ?1");
+    delete.bind(key).execute(&mut tx.db).await?;
+    Ok(())
+}
+
+/// Bytes of the stored results.
+pub(super) async fn stored((): &(), tx: &mut Transaction) -> Result<u64, Error> {
+    Ok(sqlx::query_scalar("SELECT used FROM room").fetch_one(&mut tx.db).await?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DAY: i64 = 24 * 3600 * 1000;
+
+    #[test]
+    fn the_clock_for_ages_ignores_jumps_of_the_system_clock() {
+        let start = now() - 5 * DAY;
+        let mut clock = AgeClock::at(Some(start));
+        for jump in [365 * DAY, -365 * DAY, 0] {
+            let time = clock.advance(now() + jump);
+            assert!(time < start + 60_000, "{}", time - start);
+            assert!(jump < 0 || time >= start, "{}", time - start);
+        }
+        assert!(clock.unstored().is_none(), "it has hardly advanced");
+    }
+
+    #[test]
+    fn the_clock_for_ages_catches_up_at_twice_the_speed() {
+        let start = now() - 5 * DAY;
+        let mut clock = AgeClock::at(Some(start));
+        clock.read -= Duration::from_hours(24);
+        let time = clock.advance(now());
+        assert!((start + 2 * DAY..start + 2 * DAY + 60_000).contains(&time), "{}", time - start);
+        assert_eq!(clock.unstored(), Some(time));
+        clock.read -= Duration::from_hours(72);
+        assert!((now() - clock.advance(now())).abs() < 60_000, "it does not overtake the system");
+    }
 }

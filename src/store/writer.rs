@@ -1,19 +1,20 @@
 //! The one task that changes the database, and the group commit.
 
-use std::fs::File;
 use std::future::Future;
 use std::pin::Pin;
 use std::sync::Arc;
 
-use sqlx::{Connection, Executor};
+use sqlx::{AssertSqlSafe, Connection, Executor, Row as _};
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::timeout;
 
 use super::error::Error;
+use super::ledger::Ledger;
+use super::log::{self, Log};
 use super::queue::Queue;
 use super::signals::{READ_AT_ONCE, Signals};
 use super::transaction::{Transaction, Verb};
-use super::upkeep::{Upkeep, delete_old, evict, write_reads};
+use super::upkeep::{self, Room, Upkeep, delete_old, make_room, write_clock, write_reads};
 use crate::job::clock::now;
 
 /// The number of messages that may wait for the writer task; senders of further ones wait.
@@ -22,6 +23,8 @@ const WAITING: usize = 1024;
 const HOPELESS: u32 = 3;
 /// Maximum number of changes in one transaction. Many changes share the cost of one commit, but none waits long.
 const BATCH: usize = 256;
+/// Pages that maintenance returns to the file system at a time. Moving others into their place takes a few milliseconds.
+const GIVEN_BACK: i64 = 256;
 
 /// A message to the writer task.
 pub(super) enum Message {
@@ -95,13 +98,30 @@ pub(super) struct Writer {
     queue_is_stale: bool,
     signals: Arc<Signals>,
     upkeep: Upkeep,
-    /// Locks the data directory against other servers.
-    lock: File,
+    ledger: Ledger,
+    log: Log,
+    /// All changes of this connection up to the last commit, as SQLite counts them.
+    changes: i64,
 }
 
+/// Counts a transaction that has changed something since the number ?1 of changes, and commits.
+const COMMIT: &str = "
+    UPDATE room SET commits = commits + 1, committed = ?2 WHERE total_changes() > ?1
+    RETURNING commits, total_changes() AS changes, (
+        SELECT (page_count - freelist_count) * page_size
+        FROM pragma_page_count, pragma_freelist_count, pragma_page_size
+    ) AS used;
+    COMMIT";
+
 impl Writer {
-    pub(super) fn new(tx: Transaction, signals: Arc<Signals>, upkeep: Upkeep, lock: File) -> Self {
-        Self { tx, queue_is_stale: false, signals, upkeep, lock }
+    pub(super) fn new(
+        tx: Transaction,
+        signals: Arc<Signals>,
+        upkeep: Upkeep,
+        ledger: Ledger,
+        log: Log,
+    ) -> Self {
+        Self { tx, queue_is_stale: false, signals, upkeep, ledger, log, changes: 0 }
     }
 
     /// Starts the task. It ends when it is closed or the last sender is dropped.
@@ -135,6 +155,10 @@ impl Writer {
                 }
             }
             self.process(orders).await;
+            if self.log.is_long() {
+                self.pragma(&log::restart()).await;
+                self.log.tried();
+            }
             if self.upkeep.is_due() {
                 self.keep_up(false).await;
             }
@@ -142,7 +166,8 @@ impl Writer {
         if let Err(error) = self.tx.db.close().await {
             tracing::warn!(%error, "the database was not closed cleanly; no data is lost");
         }
-        drop(self.lock);
+        // Unlocks the directory.
+        drop(self.ledger);
         for reply in closing {
             let _ = reply.send(());
         }
@@ -187,7 +212,6 @@ impl Writer {
             return Err(Failed::Within(error));
         }
         let effects = std::mem::take(&mut self.tx.effects);
-        self.upkeep.note(&effects);
         self.signals.tally.queue_is(self.tx.queue.len(), self.tx.queue.working());
         self.signals.apply(effects);
         Ok(())
@@ -215,7 +239,14 @@ impl Writer {
         for order in orders {
             order.apply(&mut self.tx).await?;
         }
-        self.tx.db.execute("COMMIT").await?;
+        let commit = sqlx::query(COMMIT).bind(self.changes).bind(self.tx.now);
+        // There is no row if nothing was changed.
+        if let Some(row) = commit.fetch_all(&mut self.tx.db).await?.first() {
+            // The statement has also changed one row.
+            self.changes = row.try_get::<i64, _>("changes")? + 1;
+            self.upkeep.note(row.try_get("used")?);
+            self.ledger.note(row.try_get("commits")?, self.tx.now);
+        }
         Ok(())
     }
 
@@ -234,29 +265,53 @@ impl Writer {
             // If this fails, only the order of evictions is less exact.
             let _ = self.chore(write_reads, reads).await;
         }
+        let time = self.upkeep.clock.advance(now());
+        if let Some(time) = self.upkeep.clock.unstored() {
+            let _ = self.chore(write_clock, time).await;
+        }
         let old = match self.upkeep.keep_jobs {
-            Some(age) => self.chore(delete_old, age).await.unwrap_or(false),
+            Some(age) => {
+                let age = i64::try_from(age.as_millis()).unwrap_or(i64::MAX);
+                self.chore(delete_old, time.saturating_sub(age)).await.unwrap_or(false)
+            }
             None => false,
         };
-        let budget = self.upkeep.budget;
-        let mut room = self.chore(evict, (budget, false)).await;
-        if let Err(Error::Damaged(_)) = room {
-            room = self.chore(evict, (budget, true)).await;
+        let _ = self.chore(upkeep::forget_evicted, time).await;
+        let exceeds = match self.upkeep.budget {
+            Some(budget) => self.make_room(budget).await,
+            None => false,
+        };
+        if let Ok(bytes) = self.chore(upkeep::stored, ()).await {
+            self.signals.tally.room_is(bytes);
         }
-        let mut evicted = false;
-        if let Ok(room) = room {
-            self.signals.tally.room_is(room.used);
-            evicted = room.evicted;
-            if !evicted && budget.is_some_and(|budget| room.used > budget) {
-                let bytes = room.used;
-                tracing::warn!(bytes, "the pinned results alone exceed the budget");
-            }
-        }
-        let more = many || old || evicted;
+        let spare = self.give_back().await;
+        let more = many || old || exceeds || spare;
         self.upkeep.did(more);
         if idle && !more {
             self.shrink().await;
         }
+    }
+
+    /// Brings the database within its budget, or nearer to it. Returns whether there is more to delete.
+    async fn make_room(&mut self, budget: u64) -> bool {
+        let mut room = self.chore(make_room, (budget, false)).await;
+        if let Err(Error::Damaged(_)) = room {
+            room = self.chore(make_room, (budget, true)).await;
+        }
+        let Ok(Room { used, deleted }) = room else { return false };
+        let is_stuck = deleted == 0 && used > budget;
+        if deleted > 0 {
+            tracing::debug!(deleted, used, "deleted what was used longest ago");
+        }
+        if self.upkeep.cannot_delete(is_stuck.then_some(used)) {
+            tracing::warn!(
+                used,
+                budget,
+                "the database exceeds --keep-results, and only pinned results and unfinished jobs are left; unpin \
+                 results or raise the limit"
+            );
+        }
+        deleted > 0 && used > budget
     }
 
     /// Applies a verb of the maintenance in its own transaction.
@@ -276,14 +331,33 @@ impl Writer {
         })
     }
 
+    /// Returns some free pages to the file system, but keeps a part for the next changes. Returns whether there are more
+    /// to return.
+    async fn give_back(&mut self) -> bool {
+        let query = sqlx::query_as(
+            "SELECT page_count, freelist_count FROM pragma_page_count, pragma_freelist_count",
+        );
+        let Ok((pages, free)) = query.fetch_one(&mut self.tx.db).await else { return false };
+        let (pages, free): (i64, i64) = (pages, free);
+        if free <= (pages / 16).max(GIVEN_BACK) {
+            return false;
+        }
+        self.pragma(&format!("PRAGMA incremental_vacuum({GIVEN_BACK})")).await
+    }
+
     /// Moves the log into the database, and returns free pages to the disk. Readers may delay a part of it
     /// to a later round.
     async fn shrink(&mut self) {
         for pragma in ["PRAGMA incremental_vacuum(2000)", "PRAGMA wal_checkpoint(PASSIVE)"] {
-            if let Err(error) = self.tx.db.execute(pragma).await {
-                tracing::warn!(%error, pragma, "cannot shrink the database");
-            }
+            self.pragma(pragma).await;
         }
+    }
+
+    /// Executes a pragma that makes the files smaller. Returns whether it succeeded.
+    async fn pragma(&mut self, pragma: &str) -> bool {
+        let done = self.tx.db.execute(AssertSqlSafe(pragma.to_owned())).await;
+        done.inspect_err(|error| tracing::warn!(%error, pragma, "cannot shrink the database"))
+            .is_ok()
     }
 }
 
@@ -309,6 +383,7 @@ mod tests {
 
     use super::*;
     use crate::store::open::MIGRATIONS;
+    use crate::store::upkeep::AgeClock;
 
     /// Inserts a row of this number and size. Counts its calls.
     async fn insert(
@@ -330,9 +405,10 @@ mod tests {
         MIGRATIONS.run(&mut db).await.unwrap();
         db.execute("CREATE TABLE t (x INTEGER PRIMARY KEY, y BLOB)").await.unwrap();
         let queue = Queue::default();
+        let ledger = Ledger::open(tempfile::tempfile().unwrap(), &mut db).await.unwrap();
+        let upkeep = Upkeep::new(None, None, AgeClock::at(None));
         let tx = Transaction { db, now: 0, queue, program: 1, effects: Vec::new() };
-        let lock = tempfile::tempfile().unwrap();
-        Writer::new(tx, Arc::default(), Upkeep::new(None, None), lock)
+        Writer::new(tx, Arc::default(), upkeep, ledger, Log::new("".into(), 0))
     }
 
     /// Applies insertions of (number, bytes) as one batch. Returns the answers and the number of calls.

@@ -41,7 +41,7 @@ fn heavy() -> Value {
     body
 }
 
-async fn post(address: SocketAddr, body: &Value) -> io::Result<Reply> {
+pub async fn post(address: SocketAddr, body: &Value) -> io::Result<Reply> {
     send(address, "POST", "/v1/jobs", &[JSON], body.to_string()).await
 }
 
@@ -102,7 +102,7 @@ async fn a_shutdown_under_load_refuses_new_jobs_and_keeps_accepted_ones() {
 
 /// A command that runs the server in its own mount namespace, after the script `mount` with the directory
 /// as `$0`. `None`, with a message on standard error, if the system does not permit it.
-fn mounting(mount: &str, dir: &Path) -> Option<Command> {
+pub fn mounting(mount: &str, dir: &Path) -> Option<Command> {
     let script = format!("{mount} && exec \"$@\"");
     let with = |options: &[&str]| {
         let mut command = Command::new("unshare");
@@ -122,9 +122,9 @@ fn mounting(mount: &str, dir: &Path) -> Option<Command> {
     None
 }
 
-/// Fills a file system to the last block.
-fn fill(path: &Path) {
-    let mut file = File::create(path).unwrap();
+/// Fills a file system to the last block with a file, or with more of it.
+pub fn fill(path: &Path) {
+    let mut file = File::options().create(true).append(true).open(path).unwrap();
     for size in [1 << 16, 1 << 12] {
         let block = vec![0xa5; size];
         while file.write_all(&block).is_ok() {}

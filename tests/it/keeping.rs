@@ -1,7 +1,8 @@
 //! The store over years: idempotency, fairness, retention, eviction, damage, migrations.
 
-use std::fs::{self, File};
+use std::fs::File;
 use std::os::unix::fs::FileExt as _;
+use std::path::Path;
 use std::time::Duration;
 
 use fretwork::job::{Answer, Cost, Job, JobState, Origin};
@@ -25,7 +26,7 @@ async fn claim(store: &Store) -> Claimed {
 }
 
 /// Stores a result for a key, and returns its job.
-async fn compute(store: &Store, number: u8, bytes: usize) -> Job {
+pub async fn compute(store: &Store, number: u8, bytes: usize) -> Job {
     let task = json!({"scenario": {"number": number, "exactly": 0.1}}).to_string();
     let job = accepted(store.submit(NewJob { task, ..new_job(number) }).await);
     let claimed = claim(store).await;
@@ -45,7 +46,7 @@ fn noise(letters: usize) -> String {
 }
 
 /// Waits for an effect of maintenance.
-async fn eventually<F: Future<Output = bool>>(holds: impl Fn() -> F) {
+pub async fn eventually<F: Future<Output = bool>>(holds: impl Fn() -> F) {
     for _ in 0..1000 {
         if holds().await {
             return;
@@ -348,12 +349,9 @@ async fn a_damaged_database_page_is_reported_and_the_rest_is_readable() {
     accepted(store.submit(new_job(51)).await);
 }
 
-#[tokio::test]
-async fn a_database_of_the_first_version_is_migrated_with_its_contents() {
-    let (dir, store) = fresh().await;
-    store.close().await;
-    fs::remove_file(dir.path().join("fretwork.db")).unwrap();
-    let mut db = raw(dir.path()).await;
+/// Writes a database of the first version: a queued job, and a result.
+pub async fn write_first_version(dir: &Path) {
+    let mut db = raw(dir).await;
     let first = include_str!("../../migrations/sqlite/0001_jobs.sql");
     db.execute(first).await.unwrap();
     db.execute(
@@ -362,7 +360,8 @@ async fn a_database_of_the_first_version_is_migrated_with_its_contents() {
          VALUES (1, zeroblob(32), 'task 0', 'ada', 'queued', 5);
          INSERT INTO job VALUES (unhex('018bcfe568007000800000000000ff01'), 'ada', zeroblob(32), 1,
              'queued', 0, 'computed', NULL, '[]', '[]', 5, NULL, NULL);
-         INSERT INTO result VALUES (randomblob(32), '{}', zeroblob(32), 2, 7);
+         INSERT INTO result VALUES (randomblob(32), '{}',
+             unhex('44136fa355b3678a1146ad16f7e8649e94fb4fc21fe77e8310c060f61caaff8a'), 2, 7);
          INSERT INTO result_blob SELECT key, CAST('{}' AS BLOB) FROM result;",
     )
     .await
@@ -385,6 +384,12 @@ async fn a_database_of_the_first_version_is_migrated_with_its_contents() {
         .await
         .unwrap();
     db.close().await.unwrap();
+}
+
+#[tokio::test]
+async fn a_database_of_the_first_version_is_migrated_with_its_contents() {
+    let dir = TempDir::new().unwrap();
+    write_first_version(dir.path()).await;
     let store = open(dir.path()).await;
     let job = store.jobs(&Filter::default(), None, 1).await.unwrap().jobs.remove(0);
     assert_eq!((job.state, job.priority, job.changes[0].at), (JobState::Queued, 3, 5));

@@ -55,7 +55,7 @@ impl Program {
     }
 
     /// Sends SIGKILL: no handler runs and nothing is flushed.
-    fn kill(mut self) {
+    pub fn kill(mut self) {
         self.child.kill().unwrap();
         self.child.wait().unwrap();
     }
@@ -87,7 +87,7 @@ impl Program {
     }
 
     /// All jobs that match a query, the newest first.
-    async fn jobs(&self, query: &str) -> Vec<Value> {
+    pub async fn jobs(&self, query: &str) -> Vec<Value> {
         let mut jobs = Vec::new();
         let mut next = Some(format!("/v1/jobs?limit=200&{query}"));
         while let Some(target) = next {
@@ -209,10 +209,10 @@ async fn every_acknowledged_job_is_completed_once_after_a_kill() {
 }
 
 /// A random generator (splitmix64) with a fixed seed, so that failures can be repeated.
-struct Dice(u64);
+pub struct Dice(pub u64);
 
 impl Dice {
-    fn below(&mut self, limit: u64) -> u64 {
+    pub fn below(&mut self, limit: u64) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

@@ -484,8 +484,8 @@ async fn a_second_server_on_the_same_directory_is_refused() {
     assert!(error.to_string().contains(&dir.path().display().to_string()));
     store.close().await;
     assert!(matches!(store.submit(new_job(1)).await, Err(Error::Closed)));
-    assert!(matches!(store.ping().await, Err(Error::Closed)));
-    open(dir.path()).await.ping().await.unwrap();
+    assert!(matches!(store.probe().await, Err(Error::Closed)));
+    open(dir.path()).await.probe().await.unwrap();
 }
 
 #[tokio::test]

@@ -29,7 +29,7 @@ async fn upgraded() -> Server {
     opened(dir).await
 }
 
-fn write_database(dir: &Path) {
+pub fn write_database(dir: &Path) {
     let database = zstd::bulk::decompress(DATABASE, 1 << 20).unwrap();
     fs::write(dir.join("fretwork.db"), database).unwrap();
 }

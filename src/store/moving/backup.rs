@@ -1,17 +1,20 @@
 //! Backup and restore of the whole database.
+//!
+//! Both make a checked copy. A damaged result does not prevent that: the copy keeps its scenario, but not its body, as
+//! if the result had been evicted.
 
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
-use sqlx::{Connection as _, Row as _, SqliteConnection};
+use sqlx::{AssertSqlSafe, Connection as _, Executor as _, Row as _, SqliteConnection};
 
-use super::{Moving, PATIENCE, name, put, unfinished};
-use crate::job::clock;
-use crate::store::Error;
+use super::{Moving, PATIENCE, Part, put, refused};
+use crate::job::{Key, clock};
 use crate::store::body::Body;
-use crate::store::open::{self, DATABASE};
+use crate::store::open::{self, DATABASE, LOCK};
 use crate::store::row::{Sum, key};
+use crate::store::{Error, ledger};
 
 /// The contents of a backup.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -22,14 +25,16 @@ pub struct Saved {
     pub results: u64,
     /// Bytes of their bodies.
     pub bytes: u64,
-    /// The number of evicted results, whose scenarios are still known.
+    /// The number of results without a body, whose scenarios are still known.
     pub evicted: u64,
+    /// Results whose bodies are damaged and left out. They are among the evicted ones.
+    pub damaged: Vec<Key>,
 }
 
 /// Copies a snapshot of the database into a file, and checks the copy.
 ///
 /// # Errors
-/// The file exists, the copy is damaged, or a database fails.
+/// The file exists, more than bodies of results is damaged, or a database fails.
 pub async fn backup(dir: &Path, file: &Path) -> Result<Saved, Moving> {
     if file.exists() {
         return Err(Moving::Exists(file.to_owned()));
@@ -38,18 +43,21 @@ pub async fn backup(dir: &Path, file: &Path) -> Result<Saved, Moving> {
     if !path.exists() {
         return Err(Moving::Nothing(path));
     }
-    open::inspect(&path).await?;
-    let part = unfinished(file)?;
-    let saved = copy(&path, &part).await?;
-    name(&part, file)?;
+    let part = Part::of(file, ".part")?;
+    let from = Source::of(&path, file)?;
+    open::inspect(from.path()).await?;
+    copy(from.path(), &part.0).await?;
+    let saved = check(&part.0, &path).await?;
+    part.name(file)?;
     Ok(saved)
 }
 
-/// Puts a backup in place of the database. No server may use the directory. With `replace`, an existing
-/// database is renamed. Returns the contents of the backup, and the path of the former database.
+/// Puts a backup in place of the database, with the tables of this version. No server may use the directory. With
+/// `replace`, an existing database is renamed. Returns the contents of the backup, and the path of the former database.
 ///
 /// # Errors
-/// A server is running, there is a database and `replace` is false, or the backup is damaged.
+/// A server is running, there is a database and `replace` is false, or more than bodies of results is damaged. Then
+/// nothing has changed.
 pub async fn restore(
     dir: &Path,
     file: &Path,
@@ -58,31 +66,96 @@ pub async fn restore(
     if !file.exists() {
         return Err(Moving::Nothing(file.to_owned()));
     }
+    let lock = dir.join(LOCK);
+    let missing: Vec<&Path> = [&*lock].into_iter().chain(dir.ancestors()).collect();
+    let missing: Vec<&Path> = missing.into_iter().take_while(|path| !path.exists()).collect();
+    let done = put_in_place(dir, file, replace).await;
+    // If another server has locked the directory, these are its files.
+    if !matches!(done, Ok(_) | Err(Moving::Store(Error::Locked { .. }))) {
+        for path in missing {
+            // What another command has put there in the meantime stays.
+            let _ = if path == lock { fs::remove_file(path) } else { fs::remove_dir(path) };
+        }
+    }
+    done
+}
+
+async fn put_in_place(
+    dir: &Path,
+    file: &Path,
+    replace: bool,
+) -> Result<(Saved, Option<PathBuf>), Moving> {
     let lock = open::lock(dir)?;
     let path = dir.join(DATABASE);
     if path.exists() && !replace {
-        return Err(Moving::Exists(path));
+        return Err(Moving::Occupied(path));
     }
-    open::inspect(file).await?;
-    let mut from = SqliteConnection::connect_with(&open::connecting(file).read_only(true)).await?;
-    let (found, known) = (open::version(&mut from).await?, open::latest());
-    from.close().await?;
+    let part = Part::of(&path, ".part")?;
+    let from = Source::of(file, &path)?;
+    open::inspect(from.path()).await?;
+    let mut db = reading(from.path()).await?;
+    let (found, known) = (open::version(&mut db).await?, open::latest());
+    db.close().await?;
     if found > known {
         return Err(Error::Newer { path: file.to_owned(), found, known }.into());
     }
-    let part = unfinished(&path)?;
-    let saved = copy(file, &part).await?;
-    let former = if path.exists() {
-        let aside = dir.join(format!("fretwork.replaced-{}.db", clock::now()));
-        supplant(&part, &path, &aside)
-            .map_err(|source| Moving::NotReplaced { path: path.clone(), source })?;
-        Some(aside)
-    } else {
-        name(&part, &path)?;
-        None
-    };
-    drop(lock);
-    Ok((saved, former))
+    copy(from.path(), &part.0).await?;
+    let mut db = SqliteConnection::connect_with(&open::connecting(&part.0)).await?;
+    open::migrate(&mut db, file).await?;
+    db.close().await?;
+    let saved = check(&part.0, file).await?;
+    ledger::forget(&lock).map_err(refused(&dir.join(LOCK)))?;
+    if !path.exists() {
+        part.name(&path)?;
+        return Ok((saved, None));
+    }
+    let aside = dir.join(format!("fretwork.replaced-{}.db", clock::now()));
+    supplant(&part.0, &path, &aside)
+        .map_err(|source| Moving::NotReplaced { path: path.clone(), source })?;
+    Ok((saved, Some(aside)))
+}
+
+/// The database to be copied.
+enum Source<'a> {
+    Original(&'a Path),
+    /// A copy of its files, which is removed in the end.
+    Copy(Part),
+}
+
+impl<'a> Source<'a> {
+    /// SQLite must write beside a database with a log, also to read it. On a read-only file system it cannot, so the
+    /// files are copied to the place of `target`. Nobody changes them meanwhile.
+    fn of(path: &'a Path, target: &Path) -> Result<Self, Moving> {
+        let opened = File::options().write(true).open(path);
+        let is_read_only =
+            opened.is_err_and(|error| error.kind() == io::ErrorKind::ReadOnlyFilesystem);
+        if !is_read_only || open::uses_log(path).map_err(refused(path))? != Some(true) {
+            return Ok(Self::Original(path));
+        }
+        let copy = Part::of(target, ".source")?;
+        for suffix in ["", "-wal"] {
+            let [from, to] = [path, &copy.0].map(|path| open::with_suffix(path, suffix));
+            match fs::copy(&from, &to) {
+                Err(error) if suffix.is_empty() || from.exists() => {
+                    return Err(refused(&to)(error));
+                }
+                _ => {}
+            }
+        }
+        Ok(Self::Copy(copy))
+    }
+
+    fn path(&self) -> &Path {
+        match self {
+            Self::Original(path) => path,
+            Self::Copy(part) => &part.0,
+        }
+    }
+}
+
+async fn reading(path: &Path) -> Result<SqliteConnection, Moving> {
+    let options = open::connecting(path).busy_timeout(PATIENCE).read_only(true);
+    Ok(SqliteConnection::connect_with(&options).await?)
 }
 
 /// Replaces a database by a new one and keeps the old one at `aside`. If this is interrupted at any step,
@@ -120,48 +193,139 @@ fn second_name(old: &Path, second: &Path) -> io::Result<()> {
     }
 }
 
-/// Copies a snapshot of a database, and checks every page and every result of the copy.
-async fn copy(from: &Path, to: &Path) -> Result<Saved, Moving> {
-    let options = open::connecting(from).busy_timeout(PATIENCE).read_only(true);
-    let mut db = SqliteConnection::connect_with(&options).await?;
+/// Copies a snapshot of a database.
+async fn copy(from: &Path, to: &Path) -> Result<(), Moving> {
+    let mut db = reading(from).await?;
     let target = to.to_string_lossy().into_owned();
-    sqlx::query("VACUUM INTO ?1").bind(target).execute(&mut db).await?;
+    let copied = sqlx::query("VACUUM INTO ?1").bind(target).execute(&mut db).await;
     db.close().await?;
-    let mut db = SqliteConnection::connect_with(&open::connecting(to).read_only(true)).await?;
-    let damaged = |said: String| Moving::Damaged { path: to.to_owned(), said };
+    match copied.map_err(Error::from) {
+        Ok(_) => Ok(()),
+        // Pages are damaged. If they belong to bodies of results, the rest can still be read.
+        Err(Error::Damaged(_)) => {
+            fs::remove_file(to).map_err(refused(to))?;
+            copy_readable(from, to).await
+        }
+        Err(error) => Err(error.into()),
+    }
+}
+
+/// Copies a snapshot of a database row by row, without the bodies that cannot be read.
+async fn copy_readable(from: &Path, to: &Path) -> Result<(), Moving> {
+    const BODIES: &str = "result_blob";
+    let options = open::connecting(to)
+        .busy_timeout(PATIENCE)
+        .create_if_missing(true)
+        .foreign_keys(false)
+        .auto_vacuum(sqlx::sqlite::SqliteAutoVacuum::Incremental)
+        .pragma("application_id", open::APPLICATION_ID.to_string());
+    let mut db = SqliteConnection::connect_with(&options).await?;
+    let source = from.to_string_lossy().into_owned();
+    sqlx::query("ATTACH ?1 AS source").bind(source).execute(&mut db).await?;
+    let mut tx = db.begin().await?;
+    // First the tables, then what refers to them.
+    let parts: Vec<(String, String, String)> = sqlx::query_as(
+        "SELECT type, name, sql FROM source.sqlite_schema
+         WHERE sql IS NOT NULL AND name NOT LIKE 'sqlite!_%' ESCAPE '!' ORDER BY type <> 'table'",
+    )
+    .fetch_all(&mut *tx)
+    .await?;
+    for (kind, name, sql) in parts {
+        tx.execute(AssertSqlSafe(sql)).await?;
+        if kind == "table" && name != BODIES {
+            let insert = format!("INSERT INTO main.\"{name}\" SELECT * FROM source.\"{name}\"");
+            tx.execute(AssertSqlSafe(insert)).await?;
+        }
+    }
+    let bodies: Vec<i64> =
+        sqlx::query_scalar("SELECT rowid FROM source.result_blob").fetch_all(&mut *tx).await?;
+    // After a damaged page, SQLite refuses to commit. So another connection tries to read each body.
+    let mut reader = reading(from).await?;
+    for body in bodies {
+        let read = sqlx::query("SELECT body FROM result_blob WHERE rowid = ?1").bind(body);
+        match read.fetch_optional(&mut reader).await.map_err(Error::from) {
+            Ok(_) => {}
+            Err(Error::Damaged(_)) => continue,
+            Err(error) => return Err(error.into()),
+        }
+        sqlx::query(
+            "INSERT INTO main.result_blob (key, body)
+             SELECT key, body FROM source.result_blob WHERE rowid = ?1",
+        )
+        .bind(body)
+        .execute(&mut *tx)
+        .await?;
+    }
+    reader.close().await?;
+    tx.commit().await?;
+    Ok(db.close().await?)
+}
+
+/// Checks every page and every result of a copy. Leaves out the bodies that are damaged, and counts what the copy
+/// contains.
+async fn check(copy: &Path, of: &Path) -> Result<Saved, Moving> {
+    let options = open::connecting(copy).foreign_keys(true);
+    let mut db = SqliteConnection::connect_with(&options).await?;
     let said: Vec<String> =
         sqlx::query_scalar("PRAGMA integrity_check(10)").fetch_all(&mut db).await?;
     if said != ["ok"] {
-        return Err(damaged(said.join("; ")));
+        return Err(Moving::Damaged { path: of.to_owned(), said: said.join("; ") });
+    }
+    let damaged = damaged(&mut db).await?;
+    for key in &damaged {
+        leave_out(&mut db, key).await?;
     }
     let (jobs, results, bytes, evicted) = sqlx::query_as(
-        "SELECT (SELECT count(*) FROM job) AS jobs, (SELECT count(*) FROM result_blob) AS results,
-             (SELECT coalesce(sum(length(body)), 0) FROM result_blob) AS bytes,
-             (SELECT count(*) FROM result WHERE evicted IS NOT NULL) AS evicted",
+        "SELECT (SELECT count(*) FROM job), count(body), coalesce(sum(length(body)), 0),
+             count(*) - count(body)
+         FROM result LEFT JOIN result_blob USING (key)",
     )
     .fetch_one(&mut db)
     .await?;
-    // One body at a time, to keep memory small.
-    let mut last = 0;
+    db.close().await?;
+    Ok(Saved { jobs, results, bytes, evicted, damaged })
+}
+
+/// The results whose bodies have changed or are missing.
+async fn damaged(db: &mut SqliteConnection) -> Result<Vec<Key>, Moving> {
+    let mut damaged = Vec::new();
+    let mut last = Vec::new();
+    // One body at a time, to keep memory small. The first version had neither evicted results nor checksums. There, the
+    // names stand for the columns of `absent`.
     loop {
         let row = sqlx::query(
-            "SELECT result_blob.rowid AS place, result_blob.key AS key, body, digest, checksum
-             FROM result_blob JOIN result USING (key)
-             WHERE result_blob.rowid > ?1 AND evicted IS NULL ORDER BY result_blob.rowid LIMIT 1",
+            "SELECT key, digest, body,
+                 (SELECT checksum FROM result AS same WHERE same.key = result.key) AS checksum,
+                 (SELECT evicted FROM result AS same WHERE same.key = result.key) AS evicted
+             FROM result LEFT JOIN result_blob USING (key),
+                 (SELECT NULL AS checksum, NULL AS evicted) AS absent
+             WHERE key > ?1 ORDER BY key LIMIT 1",
         )
-        .bind(last)
-        .fetch_optional(&mut db)
+        .bind(&last)
+        .fetch_optional(&mut *db)
         .await?;
-        let Some(row) = row else { break };
-        last = row.try_get("place")?;
-        let body = Body::stored(row.try_get("body")?);
-        if !Sum::read(&row)?.is_of(&body) {
-            let key = key(&row, "key")?;
-            return Err(damaged(format!("the body of the result {key} has changed")));
+        let Some(row) = row else { return Ok(damaged) };
+        last = row.try_get("key")?;
+        let body: Option<Vec<u8>> = row.try_get("body")?;
+        let evicted: Option<i64> = row.try_get("evicted")?;
+        let sum = Sum::read(&row)?;
+        let is_sound = |body| sum.is_of(&Body::stored(body));
+        if evicted.is_none() && !body.is_some_and(is_sound) {
+            damaged.push(key(&row, "key")?);
         }
     }
-    db.close().await?;
-    Ok(Saved { jobs, results, bytes, evicted })
+}
+
+/// Deletes a body, and keeps the scenario of the result.
+async fn leave_out(db: &mut SqliteConnection, key: &Key) -> Result<(), Moving> {
+    sqlx::query(
+        "UPDATE result SET evicted = ?2 WHERE key = ?1; DELETE FROM result_blob WHERE key = ?1",
+    )
+    .bind(key.bytes().as_slice())
+    .bind(clock::now())
+    .execute(db)
+    .await?;
+    Ok(())
 }
 
 #[cfg(test)]

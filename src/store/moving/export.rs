@@ -6,7 +6,7 @@ use serde_json::Value;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqliteSynchronous};
 use sqlx::{Connection as _, Executor as _, QueryBuilder, Sqlite, SqliteConnection};
 
-use super::{EXPORT, FORM, Moving, PATIENCE, name, unfinished};
+use super::{EXPORT, FORM, Moving, PATIENCE, Part};
 use crate::job::{Document, ENGINE, Key, SCALARS, WORDS, clock};
 use crate::store::library::{self, Provenance};
 use crate::store::open::{self, DATABASE};
@@ -64,8 +64,8 @@ pub async fn export(
     let mut db = open::beside(dir, PATIENCE).await?;
     let named = !keys.is_empty();
     let keys = if named { keys.to_vec() } else { matching(&mut db, search).await? };
-    let part = unfinished(file)?;
-    let mut out = create(&part).await?;
+    let part = Part::of(file, ".part")?;
+    let mut out = create(&part.0).await?;
     let mut done = Exported::default();
     out.execute("BEGIN").await?;
     for (place, key) in keys.iter().enumerate() {
@@ -83,7 +83,7 @@ pub async fn export(
     out.execute("COMMIT").await?;
     out.close().await?;
     db.close().await?;
-    name(&part, file)?;
+    part.name(file)?;
     Ok(done)
 }
 

@@ -44,6 +44,9 @@ pub enum Moving {
     /// The target exists.
     #[error("{} exists already, and is not overwritten", .0.display())]
     Exists(PathBuf),
+    /// The data directory already has a database.
+    #[error("{} exists already; add --replace to put the backup in its place and keep it under another name", .0.display())]
+    Occupied(PathBuf),
     /// The file is something else.
     #[error("{} is not an export of fretwork", .0.display())]
     NoExport(PathBuf),
@@ -98,21 +101,43 @@ fn refused(path: &Path) -> impl FnOnce(io::Error) -> Moving {
     move |source| Moving::File { path, source }
 }
 
-/// The temporary name of a file that is being written. Removes what an interrupted command left there.
-fn unfinished(file: &Path) -> Result<PathBuf, Moving> {
-    let part = open::with_suffix(file, ".part");
-    match fs::remove_file(&part) {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(refused(&part)(error)),
-        _ => Ok(part),
+/// A file that is being written, under a temporary name. It is removed if the command fails.
+struct Part(PathBuf);
+
+impl Part {
+    /// The temporary name is that of the file with a suffix. Removes what a command that was killed has left there.
+    fn of(file: &Path, suffix: &str) -> Result<Self, Moving> {
+        let part = Self(open::with_suffix(file, suffix));
+        // A journal that is left over would change the new file.
+        part.remove().map_err(refused(&part.0))?;
+        Ok(part)
+    }
+
+    /// Removes the file, and what SQLite keeps beside it.
+    fn remove(&self) -> io::Result<()> {
+        for suffix in ["-journal", "-wal", "-shm", ""] {
+            match fs::remove_file(open::with_suffix(&self.0, suffix)) {
+                Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// Gives the finished file its name, which must be free.
+    fn name(self, file: &Path) -> Result<(), Moving> {
+        if file.exists() {
+            return Err(Moving::Exists(file.to_owned()));
+        }
+        put(&self.0, file).map_err(refused(file))
     }
 }
 
-/// Gives a finished file its name, which must be free.
-fn name(part: &Path, file: &Path) -> Result<(), Moving> {
-    if file.exists() {
-        return Err(Moving::Exists(file.to_owned()));
+impl Drop for Part {
+    fn drop(&mut self) {
+        // If this fails, the next command tries again.
+        let _ = self.remove();
     }
-    put(part, file).map_err(refused(file))
 }
 
 /// Syncs a finished file to the disk and renames it.

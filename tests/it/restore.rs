@@ -1,0 +1,195 @@
+//! Backup and restore in bad conditions: an older schema, a read-only file system, damaged results, and failures.
+
+use std::fs;
+use std::os::unix::fs::FileExt as _;
+use std::path::Path;
+use std::process::Output;
+
+use fretwork::store::{Moving, backup, restore};
+use sqlx::{Connection as _, Executor as _};
+use tempfile::TempDir;
+
+use crate::faults::mounting;
+use crate::keeping::{compute, write_first_version};
+use crate::program::{fails, run};
+use crate::store::{body, crash, fresh, key, open, raw};
+use crate::upgrade;
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// What a command wrote to standard output and to standard error.
+fn said(output: &Output) -> String {
+    String::from_utf8([&*output.stdout, &*output.stderr].concat()).unwrap()
+}
+
+async fn version(path: &Path) -> i64 {
+    let query = sqlx::query_scalar("SELECT max(version) FROM _sqlx_migrations");
+    query.fetch_one(&mut raw(path).await).await.unwrap()
+}
+
+/// The names of the files in a directory.
+fn names(dir: &Path) -> Vec<String> {
+    let mut names: Vec<_> = fs::read_dir(dir)
+        .unwrap()
+        .map(|file| file.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    names
+}
+
+#[tokio::test]
+async fn databases_of_earlier_versions_are_backed_up_as_they_are_and_restored_with_the_new_tables()
+{
+    let target = TempDir::new().unwrap();
+    for (number, results) in [(0, 1), (1, 2)] {
+        let old = TempDir::new().unwrap();
+        if number == 0 {
+            write_first_version(old.path()).await;
+        } else {
+            upgrade::write_database(old.path());
+        }
+        let before = version(old.path()).await;
+        let dir = target.path().join(number.to_string());
+        fs::create_dir(&dir).unwrap();
+        let file = dir.join("fretwork.db");
+        let saved = backup(old.path(), &file).await.unwrap();
+        assert_eq!((saved.results, saved.damaged.len()), (results, 0));
+        assert_eq!(version(&dir).await, before, "an earlier program can use the backup");
+        let new = target.path().join(format!("new-{number}"));
+        let (restored, _) = restore(&new, &file, false).await.unwrap();
+        assert_eq!(restored, saved);
+        assert!(version(&new).await > before);
+        open(&new).await.close().await;
+    }
+}
+
+#[test]
+fn a_backup_of_a_read_only_file_system_is_possible() {
+    let runtime = tokio::runtime::Runtime::new().unwrap();
+    // A database that was closed, and one with the log that a crash has left.
+    let (closed, store) = runtime.block_on(fresh());
+    runtime.block_on(async {
+        compute(&store, 1, 1000).await;
+        compute(&store, 2, 1000).await;
+    });
+    let crashed = crash(closed.path());
+    runtime.block_on(store.close());
+    assert!(fs::metadata(crashed.path().join("fretwork.db-wal")).unwrap().len() > 0);
+    assert!(!closed.path().join("fretwork.db-wal").exists());
+    for dir in [closed, crashed] {
+        let mount = "mount --bind \"$0\" \"$0\" && mount -o remount,bind,ro \"$0\"";
+        let Some(mut command) = mounting(mount, dir.path()) else { return };
+        let target = TempDir::new().unwrap();
+        let file = target.path().join("backup.db");
+        let words = ["backup", text(&file), "--data-dir", text(dir.path())];
+        let output = command.args(words).output().unwrap();
+        assert!(said(&output).contains("2 results ("), "{output:?}");
+        assert_eq!(names(target.path()), ["backup.db"]);
+        // A copy of the files on a read-only disk can be restored, too.
+        let mut command = mounting(mount, dir.path()).unwrap();
+        let (from, to) = (dir.path().join("fretwork.db"), target.path().join("data"));
+        let words = ["restore", text(&from), "--data-dir", text(&to)];
+        let output = command.args(words).output().unwrap();
+        assert!(said(&output).contains("2 results ("), "{output:?}");
+        assert_eq!(names(&to), ["fretwork.db", "fretwork.lock"]);
+    }
+}
+
+/// Damages the result 1 of a closed database: a byte of its body, or the link from one page of its body to the next.
+async fn damage(dir: &Path, a_link: bool) {
+    let mut db = raw(dir).await;
+    if a_link {
+        let place: i64 = sqlx::query_scalar(
+            "SELECT pgoffset FROM dbstat WHERE name = 'result_blob' AND pagetype = 'overflow'
+             AND path LIKE '%+000000' ORDER BY path LIMIT 1",
+        )
+        .fetch_one(&mut db)
+        .await
+        .unwrap();
+        db.execute("PRAGMA wal_checkpoint(TRUNCATE)").await.unwrap();
+        db.close().await.unwrap();
+        let file = fs::File::options().write(true).open(dir.join("fretwork.db")).unwrap();
+        file.write_all_at(&[0; 4], place.unsigned_abs()).unwrap();
+    } else {
+        db.execute(
+            "UPDATE result_blob SET body = CAST(substr(body, 1, 20) || x'07' || substr(body, 22) AS BLOB)
+             WHERE substr(key, 1, 1) = x'01'",
+        )
+        .await
+        .unwrap();
+        db.close().await.unwrap();
+    }
+}
+
+#[tokio::test]
+async fn a_damaged_result_is_left_out_and_named_and_the_rest_is_restored() {
+    for a_link in [false, true] {
+        let (dir, store) = fresh().await;
+        for number in 1..=5 {
+            compute(&store, number, 20_000).await;
+        }
+        let sound = body(&store, 2).await;
+        store.close().await;
+        damage(dir.path(), a_link).await;
+        let target = TempDir::new().unwrap();
+        let (file, data) = (target.path().join("backup.db"), target.path().join("data"));
+        // The copy of the files stands for a backup that was damaged later.
+        let raw_copy = dir.path().join("fretwork.db");
+        for words in [
+            ["backup", text(&file), "--data-dir", text(dir.path())],
+            ["restore", text(&raw_copy), "--data-dir", text(&data)],
+        ] {
+            let output = run(&words, "");
+            assert_eq!(output.status.code(), Some(2), "{output:?}");
+            assert!(said(&output).contains(": 4 results ("), "{output:?}");
+            assert!(said(&output).contains(&format!("left out {}: it is damaged", key(1))));
+        }
+        let store = open(&data).await;
+        assert_eq!(body(&store, 2).await, sound);
+        assert!(!store.has_result(&key(1)).await.unwrap());
+        assert!(store.known(&key(1)).await.unwrap().is_some(), "its scenario is kept");
+        compute(&store, 1, 20_000).await;
+        assert!(!body(&store, 1).await.is_empty());
+        store.close().await;
+        // The backup has no damage any more.
+        let (saved, _) = restore(&target.path().join("again"), &file, false).await.unwrap();
+        assert_eq!((saved.results, saved.evicted, saved.damaged.len()), (4, 1, 0));
+    }
+}
+
+#[tokio::test]
+async fn a_failed_restore_leaves_nothing_behind_and_names_the_option_to_replace() {
+    let (dir, store) = fresh().await;
+    compute(&store, 1, 1000).await;
+    let target = TempDir::new().unwrap();
+    let file = target.path().join("backup.db");
+    backup(dir.path(), &file).await.unwrap();
+    store.close().await;
+
+    let before = names(dir.path());
+    let words = ["restore", text(&file), "--data-dir", text(dir.path())];
+    fails(&run(&words, ""), "add --replace");
+    assert_eq!(names(dir.path()), before);
+
+    // An index of the tables is damaged, which no copy can leave out.
+    let root = "SELECT rootpage FROM sqlite_schema WHERE name = 'job'";
+    let copy = target.path().join("fretwork.db");
+    fs::copy(&file, &copy).unwrap();
+    let mut db = raw(target.path()).await;
+    let page: i64 = sqlx::query_scalar(root).fetch_one(&mut db).await.unwrap();
+    db.close().await.unwrap();
+    let damaged = fs::File::options().write(true).open(&copy).unwrap();
+    damaged.write_all_at(&[0xa5; 4096], (page.unsigned_abs() - 1) * 4096).unwrap();
+    let new = target.path().join("some/new/directory");
+    let refused = restore(&new, &copy, false).await;
+    assert!(matches!(refused, Err(Moving::Damaged { .. } | Moving::Store(_))), "{refused:?}");
+    assert!(!target.path().join("some").exists());
+    let refused = restore(dir.path(), &copy, true).await;
+    assert!(refused.is_err());
+    assert_eq!(names(dir.path()), before);
+    let store = open(dir.path()).await;
+    assert!(store.has_result(&key(1)).await.unwrap());
+    store.close().await;
+}
