@@ -25,7 +25,7 @@ use crate::job::clock::now;
 use crate::job::{ENGINE, Task};
 
 /// The changes of the schema: version, name and SQL.
-const CHANGES: [(i64, &str, &str); 8] = [
+const CHANGES: [(i64, &str, &str); 9] = [
     (1, "jobs", include_str!("../../migrations/sqlite/0001_jobs.sql")),
     (2, "years of service", include_str!("../../migrations/sqlite/0002_years_of_service.sql")),
     (3, "access keys", include_str!("../../migrations/sqlite/0003_access_keys.sql")),
@@ -34,6 +34,7 @@ const CHANGES: [(i64, &str, &str); 8] = [
     (6, "submitted", include_str!("../../migrations/sqlite/0006_submitted.sql")),
     (7, "compact results", include_str!("../../migrations/sqlite/0007_compact_results.sql")),
     (8, "warnings", include_str!("../../migrations/sqlite/0008_warnings.sql")),
+    (11, "trust", include_str!("../../migrations/sqlite/0011_trust.sql")),
 ];
 
 /// All migrations. The macros of sqlx would embed the directory, but they compile SQLite a second time.
@@ -70,11 +71,19 @@ pub struct Options {
     pub keep_jobs: Option<Duration>,
     /// Bytes of results beyond which the server evicts some; `None` means no limit.
     pub budget: Option<u64>,
+    /// Bytes of results that one owner may pin.
+    pub pin_quota: u64,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { full_sync: false, queue_limit: 20_000, keep_jobs: None, budget: None }
+        Self {
+            full_sync: false,
+            queue_limit: 20_000,
+            keep_jobs: None,
+            budget: None,
+            pin_quota: 1 << 30,
+        }
     }
 }
 
@@ -101,10 +110,10 @@ impl Store {
         let tx = Transaction { db, now: now(), queue, program, effects: Vec::new() };
         let upkeep = Upkeep::new(options.keep_jobs, options.budget);
         let writer = Writer::new(tx, Arc::clone(&signals), upkeep, lock).start();
-        let queue_limit = options.queue_limit;
+        let Options { queue_limit, pin_quota, .. } = *options;
         let scans = Arc::new(Semaphore::new(SCANS));
         let dir = dir.into();
-        Ok(Self { writer, readers, large, keys, scans, signals, queue_limit, dir })
+        Ok(Self { writer, readers, large, keys, scans, signals, queue_limit, pin_quota, dir })
     }
 }
 

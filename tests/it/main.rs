@@ -29,6 +29,7 @@ mod schema;
 mod server;
 mod store;
 mod team;
+mod trust;
 mod upgrade;
 mod verification;
 mod worker;
