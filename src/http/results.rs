@@ -420,3 +420,67 @@ async fn set_pin(
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use axum::extract::FromRequestParts as _;
+    use futures_util::FutureExt as _;
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// The query of an address; `None` if the text is not part of an address.
+    fn query(text: &str) -> Option<Query> {
+        let (mut parts, _) = Request::get(format!("/?{text}")).body(()).ok()?.into_parts();
+        Query::from_request_parts(&mut parts, &()).now_or_never()?.ok()
+    }
+
+    fn any_query() -> impl Strategy<Value = String> {
+        let names = [
+            "layout", "digits", "units", "cycles", "fields", "points", "format", "quantity", "x",
+            "y", "width", "height", "other",
+        ];
+        let words = [
+            "records",
+            "7",
+            "engineering",
+            "0,1e3",
+            "wear,slip",
+            "worn",
+            "loops",
+            "log",
+            "640",
+            "1e999",
+            "-1",
+            "NaN",
+            "%00",
+            "%ff",
+            "%",
+            "",
+        ];
+        let value = prop_oneof![
+            3 => prop::sample::select(&words[..]).prop_map(str::to_owned),
+            1 => "[!-~]{0,12}",
+        ];
+        let pair = (prop::sample::select(&names[..]), value);
+        prop::collection::vec(pair.prop_map(|(name, value)| format!("{name}={value}")), 0..5)
+            .prop_map(|pairs| pairs.join("&"))
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 10_000, failure_persistence: None, ..ProptestConfig::default() })]
+
+        #[test]
+        fn a_random_query_is_accepted_or_refused(text in any_query()) {
+            for part in [Part::Whole, Part::History, Part::Profiles, Part::Loops, Part::Plot] {
+                let Some(mut query) = query(&text) else { return Ok(()) };
+                query.format(part.formats());
+                let view = if part == Part::Plot { figure_view(&mut query) } else { view(&mut query, part) };
+                if query.finish().is_ok() {
+                    prop_assert!(view.digits.is_none_or(|digits| (1..=17).contains(&digits)));
+                    prop_assert!(view.cycles.iter().flatten().all(|cycles| cycles.is_finite()));
+                }
+            }
+        }
+    }
+}

@@ -1,4 +1,4 @@
-//! What the program can do with jobs and results: submit, wait, evaluate, cancel, find, share. HTTP and the
+//! What the program can do with jobs and results: submit, wait, cancel, find, share. HTTP and the
 //! command line call this room.
 
 mod jobs;

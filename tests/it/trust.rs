@@ -28,9 +28,9 @@ fn quiet(_: usize, _: usize) {}
 fn small(amplitude: f64, method: &str) -> Value {
     let mut body = ball(amplitude);
     body["scenario"]["cycles"] = json!([1000, 30000]);
-    body["scenario"]["model"] = json!({"method": method, "points": 12});
+    body["scenario"]["model"] = json!({"method": method, "points": 16});
     if method == "exact" {
-        body["scenario"]["model"]["tolerance"] = json!(0.05);
+        body["scenario"]["model"]["tolerance"] = json!(0.03);
     }
     body
 }

@@ -7,7 +7,7 @@
 //! apex of a cone, and late in a run at the stick edge: `f64::INFINITY` here, null in JSON. All other
 //! numbers are finite.
 //!
-//! An [`Outcome`] can be read back from its JSON. [`simulation::check`](crate::simulation::check) then judges it.
+//! An [`Outcome`] can be read back from its JSON.
 
 use serde::{Deserialize, Deserializer, Serialize};
 

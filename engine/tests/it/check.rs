@@ -45,7 +45,7 @@ fn scenarios() -> Vec<Scenario> {
 fn scale(value: &mut Value, factor: f64) {
     match value {
         Value::Number(number) if number.is_f64() => {
-            *value = json!(factor * number.as_f64().expect("a number"))
+            *value = json!(factor * number.as_f64().expect("a number"));
         }
         Value::Array(items) => items.iter_mut().for_each(|item| scale(item, factor)),
         Value::Object(members) => members.values_mut().for_each(|item| scale(item, factor)),
@@ -70,47 +70,41 @@ fn a_result_that_was_read_from_its_json_passes() {
     }
 }
 
+/// Columns in which only a new run finds an error of this size.
+const FREE: [&str; 5] = [
+    "/history/contact_radius",
+    "/history/stick_radius",
+    "/profiles/image",
+    "/profiles/pressure",
+    "/profiles/slip",
+];
+
 #[test]
 fn a_column_that_is_wrong_by_a_factor_of_seven_is_found() {
+    let mut missed = Vec::new();
     for scenario in scenarios() {
         let outcome = Simulation::of(&scenario).expect("a contact").run();
         let whole = serde_json::to_value(&outcome).expect("a document");
-        let tables = ["history", "profiles", "scales", "unworn", "limit", "accuracy", "bodies"];
-        for (table, members) in whole.as_object().expect("an object") {
-            if !tables.contains(&table.as_str()) || members.is_null() {
-                continue;
+        let mut pointers = vec![vec![
+            // Volume and energy together keep the balance.
+            "/history/wear_volume".to_owned(),
+            "/history/dissipated_energy".to_owned(),
+        ]];
+        for table in ["history", "profiles", "scales", "unworn", "limit"] {
+            pointers.push(vec![format!("/{table}")]);
+            let columns = whole[table].as_object().into_iter().flatten();
+            pointers.extend(columns.map(|(name, _)| vec![format!("/{table}/{name}")]));
+        }
+        for pointers in pointers {
+            let mut changed = whole.clone();
+            for pointer in &pointers {
+                scale(changed.pointer_mut(pointer).expect("a member"), 7.0);
             }
-            let mut all = whole.clone();
-            scale(&mut all[table], 7.0);
-            assert!(judged(&scenario, &all).is_err(), "{table}");
-            for (name, column) in members.as_object().into_iter().flatten() {
-                // Only a new run finds these.
-                let is_free = matches!(
-                    name.as_str(),
-                    "pressure" | "slip" | "numerical_error" | "cells" | "steps" | "evaluations"
-                );
-                if is_free
-                    || table == "history"
-                        && matches!(name.as_str(), "contact_radius" | "stick_radius")
-                {
-                    continue;
-                }
-                let mut wrong = column.clone();
-                scale(&mut wrong, 7.0);
-                if wrong == *column {
-                    continue;
-                }
-                let mut changed = whole.clone();
-                changed[table][name] = wrong;
-                let echo = serde_json::to_string(&scenario).expect("a document");
-                assert!(judged(&scenario, &changed).is_err(), "{table}/{name}: {echo}");
+            let is_free = FREE.contains(&pointers[0].as_str());
+            if changed != whole && !is_free && judged(&scenario, &changed).is_ok() {
+                missed.push((pointers, serde_json::to_string(&scenario).expect("a document")));
             }
         }
-        // Volume and energy together keep the balance.
-        let mut both = whole.clone();
-        for name in ["wear_volume", "dissipated_energy"] {
-            scale(&mut both["history"][name], 7.0);
-        }
-        assert!(judged(&scenario, &both).is_err());
     }
+    assert!(missed.is_empty(), "{missed:#?}");
 }

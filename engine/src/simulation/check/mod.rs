@@ -426,7 +426,7 @@ fn check_loops(case: &Case, outcome: &Outcome) -> Result<(), Flaw> {
     let (history, Some(loops)) = (&outcome.history, &outcome.loops) else { return Ok(()) };
     let mut rows = 0..history.cycles.len();
     for (place, cycles) in loops.cycles.iter().enumerate() {
-        let Some(row) = rows.find(|row| history.cycles[*row] == *cycles) else { continue };
+        let Some(row) = rows.find(|row| same(history.cycles[*row], *cycles)) else { continue };
         let (u, q) = (&loops.displacement[place], &loops.tangential_force[place]);
         let most = |column: &[f64]| column.iter().copied().fold(0.0, f64::max);
         let (amplitude, force) = (history.amplitude[row], history.tangential_force[row]);

@@ -1,7 +1,7 @@
 //! Judges the tables of a result by themselves: the lengths of their columns, and what holds for every version of the
 //! engine.
 
-use super::flaw::{Flaw, require};
+use super::flaw::{Flaw, require, same};
 use crate::outcome::{History, Loops, Profiles};
 
 /// Judges the tables of a result without its scenario.
@@ -25,7 +25,7 @@ pub fn check_tables(
         "profiles and loops have different output cycles".to_owned()
     })?;
     let mut outputs = history.cycles.iter();
-    require(profiles.cycles.iter().all(|n| outputs.any(|output| output == n)), || {
+    require(profiles.cycles.iter().all(|n| outputs.any(|output| same(*output, *n))), || {
         "an output cycle of the profiles is not in the history".to_owned()
     })
 }
