@@ -436,11 +436,11 @@ mod tests {
     }
 
     fn any_query() -> impl Strategy<Value = String> {
-        let names = [
+        const NAMES: [&str; 13] = [
             "layout", "digits", "units", "cycles", "fields", "points", "format", "quantity", "x",
             "y", "width", "height", "other",
         ];
-        let words = [
+        const WORDS: [&str; 16] = [
             "records",
             "7",
             "engineering",
@@ -459,10 +459,10 @@ mod tests {
             "",
         ];
         let value = prop_oneof![
-            3 => prop::sample::select(&words[..]).prop_map(str::to_owned),
+            3 => prop::sample::select(&WORDS[..]).prop_map(str::to_owned),
             1 => "[!-~]{0,12}",
         ];
-        let pair = (prop::sample::select(&names[..]), value);
+        let pair = (prop::sample::select(&NAMES[..]), value);
         prop::collection::vec(pair.prop_map(|(name, value)| format!("{name}={value}")), 0..5)
             .prop_map(|pairs| pairs.join("&"))
     }

@@ -211,6 +211,12 @@ impl Edit {
     }
 }
 
+fn apply(edits: &[Edit], bytes: &mut Vec<u8>) {
+    for edit in edits {
+        edit.apply(bytes);
+    }
+}
+
 fn any_edit() -> impl Strategy<Value = Edit> {
     let (at, token) = (any::<Index>, || prop::sample::select(&TOKENS[..]));
     prop_oneof![
@@ -226,7 +232,7 @@ fn any_edit() -> impl Strategy<Value = Edit> {
 fn any_bytes(valid: Vec<Vec<u8>>) -> impl Strategy<Value = Vec<u8>> {
     let edited = (prop::sample::select(valid), prop::collection::vec(any_edit(), 1..4));
     let edited = edited.prop_map(|(mut bytes, edits)| {
-        edits.iter().for_each(|edit| edit.apply(&mut bytes));
+        apply(&edits, &mut bytes);
         bytes
     });
     prop_oneof![1 => prop::collection::vec(any::<u8>(), 0..300), 9 => edited]
@@ -455,7 +461,7 @@ async fn the_client_of_a_recomputation_that_differs_is_told_and_an_administrator
     assert_eq!(no_cache(&server, &job).await.json()["recomputed"], "same");
 }
 
-/// Mutates an export: a page, a row, or a body with its digest. Returns whether the file is still an SQLite database.
+/// Mutates an export: bytes of the file, a column, or a body with its digest.
 async fn mutate(
     file: &Path,
     number: usize,
@@ -466,7 +472,7 @@ async fn mutate(
     match number % 4 {
         0 => {
             let mut bytes = fs::read(file).unwrap();
-            edits.iter().for_each(|edit| edit.apply(&mut bytes));
+            apply(&edits, &mut bytes);
             fs::write(file, bytes).unwrap();
         }
         1 => {
@@ -493,7 +499,7 @@ async fn mutate(
         _ => {
             let (key, body) = &results[number % results.len()];
             let mut body = body.clone();
-            edits.iter().for_each(|edit| edit.apply(&mut body));
+            apply(&edits, &mut body);
             replace(file, key, &String::from_utf8_lossy(&body)).await;
         }
     }
