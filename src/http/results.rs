@@ -431,7 +431,7 @@ mod tests {
 
     /// The query of an address; `None` if the text is not part of an address.
     fn query(text: &str) -> Option<Query> {
-        let (mut parts, _) = Request::get(format!("/?{text}")).body(()).ok()?.into_parts();
+        let (mut parts, ()) = Request::get(format!("/?{text}")).body(()).ok()?.into_parts();
         Query::from_request_parts(&mut parts, &()).now_or_never()?.ok()
     }
 

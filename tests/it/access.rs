@@ -814,6 +814,24 @@ fn listening_on_a_public_address_requires_keys() {
 }
 
 #[test]
+fn all_origins_without_keys_are_warned_of_at_the_start() {
+    let dir = TempDir::new().unwrap();
+    let data = dir.path().to_str().unwrap();
+    let warned = |origin: &str| {
+        // The server does not start, because the address is public.
+        let words = ["--listen", "0.0.0.0:0", "--data-dir", data, "--cors-origin", origin];
+        let output = run(&words, "");
+        assert!(!output.status.success());
+        let said = [output.stdout, output.stderr].concat();
+        String::from_utf8(said)
+            .unwrap()
+            .contains("every web page that a user of this machine opens")
+    };
+    assert!(warned("*"));
+    assert!(!warned("https://example.org"));
+}
+
+#[test]
 fn the_keys_command_adds_lists_and_revokes_keys() {
     let dir = TempDir::new().unwrap();
     let data = dir.path().to_str().unwrap();

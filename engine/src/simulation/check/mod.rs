@@ -330,6 +330,10 @@ fn check_profiles(case: &Case, outcome: &Outcome) -> Result<(), Flaw> {
         format!("profiles: there are {} radii instead of {}", profiles.radius.len(), case.points)
     })?;
     let (length, height) = (case.scales.contact_radius, case.scales.indentation_depth);
+    let extent = case.contact.shape.extent() * length * (1.0 + SAME);
+    require(profiles.radius.iter().all(|radius| *radius <= extent), || {
+        "profiles: a radius lies outside of the indenter".to_owned()
+    })?;
     let is_profile = |row: &[f64], profile: &dyn Fn(f64) -> f64| {
         row.iter().zip(&profiles.radius).all(|(found, radius)| {
             let expected = height * profile(radius / length);
