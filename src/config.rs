@@ -108,9 +108,11 @@ pub enum Command {
     /// Import the results of an exported file.
     ///
     /// The server may run meanwhile, and serves the imported results at once. The command checks the SHA-256 of
-    /// every body and the key of every scenario. It overwrites nothing. It imports the note of a result that has
-    /// no note yet. It does not import pins. Refused results are printed to standard error; the exit code is then 2.
-    /// An interrupted import continues when it is started again.
+    /// every body, the key of every scenario, and whether the numbers can be the result of the scenario: limits, held
+    /// quantities, energy balance. It computes a random sample of the results anew, and refuses what differs. It
+    /// overwrites nothing. It imports the note of a result that has no note yet. It does not import pins. Refused
+    /// results are printed to standard error; the exit code is then 2. An interrupted import continues when it is
+    /// started again.
     Import(Import),
     /// Copy the whole database to a file, and check the copy.
     ///
@@ -223,6 +225,9 @@ pub struct Serve {
     /// means no limit.
     #[arg(long, env = "FRETWORK_KEEP_RESULTS", default_value = "10GiB", value_name = "SIZE")]
     pub keep_results: ByteSize,
+    /// Disk space for the results that one owner pins, such as 1GiB. Pinned results are never evicted.
+    #[arg(long, env = "FRETWORK_PIN_QUOTA", default_value = "1GiB", value_name = "SIZE")]
+    pub pin_quota: ByteSize,
     /// Memory for frequently read answers, such as 64MiB; 0 switches the memory cache off.
     #[arg(long, env = "FRETWORK_MEMORY_CACHE", default_value = "64MiB", value_name = "SIZE")]
     pub memory_cache: ByteSize,
@@ -337,6 +342,10 @@ pub struct Export {
 pub struct Import {
     /// The file that `export` wrote.
     pub file: PathBuf,
+    /// How many results to compute anew, chosen at random; all if there are fewer. If one differs, all further ones are
+    /// computed anew. Results that earlier versions of the engine computed cannot be computed anew.
+    #[arg(long, value_name = "COUNT", default_value_t = 100)]
+    pub verify: u64,
     /// The database that receives the results.
     #[command(flatten)]
     pub data: Data,
@@ -404,6 +413,7 @@ impl Serve {
             queue_limit: self.queue_limit as usize,
             keep_jobs: nonzero(self.keep_jobs),
             budget: Some(self.keep_results.as_u64()).filter(|bytes| *bytes > 0),
+            pin_quota: self.pin_quota.as_u64(),
         }
     }
 

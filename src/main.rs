@@ -190,9 +190,13 @@ async fn check_access(settings: &Serve, store: &Store) -> Result<bool, Error> {
         if !keys.is_empty() {
             tracing::warn!("access keys exist, but --no-auth gives every caller full access");
         }
+        warn_of_open_origins(settings);
         return Ok(false);
     }
     let requires_key = settings.admin_key.is_some() || !keys.is_empty();
+    if !requires_key {
+        warn_of_open_origins(settings);
+    }
     if requires_key || settings.listen.ip().is_loopback() {
         return Ok(requires_key);
     }
@@ -204,6 +208,16 @@ async fn check_access(settings: &Serve, store: &Store) -> Result<bool, Error> {
         settings.data_dir.display(),
     )
     .into())
+}
+
+/// Without keys, the browser of a user is enough to use the server.
+fn warn_of_open_origins(settings: &Serve) {
+    if settings.cors_origins.iter().any(|origin| origin == "*") {
+        tracing::warn!(
+            "--cors-origin '*' without access keys: every web page that a user of this machine opens can read and \
+             change everything; name the origins of your pages, or add a key with `fretwork keys add`"
+        );
+    }
 }
 
 /// The signals that end the process: SIGTERM and Ctrl-C.

@@ -65,20 +65,28 @@ pub fn export(settings: &Export) -> Result<(), Error> {
 
 /// Imports the results of a file. The exit code is 2 if some were refused.
 pub fn import(settings: &Import) -> Result<ExitCode, Error> {
-    let Import { file, data } = settings;
-    let done = block_on(store::import(&data.data_dir, file, progress("checked")))?;
-    let Imported { results: count, bytes, known, notes, refused, other_notes } = done;
+    let Import { file, verify, data } = settings;
+    let done = block_on(store::import(&data.data_dir, file, *verify, progress("checked")))?;
+    let Imported { results: count, bytes, known, recomputed, earlier, notes, refused, other_notes } =
+        done;
     for (key, why) in &refused {
         writeln!(io::stderr(), "refused {}: {why}", key.escape_debug())?;
     }
     for key in &other_notes {
         writeln!(io::stderr(), "{key} keeps its note, which differs from the one in the file")?;
     }
+    if earlier > 0 {
+        writeln!(
+            io::stderr(),
+            "{earlier} of the imported results are from earlier versions of the engine, which this version cannot \
+             compute anew: their numbers are not verified"
+        )?;
+    }
     let (stored, failed, kept) = (results(count, bytes), refused.len(), other_notes.len());
     let file = file.display();
     let line = format!(
-        "{file}: {stored} imported, {known} known already, {failed} refused; notes: {notes} \
-         imported, {kept} kept\n"
+        "{file}: {stored} imported, {known} known already, {failed} refused; {recomputed} computed \
+         anew; notes: {notes} imported, {kept} kept\n"
     );
     print(line.as_bytes())?;
     Ok(if refused.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(2) })

@@ -8,7 +8,6 @@ use std::time::{Duration, Instant};
 
 use fretwork::format::{self, Format, Part, View};
 use fretwork::job::{Answer, BadSubmission, Prepared, Submission};
-use fretwork::service;
 use serde_json::Value;
 
 use super::{Error, print, print_error};
@@ -61,7 +60,7 @@ fn compute(prepared: &Prepared) -> Result<(Answer, Duration), Error> {
     let started = Instant::now();
     let mut shown = None;
     let mut err = io::stderr();
-    let answer = service::evaluate(prepared, |progress| {
+    let answer = prepared.compute(|progress| {
         if err.is_terminal() && shown.unwrap_or(started).elapsed() > PROGRESS_INTERVAL {
             shown = Some(Instant::now());
             // Progress is optional: an error here does not stop the run.

@@ -1,13 +1,14 @@
 //! A JSON object whose members keep their order and their text.
 
 use std::borrow::Cow;
+use std::collections::HashSet;
 use std::fmt;
 
-use serde::de::{MapAccess, Visitor};
+use serde::de::{Error as _, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use serde_json::value::RawValue;
 
-/// The members of an object. Their values are not parsed.
+/// The members of an object, each with another name. Their values are not parsed.
 pub struct Members<'a>(pub Vec<(Cow<'a, str>, &'a RawValue)>);
 
 impl<'a> Members<'a> {
@@ -28,9 +29,12 @@ impl<'de: 'a, 'a> Deserialize<'de> for Members<'a> {
             }
 
             fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Members<'de>, A::Error> {
-                let mut members = Vec::new();
-                while let Some(member) = map.next_entry()? {
-                    members.push(member);
+                let (mut members, mut names) = (Vec::new(), HashSet::new());
+                while let Some((name, text)) = map.next_entry::<Cow<'de, str>, _>()? {
+                    if !names.insert(name.clone()) {
+                        return Err(A::Error::custom(format!("`{name}` appears twice")));
+                    }
+                    members.push((name, text));
                 }
                 Ok(Members(members))
             }

@@ -157,7 +157,29 @@ impl Table {
             Ok((name.to_string(), Values::read(part, name, text, &selection)?))
         });
         let columns = columns.collect::<Result<_, serde_json::Error>>()?;
-        Ok(Self { part, columns, exists: text.is_some() })
+        let table = Self { part, columns, exists: text.is_some() };
+        if table.is_whole() { Ok(table) } else { Err(Error::Document(ragged(part))) }
+    }
+
+    /// Whether all columns have the length of their axes, and the rows of all loops the same points.
+    fn is_whole(&self) -> bool {
+        let (cycles, points) = (self.cycles(), self.axis("radius").len());
+        let mut matrices = self.columns.iter().filter_map(|(_, values)| match values {
+            Values::Matrix(rows) => Some(rows),
+            _ => None,
+        });
+        let first = matrices.clone().next();
+        let points_in = |cycle: usize| match (self.part, first) {
+            (Part::Profiles, _) | (_, None) => points,
+            (_, Some(rows)) => rows.get(cycle).map_or(0, Vec::len),
+        };
+        let is_row = |(cycle, row): (usize, &Vec<f64>)| row.len() == points_in(cycle);
+        matrices.all(|rows| rows.len() == cycles && rows.iter().enumerate().all(is_row))
+            && self.columns.iter().all(|(_, values)| match values {
+                Values::Cycles(row) => row.len() == cycles,
+                Values::Points(row) => row.len() == points,
+                Values::Matrix(_) | Values::Absent => true,
+            })
     }
 
     /// The numbers of a column with one number per output cycle or one per point.
@@ -207,6 +229,11 @@ impl Table {
         (0..self.cycles())
             .flat_map(|cycle| (0..self.points_in(cycle)).map(move |point| (cycle, point)))
     }
+}
+
+/// The error of a table whose columns have different lengths.
+fn ragged(part: Part) -> serde_json::Error {
+    serde::de::Error::custom(format!("the columns of `{}` have different lengths", part.name()))
 }
 
 /// Finds the selected output cycles and points of a table, or lists everything that is missing.

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use axum::body::{Bytes, HttpBody as _};
 use axum::extract::{FromRequest, Request};
-use axum::http::header::CONTENT_TYPE;
+use axum::http::header::{ACCEPT_ENCODING, CONTENT_ENCODING, CONTENT_TYPE};
 use http_body_util::BodyExt as _;
 use tokio::time::{Instant, timeout_at};
 
@@ -40,6 +40,12 @@ impl<S: Sync> FromRequest<S> for Body {
     type Rejection = Problem;
 
     async fn from_request(request: Request, _: &S) -> Result<Self, Problem> {
+        let coding = request.headers().get(CONTENT_ENCODING);
+        if coding.is_some_and(|coding| !coding.as_bytes().eq_ignore_ascii_case(b"identity")) {
+            let detail = "The body has a Content-Encoding. Send it without compression, and without this header.";
+            return Err(Problem::new(&problem::UNSUPPORTED_CODING, detail)
+                .with_header(ACCEPT_ENCODING, "identity"));
+        }
         // A body without a type is refused too: browsers let web pages of any origin send one.
         let declared =
             request.headers().get(CONTENT_TYPE).map(|value| value.to_str().unwrap_or(""));

@@ -13,7 +13,7 @@ use uuid::Uuid;
 use super::access::Identity;
 use super::admission::network;
 use super::limits::Standing;
-use crate::store::Role;
+use crate::store::{Editor, Role};
 
 /// The address of the client of a request.
 #[derive(Debug, Clone, Copy)]
@@ -92,6 +92,11 @@ impl Caller {
     /// keys every caller may see all jobs.
     pub fn reach(&self) -> Option<&str> {
         (self.role != Role::Admin).then_some(&self.owner)
+    }
+
+    /// The caller as one who changes pins and notes.
+    pub fn editor(&self) -> Editor {
+        Editor { owner: self.owner.clone(), may_change_all: self.role == Role::Admin }
     }
 
     /// The owner with this name, or the caller for `me`. `None` if the caller may not see its jobs.

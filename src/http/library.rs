@@ -16,7 +16,7 @@ use super::problem::{self, Problem};
 use super::representation::require;
 use super::wire::{NoQuery, Query, Segment, instant, read_key};
 use crate::job::{BadSubmission, Key, SCALARS, WORDS, json as job_json};
-use crate::store::{self, Listed, Removed, Search};
+use crate::store::{self, Changed, Listed, Removed, Search};
 use fretwork_engine::request::fault::{Fault, Faults};
 
 /// Default number of results on a page.
@@ -149,6 +149,7 @@ pub(super) fn parameters() -> Vec<Value> {
         ("size", "Results whose size in bytes lies in this range.", text()),
         ("owner", "Results that a job of this owner computed; `me` is the caller.", text()),
         ("pinned", "Results that are pinned, or that are not.", flag()),
+        ("pinned_by", "Results that this owner has pinned; `me` is the caller.", text()),
         (
             "evicted",
             "`true`: only results that were evicted or deleted. Default: only stored results.",
@@ -201,7 +202,8 @@ pub async fn list(
         let text = query.text(name);
         // The store knows owners by their names only.
         let own = |text: String| if text == ME { caller.owner.clone() } else { text };
-        if let Some(text) = if name == "owner" { text.map(own) } else { text }
+        if let Some(text) =
+            if name == "owner" || name == "pinned_by" { text.map(own) } else { text }
             && let Err(fault) = search.set(name, &text)
         {
             query.complain(name, fault);
@@ -245,6 +247,8 @@ pub struct Provenance {
     jobs: u64,
     /// Whether it is pinned: never evicted.
     pinned: bool,
+    /// Who pinned it; null if it is not pinned, or if that is unknown.
+    pinned_by: Option<String>,
     /// Its note.
     note: Option<Note>,
     /// When it was last read, with a resolution of about one minute.
@@ -342,6 +346,7 @@ impl Provenance {
             }),
             jobs: known.jobs,
             pinned: known.pinned,
+            pinned_by: known.pinned_by,
             note: known.note.map(Note::from),
             last_access: instant(known.last_access),
             evicted: known.evicted.map(instant),
@@ -428,7 +433,16 @@ pub(super) fn read<T: Deserr<Faults>>(body: &Body) -> Result<T, Problem> {
     Err(Problem::faults(faults))
 }
 
-/// Writes the note of a result. A result has one note; a new one replaces it.
+/// Answers a change of a note.
+fn annotated(changed: Changed) -> Result<StatusCode, Problem> {
+    match changed {
+        Changed::Done => Ok(StatusCode::NO_CONTENT),
+        Changed::OtherOwner(owner) => Err(Problem::other_owner("note", owner)),
+        Changed::NotFound | Changed::QuotaExceeded { .. } => Err(unknown()),
+    }
+}
+
+/// Writes the note of a result. A result has one note; a new one of the same owner or of an administrator replaces it.
 ///
 /// Provenance and lists show the note, its owner and its time. It stays for a year after the result was
 /// evicted or deleted.
@@ -452,13 +466,12 @@ pub async fn note(
     if let Some(detail) = store::Note::fault(&text) {
         return Err(Problem::faults(vec![Fault { pointer: "/text".to_owned(), detail }]));
     }
-    let known = app.service.annotate(&key, Some(text), caller.owner).await?;
-    if known { Ok(StatusCode::NO_CONTENT) } else { Err(unknown()) }
+    annotated(app.service.annotate(&key, Some(text), caller.editor()).await?)
 }
 
 /// Deletes the note of a result.
 ///
-/// If there is no note, nothing changes.
+/// If there is no note, nothing changes. Only the owner of the note and administrators may delete it.
 #[utoipa::path(delete, path = "/v1/results/{key}/note", operation_id = "delete_note", tag = "results",
     params(("key" = super::schemas::KeyText, Path, description = "The `key` of a result.")),
     responses(
@@ -471,8 +484,7 @@ pub async fn delete_note(
     Segment(key): Segment,
     _: NoQuery,
 ) -> Result<StatusCode, Problem> {
-    let known = app.service.annotate(&read_key(&key)?, None, caller.owner).await?;
-    if known { Ok(StatusCode::NO_CONTENT) } else { Err(unknown()) }
+    annotated(app.service.annotate(&read_key(&key)?, None, caller.editor()).await?)
 }
 
 /// Deletes a result.

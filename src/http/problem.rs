@@ -14,6 +14,7 @@ use serde::Serialize;
 use serde_json::Value;
 use utoipa::ToSchema;
 
+use crate::job::Key;
 use crate::store;
 use fretwork_engine::request::fault::{Fault, Faults};
 
@@ -73,6 +74,9 @@ kinds! {
         "A key with role `read` reads results and checks scenarios. `submit` also submits, cancels and \
          deletes jobs, pins results and makes links. `admin` also does this with the jobs of all owners."
         "Use a key with the role that the detail names. GET /v1/me returns the role of a key.";
+    OTHER_OWNER = FORBIDDEN "other-owner" "The pin or the note belongs to another owner"
+        "Only its owner and administrators can remove a pin, or change or remove a note."
+        "Ask its owner, which the detail names, or an administrator.";
     BAD_LINK = FORBIDDEN "bad-link" "The link is not valid here"
         "A link opens one result for readers without a key. It ends when it expires, or when the key that \
          made it is revoked. This link is incomplete, belongs to another result, or has ended."
@@ -108,6 +112,11 @@ kinds! {
     PINNED = CONFLICT "pinned" "The result is pinned"
         "A pinned result cannot be deleted."
         "Unpin it with DELETE /v1/results/{key}/pin, then delete it.";
+    PIN_QUOTA = CONFLICT "pin-quota" "Too many pinned results"
+        "The results that one owner has pinned may take a limited part of the disk, because the server never evicts \
+         them."
+        "Unpin results with DELETE /v1/results/{key}/pin; GET /v1/results?pinned_by=me lists them. The operator of \
+         the server can raise the quota (--pin-quota).";
     JOB_FAILED = CONFLICT "job-failed" "The job failed"
         "The job ended with an error, so it has no result."
         "The `error` of the job gives the reason. Failures are not cached: a new submission computes again.";
@@ -128,6 +137,9 @@ kinds! {
         "The body of a request must be JSON, and its Content-Type must say so."
         "Send the header Content-Type: application/json. With curl: -H 'Content-Type: \
          application/json'.";
+    UNSUPPORTED_CODING = UNSUPPORTED_MEDIA_TYPE "unsupported-content-encoding" "The body is compressed"
+        "The request has a Content-Encoding. The server reads bodies only as they are."
+        "Send the body without compression, and without the header Content-Encoding.";
     INVALID_REQUEST = UNPROCESSABLE_ENTITY "invalid-request" "The request has faults"
         "The body is JSON, but not a valid job. A member has a wrong type, an unknown name, a unit of a \
          wrong dimension or a value out of range. `errors` lists all faults, each with a JSON pointer \
@@ -165,10 +177,12 @@ kinds! {
          `instance`."
         "The request may be valid: try once more. If it fails again, report it with the `instance`.";
     DAMAGED = INTERNAL_SERVER_ERROR "database-damaged" "The database is damaged"
-        "A part of the database differs from what was stored in it. The cause is the disk, or another \
-         program that wrote to it. The server returns no damaged data."
-        "The operator should stop the server, copy its data directory, and restore a backup or recover the \
-         readable part (`.recover` of sqlite3).";
+        "A part of the database differs from what was stored in it, or cannot be read as a result. The cause is the \
+         disk, or another program that wrote to it. The server returns no damaged data."
+        "If the detail names a result, submit its scenario with `Cache-Control: no-cache`: the server then computes the \
+         result again and repairs it. If the answer says `differs`, an administrator deletes the result first (DELETE \
+         /v1/results/{key}). Otherwise the operator should stop the server, copy its data directory, and restore a \
+         backup or recover the readable part (`.recover` of sqlite3).";
     QUEUE_FULL = SERVICE_UNAVAILABLE "queue-full" "The queue is full"
         "Too many jobs are queued. The server still accepts submissions whose result is known or is being \
          computed."
@@ -336,6 +350,26 @@ impl Problem {
         Self::internal().caused_by(&error)
     }
 
+    /// The problem for a result that cannot be read.
+    pub fn damaged_result(key: &Key) -> Self {
+        let detail = format!(
+            "The stored result {key} is damaged. Submit its scenario to POST /v1/jobs with `Cache-Control: no-cache`: \
+             this repairs it. If the answer says `\"recomputed\":\"differs\"`, an administrator must delete the result \
+             first: DELETE /v1/results/{key}."
+        );
+        Self::new(&DAMAGED, detail)
+    }
+
+    /// The problem for a pin or a note of another owner.
+    pub fn other_owner(what: &str, owner: Option<String>) -> Self {
+        let owner =
+            owner.map_or_else(|| "an unknown owner".to_owned(), |owner| format!("{owner:?}"));
+        let detail = format!(
+            "The {what} belongs to {owner}. Ask the owner or an administrator to change it."
+        );
+        Self::new(&OTHER_OWNER, detail)
+    }
+
     /// Adds the error that caused the problem, for the log.
     #[must_use]
     pub fn caused_by(self, error: &(dyn Error + 'static)) -> Self {
@@ -390,7 +424,8 @@ impl From<store::Error> for Problem {
                 &DISK_FULL,
                 "The disk of the server is full. Its operator must free space.",
             ),
-            store::Error::Damaged(..) | store::Error::DamagedResult(..) => {
+            store::Error::DamagedResult(key) => Self::damaged_result(&key),
+            store::Error::Damaged(..) => {
                 let detail = "A part of the server's database is damaged. Its operator must repair \
                     it. The log contains the details: search it for the `instance` of this problem.";
                 Self::new(&DAMAGED, detail)

@@ -229,12 +229,14 @@ impl Representation {
     /// client disconnects: a retry finds it.
     async fn make(&self, app: &App, coding: Coding, making: Making) -> Result<Encoded, Problem> {
         let (json, (permit, maker)) = self.source(app).await?;
-        let (app, part, format, view) = (app.clone(), self.part, self.format, self.view.clone());
+        let (app, key, view) = (app.clone(), self.key, self.view.clone());
+        let (part, format) = (self.part, self.format);
         let make = move || {
             let _maker = maker;
             let mut encoder = coding.encoder();
-            format::write(&mut encoder, &json, part, format, &view)?;
-            let (body, coding) = encoder.finish().map_err(format::Error::from)?;
+            format::write(&mut encoder, &json, part, format, &view)
+                .map_err(|error| refused(&key, error))?;
+            let (body, coding) = encoder.finish().map_err(Problem::bug)?;
             Ok(app.memory.finish(making, Encoded::of(body, coding, Some(permit)), true))
         };
         task::spawn_blocking(make).await.map_err(Problem::bug)?
@@ -325,15 +327,15 @@ pub fn held(headers: &HeaderMap, tag: &str) -> Option<String> {
     Some(if found == "*" { tag } else { found }.to_owned())
 }
 
-impl From<format::Error> for Problem {
-    fn from(error: format::Error) -> Self {
-        match error {
-            format::Error::Missing(items) => {
-                let complaint =
-                    |item: format::Missing| Complaint::parameter(item.parameter, item.detail);
-                Self::parameters(items.into_iter().map(complaint).collect())
-            }
-            error => Self::internal().caused_by(&error),
+/// The problem for a result that cannot be written in a format.
+fn refused(key: &Key, error: format::Error) -> Problem {
+    match error {
+        format::Error::Missing(items) => {
+            let complaint =
+                |item: format::Missing| Complaint::parameter(item.parameter, item.detail);
+            Problem::parameters(items.into_iter().map(complaint).collect())
         }
+        format::Error::Document(_) => Problem::damaged_result(key).caused_by(&error),
+        error => Problem::internal().caused_by(&error),
     }
 }

@@ -7,6 +7,7 @@ use std::str::FromStr;
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
+use bytesize::ByteSize;
 
 use super::app::App;
 use super::caller::Caller;
@@ -15,6 +16,7 @@ use super::problem::{self, Problem};
 use super::representation::{Representation, require};
 use super::wire::{NoQuery, Query, Segment, read_key};
 use crate::format::{FigureOptions, Format, Part, QUANTITIES, Quantity, View};
+use crate::store::Changed;
 
 /// Reads numbers separated by commas.
 fn numbers(text: &str) -> Option<Vec<f64>> {
@@ -358,11 +360,12 @@ pub async fn plot(
 /// Pins a result, so that it is never evicted.
 ///
 /// When the database grows too large, the server evicts the least recently read results, except pinned
-/// ones. Pinning a result again has no effect.
+/// ones. Pinning a result again has no effect. The results that one owner has pinned may take up to `--pin-quota`.
 #[utoipa::path(put, path = "/v1/results/{key}/pin", operation_id = "pin_result", tag = "results",
     params(("key" = super::schemas::KeyText, Path, description = "The `key` of a result.")),
     responses(
         (status = 204, description = "The result is pinned."),
+        (status = 409, description = "The pinned results of this owner take too much room. Unpin some first."),
     ),
 )]
 pub async fn pin(
@@ -376,7 +379,7 @@ pub async fn pin(
 
 /// Unpins a result.
 ///
-/// The server may then evict it.
+/// The server may then evict it. Only the owner of the pin and administrators may do this.
 #[utoipa::path(delete, path = "/v1/results/{key}/pin", operation_id = "unpin_result", tag = "results",
     params(("key" = super::schemas::KeyText, Path, description = "The `key` of a result.")),
     responses(
@@ -399,9 +402,85 @@ async fn set_pin(
     pinned: bool,
 ) -> Result<StatusCode, Problem> {
     let key = read_key(key)?;
-    while !app.service.pin(&key, pinned).await? {
-        // Returns the problem for a missing result, or tries again if the result has just been stored.
-        require(app, caller.reach(), &key).await?;
+    loop {
+        match app.service.pin(&key, pinned, caller.editor()).await? {
+            Changed::Done => return Ok(StatusCode::NO_CONTENT),
+            // Returns the problem for a missing result, or tries again if the result has just been stored.
+            Changed::NotFound => require(app, caller.reach(), &key).await?,
+            Changed::OtherOwner(owner) => return Err(Problem::other_owner("pin", owner)),
+            Changed::QuotaExceeded { used, quota } => {
+                let detail = format!(
+                    "Your pinned results would take {}, and an owner may pin {}. Unpin some of them: GET \
+                     /v1/results?pinned_by=me lists them.",
+                    ByteSize(used),
+                    ByteSize(quota)
+                );
+                return Err(Problem::new(&problem::PIN_QUOTA, detail));
+            }
+        }
     }
-    Ok(StatusCode::NO_CONTENT)
+}
+
+#[cfg(test)]
+mod tests {
+    use axum::extract::FromRequestParts as _;
+    use futures_util::FutureExt as _;
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// The query of an address; `None` if the text is not part of an address.
+    fn query(text: &str) -> Option<Query> {
+        let (mut parts, ()) = Request::get(format!("/?{text}")).body(()).ok()?.into_parts();
+        Query::from_request_parts(&mut parts, &()).now_or_never()?.ok()
+    }
+
+    fn any_query() -> impl Strategy<Value = String> {
+        const NAMES: [&str; 13] = [
+            "layout", "digits", "units", "cycles", "fields", "points", "format", "quantity", "x",
+            "y", "width", "height", "other",
+        ];
+        const WORDS: [&str; 16] = [
+            "records",
+            "7",
+            "engineering",
+            "0,1e3",
+            "wear,slip",
+            "worn",
+            "loops",
+            "log",
+            "640",
+            "1e999",
+            "-1",
+            "NaN",
+            "%00",
+            "%ff",
+            "%",
+            "",
+        ];
+        let value = prop_oneof![
+            3 => prop::sample::select(&WORDS[..]).prop_map(str::to_owned),
+            1 => "[!-~]{0,12}",
+        ];
+        let pair = (prop::sample::select(&NAMES[..]), value);
+        prop::collection::vec(pair.prop_map(|(name, value)| format!("{name}={value}")), 0..5)
+            .prop_map(|pairs| pairs.join("&"))
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 10_000, failure_persistence: None, ..ProptestConfig::default() })]
+
+        #[test]
+        fn a_random_query_is_accepted_or_refused(text in any_query()) {
+            for part in [Part::Whole, Part::History, Part::Profiles, Part::Loops, Part::Plot] {
+                let Some(mut query) = query(&text) else { return Ok(()) };
+                query.format(part.formats());
+                let view = if part == Part::Plot { figure_view(&mut query) } else { view(&mut query, part) };
+                if query.finish().is_ok() {
+                    prop_assert!(view.digits.is_none_or(|digits| (1..=17).contains(&digits)));
+                    prop_assert!(view.cycles.iter().flatten().all(|cycles| cycles.is_finite()));
+                }
+            }
+        }
+    }
 }

@@ -59,6 +59,8 @@ documented! {
     JobState words(job::JobState::ALL.iter().map(|state| state.as_str()));
     /// How a job got its result.
     Origin words(job::Origin::ALL.iter().map(|origin| origin.as_str()));
+    /// How a new computation compares with an earlier result.
+    Recomputed words(job::Recomputed::ALL.iter().map(|word| word.as_str()));
     /// What an answer can include in addition to a job.
     Include list(words(Included::WORDS));
     /// What a key allows.

@@ -81,6 +81,18 @@ words! {
 }
 
 words! {
+    /// How the result of a new computation compares with the one that its key had before.
+    pub enum Recomputed: "comparison of a result" {
+        /// Both are equal.
+        Same = "same",
+        /// They differ. The stored result stays.
+        Differs = "differs",
+        /// They differ. The earlier result was evicted or deleted, so the new one is stored.
+        Replaced = "replaced",
+    }
+}
+
+words! {
     /// Why a job failed.
     pub enum FailureKind: "kind of failure" {
         /// The computation panicked: a defect of the program.
@@ -133,6 +145,8 @@ pub struct Job {
     pub failure: Option<Failure>,
     /// The summary of the result, once the job has succeeded.
     pub summary: Option<Value>,
+    /// How its result compares with an earlier one, if its run has computed the result again.
+    pub recomputed: Option<Recomputed>,
 }
 
 /// A change of a job's state.

@@ -176,6 +176,18 @@ impl Prepared {
         size_of::<Self>() + size_of::<(Scenario, Case)>() + 4 * self.stored.len()
     }
 
+    /// Computes the whole answer on this thread. Calls `progress` after each step with the share of the work that is
+    /// done, in 0…1.
+    pub fn compute(&self, mut progress: impl FnMut(f64)) -> Answer {
+        let mut work = self.start();
+        loop {
+            match work.step() {
+                Step::Done(answer) => return answer,
+                Step::Working { progress: share } => progress(share),
+            }
+        }
+    }
+
     /// Begins the work.
     #[must_use]
     pub fn start(&self) -> Box<dyn Work> {
@@ -276,23 +288,27 @@ impl Work for RunWork {
 
 impl RunWork {
     fn answer(&self, outcome: &Outcome) -> Answer {
-        #[derive(Serialize)]
-        struct Whole<'a> {
-            key: Key,
-            engine: Engine,
-            scenario: &'a Scenario,
-            units: ResultUnits,
-            #[serde(flatten)]
-            outcome: &'a Outcome,
-        }
-        let (key, scenario) = (self.key, &self.run.0);
-        let whole = Whole { key, engine: ENGINE, scenario, units: ResultUnits, outcome };
-        let mut body = json::write(&whole, self.run.1.answer_bytes()).into_bytes();
+        let scenario = &self.run.0;
+        let mut body = write(self.key, scenario, outcome, self.run.1.answer_bytes()).into_bytes();
         // The memory cache may keep it for long.
         body.shrink_to_fit();
         let (summary, outline) = summarize(scenario, outcome);
         Answer { body: body.into(), summary, outline: Box::new(outline) }
     }
+}
+
+/// The JSON of a result of about `bytes` bytes.
+pub(super) fn write(key: Key, scenario: &Scenario, outcome: &Outcome, bytes: usize) -> String {
+    #[derive(Serialize)]
+    struct Whole<'a> {
+        key: Key,
+        engine: Engine,
+        scenario: &'a Scenario,
+        units: ResultUnits,
+        #[serde(flatten)]
+        outcome: &'a Outcome,
+    }
+    json::write(&Whole { key, engine: ENGINE, scenario, units: ResultUnits, outcome }, bytes)
 }
 
 #[cfg(test)]

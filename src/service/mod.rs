@@ -1,7 +1,6 @@
-//! What the program can do with jobs and results: submit, wait, evaluate, cancel, find, share. HTTP and the
+//! What the program can do with jobs and results: submit, wait, cancel, find, share. HTTP and the
 //! command line call this room.
 
-mod evaluate;
 mod jobs;
 mod results;
 mod short;
@@ -19,7 +18,6 @@ use tokio::sync::watch;
 use crate::job::Begin;
 use crate::store::{Error, Store, Tally};
 
-pub use evaluate::evaluate;
 pub use submit::{Accepted, Refusal, Terms};
 
 use short::ShortRuns;

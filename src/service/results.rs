@@ -2,7 +2,9 @@
 
 use super::Service;
 use crate::job::{JobId, Key, Outline};
-use crate::store::{Cursor, Error, Found, Known, Provenance, Removed, Search, StoredResult};
+use crate::store::{
+    Changed, Cursor, Editor, Error, Found, Known, Provenance, Removed, Search, StoredResult,
+};
 
 impl Service {
     /// The result of a key. Its bytes have been checked against their checksum.
@@ -79,15 +81,15 @@ impl Service {
         self.0.store.provenance(key).await
     }
 
-    /// Pins a result, or unpins it. Returns false if the result is not stored.
+    /// Pins a result, or unpins it.
     ///
     /// # Errors
     /// The database fails.
-    pub async fn pin(&self, key: &Key, pinned: bool) -> Result<bool, Error> {
-        self.0.store.pin(key, pinned).await
+    pub async fn pin(&self, key: &Key, pinned: bool, editor: Editor) -> Result<Changed, Error> {
+        self.0.store.pin(key, pinned, editor).await
     }
 
-    /// Writes the note of a result, or removes it without a text. Returns false if the key is unknown.
+    /// Writes the note of a result, or removes it without a text.
     ///
     /// # Errors
     /// The database fails.
@@ -95,9 +97,9 @@ impl Service {
         &self,
         key: &Key,
         text: Option<String>,
-        owner: String,
-    ) -> Result<bool, Error> {
-        self.0.store.annotate(key, text, owner).await
+        editor: Editor,
+    ) -> Result<Changed, Error> {
+        self.0.store.annotate(key, text, editor).await
     }
 
     /// Deletes the bytes of a result. Its scenario and summary stay known.

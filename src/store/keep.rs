@@ -100,7 +100,9 @@ pub(super) fn keeping(reason: Reason, first: usize) -> Arc<str> {
     let outline =
         outline::insert(&format!("WHERE changes() = 1 AND result.key = {key}"), first + 16);
     let end = format!(
-        "UPDATE run SET state = 'succeeded', progress = 1, finished = {now}, changed = {now}
+        "UPDATE run SET state = 'succeeded', progress = 1, finished = {now}, changed = {now},
+             recomputed = (SELECT CASE WHEN digest = {digest} THEN 'same' WHEN evicted IS NULL THEN 'differs'
+                 ELSE 'replaced' END FROM result WHERE result.key = run.key)
          WHERE id = $1 AND attempt = {attempt} AND state = 'running'
          RETURNING started, (SELECT digest = {digest} FROM result WHERE result.key = run.key) AS same,
              (SELECT evicted IS NULL FROM result WHERE result.key = run.key) AS held;"
@@ -228,28 +230,97 @@ impl Kept {
     }
 }
 
-/// Pins or unpins a result. Returns whether there is such a result.
-pub(super) async fn pin((key, pinned): &(Key, bool), tx: &mut Transaction) -> Result<bool, Error> {
-    let done = sqlx::query("UPDATE result SET pinned = ?2 WHERE key = ?1 AND evicted IS NULL")
-        .bind(key.bytes().as_slice())
-        .bind(pinned)
-        .execute(&mut tx.db)
-        .await?;
-    Ok(done.rows_affected() > 0)
+/// What a change of a pin or a note did.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Changed {
+    /// It is changed, or was so before.
+    Done,
+    /// There is no such result.
+    NotFound,
+    /// It belongs to this other owner; `None` if its owner is unknown.
+    OtherOwner(Option<String>),
+    /// The caller's pins would take this number of bytes, which is more than the quota.
+    QuotaExceeded {
+        /// Bytes of the results that the caller has pinned, with this one.
+        used: u64,
+        /// The quota.
+        quota: u64,
+    },
 }
 
-/// Writes the note of a result, or removes it. Returns whether there is such a result; it may be evicted.
-pub(super) async fn annotate(
-    (key, text, owner): &(Key, Option<String>, String),
+/// Who changes a pin or a note.
+#[derive(Debug, Clone)]
+pub struct Editor {
+    /// The owner of what it adds.
+    pub owner: String,
+    /// Whether it may also change what others have added.
+    pub may_change_all: bool,
+}
+
+impl Editor {
+    fn may_change(&self, owner: Option<&str>) -> bool {
+        self.may_change_all || owner == Some(&self.owner)
+    }
+}
+
+/// Pins a result within the quota of the owner, or unpins it.
+pub(super) async fn pin(
+    (key, pinned, editor, quota): &(Key, bool, Editor, u64),
     tx: &mut Transaction,
-) -> Result<bool, Error> {
+) -> Result<Changed, Error> {
     let key = key.bytes().as_slice();
-    let known: bool = sqlx::query_scalar("SELECT EXISTS (SELECT 1 FROM result WHERE key = ?1)")
-        .bind(key)
+    let found: Option<(bool, Option<String>, u64)> = sqlx::query_as(
+        "SELECT pinned, pinned_by, stored FROM result WHERE key = ?1 AND evicted IS NULL",
+    )
+    .bind(key)
+    .fetch_optional(&mut tx.db)
+    .await?;
+    let Some((was_pinned, owner, bytes)) = found else { return Ok(Changed::NotFound) };
+    if was_pinned == *pinned {
+        return Ok(Changed::Done);
+    }
+    if *pinned {
+        let others: u64 = sqlx::query_scalar(
+            "SELECT coalesce(sum(stored), 0) FROM result INDEXED BY result_pinned_by
+             WHERE pinned AND pinned_by = ?1",
+        )
+        .bind(&editor.owner)
         .fetch_one(&mut tx.db)
         .await?;
-    if !known {
-        return Ok(false);
+        let (used, quota) = (others + bytes, *quota);
+        if used > quota {
+            return Ok(Changed::QuotaExceeded { used, quota });
+        }
+    } else if !editor.may_change(owner.as_deref()) {
+        return Ok(Changed::OtherOwner(owner));
+    }
+    sqlx::query("UPDATE result SET pinned = ?2, pinned_by = ?3 WHERE key = ?1")
+        .bind(key)
+        .bind(pinned)
+        .bind(pinned.then_some(&editor.owner))
+        .execute(&mut tx.db)
+        .await?;
+    Ok(Changed::Done)
+}
+
+/// Writes the note of a result, or removes it. The result may be evicted.
+pub(super) async fn annotate(
+    (key, text, editor): &(Key, Option<String>, Editor),
+    tx: &mut Transaction,
+) -> Result<Changed, Error> {
+    let key = key.bytes().as_slice();
+    let found: Option<(Option<String>,)> = sqlx::query_as(
+        "SELECT note.owner FROM result LEFT JOIN note USING (key) WHERE result.key = ?1",
+    )
+    .bind(key)
+    .fetch_optional(&mut tx.db)
+    .await?;
+    match found {
+        None => return Ok(Changed::NotFound),
+        Some((Some(owner),)) if !editor.may_change(Some(&owner)) => {
+            return Ok(Changed::OtherOwner(Some(owner)));
+        }
+        Some(_) => {}
     }
     let change = match text {
         Some(text) => sqlx::query(
@@ -257,12 +328,12 @@ pub(super) async fn annotate(
         )
         .bind(key)
         .bind(text)
-        .bind(owner)
+        .bind(&editor.owner)
         .bind(tx.now),
         None => sqlx::query("DELETE FROM note WHERE key = ?1").bind(key),
     };
     change.execute(&mut tx.db).await?;
-    Ok(true)
+    Ok(Changed::Done)
 }
 
 /// Deletes the body of a result. Its scenario and its jobs stay.

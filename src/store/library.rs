@@ -4,7 +4,7 @@ use serde_json::Value;
 use sqlx::sqlite::SqliteRow;
 use sqlx::{Row, SqliteConnection};
 
-use super::keep::{self, Removed};
+use super::keep::{self, Changed, Editor, Removed};
 use super::{Error, Store, row};
 use crate::job::{ENGINE, JobId, Key, Task};
 
@@ -70,6 +70,8 @@ pub struct Provenance {
     pub jobs: u64,
     /// Whether it is pinned: never evicted.
     pub pinned: bool,
+    /// Who pinned it.
+    pub pinned_by: Option<String>,
     /// When it was last read.
     pub last_access: i64,
     /// When its body was evicted or deleted.
@@ -164,7 +166,7 @@ pub struct Known {
 
 const PROVENANCE: &str = "
     SELECT result.key AS key, created, result.owner AS owner, computed, wall, cpu, job, trace,
-        warnings, pinned, last_access, evicted, deleted_by, size, digest, imported, imported_from, version,
+        warnings, pinned, pinned_by, last_access, evicted, deleted_by, size, digest, imported, imported_from, version,
         numerics, host, architecture, processors, note.text AS note, note.owner AS noted_by,
         note.at AS noted, (SELECT count(*) FROM job WHERE job.key = result.key) AS jobs
     FROM result LEFT JOIN program ON program.id = result.program
@@ -191,6 +193,7 @@ pub(super) async fn provenance(
         program: Program::read(&row)?,
         jobs: row.try_get("jobs")?,
         pinned: row.try_get("pinned")?,
+        pinned_by: row.try_get("pinned_by")?,
         last_access: row.try_get("last_access")?,
         evicted: row.try_get("evicted")?,
         deleted_by: row.try_get("deleted_by")?,
@@ -215,19 +218,19 @@ impl Store {
         self.reading(async |db| provenance(db, key).await).await
     }
 
-    /// Pins a result, which is then never evicted, or unpins it. Returns false if there is no such result.
-    pub async fn pin(&self, key: &Key, pinned: bool) -> Result<bool, Error> {
-        self.write(keep::pin, (*key, pinned)).await
+    /// Pins a result, which is then never evicted, or unpins it.
+    pub async fn pin(&self, key: &Key, pinned: bool, editor: Editor) -> Result<Changed, Error> {
+        self.write(keep::pin, (*key, pinned, editor, self.pin_quota)).await
     }
 
-    /// Writes the note of a result, or removes it. Returns false if there is no such result.
+    /// Writes the note of a result, or removes it.
     pub async fn annotate(
         &self,
         key: &Key,
         text: Option<String>,
-        owner: String,
-    ) -> Result<bool, Error> {
-        self.write(keep::annotate, (*key, text, owner)).await
+        editor: Editor,
+    ) -> Result<Changed, Error> {
+        self.write(keep::annotate, (*key, text, editor)).await
     }
 
     /// Deletes the body of a result; its scenario stays known.
@@ -246,14 +249,15 @@ impl Store {
             Ok(query.bind(key.bytes().as_slice()).fetch_optional(db).await?)
         });
         let Some(row) = row.await? else { return Ok(None) };
-        let scenario = Task::scenario_in(row.try_get("task")?)
-            .ok_or_else(|| sqlx::Error::Decode("the stored task cannot be read".into()))?;
-        let scenario: Value = row::json(scenario.get())?;
+        let damaged = || Error::DamagedResult(*key);
+        let scenario = Task::scenario_in(row.try_get("task")?).ok_or_else(damaged)?;
+        let scenario: Value = row::json(scenario.get()).map_err(|_| damaged())?;
         let numerics = match row.try_get("numerics")? {
             Some(numerics) => numerics,
             None => numerics_of(key, &scenario),
         };
-        let (summary, held) = (row::json(row.try_get("summary")?)?, row.try_get("held")?);
+        let summary = row::json(row.try_get("summary")?).map_err(|_| damaged())?;
+        let held = row.try_get("held")?;
         Ok(Some(Known { scenario, summary, numerics, held }))
     }
 }

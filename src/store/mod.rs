@@ -57,7 +57,7 @@ pub use administration::Administration;
 pub use body::Body;
 pub use cancel::{Canceled, Deleted};
 pub use error::Error;
-pub use keep::{Answered, Finish, Removed};
+pub use keep::{Answered, Changed, Editor, Finish, Removed};
 pub use keys::{AccessKey, NewKey, Role, digest};
 pub use library::{Known, Note, Program, Provenance};
 pub use moving::{Exported, Imported, Moving, Saved, backup, export, import, restore};
@@ -88,6 +88,7 @@ pub struct Store {
     scans: Arc<Semaphore>,
     signals: Arc<Signals>,
     queue_limit: usize,
+    pin_quota: u64,
     /// The data directory.
     dir: Arc<Path>,
 }

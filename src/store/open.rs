@@ -27,7 +27,7 @@ use crate::job::clock::now;
 use crate::job::{ENGINE, Task};
 
 /// The changes of the schema: version, name and SQL.
-const CHANGES: [(i64, &str, &str); 9] = [
+const CHANGES: [(i64, &str, &str); 10] = [
     (1, "jobs", include_str!("../../migrations/sqlite/0001_jobs.sql")),
     (2, "years of service", include_str!("../../migrations/sqlite/0002_years_of_service.sql")),
     (3, "access keys", include_str!("../../migrations/sqlite/0003_access_keys.sql")),
@@ -37,6 +37,7 @@ const CHANGES: [(i64, &str, &str); 9] = [
     (7, "compact results", include_str!("../../migrations/sqlite/0007_compact_results.sql")),
     (8, "warnings", include_str!("../../migrations/sqlite/0008_warnings.sql")),
     (10, "commits", include_str!("../../migrations/sqlite/0010_commits.sql")),
+    (11, "trust", include_str!("../../migrations/sqlite/0011_trust.sql")),
 ];
 
 /// All migrations. The macros of sqlx would embed the directory, but they compile SQLite a second time.
@@ -73,11 +74,19 @@ pub struct Options {
     pub keep_jobs: Option<Duration>,
     /// Bytes of the database beyond which the server deletes what was used longest ago; `None` means no limit.
     pub budget: Option<u64>,
+    /// Bytes of results that one owner may pin.
+    pub pin_quota: u64,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { full_sync: false, queue_limit: 20_000, keep_jobs: None, budget: None }
+        Self {
+            full_sync: false,
+            queue_limit: 20_000,
+            keep_jobs: None,
+            budget: None,
+            pin_quota: 1 << 30,
+        }
     }
 }
 
@@ -112,10 +121,10 @@ impl Store {
         let tx = Transaction { db, now: now(), queue, program, effects: Vec::new() };
         let log = Log::new(with_suffix(&path, "-wal"), log_pages * PAGE);
         let writer = Writer::new(tx, Arc::clone(&signals), upkeep, ledger, log).start();
-        let queue_limit = options.queue_limit;
+        let Options { queue_limit, pin_quota, .. } = *options;
         let scans = Arc::new(Semaphore::new(SCANS));
         let dir = dir.into();
-        Ok(Self { writer, readers, large, keys, scans, signals, queue_limit, dir })
+        Ok(Self { writer, readers, large, keys, scans, signals, queue_limit, pin_quota, dir })
     }
 }
 

@@ -9,7 +9,7 @@ use sqlx::{QueryBuilder, Row, Sqlite, SqliteExecutor};
 
 use super::body::Body;
 use super::readers::Readers;
-use super::row::{Sum, changes, job_id, json, key, word};
+use super::row::{Sum, changes, job_id, json, key, optional_word, word};
 use super::{Error, Store, upkeep};
 use crate::job::clock::now;
 use crate::job::{Failure, FailureKind, Job, JobId, JobState, Key, Task};
@@ -231,7 +231,7 @@ impl Store {
 const SELECT_JOB: &str = "
     SELECT job.id, job.owner, job.key, job.state, job.origin, job.label, job.tags, job.warnings,
         job.created, job.started, job.finished, job.attempt, job.priority, job.changes,
-        run.progress, run.error_kind, run.error, result.summary
+        run.progress, run.error_kind, run.error, run.recomputed, result.summary
     FROM job
     LEFT JOIN run ON run.id = job.run
     LEFT JOIN result ON result.key = job.key AND job.state = 'succeeded'
@@ -269,6 +269,7 @@ fn read_job(row: &SqliteRow) -> Result<Job, sqlx::Error> {
         changes: changes(row.try_get("changes")?)?,
         failure,
         summary: summary.map(json).transpose()?,
+        recomputed: optional_word(row, "recomputed")?,
     })
 }
 
@@ -344,8 +345,9 @@ pub(super) async fn result(
     let Some(row) = row else { return Ok(None) };
     let found = if let Some(at) = row.try_get("evicted")? {
         let task: Option<&str> = row.try_get("task")?;
-        let scenario = task.and_then(Task::scenario_in);
-        let scenario = scenario.map_or(Ok(Value::Null), |scenario| json(scenario.get()))?;
+        let scenario =
+            task.map_or(Some(Value::Null), |task| json(Task::scenario_in(task)?.get()).ok());
+        let scenario = scenario.ok_or(Error::DamagedResult(*key))?;
         StoredResult::Evicted { at, deleted_by: row.try_get("deleted_by")?, scenario }
     } else if let size @ 0.. = row.try_get::<i64, _>("size")?
         && size > most

@@ -20,6 +20,14 @@ where
     row.try_get::<&str, _>(column)?.parse().map_err(|error| sqlx::Error::Decode(Box::new(error)))
 }
 
+/// Reads a word, if there is one.
+pub(super) fn optional_word<T>(row: &SqliteRow, column: &str) -> Result<Option<T>, sqlx::Error>
+where
+    T: std::str::FromStr<Err: std::error::Error + Send + Sync + 'static>,
+{
+    row.try_get::<Option<&str>, _>(column)?.map(|_| word(row, column)).transpose()
+}
+
 /// Reads a key.
 pub(super) fn key(row: &SqliteRow, column: &str) -> Result<Key, sqlx::Error> {
     let bytes: &[u8] = row.try_get(column)?;

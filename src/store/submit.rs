@@ -262,6 +262,7 @@ impl EncodedJob {
             changes: changes(row.try_get("changes")?)?,
             failure: None,
             summary: row.try_get::<Option<&str>, _>("summary")?.map(json).transpose()?,
+            recomputed: None,
         };
         Ok(Submitted::Accepted(job))
     }

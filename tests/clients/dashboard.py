@@ -258,6 +258,27 @@ def body_warnings(browser):
     page.context.close()
 
 
+def hostile_address(browser, key):
+    """An address with something else instead of an id sends no request to an address that it has made."""
+    page = browser.page(BASE)
+    sent = []
+    page.on("request", lambda request: sent.append((request.method, request.url.removeprefix(BASE))))
+    page.goto(f"{BASE}/#/result/{key}?with=..%2Fjobs%2Fcancel%3Fstate%3Dqueued%23")
+    page.wait_for_selector("canvas")
+    expect(page.locator("#status")).to_contain_text("Run B cannot be shown")
+    page.get_by_role("button", name="Share link").click()
+    expect(page.locator("#status")).to_contain_text("Link copied")
+    for view in (f"result/{key}?job=..%2Fresults", "result/..%2Fjobs%2Fcancel", "run/..%2Fcancel", "result/..", "run/..", "constructor"):
+        page.goto(f"{BASE}/#/{view}")
+        page.wait_for_selector("main:not([aria-busy])")
+    posts = [path for method, path in sent if method == "POST" and path != "/v1/scenarios"]
+    assert posts == [f"/v1/results/{key}/links"], posts
+    known = re.compile(rf"/|/#.*|/healthz|/assets/.*|/v1/(results/{key}.*|jobs[?].*|jobs/[0-9a-f-]{{36}}[?].*|scenarios|examples)")
+    strange = [path for _, path in sent if not known.fullmatch(path)]
+    assert not strange, strange
+    page.context.close()
+
+
 def cancel(page):
     page.goto(BASE + "/#/new")
     page.wait_for_selector("#json", state="attached")
@@ -538,6 +559,7 @@ def main():
         both, rule = compare(browser, page)
         rule_errors(page, both)
         body_warnings(browser)
+        hostile_address(browser, key)
         every_plot(page, BASE, key)
         every_plot(page, BASE, both, scales=["xy"])
         slide(browser, BASE)

@@ -213,6 +213,81 @@ async fn jobs_are_private_and_results_are_shared() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn only_its_owner_or_an_administrator_changes_a_pin_or_a_note() {
+    let server = server(Limits::default()).await;
+    let anna = made(server.dir.path(), "anna", Role::Submit).await;
+    let ben = made(server.dir.path(), "ben", Role::Submit).await;
+    let job = ask(&server, &anna, "POST", "/v1/jobs", &steel_ball().to_string()).await.json();
+    let result = job["links"]["result"].as_str().unwrap();
+    let (pin, note) = (format!("{result}/pin"), format!("{result}/note"));
+    let text = |text: &str| json!({ "text": text }).to_string();
+    let provenance = async || get(&server, &ben, &format!("{result}/provenance")).await.json();
+
+    assert_eq!(ask(&server, &anna, "PUT", &pin, "").await.status, 204);
+    assert_eq!(ask(&server, &anna, "PUT", &note, &text("Mine.")).await.status, 204);
+    assert_eq!(provenance().await["pinned_by"], "anna");
+    // To pin it again changes nothing.
+    assert_eq!(ask(&server, &ben, "PUT", &pin, "").await.status, 204);
+    for (method, address, body) in [
+        ("DELETE", &pin, String::new()),
+        ("DELETE", &note, String::new()),
+        ("PUT", &note, text("No, mine.")),
+    ] {
+        let problem = ask(&server, &ben, method, address, &body).await.problem(403, "other-owner");
+        assert!(problem["detail"].as_str().unwrap().contains("\"anna\""), "{problem}");
+    }
+    let after = provenance().await;
+    assert_eq!((&after["pinned_by"], &after["note"]["text"]), (&json!("anna"), &json!("Mine.")));
+    let pinned = async |key: &str, owner: &str| {
+        let list = get(&server, key, &format!("/v1/results?pinned_by={owner}")).await.json();
+        list["results"].as_array().unwrap().len()
+    };
+    assert_eq!((pinned(&anna, "me").await, pinned(&ben, "me").await), (1, 0));
+    assert_eq!(pinned(&ben, "anna").await, 1);
+
+    assert_eq!(ask(&server, MASTER, "PUT", &note, &text("Ours.")).await.status, 204);
+    assert_eq!(ask(&server, MASTER, "DELETE", &pin, "").await.status, 204);
+    let after = provenance().await;
+    assert_eq!((&after["pinned_by"], &after["note"]["text"]), (&Value::Null, &json!("Ours.")));
+    assert_eq!(ask(&server, &ben, "PUT", &pin, "").await.status, 204);
+    assert_eq!(ask(&server, &ben, "DELETE", &pin, "").await.status, 204);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_pins_of_one_owner_have_a_quota() {
+    let access = Access { admin_key: Some(AdminKey(MASTER.into())), ..Access::default() };
+    let settings = Settings { access, ..Settings::default() };
+    // A result of the steel ball takes about 60 kB.
+    let options = Options { pin_quota: 100_000, ..Options::default() };
+    let server = Server::with(Arc::new(Task::start), &settings, &options).await;
+    let anna = made(server.dir.path(), "anna", Role::Submit).await;
+    let ben = made(server.dir.path(), "ben", Role::Submit).await;
+    let mut pins = Vec::new();
+    for amplitude in [1.5, 2.0, 2.5] {
+        let body = ball(amplitude).to_string();
+        let job = ask(&server, &anna, "POST", "/v1/jobs", &body).await.json();
+        pins.push(format!("{}/pin", job["links"]["result"].as_str().unwrap()));
+    }
+    let mut refused = None;
+    for pin in &pins {
+        let reply = ask(&server, &anna, "PUT", pin, "").await;
+        if reply.status != 204 {
+            let problem = reply.problem(409, "pin-quota");
+            let detail = problem["detail"].as_str().unwrap();
+            assert!(detail.contains("pinned_by=me"), "{detail}");
+            refused = Some(pin);
+            break;
+        }
+    }
+    let refused = refused.expect("the quota is less than three results");
+    // Others have their own quota, and an unpinned result frees room.
+    assert_eq!(ask(&server, &ben, "PUT", refused, "").await.status, 204);
+    assert_eq!(ask(&server, &ben, "DELETE", refused, "").await.status, 204);
+    assert_eq!(ask(&server, &anna, "DELETE", &pins[0], "").await.status, 204);
+    assert_eq!(ask(&server, &anna, "PUT", refused, "").await.status, 204);
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_running_server_applies_new_and_revoked_keys() {
     let server = Server::start().await;
     assert_eq!(server.get("/v1/jobs").await.status, 200);
@@ -741,6 +816,24 @@ fn listening_on_a_public_address_requires_keys() {
     server.kill().unwrap();
     server.wait().unwrap();
     assert!(said.contains("listens on http://"), "{said}");
+}
+
+#[test]
+fn all_origins_without_keys_are_warned_of_at_the_start() {
+    let dir = TempDir::new().unwrap();
+    let data = dir.path().to_str().unwrap();
+    let warned = |origin: &str| {
+        // The server does not start, because the address is public.
+        let words = ["--listen", "0.0.0.0:0", "--data-dir", data, "--cors-origin", origin];
+        let output = run(&words, "");
+        assert!(!output.status.success());
+        let said = [output.stdout, output.stderr].concat();
+        String::from_utf8(said)
+            .unwrap()
+            .contains("every web page that a user of this machine opens")
+    };
+    assert!(warned("*"));
+    assert!(!warned("https://example.org"));
 }
 
 #[test]

@@ -7,7 +7,8 @@ use std::time::Duration;
 
 use fretwork::job::{Answer, Cost, Job, JobState, Origin};
 use fretwork::store::{
-    Claimed, Deleted, Error, Filter, NewJob, Options, Repeatable, Store, StoredResult, Submitted,
+    Changed, Claimed, Deleted, Editor, Error, Filter, NewJob, Options, Repeatable, Store,
+    StoredResult, Submitted,
 };
 use serde_json::json;
 use sqlx::{Connection as _, Executor as _};
@@ -269,7 +270,8 @@ async fn the_least_recently_read_result_is_evicted_unless_it_is_pinned() {
         // Times of reading have a resolution of 1 ms.
         tokio::time::sleep(Duration::from_millis(5)).await;
     }
-    assert!(store.pin(&key(0), true).await.unwrap());
+    let ada = || Editor { owner: "ada".into(), may_change_all: false };
+    assert_eq!(store.pin(&key(0), true, ada()).await.unwrap(), Changed::Done);
     body(&store, 1).await;
     tokio::time::sleep(Duration::from_millis(5)).await;
     compute(&store, 3, 500_000).await;
@@ -287,7 +289,8 @@ async fn the_least_recently_read_result_is_evicted_unless_it_is_pinned() {
         }
         other => panic!("{other:?}"),
     }
-    assert!(!store.pin(&key(2), true).await.unwrap(), "an evicted result cannot be pinned");
+    let pinned = store.pin(&key(2), true, ada()).await.unwrap();
+    assert_eq!(pinned, Changed::NotFound, "an evicted result cannot be pinned");
     // Computing it again stores it again.
     let job = compute(store, 2, 500_000).await;
     assert_eq!(job.origin, Origin::Computed);

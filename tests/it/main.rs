@@ -33,6 +33,7 @@ mod schema;
 mod server;
 mod store;
 mod team;
+mod trust;
 mod upgrade;
 mod verification;
 mod worker;

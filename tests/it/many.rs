@@ -42,7 +42,7 @@ async fn the_first_list_after_an_import_takes_at_most_half_a_second() {
     let quiet = |_: usize, _: usize| {};
     let all = Search::default();
     let exported = export(from.dir.path(), &file, &all, &[], quiet).await.unwrap();
-    let imported = import(to.dir.path(), &file, quiet).await.unwrap();
+    let imported = import(to.dir.path(), &file, 0, quiet).await.unwrap();
     assert_eq!((exported.results, imported.results), (count.into(), count.into()));
     for list in ["/v1/results", "/v1/results?sort=-wear_volume"] {
         let begun = Instant::now();

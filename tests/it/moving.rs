@@ -86,7 +86,7 @@ async fn an_imported_result_equals_the_original_byte_for_byte() {
     let known = computed(&to, &[2.5]).await;
     assert_eq!(known[0], keys[3]);
 
-    let done = import(to.dir.path(), &file, quiet).await.unwrap();
+    let done = import(to.dir.path(), &file, 0, quiet).await.unwrap();
     assert_eq!((done.results, done.known, &done.refused), (3, 1, &vec![]));
     for key in &keys {
         for part in ["", "/history?format=csv", "/profiles?points=9", "/loops"] {
@@ -122,7 +122,7 @@ async fn an_imported_result_equals_the_original_byte_for_byte() {
         number(to.dir.path(), "SELECT sum(length(body)) FROM result_blob").await
     );
     assert_eq!(done.notes, 1);
-    let again = import(to.dir.path(), &file, quiet).await.unwrap();
+    let again = import(to.dir.path(), &file, 0, quiet).await.unwrap();
     assert_eq!(again, Imported { known: 4, ..Imported::default() });
 }
 
@@ -135,7 +135,7 @@ async fn an_imported_result_has_the_warnings_of_the_submission_that_computed_it(
     let file = dir.path().join("results.db");
     export_all(&from, &file).await;
     let to = Server::start().await;
-    assert_eq!(import(to.dir.path(), &file, quiet).await.unwrap().results, 1);
+    assert_eq!(import(to.dir.path(), &file, 0, quiet).await.unwrap().results, 1);
     let imported = to.get(&at).await.json();
     assert_yields(&imported["warnings"]);
     assert_eq!(imported, from.get(&at).await.json());
@@ -145,7 +145,7 @@ async fn an_imported_result_has_the_warnings_of_the_submission_that_computed_it(
     db.execute("ALTER TABLE results DROP COLUMN warnings").await.unwrap();
     db.close().await.unwrap();
     let other = Server::start().await;
-    assert_eq!(import(other.dir.path(), &file, quiet).await.unwrap().results, 1);
+    assert_eq!(import(other.dir.path(), &file, 0, quiet).await.unwrap().results, 1);
     assert_eq!(other.get(&at).await.json(), json!({"warnings": null}));
 }
 
@@ -245,7 +245,7 @@ async fn altered_results_are_refused_and_the_others_are_imported() {
         .unwrap();
     db.close().await.unwrap();
     let other = Server::start().await;
-    let done = import(other.dir.path(), &file, quiet).await.unwrap();
+    let done = import(other.dir.path(), &file, 0, quiet).await.unwrap();
     assert_eq!(done.results, 1, "{done:?}");
     for (key, words) in [
         (keys[0].as_str(), "SHA-256"),
@@ -281,7 +281,7 @@ async fn importing_a_different_result_under_a_known_key_is_refused() {
     db.close().await.unwrap();
     computed(&to, &[1.0]).await;
     let before = to.get(&format!("/v1/results/{key}")).await.body;
-    let done = import(to.dir.path(), &file, quiet).await.unwrap();
+    let done = import(to.dir.path(), &file, 0, quiet).await.unwrap();
     assert_eq!((done.results, done.refused.len()), (0, 1), "{done:?}");
     assert!(done.refused[0].1.contains("another result under its key"), "{done:?}");
     assert_eq!(to.get(&format!("/v1/results/{key}")).await.body, before);
@@ -289,15 +289,15 @@ async fn importing_a_different_result_under_a_known_key_is_refused() {
     assert_eq!(to.send("DELETE", &format!("/v1/results/{key}"), &[], "").await.status, 204);
     let mut db = raw(to.dir.path()).await;
     db.execute("UPDATE result SET deleted_by = NULL").await.unwrap();
-    let refused = import(to.dir.path(), &file, quiet).await.unwrap().refused;
+    let refused = import(to.dir.path(), &file, 0, quiet).await.unwrap().refused;
     assert!(refused[0].1.contains("differs from the result that was evicted"), "{refused:?}");
     fs::remove_file(&file).unwrap();
     export_all(&from, &file).await;
-    assert_eq!(import(to.dir.path(), &file, quiet).await.unwrap().results, 1);
+    assert_eq!(import(to.dir.path(), &file, 0, quiet).await.unwrap().results, 1);
     assert_eq!(to.get(&format!("/v1/results/{key}")).await.body, before);
     // A deleted result is not imported: it must be computed again.
     assert_eq!(to.send("DELETE", &format!("/v1/results/{key}"), &[], "").await.status, 204);
-    let refused = import(to.dir.path(), &file, quiet).await.unwrap().refused;
+    let refused = import(to.dir.path(), &file, 0, quiet).await.unwrap().refused;
     assert!(refused[0].1.contains("127.0.0.1 deleted it here"), "{refused:?}");
     to.get(&format!("/v1/results/{key}")).await.problem(410, "evicted");
 }
@@ -336,7 +336,7 @@ async fn an_invalid_row_is_refused_with_a_reason() {
     body["history"]["wear_depth"].as_array_mut().unwrap().pop();
     replace_body(&mut db, &keys[10], &body.to_string()).await;
     db.close().await.unwrap();
-    let done = import(to.dir.path(), &file, quiet).await.unwrap();
+    let done = import(to.dir.path(), &file, 0, quiet).await.unwrap();
     assert_eq!((done.results, done.refused.len()), (0, 11), "{done:?}");
     let words = cases.iter().map(|(_, words)| *words).chain(["columns of equal length"]);
     for (key, words) in keys.iter().zip(words) {
@@ -373,7 +373,7 @@ async fn an_invalid_key_or_an_oversized_value_is_refused_and_the_rest_is_importe
         .unwrap();
     replace_body(&mut db, &keys[2], &(body + &" ".repeat(128_000_001))).await;
     db.close().await.unwrap();
-    let done = import(to.dir.path(), &file, quiet).await.unwrap();
+    let done = import(to.dir.path(), &file, 0, quiet).await.unwrap();
     assert_eq!((done.results, done.refused.len()), (1, 6), "{:?}", done.refused);
     assert_refused(&done, "abc", "its key is not");
     assert_refused(&done, &keys[0], "its column owner has more than 200 characters");
@@ -398,7 +398,7 @@ async fn an_import_file_with_a_view_is_refused() {
     }
     db.close().await.unwrap();
     let to = TempDir::new().unwrap();
-    let refused = import(to.path(), &file, quiet).await;
+    let refused = import(to.path(), &file, 0, quiet).await;
     assert!(matches!(refused, Err(Moving::NoExport(_))), "{refused:?}");
 }
 
@@ -416,7 +416,7 @@ async fn an_import_file_must_have_all_columns() {
         let mut db = open_file(&file).await;
         sqlx::raw_sql(sqlx::AssertSqlSafe(sql)).execute(&mut db).await.unwrap();
         db.close().await.unwrap();
-        let refused = import(to.dir.path(), &file, quiet).await;
+        let refused = import(to.dir.path(), &file, 0, quiet).await;
         assert!(matches!(refused, Err(Moving::NoExport(_))), "{refused:?}");
         fs::remove_file(&file).unwrap();
     }
@@ -442,7 +442,7 @@ async fn a_damaged_page_of_an_import_file_affects_only_its_result() {
     let mut bytes = fs::read(&file).unwrap();
     bytes[usize::try_from(place).unwrap()..][..4].fill(0xff);
     fs::write(&file, bytes).unwrap();
-    let done = import(to.dir.path(), &file, quiet).await.unwrap();
+    let done = import(to.dir.path(), &file, 0, quiet).await.unwrap();
     let refused: Vec<&str> = done.refused.iter().map(|(_, why)| why.as_str()).collect();
     assert_eq!((done.results, refused), (2, vec!["the file is damaged at this result"]));
 }
@@ -500,7 +500,10 @@ async fn an_import_never_replaces_an_existing_note() {
     let ours = to.get(&format!("/v1/results/{}/provenance", keys[0])).await.json();
     assert_eq!((&theirs["pinned"], &ours["pinned"]), (&json!(true), &json!(false)));
     let [said, _] = import();
-    assert!(said.ends_with("4 known already, 0 refused; notes: 0 imported, 2 kept\n"), "{said}");
+    assert!(
+        said.ends_with("4 known already, 0 refused; 0 computed anew; notes: 0 imported, 2 kept\n"),
+        "{said}"
+    );
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

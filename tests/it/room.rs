@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use fretwork::store::{Options, Store};
+use fretwork::store::{Changed, Editor, Options, Store};
 use serde_json::Value;
 use sqlx::Executor as _;
 use tempfile::TempDir;
@@ -119,7 +119,8 @@ async fn pinned_results_stay_when_jobs_and_other_results_are_deleted() {
     let options = Options { budget: Some(2 << 20), ..Options::default() };
     let store = Store::open(dir.path(), &options).await.unwrap();
     let first = compute(&store, 0, 400_000).await;
-    assert!(store.pin(&key(0), true).await.unwrap());
+    let ada = Editor { owner: "ada".into(), may_change_all: false };
+    assert_eq!(store.pin(&key(0), true, ada).await.unwrap(), Changed::Done);
     for number in 1..50 {
         compute(&store, number, 400_000).await;
     }

@@ -65,7 +65,7 @@ fn the_default_rule_is_as_accurate_as_model_error_says() {
             }
             None => unknown += 1,
         }
-        let kinds: Vec<&str> = rule.warnings.iter().map(|warning| warning.kind).collect();
+        let kinds: Vec<&str> = rule.warnings.iter().map(|warning| &*warning.kind).collect();
         let warns = kinds.contains(&"model_error");
         assert_eq!(warns, rule.accuracy.model_error.is_some_and(|error| error > 0.1), "{kinds:?}");
         assert_eq!(rule.accuracy.model_error.is_none(), kinds.contains(&"model_error_unknown"));

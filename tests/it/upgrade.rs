@@ -141,7 +141,7 @@ async fn results_of_both_versions_are_exported_and_imported() {
     let exported = export(server.dir.path(), &file, &Search::default(), &[], |_, _| {}).await;
     let exported = exported.unwrap();
     assert!(exported.results >= 3 && exported.left_out.is_empty(), "{exported:?}");
-    let imported = fretwork::store::import(there.path(), &file, |_, _| {}).await.unwrap();
+    let imported = fretwork::store::import(there.path(), &file, 0, |_, _| {}).await.unwrap();
     assert_eq!((imported.results, imported.bytes), (exported.results, exported.bytes));
     assert!(imported.refused.is_empty(), "{:?}", imported.refused);
     let other = Server::opening(

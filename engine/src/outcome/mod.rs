@@ -6,8 +6,10 @@
 //! Entry 0 of every column and row 0 of every matrix is the unworn state. Pressure can be infinite at the
 //! apex of a cone, and late in a run at the stick edge: `f64::INFINITY` here, null in JSON. All other
 //! numbers are finite.
+//!
+//! An [`Outcome`] can be read back from its JSON.
 
-use serde::Serialize;
+use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::case::Case;
 use crate::contact::control::Tangential;
@@ -68,7 +70,7 @@ impl Serialize for ResultUnits {
 }
 
 /// The scales of the unworn contact.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ContactScales {
     /// Contact radius a₀.
     pub contact_radius: f64,
@@ -81,7 +83,7 @@ pub struct ContactScales {
 }
 
 /// Quantities of the unworn contact.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Unworn {
     /// Normal modulus E*.
     pub normal_modulus: f64,
@@ -90,6 +92,7 @@ pub struct Unworn {
     /// Wear coefficient k_w.
     pub wear_coefficient: f64,
     /// Peak pressure. It is infinite for a cone and at the edge of a flat.
+    #[serde(deserialize_with = "maybe_infinite")]
     pub peak_pressure: f64,
     /// Mean pressure F/(πa²).
     pub mean_pressure: f64,
@@ -123,7 +126,7 @@ pub struct Unworn {
 }
 
 /// The limiting state of wear.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct LimitState {
     /// ã: the outer radius of the limiting profile, (13).
     pub contact_radius: f64,
@@ -169,8 +172,28 @@ pub struct CostEstimate {
     pub answer_bytes: usize,
 }
 
+/// A pressure in JSON, where null is infinite.
+#[derive(Deserialize)]
+#[serde(from = "Option<f64>")]
+struct Pressure(f64);
+
+impl From<Option<f64>> for Pressure {
+    fn from(number: Option<f64>) -> Self {
+        Self(number.unwrap_or(f64::INFINITY))
+    }
+}
+
+fn maybe_infinite<'de, D: Deserializer<'de>>(json: D) -> Result<f64, D::Error> {
+    Pressure::deserialize(json).map(|pressure| pressure.0)
+}
+
+fn maybe_infinite_rows<'de, D: Deserializer<'de>>(json: D) -> Result<Vec<Vec<f64>>, D::Error> {
+    let rows = Vec::<Vec<Pressure>>::deserialize(json)?;
+    Ok(rows.into_iter().map(|row| row.into_iter().map(|pressure| pressure.0).collect()).collect())
+}
+
 /// Columns with one entry per output cycle.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct History {
     /// Number of cycles N.
     pub cycles: Vec<f64>,
@@ -201,6 +224,26 @@ pub struct History {
 }
 
 impl History {
+    /// The columns with their names, in the order of the JSON.
+    #[must_use]
+    pub fn columns(&self) -> [(&'static str, &[f64]); 13] {
+        [
+            ("cycles", &self.cycles),
+            ("normalized_cycles", &self.normalized_cycles),
+            ("wear_volume", &self.wear_volume),
+            ("wear_depth", &self.wear_depth),
+            ("scar_radius", &self.scar_radius),
+            ("contact_radius", &self.contact_radius),
+            ("stick_radius", &self.stick_radius),
+            ("normal_force", &self.normal_force),
+            ("indentation_depth", &self.indentation_depth),
+            ("amplitude", &self.amplitude),
+            ("tangential_force", &self.tangential_force),
+            ("energy_per_cycle", &self.energy_per_cycle),
+            ("dissipated_energy", &self.dissipated_energy),
+        ]
+    }
+
     pub(crate) fn with_capacity(instants: usize) -> Self {
         let column = || Vec::with_capacity(instants);
         Self {
@@ -222,7 +265,7 @@ impl History {
 }
 
 /// Matrices with one row per output cycle with profiles, and one column per output radius.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Profiles {
     /// Number of cycles N of each row.
     pub cycles: Vec<f64>,
@@ -239,6 +282,7 @@ pub struct Profiles {
     /// Image g.
     pub image: Vec<Vec<f64>>,
     /// Pressure p.
+    #[serde(deserialize_with = "maybe_infinite_rows")]
     pub pressure: Vec<Vec<f64>>,
     /// Amplitude of the local slip, U·s(r). The slip path per cycle is four times as long.
     pub slip: Vec<Vec<f64>>,
@@ -246,7 +290,7 @@ pub struct Profiles {
 
 /// Force–displacement loops, one per row of the profiles. A loop goes from +U to −U and back. It has a point
 /// where each spring starts to slip, so that straight lines between the points enclose W.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Loops {
     /// Number of cycles N of each row.
     pub cycles: Vec<f64>,
@@ -269,7 +313,7 @@ pub struct Loops {
 }
 
 /// The wear of one body. The first body carries the profile; the other one is the counterbody.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BodyWear {
     /// Share of the wear depth on this body, if the scenario has a `share`.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -288,7 +332,7 @@ pub struct BodyWear {
 }
 
 /// The simplified rule compared with an exact run.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Comparison {
     /// The parameter ξ of the history.
     pub xi: f64,
@@ -305,7 +349,7 @@ pub struct Comparison {
 
 /// The relative error rule/exact − 1 at each output cycle that both histories contain. It is 0
 /// where both values are 0.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Errors {
     /// Error of the wear volume V.
     pub wear_volume: Vec<f64>,
@@ -320,7 +364,7 @@ pub struct Errors {
 }
 
 /// An event of a run.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct OutcomeEvent {
     /// The number of cycles at the event.
     pub cycles: f64,
@@ -339,7 +383,7 @@ impl OutcomeEvent {
 ///
 /// They do not contain the errors of the theory. For a Poisson's ratio other than 0, local slip and wear vary
 /// around the ring, by ±20 % at ν = 0.42. The result is their mean around the ring, which is right.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Accuracy {
     /// (k_w/μ)·ΣW/V − 1 at the last output cycle. `None` without wear. The exact method satisfies
     /// dV/dN = (k_w/μ)·W at each time, so this number is the error of the time integration. The
@@ -367,7 +411,7 @@ pub struct Accuracy {
 }
 
 /// The result of a run.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Outcome {
     /// The scales of the unworn contact.
     pub scales: ContactScales,
@@ -490,7 +534,7 @@ impl BodyWear {
              over a greater length.",
             100.0 * excess
         );
-        (excess > LONG).then_some(Warning { kind: "long_scar", detail })
+        (excess > LONG).then_some(Warning { kind: "long_scar".into(), detail })
     }
 }
 

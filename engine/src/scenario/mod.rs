@@ -25,8 +25,10 @@ mod load;
 mod motion;
 pub mod work_done;
 
+use std::borrow::Cow;
+
 use deserr::{Deserr, IntoValue, ValuePointerRef};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::case::{Case, Method, Scales};
@@ -59,10 +61,10 @@ pub const DEFAULT_POINTS: u16 = 256;
 pub const MAX_ANSWER: usize = 64_000_000;
 
 /// A warning about the validity of the model. It does not prevent the run.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Warning {
     /// The kind of the warning, for programs.
-    pub kind: &'static str,
+    pub kind: Cow<'static, str>,
     /// A sentence for people.
     pub detail: String,
 }
@@ -305,7 +307,8 @@ impl Scenario {
         let cycles = case.scales.cycles / (times * case.loops_per_cycle());
         let slope = case.contact.shape.slope(1.0) * d / a;
         let mut warnings = Vec::new();
-        let mut warn = |kind, detail| warnings.push(Warning { kind, detail });
+        let mut warn =
+            |kind: &'static str, detail| warnings.push(Warning { kind: kind.into(), detail });
         if slope > 0.3 {
             let detail = format!(
                 "The indenter's slope at the edge of contact is {slope:.2} (a₀/R for a paraboloid); \
@@ -418,7 +421,7 @@ fn body_warnings(request: &Request, case: &Case) -> Vec<Warning> {
             "The bodies are not elastically similar: (1−2ν)/G is {first:.3e} and {second:.3e} 1/Pa. \
              Normal and tangential contact are then coupled, which is neglected here."
         );
-        warnings.push(Warning { kind: "elastic_mismatch", detail });
+        warnings.push(Warning { kind: "elastic_mismatch".into(), detail });
     }
     let bodies = bodies.0.iter().enumerate();
     warnings.extend(bodies.filter_map(|(index, body)| yield_warning(case, index, body)));
@@ -454,5 +457,5 @@ fn yield_warning(case: &Case, index: usize, body: &ElasticBody) -> Option<Warnin
         excess?,
         megapascals(strength)
     );
-    Some(Warning { kind: "yield", detail })
+    Some(Warning { kind: "yield".into(), detail })
 }

@@ -208,7 +208,7 @@ pub(super) fn warning(model_error: Option<f64>) -> Option<Warning> {
             ("model_error_unknown", detail)
         }
     };
-    Some(Warning { kind, detail })
+    Some(Warning { kind: kind.into(), detail })
 }
 
 /// The index of the pair of held quantities in [`PAIRS`].

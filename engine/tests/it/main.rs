@@ -9,6 +9,7 @@
 )]
 
 mod anything;
+mod check;
 mod collocated;
 mod engine;
 mod exact;

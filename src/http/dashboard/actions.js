@@ -1,6 +1,6 @@
 // The buttons of a result: download, share, compare, edit, pin and note.
 
-import { get, key as accessKey, post, send } from "./api.js";
+import { get, key as accessKey, post, resultAddress, send } from "./api.js";
 import { copy, formLink, h, notify, openDialog } from "./dom.js";
 
 /** Name, path and formats of each download. */
@@ -20,10 +20,9 @@ const button = (text, act, attributes = {}) => h("button", { type: "button", ...
 /** The row of buttons. `link` is the token of a shared link: its holder may only read. */
 export function drawActions(result, { job, link, remember, signal }) {
   const { key, scenario } = result;
-  const address = `/v1/results/${key}`;
   const partOf = (path, words) => {
     const all = new URLSearchParams({ ...words, ...(link && { link }) });
-    return `${address}${path}${all.size ? `?${all}` : ""}`;
+    return `${resultAddress(key, path)}${all.size ? `?${all}` : ""}`;
   };
 
   async function download(path, format) {
@@ -35,7 +34,7 @@ export function drawActions(result, { job, link, remember, signal }) {
 
   async function share() {
     remember();
-    const createLink = (of) => post(`/v1/results/${of}/links`);
+    const createLink = (of) => post(resultAddress(of, "/links"));
     const token = ({ url }) => new URLSearchParams(url.split("?")[1]).get("link");
     const [path, words] = location.hash.split("?");
     const all = new URLSearchParams(words);
@@ -68,17 +67,17 @@ export function drawActions(result, { job, link, remember, signal }) {
   if (link) return h("div", { class: "actions" }, menu, edit);
   const row = h("div", { class: "actions" }, menu, button("Share link", share),
     h("a", { class: "button", href: `#/library?with=${key}` }, "Compare…"), edit);
-  addPinAndNote(row, address, signal);
+  addPinAndNote(row, key, signal);
   return row;
 }
 
 /** Adds the buttons for pin and note once their state is loaded. */
-async function addPinAndNote(row, address, signal) {
-  const provenance = await get(`${address}/provenance`, { signal }).catch(() => null);
+async function addPinAndNote(row, key, signal) {
+  const provenance = await get(resultAddress(key, "/provenance"), { signal }).catch(() => null);
   if (!provenance) return;
   let { pinned, note } = provenance;
   const pin = button("Pin", async () => {
-    await send(`${address}/pin`, { method: pinned ? "DELETE" : "PUT" });
+    await send(resultAddress(key, "/pin"), { method: pinned ? "DELETE" : "PUT" });
     pinned = !pinned;
     pin.setAttribute("aria-pressed", String(pinned));
     notify(pinned ? "Pinned: never evicted." : "Unpinned: may be evicted when storage is full.");
@@ -90,8 +89,8 @@ async function addPinAndNote(row, address, signal) {
   const edit = button("Note", async () => {
     const text = await askNote(note?.text ?? "");
     if (text === null) return;
-    if (text) await send(`${address}/note`, { method: "PUT", body: { text } });
-    else if (note) await send(`${address}/note`, { method: "DELETE" });
+    if (text) await send(resultAddress(key, "/note"), { method: "PUT", body: { text } });
+    else if (note) await send(resultAddress(key, "/note"), { method: "DELETE" });
     note = text ? { ...note, text } : null;
     notify(text ? "Note saved." : "Note deleted.");
     drawNote();

@@ -14,6 +14,22 @@ export class Problem extends Error {
   }
 }
 
+/** The forms of the ids of the API, and what they name. */
+const IDS = { results: [/^[0-9a-f]{64}$/, "key of a result"], jobs: [/^[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}$/, "id of a job"] };
+
+/**
+ * Returns the address of one result or job, or of a part of it. The id can come from the address of the page, which anyone
+ * can write: this is the only place where an id becomes part of an address.
+ */
+function addressOf(collection, id, part) {
+  const [form, name] = IDS[collection];
+  if (!form.test(id)) throw new Problem(404, { title: "Not found", detail: `“${String(id).slice(0, 80)}” is not the ${name}. Open it from the library or the queue.` });
+  return `/v1/${collection}/${id}${part}`;
+}
+
+export const resultAddress = (key, part = "") => addressOf("results", key, part);
+export const jobAddress = (id, part = "") => addressOf("jobs", id, part);
+
 /** Dispatches `lost` and `restored` for the connection, and `key` when the access key changes. */
 export const connection = new EventTarget();
 

@@ -1,6 +1,6 @@
 // All results of the server: search, preview, and choice of two for comparison.
 
-import { get } from "./api.js";
+import { get, resultAddress } from "./api.js";
 import { dateTime, debounced, errorCard, h, select, svg } from "./dom.js";
 import { jobsOf, labelOf, subtitle, title } from "./summary.js";
 import { cycles, quantity, WORDS } from "./units.js";
@@ -90,7 +90,7 @@ export async function showLibrary(main, { query, signal }) {
   function drawCompare() {
     const [first, second] = chosen;
     compare.textContent = second ? "Compare 2 results" : first ? "Select 1 more to compare" : "Select 2 results to compare";
-    if (second) compare.href = `#/result/${first}?with=${second}`;
+    if (second) compare.href = `#/result/${encodeURIComponent(first)}?${new URLSearchParams({ with: second })}`;
     else compare.removeAttribute("href");
     compare.setAttribute("aria-disabled", String(!second));
   }
@@ -140,7 +140,7 @@ export async function showLibrary(main, { query, signal }) {
 /** Draws the unworn and the last worn profile from 40 points with 3 digits. */
 async function drawThumbnail(picture, key, cycles, signal) {
   const words = new URLSearchParams({ fields: "worn,initial", cycles, points: 40, digits: 3 });
-  const part = await get(`/v1/results/${key}/profiles?${words}`, { signal }).catch(() => null);
+  const part = await get(resultAddress(key, `/profiles?${words}`), { signal }).catch(() => null);
   const { radius, worn = [], initial } = part?.profiles ?? {};
   if (!worn.length) return;
   const last = worn.at(-1);

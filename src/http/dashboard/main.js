@@ -34,7 +34,7 @@ async function route() {
   const { signal } = currentView;
   const [path, query] = location.hash.replace(/^#\/?/, "").split(/\?(.*)/s);
   const [name, id] = path.split("/");
-  const [title, show] = VIEWS[name] ?? VIEWS[""];
+  const [title, show] = VIEWS[Object.hasOwn(VIEWS, name) ? name : ""];
   document.title = `${title} · fretwork`;
   for (const link of document.querySelectorAll("nav a")) {
     if (link.hash.slice(2) === (name || "new")) link.setAttribute("aria-current", "page");

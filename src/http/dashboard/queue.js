@@ -1,6 +1,6 @@
 // All jobs of the server, newest first.
 
-import { get, post } from "./api.js";
+import { get, jobAddress, post } from "./api.js";
 import { dateTime, h, notify, select } from "./dom.js";
 import { quantity } from "./units.js";
 
@@ -54,7 +54,7 @@ export async function showQueue(main, { query, signal }) {
       h("td", {}, done && ORIGINS[job.origin]),
       h("td", {}, job.summary && quantity(job.summary.wear_volume, "m^3")),
       h("td", {}, OPEN.includes(job.state) && h("button", { type: "button", "data-job": job.id, onclick: async () => {
-        await post(`/v1/jobs/${job.id}/cancel`).catch((problem) => notify(problem.detail));
+        await post(jobAddress(job.id, "/cancel")).catch((problem) => notify(problem.detail));
         read();
       }, "aria-label": `Cancel ${job.label || job.id}` }, "Cancel")));
   }

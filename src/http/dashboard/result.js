@@ -1,7 +1,7 @@
 // A result: profiles, history and fretting loop at a chosen output cycle, alone or compared with a second result.
 
 import { drawActions } from "./actions.js";
-import { get, Problem } from "./api.js";
+import { get, jobAddress, Problem, resultAddress } from "./api.js";
 import { drawDetails } from "./details.js";
 import { fill, h, notify, select } from "./dom.js";
 import { axisLimit, branches, maxDifference, Plot } from "./plots.js";
@@ -25,16 +25,16 @@ const READOUT = ["wear_volume", "wear_depth", "scar_radius", "contact_radius", "
   "tangential_force", "energy_per_cycle", "dissipated_energy"];
 
 /** Loads a result, or the part of it at `path`. `link` is the token of a shared link. */
-function load(key, link, signal, path = "") {
+async function load(key, link, signal, path = "") {
   const words = link ? `?${new URLSearchParams({ link })}` : "";
-  return get(`/v1/results/${key}${path}${words}`, { signal });
+  return get(`${resultAddress(key, path)}${words}`, { signal });
 }
 
 /** The label and the submitted scenario of a job, by default of the latest job of the result. With `id`, also its warnings. */
 async function loadJob(key, id, signal) {
   const jobs = await jobsOf(key, signal);
   const job = id ?? jobs[0]?.id;
-  const own = job && (await get(`/v1/jobs/${job}?include=submitted`, { signal }).catch(() => null));
+  const own = job && (await get(jobAddress(job, "?include=submitted"), { signal }).catch(() => null));
   return { label: own?.label || labelOf(jobs), submitted: own?.submitted, warnings: id && own?.warnings };
 }
 
@@ -67,14 +67,14 @@ export async function showResult(main, { id: key, query, signal }) {
   const outputs = result.profiles?.cycles ?? result.history.cycles;
   const state = {
     plot: PROFILES.includes(query.get("plot")) ? query.get("plot") : "worn",
-    history: query.get("history") in HISTORIES ? query.get("history") : "volume",
+    history: Object.hasOwn(HISTORIES, query.get("history")) ? query.get("history") : "volume",
     log: query.get("log") ?? "x",
     row: nearest(outputs, query.get("at")),
   };
 
   /** Keeps the state of the view in the address. */
   function remember() {
-    const kept = ["job", "link", "with", "withlink"].filter((name) => query.get(name)).map((name) => [name, query.get(name)]);
+    const kept = ["job", "link", ...(other ? ["with", "withlink"] : [])].filter((name) => query.get(name)).map((name) => [name, query.get(name)]);
     const words = new URLSearchParams({ ...Object.fromEntries(kept),
       at: outputs[state.row], plot: state.plot, history: state.history, log: state.log });
     history.replaceState(null, "", `#/result/${key}?${words}`);

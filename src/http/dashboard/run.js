@@ -1,6 +1,6 @@
 // One job, followed until it has a result.
 
-import { events, get, post } from "./api.js";
+import { events, get, jobAddress, post } from "./api.js";
 import { dateTime, debounced, errorCard, fill, formLink, h, list, notify } from "./dom.js";
 import { drawEstimate } from "./estimate.js";
 import { entryOf, subtitle, title } from "./summary.js";
@@ -24,7 +24,7 @@ class RemainingTime {
 }
 
 export async function showRun(main, { id, signal }) {
-  const address = `/v1/jobs/${encodeURIComponent(id)}`;
+  const address = jobAddress(id);
   let job = await get(`${address}?include=submitted,scenario`, { signal });
   const { label, scenario } = job;
   const remaining = new RemainingTime();

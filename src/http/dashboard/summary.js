@@ -35,7 +35,7 @@ export const subtitle = ({ method, regime, held, motion }) =>
   `${WORDS[method]} · ${WORDS[regime]} · constant ${held}, ${MOTIONS[motion]}`;
 
 /** The latest jobs of a result, newest first. A user who may not list jobs gets none. */
-export const jobsOf = (key, signal) => get(`/v1/jobs?key=${key}&limit=20`, { signal }).then(({ jobs }) => jobs, () => []);
+export const jobsOf = (key, signal) => get(`/v1/jobs?${new URLSearchParams({ key, limit: 20 })}`, { signal }).then(({ jobs }) => jobs, () => []);
 
 /** The latest label of a result. */
 export const labelOf = (jobs) => jobs.find(({ label }) => label)?.label ?? "";

@@ -8,7 +8,7 @@ use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use futures_util::stream;
 use serde::Serialize;
-use serde_json::Value;
+use serde_json::{Value, json};
 use utoipa::ToSchema;
 
 use crate::http::app::App;
@@ -17,7 +17,7 @@ use crate::http::memory::Encoded;
 use crate::http::problem::{self, Problem};
 use crate::http::representation;
 use crate::http::wire::instant;
-use crate::job::{Failure, Job, JobId, JobState, Key, Origin};
+use crate::job::{Failure, Job, JobId, JobState, Key, Origin, Recomputed};
 use crate::store::{self, Asked};
 
 /// A job: one submission and its progress.
@@ -60,7 +60,13 @@ pub struct JobAnswer {
     /// The last entry of the history and the regime; null until the job has succeeded.
     #[schema(value_type = Option<Object>)]
     summary: Option<Value>,
-    /// Warnings about the validity of the model: a list of `{kind, detail}`.
+    /// How the result of its run compares with the one that the server had before: `same`; `differs` (the stored result
+    /// stays, and `warnings` say what to do); `replaced` (the earlier one was evicted or deleted, and the new one is
+    /// stored). Null if the server had none, or if this job has no run.
+    #[schema(value_type = Option<crate::http::schemas::Recomputed>)]
+    recomputed: Option<Recomputed>,
+    /// Warnings about the validity of the model, and about a result that differs from an earlier one: a list of `{kind,
+    /// detail}`.
     #[schema(value_type = Vec<crate::http::schemas::Warning>)]
     warnings: Value,
     /// Why it failed; null unless it did.
@@ -132,11 +138,33 @@ impl From<Job> for JobAnswer {
             label: job.label,
             tags: job.tags,
             summary: job.summary,
-            warnings: job.warnings,
+            recomputed: job.recomputed,
+            warnings: warnings(job.warnings, &job.key, job.recomputed),
             error: job.failure.map(JobError::from),
             links: Links { this, result, events, cancel },
         }
     }
+}
+
+/// The warnings of a job, with one about a result that differs from an earlier one.
+fn warnings(mut warnings: Value, key: &Key, recomputed: Option<Recomputed>) -> Value {
+    let detail = match recomputed {
+        None | Some(Recomputed::Same) => return warnings,
+        Some(Recomputed::Differs) => format!(
+            "The server has computed the result again, and the stored result differs. One of them is wrong. The stored \
+             one stays. To replace it, an administrator deletes it (DELETE /v1/results/{key}) and submits its scenario \
+             again."
+        ),
+        Some(Recomputed::Replaced) => {
+            "The result differs from the one that was stored before and has been evicted or \
+            deleted. One of them is wrong. The new one is stored."
+                .to_owned()
+        }
+    };
+    if let Value::Array(list) = &mut warnings {
+        list.push(json!({"kind": "recompute_differs", "detail": detail}));
+    }
+    warnings
 }
 
 impl From<Failure> for JobError {

@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::time::Duration;
 
+use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use sha2::{Digest as _, Sha256};
@@ -10,7 +11,7 @@ use sqlx::sqlite::SqliteRow;
 use sqlx::{Connection as _, Row as _, SqliteConnection};
 
 use super::{EXPORT, FORM, Moving, PATIENCE};
-use crate::job::{Answer, Cost, Document, ENGINE, Key, Task, clock};
+use crate::job::{Answer, Cost, ENGINE, Key, Received, Refused, Task, clock};
 use crate::store::Error;
 use crate::store::keep::{Answered, Source};
 use crate::store::library::{Note, Program};
@@ -26,6 +27,10 @@ pub struct Imported {
     pub bytes: u64,
     /// Results that this database already had.
     pub known: u64,
+    /// Results that were computed anew before they were stored or refused.
+    pub recomputed: u64,
+    /// Results of earlier versions of the engine that were stored. This version cannot compute them anew.
+    pub earlier: u64,
     /// Notes that were stored.
     pub notes: u64,
     /// Results that were refused: the key, and why.
@@ -37,6 +42,9 @@ pub struct Imported {
 /// Stores the valid results of an export that this database does not have. Also stores the notes of results
 /// that have no note in this database.
 ///
+/// The first `verify` of these results, in random order, are computed anew before they are stored, and so are doubtful ones.
+/// As soon as one differs, the file is not trusted: all further results are computed anew.
+///
 /// Each result has its own transaction, so an interrupted import can be repeated. `progress` is called
 /// with the number of results done and the number of all.
 ///
@@ -45,22 +53,23 @@ pub struct Imported {
 pub async fn import(
     dir: &Path,
     file: &Path,
+    verify: u64,
     mut progress: impl FnMut(usize, usize),
 ) -> Result<Imported, Moving> {
     let mut from = open_export(file).await?;
     let keys: Vec<Vec<u8>> =
-        sqlx::query_scalar("SELECT CAST(coalesce(key, '') AS BLOB) FROM results ORDER BY key")
+        sqlx::query_scalar("SELECT CAST(coalesce(key, '') AS BLOB) FROM results ORDER BY random()")
             .fetch_all(&mut from)
             .await
             .map_err(|error| unreadable(file, error.into()))?;
     let mut db = open::beside(dir, PATIENCE).await?;
     let name = file.file_name().ok_or_else(|| Moving::NoExport(file.to_owned()))?;
     let name = name.to_string_lossy();
-    let mut done = Imported::default();
+    let (mut verify, mut done) = (Verify(verify), Imported::default());
     for (place, key) in keys.iter().enumerate() {
         let key = String::from_utf8_lossy(key);
         let refused = match Entry::read(&mut from, &key).await? {
-            Ok(entry) => entry.store(&mut db, &name, &mut done).await?,
+            Ok(entry) => entry.take(&mut db, &name, &mut verify, &mut done).await?,
             Err(why) => Some(why),
         };
         done.refused.extend(refused.map(|why| (key.into_owned(), why)));
@@ -68,7 +77,26 @@ pub async fn import(
     }
     from.close().await?;
     db.close().await?;
+    done.refused.sort_unstable();
+    done.other_notes.sort_unstable();
     Ok(done)
+}
+
+/// The number of results that are still to be computed anew.
+struct Verify(u64);
+
+impl Verify {
+    /// Computes a result anew if it is doubtful, or one of the sample. If it differs, all further results belong to the
+    /// sample.
+    fn result(&mut self, entry: &Entry, done: &mut Imported) -> Result<(), Refused> {
+        let Entry { received, body, .. } = entry;
+        if received.task.is_none() || self.0 == 0 && received.doubt.is_none() {
+            return Ok(());
+        }
+        self.0 = self.0.saturating_sub(1);
+        done.recomputed += 1;
+        received.recompute(body).inspect_err(|_| self.0 = u64::MAX)
+    }
 }
 
 /// Maximum size of an imported body, in bytes. Estimates of the size of a result can be too low.
@@ -139,11 +167,12 @@ fn unreadable(file: &Path, error: Error) -> Moving {
     }
 }
 
-/// A result of an export that has passed all checks.
+/// A result of an export whose row has passed all checks.
 struct Entry {
     key: Key,
-    answer: Answered,
-    task: String,
+    received: Received,
+    body: Bytes,
+    cost: Option<Cost>,
     owner: Option<String>,
     computed: Option<i64>,
     program: Option<Program>,
@@ -163,7 +192,7 @@ impl Entry {
         }
     }
 
-    /// Checks a row. The body must have the digest of the row, and the scenario must have the key.
+    /// Checks a row. The body must have the digest of the row, and must be able to be the result of the key.
     fn check(text: &str, row: &SqliteRow) -> Result<Self, String> {
         let key: Key =
             text.parse().map_err(|_| "its key is not 64 lower-case hexadecimal digits")?;
@@ -176,45 +205,52 @@ impl Entry {
         if Sha256::digest(&body)[..] != sha256.bytes()[..] {
             return Err("its body does not match its SHA-256: one of them was changed".to_owned());
         }
-        let document = Document::read(&body).map_err(|bad| bad.to_string())?;
-        let (numerics, scenario) = (document.numerics, document.scenario());
-        if document.engine != ENGINE.name
-            || document.key != text
-            || Key::of_scenario(numerics, scenario) != key
-        {
-            return Err("its key does not belong to its scenario: one of them was changed, or \
-                another version of fretwork makes keys differently"
-                .to_owned());
-        }
-        let answer = Answer::new(body.into(), &document);
+        let received = Received::judge(&key, &body).map_err(|refused| refused.to_string())?;
         let wall = column(row, "wall_seconds")?.map(seconds).transpose()?;
         let cpu = column(row, "cpu_seconds")?.map(seconds).transpose()?;
         Ok(Self {
             key,
-            answer: Answered::new(&answer, wall.map(|wall| Cost { wall, cpu })),
-            task: Task::stored(scenario),
+            body: body.into(),
+            cost: wall.map(|wall| Cost { wall, cpu }),
             owner: name(row, "owner")?,
             computed: column(row, "computed")?.map(time).transpose()?,
-            program: program(row, numerics)?,
+            program: program(row, received.document.numerics)?,
             warnings: warnings(row)?,
             note: note(row)?,
+            received,
         })
     }
 
-    /// Stores the result if this database does not have it, and its note. If the result is refused, returns why.
-    async fn store(
+    /// Verifies and stores the result if this database does not have it, and its note. If the result is refused, returns
+    /// why.
+    async fn take(
         &self,
         db: &mut SqliteConnection,
         file: &str,
+        verify: &mut Verify,
         done: &mut Imported,
     ) -> Result<Option<String>, Error> {
+        let document = &self.received.document;
+        let answer = Answer::new(self.body.clone(), document);
+        let answer = Answered::new(&answer, self.cost);
+        match self.is_known(db, &answer).await? {
+            Ok(true) => {}
+            // Outside of the transaction, because the server waits for it.
+            Ok(false) => {
+                if let Err(refused) = verify.result(self, done) {
+                    return Ok(Some(refused.to_string()));
+                }
+            }
+            Err(why) => return Ok(Some(why)),
+        }
         let mut tx = db.begin_with("BEGIN IMMEDIATE").await?;
-        match self.is_known(&mut tx).await? {
+        match self.is_known(&mut tx, &answer).await? {
             Ok(true) => done.known += 1,
             Ok(false) => {
-                self.insert(&mut tx, file).await?;
+                self.insert(&mut tx, &answer, file).await?;
                 done.results += 1;
-                done.bytes += self.answer.size as u64;
+                done.bytes += answer.size as u64;
+                done.earlier += u64::from(document.numerics < ENGINE.numerics);
             }
             Err(why) => return Ok(Some(why)),
         }
@@ -224,12 +260,16 @@ impl Entry {
     }
 
     /// Whether this database has the result. The inner error says why the result is refused.
-    async fn is_known(&self, db: &mut SqliteConnection) -> Result<Result<bool, String>, Error> {
+    async fn is_known(
+        &self,
+        db: &mut SqliteConnection,
+        answer: &Answered,
+    ) -> Result<Result<bool, String>, Error> {
         let row: Option<(bool, bool, Option<String>)> = sqlx::query_as(
             "SELECT evicted IS NULL, digest = ?2, deleted_by FROM result WHERE key = ?1",
         )
         .bind(self.key.bytes().as_slice())
-        .bind(self.answer.digest.as_slice())
+        .bind(answer.digest.as_slice())
         .fetch_optional(db)
         .await?;
         Ok(match row {
@@ -247,16 +287,22 @@ impl Entry {
         })
     }
 
-    async fn insert(&self, db: &mut SqliteConnection, file: &str) -> Result<(), Error> {
+    async fn insert(
+        &self,
+        db: &mut SqliteConnection,
+        answer: &Answered,
+        file: &str,
+    ) -> Result<(), Error> {
         let program = match &self.program {
             Some(program) => Some(program.row(db).await?),
             None => None,
         };
         let (owner, warnings) = (self.owner.as_deref(), self.warnings.as_deref());
-        let (key, task, now) = (self.key, &self.task, clock::now());
+        let task = &Task::stored(self.received.document.scenario());
+        let (key, now) = (self.key, clock::now());
         let (job, trace) = (None, None);
         let source = Source { key, attempt: 0, task, owner, job, warnings, trace, program, now };
-        self.answer.import(db, &source).await?;
+        answer.import(db, &source).await?;
         sqlx::query(
             "UPDATE result SET imported = ?2, imported_from = ?3, computed = ?4 WHERE key = ?1",
         )

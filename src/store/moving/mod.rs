@@ -5,7 +5,8 @@
 //!
 //! An export is an SQLite database for other programs and for other servers. It has one table with a
 //! row per result, one with the bodies, one with the histories, and one with the units. An import
-//! reads results from the bodies only, and checks their SHA-256 and their keys. It cannot check notes,
+//! reads results from the bodies only. It checks their SHA-256, their keys, and whether their numbers can be those of their
+//! scenarios, and computes a sample anew. It cannot check notes,
 //! warnings about bodies, or who computed a result, where, when and at what cost. It stores these
 //! without a check.
 

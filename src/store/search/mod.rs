@@ -23,6 +23,7 @@ pub struct Search {
     ranges: BTreeMap<&'static str, Range>,
     owner: Option<String>,
     pinned: Option<bool>,
+    pinned_by: Option<String>,
     evicted: bool,
     note: Option<String>,
     tag: Option<String>,
@@ -107,8 +108,18 @@ fn moment(text: &str) -> Result<Range, String> {
 impl Search {
     /// All names that [`set`](Self::set) accepts.
     pub fn names() -> impl Iterator<Item = &'static str> {
-        let others =
-            ["created", "size", "owner", "pinned", "evicted", "note", "tag", "label", "sort"];
+        let others = [
+            "created",
+            "size",
+            "owner",
+            "pinned",
+            "pinned_by",
+            "evicted",
+            "note",
+            "tag",
+            "label",
+            "sort",
+        ];
         outline::names().chain(others)
     }
 
@@ -148,6 +159,7 @@ impl Search {
             "size" => self.restrict("size", Range::quantity(value, Dimension::Number)?),
             "owner" => self.owner = Some(value.to_owned()),
             "pinned" => self.pinned = Some(flag()?),
+            "pinned_by" => self.pinned_by = Some(value.to_owned()),
             "evicted" => self.evicted = flag()?,
             "note" => self.note = Some(value.to_owned()),
             "tag" => self.tag = Some(value.to_owned()),
@@ -203,6 +215,10 @@ impl Search {
         if let Some(pinned) = self.pinned {
             query.push(if pinned { " AND outline.id IN (" } else { " AND outline.id NOT IN (" });
             query.push("SELECT id FROM result_task JOIN result USING (key) WHERE pinned)");
+        }
+        if let Some(owner) = &self.pinned_by {
+            query.push(" AND outline.id IN (SELECT id FROM result_task JOIN result USING (key)");
+            query.push(" WHERE pinned AND pinned_by = ").push_bind(owner.clone()).push(")");
         }
         if let Some(note) = &self.note {
             query.push(" AND outline.id IN (SELECT id FROM result_task JOIN note USING (key)");

@@ -1,0 +1,120 @@
+//! A result that another server computed: whether it can be what it says.
+
+use std::cmp::Ordering;
+
+use fretwork_engine::outcome::{History, Loops, Outcome, Profiles};
+use fretwork_engine::simulation::{Flaw, check, check_tables};
+use serde::Deserialize;
+
+use super::task::write;
+use super::{BadDocument, Document, ENGINE, Key, Prepared, Task};
+
+/// A result whose key belongs to its scenario, and whose members have the form of a result.
+#[derive(Debug)]
+pub struct Received {
+    /// What the result says.
+    pub document: Document,
+    /// The task that computes it; `None` if an earlier version of the engine computed it.
+    pub task: Option<Prepared>,
+    /// Why the result is doubtful. A few correct results are.
+    pub doubt: Option<Flaw>,
+}
+
+/// Why a result is refused.
+#[derive(Debug, thiserror::Error)]
+pub enum Refused {
+    /// The body is not a result.
+    #[error(transparent)]
+    Document(#[from] BadDocument),
+    /// Its key is not the key of its scenario.
+    #[error(
+        "its key does not belong to its scenario: one of them was changed, or another version of fretwork makes keys \
+         differently"
+    )]
+    Key,
+    /// A later version computed it.
+    #[error("a later version of fretwork computed it (numerics {0}); update this program first")]
+    Later(u32),
+    /// This version refuses the scenario.
+    #[error("its scenario is not valid: {0}")]
+    Scenario(String),
+    /// A member is missing, added or has another form.
+    #[error(
+        "its body is not written as this version writes results: a member was changed, added or removed"
+    )]
+    Form,
+    /// The tables do not agree with each other.
+    #[error("its tables contradict each other: {0}")]
+    Tables(Flaw),
+    /// It is doubtful, and a new computation differs.
+    #[error("its numbers contradict its scenario ({0}), and this server computes others")]
+    Doubtful(Flaw),
+    /// A new computation differs.
+    #[error("this server computes other numbers for its scenario")]
+    Differs,
+}
+
+/// The tables of a result of any version.
+#[derive(Deserialize)]
+struct Tables {
+    history: History,
+    profiles: Option<Profiles>,
+    loops: Option<Loops>,
+}
+
+impl Received {
+    /// Judges the body of a result. A result of this version of the engine must be written exactly as this version writes
+    /// it, and is checked against its scenario. A result of an earlier version must have whole tables.
+    ///
+    /// # Errors
+    /// The body cannot be the result of its key.
+    pub fn judge(key: &Key, body: &[u8]) -> Result<Self, Refused> {
+        let document = Document::read(body)?;
+        let (numerics, scenario) = (document.numerics, document.scenario());
+        if numerics > ENGINE.numerics {
+            return Err(Refused::Later(numerics));
+        }
+        if document.engine != ENGINE.name
+            || document.key != key.to_string()
+            || Key::of_scenario(numerics, scenario) != *key
+        {
+            return Err(Refused::Key);
+        }
+        match numerics.cmp(&ENGINE.numerics) {
+            Ordering::Equal => Self::judge_present(key, body, document),
+            _ => Self::judge_earlier(body, document),
+        }
+    }
+
+    fn judge_present(key: &Key, body: &[u8], document: Document) -> Result<Self, Refused> {
+        let stored = Task::stored(document.scenario());
+        let task = Prepared::from_stored(key, &stored).map_err(Refused::Scenario)?;
+        let outcome: Outcome = serde_json::from_slice(body).map_err(|_| Refused::Form)?;
+        let Task::Run(run) = &task.task;
+        let (scenario, case) = &**run;
+        if write(*key, scenario, &outcome, body.len()).as_bytes() != body {
+            return Err(Refused::Form);
+        }
+        let doubt = check(scenario, case, &outcome).err();
+        Ok(Self { document, task: Some(task), doubt })
+    }
+
+    fn judge_earlier(body: &[u8], document: Document) -> Result<Self, Refused> {
+        let Tables { history, profiles, loops } =
+            serde_json::from_slice(body).map_err(BadDocument::from)?;
+        check_tables(&history, profiles.as_ref(), loops.as_ref()).map_err(Refused::Tables)?;
+        Ok(Self { document, task: None, doubt: None })
+    }
+
+    /// Computes the result anew and compares it with its body. Does nothing for a result of an earlier version.
+    ///
+    /// # Errors
+    /// The new result differs.
+    pub fn recompute(&self, body: &[u8]) -> Result<(), Refused> {
+        let Some(task) = &self.task else { return Ok(()) };
+        if task.compute(|_| {}).body == body {
+            return Ok(());
+        }
+        Err(self.doubt.clone().map_or(Refused::Differs, Refused::Doubtful))
+    }
+}
