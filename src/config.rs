@@ -14,7 +14,7 @@ use clap::builder::{FalseyValueParser, PossibleValuesParser, TypedValueParser};
 use clap::parser::ValueSource;
 use clap::{ArgAction, ArgMatches, Args, Parser, Subcommand, ValueEnum};
 use fretwork::format::{Format, QUANTITIES, Quantity};
-use fretwork::http::{self, Access, AdminKey, Limits, Origins};
+use fretwork::http::{self, Access, AdminKey, Limits, Origins, Traffic};
 use fretwork::job::Key;
 use fretwork::store::{self, Role, Search};
 use tracing_subscriber::filter::Targets;
@@ -124,6 +124,10 @@ pub enum Command {
     /// a second.
     #[command(subcommand, after_help = KEYS_EXAMPLES)]
     Keys(Keys),
+    /// Print who made, revoked and used which key, and who canceled and deleted whose jobs and results.
+    ///
+    /// Equal acts of one day (UTC) share a line. The last 100 000 lines are kept.
+    Audit(Data),
 }
 
 /// A command for access keys.
@@ -363,6 +367,7 @@ impl Serve {
             },
             memory: self.memory_cache.as_u64(),
             origins: self.origins(),
+            traffic: Traffic::default(),
         }
     }
 

@@ -70,6 +70,7 @@ fn main() -> ExitCode {
         Some(Command::Verify { .. }) => verify().map(success),
         Some(Command::Health(settings)) => cli::health::health(&settings).map(success),
         Some(Command::Keys(command)) => cli::administration::keys(command).map(success),
+        Some(Command::Audit(data)) => cli::administration::audit(&data).map(success),
         Some(Command::Export(settings)) => cli::moving::export(&settings).map(success),
         Some(Command::Import(settings)) => cli::moving::import(&settings),
         Some(Command::Backup(settings)) => cli::moving::backup(&settings).map(success),
@@ -118,9 +119,10 @@ async fn serve_until_signal(settings: &Serve) -> Result<(), Error> {
     let service = Service::new(store.clone(), Arc::new(Task::start), count, settings.limit());
     let workers = Workers::start(&store, count, settings.limit(), &service.compute())?;
     let (close, closed) = oneshot::channel::<()>();
-    let router = http::router(service.clone(), &settings.interface());
+    let interface = settings.interface();
+    let router = http::router(service.clone(), &interface);
     let connections = router.into_make_service_with_connect_info::<Peer>();
-    let listener = IdleTimeout { listener, timeout: IDLE_TIMEOUT };
+    let listener = IdleTimeout { listener, timeout: IDLE_TIMEOUT, traffic: interface.traffic };
     let server = axum::serve(listener, connections).with_graceful_shutdown(async {
         let _ = closed.await;
     });

@@ -1,11 +1,11 @@
-//! The command `keys`. It works on the data directory, with or without a running server.
+//! The commands `keys` and `audit`. They work on the data directory, with or without a running server.
 
 use std::io::{self, Write as _};
 
 use fretwork::job::clock::{self, now};
-use fretwork::store::{AccessKey, Administration, NewKey};
+use fretwork::store::{AccessKey, Administration, AuditEntry, NewKey};
 
-use super::Error;
+use super::{Error, print};
 use crate::config::{AddKey, Data, Keys};
 
 /// Adds, lists or revokes access keys.
@@ -18,6 +18,30 @@ pub fn keys(command: Keys) -> Result<(), Error> {
             Keys::Revoke { name, data } => revoke(&name, &data).await,
         }
     })
+}
+
+/// Prints the audit log, the oldest entries first.
+pub fn audit(data: &Data) -> Result<(), Error> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let mut entries = runtime.block_on(async {
+        let mut tables = open(data).await?;
+        let entries = tables.audit(None, u32::MAX).await?;
+        tables.close().await?;
+        Ok::<_, Error>(entries)
+    })?;
+    entries.reverse();
+    let heading = format!("{:<24}  {:<24}  {:>5}  act\n", "first", "last", "times");
+    let line = |entry| {
+        let AuditEntry { first, last, times, act, actor, subject, owner, .. } = entry;
+        let [first, last] = [first, last].map(clock::rfc3339);
+        let key = if actor.key.is_empty() { String::new() } else { format!(" ({})", actor.key) };
+        let act = act.as_str().replace('_', " ");
+        let subject = if subject.is_empty() { "own".to_owned() } else { subject };
+        let of = if owner.is_empty() { String::new() } else { format!(" of {owner}") };
+        format!("{first}  {last}  {times:>5}  {}{key}: {act} {subject}{of}\n", actor.name)
+    };
+    let lines: String = entries.into_iter().map(line).collect();
+    print((heading + &lines).as_bytes())
 }
 
 /// Opens an existing database.

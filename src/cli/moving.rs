@@ -93,7 +93,11 @@ fn contents(saved: &Saved) -> String {
 
 /// Copies the whole database.
 pub fn backup(settings: &Backup) -> Result<(), Error> {
-    let saved = block_on(store::backup(&settings.data.data_dir, &settings.file))?;
+    let dir = &settings.data.data_dir;
+    let saved = block_on(store::backup(dir, &settings.file))?;
+    if let Err(error) = block_on(async { Ok(store::note_backup(dir).await?) }) {
+        writeln!(io::stderr(), "the metrics of the server do not show this backup: {error}")?;
+    }
     print(format!("{}: {}\n", settings.file.display(), contents(&saved)).as_bytes())
 }
 

@@ -12,10 +12,10 @@ use axum::serve::IncomingStream;
 use tokio::net::TcpListener;
 use uuid::Uuid;
 
-use super::access::Identity;
 use super::connection::IdleTimeout;
+use super::keyring::Identity;
 use super::limits::Standing;
-use crate::store::Role;
+use crate::store::{Actor, Role};
 
 /// The address of the client of a connection.
 #[derive(Debug, Clone, Copy)]
@@ -106,6 +106,11 @@ impl Caller {
     /// keys every caller may see all jobs.
     pub fn reach(&self) -> Option<&str> {
         (self.role != Role::Admin).then_some(&self.owner)
+    }
+
+    /// The caller in the audit log.
+    pub fn actor(&self) -> Actor {
+        Actor { name: self.owner.clone(), key: self.key.clone().unwrap_or_default() }
     }
 
     /// The owner with this name, or the caller for `me`. `None` if the caller may not see its jobs.

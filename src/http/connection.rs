@@ -14,6 +14,8 @@ use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::time::{Instant, Sleep, sleep};
 
+use super::traffic::{Open, Traffic};
+
 /// Accepts connections and closes them when no byte was received or sent for some time.
 #[derive(Debug)]
 pub struct IdleTimeout {
@@ -21,6 +23,8 @@ pub struct IdleTimeout {
     pub listener: TcpListener,
     /// Maximum idle time. It must be longer than the longest wait for an answer.
     pub timeout: Duration,
+    /// Counts the connections.
+    pub traffic: Traffic,
 }
 
 impl Listener for IdleTimeout {
@@ -31,7 +35,7 @@ impl Listener for IdleTimeout {
         let (io, address) = Listener::accept(&mut self.listener).await;
         // Sends small answers at once. If this fails, they are only delayed.
         let _ = io.set_nodelay(true);
-        (Connection::new(io, self.timeout), address)
+        (Connection::new(io, self.timeout, self.traffic.open()), address)
     }
 
     fn local_addr(&self) -> io::Result<Self::Addr> {
@@ -46,11 +50,12 @@ pub struct Connection<T> {
     timeout: Duration,
     // One timer for both directions: one task drives them.
     timer: Pin<Box<Sleep>>,
+    _open: Open,
 }
 
 impl<T: Unpin> Connection<T> {
-    fn new(io: T, timeout: Duration) -> Self {
-        Self { io, timeout, timer: Box::pin(sleep(timeout)) }
+    fn new(io: T, timeout: Duration, open: Open) -> Self {
+        Self { io, timeout, timer: Box::pin(sleep(timeout)), _open: open }
     }
 
     /// Polls an operation, and fails when the timer expires.
@@ -120,7 +125,7 @@ mod tests {
     async fn an_idle_connection_times_out_and_an_active_one_does_not() {
         let (mut client, server) = duplex(16);
         // Any pause is too long.
-        let mut server = Connection::new(server, Duration::ZERO);
+        let mut server = Connection::new(server, Duration::ZERO, Traffic::default().open());
         let mut byte = [0];
         for _ in 0..3 {
             client.write_all(b"x").await.unwrap();
@@ -137,7 +142,8 @@ mod tests {
     #[tokio::test]
     async fn a_read_before_the_timeout_succeeds() {
         let (mut client, server) = duplex(16);
-        let mut server = Connection::new(server, Duration::from_mins(10));
+        let mut server =
+            Connection::new(server, Duration::from_mins(10), Traffic::default().open());
         let mut byte = [0];
         // The read starts first, so the timer is polled once and has not expired.
         let (read, written) = tokio::join!(server.read_exact(&mut byte), client.write_all(b"x"));

@@ -2,7 +2,7 @@
 
 use super::Service;
 use crate::job::{JobId, Key, Outline};
-use crate::store::{Cursor, Error, Found, Known, Provenance, Removed, Search, StoredResult};
+use crate::store::{Actor, Cursor, Error, Found, Known, Provenance, Removed, Search, StoredResult};
 
 impl Service {
     /// The result of a key. Its bytes have been checked against their checksum.
@@ -104,7 +104,7 @@ impl Service {
     ///
     /// # Errors
     /// The database fails.
-    pub async fn remove(&self, key: &Key, owner: String) -> Result<Removed, Error> {
-        self.0.store.remove(key, owner).await
+    pub async fn remove(&self, key: &Key, by: Actor) -> Result<Removed, Error> {
+        self.0.store.remove(key, by).await
     }
 }

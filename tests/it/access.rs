@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use fretwork::http::{self, Access, AdminKey, Limits, Origins, Settings};
-use fretwork::job::Task;
+use fretwork::job::{Begin, Task};
 use fretwork::store::{Administration, NewKey, Options, Role};
 use serde_json::{Value, json};
 use tempfile::TempDir;
@@ -22,16 +22,20 @@ use crate::server::{
 };
 use crate::store::raw;
 
-const MASTER: &str = "the-key-from-the-settings";
+pub const MASTER: &str = "the-key-from-the-settings";
 
-async fn server(limits: Limits) -> Server {
+pub async fn server(limits: Limits) -> Server {
+    computing(Arc::new(Task::start), limits).await
+}
+
+pub async fn computing(begin: Begin, limits: Limits) -> Server {
     let access = Access { admin_key: Some(AdminKey(MASTER.into())), limits, ..Access::default() };
     let settings = Settings { access, ..Settings::default() };
-    Server::with(Arc::new(Task::start), &settings, &Options::default()).await
+    Server::with(begin, &settings, &Options::default()).await
 }
 
 /// Adds a key while the server runs.
-async fn made(dir: &Path, name: &str, role: Role) -> String {
+pub async fn made(dir: &Path, name: &str, role: Role) -> String {
     made_with(dir, NewKey { name: name.into(), role, per_minute: None, expires: None }).await
 }
 
@@ -43,13 +47,13 @@ async fn made_with(dir: &Path, new: NewKey) -> String {
 }
 
 /// One request with a key.
-async fn ask(server: &Server, key: &str, method: &str, target: &str, body: &str) -> Reply {
+pub async fn ask(server: &Server, key: &str, method: &str, target: &str, body: &str) -> Reply {
     let bearer = format!("Bearer {key}");
     let headers = [JSON, ("Authorization", bearer.as_str()), ("Prefer", "wait=60")];
     server.send(method, target, &headers, body).await
 }
 
-async fn get(server: &Server, key: &str, target: &str) -> Reply {
+pub async fn get(server: &Server, key: &str, target: &str) -> Reply {
     ask(server, key, "GET", target, "").await
 }
 
@@ -109,6 +113,7 @@ async fn each_role_allows_only_its_own_operations() {
     let admin = made(server.dir.path(), "chief", Role::Admin).await;
     for (method, target) in operations() {
         let needs = match (method.as_str(), target.split('/').nth(2).unwrap_or_default()) {
+            ("GET", "audit") => Role::Admin,
             ("GET", _) | ("POST", "scenarios") => Role::Read,
             ("POST", "results") if target.ends_with("/diff") => Role::Read,
             ("DELETE", "results") if target.ends_with(&"0".repeat(64)) => Role::Admin,
@@ -131,9 +136,7 @@ async fn each_role_allows_only_its_own_operations() {
 #[tokio::test(flavor = "multi_thread")]
 async fn jobs_are_private_and_results_are_shared() {
     let gate = Gate::default();
-    let access = Access { admin_key: Some(AdminKey(MASTER.into())), ..Access::default() };
-    let settings = Settings { access, ..Settings::default() };
-    let server = Server::with(gate.compute(), &settings, &Options::default()).await;
+    let server = computing(gate.compute(), Limits::default()).await;
     let anna = made(server.dir.path(), "anna", Role::Submit).await;
     let again = made(server.dir.path(), "anna", Role::Submit).await;
     let ben = made(server.dir.path(), "ben", Role::Submit).await;

@@ -11,12 +11,14 @@
 
 mod access;
 mod api;
+mod audit;
 mod faults;
 mod figures;
 mod forms;
 mod keeping;
 mod kill;
 mod library;
+mod metrics;
 mod moving;
 mod openapi;
 mod plots;
