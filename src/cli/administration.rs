@@ -1,9 +1,10 @@
 //! The commands `keys` and `audit`. They work on the data directory, with or without a running server.
 
 use std::io::{self, Write as _};
+use std::path::Path;
 
 use fretwork::job::clock::{self, now};
-use fretwork::store::{AccessKey, Administration, AuditEntry, NewKey};
+use fretwork::store::{AccessKey, Administration, AuditEntry, NewKey, Role};
 
 use super::{Error, print};
 use crate::config::{AddKey, Data, Keys};
@@ -82,6 +83,32 @@ async fn add(new: AddKey) -> Result<(), Error> {
         )?;
     }
     Ok(())
+}
+
+/// Makes the first key, for an administrator, and prints it.
+pub async fn add_first_key(dir: &Path) -> Result<(), Error> {
+    const NAME: &str = "first";
+    let mut tables = Administration::open(dir).await?;
+    let new = NewKey { name: NAME.to_owned(), role: Role::Admin, per_minute: None, expires: None };
+    let key = tables.add_key(&new).await?;
+    let mut out = io::stdout().lock();
+    let printed = writeln!(
+        out,
+        "Other machines can reach this server, so it requires an access key. This is the key of an administrator. It is \
+         not shown again:\n\n  {key}\n\nAdd keys for users with `fretwork keys add`. Then revoke this one: `fretwork \
+         keys revoke {NAME}`.\n"
+    );
+    let printed = printed.and_then(|()| out.flush());
+    if printed.is_err() {
+        // No one could use it.
+        tables.revoke_keys(NAME).await?;
+    }
+    tables.close().await?;
+    printed.map_err(|error| format!(
+            "cannot print the first access key: {error}; it is revoked; add another with `fretwork keys add NAME --role \
+             admin`"
+        )
+        .into())
 }
 
 async fn list(data: &Data) -> Result<(), Error> {

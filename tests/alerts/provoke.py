@@ -32,6 +32,8 @@ MINUTES = 60
 class Server:
     """A server on a free port."""
 
+    started = []
+
     def __init__(self, data, *options, files=None, mount=None):
         command = [FRETWORK, "--listen", "127.0.0.1:0", "--data-dir", data, *options]
         if mount:
@@ -39,6 +41,7 @@ class Server:
         limit = (lambda: resource.setrlimit(resource.RLIMIT_NOFILE, (files, files))) if files else None
         environment = {"PATH": os.environ["PATH"], "FRETWORK_LOG": "off"}
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment, preexec_fn=limit)
+        self.started.append(self)
         self.address = self.process.stdout.readline().split()[-1]
 
     def send(self, method, target, body=None, **headers):
@@ -198,6 +201,8 @@ def main():
         file.write_text(json.dumps({"rule_files": [str(RULES)], "evaluation_interval": "1m", "tests": tests}))
         subprocess.run([PROMTOOL, "test", "rules", file], check=True)
     finally:
+        for server in Server.started:
+            server.kill()
         shutil.rmtree(directory)
 
 

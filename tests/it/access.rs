@@ -1,7 +1,7 @@
 //! Access control: keys, roles, owners, links and limits.
 
 use std::fmt::Write as _;
-use std::io::Read as _;
+use std::io::{BufRead as _, BufReader};
 use std::num::NonZeroU32;
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -16,9 +16,9 @@ use tempfile::TempDir;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::TcpStream;
 
-use crate::program::{fails, run, serve_by};
+use crate::program::{Running, fails, run, serve_by};
 use crate::server::{
-    Gate, JSON, Reply, Server, answer, assert_yields, ball, steel_ball, yielding_ball,
+    Gate, JSON, Reply, Server, answer, assert_yields, ball, send, steel_ball, yielding_ball,
 };
 use crate::store::raw;
 
@@ -722,23 +722,63 @@ fn a_bad_admin_key_is_refused_without_printing_it() {
     assert!(output.status.success());
 }
 
-#[test]
-fn listening_on_a_public_address_requires_keys() {
-    let dir = TempDir::new().unwrap();
-    let data = dir.path().to_str().unwrap();
-    let refused = run(&["--listen", "0.0.0.0:0", "--data-dir", data], "");
-    fails(&refused, "fretwork keys add");
-    let made = run(&["keys", "add", "anna", "--role", "admin", "--data-dir", data], "");
-    assert!(made.status.success());
+/// Starts a server that other machines can reach. Returns what it prints until it has printed its address.
+fn serve_openly(data: &Path, options: &[&str]) -> (Running, String) {
     let mut server = Command::new(env!("CARGO_BIN_EXE_fretwork"));
-    server.args(["--listen", "0.0.0.0:0", "--data-dir", data]).env("FRETWORK_LOG", "off");
-    let mut server = server.stdout(Stdio::piped()).spawn().unwrap();
-    let mut said = [0; 400];
-    let length = server.stdout.as_mut().unwrap().read(&mut said).unwrap();
-    let said = String::from_utf8_lossy(&said[..length]).into_owned();
-    server.kill().unwrap();
-    server.wait().unwrap();
-    assert!(said.contains("listens on http://"), "{said}");
+    server.args(["--listen", "0.0.0.0:0", "--data-dir"]).arg(data).args(options);
+    let mut server =
+        Running(server.env("FRETWORK_LOG", "off").stdout(Stdio::piped()).spawn().unwrap());
+    let mut said = String::new();
+    let mut lines = BufReader::new(server.stdout.as_mut().unwrap());
+    while !said.contains(" listens on ") {
+        assert!(lines.read_line(&mut said).unwrap() > 0, "{said}");
+    }
+    (server, said)
+}
+
+#[tokio::test]
+async fn a_server_that_other_machines_can_reach_prints_the_first_key_once() {
+    let dir = TempDir::new().unwrap();
+    let (first, said) = serve_openly(dir.path(), &[]);
+    let key = said.lines().map(str::trim).find(|line| line.starts_with("fretwork_")).unwrap();
+    let address = said.trim().rsplit("//").next().unwrap().parse().unwrap();
+    let me = async |headers: &[(&str, &str)]| send(address, "GET", "/v1/me", headers, "").await;
+    me(&[]).await.unwrap().problem(401, "unauthorized");
+    let bearer = format!("Bearer {key}");
+    let caller = me(&[("Authorization", &bearer)]).await.unwrap().json();
+    assert_eq!((&caller["name"], &caller["role"]), (&json!("first"), &json!("admin")));
+    drop(first);
+    let (_second, said) = serve_openly(dir.path(), &[]);
+    assert!(!said.contains("fretwork_"), "{said}");
+}
+
+#[test]
+fn a_first_key_that_cannot_be_printed_is_revoked() {
+    let dir = TempDir::new().unwrap();
+    let mut server = Command::new(env!("CARGO_BIN_EXE_fretwork"));
+    server.args(["--listen", "0.0.0.0:0", "--log", "off", "--data-dir"]).arg(dir.path());
+    let full = std::fs::File::options().write(true).open("/dev/full").unwrap();
+    fails(&server.stdout(full).stderr(Stdio::piped()).output().unwrap(), "fretwork keys add");
+    let listed = run(&["keys", "list", "--data-dir", dir.path().to_str().unwrap()], "");
+    let listed = String::from_utf8(listed.stdout).unwrap();
+    assert!(listed.lines().nth(1).unwrap().contains("revoked 20"), "{listed}");
+}
+
+#[tokio::test]
+async fn the_key_of_the_administrator_can_be_in_a_file() {
+    let dir = TempDir::new().unwrap();
+    let (data, file) = (dir.path().join("data"), dir.path().join("key"));
+    std::fs::write(&file, format!("{MASTER}\n")).unwrap();
+    let options = ["--admin-key-file", file.to_str().unwrap()];
+    let (_server, said) = serve_openly(&data, &options);
+    assert!(!said.contains("fretwork_"), "{said}");
+    let address = said.trim().rsplit("//").next().unwrap().parse().unwrap();
+    let bearer = format!("Bearer {MASTER}");
+    let caller = send(address, "GET", "/v1/me", &[("Authorization", &bearer)], "").await.unwrap();
+    assert_eq!(caller.json()["role"], "admin");
+    std::fs::write(&file, "too short\n").unwrap();
+    fails(&run(&options, ""), "must have at least 20");
+    fails(&run(&["--admin-key-file", "/nowhere/key"], ""), "cannot read the key in /nowhere/key");
 }
 
 #[test]

@@ -549,6 +549,15 @@ async fn the_error_names_a_directory_that_cannot_be_created() {
     assert!(error.to_string().contains("file/data"));
 }
 
+#[cfg(unix)]
+#[test]
+fn the_error_says_whose_a_directory_must_be() {
+    let source = std::sync::Arc::new(std::io::ErrorKind::PermissionDenied.into());
+    let error = Error::Directory { dir: "/data".into(), source }.to_string();
+    let (user, group) = (rustix::process::geteuid(), rustix::process::getegid());
+    assert!(error.contains(&format!("`chown -R {user}:{group} /data`")), "{error}");
+}
+
 #[derive(Debug, Clone)]
 enum Verb {
     Submit(u8),
