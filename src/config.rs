@@ -15,7 +15,7 @@ use clap::builder::{FalseyValueParser, PossibleValuesParser, TypedValueParser};
 use clap::parser::ValueSource;
 use clap::{ArgAction, ArgMatches, Args, Parser, Subcommand, ValueEnum};
 use fretwork::format::{Format, QUANTITIES, Quantity};
-use fretwork::http::{self, Access, AdminKey, Limits, Origins, Traffic};
+use fretwork::http::{self, Access, AdminKey, Limits, Origins};
 use fretwork::job::Key;
 use fretwork::store::{self, Role, Search};
 use tracing_subscriber::filter::Targets;
@@ -372,7 +372,6 @@ impl Serve {
             },
             memory: self.memory_cache.as_u64(),
             origins: self.origins(),
-            traffic: Traffic::default(),
         }
     }
 

@@ -119,10 +119,9 @@ async fn serve_until_signal(settings: &Serve, admin_key: Option<AdminKey>) -> Re
     let service = Service::new(store.clone(), Arc::new(Task::start), count, settings.limit());
     let workers = Workers::start(&store, count, settings.limit(), &service.compute())?;
     let (close, closed) = oneshot::channel::<()>();
-    let interface = settings.interface(admin_key);
-    let router = http::router(service.clone(), &interface);
+    let router = http::router(service.clone(), &settings.interface(admin_key));
     let connections = router.into_make_service_with_connect_info::<Peer>();
-    let listener = IdleTimeout { listener, timeout: IDLE_TIMEOUT, traffic: interface.traffic };
+    let listener = IdleTimeout { listener, timeout: IDLE_TIMEOUT };
     let server = axum::serve(listener, connections).with_graceful_shutdown(async {
         let _ = closed.await;
     });

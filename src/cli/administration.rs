@@ -37,9 +37,12 @@ pub fn audit(data: &Data) -> Result<(), Error> {
         let [first, last] = [first, last].map(clock::rfc3339);
         let key = if actor.key.is_empty() { String::new() } else { format!(" ({})", actor.key) };
         let act = act.as_str().replace('_', " ");
-        let subject = if subject.is_empty() { "own".to_owned() } else { subject };
-        let of = if owner.is_empty() { String::new() } else { format!(" of {owner}") };
-        format!("{first}  {last}  {times:>5}  {}{key}: {act} {subject}{of}\n", actor.name)
+        let what = match (&*subject, &*owner) {
+            ("", _) => "(own)".to_owned(),
+            (_, "") => subject,
+            _ => format!("{subject} of {owner}"),
+        };
+        format!("{first}  {last}  {times:>5}  {}{key}: {act} {what}\n", actor.name)
     };
     let lines: String = entries.into_iter().map(line).collect();
     print((heading + &lines).as_bytes())

@@ -15,14 +15,14 @@ use data_encoding::BASE64;
 use subtle::ConstantTimeEq as _;
 use tokio::sync::OnceCell;
 
-use super::keyring::{Identity, KeyHolder, Keyring, LastUse, MAX_AGE};
+use super::keyring::{KeyHolder, Keyring, LastUse, MAX_AGE};
 use super::limits::{Account, Limits, Place};
 use super::needs::{Needs, RouteNeeds};
 use super::problem::{self, Problem};
 use super::signed_link::{self, ADMIN, ANYONE, Signer};
 use super::wire::instant;
 use crate::job::clock::now;
-use crate::store::{AccessKey, Role, Store, digest};
+use crate::store::{AccessKey, Actor, Role, Store, digest};
 
 /// Settings of access control.
 #[derive(Debug, Clone, Default)]
@@ -42,6 +42,23 @@ pub struct AdminKey(pub String);
 impl fmt::Debug for AdminKey {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("AdminKey(…)")
+    }
+}
+
+/// The caller, as identified by its key.
+#[derive(Debug, Clone)]
+pub struct Identity {
+    /// The owner of its jobs.
+    pub owner: String,
+    pub role: Role,
+    /// The public id of the key.
+    pub key: String,
+}
+
+impl Identity {
+    /// The caller in the audit log.
+    fn actor(&self) -> Actor {
+        Actor { name: self.owner.clone(), key: self.key.clone() }
     }
 }
 
@@ -253,7 +270,7 @@ impl Gate {
         {
             let (owner, key) = (ADMIN.to_owned(), ADMIN.to_owned());
             let identity = Identity { owner, role: Role::Admin, key };
-            self.keyring.record_use(&admin.last_use, now, &identity);
+            self.keyring.record_use(&admin.last_use, now, || identity.actor());
             return Ok((identity, None));
         }
         let unknown = || unauthorized(headers, "This server does not know the key.");
@@ -265,7 +282,7 @@ impl Gate {
         }
         let AccessKey { id, name, role, .. } = &holder.key;
         let identity = Identity { owner: name.clone(), role: *role, key: id.clone() };
-        self.keyring.record_use(&holder.last_use, now, &identity);
+        self.keyring.record_use(&holder.last_use, now, || identity.actor());
         Ok((identity, Some(holder)))
     }
 

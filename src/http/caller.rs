@@ -12,8 +12,8 @@ use axum::serve::IncomingStream;
 use tokio::net::TcpListener;
 use uuid::Uuid;
 
+use super::access::Identity;
 use super::connection::IdleTimeout;
-use super::keyring::Identity;
 use super::limits::Standing;
 use crate::store::{Actor, Role};
 

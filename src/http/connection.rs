@@ -14,8 +14,6 @@ use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::time::{Instant, Sleep, sleep};
 
-use super::traffic::{Open, Traffic};
-
 /// Accepts connections and closes them when no byte was received or sent for some time.
 #[derive(Debug)]
 pub struct IdleTimeout {
@@ -23,8 +21,6 @@ pub struct IdleTimeout {
     pub listener: TcpListener,
     /// Maximum idle time. It must be longer than the longest wait for an answer.
     pub timeout: Duration,
-    /// Counts the connections.
-    pub traffic: Traffic,
 }
 
 impl Listener for IdleTimeout {
@@ -35,7 +31,7 @@ impl Listener for IdleTimeout {
         let (io, address) = Listener::accept(&mut self.listener).await;
         // Sends small answers at once. If this fails, they are only delayed.
         let _ = io.set_nodelay(true);
-        (Connection::new(io, self.timeout, self.traffic.open()), address)
+        (Connection::new(io, self.timeout), address)
     }
 
     fn local_addr(&self) -> io::Result<Self::Addr> {
@@ -50,12 +46,11 @@ pub struct Connection<T> {
     timeout: Duration,
     // One timer for both directions: one task drives them.
     timer: Pin<Box<Sleep>>,
-    _open: Open,
 }
 
 impl<T: Unpin> Connection<T> {
-    fn new(io: T, timeout: Duration, open: Open) -> Self {
-        Self { io, timeout, timer: Box::pin(sleep(timeout)), _open: open }
+    fn new(io: T, timeout: Duration) -> Self {
+        Self { io, timeout, timer: Box::pin(sleep(timeout)) }
     }
 
     /// Polls an operation, and fails when the timer expires.
@@ -125,7 +120,7 @@ mod tests {
     async fn an_idle_connection_times_out_and_an_active_one_does_not() {
         let (mut client, server) = duplex(16);
         // Any pause is too long.
-        let mut server = Connection::new(server, Duration::ZERO, Traffic::default().open());
+        let mut server = Connection::new(server, Duration::ZERO);
         let mut byte = [0];
         for _ in 0..3 {
             client.write_all(b"x").await.unwrap();
@@ -142,8 +137,7 @@ mod tests {
     #[tokio::test]
     async fn a_read_before_the_timeout_succeeds() {
         let (mut client, server) = duplex(16);
-        let mut server =
-            Connection::new(server, Duration::from_mins(10), Traffic::default().open());
+        let mut server = Connection::new(server, Duration::from_mins(10));
         let mut byte = [0];
         // The read starts first, so the timer is polled once and has not expired.
         let (read, written) = tokio::join!(server.read_exact(&mut byte), client.write_all(b"x"));

@@ -9,17 +9,7 @@ use std::time::{Duration, Instant};
 use tokio::sync::Mutex;
 
 use super::limits::{Account, Limits};
-use crate::store::{AccessKey, Actor, Error, Role, Store};
-
-/// The caller, as identified by its key.
-#[derive(Debug, Clone)]
-pub struct Identity {
-    /// The owner of its jobs.
-    pub owner: String,
-    pub role: Role,
-    /// The public id of the key.
-    pub key: String,
-}
+use crate::store::{AccessKey, Actor, Error, Store};
 
 /// Longest time that a revoked key may still be accepted.
 pub const MAX_AGE: Duration = Duration::from_secs(1);
@@ -125,12 +115,11 @@ impl Keyring {
         clippy::disallowed_methods,
         reason = "no caller waits for the task; it ends by itself"
     )]
-    pub fn record_use(&self, last: &LastUse, now: i64, caller: &Identity) {
+    pub fn record_use(&self, last: &LastUse, now: i64, by: impl FnOnce() -> Actor) {
         if !last.is_due(now) {
             return;
         }
-        let by = Actor { name: caller.owner.clone(), key: caller.key.clone() };
-        let store = self.store.clone();
+        let (store, by) = (self.store.clone(), by());
         tokio::spawn(async move {
             // The time of the last use is information for people. A request must not fail because a full
             // disk does not take it.

@@ -17,11 +17,10 @@ use tower::layer::layer_fn;
 use tower::{Layer as _, Service, ServiceExt as _, service_fn};
 use tower_http::cors::{AllowHeaders, Any as AnyOrigin, CorsLayer};
 
-use super::access::{self, Gate};
+use super::access::{self, Gate, Identity};
 use super::caller::{REQUEST_ID, Trace};
 use super::coding::Coding;
 use super::drain_body::drain_body;
-use super::keyring::Identity;
 use super::metrics::Metrics;
 use super::problem::{self, Problem};
 use crate::service::workers::message_of;
@@ -233,14 +232,13 @@ mod tests {
     use crate::http::access::{Access, AdminKey};
     use crate::http::limits::Limits;
     use crate::http::needs::RouteNeeds;
-    use crate::http::traffic::Traffic;
     use crate::store::Store;
 
     /// A server with one route, and the directory of its database.
     async fn surrounded(route: MethodRouter, access: &Access) -> (Router, TempDir) {
         let dir = TempDir::new().unwrap();
         let store = Store::open(dir.path(), &crate::store::Options::default()).await.unwrap();
-        let metrics = Arc::new(Metrics::new(store.tally(), 1, &Traffic::default()));
+        let metrics = Arc::new(Metrics::new(store.tally(), 1));
         let gate = Arc::new(Gate::new(&store, access, RouteNeeds::default()));
         (with_layers(Router::new().route("/", route), gate, metrics, Origins::Any), dir)
     }

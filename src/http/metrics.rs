@@ -15,7 +15,6 @@ use prometheus_client::metrics::info::Info;
 use prometheus_client::registry::{Registry, Unit};
 
 use super::process;
-use super::traffic::Traffic;
 use crate::store::{FileSizes, Tally};
 use fretwork_engine::scenario::NUMERICS;
 
@@ -63,7 +62,7 @@ struct Routed {
 
 impl Metrics {
     /// The metrics of a server.
-    pub fn new(tally: &Tally, workers: usize, traffic: &Traffic) -> Self {
+    pub fn new(tally: &Tally, workers: usize) -> Self {
         let mut all = Registry::default();
         process::register(all.sub_registry_with_prefix("process"));
         let registry = all.sub_registry_with_prefix("fretwork");
@@ -73,7 +72,6 @@ impl Metrics {
         let workers = ConstGauge::new(i64::try_from(workers).unwrap_or(i64::MAX));
         registry.register("workers", "Worker threads", workers);
         tally.register(registry);
-        traffic.register(registry);
         let [longest_wait, last_backup, free, database, log] = [
             ("queue_oldest", Unit::Seconds, "Waiting time of the oldest queued run"),
             (

@@ -35,7 +35,6 @@ mod scenarios;
 mod schemas;
 mod signed_link;
 mod system;
-mod traffic;
 mod wire;
 
 use std::sync::Arc;
@@ -50,7 +49,6 @@ pub use layers::Origins;
 pub use limits::Limits;
 pub use scenarios::{EXAMPLES, Example};
 pub use signed_link::ADMIN;
-pub use traffic::Traffic;
 
 use crate::service::Service;
 use access::Gate;
@@ -70,18 +68,11 @@ pub struct Settings {
     pub memory: u64,
     /// The origins whose web pages may use the server.
     pub origins: Origins,
-    /// Counts the connections; shared with the listener.
-    pub traffic: Traffic,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self {
-            access: Access::default(),
-            memory: 64 << 20,
-            origins: Origins::Own,
-            traffic: Traffic::default(),
-        }
+        Self { access: Access::default(), memory: 64 << 20, origins: Origins::Own }
     }
 }
 
@@ -90,7 +81,7 @@ pub fn router(service: Service, settings: &Settings) -> Router {
     let Routes { router, needs } = Routes::all();
     let (router, _) = router.split_for_parts();
     let gate = Arc::new(Gate::new(service.store(), &settings.access, needs));
-    let metrics = Arc::new(Metrics::new(service.tally(), service.workers(), &settings.traffic));
+    let metrics = Arc::new(Metrics::new(service.tally(), service.workers()));
     let layered = with_layers(
         router.fallback(not_found),
         gate.clone(),

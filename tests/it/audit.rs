@@ -86,7 +86,7 @@ async fn the_audit_log_says_who_did_what_to_whom() {
     let printed = String::from_utf8(output.stdout).unwrap();
     for line in [
         format!("{user}: revoke key {} of ben", id_in(&ben)),
-        format!("anna ({}): delete job own of anna", id_in(&anna)),
+        format!("anna ({}): delete job (own)", id_in(&anna)),
         format!("admin (admin): delete job {id} of anna"),
     ] {
         assert!(printed.lines().any(|printed| printed.ends_with(&line)), "{line} in {printed}");

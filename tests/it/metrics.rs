@@ -36,7 +36,7 @@ async fn the_metrics_are_prometheus_text_unless_openmetrics_is_preferred() {
 }
 
 #[tokio::test]
-async fn metrics_show_the_process_its_connections_and_its_files() {
+async fn metrics_show_the_process_and_its_files() {
     let dir = tempfile::TempDir::new().unwrap();
     let (process, address) = serve(dir.path(), &[]);
     let address = address.strip_prefix("http://").unwrap().parse().unwrap();
@@ -46,11 +46,8 @@ async fn metrics_show_the_process_its_connections_and_its_files() {
     let files = metric(address, "process_open_fds").await;
     let idle = [(); 20].map(|()| std::net::TcpStream::connect(address).unwrap());
     // The listener accepts the connections in their order, and the one that asks is the last.
-    let open = metric(address, "fretwork_connections").await;
-    assert!(open >= 21.0, "{open}");
     assert!(metric(address, "process_open_fds").await >= files + 20.0);
     drop(idle);
-    while metric(address, "fretwork_connections").await > 20.0 {}
     assert!(metric(address, "process_max_fds").await > files);
     assert!(metric(address, "process_cpu_seconds_total").await > 0.0);
     let memory = std::fs::read_to_string(format!("/proc/{}/status", process.id())).unwrap();
