@@ -15,7 +15,7 @@ CREATE TABLE audit (
     owner   TEXT    NOT NULL
 ) STRICT;
 CREATE UNIQUE INDEX audit_day ON audit (act, actor, key, subject, owner, first / 86400000);
--- 30 MB at most.
+-- 60 MB at most.
 CREATE TRIGGER an_audit_log_is_bounded AFTER INSERT ON audit BEGIN
     DELETE FROM audit WHERE id <= new.id - 100000;
 END;
