@@ -1,21 +1,43 @@
 # Build:    docker build -t fretwork .
-# Run:      docker run -p 8080:8080 -v fretwork:/data -e FRETWORK_ADMIN_KEY="$(openssl rand -hex 20)" fretwork
+# Run:      docker run -p 8080:8080 -v fretwork:/data --memory 1g fretwork
+#           The first start prints the key of an administrator, once. To choose this key, write it to a file that user 10001 can
+#           read, and name the file in FRETWORK_ADMIN_KEY_FILE, such as /run/secrets/fretwork.
 # Add keys: docker exec <container> fretwork keys add anna --role submit
+# A directory of the host that is mounted at /data must belong to user 10001: chown -R 10001:10001 <directory>
 FROM rust:1.95-bookworm AS build
 WORKDIR /src
+# The dependencies have a layer of their own: it is built again only if one of these files changes. Cargo compiles them for
+# empty crates, and forgets these.
+COPY .cargo .cargo
+COPY Cargo.toml Cargo.lock ./
+COPY engine/Cargo.toml engine/
+RUN --mount=type=cache,target=/usr/local/cargo/registry \
+    mkdir -p src benches engine/src engine/benches engine/tests \
+    && for file in src/main benches/service engine/benches/engine engine/tests/memory; do \
+        echo 'fn main() {}' > $file.rs; \
+    done \
+    && touch src/lib.rs engine/src/lib.rs \
+    && cargo build --release --locked \
+    && cargo clean --release --locked --package fretwork --package fretwork-engine
 COPY . .
-RUN cargo build --release --locked
+RUN --mount=type=cache,target=/usr/local/cargo/registry \
+    cargo build --release --locked
 
 FROM debian:bookworm-slim
-RUN useradd --system --uid 10001 --no-create-home fretwork \
-    && mkdir /data && chown fretwork /data
+LABEL org.opencontainers.image.title="fretwork" \
+      org.opencontainers.image.description="Fretting wear of axisymmetric contacts as a service" \
+      org.opencontainers.image.version="0.3.0" \
+      org.opencontainers.image.licenses="MIT OR Apache-2.0"
+# Fixed ids, so that the owner of a volume stays the same.
+RUN groupadd --gid 10001 fretwork \
+    && useradd --uid 10001 --gid 10001 --no-create-home --home-dir /data --shell /usr/sbin/nologin fretwork \
+    && install --directory --owner 10001 --group 10001 --mode 700 /data
 COPY --from=build /src/target/release/fretwork /usr/local/bin/fretwork
 COPY --from=build /src/LICENSE-MIT /src/LICENSE-APACHE /src/docs/third-party-licenses.md /usr/local/share/doc/fretwork/
-USER fretwork
+USER 10001:10001
 VOLUME /data
 EXPOSE 8080
-# A server in a container must listen on all addresses. It then needs an access key to start,
-# or FRETWORK_NO_AUTH=true, which lets every client in.
+# A server in a container must listen on all addresses, and so requires an access key. FRETWORK_NO_AUTH=true lets every client in.
 ENV FRETWORK_LISTEN=0.0.0.0:8080 FRETWORK_DATA_DIR=/data
 HEALTHCHECK --interval=30s --timeout=6s --start-period=5s CMD ["fretwork", "health"]
 ENTRYPOINT ["fretwork"]

@@ -3,6 +3,7 @@
 use std::convert::Infallible;
 use std::ffi::OsStr;
 use std::fmt::Write as _;
+use std::fs;
 use std::net::{IpAddr, SocketAddr, ToSocketAddrs};
 use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::PathBuf;
@@ -126,6 +127,10 @@ pub enum Command {
     /// a second.
     #[command(subcommand, after_help = KEYS_EXAMPLES)]
     Keys(Keys),
+    /// Print who made, revoked and used which key, and who canceled and deleted whose jobs and results.
+    ///
+    /// Equal acts of one day (UTC) share a line. The last 100 000 lines are kept.
+    Audit(Data),
 }
 
 /// A command for access keys.
@@ -178,6 +183,10 @@ pub struct Serve {
     #[arg(long, env = "FRETWORK_ADMIN_KEY", hide_env_values = true, value_name = "KEY",
         value_parser = admin_key)]
     pub admin_key: Option<AdminKey>,
+    /// A file with this key, such as a secret of a container.
+    #[arg(long, env = "FRETWORK_ADMIN_KEY_FILE", value_name = "FILE",
+        conflicts_with_all = ["admin_key", "no_auth"])]
+    pub admin_key_file: Option<PathBuf>,
     /// Requests per minute of a key without its own limit. 0 means no limit.
     #[arg(long, env = "FRETWORK_RATE_LIMIT", default_value = "60000", value_name = "N")]
     pub rate_limit: u32,
@@ -384,11 +393,11 @@ fn condition(text: &str) -> Result<(String, String), String> {
 
 impl Serve {
     /// The settings of the HTTP interface.
-    pub fn interface(&self) -> http::Settings {
+    pub fn interface(&self, admin_key: Option<AdminKey>) -> http::Settings {
         http::Settings {
             access: Access {
                 open: self.no_auth,
-                admin_key: self.admin_key.clone(),
+                admin_key,
                 limits: Limits {
                     per_minute: NonZeroU32::new(self.rate_limit),
                     at_once: NonZeroU32::new(self.concurrency),
@@ -417,17 +426,25 @@ impl Serve {
         }
     }
 
-    /// Checks the admin key. The error does not repeat it.
-    pub fn check(&self) -> Result<(), String> {
-        let sound = |AdminKey(key): &AdminKey| {
-            key.len() >= 20 && key.bytes().all(|byte| byte.is_ascii_graphic() && byte != b':')
+    /// The administrator's key from the environment or from a file. The error does not repeat it.
+    pub fn admin_key(&self) -> Result<Option<AdminKey>, String> {
+        let (key, source) = match (&self.admin_key, &self.admin_key_file) {
+            (None, None) => return Ok(None),
+            (Some(AdminKey(key)), _) => (key.clone(), "FRETWORK_ADMIN_KEY".to_owned()),
+            (None, Some(file)) => {
+                let file_name = file.display();
+                let text = fs::read_to_string(file)
+                    .map_err(|error| format!("cannot read the key in {file_name}: {error}"))?;
+                (text.trim_end().to_owned(), format!("the key in {file_name}"))
+            }
         };
-        match &self.admin_key {
-            Some(key) if !sound(key) => Err("FRETWORK_ADMIN_KEY must have at least 20 printable \
-                characters without blanks and colons; `openssl rand -hex 20` generates one"
-                .to_owned()),
-            _ => Ok(()),
+        if key.len() >= 20 && key.bytes().all(|byte| byte.is_ascii_graphic() && byte != b':') {
+            return Ok(Some(AdminKey(key)));
         }
+        Err(format!(
+            "{source} must have at least 20 printable characters without blanks and colons; \
+             `openssl rand -hex 20` generates one"
+        ))
     }
 
     /// The maximum time of a run.
@@ -488,7 +505,7 @@ fn key_name(text: &str) -> Result<String, String> {
     if sound { Ok(text.to_owned()) } else { Err(expected.to_owned()) }
 }
 
-/// Accepts any text, because an error of clap would print the key. [`Serve::check`] checks it.
+/// Accepts any text, because an error of clap would print the key. [`Serve::admin_key`] checks it.
 #[expect(clippy::unnecessary_wraps, reason = "clap requires this signature")]
 fn admin_key(text: &str) -> Result<AdminKey, Infallible> {
     Ok(AdminKey(text.to_owned()))

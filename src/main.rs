@@ -13,7 +13,7 @@ use std::thread;
 use std::time::Duration;
 
 use clap::{ArgMatches, CommandFactory as _, FromArgMatches as _};
-use fretwork::http;
+use fretwork::http::{self, AdminKey};
 use fretwork::job::Task;
 use fretwork::service::Service;
 use fretwork::service::workers::Workers;
@@ -68,6 +68,7 @@ fn main() -> ExitCode {
         Some(Command::Verify { .. }) => verify().map(success),
         Some(Command::Health(settings)) => cli::health::health(&settings).map(success),
         Some(Command::Keys(command)) => cli::administration::keys(command).map(success),
+        Some(Command::Audit(data)) => cli::administration::audit(&data).map(success),
         Some(Command::Export(settings)) => cli::moving::export(&settings).map(success),
         Some(Command::Import(settings)) => cli::moving::import(&settings),
         Some(Command::Backup(settings)) => cli::moving::backup(&settings),
@@ -112,7 +113,7 @@ fn serve(settings: &Serve, matches: &ArgMatches) -> Result<(), Error> {
     if settings.print_config {
         return print(config::described(matches).as_bytes());
     }
-    settings.check()?;
+    let admin_key = settings.admin_key()?;
     telemetry::start(&settings.log, settings.log_format);
     // Two threads are enough, because requests are short and runs have their own threads.
     tokio::runtime::Builder::new_multi_thread()
@@ -120,18 +121,18 @@ fn serve(settings: &Serve, matches: &ArgMatches) -> Result<(), Error> {
         .max_blocking_threads(8)
         .enable_all()
         .build()?
-        .block_on(serve_until_signal(settings))
+        .block_on(serve_until_signal(settings, admin_key))
 }
 
-async fn serve_until_signal(settings: &Serve) -> Result<(), Error> {
+async fn serve_until_signal(settings: &Serve, admin_key: Option<AdminKey>) -> Result<(), Error> {
     let mut signals = ShutdownSignals::new()?;
     allow_open_files(settings.connections);
     let store = Store::open(&settings.data_dir, &settings.storage()).await?;
-    let requires_key = check_access(settings, &store).await?;
     let listener = TcpListener::bind(settings.listen).await.map_err(|error| {
         format!("cannot listen on {}: {error}; choose another with --listen", settings.listen)
     })?;
     let address = listener.local_addr()?;
+    let requires_key = requires_key(settings, admin_key.is_some(), &store).await?;
     let recovered = store.recover().await?;
     tracing::info!(?recovered, "opened the data directory");
     let count = settings
@@ -140,7 +141,7 @@ async fn serve_until_signal(settings: &Serve) -> Result<(), Error> {
     let service = Service::new(store.clone(), Arc::new(Task::start), count, settings.limit());
     let workers = Workers::start(&store, count, settings.limit(), &service.compute())?;
     let (close, closed) = oneshot::channel::<()>();
-    let interface = settings.interface();
+    let interface = settings.interface(admin_key);
     let server = http::serve(listener, service.clone(), &interface, async {
         let _ = closed.await;
     });
@@ -183,8 +184,8 @@ async fn serve_until_signal(settings: &Serve) -> Result<(), Error> {
     Ok(())
 }
 
-/// Whether callers must send an access key. Refuses to serve other machines without access control.
-async fn check_access(settings: &Serve, store: &Store) -> Result<bool, Error> {
+/// Whether callers must send an access key. A server that other machines can reach makes the first key.
+async fn requires_key(settings: &Serve, admin_key: bool, store: &Store) -> Result<bool, Error> {
     let keys = store.access_keys().await?;
     if settings.no_auth {
         if !keys.is_empty() {
@@ -193,21 +194,15 @@ async fn check_access(settings: &Serve, store: &Store) -> Result<bool, Error> {
         warn_of_open_origins(settings);
         return Ok(false);
     }
-    let requires_key = settings.admin_key.is_some() || !keys.is_empty();
+    let requires_key = admin_key || !keys.is_empty();
     if !requires_key {
         warn_of_open_origins(settings);
     }
     if requires_key || settings.listen.ip().is_loopback() {
         return Ok(requires_key);
     }
-    Err(format!(
-        "other machines can reach {}, but there are no access keys; add one with `fretwork keys add \
-         NAME --role admin --data-dir {}`, set FRETWORK_ADMIN_KEY, or listen on 127.0.0.1; \
-         --no-auth gives every caller full access",
-        settings.listen,
-        settings.data_dir.display(),
-    )
-    .into())
+    cli::administration::add_first_key(&settings.data_dir).await?;
+    Ok(true)
 }
 
 /// Without keys, the browser of a user is enough to use the server.

@@ -1,11 +1,12 @@
-//! The command `keys`. It works on the data directory, with or without a running server.
+//! The commands `keys` and `audit`. They work on the data directory, with or without a running server.
 
 use std::io::{self, Write as _};
+use std::path::Path;
 
 use fretwork::job::clock::{self, now};
-use fretwork::store::{AccessKey, Administration, NewKey};
+use fretwork::store::{AccessKey, Administration, AuditEntry, NewKey, Role};
 
-use super::Error;
+use super::{Error, print};
 use crate::config::{AddKey, Data, Keys};
 
 /// Adds, lists or revokes access keys.
@@ -18,6 +19,33 @@ pub fn keys(command: Keys) -> Result<(), Error> {
             Keys::Revoke { name, data } => revoke(&name, &data).await,
         }
     })
+}
+
+/// Prints the audit log, the oldest entries first.
+pub fn audit(data: &Data) -> Result<(), Error> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let mut entries = runtime.block_on(async {
+        let mut tables = open(data).await?;
+        let entries = tables.audit(None, u32::MAX).await?;
+        tables.close().await?;
+        Ok::<_, Error>(entries)
+    })?;
+    entries.reverse();
+    let heading = format!("{:<24}  {:<24}  {:>5}  act\n", "first", "last", "times");
+    let line = |entry| {
+        let AuditEntry { first, last, times, act, actor, subject, owner, .. } = entry;
+        let [first, last] = [first, last].map(clock::rfc3339);
+        let key = if actor.key.is_empty() { String::new() } else { format!(" ({})", actor.key) };
+        let act = act.as_str().replace('_', " ");
+        let what = match (&*subject, &*owner) {
+            ("", _) => "(own)".to_owned(),
+            (_, "") => subject,
+            _ => format!("{subject} of {owner}"),
+        };
+        format!("{first}  {last}  {times:>5}  {}{key}: {act} {what}\n", actor.name)
+    };
+    let lines: String = entries.into_iter().map(line).collect();
+    print((heading + &lines).as_bytes())
 }
 
 /// Opens an existing database.
@@ -58,6 +86,32 @@ async fn add(new: AddKey) -> Result<(), Error> {
         )?;
     }
     Ok(())
+}
+
+/// Makes the first key, for an administrator, and prints it.
+pub async fn add_first_key(dir: &Path) -> Result<(), Error> {
+    const NAME: &str = "first";
+    let mut tables = Administration::open(dir).await?;
+    let new = NewKey { name: NAME.to_owned(), role: Role::Admin, per_minute: None, expires: None };
+    let key = tables.add_key(&new).await?;
+    let mut out = io::stdout().lock();
+    let printed = writeln!(
+        out,
+        "Other machines can reach this server, so it requires an access key. This is the key of an administrator. It is \
+         not shown again:\n\n  {key}\n\nAdd keys for users with `fretwork keys add`. Then revoke this one: `fretwork \
+         keys revoke {NAME}`.\n"
+    );
+    let printed = printed.and_then(|()| out.flush());
+    if printed.is_err() {
+        // No one could use it.
+        tables.revoke_keys(NAME).await?;
+    }
+    tables.close().await?;
+    printed.map_err(|error| format!(
+            "cannot print the first access key: {error}; it is revoked; add another with `fretwork keys add NAME --role \
+             admin`"
+        )
+        .into())
 }
 
 async fn list(data: &Data) -> Result<(), Error> {

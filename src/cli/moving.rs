@@ -112,7 +112,11 @@ fn name_damaged(saved: &Saved) -> Result<ExitCode, Error> {
 
 /// Copies the whole database.
 pub fn backup(settings: &Backup) -> Result<ExitCode, Error> {
-    let saved = block_on(store::backup(&settings.data.data_dir, &settings.file))?;
+    let dir = &settings.data.data_dir;
+    let saved = block_on(store::backup(dir, &settings.file))?;
+    if let Err(error) = block_on(async { Ok(store::note_backup(dir).await?) }) {
+        writeln!(io::stderr(), "the metrics of the server do not show this backup: {error}")?;
+    }
     print(format!("{}: {}\n", settings.file.display(), contents(&saved)).as_bytes())?;
     name_damaged(&saved)
 }

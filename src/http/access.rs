@@ -15,14 +15,14 @@ use data_encoding::BASE64;
 use subtle::ConstantTimeEq as _;
 use tokio::sync::OnceCell;
 
-use super::keyring::{KeyHolder, Keyring, MAX_AGE};
+use super::keyring::{KeyHolder, Keyring, LastUse, MAX_AGE};
 use super::limits::{Account, Limits, Place};
 use super::needs::{Needs, RouteNeeds};
 use super::problem::{self, Problem};
 use super::signed_link::{self, ADMIN, ANYONE, Signer};
 use super::wire::instant;
 use crate::job::clock::now;
-use crate::store::{AccessKey, Role, Store, digest};
+use crate::store::{AccessKey, Actor, Role, Store, digest};
 
 /// Settings of access control.
 #[derive(Debug, Clone, Default)]
@@ -55,6 +55,13 @@ pub struct Identity {
     pub key: String,
 }
 
+impl Identity {
+    /// The caller in the audit log.
+    fn actor(&self) -> Actor {
+        Actor { name: self.owner.clone(), key: self.key.clone() }
+    }
+}
+
 /// Decides which requests are accepted.
 pub struct Gate {
     store: Store,
@@ -76,6 +83,7 @@ struct AdminHolder {
     digest: [u8; 32],
     account: Account,
     links: Account,
+    last_use: LastUse,
 }
 
 /// An accepted request.
@@ -159,6 +167,7 @@ impl Gate {
             digest: digest(key),
             account: account(),
             links: account(),
+            last_use: LastUse::default(),
         });
         Self {
             store: store.clone(),
@@ -255,24 +264,25 @@ impl Gate {
         &self,
         headers: &HeaderMap,
     ) -> Result<(Identity, Option<Arc<KeyHolder>>), Problem> {
-        let presented = presented_key(headers)?;
+        let (presented, now) = (presented_key(headers)?, now());
         if let Some(admin) = &self.admin
             && bool::from(digest(&presented).ct_eq(&admin.digest))
         {
             let (owner, key) = (ADMIN.to_owned(), ADMIN.to_owned());
-            return Ok((Identity { owner, role: Role::Admin, key }, None));
+            let identity = Identity { owner, role: Role::Admin, key };
+            self.keyring.record_use(&admin.last_use, now, || identity.actor());
+            return Ok((identity, None));
         }
         let unknown = || unauthorized(headers, "This server does not know the key.");
         let id = AccessKey::id_in(&presented).ok_or_else(unknown)?;
         let holder = self.keyring.holder(id).await?;
         let holder = holder.filter(|holder| holder.key.is(&presented)).ok_or_else(unknown)?;
-        let now = now();
         if let Some(reason) = invalid(&holder.key, now) {
             return Err(unauthorized(headers, &reason));
         }
-        self.keyring.record_use(&holder, now);
         let AccessKey { id, name, role, .. } = &holder.key;
         let identity = Identity { owner: name.clone(), role: *role, key: id.clone() };
+        self.keyring.record_use(&holder.last_use, now, || identity.actor());
         Ok((identity, Some(holder)))
     }
 

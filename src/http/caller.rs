@@ -13,7 +13,7 @@ use uuid::Uuid;
 use super::access::Identity;
 use super::admission::network;
 use super::limits::Standing;
-use crate::store::{Editor, Role};
+use crate::store::{Actor, Editor, Role};
 
 /// The address of the client of a request.
 #[derive(Debug, Clone, Copy)]
@@ -97,6 +97,11 @@ impl Caller {
     /// The caller as one who changes pins and notes.
     pub fn editor(&self) -> Editor {
         Editor { owner: self.owner.clone(), may_change_all: self.role == Role::Admin }
+    }
+
+    /// The caller in the audit log.
+    pub fn actor(&self) -> Actor {
+        Actor { name: self.owner.clone(), key: self.key.clone().unwrap_or_default() }
     }
 
     /// The owner with this name, or the caller for `me`. `None` if the caller may not see its jobs.

@@ -222,7 +222,7 @@ pub async fn cancel(
     Segment(id): Segment,
     _: NoQuery,
 ) -> Result<Response, Problem> {
-    match app.service.cancel(caller.reach(), read_id(&id)?).await? {
+    match app.service.cancel(caller.reach(), read_id(&id)?, caller.actor()).await? {
         Canceled::NotFound => Err(unknown()),
         Canceled::AlreadyFinished(job) | Canceled::Done(job) => {
             answer(&app, job, Include::default()).await
@@ -268,7 +268,7 @@ pub async fn cancel_all(
             "is required, or label, tag, key or owner: without a filter all jobs would be canceled";
         return Err(Problem::parameters(vec![Complaint::parameter("state", detail)]));
     }
-    let canceled = app.service.cancel_all(caller.reach(), filter).await?;
+    let canceled = app.service.cancel_all(caller.reach(), filter, &caller.actor()).await?;
     Ok(axum::Json(CanceledJobs { canceled }))
 }
 
@@ -288,7 +288,7 @@ pub async fn delete(
     Segment(id): Segment,
     _: NoQuery,
 ) -> Result<StatusCode, Problem> {
-    match app.service.delete(caller.reach(), read_id(&id)?).await? {
+    match app.service.delete(caller.reach(), read_id(&id)?, caller.actor()).await? {
         Deleted::Done => Ok(StatusCode::NO_CONTENT),
         Deleted::NotFound => Err(unknown()),
         Deleted::Unfinished(state) => {

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use tokio::sync::Mutex;
 
 use super::limits::{Account, Limits};
-use crate::store::{AccessKey, Error, Store};
+use crate::store::{AccessKey, Actor, Error, Store};
 
 /// Longest time that a revoked key may still be accepted.
 pub const MAX_AGE: Duration = Duration::from_secs(1);
@@ -22,8 +22,21 @@ pub struct KeyHolder {
     pub account: Account,
     /// The use by the links that the key signed. They have the same limits as the key.
     pub links: Account,
-    /// When its last use was stored.
-    last_use: AtomicI64,
+    pub last_use: LastUse,
+}
+
+/// When the last use of a key was stored. For a key that was never used it is 0, which is long ago.
+#[derive(Default)]
+pub struct LastUse(AtomicI64);
+
+impl LastUse {
+    /// Whether the use must be stored, because the last one was stored long ago. True for one caller only.
+    fn is_due(&self, now: i64) -> bool {
+        let last = self.0.load(Ordering::Relaxed);
+        let (success, failure) = (Ordering::Relaxed, Ordering::Relaxed);
+        now - last > LAST_USE_INTERVAL
+            && self.0.compare_exchange(last, now, success, failure).is_ok()
+    }
 }
 
 /// Key holders by the public id of the key.
@@ -93,8 +106,8 @@ impl Keyring {
         };
         let limits = Limits { per_minute, ..self.default_limits };
         let (account, links) = (Account::new(limits), Account::new(limits));
-        // A key that was never used has no last use: 0 is long ago.
-        KeyHolder { account, links, last_use: AtomicI64::new(key.last_used.unwrap_or(0)), key }
+        let last_use = LastUse(AtomicI64::new(key.last_used.unwrap_or(0)));
+        KeyHolder { key, account, links, last_use }
     }
 
     /// Stores that a key is in use, in the background.
@@ -102,18 +115,15 @@ impl Keyring {
         clippy::disallowed_methods,
         reason = "no caller waits for the task; it ends by itself"
     )]
-    pub fn record_use(&self, holder: &KeyHolder, now: i64) {
-        let last = holder.last_use.load(Ordering::Relaxed);
-        let (success, failure) = (Ordering::Relaxed, Ordering::Relaxed);
-        if now - last > LAST_USE_INTERVAL
-            && holder.last_use.compare_exchange(last, now, success, failure).is_ok()
-        {
-            let (store, id) = (self.store.clone(), holder.key.id.clone());
-            tokio::spawn(async move {
-                // The time of the last use is information for people. A request must not fail because a full
-                // disk does not take it.
-                let _ = store.key_was_used(&id).await;
-            });
+    pub fn record_use(&self, last: &LastUse, now: i64, by: impl FnOnce() -> Actor) {
+        if !last.is_due(now) {
+            return;
         }
+        let (store, by) = (self.store.clone(), by());
+        tokio::spawn(async move {
+            // The time of the last use is information for people. A request must not fail because a full
+            // disk does not take it.
+            let _ = store.key_was_used(by).await;
+        });
     }
 }

@@ -508,11 +508,11 @@ pub async fn delete(
 ) -> Result<StatusCode, Problem> {
     let key = read_key(&key)?;
     loop {
-        let (here, owner) = (app.clone(), caller.owner.clone());
+        let (here, by) = (app.clone(), caller.actor());
         // A task of its own: the memory must be cleared although the client disconnects.
         #[expect(clippy::disallowed_methods, reason = "the task ends by itself")]
         let removing = tokio::spawn(async move {
-            let removed = here.service.remove(&key, owner).await?;
+            let removed = here.service.remove(&key, by).await?;
             if removed != Removed::Pinned {
                 // An evicted result may still be in memory.
                 here.memory.forget(&key);

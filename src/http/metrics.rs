@@ -1,5 +1,7 @@
-//! Metrics of the server in the OpenMetrics text format.
+//! Metrics of the server, in the text formats of Prometheus and OpenMetrics.
 
+use std::fmt;
+use std::sync::atomic::AtomicU64;
 use std::time::{Duration, Instant};
 
 use axum::http::{Method, StatusCode};
@@ -13,8 +15,9 @@ use prometheus_client::metrics::info::Info;
 use prometheus_client::registry::{Registry, Unit};
 
 use super::admission::Admission;
+use super::process;
 use super::shares::Shares;
-use crate::store::Tally;
+use crate::store::{FileSizes, Tally};
 use fretwork_engine::scenario::NUMERICS;
 
 /// The metrics of this process.
@@ -23,10 +26,28 @@ pub struct Metrics {
     registry: Registry,
     requests: Family<Answered, Counter>,
     durations: Family<Routed, Histogram, fn() -> Histogram>,
-    longest_wait: Gauge<f64, std::sync::atomic::AtomicU64>,
-    free: Gauge,
+    longest_wait: Measured,
+    last_backup: Measured,
+    free: Measured,
+    database: Measured,
+    log: Measured,
     memory_hits: Counter,
     memory_misses: Counter,
+}
+
+/// A gauge that is NaN while its value is unknown.
+type Measured = Gauge<f64, AtomicU64>;
+
+/// What is measured when a client asks for the metrics; `None` if unknown.
+#[derive(Debug, Default)]
+pub struct Measurements {
+    /// How long the oldest queued run has waited.
+    pub longest_wait: Option<Duration>,
+    /// When the last backup ended, in milliseconds since 1970; 0 if there was none.
+    pub last_backup: Option<i64>,
+    /// Free space on the disk of the data directory, in bytes.
+    pub free: Option<u64>,
+    pub files: FileSizes,
 }
 
 #[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
@@ -44,13 +65,15 @@ struct Routed {
 impl Metrics {
     /// The metrics of a server.
     pub fn new(tally: &Tally, workers: usize, admission: &Admission, shares: &Shares) -> Self {
-        let mut registry = Registry::with_prefix("fretwork");
+        let mut all = Registry::default();
+        process::register(all.sub_registry_with_prefix("process"));
+        let registry = all.sub_registry_with_prefix("fretwork");
         let version = env!("CARGO_PKG_VERSION").to_owned();
         let build = Info::new(vec![("version", version), ("numerics", NUMERICS.to_string())]);
         registry.register("build", "Version of the program and of its numbers", build);
         let workers = ConstGauge::new(i64::try_from(workers).unwrap_or(i64::MAX));
         registry.register("workers", "Worker threads", workers);
-        tally.register(&mut registry);
+        tally.register(registry);
         registry.register("connections", "Open connections", admission.open.clone());
         registry.register(
             "connections_refused",
@@ -63,50 +86,56 @@ impl Metrics {
             Unit::Bytes,
             shares.held.clone(),
         );
+        let [longest_wait, last_backup, free, database, log] = [
+            ("queue_oldest", Unit::Seconds, "Waiting time of the oldest queued run"),
+            (
+                "last_backup_timestamp",
+                Unit::Seconds,
+                "When the last backup ended, in seconds since 1970; 0 if there was none",
+            ),
+            ("disk_free", Unit::Bytes, "Free space on the disk of the data directory"),
+            ("database", Unit::Bytes, "Size of the database"),
+            ("database_log", Unit::Bytes, "Size of the write-ahead log of the database"),
+        ]
+        .map(|(name, unit, help)| {
+            let gauge = Measured::default();
+            registry.register_with_unit(name, help, unit, gauge.clone());
+            gauge
+        });
+        let [memory_hits, memory_misses] = [
+            ("memory_cache_hits", "Answers found in memory"),
+            ("memory_cache_misses", "Answers not found in memory"),
+        ]
+        .map(|(name, help)| {
+            let counter = Counter::default();
+            registry.register(name, help, counter.clone());
+            counter
+        });
+        let requests = Family::default();
+        let help = "Answered requests by method, route and status";
+        registry.register("http_requests", help, Family::clone(&requests));
         let buckets: fn() -> Histogram = || Histogram::new(exponential_buckets(1e-4, 4.0, 10));
-        let metrics = Self {
-            requests: Family::default(),
-            durations: Family::new_with_constructor(buckets),
-            longest_wait: Gauge::default(),
-            free: Gauge::default(),
-            memory_hits: Counter::default(),
-            memory_misses: Counter::default(),
-            registry: Registry::default(),
-        };
-        registry.register_with_unit(
-            "queue_oldest",
-            "Waiting time of the oldest queued run",
-            Unit::Seconds,
-            metrics.longest_wait.clone(),
-        );
-        registry.register_with_unit(
-            "disk_free",
-            "Free space on the disk of the data directory",
-            Unit::Bytes,
-            metrics.free.clone(),
-        );
-        registry.register(
-            "memory_cache_hits",
-            "Answers found in memory",
-            metrics.memory_hits.clone(),
-        );
-        registry.register(
-            "memory_cache_misses",
-            "Answers not found in memory",
-            metrics.memory_misses.clone(),
-        );
-        registry.register(
-            "http_requests",
-            "Answered requests by method, route and status",
-            metrics.requests.clone(),
-        );
+        let durations = Family::new_with_constructor(buckets);
+        let help =
+            "Time from the head of a request to the head of its answer, including requested waits";
         registry.register_with_unit(
             "http_request_duration",
-            "Time from the head of a request to the head of its answer, including requested waits",
+            help,
             Unit::Seconds,
-            metrics.durations.clone(),
+            Family::clone(&durations),
         );
-        Self { registry, ..metrics }
+        Self {
+            registry: all,
+            requests,
+            durations,
+            longest_wait,
+            last_backup,
+            free,
+            database,
+            log,
+            memory_hits,
+            memory_misses,
+        }
     }
 
     /// Counts an answer.
@@ -142,18 +171,45 @@ impl Metrics {
     ///
     /// # Errors
     /// A metric has no text.
-    pub fn write(
-        &self,
-        longest_wait: Option<Duration>,
-        free_bytes: Option<u64>,
-    ) -> Result<String, std::fmt::Error> {
-        // An unknown value must not look like the previous one.
-        self.longest_wait.set(longest_wait.map_or(f64::NAN, |wait| wait.as_secs_f64()));
-        if let Some(free) = free_bytes {
-            self.free.set(free.try_into().unwrap_or(i64::MAX));
+    pub fn write(&self, measured: &Measurements) -> Result<String, fmt::Error> {
+        let bytes = |bytes: u64| bytes as f64;
+        for (gauge, value) in [
+            (&self.longest_wait, measured.longest_wait.map(|wait| wait.as_secs_f64())),
+            (&self.last_backup, measured.last_backup.map(|at| at as f64 / 1e3)),
+            (&self.free, measured.free.map(bytes)),
+            (&self.database, measured.files.database.map(bytes)),
+            (&self.log, measured.files.log.map(bytes)),
+        ] {
+            // An unknown value must not look like the previous one.
+            gauge.set(value.unwrap_or(f64::NAN));
         }
         let mut text = String::new();
         encode(&mut text, &self.registry)?;
         Ok(text)
     }
+}
+
+/// Translates OpenMetrics text to the text format 0.0.4 of Prometheus. There the name of a metric family includes the
+/// suffix of its samples, and there are neither units nor an end mark.
+pub fn as_prometheus(open_metrics: &str) -> String {
+    let mut text = String::with_capacity(open_metrics.len());
+    let mut help = "";
+    for line in open_metrics.lines() {
+        if let Some(described) = line.strip_prefix("# HELP ") {
+            help = described.split_once(' ').map_or("", |(_, help)| help);
+        } else if let Some((name, kind)) =
+            line.strip_prefix("# TYPE ").and_then(|typed| typed.split_once(' '))
+        {
+            let (suffix, kind) = match kind {
+                "counter" => ("_total", "counter"),
+                "info" => ("_info", "gauge"),
+                kind => ("", kind),
+            };
+            text.extend(["# HELP ", name, suffix, " ", help, "\n"]);
+            text.extend(["# TYPE ", name, suffix, " ", kind, "\n"]);
+        } else if !line.starts_with('#') {
+            text.extend([line, "\n"]);
+        }
+    }
+    text
 }

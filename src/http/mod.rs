@@ -6,6 +6,7 @@
 mod access;
 mod admission;
 mod app;
+mod audit;
 mod body;
 mod caller;
 mod coding;
@@ -28,6 +29,7 @@ mod needs;
 mod negotiation;
 mod openapi;
 mod problem;
+mod process;
 mod representation;
 mod results;
 mod routes;

@@ -39,6 +39,15 @@ pub fn choose_format(headers: &HeaderMap, offered: &[Format]) -> Option<Format> 
     preferred(offered, |format| weight(format.essence(), &ranges))
 }
 
+/// Chooses one of the offered media types by the header `Accept`; the first is the default.
+pub fn choose_type<const N: usize>(
+    headers: &HeaderMap,
+    offered: [&'static str; N],
+) -> &'static str {
+    let ranges = weighted(headers, ACCEPT);
+    preferred(&offered, |essence| weight(essence, &ranges)).unwrap_or(offered[0])
+}
+
 /// The weight of a media type: that of the most specific range that contains it.
 fn weight(essence: &str, ranges: &[(&str, f64)]) -> f64 {
     let kind = essence.split_once('/').map_or(essence, |(kind, _)| kind);
@@ -78,5 +87,19 @@ mod tests {
         assert_eq!(accept("image/png", &both), None);
         assert_eq!(accept("text/csv", &both[..1]), None);
         assert_eq!(accept("", &both), Some(Format::Json));
+    }
+
+    #[test]
+    fn a_media_type_is_chosen_only_if_the_client_prefers_it_to_the_default() {
+        let chosen = |value| {
+            let headers = HeaderMap::from_iter([(ACCEPT, HeaderValue::from_static(value))]);
+            choose_type(&headers, ["text/plain", "text/csv"])
+        };
+        for value in ["", "*/*", "text/*", "image/png", "text/csv;q=0.4, text/plain;q=0.5"] {
+            assert_eq!(chosen(value), "text/plain", "{value}");
+        }
+        for value in ["text/csv", "text/csv;version=2,text/csv;version=1;q=0.7,*/*;q=0.1"] {
+            assert_eq!(chosen(value), "text/csv", "{value}");
+        }
     }
 }

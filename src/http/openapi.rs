@@ -62,6 +62,7 @@ A server without keys, on a personal machine, is open.
         super::problem::Complaint,
         schemas::Include,
         schemas::Role,
+        schemas::Act,
         schemas::WholeFormat,
         schemas::HistoryFields,
         schemas::ProfileFields,

@@ -10,7 +10,7 @@ use super::app::App;
 use super::needs::{Needs, RouteNeeds};
 use super::wire::Segment;
 use super::{
-    dashboard, diff, events, jobs, library, links, me, openapi, results, scenarios, system,
+    audit, dashboard, diff, events, jobs, library, links, me, openapi, results, scenarios, system,
 };
 
 /// The routes with their documentation, and what they require.
@@ -50,6 +50,7 @@ impl Routes {
             .add(Needs::READ, routes!(scenarios::example))
             .add(Needs::READ, routes!(scenarios::schema))
             .add(Needs::READ, routes!(me::me))
+            .add(Needs::ADMIN, routes!(audit::audit))
             .add(Needs::NOTHING, routes!(system::health))
             .add(Needs::NOTHING, routes!(system::ready))
             .add(Needs::READ, routes!(system::metrics))

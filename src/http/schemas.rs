@@ -11,7 +11,7 @@ use utoipa::{PartialSchema, ToSchema};
 use super::include::Include as Included;
 use crate::format::{FigureOptions, Part, QUANTITIES};
 use crate::job;
-use crate::store::Role as StoredRole;
+use crate::store::{Act as StoredAct, Role as StoredRole};
 use fretwork_engine::outcome::{History, Loops, Profiles};
 
 /// Declares types that exist only in the document. `openapi` replaces those whose schema is in a file.
@@ -65,6 +65,8 @@ documented! {
     Include list(words(Included::WORDS));
     /// What a key allows.
     Role words(StoredRole::ALL.iter().map(|role| role.as_str()));
+    /// What the audit log records.
+    Act words(StoredAct::ALL.iter().map(|act| act.as_str()));
     /// The formats of a whole result.
     WholeFormat words(Part::Whole.formats().iter().map(|format| format.name()));
     /// The formats of a table.

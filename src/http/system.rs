@@ -5,13 +5,16 @@ use std::time::Duration;
 
 use axum::Json;
 use axum::extract::State;
-use axum::http::header::{CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE};
+use axum::http::HeaderMap;
+use axum::http::header::{CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, VARY};
 use axum::response::{Html, IntoResponse, Response};
 use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::app::App;
 use super::body::BODY_LIMIT;
+use super::metrics::{Measurements, as_prometheus};
+use super::negotiation::choose_type;
 use super::problem::{self, Problem};
 use super::wire::{self, NoQuery, Segment};
 use fretwork_engine::request::fields::{MAX_CYCLES, POINTS_RANGE};
@@ -148,26 +151,43 @@ pub async fn version(_: NoQuery) -> Json<Version> {
     })
 }
 
+/// The text formats of [`metrics`]. The first is the default.
+const EXPOSITIONS: [&str; 2] = ["text/plain", "application/openmetrics-text"];
+
 /// Returns the metrics of the server.
 ///
-/// OpenMetrics text, for Prometheus and similar programs. Important metrics: `fretwork_queued_runs`,
-/// `fretwork_running_runs` and `fretwork_queue_oldest_seconds` show a stuck queue;
-/// `fretwork_disk_free_bytes` and `fretwork_store_errors_total{kind="full"}` show a full disk;
-/// `fretwork_recomputes_total{result="differs"}` shows a fault of the program or the machine.
+/// In the text format of Prometheus, or as OpenMetrics text if the header `Accept` prefers it. The file
+/// `deploy/alerts.yml` of the program has rules for alerts.
 #[utoipa::path(get, path = "/metrics", operation_id = "metrics", tag = "system", responses(
-    (status = 200, description = "All metrics.", body = String,
-        content_type = "application/openmetrics-text"),
+    (status = 200, description = "All metrics.", content(
+        (String = "text/plain"),
+        (String = "application/openmetrics-text"),
+    )),
 ))]
-pub async fn metrics(State(app): State<App>, _: NoQuery) -> Result<Response, Problem> {
+pub async fn metrics(
+    State(app): State<App>,
+    headers: HeaderMap,
+    _: NoQuery,
+) -> Result<Response, Problem> {
     // If the database does not answer, the other metrics must still be available.
-    let wait = tokio::time::timeout(Duration::from_secs(2), app.service.longest_wait()).await;
-    let wait = wait.ok().and_then(Result::ok);
+    let read = async { (app.service.longest_wait().await, app.service.last_backup().await) };
+    let read = tokio::time::timeout(Duration::from_secs(2), read).await.ok();
+    let (longest_wait, last_backup) =
+        read.map_or((None, None), |(wait, backup)| (wait.ok(), backup.ok()));
     // A network disk can block.
     let service = app.service.clone();
-    let free = tokio::task::spawn_blocking(move || service.free_bytes()).await.ok().flatten();
-    let text = app.metrics.write(wait, free).map_err(Problem::bug)?;
-    let kind = "application/openmetrics-text; version=1.0.0; charset=utf-8";
-    Ok(([(CONTENT_TYPE, kind)], text).into_response())
+    let disk = tokio::task::spawn_blocking(move || (service.free_bytes(), service.file_sizes()));
+    let (free, files) = disk.await.unwrap_or_default();
+    let measured = Measurements { longest_wait, last_backup, free, files };
+    let mut text = app.metrics.write(&measured).map_err(Problem::bug)?;
+    let kind = match choose_type(&headers, EXPOSITIONS) {
+        "text/plain" => {
+            text = as_prometheus(&text);
+            "text/plain; version=0.0.4; charset=utf-8"
+        }
+        _ => "application/openmetrics-text; version=1.0.0; charset=utf-8",
+    };
+    Ok(([(CONTENT_TYPE, kind), (VARY, "accept")], text).into_response())
 }
 
 /// Returns the OpenAPI document.

@@ -9,7 +9,7 @@ use tokio::time::sleep;
 
 use super::Service;
 use crate::job::{Job, JobId};
-use crate::store::{Asked, Canceled, Changes, Deleted, Error, Filter, Page};
+use crate::store::{Actor, Asked, Canceled, Changes, Deleted, Error, Filter, Page};
 
 impl Service {
     /// A job, if it is within reach: if its owner is `reach`, or if `reach` is `None`.
@@ -75,9 +75,14 @@ impl Service {
     ///
     /// # Errors
     /// The database fails.
-    pub async fn cancel(&self, reach: Option<&str>, id: JobId) -> Result<Canceled, Error> {
+    pub async fn cancel(
+        &self,
+        reach: Option<&str>,
+        id: JobId,
+        by: Actor,
+    ) -> Result<Canceled, Error> {
         match self.job(reach, id).await? {
-            Some(_) => self.0.store.cancel(id).await,
+            Some(_) => self.0.store.cancel(id, by).await,
             None => Ok(Canceled::NotFound),
         }
     }
@@ -86,17 +91,27 @@ impl Service {
     ///
     /// # Errors
     /// The database fails.
-    pub async fn cancel_all(&self, reach: Option<&str>, filter: Filter) -> Result<u64, Error> {
-        self.0.store.cancel_all(&within(filter, reach)).await
+    pub async fn cancel_all(
+        &self,
+        reach: Option<&str>,
+        filter: Filter,
+        by: &Actor,
+    ) -> Result<u64, Error> {
+        self.0.store.cancel_all(&within(filter, reach), by).await
     }
 
     /// Deletes a finished job within reach. Its result stays.
     ///
     /// # Errors
     /// The database fails.
-    pub async fn delete(&self, reach: Option<&str>, id: JobId) -> Result<Deleted, Error> {
+    pub async fn delete(
+        &self,
+        reach: Option<&str>,
+        id: JobId,
+        by: Actor,
+    ) -> Result<Deleted, Error> {
         match self.job(reach, id).await? {
-            Some(_) => self.0.store.delete(id).await,
+            Some(_) => self.0.store.delete(id, by).await,
             None => Ok(Deleted::NotFound),
         }
     }

@@ -16,7 +16,7 @@ use std::time::Duration;
 use tokio::sync::watch;
 
 use crate::job::Begin;
-use crate::store::{Error, Store, Tally};
+use crate::store::{AuditEntry, Error, FileSizes, Store, Tally};
 
 pub use submit::{Accepted, Refusal, Terms};
 
@@ -101,6 +101,28 @@ impl Service {
     #[must_use]
     pub fn free_bytes(&self) -> Option<u64> {
         self.0.store.free_bytes()
+    }
+
+    /// The sizes of the database and of its log.
+    #[must_use]
+    pub fn file_sizes(&self) -> FileSizes {
+        self.0.store.file_sizes()
+    }
+
+    /// When the last backup of the database ended, in milliseconds since 1970; 0 if there was none.
+    ///
+    /// # Errors
+    /// The database fails.
+    pub async fn last_backup(&self) -> Result<i64, Error> {
+        self.0.store.last_backup().await
+    }
+
+    /// Up to `limit` entries of the audit log before another one, the newest first.
+    ///
+    /// # Errors
+    /// The database fails.
+    pub async fn audit(&self, before: Option<i64>, limit: u32) -> Result<Vec<AuditEntry>, Error> {
+        self.0.store.audit(before, limit).await
     }
 
     /// Stops accepting jobs, and ends waits and event streams.

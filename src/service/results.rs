@@ -3,7 +3,7 @@
 use super::Service;
 use crate::job::{JobId, Key, Outline};
 use crate::store::{
-    Changed, Cursor, Editor, Error, Found, Known, Provenance, Removed, Search, StoredResult,
+    Actor, Changed, Cursor, Editor, Error, Found, Known, Provenance, Removed, Search, StoredResult,
 };
 
 impl Service {
@@ -106,7 +106,7 @@ impl Service {
     ///
     /// # Errors
     /// The database fails.
-    pub async fn remove(&self, key: &Key, owner: String) -> Result<Removed, Error> {
-        self.0.store.remove(key, owner).await
+    pub async fn remove(&self, key: &Key, by: Actor) -> Result<Removed, Error> {
+        self.0.store.remove(key, by).await
     }
 }

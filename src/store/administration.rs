@@ -4,11 +4,12 @@ use std::path::Path;
 
 use sqlx::{Connection as _, SqliteConnection};
 
+use super::audit::{self, AuditEntry};
 use super::{Error, open, readers};
 
 /// The database of a data directory, opened by an administrative command.
 ///
-/// Each change is one statement, so a running server waits only briefly.
+/// Each change is one short transaction, so a running server waits only briefly.
 #[derive(Debug)]
 pub struct Administration(pub(super) SqliteConnection);
 
@@ -22,6 +23,15 @@ impl Administration {
     #[must_use]
     pub fn is_in(dir: &Path) -> bool {
         dir.join(open::DATABASE).exists()
+    }
+
+    /// Up to `limit` entries of the audit log before another one, the newest first.
+    pub async fn audit(
+        &mut self,
+        before: Option<i64>,
+        limit: u32,
+    ) -> Result<Vec<AuditEntry>, Error> {
+        audit::list(&mut self.0, before, limit).await
     }
 
     /// Closes the database.

@@ -1,5 +1,6 @@
 //! Canceling and deleting jobs.
 
+use super::audit::{Act, Actor, record};
 use super::read::{self, Filter};
 use super::row::RunId;
 use super::signals::Effect;
@@ -36,35 +37,40 @@ const AT_ONCE: u32 = 100;
 
 impl Store {
     /// Cancels a job, and its run if no other unfinished job shares it.
-    pub async fn cancel(&self, id: JobId) -> Result<Canceled, Error> {
-        self.write(cancel, id).await
+    pub async fn cancel(&self, id: JobId, by: Actor) -> Result<Canceled, Error> {
+        self.write(cancel, (id, by)).await
     }
 
     /// Cancels every unfinished job that matches and was submitted before this call. Returns how many.
-    pub async fn cancel_all(&self, filter: &Filter) -> Result<u64, Error> {
+    pub async fn cancel_all(&self, filter: &Filter, by: &Actor) -> Result<u64, Error> {
         let mut canceled = 0;
         let mut next = Some(JobId::generate());
         while let Some(before) = next {
             let count;
-            (count, next) = self.write(cancel_some, (filter.clone(), before)).await?;
+            (count, next) = self.write(cancel_some, (filter.clone(), before, by.clone())).await?;
             canceled += count;
         }
         Ok(canceled)
     }
 
     /// Deletes a job that has ended.
-    pub async fn delete(&self, id: JobId) -> Result<Deleted, Error> {
-        self.write(delete, id).await
+    pub async fn delete(&self, id: JobId, by: Actor) -> Result<Deleted, Error> {
+        self.write(delete, (id, by)).await
     }
 }
 
-async fn cancel(id: &JobId, tx: &mut Transaction) -> Result<Canceled, Error> {
-    let Some(job) = read::job(&mut tx.db, *id).await? else {
+async fn cancel((id, by): &(JobId, Actor), tx: &mut Transaction) -> Result<Canceled, Error> {
+    cancel_one(*id, by, tx).await
+}
+
+async fn cancel_one(id: JobId, by: &Actor, tx: &mut Transaction) -> Result<Canceled, Error> {
+    let Some(job) = read::job(&mut tx.db, id).await? else {
         return Ok(Canceled::NotFound);
     };
     if job.state.is_finished() {
         return Ok(Canceled::AlreadyFinished(job));
     }
+    record(&mut tx.db, tx.now, (by, Act::CancelJob), &id.to_string(), &job.owner).await?;
     let (run, others): (i64, bool) = sqlx::query_as(
         "SELECT run, EXISTS (
              SELECT 1 FROM job AS other
@@ -104,32 +110,33 @@ async fn cancel(id: &JobId, tx: &mut Transaction) -> Result<Canceled, Error> {
         tx.effects.push(Effect::Unwanted(run));
     }
     tx.effects.push(Effect::Ended(job.key));
-    let after = read::job(&mut tx.db, *id).await?;
+    let after = read::job(&mut tx.db, id).await?;
     Ok(after.map_or(Canceled::NotFound, Canceled::Done))
 }
 
 /// Cancels some of the jobs that match and were submitted before another one. Returns how many, and where
 /// to continue; `None` if there are no more.
 async fn cancel_some(
-    (filter, before): &(Filter, JobId),
+    (filter, before, by): &(Filter, JobId, Actor),
     tx: &mut Transaction,
 ) -> Result<(u64, Option<JobId>), Error> {
     let ids = read::unfinished(&mut tx.db, filter, *before, AT_ONCE).await?;
     let mut canceled = 0;
     for id in &ids {
-        canceled += u64::from(matches!(cancel(id, tx).await?, Canceled::Done(_)));
+        canceled += u64::from(matches!(cancel_one(*id, by, tx).await?, Canceled::Done(_)));
     }
     let more = ids.len() as u64 == u64::from(AT_ONCE);
     Ok((canceled, ids.last().copied().filter(|_| more)))
 }
 
-async fn delete(id: &JobId, tx: &mut Transaction) -> Result<Deleted, Error> {
+async fn delete((id, by): &(JobId, Actor), tx: &mut Transaction) -> Result<Deleted, Error> {
     let Some(job) = read::job(&mut tx.db, *id).await? else {
         return Ok(Deleted::NotFound);
     };
     if !job.state.is_finished() {
         return Ok(Deleted::Unfinished(job.state));
     }
+    record(&mut tx.db, tx.now, (by, Act::DeleteJob), &id.to_string(), &job.owner).await?;
     let run: Option<i64> = sqlx::query_scalar("DELETE FROM job WHERE id = ?1 RETURNING run")
         .bind(id.0.as_bytes().as_slice())
         .fetch_one(&mut tx.db)

@@ -1,6 +1,7 @@
 //! Errors of the store.
 
-use std::path::PathBuf;
+use std::io;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::job::{JobId, Key};
@@ -9,12 +10,12 @@ use crate::job::{JobId, Key};
 #[derive(Debug, Clone, thiserror::Error)]
 pub enum Error {
     /// The data directory cannot be created, read or written.
-    #[error("cannot use the data directory {}", dir.display())]
+    #[error("cannot use the data directory {}{}", dir.display(), advice(dir, source))]
     Directory {
         /// The directory.
         dir: PathBuf,
         /// The error of the operating system.
-        source: Arc<std::io::Error>,
+        source: Arc<io::Error>,
     },
     /// Another server uses the data directory.
     #[error("another server is using the data directory {}", dir.display())]
@@ -92,6 +93,21 @@ pub enum Error {
     /// The store is closed.
     #[error("the store is closed")]
     Closed,
+}
+
+/// What to do about a directory that the process may not use.
+fn advice(dir: &Path, error: &io::Error) -> String {
+    #[cfg(unix)]
+    if error.kind() == io::ErrorKind::PermissionDenied {
+        let (user, group) = (rustix::process::geteuid(), rustix::process::getegid());
+        return format!(
+            ": it and its files must belong to user {user}; run `chown -R {user}:{group} {}` as root (for a \
+             container: in its volume)",
+            dir.display()
+        );
+    }
+    let _ = (dir, error);
+    String::new()
 }
 
 impl From<sqlx::Error> for Error {

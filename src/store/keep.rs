@@ -7,6 +7,7 @@ use sha2::{Digest, Sha256};
 use sqlx::sqlite::SqliteRow;
 use sqlx::{AssertSqlSafe, Row as _, SqliteConnection};
 
+use super::audit::{Act, Actor, record};
 use super::body::Body;
 use super::error::Error;
 use super::outline::{self, Statement};
@@ -338,27 +339,28 @@ pub(super) async fn annotate(
 
 /// Deletes the body of a result. Its scenario and its jobs stay.
 pub(super) async fn remove(
-    (key, owner): &(Key, String),
+    (key, by): &(Key, Actor),
     tx: &mut Transaction,
 ) -> Result<Removed, Error> {
-    let key = key.bytes().as_slice();
-    let found: Option<(bool, bool)> =
-        sqlx::query_as("SELECT evicted IS NULL, pinned FROM result WHERE key = ?1")
+    let (name, key) = (key.to_string(), key.bytes().as_slice());
+    let found: Option<(bool, bool, Option<String>)> =
+        sqlx::query_as("SELECT evicted IS NULL, pinned, owner FROM result WHERE key = ?1")
             .bind(key)
             .fetch_optional(&mut tx.db)
             .await?;
-    match found {
-        None | Some((false, _)) => return Ok(Removed::NotFound),
-        Some((true, true)) => return Ok(Removed::Pinned),
-        Some((true, false)) => {}
-    }
+    let owner = match found {
+        None | Some((false, ..)) => return Ok(Removed::NotFound),
+        Some((true, true, _)) => return Ok(Removed::Pinned),
+        Some((true, false, owner)) => owner.unwrap_or_default(),
+    };
+    record(&mut tx.db, tx.now, (by, Act::DeleteResult), &name, &owner).await?;
     sqlx::query(
         "UPDATE result SET evicted = ?2, deleted_by = ?3 WHERE key = ?1;
          DELETE FROM result_blob WHERE key = ?1",
     )
     .bind(key)
     .bind(tx.now)
-    .bind(owner)
+    .bind(&by.name)
     .execute(&mut tx.db)
     .await?;
     Ok(Removed::Done)

@@ -6,10 +6,11 @@
 use data_encoding::HEXLOWER;
 use sha2::{Digest as _, Sha256};
 use sqlx::sqlite::SqliteRow;
-use sqlx::{Row as _, SqliteConnection};
+use sqlx::{Connection as _, Row as _, SqliteConnection};
 use subtle::ConstantTimeEq as _;
 
 use super::administration::Administration;
+use super::audit::{Act, Actor, record};
 use super::row::word;
 use super::transaction::Transaction;
 use super::{Error, Store};
@@ -130,6 +131,8 @@ impl Administration {
     pub async fn add_key(&mut self, new: &NewKey) -> Result<String, Error> {
         let (id, secret) = (random::<{ ID / 2 }>()?, random::<SECRET>()?);
         let key = format!("{MARK}_{id}_{secret}");
+        let now = now();
+        let mut tx = self.0.begin_with("BEGIN IMMEDIATE").await?;
         sqlx::query(
             "INSERT INTO access_key (id, name, role, digest, per_minute, created, expires)
              VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)",
@@ -139,10 +142,12 @@ impl Administration {
         .bind(new.role.as_str())
         .bind(digest(&key).as_slice())
         .bind(new.per_minute)
-        .bind(now())
+        .bind(now)
         .bind(new.expires)
-        .execute(&mut self.0)
+        .execute(&mut *tx)
         .await?;
+        record(&mut tx, now, (&Actor::of_process(), Act::AddKey), &id, &new.name).await?;
+        tx.commit().await?;
         Ok(key)
     }
 
@@ -152,16 +157,22 @@ impl Administration {
     }
 
     /// Revokes the valid keys with this id or name; returns how many.
-    pub async fn revoke_keys(&mut self, name: &str) -> Result<u64, Error> {
-        let done = sqlx::query(
+    pub async fn revoke_keys(&mut self, name: &str) -> Result<usize, Error> {
+        let now = now();
+        let mut tx = self.0.begin_with("BEGIN IMMEDIATE").await?;
+        let revoked: Vec<(String, String)> = sqlx::query_as(
             "UPDATE access_key SET revoked = ?2
-             WHERE (id = ?1 OR name = ?1) AND revoked IS NULL",
+             WHERE (id = ?1 OR name = ?1) AND revoked IS NULL RETURNING id, name",
         )
         .bind(name)
-        .bind(now())
-        .execute(&mut self.0)
+        .bind(now)
+        .fetch_all(&mut *tx)
         .await?;
-        Ok(done.rows_affected())
+        for (id, name) in &revoked {
+            record(&mut tx, now, (&Actor::of_process(), Act::RevokeKey), id, name).await?;
+        }
+        tx.commit().await?;
+        Ok(revoked.len())
     }
 }
 
@@ -172,8 +183,8 @@ impl Store {
     }
 
     /// Records that a key was used now.
-    pub async fn key_was_used(&self, id: &str) -> Result<(), Error> {
-        self.write(use_now, id.to_owned()).await
+    pub async fn key_was_used(&self, by: Actor) -> Result<(), Error> {
+        self.write(use_now, by).await
     }
 
     /// The secret that signs links to results. It is created once for each database.
@@ -203,13 +214,13 @@ impl Store {
     }
 }
 
-async fn use_now(id: &String, tx: &mut Transaction) -> Result<(), Error> {
+async fn use_now(by: &Actor, tx: &mut Transaction) -> Result<(), Error> {
     sqlx::query("UPDATE access_key SET last_used = ?2 WHERE id = ?1")
-        .bind(id)
+        .bind(&by.key)
         .bind(tx.now)
         .execute(&mut tx.db)
         .await?;
-    Ok(())
+    record(&mut tx.db, tx.now, (by, Act::UseKey), &by.key, &by.name).await
 }
 
 /// Stores a secret, if there is none yet; returns the stored one.

@@ -4,6 +4,7 @@ use serde_json::Value;
 use sqlx::sqlite::SqliteRow;
 use sqlx::{Row, SqliteConnection};
 
+use super::audit::Actor;
 use super::keep::{self, Changed, Editor, Removed};
 use super::{Error, Store, row};
 use crate::job::{ENGINE, JobId, Key, Task};
@@ -234,8 +235,8 @@ impl Store {
     }
 
     /// Deletes the body of a result; its scenario stays known.
-    pub async fn remove(&self, key: &Key, owner: String) -> Result<Removed, Error> {
-        self.write(keep::remove, (*key, owner)).await
+    pub async fn remove(&self, key: &Key, by: Actor) -> Result<Removed, Error> {
+        self.write(keep::remove, (*key, by)).await
     }
 
     /// What the database knows about a key.

@@ -21,6 +21,7 @@
 )]
 
 mod administration;
+mod audit;
 mod body;
 mod cancel;
 mod error;
@@ -54,14 +55,15 @@ use tokio::sync::{Semaphore, mpsc};
 use crate::job::Key;
 
 pub use administration::Administration;
+pub use audit::{Act, Actor, AuditEntry};
 pub use body::Body;
 pub use cancel::{Canceled, Deleted};
 pub use error::Error;
 pub use keep::{Answered, Changed, Editor, Finish, Removed};
 pub use keys::{AccessKey, NewKey, Role, digest};
 pub use library::{Known, Note, Program, Provenance};
-pub use moving::{Exported, Imported, Moving, Saved, backup, export, import, restore};
-pub use open::Options;
+pub use moving::{Exported, Imported, Moving, Saved, backup, export, import, note_backup, restore};
+pub use open::{FileSizes, Options};
 pub use read::{Asked, Filter, LARGE, Page, StoredResult};
 pub use row::RunId;
 pub use runs::{Claimed, Recovered};

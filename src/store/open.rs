@@ -27,7 +27,7 @@ use crate::job::clock::now;
 use crate::job::{ENGINE, Task};
 
 /// The changes of the schema: version, name and SQL.
-const CHANGES: [(i64, &str, &str); 10] = [
+const CHANGES: [(i64, &str, &str); 11] = [
     (1, "jobs", include_str!("../../migrations/sqlite/0001_jobs.sql")),
     (2, "years of service", include_str!("../../migrations/sqlite/0002_years_of_service.sql")),
     (3, "access keys", include_str!("../../migrations/sqlite/0003_access_keys.sql")),
@@ -36,6 +36,7 @@ const CHANGES: [(i64, &str, &str); 10] = [
     (6, "submitted", include_str!("../../migrations/sqlite/0006_submitted.sql")),
     (7, "compact results", include_str!("../../migrations/sqlite/0007_compact_results.sql")),
     (8, "warnings", include_str!("../../migrations/sqlite/0008_warnings.sql")),
+    (9, "audit", include_str!("../../migrations/sqlite/0009_audit.sql")),
     (10, "commits", include_str!("../../migrations/sqlite/0010_commits.sql")),
     (11, "trust", include_str!("../../migrations/sqlite/0011_trust.sql")),
 ];
@@ -90,7 +91,24 @@ impl Default for Options {
     }
 }
 
+/// Sizes in bytes; `None` if the system does not report them.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct FileSizes {
+    /// The database.
+    pub database: Option<u64>,
+    /// Its write-ahead log.
+    pub log: Option<u64>,
+}
+
 impl Store {
+    /// The sizes of the database and of its log.
+    #[must_use]
+    pub fn file_sizes(&self) -> FileSizes {
+        let database = self.dir.join(DATABASE);
+        let size = |path: &Path| fs::metadata(path).ok().map(|file| file.len());
+        FileSizes { database: size(&database), log: size(&with_suffix(&database, "-wal")) }
+    }
+
     /// Opens or creates the database in a directory, and starts the writer task.
     ///
     /// No other process can open the directory until the store is closed. Call [`Store::recover`]

@@ -199,6 +199,14 @@ impl Store {
         Ok(Duration::from_millis(waited.max(0).unsigned_abs()))
     }
 
+    /// When the last backup ended, in milliseconds since 1970; 0 if there was none.
+    pub async fn last_backup(&self) -> Result<i64, Error> {
+        self.reading(async |db| {
+            Ok(sqlx::query_scalar("SELECT backed_up FROM room").fetch_one(db).await?)
+        })
+        .await
+    }
+
     /// Checks that the disk has room for a submission, by a write of the same size.
     pub async fn probe(&self) -> Result<(), Error> {
         self.write(upkeep::probe, ()).await

@@ -1,7 +1,7 @@
 //! Access control: keys, roles, owners, links and limits.
 
 use std::fmt::Write as _;
-use std::io::Read as _;
+use std::io::{BufRead as _, BufReader};
 use std::num::NonZeroU32;
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -9,29 +9,33 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use fretwork::http::{self, Access, AdminKey, Limits, Origins, Settings};
-use fretwork::job::Task;
+use fretwork::job::{Begin, Task};
 use fretwork::store::{Administration, NewKey, Options, Role};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::TcpStream;
 
-use crate::program::{fails, run, serve_by};
+use crate::program::{Running, fails, run, serve_by};
 use crate::server::{
-    Gate, JSON, Reply, Server, answer, assert_yields, ball, steel_ball, yielding_ball,
+    Gate, JSON, Reply, Server, answer, assert_yields, ball, send, steel_ball, yielding_ball,
 };
 use crate::store::raw;
 
-const MASTER: &str = "the-key-from-the-settings";
+pub const MASTER: &str = "the-key-from-the-settings";
 
-async fn server(limits: Limits) -> Server {
+pub async fn server(limits: Limits) -> Server {
+    computing(Arc::new(Task::start), limits).await
+}
+
+pub async fn computing(begin: Begin, limits: Limits) -> Server {
     let access = Access { admin_key: Some(AdminKey(MASTER.into())), limits, ..Access::default() };
     let settings = Settings { access, ..Settings::default() };
-    Server::with(Arc::new(Task::start), &settings, &Options::default()).await
+    Server::with(begin, &settings, &Options::default()).await
 }
 
 /// Adds a key while the server runs.
-async fn made(dir: &Path, name: &str, role: Role) -> String {
+pub async fn made(dir: &Path, name: &str, role: Role) -> String {
     made_with(dir, NewKey { name: name.into(), role, per_minute: None, expires: None }).await
 }
 
@@ -43,13 +47,13 @@ async fn made_with(dir: &Path, new: NewKey) -> String {
 }
 
 /// One request with a key.
-async fn ask(server: &Server, key: &str, method: &str, target: &str, body: &str) -> Reply {
+pub async fn ask(server: &Server, key: &str, method: &str, target: &str, body: &str) -> Reply {
     let bearer = format!("Bearer {key}");
     let headers = [JSON, ("Authorization", bearer.as_str()), ("Prefer", "wait=60")];
     server.send(method, target, &headers, body).await
 }
 
-async fn get(server: &Server, key: &str, target: &str) -> Reply {
+pub async fn get(server: &Server, key: &str, target: &str) -> Reply {
     ask(server, key, "GET", target, "").await
 }
 
@@ -109,6 +113,7 @@ async fn each_role_allows_only_its_own_operations() {
     let admin = made(server.dir.path(), "chief", Role::Admin).await;
     for (method, target) in operations() {
         let needs = match (method.as_str(), target.split('/').nth(2).unwrap_or_default()) {
+            ("GET", "audit") => Role::Admin,
             ("GET", _) | ("POST", "scenarios") => Role::Read,
             ("POST", "results") if target.ends_with("/diff") => Role::Read,
             ("DELETE", "results") if target.ends_with(&"0".repeat(64)) => Role::Admin,
@@ -131,9 +136,7 @@ async fn each_role_allows_only_its_own_operations() {
 #[tokio::test(flavor = "multi_thread")]
 async fn jobs_are_private_and_results_are_shared() {
     let gate = Gate::default();
-    let access = Access { admin_key: Some(AdminKey(MASTER.into())), ..Access::default() };
-    let settings = Settings { access, ..Settings::default() };
-    let server = Server::with(gate.compute(), &settings, &Options::default()).await;
+    let server = computing(gate.compute(), Limits::default()).await;
     let anna = made(server.dir.path(), "anna", Role::Submit).await;
     let again = made(server.dir.path(), "anna", Role::Submit).await;
     let ben = made(server.dir.path(), "ben", Role::Submit).await;
@@ -799,23 +802,63 @@ fn a_bad_admin_key_is_refused_without_printing_it() {
     assert!(output.status.success());
 }
 
-#[test]
-fn listening_on_a_public_address_requires_keys() {
-    let dir = TempDir::new().unwrap();
-    let data = dir.path().to_str().unwrap();
-    let refused = run(&["--listen", "0.0.0.0:0", "--data-dir", data], "");
-    fails(&refused, "fretwork keys add");
-    let made = run(&["keys", "add", "anna", "--role", "admin", "--data-dir", data], "");
-    assert!(made.status.success());
+/// Starts a server that other machines can reach. Returns what it prints until it has printed its address.
+fn serve_openly(data: &Path, options: &[&str]) -> (Running, String) {
     let mut server = Command::new(env!("CARGO_BIN_EXE_fretwork"));
-    server.args(["--listen", "0.0.0.0:0", "--data-dir", data]).env("FRETWORK_LOG", "off");
-    let mut server = server.stdout(Stdio::piped()).spawn().unwrap();
-    let mut said = [0; 400];
-    let length = server.stdout.as_mut().unwrap().read(&mut said).unwrap();
-    let said = String::from_utf8_lossy(&said[..length]).into_owned();
-    server.kill().unwrap();
-    server.wait().unwrap();
-    assert!(said.contains("listens on http://"), "{said}");
+    server.args(["--listen", "0.0.0.0:0", "--data-dir"]).arg(data).args(options);
+    let mut server =
+        Running(server.env("FRETWORK_LOG", "off").stdout(Stdio::piped()).spawn().unwrap());
+    let mut said = String::new();
+    let mut lines = BufReader::new(server.stdout.as_mut().unwrap());
+    while !said.contains(" listens on ") {
+        assert!(lines.read_line(&mut said).unwrap() > 0, "{said}");
+    }
+    (server, said)
+}
+
+#[tokio::test]
+async fn a_server_that_other_machines_can_reach_prints_the_first_key_once() {
+    let dir = TempDir::new().unwrap();
+    let (first, said) = serve_openly(dir.path(), &[]);
+    let key = said.lines().map(str::trim).find(|line| line.starts_with("fretwork_")).unwrap();
+    let address = said.trim().rsplit("//").next().unwrap().parse().unwrap();
+    let me = async |headers: &[(&str, &str)]| send(address, "GET", "/v1/me", headers, "").await;
+    me(&[]).await.unwrap().problem(401, "unauthorized");
+    let bearer = format!("Bearer {key}");
+    let caller = me(&[("Authorization", &bearer)]).await.unwrap().json();
+    assert_eq!((&caller["name"], &caller["role"]), (&json!("first"), &json!("admin")));
+    drop(first);
+    let (_second, said) = serve_openly(dir.path(), &[]);
+    assert!(!said.contains("fretwork_"), "{said}");
+}
+
+#[test]
+fn a_first_key_that_cannot_be_printed_is_revoked() {
+    let dir = TempDir::new().unwrap();
+    let mut server = Command::new(env!("CARGO_BIN_EXE_fretwork"));
+    server.args(["--listen", "0.0.0.0:0", "--log", "off", "--data-dir"]).arg(dir.path());
+    let full = std::fs::File::options().write(true).open("/dev/full").unwrap();
+    fails(&server.stdout(full).stderr(Stdio::piped()).output().unwrap(), "fretwork keys add");
+    let listed = run(&["keys", "list", "--data-dir", dir.path().to_str().unwrap()], "");
+    let listed = String::from_utf8(listed.stdout).unwrap();
+    assert!(listed.lines().nth(1).unwrap().contains("revoked 20"), "{listed}");
+}
+
+#[tokio::test]
+async fn the_key_of_the_administrator_can_be_in_a_file() {
+    let dir = TempDir::new().unwrap();
+    let (data, file) = (dir.path().join("data"), dir.path().join("key"));
+    std::fs::write(&file, format!("{MASTER}\n")).unwrap();
+    let options = ["--admin-key-file", file.to_str().unwrap()];
+    let (_server, said) = serve_openly(&data, &options);
+    assert!(!said.contains("fretwork_"), "{said}");
+    let address = said.trim().rsplit("//").next().unwrap().parse().unwrap();
+    let bearer = format!("Bearer {MASTER}");
+    let caller = send(address, "GET", "/v1/me", &[("Authorization", &bearer)], "").await.unwrap();
+    assert_eq!(caller.json()["role"], "admin");
+    std::fs::write(&file, "too short\n").unwrap();
+    fails(&run(&options, ""), "must have at least 20");
+    fails(&run(&["--admin-key-file", "/nowhere/key"], ""), "cannot read the key in /nowhere/key");
 }
 
 #[test]

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use fretwork::job::{Answer, Cost, Job, JobState, Origin};
 use fretwork::store::{
-    Changed, Claimed, Deleted, Editor, Error, Filter, NewJob, Options, Repeatable, Store,
+    Actor, Changed, Claimed, Deleted, Editor, Error, Filter, NewJob, Options, Repeatable, Store,
     StoredResult, Submitted,
 };
 use serde_json::json;
@@ -193,7 +193,7 @@ async fn a_job_records_its_state_changes_in_order() {
     assert_eq!(claimed.trace, trace);
     store.release(&claimed).await.unwrap();
     let claimed = claim(&store).await;
-    store.cancel(job.id).await.unwrap();
+    store.cancel(job.id, Actor::default()).await.unwrap();
     store.stopped(&claimed).await.unwrap();
     let job = store.job(job.id).await.unwrap().unwrap();
     let changes: Vec<_> = job.changes.iter().map(|change| (change.state, change.attempt)).collect();
@@ -207,14 +207,17 @@ async fn a_job_records_its_state_changes_in_order() {
 async fn only_finished_jobs_can_be_deleted_and_their_results_stay() {
     let (_dir, store) = fresh().await;
     let job = accepted(store.submit(new_job(1)).await);
-    assert!(matches!(store.delete(job.id).await.unwrap(), Deleted::Unfinished(_)));
+    assert!(matches!(
+        store.delete(job.id, Actor::default()).await.unwrap(),
+        Deleted::Unfinished(_)
+    ));
     let shared = accepted(store.submit(new_job(1)).await);
     let claimed = claim(&store).await;
     let answer = Answer { body: "{}".into(), summary: json!({}), outline: Box::default() };
     store.finish(&claimed, &answer, Cost::default()).await.unwrap();
     for id in [job.id, shared.id] {
-        assert_eq!(store.delete(id).await.unwrap(), Deleted::Done);
-        assert_eq!(store.delete(id).await.unwrap(), Deleted::NotFound);
+        assert_eq!(store.delete(id, Actor::default()).await.unwrap(), Deleted::Done);
+        assert_eq!(store.delete(id, Actor::default()).await.unwrap(), Deleted::NotFound);
     }
     assert_eq!(body(&store, 1).await, b"{}");
 }
@@ -228,9 +231,9 @@ async fn many_jobs_can_be_cancelled_with_a_filter() {
     }
     let running = claim(&store).await;
     let even = Filter { tag: Some("even".into()), ..Filter::default() };
-    assert_eq!(store.cancel_all(&even).await.unwrap(), 125);
+    assert_eq!(store.cancel_all(&even, &Actor::default()).await.unwrap(), 125);
     assert!(running.stop.is_raised());
-    assert_eq!(store.cancel_all(&even).await.unwrap(), 0);
+    assert_eq!(store.cancel_all(&even, &Actor::default()).await.unwrap(), 0);
     store.stopped(&running).await.unwrap();
     let mut left = 0;
     while let Some(claimed) = store.claim().await.unwrap() {
@@ -307,7 +310,7 @@ async fn the_scenario_of_an_evicted_result_is_kept_for_a_year_and_as_long_as_it_
     let forget = "UPDATE result SET evicted = 1 WHERE substr(key, 1, 1) <> x'03'";
     raw(dir.path()).await.execute(forget).await.unwrap();
     for number in [1, 3] {
-        store.delete(jobs[number - 1].id).await.unwrap();
+        store.delete(jobs[number - 1].id, Actor::default()).await.unwrap();
     }
     let store = &store;
     eventually(async || store.result(&key(1)).await.unwrap().is_none()).await;

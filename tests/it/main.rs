@@ -11,6 +11,7 @@
 
 mod access;
 mod api;
+mod audit;
 mod faults;
 mod figures;
 mod forms;
@@ -19,6 +20,7 @@ mod keeping;
 mod kill;
 mod library;
 mod many;
+mod metrics;
 mod moving;
 mod openapi;
 mod plots;

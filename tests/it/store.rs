@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use fretwork::job::{Answer, Cost, FailureKind, Job, JobId, JobState, Key, Origin};
 use fretwork::store::{
-    Admission, Answered, Canceled, Claimed, Deleted, Error, Filter, Finish, NewJob, Options,
+    Actor, Admission, Answered, Canceled, Claimed, Deleted, Error, Filter, Finish, NewJob, Options,
     Recovered, Store, StoredResult, Submitted,
 };
 use proptest::prelude::*;
@@ -108,7 +108,7 @@ async fn claim(store: &Store) -> Claimed {
 }
 
 async fn cancel(store: &Store, id: JobId) -> JobState {
-    match store.cancel(id).await.unwrap() {
+    match store.cancel(id, Actor::default()).await.unwrap() {
         Canceled::Done(job) => job.state,
         other => panic!("{other:?}"),
     }
@@ -313,13 +313,18 @@ async fn cancelling_a_finished_or_unknown_job_is_reported() {
     let submitted = accepted(store.submit(new_job(1)).await);
     let claimed = claim(&store).await;
     store.fail(&claimed, FailureKind::Panicked, "index out of bounds").await.unwrap();
-    let Canceled::AlreadyFinished(failed) = store.cancel(submitted.id).await.unwrap() else {
+    let Canceled::AlreadyFinished(failed) =
+        store.cancel(submitted.id, Actor::default()).await.unwrap()
+    else {
         panic!("the job has failed");
     };
     let failure = failed.failure.unwrap();
     assert_eq!(failure.kind, FailureKind::Panicked);
     assert_eq!(failure.message, "index out of bounds");
-    assert_eq!(store.cancel(JobId::generate()).await.unwrap(), Canceled::NotFound);
+    assert_eq!(
+        store.cancel(JobId::generate(), Actor::default()).await.unwrap(),
+        Canceled::NotFound
+    );
     let again = accepted(store.submit(new_job(1)).await);
     assert_eq!(again.origin, Origin::Computed, "failures are not cached");
 }
@@ -544,6 +549,15 @@ async fn the_error_names_a_directory_that_cannot_be_created() {
     assert!(error.to_string().contains("file/data"));
 }
 
+#[cfg(unix)]
+#[test]
+fn the_error_says_whose_a_directory_must_be() {
+    let source = std::sync::Arc::new(std::io::ErrorKind::PermissionDenied.into());
+    let error = Error::Directory { dir: "/data".into(), source }.to_string();
+    let (user, group) = (rustix::process::geteuid(), rustix::process::getegid());
+    assert!(error.contains(&format!("`chown -R {user}:{group} /data`")), "{error}");
+}
+
 #[derive(Debug, Clone)]
 enum Verb {
     Submit(u8),
@@ -654,19 +668,20 @@ impl Trial {
             }
             Verb::Claim => self.claims.extend(store.claim().await.unwrap()),
             Verb::Cancel(index) if !self.jobs.is_empty() => {
-                let canceled = store.cancel(*index.get(&self.jobs)).await.unwrap();
+                let canceled =
+                    store.cancel(*index.get(&self.jobs), Actor::default()).await.unwrap();
                 assert_ne!(canceled, Canceled::NotFound);
             }
             Verb::CancelAll(number) => {
                 let filter = Filter { key: Some(key(*number)), ..Filter::default() };
-                store.cancel_all(&filter).await.unwrap();
+                store.cancel_all(&filter, &Actor::default()).await.unwrap();
                 for job in store.jobs(&filter, None, 100).await.unwrap().jobs {
                     assert!(job.state.is_finished() || job.state == JobState::Canceling);
                 }
             }
             Verb::Delete(index) if !self.jobs.is_empty() => {
                 let place = index.index(self.jobs.len());
-                match store.delete(self.jobs[place]).await.unwrap() {
+                match store.delete(self.jobs[place], Actor::default()).await.unwrap() {
                     Deleted::Done => {
                         self.finished.remove(&self.jobs.remove(place));
                     }
@@ -817,7 +832,7 @@ async fn jobs_that_are_recorded_together_share_the_fate_of_the_first() {
     assert_eq!(origins(record().await), new);
     assert_eq!(origins(record().await), [(succeeded, cached); 3]);
     // An evicted result is compared with the new one by the run that computes it again.
-    store.remove(&key(1), "ada".into()).await.unwrap();
+    store.remove(&key(1), Actor::default()).await.unwrap();
     assert_eq!(record().await, [const { Submitted::NeedsRun }; 3]);
     accepted(store.submit(new_job(1)).await);
     assert_eq!(origins(record().await), [(JobState::Queued, coalesced); 3]);

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use fretwork::job::{Answer, FailureKind, Job, JobId, JobState, Key, Step, Work};
 use fretwork::service::workers::{Compute, Workers};
-use fretwork::store::{Canceled, NewJob, Store};
+use fretwork::store::{Actor, Canceled, NewJob, Store};
 use serde_json::json;
 use sqlx::Executor;
 
@@ -129,9 +129,9 @@ async fn cancelling_the_last_job_stops_the_run_and_frees_the_worker() {
     let endless = submit(&store, 1, "gated").await;
     let shared = submit(&store, 1, "gated").await;
     state(&store, shared, JobState::Running).await;
-    assert!(matches!(store.cancel(endless).await.unwrap(), Canceled::Done(_)));
+    assert!(matches!(store.cancel(endless, Actor::default()).await.unwrap(), Canceled::Done(_)));
     assert_eq!(stage.dropped.load(Ordering::SeqCst), 0, "the other job still needs the run");
-    assert!(matches!(store.cancel(shared).await.unwrap(), Canceled::Done(_)));
+    assert!(matches!(store.cancel(shared, Actor::default()).await.unwrap(), Canceled::Done(_)));
     state(&store, shared, JobState::Canceled).await;
     assert_eq!(stage.dropped.load(Ordering::SeqCst), 1);
     let next = submit(&store, 2, "next").await;
@@ -206,7 +206,7 @@ async fn a_worker_keeps_a_result_until_the_store_accepts_it() {
     state(&store, refused, JobState::Running).await;
     // The store still accepts other changes, even in the same batch as the refused result.
     let joined = submit(&store, 1, "refused").await;
-    assert!(matches!(store.cancel(joined).await.unwrap(), Canceled::Done(_)));
+    assert!(matches!(store.cancel(joined, Actor::default()).await.unwrap(), Canceled::Done(_)));
     raw.execute("DROP TRIGGER refuse").await.unwrap();
     assert_eq!(state(&store, refused, JobState::Succeeded).await.attempt, 1);
     assert_eq!(stage.begun.load(Ordering::SeqCst), 1, "the run was computed once");

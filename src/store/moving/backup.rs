@@ -52,6 +52,17 @@ pub async fn backup(dir: &Path, file: &Path) -> Result<Saved, Moving> {
     Ok(saved)
 }
 
+/// Records the time of a backup, which the metrics of the server show.
+///
+/// # Errors
+/// The database cannot be written, or an earlier version of the program wrote it.
+pub async fn note_backup(dir: &Path) -> Result<(), Error> {
+    let options = open::connecting(&dir.join(DATABASE)).busy_timeout(PATIENCE);
+    let mut db = SqliteConnection::connect_with(&options).await?;
+    sqlx::query("UPDATE room SET backed_up = ?1").bind(clock::now()).execute(&mut db).await?;
+    Ok(db.close().await?)
+}
+
 /// Puts a backup in place of the database, with the tables of this version. No server may use the directory. With
 /// `replace`, an existing database is renamed. Returns the contents of the backup, and the path of the former database.
 ///

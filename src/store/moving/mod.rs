@@ -22,7 +22,7 @@ use std::time::Duration;
 use super::{Error, open};
 use crate::job::Key;
 
-pub use backup::{Saved, backup, restore};
+pub use backup::{Saved, backup, note_backup, restore};
 pub use export::{Exported, export};
 pub use import::{Imported, import};
 

@@ -1,0 +1,130 @@
+//! The audit log: who made, revoked and used keys, and who canceled and deleted whose jobs and results.
+//!
+//! An entry is written in the transaction of its act. Equal acts of one day share an entry, and so do all jobs of an actor
+//! that it cancels or deletes itself. So no client can fill the log with ordinary requests.
+
+use sqlx::sqlite::SqliteRow;
+use sqlx::{Row as _, SqliteConnection};
+
+use super::row::word;
+use super::{Error, Store};
+use crate::job::words;
+
+words! {
+    /// What the audit log records.
+    pub enum Act: "act" {
+        /// An access key was made.
+        AddKey = "add_key",
+        /// An access key was revoked.
+        RevokeKey = "revoke_key",
+        /// An access key was used. Uses within one minute count once.
+        UseKey = "use_key",
+        /// A job was canceled.
+        CancelJob = "cancel_job",
+        /// A job was deleted.
+        DeleteJob = "delete_job",
+        /// A result was deleted.
+        DeleteResult = "delete_result",
+    }
+}
+
+/// Who acts.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Actor {
+    /// The owner of its jobs, or the user of a command.
+    pub name: String,
+    /// The id of its access key; empty without a key.
+    pub key: String,
+}
+
+impl Actor {
+    /// The user of the operating system who runs this process.
+    #[must_use]
+    pub fn of_process() -> Self {
+        #[cfg(unix)]
+        let name = format!("uid {}", rustix::process::getuid());
+        #[cfg(not(unix))]
+        let name = "local user".to_owned();
+        Self { name, key: String::new() }
+    }
+}
+
+/// Equal acts of one day.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct AuditEntry {
+    /// Its number. Later entries have larger numbers.
+    pub id: i64,
+    /// When the first act was, in milliseconds since 1970.
+    pub first: i64,
+    /// When the last act was.
+    pub last: i64,
+    /// The number of acts.
+    pub times: u64,
+    /// What was done.
+    pub act: Act,
+    /// Who did it.
+    pub actor: Actor,
+    /// The id of the access key or of the job, or the key of the result; empty for an actor's own jobs.
+    pub subject: String,
+    /// The owner of the subject; empty if unknown.
+    pub owner: String,
+}
+
+impl AuditEntry {
+    fn read(row: &SqliteRow) -> Result<Self, sqlx::Error> {
+        Ok(Self {
+            id: row.try_get("id")?,
+            first: row.try_get("first")?,
+            last: row.try_get("last")?,
+            times: row.try_get("times")?,
+            act: word(row, "act")?,
+            actor: Actor { name: row.try_get("actor")?, key: row.try_get("key")? },
+            subject: row.try_get("subject")?,
+            owner: row.try_get("owner")?,
+        })
+    }
+}
+
+/// Records an act on something of an owner, in the transaction of the act.
+pub(super) async fn record(
+    db: &mut SqliteConnection,
+    now: i64,
+    (actor, act): (&Actor, Act),
+    subject: &str,
+    owner: &str,
+) -> Result<(), Error> {
+    let own_job = matches!(act, Act::CancelJob | Act::DeleteJob) && actor.name == owner;
+    sqlx::query(
+        "INSERT INTO audit (first, last, times, act, actor, key, subject, owner)
+         VALUES (?1, ?1, 1, ?2, ?3, ?4, ?5, ?6)
+         ON CONFLICT (act, actor, key, subject, owner, first / 86400000)
+         DO UPDATE SET last = excluded.last, times = times + 1",
+    )
+    .bind(now)
+    .bind(act.as_str())
+    .bind(&actor.name)
+    .bind(&actor.key)
+    .bind(if own_job { "" } else { subject })
+    .bind(owner)
+    .execute(db)
+    .await?;
+    Ok(())
+}
+
+/// Up to `limit` entries before another one, the newest first.
+pub(super) async fn list(
+    db: &mut SqliteConnection,
+    before: Option<i64>,
+    limit: u32,
+) -> Result<Vec<AuditEntry>, Error> {
+    let query = sqlx::query("SELECT * FROM audit WHERE id < ?1 ORDER BY id DESC LIMIT ?2");
+    let rows = query.bind(before.unwrap_or(i64::MAX)).bind(limit).fetch_all(db).await?;
+    Ok(rows.iter().map(AuditEntry::read).collect::<Result<_, _>>()?)
+}
+
+impl Store {
+    /// Up to `limit` entries of the audit log before another one, the newest first.
+    pub async fn audit(&self, before: Option<i64>, limit: u32) -> Result<Vec<AuditEntry>, Error> {
+        self.reading(async |db| list(db, before, limit).await).await
+    }
+}

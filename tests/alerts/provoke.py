@@ -1,0 +1,209 @@
+"""Provokes the trouble of every alert on real servers, and tests with promtool that the alerts fire.
+
+    provoke.py fretwork promtool
+
+The metrics of a server before and after the trouble become the series of a test for `promtool test rules`, in which each
+lasts for an hour. So the test has real metrics, and takes seconds.
+"""
+
+import json
+import os
+import re
+import resource
+import shutil
+import socket
+import sqlite3
+import subprocess
+import sys
+import tempfile
+import urllib.error
+import urllib.request
+from contextlib import closing
+from pathlib import Path
+
+FRETWORK, PROMTOOL = sys.argv[1:]
+RULES = Path(__file__, "../../../deploy/alerts.yml").resolve()
+BALL = json.loads(Path(__file__, "../../../examples/steel-ball.json").resolve().read_text())
+# A run of a second or more.
+LONG = BALL["scenario"] | {"model": {"tolerance": 1e-4}, "load": {"normal_force": "100 N", "held": "force"}}
+MINUTES = 60
+
+
+class Server:
+    """A server on a free port."""
+
+    started = []
+
+    def __init__(self, data, *options, files=None, mount=None):
+        command = [FRETWORK, "--listen", "127.0.0.1:0", "--data-dir", data, *options]
+        if mount:
+            command = [*mount, *command]
+        limit = (lambda: resource.setrlimit(resource.RLIMIT_NOFILE, (files, files))) if files else None
+        environment = {"PATH": os.environ["PATH"], "FRETWORK_LOG": "off"}
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment, preexec_fn=limit)
+        self.started.append(self)
+        self.address = self.process.stdout.readline().split()[-1]
+
+    def send(self, method, target, body=None, **headers):
+        """Sends a request. Returns the status and the text of its answer."""
+        data = None if body is None else json.dumps(body).encode()
+        headers = {"Content-Type": "application/json"} | {name.replace("_", "-"): text for name, text in headers.items()}
+        request = urllib.request.Request(self.address + target, data, headers, method=method)
+        try:
+            with urllib.request.urlopen(request, timeout=60) as answer:
+                return answer.status, answer.read().decode()
+        except urllib.error.HTTPError as error:
+            return error.code, error.read().decode()
+
+    def submit(self, body, **headers):
+        status, text = self.send("POST", "/v1/jobs", body, **headers)
+        assert status in (200, 202), text
+        return json.loads(text)
+
+    def scrape(self):
+        """The samples as Prometheus would store them: value by series."""
+        try:
+            status, text = self.send("GET", "/metrics")
+        except OSError:
+            return {'up{job="fretwork"}': "0"}
+        assert status == 200, text
+        checked = subprocess.run([PROMTOOL, "check", "metrics"], input=text, text=True, capture_output=True)
+        assert checked.returncode == 0, checked.stderr
+        samples = {'up{job="fretwork"}': "1"}
+        for line in text.splitlines():
+            name, labels, value = re.fullmatch(r"(?:#.*|(\w+)(?:{(.*)})? (\S+))", line).groups()
+            if name:
+                labels = ",".join(['job="fretwork"'] + ([labels] if labels else []))
+                samples[f"{name}{{{labels}}}"] = value
+        return samples
+
+    def kill(self):
+        self.process.kill()
+        self.process.wait()
+        self.process.stdout.close()
+
+
+def healthy_then_troubled(data):
+    """A server that works, with five troubles, and killed."""
+    files = 200
+    server = Server(data, "--workers", "1", "--memory-cache", "0", files=files)
+    job = server.submit(BALL, Prefer="wait=60")
+    assert job["state"] == "succeeded", job
+    subprocess.run([FRETWORK, "backup", f"{data}/backup", "--data-dir", data], check=True, stdout=subprocess.DEVNULL)
+    healthy = server.scrape()
+
+    with closing(sqlite3.connect(f"{data}/fretwork.db", isolation_level=None)) as db:
+        db.execute("UPDATE result SET digest = zeroblob(32)")
+        server.submit(BALL, Prefer="wait=60", Cache_Control="no-cache")
+        db.execute("UPDATE result_blob SET body = zeroblob(length(body))")
+        status, _ = server.send("GET", job["links"]["result"])
+        assert status == 500, status
+        # The worker needs longer for these than the rest of this function.
+        for friction in range(30, 70):
+            server.submit({"scenario": LONG | {"friction": friction / 100}})
+        db.execute("UPDATE run SET created = created - 1200000 WHERE state = 'queued'")
+        # While a transaction reads, the log cannot be moved into the database.
+        with closing(sqlite3.connect(f"{data}/fretwork.db", isolation_level=None)) as reader:
+            reader.execute("BEGIN")
+            reader.execute("SELECT count(*) FROM room").fetchone()
+            db.execute("CREATE TABLE large (bytes BLOB)")
+            for _ in range(5):
+                db.execute("INSERT INTO large VALUES (zeroblob(30000000))")
+            opened = int(float(healthy['process_open_fds{job="fretwork"}']))
+            host, port = server.address.removeprefix("http://").split(":")
+            idle = [socket.create_connection((host, int(port))) for _ in range(int(0.85 * files) - opened)]
+            troubled = server.scrape()
+    for connection in idle:
+        connection.close()
+    server.kill()
+    return healthy, troubled, server.scrape()
+
+
+def full(data):
+    """A server on a full disk. None if the system permits no mount."""
+    script = 'mount -t tmpfs -o size=3m tmpfs "$0" && exec "$@"'
+    for options in ([], ["--map-root-user"]):
+        mount = ["unshare", "--mount", *options, "sh", "-c", script, data]
+        if subprocess.run([*mount, "true"], capture_output=True).returncode == 0:
+            break
+    else:
+        return None
+    server = Server(data, mount=mount)
+    for friction in range(1, 1000):
+        body = {"scenario": BALL["scenario"] | {"friction": friction / 1000}}
+        status, _ = server.send("POST", "/v1/jobs", body, Prefer="wait=60")
+        if status == 507:
+            break
+    assert status == 507, "the disk did not fill up"
+    samples = server.scrape()
+    server.kill()
+    return samples
+
+
+def restarted(data):
+    """The metrics after four starts. The database has no backup."""
+    phases = []
+    for _ in range(4):
+        server = Server(data)
+        phases.append(server.scrape())
+        server.kill()
+    return phases
+
+
+def rule_test(name, phases, minutes=MINUTES):
+    """A test of the alerts after each phase: pairs of samples and the names of the alerts that must have fired."""
+    series = {one for samples, _ in phases for one in samples if not one.startswith(("fretwork_http", "fretwork_run_dur"))}
+
+    def values(one):
+        found = [samples.get(one, "_").replace("NaN", "_") for samples, _ in phases]
+        # After a failed scrape, Prometheus marks the series as stale.
+        return " ".join(f"stale _x{minutes - 1}" if value == "_" else f"{value}x{minutes - 1}" for value in found)
+
+    fired = f'count by (alertname) (max_over_time(ALERTS{{alertstate="firing"}}[{minutes - 2}m]))'
+    expected = lambda alerts: [{"labels": f'{{alertname="{alert}"}}', "value": 1} for alert in sorted(alerts)]
+    return {
+        "name": name,
+        "interval": "1m",
+        "input_series": [{"series": one, "values": values(one)} for one in sorted(series)],
+        "promql_expr_test": [
+            {"expr": fired, "eval_time": f"{minutes * end - 1}m", "exp_samples": expected(alerts)}
+            for end, (_, alerts) in enumerate(phases, 1)
+        ],
+    }
+
+
+def main():
+    directory = tempfile.mkdtemp()
+    data = lambda name: str(Path(directory, name))
+    try:
+        os.mkdir(data("full"))
+        healthy, troubled, down = healthy_then_troubled(data("one"))
+        starts = restarted(data("two"))
+        troubles = {
+            "FretworkDigitsDiffer", "FretworkDatabaseDamaged", "FretworkQueueStuck", "FretworkLogGrows",
+            "FretworkFilesRunOut",
+        }
+        phases = [(healthy, set()), (troubled, troubles), (down, {"FretworkDown"})]
+        tests = [
+            rule_test("troubles", phases),
+            rule_test("starts", [(samples, set()) for samples in starts[:3]] + [(starts[3], {"FretworkRestarts"})], 12),
+            rule_test("no backup", [(healthy, set()), (starts[0], {"FretworkBackupOld"})], 3000),
+        ]
+        provoked = troubles | {"FretworkDown", "FretworkRestarts", "FretworkBackupOld"}
+        disk = {"FretworkDiskFillsUp", "FretworkDiskFull"}
+        if samples := full(data("full")):
+            tests.append(rule_test("full disk", [(healthy, set()), (samples, disk)]))
+        else:
+            print("not provoked: the alerts of a full disk, because this system permits no mount", file=sys.stderr)
+        rules = set(re.findall(r"- alert: (\w+)", RULES.read_text()))
+        assert rules == provoked | disk, rules ^ (provoked | disk)
+        file = Path(directory, "test.yml")
+        file.write_text(json.dumps({"rule_files": [str(RULES)], "evaluation_interval": "1m", "tests": tests}))
+        subprocess.run([PROMTOOL, "test", "rules", file], check=True)
+    finally:
+        for server in Server.started:
+            server.kill()
+        shutil.rmtree(directory)
+
+
+main()
