@@ -1,4 +1,4 @@
-"""What the attacks share: connections from other loopback addresses, raw HTTP/1.1, and the server's list of connections.
+"""What the attacks share: connections from other loopback addresses, raw HTTP/1.1, and the connections of the server.
 
 Each attack is a program. Its first argument is a file that describes the server; see `Target`.
 """
@@ -156,14 +156,15 @@ def told(outcomes):
 
 
 def held(sources):
-    """The connections from these addresses that the server holds: for each, how many sent bytes its client has not taken."""
+    """The connections from these addresses that the server holds: for each, how many bytes wait for its client."""
     own = {struct.unpack("=I", socket.inet_aton(source))[0] for source in sources}
     found = []
     with open("/proc/net/tcp", encoding="ascii") as table:
         for line in itertools.islice(table, 1, None):
             _, local, remote, state, queues, _, _, _, _, inode, *_ = line.split()
             # A connection that the server has not accepted yet has no inode.
-            if state == "01" and inode != "0" and int(local[9:], 16) == target.port and int(remote[:8], 16) in own:
+            accepted = state == "01" and inode != "0"
+            if accepted and int(local[9:], 16) == target.port and int(remote[:8], 16) in own:
                 found.append(int(queues.split(":")[0], 16))
     return found
 
@@ -174,3 +175,6 @@ def attack(program):
         print(asyncio.run(program()))
     except AssertionError as fault:
         sys.exit(str(fault) or traceback.format_exc())
+    except OSError as fault:
+        # The server has died.
+        sys.exit(f"{type(fault).__name__}: {fault}")

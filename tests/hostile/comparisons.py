@@ -12,7 +12,7 @@ import time
 
 from client import addresses, answer, attack, connect, head, outcome, post, send, target, told
 
-AT_ONCE, SECONDS, RESULTS, DELAY = 64, 6, 3000, 0.5
+AT_ONCE, SECONDS, RESULTS, DELAY = 64, 5, 2000, 0.5
 SOURCES = addresses(17, AT_ONCE)
 
 
@@ -23,7 +23,7 @@ def scenario(friction):
         "moduli": {"normal": "113 GPa", "tangential": "93 GPa"},
         "friction": friction,
         "wear": {"coefficient": "3.03e-5 mm^3/(N m)"},
-        "load": {"normal_force": "100 N"},
+        "load": {"normal_force": "100 N", "held": "depth"},
         "motion": {"amplitude": "2 um"},
         "cycles": [1000, 10000],
         "profiles_at": "none",

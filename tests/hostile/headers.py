@@ -46,6 +46,7 @@ async def hold(source, end, lives):
 async def program():
     end, lives = asyncio.get_running_loop().time() + SECONDS, []
     await asyncio.gather(*(hold(source, end, lives) for source in SOURCES))
+    assert lives, "no connection was made"
     longest = max(lives)
     assert longest < LONGEST, f"a connection without a whole head lived {longest:.1f} s"
     return f"{len(lives)} connections; the longest lived {longest:.1f} s"

@@ -15,6 +15,7 @@ COUNT = argument(1)
 SOURCES = addresses(16, COUNT)
 SECONDS = 25
 # Takes longer than this program.
+BLOCKS = [{"amplitude": f"{(2.5, 8)[i % 2] + i % 7 / 100} um", "cycles": 200_000} for i in range(1000)]
 JOB = {
     "scenario": {
         "profile": {"shape": "paraboloid", "radius": "10 mm"},
@@ -22,7 +23,7 @@ JOB = {
         "friction": 0.7,
         "wear": {"coefficient": "3.03e-5 mm^3/(N m)"},
         "load": {"normal_force": "100 N", "held": "force"},
-        "motion": {"blocks": [{"amplitude": f"{(2.5, 8)[i % 2] + i % 7 / 100} um", "cycles": 200_000} for i in range(1000)]},
+        "motion": {"blocks": BLOCKS},
         "cycles": {"from": 200_000, "to": 200_000_000, "count": 1000, "spacing": "linear"},
         "profiles_at": "none",
         "model": {"points": 4096, "tolerance": 1e-4, "compare": True},
