@@ -150,21 +150,22 @@ def outcome(reply):
 
 
 def told(outcomes):
-    """Counts outcomes: `200 x3, closed x4`."""
+    """Counts outcomes: `3 x 200, 4 x closed`."""
     counted = collections.Counter(outcomes)
-    return ", ".join(f"{name} x{counted[name]}" for name in sorted(counted)) or "nothing"
+    return ", ".join(f"{counted[name]} x {name}" for name in sorted(counted)) or "nothing"
 
 
-def held(sources):
-    """The connections from these addresses that the server holds: for each, how many bytes wait for its client."""
-    own = {struct.unpack("=I", socket.inet_aton(source))[0] for source in sources}
+def held(sources=None):
+    """The connections that the server holds, from all or these addresses: how many bytes wait for each client."""
+    own = {struct.unpack("=I", socket.inet_aton(source))[0] for source in sources or ()}
     found = []
     with open("/proc/net/tcp", encoding="ascii") as table:
         for line in itertools.islice(table, 1, None):
             _, local, remote, state, queues, _, _, _, _, inode, *_ = line.split()
             # A connection that the server has not accepted yet has no inode.
             accepted = state == "01" and inode != "0"
-            if accepted and int(local[9:], 16) == target.port and int(remote[:8], 16) in own:
+            own_source = sources is None or int(remote[:8], 16) in own
+            if accepted and own_source and int(local[9:], 16) == target.port:
                 found.append(int(queues.split(":")[0], 16))
     return found
 

@@ -21,6 +21,8 @@ PREFACE = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n"
 DATA, HEADERS, RST_STREAM, SETTINGS, PING = 0, 1, 3, 4, 6
 END_STREAM, END_HEADERS, ACK = 1, 4, 1
 INITIAL_WINDOW_SIZE = 4
+# The field `:status: 200` (RFC 7541, appendix A).
+STATUS_200 = b"\x88"
 
 
 def frame(kind, flags, stream, payload=b""):
@@ -60,15 +62,15 @@ class Frames:
         self.connection, self.text = connection, b""
 
     async def read(self):
-        """The kind, flags and stream of the next frame. None if the server has closed the connection."""
+        """The next frame: kind, flags, stream and payload. None if the server has closed the connection."""
         while (whole := self.whole()) is None:
             more = await receive(self.connection)
             if not more:
                 return None
             self.text += more
         kind, flags, stream = struct.unpack(">BBI", self.text[3:9])
-        self.text = self.text[whole:]
-        return kind, flags, stream
+        payload, self.text = self.text[9:whole], self.text[whole:]
+        return kind, flags, stream, payload
 
     def whole(self):
         """The length of the next frame; None if it has not arrived yet."""
@@ -90,20 +92,22 @@ async def starve(place):
         for stream, path in enumerate(paths(place)):
             await send(connection, frame(HEADERS, END_STREAM | END_HEADERS, 2 * stream + 1, request(path)))
         pings = asyncio.create_task(show_life(connection))
-        frames, waiting, got = Frames(connection), {2 * stream + 1 for stream in range(STREAMS)}, []
+        frames, waiting = Frames(connection), {2 * stream + 1: "no answer" for stream in range(STREAMS)}
+        got = []
         try:
             async with asyncio.timeout(DEADLINE):
                 while waiting and (read := await frames.read()):
-                    kind, flags, stream = read
+                    kind, flags, stream, payload = read
                     if kind == SETTINGS and not flags & ACK:
                         await send(connection, frame(SETTINGS, ACK, 0))
+                    if kind == HEADERS and stream in waiting:
+                        waiting[stream] = "200" if payload.startswith(STATUS_200) else "refused"
                     ends = kind in (HEADERS, DATA) and flags & END_STREAM
                     if stream in waiting and (ends or kind == RST_STREAM):
-                        waiting.remove(stream)
-                        got.append("ended" if ends else "reset")
-            got += ["closed"] * len(waiting)
+                        got.append(waiting.pop(stream) + (" then ended" if ends else " then reset"))
+            got += [f"{name} then closed" for name in waiting.values()]
         except TimeoutError:
-            got += ["waits"] * len(waiting)
+            got += [f"{name} and waits" for name in waiting.values()]
         pings.cancel()
         await asyncio.wait([pings])
     return got

@@ -13,7 +13,6 @@ import time
 MEMORY = 512 << 20
 # The soft limit of open files with which most systems start a program.
 FILES = 1024
-ADMINISTRATOR = "fretwork_" + "0123456789abcdef" * 3
 # One key may have 256 requests at once, so the attackers have several.
 KEYS, SHARERS = 20, 4
 # A result with 46 MB of JSON, which is computed in half a second.
@@ -51,8 +50,8 @@ class Server:
         _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
         self.log = open(data / "log", "w+", encoding="utf-8")
         self.process = subprocess.Popen(
-            [*cgroup(), program, "--listen", "127.0.0.1:0", "--data-dir", data],
-            env={"PATH": os.environ["PATH"], "FRETWORK_LOG": "error", "FRETWORK_ADMIN_KEY": ADMINISTRATOR},
+            # Variables could change the settings, but systemd-run needs them.
+            [*cgroup(), "env", "-i", program, "--listen", "127.0.0.1:0", "--data-dir", data, "--log", "error"],
             stdout=subprocess.PIPE,
             stderr=self.log,
             text=True,
@@ -108,7 +107,8 @@ class Server:
 
     def health(self):
         """Checks the health with the program itself."""
-        subprocess.run([self.program, "health", "--url", self.base], check=True, capture_output=True, timeout=10)
+        command = [self.program, "health", "--url", self.base]
+        subprocess.run(command, check=True, capture_output=True, text=True, timeout=10)
 
     def submit(self):
         """Submits a job that is not cached, as a caller who does not attack."""
