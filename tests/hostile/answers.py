@@ -13,8 +13,8 @@ from client import addresses, argument, attack, connect, head, held, outcome, pe
 
 COUNT, RATE = argument(1), argument(2)
 SOURCES = addresses(11 if RATE else 10, COUNT, each=250)
-# A connection may take nothing for 20 s. The rest is for making the answers.
-DEADLINE = 40
+# The server may wait 10 s for memory. Then a connection may take nothing for 20 s, and the server looks every 5 s.
+DEADLINE = 45
 PARTS = [
     ("", "format=json"),
     ("", "format=npz"),

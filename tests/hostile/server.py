@@ -14,7 +14,7 @@ MEMORY = 512 << 20
 # The soft limit of open files with which most systems start a program.
 FILES = 1024
 # One key may have 256 requests at once, so the attackers have several.
-KEYS, SHARERS = 20, 4
+KEYS, SHARERS = 16, 4
 # A result with 46 MB of JSON, which is computed in half a second.
 LARGE = {
     "profile": {"shape": "paraboloid", "radius": "10 mm"},
@@ -60,12 +60,11 @@ class Server:
         self.base = re.search(r"listens on (http://\S+)", self.process.stdout.readline())[1]
         self.port = int(self.base.rsplit(":", 1)[1])
         self.bystander = self.key("bystander", "submit")
-        attackers = [self.key("attacker", "submit") for _ in range(KEYS)]
-        links = self.links(attackers[:SHARERS])
+        links = self.links([self.key(f"sharer{number}", "submit") for number in range(SHARERS)])
         self.large = links[0]
         values = {
             "port": self.port,
-            "keys": attackers,
+            "keys": [self.key("attacker", "submit") for _ in range(KEYS)],
             "links": links,
             "reader": self.key("reader", "read"),
             "bystander": self.bystander,

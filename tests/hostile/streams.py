@@ -54,7 +54,7 @@ async def follow(source, key, job, end, free):
 async def program():
     end, free = asyncio.get_running_loop().time() + SECONDS, asyncio.Semaphore(200)
     submitted = await ask("127.0.0.1", post("/v1/jobs", target.keys[0], JOB))
-    assert submitted.status in (200, 202), submitted
+    assert submitted and submitted.status in (200, 202), f"the job was not accepted: {submitted}"
     job = json.loads(submitted.body)["id"]
     keys = [target.keys[-1 - place // 250] for place in range(COUNT)]
     streams = [follow(source, key, job, end, free) for source, key in zip(SOURCES, keys)]

@@ -12,8 +12,6 @@ import time
 from client import addresses, answer, argument, attack, connect, head, outcome, send, target, told
 
 COUNT = argument(1)
-# The first keys have made the share links.
-KEYS = target.keys[4:]
 SOURCES = addresses(14, COUNT, each=250)
 DEADLINE = 16
 
@@ -29,7 +27,7 @@ async def upload(place):
     began, dripping, got = time.monotonic(), None, "waits"
     chunked = place % 2 == 1
     length = {"Transfer_Encoding": "chunked"} if chunked else {"Content_Length": 4_000_000}
-    request = head("POST", "/v1/scenarios", KEYS[place // 250], Content_Type="application/json", **length)
+    request = head("POST", "/v1/scenarios", target.keys[place // 250], Content_Type="application/json", **length)
     with contextlib.suppress(TimeoutError):
         async with asyncio.timeout(DEADLINE):
             try:
