@@ -9,7 +9,7 @@ import asyncio
 import itertools
 import time
 
-from client import addresses, argument, attack, connect, head, held, outcome, peek, receive, send, target, told
+from client import addresses, argument, attack, connect, head, held, peek, receive, send, target, told
 
 COUNT, RATE = argument(1), argument(2)
 SOURCES = addresses(11 if RATE else 10, COUNT, each=250)
@@ -23,6 +23,7 @@ PARTS = [
     ("/profiles", "format=ndjson"),
     ("/profiles", "format=arrow"),
 ]
+CODINGS = ["identity", "zstd", "gzip"]
 # The two attacks with this program share no form.
 POINTS = 4000 if RATE else 4096
 FORMS = list(itertools.product(range(4, 12), ["si", "engineering"], PARTS))
@@ -33,7 +34,9 @@ def form(place):
     digits, units, (part, form) = FORMS[place % len(FORMS)]
     points = POINTS - place // len(FORMS)
     path, link = target.links[place // 250].split("?")
-    return head("GET", f"{path}{part}?{link}&{form}&digits={digits}&units={units}&points={points}")
+    coding = CODINGS[place // len(PARTS) % len(CODINGS)]
+    address = f"{path}{part}?{link}&{form}&digits={digits}&units={units}&points={points}"
+    return head("GET", address, Accept_Encoding=coding)
 
 
 async def trickle(connection):

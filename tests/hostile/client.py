@@ -11,7 +11,6 @@ import resource
 import socket
 import struct
 import sys
-import time
 import traceback
 
 # Linux chooses the port when the socket connects, so that each address has all ports.

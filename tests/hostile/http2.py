@@ -16,7 +16,7 @@ from client import addresses, attack, connect, receive, send, target, told
 CONNECTIONS, STREAMS, PREFACES = 8, 32, 64
 SOURCES = addresses(19, CONNECTIONS + PREFACES)
 # The server may wait 10 s for memory. Then a connection may take nothing for 20 s, and the server looks every 5 s.
-DEADLINE, PREFACE_DEADLINE = 45, 12
+DEADLINE, PREFACE_DEADLINE = 45, 15
 PREFACE = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n"
 DATA, HEADERS, RST_STREAM, SETTINGS, PING = 0, 1, 3, 4, 6
 END_STREAM, END_HEADERS, ACK = 1, 4, 1

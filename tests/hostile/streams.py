@@ -44,10 +44,13 @@ async def follow(source, key, job, end, free):
             with connection:
                 await send(connection, head("GET", f"/v1/jobs/{job}/events", key))
                 while more := await receive(connection):
-                    if state == "waits":
-                        got += more
-                        state = "open" if b"event: snapshot" in got else "waits"
-                return "cut" if state == "open" else got[9:12].decode() or "refused"
+                    if state == "open":
+                        continue
+                    got += more
+                    if b"\r\n\r\n" in got and not got.startswith(b"HTTP/1.1 200"):
+                        return got[9:12].decode()
+                    state = "open" if b"event: snapshot" in got else "waits"
+                return "cut" if state == "open" else "refused"
     return state
 
 

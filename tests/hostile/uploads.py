@@ -13,7 +13,7 @@ from client import addresses, answer, argument, attack, connect, head, outcome, 
 
 COUNT = argument(1)
 SOURCES = addresses(14, COUNT, each=250)
-DEADLINE = 16
+DEADLINE = 20
 
 
 async def drip(connection, chunked):
