@@ -33,7 +33,7 @@ JOB = {
 
 async def follow(source, key, job, end, free):
     """Follows the job until `end`. Tells what the client got."""
-    got, state = b"", "waits"
+    got, state = b"", "not connected"
     with contextlib.suppress(TimeoutError):
         async with asyncio.timeout_at(end):
             try:
@@ -42,6 +42,7 @@ async def follow(source, key, job, end, free):
             except ConnectionError:
                 return "refused"
             with connection:
+                state = "no event"
                 await send(connection, head("GET", f"/v1/jobs/{job}/events", key))
                 while more := await receive(connection):
                     if state == "open":
@@ -49,7 +50,8 @@ async def follow(source, key, job, end, free):
                     got += more
                     if b"\r\n\r\n" in got and not got.startswith(b"HTTP/1.1 200"):
                         return got[9:12].decode()
-                    state = "open" if b"event: snapshot" in got else "waits"
+                    if b"event: snapshot" in got:
+                        state = "open"
                 return "cut" if state == "open" else "refused"
     return state
 
