@@ -21,7 +21,6 @@ use fretwork::store::Store;
 use fretwork::verification::{self, Accuracy};
 use fretwork_engine::simulation::model_error;
 use mimalloc::MiMalloc;
-use tokio::net::TcpListener;
 use tokio::sync::oneshot;
 use tokio::time;
 
@@ -86,27 +85,19 @@ fn restrict_permissions() {
     rustix::process::umask(rustix::fs::Mode::from_raw_mode(0o077));
 }
 
-/// Raises the soft limit of open files as far as this process may.
+/// Raises the soft limit of open files to the hard one, and warns if it is too low.
+#[cfg(unix)]
 fn allow_open_files(connections: u32) {
-    /// Files besides the connections: the database, its readers and the log.
-    #[cfg(unix)]
-    const OTHERS: u64 = 128;
-    #[cfg(unix)]
-    {
-        use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
-        let Rlimit { current, maximum } = getrlimit(Resource::Nofile);
-        let wanted = u64::from(connections) + OTHERS;
-        let Some(allowed) = current.filter(|current| *current < wanted) else { return };
-        let raised = maximum.map_or(wanted, |maximum| maximum.min(wanted));
-        let failed =
-            setrlimit(Resource::Nofile, Rlimit { current: Some(raised), maximum }).is_err();
-        let limit = if failed { allowed } else { raised };
-        if limit < wanted {
-            tracing::warn!(limit, wanted, "--connections needs a higher limit of open files");
-        }
+    use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+    /// Files besides the connections: displaced connections, the database, its readers and the log.
+    const OTHERS: u64 = 512;
+    let Rlimit { current, maximum } = getrlimit(Resource::Nofile);
+    let raised = setrlimit(Resource::Nofile, Rlimit { current: maximum, maximum });
+    let limit = if raised.is_ok() { maximum } else { current };
+    let wanted = u64::from(connections) + OTHERS;
+    if let Some(limit) = limit.filter(|limit| *limit < wanted) {
+        tracing::warn!(limit, wanted, "--connections needs a higher limit of open files");
     }
-    #[cfg(not(unix))]
-    let _ = connections;
 }
 
 fn serve(settings: &Serve, matches: &ArgMatches) -> Result<(), Error> {
@@ -126,9 +117,10 @@ fn serve(settings: &Serve, matches: &ArgMatches) -> Result<(), Error> {
 
 async fn serve_until_signal(settings: &Serve, admin_key: Option<AdminKey>) -> Result<(), Error> {
     let mut signals = ShutdownSignals::new()?;
+    #[cfg(unix)]
     allow_open_files(settings.connections);
     let store = Store::open(&settings.data_dir, &settings.storage()).await?;
-    let listener = TcpListener::bind(settings.listen).await.map_err(|error| {
+    let listener = http::listen(settings.listen).map_err(|error| {
         format!("cannot listen on {}: {error}; choose another with --listen", settings.listen)
     })?;
     let address = listener.local_addr()?;

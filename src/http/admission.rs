@@ -12,6 +12,10 @@ use super::connection::Activity;
 
 /// Connections that only clients on this machine can have, so that its operator always gets an answer.
 const RESERVE: usize = 64;
+/// Displaced connections that are not closed yet.
+const MOST_DISPLACED: usize = 256;
+/// How many idle connections are compared before one is displaced.
+const COMPARED: usize = 64;
 /// Refused connections are logged at most once in this time.
 const LOG_PAUSE: Duration = Duration::from_mins(1);
 
@@ -49,6 +53,8 @@ struct Table {
     addresses: HashMap<IpAddr, usize>,
     /// The number of the next connection.
     next: u64,
+    /// Displaced connections whose sockets are still open.
+    displaced: usize,
     /// The refusals since the last line in the log, and its time.
     unlogged: u64,
     logged: Option<Instant>,
@@ -73,8 +79,8 @@ impl Admission {
         self.limits.proxies.contains(&address)
     }
 
-    /// Admits a connection, or refuses it. If all places are taken, it gets the place of the connection that has
-    /// been idle for the longest time.
+    /// Admits a connection, or refuses it. If all places are taken, it gets the place of a connection that has been idle
+    /// for a long time.
     pub fn admit(self: &Arc<Self>, address: IpAddr) -> Option<Entry> {
         let Connections { total, per_address, .. } = self.limits;
         let is_own =
@@ -107,14 +113,18 @@ impl Admission {
 }
 
 impl Table {
-    /// Closes the connection that has been idle for the longest time, of the addresses in question. False if all
-    /// have requests.
+    /// Closes the connection that has been idle for the longest time, of some from the addresses in question. False
+    /// if all have requests.
     fn displace(&mut self, among: impl Fn(IpAddr) -> bool) -> bool {
+        if self.displaced >= MOST_DISPLACED {
+            return false;
+        }
         let idle = self.connections.iter().filter(|(_, (address, _))| among(*address));
         let idle = idle.filter_map(|(number, (_, activity))| Some((activity.idle()?, *number)));
-        let Some((_, number)) = idle.max() else { return false };
+        let Some((_, number)) = idle.take(COMPARED).max() else { return false };
         if let Some(activity) = self.remove(number) {
             activity.displace();
+            self.displaced += 1;
         }
         true
     }
@@ -143,7 +153,9 @@ impl Table {
 impl Drop for Entry {
     fn drop(&mut self) {
         let mut table = self.admission.table();
-        table.remove(self.number);
+        if table.remove(self.number).is_none() {
+            table.displaced -= 1;
+        }
         self.admission.open.set(table.connections.len().cast_signed() as i64);
     }
 }

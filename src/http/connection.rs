@@ -4,6 +4,7 @@
 //! each occupy memory and one of the connections that the server can have.
 
 use std::io::{self, IoSlice};
+use std::mem;
 use std::pin::Pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering::Relaxed};
@@ -261,6 +262,9 @@ pub struct AnswerBody {
     rest: Bytes,
     /// Bytes that are counted as owed. The length of an event stream is not known, so it owes nothing.
     owed: u64,
+    /// Bytes of the last piece. They are owed until the next one is wanted: HTTP/2 takes a piece before its client wants
+    /// any.
+    last: u64,
     request: OpenRequest,
     _permit: Option<Arc<Permit>>,
 }
@@ -275,7 +279,7 @@ impl AnswerBody {
     ) -> Self {
         let owed = length.unwrap_or(0);
         request.0.owed.fetch_add(owed, Relaxed);
-        Self { body, rest: Bytes::new(), owed, request, _permit: permit }
+        Self { body, rest: Bytes::new(), owed, last: 0, request, _permit: permit }
     }
 
     /// The next piece of the rest.
@@ -283,9 +287,7 @@ impl AnswerBody {
         /// Most results are one piece.
         const PIECE: usize = 256 << 10;
         let piece = self.rest.split_to(self.rest.len().min(PIECE));
-        let taken = (piece.len() as u64).min(self.owed);
-        self.owed -= taken;
-        self.request.0.owed.fetch_sub(taken, Relaxed);
+        self.last = (piece.len() as u64).min(self.owed);
         piece
     }
 }
@@ -298,6 +300,9 @@ impl HttpBody for AnswerBody {
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,
     ) -> Poll<Option<Result<Frame<Bytes>, axum::Error>>> {
+        let sent = mem::take(&mut self.last);
+        self.owed -= sent;
+        self.request.0.owed.fetch_sub(sent, Relaxed);
         if self.rest.is_empty() {
             match ready!(Pin::new(&mut self.body).poll_frame(context)) {
                 Some(Ok(frame)) => match frame.into_data() {
@@ -395,7 +400,7 @@ mod tests {
         {
             taken += frame.into_data().unwrap().len();
         }
-        assert_eq!((taken, activity.owes()), (1 << 20, false));
+        assert_eq!((taken, activity.owes()), (1 << 20, true), "the last piece may wait in HTTP/2");
         assert!(activity.idle().is_none(), "the request ends with its body");
         drop(body);
         assert!(activity.idle().is_some());

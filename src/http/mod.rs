@@ -54,6 +54,7 @@ pub use connection::Patience;
 pub use layers::Origins;
 pub use limits::Limits;
 pub use scenarios::{EXAMPLES, Example};
+pub use server::listen;
 pub use signed_link::ADMIN;
 
 use crate::service::Service;

@@ -2,7 +2,7 @@
 
 use std::convert::Infallible;
 use std::io;
-use std::net::IpAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
@@ -18,7 +18,7 @@ use hyper::service::service_fn;
 use hyper_util::rt::{TokioExecutor, TokioIo, TokioTimer};
 use hyper_util::server::conn::auto::Builder;
 use hyper_util::server::graceful::GracefulShutdown;
-use tokio::net::{TcpListener, TcpStream};
+use tokio::net::{TcpListener, TcpSocket, TcpStream};
 use tokio::time::sleep;
 use tower::ServiceExt as _;
 
@@ -30,6 +30,8 @@ use super::wire::length_of;
 
 /// Memory for the bytes of one connection in each direction.
 const BUFFER: usize = 64 << 10;
+/// Concurrent requests of one connection of HTTP/2.
+const STREAMS: u32 = 16;
 /// How long the server waits after it could not accept a connection, for example because it has too many files.
 const PAUSE: Duration = Duration::from_millis(200);
 /// The answer on a connection that the server does not accept.
@@ -37,6 +39,23 @@ const REFUSAL: &[u8] =
     b"HTTP/1.1 503 Service Unavailable\r\nRetry-After: 5\r\nConnection: close\r\n\
     Content-Type: text/plain\r\nContent-Length: 75\r\n\r\n\
     The server has too many connections. Close some of yours, or try it later.\n";
+
+/// Listens on an address.
+///
+/// # Errors
+/// The address is in use, or not of this machine.
+pub fn listen(address: SocketAddr) -> io::Result<TcpListener> {
+    /// Connections that wait to be accepted. A client whose connection finds no place tries again after a second.
+    const BACKLOG: u32 = 4096;
+    let socket = match address {
+        SocketAddr::V4(_) => TcpSocket::new_v4()?,
+        SocketAddr::V6(_) => TcpSocket::new_v6()?,
+    };
+    #[cfg(unix)]
+    socket.set_reuseaddr(true)?;
+    socket.bind(address)?;
+    socket.listen(BACKLOG)
+}
 
 /// Serves the router on all connections of a listener until `closing` ends. Then it ends when all connections are
 /// closed.
@@ -81,6 +100,7 @@ fn builder() -> Builder<TokioExecutor> {
     let mut builder = Builder::new(TokioExecutor::new());
     builder.http1().timer(TokioTimer::new()).max_buf_size(BUFFER);
     let mut http2 = builder.http2();
+    http2.max_concurrent_streams(STREAMS);
     http2.timer(TokioTimer::new()).max_send_buf_size(BUFFER).max_header_list_size(BUFFER as u32);
     http2
         .initial_stream_window_size(BUFFER as u32)

@@ -14,7 +14,7 @@ use tokio::time::timeout;
 use super::problem::{self, Problem};
 
 /// Bodies up to this size, in bytes, are not counted. The limits of connections bound their sum.
-pub const SMALL: usize = 64 << 10;
+pub const SMALL: usize = 32 << 10;
 /// The unit in which memory is counted, in bytes.
 const UNIT: u64 = 1 << 10;
 /// How long a request waits for memory that others use.

@@ -1,0 +1,79 @@
+"""Clients with small receive buffers request a large result by a share link, each in another form.
+
+    python answers.py TARGET COUNT RATE
+
+They take RATE bytes per second, or nothing. The server must close each connection that leaves bytes waiting.
+"""
+
+import asyncio
+import itertools
+import time
+
+from client import addresses, argument, attack, connect, head, held, peek, receive, send, target, told
+
+COUNT, RATE = argument(1), argument(2)
+SOURCES = addresses(11 if RATE else 10, COUNT, each=250)
+# The server may wait 10 s for memory. Then a connection may take nothing for 20 s, and the server looks every 5 s.
+DEADLINE = 45
+PARTS = [
+    ("", "format=json"),
+    ("", "format=npz"),
+    ("/profiles", "format=csv"),
+    ("/profiles", "format=json&layout=records"),
+    ("/profiles", "format=ndjson"),
+    ("/profiles", "format=arrow"),
+]
+CODINGS = ["identity", "zstd", "gzip"]
+# The two attacks with this program share no form.
+POINTS = 4000 if RATE else 4096
+FORMS = list(itertools.product(range(4, 12), ["si", "engineering"], PARTS))
+
+
+def form(place):
+    """The request of one client. One key may have 256 requests at once, also by its links."""
+    digits, units, (part, form) = FORMS[place % len(FORMS)]
+    points = POINTS - place // len(FORMS)
+    path, link = target.links[place // 250].split("?")
+    coding = CODINGS[place // len(PARTS) % len(CODINGS)]
+    address = f"{path}{part}?{link}&{form}&digits={digits}&units={units}&points={points}"
+    return head("GET", address, Accept_Encoding=coding)
+
+
+async def trickle(connection):
+    """Takes a few bytes per second, until the server closes."""
+    while await receive(connection, max(1, RATE // 4)):
+        await asyncio.sleep(0.25)
+
+
+async def start(place):
+    """Sends the request of one client."""
+    connection = await connect(SOURCES[place], receive_buffer=4096)
+    await send(connection, form(place))
+    return connection
+
+
+async def program():
+    began = time.monotonic()
+    connections = await asyncio.gather(*(start(place) for place in range(COUNT)))
+    # An answer can pause while the server makes its next bytes, so one look is not enough.
+    seen, readers, quiet = {}, [], 0
+    while quiet < 2:
+        await asyncio.sleep(1)
+        for connection in connections:
+            if connection not in seen and (first := peek(connection)) is not None:
+                seen[connection] = first[9:12].decode() or "closed"
+                if RATE:
+                    readers.append(asyncio.create_task(trickle(connection)))
+        waiting = sum(map(bool, held(SOURCES)))
+        quiet = quiet + 1 if len(seen) == COUNT and not waiting else 0
+        took = time.monotonic() - began
+        assert took < DEADLINE, f"{told(seen.values())}; {waiting} connections wait for their client after {took:.0f} s"
+    for reader in readers:
+        reader.cancel()
+    for connection in connections:
+        connection.close()
+    assert "500" not in seen.values(), told(seen.values())
+    return f"{told(seen.values())}; no connection waits after {took:.0f} s"
+
+
+attack(program)

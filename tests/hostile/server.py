@@ -1,0 +1,150 @@
+"""The attacked server: the release program with bounded memory, access keys, and one large result."""
+
+import http.client
+import itertools
+import json
+import os
+import pathlib
+import re
+import resource
+import subprocess
+import time
+
+MEMORY = 512 << 20
+# The soft limit of open files with which most systems start a program.
+FILES = 1024
+# One key may have 256 requests at once, so the attackers have several.
+KEYS, SHARERS = 16, 4
+# A result with 46 MB of JSON, which is computed in half a second.
+LARGE = {
+    "profile": {"shape": "paraboloid", "radius": "10 mm"},
+    "moduli": {"normal": "113 GPa", "tangential": "93 GPa"},
+    "friction": 0.7,
+    "wear": {"coefficient": "3.03e-5 mm^3/(N m)"},
+    "load": {"normal_force": "100 N", "held": "depth"},
+    "motion": {"amplitude": "2 um"},
+    "cycles": {"from": 1000, "to": 100_000, "count": 140, "spacing": "log"},
+    "profiles_at": "all",
+    "model": {"points": 4096},
+}
+SMALL = LARGE | {"cycles": [1000], "profiles_at": "none", "model": {"method": "simplified", "points": 16}}
+
+
+def cgroup():
+    """The command that starts a program with bounded memory. Empty if systemd is missing or may not do this."""
+    user = [] if os.geteuid() == 0 else ["--user"]
+    bounds = [f"--property=MemoryMax={MEMORY}", "--property=MemorySwapMax=0"]
+    command = ["systemd-run", *user, "--scope", "--quiet", "--collect", *bounds]
+    try:
+        subprocess.run([*command, "true"], check=True, capture_output=True, timeout=10)
+    except (OSError, subprocess.SubprocessError):
+        return []
+    return command
+
+
+class Server:
+    """A running server."""
+
+    def __init__(self, program, data):
+        self.program, self.data, self.numbers = program, data, itertools.count()
+        _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+        self.log = open(data / "log", "w+", encoding="utf-8")
+        self.process = subprocess.Popen(
+            # Variables could change the settings, but systemd-run needs them.
+            [*cgroup(), "env", "-i", program, "--listen", "127.0.0.1:0", "--data-dir", data, "--log", "error"],
+            stdout=subprocess.PIPE,
+            stderr=self.log,
+            text=True,
+            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_NOFILE, (min(FILES, most), most)),
+        )
+        self.base = re.search(r"listens on (http://\S+)", self.process.stdout.readline())[1]
+        self.port = int(self.base.rsplit(":", 1)[1])
+        self.bystander = self.key("bystander", "submit")
+        links = self.links([self.key(f"sharer{number}", "submit") for number in range(SHARERS)])
+        self.large = links[0]
+        values = {
+            "port": self.port,
+            "keys": [self.key("attacker", "submit") for _ in range(KEYS)],
+            "links": links,
+            "reader": self.key("reader", "read"),
+            "bystander": self.bystander,
+        }
+        # For the programs that attack.
+        self.target = data / "target.json"
+        self.target.write_text(json.dumps(values))
+
+    def key(self, name, role):
+        """A new access key."""
+        command = [self.program, "keys", "add", name, "--role", role, "--data-dir", self.data]
+        text = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+        return re.search(r"fretwork_\w+", text)[0]
+
+    def links(self, keys):
+        """Share links of several keys to one large result."""
+        status, text = self.post("/v1/jobs", keys[0], {"scenario": LARGE}, Prefer="wait=10")
+        job = json.loads(text)
+        assert status == 200 and job["state"] == "succeeded", text
+        answers = [self.post(f"/v1/results/{job['key']}/links", key) for key in keys]
+        return [json.loads(text)["url"] for _, text in answers]
+
+    def ask(self, method, path, key=None, body=None, **headers):
+        """Sends a request on a new connection from 127.0.0.1. Returns the status and the body of the answer."""
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=10)
+        if key:
+            headers["Authorization"] = f"Bearer {key}"
+        try:
+            connection.request(method, path, body, headers)
+            response = connection.getresponse()
+            return response.status, response.read()
+        finally:
+            connection.close()
+
+    def post(self, path, key, document=None, **headers):
+        """Sends JSON."""
+        body = None if document is None else json.dumps(document)
+        return self.ask("POST", path, key, body, **headers, **{"Content-Type": "application/json"})
+
+    def health(self):
+        """Checks the health with the program itself."""
+        command = [self.program, "health", "--url", self.base]
+        subprocess.run(command, check=True, capture_output=True, text=True, timeout=10)
+
+    def submit(self):
+        """Submits a job that is not cached, as a caller who does not attack."""
+        scenario = SMALL | {"friction": 0.2 + next(self.numbers) / 1e5}
+        status, text = self.post("/v1/jobs", self.bystander, {"scenario": scenario})
+        assert status in (200, 202), text
+
+    def recover(self, seconds):
+        """Reads the large result whole. It may be refused for some seconds after an attack."""
+        end = time.monotonic() + seconds
+        status, text = self.ask("GET", self.large)
+        while status == 503 and time.monotonic() < end:
+            time.sleep(0.2)
+            status, text = self.ask("GET", self.large)
+        assert status == 200, f"the large result is answered {status}: {text}"
+
+    def forget_peak(self):
+        """Starts a new measurement of the peak memory."""
+        pathlib.Path(f"/proc/{self.process.pid}/clear_refs").write_text("5")
+
+    def peak(self):
+        """The largest resident memory since then, in bytes; None if the server has died."""
+        status = pathlib.Path(f"/proc/{self.process.pid}/status").read_text()
+        # A dead process has no memory.
+        found = re.search(r"VmHWM:\s+(\d+) kB", status)
+        return found and int(found[1]) << 10
+
+    def bound_memory(self):
+        """Kills the server if it took too much memory, as a cgroup does."""
+        if (self.peak() or 0) > MEMORY:
+            self.process.kill()
+
+    def stop(self):
+        """Stops the server, and returns the errors that it logged."""
+        self.process.terminate()
+        self.process.wait(timeout=30)
+        self.process.stdout.close()
+        with self.log:
+            self.log.seek(0)
+            return self.log.read()
