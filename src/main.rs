@@ -186,12 +186,12 @@ async fn requires_key(settings: &Serve, admin_key: bool, store: &Store) -> Resul
         warn_of_open_origins(settings);
         return Ok(false);
     }
-    let requires_key = admin_key || !keys.is_empty();
-    if !requires_key {
-        warn_of_open_origins(settings);
+    if admin_key || !keys.is_empty() {
+        return Ok(true);
     }
-    if requires_key || settings.listen.ip().is_loopback() {
-        return Ok(requires_key);
+    if settings.listen.ip().is_loopback() {
+        warn_of_open_origins(settings);
+        return Ok(false);
     }
     cli::administration::add_first_key(&settings.data_dir).await?;
     Ok(true)
