@@ -31,7 +31,7 @@ pub struct Patience {
     pub head: Duration,
     /// For the next request.
     pub idle: Duration,
-    /// While an answer is taken more slowly than [`SLOWEST`].
+    /// While an answer is taken with less than 4 KiB per second.
     pub slow: Duration,
     /// For any byte during a request. This must be longer than the longest wait for a job.
     pub silent: Duration,
