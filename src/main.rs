@@ -85,9 +85,9 @@ fn restrict_permissions() {
     rustix::process::umask(rustix::fs::Mode::from_raw_mode(0o077));
 }
 
-/// Raises the soft limit of open files to the hard one, and warns if it is too low.
+/// Raises the soft limit of open files to the hard one. Returns the number of connections that it allows.
 #[cfg(unix)]
-fn allow_open_files(connections: u32) {
+fn allow_open_files(connections: u32) -> u32 {
     use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
     /// Files besides the connections: displaced connections, the database, its readers and the log.
     const OTHERS: u64 = 512;
@@ -95,9 +95,15 @@ fn allow_open_files(connections: u32) {
     let raised = setrlimit(Resource::Nofile, Rlimit { current: maximum, maximum });
     let limit = if raised.is_ok() { maximum } else { current };
     let wanted = u64::from(connections) + OTHERS;
-    if let Some(limit) = limit.filter(|limit| *limit < wanted) {
-        tracing::warn!(limit, wanted, "--connections needs a higher limit of open files");
-    }
+    let Some(limit) = limit.filter(|limit| *limit < wanted) else { return connections };
+    let allowed = (limit - OTHERS.min(limit / 4)) as u32;
+    tracing::warn!(limit, wanted, allowed, "--connections needs a higher limit of open files");
+    allowed
+}
+
+#[cfg(not(unix))]
+fn allow_open_files(connections: u32) -> u32 {
+    connections
 }
 
 fn serve(settings: &Serve, matches: &ArgMatches) -> Result<(), Error> {
@@ -117,8 +123,7 @@ fn serve(settings: &Serve, matches: &ArgMatches) -> Result<(), Error> {
 
 async fn serve_until_signal(settings: &Serve, admin_key: Option<AdminKey>) -> Result<(), Error> {
     let mut signals = ShutdownSignals::new()?;
-    #[cfg(unix)]
-    allow_open_files(settings.connections);
+    let connections = allow_open_files(settings.connections);
     let store = Store::open(&settings.data_dir, &settings.storage()).await?;
     let listener = http::listen(settings.listen).map_err(|error| {
         format!("cannot listen on {}: {error}; choose another with --listen", settings.listen)
@@ -133,7 +138,8 @@ async fn serve_until_signal(settings: &Serve, admin_key: Option<AdminKey>) -> Re
     let service = Service::new(store.clone(), Arc::new(Task::start), count, settings.limit());
     let workers = Workers::start(&store, count, settings.limit(), &service.compute())?;
     let (close, closed) = oneshot::channel::<()>();
-    let interface = settings.interface(admin_key);
+    let mut interface = settings.interface(admin_key);
+    interface.connections.total = connections as usize;
     let server = http::serve(listener, service.clone(), &interface, async {
         let _ = closed.await;
     });

@@ -1,7 +1,8 @@
 -- Who made, revoked and used which key, and who canceled and deleted whose jobs and results. Equal acts of one day (UTC) share
 -- an entry. Texts are empty instead of null, because nulls would not be equal.
 CREATE TABLE audit (
-    id      INTEGER PRIMARY KEY AUTOINCREMENT,
+    -- Without gaps, because the trigger counts entries by them.
+    id      INTEGER PRIMARY KEY,
     -- The first and the last of these acts, and their number.
     first   INTEGER NOT NULL,
     last    INTEGER NOT NULL,

@@ -83,12 +83,13 @@ impl Admission {
     /// for a long time.
     pub fn admit(self: &Arc<Self>, address: IpAddr) -> Option<Entry> {
         let Connections { total, per_address, .. } = self.limits;
-        let is_own =
-            [IpAddr::V4(Ipv4Addr::LOCALHOST), IpAddr::V6(Ipv6Addr::LOCALHOST)].contains(&address);
+        let is_proxy = self.is_proxy(address);
+        let loopback = [IpAddr::V4(Ipv4Addr::LOCALHOST), IpAddr::V6(Ipv6Addr::LOCALHOST)];
+        let is_own = !is_proxy && loopback.contains(&address);
         let network = network(address);
         let mut table = self.table();
         let of_address = table.addresses.get(&network).copied().unwrap_or(0);
-        let is_limited = !is_own && !self.is_proxy(address);
+        let is_limited = !is_own && !is_proxy;
         let most = if is_own { total } else { total.saturating_sub(RESERVE).max(1) };
         let has_room =
             (!is_limited || of_address < per_address || table.displace(|other| other == network))

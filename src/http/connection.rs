@@ -4,7 +4,6 @@
 //! each occupy memory and one of the connections that the server can have.
 
 use std::io::{self, IoSlice};
-use std::mem;
 use std::pin::Pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering::Relaxed};
@@ -21,6 +20,9 @@ use super::shares::Permit;
 
 /// Smallest number of bytes per second in which a client must take its answer and send its body.
 pub const SLOWEST: u64 = 4 << 10;
+
+/// The most seconds by which an answer can be early.
+const EARLIEST: f64 = 10.0;
 
 /// How long the server waits for a client.
 #[derive(Debug, Clone, Copy)]
@@ -42,7 +44,8 @@ impl Default for Patience {
         Self {
             look: Duration::from_secs(5),
             head: Duration::from_secs(10),
-            idle: Duration::from_mins(1),
+            // Longer than reverse proxies keep an idle connection, mostly a minute.
+            idle: Duration::from_mins(2),
             slow: Duration::from_secs(20),
             silent: Duration::from_mins(2),
         }
@@ -90,11 +93,11 @@ impl Activity {
     }
 
     /// Counts a request until the guard is dropped.
-    pub fn begin(self: &Arc<Self>, version: Version) -> OpenRequest {
+    pub fn begin(self: &Arc<Self>, version: Version) -> Arc<OpenRequest> {
         self.open.fetch_add(1, Relaxed);
         self.served.store(true, Relaxed);
         self.multiplexed.store(version >= Version::HTTP_2, Relaxed);
-        OpenRequest(Arc::clone(self))
+        Arc::new(OpenRequest(Arc::clone(self)))
     }
 
     fn owes(&self) -> bool {
@@ -147,8 +150,8 @@ struct Seen {
     sent: u64,
     received: u64,
     owed: bool,
-    /// How long it has taken its answer too slowly.
-    slow: Duration,
+    /// By how many seconds its answer is late. It can be early, because sockets accept bytes in bursts.
+    late: f64,
     /// How long no byte was sent or received.
     silent: Duration,
     /// How long a request has been incomplete.
@@ -163,8 +166,8 @@ impl Seen {
         };
         let (sent, received) = (activity.sent.load(Relaxed), activity.received.load(Relaxed));
         let owes = activity.owes();
-        let enough = SLOWEST as f64 * patience.look.as_secs_f64();
-        let is_slow = owes && self.owed && ((sent - self.sent) as f64) < enough;
+        let taken = (sent - self.sent) as f64 / SLOWEST as f64;
+        let late = (self.late + patience.look.as_secs_f64() - taken).max(-EARLIEST);
         let is_silent = (sent, received) == (self.sent, self.received);
         let idle = activity.idle();
         let is_partial = received > activity.received_before.load(Relaxed)
@@ -174,11 +177,11 @@ impl Seen {
             sent,
             received,
             owed: owes,
-            slow: passed(is_slow, self.slow),
+            late: if owes && self.owed { late } else { 0.0 },
             silent: passed(is_silent && idle.is_none(), self.silent),
             unfinished: passed(is_unfinished, self.unfinished),
         };
-        if self.slow >= patience.slow {
+        if self.late >= patience.slow.as_secs_f64() {
             Some("the client takes its answer too slowly")
         } else if self.unfinished >= patience.head {
             Some("the head of the request is late")
@@ -254,19 +257,40 @@ impl<T: AsyncWrite + Unpin> AsyncWrite for Watched<T> {
     }
 }
 
-/// The body of an answer, handed over in pieces. Its request ends, and its memory is free, when it was sent or
-/// dropped.
+/// The body of an answer, handed over in pieces. Its request ends, and its memory is free, when the last piece was sent
+/// or dropped.
 pub struct AnswerBody {
     body: Body,
     /// The rest of a frame.
     rest: Bytes,
-    /// Bytes that are counted as owed. The length of an event stream is not known, so it owes nothing.
+    /// Bytes that are owed but not in a piece yet. The length of an event stream is not known, so it owes nothing.
     owed: u64,
-    /// Bytes of the last piece. They are owed until the next one is wanted: HTTP/2 takes a piece before its client wants
-    /// any.
-    last: u64,
-    request: OpenRequest,
+    guard: Arc<Guard>,
+}
+
+/// What an answer occupies until all of its bytes were sent.
+struct Guard {
+    request: Arc<OpenRequest>,
     _permit: Option<Arc<Permit>>,
+}
+
+/// Bytes of an answer. Whoever sends them drops them afterwards.
+struct Piece {
+    bytes: Bytes,
+    owed: u64,
+    guard: Arc<Guard>,
+}
+
+impl AsRef<[u8]> for Piece {
+    fn as_ref(&self) -> &[u8] {
+        &self.bytes
+    }
+}
+
+impl Drop for Piece {
+    fn drop(&mut self) {
+        self.guard.request.0.owed.fetch_sub(self.owed, Relaxed);
+    }
 }
 
 impl AnswerBody {
@@ -274,21 +298,23 @@ impl AnswerBody {
     pub fn new(
         body: Body,
         length: Option<u64>,
-        request: OpenRequest,
+        request: Arc<OpenRequest>,
         permit: Option<Arc<Permit>>,
     ) -> Self {
         let owed = length.unwrap_or(0);
         request.0.owed.fetch_add(owed, Relaxed);
-        Self { body, rest: Bytes::new(), owed, last: 0, request, _permit: permit }
+        let guard = Arc::new(Guard { request, _permit: permit });
+        Self { body, rest: Bytes::new(), owed, guard }
     }
 
     /// The next piece of the rest.
     fn piece(&mut self) -> Bytes {
         /// Most results are one piece.
-        const PIECE: usize = 256 << 10;
-        let piece = self.rest.split_to(self.rest.len().min(PIECE));
-        self.last = (piece.len() as u64).min(self.owed);
-        piece
+        const SIZE: usize = 256 << 10;
+        let bytes = self.rest.split_to(self.rest.len().min(SIZE));
+        let owed = (bytes.len() as u64).min(self.owed);
+        self.owed -= owed;
+        Bytes::from_owner(Piece { bytes, owed, guard: Arc::clone(&self.guard) })
     }
 }
 
@@ -300,9 +326,6 @@ impl HttpBody for AnswerBody {
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,
     ) -> Poll<Option<Result<Frame<Bytes>, axum::Error>>> {
-        let sent = mem::take(&mut self.last);
-        self.owed -= sent;
-        self.request.0.owed.fetch_sub(sent, Relaxed);
         if self.rest.is_empty() {
             match ready!(Pin::new(&mut self.body).poll_frame(context)) {
                 Some(Ok(frame)) => match frame.into_data() {
@@ -333,7 +356,7 @@ impl HttpBody for AnswerBody {
 
 impl Drop for AnswerBody {
     fn drop(&mut self) {
-        self.request.0.owed.fetch_sub(self.owed, Relaxed);
+        self.guard.request.0.owed.fetch_sub(self.owed, Relaxed);
     }
 }
 
@@ -388,25 +411,27 @@ mod tests {
         assert_eq!(closed(&activity, alive), None, "the server computes");
         let mut body = AnswerBody::new(Body::from(vec![0; 1 << 20]), Some(1 << 20), request, None);
         let slow = "the client takes its answer too slowly";
-        assert_eq!(closed(&activity, alive), Some((4, slow)));
+        assert_eq!(closed(&activity, alive), Some((5, slow)));
         let steady = || {
             activity.sent.fetch_add(SLOWEST, Relaxed);
         };
         assert_eq!(closed(&activity, steady), None);
         // A stream of events owes nothing, but a client that does not read blocks its socket.
-        let mut taken = 0;
+        let (mut taken, mut pieces) = (0, Vec::new());
         while let Some(Some(frame)) = futures_util::FutureExt::now_or_never(body.frame())
             .map(|frame| frame.transpose().unwrap())
         {
-            taken += frame.into_data().unwrap().len();
-            assert!(activity.owes(), "HTTP/2 takes a piece before its client wants it");
+            let data = frame.into_data().unwrap();
+            taken += data.len();
+            pieces.push(data);
         }
-        assert_eq!((taken, activity.owes()), (1 << 20, false));
-        assert!(activity.idle().is_none(), "the request ends with its body");
         drop(body);
-        assert!(activity.idle().is_some());
+        assert_eq!((taken, activity.owes()), (1 << 20, true));
+        assert!(activity.idle().is_none(), "the request ends when its last piece was sent");
+        drop(pieces);
+        assert!(activity.idle().is_some() && !activity.owes());
         activity.blocked.store(true, Relaxed);
-        assert_eq!(closed(&activity, alive), Some((4, slow)));
+        assert_eq!(closed(&activity, alive), Some((5, slow)));
     }
 
     #[test]

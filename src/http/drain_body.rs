@@ -6,6 +6,7 @@
 
 use std::mem;
 use std::pin::Pin;
+use std::sync::Arc;
 use std::task::{Context, Poll, ready};
 use std::time::Duration;
 
@@ -18,6 +19,7 @@ use tokio::runtime::Handle;
 use tokio::time::timeout;
 
 use super::body::BODY_LIMIT;
+use super::connection::OpenRequest;
 
 /// Largest number of bytes that are read and discarded.
 const MAX_DRAINED: u64 = 16 * BODY_LIMIT as u64;
@@ -35,7 +37,8 @@ pub fn drain_body(request: &mut Request) -> bool {
     let waits = request.headers().contains_key(header::EXPECT);
     let body = mem::take(request.body_mut());
     let too_large = body.size_hint().lower() > MAX_DRAINED;
-    *request.body_mut() = Body::new(Drained { body, drain: !waits });
+    let open = request.extensions().get().cloned();
+    *request.body_mut() = Body::new(Drained { body, drain: !waits, open });
     request.version() <= Version::HTTP_11 && (waits || too_large)
 }
 
@@ -45,6 +48,8 @@ struct Drained {
     /// Whether the client is sending: not before the server asks for the body of a request with
     /// `Expect: 100-continue`, and not after its end.
     drain: bool,
+    /// The request is open until its body has been drained.
+    open: Option<Arc<OpenRequest>>,
 }
 
 impl HttpBody for Drained {
@@ -77,7 +82,11 @@ impl Drop for Drained {
             && !self.body.is_end_stream()
             && let Ok(runtime) = Handle::try_current()
         {
-            runtime.spawn(timeout(MAX_TIME, drain(mem::take(&mut self.body))));
+            let (body, open) = (mem::take(&mut self.body), self.open.take());
+            runtime.spawn(async move {
+                let _open = open;
+                timeout(MAX_TIME, drain(body)).await
+            });
         }
     }
 }

@@ -153,7 +153,7 @@ pub async fn show(
     if let Some(time) = time {
         job = app.service.wait(job, time).await?;
     }
-    answer(&app, job, include).await
+    answer(&app, &caller, job, include).await
 }
 
 /// Redirects to the result of a job.
@@ -225,7 +225,7 @@ pub async fn cancel(
     match app.service.cancel(caller.reach(), read_id(&id)?, caller.actor()).await? {
         Canceled::NotFound => Err(unknown()),
         Canceled::AlreadyFinished(job) | Canceled::Done(job) => {
-            answer(&app, job, Include::default()).await
+            answer(&app, &caller, job, Include::default()).await
         }
     }
 }

@@ -18,7 +18,7 @@ use tower::{Layer as _, Service, ServiceExt as _, service_fn};
 use tower_http::cors::{AllowHeaders, Any as AnyOrigin, CorsLayer};
 
 use super::access::{self, Gate, Identity};
-use super::caller::{Peer, REQUEST_ID, Trace, owner_of};
+use super::caller::{Peer, REQUEST_ID, Trace, share_of};
 use super::coding::Coding;
 use super::drain_body::drain_body;
 use super::metrics::Metrics;
@@ -113,9 +113,11 @@ async fn surround(shared: Arc<Shared>, mut request: Request, route: Route) -> Re
             }
         }
     };
-    let answer = counted(shares, answer, peer).await;
     let error = answer.extensions().get::<Problem>().and_then(Problem::cause).map(str::to_owned);
-    let mut response = problem::write(answer, &id);
+    let mut response = match counted(shares, problem::write(answer, &id), &method, peer) {
+        Ok(response) => response,
+        Err(problem) => problem::write(problem.into_response(), &id),
+    };
     let pattern = pattern.as_ref().map_or("none", MatchedPath::as_str);
     metrics.answered(&method, pattern, response.status(), started);
     let caller = response.extensions().get::<Identity>();
@@ -148,22 +150,27 @@ async fn surround(shared: Arc<Shared>, mut request: Request, route: Route) -> Re
     response
 }
 
-/// The answer with permission for the memory of its body, or a refusal.
-async fn counted(shares: &Shares, mut answer: Response, peer: Option<Peer>) -> Response {
+/// The answer with permission for the memory of its body, or a refusal. The answer to a request that may have changed
+/// something is never refused.
+fn counted(
+    shares: &Shares,
+    mut answer: Response,
+    method: &Method,
+    peer: Option<Peer>,
+) -> Result<Response, Problem> {
     let size = length_of(&answer).unwrap_or(0);
     if answer.extensions().get::<Arc<Permit>>().is_none() {
-        if let Some(peer) = peer
-            && answer.extensions().get::<Identity>().is_none()
-        {
+        if let Some(peer) = peer {
             answer.extensions_mut().insert(peer);
         }
-        let caller = owner_of(answer.extensions());
-        match shares.hold(&caller, usize::try_from(size).unwrap_or(usize::MAX)).await {
+        let caller = share_of(answer.extensions());
+        match shares.try_hold(&caller, usize::try_from(size).unwrap_or(usize::MAX)) {
             Ok(permit) => _ = answer.extensions_mut().insert(Arc::new(permit)),
-            Err(problem) => return problem.into_response(),
+            Err(problem) if method.is_safe() => return Err(problem),
+            Err(_) => {}
         }
     }
-    answer
+    Ok(answer)
 }
 
 /// Whether a request of HTTP/1.1 has exactly one `Host`.

@@ -36,7 +36,7 @@ impl Encoded {
 
     /// A body, and permission for its memory.
     pub fn of(body: Bytes, coding: Coding, permit: Option<Permit>) -> Self {
-        let permit = permit.map(|mut permit| {
+        let permit = permit.filter(Permit::is_held).map(|mut permit| {
             permit.shrink(body.len());
             Arc::new(permit)
         });

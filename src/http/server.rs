@@ -1,7 +1,7 @@
 //! Serves the API on a socket.
 
 use std::convert::Infallible;
-use std::io;
+use std::io::{self, Write as _};
 use std::net::{IpAddr, SocketAddr};
 use std::pin::pin;
 use std::sync::Arc;
@@ -75,7 +75,7 @@ pub async fn serve(
         };
         let Some(entry) = admission.admit(address) else {
             // If the socket does not take these bytes at once, the client learns only that it is closed.
-            let _ = socket.try_write(REFUSAL);
+            let _ = socket.into_std().and_then(|mut socket| socket.write(REFUSAL));
             continue;
         };
         // Sends small answers at once. If this fails, they are only delayed.
@@ -98,7 +98,8 @@ pub async fn serve(
 
 fn builder() -> Builder<TokioExecutor> {
     let mut builder = Builder::new(TokioExecutor::new());
-    builder.http1().timer(TokioTimer::new()).max_buf_size(BUFFER);
+    // `Activity` limits the time for a head, and does not close idle connections so early.
+    builder.http1().timer(TokioTimer::new()).header_read_timeout(None).max_buf_size(BUFFER);
     let mut http2 = builder.http2();
     http2.max_concurrent_streams(STREAMS);
     http2.timer(TokioTimer::new()).max_send_buf_size(BUFFER).max_header_list_size(BUFFER as u32);
@@ -153,6 +154,7 @@ fn answer(
     let open = activity.begin(request.version());
     let mut request: Request = request.map(Body::new);
     request.extensions_mut().insert(peer);
+    request.extensions_mut().insert(Arc::clone(&open));
     router.clone().oneshot(request).map(|answer| {
         answer.map(|mut answer| {
             let permit = answer.extensions_mut().remove::<Arc<Permit>>();

@@ -74,6 +74,21 @@ impl Shares {
         Self { memory, size, callers: Mutex::default(), held: Gauge::default() }
     }
 
+    /// As [`hold`](Self::hold), but does not wait.
+    ///
+    /// # Errors
+    /// The memory is in use.
+    pub fn try_hold(&self, caller: &str, bytes: usize) -> Result<Permit, Problem> {
+        if bytes <= SMALL {
+            return Ok(Permit::default());
+        }
+        let (share, units) = (self.share(caller), self.units(bytes));
+        let own =
+            Arc::clone(&share.memory).try_acquire_many_owned(units).map_err(|_| own_full())?;
+        let all = Arc::clone(&self.memory).try_acquire_many_owned(units).map_err(|_| all_full())?;
+        Ok(self.permit(share, own, all))
+    }
+
     /// Memory for a body of this many bytes. Waits for a moment if other requests use it.
     ///
     /// # Errors
@@ -82,22 +97,28 @@ impl Shares {
         if bytes <= SMALL {
             return Ok(Permit::default());
         }
-        let share = self.share(caller);
-        // A body larger than the share uses the whole share.
-        let units = u32::try_from(bytes as u64 / UNIT + 1).unwrap_or(u32::MAX).min(self.size / 2);
+        let (share, units) = (self.share(caller), self.units(bytes));
         let own = timeout(LONGEST_WAIT, Arc::clone(&share.memory).acquire_many_owned(units));
-        let Ok(Ok(own)) = own.await else {
-            return Err(full(
-                "Your other requests use the memory that one caller may use. Read their answers to the end.",
-            ));
-        };
+        let Ok(Ok(own)) = own.await else { return Err(own_full()) };
         let all = timeout(LONGEST_WAIT, Arc::clone(&self.memory).acquire_many_owned(units));
-        let Ok(Ok(all)) = all.await else {
-            return Err(full("Other requests use the memory for large bodies."));
-        };
+        let Ok(Ok(all)) = all.await else { return Err(all_full()) };
+        Ok(self.permit(share, own, all))
+    }
+
+    /// A body larger than the share of a caller uses the whole share.
+    fn units(&self, bytes: usize) -> u32 {
+        u32::try_from(bytes as u64 / UNIT + 1).unwrap_or(u32::MAX).min(self.size / 2)
+    }
+
+    fn permit(
+        &self,
+        share: Arc<Share>,
+        own: OwnedSemaphorePermit,
+        all: OwnedSemaphorePermit,
+    ) -> Permit {
         let gauge = self.held.clone();
         gauge.inc_by(bytes_of(&all));
-        Ok(Permit { held: Some(Held { own, all, gauge, _share: share }) })
+        Permit { held: Some(Held { own, all, gauge, _share: share }) }
     }
 
     /// Waits until the caller may do heavy work: reading many results, or comparing them.
@@ -125,6 +146,11 @@ impl Shares {
 }
 
 impl Permit {
+    /// Whether it is for a body that is counted.
+    pub fn is_held(&self) -> bool {
+        self.held.is_some()
+    }
+
     /// Gives back what a body of this many bytes does not use.
     pub fn shrink(&mut self, bytes: usize) {
         let Some(held) = &mut self.held else { return };
@@ -143,6 +169,16 @@ impl Drop for Held {
 
 fn bytes_of(permit: &OwnedSemaphorePermit) -> i64 {
     (permit.num_permits() as u64 * UNIT).cast_signed()
+}
+
+fn own_full() -> Problem {
+    full(
+        "Your other requests use the memory that one caller may use. Read their answers to the end.",
+    )
+}
+
+fn all_full() -> Problem {
+    full("Other requests use the memory for large bodies.")
 }
 
 fn full(detail: &str) -> Problem {

@@ -17,12 +17,11 @@ pub(super) struct Log {
     patience: u64,
 }
 
-/// The statements that start the log anew. They wait up to 100 ms for readers; a backup reads for longer.
-pub(super) fn restart() -> String {
-    let usual = BUSY.as_millis();
-    format!(
-        "PRAGMA busy_timeout = 100; PRAGMA wal_checkpoint(TRUNCATE); PRAGMA busy_timeout = {usual}"
-    )
+/// The statements that start the log anew. They wait up to 100 ms for readers; a backup reads for longer. The last one
+/// is needed also if one before it fails.
+pub(super) fn restart() -> [String; 3] {
+    let wait = |time: u128| format!("PRAGMA busy_timeout = {time}");
+    [wait(100), "PRAGMA wal_checkpoint(TRUNCATE)".to_owned(), wait(BUSY.as_millis())]
 }
 
 impl Log {

@@ -25,7 +25,7 @@ const JOBS: u32 = 100;
 /// How long the scenario of an evicted result is kept at most: one year in milliseconds.
 const KEEP_EVICTED: i64 = 365 * 24 * 3600 * 1000;
 /// Rows that one transaction deletes to make room: twice as many as one transaction adds.
-const ROOM: usize = 512;
+pub(super) const ROOM: usize = 512;
 /// Rows that are looked up at a time.
 const OLDEST: i64 = 64;
 
@@ -81,6 +81,11 @@ impl Upkeep {
         let is_news = used.is_some() && self.immovable == 0;
         self.immovable = used.unwrap_or(0);
         is_news
+    }
+
+    /// Records that deleting failed: the next attempt waits until the database uses more.
+    pub(super) fn could_not_delete(&mut self) {
+        self.immovable = self.used;
     }
 
     /// Records the end of a round.
@@ -229,22 +234,22 @@ pub(super) struct Room {
     pub(super) deleted: usize,
 }
 
-/// Deletes what was used longest ago until the database is within its budget, but not more than a few hundred rows.
+/// Deletes what was used longest ago until the database is within its budget, but not more than this number of rows.
 /// Pinned results and unfinished jobs stay.
 ///
 /// With `leave_bodies` it deletes no body, because pages of one are damaged and cannot be freed.
 pub(super) async fn make_room(
-    (budget, leave_bodies): &(u64, bool),
+    (budget, rows, leave_bodies): &(u64, usize, bool),
     tx: &mut Transaction,
 ) -> Result<Room, Error> {
     let mut room = Room { used: used(&mut tx.db).await?, deleted: 0 };
-    while room.used > *budget && room.deleted < ROOM {
+    while room.used > *budget && room.deleted < *rows {
         let oldest = oldest(&mut tx.db).await?;
         if oldest.is_empty() {
             break;
         }
         for row in &oldest {
-            if room.used <= *budget {
+            if room.used <= *budget || room.deleted == *rows {
                 break;
             }
             let (kind, id): (&str, &[u8]) = (row.try_get("kind")?, row.try_get("id")?);

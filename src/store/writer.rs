@@ -156,7 +156,9 @@ impl Writer {
             }
             self.process(orders).await;
             if self.log.is_long() {
-                self.pragma(&log::restart()).await;
+                for pragma in log::restart() {
+                    self.pragma(&pragma).await;
+                }
                 self.log.tried();
             }
             if self.upkeep.is_due() {
@@ -253,6 +255,9 @@ impl Writer {
     async fn roll_back(&mut self) {
         // This fails if SQLite has already rolled back.
         let _ = self.tx.db.execute("ROLLBACK").await;
+        // SQLite counts changes that were rolled back, too.
+        let changes = sqlx::query_scalar("SELECT total_changes()").fetch_one(&mut self.tx.db);
+        self.changes = changes.await.unwrap_or(self.changes);
         self.tx.effects.clear();
         self.queue_is_stale = true;
     }
@@ -294,11 +299,18 @@ impl Writer {
 
     /// Brings the database within its budget, or nearer to it. Returns whether there is more to delete.
     async fn make_room(&mut self, budget: u64) -> bool {
-        let mut room = self.chore(make_room, (budget, false)).await;
+        let mut room = self.chore(make_room, (budget, upkeep::ROOM, false)).await;
         if let Err(Error::Damaged(_)) = room {
-            room = self.chore(make_room, (budget, true)).await;
+            // Up to the damaged body, one row at a time.
+            room = self.chore(make_room, (budget, 1, false)).await;
+            if let Err(Error::Damaged(_)) = room {
+                room = self.chore(make_room, (budget, 1, true)).await;
+            }
         }
-        let Ok(Room { used, deleted }) = room else { return false };
+        let Ok(Room { used, deleted }) = room else {
+            self.upkeep.could_not_delete();
+            return false;
+        };
         let is_stuck = deleted == 0 && used > budget;
         if deleted > 0 {
             tracing::debug!(deleted, used, "deleted what was used longest ago");

@@ -12,6 +12,7 @@ use serde_json::{Value, json};
 use utoipa::ToSchema;
 
 use crate::http::app::App;
+use crate::http::caller::Caller;
 use crate::http::include::{Include, NULL};
 use crate::http::memory::Encoded;
 use crate::http::problem::{self, Problem};
@@ -184,7 +185,12 @@ pub(super) fn address(id: JobId) -> String {
 }
 
 /// Answers a job, with the included members.
-pub(super) async fn answer(app: &App, job: Job, include: Include) -> Result<Response, Problem> {
+pub(super) async fn answer(
+    app: &App,
+    caller: &Caller,
+    job: Job,
+    include: Include,
+) -> Result<Response, Problem> {
     let asked = if include.scenario || include.submitted {
         app.service.asked(job.id).await?
     } else {
@@ -193,7 +199,7 @@ pub(super) async fn answer(app: &App, job: Job, include: Include) -> Result<Resp
     if !include.result {
         return write(job, include.members(&asked, None));
     }
-    let Encoded { body, permit, .. } = result_of(app, &job).await?;
+    let Encoded { body, permit, .. } = result_of(app, &caller.share, &job).await?;
     let mut response = write(job, include.members(&asked, Some(body)))?;
     if let Some(permit) = permit {
         response.extensions_mut().insert(permit);
@@ -202,9 +208,9 @@ pub(super) async fn answer(app: &App, job: Job, include: Include) -> Result<Resp
 }
 
 /// The JSON of the result of a job; null if it has none.
-pub(super) async fn result_of(app: &App, job: &Job) -> Result<Encoded, Problem> {
+pub(super) async fn result_of(app: &App, caller: &str, job: &Job) -> Result<Encoded, Problem> {
     let json = match job.state {
-        JobState::Succeeded => representation::json(app, &job.owner, &job.key).await?,
+        JobState::Succeeded => representation::json(app, caller, &job.key).await?,
         _ => None,
     };
     Ok(json.unwrap_or_else(|| Encoded::plain(NULL)))

@@ -84,7 +84,7 @@ pub async fn submit(
 ) -> Result<Response, Problem> {
     let include = Include::take(&mut query);
     query.finish()?;
-    let trace = caller.trace.clone();
+    let (trace, share) = (caller.trace.clone(), caller.share.clone());
     let terms = terms(caller, &headers)?;
     let (wait, afresh) = (terms.wait, terms.afresh);
     if app.service.is_draining() {
@@ -103,7 +103,7 @@ pub async fn submit(
         _ if !include.result => (None, None),
         Some(answer) if job.state == JobState::Succeeded => (Some(answer.body), None),
         // The job is accepted, so the client must get it even if its result cannot be read.
-        _ => match result_of(&app, &job).await {
+        _ => match result_of(&app, &share, &job).await {
             Ok(Encoded { body, permit, .. }) => (Some(body), permit),
             Err(problem) => {
                 if let Some(error) = problem.cause() {
