@@ -62,9 +62,6 @@ impl Identity {
     }
 }
 
-/// The owner of a request with a link. No key can have this name, so it owns no jobs.
-pub const LINK: &str = "a link";
-
 /// Decides which requests are accepted.
 pub struct Gate {
     store: Store,
@@ -241,7 +238,8 @@ impl Gate {
         }
         let place = self.count_link(&link.issuer).await?.untold();
         *request.uri_mut() = link.address;
-        let owner = LINK.to_owned();
+        // No key can have this name, so the caller owns no jobs.
+        let owner = "a link".to_owned();
         let identity = Identity { owner, role: Role::Read, key: link.issuer };
         Ok(Admitted { identity: Some(identity), place, link: Some(link.left) })
     }

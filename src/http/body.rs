@@ -9,7 +9,7 @@ use axum::http::header::{ACCEPT_ENCODING, CONTENT_ENCODING, CONTENT_TYPE};
 use http_body_util::BodyExt as _;
 use tokio::time::{Instant, timeout_at};
 
-use super::caller::share_of;
+use super::caller::owner_of;
 use super::connection::SLOWEST;
 use super::problem::{self, Problem};
 use super::shares::{Permit, SMALL, Shares};
@@ -59,7 +59,7 @@ impl<S: Sync> FromRequest<S> for Body {
                 format!("{declared}. Send it with Content-Type: application/json."),
             ));
         }
-        let caller = share_of(request.extensions());
+        let caller = owner_of(request.extensions());
         let shares = request.extensions().get::<Arc<Shares>>().cloned();
         let Counted { bytes, _permit: permit } = read(request, shares.as_deref(), &caller).await?;
         let tree = tree_bytes(&bytes)?;

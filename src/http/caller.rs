@@ -10,7 +10,7 @@ use axum::http::request::Parts;
 use axum::http::{Extensions, HeaderMap, HeaderName};
 use uuid::Uuid;
 
-use super::access::{Identity, LINK};
+use super::access::Identity;
 use super::admission::network;
 use super::limits::Standing;
 use crate::store::{Actor, Editor, Role};
@@ -77,8 +77,6 @@ pub const ME: &str = "me";
 pub struct Caller {
     /// The owner of its jobs: the name of the key, or the client's address on a server without keys.
     pub owner: String,
-    /// Whose share of the memory its requests use.
-    pub share: String,
     /// What the caller may do.
     pub role: Role,
     /// The public id of the key; `None` on a server without keys.
@@ -123,20 +121,11 @@ fn owner(address: IpAddr) -> String {
 }
 
 /// The owner of a request: the name of its key, or the network of its client.
-fn owner_of(extensions: &Extensions) -> String {
+pub fn owner_of(extensions: &Extensions) -> String {
     match (extensions.get::<Identity>(), extensions.get::<Peer>()) {
         (Some(identity), _) => identity.owner.clone(),
         (None, Some(Peer(address))) => owner(*address),
         (None, None) => "unknown".to_owned(),
-    }
-}
-
-/// Whose share of the memory a request uses. Each network has a share of its own for links.
-pub fn share_of(extensions: &Extensions) -> String {
-    let reads_link = extensions.get::<Identity>().is_some_and(|identity| identity.owner == LINK);
-    match extensions.get::<Peer>() {
-        Some(Peer(address)) if reads_link => format!("{LINK} {}", owner(*address)),
-        _ => owner_of(extensions),
     }
 }
 
@@ -151,8 +140,7 @@ impl<S: Sync> FromRequestParts<S> for Caller {
         };
         let standing = parts.extensions.get::<Standing>().copied();
         let trace = parts.extensions.get::<Trace>().cloned();
-        let share = share_of(&parts.extensions);
-        Ok(Self { owner, share, role, key, standing, trace })
+        Ok(Self { owner, role, key, standing, trace })
     }
 }
 

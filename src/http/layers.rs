@@ -18,7 +18,7 @@ use tower::{Layer as _, Service, ServiceExt as _, service_fn};
 use tower_http::cors::{AllowHeaders, Any as AnyOrigin, CorsLayer};
 
 use super::access::{self, Gate, Identity};
-use super::caller::{Peer, REQUEST_ID, Trace, share_of};
+use super::caller::{Peer, REQUEST_ID, Trace, owner_of};
 use super::coding::Coding;
 use super::drain_body::drain_body;
 use super::metrics::Metrics;
@@ -163,7 +163,7 @@ fn counted(
         if let Some(peer) = peer {
             answer.extensions_mut().insert(peer);
         }
-        let caller = share_of(answer.extensions());
+        let caller = owner_of(answer.extensions());
         match shares.try_hold(&caller, usize::try_from(size).unwrap_or(usize::MAX)) {
             Ok(permit) => _ = answer.extensions_mut().insert(Arc::new(permit)),
             Err(problem) if method.is_safe() => return Err(problem),

@@ -214,7 +214,7 @@ pub async fn list(
     });
     let cursor = query.value("cursor", "the cursor of a page", |text| text.parse().ok());
     query.finish()?;
-    let _turn = app.shares.turn(&caller.share).await;
+    let _turn = app.shares.turn(&caller.owner).await;
     let found = app.service.search(&search, cursor, limit.unwrap_or(PAGE)).await?;
     let next = found.next.map(|cursor| next_page(&uri, cursor));
     let link = next.as_ref().map(|next| [(header::LINK, format!("<{next}>; rel=\"next\""))]);

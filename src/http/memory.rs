@@ -4,9 +4,8 @@
 //! cache does not keep it.
 
 use std::collections::HashMap;
-use std::num::NonZero;
+use std::ptr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
-use std::{ptr, thread};
 
 use axum::body::Bytes;
 use quick_cache::sync::{Cache, DefaultLifecycle};
@@ -45,8 +44,8 @@ impl Encoded {
 }
 
 /// Largest number of answers from large results that are made at the same time: each takes several
-/// times the size of its result.
-const MAX_MAKERS: usize = 4;
+/// times the size of its result, for a moment.
+const MAX_MAKERS: usize = 1;
 
 /// Number of names from which unused names are removed.
 const NAMES: usize = 64;
@@ -125,11 +124,10 @@ impl Memory {
             let (hash, life) = (DefaultHashBuilder::default(), DefaultLifecycle::default());
             Cache::with_options(options, Size, hash, life)
         };
-        let processors = thread::available_parallelism().map_or(1, NonZero::get);
         Self {
             cache: options.filter(|_| bytes > 0).map(cache),
             slots: Mutex::default(),
-            makers: Arc::new(Semaphore::new(processors.min(MAX_MAKERS))),
+            makers: Arc::new(Semaphore::new(MAX_MAKERS)),
         }
     }
 
@@ -308,7 +306,7 @@ mod tests {
         while let Some(Some(permit)) = memory.maker().now_or_never() {
             permits.push(permit);
         }
-        assert!((1..=MAX_MAKERS).contains(&permits.len()), "{}", permits.len());
+        assert_eq!(permits.len(), MAX_MAKERS);
         permits.pop();
         assert!(memory.maker().now_or_never().flatten().is_some());
     }

@@ -163,7 +163,7 @@ pub struct Representation {
 impl Representation {
     /// The representation that a caller requests.
     pub fn new(caller: &Caller, key: Key, part: Part, format: Format, view: View) -> Self {
-        let (reach, caller) = (caller.reach().map(str::to_owned), caller.share.clone());
+        let (reach, caller) = (caller.reach().map(str::to_owned), caller.owner.clone());
         let view = view.sorted();
         let is_unchanged = (part, format) == (Part::Whole, Format::Json) && view == View::default();
         if is_unchanged {

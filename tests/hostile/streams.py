@@ -13,7 +13,8 @@ from client import addresses, argument, ask, attack, connect, head, post, receiv
 
 COUNT = argument(1)
 SOURCES = addresses(16, COUNT)
-SECONDS = 25
+# Enough to connect all streams on a busy machine.
+SECONDS = 40
 # Takes longer than this program.
 BLOCKS = [{"amplitude": f"{(2.5, 8)[i % 2] + i % 7 / 100} um", "cycles": 200_000} for i in range(1000)]
 JOB = {

@@ -199,7 +199,7 @@ pub(super) async fn answer(
     if !include.result {
         return write(job, include.members(&asked, None));
     }
-    let Encoded { body, permit, .. } = result_of(app, &caller.share, &job).await?;
+    let Encoded { body, permit, .. } = result_of(app, &caller.owner, &job).await?;
     let mut response = write(job, include.members(&asked, Some(body)))?;
     if let Some(permit) = permit {
         response.extensions_mut().insert(permit);

@@ -84,7 +84,7 @@ pub async fn submit(
 ) -> Result<Response, Problem> {
     let include = Include::take(&mut query);
     query.finish()?;
-    let (trace, share) = (caller.trace.clone(), caller.share.clone());
+    let (trace, share) = (caller.trace.clone(), caller.owner.clone());
     let terms = terms(caller, &headers)?;
     let (wait, afresh) = (terms.wait, terms.afresh);
     if app.service.is_draining() {
