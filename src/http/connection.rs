@@ -274,7 +274,7 @@ struct Guard {
     _permit: Option<Arc<Permit>>,
 }
 
-/// Bytes of an answer. Whoever sends them drops them afterwards.
+/// Bytes of an answer. hyper drops them after it has sent them.
 struct Piece {
     bytes: Bytes,
     owed: u64,

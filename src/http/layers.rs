@@ -23,7 +23,7 @@ use super::coding::Coding;
 use super::drain_body::drain_body;
 use super::metrics::Metrics;
 use super::problem::{self, Problem};
-use super::shares::{Permit, Shares};
+use super::shares::{Permit, SMALL, Shares};
 use super::wire::length_of;
 use crate::service::workers::message_of;
 
@@ -158,17 +158,17 @@ fn counted(
     method: &Method,
     peer: Option<Peer>,
 ) -> Result<Response, Problem> {
-    let size = length_of(&answer).unwrap_or(0);
-    if answer.extensions().get::<Arc<Permit>>().is_none() {
-        if let Some(peer) = peer {
-            answer.extensions_mut().insert(peer);
-        }
-        let caller = owner_of(answer.extensions());
-        match shares.try_hold(&caller, usize::try_from(size).unwrap_or(usize::MAX)) {
-            Ok(permit) => _ = answer.extensions_mut().insert(Arc::new(permit)),
-            Err(problem) if method.is_safe() => return Err(problem),
-            Err(_) => {}
-        }
+    let size = length_of(&answer).map_or(0, |size| usize::try_from(size).unwrap_or(usize::MAX));
+    if size <= SMALL || answer.extensions().get::<Arc<Permit>>().is_some() {
+        return Ok(answer);
+    }
+    if let Some(peer) = peer {
+        answer.extensions_mut().insert(peer);
+    }
+    match shares.try_hold(&owner_of(answer.extensions()), size) {
+        Ok(permit) => _ = answer.extensions_mut().insert(Arc::new(permit)),
+        Err(problem) if method.is_safe() => return Err(problem),
+        Err(_) => {}
     }
     Ok(answer)
 }

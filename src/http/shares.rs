@@ -13,7 +13,7 @@ use tokio::time::timeout;
 
 use super::problem::{self, Problem};
 
-/// Bodies up to this size, in bytes, are not counted. The limits of connections bound their sum.
+/// Bodies up to this size, in bytes, are not counted. Only the numbers of connections and of requests bound their sum.
 pub const SMALL: usize = 32 << 10;
 /// The unit in which memory is counted, in bytes.
 const UNIT: u64 = 1 << 10;

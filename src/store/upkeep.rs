@@ -1,7 +1,7 @@
 //! Maintenance that keeps the database small and fast over years.
 //!
 //! The writer task stores when results were last read, deletes old jobs, and makes room when the database exceeds its
-//! budget: it deletes what was used longest ago, be it a finished job, a result, or the scenario of an evicted result.
+//! budget: it deletes the finished jobs, results and scenarios of evicted results that were used longest ago.
 //! It works in small transactions between other writes. If one of them fails, for example on a damaged page, the
 //! others still run.
 

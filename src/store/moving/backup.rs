@@ -135,7 +135,7 @@ enum Source<'a> {
 
 impl<'a> Source<'a> {
     /// SQLite must write beside a database with a log, also to read it. On a read-only file system it cannot, so the
-    /// files are copied to the place of `target`. Nobody changes them meanwhile.
+    /// files are copied to the place of `target`. The copy is sound only if no server writes to them meanwhile.
     fn of(path: &'a Path, target: &Path) -> Result<Self, Moving> {
         let opened = File::options().write(true).open(path);
         let is_read_only =
