@@ -6,11 +6,13 @@
 use std::collections::HashMap;
 use std::ptr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::time::Duration;
 
 use axum::body::Bytes;
 use quick_cache::sync::{Cache, DefaultLifecycle};
 use quick_cache::{DefaultHashBuilder, OptionsBuilder, Weighter};
 use tokio::sync::{OwnedMutexGuard, OwnedSemaphorePermit, Semaphore};
+use tokio::time::sleep;
 
 use super::coding::Coding;
 use super::shares::Permit;
@@ -46,6 +48,9 @@ impl Encoded {
 /// Largest number of answers from large results that are made at the same time: each takes several
 /// times the size of its result, for a moment.
 const MAX_MAKERS: usize = 1;
+
+/// How often a request that waits for memory looks whether another request has made its answer.
+const LOOK_AGAIN: Duration = Duration::from_millis(50);
 
 /// Number of names from which unused names are removed.
 const NAMES: usize = 64;
@@ -148,6 +153,14 @@ impl Memory {
         match &*slot {
             Some(answer) => Lookup::Found(share(answer, &slot)),
             None => Lookup::Missing(Making { name: name.to_owned(), slot }),
+        }
+    }
+
+    /// Returns once another request has made the answer with this name.
+    pub async fn made(&self, name: &str) {
+        while let Lookup::Missing(making) = self.lookup(name).await {
+            drop(making);
+            sleep(LOOK_AGAIN).await;
         }
     }
 

@@ -1,5 +1,7 @@
 //! Answers made from results: found in memory or made, compressed, tagged.
 
+use std::mem;
+
 use axum::body::Bytes;
 use axum::http::header::{self, HeaderName};
 use axum::http::{HeaderMap, HeaderValue, StatusCode};
@@ -28,36 +30,103 @@ pub async fn require(app: &App, reach: Option<&str>, key: &Key) -> Result<(), Pr
     }
 }
 
-/// An answer that is in memory, or the permission to make it. Its memory is counted once for all requests that read it.
-async fn shared(app: &App, caller: &str, name: &str) -> Result<Lookup, Problem> {
-    if let Some(answer) = app.memory.get(name).filter(|answer| answer.body.len() <= SMALL) {
-        return Ok(Lookup::Found(answer));
+/// What a request needs before it may make an answer.
+#[derive(Clone, Copy)]
+struct Need {
+    /// Bytes of memory.
+    bytes: usize,
+    /// Whether it makes the answer from a large result.
+    maker: bool,
+}
+
+/// What a request has reserved. It waits for this while it does not hold the place of its answer. So a caller whose
+/// memory is full does not delay other callers that request the same answer.
+#[derive(Default)]
+struct Reserved {
+    bytes: usize,
+    permit: Permit,
+    maker: Option<OwnedSemaphorePermit>,
+}
+
+impl Reserved {
+    fn suffices(&self, need: Need) -> bool {
+        self.bytes >= need.bytes && (self.maker.is_some() || !need.maker)
     }
-    let making = match app.memory.lookup(name).await {
-        Lookup::Missing(making) => making,
-        found @ Lookup::Found(_) => return Ok(found),
-    };
-    let Some(Encoded { body, coding, .. }) = app.memory.get(name) else {
-        return Ok(Lookup::Missing(making));
-    };
-    let permit = app.shares.hold(caller, body.len()).await?;
-    let answer = Encoded::of(body, coding, Some(permit));
-    Ok(Lookup::Found(app.memory.finish(making, answer, false)))
+
+    /// Waits for what a request needs, or until another request has made the answer with this name.
+    async fn wait(app: &App, caller: &str, name: &str, need: Need) -> Result<Self, Problem> {
+        let reserve = async {
+            let permit = app.shares.hold(caller, need.bytes).await?;
+            let maker = if need.maker { app.memory.maker().await } else { None };
+            Ok(Self { bytes: need.bytes, permit, maker })
+        };
+        tokio::select! {
+            biased;
+            () = app.memory.made(name) => Ok(Self::default()),
+            reserved = reserve => reserved,
+        }
+    }
+}
+
+/// An answer that is in memory, or the permission to make it. Its memory is counted once for all requests that read it.
+async fn find(
+    app: &App,
+    caller: &str,
+    name: &str,
+    reserved: &mut Reserved,
+) -> Result<Lookup, Problem> {
+    loop {
+        if let Some(answer) = app.memory.get(name).filter(|answer| answer.body.len() <= SMALL) {
+            return Ok(Lookup::Found(answer));
+        }
+        let making = match app.memory.lookup(name).await {
+            Lookup::Missing(making) => making,
+            found @ Lookup::Found(_) => return Ok(found),
+        };
+        let Some(Encoded { body, coding, .. }) = app.memory.get(name) else {
+            return Ok(Lookup::Missing(making));
+        };
+        let need = Need { bytes: body.len(), maker: false };
+        let permit = match app.shares.try_hold(caller, need.bytes) {
+            _ if reserved.suffices(need) => mem::take(reserved).permit,
+            Ok(permit) => permit,
+            Err(_) => {
+                drop(making);
+                *reserved = Reserved::wait(app, caller, name, need).await?;
+                continue;
+            }
+        };
+        let answer = Encoded::of(body, coding, Some(permit));
+        return Ok(Lookup::Found(app.memory.finish(making, answer, false)));
+    }
 }
 
 /// The JSON of a result, or `None` if it is not stored. It is read once for all concurrent requests, and kept in
 /// memory.
 pub async fn json(app: &App, caller: &str, key: &Key) -> Result<Option<Encoded>, Problem> {
-    let making = match shared(app, caller, &key.to_string()).await? {
-        Lookup::Found(answer) => {
-            app.service.was_read(key);
-            return Ok(Some(answer));
+    let name = key.to_string();
+    let mut reserved = Reserved::default();
+    loop {
+        let making = match find(app, caller, &name, &mut reserved).await? {
+            Lookup::Found(answer) => {
+                app.service.was_read(key);
+                return Ok(Some(answer));
+            }
+            Lookup::Missing(making) => making,
+        };
+        match stored(app, key, &reserved).await? {
+            Stored::Body(body) => {
+                let json = unpacked(key, body).await?;
+                let answer = Encoded::of(json, Coding::Identity, Some(reserved.permit));
+                return Ok(Some(app.memory.finish(making, answer, true)));
+            }
+            Stored::Needs(need) => {
+                drop(making);
+                reserved = Reserved::wait(app, caller, &name, need).await?;
+            }
+            Stored::Absent => return Ok(None),
         }
-        Lookup::Missing(making) => making,
-    };
-    let Some((body, permit)) = stored(app, caller, key).await? else { return Ok(None) };
-    let answer = Encoded::of(unpacked(key, body).await?, Coding::Identity, Some(permit));
-    Ok(Some(app.memory.finish(making, answer, true)))
+    }
 }
 
 /// The JSON of a large result, for whose memory the caller has permission.
@@ -75,18 +144,33 @@ async fn large_json(app: &App, key: &Key) -> Result<Option<Bytes>, Problem> {
     Ok(Some(app.memory.finish(making, json, false).body))
 }
 
-/// The stored body of a result, with permission for its memory and for that of its JSON.
-async fn stored(app: &App, caller: &str, key: &Key) -> Result<Option<(Body, Permit)>, Problem> {
-    let permit = match app.service.small_result(key).await? {
-        Some(StoredResult::Whole(body)) => return Ok(Some((body, Permit::default()))),
-        // The compressed body is smaller than the JSON.
-        Some(StoredResult::Large(size)) => app.shares.hold(caller, 2 * size).await?,
-        _ => return Ok(None),
+/// The stored body of a result.
+enum Stored {
+    /// The body.
+    Body(Body),
+    /// It is large: the request must reserve this first.
+    Needs(Need),
+    /// The result is not stored.
+    Absent,
+}
+
+/// The stored body of a result, if the request has reserved enough memory for it.
+async fn stored(app: &App, key: &Key, reserved: &Reserved) -> Result<Stored, Problem> {
+    let found = match app.service.small_result(key).await? {
+        Some(StoredResult::Large(size)) => {
+            // The compressed body, which is smaller than the JSON, and the JSON.
+            let need = Need { bytes: 2 * size, maker: false };
+            if !reserved.suffices(need) {
+                return Ok(Stored::Needs(need));
+            }
+            app.service.result(key).await?
+        }
+        found => found,
     };
-    match app.service.result(key).await? {
-        Some(StoredResult::Whole(body)) => Ok(Some((body, permit))),
-        _ => Ok(None),
-    }
+    Ok(match found {
+        Some(StoredResult::Whole(body)) => Stored::Body(body),
+        _ => Stored::Absent,
+    })
 }
 
 /// The JSON of a body. A large one is decompressed on a blocking thread.
@@ -142,6 +226,16 @@ async fn missing(
     })
 }
 
+/// What an answer is made from.
+enum Source {
+    /// These bytes are the answer.
+    Answer(Bytes),
+    /// The JSON of the result.
+    Json(Bytes),
+    /// The result is large: the request must reserve this first.
+    Needs(Need),
+}
+
 /// A result in one format and one view. Equal representations have equal names.
 pub struct Representation {
     key: Key,
@@ -190,33 +284,73 @@ impl Representation {
             None => self.name.clone(),
             Some(coding) => format!("{} {coding}", self.name),
         };
-        let found = shared(app, &self.caller, &name).await?;
-        app.metrics.looked_up(matches!(found, Lookup::Found(_)));
-        let answer = match found {
-            Lookup::Found(answer) => answer,
-            Lookup::Missing(making) => match self.unchanged(app, coding).await? {
-                Some(answer) => app.memory.finish(making, answer, true),
-                None => self.make(app, coding, making).await?,
-            },
+        let mut reserved = Reserved::default();
+        let mut is_first = true;
+        let answer = loop {
+            let found = find(app, &self.caller, &name, &mut reserved).await?;
+            if mem::take(&mut is_first) {
+                app.metrics.looked_up(matches!(found, Lookup::Found(_)));
+            }
+            let making = match found {
+                Lookup::Found(answer) => break answer,
+                Lookup::Missing(making) => making,
+            };
+            match self.source(app, coding, &reserved).await? {
+                Source::Answer(bytes) => {
+                    let answer = Encoded::of(bytes, coding, Some(reserved.permit));
+                    break app.memory.finish(making, answer, true);
+                }
+                Source::Json(json) => break self.make(app, coding, making, json, reserved).await?,
+                Source::Needs(need) => {
+                    drop(making);
+                    reserved = Reserved::wait(app, &self.caller, &name, need).await?;
+                }
+            }
         };
         app.service.was_read(&self.key);
         Ok(self.response(answer))
     }
 
-    /// The JSON of the result, if this is all that the answer needs.
-    async fn unchanged(&self, app: &App, coding: Coding) -> Result<Option<Encoded>, Problem> {
-        if !self.is_unchanged || coding == Coding::Gzip {
-            return Ok(None);
+    /// What the answer is made from.
+    async fn source(
+        &self,
+        app: &App,
+        coding: Coding,
+        reserved: &Reserved,
+    ) -> Result<Source, Problem> {
+        if self.is_unchanged && coding != Coding::Gzip {
+            return match stored(app, &self.key, reserved).await? {
+                Stored::Body(body) if coding == Coding::Zstd && body.is_compressed() => {
+                    Ok(Source::Answer(body.bytes().clone()))
+                }
+                Stored::Body(body) => {
+                    let json = unpacked(&self.key, body).await?;
+                    let is_answer = coding == Coding::Identity;
+                    Ok(if is_answer { Source::Answer(json) } else { Source::Json(json) })
+                }
+                Stored::Needs(need) => Ok(Source::Needs(need)),
+                Stored::Absent => Err(self.missing(app).await?),
+            };
         }
-        let Some((body, permit)) = stored(app, &self.caller, &self.key).await? else {
-            return Err(self.missing(app).await?);
+        let size = match app.memory.get(&self.key.to_string()).map(|answer| answer.body) {
+            Some(json) if json.len() <= store::LARGE => return Ok(Source::Json(json)),
+            Some(json) => json.len(),
+            None => match app.service.small_result(&self.key).await? {
+                Some(StoredResult::Whole(body)) => {
+                    return Ok(Source::Json(unpacked(&self.key, body).await?));
+                }
+                Some(StoredResult::Large(size)) => size,
+                _ => return Err(self.missing(app).await?),
+            },
         };
-        let bytes = match coding {
-            Coding::Zstd if body.is_compressed() => body.bytes().clone(),
-            Coding::Identity => unpacked(&self.key, body).await?,
-            _ => return Ok(None),
-        };
-        Ok(Some(Encoded::of(bytes, coding, Some(permit))))
+        let need = Need { bytes: 2 * size, maker: true };
+        if !reserved.suffices(need) {
+            return Ok(Source::Needs(need));
+        }
+        match large_json(app, &self.key).await? {
+            Some(json) => Ok(Source::Json(json)),
+            None => Err(self.missing(app).await?),
+        }
     }
 
     /// The problem for a result that is not stored.
@@ -227,12 +361,18 @@ impl Representation {
 
     /// Formats and compresses the answer on a blocking thread. The thread finishes the answer even if the
     /// client disconnects: a retry finds it.
-    async fn make(&self, app: &App, coding: Coding, making: Making) -> Result<Encoded, Problem> {
-        let (json, (permit, maker)) = self.source(app).await?;
+    async fn make(
+        &self,
+        app: &App,
+        coding: Coding,
+        making: Making,
+        json: Bytes,
+        reserved: Reserved,
+    ) -> Result<Encoded, Problem> {
         let (app, key, view) = (app.clone(), self.key, self.view.clone());
         let (part, format) = (self.part, self.format);
         let make = move || {
-            let _maker = maker;
+            let Reserved { permit, maker: _maker, .. } = reserved;
             let mut encoder = coding.encoder();
             format::write(&mut encoder, &json, part, format, &view)
                 .map_err(|error| refused(&key, error))?;
@@ -240,34 +380,6 @@ impl Representation {
             Ok(app.memory.finish(making, Encoded::of(body, coding, Some(permit)), true))
         };
         task::spawn_blocking(make).await.map_err(Problem::bug)?
-    }
-
-    /// The JSON of the result, with permission for its memory and for that of the answer. If it is large, also the
-    /// permission to make an answer from it, which is obtained before it is read.
-    async fn source(
-        &self,
-        app: &App,
-    ) -> Result<(Bytes, (Permit, Option<OwnedSemaphorePermit>)), Problem> {
-        let cached = app.memory.get(&self.key.to_string()).map(|answer| answer.body);
-        let size = match cached {
-            Some(json) if json.len() <= store::LARGE => return Ok((json, Default::default())),
-            Some(json) => json.len(),
-            None => match app.service.small_result(&self.key).await? {
-                Some(StoredResult::Whole(body)) => {
-                    return Ok((unpacked(&self.key, body).await?, Default::default()));
-                }
-                Some(StoredResult::Large(size)) => size,
-                other => {
-                    return Err(missing(app, self.reach.as_deref(), &self.key, other).await?);
-                }
-            },
-        };
-        let permit = app.shares.hold(&self.caller, 2 * size).await?;
-        let maker = app.memory.maker().await;
-        match large_json(app, &self.key).await? {
-            Some(json) => Ok((json, (permit, maker))),
-            None => Err(self.missing(app).await?),
-        }
     }
 
     fn response(&self, Encoded { body, coding, permit }: Encoded) -> Response {

@@ -2,13 +2,18 @@
 
 use std::collections::HashSet;
 use std::io::Read as _;
+use std::sync::Arc;
+use std::time::Duration;
 
 use fretwork::format::{Format, Part};
-use fretwork::http::Origins;
+use fretwork::http::{Access, AdminKey, Origins, Settings};
+use fretwork::job::Task;
+use fretwork::store::{Options, Role};
 use serde_json::{Value, json};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::TcpSocket;
 
+use crate::access::{MASTER, ask, get, made};
 use crate::program;
 use crate::server::{Gate, JSON, Reply, Server, metric, send, steel_ball};
 
@@ -403,4 +408,38 @@ async fn fifty_slow_readers_share_one_copy_of_a_large_answer() {
         child.kill().unwrap();
         child.wait().unwrap();
     }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_caller_who_waits_for_memory_delays_no_other_caller() {
+    let access = Access { admin_key: Some(AdminKey(MASTER.into())), ..Access::default() };
+    let settings = Settings { access, transfers: 32 << 20, memory: 0, ..Settings::default() };
+    let server = Server::with(Arc::new(Task::start), &settings, &Options::default()).await;
+    let anna = made(server.dir.path(), "anna", Role::Submit).await;
+    let berta = made(server.dir.path(), "berta", Role::Submit).await;
+    let body = large("simplified").to_string();
+    let job = ask(&server, &anna, "POST", "/v1/jobs", &body).await.json();
+    let result = job["links"]["result"].as_str().unwrap();
+    // Anna holds most of her share of the memory, because she does not read this answer.
+    let socket = TcpSocket::new_v4().unwrap();
+    socket.set_recv_buffer_size(1 << 12).unwrap();
+    let mut reader = socket.connect(server.address).await.unwrap();
+    let request = format!(
+        "GET {result}?digits=11 HTTP/1.1\r\nHost: localhost\r\nAuthorization: Bearer {anna}\r\n\r\n"
+    );
+    reader.write_all(request.as_bytes()).await.unwrap();
+    reader.read_exact(&mut [0; 16]).await.unwrap();
+    let csv = format!("{result}/profiles?format=csv");
+    let (refused, (annas, bertas)) = tokio::join!(get(&server, &anna, &result), async {
+        let waiting = get(&server, &anna, &csv);
+        let other = async {
+            tokio::time::sleep(Duration::from_millis(500)).await;
+            get(&server, &berta, &csv).await
+        };
+        tokio::join!(waiting, other)
+    });
+    refused.problem(503, "memory-full");
+    assert_eq!((annas.status, bertas.status), (200, 200), "{}", annas.text());
+    assert_eq!(annas.body, bertas.body);
+    drop(reader);
 }
