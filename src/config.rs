@@ -234,8 +234,8 @@ pub struct Serve {
     /// means no limit.
     #[arg(long, env = "FRETWORK_KEEP_RESULTS", default_value = "10GiB", value_name = "SIZE")]
     pub keep_results: ByteSize,
-    /// Disk space for the results that one owner pins, such as 1GiB; at most half of --keep-results. Pinned results are
-    /// never evicted.
+    /// Disk space for the results that one owner pins, such as 1GiB. All owners together may pin half of --keep-results.
+    /// Pinned results are never evicted.
     #[arg(long, env = "FRETWORK_PIN_QUOTA", default_value = "1GiB", value_name = "SIZE")]
     pub pin_quota: ByteSize,
     /// Memory for frequently read answers, such as 64MiB; 0 switches the memory cache off.
@@ -423,11 +423,7 @@ impl Serve {
             queue_limit: self.queue_limit as usize,
             keep_jobs: nonzero(self.keep_jobs),
             budget: Some(self.keep_results.as_u64()).filter(|bytes| *bytes > 0),
-            // Pins must leave room for new results.
-            pin_quota: match self.keep_results.as_u64() {
-                0 => self.pin_quota.as_u64(),
-                budget => self.pin_quota.as_u64().min(budget / 2),
-            },
+            pin_quota: self.pin_quota.as_u64(),
         }
     }
 

@@ -408,13 +408,20 @@ async fn set_pin(
             // Returns the problem for a missing result, or tries again if the result has just been stored.
             Changed::NotFound => require(app, caller.reach(), &key).await?,
             Changed::OtherOwner(owner) => return Err(Problem::other_owner("pin", owner)),
-            Changed::QuotaExceeded { used, quota } => {
-                let detail = format!(
-                    "Your pinned results would take {}, and an owner may pin {}. Unpin some of them: GET \
-                     /v1/results?pinned_by=me lists them.",
-                    ByteSize(used),
-                    ByteSize(quota)
-                );
+            Changed::QuotaExceeded { used, quota, of_all } => {
+                let (used, quota) = (ByteSize(used), ByteSize(quota));
+                let detail = if of_all {
+                    format!(
+                        "The pinned results of all owners would take {used}, and they may take {quota}. Unpin some of \
+                         yours: GET /v1/results?pinned_by=me lists them. Or ask the administrator for more room \
+                         (--keep-results)."
+                    )
+                } else {
+                    format!(
+                        "Your pinned results would take {used}, and an owner may pin {quota}. Unpin some of them: GET \
+                         /v1/results?pinned_by=me lists them."
+                    )
+                };
                 return Err(Problem::new(&problem::PIN_QUOTA, detail));
             }
         }

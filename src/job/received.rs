@@ -1,13 +1,17 @@
 //! A result that another server computed: whether it can be what it says.
 
 use std::cmp::Ordering;
+use std::time::{Duration, Instant};
 
 use fretwork_engine::outcome::{History, Loops, Outcome, Profiles};
 use fretwork_engine::simulation::{Flaw, check, check_tables};
 use serde::Deserialize;
 
 use super::task::write;
-use super::{BadDocument, Document, ENGINE, Key, Prepared, Task};
+use super::{BadDocument, Document, ENGINE, Key, Prepared, Step, Task};
+
+/// Longest time to compute one result anew.
+const LONGEST_RECOMPUTATION: Duration = Duration::from_mins(10);
 
 /// A result whose key belongs to its scenario, and whose members have the form of a result.
 #[derive(Debug)]
@@ -16,8 +20,8 @@ pub struct Received {
     pub document: Document,
     /// The task that computes it; `None` if an earlier version of the engine computed it.
     pub task: Option<Prepared>,
-    /// Why the result is doubtful. A few correct results are.
-    pub doubt: Option<Flaw>,
+    /// What makes the result doubtful. About 1 in 500 correct results has a flaw.
+    pub flaw: Option<Flaw>,
 }
 
 /// Why a result is refused.
@@ -52,6 +56,12 @@ pub enum Refused {
     /// A new computation differs.
     #[error("this server computes other numbers for its scenario")]
     Differs,
+    /// A new computation takes too long.
+    #[error(
+        "to compute it anew takes more than {} minutes: submit its scenario to the server instead",
+        LONGEST_RECOMPUTATION.as_secs() / 60
+    )]
+    Long,
 }
 
 /// The tables of a result of any version.
@@ -95,26 +105,35 @@ impl Received {
         if write(*key, scenario, &outcome, body.len()).as_bytes() != body {
             return Err(Refused::Form);
         }
-        let doubt = check(scenario, case, &outcome).err();
-        Ok(Self { document, task: Some(task), doubt })
+        let flaw = check(scenario, case, &outcome).err();
+        Ok(Self { document, task: Some(task), flaw })
     }
 
     fn judge_earlier(body: &[u8], document: Document) -> Result<Self, Refused> {
         let Tables { history, profiles, loops } =
             serde_json::from_slice(body).map_err(BadDocument::from)?;
         check_tables(&history, profiles.as_ref(), loops.as_ref()).map_err(Refused::Tables)?;
-        Ok(Self { document, task: None, doubt: None })
+        Ok(Self { document, task: None, flaw: None })
     }
 
     /// Computes the result anew and compares it with its body. Does nothing for a result of an earlier version.
     ///
     /// # Errors
-    /// The new result differs.
+    /// The new result differs, or takes more than [`LONGEST_RECOMPUTATION`].
     pub fn recompute(&self, body: &[u8]) -> Result<(), Refused> {
         let Some(task) = &self.task else { return Ok(()) };
-        if task.compute(|_| {}).body == body {
+        let (started, mut work) = (Instant::now(), task.start());
+        let answer = loop {
+            if let Step::Done(answer) = work.step() {
+                break answer;
+            }
+            if started.elapsed() > LONGEST_RECOMPUTATION {
+                return Err(Refused::Long);
+            }
+        };
+        if answer.body == body {
             return Ok(());
         }
-        Err(self.doubt.clone().map_or(Refused::Differs, Refused::Doubtful))
+        Err(self.flaw.clone().map_or(Refused::Differs, Refused::Doubtful))
     }
 }

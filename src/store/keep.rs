@@ -13,7 +13,7 @@ use super::error::Error;
 use super::outline::{self, Statement};
 use super::signals::Effect;
 use super::transaction::Transaction;
-use crate::job::{Answer, Cost, JobId, Key, Outline};
+use crate::job::{Answer, Cost, JobId, Key, Outline, Recomputed};
 
 /// What happened to the result of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -199,8 +199,13 @@ impl Answered {
         key: Key,
         kept: &Kept,
     ) -> Result<Finish, Error> {
-        if let Some((same, _)) = kept.before {
-            tx.effects.push(Effect::Recomputed { key, same });
+        if let Some((same, held)) = kept.before {
+            let how = match (same, held) {
+                (true, _) => Recomputed::Same,
+                (false, true) => Recomputed::Differs,
+                (false, false) => Recomputed::Replaced,
+            };
+            tx.effects.push(Effect::Recomputed { key, how });
         }
         match kept.before {
             Some((true, true)) => {
@@ -240,12 +245,14 @@ pub enum Changed {
     NotFound,
     /// It belongs to this other owner; `None` if its owner is unknown.
     OtherOwner(Option<String>),
-    /// The caller's pins would take this number of bytes, which is more than the quota.
+    /// The pins would take too many bytes.
     QuotaExceeded {
-        /// Bytes of the results that the caller has pinned, with this one.
+        /// Bytes of the pinned results, with this one.
         used: u64,
         /// The quota.
         quota: u64,
+        /// Whether it is the quota for the pins of all owners together.
+        of_all: bool,
     },
 }
 
@@ -264,9 +271,18 @@ impl Editor {
     }
 }
 
-/// Pins a result within the quota of the owner, or unpins it.
+/// How many bytes of results may be pinned.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct PinQuota {
+    /// By one owner.
+    pub(super) owner: u64,
+    /// By all owners together; `None` without a limit.
+    pub(super) all: Option<u64>,
+}
+
+/// Pins a result within the quota, or unpins it.
 pub(super) async fn pin(
-    (key, pinned, editor, quota): &(Key, bool, Editor, u64),
+    (key, pinned, editor, quota): &(Key, bool, Editor, PinQuota),
     tx: &mut Transaction,
 ) -> Result<Changed, Error> {
     let key = key.bytes().as_slice();
@@ -281,16 +297,18 @@ pub(super) async fn pin(
         return Ok(Changed::Done);
     }
     if *pinned {
-        let others: u64 = sqlx::query_scalar(
-            "SELECT coalesce(sum(stored), 0) FROM result INDEXED BY result_pinned_by
-             WHERE pinned AND pinned_by = ?1",
+        let (all, own): (u64, u64) = sqlx::query_as(
+            "SELECT coalesce(sum(stored), 0), coalesce(sum(stored) FILTER (WHERE pinned_by = ?1), 0)
+             FROM result INDEXED BY result_pinned_by WHERE pinned",
         )
         .bind(&editor.owner)
         .fetch_one(&mut tx.db)
         .await?;
-        let (used, quota) = (others + bytes, *quota);
-        if used > quota {
-            return Ok(Changed::QuotaExceeded { used, quota });
+        for (used, quota, of_all) in [(own, Some(quota.owner), false), (all, quota.all, true)] {
+            let used = used + bytes;
+            if let Some(quota) = quota.filter(|quota| used > *quota) {
+                return Ok(Changed::QuotaExceeded { used, quota, of_all });
+            }
         }
     } else if !editor.may_change(owner.as_deref()) {
         return Ok(Changed::OtherOwner(owner));

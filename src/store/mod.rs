@@ -72,6 +72,7 @@ pub use signals::{Changes, Stop};
 pub use submit::{Admission, NewJob, Repeatable, Submitted};
 pub use tally::Tally;
 
+use keep::PinQuota;
 use readers::Readers;
 use signals::Signals;
 use transaction::Verb;
@@ -90,7 +91,7 @@ pub struct Store {
     scans: Arc<Semaphore>,
     signals: Arc<Signals>,
     queue_limit: usize,
-    pin_quota: u64,
+    pin_quota: PinQuota,
     /// The data directory.
     dir: Arc<Path>,
 }

@@ -12,6 +12,7 @@ use sqlx::sqlite::{SqliteAutoVacuum, SqliteConnectOptions, SqliteJournalMode, Sq
 use sqlx::{ConnectOptions, Connection, Executor as _, SqlSafeStr as _, SqliteConnection};
 use tokio::sync::Semaphore;
 
+use super::keep::PinQuota;
 use super::ledger::Ledger;
 use super::library::Program;
 use super::log::Log;
@@ -60,8 +61,9 @@ pub(super) const LOCK: &str = "fretwork.lock";
 
 /// The number of read-only connections for small results and lists.
 pub(super) const READERS: u32 = 4;
-/// The number of readers that may scan all results at the same time. The others read single results.
-pub(super) const SCANS: usize = 2;
+/// The number of readers that may scan all results at the same time. The others read single results. One caller may
+/// scan with two at a time, so a scan of another caller need not wait for these.
+pub(super) const SCANS: usize = 3;
 
 /// Settings of the store.
 #[derive(Debug, Clone)]
@@ -75,7 +77,8 @@ pub struct Options {
     pub keep_jobs: Option<Duration>,
     /// Bytes of the database beyond which the server deletes what was used longest ago; `None` means no limit.
     pub budget: Option<u64>,
-    /// Bytes of results that one owner may pin.
+    /// Bytes of results that one owner may pin. If there is a budget, all owners together may pin half of it, so that
+    /// there is room for new results.
     pub pin_quota: u64,
 }
 
@@ -139,7 +142,9 @@ impl Store {
         let tx = Transaction { db, now: now(), queue, program, effects: Vec::new() };
         let log = Log::new(with_suffix(&path, "-wal"), log_pages * PAGE);
         let writer = Writer::new(tx, Arc::clone(&signals), upkeep, ledger, log).start();
-        let Options { queue_limit, pin_quota, .. } = *options;
+        let Options { queue_limit, pin_quota, budget, .. } = *options;
+        let all = budget.map(|budget| budget / 2);
+        let pin_quota = PinQuota { owner: all.map_or(pin_quota, |all| pin_quota.min(all)), all };
         let scans = Arc::new(Semaphore::new(SCANS));
         let dir = dir.into();
         Ok(Self { writer, readers, large, keys, scans, signals, queue_limit, pin_quota, dir })
@@ -283,18 +288,29 @@ pub(super) async fn inspect(path: &Path) -> Result<(), Error> {
     let looked = async {
         let mut db = SqliteConnection::connect_with(&connecting(path).read_only(true)).await?;
         let id: i32 = sqlx::query_scalar("PRAGMA application_id").fetch_one(&mut db).await?;
-        let tables: i64 =
-            sqlx::query_scalar("SELECT count(*) FROM sqlite_schema").fetch_one(&mut db).await?;
+        let schema = schema(&mut db).await?;
         db.close().await?;
         // An empty database: its creation was interrupted.
-        Ok::<_, sqlx::Error>(id == APPLICATION_ID || (id == 0 && tables == 0))
+        Ok::<_, Error>(id == APPLICATION_ID || (id == 0 && schema.is_empty()))
     };
-    match looked.await.map_err(Error::from) {
+    match looked.await {
         Ok(true) => Ok(()),
         Ok(false) => Err(Error::Foreign { path: path.to_owned() }),
         Err(Error::Damaged(_)) => Err(Error::NotADatabase { path: path.to_owned() }),
         Err(error) => Err(error),
     }
+}
+
+/// The statements that made the tables and indexes of a file. A file in which they are not text is damaged: sqlx panics
+/// at a column whose type is not text, and may then wait without end.
+pub(super) async fn schema(db: &mut SqliteConnection) -> Result<Vec<String>, Error> {
+    let statements: Vec<Vec<u8>> =
+        sqlx::query_scalar("SELECT CAST(coalesce(sql, '') AS BLOB) FROM sqlite_schema")
+            .fetch_all(db)
+            .await?;
+    let text = |bytes| String::from_utf8(bytes).map_err(|error| sqlx::Error::Decode(error.into()));
+    let statements: Result<_, _> = statements.into_iter().map(text).collect();
+    statements.map_err(|error| Error::Damaged(Arc::new(error)))
 }
 
 pub(super) async fn migrate(db: &mut SqliteConnection, path: &Path) -> Result<(), Error> {

@@ -10,7 +10,7 @@ use tokio::sync::watch;
 use super::row::RunId;
 use super::tally::{Ending, Tally};
 use crate::job::clock::now;
-use crate::job::{Key, Origin};
+use crate::job::{Key, Origin, Recomputed};
 
 /// What the writer task signals after a commit.
 #[derive(Debug)]
@@ -32,7 +32,7 @@ pub(super) enum Effect {
     /// A run ended, and how many milliseconds it took.
     Settled(Ending, Option<i64>),
     /// A result was computed again.
-    Recomputed { key: Key, same: bool },
+    Recomputed { key: Key, how: Recomputed },
     /// A result was read.
     Read(Key),
     /// A result was evicted.
@@ -118,11 +118,17 @@ impl Signals {
                 }
                 Effect::Submitted(origin) => self.tally.submitted(origin),
                 Effect::Settled(how, milliseconds) => self.tally.settled(how, milliseconds),
-                Effect::Recomputed { key, same } => {
-                    if !same {
-                        tracing::error!(%key, "a result that was computed again differs from the stored one");
+                Effect::Recomputed { key, how } => {
+                    match how {
+                        Recomputed::Same => {}
+                        Recomputed::Differs => tracing::error!(
+                            %key, "a result that was computed again differs from the stored one"
+                        ),
+                        Recomputed::Replaced => tracing::warn!(
+                            %key, "a result that was computed again differs from the one that was deleted or evicted"
+                        ),
                     }
-                    self.tally.recomputed(same);
+                    self.tally.recomputed(how);
                 }
                 Effect::Read(key) => tables.note(key, now()),
                 Effect::Evicted => self.tally.evicted(),

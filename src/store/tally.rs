@@ -9,7 +9,7 @@ use prometheus_client::metrics::histogram::{Histogram, exponential_buckets};
 use prometheus_client::registry::{Registry, Unit};
 
 use super::error::Error;
-use crate::job::{Origin, words};
+use crate::job::{Origin, Recomputed, words};
 
 words! {
     /// How a run ended.
@@ -61,7 +61,7 @@ impl Default for Tally {
             runs: counters("outcome", Ending::ALL.map(Ending::as_str)),
             // Buckets from 1 ms to 17 min.
             seconds: Histogram::new(exponential_buckets(1e-3, 4.0, 11)),
-            recomputes: counters("result", ["same", "differs"]),
+            recomputes: counters("result", Recomputed::ALL.map(Recomputed::as_str)),
             evicted: Counter::default(),
             errors: counters("kind", ["busy", "damaged", "full", "other"]),
             queued: Gauge::default(),
@@ -80,7 +80,7 @@ impl Tally {
             ("runs", "Runs that ended, by outcome; released runs are queued again", &self.runs),
             (
                 "recomputes",
-                "Results that were computed again; one that differs means a defect of the program or the machine",
+                "Results that were computed again. One that differs from the stored one means a defect of the program or the machine; one that differs from a deleted one replaced it",
                 &self.recomputes,
             ),
             (
@@ -132,8 +132,8 @@ impl Tally {
         }
     }
 
-    pub(super) fn recomputed(&self, same: bool) {
-        count(&self.recomputes, "result", if same { "same" } else { "differs" });
+    pub(super) fn recomputed(&self, how: Recomputed) {
+        count(&self.recomputes, "result", how.as_str());
     }
 
     pub(super) fn evicted(&self) {

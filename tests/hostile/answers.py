@@ -1,4 +1,5 @@
-"""Clients with small receive buffers request a large result by a share link, each in another form.
+"""Clients with small receive buffers request a large result, each in another form. Half of them use share links, the
+others the keys of one owner.
 
     python answers.py TARGET COUNT RATE
 
@@ -31,12 +32,15 @@ FORMS = list(itertools.product(range(4, 12), ["si", "engineering"], PARTS))
 
 def form(place):
     """The request of one client. One key may have 256 requests at once, also by its links."""
+    by_link, number = place % 2 == 0, place // 2
     digits, units, (part, form) = FORMS[place % len(FORMS)]
     points = POINTS - place // len(FORMS)
-    path, link = target.links[place // 250].split("?")
+    path, link = target.links[number % len(target.links)].split("?")
+    key = None if by_link else target.keys[number % len(target.keys)]
+    credentials = f"{link}&" if by_link else ""
     coding = CODINGS[place // len(PARTS) % len(CODINGS)]
-    address = f"{path}{part}?{link}&{form}&digits={digits}&units={units}&points={points}"
-    return head("GET", address, Accept_Encoding=coding)
+    address = f"{path}{part}?{credentials}{form}&digits={digits}&units={units}&points={points}"
+    return head("GET", address, key, Accept_Encoding=coding)
 
 
 async def trickle(connection):

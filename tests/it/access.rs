@@ -291,6 +291,26 @@ async fn the_pins_of_one_owner_have_a_quota() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn the_pins_of_all_owners_leave_half_of_the_room_to_new_results() {
+    let access = Access { admin_key: Some(AdminKey(MASTER.into())), ..Access::default() };
+    let settings = Settings { access, ..Settings::default() };
+    let options = Options { budget: Some(2_000_000), ..Options::default() };
+    let server = Server::with(Arc::new(Task::start), &settings, &options).await;
+    let mut last = None;
+    for (name, amplitude) in [("anna", 1.5), ("ben", 2.0)] {
+        let key = made(server.dir.path(), name, Role::Submit).await;
+        let mut body = ball(amplitude);
+        // Each takes about 0.6 MB of the 1 MB.
+        body["scenario"]["model"]["points"] = json!(4096);
+        let job = ask(&server, &key, "POST", "/v1/jobs", &body.to_string()).await.json();
+        let pin = format!("{}/pin", job["links"]["result"].as_str().unwrap());
+        last = Some(ask(&server, &key, "PUT", &pin, "").await);
+    }
+    let problem = last.unwrap().problem(409, "pin-quota");
+    assert!(problem["detail"].as_str().unwrap().contains("--keep-results"), "{problem}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_running_server_applies_new_and_revoked_keys() {
     let server = Server::start().await;
     assert_eq!(server.get("/v1/jobs").await.status, 200);

@@ -430,7 +430,7 @@ async fn a_caller_who_waits_for_memory_delays_no_other_caller() {
     reader.write_all(request.as_bytes()).await.unwrap();
     reader.read_exact(&mut [0; 16]).await.unwrap();
     let csv = format!("{result}/profiles?format=csv");
-    let (refused, (annas, bertas)) = tokio::join!(get(&server, &anna, &result), async {
+    let (refused, (annas, bertas)) = tokio::join!(get(&server, &anna, result), async {
         let waiting = get(&server, &anna, &csv);
         let other = async {
             tokio::time::sleep(Duration::from_millis(500)).await;

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use fretwork::format::{self, FigureOptions, Format, Part, QUANTITIES, View};
 use fretwork::http::Settings;
 use fretwork::job::{Key, Prepared, Received, Refused, Submission, Task};
-use fretwork::store::{Imported, Options, Search, Store, export, import};
+use fretwork::store::{Imported, Options, Search, Store, export, import, restore};
 use proptest::prelude::*;
 use proptest::sample::Index;
 use proptest::strategy::ValueTree as _;
@@ -308,8 +308,8 @@ fn an_imported_body_of_random_bytes_is_refused_unless_it_is_the_result() {
             if let Ok(received) = Received::judge(&task.key, bytes) {
                 assert!(received.task.is_some(), "a result of this version");
                 let is_true = bytes == body.as_bytes();
-                assert!(!is_true || received.doubt.is_none());
-                doubtful.set(doubtful.get() + u32::from(received.doubt.is_some()));
+                assert!(!is_true || received.flaw.is_none());
+                doubtful.set(doubtful.get() + u32::from(received.flaw.is_some()));
             }
         }
     });
@@ -583,4 +583,32 @@ async fn a_compressed_request_body_is_refused() {
         let headers = [JSON, ("Content-Encoding", "identity")];
         assert!(server.send("POST", path, &headers, &body).await.status < 300);
     }
+}
+
+/// sqlx panics at a column whose type is not text, and then some statements wait without end.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_file_whose_schema_is_not_text_is_refused() {
+    let (_dir, file, _) = exported(&[small(2.0, "simplified")]).await;
+    let to = TempDir::new().unwrap();
+    Store::open(to.path(), &Options::default()).await.unwrap().close().await;
+    let database = to.path().join("fretwork.db");
+    for (path, kind) in [(&file, "export"), (&database, "database")] {
+        let mut bytes = fs::read(path).unwrap();
+        let mut changed = 0;
+        for place in 0..bytes.len() - 5 {
+            if &bytes[place..place + 5] == b" BLOB" || &bytes[place..place + 5] == b" TEXT" {
+                bytes[place + 1] = 0xff;
+                changed += 1;
+            }
+        }
+        assert!(changed > 3, "the {kind} has columns");
+        fs::write(path, bytes).unwrap();
+    }
+    let other = TempDir::new().unwrap();
+    let refused = import(other.path(), &file, 0, quiet).await.unwrap_err().to_string();
+    assert!(refused.contains("damaged"), "{refused}");
+    let refused = restore(other.path(), &database, true).await.unwrap_err().to_string();
+    assert!(refused.contains("damaged"), "{refused}");
+    let refused = Store::open(to.path(), &Options::default()).await.unwrap_err().to_string();
+    assert!(refused.contains("damaged"), "{refused}");
 }

@@ -80,9 +80,10 @@ pub async fn restore(
     let lock = dir.join(LOCK);
     let missing: Vec<&Path> = [&*lock].into_iter().chain(dir.ancestors()).collect();
     let missing: Vec<&Path> = missing.into_iter().take_while(|path| !path.exists()).collect();
-    let done = put_in_place(dir, file, replace).await;
-    // If another server has locked the directory, these are its files.
-    if !matches!(done, Ok(_) | Err(Moving::Store(Error::Locked { .. }))) {
+    // The lock is held until everything is removed. If another server holds it, these are its files.
+    let locked = open::lock(dir)?;
+    let done = put_in_place(dir, &locked, file, replace).await;
+    if done.is_err() {
         for path in missing {
             // What another command has put there in the meantime stays.
             let _ = if path == lock { fs::remove_file(path) } else { fs::remove_dir(path) };
@@ -93,10 +94,10 @@ pub async fn restore(
 
 async fn put_in_place(
     dir: &Path,
+    lock: &File,
     file: &Path,
     replace: bool,
 ) -> Result<(Saved, Option<PathBuf>), Moving> {
-    let lock = open::lock(dir)?;
     let path = dir.join(DATABASE);
     if path.exists() && !replace {
         return Err(Moving::Occupied(path));
@@ -115,7 +116,7 @@ async fn put_in_place(
     open::migrate(&mut db, file).await?;
     db.close().await?;
     let saved = check(&part.0, file).await?;
-    ledger::forget(&lock).map_err(refused(&dir.join(LOCK)))?;
+    ledger::forget(lock).map_err(refused(&dir.join(LOCK)))?;
     if !path.exists() {
         part.name(&path)?;
         return Ok((saved, None));

@@ -90,7 +90,7 @@ impl Verify {
     /// sample.
     fn result(&mut self, entry: &Entry, done: &mut Imported) -> Result<(), Refused> {
         let Entry { received, body, .. } = entry;
-        if received.task.is_none() || self.0 == 0 && received.doubt.is_none() {
+        if received.task.is_none() || self.0 == 0 && received.flaw.is_none() {
             return Ok(());
         }
         self.0 = self.0.saturating_sub(1);
@@ -125,10 +125,11 @@ async fn open_export(file: &Path) -> Result<SqliteConnection, Moving> {
         let mut from = SqliteConnection::connect_with(&options).await?;
         let id: i32 = sqlx::query_scalar("PRAGMA application_id").fetch_one(&mut from).await?;
         let form: i32 = sqlx::query_scalar("PRAGMA user_version").fetch_one(&mut from).await?;
-        Ok::<_, sqlx::Error>((from, id, form))
+        open::schema(&mut from).await?;
+        Ok::<_, Error>((from, id, form))
     };
     let path = file.to_owned();
-    let (mut from, id, found) = head.await.map_err(|error| unreadable(file, error.into()))?;
+    let (mut from, id, found) = head.await.map_err(|error| unreadable(file, error))?;
     match id {
         open::APPLICATION_ID => Err(Moving::WholeDatabase(path)),
         EXPORT if found > FORM => Err(Moving::LaterForm { path, found }),
