@@ -2,19 +2,14 @@
 
 use std::io::Write;
 
-use super::document::Document;
+use super::document::Head;
 use super::error::Error;
 use super::table::Table;
 use super::view::View;
 
 /// Writes a table as CSV. Infinite and undefined numbers are empty cells.
-pub fn table(
-    out: &mut impl Write,
-    document: &Document<'_>,
-    table: &Table,
-    view: &View,
-) -> Result<(), Error> {
-    let Document { units, key, engine_text, .. } = document;
+pub fn table(out: &mut impl Write, head: &Head, table: &Table, view: &View) -> Result<(), Error> {
+    let Head { units, key, engine_text, .. } = head;
     let (part, system) = (table.part.name(), if view.engineering { "engineering" } else { "SI" });
     write!(out, "# fretwork {part}\n# key: {key}\n# engine: {engine_text}\n# units: {system}\n")?;
     if let Some(digits) = view.digits {

@@ -59,16 +59,21 @@ impl Serialize for Object<'_> {
     }
 }
 
-/// A result document and the view that a client requests of it.
-pub struct Document<'a> {
+/// What every format says about a result.
+pub struct Head {
     /// The key of the result.
     pub key: String,
     /// The member `engine`.
-    pub engine_text: &'a RawValue,
+    pub engine_text: Box<RawValue>,
     /// The same, parsed.
     pub engine: Engine,
     /// Units and rounding of all numbers.
     pub units: Units,
+}
+
+/// A result document and the view that a client requests of it.
+pub struct Document<'a> {
+    pub head: Head,
     members: Members<'a>,
     view: &'a View,
 }
@@ -81,20 +86,19 @@ impl<'a> Document<'a> {
             members.get(name).ok_or_else(|| serde_json::Error::custom(format!("no `{name}`")))
         };
         let engine_text = member("engine")?;
-        Ok(Self {
+        let head = Head {
             key: serde_json::from_str(member("key")?.get())?,
-            engine_text,
+            engine_text: engine_text.to_owned(),
             engine: serde_json::from_str(engine_text.get())?,
             units: Units::new(serde_json::from_str(member("units")?.get())?, view)?,
-            members,
-            view,
-        })
+        };
+        Ok(Self { head, members, view })
     }
 
     /// A table, cut to a selection and converted.
     pub fn table(&self, part: Part, selection: &View) -> Result<Table, Error> {
         let mut table = Table::read(part, self.members.get(part.name()), selection)?;
-        table.convert(&self.units);
+        table.convert(&self.head.units);
         Ok(table)
     }
 
@@ -103,7 +107,7 @@ impl<'a> Document<'a> {
         let Some(text) = self.members.get(name) else { return Ok(Value::Null) };
         let mut value = serde_json::from_str(text.get())?;
         if name != "scenario" {
-            self.units.convert(name, &mut value);
+            self.head.units.convert(name, &mut value);
         }
         Ok(value)
     }
@@ -117,7 +121,7 @@ impl<'a> Document<'a> {
 
     fn member(&self, name: &str, text: &'a RawValue) -> Result<Member<'_>, Error> {
         if name == "units" {
-            return Ok(Member::Units(&self.units));
+            return Ok(Member::Units(&self.head.units));
         }
         if let Some(part) = Part::TABLES.into_iter().find(|part| part.name() == name) {
             let selection = match part {
@@ -130,7 +134,7 @@ impl<'a> Document<'a> {
         }
         // The scenario stays in SI and unrounded: submitted again, it must have the same key.
         let computed = !matches!(name, "key" | "engine" | "scenario" | "regime" | "warnings");
-        if computed && self.units.convert {
+        if computed && self.head.units.convert {
             return Ok(Member::Converted(self.value(name)?));
         }
         Ok(Member::Stored(text))

@@ -66,8 +66,8 @@ pub fn svg(document: &Document<'_>, view: &View) -> Result<Vec<u8>, Error> {
     figure.size = (f64::from(options.size.0), f64::from(options.size.1));
     figure.about = Some(About {
         description: drawing.description(&figure)?,
-        identifier: document.key.clone(),
-        creator: document.engine.to_string(),
+        identifier: document.head.key.clone(),
+        creator: document.head.engine.to_string(),
     });
     Ok(figure.svg().into_bytes())
 }
@@ -81,7 +81,7 @@ struct Drawing<'a> {
 impl Drawing<'_> {
     /// An axis with a label and the unit of the quantity `name`.
     fn axis(&self, label: &str, name: &str) -> Axis {
-        Axis::labelled(&match self.document.units.of(name) {
+        Axis::labelled(&match self.document.head.units.of(name) {
             Some(unit) => format!("{label} ({})", typeset(unit)),
             None => label.to_owned(),
         })
@@ -274,7 +274,7 @@ impl Drawing<'_> {
             word(&regime),
             word(&scenario["friction"]),
             word(&scenario["model"]["method"]),
-            self.document.engine,
+            self.document.head.engine,
         );
         let labels = figure.series.iter().map(|series| series.label.as_str());
         let labels: Vec<&str> = labels.filter(|label| !label.is_empty()).collect();

@@ -5,7 +5,7 @@ use std::io::Write;
 use serde::ser::SerializeMap as _;
 use serde::{Serialize, Serializer};
 
-use super::document::Document;
+use super::document::{Document, Head};
 use super::error::Error;
 use super::table::Table;
 
@@ -15,26 +15,26 @@ pub fn whole(out: &mut impl Write, document: &Document<'_>) -> Result<(), Error>
 }
 
 /// Writes a table with one array per column, as the document has it.
-pub fn columns(out: &mut impl Write, document: &Document<'_>, table: &Table) -> Result<(), Error> {
-    framed(out, document, table.part.name(), table)
+pub fn columns(out: &mut impl Write, head: &Head, table: &Table) -> Result<(), Error> {
+    framed(out, head, table.part.name(), table)
 }
 
 /// Writes a table as a list of rows, which spreadsheets and dashboards expect.
-pub fn records(out: &mut impl Write, document: &Document<'_>, table: &Table) -> Result<(), Error> {
-    framed(out, document, "records", &Rows(table))
+pub fn records(out: &mut impl Write, head: &Head, table: &Table) -> Result<(), Error> {
+    framed(out, head, "records", &Rows(table))
 }
 
 fn framed(
     out: &mut impl Write,
-    document: &Document<'_>,
+    head: &Head,
     name: &str,
     value: &impl Serialize,
 ) -> Result<(), Error> {
     let mut json = serde_json::Serializer::new(out);
     let mut map = json.serialize_map(Some(4))?;
-    map.serialize_entry("key", &document.key)?;
-    map.serialize_entry("engine", document.engine_text)?;
-    map.serialize_entry("units", &document.units)?;
+    map.serialize_entry("key", &head.key)?;
+    map.serialize_entry("engine", &head.engine_text)?;
+    map.serialize_entry("units", &head.units)?;
     map.serialize_entry(name, value)?;
     Ok(map.end()?)
 }
@@ -43,14 +43,14 @@ fn framed(
 ///
 /// Readers of NDJSON treat every line as a row, so there is no header line. Units are in the names, as in
 /// CSV. Each row contains the key and the engine, so that the lines of many results can be joined.
-pub fn lines(out: &mut impl Write, document: &Document<'_>, table: &Table) -> Result<(), Error> {
-    let engine = document.engine.to_string();
-    let units = &document.units;
+pub fn lines(out: &mut impl Write, head: &Head, table: &Table) -> Result<(), Error> {
+    let engine = head.engine.to_string();
+    let units = &head.units;
     let names: Vec<_> = table.columns.iter().map(|(name, _)| units.header(name)).collect();
     for (cycle, point) in table.rows() {
         let mut json = serde_json::Serializer::new(&mut *out);
         let mut map = json.serialize_map(None)?;
-        map.serialize_entry("key", &document.key)?;
+        map.serialize_entry("key", &head.key)?;
         map.serialize_entry("engine", &engine)?;
         for (name, (_, values)) in names.iter().zip(&table.columns) {
             map.serialize_entry(name, &values.at(cycle, point))?;

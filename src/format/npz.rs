@@ -9,17 +9,17 @@ use std::iter;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
-use super::document::{Document, Member};
+use super::document::{Document, Head, Member};
 use super::error::Error;
 use super::table::{Table, Values};
 use super::units::fits_single;
 use super::view::View;
 
 /// Writes a table: one array per column under its name, and `meta` with key, engine and units as JSON.
-pub fn table(document: &Document<'_>, table: &Table, view: &View) -> Result<Vec<u8>, Error> {
+pub fn table(head: &Head, table: &Table, view: &View) -> Result<Vec<u8>, Error> {
     let mut archive = Archive::new(view);
     let meta = serde_json::json!({
-        "key": document.key, "engine": document.engine_text, "units": document.units,
+        "key": head.key, "engine": head.engine_text, "units": head.units,
     });
     archive.text("meta", &meta.to_string())?;
     archive.table("", table)?;
@@ -81,7 +81,7 @@ impl<'a> Archive<'a> {
                 Values::Absent => (vec![points], vec![f64::NAN; points]),
             };
             let name = format!("{prefix}{name}");
-            if fits_single(self.view.digits, &numbers) {
+            if fits_single(self.view.digits, numbers.iter().copied()) {
                 let data: Vec<u8> =
                     numbers.iter().flat_map(|number| (*number as f32).to_le_bytes()).collect();
                 self.array(&name, "<f4", &shape, &data)?;

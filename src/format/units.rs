@@ -51,10 +51,10 @@ pub fn round(number: f64, digits: u8) -> f64 {
 }
 
 /// Whether an array is written as float32: at most 7 digits, and all numbers in the range of float32.
-pub fn fits_single(digits: Option<u8>, numbers: &[f64]) -> bool {
+pub fn fits_single(digits: Option<u8>, numbers: impl IntoIterator<Item = f64>) -> bool {
     let range = f64::from(f32::MIN_POSITIVE)..=f64::from(f32::MAX);
-    let fits = |number: &f64| *number == 0.0 || number.is_nan() || range.contains(&number.abs());
-    digits.is_some_and(|digits| digits <= 7) && numbers.iter().all(fits)
+    let fits = |number: f64| number == 0.0 || number.is_nan() || range.contains(&number.abs());
+    digits.is_some_and(|digits| digits <= 7) && numbers.into_iter().all(fits)
 }
 
 /// Name, SI unit and engineering unit of a quantity.
@@ -175,9 +175,9 @@ mod tests {
 
     #[test]
     fn numbers_outside_the_range_of_float32_stay_float64() {
-        assert!(fits_single(Some(7), &[0.0, -1e30, f64::NAN, 2e-38]));
-        assert!(!fits_single(Some(7), &[1.0, 1e-48]) && !fits_single(Some(7), &[1e39]));
-        assert!(!fits_single(Some(8), &[1.0]) && !fits_single(None, &[1.0]));
+        assert!(fits_single(Some(7), [0.0, -1e30, f64::NAN, 2e-38]));
+        assert!(!fits_single(Some(7), [1.0, 1e-48]) && !fits_single(Some(7), [1e39]));
+        assert!(!fits_single(Some(8), [1.0]) && !fits_single(None, [1.0]));
     }
 
     #[test]

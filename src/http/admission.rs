@@ -12,6 +12,8 @@ use super::connection::Activity;
 
 /// Connections that only clients on this machine can have, so that its operator always gets an answer.
 const RESERVE: usize = 64;
+/// The addresses of this machine.
+const LOOPBACK: [IpAddr; 2] = [IpAddr::V4(Ipv4Addr::LOCALHOST), IpAddr::V6(Ipv6Addr::LOCALHOST)];
 /// Displaced connections that are not closed yet.
 const MOST_DISPLACED: usize = 256;
 /// How many idle connections are compared before one is displaced.
@@ -84,16 +86,19 @@ impl Admission {
     pub fn admit(self: &Arc<Self>, address: IpAddr) -> Option<Entry> {
         let Connections { total, per_address, .. } = self.limits;
         let is_proxy = self.is_proxy(address);
-        let loopback = [IpAddr::V4(Ipv4Addr::LOCALHOST), IpAddr::V6(Ipv6Addr::LOCALHOST)];
-        let is_own = !is_proxy && loopback.contains(&address);
+        let is_own = !is_proxy && LOOPBACK.contains(&address);
         let network = network(address);
         let mut table = self.table();
         let of_address = table.addresses.get(&network).copied().unwrap_or(0);
         let is_limited = !is_own && !is_proxy;
         let most = if is_own { total } else { total.saturating_sub(RESERVE).max(1) };
+        // Other clients cannot displace those in the reserve.
+        let of_machine: usize = LOOPBACK.iter().filter_map(|own| table.addresses.get(own)).sum();
+        let protects = !is_own && of_machine <= RESERVE;
+        let displaceable = |other| !(protects && LOOPBACK.contains(&other));
         let has_room =
             (!is_limited || of_address < per_address || table.displace(|other| other == network))
-                && (table.connections.len() < most || table.displace(|_| true));
+                && (table.connections.len() < most || table.displace(displaceable));
         if !has_room {
             self.refused.inc();
             table.log_refusal(address);
@@ -217,5 +222,22 @@ mod tests {
         assert!(admission.admit(IpAddr::V4(Ipv4Addr::LOCALHOST)).is_some());
         drop(requests);
         assert!(admission.admit(address(4)).is_some());
+    }
+
+    #[test]
+    fn clients_of_other_machines_do_not_displace_those_of_this_machine() {
+        let admission = admission(RESERVE + 2, 100);
+        let own = admission.admit(LOOPBACK[0]).unwrap();
+        let others: Vec<_> =
+            (1..=200).map(|n| admission.admit(IpAddr::from([10, 0, 0, n])).unwrap()).collect();
+        assert!(admission.table().connections.contains_key(&own.number));
+        drop(others);
+        // Beyond the reserve they are as all others.
+        let many: Vec<_> = (0..RESERVE).map(|_| admission.admit(LOOPBACK[1]).unwrap()).collect();
+        let held = || admission.table().connections.len();
+        assert_eq!(held(), 1 + RESERVE);
+        let new = admission.admit(IpAddr::from([10, 0, 0, 1])).unwrap();
+        assert_eq!(held(), 1 + RESERVE);
+        drop((own, many, new));
     }
 }

@@ -132,6 +132,13 @@ impl Encoder {
     /// not longer.
     const CHUNK: usize = 1 << 20;
 
+    /// Makes room for a large text, which would be copied when it outgrows its room.
+    pub fn reserve(&mut self, bytes: usize) {
+        if self.coding == Coding::Identity {
+            self.waiting.reserve(bytes);
+        }
+    }
+
     /// The compressed bytes, and their coding: none if the text is too short.
     pub fn finish(mut self) -> io::Result<(Bytes, Coding)> {
         let size = self.waiting.len() as u64;

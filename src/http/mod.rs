@@ -28,6 +28,7 @@ mod metrics;
 mod needs;
 mod negotiation;
 mod openapi;
+mod pieces;
 mod problem;
 mod process;
 mod representation;

@@ -1,8 +1,10 @@
 //! Answers made from results: found in memory or made, compressed, tagged.
 
+use std::io::{self, Write as _};
 use std::mem;
+use std::sync::Arc;
 
-use axum::body::Bytes;
+use axum::body::{Body as AnswerBody, Bytes};
 use axum::http::header::{self, HeaderName};
 use axum::http::{HeaderMap, HeaderValue, StatusCode};
 use axum::response::{IntoResponse, Response};
@@ -14,6 +16,7 @@ use super::app::App;
 use super::caller::Caller;
 use super::coding::Coding;
 use super::memory::{Encoded, Lookup, Making};
+use super::pieces::pieces;
 use super::problem::{self, Complaint, Problem};
 use super::shares::{Permit, SMALL};
 use super::wire::{ascii, instant, words};
@@ -29,6 +32,9 @@ pub async fn require(app: &App, reach: Option<&str>, key: &Key) -> Result<(), Pr
         other => Err(missing(app, reach, key, other).await?),
     }
 }
+
+/// Larger tables are sent while they are written.
+const WHOLE: usize = 32 << 20;
 
 /// What a request needs before it may make an answer.
 #[derive(Clone, Copy)]
@@ -300,6 +306,12 @@ impl Representation {
                     let answer = Encoded::of(bytes, coding, Some(reserved.permit));
                     break app.memory.finish(making, answer, true);
                 }
+                Source::Json(json) if self.is_streamed(coding, &json) => {
+                    // Each client has a stream of its own.
+                    drop(making);
+                    app.service.was_read(&self.key);
+                    return self.stream(json, reserved).await;
+                }
                 Source::Json(json) => break self.make(app, coding, making, json, reserved).await?,
                 Source::Needs(need) => {
                     drop(making);
@@ -308,7 +320,8 @@ impl Representation {
             }
         };
         app.service.was_read(&self.key);
-        Ok(self.response(answer))
+        let Encoded { body, coding, permit } = answer;
+        Ok(self.response(body.into(), coding, permit))
     }
 
     /// What the answer is made from.
@@ -374,6 +387,8 @@ impl Representation {
         let make = move || {
             let Reserved { permit, maker: _maker, .. } = reserved;
             let mut encoder = coding.encoder();
+            // A table has more characters than the columns of the JSON. Room that is not used takes no memory.
+            encoder.reserve(json.len() / 4 * 5);
             format::write(&mut encoder, &json, part, format, &view)
                 .map_err(|error| refused(&key, error))?;
             let (body, coding) = encoder.finish().map_err(Problem::bug)?;
@@ -382,8 +397,44 @@ impl Representation {
         task::spawn_blocking(make).await.map_err(Problem::bug)?
     }
 
-    fn response(&self, Encoded { body, coding, permit }: Encoded) -> Response {
-        let mut response = body.into_response();
+    /// Whether the answer is sent while it is written, because it is large.
+    fn is_streamed(&self, coding: Coding, json: &Bytes) -> bool {
+        // A row repeats the numbers of its axes, and in some formats the names of all columns.
+        let growth = match self.format {
+            Format::Csv => 2,
+            Format::Json if self.part != Part::Whole && self.view.records => 3,
+            Format::Ndjson => 5,
+            _ => return false,
+        };
+        coding == Coding::Identity && growth * json.len() > WHOLE
+    }
+
+    /// Writes the answer on a blocking thread while the client reads it. The thread ends with the connection.
+    async fn stream(&self, json: Bytes, reserved: Reserved) -> Result<Response, Problem> {
+        let Reserved { permit, maker, .. } = reserved;
+        // Until its rows are written, the result and its table are in memory, then only the table.
+        let (mut pieces, mut received) = pieces(move || drop(maker));
+        let (part, format, view) = (self.part, self.format, self.view.clone());
+        let written = task::spawn_blocking(move || {
+            format::write(&mut pieces, json, part, format, &view)?;
+            pieces.flush()?;
+            // The table was in memory until now.
+            drop(permit);
+            Ok::<_, format::Error>(())
+        });
+        let body = if let Some(first) = received.next().await {
+            received.body(first, async {
+                written.await.map_err(io::Error::other)?.map_err(io::Error::other)
+            })
+        } else {
+            written.await.map_err(Problem::bug)?.map_err(|error| refused(&self.key, error))?;
+            AnswerBody::empty()
+        };
+        Ok(self.response(body, Coding::Identity, None))
+    }
+
+    fn response(&self, body: AnswerBody, coding: Coding, permit: Option<Arc<Permit>>) -> Response {
+        let mut response = Response::new(body);
         if let Some(permit) = permit {
             response.extensions_mut().insert(permit);
         }

@@ -36,7 +36,7 @@ def form(place):
     digits, units, (part, form) = FORMS[place % len(FORMS)]
     points = POINTS - place // len(FORMS)
     path, link = target.links[number % len(target.links)].split("?")
-    key = None if by_link else target.keys[number % len(target.keys)]
+    key = None if by_link else target.readers[number % len(target.readers)]
     credentials = f"{link}&" if by_link else ""
     coding = CODINGS[place // len(PARTS) % len(CODINGS)]
     address = f"{path}{part}?{credentials}{form}&digits={digits}&units={units}&points={points}"

@@ -31,6 +31,8 @@ class Target:
         self.links = values["links"]
         # Keys of one owner. Each may have 256 requests at once.
         self.keys = values["keys"]
+        # Keys of another owner, who reads answers.
+        self.readers = values["readers"]
         self.reader = values["reader"]
         self.bystander = values["bystander"]
 

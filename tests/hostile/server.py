@@ -14,7 +14,7 @@ MEMORY = 512 << 20
 # The soft limit of open files with which most systems start a program.
 FILES = 1024
 # One key may have 256 requests at once, so the attackers have several.
-KEYS, SHARERS = 16, 4
+KEYS, READERS, SHARERS = 16, 4, 4
 # A result with 62 MB of JSON, about the largest that the server computes.
 LARGE = {
     "profile": {"shape": "paraboloid", "radius": "10 mm"},
@@ -66,6 +66,7 @@ class Server:
             "port": self.port,
             "keys": [self.key("attacker", "submit") for _ in range(KEYS)],
             "links": links,
+            "readers": [self.key("readers", "read") for _ in range(READERS)],
             "reader": self.key("reader", "read"),
             "bystander": self.bystander,
         }

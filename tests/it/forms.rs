@@ -411,6 +411,25 @@ async fn fifty_slow_readers_share_one_copy_of_a_large_answer() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_large_table_is_sent_while_it_is_written() {
+    let (server, address) = with_result(&large("simplified")).await;
+    let target = format!("{address}/profiles?format=ndjson");
+    let streamed = server.get(&target).await;
+    assert_eq!(streamed.header("transfer-encoding"), Some("chunked"));
+    let whole = coded(&server, &target, "gzip").await;
+    assert!(whole.header("content-length").is_some());
+    let text = joined(&streamed.body);
+    assert!(text.len() > 32 << 20, "{}", text.len());
+    assert!(text == gunzipped(&whole.body), "the stream has the same rows");
+    let tag = streamed.header("etag").unwrap();
+    let again = server.send("GET", &target, &[("If-None-Match", tag)], "").await;
+    assert_eq!(again.status, 304);
+    // A fault is found before the first row.
+    let missing = server.get(&format!("{address}/profiles?format=ndjson&fields=volume")).await;
+    missing.problem(422, "invalid-parameters");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_caller_who_waits_for_memory_delays_no_other_caller() {
     let access = Access { admin_key: Some(AdminKey(MASTER.into())), ..Access::default() };
     let settings = Settings { access, transfers: 32 << 20, memory: 0, ..Settings::default() };

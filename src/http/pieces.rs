@@ -1,0 +1,150 @@
+//! Answers that are sent while they are written.
+//!
+//! A table as text can take several times the memory of its result. So a large one is never whole in memory: a thread
+//! writes it, and waits while the client reads.
+
+use std::future::ready;
+use std::io::{self, Write};
+use std::mem;
+
+use axum::body::{Body, Bytes};
+use futures_util::{StreamExt as _, stream};
+use tokio::sync::mpsc;
+
+/// Bytes of a piece.
+const PIECE: usize = 64 << 10;
+/// Pieces that wait for the client, beside those in the socket.
+const WAITING: usize = 2;
+
+/// Writes the pieces of an answer. It belongs to a thread that may block.
+#[derive(Debug)]
+pub struct Pieces<S> {
+    sender: mpsc::Sender<Bytes>,
+    piece: Vec<u8>,
+    /// Called before the first piece is sent.
+    started: Option<S>,
+}
+
+/// Receives the pieces of an answer.
+#[derive(Debug)]
+pub struct Received(mpsc::Receiver<Bytes>);
+
+/// A writer, and the receiver of what it writes. The writer calls `started` before it sends its first piece.
+pub fn pieces<S: FnOnce()>(started: S) -> (Pieces<S>, Received) {
+    let (sender, received) = mpsc::channel(WAITING);
+    (
+        Pieces { sender, piece: Vec::with_capacity(PIECE), started: Some(started) },
+        Received(received),
+    )
+}
+
+impl<S: FnOnce()> Pieces<S> {
+    fn send(&mut self) -> io::Result<()> {
+        if let Some(started) = self.started.take() {
+            started();
+        }
+        let piece = mem::replace(&mut self.piece, Vec::with_capacity(PIECE));
+        // The client has disconnected, or the server has closed the connection.
+        self.sender.blocking_send(piece.into()).map_err(|_| io::ErrorKind::BrokenPipe.into())
+    }
+}
+
+impl<S: FnOnce()> Write for Pieces<S> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let taken = bytes.len().min(PIECE - self.piece.len());
+        self.piece.extend_from_slice(&bytes[..taken]);
+        if self.piece.len() == PIECE {
+            self.send()?;
+        }
+        Ok(taken)
+    }
+
+    /// Sends the last piece.
+    fn flush(&mut self) -> io::Result<()> {
+        if self.piece.is_empty() { Ok(()) } else { self.send() }
+    }
+}
+
+impl Received {
+    /// Waits for the next piece; `None` after the last one.
+    pub async fn next(&mut self) -> Option<Bytes> {
+        self.0.recv().await
+    }
+
+    /// The body of an answer from its first piece on. If `end` is an error, the body ends with it, so that the client does
+    /// not take the pieces for the whole.
+    pub fn body<E>(self, first: Bytes, end: E) -> Body
+    where
+        E: Future<Output = io::Result<()>> + Send + 'static,
+    {
+        let rest = stream::unfold((self, Some(Box::pin(end))), async |(mut received, mut end)| {
+            if let Some(piece) = received.next().await {
+                return Some((Ok(piece), (received, end)));
+            }
+            let error = end.take()?.await.err()?;
+            Some((Err(error), (received, None)))
+        });
+        Body::from_stream(stream::once(ready(Ok(first))).chain(rest))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+    use axum::body::to_bytes;
+    use tokio::task;
+
+    use super::*;
+
+    async fn body<T: Send + 'static>(
+        mut received: Received,
+        thread: task::JoinHandle<io::Result<T>>,
+    ) -> Body {
+        let first = received.next().await.unwrap();
+        received.body(first, async { thread.await.unwrap().map(drop) })
+    }
+
+    #[tokio::test]
+    async fn the_body_is_what_was_written() {
+        let started = Arc::new(AtomicBool::new(false));
+        let set = Arc::clone(&started);
+        let (mut writer, received) = pieces(move || set.store(true, Ordering::Relaxed));
+        let text: Vec<u8> = (0..3 * PIECE + 7).map(|place| (place % 251) as u8).collect();
+        let written = text.clone();
+        let thread = task::spawn_blocking(move || {
+            written.chunks(1000).try_for_each(|chunk| writer.write_all(chunk))?;
+            writer.flush()
+        });
+        let body = body(received, thread).await;
+        assert!(started.load(Ordering::Relaxed));
+        assert_eq!(to_bytes(body, usize::MAX).await.unwrap(), text);
+    }
+
+    #[tokio::test]
+    async fn an_answer_that_fails_is_not_taken_for_whole() {
+        let (mut writer, received) = pieces(|| ());
+        let thread = task::spawn_blocking(move || {
+            writer.write_all(&vec![1; PIECE])?;
+            Err::<(), _>(io::Error::other("it failed"))
+        });
+        let body = body(received, thread).await;
+        assert!(to_bytes(body, usize::MAX).await.is_err());
+    }
+
+    #[tokio::test]
+    async fn the_writer_waits_for_its_client_and_ends_without_it() {
+        let (mut writer, received) = pieces(|| ());
+        let sent = Arc::new(AtomicUsize::new(0));
+        let counted = Arc::clone(&sent);
+        let thread = task::spawn_blocking(move || {
+            while writer.write_all(&vec![1; PIECE]).is_ok() {
+                counted.fetch_add(1, Ordering::Relaxed);
+            }
+        });
+        drop(received);
+        thread.await.unwrap();
+        assert!(sent.load(Ordering::Relaxed) <= WAITING);
+    }
+}
