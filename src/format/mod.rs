@@ -64,7 +64,7 @@ pub fn write(
     let document = Document::open(stored.as_ref(), view)?;
     match (format, part) {
         (Format::Svg, _) => return Ok(out.write_all(&figure::svg(&document, view)?)?),
-        (Format::Npz, Part::Whole) => return Ok(out.write_all(&npz::whole(&document, view)?)?),
+        (Format::Npz, Part::Whole) => return npz::whole(out, &document, view),
         (Format::Json, Part::Whole) => return json::whole(out, &document),
         _ => {}
     }
@@ -72,7 +72,7 @@ pub fn write(
     drop(stored);
     match format {
         Format::Svg => unreachable!("a figure is not a table"),
-        Format::Npz => Ok(out.write_all(&npz::table(&head, &table, view)?)?),
+        Format::Npz => npz::table(out, &head, &table, view),
         Format::Json if view.records => json::records(out, &head, &table),
         Format::Json => json::columns(out, &head, &table),
         Format::Ndjson => json::lines(out, &head, &table),

@@ -3,10 +3,10 @@
 //! An archive is a ZIP file with one NPY file per array: a header with type and shape, then the numbers.
 //! Loops differ in their number of points; NaN fills the shorter rows.
 
-use std::io::{Cursor, Write};
+use std::io::Write;
 use std::iter;
 
-use zip::write::SimpleFileOptions;
+use zip::write::{SimpleFileOptions, StreamWriter};
 use zip::{CompressionMethod, ZipWriter};
 
 use super::document::{Document, Head, Member};
@@ -16,8 +16,8 @@ use super::units::fits_single;
 use super::view::View;
 
 /// Writes a table: one array per column under its name, and `meta` with key, engine and units as JSON.
-pub fn table(head: &Head, table: &Table, view: &View) -> Result<Vec<u8>, Error> {
-    let mut archive = Archive::new(view);
+pub fn table(out: &mut impl Write, head: &Head, table: &Table, view: &View) -> Result<(), Error> {
+    let mut archive = Archive::new(out, view);
     let meta = serde_json::json!({
         "key": head.key, "engine": head.engine_text, "units": head.units,
     });
@@ -28,8 +28,8 @@ pub fn table(head: &Head, table: &Table, view: &View) -> Result<Vec<u8>, Error> 
 
 /// Writes a whole result: the columns of each table under names such as `history/wear_volume`, and
 /// `meta` with everything else as JSON.
-pub fn whole(document: &Document<'_>, view: &View) -> Result<Vec<u8>, Error> {
-    let mut archive = Archive::new(view);
+pub fn whole(out: &mut impl Write, document: &Document<'_>, view: &View) -> Result<(), Error> {
+    let mut archive = Archive::new(out, view);
     let mut object = document.object()?;
     let tables = object.0.extract_if(.., |(_, member)| matches!(member, Member::Table(_)));
     let tables: Vec<_> = tables.collect();
@@ -42,14 +42,14 @@ pub fn whole(document: &Document<'_>, view: &View) -> Result<Vec<u8>, Error> {
     archive.finish()
 }
 
-struct Archive<'a> {
-    zip: ZipWriter<Cursor<Vec<u8>>>,
+struct Archive<'a, W: Write> {
+    zip: ZipWriter<StreamWriter<W>>,
     view: &'a View,
 }
 
-impl<'a> Archive<'a> {
-    fn new(view: &'a View) -> Self {
-        Self { zip: ZipWriter::new(Cursor::new(Vec::new())), view }
+impl<'a, W: Write> Archive<'a, W> {
+    fn new(out: W, view: &'a View) -> Self {
+        Self { zip: ZipWriter::new_stream(out), view }
     }
 
     fn array(&mut self, name: &str, kind: &str, shape: &[usize], data: &[u8]) -> Result<(), Error> {
@@ -94,8 +94,8 @@ impl<'a> Archive<'a> {
         Ok(())
     }
 
-    fn finish(self) -> Result<Vec<u8>, Error> {
-        Ok(self.zip.finish()?.into_inner())
+    fn finish(self) -> Result<(), Error> {
+        Ok(self.zip.finish().map(drop)?)
     }
 }
 

@@ -66,7 +66,7 @@ impl<S: Sync> FromRequest<S> for Body {
         // Otherwise the request would wait for memory that it holds itself.
         drop(permit);
         let permit = match shares {
-            Some(shares) => shares.hold(&caller, bytes.len() + tree).await?,
+            Some(shares) => shares.requests.hold(&caller, bytes.len() + tree).await?,
             None => Permit::default(),
         };
         Ok(Self(Bytes::from_owner(Counted { bytes, _permit: permit })))
@@ -124,7 +124,7 @@ async fn read(request: Request, shares: Option<&Shares>, caller: &str) -> Result
             // A body of unknown length gets the memory of the longest one.
             room = if declared > 0 { declared } else { BODY_LIMIT };
             if let Some(shares) = shares {
-                permit = shares.hold(caller, room).await?;
+                permit = shares.requests.hold(caller, room).await?;
             }
             bytes.reserve_exact(room - bytes.len());
         }

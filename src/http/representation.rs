@@ -62,7 +62,7 @@ impl Reserved {
     /// Waits for what a request needs, or until another request has made the answer with this name.
     async fn wait(app: &App, caller: &str, name: &str, need: Need) -> Result<Self, Problem> {
         let reserve = async {
-            let permit = app.shares.hold(caller, need.bytes).await?;
+            let permit = app.shares.answers.hold(caller, need.bytes).await?;
             let maker = if need.maker { app.memory.maker().await } else { None };
             Ok(Self { bytes: need.bytes, permit, maker })
         };
@@ -93,7 +93,7 @@ async fn find(
             return Ok(Lookup::Missing(making));
         };
         let need = Need { bytes: body.len(), maker: false };
-        let permit = match app.shares.try_hold(caller, need.bytes) {
+        let permit = match app.shares.answers.try_hold(caller, need.bytes) {
             _ if reserved.suffices(need) => mem::take(reserved).permit,
             Ok(permit) => permit,
             Err(_) => {

@@ -29,19 +29,30 @@ const CALLERS: usize = 64;
 /// The limits, and their use.
 #[derive(Debug)]
 pub struct Shares {
-    memory: Arc<Semaphore>,
-    /// Units of memory, in total.
-    size: u32,
-    callers: Mutex<HashMap<String, Weak<Share>>>,
+    /// Memory for the bodies of requests. Slow readers of answers cannot use it.
+    pub requests: Budget,
+    /// Memory for answers.
+    pub answers: Budget,
+    turns: PerCaller,
     /// Bytes in use.
     pub held: Gauge,
 }
 
-/// The share of one caller.
+/// Memory for bodies of one kind. One caller may use half of it.
 #[derive(Debug)]
-struct Share {
+pub struct Budget {
     memory: Arc<Semaphore>,
-    heavy: Arc<Semaphore>,
+    /// Units of memory for one caller.
+    share: u32,
+    shares: PerCaller,
+    held: Gauge,
+}
+
+/// A semaphore for each caller who uses it.
+#[derive(Debug)]
+struct PerCaller {
+    permits: usize,
+    semaphores: Mutex<HashMap<String, Weak<Semaphore>>>,
 }
 
 /// Memory that a request uses, until this is dropped.
@@ -55,23 +66,39 @@ struct Held {
     own: OwnedSemaphorePermit,
     all: OwnedSemaphorePermit,
     gauge: Gauge,
-    /// Keeps the share of the caller.
-    _share: Arc<Share>,
 }
 
 /// Permission for heavy work, until this is dropped.
 #[derive(Debug)]
 pub struct Turn {
     _permit: Option<OwnedSemaphorePermit>,
-    _share: Arc<Share>,
 }
 
 impl Shares {
-    /// Shares of this many bytes.
+    /// Shares of this many bytes: a quarter for requests, and the rest for answers.
     pub fn new(bytes: u64) -> Self {
+        let held = Gauge::default();
+        let (requests, answers) = (bytes / 4, bytes - bytes / 4);
+        Self {
+            requests: Budget::new(requests, &held),
+            answers: Budget::new(answers, &held),
+            turns: PerCaller::new(HEAVY),
+            held,
+        }
+    }
+
+    /// Waits until the caller may do heavy work: reading many results, or comparing them.
+    pub async fn turn(&self, caller: &str) -> Turn {
+        // The semaphore is never closed.
+        Turn { _permit: self.turns.of(caller).acquire_owned().await.ok() }
+    }
+}
+
+impl Budget {
+    fn new(bytes: u64, held: &Gauge) -> Self {
         let size = u32::try_from(bytes / UNIT).unwrap_or(u32::MAX).max(2);
-        let memory = Arc::new(Semaphore::new(size as usize));
-        Self { memory, size, callers: Mutex::default(), held: Gauge::default() }
+        let (memory, share) = (Arc::new(Semaphore::new(size as usize)), size / 2);
+        Self { memory, share, shares: PerCaller::new(share as usize), held: held.clone() }
     }
 
     /// As [`hold`](Self::hold), but does not wait.
@@ -82,11 +109,10 @@ impl Shares {
         if bytes <= SMALL {
             return Ok(Permit::default());
         }
-        let (share, units) = (self.share(caller), self.units(bytes));
-        let own =
-            Arc::clone(&share.memory).try_acquire_many_owned(units).map_err(|_| own_full())?;
+        let units = self.units(bytes);
+        let own = self.shares.of(caller).try_acquire_many_owned(units).map_err(|_| own_full())?;
         let all = Arc::clone(&self.memory).try_acquire_many_owned(units).map_err(|_| all_full())?;
-        Ok(self.permit(share, own, all))
+        Ok(self.permit(own, all))
     }
 
     /// Memory for a body of this many bytes. Waits for a moment if other requests use it.
@@ -97,51 +123,43 @@ impl Shares {
         if bytes <= SMALL {
             return Ok(Permit::default());
         }
-        let (share, units) = (self.share(caller), self.units(bytes));
-        let own = timeout(LONGEST_WAIT, Arc::clone(&share.memory).acquire_many_owned(units));
+        let units = self.units(bytes);
+        let own = timeout(LONGEST_WAIT, self.shares.of(caller).acquire_many_owned(units));
         let Ok(Ok(own)) = own.await else { return Err(own_full()) };
         let all = timeout(LONGEST_WAIT, Arc::clone(&self.memory).acquire_many_owned(units));
         let Ok(Ok(all)) = all.await else { return Err(all_full()) };
-        Ok(self.permit(share, own, all))
+        Ok(self.permit(own, all))
     }
 
     /// A body larger than the share of a caller uses the whole share.
     fn units(&self, bytes: usize) -> u32 {
-        u32::try_from(bytes as u64 / UNIT + 1).unwrap_or(u32::MAX).min(self.size / 2)
+        u32::try_from(bytes as u64 / UNIT + 1).unwrap_or(u32::MAX).min(self.share)
     }
 
-    fn permit(
-        &self,
-        share: Arc<Share>,
-        own: OwnedSemaphorePermit,
-        all: OwnedSemaphorePermit,
-    ) -> Permit {
+    fn permit(&self, own: OwnedSemaphorePermit, all: OwnedSemaphorePermit) -> Permit {
         let gauge = self.held.clone();
         gauge.inc_by(bytes_of(&all));
-        Permit { held: Some(Held { own, all, gauge, _share: share }) }
+        Permit { held: Some(Held { own, all, gauge }) }
+    }
+}
+
+impl PerCaller {
+    fn new(permits: usize) -> Self {
+        Self { permits, semaphores: Mutex::default() }
     }
 
-    /// Waits until the caller may do heavy work: reading many results, or comparing them.
-    pub async fn turn(&self, caller: &str) -> Turn {
-        let share = self.share(caller);
-        // The semaphore is never closed.
-        let permit = Arc::clone(&share.heavy).acquire_owned().await.ok();
-        Turn { _permit: permit, _share: share }
-    }
-
-    fn share(&self, caller: &str) -> Arc<Share> {
-        let mut callers = self.callers.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(share) = callers.get(caller).and_then(Weak::upgrade) {
-            return share;
+    /// The semaphore of a caller. It is forgotten when nobody waits for it or holds its permits.
+    fn of(&self, caller: &str) -> Arc<Semaphore> {
+        let mut semaphores = self.semaphores.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(semaphore) = semaphores.get(caller).and_then(Weak::upgrade) {
+            return semaphore;
         }
-        if callers.len() >= CALLERS && callers.len() == callers.capacity() {
-            callers.retain(|_, share| share.strong_count() > 0);
+        if semaphores.len() >= CALLERS && semaphores.len() == semaphores.capacity() {
+            semaphores.retain(|_, semaphore| semaphore.strong_count() > 0);
         }
-        let permits = |most: usize| Arc::new(Semaphore::new(most));
-        let (memory, heavy) = (permits(self.size as usize / 2), permits(HEAVY));
-        let share = Arc::new(Share { memory, heavy });
-        callers.insert(caller.to_owned(), Arc::downgrade(&share));
-        share
+        let semaphore = Arc::new(Semaphore::new(self.permits));
+        semaphores.insert(caller.to_owned(), Arc::downgrade(&semaphore));
+        semaphore
     }
 }
 
@@ -193,19 +211,32 @@ mod tests {
 
     #[tokio::test(start_paused = true)]
     async fn one_caller_can_hold_half_of_the_memory() {
-        let shares = Shares::new(8 << 20);
-        let mut first = shares.hold("anna", 3 << 20).await.unwrap();
-        assert!(shares.hold("anna", 2 << 20).await.is_err());
-        assert!(shares.hold("anna", SMALL).await.is_ok(), "small bodies are not counted");
-        let other = shares.hold("berta", 4 << 20).await.unwrap();
-        assert_eq!(shares.held.get(), (7 << 20) + UNIT.cast_signed());
+        let budget = Budget::new(8 << 20, &Gauge::default());
+        let mut first = budget.hold("anna", 3 << 20).await.unwrap();
+        assert!(budget.hold("anna", 2 << 20).await.is_err());
+        assert!(budget.hold("anna", SMALL).await.is_ok(), "small bodies are not counted");
+        let other = budget.hold("berta", 4 << 20).await.unwrap();
+        assert_eq!(budget.held.get(), (7 << 20) + UNIT.cast_signed());
         first.shrink(1 << 20);
-        let second = shares.hold("anna", 2 << 20).await.unwrap();
+        let second = budget.hold("anna", 2 << 20).await.unwrap();
         drop((first, second, other));
-        assert_eq!(shares.held.get(), 0);
+        assert_eq!(budget.held.get(), 0);
         // A body that is larger than the share gets all of it.
-        drop(shares.hold("carla", 1 << 30).await.unwrap());
-        assert_eq!(shares.memory.available_permits(), 8 << 10);
+        drop(budget.hold("carla", 1 << 30).await.unwrap());
+        assert_eq!(budget.memory.available_permits(), 8 << 10);
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn readers_of_answers_leave_memory_for_requests() {
+        let shares = Shares::new(8 << 20);
+        let mut readers = Vec::new();
+        for caller in ["anna", "berta"] {
+            readers.push(shares.answers.hold(caller, 8 << 20).await.unwrap());
+        }
+        assert!(shares.answers.hold("carla", 1 << 20).await.is_err());
+        drop(shares.requests.hold("carla", 1 << 20).await.unwrap());
+        assert_eq!(shares.held.get(), 6 << 20);
+        drop(readers);
     }
 
     #[tokio::test]
@@ -228,7 +259,7 @@ mod tests {
         for number in 0..10_000 {
             drop(shares.turn(&number.to_string()).await);
         }
-        let callers = shares.callers.lock().unwrap();
+        let callers = shares.turns.semaphores.lock().unwrap();
         assert!(callers.len() <= 4 * CALLERS && callers.contains_key("held"), "{}", callers.len());
         drop(held);
     }
