@@ -87,17 +87,19 @@ impl Admission {
         let Connections { total, per_address, .. } = self.limits;
         let is_proxy = self.is_proxy(address);
         let is_own = !is_proxy && LOOPBACK.contains(&address);
-        let network = network(address);
+        let origin = network(address);
         let mut table = self.table();
-        let of_address = table.addresses.get(&network).copied().unwrap_or(0);
+        let of_address = table.addresses.get(&origin).copied().unwrap_or(0);
         let is_limited = !is_own && !is_proxy;
         let most = if is_own { total } else { total.saturating_sub(RESERVE).max(1) };
         // Other clients cannot displace those in the reserve.
-        let of_machine: usize = LOOPBACK.iter().filter_map(|own| table.addresses.get(own)).sum();
+        let own = LOOPBACK.iter().filter(|own| !self.is_proxy(**own)).map(|own| network(*own));
+        let own: Vec<IpAddr> = own.collect();
+        let of_machine: usize = own.iter().filter_map(|own| table.addresses.get(own)).sum();
         let protects = !is_own && of_machine <= RESERVE;
-        let displaceable = |other| !(protects && LOOPBACK.contains(&other));
+        let displaceable = |other| !(protects && own.contains(&other));
         let has_room =
-            (!is_limited || of_address < per_address || table.displace(|other| other == network))
+            (!is_limited || of_address < per_address || table.displace(|other| other == origin))
                 && (table.connections.len() < most || table.displace(displaceable));
         if !has_room {
             self.refused.inc();
@@ -107,8 +109,8 @@ impl Admission {
         let activity = Arc::new(Activity::new());
         let number = table.next;
         table.next += 1;
-        table.connections.insert(number, (network, Arc::clone(&activity)));
-        *table.addresses.entry(network).or_default() += 1;
+        table.connections.insert(number, (origin, Arc::clone(&activity)));
+        *table.addresses.entry(origin).or_default() += 1;
         self.open.set(table.connections.len().cast_signed() as i64);
         Some(Entry { admission: Arc::clone(self), number, activity })
     }
@@ -226,18 +228,20 @@ mod tests {
 
     #[test]
     fn clients_of_other_machines_do_not_displace_those_of_this_machine() {
-        let admission = admission(RESERVE + 2, 100);
-        let own = admission.admit(LOOPBACK[0]).unwrap();
-        let others: Vec<_> =
-            (1..=200).map(|n| admission.admit(IpAddr::from([10, 0, 0, n])).unwrap()).collect();
-        assert!(admission.table().connections.contains_key(&own.number));
-        drop(others);
-        // Beyond the reserve they are as all others.
-        let many: Vec<_> = (0..RESERVE).map(|_| admission.admit(LOOPBACK[1]).unwrap()).collect();
-        let held = || admission.table().connections.len();
-        assert_eq!(held(), 1 + RESERVE);
-        let new = admission.admit(IpAddr::from([10, 0, 0, 1])).unwrap();
-        assert_eq!(held(), 1 + RESERVE);
-        drop((own, many, new));
+        for own in LOOPBACK {
+            let admission = admission(RESERVE + 2, 100);
+            let other = |n: u8| admission.admit(IpAddr::from([10, 0, 0, n])).unwrap();
+            let first = admission.admit(own).unwrap();
+            let others: Vec<_> = (1..=200).map(other).collect();
+            assert!(admission.table().connections.contains_key(&first.number), "{own}");
+            drop(others);
+            // Beyond the reserve they are as all others.
+            let many: Vec<_> = (0..RESERVE).map(|_| admission.admit(own).unwrap()).collect();
+            let held = || admission.table().addresses.get(&network(own)).copied();
+            assert_eq!(held(), Some(RESERVE + 1));
+            let new = other(1);
+            assert_eq!(held(), Some(RESERVE), "{own}");
+            drop((first, many, new));
+        }
     }
 }

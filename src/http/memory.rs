@@ -15,7 +15,7 @@ use tokio::sync::{OwnedMutexGuard, OwnedSemaphorePermit, Semaphore};
 use tokio::time::sleep;
 
 use super::coding::Coding;
-use super::shares::Permit;
+use super::shares::{Permit, SMALL};
 use crate::job::Key;
 
 /// The encoded body of an answer.
@@ -156,9 +156,13 @@ impl Memory {
         }
     }
 
-    /// Returns once another request has made the answer with this name.
+    /// Returns once another request has made the answer with this name, and it needs no more memory: another request
+    /// reads it, or it is small.
     pub async fn made(&self, name: &str) {
-        while let Lookup::Missing(making) = self.lookup(name).await {
+        let is_small = |answer: Encoded| answer.body.len() <= SMALL;
+        while !self.get(name).is_some_and(is_small)
+            && let Lookup::Missing(making) = self.lookup(name).await
+        {
             drop(making);
             sleep(LOOK_AGAIN).await;
         }

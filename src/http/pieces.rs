@@ -1,55 +1,74 @@
 //! Answers that are sent while they are written.
 //!
 //! A table as text can take several times the memory of its result. So a large one is never whole in memory: a thread
-//! writes it, and waits while the client reads.
+//! writes it, and waits while the client reads. The thread gives up when the client stops reading, because one stream
+//! of HTTP/2 can stall while others of its connection go on.
 
 use std::future::ready;
 use std::io::{self, Write};
 use std::mem;
+use std::time::Duration;
 
 use axum::body::{Body, Bytes};
 use futures_util::{StreamExt as _, stream};
+use tokio::runtime::{self, Runtime};
 use tokio::sync::mpsc;
+use tokio::time::timeout;
 
 /// Bytes of a piece.
 const PIECE: usize = 64 << 10;
 /// Pieces that wait for the client, beside those in the socket.
 const WAITING: usize = 2;
+/// How long the client may leave a piece waiting. The slowest client takes a piece in 16 s.
+const PATIENCE: Duration = Duration::from_mins(1);
 
 /// Writes the pieces of an answer. It belongs to a thread that may block.
 #[derive(Debug)]
-pub struct Pieces<S> {
+pub struct PieceWriter<S> {
     sender: mpsc::Sender<Bytes>,
     piece: Vec<u8>,
     /// Called before the first piece is sent.
     started: Option<S>,
+    /// Measures how long a piece waits. It does not depend on the runtime of the server, which may end first.
+    clock: Option<Runtime>,
+    patience: Duration,
 }
 
 /// Receives the pieces of an answer.
 #[derive(Debug)]
-pub struct Received(mpsc::Receiver<Bytes>);
+pub struct PieceReceiver(mpsc::Receiver<Bytes>);
 
 /// A writer, and the receiver of what it writes. The writer calls `started` before it sends its first piece.
-pub fn pieces<S: FnOnce()>(started: S) -> (Pieces<S>, Received) {
+pub fn pieces<S: FnOnce()>(started: S) -> (PieceWriter<S>, PieceReceiver) {
     let (sender, received) = mpsc::channel(WAITING);
-    (
-        Pieces { sender, piece: Vec::with_capacity(PIECE), started: Some(started) },
-        Received(received),
-    )
+    let piece = Vec::with_capacity(PIECE);
+    let writer =
+        PieceWriter { sender, piece, started: Some(started), clock: None, patience: PATIENCE };
+    (writer, PieceReceiver(received))
 }
 
-impl<S: FnOnce()> Pieces<S> {
+impl<S: FnOnce()> PieceWriter<S> {
     fn send(&mut self) -> io::Result<()> {
         if let Some(started) = self.started.take() {
             started();
         }
         let piece = mem::replace(&mut self.piece, Vec::with_capacity(PIECE));
-        // The client has disconnected, or the server has closed the connection.
-        self.sender.blocking_send(piece.into()).map_err(|_| io::ErrorKind::BrokenPipe.into())
+        let clock = match &mut self.clock {
+            Some(clock) => clock,
+            none => none.insert(runtime::Builder::new_current_thread().enable_time().build()?),
+        };
+        let sent =
+            clock.block_on(async { timeout(self.patience, self.sender.send(piece.into())).await });
+        match sent {
+            Ok(Ok(())) => Ok(()),
+            // The client has disconnected, or the server has closed the connection.
+            Ok(Err(_)) => Err(io::ErrorKind::BrokenPipe.into()),
+            Err(_) => Err(io::Error::new(io::ErrorKind::TimedOut, "the client does not read it")),
+        }
     }
 }
 
-impl<S: FnOnce()> Write for Pieces<S> {
+impl<S: FnOnce()> Write for PieceWriter<S> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let taken = bytes.len().min(PIECE - self.piece.len());
         self.piece.extend_from_slice(&bytes[..taken]);
@@ -65,14 +84,14 @@ impl<S: FnOnce()> Write for Pieces<S> {
     }
 }
 
-impl Received {
+impl PieceReceiver {
     /// Waits for the next piece; `None` after the last one.
     pub async fn next(&mut self) -> Option<Bytes> {
         self.0.recv().await
     }
 
-    /// The body of an answer from its first piece on. If `end` is an error, the body ends with it, so that the client does
-    /// not take the pieces for the whole.
+    /// The body of an answer from its first piece on. If `end` is an error, the body ends with it. So a client of HTTP/1.1
+    /// or later does not take the pieces for the whole.
     pub fn body<E>(self, first: Bytes, end: E) -> Body
     where
         E: Future<Output = io::Result<()>> + Send + 'static,
@@ -99,7 +118,7 @@ mod tests {
     use super::*;
 
     async fn body<T: Send + 'static>(
-        mut received: Received,
+        mut received: PieceReceiver,
         thread: task::JoinHandle<io::Result<T>>,
     ) -> Body {
         let first = received.next().await.unwrap();
@@ -146,5 +165,16 @@ mod tests {
         drop(received);
         thread.await.unwrap();
         assert!(sent.load(Ordering::Relaxed) <= WAITING);
+    }
+
+    #[tokio::test]
+    async fn the_writer_gives_up_a_client_that_does_not_read() {
+        let (mut writer, received) = pieces(|| ());
+        writer.patience = Duration::from_millis(20);
+        let thread =
+            task::spawn_blocking(move || writer.write_all(&vec![1; (WAITING + 1) * PIECE]));
+        let failed = thread.await.unwrap().unwrap_err();
+        assert_eq!(failed.kind(), io::ErrorKind::TimedOut);
+        drop(received);
     }
 }

@@ -113,10 +113,10 @@ kinds! {
         "A pinned result cannot be deleted."
         "Unpin it with DELETE /v1/results/{key}/pin, then delete it.";
     PIN_QUOTA = CONFLICT "pin-quota" "Too many pinned results"
-        "The results that one owner has pinned may take a limited part of the disk, because the server never evicts \
-         them."
+        "The results that one owner has pinned may take a limited part of the disk, and so may those of all owners, \
+         because the server never evicts them."
         "Unpin results with DELETE /v1/results/{key}/pin; GET /v1/results?pinned_by=me lists them. The operator of \
-         the server can raise the quota (--pin-quota).";
+         the server can raise the quota (--pin-quota, --keep-results).";
     JOB_FAILED = CONFLICT "job-failed" "The job failed"
         "The job ended with an error, so it has no result."
         "The `error` of the job gives the reason. Failures are not cached: a new submission computes again.";

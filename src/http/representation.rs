@@ -1,14 +1,16 @@
 //! Answers made from results: found in memory or made, compressed, tagged.
 
+use std::error::Error as StdError;
 use std::io::{self, Write as _};
 use std::mem;
 use std::sync::Arc;
+use std::thread;
 
 use axum::body::{Body as AnswerBody, Bytes};
 use axum::http::header::{self, HeaderName};
 use axum::http::{HeaderMap, HeaderValue, StatusCode};
 use axum::response::{IntoResponse, Response};
-use tokio::sync::OwnedSemaphorePermit;
+use tokio::sync::{OwnedSemaphorePermit, oneshot};
 use tokio::task;
 use xxhash_rust::xxh3::xxh3_64;
 
@@ -45,7 +47,7 @@ struct Need {
     maker: bool,
 }
 
-/// What a request has reserved. It waits for this while it does not hold the place of its answer. So a caller whose
+/// What a request has reserved. It waits for this before it takes the single-flight lock of its answer. So a caller whose
 /// memory is full does not delay other callers that request the same answer.
 #[derive(Default)]
 struct Reserved {
@@ -60,17 +62,26 @@ impl Reserved {
     }
 
     /// Waits for what a request needs, or until another request has made the answer with this name.
-    async fn wait(app: &App, caller: &str, name: &str, need: Need) -> Result<Self, Problem> {
+    async fn wait(
+        &mut self,
+        app: &App,
+        caller: &str,
+        name: &str,
+        need: Need,
+    ) -> Result<(), Problem> {
+        // It must not wait for memory that it holds itself.
+        *self = Self::default();
         let reserve = async {
             let permit = app.shares.answers.hold(caller, need.bytes).await?;
             let maker = if need.maker { app.memory.maker().await } else { None };
-            Ok(Self { bytes: need.bytes, permit, maker })
+            Ok::<_, Problem>(Self { bytes: need.bytes, permit, maker })
         };
-        tokio::select! {
+        *self = tokio::select! {
             biased;
-            () = app.memory.made(name) => Ok(Self::default()),
-            reserved = reserve => reserved,
-        }
+            () = app.memory.made(name) => Self::default(),
+            reserved = reserve => reserved?,
+        };
+        Ok(())
     }
 }
 
@@ -93,14 +104,14 @@ async fn find(
             return Ok(Lookup::Missing(making));
         };
         let need = Need { bytes: body.len(), maker: false };
-        let permit = match app.shares.answers.try_hold(caller, need.bytes) {
-            _ if reserved.suffices(need) => mem::take(reserved).permit,
-            Ok(permit) => permit,
-            Err(_) => {
-                drop(making);
-                *reserved = Reserved::wait(app, caller, name, need).await?;
-                continue;
-            }
+        let permit = if reserved.suffices(need) {
+            mem::take(reserved).permit
+        } else if let Ok(permit) = app.shares.answers.try_hold(caller, need.bytes) {
+            permit
+        } else {
+            drop(making);
+            reserved.wait(app, caller, name, need).await?;
+            continue;
         };
         let answer = Encoded::of(body, coding, Some(permit));
         return Ok(Lookup::Found(app.memory.finish(making, answer, false)));
@@ -128,7 +139,7 @@ pub async fn json(app: &App, caller: &str, key: &Key) -> Result<Option<Encoded>,
             }
             Stored::Needs(need) => {
                 drop(making);
-                reserved = Reserved::wait(app, caller, &name, need).await?;
+                reserved.wait(app, caller, &name, need).await?;
             }
             Stored::Absent => return Ok(None),
         }
@@ -315,7 +326,7 @@ impl Representation {
                 Source::Json(json) => break self.make(app, coding, making, json, reserved).await?,
                 Source::Needs(need) => {
                     drop(making);
-                    reserved = Reserved::wait(app, &self.caller, &name, need).await?;
+                    reserved.wait(app, &self.caller, &name, need).await?;
                 }
             }
         };
@@ -356,7 +367,9 @@ impl Representation {
                 _ => return Err(self.missing(app).await?),
             },
         };
-        let need = Need { bytes: 2 * size, maker: true };
+        let is_text = coding == Coding::Identity && self.growth() * size <= WHOLE;
+        let growth = if is_text { self.growth() } else { 1 };
+        let need = Need { bytes: (1 + growth) * size, maker: true };
         if !reserved.suffices(need) {
             return Ok(Source::Needs(need));
         }
@@ -389,7 +402,7 @@ impl Representation {
             let mut encoder = coding.encoder();
             // A table has more characters than the columns of the JSON. Room that is not used takes no memory.
             encoder.reserve(json.len() / 4 * 5);
-            format::write(&mut encoder, &json, part, format, &view)
+            format::write(&mut encoder, json, part, format, &view)
                 .map_err(|error| refused(&key, error))?;
             let (body, coding) = encoder.finish().map_err(Problem::bug)?;
             Ok(app.memory.finish(making, Encoded::of(body, coding, Some(permit)), true))
@@ -397,39 +410,59 @@ impl Representation {
         task::spawn_blocking(make).await.map_err(Problem::bug)?
     }
 
-    /// Whether the answer is sent while it is written, because it is large.
-    fn is_streamed(&self, coding: Coding, json: &Bytes) -> bool {
-        // A row repeats the numbers of its axes, and in some formats the names of all columns.
-        let growth = match self.format {
+    /// How many bytes the answer has at most for each byte of the result, if it is not compressed. A row repeats the
+    /// numbers of its axes, and in some formats the names of all columns.
+    fn growth(&self) -> usize {
+        let selects = self.view.cycles.is_some() || self.view.points.is_some();
+        match self.format {
+            // A history is a small part of a large result.
+            _ if selects || matches!(self.part, Part::Whole | Part::History) => 1,
             Format::Csv => 2,
-            Format::Json if self.part != Part::Whole && self.view.records => 3,
+            Format::Json if self.view.records => 3,
             Format::Ndjson => 5,
-            _ => return false,
-        };
-        coding == Coding::Identity && growth * json.len() > WHOLE
+            _ => 1,
+        }
     }
 
-    /// Writes the answer on a blocking thread while the client reads it. The thread ends with the connection.
+    /// Whether the answer is sent while it is written, because it is large.
+    fn is_streamed(&self, coding: Coding, json: &Bytes) -> bool {
+        let growth = self.growth();
+        coding == Coding::Identity && growth > 1 && growth * json.len() > WHOLE
+    }
+
+    /// Writes the answer on a thread of its own while the client reads it. The thread ends when the client stops the
+    /// stream, or does not read for long.
     async fn stream(&self, json: Bytes, reserved: Reserved) -> Result<Response, Problem> {
-        let Reserved { permit, maker, .. } = reserved;
-        // Until its rows are written, the result and its table are in memory, then only the table.
-        let (mut pieces, mut received) = pieces(move || drop(maker));
+        let Reserved { mut permit, maker, .. } = reserved;
+        // Before the first piece, the result and its table are in memory, and then only the table.
+        let result = permit.split(json.len());
+        let (mut pieces, mut received) = pieces(move || drop((maker, result)));
         let (part, format, view) = (self.part, self.format, self.view.clone());
-        let written = task::spawn_blocking(move || {
-            format::write(&mut pieces, json, part, format, &view)?;
-            pieces.flush()?;
-            // The table was in memory until now.
+        let (done, written) = oneshot::channel();
+        let write = move || {
+            let end = format::write(&mut pieces, json, part, format, &view)
+                .and_then(|()| Ok(pieces.flush()?));
+            // The table is no longer in memory.
             drop(permit);
-            Ok::<_, format::Error>(())
-        });
-        let body = if let Some(first) = received.next().await {
-            received.body(first, async {
-                written.await.map_err(io::Error::other)?.map_err(io::Error::other)
-            })
-        } else {
-            written.await.map_err(Problem::bug)?.map_err(|error| refused(&self.key, error))?;
-            AnswerBody::empty()
+            // If the client has disconnected, nobody waits for the end.
+            let _ = done.send(end);
         };
+        // A client can take hours, and the blocking threads of the runtime are few.
+        thread::Builder::new().name("stream".to_owned()).spawn(write).map_err(Problem::bug)?;
+        let Some(first) = received.next().await else {
+            written.await.map_err(Problem::bug)?.map_err(|error| refused(&self.key, error))?;
+            return Ok(self.response(AnswerBody::empty(), Coding::Identity, None));
+        };
+        let key = self.key;
+        let body = received.body(first, async move {
+            let error: Box<dyn StdError + Send + Sync> = match written.await {
+                Ok(Ok(())) => return Ok(()),
+                Ok(Err(error)) => error.into(),
+                Err(panicked) => panicked.into(),
+            };
+            tracing::error!(%key, error = &*error as &dyn StdError, "an answer ended early");
+            Err(io::Error::other(error))
+        });
         Ok(self.response(body, Coding::Identity, None))
     }
 

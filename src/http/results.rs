@@ -360,7 +360,8 @@ pub async fn plot(
 /// Pins a result, so that it is never evicted.
 ///
 /// When the database grows too large, the server evicts the least recently read results, except pinned
-/// ones. Pinning a result again has no effect. The results that one owner has pinned may take up to `--pin-quota`.
+/// ones. Pinning a result again has no effect. The results that one owner has pinned may take up to `--pin-quota`,
+/// and those of all owners half of `--keep-results`.
 #[utoipa::path(put, path = "/v1/results/{key}/pin", operation_id = "pin_result", tag = "results",
     params(("key" = super::schemas::KeyText, Path, description = "The `key` of a result.")),
     responses(

@@ -44,6 +44,8 @@ pub struct Budget {
     memory: Arc<Semaphore>,
     /// Units of memory for one caller.
     share: u32,
+    /// What a caller can do who uses the whole share.
+    advice: &'static str,
     shares: PerCaller,
     held: Gauge,
 }
@@ -80,8 +82,8 @@ impl Shares {
         let held = Gauge::default();
         let (requests, answers) = (bytes / 4, bytes - bytes / 4);
         Self {
-            requests: Budget::new(requests, &held),
-            answers: Budget::new(answers, &held),
+            requests: Budget::new(requests, &held, "Send fewer large bodies at the same time."),
+            answers: Budget::new(answers, &held, "Read their answers to the end."),
             turns: PerCaller::new(HEAVY),
             held,
         }
@@ -95,10 +97,10 @@ impl Shares {
 }
 
 impl Budget {
-    fn new(bytes: u64, held: &Gauge) -> Self {
+    fn new(bytes: u64, held: &Gauge, advice: &'static str) -> Self {
         let size = u32::try_from(bytes / UNIT).unwrap_or(u32::MAX).max(2);
         let (memory, share) = (Arc::new(Semaphore::new(size as usize)), size / 2);
-        Self { memory, share, shares: PerCaller::new(share as usize), held: held.clone() }
+        Self { memory, share, advice, shares: PerCaller::new(share as usize), held: held.clone() }
     }
 
     /// As [`hold`](Self::hold), but does not wait.
@@ -110,7 +112,8 @@ impl Budget {
             return Ok(Permit::default());
         }
         let units = self.units(bytes);
-        let own = self.shares.of(caller).try_acquire_many_owned(units).map_err(|_| own_full())?;
+        let own =
+            self.shares.of(caller).try_acquire_many_owned(units).map_err(|_| self.own_full())?;
         let all = Arc::clone(&self.memory).try_acquire_many_owned(units).map_err(|_| all_full())?;
         Ok(self.permit(own, all))
     }
@@ -125,10 +128,14 @@ impl Budget {
         }
         let units = self.units(bytes);
         let own = timeout(LONGEST_WAIT, self.shares.of(caller).acquire_many_owned(units));
-        let Ok(Ok(own)) = own.await else { return Err(own_full()) };
+        let Ok(Ok(own)) = own.await else { return Err(self.own_full()) };
         let all = timeout(LONGEST_WAIT, Arc::clone(&self.memory).acquire_many_owned(units));
         let Ok(Ok(all)) = all.await else { return Err(all_full()) };
         Ok(self.permit(own, all))
+    }
+
+    fn own_full(&self) -> Problem {
+        full(format!("Your other requests use the memory that one caller may use. {}", self.advice))
     }
 
     /// A body larger than the share of a caller uses the whole share.
@@ -171,11 +178,17 @@ impl Permit {
 
     /// Gives back what a body of this many bytes does not use.
     pub fn shrink(&mut self, bytes: usize) {
-        let Some(held) = &mut self.held else { return };
+        drop(self.split(bytes));
+    }
+
+    /// Takes what a body of this many bytes does not use.
+    pub fn split(&mut self, bytes: usize) -> Self {
+        let Some(held) = &mut self.held else { return Self::default() };
         let units = bytes / UNIT as usize + 1;
         let unused = held.all.num_permits().saturating_sub(units);
-        held.gauge.dec_by((unused as u64 * UNIT).cast_signed());
-        drop((held.own.split(unused), held.all.split(unused)));
+        let (own, all) = (held.own.split(unused), held.all.split(unused));
+        let gauge = held.gauge.clone();
+        Self { held: own.zip(all).map(|(own, all)| Held { own, all, gauge }) }
     }
 }
 
@@ -189,17 +202,11 @@ fn bytes_of(permit: &OwnedSemaphorePermit) -> i64 {
     (permit.num_permits() as u64 * UNIT).cast_signed()
 }
 
-fn own_full() -> Problem {
-    full(
-        "Your other requests use the memory that one caller may use. Read their answers to the end.",
-    )
-}
-
 fn all_full() -> Problem {
-    full("Other requests use the memory for large bodies.")
+    full("Other requests use the memory for large bodies.".to_owned())
 }
 
-fn full(detail: &str) -> Problem {
+fn full(detail: String) -> Problem {
     Problem::new(&problem::MEMORY_FULL, detail).retry_after(RETRY)
 }
 
@@ -211,7 +218,7 @@ mod tests {
 
     #[tokio::test(start_paused = true)]
     async fn one_caller_can_hold_half_of_the_memory() {
-        let budget = Budget::new(8 << 20, &Gauge::default());
+        let budget = Budget::new(8 << 20, &Gauge::default(), "");
         let mut first = budget.hold("anna", 3 << 20).await.unwrap();
         assert!(budget.hold("anna", 2 << 20).await.is_err());
         assert!(budget.hold("anna", SMALL).await.is_ok(), "small bodies are not counted");

@@ -11,6 +11,7 @@ use super::audit::{Act, Actor, record};
 use super::body::Body;
 use super::error::Error;
 use super::outline::{self, Statement};
+use super::pins::PinQuota;
 use super::signals::Effect;
 use super::transaction::Transaction;
 use crate::job::{Answer, Cost, JobId, Key, Outline, Recomputed};
@@ -269,15 +270,6 @@ impl Editor {
     fn may_change(&self, owner: Option<&str>) -> bool {
         self.may_change_all || owner == Some(&self.owner)
     }
-}
-
-/// How many bytes of results may be pinned.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct PinQuota {
-    /// By one owner.
-    pub(super) owner: u64,
-    /// By all owners together; `None` without a limit.
-    pub(super) all: Option<u64>,
 }
 
 /// Pins a result within the quota, or unpins it.

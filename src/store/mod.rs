@@ -33,6 +33,7 @@ mod log;
 mod moving;
 mod open;
 mod outline;
+mod pins;
 mod queue;
 mod read;
 mod readers;
@@ -72,7 +73,7 @@ pub use signals::{Changes, Stop};
 pub use submit::{Admission, NewJob, Repeatable, Submitted};
 pub use tally::Tally;
 
-use keep::PinQuota;
+use pins::PinQuota;
 use readers::Readers;
 use signals::Signals;
 use transaction::Verb;

@@ -12,11 +12,11 @@ use sqlx::sqlite::{SqliteAutoVacuum, SqliteConnectOptions, SqliteJournalMode, Sq
 use sqlx::{ConnectOptions, Connection, Executor as _, SqlSafeStr as _, SqliteConnection};
 use tokio::sync::Semaphore;
 
-use super::keep::PinQuota;
 use super::ledger::Ledger;
 use super::library::Program;
 use super::log::Log;
 use super::outline;
+use super::pins::PinQuota;
 use super::queue::Queue;
 use super::readers::{BUSY, Readers};
 use super::signals::Signals;
@@ -143,8 +143,7 @@ impl Store {
         let log = Log::new(with_suffix(&path, "-wal"), log_pages * PAGE);
         let writer = Writer::new(tx, Arc::clone(&signals), upkeep, ledger, log).start();
         let Options { queue_limit, pin_quota, budget, .. } = *options;
-        let all = budget.map(|budget| budget / 2);
-        let pin_quota = PinQuota { owner: all.map_or(pin_quota, |all| pin_quota.min(all)), all };
+        let pin_quota = PinQuota::new(pin_quota, budget);
         let scans = Arc::new(Semaphore::new(SCANS));
         let dir = dir.into();
         Ok(Self { writer, readers, large, keys, scans, signals, queue_limit, pin_quota, dir })
@@ -235,13 +234,33 @@ pub(super) fn lock(dir: &Path) -> Result<File, Error> {
     let refused = |source| Error::Directory { dir: dir.to_owned(), source: Arc::new(source) };
     fs::create_dir_all(dir).map_err(refused)?;
     let path = dir.join(LOCK);
-    let file = File::options().create(true).truncate(false).read(true).write(true).open(path);
+    let file = File::options().create(true).truncate(false).read(true).write(true).open(&path);
     let file = file.map_err(refused)?;
     match file.try_lock() {
+        // A failed restore removes the file that it has locked.
+        Ok(()) if is_removed(&file, &path).map_err(refused)? => lock(dir),
         Ok(()) => Ok(file),
         Err(TryLockError::WouldBlock) => Err(Error::Locked { dir: dir.to_owned() }),
         Err(TryLockError::Error(source)) => Err(refused(source)),
     }
+}
+
+/// Whether a path no longer leads to the open file.
+#[cfg(unix)]
+fn is_removed(file: &File, path: &Path) -> io::Result<bool> {
+    use std::os::unix::fs::MetadataExt as _;
+    let open = file.metadata()?;
+    match fs::metadata(path) {
+        Ok(there) => Ok((there.dev(), there.ino()) != (open.dev(), open.ino())),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(true),
+        Err(error) => Err(error),
+    }
+}
+
+/// Other systems do not remove a file that is open.
+#[cfg(not(unix))]
+fn is_removed(_: &File, _: &Path) -> io::Result<bool> {
+    Ok(false)
 }
 
 /// Removes a log that belongs to another database.
@@ -304,6 +323,11 @@ pub(super) async fn inspect(path: &Path) -> Result<(), Error> {
 /// The statements that made the tables and indexes of a file. A file in which they are not text is damaged: sqlx panics
 /// at a column whose type is not text, and may then wait without end.
 pub(super) async fn schema(db: &mut SqliteConnection) -> Result<Vec<String>, Error> {
+    let encoding: String = sqlx::query_scalar("PRAGMA encoding").fetch_one(&mut *db).await?;
+    if encoding != "UTF-8" {
+        let error = sqlx::Error::Decode(format!("its texts are {encoding}, not UTF-8").into());
+        return Err(Error::Damaged(Arc::new(error)));
+    }
     let statements: Vec<Vec<u8>> =
         sqlx::query_scalar("SELECT CAST(coalesce(sql, '') AS BLOB) FROM sqlite_schema")
             .fetch_all(db)

@@ -81,9 +81,12 @@ pub async fn restore(
     let missing: Vec<&Path> = [&*lock].into_iter().chain(dir.ancestors()).collect();
     let missing: Vec<&Path> = missing.into_iter().take_while(|path| !path.exists()).collect();
     // The lock is held until everything is removed. If another server holds it, these are its files.
-    let locked = open::lock(dir)?;
-    let done = put_in_place(dir, &locked, file, replace).await;
-    if done.is_err() {
+    let locked = open::lock(dir);
+    let done = match &locked {
+        Ok(locked) => put_in_place(dir, locked, file, replace).await,
+        Err(error) => Err(error.clone().into()),
+    };
+    if !matches!(done, Ok(_) | Err(Moving::Store(Error::Locked { .. }))) {
         for path in missing {
             // What another command has put there in the meantime stays.
             let _ = if path == lock { fs::remove_file(path) } else { fs::remove_dir(path) };
