@@ -32,6 +32,8 @@ pub struct Shares {
     memory: Arc<Semaphore>,
     /// Units of memory, in total.
     size: u32,
+    /// Number of evaluations of one caller at the same time. The others wait.
+    evaluations: usize,
     callers: Mutex<HashMap<String, Weak<Share>>>,
     /// Bytes in use.
     pub held: Gauge,
@@ -42,6 +44,7 @@ pub struct Shares {
 struct Share {
     memory: Arc<Semaphore>,
     heavy: Arc<Semaphore>,
+    evaluations: Arc<Semaphore>,
 }
 
 /// Memory that a request uses, until this is dropped.
@@ -59,7 +62,7 @@ struct Held {
     _share: Arc<Share>,
 }
 
-/// Permission for heavy work, until this is dropped.
+/// Permission for heavy work or an evaluation, until this is dropped.
 #[derive(Debug)]
 pub struct Turn {
     _permit: Option<OwnedSemaphorePermit>,
@@ -67,11 +70,12 @@ pub struct Turn {
 }
 
 impl Shares {
-    /// Shares of this many bytes.
-    pub fn new(bytes: u64) -> Self {
+    /// Shares of this many bytes, and of computations on this many workers.
+    pub fn new(bytes: u64, workers: usize) -> Self {
         let size = u32::try_from(bytes / UNIT).unwrap_or(u32::MAX).max(2);
         let memory = Arc::new(Semaphore::new(size as usize));
-        Self { memory, size, callers: Mutex::default(), held: Gauge::default() }
+        let (callers, held) = (Mutex::default(), Gauge::default());
+        Self { memory, size, evaluations: workers, callers, held }
     }
 
     /// As [`hold`](Self::hold), but does not wait.
@@ -123,9 +127,19 @@ impl Shares {
 
     /// Waits until the caller may do heavy work: reading many results, or comparing them.
     pub async fn turn(&self, caller: &str) -> Turn {
+        self.turn_of(caller, |share| &share.heavy).await
+    }
+
+    /// Waits until the caller may evaluate a scenario. So the evaluations of one caller wait for each other, and those
+    /// of another caller do not wait for all of them.
+    pub async fn evaluation(&self, caller: &str) -> Turn {
+        self.turn_of(caller, |share| &share.evaluations).await
+    }
+
+    async fn turn_of(&self, caller: &str, of: fn(&Share) -> &Arc<Semaphore>) -> Turn {
         let share = self.share(caller);
         // The semaphore is never closed.
-        let permit = Arc::clone(&share.heavy).acquire_owned().await.ok();
+        let permit = Arc::clone(of(&share)).acquire_owned().await.ok();
         Turn { _permit: permit, _share: share }
     }
 
@@ -139,7 +153,7 @@ impl Shares {
         }
         let permits = |most: usize| Arc::new(Semaphore::new(most));
         let (memory, heavy) = (permits(self.size as usize / 2), permits(HEAVY));
-        let share = Arc::new(Share { memory, heavy });
+        let share = Arc::new(Share { memory, heavy, evaluations: permits(self.evaluations) });
         callers.insert(caller.to_owned(), Arc::downgrade(&share));
         share
     }
@@ -193,7 +207,7 @@ mod tests {
 
     #[tokio::test(start_paused = true)]
     async fn one_caller_can_hold_half_of_the_memory() {
-        let shares = Shares::new(8 << 20);
+        let shares = Shares::new(8 << 20, 2);
         let mut first = shares.hold("anna", 3 << 20).await.unwrap();
         assert!(shares.hold("anna", 2 << 20).await.is_err());
         assert!(shares.hold("anna", SMALL).await.is_ok(), "small bodies are not counted");
@@ -210,20 +224,21 @@ mod tests {
 
     #[tokio::test]
     async fn heavy_requests_of_one_caller_wait_for_each_other_and_not_for_others() {
-        let shares = Shares::new(1 << 20);
+        let shares = Shares::new(1 << 20, 2);
         let mut turns = Vec::new();
         while let Some(turn) = shares.turn("anna").now_or_never() {
             turns.push(turn);
         }
         assert_eq!(turns.len(), HEAVY);
         assert!(shares.turn("berta").now_or_never().is_some());
+        assert!(shares.evaluation("anna").now_or_never().is_some(), "it is no heavy work");
         turns.pop();
         assert!(shares.turn("anna").now_or_never().is_some());
     }
 
     #[tokio::test]
     async fn callers_without_requests_are_forgotten() {
-        let shares = Shares::new(1 << 20);
+        let shares = Shares::new(1 << 20, 2);
         let held = shares.turn("held").await;
         for number in 0..10_000 {
             drop(shares.turn(&number.to_string()).await);

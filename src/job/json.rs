@@ -1,10 +1,12 @@
 //! JSON with the digits of results, and a parser that reports repeated members.
+//!
+//! All bodies of requests are read here, so that each names all its faults.
 
 use std::fmt;
 use std::io::{self, Write};
 
 use fretwork_engine::numeric::{Decimal, twelve_digits};
-use fretwork_engine::request::fault::Fault;
+use fretwork_engine::request::fault::{Fault, Faults};
 use serde::Serialize;
 use serde::de::{DeserializeSeed, Error, MapAccess, SeqAccess, Visitor};
 use serde_json::ser::{CompactFormatter, Formatter};
@@ -88,6 +90,40 @@ fn write_decimal<W: ?Sized + Write>(
             write!(out, "e{leading}")
         }
     }
+}
+
+/// Why a text is not the body of a request.
+#[derive(Debug, thiserror::Error)]
+pub enum BadBody {
+    /// It is not JSON.
+    #[error("the text is not JSON")]
+    Json(#[source] serde_json::Error),
+    /// It is empty.
+    #[error("the text is empty")]
+    Empty,
+    /// It is JSON with these faults.
+    #[error("the body has {} fault(s)", .0.len())]
+    Faults(Vec<Fault>),
+}
+
+/// Parses a body and reads its value. Repeated members and the faults of the value are in one list.
+///
+/// # Errors
+/// The text is not JSON, or it has faults.
+pub fn read_body<T>(
+    text: &[u8],
+    read: impl FnOnce(Value) -> Result<T, Faults>,
+) -> Result<T, BadBody> {
+    if text.iter().all(u8::is_ascii_whitespace) {
+        return Err(BadBody::Empty);
+    }
+    let (body, mut faults) = parse(text).map_err(BadBody::Json)?;
+    match read(body) {
+        Ok(read) if faults.is_empty() => return Ok(read),
+        Ok(_) => {}
+        Err(more) => faults.extend(more.0),
+    }
+    Err(BadBody::Faults(faults))
 }
 
 /// Parses JSON, and returns a fault for each member that appears more than once: keeping one of them

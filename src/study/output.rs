@@ -14,7 +14,9 @@ use std::str::FromStr;
 
 use deserr::{Deserr, IntoValue, Value, ValuePointerRef};
 use fretwork_engine::case::Case;
-use fretwork_engine::outcome::{ContactScales, History, LimitState, Outcome, UNITS, Unworn};
+use fretwork_engine::outcome::{
+    ContactScales, History, LimitState, Outcome, Preview, UNITS, Unworn,
+};
 use fretwork_engine::request::fault::{Faults, unknown};
 use fretwork_engine::request::instants::{Cycles, Measure};
 use fretwork_engine::request::quantity::{self, Dimension};
@@ -37,22 +39,28 @@ struct Quantity {
 enum Source {
     /// A column of the history, by its place in [`History::columns`].
     Column(usize),
+    Event(EventKind),
+    /// What is known without a run.
+    Contact(Member),
+}
+
+/// A member of a section that follows from the unworn contact.
+#[derive(Debug, Clone, Copy)]
+enum Member {
     Scales(fn(&ContactScales) -> f64),
     Unworn(fn(&Unworn) -> Option<f64>),
     Limit(fn(&LimitState) -> f64),
-    Event(EventKind),
 }
 
 macro_rules! members {
     ($($section:literal $of:ident { $($member:ident)+ })+) => {
         &[$($(Quantity {
             name: concat!($section, ".", stringify!($member)),
-            source: Source::$of(|section| section.$member.into()),
+            source: Source::Contact(Member::$of(|section| section.$member.into())),
         },)+)+]
     };
 }
 
-/// The members of the sections of a result.
 static MEMBERS: &[Quantity] = members! {
     "scales" Scales { contact_radius indentation_depth normal_force cycles }
     "unworn" Unworn {
@@ -102,6 +110,9 @@ pub struct Output {
 /// Why an output has no value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum NoValue {
+    /// Only a run finds the value.
+    #[error("only a run finds it")]
+    NoRun,
     /// The run ended before this output cycle.
     #[error("the run ended before this output cycle")]
     Ended,
@@ -135,12 +146,6 @@ impl OutputName {
         History::default().columns().map(|(name, _)| name).into_iter()
     }
 
-    /// Whether the name has an output cycle.
-    #[must_use]
-    pub fn has_cycle(&self) -> bool {
-        self.cycle.is_some()
-    }
-
     /// Finds the output cycle of the name among those of a scenario.
     ///
     /// # Errors
@@ -149,6 +154,12 @@ impl OutputName {
         let Self { text, quantity, cycle } = self;
         let row = cycle.map(|start| row_of(&text[start..], cycles)).transpose()?;
         Ok(Output { name: text, quantity, row })
+    }
+}
+
+impl PartialEq for OutputName {
+    fn eq(&self, other: &Self) -> bool {
+        self.text == other.text
     }
 }
 
@@ -219,31 +230,65 @@ impl Output {
         UNITS.iter().find(|(known, _)| Some(*known) == name).map_or("1", |(_, unit)| *unit)
     }
 
+    /// Whether only a run finds the value. The others follow from the unworn contact.
+    #[must_use]
+    pub fn needs_run(&self) -> bool {
+        matches!(self.quantity.source, Source::Column(_) | Source::Event(_))
+    }
+
     /// The value in the result of a case.
     ///
     /// # Errors
     /// The result does not have this value.
     pub fn value(&self, case: &Case, outcome: &Outcome) -> Result<f64, NoValue> {
-        let value = match self.quantity.source {
+        let Outcome { scales, unworn, limit, history, events, .. } = outcome;
+        match self.quantity.source {
             Source::Column(place) => {
-                let history = &outcome.history;
                 let row = match self.row {
                     None => history.cycles.len() - 1,
                     Some(row) if history.has_reached(case, row) => row,
                     Some(_) => return Err(NoValue::Ended),
                 };
-                history.columns()[place].1[row]
+                finite(history.columns()[place].1[row])
             }
-            Source::Scales(member) => member(&outcome.scales),
-            Source::Limit(member) => member(outcome.limit.as_ref().ok_or(NoValue::NoLimit)?),
-            Source::Unworn(member) => member(&outcome.unworn).ok_or(NoValue::NoRig)?,
             Source::Event(kind) => {
-                let event = outcome.events.iter().find(|event| event.kind == kind);
-                event.ok_or(NoValue::NoEvent)?.cycles
+                let event = events.iter().find(|event| event.kind == kind);
+                event.map(|event| event.cycles).ok_or(NoValue::NoEvent)
             }
-        };
-        if value.is_finite() { Ok(value) } else { Err(NoValue::Infinite) }
+            Source::Contact(member) => member.value(scales, unworn, limit.as_ref()),
+        }
     }
+
+    /// The value that is known without a run.
+    ///
+    /// # Errors
+    /// Only a run finds the value, or the result will not have it.
+    pub fn known(&self, preview: &Preview) -> Result<f64, NoValue> {
+        let Preview { scales, unworn, limit, .. } = preview;
+        match self.quantity.source {
+            Source::Contact(member) => member.value(scales, unworn, limit.as_ref()),
+            Source::Column(_) | Source::Event(_) => Err(NoValue::NoRun),
+        }
+    }
+}
+
+impl Member {
+    fn value(
+        self,
+        scales: &ContactScales,
+        unworn: &Unworn,
+        limit: Option<&LimitState>,
+    ) -> Result<f64, NoValue> {
+        finite(match self {
+            Self::Scales(member) => member(scales),
+            Self::Unworn(member) => member(unworn).ok_or(NoValue::NoRig)?,
+            Self::Limit(member) => member(limit.ok_or(NoValue::NoLimit)?),
+        })
+    }
+}
+
+fn finite(value: f64) -> Result<f64, NoValue> {
+    if value.is_finite() { Ok(value) } else { Err(NoValue::Infinite) }
 }
 
 #[cfg(test)]
