@@ -15,7 +15,7 @@ use super::scenarios::parse;
 use super::shares::SMALL;
 use super::wire::NoQuery;
 use crate::job::json;
-use crate::service::{MAX_ANSWER, MAX_ESTIMATE, NotEvaluated};
+use crate::service::{LARGEST_EVALUATION, LONGEST_EVALUATION, NotEvaluated};
 use crate::study::Evaluation;
 
 /// The address of evaluations.
@@ -24,7 +24,7 @@ pub const PATH: &str = "/v1/evaluate";
 impl From<NotEvaluated> for Problem {
     fn from(refusal: NotEvaluated) -> Self {
         const JOB: &str = "Submit a job instead: POST /v1/jobs with the same scenario.";
-        let milliseconds = MAX_ESTIMATE.as_millis();
+        let milliseconds = LONGEST_EVALUATION.as_millis();
         match refusal {
             NotEvaluated::TooLong(estimate) => {
                 let seconds = estimate.as_secs_f64();
@@ -38,7 +38,7 @@ impl From<NotEvaluated> for Problem {
                     "The answer would have about {:.1} MB, but that of an evaluation may have {:.1} MB. Request \
                      fewer `parts`, or profiles at fewer output cycles (`profiles_at`). {JOB}",
                     bytes as f64 / 1e6,
-                    MAX_ANSWER as f64 / 1e6,
+                    LARGEST_EVALUATION as f64 / 1e6,
                 );
                 Self::new(&problem::TOO_EXPENSIVE, detail)
             }
@@ -77,7 +77,8 @@ impl From<NotEvaluated> for Problem {
         (status = 200, description = "The outputs.", body = super::schemas::Evaluated),
         (status = 422, description = "The body has faults, which `errors` lists; or the run would take too long for \
             an evaluation."),
-        (status = 503, description = "Too many evaluations are computed at the same time; see `Retry-After`.",
+        (status = 503, description = "Too many evaluations are computed at the same time, or the memory for large \
+            answers is in use; see `Retry-After`.",
             headers(("Retry-After" = u32, description = "Seconds."))),
     ),
 )]
@@ -89,7 +90,7 @@ pub async fn evaluate(
 ) -> Result<Response, Problem> {
     let evaluation = parse(body, Evaluation::parse).await?;
     let bytes = evaluation.answer_bytes();
-    let mut permit = app.shares.hold(&caller.owner, bytes.min(MAX_ANSWER)).await?;
+    let mut permit = app.shares.hold(&caller.owner, bytes.min(LARGEST_EVALUATION)).await?;
     let turn = app.shares.evaluation(&caller.owner).await;
     let evaluated = app.service.evaluate(evaluation).await?;
     drop(turn);

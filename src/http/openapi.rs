@@ -16,7 +16,6 @@ use super::schemas;
 use super::signed_link::OPENED;
 use crate::job::Submission;
 use crate::store::Role;
-use crate::study::OutputName;
 use fretwork_engine::scenario::SCHEMA;
 
 const DOCUMENT_SCHEMAS: &str = include_str!("documents.schema.json");
@@ -105,11 +104,6 @@ pub fn complete(document: &OpenApi, needs: &RouteNeeds) -> Vec<u8> {
             "oneOf": [{"$ref": "#/components/schemas/Result"}, {"type": "null"}],
         });
     }
-    if let Some(names) =
-        document.pointer_mut("/components/schemas/EvaluateBody/properties/outputs/items")
-    {
-        names["pattern"] = json!(output_names());
-    }
     if let Some(Value::Object(paths)) = document.pointer_mut("/paths") {
         for (path, item) in paths {
             for (method, operation) in item.as_object_mut().into_iter().flatten() {
@@ -132,14 +126,6 @@ pub fn complete(document: &OpenApi, needs: &RouteNeeds) -> Vec<u8> {
         parameters.splice(0..0, super::library::parameters());
     }
     format!("{document:#}\n").into_bytes()
-}
-
-/// A regular expression for the names of outputs. Whether an output cycle exists depends on the scenario.
-fn output_names() -> String {
-    let columns: Vec<_> = OutputName::columns().collect();
-    let others = OutputName::all().filter(|name| !columns.contains(name));
-    let others: Vec<_> = others.map(|name| name.replace('.', "\\.")).collect();
-    format!("^(({})(@.+)?|{})$", columns.join("|"), others.join("|"))
 }
 
 /// Copies the definitions of a JSON Schema file into the components, and the schema itself under `name`.

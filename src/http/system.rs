@@ -17,7 +17,7 @@ use super::metrics::{Measurements, as_prometheus};
 use super::negotiation::choose_type;
 use super::problem::{self, Problem};
 use super::wire::{self, NoQuery, Segment};
-use crate::service::MAX_ESTIMATE;
+use crate::service::LONGEST_EVALUATION;
 use fretwork_engine::request::fields::{MAX_CYCLES, POINTS_RANGE};
 use fretwork_engine::scenario::{MAX_ANSWER, NUMERICS};
 
@@ -150,7 +150,7 @@ pub async fn version(_: NoQuery) -> Json<Version> {
             cycles: MAX_CYCLES,
             answer_bytes: MAX_ANSWER,
             body_bytes: BODY_LIMIT,
-            evaluate_seconds: MAX_ESTIMATE.as_secs_f64(),
+            evaluate_seconds: LONGEST_EVALUATION.as_secs_f64(),
             wait_seconds: wire::LONGEST_WAIT.as_secs(),
         },
     })

@@ -5,6 +5,7 @@
 use std::fmt;
 use std::io::{self, Write};
 
+use deserr::ValuePointerRef;
 use fretwork_engine::numeric::{Decimal, twelve_digits};
 use fretwork_engine::request::fault::{Fault, Faults};
 use serde::Serialize;
@@ -133,9 +134,8 @@ pub fn read_body<T>(
 /// The text is not JSON.
 pub fn parse(text: &[u8]) -> Result<(Value, Vec<Fault>), serde_json::Error> {
     let mut repeated = Repeated::default();
-    let mut pointer = String::new();
     let mut json = Deserializer::from_slice(text);
-    let reader = Reader { pointer: &mut pointer, repeated: &mut repeated };
+    let reader = Reader { location: ValuePointerRef::Origin, repeated: &mut repeated };
     let value = reader.deserialize(&mut json)?;
     json.end()?;
     Ok((value, repeated.faults()))
@@ -152,16 +152,17 @@ struct Repeated {
 }
 
 impl Repeated {
-    fn note(&mut self, pointer: &str) {
-        let pointers = self.pointers + pointer.len();
-        let fits = self.listed.len() < MAX_LISTED && pointers <= MAX_POINTERS;
-        if fits || self.listed.is_empty() {
-            self.pointers = pointers;
-            let detail = "appears more than once; keep one".to_owned();
-            self.listed.push(Fault { pointer: pointer.to_owned(), detail });
-        } else {
-            self.unlisted += 1;
+    fn note(&mut self, location: ValuePointerRef<'_>) {
+        if self.unlisted == 0 && self.listed.len() < MAX_LISTED {
+            let faults = Faults::at(location, "appears more than once; keep one").0;
+            let pointers: usize = faults.iter().map(|fault| fault.pointer.len()).sum();
+            if self.listed.is_empty() || self.pointers + pointers <= MAX_POINTERS {
+                self.pointers += pointers;
+                self.listed.extend(faults);
+                return;
+            }
         }
+        self.unlisted += 1;
     }
 
     fn faults(mut self) -> Vec<Fault> {
@@ -175,20 +176,8 @@ impl Repeated {
 
 /// Builds a [`Value`] and notes repeated members on the way.
 struct Reader<'a> {
-    pointer: &'a mut String,
+    location: ValuePointerRef<'a>,
     repeated: &'a mut Repeated,
-}
-
-impl Reader<'_> {
-    /// Calls `read` with the pointer extended by `token`.
-    fn within<T>(&mut self, token: &str, read: impl FnOnce(Reader<'_>) -> T) -> T {
-        let length = self.pointer.len();
-        self.pointer.push('/');
-        self.pointer.push_str(&token.replace('~', "~0").replace('/', "~1"));
-        let out = read(Reader { pointer: self.pointer, repeated: self.repeated });
-        self.pointer.truncate(length);
-        out
-    }
 }
 
 impl<'de> DeserializeSeed<'de> for Reader<'_> {
@@ -231,23 +220,26 @@ impl<'de> Visitor<'de> for Reader<'_> {
         Ok(value.into())
     }
 
-    fn visit_seq<A: SeqAccess<'de>>(mut self, mut seq: A) -> Result<Value, A::Error> {
+    fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Value, A::Error> {
+        let Reader { location, repeated } = self;
         let mut out = Vec::new();
-        let mut next = |index: usize, seq: &mut A| {
-            self.within(&index.to_string(), |reader| seq.next_element_seed(reader))
-        };
-        while let Some(value) = next(out.len(), &mut seq)? {
-            out.push(value);
+        loop {
+            let reader = Reader { location: location.push_index(out.len()), repeated };
+            match seq.next_element_seed(reader)? {
+                Some(value) => out.push(value),
+                None => return Ok(out.into()),
+            }
         }
-        Ok(out.into())
     }
 
-    fn visit_map<A: MapAccess<'de>>(mut self, mut map: A) -> Result<Value, A::Error> {
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Value, A::Error> {
+        let Reader { location, repeated } = self;
         let mut out = Map::new();
         while let Some(name) = map.next_key::<String>()? {
-            let value = self.within(&name, |reader| map.next_value_seed(reader))?;
+            let location = location.push_key(&name);
+            let value = map.next_value_seed(Reader { location, repeated })?;
             if out.contains_key(&name) {
-                self.within(&name, |reader| reader.repeated.note(reader.pointer));
+                repeated.note(location);
             }
             out.insert(name, value);
         }

@@ -1,15 +1,17 @@
 //! Evaluates scenarios: runs of milliseconds, computed at once and kept nowhere.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use super::Service;
 use super::places::{INLINE, INLINE_BYTES, MAX_TIME, SHORT, Unfinished};
+use super::stopwatch::Stopwatch;
+use crate::job::Cost;
 use crate::study::{Evaluated, Evaluation};
 
 /// Longest answer of an evaluation, in bytes. Writing it takes some milliseconds.
-pub const MAX_ANSWER: usize = 2_000_000;
+pub const LARGEST_EVALUATION: usize = 2_000_000;
 /// Longest estimate of an evaluation.
-pub const MAX_ESTIMATE: Duration = Duration::from_millis((SHORT * 1e3) as u64);
+pub const LONGEST_EVALUATION: Duration = Duration::from_millis((SHORT * 1e3) as u64);
 
 /// Why a scenario was not evaluated.
 #[derive(Debug, thiserror::Error)]
@@ -43,12 +45,16 @@ impl Service {
             return Err(NotEvaluated::TooLong(estimate));
         }
         let (bytes, body_bytes) = (evaluation.answer_bytes(), evaluation.body_bytes);
-        if bytes > MAX_ANSWER {
+        if bytes > LARGEST_EVALUATION {
             return Err(NotEvaluated::TooLarge(bytes));
         }
         let work = move || {
-            let start = Instant::now();
-            evaluation.compute(|| start.elapsed() < MAX_TIME)
+            let watch = Stopwatch::start();
+            // Processor time, because on a busy machine a thread may wait for longer.
+            evaluation.compute(|| {
+                let Cost { wall, cpu } = watch.cost();
+                cpu.unwrap_or(wall) < MAX_TIME
+            })
         };
         let inline = seconds < INLINE && body_bytes <= INLINE_BYTES;
         match self.0.evaluations.compute(inline, work).await {

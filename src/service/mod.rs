@@ -20,7 +20,7 @@ use tokio::sync::watch;
 use crate::job::Begin;
 use crate::store::{AuditEntry, Error, FileSizes, Store, Tally};
 
-pub use evaluate::{MAX_ANSWER, MAX_ESTIMATE, NotEvaluated};
+pub use evaluate::{LARGEST_EVALUATION, LONGEST_EVALUATION, NotEvaluated};
 pub use submit::{Accepted, Refusal, Terms};
 
 use places::Places;

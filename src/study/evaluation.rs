@@ -52,11 +52,10 @@ pub struct Evaluated {
     reasons: Vec<(String, String)>,
     #[serde(skip_serializing_if = "Option::is_none")]
     history: Option<History>,
-    /// The inner option is `None` if the scenario requests no profiles.
     #[serde(skip_serializing_if = "Option::is_none")]
-    profiles: Option<Option<Profiles>>,
+    profiles: Option<Profiles>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    loops: Option<Option<Loops>>,
+    loops: Option<Loops>,
     warnings: Vec<Warning>,
 }
 
@@ -150,8 +149,8 @@ impl Evaluation {
         }
         let asked = |part| parts.contains(&part);
         found.history = asked(Part::History).then_some(outcome.history);
-        found.profiles = asked(Part::Profiles).then_some(outcome.profiles);
-        found.loops = asked(Part::Loops).then_some(outcome.loops);
+        found.profiles = outcome.profiles.filter(|_| asked(Part::Profiles));
+        found.loops = outcome.loops.filter(|_| asked(Part::Loops));
         found.warnings = outcome.warnings;
         Some(found)
     }
