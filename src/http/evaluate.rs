@@ -70,7 +70,8 @@ impl From<NotEvaluated> for Problem {
             "scenario": {
                 "profile": {"shape": "paraboloid", "radius": "10 mm"},
                 "moduli": {"normal": "113 GPa", "tangential": "93 GPa"}, "friction": 0.7,
-                "wear": {"coefficient": "3.03e-5 mm^3/(N m)"}, "load": {"normal_force": "100 N"},
+                "wear": {"coefficient": "3.03e-5 mm^3/(N m)"},
+                "load": {"normal_force": "100 N", "held": "depth"},
                 "motion": {"amplitude": "2 um"}, "cycles": [1000, 10000]},
             "outputs": ["wear_volume", "wear_depth@1000", "limit.wear_volume"]})),
     responses(

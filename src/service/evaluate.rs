@@ -1,5 +1,6 @@
 //! Evaluates scenarios: runs of milliseconds, computed at once and kept nowhere.
 
+use std::cell::LazyCell;
 use std::time::Duration;
 
 use super::Service;
@@ -49,9 +50,10 @@ impl Service {
             return Err(NotEvaluated::TooLarge(bytes));
         }
         let work = move || {
-            let watch = Stopwatch::start();
-            // Processor time, because on a busy machine a thread may wait for longer.
+            // Starts after the first step. Most runs need only one, and to start it takes some microseconds.
+            let watch = LazyCell::new(Stopwatch::start);
             evaluation.compute(|| {
+                // Processor time, because on a busy machine a thread may wait for longer.
                 let Cost { wall, cpu } = watch.cost();
                 cpu.unwrap_or(wall) < MAX_TIME
             })
