@@ -15,6 +15,10 @@
 //! - `job`: `POST /v1/jobs` with `Prefer: wait`, compared with a route that commits the body as one row per request
 //!   through sqlx (SQLite, write-ahead log, synchronous NORMAL, one connection). A cached job has a known scenario. A
 //!   computed job has a new scenario, and its result is stored.
+//! - `evaluate`: `POST /v1/evaluate` for the last wear volume, force and energy, compared with the engine alone on all
+//!   processor cores. `wrk` shares the cores with the server; the engine has them alone. The engine runs the prepared case, or
+//!   also parses and prepares the body for each run, as the server does. Each is measured with the closed form, and with
+//!   the default method. A closed run takes about as long as HTTP and the preparation together.
 //! - `table`: the time to read a result from a table of a million results, compared with a table of a thousand, with
 //!   1 kB each and without the memory cache.
 //! - `library`: the time of a page of `GET /v1/results` with a hundred thousand results.
@@ -31,12 +35,13 @@
     reason = "a benchmark prints, and stops at the first error"
 )]
 
+use std::hint::black_box;
 use std::io::{self, BufRead as _, BufReader, Read as _, Write as _};
 use std::net::{SocketAddr, TcpStream};
 use std::path::Path;
-use std::process::{Child, Command, ExitCode, Stdio};
-use std::time::Instant;
-use std::{env, fs};
+use std::process::{self, Child, Command, ExitCode, Stdio};
+use std::time::{Duration, Instant};
+use std::{env, fs, thread};
 
 use axum::Router;
 use axum::body::Bytes;
@@ -45,6 +50,9 @@ use axum::http::header::{CONTENT_ENCODING, CONTENT_TYPE};
 use axum::routing::{get, post};
 use axum::serve::ListenerExt as _;
 use fretwork::job::SCALARS;
+use fretwork::study::Evaluation;
+use fretwork_engine::scenario;
+use fretwork_engine::simulation::Simulation;
 use serde_json::{Value, json};
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
 use sqlx::{AssertSqlSafe, ConnectOptions as _, Connection as _};
@@ -52,9 +60,10 @@ use tempfile::TempDir;
 use tokio::net::TcpListener;
 use xxhash_rust::xxh3::xxh3_64;
 
-const MEASUREMENTS: [(&str, fn()); 6] = [
+const MEASUREMENTS: [(&str, fn()); 7] = [
     ("result", results),
     ("job", jobs),
+    ("evaluate", evaluations),
     ("table", tables),
     ("library", library),
     ("memory", memory),
@@ -135,6 +144,43 @@ fn jobs() {
     report("computed, no profiles", 0.25, &without_profiles);
     println!("    {:.2} ms of processor time   (at most 0.45)", without_profiles.costs[0]);
     report("computed, all profiles", 0.06, &compared(&ball("all", "########")));
+}
+
+fn evaluations() {
+    println!("an evaluation / a run of the engine alone");
+    let dir = directory();
+    let server = Server::program(dir.path(), &[]);
+    for (method, model, once) in [
+        ("closed form", json!({"method": "simplified", "xi": 0.8, "points": 256}), 0.35),
+        ("exact", json!({}), 0.5),
+    ] {
+        let job: Value = serde_json::from_str(&ball("all", "########")).expect("a job");
+        let mut body = json!({
+            "scenario": job["scenario"],
+            "outputs": ["wear_volume", "normal_force", "dissipated_energy"],
+        });
+        body["scenario"]["model"] = model;
+        let (one, text) = (body.to_string().replace('#', "0"), body.to_string());
+        let load = || Load::new(&server, request("POST /v1/evaluate", "", &text));
+        let run = || Evaluation::parse(one.as_bytes()).expect("a body").compute(|| true);
+        let prepared = scenario::prepare(body_scenario(&one), "").expect("a scenario");
+        let (scenario, mut case, _) = prepared;
+        case.profiles.fill(false);
+        let warnings = scenario.warnings(&case);
+        let engine = || drop(black_box(Simulation::new(case.clone(), warnings.clone()).run()));
+        report(&format!("{method}, prepared once"), once, &compare(load(), Alone::new(&engine)));
+        let engine = || drop(black_box(run()));
+        report(
+            &format!("{method}, prepared each time"),
+            0.5,
+            &compare(load(), Alone::new(&engine)),
+        );
+    }
+}
+
+/// The scenario in a body.
+fn body_scenario(body: &str) -> Value {
+    serde_json::from_str::<Value>(body).expect("a body")["scenario"].take()
 }
 
 fn tables() {
@@ -280,8 +326,18 @@ impl<'a> Load<'a> {
         server.connect().ask(200, &request.replace('#', "9"));
         Self { server, request, turns: 0, answers: 0.0, used: server.used() }
     }
+}
 
-    /// Runs `wrk` for a second, and returns the answers per second.
+/// Something that is done again and again.
+trait Repeated {
+    /// Repeats it for a second, and returns how often per second.
+    fn turn(&mut self) -> f64;
+
+    /// Processor time of one repetition, in ms.
+    fn cost(&self) -> f64;
+}
+
+impl Repeated for Load<'_> {
     fn turn(&mut self) -> f64 {
         let url = format!("http://{}", self.server.address);
         let sent = self.turns * REQUESTS_PER_TURN;
@@ -301,13 +357,51 @@ impl<'a> Load<'a> {
         f64::from(answers) / f64::from(microseconds) * 1e6
     }
 
-    /// Processor time of the server per answer, in ms.
     fn cost(&self) -> f64 {
         (self.server.used() - self.used) / self.answers
     }
 }
 
-/// Two loads, compared.
+/// Work that this process does on all processor cores.
+struct Alone<'a> {
+    work: &'a (dyn Fn() + Sync),
+    done: f64,
+    /// Processor time of this process before the first turn, in ms.
+    used: f64,
+}
+
+impl<'a> Alone<'a> {
+    fn new(work: &'a (dyn Fn() + Sync)) -> Self {
+        Self { work, done: 0.0, used: used(process::id()) }
+    }
+}
+
+impl Repeated for Alone<'_> {
+    fn turn(&mut self) -> f64 {
+        let start = Instant::now();
+        let count = || {
+            let mut count = 0_u32;
+            while start.elapsed() < Duration::from_secs(1) {
+                (self.work)();
+                count += 1;
+            }
+            f64::from(count)
+        };
+        let cores = thread::available_parallelism().map_or(1, usize::from);
+        let done: f64 = thread::scope(|scope| {
+            let threads: Vec<_> = (0..cores).map(|_| scope.spawn(count)).collect();
+            threads.into_iter().map(|thread| thread.join().expect("a count")).sum()
+        });
+        self.done += done;
+        done / start.elapsed().as_secs_f64()
+    }
+
+    fn cost(&self) -> f64 {
+        (used(process::id()) - self.used) / self.done
+    }
+}
+
+/// Two repetitions, compared.
 struct Compared {
     /// Median of the ratios of their rates.
     ratio: f64,
@@ -317,7 +411,7 @@ struct Compared {
     costs: [f64; 2],
 }
 
-fn compare(mut one: Load, mut other: Load) -> Compared {
+fn compare(mut one: impl Repeated, mut other: impl Repeated) -> Compared {
     let median = |mut values: Vec<f64>| {
         values.sort_by(f64::total_cmp);
         values[values.len() / 2]
@@ -411,26 +505,31 @@ impl Server {
 
     /// Its processor time in ms.
     fn used(&self) -> f64 {
-        // The unit of Linux is 10 ms.
-        const TICK: f64 = 10.0;
-        let stat = self.status("stat");
-        let fields = stat.rsplit_once(')').expect("its name").1.split_whitespace();
-        let ticks = fields.skip(11).take(2).map(|ticks| ticks.parse::<f64>().expect("a count"));
-        ticks.sum::<f64>() * TICK
+        used(self.child.id())
     }
 
     /// Its resident memory in MB.
     fn resident(&self) -> f64 {
-        let status = self.status("status");
+        let status = status(self.child.id(), "status");
         let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
         let kilobytes = line.and_then(|line| line.trim().strip_suffix(" kB"));
         kilobytes.and_then(|text| text.parse::<f64>().ok()).expect("a size") * 1.024e-3
     }
+}
 
-    /// What Linux reports about its process.
-    fn status(&self, file: &str) -> String {
-        fs::read_to_string(format!("/proc/{}/{file}", self.child.id())).expect("a process on Linux")
-    }
+/// The processor time of a process, in ms.
+fn used(process: u32) -> f64 {
+    // The unit of Linux is 10 ms.
+    const TICK: f64 = 10.0;
+    let stat = status(process, "stat");
+    let fields = stat.rsplit_once(')').expect("its name").1.split_whitespace();
+    let ticks = fields.skip(11).take(2).map(|ticks| ticks.parse::<f64>().expect("a count"));
+    ticks.sum::<f64>() * TICK
+}
+
+/// What Linux reports about a process.
+fn status(process: u32, file: &str) -> String {
+    fs::read_to_string(format!("/proc/{process}/{file}")).expect("a process on Linux")
 }
 
 impl Drop for Server {

@@ -190,6 +190,9 @@ pub struct Serve {
     /// Requests per minute of a key without its own limit. 0 means no limit.
     #[arg(long, env = "FRETWORK_RATE_LIMIT", default_value = "60000", value_name = "N")]
     pub rate_limit: u32,
+    /// Evaluations (POST /v1/evaluate) per minute of a key. They do not count as other requests. 0 means no limit.
+    #[arg(long, env = "FRETWORK_EVALUATE_RATE", default_value = "60000", value_name = "N")]
+    pub evaluate_rate: u32,
     /// Concurrent requests of one key. A waiting request and an event stream count until they end. 0 means no
     /// limit.
     #[arg(long, env = "FRETWORK_CONCURRENCY", default_value = "256", value_name = "N")]
@@ -402,6 +405,7 @@ impl Serve {
                 admin_key,
                 limits: Limits {
                     per_minute: NonZeroU32::new(self.rate_limit),
+                    evaluations: NonZeroU32::new(self.evaluate_rate),
                     at_once: NonZeroU32::new(self.concurrency),
                 },
             },

@@ -12,11 +12,12 @@ mod task;
 mod words;
 
 pub use document::{BadDocument, Document};
+pub use json::BadBody;
 pub use key::{BadKey, ENGINE, Engine, Key};
 pub use outline::{Outline, SCALARS, Scalar, WORDS, Word};
 pub use received::{Received, Refused};
 pub use record::{Change, Failure, FailureKind, Job, JobId, JobState, Origin, Recomputed};
-pub use submission::{BadSubmission, MAX_LABEL, MAX_SUBMITTED, MAX_TAG, MAX_TAGS, Submission};
-pub use task::{Answer, Begin, Cost, Prepared, Step, Task, Work};
+pub use submission::{Distinct, MAX_LABEL, MAX_SUBMITTED, MAX_TAG, MAX_TAGS, Submission};
+pub use task::{Answer, Begin, Cost, Prepared, Step, Task, Work, estimated_seconds};
 pub use words::BadWord;
 pub(crate) use words::words;

@@ -7,6 +7,7 @@ pub mod job;
 pub mod plot;
 pub mod service;
 pub mod store;
+pub mod study;
 pub mod verification;
 
 /// The code in the README, run as a documentation test.

@@ -49,4 +49,9 @@ async fn a_submission_is_parsed_once_and_builds_one_case() {
         let [parses, cases] = counts();
         assert_eq!([parses - before[0], cases - before[1]], [1, 1], "{way}");
     }
+    let before = counts();
+    let body = json!({"scenario": ball(1.0)["scenario"], "outputs": ["wear_volume@1000"]});
+    assert_eq!(server.post("/v1/evaluate", &body).await.status, 200);
+    let [parses, cases] = counts();
+    assert_eq!([parses - before[0], cases - before[1]], [1, 1], "evaluated");
 }

@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use fretwork::format::{self, Format, Part, View};
-use fretwork::job::{Answer, BadSubmission, Prepared, Submission};
+use fretwork::job::{Answer, BadBody, Prepared, Submission};
 use serde_json::Value;
 
 use super::{Error, print, print_error};
@@ -22,7 +22,7 @@ pub fn run(settings: &Run) -> Result<ExitCode, Error> {
         .map_err(|error| format!("cannot read {}: {error}", settings.file.display()))?;
     let job = match Submission::parse(&text) {
         Ok(job) => job,
-        Err(BadSubmission::Faults(faults)) => {
+        Err(BadBody::Faults(faults)) => {
             for fault in faults {
                 // If standard error is closed, the exit code still reports the faults.
                 let _ = writeln!(io::stderr(), "{}: {}", fault.pointer, fault.detail);

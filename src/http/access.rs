@@ -17,7 +17,7 @@ use tokio::sync::OnceCell;
 
 use super::keyring::{KeyHolder, Keyring, LastUse, MAX_AGE};
 use super::limits::{Account, Limits, Place};
-use super::needs::{Needs, RouteNeeds};
+use super::needs::{Needs, Quota, RouteNeeds};
 use super::problem::{self, Problem};
 use super::signed_link::{self, ADMIN, ANYONE, Signer};
 use super::wire::instant;
@@ -208,8 +208,8 @@ impl Gate {
             (Some(holder), _) => Some(&holder.account),
             (None, admin) => admin.as_ref().map(|admin| &admin.account),
         };
-        let place = match account {
-            Some(account) if needs.counted => account.take()?,
+        let place = match (account, needs.quota) {
+            (Some(account), Some(quota)) => account.take(quota)?,
             _ => Place::default(),
         };
         if identity.role < required {
@@ -308,10 +308,10 @@ impl Gate {
         let holders = self.keyring.holders().await?;
         match (holders.get(issuer), &self.admin) {
             (Some(holder), _) if self.open || invalid(&holder.key, now()).is_none() => {
-                return holder.links.take();
+                return holder.links.take(Quota::Requests);
             }
             // The signature contains the digest of the admin key.
-            (None, Some(admin)) if issuer == ADMIN => return admin.links.take(),
+            (None, Some(admin)) if issuer == ADMIN => return admin.links.take(Quota::Requests),
             (None, _) if issuer == ANYONE && !self.requires_key().await? => {
                 return Ok(Place::default());
             }

@@ -21,6 +21,7 @@ use super::access::{self, Gate, Identity};
 use super::caller::{Peer, REQUEST_ID, Trace, owner_of};
 use super::coding::Coding;
 use super::drain_body::drain_body;
+use super::evaluate;
 use super::metrics::Metrics;
 use super::problem::{self, Problem};
 use super::shares::{Permit, SMALL, Shares};
@@ -133,8 +134,8 @@ async fn surround(shared: Arc<Shared>, mut request: Request, route: Route) -> Re
     match (&error, status) {
         (Some(_), 503) => log!(warn),
         (Some(_), _) | (None, 500) => log!(error),
-        // Successful reads are frequent.
-        (None, ..400) if method.is_safe() => log!(debug),
+        // Successful reads and evaluations are frequent.
+        (None, ..400) if method.is_safe() || pattern == evaluate::PATH => log!(debug),
         _ => log!(info),
     }
     let headers = response.headers_mut();
@@ -282,7 +283,7 @@ mod tests {
     async fn surrounded(route: MethodRouter, access: &Access) -> (Router, TempDir) {
         let dir = TempDir::new().unwrap();
         let store = Store::open(dir.path(), &crate::store::Options::default()).await.unwrap();
-        let shares = Arc::new(Shares::new(1 << 20));
+        let shares = Arc::new(Shares::new(1 << 20, 1));
         let admission = Admission::new(Connections::default());
         let metrics = Arc::new(Metrics::new(store.tally(), 1, &admission, &shares));
         let gate = Arc::new(Gate::new(&store, access, RouteNeeds::default()));
@@ -318,7 +319,7 @@ mod tests {
 
     #[tokio::test]
     async fn a_compressed_answer_counts_as_concurrent_until_it_was_sent() {
-        let limits = Limits { per_minute: None, at_once: NonZeroU32::new(1) };
+        let limits = Limits { at_once: NonZeroU32::new(1), ..Limits::default() };
         let access = Access { admin_key: Some(AdminKey("secret".into())), limits, open: false };
         let (router, _dir) = surrounded(get(|| async { "text ".repeat(1000) }), &access).await;
         let ask = async || {

@@ -15,7 +15,7 @@ use super::jobs::next_page;
 use super::problem::{self, Problem};
 use super::representation::require;
 use super::wire::{NoQuery, Query, Segment, instant, read_key};
-use crate::job::{BadSubmission, Key, SCALARS, WORDS, json as job_json};
+use crate::job::{Key, SCALARS, WORDS, json as job_json};
 use crate::store::{self, Changed, Listed, Removed, Search};
 use fretwork_engine::request::fault::{Fault, Faults};
 
@@ -421,16 +421,9 @@ pub struct NoteBody {
 
 /// Parses a JSON body and collects all its faults.
 pub(super) fn read<T: Deserr<Faults>>(body: &Body) -> Result<T, Problem> {
-    if body.0.iter().all(u8::is_ascii_whitespace) {
-        return Err(BadSubmission::Empty.into());
-    }
-    let (value, mut faults) = job_json::parse(&body.0).map_err(BadSubmission::Json)?;
-    match T::deserialize_from_value(value.into_value(), ValuePointerRef::Origin) {
-        Ok(read) if faults.is_empty() => return Ok(read),
-        Ok(_) => {}
-        Err(more) => faults.extend(more.0),
-    }
-    Err(Problem::faults(faults))
+    let read =
+        |value: Value| T::deserialize_from_value(value.into_value(), ValuePointerRef::Origin);
+    Ok(job_json::read_body(&body.0, read)?)
 }
 
 /// Answers a change of a note.

@@ -1,17 +1,18 @@
-//! Rate limits of one key: requests per minute, and concurrent requests.
+//! Rate limits of one key: requests and evaluations per minute, and concurrent requests.
 
 use std::num::NonZeroU32;
 use std::sync::Arc;
 
 use axum::body::Body;
 use axum::http::{HeaderMap, HeaderName};
+use governor::RateLimiter;
 use governor::clock::{Clock as _, DefaultClock};
 use governor::middleware::StateInformationMiddleware;
 use governor::state::{InMemoryState, NotKeyed};
-use governor::{Quota, RateLimiter};
 use http_body_util::BodyExt as _;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
+use super::needs::Quota;
 use super::problem::{self, Problem};
 use super::wire::ascii;
 
@@ -23,6 +24,8 @@ const STATE: HeaderName = HeaderName::from_static("ratelimit");
 pub struct Limits {
     /// Requests per minute. All of them may arrive at once; the quota then refills evenly.
     pub per_minute: Option<NonZeroU32>,
+    /// Evaluations per minute, which do not count as other requests do.
+    pub evaluations: Option<NonZeroU32>,
     /// Concurrent requests. A request ends with the last byte of its answer.
     pub at_once: Option<NonZeroU32>,
 }
@@ -33,7 +36,8 @@ type Bucket = RateLimiter<NotKeyed, InMemoryState, DefaultClock, StateInformatio
 #[derive(Debug)]
 pub struct Account {
     pub limits: Limits,
-    bucket: Option<Bucket>,
+    requests: Option<Bucket>,
+    evaluations: Option<Bucket>,
     /// The permits of concurrent requests, and their number.
     concurrent: Option<(Arc<Semaphore>, NonZeroU32)>,
 }
@@ -41,11 +45,12 @@ pub struct Account {
 /// The remaining requests of a key.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Standing {
-    /// Requests per minute.
-    quota: NonZeroU32,
-    /// Number of requests that may arrive at once.
+    quota: Quota,
+    /// Calls per minute.
+    per_minute: NonZeroU32,
+    /// Number of calls that may arrive at once.
     pub left: u32,
-    /// Seconds until at least one more request is allowed.
+    /// Seconds until at least one more call is allowed.
     more_in: u32,
 }
 
@@ -58,25 +63,33 @@ pub struct Place {
 
 impl Account {
     pub fn new(limits: Limits) -> Self {
-        let bucket = |quota| {
-            RateLimiter::direct(Quota::per_minute(quota))
+        let bucket = |per_minute| {
+            RateLimiter::direct(governor::Quota::per_minute(per_minute))
                 .with_middleware::<StateInformationMiddleware>()
         };
         let permits = |most: NonZeroU32| (Arc::new(Semaphore::new(most.get() as usize)), most);
-        let (bucket, concurrent) = (limits.per_minute.map(bucket), limits.at_once.map(permits));
-        Self { limits, bucket, concurrent }
+        Self {
+            limits,
+            requests: limits.per_minute.map(bucket),
+            evaluations: limits.evaluations.map(bucket),
+            concurrent: limits.at_once.map(permits),
+        }
     }
 
-    /// Counts a request, or refuses it.
-    pub fn take(&self) -> Result<Place, Problem> {
+    /// Counts a request against a quota, or refuses it.
+    pub fn take(&self, quota: Quota) -> Result<Place, Problem> {
         let permit = match &self.concurrent {
             None => None,
             Some((permits, most)) => {
                 Some(Arc::clone(permits).try_acquire_owned().map_err(|_| full(*most))?)
             }
         };
-        let standing = match (&self.bucket, self.limits.per_minute) {
-            (Some(bucket), Some(quota)) => Some(count(bucket, quota)?),
+        let counted = match quota {
+            Quota::Requests => (&self.requests, self.limits.per_minute),
+            Quota::Evaluations => (&self.evaluations, self.limits.evaluations),
+        };
+        let standing = match counted {
+            (Some(bucket), Some(per_minute)) => Some(count(bucket, quota, per_minute)?),
             _ => None,
         };
         Ok(Place { standing, permit })
@@ -95,18 +108,23 @@ fn full(most: NonZeroU32) -> Problem {
         .with_header(STATE, "\"at-once\";r=0")
 }
 
-fn count(bucket: &Bucket, quota: NonZeroU32) -> Result<Standing, Problem> {
+fn count(bucket: &Bucket, quota: Quota, per_minute: NonZeroU32) -> Result<Standing, Problem> {
     match bucket.check() {
         Ok(state) => {
             // The quota refills one request at a time.
-            let more_in = 60_u32.div_ceil(quota.get());
-            Ok(Standing { quota, left: state.remaining_burst_capacity(), more_in })
+            let more_in = 60_u32.div_ceil(per_minute.get());
+            Ok(Standing { quota, per_minute, left: state.remaining_burst_capacity(), more_in })
         }
         Err(refused) => {
             let wait = refused.wait_time_from(DefaultClock::default().now());
             let more_in = wait.as_secs_f64().ceil().max(1.0) as u32;
-            let standing = Standing { quota, left: 0, more_in };
-            let detail = format!("This key has reached its limit of {quota} requests per minute.");
+            let standing = Standing { quota, per_minute, left: 0, more_in };
+            let calls = match quota {
+                Quota::Requests => "requests",
+                Quota::Evaluations => "evaluations",
+            };
+            let detail =
+                format!("This key has reached its limit of {per_minute} {calls} per minute.");
             let problem = Problem::new(&problem::RATE_LIMITED, detail).retry_after(more_in);
             Err(standing.tell_in(problem))
         }
@@ -117,10 +135,14 @@ impl Standing {
     /// The headers of the IETF draft on RateLimit header fields (draft-ietf-httpapi-ratelimit-headers):
     /// `r` requests remain for `t` seconds.
     fn headers(self) -> [(HeaderName, String); 2] {
-        let Self { quota, left, more_in } = self;
+        let Self { quota, per_minute, left, more_in } = self;
+        let policy = match quota {
+            Quota::Requests => "minute",
+            Quota::Evaluations => "evaluations",
+        };
         [
-            (POLICY, format!("\"minute\";q={quota};w=60")),
-            (STATE, format!("\"minute\";r={left};t={more_in}")),
+            (POLICY, format!("\"{policy}\";q={per_minute};w=60")),
+            (STATE, format!("\"{policy}\";r={left};t={more_in}")),
         ]
     }
 
@@ -165,22 +187,35 @@ mod tests {
 
     #[test]
     fn a_caller_can_send_exactly_the_reported_remaining_requests() {
-        let account = Account::new(Limits { per_minute: NonZeroU32::new(30), at_once: None });
-        let left = account.take().unwrap().standing.unwrap().left;
+        let account = Account::new(Limits { per_minute: NonZeroU32::new(30), ..Limits::default() });
+        let left = account.take(Quota::Requests).unwrap().standing.unwrap().left;
         assert_eq!(left, 29);
         for more in (0..left).rev() {
-            assert_eq!(account.take().unwrap().standing.unwrap().left, more);
+            assert_eq!(account.take(Quota::Requests).unwrap().standing.unwrap().left, more);
         }
-        assert!(account.take().is_err());
+        assert!(account.take(Quota::Requests).is_err());
+    }
+
+    #[test]
+    fn evaluations_and_other_requests_have_separate_limits() {
+        let (per_minute, evaluations) = (NonZeroU32::new(1), NonZeroU32::new(2));
+        let account = Account::new(Limits { per_minute, evaluations, at_once: None });
+        assert!(account.take(Quota::Requests).is_ok());
+        assert!(account.take(Quota::Requests).is_err());
+        for left in [1, 0] {
+            let standing = account.take(Quota::Evaluations).unwrap().standing.unwrap();
+            assert_eq!(standing.headers()[1].1, format!("\"evaluations\";r={left};t=30"));
+        }
+        assert!(account.take(Quota::Evaluations).is_err());
     }
 
     #[test]
     fn a_request_counts_as_concurrent_until_its_body_is_dropped() {
-        let account = Account::new(Limits { per_minute: None, at_once: NonZeroU32::new(1) });
-        let body = account.take().unwrap().hold(Body::from("text"));
-        assert!(account.take().is_err());
+        let account = Account::new(Limits { at_once: NonZeroU32::new(1), ..Limits::default() });
+        let body = account.take(Quota::Requests).unwrap().hold(Body::from("text"));
+        assert!(account.take(Quota::Requests).is_err());
         assert_eq!(body.size_hint().exact(), Some(4));
         drop(body);
-        assert!(account.take().is_ok());
+        assert!(account.take(Quota::Requests).is_ok());
     }
 }

@@ -37,6 +37,9 @@ struct CallerLimits {
     /// Requests per minute.
     #[schema(example = 60_000)]
     requests_per_minute: Option<u32>,
+    /// Evaluations per minute. They do not count as requests.
+    #[schema(example = 60_000)]
+    evaluations_per_minute: Option<u32>,
     /// Concurrent requests.
     #[schema(example = 256)]
     requests_at_once: Option<u32>,
@@ -76,6 +79,7 @@ pub async fn me(
         key: caller.key,
         limits: CallerLimits {
             requests_per_minute: limits.per_minute.map(Into::into),
+            evaluations_per_minute: limits.evaluations.map(Into::into),
             requests_at_once: limits.at_once.map(Into::into),
         },
         usage: CallerUsage {

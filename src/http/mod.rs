@@ -14,6 +14,7 @@ mod connection;
 mod dashboard;
 mod diff;
 mod drain_body;
+mod evaluate;
 mod events;
 mod include;
 mod jobs;
@@ -110,7 +111,7 @@ pub async fn serve(
     let (router, _) = router.split_for_parts();
     let gate = Arc::new(Gate::new(service.store(), &settings.access, needs));
     let admission = Arc::new(Admission::new(settings.connections.clone()));
-    let shares = Arc::new(Shares::new(settings.transfers));
+    let shares = Arc::new(Shares::new(settings.transfers, service.workers()));
     let metrics = Arc::new(Metrics::new(service.tally(), service.workers(), &admission, &shares));
     let layered = with_layers(
         router.fallback(not_found),

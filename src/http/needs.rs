@@ -6,26 +6,37 @@ use axum::http::Method;
 
 use crate::store::Role;
 
+/// A number of calls per minute that a key has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Quota {
+    /// Of all calls except evaluations.
+    Requests,
+    /// Of evaluations.
+    Evaluations,
+}
+
 /// What a route requires of its caller. It is declared where the route is defined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Needs {
     /// The lowest role that may call the route; `None` if no key is required.
     pub role: Option<Role>,
-    /// Whether a call counts against the limits of its key.
-    pub counted: bool,
+    /// What a call counts against. `None` if it does not count against any limit.
+    pub quota: Option<Quota>,
 }
 
 impl Needs {
     /// No key: the route returns no data of users.
-    pub const NOTHING: Self = Self { role: None, counted: false };
+    pub const NOTHING: Self = Self { role: None, quota: None };
     /// To read.
-    pub const READ: Self = Self { role: Some(Role::Read), counted: true };
+    pub const READ: Self = Self { role: Some(Role::Read), quota: Some(Quota::Requests) };
     /// To submit and to change.
-    pub const SUBMIT: Self = Self { role: Some(Role::Submit), counted: true };
+    pub const SUBMIT: Self = Self { role: Some(Role::Submit), quota: Some(Quota::Requests) };
+    /// To compute without a job.
+    pub const EVALUATE: Self = Self { role: Some(Role::Submit), quota: Some(Quota::Evaluations) };
     /// To cancel and to delete jobs. This frees the server, so a key at its limit may do it too.
-    pub const CANCEL: Self = Self { role: Some(Role::Submit), counted: false };
+    pub const CANCEL: Self = Self { role: Some(Role::Submit), quota: None };
     /// To administrate.
-    pub const ADMIN: Self = Self { role: Some(Role::Admin), counted: true };
+    pub const ADMIN: Self = Self { role: Some(Role::Admin), quota: Some(Quota::Requests) };
 }
 
 /// What all routes require, by path and method.

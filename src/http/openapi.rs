@@ -108,7 +108,7 @@ pub fn complete(document: &OpenApi, needs: &RouteNeeds) -> Vec<u8> {
         for (path, item) in paths {
             for (method, operation) in item.as_object_mut().into_iter().flatten() {
                 let method = parsed_method(method);
-                add_path_responses(path, &method, needs.of(&method, path).role, operation);
+                add_path_responses(path, &method, needs.of(&method, path), operation);
                 add_shared_responses(operation);
                 add_access_control(path, &method, needs.of(&method, path), operation);
                 if let Some(Value::Object(responses)) = operation.get_mut("responses") {
@@ -169,7 +169,7 @@ fn is_opened(path: &str, method: &Method) -> bool {
 
 /// Adds the responses that follow from the path of an operation: an unknown job, an unknown or evicted
 /// result, a full disk.
-fn add_path_responses(path: &str, method: &Method, role: Option<Role>, operation: &mut Value) {
+fn add_path_responses(path: &str, method: &Method, needs: Needs, operation: &mut Value) {
     let mut shared = Vec::new();
     if path.starts_with("/v1/jobs/{id}") {
         shared.push(("404", "No job has this id."));
@@ -181,8 +181,8 @@ fn add_path_responses(path: &str, method: &Method, role: Option<Role>, operation
                 .push(("410", "The result was evicted or deleted. `scenario` computes it again."));
         }
     }
-    // Operations that need a higher role than `read` write to the disk.
-    if role.is_some_and(|role| role != Role::Read) {
+    // Operations that need a higher role than `read` write to the disk, except an evaluation.
+    if needs.role.is_some_and(|role| role != Role::Read) && needs != Needs::EVALUATE {
         shared.push(("507", "The disk is full."));
     }
     if let Some(Value::Object(responses)) = operation.get_mut("responses") {
@@ -358,7 +358,7 @@ fn add_access_control(path: &str, method: &Method, needs: Needs, operation: &mut
         json!({"$ref": "#/components/headers/Retry-After"});
     for (status, response) in responses.as_object_mut().into_iter().flatten() {
         // Cancelling is not counted. A client without a valid key learns nothing about limits.
-        if needs.counted
+        if needs.quota.is_some()
             && (status.starts_with(['2', '3']) || ["403", "404", "429"].contains(&&**status))
         {
             for name in ["RateLimit", "RateLimit-Policy"] {
@@ -377,10 +377,11 @@ fn shared_headers() -> Value {
         },
         "RateLimit": header(
             "If the key has a limit. `\"minute\";r=…;t=…`: `r` requests may be sent now, and at least one \
-             more in `t` seconds. `\"at-once\";r=0` with a 429: the key has too many concurrent \
+             more in `t` seconds. `\"evaluations\"`: evaluations, in the same way. `\"at-once\";r=0` with a 429: the key has too many concurrent \
              requests."),
         "RateLimit-Policy": header(
-            "If the key has a limit. `\"minute\";q=…;w=60`: `q` requests in 60 seconds. \
+            "If the key has a limit. `\"minute\";q=…;w=60`: `q` requests in 60 seconds. `\"evaluations\"`: \
+             `q` evaluations. \
              `\"at-once\";q=…;qu=\"concurrent-requests\"` with a 429: `q` concurrent requests."),
     })
 }

@@ -141,7 +141,7 @@ kinds! {
         "The request has a Content-Encoding. The server reads bodies only as they are."
         "Send the body without compression, and without the header Content-Encoding.";
     INVALID_REQUEST = UNPROCESSABLE_ENTITY "invalid-request" "The request has faults"
-        "The body is JSON, but not a valid job. A member has a wrong type, an unknown name, a unit of a \
+        "The body is JSON, but not a valid request. A member has a wrong type, an unknown name, a unit of a \
          wrong dimension or a value out of range. `errors` lists all faults, each with a JSON pointer \
          (RFC 6901) into the body."
         "Correct every member that `errors` names. GET /v1/schema/scenario is the schema, and GET \
@@ -151,8 +151,9 @@ kinds! {
          names each of them."
         "Correct the parameters that `errors` names. It also says which values they accept.";
     TOO_EXPENSIVE = UNPROCESSABLE_ENTITY "too-expensive" "The run would take too long"
-        "The estimated time of the run is longer than the limit of this server."
-        "Request fewer `points`, output cycles or profiles, an earlier last cycle, or a larger `tolerance`. POST \
+        "The estimated time of the run is longer than the limit of this server, or than the 20 ms of an evaluation \
+         (POST /v1/evaluate)."
+        "Submit a job instead of an evaluation. Request fewer `points`, output cycles or profiles, an earlier last cycle, or a larger `tolerance`. POST \
          /v1/scenarios returns the `cost` of a scenario. The operator of the server can raise the limit \
          (--run-limit).";
     KEY_REUSED = UNPROCESSABLE_ENTITY "idempotency-key-reused" "The Idempotency-Key belongs to another submission"
@@ -161,11 +162,11 @@ kinds! {
         "Use a new Idempotency-Key for each new submission, for example a random UUID.";
     RATE_LIMITED = TOO_MANY_REQUESTS "rate-limited" "Too many requests"
         "The key has sent as many requests in this minute as its limit allows. The limits of other keys \
-         are separate."
+         are separate, and so is the limit of evaluations (POST /v1/evaluate)."
         "Continue after the seconds in Retry-After. The RateLimit header of each counted answer says how many \
          requests remain (r), and after how many seconds there is one more (t). Waiting for a job \
          (`Prefer: wait=10`) or following its events takes one request, and polling takes many. The \
-         operator of the server can raise the limit (--rate-limit, or `fretwork keys add --rate`).";
+         operator of the server can raise the limits (--rate-limit, --evaluate-rate, or `fretwork keys add --rate`).";
     TOO_MANY_AT_ONCE = TOO_MANY_REQUESTS "too-many-at-once" "Too many concurrent requests"
         "The key has as many concurrent requests as its limit allows. A request ends when its answer has \
          been read to the end; waits and event streams count until then."
@@ -199,6 +200,10 @@ kinds! {
          until their clients have read them. Small answers are not limited."
         "Read your other answers to the end, then send the request again after the seconds in Retry-After. The \
          operator of the server can allow more memory (--transfer-memory).";
+    EVALUATIONS_FULL = SERVICE_UNAVAILABLE "evaluations-full" "Too many evaluations at the same time"
+        "The server evaluates as many scenarios at a time as it has workers. Others wait for a quarter of a second."
+        "Evaluate again after the seconds in Retry-After. The operator of the server can allow more workers \
+         (--workers).";
     BUSY = SERVICE_UNAVAILABLE "busy" "The database is busy"
         "Another program, for example a backup, has locked the database for some seconds."
         "Send the request again after the seconds in Retry-After.";

@@ -10,7 +10,8 @@ use super::app::App;
 use super::needs::{Needs, RouteNeeds};
 use super::wire::Segment;
 use super::{
-    audit, dashboard, diff, events, jobs, library, links, me, openapi, results, scenarios, system,
+    audit, dashboard, diff, evaluate, events, jobs, library, links, me, openapi, results,
+    scenarios, system,
 };
 
 /// The routes with their documentation, and what they require.
@@ -45,6 +46,7 @@ impl Routes {
             .add(Needs::READ, routes!(library::provenance))
             .add(Needs::READ, routes!(library::warnings))
             .add(Needs::SUBMIT, routes!(library::note, library::delete_note))
+            .add(Needs::EVALUATE, routes!(evaluate::evaluate))
             .add(Needs::READ, routes!(scenarios::check))
             .add(Needs::READ, routes!(scenarios::examples))
             .add(Needs::READ, routes!(scenarios::example))
@@ -102,6 +104,7 @@ mod tests {
             (Method::GET, "/v1/jobs", Needs::READ),
             (Method::POST, "/v1/scenarios", Needs::READ),
             (Method::POST, "/v1/jobs", Needs::SUBMIT),
+            (Method::POST, "/v1/evaluate", Needs::EVALUATE),
             (Method::PUT, "/v1/results/{key}/pin", Needs::SUBMIT),
             (Method::POST, "/v1/jobs/{id}/cancel", Needs::CANCEL),
             (Method::DELETE, "/v1/results/{key}", Needs::ADMIN),

@@ -13,7 +13,7 @@ use super::app::App;
 use super::body::Body;
 use super::problem::{self, Problem};
 use super::wire::{NoQuery, Segment};
-use crate::job::{BadSubmission, Key, Prepared, Submission};
+use crate::job::{BadBody, Key, Prepared, Submission};
 use fretwork_engine::outcome::Preview;
 use fretwork_engine::scenario::{SCHEMA, Scenario, Warning};
 
@@ -51,17 +51,15 @@ pub static EXAMPLES: &[Example] = &[
     Example { name: "paper-figure-4", body: include_str!("../../examples/paper-figure-4.json") },
 ];
 
-impl From<BadSubmission> for Problem {
-    fn from(bad: BadSubmission) -> Self {
+impl From<BadBody> for Problem {
+    fn from(bad: BadBody) -> Self {
         let advice = "Send one JSON document, such as those under /v1/examples.";
         match bad {
-            BadSubmission::Json(error) => {
-                Self::new(&problem::INVALID_JSON, format!("{error}. {advice}"))
-            }
-            BadSubmission::Empty => {
+            BadBody::Json(error) => Self::new(&problem::INVALID_JSON, format!("{error}. {advice}")),
+            BadBody::Empty => {
                 Self::new(&problem::INVALID_JSON, format!("The body is empty. {advice}"))
             }
-            BadSubmission::Faults(faults) => Self::faults(faults),
+            BadBody::Faults(faults) => Self::faults(faults),
         }
     }
 }
@@ -69,12 +67,15 @@ impl From<BadSubmission> for Problem {
 /// Largest body that is parsed on the async thread, in bytes. To pass it to another thread takes as long.
 const SMALL: usize = 1 << 14;
 
-/// Parses a job body. A large one, with up to 10 000 rows, is parsed on a blocking thread.
-pub(super) async fn parse(body: Body) -> Result<Submission, Problem> {
+/// Parses a body with a scenario. A large one, with up to 10 000 rows, is parsed on a blocking thread.
+pub(super) async fn parse<T: Send + 'static>(
+    body: Body,
+    parse: fn(&[u8]) -> Result<T, BadBody>,
+) -> Result<T, Problem> {
     if body.0.len() <= SMALL {
-        return Ok(Submission::parse(&body.0)?);
+        return Ok(parse(&body.0)?);
     }
-    let parsed = task::spawn_blocking(move || Submission::parse(&body.0));
+    let parsed = task::spawn_blocking(move || parse(&body.0));
     Ok(parsed.await.map_err(Problem::bug)??)
 }
 
@@ -123,7 +124,7 @@ pub async fn check(
     _: NoQuery,
     body: Body,
 ) -> Result<Json<Checked>, Problem> {
-    let prepared = parse(body).await?.prepared;
+    let prepared = parse(body, Submission::parse).await?.prepared;
     let warnings = prepared.warnings();
     let Prepared { key, task: asked, .. } = prepared;
     let cached = app.service.has_result(&key).await?;

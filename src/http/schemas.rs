@@ -110,4 +110,6 @@ documented! {
     Warning kept_in_a_file();
     /// An estimate for a scenario.
     Preview kept_in_a_file();
+    /// The outputs of a scenario.
+    Evaluated kept_in_a_file();
 }

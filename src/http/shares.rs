@@ -34,6 +34,7 @@ pub struct Shares {
     /// Memory for answers.
     pub answers: Budget,
     turns: PerCaller,
+    evaluations: PerCaller,
     /// Bytes in use.
     pub held: Gauge,
 }
@@ -70,29 +71,36 @@ struct Held {
     gauge: Gauge,
 }
 
-/// Permission for heavy work, until this is dropped.
+/// Permission for heavy work or an evaluation, until this is dropped.
 #[derive(Debug)]
 pub struct Turn {
     _permit: Option<OwnedSemaphorePermit>,
 }
 
 impl Shares {
-    /// Shares of this many bytes: a quarter for requests, and the rest for answers.
-    pub fn new(bytes: u64) -> Self {
+    /// Shares of this many bytes, a quarter for requests and the rest for answers; and of computations on this many
+    /// workers.
+    pub fn new(bytes: u64, workers: usize) -> Self {
         let held = Gauge::default();
         let (requests, answers) = (bytes / 4, bytes - bytes / 4);
         Self {
             requests: Budget::new(requests, &held, "Send fewer large bodies at the same time."),
             answers: Budget::new(answers, &held, "Read their answers to the end."),
             turns: PerCaller::new(HEAVY),
+            evaluations: PerCaller::new(workers),
             held,
         }
     }
 
     /// Waits until the caller may do heavy work: reading many results, or comparing them.
     pub async fn turn(&self, caller: &str) -> Turn {
-        // The semaphore is never closed.
-        Turn { _permit: self.turns.of(caller).acquire_owned().await.ok() }
+        self.turns.turn(caller).await
+    }
+
+    /// Waits until the caller may evaluate a scenario. So the evaluations of one caller wait for each other, and those
+    /// of another caller do not wait for all of them.
+    pub async fn evaluation(&self, caller: &str) -> Turn {
+        self.evaluations.turn(caller).await
     }
 }
 
@@ -153,6 +161,11 @@ impl Budget {
 impl PerCaller {
     fn new(permits: usize) -> Self {
         Self { permits, semaphores: Mutex::default() }
+    }
+
+    async fn turn(&self, caller: &str) -> Turn {
+        // The semaphore is never closed.
+        Turn { _permit: self.of(caller).acquire_owned().await.ok() }
     }
 
     /// The semaphore of a caller. It is forgotten when nobody waits for it or holds its permits.
@@ -235,7 +248,7 @@ mod tests {
 
     #[tokio::test(start_paused = true)]
     async fn readers_of_answers_leave_memory_for_requests() {
-        let shares = Shares::new(8 << 20);
+        let shares = Shares::new(8 << 20, 2);
         let mut readers = Vec::new();
         for caller in ["anna", "berta"] {
             readers.push(shares.answers.hold(caller, 8 << 20).await.unwrap());
@@ -248,7 +261,7 @@ mod tests {
 
     #[tokio::test]
     async fn heavy_requests_of_one_caller_wait_for_each_other_and_not_for_others() {
-        let shares = Shares::new(1 << 20);
+        let shares = Shares::new(1 << 20, 2);
         let mut turns = Vec::new();
         while let Some(turn) = shares.turn("anna").now_or_never() {
             turns.push(turn);
@@ -261,7 +274,7 @@ mod tests {
 
     #[tokio::test]
     async fn callers_without_requests_are_forgotten() {
-        let shares = Shares::new(1 << 20);
+        let shares = Shares::new(1 << 20, 2);
         let held = shares.turn("held").await;
         for number in 0..10_000 {
             drop(shares.turn(&number.to_string()).await);

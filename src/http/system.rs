@@ -17,6 +17,7 @@ use super::metrics::{Measurements, as_prometheus};
 use super::negotiation::choose_type;
 use super::problem::{self, Problem};
 use super::wire::{self, NoQuery, Segment};
+use crate::service::LONGEST_EVALUATION;
 use fretwork_engine::request::fields::{MAX_CYCLES, POINTS_RANGE};
 use fretwork_engine::scenario::{MAX_ANSWER, NUMERICS};
 
@@ -125,6 +126,9 @@ pub struct RequestLimits {
     /// Largest result as JSON, in bytes.
     #[schema(example = 64_000_000)]
     answer_bytes: usize,
+    /// Longest estimated run of `POST /v1/evaluate`, in seconds.
+    #[schema(example = 0.02)]
+    evaluate_seconds: f64,
     /// Longest wait of one request, in seconds.
     #[schema(example = 60)]
     wait_seconds: u64,
@@ -146,6 +150,7 @@ pub async fn version(_: NoQuery) -> Json<Version> {
             cycles: MAX_CYCLES,
             answer_bytes: MAX_ANSWER,
             body_bytes: BODY_LIMIT,
+            evaluate_seconds: LONGEST_EVALUATION.as_secs_f64(),
             wait_seconds: wire::LONGEST_WAIT.as_secs(),
         },
     })

@@ -1,10 +1,13 @@
 //! JSON with the digits of results, and a parser that reports repeated members.
+//!
+//! All bodies of requests are read here, so that each names all its faults.
 
 use std::fmt;
 use std::io::{self, Write};
 
+use deserr::ValuePointerRef;
 use fretwork_engine::numeric::{Decimal, twelve_digits};
-use fretwork_engine::request::fault::Fault;
+use fretwork_engine::request::fault::{Fault, Faults};
 use serde::Serialize;
 use serde::de::{DeserializeSeed, Error, MapAccess, SeqAccess, Visitor};
 use serde_json::ser::{CompactFormatter, Formatter};
@@ -90,6 +93,40 @@ fn write_decimal<W: ?Sized + Write>(
     }
 }
 
+/// Why a text is not the body of a request.
+#[derive(Debug, thiserror::Error)]
+pub enum BadBody {
+    /// It is not JSON.
+    #[error("the text is not JSON")]
+    Json(#[source] serde_json::Error),
+    /// It is empty.
+    #[error("the text is empty")]
+    Empty,
+    /// It is JSON with these faults.
+    #[error("the body has {} fault(s)", .0.len())]
+    Faults(Vec<Fault>),
+}
+
+/// Parses a body and reads its value. Repeated members and the faults of the value are in one list.
+///
+/// # Errors
+/// The text is not JSON, or it has faults.
+pub fn read_body<T>(
+    text: &[u8],
+    read: impl FnOnce(Value) -> Result<T, Faults>,
+) -> Result<T, BadBody> {
+    if text.iter().all(u8::is_ascii_whitespace) {
+        return Err(BadBody::Empty);
+    }
+    let (body, mut faults) = parse(text).map_err(BadBody::Json)?;
+    match read(body) {
+        Ok(read) if faults.is_empty() => return Ok(read),
+        Ok(_) => {}
+        Err(more) => faults.extend(more.0),
+    }
+    Err(BadBody::Faults(faults))
+}
+
 /// Parses JSON, and returns a fault for each member that appears more than once: keeping one of them
 /// silently would drop a parameter. The returned value keeps the last.
 ///
@@ -97,9 +134,8 @@ fn write_decimal<W: ?Sized + Write>(
 /// The text is not JSON.
 pub fn parse(text: &[u8]) -> Result<(Value, Vec<Fault>), serde_json::Error> {
     let mut repeated = Repeated::default();
-    let mut pointer = String::new();
     let mut json = Deserializer::from_slice(text);
-    let reader = Reader { pointer: &mut pointer, repeated: &mut repeated };
+    let reader = Reader { location: ValuePointerRef::Origin, repeated: &mut repeated };
     let value = reader.deserialize(&mut json)?;
     json.end()?;
     Ok((value, repeated.faults()))
@@ -116,16 +152,17 @@ struct Repeated {
 }
 
 impl Repeated {
-    fn note(&mut self, pointer: &str) {
-        let pointers = self.pointers + pointer.len();
-        let fits = self.listed.len() < MAX_LISTED && pointers <= MAX_POINTERS;
-        if fits || self.listed.is_empty() {
-            self.pointers = pointers;
-            let detail = "appears more than once; keep one".to_owned();
-            self.listed.push(Fault { pointer: pointer.to_owned(), detail });
-        } else {
-            self.unlisted += 1;
+    fn note(&mut self, location: ValuePointerRef<'_>) {
+        if self.unlisted == 0 && self.listed.len() < MAX_LISTED {
+            let faults = Faults::at(location, "appears more than once; keep one").0;
+            let pointers: usize = faults.iter().map(|fault| fault.pointer.len()).sum();
+            if self.listed.is_empty() || self.pointers + pointers <= MAX_POINTERS {
+                self.pointers += pointers;
+                self.listed.extend(faults);
+                return;
+            }
         }
+        self.unlisted += 1;
     }
 
     fn faults(mut self) -> Vec<Fault> {
@@ -139,20 +176,8 @@ impl Repeated {
 
 /// Builds a [`Value`] and notes repeated members on the way.
 struct Reader<'a> {
-    pointer: &'a mut String,
+    location: ValuePointerRef<'a>,
     repeated: &'a mut Repeated,
-}
-
-impl Reader<'_> {
-    /// Calls `read` with the pointer extended by `token`.
-    fn within<T>(&mut self, token: &str, read: impl FnOnce(Reader<'_>) -> T) -> T {
-        let length = self.pointer.len();
-        self.pointer.push('/');
-        self.pointer.push_str(&token.replace('~', "~0").replace('/', "~1"));
-        let out = read(Reader { pointer: self.pointer, repeated: self.repeated });
-        self.pointer.truncate(length);
-        out
-    }
 }
 
 impl<'de> DeserializeSeed<'de> for Reader<'_> {
@@ -195,23 +220,26 @@ impl<'de> Visitor<'de> for Reader<'_> {
         Ok(value.into())
     }
 
-    fn visit_seq<A: SeqAccess<'de>>(mut self, mut seq: A) -> Result<Value, A::Error> {
+    fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Value, A::Error> {
+        let Reader { location, repeated } = self;
         let mut out = Vec::new();
-        let mut next = |index: usize, seq: &mut A| {
-            self.within(&index.to_string(), |reader| seq.next_element_seed(reader))
-        };
-        while let Some(value) = next(out.len(), &mut seq)? {
-            out.push(value);
+        loop {
+            let reader = Reader { location: location.push_index(out.len()), repeated };
+            match seq.next_element_seed(reader)? {
+                Some(value) => out.push(value),
+                None => return Ok(out.into()),
+            }
         }
-        Ok(out.into())
     }
 
-    fn visit_map<A: MapAccess<'de>>(mut self, mut map: A) -> Result<Value, A::Error> {
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Value, A::Error> {
+        let Reader { location, repeated } = self;
         let mut out = Map::new();
         while let Some(name) = map.next_key::<String>()? {
-            let value = self.within(&name, |reader| map.next_value_seed(reader))?;
+            let location = location.push_key(&name);
+            let value = map.next_value_seed(Reader { location, repeated })?;
             if out.contains_key(&name) {
-                self.within(&name, |reader| reader.repeated.note(reader.pointer));
+                repeated.note(location);
             }
             out.insert(name, value);
         }

@@ -1,11 +1,11 @@
 //! The JSON body of a submission. It is parsed once, and all its faults are listed.
 
 use deserr::{Deserr, IntoValue, Sequence, ValuePointerRef};
-use fretwork_engine::request::fault::{Fault, Faults};
+use fretwork_engine::request::fault::Faults;
 use fretwork_engine::request::fields::Given;
 use serde_json::Value;
 
-use super::json;
+use super::json::{BadBody, read_body};
 use super::task::Prepared;
 
 /// Longest label in characters.
@@ -31,36 +31,13 @@ pub struct Submission {
     pub tags: Vec<String>,
 }
 
-/// Why a text is not a job body.
-#[derive(Debug, thiserror::Error)]
-pub enum BadSubmission {
-    /// It is not JSON.
-    #[error("the text is not JSON")]
-    Json(#[source] serde_json::Error),
-    /// It is empty.
-    #[error("the text is empty")]
-    Empty,
-    /// It is JSON with these faults.
-    #[error("the job has {} fault(s)", .0.len())]
-    Faults(Vec<Fault>),
-}
-
 impl Submission {
     /// Parses a job body. The faults of its form and of its physics are in one list.
     ///
     /// # Errors
     /// The text is not JSON, or it has faults.
-    pub fn parse(text: &[u8]) -> Result<Self, BadSubmission> {
-        if text.iter().all(u8::is_ascii_whitespace) {
-            return Err(BadSubmission::Empty);
-        }
-        let (body, mut faults) = json::parse(text).map_err(BadSubmission::Json)?;
-        match Self::read(body) {
-            Ok(submission) if faults.is_empty() => return Ok(submission),
-            Ok(_) => {}
-            Err(more) => faults.extend(more.0),
-        }
-        Err(BadSubmission::Faults(faults))
+    pub fn parse(text: &[u8]) -> Result<Self, BadBody> {
+        read_body(text, Self::read)
     }
 
     fn read(mut body: Value) -> Result<Self, Faults> {
@@ -77,7 +54,9 @@ impl Submission {
                 prepared,
                 submitted,
                 label: label.0.map(|label| label.0),
-                tags: tags.0.map_or_else(Vec::new, |tags| tags.0),
+                tags: tags.0.map_or_else(Vec::new, |Distinct(tags)| {
+                    tags.into_iter().map(|tag| tag.0).collect()
+                }),
             }),
             (Err(mut faults), Err(more)) => {
                 faults.0.extend(more.0);
@@ -97,10 +76,11 @@ struct Envelope {
     #[deserr(default)]
     label: Given<Text<MAX_LABEL>>,
     #[deserr(default)]
-    tags: Given<Tags>,
+    tags: Given<Distinct<Text<MAX_TAG>, MAX_TAGS>>,
 }
 
 /// A text of 1 to `N` characters, none of them a control character.
+#[derive(PartialEq)]
 struct Text<const N: usize>(String);
 
 impl<const N: usize> Deserr<Faults> for Text<N> {
@@ -121,24 +101,25 @@ impl<const N: usize> Deserr<Faults> for Text<N> {
     }
 }
 
-struct Tags(Vec<String>);
+/// A list of at most `MOST` items, all of which differ.
+#[derive(Debug)]
+pub struct Distinct<T, const MOST: usize>(pub Vec<T>);
 
-impl Deserr<Faults> for Tags {
+impl<T: Deserr<Faults> + PartialEq, const MOST: usize> Deserr<Faults> for Distinct<T, MOST> {
     fn deserialize_from_value<V: IntoValue>(
         value: deserr::Value<V>,
         location: ValuePointerRef<'_>,
     ) -> Result<Self, Faults> {
         if let deserr::Value::Sequence(list) = &value
-            && list.len() > MAX_TAGS
+            && list.len() > MOST
         {
-            let detail = format!("must list at most {MAX_TAGS} tags, not {}", list.len());
+            let detail = format!("must list at most {MOST} items, not {}", list.len());
             return Err(Faults::at(location, detail));
         }
-        let tags = Vec::<Text<MAX_TAG>>::deserialize_from_value(value, location)?;
-        let tags: Vec<String> = tags.into_iter().map(|tag| tag.0).collect();
-        match (1..tags.len()).find(|i| tags[..*i].contains(&tags[*i])) {
+        let items = Vec::<T>::deserialize_from_value(value, location)?;
+        match (1..items.len()).find(|i| items[..*i].contains(&items[*i])) {
             Some(twice) => Err(Faults::at(location.push_index(twice), "is listed twice")),
-            None => Ok(Self(tags)),
+            None => Ok(Self(items)),
         }
     }
 }
@@ -160,7 +141,7 @@ mod tests {
         let mut body = json!({"scenario": scenario});
         body["label"] = json!("");
         let faults = match Submission::parse(body.to_string().as_bytes()) {
-            Err(BadSubmission::Faults(faults)) => faults,
+            Err(BadBody::Faults(faults)) => faults,
             other => panic!("{other:?}"),
         };
         let mut pointers: Vec<_> = faults.iter().map(|fault| fault.pointer.as_str()).collect();

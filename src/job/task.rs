@@ -65,6 +65,12 @@ pub struct Cost {
 /// Speed of one processor: operations per second, counted as in [`Case::operations`].
 const OPERATIONS_PER_SECOND: f64 = 1e9;
 
+/// Estimated processor time of the run of a case, in seconds.
+#[must_use]
+pub fn estimated_seconds(case: &Case) -> f64 {
+    case.operations() / OPERATIONS_PER_SECOND
+}
+
 /// The version of the form in which tasks are stored. Version 1 had no version number: it was the job
 /// body of the HTTP interface.
 const STORED_VERSION: u32 = 2;
@@ -210,7 +216,7 @@ impl Task {
 
     fn seconds(&self) -> f64 {
         match self {
-            Self::Run(run) => run.1.operations() / OPERATIONS_PER_SECOND,
+            Self::Run(run) => estimated_seconds(&run.1),
         }
     }
 

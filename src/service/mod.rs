@@ -1,7 +1,9 @@
-//! What the program can do with jobs and results: submit, wait, cancel, find, share. HTTP and the
+//! What the program can do with jobs and results: submit, wait, evaluate, cancel, find, share. HTTP and the
 //! command line call this room.
 
+mod evaluate;
 mod jobs;
+mod places;
 mod results;
 mod short;
 mod stopwatch;
@@ -18,8 +20,10 @@ use tokio::sync::watch;
 use crate::job::Begin;
 use crate::store::{AuditEntry, Error, FileSizes, Store, Tally};
 
+pub use evaluate::{LARGEST_EVALUATION, LONGEST_EVALUATION, NotEvaluated};
 pub use submit::{Accepted, Refusal, Terms};
 
+use places::Places;
 use short::ShortRuns;
 use waiting::Waiting;
 use workers::Compute;
@@ -33,6 +37,7 @@ struct Parts {
     begin: Begin,
     waiting: Arc<Waiting>,
     short: ShortRuns,
+    evaluations: Places,
     /// The number of worker threads.
     workers: usize,
     /// The time limit of a run.
@@ -52,8 +57,11 @@ impl Service {
     #[must_use]
     pub fn new(store: Store, begin: Begin, workers: usize, run_limit: Option<Duration>) -> Self {
         let short = ShortRuns::new(store.clone(), Arc::clone(&begin), workers);
+        let evaluations = Places::new(workers);
         let (waiting, draining) = (Arc::default(), watch::Sender::new(false));
-        Self(Arc::new(Parts { store, begin, waiting, short, workers, run_limit, draining }))
+        let parts =
+            Parts { store, begin, waiting, short, evaluations, workers, run_limit, draining };
+        Self(Arc::new(parts))
     }
 
     /// The store behind the service.

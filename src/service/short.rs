@@ -6,42 +6,28 @@
 //! takes longer than estimated goes through the queue.
 
 use std::collections::HashMap;
-use std::panic::{self, AssertUnwindSafe};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use quick_cache::sync::Cache;
 use tokio::sync::{Semaphore, oneshot};
-use tokio::task;
-use tokio::time::timeout;
 
+use super::places::{INLINE, INLINE_BYTES, MAX_TIME, Places, SHORT};
 use super::stopwatch::Stopwatch;
 use crate::job::{Answer, Begin, Job, JobState, Key, Origin, Prepared, Step};
 use crate::store::{Admission, Answered, Error, NewJob, Store, Submitted};
 
-/// Longest estimate of a short run, in seconds.
-const SHORT: f64 = 0.02;
-/// Runs with a shorter estimate, in seconds, are computed on the async thread: handing them over would
-/// take as long. A default run without profiles has an estimate of 2e-4.
-const INLINE: f64 = 3e-4;
-/// Longest stored form, in bytes, of a run that is computed on the async thread.
-const INLINE_BYTES: usize = 1 << 14;
 /// Number of remembered keys.
 const KNOWN: usize = 1 << 14;
 /// Most submissions that wait for a place to compute; further ones go through the queue.
 const MAX_WAITING: usize = 64;
-/// Longest wait for a place; then the run goes through the queue.
-const MAX_WAIT: Duration = Duration::from_millis(250);
-/// Longest computation; then the run goes through the queue.
-const MAX_TIME: Duration = Duration::from_millis(50);
 
 /// Computes short runs.
 pub struct ShortRuns {
     store: Store,
     begin: Begin,
     entrance: Semaphore,
-    /// As many computations at a time as there are workers: more would only share the processors.
-    places: Arc<Semaphore>,
+    places: Places,
     /// Keys whose results were stored lately. For other keys, a run below [`INLINE`] takes less time than a look
     /// into the database: it is computed first, and its result is dropped if the database has it.
     known: Cache<Key, ()>,
@@ -66,8 +52,7 @@ impl ShortRuns {
     /// Computes as many runs at a time as there are workers.
     pub fn new(store: Store, begin: Begin, workers: usize) -> Self {
         let entrance = Semaphore::new(MAX_WAITING);
-        let places = Arc::new(Semaphore::new(workers));
-        let known = Cache::new(KNOWN);
+        let (places, known) = (Places::new(workers), Cache::new(KNOWN));
         Self { store, begin, entrance, places, known, flights: Mutex::default() }
     }
 
@@ -151,11 +136,9 @@ impl ShortRuns {
 
     /// Computes a run; `None` if it takes too long or cannot be computed.
     async fn compute(&self, prepared: &Prepared) -> Option<Computed> {
-        let place = timeout(MAX_WAIT, Arc::clone(&self.places).acquire_owned()).await.ok()?.ok()?;
         let inline = prepared.seconds < INLINE && prepared.stored.len() <= INLINE_BYTES;
         let (begin, prepared) = (Arc::clone(&self.begin), prepared.clone());
         let work = move || {
-            let _place = place;
             let watch = Stopwatch::start();
             let (key, stored) = (prepared.key, Arc::clone(&prepared.stored));
             let mut work = begin(&key, &stored, Some(prepared)).ok()?;
@@ -169,11 +152,7 @@ impl ShortRuns {
             None
         };
         // A run that panics here goes through the queue, where its worker records the failure.
-        if inline {
-            panic::catch_unwind(AssertUnwindSafe(work)).ok().flatten()
-        } else {
-            task::spawn_blocking(work).await.ok().flatten()
-        }
+        self.places.compute(inline, work).await.ok().flatten()
     }
 
     /// Joins the computation of this key. If there is none, returns `None`, and the caller leads one.

@@ -348,7 +348,8 @@ async fn a_running_server_applies_new_and_revoked_keys() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_caller_can_read_its_own_name_and_role() {
-    let limits = Limits { per_minute: NonZeroU32::new(100), at_once: NonZeroU32::new(7) };
+    let [per_minute, evaluations, at_once] = [100, 20, 7].map(NonZeroU32::new);
+    let limits = Limits { per_minute, evaluations, at_once };
     let server = server(limits).await;
     let new =
         NewKey { name: "anna".into(), role: Role::Submit, per_minute: Some(50), expires: None };
@@ -356,7 +357,9 @@ async fn a_caller_can_read_its_own_name_and_role() {
     let me = get(&server, &anna, "/v1/me").await.json();
     assert_eq!((&me["name"], &me["role"]), (&json!("anna"), &json!("submit")));
     assert_eq!(me["key"], anna.split('_').nth(1).unwrap());
-    assert_eq!(me["limits"], json!({"requests_per_minute": 50, "requests_at_once": 7}));
+    let expected =
+        json!({"requests_per_minute": 50, "evaluations_per_minute": 20, "requests_at_once": 7});
+    assert_eq!(me["limits"], expected);
     assert_eq!(me["usage"], json!({"requests_left": 49, "jobs_queued": 0, "jobs_running": 0}));
     let master = get(&server, MASTER, "/v1/me").await.json();
     assert_eq!((&master["name"], &master["role"]), (&json!("admin"), &json!("admin")));
@@ -574,7 +577,7 @@ fn number(reply: &Reply, header: &str, name: &str) -> u32 {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_rate_limited_key_gets_retry_after_and_other_keys_are_unaffected() {
-    let server = server(Limits { per_minute: NonZeroU32::new(6000), at_once: None }).await;
+    let server = server(Limits { per_minute: NonZeroU32::new(6000), ..Limits::default() }).await;
     // The limit allows one more request per second.
     let new =
         NewKey { name: "anna".into(), role: Role::Submit, per_minute: Some(60), expires: None };
@@ -613,7 +616,7 @@ async fn a_rate_limited_key_gets_retry_after_and_other_keys_are_unaffected() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_key_has_a_limited_number_of_concurrent_requests() {
     let gate = Gate::default();
-    let limits = Limits { per_minute: None, at_once: NonZeroU32::new(2) };
+    let limits = Limits { at_once: NonZeroU32::new(2), ..Limits::default() };
     let access = Access { admin_key: Some(AdminKey(MASTER.into())), limits, ..Access::default() };
     let settings = Settings { access, ..Settings::default() };
     let server = Server::with(gate.compute(), &settings, &Options::default()).await;
@@ -652,7 +655,7 @@ async fn a_key_has_a_limited_number_of_concurrent_requests() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn forbidden_requests_count_towards_the_rate_limit() {
-    let server = server(Limits { per_minute: NonZeroU32::new(60), at_once: None }).await;
+    let server = server(Limits { per_minute: NonZeroU32::new(60), ..Limits::default() }).await;
     let read = made(server.dir.path(), "reader", Role::Read).await;
     let refused = ask(&server, &read, "POST", "/v1/jobs", "{}").await;
     refused.problem(403, "forbidden");
@@ -713,7 +716,7 @@ async fn a_page_of_an_allowed_origin_can_send_a_key() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn links_have_their_own_rate_limit() {
-    let server = server(Limits { per_minute: NonZeroU32::new(6000), at_once: None }).await;
+    let server = server(Limits { per_minute: NonZeroU32::new(6000), ..Limits::default() }).await;
     let new =
         NewKey { name: "anna".into(), role: Role::Submit, per_minute: Some(20), expires: None };
     let anna = made_with(server.dir.path(), new).await;

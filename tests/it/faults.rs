@@ -168,6 +168,9 @@ async fn submissions_fail_and_reads_work_while_the_disk_is_full() {
     assert!(metric(address, full).await >= 3.0);
     assert!(metric(address, "fretwork_disk_free_bytes").await < 100_000.0);
     assert!(server.result(&known).await == result);
+    let body = json!({"scenario": ball(3.0)["scenario"], "outputs": ["wear_volume"]}).to_string();
+    let evaluated = send(address, "POST", "/v1/evaluate", &[JSON], body).await.unwrap();
+    assert_eq!(evaluated.status, 200, "{}", evaluated.text());
     for id in &acknowledged {
         assert_eq!(server.get(&format!("/v1/jobs/{id}")).await.status, 200);
     }

@@ -12,6 +12,7 @@
 mod access;
 mod api;
 mod audit;
+mod evaluate;
 mod faults;
 mod figures;
 mod forms;

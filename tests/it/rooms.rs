@@ -22,7 +22,7 @@ struct Layout {
 const SERVICE: Layout = Layout {
     dir: "src",
     root: "lib",
-    rooms: &["plot", "verification", "job", "format", "store", "service", "http"],
+    rooms: &["plot", "verification", "job", "study", "format", "store", "service", "http"],
     reserved: &[
         ("sqlx", &["store"]),
         ("axum", &["http"]),

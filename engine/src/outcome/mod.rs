@@ -11,7 +11,7 @@
 
 use serde::{Deserialize, Deserializer, Serialize};
 
-use crate::case::Case;
+use crate::case::{Case, Outputs};
 use crate::contact::control::Tangential;
 use crate::contact::unworn::Regime;
 use crate::numeric::integrate_beyond;
@@ -192,6 +192,11 @@ fn maybe_infinite_rows<'de, D: Deserializer<'de>>(json: D) -> Result<Vec<Vec<f64
     Ok(rows.into_iter().map(|row| row.into_iter().map(|pressure| pressure.0).collect()).collect())
 }
 
+/// Relative difference of two equal numbers of cycles, of which one was written with 12 digits.
+const CYCLE_ERROR: f64 = 1e-10;
+/// Relative error of the energy at an output cycle that a run has found.
+const ENERGY_ERROR: f64 = 1e-5;
+
 /// Columns with one entry per output cycle.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct History {
@@ -242,6 +247,22 @@ impl History {
             ("energy_per_cycle", &self.energy_per_cycle),
             ("dissipated_energy", &self.dissipated_energy),
         ]
+    }
+
+    /// Whether the row with this index is at the output cycle of the case with this index. If not, the run ended
+    /// before.
+    #[must_use]
+    pub fn has_reached(&self, case: &Case, row: usize) -> bool {
+        let agrees = |a: f64, b: f64, error: f64| (a - b).abs() <= error * a.abs().max(b.abs());
+        let Some(cycles) = self.cycles.get(row) else { return false };
+        match &case.outputs {
+            Outputs::Cycles(known) => {
+                known.get(row).is_some_and(|known| agrees(*known, *cycles, CYCLE_ERROR))
+            }
+            Outputs::Energies(outputs) => outputs.energies.get(row).is_some_and(|energy| {
+                agrees(*energy, case.scales.worn_by(self.dissipated_energy[row]), ENERGY_ERROR)
+            }),
+        }
     }
 
     pub(crate) fn with_capacity(instants: usize) -> Self {

@@ -135,7 +135,9 @@ fn kind_name(kind: ValueKind) -> &'static str {
     }
 }
 
-fn unknown(what: &str, given: &str, accepted: &[&str]) -> String {
+/// The sentence about an unknown name: the nearest accepted one, and all of them.
+#[must_use]
+pub fn unknown(what: &str, given: &str, accepted: &[&str]) -> String {
     let near = accepted
         .iter()
         .map(|known| (strsim::jaro_winkler(given, known), known))

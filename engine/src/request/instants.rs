@@ -27,6 +27,18 @@ pub enum Measure {
     DissipatedEnergy,
 }
 
+impl Cycles {
+    /// The index of an output cycle among the rows of the history. Every history begins with the unworn state, at 0.
+    /// `None` if there is no such output cycle.
+    #[must_use]
+    pub fn row(&self, number: f64) -> Option<usize> {
+        let unworn = (self.instants[0] > 0.0).then_some(0.0);
+        let number = twelve_digits(number);
+        let mut rows = unworn.into_iter().chain(self.instants.iter().copied());
+        rows.position(|known| known.total_cmp(&number).is_eq())
+    }
+}
+
 impl Deserr<Faults> for Cycles {
     fn deserialize_from_value<V: IntoValue>(
         value: Value<V>,

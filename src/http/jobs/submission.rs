@@ -17,7 +17,7 @@ use crate::http::memory::Encoded;
 use crate::http::problem::{self, Problem};
 use crate::http::scenarios::parse;
 use crate::http::wire::{Freshness, Prefer, Query, ascii, idempotency_key, urgency};
-use crate::job::{Job, JobState, Origin};
+use crate::job::{Job, JobState, Origin, Submission};
 use crate::service::{Accepted, Refusal, Terms};
 use crate::store::Asked;
 
@@ -90,7 +90,7 @@ pub async fn submit(
     if app.service.is_draining() {
         return Err(Refusal::Draining.into());
     }
-    let submission = parse(body).await?;
+    let submission = parse(body, Submission::parse).await?;
     let mut asked = Asked {
         task: include.scenario.then(|| submission.prepared.stored.to_string()),
         submitted: submission.submitted.clone().filter(|_| include.submitted),

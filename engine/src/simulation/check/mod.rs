@@ -25,7 +25,7 @@ pub use tables::check_tables;
 
 use super::comparing::relative;
 use super::model_error::{model_error, warning};
-use crate::case::{Case, Method, Outputs};
+use crate::case::{Case, Method};
 use crate::contact::control::{Normal, Tangential};
 use crate::outcome::{BodyWear, Comparison, History, Outcome, Preview, Profiles};
 use crate::scenario::Scenario;
@@ -37,8 +37,6 @@ use tables::check_history;
 const ROUGH: f64 = 0.01;
 /// Relative error of the area of a loop, which has few corners.
 const LOOP_ERROR: f64 = 0.05;
-/// Relative error of an output cycle at which a run has dissipated a given energy.
-const ENERGY_ERROR: f64 = 1e-5;
 /// The bounds of (k_w/μ)·ΣW/V by the simplified rule.
 const RULE_BALANCE: (f64, f64) = (0.1, 3.0);
 /// The energy per cycle between two output cycles, compared with the smaller and the larger one at these cycles.
@@ -174,15 +172,7 @@ fn check_output_cycles(case: &Case, outcome: &Outcome) -> Result<(), Flaw> {
     require(outcome.events.iter().all(|event| (0.0..=end).contains(&event.cycles)), || {
         "an event is outside the history".to_owned()
     })?;
-    let is_expected = |row: usize| match &case.outputs {
-        Outputs::Cycles(cycles) => {
-            cycles.get(row).is_some_and(|cycles| same(*cycles, history.cycles[row]))
-        }
-        Outputs::Energies(outputs) => outputs.energies.get(row).is_some_and(|energy| {
-            let found = case.scales.worn_by(history.dissipated_energy[row]);
-            within(*energy, found, ENERGY_ERROR)
-        }),
-    };
+    let is_expected = |row: usize| history.has_reached(case, row);
     let is_complete = last + 1 == case.outputs.count() && is_expected(last);
     require((0..last).all(is_expected) && (is_complete || has_ended_early(outcome)), || {
         "the output cycles are not those of the scenario".to_owned()

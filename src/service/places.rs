@@ -1,0 +1,89 @@
+//! Places for short computations, in the calls of the clients that wait for them.
+
+use std::panic::{self, AssertUnwindSafe};
+use std::sync::Arc;
+use std::time::Duration;
+
+use tokio::sync::Semaphore;
+use tokio::task;
+use tokio::time::timeout;
+
+/// Longest estimate of a short computation, in seconds.
+pub const SHORT: f64 = 0.02;
+/// Longest time of a short computation. Then its estimate was grossly wrong.
+pub const MAX_TIME: Duration = Duration::from_millis(50);
+/// Computations with a shorter estimate, in seconds, run on the async thread: handing them over would
+/// take as long. A default run without profiles has an estimate of 2e-4.
+pub const INLINE: f64 = 3e-4;
+/// Longest scenario, in bytes, whose run is computed on the async thread.
+pub const INLINE_BYTES: usize = 1 << 14;
+/// Longest wait for a place.
+const MAX_WAIT: Duration = Duration::from_millis(250);
+
+/// As many computations at a time as there are workers: more would only share the processors.
+#[derive(Debug)]
+pub struct Places(Arc<Semaphore>);
+
+/// Why a computation has no outcome.
+#[derive(Debug)]
+pub enum Unfinished {
+    /// All places were taken.
+    NoPlace,
+    /// It panicked.
+    Panicked,
+}
+
+impl Places {
+    pub fn new(workers: usize) -> Self {
+        Self(Arc::new(Semaphore::new(workers)))
+    }
+
+    /// Waits for a place and computes.
+    ///
+    /// # Errors
+    /// There is no place, or the computation panics.
+    pub async fn compute<T: Send + 'static>(
+        &self,
+        inline: bool,
+        work: impl FnOnce() -> T + Send + 'static,
+    ) -> Result<T, Unfinished> {
+        let place = timeout(MAX_WAIT, Arc::clone(&self.0).acquire_owned()).await;
+        let Ok(Ok(place)) = place else { return Err(Unfinished::NoPlace) };
+        let work = move || {
+            let _place = place;
+            work()
+        };
+        if inline {
+            panic::catch_unwind(AssertUnwindSafe(work)).map_err(|_| Unfinished::Panicked)
+        } else {
+            task::spawn_blocking(work).await.map_err(|_| Unfinished::Panicked)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test(start_paused = true)]
+    async fn a_computation_waits_for_a_place_for_a_short_time() {
+        let places = Places::new(1);
+        let taken = Arc::clone(&places.0).acquire_owned().await.unwrap();
+        assert!(matches!(places.compute(true, || 1).await, Err(Unfinished::NoPlace)));
+        let (soon, ()) = tokio::join!(places.compute(true, || 2), async {
+            tokio::time::sleep(MAX_WAIT / 2).await;
+            drop(taken);
+        });
+        assert!(matches!(soon, Ok(2)));
+    }
+
+    #[tokio::test]
+    async fn a_panic_frees_its_place() {
+        let places = Places::new(1);
+        for inline in [true, false] {
+            let panicked = places.compute(inline, || panic!("a bug")).await;
+            assert!(matches!(panicked, Err::<(), _>(Unfinished::Panicked)));
+            assert!(matches!(places.compute(inline, || 1).await, Ok(1)));
+        }
+    }
+}
