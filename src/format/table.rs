@@ -158,7 +158,8 @@ impl Table {
         });
         let columns = columns.collect::<Result<_, serde_json::Error>>()?;
         let table = Self { part, columns, exists: text.is_some() };
-        if table.is_whole() { Ok(table) } else { Err(Error::Document(ragged(part))) }
+        let is_sound = table.is_whole() && !table.columns.is_empty();
+        if is_sound { Ok(table) } else { Err(Error::Document(unsound(part))) }
     }
 
     /// Whether all columns have the length of their axes, and the rows of all loops the same points.
@@ -231,9 +232,12 @@ impl Table {
     }
 }
 
-/// The error of a table whose columns have different lengths.
-fn ragged(part: Part) -> serde_json::Error {
-    serde::de::Error::custom(format!("the columns of `{}` have different lengths", part.name()))
+/// The error of a table without columns, or whose columns have different lengths.
+fn unsound(part: Part) -> serde_json::Error {
+    serde::de::Error::custom(format!(
+        "the columns of `{}` are missing or have different lengths",
+        part.name()
+    ))
 }
 
 /// Finds the selected output cycles and points of a table, or lists everything that is missing.

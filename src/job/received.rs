@@ -119,7 +119,7 @@ impl Received {
     /// Computes the result anew and compares it with its body. Does nothing for a result of an earlier version.
     ///
     /// # Errors
-    /// The new result differs, or takes more than [`LONGEST_RECOMPUTATION`].
+    /// The new result differs, or takes more than 10 minutes.
     pub fn recompute(&self, body: &[u8]) -> Result<(), Refused> {
         let Some(task) = &self.task else { return Ok(()) };
         let (started, mut work) = (Instant::now(), task.start());
