@@ -444,7 +444,7 @@ impl Representation {
                 .and_then(|()| Ok(pieces.flush()?));
             // The table is no longer in memory.
             drop(permit);
-            // If the client has disconnected, nobody waits for the end.
+            // If the client has disconnected, no task receives this.
             let _ = done.send(end);
         };
         // A client can take hours, and the blocking threads of the runtime are few.

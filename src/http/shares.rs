@@ -168,7 +168,7 @@ impl PerCaller {
         Turn { _permit: self.of(caller).acquire_owned().await.ok() }
     }
 
-    /// The semaphore of a caller. It is forgotten when nobody waits for it or holds its permits.
+    /// The semaphore of a caller. The map forgets it when no request waits for it or holds its permits.
     fn of(&self, caller: &str) -> Arc<Semaphore> {
         let mut semaphores = self.semaphores.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(semaphore) = semaphores.get(caller).and_then(Weak::upgrade) {
