@@ -19,6 +19,10 @@
 //!   processor cores. `wrk` shares the cores with the server; the engine has them alone. The engine runs the prepared case, or
 //!   also parses and prepares the body for each run, as the server does. Each is measured with the closed form, and with
 //!   the default method. A closed run takes about as long as HTTP and the preparation together.
+//! - `study`: a point of a Sobol sweep, as a job that is computed and stored, compared with the engine alone on all
+//!   processor cores, which runs one prepared case again and again.
+//! - `umbridge`: `POST /Evaluate` for a wear depth in closed form, compared with UM-Bridge's own Python server and the
+//!   same rule in NumPy (`umbridge_peer.py`, with the Python packages of `tests/clients/install`).
 //! - `table`: the time to read a result from a table of a million results, compared with a table of a thousand, with
 //!   1 kB each and without the memory cache.
 //! - `library`: the time of a page of `GET /v1/results` with a hundred thousand results.
@@ -60,16 +64,21 @@ use tempfile::TempDir;
 use tokio::net::TcpListener;
 use xxhash_rust::xxh3::xxh3_64;
 
-const MEASUREMENTS: [(&str, fn()); 7] = [
+const MEASUREMENTS: [(&str, fn()); 9] = [
     ("result", results),
     ("job", jobs),
     ("evaluate", evaluations),
+    ("study", studies),
+    ("umbridge", umbridge),
     ("table", tables),
     ("library", library),
     ("memory", memory),
     ("disk", disk),
 ];
 const PROGRAM: &str = env!("CARGO_BIN_EXE_fretwork");
+/// Python with the package `umbridge`, from `tests/clients/install`.
+const PYTHON: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/target/clients/bin/python");
+const PEER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/umbridge_peer.py");
 const SCRIPT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/load.lua");
 /// Turns of each server that count, after one that warms it up.
 const TURNS: usize = 7;
@@ -175,6 +184,55 @@ fn evaluations() {
             0.5,
             &compare(load(), Alone::new(&engine)),
         );
+    }
+}
+
+fn umbridge() {
+    println!("Evaluate of UM-Bridge / of its Python server with the same rule in NumPy");
+    let dir = directory();
+    let server = Server::program(dir.path(), &[]);
+    let peer = Server::start(Command::new(PYTHON).arg(PEER), &[]);
+    let mut scenario = body_scenario(&ball("none", "56000000"));
+    scenario["cycles"] = json!([1000]);
+    let config = json!({
+        "scenario": scenario, "parameters": ["/friction", "/cycles/0"], "outputs": ["wear_depth"]});
+    let body = json!({"name": "wear", "input": [["friction", 10000]], "config": config});
+    let body = body.to_string().replace("\"friction\"", "0.6########");
+    let evaluate = request("POST /Evaluate", "", &body);
+    let depth = |server: &Server| {
+        let answer = server.connect().json(200, &evaluate.replace('#', "5"));
+        answer["output"][0][0].as_f64().expect("a depth")
+    };
+    let (one, other) = (depth(&server), depth(&peer));
+    assert!((one / other - 1.0).abs() < 0.02, "{one:e} and {other:e}");
+    let load = |server| Load::new(server, evaluate.clone());
+    report("closed form", 5.0, &compare(load(&server), load(&peer)));
+}
+
+fn studies() {
+    println!("a point of a sweep / a run of the engine alone on all cores");
+    let dir = directory();
+    let server = Server::program(dir.path(), &[]);
+    for (method, model, points) in [
+        ("closed form", json!({"method": "simplified", "xi": 0.8, "points": 256}), 30_000),
+        ("exact", json!({}), 5000),
+    ] {
+        let mut scenario = body_scenario(&ball("none", "00000000"));
+        scenario["model"] = model;
+        let sweep = json!({
+            "scenario": scenario,
+            "vary": [
+                {"pointer": "/friction", "from": 0.65, "to": 0.75},
+                {"pointer": "/motion/amplitude", "from": "2 um", "to": "2.4 um"},
+            ],
+            "design": "sobol",
+            "samples": points,
+            "outputs": ["wear_volume", "wear_depth"],
+        });
+        let study = Study { server: &server, sweep, points, turns: 0, used: server.used() };
+        let (_, case, _) = scenario::prepare(scenario, "").expect("a scenario");
+        let engine = || drop(black_box(Simulation::new(case.clone(), Vec::new()).run()));
+        report(method, 0.7, &compare(study, Alone::new(&engine)));
     }
 }
 
@@ -359,6 +417,32 @@ impl Repeated for Load<'_> {
 
     fn cost(&self) -> f64 {
         (self.server.used() - self.used) / self.answers
+    }
+}
+
+/// A sweep that a server computes again and again with other random numbers.
+struct Study<'a> {
+    server: &'a Server,
+    sweep: Value,
+    points: u32,
+    turns: u32,
+    /// Processor time of the server before the first turn, in ms.
+    used: f64,
+}
+
+impl Repeated for Study<'_> {
+    fn turn(&mut self) -> f64 {
+        self.sweep["seed"] = json!(self.turns);
+        self.turns += 1;
+        let body = json!({"sweep": self.sweep}).to_string();
+        let start = Instant::now();
+        let job = self.server.connect().json(200, &submission("prefer: wait=60\r\n", &body));
+        assert_eq!(job["state"], "succeeded", "{job}");
+        f64::from(self.points) / start.elapsed().as_secs_f64()
+    }
+
+    fn cost(&self) -> f64 {
+        (self.server.used() - self.used) / f64::from(self.turns * self.points)
     }
 }
 

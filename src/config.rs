@@ -17,7 +17,9 @@ use clap::{ArgAction, ArgMatches, Args, Parser, Subcommand, ValueEnum};
 use fretwork::format::{Format, QUANTITIES, Quantity};
 use fretwork::http::{self, Access, AdminKey, Connections, Limits, Origins, Patience};
 use fretwork::job::Key;
+use fretwork::service::WorkLimits;
 use fretwork::store::{self, Role, Search};
+use fretwork_engine::scenario::MAX_ANSWER;
 use tracing_subscriber::filter::Targets;
 
 use crate::telemetry::{LogFormat, log_levels};
@@ -174,6 +176,9 @@ pub struct Serve {
     /// Address and port to listen on; port 0 selects a free port.
     #[arg(long, env = "FRETWORK_LISTEN", default_value = "127.0.0.1:8080", value_parser = resolve)]
     pub listen: SocketAddr,
+    /// Address and port that serve only UM-Bridge, for tools of uncertainty quantification. --listen serves it too.
+    #[arg(long, env = "FRETWORK_UMBRIDGE_LISTEN", value_name = "ADDRESS", value_parser = resolve)]
+    pub umbridge_listen: Option<SocketAddr>,
     /// Give every caller full access without a key, also on an address that other machines can reach.
     #[arg(long, env = "FRETWORK_NO_AUTH", action = ArgAction::SetTrue,
         value_parser = FalseyValueParser::new(), conflicts_with = "admin_key")]
@@ -190,7 +195,7 @@ pub struct Serve {
     /// Requests per minute of a key without its own limit. 0 means no limit.
     #[arg(long, env = "FRETWORK_RATE_LIMIT", default_value = "60000", value_name = "N")]
     pub rate_limit: u32,
-    /// Evaluations (POST /v1/evaluate) per minute of a key. They do not count as other requests. 0 means no limit.
+    /// Evaluations (POST /v1/evaluate, derivatives, UM-Bridge) per minute of a key. They do not count as other requests. 0 means no limit.
     #[arg(long, env = "FRETWORK_EVALUATE_RATE", default_value = "60000", value_name = "N")]
     pub evaluate_rate: u32,
     /// Concurrent requests of one key. A waiting request and an event stream count until they end. 0 means no
@@ -226,6 +231,18 @@ pub struct Serve {
     #[arg(long, env = "FRETWORK_RUN_LIMIT", default_value = "30min", value_name = "TIME",
         value_parser = duration)]
     pub run_limit: Duration,
+    /// Maximum processor time of one study, such as 10min or 4h. The server refuses a study with a longer estimate. 0 means
+    /// no limit.
+    #[arg(long, env = "FRETWORK_STUDY_LIMIT", default_value = "4h", value_name = "TIME",
+        value_parser = duration)]
+    pub study_limit: Duration,
+    /// Maximum number of points of one study.
+    #[arg(long, env = "FRETWORK_STUDY_POINTS", default_value = "1048576", value_name = "N",
+        value_parser = clap::value_parser!(u32).range(1..))]
+    pub study_points: u32,
+    /// Maximum size of the result of one study as JSON, up to 64MB.
+    #[arg(long, env = "FRETWORK_STUDY_SIZE", default_value = "64MB", value_name = "SIZE")]
+    pub study_size: ByteSize,
     /// How long finished jobs are kept, such as 90d; 0 means for ever. This does not affect results. Jobs are deleted earlier
     /// if the database would exceed --keep-results.
     #[arg(long, env = "FRETWORK_KEEP_JOBS", default_value = "90d", value_name = "TIME",
@@ -397,6 +414,14 @@ fn condition(text: &str) -> Result<(String, String), String> {
 }
 
 impl Serve {
+    /// Whether other machines can reach an address of the server.
+    pub fn is_reachable(&self) -> bool {
+        [Some(self.listen), self.umbridge_listen]
+            .into_iter()
+            .flatten()
+            .any(|address| !address.ip().is_loopback())
+    }
+
     /// The settings of the HTTP interface.
     pub fn interface(&self, admin_key: Option<AdminKey>) -> http::Settings {
         http::Settings {
@@ -453,9 +478,14 @@ impl Serve {
         ))
     }
 
-    /// The maximum time of a run.
-    pub fn limit(&self) -> Option<Duration> {
-        nonzero(self.run_limit)
+    /// What new runs and studies may take.
+    pub fn limits(&self) -> WorkLimits {
+        WorkLimits {
+            run: nonzero(self.run_limit),
+            study: nonzero(self.study_limit),
+            study_points: self.study_points as usize,
+            study_bytes: (self.study_size.as_u64() as usize).min(MAX_ANSWER),
+        }
     }
 
     /// The web pages that may call the server.

@@ -4,7 +4,9 @@
 pub mod format;
 pub mod http;
 pub mod job;
+pub mod json;
 pub mod plot;
+pub mod random;
 pub mod service;
 pub mod store;
 pub mod study;

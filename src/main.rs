@@ -21,6 +21,7 @@ use fretwork::store::Store;
 use fretwork::verification::{self, Accuracy};
 use fretwork_engine::simulation::model_error;
 use mimalloc::MiMalloc;
+use tokio::net::TcpListener;
 use tokio::sync::oneshot;
 use tokio::time;
 
@@ -125,28 +126,30 @@ async fn serve_until_signal(settings: &Serve, admin_key: Option<AdminKey>) -> Re
     let mut signals = ShutdownSignals::new()?;
     let connections = allow_open_files(settings.connections);
     let store = Store::open(&settings.data_dir, &settings.storage()).await?;
-    let listener = http::listen(settings.listen).map_err(|error| {
-        format!("cannot listen on {}: {error}; choose another with --listen", settings.listen)
-    })?;
+    let listener = listen(settings.listen, "--listen")?;
     let address = listener.local_addr()?;
+    let umbridge = settings.umbridge_listen.map(|address| listen(address, "--umbridge-listen"));
+    let umbridge = umbridge.transpose()?;
+    let umbridge_address = umbridge.as_ref().map(TcpListener::local_addr).transpose()?;
     let requires_key = requires_key(settings, admin_key.is_some(), &store).await?;
     let recovered = store.recover().await?;
     tracing::info!(?recovered, "opened the data directory");
     let count = settings
         .workers
         .map_or_else(|| thread::available_parallelism().map_or(1, usize::from), usize::from);
-    let service = Service::new(store.clone(), Arc::new(Task::start), count, settings.limit());
-    let workers = Workers::start(&store, count, settings.limit(), &service.compute())?;
+    let service = Service::new(store.clone(), Arc::new(Task::start), count, settings.limits());
+    let workers = Workers::start(&store, count, settings.limits(), &service.compute())?;
     let (close, closed) = oneshot::channel::<()>();
     let mut interface = settings.interface(admin_key);
     interface.connections.total = connections as usize;
-    let server = http::serve(listener, service.clone(), &interface, async {
+    let sockets = http::Sockets { api: listener, umbridge };
+    let server = http::serve(sockets, service.clone(), &interface, async {
         let _ = closed.await;
     });
     let mut server = pin!(server);
     tracing::info!(%address, "listening");
     // Standard output may be closed. The server does not need it.
-    if let Err(error) = greet(address, settings, requires_key) {
+    if let Err(error) = greet(address, umbridge_address, settings, requires_key) {
         tracing::warn!(%error, "cannot print the greeting");
     }
 
@@ -182,6 +185,12 @@ async fn serve_until_signal(settings: &Serve, admin_key: Option<AdminKey>) -> Re
     Ok(())
 }
 
+fn listen(address: SocketAddr, option: &str) -> Result<TcpListener, Error> {
+    http::listen(address).map_err(|error| {
+        format!("cannot listen on {address}: {error}; choose another with {option}").into()
+    })
+}
+
 /// Whether callers must send an access key. A server that other machines can reach makes the first key.
 async fn requires_key(settings: &Serve, admin_key: bool, store: &Store) -> Result<bool, Error> {
     let keys = store.access_keys().await?;
@@ -195,7 +204,7 @@ async fn requires_key(settings: &Serve, admin_key: bool, store: &Store) -> Resul
     if admin_key || !keys.is_empty() {
         return Ok(true);
     }
-    if settings.listen.ip().is_loopback() {
+    if !settings.is_reachable() {
         warn_of_open_origins(settings);
         return Ok(false);
     }
@@ -239,7 +248,12 @@ impl ShutdownSignals {
 }
 
 /// Prints the address of the server and a command to try it.
-fn greet(address: SocketAddr, settings: &Serve, requires_key: bool) -> io::Result<()> {
+fn greet(
+    address: SocketAddr,
+    umbridge: Option<SocketAddr>,
+    settings: &Serve,
+    requires_key: bool,
+) -> io::Result<()> {
     let base = format!("http://{}", reachable(address));
     // One line of JSON, quoted for a shell.
     let example: String = http::EXAMPLES[0].body.lines().map(str::trim).collect();
@@ -251,6 +265,9 @@ fn greet(address: SocketAddr, settings: &Serve, requires_key: bool) -> io::Resul
         "dashboard: {base}/   documentation: {base}/docs/   data: {}",
         settings.data_dir.display()
     )?;
+    if let Some(address) = umbridge {
+        writeln!(out, "UM-Bridge alone: http://{}", reachable(address))?;
+    }
     let (hint, key) = if requires_key {
         (", with your key in FRETWORK_KEY", " -H \"Authorization: Bearer $FRETWORK_KEY\"")
     } else {

@@ -10,6 +10,9 @@ use crate::solver::events::StopCondition;
 use crate::solver::stepped::law::Law;
 use crate::solver::stepped::march::March;
 
+/// Speed of one processor core, in the operations of [`Case::operations`] per second.
+const OPERATIONS_PER_SECOND: f64 = 1e9;
+
 /// Tolerance of the time integration for the simplified rule. The rule is integrated only if it has
 /// no closed form.
 const RULE_TOLERANCE: f64 = 1e-3;
@@ -21,6 +24,16 @@ const COMPARISON_POINTS: usize = 256;
 
 /// Evaluations of the wear rate by which a time integration finds the cycle of an energy.
 pub(crate) const SEARCH_EVALUATIONS: usize = 20;
+
+/// If Δ differs from 1 by less than this, it is set to 1, the gross-slip threshold. Rounding U to
+/// 12 digits changes Δ by half of this value.
+const ONSET: f64 = 1e-11;
+
+/// The dimensionless amplitude Δ of an amplitude, for a gross-slip threshold in the same unit.
+pub(crate) fn threshold(amplitude: f64, gross_slip: f64) -> f64 {
+    let threshold = amplitude / gross_slip;
+    if (threshold - 1.0).abs() < ONSET { 1.0 } else { threshold }
+}
 
 /// The scales of the dimensionless problem. They convert results to SI.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,7 +74,8 @@ impl Scales {
     }
 
     /// The gross-slip threshold in m: U at Δ = 1.
-    pub(crate) fn gross_slip_amplitude(&self) -> f64 {
+    #[must_use]
+    pub fn gross_slip_amplitude(&self) -> f64 {
         self.friction * self.normal_modulus / self.tangential_modulus * self.indentation_depth
     }
 
@@ -195,6 +209,12 @@ impl Case {
         self.contact.regime
     }
 
+    /// Whether the run is computed in closed form, and not in time steps.
+    #[must_use]
+    pub fn is_closed(&self) -> bool {
+        matches!(self.method, Method::Simplified { .. }) && self.control.is_closed()
+    }
+
     /// Sums over the unworn springs.
     pub(crate) fn unworn(&self) -> UnwornSums {
         let mut sums = match &self.control.tangential {
@@ -267,6 +287,12 @@ impl Case {
     /// The number of rows in each profile matrix.
     pub(crate) fn profile_rows(&self) -> usize {
         self.profiles.iter().filter(|carries| **carries).count()
+    }
+
+    /// Estimated processor time of the run, in seconds.
+    #[must_use]
+    pub fn seconds(&self) -> f64 {
+        self.operations() / OPERATIONS_PER_SECOND
     }
 
     /// Estimated number of multiplications of the run.

@@ -3,7 +3,9 @@
 pub mod administration;
 pub mod health;
 pub mod moving;
+mod output;
 pub mod run;
+mod study;
 
 use std::io::{self, Write as _};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};

@@ -7,10 +7,13 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use fretwork::format::{self, Format, Part, View};
-use fretwork::job::{Answer, BadBody, Prepared, Submission};
+use fretwork::job::{Answer, Prepared, Submission, Task, TaskKind};
+use fretwork::json::BadBody;
+use serde::Deserialize;
 use serde_json::Value;
 
-use super::{Error, print, print_error};
+use super::output::{print_faults, write_file, write_output};
+use super::{Error, print_error, study};
 use crate::config::Run;
 
 /// Minimum time between two updates of the progress on a terminal.
@@ -22,20 +25,14 @@ pub fn run(settings: &Run) -> Result<ExitCode, Error> {
         .map_err(|error| format!("cannot read {}: {error}", settings.file.display()))?;
     let job = match Submission::parse(&text) {
         Ok(job) => job,
-        Err(BadBody::Faults(faults)) => {
-            for fault in faults {
-                // If standard error is closed, the exit code still reports the faults.
-                let _ = writeln!(io::stderr(), "{}: {}", fault.pointer, fault.detail);
-            }
-            return Ok(ExitCode::from(2));
-        }
+        Err(BadBody::Faults(faults)) => return Ok(print_faults(&faults)),
         Err(error) => {
             print_error(&error);
             return Ok(ExitCode::from(2));
         }
     };
     let (answer, time) = compute(&job.prepared)?;
-    write_result(&answer, settings)?;
+    write_result(&answer, job.prepared.task.kind(), settings)?;
     if let Some(file) = &settings.plot {
         let mut figure = Vec::new();
         let view = View::figure(settings.quantity);
@@ -58,6 +55,10 @@ fn read(file: &Path) -> io::Result<Vec<u8>> {
 /// Computes the result. Shows the progress if standard error is a terminal.
 fn compute(prepared: &Prepared) -> Result<(Answer, Duration), Error> {
     let started = Instant::now();
+    if let Task::Study(study) = &prepared.task {
+        let answer = Answer::of_study(prepared.key, study, &study::compute(study)?);
+        return Ok((answer, started.elapsed()));
+    }
     let mut shown = None;
     let mut err = io::stderr();
     let answer = prepared.compute(|progress| {
@@ -74,29 +75,25 @@ fn compute(prepared: &Prepared) -> Result<(Answer, Duration), Error> {
 }
 
 /// Writes the result to the output file or to standard output.
-fn write_result(answer: &Answer, settings: &Run) -> Result<(), Error> {
+fn write_result(answer: &Answer, kind: TaskKind, settings: &Run) -> Result<(), Error> {
     let format = *settings.format;
-    let part = match format {
-        Format::Json | Format::Npz => Part::Whole,
-        _ => Part::History,
+    let part = match (format, kind) {
+        (Format::Json | Format::Npz, _) => Part::Whole,
+        (_, TaskKind::Run) => Part::History,
+        (_, TaskKind::Study(_)) => Part::Table,
     };
     let mut bytes = Vec::new();
     format::write(&mut bytes, &answer.body, part, format, &View::default())?;
     if format == Format::Json {
         bytes.push(b'\n');
     }
-    match &settings.output {
-        Some(file) => write_file(file, &bytes),
-        None if matches!(format, Format::Npz | Format::Arrow) && io::stdout().is_terminal() => {
-            Err("this format is binary: write it to a file with --output".into())
-        }
-        None => print(&bytes),
-    }
+    write_output(settings, &bytes)
 }
 
-fn write_file(file: &Path, bytes: &[u8]) -> Result<(), Error> {
-    fs::write(file, bytes)
-        .map_err(|error| format!("cannot write {}: {error}", file.display()).into())
+/// The units of a result.
+#[derive(Deserialize)]
+struct Units {
+    units: Value,
 }
 
 /// Prints a summary of the result and the warnings to standard error.
@@ -104,7 +101,8 @@ fn summarise(job: &Submission, answer: &Answer, time: Duration) -> Result<(), Er
     let mut err = io::stderr().lock();
     let label = job.label.as_deref().unwrap_or("computed");
     writeln!(err, "{label} ({:.1} ms)", time.as_secs_f64() * 1e3)?;
-    let units: Value = serde_json::from_slice::<Value>(&answer.body)?["units"].take();
+    // A study can be large, so the rest is not kept.
+    let Units { units } = serde_json::from_slice(&answer.body)?;
     for (name, value) in answer.summary.as_object().into_iter().flatten() {
         let shown = match value.as_f64() {
             Some(number) => format!("{number:>12.5e}"),

@@ -5,7 +5,7 @@ use std::io::Write;
 use std::mem;
 use std::sync::Arc;
 
-use arrow_array::{ArrayRef, Float32Array, Float64Array, RecordBatch};
+use arrow_array::{ArrayRef, Float32Array, Float64Array, RecordBatch, StringArray};
 use arrow_ipc::writer::FileWriter;
 use arrow_schema::{DataType, Field, Schema};
 
@@ -31,8 +31,12 @@ pub fn table(out: &mut impl Write, head: &Head, table: &Table, view: &View) -> R
             fits_single(view.digits, numbers)
         })
         .collect();
-    let field = |((name, _), single): (&(String, Values), &bool)| {
-        let kind = if *single { DataType::Float32 } else { DataType::Float64 };
+    let field = |((name, values), single): (&(String, Values), &bool)| {
+        let kind = match values {
+            Values::Texts(_) => DataType::Utf8,
+            _ if *single => DataType::Float32,
+            _ => DataType::Float64,
+        };
         let unit = head.units.of(name).unwrap_or("1").to_owned();
         let metadata = HashMap::from([("unit".to_owned(), unit)]);
         Field::new(name, kind, true).with_metadata(metadata)
@@ -59,6 +63,10 @@ pub fn table(out: &mut impl Write, head: &Head, table: &Table, view: &View) -> R
 
 /// The numbers of a column in these rows.
 fn column(values: &Values, rows: &[(usize, usize)], single: bool) -> ArrayRef {
+    if let Values::Texts(texts) = values {
+        let texts = rows.iter().map(|&(cycle, _)| texts.get(cycle).and_then(Option::as_deref));
+        return Arc::new(texts.collect::<StringArray>());
+    }
     let numbers = rows.iter().map(|&(cycle, point)| values.at(cycle, point));
     let finite = numbers.map(|number| Some(number).filter(|n| n.is_finite()));
     if single {

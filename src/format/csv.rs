@@ -4,7 +4,7 @@ use std::io::Write;
 
 use super::document::Head;
 use super::error::Error;
-use super::table::Table;
+use super::table::{Cell, Table};
 use super::view::View;
 
 /// Writes a table as CSV. Infinite and undefined numbers are empty cells.
@@ -22,10 +22,13 @@ pub fn table(out: &mut impl Write, head: &Head, table: &Table, view: &View) -> R
             if index > 0 {
                 out.write_all(b",")?;
             }
-            let number = values.at(cycle, point);
-            if number.is_finite() {
+            match values.cell(cycle, point) {
                 // The same digits as in JSON.
-                serde_json::to_writer(&mut *out, &number)?;
+                Cell::Number(number) if number.is_finite() => {
+                    serde_json::to_writer(&mut *out, &number)?;
+                }
+                Cell::Number(_) => {}
+                Cell::Text(text) => write!(out, "\"{}\"", text.replace('"', "\"\""))?,
             }
         }
         out.write_all(b"\n")?;

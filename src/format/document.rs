@@ -13,6 +13,7 @@ use super::members::Members;
 use super::table::Table;
 use super::units::Units;
 use super::view::View;
+use crate::job::TaskKind;
 
 /// The engine that computed a result.
 #[derive(Debug, Deserialize)]
@@ -95,9 +96,24 @@ impl<'a> Document<'a> {
         Ok(Self { head, members, view })
     }
 
+    /// Whether a result of this kind can have the part.
+    pub fn must_have(&self, part: Part) -> Result<(), Error> {
+        let is_study = self.members.get(Part::Table.name()).is_some();
+        match (is_study, part) {
+            (_, Part::Whole) | (true, Part::Table) => Ok(()),
+            (true, _) => Err(Error::OtherKind(part, "a table, because it is a study")),
+            (false, Part::Table) => {
+                Err(Error::OtherKind(part, "history, profiles and loops, because it is a run"))
+            }
+            (false, _) => Ok(()),
+        }
+    }
+
     /// A table, cut to a selection and converted.
     pub fn table(&self, part: Part, selection: &View) -> Result<Table, Error> {
-        let mut table = Table::read(part, self.members.get(part.name()), selection)?;
+        self.must_have(part)?;
+        let units = &self.head.units;
+        let mut table = Table::read(part, self.members.get(part.name()), units, selection)?;
         table.convert(&self.head.units);
         Ok(table)
     }
@@ -106,7 +122,7 @@ impl<'a> Document<'a> {
     pub fn value(&self, name: &str) -> Result<Value, Error> {
         let Some(text) = self.members.get(name) else { return Ok(Value::Null) };
         let mut value = serde_json::from_str(text.get())?;
-        if name != "scenario" {
+        if TaskKind::of_member(name).is_none() {
             self.head.units.convert(name, &mut value);
         }
         Ok(value)
@@ -132,8 +148,10 @@ impl<'a> Document<'a> {
             };
             return Ok(Member::Table(self.table(part, &selection)?));
         }
-        // The scenario stays in SI and unrounded: submitted again, it must have the same key.
-        let computed = !matches!(name, "key" | "engine" | "scenario" | "regime" | "warnings");
+        // What was asked for stays in SI and unrounded: submitted again, it must have the same key.
+        let asked = TaskKind::of_member(name).is_some();
+        let computed =
+            !asked && !matches!(name, "key" | "engine" | "regime" | "warnings" | "counts");
         if computed && self.head.units.convert {
             return Ok(Member::Converted(self.value(name)?));
         }

@@ -2,6 +2,8 @@
 
 use std::io;
 
+use super::kind::Part;
+
 /// A requested item that the result does not have.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Missing {
@@ -17,6 +19,9 @@ pub enum Error {
     /// The result does not have everything that was requested.
     #[error("{}", .0.iter().map(|item| item.detail.as_str()).collect::<Vec<_>>().join("; "))]
     Missing(Vec<Missing>),
+    /// A study does not have this part of a run, or a run does not have that of a study.
+    #[error("the result has no {}: it has {}", .0.name(), .1)]
+    OtherKind(Part, &'static str),
     /// The stored document does not have the structure of a result.
     #[error("the stored document is not a result")]
     Document(#[from] serde_json::Error),

@@ -33,6 +33,7 @@ const LIMITING: Style = Style { color: "#000000", dash: Dash::ShortDashed, width
 
 /// Draws the requested figure as an SVG document.
 pub fn svg(document: &Document<'_>, view: &View) -> Result<Vec<u8>, Error> {
+    document.must_have(Part::Plot)?;
     let options = view.figure;
     let quantity = options.quantity;
     let drawing = Drawing { document, view, quantity };

@@ -53,7 +53,7 @@ pub fn lines(out: &mut impl Write, head: &Head, table: &Table) -> Result<(), Err
         map.serialize_entry("key", &head.key)?;
         map.serialize_entry("engine", &engine)?;
         for (name, (_, values)) in names.iter().zip(&table.columns) {
-            map.serialize_entry(name, &values.at(cycle, point))?;
+            map.serialize_entry(name, &values.cell(cycle, point))?;
         }
         map.end()?;
         out.write_all(b"\n")?;
@@ -74,6 +74,8 @@ struct Row<'a>(&'a Table, (usize, usize));
 impl Serialize for Row<'_> {
     fn serialize<S: Serializer>(&self, json: S) -> Result<S::Ok, S::Error> {
         let Self(table, (cycle, point)) = *self;
-        json.collect_map(table.columns.iter().map(|(name, values)| (name, values.at(cycle, point))))
+        json.collect_map(
+            table.columns.iter().map(|(name, values)| (name, values.cell(cycle, point))),
+        )
     }
 }

@@ -71,13 +71,15 @@ pub enum Part {
     Profiles,
     /// The force–displacement loops.
     Loops,
+    /// The table of a study.
+    Table,
     /// A figure.
     Plot,
 }
 
 impl Part {
     /// The parts that are tables, in the order of the document.
-    pub const TABLES: [Self; 3] = [Self::History, Self::Profiles, Self::Loops];
+    pub const TABLES: [Self; 4] = [Self::History, Self::Profiles, Self::Loops, Self::Table];
 
     /// The name in addresses and documents.
     #[must_use]
@@ -87,6 +89,7 @@ impl Part {
             Self::History => "history",
             Self::Profiles => "profiles",
             Self::Loops => "loops",
+            Self::Table => "table",
             Self::Plot => "plot",
         }
     }
@@ -97,7 +100,7 @@ impl Part {
         match self {
             Self::Whole => &[Format::Json, Format::Npz],
             Self::Plot => &[Format::Svg],
-            Self::History | Self::Profiles | Self::Loops => &Format::ALL,
+            Self::History | Self::Profiles | Self::Loops | Self::Table => &Format::ALL,
         }
     }
 }

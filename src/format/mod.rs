@@ -279,11 +279,62 @@ mod tests {
         assert_eq!(refused(Part::Whole, &View { cycles: Some(vec![9.0]), ..view }).len(), 1);
     }
 
+    const STUDY: &str = r#"{"key":"ab","engine":{"name":"fretwork","numerics":1},
+        "sweep":{"scenario":{"friction":0.5}},
+        "units":{"/friction":"1","/motion/amplitude":"m","wear_volume":"m^3"},
+        "counts":{"points":2,"refused":1,"incomplete":0},
+        "table":{"/friction":[0.5,-1.0],"/motion/amplitude":[1e-6,2e-6],"wear_volume":[1.25e-13,null],
+                 "reason":[null,"/friction: \"-1\" is bad"]}}"#;
+
+    #[test]
+    fn the_table_of_a_study_has_a_row_for_each_point() {
+        let made = |format, view: &View| {
+            String::from_utf8(written(STUDY, Part::Table, format, view).unwrap()).unwrap()
+        };
+        let view = View { engineering: true, ..View::default() };
+        let csv = made(Format::Csv, &view);
+        let rows: Vec<_> = csv.lines().filter(|line| !line.starts_with('#')).collect();
+        let expected = [
+            "/friction,/motion/amplitude[um],wear_volume[mm^3],reason",
+            "0.5,1.0,0.000125,",
+            "-1.0,2.0,,\"/friction: \"\"-1\"\" is bad\"",
+        ];
+        assert_eq!(rows, expected);
+        let lines = made(Format::Ndjson, &View::default());
+        let expected = "\"wear_volume[m^3]\":null,\"reason\":\"/friction: \\\"-1\\\" is bad\"}";
+        assert!(lines.lines().nth(1).unwrap().ends_with(expected), "{lines}");
+        let view = View { fields: Some(vec!["reason".into()]), ..View::default() };
+        let columns: Value = serde_json::from_str(&made(Format::Json, &view)).unwrap();
+        assert_eq!(columns["table"], json!({"reason": [null, "/friction: \"-1\" is bad"]}));
+        let whole =
+            written(STUDY, Part::Whole, Format::Json, &View { digits: Some(2), ..View::default() });
+        let whole: Value = serde_json::from_slice(&whole.unwrap()).unwrap();
+        assert_eq!(whole["table"]["wear_volume"], json!([1.2e-13, null]));
+        assert_eq!(whole["counts"]["refused"], json!(1));
+    }
+
+    #[test]
+    fn a_study_has_no_history_and_a_run_has_no_table() {
+        for (stored, part) in [
+            (STUDY, Part::History),
+            (STUDY, Part::Profiles),
+            (STUDY, Part::Plot),
+            (RESULT, Part::Table),
+        ] {
+            let made = written(stored, part, part.formats()[0], &View::default());
+            assert!(
+                matches!(made, Err(Error::OtherKind(refused, _)) if refused == part),
+                "{part:?}"
+            );
+        }
+    }
+
     #[test]
     fn equal_requests_give_equal_bytes() {
         for part in Part::TABLES {
             for format in Format::ALL {
-                let made = || written(RESULT, part, format, &View::default()).unwrap();
+                let stored = if part == Part::Table { STUDY } else { RESULT };
+                let made = || written(stored, part, format, &View::default()).unwrap();
                 assert!((0..5).all(|_| made() == made()), "{part:?} {format:?}");
             }
         }

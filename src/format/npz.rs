@@ -66,10 +66,24 @@ impl<'a, W: Write> Archive<'a, W> {
         self.array(name, &format!("<U{}", letters.len() / 4), &[], &letters)
     }
 
+    /// Texts in an array of equal length; an absent text is empty.
+    fn texts(&mut self, name: &str, texts: &[Option<String>]) -> Result<(), Error> {
+        let texts = || texts.iter().map(|text| text.as_deref().unwrap_or_default());
+        let longest = texts().map(|text| text.chars().count()).max().unwrap_or(0).max(1);
+        let letters = texts().flat_map(|text| text.chars().chain(iter::repeat('\0')).take(longest));
+        let data: Vec<u8> = letters.flat_map(|c| u32::from(c).to_le_bytes()).collect();
+        self.array(name, &format!("<U{longest}"), &[texts().count()], &data)
+    }
+
     fn table(&mut self, prefix: &str, table: &Table) -> Result<(), Error> {
         let points = table.points();
         for (name, values) in &table.columns {
+            let name = archived(prefix, name);
             let (shape, numbers) = match values {
+                Values::Texts(texts) => {
+                    self.texts(&name, texts)?;
+                    continue;
+                }
                 Values::Cycles(row) | Values::Points(row) => (vec![row.len()], row.clone()),
                 Values::Matrix(rows) => {
                     let padding = iter::repeat(f64::NAN);
@@ -80,7 +94,6 @@ impl<'a, W: Write> Archive<'a, W> {
                 }
                 Values::Absent => (vec![points], vec![f64::NAN; points]),
             };
-            let name = format!("{prefix}{name}");
             if fits_single(self.view.digits, numbers.iter().copied()) {
                 let data: Vec<u8> =
                     numbers.iter().flat_map(|number| (*number as f32).to_le_bytes()).collect();
@@ -97,6 +110,11 @@ impl<'a, W: Write> Archive<'a, W> {
     fn finish(self) -> Result<(), Error> {
         Ok(self.zip.finish().map(drop)?)
     }
+}
+
+/// The name of the array of a column. A file name in an archive has no slash at its start.
+fn archived(prefix: &str, column: &str) -> String {
+    format!("{prefix}{}", column.strip_prefix('/').unwrap_or(column))
 }
 
 /// The header of an NPY file, version 1.0, padded so that the numbers start at a multiple of 64 bytes.

@@ -15,15 +15,15 @@ use fretwork_engine::outcome::{Loops, Profiles};
 /// A number of a document. Infinite numbers are null in the document and NaN here.
 #[derive(Deserialize)]
 #[serde(from = "Option<f64>")]
-struct Cell(f64);
+struct Float(f64);
 
-impl From<Option<f64>> for Cell {
+impl From<Option<f64>> for Float {
     fn from(number: Option<f64>) -> Self {
         Self(number.unwrap_or(f64::NAN))
     }
 }
 
-fn numbers(cells: Vec<Cell>) -> Vec<f64> {
+fn numbers(cells: Vec<Float>) -> Vec<f64> {
     cells.into_iter().map(|cell| cell.0).collect()
 }
 
@@ -36,8 +36,29 @@ pub enum Values {
     Points(Vec<f64>),
     /// One row of points per output cycle.
     Matrix(Vec<Vec<f64>>),
+    /// One text or none per row of a study.
+    Texts(Vec<Option<String>>),
     /// Not defined for this scenario.
     Absent,
+}
+
+/// What a row has in a column.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Cell<'a> {
+    /// A number, NaN if it is infinite or absent.
+    Number(f64),
+    /// A text.
+    Text(&'a str),
+}
+
+impl Serialize for Cell<'_> {
+    fn serialize<S: Serializer>(&self, json: S) -> Result<S::Ok, S::Error> {
+        match self {
+            // serde_json writes numbers that are not finite as null.
+            Self::Number(number) => number.serialize(json),
+            Self::Text(text) => text.serialize(json),
+        }
+    }
 }
 
 /// Indices of the selected output cycles and points; `None` selects all.
@@ -82,7 +103,7 @@ impl Values {
         match self {
             Self::Cycles(numbers) | Self::Points(numbers) => row(numbers),
             Self::Matrix(rows) => rows.iter_mut().for_each(row),
-            Self::Absent => {}
+            Self::Texts(_) | Self::Absent => {}
         }
     }
 
@@ -92,9 +113,18 @@ impl Values {
             Self::Cycles(row) => row.get(cycle),
             Self::Points(row) => row.get(point),
             Self::Matrix(rows) => rows.get(cycle).and_then(|row| row.get(point)),
-            Self::Absent => None,
+            Self::Texts(_) | Self::Absent => None,
         };
         found.copied().unwrap_or(f64::NAN)
+    }
+
+    /// What the column has at an output cycle and a point.
+    pub fn cell(&self, cycle: usize, point: usize) -> Cell<'_> {
+        let text = match self {
+            Self::Texts(texts) => texts.get(cycle).and_then(Option::as_deref),
+            _ => None,
+        };
+        text.map_or_else(|| Cell::Number(self.at(cycle, point)), Cell::Text)
     }
 }
 
@@ -104,6 +134,7 @@ impl Serialize for Values {
         match self {
             Self::Cycles(row) | Self::Points(row) => row.serialize(json),
             Self::Matrix(rows) => rows.serialize(json),
+            Self::Texts(texts) => texts.serialize(json),
             Self::Absent => json.serialize_none(),
         }
     }
@@ -118,7 +149,11 @@ fn pick<T: Copy>(items: Vec<T>, indices: Option<&[usize]>) -> Vec<T> {
 
 /// The axes of a table: columns that are always included.
 fn axes(part: Part) -> &'static [&'static str] {
-    if part == Part::Profiles { &["cycles", "radius"] } else { &["cycles"] }
+    match part {
+        Part::Profiles => &["cycles", "radius"],
+        Part::Table => &[],
+        _ => &["cycles"],
+    }
 }
 
 /// A table.
@@ -138,12 +173,17 @@ impl Table {
     /// # Errors
     /// [`Error::Missing`] lists all selected columns and output cycles that the table does not have. A table
     /// that the document does not have has its usual columns and no rows.
-    pub fn read(part: Part, text: Option<&RawValue>, view: &View) -> Result<Self, Error> {
+    pub fn read(
+        part: Part,
+        text: Option<&RawValue>,
+        units: &Units,
+        view: &View,
+    ) -> Result<Self, Error> {
         let text = text.filter(|text| text.get() != "null");
         let empty = match part {
             Part::Profiles => serde_json::to_string(&Profiles::default()),
             Part::Loops => serde_json::to_string(&Loops::default()),
-            Part::Whole | Part::History | Part::Plot => Ok("{}".to_owned()),
+            Part::Whole | Part::History | Part::Table | Part::Plot => Ok("{}".to_owned()),
         }?;
         let members: Members<'_> = serde_json::from_str(text.map_or(&empty, |text| text.get()))?;
         let selection = select(&members, axes(part), view)?;
@@ -154,7 +194,14 @@ impl Table {
         };
         let columns = members.0.iter().filter(|(name, _)| selected(name));
         let columns = columns.map(|(name, text)| {
-            Ok((name.to_string(), Values::read(part, name, text, &selection)?))
+            // Only columns of numbers have a unit, if only `1`.
+            let is_text = part == Part::Table && !units.have(name);
+            let values = if is_text {
+                Values::Texts(serde_json::from_str(text.get())?)
+            } else {
+                Values::read(part, name, text, &selection)?
+            };
+            Ok((name.to_string(), values))
         });
         let columns = columns.collect::<Result<_, serde_json::Error>>()?;
         let table = Self { part, columns, exists: text.is_some() };
@@ -178,6 +225,7 @@ impl Table {
         matrices.all(|rows| rows.len() == cycles && rows.iter().enumerate().all(is_row))
             && self.columns.iter().all(|(_, values)| match values {
                 Values::Cycles(row) => row.len() == cycles,
+                Values::Texts(texts) => texts.len() == cycles,
                 Values::Points(row) => row.len() == points,
                 Values::Matrix(_) | Values::Absent => true,
             })
@@ -205,9 +253,13 @@ impl Table {
         }
     }
 
-    /// The number of output cycles.
+    /// The number of output cycles, or of points of a study.
     pub fn cycles(&self) -> usize {
-        self.axis("cycles").len()
+        match self.columns.first() {
+            Some((_, Values::Cycles(row))) if self.part == Part::Table => row.len(),
+            Some((_, Values::Texts(texts))) if self.part == Part::Table => texts.len(),
+            _ => self.axis("cycles").len(),
+        }
     }
 
     /// The largest number of points in an output cycle.
@@ -220,7 +272,7 @@ impl Table {
         let lengths = self.columns.iter().filter_map(|(_, values)| match values {
             Values::Points(row) => Some(row.len()),
             Values::Matrix(rows) => Some(rows.get(cycle).map_or(0, Vec::len)),
-            Values::Cycles(_) | Values::Absent => None,
+            Values::Cycles(_) | Values::Texts(_) | Values::Absent => None,
         });
         lengths.max().unwrap_or(1)
     }

@@ -95,6 +95,11 @@ impl Units {
         self.entries.iter().find(|entry| entry.quantity == quantity)
     }
 
+    /// Whether the document states a unit of a quantity, if only `1`.
+    pub fn have(&self, quantity: &str) -> bool {
+        self.find(quantity).is_some()
+    }
+
     /// The unit of a quantity, or `None` for plain numbers.
     pub fn of(&self, quantity: &str) -> Option<&str> {
         self.find(quantity).map(Entry::unit).filter(|unit| *unit != "1")

@@ -10,6 +10,7 @@ use tokio::sync::Mutex;
 use super::access::Gate;
 use super::memory::Memory;
 use super::metrics::Metrics;
+use super::models::Models;
 use super::shares::Shares;
 use crate::service::Service;
 use crate::store::Error;
@@ -33,6 +34,8 @@ pub struct Shared {
     pub memory: Memory,
     pub shares: Arc<Shares>,
     pub metrics: Arc<Metrics>,
+    /// The models of UM-Bridge, by their configs.
+    pub models: Models,
     /// The OpenAPI document. It is made when it is first requested.
     pub document: LazyLock<Bytes>,
     /// When the database was last probed, and what came of it.
@@ -52,8 +55,9 @@ impl App {
         metrics: Arc<Metrics>,
         document: fn() -> Bytes,
     ) -> Self {
-        let (document, probed) = (LazyLock::new(document), Mutex::default());
-        Self(Arc::new(Shared { service, gate, memory, shares, metrics, document, probed }))
+        let (models, document, probed) =
+            (Models::default(), LazyLock::new(document), Mutex::default());
+        Self(Arc::new(Shared { service, gate, memory, shares, metrics, models, document, probed }))
     }
 
     /// Checks that the database can store a submission, or did so less than [`PROBE_INTERVAL`] ago.

@@ -24,6 +24,9 @@ const PATIENCE: Duration = Duration::from_secs(10);
 /// The bytes of a request body with a JSON content type. They hold the memory for themselves and for their tree.
 pub struct Body(pub Bytes);
 
+/// The bytes of a request body of any type, as [`Body`] otherwise.
+pub struct AnyBody(pub Bytes);
+
 /// Bytes, and permission for their memory.
 struct Counted {
     bytes: Vec<u8>,
@@ -59,18 +62,31 @@ impl<S: Sync> FromRequest<S> for Body {
                 format!("{declared}. Send it with Content-Type: application/json."),
             ));
         }
-        let caller = owner_of(request.extensions());
-        let shares = request.extensions().get::<Arc<Shares>>().cloned();
-        let Counted { bytes, _permit: permit } = read(request, shares.as_deref(), &caller).await?;
-        let tree = tree_bytes(&bytes)?;
-        // Otherwise the request would wait for memory that it holds itself.
-        drop(permit);
-        let permit = match shares {
-            Some(shares) => shares.requests.hold(&caller, bytes.len() + tree).await?,
-            None => Permit::default(),
-        };
-        Ok(Self(Bytes::from_owner(Counted { bytes, _permit: permit })))
+        read_counted(request).await.map(Self)
     }
+}
+
+impl<S: Sync> FromRequest<S> for AnyBody {
+    type Rejection = Problem;
+
+    async fn from_request(request: Request, _: &S) -> Result<Self, Problem> {
+        read_counted(request).await.map(Self)
+    }
+}
+
+/// Reads a body, and holds the memory for it and its tree.
+async fn read_counted(request: Request) -> Result<Bytes, Problem> {
+    let caller = owner_of(request.extensions());
+    let shares = request.extensions().get::<Arc<Shares>>().cloned();
+    let Counted { bytes, _permit: permit } = read(request, shares.as_deref(), &caller).await?;
+    let tree = tree_bytes(&bytes)?;
+    // Otherwise the request would wait for memory that it holds itself.
+    drop(permit);
+    let permit = match shares {
+        Some(shares) => shares.requests.hold(&caller, bytes.len() + tree).await?,
+        None => Permit::default(),
+    };
+    Ok(Bytes::from_owner(Counted { bytes, _permit: permit }))
 }
 
 fn is_json(media_type: &str) -> bool {

@@ -130,7 +130,7 @@ enum Stream {
 impl Encoder {
     /// Number of bytes that are compressed at once. The compressor knows the size of a text that is
     /// not longer.
-    const CHUNK: usize = 1 << 20;
+    const CHUNK: usize = 1 << 21;
 
     /// Makes room for a large text, which would be copied when it outgrows its room.
     pub fn reserve(&mut self, bytes: usize) {
@@ -160,7 +160,7 @@ impl Encoder {
     /// Compresses the waiting bytes; `size` is their number if they are the whole text.
     fn compress(&mut self, size: Option<u64>) -> io::Result<()> {
         if self.stream.is_none() {
-            let gzip = || Stream::Gzip(GzEncoder::new(Vec::new(), Compression::default()));
+            let gzip = || Stream::Gzip(GzEncoder::new(Vec::new(), Compression::new(GZIP_LEVEL)));
             self.stream = match self.coding {
                 Coding::Identity => None,
                 Coding::Gzip => Some(gzip()),
@@ -177,17 +177,20 @@ impl Encoder {
     }
 }
 
+/// The level of gzip. On tables of numbers it takes half the time of the default level 6, for 2 % more bytes.
+const GZIP_LEVEL: u32 = 3;
+
 /// A compressor for tables of numbers, in which repetitions are near: at most one row back.
 ///
-/// A window of 2 MiB with small hash tables needs 4 MB of memory instead of 15 MB at this level, and half
-/// to two thirds of the time on long texts. The size changes by −2 % to +2 %. Measured with results of
-/// 200 output cycles × 512 radii and 130 × 4096.
+/// Few large answers are made at the same time, so others wait while one is compressed. With a window of 2 MiB and a
+/// larger hash table than usual, level 1 takes a fifth of the time of level 9 on texts of unknown size, which are large.
+/// 172 MB of NDJSON: 28.1 MB in 0.7 s, against 30.0 MB in 3.4 s. 55 MB of JSON: 21.3 MB in 0.5 s, against 21.1 MB in 2.5 s.
+/// A shorter text is compressed better: 1.3 MB of heights to 277 kB instead of 315 kB.
 fn zstd_encoder(size: Option<u64>) -> io::Result<zstd::Encoder<'static, Vec<u8>>> {
-    const LEVEL: i32 = 9;
-    let mut zstd = zstd::Encoder::new(Vec::new(), LEVEL)?;
+    let level = if size.is_some() { 9 } else { 1 };
+    let mut zstd = zstd::Encoder::new(Vec::new(), level)?;
     zstd.set_pledged_src_size(size)?;
-    for parameter in [CParameter::WindowLog(21), CParameter::HashLog(18), CParameter::ChainLog(18)]
-    {
+    for parameter in [CParameter::WindowLog(21), CParameter::HashLog(18)] {
         zstd.set_parameter(parameter)?;
     }
     Ok(zstd)

@@ -13,7 +13,7 @@ use super::caller::Caller;
 use super::library::read;
 use super::problem::{self, Problem};
 use super::wire::NoQuery;
-use crate::job::{ENGINE, Key, Outline, Prepared};
+use crate::job::{Canonical, ENGINE, Key, Outline, Prepared, TaskKind};
 use crate::store::Known;
 use fretwork_engine::outcome::UNITS;
 use fretwork_engine::request::fault::{Fault, Faults};
@@ -158,7 +158,7 @@ fn differences(a: &Value, b: &Value, pointer: &mut String, out: &mut Vec<Paramet
 /// One side, with what the store knows of it.
 struct Side {
     key: Key,
-    scenario: Value,
+    asked: Canonical,
     numerics: u32,
     known: Option<Known>,
 }
@@ -182,24 +182,28 @@ impl Side {
                         format!("No result has the key {key}. Compare its scenario instead.");
                     Problem::new(&problem::UNKNOWN_RESULT, detail)
                 })?;
-                let (scenario, numerics) = (known.scenario.clone(), known.numerics);
-                Ok(Self { key, scenario, numerics, known: Some(known) })
+                let (asked, numerics) = (known.asked.clone(), known.numerics);
+                Ok(Self { key, asked, numerics, known: Some(known) })
             }
             Requested::Scenario(prepared) => {
-                let (key, scenario) = (prepared.key, prepared.task.scenario());
-                let scenario = serde_json::to_value(scenario).map_err(Problem::bug)?;
+                let key = prepared.key;
+                let asked = prepared.asked();
                 let known = app.service.known(&key).await?;
-                Ok(Self { key, scenario, numerics: ENGINE.numerics, known })
+                Ok(Self { key, asked, numerics: ENGINE.numerics, known })
             }
         }
     }
 
     /// The outline of the scenario, before any wear.
     async fn outline(&self) -> Result<Outline, Problem> {
-        let scenario = self.scenario.clone();
+        if self.asked.kind != TaskKind::Run {
+            let detail = "The result is a study. Only runs have a nearest result: name the other study as `b`.";
+            return Err(Problem::faults(Faults::one("/b", detail).0));
+        }
+        let scenario = self.asked.value.clone();
         let outline = task::spawn_blocking(move || {
             let last = scenario["cycles"].as_array().and_then(|cycles| cycles.last());
-            let mut document = json!({ "scenario": scenario, "summary": { "cycles": last } });
+            let mut document = json!({ "kind": TaskKind::Run.word(), "scenario": scenario, "summary": { "cycles": last } });
             // A scenario of another engine version may be invalid here. Then its scales are unknown.
             let sound = scenario::check(&scenario, "").ok();
             if let Some(preview) = sound.and_then(|(scenario, _)| scenario.preview().ok()) {
@@ -290,6 +294,11 @@ pub async fn diff(
         })?;
         Side::of(&app, Requested::Key(key)).await?
     };
+    if a.asked.kind != b.asked.kind {
+        let [a, b] = [&a, &b].map(|side| side.asked.kind.word());
+        let detail = format!("`a` is a {a} and `b` is a {b}. Compare two results of the same kind");
+        return Err(Problem::faults(Faults::one("", detail).0));
+    }
     if a.numerics != b.numerics {
         remarks.push(format!(
             "The engines differ (numerics {} and {}): equal scenarios have different keys, and outputs \
@@ -303,7 +312,7 @@ pub async fn diff(
 impl Diff {
     fn of(a: &Side, b: &Side, remarks: Vec<String>) -> Self {
         let mut parameters = Vec::new();
-        differences(&a.scenario, &b.scenario, &mut String::new(), &mut parameters);
+        differences(&a.asked.value, &b.asked.value, &mut String::new(), &mut parameters);
         let same_scenario = parameters.is_empty();
         let omitted = parameters.len().saturating_sub(DIFFERENCES);
         parameters.truncate(DIFFERENCES);

@@ -14,7 +14,7 @@ use super::problem::{self, Problem};
 use super::scenarios::parse;
 use super::shares::SMALL;
 use super::wire::NoQuery;
-use crate::job::json;
+use crate::json;
 use crate::service::{LARGEST_EVALUATION, LONGEST_EVALUATION, NotEvaluated};
 use crate::study::Evaluation;
 

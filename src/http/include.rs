@@ -3,7 +3,7 @@
 use axum::body::Bytes;
 
 use super::wire::Query;
-use crate::job::Task;
+use crate::job::asked_in;
 use crate::store::Asked;
 
 /// The JSON of an absent value.
@@ -38,10 +38,11 @@ impl Include {
     pub fn members(self, asked: &Asked, result: Option<Bytes>) -> Vec<(&'static str, Bytes)> {
         let mut members = Vec::new();
         if self.scenario {
-            let scenario = asked.task.as_deref().and_then(Task::scenario_in);
-            let scenario =
-                scenario.map_or(NULL, |text| Bytes::copy_from_slice(text.get().as_bytes()));
-            members.push(("scenario", scenario));
+            // A study stands under its own name.
+            let found = asked.task.as_deref().and_then(asked_in);
+            members.push(found.map_or(("scenario", NULL), |(kind, text)| {
+                (kind.member(), Bytes::copy_from_slice(text.get().as_bytes()))
+            }));
         }
         if self.submitted {
             let submitted = asked.submitted.clone().map_or(NULL, Bytes::from);

@@ -25,6 +25,7 @@ use super::evaluate;
 use super::metrics::Metrics;
 use super::problem::{self, Problem};
 use super::shares::{Permit, SMALL, Shares};
+use super::umbridge;
 use super::wire::length_of;
 use crate::service::workers::message_of;
 
@@ -115,11 +116,15 @@ async fn surround(shared: Arc<Shared>, mut request: Request, route: Route) -> Re
         }
     };
     let error = answer.extensions().get::<Problem>().and_then(Problem::cause).map(str::to_owned);
-    let mut response = match counted(shares, problem::write(answer, &id), &method, peer) {
-        Ok(response) => response,
-        Err(problem) => problem::write(problem.into_response(), &id),
-    };
     let pattern = pattern.as_ref().map_or("none", MatchedPath::as_str);
+    let is_umbridge = umbridge::has_route(pattern);
+    let written = |answer| {
+        if is_umbridge { umbridge::write(answer) } else { problem::write(answer, &id) }
+    };
+    let mut response = match counted(shares, written(answer), &method, peer) {
+        Ok(response) => response,
+        Err(problem) => written(problem.into_response()),
+    };
     metrics.answered(&method, pattern, response.status(), started);
     let caller = response.extensions().get::<Identity>();
     let caller = caller.map(|identity| format!("{} {}", identity.owner, identity.key));
@@ -133,9 +138,13 @@ async fn surround(shared: Arc<Shared>, mut request: Request, route: Route) -> Re
     }
     match (&error, status) {
         (Some(_), 503) => log!(warn),
-        (Some(_), _) | (None, 500) => log!(error),
+        (Some(_), _) => log!(error),
+        // In UM-Bridge, an output without a value is an error of the model.
+        (None, 500) if !is_umbridge => log!(error),
         // Successful reads and evaluations are frequent.
-        (None, ..400) if method.is_safe() || pattern == evaluate::PATH => log!(debug),
+        (None, ..400) if method.is_safe() || is_umbridge || pattern == evaluate::PATH => {
+            log!(debug);
+        }
         _ => log!(info),
     }
     let headers = response.headers_mut();

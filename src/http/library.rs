@@ -15,7 +15,8 @@ use super::jobs::next_page;
 use super::problem::{self, Problem};
 use super::representation::require;
 use super::wire::{NoQuery, Query, Segment, instant, read_key};
-use crate::job::{Key, SCALARS, WORDS, json as job_json};
+use crate::job::{Key, SCALARS, WORDS};
+use crate::json::read_body;
 use crate::store::{self, Changed, Listed, Removed, Search};
 use fretwork_engine::request::fault::{Fault, Faults};
 
@@ -357,7 +358,8 @@ impl Provenance {
     }
 }
 
-fn unknown() -> Problem {
+/// The problem for a key that the server does not know.
+pub(super) fn unknown() -> Problem {
     let detail = "No result has this key; submit its scenario to POST /v1/jobs.";
     Problem::new(&problem::UNKNOWN_RESULT, detail)
 }
@@ -423,7 +425,7 @@ pub struct NoteBody {
 pub(super) fn read<T: Deserr<Faults>>(body: &Body) -> Result<T, Problem> {
     let read =
         |value: Value| T::deserialize_from_value(value.into_value(), ValuePointerRef::Origin);
-    Ok(job_json::read_body(&body.0, read)?)
+    Ok(read_body(&body.0, read)?)
 }
 
 /// Answers a change of a note.

@@ -12,6 +12,7 @@ mod caller;
 mod coding;
 mod connection;
 mod dashboard;
+mod derivatives;
 mod diff;
 mod drain_body;
 mod evaluate;
@@ -26,6 +27,7 @@ mod links;
 mod me;
 mod memory;
 mod metrics;
+mod models;
 mod needs;
 mod negotiation;
 mod openapi;
@@ -41,12 +43,16 @@ mod server;
 mod shares;
 mod signed_link;
 mod system;
+mod umbridge;
 mod weight;
 mod wire;
 
 use std::sync::Arc;
 
+use axum::Router;
 use axum::extract::Request;
+use futures_util::FutureExt as _;
+use futures_util::future::{OptionFuture, join};
 use tokio::net::TcpListener;
 
 pub use access::{Access, AdminKey};
@@ -100,9 +106,24 @@ impl Default for Settings {
     }
 }
 
-/// Serves the whole API of a service on a listener, until `closing` ends and all connections are closed.
+/// The sockets of a server.
+#[derive(Debug)]
+pub struct Sockets {
+    /// Serves the whole API.
+    pub api: TcpListener,
+    /// Serves only UM-Bridge.
+    pub umbridge: Option<TcpListener>,
+}
+
+impl From<TcpListener> for Sockets {
+    fn from(api: TcpListener) -> Self {
+        Self { api, umbridge: None }
+    }
+}
+
+/// Serves the API of a service, until `closing` ends and all connections are closed.
 pub async fn serve(
-    listener: TcpListener,
+    sockets: impl Into<Sockets>,
     service: Service,
     settings: &Settings,
     closing: impl Future<Output = ()>,
@@ -113,16 +134,24 @@ pub async fn serve(
     let admission = Arc::new(Admission::new(settings.connections.clone()));
     let shares = Arc::new(Shares::new(settings.transfers, service.workers()));
     let metrics = Arc::new(Metrics::new(service.tally(), service.workers(), &admission, &shares));
-    let layered = with_layers(
-        router.fallback(not_found),
-        gate.clone(),
-        metrics.clone(),
-        shares.clone(),
-        settings.origins.clone(),
-    );
     let memory = Memory::new(settings.memory);
-    let app = App::new(service, gate, memory, shares, metrics, || document().into());
-    server::serve(listener, layered.with_state(app), admission, settings.patience, closing).await;
+    let app = App::new(service, gate.clone(), memory, shares.clone(), metrics.clone(), || {
+        document().into()
+    });
+    let closing = closing.shared();
+    let serve = |listener: TcpListener, router: Router<App>| {
+        let (gate, metrics, shares) = (gate.clone(), metrics.clone(), shares.clone());
+        let router = router.fallback(not_found);
+        let layered = with_layers(router, gate, metrics, shares, settings.origins.clone());
+        let router = layered.with_state(app.clone());
+        server::serve(listener, router, admission.clone(), settings.patience, closing.clone())
+    };
+    let Sockets { api, umbridge } = sockets.into();
+    let umbridge = umbridge.map(|listener| {
+        let (router, _) = Routes::of_umbridge().router.split_for_parts();
+        serve(listener, router)
+    });
+    join(serve(api, router), OptionFuture::from(umbridge)).await;
 }
 
 /// The OpenAPI document, as JSON text.

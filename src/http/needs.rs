@@ -33,6 +33,8 @@ impl Needs {
     pub const SUBMIT: Self = Self { role: Some(Role::Submit), quota: Some(Quota::Requests) };
     /// To compute without a job.
     pub const EVALUATE: Self = Self { role: Some(Role::Submit), quota: Some(Quota::Evaluations) };
+    /// To compute from a stored result.
+    pub const DERIVE: Self = Self { role: Some(Role::Read), quota: Some(Quota::Evaluations) };
     /// To cancel and to delete jobs. This frees the server, so a key at its limit may do it too.
     pub const CANCEL: Self = Self { role: Some(Role::Submit), quota: None };
     /// To administrate.

@@ -67,6 +67,7 @@ A server without keys, on a personal machine, is open.
         schemas::HistoryFields,
         schemas::ProfileFields,
         schemas::LoopFields,
+        schemas::TableFields,
         schemas::ChosenInstants,
         schemas::PlotQuantity,
         schemas::PlotInstants,
@@ -96,9 +97,17 @@ pub fn complete(document: &OpenApi, needs: &RouteNeeds) -> Vec<u8> {
         schemas["Job"]["properties"]["scenario"] = json!({
             "description": "With `include=scenario`: the scenario in SI units with all defaults, as in the \
                 result. Submitted again, it has the same key. Null only for a job whose result was \
-                already known and was evicted more than a year ago.",
+                already known and was evicted more than a year ago. A study is in its place, under its own name.",
             "oneOf": [{"$ref": "#/components/schemas/Scenario"}, {"type": "null"}],
         });
+        for (kind, schema) in
+            [("sweep", "Sweep"), ("sensitivity", "Sensitivity"), ("map", "FrettingMap")]
+        {
+            schemas["Job"]["properties"][kind] = json!({
+                "description": "With `include=scenario`, for a study: the study in SI units with all defaults.",
+                "$ref": format!("#/components/schemas/{schema}"),
+            });
+        }
         schemas["Job"]["properties"]["result"] = json!({
             "description": "With `include=result`: the result, null until the job has succeeded.",
             "oneOf": [{"$ref": "#/components/schemas/Result"}, {"type": "null"}],

@@ -14,8 +14,8 @@ use serde::Serialize;
 use serde_json::Value;
 use utoipa::ToSchema;
 
-use crate::job::Key;
-use crate::store;
+use crate::job::{Canonical, Key, TaskKind};
+use crate::{store, study};
 use fretwork_engine::request::fault::{Fault, Faults};
 
 /// A problem type.
@@ -91,6 +91,9 @@ kinds! {
          (rel=\"related\") names its job."
         "Submit the scenario to POST /v1/jobs. The same scenario always has the same key. POST \
          /v1/scenarios returns the key of a scenario without a run.";
+    NO_SUCH_PART = NOT_FOUND "no-such-part" "The result does not have this part"
+        "A run has a history and may have profiles and loops. A study, such as a sweep, has a table."
+        "The detail names the parts of the result. GET /v1/results/{key} has all of them.";
     UNKNOWN_HOST = MISDIRECTED_REQUEST "unknown-host" "The server does not accept this host name"
         "A server without keys accepts only localhost or an IP address as `Host`. Otherwise any web page \
          could reach it through a browser on its machine, under a name of its own."
@@ -125,8 +128,8 @@ kinds! {
         "To get the result, submit the scenario again.";
     EVICTED = GONE "evicted" "The result is no longer stored"
         "The result was computed here. Later it was deleted, or evicted to free disk space as the least \
-         recently read one. `scenario` is its scenario."
-        "POST `{\"scenario\": …}` with the `scenario` of this answer to /v1/jobs. The result will have the \
+         recently read one. `scenario` is its scenario, or `sweep`, `sensitivity` or `map` its study."
+        "POST `{\"scenario\": …}` with the `scenario` (or the study) of this answer to /v1/jobs. The result will have the \
          same key and the same numbers. PUT /v1/results/{key}/pin prevents eviction.";
     BODY_TOO_LARGE = PAYLOAD_TOO_LARGE "body-too-large" "The body is too large"
         "The body of a request may have at most 4 MiB, 10 000 objects and arrays, 50 000 members, 250 000 values \
@@ -152,7 +155,7 @@ kinds! {
         "Correct the parameters that `errors` names. It also says which values they accept.";
     TOO_EXPENSIVE = UNPROCESSABLE_ENTITY "too-expensive" "The run would take too long"
         "The estimated time of the run is longer than the limit of this server, or than the 20 ms of an evaluation \
-         (POST /v1/evaluate)."
+         (POST /v1/evaluate) or the 30 s of derivatives."
         "Submit a job instead of an evaluation. Request fewer `points`, output cycles or profiles, an earlier last cycle, or a larger `tolerance`. POST \
          /v1/scenarios returns the `cost` of a scenario. The operator of the server can raise the limit \
          (--run-limit).";
@@ -271,8 +274,8 @@ pub struct Problem {
     kind: &'static Kind,
     detail: String,
     errors: Vec<Complaint>,
-    /// The scenario of an evicted result. Boxed, because few problems have one.
-    scenario: Option<Box<Value>>,
+    /// What an evicted result was computed from. Boxed, because few problems have it.
+    asked: Option<Box<Canonical>>,
     headers: Vec<(HeaderName, String)>,
     /// For the log.
     cause: Option<String>,
@@ -305,6 +308,18 @@ pub struct ProblemDocument<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<Object>)]
     scenario: Option<&'a Value>,
+    /// The sweep of an evicted result.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<Object>)]
+    sweep: Option<&'a Value>,
+    /// The sensitivity study of an evicted result.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<Object>)]
+    sensitivity: Option<&'a Value>,
+    /// The map of an evicted result.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<Object>)]
+    map: Option<&'a Value>,
 }
 
 impl Problem {
@@ -314,7 +329,7 @@ impl Problem {
             kind,
             detail: detail.into(),
             errors: Vec::new(),
-            scenario: None,
+            asked: None,
             headers: Vec::new(),
             cause: None,
         }
@@ -388,10 +403,20 @@ impl Problem {
         self.cause.as_deref()
     }
 
-    /// Adds the scenario of an evicted result.
+    /// Its type, and its detail with all faults, for another protocol.
+    pub fn in_words(&self) -> (&'static str, String) {
+        let Self { kind, detail, errors, .. } = self;
+        let place = |error: &Complaint| error.pointer.clone().or(error.parameter.clone());
+        let faults = errors
+            .iter()
+            .map(|error| format!(" {} {}.", place(error).unwrap_or_default(), error.detail));
+        (kind.slug, iter::once(detail.clone()).chain(faults).collect())
+    }
+
+    /// Adds what an evicted result was computed from.
     #[must_use]
-    pub fn with_scenario(self, scenario: Value) -> Self {
-        Self { scenario: Some(Box::new(scenario)), ..self }
+    pub fn with_asked(self, asked: Option<Canonical>) -> Self {
+        Self { asked: asked.map(Box::new), ..self }
     }
 
     /// Adds a header to the answer.
@@ -458,11 +483,11 @@ impl IntoResponse for Problem {
 /// problem, and the body describes the general problem of its status.
 pub(super) fn write(mut response: Response, instance: &str) -> Response {
     let status = response.status();
-    let problem = response.extensions_mut().remove::<Problem>();
-    if problem.is_none() && !(status.is_client_error() || status.is_server_error()) {
-        return response;
-    }
-    let problem = problem.unwrap_or_else(|| of_status(status));
+    let Some(problem) = taken(&mut response) else { return response };
+    let asked = |kind| {
+        let asked = problem.asked.as_deref().filter(|asked| asked.kind == kind);
+        asked.map(|asked| &asked.value)
+    };
     let document = ProblemDocument {
         r#type: format!("/problems/{}", problem.kind.slug),
         title: problem.kind.title,
@@ -470,15 +495,35 @@ pub(super) fn write(mut response: Response, instance: &str) -> Response {
         detail: &problem.detail,
         instance,
         errors: &problem.errors,
-        scenario: problem.scenario.as_deref(),
+        scenario: asked(TaskKind::Run),
+        sweep: asked(TaskKind::Study(study::Kind::Sweep)),
+        sensitivity: asked(TaskKind::Study(study::Kind::Sensitivity)),
+        map: asked(TaskKind::Study(study::Kind::Map)),
     };
+    with_error(response, "application/problem+json", &document)
+}
+
+/// Takes the problem out of a response. An error response without one gets the general problem of its status.
+pub(super) fn taken(response: &mut Response) -> Option<Problem> {
+    let status = response.status();
+    let problem = response.extensions_mut().remove::<Problem>();
+    let is_error = status.is_client_error() || status.is_server_error();
+    problem.or_else(|| is_error.then(|| of_status(status)))
+}
+
+/// The response with an error document as its body.
+pub(super) fn with_error(
+    mut response: Response,
+    media_type: &'static str,
+    document: &impl Serialize,
+) -> Response {
     let headers = response.headers_mut();
-    headers.insert(CONTENT_TYPE, HeaderValue::from_static("application/problem+json"));
+    headers.insert(CONTENT_TYPE, HeaderValue::from_static(media_type));
     // The same request may succeed later. Caches keep some statuses unless this forbids it.
     headers.insert(CACHE_CONTROL, HeaderValue::from_static("no-store"));
     headers.remove(CONTENT_LENGTH);
     #[expect(clippy::expect_used, reason = "strings and numbers are valid JSON")]
-    let text = serde_json::to_vec(&document).expect("a problem document");
+    let text = serde_json::to_vec(document).expect("an error document");
     *response.body_mut() = text.into();
     response
 }

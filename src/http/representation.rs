@@ -12,6 +12,7 @@ use axum::http::{HeaderMap, HeaderValue, StatusCode};
 use axum::response::{IntoResponse, Response};
 use tokio::sync::{OwnedSemaphorePermit, oneshot};
 use tokio::task;
+use tokio::time::{Instant, timeout_at};
 use xxhash_rust::xxh3::xxh3_64;
 
 use super::app::App;
@@ -20,7 +21,7 @@ use super::coding::Coding;
 use super::memory::{Encoded, Lookup, Making};
 use super::pieces::pieces;
 use super::problem::{self, Complaint, Problem};
-use super::shares::{Permit, SMALL};
+use super::shares::{self, Permit, SMALL, longest_wait};
 use super::wire::{ascii, instant, words};
 use crate::format::{self, Format, Part, View};
 use crate::job::Key;
@@ -49,14 +50,30 @@ struct Need {
 
 /// What a request has reserved. It waits for this before it takes the single-flight lock of its answer. So a caller whose
 /// memory is full does not delay other callers that request the same answer.
-#[derive(Default)]
 struct Reserved {
+    /// When the request gives up. All that it waits for counts, so that a late answer cannot begin much later.
+    end: Instant,
     bytes: usize,
     permit: Permit,
     maker: Option<OwnedSemaphorePermit>,
 }
 
 impl Reserved {
+    /// Nothing yet. The request begins now.
+    fn nothing() -> Self {
+        Self::nothing_until(longest_wait())
+    }
+
+    fn nothing_until(end: Instant) -> Self {
+        Self { end, bytes: 0, permit: Permit::default(), maker: None }
+    }
+
+    /// Takes what is reserved. The request can wait for something else, in the rest of its time.
+    fn take(&mut self) -> Self {
+        let end = self.end;
+        mem::replace(self, Self::nothing_until(end))
+    }
+
     fn suffices(&self, need: Need) -> bool {
         self.bytes >= need.bytes && (self.maker.is_some() || !need.maker)
     }
@@ -70,15 +87,20 @@ impl Reserved {
         need: Need,
     ) -> Result<(), Problem> {
         // It must not wait for memory that it holds itself.
-        *self = Self::default();
+        drop(self.take());
+        let end = self.end;
         let reserve = async {
-            let permit = app.shares.answers.hold(caller, need.bytes).await?;
-            let maker = if need.maker { app.memory.maker().await } else { None };
-            Ok::<_, Problem>(Self { bytes: need.bytes, permit, maker })
+            let permit = app.shares.answers.hold_until(end, caller, need.bytes).await?;
+            let maker = if need.maker {
+                timeout_at(end, app.memory.maker()).await.map_err(|_| makers_busy())?
+            } else {
+                None
+            };
+            Ok::<_, Problem>(Self { end, bytes: need.bytes, permit, maker })
         };
         *self = tokio::select! {
             biased;
-            () = app.memory.made(name) => Self::default(),
+            () = app.memory.made(name) => Self::nothing_until(end),
             reserved = reserve => reserved?,
         };
         Ok(())
@@ -105,7 +127,7 @@ async fn find(
         };
         let need = Need { bytes: body.len(), maker: false };
         let permit = if reserved.suffices(need) {
-            mem::take(reserved).permit
+            reserved.take().permit
         } else if let Ok(permit) = app.shares.answers.try_hold(caller, need.bytes) {
             permit
         } else {
@@ -122,7 +144,7 @@ async fn find(
 /// memory.
 pub async fn json(app: &App, caller: &str, key: &Key) -> Result<Option<Encoded>, Problem> {
     let name = key.to_string();
-    let mut reserved = Reserved::default();
+    let mut reserved = Reserved::nothing();
     loop {
         let making = match find(app, caller, &name, &mut reserved).await? {
             Lookup::Found(answer) => {
@@ -209,21 +231,22 @@ async fn missing(
 ) -> Result<Problem, Problem> {
     let live = app.service.live_job(key, reach).await?;
     let problem = match (found, live) {
-        (Some(StoredResult::Evicted { at, deleted_by, scenario }), live) => {
-            let next = match live {
-                Some(job) => format!("It is being computed again: GET /v1/jobs/{job}?wait=10."),
-                None => {
-                    "To compute it again, submit {\"scenario\": …} with the `scenario` of this \
-                    answer to POST /v1/jobs."
-                        .to_owned()
-                }
+        (Some(StoredResult::Evicted { at, deleted_by, asked }), live) => {
+            let next = if let Some(job) = live {
+                format!("It is being computed again: GET /v1/jobs/{job}?wait=10.")
+            } else {
+                let member = asked.as_ref().map_or("scenario", |asked| asked.kind.member());
+                format!(
+                    "To compute it again, submit {{\"{member}\": …}} with the `{member}` of this answer to POST \
+                     /v1/jobs."
+                )
             };
             let gone = match deleted_by {
                 Some(who) => format!("deleted by {who} on {}", instant(at)),
                 None => format!("evicted on {} to free disk space", instant(at)),
             };
             let detail = format!("The result was {gone}. {next}");
-            Problem::new(&problem::EVICTED, detail).with_scenario(scenario)
+            Problem::new(&problem::EVICTED, detail).with_asked(asked)
         }
         (_, Some(job)) => {
             let detail =
@@ -301,7 +324,7 @@ impl Representation {
             None => self.name.clone(),
             Some(coding) => format!("{} {coding}", self.name),
         };
-        let mut reserved = Reserved::default();
+        let mut reserved = Reserved::nothing();
         let mut is_first = true;
         let answer = loop {
             let found = find(app, &self.caller, &name, &mut reserved).await?;
@@ -417,6 +440,8 @@ impl Representation {
         match self.format {
             // A history is a small part of a large result.
             _ if selects || matches!(self.part, Part::Whole | Part::History) => 1,
+            // The reasons of a study repeat nothing.
+            Format::Csv if self.part == Part::Table => 1,
             Format::Csv => 2,
             Format::Json if self.view.records => 3,
             Format::Ndjson => 5,
@@ -523,6 +548,10 @@ pub fn held(headers: &HeaderMap, tag: &str) -> Option<String> {
     Some(if found == "*" { tag } else { found }.to_owned())
 }
 
+fn makers_busy() -> Problem {
+    shares::full("The server makes other large answers.".to_owned())
+}
+
 /// The problem for a result that cannot be written in a format.
 fn refused(key: &Key, error: format::Error) -> Problem {
     match error {
@@ -530,6 +559,13 @@ fn refused(key: &Key, error: format::Error) -> Problem {
             let complaint =
                 |item: format::Missing| Complaint::parameter(item.parameter, item.detail);
             Problem::parameters(items.into_iter().map(complaint).collect())
+        }
+        format::Error::OtherKind(part, has) => {
+            let part = part.name();
+            let detail = format!(
+                "The result has no {part}: it has {has}. All of it is at /v1/results/{key}."
+            );
+            Problem::new(&problem::NO_SUCH_PART, detail)
         }
         format::Error::Document(_) => Problem::damaged_result(key).caused_by(&error),
         error => Problem::internal().caused_by(&error),

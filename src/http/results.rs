@@ -50,9 +50,12 @@ fn view(query: &mut Query, part: Part) -> View {
         records: either(query, "layout", ["columns", "records"]) == Some(true),
         digits: integer(query, "digits", 1..=17),
         engineering: either(query, "units", ["si", "engineering"]) == Some(true),
-        cycles: query.value("cycles", "numbers separated by commas", numbers),
         ..View::default()
     };
+    // A study has no output cycles.
+    if part != Part::Table {
+        view.cycles = query.value("cycles", "numbers separated by commas", numbers);
+    }
     if part != Part::Whole {
         let names = |text: String| text.split(',').map(|name| name.trim().to_owned()).collect();
         view.fields = query.text("fields").map(names);
@@ -305,6 +308,41 @@ pub async fn loops(
     request: Request,
 ) -> Result<Response, Problem> {
     answer(&app, &caller, (&key, Part::Loops), request.headers(), query).await
+}
+
+/// Returns the table of a study: one row for each point.
+///
+/// The first columns are the values of the numbers that vary, under their JSON pointers; then come the outputs. A cell is
+/// null where a point has no such output, and the column `reason` says why. CSV and NDJSON have names such as
+/// `wear_volume[m^3]`. In NPZ each column is an array, without the slash at the start of its name.
+#[utoipa::path(get, path = "/v1/results/{key}/table", operation_id = "get_table", tag = "results",
+    params(
+        ("key" = super::schemas::KeyText, Path, description = "The `key` of a job or a checked study."),
+        ("format" = Option<super::schemas::TableFormat>, Query, description = "Overrides `Accept`."),
+        ("layout" = Option<super::schemas::Layout>, Query, description = "JSON only: one array per \
+            column (`columns`, the default), or a list of rows in the member `records`."),
+        ("fields" = Option<super::schemas::TableFields>, Query, style = Form, explode = false,
+            description = "Only these columns, separated by commas.", example = json!(["wear_volume"])),
+    ),
+    responses(
+        (status = 200, description = "The table.", content(
+            (ref("#/components/schemas/TableAnswer") = "application/json"),
+            (String = "application/x-ndjson"),
+            (String = "text/csv"),
+            (super::schemas::File = "application/x-npz"),
+            (super::schemas::File = "application/vnd.apache.arrow.file"),
+        )),
+        (status = 406, description = "The table is available as JSON, NDJSON, CSV, NPZ and Arrow."),
+    ),
+)]
+pub async fn table(
+    State(app): State<App>,
+    caller: Caller,
+    Segment(key): Segment,
+    query: Query,
+    request: Request,
+) -> Result<Response, Problem> {
+    answer(&app, &caller, (&key, Part::Table), request.headers(), query).await
 }
 
 /// Returns a figure of a result as SVG, for the screen and for print.

@@ -8,10 +8,11 @@ use utoipa_axum::routes;
 
 use super::app::App;
 use super::needs::{Needs, RouteNeeds};
+use super::umbridge::Route;
 use super::wire::Segment;
 use super::{
-    audit, dashboard, diff, evaluate, events, jobs, library, links, me, openapi, results,
-    scenarios, system,
+    audit, dashboard, derivatives, diff, evaluate, events, jobs, library, links, me, openapi,
+    results, scenarios, system, umbridge,
 };
 
 /// The routes with their documentation, and what they require.
@@ -40,7 +41,9 @@ impl Routes {
             .add(Needs::READ, routes!(results::history))
             .add(Needs::READ, routes!(results::profiles))
             .add(Needs::READ, routes!(results::loops))
+            .add(Needs::READ, routes!(results::table))
             .add(Needs::READ, routes!(results::plot))
+            .add(Needs::DERIVE, routes!(derivatives::derivatives))
             .add(Needs::SUBMIT, routes!(results::pin, results::unpin))
             .add(Needs::SUBMIT, routes!(links::share))
             .add(Needs::READ, routes!(library::provenance))
@@ -66,6 +69,20 @@ impl Routes {
             .page(Needs::READ, "/docs", get(|| async { Redirect::to("/docs/") }))
             .page(Needs::READ, "/docs/", get(|| system::docs(Segment(String::new()))))
             .page(Needs::READ, "/docs/{*path}", get(system::docs))
+            .umbridge()
+    }
+
+    /// The routes of UM-Bridge alone.
+    pub fn of_umbridge() -> Self {
+        Self { router: OpenApiRouter::new(), needs: RouteNeeds::default() }.umbridge()
+    }
+
+    /// Adds the routes of UM-Bridge, which has its own documentation.
+    fn umbridge(self) -> Self {
+        let first = self.page(Needs::READ, umbridge::INFO, get(umbridge::info));
+        umbridge::ROUTES.iter().fold(first, |routes, Route { path, needs, handler }| {
+            routes.undocumented(Method::POST, *needs, path, handler())
+        })
     }
 
     /// Adds documented routes.
@@ -85,9 +102,19 @@ impl Routes {
     }
 
     /// Adds a page for browsers, which is not part of the documented API.
-    fn page(mut self, needs: Needs, path: &str, page: MethodRouter<App>) -> Self {
-        self.needs.declare(path, Method::GET, needs);
-        Self { router: self.router.route(path, page), ..self }
+    fn page(self, needs: Needs, path: &str, page: MethodRouter<App>) -> Self {
+        self.undocumented(Method::GET, needs, path, page)
+    }
+
+    fn undocumented(
+        mut self,
+        method: Method,
+        needs: Needs,
+        path: &str,
+        route: MethodRouter<App>,
+    ) -> Self {
+        self.needs.declare(path, method, needs);
+        Self { router: self.router.route(path, route), ..self }
     }
 }
 
@@ -105,6 +132,8 @@ mod tests {
             (Method::POST, "/v1/scenarios", Needs::READ),
             (Method::POST, "/v1/jobs", Needs::SUBMIT),
             (Method::POST, "/v1/evaluate", Needs::EVALUATE),
+            (Method::GET, "/v1/results/{key}/derivatives", Needs::DERIVE),
+            (Method::POST, "/Gradient", Needs::EVALUATE),
             (Method::PUT, "/v1/results/{key}/pin", Needs::SUBMIT),
             (Method::POST, "/v1/jobs/{id}/cancel", Needs::CANCEL),
             (Method::DELETE, "/v1/results/{key}", Needs::ADMIN),

@@ -6,6 +6,7 @@ use axum::http::header::CONTENT_TYPE;
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use serde_json::value::RawValue;
+use serde_json::{Map, Value};
 use tokio::task;
 use utoipa::ToSchema;
 
@@ -13,7 +14,9 @@ use super::app::App;
 use super::body::Body;
 use super::problem::{self, Problem};
 use super::wire::{NoQuery, Segment};
-use crate::job::{BadBody, Key, Prepared, Submission};
+use crate::job::{Canonical, Key, Prepared, Submission, Task};
+use crate::json::BadBody;
+use crate::study::Kind;
 use fretwork_engine::outcome::Preview;
 use fretwork_engine::scenario::{SCHEMA, Scenario, Warning};
 
@@ -67,21 +70,71 @@ impl From<BadBody> for Problem {
 /// Largest body that is parsed on the async thread, in bytes. To pass it to another thread takes as long.
 const SMALL: usize = 1 << 14;
 
-/// Parses a body with a scenario. A large one, with up to 10 000 rows, is parsed on a blocking thread.
+/// Whether a body can contain a study, which takes milliseconds to read. An escape could hide its name.
+fn can_be_study(text: &[u8]) -> bool {
+    let Ok(text) = str::from_utf8(text) else { return true };
+    text.contains('\\') || Kind::ALL.iter().any(|kind| text.contains(kind.name()))
+}
+
+/// Parses a body with a scenario. A large one, with up to 10 000 rows, is parsed on a blocking thread, and so is a study.
 pub(super) async fn parse<T: Send + 'static>(
     body: Body,
     parse: fn(&[u8]) -> Result<T, BadBody>,
 ) -> Result<T, Problem> {
-    if body.0.len() <= SMALL {
+    if body.0.len() <= SMALL && !can_be_study(&body.0) {
         return Ok(parse(&body.0)?);
     }
     let parsed = task::spawn_blocking(move || parse(&body.0));
     Ok(parsed.await.map_err(Problem::bug)??)
 }
 
+/// What is known of a task that is not computed.
+#[derive(Debug, Serialize, ToSchema)]
+#[serde(untagged)]
+pub enum Checked {
+    /// Of a scenario.
+    Run(Box<CheckedRun>),
+    /// Of a study.
+    Study(Box<CheckedStudy>),
+}
+
+/// What is known of a study that is not computed.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct CheckedStudy {
+    /// The key of its result.
+    #[schema(value_type = String, pattern = "^[0-9a-f]{64}$")]
+    key: Key,
+    /// Whether the result is stored.
+    cached: bool,
+    /// The study in SI units with all defaults, such as `sweep`. Submitted again, it has the same key.
+    #[serde(flatten)]
+    #[schema(value_type = Object)]
+    asked: Canonical,
+    /// The columns of its rows.
+    columns: Vec<String>,
+    /// The units of the columns of numbers.
+    #[schema(value_type = Object)]
+    units: Map<String, Value>,
+    /// What it takes.
+    cost: StudyCost,
+    /// Related addresses.
+    links: CheckedLinks,
+}
+
+/// What a study takes.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct StudyCost {
+    /// Its points.
+    points: usize,
+    /// Estimated processor time, in seconds.
+    seconds: f64,
+    /// The largest possible size of its result as JSON, in bytes.
+    answer_bytes: usize,
+}
+
 /// What is known of a scenario without a run.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Checked {
+pub struct CheckedRun {
     /// The key of its result.
     #[schema(value_type = String, pattern = "^[0-9a-f]{64}$")]
     key: Key,
@@ -110,14 +163,15 @@ struct CheckedLinks {
     submit: &'static str,
 }
 
-/// Checks a scenario without a run.
+/// Checks a scenario or a study without a run.
 ///
 /// The body is that of `POST /v1/jobs`. The answer has the key, the canonical scenario, scales, the unworn
-/// state, the limiting state of wear, warnings and the estimated cost.
+/// state, the limiting state of wear, warnings and the estimated cost; for a study the key, its canonical form, its
+/// columns and what it takes.
 #[utoipa::path(post, path = "/v1/scenarios", operation_id = "check_scenario", tag = "scenarios",
     request_body(content = ref("#/components/schemas/JobBody"), description = "The job \
         body."),
-    responses((status = 200, description = "The scenario is valid.", body = Checked)),
+    responses((status = 200, description = "The scenario or study is valid.", body = Checked)),
 )]
 pub async fn check(
     State(app): State<App>,
@@ -126,14 +180,33 @@ pub async fn check(
 ) -> Result<Json<Checked>, Problem> {
     let prepared = parse(body, Submission::parse).await?.prepared;
     let warnings = prepared.warnings();
-    let Prepared { key, task: asked, .. } = prepared;
+    let asked = prepared.asked();
+    let Prepared { key, task, .. } = prepared;
     let cached = app.service.has_result(&key).await?;
-    // The limiting state takes a few milliseconds to compute.
-    let computed = task::spawn_blocking(move || (asked.preview(), asked));
-    let (preview, asked) = computed.await.map_err(Problem::bug)?;
-    let scenario = asked.scenario().clone();
     let links = CheckedLinks { result: format!("/v1/results/{key}"), submit: "/v1/jobs" };
-    Ok(Json(Checked { key, cached, scenario, preview, warnings, links }))
+    Ok(Json(match task {
+        Task::Run(run) => {
+            // The limiting state takes a few milliseconds to compute.
+            let computed = task::spawn_blocking(move || (Preview::of(&run.1), run.0.clone()));
+            let (preview, scenario) = computed.await.map_err(Problem::bug)?;
+            Checked::Run(Box::new(CheckedRun { key, cached, scenario, preview, warnings, links }))
+        }
+        Task::Study(study) => {
+            let units = study.units();
+            let columns = study.columns().into_iter().map(|column| column.name).collect();
+            let (points, seconds, answer_bytes) = (study.points(), study.seconds(), study.bytes());
+            let cost = StudyCost { points, seconds, answer_bytes };
+            Checked::Study(Box::new(CheckedStudy {
+                key,
+                cached,
+                asked,
+                columns,
+                units,
+                cost,
+                links,
+            }))
+        }
+    }))
 }
 
 /// An example.

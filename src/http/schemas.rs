@@ -77,6 +77,8 @@ documented! {
     ProfileFields columns(&Profiles::default());
     /// Columns of loops.
     LoopFields columns(&Loops::default());
+    /// Columns of the table of a study.
+    TableFields list(ObjectBuilder::new().schema_type(Type::String).min_length(Some(1)).build());
     /// Output cycles of a result.
     ChosenInstants list(ObjectBuilder::new().schema_type(Type::Number).minimum(Some(0)).build());
     /// Quantities of figures.
@@ -87,6 +89,8 @@ documented! {
         .min_items(Some(1))
         .max_items(Some(FigureOptions::MAX_CYCLES))
         .build();
+    /// How an output is computed.
+    DerivativeMethod words(["closed", "numerical"]);
     /// The scale of an axis.
     Spacing words(["linear", "log"]);
     /// The layout of a whole result.

@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use prometheus_client::metrics::gauge::Gauge;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
-use tokio::time::timeout;
+use tokio::time::{Instant, timeout_at};
 
 use super::problem::{self, Problem};
 
@@ -17,7 +17,7 @@ use super::problem::{self, Problem};
 pub const SMALL: usize = 32 << 10;
 /// The unit in which memory is counted, in bytes.
 const UNIT: u64 = 1 << 10;
-/// How long a request waits for memory that others use.
+/// How long a request waits in total for memory and for work that others use.
 const LONGEST_WAIT: Duration = Duration::from_secs(5);
 /// The seconds after which a refused client should try again.
 const RETRY: u32 = 5;
@@ -131,13 +131,26 @@ impl Budget {
     /// # Errors
     /// The memory is still in use.
     pub async fn hold(&self, caller: &str, bytes: usize) -> Result<Permit, Problem> {
+        self.hold_until(longest_wait(), caller, bytes).await
+    }
+
+    /// As [`hold`](Self::hold), but waits until this moment.
+    ///
+    /// # Errors
+    /// The memory is still in use.
+    pub async fn hold_until(
+        &self,
+        end: Instant,
+        caller: &str,
+        bytes: usize,
+    ) -> Result<Permit, Problem> {
         if bytes <= SMALL {
             return Ok(Permit::default());
         }
         let units = self.units(bytes);
-        let own = timeout(LONGEST_WAIT, self.shares.of(caller).acquire_many_owned(units));
+        let own = timeout_at(end, self.shares.of(caller).acquire_many_owned(units));
         let Ok(Ok(own)) = own.await else { return Err(self.own_full()) };
-        let all = timeout(LONGEST_WAIT, Arc::clone(&self.memory).acquire_many_owned(units));
+        let all = timeout_at(end, Arc::clone(&self.memory).acquire_many_owned(units));
         let Ok(Ok(all)) = all.await else { return Err(all_full()) };
         Ok(self.permit(own, all))
     }
@@ -215,17 +228,24 @@ fn bytes_of(permit: &OwnedSemaphorePermit) -> i64 {
     (permit.num_permits() as u64 * UNIT).cast_signed()
 }
 
+/// Until when a request waits that begins to wait now.
+pub fn longest_wait() -> Instant {
+    Instant::now() + LONGEST_WAIT
+}
+
 fn all_full() -> Problem {
     full("Other requests use the memory for large bodies.".to_owned())
 }
 
-fn full(detail: String) -> Problem {
+/// The problem for a request that would have to wait for longer.
+pub fn full(detail: String) -> Problem {
     Problem::new(&problem::MEMORY_FULL, detail).retry_after(RETRY)
 }
 
 #[cfg(test)]
 mod tests {
     use futures_util::FutureExt as _;
+    use tokio::time::sleep;
 
     use super::*;
 
@@ -244,6 +264,23 @@ mod tests {
         // A body that is larger than the share gets all of it.
         drop(budget.hold("carla", 1 << 30).await.unwrap());
         assert_eq!(budget.memory.available_permits(), 8 << 10);
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_request_waits_for_its_share_and_for_the_memory_of_all_in_one_time() {
+        let budget = Budget::new(8 << 20, &Gauge::default(), "");
+        let _other = budget.hold("berta", 4 << 20).await.unwrap();
+        let _small = budget.hold("carla", 1 << 20).await.unwrap();
+        let own = budget.hold("anna", 2 << 20).await.unwrap();
+        let began = Instant::now();
+        let free = async {
+            sleep(LONGEST_WAIT / 2).await;
+            drop(own);
+        };
+        // It gets its share after half of the time. Then the memory of all is too small by 1 MiB.
+        let ((), waited) = tokio::join!(free, budget.hold("anna", 4 << 20));
+        assert!(waited.is_err());
+        assert_eq!(began.elapsed(), LONGEST_WAIT);
     }
 
     #[tokio::test(start_paused = true)]

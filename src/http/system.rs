@@ -17,7 +17,7 @@ use super::metrics::{Measurements, as_prometheus};
 use super::negotiation::choose_type;
 use super::problem::{self, Problem};
 use super::wire::{self, NoQuery, Segment};
-use crate::service::LONGEST_EVALUATION;
+use crate::service::{LONGEST_CALL, LONGEST_EVALUATION, WorkLimits};
 use fretwork_engine::request::fields::{MAX_CYCLES, POINTS_RANGE};
 use fretwork_engine::scenario::{MAX_ANSWER, NUMERICS};
 
@@ -129,6 +129,18 @@ pub struct RequestLimits {
     /// Longest estimated run of `POST /v1/evaluate`, in seconds.
     #[schema(example = 0.02)]
     evaluate_seconds: f64,
+    /// Longest estimated computation of derivatives or of a call of UM-Bridge, in seconds.
+    #[schema(example = 30)]
+    call_seconds: u64,
+    /// Most points of a study.
+    #[schema(example = 1_048_576)]
+    study_points: usize,
+    /// Largest result of a study as JSON, in bytes.
+    #[schema(example = 64_000_000)]
+    study_bytes: usize,
+    /// Longest processor time of a study, in seconds; null if there is no limit.
+    #[schema(example = 14_400)]
+    study_seconds: Option<u64>,
     /// Longest wait of one request, in seconds.
     #[schema(example = 60)]
     wait_seconds: u64,
@@ -140,7 +152,8 @@ pub struct RequestLimits {
 #[utoipa::path(get, path = "/version", operation_id = "version", tag = "system", responses(
     (status = 200, description = "Name, release, numerics and limits.", body = Version),
 ))]
-pub async fn version(_: NoQuery) -> Json<Version> {
+pub async fn version(State(app): State<App>, _: NoQuery) -> Json<Version> {
+    let WorkLimits { study, study_points, study_bytes, .. } = app.service.limits();
     Json(Version {
         name: env!("CARGO_PKG_NAME"),
         release: env!("CARGO_PKG_VERSION"),
@@ -149,8 +162,12 @@ pub async fn version(_: NoQuery) -> Json<Version> {
             points: [POINTS_RANGE.0, POINTS_RANGE.1],
             cycles: MAX_CYCLES,
             answer_bytes: MAX_ANSWER,
+            study_points,
+            study_bytes,
+            study_seconds: study.map(|time| time.as_secs()),
             body_bytes: BODY_LIMIT,
             evaluate_seconds: LONGEST_EVALUATION.as_secs_f64(),
+            call_seconds: LONGEST_CALL.as_secs(),
             wait_seconds: wire::LONGEST_WAIT.as_secs(),
         },
     })

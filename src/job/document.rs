@@ -4,11 +4,12 @@ use fretwork_engine::numeric::twelve_digits;
 use fretwork_engine::outcome::Outcome;
 use fretwork_engine::scenario::Scenario;
 use serde::{Deserialize, Serialize};
-use serde_json::{Map, Number, Value, to_value};
+use serde_json::{Map, Number, Value, json, to_value};
 
-use super::Outline;
+use super::{Canonical, Outline, TaskKind};
+use crate::study::Kind;
 
-/// A result without its profiles and loops.
+/// A result without its large tables.
 #[derive(Debug)]
 pub struct Document {
     /// The key of the result.
@@ -17,10 +18,15 @@ pub struct Document {
     pub engine: String,
     /// The `numerics` version of this engine.
     pub numerics: u32,
-    /// The columns of its history.
+    /// What was asked for.
+    pub asked: Canonical,
+    /// The columns of the history of a run; empty for a study.
     pub history: Map<String, Value>,
-    /// The members `scenario`, `scales`, `unworn` and `summary`.
-    members: Value,
+    /// The short form that a job shows: the last entry of each column of the history and the regime, or the number of
+    /// points of a study.
+    pub summary: Value,
+    /// The words and numbers by which users search for the result.
+    pub outline: Outline,
 }
 
 /// Why a text is not a result.
@@ -29,6 +35,9 @@ pub enum BadDocument {
     /// It is not JSON with the members of a result.
     #[error("its body cannot be read as a result")]
     Unreadable(#[from] serde_json::Error),
+    /// A member is missing.
+    #[error("its member `{0}` is missing")]
+    Member(&'static str),
     /// A column of its history is empty, contains something other than numbers, or has another length than the others.
     #[error("its history is not a set of columns of equal length")]
     History,
@@ -39,11 +48,15 @@ pub enum BadDocument {
 struct Members {
     key: String,
     engine: Producer,
-    scenario: Value,
-    scales: Value,
-    unworn: Value,
-    regime: Value,
-    history: Map<String, Value>,
+    scenario: Option<Value>,
+    scales: Option<Value>,
+    unworn: Option<Value>,
+    regime: Option<Value>,
+    history: Option<Map<String, Value>>,
+    sweep: Option<Value>,
+    sensitivity: Option<Value>,
+    map: Option<Value>,
+    counts: Option<Value>,
 }
 
 #[derive(Deserialize)]
@@ -58,31 +71,70 @@ impl Document {
     /// # Errors
     /// The text is not the JSON of a result.
     pub fn read(text: &[u8]) -> Result<Self, BadDocument> {
-        let Members { key, engine, scenario, scales, unworn, regime, history } =
-            serde_json::from_slice(text)?;
-        let summary = summary(regime, &history).ok_or(BadDocument::History)?;
-        let members = members(scenario, scales, unworn, summary);
-        let Producer { name: engine, numerics } = engine;
-        Ok(Self { key, engine, numerics, history, members })
+        let mut members: Members = serde_json::from_slice(text)?;
+        let (kind, value) = members.asked().ok_or(BadDocument::Member("scenario"))?;
+        let (history, summary, outline) = match kind {
+            TaskKind::Run => members.of_run(&value)?,
+            TaskKind::Study(_) => members.of_study(kind)?,
+        };
+        let asked = Canonical { kind, value };
+        let Members { key, engine: Producer { name: engine, numerics }, .. } = members;
+        Ok(Self { key, engine, numerics, asked, history, summary, outline })
+    }
+}
+
+impl Members {
+    /// What was asked for, if it is exactly one thing.
+    fn asked(&mut self) -> Option<(TaskKind, Value)> {
+        let found = TaskKind::all().filter_map(|kind| {
+            let member = match kind {
+                TaskKind::Run => &mut self.scenario,
+                TaskKind::Study(Kind::Sweep) => &mut self.sweep,
+                TaskKind::Study(Kind::Sensitivity) => &mut self.sensitivity,
+                TaskKind::Study(Kind::Map) => &mut self.map,
+            };
+            Some((kind, member.take()?))
+        });
+        let mut found: Vec<_> = found.collect();
+        found.pop().filter(|_| found.is_empty())
     }
 
-    /// The canonical scenario.
-    #[must_use]
-    pub fn scenario(&self) -> &Value {
-        &self.members["scenario"]
+    /// History, summary and outline of a run.
+    fn of_run(
+        &mut self,
+        scenario: &Value,
+    ) -> Result<(Map<String, Value>, Value, Outline), BadDocument> {
+        let history = required("history", &mut self.history)?;
+        let summary =
+            summary(required("regime", &mut self.regime)?, &history).ok_or(BadDocument::History)?;
+        let mut members = members(
+            scenario.clone(),
+            required("scales", &mut self.scales)?,
+            required("unworn", &mut self.unworn)?,
+            summary,
+        );
+        let outline = Outline::of(&members);
+        Ok((history, members["summary"].take(), outline))
     }
 
-    /// The short form that a job shows: the regime, and the last entry of each column of the history.
-    #[must_use]
-    pub fn summary(&self) -> &Value {
-        &self.members["summary"]
+    /// History, summary and outline of a study.
+    fn of_study(
+        &mut self,
+        kind: TaskKind,
+    ) -> Result<(Map<String, Value>, Value, Outline), BadDocument> {
+        let counts = required("counts", &mut self.counts)?;
+        let outline = outline_of(kind, &counts);
+        Ok((Map::new(), counts, outline))
     }
+}
 
-    /// The words and numbers by which users search for the result.
-    #[must_use]
-    pub fn outline(&self) -> Outline {
-        Outline::of(&self.members)
-    }
+fn required<T>(name: &'static str, member: &mut Option<T>) -> Result<T, BadDocument> {
+    member.take().ok_or(BadDocument::Member(name))
+}
+
+/// The outline of a study.
+pub(super) fn outline_of(kind: TaskKind, counts: &Value) -> Outline {
+    Outline::of(&json!({"kind": kind.word(), "summary": counts}))
 }
 
 /// Summary and outline of a new result, with the digits of its JSON.
@@ -102,7 +154,7 @@ pub(super) fn summarize(scenario: &Scenario, outcome: &Outcome) -> (Value, Outli
     (members["summary"].take(), outline)
 }
 
-/// Rounds all numbers as [`write`](super::json::write) does.
+/// Rounds all numbers as [`write`](crate::json::write) does.
 fn round(value: &mut Value) {
     match value {
         Value::Number(number) if number.is_f64() => {
@@ -117,8 +169,9 @@ fn round(value: &mut Value) {
 
 /// The document of [`Outline::of`].
 fn members(scenario: Value, scales: Value, unworn: Value, summary: Value) -> Value {
-    let names = ["scenario", "scales", "unworn", "summary"].map(str::to_owned);
-    names.into_iter().zip([scenario, scales, unworn, summary]).collect()
+    let names = ["kind", "scenario", "scales", "unworn", "summary"].map(str::to_owned);
+    let kind = TaskKind::Run.word().into();
+    names.into_iter().zip([kind, scenario, scales, unworn, summary]).collect()
 }
 
 /// The summary of a result; `None` if its history is not valid.
@@ -135,8 +188,6 @@ fn summary(regime: Value, history: &Map<String, Value>) -> Option<Value> {
 
 #[cfg(test)]
 mod tests {
-    use serde_json::json;
-
     use super::*;
 
     #[test]
@@ -146,8 +197,7 @@ mod tests {
                 "key": "", "engine": {"name": "fretwork", "numerics": 2}, "scenario": {}, "scales": {},
                 "unworn": {}, "regime": "gross_slip", "history": history,
             });
-            Document::read(document.to_string().as_bytes())
-                .map(|document| document.summary().clone())
+            Document::read(document.to_string().as_bytes()).map(|document| document.summary)
         };
         let sound = read(json!({"cycles": [0.0, 5.0], "wear_volume": [0.0, 1e-13]}));
         let expected = json!({"regime": "gross_slip", "cycles": 5.0, "wear_volume": 1e-13});

@@ -1,6 +1,5 @@
 //! The key of a result, and the engine that is a part of it.
 
-use std::collections::BTreeMap;
 use std::fmt;
 use std::str::FromStr;
 
@@ -56,12 +55,6 @@ impl Key {
         let identity = Identity { engine: ENGINE.name, numerics, task };
         let bytes = serde_json_canonicalizer::to_vec(&identity);
         Self::digest(&bytes.expect("a task is made of finite numbers and strings"))
-    }
-
-    /// The key of the run of a canonical scenario.
-    #[must_use]
-    pub fn of_scenario(numerics: u32, scenario: &impl Serialize) -> Self {
-        Self::of(numerics, &BTreeMap::from([("scenario", scenario)]))
     }
 
     pub(super) fn digest(document: &[u8]) -> Self {

@@ -84,7 +84,8 @@ pub struct Word {
 }
 
 /// All words that users can search by.
-pub const WORDS: [Word; 5] = [
+pub const WORDS: [Word; 6] = [
+    Word { name: "kind", values: &["run", "sweep", "sensitivity", "map"], pointer: "/kind" },
     Word {
         name: "shape",
         values: &[
@@ -122,7 +123,7 @@ pub struct Outline {
 }
 
 impl Outline {
-    /// Reads a document with the members `scenario`, `scales`, `unworn` and `summary`.
+    /// Reads a document with the members `kind`, `scenario`, `scales`, `unworn` and `summary`.
     /// A value is `None` where the document does not have it.
     #[must_use]
     pub fn of(document: &Value) -> Self {

@@ -4,11 +4,12 @@ use std::cmp::Ordering;
 use std::time::{Duration, Instant};
 
 use fretwork_engine::outcome::{History, Loops, Outcome, Profiles};
+use fretwork_engine::request::fault::{Fault, Faults};
 use fretwork_engine::simulation::{Flaw, check, check_tables};
 use serde::Deserialize;
 
 use super::task::write;
-use super::{BadDocument, Document, ENGINE, Key, Prepared, Step, Task};
+use super::{BadDocument, Document, ENGINE, Key, Prepared, Step, Task, TaskKind};
 
 /// Longest time to compute one result anew.
 const LONGEST_RECOMPUTATION: Duration = Duration::from_mins(10);
@@ -47,6 +48,14 @@ pub enum Refused {
         "its body is not written as this version writes results: a member was changed, added or removed"
     )]
     Form,
+    /// An earlier version of the engine computed this study: its rows cannot be checked.
+    #[error(
+        "an earlier version of the engine computed this study; submit it to the server instead"
+    )]
+    EarlierStudy,
+    /// The rows do not belong to the study.
+    #[error("its rows do not belong to its study: {0}")]
+    Study(String),
     /// The tables do not agree with each other.
     #[error("its tables contradict each other: {0}")]
     Tables(Flaw),
@@ -80,13 +89,13 @@ impl Received {
     /// The body cannot be the result of its key.
     pub fn judge(key: &Key, body: &[u8]) -> Result<Self, Refused> {
         let document = Document::read(body)?;
-        let (numerics, scenario) = (document.numerics, document.scenario());
+        let numerics = document.numerics;
         if numerics > ENGINE.numerics {
             return Err(Refused::Later(numerics));
         }
         if document.engine != ENGINE.name
             || document.key != key.to_string()
-            || Key::of_scenario(numerics, scenario) != *key
+            || document.asked.key(numerics) != *key
         {
             return Err(Refused::Key);
         }
@@ -97,19 +106,39 @@ impl Received {
     }
 
     fn judge_present(key: &Key, body: &[u8], document: Document) -> Result<Self, Refused> {
-        let stored = Task::stored(document.scenario());
-        let task = Prepared::from_stored(key, &stored).map_err(Refused::Scenario)?;
-        let outcome: Outcome = serde_json::from_slice(body).map_err(|_| Refused::Form)?;
-        let Task::Run(run) = &task.task;
-        let (scenario, case) = &**run;
-        if write(*key, scenario, &outcome, body.len()).as_bytes() != body {
+        let asked = document.asked.clone();
+        let told = |faults: Faults| {
+            let mut details = faults
+                .0
+                .into_iter()
+                .map(|Fault { pointer, detail }| format!("{pointer}: {detail}"));
+            Refused::Scenario(details.next().unwrap_or_default())
+        };
+        let task = Prepared::read(asked.kind, asked.value).map_err(told)?;
+        if task.key != *key {
             return Err(Refused::Form);
         }
-        let flaw = check(scenario, case, &outcome).err();
+        let flaw = match &task.task {
+            Task::Run(run) => {
+                let (scenario, case) = &**run;
+                let outcome: Outcome = serde_json::from_slice(body).map_err(|_| Refused::Form)?;
+                if write(*key, scenario, &outcome, body.len()).as_bytes() != body {
+                    return Err(Refused::Form);
+                }
+                check(scenario, case, &outcome).err()
+            }
+            Task::Study(study) => {
+                study.judge(key, &ENGINE, body).map_err(Refused::Study)?;
+                None
+            }
+        };
         Ok(Self { document, task: Some(task), flaw })
     }
 
     fn judge_earlier(body: &[u8], document: Document) -> Result<Self, Refused> {
+        if let TaskKind::Study(_) = document.asked.kind {
+            return Err(Refused::EarlierStudy);
+        }
         let Tables { history, profiles, loops } =
             serde_json::from_slice(body).map_err(BadDocument::from)?;
         check_tables(&history, profiles.as_ref(), loops.as_ref()).map_err(Refused::Tables)?;

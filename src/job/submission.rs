@@ -1,12 +1,12 @@
 //! The JSON body of a submission. It is parsed once, and all its faults are listed.
 
-use deserr::{Deserr, IntoValue, Sequence, ValuePointerRef};
+use deserr::{Deserr, IntoValue, ValuePointerRef};
 use fretwork_engine::request::fault::Faults;
 use fretwork_engine::request::fields::Given;
 use serde_json::Value;
 
-use super::json::{BadBody, read_body};
-use super::task::Prepared;
+use super::{Prepared, TaskKind};
+use crate::json::{BadBody, Distinct, both, read_body};
 
 /// Longest label in characters.
 pub const MAX_LABEL: usize = 200;
@@ -17,12 +17,12 @@ pub const MAX_TAG: usize = 50;
 /// Longest submitted scenario that is stored, in bytes of compact JSON.
 pub const MAX_SUBMITTED: usize = 64 << 10;
 
-/// A valid job body: `{"scenario": {…}, "label"?, "tags"?}`.
+/// A valid job body: `{"scenario": {…}, "label"?, "tags"?}`, or a study in place of the scenario.
 #[derive(Debug, Clone)]
 pub struct Submission {
     /// What to compute.
     pub prepared: Prepared,
-    /// The scenario with the members and units of the client, as compact JSON; `None` if it is longer than
+    /// The scenario or study with the members and units of the client, as compact JSON; `None` if it is longer than
     /// [`MAX_SUBMITTED`].
     pub submitted: Option<String>,
     /// A title for people.
@@ -41,38 +41,51 @@ impl Submission {
     }
 
     fn read(mut body: Value) -> Result<Self, Faults> {
-        let scenario = body.get_mut("scenario").map(Value::take);
+        let asked = take_asked(&mut body)?;
         let envelope: Result<Envelope, Faults> =
             Envelope::deserialize_from_value(body.into_value(), ValuePointerRef::Origin);
-        // Without a scenario, the envelope has the fault that the member is missing.
-        let Some(scenario) = scenario else {
-            return Err(envelope.err().unwrap_or_else(|| Faults::one("", "must be an object")));
-        };
-        let submitted = Some(scenario.to_string()).filter(|text| text.len() <= MAX_SUBMITTED);
-        match (envelope, Prepared::from_scenario(scenario, "/scenario")) {
-            (Ok(Envelope { label, tags, .. }), Ok(prepared)) => Ok(Self {
-                prepared,
-                submitted,
-                label: label.0.map(|label| label.0),
-                tags: tags.0.map_or_else(Vec::new, |Distinct(tags)| {
-                    tags.into_iter().map(|tag| tag.0).collect()
-                }),
+        let (kind, asked) = asked;
+        let submitted = Some(asked.to_string()).filter(|text| text.len() <= MAX_SUBMITTED);
+        let (Envelope { label, tags }, prepared) = both(envelope, Prepared::read(kind, asked))?;
+        Ok(Self {
+            prepared,
+            submitted,
+            label: label.0.map(|label| label.0),
+            tags: tags.0.map_or_else(Vec::new, |Distinct(tags)| {
+                tags.into_iter().map(|tag| tag.0).collect()
             }),
-            (Err(mut faults), Err(more)) => {
-                faults.0.extend(more.0);
-                Err(faults)
-            }
-            (Err(faults), Ok(_)) | (Ok(_), Err(faults)) => Err(faults),
+        })
+    }
+}
+
+/// Takes the member out of a job body that says what to compute.
+fn take_asked(body: &mut Value) -> Result<(TaskKind, Value), Faults> {
+    let names = || TaskKind::all().map(TaskKind::member).collect::<Vec<_>>().join("` or `");
+    let Some(members) = body.as_object_mut() else {
+        return Err(Faults::one("", format!("must be an object with a member `{}`", names())));
+    };
+    let mut found =
+        TaskKind::all().filter_map(|kind| Some((kind, members.shift_remove(kind.member())?)));
+    let Some(asked) = found.next() else {
+        let detail = format!("is missing. Enter what to compute: `{}`", names());
+        return Err(Faults::one("/scenario", detail));
+    };
+    match found.next() {
+        None => Ok(asked),
+        Some((other, _)) => {
+            let detail = format!(
+                "cannot stand beside `{}`: a job computes one of them. Submit two jobs",
+                asked.0.member()
+            );
+            Err(Faults::one(&format!("/{}", other.member()), detail))
         }
     }
 }
 
-/// A job body whose scenario was taken out.
+/// A job body without the member that says what to compute.
 #[derive(Deserr)]
 #[deserr(error = Faults, deny_unknown_fields)]
 struct Envelope {
-    #[deserr(rename = "scenario")]
-    _scenario: Value,
     #[deserr(default)]
     label: Given<Text<MAX_LABEL>>,
     #[deserr(default)]
@@ -98,29 +111,6 @@ impl<const N: usize> Deserr<Faults> for Text<N> {
             return Err(Faults::at(location, "must not contain control characters"));
         }
         Ok(Self(text))
-    }
-}
-
-/// A list of at most `MOST` items, all of which differ.
-#[derive(Debug)]
-pub struct Distinct<T, const MOST: usize>(pub Vec<T>);
-
-impl<T: Deserr<Faults> + PartialEq, const MOST: usize> Deserr<Faults> for Distinct<T, MOST> {
-    fn deserialize_from_value<V: IntoValue>(
-        value: deserr::Value<V>,
-        location: ValuePointerRef<'_>,
-    ) -> Result<Self, Faults> {
-        if let deserr::Value::Sequence(list) = &value
-            && list.len() > MOST
-        {
-            let detail = format!("must list at most {MOST} items, not {}", list.len());
-            return Err(Faults::at(location, detail));
-        }
-        let items = Vec::<T>::deserialize_from_value(value, location)?;
-        match (1..items.len()).find(|i| items[..*i].contains(&items[*i])) {
-            Some(twice) => Err(Faults::at(location.push_index(twice), "is listed twice")),
-            None => Ok(Self(items)),
-        }
     }
 }
 

@@ -1,20 +1,24 @@
 //! What a job computes: it is prepared once and computed step by step.
 
+use std::num::NonZeroU32;
+use std::ops::Add;
 use std::sync::Arc;
 use std::time::Duration;
 
 use bytes::Bytes;
 use fretwork_engine::case::Case;
-use fretwork_engine::outcome::{Outcome, Preview, ResultUnits};
+use fretwork_engine::outcome::{Outcome, ResultUnits};
 use fretwork_engine::request::fault::{Fault, Faults};
 use fretwork_engine::scenario::{self, Scenario, Warning};
 use fretwork_engine::simulation::{self, Simulation};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use serde_json::Value;
-use serde_json::value::RawValue;
 
-use super::document::summarize;
-use super::{Document, ENGINE, Engine, Key, Outline, json};
+use super::canonical::StoredText;
+use super::document::{outline_of, summarize};
+use super::{Canonical, Document, ENGINE, Engine, Key, Outline, TaskKind};
+use crate::json;
+use crate::study::{Points, Rows, Study};
 
 /// Something that a worker computes in steps of at most about 50 ms, so that it can be stopped.
 pub trait Work: Send {
@@ -22,16 +26,16 @@ pub trait Work: Send {
     fn step(&mut self) -> Step;
 }
 
-/// The state of [`Work`] after a step.
+/// The state of a computation after a step.
 #[derive(Debug)]
-pub enum Step {
+pub enum Step<T = Answer> {
     /// It needs more steps.
     Working {
         /// The share of the work that is done, in 0…1.
         progress: f64,
     },
     /// It is done.
-    Done(Answer),
+    Done(T),
 }
 
 /// The result of finished work.
@@ -46,10 +50,23 @@ pub struct Answer {
 }
 
 impl Answer {
+    /// The answer of a study from the rows of all its points.
+    #[must_use]
+    pub fn of_study(key: Key, study: &Study, rows: &Rows) -> Self {
+        let body = study.document(&key, &ENGINE, rows).into_bytes();
+        let summary = study.counts(rows);
+        let outline = outline_of(TaskKind::Study(study.kind()), &summary);
+        Self { body: body.into(), summary, outline: Box::new(outline) }
+    }
+
     /// A result with its JSON, and what the JSON says.
     #[must_use]
     pub fn new(body: Bytes, document: &Document) -> Self {
-        Self { body, summary: document.summary().clone(), outline: Box::new(document.outline()) }
+        Self {
+            body,
+            summary: document.summary.clone(),
+            outline: Box::new(document.outline.clone()),
+        }
     }
 }
 
@@ -62,18 +79,19 @@ pub struct Cost {
     pub cpu: Option<Duration>,
 }
 
-/// Speed of one processor: operations per second, counted as in [`Case::operations`].
-const OPERATIONS_PER_SECOND: f64 = 1e9;
-
-/// Estimated processor time of the run of a case, in seconds.
-#[must_use]
-pub fn estimated_seconds(case: &Case) -> f64 {
-    case.operations() / OPERATIONS_PER_SECOND
+impl Cost {
+    /// The cost of doing nothing.
+    pub const ZERO: Self = Self { wall: Duration::ZERO, cpu: Some(Duration::ZERO) };
 }
 
-/// The version of the form in which tasks are stored. Version 1 had no version number: it was the job
-/// body of the HTTP interface.
-const STORED_VERSION: u32 = 2;
+impl Add for Cost {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        let cpu = self.cpu.zip(other.cpu).map(|(one, other)| one + other);
+        Self { wall: self.wall + other.wall, cpu }
+    }
+}
 
 /// A valid task that is ready to start, with everything that is derived from it. Clones share the task.
 #[derive(Debug, Clone)]
@@ -96,33 +114,26 @@ pub struct Prepared {
 pub enum Task {
     /// One simulation: its canonical scenario and the case built from it.
     Run(Arc<(Scenario, Case)>),
-}
-
-/// The part of a task that determines its key: one variant for each kind of work.
-#[derive(Serialize)]
-#[serde(rename_all = "snake_case")]
-enum Canonical<S> {
-    Scenario(S),
-}
-
-/// The stored form of a task.
-#[derive(Serialize)]
-struct Stored<S> {
-    version: u32,
-    #[serde(flatten)]
-    task: Canonical<S>,
-}
-
-/// A stored task as it is read back.
-#[derive(Deserialize)]
-struct StoredText<'a> {
-    /// Absent in version 1.
-    version: Option<u32>,
-    #[serde(borrow)]
-    scenario: &'a RawValue,
+    /// A study of many runs.
+    Study(Arc<Study>),
 }
 
 impl Prepared {
+    /// Prepares a task; `asked` is the member of a job body of this kind. The pointers of faults begin with its name.
+    ///
+    /// # Errors
+    /// Every fault.
+    pub fn read(kind: TaskKind, asked: Value) -> Result<Self, Faults> {
+        match kind {
+            TaskKind::Run => Self::from_scenario(asked, "/scenario"),
+            TaskKind::Study(study) => {
+                let prefix = format!("/{}", study.name());
+                let study = Study::read(study, &asked).map_err(|faults| faults.below(&prefix))?;
+                Ok(Self::new(Task::Study(Arc::new(study)), Vec::new()))
+            }
+        }
+    }
+
     /// Prepares the run of a scenario; `prefix` goes before the pointer of each fault.
     ///
     /// # Errors
@@ -133,15 +144,18 @@ impl Prepared {
     }
 
     fn new(task: Task, submission_warnings: Vec<Warning>) -> Self {
-        let key = Key::of(ENGINE.numerics, &task.canonical());
-        let stored = Stored { version: STORED_VERSION, task: task.canonical() };
-        Self {
-            key,
-            stored: json::write(&stored, 1 << 10).into(),
-            seconds: task.seconds(),
-            submission_warnings,
-            task,
-        }
+        let kind = task.kind();
+        let (key, stored, seconds) = match &task {
+            Task::Run(run) => {
+                let (scenario, case) = &**run;
+                (kind.key(ENGINE.numerics, scenario), kind.stored(scenario), case.seconds())
+            }
+            Task::Study(study) => {
+                let canonical = study.canonical();
+                (kind.key(ENGINE.numerics, canonical), kind.stored(canonical), study.seconds())
+            }
+        };
+        Self { key, stored: stored.into(), seconds, submission_warnings, task }
     }
 
     /// Prepares a stored task again, for instance after a restart.
@@ -149,13 +163,13 @@ impl Prepared {
     /// # Errors
     /// A message: this version of the program cannot compute the task, or the task has another key.
     pub fn from_stored(key: &Key, stored: &str) -> Result<Self, String> {
-        let StoredText { version, scenario } =
-            serde_json::from_str(stored).map_err(|error| error.to_string())?;
-        if version.is_some_and(|version| version > STORED_VERSION) {
+        let stored = StoredText::read(stored).map_err(|error| error.to_string())?;
+        if stored.is_later() {
             return Err("it was stored by a newer version of fretwork".to_owned());
         }
-        let scenario = serde_json::from_str(scenario.get()).map_err(|error| error.to_string())?;
-        let prepared = Self::from_scenario(scenario, "/scenario").map_err(|faults| {
+        let (kind, asked) = stored.asked().ok_or("it does not say what to compute")?;
+        let asked = serde_json::from_str(asked.get()).map_err(|error| error.to_string())?;
+        let prepared = Self::read(kind, asked).map_err(|faults| {
             let told = |Fault { pointer, detail }: &Fault| format!("{pointer}: {detail}");
             faults.0.iter().map(told).collect::<Vec<_>>().join("; ")
         })?;
@@ -166,11 +180,34 @@ impl Prepared {
         Ok(prepared)
     }
 
+    /// The number of chunks into which workers divide it; `None` if one worker computes all.
+    #[must_use]
+    pub fn chunks(&self) -> Option<NonZeroU32> {
+        match &self.task {
+            Task::Run(_) => None,
+            Task::Study(study) => {
+                let chunks = u32::try_from(study.chunks()).ok().filter(|chunks| *chunks > 1);
+                chunks.and_then(NonZeroU32::new)
+            }
+        }
+    }
+
+    /// What it asks for.
+    ///
+    /// # Panics
+    /// The stored form was changed.
+    #[must_use]
+    #[expect(clippy::expect_used, reason = "the stored form was written by this program")]
+    pub fn asked(&self) -> Canonical {
+        Canonical::in_stored(&self.stored).expect("a prepared task asks for something")
+    }
+
     /// What the client should know about the task: the warnings of the submission, and those of the result.
     #[must_use]
     pub fn warnings(&self) -> Vec<Warning> {
         let of_result = match &self.task {
             Task::Run(run) => run.0.warnings(&run.1),
+            Task::Study(_) => Vec::new(),
         };
         self.submission_warnings.iter().cloned().chain(of_result).collect()
     }
@@ -179,7 +216,11 @@ impl Prepared {
     /// 500 and 10 000 reversals, and tables of 300 and 5000 points.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        size_of::<Self>() + size_of::<(Scenario, Case)>() + 4 * self.stored.len()
+        let task = match &self.task {
+            Task::Run(_) => size_of::<(Scenario, Case)>(),
+            Task::Study(study) => study.memory(),
+        };
+        size_of::<Self>() + task + 4 * self.stored.len()
     }
 
     /// Computes the whole answer on this thread. Calls `progress` after each step with the share of the work that is
@@ -203,36 +244,21 @@ impl Prepared {
                 let simulation = Simulation::new(case.clone(), scenario.warnings(case));
                 Box::new(RunWork { key: self.key, run: Arc::clone(run), simulation })
             }
+            Task::Study(study) => {
+                let points = Points::whole(Arc::clone(study));
+                Box::new(StudyWork { key: self.key, study: Arc::clone(study), points })
+            }
         }
     }
 }
 
 impl Task {
-    fn canonical(&self) -> Canonical<&Scenario> {
-        match self {
-            Self::Run(run) => Canonical::Scenario(&run.0),
-        }
-    }
-
-    fn seconds(&self) -> f64 {
-        match self {
-            Self::Run(run) => estimated_seconds(&run.1),
-        }
-    }
-
-    /// The canonical scenario.
+    /// What the task computes.
     #[must_use]
-    pub fn scenario(&self) -> &Scenario {
+    pub fn kind(&self) -> TaskKind {
         match self {
-            Self::Run(run) => &run.0,
-        }
-    }
-
-    /// What is known of the outcome without computing it.
-    #[must_use]
-    pub fn preview(&self) -> Preview {
-        match self {
-            Self::Run(run) => Preview::of(&run.1),
+            Self::Run(_) => TaskKind::Run,
+            Self::Study(study) => TaskKind::Study(study.kind()),
         }
     }
 
@@ -247,28 +273,6 @@ impl Task {
     ) -> Result<Box<dyn Work>, String> {
         let prepared = prepared.map_or_else(|| Prepared::from_stored(key, stored), Ok)?;
         Ok(prepared.start())
-    }
-
-    /// The stored form of the run of a canonical scenario.
-    #[must_use]
-    pub fn stored(scenario: &Value) -> String {
-        json::write(
-            &Stored { version: STORED_VERSION, task: Canonical::Scenario(scenario) },
-            1 << 10,
-        )
-    }
-
-    /// The key of a stored task; `None` if the text is not a stored task.
-    #[must_use]
-    pub fn key_of(stored: &str) -> Option<Key> {
-        let scenario: Value = serde_json::from_str(Self::scenario_in(stored)?.get()).ok()?;
-        Some(Key::of_scenario(ENGINE.numerics, &scenario))
-    }
-
-    /// The canonical scenario in a stored task; `None` if the text is not a stored task.
-    #[must_use]
-    pub fn scenario_in(stored: &str) -> Option<&RawValue> {
-        serde_json::from_str(stored).ok().map(|StoredText { scenario, .. }| scenario)
     }
 }
 
@@ -300,6 +304,22 @@ impl RunWork {
         body.shrink_to_fit();
         let (summary, outline) = summarize(scenario, outcome);
         Answer { body: body.into(), summary, outline: Box::new(outline) }
+    }
+}
+
+/// A study in progress.
+struct StudyWork {
+    key: Key,
+    study: Arc<Study>,
+    points: Points,
+}
+
+impl Work for StudyWork {
+    fn step(&mut self) -> Step {
+        match self.points.step() {
+            None => Step::Working { progress: self.points.progress() },
+            Some(rows) => Step::Done(Answer::of_study(self.key, &self.study, &rows)),
+        }
     }
 }
 
@@ -375,8 +395,7 @@ pub(super) mod tests {
                 json!({"normal": 112_637_362_637.363, "tangential": 92_760_180_995.475_1});
         });
         // The indentation depth at 100 N.
-        let canonical =
-            serde_json::to_value(prepared(&ball()).task.scenario()).expect("a document");
+        let canonical = prepared(&ball()).asked().value;
         same(&|s| s["load"] = json!({"indentation_depth": canonical["load"]["indentation_depth"]}));
         same(&|s| *s = canonical.clone());
     }
@@ -456,13 +475,14 @@ pub(super) mod tests {
 
     #[test]
     fn older_stored_tasks_are_read_and_newer_ones_are_refused() {
-        let Prepared { key, stored, task, .. } = prepared(&ball());
+        let prepared = prepared(&ball());
+        let Prepared { key, stored, .. } = &prepared;
         assert!(stored.starts_with(r#"{"version":2,"scenario":{"profile":"#), "{stored}");
         // Version 1 had no number.
-        let first = json!({"scenario": task.scenario()}).to_string();
-        assert_eq!(Prepared::from_stored(&key, &first).map(|again| again.key), Ok(key));
-        let later = stored.replacen("\"version\":2", "\"version\":3", 1);
-        let refused = Prepared::from_stored(&key, &later).map(drop);
+        let first = json!(prepared.asked()).to_string();
+        assert_eq!(Prepared::from_stored(key, &first).map(|again| again.key), Ok(*key));
+        let later = stored.replacen("\"version\":2", "\"version\":4", 1);
+        let refused = Prepared::from_stored(key, &later).map(drop);
         assert_eq!(refused, Err("it was stored by a newer version of fretwork".to_owned()));
     }
 }

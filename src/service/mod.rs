@@ -3,11 +3,13 @@
 
 mod evaluate;
 mod jobs;
+mod limits;
 mod places;
 mod results;
 mod short;
 mod stopwatch;
 mod submit;
+mod turns;
 mod waiting;
 pub mod workers;
 
@@ -21,7 +23,9 @@ use crate::job::Begin;
 use crate::store::{AuditEntry, Error, FileSizes, Store, Tally};
 
 pub use evaluate::{LARGEST_EVALUATION, LONGEST_EVALUATION, NotEvaluated};
+pub use limits::{Excess, WorkLimits};
 pub use submit::{Accepted, Refusal, Terms};
+pub use turns::{LONGEST_CALL, MAX_CALL, Unable};
 
 use places::Places;
 use short::ShortRuns;
@@ -40,8 +44,7 @@ struct Parts {
     evaluations: Places,
     /// The number of worker threads.
     workers: usize,
-    /// The time limit of a run.
-    run_limit: Option<Duration>,
+    limits: WorkLimits,
     /// True after the service has stopped accepting jobs.
     draining: watch::Sender<bool>,
 }
@@ -55,12 +58,11 @@ impl fmt::Debug for Service {
 impl Service {
     /// The service of a store, with a number of worker threads.
     #[must_use]
-    pub fn new(store: Store, begin: Begin, workers: usize, run_limit: Option<Duration>) -> Self {
+    pub fn new(store: Store, begin: Begin, workers: usize, limits: WorkLimits) -> Self {
         let short = ShortRuns::new(store.clone(), Arc::clone(&begin), workers);
         let evaluations = Places::new(workers);
         let (waiting, draining) = (Arc::default(), watch::Sender::new(false));
-        let parts =
-            Parts { store, begin, waiting, short, evaluations, workers, run_limit, draining };
+        let parts = Parts { store, begin, waiting, short, evaluations, workers, limits, draining };
         Self(Arc::new(parts))
     }
 
@@ -68,6 +70,12 @@ impl Service {
     #[must_use]
     pub fn store(&self) -> &Store {
         &self.0.store
+    }
+
+    /// What new runs and studies may take.
+    #[must_use]
+    pub fn limits(&self) -> WorkLimits {
+        self.0.limits
     }
 
     /// The number of worker threads.

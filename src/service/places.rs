@@ -4,7 +4,7 @@ use std::panic::{self, AssertUnwindSafe};
 use std::sync::Arc;
 use std::time::Duration;
 
-use tokio::sync::Semaphore;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::task;
 use tokio::time::timeout;
 
@@ -49,6 +49,36 @@ impl Places {
     ) -> Result<T, Unfinished> {
         let place = timeout(MAX_WAIT, Arc::clone(&self.0).acquire_owned()).await;
         let Ok(Ok(place)) = place else { return Err(Unfinished::NoPlace) };
+        Self::compute_at(place, inline, work).await
+    }
+
+    /// Computes turn by turn, until a turn has an outcome. Waits for a place before each turn, however long. Only the
+    /// first turn can run on the async thread.
+    ///
+    /// # Errors
+    /// A turn panics.
+    pub async fn compute_in_turns<T: Send + 'static>(
+        &self,
+        mut inline: bool,
+        mut turn: impl FnMut() -> Option<T> + Send + 'static,
+    ) -> Result<T, Unfinished> {
+        loop {
+            let place = Arc::clone(&self.0).acquire_owned().await;
+            let place = place.map_err(|_| Unfinished::NoPlace)?;
+            let work = move || (turn(), turn);
+            let (outcome, next) = Self::compute_at(place, inline, work).await?;
+            if let Some(outcome) = outcome {
+                return Ok(outcome);
+            }
+            (turn, inline) = (next, false);
+        }
+    }
+
+    async fn compute_at<T: Send + 'static>(
+        place: OwnedSemaphorePermit,
+        inline: bool,
+        work: impl FnOnce() -> T + Send + 'static,
+    ) -> Result<T, Unfinished> {
         let work = move || {
             let _place = place;
             work()
@@ -75,6 +105,18 @@ mod tests {
             drop(taken);
         });
         assert!(matches!(soon, Ok(2)));
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn others_compute_between_two_turns() {
+        let places = Places::new(1);
+        let mut turns = 0;
+        let long = places.compute_in_turns(true, move || {
+            turns += 1;
+            (turns == 3).then_some(turns)
+        });
+        let (long, short) = tokio::join!(long, places.compute(true, || 1));
+        assert!(matches!((long, short), (Ok(3), Ok(1))));
     }
 
     #[tokio::test]

@@ -5,8 +5,8 @@ use std::time::Duration;
 use serde_json::json;
 use sha2::{Digest as _, Sha256};
 
-use super::Service;
-use crate::job::{Answer, Job, JobId, JobState, Prepared, Submission, Task};
+use super::{Excess, Service};
+use crate::job::{Answer, Job, JobId, JobState, Prepared, Submission, asked_in};
 use crate::store::{Admission, Error, NewJob, Repeatable, Submitted};
 
 /// How a submission is treated.
@@ -51,14 +51,9 @@ pub enum Refusal {
     /// The submission accepts only a known result, and the result is not known.
     #[error("the result is not known")]
     NotCached,
-    /// The run would take longer than the limit.
-    #[error("the run would take {estimate:?}, and the limit is {limit:?}")]
-    TooExpensive {
-        /// Estimated processor time of the run.
-        estimate: Duration,
-        /// The time limit of a run.
-        limit: Duration,
-    },
+    /// The task would take more than a limit.
+    #[error("the task would take too much: {0:?}")]
+    TooExpensive(Excess),
     /// The queue is full.
     #[error("the queue is full: {queued} jobs are queued")]
     QueueFull {
@@ -83,13 +78,13 @@ impl Service {
             return Err(Refusal::Draining);
         }
         let Submission { prepared, submitted, label, tags } = submission;
-        let estimate = Duration::try_from_secs_f64(prepared.seconds).unwrap_or(Duration::MAX);
-        let too_long = self.0.run_limit.filter(|limit| estimate > *limit);
+        let excess = self.0.limits.refuse(&prepared);
         let new = NewJob {
             id: JobId::generate(),
             owner: terms.owner,
             key: prepared.key,
             task: prepared.stored.to_string(),
+            chunks: prepared.chunks(),
             submitted,
             priority: terms.priority,
             repeatable: terms.idempotency_key.map(|key| Repeatable {
@@ -101,7 +96,7 @@ impl Service {
             warnings: prepared.warnings(),
             submission_warnings: prepared.submission_warnings.clone(),
             afresh: terms.afresh,
-            admission: match too_long {
+            admission: match excess {
                 _ if terms.only_known => Admission::OnlyKnown,
                 Some(_) => Admission::NoNewRun,
                 None => Admission::NewRun,
@@ -125,10 +120,10 @@ impl Service {
             Submitted::IdempotencyConflict => return Err(Refusal::IdempotencyConflict),
             Submitted::Unknown => return Err(Refusal::NotCached),
             Submitted::NeedsRun => {
-                let Some(limit) = too_long else {
+                let Some(excess) = excess else {
                     unreachable!("only a task beyond the limit needs a run and gets none")
                 };
-                return Err(Refusal::TooExpensive { estimate, limit });
+                return Err(Refusal::TooExpensive(excess));
             }
             Submitted::QueueFull { queued } => {
                 let retry_after = self.retry_after();
@@ -146,8 +141,8 @@ impl Service {
     /// Submits to the store. The prepared task stays in memory for the worker that claims its run.
     async fn enqueue(&self, new: NewJob, prepared: Prepared) -> Result<Submitted, Error> {
         let (waiting, key) = (&self.0.waiting, prepared.key);
-        // First, because a worker may claim the run before this call returns.
-        let kept = waiting.keep(prepared);
+        // First, because a worker may claim the run before this call returns. The workers of a study keep it themselves.
+        let kept = new.chunks.is_none() && waiting.keep(prepared);
         let submitted = match self.0.store.submit(new).await {
             // The job exists already: a short run stored it, and was dropped before it returned the job.
             Err(Error::JobExists(id)) => {
@@ -175,7 +170,7 @@ impl Service {
 /// repetition is recognised after an update of the program too.
 #[expect(clippy::expect_used, reason = "a wrong digest would accept another submission")]
 fn fingerprint(prepared: &Prepared, label: Option<&str>, tags: &[String]) -> Vec<u8> {
-    let scenario = Task::scenario_in(&prepared.stored).expect("a prepared task has a scenario");
-    let version_1 = format!("{{\"scenario\":{scenario}}}");
+    let (kind, asked) = asked_in(&prepared.stored).expect("a prepared task asks for something");
+    let version_1 = format!("{{\"{}\":{asked}}}", kind.member());
     Sha256::digest(json!([version_1, label, tags]).to_string()).to_vec()
 }

@@ -3,19 +3,23 @@
 //! A computation uses a whole processor for seconds, so it must not run on the threads that answer requests.
 //! The threads read and change the tables only through the store.
 
+mod compute;
+
 use std::any::Any;
+use std::cell::RefCell;
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 use std::thread::{self, JoinHandle};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use tokio::runtime::Handle;
 use tokio::sync::{mpsc, watch};
 
-use super::stopwatch::Stopwatch;
-use crate::job::{Answer, Cost, FailureKind, Key, Step, Work};
+use super::WorkLimits;
+use crate::job::{Answer, Cost, FailureKind, Key, Work};
 use crate::store::{Claimed, Error, Finish, Store};
+use crate::study::Study;
 
 /// Begins the work of a run from its key and its stored task.
 pub type Compute = Arc<dyn Fn(&Key, &str) -> Result<Box<dyn Work>, String> + Send + Sync>;
@@ -52,7 +56,7 @@ pub struct Workers {
 }
 
 impl Workers {
-    /// Starts `count` threads. A run that takes longer than `limit` fails. Call this inside a tokio runtime,
+    /// Starts `count` threads. A run that takes longer than its limit fails. Call this inside a tokio runtime,
     /// on which the store runs.
     ///
     /// # Errors
@@ -61,18 +65,21 @@ impl Workers {
     pub fn start(
         store: &Store,
         count: usize,
-        limit: Option<Duration>,
+        limits: WorkLimits,
         compute: &Compute,
     ) -> io::Result<Self> {
         let (order, orders) = watch::channel(WorkerOrder::Work);
         let (living, alive) = mpsc::channel(1);
+        let assembling = Arc::default();
         let start = |number| {
             let mut worker = Worker {
                 store: store.clone(),
                 compute: Arc::clone(compute),
-                limit,
+                limits,
                 orders: orders.clone(),
                 runtime: Handle::current(),
+                studies: RefCell::default(),
+                assembling: Arc::clone(&assembling),
                 _living: living.clone(),
             };
             thread::Builder::new().name(format!("worker-{number}")).spawn(move || worker.run())
@@ -109,15 +116,26 @@ impl Drop for Workers {
 struct Worker {
     store: Store,
     compute: Compute,
-    limit: Option<Duration>,
+    limits: WorkLimits,
     orders: watch::Receiver<WorkerOrder>,
     runtime: Handle,
+    /// The studies whose chunks this thread computed last, the latest one at the end.
+    studies: RefCell<Vec<(Key, Arc<Study>)>>,
+    /// Held while a result is made from chunks, because a large one takes much memory.
+    assembling: Arc<Mutex<()>>,
     _living: mpsc::Sender<()>,
 }
 
-/// How a computation ended.
-enum RunEnd {
-    Done(Answer, Cost),
+/// What a worker has computed.
+enum Made {
+    /// The result.
+    Answer(Answer, Cost),
+    /// The rows of a chunk.
+    Rows(Vec<u8>, Cost),
+}
+
+/// Why a worker has computed nothing.
+enum NotMade {
     Failed(FailureKind, String),
     /// No job needs it any more.
     Unwanted,
@@ -136,7 +154,7 @@ impl Worker {
                 // This is unwind safe: after a panic, nothing that the closure has changed is used.
                 let outcome = catch_unwind(AssertUnwindSafe(|| self.compute(&claimed)))
                     .unwrap_or_else(|panic| {
-                        RunEnd::Failed(FailureKind::Panicked, message_of(&*panic))
+                        Err(NotMade::Failed(FailureKind::Panicked, message_of(&*panic)))
                     });
                 next = runtime.block_on(self.settle_and_claim(&claimed, &outcome));
             }
@@ -145,7 +163,11 @@ impl Worker {
 
     /// Stores the outcome and claims the next run at the same time, so that both share a commit. Returns `None`
     /// if the queue is empty.
-    async fn settle_and_claim(&self, claimed: &Claimed, outcome: &RunEnd) -> Option<Claimed> {
+    async fn settle_and_claim(
+        &self,
+        claimed: &Claimed,
+        outcome: &Result<Made, NotMade>,
+    ) -> Option<Claimed> {
         if self.order() != WorkerOrder::Work {
             self.settle(claimed, outcome).await;
             return None;
@@ -196,49 +218,9 @@ impl Worker {
         None
     }
 
-    fn compute(&self, claimed: &Claimed) -> RunEnd {
-        let watch = Stopwatch::start();
-        let mut work = match (self.compute)(&claimed.key, &claimed.task) {
-            Ok(work) => work,
-            Err(message) => return RunEnd::Failed(FailureKind::UnreadableTask, message),
-        };
-        let started = Instant::now();
-        let mut reported = started;
-        loop {
-            if claimed.stop.is_raised() {
-                return RunEnd::Unwanted;
-            }
-            if self.order() == WorkerOrder::Abandon {
-                return RunEnd::Interrupted;
-            }
-            let progress = match work.step() {
-                Step::Done(answer) => return RunEnd::Done(answer, watch.cost()),
-                Step::Working { progress } => progress,
-            };
-            if let Some(limit) = self.limit
-                && started.elapsed() > limit
-            {
-                let message = format!(
-                    "it took longer than the {} that this server allows",
-                    humantime::format_duration(limit)
-                );
-                return RunEnd::Failed(FailureKind::TimeLimit, message);
-            }
-            if reported.elapsed() >= REPORT {
-                reported = Instant::now();
-                match self.runtime.block_on(self.store.progress(claimed, progress)) {
-                    Ok(true) => {}
-                    Ok(false) => return RunEnd::Unwanted,
-                    // The computation continues: only the displayed progress is missing.
-                    Err(error) => tracing::debug!(%error, "cannot store the progress of a run"),
-                }
-            }
-        }
-    }
-
     /// Stores how a run ended. Tries again for as long as the disk is full or the database is busy, because a
     /// result must not be lost. After other errors the run fails, because it would block its thread.
-    async fn settle(&self, claimed: &Claimed, outcome: &RunEnd) {
+    async fn settle(&self, claimed: &Claimed, outcome: &Result<Made, NotMade>) {
         let mut pause = PAUSE.0;
         let mut refused = 0;
         while let Err(error) = self.store_outcome(claimed, outcome).await {
@@ -266,18 +248,23 @@ impl Worker {
         }
     }
 
-    async fn store_outcome(&self, claimed: &Claimed, outcome: &RunEnd) -> Result<(), Error> {
+    async fn store_outcome(
+        &self,
+        claimed: &Claimed,
+        outcome: &Result<Made, NotMade>,
+    ) -> Result<(), Error> {
         let accepted = match outcome {
-            RunEnd::Done(answer, cost) => {
+            Ok(Made::Answer(answer, cost)) => {
                 tracing::debug!("finished");
                 self.store.finish(claimed, answer, *cost).await? != Finish::Refused
             }
-            RunEnd::Failed(kind, message) => {
+            Ok(Made::Rows(rows, cost)) => self.store.finish_chunk(claimed, rows, *cost).await?,
+            Err(NotMade::Failed(kind, message)) => {
                 tracing::error!(%kind, message, "a run failed");
                 self.store.fail(claimed, *kind, message).await?
             }
-            RunEnd::Interrupted => self.store.release(claimed).await?,
-            RunEnd::Unwanted => false,
+            Err(NotMade::Interrupted) => self.store.release(claimed).await?,
+            Err(NotMade::Unwanted) => false,
         };
         if !accepted {
             // If the run is being canceled, this confirms it. Otherwise the worker has lost the run, and this

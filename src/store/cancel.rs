@@ -93,18 +93,20 @@ async fn cancel_one(id: JobId, by: &Actor, tx: &mut Transaction) -> Result<Cance
         .await?;
         tx.queue.leave(run, job.priority, job.id);
     } else {
-        // A run that is already canceling does not change until its worker stops.
-        sqlx::query(
-            "UPDATE run SET finished = iif(state = 'queued', ?2, NULL), changed = ?2,
-                 state = iif(state = 'queued', 'canceled', 'canceling')
-             WHERE id = ?1 AND state IN ('queued', 'running')",
+        // A run that is already canceling does not change until its worker stops. A study ends at once: its workers stop, and
+        // what they compute meanwhile is refused.
+        let state: Option<String> = sqlx::query_scalar(
+            "UPDATE run SET finished = iif(state = 'queued' OR ?3, ?2, NULL), changed = ?2,
+                 state = iif(state = 'queued' OR ?3, 'canceled', 'canceling')
+             WHERE id = ?1 AND state IN ('queued', 'running') RETURNING state",
         )
         .bind(run.0)
         .bind(tx.now)
-        .execute(&mut tx.db)
+        .bind(tx.queue.is_study(run))
+        .fetch_optional(&mut tx.db)
         .await?;
-        tx.queue.remove(run);
-        if job.state == JobState::Queued {
+        if state.as_deref() == Some(JobState::Canceled.as_str()) {
+            tx.queue.end(run);
             tx.effects.push(Effect::Settled(Ending::Canceled, None));
         }
         tx.effects.push(Effect::Unwanted(run));

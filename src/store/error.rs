@@ -87,6 +87,14 @@ pub enum Error {
     /// The checksum of a result is wrong.
     #[error("the stored result {0} is damaged")]
     DamagedResult(Key),
+    /// The checksum of a chunk of a study is wrong.
+    #[error("the stored chunk {number} of the study {key} is damaged; submit the study again")]
+    DamagedChunk {
+        /// The key of the study.
+        key: Key,
+        /// The number of the chunk.
+        number: u32,
+    },
     /// Any other error of the database.
     #[error("the database failed")]
     Database(#[source] Arc<sqlx::Error>),

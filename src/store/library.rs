@@ -7,7 +7,7 @@ use sqlx::{Row, SqliteConnection};
 use super::audit::Actor;
 use super::keep::{self, Changed, Editor, Removed};
 use super::{Error, Store, row};
-use crate::job::{ENGINE, JobId, Key, Task};
+use crate::job::{Canonical, ENGINE, JobId, Key};
 
 /// What a user wrote about a result.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -155,9 +155,9 @@ impl Program {
 /// What the database knows about a key. The body of the result may have been evicted.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Known {
-    /// The canonical scenario.
-    pub scenario: Value,
-    /// The regime and the last entry of the history.
+    /// What it was computed from.
+    pub asked: Canonical,
+    /// The short form that a job shows.
     pub summary: Value,
     /// The `numerics` version of the engine; 0 if unknown.
     pub numerics: u32,
@@ -205,12 +205,9 @@ pub(super) async fn provenance(
     }))
 }
 
-/// The `numerics` version for which a scenario has this key; 0 if there is none.
-fn numerics_of(key: &Key, scenario: &Value) -> u32 {
-    (1..=ENGINE.numerics)
-        .rev()
-        .find(|numerics| Key::of_scenario(*numerics, scenario) == *key)
-        .unwrap_or(0)
+/// The `numerics` version for which a task has this key; 0 if there is none.
+fn numerics_of(key: &Key, asked: &Canonical) -> u32 {
+    (1..=ENGINE.numerics).rev().find(|numerics| asked.key(*numerics) == *key).unwrap_or(0)
 }
 
 impl Store {
@@ -251,15 +248,14 @@ impl Store {
         });
         let Some(row) = row.await? else { return Ok(None) };
         let damaged = || Error::DamagedResult(*key);
-        let scenario = Task::scenario_in(row.try_get("task")?).ok_or_else(damaged)?;
-        let scenario: Value = row::json(scenario.get()).map_err(|_| damaged())?;
+        let asked = Canonical::in_stored(row.try_get("task")?).ok_or_else(damaged)?;
         let numerics = match row.try_get("numerics")? {
             Some(numerics) => numerics,
-            None => numerics_of(key, &scenario),
+            None => numerics_of(key, &asked),
         };
         let summary = row::json(row.try_get("summary")?).map_err(|_| damaged())?;
         let held = row.try_get("held")?;
-        Ok(Some(Known { scenario, summary, numerics, held }))
+        Ok(Some(Known { asked, summary, numerics, held }))
     }
 }
 

@@ -7,6 +7,7 @@
 //!
 //! ```text
 //! job ──▶ run ──▶ result ── result_blob
+//!          └─ study ── chunk
 //! ```
 //!
 //! A job without a run found its result, or was stored together with it.
@@ -14,6 +15,9 @@
 //! A run is live while it is queued or running. A key has at most one live run, and a submission of the
 //! key joins it. If the last job of a running run is canceled, the run is `canceling` until its worker
 //! stops. It is no longer live, so a later submission does not join it.
+//!
+//! A study is a run whose work is divided into chunks. Workers claim and finish its chunks one by one; the last piece
+//! assembles the result from them.
 
 #![expect(
     clippy::missing_errors_doc,
@@ -24,6 +28,8 @@ mod administration;
 mod audit;
 mod body;
 mod cancel;
+mod chunks;
+mod claimed;
 mod error;
 mod keep;
 mod keys;
@@ -59,6 +65,7 @@ pub use administration::Administration;
 pub use audit::{Act, Actor, AuditEntry};
 pub use body::Body;
 pub use cancel::{Canceled, Deleted};
+pub use claimed::{Claimed, Piece};
 pub use error::Error;
 pub use keep::{Answered, Changed, Editor, Finish, Removed};
 pub use keys::{AccessKey, NewKey, Role, digest};
@@ -67,7 +74,7 @@ pub use moving::{Exported, Imported, Moving, Saved, backup, export, import, note
 pub use open::{FileSizes, Options};
 pub use read::{Asked, Filter, LARGE, Page, StoredResult};
 pub use row::RunId;
-pub use runs::{Claimed, Recovered};
+pub use runs::Recovered;
 pub use search::{Cursor, Found, Listed, Search};
 pub use signals::{Changes, Stop};
 pub use submit::{Admission, NewJob, Repeatable, Submitted};

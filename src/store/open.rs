@@ -25,10 +25,10 @@ use super::upkeep::{AgeClock, Upkeep};
 use super::writer::Writer;
 use super::{Error, Store};
 use crate::job::clock::now;
-use crate::job::{ENGINE, Task};
+use crate::job::{Canonical, ENGINE};
 
 /// The changes of the schema: version, name and SQL.
-const CHANGES: [(i64, &str, &str); 11] = [
+const CHANGES: [(i64, &str, &str); 13] = [
     (1, "jobs", include_str!("../../migrations/sqlite/0001_jobs.sql")),
     (2, "years of service", include_str!("../../migrations/sqlite/0002_years_of_service.sql")),
     (3, "access keys", include_str!("../../migrations/sqlite/0003_access_keys.sql")),
@@ -40,6 +40,8 @@ const CHANGES: [(i64, &str, &str); 11] = [
     (9, "audit", include_str!("../../migrations/sqlite/0009_audit.sql")),
     (10, "commits", include_str!("../../migrations/sqlite/0010_commits.sql")),
     (11, "trust", include_str!("../../migrations/sqlite/0011_trust.sql")),
+    (12, "kinds", include_str!("../../migrations/sqlite/0012_kinds.sql")),
+    (13, "chunks", include_str!("../../migrations/sqlite/0013_chunks.sql")),
 ];
 
 /// All migrations. The macros of sqlx would embed the directory, but they compile SQLite a second time.
@@ -172,7 +174,7 @@ async fn prepare(dir: &Path, options: SqliteConnectOptions) -> Result<SqliteConn
 }
 
 /// Gives the unfinished runs of an earlier `numerics` version, and their jobs, the keys of this version. Their results
-/// are computed by this version.
+/// are computed by this version. Chunks of studies are computed again, because a result has digits of one version only.
 async fn rekey(db: &mut SqliteConnection) -> Result<(), Error> {
     let mut tx = db.begin_with("BEGIN IMMEDIATE").await?;
     let numerics: u32 = sqlx::query_scalar("SELECT numerics FROM room").fetch_one(&mut *tx).await?;
@@ -185,10 +187,12 @@ async fn rekey(db: &mut SqliteConnection) -> Result<(), Error> {
             .await?;
     for (run, task) in runs {
         // A run whose task cannot be read fails when a worker claims it.
-        let Some(key) = Task::key_of(&task) else { continue };
+        let Some(key) = Canonical::key_of(&task) else { continue };
         sqlx::query(
-            "UPDATE run SET key = $2 WHERE id = $1;
-             UPDATE job SET key = $2 WHERE run = $1 AND finished IS NULL",
+            "UPDATE run SET key = $2, progress = 0 WHERE id = $1;
+             UPDATE job SET key = $2 WHERE run = $1 AND finished IS NULL;
+             UPDATE study SET wall = 0, cpu = 0 WHERE run = $1;
+             DELETE FROM chunk WHERE run = $1",
         )
         .bind(run)
         .bind(key.bytes().as_slice())

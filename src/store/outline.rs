@@ -8,7 +8,7 @@ use sqlx::{AssertSqlSafe, Row, Sqlite, SqliteConnection};
 use super::body::Body;
 use super::error::Error;
 use super::row::{json, key};
-use crate::job::{Document, Key, Outline, SCALARS, Task, WORDS};
+use crate::job::{Document, Key, Outline, SCALARS, TaskKind, WORDS, asked_in};
 
 /// The names of the words and numbers, in the order of an [`Outline`].
 pub(super) fn names() -> impl Iterator<Item = &'static str> {
@@ -51,12 +51,14 @@ pub(super) async fn complete(db: &mut SqliteConnection) -> Result<(), Error> {
     while let Some(row) = sqlx::query(NEXT).fetch_optional(&mut *db).await? {
         let key = key(&row, "key")?;
         let outline = if let Some(document) = document(db, key).await? {
-            document.outline()
+            document.outline
         } else {
-            let scenario = Task::scenario_in(row.try_get("task")?);
+            let asked = asked_in(row.try_get("task")?);
+            let kind = asked.map(|(kind, _)| kind.word());
+            let scenario = asked.filter(|(kind, _)| *kind == TaskKind::Run).map(|(_, text)| text);
             // Without a readable summary, search still finds the result by its inputs.
             let summary: Value = json(row.try_get("summary")?).unwrap_or(Value::Null);
-            Outline::of(&json!({"scenario": scenario, "summary": summary}))
+            Outline::of(&json!({"kind": kind, "scenario": scenario, "summary": summary}))
         };
         let query = sqlx::query(AssertSqlSafe(insert.clone())).bind(key.bytes().as_slice());
         bind(query, &outline).execute(&mut *db).await?;

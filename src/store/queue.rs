@@ -1,10 +1,12 @@
-//! The queued runs by owner, in the memory of the writer task. It decides which run is claimed next.
+//! The runs that wait for workers, by owner, in the memory of the writer task. It decides which run is claimed next.
 //!
-//! The next owner is the one with the fewest running runs; among equals, the one that was served longest
-//! ago. A new owner comes directly before the one that was served last. So an owner that submits one job
-//! after another gets no more turns than an owner whose jobs wait. Within an owner, the more urgent job
-//! comes first, then the older one. The queued jobs of one owner are its lane. A run that several owners
-//! share is in the lane of each.
+//! The next owner is the one with the fewest running parts, which are runs or pieces of studies; among equals, the one that was
+//! served longest ago. A new owner comes directly before the one that was served last. So an owner that submits one job
+//! after another gets no more turns than an owner whose jobs wait. The waiting jobs of one owner are its lane. Within it, the
+//! more urgent job comes first, then a job that is no study, then the older one. A run that several owners share is in the
+//! lane of each.
+//!
+//! A study stays in its lanes as long as it has a piece that a worker can claim. So other owners need not wait for its end.
 //!
 //! The tables are authoritative. The queue is read from them at the start and after each failed transaction.
 
@@ -13,21 +15,23 @@ use std::collections::{BTreeMap, HashMap};
 use sqlx::SqliteConnection;
 
 use super::error::Error;
-use super::row::{RunId, job_id};
+use super::row::{Part, RunId, job_id};
 use crate::job::JobId;
 
-/// The position of a job in the lane of its owner: its priority, then its id, which gives its age.
-type Place = (u8, JobId);
+/// The position of a job in the lane of its owner: its priority, whether it is a study, then its id, which gives its age.
+type Place = (u8, bool, JobId);
 
 #[derive(Debug, Default)]
 pub(super) struct Queue {
     lanes: HashMap<String, Lane>,
-    /// The positions of each queued run: one for each of its jobs.
+    /// The positions of each queued run and of each unfinished study: one for each of its jobs.
     places: HashMap<RunId, BTreeMap<Place, String>>,
-    /// The owner in whose turn each running run was claimed.
-    working: HashMap<RunId, String>,
+    /// The unfinished studies.
+    studies: HashMap<RunId, Study>,
+    /// The owner in whose turn each running part was claimed.
+    working: HashMap<Part, String>,
     turns: u64,
-    /// The number of queued jobs.
+    /// The number of waiting jobs.
     jobs: usize,
 }
 
@@ -39,24 +43,62 @@ struct Lane {
     served: u64,
 }
 
+/// How many pieces of a study are in which state.
+#[derive(Debug)]
+struct Study {
+    chunks: u32,
+    /// The first piece that was never claimed.
+    next: u32,
+    /// Pieces that were claimed, and are queued again.
+    queued: u32,
+    running: u32,
+}
+
+impl Study {
+    /// Whether a worker can claim a piece. The last piece, the assembly, waits for all others.
+    fn is_ready(&self) -> bool {
+        self.next < self.chunks
+            || self.queued > 0
+            || (self.next == self.chunks && self.running == 0)
+    }
+}
+
 impl Queue {
     /// Reads the queued and running runs.
     pub(super) async fn load(db: &mut SqliteConnection) -> Result<Self, Error> {
         let mut queue = Self::default();
-        // The index has only unfinished runs; the table grows for ever.
-        let rows: Vec<(i64, String)> = sqlx::query_as(
-            "SELECT id, owner FROM run INDEXED BY run_unfinished
-             WHERE finished IS NULL AND state IN ('running', 'canceling')",
+        let studies: Vec<(i64, u32, u32, u32, u32)> = sqlx::query_as(
+            "SELECT run, chunks,
+                 coalesce((SELECT max(number) + 1 FROM chunk WHERE chunk.run = study.run), 0),
+                 (SELECT count(*) FROM chunk
+                  WHERE chunk.run = study.run AND state = 'queued' AND state <> 'done'),
+                 (SELECT count(*) FROM chunk
+                  WHERE chunk.run = study.run AND state = 'running' AND state <> 'done')
+             FROM study WHERE run IN (SELECT id FROM run WHERE finished IS NULL)",
         )
         .fetch_all(&mut *db)
         .await?;
-        for (run, owner) in rows {
-            queue.begin(RunId(run), owner);
+        for (run, chunks, next, queued, running) in studies {
+            queue.studies.insert(RunId(run), Study { chunks, next, queued, running });
+        }
+        // The index has only unfinished runs; the table grows for ever.
+        let rows: Vec<(i64, Option<u32>, String)> = sqlx::query_as(
+            "SELECT run.id, number, owner FROM run INDEXED BY run_unfinished
+             LEFT JOIN study ON study.run = run.id
+             LEFT JOIN chunk ON chunk.run = run.id AND chunk.state = 'running' AND chunk.state <> 'done'
+             WHERE finished IS NULL AND run.state IN ('running', 'canceling')
+                 AND (study.run IS NULL OR number IS NOT NULL)",
+        )
+        .fetch_all(&mut *db)
+        .await?;
+        for (run, number, owner) in rows {
+            queue.begin((RunId(run), number), owner);
         }
         let rows: Vec<(i64, String, u8, Vec<u8>)> = sqlx::query_as(
             "SELECT run.id, job.owner, job.priority, job.id
              FROM run INDEXED BY run_unfinished JOIN job ON job.run = run.id
-             WHERE run.finished IS NULL AND run.state = 'queued' AND job.finished IS NULL",
+             WHERE run.finished IS NULL AND job.finished IS NULL
+                 AND (run.state = 'queued' OR run.id IN (SELECT run FROM study))",
         )
         .fetch_all(db)
         .await?;
@@ -66,80 +108,165 @@ impl Queue {
         Ok(queue)
     }
 
-    /// The number of queued runs.
+    /// The number of queued runs. A study is queued until its first piece is claimed.
     pub(super) fn len(&self) -> usize {
-        self.places.len()
+        self.places.len() - self.studies.values().filter(|study| study.next > 0).count()
     }
 
-    /// The number of running runs.
+    /// The number of running parts.
     pub(super) fn working(&self) -> usize {
         self.working.len()
     }
 
-    /// The number of queued jobs.
+    /// The number of jobs that wait for a worker.
     pub(super) fn jobs(&self) -> usize {
         self.jobs
     }
 
-    /// The number of queued jobs of an owner.
+    /// The number of jobs of an owner that wait for a worker.
     pub(super) fn waiting_of(&self, owner: &str) -> usize {
         self.lanes.get(owner).map_or(0, |lane| lane.waiting.len())
     }
 
-    /// Adds a job that waits for a queued run.
-    pub(super) fn add(&mut self, run: RunId, owner: &str, priority: u8, job: JobId) {
-        let place = (priority, job);
-        if self.lane(owner).waiting.insert(place, run).is_none() {
-            self.jobs += 1;
-        }
-        self.places.entry(run).or_default().insert(place, owner.to_owned());
+    /// Whether an unfinished run is a study.
+    pub(super) fn is_study(&self, run: RunId) -> bool {
+        self.studies.contains_key(&run)
     }
 
-    /// Removes a job. Its run stays queued for other jobs, if there are any.
+    /// Adds a new study. Its jobs must follow.
+    pub(super) fn add_study(&mut self, run: RunId, chunks: u32) {
+        self.studies.insert(run, Study { chunks, next: 0, queued: 0, running: 0 });
+    }
+
+    /// Adds a job that waits for a queued run or a study.
+    pub(super) fn add(&mut self, run: RunId, owner: &str, priority: u8, job: JobId) {
+        let study = self.studies.get(&run);
+        let (place, is_ready) =
+            ((priority, study.is_some(), job), study.is_none_or(Study::is_ready));
+        self.places.entry(run).or_default().insert(place, owner.to_owned());
+        if is_ready {
+            self.occupy(owner, place, run);
+        }
+    }
+
+    /// Removes a job. Its run stays for other jobs, if there are any.
     pub(super) fn leave(&mut self, run: RunId, priority: u8, job: JobId) {
-        let place = (priority, job);
+        let place = (priority, self.is_study(run), job);
         let Some(places) = self.places.get_mut(&run) else { return };
         let owner = places.remove(&place);
         if places.is_empty() {
             self.places.remove(&run);
         }
         if let Some(owner) = owner {
-            self.vacate(&owner, place);
+            self.vacate(&owner, place, run);
         }
     }
 
-    /// Removes a run with all its jobs.
-    pub(super) fn remove(&mut self, run: RunId) {
-        for (place, owner) in self.places.remove(&run).unwrap_or_default() {
-            self.vacate(&owner, place);
-        }
-    }
-
-    /// Takes the next run, which is running from now on.
-    pub(super) fn take(&mut self) -> Option<RunId> {
+    /// The next run, and the owner whose turn it is.
+    pub(super) fn next(&self) -> Option<(RunId, String)> {
         let waiting = self.lanes.iter().filter_map(|(owner, lane)| {
-            let ((_, oldest), run) = lane.waiting.first_key_value()?;
+            let ((.., oldest), run) = lane.waiting.first_key_value()?;
             Some(((lane.working, lane.served, *oldest), owner, *run))
         });
         let (_, owner, run) = waiting.min_by_key(|(turn, ..)| *turn)?;
-        let owner = owner.clone();
-        self.turns += 1;
-        self.lane(&owner).served = self.turns;
-        self.begin(run, owner);
-        self.remove(run);
-        Some(run)
+        Some((run, owner.clone()))
     }
 
-    /// Ends a running run.
+    /// Takes the next run, or the piece of it with this number, which is running from now on.
+    pub(super) fn take(&mut self, part: Part, owner: String) {
+        self.turns += 1;
+        self.lane(&owner).served = self.turns;
+        self.begin(part, owner);
+        let (run, number) = part;
+        match number {
+            None => self.remove(run),
+            Some(number) => {
+                self.start(run);
+                self.change(run, |study| {
+                    if number == study.next {
+                        study.next += 1;
+                    } else {
+                        study.queued -= 1;
+                    }
+                    study.running += 1;
+                });
+            }
+        }
+    }
+
+    /// The jobs of a study do not count as waiting any more when its first piece is claimed.
+    fn start(&mut self, run: RunId) {
+        if self.is_waiting(run) {
+            self.jobs -= self.places.get(&run).map_or(0, BTreeMap::len);
+        }
+    }
+
+    /// Whether no worker has claimed a run, or a piece of it.
+    fn is_waiting(&self, run: RunId) -> bool {
+        self.studies.get(&run).is_none_or(|study| study.next == 0)
+    }
+
+    /// Ends a running chunk.
+    pub(super) fn done(&mut self, run: RunId, number: u32) {
+        self.rest((run, Some(number)));
+        self.change(run, |study| study.running -= 1);
+    }
+
+    /// Queues a running piece again.
+    pub(super) fn release(&mut self, run: RunId, number: u32) {
+        self.rest((run, Some(number)));
+        self.change(run, |study| {
+            study.running -= 1;
+            study.queued += 1;
+        });
+    }
+
+    /// Removes a run with all its jobs and parts.
     pub(super) fn end(&mut self, run: RunId) {
-        let Some(owner) = self.working.remove(&run) else { return };
+        self.remove(run);
+        self.studies.remove(&run);
+        let running = self.working.keys().filter(|(other, _)| *other == run);
+        for part in running.copied().collect::<Vec<_>>() {
+            self.rest(part);
+        }
+    }
+
+    /// Removes all jobs of a run.
+    fn remove(&mut self, run: RunId) {
+        for (place, owner) in self.places.remove(&run).unwrap_or_default() {
+            self.vacate(&owner, place, run);
+        }
+    }
+
+    fn begin(&mut self, part: Part, owner: String) {
+        self.lane(&owner).working += 1;
+        self.working.insert(part, owner);
+    }
+
+    fn rest(&mut self, part: Part) {
+        let Some(owner) = self.working.remove(&part) else { return };
         self.lane(&owner).working -= 1;
         self.tidy(&owner);
     }
 
-    fn begin(&mut self, run: RunId, owner: String) {
-        self.lane(&owner).working += 1;
-        self.working.insert(run, owner);
+    /// Changes the counts of a study. Its jobs are in their lanes while it has a piece for a worker.
+    fn change(&mut self, run: RunId, change: impl FnOnce(&mut Study)) {
+        let Some(study) = self.studies.get_mut(&run) else { return };
+        let was_ready = study.is_ready();
+        change(study);
+        let is_ready = study.is_ready();
+        if is_ready == was_ready {
+            return;
+        }
+        let Some(places) = self.places.remove(&run) else { return };
+        for (place, owner) in &places {
+            if is_ready {
+                self.occupy(owner, *place, run);
+            } else {
+                self.vacate(owner, *place, run);
+            }
+        }
+        self.places.insert(run, places);
     }
 
     fn lane(&mut self, owner: &str) -> &mut Lane {
@@ -148,16 +275,25 @@ impl Queue {
         self.lanes.entry(owner.to_owned()).or_insert_with(new)
     }
 
-    fn vacate(&mut self, owner: &str, place: Place) {
+    fn occupy(&mut self, owner: &str, place: Place, run: RunId) {
+        let is_new = self.lane(owner).waiting.insert(place, run).is_none();
+        if is_new && self.is_waiting(run) {
+            self.jobs += 1;
+        }
+    }
+
+    fn vacate(&mut self, owner: &str, place: Place, run: RunId) {
+        let is_waiting = self.is_waiting(run);
         if let Some(lane) = self.lanes.get_mut(owner)
             && lane.waiting.remove(&place).is_some()
+            && is_waiting
         {
             self.jobs -= 1;
         }
         self.tidy(owner);
     }
 
-    /// Removes the lane of an owner without queued and running runs.
+    /// Removes the lane of an owner without waiting jobs and running parts.
     fn tidy(&mut self, owner: &str) {
         if self.lanes.get(owner).is_some_and(|lane| lane.working == 0 && lane.waiting.is_empty()) {
             self.lanes.remove(owner);
@@ -181,13 +317,34 @@ mod tests {
         (queue, ids)
     }
 
+    /// Takes the next run, or the next piece of a study that was never claimed.
+    fn take(queue: &mut Queue) -> Option<Part> {
+        let (run, owner) = queue.next()?;
+        let part = (run, queue.studies.get(&run).map(|study| study.next));
+        queue.take(part, owner);
+        Some(part)
+    }
+
+    /// Takes and ends one run or piece after another. Returns the numbers of their runs.
     fn turns(queue: &mut Queue) -> Vec<i64> {
         std::iter::from_fn(|| {
-            let run = queue.take()?;
-            queue.end(run);
+            let (run, number) = take(queue)?;
+            match (number, queue.studies.get(&run)) {
+                (Some(number), Some(study)) if number < study.chunks => queue.done(run, number),
+                _ => queue.end(run),
+            }
             Some(run.0)
         })
         .collect()
+    }
+
+    fn is_empty(queue: &Queue) -> bool {
+        let Queue { lanes, places, studies, working, turns: _, jobs } = queue;
+        lanes.is_empty()
+            && places.is_empty()
+            && studies.is_empty()
+            && working.is_empty()
+            && *jobs == 0
     }
 
     #[test]
@@ -195,7 +352,7 @@ mod tests {
         let (mut queue, _) =
             queue(&[("ada", 1, 3), ("ada", 2, 3), ("ada", 3, 3), ("bob", 4, 3), ("eve", 5, 3)]);
         assert_eq!(turns(&mut queue), [1, 4, 5, 2, 3]);
-        assert!(queue.lanes.is_empty() && queue.places.is_empty() && queue.working.is_empty());
+        assert!(is_empty(&queue));
     }
 
     #[test]
@@ -211,7 +368,7 @@ mod tests {
                     queue.add(RunId(first + number), owner, 3, JobId::generate());
                 }
             }
-            let run = queue.take().unwrap();
+            let (run, _) = take(&mut queue).unwrap();
             *turns.entry(run.0 / 1000).or_insert(0) += 1;
             queue.end(run);
         }
@@ -221,12 +378,12 @@ mod tests {
     #[test]
     fn the_owner_with_fewer_running_runs_comes_first() {
         let (mut queue, _) = queue(&[("ada", 1, 3), ("ada", 2, 3), ("ada", 3, 3)]);
-        assert_eq!(queue.take(), Some(RunId(1)));
+        assert_eq!(take(&mut queue), Some((RunId(1), None)));
         queue.add(RunId(4), "bob", 3, JobId::generate());
         queue.add(RunId(5), "bob", 3, JobId::generate());
-        assert_eq!(queue.take(), Some(RunId(4)), "bob has no running run");
+        assert_eq!(take(&mut queue), Some((RunId(4), None)), "bob has no running run");
         queue.end(RunId(1));
-        assert_eq!(queue.take(), Some(RunId(2)), "ada has none now");
+        assert_eq!(take(&mut queue), Some((RunId(2), None)), "ada has none now");
     }
 
     #[test]
@@ -251,5 +408,74 @@ mod tests {
         queue.leave(RunId(1), 3, ids[0]);
         assert_eq!((queue.len(), queue.waiting_of("ada")), (1, 0));
         assert_eq!(turns(&mut queue), [2]);
+    }
+
+    #[test]
+    fn the_pieces_of_a_study_take_turns_with_the_runs_of_other_owners() {
+        let mut queue = Queue::default();
+        queue.add_study(RunId(1), 3);
+        queue.add(RunId(1), "ada", 3, JobId::generate());
+        for run in [2, 3] {
+            queue.add(RunId(run), "bob", 3, JobId::generate());
+        }
+        assert_eq!(turns(&mut queue), [1, 2, 1, 3, 1, 1], "three chunks and the assembly");
+        assert!(is_empty(&queue));
+    }
+
+    #[test]
+    fn an_owners_runs_pass_the_studies_of_the_same_owner_that_are_not_more_urgent() {
+        let mut queue = Queue::default();
+        for (study, priority) in [(1, 3), (2, 2)] {
+            queue.add_study(RunId(study), 1);
+            queue.add(RunId(study), "ada", priority, JobId::generate());
+        }
+        queue.add(RunId(3), "ada", 3, JobId::generate());
+        assert_eq!(turns(&mut queue), [2, 2, 3, 1, 1]);
+    }
+
+    #[test]
+    fn a_study_waits_only_while_it_has_a_piece_for_a_worker() {
+        let mut queue = Queue::default();
+        let (study, job) = (RunId(1), JobId::generate());
+        queue.add_study(study, 2);
+        queue.add(study, "ada", 3, job);
+        assert_eq!((queue.len(), queue.jobs()), (1, 1));
+        for number in 0..2 {
+            assert_eq!(take(&mut queue), Some((study, Some(number))));
+            assert_eq!(queue.len(), 0, "it is running");
+        }
+        assert_eq!((take(&mut queue), queue.working(), queue.jobs()), (None, 2, 0));
+        // A job that joins now waits for the remaining pieces, too.
+        queue.add(study, "bob", 3, JobId::generate());
+        assert_eq!(queue.jobs(), 0);
+        queue.release(study, 0);
+        assert_eq!((queue.waiting_of("ada"), queue.waiting_of("bob")), (1, 1));
+        queue.leave(study, 3, job);
+        // Jobs of a study that was begun do not fill the queue.
+        assert_eq!((queue.waiting_of("ada"), queue.waiting_of("bob"), queue.jobs()), (0, 1, 0));
+        assert_eq!(queue.next(), Some((study, "bob".into())));
+        queue.take((study, Some(0)), "bob".into());
+        queue.done(study, 1);
+        assert_eq!(take(&mut queue), None, "the assembly waits for all chunks");
+        queue.done(study, 0);
+        assert_eq!(take(&mut queue), Some((study, Some(2))));
+        queue.end(study);
+        assert!(is_empty(&queue));
+    }
+
+    #[test]
+    fn the_end_of_a_study_ends_all_its_pieces() {
+        let mut queue = Queue::default();
+        queue.add_study(RunId(1), 9);
+        queue.add(RunId(1), "ada", 3, JobId::generate());
+        queue.add(RunId(2), "bob", 3, JobId::generate());
+        for _ in 0..3 {
+            take(&mut queue);
+        }
+        queue.end(RunId(1));
+        assert_eq!(queue.working(), 1);
+        queue.done(RunId(1), 0);
+        queue.end(RunId(2));
+        assert!(is_empty(&queue));
     }
 }

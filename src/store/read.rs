@@ -3,7 +3,6 @@
 use std::pin::pin;
 use std::time::Duration;
 
-use serde_json::Value;
 use sqlx::sqlite::SqliteRow;
 use sqlx::{QueryBuilder, Row, Sqlite, SqliteExecutor};
 
@@ -12,7 +11,7 @@ use super::readers::Readers;
 use super::row::{Sum, changes, job_id, json, key, optional_word, word};
 use super::{Error, Store, upkeep};
 use crate::job::clock::now;
-use crate::job::{Failure, FailureKind, Job, JobId, JobState, Key, Task};
+use crate::job::{Canonical, Failure, FailureKind, Job, JobId, JobState, Key};
 
 /// Conditions on the jobs of a list; `None` is no condition.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -51,8 +50,8 @@ pub enum StoredResult {
         at: i64,
         /// Who deleted it; `None` if it was evicted to free space.
         deleted_by: Option<String>,
-        /// The scenario of the result.
-        scenario: Value,
+        /// What the result was computed from; `None` if that is not known any more.
+        asked: Option<Canonical>,
     },
 }
 
@@ -353,10 +352,9 @@ pub(super) async fn result(
     let Some(row) = row else { return Ok(None) };
     let found = if let Some(at) = row.try_get("evicted")? {
         let task: Option<&str> = row.try_get("task")?;
-        let scenario =
-            task.map_or(Some(Value::Null), |task| json(Task::scenario_in(task)?.get()).ok());
-        let scenario = scenario.ok_or(Error::DamagedResult(*key))?;
-        StoredResult::Evicted { at, deleted_by: row.try_get("deleted_by")?, scenario }
+        let damaged = Error::DamagedResult(*key);
+        let asked = task.map(|task| Canonical::in_stored(task).ok_or(damaged)).transpose()?;
+        StoredResult::Evicted { at, deleted_by: row.try_get("deleted_by")?, asked }
     } else if let size @ 0.. = row.try_get::<i64, _>("size")?
         && size > most
     {

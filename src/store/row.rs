@@ -12,6 +12,9 @@ use crate::job::{Change, JobId, Key};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct RunId(pub(super) i64);
 
+/// What one worker computes: a run, or the piece of a study with this number.
+pub(super) type Part = (RunId, Option<u32>);
+
 /// Reads a word that stands for a variant of an enum.
 pub(super) fn word<T>(row: &SqliteRow, column: &str) -> Result<T, sqlx::Error>
 where

@@ -2,12 +2,15 @@
 //!
 //! Each change names the run and the attempt. So a worker that has lost its run changes nothing.
 
+use std::borrow::Cow;
 use std::sync::{Arc, LazyLock};
 
 use sqlx::query::Query;
 use sqlx::sqlite::{SqliteArguments, SqliteRow};
 use sqlx::{AssertSqlSafe, Row, Sqlite};
 
+use super::chunks;
+use super::claimed::{Claim, Claimed, Piece};
 use super::keep::{Answered, Finish, Kept, Reason, Source, keeping};
 use super::queue::Queue;
 use super::row::{RunId, job_id, key};
@@ -17,27 +20,10 @@ use super::transaction::Transaction;
 use super::{Error, Store};
 use crate::job::{Answer, Cost, FailureKind, Key};
 
-/// A run that a worker has claimed.
-#[derive(Debug, Clone)]
-pub struct Claimed {
-    /// Its id.
-    pub run: RunId,
-    /// The number of this attempt, from 1.
-    pub attempt: u32,
-    /// The key of the result.
-    pub key: Key,
-    /// What to compute, in its stored form.
-    pub task: String,
-    /// The request that submitted it, for the log.
-    pub trace: Option<String>,
-    /// Tells the worker that no job needs the result any more.
-    pub stop: Stop,
-}
-
 /// How many unfinished runs of the last process were found at the start.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Recovered {
-    /// Running runs that are queued again.
+    /// Running runs, and running pieces of studies, that are queued again.
     pub requeued: u64,
     /// Running runs that were lost too often and have failed.
     pub failed: u64,
@@ -45,54 +31,60 @@ pub struct Recovered {
     pub canceled: u64,
 }
 
-/// A run fails after the process has died this often while computing it.
+/// A run fails after the process has died this often while computing it, or while computing the same piece of it.
 const MAX_LOST: u32 = 3;
 
 impl Store {
-    /// Claims the next queued run.
+    /// Claims the next queued run, or a piece of a study.
     ///
-    /// The caller must end it by [`finish`](Self::finish), [`fail`](Self::fail),
+    /// The caller must end it by [`finish`](Self::finish), [`finish_chunk`](Self::finish_chunk), [`fail`](Self::fail),
     /// [`stopped`](Self::stopped) or [`release`](Self::release). Otherwise it stays claimed until the next
     /// start of the server.
     pub async fn claim(&self) -> Result<Option<Claimed>, Error> {
         self.write(claim, ()).await
     }
 
-    /// Stores the progress of a run, in 0…1. Returns false if the worker has lost the run.
+    /// Stores the progress of a whole run, in 0…1; that of a study follows from its chunks. Returns false if the worker has
+    /// lost what it computes.
     pub async fn progress(&self, claimed: &Claimed, share: f64) -> Result<bool, Error> {
-        self.write(progress, (claimed.run, claimed.attempt, share)).await
+        self.write(progress, (claimed.claim(), share)).await
     }
 
-    /// Stores the result of a run, and the cost of this attempt.
+    /// Stores the result of a run or of an assembly, and the cost of this attempt and of the chunks.
+    ///
+    /// # Panics
+    /// The worker has claimed a chunk, which has no result.
     pub async fn finish(
         &self,
         claimed: &Claimed,
         answer: &Answer,
         cost: Cost,
     ) -> Result<Finish, Error> {
-        let answer = Answered::new(answer, Some(cost));
+        assert!(!matches!(claimed.piece, Piece::Chunk { .. }), "a chunk has no result");
+        let answer = Answered::new(answer, Some(claimed.spent + cost));
         self.write(finish, Finished { claimed: claimed.clone(), answer }).await
     }
 
-    /// Ends a run by a failure. Returns false if the worker has lost the run.
+    /// Ends a run by a failure, and stops the workers that compute other pieces of it. Returns false if the worker has lost what
+    /// it computes.
     pub async fn fail(
         &self,
         claimed: &Claimed,
         kind: FailureKind,
         message: &str,
     ) -> Result<bool, Error> {
-        self.write(fail, (claimed.run, claimed.attempt, kind, message.to_owned())).await
+        self.write(fail, (claimed.claim(), kind, message.to_owned())).await
     }
 
     /// Confirms that the worker has stopped a run that is being canceled. Returns false if the run is not
-    /// being canceled.
+    /// being canceled. A study never is: it is canceled at once.
     pub async fn stopped(&self, claimed: &Claimed) -> Result<bool, Error> {
         self.write(stopped, (claimed.run, claimed.attempt)).await
     }
 
-    /// Queues a running run again. It does not count as lost. Returns false if the worker has lost the run.
+    /// Queues a running run, or piece of a study, again. It does not count as lost. Returns false if the worker has lost it.
     pub async fn release(&self, claimed: &Claimed) -> Result<bool, Error> {
-        self.write(release, (claimed.run, claimed.attempt)).await
+        self.write(release, claimed.claim()).await
     }
 
     /// Ends or queues all runs that the last process left unfinished. Call it before the first claim: it
@@ -103,7 +95,18 @@ impl Store {
 }
 
 async fn claim((): &(), tx: &mut Transaction) -> Result<Option<Claimed>, Error> {
-    let Some(run) = tx.queue.take() else { return Ok(None) };
+    let Some((run, owner)) = tx.queue.next() else { return Ok(None) };
+    let claimed = if tx.queue.is_study(run) {
+        chunks::claim(run, tx).await?
+    } else {
+        claim_whole(run, tx).await?
+    };
+    tx.queue.take(claimed.part(), owner);
+    tx.effects.push(Effect::Started(claimed.part(), claimed.stop.clone()));
+    Ok(Some(claimed))
+}
+
+async fn claim_whole(run: RunId, tx: &mut Transaction) -> Result<Claimed, Error> {
     let row = sqlx::query(
         "UPDATE run SET state = 'running', attempt = attempt + 1, progress = 0, started = ?2,
              changed = ?2
@@ -117,19 +120,19 @@ async fn claim((): &(), tx: &mut Transaction) -> Result<Option<Claimed>, Error> 
         run,
         attempt: row.try_get("attempt")?,
         key: key(&row, "key")?,
-        task: row.try_get("task")?,
+        piece: Piece::Whole { task: row.try_get("task")? },
+        spent: Cost::ZERO,
         trace: row.try_get("trace")?,
         stop: Stop::default(),
     };
-    tx.effects.push(Effect::Started(run, claimed.stop.clone()));
     tx.effects.push(Effect::Changed(claimed.key));
-    Ok(Some(claimed))
+    Ok(claimed)
 }
 
-async fn progress(
-    (run, attempt, share): &(RunId, u32, f64),
-    tx: &mut Transaction,
-) -> Result<bool, Error> {
+async fn progress((claim, share): &(Claim, f64), tx: &mut Transaction) -> Result<bool, Error> {
+    let Claim { part: (run, None), attempt } = *claim else {
+        return Ok(claim.attempt_of_run(tx).await?.is_some());
+    };
     let row = sqlx::query(
         "UPDATE run SET progress = ?3 WHERE id = ?1 AND attempt = ?2 AND state = 'running'
          RETURNING key",
@@ -156,10 +159,20 @@ async fn finish(
     tx: &mut Transaction,
 ) -> Result<Finish, Error> {
     static FINISH: LazyLock<Arc<str>> = LazyLock::new(|| keeping(Reason::Run, 2));
-    let Claimed { run, attempt, key, ref task, ref trace, .. } = *claimed;
+    let Claimed { run, key, ref piece, ref trace, .. } = *claimed;
+    let Some(attempt) = claimed.claim().attempt_of_run(tx).await? else {
+        return Ok(Finish::Refused);
+    };
+    let task = match piece {
+        Piece::Whole { task } => Cow::Borrowed(task),
+        Piece::Chunk { .. } | Piece::Assembly { .. } => {
+            let task = sqlx::query_scalar("SELECT task FROM run WHERE id = ?1").bind(run.0);
+            Cow::Owned(task.fetch_one(&mut tx.db).await?)
+        }
+    };
     let (owner, job, warnings) = (None, None, None);
     let (trace, program, now) = (trace.as_deref(), Some(tx.program), tx.now);
-    let source = Source { key, attempt, task, owner, job, warnings, trace, program, now };
+    let source = Source { key, attempt, task: &task, owner, job, warnings, trace, program, now };
     let query = sqlx::query(AssertSqlSafe(Arc::clone(&FINISH))).bind(run.0);
     let rows = answer.bind(query, &source).fetch_all(&mut tx.db).await?;
     let kept = Kept::read(&rows)?;
@@ -171,15 +184,17 @@ async fn finish(
 }
 
 async fn fail(
-    (run, attempt, kind, message): &(RunId, u32, FailureKind, String),
+    (claim, kind, message): &(Claim, FailureKind, String),
     tx: &mut Transaction,
 ) -> Result<bool, Error> {
+    let (run, _) = claim.part;
+    let Some(attempt) = claim.attempt_of_run(tx).await? else { return Ok(false) };
     let update = sqlx::query(
         "UPDATE run SET state = 'failed', finished = ?5, changed = ?5, error_kind = ?1, error = ?2
          WHERE id = ?3 AND attempt = ?4 AND state = 'running' RETURNING key, started",
     );
     let update = update.bind(kind.as_str()).bind(message);
-    Ok(end(tx, update, *run, *attempt, Ending::Failed).await?.is_some())
+    Ok(end(tx, update, run, attempt, Ending::Failed).await?.is_some())
 }
 
 async fn stopped((run, attempt): &(RunId, u32), tx: &mut Transaction) -> Result<bool, Error> {
@@ -190,13 +205,17 @@ async fn stopped((run, attempt): &(RunId, u32), tx: &mut Transaction) -> Result<
     Ok(end(tx, update, *run, *attempt, Ending::Canceled).await?.is_some())
 }
 
-async fn release((run, attempt): &(RunId, u32), tx: &mut Transaction) -> Result<bool, Error> {
+async fn release(claim: &Claim, tx: &mut Transaction) -> Result<bool, Error> {
+    let Claim { part: (run, number), attempt } = *claim;
+    if let Some(number) = number {
+        return chunks::release(run, number, attempt, tx).await;
+    }
     // `started` is null after the update, and a released run does not count in the durations.
     let update = sqlx::query(
         "UPDATE run SET state = 'queued', progress = 0, started = NULL, changed = ?3
          WHERE id = ?1 AND attempt = ?2 AND state = 'running' RETURNING key, started",
     );
-    if end(tx, update, *run, *attempt, Ending::Released).await?.is_none() {
+    if end(tx, update, run, attempt, Ending::Released).await?.is_none() {
         return Ok(false);
     }
     let jobs: Vec<(String, u8, Vec<u8>)> =
@@ -205,7 +224,7 @@ async fn release((run, attempt): &(RunId, u32), tx: &mut Transaction) -> Result<
             .fetch_all(&mut tx.db)
             .await?;
     for (owner, priority, id) in jobs {
-        tx.queue.add(*run, &owner, priority, job_id(&id)?);
+        tx.queue.add(run, &owner, priority, job_id(&id)?);
     }
     tx.effects.push(Effect::Queued);
     Ok(true)
@@ -222,7 +241,10 @@ async fn recover((): &(), tx: &mut Transaction) -> Result<Recovered, Error> {
     let failed = sqlx::query(
         "UPDATE run SET state = 'failed', lost = lost + 1, finished = ?1, changed = ?1,
              error_kind = ?2, error = ?3
-         WHERE state = 'running' AND finished IS NULL AND lost + 1 >= ?4 RETURNING key",
+         WHERE state = 'running' AND finished IS NULL AND (EXISTS (
+             SELECT 1 FROM chunk WHERE chunk.run = run.id AND chunk.state = 'running'
+                 AND chunk.state <> 'done' AND (chunk.lost + 1 >= ?4 OR run.lost + 1 >= ?4)
+         ) OR lost + 1 >= ?4 AND id NOT IN (SELECT run FROM study)) RETURNING key",
     )
     .bind(tx.now)
     .bind(FailureKind::WorkerLost.as_str())
@@ -233,13 +255,15 @@ async fn recover((): &(), tx: &mut Transaction) -> Result<Recovered, Error> {
     let requeued = sqlx::query(
         "UPDATE run SET state = 'queued', lost = lost + 1, progress = 0, started = NULL,
              changed = ?1
-         WHERE state = 'running' AND finished IS NULL RETURNING key",
+         WHERE state = 'running' AND finished IS NULL AND id NOT IN (SELECT run FROM study)
+         RETURNING key",
     )
     .bind(tx.now)
     .fetch_all(&mut tx.db)
     .await?;
+    let pieces = chunks::recover(tx).await?;
     let counts = Recovered {
-        requeued: requeued.len() as u64,
+        requeued: requeued.len() as u64 + pieces,
         failed: failed.len() as u64,
         canceled: canceled.len() as u64,
     };
@@ -274,8 +298,10 @@ async fn end(
 
 /// Signals the end of a run.
 fn ended(tx: &mut Transaction, run: RunId, key: Key, started: Option<i64>, ending: Ending) {
+    // A study may have waited for a long time between its pieces.
+    let started = started.filter(|_| !tx.queue.is_study(run));
     tx.queue.end(run);
-    tx.effects.push(Effect::LetGo(run));
+    tx.effects.push(Effect::Unwanted(run));
     tx.effects.push(Effect::Ended(key));
     tx.effects.push(Effect::Settled(ending, started.map(|started| tx.now - started)));
 }

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use tokio::sync::watch;
 
-use super::row::RunId;
+use super::row::{Part, RunId};
 use super::tally::{Ending, Tally};
 use crate::job::clock::now;
 use crate::job::{Key, Origin, Recomputed};
@@ -19,14 +19,14 @@ pub(super) enum Effect {
     Changed(Key),
     /// A job or run of this key has changed, and may have ended.
     Ended(Key),
-    /// A run can be claimed.
+    /// A run or a piece of a study can be claimed.
     Queued,
-    /// A worker has claimed this run. The flag stops it.
-    Started(RunId, Stop),
-    /// No job needs this running run any more.
+    /// A worker has claimed this part. The flag stops it.
+    Started(Part, Stop),
+    /// No worker needs to compute this run any more.
     Unwanted(RunId),
-    /// No worker computes this run any more.
-    LetGo(RunId),
+    /// No worker computes this part any more.
+    LetGo(Part),
     /// A job was accepted.
     Submitted(Origin),
     /// A run ended, and how many milliseconds it took.
@@ -39,7 +39,7 @@ pub(super) enum Effect {
     Evicted,
 }
 
-/// A flag that tells the worker of a run that no job needs its result any more.
+/// A flag that tells a worker that its run has ended or that no job needs its result any more.
 #[derive(Debug, Clone, Default)]
 pub struct Stop(Arc<AtomicBool>);
 
@@ -67,7 +67,7 @@ pub(super) struct Signals {
 struct Tables {
     /// Each channel counts the ended jobs and runs of its key, and signals every change.
     listeners: HashMap<Key, watch::Sender<u64>>,
-    running: HashMap<RunId, Stop>,
+    running: HashMap<Part, Stop>,
     /// The time at which each result was last read. An entry is removed when its time is stored.
     read: HashMap<Key, i64>,
 }
@@ -105,16 +105,20 @@ impl Signals {
                 Effect::Queued => {
                     self.queue.send_modify(|_| {});
                 }
-                Effect::Started(run, stop) => {
-                    tables.running.insert(run, stop);
+                Effect::Started(part, stop) => {
+                    tables.running.insert(part, stop);
                 }
                 Effect::Unwanted(run) => {
-                    if let Some(stop) = tables.running.get(&run) {
-                        stop.raise();
-                    }
+                    tables.running.retain(|(other, _), stop| {
+                        let is_wanted = *other != run;
+                        if !is_wanted {
+                            stop.raise();
+                        }
+                        is_wanted
+                    });
                 }
-                Effect::LetGo(run) => {
-                    tables.running.remove(&run);
+                Effect::LetGo(part) => {
+                    tables.running.remove(&part);
                 }
                 Effect::Submitted(origin) => self.tally.submitted(origin),
                 Effect::Settled(how, milliseconds) => self.tally.settled(how, milliseconds),
@@ -229,16 +233,24 @@ mod tests {
     }
 
     #[test]
-    fn only_the_stop_flag_of_the_latest_claim_is_raised() {
+    fn the_stop_flags_of_the_latest_claims_of_a_run_are_raised() {
         let signals = Arc::new(Signals::default());
-        let (first, second) = (Stop::default(), Stop::default());
+        let flags: [Stop; 5] = Default::default();
+        let [lost, first, second, done, other] = &flags;
+        let started =
+            |run, number, stop: &Stop| Effect::Started((RunId(run), number), stop.clone());
         signals.apply(vec![
-            Effect::Started(RunId(1), first.clone()),
-            Effect::Started(RunId(1), second.clone()),
+            started(1, Some(0), lost),
+            started(1, Some(0), first),
+            started(1, Some(1), second),
+            started(1, Some(2), done),
+            started(2, None, other),
+            Effect::LetGo((RunId(1), Some(2))),
             Effect::Unwanted(RunId(1)),
-            Effect::LetGo(RunId(1)),
         ]);
-        assert!(!first.is_raised() && second.is_raised());
+        let raised = flags.each_ref().map(Stop::is_raised);
+        assert_eq!(raised, [false, true, true, false, false]);
+        signals.apply(vec![Effect::LetGo((RunId(2), None))]);
         assert!(signals.tables().running.is_empty());
     }
 }

@@ -1,6 +1,7 @@
 //! Submissions: they find a known result, join a live run, or queue a new run. For some submissions the answer
 //! is already computed.
 
+use std::num::NonZeroU32;
 use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 
@@ -29,6 +30,8 @@ pub struct NewJob {
     pub key: Key,
     /// What to compute, in its stored form.
     pub task: String,
+    /// The number of chunks into which the work is divided, so that workers share it; `None` if one worker computes all.
+    pub chunks: Option<NonZeroU32>,
     /// The scenario as the client wrote it, in JSON.
     pub submitted: Option<String>,
     /// Its priority among the jobs of its owner: 0 is the most urgent, 7 the least.
@@ -186,6 +189,17 @@ impl EncodedJob {
     async fn insert(&self, tx: &mut Transaction) -> Result<Submitted, Error> {
         let query = self.bind(sqlx::query(AssertSqlSafe(Arc::clone(&SUBMIT))), tx.now, None);
         let rows = query.fetch_all(&mut tx.db).await.map_err(|error| self.refused(error))?;
+        if let (Some(chunks), Some(row)) = (self.job.chunks, rows.first())
+            && word::<Origin>(row, "origin")? == Origin::Computed
+        {
+            let (run, chunks): (i64, u32) = (row.try_get("run")?, chunks.get());
+            sqlx::query("INSERT INTO study (run, chunks) VALUES (?1, ?2)")
+                .bind(run)
+                .bind(chunks)
+                .execute(&mut tx.db)
+                .await?;
+            tx.queue.add_study(RunId(run), chunks);
+        }
         self.submitted(tx, &rows)
     }
 
@@ -233,7 +247,8 @@ impl EncodedJob {
         let Some(row) = rows.first() else { return Ok(Submitted::NeedsRun) };
         let (origin, state) = (word(row, "origin")?, word(row, "state")?);
         let run = row.try_get::<Option<i64>, _>("run")?.map(RunId);
-        if let Some(run) = run.filter(|_| state == JobState::Queued) {
+        // A study has pieces for workers while it is running, too.
+        if let Some(run) = run.filter(|run| state == JobState::Queued || tx.queue.is_study(*run)) {
             tx.queue.add(run, &new.owner, new.priority, new.id);
             tx.effects.push(Effect::Queued);
         }

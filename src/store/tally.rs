@@ -94,7 +94,8 @@ impl Tally {
         let help = "Results that were evicted to free space";
         registry.register("results_evicted", help, self.evicted.clone());
         registry.register("queued_runs", "Runs that wait for a worker", self.queued.clone());
-        registry.register("running_runs", "Runs that workers compute", self.working.clone());
+        let help = "Runs and chunks of studies that workers compute";
+        registry.register("running_runs", help, self.working.clone());
         let (seconds, bytes) = (self.seconds.clone(), self.bytes.clone());
         registry.register_with_unit("run_duration", "Duration of a run", Unit::Seconds, seconds);
         registry.register_with_unit("results", "Size of the stored results", Unit::Bytes, bytes);
@@ -106,7 +107,7 @@ impl Tally {
         self.queued.get().unsigned_abs()
     }
 
-    /// Runs that workers compute.
+    /// Runs and chunks of studies that workers compute.
     #[must_use]
     pub fn running(&self) -> u64 {
         self.working.get().unsigned_abs()
@@ -144,7 +145,7 @@ impl Tally {
         let kind = match error {
             Error::Full(_) => "full",
             Error::Busy(_) => "busy",
-            Error::Damaged(_) | Error::DamagedResult(_) => "damaged",
+            Error::Damaged(_) | Error::DamagedResult(_) | Error::DamagedChunk { .. } => "damaged",
             Error::Closed | Error::JobExists(_) => return,
             _ => "other",
         };

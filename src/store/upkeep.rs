@@ -1,6 +1,6 @@
 //! Maintenance that keeps the database small and fast over years.
 //!
-//! The writer task stores when results were last read, deletes old jobs, and makes room when the database exceeds its
+//! The writer task stores when results were last read, deletes old jobs and chunks of studies that have ended, and makes room when the database exceeds its
 //! budget: it deletes the finished jobs, results and scenarios of evicted results that were used longest ago.
 //! It works in small transactions between other writes. If one of them fails, for example on a damaged page, the
 //! others still run.
@@ -22,6 +22,8 @@ const IDLE: Duration = Duration::from_secs(1);
 const OFTEN: Duration = Duration::from_mins(1);
 /// Jobs deleted in one transaction, which takes a few milliseconds.
 const JOBS: u32 = 100;
+/// Chunks deleted in one transaction. Each has some ten kilobytes.
+const CHUNKS: u32 = 32;
 /// How long the scenario of an evicted result is kept at most: one year in milliseconds.
 const KEEP_EVICTED: i64 = 365 * 24 * 3600 * 1000;
 /// Rows that one transaction deletes to make room: twice as many as one transaction adds.
@@ -208,6 +210,29 @@ pub(super) async fn delete_unnamed(tx: &mut Transaction, run: i64) -> Result<(),
     Ok(())
 }
 
+/// Deletes some chunks of a study that has ended. Returns whether there may be more to delete.
+pub(super) async fn delete_chunks((): &(), tx: &mut Transaction) -> Result<bool, Error> {
+    let ended: Option<i64> = sqlx::query_scalar(
+        "SELECT study.run FROM study LEFT JOIN run ON run.id = study.run
+         WHERE run.id IS NULL OR run.finished IS NOT NULL LIMIT 1",
+    )
+    .fetch_optional(&mut tx.db)
+    .await?;
+    let Some(run) = ended else { return Ok(false) };
+    let deleted = sqlx::query(
+        "DELETE FROM chunk WHERE rowid IN (SELECT rowid FROM chunk WHERE run = ?1 LIMIT ?2)",
+    )
+    .bind(run)
+    .bind(CHUNKS)
+    .execute(&mut tx.db)
+    .await?;
+    if deleted.rows_affected() < u64::from(CHUNKS) {
+        let delete = sqlx::query("DELETE FROM study WHERE run = ?1");
+        delete.bind(run).execute(&mut tx.db).await?;
+    }
+    Ok(true)
+}
+
 /// Deletes the scenarios of results that were evicted more than a year before this time and have no jobs.
 pub(super) async fn forget_evicted(time: &i64, tx: &mut Transaction) -> Result<(), Error> {
     // Among the oldest 1000 only, so that many results with jobs do not slow every round. Younger results without
@@ -235,7 +260,7 @@ pub(super) struct Room {
 }
 
 /// Deletes what was used longest ago until the database is within its budget, but not more than this number of rows.
-/// Pinned results and unfinished jobs stay.
+/// Pinned results, unfinished jobs and chunks of unfinished studies stay.
 ///
 /// With `leave_bodies` it deletes no body, because pages of one are damaged and cannot be freed.
 pub(super) async fn make_room(

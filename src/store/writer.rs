@@ -281,6 +281,7 @@ impl Writer {
             }
             None => false,
         };
+        let chunks = self.chore(upkeep::delete_chunks, ()).await.unwrap_or(false);
         let _ = self.chore(upkeep::forget_evicted, time).await;
         let exceeds = match self.upkeep.budget {
             Some(budget) => self.make_room(budget).await,
@@ -290,7 +291,7 @@ impl Writer {
             self.signals.tally.room_is(bytes);
         }
         let spare = self.give_back().await;
-        let more = many || old || exceeds || spare;
+        let more = many || old || chunks || exceeds || spare;
         self.upkeep.did(more);
         if idle && !more {
             self.shrink().await;

@@ -3,16 +3,15 @@
 use deserr::{Deserr, IntoValue as _, ValuePointerRef};
 use fretwork_engine::case::{Case, Method};
 use fretwork_engine::outcome::{History, Loops, Preview, Profiles, UNITS};
-use fretwork_engine::request::fault::{Fault, Faults};
+use fretwork_engine::request::fault::Faults;
 use fretwork_engine::request::fields::Given;
-use fretwork_engine::request::instants::Cycles;
 use fretwork_engine::scenario::{self, Warning};
 use fretwork_engine::simulation::{Advance, Simulation};
 use serde::{Serialize, Serializer};
 use serde_json::Value;
 
 use super::output::{NoValue, Output, OutputName};
-use crate::job::{BadBody, Distinct, estimated_seconds, json};
+use crate::json::{self, BadBody, Distinct};
 
 /// Most outputs of an evaluation.
 const MAX_OUTPUTS: usize = 100;
@@ -112,7 +111,7 @@ impl Evaluation {
     /// Estimated processor time, in seconds.
     #[must_use]
     pub fn seconds(&self) -> f64 {
-        if self.needs_run() { estimated_seconds(&self.case) } else { 0.0 }
+        if self.needs_run() { self.case.seconds() } else { 0.0 }
     }
 
     /// Estimated size of the answer, in bytes.
@@ -196,23 +195,12 @@ impl Envelope {
         Ok(self)
     }
 
-    /// The outputs and the parts. The outputs are empty if `cycles` of the scenario has faults, because then the whole
-    /// body is refused.
+    /// The outputs and the parts.
     fn resolve(self, scenario: &Value) -> Result<(Vec<Output>, Vec<Part>), Faults> {
-        let parts = self.parts.0.map_or_else(Vec::new, |parts| parts.0);
-        let cycles = scenario.get("cycles").cloned().unwrap_or_default();
-        let cycles = Cycles::deserialize_from_value(cycles.into_value(), ValuePointerRef::Origin);
-        let (Some(Distinct(names)), Ok(cycles)) = (self.outputs.0, cycles) else {
-            return Ok((Vec::new(), parts));
-        };
-        let (mut outputs, mut faults) = (Vec::new(), Vec::new());
-        for (place, name) in names.into_iter().enumerate() {
-            match name.among(&cycles) {
-                Ok(output) => outputs.push(output),
-                Err(detail) => faults.push(Fault { pointer: format!("/outputs/{place}"), detail }),
-            }
-        }
-        if faults.is_empty() { Ok((outputs, parts)) } else { Err(Faults(faults)) }
+        let names = self.outputs.0.map_or_else(Vec::new, |outputs| outputs.0);
+        let outputs =
+            OutputName::all_among(names, scenario).map_err(|faults| faults.below("/outputs"))?;
+        Ok((outputs, self.parts.0.map_or_else(Vec::new, |parts| parts.0)))
     }
 }
 

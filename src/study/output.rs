@@ -17,7 +17,7 @@ use fretwork_engine::case::Case;
 use fretwork_engine::outcome::{
     ContactScales, History, LimitState, Outcome, Preview, UNITS, Unworn,
 };
-use fretwork_engine::request::fault::{Faults, unknown};
+use fretwork_engine::request::fault::{Fault, Faults, unknown};
 use fretwork_engine::request::instants::{Cycles, Measure};
 use fretwork_engine::request::quantity::{self, Dimension};
 use fretwork_engine::solver::events::EventKind;
@@ -26,6 +26,10 @@ use fretwork_engine::solver::events::EventKind;
 const AT: char = '@';
 /// Number of output cycles that an error text lists.
 const LISTED: usize = 12;
+/// Relative error of what is computed in closed form: that of the sums over springs.
+const CLOSED: f64 = 1e-9;
+/// The columns that the closed form of the rule takes from a mesh.
+const ON_MESH: [&str; 3] = ["wear_volume", "wear_depth", "scar_radius"];
 
 /// A scalar of a result, at any output cycle.
 #[derive(Debug, Clone, Copy)]
@@ -155,6 +159,28 @@ impl OutputName {
         let row = cycle.map(|start| row_of(&text[start..], cycles)).transpose()?;
         Ok(Output { name: text, quantity, row })
     }
+
+    /// The outputs of a scenario with these names. None if `cycles` of the scenario has faults: then the scenario is
+    /// refused.
+    ///
+    /// # Errors
+    /// The faults of the names, with pointers such as `/0`.
+    pub fn all_among(
+        names: Vec<Self>,
+        scenario: &serde_json::Value,
+    ) -> Result<Vec<Output>, Faults> {
+        let cycles = scenario.get("cycles").cloned().unwrap_or_default();
+        let cycles = Cycles::deserialize_from_value(cycles.into_value(), ValuePointerRef::Origin);
+        let Ok(cycles): Result<_, Faults> = cycles else { return Ok(Vec::new()) };
+        let (mut outputs, mut faults) = (Vec::new(), Vec::new());
+        for (place, name) in names.into_iter().enumerate() {
+            match name.among(&cycles) {
+                Ok(output) => outputs.push(output),
+                Err(detail) => faults.push(Fault { pointer: format!("/{place}"), detail }),
+            }
+        }
+        if faults.is_empty() { Ok(outputs) } else { Err(Faults(faults)) }
+    }
 }
 
 impl PartialEq for OutputName {
@@ -257,6 +283,20 @@ impl Output {
             }
             Source::Contact(member) => member.value(scales, unworn, limit.as_ref()),
         }
+    }
+
+    /// Whether the value has a closed form, apart from quadratures and roots.
+    #[must_use]
+    pub fn is_closed(&self, case: &Case) -> bool {
+        !self.needs_run() || case.is_closed() && !ON_MESH.contains(&self.quantity.name)
+    }
+
+    /// The relative error that the value can have. For the columns of a run in time steps, and for those on a mesh, it is
+    /// the stated error of the wear volume.
+    #[must_use]
+    pub fn accuracy(&self, case: &Case, outcome: Option<&Outcome>) -> f64 {
+        let stated = outcome.and_then(|outcome| outcome.accuracy.numerical_error);
+        stated.filter(|_| !self.is_closed(case)).unwrap_or(CLOSED).max(CLOSED)
     }
 
     /// The value that is known without a run.

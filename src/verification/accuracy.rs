@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use super::known::run;
 use super::page::digits;
-use super::random::Random;
+use crate::random::Random;
 use fretwork_engine::outcome::{Outcome, Preview};
 use fretwork_engine::scenario;
 use fretwork_engine::solver::events::EventKind;

@@ -13,7 +13,6 @@ mod literature;
 mod numerics;
 mod page;
 mod problem;
-pub mod random;
 mod rule;
 mod table;
 

@@ -157,17 +157,18 @@ def told(outcomes):
 
 
 def held(sources=None):
-    """The connections that the server holds, from all or these addresses: how many bytes wait for each client."""
+    """The connections that the server holds, from all or these addresses, by the address and port of the client. Tells how
+    many bytes wait for each client."""
     own = {struct.unpack("=I", socket.inet_aton(source))[0] for source in sources or ()}
-    found = []
+    found = {}
     with open("/proc/net/tcp", encoding="ascii") as table:
         for line in itertools.islice(table, 1, None):
             _, local, remote, state, queues, _, _, _, _, inode, *_ = line.split()
             # A connection that the server has not accepted yet has no inode.
             accepted = state == "01" and inode != "0"
-            own_source = sources is None or int(remote[:8], 16) in own
-            if accepted and own_source and int(local[9:], 16) == target.port:
-                found.append(int(queues.split(":")[0], 16))
+            source, port = (int(part, 16) for part in remote.split(":"))
+            if accepted and (sources is None or source in own) and int(local[9:], 16) == target.port:
+                found[socket.inet_ntoa(struct.pack("=I", source)), port] = int(queues.split(":")[0], 16)
     return found
 
 

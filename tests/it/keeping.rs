@@ -286,9 +286,9 @@ async fn the_least_recently_read_result_is_evicted_unless_it_is_pinned() {
         assert!(!is_evicted(store, kept).await || kept == 1, "{kept}");
     }
     match store.result(&key(2)).await.unwrap() {
-        Some(StoredResult::Evicted { at, scenario, .. }) => {
+        Some(StoredResult::Evicted { at, asked, .. }) => {
             assert!(at > 0);
-            assert_eq!(scenario, json!({"number": 2, "exactly": 0.1}));
+            assert_eq!(asked.unwrap().value, json!({"number": 2, "exactly": 0.1}));
         }
         other => panic!("{other:?}"),
     }

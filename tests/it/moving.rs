@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use fretwork::job::{JobState, Key, Task};
+use fretwork::service::WorkLimits;
 use fretwork::service::workers::Workers;
 use fretwork::store::{
     Administration, Error, Filter, Imported, Moving, NewKey, Options, Role, Search, Store, backup,
@@ -21,7 +22,7 @@ use crate::program::{fails, run};
 use crate::server::{JSON, Server, assert_yields, ball, yielding_ball};
 use crate::store::{new_job, open, raw};
 
-fn quiet(_: usize, _: usize) {}
+pub fn quiet(_: usize, _: usize) {}
 
 /// The SHA-256 of a body in hexadecimal.
 pub fn sha256(body: impl AsRef<[u8]>) -> String {
@@ -39,19 +40,19 @@ async fn computed(server: &Server, amplitudes: &[f64]) -> Vec<String> {
 }
 
 /// Exports all results; returns how many.
-async fn export_all(server: &Server, file: &Path) -> u64 {
+pub async fn export_all(server: &Server, file: &Path) -> u64 {
     let all = Search::default();
     export(server.dir.path(), file, &all, &[], quiet).await.unwrap().results
 }
 
-async fn open_file(file: &Path) -> SqliteConnection {
+pub async fn open_file(file: &Path) -> SqliteConnection {
     SqliteConnection::connect_with(&SqliteConnectOptions::new().filename(file).foreign_keys(false))
         .await
         .unwrap()
 }
 
 /// Replaces the body of a result in an export, and its digest.
-async fn replace_body(db: &mut SqliteConnection, key: &str, body: &str) {
+pub async fn replace_body(db: &mut SqliteConnection, key: &str, body: &str) {
     for sql in [
         "UPDATE bodies SET body = ?2 WHERE key = ?1 AND ?3 = ?3",
         "UPDATE results SET sha256 = ?3 WHERE key = ?1 AND ?2 = ?2",
@@ -61,7 +62,7 @@ async fn replace_body(db: &mut SqliteConnection, key: &str, body: &str) {
     }
 }
 
-fn assert_refused(done: &Imported, key: &str, words: &str) {
+pub fn assert_refused(done: &Imported, key: &str, words: &str) {
     let why = done.refused.iter().find(|(refused, _)| refused == key);
     assert!(why.is_some_and(|(_, why)| why.contains(words)), "{words}: {:?}", done.refused);
 }
@@ -628,7 +629,7 @@ async fn a_backup_under_load_contains_every_acknowledged_job() {
     let workers = Workers::start(
         &store,
         1,
-        None,
+        WorkLimits::default(),
         &(Arc::new(|key: &Key, task: &str| Task::start(key, task, None)) as _),
     )
     .unwrap();

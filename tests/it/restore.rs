@@ -5,14 +5,16 @@ use std::os::unix::fs::FileExt as _;
 use std::path::Path;
 use std::process::Output;
 
-use fretwork::store::{Moving, backup, restore};
+use fretwork::job::Cost;
+use fretwork::store::{Moving, Piece, backup, restore};
 use sqlx::{Connection as _, Executor as _};
 use tempfile::TempDir;
 
+use crate::chunks::study;
 use crate::faults::mounting;
 use crate::keeping::{compute, write_first_version};
 use crate::program::{fails, run};
-use crate::store::{body, crash, fresh, key, open, raw};
+use crate::store::{accepted, body, claim, crash, fresh, key, open, raw};
 use crate::upgrade;
 
 fn text(path: &Path) -> &str {
@@ -131,6 +133,10 @@ async fn a_damaged_result_is_left_out_and_named_and_the_rest_is_restored() {
             compute(&store, number, 20_000).await;
         }
         let sound = body(&store, 2).await;
+        // A study with one finished chunk.
+        accepted(store.submit(study(9, 2)).await);
+        let first = claim(&store).await;
+        assert!(store.finish_chunk(&first, b"1,2", Cost::ZERO).await.unwrap());
         store.close().await;
         damage(dir.path(), a_link).await;
         let target = TempDir::new().unwrap();
@@ -152,6 +158,9 @@ async fn a_damaged_result_is_left_out_and_named_and_the_rest_is_restored() {
         assert!(store.known(&key(1)).await.unwrap().is_some(), "its scenario is kept");
         compute(&store, 1, 20_000).await;
         assert!(!body(&store, 1).await.is_empty());
+        // A database that cannot be copied as a whole is copied without chunks.
+        let next = Piece::Chunk { number: u32::from(!a_link), of: 2 };
+        assert_eq!(claim(&store).await.piece, next);
         store.close().await;
         // The backup has no damage any more.
         let (saved, _) = restore(&target.path().join("again"), &file, false).await.unwrap();

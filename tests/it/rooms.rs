@@ -22,7 +22,18 @@ struct Layout {
 const SERVICE: Layout = Layout {
     dir: "src",
     root: "lib",
-    rooms: &["plot", "verification", "job", "study", "format", "store", "service", "http"],
+    rooms: &[
+        "random",
+        "plot",
+        "verification",
+        "json",
+        "study",
+        "job",
+        "format",
+        "store",
+        "service",
+        "http",
+    ],
     reserved: &[
         ("sqlx", &["store"]),
         ("axum", &["http"]),

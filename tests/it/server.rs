@@ -8,8 +8,8 @@ use std::time::Duration;
 
 use fretwork::http::{self, Origins, Settings};
 use fretwork::job::{Answer, Begin, Key, Step, Task, Work};
-use fretwork::service::Service;
 use fretwork::service::workers::Workers;
+use fretwork::service::{Service, WorkLimits};
 use fretwork::store::{Options, Store};
 use serde_json::{Value, json};
 use tempfile::TempDir;
@@ -62,10 +62,22 @@ impl Server {
         settings: &Settings,
         options: &Options,
     ) -> Self {
+        let limits = WorkLimits { run: limit, ..WorkLimits::default() };
+        Self::limited(dir, begin, limits, settings, options).await
+    }
+
+    /// Starts a server with limits for runs and studies, and the database of a directory.
+    pub async fn limited(
+        dir: TempDir,
+        begin: Begin,
+        limits: WorkLimits,
+        settings: &Settings,
+        options: &Options,
+    ) -> Self {
         let store = Store::open(dir.path(), options).await.unwrap();
         store.recover().await.unwrap();
-        let service = Service::new(store.clone(), begin, 2, limit);
-        let workers = Workers::start(&store, 2, limit, &service.compute()).unwrap();
+        let service = Service::new(store.clone(), begin, 2, limits);
+        let workers = Workers::start(&store, 2, limits, &service.compute()).unwrap();
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = listener.local_addr().unwrap();
         let (api, settings) = (service.clone(), settings.clone());

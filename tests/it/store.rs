@@ -1,14 +1,15 @@
 //! The store: coalescing, fencing, cancellation, recovery, lists, and files that it refuses to open.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::fs;
+use std::num::NonZeroU32;
 use std::path::Path;
 use std::time::Duration;
 
 use fretwork::job::{Answer, Cost, FailureKind, Job, JobId, JobState, Key, Origin};
 use fretwork::store::{
     Actor, Admission, Answered, Canceled, Claimed, Deleted, Error, Filter, Finish, NewJob, Options,
-    Recovered, Store, StoredResult, Submitted,
+    Piece, Recovered, RunId, Store, StoredResult, Submitted,
 };
 use proptest::prelude::*;
 use proptest::sample::Index;
@@ -28,6 +29,7 @@ pub fn new_job(number: u8) -> NewJob {
         owner: "ada".into(),
         key: key(number),
         task: format!("task {number}"),
+        chunks: None,
         submitted: None,
         priority: 3,
         label: None,
@@ -90,12 +92,12 @@ pub async fn raw(dir: &Path) -> SqliteConnection {
     SqliteConnection::connect_with(&options.create_if_missing(true)).await.unwrap()
 }
 
-fn answer(text: &str) -> Answer {
+pub fn answer(text: &str) -> Answer {
     let summary = json!({ "regime": text });
     Answer { body: text.to_owned().into(), summary, outline: Box::default() }
 }
 
-async fn job(store: &Store, id: JobId) -> Job {
+pub async fn job(store: &Store, id: JobId) -> Job {
     store.job(id).await.unwrap().unwrap()
 }
 
@@ -103,11 +105,11 @@ async fn state(store: &Store, id: JobId) -> JobState {
     job(store, id).await.state
 }
 
-async fn claim(store: &Store) -> Claimed {
+pub async fn claim(store: &Store) -> Claimed {
     store.claim().await.unwrap().unwrap()
 }
 
-async fn cancel(store: &Store, id: JobId) -> JobState {
+pub async fn cancel(store: &Store, id: JobId) -> JobState {
     match store.cancel(id, Actor::default()).await.unwrap() {
         Canceled::Done(job) => job.state,
         other => panic!("{other:?}"),
@@ -129,7 +131,8 @@ async fn sixty_four_equal_submissions_share_one_run() {
 
     let claimed = claim(&store).await;
     assert!(store.claim().await.unwrap().is_none(), "there is one run");
-    assert_eq!((claimed.attempt, claimed.key, &*claimed.task), (1, key(1), "task 1"));
+    let whole = Piece::Whole { task: "task 1".into() };
+    assert_eq!((claimed.attempt, claimed.key, &claimed.piece), (1, key(1), &whole));
     let done = store.finish(&claimed, &answer("a"), Cost::default()).await.unwrap();
     assert_eq!(done, Finish::Stored);
     for submitted in jobs {
@@ -571,28 +574,49 @@ enum Verb {
     CancelAll(u8),
     Delete(Index),
     Crash,
+    /// A transaction fails, after which the queue is read from the tables.
+    Collide,
+}
+
+/// The number of chunks of a task of the random trial.
+fn chunks(number: u8) -> Option<NonZeroU32> {
+    NonZeroU32::new([0, 0, 0, 2, 5][usize::from(number)])
+}
+
+/// What a chunk of the trial computes.
+fn chunk(key: &Key, number: u32) -> String {
+    format!("chunk {number} of {key}\n")
+}
+
+/// The result of a key of the trial.
+fn whole(key: &Key) -> String {
+    match chunks(key.bytes()[0]) {
+        None => key.to_string(),
+        Some(chunks) => (0..chunks.get()).map(|number| chunk(key, number)).collect(),
+    }
 }
 
 fn verbs() -> impl Strategy<Value = Vec<Verb>> {
     let index = any::<Index>;
     let verb = prop_oneof![
-        6 => (0..3u8).prop_map(Verb::Submit),
-        5 => Just(Verb::Claim),
+        6 => (0..5u8).prop_map(Verb::Submit),
+        12 => Just(Verb::Claim),
         1 => index().prop_map(Verb::Progress),
-        2 => index().prop_map(Verb::Finish),
+        8 => index().prop_map(Verb::Finish),
         1 => index().prop_map(Verb::Fail),
         2 => index().prop_map(Verb::Stopped),
         1 => index().prop_map(Verb::Release),
         4 => index().prop_map(Verb::Cancel),
-        1 => (0..3u8).prop_map(Verb::CancelAll),
+        1 => (0..5u8).prop_map(Verb::CancelAll),
         2 => index().prop_map(Verb::Delete),
         2 => Just(Verb::Crash),
+        2 => Just(Verb::Collide),
     ];
-    prop::collection::vec(verb, 1..60)
+    prop::collection::vec(verb, 1..80)
 }
 
 /// Pairs of a fault and a statement that counts it.
-const INVARIANTS: [(&str, &str); 10] = [
+const INVARIANTS: [(&str, &str); 17] = [
     (
         "two live runs of one key",
         "SELECT count(*) FROM (SELECT 1 FROM run WHERE state IN ('queued', 'running')
@@ -642,20 +666,89 @@ const INVARIANTS: [(&str, &str); 10] = [
         "SELECT (SELECT count(*) FROM result) + (SELECT count(*) FROM result_blob)
              - 2 * (SELECT count(*) FROM result JOIN result_blob USING (key))",
     ),
+    (
+        "an unfinished study whose pieces have a gap, or that has too many",
+        "SELECT count(*) FROM (
+             SELECT chunks, count(number) AS pieces, coalesce(max(number), -1) AS last
+             FROM study JOIN run ON run.id = study.run LEFT JOIN chunk ON chunk.run = run.id
+             WHERE finished IS NULL GROUP BY study.run)
+         WHERE pieces <> last + 1 OR last > chunks",
+    ),
+    (
+        "an assembly that was claimed, or a study that succeeded, before all chunks were done",
+        "SELECT count(*) FROM study JOIN run ON run.id = study.run
+         WHERE (run.state = 'succeeded'
+                 OR EXISTS (SELECT 1 FROM chunk WHERE chunk.run = study.run AND number = chunks))
+             AND (SELECT count(*) FROM chunk WHERE chunk.run = study.run AND chunk.state = 'done')
+                 <> chunks",
+    ),
+    (
+        "a piece of a study that was never started",
+        "SELECT count(*) FROM chunk JOIN run ON run.id = chunk.run WHERE run.state = 'queued'",
+    ),
+    (
+        "a study that is canceling",
+        "SELECT count(*) FROM study JOIN run ON run.id = study.run WHERE run.state = 'canceling'",
+    ),
+    (
+        "an unfinished study with a piece that was lost too often",
+        "SELECT count(*) FROM chunk JOIN run ON run.id = chunk.run
+         WHERE finished IS NULL AND chunk.lost >= 3",
+    ),
+    (
+        "an unfinished study whose progress is not the share of its finished chunks",
+        "SELECT count(*) FROM study JOIN run ON run.id = study.run
+         WHERE finished IS NULL AND abs(progress * chunks
+             - (SELECT count(*) FROM chunk WHERE chunk.run = study.run AND chunk.state = 'done')) > 1e-9",
+    ),
+    (
+        "a job that has recorded more changes of its study than queued, running and the end",
+        "SELECT count(*) FROM job JOIN study USING (run)
+         WHERE length(changes) - length(replace(changes, char(10), '')) > 2",
+    ),
 ];
+
+/// The number of runs and studies of which a worker can claim a part.
+const CLAIMABLE: &str = "
+    SELECT count(*) FROM run LEFT JOIN study ON study.run = run.id
+    WHERE finished IS NULL AND CASE
+        WHEN chunks IS NULL THEN state = 'queued'
+        WHEN (SELECT count(*) FROM chunk WHERE chunk.run = run.id) < chunks THEN TRUE
+        WHEN EXISTS (SELECT 1 FROM chunk WHERE chunk.run = run.id AND chunk.state = 'queued') THEN TRUE
+        ELSE (SELECT group_concat(DISTINCT state) FROM chunk WHERE chunk.run = run.id) = 'done' END";
+
+/// The queued runs, and the parts that workers compute.
+const COUNTS: &str = "
+    SELECT (SELECT count(*) FROM run WHERE state = 'queued'),
+        (SELECT count(*) FROM run WHERE state IN ('running', 'canceling')
+             AND id NOT IN (SELECT run FROM study))
+        + (SELECT count(*) FROM chunk JOIN run ON run.id = chunk.run
+             WHERE finished IS NULL AND chunk.state = 'running')";
 
 /// A store under random operations, and what it acknowledged.
 struct Trial {
     dir: TempDir,
     store: Store,
+    /// Reads the tables.
+    raw: SqliteConnection,
     jobs: Vec<JobId>,
     finished: HashMap<JobId, Job>,
     claims: Vec<Claimed>,
-    /// Claims before this place were made before the last crash.
-    alive: usize,
+    /// The claims that have ended, and those that were made before the last crash.
+    over: HashSet<usize>,
+    /// The last attempt to compute each run or piece of a study.
+    attempts: HashMap<(RunId, Option<u32>), u32>,
 }
 
 impl Trial {
+    async fn new() -> Self {
+        let (dir, store) = fresh().await;
+        let raw = raw(dir.path()).await;
+        let (jobs, finished) = (vec![], HashMap::new());
+        let (claims, over, attempts) = (vec![], HashSet::new(), HashMap::new());
+        Self { dir, store, raw, jobs, finished, claims, over, attempts }
+    }
+
     async fn apply(&mut self, verb: &Verb) {
         let store = &self.store;
         match verb {
@@ -663,10 +756,11 @@ impl Trial {
                 let (count, owners) = (self.jobs.len(), ["ada", "bob", "eve"]);
                 let owner = owners[count % 3].to_owned();
                 let priority = u8::try_from(count * 5 % 8).unwrap();
-                let new = NewJob { owner, priority, ..new_job(*number) };
+                let chunks = chunks(*number);
+                let new = NewJob { owner, priority, chunks, ..new_job(*number) };
                 self.jobs.push(accepted(store.submit(new).await).id);
             }
-            Verb::Claim => self.claims.extend(store.claim().await.unwrap()),
+            Verb::Claim => self.claim().await,
             Verb::Cancel(index) if !self.jobs.is_empty() => {
                 let canceled =
                     store.cancel(*index.get(&self.jobs), Actor::default()).await.unwrap();
@@ -688,10 +782,16 @@ impl Trial {
                     other => assert!(matches!(other, Deleted::Unfinished(_)), "{other:?}"),
                 }
             }
+            Verb::Collide if !self.jobs.is_empty() => {
+                let twice = NewJob { id: self.jobs[0], ..new_job(0) };
+                let refused = store.submit(twice).await;
+                assert!(matches!(refused, Err(Error::JobExists(_))), "{refused:?}");
+            }
             Verb::Crash => {
                 (self.dir, self.store) = after_a_crash(self.dir.path()).await;
+                self.raw = raw(self.dir.path()).await;
                 self.store.recover().await.unwrap();
-                self.alive = self.claims.len();
+                self.over = (0..self.claims.len()).collect();
             }
             Verb::Progress(index)
             | Verb::Finish(index)
@@ -700,35 +800,53 @@ impl Trial {
             | Verb::Release(index)
                 if !self.claims.is_empty() =>
             {
-                let number = index.index(self.claims.len());
-                let claimed = &self.claims[number];
-                let accepted = match verb {
-                    Verb::Progress(_) => store.progress(claimed, 0.5).await.unwrap(),
-                    Verb::Finish(_) => {
-                        let body = answer(&claimed.key.to_string());
-                        let finish = store.finish(claimed, &body, Cost::default()).await.unwrap();
-                        assert_ne!(finish, Finish::Differs);
-                        finish != Finish::Refused
-                    }
-                    Verb::Fail(_) => store.fail(claimed, FailureKind::Panicked, "").await.unwrap(),
-                    Verb::Stopped(_) => store.stopped(claimed).await.unwrap(),
-                    _ => store.release(claimed).await.unwrap(),
-                };
-                assert!(
-                    number >= self.alive || !accepted,
-                    "a worker from before the crash changed something"
-                );
+                self.end(verb, index.index(self.claims.len())).await;
             }
             _ => {}
         }
     }
 
+    async fn claim(&mut self) {
+        let claimable: i64 = sqlx::query_scalar(CLAIMABLE).fetch_one(&mut self.raw).await.unwrap();
+        let claimed = self.store.claim().await.unwrap();
+        assert_eq!(claimed.is_some(), claimable > 0, "{claimable} runs have work: {claimed:?}");
+        let Some(claimed) = claimed else { return };
+        let number = match claimed.piece {
+            Piece::Whole { .. } => None,
+            Piece::Chunk { number, .. } => Some(number),
+            Piece::Assembly { of } => Some(of),
+        };
+        let before = self.attempts.insert((claimed.run, number), claimed.attempt).unwrap_or(0);
+        assert_eq!(claimed.attempt, before + 1, "an attempt number is used once");
+        self.claims.push(claimed);
+    }
+
+    /// Ends a claim, or reports its progress.
+    async fn end(&mut self, verb: &Verb, number: usize) {
+        let (store, claimed) = (&self.store, &self.claims[number]);
+        let accepted = match verb {
+            Verb::Progress(_) => store.progress(claimed, 0.0).await.unwrap(),
+            Verb::Finish(_) => finish(store, claimed).await,
+            Verb::Fail(_) => store.fail(claimed, FailureKind::Panicked, "").await.unwrap(),
+            Verb::Stopped(_) => store.stopped(claimed).await.unwrap(),
+            _ => store.release(claimed).await.unwrap(),
+        };
+        assert!(!accepted || !self.over.contains(&number), "a lost claim changed something");
+        if accepted && !matches!(verb, Verb::Progress(_)) {
+            self.over.insert(number);
+        }
+    }
+
     async fn check(&mut self) {
-        let mut raw = raw(self.dir.path()).await;
+        let raw = &mut self.raw;
         for (fault, count) in INVARIANTS {
-            let found: i64 = sqlx::query_scalar(count).fetch_one(&mut raw).await.unwrap();
+            let found: i64 = sqlx::query_scalar(count).fetch_one(&mut *raw).await.unwrap();
             assert_eq!(found, 0, "{fault}");
         }
+        let counts: (i64, i64) = sqlx::query_as(COUNTS).fetch_one(raw).await.unwrap();
+        let tally = self.store.tally();
+        let counted = (tally.queued().cast_signed(), tally.running().cast_signed());
+        assert_eq!(counted, counts, "the queue differs from the tables");
         for id in &self.jobs {
             let job = job(&self.store, *id).await;
             if let Some(finished) = self.finished.get(id) {
@@ -739,15 +857,43 @@ impl Trial {
         }
     }
 
-    /// Restarts, and computes all queued runs.
+    /// Restarts, and computes all unfinished runs.
     async fn drain(&mut self) {
         self.apply(&Verb::Crash).await;
         while let Some(claimed) = self.store.claim().await.unwrap() {
-            let body = answer(&claimed.key.to_string());
-            let finish = self.store.finish(&claimed, &body, Cost::default()).await.unwrap();
-            assert_eq!(finish, Finish::Stored);
+            assert!(finish(&self.store, &claimed).await);
+        }
+        for id in &self.jobs {
+            let job = job(&self.store, *id).await;
+            if job.state == JobState::Succeeded {
+                let number = job.key.bytes()[0];
+                assert_eq!(body(&self.store, number).await, whole(&job.key).as_bytes());
+            }
         }
     }
+}
+
+/// Computes and stores a run or a piece of a study as a worker does. Returns whether the store accepted it.
+async fn finish(store: &Store, claimed: &Claimed) -> bool {
+    let text = match claimed.piece {
+        Piece::Whole { .. } => whole(&claimed.key),
+        Piece::Chunk { number, .. } => {
+            let chunk = chunk(&claimed.key, number);
+            return store.finish_chunk(claimed, chunk.as_bytes(), Cost::ZERO).await.unwrap();
+        }
+        Piece::Assembly { of } => {
+            let mut text = String::new();
+            for number in 0..of {
+                let Some(chunk) = store.chunk(claimed, number).await.unwrap() else { return false };
+                text.push_str(std::str::from_utf8(&chunk).unwrap());
+            }
+            assert_eq!(text, whole(&claimed.key));
+            text
+        }
+    };
+    let finish = store.finish(claimed, &answer(&text), Cost::ZERO).await.unwrap();
+    assert_ne!(finish, Finish::Differs);
+    finish != Finish::Refused
 }
 
 proptest! {
@@ -761,9 +907,7 @@ proptest! {
     fn random_operations_and_crashes_lose_no_acknowledged_job(verbs in verbs()) {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
         runtime.block_on(async {
-            let (dir, store) = fresh().await;
-            let (jobs, claims, finished) = (vec![], vec![], HashMap::new());
-            let mut trial = Trial { dir, store, jobs, finished, claims, alive: 0 };
+            let mut trial = Trial::new().await;
             for verb in &verbs {
                 trial.apply(verb).await;
                 trial.check().await;

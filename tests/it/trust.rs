@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use fretwork::format::{self, FigureOptions, Format, Part, QUANTITIES, View};
 use fretwork::http::Settings;
-use fretwork::job::{Key, Prepared, Received, Refused, Submission, Task};
+use fretwork::job::{Canonical, Key, Prepared, Received, Refused, Submission, Task};
 use fretwork::store::{Imported, Options, Search, Store, export, import, restore};
 use proptest::prelude::*;
 use proptest::sample::Index;
@@ -85,7 +85,7 @@ fn scaled(body: &str, pointer: &str, factor: f64) -> String {
     for item in document.pointer_mut(pointer).unwrap().as_array_mut().unwrap() {
         *item = json!(factor * item.as_f64().unwrap());
     }
-    fretwork::job::json::write(&document, body.len())
+    fretwork::json::write(&document, body.len())
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -274,7 +274,7 @@ fn a_stored_task_of_random_bytes_is_prepared_or_refused() {
     let valid = tasks.iter().map(|task| task.stored.as_bytes().to_vec()).collect();
     for_random_inputs(&any_bytes(valid), |bytes| {
         let text = String::from_utf8_lossy(bytes);
-        if let Some(key) = Task::key_of(&text) {
+        if let Some(key) = Canonical::key_of(&text) {
             let prepared = Prepared::from_stored(&key, &text);
             assert!(prepared.is_err() || prepared.is_ok_and(|prepared| prepared.key == key));
         }

@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::Duration;
 
 use fretwork::job::{Answer, FailureKind, Job, JobId, JobState, Key, Step, Work};
+use fretwork::service::WorkLimits;
 use fretwork::service::workers::{Compute, Workers};
 use fretwork::store::{Actor, Canceled, NewJob, Store};
 use serde_json::json;
@@ -89,7 +90,7 @@ async fn state(store: &Store, id: JobId, state: JobState) -> Job {
 async fn every_job_is_computed_once_and_its_result_is_stored() {
     let (_dir, store) = fresh().await;
     let stage = Arc::default();
-    let workers = Workers::start(&store, 3, None, &compute(&stage)).unwrap();
+    let workers = Workers::start(&store, 3, WorkLimits::default(), &compute(&stage)).unwrap();
     let mut jobs = Vec::new();
     for number in 0..100 {
         jobs.push(submit(&store, number, &format!("task {number}")).await);
@@ -108,7 +109,7 @@ async fn every_job_is_computed_once_and_its_result_is_stored() {
 async fn a_panic_fails_only_its_own_run() {
     let (_dir, store) = fresh().await;
     let stage = Arc::default();
-    let workers = Workers::start(&store, 1, None, &compute(&stage)).unwrap();
+    let workers = Workers::start(&store, 1, WorkLimits::default(), &compute(&stage)).unwrap();
     let panics = submit(&store, 1, "panic").await;
     let unreadable = submit(&store, 2, "unreadable").await;
     let good = submit(&store, 3, "good").await;
@@ -125,7 +126,7 @@ async fn a_panic_fails_only_its_own_run() {
 async fn cancelling_the_last_job_stops_the_run_and_frees_the_worker() {
     let (_dir, store) = fresh().await;
     let stage = Arc::default();
-    let workers = Workers::start(&store, 1, None, &compute(&stage)).unwrap();
+    let workers = Workers::start(&store, 1, WorkLimits::default(), &compute(&stage)).unwrap();
     let endless = submit(&store, 1, "gated").await;
     let shared = submit(&store, 1, "gated").await;
     state(&store, shared, JobState::Running).await;
@@ -143,7 +144,7 @@ async fn cancelling_the_last_job_stops_the_run_and_frees_the_worker() {
 async fn progress_is_stored_during_the_computation() {
     let (_dir, store) = fresh().await;
     let stage: Arc<Stage> = Arc::default();
-    let workers = Workers::start(&store, 1, None, &compute(&stage)).unwrap();
+    let workers = Workers::start(&store, 1, WorkLimits::default(), &compute(&stage)).unwrap();
     let id = submit(&store, 1, "gated").await;
     let job = until(&store, id, |job| job.progress > 0.0).await;
     assert_eq!((job.state, job.progress.to_bits()), (JobState::Running, 0.5f64.to_bits()));
@@ -156,7 +157,7 @@ async fn progress_is_stored_during_the_computation() {
 async fn a_drain_without_a_grace_period_requeues_running_runs() {
     let (_dir, store) = fresh().await;
     let stage: Arc<Stage> = Arc::default();
-    let workers = Workers::start(&store, 2, None, &compute(&stage)).unwrap();
+    let workers = Workers::start(&store, 2, WorkLimits::default(), &compute(&stage)).unwrap();
     let first = submit(&store, 1, "gated").await;
     let second = submit(&store, 2, "gated").await;
     state(&store, first, JobState::Running).await;
@@ -167,7 +168,7 @@ async fn a_drain_without_a_grace_period_requeues_running_runs() {
         assert_eq!((job.state, job.started), (JobState::Queued, None));
     }
     stage.open.store(true, Ordering::SeqCst);
-    let workers = Workers::start(&store, 2, None, &compute(&stage)).unwrap();
+    let workers = Workers::start(&store, 2, WorkLimits::default(), &compute(&stage)).unwrap();
     for id in [first, second] {
         assert_eq!(state(&store, id, JobState::Succeeded).await.attempt, 2);
     }
@@ -178,7 +179,7 @@ async fn a_drain_without_a_grace_period_requeues_running_runs() {
 async fn a_drain_finishes_running_runs_and_claims_no_others() {
     let (_dir, store) = fresh().await;
     let stage: Arc<Stage> = Arc::default();
-    let workers = Workers::start(&store, 1, None, &compute(&stage)).unwrap();
+    let workers = Workers::start(&store, 1, WorkLimits::default(), &compute(&stage)).unwrap();
     let running = submit(&store, 1, "gated").await;
     state(&store, running, JobState::Running).await;
     let waiting = submit(&store, 2, "waiting").await;
@@ -201,7 +202,7 @@ async fn a_worker_keeps_a_result_until_the_store_accepts_it() {
     let mut raw = raw(dir.path()).await;
     raw.execute(REFUSE).await.unwrap();
     let stage: Arc<Stage> = Arc::default();
-    let workers = Workers::start(&store, 1, None, &compute(&stage)).unwrap();
+    let workers = Workers::start(&store, 1, WorkLimits::default(), &compute(&stage)).unwrap();
     let refused = submit(&store, 1, "refused").await;
     state(&store, refused, JobState::Running).await;
     // The store still accepts other changes, even in the same batch as the refused result.
@@ -219,7 +220,7 @@ async fn a_drain_ends_even_if_the_store_refuses_results() {
     let mut raw = raw(dir.path()).await;
     raw.execute(REFUSE).await.unwrap();
     let stage: Arc<Stage> = Arc::default();
-    let workers = Workers::start(&store, 1, None, &compute(&stage)).unwrap();
+    let workers = Workers::start(&store, 1, WorkLimits::default(), &compute(&stage)).unwrap();
     let id = submit(&store, 1, "gated").await;
     state(&store, id, JobState::Running).await;
     stage.open.store(true, Ordering::SeqCst);
@@ -234,7 +235,7 @@ async fn a_drain_ends_even_if_the_store_refuses_results() {
         other => panic!("{other}"),
     }
     raw.execute("DROP TRIGGER refuse").await.unwrap();
-    let workers = Workers::start(&store, 1, None, &compute(&stage)).unwrap();
+    let workers = Workers::start(&store, 1, WorkLimits::default(), &compute(&stage)).unwrap();
     assert_eq!(state(&store, id, JobState::Succeeded).await.attempt, 2);
     state(&store, failing, JobState::Failed).await;
     workers.drain(PATIENCE).await;

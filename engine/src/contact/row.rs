@@ -22,6 +22,7 @@
 use std::sync::OnceLock;
 
 use super::hysteresis::{Backbone, ROW_POINTS};
+use super::profile::Shape;
 use super::unworn::{Contact, Decay};
 use crate::numeric::{Gauss, integrate};
 
@@ -86,16 +87,26 @@ const RECORD_INTERVALS: usize = 64;
 const FLAT_POINTS: usize = 8;
 static WHOLE: OnceLock<Gauss<ROW_POINTS>> = OnceLock::new();
 
+/// ∫ min(Δ, y₀) dx and ∫ y₀ (Δ − y₀)₊ dx over the springs of an unworn contact with stick radius c.
+pub(crate) fn unworn_integrals(shape: &Shape, c: f64, threshold: f64) -> (f64, f64) {
+    let (mut normal, mut energy) = (0.0, 0.0);
+    for (delta, weight) in layout(shape, c) {
+        let y = (1.0 - shape.image(c + delta)).clamp(0.0, threshold);
+        normal += weight * y;
+        energy += weight * y * (threshold - y);
+    }
+    (threshold * c + normal, energy)
+}
+
 /// The slipping springs: their distances from c and the lengths that they represent.
-fn layout(contact: &Contact) -> [(f64, f64); ROW_POINTS] {
+fn layout(shape: &Shape, c: f64) -> [(f64, f64); ROW_POINTS] {
     static UNDER: OnceLock<Gauss<FLAT_POINTS>> = OnceLock::new();
     static BEYOND: OnceLock<Gauss<{ ROW_POINTS - FLAT_POINTS }>> = OnceLock::new();
-    let c = contact.stick;
     let graded = |from: f64, s: f64, weight: f64| {
         let cube = s * s * s;
         ((1.0 - from) * cube * s, 4.0 * (1.0 - from) * cube * weight)
     };
-    let Some(edge) = contact.shape.kinks().iter().copied().find(|kink| *kink > c) else {
+    let Some(edge) = shape.kinks().iter().copied().find(|kink| *kink > c) else {
         let rule = WHOLE.get_or_init(Gauss::new);
         return std::array::from_fn(|k| graded(c, rule.nodes[k], rule.weights[k]));
     };
@@ -145,7 +156,7 @@ impl SpringRow {
         };
         let rule = WHOLE.get_or_init(Gauss::new);
         let mut unworn_normal = 0.0;
-        for (k, (delta, weight)) in layout(contact).into_iter().enumerate() {
+        for (k, (delta, weight)) in layout(shape, c).into_iter().enumerate() {
             let x = c + delta;
             row.positions[k] = x;
             row.weights[k] = weight;
@@ -238,7 +249,6 @@ mod tests {
     use super::*;
 
     use super::super::hysteresis::Loop;
-    use super::super::profile::Shape;
 
     /// ∮ Q̃/2 du along the straight lines between the points.
     fn area(found: &Loop) -> f64 {

@@ -9,8 +9,11 @@
 //!
 //! An [`Outcome`] can be read back from its JSON.
 
+mod condition;
+
 use serde::{Deserialize, Deserializer, Serialize};
 
+pub use self::condition::Condition;
 use crate::case::{Case, Outputs};
 use crate::contact::control::Tangential;
 use crate::contact::unworn::Regime;

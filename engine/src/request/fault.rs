@@ -38,7 +38,8 @@ impl Faults {
     }
 
     /// The first faults, and one more entry with the number of the others.
-    pub(crate) fn capped(mut self) -> Self {
+    #[must_use]
+    pub fn capped(mut self) -> Self {
         if self.0.len() > MAX_FAULTS {
             let more = self.0.len() - MAX_FAULTS;
             self.0.truncate(MAX_FAULTS);
@@ -51,7 +52,8 @@ impl Faults {
     }
 
     /// Puts `prefix` before every pointer.
-    pub(crate) fn below(mut self, prefix: &str) -> Self {
+    #[must_use]
+    pub fn below(mut self, prefix: &str) -> Self {
         for fault in &mut self.0 {
             fault.pointer.insert_str(0, prefix);
         }

@@ -39,10 +39,21 @@ use Dimension::{
     Angle, Energy, EnergyWear, Force, Length, Number, Stiffness, Stress, Volume, WearCoefficient,
 };
 
-const DIMENSIONS: [Dimension; 10] =
-    [Length, Force, Stress, Stiffness, Volume, Energy, Angle, WearCoefficient, EnergyWear, Number];
-
 impl Dimension {
+    /// All dimensions.
+    pub const ALL: [Self; 10] = [
+        Length,
+        Force,
+        Stress,
+        Stiffness,
+        Volume,
+        Energy,
+        Angle,
+        WearCoefficient,
+        EnergyWear,
+        Number,
+    ];
+
     /// The name in error texts.
     pub(crate) fn name(self) -> &'static str {
         match self {
@@ -189,7 +200,7 @@ fn factor(unit: &str, dimension: Dimension) -> Result<f64, String> {
         return Err(format!("a plain number has no unit. Remove {unit:?}"));
     }
     let accepted = dimension.accepted();
-    match DIMENSIONS.into_iter().find(|other| find(*other).is_some()) {
+    match Dimension::ALL.into_iter().find(|other| find(*other).is_some()) {
         Some(other) => Err(format!(
             "{unit:?} is the unit of {}, but {} is needed. Accepted units: {accepted}",
             other.name(),
@@ -280,11 +291,13 @@ mod tests {
 
     #[test]
     fn every_unit_belongs_to_exactly_one_dimension() {
-        for dimension in DIMENSIONS {
+        for dimension in Dimension::ALL {
             for (unit, factor) in dimension.units() {
                 assert_eq!(parse(&format!("1 {unit}"), dimension), Ok(*factor), "{unit}");
-                let owners =
-                    DIMENSIONS.iter().filter(|d| parse(&format!("1 {unit}"), **d).is_ok()).count();
+                let owners = Dimension::ALL
+                    .iter()
+                    .filter(|d| parse(&format!("1 {unit}"), **d).is_ok())
+                    .count();
                 assert_eq!(owners, 1, "{unit}");
             }
         }

@@ -15,6 +15,7 @@ use serde::Serialize;
 
 use super::indenter::CanonicalProfile;
 use super::load::{CanonicalLoad, CanonicalModuli, press};
+use crate::case;
 use crate::contact::control::{Block, Control, Normal, Tangential};
 use crate::contact::profile::Shape;
 use crate::contact::record::DisplacementRecord;
@@ -30,9 +31,6 @@ const MIN_RING: f64 = 1e-4;
 /// A ring may be narrower by this factor, because the largest stick ratio gives exactly the minimum
 /// before its amplitude is rounded.
 const ROUNDED: f64 = 1.0 - 1e-6;
-/// If Δ differs from 1 by less than this, it is set to 1, the gross-slip threshold. Rounding U to
-/// 12 digits changes Δ by half of this value.
-const ONSET: f64 = 1e-11;
 /// Maximum relative difference between the given stick ratio and the ratio that follows from the
 /// rounded amplitude.
 const STICK_DIGITS: f64 = 1e-3;
@@ -122,8 +120,7 @@ impl UnwornContact {
     }
 
     fn threshold(&self, amplitude: f64) -> f64 {
-        let threshold = amplitude / self.gross_slip;
-        if (threshold - 1.0).abs() < ONSET { 1.0 } else { threshold }
+        case::threshold(amplitude, self.gross_slip)
     }
 
     /// Width of the slip ring in a₀.

@@ -20,4 +20,5 @@ mod loops;
 mod reference_solutions;
 mod rig;
 mod shapes;
+mod slopes;
 mod yielding;

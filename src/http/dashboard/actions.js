@@ -2,11 +2,13 @@
 
 import { get, key as accessKey, post, resultAddress, send } from "./api.js";
 import { copy, formLink, h, notify, openDialog } from "./dom.js";
+import { kindOf } from "./summary.js";
 
 /** Name, path and formats of each download. */
 const TABLES = ["csv", "json", "ndjson", "npz", "arrow"];
 const DOWNLOADS = [["Full result", "", ["json", "npz"]], ["History", "/history", TABLES], ["Profiles", "/profiles", TABLES],
   ["Loops", "/loops", TABLES]];
+const STUDY_DOWNLOADS = [["Full result", "", ["json", "npz"]], ["Table", "/table", TABLES]];
 
 /** A button that reports the error if its action fails. */
 const button = (text, act, attributes = {}) => h("button", { type: "button", ...attributes, onclick: async () => {
@@ -20,6 +22,7 @@ const button = (text, act, attributes = {}) => h("button", { type: "button", ...
 /** The row of buttons. `link` is the token of a shared link: its holder may only read. */
 export function drawActions(result, { job, link, remember, signal }) {
   const { key, scenario } = result;
+  const isStudy = Boolean(kindOf(result));
   const partOf = (path, words) => {
     const all = new URLSearchParams({ ...words, ...(link && { link }) });
     return `${resultAddress(key, path)}${all.size ? `?${all}` : ""}`;
@@ -54,19 +57,20 @@ export function drawActions(result, { job, link, remember, signal }) {
     `request = urllib.request.Request("${location.origin}${partOf("", { format: "npz" })}")`,
     ...(accessKey() ? ['request.add_header("Authorization", "Bearer " + os.environ["FRETWORK_KEY"])'] : []),
     "arrays = np.load(io.BytesIO(urllib.request.urlopen(request).read()))",
-    'print(arrays["history/cycles"], arrays["history/wear_volume"])  # m^3',
+    isStudy ? "print(list(arrays))" : 'print(arrays["history/cycles"], arrays["history/wear_volume"])  # m^3',
     "",
   ].join("\n"), "Python code");
 
   const menu = h("details", { class: "menu" }, h("summary", {}, "Download"),
-    h("div", { class: "sheet" }, DOWNLOADS.map(([name, path, formats]) =>
+    h("div", { class: "sheet" }, (isStudy ? STUDY_DOWNLOADS : DOWNLOADS).map(([name, path, formats]) =>
       h("div", { class: "row" }, h("span", {}, name), formats.map((format) =>
         button(format, () => download(path, format), { "aria-label": `${name} as ${format}` })))),
     h("div", { class: "row" }, button("Copy curl command", curl), button("Copy Python code", python))));
-  const edit = h("a", { class: "button", href: formLink({ ...job, scenario }) }, "Edit and run again");
+  // The form has no studies.
+  const edit = !isStudy && h("a", { class: "button", href: formLink({ ...job, scenario }) }, "Edit and run again");
   if (link) return h("div", { class: "actions" }, menu, edit);
   const row = h("div", { class: "actions" }, menu, button("Share link", share),
-    h("a", { class: "button", href: `#/library?with=${key}` }, "Compare…"), edit);
+    !isStudy && h("a", { class: "button", href: `#/library?with=${key}` }, "Compare…"), edit);
   addPinAndNote(row, key, signal);
   return row;
 }

@@ -2,7 +2,7 @@
 
 import { get, resultAddress } from "./api.js";
 import { dateTime, debounced, errorCard, h, select, svg } from "./dom.js";
-import { jobsOf, labelOf, subtitle, title } from "./summary.js";
+import { jobsOf, KINDS, labelOf, subtitle, title } from "./summary.js";
 import { cycles, quantity, WORDS } from "./units.js";
 
 const anyOf = (...names) => ({ "": "Any", ...Object.fromEntries(names.map((name) => [name, WORDS[name]])) });
@@ -108,10 +108,11 @@ export async function showLibrary(main, { query, signal }) {
 
   function drawEntry(entry) {
     const { key, values, note, pinned, owner, created } = entry;
+    const isRun = !KINDS[entry.kind];
     const label = h("p", { class: "label" });
     const picture = svg("svg", { viewBox: "0 0 96 48", class: "thumbnail", "aria-hidden": "true" });
     loaders.set(picture, async () => {
-      drawThumbnail(picture, key, values.cycles, signal);
+      if (isRun) drawThumbnail(picture, key, values.cycles, signal);
       label.textContent = labelOf(await jobsOf(key, signal));
     });
     observer.observe(picture);
@@ -119,10 +120,10 @@ export async function showLibrary(main, { query, signal }) {
       h("div", {}, h("h2", {}, h("a", { href: `#/result/${key}` }, title(entry)),
         pinned && h("span", { class: "state", title: "This result is never evicted" }, "pinned")),
         h("p", {}, subtitle(entry)), label,
-        h("p", {}, `N = ${cycles(values.cycles)}: wear volume `, h("strong", {}, quantity(values.wear_volume, "m^3")), `, wear depth ${quantity(values.wear_depth, "m")}`),
+        isRun && h("p", {}, `N = ${cycles(values.cycles)}: wear volume `, h("strong", {}, quantity(values.wear_volume, "m^3")), `, wear depth ${quantity(values.wear_depth, "m")}`),
         note && h("p", { class: "note" }, `“${note.text}”`),
         h("p", { class: "muted" }, dateTime(created), owner && ` · ${owner}`)),
-      h("label", { class: "pick" }, h("input", { type: "checkbox", value: key, checked: chosen.has(key),
+      isRun && h("label", { class: "pick" }, h("input", { type: "checkbox", value: key, checked: chosen.has(key),
         onchange: (event) => choose(key, event.target.checked) }), "Compare", h("span", { class: "hidden" }, ` ${title(entry)}, ${key.slice(0, 8)}`)));
   }
 

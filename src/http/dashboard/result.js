@@ -5,7 +5,8 @@ import { get, jobAddress, Problem, resultAddress } from "./api.js";
 import { drawDetails } from "./details.js";
 import { fill, h, notify, select } from "./dom.js";
 import { axisLimit, branches, maxDifference, Plot } from "./plots.js";
-import { entryOf, jobsOf, labelOf, subtitle, title } from "./summary.js";
+import { showStudy } from "./study.js";
+import { entryOf, jobsOf, kindOf, labelOf, subtitle, title } from "./summary.js";
 import { column, cycles, digits, percent, quantity, WORDS } from "./units.js";
 
 const PROFILES = ["worn", "wear", "pressure", "slip", "image"];
@@ -58,10 +59,15 @@ function nearest(cycles, at) {
 export async function showResult(main, { id: key, query, signal }) {
   const link = query.get("link");
   const [result, job] = await Promise.all([load(key, link, signal), link ? {} : loadJob(key, query.get("job"), signal)]);
+  if (kindOf(result)) return showStudy(main, result, { job, link, signal });
   const bodyWarnings = await loadBodyWarnings(result, job, link, signal);
   const other = query.get("with") ? await load(query.get("with"), query.get("withlink"), signal).catch((problem) => {
     if (!(problem instanceof Problem)) throw problem;
     notify(`Run B cannot be shown. ${problem.detail}`);
+    return null;
+  }).then((second) => {
+    if (!second || !kindOf(second)) return second;
+    notify("Run B cannot be shown. It is a study, and this result is a run.");
     return null;
   }) : null;
   const outputs = result.profiles?.cycles ?? result.history.cycles;

@@ -10,6 +10,12 @@ const MOTIONS = { amplitude: "constant amplitude", tangential_force: "constant t
 const motionOf = ({ blocks, reversals, rig_stiffness: rig, held }) =>
   blocks ? "blocks" : reversals ? "reversals" : rig ? "rig" : held;
 
+/** Studies: the member of a result that holds one, and its name for people. */
+export const KINDS = { sweep: "Sweep", sensitivity: "Sensitivity study", map: "Fretting map" };
+
+/** The kind of a study; undefined for the result of a run. */
+export const kindOf = (result) => Object.keys(KINDS).find((kind) => kind in result);
+
 /** A result in the form of an entry of `GET /v1/results`. */
 export const entryOf = ({ scenario, scales, unworn, regime }) => ({
   shape: scenario.profile.shape, method: scenario.model.method, regime,
@@ -22,7 +28,9 @@ const equation = (letter, value, unit) => typeof value === "number" && `${letter
 const joined = (...parts) => parts.filter(Boolean).join(", ");
 
 /** For example "Paraboloid, R = 10 mm; F = 100 N, U = 2.256 µm, μ = 0.7". */
-export const title = ({ shape, motion, values }) => `${joined(WORDS[shape], equation("R", values.radius, "m"),
+export const title = (entry) => KINDS[entry.kind] ?? titleOfRun(entry);
+
+const titleOfRun = ({ shape, motion, values }) => `${joined(WORDS[shape], equation("R", values.radius, "m"),
   equation("θ", values.slope_angle, "rad"), typeof values.exponent === "number" && `n\u00a0=\u00a0${digits(values.exponent)}`,
   equation("b", values.flat_radius, "m"))}; ${joined(equation("F", values.normal_force, "N"),
   motion === "tangential_force" ? equation("Q", values.tangential_force, "N")
@@ -31,8 +39,8 @@ export const title = ({ shape, motion, values }) => `${joined(WORDS[shape], equa
   equation("μ", values.friction, "1"))}`;
 
 /** For example "Exact method · Partial slip · constant depth, constant amplitude". */
-export const subtitle = ({ method, regime, held, motion }) =>
-  `${WORDS[method]} · ${WORDS[regime]} · constant ${held}, ${MOTIONS[motion]}`;
+export const subtitle = ({ kind, method, regime, held, motion }) => KINDS[kind] ? "A study of many runs"
+  : `${WORDS[method]} · ${WORDS[regime]} · constant ${held}, ${MOTIONS[motion]}`;
 
 /** The latest jobs of a result, newest first. A user who may not list jobs gets none. */
 export const jobsOf = (key, signal) => get(`/v1/jobs?${new URLSearchParams({ key, limit: 20 })}`, { signal }).then(({ jobs }) => jobs, () => []);

@@ -225,9 +225,10 @@ async fn copy(from: &Path, to: &Path) -> Result<(), Moving> {
     }
 }
 
-/// Copies a snapshot of a database row by row, without the bodies that cannot be read.
+/// Copies a snapshot of a database row by row, without the bodies that cannot be read, and without chunks: a server computes
+/// them again.
 async fn copy_readable(from: &Path, to: &Path) -> Result<(), Moving> {
-    const BODIES: &str = "result_blob";
+    const BODIES: [&str; 2] = ["result_blob", "chunk"];
     let options = open::connecting(to)
         .busy_timeout(PATIENCE)
         .create_if_missing(true)
@@ -247,7 +248,7 @@ async fn copy_readable(from: &Path, to: &Path) -> Result<(), Moving> {
     .await?;
     for (kind, name, sql) in parts {
         tx.execute(AssertSqlSafe(sql)).await?;
-        if kind == "table" && name != BODIES {
+        if kind == "table" && !BODIES.contains(&&*name) {
             let insert = format!("INSERT INTO main.\"{name}\" SELECT * FROM source.\"{name}\"");
             tx.execute(AssertSqlSafe(insert)).await?;
         }

@@ -203,7 +203,7 @@ async fn describe(out: &mut SqliteConnection) -> Result<(), Moving> {
 
 async fn write(out: &mut SqliteConnection, key: &Key, entry: &Entry) -> Result<(), Moving> {
     let Entry { body, document, provenance } = entry;
-    let outline = document.outline();
+    let outline = &document.outline;
     let mut query = QueryBuilder::<Sqlite>::new("INSERT INTO results VALUES (");
     let mut row = query.separated(", ");
     row.push_bind(key.to_string()).push_bind(document.numerics);
@@ -215,7 +215,7 @@ async fn write(out: &mut SqliteConnection, key: &Key, entry: &Entry) -> Result<(
     }
     let Provenance { owner, wall, cpu, pinned, .. } = provenance;
     let (program, note) = (provenance.program.as_ref(), provenance.note.as_ref());
-    row.push_bind(document.scenario().to_string()).push_bind(document.summary().to_string());
+    row.push_bind(document.asked.value.to_string()).push_bind(document.summary.to_string());
     row.push_bind((body.len() as u64).cast_signed()).push_bind(provenance.sha256.to_string());
     row.push_bind(clock::rfc3339(provenance.created)).push_bind(owner.as_deref());
     row.push_bind(provenance.computed.map(clock::rfc3339)).push_bind(*wall).push_bind(*cpu);

@@ -11,7 +11,7 @@ use sqlx::sqlite::SqliteRow;
 use sqlx::{Connection as _, Row as _, SqliteConnection};
 
 use super::{EXPORT, FORM, Moving, PATIENCE};
-use crate::job::{Answer, Cost, ENGINE, Key, Received, Refused, Task, clock};
+use crate::job::{Answer, Cost, ENGINE, Key, Received, Refused, clock};
 use crate::store::Error;
 use crate::store::keep::{Answered, Source};
 use crate::store::library::{Note, Program};
@@ -304,7 +304,8 @@ impl Entry {
             None => None,
         };
         let (owner, warnings) = (self.owner.as_deref(), self.warnings.as_deref());
-        let task = &Task::stored(self.received.document.scenario());
+        let asked = &self.received.document.asked;
+        let task = &asked.kind.stored(&asked.value);
         let (key, now) = (self.key, clock::now());
         let (job, trace) = (None, None);
         let source = Source { key, attempt: 0, task, owner, job, warnings, trace, program, now };

@@ -256,7 +256,7 @@ impl Store {
     pub async fn nearest(&self, to: &Outline, except: Option<Key>) -> Result<Option<Key>, Error> {
         let _permit = self.scan().await?;
         let mut query = QueryBuilder::<Sqlite>::new(
-            "SELECT key FROM result_task WHERE id = (SELECT id FROM outline WHERE present",
+            "SELECT key FROM result_task WHERE id = (SELECT id FROM outline WHERE present AND kind = 'run'",
         );
         if let Some(key) = except {
             query.push(" AND id IS NOT (SELECT id FROM result_task WHERE key = ");

@@ -5,7 +5,7 @@
 use std::fmt;
 use std::io::{self, Write};
 
-use deserr::ValuePointerRef;
+use deserr::{Deserr, IntoValue, Sequence, ValuePointerRef};
 use fretwork_engine::numeric::{Decimal, twelve_digits};
 use fretwork_engine::request::fault::{Fault, Faults};
 use serde::Serialize;
@@ -127,6 +127,21 @@ pub fn read_body<T>(
     Err(BadBody::Faults(faults))
 }
 
+/// Two values, or the faults of both.
+///
+/// # Errors
+/// One of them has faults.
+pub fn both<A, B>(a: Result<A, Faults>, b: Result<B, Faults>) -> Result<(A, B), Faults> {
+    match (a, b) {
+        (Ok(a), Ok(b)) => Ok((a, b)),
+        (Err(mut faults), Err(more)) => {
+            faults.0.extend(more.0);
+            Err(faults)
+        }
+        (Err(faults), Ok(_)) | (Ok(_), Err(faults)) => Err(faults),
+    }
+}
+
 /// Parses JSON, and returns a fault for each member that appears more than once: keeping one of them
 /// silently would drop a parameter. The returned value keeps the last.
 ///
@@ -244,6 +259,45 @@ impl<'de> Visitor<'de> for Reader<'_> {
             out.insert(name, value);
         }
         Ok(out.into())
+    }
+}
+
+/// A list of at most `MOST` items, all of which differ.
+#[derive(Debug)]
+pub struct Distinct<T, const MOST: usize>(pub Vec<T>);
+
+impl<T: Deserr<Faults> + PartialEq, const MOST: usize> Deserr<Faults> for Distinct<T, MOST> {
+    fn deserialize_from_value<V: IntoValue>(
+        value: deserr::Value<V>,
+        location: ValuePointerRef<'_>,
+    ) -> Result<Self, Faults> {
+        if let deserr::Value::Sequence(list) = &value
+            && list.len() > MOST
+        {
+            let detail = format!("must list at most {MOST} items, not {}", list.len());
+            return Err(Faults::at(location, detail));
+        }
+        let items = Vec::<T>::deserialize_from_value(value, location)?;
+        match (1..items.len()).find(|i| items[..*i].contains(&items[*i])) {
+            Some(twice) => Err(Faults::at(location.push_index(twice), "is listed twice")),
+            None => Ok(Self(items)),
+        }
+    }
+}
+
+/// A whole number between two bounds.
+#[derive(Debug, Clone, Copy)]
+pub struct Whole<const LOW: u64, const HIGH: u64>(pub u64);
+
+impl<const LOW: u64, const HIGH: u64> Deserr<Faults> for Whole<LOW, HIGH> {
+    fn deserialize_from_value<V: IntoValue>(
+        value: deserr::Value<V>,
+        location: ValuePointerRef<'_>,
+    ) -> Result<Self, Faults> {
+        match value {
+            deserr::Value::Integer(number) if (LOW..=HIGH).contains(&number) => Ok(Self(number)),
+            _ => Err(Faults::at(location, format!("must be a whole number from {LOW} to {HIGH}"))),
+        }
     }
 }
 

@@ -1,0 +1,2 @@
+-- Results are runs or studies. The results of earlier versions are runs.
+ALTER TABLE outline ADD COLUMN kind TEXT DEFAULT 'run';

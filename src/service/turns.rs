@@ -1,0 +1,68 @@
+//! Long computations in the calls of the clients that wait for them.
+//!
+//! A computation gives its place back after each turn of about 30 ms. So it does not delay the evaluations of others for
+//! long, and it ends when its client has gone.
+
+use std::time::Duration;
+
+use super::Service;
+use super::places::{INLINE, Unfinished};
+use super::stopwatch::Stopwatch;
+use crate::job::Cost;
+
+/// Longest estimate of a computation that a client waits for.
+pub const LONGEST_CALL: Duration = Duration::from_secs(30);
+/// Longest processor time of such a computation. Then its estimate was grossly wrong.
+pub const MAX_CALL: Duration = Duration::from_mins(1);
+/// A turn ends after the step in which it has taken this long.
+const TURN: Duration = Duration::from_millis(20);
+
+/// Why a computation has no outcome.
+#[derive(Debug, thiserror::Error)]
+pub enum Unable {
+    /// It would take too long.
+    #[error("the computation would take {0:?}")]
+    TooLong(Duration),
+    /// It took much longer than its estimate.
+    #[error("the computation took longer than {MAX_CALL:?}")]
+    Stopped,
+    /// The engine has a bug.
+    #[error("the engine panicked")]
+    Panicked,
+}
+
+impl Service {
+    /// Computes by `step`, which computes for about 30 ms and returns the outcome at the end. `seconds` is the estimated
+    /// time of the whole computation.
+    ///
+    /// # Errors
+    /// The computation takes too long, or panics.
+    pub async fn compute_in_turns<T: Send + 'static>(
+        &self,
+        seconds: f64,
+        mut step: impl FnMut() -> Option<T> + Send + 'static,
+    ) -> Result<T, Unable> {
+        let estimate = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
+        if estimate > LONGEST_CALL {
+            return Err(Unable::TooLong(estimate));
+        }
+        let mut used = Duration::ZERO;
+        let turn = move || {
+            let watch = Stopwatch::start();
+            loop {
+                if let Some(outcome) = step() {
+                    return Some(Ok(outcome));
+                }
+                let Cost { wall, cpu } = watch.cost();
+                if wall >= TURN {
+                    used += cpu.unwrap_or(wall);
+                    return (used > MAX_CALL).then_some(Err(Unable::Stopped));
+                }
+            }
+        };
+        match self.0.evaluations.compute_in_turns(seconds < INLINE, turn).await {
+            Ok(outcome) => outcome,
+            Err(Unfinished::NoPlace | Unfinished::Panicked) => Err(Unable::Panicked),
+        }
+    }
+}

@@ -1,0 +1,178 @@
+//! Computing what a worker has claimed: a whole run, a chunk of a study, or the result of a study from its chunks.
+
+use std::sync::{Arc, MutexGuard, TryLockError};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use super::{MAX_REFUSALS, Made, NotMade, PAUSE, REPORT, Worker, WorkerOrder};
+use crate::job::{Answer, FailureKind, Prepared, Step, Task, TaskKind, asked_in};
+use crate::service::stopwatch::Stopwatch;
+use crate::store::{Claimed, Error, Piece};
+use crate::study::{Points, Rows, Study};
+
+/// Most prepared studies that a thread keeps.
+const STUDIES: usize = 4;
+
+impl Worker {
+    pub(super) fn compute(&self, claimed: &Claimed) -> Result<Made, NotMade> {
+        match &claimed.piece {
+            Piece::Whole { task } => self.compute_run(claimed, task),
+            Piece::Chunk { number, of } => self.compute_chunk(claimed, *number, *of),
+            Piece::Assembly { of } => self.assemble(claimed, *of),
+        }
+    }
+
+    fn compute_run(&self, claimed: &Claimed, task: &str) -> Result<Made, NotMade> {
+        let watch = Stopwatch::start();
+        let mut work = (self.compute)(&claimed.key, task).map_err(unreadable)?;
+        let limit = match asked_in(task) {
+            Some((TaskKind::Study(_), _)) => self.limits.study,
+            _ => self.limits.run,
+        };
+        let answer = self.drive(claimed, limit, || work.step())?;
+        Ok(Made::Answer(answer, watch.cost()))
+    }
+
+    fn compute_chunk(&self, claimed: &Claimed, number: u32, of: u32) -> Result<Made, NotMade> {
+        let watch = Stopwatch::start();
+        let mut points = Points::chunk(self.study(claimed)?, number as usize, of as usize);
+        let rows = self.drive(claimed, self.limits.study, || match points.step() {
+            Some(rows) => Step::Done(rows),
+            None => Step::Working { progress: points.progress() },
+        })?;
+        Ok(Made::Rows(rows.to_bytes(), watch.cost()))
+    }
+
+    /// Makes the result of a study from its chunks.
+    fn assemble(&self, claimed: &Claimed, of: u32) -> Result<Made, NotMade> {
+        let study = self.study(claimed)?;
+        let _turn = self.turn(claimed)?;
+        let watch = Stopwatch::start();
+        let (mut all, mut number) = (Rows::default(), 0);
+        let rows = self.drive(claimed, None, || {
+            let bytes = self.read(claimed, async || self.store.chunk(claimed, number).await);
+            let form = || unreadable(format!("chunk {number} has the form of another version"));
+            match bytes.and_then(|bytes| Rows::from_bytes(&bytes).ok_or_else(form)) {
+                Ok(rows) => all.append(&rows),
+                Err(why) => return Step::Done(Err(why)),
+            }
+            number += 1;
+            if number == of {
+                return Step::Done(Ok(std::mem::take(&mut all)));
+            }
+            Step::Working { progress: f64::from(number) / f64::from(of) }
+        })??;
+        let answer = Answer::of_study(claimed.key, &study, &rows);
+        Ok(Made::Answer(answer, watch.cost()))
+    }
+
+    /// Waits until no other worker makes a result from chunks.
+    fn turn(&self, claimed: &Claimed) -> Result<MutexGuard<'_, ()>, NotMade> {
+        loop {
+            match self.assembling.try_lock() {
+                Ok(turn) => return Ok(turn),
+                Err(TryLockError::Poisoned(poisoned)) => return Ok(poisoned.into_inner()),
+                Err(TryLockError::WouldBlock) => self.pause(claimed)?,
+            }
+        }
+    }
+
+    /// Waits for a moment, unless the computation must not continue.
+    fn pause(&self, claimed: &Claimed) -> Result<(), NotMade> {
+        if claimed.stop.is_raised() {
+            return Err(NotMade::Unwanted);
+        }
+        if self.order() == WorkerOrder::Abandon {
+            return Err(NotMade::Interrupted);
+        }
+        thread::sleep(PAUSE.0);
+        Ok(())
+    }
+
+    /// The study of a claimed piece, ready to be computed.
+    fn study(&self, claimed: &Claimed) -> Result<Arc<Study>, NotMade> {
+        let mut studies = self.studies.borrow_mut();
+        if let Some(place) = studies.iter().position(|(key, _)| *key == claimed.key) {
+            let found = studies.remove(place);
+            studies.push(found);
+        } else {
+            let task = self.read(claimed, async || self.store.task(claimed).await)?;
+            let prepared = Prepared::from_stored(&claimed.key, &task).map_err(unreadable)?;
+            let Task::Study(study) = prepared.task else {
+                return Err(unreadable("a run has no chunks".to_owned()));
+            };
+            if studies.len() == STUDIES {
+                studies.remove(0);
+            }
+            studies.push((claimed.key, study));
+        }
+        let (_, study) = &studies[studies.len() - 1];
+        Ok(Arc::clone(study))
+    }
+
+    /// Reads what is stored of a study. Tries again while the database is busy.
+    fn read<T>(
+        &self,
+        claimed: &Claimed,
+        read: impl AsyncFn() -> Result<Option<T>, Error>,
+    ) -> Result<T, NotMade> {
+        let mut refused = 0;
+        loop {
+            match self.runtime.block_on(read()) {
+                Ok(Some(found)) => return Ok(found),
+                Ok(None) => return Err(NotMade::Unwanted),
+                Err(Error::Closed) => return Err(NotMade::Interrupted),
+                Err(Error::Busy(_)) => {}
+                Err(Error::Database(_)) if refused < MAX_REFUSALS => refused += 1,
+                Err(error) => return Err(unreadable(error.to_string())),
+            }
+            self.pause(claimed)?;
+        }
+    }
+
+    /// Takes steps until the computation is done, or must not continue.
+    fn drive<T>(
+        &self,
+        claimed: &Claimed,
+        limit: Option<Duration>,
+        mut step: impl FnMut() -> Step<T>,
+    ) -> Result<T, NotMade> {
+        let before = claimed.spent.cpu.unwrap_or(claimed.spent.wall);
+        let started = Instant::now();
+        let mut reported = started;
+        loop {
+            if claimed.stop.is_raised() {
+                return Err(NotMade::Unwanted);
+            }
+            if self.order() == WorkerOrder::Abandon {
+                return Err(NotMade::Interrupted);
+            }
+            let progress = match step() {
+                Step::Done(found) => return Ok(found),
+                Step::Working { progress } => progress,
+            };
+            if let Some(limit) = limit
+                && before + started.elapsed() > limit
+            {
+                let message = format!(
+                    "it took longer than the {} that this server allows",
+                    humantime::format_duration(limit)
+                );
+                return Err(NotMade::Failed(FailureKind::TimeLimit, message));
+            }
+            if reported.elapsed() >= REPORT {
+                reported = Instant::now();
+                match self.runtime.block_on(self.store.progress(claimed, progress)) {
+                    Ok(true) => {}
+                    Ok(false) => return Err(NotMade::Unwanted),
+                    // The computation continues: only the displayed progress is missing.
+                    Err(error) => tracing::debug!(%error, "cannot store the progress of a run"),
+                }
+            }
+        }
+    }
+}
+
+fn unreadable(message: String) -> NotMade {
+    NotMade::Failed(FailureKind::UnreadableTask, message)
+}

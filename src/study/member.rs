@@ -1,0 +1,207 @@
+//! The numbers of a scenario that a study varies.
+
+use deserr::{Deserr as _, IntoValue as _, ValuePointerRef};
+use fretwork_engine::request::Request;
+use fretwork_engine::request::fault::{Faults, unknown};
+use fretwork_engine::request::quantity::{self, Dimension};
+use serde_json::{Number, Value};
+
+/// Most numbers that an error text lists.
+const LISTED: usize = 40;
+
+/// A number of a scenario, which a JSON pointer names.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Member {
+    /// The pointer (RFC 6901), such as `/friction`.
+    pub pointer: String,
+    /// What the number measures.
+    pub dimension: Dimension,
+    /// Its value in the scenario, in SI.
+    pub value: f64,
+}
+
+impl Member {
+    /// The pointers of all numbers of a scenario that are not in lists.
+    #[must_use]
+    pub fn outside_lists(scenario: &Value) -> Vec<String> {
+        let mut found = Vec::new();
+        numbers(scenario, &mut String::new(), &mut found);
+        let in_list = |pointer: &String| {
+            let starts = pointer.match_indices('/').map(|(place, _)| &pointer[..place]);
+            starts.filter_map(|start| scenario.pointer(start)).any(Value::is_array)
+        };
+        found.retain(|pointer| !in_list(pointer));
+        found
+    }
+
+    /// Finds a number in a scenario, as its client wrote it.
+    ///
+    /// # Errors
+    /// A sentence for the client: the pointer names no number.
+    pub fn find(scenario: &Value, pointer: &str) -> Result<Self, String> {
+        let found = scenario.pointer(pointer).ok_or_else(|| {
+            let mut known = Vec::new();
+            numbers(scenario, &mut String::new(), &mut known);
+            known.truncate(LISTED);
+            let known: Vec<&str> = known.iter().map(String::as_str).collect();
+            unknown("number of the scenario", pointer, &known)
+        })?;
+        if !is_number(found) {
+            return Err(format!("`{pointer}` is not a number. Name a number of the scenario"));
+        }
+        let dimension = dimension(scenario, pointer, found);
+        let value = read(found, dimension)?;
+        Ok(Self { pointer: pointer.to_owned(), dimension, value })
+    }
+
+    /// Reads a value of this number: in SI, or with a unit.
+    ///
+    /// # Errors
+    /// A sentence for the client: it is not a number, or has another unit.
+    pub fn read(&self, value: &Value) -> Result<f64, String> {
+        read(value, self.dimension)
+    }
+
+    /// Puts a value in SI into a scenario.
+    ///
+    /// # Panics
+    /// The scenario is not the one in which the number was found.
+    #[expect(clippy::expect_used, reason = "the pointer was found in this scenario")]
+    pub fn put(&self, scenario: &mut Value, value: f64) {
+        // Some members accept only integers.
+        let whole = value.fract() == 0.0 && value.abs() < 1e15;
+        let number = if whole { Some((value as i64).into()) } else { Number::from_f64(value) };
+        *scenario.pointer_mut(&self.pointer).expect("the scenario has this number") =
+            number.map_or(Value::Null, Value::Number);
+    }
+}
+
+fn is_number(value: &Value) -> bool {
+    match value {
+        Value::Number(_) => true,
+        Value::String(text) => {
+            text.starts_with(|first: char| first.is_ascii_digit() || "+-.".contains(first))
+        }
+        _ => false,
+    }
+}
+
+fn read(value: &Value, dimension: Dimension) -> Result<f64, String> {
+    match value {
+        Value::Number(number) => number.as_f64().ok_or_else(|| format!("{number} is too large")),
+        Value::String(text) => quantity::parse(text, dimension),
+        _ => Err("must be a number, or a text with a unit".to_owned()),
+    }
+}
+
+/// What a number of a scenario measures. A text says it by its unit. For a plain number, it is the dimension whose unit
+/// the scenario accepts at its place.
+fn dimension(scenario: &Value, pointer: &str, found: &Value) -> Dimension {
+    let with_unit = || Dimension::ALL.into_iter().filter(|it| *it != Dimension::Number);
+    let plain = match found {
+        Value::String(text) => {
+            let Ok(plain) = quantity::parse(text, Dimension::Number) else {
+                let known = with_unit().find(|dimension| quantity::parse(text, *dimension).is_ok());
+                return known.unwrap_or(Dimension::Number);
+            };
+            plain
+        }
+        other => other.as_f64().unwrap_or_default(),
+    };
+    let accepts = |dimension: &Dimension| {
+        let mut changed = scenario.clone();
+        if let Some(place) = changed.pointer_mut(pointer) {
+            *place = Value::String(format!("{plain:?} {}", dimension.si()));
+        }
+        let read: Result<Request, Faults> =
+            Request::deserialize_from_value(changed.into_value(), ValuePointerRef::Origin);
+        read.map_or_else(|faults| faults.0, |_| Vec::new())
+            .iter()
+            .all(|fault| fault.pointer != pointer)
+    };
+    with_unit().find(accepts).unwrap_or(Dimension::Number)
+}
+
+/// The pointers of all numbers of a document.
+fn numbers(value: &Value, pointer: &mut String, found: &mut Vec<String>) {
+    let length = pointer.len();
+    let mut enter = |name: &str, inner: &Value| {
+        pointer.push('/');
+        pointer.push_str(&name.replace('~', "~0").replace('/', "~1"));
+        numbers(inner, pointer, found);
+        pointer.truncate(length);
+    };
+    match value {
+        Value::Object(members) => members.iter().for_each(|(name, inner)| enter(name, inner)),
+        Value::Array(items) => {
+            items.iter().enumerate().for_each(|(place, inner)| enter(&place.to_string(), inner));
+        }
+        _ if is_number(value) => found.push(pointer.clone()),
+        _ => {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use fretwork_engine::scenario;
+    use serde_json::json;
+
+    use super::*;
+
+    fn scenario() -> Value {
+        json!({
+            "profile": {"shape": "paraboloid", "radius": "10 mm"},
+            "bodies": [
+                {"youngs_modulus": 205e9, "poisson_ratio": 0.3},
+                {"youngs_modulus": "205 GPa", "poisson_ratio": 0.3}
+            ],
+            "friction": 0.7,
+            "wear": {"coefficient": "3.03e-5 mm^3/(N m)"},
+            "load": {"normal_force": "100 N", "held": "depth"},
+            "motion": {"amplitude": 2e-6},
+            "cycles": {"dissipated_energy": [1.0, "2 J"]},
+            "model": {"points": 64},
+        })
+    }
+
+    #[test]
+    fn the_dimension_of_a_number_is_known_with_and_without_its_unit() {
+        for (pointer, dimension, value) in [
+            ("/profile/radius", Dimension::Length, 0.01),
+            ("/bodies/0/youngs_modulus", Dimension::Stress, 205e9),
+            ("/bodies/1/youngs_modulus", Dimension::Stress, 205e9),
+            ("/bodies/0/poisson_ratio", Dimension::Number, 0.3),
+            ("/friction", Dimension::Number, 0.7),
+            ("/wear/coefficient", Dimension::WearCoefficient, 3.03e-14),
+            ("/motion/amplitude", Dimension::Length, 2e-6),
+            ("/cycles/dissipated_energy/0", Dimension::Energy, 1.0),
+            ("/model/points", Dimension::Number, 64.0),
+        ] {
+            let member = Member::find(&scenario(), pointer).unwrap();
+            assert_eq!(member.dimension, dimension, "{pointer}");
+            assert!((member.value / value - 1.0).abs() < 1e-14, "{pointer}: {}", member.value);
+        }
+    }
+
+    #[test]
+    fn a_value_takes_the_place_of_the_number() {
+        let mut changed = scenario();
+        let radius = Member::find(&changed, "/profile/radius").unwrap();
+        radius.put(&mut changed, radius.read(&json!("20 mm")).unwrap());
+        assert_eq!(changed["profile"]["radius"], json!(0.02));
+        let points = Member::find(&changed, "/model/points").unwrap();
+        points.put(&mut changed, 128.0);
+        assert_eq!(changed["model"]["points"], json!(128));
+        assert!(scenario::prepare(changed, "").is_ok());
+    }
+
+    #[test]
+    fn a_fault_says_which_numbers_there_are_or_which_units() {
+        let refused = |pointer| Member::find(&scenario(), pointer).unwrap_err();
+        assert!(refused("/frction").contains("Did you mean `/friction`?"));
+        assert!(refused("/profile/shape").contains("is not a number"));
+        assert!(refused("/profile").contains("is not a number"));
+        let radius = Member::find(&scenario(), "/profile/radius").unwrap();
+        assert!(radius.read(&json!("20 GPa")).unwrap_err().contains("a length is needed"));
+    }
+}

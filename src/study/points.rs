@@ -1,0 +1,77 @@
+//! Computing the points of a study, step by step.
+
+use std::ops::Range;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+
+use super::kind::Study;
+use super::problem::{Lack, Running};
+use super::rows::Rows;
+
+/// The computation of consecutive points of a study.
+#[derive(Debug)]
+pub struct Points {
+    study: Arc<Study>,
+    /// The points that have no row yet.
+    rest: Range<usize>,
+    all: usize,
+    running: Option<(Vec<f64>, Running)>,
+    rows: Rows,
+}
+
+impl Points {
+    /// All points of a study.
+    #[must_use]
+    pub fn whole(study: Arc<Study>) -> Self {
+        Self::chunk(study, 0, 1)
+    }
+
+    /// Chunk number `number` of `chunks`.
+    #[must_use]
+    pub fn chunk(study: Arc<Study>, number: usize, chunks: usize) -> Self {
+        let points = study.points();
+        let points = number * points / chunks..(number + 1) * points / chunks;
+        Self { study, all: points.len(), rest: points, running: None, rows: Rows::default() }
+    }
+
+    /// The share of the points that have a row, in 0…1.
+    #[must_use]
+    pub fn progress(&self) -> f64 {
+        (self.all - self.rest.len()) as f64 / self.all.max(1) as f64
+    }
+
+    /// Continues for at most about 30 ms. Returns the rows when all points have one.
+    #[must_use]
+    pub fn step(&mut self) -> Option<Rows> {
+        if self.rest.is_empty() {
+            return Some(std::mem::take(&mut self.rows));
+        }
+        let (study, number) = (&self.study, self.rest.start);
+        let (values, running) = self.running.get_or_insert_with(|| {
+            let values = study.point(number);
+            let running = guarded(|| study.start(&values));
+            let running = running.unwrap_or_else(|| Running::Known(study.lacks_all(panicked())));
+            (values, running)
+        });
+        let found = guarded(|| study.step(number, running))
+            .unwrap_or_else(|| Some(study.lacks_all(panicked())));
+        if let Some(found) = found {
+            self.rows.push(values, &found);
+            self.running = None;
+            self.rest.start += 1;
+        }
+        None
+    }
+}
+
+/// A bug of the engine at one point must not end the study.
+pub(super) fn guarded<T>(compute: impl FnOnce() -> T) -> Option<T> {
+    // This is unwind safe: after a panic, nothing that the closure has changed is used.
+    catch_unwind(AssertUnwindSafe(compute)).ok()
+}
+
+fn panicked() -> Lack {
+    Lack::Refused(
+        "the engine panicked: this is a defect of fretwork. Please report this point".to_owned(),
+    )
+}

@@ -1,0 +1,182 @@
+//! A scenario, the numbers of it that a study varies, and the outputs that the study wants.
+
+use deserr::{Deserr, IntoValue as _, ValuePointerRef};
+use fretwork_engine::case::{Case, Method};
+use fretwork_engine::outcome::{Outcome, Preview};
+use fretwork_engine::request::fault::{Fault, Faults};
+use fretwork_engine::scenario;
+use fretwork_engine::simulation::{Advance, Simulation};
+use serde_json::Value;
+
+use super::member::Member;
+use super::output::{NoValue, Output, OutputName};
+use super::vary::size_of_tree;
+use crate::json::Distinct;
+
+/// Most outputs.
+const MAX_OUTPUTS: usize = 100;
+/// Processor time to prepare a run, in seconds, beside the time that the engine estimates for it: of any run, and for each
+/// value of its scenario.
+const PREPARATION: (f64, f64) = (15e-6, 0.3e-6);
+
+/// Largest seed: the largest integer that every JSON parser reads exactly.
+pub(super) const MAX_SEED: u64 = 1 << 53;
+
+/// A study as its own kind reads it.
+pub(super) struct Read<P> {
+    /// What was read, with all defaults.
+    pub complete: Value,
+    /// What is computed at each point.
+    pub problem: Problem,
+    /// Which points the study has, and what it makes of their rows.
+    pub plan: P,
+}
+
+impl<P> Read<P> {
+    /// The same with a plan made from this one.
+    pub fn with<Q>(self, make: impl FnOnce(P) -> Q) -> Read<Q> {
+        let Self { complete, problem, plan } = self;
+        Read { complete, problem, plan: make(plan) }
+    }
+}
+
+/// A scenario whose outputs depend on some of its numbers.
+#[derive(Debug)]
+pub struct Problem {
+    /// The scenario. It has no profiles.
+    pub base: Value,
+    /// The numbers that vary.
+    pub members: Vec<Member>,
+    /// What is taken from each result.
+    pub outputs: Vec<Output>,
+    /// Estimated processor time to prepare a run, in seconds.
+    pub(super) preparation: f64,
+}
+
+/// What a point has given.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Found {
+    /// The outputs, in the order of the problem; `None` where there is no value.
+    pub outputs: Vec<Option<f64>>,
+    /// Why the point has no outputs, or not all of them.
+    pub lack: Option<Lack>,
+}
+
+/// Why a point lacks outputs.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Lack {
+    /// The scenario with the values of this point is not valid.
+    Refused(String),
+    /// An output has no value.
+    Incomplete(String),
+}
+
+/// The computation of one point.
+#[derive(Debug)]
+pub enum Running {
+    /// No run is necessary.
+    Known(Found),
+    /// A run in progress.
+    Run(Box<(Case, Simulation)>),
+}
+
+impl Problem {
+    /// A problem of a valid scenario.
+    #[must_use]
+    pub fn new(base: Value, members: Vec<Member>, outputs: Vec<Output>) -> Self {
+        let preparation = PREPARATION.0 + PREPARATION.1 * size_of_tree(&base) as f64;
+        Self { base, members, outputs, preparation }
+    }
+
+    /// Begins to compute the outputs for these values of the members, in SI.
+    #[must_use]
+    pub fn start(&self, values: &[f64]) -> Running {
+        let case = match self.case(values) {
+            Ok(case) => case,
+            Err(reason) => return Running::Known(self.lacks_all(Lack::Refused(reason))),
+        };
+        if self.outputs.iter().any(Output::needs_run) {
+            let simulation = Simulation::new(case.clone(), Vec::new());
+            return Running::Run(Box::new((case, simulation)));
+        }
+        let preview = Preview::of(&case);
+        Running::Known(self.found(|output| output.known(&preview)))
+    }
+
+    /// Continues to compute a point for at most about 30 ms. Returns its outputs when they are known.
+    #[must_use]
+    pub fn step(&self, running: &mut Running) -> Option<Found> {
+        match running {
+            Running::Known(found) => Some(found.clone()),
+            Running::Run(run) => match run.1.step() {
+                Advance::Working(_) => None,
+                Advance::Done(outcome) => Some(self.of_outcome(&run.0, &outcome)),
+            },
+        }
+    }
+
+    /// Estimated processor time of a point, in seconds.
+    #[must_use]
+    pub fn seconds(&self, values: &[f64]) -> f64 {
+        let needs_run = self.outputs.iter().any(Output::needs_run);
+        let run = self.case(values).ok().filter(|_| needs_run);
+        self.preparation + run.map_or(0.0, |case| case.seconds())
+    }
+
+    fn of_outcome(&self, case: &Case, outcome: &Outcome) -> Found {
+        self.found(|output| output.value(case, outcome))
+    }
+
+    fn found(&self, value: impl Fn(&Output) -> Result<f64, NoValue>) -> Found {
+        let mut lack = None;
+        let outputs = self.outputs.iter().map(|output| match value(output) {
+            Ok(number) => Some(number),
+            // The output says so: it has no value.
+            Err(NoValue::NoEvent) => None,
+            Err(why) => {
+                lack.get_or_insert_with(|| Lack::Incomplete(format!("{}: {why}", output.name())));
+                None
+            }
+        });
+        Found { outputs: outputs.collect(), lack }
+    }
+
+    /// A point without outputs.
+    fn lacks_all(&self, lack: Lack) -> Found {
+        Found { outputs: vec![None; self.outputs.len()], lack: Some(lack) }
+    }
+
+    /// The case of a point, or why its scenario is not valid.
+    pub(super) fn case(&self, values: &[f64]) -> Result<Case, String> {
+        let mut scenario = self.base.clone();
+        for (member, value) in self.members.iter().zip(values) {
+            member.put(&mut scenario, *value);
+        }
+        let (_, mut case, _) = scenario::prepare(scenario, "").map_err(|faults| {
+            let first = faults.0.into_iter().next();
+            first.map_or_else(String::new, |Fault { pointer, detail }| {
+                format!("{pointer}: {detail}")
+            })
+        })?;
+        if let Method::Exact { compare, .. } = &mut case.method {
+            *compare = None;
+        }
+        Ok(case)
+    }
+}
+
+/// The outputs of a scenario with these names. Faults have pointers such as `/0`.
+///
+/// # Errors
+/// It is not a list of names, or the scenario does not have these outputs. If its `cycles` have faults, the list is empty:
+/// these faults are listed elsewhere.
+pub fn outputs_of(names: Value, scenario: &Value) -> Result<Vec<Output>, Faults> {
+    let Distinct(names) = Distinct::<OutputName, MAX_OUTPUTS>::deserialize_from_value::<Value>(
+        names.into_value(),
+        ValuePointerRef::Origin,
+    )?;
+    if names.is_empty() {
+        return Err(Faults::one("", "must list at least one output, such as \"wear_volume\""));
+    }
+    OutputName::all_among(names, scenario)
+}

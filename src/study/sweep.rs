@@ -1,0 +1,294 @@
+//! Sweeps: the outputs of a scenario for many values of some of its numbers.
+
+use deserr::{Deserr, IntoValue as _, ValuePointerRef};
+use fretwork_engine::request::fault::{Fault, Faults};
+use fretwork_engine::request::fields::Given;
+use fretwork_engine::scenario;
+use serde::Serialize;
+use serde_json::{Value, json};
+
+use super::design::Design;
+use super::problem::{MAX_SEED, Problem, Read, outputs_of};
+use super::vary::{self, Values, Varied};
+use crate::json::Whole;
+
+/// The body of a sweep.
+#[derive(Deserr)]
+#[deserr(error = Faults, deny_unknown_fields)]
+struct Request {
+    #[deserr(default, rename = "version")]
+    _version: Given<Whole<1, 1>>,
+    scenario: Value,
+    vary: Vec<Value>,
+    #[deserr(default)]
+    design: Given<DesignName>,
+    #[deserr(default)]
+    samples: Given<Whole<1, 0xffff_ffff>>,
+    #[deserr(default)]
+    seed: Given<Whole<0, MAX_SEED>>,
+    outputs: Value,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr, Serialize)]
+#[deserr(error = Faults, rename_all = lowercase)]
+#[serde(rename_all = "snake_case")]
+enum DesignName {
+    Grid,
+    Zip,
+    #[deserr(rename = "latin_hypercube")]
+    LatinHypercube,
+    Sobol,
+}
+
+/// Reads a sweep.
+///
+/// # Errors
+/// All faults, with pointers relative to the sweep.
+pub(super) fn read(sweep: Value) -> Result<Read<Design>, Faults> {
+    let mut complete = sweep.clone();
+    let request: Request =
+        Request::deserialize_from_value::<Value>(sweep.into_value(), ValuePointerRef::Origin)?;
+    let Request { scenario, vary, design, samples, seed, outputs, .. } = request;
+    let mut faults = Vec::new();
+    let mut collect = |prefix: &str, more: Faults| faults.extend(more.below(prefix).0);
+    if let Err(more) = scenario::prepare(scenario.clone(), "/scenario") {
+        collect("", more);
+    }
+    let varied = vary::list(vary, &scenario).unwrap_or_else(|more| {
+        collect("/vary", more);
+        Vec::new()
+    });
+    let outputs = outputs_of(outputs, &scenario).unwrap_or_else(|more| {
+        collect("/outputs", more);
+        Vec::new()
+    });
+    if !faults.is_empty() {
+        // A design of faulty members has no meaning.
+        return Err(Faults(faults));
+    }
+    let members = varied.iter().map(|one| one.member.clone()).collect();
+    let (name, seed) = (design.0.unwrap_or(DesignName::Grid), seed.0.map_or(0, |seed| seed.0));
+    let design = design_of(name, varied, samples.0.map(|samples| samples.0), seed)?;
+    complete["design"] = json!(name);
+    if name.is_random() {
+        complete["seed"] = json!(seed);
+    } else if let Some(members) = complete.as_object_mut() {
+        members.remove("seed");
+    }
+    Ok(Read { complete, problem: Problem::new(scenario, members, outputs), plan: design })
+}
+
+impl DesignName {
+    /// Whether the design draws the values.
+    fn is_random(self) -> bool {
+        matches!(self, Self::LatinHypercube | Self::Sobol)
+    }
+}
+
+/// The design of a sweep. Faults have pointers relative to the sweep.
+fn design_of(
+    name: DesignName,
+    varied: Vec<Varied>,
+    samples: Option<u64>,
+    seed: u64,
+) -> Result<Design, Faults> {
+    let random = name.is_random();
+    let (mut lists, mut distributions, mut faults) = (Vec::new(), Vec::new(), Vec::new());
+    for (place, one) in varied.into_iter().enumerate() {
+        let mut wrong = |detail: &str| {
+            faults.push(Fault { pointer: format!("/vary/{place}"), detail: detail.to_owned() });
+        };
+        match one.values {
+            Values::List(_) if random => wrong(
+                "lists values, but this design draws them. Enter a range (`from`, `to`) or a `distribution`, or use \
+                 the design grid or zip",
+            ),
+            values if random => match values.drawn() {
+                Ok(distribution) => distributions.push(distribution),
+                Err(detail) => wrong(&detail),
+            },
+            Values::List(values) => lists.push(values),
+            Values::Range(..) => wrong("needs `count`, the number of values from `from` to `to`"),
+            Values::Distribution(_) => wrong(
+                "has a distribution, but this design needs values. Enter `values` or a range, or use the design \
+                 latin_hypercube or sobol",
+            ),
+            Values::Base => wrong(vary::NO_VALUES),
+        }
+    }
+    match samples {
+        None if random => faults.push(Fault {
+            pointer: "/samples".to_owned(),
+            detail: "is missing. Enter the number of points, such as 1024".to_owned(),
+        }),
+        Some(_) if !random => faults.push(Fault {
+            pointer: "/samples".to_owned(),
+            detail: "belongs to the designs latin_hypercube and sobol. The values give the points of this design"
+                .to_owned(),
+        }),
+        _ => {}
+    }
+    if !faults.is_empty() {
+        return Err(Faults(faults));
+    }
+    let points = samples.unwrap_or_default() as usize;
+    let made = match name {
+        DesignName::Grid => Design::grid(lists),
+        DesignName::Zip => Design::zip(lists),
+        DesignName::LatinHypercube => Design::latin_hypercube(distributions, points, seed),
+        DesignName::Sobol => Design::sobol(distributions, points, seed),
+    };
+    made.map_err(|fault| {
+        let pointer = match fault.pointer.as_str() {
+            "/points" => "/samples".to_owned(),
+            other => format!("/vary{other}"),
+        };
+        Faults::one(&pointer, fault.detail)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use fretwork_engine::simulation::Simulation;
+
+    use super::*;
+    use crate::json;
+    use crate::study::{Kind, Points, Rows, Study};
+
+    fn sweep(change: impl FnOnce(&mut Value)) -> Result<Arc<Study>, Faults> {
+        let mut sweep = json!({
+            "scenario": {
+                "profile": {"shape": "paraboloid", "radius": "10 mm"},
+                "moduli": {"normal": "113 GPa", "tangential": "93 GPa"},
+                "friction": 0.7,
+                "wear": {"coefficient": "3.03e-5 mm^3/(N m)"},
+                "load": {"normal_force": "100 N", "held": "depth"},
+                "motion": {"amplitude": "2 um"},
+                "cycles": [1000, 10000],
+                "model": {"method": "simplified", "points": 16},
+            },
+            "vary": [
+                {"pointer": "/friction", "values": [0.5, 0.7]},
+                {"pointer": "/motion/amplitude", "from": "1 um", "to": "4 um", "count": 4},
+            ],
+            "outputs": ["wear_volume", "wear_volume@1000", "unworn.stick_radius"],
+        });
+        change(&mut sweep);
+        Study::read(Kind::Sweep, &sweep).map(Arc::new)
+    }
+
+    fn all_rows(study: &Arc<Study>, chunks: usize) -> Rows {
+        let mut all = Rows::default();
+        for number in 0..chunks {
+            let mut points = Points::chunk(Arc::clone(study), number, chunks);
+            let rows = std::iter::repeat_with(|| points.step()).find_map(|rows| rows);
+            all.append(&rows.expect("the iterator has no end"));
+        }
+        all
+    }
+
+    fn rows(study: &Arc<Study>) -> Vec<Vec<Value>> {
+        let document = study.document(&"key", &"engine", &all_rows(study, 1));
+        assert!(document.len() <= study.bytes());
+        let document: Value = serde_json::from_str(&document).unwrap();
+        let table = document["table"].as_object().unwrap();
+        let row = |number: usize| table.values().map(|column| column[number].clone()).collect();
+        (0..study.points()).map(row).collect()
+    }
+
+    #[test]
+    fn a_row_has_the_numbers_of_a_run_with_its_values() {
+        let study = sweep(|_| ()).unwrap();
+        let rows = rows(&study);
+        assert_eq!((study.points(), rows.len()), (8, 8));
+        let [friction, amplitude] = [&rows[5][0], &rows[5][1]];
+        assert_eq!((friction, amplitude), (&json!(0.7), &json!(2e-6)));
+        let (_, case, _) = scenario::prepare(study.problem().base.clone(), "").unwrap();
+        let single = Simulation::new(case, Vec::new()).run();
+        let rounded = |number: f64| json::write(&number, 20).parse::<f64>().unwrap();
+        assert_eq!(rows[5][2], json!(rounded(single.history.wear_volume[2])));
+        assert_eq!(rows[5][3], json!(rounded(single.history.wear_volume[1])));
+        assert_eq!(rows[5][5], Value::Null, "there is no reason");
+    }
+
+    #[test]
+    fn the_rows_do_not_depend_on_the_number_of_chunks() {
+        let study = sweep(|_| ()).unwrap();
+        let whole = all_rows(&study, 1);
+        for chunks in 2..=8 {
+            assert_eq!(all_rows(&study, chunks), whole, "{chunks} chunks");
+        }
+    }
+
+    #[test]
+    fn the_canonical_form_has_no_units_and_is_its_own_canonical_form() {
+        let study = sweep(|_| ()).unwrap();
+        let in_si = sweep(|sweep| {
+            sweep["scenario"]["profile"]["radius"] = json!(0.01);
+            sweep["scenario"]["load"] = json!({"held": "depth", "normal_force": "0.1 kN"});
+            sweep["scenario"]["profiles_at"] = json!("last");
+            sweep["vary"][1]["to"] = json!(4e-6);
+            sweep["design"] = json!("grid");
+            sweep["seed"] = json!(5);
+        });
+        assert_eq!(study.canonical().to_string(), in_si.unwrap().canonical().to_string());
+        let again = Study::read(Kind::Sweep, study.canonical()).unwrap();
+        assert_eq!(study.canonical().to_string(), again.canonical().to_string());
+        assert_eq!(study.canonical()["scenario"]["profile"]["radius"], json!(0.01));
+        assert_eq!(study.canonical()["vary"][1]["from"], json!(1e-6));
+    }
+
+    #[test]
+    fn a_point_without_a_valid_scenario_is_a_row_with_its_reason() {
+        let sweep = sweep(|sweep| {
+            sweep["vary"][0]["values"] = json!([0.7, -0.1]);
+        });
+        let rows = rows(&sweep.unwrap());
+        assert_eq!(rows[0][5], Value::Null);
+        assert_eq!(rows[4][2], Value::Null);
+        assert!(rows[4][5].as_str().unwrap().starts_with("/friction: must be greater than 0"));
+    }
+
+    #[test]
+    fn all_faults_are_listed_with_their_pointers() {
+        let faults = sweep(|sweep| {
+            sweep["scenario"]["profile"]["radius"] = json!("-1 mm");
+            sweep["vary"][0]["pointer"] = json!("/frction");
+            sweep["vary"][1]["from"] = json!("1 GPa");
+            sweep["outputs"][1] = json!("wear_volume@1001");
+        });
+        let mut pointers: Vec<String> =
+            faults.unwrap_err().0.into_iter().map(|fault| fault.pointer).collect();
+        pointers.sort_unstable();
+        assert_eq!(
+            pointers,
+            ["/outputs/1", "/scenario/profile/radius", "/vary/0/pointer", "/vary/1/from"]
+        );
+    }
+
+    #[test]
+    fn a_design_needs_the_values_that_it_can_use() {
+        let fault = |change: &dyn Fn(&mut Value)| {
+            let fault = sweep(|sweep| change(sweep)).unwrap_err().0.swap_remove(0);
+            format!("{}: {}", fault.pointer, fault.detail)
+        };
+        let random = |sweep: &mut Value| {
+            sweep["design"] = json!("sobol");
+            sweep["samples"] = json!(8);
+        };
+        assert!(fault(&random).starts_with("/vary/0: lists values"));
+        let without_samples = |sweep: &mut Value| {
+            sweep["design"] = json!("sobol");
+            sweep["vary"] = json!([{"pointer": "/friction", "from": 0.1, "to": 0.9}]);
+        };
+        assert!(fault(&without_samples).starts_with("/samples: is missing"));
+        assert!(fault(&|sweep| sweep["samples"] = json!(8)).starts_with("/samples: belongs"));
+        assert!(
+            fault(&|sweep| sweep["design"] = json!("zip")).starts_with("/vary/1: has 4 values")
+        );
+        let twice = |sweep: &mut Value| sweep["vary"][1] = sweep["vary"][0].clone();
+        assert_eq!(fault(&twice), "/vary/1/pointer: is listed twice");
+    }
+}

@@ -1,0 +1,369 @@
+//! Studies in the store: their chunks are claimed, finished, lost and deleted one by one.
+
+use std::collections::HashSet;
+use std::num::NonZeroU32;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::Duration;
+
+use fretwork::job::{Cost, FailureKind, JobState, Origin, Submission};
+use fretwork::store::{Actor, Claimed, Deleted, Error, Finish, NewJob, Piece, Recovered, Store};
+use sqlx::Executor as _;
+use tempfile::TempDir;
+use tokio::runtime::Runtime;
+use tokio::task::JoinSet;
+
+use crate::keeping::eventually;
+use crate::server::steel_ball;
+use crate::store::{
+    accepted, after_a_crash, answer, body, cancel, claim, fresh, job, key, new_job, open, raw,
+};
+
+/// A job whose work is divided into chunks.
+pub fn study(number: u8, chunks: u32) -> NewJob {
+    NewJob { chunks: NonZeroU32::new(chunks), ..new_job(number) }
+}
+
+async fn count(dir: &Path, query: &'static str) -> i64 {
+    sqlx::query_scalar(query).fetch_one(&mut raw(dir).await).await.unwrap()
+}
+
+/// Claims the next piece, which must be this chunk.
+async fn claim_chunk(store: &Store, expected: u32) -> Claimed {
+    let claimed = claim(store).await;
+    assert!(
+        matches!(claimed.piece, Piece::Chunk { number, .. } if number == expected),
+        "{:?} instead of chunk {expected}",
+        claimed.piece
+    );
+    claimed
+}
+
+async fn finish_chunk(store: &Store, claimed: &Claimed) -> bool {
+    store.finish_chunk(claimed, b"1,2", Cost::ZERO).await.unwrap()
+}
+
+#[tokio::test]
+async fn a_study_is_computed_chunk_by_chunk_and_then_assembled() {
+    let (dir, store) = fresh().await;
+    let submitted = accepted(store.submit(study(1, 3)).await);
+    let seconds =
+        |wall, cpu| Cost { wall: Duration::from_secs(wall), cpu: Some(Duration::from_secs(cpu)) };
+    let mut claims = Vec::new();
+    for number in 0..3 {
+        let claimed = claim_chunk(&store, number).await;
+        assert_eq!((claimed.attempt, claimed.spent), (1, Cost::ZERO));
+        assert_eq!(store.task(&claimed).await.unwrap().as_deref(), Some("task 1"));
+        claims.push(claimed);
+    }
+    // They end in any order.
+    for (done, number) in [(1, 1_u8), (2, 0), (3, 2)] {
+        assert!(store.claim().await.unwrap().is_none(), "the assembly waits for all chunks");
+        let claimed = &claims[usize::from(number)];
+        assert!(store.finish_chunk(claimed, &[number; 100], seconds(10, 7)).await.unwrap());
+        let job = job(&store, submitted.id).await;
+        assert_eq!((job.state, job.attempt), (JobState::Running, 1));
+        assert!((job.progress - f64::from(done) / 3.0).abs() < 1e-9, "{}", job.progress);
+    }
+    let assembly = claim(&store).await;
+    assert_eq!((&assembly.piece, assembly.spent), (&Piece::Assembly { of: 3 }, seconds(30, 21)));
+    for number in 0..3_u8 {
+        let chunk = store.chunk(&assembly, number.into()).await.unwrap().unwrap();
+        assert_eq!(*chunk, [number; 100]);
+    }
+    let finish = store.finish(&assembly, &answer("a"), seconds(1, 1)).await.unwrap();
+    assert_eq!(finish, Finish::Stored);
+    let job = job(&store, submitted.id).await;
+    assert_eq!((job.state, job.changes.len()), (JobState::Succeeded, 3));
+    assert_eq!(body(&store, 1).await, b"a");
+    let cost: (f64, f64) = sqlx::query_as("SELECT wall, cpu FROM result")
+        .fetch_one(&mut raw(dir.path()).await)
+        .await
+        .unwrap();
+    assert_eq!(cost, (31.0, 22.0));
+}
+
+#[tokio::test]
+async fn a_cancelled_study_ends_at_once_and_stops_all_its_workers() {
+    let (_dir, store) = fresh().await;
+    let first = accepted(store.submit(study(1, 5)).await);
+    let claims = [claim_chunk(&store, 0).await, claim_chunk(&store, 1).await];
+    let joined = accepted(store.submit(study(1, 5)).await);
+    assert_eq!((joined.origin, joined.state), (Origin::Coalesced, JobState::Running));
+    assert_eq!(cancel(&store, first.id).await, JobState::Canceled);
+    assert!(claims.iter().all(|claimed| !claimed.stop.is_raised()), "a job still needs it");
+    assert!(finish_chunk(&store, &claims[0]).await);
+    let third = claim_chunk(&store, 2).await;
+
+    assert_eq!(cancel(&store, joined.id).await, JobState::Canceled);
+    assert!(claims[1].stop.is_raised() && third.stop.is_raised());
+    assert!(store.claim().await.unwrap().is_none());
+    assert!(!finish_chunk(&store, &third).await);
+    assert!(!store.release(&third).await.unwrap());
+    assert!(!store.stopped(&third).await.unwrap());
+    assert_eq!(store.tally().running(), 0);
+    // A later submission starts again.
+    let again = accepted(store.submit(study(1, 5)).await);
+    assert_eq!((again.origin, again.state), (Origin::Computed, JobState::Queued));
+    assert_ne!(claim_chunk(&store, 0).await.run, third.run);
+}
+
+#[tokio::test]
+async fn a_piece_that_fails_ends_its_study_and_stops_the_other_workers() {
+    let (_dir, store) = fresh().await;
+    let submitted = accepted(store.submit(study(1, 5)).await);
+    let (first, second) = (claim_chunk(&store, 0).await, claim_chunk(&store, 1).await);
+    assert!(store.fail(&first, FailureKind::Panicked, "no such spring").await.unwrap());
+    assert!(second.stop.is_raised());
+    assert!(!finish_chunk(&store, &second).await);
+    assert!(!store.fail(&second, FailureKind::Panicked, "late").await.unwrap());
+    let job = job(&store, submitted.id).await;
+    assert_eq!(
+        (job.state, job.failure.unwrap().message),
+        (JobState::Failed, "no such spring".into())
+    );
+    assert!(store.claim().await.unwrap().is_none());
+}
+
+#[tokio::test]
+async fn after_a_crash_only_the_running_chunks_are_computed_again_and_last() {
+    let (dir, store) = fresh().await;
+    let submitted = accepted(store.submit(study(1, 4)).await);
+    let done = claim_chunk(&store, 0).await;
+    let (lost, released) = (claim_chunk(&store, 1).await, claim_chunk(&store, 2).await);
+    assert!(finish_chunk(&store, &done).await);
+    assert!(store.release(&released).await.unwrap());
+    let (dir, store) = after_a_crash(dir.path()).await;
+    let recovered = store.recover().await.unwrap();
+    assert_eq!(recovered, Recovered { requeued: 1, ..Recovered::default() });
+    assert!(!finish_chunk(&store, &lost).await);
+    assert_eq!(job(&store, submitted.id).await.progress.to_bits(), 0.25_f64.to_bits());
+
+    let (fresh, again) = (claim_chunk(&store, 3).await, claim_chunk(&store, 2).await);
+    let last = claim_chunk(&store, 1).await;
+    assert_eq!((fresh.attempt, again.attempt, last.attempt), (1, 2, 2));
+    assert!(!finish_chunk(&store, &lost).await && !finish_chunk(&store, &released).await);
+    for claimed in [&fresh, &again, &last] {
+        assert!(finish_chunk(&store, claimed).await);
+    }
+    assert_eq!(claim(&store).await.piece, Piece::Assembly { of: 4 });
+    // The assembly is lost, too.
+    let (_dir, store) = after_a_crash(dir.path()).await;
+    store.recover().await.unwrap();
+    let assembly = claim(&store).await;
+    assert_eq!((&assembly.piece, assembly.attempt), (&Piece::Assembly { of: 4 }, 2));
+    assert_eq!(store.finish(&assembly, &answer("a"), Cost::ZERO).await.unwrap(), Finish::Stored);
+    let job = job(&store, submitted.id).await;
+    assert_eq!((job.state, job.changes.len()), (JobState::Succeeded, 3), "{:?}", job.changes);
+}
+
+#[tokio::test]
+async fn a_study_fails_after_three_crashes_during_the_same_chunk() {
+    let (mut dir, mut store) = fresh().await;
+    let submitted = accepted(store.submit(study(1, 20)).await);
+    // Three crashes during different chunks, with progress between them.
+    for number in [0, 2, 4] {
+        claim_chunk(&store, number).await;
+        (dir, store) = after_a_crash(dir.path()).await;
+        assert_eq!(store.recover().await.unwrap().failed, 0);
+        let next = claim(&store).await;
+        assert!(finish_chunk(&store, &next).await);
+    }
+    while let Some(claimed) = store.claim().await.unwrap() {
+        if matches!(claimed.piece, Piece::Chunk { number: 0, .. }) {
+            (dir, store) = after_a_crash(dir.path()).await;
+            store.recover().await.unwrap();
+        } else {
+            assert!(finish_chunk(&store, &claimed).await);
+        }
+    }
+    let job = job(&store, submitted.id).await;
+    assert_eq!(job.failure.unwrap().kind, FailureKind::WorkerLost);
+    assert_eq!(count(dir.path(), "SELECT max(lost) FROM chunk").await, 2);
+}
+
+#[tokio::test]
+async fn a_study_fails_after_three_crashes_without_a_finished_chunk() {
+    let (mut dir, mut store) = fresh().await;
+    let submitted = accepted(store.submit(study(1, 20)).await);
+    for crash in 0..3 {
+        claim_chunk(&store, crash).await;
+        (dir, store) = after_a_crash(dir.path()).await;
+        assert_eq!(store.recover().await.unwrap().failed, u64::from(crash == 2));
+    }
+    let job = job(&store, submitted.id).await;
+    assert_eq!(job.failure.unwrap().kind, FailureKind::WorkerLost);
+    assert!(store.claim().await.unwrap().is_none());
+    drop(dir);
+}
+
+#[tokio::test]
+async fn studies_share_the_workers_and_a_run_waits_for_one_piece_of_each_owner() {
+    let (_dir, store) = fresh().await;
+    accepted(store.submit(study(1, 100)).await);
+    let mut working = vec![claim(&store).await, claim(&store).await];
+    accepted(store.submit(NewJob { owner: "bob".into(), ..study(2, 100) }).await);
+    for turn in 0..10 {
+        assert!(finish_chunk(&store, &working.remove(0)).await);
+        working.push(claim(&store).await);
+        let keys: HashSet<_> = working.iter().map(|claimed| claimed.key).collect();
+        assert_eq!(keys.len(), 2, "each owner has a worker in turn {turn}");
+    }
+    accepted(store.submit(NewJob { owner: "eve".into(), ..new_job(3) }).await);
+    assert_eq!(store.tally().queued(), 1, "studies that are running are not queued");
+    // A run of the owner of a study does not wait for the end of the study.
+    accepted(store.submit(new_job(4)).await);
+    let mut next = HashSet::new();
+    for _ in 0..3 {
+        if let Some(claimed) = working.pop() {
+            assert!(finish_chunk(&store, &claimed).await);
+        }
+        next.insert(claim(&store).await.key);
+    }
+    assert!(next.contains(&key(3)) && next.contains(&key(4)), "{next:?}");
+}
+
+#[tokio::test]
+async fn chunks_are_deleted_after_their_study_has_ended() {
+    let (dir, store) = fresh().await;
+    for (number, chunks) in [(1, 40), (2, 3), (3, 2)] {
+        accepted(store.submit(study(number, chunks)).await);
+    }
+    let mut canceled = None;
+    for _ in 0..43 {
+        let claimed = claim(&store).await;
+        assert!(finish_chunk(&store, &claimed).await);
+        canceled = Some(claimed.key);
+        if claimed.key == key(1) && matches!(claimed.piece, Piece::Chunk { number: 39, .. }) {
+            let assembly = claim(&store).await;
+            store.finish(&assembly, &answer("a"), Cost::ZERO).await.unwrap();
+        }
+    }
+    assert_eq!(canceled, Some(key(2)));
+    let job = store.live_job(&key(2), None).await.unwrap().unwrap();
+    cancel(&store, job).await;
+    // Its run is deleted with its job.
+    assert_eq!(store.delete(job, Actor::default()).await.unwrap(), Deleted::Done);
+    let first = claim_chunk(&store, 0).await;
+    assert!(finish_chunk(&store, &first).await);
+    let (dir, store) = (dir.path(), &store);
+    eventually(async || count(dir, "SELECT count(*) FROM study").await == 1).await;
+    assert_eq!(count(dir, "SELECT count(*) FROM chunk").await, 1);
+    // The unfinished study goes on.
+    assert_eq!(store.chunk(&first, 0).await.unwrap().as_deref(), Some(&b"1,2"[..]));
+    claim_chunk(store, 1).await;
+}
+
+#[tokio::test]
+async fn a_damaged_chunk_is_reported() {
+    let (dir, store) = fresh().await;
+    accepted(store.submit(study(1, 1)).await);
+    let chunk = claim_chunk(&store, 0).await;
+    assert!(finish_chunk(&store, &chunk).await);
+    let damage = "UPDATE chunk SET body = CAST(substr(body, 1, 8) || x'07' AS BLOB)";
+    raw(dir.path()).await.execute(damage).await.unwrap();
+    let assembly = claim(&store).await;
+    let found = store.chunk(&assembly, 0).await;
+    assert!(
+        matches!(found, Err(Error::DamagedChunk { key: damaged, number: 0 }) if damaged == key(1)),
+        "{found:?}"
+    );
+}
+
+#[tokio::test]
+async fn another_numerics_version_computes_all_chunks_again() {
+    let (dir, store) = fresh().await;
+    let text = steel_ball().to_string();
+    let prepared = Submission::parse(text.as_bytes()).unwrap().prepared;
+    let task = prepared.stored.to_string();
+    let submitted = accepted(store.submit(NewJob { task, ..study(1, 2) }).await);
+    let cost = Cost { wall: Duration::from_secs(1), cpu: None };
+    for number in 0..2 {
+        let claimed = claim_chunk(&store, number).await;
+        assert!(store.finish_chunk(&claimed, b"1,2", cost).await.unwrap());
+    }
+    store.close().await;
+    let earlier = "UPDATE room SET numerics = numerics - 1";
+    raw(dir.path()).await.execute(earlier).await.unwrap();
+    let store = open(dir.path()).await;
+    store.recover().await.unwrap();
+    let job = job(&store, submitted.id).await;
+    assert_eq!((job.key, job.progress.to_bits()), (prepared.key, 0));
+    for number in 0..2 {
+        let claimed = claim_chunk(&store, number).await;
+        assert_eq!((claimed.key, claimed.spent), (prepared.key, Cost::ZERO));
+    }
+}
+
+/// Chunks that the workers of the next test have finished.
+const CHUNKS: u32 = 1000;
+
+/// What a chunk of the next test contains.
+fn rows(number: u32) -> Vec<u8> {
+    format!("{number},").repeat(200).into_bytes()
+}
+
+/// Computes until there is nothing to claim.
+async fn work(store: Store, finished: Arc<Vec<AtomicU32>>) -> Result<(), Error> {
+    while let Some(claimed) = store.claim().await? {
+        tokio::time::sleep(Duration::from_millis(1)).await;
+        if let Piece::Chunk { number, .. } = claimed.piece {
+            if store.finish_chunk(&claimed, &rows(number), Cost::ZERO).await? {
+                finished[number as usize].fetch_add(1, Ordering::SeqCst);
+            }
+        } else {
+            let mut all = Vec::new();
+            for number in 0..CHUNKS {
+                all.extend(store.chunk(&claimed, number).await?.unwrap());
+            }
+            let all = String::from_utf8(all).unwrap();
+            store.finish(&claimed, &answer(&all), Cost::ZERO).await?;
+        }
+    }
+    Ok(())
+}
+
+/// Opens the store as a new process does, and starts four workers.
+async fn start(dir: &Path, finished: &Arc<Vec<AtomicU32>>) -> (Store, JoinSet<Result<(), Error>>) {
+    let store = open(dir).await;
+    store.recover().await.unwrap();
+    let work = |_| work(store.clone(), Arc::clone(finished));
+    let workers = (0..4).map(work).collect();
+    (store, workers)
+}
+
+#[test]
+fn a_store_that_is_killed_at_random_moments_loses_no_chunk_and_computes_none_twice() {
+    let dir = TempDir::new().unwrap();
+    let finished: Arc<Vec<AtomicU32>> = Arc::new((0..CHUNKS).map(|_| AtomicU32::new(0)).collect());
+    let runtime = || Runtime::new().unwrap();
+    let submitted = runtime().block_on(async {
+        let store = open(dir.path()).await;
+        let submitted = accepted(store.submit(study(1, CHUNKS)).await);
+        store.close().await;
+        submitted
+    });
+    for kill in 0..10 {
+        let process = runtime();
+        let (_store, _workers) = process.block_on(start(dir.path(), &finished));
+        std::thread::sleep(Duration::from_micros(10_000 + 4_321 * kill % 17_000));
+        // Drops all tasks wherever they wait, and rolls back an open transaction.
+        process.shutdown_timeout(Duration::from_secs(10));
+    }
+    let before = finished.iter().filter(|count| count.load(Ordering::SeqCst) > 0).count();
+    assert!(before < CHUNKS as usize, "the kills came before the end");
+    runtime().block_on(async {
+        let (store, workers) = start(dir.path(), &finished).await;
+        for worker in workers.join_all().await {
+            worker.unwrap();
+        }
+        let job = job(&store, submitted.id).await;
+        assert_eq!((job.state, job.changes.len()), (JobState::Succeeded, 3));
+        let expected: Vec<u8> = (0..CHUNKS).flat_map(rows).collect();
+        assert!(body(&store, 1).await == expected);
+        store.close().await;
+    });
+    let most = finished.iter().map(|count| count.load(Ordering::SeqCst)).max();
+    assert_eq!(most, Some(1), "a chunk was accepted twice");
+}
