@@ -28,19 +28,20 @@ impl fmt::Display for Engine {
     }
 }
 
-/// A member of a document as it is written.
-pub enum Member<'a> {
+/// A member of a document as it is written. It has a copy of what it needs, so that the stored bytes can be dropped
+/// before a slow client reads it.
+pub enum Member {
     /// The stored text.
-    Stored(&'a RawValue),
+    Stored(Box<RawValue>),
     /// A value with rounded or converted numbers.
     Converted(Value),
     /// The units.
-    Units(&'a Units),
+    Units(Units),
     /// A table, cut to the selection.
     Table(Table),
 }
 
-impl Serialize for Member<'_> {
+impl Serialize for Member {
     fn serialize<S: Serializer>(&self, json: S) -> Result<S::Ok, S::Error> {
         match self {
             Self::Stored(text) => text.serialize(json),
@@ -52,9 +53,9 @@ impl Serialize for Member<'_> {
 }
 
 /// The members of a document as they are written, in order.
-pub struct Object<'a>(pub Vec<(&'a str, Member<'a>)>);
+pub struct Object(pub Vec<(String, Member)>);
 
-impl Serialize for Object<'_> {
+impl Serialize for Object {
     fn serialize<S: Serializer>(&self, json: S) -> Result<S::Ok, S::Error> {
         json.collect_map(self.0.iter().map(|(name, member)| (name, member)))
     }
@@ -129,15 +130,15 @@ impl<'a> Document<'a> {
     }
 
     /// All members as they are written.
-    pub fn object(&self) -> Result<Object<'_>, Error> {
+    pub fn object(&self) -> Result<Object, Error> {
         let members = self.members.0.iter();
-        let members = members.map(|(name, text)| Ok((&**name, self.member(name, text)?)));
+        let members = members.map(|(name, text)| Ok((name.to_string(), self.member(name, text)?)));
         Ok(Object(members.collect::<Result<_, Error>>()?))
     }
 
-    fn member(&self, name: &str, text: &'a RawValue) -> Result<Member<'_>, Error> {
+    fn member(&self, name: &str, text: &RawValue) -> Result<Member, Error> {
         if name == "units" {
-            return Ok(Member::Units(&self.head.units));
+            return Ok(Member::Units(self.head.units.clone()));
         }
         if let Some(part) = Part::TABLES.into_iter().find(|part| part.name() == name) {
             let selection = match part {
@@ -155,6 +156,6 @@ impl<'a> Document<'a> {
         if computed && self.head.units.convert {
             return Ok(Member::Converted(self.value(name)?));
         }
-        Ok(Member::Stored(text))
+        Ok(Member::Stored(text.to_owned()))
     }
 }

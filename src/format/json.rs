@@ -5,13 +5,13 @@ use std::io::Write;
 use serde::ser::SerializeMap as _;
 use serde::{Serialize, Serializer};
 
-use super::document::{Document, Head};
+use super::document::{Head, Object};
 use super::error::Error;
 use super::table::Table;
 
 /// Writes a whole document.
-pub fn whole(out: &mut impl Write, document: &Document<'_>) -> Result<(), Error> {
-    Ok(serde_json::to_writer(out, &document.object()?)?)
+pub fn whole(out: &mut impl Write, object: &Object) -> Result<(), Error> {
+    Ok(serde_json::to_writer(out, object)?)
 }
 
 /// Writes a table with one array per column, as the document has it.

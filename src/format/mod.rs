@@ -42,8 +42,8 @@ pub use view::{FigureOptions, View};
 /// gives other bytes.
 pub const VERSION: u8 = 4;
 
-/// Writes a stored result, or a part of it. Large results take seconds. The stored bytes are dropped before the rows of
-/// a table are written.
+/// Writes a stored result, or a part of it. Large results take seconds. The stored bytes are dropped before the first
+/// byte is written, unless the whole document is written unchanged.
 ///
 /// # Errors
 /// [`Error::Missing`] if the result does not have everything that the view selects.
@@ -62,11 +62,16 @@ pub fn write(
     }
     assert!(part.formats().contains(&format), "{part:?} cannot be written as {format:?}");
     let document = Document::open(stored.as_ref(), view)?;
-    match (format, part) {
-        (Format::Svg, _) => return Ok(out.write_all(&figure::svg(&document, view)?)?),
-        (Format::Npz, Part::Whole) => return npz::whole(out, &document, view),
-        (Format::Json, Part::Whole) => return json::whole(out, &document),
-        _ => {}
+    if format == Format::Svg {
+        return Ok(out.write_all(&figure::svg(&document, view)?)?);
+    }
+    if part == Part::Whole {
+        let object = document.object()?;
+        drop(stored);
+        return match format {
+            Format::Npz => npz::whole(out, object, view),
+            _ => json::whole(out, &object),
+        };
     }
     let (table, head) = (document.table(part, view)?, document.head);
     drop(stored);

@@ -9,7 +9,7 @@ use std::iter;
 use zip::write::{SimpleFileOptions, StreamWriter};
 use zip::{CompressionMethod, ZipWriter};
 
-use super::document::{Document, Head, Member};
+use super::document::{Head, Member, Object};
 use super::error::Error;
 use super::table::{Table, Values};
 use super::units::fits_single;
@@ -28,9 +28,8 @@ pub fn table(out: &mut impl Write, head: &Head, table: &Table, view: &View) -> R
 
 /// Writes a whole result: the columns of each table under names such as `history/wear_volume`, and
 /// `meta` with everything else as JSON.
-pub fn whole(out: &mut impl Write, document: &Document<'_>, view: &View) -> Result<(), Error> {
+pub fn whole(out: &mut impl Write, mut object: Object, view: &View) -> Result<(), Error> {
     let mut archive = Archive::new(out, view);
-    let mut object = document.object()?;
     let tables = object.0.extract_if(.., |(_, member)| matches!(member, Member::Table(_)));
     let tables: Vec<_> = tables.collect();
     archive.text("meta", &serde_json::to_string(&object)?)?;

@@ -58,6 +58,7 @@ pub fn fits_single(digits: Option<u8>, numbers: impl IntoIterator<Item = f64>) -
 }
 
 /// Name, SI unit and engineering unit of a quantity.
+#[derive(Clone)]
 struct Entry {
     quantity: String,
     si: String,
@@ -71,6 +72,7 @@ impl Entry {
 }
 
 /// The units of all quantities of a document, and the conversion of their numbers.
+#[derive(Clone)]
 pub struct Units {
     entries: Vec<Entry>,
     digits: Option<u8>,

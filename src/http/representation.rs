@@ -19,7 +19,7 @@ use super::app::App;
 use super::caller::Caller;
 use super::coding::Coding;
 use super::memory::{Encoded, Lookup, Making};
-use super::pieces::pieces;
+use super::pieces::{PieceWriter, pieces};
 use super::problem::{self, Complaint, Problem};
 use super::shares::{self, Permit, SMALL, longest_wait};
 use super::wire::{ascii, instant, words};
@@ -36,7 +36,7 @@ pub async fn require(app: &App, reach: Option<&str>, key: &Key) -> Result<(), Pr
     }
 }
 
-/// Larger tables are sent while they are written.
+/// Larger answers without compression are sent while they are written.
 const WHOLE: usize = 32 << 20;
 
 /// What a request needs before it may make an answer.
@@ -46,6 +46,13 @@ struct Need {
     bytes: usize,
     /// Whether it makes the answer from a large result.
     maker: bool,
+}
+
+impl Need {
+    /// The compressed body of a result, which is smaller than its JSON, and the JSON.
+    fn to_unpack(size: usize) -> Self {
+        Self { bytes: 2 * size, maker: false }
+    }
 }
 
 /// What a request has reserved. It waits for this before it takes the single-flight lock of its answer. So a caller whose
@@ -159,9 +166,9 @@ pub async fn json(app: &App, caller: &str, key: &Key) -> Result<Option<Encoded>,
                 let answer = Encoded::of(json, Coding::Identity, Some(reserved.permit));
                 return Ok(Some(app.memory.finish(making, answer, true)));
             }
-            Stored::Needs(need) => {
+            Stored::Large(size) => {
                 drop(making);
-                reserved.wait(app, caller, &name, need).await?;
+                reserved.wait(app, caller, &name, Need::to_unpack(size)).await?;
             }
             Stored::Absent => return Ok(None),
         }
@@ -187,8 +194,8 @@ async fn large_json(app: &App, key: &Key) -> Result<Option<Bytes>, Problem> {
 enum Stored {
     /// The body.
     Body(Body),
-    /// It is large: the request must reserve this first.
-    Needs(Need),
+    /// It is large: its JSON has this many bytes, for which the request must reserve memory first.
+    Large(usize),
     /// The result is not stored.
     Absent,
 }
@@ -197,10 +204,8 @@ enum Stored {
 async fn stored(app: &App, key: &Key, reserved: &Reserved) -> Result<Stored, Problem> {
     let found = match app.service.small_result(key).await? {
         Some(StoredResult::Large(size)) => {
-            // The compressed body, which is smaller than the JSON, and the JSON.
-            let need = Need { bytes: 2 * size, maker: false };
-            if !reserved.suffices(need) {
-                return Ok(Stored::Needs(need));
+            if !reserved.suffices(Need::to_unpack(size)) {
+                return Ok(Stored::Large(size));
             }
             app.service.result(key).await?
         }
@@ -274,6 +279,16 @@ enum Source {
     Json(Bytes),
     /// The result is large: the request must reserve this first.
     Needs(Need),
+    /// The answer is the JSON of the result, which has this many bytes: too many to be whole in memory.
+    Unpack(usize),
+}
+
+/// An answer.
+enum Answer {
+    /// All of its bytes are in memory.
+    Whole(Encoded),
+    /// It is sent while it is written.
+    Streamed(Response),
 }
 
 /// A result in one format and one view. Equal representations have equal names.
@@ -320,42 +335,63 @@ impl Representation {
             Format::Npz => Coding::Identity,
             _ => Coding::choose(headers),
         };
+        let answer = self.find_or_make(app, coding).await?;
+        app.service.was_read(&self.key);
+        Ok(match answer {
+            Answer::Streamed(response) => response,
+            Answer::Whole(Encoded { body, coding, permit }) => {
+                self.response(body.into(), coding, permit)
+            }
+        })
+    }
+
+    /// The answer, if it is in memory. Otherwise this makes it.
+    async fn find_or_make(&self, app: &App, coding: Coding) -> Result<Answer, Problem> {
         let name = match coding.name() {
             None => self.name.clone(),
             Some(coding) => format!("{} {coding}", self.name),
         };
         let mut reserved = Reserved::nothing();
         let mut is_first = true;
-        let answer = loop {
+        loop {
             let found = find(app, &self.caller, &name, &mut reserved).await?;
             if mem::take(&mut is_first) {
                 app.metrics.looked_up(matches!(found, Lookup::Found(_)));
             }
             let making = match found {
-                Lookup::Found(answer) => break answer,
+                Lookup::Found(answer) => return Ok(Answer::Whole(answer)),
                 Lookup::Missing(making) => making,
             };
             match self.source(app, coding, &reserved).await? {
                 Source::Answer(bytes) => {
                     let answer = Encoded::of(bytes, coding, Some(reserved.permit));
-                    break app.memory.finish(making, answer, true);
+                    return Ok(Answer::Whole(app.memory.finish(making, answer, true)));
                 }
-                Source::Json(json) if self.is_streamed(coding, &json) => {
+                Source::Json(json) if self.is_streamed(coding, json.len()) => {
                     // Each client has a stream of its own.
                     drop(making);
-                    app.service.was_read(&self.key);
-                    return self.stream(json, reserved).await;
+                    return Ok(Answer::Streamed(self.stream(json, reserved).await?));
                 }
-                Source::Json(json) => break self.make(app, coding, making, json, reserved).await?,
+                Source::Json(json) => {
+                    let answer = self.make(app, coding, making, json, reserved).await?;
+                    return Ok(Answer::Whole(answer));
+                }
+                Source::Unpack(size) => {
+                    drop(making);
+                    // All its readers share the stored bytes.
+                    return match Box::pin(self.find_or_make(app, Coding::Zstd)).await? {
+                        Answer::Whole(packed) if packed.coding == Coding::Zstd => {
+                            Ok(Answer::Streamed(self.unpack(packed, size).await?))
+                        }
+                        answer => Ok(answer),
+                    };
+                }
                 Source::Needs(need) => {
                     drop(making);
                     reserved.wait(app, &self.caller, &name, need).await?;
                 }
             }
-        };
-        app.service.was_read(&self.key);
-        let Encoded { body, coding, permit } = answer;
-        Ok(self.response(body.into(), coding, permit))
+        }
     }
 
     /// What the answer is made from.
@@ -375,7 +411,10 @@ impl Representation {
                     let is_answer = coding == Coding::Identity;
                     Ok(if is_answer { Source::Answer(json) } else { Source::Json(json) })
                 }
-                Stored::Needs(need) => Ok(Source::Needs(need)),
+                Stored::Large(size) if coding == Coding::Identity && size > WHOLE => {
+                    Ok(Source::Unpack(size))
+                }
+                Stored::Large(size) => Ok(Source::Needs(Need::to_unpack(size))),
                 Stored::Absent => Err(self.missing(app).await?),
             };
         }
@@ -390,7 +429,7 @@ impl Representation {
                 _ => return Err(self.missing(app).await?),
             },
         };
-        let is_text = coding == Coding::Identity && self.growth() * size <= WHOLE;
+        let is_text = coding == Coding::Identity && !self.is_streamed(coding, size);
         let growth = if is_text { self.growth() } else { 1 };
         let need = Need { bytes: (1 + growth) * size, maker: true };
         if !reserved.suffices(need) {
@@ -449,26 +488,49 @@ impl Representation {
         }
     }
 
-    /// Whether the answer is sent while it is written, because it is large.
-    fn is_streamed(&self, coding: Coding, json: &Bytes) -> bool {
-        let growth = self.growth();
-        coding == Coding::Identity && growth > 1 && growth * json.len() > WHOLE
+    /// Whether the answer is sent while it is written, because it is large. The JSON of the result has `size` bytes.
+    fn is_streamed(&self, coding: Coding, size: usize) -> bool {
+        let can_be_large = !matches!(self.part, Part::History | Part::Plot);
+        coding == Coding::Identity && can_be_large && self.growth() * size > WHOLE
+    }
+
+    /// Formats the answer while the client reads it.
+    async fn stream(&self, json: Bytes, reserved: Reserved) -> Result<Response, Problem> {
+        let Reserved { mut permit, maker, .. } = reserved;
+        // Before the first piece, the result and its tables are in memory, and then only the tables.
+        let result = permit.split(json.len());
+        let (part, format, view) = (self.part, self.format, self.view.clone());
+        let write = move |out: &mut PieceWriter<_>| {
+            let _tables = permit;
+            format::write(out, json, part, format, &view)
+        };
+        self.send(move || drop((maker, result)), write).await
+    }
+
+    /// Decompresses the JSON of the result, which has `size` bytes, while the client reads it.
+    async fn unpack(&self, packed: Encoded, size: usize) -> Result<Response, Problem> {
+        let Encoded { body, permit, .. } = packed;
+        let write = move |out: &mut PieceWriter<_>| Ok(zstd::stream::copy_decode(&body[..], out)?);
+        let mut response = self.send(|| (), write).await?;
+        response.headers_mut().insert(header::CONTENT_LENGTH, size.into());
+        // Only the compressed bytes are in memory.
+        if let Some(permit) = permit {
+            response.extensions_mut().insert(permit);
+        }
+        Ok(response)
     }
 
     /// Writes the answer on a thread of its own while the client reads it. The thread ends when the client stops the
-    /// stream, or does not read for long.
-    async fn stream(&self, json: Bytes, reserved: Reserved) -> Result<Response, Problem> {
-        let Reserved { mut permit, maker, .. } = reserved;
-        // Before the first piece, the result and its table are in memory, and then only the table.
-        let result = permit.split(json.len());
-        let (mut pieces, mut received) = pieces(move || drop((maker, result)));
-        let (part, format, view) = (self.part, self.format, self.view.clone());
+    /// stream, or does not read for long. It calls `started` before it sends the first piece.
+    async fn send<S: FnOnce() + Send + 'static>(
+        &self,
+        started: S,
+        write: impl FnOnce(&mut PieceWriter<S>) -> Result<(), format::Error> + Send + 'static,
+    ) -> Result<Response, Problem> {
+        let (mut pieces, mut received) = pieces(started);
         let (done, written) = oneshot::channel();
         let write = move || {
-            let end = format::write(&mut pieces, json, part, format, &view)
-                .and_then(|()| Ok(pieces.flush()?));
-            // The table is no longer in memory.
-            drop(permit);
+            let end = write(&mut pieces).and_then(|()| Ok(pieces.flush()?));
             // If the client has disconnected, no task receives this.
             let _ = done.send(end);
         };

@@ -47,6 +47,8 @@ class Server:
 
     def __init__(self, program, data):
         self.program, self.data, self.numbers = program, data, itertools.count()
+        # The largest memory that was seen, in bytes.
+        self.most = 0
         _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
         self.log = open(data / "log", "w+", encoding="utf-8")
         self.process = subprocess.Popen(
@@ -138,7 +140,9 @@ class Server:
 
     def bound_memory(self):
         """Kills the server if it took too much memory, as a cgroup does."""
-        if (self.peak() or 0) > MEMORY:
+        peak = self.peak() or 0
+        self.most = max(self.most, peak)
+        if peak > MEMORY:
             self.process.kill()
 
     def stop(self):
