@@ -33,9 +33,9 @@ if [ -z "$base" ]; then
         sleep 0.05
     done
 fi
-for example in steel-ball paper-figure-4; do
+for example in steel-ball paper-figure-4 studies/sweep; do
     curl -sSf "$base/v1/jobs" -H 'Content-Type: application/json' -H 'Prefer: wait=60' \
-        -d @"examples/$example.json" >"$scratch/$example.json"
+        -d @"examples/$example.json" >"$scratch/${example#studies/}.json"
 done
 "$program" export "$scratch/results.db" --data-dir "$data"
 
@@ -72,6 +72,12 @@ for example in ("steel-ball", "paper-figure-4"):
     history = ask("/results/history.json", key=key, _size="max", _sort="entry")
     for name, column in result["history"].items():
         assert [entry[name] for entry in history] == column, name
+key = json.loads((scratch / "sweep.json").read_text())["key"]
+body = urllib.request.urlopen(f"{base}/v1/results/{key}").read()
+(row,) = ask("/results/results.json", key=key)
+(stored,) = ask("/results/bodies.json", key=key)
+assert row["kind"] == "sweep" and json.loads(row["scenario"]) == json.loads(body)["sweep"]
+assert stored["body"].encode() == body and ask("/results/history.json", key=key) == []
 units = {row["name"]: row["unit"] for row in ask("/results/units.json", _size="max")}
 assert units["wear_volume"] == "m^3" and units["friction"] == "1"
 found = ask("/results.json", sql="select count(*) as n from results where friction between 0.6 and 0.8")

@@ -1,18 +1,20 @@
 //! Studies as jobs: their keys, rows, faults, limits and formats.
 
 use std::collections::HashMap;
+use std::env;
 use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-use fretwork::http::Settings;
+use fretwork::http::{Limits, Settings};
 use fretwork::job::Task;
 use fretwork::service::WorkLimits;
-use fretwork::store::{Options, import};
+use fretwork::store::{Options, Role, import};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
+use crate::access::{self, ask, get, made};
 use crate::kill::Program;
 use crate::moving::{assert_refused, export_all, open_file, quiet, replace_body};
 use crate::server::{JSON, Reply, Server, send, steel_ball};
@@ -386,6 +388,29 @@ async fn a_map_answers_with_regimes_and_wear() {
     assert_eq!(refused["errors"][0]["pointer"], "/map/amplitude/to");
 }
 
+#[tokio::test(flavor = "multi_thread")]
+async fn a_study_is_private_and_its_result_is_shared() {
+    let server = access::server(Limits::default()).await;
+    let anna = made(server.dir.path(), "anna", Role::Submit).await;
+    let ben = made(server.dir.path(), "ben", Role::Submit).await;
+    let eve = made(server.dir.path(), "eve", Role::Read).await;
+    let body = sweep().to_string();
+    ask(&server, &eve, "POST", "/v1/jobs", &body).await.problem(403, "forbidden");
+    let job = ask(&server, &anna, "POST", "/v1/jobs", &body).await.json();
+    assert_eq!(job["state"], "succeeded", "{job}");
+    let address = job["links"]["self"].as_str().unwrap();
+    let result = job["links"]["result"].as_str().unwrap();
+    for key in [&ben, &eve] {
+        get(&server, key, address).await.problem(404, "not-found");
+        assert_eq!(get(&server, key, &format!("{result}/table?format=csv")).await.status, 200);
+    }
+    let link = ask(&server, &anna, "POST", &format!("{result}/links"), "").await.json();
+    let (path, credentials) = link["url"].as_str().unwrap().split_once('?').unwrap();
+    let linked = server.get(&format!("{path}/table?{credentials}")).await;
+    assert_eq!(linked.status, 200, "{}", linked.text());
+    server.get(&format!("{path}/table")).await.problem(401, "unauthorized");
+}
+
 /// A sweep with many chunks.
 fn long_sweep(points: u32) -> Value {
     let mut body = sweep();
@@ -419,12 +444,16 @@ async fn chunks_done(dir: &Path) -> HashMap<i64, i64> {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_study_goes_on_after_each_of_ten_kills() {
+async fn a_study_goes_on_after_each_kill() {
+    let (kills, points) = match env::var_os("FRETWORK_TEST_LONG") {
+        Some(_) => (100, 600_000),
+        None => (10, 60_000),
+    };
     let dir = TempDir::new().unwrap();
     let mut server = Program::start(dir.path(), "2");
-    let job = submitted(&server, &long_sweep(60_000)).await;
+    let job = submitted(&server, &long_sweep(points)).await;
     let (mut progress, mut done) = (0.0, HashMap::new());
-    for _ in 0..10 {
+    for _ in 0..kills {
         let shown = loop {
             let job = server.get(job["links"]["self"].as_str().unwrap()).await.json();
             let shown = job["progress"].as_f64().unwrap();
@@ -450,7 +479,7 @@ async fn a_study_goes_on_after_each_of_ten_kills() {
     // One worker that is not interrupted makes the same bytes.
     let dir = TempDir::new().unwrap();
     let server = Program::start(dir.path(), "1");
-    let job = submitted(&server, &long_sweep(60_000)).await;
+    let job = submitted(&server, &long_sweep(points)).await;
     let job = server.ended(job["id"].as_str().unwrap()).await;
     assert_eq!(server.result(&job).await, interrupted);
 }

@@ -1,0 +1,115 @@
+"""One caller sends studies that are small as bytes and large as work, and calls models of UM-Bridge with large configs.
+
+    python studies.py TARGET
+
+The server must refuse each study as faulty or too large, or with 503 while it has no memory for the body. It may answer the
+calls, one after the other for each worker. Another caller evaluates a small scenario meanwhile. That must not take longer
+than 1 s.
+"""
+
+import asyncio
+import itertools
+import json
+import time
+
+from client import addresses, answer, ask, attack, connect, outcome, post, send, target, told
+
+AT_ONCE, SECONDS, LONGEST = 32, 5, 1
+# The heights of the profile that the calls vary. Each takes several runs for a gradient.
+HEIGHTS = range(1, 6)
+SOURCES = addresses(13, 2 * AT_ONCE)
+SCENARIO = {
+    "profile": {"shape": "paraboloid", "radius": "10 mm"},
+    "moduli": {"normal": "113 GPa", "tangential": "93 GPa"},
+    "friction": 0.7,
+    "wear": {"coefficient": "3.03e-5 mm^3/(N m)"},
+    "load": {"normal_force": "100 N"},
+    "motion": {"amplitude": "2 um"},
+    "cycles": [1000],
+    "profiles_at": "none",
+    "model": {"method": "simplified", "points": 16},
+}
+RANGE = {"pointer": "/friction", "from": 0.5, "to": 0.7}
+
+
+def study(**members):
+    """The body of a sweep."""
+    sweep = {"scenario": SCENARIO, "vary": [RANGE | {"count": 3}], "outputs": ["wear_volume"]}
+    return json.dumps({"sweep": sweep | members}).encode()
+
+
+STUDIES = {
+    "members": study(vary=[RANGE | {"count": 2}] * 50_000),
+    "values": study(vary=[{"pointer": "/friction", "values": [0.5] * 700_000}]),
+    "outputs": study(outputs=["wear_volume"] * 200_000),
+    "samples": study(vary=[RANGE], design="sobol", samples=2**32 - 1),
+    "grid": study(vary=[{"pointer": f"/{name}", "from": 1, "to": 2, "count": 10**9} for name in ("friction", "motion/amplitude")]),
+}
+
+
+def table(points):
+    """A scenario with a measured profile of many points."""
+    radius = [place * 1e-6 for place in range(points)]
+    return SCENARIO | {"profile": {"shape": "table", "radius": radius, "height": [r * r / 0.02 for r in radius]}}
+
+
+def calls(place):
+    """Calls with a config of 100 kB. No two are equal, so that the server reads each anew."""
+    pointers = [f"/profile/height/{point}" for point in HEIGHTS]
+    for number in itertools.count():
+        scenario = table(2500) | {"friction": 0.5 + place / 1e3 + number / 1e6}
+        config = {"scenario": scenario, "parameters": pointers, "outputs": ["wear_volume"]}
+        point = [scenario["profile"]["height"][index] for index in HEIGHTS]
+        call = {"name": "wear", "config": config, "input": [point], "outWrt": 0, "inWrt": 0, "sens": [1]}
+        yield post("/Gradient" if number % 2 else "/Evaluate", target.keys[place % len(target.keys)], call)
+
+
+async def submit(name, body):
+    """The same study on many connections at once. Answers what they got."""
+    began = time.monotonic()
+    request = post("/v1/jobs", target.keys[0], body)
+    replies = await asyncio.gather(*(ask(source, request) for source in SOURCES[:AT_ONCE]))
+    got, statuses = told(map(outcome, replies)), {reply and reply.status for reply in replies}
+    assert statuses <= {413, 422, 503} and statuses != {503}, f"{name}: {got}"
+    return f"{name} {got} in {time.monotonic() - began:.1f} s"
+
+
+async def call(place, end):
+    """Calls, one after the other. Answers what the client got."""
+    got = []
+    with await connect(SOURCES[AT_ONCE + place]) as connection:
+        for request in calls(place):
+            if time.monotonic() > end:
+                return got
+            await send(connection, request)
+            reply = await answer(connection)
+            got.append(outcome(reply))
+            if reply is None or reply.headers.get("connection") == "close":
+                return got
+
+
+async def evaluate(end):
+    """The longest time of an evaluation of another caller, in seconds."""
+    slowest = 0
+    with await connect("127.0.0.1") as connection:
+        while time.monotonic() < end:
+            began = time.monotonic()
+            body = {"scenario": SCENARIO, "outputs": ["wear_volume"]}
+            await send(connection, post("/v1/evaluate", target.bystander, body))
+            reply = await answer(connection)
+            assert reply.status == 200, reply
+            slowest = max(slowest, time.monotonic() - began)
+            await asyncio.sleep(0.02)
+    return slowest
+
+
+async def program():
+    report = [await submit(name, body) for name, body in STUDIES.items()]
+    end = time.monotonic() + SECONDS
+    slowest, *got = await asyncio.gather(evaluate(end), *(call(place, end) for place in range(AT_ONCE)))
+    report.append(f"calls {told(itertools.chain.from_iterable(got))}; another caller's evaluation: {slowest:.2f} s")
+    assert slowest < LONGEST, report[-1]
+    return "; ".join(report)
+
+
+attack(program)
