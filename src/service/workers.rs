@@ -6,7 +6,6 @@
 mod compute;
 
 use std::any::Any;
-use std::cell::RefCell;
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex};
@@ -70,7 +69,7 @@ impl Workers {
     ) -> io::Result<Self> {
         let (order, orders) = watch::channel(WorkerOrder::Work);
         let (living, alive) = mpsc::channel(1);
-        let assembling = Arc::default();
+        let (studies, assembling) = (Arc::default(), Arc::default());
         let start = |number| {
             let mut worker = Worker {
                 store: store.clone(),
@@ -78,7 +77,7 @@ impl Workers {
                 limits,
                 orders: orders.clone(),
                 runtime: Handle::current(),
-                studies: RefCell::default(),
+                studies: Arc::clone(&studies),
                 assembling: Arc::clone(&assembling),
                 _living: living.clone(),
             };
@@ -112,6 +111,9 @@ impl Drop for Workers {
     }
 }
 
+/// The studies whose chunks the threads computed last, the latest one at the end.
+type Studies = Mutex<Vec<(Key, Arc<Study>)>>;
+
 /// The state of one thread.
 struct Worker {
     store: Store,
@@ -119,8 +121,7 @@ struct Worker {
     limits: WorkLimits,
     orders: watch::Receiver<WorkerOrder>,
     runtime: Handle,
-    /// The studies whose chunks this thread computed last, the latest one at the end.
-    studies: RefCell<Vec<(Key, Arc<Study>)>>,
+    studies: Arc<Studies>,
     /// Held while a result is made from chunks, because a large one takes much memory.
     assembling: Arc<Mutex<()>>,
     _living: mpsc::Sender<()>,

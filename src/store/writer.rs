@@ -284,8 +284,9 @@ impl Writer {
         let chunks = self.chore(upkeep::delete_chunks, ()).await.unwrap_or(false);
         let _ = self.chore(upkeep::forget_evicted, time).await;
         let exceeds = match self.upkeep.budget {
-            Some(budget) => self.make_room(budget).await,
-            None => false,
+            // While there may be more chunks that nobody needs, no result makes room for them.
+            Some(budget) if !chunks => self.make_room(budget).await,
+            _ => false,
         };
         if let Ok(bytes) = self.chore(upkeep::stored, ()).await {
             self.signals.tally.room_is(bytes);

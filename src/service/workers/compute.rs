@@ -1,17 +1,18 @@
 //! Computing what a worker has claimed: a whole run, a chunk of a study, or the result of a study from its chunks.
 
-use std::sync::{Arc, MutexGuard, TryLockError};
+use std::sync::{Arc, MutexGuard, PoisonError, TryLockError};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use super::{MAX_REFUSALS, Made, NotMade, PAUSE, REPORT, Worker, WorkerOrder};
-use crate::job::{Answer, FailureKind, Prepared, Step, Task, TaskKind, asked_in};
+use crate::job::{Answer, FailureKind, Key, Prepared, Step, Task, TaskKind, asked_in};
 use crate::service::stopwatch::Stopwatch;
 use crate::store::{Claimed, Error, Piece};
 use crate::study::{Points, Rows, Study};
 
-/// Most prepared studies that a thread keeps.
-const STUDIES: usize = 4;
+/// Most prepared studies that the threads keep together. The owners of studies take turns, so a study that is not kept is
+/// prepared for each of its chunks.
+const STUDIES: usize = 8;
 
 impl Worker {
     pub(super) fn compute(&self, claimed: &Claimed) -> Result<Made, NotMade> {
@@ -91,23 +92,33 @@ impl Worker {
 
     /// The study of a claimed piece, ready to be computed.
     fn study(&self, claimed: &Claimed) -> Result<Arc<Study>, NotMade> {
-        let mut studies = self.studies.borrow_mut();
-        if let Some(place) = studies.iter().position(|(key, _)| *key == claimed.key) {
-            let found = studies.remove(place);
-            studies.push(found);
-        } else {
-            let task = self.read(claimed, async || self.store.task(claimed).await)?;
-            let prepared = Prepared::from_stored(&claimed.key, &task).map_err(unreadable)?;
-            let Task::Study(study) = prepared.task else {
-                return Err(unreadable("a run has no chunks".to_owned()));
-            };
-            if studies.len() == STUDIES {
-                studies.remove(0);
-            }
-            studies.push((claimed.key, study));
+        let known = || self.studies.lock().unwrap_or_else(PoisonError::into_inner);
+        let take = |studies: &mut Vec<(Key, Arc<Study>)>| {
+            let place = studies.iter().position(|(key, _)| *key == claimed.key)?;
+            Some(studies.remove(place).1)
+        };
+        let found = take(&mut known());
+        let study = match found {
+            Some(study) => study,
+            None => self.prepared_study(claimed)?,
+        };
+        let mut studies = known();
+        // Another thread may have prepared it meanwhile. All threads share one.
+        let study = take(&mut studies).unwrap_or(study);
+        if studies.len() == STUDIES {
+            studies.remove(0);
         }
-        let (_, study) = &studies[studies.len() - 1];
-        Ok(Arc::clone(study))
+        studies.push((claimed.key, Arc::clone(&study)));
+        Ok(study)
+    }
+
+    fn prepared_study(&self, claimed: &Claimed) -> Result<Arc<Study>, NotMade> {
+        let task = self.read(claimed, async || self.store.task(claimed).await)?;
+        let prepared = Prepared::from_stored(&claimed.key, &task).map_err(unreadable)?;
+        match prepared.task {
+            Task::Study(study) => Ok(study),
+            Task::Run(_) => Err(unreadable("a run has no chunks".to_owned())),
+        }
     }
 
     /// Reads what is stored of a study. Tries again while the database is busy.
