@@ -1,0 +1,135 @@
+// The numbers of the form that a study varies: what their fields show, and the job body that follows from them.
+//
+// A study of the form is `{kind, ranges, samples, outputs}`. `ranges` has an entry `{from, to, unit, count, spacing}` for the
+// pointer of each number that varies. All of them are kept as the user typed them.
+
+import { numberOrText, valueAt } from "./fields.js";
+
+/** What the form can compute from numbers that vary. */
+export const DESIGNS = {
+  sweep: ["Sweep", "all combinations of the values"],
+  random: ["Random sample", "points spread evenly over the ranges (Latin hypercube)"],
+  sensitivity: ["Sensitivity", "which number matters most (Sobol indices)"],
+  map: ["Fretting map", "regimes and wear over normal force and amplitude"],
+};
+
+/** The numbers that a map varies, by their names in its body. */
+const AXES = { normal_force: "/load/normal_force", amplitude: "/motion/amplitude" };
+
+/** Numbers that are settings of the computation, or decide which rows a result has. */
+const FIXED = /^\/(cycles|model\/points)/;
+
+/** Largest values of numbers that have a limit, by the end of their pointers. */
+const LARGEST = [["poisson_ratio", 0.5], ["stick_ratio", 1], ["share", 1]];
+
+/** A range begins 20 % below the value of the field, and ends 20 % above it. */
+const [BELOW, ABOVE, COUNT] = [0.8, 1.2, 9];
+
+export const newStudy = () => ({ kind: "sweep", ranges: {}, samples: "256", outputs: ["wear_volume", "wear_depth"] });
+
+export const varied = ({ ranges }) => Object.keys(ranges);
+
+/** Whether a design draws its values, so that its ranges have no count. */
+export const isDrawn = ({ kind }) => kind === "random" || kind === "sensitivity";
+
+/** Whether the numbers that vary are those of a map. */
+export const isMap = (study) => varied(study).sort().join() === Object.values(AXES).sort().join();
+
+/** The number and the unit of a text such as 10 mm; undefined if it does not begin with a number. */
+function split(value) {
+  const [, number, unit] = String(value).trim().match(/^([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(.*)$/i) ?? [];
+  return number && { number, unit };
+}
+
+/** A number as a person types it, with four digits. */
+function typed(value) {
+  const size = Math.abs(value);
+  const rounded = Number(value.toPrecision(4));
+  return size > 0 && (size < 1e-3 || size >= 1e6) ? rounded.toExponential() : String(rounded);
+}
+
+/** Whether the number at a pointer may vary, if the scenario has one. */
+export const canVary = (pointer) => !FIXED.test(pointer);
+
+/** The first range of a number; undefined if the scenario has no number there. */
+export function rangeAround(scenario, pointer) {
+  const value = split(valueAt(scenario, pointer));
+  if (!value) return undefined;
+  const [, largest] = LARGEST.find(([name]) => pointer.endsWith(name)) ?? [null, Infinity];
+  const number = Number(value.number);
+  const [from, to] = number === 0 ? [0, 1] : [BELOW * number, ABOVE * number];
+  return { from: typed(from), to: typed(Math.min(to, largest)), unit: value.unit, count: String(COUNT), spacing: "linear" };
+}
+
+/** A number without a unit has the unit of its field. */
+function withUnit(text, unit) {
+  const number = numberOrText(text.trim());
+  if (text.trim() === "") return undefined;
+  return unit && typeof number === "number" ? `${text.trim()} ${unit}` : number;
+}
+
+/** The number of points of a study; NaN while a number is missing. */
+export function runsOf(study) {
+  const counts = varied(study).map((pointer) => Number(study.ranges[pointer].count));
+  if (study.kind === "random") return Number(study.samples);
+  if (study.kind === "sensitivity") return Number(study.samples) * (counts.length + 2);
+  return counts.reduce((product, count) => product * count, 1);
+}
+
+/** The body of `POST /v1/jobs` for a scenario and the numbers that vary. */
+export function jobBody(scenario, study) {
+  const { kind, ranges, outputs } = study;
+  if (varied(study).length === 0) return { scenario };
+  const range = (pointer) => {
+    const { from, to, unit, count, spacing } = ranges[pointer];
+    return { from: withUnit(from, unit), to: withUnit(to, unit), ...(!isDrawn(study) && { count: numberOrText(count) }),
+      ...(spacing === "log" && { spacing }) };
+  };
+  const vary = varied(study).map((pointer) => ({ pointer, ...range(pointer) }));
+  const samples = numberOrText(study.samples);
+  switch (kind) {
+    case "map":
+      return { map: { scenario, normal_force: range(AXES.normal_force), amplitude: range(AXES.amplitude), outputs } };
+    case "sensitivity": return { sensitivity: { scenario, vary, method: "sobol", samples, outputs } };
+    case "random": return { sweep: { scenario, vary, design: "latin_hypercube", samples, outputs } };
+    default: return { sweep: { scenario, vary, outputs } };
+  }
+}
+
+/** The pointer of a fault in the form: that of the field which shows it. `/sweep/vary/0/from` becomes `/vary/friction/from`. */
+export function formPointer(pointer, study) {
+  const [, kind, part, rest = ""] = pointer.match(/^\/(sweep|sensitivity|map)(\/[^/]*)(.*)$/) ?? [];
+  if (!kind) return pointer;
+  const axis = AXES[part.slice(1)];
+  if (axis) return `/vary${axis}${rest}`;
+  const [, place, member] = part === "/vary" ? rest.match(/^\/(\d+)(.*)$/) ?? [] : [];
+  return place ? `/vary${varied(study)[place]}${member}` : part + rest;
+}
+
+/** The design of the form for a study of the API; undefined if the form has no such design. */
+function designOf(name, { design = "grid", method = "sobol", seed = 0 }) {
+  if (name === "map") return "map";
+  if (name === "sensitivity") return method === "sobol" && seed === 0 ? "sensitivity" : undefined;
+  return { grid: "sweep", latin_hypercube: seed === 0 ? "random" : undefined }[design];
+}
+
+/** The range of the form for an entry of `vary`. Equal units of both ends are shown once. */
+function rangeOf({ from, to, count = COUNT, spacing = "linear" }) {
+  const [first, last] = [split(from), split(to)];
+  const unit = first?.unit === last?.unit ? first?.unit : undefined;
+  const [start, end] = unit ? [first.number, last.number] : [from ?? "", to ?? ""];
+  return { from: String(start), to: String(end), unit: unit ?? "", count: String(count), spacing };
+}
+
+/** The study of the form for a job body such as `{"sweep": …}`; undefined if the form cannot show all of it. */
+export function studyOf(body) {
+  const [name, study] = Object.entries(Object(body))[0] ?? [];
+  if (!["sweep", "sensitivity", "map"].includes(name)) return undefined;
+  const kind = designOf(name, study);
+  const vary = kind === "map" ? Object.entries(AXES).map(([axis, pointer]) => ({ pointer, ...study[axis] })) : study.vary;
+  const members = ["pointer", "from", "to", "count", "spacing"];
+  const isRange = (entry) => "from" in entry && Object.keys(entry).every((member) => members.includes(member));
+  if (!kind || !vary?.every(isRange)) return undefined;
+  return { kind, ranges: Object.fromEntries(vary.map((entry) => [entry.pointer, rangeOf(entry)])),
+    samples: String(study.samples ?? newStudy().samples), outputs: study.outputs ?? [] };
+}
