@@ -7,7 +7,7 @@ import { announce, drawEstimate, drawStudyEstimate } from "./estimate.js";
 import { CHOICES, inputText, parseInput, setValueAt, valueAt, withoutField } from "./fields.js";
 import { drawPlan, drawRange, drawRuns, submitText, varyButton } from "./plan.js";
 import { WORDS } from "./units.js";
-import { canVary, DESIGNS, formPointer, isMap, jobBody, newStudy, rangeAround, studyOf, varied } from "./vary.js";
+import { canVary, choose, DESIGNS, formPointer, isMap, jobBody, newStudy, studyOf, suggested, varied } from "./vary.js";
 
 let examples = null;
 
@@ -23,18 +23,17 @@ export async function showForm(main, { query, signal }) {
   let study = newStudy();
   try {
     if (query.has("study")) study = studyOf(JSON.parse(query.get("study"))) ?? study;
-  } catch {
-    notify("The study in the address is not valid JSON. The form shows one run.");
-  }
+  } catch { /* The notice below says it. */ }
+  const asked = query.has("study") ? Math.max(1, varied(study).length) : 0;
   const isStudy = () => varied(study).length > 0;
   const example = () => examples.find(({ body }) => JSON.stringify(body.scenario) === JSON.stringify(scenario));
-  // The label that the user typed. An unchanged example brings its own label; it disappears with the first edit.
-  let typedLabel = query.get("label");
-  if (typedLabel === example()?.body.label) typedLabel = null;
-  const label = () => typedLabel ?? (isStudy() ? `${DESIGNS[study.kind][0]}: ${names().join(", ")}` : example()?.body.label ?? "");
-  /** The labels of the fields that are shown, by their pointers. */
+  /** The names of the numbers that can vary, by their pointers. */
   let shown = new Map();
   const names = () => varied(study).map((pointer) => shown.get(pointer));
+  // The label that the user typed. A study and an unchanged example have labels of their own, which change with the form.
+  let typedLabel = query.get("label");
+  const ownLabel = () => (isStudy() ? `${DESIGNS[study.kind][0]}: ${names().join(", ")}` : example()?.body.label ?? "");
+  const label = () => typedLabel ?? ownLabel();
 
   const canonical = h("p", { class: "warning", id: "canonical", hidden: !query.has("canonical") },
     "The text that was typed for this run is not available. The form shows the computed values in SI units.");
@@ -74,6 +73,7 @@ export async function showForm(main, { query, signal }) {
 
   function restart() {
     draw();
+    if (typedLabel === ownLabel()) typedLabel = null;
     json.value = JSON.stringify(scenario, null, 2);
     jsonFault.textContent = "";
     changed(check);
@@ -120,8 +120,8 @@ export async function showForm(main, { query, signal }) {
     fields.replaceChildren(...[...groups].map(([group, choices]) =>
       h("fieldset", {}, h("legend", {}, group), choices.map(drawChoice))));
     for (const pointer of varied(study)) if (!shown.has(pointer)) delete study.ranges[pointer];
-    if (study.kind === "map" && !isMap(study)) study.kind = "sweep";
-    drawPlan(plan, names(), study, { changed, redraw });
+    if (study.kind === "map" && !isMap(study)) choose("sweep", scenario, study);
+    drawPlan(plan, names(), scenario, study, { changed, redraw });
     if (focused) document.getElementById(focused)?.focus();
   }
 
@@ -155,7 +155,7 @@ export async function showForm(main, { query, signal }) {
     }
     const update = () => {
       setValueAt(scenario, pointer, parseInput(pointer, input.value));
-      if (vary) vary.disabled = !rangeAround(scenario, pointer);
+      if (vary) vary.disabled = !suggested(scenario, pointer);
       edited();
     };
     const attributes = { id, "data-pointer": `/scenario${pointer}`, "aria-describedby": `${id}-fault` };
@@ -188,7 +188,7 @@ export async function showForm(main, { query, signal }) {
       const count = problem.errors?.length;
       announcement.textContent = problem.detail;
       fill(estimate, h("h2", {}, count ? `Fix ${count} ${count > 1 ? "fields" : "field"} to continue` : problem.title),
-        h("p", {}, problem.detail));
+        h("p", {}, count ? "Messages in the form say what to change." : problem.detail));
     }
   }
 
@@ -237,9 +237,11 @@ export async function showForm(main, { query, signal }) {
           h("div", { class: "field wide" }, h("label", { for: "example" }, "Start from"), chooseExample),
           h("div", { class: "field wide" }, h("label", { for: "label" }, "Label"), labelField),
           canonical, otherFaults, fields,
-          h("p", { class: "muted" }, "Enter values with their unit, for example 10 mm, 205 GPa or 3.03e-5 mm^3/(N m). Numbers without a unit are in SI units.")),
+          h("p", { class: "muted" }, "Enter values with their unit, for example 10 mm, 205 GPa or 3.03e-5 mm^3/(N m). Numbers without a unit are in SI units. "
+            + "Press Vary beside a number to compute many values of it in one study.")),
         jsonEditor),
       h("div", { class: "side" }, announcement, plan, estimate, h("div", { class: "row run" }, run))));
   document.addEventListener("units", () => check(), { signal });
   restart();
+  if (varied(study).length < asked) notify("The form cannot show all that varies in this study.");
 }

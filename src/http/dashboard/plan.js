@@ -2,7 +2,7 @@
 
 import { fill, h, select } from "./dom.js";
 import { cycles, WORDS } from "./units.js";
-import { DESIGNS, isDrawn, isMap, rangeAround, runsOf, varied } from "./vary.js";
+import { choose, DESIGNS, isDrawn, isMap, runsOf, suggested, varied } from "./vary.js";
 
 /** The outputs that the form offers. All are columns of the history, at its last output cycle. */
 const OUTPUTS = ["wear_volume", "wear_depth", "scar_radius", "contact_radius", "stick_radius", "dissipated_energy",
@@ -15,9 +15,9 @@ export function varyButton(id, name, pointer, scenario, study, redraw) {
   const isVaried = Object.hasOwn(study.ranges, pointer);
   return h("button", { type: "button", class: "vary", id: `${id}-vary`, "aria-label": `Vary ${name}`,
     "aria-pressed": String(isVaried), title: isVaried ? "Use one value again" : "Compute many values of this number",
-    disabled: !isVaried && !rangeAround(scenario, pointer), onclick: () => {
+    disabled: !isVaried && !suggested(scenario, pointer), onclick: () => {
       if (isVaried) delete study.ranges[pointer];
-      else study.ranges[pointer] = rangeAround(scenario, pointer);
+      else study.ranges[pointer] = suggested(scenario, pointer, study.kind);
       redraw();
     } }, "Vary");
 }
@@ -67,14 +67,14 @@ export function submitText(study) {
 }
 
 /** The card that says what is computed. `names` are the labels of the numbers that vary. */
-export function drawPlan(card, names, study, { changed, redraw }) {
+export function drawPlan(card, names, scenario, study, { changed, redraw }) {
   card.hidden = varied(study).length === 0;
   if (card.hidden) return;
   const design = ([kind, [name, meaning]]) => {
     const isPossible = kind !== "map" || isMap(study);
     return h("label", { class: "option" }, h("input", { type: "radio", name: "design", id: `design-${kind}`, value: kind,
       checked: study.kind === kind, disabled: !isPossible, onchange: () => {
-        study.kind = kind;
+        choose(kind, scenario, study);
         redraw();
       } }), h("span", {}, h("strong", {}, name), `: ${isPossible ? meaning : "vary normal force and amplitude, and nothing else"}`));
   };

@@ -3,7 +3,9 @@
 // A study of the form is `{kind, ranges, samples, outputs}`. `ranges` has an entry `{from, to, unit, count, spacing}` for the
 // pointer of each number that varies. All of them are kept as the user typed them.
 
+import { formLink } from "./dom.js";
 import { numberOrText, valueAt } from "./fields.js";
+import { kindOf } from "./summary.js";
 
 /** What the form can compute from numbers that vary. */
 export const DESIGNS = {
@@ -22,8 +24,9 @@ const FIXED = /^\/(cycles|model\/points)/;
 /** Largest values of numbers that have a limit, by the end of their pointers. */
 const LARGEST = [["poisson_ratio", 0.5], ["stick_ratio", 1], ["share", 1]];
 
-/** A range begins 20 % below the value of the field, and ends 20 % above it. */
-const [BELOW, ABOVE, COUNT] = [0.8, 1.2, 9];
+/** The first range of a number, as factors of its value: 20 % less to 20 % more. A map covers two decades. */
+const NARROW = { factors: [0.8, 1.2], count: 9, spacing: "linear" };
+const WIDE = { factors: [0.1, 10], count: 25, spacing: "log" };
 
 export const newStudy = () => ({ kind: "sweep", ranges: {}, samples: "256", outputs: ["wear_volume", "wear_depth"] });
 
@@ -51,14 +54,24 @@ function typed(value) {
 /** Whether the number at a pointer may vary, if the scenario has one. */
 export const canVary = (pointer) => !FIXED.test(pointer);
 
-/** The first range of a number; undefined if the scenario has no number there. */
-export function rangeAround(scenario, pointer) {
+/** The range that the form suggests for a number; undefined if the scenario has no number there. */
+export function suggested(scenario, pointer, kind) {
   const value = split(valueAt(scenario, pointer));
   if (!value) return undefined;
   const [, largest] = LARGEST.find(([name]) => pointer.endsWith(name)) ?? [null, Infinity];
   const number = Number(value.number);
-  const [from, to] = number === 0 ? [0, 1] : [BELOW * number, ABOVE * number];
-  return { from: typed(from), to: typed(Math.min(to, largest)), unit: value.unit, count: String(COUNT), spacing: "linear" };
+  const { factors, count, spacing } = kind === "map" ? WIDE : NARROW;
+  const [from, to] = number === 0 ? [0, 1] : factors.map((factor) => factor * number);
+  return { from: typed(from), to: typed(Math.min(to, largest)), unit: value.unit, count: String(count), spacing };
+}
+
+/** Chooses what is computed. Ranges that the user has not changed follow. */
+export function choose(kind, scenario, study) {
+  for (const pointer of varied(study)) {
+    const isUnchanged = JSON.stringify(study.ranges[pointer]) === JSON.stringify(suggested(scenario, pointer, study.kind));
+    if (isUnchanged) study.ranges[pointer] = suggested(scenario, pointer, kind);
+  }
+  study.kind = kind;
 }
 
 /** A number without a unit has the unit of its field. */
@@ -114,7 +127,7 @@ function designOf(name, { design = "grid", method = "sobol", seed = 0 }) {
 }
 
 /** The range of the form for an entry of `vary`. Equal units of both ends are shown once. */
-function rangeOf({ from, to, count = COUNT, spacing = "linear" }) {
+function rangeOf({ from, to, count = NARROW.count, spacing = "linear" }) {
   const [first, last] = [split(from), split(to)];
   const unit = first?.unit === last?.unit ? first?.unit : undefined;
   const [start, end] = unit ? [first.number, last.number] : [from ?? "", to ?? ""];
@@ -123,13 +136,23 @@ function rangeOf({ from, to, count = COUNT, spacing = "linear" }) {
 
 /** The study of the form for a job body such as `{"sweep": …}`; undefined if the form cannot show all of it. */
 export function studyOf(body) {
-  const [name, study] = Object.entries(Object(body))[0] ?? [];
-  if (!["sweep", "sensitivity", "map"].includes(name)) return undefined;
+  const name = kindOf(body);
+  if (!name) return undefined;
+  const study = body[name];
   const kind = designOf(name, study);
   const vary = kind === "map" ? Object.entries(AXES).map(([axis, pointer]) => ({ pointer, ...study[axis] })) : study.vary;
   const members = ["pointer", "from", "to", "count", "spacing"];
   const isRange = (entry) => "from" in entry && Object.keys(entry).every((member) => members.includes(member));
   if (!kind || !vary?.every(isRange)) return undefined;
   return { kind, ranges: Object.fromEntries(vary.map((entry) => [entry.pointer, rangeOf(entry)])),
-    samples: String(study.samples ?? newStudy().samples), outputs: study.outputs ?? [] };
+    samples: String(study.samples ?? newStudy().samples), outputs: Array.from(study.outputs ?? [], String) };
+}
+
+/** The address of the form with a job, or with a result and its job; undefined if the form cannot show it. */
+export function editLink(job) {
+  const kind = kindOf(job);
+  if (!kind) return job.scenario && formLink(job);
+  const { scenario, ...study } = job.submitted ?? job[kind];
+  return studyOf({ [kind]: study })
+    && `${formLink({ submitted: job.submitted && scenario, scenario, label: job.label })}&${new URLSearchParams({ study: JSON.stringify({ [kind]: study }) })}`;
 }
