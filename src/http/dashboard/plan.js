@@ -2,7 +2,7 @@
 
 import { fill, h, select } from "./dom.js";
 import { cycles, WORDS } from "./units.js";
-import { choose, DESIGNS, isDrawn, isMap, runsOf, suggested, varied } from "./vary.js";
+import { choose, DESIGNS, factorsOf, isDrawn, isMap, runsOf, suggested, varied } from "./vary.js";
 
 /** The outputs that the form offers. All are columns of the history, at its last output cycle. */
 const OUTPUTS = ["wear_volume", "wear_depth", "scar_radius", "contact_radius", "stick_radius", "dissipated_energy",
@@ -32,13 +32,14 @@ function faulty(id, pointer, label, properties) {
 /** The fields of a number that varies: from, to, count and spacing. */
 export function drawRange(id, name, pointer, study, changed) {
   const range = study.ranges[pointer];
+  const inUnit = range.unit && ` in ${range.unit}`;
   const field = (member, label) => faulty(`${id}-${member}`, `/vary${pointer}/${member}`, `${name}: ${label}`, { value: range[member],
     class: member, oninput: (event) => {
       range[member] = event.target.value;
       changed();
     } });
-  const [from, fromFault] = field("from", "from");
-  const [to, toFault] = field("to", "to");
+  const [from, fromFault] = field("from", `from${inUnit}`);
+  const [to, toFault] = field("to", `to${inUnit}`);
   const [count, countFault] = field("count", "number of values");
   count.inputMode = "numeric";
   const spacing = select(SPACINGS, range.spacing, { id: `${id}-spacing`, "aria-label": `${name}: spacing`, onchange: () => {
@@ -53,9 +54,8 @@ export function drawRange(id, name, pointer, study, changed) {
 /** How the number of runs follows from the ranges, for example 9 × 9 = 81 runs. */
 function sum(study) {
   const runs = runsOf(study);
-  if (!Number.isFinite(runs)) return "";
-  const counts = varied(study).map((pointer) => study.ranges[pointer].count);
-  const factors = study.kind === "random" ? [] : study.kind === "sensitivity" ? [study.samples, `(${counts.length} + 2)`] : counts;
+  if (!runs) return "";
+  const factors = factorsOf(study);
   return `${factors.length > 1 ? `${factors.join(" × ")} = ` : ""}${cycles(runs)} runs`;
 }
 
@@ -63,7 +63,7 @@ function sum(study) {
 export function submitText(study) {
   if (varied(study).length === 0) return "Run";
   const runs = runsOf(study);
-  return Number.isFinite(runs) ? `Compute ${cycles(runs)} runs` : "Compute";
+  return runs ? `Compute ${cycles(runs)} runs` : "Compute";
 }
 
 /** The card that says what is computed. `names` are the labels of the numbers that vary. */

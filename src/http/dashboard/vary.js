@@ -81,12 +81,18 @@ function withUnit(text, unit) {
   return unit && typeof number === "number" ? `${text.trim()} ${unit}` : number;
 }
 
-/** The number of points of a study; NaN while a number is missing. */
+/** The factors of the number of points of a study, as texts that are typed or shown. */
+export function factorsOf(study) {
+  if (study.kind === "random") return [study.samples];
+  if (study.kind === "sensitivity") return [study.samples, `(${varied(study).length} + 2)`];
+  return varied(study).map((pointer) => study.ranges[pointer].count);
+}
+
+/** The number of points of a study; undefined while a number is missing or faulty. */
 export function runsOf(study) {
-  const counts = varied(study).map((pointer) => Number(study.ranges[pointer].count));
-  if (study.kind === "random") return Number(study.samples);
-  if (study.kind === "sensitivity") return Number(study.samples) * (counts.length + 2);
-  return counts.reduce((product, count) => product * count, 1);
+  const points = study.kind === "sensitivity" ? Number(study.samples) * (varied(study).length + 2)
+    : factorsOf(study).reduce((product, factor) => product * Number(factor), 1);
+  return Number.isInteger(points) && points > 0 ? points : undefined;
 }
 
 /** The body of `POST /v1/jobs` for a scenario and the numbers that vary. */
