@@ -9,6 +9,9 @@ import { drawPlan, drawRange, drawRuns, submitText, varyButton } from "./plan.js
 import { WORDS } from "./units.js";
 import { canVary, choose, DESIGNS, formPointer, isMap, jobBody, newStudy, studyOf, suggested, varied } from "./vary.js";
 
+/** Most characters of a label. */
+const MAX_LABEL = 200;
+
 let examples = null;
 
 export async function showForm(main, { query, signal }) {
@@ -33,7 +36,7 @@ export async function showForm(main, { query, signal }) {
   // The label that the user typed. A study and an unchanged example have labels of their own, which change with the form.
   let typedLabel = query.get("label");
   const ownLabel = () => (isStudy() ? `${DESIGNS[study.kind][0]}: ${names().join(", ")}` : example()?.body.label ?? "");
-  const label = () => typedLabel ?? ownLabel();
+  const label = () => (typedLabel ?? ownLabel()).slice(0, MAX_LABEL);
 
   const canonical = h("p", { class: "warning", id: "canonical", hidden: !query.has("canonical") },
     "The text that was typed for this run is not available. The form shows the computed values in SI units.");
@@ -49,7 +52,7 @@ export async function showForm(main, { query, signal }) {
   const estimate = h("section", { class: "card estimate", "aria-label": "Estimate" });
   const announcement = h("p", { class: "hidden", role: "status" });
   const otherFaults = h("ul", { class: "fault" });
-  const labelField = h("input", { id: "label", maxLength: 200, placeholder: "Optional name for this run", oninput: () => {
+  const labelField = h("input", { id: "label", maxLength: MAX_LABEL, placeholder: "Optional name for this run", oninput: () => {
     typedLabel = labelField.value;
     remember();
   } });
