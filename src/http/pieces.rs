@@ -2,9 +2,9 @@
 //!
 //! A table as text can take several times the memory of its result. So a large one is never whole in memory: a thread
 //! writes it, and waits while the client reads. The thread gives up when the client stops reading, because one stream
-//! of HTTP/2 can stall while others of its connection go on.
+//! of HTTP/2 can stall while others of its connection go on. How long an answer is, is known only when it is written: a
+//! short one is received whole.
 
-use std::future::ready;
 use std::io::{self, Write};
 use std::mem;
 use std::time::Duration;
@@ -15,8 +15,12 @@ use tokio::runtime::{self, Runtime};
 use tokio::sync::mpsc;
 use tokio::time::timeout;
 
-/// Bytes of a piece.
+/// Bytes of the first piece. A shorter answer is received whole.
+const FIRST: usize = 256 << 10;
+/// Bytes of the other pieces.
 const PIECE: usize = 64 << 10;
+/// Memory of an answer that is being sent, with that of a decompressor, in bytes.
+pub const MEMORY: usize = 1 << 20;
 /// Pieces that wait for the client, beside those in the socket.
 const WAITING: usize = 2;
 /// How long the client may leave a piece waiting. The slowest client takes a piece in 16 s.
@@ -27,6 +31,8 @@ const PATIENCE: Duration = Duration::from_mins(1);
 pub struct PieceWriter<S> {
     sender: mpsc::Sender<Bytes>,
     piece: Vec<u8>,
+    /// Bytes of the whole piece.
+    size: usize,
     /// Called before the first piece is sent.
     started: Option<S>,
     /// Measures how long a piece waits. It does not depend on the runtime of the server, which may end first.
@@ -38,12 +44,21 @@ pub struct PieceWriter<S> {
 #[derive(Debug)]
 pub struct PieceReceiver(mpsc::Receiver<Bytes>);
 
+/// The beginning of an answer.
+#[derive(Debug)]
+pub enum Beginning {
+    /// The writer has ended. If it has not failed, this is the whole answer.
+    Ended(Bytes),
+    /// The first two pieces.
+    Pieces([Bytes; 2]),
+}
+
 /// A writer, and the receiver of what it writes. The writer calls `started` before it sends its first piece.
 pub fn pieces<S: FnOnce()>(started: S) -> (PieceWriter<S>, PieceReceiver) {
     let (sender, received) = mpsc::channel(WAITING);
-    let piece = Vec::with_capacity(PIECE);
+    let (piece, started) = (Vec::new(), Some(started));
     let writer =
-        PieceWriter { sender, piece, started: Some(started), clock: None, patience: PATIENCE };
+        PieceWriter { sender, piece, size: FIRST, started, clock: None, patience: PATIENCE };
     (writer, PieceReceiver(received))
 }
 
@@ -52,6 +67,7 @@ impl<S: FnOnce()> PieceWriter<S> {
         if let Some(started) = self.started.take() {
             started();
         }
+        self.size = PIECE;
         let piece = mem::replace(&mut self.piece, Vec::with_capacity(PIECE));
         let clock = match &mut self.clock {
             Some(clock) => clock,
@@ -70,9 +86,9 @@ impl<S: FnOnce()> PieceWriter<S> {
 
 impl<S: FnOnce()> Write for PieceWriter<S> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let taken = bytes.len().min(PIECE - self.piece.len());
+        let taken = bytes.len().min(self.size - self.piece.len());
         self.piece.extend_from_slice(&bytes[..taken]);
-        if self.piece.len() == PIECE {
+        if self.piece.len() == self.size {
             self.send()?;
         }
         Ok(taken)
@@ -85,25 +101,29 @@ impl<S: FnOnce()> Write for PieceWriter<S> {
 }
 
 impl PieceReceiver {
-    /// Waits for the next piece; `None` after the last one.
-    pub async fn next(&mut self) -> Option<Bytes> {
-        self.0.recv().await
+    /// Waits for two pieces, or for the end.
+    pub async fn beginning(&mut self) -> Beginning {
+        let first = self.0.recv().await.unwrap_or_default();
+        match self.0.recv().await {
+            Some(second) => Beginning::Pieces([first, second]),
+            None => Beginning::Ended(first),
+        }
     }
 
-    /// The body of an answer from its first piece on. If `end` is an error, the body ends with it. So a client of HTTP/1.1
+    /// The body of an answer from its beginning on. If `end` is an error, the body ends with it. So a client of HTTP/1.1
     /// or later does not take the pieces for the whole.
-    pub fn body<E>(self, first: Bytes, end: E) -> Body
+    pub fn body<E>(self, beginning: [Bytes; 2], end: E) -> Body
     where
         E: Future<Output = io::Result<()>> + Send + 'static,
     {
         let rest = stream::unfold((self, Some(Box::pin(end))), async |(mut received, mut end)| {
-            if let Some(piece) = received.next().await {
+            if let Some(piece) = received.0.recv().await {
                 return Some((Ok(piece), (received, end)));
             }
             let error = end.take()?.await.err()?;
             Some((Err(error), (received, None)))
         });
-        Body::from_stream(stream::once(ready(Ok(first))).chain(rest))
+        Body::from_stream(stream::iter(beginning.map(Ok)).chain(rest))
     }
 }
 
@@ -121,8 +141,10 @@ mod tests {
         mut received: PieceReceiver,
         thread: task::JoinHandle<io::Result<T>>,
     ) -> Body {
-        let first = received.next().await.unwrap();
-        received.body(first, async { thread.await.unwrap().map(drop) })
+        let Beginning::Pieces(beginning) = received.beginning().await else {
+            panic!("it has two pieces")
+        };
+        received.body(beginning, async { thread.await.unwrap().map(drop) })
     }
 
     #[tokio::test]
@@ -130,7 +152,7 @@ mod tests {
         let started = Arc::new(AtomicBool::new(false));
         let set = Arc::clone(&started);
         let (mut writer, received) = pieces(move || set.store(true, Ordering::Relaxed));
-        let text: Vec<u8> = (0..3 * PIECE + 7).map(|place| (place % 251) as u8).collect();
+        let text: Vec<u8> = (0..FIRST + 3 * PIECE + 7).map(|place| (place % 251) as u8).collect();
         let written = text.clone();
         let thread = task::spawn_blocking(move || {
             written.chunks(1000).try_for_each(|chunk| writer.write_all(chunk))?;
@@ -142,10 +164,24 @@ mod tests {
     }
 
     #[tokio::test]
+    async fn a_short_answer_is_received_whole() {
+        for size in [0, 1, FIRST - 1, FIRST] {
+            let (mut writer, mut received) = pieces(|| ());
+            let thread = task::spawn_blocking(move || {
+                writer.write_all(&vec![1; size])?;
+                writer.flush()
+            });
+            let Beginning::Ended(whole) = received.beginning().await else { panic!("{size}") };
+            thread.await.unwrap().unwrap();
+            assert_eq!(whole.len(), size);
+        }
+    }
+
+    #[tokio::test]
     async fn an_answer_that_fails_is_not_taken_for_whole() {
         let (mut writer, received) = pieces(|| ());
         let thread = task::spawn_blocking(move || {
-            writer.write_all(&vec![1; PIECE])?;
+            writer.write_all(&vec![1; FIRST + PIECE])?;
             Err::<(), _>(io::Error::other("it failed"))
         });
         let body = body(received, thread).await;
@@ -164,7 +200,7 @@ mod tests {
         });
         drop(received);
         thread.await.unwrap();
-        assert!(sent.load(Ordering::Relaxed) <= WAITING);
+        assert!(sent.load(Ordering::Relaxed) <= WAITING + FIRST / PIECE);
     }
 
     #[tokio::test]
@@ -172,7 +208,7 @@ mod tests {
         let (mut writer, received) = pieces(|| ());
         writer.patience = Duration::from_millis(20);
         let thread =
-            task::spawn_blocking(move || writer.write_all(&vec![1; (WAITING + 1) * PIECE]));
+            task::spawn_blocking(move || writer.write_all(&vec![1; FIRST + (WAITING + 1) * PIECE]));
         let failed = thread.await.unwrap().unwrap_err();
         assert_eq!(failed.kind(), io::ErrorKind::TimedOut);
         drop(received);

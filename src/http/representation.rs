@@ -19,7 +19,7 @@ use super::app::App;
 use super::caller::Caller;
 use super::coding::Coding;
 use super::memory::{Encoded, Lookup, Making};
-use super::pieces::{PieceWriter, pieces};
+use super::pieces::{self, Beginning, PieceWriter, pieces};
 use super::problem::{self, Complaint, Problem};
 use super::shares::{self, Permit, SMALL, longest_wait};
 use super::wire::{ascii, instant, words};
@@ -36,7 +36,7 @@ pub async fn require(app: &App, reach: Option<&str>, key: &Key) -> Result<(), Pr
     }
 }
 
-/// Larger answers without compression are sent while they are written.
+/// A text that may be larger is sent while it is written, if it is not compressed.
 const WHOLE: usize = 32 << 20;
 
 /// What a request needs before it may make an answer.
@@ -49,7 +49,7 @@ struct Need {
 }
 
 impl Need {
-    /// The compressed body of a result, which is smaller than its JSON, and the JSON.
+    /// Memory for the compressed body of a result and its JSON, which has `size` bytes. The body is smaller.
     fn to_unpack(size: usize) -> Self {
         Self { bytes: 2 * size, maker: false }
     }
@@ -177,14 +177,14 @@ pub async fn json(app: &App, caller: &str, key: &Key) -> Result<Option<Encoded>,
 
 /// The JSON of a large result, for whose memory the caller has permission.
 async fn large_json(app: &App, key: &Key) -> Result<Option<Bytes>, Problem> {
-    let name = key.to_string();
-    let making = match app.memory.lookup(&name).await {
+    if let Some(answer) = app.memory.get(&key.to_string()) {
+        return Ok(Some(answer.body));
+    }
+    // This is not the name of an answer, because what is found under it has no permission of its own.
+    let making = match app.memory.lookup(&format!("{key} source")).await {
         Lookup::Found(answer) => return Ok(Some(answer.body)),
         Lookup::Missing(making) => making,
     };
-    if let Some(answer) = app.memory.get(&name) {
-        return Ok(Some(answer.body));
-    }
     let Some(StoredResult::Whole(body)) = app.service.result(key).await? else { return Ok(None) };
     let json = Encoded::plain(unpacked(key, body).await?);
     Ok(Some(app.memory.finish(making, json, false).body))
@@ -279,8 +279,8 @@ enum Source {
     Json(Bytes),
     /// The result is large: the request must reserve this first.
     Needs(Need),
-    /// The answer is the JSON of the result, which has this many bytes: too many to be whole in memory.
-    Unpack(usize),
+    /// The answer is the JSON of the result, which is so large that it must be decompressed while it is sent.
+    Packed,
 }
 
 /// An answer.
@@ -335,7 +335,7 @@ impl Representation {
             Format::Npz => Coding::Identity,
             _ => Coding::choose(headers),
         };
-        let answer = self.find_or_make(app, coding).await?;
+        let answer = self.find_or_make(app, coding, longest_wait()).await?;
         app.service.was_read(&self.key);
         Ok(match answer {
             Answer::Streamed(response) => response,
@@ -345,13 +345,18 @@ impl Representation {
         })
     }
 
-    /// The answer, if it is in memory. Otherwise this makes it.
-    async fn find_or_make(&self, app: &App, coding: Coding) -> Result<Answer, Problem> {
+    /// The answer, if it is in memory. Otherwise this makes it. It waits for others until `end`.
+    async fn find_or_make(
+        &self,
+        app: &App,
+        coding: Coding,
+        end: Instant,
+    ) -> Result<Answer, Problem> {
         let name = match coding.name() {
             None => self.name.clone(),
             Some(coding) => format!("{} {coding}", self.name),
         };
-        let mut reserved = Reserved::nothing();
+        let mut reserved = Reserved::nothing_until(end);
         let mut is_first = true;
         loop {
             let found = find(app, &self.caller, &name, &mut reserved).await?;
@@ -368,20 +373,18 @@ impl Representation {
                     return Ok(Answer::Whole(app.memory.finish(making, answer, true)));
                 }
                 Source::Json(json) if self.is_streamed(coding, json.len()) => {
-                    // Each client has a stream of its own.
-                    drop(making);
-                    return Ok(Answer::Streamed(self.stream(json, reserved).await?));
+                    return self.stream(app, making, json, reserved).await;
                 }
                 Source::Json(json) => {
                     let answer = self.make(app, coding, making, json, reserved).await?;
                     return Ok(Answer::Whole(answer));
                 }
-                Source::Unpack(size) => {
-                    drop(making);
-                    // All its readers share the stored bytes.
-                    return match Box::pin(self.find_or_make(app, Coding::Zstd)).await? {
+                Source::Packed => {
+                    drop((making, reserved));
+                    // All readers of this result share one copy of its compressed bytes.
+                    return match Box::pin(self.find_or_make(app, Coding::Zstd, end)).await? {
                         Answer::Whole(packed) if packed.coding == Coding::Zstd => {
-                            Ok(Answer::Streamed(self.unpack(packed, size).await?))
+                            self.unpack(app, packed, end).await
                         }
                         answer => Ok(answer),
                     };
@@ -412,7 +415,7 @@ impl Representation {
                     Ok(if is_answer { Source::Answer(json) } else { Source::Json(json) })
                 }
                 Stored::Large(size) if coding == Coding::Identity && size > WHOLE => {
-                    Ok(Source::Unpack(size))
+                    Ok(Source::Packed)
                 }
                 Stored::Large(size) => Ok(Source::Needs(Need::to_unpack(size))),
                 Stored::Absent => Err(self.missing(app).await?),
@@ -429,8 +432,8 @@ impl Representation {
                 _ => return Err(self.missing(app).await?),
             },
         };
-        let is_text = coding == Coding::Identity && !self.is_streamed(coding, size);
-        let growth = if is_text { self.growth() } else { 1 };
+        let is_whole = coding == Coding::Identity && !self.is_streamed(coding, size);
+        let growth = if is_whole { self.growth() } else { 1 };
         let need = Need { bytes: (1 + growth) * size, maker: true };
         if !reserved.suffices(need) {
             return Ok(Source::Needs(need));
@@ -488,14 +491,22 @@ impl Representation {
         }
     }
 
-    /// Whether the answer is sent while it is written, because it is large. The JSON of the result has `size` bytes.
+    /// Whether the answer is sent while it is written, unless it is short. The JSON of the result has `size` bytes.
     fn is_streamed(&self, coding: Coding, size: usize) -> bool {
-        let can_be_large = !matches!(self.part, Part::History | Part::Plot);
-        coding == Coding::Identity && can_be_large && self.growth() * size > WHOLE
+        // A history is short. Arrays take less memory than the JSON.
+        let is_long_text = matches!(self.format, Format::Json | Format::Csv | Format::Ndjson)
+            && self.part != Part::History;
+        coding == Coding::Identity && is_long_text && self.growth() * size > WHOLE
     }
 
-    /// Formats the answer while the client reads it.
-    async fn stream(&self, json: Bytes, reserved: Reserved) -> Result<Response, Problem> {
+    /// Formats the answer while the client reads it. A short one is kept for other requests.
+    async fn stream(
+        &self,
+        app: &App,
+        making: Making,
+        json: Bytes,
+        reserved: Reserved,
+    ) -> Result<Answer, Problem> {
         let Reserved { mut permit, maker, .. } = reserved;
         // Before the first piece, the result and its tables are in memory, and then only the tables.
         let result = permit.split(json.len());
@@ -504,20 +515,27 @@ impl Representation {
             let _tables = permit;
             format::write(out, json, part, format, &view)
         };
-        self.send(move || drop((maker, result)), write).await
+        Ok(match self.send(move || drop((maker, result)), write).await? {
+            Answer::Whole(answer) => Answer::Whole(app.memory.finish(making, answer, true)),
+            streamed @ Answer::Streamed(_) => streamed,
+        })
     }
 
-    /// Decompresses the JSON of the result, which has `size` bytes, while the client reads it.
-    async fn unpack(&self, packed: Encoded, size: usize) -> Result<Response, Problem> {
+    /// Decompresses the JSON of the result while the client reads it.
+    async fn unpack(&self, app: &App, packed: Encoded, end: Instant) -> Result<Answer, Problem> {
+        let own = app.shares.answers.hold_until(end, &self.caller, pieces::MEMORY).await?;
         let Encoded { body, permit, .. } = packed;
-        let write = move |out: &mut PieceWriter<_>| Ok(zstd::stream::copy_decode(&body[..], out)?);
-        let mut response = self.send(|| (), write).await?;
-        response.headers_mut().insert(header::CONTENT_LENGTH, size.into());
-        // Only the compressed bytes are in memory.
-        if let Some(permit) = permit {
-            response.extensions_mut().insert(permit);
+        let size = Body::of(body.clone()).size();
+        let write = move |out: &mut PieceWriter<_>| {
+            let _shared = permit;
+            Ok(zstd::stream::copy_decode(&body[..], out)?)
+        };
+        let mut answer = self.send(|| (), write).await?;
+        if let (Answer::Streamed(response), Some(size)) = (&mut answer, size) {
+            response.headers_mut().insert(header::CONTENT_LENGTH, size.into());
+            response.extensions_mut().insert(Arc::new(own));
         }
-        Ok(response)
+        Ok(answer)
     }
 
     /// Writes the answer on a thread of its own while the client reads it. The thread ends when the client stops the
@@ -526,7 +544,7 @@ impl Representation {
         &self,
         started: S,
         write: impl FnOnce(&mut PieceWriter<S>) -> Result<(), format::Error> + Send + 'static,
-    ) -> Result<Response, Problem> {
+    ) -> Result<Answer, Problem> {
         let (mut pieces, mut received) = pieces(started);
         let (done, written) = oneshot::channel();
         let write = move || {
@@ -535,13 +553,17 @@ impl Representation {
             let _ = done.send(end);
         };
         // A client can take hours, and the blocking threads of the runtime are few.
-        thread::Builder::new().name("stream".to_owned()).spawn(write).map_err(Problem::bug)?;
-        let Some(first) = received.next().await else {
-            written.await.map_err(Problem::bug)?.map_err(|error| refused(&self.key, error))?;
-            return Ok(self.response(AnswerBody::empty(), Coding::Identity, None));
+        let thread = thread::Builder::new().name("stream".to_owned()).spawn(write);
+        thread.map_err(|error| makers_busy().caused_by(&error))?;
+        let beginning = match received.beginning().await {
+            Beginning::Pieces(beginning) => beginning,
+            Beginning::Ended(whole) => {
+                written.await.map_err(Problem::bug)?.map_err(|error| refused(&self.key, error))?;
+                return Ok(Answer::Whole(Encoded::plain(whole)));
+            }
         };
         let key = self.key;
-        let body = received.body(first, async move {
+        let body = received.body(beginning, async move {
             let error: Box<dyn StdError + Send + Sync> = match written.await {
                 Ok(Ok(())) => return Ok(()),
                 Ok(Err(error)) => error.into(),
@@ -550,7 +572,7 @@ impl Representation {
             tracing::error!(%key, error = &*error as &dyn StdError, "an answer ended early");
             Err(io::Error::other(error))
         });
-        Ok(self.response(body, Coding::Identity, None))
+        Ok(Answer::Streamed(self.response(body, Coding::Identity, None)))
     }
 
     fn response(&self, body: AnswerBody, coding: Coding, permit: Option<Arc<Permit>>) -> Response {

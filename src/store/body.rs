@@ -42,6 +42,12 @@ impl Body {
         Self(bytes.into())
     }
 
+    /// A body from bytes that were read and checked before.
+    #[must_use]
+    pub fn of(bytes: Bytes) -> Self {
+        Self(bytes)
+    }
+
     /// The bytes as they are stored.
     #[must_use]
     pub fn bytes(&self) -> &Bytes {

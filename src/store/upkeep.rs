@@ -210,10 +210,12 @@ pub(super) async fn delete_unnamed(tx: &mut Transaction, run: i64) -> Result<(),
     Ok(())
 }
 
-/// Deletes some chunks of a study that has ended. Returns whether there may be more to delete.
+/// Deletes some chunks of a study that has ended. Returns whether it deleted any: then there may be more.
 pub(super) async fn delete_chunks((): &(), tx: &mut Transaction) -> Result<bool, Error> {
     let ended: Option<i64> = sqlx::query_scalar(
-        "SELECT study.run FROM study LEFT JOIN run ON run.id = study.run
+        "DELETE FROM study WHERE NOT EXISTS (SELECT 1 FROM chunk WHERE chunk.run = study.run)
+             AND NOT EXISTS (SELECT 1 FROM run WHERE run.id = study.run AND finished IS NULL);
+         SELECT study.run FROM study LEFT JOIN run ON run.id = study.run
          WHERE run.id IS NULL OR run.finished IS NOT NULL LIMIT 1",
     )
     .fetch_optional(&mut tx.db)
@@ -226,11 +228,7 @@ pub(super) async fn delete_chunks((): &(), tx: &mut Transaction) -> Result<bool,
     .bind(CHUNKS)
     .execute(&mut tx.db)
     .await?;
-    if deleted.rows_affected() < u64::from(CHUNKS) {
-        let delete = sqlx::query("DELETE FROM study WHERE run = ?1");
-        delete.bind(run).execute(&mut tx.db).await?;
-    }
-    Ok(true)
+    Ok(deleted.rows_affected() > 0)
 }
 
 /// Deletes the scenarios of results that were evicted more than a year before this time and have no jobs.

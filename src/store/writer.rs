@@ -284,7 +284,7 @@ impl Writer {
         let chunks = self.chore(upkeep::delete_chunks, ()).await.unwrap_or(false);
         let _ = self.chore(upkeep::forget_evicted, time).await;
         let exceeds = match self.upkeep.budget {
-            // While there may be more chunks that nobody needs, no result makes room for them.
+            // Chunks that no study needs are deleted before results.
             Some(budget) if !chunks => self.make_room(budget).await,
             _ => false,
         };

@@ -20,6 +20,7 @@ from playwright.sync_api import expect, sync_playwright
 
 from browser import SCREENS, SIZES, Browser, Server, ask, chromium, close, drawn_pixels
 from plots import every_loop, every_plot, slide
+from vary import VARIED, vary
 
 BASE, PROGRAM = sys.argv[1:3]
 MASTER = "fretwork_" + "0123456789abcdef" * 3
@@ -565,13 +566,14 @@ def main():
         slide(browser, BASE)
         cancel(page)
         edit_typed_values(page)
+        vary(browser, BASE)
         for example in get("/v1/examples"):
             every_loop(page, BASE, get("/v1/jobs", example["body"])["key"])
             # A later job without a label does not hide the label.
             get("/v1/jobs", {"scenario": example["body"]["scenario"]})
         page.context.close()
         labelled = "#result-label"
-        browser.check_views(BASE, {"form": ("/", "[data-item=regime]"), "result": (f"/#/result/{both}?at=10000", labelled),
+        browser.check_views(BASE, {"form": ("/", "[data-item=regime]"), "form-varied": (VARIED, "[data-item=seconds]"), "result": (f"/#/result/{both}?at=10000", labelled),
             "pressure": (f"/#/result/{key}?plot=pressure&history=radii&at=10000", labelled),
             "compare": (f"/#/result/{rule}?with={key}&plot=wear&at=10000", labelled),
             "library": ("/#/library", ".thumbnail path"), "queue": ("/#/queue", "tbody tr")})

@@ -433,6 +433,32 @@ async fn a_large_table_is_sent_while_it_is_written() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_result_too_large_for_memory_is_decompressed_while_it_is_sent() {
+    let mut body = large("simplified");
+    body["scenario"]["cycles"]["count"] = json!(600);
+    body["scenario"]["model"]["points"] = json!(1024);
+    let (server, address) = with_result(&body).await;
+    let packed = coded(&server, &address, "zstd").await;
+    let json = zstd::stream::decode_all(&packed.body[..]).unwrap();
+    assert!(json.len() > 32 << 20, "{}", json.len());
+    let plain = tokio::join!(server.get(&address), server.get(&address));
+    for plain in [plain.0, plain.1] {
+        assert_eq!(plain.header("content-length"), Some(json.len().to_string().as_str()));
+        assert!(plain.body == json && plain.header("content-encoding").is_none());
+    }
+    // A view of it is as long, and a selection is short.
+    let view = server.get(&format!("{address}?digits=4")).await;
+    assert_eq!(view.header("transfer-encoding"), Some("chunked"));
+    let view: Value = serde_json::from_slice(&joined(&view.body)).unwrap();
+    assert_eq!(view["history"]["cycles"].as_array().map(Vec::len), Some(601));
+    let selection = format!("{address}/profiles?format=csv&cycles=100&points=8");
+    let short = server.get(&selection).await;
+    let rows = short.text().lines().filter(|line| !line.starts_with('#')).count();
+    assert_eq!((short.status, rows), (200, 1 + 8));
+    assert!(short.header("content-length").is_some());
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_caller_who_waits_for_memory_delays_no_other_caller() {
     let access = Access { admin_key: Some(AdminKey(MASTER.into())), ..Access::default() };
     let settings = Settings { access, transfers: 32 << 20, memory: 0, ..Settings::default() };

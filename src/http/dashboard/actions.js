@@ -1,8 +1,9 @@
 // The buttons of a result: download, share, compare, edit, pin and note.
 
 import { get, key as accessKey, post, resultAddress, send } from "./api.js";
-import { copy, formLink, h, notify, openDialog } from "./dom.js";
+import { copy, h, notify, openDialog } from "./dom.js";
 import { kindOf } from "./summary.js";
+import { editLink } from "./vary.js";
 
 /** Name, path and formats of each download. */
 const TABLES = ["csv", "json", "ndjson", "npz", "arrow"];
@@ -21,7 +22,7 @@ const button = (text, act, attributes = {}) => h("button", { type: "button", ...
 
 /** The row of buttons. `link` is the token of a shared link: its holder may only read. */
 export function drawActions(result, { job, link, remember, signal }) {
-  const { key, scenario } = result;
+  const { key } = result;
   const isStudy = Boolean(kindOf(result));
   const partOf = (path, words) => {
     const all = new URLSearchParams({ ...words, ...(link && { link }) });
@@ -66,8 +67,8 @@ export function drawActions(result, { job, link, remember, signal }) {
       h("div", { class: "row" }, h("span", {}, name), formats.map((format) =>
         button(format, () => download(path, format), { "aria-label": `${name} as ${format}` })))),
     h("div", { class: "row" }, button("Copy curl command", curl), button("Copy Python code", python))));
-  // The form has no studies.
-  const edit = !isStudy && h("a", { class: "button", href: formLink({ ...job, scenario }) }, "Edit and run again");
+  const address = editLink({ ...result, ...job });
+  const edit = address && h("a", { class: "button", href: address }, "Edit and run again");
   if (link) return h("div", { class: "actions" }, menu, edit);
   const row = h("div", { class: "actions" }, menu, button("Share link", share),
     !isStudy && h("a", { class: "button", href: `#/library?with=${key}` }, "Compare…"), edit);

@@ -2,7 +2,7 @@
 
 import { fill, h, list } from "./dom.js";
 import { sketch } from "./sketch.js";
-import { cycles, digits, quantity, WORDS } from "./units.js";
+import { cycles, digits, duration, quantity, WORDS } from "./units.js";
 
 /** A count with an SI prefix, for example 1.3 G or 390 k. */
 function prefixed(count) {
@@ -27,6 +27,18 @@ export function drawEstimate(place, { scenario, scales, unworn, limit, cost, reg
     ["Result size", `${prefixed(cost.answer_bytes)}B`],
     ["Already computed", cached ? "Yes" : "No", "cached"],
   ]), drawWarnings(warnings));
+}
+
+/** The regime and the contact radius of a checked scenario, in words. */
+export const announce = ({ regime, scales }) => `${WORDS[regime]}, contact radius ${quantity(scales.contact_radius, "m")}`;
+
+/** Draws the response of `POST /v1/scenarios` to a study. */
+export function drawStudyEstimate(place, { cost, cached }) {
+  fill(place, h("h2", {}, "Estimate"), list([
+    ["Processor time", `about ${duration(cost.seconds)}`, "seconds"],
+    ["Result size", `at most ${prefixed(cost.answer_bytes)}B`],
+    ["Already computed", cached ? "Yes" : "No", "cached"],
+  ]));
 }
 
 /** The server's warnings about a scenario, or nothing. */

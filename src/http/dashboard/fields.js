@@ -178,7 +178,8 @@ export function parseInput(pointer, text) {
   return trimmed === "true" ? true : numberOrText(trimmed);
 }
 
-const numberOrText = (text) => (Number.isNaN(Number(text)) ? text : Number(text));
+/** The number of a text; the text if it is not only a number. */
+export const numberOrText = (text) => (Number.isNaN(Number(text)) ? text : Number(text));
 
 /** The text of a value in its field. */
 export const inputText = (value) => (value === undefined ? "" : Array.isArray(value) ? value.join(", ") : String(value));

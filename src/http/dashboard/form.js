@@ -1,10 +1,16 @@
-// The form for a new run: fields and JSON of one scenario. The server checks the scenario while the user types.
+// The form for a new run: fields and JSON of one scenario. The server checks the scenario while the user types. Numbers that
+// vary make it a study.
 
 import { get, idempotencyKey, Problem, post } from "./api.js";
 import { debounced, fill, h, notify, select } from "./dom.js";
-import { drawEstimate } from "./estimate.js";
+import { announce, drawEstimate, drawStudyEstimate } from "./estimate.js";
 import { CHOICES, inputText, parseInput, setValueAt, valueAt, withoutField } from "./fields.js";
-import { quantity, WORDS } from "./units.js";
+import { drawPlan, drawRange, drawRuns, submitText, varyButton } from "./plan.js";
+import { WORDS } from "./units.js";
+import { canVary, choose, DESIGNS, formPointer, isMap, jobBody, newStudy, studyOf, suggested, varied } from "./vary.js";
+
+/** Most characters of a label. */
+const MAX_LABEL = 200;
 
 let examples = null;
 
@@ -17,11 +23,20 @@ export async function showForm(main, { query, signal }) {
   } catch {
     notify("The scenario in the address is not valid JSON. The form shows an example.");
   }
+  let study = newStudy();
+  try {
+    if (query.has("study")) study = studyOf(JSON.parse(query.get("study"))) ?? study;
+  } catch { /* The notice below says it. */ }
+  const asked = query.has("study") ? Math.max(1, varied(study).length) : 0;
+  const isStudy = () => varied(study).length > 0;
   const example = () => examples.find(({ body }) => JSON.stringify(body.scenario) === JSON.stringify(scenario));
-  // The label that the user typed. An unchanged example brings its own label; it disappears with the first edit.
+  /** The names of the numbers that can vary, by their pointers. */
+  let shown = new Map();
+  const names = () => varied(study).map((pointer) => shown.get(pointer));
+  // The label that the user typed. A study and an unchanged example have labels of their own, which change with the form.
   let typedLabel = query.get("label");
-  if (typedLabel === example()?.body.label) typedLabel = null;
-  const label = () => typedLabel ?? example()?.body.label ?? "";
+  const ownLabel = () => (isStudy() ? `${DESIGNS[study.kind][0]}: ${names().join(", ")}` : example()?.body.label ?? "");
+  const label = () => (typedLabel ?? ownLabel()).slice(0, MAX_LABEL);
 
   const canonical = h("p", { class: "warning", id: "canonical", hidden: !query.has("canonical") },
     "The text that was typed for this run is not available. The form shows the computed values in SI units.");
@@ -32,10 +47,12 @@ export async function showForm(main, { query, signal }) {
   const jsonEditor = h("details", { class: "card" }, h("summary", {}, "Scenario as JSON"),
     h("label", { for: "json", class: "muted" }, "Amplitude blocks, displacement records and measured profiles are edited here."),
     jsonOnly, json, jsonFault);
+  const heading = h("h1", {});
+  const plan = h("section", { class: "card plan", "aria-label": "Study", hidden: true });
   const estimate = h("section", { class: "card estimate", "aria-label": "Estimate" });
   const announcement = h("p", { class: "hidden", role: "status" });
   const otherFaults = h("ul", { class: "fault" });
-  const labelField = h("input", { id: "label", maxLength: 200, placeholder: "Optional name for this run", oninput: () => {
+  const labelField = h("input", { id: "label", maxLength: MAX_LABEL, placeholder: "Optional name for this run", oninput: () => {
     typedLabel = labelField.value;
     remember();
   } });
@@ -44,19 +61,22 @@ export async function showForm(main, { query, signal }) {
     "", { id: "example", onchange: () => {
       scenario = structuredClone(examples.find(({ name }) => name === chooseExample.value).body.scenario);
       typedLabel = null;
+      study = newStudy();
       canonical.hidden = true;
       restart();
     } });
   chooseExample.options[0].hidden = true;
 
-  /** Keeps the scenario and its label in the address, so that a reload or a bookmark restores them. */
+  /** Keeps the scenario, its study and its label in the address, so that a reload or a bookmark restores them. */
   const remember = () => {
-    const words = new URLSearchParams({ scenario: JSON.stringify(scenario), ...(typedLabel !== null && { label: typedLabel }) });
+    const words = new URLSearchParams({ scenario: JSON.stringify(scenario), ...(typedLabel !== null && { label: typedLabel }),
+      ...(isStudy() && { study: JSON.stringify(jobBody(undefined, study)) }) });
     history.replaceState(null, "", `#/new?${words}`);
   };
 
   function restart() {
-    drawFields();
+    draw();
+    if (typedLabel === ownLabel()) typedLabel = null;
     json.value = JSON.stringify(scenario, null, 2);
     jsonFault.textContent = "";
     changed(check);
@@ -76,6 +96,9 @@ export async function showForm(main, { query, signal }) {
     const pointers = withoutField(scenario);
     jsonOnly.textContent = pointers.length ? `Not in the form: ${pointers.join(", ")}` : "";
     estimate.setAttribute("aria-busy", "true");
+    heading.textContent = isStudy() ? "New study" : "New run";
+    run.textContent = submitText(study);
+    drawRuns(study);
     checkNow();
   }
 
@@ -85,19 +108,29 @@ export async function showForm(main, { query, signal }) {
       scenario = Object(parsed?.scenario ?? parsed);
       if (parsed?.scenario) typedLabel = parsed.label ?? null;
       jsonFault.textContent = "";
-      drawFields();
+      draw();
       changed();
     } catch (error) {
       jsonFault.textContent = `Invalid JSON: ${error.message}`;
     }
   }
 
-  function drawFields() {
+  /** Draws all fields and the card of the study. */
+  function draw() {
     const focused = document.activeElement?.id;
     const groups = Map.groupBy(CHOICES, (choice) => choice.group);
+    shown = new Map();
     fields.replaceChildren(...[...groups].map(([group, choices]) =>
       h("fieldset", {}, h("legend", {}, group), choices.map(drawChoice))));
+    for (const pointer of varied(study)) if (!shown.has(pointer)) delete study.ranges[pointer];
+    if (study.kind === "map" && !isMap(study)) choose("sweep", scenario, study);
+    drawPlan(plan, names(), scenario, study, { changed, redraw });
     if (focused) document.getElementById(focused)?.focus();
+  }
+
+  function redraw() {
+    draw();
+    changed();
   }
 
   function drawChoice(choice) {
@@ -105,7 +138,7 @@ export async function showForm(main, { query, signal }) {
     const known = selected in choice.options;
     const field = select(choice.options, selected, { id: choice.id, onchange: () => {
       choice.apply(scenario, field.value);
-      drawFields();
+      draw();
       edited();
     } });
     if (!known) field.prepend(h("option", { selected: true }, `${WORDS[selected] ?? selected ?? "None"} (JSON)`));
@@ -116,14 +149,22 @@ export async function showForm(main, { query, signal }) {
   function drawField([pointer, text, options]) {
     const id = pointer.slice(1).replaceAll("/", "-");
     const value = inputText(valueAt(scenario, pointer));
+    // Names of numbers do not need the hints for their fields.
+    const name = text.replace(/ \(.*\)$/, "");
+    const vary = !options && canVary(pointer) && varyButton(id, name, pointer, scenario, study, redraw);
+    if (vary) shown.set(pointer, name);
+    if (Object.hasOwn(study.ranges, pointer)) {
+      return h("div", { class: "field varied" }, h("label", { for: `${id}-from` }, text), vary, drawRange(id, name, pointer, study, changed));
+    }
     const update = () => {
       setValueAt(scenario, pointer, parseInput(pointer, input.value));
+      if (vary) vary.disabled = !suggested(scenario, pointer);
       edited();
     };
     const attributes = { id, "data-pointer": `/scenario${pointer}`, "aria-describedby": `${id}-fault` };
     const input = options ? select(options, value, { ...attributes, onchange: update })
       : h("input", { ...attributes, value, autocomplete: "off", spellcheck: false, oninput: update });
-    return h("div", { class: "field" }, h("label", { for: id }, text), input,
+    return h("div", { class: "field" }, h("label", { for: id }, text), vary ? h("div", { class: "value" }, input, vary) : input,
       h("p", { id: `${id}-fault`, class: "fault" }));
   }
 
@@ -132,7 +173,7 @@ export async function showForm(main, { query, signal }) {
     const own = ++checks;
     let checked = null, problem = null;
     try {
-      checked = await post("/v1/scenarios", { scenario }, { signal });
+      checked = await post("/v1/scenarios", jobBody(scenario, study), { signal });
     } catch (error) {
       if (signal.aborted) return;
       if (!(error instanceof Problem)) throw error;
@@ -143,24 +184,28 @@ export async function showForm(main, { query, signal }) {
     run.disabled = problem !== null;
     estimate.removeAttribute("aria-busy");
     if (checked) {
-      announcement.textContent = `${WORDS[checked.regime]}, contact radius ${quantity(checked.scales.contact_radius, "m")}`;
-      drawEstimate(estimate, checked);
+      const isRun = checked.scales !== undefined;
+      announcement.textContent = isRun ? announce(checked) : submitText(study);
+      (isRun ? drawEstimate : drawStudyEstimate)(estimate, checked);
     } else {
       const count = problem.errors?.length;
       announcement.textContent = problem.detail;
       fill(estimate, h("h2", {}, count ? `Fix ${count} ${count > 1 ? "fields" : "field"} to continue` : problem.title),
-        h("p", {}, problem.detail));
+        h("p", {}, count ? "Messages in the form say what to change." : problem.detail));
     }
   }
 
   /** Shows each error at its field, or above the form if it has no field. */
   function showFaults(problem) {
-    for (const place of fields.querySelectorAll(".fault")) place.textContent = "";
-    for (const field of fields.querySelectorAll("[aria-invalid]")) field.removeAttribute("aria-invalid");
+    for (const place of main.querySelectorAll("p.fault:not(#json-fault)")) place.textContent = "";
+    for (const field of main.querySelectorAll("[aria-invalid]")) field.removeAttribute("aria-invalid");
     otherFaults.replaceChildren();
-    for (const { pointer = "", detail } of problem?.errors ?? []) {
-      const field = [...fields.querySelectorAll("[data-pointer]")].find(({ dataset }) =>
-        pointer === dataset.pointer || pointer.startsWith(`${dataset.pointer}/`));
+    for (const { pointer: sent = "", detail } of problem?.errors ?? []) {
+      const pointer = formPointer(sent, study);
+      const all = [...main.querySelectorAll("[data-pointer]")];
+      // A fault of all members of a range is shown at its first field.
+      const field = all.find(({ dataset }) => pointer === dataset.pointer || pointer.startsWith(`${dataset.pointer}/`))
+        ?? all.find(({ dataset }) => pointer && dataset.pointer.startsWith(`${pointer}/`));
       if (field) {
         field.setAttribute("aria-invalid", "true");
         document.getElementById(`${field.id}-fault`).textContent = detail;
@@ -175,29 +220,31 @@ export async function showForm(main, { query, signal }) {
     run.disabled = true;
     try {
       const headers = { Prefer: "wait=1", "Idempotency-Key": idempotencyKey() };
-      const job = await post("/v1/jobs", { scenario, ...(label() && { label: label() }) }, { headers });
+      const job = await post("/v1/jobs", { ...jobBody(scenario, study), ...(label() && { label: label() }) }, { headers });
       // The user may have opened another view meanwhile.
       if (signal.aborted) return;
       location.hash = job.state === "succeeded" ? `#/result/${job.key}?job=${job.id}` : `#/run/${job.id}`;
     } catch (problem) {
       if (signal.aborted) return;
       showFaults(problem);
-      fill(estimate, h("h2", {}, problem.title ?? "The run was not submitted"), h("p", {}, problem.detail ?? problem.message));
+      fill(estimate, h("h2", {}, problem.title ?? "The job was not submitted"), h("p", {}, problem.detail ?? problem.message));
       run.disabled = false;
     }
   }
 
   main.replaceChildren(
-    h("h1", {}, "New run"),
+    heading,
     h("form", { class: "two", onsubmit: submit, noValidate: true },
       h("div", {},
         h("div", { class: "card" },
           h("div", { class: "field wide" }, h("label", { for: "example" }, "Start from"), chooseExample),
           h("div", { class: "field wide" }, h("label", { for: "label" }, "Label"), labelField),
           canonical, otherFaults, fields,
-          h("p", { class: "muted" }, "Enter values with their unit, for example 10 mm, 205 GPa or 3.03e-5 mm^3/(N m). Numbers without a unit are in SI units.")),
+          h("p", { class: "muted" }, "Enter values with their unit, for example 10 mm, 205 GPa or 3.03e-5 mm^3/(N m). Numbers without a unit are in SI units. "
+            + "Press Vary beside a number to compute many values of it in one study.")),
         jsonEditor),
-      h("div", { class: "side" }, announcement, estimate, h("div", { class: "row run" }, run))));
+      h("div", { class: "side" }, announcement, plan, estimate, h("div", { class: "row run" }, run))));
   document.addEventListener("units", () => check(), { signal });
   restart();
+  if (varied(study).length < asked) notify("The form cannot show all that varies in this study.");
 }

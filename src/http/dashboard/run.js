@@ -1,10 +1,11 @@
 // One job, followed until it has a result.
 
 import { events, get, jobAddress, post } from "./api.js";
-import { dateTime, debounced, errorCard, fill, formLink, h, list, notify } from "./dom.js";
+import { dateTime, debounced, errorCard, fill, h, list, notify } from "./dom.js";
 import { drawEstimate } from "./estimate.js";
 import { entryOf, subtitle, title } from "./summary.js";
 import { cycles, duration } from "./units.js";
+import { editLink } from "./vary.js";
 
 const OPEN = ["queued", "running", "canceling"];
 const ANNOUNCEMENTS = { queued: "The run is queued again.", running: "The run started.", canceling: "The run is being canceled.",
@@ -35,7 +36,8 @@ export async function showRun(main, { id, signal }) {
   const summary = h("section", { class: "card wide-values", "aria-label": "Scenario", hidden: true });
   const estimate = h("section", { class: "card", "aria-label": "Estimate", hidden: true });
   const outcome = h("div", { class: "stack" });
-  const edit = h("a", { href: formLink(job), hidden: !scenario }, "Edit and run again");
+  const form = editLink(job);
+  const edit = h("a", { href: form, hidden: !form }, "Edit and run again");
   const cancel = h("button", { type: "button", id: "cancel", onclick: async () => {
     cancel.disabled = true;
     try {

@@ -10,8 +10,8 @@ use crate::service::stopwatch::Stopwatch;
 use crate::store::{Claimed, Error, Piece};
 use crate::study::{Points, Rows, Study};
 
-/// Most prepared studies that the threads keep together. The owners of studies take turns, so a study that is not kept is
-/// prepared for each of its chunks.
+/// Largest number of prepared studies that all threads keep together. The owners of studies take turns, so a study that is
+/// not kept is prepared for each of its chunks.
 const STUDIES: usize = 8;
 
 impl Worker {
@@ -92,19 +92,16 @@ impl Worker {
 
     /// The study of a claimed piece, ready to be computed.
     fn study(&self, claimed: &Claimed) -> Result<Arc<Study>, NotMade> {
-        let known = || self.studies.lock().unwrap_or_else(PoisonError::into_inner);
-        let take = |studies: &mut Vec<(Key, Arc<Study>)>| {
-            let place = studies.iter().position(|(key, _)| *key == claimed.key)?;
-            Some(studies.remove(place).1)
-        };
-        let found = take(&mut known());
-        let study = match found {
-            Some(study) => study,
-            None => self.prepared_study(claimed)?,
-        };
-        let mut studies = known();
+        let kept = || self.studies.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(study) = latest(&mut kept(), &claimed.key) {
+            return Ok(study);
+        }
+        let study = self.prepared_study(claimed)?;
+        let mut studies = kept();
         // Another thread may have prepared it meanwhile. All threads share one.
-        let study = take(&mut studies).unwrap_or(study);
+        if let Some(study) = latest(&mut studies, &claimed.key) {
+            return Ok(study);
+        }
         if studies.len() == STUDIES {
             studies.remove(0);
         }
@@ -182,6 +179,15 @@ impl Worker {
             }
         }
     }
+}
+
+/// The study with this key, which becomes the latest one.
+fn latest(studies: &mut Vec<(Key, Arc<Study>)>, key: &Key) -> Option<Arc<Study>> {
+    let place = studies.iter().position(|(known, _)| known == key)?;
+    let found = studies.remove(place);
+    let study = Arc::clone(&found.1);
+    studies.push(found);
+    Some(study)
 }
 
 fn unreadable(message: String) -> NotMade {

@@ -1,0 +1,184 @@
+"""Tests the numbers of the form that vary: sweeps, random samples, sensitivities and maps from the form to their tables."""
+
+import json
+import re
+import urllib.parse
+
+from playwright.sync_api import expect
+
+from browser import ask, close
+
+RANGES = [{"pointer": "/friction", "from": 0.5, "to": 0.8, "count": 4},
+    {"pointer": "/wear/coefficient", "from": "2e-5 mm^3/(N m)", "to": "4e-5 mm^3/(N m)", "count": 3, "spacing": "log"}]
+# The address of the form with two numbers that vary.
+VARIED = "/#/new?" + urllib.parse.urlencode({"study": json.dumps({"sweep": {"vary": RANGES, "outputs": ["wear_volume"]}})})
+OUTPUTS = ["wear_volume", "wear_depth", "scar_radius", "contact_radius", "stick_radius", "dissipated_energy", "energy_per_cycle"]
+
+
+def rows(page):
+    return page.locator("#study tbody tr")
+
+
+def submit(page):
+    """Submits the study, and returns its result."""
+    page.click("button.primary")
+    page.wait_for_url("**/#/result/*")
+    page.wait_for_selector("#study")
+    return ask(page.url.split("/#")[0], f"/v1/results/{re.search('[0-9a-f]{64}', page.url)[0]}")
+
+
+def open_form(page, base):
+    page.goto(base + "/#/queue")
+    page.goto(base + "/#/new?example=steel-ball-simplified")
+    expect(page.locator("[data-item=regime]")).to_be_visible()
+
+
+def sweep(page, base):
+    """Two clicks vary friction and compute nine runs. Their table has the values of the API."""
+    open_form(page, base)
+    toggle = page.get_by_role("button", name="Vary Friction coefficient")
+    expect(toggle).to_have_attribute("aria-pressed", "false")
+    toggle.click()
+    expect(toggle).to_have_attribute("aria-pressed", "true")
+    expect(page.locator("#friction-from")).to_have_value("0.56")
+    expect(page.locator("#friction-to")).to_have_value("0.84")
+    expect(page.locator("button.primary")).to_have_text("Compute 9 runs")
+    expect(page.locator("[data-item=seconds]")).to_contain_text("s")
+    expect(page.locator("#label")).to_have_value("Sweep: Friction coefficient μ")
+    result = submit(page)
+    expect(rows(page)).to_have_count(9)
+    expect(page.locator("#result-label")).to_have_text("Sweep: Friction coefficient μ")
+    friction, volume = result["table"]["/friction"], result["table"]["wear_volume"]
+    assert (friction[0], friction[-1], len(set(volume))) == (0.56, 0.84, 9), result["table"]
+    scenario = ask(base, "/v1/examples/steel-ball-simplified")["scenario"]
+    alone = ask(base, "/v1/evaluate", {"scenario": {**scenario, "friction": 0.84}, "outputs": ["wear_volume"]})
+    assert abs(volume[-1] / alone["outputs"]["wear_volume"] - 1) < 1e-9, (volume, alone)
+    close(rows(page).last.locator("td").nth(1).inner_text(), volume[-1] * 1e9)
+
+
+def edit(page):
+    """"Edit and run again" opens the same study. Without a number that varies, it is a run again."""
+    page.get_by_role("link", name="Edit and run again").click()
+    expect(page.locator("#friction-to")).to_have_value("0.84")
+    expect(page.locator("[data-item=cached]")).to_have_text("Yes")
+    page.fill("#friction-count", "5")
+    expect(page.locator("button.primary")).to_have_text("Compute 5 runs")
+    page.reload()
+    expect(page.locator("#friction-count")).to_have_value("5")
+    page.click("#friction-vary")
+    expect(page.locator("button.primary")).to_have_text("Run")
+    expect(page.locator("#friction")).to_have_value("0.7")
+    expect(page.locator("section[aria-label=Study]")).to_be_hidden()
+    # Only numbers vary.
+    expect(page.locator("#wear-share-vary")).to_be_hidden()
+    page.fill("#wear-share", "0.5")
+    expect(page.locator("#wear-share-vary")).to_be_visible()
+    expect(page.locator("#cycles-vary, #load-held-vary")).to_have_count(0)
+
+
+def units(page, base):
+    """A number without a unit has the unit beside it; another unit can be typed. A faulty end shows its own message."""
+    open_form(page, base)
+    page.click("#profile-radius-vary")
+    page.fill("#profile-radius-from", "plenty")
+    expect(page.locator("#profile-radius-from-fault")).to_contain_text("does not begin with a number")
+    expect(page.locator("#profile-radius-from")).to_have_attribute("aria-invalid", "true")
+    expect(page.locator("#profile-radius-to-fault")).to_have_text("")
+    expect(page.locator(".estimate h2")).to_have_text("Fix 1 field to continue")
+    expect(page.locator("button.primary")).to_be_disabled()
+    page.fill("#profile-radius-from", "5")
+    page.fill("#profile-radius-count", "1")
+    expect(page.locator("#profile-radius-from-fault")).to_have_text("")
+    expect(page.locator("#profile-radius-count-fault")).to_contain_text("from 2 to")
+    page.fill("#profile-radius-count", "3")
+    page.fill("#profile-radius-to", "2 cm")
+    page.select_option("#profile-radius-spacing", "log")
+    # A study without outputs has nothing to compute.
+    for name in ("wear_volume", "wear_depth"):
+        page.uncheck(f"#output-{name}")
+    expect(page.locator("#outputs-fault")).to_contain_text("at least one output")
+    for name in OUTPUTS:
+        page.check(f"#output-{name}")
+    expect(page.locator("#outputs-fault")).to_have_text("")
+    expect(page.locator("button.primary")).to_be_enabled()
+    table = submit(page)["table"]
+    assert table["/profile/radius"] == [0.005, 0.01, 0.02] and set(OUTPUTS) < set(table), table
+
+
+def designs(page, base):
+    """The form announces as many runs as the study has, for each design."""
+    open_form(page, base)
+    page.click("#load-normal_force-vary")
+    expect(page.locator("#design-map")).to_be_disabled()
+    page.click("#motion-amplitude-vary")
+    form = None
+    for design, samples, announced in (("random", 16, 16), ("sensitivity", 32, 32 * 4), ("map", None, 625), ("sweep", None, 81)):
+        page.check(f"#design-{design}")
+        if samples:
+            page.fill("#samples", "many")
+            expect(page.locator("#samples-fault")).not_to_be_empty()
+            page.fill("#samples", str(samples))
+        expect(page.locator("button.primary")).to_have_text(f"Compute {announced} runs")
+        expect(page.locator("button.primary")).to_be_enabled()
+        form = page.url
+        result = submit(page)
+        assert result["counts"]["points"] == announced, (design, result["counts"])
+        assert ("map" if design == "map" else "sensitivity" if design == "sensitivity" else "sweep") in result
+        page.goto(form)
+        expect(page.locator("[data-item=cached]")).to_have_text("Yes")
+    # The map covers two decades around the values of the scenario.
+    page.check("#design-map")
+    expect(page.locator("#load-normal_force-from")).to_have_value("10")
+    expect(page.locator("#load-normal_force-to")).to_have_value("1000")
+    # Three numbers are no map.
+    page.click("#friction-vary")
+    expect(page.locator("#design-map")).to_be_disabled()
+    expect(page.locator("#design-sweep")).to_be_checked()
+
+
+def keyboard(page, base):
+    """Without a mouse: vary friction, change the range, choose an output, and compute."""
+    open_form(page, base)
+
+    def tab_to(field):
+        for _ in range(60):
+            page.keyboard.press("Tab")
+            if page.evaluate("document.activeElement.id") == field:
+                return
+        raise AssertionError(f"Tab does not reach {field}")
+
+    page.focus("#label")
+    tab_to("friction-vary")
+    page.keyboard.press("Space")
+    expect(page.locator("#friction-vary")).to_be_focused()
+    for field, text in (("friction-from", "0.4"), ("friction-to", "0.6"), ("friction-count", "6")):
+        tab_to(field)
+        page.keyboard.press("Control+A")
+        page.keyboard.type(text)
+    tab_to("design-sweep")
+    page.keyboard.press("ArrowDown")
+    expect(page.locator("#design-random")).to_be_focused()
+    expect(page.locator("button.primary")).to_have_text("Compute 256 runs")
+    page.keyboard.press("ArrowUp")
+    tab_to("output-stick_radius")
+    page.keyboard.press("Space")
+    expect(page.locator("button.primary")).to_have_text("Compute 6 runs")
+    expect(page.locator("button.primary")).to_be_enabled()
+    page.keyboard.press("Enter")
+    page.wait_for_selector("#study")
+    expect(rows(page)).to_have_count(6)
+    expect(page.locator("#study thead")).to_contain_text("stick_radius")
+
+
+def vary(browser, base):
+    page = browser.page(base)
+    sweep(page, base)
+    edit(page)
+    units(page, base)
+    browser.check_accessibility(page, "study")
+    designs(page, base)
+    keyboard(page, base)
+    page.goto(base + "/#/queue")
+    page.goto(base + "/#/new?study=5")
+    expect(page.locator("#status")).to_contain_text("cannot show all that varies")
+    page.context.close()
