@@ -25,6 +25,8 @@ PARTS = [
     ("/profiles", "format=ndjson"),
     ("/profiles", "format=arrow"),
 ]
+# Each eighth request is for the whole result as it is stored.
+UNCHANGED = 8
 CODINGS = ["identity", "zstd", "gzip"]
 # The two attacks with this program share no form.
 POINTS = 4000 if RATE else 4096
@@ -40,7 +42,9 @@ def form(place):
     key = None if by_link else target.readers[number % len(target.readers)]
     credentials = f"{link}&" if by_link else ""
     coding = CODINGS[place // len(PARTS) % len(CODINGS)]
-    address = f"{path}{part}?{credentials}{form}&digits={digits}&units={units}&points={points}"
+    view = "" if place % UNCHANGED == 0 else f"{form}&digits={digits}&units={units}&points={points}"
+    part = part if view else ""
+    address = f"{path}{part}?{credentials}{view}"
     return head("GET", address, key, Accept_Encoding=coding)
 
 
