@@ -18,7 +18,7 @@ use tokio::sync::{mpsc, watch};
 
 use super::WorkLimits;
 use crate::job::{Answer, Cost, FailureKind, Key, Work};
-use crate::store::{Claimed, Error, Finish, Store};
+use crate::store::{Claimed, Error, Finish, RunId, Store};
 use crate::study::Study;
 
 /// Begins the work of a run from its key and its stored task.
@@ -120,7 +120,7 @@ struct Worker {
     orders: watch::Receiver<WorkerOrder>,
     runtime: Handle,
     /// The studies whose chunks this thread computed last, the latest one at the end.
-    studies: RefCell<Vec<(Key, Arc<Study>)>>,
+    studies: RefCell<Vec<(RunId, Arc<Study>)>>,
     /// Held while a result is made from chunks, because a large one takes much memory.
     assembling: Arc<Mutex<()>>,
     _living: mpsc::Sender<()>,
@@ -132,6 +132,8 @@ enum Made {
     Answer(Answer, Cost),
     /// The rows of a chunk.
     Rows(Vec<u8>, Cost),
+    /// The rows of the first chunks, from the result of an earlier study.
+    FirstRows(Vec<Vec<u8>>, Cost),
 }
 
 /// Why a worker has computed nothing.
@@ -259,6 +261,9 @@ impl Worker {
                 self.store.finish(claimed, answer, *cost).await? != Finish::Refused
             }
             Ok(Made::Rows(rows, cost)) => self.store.finish_chunk(claimed, rows, *cost).await?,
+            Ok(Made::FirstRows(first, cost)) => {
+                self.store.finish_first_chunks(claimed, first, *cost).await?
+            }
             Err(NotMade::Failed(kind, message)) => {
                 tracing::error!(%kind, message, "a run failed");
                 self.store.fail(claimed, *kind, message).await?

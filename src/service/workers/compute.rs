@@ -5,10 +5,10 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use super::{MAX_REFUSALS, Made, NotMade, PAUSE, REPORT, Worker, WorkerOrder};
-use crate::job::{Answer, FailureKind, Prepared, Step, Task, TaskKind, asked_in};
+use crate::job::{Answer, FailureKind, Prepared, Step, Task, TaskKind, asked_in, extended_key};
 use crate::service::stopwatch::Stopwatch;
-use crate::store::{Claimed, Error, Piece};
-use crate::study::{Points, Rows, Study};
+use crate::store::{Claimed, Error, Piece, StoredResult};
+use crate::study::{Division, Points, Rows, Study};
 
 /// Most prepared studies that a thread keeps.
 const STUDIES: usize = 4;
@@ -35,12 +35,44 @@ impl Worker {
 
     fn compute_chunk(&self, claimed: &Claimed, number: u32, of: u32) -> Result<Made, NotMade> {
         let watch = Stopwatch::start();
-        let mut points = Points::chunk(self.study(claimed)?, number as usize, of as usize);
+        let (study, place, chunks) = (self.study(claimed)?, number as usize, of as usize);
+        if place < Division::new(&study, chunks).earlier_chunks()
+            && let Some(first) = self.earlier(claimed, &study, chunks)?
+        {
+            return Ok(Made::FirstRows(first, watch.cost()));
+        }
+        let mut points = Points::chunk(study, place, chunks);
         let rows = self.drive(claimed, self.limits.study, || match points.step() {
             Some(rows) => Step::Done(rows),
             None => Step::Working { progress: points.progress() },
         })?;
         Ok(Made::Rows(rows.to_bytes(), watch.cost()))
+    }
+
+    /// The first chunks of a study whose rows are in the result of an earlier study; `None` if that result is not stored any
+    /// more.
+    fn earlier(
+        &self,
+        claimed: &Claimed,
+        study: &Study,
+        chunks: usize,
+    ) -> Result<Option<Vec<Vec<u8>>>, NotMade> {
+        let Some(key) = extended_key(study) else { return Ok(None) };
+        let is_stored = async || self.store.has_result(&key).await.map(Some);
+        if !self.read(claimed, is_stored)? {
+            return Ok(None);
+        }
+        let _turn = self.turn(claimed)?;
+        let result = self.read(claimed, async || match self.store.result(&key).await {
+            Ok(Some(StoredResult::Whole(body))) => Ok(Some(body.json().ok())),
+            Ok(_) | Err(Error::DamagedResult(_)) => Ok(Some(None)),
+            Err(error) => Err(error),
+        })?;
+        let rows = result.and_then(|document| study.earlier_rows(&document, chunks));
+        if rows.is_none() {
+            tracing::warn!(earlier = %key, "the extended result cannot be read; all points are computed");
+        }
+        Ok(rows.map(|parts| parts.iter().map(Rows::to_bytes).collect()))
     }
 
     /// Makes the result of a study from its chunks.
@@ -92,7 +124,7 @@ impl Worker {
     /// The study of a claimed piece, ready to be computed.
     fn study(&self, claimed: &Claimed) -> Result<Arc<Study>, NotMade> {
         let mut studies = self.studies.borrow_mut();
-        if let Some(place) = studies.iter().position(|(key, _)| *key == claimed.key) {
+        if let Some(place) = studies.iter().position(|(run, _)| *run == claimed.run) {
             let found = studies.remove(place);
             studies.push(found);
         } else {
@@ -104,7 +136,7 @@ impl Worker {
             if studies.len() == STUDIES {
                 studies.remove(0);
             }
-            studies.push((claimed.key, study));
+            studies.push((claimed.run, study));
         }
         let (_, study) = &studies[studies.len() - 1];
         Ok(Arc::clone(study))
