@@ -644,7 +644,7 @@ async fn a_sweep_that_extends_no_smaller_sobol_sweep_is_refused() {
         ("/sweep/vary/0/to", json!(0.9)),
         ("/sweep/design", json!("latin_hypercube")),
         ("/sweep/seed", json!(1)),
-        ("/sweep/outputs/1", json!("unworn.contact_radius")),
+        ("/sweep/outputs/1", json!("wear_depth")),
     ] {
         let mut other = sobol(8);
         match other.pointer_mut(pointer) {
