@@ -51,7 +51,7 @@ impl Store {
         cost: Cost,
     ) -> Result<bool, Error> {
         let Piece::Chunk { number, of } = claimed.piece else {
-            panic!("{:?} is no chunk", claimed.piece)
+            unreachable!("{:?} is no chunk", claimed.piece)
         };
         assert!(first.len() <= of as usize, "{} of {of} chunks", first.len());
         let pack = |bytes: &Vec<u8>| Body::pack(bytes).expect("any bytes can be compressed");
@@ -208,8 +208,7 @@ async fn finish_first(
     first: &[Body],
     tx: &mut Transaction,
 ) -> Result<u32, Error> {
-    let mut number = next;
-    for body in first.iter().skip(next as usize) {
+    for (number, body) in (0_u32..).zip(first).skip(next as usize) {
         sqlx::query(
             "INSERT INTO chunk (run, number, state, attempt, body, checksum)
              VALUES (?1, ?2, 'done', 1, ?3, ?4)",
@@ -220,9 +219,8 @@ async fn finish_first(
         .bind(body.checksum())
         .execute(&mut tx.db)
         .await?;
-        number += 1;
     }
-    Ok(number)
+    Ok(next.max(first.len() as u32))
 }
 
 /// Queues a running piece again. Returns false if the worker has lost it.
