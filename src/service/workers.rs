@@ -17,7 +17,7 @@ use tokio::sync::{mpsc, watch};
 
 use super::WorkLimits;
 use crate::job::{Answer, Cost, FailureKind, Key, Work};
-use crate::store::{Claimed, Error, Finish, Store};
+use crate::store::{Claimed, Error, Finish, RunId, Store};
 use crate::study::Study;
 
 /// Begins the work of a run from its key and its stored task.
@@ -112,7 +112,7 @@ impl Drop for Workers {
 }
 
 /// The studies whose chunks the threads computed last, the latest one at the end.
-type Studies = Mutex<Vec<(Key, Arc<Study>)>>;
+type Studies = Mutex<Vec<(RunId, Arc<Study>)>>;
 
 /// The state of one thread.
 struct Worker {
@@ -133,6 +133,8 @@ enum Made {
     Answer(Answer, Cost),
     /// The rows of a chunk.
     Rows(Vec<u8>, Cost),
+    /// The rows of the first chunks, from the result of an earlier study.
+    FirstRows(Vec<Vec<u8>>, Cost),
 }
 
 /// Why a worker has computed nothing.
@@ -260,6 +262,9 @@ impl Worker {
                 self.store.finish(claimed, answer, *cost).await? != Finish::Refused
             }
             Ok(Made::Rows(rows, cost)) => self.store.finish_chunk(claimed, rows, *cost).await?,
+            Ok(Made::FirstRows(first, cost)) => {
+                self.store.finish_first_chunks(claimed, first, *cost).await?
+            }
             Err(NotMade::Failed(kind, message)) => {
                 tracing::error!(%kind, message, "a run failed");
                 self.store.fail(claimed, *kind, message).await?

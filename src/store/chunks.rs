@@ -34,7 +34,30 @@ impl Store {
     ) -> Result<bool, Error> {
         assert!(matches!(claimed.piece, Piece::Chunk { .. }), "{:?} is no chunk", claimed.piece);
         let body = Body::pack(bytes).expect("any bytes can be compressed");
-        self.write(finish_chunk, Finished { claim: claimed.claim(), body, cost }).await
+        let finished = Finished { claim: claimed.claim(), body, first: Vec::new(), cost };
+        self.write(finish_chunk, finished).await
+    }
+
+    /// Stores what is known of the first chunks of a study. Finishes the claimed chunk, which is one of them, and those of them
+    /// that were never claimed. Returns false if the worker has lost its chunk.
+    ///
+    /// # Panics
+    /// The worker has not claimed one of these chunks, or there is no memory for the compressor.
+    #[expect(clippy::expect_used, reason = "a chunk must not be lost silently")]
+    pub async fn finish_first_chunks(
+        &self,
+        claimed: &Claimed,
+        first: &[Vec<u8>],
+        cost: Cost,
+    ) -> Result<bool, Error> {
+        let Piece::Chunk { number, of } = claimed.piece else {
+            unreachable!("{:?} is no chunk", claimed.piece)
+        };
+        assert!(first.len() <= of as usize, "{} of {of} chunks", first.len());
+        let pack = |bytes: &Vec<u8>| Body::pack(bytes).expect("any bytes can be compressed");
+        let first: Vec<Body> = first.iter().map(pack).collect();
+        let body = first[number as usize].clone();
+        self.write(finish_chunk, Finished { claim: claimed.claim(), body, first, cost }).await
     }
 
     /// What was stored for a finished chunk. Returns `None` if the study has ended.
@@ -125,21 +148,23 @@ async fn start(run: RunId, tx: &mut Transaction) -> Result<(), Error> {
 struct Finished {
     claim: Claim,
     body: Body,
+    /// The first chunks of the study, if they are known. Those that were never claimed are finished, too.
+    first: Vec<Body>,
     cost: Cost,
 }
 
 async fn finish_chunk(
-    Finished { claim, body, cost }: &Finished,
+    Finished { claim, body, first, cost }: &Finished,
     tx: &mut Transaction,
 ) -> Result<bool, Error> {
     let Claim { part: (run, Some(number)), attempt } = *claim else { return Ok(false) };
-    let counts: Option<(u32, u32)> = sqlx::query_as(
+    let counts: Option<(u32, u32, u32)> = sqlx::query_as(
         "UPDATE chunk SET state = 'done', body = $4, checksum = $5
          WHERE run = $1 AND number = $2 AND attempt = $3 AND state = 'running'
              AND (SELECT state FROM run WHERE id = $1) = 'running';
          UPDATE study SET wall = wall + $6, cpu = cpu + $7 WHERE run = $1 AND changes() = 1
-         RETURNING chunks, (SELECT max(number) + 1 FROM chunk WHERE chunk.run = $1)
-             - (SELECT count(*) FROM chunk WHERE chunk.run = $1 AND state <> 'done')",
+         RETURNING chunks, (SELECT max(number) + 1 FROM chunk WHERE chunk.run = $1),
+             (SELECT count(*) FROM chunk WHERE chunk.run = $1 AND state <> 'done')",
     )
     .bind(run.0)
     .bind(number)
@@ -150,18 +175,21 @@ async fn finish_chunk(
     .bind(cost.cpu.map(|cpu| cpu.as_secs_f64()))
     .fetch_optional(&mut tx.db)
     .await?;
-    let Some((chunks, done)) = counts else { return Ok(false) };
+    let Some((chunks, next, open)) = counts else { return Ok(false) };
+    let before = next - open - 1;
+    let next = finish_first(run, next, first, tx).await?;
+    let done = next - open;
     sqlx::query("UPDATE run SET lost = 0 WHERE id = ?1 AND lost > 0")
         .bind(run.0)
         .execute(&mut tx.db)
         .await?;
-    tx.queue.done(run, number);
+    tx.queue.done(run, number, next);
     tx.effects.push(Effect::LetGo((run, Some(number))));
     if done == chunks {
         tx.effects.push(Effect::Queued);
     }
     let step = |done: u32| u64::from(done) * STEPS / u64::from(chunks);
-    if step(done) != step(done - 1) {
+    if step(done) != step(before) {
         let row = sqlx::query("UPDATE run SET progress = ?2 WHERE id = ?1 RETURNING key")
             .bind(run.0)
             .bind(f64::from(done) / f64::from(chunks))
@@ -170,6 +198,29 @@ async fn finish_chunk(
         tx.effects.push(Effect::Changed(key(&row, "key")?));
     }
     Ok(true)
+}
+
+/// Finishes those of the first chunks that were never claimed, which begin with `next`. Returns the first chunk that still
+/// was never claimed.
+async fn finish_first(
+    run: RunId,
+    next: u32,
+    first: &[Body],
+    tx: &mut Transaction,
+) -> Result<u32, Error> {
+    for (number, body) in (0_u32..).zip(first).skip(next as usize) {
+        sqlx::query(
+            "INSERT INTO chunk (run, number, state, attempt, body, checksum)
+             VALUES (?1, ?2, 'done', 1, ?3, ?4)",
+        )
+        .bind(run.0)
+        .bind(number)
+        .bind(&**body.bytes())
+        .bind(body.checksum())
+        .execute(&mut tx.db)
+        .await?;
+    }
+    Ok(next.max(first.len() as u32))
 }
 
 /// Queues a running piece again. Returns false if the worker has lost it.

@@ -76,8 +76,10 @@ pub struct Study {
     canonical: Value,
     problem: Problem,
     plan: Plan,
-    /// Estimated processor time.
+    /// Estimated processor time of all points.
     seconds: f64,
+    /// The number of the first points whose rows an earlier study has.
+    earlier: usize,
 }
 
 /// Which points a study has, and what it makes of their rows.
@@ -145,9 +147,25 @@ impl Study {
         drop((problem, plan));
         // What is computed follows from the canonical form alone, with its order of members.
         let Read { problem, plan, .. } = kind.read(canonical.clone())?;
-        let mut study = Self { kind, canonical, problem, plan, seconds: 0.0 };
+        let mut study = Self { kind, canonical, problem, plan, seconds: 0.0, earlier: 0 };
         study.seconds = study.estimate();
         Ok(study)
+    }
+
+    /// The same study, whose first `earlier` points an earlier one has. Its chunks separate them from the new points.
+    ///
+    /// # Panics
+    /// The study has no more points, or the earlier one has none.
+    #[must_use]
+    pub fn extending(self, earlier: usize) -> Self {
+        assert!((1..self.points()).contains(&earlier), "{earlier} of {} points", self.points());
+        Self { earlier, ..self }
+    }
+
+    /// The number of the first points whose rows an earlier study has.
+    #[must_use]
+    pub fn earlier(&self) -> usize {
+        self.earlier
     }
 
     /// The mean of the estimates for some points, times the number of all points.
@@ -237,10 +255,10 @@ impl Study {
         }
     }
 
-    /// Estimated processor time, in seconds.
+    /// Estimated processor time, in seconds. The rows of an earlier study take none.
     #[must_use]
     pub fn seconds(&self) -> f64 {
-        self.seconds
+        self.seconds * (self.points() - self.earlier) as f64 / self.points() as f64
     }
 
     /// The largest possible size of the document, in bytes.
@@ -270,10 +288,10 @@ impl Study {
         size_of::<Self>() + 8 * self.problem.members.len() * LISTED.min(self.points()) + contacts
     }
 
-    /// How many chunks of about 50 ms the study has. Chunk k of n has the points k·N/n to (k + 1)·N/n − 1.
+    /// How many chunks of about 50 ms the study has. A study that extends another one has at least two.
     #[must_use]
     pub fn chunks(&self) -> usize {
-        let least = self.points().div_ceil(MAX_CHUNK);
+        let least = self.points().div_ceil(MAX_CHUNK).max(1 + self.earlier.min(1));
         ((self.seconds / CHUNK).ceil() as usize).clamp(least, self.points())
     }
 

@@ -3,6 +3,7 @@
 
 mod bootstrap;
 mod evaluation;
+mod extension;
 mod jacobian;
 mod judge;
 mod kind;
@@ -25,6 +26,7 @@ pub mod morris;
 
 pub use bootstrap::{Bootstrap, Estimate};
 pub use evaluation::{Evaluated, Evaluation};
+pub use extension::Division;
 pub use jacobian::{Entry, Jacobian};
 pub use kind::{Column, Kind, Study};
 pub use member::Member;

@@ -4,6 +4,7 @@ use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
+use super::extension::Division;
 use super::kind::Study;
 use super::problem::{Lack, Running};
 use super::rows::Rows;
@@ -29,8 +30,7 @@ impl Points {
     /// Chunk number `number` of `chunks`.
     #[must_use]
     pub fn chunk(study: Arc<Study>, number: usize, chunks: usize) -> Self {
-        let points = study.points();
-        let points = number * points / chunks..(number + 1) * points / chunks;
+        let points = Division::new(&study, chunks).points_of(number);
         Self { study, all: points.len(), rest: points, running: None, rows: Rows::default() }
     }
 

@@ -141,6 +141,18 @@ impl Problem {
         Found { outputs: outputs.collect(), lack }
     }
 
+    /// What the `reason` of a row says. Only the reason why an output has no value begins with the name of that output.
+    pub(super) fn lack(&self, reason: String) -> Lack {
+        let names = |output: &Output| {
+            reason.strip_prefix(output.name()).is_some_and(|rest| rest.starts_with(": "))
+        };
+        if self.outputs.iter().any(names) {
+            Lack::Incomplete(reason)
+        } else {
+            Lack::Refused(reason)
+        }
+    }
+
     /// A point without outputs.
     fn lacks_all(&self, lack: Lack) -> Found {
         Found { outputs: vec![None; self.outputs.len()], lack: Some(lack) }

@@ -224,6 +224,112 @@ async fn studies_share_the_workers_and_a_run_waits_for_one_piece_of_each_owner()
     assert!(next.contains(&key(3)) && next.contains(&key(4)), "{next:?}");
 }
 
+/// The first chunks of a study, as an earlier one has them.
+fn first(count: u8) -> Vec<Vec<u8>> {
+    (0..count).map(|number| vec![number; 100]).collect()
+}
+
+#[tokio::test]
+async fn known_first_chunks_are_finished_at_once_and_survive_a_crash() {
+    let (dir, store) = fresh().await;
+    let submitted = accepted(store.submit(study(1, 8)).await);
+    let (one, two) = (claim_chunk(&store, 0).await, claim_chunk(&store, 1).await);
+    assert!(store.finish_first_chunks(&two, &first(6), Cost::ZERO).await.unwrap());
+    assert!(!store.finish_first_chunks(&two, &first(6), Cost::ZERO).await.unwrap(), "it is done");
+    assert_eq!(job(&store, submitted.id).await.progress.to_bits(), (5.0_f64 / 8.0).to_bits());
+    // Another worker still has chunk 0, and the next one is that after the known ones.
+    let new = claim_chunk(&store, 6).await;
+    let (dir, store) = after_a_crash(dir.path()).await;
+    assert_eq!(store.recover().await.unwrap().requeued, 2);
+    assert!(!finish_chunk(&store, &one).await && !finish_chunk(&store, &new).await);
+    for number in [7, 0, 6] {
+        let claimed = claim_chunk(&store, number).await;
+        let stored = match number {
+            0 => store.finish_first_chunks(&claimed, &first(6), Cost::ZERO).await.unwrap(),
+            _ => finish_chunk(&store, &claimed).await,
+        };
+        assert!(stored, "chunk {number}");
+    }
+    let assembly = claim(&store).await;
+    assert_eq!(assembly.piece, Piece::Assembly { of: 8 });
+    for (number, bytes) in (0..).zip(first(6)) {
+        assert_eq!(store.chunk(&assembly, number).await.unwrap().unwrap(), bytes);
+    }
+    assert_eq!(store.chunk(&assembly, 7).await.unwrap().as_deref(), Some(&b"1,2"[..]));
+    drop(dir);
+}
+
+#[tokio::test]
+async fn a_cancelled_study_takes_no_first_chunks() {
+    let (dir, store) = fresh().await;
+    let submitted = accepted(store.submit(study(1, 8)).await);
+    let claimed = claim_chunk(&store, 0).await;
+    cancel(&store, submitted.id).await;
+    assert!(!store.finish_first_chunks(&claimed, &first(6), Cost::ZERO).await.unwrap());
+    assert!(store.claim().await.unwrap().is_none());
+    assert_eq!(count(dir.path(), "SELECT count(*) FROM chunk WHERE state = 'done'").await, 0);
+}
+
+/// Claims, finishes, releases and loses chunks at random, also many at once.
+#[tokio::test]
+async fn known_first_chunks_agree_with_all_other_verbs_in_random_order() {
+    for seed in 0..20_u64 {
+        let stream = fretwork::random::Stream::new(seed);
+        let mut draws = 0;
+        let mut draw = |below| {
+            draws += 1;
+            stream.below(draws, below)
+        };
+        let (mut dir, mut store) = fresh().await;
+        let (chunks, known) = (2 + draw(12) as u32, 1 + draw(9) as u8);
+        let known = known.min(chunks as u8 - 1);
+        let submitted = accepted(store.submit(study(1, chunks)).await);
+        let mut working: Vec<Claimed> = Vec::new();
+        let assembly = loop {
+            if working.len() < 3 && draw(2) == 0 {
+                match store.claim().await.unwrap() {
+                    Some(claimed) if matches!(claimed.piece, Piece::Assembly { .. }) => {
+                        break claimed;
+                    }
+                    Some(claimed) => working.push(claimed),
+                    None => {}
+                }
+                continue;
+            }
+            if draw(25) == 0 {
+                (dir, store) = after_a_crash(dir.path()).await;
+                store.recover().await.unwrap();
+                // A study that is lost three times fails.
+                let reset = "UPDATE run SET lost = 0; UPDATE chunk SET lost = 0";
+                raw(dir.path()).await.execute(reset).await.unwrap();
+                working.clear();
+            }
+            if working.is_empty() {
+                continue;
+            }
+            let claimed = working.swap_remove(draw(working.len() as u64) as usize);
+            let Piece::Chunk { number, .. } = claimed.piece else { panic!("{claimed:?}") };
+            let accepted = match draw(3) {
+                0 => store.release(&claimed).await.unwrap(),
+                _ if number < known.into() => {
+                    store.finish_first_chunks(&claimed, &first(known), Cost::ZERO).await.unwrap()
+                }
+                _ => store.finish_chunk(&claimed, &[number as u8; 100], Cost::ZERO).await.unwrap(),
+            };
+            assert!(accepted, "seed {seed}, chunk {number}");
+        };
+        assert!(working.is_empty(), "the assembly waits for all chunks");
+        for number in 0..chunks {
+            let chunk = store.chunk(&assembly, number).await.unwrap().unwrap();
+            assert_eq!(*chunk, [number as u8; 100], "seed {seed}");
+        }
+        assert!((job(&store, submitted.id).await.progress - 1.0).abs() < 1e-12, "seed {seed}");
+        store.finish(&assembly, &answer("a"), Cost::ZERO).await.unwrap();
+        assert!(store.claim().await.unwrap().is_none());
+        assert_eq!((store.tally().queued(), store.tally().running()), (0, 0));
+    }
+}
+
 #[tokio::test]
 async fn chunks_are_deleted_after_their_study_has_ended() {
     let (dir, store) = fresh().await;

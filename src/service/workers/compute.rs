@@ -5,10 +5,10 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use super::{MAX_REFUSALS, Made, NotMade, PAUSE, REPORT, Worker, WorkerOrder};
-use crate::job::{Answer, FailureKind, Key, Prepared, Step, Task, TaskKind, asked_in};
+use crate::job::{Answer, FailureKind, Prepared, Step, Task, TaskKind, asked_in, extended_key};
 use crate::service::stopwatch::Stopwatch;
-use crate::store::{Claimed, Error, Piece};
-use crate::study::{Points, Rows, Study};
+use crate::store::{Claimed, Error, Piece, RunId, StoredResult};
+use crate::study::{Division, Points, Rows, Study};
 
 /// Largest number of prepared studies that all threads keep together. The owners of studies take turns, so a study that is
 /// not kept is prepared for each of its chunks.
@@ -36,12 +36,44 @@ impl Worker {
 
     fn compute_chunk(&self, claimed: &Claimed, number: u32, of: u32) -> Result<Made, NotMade> {
         let watch = Stopwatch::start();
-        let mut points = Points::chunk(self.study(claimed)?, number as usize, of as usize);
+        let (study, place, chunks) = (self.study(claimed)?, number as usize, of as usize);
+        if place < Division::new(&study, chunks).earlier_chunks()
+            && let Some(first) = self.earlier(claimed, &study, chunks)?
+        {
+            return Ok(Made::FirstRows(first, watch.cost()));
+        }
+        let mut points = Points::chunk(study, place, chunks);
         let rows = self.drive(claimed, self.limits.study, || match points.step() {
             Some(rows) => Step::Done(rows),
             None => Step::Working { progress: points.progress() },
         })?;
         Ok(Made::Rows(rows.to_bytes(), watch.cost()))
+    }
+
+    /// The first chunks of a study whose rows are in the result of an earlier study; `None` if that result is not stored any
+    /// more.
+    fn earlier(
+        &self,
+        claimed: &Claimed,
+        study: &Study,
+        chunks: usize,
+    ) -> Result<Option<Vec<Vec<u8>>>, NotMade> {
+        let Some(key) = extended_key(study) else { return Ok(None) };
+        let is_stored = async || self.store.has_result(&key).await.map(Some);
+        if !self.read(claimed, is_stored)? {
+            return Ok(None);
+        }
+        let _turn = self.turn(claimed)?;
+        let result = self.read(claimed, async || match self.store.result(&key).await {
+            Ok(Some(StoredResult::Whole(body))) => Ok(Some(body.json().ok())),
+            Ok(_) | Err(Error::DamagedResult(_)) => Ok(Some(None)),
+            Err(error) => Err(error),
+        })?;
+        let rows = result.and_then(|document| study.earlier_rows(&document, chunks));
+        if rows.is_none() {
+            tracing::warn!(earlier = %key, "the extended result cannot be read; all points are computed");
+        }
+        Ok(rows.map(|parts| parts.iter().map(Rows::to_bytes).collect()))
     }
 
     /// Makes the result of a study from its chunks.
@@ -93,19 +125,19 @@ impl Worker {
     /// The study of a claimed piece, ready to be computed.
     fn study(&self, claimed: &Claimed) -> Result<Arc<Study>, NotMade> {
         let kept = || self.studies.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(study) = latest(&mut kept(), &claimed.key) {
+        if let Some(study) = latest(&mut kept(), claimed.run) {
             return Ok(study);
         }
         let study = self.prepared_study(claimed)?;
         let mut studies = kept();
         // Another thread may have prepared it meanwhile. All threads share one.
-        if let Some(study) = latest(&mut studies, &claimed.key) {
+        if let Some(study) = latest(&mut studies, claimed.run) {
             return Ok(study);
         }
         if studies.len() == STUDIES {
             studies.remove(0);
         }
-        studies.push((claimed.key, Arc::clone(&study)));
+        studies.push((claimed.run, Arc::clone(&study)));
         Ok(study)
     }
 
@@ -181,9 +213,9 @@ impl Worker {
     }
 }
 
-/// The study with this key, which becomes the latest one.
-fn latest(studies: &mut Vec<(Key, Arc<Study>)>, key: &Key) -> Option<Arc<Study>> {
-    let place = studies.iter().position(|(known, _)| known == key)?;
+/// The study of this run, which becomes the latest one.
+fn latest(studies: &mut Vec<(RunId, Arc<Study>)>, run: RunId) -> Option<Arc<Study>> {
+    let place = studies.iter().position(|(known, _)| *known == run)?;
     let found = studies.remove(place);
     let study = Arc::clone(&found.1);
     studies.push(found);
