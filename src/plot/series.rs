@@ -55,10 +55,12 @@ pub enum Mark {
     Triangle,
     /// An empty triangle that points down.
     Wedge,
+    /// A small translucent dot, for thousands of points.
+    Dot,
 }
 
 impl Mark {
-    /// All variants, in the order of the series.
+    /// The markers of curves, in the order of the series.
     pub const ALL: [Self; 6] =
         [Self::Ring, Self::Square, Self::Triangle, Self::Diamond, Self::Wedge, Self::Disc];
 }

@@ -122,9 +122,11 @@ fn every_quantity_of_every_example_gives_a_legible_figure() {
             assert!(svg.len() < 120_000, "{name} has {} bytes", svg.len());
             // The smallest size, with logarithmic axes.
             let log = Some(true).filter(|_| !quantity.has_sign());
-            let figure = FigureOptions { quantity, log_x: log, log_y: log, size: (320, 240) };
+            let size = (320, 240);
+            let figure =
+                FigureOptions { quantity, log_x: log, log_y: log, size, ..Default::default() };
             let svg = drawn(&stored, &View { engineering: false, figure, ..view });
-            sound(&svg.unwrap_or_else(|error| panic!("{name}: {error}")), figure.size, &name);
+            sound(&svg.unwrap_or_else(|error| panic!("{name}: {error}")), size, &name);
         }
     }
 }
