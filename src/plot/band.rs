@@ -3,6 +3,9 @@
 use super::canvas::{Anchor, Canvas, Point};
 use super::text::{GAP, LABEL, SINK, width};
 
+/// How much height a name gives up for each px that it comes nearer to the middle.
+const ASIDE: f64 = 0.4;
+
 /// A coloured region.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Band {
@@ -35,7 +38,8 @@ impl Band {
     }
 }
 
-/// The middle of the highest box of this half width in a piece, and the height of the box.
+/// The middle of a high box of this half width in a piece, and the height of the box. A box near the middle of the piece
+/// is preferred to a slightly higher one at its end.
 fn widest(piece: &[(Point, Point)], half: f64) -> Option<(Point, f64)> {
     let (first, last) = (piece.first()?.0.0, piece.last()?.0.0);
     let room = |at: &f64| {
@@ -53,7 +57,9 @@ fn widest(piece: &[(Point, Point)], half: f64) -> Option<(Point, f64)> {
     };
     let places = piece.iter().map(|((x, _), _)| *x);
     let fitting = places.filter(|x| x - half >= first && x + half <= last);
-    fitting.map(|x| room(&x)).max_by(|a, b| a.1.total_cmp(&b.1))
+    let rank =
+        |(place, height): &(Point, f64)| height - ASIDE * (place.0 - 0.5 * (first + last)).abs();
+    fitting.map(|x| room(&x)).max_by(|a, b| rank(a).total_cmp(&rank(b)))
 }
 
 /// The points of a piece on both sides of an abscissa.

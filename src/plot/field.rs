@@ -115,8 +115,8 @@ fn widest(scale: &Scale) -> f64 {
     labels.map(width).fold(0.0, f64::max) * SMALL
 }
 
-/// The shares of the contour lines: those of the labels of the bar, which are round numbers. All ticks if there are few
-/// labels.
+/// The shares of the contour lines: those of the labels of the bar, which are round numbers. If a logarithmic bar has few
+/// labels, also those of the ticks at 2 and 5.
 fn levels(scale: &Scale) -> Vec<f64> {
     let inside = |share: &f64| (1e-6..1.0 - 1e-6).contains(share);
     let all = || scale.ticks.iter();
@@ -125,7 +125,12 @@ fn levels(scale: &Scale) -> Vec<f64> {
     if labelled.len() >= FEWEST_LINES {
         return labelled;
     }
-    all().map(|tick| tick.share).filter(inside).collect()
+    let more: Vec<f64> = all()
+        .filter(|tick| tick.label.is_some() || scale.is_round(tick.share))
+        .map(|tick| tick.share)
+        .filter(inside)
+        .collect();
+    if more.len() > labelled.len() { more } else { labelled }
 }
 
 fn contour(share: f64) -> Style {
@@ -198,6 +203,9 @@ mod tests {
         assert!(levels(&linear).iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12));
         let log = field(true, &[1e-3, 1e3, 0.0]).shades(400.0);
         assert!((levels(&log)[0] - 1.0 / 6.0).abs() < 1e-12, "{:?}", levels(&log));
+        // 2, 5, 10, 20, 50, 100, 200 from 1 to 250.
+        let short = field(true, &[1.0, 250.0]).shades(400.0);
+        assert_eq!(levels(&short).len(), 7, "{:?}", levels(&short));
         assert!(field(false, &[3.0]).shades(200.0).share(3.0).is_some());
     }
 }

@@ -94,6 +94,13 @@ impl Scale {
         share.is_finite().then(|| share.clamp(-9.0, 10.0))
     }
 
+    /// Whether the value at a tick of a logarithmic scale is 1, 2 or 5 times a power of ten.
+    pub fn is_round(&self, share: f64) -> bool {
+        let place = self.low + share * (self.high - self.low);
+        let digit = libm::exp10(place - libm::floor(place + 1e-9));
+        self.log && [1.0, 2.0, 5.0].iter().any(|round| (digit - round).abs() < 1e-6)
+    }
+
     /// The factor of the labels, or an empty text.
     pub fn factor(&self) -> String {
         if self.power == 0 { String::new() } else { format!("×{}", power_of_ten(self.power)) }

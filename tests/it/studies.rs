@@ -33,7 +33,8 @@ pub fn sweep() -> Value {
     }})
 }
 
-async fn computed(server: &Server, body: &Value) -> (String, Value) {
+/// The key and the job of a body that succeeds.
+pub async fn computed(server: &Server, body: &Value) -> (String, Value) {
     let job = server.compute(body).await.json();
     assert_eq!(job["state"], "succeeded", "{job}");
     let key = job["key"].as_str().unwrap().to_owned();
@@ -331,7 +332,7 @@ async fn an_exported_study_is_imported_and_a_changed_one_is_not() {
 }
 
 /// An example in `examples/studies`.
-fn example(name: &str) -> Value {
+pub fn example(name: &str) -> Value {
     let directory = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/studies");
     let text = fs::read_to_string(format!("{directory}/{name}.json")).unwrap();
     serde_json::from_str(&text).unwrap()

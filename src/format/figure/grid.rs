@@ -13,6 +13,7 @@ const MAX_CELLS: usize = 128;
 const PARTIAL_SLIP: &str = "#dcebf7";
 const GROSS_SLIP: &str = "#f2bf8c";
 const BOUNDARY: Style = Style { color: "#000000", dash: Dash::Dashed, width: 1.8, mark: None };
+const HALO: Style = Style { color: "#ffffff", dash: Dash::Solid, width: 3.4, mark: None };
 
 /// The places of the members on the axes of a figure.
 #[derive(Clone, Copy)]
@@ -144,10 +145,12 @@ pub fn field(
     (Field { x: over, y: by, values, scale: Axis { log, ..scale } }, note)
 }
 
-/// The curve at which gross slip begins. `upright` has the normal force on the horizontal axis.
-pub fn boundary([forces, amplitudes]: &[Vec<f64>; 2], upright: bool) -> Series {
+/// The curve at which gross slip begins, on a white one that makes it visible on dark colours. `upright` has the normal
+/// force on the horizontal axis.
+pub fn boundary([forces, amplitudes]: &[Vec<f64>; 2], upright: bool) -> Vec<Series> {
     let (x, y) = if upright { (forces, amplitudes) } else { (amplitudes, forces) };
-    Series::new("gross slip begins", x.clone(), y.clone()).styled(BOUNDARY)
+    let line = |label, style| Series::new(label, x.clone(), y.clone()).styled(style);
+    vec![line("", HALO), line("gross slip begins", BOUNDARY)]
 }
 
 /// The regimes below and above the boundary, within a range of amplitudes.

@@ -135,7 +135,7 @@ impl Study<'_> {
         let series = if self.kind == Kind::Map && over != by {
             let boundary = self.boundary()?;
             // A map has its normal force first.
-            vec![grid::boundary(&boundary, over == 0)]
+            grid::boundary(&boundary, over == 0)
         } else {
             Vec::new()
         };
@@ -161,7 +161,7 @@ impl Study<'_> {
             Axis { range: range.filter(|(low, high)| low < high), ..self.across(place) }
         });
         let bands = grid::regimes(&boundary, y.range);
-        let series = vec![grid::boundary(&boundary, true)];
+        let series = grid::boundary(&boundary, true);
         let title = "Regimes of the unworn contact".to_owned();
         self.finished(Figure { title, x, y, bands, series, ..Figure::default() }, "")
     }
