@@ -112,7 +112,8 @@ pub struct FigureOptions {
     pub quantity: &'static Quantity,
     /// Whether the horizontal axis is logarithmic; by default it depends on the values.
     pub log_x: Option<bool>,
-    /// Whether the vertical axis is logarithmic; by default it is linear for a run, and depends on the values for a study.
+    /// Whether the vertical axis is logarithmic; by default it is linear for a run. For a study
+    /// it depends on the values.
     pub log_y: Option<bool>,
     /// Width and height in px.
     pub size: (u16, u16),

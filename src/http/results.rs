@@ -396,7 +396,8 @@ pub async fn table(
             here): µm, mm³, MPa, mJ and N; or `si`.", example = "si"),
         ("x" = Option<super::schemas::Spacing>, Query, description = "The horizontal axis. By default \
             it is `linear`, but `log` for a history whose output cycles span a factor of 20 or more, and for \
-            values of a study that are spaced so. A logarithmic axis omits values that are not positive.", example = "linear"),
+            values of a study that are spaced so. A logarithmic axis omits values that are not positive.",
+            example = "linear"),
         ("y" = Option<super::schemas::Spacing>, Query, description = "The vertical axis, by default \
             `linear`. That of a study is `log` if its values span two decades.", example = "linear"),
         ("width" = Option<u16>, Query, description = "Width in px (1/96 inch), by default 640.",

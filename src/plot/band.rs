@@ -38,8 +38,8 @@ impl Band {
     }
 }
 
-/// The middle of a high box of this half width in a piece, and the height of the box. A box near the middle of the piece
-/// is preferred to a slightly higher one at its end.
+/// The middle of a high box of this half width in a piece, and the height of the box. A box near the middle of the
+/// piece is preferred to a slightly higher one at its end.
 fn widest(piece: &[(Point, Point)], half: f64) -> Option<(Point, f64)> {
     let (first, last) = (piece.first()?.0.0, piece.last()?.0.0);
     let room = |at: &f64| {

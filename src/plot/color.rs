@@ -2,7 +2,8 @@
 //! readers.
 //!
 //! # Sources
-//! S. van der Walt, N. Smith, E. Firing, *mpl colormaps* (2015), CC0: ten of its colours, with straight lines between them.
+//! S. van der Walt, N. Smith, E. Firing, *mpl colormaps* (2015), CC0: ten of its colours, interpolated
+//! linearly.
 
 const VIRIDIS: [[u8; 3]; 10] = [
     [0x44, 0x01, 0x54],

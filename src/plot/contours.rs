@@ -1,8 +1,8 @@
 //! Contour lines of a function that is known at the points of a rectangular grid, by marching squares.
 //!
 //! In each cell of the grid, straight segments separate the corners above the level from the others. The function is
-//! linear along the edges of the cells. Segments of neighbouring cells share a point of their common edge, so they join to
-//! lines. A cell with two opposite corners above the level has two solutions; the mean of its corners decides.
+//! linear along the edges of the cells. Segments of neighbouring cells share a point of their common edge, so they
+//! join to lines. A cell with two opposite corners above the level has two solutions; the mean of its corners decides.
 //!
 //! # Sources
 //! W. E. Lorensen, H. E. Cline, Computer Graphics 21 (1987) 163: marching cubes, here in two dimensions.
@@ -14,8 +14,8 @@ use super::canvas::Point;
 /// An edge of the grid: column and row of its first point, and whether it leads to the next row.
 type Edge = (usize, usize, bool);
 
-/// The lines at which the function has this value. `values[j][i]` belongs to (`x[i]`, `y[j]`). A closed line ends where it
-/// begins. There is no line through cells with a value that is not finite.
+/// The lines at which the function has this value. `values[j][i]` belongs to (`x[i]`, `y[j]`). A closed line ends where
+/// it begins. There is no line through cells with a value that is not finite.
 pub fn contours(x: &[f64], y: &[f64], values: &[Vec<f64>], level: f64) -> Vec<Vec<Point>> {
     let at = |(i, j): (usize, usize)| values[j][i];
     let place = |(i, j, up): Edge| {

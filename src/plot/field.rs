@@ -23,7 +23,7 @@ pub struct Field {
     pub x: Vec<f64>,
     /// Ordinates of the rows, ascending.
     pub y: Vec<f64>,
-    /// `values[j][i]` at (`x[i]`, `y[j]`). A value that is not finite, or not positive on a logarithmic scale, is a gap.
+    /// `values[j][i]` at (`x[i]`, `y[j]`). A value is a gap if it is not finite, or not positive on a logarithmic scale.
     pub values: Vec<Vec<f64>>,
     /// The scale of the colours.
     pub scale: Axis,
@@ -115,8 +115,8 @@ fn widest(scale: &Scale) -> f64 {
     labels.map(width).fold(0.0, f64::max) * SMALL
 }
 
-/// The shares of the contour lines: those of the labels of the bar, which are round numbers. If a logarithmic bar has few
-/// labels, also those of the ticks at 2 and 5.
+/// The shares of the contour lines: those of the labels of the bar, which are round numbers. If a logarithmic bar has
+/// few labels, also those of the ticks at 2 and 5.
 fn levels(scale: &Scale) -> Vec<f64> {
     let inside = |share: &f64| (1e-6..1.0 - 1e-6).contains(share);
     let all = || scale.ticks.iter();

@@ -13,7 +13,7 @@ const LOG_HEIGHT: f64 = 100.0;
 /// Values are spaced evenly on a logarithmic axis if their steps are this much less equal on a linear one.
 const UNEVEN: f64 = 1.5;
 
-/// Gives a figure the size and the axes that the client requests, and refuses a logarithmic axis without positive values.
+/// Gives a figure the size and the axes that the client requests. Refuses a logarithmic axis without positive values.
 pub fn choose(figure: &mut Figure, options: &FigureOptions) -> Result<(), Error> {
     figure.x.log = options.log_x.unwrap_or(figure.x.log);
     figure.y.log = options.log_y.unwrap_or(figure.y.log);

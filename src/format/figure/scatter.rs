@@ -7,7 +7,7 @@ use crate::plot::{Dash, Mark, PALETTE, Series, Style};
 
 /// Most dots in a figure.
 const MAX_DOTS: usize = 4000;
-/// Up to this many points are drawn as discs.
+/// Up to this many points are drawn as discs. More have percentiles.
 const FEW: usize = 200;
 /// Number of bins with equally many points, and the fewest points of a bin.
 const BINS: usize = 20;
@@ -24,13 +24,9 @@ pub fn series(x: &[f64], y: &[f64]) -> (Vec<Series>, String) {
         .filter(|(x, y)| x.is_finite() && y.is_finite())
         .collect();
     let count = points.len();
-    let missing = x.len() - count;
-    let mut note = match missing {
-        0 => String::new(),
-        missing => format!(" {missing} points have no value."),
-    };
+    let mut note = String::new();
     let label = if count > MAX_DOTS {
-        note = format!("{note} The figure shows the first {MAX_DOTS} of {count} points.");
+        note = format!(" The figure shows the first {MAX_DOTS} of {count} points.");
         format!("{MAX_DOTS} of {count} points")
     } else {
         String::new()
@@ -39,7 +35,7 @@ pub fn series(x: &[f64], y: &[f64]) -> (Vec<Series>, String) {
     let style = Style { color: PALETTE[0], dash: Dash::Solid, width: 0.0, mark: Some(mark) };
     let (dots_x, dots_y) = points.iter().take(MAX_DOTS).copied().unzip();
     let mut out = vec![Series::new(&label, dots_x, dots_y).styled(style)];
-    if count >= 2 * FEWEST * 4 {
+    if count > FEW {
         out.extend(percentiles(points));
         note.push_str(" Median and percentiles are those of all points.");
     }
@@ -85,9 +81,9 @@ mod tests {
     }
 
     #[test]
-    fn few_points_are_all_drawn_and_missing_ones_are_counted() {
+    fn few_points_are_all_drawn_if_they_have_a_value() {
         let (series, note) = series(&[1.0, 2.0, 3.0], &[1.0, f64::NAN, 2.0]);
         assert_eq!((series.len(), &series[0].x), (1, &vec![1.0, 3.0]));
-        assert_eq!(note, " 1 points have no value.");
+        assert_eq!(note, "");
     }
 }

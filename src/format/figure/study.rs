@@ -120,7 +120,7 @@ impl Study<'_> {
         let log = axes::spans_decades(series.iter().flat_map(|series| &series.y).copied());
         let figure =
             Figure { title, x: across, y: Axis { log, ..axis }, series, ..Figure::default() };
-        self.finished(figure, &note)
+        self.finished(figure, &(note + &self.gaps(name)))
     }
 
     fn heat(&self, output: usize, over: usize, by: usize) -> Result<String, Error> {
@@ -141,7 +141,7 @@ impl Study<'_> {
         };
         let label = field.scale.label.clone();
         let figure = Figure { title, x, y, field: Some(field), series, ..Figure::default() };
-        self.finished(figure, &format!(" Colours: {label}.{note}"))
+        self.finished(figure, &format!(" Colours: {label}.{note}{}", self.gaps(name)))
     }
 
     /// Normal forces and the amplitudes at which gross slip begins, NaN where there is no contact.
@@ -178,7 +178,7 @@ impl Study<'_> {
         across.log &= wide.is_some_and(|(low, high)| *high >= axes::LOG_RATIO * low);
         let figure =
             Figure { title, x: across, y: Axis { log, ..axis }, series, ..Figure::default() };
-        self.finished(figure, &note)
+        self.finished(figure, &(note + &self.gaps(name)))
     }
 
     fn tornado(&self, output: usize) -> Result<String, Error> {
@@ -203,6 +203,15 @@ impl Study<'_> {
         );
         chart.about = Some(axes::about(&self.document.head, description.replace('$', "")));
         Ok(chart.svg())
+    }
+
+    /// How many points lack an output, in words.
+    fn gaps(&self, name: &str) -> String {
+        match self.column(name).iter().filter(|value| !value.is_finite()).count() {
+            0 => String::new(),
+            1 => " 1 point has no value.".to_owned(),
+            count => format!(" {count} points have no value."),
+        }
     }
 
     /// Where the numbers come from, in words.
