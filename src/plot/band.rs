@@ -4,7 +4,7 @@ use super::canvas::{Anchor, Canvas, Point};
 use super::text::{GAP, LABEL, SINK, width};
 
 /// How much height a name gives up for each px that it comes nearer to the middle.
-const ASIDE: f64 = 0.4;
+const ASIDE: f64 = 0.8;
 
 /// A coloured region.
 #[derive(Debug, Clone, PartialEq)]

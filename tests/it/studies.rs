@@ -155,7 +155,7 @@ async fn the_table_is_the_same_in_every_format() {
     for format in ["npz", "arrow"] {
         assert!(table(&server, &key, format).await.body.len() > 500);
     }
-    for part in ["history", "profiles", "loops", "plot.svg"] {
+    for part in ["history", "profiles", "loops"] {
         server.get(&format!("/v1/results/{key}/{part}")).await.problem(404, "no-such-part");
     }
     let (run, _) = computed(&server, &steel_ball()).await;
