@@ -102,7 +102,8 @@ impl Offer {
         }
         let (over, by) = self.axes(over, by);
         let by_count = by.map_or(1, |by| self.members[by].1);
-        let is_dense = options.kind.is_none() && by_count.min(self.members[over].1) > MAX_CURVES;
+        let is_open = options.kind.is_none() && has_second;
+        let is_dense = is_open && by_count.min(self.members[over].1) > MAX_CURVES;
         Ok(match (kind, by) {
             (StudyFigure::Heat, Some(by)) => Choice::Heat { output, over, by },
             (StudyFigure::Curves, Some(by)) if is_dense => Choice::Heat { output, over, by },

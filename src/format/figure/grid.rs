@@ -116,13 +116,13 @@ pub fn list(x: &[f64], y: &[f64]) -> Series {
 }
 
 /// The heat map of an output, and a note about what is left out. `log` says which axes are logarithmic.
-pub fn field(
+pub fn field<'u>(
     offer: &Offer,
     axes: Axes,
     rows: &Table,
     output: &str,
-    log: (bool, bool),
-    scale: Axis,
+    (log, scale): ((bool, bool), Axis),
+    unit: &impl Fn(&str) -> Option<&'u str>,
 ) -> (Field, String) {
     let lattice = Lattice::new(offer, axes, rows, output);
     let drawn = |values: &[f64], log: bool| -> Vec<usize> {
@@ -131,16 +131,11 @@ pub fn field(
         places.map(|place| first + place).collect()
     };
     let (columns, lines) = (drawn(&lattice.over, log.0), drawn(&lattice.by, log.1));
-    let is_thinned = lattice.over.len().max(lattice.by.len()) > MAX_CELLS;
-    let Lattice { over, by, values, held } = lattice.thinned(&columns, &lines);
-    let mut note = if is_thinned {
-        format!(" At most {MAX_CELLS} values of each axis are drawn.")
-    } else {
-        String::new()
-    };
-    for (pointer, value) in held {
-        note = format!("{note} At {}.", values_of(&member(&pointer), None, &[value]).join(""));
+    let mut note = lattice.note(unit);
+    if lattice.over.len().max(lattice.by.len()) > MAX_CELLS {
+        note = format!("{note} At most {MAX_CELLS} values of each axis are drawn.");
     }
+    let Lattice { over, by, values, .. } = lattice.thinned(&columns, &lines);
     let log = spans_decades(values.iter().flatten().copied());
     (Field { x: over, y: by, values, scale: Axis { log, ..scale } }, note)
 }

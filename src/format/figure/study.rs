@@ -131,7 +131,9 @@ impl Study<'_> {
         y.log = self.view.figure.log_y.unwrap_or(y.log);
         let named = Axes { over, by: Some(by) };
         let (field, note) =
-            grid::field(&self.offer, named, &self.rows, name, (x.log, y.log), scale);
+            grid::field(&self.offer, named, &self.rows, name, ((x.log, y.log), scale), &|name| {
+                self.unit(name)
+            });
         let series = if self.kind == Kind::Map && over != by {
             let boundary = self.boundary()?;
             // A map has its normal force first.
