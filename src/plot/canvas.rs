@@ -173,8 +173,8 @@ impl Canvas {
 
     /// Dots, as one element: there can be thousands.
     fn dots(&mut self, points: &[Point], color: &str) {
-        let places: String =
-            points.iter().map(|(x, y)| format!("M{} {}h0", px(*x), px(*y))).collect();
+        let place = |(x, y): &Point| format!("M{} {}h0", px(*x), px(*y));
+        let places = points.iter().map(place).collect::<Vec<_>>().concat();
         self.put(&format!(
             "<path d=\"{places}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"3\" \
              stroke-opacity=\"0.45\" stroke-linecap=\"round\"/>"

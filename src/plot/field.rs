@@ -51,8 +51,8 @@ impl Field {
         Scale::new(&axis, values(), height / TICK_ROOM)
     }
 
-    /// The room of the colour bar with its labels, in px.
-    pub(super) fn room(&self, scale: &Scale) -> f64 {
+    /// The room of a colour bar with its labels, in px.
+    pub(super) fn room(scale: &Scale) -> f64 {
         3.0 * GAP + BAR + widest(scale) + LABEL * LEADING + GAP
     }
 

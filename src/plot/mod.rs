@@ -160,7 +160,7 @@ impl Figure {
         let legend = Legend::of(self.series.iter().zip(styles.iter().copied()));
         // The height of the area is not known yet.
         let shades = self.field.as_ref().map(|field| (field, field.shades(0.8 * self.size.1)));
-        let bar = shades.as_ref().map_or(0.0, |(field, scale)| field.room(scale));
+        let bar = shades.as_ref().map_or(0.0, |(_, scale)| Field::room(scale));
         let mut plan = self.plan(corner, indent, bar);
         let place = legend.as_ref().map(|legend| {
             let mut lines = plan.rules(self);

@@ -50,7 +50,8 @@ impl Lattice {
         let find =
             |values: &[f64], value: f64| values.binary_search_by(|own| own.total_cmp(&value)).ok();
         for (row, value) in rows.axis(output).iter().enumerate() {
-            let is_held = held.iter().all(|(place, value)| column(*place)[row] == *value);
+            let is_held =
+                held.iter().all(|(place, value)| column(*place)[row].total_cmp(value).is_eq());
             let i = find(&x, column(over)[row]);
             let j = by.map_or(Some(0), |by| find(&y, column(by)[row]));
             if let (true, Some(i), Some(j)) = (is_held, i, j) {
@@ -151,9 +152,8 @@ pub fn boundary([forces, amplitudes]: &[Vec<f64>; 2], upright: bool) -> Vec<Seri
 /// The regimes below and above the boundary, within a range of amplitudes.
 pub fn regimes([forces, amplitudes]: &[Vec<f64>; 2], range: Option<(f64, f64)>) -> Vec<Band> {
     let Some((least, most)) = range else { return Vec::new() };
-    let ends = |amplitude: f64| match amplitude.is_nan() {
-        true => f64::NAN,
-        false => amplitude.clamp(least, most),
+    let ends = |amplitude: f64| {
+        if amplitude.is_nan() { f64::NAN } else { amplitude.clamp(least, most) }
     };
     let band = |label: &str, color, between: &dyn Fn(f64) -> (f64, f64)| Band {
         label: label.to_owned(),
