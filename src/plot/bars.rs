@@ -2,10 +2,9 @@
 
 use super::canvas::{About, Anchor, Area, Canvas};
 use super::legend::Legend;
-use super::scale::{Axis, Scale};
-use super::series::{Dash, Series, Style};
+use super::scale::{Axis, Scale, TICK_ROOM};
+use super::series::{Dash, GRID, Series, Style, TICK};
 use super::text::{GAP, LABEL, LEADING, SINK, SMALL, TITLE, width};
-use super::{GRID, TICK, TICK_ROOM};
 
 /// Share of the height of a group that its bars take.
 const FILLED: f64 = 0.72;

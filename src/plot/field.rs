@@ -3,7 +3,7 @@
 use super::canvas::{Anchor, Area, Canvas, Point};
 use super::color::{hex, ink_on, shade};
 use super::contours::contours;
-use super::scale::{Axis, Scale};
+use super::scale::{Axis, Scale, TICK_ROOM};
 use super::series::{Dash, Style};
 use super::text::{GAP, LABEL, LEADING, SINK, SMALL, width};
 
@@ -11,8 +11,6 @@ use super::text::{GAP, LABEL, LEADING, SINK, SMALL, width};
 const COLORS: usize = 64;
 /// Width of the colour bar, in px.
 const BAR: f64 = 14.0;
-/// Height of a label beside the bar with the space to the next one, in px.
-const TICK_ROOM: f64 = 42.0;
 /// Fewest contour lines, if the values have so many ticks.
 const FEWEST_LINES: usize = 3;
 
@@ -48,7 +46,7 @@ impl Field {
         // The colours need no margin. A single value has one, so that its scale has a length.
         let tight = (low < high).then_some((low, high));
         let axis = Axis { range: self.scale.range.or(tight), ..self.scale.clone() };
-        Scale::new(&axis, values(), height / TICK_ROOM)
+        Scale::new(&axis, values(), height / TICK_ROOM.1)
     }
 
     /// The room of a colour bar with its labels, in px.

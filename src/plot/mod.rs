@@ -44,17 +44,14 @@ pub use series::{Dash, GREY, Mark, PALETTE, Series, Style};
 
 use canvas::{Anchor, Area, Canvas, Point};
 use legend::Legend;
-use scale::{Scale, Tick};
+use scale::{Scale, TICK_ROOM, Tick};
+use series::{GRID, TICK};
 use text::{GAP, HEADING, LABEL, LEADING, SINK, SMALL, TITLE, width, wrap};
 
-/// Width and height of a tick with its label, in px.
-const TICK_ROOM: (f64, f64) = (58.0, 42.0);
 /// The largest share of the width that a legend beside the curves may take.
 const WIDEST_MARGIN: f64 = 0.5;
 /// Height at which a curve with an infinite value ends: above the diagram, in heights of the diagram.
 const ABOVE: f64 = 1.1;
-const TICK: Style = Style { color: "#000", dash: Dash::Solid, width: 0.8, mark: None };
-const GRID: Style = Style { color: "#e4e4e4", dash: Dash::Solid, width: 0.6, mark: None };
 const RULE: Style = Style { color: "#555", dash: Dash::ShortDashed, width: 0.8, mark: None };
 
 /// A diagram.

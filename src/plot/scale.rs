@@ -10,6 +10,9 @@ const SAME: f64 = 1e-6;
 /// A logarithmic axis with fewer decades than this has ticks at equal steps.
 const MIN_DECADES: f64 = 0.6;
 
+/// Width and height of a tick with its label, in px.
+pub const TICK_ROOM: (f64, f64) = (58.0, 42.0);
+
 /// An axis.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Axis {

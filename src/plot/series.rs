@@ -40,6 +40,11 @@ pub struct Style {
     pub mark: Option<Mark>,
 }
 
+/// The ticks of an axis.
+pub const TICK: Style = Style { color: "#000", dash: Dash::Solid, width: 0.8, mark: None };
+/// The lines across a figure at labelled ticks.
+pub const GRID: Style = Style { color: "#e4e4e4", dash: Dash::Solid, width: 0.6, mark: None };
+
 /// A marker of the points of a series.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mark {
