@@ -15,7 +15,7 @@ async fn figure(server: &Server, key: &str, query: &str) -> String {
         let words = words.collect::<Vec<_>>().join("&");
         let reply = server.get(&format!("/v1/results/{key}/plot.svg?{words}")).await;
         assert_eq!(reply.status, 200, "{query}: {}", reply.text());
-        let svg = reply.text();
+        let svg = reply.text().to_owned();
         assert!(legible(&svg) > 5 && !svg.contains("NaN") && !svg.contains("inf\""), "{query}");
         assert!(svg.len() < 200_000, "{query} has {} bytes", svg.len());
         let document = Document::parse(&svg).unwrap();
@@ -30,7 +30,7 @@ async fn figure(server: &Server, key: &str, query: &str) -> String {
 
 fn texts(document: &Document) -> Vec<String> {
     let texts = document.descendants().filter(|node| node.has_tag_name("text"));
-    let parts = |node: Node| {
+    let parts = |node: Node| -> String {
         node.descendants().filter(Node::is_text).filter_map(|part| part.text()).collect()
     };
     texts.map(parts).collect()
