@@ -155,7 +155,7 @@ impl Pair {
         let marks = vec![(self.stick, "$c$".to_owned()), (limit.radius, "$ã$".to_owned())];
         let x = Axis { range: Some((0.0, 1.6)), marks, ..Axis::labelled(abscissa) };
         let y = Axis { range: Some((0.0, top)), ..Axis::labelled(ordinate) };
-        Figure { title: title.to_owned(), x, y, series, size: SIZE, about: None }
+        Figure { title: title.to_owned(), x, y, series, size: SIZE, ..Figure::default() }
     }
 
     fn both(&self, title: &str, curve: Curve) -> Figure {

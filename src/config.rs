@@ -317,7 +317,7 @@ pub struct Run {
     /// Also draw a figure to this SVG file.
     #[arg(long, value_name = "FIGURE.svg")]
     pub plot: Option<PathBuf>,
-    /// The quantity in the figure: a profile, a history, or the loops.
+    /// The quantity in the figure of a run: a profile, a history, or the loops.
     #[arg(long, default_value = "worn", requires = "plot",
         value_parser = one_of(&QUANTITIES, |quantity| quantity.name))]
     pub quantity: &'static Quantity,

@@ -99,15 +99,31 @@ impl<'a> Document<'a> {
 
     /// Whether a result of this kind can have the part.
     pub fn must_have(&self, part: Part) -> Result<(), Error> {
-        let is_study = self.members.get(Part::Table.name()).is_some();
+        let is_study = self.kind() != TaskKind::Run;
         match (is_study, part) {
-            (_, Part::Whole) | (true, Part::Table) => Ok(()),
-            (true, _) => Err(Error::OtherKind(part, "a table, because it is a study")),
+            (_, Part::Whole | Part::Plot) | (true, Part::Table) => Ok(()),
+            (true, _) => Err(Error::OtherKind(part, "a table and figures, because it is a study")),
             (false, Part::Table) => {
                 Err(Error::OtherKind(part, "history, profiles and loops, because it is a run"))
             }
             (false, _) => Ok(()),
         }
+    }
+
+    /// Whether the result is a run or a study, and of which kind.
+    pub fn kind(&self) -> TaskKind {
+        let mut kinds = TaskKind::all().filter(|kind| *kind != TaskKind::Run);
+        kinds.find(|kind| self.members.get(kind.member()).is_some()).unwrap_or(TaskKind::Run)
+    }
+
+    /// The rows of all points of a study, converted. The table of a sensitivity study has what follows from them.
+    pub fn rows(&self) -> Result<Table, Error> {
+        let Some(samples) = self.members.get("samples") else {
+            return self.table(Part::Table, &View::default());
+        };
+        let mut rows = Table::read(Part::Table, Some(samples), &self.head.units, &View::default())?;
+        rows.convert(&self.head.units);
+        Ok(rows)
     }
 
     /// A table, cut to a selection and converted.

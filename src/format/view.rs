@@ -49,17 +49,76 @@ impl View {
     }
 }
 
-/// Which quantity a figure shows, on which axes.
+/// A kind of figure of a study.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StudyFigure {
+    /// An output over one number, with one curve for each value of a second one.
+    Curves,
+    /// A dot for each point.
+    Scatter,
+    /// Colours and contour lines over two numbers.
+    Heat,
+    /// The regimes of a map.
+    Regimes,
+    /// Bars of the indices of a sensitivity study.
+    Tornado,
+}
+
+impl StudyFigure {
+    /// All kinds.
+    pub const ALL: [Self; 5] =
+        [Self::Curves, Self::Scatter, Self::Heat, Self::Regimes, Self::Tornado];
+
+    /// The name in addresses.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Curves => "curves",
+            Self::Scatter => "scatter",
+            Self::Heat => "heat",
+            Self::Regimes => "regimes",
+            Self::Tornado => "tornado",
+        }
+    }
+}
+
+/// Which figure of a study is drawn. What is `None` follows from the study.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct StudyOptions {
+    /// The kind of figure.
+    pub kind: Option<StudyFigure>,
+    /// The name of the output.
+    pub output: Option<String>,
+    /// The JSON pointer of the number on the horizontal axis.
+    pub over: Option<String>,
+    /// The JSON pointer of the second number: on the vertical axis of a heat map, or with one curve for each value.
+    pub by: Option<String>,
+}
+
+impl StudyOptions {
+    /// The names of the options that are given.
+    #[must_use]
+    pub fn given(&self) -> Vec<&'static str> {
+        let texts = [("output", &self.output), ("over", &self.over), ("by", &self.by)];
+        let texts = texts.into_iter().filter(|(_, text)| text.is_some()).map(|(name, _)| name);
+        self.kind.iter().map(|_| "kind").chain(texts).collect()
+    }
+}
+
+/// Which quantity a figure shows, on which axes.
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FigureOptions {
-    /// The quantity on the vertical axis.
+    /// The quantity on the vertical axis of a figure of a run.
     pub quantity: &'static Quantity,
     /// Whether the horizontal axis is logarithmic; by default it depends on the values.
     pub log_x: Option<bool>,
-    /// Whether the vertical axis is logarithmic; by default it is linear.
+    /// Whether the vertical axis is logarithmic; by default it is linear for a run. For a study
+    /// it depends on the values.
     pub log_y: Option<bool>,
     /// Width and height in px.
     pub size: (u16, u16),
+    /// The figure of a study.
+    pub study: StudyOptions,
 }
 
 impl FigureOptions {
@@ -73,6 +132,12 @@ impl FigureOptions {
 
 impl Default for FigureOptions {
     fn default() -> Self {
-        Self { quantity: &QUANTITIES[0], log_x: None, log_y: None, size: (640, 440) }
+        Self {
+            quantity: &QUANTITIES[0],
+            log_x: None,
+            log_y: None,
+            size: (640, 440),
+            study: StudyOptions::default(),
+        }
     }
 }

@@ -92,7 +92,7 @@ kinds! {
         "Submit the scenario to POST /v1/jobs. The same scenario always has the same key. POST \
          /v1/scenarios returns the key of a scenario without a run.";
     NO_SUCH_PART = NOT_FOUND "no-such-part" "The result does not have this part"
-        "A run has a history and may have profiles and loops. A study, such as a sweep, has a table."
+        "A run has a history and may have profiles and loops. A study, such as a sweep, has a table and figures."
         "The detail names the parts of the result. GET /v1/results/{key} has all of them.";
     UNKNOWN_HOST = MISDIRECTED_REQUEST "unknown-host" "The server does not accept this host name"
         "A server without keys accepts only localhost or an IP address as `Host`. Otherwise any web page \

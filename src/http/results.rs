@@ -15,7 +15,9 @@ use super::negotiation::choose_format;
 use super::problem::{self, Problem};
 use super::representation::{Representation, require};
 use super::wire::{NoQuery, Query, Segment, read_key};
-use crate::format::{FigureOptions, Format, Part, QUANTITIES, Quantity, View};
+use crate::format::{
+    FigureOptions, Format, Part, QUANTITIES, Quantity, StudyFigure, StudyOptions, View,
+};
 use crate::store::Changed;
 
 /// Reads numbers separated by commas.
@@ -95,8 +97,19 @@ fn figure_view(query: &mut Query) -> View {
     let (least, most) = (FigureOptions::MIN_SIZE, FigureOptions::MAX_SIZE);
     let width = integer(query, "width", least.0..=most).unwrap_or(default.size.0);
     let height = integer(query, "height", least.1..=most).unwrap_or(default.size.1);
-    let figure = FigureOptions { quantity, log_x, log_y, size: (width, height) };
+    let study = study_options(query);
+    let figure = FigureOptions { quantity, log_x, log_y, size: (width, height), study };
     View { engineering, cycles, figure, ..View::default() }
+}
+
+/// Takes the parameters of a figure of a study. Which names are possible depends on the study.
+fn study_options(query: &mut Query) -> StudyOptions {
+    let names = StudyFigure::ALL.map(StudyFigure::name);
+    let kind = query.value("kind", format_args!("one of {}", names.join(", ")), |text| {
+        StudyFigure::ALL.into_iter().find(|kind| kind.name() == text)
+    });
+    let [output, over, by] = ["output", "over", "by"].map(|name| query.text(name));
+    StudyOptions { kind, output, over, by }
 }
 
 /// Answers a result or a part of it in the format that the client requests.
@@ -351,25 +364,42 @@ pub async fn table(
 /// is shown with the initial and the limiting profile. Histories are drawn over the output cycles, with
 /// marks at events, the limiting state if it is within reach, and the simplified rule if the result was
 /// computed with `compare`. `loops` are force over displacement. An infinite pressure is a gap: next to it the
-/// curve leaves the frame. `title` and `desc` describe the figure in words; `metadata`
+/// curve leaves the frame.
+///
+/// A study has other figures. A sweep of a grid is a family of curves, or a heat map with contour lines if two numbers
+/// have more than 7 values each. Drawn values are a scatter plot, with the median and percentiles in bins. A map has its
+/// regimes with the boundary of gross slip; with `output` it is a heat map. A study of sensitivity has bars of its
+/// indices with their intervals. Numbers that are not on an axis have the middle one of their values. Rows without the
+/// output are gaps.
+///
+/// `title` and `desc` describe the figure in words; `metadata`
 /// contains the key and the engine. The same request gives the same bytes everywhere.
 #[utoipa::path(get, path = "/v1/results/{key}/plot.svg", operation_id = "plot_result", tag = "results",
     params(
         ("key" = super::schemas::KeyText, Path, description = "The `key` of a job or a checked scenario."),
-        ("quantity" = Option<super::schemas::PlotQuantity>, Query, description = "The quantity to \
+        ("quantity" = Option<super::schemas::PlotQuantity>, Query, description = "Runs: the quantity to \
             draw, by default `worn`. A result computed with `profiles_at: \"none\"` has histories only.",
             example = "pressure"),
         ("cycles" = Option<super::schemas::PlotInstants>, Query, style = Form, explode = false,
             description = "Profiles and loops: only these output cycles, separated by commas. By default up \
             to 6, evenly spaced.",
             example = json!([0])),
+        ("kind" = Option<super::schemas::PlotKind>, Query, description = "Studies: the kind of figure. By \
+            default it follows from the study.", example = "heat"),
+        ("output" = Option<String>, Query, description = "Studies: a column of the outputs, by default the \
+            first one.", example = "wear_volume"),
+        ("over" = Option<String>, Query, description = "Studies: the JSON pointer of the number on the \
+            horizontal axis, by default the one with most values.", example = "/motion/amplitude"),
+        ("by" = Option<String>, Query, description = "Studies: the JSON pointer of a second number, with one \
+            curve for each value, or on the vertical axis of a heat map.", example = "/friction"),
         ("units" = Option<super::schemas::UnitSystem>, Query, description = "`engineering` (the default \
             here): µm, mm³, MPa, mJ and N; or `si`.", example = "si"),
         ("x" = Option<super::schemas::Spacing>, Query, description = "The horizontal axis. By default \
-            it is `linear`, but `log` for a history whose output cycles span a factor of 20 or more. A \
-            logarithmic axis omits values that are not positive.", example = "linear"),
+            it is `linear`, but `log` for a history whose output cycles span a factor of 20 or more, and for \
+            values of a study that are spaced so. A logarithmic axis omits values that are not positive.",
+            example = "linear"),
         ("y" = Option<super::schemas::Spacing>, Query, description = "The vertical axis, by default \
-            `linear`.", example = "linear"),
+            `linear`. That of a study is `log` if its values span two decades.", example = "linear"),
         ("width" = Option<u16>, Query, description = "Width in px (1/96 inch), by default 640.",
             minimum = 320, maximum = 4000, example = 640),
         ("height" = Option<u16>, Query, description = "Height in px, by default 440.",
@@ -482,9 +512,9 @@ mod tests {
     }
 
     fn any_query() -> impl Strategy<Value = String> {
-        const NAMES: [&str; 13] = [
+        const NAMES: [&str; 17] = [
             "layout", "digits", "units", "cycles", "fields", "points", "format", "quantity", "x",
-            "y", "width", "height", "other",
+            "y", "width", "height", "kind", "output", "over", "by", "other",
         ];
         const WORDS: [&str; 16] = [
             "records",

@@ -9,7 +9,7 @@ use utoipa::openapi::schema::{
 use utoipa::{PartialSchema, ToSchema};
 
 use super::include::Include as Included;
-use crate::format::{FigureOptions, Part, QUANTITIES};
+use crate::format::{FigureOptions, Part, QUANTITIES, StudyFigure};
 use crate::job;
 use crate::store::{Act as StoredAct, Role as StoredRole};
 use fretwork_engine::outcome::{History, Loops, Profiles};
@@ -83,6 +83,8 @@ documented! {
     ChosenInstants list(ObjectBuilder::new().schema_type(Type::Number).minimum(Some(0)).build());
     /// Quantities of figures.
     PlotQuantity words(QUANTITIES.iter().map(|quantity| quantity.name));
+    /// Kinds of figures of a study.
+    PlotKind words(StudyFigure::ALL.map(StudyFigure::name));
     /// Output cycles in a figure.
     PlotInstants ArrayBuilder::new()
         .items(ObjectBuilder::new().schema_type(Type::Number).minimum(Some(0)).build())

@@ -141,6 +141,9 @@ impl Canvas {
         if let Some(mark) = style.mark {
             // Without a line every point needs a marker.
             let places = if style.width > 0.0 { marked(points, lead) } else { points.to_vec() };
+            if mark == Mark::Dot {
+                return self.dots(&places, style.color);
+            }
             for place in places {
                 self.mark(place, mark, style.color);
             }
@@ -154,7 +157,7 @@ impl Canvas {
             format!("path d=\"{}Z\"", path(&corners))
         };
         let form = match mark {
-            Mark::Disc | Mark::Ring => {
+            Mark::Disc | Mark::Ring | Mark::Dot => {
                 format!("circle cx=\"{}\" cy=\"{}\" r=\"2.6\"", px(x), px(y))
             }
             Mark::Square => polygon(&[(-2.4, -2.4), (2.4, -2.4), (2.4, 2.4), (-2.4, 2.4)]),
@@ -163,9 +166,37 @@ impl Canvas {
             Mark::Wedge => polygon(&[(0.0, 3.4), (3.2, -2.4), (-3.2, -2.4)]),
         };
         self.put(&match mark {
-            Mark::Disc => format!("<{form} fill=\"{color}\"/>"),
+            Mark::Disc | Mark::Dot => format!("<{form} fill=\"{color}\"/>"),
             _ => format!("<{form} fill=\"#fff\" stroke=\"{color}\" stroke-width=\"1.2\"/>"),
         });
+    }
+
+    /// Dots, as one element: there can be thousands.
+    fn dots(&mut self, points: &[Point], color: &str) {
+        let place = |(x, y): &Point| format!("M{} {}h0", px(*x), px(*y));
+        let places = points.iter().map(place).collect::<Vec<_>>().concat();
+        self.put(&format!(
+            "<path d=\"{places}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"3\" \
+             stroke-opacity=\"0.45\" stroke-linecap=\"round\"/>"
+        ));
+    }
+
+    /// Rectangles of one colour, each by two opposite corners. Neighbours touch each other without a seam.
+    pub fn cells(&mut self, color: &str, cells: &[[Point; 2]]) {
+        if cells.is_empty() {
+            return;
+        }
+        let cell = |[(left, top), (right, bottom)]: &[Point; 2]| {
+            let [left, top, right, bottom] = [*left, *top, *right, *bottom].map(px);
+            format!("M{left} {top}H{right}V{bottom}H{left}Z")
+        };
+        let cells: String = cells.iter().map(cell).collect();
+        self.put(&format!("<path d=\"{cells}\" fill=\"{color}\" shape-rendering=\"crispEdges\"/>"));
+    }
+
+    /// A polygon without a border.
+    pub fn area(&mut self, outline: &[Point], color: &str) {
+        self.put(&format!("<path d=\"{}Z\" fill=\"{color}\"/>", path(outline)));
     }
 
     /// A rectangle, filled with white or with a black border.

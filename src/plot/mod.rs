@@ -24,29 +24,34 @@
 //! # Sources
 //! M. Okabe, K. Ito, *Color Universal Design* (2008): the colours.
 
+mod band;
+mod bars;
 mod canvas;
+mod color;
+mod contours;
+mod field;
 mod legend;
 mod scale;
 mod series;
 pub mod text;
 
+pub use band::Band;
+pub use bars::{Bar, BarChart, Group};
 pub use canvas::About;
+pub use field::Field;
 pub use scale::Axis;
 pub use series::{Dash, GREY, Mark, PALETTE, Series, Style};
 
 use canvas::{Anchor, Area, Canvas, Point};
 use legend::Legend;
-use scale::{Scale, Tick};
+use scale::{Scale, TICK_ROOM, Tick};
+use series::{GRID, TICK};
 use text::{GAP, HEADING, LABEL, LEADING, SINK, SMALL, TITLE, width, wrap};
 
-/// Width and height of a tick with its label, in px.
-const TICK_ROOM: (f64, f64) = (58.0, 42.0);
 /// The largest share of the width that a legend beside the curves may take.
 const WIDEST_MARGIN: f64 = 0.5;
 /// Height at which a curve with an infinite value ends: above the diagram, in heights of the diagram.
 const ABOVE: f64 = 1.1;
-const TICK: Style = Style { color: "#000", dash: Dash::Solid, width: 0.8, mark: None };
-const GRID: Style = Style { color: "#e4e4e4", dash: Dash::Solid, width: 0.6, mark: None };
 const RULE: Style = Style { color: "#555", dash: Dash::ShortDashed, width: 0.8, mark: None };
 
 /// A diagram.
@@ -58,6 +63,10 @@ pub struct Figure {
     pub x: Axis,
     /// The vertical axis.
     pub y: Axis,
+    /// Regions below everything else.
+    pub bands: Vec<Band>,
+    /// A heat map below the curves.
+    pub field: Option<Field>,
     /// Curves; the last one is on top.
     pub series: Vec<Series>,
     /// Width and height in px (1/96 inch).
@@ -72,6 +81,8 @@ impl Default for Figure {
             title: String::new(),
             x: Axis::default(),
             y: Axis::default(),
+            bands: Vec::new(),
+            field: None,
             series: Vec::new(),
             size: (480.0, 340.0),
             about: None,
@@ -106,6 +117,15 @@ impl Plan {
         Some(self.area.at(self.x.share(x)?, self.y.share(y)?))
     }
 
+    /// The pieces of a band between its gaps: points of its lower and upper curve.
+    fn pieces(&self, band: &Band) -> Vec<Vec<(Point, Point)>> {
+        let place = |(x, (low, high)): (&f64, &(f64, f64))| {
+            Some((self.point(*x, *low)?, self.point(*x, *high)?))
+        };
+        let places: Vec<_> = band.x.iter().zip(&band.between).map(place).collect();
+        places.split(Option::is_none).map(|run| run.iter().flatten().copied().collect()).collect()
+    }
+
     /// The dashed lines at the marks of both axes.
     fn rules(&self, figure: &Figure) -> Vec<(Point, Point)> {
         let area = &self.area;
@@ -135,12 +155,19 @@ impl Figure {
             .map(|(i, series)| series.style.unwrap_or_else(|| Style::numbered(i)))
             .collect();
         let legend = Legend::of(self.series.iter().zip(styles.iter().copied()));
-        let mut plan = self.plan(corner, indent, 0.0);
+        // The height of the area is not known yet.
+        let shades = self.field.as_ref().map(|field| (field, field.shades(0.8 * self.size.1)));
+        let bar = shades.as_ref().map_or(0.0, |(_, scale)| Field::room(scale));
+        let mut plan = self.plan(corner, indent, bar);
         let place = legend.as_ref().map(|legend| {
             let mut lines = plan.rules(self);
-            for run in self.curves(&plan).into_iter().flatten() {
-                lines.extend(run.windows(2).map(|pair| (pair[0], pair[1])));
-                lines.extend(run.first().map(|point| (*point, *point)));
+            for (curve, style) in self.curves(&plan).into_iter().zip(&styles) {
+                for run in curve {
+                    if style.width > 0.0 {
+                        lines.extend(run.windows(2).map(|pair| (pair[0], pair[1])));
+                    }
+                    lines.extend(run.iter().map(|point| (*point, *point)));
+                }
             }
             let (wide, _) = legend.size();
             legend.place(&plan.area, &lines).unwrap_or_else(|| {
@@ -148,12 +175,18 @@ impl Figure {
                     // A margin would leave too little room for the curves, so the legend covers some of them.
                     return (plan.area.right() - wide, plan.area.top);
                 }
-                plan = self.plan(corner, indent, wide);
+                plan = self.plan(corner, indent, bar + wide);
                 (corner.0 + self.size.0 - wide, plan.area.top)
             })
         });
         self.draw_axes(canvas, &plan, corner);
         canvas.open_window(&plan.area);
+        for band in &self.bands {
+            band.draw(canvas, &plan.pieces(band));
+        }
+        if let Some((field, scale)) = &shades {
+            field.draw(canvas, &plan.area, (&plan.x, &plan.y), scale);
+        }
         for (from, to) in plan.rules(self) {
             canvas.line(from, to, &RULE);
         }
@@ -166,6 +199,9 @@ impl Figure {
         }
         canvas.close_window();
         canvas.rectangle(&plan.area, false);
+        if let Some((field, scale)) = &shades {
+            field.draw_bar(canvas, &plan.area, scale);
+        }
         if let (Some(legend), Some(place)) = (legend, place) {
             legend.draw(canvas, place);
         }
@@ -200,7 +236,9 @@ impl Figure {
     /// The scale of the vertical axis, and the indentation that it needs.
     fn vertical(&self) -> (Scale, f64) {
         let values = self.series.iter().flat_map(|series| &series.y).copied();
-        let scale = Scale::new(&self.y, values, (self.size.1 - 70.0) / TICK_ROOM.1);
+        let axis = self.field.as_ref().map(|field| Field::ends(&self.y, &field.y));
+        let axis = axis.as_ref().unwrap_or(&self.y);
+        let scale = Scale::new(axis, values, (self.size.1 - 70.0) / TICK_ROOM.1);
         let ticks = scale.ticks.iter().filter_map(|tick| tick.label.as_deref());
         let widest = ticks.map(width).fold(0.0, f64::max) * SMALL;
         (scale, line(LABEL, &self.y.label) + widest + 3.0 * GAP)
@@ -212,7 +250,8 @@ impl Figure {
         let names = |axis: &Axis| {
             axis.marks.iter().map(|(_, name)| width(name) * SMALL).fold(0.0, f64::max)
         };
-        let above = names(&self.x) > 0.0 || y.power != 0;
+        // The factor of a colour bar stands above it.
+        let above = names(&self.x) > 0.0 || y.power != 0 || self.field.is_some();
         let top =
             corner.1 + line(TITLE, &self.title) + GAP + if above { SMALL * LEADING } else { 0.0 };
         let bottom = corner.1 + self.size.1 - (SMALL + LABEL) * LEADING - 2.0 * GAP;
@@ -220,7 +259,9 @@ impl Figure {
         // Half of the last tick label extends beyond the area.
         let right = corner.0 + self.size.0 - (beside + names(&self.y) + GAP).max(3.0 * GAP);
         let values = self.series.iter().flat_map(|series| &series.x).copied();
-        let x = Scale::new(&self.x, values, (right - left) / TICK_ROOM.0);
+        let axis = self.field.as_ref().map(|field| Field::ends(&self.x, &field.x));
+        let axis = axis.as_ref().unwrap_or(&self.x);
+        let x = Scale::new(axis, values, (right - left) / TICK_ROOM.0);
         let (width, height) = ((right - left).max(1.0), (bottom - top).max(1.0));
         Plan { area: Area { left, top, width, height }, x, y }
     }

@@ -10,6 +10,9 @@ const SAME: f64 = 1e-6;
 /// A logarithmic axis with fewer decades than this has ticks at equal steps.
 const MIN_DECADES: f64 = 0.6;
 
+/// Width and height of a tick with its label, in px.
+pub const TICK_ROOM: (f64, f64) = (58.0, 42.0);
+
 /// An axis.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Axis {
@@ -92,6 +95,13 @@ impl Scale {
         let share = (place - self.low) / (self.high - self.low);
         // Renderers fail with very large coordinates.
         share.is_finite().then(|| share.clamp(-9.0, 10.0))
+    }
+
+    /// Whether the value at a tick of a logarithmic scale is 1, 2 or 5 times a power of ten.
+    pub fn is_round(&self, share: f64) -> bool {
+        let place = self.low + share * (self.high - self.low);
+        let digit = libm::exp10(place - libm::floor(place + 1e-9));
+        self.log && [1.0, 2.0, 5.0].iter().any(|round| (digit - round).abs() < 1e-6)
     }
 
     /// The factor of the labels, or an empty text.

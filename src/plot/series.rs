@@ -40,6 +40,11 @@ pub struct Style {
     pub mark: Option<Mark>,
 }
 
+/// The ticks of an axis.
+pub const TICK: Style = Style { color: "#000", dash: Dash::Solid, width: 0.8, mark: None };
+/// The lines across a figure at labelled ticks.
+pub const GRID: Style = Style { color: "#e4e4e4", dash: Dash::Solid, width: 0.6, mark: None };
+
 /// A marker of the points of a series.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mark {
@@ -55,10 +60,12 @@ pub enum Mark {
     Triangle,
     /// An empty triangle that points down.
     Wedge,
+    /// A small translucent dot, for thousands of points.
+    Dot,
 }
 
 impl Mark {
-    /// All variants, in the order of the series.
+    /// The markers of curves, in the order of the series.
     pub const ALL: [Self; 6] =
         [Self::Ring, Self::Square, Self::Triangle, Self::Diamond, Self::Wedge, Self::Disc];
 }

@@ -38,6 +38,7 @@ mod schema;
 mod server;
 mod store;
 mod studies;
+mod study_plots;
 mod team;
 mod trust;
 mod umbridge;

@@ -62,19 +62,20 @@ fn plotted(stored: &[u8], quantity: &str) -> String {
     drawn(stored, &View::figure(Quantity::named(quantity).unwrap())).unwrap()
 }
 
-fn numbers(text: &str) -> Vec<f64> {
+/// All numbers in a text.
+pub fn numbers(text: &str) -> Vec<f64> {
     text.split(|c: char| !c.is_ascii_digit() && c != '.' && c != '-')
         .filter_map(|number| number.parse().ok())
         .collect()
 }
 
 /// The clipped part of the drawing.
-fn window<'a>(document: &'a Document) -> Node<'a, 'a> {
+pub fn window<'a>(document: &'a Document) -> Node<'a, 'a> {
     document.descendants().filter(|node| node.has_tag_name("svg")).nth(1).unwrap()
 }
 
 /// The frame: left, top, right, bottom.
-fn frame(document: &Document) -> [f64; 4] {
+pub fn frame(document: &Document) -> [f64; 4] {
     let window = window(document);
     let side = |name: &str| window.attribute(name).unwrap().parse::<f64>().unwrap();
     [side("x"), side("y"), side("x") + side("width"), side("y") + side("height")]
@@ -122,9 +123,11 @@ fn every_quantity_of_every_example_gives_a_legible_figure() {
             assert!(svg.len() < 120_000, "{name} has {} bytes", svg.len());
             // The smallest size, with logarithmic axes.
             let log = Some(true).filter(|_| !quantity.has_sign());
-            let figure = FigureOptions { quantity, log_x: log, log_y: log, size: (320, 240) };
+            let size = (320, 240);
+            let figure =
+                FigureOptions { quantity, log_x: log, log_y: log, size, ..Default::default() };
             let svg = drawn(&stored, &View { engineering: false, figure, ..view });
-            sound(&svg.unwrap_or_else(|error| panic!("{name}: {error}")), figure.size, &name);
+            sound(&svg.unwrap_or_else(|error| panic!("{name}: {error}")), size, &name);
         }
     }
 }

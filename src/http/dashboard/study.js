@@ -1,12 +1,17 @@
-// The result of a study: its counts, its findings and its table.
+// The result of a study: its counts, its figure and its table.
 
 import { drawActions } from "./actions.js";
-import { fill, h, list } from "./dom.js";
+import { resultAddress, send } from "./api.js";
+import { fill, h, list, select } from "./dom.js";
 import { KINDS, kindOf } from "./summary.js";
-import { axisTitle, digits, displayUnit } from "./units.js";
+import { axisTitle, digits, displayUnit, si } from "./units.js";
 
 /** Number of rows that the page shows. Downloads have all. */
 const ROWS = 200;
+/** Figures of each design of a sweep, of a map, and of each method of a sensitivity study. */
+const FIGURES = { grid: ["curves", "heat"], zip: ["curves", "scatter"], latin_hypercube: ["scatter"], sobol: ["scatter"],
+  map: ["regimes", "heat", "curves"], indices: ["tornado", "scatter"], local: ["tornado"] };
+const FIGURE_NAMES = { curves: "Curves", heat: "Heat map", scatter: "Scatter plot", regimes: "Regimes", tornado: "Bars" };
 
 export function showStudy(main, result, { job, link, signal }) {
   const kind = KINDS[kindOf(result)];
@@ -22,12 +27,59 @@ export function showStudy(main, result, { job, link, signal }) {
     h("section", { class: "card wide-values", "aria-label": "Counts" }, list([["Points", String(points)],
       ["Refused, because their scenario is not valid", String(refused)], ["Without all outputs", String(incomplete)]])),
     result.notes?.length > 0 && h("section", { class: "card", "aria-label": "Notes" }, h("h2", {}, "Notes"),
-      h("ul", {}, result.notes.map((note) => h("li", {}, note)))),
+      h("ul", {}, result.notes.map(({ output, member, detail }) => h("li", {}, h("code", {}, member ?? output), " ", detail)))),
+    figureOf(result, { link, signal }),
     table,
     h("section", { class: "card" }, h("h2", {}, kind), h("details", {}, h("summary", {}, "Show as JSON in SI units"),
       h("pre", { tabIndex: 0 }, JSON.stringify(result[kindOf(result)], null, 2)))));
   drawTable();
   document.addEventListener("units", drawTable, { signal });
+}
+
+/** The figure of a study, which the server draws, and the choice of its kind, its output and its axes. */
+function figureOf(result, { link, signal }) {
+  const { sweep, map, sensitivity } = result;
+  const design = sweep?.design ?? (map ? "map" : sensitivity.method === "local" ? "local" : "indices");
+  const columns = Object.keys(result.samples ?? result.table).filter((name) => name in result.units);
+  const members = columns.filter((name) => name.startsWith("/"));
+  const wanted = {};
+  const image = h("img", { class: "drawn" });
+  const fault = h("p", { class: "muted", role: "status" });
+  let latest = 0;
+  const draw = async () => {
+    const own = ++latest;
+    const given = Object.entries(wanted).filter(([, value]) => value);
+    const words = new URLSearchParams([...given, ["units", si() ? "si" : "engineering"], ...(link ? [["link", link]] : [])]);
+    try {
+      // An image cannot send the access key, so its text becomes its address.
+      const text = await (await send(`${resultAddress(result.key, "/plot.svg")}?${words}`, { headers: { Accept: "*/*" }, signal })).text();
+      // A slower answer to an earlier choice is dropped.
+      if (own !== latest) return;
+      image.src = `data:image/svg+xml,${encodeURIComponent(text)}`;
+      image.alt = new DOMParser().parseFromString(text, "image/svg+xml").querySelector("desc").textContent;
+      fault.textContent = "";
+    } catch (problem) {
+      if (signal.aborted || own !== latest) return;
+      fault.textContent = problem.errors?.map(({ parameter, detail }) => `${parameter} ${detail}.`).join(" ") || problem.message;
+    }
+  };
+  const choice = (name, label, names, words = {}) => {
+    if (names.length < 2) return null;
+    const options = { "": "Automatic", ...Object.fromEntries(names.map((own) => [own, words[own] ?? own])) };
+    const field = select(options, "", { id: `figure-${name}`, onchange: () => {
+      wanted[name] = field.value;
+      draw();
+    } });
+    return h("span", { class: "choice" }, h("label", { for: field.id }, label), field);
+  };
+  draw();
+  document.addEventListener("units", draw, { signal });
+  const isGrid = ["grid", "map"].includes(design);
+  return h("section", { class: "card", "aria-label": "Figure" },
+    h("div", { class: "row" }, choice("kind", "Figure", FIGURES[design], FIGURE_NAMES),
+      choice("output", "Output", columns.filter((name) => !name.startsWith("/"))),
+      choice("over", "Over", design === "local" ? [] : members), choice("by", "By", isGrid ? members : [])),
+    image, fault);
 }
 
 /** The first rows of the table, with units in the header. */

@@ -1,4 +1,4 @@
-//! Figures of a result.
+//! Figures of a run.
 //!
 //! Curves of different output cycles differ in marker and colour, so a figure can be read in greyscale
 //! and by colour-blind readers. The initial and the limiting state are dashed. An infinite pressure is
@@ -6,21 +6,18 @@
 
 use serde_json::Value;
 
-use super::document::Document;
-use super::error::{Error, Missing};
-use super::kind::Part;
-use super::quantity::{QUANTITIES, Quantity};
-use super::table::{Table, Values, evenly_spaced};
-use super::units::round;
-use super::view::View;
-use crate::plot::text::power_of_ten;
-use crate::plot::{About, Axis, Dash, Figure, GREY, Series, Style};
+use super::axes::{self, LOG_RATIO};
+use super::words::{shortened, typeset};
+use crate::format::document::Document;
+use crate::format::error::{Error, Missing};
+use crate::format::kind::Part;
+use crate::format::quantity::{QUANTITIES, Quantity};
+use crate::format::table::{Table, Values, evenly_spaced};
+use crate::format::view::View;
+use crate::plot::{Axis, Dash, Figure, GREY, Series, Style};
 
 /// Number of output cycles in a figure by default.
 const CURVES: usize = 6;
-/// The horizontal axis of a history is logarithmic if the ratio of its last to its first cycle is at
-/// least this.
-const LOG_RATIO: f64 = 20.0;
 /// The limiting value is drawn if it stretches the vertical axis at most by this factor.
 const STRETCH: f64 = 2.0;
 /// A pressure has a pole if its peak exceeds its typical height by this factor. The axis then ends at
@@ -31,46 +28,39 @@ const POLE_ROOM: f64 = 2.0;
 const INITIAL: Style = Style { color: GREY, dash: Dash::Dashed, width: 1.3, mark: None };
 const LIMITING: Style = Style { color: "#000000", dash: Dash::ShortDashed, width: 1.3, mark: None };
 
-/// Draws the requested figure as an SVG document.
-pub fn svg(document: &Document<'_>, view: &View) -> Result<Vec<u8>, Error> {
-    document.must_have(Part::Plot)?;
-    let options = view.figure;
+/// Draws the requested figure of a run as an SVG document.
+pub fn svg(document: &Document<'_>, view: &View) -> Result<String, Error> {
+    let options = &view.figure;
     let quantity = options.quantity;
+    refuse_study_options(view)?;
     let drawing = Drawing { document, view, quantity };
     let mut figure = match quantity.part {
         Part::History => drawing.history()?,
         Part::Loops => drawing.loops()?,
         _ => drawing.profiles()?,
     };
-    figure.x.log = options.log_x.unwrap_or(figure.x.log);
-    figure.y.log = options.log_y.unwrap_or(false);
-    let positive = |values: fn(&Series) -> &Vec<f64>| {
-        figure.series.iter().flat_map(values).any(|value| value.is_finite() && *value > 0.0)
-    };
-    let mut missing = Vec::new();
-    for (parameter, impossible) in [
-        ("x", figure.x.log && !positive(|series| &series.x)),
-        ("y", figure.y.log && !positive(|series| &series.y)),
-    ] {
-        if impossible {
-            let detail = "must be \"linear\" here: no value is positive".to_owned();
-            missing.push(Missing { parameter, detail });
-        }
-    }
-    if !missing.is_empty() {
-        return Err(Error::Missing(missing));
-    }
+    axes::choose(&mut figure, options)?;
     if quantity.name == "pressure" && !figure.y.log {
         figure.y.range = below_poles(&figure.series);
     }
     quantity.title.clone_into(&mut figure.title);
-    figure.size = (f64::from(options.size.0), f64::from(options.size.1));
-    figure.about = Some(About {
-        description: drawing.description(&figure)?,
-        identifier: document.head.key.clone(),
-        creator: document.head.engine.to_string(),
-    });
-    Ok(figure.svg().into_bytes())
+    figure.about = Some(axes::about(&document.head, drawing.description(&figure)?));
+    Ok(figure.svg())
+}
+
+/// Refuses what only figures of studies have.
+fn refuse_study_options(view: &View) -> Result<(), Error> {
+    let given = view.figure.study.given();
+    let missing = |parameter: &'static str| {
+        let detail =
+            "is for studies, and this result is a run: its parameters are quantity and cycles";
+        Missing { parameter, detail: detail.to_owned() }
+    };
+    if given.is_empty() {
+        Ok(())
+    } else {
+        Err(Error::Missing(given.into_iter().map(missing).collect()))
+    }
 }
 
 struct Drawing<'a> {
@@ -336,25 +326,6 @@ fn labels(cycles: &[f64]) -> Vec<String> {
     let short = with_digits(6);
     let equal = short.iter().enumerate().any(|(i, label)| short[..i].contains(label));
     if equal { with_digits(17) } else { short }
-}
-
-/// A number with at most this many digits; very small and very large numbers have a power of ten.
-fn shortened(number: f64, digits: u8) -> String {
-    let number = round(number, digits);
-    let text = format!("{number:e}");
-    match text.split_once('e') {
-        Some((mantissa, power)) if !(1e-4..1e7).contains(&number.abs()) => {
-            let power = power_of_ten(power.parse().unwrap_or(0));
-            if mantissa == "1" { power } else { format!("{mantissa}×{power}") }
-        }
-        _ => number.to_string(),
-    }
-}
-
-/// A unit as it is printed.
-fn typeset(unit: &str) -> String {
-    let unit = if unit == "um" { "µm" } else { unit };
-    unit.replace("^3", "³")
 }
 
 #[cfg(test)]

@@ -1,0 +1,89 @@
+//! Scatter plots of points with drawn values.
+//!
+//! A figure with 10⁵ dots would have megabytes and one dark stain. So only the first points are drawn: they were drawn
+//! like the others. Median and percentiles are those of all points.
+
+use crate::plot::{Dash, Mark, PALETTE, Series, Style};
+
+/// Most dots in a figure.
+const MAX_DOTS: usize = 4000;
+/// Up to this many points are drawn as discs. More have percentiles.
+const FEW: usize = 200;
+/// Number of bins with equally many points, and the fewest points of a bin.
+const BINS: usize = 20;
+const FEWEST: usize = 25;
+/// The percentiles beside the median.
+const TAILS: [f64; 2] = [0.05, 0.95];
+
+/// The dots and the curves of a scatter plot, and a note about them.
+pub fn series(x: &[f64], y: &[f64]) -> (Vec<Series>, String) {
+    let points: Vec<(f64, f64)> = x
+        .iter()
+        .zip(y)
+        .map(|(x, y)| (*x, *y))
+        .filter(|(x, y)| x.is_finite() && y.is_finite())
+        .collect();
+    let count = points.len();
+    let mut note = String::new();
+    let label = if count > MAX_DOTS {
+        note = format!(" The figure shows the first {MAX_DOTS} of {count} points.");
+        format!("{MAX_DOTS} of {count} points")
+    } else {
+        String::new()
+    };
+    let mark = if count > FEW { Mark::Dot } else { Mark::Disc };
+    let style = Style { color: PALETTE[0], dash: Dash::Solid, width: 0.0, mark: Some(mark) };
+    let (dots_x, dots_y) = points.iter().take(MAX_DOTS).copied().unzip();
+    let mut out = vec![Series::new(&label, dots_x, dots_y).styled(style)];
+    if count > FEW {
+        out.extend(percentiles(points));
+        note.push_str(" Median and percentiles are those of all points.");
+    }
+    (out, note)
+}
+
+/// The median and the tails in bins over the abscissa.
+fn percentiles(mut points: Vec<(f64, f64)>) -> Vec<Series> {
+    points.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+    let bins = BINS.min(points.len() / FEWEST);
+    let mut x = Vec::new();
+    let mut y = [Vec::new(), Vec::new(), Vec::new()];
+    for bin in 0..bins {
+        let own = &points[bin * points.len() / bins..(bin + 1) * points.len() / bins];
+        x.push(own[own.len() / 2].0);
+        let mut values: Vec<f64> = own.iter().map(|(_, value)| *value).collect();
+        values.sort_unstable_by(f64::total_cmp);
+        for (column, share) in y.iter_mut().zip([0.5, TAILS[0], TAILS[1]]) {
+            column.push(values[((values.len() - 1) as f64 * share + 0.5) as usize]);
+        }
+    }
+    let line = |dash| Style { color: "#000000", dash, width: 1.4, mark: None };
+    let styles = [line(Dash::Solid), line(Dash::Dashed), line(Dash::Dashed)];
+    let labels = ["median", "5 % and 95 %", ""];
+    let columns = labels.into_iter().zip(y).zip(styles);
+    columns.map(|((label, y), style)| Series::new(label, x.clone(), y).styled(style)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn many_points_are_thinned_and_their_percentiles_are_those_of_all() {
+        let x: Vec<f64> = (0..20_000).map(|i| f64::from(i * 7919 % 20_000) / 20_000.0).collect();
+        let y: Vec<f64> = (0..20_000).map(|i| f64::from(i * 104_729 % 1000) / 999.0).collect();
+        let (series, note) = series(&x, &y);
+        assert_eq!((series.len(), series[0].x.len(), series[1].x.len()), (4, MAX_DOTS, BINS));
+        assert!(note.contains("first 4000 of 20000 points"), "{note}");
+        for (column, share) in series[1..].iter().zip([0.5, 0.05, 0.95]) {
+            assert!(column.y.iter().all(|value| (value - share).abs() < 0.05), "{column:?}");
+        }
+    }
+
+    #[test]
+    fn few_points_are_all_drawn_if_they_have_a_value() {
+        let (series, note) = series(&[1.0, 2.0, 3.0], &[1.0, f64::NAN, 2.0]);
+        assert_eq!((series.len(), &series[0].x), (1, &vec![1.0, 3.0]));
+        assert_eq!(note, "");
+    }
+}
