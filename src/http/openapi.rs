@@ -70,6 +70,7 @@ A server without keys, on a personal machine, is open.
         schemas::TableFields,
         schemas::ChosenInstants,
         schemas::PlotQuantity,
+        schemas::PlotKind,
         schemas::PlotInstants,
         schemas::Spacing,
         schemas::WholeLayout,

@@ -141,12 +141,10 @@ pub fn field<'u>(
     (Field { x: over, y: by, values, scale: Axis { log, ..scale } }, note)
 }
 
-/// The curve at which gross slip begins, on a white one that makes it visible on dark colours. `upright` has the normal
-/// force on the horizontal axis.
-pub fn boundary([forces, amplitudes]: &[Vec<f64>; 2], upright: bool) -> Vec<Series> {
-    let (x, y) = if upright { (forces, amplitudes) } else { (amplitudes, forces) };
+/// The curve at which gross slip begins, on a white one that makes it visible on dark colours.
+pub fn boundary([x, y]: [Vec<f64>; 2], label: &str) -> Vec<Series> {
     let line = |label, style| Series::new(label, x.clone(), y.clone()).styled(style);
-    vec![line("", HALO), line("gross slip begins", BOUNDARY)]
+    vec![line("", HALO), line(label, BOUNDARY)]
 }
 
 /// The regimes below and above the boundary, within a range of amplitudes.

@@ -135,9 +135,10 @@ impl Study<'_> {
                 self.unit(name)
             });
         let series = if self.kind == Kind::Map && over != by {
-            let boundary = self.boundary()?;
+            let [forces, amplitudes] = self.boundary()?;
             // A map has its normal force first.
-            grid::boundary(&boundary, over == 0)
+            let curve = if over == 0 { [forces, amplitudes] } else { [amplitudes, forces] };
+            grid::boundary(curve, "gross slip begins")
         } else {
             Vec::new()
         };
@@ -163,7 +164,8 @@ impl Study<'_> {
             Axis { range: range.filter(|(low, high)| low < high), ..self.across(place) }
         });
         let bands = grid::regimes(&boundary, y.range);
-        let series = grid::boundary(&boundary, true);
+        // The names of the regimes tell what it separates.
+        let series = grid::boundary(boundary, "");
         let title = "Regimes of the unworn contact".to_owned();
         self.finished(Figure { title, x, y, bands, series, ..Figure::default() }, "")
     }
