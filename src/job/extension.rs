@@ -14,7 +14,12 @@ impl Prepared {
     pub fn extending(&self, key: &Key, earlier: &Canonical) -> Result<Self, String> {
         let study = match &self.task {
             Task::Study(study) if study.can_extend() => study,
-            _ => return Err("belongs to a sweep with the design `sobol`. Remove it".to_owned()),
+            _ => {
+                return Err(
+                    "works only beside a `sweep` with the design `sobol`. Remove `extends`"
+                        .to_owned(),
+                );
+            }
         };
         if earlier.kind != self.task.kind() {
             let kind = earlier.kind.word();
@@ -28,8 +33,8 @@ impl Prepared {
         let (ours, wanted) = without_samples(study.canonical().clone());
         if let Some(pointer) = first_difference(&theirs, &ours) {
             return Err(format!(
-                "is the key of another sweep: in canonical form, they first differ at `/sweep{pointer}`. Only `samples` \
-                 may differ"
+                "is the key of another sweep: in SI and with all defaults, they first differ at `/sweep{pointer}`. Only \
+                 `samples` may differ"
             ));
         }
         if count >= wanted {
@@ -38,7 +43,8 @@ impl Prepared {
             ));
         }
         if earlier_key(study, count) != *key {
-            return Err("is the key of a sweep by an earlier version of the engine, whose rows can differ. Remove it"
+            return Err("is the key of a sweep that another version of the engine computed, whose rows can differ. Remove \
+                        `extends`, or submit that sweep again first"
                 .to_owned());
         }
         let stored = self.task.kind().stored_extending(study.canonical(), count);
@@ -141,7 +147,7 @@ mod tests {
         let more = refused(&sweep(|sweep| sweep["samples"] = json!(100)));
         assert!(more.contains("with 100 samples, but this one has 100"), "{more}");
         let by_another = large.extending(&large.key, &sweep(|_| ()).asked()).map(|_| ());
-        assert!(by_another.unwrap_err().contains("earlier version of the engine"));
+        assert!(by_another.unwrap_err().contains("another version of the engine"));
         let grid = sweep(|sweep| {
             sweep["design"] = json!("grid");
             sweep["vary"][0]["count"] = json!(8);
@@ -149,7 +155,7 @@ mod tests {
         });
         for other in [&grid, &run] {
             let detail = extending(other, &large).map(|_| ()).unwrap_err();
-            assert!(detail.starts_with("belongs to a sweep"), "{detail}");
+            assert!(detail.starts_with("works only beside"), "{detail}");
         }
     }
 }

@@ -20,7 +20,7 @@ pub enum NotExtended {
 
 impl Service {
     /// Prepares the task of a submission so that it takes the rows of the result that `extends` names. If that result was
-    /// evicted or deleted, all points are computed.
+    /// evicted, deleted or imported, all points are computed.
     ///
     /// # Errors
     /// The study does not extend that result, or the database fails.
@@ -28,14 +28,18 @@ impl Service {
         let prepared = submission.prepared.clone();
         let Some(key) = submission.extends else { return Ok(prepared) };
         let Some(earlier) = self.known(&key).await? else {
-            let detail = "is the key of no result. Enter the key of a finished sweep, or remove it";
+            let detail =
+                "is the key of no result. Wait until that sweep has succeeded, or remove `extends`";
             return Err(NotExtended::Refused(detail.to_owned()));
         };
         // A study takes milliseconds to prepare.
         let extending = tokio::task::spawn_blocking(move || {
             let extended = prepared.extending(&key, &earlier.asked)?;
-            Ok(if earlier.held { extended } else { prepared })
+            let is_usable = earlier.held && !earlier.imported;
+            Ok(if is_usable { extended } else { prepared })
         });
+        // The rows are needed when the study begins, so they should not be evicted before.
+        self.was_read(&key);
         extending.await.map_err(|_| NotExtended::Panicked)?.map_err(NotExtended::Refused)
     }
 }

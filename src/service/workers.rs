@@ -6,6 +6,7 @@
 mod compute;
 
 use std::any::Any;
+use std::collections::HashSet;
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex};
@@ -69,7 +70,8 @@ impl Workers {
     ) -> io::Result<Self> {
         let (order, orders) = watch::channel(WorkerOrder::Work);
         let (living, alive) = mpsc::channel(1);
-        let (studies, assembling) = (Arc::default(), Arc::default());
+        let (studies, without_earlier, assembling) =
+            (Arc::default(), Arc::default(), Arc::default());
         let start = |number| {
             let mut worker = Worker {
                 store: store.clone(),
@@ -78,6 +80,7 @@ impl Workers {
                 orders: orders.clone(),
                 runtime: Handle::current(),
                 studies: Arc::clone(&studies),
+                without_earlier: Arc::clone(&without_earlier),
                 assembling: Arc::clone(&assembling),
                 _living: living.clone(),
             };
@@ -122,6 +125,8 @@ struct Worker {
     orders: watch::Receiver<WorkerOrder>,
     runtime: Handle,
     studies: Arc<Studies>,
+    /// The runs that extend a result which cannot be read.
+    without_earlier: Arc<Mutex<HashSet<RunId>>>,
     /// Held while a result is made from chunks, because a large one takes much memory.
     assembling: Arc<Mutex<()>>,
     _living: mpsc::Sender<()>,

@@ -163,6 +163,8 @@ pub struct Known {
     pub numerics: u32,
     /// Whether the body is stored.
     pub held: bool,
+    /// Whether it was imported. Only a sample of its numbers was computed again.
+    pub imported: bool,
 }
 
 const PROVENANCE: &str = "
@@ -240,7 +242,7 @@ impl Store {
     pub async fn known(&self, key: &Key) -> Result<Option<Known>, Error> {
         let row = self.reading(async |db| {
             let query = sqlx::query(
-                "SELECT task, summary, numerics, evicted IS NULL AS held
+                "SELECT task, summary, numerics, evicted IS NULL AS held, imported IS NOT NULL AS imported
                  FROM result JOIN result_task USING (key)
                  LEFT JOIN program ON program.id = result.program WHERE result.key = ?1",
             );
@@ -254,8 +256,8 @@ impl Store {
             None => numerics_of(key, &asked),
         };
         let summary = row::json(row.try_get("summary")?).map_err(|_| damaged())?;
-        let held = row.try_get("held")?;
-        Ok(Some(Known { asked, summary, numerics, held }))
+        let (held, imported) = (row.try_get("held")?, row.try_get("imported")?);
+        Ok(Some(Known { asked, summary, numerics, held, imported }))
     }
 }
 

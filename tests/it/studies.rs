@@ -686,6 +686,6 @@ async fn a_sweep_that_extends_no_smaller_sobol_sweep_is_refused() {
     }
     for mut body in [sweep(), steel_ball()] {
         body["extends"] = json!(key);
-        refused(body, &[], "belongs to a sweep with the design `sobol`").await;
+        refused(body, &[], "works only beside a `sweep` with the design `sobol`").await;
     }
 }

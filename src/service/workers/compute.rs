@@ -35,13 +35,13 @@ impl Worker {
     }
 
     fn compute_chunk(&self, claimed: &Claimed, number: u32, of: u32) -> Result<Made, NotMade> {
-        let watch = Stopwatch::start();
         let (study, place, chunks) = (self.study(claimed)?, number as usize, of as usize);
         if place < Division::new(&study, chunks).earlier_chunks()
-            && let Some(first) = self.earlier(claimed, &study, chunks)?
+            && let Some(made) = self.earlier(claimed, &study, chunks)?
         {
-            return Ok(Made::FirstRows(first, watch.cost()));
+            return Ok(made);
         }
+        let watch = Stopwatch::start();
         let mut points = Points::chunk(study, place, chunks);
         let rows = self.drive(claimed, self.limits.study, || match points.step() {
             Some(rows) => Step::Done(rows),
@@ -50,30 +50,40 @@ impl Worker {
         Ok(Made::Rows(rows.to_bytes(), watch.cost()))
     }
 
-    /// The first chunks of a study whose rows are in the result of an earlier study; `None` if that result is not stored any
-    /// more.
+    /// The first chunks of a study, whose rows are in the result of an earlier study; `None` if that result cannot be read.
     fn earlier(
         &self,
         claimed: &Claimed,
         study: &Study,
         chunks: usize,
-    ) -> Result<Option<Vec<Vec<u8>>>, NotMade> {
-        let Some(key) = extended_key(study) else { return Ok(None) };
-        let is_stored = async || self.store.has_result(&key).await.map(Some);
-        if !self.read(claimed, is_stored)? {
+    ) -> Result<Option<Made>, NotMade> {
+        let failed = || self.without_earlier.lock().unwrap_or_else(PoisonError::into_inner);
+        let Some(key) = extended_key(study).filter(|_| !failed().contains(&claimed.run)) else {
+            return Ok(None);
+        };
+        let _turn = self.turn(claimed)?;
+        let watch = Stopwatch::start();
+        let is_usable = async || match self.store.known(&key).await {
+            Ok(known) => Ok(Some(known.is_some_and(|known| known.held && !known.imported))),
+            Err(Error::DamagedResult(_)) => Ok(Some(false)),
+            Err(error) => Err(error),
+        };
+        if !self.read(claimed, is_usable)? {
+            failed().insert(claimed.run);
             return Ok(None);
         }
-        let _turn = self.turn(claimed)?;
         let result = self.read(claimed, async || match self.store.result(&key).await {
             Ok(Some(StoredResult::Whole(body))) => Ok(Some(body.json().ok())),
             Ok(_) | Err(Error::DamagedResult(_)) => Ok(Some(None)),
             Err(error) => Err(error),
         })?;
-        let rows = result.and_then(|document| study.earlier_rows(&document, chunks));
-        if rows.is_none() {
-            tracing::warn!(earlier = %key, "the extended result cannot be read; all points are computed");
-        }
-        Ok(rows.map(|parts| parts.iter().map(Rows::to_bytes).collect()))
+        let Some(parts) = result.and_then(|document| study.earlier_rows(&document, chunks)) else {
+            failed().insert(claimed.run);
+            tracing::warn!(earlier = %key, "the result of the earlier sweep is damaged; all points are computed");
+            return Ok(None);
+        };
+        let rows = parts.iter().map(Rows::to_bytes).collect();
+        Ok(Some(Made::FirstRows(rows, watch.cost())))
     }
 
     /// Makes the result of a study from its chunks.
@@ -95,6 +105,10 @@ impl Worker {
             }
             Step::Working { progress: f64::from(number) / f64::from(of) }
         })??;
+        if rows.count != study.points() {
+            let message = format!("its chunks have {} rows, not {}", rows.count, study.points());
+            return Err(unreadable(message));
+        }
         let answer = Answer::of_study(claimed.key, &study, &rows);
         Ok(Made::Answer(answer, watch.cost()))
     }
