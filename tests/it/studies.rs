@@ -586,7 +586,7 @@ async fn the_rows_of_an_extended_sweep_are_not_computed_again() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_sweep_whose_earlier_result_was_deleted_computes_all_points() {
+async fn a_sweep_whose_earlier_result_cannot_be_used_computes_all_points() {
     let expected = from_nothing(&sobol(3000)).await;
     let server = Server::start().await;
     let key = store_marked(&server, &sobol(1000)).await;
@@ -610,6 +610,14 @@ async fn a_sweep_whose_earlier_result_was_deleted_computes_all_points() {
     let job = server.service.wait(accepted.job, Duration::from_mins(1)).await.unwrap();
     let result = server.get(&format!("/v1/results/{}", job.key)).await;
     assert!(result.body == expected);
+
+    // Of an imported result, only a sample was computed again.
+    let server = Server::start().await;
+    let key = store_marked(&server, &sobol(1000)).await;
+    let imported = sqlx::query("UPDATE result SET imported = 1, imported_from = 'other.db'");
+    imported.execute(&mut raw(server.dir.path()).await).await.unwrap();
+    let (extended, _) = computed(&server, &extending(3000, &key)).await;
+    assert!(server.get(&format!("/v1/results/{extended}")).await.body == expected);
 }
 
 #[tokio::test(flavor = "multi_thread")]
