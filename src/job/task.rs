@@ -53,10 +53,25 @@ impl Answer {
     /// The answer of a study from the rows of all its points.
     #[must_use]
     pub fn of_study(key: Key, study: &Study, rows: &Rows) -> Self {
-        let body = study.document(&key, &ENGINE, rows).into_bytes();
+        Self::with_document(study, rows, study.document(&key, &ENGINE, rows))
+    }
+
+    /// As [`of_study`](Self::of_study), but `None` if `goes_on` becomes false.
+    #[must_use]
+    pub fn of_study_while(
+        key: Key,
+        study: &Study,
+        rows: &Rows,
+        goes_on: &mut dyn FnMut() -> bool,
+    ) -> Option<Self> {
+        let document = study.document_while(&key, &ENGINE, rows, goes_on)?;
+        Some(Self::with_document(study, rows, document))
+    }
+
+    fn with_document(study: &Study, rows: &Rows, document: String) -> Self {
         let summary = study.counts(rows);
         let outline = outline_of(TaskKind::Study(study.kind()), &summary);
-        Self { body: body.into(), summary, outline: Box::new(outline) }
+        Self { body: document.into(), summary, outline: Box::new(outline) }
     }
 
     /// A result with its JSON, and what the JSON says.

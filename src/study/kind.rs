@@ -356,8 +356,25 @@ impl Study {
     /// # Panics
     /// The members cannot be written as JSON.
     #[must_use]
-    #[expect(clippy::expect_used, reason = "a damaged document must not be stored")]
+    #[expect(clippy::expect_used, reason = "nothing stops it")]
     pub fn document(&self, key: &impl Serialize, engine: &impl Serialize, rows: &Rows) -> String {
+        self.document_while(key, engine, rows, &mut || true).expect("it goes on")
+    }
+
+    /// As [`document`](Self::document), but `None` if `goes_on` becomes false. It is asked before the intervals of each output
+    /// are estimated.
+    ///
+    /// # Panics
+    /// The members cannot be written as JSON.
+    #[must_use]
+    #[expect(clippy::expect_used, reason = "a damaged document must not be stored")]
+    pub fn document_while(
+        &self,
+        key: &impl Serialize,
+        engine: &impl Serialize,
+        rows: &Rows,
+        goes_on: &mut dyn FnMut() -> bool,
+    ) -> Option<String> {
         let mut head = json!({
             "key": key,
             "engine": engine,
@@ -367,7 +384,7 @@ impl Study {
         });
         let found = match &self.plan {
             Plan::Sweep(_) => Map::new(),
-            Plan::Sensitivity(sensitivity) => sensitivity.findings(&self.problem, rows),
+            Plan::Sensitivity(sensitivity) => sensitivity.findings(&self.problem, rows, goes_on)?,
             Plan::Map(map) => map.findings(&self.problem),
         };
         head.as_object_mut().expect("it is an object").extend(found);
@@ -393,7 +410,7 @@ impl Study {
         }
         text.push('}');
         text.push(end);
-        text
+        Some(text)
     }
 
     /// How many points there are, and how many of them lack outputs.

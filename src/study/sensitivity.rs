@@ -315,7 +315,12 @@ impl Sensitivity {
 
     /// What follows from the rows of all points: the members `table` and `notes` of the document.
     #[must_use]
-    pub fn findings(&self, problem: &Problem, rows: &Rows) -> Map<String, Value> {
+    pub fn findings(
+        &self,
+        problem: &Problem,
+        rows: &Rows,
+        goes_on: &mut dyn FnMut() -> bool,
+    ) -> Option<Map<String, Value>> {
         let members: Vec<_> =
             problem.members.iter().map(|member| member.pointer.as_str()).collect();
         let base: Vec<f64> = problem.members.iter().map(|member| member.value).collect();
@@ -325,7 +330,7 @@ impl Sensitivity {
             unit: output.unit(),
             accuracy: accuracy(case.as_ref(), output),
         });
-        self.table(&members, &outputs.collect::<Vec<_>>(), rows)
+        self.table(&members, &outputs.collect::<Vec<_>>(), rows, goes_on)
     }
 
     /// Estimated processor time of [`Self::findings`], in seconds.
@@ -356,9 +361,18 @@ impl Sensitivity {
         problem.outputs.iter().map(of_output).sum()
     }
 
-    fn table(&self, members: &[&str], outputs: &[Named<'_>], rows: &Rows) -> Map<String, Value> {
+    fn table(
+        &self,
+        members: &[&str],
+        outputs: &[Named<'_>],
+        rows: &Rows,
+        goes_on: &mut dyn FnMut() -> bool,
+    ) -> Option<Map<String, Value>> {
         let mut findings = Findings::new(self.columns());
         for (place, output) in outputs.iter().enumerate() {
+            if !goes_on() {
+                return None;
+            }
             let values = rows.numbers(members.len() + place);
             match &self.method {
                 Method::Sobol { bootstrap, .. } => {
@@ -375,7 +389,7 @@ impl Sensitivity {
                 }
             }
         }
-        findings.written()
+        Some(findings.written())
     }
 }
 
@@ -601,7 +615,8 @@ mod tests {
             }
             let members = ["a", "b", "c", "d", "e", "f", "g", "h"];
             let output = Named { name: "y", unit: "1", accuracy: ROUNDING };
-            study.table(&members[..self.indices.len()], &[output], &rows)
+            let members = &members[..self.indices.len()];
+            study.table(members, &[output], &rows, &mut || true).unwrap()
         }
 
         /// How many of the intervals of the Sobol indices contain the index.
@@ -668,9 +683,26 @@ mod tests {
         Study::read(Kind::Sensitivity, &study).map(Arc::new)
     }
 
-    fn document(study: &Arc<Study>) -> Value {
+    fn rows(study: &Arc<Study>) -> Rows {
         let mut points = Points::whole(Arc::clone(study));
-        let rows = iter::repeat_with(|| points.step()).find_map(|rows| rows).unwrap();
+        iter::repeat_with(|| points.step()).find_map(|rows| rows).unwrap()
+    }
+
+    #[test]
+    fn a_stop_is_noticed_before_each_output() {
+        let outputs = json!(["unworn.gross_slip_amplitude", "wear_volume", "wear_depth"]);
+        let study = study(|study| study["outputs"] = outputs).unwrap();
+        let mut asked = 0;
+        let mut goes_on = || {
+            asked += 1;
+            asked < 2
+        };
+        assert_eq!(study.document_while(&"key", &"engine", &rows(&study), &mut goes_on), None);
+        assert_eq!(asked, 2);
+    }
+
+    fn document(study: &Arc<Study>) -> Value {
+        let rows = rows(study);
         let text = study.document(&"key", &"engine", &rows);
         assert!(text.len() <= study.bytes());
         assert_eq!(study.judge(&"key", &"engine", text.as_bytes()), Ok(()));

@@ -109,8 +109,12 @@ impl Worker {
             let message = format!("its chunks have {} rows, not {}", rows.count, study.points());
             return Err(unreadable(message));
         }
-        let answer = Answer::of_study(claimed.key, &study, &rows);
-        Ok(Made::Answer(answer, watch.cost()))
+        let goes_on = &mut || self.check(claimed).is_ok();
+        match Answer::of_study_while(claimed.key, &study, &rows, goes_on) {
+            Some(answer) => Ok(Made::Answer(answer, watch.cost())),
+            // Nothing that stops a computation is ever taken back.
+            None => Err(self.check(claimed).err().unwrap_or(NotMade::Interrupted)),
+        }
     }
 
     /// Waits until no other worker makes a result from chunks.
@@ -124,14 +128,20 @@ impl Worker {
         }
     }
 
-    /// Waits for a moment, unless the computation must not continue.
-    fn pause(&self, claimed: &Claimed) -> Result<(), NotMade> {
+    /// Why the computation must not continue.
+    fn check(&self, claimed: &Claimed) -> Result<(), NotMade> {
         if claimed.stop.is_raised() {
             return Err(NotMade::Unwanted);
         }
         if self.order() == WorkerOrder::Abandon {
             return Err(NotMade::Interrupted);
         }
+        Ok(())
+    }
+
+    /// Waits for a moment, unless the computation must not continue.
+    fn pause(&self, claimed: &Claimed) -> Result<(), NotMade> {
+        self.check(claimed)?;
         thread::sleep(PAUSE.0);
         Ok(())
     }
@@ -195,12 +205,7 @@ impl Worker {
         let started = Instant::now();
         let mut reported = started;
         loop {
-            if claimed.stop.is_raised() {
-                return Err(NotMade::Unwanted);
-            }
-            if self.order() == WorkerOrder::Abandon {
-                return Err(NotMade::Interrupted);
-            }
+            self.check(claimed)?;
             let progress = match step() {
                 Step::Done(found) => return Ok(found),
                 Step::Working { progress } => progress,
