@@ -1,10 +1,12 @@
 //! Bands: named regions of a figure between two curves.
 
-use super::canvas::{Anchor, Canvas, Point};
+use super::canvas::{Anchor, Area, Canvas, Point};
 use super::text::{GAP, LABEL, SINK, width};
 
 /// How much height a name gives up for each px that it comes nearer to the middle.
 const ASIDE: f64 = 0.8;
+/// Largest distance of two places that are tried for a name, in px.
+const STEP: f64 = 8.0;
 
 /// A coloured region.
 #[derive(Debug, Clone, PartialEq)]
@@ -20,8 +22,9 @@ pub struct Band {
 }
 
 impl Band {
-    /// Draws the pieces of the band between its gaps: points of its lower and of its upper curve, in px.
-    pub(super) fn draw(&self, canvas: &mut Canvas, pieces: &[Vec<(Point, Point)>]) {
+    /// Draws the pieces of the band between its gaps: points of its lower and of its upper curve, in px. They may be outside
+    /// the area, its name may not.
+    pub(super) fn draw(&self, canvas: &mut Canvas, area: &Area, pieces: &[Vec<(Point, Point)>]) {
         for piece in pieces {
             let low = piece.iter().map(|(low, _)| *low);
             let outline: Vec<Point> =
@@ -29,13 +32,32 @@ impl Band {
             canvas.area(&outline, self.color);
         }
         let half = 0.5 * width(&self.label) * LABEL + GAP;
-        let places = pieces.iter().filter_map(|piece| widest(piece, half));
+        let inside = |(x, y): Point| (x, y.clamp(area.top, area.bottom()));
+        let visible = pieces.iter().map(|piece| -> Vec<(Point, Point)> {
+            dense(piece).map(|(low, high)| (inside(low), inside(high))).collect()
+        });
+        let places = visible.filter_map(|piece| widest(&piece, half));
         let best =
             places.max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, room)| *room > 1.5 * LABEL);
         if let Some(((x, y), _)) = best {
             canvas.text((x, y + SINK), Anchor::Middle, LABEL, &self.label);
         }
     }
+}
+
+/// The points of a piece, and points between them.
+fn dense(piece: &[(Point, Point)]) -> impl Iterator<Item = (Point, Point)> {
+    let between =
+        |a: Point, b: Point, share: f64| (a.0 + share * (b.0 - a.0), a.1 + share * (b.1 - a.1));
+    let added = piece.windows(2).flat_map(move |pair| {
+        let [(low, high), (next_low, next_high)] = [pair[0], pair[1]];
+        let steps = ((next_low.0 - low.0).abs() / STEP).ceil().max(1.0);
+        (0..steps as usize).map(move |step| {
+            let share = step as f64 / steps;
+            (between(low, next_low, share), between(high, next_high, share))
+        })
+    });
+    added.chain(piece.last().copied())
 }
 
 /// The middle of a high box of this half width in a piece, and the height of the box. A box near the middle of the

@@ -182,7 +182,7 @@ impl Figure {
         self.draw_axes(canvas, &plan, corner);
         canvas.open_window(&plan.area);
         for band in &self.bands {
-            band.draw(canvas, &plan.pieces(band));
+            band.draw(canvas, &plan.area, &plan.pieces(band));
         }
         if let Some((field, scale)) = &shades {
             field.draw(canvas, &plan.area, (&plan.x, &plan.y), scale);

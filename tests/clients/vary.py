@@ -134,6 +134,9 @@ def designs(page, base):
     page.click("#friction-vary")
     expect(page.locator("#design-map")).to_be_disabled()
     expect(page.locator("#design-sweep")).to_be_checked()
+    # The fields show the ranges of the sweep, not those of the map.
+    expect(page.locator("#load-normal_force-from")).to_have_value("80")
+    expect(page.locator("#load-normal_force-count")).to_have_value("9")
 
 
 def keyboard(page, base):

@@ -154,6 +154,34 @@ async fn a_map_has_its_regimes_and_the_boundary_between_them() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn regimes_end_at_the_boundary_also_where_it_leaves_the_figure() {
+    let server = Server::start().await;
+    let mut body = example("map");
+    body["map"]["normal_force"] =
+        json!({"from": "1 kN", "to": "1 N", "count": 2, "spacing": "log"});
+    body["map"]["amplitude"] = json!({"from": "1 um", "to": "10 um", "count": 3, "spacing": "log"});
+    let (key, _) = computed(&server, &body).await;
+    let svg = figure(&server, &key, "").await;
+    let document = Document::parse(&svg).unwrap();
+    let texts = texts(&document);
+    assert!(["partial slip", "gross slip"].iter().all(|name| texts.iter().any(|own| own == name)));
+    let drawn = |is_it: &dyn Fn(&Node) -> bool| -> Vec<Vec<f64>> {
+        let paths = window(&document).children().filter(is_it);
+        let ends = |path: Node| path.attribute("d").unwrap().replace(['M', 'L', 'Z'], " ");
+        paths.map(|path| numbers(&ends(path))).collect()
+    };
+    let boundary = drawn(&|node| node.attribute("stroke-dasharray").is_some()).remove(0);
+    let bands = drawn(&|node| node.attribute("fill").is_some_and(|fill| fill.starts_with('#')));
+    assert_eq!((boundary.len(), bands.len()), (4, 2));
+    for band in bands {
+        for point in boundary.chunks(2) {
+            let is_same = |own: &[f64]| (own[0] - point[0]).hypot(own[1] - point[1]) < 0.05;
+            assert!(band.chunks(2).any(is_same), "{point:?} is not in {band:?}");
+        }
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn indices_are_bars_from_the_largest_to_the_smallest() {
     let server = Server::start().await;
     let mut body = example("sensitivity");
@@ -196,10 +224,18 @@ async fn parameters_that_a_study_does_not_have_are_refused() {
     let server = Server::start().await;
     let (study, _) = computed(&server, &sweep()).await;
     let (run, _) = computed(&server, &steel_ball()).await;
+    // A grid of one number has no second axis.
+    let mut one = sweep();
+    one["sweep"]["vary"] =
+        json!([{"pointer": "/friction", "from": 0.4, "to": 0.8, "count": 20_000}]);
+    one["sweep"]["outputs"] = json!(["unworn.slip_ratio"]);
+    let (one, _) = computed(&server, &one).await;
     for (key, query, expected) in [
         (&study, "kind=pie&x=cubic", &["x", "kind"][..]),
         (&study, "kind=tornado&output=wear&over=/frction", &["kind", "output", "over"]),
         (&study, "over=/friction&by=/friction", &["by"]),
+        (&one, "by=/friction", &["by"]),
+        (&one, "kind=heat&by=/friction", &["kind", "by"]),
         (&study, "quantity=pressure&cycles=1000", &["quantity", "cycles"]),
         (&run, "kind=heat&over=/friction", &["kind", "over"]),
     ] {

@@ -89,8 +89,9 @@ impl Offer {
         };
         let is_regimes = kind == StudyFigure::Regimes;
         let has_axes = !is_regimes && kind != StudyFigure::Tornado;
-        let has_second = matches!(kind, StudyFigure::Heat)
-            || kind == StudyFigure::Curves && self.arrangement != Arrangement::Lists;
+        let has_second = self.members.len() > 1
+            && (kind == StudyFigure::Heat
+                || kind == StudyFigure::Curves && self.arrangement != Arrangement::Lists);
         let output = named("output", &outputs, &options.output, !is_regimes).unwrap_or(0);
         let over = named("over", &members, &options.over, has_axes);
         let by = named("by", &members, &options.by, has_second);

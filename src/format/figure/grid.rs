@@ -147,17 +147,14 @@ pub fn boundary([x, y]: [Vec<f64>; 2], label: &str) -> Vec<Series> {
     vec![line("", HALO), line(label, BOUNDARY)]
 }
 
-/// The regimes below and above the boundary, within a range of amplitudes.
+/// The regimes below and above the boundary, which may leave the range of amplitudes.
 pub fn regimes([forces, amplitudes]: &[Vec<f64>; 2], range: Option<(f64, f64)>) -> Vec<Band> {
     let Some((least, most)) = range else { return Vec::new() };
-    let ends = |amplitude: f64| {
-        if amplitude.is_nan() { f64::NAN } else { amplitude.clamp(least, most) }
-    };
     let band = |label: &str, color, between: &dyn Fn(f64) -> (f64, f64)| Band {
         label: label.to_owned(),
         color,
         x: forces.clone(),
-        between: amplitudes.iter().map(|amplitude| between(ends(*amplitude))).collect(),
+        between: amplitudes.iter().map(|amplitude| between(*amplitude)).collect(),
     };
     vec![
         band("partial slip", PARTIAL_SLIP, &|at| (least, at)),

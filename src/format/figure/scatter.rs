@@ -1,8 +1,9 @@
 //! Scatter plots of points with drawn values.
 //!
-//! A figure with 10⁵ dots would have megabytes and one dark stain. So only the first points are drawn: they were drawn
-//! like the others. Median and percentiles are those of all points.
+//! A figure with 10⁵ dots would have megabytes and one dark stain. So only some points are drawn, evenly spaced in the
+//! order of the study. Median and percentiles are those of all points.
 
+use crate::format::table::evenly_spaced;
 use crate::plot::{Dash, Mark, PALETTE, Series, Style};
 
 /// Most dots in a figure.
@@ -26,14 +27,15 @@ pub fn series(x: &[f64], y: &[f64]) -> (Vec<Series>, String) {
     let count = points.len();
     let mut note = String::new();
     let label = if count > MAX_DOTS {
-        note = format!(" The figure shows the first {MAX_DOTS} of {count} points.");
+        note = format!(" The figure shows {MAX_DOTS} of {count} points.");
         format!("{MAX_DOTS} of {count} points")
     } else {
         String::new()
     };
     let mark = if count > FEW { Mark::Dot } else { Mark::Disc };
     let style = Style { color: PALETTE[0], dash: Dash::Solid, width: 0.0, mark: Some(mark) };
-    let (dots_x, dots_y) = points.iter().take(MAX_DOTS).copied().unzip();
+    let drawn = evenly_spaced(count, MAX_DOTS).into_iter();
+    let (dots_x, dots_y) = drawn.map(|place| points[place]).unzip();
     let mut out = vec![Series::new(&label, dots_x, dots_y).styled(style)];
     if count > FEW {
         out.extend(percentiles(points));
@@ -74,7 +76,7 @@ mod tests {
         let y: Vec<f64> = (0..20_000).map(|i| f64::from(i * 104_729 % 1000) / 999.0).collect();
         let (series, note) = series(&x, &y);
         assert_eq!((series.len(), series[0].x.len(), series[1].x.len()), (4, MAX_DOTS, BINS));
-        assert!(note.contains("first 4000 of 20000 points"), "{note}");
+        assert!(note.contains("shows 4000 of 20000 points"), "{note}");
         for (column, share) in series[1..].iter().zip([0.5, 0.05, 0.95]) {
             assert!(column.y.iter().all(|value| (value - share).abs() < 0.05), "{column:?}");
         }

@@ -100,10 +100,15 @@ impl Study<'_> {
         Axis { log, ..self.axis(&super::words::capital(&member(name)), name) }
     }
 
+    /// An output in words: the quantity, and when or where.
+    fn in_words(&self, name: &str) -> (String, String) {
+        output(name, &self.asked["scenario"]["cycles"])
+    }
+
     /// The axis and the title of an output.
     fn up(&self, place: usize) -> (Axis, String) {
         let name = &self.offer.outputs[place];
-        let (quantity, rest) = output(name);
+        let (quantity, rest) = self.in_words(name);
         (self.axis(&quantity, name), quantity + &rest)
     }
 
@@ -147,13 +152,17 @@ impl Study<'_> {
         self.finished(figure, &format!(" Colours: {label}.{note}{}", self.gaps(name)))
     }
 
-    /// Normal forces and the amplitudes at which gross slip begins, NaN where there is no contact.
+    /// Normal forces, the least first, and the amplitudes at which gross slip begins, NaN where there is no contact.
     fn boundary(&self) -> Result<[Vec<f64>; 2], Error> {
         let boundary = self.document.value("boundary")?;
-        Ok([0, 1].map(|place| {
+        let [forces, amplitudes] = [0, 1].map(|place| -> Vec<f64> {
             let cells = boundary[self.member(place)].as_array().into_iter().flatten();
             cells.map(|cell| cell.as_f64().unwrap_or(f64::NAN)).collect()
-        }))
+        });
+        let mut pairs: Vec<_> = forces.into_iter().zip(amplitudes).collect();
+        pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let (forces, amplitudes) = pairs.into_iter().unzip();
+        Ok([forces, amplitudes])
     }
 
     fn regimes(&self) -> Result<String, Error> {
@@ -195,7 +204,7 @@ impl Study<'_> {
         chart.size = axes::size(&self.view.figure);
         tornado::refuse_logarithms(&self.view.figure)?;
         let note = tornado::keep_what_fits(&mut chart);
-        let (quantity, rest) = super::words::output(name);
+        let (quantity, rest) = self.in_words(name);
         chart.title = format!("Sensitivity: {}{rest}", quantity.to_lowercase());
         let groups: Vec<&str> = chart.groups.iter().map(|group| group.label.as_str()).collect();
         let description = format!(

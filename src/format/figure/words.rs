@@ -1,5 +1,7 @@
 //! The words of figures: numbers, units, and the names of members and outputs.
 
+use serde_json::Value;
+
 use crate::format::units::round;
 use crate::plot::text::power_of_ten;
 
@@ -31,12 +33,18 @@ pub fn member(pointer: &str) -> String {
     words.join(" ").trim().to_owned()
 }
 
-/// An output in words. The first text is the quantity; the second says when or where, such as ` after 1000 cycles`.
-pub fn output(name: &str) -> (String, String) {
+/// An output in words. The first text is the quantity; the second says when or where, such as ` after 1000 cycles`. Instants
+/// without a unit are in the measure of `cycles`, a member of the scenario.
+pub fn output(name: &str, cycles: &Value) -> (String, String) {
     let spaced = |text: &str| text.replace('_', " ");
     if let Some((column, at)) = name.split_once('@') {
-        // An output cycle is a number, or a dissipated energy with its unit.
-        let unit = if at.parse::<f64>().is_ok() { " cycles" } else { "" };
+        // An energy can have its unit in the name.
+        let unit = match at.parse::<f64>() {
+            Err(_) => "",
+            Ok(_) if cycles.get("dissipated_energy").is_some() => " J",
+            Ok(_) if cycles.get("normalized").is_some() => " normalized cycles",
+            Ok(_) => " cycles",
+        };
         return (capital(&spaced(column)), format!(" after {at}{unit}"));
     }
     match name.split_once('.') {
@@ -67,6 +75,8 @@ pub fn values_of(name: &str, unit: Option<&str>, values: &[f64]) -> Vec<String> 
 
 #[cfg(test)]
 mod tests {
+    use serde_json::json;
+
     use super::*;
 
     #[test]
@@ -76,9 +86,12 @@ mod tests {
         assert_eq!(member("/wear/coefficient"), "wear coefficient");
         assert_eq!(member("/bodies/0/youngs_modulus"), "bodies 0 youngs modulus");
         let whole = |name| {
-            let (quantity, rest) = output(name);
+            let (quantity, rest) = output(name, &json!([1000]));
             quantity + &rest
         };
+        let after = |at: &str, cycles| output(&format!("wear_depth@{at}"), &cycles).1;
+        assert_eq!(after("0.01", json!({"dissipated_energy": ["10 mJ"]})), " after 0.01 J");
+        assert_eq!(after("0.5", json!({"normalized": [0, 0.5]})), " after 0.5 normalized cycles");
         assert_eq!(whole("wear_volume"), "Wear volume");
         assert_eq!(whole("wear_depth@1000"), "Wear depth after 1000 cycles");
         assert_eq!(whole("wear_depth@1 mJ"), "Wear depth after 1 mJ");

@@ -118,14 +118,22 @@ export async function showForm(main, { query, signal }) {
   /** Draws all fields and the card of the study. */
   function draw() {
     const focused = document.activeElement?.id;
+    drawFields();
+    for (const pointer of varied(study)) if (!shown.has(pointer)) delete study.ranges[pointer];
+    if (study.kind === "map" && !isMap(study)) {
+      // This changes ranges that are drawn.
+      choose("sweep", scenario, study);
+      drawFields();
+    }
+    drawPlan(plan, names(), scenario, study, { changed, redraw });
+    if (focused) document.getElementById(focused)?.focus();
+  }
+
+  function drawFields() {
     const groups = Map.groupBy(CHOICES, (choice) => choice.group);
     shown = new Map();
     fields.replaceChildren(...[...groups].map(([group, choices]) =>
       h("fieldset", {}, h("legend", {}, group), choices.map(drawChoice))));
-    for (const pointer of varied(study)) if (!shown.has(pointer)) delete study.ranges[pointer];
-    if (study.kind === "map" && !isMap(study)) choose("sweep", scenario, study);
-    drawPlan(plan, names(), scenario, study, { changed, redraw });
-    if (focused) document.getElementById(focused)?.focus();
   }
 
   function redraw() {
@@ -181,7 +189,7 @@ export async function showForm(main, { query, signal }) {
     }
     if (own !== checks || signal.aborted) return;
     showFaults(problem);
-    run.disabled = problem !== null;
+    run.disabled = submitting || problem !== null;
     estimate.removeAttribute("aria-busy");
     if (checked) {
       const isRun = checked.scales !== undefined;
@@ -215,9 +223,11 @@ export async function showForm(main, { query, signal }) {
     }
   }
 
+  let submitting = false;
   async function submit(event) {
     event.preventDefault();
-    run.disabled = true;
+    if (submitting) return;
+    run.disabled = submitting = true;
     try {
       const headers = { Prefer: "wait=1", "Idempotency-Key": idempotencyKey() };
       const job = await post("/v1/jobs", { ...jobBody(scenario, study), ...(label() && { label: label() }) }, { headers });
@@ -228,7 +238,7 @@ export async function showForm(main, { query, signal }) {
       if (signal.aborted) return;
       showFaults(problem);
       fill(estimate, h("h2", {}, problem.title ?? "The job was not submitted"), h("p", {}, problem.detail ?? problem.message));
-      run.disabled = false;
+      run.disabled = submitting = false;
     }
   }
 

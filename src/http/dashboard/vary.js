@@ -126,9 +126,9 @@ export function formPointer(pointer, study) {
 }
 
 /** The design of the form for a study of the API; undefined if the form has no such design. */
-function designOf(name, { design = "grid", method = "sobol", seed = 0 }) {
+function designOf(name, { design = "grid", method = "sobol", seed = 0, confidence = 0.95 }) {
   if (name === "map") return "map";
-  if (name === "sensitivity") return method === "sobol" && seed === 0 ? "sensitivity" : undefined;
+  if (name === "sensitivity") return method === "sobol" && seed === 0 && confidence === 0.95 ? "sensitivity" : undefined;
   return { grid: "sweep", latin_hypercube: seed === 0 ? "random" : undefined }[design];
 }
 
