@@ -571,6 +571,8 @@ def main():
             every_loop(page, BASE, get("/v1/jobs", example["body"])["key"])
             # A later job without a label does not hide the label.
             get("/v1/jobs", {"scenario": example["body"]["scenario"]})
+        # A new run, so that the library begins with a picture. Studies have none.
+        get("/v1/jobs", {"scenario": {**example["body"]["scenario"], "friction": 0.6123}})
         page.context.close()
         labelled = "#result-label"
         browser.check_views(BASE, {"form": ("/", "[data-item=regime]"), "form-varied": (VARIED, "[data-item=seconds]"), "result": (f"/#/result/{both}?at=10000", labelled),
