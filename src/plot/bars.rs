@@ -148,7 +148,7 @@ fn draw_group(canvas: &mut Canvas, area: &Area, scale: &Scale, group: &Group) {
     }
 }
 
-/// The end of a name that fits in so many font sizes.
+/// The end of a name, cut to a width in font sizes.
 fn shortened(name: &str, measure: f64) -> String {
     if width(name) <= measure {
         return name.to_owned();

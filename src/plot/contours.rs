@@ -65,7 +65,7 @@ fn joined(segments: &[(Edge, Edge)]) -> Vec<Vec<Edge>> {
     }
     let mut used = vec![false; segments.len()];
     let mut lines = Vec::new();
-    // Lines with ends begin at an end; what is left are closed lines.
+    // Lines with ends begin at an end. The other lines are closed.
     let open = at.iter().filter(|(_, own)| own.len() == 1);
     for start in open.chain(&at).map(|(edge, _)| *edge) {
         let mut line = vec![start];

@@ -11,7 +11,7 @@ use super::text::{GAP, LABEL, LEADING, SINK, SMALL, width};
 const COLORS: usize = 64;
 /// Width of the colour bar, in px.
 const BAR: f64 = 14.0;
-/// Fewest contour lines, if the values have so many ticks.
+/// Fewest contour lines, if the scale of the values has enough ticks.
 const FEWEST_LINES: usize = 3;
 
 /// Values at the points of a rectangular grid, drawn as colours.

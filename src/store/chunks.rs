@@ -16,7 +16,7 @@ use super::transaction::Transaction;
 use super::{Error, Store};
 use crate::job::Cost;
 
-/// The progress of a study is stored in so many steps, because each one wakes its listeners.
+/// Number of steps in which the progress of a study is stored. Each step wakes its listeners.
 const STEPS: u64 = 200;
 
 impl Store {

@@ -23,7 +23,7 @@
 //!
 //! An estimate can be negative, although an index cannot. Following A. Saltelli et al., *Global Sensitivity Analysis.
 //! The Primer* (2008), it is kept as it is: a negative value shows the size of the error, and values
-//! that are set to 0 would be biased. [`Caution::Negative`] tells what to do.
+//! that are set to 0 would be biased. [`Caution::Negative`] says what to do.
 //!
 //! # Sources
 //! - I. M. Sobol, Math. Comput. Simul. 55 (2001) 271: the indices.

@@ -10,7 +10,7 @@ use serde_json::Value;
 
 use super::member::Member;
 use super::output::{NoValue, Output, OutputName};
-use super::vary::size_of_tree;
+use super::vary::{self, Varied, size_of_tree};
 use crate::json::Distinct;
 
 /// Most outputs.
@@ -175,6 +175,31 @@ impl Problem {
         }
         Ok(case)
     }
+}
+
+/// Checks a scenario, and reads what a study varies in it and which outputs it has.
+///
+/// # Errors
+/// All faults, with pointers relative to the study.
+pub(super) fn varied_and_outputs(
+    scenario: &Value,
+    vary: Vec<Value>,
+    outputs: Value,
+) -> Result<(Vec<Varied>, Vec<Output>), Faults> {
+    let mut faults = Vec::new();
+    let mut collect = |prefix: &str, more: Faults| faults.extend(more.below(prefix).0);
+    if let Err(more) = scenario::prepare(scenario.clone(), "/scenario") {
+        collect("", more);
+    }
+    let varied = vary::list(vary, scenario).unwrap_or_else(|more| {
+        collect("/vary", more);
+        Vec::new()
+    });
+    let outputs = outputs_of(outputs, scenario).unwrap_or_else(|more| {
+        collect("/outputs", more);
+        Vec::new()
+    });
+    if faults.is_empty() { Ok((varied, outputs)) } else { Err(Faults(faults)) }
 }
 
 /// The outputs of a scenario with these names. Faults have pointers such as `/0`.

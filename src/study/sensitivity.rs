@@ -1,6 +1,6 @@
 //! Sensitivities: which numbers of a scenario matter for its outputs.
 //!
-//! | method | what it tells of each output and member | points for d members |
+//! | method | numbers for each output and member | points for d members |
 //! |---|---|---|
 //! | `sobol` | the shares of the variance, see [`indices`](super::indices) | `samples`·(d + 2) |
 //! | `morris` | elementary effects, see [`morris`](super::morris) | `samples`·(d + 1) |
@@ -14,7 +14,6 @@ use fretwork_engine::case::{Case, Method as RunMethod};
 use fretwork_engine::numeric::twelve_digits;
 use fretwork_engine::request::fault::{Fault, Faults};
 use fretwork_engine::request::fields::Given;
-use fretwork_engine::scenario;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
@@ -24,9 +23,9 @@ use super::distribution::Distribution;
 use super::indices::{Caution, Index, Saltelli, indices};
 use super::morris::{Effect, Morris, effects};
 use super::output::Output;
-use super::problem::{MAX_SEED, Problem, Read, outputs_of};
+use super::problem::{MAX_SEED, Problem, Read, varied_and_outputs};
 use super::rows::{NUMBER, Rows};
-use super::vary::{self, Values, Varied};
+use super::vary::{Values, Varied};
 use super::{Bootstrap, Estimate};
 use crate::json::Whole;
 
@@ -114,23 +113,8 @@ pub(super) fn read(study: Value) -> Result<Read<Sensitivity>, Faults> {
     let request: Request =
         Request::deserialize_from_value::<Value>(study.into_value(), ValuePointerRef::Origin)?;
     let Request { scenario, vary, method, samples, seed, confidence, outputs, .. } = request;
-    let mut faults = Vec::new();
-    let mut collect = |prefix: &str, more: Faults| faults.extend(more.below(prefix).0);
-    if let Err(more) = scenario::prepare(scenario.clone(), "/scenario") {
-        collect("", more);
-    }
-    let varied = vary::list(vary, &scenario).unwrap_or_else(|more| {
-        collect("/vary", more);
-        Vec::new()
-    });
-    let outputs = outputs_of(outputs, &scenario).unwrap_or_else(|more| {
-        collect("/outputs", more);
-        Vec::new()
-    });
-    if !faults.is_empty() {
-        // A design of faulty members has no meaning.
-        return Err(Faults(faults));
-    }
+    // A design of faulty members has no meaning.
+    let (varied, outputs) = varied_and_outputs(&scenario, vary, outputs)?;
     let members = varied.iter().map(|one| one.member.clone()).collect();
     let name = method.0.unwrap_or(MethodName::Sobol);
     let samples = samples.0.map(|samples| samples.0 as usize);

@@ -3,12 +3,11 @@
 use deserr::{Deserr, IntoValue as _, ValuePointerRef};
 use fretwork_engine::request::fault::{Fault, Faults};
 use fretwork_engine::request::fields::Given;
-use fretwork_engine::scenario;
 use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::design::Design;
-use super::problem::{MAX_SEED, Problem, Read, outputs_of};
+use super::problem::{MAX_SEED, Problem, Read, varied_and_outputs};
 use super::vary::{self, Values, Varied};
 use crate::json::Whole;
 
@@ -49,23 +48,8 @@ pub(super) fn read(sweep: Value) -> Result<Read<Design>, Faults> {
     let request: Request =
         Request::deserialize_from_value::<Value>(sweep.into_value(), ValuePointerRef::Origin)?;
     let Request { scenario, vary, design, samples, seed, outputs, .. } = request;
-    let mut faults = Vec::new();
-    let mut collect = |prefix: &str, more: Faults| faults.extend(more.below(prefix).0);
-    if let Err(more) = scenario::prepare(scenario.clone(), "/scenario") {
-        collect("", more);
-    }
-    let varied = vary::list(vary, &scenario).unwrap_or_else(|more| {
-        collect("/vary", more);
-        Vec::new()
-    });
-    let outputs = outputs_of(outputs, &scenario).unwrap_or_else(|more| {
-        collect("/outputs", more);
-        Vec::new()
-    });
-    if !faults.is_empty() {
-        // A design of faulty members has no meaning.
-        return Err(Faults(faults));
-    }
+    // A design of faulty members has no meaning.
+    let (varied, outputs) = varied_and_outputs(&scenario, vary, outputs)?;
     let members = varied.iter().map(|one| one.member.clone()).collect();
     let (name, seed) = (design.0.unwrap_or(DesignName::Grid), seed.0.map_or(0, |seed| seed.0));
     let design = design_of(name, varied, samples.0.map(|samples| samples.0), seed)?;
@@ -149,6 +133,7 @@ fn design_of(
 
 #[cfg(test)]
 mod tests {
+    use fretwork_engine::scenario;
     use std::sync::Arc;
 
     use fretwork_engine::simulation::Simulation;

@@ -81,7 +81,7 @@ impl Lattice {
     }
 }
 
-/// One curve for each value of a second member, and a note about what is left out.
+/// One curve for each value of a second member, and a note about the values that it does not show.
 pub fn curves<'u>(
     offer: &Offer,
     axes: Axes,
@@ -116,7 +116,7 @@ pub fn list(x: &[f64], y: &[f64]) -> Series {
     Series::new("", pick(x), pick(y)).styled(Style::marked(0))
 }
 
-/// The heat map of an output, and a note about what is left out. `log` says which axes are logarithmic.
+/// The heat map of an output, and a note about the values that it does not show. `log`: whether each axis is logarithmic.
 pub fn field<'u>(
     offer: &Offer,
     axes: Axes,

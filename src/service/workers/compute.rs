@@ -112,7 +112,7 @@ impl Worker {
         let goes_on = &mut || self.check(claimed).is_ok();
         match Answer::of_study_while(claimed.key, &study, &rows, goes_on) {
             Some(answer) => Ok(Made::Answer(answer, watch.cost())),
-            // Nothing that stops a computation is ever taken back.
+            // A reason to stop never disappears.
             None => Err(self.check(claimed).err().unwrap_or(NotMade::Interrupted)),
         }
     }
