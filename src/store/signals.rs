@@ -7,6 +7,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use tokio::sync::watch;
 
+use super::error::Error;
 use super::row::{Part, RunId};
 use super::tally::{Ending, Tally};
 use crate::job::clock::now;
@@ -138,6 +139,11 @@ impl Signals {
                 Effect::Evicted => self.tally.evicted(),
             }
         }
+    }
+
+    /// Counts the error of a failed operation in the metrics, and returns the result unchanged.
+    pub(super) fn counted<T>(&self, result: Result<T, Error>) -> Result<T, Error> {
+        result.inspect_err(|error| self.tally.failed(error))
     }
 
     /// Remembers that a result was read.

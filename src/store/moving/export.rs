@@ -8,10 +8,12 @@ use sqlx::{Connection as _, Executor as _, QueryBuilder, Sqlite, SqliteConnectio
 
 use super::{EXPORT, FORM, Moving, PATIENCE, Part};
 use crate::job::{Document, ENGINE, Key, SCALARS, WORDS, clock};
-use crate::store::library::{self, Provenance};
-use crate::store::open::{self, DATABASE};
-use crate::store::search::{self, Search};
-use crate::store::{Error, StoredResult, read};
+use crate::store::error::Error;
+use crate::store::library::Provenance;
+use crate::store::read::StoredResult;
+use crate::store::search::Search;
+use crate::store::sqlite::open::{self, DATABASE};
+use crate::store::sqlite::{library, read, search};
 use fretwork_engine::outcome::UNITS;
 
 /// The columns of a history.

@@ -12,10 +12,10 @@ use sqlx::{Connection as _, Row as _, SqliteConnection};
 
 use super::{EXPORT, FORM, Moving, PATIENCE};
 use crate::job::{Answer, Cost, ENGINE, Key, Received, Refused, clock};
-use crate::store::Error;
+use crate::store::error::Error;
 use crate::store::keep::{Answered, Source};
 use crate::store::library::{Note, Program};
-use crate::store::open;
+use crate::store::sqlite::{keep, library, open};
 use fretwork_engine::scenario::MAX_ANSWER;
 
 /// What an import did.
@@ -300,7 +300,7 @@ impl Entry {
         file: &str,
     ) -> Result<(), Error> {
         let program = match &self.program {
-            Some(program) => Some(program.row(db).await?),
+            Some(program) => Some(library::program(program, db).await?),
             None => None,
         };
         let (owner, warnings) = (self.owner.as_deref(), self.warnings.as_deref());
@@ -309,7 +309,7 @@ impl Entry {
         let (key, now) = (self.key, clock::now());
         let (job, trace) = (None, None);
         let source = Source { key, attempt: 0, task, owner, job, warnings, trace, program, now };
-        answer.import(db, &source).await?;
+        keep::import(answer, db, &source).await?;
         sqlx::query(
             "UPDATE result SET imported = ?2, imported_from = ?3, computed = ?4 WHERE key = ?1",
         )

@@ -19,7 +19,8 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use super::{Error, open};
+use super::error::Error;
+use super::sqlite::open;
 use crate::job::Key;
 
 pub use backup::{Saved, backup, note_backup, restore};

@@ -4,8 +4,9 @@ use std::path::Path;
 
 use sqlx::{Connection as _, SqliteConnection};
 
-use super::audit::{self, AuditEntry};
-use super::{Error, open, readers};
+use super::{audit, open, readers};
+use crate::store::audit::AuditEntry;
+use crate::store::error::Error;
 
 /// The database of a data directory, opened by an administrative command.
 ///

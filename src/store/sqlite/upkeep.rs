@@ -7,14 +7,15 @@
 
 use std::time::{Duration, Instant};
 
+use sqlx::SqliteConnection;
 use sqlx::sqlite::SqliteRow;
-use sqlx::{Row, SqliteConnection};
 
-use super::error::Error;
-use super::signals::Effect;
 use super::transaction::Transaction;
 use crate::job::Key;
 use crate::job::clock::now;
+use crate::store::error::Error;
+use crate::store::row::Columns;
+use crate::store::signals::Effect;
 
 /// The writer task is idle after this time without a message.
 const IDLE: Duration = Duration::from_secs(1);
@@ -191,7 +192,7 @@ pub(super) async fn delete_old(before: &i64, tx: &mut Transaction) -> Result<boo
     .fetch_all(&mut tx.db)
     .await?;
     for row in &rows {
-        if let Some(run) = row.try_get("run")? {
+        if let Some(run) = row.get("run")? {
             delete_unnamed(tx, run).await?;
         }
     }
@@ -275,7 +276,7 @@ pub(super) async fn make_room(
             if room.used <= *budget || room.deleted == *rows {
                 break;
             }
-            let (kind, id): (&str, &[u8]) = (row.try_get("kind")?, row.try_get("id")?);
+            let (kind, id): (&str, &[u8]) = (row.get("kind")?, row.get("id")?);
             match kind {
                 "job" => delete_job(id, tx).await?,
                 "result" => evict(id, *leave_bodies, tx).await?,
