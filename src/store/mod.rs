@@ -1,6 +1,6 @@
 //! Stores jobs, the runs that they share, and the results of the runs.
 //!
-//! The database is a file of SQLite. The tables are authoritative; a signal ([`Changes`], [`Stop`]) is a hint
+//! The database is a file of SQLite for one server, or a database of PostgreSQL that several servers share. The tables are authoritative; a signal ([`Changes`], [`Stop`]) is a hint
 //! to read them again. What was acknowledged survives a crash of the process.
 //!
 //! ```text
@@ -22,17 +22,22 @@
     reason = "all fail for the same reasons: the database fails or is closed, as `Error` says"
 )]
 
+mod administration;
+mod ages;
 mod audit;
 mod body;
 mod cancel;
 mod claimed;
 mod error;
+mod imports;
 mod keep;
 mod keys;
 mod library;
 mod moving;
 mod options;
 mod pins;
+mod place;
+mod postgres;
 mod read;
 mod row;
 mod search;
@@ -43,6 +48,7 @@ mod submit;
 mod tally;
 mod verbs;
 
+pub use administration::Administration;
 pub use audit::{Act, Actor, AuditEntry};
 pub use body::Body;
 pub use cancel::{Canceled, Deleted};
@@ -53,11 +59,11 @@ pub use keys::{AccessKey, NewKey, Role, digest};
 pub use library::{Known, Note, Program, Provenance};
 pub use moving::{Exported, Imported, Moving, Saved, backup, export, import, note_backup, restore};
 pub use options::{FileSizes, Options, Recovered};
+pub use place::{DatabaseUrl, Place};
 pub use read::{Asked, Filter, LARGE, Page, StoredResult};
 pub use row::RunId;
 pub use search::{Cursor, Found, Listed, Search};
 pub use signals::{Changes, Stop};
-pub use sqlite::Administration;
 pub use submit::{Admission, NewJob, Repeatable, Submitted};
 pub use tally::Tally;
 pub use verbs::Store;

@@ -17,6 +17,8 @@ pub struct Options {
     /// Bytes of results that one owner may pin. If there is a budget, all owners together may pin half of it, so that
     /// there is room for new results.
     pub pin_quota: u64,
+    /// How long the work of a server of several is its own after the server was last heard of. Others take it over then.
+    pub lease: Duration,
 }
 
 impl Default for Options {
@@ -27,6 +29,7 @@ impl Default for Options {
             keep_jobs: None,
             budget: None,
             pin_quota: 1 << 30,
+            lease: Duration::from_secs(30),
         }
     }
 }

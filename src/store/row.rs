@@ -3,6 +3,7 @@
 use serde::de::DeserializeOwned;
 use sha2::{Digest as _, Sha256};
 use sqlx::Row as _;
+use sqlx::postgres::PgRow;
 use sqlx::sqlite::SqliteRow;
 
 use super::body::Body;
@@ -59,7 +60,7 @@ macro_rules! columns {
     )* };
 }
 
-columns!(SqliteRow);
+columns!(SqliteRow, PgRow);
 
 /// A type of [`Columns::get`]. An `Option` is `None` where the column is null.
 pub(super) trait Cell<'r>: Sized {

@@ -151,6 +151,27 @@ impl Signals {
         self.tables().note(key, at);
     }
 
+    /// The parts that the workers of this process compute.
+    pub(super) fn running(&self) -> Vec<Part> {
+        self.tables().running.keys().copied().collect()
+    }
+
+    /// Stops the workers of these parts.
+    pub(super) fn stop(&self, parts: &[Part]) {
+        let mut tables = self.tables();
+        for stop in parts.iter().filter_map(|part| tables.running.remove(part)) {
+            stop.raise();
+        }
+    }
+
+    /// Lets everyone who waits read the tables again: signals of other servers may have been lost.
+    pub(super) fn wake(&self) {
+        self.queue.send_modify(|_| {});
+        for sender in self.tables().listeners.values() {
+            sender.send_modify(|ends| *ends += 1);
+        }
+    }
+
     /// Takes out some results and their times of reading, to be stored.
     pub(super) fn take_read(&self) -> Vec<(Key, i64)> {
         let mut tables = self.tables();

@@ -2,9 +2,10 @@
 
 use std::fmt::Write as _;
 
+use sqlx::postgres::PgArguments;
 use sqlx::query::Query;
 use sqlx::sqlite::SqliteArguments;
-use sqlx::{AssertSqlSafe, Sqlite};
+use sqlx::{AssertSqlSafe, Postgres, Sqlite};
 
 /// A statement that is being written, with the values of its parameters.
 #[derive(Debug)]
@@ -25,6 +26,9 @@ pub(super) struct Dialect {
 
 /// The words of SQLite.
 pub(super) const SQLITE: Dialect = Dialect { contains: "instr", largest: "max" };
+
+/// The words of PostgreSQL.
+pub(super) const POSTGRES: Dialect = Dialect { contains: "strpos", largest: "greatest" };
 
 #[derive(Debug, Clone)]
 enum Value {
@@ -64,6 +68,18 @@ impl From<&[u8]> for Value {
     }
 }
 
+/// Adds a value to a statement of either database.
+macro_rules! bind {
+    ($query:expr, $value:expr) => {
+        match $value {
+            Value::Integer(value) => $query.bind(value),
+            Value::Real(value) => $query.bind(value),
+            Value::Text(value) => $query.bind(value),
+            Value::Bytes(value) => $query.bind(value),
+        }
+    };
+}
+
 impl Statement {
     pub(super) fn new(text: &str, dialect: Dialect) -> Self {
         Self { text: text.to_owned(), values: Vec::new(), dialect }
@@ -89,13 +105,13 @@ impl Statement {
 
     /// The statement for SQLite.
     pub(super) fn sqlite(self) -> Query<'static, Sqlite, SqliteArguments> {
-        self.values.into_iter().fold(sqlx::query(AssertSqlSafe(self.text)), |query, value| {
-            match value {
-                Value::Integer(value) => query.bind(value),
-                Value::Real(value) => query.bind(value),
-                Value::Text(value) => query.bind(value),
-                Value::Bytes(value) => query.bind(value),
-            }
-        })
+        let query = sqlx::query(AssertSqlSafe(self.text));
+        self.values.into_iter().fold(query, |query, value| bind!(query, value))
+    }
+
+    /// The statement for PostgreSQL.
+    pub(super) fn postgres(self) -> Query<'static, Postgres, PgArguments> {
+        let query = sqlx::query(AssertSqlSafe(self.text));
+        self.values.into_iter().fold(query, |query, value| bind!(query, value))
     }
 }

@@ -4,7 +4,7 @@ use std::num::NonZeroU32;
 
 use serde_json::Value;
 
-use super::error::Error;
+use super::error::{Error, IDEMPOTENCY};
 use super::row::{Columns, changes, json, word};
 use crate::job::{Job, JobId, JobState, Key};
 use fretwork_engine::scenario::Warning;
@@ -146,7 +146,12 @@ impl EncodedJob {
     /// The error of the statement that inserts the job.
     pub(super) fn refused(&self, error: sqlx::Error) -> Error {
         match error.as_database_error() {
-            Some(refusal) if refusal.is_unique_violation() => Error::JobExists(self.job.id),
+            // The index of idempotency keys is another one. Two first submissions to several servers meet there.
+            Some(refusal)
+                if refusal.is_unique_violation() && refusal.constraint() != Some(IDEMPOTENCY) =>
+            {
+                Error::JobExists(self.job.id)
+            }
             _ => error.into(),
         }
     }

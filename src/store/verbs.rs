@@ -1,6 +1,5 @@
 //! The store as the service sees it: each verb with its meaning. The engines, one for each kind of database, carry them out.
 
-use std::path::Path;
 use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
@@ -15,13 +14,14 @@ use super::keep::{Answered, Changed, Editor, Finish, Removed};
 use super::keys::AccessKey;
 use super::library::{Known, Provenance};
 use super::options::{FileSizes, Options, Recovered};
+use super::place::Place;
 use super::read::{Asked, Filter, LARGE, Page, StoredResult};
 use super::row::Sum;
 use super::search::{Cursor, Found, Search};
 use super::signals::{Changes, Signals};
-use super::sqlite;
 use super::submit::{NewJob, Submitted};
 use super::tally::Tally;
+use super::{postgres, sqlite};
 use crate::job::clock::now;
 use crate::job::{Answer, Cost, FailureKind, Job, JobId, Key, Outline};
 
@@ -36,6 +36,7 @@ pub struct Store {
 #[derive(Debug, Clone)]
 enum Engine {
     Sqlite(sqlite::Database),
+    Postgres(postgres::Database),
 }
 
 /// Calls the same verb of every engine.
@@ -43,6 +44,7 @@ macro_rules! each {
     ($store:expr, $db:ident => $call:expr) => {
         match &$store.engine {
             Engine::Sqlite($db) => $call,
+            Engine::Postgres($db) => $call,
         }
     };
 }
@@ -361,14 +363,22 @@ impl Store {
         each!(self, db => db.file_sizes())
     }
 
-    /// Opens or creates the database in a directory, and starts the writer task.
+    /// Opens or creates the database at a place.
     ///
-    /// No other process can open the directory until the store is closed. Call [`Store::recover`]
-    /// before the first [`Store::claim`].
-    pub async fn open(dir: &Path, options: &Options) -> Result<Self, Error> {
+    /// No other process can open a directory until the store is closed. Call [`Store::recover`] before the first
+    /// [`Store::claim`].
+    pub async fn open(place: impl Into<Place>, options: &Options) -> Result<Self, Error> {
         let signals = Arc::new(Signals::default());
-        let db = sqlite::Database::open(dir, options, Arc::clone(&signals)).await?;
-        Ok(Self { engine: Engine::Sqlite(db), signals })
+        let shared = Arc::clone(&signals);
+        let engine = match place.into() {
+            Place::Directory(dir) => {
+                Engine::Sqlite(sqlite::Database::open(&dir, options, shared).await?)
+            }
+            Place::Shared(url) => {
+                Engine::Postgres(postgres::Database::open(&url, options, shared).await?)
+            }
+        };
+        Ok(Self { engine, signals })
     }
 
     /// Returns up to `limit` matching results after `cursor`, among all that were committed before this

@@ -328,7 +328,7 @@ async fn a_running_server_applies_new_and_revoked_keys() {
     let second = made(server.dir.path(), "ben", Role::Read).await;
     assert_eq!(get(&server, &second, "/v1/jobs").await.status, 200);
 
-    let mut administration = Administration::open(server.dir.path()).await.unwrap();
+    let mut administration = Administration::open(server.place()).await.unwrap();
     assert_eq!(administration.revoke_keys("anna").await.unwrap(), 1);
     assert_eq!(administration.revoke_keys("anna").await.unwrap(), 0);
     until(401, &key).await;
@@ -464,7 +464,7 @@ async fn a_changed_or_expired_link_is_refused() {
     }
     // Revoking the key that made the link revokes the link.
     assert_eq!(server.get(&format!("{result}?{link_}")).await.status, 200);
-    Administration::open(server.dir.path()).await.unwrap().revoke_keys("anna").await.unwrap();
+    Administration::open(server.place()).await.unwrap().revoke_keys("anna").await.unwrap();
     let deadline = Instant::now() + Duration::from_secs(20);
     while server.get(&format!("{result}?{link_}")).await.status != 403 {
         assert!(Instant::now() < deadline);
@@ -516,7 +516,7 @@ async fn an_event_stream_ends_when_its_key_is_revoked_or_expires() {
     let good = followed(&server, Some(&keys[2]), id).await;
     let master = followed(&server, Some(MASTER), id).await;
     let named = |key: &str| key.split('_').nth(1).unwrap().to_owned();
-    let mut administration = Administration::open(server.dir.path()).await.unwrap();
+    let mut administration = Administration::open(server.place()).await.unwrap();
     assert_eq!(administration.revoke_keys(&named(&keys[0])).await.unwrap(), 1);
     // The key has expired.
     sqlx::query("UPDATE access_key SET expires = created + 1 WHERE id = ?1")
@@ -560,7 +560,7 @@ async fn a_key_revoked_during_a_wait_does_not_receive_the_result() {
             assert!(Instant::now() < deadline);
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
-        Administration::open(server.dir.path()).await.unwrap().revoke_keys("anna").await.unwrap();
+        Administration::open(server.place()).await.unwrap().revoke_keys("anna").await.unwrap();
         // A revoked key may still be accepted for this time.
         tokio::time::sleep(Duration::from_millis(1100)).await;
         gate.open();

@@ -50,7 +50,7 @@ async fn the_audit_log_says_who_did_what_to_whom() {
     assert_eq!(ask(&server, MASTER, "DELETE", &format!("/v1/jobs/{id}"), "").await.status, 204);
     let result = format!("/v1/results/{key}");
     assert_eq!(ask(&server, MASTER, "DELETE", &result, "").await.status, 204);
-    let mut administration = Administration::open(server.dir.path()).await.unwrap();
+    let mut administration = Administration::open(server.place()).await.unwrap();
     assert_eq!(administration.revoke_keys("ben").await.unwrap(), 1);
     administration.close().await.unwrap();
 

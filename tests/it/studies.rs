@@ -323,9 +323,9 @@ async fn an_exported_study_is_imported_and_a_changed_one_is_not() {
     let body = String::from_utf8(from.get(&format!("/v1/results/{key}")).await.body).unwrap();
     let volume = body.split("\"wear_volume\":[").nth(1).unwrap().split(',').next().unwrap();
     replace_body(&mut open_file(&changed).await, &key, &body.replacen(volume, "1e-15", 1)).await;
-    let done = import(to.dir.path(), &changed, 0, quiet).await.unwrap();
+    let done = import(to.place(), &changed, 0, quiet).await.unwrap();
     assert_refused(&done, &key, "this server computes another row 0");
-    let done = import(to.dir.path(), &file, 0, quiet).await.unwrap();
+    let done = import(to.place(), &file, 0, quiet).await.unwrap();
     assert_eq!(done.results, 1);
     let address = format!("/v1/results/{key}");
     assert_eq!(from.get(&address).await.body, to.get(&address).await.body);

@@ -9,8 +9,9 @@ use std::path::{Path, PathBuf};
 
 use sqlx::{AssertSqlSafe, Connection as _, Executor as _, SqliteConnection};
 
-use super::{Moving, PATIENCE, Part, put, refused};
+use super::{Moving, Part, put, refused};
 use crate::job::{Key, clock};
+use crate::store::administration::PATIENCE;
 use crate::store::body::Body;
 use crate::store::error::Error;
 use crate::store::row::{Columns as _, Sum, key};

@@ -32,7 +32,7 @@ pub(super) async fn record(
 }
 
 /// Up to `limit` entries before another one, the newest first.
-pub(super) async fn list(
+pub(in crate::store) async fn list(
     db: &mut SqliteConnection,
     before: Option<i64>,
     limit: u32,

@@ -104,7 +104,7 @@ pub(super) fn bind<'q>(
 }
 
 /// Stores an imported result, unless one with the same key is stored.
-pub(in crate::store) async fn import(
+pub(super) async fn import(
     answered: &Answered,
     db: &mut SqliteConnection,
     source: &Source<'_>,

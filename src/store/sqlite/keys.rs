@@ -3,7 +3,6 @@
 use sqlx::{Connection as _, SqliteConnection};
 
 use super::Database;
-use super::administration::Administration;
 use super::audit::record;
 use super::transaction::Transaction;
 use crate::job::clock::now;
@@ -12,58 +11,56 @@ use crate::store::error::Error;
 use crate::store::keys::{AccessKey, NewKey, digest, secret_of};
 
 /// All keys, also expired and revoked ones, the oldest first.
-async fn list(db: &mut SqliteConnection) -> Result<Vec<AccessKey>, Error> {
+pub(in crate::store) async fn list(db: &mut SqliteConnection) -> Result<Vec<AccessKey>, Error> {
     let rows = sqlx::query("SELECT * FROM access_key ORDER BY created, id").fetch_all(db).await?;
     Ok(rows.iter().map(AccessKey::read).collect::<Result<_, _>>()?)
 }
 
-impl Administration {
-    /// Creates an access key and returns it. It cannot be read again.
-    pub async fn add_key(&mut self, new: &NewKey) -> Result<String, Error> {
-        let (id, key) = NewKey::mint()?;
-        let now = now();
-        let mut tx = self.0.begin_with("BEGIN IMMEDIATE").await?;
-        sqlx::query(
-            "INSERT INTO access_key (id, name, role, digest, per_minute, created, expires)
-             VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)",
-        )
-        .bind(&id)
-        .bind(&new.name)
-        .bind(new.role.as_str())
-        .bind(digest(&key).as_slice())
-        .bind(new.per_minute)
-        .bind(now)
-        .bind(new.expires)
-        .execute(&mut *tx)
-        .await?;
-        record(&mut tx, now, (&Actor::of_process(), Act::AddKey), &id, &new.name).await?;
-        tx.commit().await?;
-        Ok(key)
-    }
+pub(in crate::store) async fn add(
+    db: &mut SqliteConnection,
+    id: &str,
+    key: &str,
+    new: &NewKey,
+) -> Result<(), Error> {
+    let now = now();
+    let mut tx = db.begin_with("BEGIN IMMEDIATE").await?;
+    sqlx::query(
+        "INSERT INTO access_key (id, name, role, digest, per_minute, created, expires)
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)",
+    )
+    .bind(id)
+    .bind(&new.name)
+    .bind(new.role.as_str())
+    .bind(digest(key).as_slice())
+    .bind(new.per_minute)
+    .bind(now)
+    .bind(new.expires)
+    .execute(&mut *tx)
+    .await?;
+    record(&mut tx, now, (&Actor::of_process(), Act::AddKey), id, &new.name).await?;
+    Ok(tx.commit().await?)
+}
 
-    /// All access keys, also expired and revoked ones, the oldest first.
-    pub async fn keys(&mut self) -> Result<Vec<AccessKey>, Error> {
-        list(&mut self.0).await
+/// Revokes the valid keys with this id or name; returns how many.
+pub(in crate::store) async fn revoke(
+    db: &mut SqliteConnection,
+    name: &str,
+) -> Result<usize, Error> {
+    let now = now();
+    let mut tx = db.begin_with("BEGIN IMMEDIATE").await?;
+    let revoked: Vec<(String, String)> = sqlx::query_as(
+        "UPDATE access_key SET revoked = ?2
+         WHERE (id = ?1 OR name = ?1) AND revoked IS NULL RETURNING id, name",
+    )
+    .bind(name)
+    .bind(now)
+    .fetch_all(&mut *tx)
+    .await?;
+    for (id, name) in &revoked {
+        record(&mut tx, now, (&Actor::of_process(), Act::RevokeKey), id, name).await?;
     }
-
-    /// Revokes the valid keys with this id or name; returns how many.
-    pub async fn revoke_keys(&mut self, name: &str) -> Result<usize, Error> {
-        let now = now();
-        let mut tx = self.0.begin_with("BEGIN IMMEDIATE").await?;
-        let revoked: Vec<(String, String)> = sqlx::query_as(
-            "UPDATE access_key SET revoked = ?2
-             WHERE (id = ?1 OR name = ?1) AND revoked IS NULL RETURNING id, name",
-        )
-        .bind(name)
-        .bind(now)
-        .fetch_all(&mut *tx)
-        .await?;
-        for (id, name) in &revoked {
-            record(&mut tx, now, (&Actor::of_process(), Act::RevokeKey), id, name).await?;
-        }
-        tx.commit().await?;
-        Ok(revoked.len())
-    }
+    tx.commit().await?;
+    Ok(revoked.len())
 }
 
 impl Database {

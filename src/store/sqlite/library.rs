@@ -10,10 +10,7 @@ use crate::store::keep::{Changed, Editor, Removed};
 use crate::store::library::{KNOWN, Known, PROVENANCE, Program, Provenance};
 
 /// The id of the row of a program, which is inserted if necessary.
-pub(in crate::store) async fn program(
-    program: &Program,
-    db: &mut SqliteConnection,
-) -> Result<i64, Error> {
+pub(super) async fn program(program: &Program, db: &mut SqliteConnection) -> Result<i64, Error> {
     let id = sqlx::query_scalar(
         "INSERT OR IGNORE INTO program (version, numerics, host, architecture, processors)
          VALUES (?1, ?2, ?3, ?4, ?5);

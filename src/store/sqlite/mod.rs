@@ -4,12 +4,12 @@
 //! transaction, and answers after the commit. So an acknowledged change survives a crash of the process.
 //! A pool of read-only connections serves reads.
 
-mod administration;
-mod audit;
+pub(super) mod audit;
 mod cancel;
 mod chunks;
-pub(super) mod keep;
-mod keys;
+pub(super) mod imports;
+mod keep;
+pub(super) mod keys;
 pub(super) mod ledger;
 pub(super) mod library;
 mod log;
@@ -34,8 +34,6 @@ use tokio::sync::{Semaphore, mpsc};
 use super::error::Error;
 use super::pins::PinQuota;
 use super::signals::Signals;
-
-pub use administration::Administration;
 
 use readers::Readers;
 use transaction::Verb;

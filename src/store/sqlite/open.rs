@@ -20,7 +20,7 @@ use super::outline;
 use super::queue::Queue;
 use super::readers::{BUSY, Readers};
 use super::transaction::Transaction;
-use super::upkeep::{AgeClock, Upkeep};
+use super::upkeep::{self, Upkeep};
 use super::writer::Writer;
 use crate::job::clock::now;
 use crate::job::{Canonical, ENGINE};
@@ -102,7 +102,8 @@ impl Database {
         let queue = Queue::load(&mut db).await?;
         let program = library::program(&Program::this(), &mut db).await?;
         let ledger = Ledger::open(lock, &mut db).await?;
-        let upkeep = Upkeep::new(options.keep_jobs, options.budget, AgeClock::load(&mut db).await?);
+        let upkeep =
+            Upkeep::new(options.keep_jobs, options.budget, upkeep::read_clock(&mut db).await?);
         let tx = Transaction { db, now: now(), queue, program, effects: Vec::new() };
         let log = Log::new(with_suffix(&path, "-wal"), log_pages * PAGE);
         let writer = Writer::new(tx, Arc::clone(&signals), upkeep, ledger, log).start();

@@ -396,8 +396,8 @@ mod tests {
     use sqlx::SqliteConnection;
 
     use super::*;
+    use crate::store::ages::AgeClock;
     use crate::store::sqlite::open::MIGRATIONS;
-    use crate::store::sqlite::upkeep::AgeClock;
 
     /// Inserts a row of this number and size. Counts its calls.
     async fn insert(
