@@ -95,6 +95,10 @@ impl DatabaseUrl {
             ("statement_timeout", "30s"),
             ("lock_timeout", "10s"),
             ("idle_in_transaction_session_timeout", "10s"),
+            // A plan that is made while the tables are empty must suit full ones, too.
+            ("enable_seqscan", "off"),
+            // The statements of verbs are short. To compile one would take longer than to execute it.
+            ("jit", "off"),
         ])
     }
 }

@@ -1,7 +1,7 @@
 //! A database of either engine for one test.
 
-use std::io::{BufRead as _, BufReader};
-use std::process::{Child, Command, Stdio};
+use std::io::{BufRead as _, BufReader, Write as _};
+use std::process::{Child, ChildStdout, Command, Stdio};
 use std::sync::LazyLock;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::{fs, thread};
@@ -19,25 +19,54 @@ pub enum Engine {
     Postgres,
 }
 
-/// The private PostgreSQL of this process. It stops when its standard input is closed.
-struct Cluster {
-    _process: Child,
+/// A private PostgreSQL. It stops when its standard input is closed.
+pub struct Cluster {
+    process: Child,
+    output: BufReader<ChildStdout>,
     /// Its address, without the name of a database.
     address: String,
 }
 
-static CLUSTER: LazyLock<Cluster> = LazyLock::new(|| {
-    let mut process = Command::new("tests/postgres")
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .spawn()
-        .expect("tests/postgres can be executed");
-    let mut address = String::new();
-    let output = process.stdout.take().expect("its output is a pipe");
-    BufReader::new(output).read_line(&mut address).expect("its output can be read");
-    assert!(address.starts_with("postgres://"), "tests/postgres has started no PostgreSQL");
-    Cluster { _process: process, address: address.trim().to_owned() }
-});
+/// The one that the tests of this process share.
+static CLUSTER: LazyLock<Cluster> = LazyLock::new(|| Cluster::start(&[]));
+
+impl Cluster {
+    pub fn start(options: &[&str]) -> Self {
+        let mut command = Command::new("tests/postgres");
+        command.args(options).stdin(Stdio::piped()).stdout(Stdio::piped());
+        let mut process = command.spawn().expect("tests/postgres can be executed");
+        let output = BufReader::new(process.stdout.take().expect("its output is a pipe"));
+        let mut cluster = Self { process, output, address: String::new() };
+        cluster.address = cluster.read_address();
+        cluster
+    }
+
+    fn read_address(&mut self) -> String {
+        let mut address = String::new();
+        self.output.read_line(&mut address).expect("its output can be read");
+        assert!(address.starts_with("postgres://"), "tests/postgres has started no PostgreSQL");
+        address.trim().to_owned()
+    }
+
+    /// Its database `postgres`.
+    pub fn address(&self) -> &str {
+        &self.address
+    }
+
+    /// Kills all its processes, and starts it again.
+    pub fn restart(&mut self) {
+        let input = self.process.stdin.as_mut().expect("its input is a pipe");
+        input.write_all(b"restart\n").expect("it reads its input");
+        self.read_address();
+    }
+}
+
+impl Drop for Cluster {
+    fn drop(&mut self) {
+        drop(self.process.stdin.take());
+        let _ = self.process.wait();
+    }
+}
 
 static NUMBER: AtomicU32 = AtomicU32::new(0);
 

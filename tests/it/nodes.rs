@@ -1,5 +1,8 @@
 //! Several servers share one database of PostgreSQL.
 
+use std::collections::HashMap;
+use std::ops::Range;
+use std::process::Command;
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::time::{Duration, Instant};
 
@@ -8,12 +11,17 @@ use fretwork::store::{
     Actor, Canceled, Claimed, Finish, NewJob, Options, Piece, Recovered, Repeatable, Store,
     Submitted,
 };
+use sqlx::{Connection as _, PgConnection};
+use tempfile::TempDir;
 use tokio::task::JoinSet;
 use tokio::time::{sleep, timeout};
 
 use crate::chunks::study;
-use crate::database::{Database, Engine};
+use crate::database::{Cluster, Database, Engine};
 use crate::keeping::eventually;
+use crate::kill::{Dice, Program, equal_undisturbed_results, id, long};
+use crate::program::{Running, fretwork};
+use crate::server::{JSON, send};
 use crate::store::{accepted, answer, claim, job, key, new_job};
 
 /// A notification arrives after some milliseconds. Without one, a server looks after 5 s.
@@ -222,4 +230,116 @@ async fn connections_that_were_cut_are_made_again() {
 fn next_number() -> u8 {
     static NEXT: AtomicU8 = AtomicU8::new(100);
     NEXT.fetch_add(1, Ordering::Relaxed)
+}
+
+/// A server or worker of its own process.
+fn node(command: Command, cluster: &Cluster) -> Command {
+    let mut command = command;
+    command.env("FRETWORK_DATABASE", cluster.address()).env("FRETWORK_LEASE", "1s");
+    command
+}
+
+fn worker(cluster: &Cluster) -> Running {
+    let mut command = node(fretwork(&["worker", "--workers", "1"]), cluster);
+    Running(command.env("FRETWORK_LOG", "off").spawn().unwrap())
+}
+
+fn signal(process: &Running, name: &str) {
+    let id = process.id().to_string();
+    assert!(Command::new("kill").args([name, &id]).status().unwrap().success());
+}
+
+/// Submits runs of these numbers to a server. Tries again while the server cannot reach the database.
+async fn submit_all(server: &Program, numbers: Range<u32>) -> Vec<(u32, String)> {
+    let mut ids = Vec::new();
+    for number in numbers {
+        let once = format!("run-{number}");
+        loop {
+            let headers = [JSON, ("Idempotency-Key", &*once)];
+            let body = long(number).to_string();
+            let reply = send(server.address, "POST", "/v1/jobs", &headers, body).await.unwrap();
+            match reply.status {
+                202 => {
+                    ids.push((number, id(&reply.json())));
+                    break;
+                }
+                503 => assert!(reply.header("retry-after").is_some(), "{}", reply.text()),
+                other => panic!("{other}: {}", reply.text()),
+            }
+            sleep(Duration::from_millis(50)).await;
+        }
+    }
+    ids
+}
+
+/// The results of all runs, which must have succeeded.
+async fn results(server: &Program, ids: &[(u32, String)]) -> HashMap<u32, Vec<u8>> {
+    let mut results = HashMap::new();
+    for (number, id) in ids {
+        let deadline = Instant::now() + Duration::from_mins(2);
+        let job = loop {
+            assert!(Instant::now() < deadline, "run {number} has not ended");
+            let reply = server.get(&format!("/v1/jobs/{id}?wait=5")).await;
+            if reply.status == 200 && reply.json()["times"]["finished"].is_string() {
+                break reply.json();
+            }
+        };
+        assert_eq!(job["state"], "succeeded", "{job}");
+        results.insert(*number, server.result(&job).await);
+    }
+    results
+}
+
+/// How often workers are killed or stopped. `tests/long` sets the variable.
+fn rounds() -> u32 {
+    if std::env::var_os("FRETWORK_TEST_LONG").is_some() { 50 } else { 3 }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn killed_and_frozen_workers_lose_no_run_and_change_no_result() {
+    const RUNS: u32 = 12;
+    let cluster = Cluster::start(&["--durable"]);
+    let dir = TempDir::new().unwrap();
+    let front = Program::start_by(node(fretwork(&["--workers", "0"]), &cluster), dir.path());
+    let mut workers = [(); 3].map(|()| worker(&cluster));
+    let (mut dice, mut all) = (Dice(19), HashMap::new());
+    let mut db = PgConnection::connect(cluster.address()).await.unwrap();
+    let (mut round, mut interrupted) = (0, 0);
+    // A worker that is killed while it is idle proves nothing.
+    while round < rounds() || interrupted == 0 {
+        assert!(round < 80, "no worker was interrupted while it computed");
+        let ids = submit_all(&front, round * RUNS..(round + 1) * RUNS).await;
+        sleep(Duration::from_millis(50 + dice.below(400))).await;
+        let victim = &mut workers[dice.below(3) as usize];
+        if round % 2 == 0 {
+            signal(victim, "-KILL");
+            *victim = worker(&cluster);
+        } else {
+            // Longer than its lease.
+            signal(victim, "-STOP");
+            sleep(Duration::from_millis(2500)).await;
+            signal(victim, "-CONT");
+        }
+        all.extend(results(&front, &ids).await);
+        let query = sqlx::query_scalar::<_, i64>("SELECT count(*) FROM run WHERE attempt > 1");
+        interrupted = query.fetch_one(&mut db).await.unwrap();
+        round += 1;
+    }
+    equal_undisturbed_results(all).await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_restart_of_the_database_loses_nothing_that_was_acknowledged() {
+    const RUNS: u32 = 12;
+    let mut cluster = Cluster::start(&["--durable"]);
+    let dir = TempDir::new().unwrap();
+    let front = Program::start_by(node(fretwork(&["--workers", "0"]), &cluster), dir.path());
+    let _workers = [(); 2].map(|()| worker(&cluster));
+    let mut ids = submit_all(&front, 0..RUNS).await;
+    sleep(Duration::from_millis(100)).await;
+    cluster.restart();
+    ids.extend(submit_all(&front, RUNS..2 * RUNS).await);
+    let results = results(&front, &ids).await;
+    assert_eq!(results.len() as u32, 2 * RUNS);
+    equal_undisturbed_results(results).await;
 }

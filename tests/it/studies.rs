@@ -392,9 +392,9 @@ async fn a_map_answers_with_regimes_and_wear() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_study_is_private_and_its_result_is_shared() {
     let server = access::server(Limits::default()).await;
-    let anna = made(server.dir.path(), "anna", Role::Submit).await;
-    let ben = made(server.dir.path(), "ben", Role::Submit).await;
-    let eve = made(server.dir.path(), "eve", Role::Read).await;
+    let anna = made(server.place(), "anna", Role::Submit).await;
+    let ben = made(server.place(), "ben", Role::Submit).await;
+    let eve = made(server.place(), "eve", Role::Read).await;
     let body = sweep().to_string();
     ask(&server, &eve, "POST", "/v1/jobs", &body).await.problem(403, "forbidden");
     let job = ask(&server, &anna, "POST", "/v1/jobs", &body).await.json();
