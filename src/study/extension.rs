@@ -134,7 +134,7 @@ mod tests {
                 {"pointer": "/motion/amplitude", "from": "1 um", "to": "9 um"}],
             "design": "sobol", "samples": samples, "seed": 7,
             "outputs": ["wear_volume", "limit.wear_volume", "unworn.actuator_amplitude"]});
-        let study = Study::read(Kind::Sweep, &sweep).unwrap();
+        let study = Study::read(Kind::Sweep, sweep).unwrap();
         Arc::new(if earlier == 0 { study } else { study.extending(earlier) })
     }
 

@@ -127,7 +127,7 @@ mod tests {
                 "model": {"method": "simplified", "points": 16}},
             "vary": [{"pointer": "/friction", "values": [0.5, -1.0, 0.7]}],
             "outputs": ["wear_volume"]});
-        let study = Arc::new(Study::read(Kind::Sweep, &sweep).unwrap());
+        let study = Arc::new(Study::read(Kind::Sweep, sweep).unwrap());
         let mut points = Points::whole(Arc::clone(&study));
         let rows = std::iter::repeat_with(|| points.step()).find_map(|rows| rows).unwrap();
         let document = study.document(&"key", &"engine", &rows);

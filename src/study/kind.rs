@@ -125,15 +125,14 @@ impl Study {
     ///
     /// # Errors
     /// All faults, with pointers relative to the study.
-    pub fn read(kind: Kind, typed: &Value) -> Result<Self, Faults> {
-        let Read { complete, problem, plan } = kind.read(typed.clone()).map_err(Faults::capped)?;
+    pub fn read(kind: Kind, typed: Value) -> Result<Self, Faults> {
+        let Read { complete, problem, plan } = kind.read(typed).map_err(Faults::capped)?;
         if plan.points() > MAX_POINTS {
             let detail =
                 format!("gives {} points. A study may have at most {MAX_POINTS}", plan.points());
-            let pointers = ["/samples", "/vary", "/amplitude"].into_iter();
-            let pointer =
-                pointers.into_iter().find(|name| complete.pointer(name).is_some()).unwrap_or("");
-            return Err(Faults::one(pointer, detail));
+            let mut names = ["samples", "vary", "amplitude"].into_iter();
+            let name = names.find(|name| complete.contains_key(*name)).unwrap_or_default();
+            return Err(Faults::one(&format!("/{name}"), detail));
         }
         let findings = plan.findings_seconds(&problem);
         if findings > MAX_FINDINGS {
@@ -143,10 +142,11 @@ impl Study {
             );
             return Err(Faults::one("/outputs", detail));
         }
-        let canonical = canonical(complete);
         drop((problem, plan));
         // What is computed follows from the canonical form alone, with its order of members.
-        let Read { problem, plan, .. } = kind.read(canonical.clone())?;
+        let Read { complete, problem, plan } = kind.read(canonical(complete.into()))?;
+        let mut canonical = Value::Object(complete);
+        canonical.sort_all_objects();
         let mut study = Self { kind, canonical, problem, plan, seconds: 0.0, earlier: 0 };
         study.seconds = study.estimate();
         Ok(study)
@@ -428,6 +428,7 @@ fn canonical(mut study: Value) -> Value {
     study["scenario"]["profiles_at"] = json!("none");
     to_si(&mut study);
     let text = json::write(&study, 1 << 10);
+    drop(study);
     let mut study: Value = serde_json::from_str(&text).expect("the writer writes JSON");
     to_whole(&mut study);
     study.sort_all_objects();

@@ -6,13 +6,15 @@ use fretwork_engine::outcome::{Outcome, Preview};
 use fretwork_engine::request::fault::{Fault, Faults};
 use fretwork_engine::scenario;
 use fretwork_engine::simulation::{Advance, Simulation};
-use serde_json::Value;
+use serde_json::{Map, Value};
 
 use super::member::Member;
 use super::output::{NoValue, Output, OutputName};
-use super::vary::{self, Varied, size_of_tree};
+use super::vary::{self, Varied};
 use crate::json::Distinct;
 
+/// The members of a study that take most of its memory. Its kind reads them without a copy.
+const LARGE: [&str; 3] = ["scenario", "vary", "outputs"];
 /// Most outputs.
 const MAX_OUTPUTS: usize = 100;
 /// Processor time to prepare a run, in seconds, beside the time that the engine estimates for it: of any run, and for each
@@ -25,7 +27,7 @@ pub(super) const MAX_SEED: u64 = 1 << 53;
 /// A study as its own kind reads it.
 pub(super) struct Read<P> {
     /// What was read, with all defaults.
-    pub complete: Value,
+    pub complete: Map<String, Value>,
     /// What is computed at each point.
     pub problem: Problem,
     /// Which points the study has, and what it makes of their rows.
@@ -33,11 +35,28 @@ pub(super) struct Read<P> {
 }
 
 impl<P> Read<P> {
+    /// A study with these members beside its scenario and its outputs.
+    pub fn new(mut complete: Map<String, Value>, problem: Problem, plan: P) -> Self {
+        complete.insert("scenario".to_owned(), problem.base.clone());
+        if !problem.outputs.is_empty() {
+            complete
+                .insert("outputs".to_owned(), problem.outputs.iter().map(Output::name).collect());
+        }
+        Self { complete, problem, plan }
+    }
+
     /// The same with a plan made from this one.
     pub fn with<Q>(self, make: impl FnOnce(P) -> Q) -> Read<Q> {
         let Self { complete, problem, plan } = self;
         Read { complete, problem, plan: make(plan) }
     }
+}
+
+/// The members of a study with few values.
+pub(super) fn small_members(study: &Value) -> Map<String, Value> {
+    let members = study.as_object().into_iter().flatten();
+    let small = members.filter(|(name, _)| !LARGE.contains(&name.as_str()));
+    small.map(|(name, value)| (name.clone(), value.clone())).collect()
 }
 
 /// A scenario whose outputs depend on some of its numbers.
@@ -177,13 +196,22 @@ impl Problem {
     }
 }
 
+/// The number of values in a document.
+fn size_of_tree(value: &Value) -> usize {
+    1 + match value {
+        Value::Array(items) => items.iter().map(size_of_tree).sum(),
+        Value::Object(members) => members.values().map(size_of_tree).sum(),
+        _ => 0,
+    }
+}
+
 /// Checks a scenario, and reads what a study varies in it and which outputs it has.
 ///
 /// # Errors
 /// All faults, with pointers relative to the study.
 pub(super) fn varied_and_outputs(
     scenario: &Value,
-    vary: Vec<Value>,
+    vary: &[Value],
     outputs: Value,
 ) -> Result<(Vec<Varied>, Vec<Output>), Faults> {
     let mut faults = Vec::new();

@@ -7,7 +7,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::design::Design;
-use super::problem::{MAX_SEED, Problem, Read, varied_and_outputs};
+use super::problem::{MAX_SEED, Problem, Read, small_members, varied_and_outputs};
 use super::vary::{self, Values, Varied};
 use crate::json::Whole;
 
@@ -44,22 +44,23 @@ enum DesignName {
 /// # Errors
 /// All faults, with pointers relative to the sweep.
 pub(super) fn read(sweep: Value) -> Result<Read<Design>, Faults> {
-    let mut complete = sweep.clone();
+    let mut complete = small_members(&sweep);
     let request: Request =
         Request::deserialize_from_value::<Value>(sweep.into_value(), ValuePointerRef::Origin)?;
     let Request { scenario, vary, design, samples, seed, outputs, .. } = request;
     // A design of faulty members has no meaning.
-    let (varied, outputs) = varied_and_outputs(&scenario, vary, outputs)?;
+    let (varied, outputs) = varied_and_outputs(&scenario, &vary, outputs)?;
     let members = varied.iter().map(|one| one.member.clone()).collect();
     let (name, seed) = (design.0.unwrap_or(DesignName::Grid), seed.0.map_or(0, |seed| seed.0));
     let design = design_of(name, varied, samples.0.map(|samples| samples.0), seed)?;
-    complete["design"] = json!(name);
+    complete.insert("design".to_owned(), json!(name));
     if name.is_random() {
-        complete["seed"] = json!(seed);
-    } else if let Some(members) = complete.as_object_mut() {
-        members.remove("seed");
+        complete.insert("seed".to_owned(), json!(seed));
+    } else {
+        complete.remove("seed");
     }
-    Ok(Read { complete, problem: Problem::new(scenario, members, outputs), plan: design })
+    complete.insert("vary".to_owned(), vary.into());
+    Ok(Read::new(complete, Problem::new(scenario, members, outputs), design))
 }
 
 impl DesignName {
@@ -161,7 +162,7 @@ mod tests {
             "outputs": ["wear_volume", "wear_volume@1000", "unworn.stick_radius"],
         });
         change(&mut sweep);
-        Study::read(Kind::Sweep, &sweep).map(Arc::new)
+        Study::read(Kind::Sweep, sweep).map(Arc::new)
     }
 
     fn all_rows(study: &Arc<Study>, chunks: usize) -> Rows {
@@ -219,7 +220,7 @@ mod tests {
             sweep["seed"] = json!(5);
         });
         assert_eq!(study.canonical().to_string(), in_si.unwrap().canonical().to_string());
-        let again = Study::read(Kind::Sweep, study.canonical()).unwrap();
+        let again = Study::read(Kind::Sweep, study.canonical().clone()).unwrap();
         assert_eq!(study.canonical().to_string(), again.canonical().to_string());
         assert_eq!(study.canonical()["scenario"]["profile"]["radius"], json!(0.01));
         assert_eq!(study.canonical()["vary"][1]["from"], json!(1e-6));

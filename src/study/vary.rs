@@ -19,8 +19,6 @@ const MAX_VALUES: u64 = 100_000;
 const MAX_MEMBERS: usize = 100;
 /// Most values of all numbers together.
 const MAX_LISTED: u64 = 1 << 20;
-/// Most numbers that a study varies, times the values of its scenario: each number is looked up in the scenario.
-const MAX_WORK: usize = 200_000;
 /// The fault of an entry whose values the study needs.
 pub const NO_VALUES: &str = "must have either `values`, or `from` and `to`, or a `distribution`";
 
@@ -76,7 +74,7 @@ enum SpacingName {
 ///
 /// # Errors
 /// The faults of all entries, with pointers such as `/0/from`.
-pub fn list(entries: Vec<Value>, scenario: &Value) -> Result<Vec<Varied>, Faults> {
+pub fn list(entries: &[Value], scenario: &Value) -> Result<Vec<Varied>, Faults> {
     let (mut list, mut faults) = (Vec::<Varied>::new(), Vec::new());
     if entries.is_empty() || entries.len() > MAX_MEMBERS {
         let detail =
@@ -89,21 +87,12 @@ pub fn list(entries: Vec<Value>, scenario: &Value) -> Result<Vec<Varied>, Faults
             format!("has {listed} values in all. At most {MAX_LISTED} can be listed or counted");
         return Err(Faults::one("", detail));
     }
-    let work = entries.len().saturating_mul(size_of_tree(scenario));
-    if work > MAX_WORK {
-        let detail = format!(
-            "names {} numbers of a scenario with {} values. Vary fewer numbers, or shorten the lists of the scenario",
-            entries.len(),
-            size_of_tree(scenario)
-        );
-        return Err(Faults::one("", detail));
-    }
     let mut pointers = HashSet::new();
-    for (place, entry) in entries.into_iter().enumerate() {
+    for (place, entry) in entries.iter().enumerate() {
         let pointer = entry.get("pointer").and_then(Value::as_str).map(str::to_owned);
         let is_new = pointer.is_none_or(|pointer| pointers.insert(pointer));
         let read = if is_new {
-            Varied::read(entry, scenario)
+            Varied::read(entry.clone(), scenario)
         } else {
             Err(Faults::one("/pointer", "is listed twice"))
         };
@@ -145,15 +134,6 @@ fn values_in(entry: &Value) -> u64 {
     let count = entry.get("count").and_then(Value::as_u64);
     let listed = entry.get("values").and_then(Value::as_array).map(|values| values.len() as u64);
     count.unwrap_or(0).saturating_add(listed.unwrap_or(0))
-}
-
-/// The number of values in a document.
-pub fn size_of_tree(value: &Value) -> usize {
-    1 + match value {
-        Value::Array(items) => items.iter().map(size_of_tree).sum(),
-        Value::Object(members) => members.values().map(size_of_tree).sum(),
-        _ => 0,
-    }
 }
 
 impl Varied {
