@@ -216,7 +216,7 @@ impl Map {
             Err(reason) => ([None; CLOSED.len()], Some(Lack::Refused(reason.clone()))),
         };
         let outputs = closed.into_iter().chain(run.outputs).collect();
-        Found { outputs, lack: run.lack.or(refused) }
+        Found { outputs, lack: run.lack.or(refused), profiles: Vec::new() }
     }
 
     /// A case with a normal force.

@@ -10,6 +10,7 @@ use serde_json::{Map, Value};
 
 use super::member::Member;
 use super::output::{NoValue, Output, OutputName};
+use super::profile::{CommonProfiles, NoProfiles};
 use super::vary::{self, Varied};
 use crate::json::Distinct;
 
@@ -68,6 +69,8 @@ pub struct Problem {
     pub members: Vec<Member>,
     /// What is taken from each result.
     pub outputs: Vec<Output>,
+    /// The curves that are taken from each result.
+    pub profiles: Option<CommonProfiles>,
     /// Estimated processor time to prepare a run, in seconds.
     pub(super) preparation: f64,
 }
@@ -77,6 +80,8 @@ pub struct Problem {
 pub struct Found {
     /// The outputs, in the order of the problem; `None` where there is no value.
     pub outputs: Vec<Option<f64>>,
+    /// The curves, in the order of the problem.
+    pub profiles: Vec<Vec<Option<f64>>>,
     /// Why the point has no outputs, or not all of them.
     pub lack: Option<Lack>,
 }
@@ -104,7 +109,7 @@ impl Problem {
     #[must_use]
     pub fn new(base: Value, members: Vec<Member>, outputs: Vec<Output>) -> Self {
         let preparation = PREPARATION.0 + PREPARATION.1 * size_of_tree(&base) as f64;
-        Self { base, members, outputs, preparation }
+        Self { base, members, outputs, profiles: None, preparation }
     }
 
     /// Begins to compute the outputs for these values of the members, in SI.
@@ -114,12 +119,16 @@ impl Problem {
             Ok(case) => case,
             Err(reason) => return Running::Known(self.lacks_all(Lack::Refused(reason))),
         };
-        if self.outputs.iter().any(Output::needs_run) {
+        if self.needs_run() {
             let simulation = Simulation::new(case.clone(), Vec::new());
             return Running::Run(Box::new((case, simulation)));
         }
         let preview = Preview::of(&case);
         Running::Known(self.found(|output| output.known(&preview)))
+    }
+
+    fn needs_run(&self) -> bool {
+        self.profiles.is_some() || self.outputs.iter().any(Output::needs_run)
     }
 
     /// Continues to compute a point for at most about 30 ms. Returns its outputs when they are known.
@@ -137,13 +146,24 @@ impl Problem {
     /// Estimated processor time of a point, in seconds.
     #[must_use]
     pub fn seconds(&self, values: &[f64]) -> f64 {
-        let needs_run = self.outputs.iter().any(Output::needs_run);
-        let run = self.case(values).ok().filter(|_| needs_run);
+        let run = self.case(values).ok().filter(|_| self.needs_run());
         self.preparation + run.map_or(0.0, |case| case.seconds())
     }
 
     fn of_outcome(&self, case: &Case, outcome: &Outcome) -> Found {
-        self.found(|output| output.value(case, outcome))
+        let found = self.found(|output| output.value(case, outcome));
+        match self.profiles.as_ref().map(|profiles| profiles.of(outcome)) {
+            None => found,
+            Some(Ok(profiles)) => Found { profiles, ..found },
+            Some(Err(why)) => {
+                let lack = found.lack.or(Some(Lack::Incomplete(why.to_string())));
+                Found { lack, ..found }
+            }
+        }
+    }
+
+    fn no_profiles(&self) -> Vec<Vec<Option<f64>>> {
+        self.profiles.as_ref().map(CommonProfiles::missing).unwrap_or_default()
     }
 
     fn found(&self, value: impl Fn(&Output) -> Result<f64, NoValue>) -> Found {
@@ -157,7 +177,7 @@ impl Problem {
                 None
             }
         });
-        Found { outputs: outputs.collect(), lack }
+        Found { outputs: outputs.collect(), profiles: self.no_profiles(), lack }
     }
 
     /// What the `reason` of a row says. Only the reason why an output has no value begins with the name of that output.
@@ -165,7 +185,7 @@ impl Problem {
         let names = |output: &Output| {
             reason.strip_prefix(output.name()).is_some_and(|rest| rest.starts_with(": "))
         };
-        if self.outputs.iter().any(names) {
+        if self.outputs.iter().any(names) || reason == NoProfiles.to_string() {
             Lack::Incomplete(reason)
         } else {
             Lack::Refused(reason)
@@ -173,8 +193,9 @@ impl Problem {
     }
 
     /// A point without outputs.
-    fn lacks_all(&self, lack: Lack) -> Found {
-        Found { outputs: vec![None; self.outputs.len()], lack: Some(lack) }
+    pub(super) fn lacks_all(&self, lack: Lack) -> Found {
+        let outputs = vec![None; self.outputs.len()];
+        Found { outputs, profiles: self.no_profiles(), lack: Some(lack) }
     }
 
     /// The case of a point, or why its scenario is not valid.
@@ -191,6 +212,9 @@ impl Problem {
         })?;
         if let Method::Exact { compare, .. } = &mut case.method {
             *compare = None;
+        }
+        if let Some(last) = case.profiles.last_mut() {
+            *last = self.profiles.is_some();
         }
         Ok(case)
     }

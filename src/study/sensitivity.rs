@@ -597,7 +597,7 @@ mod tests {
             for number in 0..study.points() {
                 let values = study.point(number);
                 let outputs = vec![Some((self.f)(&values))];
-                rows.push(&values, &Found { outputs, lack: None });
+                rows.push(&values, &Found { outputs, profiles: Vec::new(), lack: None });
             }
             let members = ["a", "b", "c", "d", "e", "f", "g", "h"];
             let output = Named { name: "y", unit: "1", accuracy: ROUNDING };

@@ -6,6 +6,7 @@ use std::collections::HashSet;
 use deserr::{Deserr, IntoValue as _, ValuePointerRef};
 use fretwork_engine::request::fault::{Fault, Faults};
 use fretwork_engine::request::fields::Given;
+use fretwork_engine::request::quantity::Dimension;
 use serde_json::{Map, Value};
 
 use super::design::{Spacing, range};
@@ -61,6 +62,17 @@ struct Entry {
     spacing: Given<SpacingName>,
     #[deserr(default)]
     distribution: Given<Value>,
+}
+
+/// A range of quantities that a study does not vary.
+#[derive(Deserr)]
+#[deserr(error = Faults, deny_unknown_fields)]
+struct Range {
+    from: Value,
+    to: Value,
+    count: Whole<2, MAX_VALUES>,
+    #[deserr(default)]
+    spacing: Given<SpacingName>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Deserr)]
@@ -165,7 +177,8 @@ impl Entry {
             ));
         }
         if let Some(list) = self.values.0 {
-            return Ok(Values::List(list_of(&list, member)?));
+            let list = list_of(&list, member).map_err(|faults| faults.below("/values"))?;
+            return Ok(Values::List(list));
         }
         if let Some(distribution) = self.distribution.0 {
             return Ok(Values::Distribution(distribution_of(&distribution, member)?));
@@ -175,15 +188,10 @@ impl Entry {
         }
         let end = |name: &str, value: Option<Value>| match value {
             None => Err(Faults::one(&format!("/{name}"), format!("is missing. Enter `{name}`"))),
-            Some(value) => {
-                member.read(&value).map_err(|detail| Faults::one(&format!("/{name}"), detail))
-            }
+            Some(value) => end_of(name, &value, member),
         };
         let (from, to) = (end("from", self.from.0)?, end("to", self.to.0)?);
-        let spacing = match self.spacing.0 {
-            Some(SpacingName::Log) => Spacing::Logarithmic,
-            Some(SpacingName::Linear) | None => Spacing::Linear,
-        };
+        let spacing = spacing_of(self.spacing);
         match self.count.0 {
             None => Ok(Values::Range(from, to, spacing)),
             Some(Whole(count)) => {
@@ -194,16 +202,44 @@ impl Entry {
     }
 }
 
+/// An end of a range.
+fn end_of(name: &str, value: &Value, member: &Member) -> Result<f64, Faults> {
+    member.read(value).map_err(|detail| Faults::one(&format!("/{name}"), detail))
+}
+
+fn spacing_of(name: Given<SpacingName>) -> Spacing {
+    match name.0 {
+        Some(SpacingName::Log) => Spacing::Logarithmic,
+        Some(SpacingName::Linear) | None => Spacing::Linear,
+    }
+}
+
+/// Reads quantities that a study does not vary: a list, or a range.
+///
+/// # Errors
+/// All faults, with pointers such as `/0` or `/from`.
+pub fn list_or_range(given: Value, dimension: Dimension) -> Result<Vec<f64>, Faults> {
+    let member = Member { pointer: String::new(), dimension, value: 0.0 };
+    if let Value::Array(list) = given {
+        return list_of(&list, &member);
+    }
+    let given: Range =
+        Range::deserialize_from_value::<Value>(given.into_value(), ValuePointerRef::Origin)?;
+    let Range { from, to, count: Whole(count), spacing } = given;
+    let (from, to) = (end_of("from", &from, &member)?, end_of("to", &to, &member)?);
+    range(from, to, count as usize, spacing_of(spacing)).map_err(|fault| Faults(vec![fault]))
+}
+
 fn list_of(list: &[Value], member: &Member) -> Result<Vec<f64>, Faults> {
     if list.is_empty() || list.len() as u64 > MAX_VALUES {
         let detail = format!("must list 1 to {MAX_VALUES} values, not {}", list.len());
-        return Err(Faults::one("/values", detail));
+        return Err(Faults::one("", detail));
     }
     let (mut values, mut faults) = (Vec::with_capacity(list.len()), Vec::new());
     for (place, value) in list.iter().enumerate() {
         match member.read(value) {
             Ok(value) => values.push(value),
-            Err(detail) => faults.push(Fault { pointer: format!("/values/{place}"), detail }),
+            Err(detail) => faults.push(Fault { pointer: format!("/{place}"), detail }),
         }
     }
     if faults.is_empty() { Ok(values) } else { Err(Faults(faults)) }
