@@ -117,7 +117,8 @@ impl CommonProfiles {
         }
         let curves = self.fields.iter().map(|field| {
             let (curve, outside) = field.of(profiles).ok_or(NoProfiles)?;
-            let at = |radius: &f64| at(&profiles.radius, curve, *radius).unwrap_or(outside);
+            let finite = |value: f64| Some(value).filter(|value| value.is_finite());
+            let at = |radius: &f64| at(&profiles.radius, curve, *radius).map_or(outside, finite);
             Ok(self.radii.iter().map(at).collect())
         });
         curves.collect()
@@ -135,18 +136,14 @@ impl CommonProfiles {
 #[error("profiles: the run ended exactly at an earlier output cycle")]
 pub struct NoProfiles;
 
-/// The value of a curve at a radius, `None` beyond its ends. The value is `None` next to an infinite one.
-fn at(radii: &[f64], curve: &[f64], radius: f64) -> Option<Option<f64>> {
+/// The value of a curve at a radius from its first radius on. `None` beyond its last one. The value is not finite next to an
+/// infinite one.
+fn at(radii: &[f64], curve: &[f64], radius: f64) -> Option<f64> {
     let next = radii.partition_point(|known| *known < radius);
     let (known, value) = (*radii.get(next)?, *curve.get(next)?);
-    let number = if known == radius {
-        value
-    } else {
-        let before = next.checked_sub(1)?;
-        let share = (radius - radii[before]) / (known - radii[before]);
-        curve[before] + share * (value - curve[before])
-    };
-    Some(Some(number).filter(|number| number.is_finite()))
+    let Some(before) = next.checked_sub(1) else { return Some(value) };
+    let rest = (known - radius) / (known - radii[before]);
+    Some(value - rest * (value - curve[before]))
 }
 
 #[cfg(test)]
@@ -186,9 +183,9 @@ mod tests {
     #[test]
     fn a_curve_is_linear_between_its_radii_and_ends_with_them() {
         let (radii, curve) = ([1.0, 2.0, 4.0, 5.0], [10.0, 20.0, 0.0, f64::INFINITY]);
-        let values = [0.5, 1.0, 1.5, 3.0, 4.5, 6.0].map(|radius| at(&radii, &curve, radius));
-        let expected =
-            [None, Some(Some(10.0)), Some(Some(15.0)), Some(Some(10.0)), Some(None), None];
+        let values = [1.0, 1.5, 2.0, 3.0, 4.0, 6.0].map(|radius| at(&radii, &curve, radius));
+        let expected = [Some(10.0), Some(15.0), Some(20.0), Some(10.0), Some(0.0), None];
         assert_eq!(values, expected);
+        assert!(!at(&radii, &curve, 4.5).unwrap().is_finite());
     }
 }
