@@ -88,7 +88,7 @@ impl Values {
             }
             (Some(b'['), _) => {
                 let row = numbers(serde_json::from_str(text)?);
-                Ok(if part == Part::Profiles && name != "cycles" {
+                Ok(if part == Part::Profiles && !ROWS.contains(&name) {
                     Self::Points(pick(row, selection.points.as_deref()))
                 } else {
                     Self::Cycles(pick(row, selection.cycles.as_deref()))
@@ -147,9 +147,13 @@ fn pick<T: Copy>(items: Vec<T>, indices: Option<&[usize]>) -> Vec<T> {
     }
 }
 
+/// The columns that number the rows of a run and the points of a study.
+const ROWS: [&str; 2] = ["cycles", "point"];
+
 /// The axes of a table: columns that are always included.
-fn axes(part: Part) -> &'static [&'static str] {
+fn axes(part: Part, members: &Members<'_>) -> &'static [&'static str] {
     match part {
+        Part::Profiles if members.get("point").is_some() => &["point", "radius"],
         Part::Profiles => &["cycles", "radius"],
         Part::Table => &[],
         _ => &["cycles"],
@@ -186,10 +190,11 @@ impl Table {
             Part::Whole | Part::History | Part::Table | Part::Plot => Ok("{}".to_owned()),
         }?;
         let members: Members<'_> = serde_json::from_str(text.map_or(&empty, |text| text.get()))?;
-        let selection = select(&members, axes(part), view)?;
+        let axes = axes(part, &members);
+        let selection = select(&members, axes, view)?;
         let selected = |name: &str| {
             let fields = view.fields.as_ref();
-            axes(part).contains(&name)
+            axes.contains(&name)
                 || fields.is_none_or(|fields| fields.iter().any(|field| field == name))
         };
         let columns = members.0.iter().filter(|(name, _)| selected(name));
@@ -258,7 +263,7 @@ impl Table {
         match self.columns.first() {
             Some((_, Values::Cycles(row))) if self.part == Part::Table => row.len(),
             Some((_, Values::Texts(texts))) if self.part == Part::Table => texts.len(),
-            _ => self.axis("cycles").len(),
+            _ => ROWS.iter().map(|name| self.axis(name).len()).max().unwrap_or(0),
         }
     }
 
@@ -307,6 +312,10 @@ fn select(members: &Members<'_>, axes: &[&str], view: &View) -> Result<Selection
         missing.push(Missing { parameter: "fields", detail });
     }
     let cycles = axis("cycles")?;
+    if view.cycles.is_some() && !axes.contains(&"cycles") {
+        let detail = "a study has points in place of output cycles. Remove `cycles`".to_owned();
+        return Err(Error::Missing(vec![Missing { parameter: "cycles", detail }]));
+    }
     for wanted in view.cycles.iter().flatten() {
         if !cycles.iter().any(|number| same(*number, *wanted)) {
             let detail = format!("{wanted} is not an output cycle; {}", listed(&cycles));

@@ -243,6 +243,8 @@ pub async fn history(
 /// row per output cycle and one column per radius. An infinite pressure is null in JSON, NDJSON and
 /// Arrow, empty in CSV and NaN in NPZ. A result computed with `profiles_at: "none"` has no profiles: null
 /// in JSON, no rows otherwise.
+///
+/// A sweep that was submitted with `profiles` has the curves of each point, with `point` in place of `cycles`.
 #[utoipa::path(get, path = "/v1/results/{key}/profiles", operation_id = "get_profiles", tag = "results",
     params(
         ("key" = super::schemas::KeyText, Path, description = "The `key` of a job or a checked scenario."),
@@ -251,7 +253,7 @@ pub async fn history(
             quantity (`columns`, the default), or a list of rows in the member `records`."),
         ("fields" = Option<super::schemas::ProfileFields>, Query, style = Form, explode = false,
             description = "Only these columns, separated by commas; \
-            `cycles` and `radius` are always included.",
+            `cycles` (`point` of a sweep) and `radius` are always included.",
             example = json!(["wear", "pressure"])),
         ("cycles" = Option<super::schemas::ChosenInstants>, Query, style = Form, explode = false,
             description = "Only these output cycles, separated by commas.",
