@@ -151,16 +151,19 @@ impl Signals {
         self.tables().note(key, at);
     }
 
-    /// The parts that the workers of this process compute.
-    pub(super) fn running(&self) -> Vec<Part> {
-        self.tables().running.keys().copied().collect()
+    /// The parts that the workers of this process compute, and what stops them.
+    pub(super) fn running(&self) -> Vec<(Part, Stop)> {
+        self.tables().running.iter().map(|(part, stop)| (*part, stop.clone())).collect()
     }
 
-    /// Stops the workers of these parts.
-    pub(super) fn stop(&self, parts: &[Part]) {
+    /// Stops workers that have lost their parts. A worker that has claimed such a part again goes on.
+    pub(super) fn stop(&self, lost: &[(Part, Stop)]) {
         let mut tables = self.tables();
-        for stop in parts.iter().filter_map(|part| tables.running.remove(part)) {
+        for (part, stop) in lost {
             stop.raise();
+            if tables.running.get(part).is_some_and(|latest| Arc::ptr_eq(&latest.0, &stop.0)) {
+                tables.running.remove(part);
+            }
         }
     }
 
@@ -279,5 +282,21 @@ mod tests {
         assert_eq!(raised, [false, true, true, false, false]);
         signals.apply(vec![Effect::LetGo((RunId(2), None))]);
         assert!(signals.tables().running.is_empty());
+    }
+
+    #[test]
+    fn a_worker_that_has_lost_its_part_does_not_stop_the_next_one() {
+        let signals = Arc::new(Signals::default());
+        let part = (RunId(1), None);
+        let [lost, next]: [Stop; 2] = Default::default();
+        signals.apply(vec![Effect::Started(part, lost.clone())]);
+        let running = signals.running();
+        signals.apply(vec![Effect::Started(part, next.clone())]);
+        signals.stop(&running);
+        assert!(lost.is_raised() && !next.is_raised());
+        let running = signals.running();
+        assert_eq!(running.len(), 1);
+        signals.stop(&running);
+        assert!(next.is_raised() && signals.running().is_empty());
     }
 }

@@ -269,9 +269,8 @@ pub(super) async fn release(
     }
     let after = Study { running: before.running - 1, queued: before.queued + 1, ..before };
     store(tx, run, (before, after)).await?;
-    let part = (run, Some(number));
-    lease::end(tx, part).await?;
-    tx.effects.extend([Effect::LetGo(part), Effect::Queued]);
+    lease::end(tx, (run, Some(number))).await?;
+    tx.effects.push(Effect::Queued);
     Ok(true)
 }
 

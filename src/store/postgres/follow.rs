@@ -39,7 +39,10 @@ pub(super) async fn ended_by(
         (row.get("started")?, row.get("finished")?);
     // A study may have waited for a long time between its pieces.
     let took = finished.zip(started).filter(|_| matches!(row.truth("study"), Ok(Some(false))));
-    tx.effects.push(Effect::Unwanted(run));
+    // Another worker may claim a released run before this signal arrives.
+    if ending != Ending::Released {
+        tx.effects.push(Effect::Unwanted(run));
+    }
     tx.effects.push(Effect::Ended(key(row, "key")?));
     tx.effects.push(Effect::Settled(ending, took.map(|(finished, started)| finished - started)));
     Ok(())

@@ -74,6 +74,8 @@ struct Parts {
     pool: Pool,
     /// Permits for scans of all results. They limit the number of concurrent scans.
     scans: Semaphore,
+    /// Permits for large results, so that they do not take all connections.
+    large: Semaphore,
     signals: Arc<Signals>,
     /// What to tell the other servers.
     hints: Arc<Hints>,

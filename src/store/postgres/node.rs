@@ -136,12 +136,13 @@ async fn listen(url: DatabaseUrl, signals: Arc<Signals>, node: String) {
 impl Database {
     /// Renews the leases of what the workers of this process compute, and stops those that have lost theirs.
     async fn renew(&self) -> Result<(), Error> {
-        let parts = self.0.signals.running();
-        if parts.is_empty() {
+        let running = self.0.signals.running();
+        if running.is_empty() {
             return Ok(());
         }
+        let parts: Vec<_> = running.iter().map(|(part, _)| *part).collect();
         let kept = writing!(self, tx => lease::renew(tx, &self.0.node, &parts).await)?;
-        let lost: Vec<_> = parts.into_iter().filter(|part| !kept.contains(part)).collect();
+        let lost: Vec<_> = running.into_iter().filter(|(part, _)| !kept.contains(part)).collect();
         self.0.signals.stop(&lost);
         Ok(())
     }

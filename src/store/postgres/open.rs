@@ -22,9 +22,11 @@ const CHANGES: [(i64, &str, &str); 1] =
     [(1, "jobs", include_str!("../../../migrations/postgres/0001_jobs.sql"))];
 
 /// The number of connections for verbs.
-const CONNECTIONS: usize = 8;
+const CONNECTIONS: u32 = 8;
 /// The number of connections that may scan all results at the same time.
 const SCANS: usize = 3;
+/// The number of connections that may read large results at the same time.
+const LARGE: usize = 2;
 
 impl Database {
     pub(in crate::store) async fn open(
@@ -40,6 +42,7 @@ impl Database {
         let database = Self(Arc::new(Parts {
             pool: Pool::new(url.options(), CONNECTIONS),
             scans: Semaphore::new(SCANS),
+            large: Semaphore::new(LARGE),
             signals,
             hints: Arc::default(),
             node: Node { id: JobId::generate().to_string(), program, lease },

@@ -3,11 +3,13 @@
 //! The pool of sqlx pings a connection each time it is returned, which costs as much as a short statement. Here a broken
 //! connection shows itself when a transaction begins, and then nothing has happened yet.
 
+use std::mem;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use sqlx::postgres::{PgConnectOptions, PgConnection};
 use sqlx::{ConnectOptions as _, Connection as _};
-use tokio::sync::{Mutex, MutexGuard, Semaphore, SemaphorePermit};
+use tokio::sync::{Semaphore, SemaphorePermit};
 use tokio::time::timeout;
 
 use crate::store::error::Error;
@@ -19,64 +21,69 @@ const PATIENCE: Duration = Duration::from_secs(10);
 #[derive(Debug)]
 pub(super) struct Pool {
     options: PgConnectOptions,
-    connections: Vec<Mutex<Option<PgConnection>>>,
-    /// One permit for each connection that is not borrowed.
+    /// Connections that are not borrowed. The last one is borrowed first, so that few are used.
+    idle: Mutex<Vec<PgConnection>>,
+    /// One permit for each connection that is not borrowed, or not made yet.
     free: Semaphore,
+    count: u32,
 }
 
-/// A borrowed connection.
+/// A borrowed connection. It returns to the pool when this is dropped, unless it was discarded.
 pub(super) struct Borrowed<'a> {
-    place: MutexGuard<'a, Option<PgConnection>>,
+    pool: &'a Pool,
+    connection: Option<PgConnection>,
     is_new: bool,
-    // Dropped after the connection.
+    // Dropped after the connection was returned.
     _permit: SemaphorePermit<'a>,
 }
 
 impl Pool {
-    pub(super) fn new(options: PgConnectOptions, count: usize) -> Self {
-        let connections = (0..count).map(|_| Mutex::new(None)).collect();
-        Self { options, connections, free: Semaphore::new(count) }
+    pub(super) fn new(options: PgConnectOptions, count: u32) -> Self {
+        let free = Semaphore::new(count as usize);
+        Self { options, idle: Mutex::default(), free, count }
     }
 
     /// Borrows a connection, and waits until one is free. It may be broken.
     pub(super) async fn get(&self) -> Result<Borrowed<'_>, Error> {
         let permit = timeout(PATIENCE, self.free.acquire()).await.map_err(|_| Error::Exhausted)?;
         let permit = permit.map_err(|_| Error::Closed)?;
-        let mut free = self.connections.iter().filter_map(|place| place.try_lock().ok());
-        let mut place = free.next().ok_or(Error::Closed)?;
-        if place.is_none() {
-            place = free.find(|place| place.is_some()).unwrap_or(place);
-        }
-        drop(free);
-        let is_new = place.is_none();
-        if is_new {
+        let idle = self.idle().pop();
+        let is_new = idle.is_none();
+        let connection = if let Some(connection) = idle {
+            connection
+        } else {
             let connecting = timeout(PATIENCE, self.options.connect()).await;
-            *place = Some(connecting.map_err(|_| Error::Exhausted)??);
-        }
-        Ok(Borrowed { place, is_new, _permit: permit })
+            connecting.map_err(|_| Error::Exhausted)??
+        };
+        Ok(Borrowed { pool: self, connection: Some(connection), is_new, _permit: permit })
     }
 
-    /// Closes all connections once they are returned.
+    /// Waits a while for earlier borrowers, refuses later ones, and closes all connections.
     pub(super) async fn close(&self) {
+        let _ = timeout(PATIENCE, self.free.acquire_many(self.count)).await;
         self.free.close();
-        for place in &self.connections {
-            if let Some(connection) = place.lock().await.take() {
-                // The server ends what a broken connection has begun.
-                let _ = connection.close().await;
-            }
+        let idle = mem::take(&mut *self.idle());
+        for connection in idle {
+            // The server ends what a broken connection has begun.
+            let _ = connection.close().await;
         }
+    }
+
+    /// A poisoned lock is safe: each change of the list is one call.
+    fn idle(&self) -> MutexGuard<'_, Vec<PgConnection>> {
+        self.idle.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 impl Borrowed<'_> {
-    #[expect(clippy::expect_used, reason = "`Pool::get` has made the connection")]
+    #[expect(clippy::expect_used, reason = "a discarded connection is not used")]
     pub(super) fn connection(&mut self) -> &mut PgConnection {
-        self.place.as_mut().expect("a borrowed connection was made")
+        self.connection.as_mut().expect("it was not discarded")
     }
 
-    #[expect(clippy::expect_used, reason = "`Pool::get` has made the connection")]
+    #[expect(clippy::expect_used, reason = "a discarded connection is not used")]
     pub(super) fn connection_ref(&self) -> &PgConnection {
-        self.place.as_ref().expect("a borrowed connection was made")
+        self.connection.as_ref().expect("it was not discarded")
     }
 
     /// Whether it was made for this caller.
@@ -84,8 +91,18 @@ impl Borrowed<'_> {
         self.is_new
     }
 
-    /// Drops a broken connection.
+    /// Closes a broken connection.
     pub(super) fn discard(&mut self) {
-        *self.place = None;
+        self.connection = None;
+    }
+}
+
+impl Drop for Borrowed<'_> {
+    fn drop(&mut self) {
+        if let Some(connection) = self.connection.take()
+            && !self.pool.free.is_closed()
+        {
+            self.pool.idle().push(connection);
+        }
     }
 }

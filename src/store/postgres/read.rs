@@ -72,6 +72,7 @@ impl Database {
         &self,
         key: &Key,
     ) -> Result<Option<(StoredResult, Sum)>, Error> {
+        let _permit = self.0.large.acquire().await.map_err(|_| Error::Closed)?;
         reading!(self, db => result(db, key, i64::MAX).await)
     }
 
