@@ -2,6 +2,9 @@
 //!
 //! The points of a profile are radii; the points of a loop are the corners of its curve.
 
+use std::fmt;
+
+use serde::de::{Deserializer as _, IgnoredAny, SeqAccess, Visitor};
 use serde::{Deserialize, Serialize, Serializer};
 use serde_json::value::RawValue;
 
@@ -61,10 +64,46 @@ impl Serialize for Cell<'_> {
     }
 }
 
-/// Indices of the selected output cycles and points; `None` selects all.
+/// Indices of the selected output cycles and points; `None` selects all. A study has at most this many rows.
 struct Selection {
     cycles: Option<Vec<usize>>,
     points: Option<Vec<usize>>,
+    rows: usize,
+}
+
+/// Reads the first items of a list. It skips the others, which is faster than to read them.
+struct First<T> {
+    most: usize,
+    items: Vec<T>,
+}
+
+impl<T> First<T> {
+    fn read<'de>(text: &'de str, most: usize) -> Result<Vec<T>, serde_json::Error>
+    where
+        T: Deserialize<'de>,
+    {
+        let first = Self { most, items: Vec::new() };
+        serde_json::Deserializer::from_str(text).deserialize_seq(first)
+    }
+}
+
+impl<'de, T: Deserialize<'de>> Visitor<'de> for First<T> {
+    type Value = Vec<T>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a list")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(mut self, mut list: A) -> Result<Vec<T>, A::Error> {
+        while self.items.len() < self.most {
+            match list.next_element()? {
+                Some(item) => self.items.push(item),
+                None => return Ok(self.items),
+            }
+        }
+        while list.next_element::<IgnoredAny>()?.is_some() {}
+        Ok(self.items)
+    }
 }
 
 impl Values {
@@ -87,7 +126,7 @@ impl Values {
                 Ok(Self::Matrix(rows.collect::<Result<_, serde_json::Error>>()?))
             }
             (Some(b'['), _) => {
-                let row = numbers(serde_json::from_str(text)?);
+                let row = numbers(First::read(text, selection.rows)?);
                 Ok(if part == Part::Profiles && name != "cycles" {
                     Self::Points(pick(row, selection.points.as_deref()))
                 } else {
@@ -186,7 +225,7 @@ impl Table {
             Part::Whole | Part::History | Part::Table | Part::Plot => Ok("{}".to_owned()),
         }?;
         let members: Members<'_> = serde_json::from_str(text.map_or(&empty, |text| text.get()))?;
-        let selection = select(&members, axes(part), view)?;
+        let selection = select(&members, part, view)?;
         let selected = |name: &str| {
             let fields = view.fields.as_ref();
             axes(part).contains(&name)
@@ -197,7 +236,7 @@ impl Table {
             // Only columns of numbers have a unit, if only `1`.
             let is_text = part == Part::Table && !units.have(name);
             let values = if is_text {
-                Values::Texts(serde_json::from_str(text.get())?)
+                Values::Texts(First::read(text.get(), selection.rows)?)
             } else {
                 Values::read(part, name, text, &selection)?
             };
@@ -293,7 +332,8 @@ fn unsound(part: Part) -> serde_json::Error {
 }
 
 /// Finds the selected output cycles and points of a table, or lists everything that is missing.
-fn select(members: &Members<'_>, axes: &[&str], view: &View) -> Result<Selection, Error> {
+fn select(members: &Members<'_>, part: Part, view: &View) -> Result<Selection, Error> {
+    let axes = axes(part);
     let axis = |name: &str| -> Result<Vec<f64>, Error> {
         let text = members.get(name).filter(|_| axes.contains(&name));
         let cells: Option<_> = text.map_or(Ok(None), |text| serde_json::from_str(text.get()))?;
@@ -322,7 +362,8 @@ fn select(members: &Members<'_>, axes: &[&str], view: &View) -> Result<Selection
     });
     let radii = axis("radius")?.len();
     let points = view.points.map(|points| evenly_spaced(radii, points));
-    Ok(Selection { cycles: selected, points })
+    let rows = view.rows.filter(|_| part == Part::Table).unwrap_or(usize::MAX);
+    Ok(Selection { cycles: selected, points, rows })
 }
 
 impl Serialize for Table {

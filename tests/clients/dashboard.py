@@ -20,6 +20,7 @@ from playwright.sync_api import expect, sync_playwright
 
 from browser import SCREENS, SIZES, Browser, Server, ask, chromium, close, drawn_pixels
 from plots import every_loop, every_plot, slide
+from studies import studies
 from vary import VARIED, vary
 
 BASE, PROGRAM = sys.argv[1:3]
@@ -567,6 +568,7 @@ def main():
         cancel(page)
         edit_typed_values(page)
         vary(browser, BASE)
+        studies(browser, BASE)
         for example in get("/v1/examples"):
             every_loop(page, BASE, get("/v1/jobs", example["body"])["key"])
             # A later job without a label does not hide the label.

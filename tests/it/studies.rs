@@ -366,6 +366,40 @@ async fn a_sensitivity_study_answers_with_its_indices() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_client_can_read_the_first_rows_only() {
+    let server = Server::start().await;
+    let mut body = example("sensitivity");
+    body["sensitivity"]["samples"] = json!(64);
+    let (key, _) = computed(&server, &body).await;
+    let address = format!("/v1/results/{key}");
+    let whole = server.get(&address).await.json();
+    let part = server.get(&format!("{address}?rows=3")).await.json();
+    for (name, value) in whole.as_object().unwrap() {
+        if !["table", "samples"].contains(&name.as_str()) {
+            assert_eq!(&part[name], value, "{name}");
+            continue;
+        }
+        for (column, rows) in value.as_object().unwrap() {
+            let rows = rows.as_array().unwrap();
+            assert!(rows.len() > 3, "{name} {column}");
+            assert_eq!(part[name][column], json!(rows[..3]), "{name} {column}");
+        }
+    }
+    let table = server.get(&format!("{address}/table?rows=0&layout=records")).await.json();
+    assert_eq!(table["records"], json!([]));
+    for rows in ["-1", "many"] {
+        let reply = server.get(&format!("{address}?rows={rows}")).await;
+        assert_eq!(reply.problem(422, "invalid-parameters")["errors"][0]["parameter"], "rows");
+    }
+    // A run has no rows: its answer is the stored result, also for a cache.
+    let (run, _) = computed(&server, &steel_ball()).await;
+    let whole = server.get(&format!("/v1/results/{run}")).await;
+    let part = server.get(&format!("/v1/results/{run}?rows=3")).await;
+    assert_eq!((part.header("etag"), &part.body), (whole.header("etag"), &whole.body));
+    server.get(&format!("/v1/results/{run}/table?rows=3")).await.problem(404, "no-such-part");
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_map_answers_with_regimes_and_wear() {
     let server = Server::start().await;
     let mut body = example("map");

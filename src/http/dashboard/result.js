@@ -5,7 +5,7 @@ import { get, jobAddress, Problem, resultAddress } from "./api.js";
 import { drawDetails } from "./details.js";
 import { fill, h, notify, select } from "./dom.js";
 import { axisLimit, branches, maxDifference, Plot } from "./plots.js";
-import { showStudy } from "./study.js";
+import { LOADED_ROWS, showStudy } from "./study.js";
 import { entryOf, jobsOf, kindOf, labelOf, subtitle, title } from "./summary.js";
 import { column, cycles, digits, percent, quantity, WORDS } from "./units.js";
 
@@ -25,11 +25,12 @@ const MAX_BRANCHES = 24;
 const READOUT = ["wear_volume", "wear_depth", "scar_radius", "contact_radius", "stick_radius", "normal_force",
   "tangential_force", "energy_per_cycle", "dissipated_energy"];
 
-/** Loads a result, or the part of it at `path`. `link` is the token of a shared link. */
-async function load(key, link, signal, path = "") {
-  const words = link ? `?${new URLSearchParams({ link })}` : "";
-  return get(`${resultAddress(key, path)}${words}`, { signal });
-}
+/** Loads the part of a result at `path`. `link` is the token of a shared link. */
+const load = (key, link, signal, path, words = {}) =>
+  get(`${resultAddress(key, path)}?${new URLSearchParams({ ...words, ...(link && { link }) })}`, { signal });
+
+/** Loads a run, or a study with as many rows as its page needs. */
+const loadResult = (key, link, signal) => load(key, link, signal, "", { rows: LOADED_ROWS });
 
 /** The label and the submitted scenario of a job, by default of the latest job of the result. With `id`, also its warnings. */
 async function loadJob(key, id, signal) {
@@ -58,10 +59,10 @@ function nearest(cycles, at) {
 
 export async function showResult(main, { id: key, query, signal }) {
   const link = query.get("link");
-  const [result, job] = await Promise.all([load(key, link, signal), link ? {} : loadJob(key, query.get("job"), signal)]);
+  const [result, job] = await Promise.all([loadResult(key, link, signal), link ? {} : loadJob(key, query.get("job"), signal)]);
   if (kindOf(result)) return showStudy(main, result, { job, link, signal });
   const bodyWarnings = await loadBodyWarnings(result, job, link, signal);
-  const other = query.get("with") ? await load(query.get("with"), query.get("withlink"), signal).catch((problem) => {
+  const other = query.get("with") ? await loadResult(query.get("with"), query.get("withlink"), signal).catch((problem) => {
     if (!(problem instanceof Problem)) throw problem;
     notify(`Run B cannot be shown. ${problem.detail}`);
     return null;

@@ -8,6 +8,8 @@ import { axisTitle, digits, displayUnit, si } from "./units.js";
 
 /** Number of rows that the page shows. Downloads have all. */
 const ROWS = 200;
+/** Number of rows that the page loads. One more tells whether there are others. */
+export const LOADED_ROWS = ROWS + 1;
 /** Figures of each design of a sweep, of a map, and of each method of a sensitivity study. */
 const FIGURES = { grid: ["curves", "heat"], zip: ["curves", "scatter"], latin_hypercube: ["scatter"], sobol: ["scatter"],
   map: ["regimes", "heat", "curves"], indices: ["tornado", "scatter"], local: ["tornado"] };
@@ -90,7 +92,7 @@ function rowsOf({ table, units }) {
   const cell = (name, value) => (typeof value === "number" ? digits(value * factor[name], 5) : value ?? "–");
   const head = names.map((name) => h("th", { scope: "col" }, axisTitle(name, units[name])));
   const row = (number) => h("tr", {}, names.map((name) => h("td", {}, cell(name, table[name][number]))));
-  return [h("h2", {}, "Table"), count > ROWS && h("p", { class: "muted" }, `The first ${ROWS} of ${count} rows. Download has all.`),
+  return [h("h2", {}, "Table"), count > ROWS && h("p", { class: "muted" }, `The first ${ROWS} rows. Download has all.`),
     h("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": "Rows" }, h("table", { id: "study" },
       h("thead", {}, h("tr", {}, head)), h("tbody", {}, Array.from({ length: Math.min(count, ROWS) }, (_, i) => row(i)))))].filter(Boolean);
 }
