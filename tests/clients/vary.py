@@ -105,6 +105,39 @@ def units(page, base):
     assert table["/profile/radius"] == [0.005, 0.01, 0.02] and set(OUTPUTS) < set(table), table
 
 
+def without_field(page, base):
+    """A stored study can vary numbers that have no field. The form keeps their ranges until the user removes them."""
+    scenario = ask(base, "/v1/examples/amplitude-blocks")["scenario"]
+    vary = [{"pointer": "/motion/blocks/0/amplitude", "from": "1 um", "to": "3 um", "count": 2},
+        {"pointer": "/friction", "from": 0.6, "to": 0.8, "count": 3},
+        {"pointer": "/profile/radius", "from": "9 mm", "to": "11 mm", "count": 2}]
+    key = ask(base, "/v1/jobs", {"sweep": {"scenario": scenario, "vary": vary, "outputs": ["wear_volume"]}})["key"]
+    page.goto(f"{base}/#/result/{key}")
+    page.get_by_role("link", name="Edit and run again").click()
+    own = page.locator("#motion-blocks-0-amplitude-from")
+    expect(own).to_have_value("1")
+    expect(page.locator("button.primary")).to_have_text("Compute 12 runs")
+    expect(page.locator("[data-item=cached]")).to_have_text("Yes")
+    expect(page.locator("section[aria-label=Study]")).to_contain_text("/motion/blocks/0/amplitude")
+    own.fill("1.5")
+    page.reload()
+    expect(own).to_have_value("1.5")
+    expect(page.locator("#profile-radius-from")).to_have_value("9")
+    # A number leaves the study with its field. The others stay.
+    page.select_option("#shape", "cone")
+    expect(page.locator("button.primary")).to_have_text("Compute 6 runs")
+    expect(own).to_have_value("1.5")
+    # A number that is missing in the JSON stays too. Its range says what is wrong.
+    text = json.loads(page.input_value("#json"))
+    page.fill("#json", json.dumps({**text, "motion": {"amplitude": "2 um"}}))
+    expect(page.locator("#motion-blocks-0-amplitude-from-fault")).not_to_be_empty()
+    expect(page.locator("button.primary")).to_be_disabled()
+    page.get_by_role("button", name="Remove /motion/blocks/0/amplitude").click()
+    expect(own).to_have_count(0)
+    expect(page.locator("button.primary")).to_have_text("Compute 3 runs")
+    expect(page.locator("button.primary")).to_be_enabled()
+
+
 def designs(page, base):
     """The form announces as many runs as the study has, for each design."""
     open_form(page, base)
@@ -179,9 +212,11 @@ def vary(browser, base):
     edit(page)
     units(page, base)
     browser.check_accessibility(page, "study")
+    without_field(page, base)
     designs(page, base)
     keyboard(page, base)
-    page.goto(base + "/#/queue")
-    page.goto(base + "/#/new?study=5")
-    expect(page.locator("#status")).to_contain_text("cannot show all that varies")
+    for study in ("5", '{"sweep": {"vary": [{"pointer": "/friction", "values": [0.5]}]}}'):
+        page.goto(base + "/#/queue")
+        page.goto(f"{base}/#/new?study={study}")
+        expect(page.locator("#not-shown")).to_be_visible()
     page.context.close()

@@ -122,7 +122,8 @@ export function formPointer(pointer, study) {
   const axis = AXES[part.slice(1)];
   if (axis) return `/vary${axis}${rest}`;
   const [, place, member] = part === "/vary" ? rest.match(/^\/(\d+)(.*)$/) ?? [] : [];
-  return place ? `/vary${varied(study)[place]}${member}` : part + rest;
+  // The form shows a number that the scenario does not have at the first field of its range.
+  return place ? `/vary${varied(study)[place]}${member === "/pointer" ? "" : member}` : part + rest;
 }
 
 /** The design of the form for a study of the API; undefined if the form has no such design. */
