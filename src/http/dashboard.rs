@@ -30,7 +30,7 @@ macro_rules! files {
 }
 
 const SCRIPTS: &[File] = files!("text/javascript": "actions.js", "api.js", "details.js", "dom.js",
-    "estimate.js", "fields.js", "form.js", "library.js", "main.js", "plan.js", "plots.js",
+    "estimate.js", "fields.js", "form.js", "library.js", "limits.js", "main.js", "plan.js", "plots.js",
     "queue.js", "result.js", "run.js", "sketch.js", "study.js", "summary.js", "units.js", "vary.js",
     "vendor/uPlot.iife.min.js");
 const STYLES: &[File] = files!("text/css": "style.css", "vendor/uPlot.min.css");

@@ -138,6 +138,34 @@ def without_field(page, base):
     expect(page.locator("button.primary")).to_be_enabled()
 
 
+def limits(page, base):
+    """The suggested range of a number stays within the limits of a scenario."""
+    ball = ask(base, "/v1/examples/steel-ball")["scenario"]
+    body = ball["bodies"][1]
+    power = {"shape": "power", "exponent": 20, "at_radius": "0.2 mm", "height": "5 um"}
+    for name, changed, expected in (
+            ("motion-stick_ratio", {"motion": {"stick_ratio": 0.9999}}, ("0.7999", "0.9999")),
+            ("motion-stick_ratio", {"motion": {"stick_ratio": 0}}, ("0", "0.9999")),
+            ("model-tolerance", {"model": {"tolerance": 0.03}}, ("0.024", "0.03")),
+            ("model-tolerance", {"model": {"tolerance": 1e-4}}, ("1e-4", "1.2e-4")),
+            ("model-xi", {"model": {"method": "simplified", "xi": 1000}}, ("800", "1000")),
+            ("profile-exponent", {"profile": power}, ("16", "20")),
+            ("bodies-0-poisson_ratio", {"bodies": [{**body, "poisson_ratio": 0.5}, body]}, ("0.4", "0.5")),
+            ("bodies-0-poisson_ratio", {"bodies": [{**body, "poisson_ratio": -0.9}, body]}, ("-0.999", "-0.72")),
+            ("wear-share", {"wear": {**ball["wear"], "share": 1}}, ("0.8", "1")),
+            ("friction", {"friction": 100}, ("80", "100")),
+            ("profile-slope_angle", {"profile": {"shape": "cone", "slope_angle": "80 deg"}}, ("64", "89.95")),
+            ("profile-radius", {}, ("8", "12"))):
+        page.goto(base + "/#/queue")
+        page.goto(f"{base}/#/new?{urllib.parse.urlencode({'scenario': json.dumps({**ball, **changed})})}")
+        page.click(f"#{name}-vary")
+        for end, value in zip(("from", "to"), expected):
+            expect(page.locator(f"#{name}-{end}")).to_have_value(value)
+        page.wait_for_selector(".estimate:not([aria-busy])")
+        for end in ("from", "to"):
+            expect(page.locator(f"#{name}-{end}-fault")).to_have_text("")
+
+
 def designs(page, base):
     """The form announces as many runs as the study has, for each design."""
     open_form(page, base)
@@ -213,6 +241,7 @@ def vary(browser, base):
     units(page, base)
     browser.check_accessibility(page, "study")
     without_field(page, base)
+    limits(page, base)
     designs(page, base)
     keyboard(page, base)
     for study in ("5", '{"sweep": {"vary": [{"pointer": "/friction", "values": [0.5]}]}}'):

@@ -5,6 +5,7 @@ import { get, idempotencyKey, Problem, post } from "./api.js";
 import { debounced, fill, h, notify, select } from "./dom.js";
 import { announce, drawEstimate, drawStudyEstimate } from "./estimate.js";
 import { CHOICES, inputText, parseInput, setValueAt, valueAt, withField, withoutField } from "./fields.js";
+import { loadLimits } from "./limits.js";
 import { drawPlan, drawRange, drawRuns, submitText, varyButton } from "./plan.js";
 import { WORDS } from "./units.js";
 import { canVary, choose, DESIGNS, formPointer, isMap, jobBody, newStudy, studyOf, suggested, varied } from "./vary.js";
@@ -18,7 +19,7 @@ let examples = null;
 const idOf = (pointer) => pointer.slice(1).replaceAll("/", "-");
 
 export async function showForm(main, { query, signal }) {
-  examples ??= await get("/v1/examples", { signal });
+  [examples] = await Promise.all([examples ?? get("/v1/examples", { signal }), loadLimits(signal)]);
   const first = examples.find((example) => example.name === query.get("example")) ?? examples[0];
   let scenario = structuredClone(first.body.scenario);
   try {

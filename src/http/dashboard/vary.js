@@ -5,6 +5,7 @@
 
 import { formLink } from "./dom.js";
 import { numberOrText, valueAt } from "./fields.js";
+import { limitsOf } from "./limits.js";
 import { kindOf } from "./summary.js";
 
 /** What the form can compute from numbers that vary. */
@@ -20,9 +21,6 @@ const AXES = { normal_force: "/load/normal_force", amplitude: "/motion/amplitude
 
 /** Numbers that are settings of the computation, or decide which rows a result has. */
 const FIXED = /^\/(cycles|model\/points)/;
-
-/** Largest values of numbers that have a limit, by the end of their pointers. */
-const LARGEST = [["poisson_ratio", 0.5], ["stick_ratio", 1], ["share", 1]];
 
 /** The first range of a number, as factors of its value: 20 % less to 20 % more. A map covers two decades. */
 const NARROW = { factors: [0.8, 1.2], count: 9, spacing: "linear" };
@@ -58,11 +56,12 @@ export const canVary = (pointer) => !FIXED.test(pointer);
 export function suggested(scenario, pointer, kind) {
   const value = split(valueAt(scenario, pointer));
   if (!value) return undefined;
-  const [, largest] = LARGEST.find(([name]) => pointer.endsWith(name)) ?? [null, Infinity];
+  const [least, most] = limitsOf(pointer, value.unit);
   const number = Number(value.number);
   const { factors, count, spacing } = kind === "map" ? WIDE : NARROW;
-  const [from, to] = number === 0 ? [0, 1] : factors.map((factor) => factor * number);
-  return { from: typed(from), to: typed(Math.min(to, largest)), unit: value.unit, count: String(count), spacing };
+  const ends = number === 0 ? [0, 1] : factors.map((factor) => factor * number);
+  const [from, to] = [Math.max(Math.min(...ends), least), Math.min(Math.max(...ends), most)];
+  return { from: typed(from), to: typed(to), unit: value.unit, count: String(count), spacing };
 }
 
 /** Chooses what is computed. Ranges that the user has not changed follow. */
