@@ -166,6 +166,29 @@ def limits(page, base):
             expect(page.locator(f"#{name}-{end}-fault")).to_have_text("")
 
 
+def empty(page, base):
+    """A field that the user has emptied is empty after a reload too."""
+    open_form(page, base)
+    page.click("#profile-radius-vary")
+    for field in ("from", "count"):
+        page.fill(f"#profile-radius-{field}", "")
+        expect(page.locator(f"#profile-radius-{field}-fault")).not_to_be_empty()
+        page.reload()
+        expect(page.locator(f"#profile-radius-{field}")).to_have_value("")
+        expect(page.locator("#profile-radius-to")).to_have_value("12")
+        expect(page.locator(".range")).to_contain_text("mm")
+        expect(page.locator("button.primary")).to_be_disabled()
+    page.fill("#profile-radius-to", "")
+    page.reload()
+    expect(page.locator("#profile-radius-to")).to_have_value("")
+    page.check("#design-random")
+    page.fill("#samples", "")
+    expect(page.locator("#samples-fault")).not_to_be_empty()
+    page.reload()
+    expect(page.locator("#samples")).to_have_value("")
+    expect(page.locator("#profile-radius-from")).to_have_value("")
+
+
 def designs(page, base):
     """The form announces as many runs as the study has, for each design."""
     open_form(page, base)
@@ -242,6 +265,7 @@ def vary(browser, base):
     browser.check_accessibility(page, "study")
     without_field(page, base)
     limits(page, base)
+    empty(page, base)
     designs(page, base)
     keyboard(page, base)
     for study in ("5", '{"sweep": {"vary": [{"pointer": "/friction", "values": [0.5]}]}}'):

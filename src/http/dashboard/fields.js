@@ -181,7 +181,7 @@ export function parseInput(pointer, text) {
 }
 
 /** The number of a text; the text if it is not only a number. */
-export const numberOrText = (text) => (Number.isNaN(Number(text)) ? text : Number(text));
+export const numberOrText = (text) => (text.trim() === "" || Number.isNaN(Number(text)) ? text : Number(text));
 
 /** The text of a value in its field. */
 export const inputText = (value) => (value === undefined ? "" : Array.isArray(value) ? value.join(", ") : String(value));

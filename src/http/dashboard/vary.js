@@ -132,12 +132,13 @@ function designOf(name, { design = "grid", method = "sobol", seed = 0, confidenc
   return { grid: "sweep", latin_hypercube: seed === 0 ? "random" : undefined }[design];
 }
 
-/** The range of the form for an entry of `vary`. Equal units of both ends are shown once. */
+/** The range of the form for an entry of `vary`. The unit of both ends is shown once. */
 function rangeOf({ from, to, count = NARROW.count, spacing = "linear" }) {
-  const [first, last] = [split(from), split(to)];
-  const unit = first?.unit === last?.unit ? first?.unit : undefined;
-  const [start, end] = unit ? [first.number, last.number] : [from ?? "", to ?? ""];
-  return { from: String(start), to: String(end), unit: unit ?? "", count: String(count), spacing };
+  // The user may have emptied one end. Then the unit is that of the other.
+  const units = new Set([from, to].filter((end) => end !== undefined).map((end) => split(end)?.unit));
+  const [unit = ""] = units.size === 1 ? units : [];
+  const end = (value = "") => String(unit && value !== "" ? split(value).number : value);
+  return { from: end(from), to: end(to), unit, count: String(count), spacing };
 }
 
 /** The study of the form for a job body such as `{"sweep": …}`; undefined if the form cannot show all of it. */
@@ -148,7 +149,8 @@ export function studyOf(body) {
   const kind = designOf(name, study);
   const vary = kind === "map" ? Object.entries(AXES).map(([axis, pointer]) => ({ pointer, ...study[axis] })) : study.vary;
   const members = ["pointer", "from", "to", "count", "spacing"];
-  const isRange = (entry) => "from" in entry && Object.keys(entry).every((member) => members.includes(member));
+  // The user may have emptied both ends.
+  const isRange = (entry) => Object.keys(entry).every((member) => members.includes(member));
   if (!kind || !vary?.every(isRange)) return undefined;
   return { kind, ranges: Object.fromEntries(vary.map((entry) => [entry.pointer, rangeOf(entry)])),
     samples: String(study.samples ?? newStudy().samples), outputs: Array.from(study.outputs ?? [], String) };
