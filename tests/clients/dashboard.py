@@ -21,7 +21,7 @@ from playwright.sync_api import expect, sync_playwright
 from browser import SCREENS, SIZES, Browser, Server, ask, chromium, close, drawn_pixels
 from plots import every_loop, every_plot, slide
 from studies import studies
-from vary import VARIED, vary
+from vary import VARIED, beyond_a_limit, vary
 
 BASE, PROGRAM = sys.argv[1:3]
 MASTER = "fretwork_" + "0123456789abcdef" * 3
@@ -581,6 +581,8 @@ def main():
             "pressure": (f"/#/result/{key}?plot=pressure&history=radii&at=10000", labelled),
             "compare": (f"/#/result/{rule}?with={key}&plot=wear&at=10000", labelled),
             "library": ("/#/library", ".thumbnail path"), "queue": ("/#/queue", "tbody tr")})
+        with server(directory("limits"), "--study-points", "50") as own:
+            beyond_a_limit(browser, own.base)
         sign_in(browser, directory("keys"))
         lose_the_server(browser, directory("lost"))
         with server(directory("library")) as own:

@@ -223,6 +223,25 @@ def designs(page, base):
     expect(page.locator("#load-normal_force-count")).to_have_value("9")
 
 
+def beyond_a_limit(browser, base):
+    """The form says how many points a study has, and which limit it exceeds, before the user submits it. The server has a
+    limit of 50 points."""
+    page = browser.page(base)
+    open_form(page, base)
+    page.click("#friction-vary")
+    expect(page.locator("[data-item=points]")).to_have_text("9")
+    page.click("#profile-radius-vary")
+    expect(page.locator("[data-item=points]")).to_have_text("81")
+    expect(page.locator("#excess")).to_contain_text("has 81 points, and the limit of this server is 50")
+    expect(page.locator("button.primary")).to_be_disabled()
+    browser.check_accessibility(page, "study-excess")
+    page.fill("#friction-count", "5")
+    expect(page.locator("[data-item=points]")).to_have_text("45")
+    expect(page.locator("#excess")).to_have_count(0)
+    assert submit(page)["counts"]["points"] == 45
+    page.context.close()
+
+
 def keyboard(page, base):
     """Without a mouse: vary friction, change the range, choose an output, and compute."""
     open_form(page, base)

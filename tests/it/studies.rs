@@ -288,6 +288,10 @@ async fn a_study_beyond_a_limit_is_told_what_it_would_take() {
     let problem = reply.problem(422, "too-expensive");
     let detail = problem["detail"].as_str().unwrap();
     assert!(detail.contains("has 6 points, and the limit of this server is 5"), "{detail}");
+    let checked = server.post("/v1/scenarios", &sweep()).await.json();
+    assert_eq!(checked["excess"], json!(detail));
+    let checked = server.post("/v1/scenarios", &steel_ball()).await.json();
+    assert_eq!(checked.get("excess"), Some(&json!(null)));
     let mut small = sweep();
     small["sweep"]["vary"][1]["count"] = json!(2);
     let problem = server.post("/v1/jobs", &small).await.problem(422, "too-expensive");

@@ -207,12 +207,15 @@ export async function showForm(main, { query, signal }) {
     }
     if (own !== checks || signal.aborted) return;
     showFaults(problem);
-    run.disabled = submitting || problem !== null;
+    // The server returns a stored result beyond its limits too.
+    const excess = checked && !checked.cached && checked.excess;
+    run.disabled = submitting || !checked || Boolean(excess);
     estimate.removeAttribute("aria-busy");
     if (checked) {
       const isRun = checked.scales !== undefined;
-      announcement.textContent = isRun ? announce(checked) : submitText(study);
+      announcement.textContent = excess || (isRun ? announce(checked) : submitText(study));
       (isRun ? drawEstimate : drawStudyEstimate)(estimate, checked);
+      if (excess) estimate.append(h("p", { class: "warning", id: "excess" }, excess));
     } else {
       const count = problem.errors?.length;
       announcement.textContent = problem.detail;
