@@ -1,4 +1,4 @@
-"""Tests the page of a study: its table."""
+"""Tests the pages of studies: the table, and a deleted study."""
 
 from playwright.sync_api import expect
 
@@ -41,7 +41,30 @@ def long_table(page, base):
         expect(page.locator("section[aria-label=Counts]")).to_contain_text(f"{count}")
 
 
+def deleted(page, base):
+    """The page of a deleted study offers to compute it again: in the form, or at once if the form cannot show it."""
+    in_form = sweep(base, ("/friction", 0.4, 0.6, 3))
+    listed = sweep(base, ("/friction", 0.4, 0.6, 3))
+    listed["sweep"]["vary"] = [{"pointer": "/friction", "values": [0.41, 0.5, 0.6]}]
+    for body, has_form in ((in_form, True), (listed, False)):
+        key = computed(base, body)
+        ask(base, f"/v1/results/{key}", method="DELETE")
+        page.goto(base + "/#/queue")
+        page.goto(f"{base}/#/result/{key}")
+        expect(page.locator(".error")).to_contain_text("deleted by")
+        if has_form:
+            page.get_by_role("link", name="Compute again").click()
+            expect(page.locator("[data-item=cached]")).to_have_text("No")
+            expect(page.locator("#friction-from")).to_have_value("0.4")
+            page.click("button.primary")
+        else:
+            page.get_by_role("button", name="Compute again").click()
+        page.wait_for_url(f"**/#/result/{key}?*")
+        expect(page.locator("#study tbody tr")).to_have_count(3)
+
+
 def studies(browser, base):
     page = browser.page(base)
     long_table(page, base)
+    deleted(page, base)
     page.context.close()

@@ -1,7 +1,8 @@
 // All results of the server: search, preview, and choice of two for comparison.
 
 import { get, resultAddress } from "./api.js";
-import { dateTime, debounced, errorCard, h, select, svg } from "./dom.js";
+import { dateTime, debounced, h, select, svg } from "./dom.js";
+import { errorCard } from "./error.js";
 import { jobsOf, KINDS, labelOf, subtitle, title } from "./summary.js";
 import { cycles, quantity, WORDS } from "./units.js";
 

@@ -3,7 +3,6 @@
 // A study of the form is `{kind, ranges, samples, outputs}`. `ranges` has an entry `{from, to, unit, count, spacing}` for the
 // pointer of each number that varies. All of them are kept as the user typed them.
 
-import { formLink } from "./dom.js";
 import { numberOrText, valueAt } from "./fields.js";
 import { limitsOf } from "./limits.js";
 import { kindOf } from "./summary.js";
@@ -155,6 +154,10 @@ export function studyOf(body) {
   return { kind, ranges: Object.fromEntries(vary.map((entry) => [entry.pointer, rangeOf(entry)])),
     samples: String(study.samples ?? newStudy().samples), outputs: Array.from(study.outputs ?? [], String) };
 }
+
+/** Address of the form, filled with what the user submitted or, if that is not kept, with the canonical scenario. */
+const formLink = ({ submitted, scenario, label }) => `#/new?${new URLSearchParams({
+  scenario: JSON.stringify(submitted ?? scenario), ...(label && { label }), ...(!submitted && { canonical: "yes" }) })}`;
 
 /** The address of the form with a job, or with a result and its job; undefined if the form cannot show it. */
 export function editLink(job) {
