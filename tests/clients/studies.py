@@ -1,4 +1,4 @@
-"""Tests the pages of studies: the table, and a deleted study."""
+"""Tests the pages of studies: the table, a deleted study, and the library."""
 
 from playwright.sync_api import expect
 
@@ -63,8 +63,27 @@ def deleted(page, base):
         expect(page.locator("#study tbody tr")).to_have_count(3)
 
 
+def kinds(page, base):
+    """The library finds runs and studies by their kind. The address keeps the kind."""
+    study = computed(base, sweep(base, ("/friction", 0.4123, 0.6, 3)))
+    run = computed(base, {"scenario": {**sweep(base)["sweep"]["scenario"], "friction": 0.4123}})
+    entry = lambda key: page.locator(f".entry a[href='#/result/{key}']")
+    page.goto(base + "/#/library")
+    expect(entry(study)).to_be_visible()
+    expect(entry(run)).to_be_visible()
+    for kind, own, other in (("sweep", study, run), ("run", run, study)):
+        page.select_option("#find-kind", kind)
+        expect(entry(other)).to_have_count(0)
+        expect(entry(own)).to_be_visible()
+        page.reload()
+        expect(page.locator("#find-kind")).to_have_value(kind)
+        expect(entry(own)).to_be_visible()
+        expect(entry(other)).to_have_count(0)
+
+
 def studies(browser, base):
     page = browser.page(base)
     long_table(page, base)
     deleted(page, base)
+    kinds(page, base)
     page.context.close()

@@ -9,6 +9,7 @@ import { cycles, quantity, WORDS } from "./units.js";
 const anyOf = (...names) => ({ "": "Any", ...Object.fromEntries(names.map((name) => [name, WORDS[name]])) });
 /** The filters that are drop-down lists. */
 const OPTIONS = {
+  kind: ["Kind", { "": "Any", run: "Run", ...KINDS }],
   shape: ["Shape", anyOf("paraboloid", "sphere", "cone", "power", "truncated_paraboloid", "truncated_cone", "table")],
   method: ["Method", anyOf("simplified", "exact")],
   regime: ["Regime", anyOf("full_stick", "partial_slip", "gross_slip")],
