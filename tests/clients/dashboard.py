@@ -568,7 +568,7 @@ def main():
         cancel(page)
         edit_typed_values(page)
         vary(browser, BASE)
-        studies(browser, BASE)
+        study = studies(browser, BASE)
         for example in get("/v1/examples"):
             every_loop(page, BASE, get("/v1/jobs", example["body"])["key"])
             # A later job without a label does not hide the label.
@@ -580,6 +580,7 @@ def main():
         browser.check_views(BASE, {"form": ("/", "[data-item=regime]"), "form-varied": (VARIED, "[data-item=seconds]"), "result": (f"/#/result/{both}?at=10000", labelled),
             "pressure": (f"/#/result/{key}?plot=pressure&history=radii&at=10000", labelled),
             "compare": (f"/#/result/{rule}?with={key}&plot=wear&at=10000", labelled),
+            "study": (f"/#/result/{study}?kind=heat", "section[aria-label=Figure] img[alt]"),
             "library": ("/#/library", ".thumbnail path"), "queue": ("/#/queue", "tbody tr")})
         with server(directory("limits"), "--study-points", "50") as own:
             beyond_a_limit(browser, own.base)

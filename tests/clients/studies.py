@@ -1,4 +1,6 @@
-"""Tests the pages of studies: the table, a deleted study, and the library."""
+"""Tests the pages of studies: the table, the figure, a deleted study, and the library."""
+
+import re
 
 from playwright.sync_api import expect
 
@@ -39,6 +41,32 @@ def long_table(page, base):
         expect(page.locator("#study tbody tr")).to_have_count(ROWS)
         expect(note).to_have_count(1 if is_long else 0)
         expect(page.locator("section[aria-label=Counts]")).to_contain_text(f"{count}")
+
+
+def figure(page, base):
+    """The address has the choices of the figure. A refused choice shows no figure."""
+    image = page.locator("section[aria-label=Figure] img")
+    fault = page.locator("section[aria-label=Figure] [role=status]")
+    key = computed(base, sweep(base, ("/friction", 0.5, 0.8, 9), ("/load/normal_force", "50 N", "150 N", 9)))
+    open_study(page, base, key)
+    expect(image).to_have_attribute("alt", re.compile("Wear volume"))
+    choices = {"kind": "curves", "output": "wear_depth", "over": "/friction", "by": "/load/normal_force"}
+    for name, value in choices.items():
+        page.select_option(f"#figure-{name}", value)
+    drawn = re.compile("Wear depth .* against Friction")
+    expect(image).to_have_attribute("alt", drawn)
+    page.reload()
+    expect(image).to_have_attribute("alt", drawn)
+    for name, value in choices.items():
+        expect(page.locator(f"#figure-{name}")).to_have_value(value)
+    page.select_option("#figure-by", "/friction")
+    expect(fault).to_contain_text("by ")
+    expect(image).to_be_hidden()
+    page.select_option("#figure-by", "")
+    expect(image).to_be_visible()
+    expect(fault).to_have_text("")
+    assert "by=" not in page.url and "kind=curves" in page.url, page.url
+    return key
 
 
 def deleted(page, base):
@@ -82,8 +110,11 @@ def kinds(page, base):
 
 
 def studies(browser, base):
+    """Returns the key of a study with two numbers."""
     page = browser.page(base)
     long_table(page, base)
+    key = figure(page, base)
     deleted(page, base)
     kinds(page, base)
     page.context.close()
+    return key

@@ -60,7 +60,7 @@ function nearest(cycles, at) {
 export async function showResult(main, { id: key, query, signal }) {
   const link = query.get("link");
   const [result, job] = await Promise.all([loadResult(key, link, signal), link ? {} : loadJob(key, query.get("job"), signal)]);
-  if (kindOf(result)) return showStudy(main, result, { job, link, signal });
+  if (kindOf(result)) return showStudy(main, result, { job, link, query, signal });
   const bodyWarnings = await loadBodyWarnings(result, job, link, signal);
   const other = query.get("with") ? await loadResult(query.get("with"), query.get("withlink"), signal).catch((problem) => {
     if (!(problem instanceof Problem)) throw problem;
