@@ -127,6 +127,12 @@ pub fn read_body<T>(
     Err(BadBody::Faults(faults))
 }
 
+/// The name of a member as a part of a JSON pointer (RFC 6901).
+#[must_use]
+pub fn escaped(name: &str) -> String {
+    name.replace('~', "~0").replace('/', "~1")
+}
+
 /// Two values, or the faults of both.
 ///
 /// # Errors

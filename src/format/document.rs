@@ -14,6 +14,7 @@ use super::table::Table;
 use super::units::Units;
 use super::view::View;
 use crate::job::TaskKind;
+use crate::study::Kind;
 
 /// The engine that computed a result.
 #[derive(Debug, Deserialize)]
@@ -102,6 +103,11 @@ impl<'a> Document<'a> {
         let is_study = self.kind() != TaskKind::Run;
         match (is_study, part) {
             (_, Part::Whole | Part::Plot) | (true, Part::Table) => Ok(()),
+            (true, Part::Profiles) if self.members.get(part.name()).is_some() => Ok(()),
+            (true, Part::Profiles) if self.kind() == TaskKind::Study(Kind::Sweep) => {
+                let has = "a table and figures. Submit the sweep with `profiles` to have them";
+                Err(Error::OtherKind(part, has))
+            }
             (true, _) => Err(Error::OtherKind(part, "a table and figures, because it is a study")),
             (false, Part::Table) => {
                 Err(Error::OtherKind(part, "history, profiles and loops, because it is a run"))

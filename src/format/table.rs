@@ -118,21 +118,20 @@ impl Values {
         let mut opening = text.bytes().filter(|byte| !byte.is_ascii_whitespace());
         match (opening.next(), opening.next()) {
             (Some(b'['), Some(b'[')) => {
-                let rows: Vec<&RawValue> = serde_json::from_str(text)?;
+                let rows: Vec<&RawValue> = First::read(text, selection.rows)?;
                 let rows = pick(rows, selection.cycles.as_deref()).into_iter().map(|row| {
                     let row = numbers(serde_json::from_str(row.get())?);
                     Ok(pick(row, selection.points.as_deref()))
                 });
                 Ok(Self::Matrix(rows.collect::<Result<_, serde_json::Error>>()?))
             }
-            (Some(b'['), _) => {
+            (Some(b'['), _) => Ok(if part == Part::Profiles && !ROWS.contains(&name) {
+                let row = numbers(serde_json::from_str(text)?);
+                Self::Points(pick(row, selection.points.as_deref()))
+            } else {
                 let row = numbers(First::read(text, selection.rows)?);
-                Ok(if part == Part::Profiles && name != "cycles" {
-                    Self::Points(pick(row, selection.points.as_deref()))
-                } else {
-                    Self::Cycles(pick(row, selection.cycles.as_deref()))
-                })
-            }
+                Self::Cycles(pick(row, selection.cycles.as_deref()))
+            }),
             _ => Ok(Self::Absent),
         }
     }
@@ -186,9 +185,13 @@ fn pick<T: Copy>(items: Vec<T>, indices: Option<&[usize]>) -> Vec<T> {
     }
 }
 
+/// The columns that number the rows of a run and the points of a study.
+const ROWS: [&str; 2] = ["cycles", "point"];
+
 /// The axes of a table: columns that are always included.
-fn axes(part: Part) -> &'static [&'static str] {
+fn axes(part: Part, members: &Members<'_>) -> &'static [&'static str] {
     match part {
+        Part::Profiles if members.get("point").is_some() => &["point", "radius"],
         Part::Profiles => &["cycles", "radius"],
         Part::Table => &[],
         _ => &["cycles"],
@@ -225,10 +228,11 @@ impl Table {
             Part::Whole | Part::History | Part::Table | Part::Plot => Ok("{}".to_owned()),
         }?;
         let members: Members<'_> = serde_json::from_str(text.map_or(&empty, |text| text.get()))?;
-        let selection = select(&members, part, view)?;
+        let axes = axes(part, &members);
+        let selection = select(&members, axes, view)?;
         let selected = |name: &str| {
             let fields = view.fields.as_ref();
-            axes(part).contains(&name)
+            axes.contains(&name)
                 || fields.is_none_or(|fields| fields.iter().any(|field| field == name))
         };
         let columns = members.0.iter().filter(|(name, _)| selected(name));
@@ -297,7 +301,7 @@ impl Table {
         match self.columns.first() {
             Some((_, Values::Cycles(row))) if self.part == Part::Table => row.len(),
             Some((_, Values::Texts(texts))) if self.part == Part::Table => texts.len(),
-            _ => self.axis("cycles").len(),
+            _ => ROWS.iter().map(|name| self.axis(name).len()).max().unwrap_or(0),
         }
     }
 
@@ -332,8 +336,7 @@ fn unsound(part: Part) -> serde_json::Error {
 }
 
 /// Finds the selected output cycles and points of a table, or lists everything that is missing.
-fn select(members: &Members<'_>, part: Part, view: &View) -> Result<Selection, Error> {
-    let axes = axes(part);
+fn select(members: &Members<'_>, axes: &[&str], view: &View) -> Result<Selection, Error> {
     let axis = |name: &str| -> Result<Vec<f64>, Error> {
         let text = members.get(name).filter(|_| axes.contains(&name));
         let cells: Option<_> = text.map_or(Ok(None), |text| serde_json::from_str(text.get()))?;
@@ -347,6 +350,10 @@ fn select(members: &Members<'_>, part: Part, view: &View) -> Result<Selection, E
         missing.push(Missing { parameter: "fields", detail });
     }
     let cycles = axis("cycles")?;
+    if view.cycles.is_some() && !axes.contains(&"cycles") {
+        let detail = "a study has points in place of output cycles. Remove `cycles`".to_owned();
+        return Err(Error::Missing(vec![Missing { parameter: "cycles", detail }]));
+    }
     for wanted in view.cycles.iter().flatten() {
         if !cycles.iter().any(|number| same(*number, *wanted)) {
             let detail = format!("{wanted} is not an output cycle; {}", listed(&cycles));
@@ -362,8 +369,7 @@ fn select(members: &Members<'_>, part: Part, view: &View) -> Result<Selection, E
     });
     let radii = axis("radius")?.len();
     let points = view.points.map(|points| evenly_spaced(radii, points));
-    let rows = view.rows.filter(|_| part == Part::Table).unwrap_or(usize::MAX);
-    Ok(Selection { cycles: selected, points, rows })
+    Ok(Selection { cycles: selected, points, rows: view.rows.unwrap_or(usize::MAX) })
 }
 
 impl Serialize for Table {

@@ -24,13 +24,15 @@ const PATIENCE: Duration = Duration::from_secs(10);
 /// The bytes of a request body with a JSON content type. They hold the memory for themselves and for their tree.
 pub struct Body(pub Bytes);
 
-/// The bytes of a request body of any type, as [`Body`] otherwise.
+/// The bytes of a request body of any type. They hold only their own memory: calls of UM-Bridge take turns, so the trees of few
+/// exist at once.
 pub struct AnyBody(pub Bytes);
 
-/// Bytes, and permission for their memory.
+/// A body, and permission for its memory and that of its tree.
 struct Counted {
     bytes: Vec<u8>,
-    _permit: Permit,
+    _body: Permit,
+    _tree: Permit,
 }
 
 impl AsRef<[u8]> for Counted {
@@ -62,7 +64,7 @@ impl<S: Sync> FromRequest<S> for Body {
                 format!("{declared}. Send it with Content-Type: application/json."),
             ));
         }
-        read_counted(request).await.map(Self)
+        read_counted(request, true).await.map(Self)
     }
 }
 
@@ -70,23 +72,21 @@ impl<S: Sync> FromRequest<S> for AnyBody {
     type Rejection = Problem;
 
     async fn from_request(request: Request, _: &S) -> Result<Self, Problem> {
-        read_counted(request).await.map(Self)
+        read_counted(request, false).await.map(Self)
     }
 }
 
-/// Reads a body, and holds the memory for it and its tree.
-async fn read_counted(request: Request) -> Result<Bytes, Problem> {
+/// Reads a body, and holds the memory for it, and for its tree if it `becomes_tree`.
+async fn read_counted(request: Request, becomes_tree: bool) -> Result<Bytes, Problem> {
     let caller = owner_of(request.extensions());
     let shares = request.extensions().get::<Arc<Shares>>().cloned();
-    let Counted { bytes, _permit: permit } = read(request, shares.as_deref(), &caller).await?;
+    let (bytes, body) = read(request, shares.as_deref(), &caller).await?;
     let tree = tree_bytes(&bytes)?;
-    // Otherwise the request would wait for memory that it holds itself.
-    drop(permit);
-    let permit = match shares {
-        Some(shares) => shares.requests.hold(&caller, bytes.len() + tree).await?,
+    let tree = match shares.filter(|_| becomes_tree) {
+        Some(shares) => shares.trees.hold(&caller, tree).await?,
         None => Permit::default(),
     };
-    Ok(Bytes::from_owner(Counted { bytes, _permit: permit }))
+    Ok(Bytes::from_owner(Counted { bytes, _body: body, _tree: tree }))
 }
 
 fn is_json(media_type: &str) -> bool {
@@ -96,7 +96,11 @@ fn is_json(media_type: &str) -> bool {
 }
 
 /// Reads a body up to [`BODY_LIMIT`], if it arrives in time.
-async fn read(request: Request, shares: Option<&Shares>, caller: &str) -> Result<Counted, Problem> {
+async fn read(
+    request: Request,
+    shares: Option<&Shares>,
+    caller: &str,
+) -> Result<(Vec<u8>, Permit), Problem> {
     let too_large = || {
         Problem::new(
             &problem::BODY_TOO_LARGE,
@@ -140,11 +144,11 @@ async fn read(request: Request, shares: Option<&Shares>, caller: &str) -> Result
             // A body of unknown length gets the memory of the longest one.
             room = if declared > 0 { declared } else { BODY_LIMIT };
             if let Some(shares) = shares {
-                permit = shares.requests.hold(caller, room).await?;
+                permit = shares.bodies.hold(caller, room).await?;
             }
             bytes.reserve_exact(room - bytes.len());
         }
         bytes.extend_from_slice(&data);
     }
-    Ok(Counted { bytes, _permit: permit })
+    Ok((bytes, permit))
 }

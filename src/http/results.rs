@@ -193,8 +193,8 @@ fn not_acceptable(key: &str, part: Part) -> Problem {
             example = json!([0])),
         ("points" = Option<u32>, Query, description = "Largest number of radii of the profiles, evenly spaced.",
             minimum = 2, maximum = 4096, example = 200),
-        ("rows" = Option<u32>, Query, description = "Studies: only the first rows of `table` and `samples`. A run has \
-            none.", minimum = 0, maximum = 10_000_000, example = 200),
+        ("rows" = Option<u32>, Query, description = "Studies: only the first rows of `table`, `samples` and \
+            `profiles`. A run has none.", minimum = 0, maximum = 10_000_000, example = 200),
     ),
     responses(
         (status = 200, description = "The result.", content(
@@ -262,6 +262,8 @@ pub async fn history(
 /// row per output cycle and one column per radius. An infinite pressure is null in JSON, NDJSON and
 /// Arrow, empty in CSV and NaN in NPZ. A result computed with `profiles_at: "none"` has no profiles: null
 /// in JSON, no rows otherwise.
+///
+/// A sweep that was submitted with `profiles` has the curves of each point, with `point` in place of `cycles`.
 #[utoipa::path(get, path = "/v1/results/{key}/profiles", operation_id = "get_profiles", tag = "results",
     params(
         ("key" = super::schemas::KeyText, Path, description = "The `key` of a job or a checked scenario."),
@@ -270,7 +272,7 @@ pub async fn history(
             quantity (`columns`, the default), or a list of rows in the member `records`."),
         ("fields" = Option<super::schemas::ProfileFields>, Query, style = Form, explode = false,
             description = "Only these columns, separated by commas; \
-            `cycles` and `radius` are always included.",
+            `cycles` (`point` of a sweep) and `radius` are always included.",
             example = json!(["wear", "pressure"])),
         ("cycles" = Option<super::schemas::ChosenInstants>, Query, style = Form, explode = false,
             description = "Only these output cycles, separated by commas.",

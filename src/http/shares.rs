@@ -30,7 +30,10 @@ const CALLERS: usize = 64;
 #[derive(Debug)]
 pub struct Shares {
     /// Memory for the bodies of requests. Slow readers of answers cannot use it.
-    pub requests: Budget,
+    pub bodies: Budget,
+    /// Memory for the trees of these bodies while they are parsed. A request that waits for it holds its body. A request
+    /// that has it waits for nothing, so they never wait for each other.
+    pub trees: Budget,
     /// Memory for answers.
     pub answers: Budget,
     turns: PerCaller,
@@ -82,10 +85,12 @@ impl Shares {
     /// workers.
     pub fn new(bytes: u64, workers: usize) -> Self {
         let held = Gauge::default();
-        let (requests, answers) = (bytes / 4, bytes - bytes / 4);
+        let of_requests =
+            |bytes| Budget::new(bytes, &held, "Send fewer large bodies at the same time.");
         Self {
-            requests: Budget::new(requests, &held, "Send fewer large bodies at the same time."),
-            answers: Budget::new(answers, &held, "Read their answers to the end."),
+            bodies: of_requests(bytes / 8),
+            trees: of_requests(bytes / 8),
+            answers: Budget::new(bytes - bytes / 4, &held, "Read their answers to the end."),
             turns: PerCaller::new(HEAVY),
             evaluations: PerCaller::new(workers),
             held,
@@ -291,7 +296,7 @@ mod tests {
             readers.push(shares.answers.hold(caller, 8 << 20).await.unwrap());
         }
         assert!(shares.answers.hold("carla", 1 << 20).await.is_err());
-        drop(shares.requests.hold("carla", 1 << 20).await.unwrap());
+        drop(shares.bodies.hold("carla", 1 << 20).await.unwrap());
         assert_eq!(shares.held.get(), 6 << 20);
         drop(readers);
     }

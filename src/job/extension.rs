@@ -3,6 +3,7 @@
 use serde_json::Value;
 
 use super::{Canonical, ENGINE, Key, Prepared, Task, TaskKind};
+use crate::json::escaped;
 use crate::study::Study;
 
 impl Prepared {
@@ -81,11 +82,6 @@ fn first_difference(one: &Value, other: &Value) -> Option<String> {
         }
         _ => (one != other).then(String::new),
     }
-}
-
-/// A member name as a part of a JSON pointer (RFC 6901).
-fn escaped(name: &str) -> String {
-    name.replace('~', "~0").replace('/', "~1")
 }
 
 #[cfg(test)]

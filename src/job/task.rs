@@ -143,7 +143,7 @@ impl Prepared {
             TaskKind::Run => Self::from_scenario(asked, "/scenario"),
             TaskKind::Study(study) => {
                 let prefix = format!("/{}", study.name());
-                let study = Study::read(study, &asked).map_err(|faults| faults.below(&prefix))?;
+                let study = Study::read(study, asked).map_err(|faults| faults.below(&prefix))?;
                 Ok(Self::of_study(study))
             }
         }

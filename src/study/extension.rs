@@ -59,6 +59,8 @@ struct Document<'a> {
     counts: Counts,
     #[serde(borrow)]
     table: BTreeMap<String, Vec<&'a RawValue>>,
+    #[serde(borrow, default)]
+    profiles: BTreeMap<String, Vec<&'a RawValue>>,
 }
 
 #[derive(Deserialize, PartialEq)]
@@ -87,9 +89,12 @@ impl Study {
     /// texts are those of the document. Returns `None` if the document is not that of the earlier study.
     #[must_use]
     pub fn earlier_rows(&self, document: &[u8], chunks: usize) -> Option<Vec<Rows>> {
-        let Document { counts, mut table } = serde_json::from_slice(document).ok()?;
+        let Document { counts, mut table, mut profiles } = serde_json::from_slice(document).ok()?;
         let columns = self.columns().into_iter().map(|column| table.remove(&column.name));
-        let columns: Vec<Vec<&RawValue>> = columns.collect::<Option<_>>()?;
+        let fields = self.problem().profiles.iter().flat_map(|common| &common.fields);
+        let curves = fields.map(|field| profiles.remove(field.name()));
+        let columns: Vec<Vec<&RawValue>> = columns.chain(curves).collect::<Option<_>>()?;
+        let reasons = self.columns().len() - 1;
         if columns.iter().any(|column| column.len() != self.earlier()) {
             return None;
         }
@@ -99,7 +104,7 @@ impl Study {
             for place in division.points_of(number) {
                 let cells = columns.iter().map(|column| column[place].get());
                 let reason: Option<String> =
-                    serde_json::from_str(cells.clone().next_back()?).ok()?;
+                    serde_json::from_str(cells.clone().nth(reasons)?).ok()?;
                 let lack = reason.map(|reason| self.problem().lack(reason));
                 rows.push_cells(cells, lack.as_ref());
             }
@@ -133,8 +138,9 @@ mod tests {
                 {"pointer": "/friction", "from": -0.2, "to": 0.8},
                 {"pointer": "/motion/amplitude", "from": "1 um", "to": "9 um"}],
             "design": "sobol", "samples": samples, "seed": 7,
-            "outputs": ["wear_volume", "limit.wear_volume", "unworn.actuator_amplitude"]});
-        let study = Study::read(Kind::Sweep, &sweep).unwrap();
+            "outputs": ["wear_volume", "limit.wear_volume", "unworn.actuator_amplitude"],
+            "profiles": {"radius": [0, "50 um"]}});
+        let study = Study::read(Kind::Sweep, sweep).unwrap();
         Arc::new(if earlier == 0 { study } else { study.extending(earlier) })
     }
 
@@ -209,6 +215,8 @@ mod tests {
             ("\"points\":40", "\"points\":41"),
             ("\"wear_volume\":[", "\"wear_depth\":["),
             ("\"wear_volume\":[", "\"wear_volume\":[1.0,"),
+            ("\"wear\":[", "\"wear\":[[0.0,0.0],"),
+            ("\"wear\":[", "\"worn\":["),
         ] {
             assert!(earlier.contains(old), "{old} in {earlier}");
             let changed = earlier.replace(old, new);

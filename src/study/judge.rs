@@ -22,6 +22,7 @@ struct Members {
     counts: Counts,
     table: Map<String, Value>,
     samples: Option<Map<String, Value>>,
+    profiles: Option<Map<String, Value>>,
 }
 
 #[derive(Deserialize)]
@@ -42,13 +43,19 @@ impl Study {
         engine: &impl Serialize,
         document: &[u8],
     ) -> Result<(), String> {
-        let Members { counts, table, samples } =
+        let Members { counts, table, samples, profiles } =
             serde_json::from_slice(document).map_err(|error| error.to_string())?;
         let rows = samples.unwrap_or(table);
         let own = self.columns().len();
         let columns: Vec<&Vec<Value>> =
             rows.values().take(own).filter_map(Value::as_array).collect();
-        let lengths_are = |points| columns.iter().all(|column| column.len() == points);
+        let profiles = profiles.unwrap_or_default();
+        let fields = self.problem().profiles.iter().flat_map(|common| &common.fields);
+        let curves: Option<Vec<&Vec<Value>>> =
+            fields.map(|field| profiles.get(field.name())?.as_array()).collect();
+        let curves = curves.unwrap_or_default();
+        let lengths_are =
+            |points| columns.iter().chain(&curves).all(|column| column.len() == points);
         if columns.len() != own || !lengths_are(self.points()) {
             return Err(format!("it does not have {} rows of its columns", self.points()));
         }
@@ -57,7 +64,8 @@ impl Study {
         for number in 0..self.points() {
             let cells: Vec<&Value> = columns.iter().map(|column| &column[number]).collect();
             let values = self.point(number);
-            let found = found(cells.get(values.len()..).unwrap_or_default());
+            let curves = curves.iter().map(|column| &column[number]);
+            let found = found(cells.get(values.len()..).unwrap_or_default(), curves);
             let found = found.ok_or_else(|| format!("a cell of row {number} has a wrong type"))?;
             if sampled.contains(&number) && self.computes_another(number, &found) {
                 return Err(format!("this server computes another row {number}"));
@@ -94,18 +102,21 @@ impl Study {
     }
 }
 
-/// The outputs of a row, and its reason. Whether a point was refused or is incomplete is only in the counts.
-fn found(cells: &[&Value]) -> Option<Found> {
+/// The outputs of a row, its curves, and its reason. Whether a point was refused or is incomplete is only in the counts.
+fn found<'a>(cells: &[&Value], curves: impl Iterator<Item = &'a Value>) -> Option<Found> {
     let (reason, outputs) = cells.split_last()?;
-    let outputs = outputs.iter().map(|cell| match cell {
+    let number = |cell: &Value| match cell {
         Value::Null => Some(None),
         cell => cell.as_f64().map(Some),
-    });
+    };
+    let outputs = outputs.iter().map(|cell| number(cell));
+    let profiles = curves.map(|curve| curve.as_array()?.iter().map(number).collect());
     let lack = match reason {
         Value::Null => None,
         reason => Some(Lack::Incomplete(reason.as_str()?.to_owned())),
     };
-    Some(Found { outputs: outputs.collect::<Option<_>>()?, lack })
+    let (outputs, profiles) = (outputs.collect::<Option<_>>()?, profiles.collect::<Option<_>>()?);
+    Some(Found { outputs, profiles, lack })
 }
 
 #[cfg(test)]
@@ -126,8 +137,9 @@ mod tests {
                 "motion": {"amplitude": 2e-6}, "cycles": [1000],
                 "model": {"method": "simplified", "points": 16}},
             "vary": [{"pointer": "/friction", "values": [0.5, -1.0, 0.7]}],
-            "outputs": ["wear_volume"]});
-        let study = Arc::new(Study::read(Kind::Sweep, &sweep).unwrap());
+            "outputs": ["wear_volume"],
+            "profiles": {"radius": [0, 1e-3], "fields": ["wear", "slip"]}});
+        let study = Arc::new(Study::read(Kind::Sweep, sweep).unwrap());
         let mut points = Points::whole(Arc::clone(&study));
         let rows = std::iter::repeat_with(|| points.step()).find_map(|rows| rows).unwrap();
         let document = study.document(&"key", &"engine", &rows);
@@ -139,6 +151,11 @@ mod tests {
             ("null]", "1.0]"),
             ("\"points\":3", "\"points\":4"),
             ("\"units\"", "\"more\":1,\"units\""),
+            ("\"point\":[0,", "\"point\":[1,"),
+            ("\"radius\":[0.0,0.001]", "\"radius\":[0.0,0.002]"),
+            ("\"wear\":[[0.0,0.0]", "\"wear\":[[0.0,1e-9]"),
+            ("\"slip\":[[", "\"slip\":[[0.0,"),
+            ("\"slip\":[[", "\"slip\":[[0.0],["),
             ("\"wear_volume\":\"m^3\"", "\"wear_volume\":\"mm^3\""),
         ] {
             assert!(document.contains(old), "{old} in {document}");

@@ -125,15 +125,14 @@ impl Study {
     ///
     /// # Errors
     /// All faults, with pointers relative to the study.
-    pub fn read(kind: Kind, typed: &Value) -> Result<Self, Faults> {
-        let Read { complete, problem, plan } = kind.read(typed.clone()).map_err(Faults::capped)?;
+    pub fn read(kind: Kind, typed: Value) -> Result<Self, Faults> {
+        let Read { complete, problem, plan } = kind.read(typed).map_err(Faults::capped)?;
         if plan.points() > MAX_POINTS {
             let detail =
                 format!("gives {} points. A study may have at most {MAX_POINTS}", plan.points());
-            let pointers = ["/samples", "/vary", "/amplitude"].into_iter();
-            let pointer =
-                pointers.into_iter().find(|name| complete.pointer(name).is_some()).unwrap_or("");
-            return Err(Faults::one(pointer, detail));
+            let mut names = ["samples", "vary", "amplitude"].into_iter();
+            let name = names.find(|name| complete.contains_key(*name)).unwrap_or_default();
+            return Err(Faults::one(&format!("/{name}"), detail));
         }
         let findings = plan.findings_seconds(&problem);
         if findings > MAX_FINDINGS {
@@ -143,10 +142,11 @@ impl Study {
             );
             return Err(Faults::one("/outputs", detail));
         }
-        let canonical = canonical(complete);
         drop((problem, plan));
         // What is computed follows from the canonical form alone, with its order of members.
-        let Read { problem, plan, .. } = kind.read(canonical.clone())?;
+        let Read { complete, problem, plan } = kind.read(canonical(complete.into()))?;
+        let mut canonical = Value::Object(complete);
+        canonical.sort_all_objects();
         let mut study = Self { kind, canonical, problem, plan, seconds: 0.0, earlier: 0 };
         study.seconds = study.estimate();
         Ok(study)
@@ -196,7 +196,7 @@ impl Study {
     pub(super) fn start(&self, values: &[f64]) -> Running {
         match &self.plan {
             Plan::Map(_) if self.problem.outputs.is_empty() => {
-                Running::Known(Found { outputs: Vec::new(), lack: None })
+                Running::Known(Found { outputs: Vec::new(), profiles: Vec::new(), lack: None })
             }
             _ => self.problem.start(values),
         }
@@ -215,7 +215,7 @@ impl Study {
     pub(super) fn lacks_all(&self, lack: Lack) -> Found {
         // Beside the outputs there are the members and the reason.
         let outputs = self.columns().len() - self.problem.members.len() - 1;
-        Found { outputs: vec![None; outputs], lack: Some(lack) }
+        Found { outputs: vec![None; outputs], ..self.problem.lacks_all(lack) }
     }
 
     /// The kind.
@@ -265,13 +265,19 @@ impl Study {
     #[must_use]
     pub fn bytes(&self) -> usize {
         let row = NUMBER * (self.columns().len() - 1) + MAX_REASON + self.derived().len() * NUMBER;
-        self.head() + row * self.points()
+        // A curve has brackets, and a point its number.
+        let curves = self.problem.profiles.as_ref().map_or(0, |profiles| {
+            NUMBER + profiles.fields.len() * (NUMBER * profiles.radii.len() + 3)
+        });
+        self.head() + (row + curves) * self.points()
     }
 
     /// Size of the document without its rows, about.
     fn head(&self) -> usize {
         let found = match &self.plan {
-            Plan::Sweep(_) => 0,
+            Plan::Sweep(_) => {
+                self.problem.profiles.as_ref().map_or(0, |it| NUMBER * it.radii.len())
+            }
             Plan::Sensitivity(sensitivity) => sensitivity.bytes(&self.problem),
             Plan::Map(map) => map.bytes(),
         };
@@ -348,7 +354,13 @@ impl Study {
             Plan::Sensitivity(sensitivity) => (sensitivity.columns(), sensitivity.unit()),
             Plan::Sweep(_) | Plan::Map(_) => (&[], ""),
         };
-        columns.chain(found.iter().map(|name| ((*name).to_owned(), unit.into()))).collect()
+        let found = found.iter().map(|name| (*name, unit));
+        let curves = self.problem.profiles.iter().flat_map(|profiles| {
+            let fields = profiles.fields.iter().map(|field| (field.name(), field.unit()));
+            [("point", "1"), ("radius", "m")].into_iter().chain(fields)
+        });
+        let others = found.chain(curves).map(|(name, unit)| (name.to_owned(), unit.into()));
+        columns.chain(others).collect()
     }
 
     /// The document of the study from the rows of all its points, under this key.
@@ -394,21 +406,22 @@ impl Study {
         text.push_str(",\"");
         text.push_str(self.rows_member());
         text.push_str("\":");
-        let mut add = |place: usize, name: &str, cells: &str| {
-            text.push(if place == 0 { '{' } else { ',' });
-            text.push_str(&json!(name).to_string());
-            text.push_str(":[");
-            text.push_str(cells);
-            text.push(']');
-        };
         let columns = self.columns();
-        for (place, (column, cells)) in columns.iter().zip(rows.columns()).enumerate() {
-            add(place, &column.name, cells);
+        let derived = self.derived().iter().map(|name| (*name, FrettingMap::regimes(rows)));
+        let derived: Vec<_> = derived.collect();
+        let cells = rows.columns().take(columns.len());
+        let names = columns.iter().map(|column| column.name.as_str());
+        let derived = derived.iter().map(|(name, cells)| (*name, cells.as_str()));
+        add_columns(&mut text, names.zip(cells).chain(derived));
+        if let Some(profiles) = &self.problem.profiles {
+            text.push_str(",\"profiles\":");
+            let points: Vec<_> = (0..rows.count).map(|point| point.to_string()).collect();
+            let radii = json::write(&profiles.radii, NUMBER * profiles.radii.len());
+            let axes = [("point", &*points.join(",")), ("radius", &radii[1..radii.len() - 1])];
+            let names = profiles.fields.iter().map(|field| field.name());
+            let curves = names.zip(rows.columns().skip(columns.len()));
+            add_columns(&mut text, axes.into_iter().chain(curves));
         }
-        for name in self.derived() {
-            add(columns.len(), name, &FrettingMap::regimes(rows));
-        }
-        text.push('}');
         text.push(end);
         Some(text)
     }
@@ -420,6 +433,18 @@ impl Study {
     }
 }
 
+/// Writes an object of lists: names, and cells as JSON, separated by commas.
+fn add_columns<'a>(text: &mut String, columns: impl Iterator<Item = (&'a str, &'a str)>) {
+    for (place, (name, cells)) in columns.enumerate() {
+        text.push(if place == 0 { '{' } else { ',' });
+        text.push_str(&json!(name).to_string());
+        text.push_str(":[");
+        text.push_str(cells);
+        text.push(']');
+    }
+    text.push('}');
+}
+
 /// A study in SI: quantities become numbers of 12 digits, whole numbers become integers, and members are sorted.
 #[expect(clippy::expect_used, reason = "another study would have another key")]
 fn canonical(mut study: Value) -> Value {
@@ -428,6 +453,7 @@ fn canonical(mut study: Value) -> Value {
     study["scenario"]["profiles_at"] = json!("none");
     to_si(&mut study);
     let text = json::write(&study, 1 << 10);
+    drop(study);
     let mut study: Value = serde_json::from_str(&text).expect("the writer writes JSON");
     to_whole(&mut study);
     study.sort_all_objects();

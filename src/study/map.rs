@@ -21,7 +21,7 @@ use fretwork_engine::scenario;
 use serde_json::{Map as Object, Value, json};
 
 use super::member::Member;
-use super::problem::{Found, Lack, Problem, Read, outputs_of};
+use super::problem::{Found, Lack, Problem, Read, outputs_of, small_members};
 use super::rows::{NUMBER, Rows};
 use super::vary::{self, Values};
 use crate::json::Whole;
@@ -69,7 +69,7 @@ pub struct Map {
 /// # Errors
 /// All faults, with pointers relative to the map.
 pub(super) fn read(map: Value) -> Result<Read<Map>, Faults> {
-    let mut complete = map.clone();
+    let complete = small_members(&map);
     let request: Request =
         Request::deserialize_from_value::<Value>(map.into_value(), ValuePointerRef::Origin)?;
     let Request { scenario, normal_force, amplitude, outputs, .. } = request;
@@ -82,9 +82,6 @@ pub(super) fn read(map: Value) -> Result<Read<Map>, Faults> {
         collect("/scenario", more);
     }
     let names = outputs.0.filter(|names| *names != json!([]));
-    if names.is_none() {
-        complete.as_object_mut().and_then(|members| members.remove("outputs"));
-    }
     let outputs = names.map_or(Ok(Vec::new()), |names| outputs_of(names, &scenario));
     let outputs = outputs.unwrap_or_else(|more| {
         collect("/outputs", more);
@@ -104,7 +101,7 @@ pub(super) fn read(map: Value) -> Result<Read<Map>, Faults> {
     let (members, [forces, amplitudes]) = axes([normal_force, amplitude], &scenario)?;
     let cases = forces.iter().map(|_| OnceLock::new()).collect();
     let plan = Map { forces, amplitudes, cases };
-    Ok(Read { complete, problem: Problem::new(scenario, members, outputs), plan })
+    Ok(Read::new(complete, Problem::new(scenario, members, outputs), plan))
 }
 
 /// Checks that normal force and amplitude determine the unworn contact of a scenario.
@@ -150,7 +147,7 @@ fn axes(given: [Value; 2], scenario: &Value) -> Result<(Vec<Member>, [Vec<f64>; 
     if !faults.is_empty() {
         return Err(Faults(faults));
     }
-    let varied = vary::list(entries, scenario).map_err(|mut faults| {
+    let varied = vary::list(&entries, scenario).map_err(|mut faults| {
         for fault in &mut faults.0 {
             for (place, axis) in AXES.iter().enumerate() {
                 if let Some(rest) = fault.pointer.strip_prefix(&format!("/{place}")) {
@@ -219,7 +216,7 @@ impl Map {
             Err(reason) => ([None; CLOSED.len()], Some(Lack::Refused(reason.clone()))),
         };
         let outputs = closed.into_iter().chain(run.outputs).collect();
-        Found { outputs, lack: run.lack.or(refused) }
+        Found { outputs, lack: run.lack.or(refused), profiles: Vec::new() }
     }
 
     /// A case with a normal force.
@@ -318,7 +315,7 @@ mod tests {
             "amplitude": {"from": "0.1 um", "to": "20 um", "count": 12},
         });
         change(&mut map);
-        Study::read(Kind::Map, &map).map(Arc::new)
+        Study::read(Kind::Map, map).map(Arc::new)
     }
 
     fn document(study: &Arc<Study>) -> Value {

@@ -1,13 +1,19 @@
 //! The numbers of a scenario that a study varies.
 
+use std::iter;
+
 use deserr::{Deserr as _, IntoValue as _, ValuePointerRef};
 use fretwork_engine::request::Request;
 use fretwork_engine::request::fault::{Faults, unknown};
 use fretwork_engine::request::quantity::{self, Dimension};
 use serde_json::{Number, Value};
 
+use crate::json::escaped;
+
 /// Most numbers that an error text lists.
 const LISTED: usize = 40;
+/// Most items of a list of which all are looked at.
+const SHORT: usize = 4;
 
 /// A number of a scenario, which a JSON pointer names.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,12 +31,7 @@ impl Member {
     #[must_use]
     pub fn outside_lists(scenario: &Value) -> Vec<String> {
         let mut found = Vec::new();
-        numbers(scenario, &mut String::new(), &mut found);
-        let in_list = |pointer: &String| {
-            let starts = pointer.match_indices('/').map(|(place, _)| &pointer[..place]);
-            starts.filter_map(|start| scenario.pointer(start)).any(Value::is_array)
-        };
-        found.retain(|pointer| !in_list(pointer));
+        numbers(scenario, None, &mut String::new(), &mut found);
         found
     }
 
@@ -41,8 +42,7 @@ impl Member {
     pub fn find(scenario: &Value, pointer: &str) -> Result<Self, String> {
         let found = scenario.pointer(pointer).ok_or_else(|| {
             let mut known = Vec::new();
-            numbers(scenario, &mut String::new(), &mut known);
-            known.truncate(LISTED);
+            numbers(scenario, Some(LISTED), &mut String::new(), &mut known);
             let known: Vec<&str> = known.iter().map(String::as_str).collect();
             unknown("number of the scenario", pointer, &known)
         })?;
@@ -108,32 +108,75 @@ fn dimension(scenario: &Value, pointer: &str, found: &Value) -> Dimension {
         }
         other => other.as_f64().unwrap_or_default(),
     };
+    let mut tokens = pointer.split('/').skip(1);
+    let mut first = String::new();
+    let short = with_short_lists(scenario, &mut tokens, &mut first);
     let accepts = |dimension: &Dimension| {
-        let mut changed = scenario.clone();
-        if let Some(place) = changed.pointer_mut(pointer) {
+        let mut changed = short.clone();
+        if let Some(place) = changed.pointer_mut(&first) {
             *place = Value::String(format!("{plain:?} {}", dimension.si()));
         }
         let read: Result<Request, Faults> =
             Request::deserialize_from_value(changed.into_value(), ValuePointerRef::Origin);
         read.map_or_else(|faults| faults.0, |_| Vec::new())
             .iter()
-            .all(|fault| fault.pointer != pointer)
+            .all(|fault| fault.pointer != first)
     };
     with_unit().find(accepts).unwrap_or(Dimension::Number)
 }
 
-/// The pointers of all numbers of a document.
-fn numbers(value: &Value, pointer: &mut String, found: &mut Vec<String>) {
+/// A document with at most [`SHORT`] items of each list: that which `tokens` lead to is the first of them. The items of a
+/// long list measure the same. `pointer` gets the place to which the tokens lead then.
+fn with_short_lists<'a>(
+    value: &Value,
+    tokens: &mut impl Iterator<Item = &'a str>,
+    pointer: &mut String,
+) -> Value {
+    let token = tokens.next();
+    let mut enter = |name: &str, inner: &Value, is_wanted: bool| {
+        if is_wanted {
+            pointer.push('/');
+            pointer.push_str(name);
+            with_short_lists(inner, tokens, pointer)
+        } else {
+            with_short_lists(inner, &mut iter::empty(), &mut String::new())
+        }
+    };
+    match value {
+        Value::Object(members) => {
+            let short = members.iter().map(|(name, inner)| {
+                let token_of_name = escaped(name);
+                let is_wanted = token == Some(&token_of_name);
+                (name.clone(), enter(&token_of_name, inner, is_wanted))
+            });
+            Value::Object(short.collect())
+        }
+        Value::Array(items) => {
+            let wanted = token.and_then(|token| token.parse().ok()).unwrap_or(usize::MAX);
+            let first = if items.len() > SHORT { items.get(wanted) } else { None };
+            let others = items.iter().take(SHORT - usize::from(first.is_some()));
+            let short = first.into_iter().chain(others).enumerate();
+            let wanted = if first.is_some() { 0 } else { wanted };
+            short.map(|(place, item)| enter(&place.to_string(), item, place == wanted)).collect()
+        }
+        other => other.clone(),
+    }
+}
+
+/// The pointers of the numbers of a document: of the first `most`, or of all that are not in lists.
+fn numbers(value: &Value, most: Option<usize>, pointer: &mut String, found: &mut Vec<String>) {
     let length = pointer.len();
     let mut enter = |name: &str, inner: &Value| {
-        pointer.push('/');
-        pointer.push_str(&name.replace('~', "~0").replace('/', "~1"));
-        numbers(inner, pointer, found);
-        pointer.truncate(length);
+        if most.is_none_or(|most| found.len() < most) {
+            pointer.push('/');
+            pointer.push_str(&escaped(name));
+            numbers(inner, most, pointer, found);
+            pointer.truncate(length);
+        }
     };
     match value {
         Value::Object(members) => members.iter().for_each(|(name, inner)| enter(name, inner)),
-        Value::Array(items) => {
+        Value::Array(items) if most.is_some() => {
             items.iter().enumerate().for_each(|(place, inner)| enter(&place.to_string(), inner));
         }
         _ if is_number(value) => found.push(pointer.clone()),
@@ -176,8 +219,14 @@ mod tests {
             ("/motion/amplitude", Dimension::Length, 2e-6),
             ("/cycles/dissipated_energy/0", Dimension::Energy, 1.0),
             ("/model/points", Dimension::Number, 64.0),
+            ("/motion/reversals/4", Dimension::Length, 5e-6),
         ] {
-            let member = Member::find(&scenario(), pointer).unwrap();
+            let mut scenario = scenario();
+            if pointer.starts_with("/motion/reversals") {
+                scenario["motion"] =
+                    json!({"reversals": [1e-6, -2e-6, "3 um", -4e-6, 5e-6, -6e-6]});
+            }
+            let member = Member::find(&scenario, pointer).unwrap();
             assert_eq!(member.dimension, dimension, "{pointer}");
             assert!((member.value / value - 1.0).abs() < 1e-14, "{pointer}: {}", member.value);
         }

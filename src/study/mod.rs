@@ -13,6 +13,7 @@ mod model;
 mod output;
 mod points;
 mod problem;
+mod profile;
 mod rows;
 mod sensitivity;
 mod sweep;

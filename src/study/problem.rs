@@ -6,13 +6,16 @@ use fretwork_engine::outcome::{Outcome, Preview};
 use fretwork_engine::request::fault::{Fault, Faults};
 use fretwork_engine::scenario;
 use fretwork_engine::simulation::{Advance, Simulation};
-use serde_json::Value;
+use serde_json::{Map, Value};
 
 use super::member::Member;
 use super::output::{NoValue, Output, OutputName};
-use super::vary::{self, Varied, size_of_tree};
+use super::profile::{CommonProfiles, NoProfiles};
+use super::vary::{self, Varied};
 use crate::json::Distinct;
 
+/// The members of a study that take most of its memory. Its kind reads them without a copy.
+const LARGE: [&str; 3] = ["scenario", "vary", "outputs"];
 /// Most outputs.
 const MAX_OUTPUTS: usize = 100;
 /// Processor time to prepare a run, in seconds, beside the time that the engine estimates for it: of any run, and for each
@@ -25,7 +28,7 @@ pub(super) const MAX_SEED: u64 = 1 << 53;
 /// A study as its own kind reads it.
 pub(super) struct Read<P> {
     /// What was read, with all defaults.
-    pub complete: Value,
+    pub complete: Map<String, Value>,
     /// What is computed at each point.
     pub problem: Problem,
     /// Which points the study has, and what it makes of their rows.
@@ -33,11 +36,28 @@ pub(super) struct Read<P> {
 }
 
 impl<P> Read<P> {
+    /// A study with these members beside its scenario and its outputs.
+    pub fn new(mut complete: Map<String, Value>, problem: Problem, plan: P) -> Self {
+        complete.insert("scenario".to_owned(), problem.base.clone());
+        if !problem.outputs.is_empty() {
+            complete
+                .insert("outputs".to_owned(), problem.outputs.iter().map(Output::name).collect());
+        }
+        Self { complete, problem, plan }
+    }
+
     /// The same with a plan made from this one.
     pub fn with<Q>(self, make: impl FnOnce(P) -> Q) -> Read<Q> {
         let Self { complete, problem, plan } = self;
         Read { complete, problem, plan: make(plan) }
     }
+}
+
+/// The members of a study with few values.
+pub(super) fn small_members(study: &Value) -> Map<String, Value> {
+    let members = study.as_object().into_iter().flatten();
+    let small = members.filter(|(name, _)| !LARGE.contains(&name.as_str()));
+    small.map(|(name, value)| (name.clone(), value.clone())).collect()
 }
 
 /// A scenario whose outputs depend on some of its numbers.
@@ -49,6 +69,8 @@ pub struct Problem {
     pub members: Vec<Member>,
     /// What is taken from each result.
     pub outputs: Vec<Output>,
+    /// The curves that are taken from each result.
+    pub profiles: Option<CommonProfiles>,
     /// Estimated processor time to prepare a run, in seconds.
     pub(super) preparation: f64,
 }
@@ -58,6 +80,8 @@ pub struct Problem {
 pub struct Found {
     /// The outputs, in the order of the problem; `None` where there is no value.
     pub outputs: Vec<Option<f64>>,
+    /// The curves, in the order of the problem.
+    pub profiles: Vec<Vec<Option<f64>>>,
     /// Why the point has no outputs, or not all of them.
     pub lack: Option<Lack>,
 }
@@ -85,7 +109,7 @@ impl Problem {
     #[must_use]
     pub fn new(base: Value, members: Vec<Member>, outputs: Vec<Output>) -> Self {
         let preparation = PREPARATION.0 + PREPARATION.1 * size_of_tree(&base) as f64;
-        Self { base, members, outputs, preparation }
+        Self { base, members, outputs, profiles: None, preparation }
     }
 
     /// Begins to compute the outputs for these values of the members, in SI.
@@ -95,12 +119,16 @@ impl Problem {
             Ok(case) => case,
             Err(reason) => return Running::Known(self.lacks_all(Lack::Refused(reason))),
         };
-        if self.outputs.iter().any(Output::needs_run) {
+        if self.needs_run() {
             let simulation = Simulation::new(case.clone(), Vec::new());
             return Running::Run(Box::new((case, simulation)));
         }
         let preview = Preview::of(&case);
         Running::Known(self.found(|output| output.known(&preview)))
+    }
+
+    fn needs_run(&self) -> bool {
+        self.profiles.is_some() || self.outputs.iter().any(Output::needs_run)
     }
 
     /// Continues to compute a point for at most about 30 ms. Returns its outputs when they are known.
@@ -118,13 +146,24 @@ impl Problem {
     /// Estimated processor time of a point, in seconds.
     #[must_use]
     pub fn seconds(&self, values: &[f64]) -> f64 {
-        let needs_run = self.outputs.iter().any(Output::needs_run);
-        let run = self.case(values).ok().filter(|_| needs_run);
+        let run = self.case(values).ok().filter(|_| self.needs_run());
         self.preparation + run.map_or(0.0, |case| case.seconds())
     }
 
     fn of_outcome(&self, case: &Case, outcome: &Outcome) -> Found {
-        self.found(|output| output.value(case, outcome))
+        let found = self.found(|output| output.value(case, outcome));
+        match self.profiles.as_ref().map(|profiles| profiles.of(outcome)) {
+            None => found,
+            Some(Ok(profiles)) => Found { profiles, ..found },
+            Some(Err(why)) => {
+                let lack = found.lack.or(Some(Lack::Incomplete(why.to_string())));
+                Found { lack, ..found }
+            }
+        }
+    }
+
+    fn no_profiles(&self) -> Vec<Vec<Option<f64>>> {
+        self.profiles.as_ref().map(CommonProfiles::missing).unwrap_or_default()
     }
 
     fn found(&self, value: impl Fn(&Output) -> Result<f64, NoValue>) -> Found {
@@ -138,7 +177,7 @@ impl Problem {
                 None
             }
         });
-        Found { outputs: outputs.collect(), lack }
+        Found { outputs: outputs.collect(), profiles: self.no_profiles(), lack }
     }
 
     /// What the `reason` of a row says. Only the reason why an output has no value begins with the name of that output.
@@ -146,7 +185,7 @@ impl Problem {
         let names = |output: &Output| {
             reason.strip_prefix(output.name()).is_some_and(|rest| rest.starts_with(": "))
         };
-        if self.outputs.iter().any(names) {
+        if self.outputs.iter().any(names) || reason == NoProfiles.to_string() {
             Lack::Incomplete(reason)
         } else {
             Lack::Refused(reason)
@@ -154,8 +193,9 @@ impl Problem {
     }
 
     /// A point without outputs.
-    fn lacks_all(&self, lack: Lack) -> Found {
-        Found { outputs: vec![None; self.outputs.len()], lack: Some(lack) }
+    pub(super) fn lacks_all(&self, lack: Lack) -> Found {
+        let outputs = vec![None; self.outputs.len()];
+        Found { outputs, profiles: self.no_profiles(), lack: Some(lack) }
     }
 
     /// The case of a point, or why its scenario is not valid.
@@ -173,7 +213,19 @@ impl Problem {
         if let Method::Exact { compare, .. } = &mut case.method {
             *compare = None;
         }
+        if let Some(last) = case.profiles.last_mut() {
+            *last = self.profiles.is_some();
+        }
         Ok(case)
+    }
+}
+
+/// The number of values in a document.
+fn size_of_tree(value: &Value) -> usize {
+    1 + match value {
+        Value::Array(items) => items.iter().map(size_of_tree).sum(),
+        Value::Object(members) => members.values().map(size_of_tree).sum(),
+        _ => 0,
     }
 }
 
@@ -183,7 +235,7 @@ impl Problem {
 /// All faults, with pointers relative to the study.
 pub(super) fn varied_and_outputs(
     scenario: &Value,
-    vary: Vec<Value>,
+    vary: &[Value],
     outputs: Value,
 ) -> Result<(Vec<Varied>, Vec<Output>), Faults> {
     let mut faults = Vec::new();

@@ -12,8 +12,8 @@ pub const MAX_REASON: usize = 120;
 /// Most bytes of a number as JSON, and of the comma after it.
 pub const NUMBER: usize = 20;
 
-/// The rows of consecutive points, in columns: the values of the members in SI, the outputs, and the reason why an output
-/// is missing.
+/// The rows of consecutive points, in columns: the values of the members in SI, the outputs, the reason why an output is
+/// missing, and the curves.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Rows {
     /// The number of rows.
@@ -33,7 +33,9 @@ impl Rows {
         let reason = lack.map(|(Lack::Refused(reason) | Lack::Incomplete(reason))| reason);
         let values = values.iter().map(|value| json::write(value, NUMBER));
         let outputs = found.outputs.iter().map(|output| json::write(output, NUMBER));
-        self.push_cells(values.chain(outputs).chain(iter::once_with(|| written(reason))), lack);
+        let curves = found.profiles.iter().map(|curve| json::write(curve, NUMBER * curve.len()));
+        let reason = iter::once_with(|| written(reason));
+        self.push_cells(values.chain(outputs).chain(reason).chain(curves), lack);
     }
 
     /// Adds a row whose cells are JSON.
@@ -145,7 +147,11 @@ mod tests {
             for rows in [&mut one, &mut all] {
                 rows.push(
                     &[value as f64],
-                    &Found { outputs: vec![Some(1.5), None], lack: lack.clone() },
+                    &Found {
+                        outputs: vec![Some(1.5), None],
+                        profiles: vec![vec![Some(0.5), None]],
+                        lack: lack.clone(),
+                    },
                 );
             }
             joined.append(&Rows::from_bytes(&one.to_bytes()).unwrap());
@@ -154,7 +160,8 @@ mod tests {
         assert_eq!((all.count, all.refused, all.incomplete), (3, 1, 1));
         let expected = ["0.0,1.0,2.0", "1.5,1.5,1.5", "null,null,null"];
         assert_eq!(all.columns().take(3).collect::<Vec<_>>(), expected);
-        let reasons = format!("[{}]", all.columns().last().unwrap());
+        assert_eq!(all.columns().last(), Some("[0.5,null],[0.5,null],[0.5,null]"));
+        let reasons = format!("[{}]", all.columns().nth(3).unwrap());
         let reasons: [Option<String>; 3] = serde_json::from_str(&reasons).unwrap();
         let shortened = json::write(&reasons[1], MAX_REASON);
         assert!((MAX_REASON - 5..MAX_REASON).contains(&shortened.len()), "{shortened}");

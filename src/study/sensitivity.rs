@@ -23,7 +23,7 @@ use super::distribution::Distribution;
 use super::indices::{Caution, Index, Saltelli, indices};
 use super::morris::{Effect, Morris, effects};
 use super::output::Output;
-use super::problem::{MAX_SEED, Problem, Read, varied_and_outputs};
+use super::problem::{MAX_SEED, Problem, Read, small_members, varied_and_outputs};
 use super::rows::{NUMBER, Rows};
 use super::vary::{Values, Varied};
 use super::{Bootstrap, Estimate};
@@ -109,29 +109,31 @@ struct Named<'a> {
 /// # Errors
 /// All faults, with pointers relative to the study.
 pub(super) fn read(study: Value) -> Result<Read<Sensitivity>, Faults> {
-    let mut complete = study.clone();
+    let mut complete = small_members(&study);
     let request: Request =
         Request::deserialize_from_value::<Value>(study.into_value(), ValuePointerRef::Origin)?;
     let Request { scenario, vary, method, samples, seed, confidence, outputs, .. } = request;
     // A design of faulty members has no meaning.
-    let (varied, outputs) = varied_and_outputs(&scenario, vary, outputs)?;
+    let (varied, outputs) = varied_and_outputs(&scenario, &vary, outputs)?;
     let members = varied.iter().map(|one| one.member.clone()).collect();
     let name = method.0.unwrap_or(MethodName::Sobol);
     let samples = samples.0.map(|samples| samples.0 as usize);
-    complete["method"] = json!(name);
+    let mut add = |member: &str, value| complete.insert(member.to_owned(), value);
+    add("method", json!(name));
+    add("vary", vary.into());
     let plan = if name == MethodName::Local {
         for drawn in ["seed", "confidence"] {
-            complete.as_object_mut().and_then(|members| members.remove(drawn));
+            complete.remove(drawn);
         }
         Sensitivity::local(varied, samples)?
     } else {
         let (seed, confidence) =
             (seed.0.map_or(0, |seed| seed.0), confidence.0.unwrap_or(CONFIDENCE));
-        complete["seed"] = json!(seed);
-        complete["confidence"] = json!(confidence);
+        add("seed", json!(seed));
+        add("confidence", json!(confidence));
         Sensitivity::drawn(name, varied, samples, seed, confidence)?
     };
-    Ok(Read { complete, problem: Problem::new(scenario, members, outputs), plan })
+    Ok(Read::new(complete, Problem::new(scenario, members, outputs), plan))
 }
 
 impl Sensitivity {
@@ -595,7 +597,7 @@ mod tests {
             for number in 0..study.points() {
                 let values = study.point(number);
                 let outputs = vec![Some((self.f)(&values))];
-                rows.push(&values, &Found { outputs, lack: None });
+                rows.push(&values, &Found { outputs, profiles: Vec::new(), lack: None });
             }
             let members = ["a", "b", "c", "d", "e", "f", "g", "h"];
             let output = Named { name: "y", unit: "1", accuracy: ROUNDING };
@@ -664,7 +666,7 @@ mod tests {
             "outputs": ["unworn.gross_slip_amplitude"],
         });
         change(&mut study);
-        Study::read(Kind::Sensitivity, &study).map(Arc::new)
+        Study::read(Kind::Sensitivity, study).map(Arc::new)
     }
 
     fn rows(study: &Arc<Study>) -> Rows {

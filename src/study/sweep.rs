@@ -7,9 +7,10 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::design::Design;
-use super::problem::{MAX_SEED, Problem, Read, varied_and_outputs};
+use super::problem::{MAX_SEED, Problem, Read, small_members, varied_and_outputs};
+use super::profile::CommonProfiles;
 use super::vary::{self, Values, Varied};
-use crate::json::Whole;
+use crate::json::{Whole, both};
 
 /// The body of a sweep.
 #[derive(Deserr)]
@@ -26,6 +27,8 @@ struct Request {
     #[deserr(default)]
     seed: Given<Whole<0, MAX_SEED>>,
     outputs: Value,
+    #[deserr(default)]
+    profiles: Given<Value>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr, Serialize)]
@@ -44,22 +47,31 @@ enum DesignName {
 /// # Errors
 /// All faults, with pointers relative to the sweep.
 pub(super) fn read(sweep: Value) -> Result<Read<Design>, Faults> {
-    let mut complete = sweep.clone();
+    let mut complete = small_members(&sweep);
     let request: Request =
         Request::deserialize_from_value::<Value>(sweep.into_value(), ValuePointerRef::Origin)?;
-    let Request { scenario, vary, design, samples, seed, outputs, .. } = request;
+    let Request { scenario, vary, design, samples, seed, outputs, profiles, .. } = request;
+    let profiles = profiles.0.map(CommonProfiles::read).transpose();
+    let profiles = profiles.map_err(|faults| faults.below("/profiles"));
     // A design of faulty members has no meaning.
-    let (varied, outputs) = varied_and_outputs(&scenario, vary, outputs)?;
+    let read = varied_and_outputs(&scenario, &vary, outputs);
+    let ((varied, outputs), profiles) = both(read, profiles)?;
     let members = varied.iter().map(|one| one.member.clone()).collect();
     let (name, seed) = (design.0.unwrap_or(DesignName::Grid), seed.0.map_or(0, |seed| seed.0));
     let design = design_of(name, varied, samples.0.map(|samples| samples.0), seed)?;
-    complete["design"] = json!(name);
+    complete.insert("design".to_owned(), json!(name));
     if name.is_random() {
-        complete["seed"] = json!(seed);
-    } else if let Some(members) = complete.as_object_mut() {
-        members.remove("seed");
+        complete.insert("seed".to_owned(), json!(seed));
+    } else {
+        complete.remove("seed");
     }
-    Ok(Read { complete, problem: Problem::new(scenario, members, outputs), plan: design })
+    complete.insert("vary".to_owned(), vary.into());
+    match &profiles {
+        Some(profiles) => complete["profiles"]["fields"] = json!(profiles.fields),
+        None => _ = complete.remove("profiles"),
+    }
+    let problem = Problem { profiles, ..Problem::new(scenario, members, outputs) };
+    Ok(Read::new(complete, problem, design))
 }
 
 impl DesignName {
@@ -161,7 +173,7 @@ mod tests {
             "outputs": ["wear_volume", "wear_volume@1000", "unworn.stick_radius"],
         });
         change(&mut sweep);
-        Study::read(Kind::Sweep, &sweep).map(Arc::new)
+        Study::read(Kind::Sweep, sweep).map(Arc::new)
     }
 
     fn all_rows(study: &Arc<Study>, chunks: usize) -> Rows {
@@ -181,6 +193,101 @@ mod tests {
         let table = document["table"].as_object().unwrap();
         let row = |number: usize| table.values().map(|column| column[number].clone()).collect();
         (0..study.points()).map(row).collect()
+    }
+
+    #[test]
+    fn profiles_are_those_of_single_runs_after_their_last_output_cycle() {
+        for (method, points) in [("simplified", 64), ("exact", 64)] {
+            let study = sweep(|sweep| {
+                sweep["scenario"]["model"] = json!({"method": method, "points": points});
+                sweep["vary"][0]["values"] = json!([0.5, -1.0]);
+                sweep["vary"][1]["count"] = json!(2);
+                sweep["outputs"] = json!(["unworn.stick_radius"]);
+                let radius = json!({"from": 0, "to": "400 um", "count": 81});
+                let fields = ["slip", "wear", "pressure", "worn"];
+                sweep["profiles"] = json!({"radius": radius, "fields": fields});
+            })
+            .unwrap();
+            let document = study.document(&"key", &"engine", &all_rows(&study, 1));
+            assert!(document.len() <= study.bytes());
+            let document: Value = serde_json::from_str(&document).unwrap();
+            let profiles = &document["profiles"];
+            assert_eq!(profiles["point"], json!([0, 1, 2, 3]));
+            assert_eq!(document["units"]["pressure"], "Pa");
+            let names: Vec<_> = profiles.as_object().unwrap().keys().collect();
+            assert_eq!(names, ["point", "radius", "slip", "wear", "pressure", "worn"]);
+            let radii: Vec<f64> = serde_json::from_value(profiles["radius"].clone()).unwrap();
+            assert_eq!((radii.len(), radii[1]), (81, 5e-6));
+
+            // The radii of a run of its own are others, so its curves are compared between them.
+            let mut scenario = study.problem().base.clone();
+            scenario["friction"] = json!(0.5);
+            scenario["motion"]["amplitude"] = json!(4e-6);
+            scenario["profiles_at"] = json!("last");
+            let (_, case, _) = scenario::prepare(scenario, "").unwrap();
+            let single = Simulation::new(case, Vec::new()).run().profiles.unwrap();
+            let beyond = *single.radius.last().unwrap();
+            assert!((300e-6..400e-6).contains(&beyond), "{beyond}");
+            for (place, radius) in radii.iter().enumerate() {
+                let cell = |name: &str| profiles[name][1][place].as_f64();
+                let next = single.radius.partition_point(|known| known < radius);
+                if next == single.radius.len() {
+                    let expected = [None, Some(0.0), Some(0.0), None];
+                    assert_eq!(["slip", "wear", "pressure", "worn"].map(cell), expected);
+                    continue;
+                }
+                for (name, curve) in [
+                    ("slip", single.slip.last().unwrap()),
+                    ("wear", single.wear.last().unwrap()),
+                    ("pressure", single.pressure.last().unwrap()),
+                    ("worn", single.worn.last().unwrap()),
+                ] {
+                    let (low, high) = (curve[next.max(1) - 1], curve[next]);
+                    let (low, high) = (low.min(high), low.max(high));
+                    let found = cell(name).unwrap();
+                    let rounding = 1e-11 * high.abs();
+                    let is_between = low - rounding <= found && found <= high + rounding;
+                    assert!(is_between, "{method} {name}: {low} {found} {high}");
+                }
+            }
+            let deepest = profiles["wear"][1].as_array().unwrap().iter();
+            let deepest = deepest.filter_map(Value::as_f64).fold(0.0, f64::max);
+            let expected = single.wear.last().unwrap().iter().copied().fold(0.0, f64::max);
+            assert!((0.9..=1.0 + 1e-11).contains(&(deepest / expected)), "{deepest} of {expected}");
+            assert!(profiles["wear"][2].as_array().unwrap().iter().all(Value::is_null));
+        }
+    }
+
+    #[test]
+    fn profiles_of_a_run_that_ends_early_are_those_of_its_end() {
+        let study = sweep(|sweep| {
+            sweep["vary"] = json!([{"pointer": "/until/wear_depth", "values": ["0.1 um", "1 m"]}]);
+            sweep["scenario"]["until"] = json!({"wear_depth": "0.1 um"});
+            sweep["scenario"]["model"]["points"] = json!(512);
+            sweep["outputs"] = json!(["wear_depth", "cycles"]);
+            sweep["profiles"] = json!({"radius": {"from": 0, "to": "400 um", "count": 801}});
+        });
+        let study = study.unwrap();
+        let document = study.document(&"key", &"engine", &all_rows(&study, 2));
+        let document: Value = serde_json::from_str(&document).unwrap();
+        for point in 0..2 {
+            let depth = document["table"]["wear_depth"][point].as_f64().unwrap();
+            let curve = document["profiles"]["wear"][point].as_array().unwrap().iter();
+            let deepest = curve.filter_map(Value::as_f64).fold(0.0, f64::max);
+            assert!((0.95..=1.0).contains(&(deepest / depth)), "{deepest} {depth}");
+        }
+        assert!(document["table"]["cycles"][0].as_f64() < document["table"]["cycles"][1].as_f64());
+    }
+
+    #[test]
+    fn faults_of_profiles_and_of_other_members_are_in_one_list() {
+        let faults = sweep(|sweep| {
+            sweep["profiles"] = json!({"radius": [], "field": []});
+            sweep["vary"][0]["pointer"] = json!("/frction");
+        });
+        let Faults(faults) = faults.unwrap_err();
+        let pointers: Vec<_> = faults.iter().map(|fault| fault.pointer.as_str()).collect();
+        assert_eq!(pointers, ["/vary/0/pointer", "/profiles/field"]);
     }
 
     #[test]
@@ -219,7 +326,7 @@ mod tests {
             sweep["seed"] = json!(5);
         });
         assert_eq!(study.canonical().to_string(), in_si.unwrap().canonical().to_string());
-        let again = Study::read(Kind::Sweep, study.canonical()).unwrap();
+        let again = Study::read(Kind::Sweep, study.canonical().clone()).unwrap();
         assert_eq!(study.canonical().to_string(), again.canonical().to_string());
         assert_eq!(study.canonical()["scenario"]["profile"]["radius"], json!(0.01));
         assert_eq!(study.canonical()["vary"][1]["from"], json!(1e-6));

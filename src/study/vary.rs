@@ -6,6 +6,7 @@ use std::collections::HashSet;
 use deserr::{Deserr, IntoValue as _, ValuePointerRef};
 use fretwork_engine::request::fault::{Fault, Faults};
 use fretwork_engine::request::fields::Given;
+use fretwork_engine::request::quantity::Dimension;
 use serde_json::{Map, Value};
 
 use super::design::{Spacing, range};
@@ -19,8 +20,6 @@ const MAX_VALUES: u64 = 100_000;
 const MAX_MEMBERS: usize = 100;
 /// Most values of all numbers together.
 const MAX_LISTED: u64 = 1 << 20;
-/// Most numbers that a study varies, times the values of its scenario: each number is looked up in the scenario.
-const MAX_WORK: usize = 200_000;
 /// The fault of an entry whose values the study needs.
 pub const NO_VALUES: &str = "must have either `values`, or `from` and `to`, or a `distribution`";
 
@@ -65,6 +64,17 @@ struct Entry {
     distribution: Given<Value>,
 }
 
+/// A range of quantities that a study does not vary.
+#[derive(Deserr)]
+#[deserr(error = Faults, deny_unknown_fields)]
+struct Range {
+    from: Value,
+    to: Value,
+    count: Whole<2, MAX_VALUES>,
+    #[deserr(default)]
+    spacing: Given<SpacingName>,
+}
+
 #[derive(Debug, Clone, Copy, PartialEq, Deserr)]
 #[deserr(error = Faults, rename_all = lowercase)]
 enum SpacingName {
@@ -76,7 +86,7 @@ enum SpacingName {
 ///
 /// # Errors
 /// The faults of all entries, with pointers such as `/0/from`.
-pub fn list(entries: Vec<Value>, scenario: &Value) -> Result<Vec<Varied>, Faults> {
+pub fn list(entries: &[Value], scenario: &Value) -> Result<Vec<Varied>, Faults> {
     let (mut list, mut faults) = (Vec::<Varied>::new(), Vec::new());
     if entries.is_empty() || entries.len() > MAX_MEMBERS {
         let detail =
@@ -89,21 +99,12 @@ pub fn list(entries: Vec<Value>, scenario: &Value) -> Result<Vec<Varied>, Faults
             format!("has {listed} values in all. At most {MAX_LISTED} can be listed or counted");
         return Err(Faults::one("", detail));
     }
-    let work = entries.len().saturating_mul(size_of_tree(scenario));
-    if work > MAX_WORK {
-        let detail = format!(
-            "names {} numbers of a scenario with {} values. Vary fewer numbers, or shorten the lists of the scenario",
-            entries.len(),
-            size_of_tree(scenario)
-        );
-        return Err(Faults::one("", detail));
-    }
     let mut pointers = HashSet::new();
-    for (place, entry) in entries.into_iter().enumerate() {
+    for (place, entry) in entries.iter().enumerate() {
         let pointer = entry.get("pointer").and_then(Value::as_str).map(str::to_owned);
         let is_new = pointer.is_none_or(|pointer| pointers.insert(pointer));
         let read = if is_new {
-            Varied::read(entry, scenario)
+            Varied::read(entry.clone(), scenario)
         } else {
             Err(Faults::one("/pointer", "is listed twice"))
         };
@@ -147,15 +148,6 @@ fn values_in(entry: &Value) -> u64 {
     count.unwrap_or(0).saturating_add(listed.unwrap_or(0))
 }
 
-/// The number of values in a document.
-pub fn size_of_tree(value: &Value) -> usize {
-    1 + match value {
-        Value::Array(items) => items.iter().map(size_of_tree).sum(),
-        Value::Object(members) => members.values().map(size_of_tree).sum(),
-        _ => 0,
-    }
-}
-
 impl Varied {
     /// Reads an entry of `vary`; `scenario` is the scenario that it belongs to.
     ///
@@ -185,7 +177,8 @@ impl Entry {
             ));
         }
         if let Some(list) = self.values.0 {
-            return Ok(Values::List(list_of(&list, member)?));
+            let list = list_of(&list, member).map_err(|faults| faults.below("/values"))?;
+            return Ok(Values::List(list));
         }
         if let Some(distribution) = self.distribution.0 {
             return Ok(Values::Distribution(distribution_of(&distribution, member)?));
@@ -195,15 +188,10 @@ impl Entry {
         }
         let end = |name: &str, value: Option<Value>| match value {
             None => Err(Faults::one(&format!("/{name}"), format!("is missing. Enter `{name}`"))),
-            Some(value) => {
-                member.read(&value).map_err(|detail| Faults::one(&format!("/{name}"), detail))
-            }
+            Some(value) => end_of(name, &value, member),
         };
         let (from, to) = (end("from", self.from.0)?, end("to", self.to.0)?);
-        let spacing = match self.spacing.0 {
-            Some(SpacingName::Log) => Spacing::Logarithmic,
-            Some(SpacingName::Linear) | None => Spacing::Linear,
-        };
+        let spacing = spacing_of(self.spacing);
         match self.count.0 {
             None => Ok(Values::Range(from, to, spacing)),
             Some(Whole(count)) => {
@@ -214,16 +202,44 @@ impl Entry {
     }
 }
 
+/// An end of a range.
+fn end_of(name: &str, value: &Value, member: &Member) -> Result<f64, Faults> {
+    member.read(value).map_err(|detail| Faults::one(&format!("/{name}"), detail))
+}
+
+fn spacing_of(name: Given<SpacingName>) -> Spacing {
+    match name.0 {
+        Some(SpacingName::Log) => Spacing::Logarithmic,
+        Some(SpacingName::Linear) | None => Spacing::Linear,
+    }
+}
+
+/// Reads quantities that a study does not vary: a list, or a range.
+///
+/// # Errors
+/// All faults, with pointers such as `/0` or `/from`.
+pub fn list_or_range(given: Value, dimension: Dimension) -> Result<Vec<f64>, Faults> {
+    let member = Member { pointer: String::new(), dimension, value: 0.0 };
+    if let Value::Array(list) = given {
+        return list_of(&list, &member);
+    }
+    let given: Range =
+        Range::deserialize_from_value::<Value>(given.into_value(), ValuePointerRef::Origin)?;
+    let Range { from, to, count: Whole(count), spacing } = given;
+    let (from, to) = (end_of("from", &from, &member)?, end_of("to", &to, &member)?);
+    range(from, to, count as usize, spacing_of(spacing)).map_err(|fault| Faults(vec![fault]))
+}
+
 fn list_of(list: &[Value], member: &Member) -> Result<Vec<f64>, Faults> {
     if list.is_empty() || list.len() as u64 > MAX_VALUES {
         let detail = format!("must list 1 to {MAX_VALUES} values, not {}", list.len());
-        return Err(Faults::one("/values", detail));
+        return Err(Faults::one("", detail));
     }
     let (mut values, mut faults) = (Vec::with_capacity(list.len()), Vec::new());
     for (place, value) in list.iter().enumerate() {
         match member.read(value) {
             Ok(value) => values.push(value),
-            Err(detail) => faults.push(Fault { pointer: format!("/values/{place}"), detail }),
+            Err(detail) => faults.push(Fault { pointer: format!("/{place}"), detail }),
         }
     }
     if faults.is_empty() { Ok(values) } else { Err(Faults(faults)) }

@@ -34,10 +34,11 @@ def long_table(page, base):
     note = page.get_by_text("Download has all")
     for count, is_long in ((ROWS, False), (ROWS + 100, True)):
         key = computed(base, sweep(base, ("/friction", 0.5, 0.8, count)))
-        with page.expect_response(lambda response: f"/v1/results/{key}?" in response.url) as loaded:
+        with page.expect_response(lambda response: f"/v1/results/{key}?" in response.url) as head, \
+                page.expect_response(lambda response: f"/v1/results/{key}/table?" in response.url) as rows:
             open_study(page, base, key)
-        table = loaded.value.json()["table"]
-        assert len(table["/friction"]) == min(count, ROWS + 1), len(table["/friction"])
+        assert head.value.json()["table"]["/friction"] == []
+        assert len(rows.value.json()["table"]["/friction"]) == min(count, ROWS + 1)
         expect(page.locator("#study tbody tr")).to_have_count(ROWS)
         expect(note).to_have_count(1 if is_long else 0)
         expect(page.locator("section[aria-label=Counts]")).to_contain_text(f"{count}")

@@ -165,6 +165,51 @@ async fn the_table_is_the_same_in_every_format() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn profiles_of_a_sweep_are_the_same_in_every_format() {
+    let server = Server::start().await;
+    let mut body = sweep();
+    body["sweep"]["vary"][0]["values"] = json!([-0.5, 0.7]);
+    body["sweep"]["profiles"] = json!({
+        "radius": [0, "100 um", "1 mm"], "fields": ["wear", "slip"]});
+    let (key, _) = computed(&server, &body).await;
+    let path = format!("/v1/results/{key}/profiles");
+    let columns = server.get(&path).await.json();
+    let curves = &columns["profiles"];
+    assert_eq!(curves["radius"], json!([0.0, 1e-4, 1e-3]));
+    assert_eq!(curves["wear"][0], json!([null, null, null]), "the first friction is refused");
+    let wear = curves["wear"][5][1].as_f64().unwrap();
+    assert!(wear > 0.0 && curves["wear"][5][2] == 0.0, "{curves}");
+    assert_eq!(curves["slip"][5][2], Value::Null, "the radii of the run end before");
+    let records = server.get(&format!("{path}?layout=records")).await.json();
+    let found = &records["records"][5 * 3 + 1];
+    assert_eq!((&found["point"], &found["wear"]), (&json!(5.0), &json!(wear)));
+    let csv = String::from_utf8(server.get(&format!("{path}?format=csv")).await.body).unwrap();
+    let csv: Vec<&str> = csv.lines().filter(|line| !line.starts_with('#')).collect();
+    assert_eq!((csv[0], csv.len()), ("point,radius[m],wear[m],slip[m]", 1 + 6 * 3));
+    assert_eq!(csv[1], "0.0,0.0,,");
+    assert!(csv[1 + 5 * 3 + 1].starts_with(&format!("5.0,0.0001,{wear:e},")), "{}", csv[17]);
+    let lines = String::from_utf8(server.get(&format!("{path}?format=ndjson")).await.body).unwrap();
+    assert_eq!(lines.lines().count(), 6 * 3);
+    for format in ["npz", "arrow"] {
+        assert!(server.get(&format!("{path}?format={format}")).await.body.len() > 500);
+    }
+    let engineering = format!("{path}?units=engineering&fields=wear&points=2");
+    let engineering = server.get(&engineering).await.json();
+    assert_eq!(engineering["profiles"]["radius"], json!([0.0, 1000.0]));
+    assert_eq!(engineering["profiles"].as_object().unwrap().len(), 3);
+    server.get(&format!("{path}?cycles=1000")).await.problem(422, "invalid-parameters");
+    let first = server.get(&format!("/v1/results/{key}?rows=4")).await.json();
+    assert_eq!(first["profiles"]["radius"], curves["radius"]);
+    assert_eq!(first["profiles"]["point"], json!([0.0, 1.0, 2.0, 3.0]));
+    assert_eq!(first["profiles"]["wear"], json!(curves["wear"].as_array().unwrap()[..4]));
+
+    let (plain, _) = computed(&server, &sweep()).await;
+    let problem = server.get(&format!("/v1/results/{plain}/profiles")).await;
+    let problem = problem.problem(404, "no-such-part");
+    assert!(problem["detail"].as_str().unwrap().contains("with `profiles`"), "{problem}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn every_fault_of_a_study_is_listed_with_its_pointer() {
     let server = Server::start().await;
     let refused = async |body: &Value| {
@@ -228,15 +273,6 @@ async fn a_small_body_cannot_ask_for_much_work() {
     let fault = &problem["errors"][0];
     assert_eq!(fault["pointer"], "/sweep/vary");
     assert!(fault["detail"].as_str().unwrap().starts_with("has 10000000 values"), "{fault}");
-
-    body["sweep"]["scenario"]["cycles"] = json!((1..=1000).map(|n| n * 10).collect::<Vec<_>>());
-    let many = (0..100).map(|place| json!({"pointer": format!("/cycles/{place}"), "values": [1]}));
-    body["sweep"]["vary"] = many.collect();
-    let reversals: Vec<_> = (0..4000).map(|n| if n % 2 == 0 { 1e-6 } else { -1e-6 }).collect();
-    body["sweep"]["scenario"]["motion"] = json!({"reversals": reversals});
-    let problem = server.post("/v1/jobs", &body).await.problem(422, "invalid-request");
-    let detail = problem["errors"].to_string();
-    assert!(detail.contains("Vary fewer numbers"), "{detail}");
 
     let (key, _) = computed(&server, &steel_ball()).await;
     let twice = format!("/v1/results/{key}/derivatives?parameters=/friction,/friction");

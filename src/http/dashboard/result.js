@@ -5,7 +5,7 @@ import { get, jobAddress, Problem, resultAddress } from "./api.js";
 import { drawDetails } from "./details.js";
 import { fill, h, notify, select } from "./dom.js";
 import { axisLimit, branches, maxDifference, Plot } from "./plots.js";
-import { LOADED_ROWS, showStudy } from "./study.js";
+import { showStudy } from "./study.js";
 import { entryOf, jobsOf, kindOf, labelOf, subtitle, title } from "./summary.js";
 import { column, cycles, digits, percent, quantity, WORDS } from "./units.js";
 
@@ -29,8 +29,8 @@ const READOUT = ["wear_volume", "wear_depth", "scar_radius", "contact_radius", "
 const load = (key, link, signal, path, words = {}) =>
   get(`${resultAddress(key, path)}?${new URLSearchParams({ ...words, ...(link && { link }) })}`, { signal });
 
-/** Loads a run, or a study with as many rows as its page needs. */
-const loadResult = (key, link, signal) => load(key, link, signal, "", { rows: LOADED_ROWS });
+/** Loads a run, or a study without its rows. */
+const loadResult = (key, link, signal) => load(key, link, signal, "", { rows: 0 });
 
 /** The label and the submitted scenario of a job, by default of the latest job of the result. With `id`, also its warnings. */
 async function loadJob(key, id, signal) {

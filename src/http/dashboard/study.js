@@ -1,25 +1,27 @@
 // The result of a study: its counts, its figure and its table.
 
 import { drawActions } from "./actions.js";
-import { resultAddress, send } from "./api.js";
+import { get, resultAddress, send } from "./api.js";
 import { fill, h, list, select } from "./dom.js";
 import { KINDS, kindOf } from "./summary.js";
 import { axisTitle, digits, displayUnit, si } from "./units.js";
 
 /** Number of rows that the page shows. Downloads have all. */
 const ROWS = 200;
-/** Number of rows that the page loads. One more tells whether there are others. */
-export const LOADED_ROWS = ROWS + 1;
 /** Figures of each design of a sweep, of a map, and of each method of a sensitivity study. */
 const FIGURES = { grid: ["curves", "heat"], zip: ["curves", "scatter"], latin_hypercube: ["scatter"], sobol: ["scatter"],
   map: ["regimes", "heat", "curves"], indices: ["tornado", "scatter"], local: ["tornado"] };
 const FIGURE_NAMES = { curves: "Curves", heat: "Heat map", scatter: "Scatter plot", regimes: "Regimes", tornado: "Bars" };
 
-export function showStudy(main, result, { job, link, query, signal }) {
+/** Shows a study that was loaded without its rows. */
+export async function showStudy(main, result, { job, link, query, signal }) {
+  // One more row tells whether there are others.
+  const words = new URLSearchParams({ rows: ROWS + 1, ...(link && { link }) });
+  const rows = await get(`${resultAddress(result.key, "/table")}?${words}`, { signal });
   const kind = KINDS[kindOf(result)];
   document.title = `${job.label || kind} · fretwork`;
   const table = h("section", { class: "card", "aria-label": "Table" });
-  const drawTable = () => table.replaceChildren(...rowsOf(result));
+  const drawTable = () => table.replaceChildren(...rowsOf(rows));
   const { points, refused, incomplete } = result.counts;
   fill(main,
     h("div", { class: "head" }, h("div", {}, h("h1", {}, kind),
