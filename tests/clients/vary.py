@@ -111,7 +111,9 @@ def without_field(page, base):
     vary = [{"pointer": "/motion/blocks/0/amplitude", "from": "1 um", "to": "3 um", "count": 2},
         {"pointer": "/friction", "from": 0.6, "to": 0.8, "count": 3},
         {"pointer": "/profile/radius", "from": "9 mm", "to": "11 mm", "count": 2}]
-    key = ask(base, "/v1/jobs", {"sweep": {"scenario": scenario, "vary": vary, "outputs": ["wear_volume"]}})["key"]
+    profiles = {"radius": [0, "50 um"], "fields": ["wear", "slip"]}
+    body = {"sweep": {"scenario": scenario, "vary": vary, "outputs": ["wear_volume"], "profiles": profiles}}
+    key = ask(base, "/v1/jobs", body)["key"]
     page.goto(f"{base}/#/result/{key}")
     page.get_by_role("link", name="Edit and run again").click()
     own = page.locator("#motion-blocks-0-amplitude-from")
@@ -119,9 +121,15 @@ def without_field(page, base):
     expect(page.locator("button.primary")).to_have_text("Compute 12 runs")
     expect(page.locator("[data-item=cached]")).to_have_text("Yes")
     expect(page.locator("section[aria-label=Study]")).to_contain_text("/motion/blocks/0/amplitude")
+    # The study keeps profiles, for which the form has no fields either.
+    expect(page.locator("#profiles")).to_contain_text("Local wear depth, Slip amplitude")
+    assert "profiles" in urllib.parse.unquote(page.url), page.url
+    page.get_by_role("button", name="Remove the profiles").click()
     own.fill("1.5")
     page.reload()
     expect(own).to_have_value("1.5")
+    expect(page.locator("#profiles")).to_have_count(0)
+    assert "profiles" not in urllib.parse.unquote(page.url), page.url
     expect(page.locator("#profile-radius-from")).to_have_value("9")
     # A number leaves the study with its field. The others stay.
     page.select_option("#shape", "cone")
@@ -287,7 +295,8 @@ def vary(browser, base):
     empty(page, base)
     designs(page, base)
     keyboard(page, base)
-    for study in ("5", '{"sweep": {"vary": [{"pointer": "/friction", "values": [0.5]}]}}'):
+    entry = '[{"pointer": "/friction", "from": 0.5, "to": 0.6}]'
+    for study in ("5", f'{{"sweep": {{"vary": {entry.replace("from", "values")}}}}}', f'{{"sweep": {{"vary": {entry}, "other": 1}}}}'):
         page.goto(base + "/#/queue")
         page.goto(f"{base}/#/new?study={study}")
         expect(page.locator("#not-shown")).to_be_visible()

@@ -142,7 +142,7 @@ export async function showForm(main, { query, signal }) {
   /** The range of a number that has no field, such as the amplitude of a block. */
   function drawOther(pointer) {
     const id = idOf(pointer);
-    const remove = h("button", { type: "button", class: "vary", id: `${id}-vary`, "aria-label": `Remove ${pointer} from the study`, onclick: () => {
+    const remove = h("button", { type: "button", class: "vary", "aria-label": `Remove ${pointer} from the study`, onclick: () => {
       delete study.ranges[pointer];
       redraw();
     } }, "Remove");

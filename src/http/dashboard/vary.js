@@ -1,7 +1,7 @@
 // The numbers of the form that a study varies: what their fields show, and the job body that follows from them.
 //
-// A study of the form is `{kind, ranges, samples, outputs}`. `ranges` has an entry `{from, to, unit, count, spacing}` for the
-// pointer of each number that varies. All of them are kept as the user typed them.
+// A study of the form is `{kind, ranges, samples, outputs, profiles}`. `ranges` has an entry `{from, to, unit, count, spacing}`
+// for the pointer of each number that varies. All of them are kept as the user typed them. `profiles` is that of a stored sweep.
 
 import { numberOrText, valueAt } from "./fields.js";
 import { limitsOf } from "./limits.js";
@@ -24,6 +24,9 @@ const FIXED = /^\/(cycles|model\/points)/;
 /** The first range of a number, as factors of its value: 20 % less to 20 % more. A map covers two decades. */
 const NARROW = { factors: [0.8, 1.2], count: 9, spacing: "linear" };
 const WIDE = { factors: [0.1, 10], count: 25, spacing: "log" };
+
+/** The members of a study of the API that the form keeps. */
+const MEMBERS = ["version", "scenario", "vary", "design", "method", "samples", "seed", "confidence", "outputs", "profiles", ...Object.keys(AXES)];
 
 export const newStudy = () => ({ kind: "sweep", ranges: {}, samples: "256", outputs: ["wear_volume", "wear_depth"] });
 
@@ -95,7 +98,7 @@ export function runsOf(study) {
 
 /** The body of `POST /v1/jobs` for a scenario and the numbers that vary. */
 export function jobBody(scenario, study) {
-  const { kind, ranges, outputs } = study;
+  const { kind, ranges, outputs, profiles } = study;
   if (varied(study).length === 0) return { scenario };
   const range = (pointer) => {
     const { from, to, unit, count, spacing } = ranges[pointer];
@@ -108,8 +111,8 @@ export function jobBody(scenario, study) {
     case "map":
       return { map: { scenario, normal_force: range(AXES.normal_force), amplitude: range(AXES.amplitude), outputs } };
     case "sensitivity": return { sensitivity: { scenario, vary, method: "sobol", samples, outputs } };
-    case "random": return { sweep: { scenario, vary, design: "latin_hypercube", samples, outputs } };
-    default: return { sweep: { scenario, vary, outputs } };
+    case "random": return { sweep: { scenario, vary, design: "latin_hypercube", samples, outputs, profiles } };
+    default: return { sweep: { scenario, vary, outputs, profiles } };
   }
 }
 
@@ -150,9 +153,10 @@ export function studyOf(body) {
   const members = ["pointer", "from", "to", "count", "spacing"];
   // The user may have emptied both ends.
   const isRange = (entry) => Object.keys(entry).every((member) => members.includes(member));
-  if (!kind || !vary?.every(isRange)) return undefined;
+  if (!kind || !vary?.every(isRange) || !Object.keys(study).every((member) => MEMBERS.includes(member))) return undefined;
   return { kind, ranges: Object.fromEntries(vary.map((entry) => [entry.pointer, rangeOf(entry)])),
-    samples: String(study.samples ?? newStudy().samples), outputs: Array.from(study.outputs ?? [], String) };
+    samples: String(study.samples ?? newStudy().samples), outputs: Array.from(study.outputs ?? [], String),
+    profiles: study.profiles };
 }
 
 /** Address of the form, filled with what the user submitted or, if that is not kept, with the canonical scenario. */
