@@ -61,7 +61,7 @@ def figure(page, base):
     for name, value in choices.items():
         expect(page.locator(f"#figure-{name}")).to_have_value(value)
     page.select_option("#figure-by", "/friction")
-    expect(fault).to_contain_text("by ")
+    expect(fault).to_contain_text("cannot be drawn: by ")
     expect(image).to_be_hidden()
     page.select_option("#figure-by", "")
     expect(image).to_be_visible()

@@ -82,7 +82,8 @@ function figureOf(result, { link, query, signal }) {
       fault.textContent = "";
     } catch (problem) {
       if (signal.aborted || own !== latest) return;
-      fault.textContent = problem.errors?.map(({ parameter, detail }) => `${parameter} ${detail}.`).join(" ") || problem.message;
+      const faults = problem.errors?.map(({ parameter, detail }) => `${parameter} ${detail}.`).join(" ");
+      fault.textContent = `This figure cannot be drawn: ${faults || problem.message}`;
     }
     // The figure of an earlier choice must not look like the answer to this one.
     image.hidden = fault.textContent !== "";
