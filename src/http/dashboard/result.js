@@ -26,8 +26,9 @@ const READOUT = ["wear_volume", "wear_depth", "scar_radius", "contact_radius", "
   "tangential_force", "energy_per_cycle", "dissipated_energy"];
 
 /** Loads the part of a result at `path`. `link` is the token of a shared link. */
-const load = (key, link, signal, path, words = {}) =>
-  get(`${resultAddress(key, path)}?${new URLSearchParams({ ...words, ...(link && { link }) })}`, { signal });
+async function load(key, link, signal, path, words = {}) {
+  return get(`${resultAddress(key, path)}?${new URLSearchParams({ ...words, ...(link && { link }) })}`, { signal });
+}
 
 /** Loads a run, or a study without its rows. */
 const loadResult = (key, link, signal) => load(key, link, signal, "", { rows: 0 });
