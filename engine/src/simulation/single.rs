@@ -12,7 +12,7 @@ use crate::outcome::{
 };
 use crate::solver::closed::energy;
 use crate::solver::closed::events::{StopSearch, events};
-use crate::solver::closed::simplified::{Simplified, State};
+use crate::solver::closed::simplified::{Simplified, State, UnwornCurves};
 use crate::solver::curves::{Curves, Grid};
 use crate::solver::events::{Event, EventKind};
 use crate::solver::stepped::march::March;
@@ -81,8 +81,11 @@ impl SingleRun {
             Method::Simplified { xi } if case.control.is_closed() => {
                 events.extend(find_outputs(&mut case, xi));
                 let solver = Box::new(Simplified::new(&case.contact, case.points));
-                let limiting = Some(solver.limiting.clone());
-                recording.lay_out(&case, &solver.radii, solver.initial.clone(), limiting);
+                if case.profile_rows() > 0 {
+                    let UnwornCurves { initial, limiting, .. } = solver.unworn();
+                    let limiting = Some(limiting.clone());
+                    recording.lay_out(&case, solver.radii(), initial.clone(), limiting);
+                }
                 RunPhase::Searching(solver, xi, StopSearch::default())
             }
             _ => RunPhase::Planned,

@@ -253,10 +253,10 @@ fn spring_row_sums_agree_with_numerical_integrals() {
 /// About `count` of the output radii, with their indices. With many radii some lie next to the edge
 /// of a flat. In gross slip the curves are singular there, and the mesh is coarse.
 fn visited(contact: &Contact, solver: &Simplified, count: usize) -> Vec<(usize, f64)> {
-    let points = solver.radii.len();
+    let points = solver.radii().len();
     let near = |r: f64| contact.shape.kinks().iter().any(|edge| (r - edge).abs() < 0.01);
     let singular = |r: f64| points > 256 && contact.stick == 0.0 && near(r);
-    let radii = solver.radii.iter().copied().enumerate().skip(points / 256);
+    let radii = solver.radii().iter().copied().enumerate().skip(points / 256);
     radii.step_by(points / count).filter(|(_, r)| !singular(*r)).collect()
 }
 
@@ -322,7 +322,7 @@ fn wear_is_accurate_even_if_the_step_of_the_image_is_thinner_than_a_cell() {
             for (state, (decay, _)) in solver.states(&wanted).iter().zip(&wanted) {
                 assert!(state.depth <= 1.0 + 1e-12, "{} of {exponent} {threshold}", state.depth);
                 let curves = state.curves.as_ref().expect("curves");
-                for (r, wear) in solver.radii.iter().zip(&curves.wear).skip(1).step_by(7) {
+                for (r, wear) in solver.radii().iter().zip(&curves.wear).skip(1).step_by(7) {
                     if *r > contact.limit.radius {
                         continue;
                     }
@@ -415,7 +415,7 @@ fn the_pressure_integrates_to_the_force_and_the_wear_to_the_volume() {
         for normalized in [0.0, 1.0, 4.0] {
             let state = solver.states(&[(solver.decay(0.8, normalized), true)]).remove(0);
             let curves = state.curves.as_ref().expect("curves");
-            let radii = &solver.radii;
+            let radii = solver.radii();
             let force: f64 = (1..radii.len())
                 .map(|i| {
                     let low = curves.pressure[i - 1] * radii[i - 1];

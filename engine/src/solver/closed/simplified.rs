@@ -33,7 +33,7 @@
 //! The rule: (14)–(16) of the paper. Closed form, energy and slip: derived here.
 
 use std::f64::consts::{FRAC_2_PI, PI};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use crate::contact::hysteresis::{Backbone, ROW_POINTS};
 use crate::contact::limit::{chord_and_angle, limiting_wear};
@@ -56,42 +56,38 @@ const CURVE_OPERATIONS: f64 = 40.0;
 #[derive(Debug)]
 struct Ring {
     radii: Vec<f64>,
-    /// Signed y₀.
+    /// y₀ = 1 − g₀.
     unworn: Vec<f64>,
     /// Δ − y₀ inside a₀.
     rest: Vec<f64>,
-    /// The limiting wear.
-    limiting: Vec<f64>,
-    /// Δ·s of the unworn contact, with the ω of the rule also outside a₀.
-    slip: Vec<f64>,
 }
 
 impl Ring {
-    /// The ring of the given radii and unworn images.
-    fn new(contact: &Contact, radii: Vec<f64>, images: &[f64]) -> Self {
-        let Contact { ref shape, stick: c, threshold, limit, .. } = *contact;
+    /// The ring of the given radii.
+    fn new(contact: &Contact, radii: Vec<f64>) -> Self {
+        let Contact { ref shape, stick: c, limit, .. } = *contact;
         let theta = (limit.radius - c) * (limit.radius + c);
         let cells = radii.len() - 1;
-        let unworn = images[..=cells].iter().map(|image| 1.0 - image).collect();
+        let unworn = radii.iter().map(|x| 1.0 - shape.image(*x)).collect();
         let rest = graded(cells)
             .zip(&radii)
             .take_while(|(_, x)| **x < 1.0)
             .map(|(tau, x)| contact.rest(if c == 0.0 { *x } else { theta * tau / (x + c) }))
             .collect();
-        let (mut limiting, mut slip) =
-            (Vec::with_capacity(cells + 1), Vec::with_capacity(cells + 1));
-        for r in &radii {
-            let (chord, psi) = chord_and_angle(c, *r);
-            let wear = limiting_wear(shape, c, 1.0, *r, (chord, psi));
-            limiting.push(wear);
-            // Δ − y₀ = Δ − (1 − g₀), so Δ·s₀ = Δ·(2/π)ψ − w∞.
-            slip.push((threshold * FRAC_2_PI * psi - wear).max(0.0));
+        Self { radii, unworn, rest }
+    }
+
+    /// The limiting wear at a radius, and Δ·s of the unworn contact with the ω of the rule also outside a₀.
+    fn limiting_and_slip(contact: &Contact, r: f64) -> (f64, f64) {
+        let Contact { ref shape, stick: c, threshold, .. } = *contact;
+        if c == 0.0 && r == 0.0 {
+            // On the axis ψ is undefined. These values are the limits for r → 0.
+            return (1.0, threshold - 1.0);
         }
-        if c == 0.0 {
-            // On the axis ψ is undefined. The following values are the limits for r → 0.
-            (limiting[0], slip[0]) = (1.0, threshold - 1.0);
-        }
-        Self { radii, unworn, rest, limiting, slip }
+        let (chord, psi) = chord_and_angle(c, r);
+        let wear = limiting_wear(shape, c, 1.0, r, (chord, psi));
+        // Δ − y₀ = Δ − (1 − g₀), so Δ·s₀ = Δ·(2/π)ψ − w∞.
+        (wear, (threshold * FRAC_2_PI * psi - wear).max(0.0))
     }
 
     /// The number of cells.
@@ -111,14 +107,15 @@ impl Ring {
 
     /// Limits the wear inside a₀ to the limiting wear. If the image has a step within a cell, the
     /// computed wear can exceed the limiting wear.
-    fn bound(&self, wear: &mut [f64]) {
-        for (wear, limiting) in wear.iter_mut().zip(&self.limiting[..self.inside()]) {
+    fn bound(&self, contact: &Contact, wear: &mut [f64]) {
+        for (wear, r) in wear.iter_mut().zip(&self.radii[..self.inside()]) {
+            let (limiting, _) = Self::limiting_and_slip(contact, *r);
             *wear = wear.min(limiting.max(0.0));
         }
     }
 }
 
-/// A contact on its mesh and its output radii. It can be evaluated at any number of cycles.
+/// A contact on its mesh. It can be evaluated at any number of cycles.
 #[derive(Debug)]
 pub struct Simplified {
     contact: Contact,
@@ -128,24 +125,31 @@ pub struct Simplified {
     theta: f64,
     /// 1/x at the mesh nodes; 0 on the axis.
     reciprocal: Vec<f64>,
-    /// The output radii: the core, then the ring from c to ã, then some radii outside.
-    pub radii: Vec<f64>,
+    mesh: Ring,
+    grid: Grid,
+    /// Most runs need no curves.
+    unworn: OnceLock<Box<UnwornCurves>>,
+}
+
+/// What curves over the output radii are made from.
+#[derive(Debug)]
+pub struct UnwornCurves {
     /// The number of radii before the ring.
     core: usize,
-    /// The output radii between c and ã.
-    ring: Ring,
-    /// The mesh nodes, if they are not the radii of `ring`.
-    coarse: Option<Ring>,
+    /// The output radii between c and ã, if they are not the mesh nodes.
+    ring: Option<Ring>,
+    /// Δ·s of the unworn contact in the ring, with the ω of the rule also outside a₀.
+    slip: Vec<f64>,
     /// The error of the slip of the ring outside a₀, divided by e; 0 inside a₀.
     slip_excess: Vec<f64>,
     /// The pressure of the unworn contact in the ring inside a₀.
-    unworn_pressure: Vec<f64>,
+    pressure: Vec<f64>,
     /// g₀ at every radius.
     images: Vec<f64>,
     /// The unworn profile f₀ at every radius.
-    pub(crate) initial: Vec<f64>,
+    pub initial: Vec<f64>,
     /// The limiting profile f∞ at every radius.
-    pub(crate) limiting: Vec<f64>,
+    pub limiting: Vec<f64>,
     /// For each radius of the core: the pressure if y had a step at the stick edge, and the amount
     /// by which each slipping spring reduces it.
     inner: Vec<(f64, [f64; ROW_POINTS])>,
@@ -154,12 +158,52 @@ pub struct Simplified {
     outside: Vec<(f64, [f64; ROW_POINTS])>,
 }
 
+impl UnwornCurves {
+    fn new(contact: &Contact, row: &SpringRow, grid: &Grid) -> Self {
+        let Contact { ref shape, stick: c, threshold, .. } = *contact;
+        let Grid { ref radii, core, cells } = *grid;
+        let nodes = &radii[core..=core + cells];
+        let initial: Vec<f64> = radii.iter().map(|r| shape.profile(*r)).collect();
+        let mut limiting = initial.clone();
+        let mut slip = Vec::with_capacity(nodes.len());
+        for (profile, r) in limiting[core..].iter_mut().zip(nodes) {
+            let (wear, unworn) = Ring::limiting_and_slip(contact, *r);
+            *profile += wear.max(0.0);
+            slip.push(unworn);
+        }
+        let excess = |r: &f64| match *r {
+            r if r > 1.0 => -limiting_wear(shape, 1.0, 1.0, r, chord_and_angle(1.0, r)),
+            _ => 0.0,
+        };
+        let inside = nodes.iter().take_while(|r| **r < 1.0);
+        let inner = radii[..core].iter().map(|r| {
+            let step = threshold / (PI * ((c - r) * (c + r)).sqrt());
+            (shape.pressure_inside(*r, c) + step, row.weights_inside(*r))
+        });
+        let outside = radii[core + cells + 1..]
+            .iter()
+            .map(|r| (1.0 - FRAC_2_PI * libm::asin(c / r), row.weights_outside(*r)));
+        Self {
+            core,
+            ring: (cells > MOST_CELLS).then(|| Ring::new(contact, nodes.to_vec())),
+            slip,
+            slip_excess: nodes.iter().map(excess).collect(),
+            pressure: inside.map(|r| shape.pressure_inside(*r, 1.0)).collect(),
+            images: radii.iter().map(|x| shape.image(*x)).collect(),
+            initial,
+            limiting,
+            inner: inner.collect(),
+            outside: outside.collect(),
+        }
+    }
+}
+
 /// The springs at the mesh nodes after some cycles.
 struct SpringStates {
     /// (g − g₀ − apex)/x at the nodes; empty without wear. The inverse transform gives the wear
     /// minus `apex`.
     worn: Vec<f64>,
-    /// The changes of R′ at the nodes inside a₀, see [`Simplified::pressures`]; empty for R = 0.
+    /// The changes of R′ at the nodes inside a₀, see [`Simplified::pressures`]; empty for R = 0. Only for curves.
     slope_changes: Vec<f64>,
     /// g − g₀ at the first node; 0 except in gross slip.
     apex: f64,
@@ -190,60 +234,38 @@ impl Simplified {
     /// Prepares `points` ≥ 16 output radii.
     #[must_use]
     pub fn new(contact: &Contact, points: usize) -> Self {
-        let Contact { ref shape, stick: c, threshold, limit, .. } = *contact;
-        let Grid { radii, core, cells } = Grid::new(c, limit.radius, points, shape.extent());
-        let images_at = |radii: &[f64]| radii.iter().map(|x| shape.image(*x)).collect::<Vec<f64>>();
-        let images = images_at(&radii);
-        let ring = Ring::new(contact, radii[core..=core + cells].to_vec(), &images[core..]);
-        let coarse = (cells > MOST_CELLS).then(|| {
-            let nodes = curves::ring(c, limit.radius, MOST_CELLS);
-            let images = images_at(&nodes);
-            Ring::new(contact, nodes, &images)
-        });
-        let mesh = coarse.as_ref().unwrap_or(&ring);
-        let reciprocal = mesh.radii.iter().map(|x| if *x > 0.0 { 1.0 / x } else { 0.0 }).collect();
-        let initial: Vec<f64> = radii.iter().map(|r| shape.profile(*r)).collect();
-        let mut limiting = initial.clone();
-        for (profile, wear) in limiting[core..].iter_mut().zip(&ring.limiting) {
-            *profile += wear.max(0.0);
-        }
-        let excess = |r: &f64| match *r {
-            r if r > 1.0 => -limiting_wear(shape, 1.0, 1.0, r, chord_and_angle(1.0, r)),
-            _ => 0.0,
+        let Contact { ref shape, stick: c, limit, .. } = *contact;
+        let grid = Grid::new(c, limit.radius, points, shape.extent());
+        let Grid { ref radii, core, cells } = grid;
+        let nodes = if cells > MOST_CELLS {
+            curves::ring(c, limit.radius, MOST_CELLS)
+        } else {
+            radii[core..=core + cells].to_vec()
         };
-        let slip_excess = ring.radii.iter().map(excess).collect();
-        let row = SpringRow::new(contact);
-        let unworn_pressure =
-            ring.radii[..ring.inside()].iter().map(|r| shape.pressure_inside(*r, 1.0)).collect();
-        let inner = radii[..core]
-            .iter()
-            .map(|r| {
-                let step = threshold / (PI * ((c - r) * (c + r)).sqrt());
-                (shape.pressure_inside(*r, c) + step, row.weights_inside(*r))
-            })
-            .collect();
-        let outside = radii[core + cells + 1..]
-            .iter()
-            .map(|r| (1.0 - FRAC_2_PI * libm::asin(c / r), row.weights_outside(*r)))
-            .collect();
+        let mesh = Ring::new(contact, nodes);
+        let reciprocal = mesh.radii.iter().map(|x| if *x > 0.0 { 1.0 / x } else { 0.0 }).collect();
         Self {
             contact: contact.clone(),
-            row,
+            row: SpringRow::new(contact),
             kernels: Kernels::with_cells(mesh.cells()),
             theta: (limit.radius - c) * (limit.radius + c),
             reciprocal,
-            radii,
-            core,
-            ring,
-            coarse,
-            slip_excess,
-            unworn_pressure,
-            images,
-            initial,
-            limiting,
-            inner,
-            outside,
+            mesh,
+            grid,
+            unworn: OnceLock::new(),
         }
+    }
+
+    /// The output radii: the core, then the ring from c to ã, then some radii outside.
+    #[must_use]
+    pub fn radii(&self) -> &[f64] {
+        &self.grid.radii
+    }
+
+    /// The curves of the unworn contact. They are computed when they are first needed.
+    pub(crate) fn unworn(&self) -> &UnwornCurves {
+        let Self { contact, row, grid, .. } = self;
+        self.unworn.get_or_init(|| Box::new(UnwornCurves::new(contact, row, grid)))
     }
 
     /// Estimated number of multiplications of `states` states, some of them with curves.
@@ -252,9 +274,9 @@ impl Simplified {
         0.5 * cells * cells * (states + curves) as f64 + CURVE_OPERATIONS * (points * curves) as f64
     }
 
-    /// The mesh nodes.
-    fn mesh(&self) -> &Ring {
-        self.coarse.as_ref().unwrap_or(&self.ring)
+    /// The output radii between c and ã.
+    fn ring(&self) -> &Ring {
+        self.unworn().ring.as_ref().unwrap_or(&self.mesh)
     }
 
     /// The regime of the unworn contact.
@@ -292,7 +314,7 @@ impl Simplified {
         let (mut worn, mut changes) = (Vec::new(), Vec::new());
         let (mut found, mut more) = (Vec::new(), Vec::new());
         for (decay, curves) in wanted {
-            let springs = self.springs(*decay);
+            let springs = self.springs(*decay, *curves);
             let (sums, compressions) = self.row.sums_and_compressions(*decay);
             worn.push(springs.worn);
             found.push((springs.apex, springs.unresolved, sums));
@@ -301,7 +323,7 @@ impl Simplified {
                 more.push((*decay, compressions));
             }
         }
-        let mut wear = vec![vec![0.0; self.mesh().radii.len()]; wanted.len()];
+        let mut wear = vec![vec![0.0; self.mesh.radii.len()]; wanted.len()];
         self.kernels.inverse(&worn, &mut wear);
         let mut more = more.iter().zip(self.pressures(&changes));
         let scale = self.theta.sqrt() / PI;
@@ -313,15 +335,16 @@ impl Simplified {
                     *wear = apex + scale * *wear;
                 }
                 if unresolved {
-                    self.mesh().bound(&mut wear);
+                    self.mesh.bound(&self.contact, &mut wear);
                 }
                 let mut state = self.measure(&wear, sums);
                 if let Some(((decay, compressions), pressure)) =
                     curves.then(|| more.next()).flatten()
                 {
-                    let mut wear = self.spread(wear, self.ring.radii.len());
+                    let ring = self.ring();
+                    let mut wear = self.spread(wear, ring.radii.len());
                     if unresolved {
-                        self.ring.bound(&mut wear);
+                        ring.bound(&self.contact, &mut wear);
                     }
                     state.backbone = Some(self.row.backbone(&sums, compressions));
                     state.curves = Some(self.curves(&wear, pressure, *decay, compressions));
@@ -332,31 +355,36 @@ impl Simplified {
     }
 
     /// The closed form of (14) at every mesh node, as in [`Contact::compression`] and
-    /// [`Contact::worn`], but with one division for both.
-    fn springs(&self, decay: Decay) -> SpringStates {
+    /// [`Contact::worn`], but with one division for both. Curves need the changes of slope.
+    fn springs(&self, decay: Decay, curves: bool) -> SpringStates {
         let Contact { threshold, stick, .. } = self.contact;
         let (left, gone) = (decay.left, decay.gone);
         if gone == 0.0 {
             let (worn, slope_changes) = (Vec::new(), Vec::new());
             return SpringStates { worn, slope_changes, apex: 0.0, unresolved: false };
         }
-        let mesh = self.mesh();
+        let mesh = &self.mesh;
         let (inside, outside) = mesh.unworn.split_at(mesh.inside());
         let mut rest: Vec<f64> = Vec::with_capacity(mesh.inside() + 1);
         rest.extend(mesh.shares(decay));
         let mut worn: Vec<f64> = Vec::with_capacity(mesh.radii.len());
         worn.extend(rest.iter().zip(&mesh.rest).map(|(share, rest)| gone * rest * share));
         worn.extend(outside.iter().map(|y| gone * y));
-        for (rest, unworn) in rest.iter_mut().zip(inside) {
-            *rest = *rest * (threshold * left) - left * unworn;
-        }
         if stick > 0.0 {
             // The node at the stick edge neither slips nor wears: set the exact values, without rounding errors.
-            (rest[0], worn[0]) = (inside[0] - left * inside[0], 0.0);
+            worn[0] = 0.0;
         }
-        // R is 0 at a₀ and outside it. One more node lets the curve end at 0.
-        rest.push(0.0);
-        self.kernels.slope_changes(&mut rest);
+        if curves {
+            for (rest, unworn) in rest.iter_mut().zip(inside) {
+                *rest = *rest * (threshold * left) - left * unworn;
+            }
+            if stick > 0.0 {
+                rest[0] = inside[0] - left * inside[0];
+            }
+            // R is 0 at a₀ and outside it. One more node lets the curve end at 0.
+            rest.push(0.0);
+            self.kernels.slope_changes(&mut rest);
+        }
         let apex = worn[0];
         let first_step = worn[1] - apex;
         for (worn, reciprocal) in worn.iter_mut().zip(&self.reciprocal) {
@@ -372,7 +400,7 @@ impl Simplified {
     /// The value at the first node that makes the inverse transform of the first cell exact, even with a thin step
     /// inside. The interpolation there is linear, with `second` at the second node.
     fn first_value(&self, decay: Decay, apex: f64, second: f64) -> f64 {
-        let (c, r) = (self.contact.stick, self.mesh().radii[1]);
+        let (c, r) = (self.contact.stick, self.mesh.radii[1]);
         let (_, angle) = chord_and_angle(c, r);
         // ψ = ψ₁(1 − s⁴): x = r cos ψ is c at s = 0, and x − c = 2r sin((ψ₁−ψ)/2) sin((ψ₁+ψ)/2).
         let integral = integrate(0.0, 1.0, |s| {
@@ -391,7 +419,7 @@ impl Simplified {
     }
 
     fn measure(&self, wear: &[f64], sums: Sums) -> State {
-        let (mesh, tau) = (&self.mesh().radii, self.kernels.tau());
+        let (mesh, tau) = (&self.mesh.radii, self.kernels.tau());
         let deepest = largest(wear);
         let mut scar = 0.0;
         let mut cut_off = 0.0;
@@ -425,7 +453,7 @@ impl Simplified {
     /// Interpolates values at the first mesh nodes to the first `radii` radii of the ring, by
     /// monotone cubics in u = τ^⅓. Both are evenly spaced in u.
     fn spread(&self, nodes: Vec<f64>, radii: usize) -> Vec<f64> {
-        let (cells, intervals) = (self.mesh().cells(), self.ring.cells());
+        let (cells, intervals) = (self.mesh.cells(), self.grid.cells);
         if cells == intervals {
             return nodes;
         }
@@ -443,10 +471,10 @@ impl Simplified {
         decay: Decay,
         compressions: &[f64; ROW_POINTS],
     ) -> Curves {
-        let mut curve = Vec::with_capacity(self.radii.len());
-        curve.resize(self.core, 0.0);
+        let mut curve = Vec::with_capacity(self.grid.radii.len());
+        curve.resize(self.grid.core, 0.0);
         curve.extend(wear.iter().map(|wear| wear.max(0.0)));
-        curve.resize(self.radii.len(), 0.0);
+        curve.resize(self.grid.radii.len(), 0.0);
         Curves {
             wear: curve,
             image: self.image(decay),
@@ -457,21 +485,22 @@ impl Simplified {
 
     /// The image at every radius.
     fn image(&self, decay: Decay) -> Vec<f64> {
-        let mut image = self.images.clone();
+        let (unworn, ring) = (self.unworn(), self.ring());
+        let mut image = unworn.images.clone();
         if decay.gone == 0.0 {
             return image;
         }
         let carried = self.contact.threshold * decay.left;
-        let (inside, outside) = image[self.core..].split_at_mut(self.ring.inside());
+        let (inside, outside) = image[unworn.core..].split_at_mut(ring.inside());
         let edge = inside[0];
-        for (image, share) in inside.iter_mut().zip(self.ring.shares(decay)) {
+        for (image, share) in inside.iter_mut().zip(ring.shares(decay)) {
             *image = 1.0 - carried * share;
         }
-        if self.core > 0 {
+        if unworn.core > 0 {
             // The stick edge does not wear: set the exact value, without rounding errors.
             inside[0] = edge;
         }
-        for (image, unworn) in outside.iter_mut().zip(&self.ring.unworn[self.ring.inside()..]) {
+        for (image, unworn) in outside.iter_mut().zip(&ring.unworn[ring.inside()..]) {
             *image = 1.0 - decay.left * unworn;
         }
         image
@@ -479,16 +508,18 @@ impl Simplified {
 
     /// The slip at every radius, from the wear in the ring.
     fn slip(&self, wear: &[f64], decay: Decay, compressions: &[f64]) -> Vec<f64> {
+        let unworn = self.unworn();
         let per_threshold = 1.0 / self.contact.threshold;
-        let mut slip = Vec::with_capacity(self.radii.len());
-        slip.resize(self.core, 0.0);
-        slip.extend(wear.iter().zip(&self.ring.slip).zip(&self.slip_excess).map(
+        let mut slip = Vec::with_capacity(self.grid.radii.len());
+        slip.resize(unworn.core, 0.0);
+        slip.extend(wear.iter().zip(&unworn.slip).zip(&unworn.slip_excess).map(
             |((wear, unworn), excess)| {
                 ((unworn + wear - decay.left * excess) * per_threshold).max(0.0)
             },
         ));
         slip.extend(
-            self.outside
+            unworn
+                .outside
                 .iter()
                 .map(|(unstuck, weights)| unstuck - dot(weights, compressions) * per_threshold),
         );
@@ -502,8 +533,8 @@ impl Simplified {
     /// inside a cell.
     fn pressures(&self, changes: &[Vec<f64>]) -> Vec<Vec<f64>> {
         // The sum is 0 at the first node outside a₀.
-        let mut sums = vec![vec![0.0; self.mesh().inside() + 1]; changes.len()];
-        self.kernels.pressure(changes, self.mesh().inside(), &mut sums);
+        let mut sums = vec![vec![0.0; self.mesh.inside() + 1]; changes.len()];
+        self.kernels.pressure(changes, self.mesh.inside(), &mut sums);
         sums
     }
 
@@ -514,27 +545,28 @@ impl Simplified {
         decay: Decay,
         compressions: &[f64; ROW_POINTS],
     ) -> Vec<f64> {
-        let mut curve = Vec::with_capacity(self.radii.len());
-        curve.extend(self.inner.iter().map(|(step, weights)| {
+        let unworn = self.unworn();
+        let mut curve = Vec::with_capacity(self.grid.radii.len());
+        curve.extend(unworn.inner.iter().map(|(step, weights)| {
             let found = step - dot(weights, compressions);
             // If the core is too small for these sums, it acts like a point: the pressure is infinite.
             if found >= 0.0 { found } else { f64::INFINITY }
         }));
         let unresolved =
-            self.core > 0 && self.step_width(decay) < self.mesh().radii[1] - self.mesh().radii[0];
+            unworn.core > 0 && self.step_width(decay) < self.mesh.radii[1] - self.mesh.radii[0];
         if unresolved {
             // The sum at the stick edge contains the step. The sums outside do not.
             sums[0] = sums[1];
         }
         let scale = FRAC_2_PI / self.theta.sqrt();
-        let sums = self.spread(sums, self.ring.inside());
-        let ring = self.unworn_pressure.iter().zip(&sums);
+        let sums = self.spread(sums, self.ring().inside());
+        let ring = unworn.pressure.iter().zip(&sums);
         curve.extend(ring.map(|(unworn, sum)| (decay.left * unworn + scale * sum).max(0.0)));
         // At the apex of a cone in gross slip the pressure is always infinite.
-        if unresolved || self.unworn_pressure[0].is_infinite() {
-            curve[self.core] = f64::INFINITY;
+        if unresolved || unworn.pressure[0].is_infinite() {
+            curve[unworn.core] = f64::INFINITY;
         }
-        curve.resize(self.radii.len(), 0.0);
+        curve.resize(self.grid.radii.len(), 0.0);
         curve
     }
 }
