@@ -2,11 +2,11 @@
 
 use std::convert::Infallible;
 use std::ffi::OsStr;
-use std::fmt::Write as _;
+use std::fmt::{self, Write as _};
 use std::fs;
 use std::net::{IpAddr, SocketAddr, ToSocketAddrs};
 use std::num::{NonZeroU32, NonZeroUsize};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use axum::http::{HeaderValue, Uri};
@@ -18,7 +18,7 @@ use fretwork::format::{Format, QUANTITIES, Quantity};
 use fretwork::http::{self, Access, AdminKey, Connections, Limits, Origins, Patience};
 use fretwork::job::Key;
 use fretwork::service::WorkLimits;
-use fretwork::store::{self, Role, Search};
+use fretwork::store::{self, DatabaseUrl, Place, Role, Search};
 use fretwork_engine::scenario::MAX_ANSWER;
 use tracing_subscriber::filter::Targets;
 
@@ -35,6 +35,8 @@ Examples:
   fretwork verify                                   compare the program with known numbers
   fretwork health                                   exit code 0 if the server answers
   fretwork keys add anna --role submit              add an access key; then callers need one
+  fretwork --database postgres://fretwork@db/fretwork   share a PostgreSQL database with other servers
+  fretwork worker --database postgres://...         only compute, for these servers
   fretwork --print-config > fretwork.env            write the settings as environment variables
 
 Every option of the server has an environment variable.";
@@ -80,6 +82,10 @@ pub struct Cli {
 pub enum Command {
     /// Start the server (the default).
     Serve(Box<Serve>),
+    /// Compute the runs of other servers, which share a PostgreSQL database. Answers no requests.
+    ///
+    /// Start any number of workers on any number of machines, beside servers with the same --database.
+    Worker(Box<Worker>),
     /// Compute a job body from a file, without a server or a database.
     ///
     /// The result goes to standard output or to a file, and a summary to standard error. If the job body is
@@ -202,12 +208,12 @@ pub struct Serve {
     /// limit.
     #[arg(long, env = "FRETWORK_CONCURRENCY", default_value = "256", value_name = "N")]
     pub concurrency: u32,
-    /// The directory of the database; created if it is missing.
-    #[arg(long, env = "FRETWORK_DATA_DIR", default_value = "data", value_name = "DIR")]
-    pub data_dir: PathBuf,
-    /// Worker threads that compute runs [default: one per processor].
+    #[command(flatten)]
+    pub data: Data,
+    /// Worker threads that compute runs [default: one per processor]. With 0, `fretwork worker` computes them on other
+    /// machines; this needs --database.
     #[arg(long, env = "FRETWORK_WORKERS", value_name = "N",
-        value_parser = clap::value_parser!(u16).range(1..=1024))]
+        value_parser = clap::value_parser!(u16).range(..=1024))]
     pub workers: Option<u16>,
     /// Allow web pages of this origin to call the server. Repeat the option for more origins; * allows all.
     #[arg(long = "cors-origin", env = "FRETWORK_CORS_ORIGIN", value_name = "URL",
@@ -221,6 +227,10 @@ pub struct Serve {
     #[arg(long, env = "FRETWORK_DRAIN_SECONDS", default_value = "7", value_name = "SECONDS",
         value_parser = seconds)]
     pub drain_seconds: Duration,
+    /// Time, such as 30s, after which other servers compute again what this one has left, if it dies. Each server renews its
+    /// claim at a third of this time. Only for --database.
+    #[arg(long, env = "FRETWORK_LEASE", default_value = "30s", value_name = "TIME", value_parser = lease)]
+    pub lease: Duration,
     /// Maximum number of jobs in the queue. The last tenth is reserved for owners with few queued
     /// jobs.
     #[arg(long, env = "FRETWORK_QUEUE_LIMIT", default_value = "20000", value_name = "N",
@@ -345,11 +355,83 @@ pub struct Health {
 }
 
 /// The database of a command.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub struct Data {
-    /// The directory of the database.
+    /// The directory of the database; created if it is missing.
     #[arg(long, env = "FRETWORK_DATA_DIR", default_value = "data", value_name = "DIR")]
     pub data_dir: PathBuf,
+    /// Instead of a directory, the address of a PostgreSQL database that several servers share, such as
+    /// postgres://user:password@host/name. Prefer the environment variable, because other users can see the command line.
+    #[arg(long, env = "FRETWORK_DATABASE", hide_env_values = true, value_name = "URL",
+        value_parser = database)]
+    pub database: Option<DatabaseText>,
+}
+
+/// The address of a database as it was given. It may contain a password.
+#[derive(Clone)]
+pub struct DatabaseText(String);
+
+impl fmt::Debug for DatabaseText {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("(not shown)")
+    }
+}
+
+impl Data {
+    /// Where the database is.
+    pub fn place(&self) -> Result<Place, String> {
+        match &self.database {
+            None => Ok(Place::Directory(self.data_dir.clone())),
+            Some(DatabaseText(url)) => {
+                let url = url.parse::<DatabaseUrl>();
+                url.map(Place::Shared).map_err(|error| format!("--database: {error}"))
+            }
+        }
+    }
+
+    /// The directory of the database. A database of PostgreSQL has none, and `instead` says what to do with it.
+    pub fn directory(&self, instead: &str) -> Result<&Path, String> {
+        match self.database {
+            None => Ok(&self.data_dir),
+            Some(_) => Err(format!("--database names a PostgreSQL database: {instead}")),
+        }
+    }
+}
+
+/// The settings of `worker`.
+#[derive(Debug, Args)]
+pub struct Worker {
+    #[command(flatten)]
+    pub data: Data,
+    /// Worker threads that compute runs [default: one per processor].
+    #[arg(long, env = "FRETWORK_WORKERS", value_name = "N",
+        value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub workers: Option<u16>,
+    /// Seconds that runs may take to finish when the worker stops. Unfinished runs start again on another one.
+    #[arg(long, env = "FRETWORK_DRAIN_SECONDS", default_value = "7", value_name = "SECONDS",
+        value_parser = seconds)]
+    pub drain_seconds: Duration,
+    /// Time, such as 30s, after which other servers compute again what this one has left, if it dies. Each server renews its
+    /// claim at a third of this time. Only for --database.
+    #[arg(long, env = "FRETWORK_LEASE", default_value = "30s", value_name = "TIME", value_parser = lease)]
+    pub lease: Duration,
+    /// Maximum time of one run, such as 10min or 2h. 0 means no limit.
+    #[arg(long, env = "FRETWORK_RUN_LIMIT", default_value = "30min", value_name = "TIME",
+        value_parser = duration)]
+    pub run_limit: Duration,
+    /// Level of the log: off, error, warn, info, debug or trace; for single modules as in info,sqlx=debug.
+    #[arg(long, env = "FRETWORK_LOG", default_value = "info", value_name = "LEVEL", value_parser = log_levels)]
+    pub log: Targets,
+    /// Format of the log.
+    #[arg(long, env = "FRETWORK_LOG_FORMAT", default_value = "text")]
+    pub log_format: LogFormat,
+}
+
+impl Worker {
+    /// What a run may take.
+    pub fn limits(&self) -> WorkLimits {
+        WorkLimits { run: nonzero(self.run_limit), ..WorkLimits::default() }
+    }
 }
 
 /// The settings of `export`.
@@ -414,6 +496,15 @@ fn condition(text: &str) -> Result<(String, String), String> {
 }
 
 impl Serve {
+    /// Where the database is. A directory needs workers in this process.
+    pub fn place(&self) -> Result<Place, String> {
+        let place = self.data.place()?;
+        if self.workers == Some(0) && matches!(place, Place::Directory(_)) {
+            return Err("--workers 0 needs --database, so that other machines compute".to_owned());
+        }
+        Ok(place)
+    }
+
     /// Whether other machines can reach an address of the server.
     pub fn is_reachable(&self) -> bool {
         [Some(self.listen), self.umbridge_listen]
@@ -454,6 +545,7 @@ impl Serve {
             keep_jobs: nonzero(self.keep_jobs),
             budget: Some(self.keep_results.as_u64()).filter(|bytes| *bytes > 0),
             pin_quota: self.pin_quota.as_u64(),
+            lease: self.lease,
         }
     }
 
@@ -545,6 +637,19 @@ fn key_name(text: &str) -> Result<String, String> {
 #[expect(clippy::unnecessary_wraps, reason = "clap requires this signature")]
 fn admin_key(text: &str) -> Result<AdminKey, Infallible> {
     Ok(AdminKey(text.to_owned()))
+}
+
+/// Parses the time of a lease. A shorter one would be lost by a busy server.
+fn lease(text: &str) -> Result<Duration, String> {
+    let time = duration(text)?;
+    let sound = (Duration::from_secs(1)..=Duration::from_hours(1)).contains(&time);
+    if sound { Ok(time) } else { Err("expected a time from 1s to 1h".to_owned()) }
+}
+
+/// Accepts any text, because an error of clap would print the password. [`Data::place`] checks it.
+#[expect(clippy::unnecessary_wraps, reason = "clap requires this signature")]
+fn database(text: &str) -> Result<DatabaseText, Infallible> {
+    Ok(DatabaseText(text.to_owned()))
 }
 
 /// Parses the time until a key expires.

@@ -17,7 +17,7 @@ use fretwork::http::{self, AdminKey};
 use fretwork::job::Task;
 use fretwork::service::Service;
 use fretwork::service::workers::Workers;
-use fretwork::store::Store;
+use fretwork::store::{Options, Place, Store};
 use fretwork::verification::{self, Accuracy};
 use fretwork_engine::simulation::model_error;
 use mimalloc::MiMalloc;
@@ -26,7 +26,7 @@ use tokio::sync::oneshot;
 use tokio::time;
 
 use cli::{Error, print, print_error, reachable};
-use config::{Cli, Command, Serve};
+use config::{Cli, Command, Serve, Worker};
 
 /// Requests and results are many short allocations, freed by other threads than those that made them.
 #[global_allocator]
@@ -56,6 +56,7 @@ fn main() -> ExitCode {
             let matches = matches.subcommand_matches("serve").unwrap_or(&matches);
             serve(&settings, matches).map(success)
         }
+        Some(Command::Worker(settings)) => work(&settings).map(success),
         Some(Command::Run(settings)) => cli::run::run(&settings),
         Some(Command::Openapi) => print(&http::document()).map(success),
         Some(Command::Verify { exact_volumes: true, .. }) => {
@@ -122,21 +123,63 @@ fn serve(settings: &Serve, matches: &ArgMatches) -> Result<(), Error> {
         .block_on(serve_until_signal(settings, admin_key))
 }
 
+/// The number of worker threads: as set, or one per processor.
+fn worker_threads(set: Option<u16>) -> usize {
+    set.map_or_else(|| thread::available_parallelism().map_or(1, usize::from), usize::from)
+}
+
+/// Computes the runs of other servers until a signal.
+fn work(settings: &Worker) -> Result<(), Error> {
+    let place = settings.data.place()?;
+    if matches!(place, Place::Directory(_)) {
+        return Err("a worker needs --database: servers share only a PostgreSQL database".into());
+    }
+    telemetry::start(&settings.log, settings.log_format);
+    // Two threads are enough, because runs have their own threads.
+    tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(2)
+        .enable_all()
+        .build()?
+        .block_on(work_until_signal(settings, &place))
+}
+
+async fn work_until_signal(settings: &Worker, place: &Place) -> Result<(), Error> {
+    let mut signals = ShutdownSignals::new()?;
+    // The servers decide what is kept.
+    let store =
+        Store::open(place, &Options { lease: settings.lease, ..Options::default() }).await?;
+    let recovered = store.recover().await?;
+    let count = worker_threads(settings.workers);
+    let service = Service::new(store.clone(), Arc::new(Task::start), count, settings.limits());
+    let workers = Workers::start(&store, count, settings.limits(), &service.compute())?;
+    tracing::info!(?recovered, %place, workers = count, "working");
+    signals.next().await;
+    tracing::info!("draining; a second signal stops at once");
+    let drain = async {
+        workers.drain(settings.drain_seconds).await;
+        store.close().await;
+    };
+    tokio::select! {
+        () = drain => tracing::info!("drained"),
+        () = signals.next() => tracing::warn!("stopped; other workers compute the interrupted runs again"),
+    }
+    Ok(())
+}
+
 async fn serve_until_signal(settings: &Serve, admin_key: Option<AdminKey>) -> Result<(), Error> {
     let mut signals = ShutdownSignals::new()?;
     let connections = allow_open_files(settings.connections);
-    let store = Store::open(&settings.data_dir, &settings.storage()).await?;
+    let place = settings.place()?;
+    let store = Store::open(&place, &settings.storage()).await?;
     let listener = listen(settings.listen, "--listen")?;
     let address = listener.local_addr()?;
     let umbridge = settings.umbridge_listen.map(|address| listen(address, "--umbridge-listen"));
     let umbridge = umbridge.transpose()?;
     let umbridge_address = umbridge.as_ref().map(TcpListener::local_addr).transpose()?;
-    let requires_key = requires_key(settings, admin_key.is_some(), &store).await?;
+    let requires_key = requires_key(settings, admin_key.is_some(), &place, &store).await?;
     let recovered = store.recover().await?;
-    tracing::info!(?recovered, "opened the data directory");
-    let count = settings
-        .workers
-        .map_or_else(|| thread::available_parallelism().map_or(1, usize::from), usize::from);
+    tracing::info!(?recovered, %place, "opened the database");
+    let count = worker_threads(settings.workers);
     let service = Service::new(store.clone(), Arc::new(Task::start), count, settings.limits());
     let workers = Workers::start(&store, count, settings.limits(), &service.compute())?;
     let (close, closed) = oneshot::channel::<()>();
@@ -149,7 +192,7 @@ async fn serve_until_signal(settings: &Serve, admin_key: Option<AdminKey>) -> Re
     let mut server = pin!(server);
     tracing::info!(%address, "listening");
     // Standard output may be closed. The server does not need it.
-    if let Err(error) = greet(address, umbridge_address, settings, requires_key) {
+    if let Err(error) = greet(address, umbridge_address, &place, requires_key) {
         tracing::warn!(%error, "cannot print the greeting");
     }
 
@@ -192,7 +235,12 @@ fn listen(address: SocketAddr, option: &str) -> Result<TcpListener, Error> {
 }
 
 /// Whether callers must send an access key. A server that other machines can reach makes the first key.
-async fn requires_key(settings: &Serve, admin_key: bool, store: &Store) -> Result<bool, Error> {
+async fn requires_key(
+    settings: &Serve,
+    admin_key: bool,
+    place: &Place,
+    store: &Store,
+) -> Result<bool, Error> {
     let keys = store.access_keys().await?;
     if settings.no_auth {
         if !keys.is_empty() {
@@ -208,7 +256,7 @@ async fn requires_key(settings: &Serve, admin_key: bool, store: &Store) -> Resul
         warn_of_open_origins(settings);
         return Ok(false);
     }
-    cli::administration::add_first_key(&settings.data_dir).await?;
+    cli::administration::add_first_key(place).await?;
     Ok(true)
 }
 
@@ -251,7 +299,7 @@ impl ShutdownSignals {
 fn greet(
     address: SocketAddr,
     umbridge: Option<SocketAddr>,
-    settings: &Serve,
+    place: &Place,
     requires_key: bool,
 ) -> io::Result<()> {
     let base = format!("http://{}", reachable(address));
@@ -260,11 +308,7 @@ fn greet(
     let body = example.replace('\'', "'\\''");
     let mut out = io::stdout().lock();
     writeln!(out, "fretwork {} listens on {base}", env!("CARGO_PKG_VERSION"))?;
-    writeln!(
-        out,
-        "dashboard: {base}/   documentation: {base}/docs/   data: {}",
-        settings.data_dir.display()
-    )?;
+    writeln!(out, "dashboard: {base}/   documentation: {base}/docs/   data: {place}")?;
     if let Some(address) = umbridge {
         writeln!(out, "UM-Bridge alone: http://{}", reachable(address))?;
     }

@@ -3,17 +3,20 @@
 
 #![expect(
     clippy::disallowed_methods,
+    clippy::expect_used,
     clippy::panic,
     clippy::unwrap_used,
     reason = "tests may stop"
 )]
-#![expect(dead_code, reason = "the other tests use the rest of the module `server`")]
+#![expect(dead_code, reason = "the other tests use the rest of these modules")]
 
 use std::sync::atomic::Ordering;
 
 use fretwork_engine::scenario::work_done::{CASES, PARSES};
 use serde_json::json;
 
+#[path = "it/database.rs"]
+mod database;
 #[path = "it/server.rs"]
 mod server;
 

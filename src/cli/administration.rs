@@ -1,10 +1,9 @@
 //! The commands `keys` and `audit`. They work on the data directory, with or without a running server.
 
 use std::io::{self, Write as _};
-use std::path::Path;
 
 use fretwork::job::clock::{self, now};
-use fretwork::store::{AccessKey, Administration, AuditEntry, NewKey, Role};
+use fretwork::store::{AccessKey, Administration, AuditEntry, NewKey, Place, Role};
 
 use super::{Error, print};
 use crate::config::{AddKey, Data, Keys};
@@ -50,19 +49,20 @@ pub fn audit(data: &Data) -> Result<(), Error> {
 
 /// Opens an existing database.
 async fn open(data: &Data) -> Result<Administration, Error> {
-    if !Administration::is_in(&data.data_dir) {
-        let dir = data.data_dir.display();
+    let place = data.place()?;
+    if !Administration::is_at(&place) {
         return Err(
-            format!("{dir} contains no database; name its directory with --data-dir").into()
+            format!("{place} contains no database; name its directory with --data-dir").into()
         );
     }
-    Ok(Administration::open(&data.data_dir).await?)
+    Ok(Administration::open(place).await?)
 }
 
 async fn add(new: AddKey) -> Result<(), Error> {
     let AddKey { name, role, expires, rate, data } = new;
-    let new_database = !Administration::is_in(&data.data_dir);
-    let mut tables = Administration::open(&data.data_dir).await?;
+    let place = data.place()?;
+    let new_database = !Administration::is_at(&place);
+    let mut tables = Administration::open(&place).await?;
     let expires = expires.map(|time| now() + time.as_millis() as i64);
     let first = tables.keys().await?.is_empty();
     let key =
@@ -76,22 +76,18 @@ async fn add(new: AddKey) -> Result<(), Error> {
     writeln!(err, "This is the key of {name} ({role}). It is not shown again. Send it as")?;
     writeln!(err, "  Authorization: Bearer {}…", &key[..key.len().min(18)])?;
     if new_database {
-        writeln!(err, "{} contained no database. A new one was created.", data.data_dir.display())?;
+        writeln!(err, "{place} contained no database. A new one was created.")?;
     }
     if first {
-        writeln!(
-            err,
-            "This is the first key. From now on the server on {} requires a key.",
-            data.data_dir.display()
-        )?;
+        writeln!(err, "This is the first key. From now on the server on {place} requires a key.")?;
     }
     Ok(())
 }
 
 /// Makes the first key, for an administrator, and prints it.
-pub async fn add_first_key(dir: &Path) -> Result<(), Error> {
+pub async fn add_first_key(place: &Place) -> Result<(), Error> {
     const NAME: &str = "first";
-    let mut tables = Administration::open(dir).await?;
+    let mut tables = Administration::open(place).await?;
     let new = NewKey { name: NAME.to_owned(), role: Role::Admin, per_minute: None, expires: None };
     let key = tables.add_key(&new).await?;
     let mut out = io::stdout().lock();

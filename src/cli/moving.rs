@@ -56,7 +56,7 @@ pub fn export(settings: &Export) -> Result<(), Error> {
         search.set(name, value)?;
     }
     let Export { file, keys, data, .. } = settings;
-    let done = block_on(store::export(&data.data_dir, file, &search, keys, progress("exported")))?;
+    let done = block_on(store::export(data.place()?, file, &search, keys, progress("exported")))?;
     for key in &done.left_out {
         writeln!(io::stderr(), "left out {key}: it is damaged, or was evicted during the export")?;
     }
@@ -66,7 +66,7 @@ pub fn export(settings: &Export) -> Result<(), Error> {
 /// Imports the results of a file. The exit code is 2 if some were refused.
 pub fn import(settings: &Import) -> Result<ExitCode, Error> {
     let Import { file, verify, data } = settings;
-    let done = block_on(store::import(&data.data_dir, file, *verify, progress("checked")))?;
+    let done = block_on(store::import(data.place()?, file, *verify, progress("checked")))?;
     let Imported { results: count, bytes, known, recomputed, earlier, notes, refused, other_notes } =
         done;
     for (key, why) in &refused {
@@ -112,7 +112,8 @@ fn name_damaged(saved: &Saved) -> Result<ExitCode, Error> {
 
 /// Copies the whole database.
 pub fn backup(settings: &Backup) -> Result<ExitCode, Error> {
-    let dir = &settings.data.data_dir;
+    let instead = "copy it with `pg_dump --format=custom --file=FILE --dbname=URL`";
+    let dir = settings.data.directory(instead)?;
     let saved = block_on(store::backup(dir, &settings.file))?;
     if let Err(error) = block_on(async { Ok(store::note_backup(dir).await?) }) {
         writeln!(io::stderr(), "the metrics of the server do not show this backup: {error}")?;
@@ -124,9 +125,12 @@ pub fn backup(settings: &Backup) -> Result<ExitCode, Error> {
 /// Replaces the database by a backup.
 pub fn restore(settings: &Restore) -> Result<ExitCode, Error> {
     let Restore { file, replace, data } = settings;
-    let (saved, former) = block_on(store::restore(&data.data_dir, file, *replace))?;
-    let keys = block_on(valid_keys(&data.data_dir))?;
-    let (dir, contents) = (data.data_dir.display(), contents(&saved));
+    let instead =
+        "stop all servers, and restore it with `pg_restore --clean --if-exists --dbname=URL FILE`";
+    let dir = data.directory(instead)?;
+    let (saved, former) = block_on(store::restore(dir, file, *replace))?;
+    let keys = block_on(valid_keys(dir))?;
+    let (dir, contents) = (dir.display(), contents(&saved));
     let kept = former.map_or_else(String::new, |former| {
         format!("the former database is now {}\n", former.display())
     });

@@ -132,7 +132,7 @@ pub async fn serve(
     let (router, _) = router.split_for_parts();
     let gate = Arc::new(Gate::new(service.store(), &settings.access, needs));
     let admission = Arc::new(Admission::new(settings.connections.clone()));
-    let shares = Arc::new(Shares::new(settings.transfers, service.workers()));
+    let shares = Arc::new(Shares::new(settings.transfers, service.places()));
     let metrics = Arc::new(Metrics::new(service.tally(), service.workers(), &admission, &shares));
     let memory = Memory::new(settings.memory);
     let app = App::new(service, gate.clone(), memory, shares.clone(), metrics.clone(), || {

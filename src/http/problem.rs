@@ -208,7 +208,8 @@ kinds! {
         "Evaluate again after the seconds in Retry-After. The operator of the server can allow more workers \
          (--workers).";
     BUSY = SERVICE_UNAVAILABLE "busy" "The database is busy"
-        "Another program, for example a backup, has locked the database for some seconds."
+        "Another program, for example a backup, has locked the database for some seconds, or the database server \
+         restarts."
         "Send the request again after the seconds in Retry-After.";
     NOT_CACHED = GATEWAY_TIMEOUT "not-cached" "The result is not known yet"
         "The request accepts only a known result (Cache-Control: only-if-cached), and this result is not \
@@ -450,6 +451,11 @@ impl From<store::Error> for Problem {
                 Self::new(&BUSY, "The database of the server is busy. Try again in a moment.")
                     .retry_after(1)
             }
+            store::Error::Unreachable(..) | store::Error::Exhausted => Self::new(
+                &BUSY,
+                "The database of the server cannot be reached. Try again in a moment.",
+            )
+            .retry_after(2),
             store::Error::Full(..) => Self::new(
                 &DISK_FULL,
                 "The disk of the server is full. Its operator must free space.",

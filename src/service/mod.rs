@@ -16,6 +16,7 @@ pub mod workers;
 
 use std::fmt;
 use std::sync::Arc;
+use std::thread;
 use std::time::Duration;
 
 use tokio::sync::watch;
@@ -46,6 +47,8 @@ struct Parts {
     evaluations: Places,
     /// The number of worker threads.
     workers: usize,
+    /// The number of short computations at a time.
+    places: usize,
     limits: WorkLimits,
     /// True after the service has stopped accepting jobs.
     draining: watch::Sender<bool>,
@@ -57,14 +60,22 @@ impl fmt::Debug for Service {
     }
 }
 
+/// The number of processors.
+fn processors() -> usize {
+    thread::available_parallelism().map_or(1, usize::from)
+}
+
 impl Service {
     /// The service of a store, with a number of worker threads.
     #[must_use]
     pub fn new(store: Store, begin: Begin, workers: usize, limits: WorkLimits) -> Self {
-        let short = ShortRuns::new(store.clone(), Arc::clone(&begin), workers);
-        let evaluations = Places::new(workers);
+        // A server without workers still computes what its clients wait for.
+        let places = if workers == 0 { processors() } else { workers };
+        let short = ShortRuns::new(store.clone(), Arc::clone(&begin), places);
+        let evaluations = Places::new(places);
         let (waiting, draining) = (Arc::default(), watch::Sender::new(false));
-        let parts = Parts { store, begin, waiting, short, evaluations, workers, limits, draining };
+        let parts =
+            Parts { store, begin, waiting, short, evaluations, workers, places, limits, draining };
         Self(Arc::new(parts))
     }
 
@@ -84,6 +95,12 @@ impl Service {
     #[must_use]
     pub fn workers(&self) -> usize {
         self.0.workers
+    }
+
+    /// The number of short computations at a time, for clients that wait for them.
+    #[must_use]
+    pub fn places(&self) -> usize {
+        self.0.places
     }
 
     /// How workers begin a claimed run: with the prepared task if it is still in memory.

@@ -3,11 +3,7 @@
 //! An entry is written in the transaction of its act. Equal acts of one day share an entry, and so do all jobs of an actor
 //! that it cancels or deletes itself. So no client can fill the log with ordinary requests.
 
-use sqlx::sqlite::SqliteRow;
-use sqlx::{Row as _, SqliteConnection};
-
-use super::row::word;
-use super::{Error, Store};
+use super::row::{Columns, word};
 use crate::job::words;
 
 words! {
@@ -38,6 +34,12 @@ pub struct Actor {
 }
 
 impl Actor {
+    /// What an entry says of the subject of an act: nothing of a job that belongs to the actor.
+    pub(super) fn named<'a>(&self, act: Act, subject: &'a str, owner: &str) -> &'a str {
+        let own_job = matches!(act, Act::CancelJob | Act::DeleteJob) && self.name == owner;
+        if own_job { "" } else { subject }
+    }
+
     /// The user of the operating system who runs this process.
     #[must_use]
     pub fn of_process() -> Self {
@@ -71,60 +73,16 @@ pub struct AuditEntry {
 }
 
 impl AuditEntry {
-    fn read(row: &SqliteRow) -> Result<Self, sqlx::Error> {
+    pub(super) fn read(row: &impl Columns) -> Result<Self, sqlx::Error> {
         Ok(Self {
-            id: row.try_get("id")?,
-            first: row.try_get("first")?,
-            last: row.try_get("last")?,
-            times: row.try_get("times")?,
+            id: row.get("id")?,
+            first: row.get("first")?,
+            last: row.get("last")?,
+            times: row.get("times")?,
             act: word(row, "act")?,
-            actor: Actor { name: row.try_get("actor")?, key: row.try_get("key")? },
-            subject: row.try_get("subject")?,
-            owner: row.try_get("owner")?,
+            actor: Actor { name: row.get("actor")?, key: row.get("key")? },
+            subject: row.get("subject")?,
+            owner: row.get("owner")?,
         })
-    }
-}
-
-/// Records an act on something of an owner, in the transaction of the act.
-pub(super) async fn record(
-    db: &mut SqliteConnection,
-    now: i64,
-    (actor, act): (&Actor, Act),
-    subject: &str,
-    owner: &str,
-) -> Result<(), Error> {
-    let own_job = matches!(act, Act::CancelJob | Act::DeleteJob) && actor.name == owner;
-    sqlx::query(
-        "INSERT INTO audit (first, last, times, act, actor, key, subject, owner)
-         VALUES (?1, ?1, 1, ?2, ?3, ?4, ?5, ?6)
-         ON CONFLICT (act, actor, key, subject, owner, first / 86400000)
-         DO UPDATE SET last = excluded.last, times = times + 1",
-    )
-    .bind(now)
-    .bind(act.as_str())
-    .bind(&actor.name)
-    .bind(&actor.key)
-    .bind(if own_job { "" } else { subject })
-    .bind(owner)
-    .execute(db)
-    .await?;
-    Ok(())
-}
-
-/// Up to `limit` entries before another one, the newest first.
-pub(super) async fn list(
-    db: &mut SqliteConnection,
-    before: Option<i64>,
-    limit: u32,
-) -> Result<Vec<AuditEntry>, Error> {
-    let query = sqlx::query("SELECT * FROM audit WHERE id < ?1 ORDER BY id DESC LIMIT ?2");
-    let rows = query.bind(before.unwrap_or(i64::MAX)).bind(limit).fetch_all(db).await?;
-    Ok(rows.iter().map(AuditEntry::read).collect::<Result<_, _>>()?)
-}
-
-impl Store {
-    /// Up to `limit` entries of the audit log before another one, the newest first.
-    pub async fn audit(&self, before: Option<i64>, limit: u32) -> Result<Vec<AuditEntry>, Error> {
-        self.reading(async |db| list(db, before, limit).await).await
     }
 }

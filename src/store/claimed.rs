@@ -1,9 +1,10 @@
 //! What a worker has claimed.
 
-use super::error::Error;
-use super::row::{Part, RunId};
+use std::time::Duration;
+
+use super::body::Body;
+use super::row::{Columns, Part, RunId};
 use super::signals::Stop;
-use super::transaction::Transaction;
 use crate::job::{Cost, Key};
 
 /// A run, or a piece of a study, that a worker has claimed.
@@ -69,18 +70,51 @@ pub(super) struct Claim {
     pub(super) attempt: u32,
 }
 
-impl Claim {
-    /// The attempt of the running run. Returns `None` if the worker has lost its piece of it. For a whole run the caller compares
-    /// the attempt.
-    pub(super) async fn attempt_of_run(self, tx: &mut Transaction) -> Result<Option<u32>, Error> {
-        let (run, number) = self.part;
-        let Some(number) = number else { return Ok(Some(self.attempt)) };
-        let query = sqlx::query_scalar(
-            "SELECT run.attempt FROM chunk JOIN run ON run.id = chunk.run
-             WHERE chunk.run = ?1 AND number = ?2 AND chunk.attempt = ?3
-                 AND chunk.state = 'running' AND run.state = 'running'",
-        );
-        let query = query.bind(run.0).bind(number).bind(self.attempt);
-        Ok(query.fetch_optional(&mut tx.db).await?)
+/// A chunk and what was computed for it.
+pub(super) struct FinishedChunk {
+    pub(super) claim: Claim,
+    pub(super) body: Body,
+    /// The first chunks of the study, if they are known. Those that were never claimed are finished, too.
+    pub(super) first: Vec<Body>,
+    pub(super) cost: Cost,
+}
+
+impl FinishedChunk {
+    pub(super) fn new(claimed: &Claimed, bytes: &[u8], cost: Cost) -> Self {
+        assert!(matches!(claimed.piece, Piece::Chunk { .. }), "{:?} is no chunk", claimed.piece);
+        Self { claim: claimed.claim(), body: pack(bytes), first: Vec::new(), cost }
     }
+
+    /// The claimed chunk is one of the first ones.
+    pub(super) fn with_first(claimed: &Claimed, first: &[Vec<u8>], cost: Cost) -> Self {
+        let Piece::Chunk { number, of } = claimed.piece else {
+            unreachable!("{:?} is no chunk", claimed.piece)
+        };
+        assert!(first.len() <= of as usize, "{} of {of} chunks", first.len());
+        let first: Vec<Body> = first.iter().map(|bytes| pack(bytes)).collect();
+        Self { claim: claimed.claim(), body: first[number as usize].clone(), first, cost }
+    }
+}
+
+#[expect(clippy::expect_used, reason = "a chunk must not be lost silently")]
+fn pack(bytes: &[u8]) -> Body {
+    Body::pack(bytes).expect("any bytes can be compressed")
+}
+
+/// Number of steps in which the progress of a study is stored. Each step wakes its listeners.
+const STEPS: u64 = 200;
+
+/// Whether the progress of a study of this many chunks reaches another step.
+pub(super) fn is_step(before: u32, done: u32, chunks: u32) -> bool {
+    let step = |done: u32| u64::from(done) * STEPS / u64::from(chunks);
+    step(done) != step(before)
+}
+
+/// Reads the columns `wall` and `cpu`, in seconds.
+pub(super) fn cost(row: &impl Columns) -> Result<Cost, sqlx::Error> {
+    let duration = |seconds| {
+        Duration::try_from_secs_f64(seconds).map_err(|error| sqlx::Error::Decode(Box::new(error)))
+    };
+    let cpu = row.get::<Option<f64>>("cpu")?.map(duration).transpose()?;
+    Ok(Cost { wall: duration(row.get("wall")?)?, cpu })
 }

@@ -6,6 +6,9 @@ use std::sync::Arc;
 
 use crate::job::{JobId, Key};
 
+/// The index by which PostgreSQL finds a second submission with an idempotency key.
+pub(super) const IDEMPOTENCY: &str = "job_idempotency";
+
 /// Why an operation of the store failed.
 #[derive(Debug, Clone, thiserror::Error)]
 pub enum Error {
@@ -81,6 +84,12 @@ pub enum Error {
     /// Another process locked the database for longer than the timeout.
     #[error("the database is busy")]
     Busy(#[source] Arc<sqlx::Error>),
+    /// The database server cannot be reached, or it shuts down.
+    #[error("the database server cannot be reached")]
+    Unreachable(#[source] Arc<sqlx::Error>),
+    /// All connections to the database server are in use, or it does not answer.
+    #[error("no connection to the database server is free")]
+    Exhausted,
     /// A page of the database is damaged.
     #[error("the database is damaged")]
     Damaged(#[source] Arc<sqlx::Error>),
@@ -120,11 +129,27 @@ fn advice(dir: &Path, error: &io::Error) -> String {
 
 impl From<sqlx::Error> for Error {
     fn from(error: sqlx::Error) -> Self {
+        /// Characters of a code of PostgreSQL. Codes of SQLite are shorter.
+        const SQLSTATE: usize = 5;
         const SQLITE_BUSY: u32 = 5;
         const SQLITE_CORRUPT: u32 = 11;
         const SQLITE_FULL: u32 = 13;
         const SQLITE_NOTADB: u32 = 26;
+        if matches!(error, sqlx::Error::Io(_) | sqlx::Error::Tls(_) | sqlx::Error::Protocol(_)) {
+            return Self::Unreachable(Arc::new(error));
+        }
         let code = error.as_database_error().and_then(sqlx::error::DatabaseError::code);
+        if let Some(state) = code.as_deref().filter(|code| code.len() == SQLSTATE) {
+            return match state {
+                _ if state.starts_with("57P") || state.starts_with("08") => Self::Unreachable,
+                // Too many connections; a server that is starting.
+                "53300" => Self::Unreachable,
+                "53100" => Self::Full,
+                "40001" | "40P01" | "55P03" | "57014" | "25P03" => Self::Busy,
+                _ if state.starts_with("XX") => Self::Damaged,
+                _ => Self::Database,
+            }(Arc::new(error));
+        }
         // The low byte is the primary result code of SQLite.
         let kind = code.and_then(|code| code.parse::<u32>().ok()).map(|code| code & 0xff);
         match kind {
@@ -133,6 +158,18 @@ impl From<sqlx::Error> for Error {
             Some(SQLITE_CORRUPT | SQLITE_NOTADB) => Self::Damaged(Arc::new(error)),
             _ => Self::Database(Arc::new(error)),
         }
+    }
+}
+
+impl Error {
+    /// Whether the transaction collided with another one in PostgreSQL, so that it may succeed when it is repeated: a
+    /// serialization failure, a deadlock, or two first submissions with the same idempotency key.
+    pub(super) fn is_conflict(&self) -> bool {
+        let (Self::Busy(error) | Self::Database(error)) = self else { return false };
+        error.as_database_error().is_some_and(|error| {
+            matches!(error.code().as_deref(), Some("40001" | "40P01"))
+                || error.constraint() == Some(IDEMPOTENCY)
+        })
     }
 }
 

@@ -1,12 +1,9 @@
-//! Provenance, notes and deletion of results.
+//! What is known about stored results: provenance, notes, the program that computed them.
 
 use serde_json::Value;
-use sqlx::sqlite::SqliteRow;
-use sqlx::{Row, SqliteConnection};
 
-use super::audit::Actor;
-use super::keep::{self, Changed, Editor, Removed};
-use super::{Error, Store, row};
+use super::error::Error;
+use super::row::{self, Columns};
 use crate::job::{Canonical, ENGINE, JobId, Key};
 
 /// What a user wrote about a result.
@@ -38,9 +35,9 @@ impl Note {
     }
 
     /// Reads the columns `note`, `noted_by` and `noted`.
-    pub(super) fn read(row: &SqliteRow) -> Result<Option<Self>, sqlx::Error> {
-        let Some(text) = row.try_get("note")? else { return Ok(None) };
-        Ok(Some(Self { text, owner: row.try_get("noted_by")?, at: row.try_get("noted")? }))
+    pub(super) fn read(row: &impl Columns) -> Result<Option<Self>, sqlx::Error> {
+        let Some(text) = row.get("note")? else { return Ok(None) };
+        Ok(Some(Self { text, owner: row.get("noted_by")?, at: row.get("noted")? }))
     }
 }
 
@@ -89,6 +86,45 @@ pub struct Provenance {
     pub imported: Option<(i64, String)>,
 }
 
+/// Reads what [`Provenance`] contains, of the key $1.
+pub(super) const PROVENANCE: &str = "
+    SELECT result.key AS key, created, result.owner AS owner, computed, wall, cpu, job, trace,
+        warnings, pinned, pinned_by, last_access, evicted, deleted_by, size, digest, imported, imported_from, version,
+        numerics, host, architecture, processors, note.text AS note, note.owner AS noted_by,
+        note.at AS noted, (SELECT count(*) FROM job WHERE job.key = result.key) AS jobs
+    FROM result LEFT JOIN program ON program.id = result.program
+    LEFT JOIN note ON note.key = result.key WHERE result.key = $1";
+
+impl Provenance {
+    /// Reads a row of [`PROVENANCE`].
+    pub(super) fn read(row: &impl Columns) -> Result<Self, sqlx::Error> {
+        let job: Option<&[u8]> = row.get("job")?;
+        let imported: Option<i64> = row.get("imported")?;
+        let imported = imported.map(|at| Ok::<_, sqlx::Error>((at, row.get("imported_from")?)));
+        Ok(Self {
+            created: row.get("created")?,
+            owner: row.get("owner")?,
+            computed: row.get("computed")?,
+            wall: row.get("wall")?,
+            cpu: row.get("cpu")?,
+            job: job.map(row::job_id).transpose()?,
+            trace: row.get("trace")?,
+            warnings: row.get::<Option<&str>>("warnings")?.map(row::json).transpose()?,
+            program: Program::read(row)?,
+            jobs: row.get("jobs")?,
+            pinned: row.get("pinned")?,
+            pinned_by: row.get("pinned_by")?,
+            last_access: row.get("last_access")?,
+            evicted: row.get("evicted")?,
+            deleted_by: row.get("deleted_by")?,
+            note: Note::read(row)?,
+            size: row.get("size")?,
+            sha256: row::key(row, "digest")?,
+            imported: imported.transpose()?,
+        })
+    }
+}
+
 /// A version of the program on a machine.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Program {
@@ -121,33 +157,15 @@ impl Program {
         }
     }
 
-    /// The id of its row, which is inserted if necessary.
-    pub(super) async fn row(&self, db: &mut SqliteConnection) -> Result<i64, Error> {
-        let id = sqlx::query_scalar(
-            "INSERT OR IGNORE INTO program (version, numerics, host, architecture, processors)
-             VALUES (?1, ?2, ?3, ?4, ?5);
-             SELECT id FROM program WHERE version = ?1 AND numerics = ?2 AND host = ?3
-                 AND architecture = ?4 AND processors = ?5",
-        )
-        .bind(&self.version)
-        .bind(self.numerics)
-        .bind(&self.host)
-        .bind(&self.architecture)
-        .bind(self.processors)
-        .fetch_one(db)
-        .await?;
-        Ok(id)
-    }
-
     /// Reads the columns of the table `program`.
-    fn read(row: &SqliteRow) -> Result<Option<Self>, sqlx::Error> {
-        let Some(version) = row.try_get("version")? else { return Ok(None) };
+    pub(super) fn read(row: &impl Columns) -> Result<Option<Self>, sqlx::Error> {
+        let Some(version) = row.get("version")? else { return Ok(None) };
         Ok(Some(Self {
             version,
-            numerics: row.try_get("numerics")?,
-            host: row.try_get("host")?,
-            architecture: row.try_get("architecture")?,
-            processors: row.try_get("processors")?,
+            numerics: row.get("numerics")?,
+            host: row.get("host")?,
+            architecture: row.get("architecture")?,
+            processors: row.get("processors")?,
         }))
     }
 }
@@ -167,118 +185,28 @@ pub struct Known {
     pub imported: bool,
 }
 
-const PROVENANCE: &str = "
-    SELECT result.key AS key, created, result.owner AS owner, computed, wall, cpu, job, trace,
-        warnings, pinned, pinned_by, last_access, evicted, deleted_by, size, digest, imported, imported_from, version,
-        numerics, host, architecture, processors, note.text AS note, note.owner AS noted_by,
-        note.at AS noted, (SELECT count(*) FROM job WHERE job.key = result.key) AS jobs
-    FROM result LEFT JOIN program ON program.id = result.program
-    LEFT JOIN note ON note.key = result.key WHERE result.key = ?1";
+/// Reads what [`Known`] contains, of the key $1.
+pub(super) const KNOWN: &str = "
+    SELECT task, summary, numerics, evicted IS NULL AS held, imported IS NOT NULL AS imported
+    FROM result JOIN result_task USING (key)
+    LEFT JOIN program ON program.id = result.program WHERE result.key = $1";
 
-pub(super) async fn provenance(
-    db: &mut SqliteConnection,
-    key: &Key,
-) -> Result<Option<Provenance>, Error> {
-    let query = sqlx::query(PROVENANCE).bind(key.bytes().as_slice());
-    let Some(row) = query.fetch_optional(db).await? else { return Ok(None) };
-    let job: Option<&[u8]> = row.try_get("job")?;
-    let imported: Option<i64> = row.try_get("imported")?;
-    let imported = imported.map(|at| Ok::<_, sqlx::Error>((at, row.try_get("imported_from")?)));
-    Ok(Some(Provenance {
-        created: row.try_get("created")?,
-        owner: row.try_get("owner")?,
-        computed: row.try_get("computed")?,
-        wall: row.try_get("wall")?,
-        cpu: row.try_get("cpu")?,
-        job: job.map(row::job_id).transpose()?,
-        trace: row.try_get("trace")?,
-        warnings: row.try_get::<Option<&str>, _>("warnings")?.map(row::json).transpose()?,
-        program: Program::read(&row)?,
-        jobs: row.try_get("jobs")?,
-        pinned: row.try_get("pinned")?,
-        pinned_by: row.try_get("pinned_by")?,
-        last_access: row.try_get("last_access")?,
-        evicted: row.try_get("evicted")?,
-        deleted_by: row.try_get("deleted_by")?,
-        note: Note::read(&row)?,
-        size: row.try_get("size")?,
-        sha256: row::key(&row, "digest")?,
-        imported: imported.transpose()?,
-    }))
+impl Known {
+    /// Reads a row of [`KNOWN`].
+    pub(super) fn read(key: &Key, row: &impl Columns) -> Result<Self, Error> {
+        let damaged = || Error::DamagedResult(*key);
+        let asked = Canonical::in_stored(row.get("task")?).ok_or_else(damaged)?;
+        let numerics = match row.get("numerics")? {
+            Some(numerics) => numerics,
+            None => numerics_of(key, &asked),
+        };
+        let summary = row::json(row.get("summary")?).map_err(|_| damaged())?;
+        let (held, imported) = (row.get("held")?, row.get("imported")?);
+        Ok(Self { asked, summary, numerics, held, imported })
+    }
 }
 
 /// The `numerics` version for which a task has this key; 0 if there is none.
 fn numerics_of(key: &Key, asked: &Canonical) -> u32 {
     (1..=ENGINE.numerics).rev().find(|numerics| asked.key(*numerics) == *key).unwrap_or(0)
-}
-
-impl Store {
-    /// The provenance of a result.
-    pub async fn provenance(&self, key: &Key) -> Result<Option<Provenance>, Error> {
-        self.reading(async |db| provenance(db, key).await).await
-    }
-
-    /// Pins a result, which is then never evicted, or unpins it.
-    pub async fn pin(&self, key: &Key, pinned: bool, editor: Editor) -> Result<Changed, Error> {
-        self.write(keep::pin, (*key, pinned, editor, self.pin_quota)).await
-    }
-
-    /// Writes the note of a result, or removes it.
-    pub async fn annotate(
-        &self,
-        key: &Key,
-        text: Option<String>,
-        editor: Editor,
-    ) -> Result<Changed, Error> {
-        self.write(keep::annotate, (*key, text, editor)).await
-    }
-
-    /// Deletes the body of a result; its scenario stays known.
-    pub async fn remove(&self, key: &Key, by: Actor) -> Result<Removed, Error> {
-        self.write(keep::remove, (*key, by)).await
-    }
-
-    /// What the database knows about a key.
-    pub async fn known(&self, key: &Key) -> Result<Option<Known>, Error> {
-        let row = self.reading(async |db| {
-            let query = sqlx::query(
-                "SELECT task, summary, numerics, evicted IS NULL AS held, imported IS NOT NULL AS imported
-                 FROM result JOIN result_task USING (key)
-                 LEFT JOIN program ON program.id = result.program WHERE result.key = ?1",
-            );
-            Ok(query.bind(key.bytes().as_slice()).fetch_optional(db).await?)
-        });
-        let Some(row) = row.await? else { return Ok(None) };
-        let damaged = || Error::DamagedResult(*key);
-        let asked = Canonical::in_stored(row.try_get("task")?).ok_or_else(damaged)?;
-        let numerics = match row.try_get("numerics")? {
-            Some(numerics) => numerics,
-            None => numerics_of(key, &asked),
-        };
-        let summary = row::json(row.try_get("summary")?).map_err(|_| damaged())?;
-        let (held, imported) = (row.try_get("held")?, row.try_get("imported")?);
-        Ok(Some(Known { asked, summary, numerics, held, imported }))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::store::Options;
-
-    /// A result can have a million jobs.
-    #[tokio::test]
-    async fn the_jobs_of_a_result_are_counted_with_an_index() {
-        let dir = tempfile::tempdir().unwrap();
-        let store = Store::open(dir.path(), &Options::default()).await.unwrap();
-        let plan = format!("EXPLAIN QUERY PLAN {PROVENANCE}");
-        let rows = store.reading(async |db| {
-            let plan = sqlx::query(sqlx::AssertSqlSafe(plan)).bind([0; 32].as_slice());
-            Ok(plan.fetch_all(db).await?)
-        });
-        let rows = rows.await.unwrap();
-        let steps: Vec<&str> = rows.iter().map(|row| row.get("detail")).collect();
-        assert!(steps.contains(&"SEARCH job USING COVERING INDEX job_key (key=?)"), "{steps:?}");
-        assert!(steps.iter().all(|step| !step.starts_with("SCAN")), "{steps:?}");
-    }
 }

@@ -1,5 +1,7 @@
 //! The disk space for pinned results.
 
+use super::keep::Changed;
+
 /// How many bytes of results may be pinned.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PinQuota {
@@ -14,5 +16,14 @@ impl PinQuota {
     pub(super) fn new(owner: u64, budget: Option<u64>) -> Self {
         let all = budget.map(|budget| budget / 2);
         Self { owner: all.map_or(owner, |all| owner.min(all)), all }
+    }
+
+    /// The answer if the pinned results of an owner, or of all owners, take too many bytes.
+    pub(super) fn exceeded_by(&self, own: u64, all: u64) -> Option<Changed> {
+        let limits = [(own, Some(self.owner), false), (all, self.all, true)];
+        limits.into_iter().find_map(|(used, quota, of_all)| {
+            let quota = quota.filter(|quota| used > *quota)?;
+            Some(Changed::QuotaExceeded { used, quota, of_all })
+        })
     }
 }

@@ -1,8 +1,9 @@
-//! How columns of the tables are read.
+//! How columns of the tables are read, the same way from both databases.
 
 use serde::de::DeserializeOwned;
 use sha2::{Digest as _, Sha256};
-use sqlx::Row;
+use sqlx::Row as _;
+use sqlx::postgres::PgRow;
 use sqlx::sqlite::SqliteRow;
 
 use super::body::Body;
@@ -15,25 +16,100 @@ pub struct RunId(pub(super) i64);
 /// What one worker computes: a run, or the piece of a study with this number.
 pub(super) type Part = (RunId, Option<u32>);
 
+/// A row of a database. Each method reads a column of one type; `None` if it is null.
+pub(super) trait Columns {
+    fn integer(&self, column: &str) -> Result<Option<i64>, sqlx::Error>;
+    fn real(&self, column: &str) -> Result<Option<f64>, sqlx::Error>;
+    fn truth(&self, column: &str) -> Result<Option<bool>, sqlx::Error>;
+    fn text(&self, column: &str) -> Result<Option<&str>, sqlx::Error>;
+    fn bytes(&self, column: &str) -> Result<Option<&[u8]>, sqlx::Error>;
+
+    /// Reads a column as the type that the caller needs.
+    fn get<'r, T: Cell<'r>>(&'r self, column: &str) -> Result<T, sqlx::Error>
+    where
+        Self: Sized,
+    {
+        T::read(self, column)
+    }
+}
+
+/// Implements [`Columns`] by the conversions of sqlx.
+macro_rules! columns {
+    ($($row:ty),*) => { $(
+        impl Columns for $row {
+            fn integer(&self, column: &str) -> Result<Option<i64>, sqlx::Error> {
+                self.try_get(column)
+            }
+
+            fn real(&self, column: &str) -> Result<Option<f64>, sqlx::Error> {
+                self.try_get(column)
+            }
+
+            fn truth(&self, column: &str) -> Result<Option<bool>, sqlx::Error> {
+                self.try_get(column)
+            }
+
+            fn text(&self, column: &str) -> Result<Option<&str>, sqlx::Error> {
+                self.try_get(column)
+            }
+
+            fn bytes(&self, column: &str) -> Result<Option<&[u8]>, sqlx::Error> {
+                self.try_get(column)
+            }
+        }
+    )* };
+}
+
+columns!(SqliteRow, PgRow);
+
+/// A type of [`Columns::get`]. An `Option` is `None` where the column is null.
+pub(super) trait Cell<'r>: Sized {
+    fn read(row: &'r impl Columns, column: &str) -> Result<Self, sqlx::Error>;
+}
+
+/// Implements [`Cell`] for types, each by a method of [`Columns`].
+macro_rules! cells {
+    ($($kind:ty: $method:ident),* $(,)?) => { $(
+        impl<'r> Cell<'r> for Option<$kind> {
+            fn read(row: &'r impl Columns, column: &str) -> Result<Self, sqlx::Error> {
+                let value = row.$method(column)?.map(<$kind>::try_from).transpose();
+                value.map_err(|error| sqlx::Error::Decode(error.into()))
+            }
+        }
+
+        impl<'r> Cell<'r> for $kind {
+            fn read(row: &'r impl Columns, column: &str) -> Result<Self, sqlx::Error> {
+                Option::<$kind>::read(row, column)?
+                    .ok_or_else(|| sqlx::Error::Decode(format!("{column} is null").into()))
+            }
+        }
+    )* };
+}
+
+cells! {
+    i64: integer, u64: integer, u32: integer, u8: integer, f64: real, bool: truth, &'r str: text, String: text,
+    &'r [u8]: bytes, Vec<u8>: bytes,
+}
+
 /// Reads a word that stands for a variant of an enum.
-pub(super) fn word<T>(row: &SqliteRow, column: &str) -> Result<T, sqlx::Error>
+pub(super) fn word<T>(row: &impl Columns, column: &str) -> Result<T, sqlx::Error>
 where
     T: std::str::FromStr<Err: std::error::Error + Send + Sync + 'static>,
 {
-    row.try_get::<&str, _>(column)?.parse().map_err(|error| sqlx::Error::Decode(Box::new(error)))
+    row.get::<&str>(column)?.parse().map_err(|error| sqlx::Error::Decode(Box::new(error)))
 }
 
 /// Reads a word, if there is one.
-pub(super) fn optional_word<T>(row: &SqliteRow, column: &str) -> Result<Option<T>, sqlx::Error>
+pub(super) fn optional_word<T>(row: &impl Columns, column: &str) -> Result<Option<T>, sqlx::Error>
 where
     T: std::str::FromStr<Err: std::error::Error + Send + Sync + 'static>,
 {
-    row.try_get::<Option<&str>, _>(column)?.map(|_| word(row, column)).transpose()
+    row.text(column)?.map(|_| word(row, column)).transpose()
 }
 
 /// Reads a key.
-pub(super) fn key(row: &SqliteRow, column: &str) -> Result<Key, sqlx::Error> {
-    let bytes: &[u8] = row.try_get(column)?;
+pub(super) fn key(row: &impl Columns, column: &str) -> Result<Key, sqlx::Error> {
+    let bytes = row.get::<&[u8]>(column)?;
     let bytes = bytes.try_into().map_err(|error| sqlx::Error::Decode(Box::new(error)))?;
     Ok(Key::from_bytes(bytes))
 }
@@ -72,10 +148,10 @@ pub(super) enum Sum {
 
 impl Sum {
     /// Reads the columns `checksum` and `digest`.
-    pub(super) fn read(row: &SqliteRow) -> Result<Self, sqlx::Error> {
-        Ok(match row.try_get("checksum")? {
+    pub(super) fn read(row: &impl Columns) -> Result<Self, sqlx::Error> {
+        Ok(match row.get::<Option<i64>>("checksum")? {
             Some(checksum) => Self::Check(checksum),
-            None => Self::Digest(row.try_get("digest")?),
+            None => Self::Digest(row.get("digest")?),
         })
     }
 

@@ -7,6 +7,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use tokio::sync::watch;
 
+use super::error::Error;
 use super::row::{Part, RunId};
 use super::tally::{Ending, Tally};
 use crate::job::clock::now;
@@ -140,9 +141,35 @@ impl Signals {
         }
     }
 
+    /// Counts the error of a failed operation in the metrics, and returns the result unchanged.
+    pub(super) fn counted<T>(&self, result: Result<T, Error>) -> Result<T, Error> {
+        result.inspect_err(|error| self.tally.failed(error))
+    }
+
     /// Remembers that a result was read.
     pub(super) fn read(&self, key: Key, at: i64) {
         self.tables().note(key, at);
+    }
+
+    /// The parts that the workers of this process compute.
+    pub(super) fn running(&self) -> Vec<Part> {
+        self.tables().running.keys().copied().collect()
+    }
+
+    /// Stops the workers of these parts.
+    pub(super) fn stop(&self, parts: &[Part]) {
+        let mut tables = self.tables();
+        for stop in parts.iter().filter_map(|part| tables.running.remove(part)) {
+            stop.raise();
+        }
+    }
+
+    /// Lets everyone who waits read the tables again: signals of other servers may have been lost.
+    pub(super) fn wake(&self) {
+        self.queue.send_modify(|_| {});
+        for sender in self.tables().listeners.values() {
+            sender.send_modify(|ends| *ends += 1);
+        }
     }
 
     /// Takes out some results and their times of reading, to be stored.

@@ -144,7 +144,7 @@ impl Tally {
     pub(super) fn failed(&self, error: &Error) {
         let kind = match error {
             Error::Full(_) => "full",
-            Error::Busy(_) => "busy",
+            Error::Busy(_) | Error::Unreachable(_) | Error::Exhausted => "busy",
             Error::Damaged(_) | Error::DamagedResult(_) | Error::DamagedChunk { .. } => "damaged",
             Error::Closed | Error::JobExists(_) => return,
             _ => "other",

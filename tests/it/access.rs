@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use fretwork::http::{self, Access, AdminKey, Limits, Origins, Settings};
 use fretwork::job::{Begin, Task};
-use fretwork::store::{Administration, NewKey, Options, Role};
+use fretwork::store::{Administration, NewKey, Options, Place, Role};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
@@ -35,12 +35,12 @@ pub async fn computing(begin: Begin, limits: Limits) -> Server {
 }
 
 /// Adds a key while the server runs.
-pub async fn made(dir: &Path, name: &str, role: Role) -> String {
-    made_with(dir, NewKey { name: name.into(), role, per_minute: None, expires: None }).await
+pub async fn made(place: impl Into<Place>, name: &str, role: Role) -> String {
+    made_with(place, NewKey { name: name.into(), role, per_minute: None, expires: None }).await
 }
 
-async fn made_with(dir: &Path, new: NewKey) -> String {
-    let mut administration = Administration::open(dir).await.unwrap();
+async fn made_with(place: impl Into<Place>, new: NewKey) -> String {
+    let mut administration = Administration::open(place).await.unwrap();
     let key = administration.add_key(&new).await.unwrap();
     administration.close().await.unwrap();
     key
@@ -108,9 +108,9 @@ async fn every_route_except_health_and_dashboard_requires_a_key() {
 #[tokio::test(flavor = "multi_thread")]
 async fn each_role_allows_only_its_own_operations() {
     let server = server(Limits::default()).await;
-    let read = made(server.dir.path(), "reader", Role::Read).await;
-    let submit = made(server.dir.path(), "worker", Role::Submit).await;
-    let admin = made(server.dir.path(), "chief", Role::Admin).await;
+    let read = made(server.place(), "reader", Role::Read).await;
+    let submit = made(server.place(), "worker", Role::Submit).await;
+    let admin = made(server.place(), "chief", Role::Admin).await;
     for (method, target) in operations() {
         let needs = match (method.as_str(), target.split('/').nth(2).unwrap_or_default()) {
             ("GET", "audit") => Role::Admin,
@@ -137,9 +137,9 @@ async fn each_role_allows_only_its_own_operations() {
 async fn jobs_are_private_and_results_are_shared() {
     let gate = Gate::default();
     let server = computing(gate.compute(), Limits::default()).await;
-    let anna = made(server.dir.path(), "anna", Role::Submit).await;
-    let again = made(server.dir.path(), "anna", Role::Submit).await;
-    let ben = made(server.dir.path(), "ben", Role::Submit).await;
+    let anna = made(server.place(), "anna", Role::Submit).await;
+    let again = made(server.place(), "anna", Role::Submit).await;
+    let ben = made(server.place(), "ben", Role::Submit).await;
     let bearer = format!("Bearer {anna}");
     let headers = [JSON, ("Authorization", bearer.as_str())];
     let job = server.send("POST", "/v1/jobs", &headers, ball(1.0).to_string()).await.json();
@@ -218,8 +218,8 @@ async fn jobs_are_private_and_results_are_shared() {
 #[tokio::test(flavor = "multi_thread")]
 async fn only_its_owner_or_an_administrator_changes_a_pin_or_a_note() {
     let server = server(Limits::default()).await;
-    let anna = made(server.dir.path(), "anna", Role::Submit).await;
-    let ben = made(server.dir.path(), "ben", Role::Submit).await;
+    let anna = made(server.place(), "anna", Role::Submit).await;
+    let ben = made(server.place(), "ben", Role::Submit).await;
     let job = ask(&server, &anna, "POST", "/v1/jobs", &steel_ball().to_string()).await.json();
     let result = job["links"]["result"].as_str().unwrap();
     let (pin, note) = (format!("{result}/pin"), format!("{result}/note"));
@@ -263,8 +263,8 @@ async fn the_pins_of_one_owner_have_a_quota() {
     // A result of the steel ball takes about 60 kB.
     let options = Options { pin_quota: 100_000, ..Options::default() };
     let server = Server::with(Arc::new(Task::start), &settings, &options).await;
-    let anna = made(server.dir.path(), "anna", Role::Submit).await;
-    let ben = made(server.dir.path(), "ben", Role::Submit).await;
+    let anna = made(server.place(), "anna", Role::Submit).await;
+    let ben = made(server.place(), "ben", Role::Submit).await;
     let mut pins = Vec::new();
     for amplitude in [1.5, 2.0, 2.5] {
         let body = ball(amplitude).to_string();
@@ -298,7 +298,7 @@ async fn the_pins_of_all_owners_leave_half_of_the_room_to_new_results() {
     let server = Server::with(Arc::new(Task::start), &settings, &options).await;
     let mut last = None;
     for (name, amplitude) in [("anna", 1.5), ("ben", 2.0)] {
-        let key = made(server.dir.path(), name, Role::Submit).await;
+        let key = made(server.place(), name, Role::Submit).await;
         let mut body = ball(amplitude);
         // Each takes about 0.6 MB of the 1 MB.
         body["scenario"]["model"]["points"] = json!(4096);
@@ -314,7 +314,7 @@ async fn the_pins_of_all_owners_leave_half_of_the_room_to_new_results() {
 async fn a_running_server_applies_new_and_revoked_keys() {
     let server = Server::start().await;
     assert_eq!(server.get("/v1/jobs").await.status, 200);
-    let key = made(server.dir.path(), "anna", Role::Read).await;
+    let key = made(server.place(), "anna", Role::Read).await;
     let until = async |status: u16, key: &str| {
         let deadline = Instant::now() + Duration::from_secs(20);
         while get(&server, key, "/v1/jobs").await.status != status {
@@ -325,10 +325,10 @@ async fn a_running_server_applies_new_and_revoked_keys() {
     until(401, "").await;
     until(200, &key).await;
     // A new key is valid at once, before the server reads the keys again.
-    let second = made(server.dir.path(), "ben", Role::Read).await;
+    let second = made(server.place(), "ben", Role::Read).await;
     assert_eq!(get(&server, &second, "/v1/jobs").await.status, 200);
 
-    let mut administration = Administration::open(server.dir.path()).await.unwrap();
+    let mut administration = Administration::open(server.place()).await.unwrap();
     assert_eq!(administration.revoke_keys("anna").await.unwrap(), 1);
     assert_eq!(administration.revoke_keys("anna").await.unwrap(), 0);
     until(401, &key).await;
@@ -341,7 +341,7 @@ async fn a_running_server_applies_new_and_revoked_keys() {
     until(401, "").await;
 
     let past = NewKey { name: "c".into(), role: Role::Read, per_minute: None, expires: Some(1000) };
-    let late = made_with(server.dir.path(), past).await;
+    let late = made_with(server.place(), past).await;
     let refused = get(&server, &late, "/v1/jobs").await.problem(401, "unauthorized");
     assert!(refused["detail"].as_str().unwrap().contains("1970-01-01"), "{refused}");
 }
@@ -353,7 +353,7 @@ async fn a_caller_can_read_its_own_name_and_role() {
     let server = server(limits).await;
     let new =
         NewKey { name: "anna".into(), role: Role::Submit, per_minute: Some(50), expires: None };
-    let anna = made_with(server.dir.path(), new).await;
+    let anna = made_with(server.place(), new).await;
     let me = get(&server, &anna, "/v1/me").await.json();
     assert_eq!((&me["name"], &me["role"]), (&json!("anna"), &json!("submit")));
     assert_eq!(me["key"], anna.split('_').nth(1).unwrap());
@@ -373,7 +373,7 @@ async fn a_caller_can_read_its_own_name_and_role() {
 /// A server with keys and one result: the server, a key that can share the result, and its address.
 async fn shared() -> (Server, String, String) {
     let server = server(Limits::default()).await;
-    let key = made(server.dir.path(), "anna", Role::Submit).await;
+    let key = made(server.place(), "anna", Role::Submit).await;
     let job = ask(&server, &key, "POST", "/v1/jobs", &steel_ball().to_string()).await.json();
     let result = job["links"]["result"].as_str().unwrap().to_owned();
     (server, key, result)
@@ -427,7 +427,7 @@ async fn a_link_gives_read_access_to_one_result() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_link_opens_the_warnings_about_the_bodies_but_not_the_provenance() {
     let server = server(Limits::default()).await;
-    let key = made(server.dir.path(), "anna", Role::Submit).await;
+    let key = made(server.place(), "anna", Role::Submit).await;
     let job = ask(&server, &key, "POST", "/v1/jobs", &yielding_ball().to_string()).await.json();
     let result = job["links"]["result"].as_str().unwrap();
     let link = link(&server, &key, result, "").await;
@@ -464,7 +464,7 @@ async fn a_changed_or_expired_link_is_refused() {
     }
     // Revoking the key that made the link revokes the link.
     assert_eq!(server.get(&format!("{result}?{link_}")).await.status, 200);
-    Administration::open(server.dir.path()).await.unwrap().revoke_keys("anna").await.unwrap();
+    Administration::open(server.place()).await.unwrap().revoke_keys("anna").await.unwrap();
     let deadline = Instant::now() + Duration::from_secs(20);
     while server.get(&format!("{result}?{link_}")).await.status != 403 {
         assert!(Instant::now() < deadline);
@@ -505,7 +505,7 @@ async fn an_event_stream_ends_when_its_key_is_revoked_or_expires() {
     let server = Server::with(gate.compute(), &settings, &Options::default()).await;
     let mut keys = Vec::new();
     for _ in 0..3 {
-        keys.push(made(server.dir.path(), "anna", Role::Submit).await);
+        keys.push(made(server.place(), "anna", Role::Submit).await);
     }
     let bearer = format!("Bearer {}", keys[0]);
     let headers = [JSON, ("Authorization", bearer.as_str())];
@@ -516,7 +516,7 @@ async fn an_event_stream_ends_when_its_key_is_revoked_or_expires() {
     let good = followed(&server, Some(&keys[2]), id).await;
     let master = followed(&server, Some(MASTER), id).await;
     let named = |key: &str| key.split('_').nth(1).unwrap().to_owned();
-    let mut administration = Administration::open(server.dir.path()).await.unwrap();
+    let mut administration = Administration::open(server.place()).await.unwrap();
     assert_eq!(administration.revoke_keys(&named(&keys[0])).await.unwrap(), 1);
     // The key has expired.
     sqlx::query("UPDATE access_key SET expires = created + 1 WHERE id = ?1")
@@ -541,7 +541,7 @@ async fn an_event_stream_without_a_key_ends_when_the_first_key_is_added() {
     let job = server.post("/v1/jobs", &ball(1.0)).await.json();
     let id = job["id"].as_str().unwrap();
     let stream = followed(&server, None, id).await;
-    made(server.dir.path(), "anna", Role::Read).await;
+    made(server.place(), "anna", Role::Read).await;
     assert!(!rest(stream).await.contains("succeeded"));
     server.get(&format!("/v1/jobs/{id}/events")).await.problem(401, "unauthorized");
 }
@@ -552,7 +552,7 @@ async fn a_key_revoked_during_a_wait_does_not_receive_the_result() {
     let access = Access { admin_key: Some(AdminKey(MASTER.into())), ..Access::default() };
     let settings = Settings { access, ..Settings::default() };
     let server = Server::with(gate.compute(), &settings, &Options::default()).await;
-    let anna = made(server.dir.path(), "anna", Role::Submit).await;
+    let anna = made(server.place(), "anna", Role::Submit).await;
     let job = ball(1.0).to_string();
     let (waited, ()) = tokio::join!(ask(&server, &anna, "POST", "/v1/jobs", &job), async {
         let deadline = Instant::now() + Duration::from_secs(20);
@@ -560,7 +560,7 @@ async fn a_key_revoked_during_a_wait_does_not_receive_the_result() {
             assert!(Instant::now() < deadline);
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
-        Administration::open(server.dir.path()).await.unwrap().revoke_keys("anna").await.unwrap();
+        Administration::open(server.place()).await.unwrap().revoke_keys("anna").await.unwrap();
         // A revoked key may still be accepted for this time.
         tokio::time::sleep(Duration::from_millis(1100)).await;
         gate.open();
@@ -581,8 +581,8 @@ async fn a_rate_limited_key_gets_retry_after_and_other_keys_are_unaffected() {
     // The limit allows one more request per second.
     let new =
         NewKey { name: "anna".into(), role: Role::Submit, per_minute: Some(60), expires: None };
-    let anna = made_with(server.dir.path(), new).await;
-    let ben = made(server.dir.path(), "ben", Role::Read).await;
+    let anna = made_with(server.place(), new).await;
+    let ben = made(server.place(), "ben", Role::Read).await;
     let first = get(&server, &anna, "/version").await;
     assert_eq!(number(&first, "ratelimit-policy", "q"), 60);
     assert_eq!(number(&first, "ratelimit-policy", "w"), 60);
@@ -620,7 +620,7 @@ async fn a_key_has_a_limited_number_of_concurrent_requests() {
     let access = Access { admin_key: Some(AdminKey(MASTER.into())), limits, ..Access::default() };
     let settings = Settings { access, ..Settings::default() };
     let server = Server::with(gate.compute(), &settings, &Options::default()).await;
-    let anna = made(server.dir.path(), "anna", Role::Submit).await;
+    let anna = made(server.place(), "anna", Role::Submit).await;
     // The requests of the loop below count too, so a submission can be refused at first.
     let waiting = async || loop {
         let answer = ask(&server, &anna, "POST", "/v1/jobs", &ball(1.0).to_string()).await;
@@ -656,7 +656,7 @@ async fn a_key_has_a_limited_number_of_concurrent_requests() {
 #[tokio::test(flavor = "multi_thread")]
 async fn forbidden_requests_count_towards_the_rate_limit() {
     let server = server(Limits { per_minute: NonZeroU32::new(60), ..Limits::default() }).await;
-    let read = made(server.dir.path(), "reader", Role::Read).await;
+    let read = made(server.place(), "reader", Role::Read).await;
     let refused = ask(&server, &read, "POST", "/v1/jobs", "{}").await;
     refused.problem(403, "forbidden");
     assert_eq!(number(&refused, "ratelimit", "r"), 59);
@@ -666,9 +666,9 @@ async fn forbidden_requests_count_towards_the_rate_limit() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_connection_stays_usable_after_a_refusal_by_access_control() {
     let server = server(Limits::default()).await;
-    let read = made(server.dir.path(), "reader", Role::Read).await;
+    let read = made(server.place(), "reader", Role::Read).await;
     let once = NewKey { name: "s".into(), role: Role::Submit, per_minute: Some(1), expires: None };
-    let once = made_with(server.dir.path(), once).await;
+    let once = made_with(server.place(), once).await;
     assert_eq!(get(&server, &once, "/version").await.status, 200);
     for (key, status) in [("nonsense", 401), (&*read, 403), (&*once, 429)] {
         let mut connection = TcpStream::connect(server.address).await.unwrap();
@@ -719,7 +719,7 @@ async fn links_have_their_own_rate_limit() {
     let server = server(Limits { per_minute: NonZeroU32::new(6000), ..Limits::default() }).await;
     let new =
         NewKey { name: "anna".into(), role: Role::Submit, per_minute: Some(20), expires: None };
-    let anna = made_with(server.dir.path(), new).await;
+    let anna = made_with(server.place(), new).await;
     let job = ask(&server, &anna, "POST", "/v1/jobs", &steel_ball().to_string()).await.json();
     let result = job["links"]["result"].as_str().unwrap();
     let link = link(&server, &anna, result, "").await;

@@ -33,8 +33,8 @@ async fn entries(server: &Server, acts: &[&str]) -> Vec<Value> {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn the_audit_log_says_who_did_what_to_whom() {
     let server = server(Limits::default()).await;
-    let anna = made(server.dir.path(), "anna", Role::Submit).await;
-    let ben = made(server.dir.path(), "ben", Role::Submit).await;
+    let anna = made(server.place(), "anna", Role::Submit).await;
+    let ben = made(server.place(), "ben", Role::Submit).await;
     let id_in = |key: &str| key.split('_').nth(1).unwrap().to_owned();
     let mut jobs = Vec::new();
     for amplitude in [1.0, 2.0, 3.0] {
@@ -50,7 +50,7 @@ async fn the_audit_log_says_who_did_what_to_whom() {
     assert_eq!(ask(&server, MASTER, "DELETE", &format!("/v1/jobs/{id}"), "").await.status, 204);
     let result = format!("/v1/results/{key}");
     assert_eq!(ask(&server, MASTER, "DELETE", &result, "").await.status, 204);
-    let mut administration = Administration::open(server.dir.path()).await.unwrap();
+    let mut administration = Administration::open(server.place()).await.unwrap();
     assert_eq!(administration.revoke_keys("ben").await.unwrap(), 1);
     administration.close().await.unwrap();
 
@@ -97,7 +97,7 @@ async fn the_audit_log_says_who_did_what_to_whom() {
 async fn canceled_jobs_are_recorded_with_their_owner() {
     let gate = Gate::default();
     let server = computing(gate.compute(), Limits::default()).await;
-    let anna = made(server.dir.path(), "anna", Role::Submit).await;
+    let anna = made(server.place(), "anna", Role::Submit).await;
     let mut ids = Vec::new();
     for amplitude in [1.0, 2.0, 3.0, 4.0] {
         let bearer = format!("Bearer {anna}");

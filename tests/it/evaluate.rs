@@ -209,9 +209,9 @@ async fn evaluations_have_their_own_limit_for_each_key() {
     let (per_minute, evaluations) = (NonZeroU32::new(1000), NonZeroU32::new(3));
     let server = server(Limits { per_minute, evaluations, at_once: None }).await;
     let [anna, ben, eve] = [("anna", Role::Submit), ("ben", Role::Submit), ("eve", Role::Read)];
-    let dir = server.dir.path();
-    let anna = made(dir, anna.0, anna.1).await;
-    let (ben, eve) = (made(dir, ben.0, ben.1).await, made(dir, eve.0, eve.1).await);
+    let place = || server.place();
+    let anna = made(place(), anna.0, anna.1).await;
+    let (ben, eve) = (made(place(), ben.0, ben.1).await, made(place(), eve.0, eve.1).await);
     let body = ball(&json!(["wear_volume"])).to_string();
     for left in (0..3).rev() {
         let reply = ask(&server, &anna, "POST", PATH, &body).await;

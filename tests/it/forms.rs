@@ -463,8 +463,8 @@ async fn a_caller_who_waits_for_memory_delays_no_other_caller() {
     let access = Access { admin_key: Some(AdminKey(MASTER.into())), ..Access::default() };
     let settings = Settings { access, transfers: 32 << 20, memory: 0, ..Settings::default() };
     let server = Server::with(Arc::new(Task::start), &settings, &Options::default()).await;
-    let anna = made(server.dir.path(), "anna", Role::Submit).await;
-    let berta = made(server.dir.path(), "berta", Role::Submit).await;
+    let anna = made(server.place(), "anna", Role::Submit).await;
+    let berta = made(server.place(), "berta", Role::Submit).await;
     let body = large("simplified").to_string();
     let job = ask(&server, &anna, "POST", "/v1/jobs", &body).await.json();
     let result = job["links"]["result"].as_str().unwrap();

@@ -134,7 +134,7 @@ async fn submit(address: SocketAddr, body: &Value, headers: &[(&str, &str)]) -> 
 }
 
 /// Asserts that a server that is not killed computes the same results. The keys are scenario numbers.
-async fn equal_undisturbed_results(results: HashMap<u32, Vec<u8>>) {
+pub async fn equal_undisturbed_results(results: HashMap<u32, Vec<u8>>) {
     let dir = TempDir::new().unwrap();
     let server = Program::start(dir.path(), "2");
     let mut ids = Vec::new();

@@ -700,7 +700,7 @@ async fn labels_and_tags_of_other_owners_cannot_be_searched() {
     let access = Access { admin_key: Some(AdminKey(admin.into())), ..Access::default() };
     let settings = Settings { access, ..Settings::default() };
     let server = Server::with(Arc::new(Task::start), &settings, &Options::default()).await;
-    let mut administration = Administration::open(server.dir.path()).await.unwrap();
+    let mut administration = Administration::open(server.place()).await.unwrap();
     let mut owners = Vec::new();
     for name in ["anna", "ben"] {
         let name = name.to_owned();

@@ -9,10 +9,30 @@
     reason = "tests check the program by other means, and may stop at the first failure"
 )]
 
+/// Makes a test of each function for each engine.
+macro_rules! on_both {
+    ($($name:ident),* $(,)?) => {
+        mod sqlite {
+            $(#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+            async fn $name() {
+                super::$name($crate::database::Engine::Sqlite).await;
+            })*
+        }
+
+        mod postgres {
+            $(#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+            async fn $name() {
+                super::$name($crate::database::Engine::Postgres).await;
+            })*
+        }
+    };
+}
+
 mod access;
 mod api;
 mod audit;
 mod chunks;
+mod database;
 mod derivatives;
 mod evaluate;
 mod faults;
@@ -25,6 +45,7 @@ mod library;
 mod many;
 mod metrics;
 mod moving;
+mod nodes;
 mod openapi;
 mod plots;
 mod program;

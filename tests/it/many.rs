@@ -41,8 +41,8 @@ async fn the_first_list_after_an_import_takes_at_most_half_a_second() {
     let file = dir.path().join("results.db");
     let quiet = |_: usize, _: usize| {};
     let all = Search::default();
-    let exported = export(from.dir.path(), &file, &all, &[], quiet).await.unwrap();
-    let imported = import(to.dir.path(), &file, 0, quiet).await.unwrap();
+    let exported = export(from.place(), &file, &all, &[], quiet).await.unwrap();
+    let imported = import(to.place(), &file, 0, quiet).await.unwrap();
     assert_eq!((exported.results, imported.results), (count.into(), count.into()));
     for list in ["/v1/results", "/v1/results?sort=-wear_volume"] {
         let begun = Instant::now();

@@ -42,7 +42,7 @@ async fn computed(server: &Server, amplitudes: &[f64]) -> Vec<String> {
 /// Exports all results; returns how many.
 pub async fn export_all(server: &Server, file: &Path) -> u64 {
     let all = Search::default();
-    export(server.dir.path(), file, &all, &[], quiet).await.unwrap().results
+    export(server.place(), file, &all, &[], quiet).await.unwrap().results
 }
 
 pub async fn open_file(file: &Path) -> SqliteConnection {
@@ -87,7 +87,7 @@ async fn an_imported_result_equals_the_original_byte_for_byte() {
     let known = computed(&to, &[2.5]).await;
     assert_eq!(known[0], keys[3]);
 
-    let done = import(to.dir.path(), &file, 0, quiet).await.unwrap();
+    let done = import(to.place(), &file, 0, quiet).await.unwrap();
     assert_eq!((done.results, done.known, &done.refused), (3, 1, &vec![]));
     for key in &keys {
         for part in ["", "/history?format=csv", "/profiles?points=9", "/loops"] {
@@ -123,7 +123,7 @@ async fn an_imported_result_equals_the_original_byte_for_byte() {
         number(to.dir.path(), "SELECT sum(length(body)) FROM result_blob").await
     );
     assert_eq!(done.notes, 1);
-    let again = import(to.dir.path(), &file, 0, quiet).await.unwrap();
+    let again = import(to.place(), &file, 0, quiet).await.unwrap();
     assert_eq!(again, Imported { known: 4, ..Imported::default() });
 }
 
@@ -136,7 +136,7 @@ async fn an_imported_result_has_the_warnings_of_the_submission_that_computed_it(
     let file = dir.path().join("results.db");
     export_all(&from, &file).await;
     let to = Server::start().await;
-    assert_eq!(import(to.dir.path(), &file, 0, quiet).await.unwrap().results, 1);
+    assert_eq!(import(to.place(), &file, 0, quiet).await.unwrap().results, 1);
     let imported = to.get(&at).await.json();
     assert_yields(&imported["warnings"]);
     assert_eq!(imported, from.get(&at).await.json());
@@ -146,7 +146,7 @@ async fn an_imported_result_has_the_warnings_of_the_submission_that_computed_it(
     db.execute("ALTER TABLE results DROP COLUMN warnings").await.unwrap();
     db.close().await.unwrap();
     let other = Server::start().await;
-    assert_eq!(import(other.dir.path(), &file, 0, quiet).await.unwrap().results, 1);
+    assert_eq!(import(other.place(), &file, 0, quiet).await.unwrap().results, 1);
     assert_eq!(other.get(&at).await.json(), json!({"warnings": null}));
 }
 
@@ -158,7 +158,7 @@ async fn an_export_is_a_database_with_readable_columns_and_units() {
     let file = dir.path().join("results.db");
     let mut search = Search::default();
     search.set("amplitude", "2 um").unwrap();
-    let done = export(server.dir.path(), &file, &search, &[], quiet).await.unwrap();
+    let done = export(server.place(), &file, &search, &[], quiet).await.unwrap();
     assert_eq!(done.results, 1);
     let result = server.get(&format!("/v1/results/{}", keys[1])).await;
     let (body, result) = (result.body.clone(), result.json());
@@ -246,7 +246,7 @@ async fn altered_results_are_refused_and_the_others_are_imported() {
         .unwrap();
     db.close().await.unwrap();
     let other = Server::start().await;
-    let done = import(other.dir.path(), &file, 0, quiet).await.unwrap();
+    let done = import(other.place(), &file, 0, quiet).await.unwrap();
     assert_eq!(done.results, 1, "{done:?}");
     for (key, words) in [
         (keys[0].as_str(), "SHA-256"),
@@ -282,7 +282,7 @@ async fn importing_a_different_result_under_a_known_key_is_refused() {
     db.close().await.unwrap();
     computed(&to, &[1.0]).await;
     let before = to.get(&format!("/v1/results/{key}")).await.body;
-    let done = import(to.dir.path(), &file, 0, quiet).await.unwrap();
+    let done = import(to.place(), &file, 0, quiet).await.unwrap();
     assert_eq!((done.results, done.refused.len()), (0, 1), "{done:?}");
     assert!(done.refused[0].1.contains("another result under its key"), "{done:?}");
     assert_eq!(to.get(&format!("/v1/results/{key}")).await.body, before);
@@ -290,15 +290,15 @@ async fn importing_a_different_result_under_a_known_key_is_refused() {
     assert_eq!(to.send("DELETE", &format!("/v1/results/{key}"), &[], "").await.status, 204);
     let mut db = raw(to.dir.path()).await;
     db.execute("UPDATE result SET deleted_by = NULL").await.unwrap();
-    let refused = import(to.dir.path(), &file, 0, quiet).await.unwrap().refused;
+    let refused = import(to.place(), &file, 0, quiet).await.unwrap().refused;
     assert!(refused[0].1.contains("differs from the result that was evicted"), "{refused:?}");
     fs::remove_file(&file).unwrap();
     export_all(&from, &file).await;
-    assert_eq!(import(to.dir.path(), &file, 0, quiet).await.unwrap().results, 1);
+    assert_eq!(import(to.place(), &file, 0, quiet).await.unwrap().results, 1);
     assert_eq!(to.get(&format!("/v1/results/{key}")).await.body, before);
     // A deleted result is not imported: it must be computed again.
     assert_eq!(to.send("DELETE", &format!("/v1/results/{key}"), &[], "").await.status, 204);
-    let refused = import(to.dir.path(), &file, 0, quiet).await.unwrap().refused;
+    let refused = import(to.place(), &file, 0, quiet).await.unwrap().refused;
     assert!(refused[0].1.contains("127.0.0.1 deleted it here"), "{refused:?}");
     to.get(&format!("/v1/results/{key}")).await.problem(410, "evicted");
 }
@@ -337,7 +337,7 @@ async fn an_invalid_row_is_refused_with_a_reason() {
     body["history"]["wear_depth"].as_array_mut().unwrap().pop();
     replace_body(&mut db, &keys[10], &body.to_string()).await;
     db.close().await.unwrap();
-    let done = import(to.dir.path(), &file, 0, quiet).await.unwrap();
+    let done = import(to.place(), &file, 0, quiet).await.unwrap();
     assert_eq!((done.results, done.refused.len()), (0, 11), "{done:?}");
     let words = cases.iter().map(|(_, words)| *words).chain(["columns of equal length"]);
     for (key, words) in keys.iter().zip(words) {
@@ -374,7 +374,7 @@ async fn an_invalid_key_or_an_oversized_value_is_refused_and_the_rest_is_importe
         .unwrap();
     replace_body(&mut db, &keys[2], &(body + &" ".repeat(128_000_001))).await;
     db.close().await.unwrap();
-    let done = import(to.dir.path(), &file, 0, quiet).await.unwrap();
+    let done = import(to.place(), &file, 0, quiet).await.unwrap();
     assert_eq!((done.results, done.refused.len()), (1, 6), "{:?}", done.refused);
     assert_refused(&done, "abc", "its key is not");
     assert_refused(&done, &keys[0], "its column owner has more than 200 characters");
@@ -417,7 +417,7 @@ async fn an_import_file_must_have_all_columns() {
         let mut db = open_file(&file).await;
         sqlx::raw_sql(sqlx::AssertSqlSafe(sql)).execute(&mut db).await.unwrap();
         db.close().await.unwrap();
-        let refused = import(to.dir.path(), &file, 0, quiet).await;
+        let refused = import(to.place(), &file, 0, quiet).await;
         assert!(matches!(refused, Err(Moving::NoExport(_))), "{refused:?}");
         fs::remove_file(&file).unwrap();
     }
@@ -443,7 +443,7 @@ async fn a_damaged_page_of_an_import_file_affects_only_its_result() {
     let mut bytes = fs::read(&file).unwrap();
     bytes[usize::try_from(place).unwrap()..][..4].fill(0xff);
     fs::write(&file, bytes).unwrap();
-    let done = import(to.dir.path(), &file, 0, quiet).await.unwrap();
+    let done = import(to.place(), &file, 0, quiet).await.unwrap();
     let refused: Vec<&str> = done.refused.iter().map(|(_, why)| why.as_str()).collect();
     assert_eq!((done.results, refused), (2, vec!["the file is damaged at this result"]));
 }
@@ -553,7 +553,7 @@ async fn export_import_backup_and_restore_report_results_and_errors() {
         run(&["import", &path("one.db"), "--data-dir", &path("third")], "").status.code(),
         Some(2)
     );
-    let mut administration = Administration::open(server.dir.path()).await.unwrap();
+    let mut administration = Administration::open(server.place()).await.unwrap();
     for name in ["anna", "ben"] {
         let name = name.to_owned();
         let new = NewKey { name, role: Role::Read, per_minute: None, expires: None };

@@ -12,7 +12,7 @@ use tempfile::TempDir;
 
 const BALL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/steel-ball.json");
 
-fn fretwork(words: &[&str]) -> Command {
+pub fn fretwork(words: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_fretwork"));
     command.args(words);
     command

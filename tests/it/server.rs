@@ -10,23 +10,33 @@ use fretwork::http::{self, Origins, Settings};
 use fretwork::job::{Answer, Begin, Key, Step, Task, Work};
 use fretwork::service::workers::Workers;
 use fretwork::service::{Service, WorkLimits};
-use fretwork::store::{Options, Store};
+use fretwork::store::{Options, Place, Store};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::{TcpListener, TcpStream};
+
+use crate::database::{Database, Engine};
 
 pub struct Server {
     pub address: SocketAddr,
     pub service: Service,
     _workers: Workers,
     pub dir: TempDir,
+    /// The tables, if they are in PostgreSQL.
+    shared: Option<Database>,
 }
 
 pub struct Reply {
     pub status: u16,
     pub headers: Vec<(String, String)>,
     pub body: Vec<u8>,
+}
+
+/// Whether the servers of this pass of the tests have their tables in PostgreSQL. `tests/run` sets this variable for its
+/// second pass.
+pub fn in_postgres() -> bool {
+    std::env::var_os("FRETWORK_TEST_POSTGRES").is_some()
 }
 
 impl Server {
@@ -74,7 +84,11 @@ impl Server {
         settings: &Settings,
         options: &Options,
     ) -> Self {
-        let store = Store::open(dir.path(), options).await.unwrap();
+        let shared = in_postgres().then(|| Database::new(Engine::Postgres));
+        let store = match &shared {
+            Some(shared) => shared.open_with(options).await,
+            None => Store::open(dir.path(), options).await.unwrap(),
+        };
         store.recover().await.unwrap();
         let service = Service::new(store.clone(), begin, 2, limits);
         let workers = Workers::start(&store, 2, limits, &service.compute()).unwrap();
@@ -84,7 +98,15 @@ impl Server {
         tokio::spawn(async move {
             http::serve(listener, api, &settings, std::future::pending()).await;
         });
-        Self { address, service, _workers: workers, dir }
+        Self { address, service, _workers: workers, dir, shared }
+    }
+
+    /// Where the tables are.
+    pub fn place(&self) -> Place {
+        match &self.shared {
+            Some(shared) => shared.url().into(),
+            None => self.dir.path().into(),
+        }
     }
 
     /// Sends one request and reads the whole answer.

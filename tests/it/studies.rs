@@ -363,9 +363,9 @@ async fn an_exported_study_is_imported_and_a_changed_one_is_not() {
     let body = String::from_utf8(from.get(&format!("/v1/results/{key}")).await.body).unwrap();
     let volume = body.split("\"wear_volume\":[").nth(1).unwrap().split(',').next().unwrap();
     replace_body(&mut open_file(&changed).await, &key, &body.replacen(volume, "1e-15", 1)).await;
-    let done = import(to.dir.path(), &changed, 0, quiet).await.unwrap();
+    let done = import(to.place(), &changed, 0, quiet).await.unwrap();
     assert_refused(&done, &key, "this server computes another row 0");
-    let done = import(to.dir.path(), &file, 0, quiet).await.unwrap();
+    let done = import(to.place(), &file, 0, quiet).await.unwrap();
     assert_eq!(done.results, 1);
     let address = format!("/v1/results/{key}");
     assert_eq!(from.get(&address).await.body, to.get(&address).await.body);
@@ -466,9 +466,9 @@ async fn a_map_answers_with_regimes_and_wear() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_study_is_private_and_its_result_is_shared() {
     let server = access::server(Limits::default()).await;
-    let anna = made(server.dir.path(), "anna", Role::Submit).await;
-    let ben = made(server.dir.path(), "ben", Role::Submit).await;
-    let eve = made(server.dir.path(), "eve", Role::Read).await;
+    let anna = made(server.place(), "anna", Role::Submit).await;
+    let ben = made(server.place(), "ben", Role::Submit).await;
+    let eve = made(server.place(), "eve", Role::Read).await;
     let body = sweep().to_string();
     ask(&server, &eve, "POST", "/v1/jobs", &body).await.problem(403, "forbidden");
     let job = ask(&server, &anna, "POST", "/v1/jobs", &body).await.json();

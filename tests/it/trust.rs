@@ -75,7 +75,7 @@ async fn exported(jobs: &[Value]) -> (TempDir, std::path::PathBuf, Vec<(String, 
     }
     let dir = TempDir::new().unwrap();
     let file = dir.path().join("results.db");
-    export(server.dir.path(), &file, &Search::default(), &[], quiet).await.unwrap();
+    export(server.place(), &file, &Search::default(), &[], quiet).await.unwrap();
     (dir, file, results)
 }
 
@@ -101,7 +101,7 @@ async fn a_history_that_is_seven_times_too_large_is_refused() {
     replace(&file, key, &wrong).await;
     let to = Server::start().await;
     // Without a sample it is computed anew, because its numbers contradict its scenario.
-    let done = import(to.dir.path(), &file, 0, quiet).await.unwrap();
+    let done = import(to.place(), &file, 0, quiet).await.unwrap();
     assert_eq!((done.results, done.recomputed, done.refused.len()), (0, 1, 1), "{done:?}");
     assert!(done.refused[0].1.contains("contradict its scenario"), "{done:?}");
     to.get(&format!("/v1/results/{key}")).await.problem(404, "unknown-result");

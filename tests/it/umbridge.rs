@@ -195,8 +195,8 @@ fn config_of_long_run() -> Value {
 async fn keys_and_limits_apply_and_a_key_may_be_a_basic_password() {
     let evaluations = NonZeroU32::new(3);
     let server = server(Limits { evaluations, ..Limits::default() }).await;
-    let anna = made(server.dir.path(), "anna", Role::Submit).await;
-    let eve = made(server.dir.path(), "eve", Role::Read).await;
+    let anna = made(server.place(), "anna", Role::Submit).await;
+    let eve = made(server.place(), "eve", Role::Read).await;
     let body = json!({"name": "wear", "input": [[0.5]]}).to_string();
     let ask = async |key: &str, path: &str| {
         let basic = format!("Basic {}", BASE64.encode(format!("any:{key}").as_bytes()));

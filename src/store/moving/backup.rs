@@ -7,14 +7,16 @@ use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
-use sqlx::{AssertSqlSafe, Connection as _, Executor as _, Row as _, SqliteConnection};
+use sqlx::{AssertSqlSafe, Connection as _, Executor as _, SqliteConnection};
 
-use super::{Moving, PATIENCE, Part, put, refused};
+use super::{Moving, Part, put, refused};
 use crate::job::{Key, clock};
+use crate::store::administration::PATIENCE;
 use crate::store::body::Body;
-use crate::store::open::{self, DATABASE, LOCK};
-use crate::store::row::{Sum, key};
-use crate::store::{Error, ledger};
+use crate::store::error::Error;
+use crate::store::row::{Columns as _, Sum, key};
+use crate::store::sqlite::ledger;
+use crate::store::sqlite::open::{self, DATABASE, LOCK};
 
 /// The contents of a backup.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -321,9 +323,9 @@ async fn damaged(db: &mut SqliteConnection) -> Result<Vec<Key>, Moving> {
         .fetch_optional(&mut *db)
         .await?;
         let Some(row) = row else { return Ok(damaged) };
-        last = row.try_get("key")?;
-        let body: Option<Vec<u8>> = row.try_get("body")?;
-        let evicted: Option<i64> = row.try_get("evicted")?;
+        last = row.get("key")?;
+        let body: Option<Vec<u8>> = row.get("body")?;
+        let evicted: Option<i64> = row.get("evicted")?;
         let sum = Sum::read(&row)?;
         let is_sound = |body| sum.is_of(&Body::stored(body));
         if evicted.is_none() && !body.is_some_and(is_sound) {

@@ -6,12 +6,14 @@ use serde_json::Value;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqliteSynchronous};
 use sqlx::{Connection as _, Executor as _, QueryBuilder, Sqlite, SqliteConnection};
 
-use super::{EXPORT, FORM, Moving, PATIENCE, Part};
+use super::{EXPORT, FORM, Moving, Part};
 use crate::job::{Document, ENGINE, Key, SCALARS, WORDS, clock};
-use crate::store::library::{self, Provenance};
-use crate::store::open::{self, DATABASE};
-use crate::store::search::{self, Search};
-use crate::store::{Error, StoredResult, read};
+use crate::store::administration::Administration;
+use crate::store::error::Error;
+use crate::store::library::Provenance;
+use crate::store::place::Place;
+use crate::store::read::StoredResult;
+use crate::store::search::Search;
 use fretwork_engine::outcome::UNITS;
 
 /// The columns of a history.
@@ -48,7 +50,7 @@ pub struct Exported {
 /// # Errors
 /// The file exists, a key is unknown, or a database fails.
 pub async fn export(
-    dir: &Path,
+    place: impl Into<Place>,
     file: &Path,
     search: &Search,
     keys: &[Key],
@@ -57,11 +59,11 @@ pub async fn export(
     if file.exists() {
         return Err(Moving::Exists(file.to_owned()));
     }
-    let path = dir.join(DATABASE);
-    if !path.exists() {
-        return Err(Moving::Nothing(path));
+    let place = place.into();
+    if !Administration::is_at(&place) {
+        return Err(Moving::NoDatabase(place));
     }
-    let mut db = open::beside(dir, PATIENCE).await?;
+    let mut db = Administration::open(place).await?;
     let named = !keys.is_empty();
     let keys = if named { keys.to_vec() } else { matching(&mut db, search).await? };
     let part = Part::of(file, ".part")?;
@@ -88,10 +90,10 @@ pub async fn export(
 }
 
 /// The keys of all matching results.
-async fn matching(db: &mut SqliteConnection, search: &Search) -> Result<Vec<Key>, Moving> {
+async fn matching(db: &mut Administration, search: &Search) -> Result<Vec<Key>, Moving> {
     let (mut keys, mut cursor) = (Vec::new(), None);
     loop {
-        let found = search::page(db, search, cursor, 1000).await?;
+        let found = db.page(search, cursor, 1000).await?;
         keys.extend(found.results.into_iter().map(|listed| listed.key));
         cursor = found.next;
         if cursor.is_none() {
@@ -113,14 +115,14 @@ enum Absent {
     Damaged,
 }
 
-async fn entry(db: &mut SqliteConnection, key: &Key) -> Result<Result<Entry, Absent>, Error> {
-    let (body, sum) = match read::result(&mut *db, key, i64::MAX).await {
+async fn entry(db: &mut Administration, key: &Key) -> Result<Result<Entry, Absent>, Error> {
+    let (body, sum) = match db.result(key).await {
         Ok(Some((StoredResult::Whole(body), sum))) => (body, sum),
         Ok(_) => return Ok(Err(Absent::Unknown)),
         Err(Error::Damaged(_)) => return Ok(Err(Absent::Damaged)),
         Err(error) => return Err(error),
     };
-    let Some(provenance) = library::provenance(db, key).await? else {
+    let Some(provenance) = db.provenance(key).await? else {
         return Ok(Err(Absent::Unknown));
     };
     if !sum.is_of(&body) {

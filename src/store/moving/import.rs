@@ -10,12 +10,15 @@ use sha2::{Digest as _, Sha256};
 use sqlx::sqlite::SqliteRow;
 use sqlx::{Connection as _, Row as _, SqliteConnection};
 
-use super::{EXPORT, FORM, Moving, PATIENCE};
+use super::{EXPORT, FORM, Moving};
 use crate::job::{Answer, Cost, ENGINE, Key, Received, Refused, clock};
-use crate::store::Error;
-use crate::store::keep::{Answered, Source};
+use crate::store::administration::Administration;
+use crate::store::error::Error;
+use crate::store::imports::{Before, Import, NoteTaken};
+use crate::store::keep::Answered;
 use crate::store::library::{Note, Program};
-use crate::store::open;
+use crate::store::place::Place;
+use crate::store::sqlite::open;
 use fretwork_engine::scenario::MAX_ANSWER;
 
 /// What an import did.
@@ -51,7 +54,7 @@ pub struct Imported {
 /// # Errors
 /// The file is not an export, or a database fails.
 pub async fn import(
-    dir: &Path,
+    place: impl Into<Place>,
     file: &Path,
     verify: u64,
     mut progress: impl FnMut(usize, usize),
@@ -62,7 +65,7 @@ pub async fn import(
             .fetch_all(&mut from)
             .await
             .map_err(|error| unreadable(file, error.into()))?;
-    let mut db = open::beside(dir, PATIENCE).await?;
+    let mut db = Administration::open(place).await?;
     let name = file.file_name().ok_or_else(|| Moving::NoExport(file.to_owned()))?;
     let name = name.to_string_lossy();
     let (mut verify, mut done) = (Verify(verify), Imported::default());
@@ -231,7 +234,7 @@ impl Entry {
     /// why.
     async fn take(
         &self,
-        db: &mut SqliteConnection,
+        db: &mut Administration,
         file: &str,
         verify: &mut Verify,
         done: &mut Imported,
@@ -239,111 +242,44 @@ impl Entry {
         let document = &self.received.document;
         let answer = Answer::new(self.body.clone(), document);
         let answer = Answered::new(&answer, self.cost);
-        match self.is_known(db, &answer).await? {
-            Ok(true) => {}
-            // Outside of the transaction, because the server waits for it.
-            Ok(false) => {
-                if let Err(refused) = verify.result(self, done) {
-                    return Ok(Some(refused.to_string()));
-                }
-            }
-            Err(why) => return Ok(Some(why)),
+        let before = db.before(&self.key, &answer.digest).await?;
+        if let Some(why) = before.refusal() {
+            return Ok(Some(why));
         }
-        let mut tx = db.begin_with("BEGIN IMMEDIATE").await?;
-        match self.is_known(&mut tx, &answer).await? {
-            Ok(true) => done.known += 1,
-            Ok(false) => {
-                self.insert(&mut tx, &answer, file).await?;
+        // Outside of the transaction, because the server waits for it.
+        if before == Before::Nothing
+            && let Err(refused) = verify.result(self, done)
+        {
+            return Ok(Some(refused.to_string()));
+        }
+        let (before, note) = db
+            .import(&Import {
+                key: self.key,
+                answer: &answer,
+                task: &document.asked.kind.stored(&document.asked.value),
+                owner: self.owner.as_deref(),
+                warnings: self.warnings.as_deref(),
+                program: self.program.as_ref(),
+                computed: self.computed,
+                note: self.note.as_ref(),
+                file,
+            })
+            .await?;
+        match before {
+            Before::Same => done.known += 1,
+            Before::Nothing => {
                 done.results += 1;
                 done.bytes += answer.size as u64;
                 done.earlier += u64::from(document.numerics < ENGINE.numerics);
             }
-            Err(why) => return Ok(Some(why)),
+            other => return Ok(other.refusal()),
         }
-        self.annotate(&mut tx, done).await?;
-        tx.commit().await?;
+        match note {
+            NoteTaken::Unchanged => {}
+            NoteTaken::Stored => done.notes += 1,
+            NoteTaken::Refused => done.other_notes.push(self.key),
+        }
         Ok(None)
-    }
-
-    /// Whether this database has the result. The inner error says why the result is refused.
-    async fn is_known(
-        &self,
-        db: &mut SqliteConnection,
-        answer: &Answered,
-    ) -> Result<Result<bool, String>, Error> {
-        let row: Option<(bool, bool, Option<String>)> = sqlx::query_as(
-            "SELECT evicted IS NULL, digest = ?2, deleted_by FROM result WHERE key = ?1",
-        )
-        .bind(self.key.bytes().as_slice())
-        .bind(answer.digest.as_slice())
-        .fetch_optional(db)
-        .await?;
-        Ok(match row {
-            None | Some((false, true, None)) => Ok(false),
-            Some((true, true, _)) => Ok(true),
-            Some((true, false, _)) => {
-                Err("this database has another result under its key".to_owned())
-            }
-            Some((false, _, Some(who))) => {
-                Err(format!("{who} deleted it here; it must be computed again to come back"))
-            }
-            Some((false, false, None)) => {
-                Err("it differs from the result that was evicted here".to_owned())
-            }
-        })
-    }
-
-    async fn insert(
-        &self,
-        db: &mut SqliteConnection,
-        answer: &Answered,
-        file: &str,
-    ) -> Result<(), Error> {
-        let program = match &self.program {
-            Some(program) => Some(program.row(db).await?),
-            None => None,
-        };
-        let (owner, warnings) = (self.owner.as_deref(), self.warnings.as_deref());
-        let asked = &self.received.document.asked;
-        let task = &asked.kind.stored(&asked.value);
-        let (key, now) = (self.key, clock::now());
-        let (job, trace) = (None, None);
-        let source = Source { key, attempt: 0, task, owner, job, warnings, trace, program, now };
-        answer.import(db, &source).await?;
-        sqlx::query(
-            "UPDATE result SET imported = ?2, imported_from = ?3, computed = ?4 WHERE key = ?1",
-        )
-        .bind(self.key.bytes().as_slice())
-        .bind(now)
-        .bind(file)
-        .bind(self.computed)
-        .execute(db)
-        .await?;
-        Ok(())
-    }
-
-    /// Stores the note, unless the result already has a note in this database.
-    async fn annotate(&self, db: &mut SqliteConnection, done: &mut Imported) -> Result<(), Error> {
-        let Some(note) = &self.note else { return Ok(()) };
-        let there: Option<String> = sqlx::query_scalar("SELECT text FROM note WHERE key = ?1")
-            .bind(self.key.bytes().as_slice())
-            .fetch_optional(&mut *db)
-            .await?;
-        match there {
-            Some(there) if there == note.text => {}
-            Some(_) => done.other_notes.push(self.key),
-            None => {
-                sqlx::query("INSERT INTO note (key, text, owner, at) VALUES (?1, ?2, ?3, ?4)")
-                    .bind(self.key.bytes().as_slice())
-                    .bind(&note.text)
-                    .bind(&note.owner)
-                    .bind(note.at)
-                    .execute(db)
-                    .await?;
-                done.notes += 1;
-            }
-        }
-        Ok(())
     }
 }
 

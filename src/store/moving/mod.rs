@@ -17,9 +17,10 @@ mod import;
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
-use super::{Error, open};
+use super::error::Error;
+use super::place::Place;
+use super::sqlite::open;
 use crate::job::Key;
 
 pub use backup::{Saved, backup, note_backup, restore};
@@ -30,8 +31,6 @@ pub use import::{Imported, import};
 const EXPORT: i32 = 0x6672_6578;
 /// The version of the format of an export.
 const FORM: i32 = 1;
-/// How long to wait while the server writes.
-const PATIENCE: Duration = Duration::from_secs(30);
 
 /// Why an export, import, backup or restore failed.
 #[derive(Debug, thiserror::Error)]
@@ -42,6 +41,9 @@ pub enum Moving {
     /// The source does not exist.
     #[error("there is no {}", .0.display())]
     Nothing(PathBuf),
+    /// There is no database at this place.
+    #[error("there is no database in {0}")]
+    NoDatabase(Place),
     /// The target exists.
     #[error("{} exists already, and is not overwritten", .0.display())]
     Exists(PathBuf),

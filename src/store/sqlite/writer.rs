@@ -8,14 +8,14 @@ use sqlx::{AssertSqlSafe, Connection, Executor, Row as _};
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::timeout;
 
-use super::error::Error;
 use super::ledger::Ledger;
 use super::log::{self, Log};
 use super::queue::Queue;
-use super::signals::{READ_AT_ONCE, Signals};
 use super::transaction::{Transaction, Verb};
 use super::upkeep::{self, Room, Upkeep, delete_old, make_room, write_clock, write_reads};
 use crate::job::clock::now;
+use crate::store::error::Error;
+use crate::store::signals::{READ_AT_ONCE, Signals};
 
 /// The number of messages that may wait for the writer task; senders of further ones wait.
 const WAITING: usize = 1024;
@@ -396,8 +396,8 @@ mod tests {
     use sqlx::SqliteConnection;
 
     use super::*;
-    use crate::store::open::MIGRATIONS;
-    use crate::store::upkeep::AgeClock;
+    use crate::store::ages::AgeClock;
+    use crate::store::sqlite::open::MIGRATIONS;
 
     /// Inserts a row of this number and size. Counts its calls.
     async fn insert(

@@ -12,36 +12,39 @@ use sqlx::sqlite::{SqliteAutoVacuum, SqliteConnectOptions, SqliteJournalMode, Sq
 use sqlx::{ConnectOptions, Connection, Executor as _, SqlSafeStr as _, SqliteConnection};
 use tokio::sync::Semaphore;
 
+use super::Database;
 use super::ledger::Ledger;
-use super::library::Program;
+use super::library;
 use super::log::Log;
 use super::outline;
-use super::pins::PinQuota;
 use super::queue::Queue;
 use super::readers::{BUSY, Readers};
-use super::signals::Signals;
 use super::transaction::Transaction;
-use super::upkeep::{AgeClock, Upkeep};
+use super::upkeep::{self, Upkeep};
 use super::writer::Writer;
-use super::{Error, Store};
 use crate::job::clock::now;
 use crate::job::{Canonical, ENGINE};
+use crate::store::error::Error;
+use crate::store::library::Program;
+use crate::store::options::{FileSizes, Options};
+use crate::store::pins::PinQuota;
+use crate::store::signals::Signals;
 
 /// The changes of the schema: version, name and SQL.
 const CHANGES: [(i64, &str, &str); 13] = [
-    (1, "jobs", include_str!("../../migrations/sqlite/0001_jobs.sql")),
-    (2, "years of service", include_str!("../../migrations/sqlite/0002_years_of_service.sql")),
-    (3, "access keys", include_str!("../../migrations/sqlite/0003_access_keys.sql")),
-    (4, "library", include_str!("../../migrations/sqlite/0004_library.sql")),
-    (5, "search", include_str!("../../migrations/sqlite/0005_search.sql")),
-    (6, "submitted", include_str!("../../migrations/sqlite/0006_submitted.sql")),
-    (7, "compact results", include_str!("../../migrations/sqlite/0007_compact_results.sql")),
-    (8, "warnings", include_str!("../../migrations/sqlite/0008_warnings.sql")),
-    (9, "audit", include_str!("../../migrations/sqlite/0009_audit.sql")),
-    (10, "commits", include_str!("../../migrations/sqlite/0010_commits.sql")),
-    (11, "trust", include_str!("../../migrations/sqlite/0011_trust.sql")),
-    (12, "kinds", include_str!("../../migrations/sqlite/0012_kinds.sql")),
-    (13, "chunks", include_str!("../../migrations/sqlite/0013_chunks.sql")),
+    (1, "jobs", include_str!("../../../migrations/sqlite/0001_jobs.sql")),
+    (2, "years of service", include_str!("../../../migrations/sqlite/0002_years_of_service.sql")),
+    (3, "access keys", include_str!("../../../migrations/sqlite/0003_access_keys.sql")),
+    (4, "library", include_str!("../../../migrations/sqlite/0004_library.sql")),
+    (5, "search", include_str!("../../../migrations/sqlite/0005_search.sql")),
+    (6, "submitted", include_str!("../../../migrations/sqlite/0006_submitted.sql")),
+    (7, "compact results", include_str!("../../../migrations/sqlite/0007_compact_results.sql")),
+    (8, "warnings", include_str!("../../../migrations/sqlite/0008_warnings.sql")),
+    (9, "audit", include_str!("../../../migrations/sqlite/0009_audit.sql")),
+    (10, "commits", include_str!("../../../migrations/sqlite/0010_commits.sql")),
+    (11, "trust", include_str!("../../../migrations/sqlite/0011_trust.sql")),
+    (12, "kinds", include_str!("../../../migrations/sqlite/0012_kinds.sql")),
+    (13, "chunks", include_str!("../../../migrations/sqlite/0013_chunks.sql")),
 ];
 
 /// All migrations. The macros of sqlx would embed the directory, but they compile SQLite a second time.
@@ -53,13 +56,13 @@ pub(super) static MIGRATIONS: LazyLock<Migrator> = LazyLock::new(|| {
 });
 
 /// The SQLite application id of our databases ("fret"). The program never writes to another database.
-pub(super) const APPLICATION_ID: i32 = 0x6672_6574;
+pub(in crate::store) const APPLICATION_ID: i32 = 0x6672_6574;
 
 /// The file name of the database.
-pub(super) const DATABASE: &str = "fretwork.db";
+pub(in crate::store) const DATABASE: &str = "fretwork.db";
 
 /// The file that a server locks, in the data directory.
-pub(super) const LOCK: &str = "fretwork.lock";
+pub(in crate::store) const LOCK: &str = "fretwork.lock";
 
 /// The number of read-only connections for small results and lists.
 pub(super) const READERS: u32 = 4;
@@ -67,58 +70,18 @@ pub(super) const READERS: u32 = 4;
 /// scan with two at a time, so a scan of another caller need not wait for these.
 pub(super) const SCANS: usize = 3;
 
-/// Settings of the store.
-#[derive(Debug, Clone)]
-pub struct Options {
-    /// Whether each commit waits for the disk. If true, an acknowledged change survives a power failure;
-    /// otherwise it survives only a crash of the process.
-    pub full_sync: bool,
-    /// The largest number of queued jobs.
-    pub queue_limit: usize,
-    /// How long finished jobs are kept; `None` means for ever.
-    pub keep_jobs: Option<Duration>,
-    /// Bytes of the database beyond which the server deletes what was used longest ago; `None` means no limit.
-    pub budget: Option<u64>,
-    /// Bytes of results that one owner may pin. If there is a budget, all owners together may pin half of it, so that
-    /// there is room for new results.
-    pub pin_quota: u64,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Self {
-            full_sync: false,
-            queue_limit: 20_000,
-            keep_jobs: None,
-            budget: None,
-            pin_quota: 1 << 30,
-        }
-    }
-}
-
-/// Sizes in bytes; `None` if the system does not report them.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct FileSizes {
-    /// The database.
-    pub database: Option<u64>,
-    /// Its write-ahead log.
-    pub log: Option<u64>,
-}
-
-impl Store {
-    /// The sizes of the database and of its log.
-    #[must_use]
-    pub fn file_sizes(&self) -> FileSizes {
+impl Database {
+    pub(in crate::store) fn file_sizes(&self) -> FileSizes {
         let database = self.dir.join(DATABASE);
         let size = |path: &Path| fs::metadata(path).ok().map(|file| file.len());
         FileSizes { database: size(&database), log: size(&with_suffix(&database, "-wal")) }
     }
 
-    /// Opens or creates the database in a directory, and starts the writer task.
-    ///
-    /// No other process can open the directory until the store is closed. Call [`Store::recover`]
-    /// before the first [`Store::claim`].
-    pub async fn open(dir: &Path, options: &Options) -> Result<Self, Error> {
+    pub(in crate::store) async fn open(
+        dir: &Path,
+        options: &Options,
+        signals: Arc<Signals>,
+    ) -> Result<Self, Error> {
         let lock = lock(dir)?;
         let path = dir.join(DATABASE);
         let log_pages = log_pages(options.budget);
@@ -136,11 +99,11 @@ impl Store {
         let readers = Arc::new(Readers::open(&reading, READERS).await?);
         let large = Arc::new(Readers::open(&reading, 1).await?);
         let keys = Arc::new(Readers::open(&reading, 1).await?);
-        let signals = Arc::new(Signals::default());
         let queue = Queue::load(&mut db).await?;
-        let program = Program::this().row(&mut db).await?;
+        let program = library::program(&Program::this(), &mut db).await?;
         let ledger = Ledger::open(lock, &mut db).await?;
-        let upkeep = Upkeep::new(options.keep_jobs, options.budget, AgeClock::load(&mut db).await?);
+        let upkeep =
+            Upkeep::new(options.keep_jobs, options.budget, upkeep::read_clock(&mut db).await?);
         let tx = Transaction { db, now: now(), queue, program, effects: Vec::new() };
         let log = Log::new(with_suffix(&path, "-wal"), log_pages * PAGE);
         let writer = Writer::new(tx, Arc::clone(&signals), upkeep, ledger, log).start();
@@ -230,11 +193,11 @@ fn log_pages(budget: Option<u64>) -> u64 {
 }
 
 /// Options of every connection.
-pub(super) fn connecting(path: &Path) -> SqliteConnectOptions {
+pub(in crate::store) fn connecting(path: &Path) -> SqliteConnectOptions {
     SqliteConnectOptions::new().filename(path).busy_timeout(BUSY).disable_statement_logging()
 }
 
-pub(super) fn lock(dir: &Path) -> Result<File, Error> {
+pub(in crate::store) fn lock(dir: &Path) -> Result<File, Error> {
     let refused = |source| Error::Directory { dir: dir.to_owned(), source: Arc::new(source) };
     fs::create_dir_all(dir).map_err(refused)?;
     let path = dir.join(LOCK);
@@ -285,7 +248,7 @@ pub(super) fn forget_foreign_log(path: &Path) -> io::Result<()> {
 }
 
 /// Whether the header of a database says that it uses a write-ahead log; `None` if it has another header.
-pub(super) fn uses_log(path: &Path) -> io::Result<Option<bool>> {
+pub(in crate::store) fn uses_log(path: &Path) -> io::Result<Option<bool>> {
     const VERSIONS: usize = 18;
     let mut head = Vec::new();
     File::open(path)?.take(100).read_to_end(&mut head)?;
@@ -297,14 +260,14 @@ pub(super) fn uses_log(path: &Path) -> io::Result<Option<bool>> {
 }
 
 /// A path with a suffix after its file name.
-pub(super) fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
+pub(in crate::store) fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(suffix);
     name.into()
 }
 
 /// Refuses a file that is not one of our databases, before anything is written to it.
-pub(super) async fn inspect(path: &Path) -> Result<(), Error> {
+pub(in crate::store) async fn inspect(path: &Path) -> Result<(), Error> {
     if !path.exists() {
         return Ok(());
     }
@@ -326,7 +289,7 @@ pub(super) async fn inspect(path: &Path) -> Result<(), Error> {
 
 /// The statements that made the tables and indexes of a file. A file in which they are not text is damaged: sqlx panics
 /// at a column whose type is not text, and may then wait without end.
-pub(super) async fn schema(db: &mut SqliteConnection) -> Result<Vec<String>, Error> {
+pub(in crate::store) async fn schema(db: &mut SqliteConnection) -> Result<Vec<String>, Error> {
     let encoding: String = sqlx::query_scalar("PRAGMA encoding").fetch_one(&mut *db).await?;
     if encoding != "UTF-8" {
         let error = sqlx::Error::Decode(format!("its texts are {encoding}, not UTF-8").into());
@@ -341,7 +304,7 @@ pub(super) async fn schema(db: &mut SqliteConnection) -> Result<Vec<String>, Err
     statements.map_err(|error| Error::Damaged(Arc::new(error)))
 }
 
-pub(super) async fn migrate(db: &mut SqliteConnection, path: &Path) -> Result<(), Error> {
+pub(in crate::store) async fn migrate(db: &mut SqliteConnection, path: &Path) -> Result<(), Error> {
     let known = latest();
     MIGRATIONS.run(db).await.map_err(|error| match error {
         MigrateError::VersionMissing(found) if found > known => {
@@ -353,18 +316,21 @@ pub(super) async fn migrate(db: &mut SqliteConnection, path: &Path) -> Result<()
 
 /// The schema version of this program.
 #[expect(clippy::expect_used, reason = "the migrations are compiled in")]
-pub(super) fn latest() -> i64 {
+pub(in crate::store) fn latest() -> i64 {
     CHANGES.iter().map(|(version, ..)| *version).max().expect("there are migrations")
 }
 
 /// The schema version of a database.
-pub(super) async fn version(db: &mut SqliteConnection) -> Result<i64, sqlx::Error> {
+pub(in crate::store) async fn version(db: &mut SqliteConnection) -> Result<i64, sqlx::Error> {
     sqlx::query_scalar("SELECT coalesce(max(version), 0) FROM _sqlx_migrations").fetch_one(db).await
 }
 
 /// Opens the database of a directory for an administrative command; a server may be using it. If no
 /// server does, this creates or migrates the database where necessary.
-pub(super) async fn beside(dir: &Path, patience: Duration) -> Result<SqliteConnection, Error> {
+pub(in crate::store) async fn beside(
+    dir: &Path,
+    patience: Duration,
+) -> Result<SqliteConnection, Error> {
     let path = dir.join(DATABASE);
     let options = writing(&path, false).busy_timeout(patience);
     match lock(dir) {

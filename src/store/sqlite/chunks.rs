@@ -3,81 +3,37 @@
 //! The run of a study is running from its first claim to its end, even while no worker computes a piece of it. A crash or a
 //! release queues only the pieces again that were running.
 
-use std::time::Duration;
-
-use bytes::Bytes;
-use sqlx::Row as _;
-
-use super::body::Body;
-use super::claimed::{Claim, Claimed, Piece};
-use super::row::{RunId, key};
-use super::signals::{Effect, Stop};
+use super::Database;
 use super::transaction::Transaction;
-use super::{Error, Store};
-use crate::job::Cost;
+use crate::store::body::Body;
+use crate::store::claimed::{Claim, Claimed, FinishedChunk, Piece, cost, is_step};
+use crate::store::error::Error;
+use crate::store::row::{Columns, RunId, Sum, key};
+use crate::store::signals::{Effect, Stop};
 
-/// Number of steps in which the progress of a study is stored. Each step wakes its listeners.
-const STEPS: u64 = 200;
-
-impl Store {
-    /// Stores what a worker has computed for a chunk, in a form that only the caller knows, and the cost of this attempt.
-    /// Returns false if the worker has lost the chunk.
-    ///
-    /// # Panics
-    /// The worker has not claimed a chunk, or there is no memory for the compressor.
-    #[expect(clippy::expect_used, reason = "a chunk must not be lost silently")]
-    pub async fn finish_chunk(
+impl Database {
+    pub(in crate::store) async fn finish_chunk(
         &self,
-        claimed: &Claimed,
-        bytes: &[u8],
-        cost: Cost,
+        finished: FinishedChunk,
     ) -> Result<bool, Error> {
-        assert!(matches!(claimed.piece, Piece::Chunk { .. }), "{:?} is no chunk", claimed.piece);
-        let body = Body::pack(bytes).expect("any bytes can be compressed");
-        let finished = Finished { claim: claimed.claim(), body, first: Vec::new(), cost };
         self.write(finish_chunk, finished).await
     }
 
-    /// Stores what is known of the first chunks of a study. Finishes the claimed chunk, which is one of them, and those of them
-    /// that were never claimed. Returns false if the worker has lost its chunk.
-    ///
-    /// # Panics
-    /// The worker has not claimed one of these chunks, or there is no memory for the compressor.
-    #[expect(clippy::expect_used, reason = "a chunk must not be lost silently")]
-    pub async fn finish_first_chunks(
+    pub(in crate::store) async fn chunk(
         &self,
-        claimed: &Claimed,
-        first: &[Vec<u8>],
-        cost: Cost,
-    ) -> Result<bool, Error> {
-        let Piece::Chunk { number, of } = claimed.piece else {
-            unreachable!("{:?} is no chunk", claimed.piece)
-        };
-        assert!(first.len() <= of as usize, "{} of {of} chunks", first.len());
-        let pack = |bytes: &Vec<u8>| Body::pack(bytes).expect("any bytes can be compressed");
-        let first: Vec<Body> = first.iter().map(pack).collect();
-        let body = first[number as usize].clone();
-        self.write(finish_chunk, Finished { claim: claimed.claim(), body, first, cost }).await
-    }
-
-    /// What was stored for a finished chunk. Returns `None` if the study has ended.
-    pub async fn chunk(&self, claimed: &Claimed, number: u32) -> Result<Option<Bytes>, Error> {
-        let query = sqlx::query_as(
+        run: RunId,
+        number: u32,
+    ) -> Result<Option<(Body, Sum)>, Error> {
+        let query = sqlx::query(
             "SELECT body, checksum FROM chunk WHERE run = ?1 AND number = ?2 AND state = 'done'",
         );
-        let query = query.bind(claimed.run.0).bind(number);
-        let found: Option<(Vec<u8>, i64)> =
-            self.reading(async |db| Ok(query.fetch_optional(db).await?)).await?;
-        let Some((body, checksum)) = found else { return Ok(None) };
-        let body = Body::stored(body);
-        let bytes = (body.checksum() == checksum).then(|| body.json().ok()).flatten();
-        let damaged = Error::DamagedChunk { key: claimed.key, number };
-        self.counted(bytes.ok_or(damaged).map(Some))
+        let query = query.bind(run.0).bind(number);
+        let row = self.reading(async |db| Ok(query.fetch_optional(db).await?)).await?;
+        let Some(row) = row else { return Ok(None) };
+        Ok(Some((Body::stored(row.get("body")?), Sum::Check(row.get("checksum")?))))
     }
 
-    /// The task of a claimed study in its stored form. The study has too many pieces for each to contain it. Returns `None` if
-    /// the study has ended.
-    pub async fn task(&self, claimed: &Claimed) -> Result<Option<String>, Error> {
+    pub(in crate::store) async fn task(&self, claimed: &Claimed) -> Result<Option<String>, Error> {
         let query = sqlx::query_scalar("SELECT task FROM run WHERE id = ?1 AND finished IS NULL");
         let query = query.bind(claimed.run.0);
         self.reading(async |db| Ok(query.fetch_optional(db).await?)).await
@@ -106,7 +62,7 @@ pub(super) async fn claim(run: RunId, tx: &mut Transaction) -> Result<Claimed, E
     .bind(run.0)
     .fetch_one(&mut tx.db)
     .await?;
-    let (number, attempt): (u32, u32) = (row.try_get("number")?, row.try_get("attempt")?);
+    let (number, attempt): (u32, u32) = (row.get("number")?, row.get("attempt")?);
     if number == 0 {
         start(run, tx).await?;
     }
@@ -116,16 +72,11 @@ pub(super) async fn claim(run: RunId, tx: &mut Transaction) -> Result<Claimed, E
     .bind(run.0)
     .fetch_one(&mut tx.db)
     .await?;
-    let of = row.try_get("chunks")?;
+    let of = row.get("chunks")?;
     let piece = if number == of { Piece::Assembly { of } } else { Piece::Chunk { number, of } };
-    let cpu: Option<f64> = row.try_get("cpu")?;
-    let spent = Cost { wall: duration(row.try_get("wall")?)?, cpu: cpu.map(duration).transpose()? };
-    let (key, trace, stop) = (key(&row, "key")?, row.try_get("trace")?, Stop::default());
+    let spent = cost(&row)?;
+    let (key, trace, stop) = (key(&row, "key")?, row.get("trace")?, Stop::default());
     Ok(Claimed { run, attempt, key, piece, spent, trace, stop })
-}
-
-fn duration(seconds: f64) -> Result<Duration, sqlx::Error> {
-    Duration::try_from_secs_f64(seconds).map_err(|error| sqlx::Error::Decode(Box::new(error)))
 }
 
 /// Starts the run of a study, unless it is running.
@@ -144,17 +95,8 @@ async fn start(run: RunId, tx: &mut Transaction) -> Result<(), Error> {
     Ok(())
 }
 
-/// A chunk and what was computed for it.
-struct Finished {
-    claim: Claim,
-    body: Body,
-    /// The first chunks of the study, if they are known. Those that were never claimed are finished, too.
-    first: Vec<Body>,
-    cost: Cost,
-}
-
 async fn finish_chunk(
-    Finished { claim, body, first, cost }: &Finished,
+    FinishedChunk { claim, body, first, cost }: &FinishedChunk,
     tx: &mut Transaction,
 ) -> Result<bool, Error> {
     let Claim { part: (run, Some(number)), attempt } = *claim else { return Ok(false) };
@@ -188,8 +130,7 @@ async fn finish_chunk(
     if done == chunks {
         tx.effects.push(Effect::Queued);
     }
-    let step = |done: u32| u64::from(done) * STEPS / u64::from(chunks);
-    if step(done) != step(before) {
+    if is_step(before, done, chunks) {
         let row = sqlx::query("UPDATE run SET progress = ?2 WHERE id = ?1 RETURNING key")
             .bind(run.0)
             .bind(f64::from(done) / f64::from(chunks))

@@ -12,8 +12,8 @@ use std::io::{self, Read as _, Seek as _, Write as _};
 
 use sqlx::SqliteConnection;
 
-use super::Error;
 use crate::job::clock::rfc3339;
+use crate::store::error::Error;
 
 /// The number of commits, and the time of the last one in milliseconds since 1970.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -74,6 +74,6 @@ fn read(lock: &mut File) -> Option<Noted> {
 }
 
 /// Forgets the number, because another database takes the place of the one that it belongs to.
-pub(super) fn forget(lock: &File) -> io::Result<()> {
+pub(in crate::store) fn forget(lock: &File) -> io::Result<()> {
     lock.set_len(0)
 }

@@ -1,20 +1,20 @@
 //! Search for results: which conditions there are, and how they become SQL.
 
-mod page;
-
 use std::collections::BTreeMap;
+use std::fmt;
+use std::str::FromStr;
 
-use sqlx::{QueryBuilder, Sqlite};
-use tokio::sync::SemaphorePermit;
-
-use super::outline;
-use super::row::key;
-use super::{Error, Store};
+use super::library::Note;
+use super::row::{Columns, key};
+use super::statement::{Dialect, Statement};
 use crate::job::{Key, Outline, SCALARS, WORDS, clock};
 use fretwork_engine::request::quantity::{self, Dimension};
 
-pub(super) use page::page;
-pub use page::{Cursor, Found, Listed};
+/// The names of the words and numbers, in the order of an [`Outline`].
+pub(super) fn names() -> impl Iterator<Item = &'static str> {
+    let words = WORDS.iter().map(|word| word.name);
+    words.chain(SCALARS.iter().map(|scalar| scalar.name))
+}
 
 /// Which results to list, and in which order. The default lists all, the newest first.
 #[derive(Debug, Clone, Default)]
@@ -120,7 +120,7 @@ impl Search {
             "label",
             "sort",
         ];
-        outline::names().chain(others)
+        names().chain(others)
     }
 
     /// All names to sort by.
@@ -196,21 +196,21 @@ impl Search {
     }
 
     /// Writes all conditions on rows of `outline`.
-    fn conditions(&self, query: &mut QueryBuilder<Sqlite>) {
+    fn conditions(&self, query: &mut Statement) {
         query.push(if self.evicted { "NOT present" } else { "present" });
         for (name, word) in &self.words {
-            query.push(" AND outline.").push(*name).push(" = ").push_bind(word.clone());
+            query.push(" AND outline.").push(name).push(" = ").bind(&**word);
         }
         for (name, Range { low, high }) in &self.ranges {
             if low.is_finite() {
-                query.push(" AND outline.").push(*name).push(" >= ").push_bind(*low);
+                query.push(" AND outline.").push(name).push(" >= ").bind(*low);
             }
             if high.is_finite() {
-                query.push(" AND outline.").push(*name).push(" <= ").push_bind(*high);
+                query.push(" AND outline.").push(name).push(" <= ").bind(*high);
             }
         }
         if let Some(owner) = &self.owner {
-            query.push(" AND outline.owner = ").push_bind(owner.clone());
+            query.push(" AND outline.owner = ").bind(&**owner);
         }
         if let Some(pinned) = self.pinned {
             query.push(if pinned { " AND outline.id IN (" } else { " AND outline.id NOT IN (" });
@@ -218,11 +218,13 @@ impl Search {
         }
         if let Some(owner) = &self.pinned_by {
             query.push(" AND outline.id IN (SELECT id FROM result_task JOIN result USING (key)");
-            query.push(" WHERE pinned AND pinned_by = ").push_bind(owner.clone()).push(")");
+            query.push(" WHERE pinned AND pinned_by = ").bind(&**owner).push(")");
         }
         if let Some(note) = &self.note {
             query.push(" AND outline.id IN (SELECT id FROM result_task JOIN note USING (key)");
-            query.push(" WHERE instr(lower(text), lower(").push_bind(note.clone()).push(")))");
+            let contains = query.dialect().contains;
+            query.push(" WHERE ").push(contains).push("(lower(text), lower(");
+            query.bind(&**note).push(")) > 0)");
         }
         if let Some(tag) = &self.tag {
             self.with_job(query, "job_tag JOIN job ON job.id = job_tag.job", "tag", tag);
@@ -235,57 +237,210 @@ impl Search {
     /// Writes the condition that a job with this label or tag asked for the result.
     fn with_job(
         &self,
-        query: &mut QueryBuilder<Sqlite>,
+        query: &mut Statement,
         jobs: &'static str,
         column: &'static str,
         value: &str,
     ) {
         query.push(" AND outline.id IN (SELECT result_task.id FROM ").push(jobs);
         query.push(" JOIN result_task ON result_task.key = job.key WHERE ").push(column);
-        query.push(" = ").push_bind(value.to_owned());
+        query.push(" = ").bind(value);
         if let Some(owner) = &self.jobs_of {
-            query.push(" AND job.owner = ").push_bind(owner.clone());
+            query.push(" AND job.owner = ").bind(&**owner);
         }
         query.push(")");
     }
 }
 
-impl Store {
-    /// The stored result whose inputs are nearest to those of an outline, other than `except`. The distance
-    /// is the sum of the relative differences, plus 10 for each word that differs.
-    pub async fn nearest(&self, to: &Outline, except: Option<Key>) -> Result<Option<Key>, Error> {
-        let _permit = self.scan().await?;
-        let mut query = QueryBuilder::<Sqlite>::new(
-            "SELECT key FROM result_task WHERE id = (SELECT id FROM outline WHERE present AND kind = 'run'",
-        );
-        if let Some(key) = except {
-            query.push(" AND id IS NOT (SELECT id FROM result_task WHERE key = ");
-            query.push_bind(key.bytes().to_vec()).push(")");
-        }
-        query.push(" ORDER BY 0.0");
-        for (word, value) in WORDS.iter().zip(&to.words) {
-            if word.name != "regime" {
-                query.push(" + 10.0 * (outline.").push(word.name).push(" IS NOT ");
-                query.push_bind(value.clone()).push(")");
-            }
-        }
-        let inputs = SCALARS.iter().zip(&to.scalars).filter(|(scalar, _)| scalar.is_input);
-        for (scalar, value) in inputs {
-            let Some(value) = value else { continue };
-            query.push(" + coalesce(abs(outline.").push(scalar.name).push(" - ").push_bind(*value);
-            query.push(") / max(abs(outline.").push(scalar.name).push("), ");
-            query.push_bind(value.abs()).push(", 1e-300), 1.0)");
-        }
-        query.push(", outline.id DESC LIMIT 1)");
-        let row = self.reading(async |db| Ok(query.build().fetch_optional(db).await?)).await?;
-        Ok(row.map(|row| key(&row, "key")).transpose()?)
+/// The statement that finds the stored result whose inputs are nearest to those of an outline, other than `except`. The
+/// distance is the sum of the relative differences, plus 10 for each word that differs.
+pub(super) fn nearest(to: &Outline, except: Option<Key>, dialect: Dialect) -> Statement {
+    let mut query = Statement::new(
+        "SELECT key FROM result_task WHERE id = (SELECT id FROM outline WHERE present AND kind = 'run'",
+        dialect,
+    );
+    if let Some(key) = except {
+        query.push(" AND id IS DISTINCT FROM (SELECT id FROM result_task WHERE key = ");
+        query.bind(key.bytes().as_slice()).push(")");
     }
+    query.push(" ORDER BY 0.0");
+    for (word, value) in WORDS.iter().zip(&to.words) {
+        if word.name != "regime" {
+            query.push(" + CASE WHEN outline.").push(word.name).push(" IS DISTINCT FROM ");
+            query.bind(value.clone()).push(" THEN 10.0 ELSE 0.0 END");
+        }
+    }
+    let inputs = SCALARS.iter().zip(&to.scalars).filter(|(scalar, _)| scalar.is_input);
+    for (scalar, value) in inputs {
+        let Some(value) = value else { continue };
+        query.push(" + coalesce(abs(outline.").push(scalar.name).push(" - ").bind(*value);
+        query.push(") / ").push(dialect.largest).push("(abs(outline.").push(scalar.name);
+        query.push("), ").bind(value.abs()).push(", 1e-300), 1.0)");
+    }
+    query.push(", outline.id DESC LIMIT 1)");
+    query
+}
 
-    /// Waits for permission to scan all results. Scans never take all connections, so single results can
-    /// always be read.
-    async fn scan(&self) -> Result<SemaphorePermit<'_>, Error> {
-        self.scans.acquire().await.map_err(|_| Error::Closed)
+/// The position of the last result of a page: its value in the sort column, and its row number.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cursor {
+    value: Option<f64>,
+    id: i64,
+}
+
+impl Cursor {
+    /// Reads the columns `place` and `id`.
+    pub(super) fn read(row: &impl Columns) -> Result<Self, sqlx::Error> {
+        Ok(Self { value: row.get("place")?, id: row.get("id")? })
     }
+}
+
+impl fmt::Display for Cursor {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.value {
+            Some(value) => write!(f, "{:016x}-{}", value.to_bits(), self.id),
+            None => write!(f, "null-{}", self.id),
+        }
+    }
+}
+
+impl FromStr for Cursor {
+    type Err = ();
+    fn from_str(text: &str) -> Result<Self, ()> {
+        let (value, id) = text.split_once('-').ok_or(())?;
+        let value = match value {
+            "null" => None,
+            bits if bits.len() == 16 => {
+                let value = f64::from_bits(u64::from_str_radix(bits, 16).map_err(drop)?);
+                Some(value).filter(|value| value.is_finite()).map(Some).ok_or(())?
+            }
+            _ => return Err(()),
+        };
+        Ok(Self { value, id: id.parse().map_err(drop)? })
+    }
+}
+
+/// A result in a list.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Listed {
+    /// Its key.
+    pub key: Key,
+    /// When this server first stored the key. Times are milliseconds since 1970.
+    pub created: i64,
+    /// The owner whose job computed it; `None` if that is unknown.
+    pub owner: Option<String>,
+    /// Size of its body in bytes.
+    pub size: u64,
+    /// Whether it is pinned: never evicted.
+    pub pinned: bool,
+    /// When its body was evicted or deleted.
+    pub evicted: Option<i64>,
+    /// Its note.
+    pub note: Option<Note>,
+    /// Its searchable words and numbers.
+    pub outline: Outline,
+}
+
+impl Listed {
+    pub(super) fn read(row: &impl Columns) -> Result<Self, sqlx::Error> {
+        let mut outline = Outline::default();
+        for (word, value) in WORDS.iter().zip(&mut outline.words) {
+            *value = row.get(word.name)?;
+        }
+        for (scalar, value) in SCALARS.iter().zip(&mut outline.scalars) {
+            *value = row.get(scalar.name)?;
+        }
+        Ok(Self {
+            key: key(row, "key")?,
+            created: row.get("created")?,
+            owner: row.get("owner")?,
+            size: row.get("size")?,
+            pinned: row.get("pinned")?,
+            evicted: row.get("evicted")?,
+            note: Note::read(row)?,
+            outline,
+        })
+    }
+}
+
+/// One page of search results.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Found {
+    /// The results.
+    pub results: Vec<Listed>,
+    /// The cursor of the next page; `None` on the last page.
+    pub next: Option<Cursor>,
+}
+
+impl Found {
+    /// The page in the rows of [`page`].
+    pub(super) fn read(rows: &[impl Columns], limit: u32) -> Result<Self, sqlx::Error> {
+        // The statement reads one row more than the page has: it tells whether there is a next page.
+        let is_last = rows.len() as u64 <= u64::from(limit);
+        let rows = &rows[..rows.len().min(limit as usize)];
+        let next = if is_last { None } else { rows.last().map(Cursor::read).transpose()? };
+        Ok(Self { results: rows.iter().map(Listed::read).collect::<Result<_, _>>()?, next })
+    }
+}
+
+/// The statement that reads a page, and one row more. Results without the number they are sorted by come last in both
+/// directions. `prefix` is empty or `EXPLAIN QUERY PLAN `.
+pub(super) fn page(
+    prefix: &str,
+    search: &Search,
+    cursor: Option<Cursor>,
+    limit: u32,
+    dialect: Dialect,
+) -> Statement {
+    let mut query = Statement::new(prefix, dialect);
+    query.push("SELECT outline.id AS id");
+    for name in names() {
+        query.push(", outline.").push(name).push(" AS ").push(name);
+    }
+    query.push(", CAST(outline.").push(search.order.by).push(
+        " AS DOUBLE PRECISION) AS place, result.key AS key, result.created AS created, result.size AS size,
+             result.owner AS owner, pinned, evicted, note.text AS note, note.owner AS noted_by, note.at AS noted
+         FROM (SELECT * FROM outline WHERE ",
+    );
+    search.conditions(&mut query);
+    after(&mut query, search, cursor);
+    order(&mut query, search);
+    query.push(" LIMIT ").bind(i64::from(limit) + 1);
+    // The other tables are read only for the rows of the page.
+    query.push(
+        ") AS outline JOIN result_task ON result_task.id = outline.id
+         JOIN result ON result.key = result_task.key LEFT JOIN note ON note.key = result.key",
+    );
+    order(&mut query, search);
+    query
+}
+
+fn order(query: &mut Statement, search: &Search) {
+    let direction = if search.order.descending { "DESC" } else { "ASC" };
+    query.push(&format!(
+        " ORDER BY outline.{} {direction} NULLS LAST, outline.id {direction}",
+        search.order.by
+    ));
+}
+
+/// Restricts a statement to results after the cursor.
+fn after(query: &mut Statement, search: &Search, cursor: Option<Cursor>) {
+    let Some(Cursor { value, id }) = cursor else { return };
+    let SortOrder { by, descending } = search.order;
+    let beyond = if descending { "<" } else { ">" };
+    let Some(value) = value else {
+        query.push(&format!(" AND outline.{by} IS NULL AND outline.id {beyond} "));
+        query.bind(id);
+        return;
+    };
+    query.push(&format!(" AND ((outline.{by}, outline.id) {beyond} ("));
+    query.bind(value).push(", ").bind(id).push(")");
+    // These two columns are never null, so they do not need the second condition. Without it, SQLite can
+    // use their index.
+    if !matches!(by, "created" | "size") {
+        query.push(&format!(" OR outline.{by} IS NULL"));
+    }
+    query.push(")");
 }
 
 #[cfg(test)]
@@ -327,5 +482,16 @@ mod tests {
         assert!(range("yesterday").is_err());
         assert!(range("1969-12-31").is_err());
         assert!(range("1970-01-03..1970-01-02").is_err());
+    }
+
+    #[test]
+    fn a_cursor_is_unchanged_after_a_round_trip_through_text() {
+        for value in [None, Some(0.0), Some(-1.5), Some(2.5e-13)] {
+            let cursor = Cursor { value, id: 7 };
+            assert_eq!(cursor.to_string().parse(), Ok(cursor));
+        }
+        for bad in ["", "null", "7ff0000000000000-1", "1-1", "null-x"] {
+            assert!(bad.parse::<Cursor>().is_err(), "{bad}");
+        }
     }
 }

@@ -14,9 +14,9 @@ use std::collections::{BTreeMap, HashMap};
 
 use sqlx::SqliteConnection;
 
-use super::error::Error;
-use super::row::{Part, RunId, job_id};
 use crate::job::JobId;
+use crate::store::error::Error;
+use crate::store::row::{Part, RunId, job_id};
 
 /// The position of a job in the lane of its owner: its priority, whether it is a study, then its id, which gives its age.
 type Place = (u8, bool, JobId);

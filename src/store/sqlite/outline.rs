@@ -3,18 +3,13 @@
 use serde_json::{Value, json};
 use sqlx::query::Query;
 use sqlx::sqlite::SqliteArguments;
-use sqlx::{AssertSqlSafe, Row, Sqlite, SqliteConnection};
+use sqlx::{AssertSqlSafe, Sqlite, SqliteConnection};
 
-use super::body::Body;
-use super::error::Error;
-use super::row::{json, key};
-use crate::job::{Document, Key, Outline, SCALARS, TaskKind, WORDS, asked_in};
-
-/// The names of the words and numbers, in the order of an [`Outline`].
-pub(super) fn names() -> impl Iterator<Item = &'static str> {
-    let words = WORDS.iter().map(|word| word.name);
-    words.chain(SCALARS.iter().map(|scalar| scalar.name))
-}
+use crate::job::{Document, Key, Outline, TaskKind, asked_in};
+use crate::store::body::Body;
+use crate::store::error::Error;
+use crate::store::row::{Columns, json, key};
+use crate::store::search::names;
 
 /// The statement that writes the outline of a stored result, in place of an older one. `which` selects the result.
 /// The words and numbers are the parameters from `first` on.
@@ -53,11 +48,11 @@ pub(super) async fn complete(db: &mut SqliteConnection) -> Result<(), Error> {
         let outline = if let Some(document) = document(db, key).await? {
             document.outline
         } else {
-            let asked = asked_in(row.try_get("task")?);
+            let asked = asked_in(row.get("task")?);
             let kind = asked.map(|(kind, _)| kind.word());
             let scenario = asked.filter(|(kind, _)| *kind == TaskKind::Run).map(|(_, text)| text);
             // Without a readable summary, search still finds the result by its inputs.
-            let summary: Value = json(row.try_get("summary")?).unwrap_or(Value::Null);
+            let summary: Value = json(row.get("summary")?).unwrap_or(Value::Null);
             Outline::of(&json!({"kind": kind, "scenario": scenario, "summary": summary}))
         };
         let query = sqlx::query(AssertSqlSafe(insert.clone())).bind(key.bytes().as_slice());

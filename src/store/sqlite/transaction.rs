@@ -4,9 +4,9 @@ use std::future::Future;
 
 use sqlx::SqliteConnection;
 
-use super::error::Error;
 use super::queue::Queue;
-use super::signals::Effect;
+use crate::store::error::Error;
+use crate::store::signals::Effect;
 
 /// The connection of the writer task while a transaction is open.
 pub(super) struct Transaction {

@@ -7,67 +7,44 @@ use std::sync::{Arc, LazyLock};
 
 use sqlx::query::Query;
 use sqlx::sqlite::{SqliteArguments, SqliteRow};
-use sqlx::{AssertSqlSafe, Row, Sqlite};
+use sqlx::{AssertSqlSafe, Sqlite};
 
+use super::Database;
 use super::chunks;
-use super::claimed::{Claim, Claimed, Piece};
-use super::keep::{Answered, Finish, Kept, Reason, Source, keeping};
+use super::keep::{self, Kept, keeping};
 use super::queue::Queue;
-use super::row::{RunId, job_id, key};
-use super::signals::{Effect, Stop};
-use super::tally::Ending;
 use super::transaction::Transaction;
-use super::{Error, Store};
-use crate::job::{Answer, Cost, FailureKind, Key};
+use crate::job::{Cost, FailureKind, Key};
+use crate::store::claimed::{Claim, Claimed, Piece};
+use crate::store::error::Error;
+use crate::store::keep::{Answered, Finish, Reason, Source};
+use crate::store::options::{MAX_LOST, Recovered};
+use crate::store::row::{Columns, RunId, job_id, key};
+use crate::store::signals::{Effect, Stop};
+use crate::store::tally::Ending;
 
-/// How many unfinished runs of the last process were found at the start.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Recovered {
-    /// Running runs, and running pieces of studies, that are queued again.
-    pub requeued: u64,
-    /// Running runs that were lost too often and have failed.
-    pub failed: u64,
-    /// Runs that were being canceled and are canceled now.
-    pub canceled: u64,
-}
-
-/// A run fails after the process has died this often while computing it, or while computing the same piece of it.
-const MAX_LOST: u32 = 3;
-
-impl Store {
-    /// Claims the next queued run, or a piece of a study.
-    ///
-    /// The caller must end it by [`finish`](Self::finish), [`finish_chunk`](Self::finish_chunk), [`fail`](Self::fail),
-    /// [`stopped`](Self::stopped) or [`release`](Self::release). Otherwise it stays claimed until the next
-    /// start of the server.
-    pub async fn claim(&self) -> Result<Option<Claimed>, Error> {
+impl Database {
+    pub(in crate::store) async fn claim(&self) -> Result<Option<Claimed>, Error> {
         self.write(claim, ()).await
     }
 
-    /// Stores the progress of a whole run, in 0…1; that of a study follows from its chunks. Returns false if the worker has
-    /// lost what it computes.
-    pub async fn progress(&self, claimed: &Claimed, share: f64) -> Result<bool, Error> {
+    pub(in crate::store) async fn progress(
+        &self,
+        claimed: &Claimed,
+        share: f64,
+    ) -> Result<bool, Error> {
         self.write(progress, (claimed.claim(), share)).await
     }
 
-    /// Stores the result of a run or of an assembly, and the cost of this attempt and of the chunks.
-    ///
-    /// # Panics
-    /// The worker has claimed a chunk, which has no result.
-    pub async fn finish(
+    pub(in crate::store) async fn finish(
         &self,
         claimed: &Claimed,
-        answer: &Answer,
-        cost: Cost,
+        answer: Answered,
     ) -> Result<Finish, Error> {
-        assert!(!matches!(claimed.piece, Piece::Chunk { .. }), "a chunk has no result");
-        let answer = Answered::new(answer, Some(claimed.spent + cost));
         self.write(finish, Finished { claimed: claimed.clone(), answer }).await
     }
 
-    /// Ends a run by a failure, and stops the workers that compute other pieces of it. Returns false if the worker has lost what
-    /// it computes.
-    pub async fn fail(
+    pub(in crate::store) async fn fail(
         &self,
         claimed: &Claimed,
         kind: FailureKind,
@@ -76,20 +53,15 @@ impl Store {
         self.write(fail, (claimed.claim(), kind, message.to_owned())).await
     }
 
-    /// Confirms that the worker has stopped a run that is being canceled. Returns false if the run is not
-    /// being canceled. A study never is: it is canceled at once.
-    pub async fn stopped(&self, claimed: &Claimed) -> Result<bool, Error> {
+    pub(in crate::store) async fn stopped(&self, claimed: &Claimed) -> Result<bool, Error> {
         self.write(stopped, (claimed.run, claimed.attempt)).await
     }
 
-    /// Queues a running run, or piece of a study, again. It does not count as lost. Returns false if the worker has lost it.
-    pub async fn release(&self, claimed: &Claimed) -> Result<bool, Error> {
+    pub(in crate::store) async fn release(&self, claimed: &Claimed) -> Result<bool, Error> {
         self.write(release, claimed.claim()).await
     }
 
-    /// Ends or queues all runs that the last process left unfinished. Call it before the first claim: it
-    /// treats every running run as lost.
-    pub async fn recover(&self) -> Result<Recovered, Error> {
+    pub(in crate::store) async fn recover(&self) -> Result<Recovered, Error> {
         self.write(recover, ()).await
     }
 }
@@ -118,11 +90,11 @@ async fn claim_whole(run: RunId, tx: &mut Transaction) -> Result<Claimed, Error>
     .await?;
     let claimed = Claimed {
         run,
-        attempt: row.try_get("attempt")?,
+        attempt: row.get("attempt")?,
         key: key(&row, "key")?,
-        piece: Piece::Whole { task: row.try_get("task")? },
+        piece: Piece::Whole { task: row.get("task")? },
         spent: Cost::ZERO,
-        trace: row.try_get("trace")?,
+        trace: row.get("trace")?,
         stop: Stop::default(),
     };
     tx.effects.push(Effect::Changed(claimed.key));
@@ -131,7 +103,7 @@ async fn claim_whole(run: RunId, tx: &mut Transaction) -> Result<Claimed, Error>
 
 async fn progress((claim, share): &(Claim, f64), tx: &mut Transaction) -> Result<bool, Error> {
     let Claim { part: (run, None), attempt } = *claim else {
-        return Ok(claim.attempt_of_run(tx).await?.is_some());
+        return Ok(attempt_of_run(*claim, tx).await?.is_some());
     };
     let row = sqlx::query(
         "UPDATE run SET progress = ?3 WHERE id = ?1 AND attempt = ?2 AND state = 'running'
@@ -160,7 +132,7 @@ async fn finish(
 ) -> Result<Finish, Error> {
     static FINISH: LazyLock<Arc<str>> = LazyLock::new(|| keeping(Reason::Run, 2));
     let Claimed { run, key, ref piece, ref trace, .. } = *claimed;
-    let Some(attempt) = claimed.claim().attempt_of_run(tx).await? else {
+    let Some(attempt) = attempt_of_run(claimed.claim(), tx).await? else {
         return Ok(Finish::Refused);
     };
     let task = match piece {
@@ -174,13 +146,13 @@ async fn finish(
     let (trace, program, now) = (trace.as_deref(), Some(tx.program), tx.now);
     let source = Source { key, attempt, task: &task, owner, job, warnings, trace, program, now };
     let query = sqlx::query(AssertSqlSafe(Arc::clone(&FINISH))).bind(run.0);
-    let rows = answer.bind(query, &source).fetch_all(&mut tx.db).await?;
+    let rows = keep::bind(answer, query, &source).fetch_all(&mut tx.db).await?;
     let kept = Kept::read(&rows)?;
     if kept.started.is_none() {
         return Ok(Finish::Refused);
     }
     ended(tx, run, key, kept.started, Ending::Succeeded);
-    answer.kept(tx, key, &kept).await
+    keep::kept(answer, tx, key, &kept).await
 }
 
 async fn fail(
@@ -188,7 +160,7 @@ async fn fail(
     tx: &mut Transaction,
 ) -> Result<bool, Error> {
     let (run, _) = claim.part;
-    let Some(attempt) = claim.attempt_of_run(tx).await? else { return Ok(false) };
+    let Some(attempt) = attempt_of_run(*claim, tx).await? else { return Ok(false) };
     let update = sqlx::query(
         "UPDATE run SET state = 'failed', finished = ?5, changed = ?5, error_kind = ?1, error = ?2
          WHERE id = ?3 AND attempt = ?4 AND state = 'running' RETURNING key, started",
@@ -292,7 +264,7 @@ async fn end(
 ) -> Result<Option<SqliteRow>, Error> {
     let update = update.bind(run.0).bind(attempt).bind(tx.now);
     let Some(row) = update.fetch_optional(&mut tx.db).await? else { return Ok(None) };
-    ended(tx, run, key(&row, "key")?, row.try_get("started")?, ending);
+    ended(tx, run, key(&row, "key")?, row.get("started")?, ending);
     Ok(Some(row))
 }
 
@@ -304,4 +276,18 @@ fn ended(tx: &mut Transaction, run: RunId, key: Key, started: Option<i64>, endin
     tx.effects.push(Effect::Unwanted(run));
     tx.effects.push(Effect::Ended(key));
     tx.effects.push(Effect::Settled(ending, started.map(|started| tx.now - started)));
+}
+
+/// The attempt of the running run. Returns `None` if the worker has lost its piece of it. For a whole run the caller compares
+/// the attempt.
+async fn attempt_of_run(claim: Claim, tx: &mut Transaction) -> Result<Option<u32>, Error> {
+    let (run, number) = claim.part;
+    let Some(number) = number else { return Ok(Some(claim.attempt)) };
+    let query = sqlx::query_scalar(
+        "SELECT run.attempt FROM chunk JOIN run ON run.id = chunk.run
+         WHERE chunk.run = ?1 AND number = ?2 AND chunk.attempt = ?3
+             AND chunk.state = 'running' AND run.state = 'running'",
+    );
+    let query = query.bind(run.0).bind(number).bind(claim.attempt);
+    Ok(query.fetch_optional(&mut tx.db).await?)
 }

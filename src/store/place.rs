@@ -1,0 +1,117 @@
+//! Where a database is.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use sqlx::ConnectOptions as _;
+use sqlx::postgres::PgConnectOptions;
+
+/// Where a database is.
+#[derive(Debug, Clone)]
+pub enum Place {
+    /// The directory of a database of SQLite, for one server.
+    Directory(PathBuf),
+    /// A database of PostgreSQL, which several servers share.
+    Shared(DatabaseUrl),
+}
+
+impl From<&Path> for Place {
+    fn from(dir: &Path) -> Self {
+        Self::Directory(dir.to_owned())
+    }
+}
+
+impl From<DatabaseUrl> for Place {
+    fn from(url: DatabaseUrl) -> Self {
+        Self::Shared(url)
+    }
+}
+
+impl From<&Place> for Place {
+    fn from(place: &Place) -> Self {
+        place.clone()
+    }
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Directory(dir) => dir.display().fmt(f),
+            Self::Shared(url) => url.fmt(f),
+        }
+    }
+}
+
+/// The address of a database, such as `postgres://user:password@host/name`. It is shown without its password.
+#[derive(Clone)]
+pub struct DatabaseUrl(Box<PgConnectOptions>);
+
+impl FromStr for DatabaseUrl {
+    type Err = String;
+
+    fn from_str(url: &str) -> Result<Self, String> {
+        if !url.starts_with("postgres://") && !url.starts_with("postgresql://") {
+            return Err("must begin with postgres://".to_owned());
+        }
+        let options: PgConnectOptions =
+            url.parse().map_err(|error: sqlx::Error| error.to_string())?;
+        Ok(Self(Box::new(options.disable_statement_logging())))
+    }
+}
+
+impl fmt::Display for DatabaseUrl {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = self.0.get_database().unwrap_or(self.0.get_username());
+        let host = match self.0.get_socket() {
+            Some(socket) => socket.display().to_string(),
+            None => self.0.get_host().to_owned(),
+        };
+        write!(f, "the database {name} on {host}:{}", self.0.get_port())
+    }
+}
+
+impl fmt::Debug for DatabaseUrl {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
+    }
+}
+
+impl DatabaseUrl {
+    /// Options of a connection without limits of time, for migrations.
+    pub(super) fn patient(&self) -> PgConnectOptions {
+        let name = concat!("fretwork ", env!("CARGO_PKG_VERSION"));
+        (*self.0).clone().application_name(name).options([("client_min_messages", "warning")])
+    }
+
+    /// Options of the connection that waits for notifications.
+    pub(super) fn listening(&self) -> PgConnectOptions {
+        self.patient()
+    }
+
+    /// Options of the connections for verbs. A server that stops inside of a transaction must not hold its locks.
+    pub(super) fn options(&self) -> PgConnectOptions {
+        self.patient().options([
+            ("statement_timeout", "30s"),
+            ("lock_timeout", "10s"),
+            ("idle_in_transaction_session_timeout", "10s"),
+            // A plan that is made while the tables are empty must suit full ones, too.
+            ("enable_seqscan", "off"),
+            // The statements of verbs are short. To compile one would take longer than to execute it.
+            ("jit", "off"),
+        ])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_address_of_a_database_is_shown_without_its_password() {
+        let url: DatabaseUrl = "postgres://ada:secret@db.example/wear".parse().unwrap();
+        assert_eq!(format!("{url} {url:?}").matches("secret").count(), 0);
+        assert_eq!(url.to_string(), "the database wear on db.example:5432");
+        assert!("mysql://db.example/wear".parse::<DatabaseUrl>().is_err());
+    }
+}

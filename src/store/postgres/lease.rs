@@ -1,0 +1,124 @@
+//! What workers compute now, and for how long it is theirs.
+//!
+//! A lease lasts for a time by the clock of the database. Its node renews it at a third of that time. Any server takes away
+//! a lease that is over.
+
+use std::time::Duration;
+
+use sqlx::postgres::PgConnection;
+
+use super::Node;
+use super::transaction::Transaction;
+use crate::store::claimed::Claimed;
+use crate::store::error::Error;
+use crate::store::row::{Columns, Part, RunId};
+
+/// A time in milliseconds.
+fn milliseconds(time: Duration) -> i64 {
+    i64::try_from(time.as_millis()).unwrap_or(i64::MAX)
+}
+
+impl Node {
+    /// How long after its end a lease is taken away, in milliseconds. A renewal may be on its way.
+    fn margin(&self) -> i64 {
+        milliseconds(self.lease / 6)
+    }
+}
+
+/// Most runs whose leases are looked up at a time.
+const AT_ONCE: i64 = 100;
+
+/// The number of a piece in the table; -1 for a whole run.
+fn number(part: Part) -> i64 {
+    part.1.map_or(-1, i64::from)
+}
+
+/// Begins the lease of what a worker has claimed, and ends the turn of its owner.
+pub(super) async fn begin(
+    tx: &mut Transaction<'_>,
+    node: &Node,
+    owner: &str,
+    claimed: &Claimed,
+) -> Result<(), Error> {
+    sqlx::query(
+        "WITH served AS (
+             INSERT INTO turn (owner, served)
+             SELECT $5, coalesce(max(served), 0) + 1 FROM turn
+             ON CONFLICT (owner) DO UPDATE SET served = excluded.served
+         )
+         INSERT INTO lease (run, number, attempt, node, owner, expires)
+         VALUES ($1, $2, $3, $4, $5, moment() + $6)",
+    )
+    .bind(claimed.run.0)
+    .bind(number(claimed.part()))
+    .bind(i64::from(claimed.attempt))
+    .bind(&node.id)
+    .bind(owner)
+    .bind(milliseconds(node.lease))
+    .execute(&mut *tx.db)
+    .await?;
+    Ok(())
+}
+
+/// Ends the lease of a part.
+pub(super) async fn end(tx: &mut Transaction<'_>, part: Part) -> Result<(), Error> {
+    let query = sqlx::query("DELETE FROM lease WHERE run = $1 AND number = $2");
+    query.bind(part.0.0).bind(number(part)).execute(&mut *tx.db).await?;
+    Ok(())
+}
+
+/// Ends all leases of a run.
+pub(super) async fn end_all(tx: &mut Transaction<'_>, run: RunId) -> Result<(), Error> {
+    let query = sqlx::query("DELETE FROM lease WHERE run = $1");
+    query.bind(run.0).execute(&mut *tx.db).await?;
+    Ok(())
+}
+
+/// Renews the leases of what this node computes. Returns the parts that it still has.
+pub(super) async fn renew(
+    tx: &mut Transaction<'_>,
+    node: &Node,
+    parts: &[Part],
+) -> Result<Vec<Part>, Error> {
+    let (runs, numbers): (Vec<i64>, Vec<i64>) =
+        parts.iter().map(|part| (part.0.0, number(*part))).unzip();
+    let rows = sqlx::query(
+        "UPDATE lease SET expires = moment() + $4
+         FROM unnest($2::BIGINT[], $3::BIGINT[]) AS part (run, number)
+         WHERE lease.run = part.run AND lease.number = part.number AND node = $1
+             AND EXISTS (SELECT 1 FROM run WHERE id = lease.run AND state = 'running')
+         RETURNING lease.run AS run, lease.number AS number",
+    )
+    .bind(&node.id)
+    .bind(runs)
+    .bind(numbers)
+    .bind(milliseconds(node.lease))
+    .fetch_all(&mut *tx.db)
+    .await?;
+    let part = |row| {
+        let number = Columns::get::<i64>(row, "number")?;
+        Ok((RunId(Columns::get(row, "run")?), u32::try_from(number).ok()))
+    };
+    Ok(rows.iter().map(part).collect::<Result<_, sqlx::Error>>()?)
+}
+
+/// The runs of which a lease is over.
+pub(super) async fn lost(db: &mut PgConnection, node: &Node) -> Result<Vec<RunId>, Error> {
+    let query = sqlx::query_scalar(
+        "SELECT DISTINCT run FROM lease WHERE expires + $1 < moment() ORDER BY run LIMIT $2",
+    );
+    let runs: Vec<i64> = query.bind(node.margin()).bind(AT_ONCE).fetch_all(db).await?;
+    Ok(runs.into_iter().map(RunId).collect())
+}
+
+/// Takes away the leases of a run that are over. Returns the numbers of its pieces.
+pub(super) async fn take_lost(
+    tx: &mut Transaction<'_>,
+    node: &Node,
+    run: RunId,
+) -> Result<Vec<i64>, Error> {
+    let query = sqlx::query_scalar(
+        "DELETE FROM lease WHERE run = $1 AND expires + $2 < moment() RETURNING number",
+    );
+    Ok(query.bind(run.0).bind(node.margin()).fetch_all(&mut *tx.db).await?)
+}

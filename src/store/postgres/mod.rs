@@ -1,0 +1,111 @@
+//! The tables in PostgreSQL, which any number of servers share.
+//!
+//! Each verb is one short transaction at the isolation level *read committed*. A statement sees what was committed before it
+//! began. So a verb locks in one statement, and looks in the next one. The row of a run is the lock of the run and its jobs;
+//! the row of a study is the lock of its pieces. A verb locks the study before the run. What still collides is done again.
+//!
+//! What a worker computes is its for as long as it renews its lease. Any server takes lost leases away.
+//!
+//! Servers tell each other by notifications what to read again. Each server also looks by itself from time to time, so
+//! nothing depends on a notification.
+
+pub(super) mod audit;
+mod cancel;
+mod chunks;
+mod follow;
+mod hints;
+pub(super) mod imports;
+mod keep;
+pub(super) mod keys;
+mod lease;
+pub(super) mod library;
+mod node;
+pub(super) mod open;
+mod pool;
+pub(super) mod read;
+mod runs;
+pub(super) mod search;
+mod submit;
+mod transaction;
+mod upkeep;
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use tokio::sync::{Semaphore, watch};
+
+use super::error::Error;
+use super::options::FileSizes;
+use super::pins::PinQuota;
+use super::signals::{Effect, Signals};
+
+use hints::Hints;
+use pool::Pool;
+use transaction::Transaction;
+
+/// Advisory locks, by which servers exclude each other. Other programs in the same database must not use these numbers.
+#[derive(Debug, Clone, Copy)]
+#[repr(i64)]
+enum Lock {
+    /// Migrations.
+    Schema = 0x6672_6574_0001,
+    /// The sum of all pins.
+    Pins = 0x6672_6574_0002,
+    /// Maintenance.
+    Upkeep = 0x6672_6574_0003,
+}
+
+/// This process among those that share the database.
+#[derive(Debug)]
+struct Node {
+    id: String,
+    /// The row of this program on this machine.
+    program: i64,
+    /// How long a lease lasts after it was begun or renewed.
+    lease: Duration,
+}
+
+/// The open database, as a handle that is cheap to clone.
+#[derive(Debug, Clone)]
+pub(super) struct Database(Arc<Parts>);
+
+#[derive(Debug)]
+struct Parts {
+    pool: Pool,
+    /// Permits for scans of all results. They limit the number of concurrent scans.
+    scans: Semaphore,
+    signals: Arc<Signals>,
+    /// What to tell the other servers.
+    hints: Arc<Hints>,
+    node: Node,
+    queue_limit: usize,
+    pin_quota: PinQuota,
+    /// The tasks in the background end when this becomes true or is dropped.
+    closing: watch::Sender<bool>,
+}
+
+impl Database {
+    /// PostgreSQL may be on another machine.
+    #[expect(clippy::unused_self, reason = "the other engine needs it")]
+    pub(super) fn free_bytes(&self) -> Option<u64> {
+        None
+    }
+
+    #[expect(clippy::unused_self, reason = "the other engine needs it")]
+    pub(super) fn file_sizes(&self) -> FileSizes {
+        FileSizes::default()
+    }
+
+    pub(super) async fn close(&self) {
+        self.0.closing.send_replace(true);
+        self.0.pool.close().await;
+    }
+
+    /// Signals the changes of a verb after their commit, here and to the other servers.
+    fn settle<T>(&self, done: Result<(T, Vec<Effect>), Error>) -> Result<T, Error> {
+        let (answer, effects) = self.0.signals.counted(done)?;
+        self.0.hints.add(&effects);
+        self.0.signals.apply(effects);
+        Ok(answer)
+    }
+}

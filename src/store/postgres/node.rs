@@ -1,0 +1,148 @@
+//! What a server does in the background: it listens, tells, renews its leases, takes lost ones away, and looks by itself.
+
+use std::sync::{Arc, Weak};
+use std::time::Duration;
+
+use sqlx::postgres::{PgListener, PgPoolOptions};
+use tokio::sync::watch;
+use tokio::time::{self, Instant, MissedTickBehavior};
+
+use super::lease;
+use super::transaction::{reading, writing};
+use super::upkeep::Upkeep;
+use super::{Database, Parts, hints};
+use crate::store::error::Error;
+use crate::store::options::Options;
+use crate::store::place::DatabaseUrl;
+use crate::store::signals::Signals;
+
+/// How often the queue is counted for the metrics.
+const COUNT: Duration = Duration::from_secs(1);
+/// How often everyone who waits looks again without a signal.
+const POLL: Duration = Duration::from_secs(5);
+/// Pause after an error of the database.
+const PAUSE: Duration = Duration::from_millis(500);
+/// How often maintenance is due.
+const UPKEEP: Duration = Duration::from_secs(2);
+
+/// Starts all tasks. They end when the database is closed or dropped.
+pub(super) fn start(
+    db: &Database,
+    url: &DatabaseUrl,
+    options: &Options,
+    closed: &watch::Receiver<bool>,
+) {
+    let (signals, node) = (Arc::clone(&db.0.signals), &db.0.node.id);
+    spawn(closed, listen(url.clone(), signals, node.clone()));
+    spawn(closed, tell(Arc::downgrade(&db.0), Arc::clone(&db.0.hints), node.clone()));
+    let upkeep = Box::new(Upkeep::new(options));
+    for (every, chore) in [
+        (COUNT, Chore::Count),
+        (options.lease / 3, Chore::Renew),
+        (options.lease / 6, Chore::Reclaim),
+        (POLL, Chore::Look),
+        (UPKEEP, Chore::Upkeep(upkeep)),
+    ] {
+        spawn(closed, repeat(every, chore, Arc::downgrade(&db.0)));
+    }
+}
+
+/// What a server does again and again.
+enum Chore {
+    /// Counts the queue for the metrics.
+    Count,
+    /// Renews the leases of its workers.
+    Renew,
+    /// Takes lost leases away.
+    Reclaim,
+    /// Lets everyone who waits look without a signal.
+    Look,
+    Upkeep(Box<Upkeep>),
+}
+
+impl Chore {
+    async fn execute(&mut self, db: &Database) -> Result<(), Error> {
+        match self {
+            Self::Count => drop(db.count_queue().await?),
+            Self::Renew => db.renew().await?,
+            Self::Reclaim => drop(db.recover().await?),
+            Self::Look => db.0.signals.wake(),
+            Self::Upkeep(upkeep) => upkeep.round(db).await?,
+        }
+        Ok(())
+    }
+}
+
+#[expect(clippy::disallowed_methods, reason = "the task ends with the database")]
+fn spawn(closed: &watch::Receiver<bool>, task: impl Future<Output = ()> + Send + 'static) {
+    let mut closed = closed.clone();
+    tokio::spawn(async move {
+        tokio::select! {
+            // This is an error if the database was dropped.
+            _ = closed.wait_for(|closed| *closed) => {}
+            () = task => {}
+        }
+    });
+}
+
+/// Does a chore again and again. Logs the first of several errors.
+async fn repeat(every: Duration, mut chore: Chore, db: Weak<Parts>) {
+    let mut ticks = time::interval_at(Instant::now() + every, every);
+    ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let mut failed = false;
+    loop {
+        ticks.tick().await;
+        let Some(parts) = db.upgrade() else { return };
+        let done = chore.execute(&Database(parts)).await;
+        if let Err(error) = &done
+            && !failed
+        {
+            let error = error as &dyn std::error::Error;
+            tracing::warn!(error, "a task in the background failed; it will be tried again");
+        }
+        failed = done.is_err();
+    }
+}
+
+/// Sends hints to the other servers. If that fails, they look by themselves.
+async fn tell(db: Weak<Parts>, hints: Arc<hints::Hints>, node: String) {
+    loop {
+        let text = hints.next(&node).await;
+        let Some(parts) = db.upgrade() else { return };
+        let sent = reading!(&Database(parts), db => hints::send(db, &text).await);
+        if sent.is_err() {
+            time::sleep(PAUSE).await;
+        }
+    }
+}
+
+/// Signals what other servers tell.
+async fn listen(url: DatabaseUrl, signals: Arc<Signals>, node: String) {
+    let pool = PgPoolOptions::new().max_connections(1).connect_lazy_with(url.listening());
+    loop {
+        if let Ok(mut listener) = PgListener::connect_with(&pool).await
+            && listener.listen(hints::CHANNEL).await.is_ok()
+        {
+            // What was told before is lost.
+            signals.wake();
+            while let Ok(Some(told)) = listener.try_recv().await {
+                signals.apply(hints::read(told.payload(), &node));
+            }
+        }
+        time::sleep(PAUSE).await;
+    }
+}
+
+impl Database {
+    /// Renews the leases of what the workers of this process compute, and stops those that have lost theirs.
+    async fn renew(&self) -> Result<(), Error> {
+        let parts = self.0.signals.running();
+        if parts.is_empty() {
+            return Ok(());
+        }
+        let kept = writing!(self, tx => lease::renew(tx, &self.0.node, &parts).await)?;
+        let lost: Vec<_> = parts.into_iter().filter(|part| !kept.contains(part)).collect();
+        self.0.signals.stop(&lost);
+        Ok(())
+    }
+}

@@ -1,0 +1,97 @@
+//! Connects to the database, migrates it, and starts the tasks in the background.
+
+use std::sync::Arc;
+
+use sqlx::migrate::{MigrateError, Migration, MigrationType, Migrator};
+use sqlx::postgres::PgConnection;
+use sqlx::{ConnectOptions as _, Connection as _, SqlSafeStr as _};
+use tokio::sync::{Semaphore, watch};
+
+use super::pool::Pool;
+use super::{Database, Lock, Node, Parts, library, node};
+use crate::job::JobId;
+use crate::store::error::Error;
+use crate::store::library::Program;
+use crate::store::options::Options;
+use crate::store::pins::PinQuota;
+use crate::store::place::DatabaseUrl;
+use crate::store::signals::Signals;
+
+/// The changes of the schema: version, name and SQL.
+const CHANGES: [(i64, &str, &str); 1] =
+    [(1, "jobs", include_str!("../../../migrations/postgres/0001_jobs.sql"))];
+
+/// The number of connections for verbs.
+const CONNECTIONS: usize = 8;
+/// The number of connections that may scan all results at the same time.
+const SCANS: usize = 3;
+
+impl Database {
+    pub(in crate::store) async fn open(
+        url: &DatabaseUrl,
+        options: &Options,
+        signals: Arc<Signals>,
+    ) -> Result<Self, Error> {
+        let mut db = prepare(url).await?;
+        let program = library::program(&Program::this(), &mut db).await?;
+        db.close().await?;
+        let Options { queue_limit, pin_quota, budget, lease, .. } = *options;
+        let (closing, closed) = watch::channel(false);
+        let database = Self(Arc::new(Parts {
+            pool: Pool::new(url.options(), CONNECTIONS),
+            scans: Semaphore::new(SCANS),
+            signals,
+            hints: Arc::default(),
+            node: Node { id: JobId::generate().to_string(), program, lease },
+            queue_limit,
+            pin_quota: PinQuota::new(pin_quota, budget),
+            closing,
+        }));
+        node::start(&database, url, options, &closed);
+        Ok(database)
+    }
+}
+
+/// Connects to a database, and creates or migrates its tables where necessary.
+pub(in crate::store) async fn prepare(url: &DatabaseUrl) -> Result<PgConnection, Error> {
+    let mut db = url.patient().connect().await?;
+    // Servers that start at the same time wait for each other.
+    let lock = |call| sqlx::query(call).bind(Lock::Schema as i64);
+    lock("SELECT pg_advisory_lock($1)").execute(&mut db).await?;
+    migrate(&mut db, url).await?;
+    lock("SELECT pg_advisory_unlock($1)").execute(&mut db).await?;
+    Ok(db)
+}
+
+async fn migrate(db: &mut PgConnection, url: &DatabaseUrl) -> Result<(), Error> {
+    let migration = |(version, name, sql): (_, &'static str, &'static str)| {
+        Migration::new(version, name.into(), MigrationType::Simple, sql.into_sql_str(), false)
+    };
+    let mut migrator = Migrator::with_migrations(CHANGES.map(migration).into());
+    // A later version of the program adds to the tables only. It can run beside this one.
+    migrator.set_ignore_missing(true).set_locking(false);
+    migrator.run(db).await.map_err(|error| match error {
+        MigrateError::Execute(error) => error.into(),
+        error => Error::Migration { path: url.to_string().into(), source: Arc::new(error) },
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+
+    #[test]
+    fn every_migration_of_the_directory_is_embedded() {
+        let mut files: Vec<_> = fs::read_dir("migrations/postgres")
+            .unwrap()
+            .map(|file| file.unwrap().file_name().into_string().unwrap())
+            .collect();
+        files.sort();
+        let file = |(version, name, _): &(i64, &str, &str)| {
+            format!("{version:04}_{}.sql", name.replace(' ', "_"))
+        };
+        assert_eq!(files, CHANGES.iter().map(file).collect::<Vec<_>>());
+    }
+}

@@ -1,0 +1,146 @@
+//! Transactions, which are repeated after a conflict with another one.
+
+use std::ops::{Deref, DerefMut};
+use std::time::Duration;
+
+use sqlx::Executor as _;
+use sqlx::postgres::PgConnection;
+
+use super::pool::{Borrowed, Pool};
+use crate::store::error::Error;
+use crate::store::signals::Effect;
+
+/// How often a verb is done again after a conflict with another transaction.
+const CONFLICTS: u32 = 10;
+
+/// An open transaction, and what to signal after its commit. If it is dropped, the server rolls it back.
+pub(super) struct Transaction<'a> {
+    pub(super) db: Open<'a>,
+    pub(super) effects: Vec<Effect>,
+}
+
+/// A connection with an open transaction.
+pub(super) struct Open<'a> {
+    borrowed: Borrowed<'a>,
+    ended: bool,
+}
+
+impl Deref for Open<'_> {
+    type Target = PgConnection;
+
+    fn deref(&self) -> &PgConnection {
+        self.borrowed.connection_ref()
+    }
+}
+
+impl DerefMut for Open<'_> {
+    fn deref_mut(&mut self) -> &mut PgConnection {
+        self.borrowed.connection()
+    }
+}
+
+impl Drop for Open<'_> {
+    fn drop(&mut self) {
+        if !self.ended {
+            self.borrowed.discard();
+        }
+    }
+}
+
+impl<'a> Transaction<'a> {
+    /// Begins a transaction. If a connection is broken, takes another one.
+    pub(super) async fn begin(pool: &'a Pool) -> Result<Self, Error> {
+        loop {
+            let borrowed = pool.get().await?;
+            let is_new = borrowed.is_new();
+            let mut db = Open { borrowed, ended: false };
+            match db.execute("BEGIN").await.map_err(Error::from) {
+                Ok(_) => return Ok(Self { db, effects: Vec::new() }),
+                Err(Error::Unreachable(_)) if !is_new => {}
+                Err(error) => return Err(error),
+            }
+        }
+    }
+
+    /// Commits the changes of a verb, or rolls them back if it has failed.
+    pub(super) async fn end<T>(
+        mut self,
+        answer: Result<T, Error>,
+    ) -> Result<(T, Vec<Effect>), Error> {
+        let end = if answer.is_ok() { "COMMIT" } else { "ROLLBACK" };
+        let ended = self.db.execute(end).await;
+        self.db.ended = ended.is_ok();
+        let answer = answer?;
+        ended?;
+        Ok((answer, self.effects))
+    }
+}
+
+/// Counts the conflicts of a verb with other transactions.
+#[derive(Debug, Default)]
+pub(super) struct Conflicts(u32);
+
+impl Conflicts {
+    /// Whether a verb must be done again. Waits a moment before.
+    pub(super) async fn again<T>(&mut self, done: &Result<T, Error>) -> bool {
+        let is_conflict = done.as_ref().is_err_and(Error::is_conflict);
+        if !is_conflict || self.0 == CONFLICTS {
+            return false;
+        }
+        self.0 += 1;
+        // Servers that have met must not meet again.
+        let pause = u64::from(self.0) * (1 + u64::from(std::process::id()) % 5);
+        tokio::time::sleep(Duration::from_millis(pause)).await;
+        true
+    }
+}
+
+/// Does a verb in a transaction, again after a conflict, and signals its changes after the commit. This is a macro because
+/// the compiler cannot show that the future of a closure with borrowed arguments may move between threads.
+macro_rules! writing {
+    ($database:expr, $tx:ident => $verb:expr) => {{
+        let database: &Database = $database;
+        let mut conflicts = $crate::store::postgres::transaction::Conflicts::default();
+        loop {
+            let done = match $crate::store::postgres::Transaction::begin(&database.0.pool).await {
+                Ok(mut transaction) => {
+                    let $tx = &mut transaction;
+                    let answer: Result<_, Error> = async { $verb }.await;
+                    transaction.end(answer).await
+                }
+                Err(error) => Err(error),
+            };
+            if !conflicts.again(&done).await {
+                break database.settle(done);
+            }
+        }
+    }};
+}
+
+/// Reads with a connection of the pool. If the connection is broken, reads again with another one.
+macro_rules! reading {
+    ($database:expr, $db:ident => $query:expr) => {{
+        let database: &Database = $database;
+        let done = loop {
+            let mut borrowed = match database.0.pool.get().await {
+                Ok(borrowed) => borrowed,
+                Err(error) => break Err(error),
+            };
+            let $db = borrowed.connection();
+            let answer: Result<_, Error> = async { $query }.await;
+            match answer {
+                Err(error @ Error::Unreachable(_)) => {
+                    let is_new = borrowed.is_new();
+                    borrowed.discard();
+                    if is_new {
+                        break Err(error);
+                    }
+                }
+                answer => break answer,
+            }
+        };
+        database.0.signals.counted(done)
+    }};
+}
+
+pub(super) use {reading, writing};

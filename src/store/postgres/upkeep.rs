@@ -1,0 +1,219 @@
+//! Maintenance that keeps the tables small over years. Servers take turns: one of them at a time does a round.
+
+use std::time::{Duration, Instant};
+
+use super::transaction::{Transaction, reading, writing};
+use super::{Database, Lock, cancel, keep};
+use crate::job::Key;
+use crate::store::ages::AgeClock;
+use crate::store::error::Error;
+use crate::store::options::Options;
+use crate::store::signals::Effect;
+
+/// Longest time between two complete rounds.
+const OFTEN: Duration = Duration::from_mins(1);
+/// Jobs deleted in one transaction.
+const JOBS: i64 = 100;
+/// Chunks deleted in one transaction. Each has some ten kilobytes.
+const CHUNKS: i64 = 100;
+/// Results evicted in one transaction.
+const RESULTS: i64 = 64;
+/// Most entries of the audit log.
+const ENTRIES: i64 = 100_000;
+/// How long the scenario of an evicted result is kept at most: one year in milliseconds.
+const KEEP_EVICTED: i64 = 365 * 24 * 3600 * 1000;
+
+/// What the maintenance of one server remembers.
+#[derive(Debug)]
+pub(super) struct Upkeep {
+    keep_jobs: Option<Duration>,
+    budget: Option<u64>,
+    /// `None` before the first round.
+    clock: Option<AgeClock>,
+    /// When nothing was left to do.
+    last: Option<Instant>,
+    exceeds: bool,
+}
+
+impl Upkeep {
+    pub(super) fn new(options: &Options) -> Self {
+        let Options { keep_jobs, budget, .. } = *options;
+        Self { keep_jobs, budget, clock: None, last: None, exceeds: false }
+    }
+
+    /// Stores the times of reading of this server. If a round is due and no other server does one, does a part of it.
+    pub(super) async fn round(&mut self, db: &Database) -> Result<(), Error> {
+        let reads = db.0.signals.take_read();
+        if !reads.is_empty() {
+            writing!(db, tx => write_reads(tx, &reads).await)?;
+        }
+        if self.last.is_some_and(|last| last.elapsed() < OFTEN) {
+            return Ok(());
+        }
+        let time = self.time(db).await?;
+        let mut more = false;
+        if let Some(age) = self.keep_jobs {
+            let age = i64::try_from(age.as_millis()).unwrap_or(i64::MAX);
+            let before = time.saturating_sub(age);
+            more |= writing!(db, tx => Ok(is_alone(tx).await? && delete_old(tx, before).await?))?;
+        }
+        more |= writing!(db, tx => Ok(is_alone(tx).await? && delete_chunks(tx).await?))?;
+        writing!(db, tx => forget(tx, time).await)?;
+        more |= self.make_room(db).await?;
+        self.last = (!more).then(Instant::now);
+        Ok(())
+    }
+
+    /// The time by which ages are measured.
+    async fn time(&mut self, db: &Database) -> Result<i64, Error> {
+        let (stored, now): (i64, i64) = reading!(db, db => {
+            Ok(sqlx::query_as("SELECT clock, moment() FROM upkeep").fetch_one(db).await?)
+        })?;
+        let clock = self.clock.get_or_insert_with(|| AgeClock::at(Some(stored)));
+        let time = clock.advance(now);
+        if let Some(time) = clock.unstored() {
+            writing!(db, tx => {
+                let query = sqlx::query("UPDATE upkeep SET clock = greatest(clock, $1)");
+                query.bind(time).execute(&mut *tx.db).await?;
+                Ok(())
+            })?;
+        }
+        Ok(time)
+    }
+
+    /// Evicts the results that were read longest ago, until the bodies are within the budget. Returns whether there is more
+    /// to evict.
+    async fn make_room(&mut self, db: &Database) -> Result<bool, Error> {
+        let stored: i64 = reading!(db, db => {
+            let query = "SELECT coalesce(sum(stored), 0)::BIGINT FROM result WHERE evicted IS NULL";
+            Ok(sqlx::query_scalar(query).fetch_one(db).await?)
+        })?;
+        db.0.signals.tally.room_is(stored.unsigned_abs());
+        let budget =
+            self.budget.map_or(i64::MAX, |budget| i64::try_from(budget).unwrap_or(i64::MAX));
+        if stored <= budget {
+            self.exceeds = false;
+            return Ok(false);
+        }
+        let evicted = writing!(db, tx => {
+            let is_alone = is_alone(tx).await?;
+            Ok(if is_alone { Some(evict_some(tx, stored - budget).await?) } else { None })
+        })?;
+        let more = evicted == Some(true);
+        if evicted == Some(false) && !self.exceeds {
+            self.exceeds = true;
+            tracing::warn!(
+                stored,
+                budget,
+                "the results exceed --keep-results, and only pinned results are left; unpin results or raise the limit"
+            );
+        }
+        Ok(more)
+    }
+}
+
+/// Whether no other server does maintenance until the end of the transaction.
+async fn is_alone(tx: &mut Transaction<'_>) -> Result<bool, Error> {
+    let query = sqlx::query_scalar("SELECT pg_try_advisory_xact_lock($1)");
+    Ok(query.bind(Lock::Upkeep as i64).fetch_one(&mut *tx.db).await?)
+}
+
+/// Stores when results were last read.
+async fn write_reads(tx: &mut Transaction<'_>, reads: &[(Key, i64)]) -> Result<(), Error> {
+    let (mut keys, mut times) = (Vec::new(), Vec::new());
+    for (key, at) in reads {
+        keys.push(key.bytes().to_vec());
+        times.push(*at);
+    }
+    sqlx::query(
+        "UPDATE result SET last_access = at FROM unnest($1::BYTEA[], $2::BIGINT[]) AS read (key, at)
+         WHERE result.key = read.key AND last_access < at",
+    )
+    .bind(keys)
+    .bind(times)
+    .execute(&mut *tx.db)
+    .await?;
+    Ok(())
+}
+
+/// Deletes jobs that ended before this time, the oldest first, and runs without jobs.
+async fn delete_old(tx: &mut Transaction<'_>, before: i64) -> Result<bool, Error> {
+    // A job id begins with the time in milliseconds, so the primary key finds the oldest jobs.
+    let mut oldest = [0; 16];
+    oldest[..6].copy_from_slice(&before.max(0).to_be_bytes()[2..]);
+    let ids: Vec<Vec<u8>> = sqlx::query_scalar(
+        "SELECT id FROM job WHERE id < $1 AND finished < $2 ORDER BY id LIMIT $3",
+    )
+    .bind(oldest.as_slice())
+    .bind(before)
+    .bind(JOBS)
+    .fetch_all(&mut *tx.db)
+    .await?;
+    cancel::delete_jobs(tx, &ids).await?;
+    Ok(ids.len() as u64 == JOBS.unsigned_abs())
+}
+
+/// Deletes some chunks of a study that has ended, and the study after its last chunk.
+async fn delete_chunks(tx: &mut Transaction<'_>) -> Result<bool, Error> {
+    let ended: Option<i64> = sqlx::query_scalar(
+        "SELECT study.run FROM study LEFT JOIN run ON run.id = study.run
+         WHERE run.id IS NULL OR run.finished IS NOT NULL LIMIT 1",
+    )
+    .fetch_optional(&mut *tx.db)
+    .await?;
+    let Some(run) = ended else { return Ok(false) };
+    sqlx::query(
+        "DELETE FROM chunk WHERE run = $1 AND number IN (
+             SELECT number FROM chunk WHERE run = $1 ORDER BY number LIMIT $2)",
+    )
+    .bind(run)
+    .bind(CHUNKS)
+    .execute(&mut *tx.db)
+    .await?;
+    let query = "DELETE FROM study WHERE run = $1 AND NOT EXISTS (SELECT 1 FROM chunk WHERE chunk.run = $1)";
+    sqlx::query(query).bind(run).execute(&mut *tx.db).await?;
+    Ok(true)
+}
+
+/// Deletes the scenarios of results that were evicted more than a year before this time and have no jobs, the turns of
+/// owners without jobs, and the oldest entries of the audit log.
+async fn forget(tx: &mut Transaction<'_>, time: i64) -> Result<(), Error> {
+    // Among the oldest 1000 only, so that many results with jobs do not slow every round.
+    sqlx::query(
+        "WITH idle AS (
+             DELETE FROM turn WHERE NOT EXISTS (SELECT 1 FROM lease WHERE lease.owner = turn.owner)
+                 AND NOT EXISTS (SELECT 1 FROM job WHERE claimable IS NOT NULL AND job.owner = turn.owner)
+         ), old AS (DELETE FROM audit WHERE id <= (SELECT max(id) FROM audit) - $2)
+         DELETE FROM result WHERE key IN (
+             SELECT key FROM (
+                 SELECT key FROM result WHERE evicted < $1 ORDER BY evicted LIMIT 1000
+             ) AS old
+             WHERE NOT EXISTS (SELECT 1 FROM job WHERE job.key = old.key) LIMIT 100)",
+    )
+    .bind(time - KEEP_EVICTED)
+    .bind(ENTRIES)
+    .execute(&mut *tx.db)
+    .await?;
+    Ok(())
+}
+
+/// Evicts results of this many bytes, or some of them. Returns whether there was one.
+async fn evict_some(tx: &mut Transaction<'_>, bytes: i64) -> Result<bool, Error> {
+    let oldest: Vec<(Vec<u8>, i64)> = sqlx::query_as(
+        "SELECT key, stored FROM result WHERE NOT pinned AND evicted IS NULL
+         ORDER BY last_access LIMIT $1 FOR NO KEY UPDATE SKIP LOCKED",
+    )
+    .bind(RESULTS)
+    .fetch_all(&mut *tx.db)
+    .await?;
+    let mut left = bytes;
+    for (key, stored) in &oldest {
+        if left <= 0 {
+            break;
+        }
+        keep::evict(tx, key, None).await?;
+        tx.effects.push(Effect::Evicted);
+        left -= stored;
+    }
+    Ok(!oldest.is_empty())
+}

@@ -1,0 +1,345 @@
+//! Several servers share one database of PostgreSQL.
+
+use std::collections::HashMap;
+use std::ops::Range;
+use std::process::Command;
+use std::sync::atomic::{AtomicU8, Ordering};
+use std::time::{Duration, Instant};
+
+use fretwork::job::{Cost, FailureKind, JobState, Origin};
+use fretwork::store::{
+    Actor, Canceled, Claimed, Finish, NewJob, Options, Piece, Recovered, Repeatable, Store,
+    Submitted,
+};
+use sqlx::{Connection as _, PgConnection};
+use tempfile::TempDir;
+use tokio::task::JoinSet;
+use tokio::time::{sleep, timeout};
+
+use crate::chunks::study;
+use crate::database::{Cluster, Database, Engine};
+use crate::keeping::eventually;
+use crate::kill::{Dice, Program, equal_undisturbed_results, id, long};
+use crate::program::{Running, fretwork};
+use crate::server::{JSON, send};
+use crate::store::{accepted, answer, claim, job, key, new_job};
+
+/// A notification arrives after some milliseconds. Without one, a server looks after 5 s.
+const SOON: Duration = Duration::from_secs(1);
+
+/// An empty database, opened by a number of servers.
+async fn servers<const COUNT: usize>() -> (Database, [Store; COUNT]) {
+    let db = Database::new(Engine::Postgres);
+    let mut stores = Vec::new();
+    for _ in 0..COUNT {
+        stores.push(db.open().await);
+    }
+    // They begin to listen in the background.
+    let listening = "SELECT count(*) FROM pg_stat_activity
+        WHERE datname = current_database() AND query ILIKE 'LISTEN%'";
+    eventually(async || db.count(listening).await.unsigned_abs() == COUNT as u64).await;
+    (db, stores.try_into().unwrap())
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn equal_submissions_through_three_servers_share_one_run() {
+    let (db, stores) = servers::<3>().await;
+    for number in 0..5 {
+        let mut submissions = JoinSet::new();
+        for place in 0..64 {
+            let store = stores[place % 3].clone();
+            submissions.spawn(async move { accepted(store.submit(new_job(number)).await) });
+        }
+        let jobs = submissions.join_all().await;
+        let computed = jobs.iter().filter(|job| job.origin == Origin::Computed).count();
+        assert_eq!((jobs.len(), computed), (64, 1));
+    }
+    assert_eq!(db.count("SELECT count(*) FROM run").await, 5);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_submission_that_is_sent_to_all_servers_at_once_is_one_job() {
+    let (db, stores) = servers::<3>().await;
+    let mut submissions = JoinSet::new();
+    for place in 0..30 {
+        let store = stores[place % 3].clone();
+        let repeatable = Some(Repeatable { key: "once".into(), fingerprint: vec![1] });
+        submissions
+            .spawn(async move { store.submit(NewJob { repeatable, ..new_job(1) }).await.unwrap() });
+    }
+    let (mut new, mut ids) = (0, Vec::new());
+    for submitted in submissions.join_all().await {
+        match submitted {
+            Submitted::Accepted(job) => {
+                new += 1;
+                ids.push(job.id);
+            }
+            Submitted::Repeated(job) => ids.push(job.id),
+            other => panic!("{other:?}"),
+        }
+    }
+    ids.dedup();
+    assert_eq!((new, ids.len()), (1, 1));
+    assert_eq!(db.count("SELECT count(*) FROM job").await, 1);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn workers_of_several_servers_share_the_queue_without_claiming_a_run_twice() {
+    let (_db, stores) = servers::<3>().await;
+    for number in 0..60 {
+        accepted(stores[0].submit(new_job(number)).await);
+    }
+    accepted(stores[1].submit(study(200, 40)).await);
+    let mut workers = JoinSet::new();
+    for store in stores.clone() {
+        for _ in 0..3 {
+            let store = store.clone();
+            workers.spawn(async move {
+                let mut claims: Vec<Claimed> = Vec::new();
+                for _ in 0..200 {
+                    let Some(claimed) = store.claim().await.unwrap() else {
+                        sleep(Duration::from_millis(5)).await;
+                        continue;
+                    };
+                    let stored = if matches!(claimed.piece, Piece::Chunk { .. }) {
+                        store.finish_chunk(&claimed, b"1", Cost::ZERO).await.unwrap()
+                    } else {
+                        let finish = store.finish(&claimed, &answer("a"), Cost::ZERO).await;
+                        finish.unwrap() == Finish::Stored
+                    };
+                    assert!(stored, "{claimed:?}");
+                    claims.push(claimed);
+                }
+                claims.len()
+            });
+        }
+    }
+    let counts = workers.join_all().await;
+    assert_eq!(counts.iter().sum::<usize>(), 60 + 40 + 1, "{counts:?}");
+    let unfinished = stores[2].unfinished("ada").await.unwrap();
+    assert_eq!(unfinished, (0, 0));
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_wait_at_one_server_ends_when_another_one_ends_the_job() {
+    let (_db, [front, worker]) = servers().await;
+    let submitted = accepted(front.submit(new_job(1)).await);
+    let waiting = front.wait(submitted.clone(), std::future::pending());
+    let mut changes = front.watch(&key(1));
+    let computing = async {
+        let claimed = claim(&worker).await;
+        timeout(SOON, changes.changed()).await.expect("the other server hears of the claim");
+        let ended = Instant::now();
+        worker.finish(&claimed, &answer("a"), Cost::ZERO).await.unwrap();
+        ended
+    };
+    let (waited, ended) = tokio::join!(waiting, computing);
+    assert_eq!(waited.unwrap().state, JobState::Succeeded);
+    assert!(ended.elapsed() < SOON, "{:?}", ended.elapsed());
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_worker_hears_of_a_run_that_another_server_has_queued() {
+    let (_db, [front, worker]) = servers().await;
+    assert!(worker.claim().await.unwrap().is_none());
+    let mut queue = worker.watch_queue();
+    accepted(front.submit(new_job(1)).await);
+    timeout(SOON, queue.changed()).await.expect("the worker hears of the run");
+    claim(&worker).await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_cancellation_at_one_server_stops_the_worker_of_another_one() {
+    let (_db, [front, worker]) = servers().await;
+    for new in [new_job(1), study(2, 5)] {
+        let submitted = accepted(front.submit(new).await);
+        let claimed = claim(&worker).await;
+        let canceled = Instant::now();
+        let done = front.cancel(submitted.id, Actor::default()).await.unwrap();
+        assert!(matches!(done, Canceled::Done(_)), "{done:?}");
+        while !claimed.stop.is_raised() {
+            assert!(canceled.elapsed() < SOON, "the worker was not stopped");
+            sleep(Duration::from_millis(1)).await;
+        }
+        worker.stopped(&claimed).await.unwrap();
+        assert_eq!(job(&front, submitted.id).await.state, JobState::Canceled);
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_lease_that_is_not_renewed_is_taken_away_and_its_worker_changes_nothing() {
+    let db = Database::new(Engine::Postgres);
+    let lease = Options { lease: Duration::from_secs(1), ..Options::default() };
+    let dying = db.open_with(&lease).await;
+    let submitted = accepted(dying.submit(new_job(1)).await);
+    let claimed = claim(&dying).await;
+    // Its tasks renew the lease.
+    let other = db.open_with(&lease).await;
+    sleep(Duration::from_secs(2)).await;
+    assert_eq!(other.recover().await.unwrap(), Recovered::default());
+    assert_eq!(job(&other, submitted.id).await.state, JobState::Running);
+    // It stops as if the machine were switched off: it closes nothing.
+    dying.close().await;
+    eventually(async || job(&other, submitted.id).await.state == JobState::Queued).await;
+    let second = claim(&other).await;
+    assert_eq!(second.attempt, 2);
+    let zombie = db.open().await;
+    assert!(!zombie.progress(&claimed, 0.5).await.unwrap());
+    assert!(!zombie.fail(&claimed, FailureKind::Panicked, "late").await.unwrap());
+    assert!(!zombie.release(&claimed).await.unwrap());
+    let late = zombie.finish(&claimed, &answer("late"), Cost::ZERO).await.unwrap();
+    assert_eq!(late, Finish::Refused);
+    assert_eq!(other.finish(&second, &answer("a"), Cost::ZERO).await.unwrap(), Finish::Stored);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn workers_of_another_numerics_version_leave_a_run_in_the_queue() {
+    let (db, [store]) = servers().await;
+    accepted(store.submit(new_job(1)).await);
+    db.execute("UPDATE run SET numerics = numerics + 1; UPDATE job SET claimable = claimable + 1")
+        .await;
+    accepted(store.submit(new_job(2)).await);
+    assert_eq!(claim(&store).await.key, key(2));
+    assert!(store.claim().await.unwrap().is_none());
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn connections_that_were_cut_are_made_again() {
+    let (db, [store, other]) = servers().await;
+    for number in 0..3 {
+        accepted(store.submit(new_job(number)).await);
+        let cut = "SELECT count(pg_terminate_backend(pid)) FROM pg_stat_activity
+            WHERE datname = current_database() AND pid <> pg_backend_pid()";
+        assert!(db.count(cut).await >= 2);
+        // Reads and changes go on at once.
+        let claimed = claim(&store).await;
+        assert_eq!(claimed.key, key(number));
+        let finish = store.finish(&claimed, &answer("a"), Cost::ZERO).await.unwrap();
+        assert_eq!(finish, Finish::Stored);
+    }
+    // So do notifications.
+    let told = async || {
+        let mut queue = other.watch_queue();
+        store.submit(new_job(next_number())).await.unwrap();
+        timeout(SOON, queue.changed()).await.is_ok()
+    };
+    eventually(told).await;
+}
+
+/// The number of a job that no other submission has.
+fn next_number() -> u8 {
+    static NEXT: AtomicU8 = AtomicU8::new(100);
+    NEXT.fetch_add(1, Ordering::Relaxed)
+}
+
+/// A server or worker of its own process.
+fn node(command: Command, cluster: &Cluster) -> Command {
+    let mut command = command;
+    command.env("FRETWORK_DATABASE", cluster.address()).env("FRETWORK_LEASE", "1s");
+    command
+}
+
+fn worker(cluster: &Cluster) -> Running {
+    let mut command = node(fretwork(&["worker", "--workers", "1"]), cluster);
+    Running(command.env("FRETWORK_LOG", "off").spawn().unwrap())
+}
+
+fn signal(process: &Running, name: &str) {
+    let id = process.id().to_string();
+    assert!(Command::new("kill").args([name, &id]).status().unwrap().success());
+}
+
+/// Submits runs of these numbers to a server. Tries again while the server cannot reach the database.
+async fn submit_all(server: &Program, numbers: Range<u32>) -> Vec<(u32, String)> {
+    let mut ids = Vec::new();
+    for number in numbers {
+        let once = format!("run-{number}");
+        loop {
+            let headers = [JSON, ("Idempotency-Key", &*once)];
+            let body = long(number).to_string();
+            let reply = send(server.address, "POST", "/v1/jobs", &headers, body).await.unwrap();
+            match reply.status {
+                202 => {
+                    ids.push((number, id(&reply.json())));
+                    break;
+                }
+                503 => assert!(reply.header("retry-after").is_some(), "{}", reply.text()),
+                other => panic!("{other}: {}", reply.text()),
+            }
+            sleep(Duration::from_millis(50)).await;
+        }
+    }
+    ids
+}
+
+/// The results of all runs, which must have succeeded.
+async fn results(server: &Program, ids: &[(u32, String)]) -> HashMap<u32, Vec<u8>> {
+    let mut results = HashMap::new();
+    for (number, id) in ids {
+        let deadline = Instant::now() + Duration::from_mins(2);
+        let job = loop {
+            assert!(Instant::now() < deadline, "run {number} has not ended");
+            let reply = server.get(&format!("/v1/jobs/{id}?wait=5")).await;
+            if reply.status == 200 && reply.json()["times"]["finished"].is_string() {
+                break reply.json();
+            }
+        };
+        assert_eq!(job["state"], "succeeded", "{job}");
+        results.insert(*number, server.result(&job).await);
+    }
+    results
+}
+
+/// How often workers are killed or stopped. `tests/long` sets the variable.
+fn rounds() -> u32 {
+    if std::env::var_os("FRETWORK_TEST_LONG").is_some() { 50 } else { 3 }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn killed_and_frozen_workers_lose_no_run_and_change_no_result() {
+    const RUNS: u32 = 12;
+    let cluster = Cluster::start(&["--durable"]);
+    let dir = TempDir::new().unwrap();
+    let front = Program::start_by(node(fretwork(&["--workers", "0"]), &cluster), dir.path());
+    let mut workers = [(); 3].map(|()| worker(&cluster));
+    let (mut dice, mut all) = (Dice(19), HashMap::new());
+    let mut db = PgConnection::connect(cluster.address()).await.unwrap();
+    let (mut round, mut interrupted) = (0, 0);
+    // A worker that is killed while it is idle proves nothing.
+    while round < rounds() || interrupted == 0 {
+        assert!(round < 80, "no worker was interrupted while it computed");
+        let ids = submit_all(&front, round * RUNS..(round + 1) * RUNS).await;
+        sleep(Duration::from_millis(50 + dice.below(400))).await;
+        let victim = &mut workers[dice.below(3) as usize];
+        if round % 2 == 0 {
+            signal(victim, "-KILL");
+            *victim = worker(&cluster);
+        } else {
+            // Longer than its lease.
+            signal(victim, "-STOP");
+            sleep(Duration::from_millis(2500)).await;
+            signal(victim, "-CONT");
+        }
+        all.extend(results(&front, &ids).await);
+        let query = sqlx::query_scalar::<_, i64>("SELECT count(*) FROM run WHERE attempt > 1");
+        interrupted = query.fetch_one(&mut db).await.unwrap();
+        round += 1;
+    }
+    equal_undisturbed_results(all).await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_restart_of_the_database_loses_nothing_that_was_acknowledged() {
+    const RUNS: u32 = 12;
+    let mut cluster = Cluster::start(&["--durable"]);
+    let dir = TempDir::new().unwrap();
+    let front = Program::start_by(node(fretwork(&["--workers", "0"]), &cluster), dir.path());
+    let _workers = [(); 2].map(|()| worker(&cluster));
+    let mut ids = submit_all(&front, 0..RUNS).await;
+    sleep(Duration::from_millis(100)).await;
+    cluster.restart();
+    ids.extend(submit_all(&front, RUNS..2 * RUNS).await);
+    let results = results(&front, &ids).await;
+    assert_eq!(results.len() as u32, 2 * RUNS);
+    equal_undisturbed_results(results).await;
+}
