@@ -127,16 +127,17 @@ impl<'a> Document<'a> {
         let Some(samples) = self.members.get("samples") else {
             return self.table(Part::Table, &View::default());
         };
-        let mut rows = Table::read(Part::Table, Some(samples), &self.head.units, &View::default())?;
-        rows.convert(&self.head.units);
-        Ok(rows)
+        self.read(Part::Table, Some(samples), &View::default())
     }
 
     /// A table, cut to a selection and converted.
     pub fn table(&self, part: Part, selection: &View) -> Result<Table, Error> {
         self.must_have(part)?;
-        let units = &self.head.units;
-        let mut table = Table::read(part, self.members.get(part.name()), units, selection)?;
+        self.read(part, self.members.get(part.name()), selection)
+    }
+
+    fn read(&self, part: Part, text: Option<&RawValue>, selection: &View) -> Result<Table, Error> {
+        let mut table = Table::read(part, text, &self.head.units, selection)?;
         table.convert(&self.head.units);
         Ok(table)
     }
@@ -161,6 +162,9 @@ impl<'a> Document<'a> {
     fn member(&self, name: &str, text: &RawValue) -> Result<Member, Error> {
         if name == "units" {
             return Ok(Member::Units(self.head.units.clone()));
+        }
+        if name == "samples" {
+            return Ok(Member::Table(self.read(Part::Table, Some(text), self.view)?));
         }
         if let Some(part) = Part::TABLES.into_iter().find(|part| part.name() == name) {
             let selection = match part {

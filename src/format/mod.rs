@@ -40,7 +40,7 @@ pub use view::{FigureOptions, StudyFigure, StudyOptions, View};
 
 /// The version of the formats. Clients may cache answers for ever, so it must rise when the same request
 /// gives other bytes.
-pub const VERSION: u8 = 5;
+pub const VERSION: u8 = 6;
 
 /// Writes a stored result, or a part of it. Large results take seconds. The stored bytes are dropped before the first
 /// byte is written, unless the whole document is written unchanged.
@@ -311,6 +311,12 @@ mod tests {
         let view = View { fields: Some(vec!["reason".into()]), ..View::default() };
         let columns: Value = serde_json::from_str(&made(Format::Json, &view)).unwrap();
         assert_eq!(columns["table"], json!({"reason": [null, "/friction: \"-1\" is bad"]}));
+        let view = View { rows: Some(1), ..View::default() };
+        let columns: Value = serde_json::from_str(&made(Format::Json, &view)).unwrap();
+        let first = json!({"/friction": [0.5], "/motion/amplitude": [1e-6], "wear_volume": [1.25e-13],
+            "reason": [null]});
+        assert_eq!(columns["table"], first);
+        assert_eq!(made(Format::Ndjson, &view).lines().count(), 1);
         let whole =
             written(STUDY, Part::Whole, Format::Json, &View { digits: Some(2), ..View::default() });
         let whole: Value = serde_json::from_slice(&whole.unwrap()).unwrap();

@@ -2,6 +2,9 @@
 //!
 //! The points of a profile are radii; the points of a loop are the corners of its curve.
 
+use std::fmt;
+
+use serde::de::{Deserializer as _, IgnoredAny, SeqAccess, Visitor};
 use serde::{Deserialize, Serialize, Serializer};
 use serde_json::value::RawValue;
 
@@ -61,10 +64,46 @@ impl Serialize for Cell<'_> {
     }
 }
 
-/// Indices of the selected output cycles and points; `None` selects all.
+/// Indices of the selected output cycles and points; `None` selects all. A study has at most this many rows.
 struct Selection {
     cycles: Option<Vec<usize>>,
     points: Option<Vec<usize>>,
+    rows: usize,
+}
+
+/// Reads the first items of a list. It skips the others, which is faster than to read them.
+struct First<T> {
+    most: usize,
+    items: Vec<T>,
+}
+
+impl<T> First<T> {
+    fn read<'de>(text: &'de str, most: usize) -> Result<Vec<T>, serde_json::Error>
+    where
+        T: Deserialize<'de>,
+    {
+        let first = Self { most, items: Vec::new() };
+        serde_json::Deserializer::from_str(text).deserialize_seq(first)
+    }
+}
+
+impl<'de, T: Deserialize<'de>> Visitor<'de> for First<T> {
+    type Value = Vec<T>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a list")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(mut self, mut list: A) -> Result<Vec<T>, A::Error> {
+        while self.items.len() < self.most {
+            match list.next_element()? {
+                Some(item) => self.items.push(item),
+                None => return Ok(self.items),
+            }
+        }
+        while list.next_element::<IgnoredAny>()?.is_some() {}
+        Ok(self.items)
+    }
 }
 
 impl Values {
@@ -79,21 +118,20 @@ impl Values {
         let mut opening = text.bytes().filter(|byte| !byte.is_ascii_whitespace());
         match (opening.next(), opening.next()) {
             (Some(b'['), Some(b'[')) => {
-                let rows: Vec<&RawValue> = serde_json::from_str(text)?;
+                let rows: Vec<&RawValue> = First::read(text, selection.rows)?;
                 let rows = pick(rows, selection.cycles.as_deref()).into_iter().map(|row| {
                     let row = numbers(serde_json::from_str(row.get())?);
                     Ok(pick(row, selection.points.as_deref()))
                 });
                 Ok(Self::Matrix(rows.collect::<Result<_, serde_json::Error>>()?))
             }
-            (Some(b'['), _) => {
+            (Some(b'['), _) => Ok(if part == Part::Profiles && !ROWS.contains(&name) {
                 let row = numbers(serde_json::from_str(text)?);
-                Ok(if part == Part::Profiles && !ROWS.contains(&name) {
-                    Self::Points(pick(row, selection.points.as_deref()))
-                } else {
-                    Self::Cycles(pick(row, selection.cycles.as_deref()))
-                })
-            }
+                Self::Points(pick(row, selection.points.as_deref()))
+            } else {
+                let row = numbers(First::read(text, selection.rows)?);
+                Self::Cycles(pick(row, selection.cycles.as_deref()))
+            }),
             _ => Ok(Self::Absent),
         }
     }
@@ -202,7 +240,7 @@ impl Table {
             // Only columns of numbers have a unit, if only `1`.
             let is_text = part == Part::Table && !units.have(name);
             let values = if is_text {
-                Values::Texts(serde_json::from_str(text.get())?)
+                Values::Texts(First::read(text.get(), selection.rows)?)
             } else {
                 Values::read(part, name, text, &selection)?
             };
@@ -331,7 +369,7 @@ fn select(members: &Members<'_>, axes: &[&str], view: &View) -> Result<Selection
     });
     let radii = axis("radius")?.len();
     let points = view.points.map(|points| evenly_spaced(radii, points));
-    Ok(Selection { cycles: selected, points })
+    Ok(Selection { cycles: selected, points, rows: view.rows.unwrap_or(usize::MAX) })
 }
 
 impl Serialize for Table {

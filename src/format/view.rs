@@ -22,6 +22,8 @@ pub struct View {
     pub cycles: Option<Vec<f64>>,
     /// Maximum number of radii. The radii are selected evenly from the first to the last.
     pub points: Option<usize>,
+    /// Studies: maximum number of rows of each table. The first rows are selected.
+    pub rows: Option<usize>,
     /// Figures only: the quantity and the axes.
     pub figure: FigureOptions,
 }

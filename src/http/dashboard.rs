@@ -30,9 +30,9 @@ macro_rules! files {
 }
 
 const SCRIPTS: &[File] = files!("text/javascript": "actions.js", "api.js", "details.js", "dom.js",
-    "estimate.js", "fields.js", "form.js", "library.js", "main.js", "plan.js", "plots.js",
-    "queue.js", "result.js", "run.js", "sketch.js", "study.js", "summary.js", "units.js", "vary.js",
-    "vendor/uPlot.iife.min.js");
+    "error.js", "estimate.js", "fields.js", "form.js", "library.js", "limits.js", "main.js", "plan.js",
+    "plots.js", "queue.js", "result.js", "run.js", "sketch.js", "study.js", "summary.js", "units.js",
+    "vary.js", "vendor/uPlot.iife.min.js");
 const STYLES: &[File] = files!("text/css": "style.css", "vendor/uPlot.min.css");
 const IMAGES: &[File] = files!("image/svg+xml": "icon.svg");
 const TEXTS: &[File] = files!("text/plain; charset=utf-8": "vendor/uPlot-LICENSE.txt");

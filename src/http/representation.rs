@@ -478,7 +478,8 @@ impl Representation {
     /// How many bytes the answer has at most for each byte of the result, if it is not compressed. A row repeats the
     /// numbers of its axes, and in some formats the names of all columns.
     fn growth(&self) -> usize {
-        let selects = self.view.cycles.is_some() || self.view.points.is_some();
+        let View { cycles, points, rows, .. } = &self.view;
+        let selects = cycles.is_some() || points.is_some() || rows.is_some();
         match self.format {
             // A history is a small part of a large result.
             _ if selects || matches!(self.part, Part::Whole | Part::History) => 1,

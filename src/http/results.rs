@@ -18,7 +18,11 @@ use super::wire::{NoQuery, Query, Segment, read_key};
 use crate::format::{
     FigureOptions, Format, Part, QUANTITIES, Quantity, StudyFigure, StudyOptions, View,
 };
+use crate::job::{Key, TaskKind};
 use crate::store::Changed;
+
+/// Largest `rows`. No study has so many.
+const MAX_ROWS: usize = 10_000_000;
 
 /// Reads numbers separated by commas.
 fn numbers(text: &str) -> Option<Vec<f64>> {
@@ -61,6 +65,9 @@ fn view(query: &mut Query, part: Part) -> View {
     if part != Part::Whole {
         let names = |text: String| text.split(',').map(|name| name.trim().to_owned()).collect();
         view.fields = query.text("fields").map(names);
+    }
+    if matches!(part, Part::Whole | Part::Table) {
+        view.rows = integer(query, "rows", 0..=MAX_ROWS);
     }
     // Without some of its points a loop encloses another energy. A history has no points.
     if matches!(part, Part::Whole | Part::Profiles) {
@@ -122,7 +129,7 @@ async fn answer(
 ) -> Result<Response, Problem> {
     let offered = part.formats();
     let requested = query.format(offered);
-    let view = view(&mut query, part);
+    let mut view = view(&mut query, part);
     let format = match requested {
         Some(format) => Some(format).filter(|format| offered.contains(format)),
         None => choose_format(headers, offered),
@@ -135,7 +142,17 @@ async fn answer(
     }
     query.finish()?;
     let format = format.ok_or_else(|| not_acceptable(key, part))?;
-    Representation::new(caller, read_key(key)?, part, format, view).answer(app, headers).await
+    let key = read_key(key)?;
+    if view.rows.is_some() && part == Part::Whole && is_run(app, &key).await? {
+        // A run has no rows, so this is the stored result.
+        view.rows = None;
+    }
+    Representation::new(caller, key, part, format, view).answer(app, headers).await
+}
+
+async fn is_run(app: &App, key: &Key) -> Result<bool, Problem> {
+    let known = app.service.known(key).await?;
+    Ok(known.is_some_and(|known| known.asked.kind == TaskKind::Run))
 }
 
 fn not_acceptable(key: &str, part: Part) -> Problem {
@@ -176,6 +193,8 @@ fn not_acceptable(key: &str, part: Part) -> Problem {
             example = json!([0])),
         ("points" = Option<u32>, Query, description = "Largest number of radii of the profiles, evenly spaced.",
             minimum = 2, maximum = 4096, example = 200),
+        ("rows" = Option<u32>, Query, description = "Studies: only the first rows of `table`, `samples` and \
+            `profiles`. A run has none.", minimum = 0, maximum = 10_000_000, example = 200),
     ),
     responses(
         (status = 200, description = "The result.", content(
@@ -338,6 +357,8 @@ pub async fn loops(
             column (`columns`, the default), or a list of rows in the member `records`."),
         ("fields" = Option<super::schemas::TableFields>, Query, style = Form, explode = false,
             description = "Only these columns, separated by commas.", example = json!(["wear_volume"])),
+        ("rows" = Option<u32>, Query, description = "Only the first rows.", minimum = 0, maximum = 10_000_000,
+            example = 200),
     ),
     responses(
         (status = 200, description = "The table.", content(
@@ -514,9 +535,9 @@ mod tests {
     }
 
     fn any_query() -> impl Strategy<Value = String> {
-        const NAMES: [&str; 17] = [
+        const NAMES: [&str; 18] = [
             "layout", "digits", "units", "cycles", "fields", "points", "format", "quantity", "x",
-            "y", "width", "height", "kind", "output", "over", "by", "other",
+            "y", "width", "height", "kind", "output", "over", "by", "rows", "other",
         ];
         const WORDS: [&str; 16] = [
             "records",
@@ -550,7 +571,7 @@ mod tests {
 
         #[test]
         fn a_random_query_is_accepted_or_refused(text in any_query()) {
-            for part in [Part::Whole, Part::History, Part::Profiles, Part::Loops, Part::Plot] {
+            for part in [Part::Whole, Part::History, Part::Profiles, Part::Loops, Part::Table, Part::Plot] {
                 let Some(mut query) = query(&text) else { return Ok(()) };
                 query.format(part.formats());
                 let view = if part == Part::Plot { figure_view(&mut query) } else { view(&mut query, part) };

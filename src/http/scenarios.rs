@@ -131,6 +131,9 @@ pub struct CheckedStudy {
     units: Map<String, Value>,
     /// What it takes.
     cost: StudyCost,
+    /// The limit of this server that the study exceeds, and what to change. Null if it exceeds none. A server returns a
+    /// stored result beyond its limits too.
+    excess: Option<String>,
     /// Related addresses.
     links: CheckedLinks,
 }
@@ -164,6 +167,9 @@ pub struct CheckedRun {
     /// Warnings about the validity of the model.
     #[schema(value_type = Vec<super::schemas::Warning>)]
     warnings: Vec<Warning>,
+    /// The limit of this server that the run exceeds, and what to change. Null if it exceeds none. A server returns a
+    /// stored result beyond its limits too.
+    excess: Option<String>,
     /// Related addresses.
     links: CheckedLinks,
 }
@@ -181,7 +187,7 @@ struct CheckedLinks {
 ///
 /// The body is that of `POST /v1/jobs`. The answer has the key, the canonical scenario, scales, the unworn
 /// state, the limiting state of wear, warnings and the estimated cost; for a study the key, its canonical form, its
-/// columns and what it takes.
+/// columns and what it takes. `excess` says which limit of this server it exceeds.
 #[utoipa::path(post, path = "/v1/scenarios", operation_id = "check_scenario", tag = "scenarios",
     request_body(content = ref("#/components/schemas/JobBody"), description = "The job \
         body."),
@@ -195,6 +201,7 @@ pub async fn check(
     let prepared = app.service.extend(&parse(body, Submission::parse).await?).await?;
     let warnings = prepared.warnings();
     let asked = prepared.asked();
+    let excess = app.service.limits().refuse(&prepared).map(|excess| excess.to_string());
     let Prepared { key, task, .. } = prepared;
     let cached = app.service.has_result(&key).await?;
     let links = CheckedLinks { result: format!("/v1/results/{key}"), submit: "/v1/jobs" };
@@ -203,7 +210,15 @@ pub async fn check(
             // The limiting state takes a few milliseconds to compute.
             let computed = task::spawn_blocking(move || (Preview::of(&run.1), run.0.clone()));
             let (preview, scenario) = computed.await.map_err(Problem::bug)?;
-            Checked::Run(Box::new(CheckedRun { key, cached, scenario, preview, warnings, links }))
+            Checked::Run(Box::new(CheckedRun {
+                key,
+                cached,
+                scenario,
+                preview,
+                warnings,
+                excess,
+                links,
+            }))
         }
         Task::Study(study) => {
             let units = study.units();
@@ -217,6 +232,7 @@ pub async fn check(
                 columns,
                 units,
                 cost,
+                excess,
                 links,
             }))
         }

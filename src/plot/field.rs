@@ -11,6 +11,8 @@ use super::text::{GAP, LABEL, LEADING, SINK, SMALL, width};
 const COLORS: usize = 64;
 /// Width of the colour bar, in px.
 const BAR: f64 = 14.0;
+/// Relative difference of numbers with 12 digits that are equal but for rounding.
+const ROUNDING: f64 = 1e-9;
 /// Fewest contour lines, if the scale of the values has enough ticks.
 const FEWEST_LINES: usize = 3;
 
@@ -43,8 +45,11 @@ impl Field {
         let usable = |value: &f64| value.is_finite() && (*value > 0.0 || !self.scale.log);
         let low = values().filter(usable).fold(f64::INFINITY, f64::min);
         let high = values().filter(usable).fold(f64::NEG_INFINITY, f64::max);
-        // The colours need no margin. A single value has one, so that its scale has a length.
-        let tight = (low < high).then_some((low, high));
+        // The colours need no margin. Values that differ by rounding have one, so that the colours do not show the rounding.
+        let is_wide = high - low > ROUNDING * low.abs().max(high.abs());
+        let margin = if is_wide { 0.0 } else { 0.1 * low.abs() };
+        let tight = (low - margin, high + margin);
+        let tight = (tight.0 < tight.1).then_some(tight);
         let axis = Axis { range: self.scale.range.or(tight), ..self.scale.clone() };
         Scale::new(&axis, values(), height / TICK_ROOM.1)
     }

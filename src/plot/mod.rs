@@ -50,6 +50,8 @@ use text::{GAP, HEADING, LABEL, LEADING, SINK, SMALL, TITLE, width, wrap};
 
 /// The largest share of the width that a legend beside the curves may take.
 const WIDEST_MARGIN: f64 = 0.5;
+/// Height of a line of the note.
+const NOTE: f64 = SMALL * LEADING;
 /// Height at which a curve with an infinite value ends: above the diagram, in heights of the diagram.
 const ABOVE: f64 = 1.1;
 const RULE: Style = Style { color: "#555", dash: Dash::ShortDashed, width: 0.8, mark: None };
@@ -69,6 +71,8 @@ pub struct Figure {
     pub field: Option<Field>,
     /// Curves; the last one is on top.
     pub series: Vec<Series>,
+    /// What the figure does not show, in words below it.
+    pub note: String,
     /// Width and height in px (1/96 inch).
     pub size: (f64, f64),
     /// Metadata for screen readers and programs.
@@ -84,6 +88,7 @@ impl Default for Figure {
             bands: Vec::new(),
             field: None,
             series: Vec::new(),
+            note: String::new(),
             size: (480.0, 340.0),
             about: None,
         }
@@ -180,6 +185,7 @@ impl Figure {
             })
         });
         self.draw_axes(canvas, &plan, corner);
+        self.draw_note(canvas, corner);
         canvas.open_window(&plan.area);
         for band in &self.bands {
             band.draw(canvas, &plan.area, &plan.pieces(band));
@@ -254,7 +260,8 @@ impl Figure {
         let above = names(&self.x) > 0.0 || y.power != 0 || self.field.is_some();
         let top =
             corner.1 + line(TITLE, &self.title) + GAP + if above { SMALL * LEADING } else { 0.0 };
-        let bottom = corner.1 + self.size.1 - (SMALL + LABEL) * LEADING - 2.0 * GAP;
+        let below = (SMALL + LABEL) * LEADING + 2.0 * GAP + self.note_lines().len() as f64 * NOTE;
+        let bottom = corner.1 + self.size.1 - below;
         let left = corner.0 + indent.max(least);
         // Half of the last tick label extends beyond the area.
         let right = corner.0 + self.size.0 - (beside + names(&self.y) + GAP).max(3.0 * GAP);
@@ -264,6 +271,19 @@ impl Figure {
         let x = Scale::new(axis, values, (right - left) / TICK_ROOM.0);
         let (width, height) = ((right - left).max(1.0), (bottom - top).max(1.0));
         Plan { area: Area { left, top, width, height }, x, y }
+    }
+
+    /// The lines of the note.
+    fn note_lines(&self) -> Vec<String> {
+        wrap(&self.note, (self.size.0 - 4.0 * GAP) / SMALL)
+    }
+
+    fn draw_note(&self, canvas: &mut Canvas, corner: Point) {
+        let bottom = corner.1 + self.size.1 - GAP;
+        for (line, words) in self.note_lines().iter().rev().enumerate() {
+            let place = (corner.0 + 2.0 * GAP, bottom - line as f64 * NOTE);
+            canvas.text(place, Anchor::Start, SMALL, words);
+        }
     }
 
     fn draw_axes(&self, canvas: &mut Canvas, plan: &Plan, corner: Point) {

@@ -1,5 +1,6 @@
 //! How much one job may take.
 
+use std::fmt;
 use std::time::Duration;
 
 use fretwork_engine::scenario::MAX_ANSWER;
@@ -27,7 +28,8 @@ impl Default for WorkLimits {
 
 impl WorkLimits {
     /// Why a task is refused if its result is not known.
-    pub(super) fn refuse(&self, prepared: &Prepared) -> Option<Excess> {
+    #[must_use]
+    pub fn refuse(&self, prepared: &Prepared) -> Option<Excess> {
         let time = Duration::try_from_secs_f64(prepared.seconds).unwrap_or(Duration::MAX);
         let limit = match &prepared.task {
             Task::Run(_) => self.run,
@@ -46,7 +48,7 @@ impl WorkLimits {
     }
 }
 
-/// What a task would take, and the limit.
+/// What a task would take, and the limit. In words, it also says what to change.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Excess {
     /// Processor time.
@@ -70,4 +72,30 @@ pub enum Excess {
         /// The limit.
         limit: usize,
     },
+}
+
+impl fmt::Display for Excess {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::Time { time, limit } => write!(
+                f,
+                "It would take about {}, and the limit of this server is {}. Request fewer points, output cycles or \
+                 profiles, an earlier last cycle, or a larger tolerance.",
+                humantime::format_duration(Duration::from_secs(time.as_secs())),
+                humantime::format_duration(limit),
+            ),
+            Self::Points { points, limit } => write!(
+                f,
+                "The study has {points} points, and the limit of this server is {limit}. Request fewer values or \
+                 samples."
+            ),
+            Self::Bytes { bytes, limit } => write!(
+                f,
+                "The result of the study could have {:.1} MB, and the limit of this server is {:.1} MB. Request fewer \
+                 values, samples or outputs.",
+                bytes as f64 / 1e6,
+                limit as f64 / 1e6,
+            ),
+        }
+    }
 }

@@ -52,7 +52,7 @@ pub enum Refusal {
     #[error("the result is not known")]
     NotCached,
     /// The task would take more than a limit.
-    #[error("the task would take too much: {0:?}")]
+    #[error("the task would take too much: {0}")]
     TooExpensive(Excess),
     /// The queue is full.
     #[error("the queue is full: {queued} jobs are queued")]

@@ -20,7 +20,8 @@ from playwright.sync_api import expect, sync_playwright
 
 from browser import SCREENS, SIZES, Browser, Server, ask, chromium, close, drawn_pixels
 from plots import every_loop, every_plot, slide
-from vary import VARIED, vary
+from studies import studies
+from vary import VARIED, beyond_a_limit, vary
 
 BASE, PROGRAM = sys.argv[1:3]
 MASTER = "fretwork_" + "0123456789abcdef" * 3
@@ -274,7 +275,7 @@ def hostile_address(browser, key):
         page.wait_for_selector("main:not([aria-busy])")
     posts = [path for method, path in sent if method == "POST" and path != "/v1/scenarios"]
     assert posts == [f"/v1/results/{key}/links"], posts
-    known = re.compile(rf"/|/#.*|/healthz|/assets/.*|/v1/(results/{key}.*|jobs[?].*|jobs/[0-9a-f-]{{36}}[?].*|scenarios|examples)")
+    known = re.compile(rf"/|/#.*|/healthz|/assets/.*|/v1/(results/{key}.*|jobs[?].*|jobs/[0-9a-f-]{{36}}[?].*|scenarios|examples|schema/scenario)")
     strange = [path for _, path in sent if not known.fullmatch(path)]
     assert not strange, strange
     page.context.close()
@@ -567,6 +568,7 @@ def main():
         cancel(page)
         edit_typed_values(page)
         vary(browser, BASE)
+        study = studies(browser, BASE)
         for example in get("/v1/examples"):
             every_loop(page, BASE, get("/v1/jobs", example["body"])["key"])
             # A later job without a label does not hide the label.
@@ -578,7 +580,10 @@ def main():
         browser.check_views(BASE, {"form": ("/", "[data-item=regime]"), "form-varied": (VARIED, "[data-item=seconds]"), "result": (f"/#/result/{both}?at=10000", labelled),
             "pressure": (f"/#/result/{key}?plot=pressure&history=radii&at=10000", labelled),
             "compare": (f"/#/result/{rule}?with={key}&plot=wear&at=10000", labelled),
+            "study": (f"/#/result/{study}?kind=heat", "section[aria-label=Figure] img[alt]"),
             "library": ("/#/library", ".thumbnail path"), "queue": ("/#/queue", "tbody tr")})
+        with server(directory("limits"), "--study-points", "50") as own:
+            beyond_a_limit(browser, own.base)
         sign_in(browser, directory("keys"))
         lose_the_server(browser, directory("lost"))
         with server(directory("library")) as own:

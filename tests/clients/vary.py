@@ -105,6 +105,98 @@ def units(page, base):
     assert table["/profile/radius"] == [0.005, 0.01, 0.02] and set(OUTPUTS) < set(table), table
 
 
+def without_field(page, base):
+    """A stored study can vary numbers that have no field. The form keeps their ranges until the user removes them."""
+    scenario = ask(base, "/v1/examples/amplitude-blocks")["scenario"]
+    vary = [{"pointer": "/motion/blocks/0/amplitude", "from": "1 um", "to": "3 um", "count": 2},
+        {"pointer": "/friction", "from": 0.6, "to": 0.8, "count": 3},
+        {"pointer": "/profile/radius", "from": "9 mm", "to": "11 mm", "count": 2}]
+    profiles = {"radius": [0, "50 um"], "fields": ["wear", "slip"]}
+    body = {"sweep": {"scenario": scenario, "vary": vary, "outputs": ["wear_volume"], "profiles": profiles}}
+    key = ask(base, "/v1/jobs", body)["key"]
+    page.goto(f"{base}/#/result/{key}")
+    page.get_by_role("link", name="Edit and run again").click()
+    own = page.locator("#motion-blocks-0-amplitude-from")
+    expect(own).to_have_value("1")
+    expect(page.locator("button.primary")).to_have_text("Compute 12 runs")
+    expect(page.locator("[data-item=cached]")).to_have_text("Yes")
+    expect(page.locator("section[aria-label=Study]")).to_contain_text("/motion/blocks/0/amplitude")
+    # The study keeps profiles, for which the form has no fields either.
+    expect(page.locator("#profiles")).to_contain_text("Local wear depth, Slip amplitude")
+    assert "profiles" in urllib.parse.unquote(page.url), page.url
+    page.get_by_role("button", name="Remove the profiles").click()
+    own.fill("1.5")
+    page.reload()
+    expect(own).to_have_value("1.5")
+    expect(page.locator("#profiles")).to_have_count(0)
+    assert "profiles" not in urllib.parse.unquote(page.url), page.url
+    expect(page.locator("#profile-radius-from")).to_have_value("9")
+    # A number leaves the study with its field. The others stay.
+    page.select_option("#shape", "cone")
+    expect(page.locator("button.primary")).to_have_text("Compute 6 runs")
+    expect(own).to_have_value("1.5")
+    # A number that is missing in the JSON stays too. Its range says what is wrong.
+    text = json.loads(page.input_value("#json"))
+    page.fill("#json", json.dumps({**text, "motion": {"amplitude": "2 um"}}))
+    expect(page.locator("#motion-blocks-0-amplitude-from-fault")).not_to_be_empty()
+    expect(page.locator("button.primary")).to_be_disabled()
+    page.get_by_role("button", name="Remove /motion/blocks/0/amplitude").click()
+    expect(own).to_have_count(0)
+    expect(page.locator("button.primary")).to_have_text("Compute 3 runs")
+    expect(page.locator("button.primary")).to_be_enabled()
+
+
+def limits(page, base):
+    """The suggested range of a number stays within the limits of a scenario."""
+    ball = ask(base, "/v1/examples/steel-ball")["scenario"]
+    body = ball["bodies"][1]
+    power = {"shape": "power", "exponent": 20, "at_radius": "0.2 mm", "height": "5 um"}
+    for name, changed, expected in (
+            ("motion-stick_ratio", {"motion": {"stick_ratio": 0.9999}}, ("0.7999", "0.9999")),
+            ("motion-stick_ratio", {"motion": {"stick_ratio": 0}}, ("0", "0.9999")),
+            ("model-tolerance", {"model": {"tolerance": 0.03}}, ("0.024", "0.03")),
+            ("model-tolerance", {"model": {"tolerance": 1e-4}}, ("1e-4", "1.2e-4")),
+            ("model-xi", {"model": {"method": "simplified", "xi": 1000}}, ("800", "1000")),
+            ("profile-exponent", {"profile": power}, ("16", "20")),
+            ("bodies-0-poisson_ratio", {"bodies": [{**body, "poisson_ratio": 0.5}, body]}, ("0.4", "0.5")),
+            ("bodies-0-poisson_ratio", {"bodies": [{**body, "poisson_ratio": -0.9}, body]}, ("-0.999", "-0.72")),
+            ("wear-share", {"wear": {**ball["wear"], "share": 1}}, ("0.8", "1")),
+            ("friction", {"friction": 100}, ("80", "100")),
+            ("profile-slope_angle", {"profile": {"shape": "cone", "slope_angle": "80 deg"}}, ("64", "89.95")),
+            ("profile-radius", {}, ("8", "12"))):
+        page.goto(base + "/#/queue")
+        page.goto(f"{base}/#/new?{urllib.parse.urlencode({'scenario': json.dumps({**ball, **changed})})}")
+        page.click(f"#{name}-vary")
+        for end, value in zip(("from", "to"), expected):
+            expect(page.locator(f"#{name}-{end}")).to_have_value(value)
+        page.wait_for_selector(".estimate:not([aria-busy])")
+        for end in ("from", "to"):
+            expect(page.locator(f"#{name}-{end}-fault")).to_have_text("")
+
+
+def empty(page, base):
+    """A field that the user has emptied is empty after a reload too."""
+    open_form(page, base)
+    page.click("#profile-radius-vary")
+    for field in ("from", "count"):
+        page.fill(f"#profile-radius-{field}", "")
+        expect(page.locator(f"#profile-radius-{field}-fault")).not_to_be_empty()
+        page.reload()
+        expect(page.locator(f"#profile-radius-{field}")).to_have_value("")
+        expect(page.locator("#profile-radius-to")).to_have_value("12")
+        expect(page.locator(".range")).to_contain_text("mm")
+        expect(page.locator("button.primary")).to_be_disabled()
+    page.fill("#profile-radius-to", "")
+    page.reload()
+    expect(page.locator("#profile-radius-to")).to_have_value("")
+    page.check("#design-random")
+    page.fill("#samples", "")
+    expect(page.locator("#samples-fault")).not_to_be_empty()
+    page.reload()
+    expect(page.locator("#samples")).to_have_value("")
+    expect(page.locator("#profile-radius-from")).to_have_value("")
+
+
 def designs(page, base):
     """The form announces as many runs as the study has, for each design."""
     open_form(page, base)
@@ -137,6 +229,25 @@ def designs(page, base):
     # The fields show the ranges of the sweep, not those of the map.
     expect(page.locator("#load-normal_force-from")).to_have_value("80")
     expect(page.locator("#load-normal_force-count")).to_have_value("9")
+
+
+def beyond_a_limit(browser, base):
+    """The form says how many points a study has, and which limit it exceeds, before the user submits it. The server has a
+    limit of 50 points."""
+    page = browser.page(base)
+    open_form(page, base)
+    page.click("#friction-vary")
+    expect(page.locator("[data-item=points]")).to_have_text("9")
+    page.click("#profile-radius-vary")
+    expect(page.locator("[data-item=points]")).to_have_text("81")
+    expect(page.locator("#excess")).to_contain_text("has 81 points, and the limit of this server is 50")
+    expect(page.locator("button.primary")).to_be_disabled()
+    browser.check_accessibility(page, "study-excess")
+    page.fill("#friction-count", "5")
+    expect(page.locator("[data-item=points]")).to_have_text("45")
+    expect(page.locator("#excess")).to_have_count(0)
+    assert submit(page)["counts"]["points"] == 45
+    page.context.close()
 
 
 def keyboard(page, base):
@@ -179,9 +290,14 @@ def vary(browser, base):
     edit(page)
     units(page, base)
     browser.check_accessibility(page, "study")
+    without_field(page, base)
+    limits(page, base)
+    empty(page, base)
     designs(page, base)
     keyboard(page, base)
-    page.goto(base + "/#/queue")
-    page.goto(base + "/#/new?study=5")
-    expect(page.locator("#status")).to_contain_text("cannot show all that varies")
+    entry = '[{"pointer": "/friction", "from": 0.5, "to": 0.6}]'
+    for study in ("5", f'{{"sweep": {{"vary": {entry.replace("from", "values")}}}}}', f'{{"sweep": {{"vary": {entry}, "other": 1}}}}'):
+        page.goto(base + "/#/queue")
+        page.goto(f"{base}/#/new?study={study}")
+        expect(page.locator("#not-shown")).to_be_visible()
     page.context.close()

@@ -198,6 +198,10 @@ async fn profiles_of_a_sweep_are_the_same_in_every_format() {
     assert_eq!(engineering["profiles"]["radius"], json!([0.0, 1000.0]));
     assert_eq!(engineering["profiles"].as_object().unwrap().len(), 3);
     server.get(&format!("{path}?cycles=1000")).await.problem(422, "invalid-parameters");
+    let first = server.get(&format!("/v1/results/{key}?rows=4")).await.json();
+    assert_eq!(first["profiles"]["radius"], curves["radius"]);
+    assert_eq!(first["profiles"]["point"], json!([0.0, 1.0, 2.0, 3.0]));
+    assert_eq!(first["profiles"]["wear"], json!(curves["wear"].as_array().unwrap()[..4]));
 
     let (plain, _) = computed(&server, &sweep()).await;
     let problem = server.get(&format!("/v1/results/{plain}/profiles")).await;
@@ -320,6 +324,10 @@ async fn a_study_beyond_a_limit_is_told_what_it_would_take() {
     let problem = reply.problem(422, "too-expensive");
     let detail = problem["detail"].as_str().unwrap();
     assert!(detail.contains("has 6 points, and the limit of this server is 5"), "{detail}");
+    let checked = server.post("/v1/scenarios", &sweep()).await.json();
+    assert_eq!(checked["excess"], json!(detail));
+    let checked = server.post("/v1/scenarios", &steel_ball()).await.json();
+    assert_eq!(checked.get("excess"), Some(&json!(null)));
     let mut small = sweep();
     small["sweep"]["vary"][1]["count"] = json!(2);
     let problem = server.post("/v1/jobs", &small).await.problem(422, "too-expensive");
@@ -395,6 +403,40 @@ async fn a_sensitivity_study_answers_with_its_indices() {
         (&rounded["notes"], &rounded["units"]["wear_volume"]),
         (&result["notes"], &json!("mm^3"))
     );
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_client_can_read_the_first_rows_only() {
+    let server = Server::start().await;
+    let mut body = example("sensitivity");
+    body["sensitivity"]["samples"] = json!(64);
+    let (key, _) = computed(&server, &body).await;
+    let address = format!("/v1/results/{key}");
+    let whole = server.get(&address).await.json();
+    let part = server.get(&format!("{address}?rows=3")).await.json();
+    for (name, value) in whole.as_object().unwrap() {
+        if !["table", "samples"].contains(&name.as_str()) {
+            assert_eq!(&part[name], value, "{name}");
+            continue;
+        }
+        for (column, rows) in value.as_object().unwrap() {
+            let rows = rows.as_array().unwrap();
+            assert!(rows.len() > 3, "{name} {column}");
+            assert_eq!(part[name][column], json!(rows[..3]), "{name} {column}");
+        }
+    }
+    let table = server.get(&format!("{address}/table?rows=0&layout=records")).await.json();
+    assert_eq!(table["records"], json!([]));
+    for rows in ["-1", "many"] {
+        let reply = server.get(&format!("{address}?rows={rows}")).await;
+        assert_eq!(reply.problem(422, "invalid-parameters")["errors"][0]["parameter"], "rows");
+    }
+    // A run has no rows: its answer is the stored result, also for a cache.
+    let (run, _) = computed(&server, &steel_ball()).await;
+    let whole = server.get(&format!("/v1/results/{run}")).await;
+    let part = server.get(&format!("/v1/results/{run}?rows=3")).await;
+    assert_eq!((part.header("etag"), &part.body), (whole.header("etag"), &whole.body));
+    server.get(&format!("/v1/results/{run}/table?rows=3")).await.problem(404, "no-such-part");
 }
 
 #[tokio::test(flavor = "multi_thread")]

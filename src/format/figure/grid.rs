@@ -24,7 +24,7 @@ pub struct Axes {
     pub by: Option<usize>,
 }
 
-/// The values of an output over those of two members. The other members have the middle one of their values.
+/// The values of an output over those of two members. The other members are held at values near the middle.
 struct Lattice {
     over: Vec<f64>,
     by: Vec<f64>,
@@ -38,12 +38,8 @@ impl Lattice {
     fn new(offer: &Offer, Axes { over, by }: Axes, rows: &Table, output: &str) -> Self {
         let column = |place: usize| rows.axis(&offer.members[place].0);
         let others = (0..offer.members.len()).filter(|place| *place != over && Some(*place) != by);
-        let held: Vec<(usize, f64)> = others
-            .filter_map(|place| {
-                let values = distinct(column(place));
-                Some((place, *values.get(values.len() / 2)?))
-            })
-            .collect();
+        let others: Vec<(usize, &[f64])> = others.map(|place| (place, column(place))).collect();
+        let held = central(&others, rows.axis(output));
         let x = distinct(column(over));
         let y = by.map_or_else(|| vec![f64::NAN], |by| distinct(column(by)));
         let mut values = vec![vec![f64::NAN; x.len()]; y.len()];
@@ -79,6 +75,29 @@ impl Lattice {
         let held: Vec<String> = held.collect();
         if held.is_empty() { String::new() } else { format!(" At {}.", held.join(", ")) }
     }
+}
+
+/// The values of these members in the row that is nearest to the middle of all of them and has an output. If no row has one,
+/// the middle values.
+fn central(members: &[(usize, &[f64])], output: &[f64]) -> Vec<(usize, f64)> {
+    let distances: Vec<Vec<usize>> = members
+        .iter()
+        .map(|(_, column)| {
+            let values = distinct(column);
+            let middle = values.len() / 2;
+            let place = |value: &f64| values.partition_point(|own| own.total_cmp(value).is_lt());
+            column.iter().map(|value| place(value).abs_diff(middle)).collect()
+        })
+        .collect();
+    let has_output = |row: &usize| output[*row].is_finite();
+    let rows = if (0..output.len()).any(|row| has_output(&row)) {
+        (0..output.len()).filter(has_output).collect::<Vec<_>>()
+    } else {
+        (0..output.len()).collect()
+    };
+    let distance = |row: &&usize| distances.iter().map(|own| own[**row]).sum::<usize>();
+    let Some(row) = rows.iter().min_by_key(distance) else { return Vec::new() };
+    members.iter().map(|(place, column)| (*place, column[*row])).collect()
 }
 
 /// One curve for each value of a second member, and a note about the values that it does not show.

@@ -44,14 +44,24 @@ pub fn series(x: &[f64], y: &[f64]) -> (Vec<Series>, String) {
     (out, note)
 }
 
-/// The median and the tails in bins over the abscissa.
+/// The median and the tails in bins over the abscissa. Points of one abscissa are in one bin.
 fn percentiles(mut points: Vec<(f64, f64)>) -> Vec<Series> {
     points.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
     let bins = BINS.min(points.len() / FEWEST);
     let mut x = Vec::new();
     let mut y = [Vec::new(), Vec::new(), Vec::new()];
+    let end = |bin: usize| {
+        let end = (bin + 1) * points.len() / bins;
+        let last = points[end - 1].0;
+        end + points[end..].partition_point(|(x, _)| x.total_cmp(&last).is_le())
+    };
+    let mut start = 0;
     for bin in 0..bins {
-        let own = &points[bin * points.len() / bins..(bin + 1) * points.len() / bins];
+        let own = &points[start..end(bin).max(start)];
+        if own.is_empty() {
+            continue;
+        }
+        start += own.len();
         x.push(own[own.len() / 2].0);
         let mut values: Vec<f64> = own.iter().map(|(_, value)| *value).collect();
         values.sort_unstable_by(f64::total_cmp);
@@ -79,6 +89,20 @@ mod tests {
         assert!(note.contains("shows 4000 of 20000 points"), "{note}");
         for (column, share) in series[1..].iter().zip([0.5, 0.05, 0.95]) {
             assert!(column.y.iter().all(|value| (value - share).abs() < 0.05), "{column:?}");
+        }
+    }
+
+    #[test]
+    fn points_of_one_abscissa_are_in_one_bin() {
+        // The levels of a screening.
+        let x: Vec<f64> = (0..1000).map(|i| f64::from(i % 4)).collect();
+        let y: Vec<f64> = x.iter().map(|x| 10.0 * x).collect();
+        let (series, _) = series(&x, &y);
+        for column in &series[1..] {
+            assert_eq!(
+                (&column.x[..], &column.y[..]),
+                (&[0.0, 1.0, 2.0, 3.0][..], &[0.0, 10.0, 20.0, 30.0][..])
+            );
         }
     }
 

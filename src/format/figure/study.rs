@@ -125,7 +125,7 @@ impl Study<'_> {
         let log = axes::spans_decades(series.iter().flat_map(|series| &series.y).copied());
         let figure =
             Figure { title, x: across, y: Axis { log, ..axis }, series, ..Figure::default() };
-        self.finished(figure, &(note + &self.gaps(name)))
+        self.finished(figure, &(note + &self.gaps(name)), "")
     }
 
     fn heat(&self, output: usize, over: usize, by: usize) -> Result<String, Error> {
@@ -149,7 +149,7 @@ impl Study<'_> {
         };
         let label = field.scale.label.clone();
         let figure = Figure { title, x, y, field: Some(field), series, ..Figure::default() };
-        self.finished(figure, &format!(" Colours: {label}.{note}{}", self.gaps(name)))
+        self.finished(figure, &(note + &self.gaps(name)), &format!(" Colours: {label}."))
     }
 
     /// Normal forces, the least first, and the amplitudes at which gross slip begins, NaN where there is no contact.
@@ -176,7 +176,7 @@ impl Study<'_> {
         // The names of the regimes tell what it separates.
         let series = grid::boundary(boundary, "");
         let title = "Regimes of the unworn contact".to_owned();
-        self.finished(Figure { title, x, y, bands, series, ..Figure::default() }, "")
+        self.finished(Figure { title, x, y, bands, series, ..Figure::default() }, "", "")
     }
 
     fn scatter(&self, output: usize, over: usize) -> Result<String, Error> {
@@ -191,7 +191,7 @@ impl Study<'_> {
         across.log &= wide.is_some_and(|(low, high)| *high >= axes::LOG_RATIO * low);
         let figure =
             Figure { title, x: across, y: Axis { log, ..axis }, series, ..Figure::default() };
-        self.finished(figure, &(note + &self.gaps(name)))
+        self.finished(figure, &(note + &self.gaps(name)), "")
     }
 
     fn tornado(&self, output: usize) -> Result<String, Error> {
@@ -233,9 +233,10 @@ impl Study<'_> {
         format!("from {} points of a {kind} study, computed by {engine}", self.rows.cycles())
     }
 
-    /// The figure with its metadata, as SVG.
-    fn finished(&self, mut figure: Figure, note: &str) -> Result<String, Error> {
+    /// The figure with its metadata, as SVG. The note is below it, and `colours` only in its description.
+    fn finished(&self, mut figure: Figure, note: &str, colours: &str) -> Result<String, Error> {
         axes::choose(&mut figure, &self.view.figure)?;
+        note.trim().clone_into(&mut figure.note);
         let names = figure.series.iter().map(|series| series.label.as_str());
         let names: Vec<&str> = names.filter(|name| !name.is_empty()).collect();
         let curves = if names.is_empty() {
@@ -244,7 +245,7 @@ impl Study<'_> {
             format!(" Curves: {}.", names.join("; "))
         };
         let description = format!(
-            "{}: {} against {}, {}.{note}{curves}",
+            "{}: {} against {}, {}.{colours}{note}{curves}",
             figure.title,
             figure.y.label,
             figure.x.label,

@@ -75,24 +75,6 @@ export async function copy(text, name, message = `${name} copied.`) {
   }
 }
 
-/** Address of the form, filled with what the user submitted or, if that is not kept, with the canonical scenario. */
-export const formLink = ({ submitted, scenario, label }) => `#/new?${new URLSearchParams({
-  scenario: JSON.stringify(submitted ?? scenario), ...(label && { label }), ...(!submitted && { canonical: "yes" }) })}`;
-
-/** Shows an error, usually a problem document from the server. */
-export function errorCard(problem) {
-  const faults = (problem.errors ?? []).map(({ pointer, parameter, detail }) =>
-    h("li", {}, pointer || parameter ? [h("code", {}, pointer || parameter), " "] : null, detail));
-  return h("section", { class: "card error", role: "alert" },
-    h("h2", {}, problem.title ?? "Unexpected error"),
-    h("p", {}, problem.detail ?? problem.message),
-    faults.length > 0 && h("ul", {}, faults),
-    // The server includes the scenario if a result was evicted or deleted.
-    problem.scenario && h("p", {}, h("a", { class: "button", href: formLink(problem) }, "Compute again")),
-    problem.type?.startsWith("/problems/") && h("p", {}, h("a", { href: problem.type }, "Explanation and remedy")),
-    problem.instance && h("p", { class: "muted" }, `Request ID: ${problem.instance}`));
-}
-
 /** Returns a function that calls `call` once no call has come for `milliseconds`. */
 export function debounced(milliseconds, call) {
   let timer;

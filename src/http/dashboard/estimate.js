@@ -35,6 +35,7 @@ export const announce = ({ regime, scales }) => `${WORDS[regime]}, contact radiu
 /** Draws the response of `POST /v1/scenarios` to a study. */
 export function drawStudyEstimate(place, { cost, cached }) {
   fill(place, h("h2", {}, "Estimate"), list([
+    ["Points", cycles(cost.points), "points"],
     ["Processor time", `about ${duration(cost.seconds)}`, "seconds"],
     ["Result size", `at most ${prefixed(cost.answer_bytes)}B`],
     ["Already computed", cached ? "Yes" : "No", "cached"],

@@ -138,13 +138,15 @@ export const CHOICES = [
   },
 ];
 
+/** Pointers of the values that the form shows as fields. */
+export const withField = (scenario) => CHOICES.flatMap(({ selected, options, fields }) => {
+  const kind = selected(scenario);
+  return kind in options ? fields(kind, scenario).map(([pointer]) => pointer) : [];
+});
+
 /** Pointers of the values that the form cannot show as fields. They are edited as JSON. */
 export function withoutField(scenario) {
-  const fields = CHOICES.flatMap(({ selected, options, fields }) => {
-    const kind = selected(scenario);
-    return kind in options ? fields(kind, scenario).map(([pointer]) => pointer) : [];
-  });
-  const known = ["/profile/shape", "/model/method", ...fields];
+  const known = ["/profile/shape", "/model/method", ...withField(scenario)];
   const values = (value, pointer) => known.includes(pointer) ? []
     : Object(value) === value && !Array.isArray(value)
       ? Object.entries(value).flatMap(([name, own]) => values(own, `${pointer}/${name}`))
@@ -179,7 +181,7 @@ export function parseInput(pointer, text) {
 }
 
 /** The number of a text; the text if it is not only a number. */
-export const numberOrText = (text) => (Number.isNaN(Number(text)) ? text : Number(text));
+export const numberOrText = (text) => (text.trim() === "" || Number.isNaN(Number(text)) ? text : Number(text));
 
 /** The text of a value in its field. */
 export const inputText = (value) => (value === undefined ? "" : Array.isArray(value) ? value.join(", ") : String(value));

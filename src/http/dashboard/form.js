@@ -4,7 +4,8 @@
 import { get, idempotencyKey, Problem, post } from "./api.js";
 import { debounced, fill, h, notify, select } from "./dom.js";
 import { announce, drawEstimate, drawStudyEstimate } from "./estimate.js";
-import { CHOICES, inputText, parseInput, setValueAt, valueAt, withoutField } from "./fields.js";
+import { CHOICES, inputText, parseInput, setValueAt, valueAt, withField, withoutField } from "./fields.js";
+import { loadLimits } from "./limits.js";
 import { drawPlan, drawRange, drawRuns, submitText, varyButton } from "./plan.js";
 import { WORDS } from "./units.js";
 import { canVary, choose, DESIGNS, formPointer, isMap, jobBody, newStudy, studyOf, suggested, varied } from "./vary.js";
@@ -14,8 +15,11 @@ const MAX_LABEL = 200;
 
 let examples = null;
 
+/** The id of the field of a number. */
+const idOf = (pointer) => pointer.slice(1).replaceAll("/", "-");
+
 export async function showForm(main, { query, signal }) {
-  examples ??= await get("/v1/examples", { signal });
+  [examples] = await Promise.all([examples ?? get("/v1/examples", { signal }), loadLimits(signal)]);
   const first = examples.find((example) => example.name === query.get("example")) ?? examples[0];
   let scenario = structuredClone(first.body.scenario);
   try {
@@ -26,13 +30,12 @@ export async function showForm(main, { query, signal }) {
   let study = newStudy();
   try {
     if (query.has("study")) study = studyOf(JSON.parse(query.get("study"))) ?? study;
-  } catch { /* The notice below says it. */ }
-  const asked = query.has("study") ? Math.max(1, varied(study).length) : 0;
+  } catch { /* The form says it below. */ }
   const isStudy = () => varied(study).length > 0;
   const example = () => examples.find(({ body }) => JSON.stringify(body.scenario) === JSON.stringify(scenario));
-  /** The names of the numbers that can vary, by their pointers. */
+  /** The names of the fields whose numbers can vary, by their pointers. */
   let shown = new Map();
-  const names = () => varied(study).map((pointer) => shown.get(pointer));
+  const names = () => varied(study).map((pointer) => shown.get(pointer) ?? pointer);
   // The label that the user typed. A study and an unchanged example have labels of their own, which change with the form.
   let typedLabel = query.get("label");
   const ownLabel = () => (isStudy() ? `${DESIGNS[study.kind][0]}: ${names().join(", ")}` : example()?.body.label ?? "");
@@ -40,6 +43,8 @@ export async function showForm(main, { query, signal }) {
 
   const canonical = h("p", { class: "warning", id: "canonical", hidden: !query.has("canonical") },
     "The text that was typed for this run is not available. The form shows the computed values in SI units.");
+  const notShown = h("p", { class: "warning", id: "not-shown", hidden: !query.has("study") || isStudy() },
+    "The form cannot show the study in the address. It shows a single run.");
   const fields = h("div", { class: "fields" });
   const json = h("textarea", { id: "json", rows: 24, spellcheck: false, "aria-describedby": "json-fault", oninput: editJson });
   const jsonFault = h("p", { id: "json-fault", class: "fault" });
@@ -62,7 +67,7 @@ export async function showForm(main, { query, signal }) {
       scenario = structuredClone(examples.find(({ name }) => name === chooseExample.value).body.scenario);
       typedLabel = null;
       study = newStudy();
-      canonical.hidden = true;
+      canonical.hidden = notShown.hidden = true;
       restart();
     } });
   chooseExample.options[0].hidden = true;
@@ -118,13 +123,9 @@ export async function showForm(main, { query, signal }) {
   /** Draws all fields and the card of the study. */
   function draw() {
     const focused = document.activeElement?.id;
+    // This changes ranges that are drawn.
+    if (study.kind === "map" && !isMap(study)) choose("sweep", scenario, study);
     drawFields();
-    for (const pointer of varied(study)) if (!shown.has(pointer)) delete study.ranges[pointer];
-    if (study.kind === "map" && !isMap(study)) {
-      // This changes ranges that are drawn.
-      choose("sweep", scenario, study);
-      drawFields();
-    }
     drawPlan(plan, names(), scenario, study, { changed, redraw });
     if (focused) document.getElementById(focused)?.focus();
   }
@@ -132,8 +133,21 @@ export async function showForm(main, { query, signal }) {
   function drawFields() {
     const groups = Map.groupBy(CHOICES, (choice) => choice.group);
     shown = new Map();
-    fields.replaceChildren(...[...groups].map(([group, choices]) =>
-      h("fieldset", {}, h("legend", {}, group), choices.map(drawChoice))));
+    const group = (name, ...content) => h("fieldset", {}, h("legend", {}, name), content);
+    fill(fields, [...groups].map(([name, choices]) => group(name, choices.map(drawChoice))));
+    const others = varied(study).filter((pointer) => !shown.has(pointer));
+    if (others.length) fields.append(group("Varied values without a field", others.map(drawOther)));
+  }
+
+  /** The range of a number that has no field, such as the amplitude of a block. */
+  function drawOther(pointer) {
+    const id = idOf(pointer);
+    const remove = h("button", { type: "button", class: "vary", "aria-label": `Remove ${pointer} from the study`, onclick: () => {
+      delete study.ranges[pointer];
+      redraw();
+    } }, "Remove");
+    return h("div", { class: "field varied" }, h("label", { for: `${id}-from` }, h("code", {}, pointer)), remove,
+      drawRange(id, pointer, pointer, study, changed));
   }
 
   function redraw() {
@@ -145,7 +159,11 @@ export async function showForm(main, { query, signal }) {
     const selected = choice.selected(scenario);
     const known = selected in choice.options;
     const field = select(choice.options, selected, { id: choice.id, onchange: () => {
+      const before = withField(scenario);
       choice.apply(scenario, field.value);
+      const after = withField(scenario);
+      // A number leaves the study with its field.
+      for (const pointer of before) if (!after.includes(pointer)) delete study.ranges[pointer];
       draw();
       edited();
     } });
@@ -155,7 +173,7 @@ export async function showForm(main, { query, signal }) {
   }
 
   function drawField([pointer, text, options]) {
-    const id = pointer.slice(1).replaceAll("/", "-");
+    const id = idOf(pointer);
     const value = inputText(valueAt(scenario, pointer));
     // Names of numbers do not need the hints for their fields.
     const name = text.replace(/ \(.*\)$/, "");
@@ -189,12 +207,15 @@ export async function showForm(main, { query, signal }) {
     }
     if (own !== checks || signal.aborted) return;
     showFaults(problem);
-    run.disabled = submitting || problem !== null;
+    // The server returns a stored result beyond its limits too.
+    const excess = checked && !checked.cached && checked.excess;
+    run.disabled = submitting || !checked || Boolean(excess);
     estimate.removeAttribute("aria-busy");
     if (checked) {
       const isRun = checked.scales !== undefined;
-      announcement.textContent = isRun ? announce(checked) : submitText(study);
+      announcement.textContent = excess || (isRun ? announce(checked) : submitText(study));
       (isRun ? drawEstimate : drawStudyEstimate)(estimate, checked);
+      if (excess) estimate.append(h("p", { class: "warning", id: "excess" }, excess));
     } else {
       const count = problem.errors?.length;
       announcement.textContent = problem.detail;
@@ -249,12 +270,11 @@ export async function showForm(main, { query, signal }) {
         h("div", { class: "card" },
           h("div", { class: "field wide" }, h("label", { for: "example" }, "Start from"), chooseExample),
           h("div", { class: "field wide" }, h("label", { for: "label" }, "Label"), labelField),
-          canonical, otherFaults, fields,
+          canonical, notShown, otherFaults, fields,
           h("p", { class: "muted" }, "Enter values with their unit, for example 10 mm, 205 GPa or 3.03e-5 mm^3/(N m). Numbers without a unit are in SI units. "
             + "Press Vary beside a number to compute many values of it in one study.")),
         jsonEditor),
       h("div", { class: "side" }, announcement, plan, estimate, h("div", { class: "row run" }, run))));
   document.addEventListener("units", () => check(), { signal });
   restart();
-  if (varied(study).length < asked) notify("The form cannot show all that varies in this study.");
 }

@@ -1,13 +1,15 @@
 // All results of the server: search, preview, and choice of two for comparison.
 
 import { get, resultAddress } from "./api.js";
-import { dateTime, debounced, errorCard, h, select, svg } from "./dom.js";
+import { dateTime, debounced, h, select, svg } from "./dom.js";
+import { errorCard } from "./error.js";
 import { jobsOf, KINDS, labelOf, subtitle, title } from "./summary.js";
 import { cycles, quantity, WORDS } from "./units.js";
 
 const anyOf = (...names) => ({ "": "Any", ...Object.fromEntries(names.map((name) => [name, WORDS[name]])) });
 /** The filters that are drop-down lists. */
 const OPTIONS = {
+  kind: ["Kind", { "": "Any", run: "Run", ...KINDS }],
   shape: ["Shape", anyOf("paraboloid", "sphere", "cone", "power", "truncated_paraboloid", "truncated_cone", "table")],
   method: ["Method", anyOf("simplified", "exact")],
   regime: ["Regime", anyOf("full_stick", "partial_slip", "gross_slip")],

@@ -1,7 +1,8 @@
 // The frame of the page: routing, units, the signed-in user and the connection banner.
 
 import { connection, get, key, signIn, signOut, watchConnection } from "./api.js";
-import { errorCard, h, notify } from "./dom.js";
+import { h, notify } from "./dom.js";
+import { errorCard } from "./error.js";
 import { showForm } from "./form.js";
 import { showLibrary } from "./library.js";
 import { showQueue } from "./queue.js";

@@ -93,8 +93,17 @@ export function drawPlan(card, names, scenario, study, { changed, redraw }) {
     isDrawn(study) && h("div", { class: "field" }, h("label", { for: "samples" }, "Samples"), samples, samplesFault),
     h("fieldset", { id: "outputs", "data-pointer": "/outputs", "aria-describedby": "outputs-fault" },
       h("legend", {}, "Outputs after the last cycle"), h("div", { class: "options" }, [...new Set([...OUTPUTS, ...study.outputs])].map(output)),
-      h("p", { id: "outputs-fault", class: "fault" })), runs);
+      h("p", { id: "outputs-fault", class: "fault" })),
+    study.profiles && ["sweep", "random"].includes(study.kind) && drawProfiles(study, redraw), runs);
 }
+
+/** The curves that a stored sweep keeps of each run. The form has no fields for them, but the user can remove them. */
+const drawProfiles = (study, redraw) => h("div", { class: "row spread", id: "profiles" },
+  h("span", {}, `Profiles of each run: ${(study.profiles.fields ?? ["wear"]).map((name) => WORDS[name] ?? name).join(", ")}`),
+  h("button", { type: "button", class: "vary", "aria-label": "Remove the profiles", onclick: () => {
+    delete study.profiles;
+    redraw();
+  } }, "Remove"));
 
 /** Shows the number of runs in the card. */
 export function drawRuns(study) {

@@ -25,11 +25,13 @@ const MAX_BRANCHES = 24;
 const READOUT = ["wear_volume", "wear_depth", "scar_radius", "contact_radius", "stick_radius", "normal_force",
   "tangential_force", "energy_per_cycle", "dissipated_energy"];
 
-/** Loads a result, or the part of it at `path`. `link` is the token of a shared link. */
-async function load(key, link, signal, path = "") {
-  const words = link ? `?${new URLSearchParams({ link })}` : "";
-  return get(`${resultAddress(key, path)}${words}`, { signal });
+/** Loads the part of a result at `path`. `link` is the token of a shared link. */
+async function load(key, link, signal, path, words = {}) {
+  return get(`${resultAddress(key, path)}?${new URLSearchParams({ ...words, ...(link && { link }) })}`, { signal });
 }
+
+/** Loads a run, or a study without its rows. */
+const loadResult = (key, link, signal) => load(key, link, signal, "", { rows: 0 });
 
 /** The label and the submitted scenario of a job, by default of the latest job of the result. With `id`, also its warnings. */
 async function loadJob(key, id, signal) {
@@ -58,10 +60,10 @@ function nearest(cycles, at) {
 
 export async function showResult(main, { id: key, query, signal }) {
   const link = query.get("link");
-  const [result, job] = await Promise.all([load(key, link, signal), link ? {} : loadJob(key, query.get("job"), signal)]);
-  if (kindOf(result)) return showStudy(main, result, { job, link, signal });
+  const [result, job] = await Promise.all([loadResult(key, link, signal), link ? {} : loadJob(key, query.get("job"), signal)]);
+  if (kindOf(result)) return showStudy(main, result, { job, link, query, signal });
   const bodyWarnings = await loadBodyWarnings(result, job, link, signal);
-  const other = query.get("with") ? await load(query.get("with"), query.get("withlink"), signal).catch((problem) => {
+  const other = query.get("with") ? await loadResult(query.get("with"), query.get("withlink"), signal).catch((problem) => {
     if (!(problem instanceof Problem)) throw problem;
     notify(`Run B cannot be shown. ${problem.detail}`);
     return null;

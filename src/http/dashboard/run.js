@@ -1,7 +1,8 @@
 // One job, followed until it has a result.
 
 import { events, get, jobAddress, post } from "./api.js";
-import { dateTime, debounced, errorCard, fill, h, list, notify } from "./dom.js";
+import { dateTime, debounced, fill, h, list, notify } from "./dom.js";
+import { errorCard } from "./error.js";
 import { drawEstimate } from "./estimate.js";
 import { entryOf, subtitle, title } from "./summary.js";
 import { cycles, duration } from "./units.js";

@@ -1,7 +1,7 @@
 // The result of a study: its counts, its figure and its table.
 
 import { drawActions } from "./actions.js";
-import { resultAddress, send } from "./api.js";
+import { get, resultAddress, send } from "./api.js";
 import { fill, h, list, select } from "./dom.js";
 import { KINDS, kindOf } from "./summary.js";
 import { axisTitle, digits, displayUnit, si } from "./units.js";
@@ -13,11 +13,15 @@ const FIGURES = { grid: ["curves", "heat"], zip: ["curves", "scatter"], latin_hy
   map: ["regimes", "heat", "curves"], indices: ["tornado", "scatter"], local: ["tornado"] };
 const FIGURE_NAMES = { curves: "Curves", heat: "Heat map", scatter: "Scatter plot", regimes: "Regimes", tornado: "Bars" };
 
-export function showStudy(main, result, { job, link, signal }) {
+/** Shows a study that was loaded without its rows. */
+export async function showStudy(main, result, { job, link, query, signal }) {
+  // One more row tells whether there are others.
+  const words = new URLSearchParams({ rows: ROWS + 1, ...(link && { link }) });
+  const rows = await get(`${resultAddress(result.key, "/table")}?${words}`, { signal });
   const kind = KINDS[kindOf(result)];
   document.title = `${job.label || kind} · fretwork`;
   const table = h("section", { class: "card", "aria-label": "Table" });
-  const drawTable = () => table.replaceChildren(...rowsOf(result));
+  const drawTable = () => table.replaceChildren(...rowsOf(rows));
   const { points, refused, incomplete } = result.counts;
   fill(main,
     h("div", { class: "head" }, h("div", {}, h("h1", {}, kind),
@@ -28,7 +32,7 @@ export function showStudy(main, result, { job, link, signal }) {
       ["Refused, because their scenario is not valid", String(refused)], ["Without all outputs", String(incomplete)]])),
     result.notes?.length > 0 && h("section", { class: "card", "aria-label": "Notes" }, h("h2", {}, "Notes"),
       h("ul", {}, result.notes.map(({ output, member, detail }) => h("li", {}, h("code", {}, member ?? output), " ", detail)))),
-    figureOf(result, { link, signal }),
+    figureOf(result, { link, query, signal }),
     table,
     h("section", { class: "card" }, h("h2", {}, kind), h("details", {}, h("summary", {}, "Show as JSON in SI units"),
       h("pre", { tabIndex: 0 }, JSON.stringify(result[kindOf(result)], null, 2)))));
@@ -36,20 +40,38 @@ export function showStudy(main, result, { job, link, signal }) {
   document.addEventListener("units", drawTable, { signal });
 }
 
-/** The figure of a study, which the server draws, and the choice of its kind, its output and its axes. */
-function figureOf(result, { link, signal }) {
+/**
+ * The figure of a study, which the server draws, and the choice of its kind, its output and its axes. The address of the
+ * page has the choice, in the parameters `query`.
+ */
+function figureOf(result, { link, query, signal }) {
   const { sweep, map, sensitivity } = result;
   const design = sweep?.design ?? (map ? "map" : sensitivity.method === "local" ? "local" : "indices");
   const columns = Object.keys(result.samples ?? result.table).filter((name) => name in result.units);
   const members = columns.filter((name) => name.startsWith("/"));
-  const wanted = {};
   const image = h("img", { class: "drawn" });
   const fault = h("p", { class: "muted", role: "status" });
+  const choice = (name, label, names, words = {}) => names.length > 1 && { name, label,
+    field: select({ "": "Automatic", ...Object.fromEntries(names.map((own) => [own, words[own] ?? own])) },
+      query.get(name) ?? "", { id: `figure-${name}`, onchange: choose }) };
+  const isGrid = ["grid", "map"].includes(design);
+  const choices = [choice("kind", "Figure", FIGURES[design], FIGURE_NAMES),
+    choice("output", "Output", columns.filter((name) => !name.startsWith("/"))),
+    choice("over", "Over", design === "local" ? [] : members), choice("by", "By", isGrid ? members : [])].filter(Boolean);
+  const chosen = () => choices.filter(({ field }) => field.value).map(({ name, field }) => [name, field.value]);
+
+  function choose() {
+    for (const { name } of choices) query.delete(name);
+    for (const [name, value] of chosen()) query.set(name, value);
+    history.replaceState(null, "", `#/result/${result.key}${query.size ? `?${query}` : ""}`);
+    draw();
+  }
+
   let latest = 0;
-  const draw = async () => {
+  async function draw() {
     const own = ++latest;
-    const given = Object.entries(wanted).filter(([, value]) => value);
-    const words = new URLSearchParams([...given, ["units", si() ? "si" : "engineering"], ...(link ? [["link", link]] : [])]);
+    const words = new URLSearchParams([...chosen(), ["units", si() ? "si" : "engineering"], ...(link ? [["link", link]] : [])]);
+    image.setAttribute("aria-busy", "true");
     try {
       // An image cannot send the access key, so its text becomes its address.
       const text = await (await send(`${resultAddress(result.key, "/plot.svg")}?${words}`, { headers: { Accept: "*/*" }, signal })).text();
@@ -60,25 +82,18 @@ function figureOf(result, { link, signal }) {
       fault.textContent = "";
     } catch (problem) {
       if (signal.aborted || own !== latest) return;
-      fault.textContent = problem.errors?.map(({ parameter, detail }) => `${parameter} ${detail}.`).join(" ") || problem.message;
+      const faults = problem.errors?.map(({ parameter, detail }) => `${parameter} ${detail}.`).join(" ");
+      fault.textContent = `This figure cannot be drawn: ${faults || problem.message}`;
     }
-  };
-  const choice = (name, label, names, words = {}) => {
-    if (names.length < 2) return null;
-    const options = { "": "Automatic", ...Object.fromEntries(names.map((own) => [own, words[own] ?? own])) };
-    const field = select(options, "", { id: `figure-${name}`, onchange: () => {
-      wanted[name] = field.value;
-      draw();
-    } });
-    return h("span", { class: "choice" }, h("label", { for: field.id }, label), field);
-  };
+    // The figure of an earlier choice must not look like the answer to this one.
+    image.hidden = fault.textContent !== "";
+    image.removeAttribute("aria-busy");
+  }
+
   draw();
   document.addEventListener("units", draw, { signal });
-  const isGrid = ["grid", "map"].includes(design);
   return h("section", { class: "card", "aria-label": "Figure" },
-    h("div", { class: "row" }, choice("kind", "Figure", FIGURES[design], FIGURE_NAMES),
-      choice("output", "Output", columns.filter((name) => !name.startsWith("/"))),
-      choice("over", "Over", design === "local" ? [] : members), choice("by", "By", isGrid ? members : [])),
+    h("div", { class: "row" }, choices.map(({ label, field }) => h("span", { class: "choice" }, h("label", { for: field.id }, label), field))),
     image, fault);
 }
 
@@ -90,7 +105,7 @@ function rowsOf({ table, units }) {
   const cell = (name, value) => (typeof value === "number" ? digits(value * factor[name], 5) : value ?? "–");
   const head = names.map((name) => h("th", { scope: "col" }, axisTitle(name, units[name])));
   const row = (number) => h("tr", {}, names.map((name) => h("td", {}, cell(name, table[name][number]))));
-  return [h("h2", {}, "Table"), count > ROWS && h("p", { class: "muted" }, `The first ${ROWS} of ${count} rows. Download has all.`),
+  return [h("h2", {}, "Table"), count > ROWS && h("p", { class: "muted" }, `The first ${ROWS} rows. Download has all.`),
     h("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": "Rows" }, h("table", { id: "study" },
       h("thead", {}, h("tr", {}, head)), h("tbody", {}, Array.from({ length: Math.min(count, ROWS) }, (_, i) => row(i)))))].filter(Boolean);
 }

@@ -1,10 +1,10 @@
 // The numbers of the form that a study varies: what their fields show, and the job body that follows from them.
 //
-// A study of the form is `{kind, ranges, samples, outputs}`. `ranges` has an entry `{from, to, unit, count, spacing}` for the
-// pointer of each number that varies. All of them are kept as the user typed them.
+// A study of the form is `{kind, ranges, samples, outputs, profiles}`. `ranges` has an entry `{from, to, unit, count, spacing}`
+// for the pointer of each number that varies. All of them are kept as the user typed them. `profiles` is that of a stored sweep.
 
-import { formLink } from "./dom.js";
 import { numberOrText, valueAt } from "./fields.js";
+import { limitsOf } from "./limits.js";
 import { kindOf } from "./summary.js";
 
 /** What the form can compute from numbers that vary. */
@@ -21,12 +21,12 @@ const AXES = { normal_force: "/load/normal_force", amplitude: "/motion/amplitude
 /** Numbers that are settings of the computation, or decide which rows a result has. */
 const FIXED = /^\/(cycles|model\/points)/;
 
-/** Largest values of numbers that have a limit, by the end of their pointers. */
-const LARGEST = [["poisson_ratio", 0.5], ["stick_ratio", 1], ["share", 1]];
-
 /** The first range of a number, as factors of its value: 20 % less to 20 % more. A map covers two decades. */
 const NARROW = { factors: [0.8, 1.2], count: 9, spacing: "linear" };
 const WIDE = { factors: [0.1, 10], count: 25, spacing: "log" };
+
+/** The members of a study of the API that the form keeps. */
+const MEMBERS = ["version", "scenario", "vary", "design", "method", "samples", "seed", "confidence", "outputs", "profiles", ...Object.keys(AXES)];
 
 export const newStudy = () => ({ kind: "sweep", ranges: {}, samples: "256", outputs: ["wear_volume", "wear_depth"] });
 
@@ -58,11 +58,12 @@ export const canVary = (pointer) => !FIXED.test(pointer);
 export function suggested(scenario, pointer, kind) {
   const value = split(valueAt(scenario, pointer));
   if (!value) return undefined;
-  const [, largest] = LARGEST.find(([name]) => pointer.endsWith(name)) ?? [null, Infinity];
+  const [least, most] = limitsOf(pointer, value.unit);
   const number = Number(value.number);
   const { factors, count, spacing } = kind === "map" ? WIDE : NARROW;
-  const [from, to] = number === 0 ? [0, 1] : factors.map((factor) => factor * number);
-  return { from: typed(from), to: typed(Math.min(to, largest)), unit: value.unit, count: String(count), spacing };
+  const ends = number === 0 ? [0, 1] : factors.map((factor) => factor * number);
+  const [from, to] = [Math.max(Math.min(...ends), least), Math.min(Math.max(...ends), most)];
+  return { from: typed(from), to: typed(to), unit: value.unit, count: String(count), spacing };
 }
 
 /** Chooses what is computed. Ranges that the user has not changed follow. */
@@ -97,7 +98,7 @@ export function runsOf(study) {
 
 /** The body of `POST /v1/jobs` for a scenario and the numbers that vary. */
 export function jobBody(scenario, study) {
-  const { kind, ranges, outputs } = study;
+  const { kind, ranges, outputs, profiles } = study;
   if (varied(study).length === 0) return { scenario };
   const range = (pointer) => {
     const { from, to, unit, count, spacing } = ranges[pointer];
@@ -110,8 +111,8 @@ export function jobBody(scenario, study) {
     case "map":
       return { map: { scenario, normal_force: range(AXES.normal_force), amplitude: range(AXES.amplitude), outputs } };
     case "sensitivity": return { sensitivity: { scenario, vary, method: "sobol", samples, outputs } };
-    case "random": return { sweep: { scenario, vary, design: "latin_hypercube", samples, outputs } };
-    default: return { sweep: { scenario, vary, outputs } };
+    case "random": return { sweep: { scenario, vary, design: "latin_hypercube", samples, outputs, profiles } };
+    default: return { sweep: { scenario, vary, outputs, profiles } };
   }
 }
 
@@ -122,7 +123,8 @@ export function formPointer(pointer, study) {
   const axis = AXES[part.slice(1)];
   if (axis) return `/vary${axis}${rest}`;
   const [, place, member] = part === "/vary" ? rest.match(/^\/(\d+)(.*)$/) ?? [] : [];
-  return place ? `/vary${varied(study)[place]}${member}` : part + rest;
+  // The form shows a number that the scenario does not have at the first field of its range.
+  return place ? `/vary${varied(study)[place]}${member === "/pointer" ? "" : member}` : part + rest;
 }
 
 /** The design of the form for a study of the API; undefined if the form has no such design. */
@@ -132,12 +134,13 @@ function designOf(name, { design = "grid", method = "sobol", seed = 0, confidenc
   return { grid: "sweep", latin_hypercube: seed === 0 ? "random" : undefined }[design];
 }
 
-/** The range of the form for an entry of `vary`. Equal units of both ends are shown once. */
+/** The range of the form for an entry of `vary`. The unit of both ends is shown once. */
 function rangeOf({ from, to, count = NARROW.count, spacing = "linear" }) {
-  const [first, last] = [split(from), split(to)];
-  const unit = first?.unit === last?.unit ? first?.unit : undefined;
-  const [start, end] = unit ? [first.number, last.number] : [from ?? "", to ?? ""];
-  return { from: String(start), to: String(end), unit: unit ?? "", count: String(count), spacing };
+  // The user may have emptied one end. Then the unit is that of the other.
+  const units = new Set([from, to].filter((end) => end !== undefined).map((end) => split(end)?.unit));
+  const [unit = ""] = units.size === 1 ? units : [];
+  const end = (value = "") => String(unit && value !== "" ? split(value).number : value);
+  return { from: end(from), to: end(to), unit, count: String(count), spacing };
 }
 
 /** The study of the form for a job body such as `{"sweep": …}`; undefined if the form cannot show all of it. */
@@ -148,11 +151,17 @@ export function studyOf(body) {
   const kind = designOf(name, study);
   const vary = kind === "map" ? Object.entries(AXES).map(([axis, pointer]) => ({ pointer, ...study[axis] })) : study.vary;
   const members = ["pointer", "from", "to", "count", "spacing"];
-  const isRange = (entry) => "from" in entry && Object.keys(entry).every((member) => members.includes(member));
-  if (!kind || !vary?.every(isRange)) return undefined;
+  // The user may have emptied both ends.
+  const isRange = (entry) => Object.keys(entry).every((member) => members.includes(member));
+  if (!kind || !vary?.every(isRange) || !Object.keys(study).every((member) => MEMBERS.includes(member))) return undefined;
   return { kind, ranges: Object.fromEntries(vary.map((entry) => [entry.pointer, rangeOf(entry)])),
-    samples: String(study.samples ?? newStudy().samples), outputs: Array.from(study.outputs ?? [], String) };
+    samples: String(study.samples ?? newStudy().samples), outputs: Array.from(study.outputs ?? [], String),
+    profiles: study.profiles };
 }
+
+/** Address of the form, filled with what the user submitted or, if that is not kept, with the canonical scenario. */
+const formLink = ({ submitted, scenario, label }) => `#/new?${new URLSearchParams({
+  scenario: JSON.stringify(submitted ?? scenario), ...(label && { label }), ...(!submitted && { canonical: "yes" }) })}`;
 
 /** The address of the form with a job, or with a result and its job; undefined if the form cannot show it. */
 export function editLink(job) {

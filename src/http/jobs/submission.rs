@@ -18,7 +18,7 @@ use crate::http::problem::{self, Problem};
 use crate::http::scenarios::parse;
 use crate::http::wire::{Freshness, Prefer, Query, ascii, idempotency_key, urgency};
 use crate::job::{Job, JobState, Origin, Submission};
-use crate::service::{Accepted, Excess, NotExtended, Refusal, Terms};
+use crate::service::{Accepted, NotExtended, Refusal, Terms};
 use crate::store::Asked;
 
 /// Submits a scenario: computes it, joins the run of another job, or finds the stored result.
@@ -180,27 +180,7 @@ impl From<Refusal> for Problem {
                     "The result is not known. To compute it, submit without only-if-cached.";
                 Self::new(&problem::NOT_CACHED, detail)
             }
-            Refusal::TooExpensive(excess) => {
-                let detail = match excess {
-                    Excess::Time { time, limit } => format!(
-                        "It would take about {}, and the limit of this server is {}. Request fewer points, output \
-                         cycles or profiles, an earlier last cycle, or a larger tolerance.",
-                        humantime::format_duration(Duration::from_secs(time.as_secs())),
-                        humantime::format_duration(limit),
-                    ),
-                    Excess::Points { points, limit } => format!(
-                        "The study has {points} points, and the limit of this server is {limit}. Request fewer \
-                         values or samples."
-                    ),
-                    Excess::Bytes { bytes, limit } => format!(
-                        "The result of the study could have {:.1} MB, and the limit of this server is {:.1} MB. \
-                         Request fewer values, samples or outputs.",
-                        bytes as f64 / 1e6,
-                        limit as f64 / 1e6,
-                    ),
-                };
-                Self::new(&problem::TOO_EXPENSIVE, detail)
-            }
+            Refusal::TooExpensive(excess) => Self::new(&problem::TOO_EXPENSIVE, excess.to_string()),
             Refusal::QueueFull { queued, retry_after } => {
                 let detail = format!(
                     "{queued} jobs are queued. Submit again after the number of seconds in Retry-After."

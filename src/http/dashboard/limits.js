@@ -1,0 +1,28 @@
+// The limits of the numbers of a scenario, from its JSON Schema.
+
+import { get } from "./api.js";
+
+/** Units in which the form converts a limit, in SI. The limits of lengths and forces are far from every useful value. */
+const PER_SI = { "": 1, rad: 1, mrad: 1e3, deg: 180 / Math.PI, "°": 180 / Math.PI };
+
+let schema = null;
+
+/** Loads the schema once. */
+export async function loadLimits(signal) {
+  schema ??= await get("/v1/schema/scenario", { signal });
+}
+
+/** All schemas of a value: the schema itself, what it refers to, and its alternatives. */
+const allOf = (own) => [own, ...(own.$ref ? allOf(schema.$defs[own.$ref.split("/").at(-1)]) : []), ...(own.oneOf ?? []).flatMap(allOf)];
+
+/** The schemas of the member of a value. */
+const memberOf = (owns, name) => owns.flatMap((own) => [own.properties?.[name], /^\d+$/.test(name) && own.items]).filter(Boolean).flatMap(allOf);
+
+/** The smallest and the largest number at a pointer, in a unit. */
+export function limitsOf(pointer, unit) {
+  const factor = PER_SI[unit];
+  const numbers = pointer.split("/").slice(1).reduce(memberOf, allOf(schema)).filter(({ type }) => type === "number");
+  if (!factor || numbers.length === 0) return [-Infinity, Infinity];
+  return [Math.min(...numbers.map(({ minimum, exclusiveMinimum }) => factor * (minimum ?? exclusiveMinimum ?? -Infinity))),
+    Math.max(...numbers.map(({ maximum }) => factor * (maximum ?? Infinity)))];
+}
