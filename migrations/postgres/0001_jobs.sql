@@ -108,6 +108,7 @@ CREATE TABLE lease (
     progress DOUBLE PRECISION NOT NULL DEFAULT 0,
     PRIMARY KEY (run, number)
 ) WITH (fillfactor = 70, autovacuum_vacuum_scale_factor = 0.05);
+CREATE INDEX lease_owner ON lease (owner);
 
 -- A run whose work is divided into chunks. Its row is the lock of all changes of its pieces.
 CREATE TABLE study (
@@ -183,6 +184,7 @@ CREATE TABLE result (
     imported_from TEXT
 ) WITH (fillfactor = 90);
 CREATE INDEX result_unread ON result (last_access) WHERE NOT pinned AND evicted IS NULL;
+CREATE INDEX result_stored ON result (stored) WHERE evicted IS NULL;
 CREATE INDEX result_evicted ON result (evicted) WHERE evicted IS NOT NULL;
 CREATE INDEX result_pinned_by ON result (pinned_by) INCLUDE (stored) WHERE pinned;
 

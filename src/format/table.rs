@@ -351,10 +351,10 @@ fn select(members: &Members<'_>, axes: &[&str], view: &View) -> Result<Selection
     }
     let cycles = axis("cycles")?;
     if view.cycles.is_some() && !axes.contains(&"cycles") {
-        let detail = "a study has points in place of output cycles. Remove `cycles`".to_owned();
-        return Err(Error::Missing(vec![Missing { parameter: "cycles", detail }]));
+        let detail = "is for runs: a study has points in place of output cycles".to_owned();
+        missing.push(Missing { parameter: "cycles", detail });
     }
-    for wanted in view.cycles.iter().flatten() {
+    for wanted in view.cycles.iter().flatten().filter(|_| axes.contains(&"cycles")) {
         if !cycles.iter().any(|number| same(*number, *wanted)) {
             let detail = format!("{wanted} is not an output cycle; {}", listed(&cycles));
             missing.push(Missing { parameter: "cycles", detail });

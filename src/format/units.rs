@@ -117,8 +117,9 @@ impl Units {
 
     /// Conversion of the numbers of a quantity, or `None` if they do not change.
     pub fn conversion(&self, quantity: &str) -> Option<impl Fn(f64) -> f64 + use<>> {
+        // The points of a study are numbered.
+        let digits = self.digits.filter(|_| quantity != "point");
         let unit = self.find(quantity).and_then(|entry| entry.engineering);
-        let digits = self.digits;
         (unit.is_some() || digits.is_some()).then_some(move |number| {
             let converted = unit.map_or(number, |unit| unit.convert(number));
             digits.map_or_else(|| twelve_digits(converted), |digits| round(converted, digits))

@@ -150,5 +150,7 @@ async fn read(
         }
         bytes.extend_from_slice(&data);
     }
+    bytes.shrink_to_fit();
+    permit.shrink(bytes.len());
     Ok((bytes, permit))
 }

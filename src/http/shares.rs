@@ -32,7 +32,7 @@ pub struct Shares {
     /// Memory for the bodies of requests. Slow readers of answers cannot use it.
     pub bodies: Budget,
     /// Memory for the trees of these bodies while they are parsed. A request that waits for it holds its body. A request
-    /// that has it waits for nothing, so they never wait for each other.
+    /// that has it never waits for memory of bodies, so they never wait for each other.
     pub trees: Budget,
     /// Memory for answers.
     pub answers: Budget,
@@ -81,7 +81,7 @@ pub struct Turn {
 }
 
 impl Shares {
-    /// Shares of this many bytes, a quarter for requests and the rest for answers; and of computations on this many
+    /// Shares of this many bytes, an eighth for bodies of requests, an eighth for their trees, and the rest for answers; and of computations on this many
     /// workers.
     pub fn new(bytes: u64, workers: usize) -> Self {
         let held = Gauge::default();

@@ -60,6 +60,11 @@ impl Query {
         if repeated {
             self.complain(name, "may be given only once");
         }
+        // Nothing has this character in it, and PostgreSQL refuses to compare with it.
+        if found.as_ref().is_some_and(|text| text.contains('\0')) {
+            self.complain(name, "must not contain the character U+0000");
+            return None;
+        }
         found
     }
 

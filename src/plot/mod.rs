@@ -50,6 +50,8 @@ use text::{GAP, HEADING, LABEL, LEADING, SINK, SMALL, TITLE, width, wrap};
 
 /// The largest share of the width that a legend beside the curves may take.
 const WIDEST_MARGIN: f64 = 0.5;
+/// Most lines of the note. The description has all of it.
+const NOTE_LINES: usize = 3;
 /// Height of a line of the note.
 const NOTE: f64 = SMALL * LEADING;
 /// Height at which a curve with an infinite value ends: above the diagram, in heights of the diagram.
@@ -275,7 +277,12 @@ impl Figure {
 
     /// The lines of the note.
     fn note_lines(&self) -> Vec<String> {
-        wrap(&self.note, (self.size.0 - 4.0 * GAP) / SMALL)
+        let mut lines = wrap(&self.note, (self.size.0 - 4.0 * GAP) / SMALL);
+        if lines.len() > NOTE_LINES {
+            lines.truncate(NOTE_LINES);
+            lines.iter_mut().last().into_iter().for_each(|line| line.push('…'));
+        }
+        lines
     }
 
     fn draw_note(&self, canvas: &mut Canvas, corner: Point) {

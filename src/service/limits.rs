@@ -92,7 +92,7 @@ impl fmt::Display for Excess {
             Self::Bytes { bytes, limit } => write!(
                 f,
                 "The result of the study could have {:.1} MB, and the limit of this server is {:.1} MB. Request fewer \
-                 values, samples or outputs.",
+                 values, samples, outputs or radii.",
                 bytes as f64 / 1e6,
                 limit as f64 / 1e6,
             ),

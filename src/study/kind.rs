@@ -449,7 +449,7 @@ fn add_columns<'a>(text: &mut String, columns: impl Iterator<Item = (&'a str, &'
 #[expect(clippy::expect_used, reason = "another study would have another key")]
 fn canonical(mut study: Value) -> Value {
     study["version"] = json!(VERSION);
-    // Its rows have no profiles. Without them, two studies that differ in nothing else are one.
+    // The member `profiles` of the study says which curves are kept, so two studies that differ only here are one.
     study["scenario"]["profiles_at"] = json!("none");
     to_si(&mut study);
     let text = json::write(&study, 1 << 10);

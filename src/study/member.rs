@@ -6,7 +6,7 @@ use deserr::{Deserr as _, IntoValue as _, ValuePointerRef};
 use fretwork_engine::request::Request;
 use fretwork_engine::request::fault::{Faults, unknown};
 use fretwork_engine::request::quantity::{self, Dimension};
-use serde_json::{Number, Value};
+use serde_json::{Number, Value, json};
 
 use crate::json::escaped;
 
@@ -14,6 +14,8 @@ use crate::json::escaped;
 const LISTED: usize = 40;
 /// Most items of a list of which all are looked at.
 const SHORT: usize = 4;
+/// Most members of an object that are looked at, more than any object of a scenario has.
+const MEMBERS: usize = 64;
 
 /// A number of a scenario, which a JSON pointer names.
 #[derive(Debug, Clone, PartialEq)]
@@ -111,22 +113,27 @@ fn dimension(scenario: &Value, pointer: &str, found: &Value) -> Dimension {
     let mut tokens = pointer.split('/').skip(1);
     let mut first = String::new();
     let short = with_short_lists(scenario, &mut tokens, &mut first);
-    let accepts = |dimension: &Dimension| {
+    let faults_with = |value: Value| -> Vec<String> {
         let mut changed = short.clone();
         if let Some(place) = changed.pointer_mut(&first) {
-            *place = Value::String(format!("{plain:?} {}", dimension.si()));
+            *place = value;
         }
         let read: Result<Request, Faults> =
             Request::deserialize_from_value(changed.into_value(), ValuePointerRef::Origin);
-        read.map_or_else(|faults| faults.0, |_| Vec::new())
-            .iter()
-            .all(|fault| fault.pointer != first)
+        let faults = read.map_or_else(|faults| faults.0, |_| Vec::new()).into_iter();
+        faults.filter(|fault| fault.pointer == first).map(|fault| fault.detail).collect()
+    };
+    // At another place of a list, a number can have a fault that says nothing about its unit.
+    let own = faults_with(json!(plain));
+    let accepts = |dimension: &Dimension| {
+        faults_with(Value::String(format!("{plain:?} {}", dimension.si()))) == own
     };
     with_unit().find(accepts).unwrap_or(Dimension::Number)
 }
 
-/// A document with at most [`SHORT`] items of each list: that which `tokens` lead to is the first of them. The items of a
-/// long list measure the same. `pointer` gets the place to which the tokens lead then.
+/// A document with at most [`SHORT`] items of each list and [`MEMBERS`] members of each object, and what `tokens` lead to, which
+/// is the first item of a long list. The items of a long list measure the same. `pointer` gets the place to which the tokens
+/// lead then.
 fn with_short_lists<'a>(
     value: &Value,
     tokens: &mut impl Iterator<Item = &'a str>,
@@ -144,10 +151,11 @@ fn with_short_lists<'a>(
     };
     match value {
         Value::Object(members) => {
-            let short = members.iter().map(|(name, inner)| {
+            let short = members.iter().enumerate().filter_map(|(place, (name, inner))| {
                 let token_of_name = escaped(name);
                 let is_wanted = token == Some(&token_of_name);
-                (name.clone(), enter(&token_of_name, inner, is_wanted))
+                let is_kept = is_wanted || place < MEMBERS;
+                is_kept.then(|| (name.clone(), enter(&token_of_name, inner, is_wanted)))
             });
             Value::Object(short.collect())
         }
@@ -186,10 +194,8 @@ fn numbers(value: &Value, most: Option<usize>, pointer: &mut String, found: &mut
 
 #[cfg(test)]
 mod tests {
-    use fretwork_engine::scenario;
-    use serde_json::json;
-
     use super::*;
+    use fretwork_engine::scenario;
 
     fn scenario() -> Value {
         json!({
@@ -220,15 +226,32 @@ mod tests {
             ("/cycles/dissipated_energy/0", Dimension::Energy, 1.0),
             ("/model/points", Dimension::Number, 64.0),
             ("/motion/reversals/4", Dimension::Length, 5e-6),
+            ("/motion/blocks/4/amplitude", Dimension::Length, 0.0),
+            ("/motion/blocks/4/cycles", Dimension::Number, 5.0),
+            ("/profile/height/3", Dimension::Length, 9e-9),
+            ("/profile/radius/0", Dimension::Length, 0.0),
+            ("/profile/radius/3", Dimension::Length, 3e-6),
         ] {
             let mut scenario = scenario();
             if pointer.starts_with("/motion/reversals") {
                 scenario["motion"] =
                     json!({"reversals": [1e-6, -2e-6, "3 um", -4e-6, 5e-6, -6e-6]});
+            } else if pointer.starts_with("/motion/blocks") {
+                let block = |place: u32| {
+                    json!({"amplitude": if place == 4 { 0.0 } else { 1e-6 },
+                    "cycles": place + 1})
+                };
+                scenario["motion"] = json!({"blocks": (0..6).map(block).collect::<Vec<_>>()});
+            } else if pointer.starts_with("/profile/height/")
+                || pointer.starts_with("/profile/radius/")
+            {
+                scenario["profile"] = json!({"shape": "table", "radius": [0.0, 1e-6, 2e-6, 3e-6, 4e-6, 5e-6],
+                    "height": [0.0, 1e-9, 4e-9, 9e-9, 16e-9, 25e-9]});
             }
             let member = Member::find(&scenario, pointer).unwrap();
             assert_eq!(member.dimension, dimension, "{pointer}");
-            assert!((member.value / value - 1.0).abs() < 1e-14, "{pointer}: {}", member.value);
+            let difference = (member.value - value).abs();
+            assert!(difference <= 1e-14 * value, "{pointer}: {}", member.value);
         }
     }
 

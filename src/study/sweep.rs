@@ -280,6 +280,23 @@ mod tests {
     }
 
     #[test]
+    fn a_run_that_does_not_reach_its_energies_has_profiles_of_its_end() {
+        for method in ["simplified", "exact"] {
+            let study = sweep(|sweep| {
+                sweep["scenario"]["model"]["method"] = json!(method);
+                sweep["scenario"]["cycles"] = json!({"dissipated_energy": ["1 mJ", 1e9, 2e9]});
+                sweep["outputs"] = json!(["wear_volume"]);
+                sweep["profiles"] = json!({"radius": [0, "100 um"]});
+            });
+            let study = study.unwrap();
+            let document = study.document(&"key", &"engine", &all_rows(&study, 1));
+            let document: Value = serde_json::from_str(&document).unwrap();
+            assert_eq!(document["counts"]["incomplete"], 0, "{method} {document}");
+            assert!(document["profiles"]["wear"][7][1].as_f64() > Some(0.0), "{method}");
+        }
+    }
+
+    #[test]
     fn faults_of_profiles_and_of_other_members_are_in_one_list() {
         let faults = sweep(|sweep| {
             sweep["profiles"] = json!({"radius": [], "field": []});

@@ -157,7 +157,7 @@ async fn pages_are_complete_in_every_sort_order_with_nulls_last() {
 async fn all_faults_of_a_search_are_listed() {
     let server = Server::start().await;
     let query = "shape=cube&friction=2..1&wear_depth=..2%20N&pinned=yes&sort=colour&limit=0&cursor=x\
-        &created=soon&normal_force=0.1..0.2%20kN&tangential_force=1e308%20kN..&firction=1";
+        &note=%00&created=soon&normal_force=0.1..0.2%20kN&tangential_force=1e308%20kN..&firction=1";
     let problem =
         server.get(&format!("/v1/results?{query}")).await.problem(422, "invalid-parameters");
     let names: Vec<&str> = problem["errors"]
@@ -177,6 +177,7 @@ async fn all_faults_of_a_search_are_listed() {
             "friction",
             "limit",
             "normal_force",
+            "note",
             "pinned",
             "shape",
             "sort",

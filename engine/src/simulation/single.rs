@@ -360,7 +360,12 @@ fn find_outputs(case: &mut Case, xi: f64) -> Option<Event> {
     let unit = case.scales.cycles;
     let found = times.iter().map(|time| twelve_digits(time * unit));
     let cycles: Vec<f64> = found.chain(stop.map(|stop| stop * unit)).collect();
+    let shows = case.profile_rows() > 0;
     case.profiles.truncate(cycles.len());
+    if let Some(last) = case.profiles.last_mut() {
+        // The end shows its profiles if any output cycle was to.
+        *last |= shows;
+    }
     case.outputs = Outputs::Cycles(cycles);
     stop.map(|at| Event { at, kind: EventKind::EnergyNotReached, ends: true })
 }

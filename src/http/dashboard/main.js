@@ -82,7 +82,9 @@ connection.addEventListener("restored", () => {
   banner.hidden = true;
   notify("Connection restored.");
 });
-addEventListener("hashchange", () => {
+addEventListener("hashchange", ({ newURL }) => {
+  // If the address has changed again meanwhile, another event follows.
+  if (newURL !== location.href) return;
   route();
   main.focus({ preventScroll: true });
   scrollTo(0, 0);

@@ -174,7 +174,7 @@ impl Worker {
         }
     }
 
-    /// Reads what is stored of a study. Tries again while the database is busy.
+    /// Reads what is stored of a study. Tries again while the database is busy or cannot be reached.
     fn read<T>(
         &self,
         claimed: &Claimed,
@@ -186,7 +186,7 @@ impl Worker {
                 Ok(Some(found)) => return Ok(found),
                 Ok(None) => return Err(NotMade::Unwanted),
                 Err(Error::Closed) => return Err(NotMade::Interrupted),
-                Err(Error::Busy(_)) => {}
+                Err(Error::Busy(_) | Error::Unreachable(_) | Error::Exhausted) => {}
                 Err(Error::Database(_)) if refused < MAX_REFUSALS => refused += 1,
                 Err(error) => return Err(unreadable(error.to_string())),
             }

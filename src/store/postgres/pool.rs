@@ -28,11 +28,13 @@ pub(super) struct Pool {
     count: u32,
 }
 
-/// A borrowed connection. It returns to the pool when this is dropped, unless it was discarded.
+/// A borrowed connection. It returns to the pool when this is dropped, if its last statement was answered. Otherwise it is
+/// closed: it is broken, or the caller has not waited, and the next one would have to.
 pub(super) struct Borrowed<'a> {
     pool: &'a Pool,
     connection: Option<PgConnection>,
     is_new: bool,
+    has_answered: bool,
     // Dropped after the connection was returned.
     _permit: SemaphorePermit<'a>,
 }
@@ -55,7 +57,8 @@ impl Pool {
             let connecting = timeout(PATIENCE, self.options.connect()).await;
             connecting.map_err(|_| Error::Exhausted)??
         };
-        Ok(Borrowed { pool: self, connection: Some(connection), is_new, _permit: permit })
+        let connection = Some(connection);
+        Ok(Borrowed { pool: self, connection, is_new, has_answered: false, _permit: permit })
     }
 
     /// Waits a while for earlier borrowers, refuses later ones, and closes all connections.
@@ -76,14 +79,14 @@ impl Pool {
 }
 
 impl Borrowed<'_> {
-    #[expect(clippy::expect_used, reason = "a discarded connection is not used")]
+    #[expect(clippy::expect_used, reason = "it is only taken when this is dropped")]
     pub(super) fn connection(&mut self) -> &mut PgConnection {
-        self.connection.as_mut().expect("it was not discarded")
+        self.connection.as_mut().expect("it was not dropped")
     }
 
-    #[expect(clippy::expect_used, reason = "a discarded connection is not used")]
+    #[expect(clippy::expect_used, reason = "it is only taken when this is dropped")]
     pub(super) fn connection_ref(&self) -> &PgConnection {
-        self.connection.as_ref().expect("it was not discarded")
+        self.connection.as_ref().expect("it was not dropped")
     }
 
     /// Whether it was made for this caller.
@@ -91,15 +94,16 @@ impl Borrowed<'_> {
         self.is_new
     }
 
-    /// Closes a broken connection.
-    pub(super) fn discard(&mut self) {
-        self.connection = None;
+    /// Notes that the last statement was answered, and no transaction is open.
+    pub(super) fn answered(&mut self) {
+        self.has_answered = true;
     }
 }
 
 impl Drop for Borrowed<'_> {
     fn drop(&mut self) {
         if let Some(connection) = self.connection.take()
+            && self.has_answered
             && !self.pool.free.is_closed()
         {
             self.pool.idle().push(connection);

@@ -13,7 +13,8 @@ use crate::store::signals::Effect;
 /// How often a verb is done again after a conflict with another transaction.
 const CONFLICTS: u32 = 10;
 
-/// An open transaction, and what to signal after its commit. If it is dropped, the server rolls it back.
+/// An open transaction, and what to signal after its commit. If it is dropped, its connection is closed, and the database rolls
+/// it back.
 pub(super) struct Transaction<'a> {
     pub(super) db: Open<'a>,
     pub(super) effects: Vec<Effect>,
@@ -22,7 +23,6 @@ pub(super) struct Transaction<'a> {
 /// A connection with an open transaction.
 pub(super) struct Open<'a> {
     borrowed: Borrowed<'a>,
-    ended: bool,
 }
 
 impl Deref for Open<'_> {
@@ -39,21 +39,13 @@ impl DerefMut for Open<'_> {
     }
 }
 
-impl Drop for Open<'_> {
-    fn drop(&mut self) {
-        if !self.ended {
-            self.borrowed.discard();
-        }
-    }
-}
-
 impl<'a> Transaction<'a> {
     /// Begins a transaction. If a connection is broken, takes another one.
     pub(super) async fn begin(pool: &'a Pool) -> Result<Self, Error> {
         loop {
             let borrowed = pool.get().await?;
             let is_new = borrowed.is_new();
-            let mut db = Open { borrowed, ended: false };
+            let mut db = Open { borrowed };
             match db.execute("BEGIN").await.map_err(Error::from) {
                 Ok(_) => return Ok(Self { db, effects: Vec::new() }),
                 Err(Error::Unreachable(_)) if !is_new => {}
@@ -69,7 +61,9 @@ impl<'a> Transaction<'a> {
     ) -> Result<(T, Vec<Effect>), Error> {
         let end = if answer.is_ok() { "COMMIT" } else { "ROLLBACK" };
         let ended = self.db.execute(end).await;
-        self.db.ended = ended.is_ok();
+        if ended.is_ok() {
+            self.db.borrowed.answered();
+        }
         let answer = answer?;
         ended?;
         Ok((answer, self.effects))
@@ -129,14 +123,12 @@ macro_rules! reading {
             let $db = borrowed.connection();
             let answer: Result<_, Error> = async { $query }.await;
             match answer {
-                Err(error @ Error::Unreachable(_)) => {
-                    let is_new = borrowed.is_new();
-                    borrowed.discard();
-                    if is_new {
-                        break Err(error);
-                    }
+                Err(Error::Unreachable(_)) if !borrowed.is_new() => {}
+                Err(error @ Error::Unreachable(_)) => break Err(error),
+                answer => {
+                    borrowed.answered();
+                    break answer;
                 }
-                answer => break answer,
             }
         };
         database.0.signals.counted(done)

@@ -60,6 +60,8 @@ struct Ring {
     unworn: Vec<f64>,
     /// Δ − y₀ inside a₀.
     rest: Vec<f64>,
+    /// The limiting wear inside a₀, which few states need.
+    limiting: OnceLock<Vec<f64>>,
 }
 
 impl Ring {
@@ -74,7 +76,7 @@ impl Ring {
             .take_while(|(_, x)| **x < 1.0)
             .map(|(tau, x)| contact.rest(if c == 0.0 { *x } else { theta * tau / (x + c) }))
             .collect();
-        Self { radii, unworn, rest }
+        Self { radii, unworn, rest, limiting: OnceLock::new() }
     }
 
     /// The limiting wear at a radius, and Δ·s of the unworn contact with the ω of the rule also outside a₀.
@@ -108,8 +110,11 @@ impl Ring {
     /// Limits the wear inside a₀ to the limiting wear. If the image has a step within a cell, the
     /// computed wear can exceed the limiting wear.
     fn bound(&self, contact: &Contact, wear: &mut [f64]) {
-        for (wear, r) in wear.iter_mut().zip(&self.radii[..self.inside()]) {
-            let (limiting, _) = Self::limiting_and_slip(contact, *r);
+        let limiting = self.limiting.get_or_init(|| {
+            let inside = self.radii[..self.inside()].iter();
+            inside.map(|r| Self::limiting_and_slip(contact, *r).0).collect()
+        });
+        for (wear, limiting) in wear.iter_mut().zip(limiting) {
             *wear = wear.min(limiting.max(0.0));
         }
     }
