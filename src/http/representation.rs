@@ -485,10 +485,6 @@ impl Representation {
             _ if selects || matches!(self.part, Part::Whole | Part::History) => 1,
             // The reasons of a study repeat nothing.
             Format::Csv if self.part == Part::Table => 1,
-            // A curve of a sweep can be zeros, whose text is shorter than that of their axes.
-            Format::Ndjson if self.part == Part::Profiles => 40,
-            Format::Json if self.view.records && self.part == Part::Profiles => 12,
-            Format::Csv if self.part == Part::Profiles => 6,
             Format::Csv => 2,
             Format::Json if self.view.records => 3,
             Format::Ndjson => 5,
