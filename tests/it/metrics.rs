@@ -43,18 +43,11 @@ async fn metrics_show_the_process_and_its_files() {
     let started = metric(address, "process_start_time_seconds").await;
     let now = fretwork::job::clock::now() as f64 / 1e3;
     assert!((now - 60.0..=now).contains(&started), "{started} {now}");
-    let mut files = metric(address, "process_open_fds").await;
-    // The server still opens and closes files while it starts.
-    loop {
-        let again = metric(address, "process_open_fds").await;
-        if again == files {
-            break;
-        }
-        files = again;
-    }
-    let idle = [(); 20].map(|()| std::net::TcpStream::connect(address).unwrap());
-    // The listener accepts the connections in their order, and the one that asks is the last.
-    assert!(metric(address, "process_open_fds").await >= files + 20.0);
+    let files = metric(address, "process_open_fds").await;
+    let idle = [(); 60].map(|()| std::net::TcpStream::connect(address).unwrap());
+    // The listener accepts the connections in their order, and the one that asks is the last. The server may close other
+    // files meanwhile.
+    assert!(metric(address, "process_open_fds").await >= files + 40.0);
     drop(idle);
     assert!(metric(address, "process_max_fds").await > files);
     assert!(metric(address, "process_cpu_seconds_total").await > 0.0);
