@@ -19,7 +19,7 @@ use tokio::time::{sleep, timeout};
 use crate::chunks::study;
 use crate::database::{Cluster, Database, Engine};
 use crate::keeping::eventually;
-use crate::kill::{Dice, Program, equal_undisturbed_results, id, long};
+use crate::kill::{Program, equal_undisturbed_results, id, long};
 use crate::program::{Running, fretwork};
 use crate::server::{JSON, send};
 use crate::store::{accepted, answer, claim, job, key, new_job};
@@ -249,6 +249,21 @@ fn signal(process: &Running, name: &str) {
     assert!(Command::new("kill").args([name, &id]).status().unwrap().success());
 }
 
+/// Stops all workers at a moment when at least one of them computes.
+async fn stop_while_computing(workers: &[Running], db: &mut PgConnection) {
+    let deadline = Instant::now() + Duration::from_mins(1);
+    loop {
+        workers.iter().for_each(|worker| signal(worker, "-STOP"));
+        let leases = sqlx::query_scalar::<_, i64>("SELECT count(*) FROM lease");
+        if leases.fetch_one(&mut *db).await.unwrap() > 0 {
+            return;
+        }
+        assert!(Instant::now() < deadline, "no worker computes");
+        workers.iter().for_each(|worker| signal(worker, "-CONT"));
+        sleep(Duration::from_millis(3)).await;
+    }
+}
+
 /// Submits runs of these numbers to a server. Tries again while the server cannot reach the database.
 async fn submit_all(server: &Program, numbers: Range<u32>) -> Vec<(u32, String)> {
     let mut ids = Vec::new();
@@ -302,22 +317,23 @@ async fn killed_and_frozen_workers_lose_no_run_and_change_no_result() {
     let dir = TempDir::new().unwrap();
     let front = Program::start_by(node(fretwork(&["--workers", "0"]), &cluster), dir.path());
     let mut workers = [(); 3].map(|()| worker(&cluster));
-    let (mut dice, mut all) = (Dice(19), HashMap::new());
+    let mut all = HashMap::new();
     let mut db = PgConnection::connect(cluster.address()).await.unwrap();
     let (mut round, mut interrupted) = (0, 0);
     // A worker that is killed while it is idle proves nothing.
-    while round < rounds() || (interrupted == 0 && round < 20) {
-        let ids = submit_all(&front, round * RUNS..(round + 1) * RUNS).await;
-        sleep(Duration::from_millis(dice.below(120))).await;
-        let victim = &mut workers[dice.below(3) as usize];
+    while round < rounds() || interrupted == 0 {
+        assert!(round < 80, "no worker was interrupted while it computed");
+        let numbers = round * RUNS..(round + 1) * RUNS;
+        let (ids, ()) =
+            tokio::join!(submit_all(&front, numbers), stop_while_computing(&workers, &mut db));
         if round % 2 == 0 {
-            signal(victim, "-KILL");
-            *victim = worker(&cluster);
+            workers.iter().for_each(|worker| signal(worker, "-KILL"));
+            workers = [(); 3].map(|()| worker(&cluster));
         } else {
-            // Longer than its lease.
-            signal(victim, "-STOP");
+            // Another worker takes their runs. They wake after their leases.
+            let _other = worker(&cluster);
             sleep(Duration::from_millis(2500)).await;
-            signal(victim, "-CONT");
+            workers.iter().for_each(|worker| signal(worker, "-CONT"));
         }
         all.extend(results(&front, &ids).await);
         let query = sqlx::query_scalar::<_, i64>("SELECT count(*) FROM run WHERE attempt > 1");
