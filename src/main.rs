@@ -145,7 +145,7 @@ fn work(settings: &Worker) -> Result<(), Error> {
 
 async fn work_until_signal(settings: &Worker, place: &Place) -> Result<(), Error> {
     let mut signals = ShutdownSignals::new()?;
-    // The servers decide what is kept.
+    // A worker has no limits of what is kept: the servers have them.
     let store =
         Store::open(place, &Options { lease: settings.lease, ..Options::default() }).await?;
     let recovered = store.recover().await?;

@@ -21,7 +21,7 @@ use crate::format::{
 use crate::job::{Key, TaskKind};
 use crate::store::Changed;
 
-/// Largest `rows`. No study has so many.
+/// Largest value of `rows`, more than any study has.
 const MAX_ROWS: usize = 10_000_000;
 
 /// Reads numbers separated by commas.

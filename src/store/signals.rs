@@ -167,7 +167,7 @@ impl Signals {
         }
     }
 
-    /// Lets everyone who waits read the tables again: signals of other servers may have been lost.
+    /// Lets waiting clients and workers read the tables again: signals of other servers may have been lost.
     pub(super) fn wake(&self) {
         self.queue.send_modify(|_| {});
         for sender in self.tables().listeners.values() {

@@ -18,7 +18,7 @@ use crate::store::signals::Signals;
 
 /// How often the queue is counted for the metrics.
 const COUNT: Duration = Duration::from_secs(1);
-/// How often everyone who waits looks again without a signal.
+/// How often waiting clients and workers read the tables again without a signal.
 const POLL: Duration = Duration::from_secs(5);
 /// Pause after an error of the database.
 const PAUSE: Duration = Duration::from_millis(500);
@@ -55,7 +55,7 @@ enum Chore {
     Renew,
     /// Takes lost leases away.
     Reclaim,
-    /// Lets everyone who waits look without a signal.
+    /// Lets waiting clients and workers read the tables without a signal.
     Look,
     Upkeep(Box<Upkeep>),
 }

@@ -1,7 +1,7 @@
 //! The connections to the database. A broken one is replaced when it is next needed.
 //!
-//! The pool of sqlx pings a connection each time it is returned, which costs as much as a short statement. Here a broken
-//! connection shows itself when a transaction begins, and then nothing has happened yet.
+//! The pool of sqlx pings a connection each time it is returned, which takes as long as a short statement. This pool does not
+//! ping: a broken connection is noticed when a transaction begins, before anything has changed.
 
 use std::mem;
 use std::sync::{Mutex, MutexGuard, PoisonError};
