@@ -249,17 +249,23 @@ fn signal(process: &Running, name: &str) {
     assert!(Command::new("kill").args([name, &id]).status().unwrap().success());
 }
 
+fn signal_all(processes: &[Running], name: &str) {
+    for process in processes {
+        signal(process, name);
+    }
+}
+
 /// Stops all workers at a moment when at least one of them computes.
 async fn stop_while_computing(workers: &[Running], db: &mut PgConnection) {
     let deadline = Instant::now() + Duration::from_mins(1);
     loop {
-        workers.iter().for_each(|worker| signal(worker, "-STOP"));
+        signal_all(workers, "-STOP");
         let leases = sqlx::query_scalar::<_, i64>("SELECT count(*) FROM lease");
         if leases.fetch_one(&mut *db).await.unwrap() > 0 {
             return;
         }
         assert!(Instant::now() < deadline, "no worker computes");
-        workers.iter().for_each(|worker| signal(worker, "-CONT"));
+        signal_all(workers, "-CONT");
         sleep(Duration::from_millis(3)).await;
     }
 }
@@ -327,13 +333,13 @@ async fn killed_and_frozen_workers_lose_no_run_and_change_no_result() {
         let (ids, ()) =
             tokio::join!(submit_all(&front, numbers), stop_while_computing(&workers, &mut db));
         if round % 2 == 0 {
-            workers.iter().for_each(|worker| signal(worker, "-KILL"));
+            signal_all(&workers, "-KILL");
             workers = [(); 3].map(|()| worker(&cluster));
         } else {
             // Another worker takes their runs. They wake after their leases.
             let _other = worker(&cluster);
             sleep(Duration::from_millis(2500)).await;
-            workers.iter().for_each(|worker| signal(worker, "-CONT"));
+            signal_all(&workers, "-CONT");
         }
         all.extend(results(&front, &ids).await);
         let query = sqlx::query_scalar::<_, i64>("SELECT count(*) FROM run WHERE attempt > 1");
