@@ -12,8 +12,8 @@ COPY .cargo .cargo
 COPY Cargo.toml Cargo.lock ./
 COPY engine/Cargo.toml engine/
 RUN --mount=type=cache,target=/usr/local/cargo/registry \
-    mkdir -p src benches engine/src engine/benches engine/tests \
-    && for file in src/main benches/service engine/benches/engine engine/tests/memory; do \
+    mkdir -p src benches/service engine/src engine/benches engine/tests \
+    && for file in src/main benches/service/main engine/benches/engine engine/tests/memory; do \
         echo 'fn main() {}' > $file.rs; \
     done \
     && touch src/lib.rs engine/src/lib.rs \

@@ -1,4 +1,4 @@
--- The script with which `wrk` sends one request again and again, for `benches/service.rs`.
+-- The script with which `wrk` sends one request again and again, for `cargo bench --bench service`.
 --
 -- Its arguments are the whole HTTP request and the number of requests that were sent before. If the request contains
 -- marks (`###`), each request has another number of as many digits in their place. The last line of output contains

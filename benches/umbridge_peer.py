@@ -1,4 +1,4 @@
-"""The simplified rule behind UM-Bridge's own Python server, for `benches/service.rs`: the wear depth of the steel ball, from
+"""The simplified rule behind UM-Bridge's own Python server, for `cargo bench --bench service`: the wear depth of the steel ball, from
 friction and the number of cycles. Prints its address when it listens.
 
     python umbridge_peer.py

@@ -17,7 +17,7 @@ use fretwork::http::{self, AdminKey};
 use fretwork::job::Task;
 use fretwork::service::Service;
 use fretwork::service::workers::Workers;
-use fretwork::store::{Options, Place, Store};
+use fretwork::store::{Options, Place, Recovered, Store};
 use fretwork::verification::{self, Accuracy};
 use fretwork_engine::simulation::model_error;
 use mimalloc::MiMalloc;
@@ -148,11 +148,10 @@ async fn work_until_signal(settings: &Worker, place: &Place) -> Result<(), Error
     // A worker has no limits of what is kept: the servers have them.
     let store =
         Store::open(place, &Options { lease: settings.lease, ..Options::default() }).await?;
-    let recovered = store.recover().await?;
     let count = worker_threads(settings.workers);
     let service = Service::new(store.clone(), Arc::new(Task::start), count, settings.limits());
     let workers = Workers::start(&store, count, settings.limits(), &service.compute())?;
-    tracing::info!(?recovered, %place, workers = count, "working");
+    tracing::info!(%place, workers = count, "working");
     signals.next().await;
     tracing::info!("draining; a second signal stops at once");
     let drain = async {
@@ -177,7 +176,11 @@ async fn serve_until_signal(settings: &Serve, admin_key: Option<AdminKey>) -> Re
     let umbridge = umbridge.transpose()?;
     let umbridge_address = umbridge.as_ref().map(TcpListener::local_addr).transpose()?;
     let requires_key = requires_key(settings, admin_key.is_some(), &place, &store).await?;
-    let recovered = store.recover().await?;
+    // Servers that share a database recover the work of dead ones when they have been in contact with it for a while.
+    let recovered = match place {
+        Place::Directory(_) => store.recover().await?,
+        Place::Shared(_) => Recovered::default(),
+    };
     tracing::info!(?recovered, %place, "opened the database");
     let count = worker_threads(settings.workers);
     let service = Service::new(store.clone(), Arc::new(Task::start), count, settings.limits());

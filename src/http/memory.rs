@@ -17,6 +17,7 @@ use tokio::time::sleep;
 use super::coding::Coding;
 use super::shares::{Permit, SMALL};
 use crate::job::Key;
+use crate::store::Deletions;
 
 /// The encoded body of an answer.
 #[derive(Debug, Clone)]
@@ -192,6 +193,25 @@ impl Memory {
             cache.retain(|name, _| !name.starts_with(&key));
         }
         slots.retain(|name, _| !name.starts_with(&key));
+    }
+
+    /// Removes all answers, because any result may have been deleted.
+    fn forget_all(&self) {
+        let mut slots = lock(&self.slots);
+        if let Some(cache) = &self.cache {
+            cache.clear();
+        }
+        slots.clear();
+    }
+
+    /// Removes the answers of results that other servers delete. Never ends.
+    pub async fn follow(&self, mut deletions: Deletions) {
+        loop {
+            match deletions.next().await {
+                Some(key) => self.forget(&key),
+                None => self.forget_all(),
+            }
+        }
     }
 
     fn slot(&self, name: &str) -> Arc<Slot> {

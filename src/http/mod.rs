@@ -151,7 +151,11 @@ pub async fn serve(
         let (router, _) = Routes::of_umbridge().router.split_for_parts();
         serve(listener, router)
     });
-    join(serve(api, router), OptionFuture::from(umbridge)).await;
+    let follow = app.memory.follow(app.service.deletions());
+    tokio::select! {
+        _ = join(serve(api, router), OptionFuture::from(umbridge)) => {}
+        () = follow => {}
+    }
 }
 
 /// The OpenAPI document, as JSON text.

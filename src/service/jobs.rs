@@ -9,7 +9,7 @@ use tokio::time::sleep;
 
 use super::Service;
 use crate::job::{Job, JobId};
-use crate::store::{Actor, Asked, Canceled, Changes, Deleted, Error, Filter, Page};
+use crate::store::{Actor, Asked, Canceled, Changes, Deleted, Deletions, Error, Filter, Page};
 
 impl Service {
     /// A job, if it is within reach: if its owner is `reach`, or if `reach` is `None`.
@@ -55,6 +55,12 @@ impl Service {
     #[must_use]
     pub fn watch(&self, job: &Job) -> Changes {
         self.0.store.watch(&job.key)
+    }
+
+    /// Signals deletions of results by servers that share the database.
+    #[must_use]
+    pub fn deletions(&self) -> Deletions {
+        self.0.store.watch_deletions()
     }
 
     /// Waits until the job is finished, the time is over or the service drains. Returns the job as it is then.

@@ -87,8 +87,8 @@ pub enum Error {
     /// The database server cannot be reached, or it shuts down.
     #[error("the database server cannot be reached")]
     Unreachable(#[source] Arc<sqlx::Error>),
-    /// All connections to the database server are in use, or it does not answer.
-    #[error("no connection to the database server is free")]
+    /// The database server does not answer in time, or all connections to it are in use.
+    #[error("the database server does not answer in time")]
     Exhausted,
     /// A page of the database is damaged.
     #[error("the database is damaged")]

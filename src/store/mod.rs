@@ -63,7 +63,7 @@ pub use place::{DatabaseUrl, Place};
 pub use read::{Asked, Filter, LARGE, Page, StoredResult};
 pub use row::RunId;
 pub use search::{Cursor, Found, Listed, Search};
-pub use signals::{Changes, Stop};
+pub use signals::{Changes, Deletions, Stop};
 pub use submit::{Admission, NewJob, Repeatable, Submitted};
 pub use tally::Tally;
 pub use verbs::Store;

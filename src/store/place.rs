@@ -3,6 +3,7 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
+use std::time::Duration;
 
 use sqlx::ConnectOptions as _;
 use sqlx::postgres::PgConnectOptions;
@@ -87,6 +88,12 @@ impl DatabaseUrl {
     /// Options of the connection that waits for notifications.
     pub(super) fn listening(&self) -> PgConnectOptions {
         self.patient()
+    }
+
+    /// Options of a connection whose statements must not take longer than this: the caller tries again instead.
+    pub(super) fn hasty(&self, longest: Duration) -> PgConnectOptions {
+        let longest = format!("{}ms", longest.as_millis().max(1));
+        self.options().options(["statement_timeout", "lock_timeout"].map(|name| (name, &longest)))
     }
 
     /// Options of the connections for verbs. A server that stops inside of a transaction must not hold its locks.

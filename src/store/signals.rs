@@ -5,7 +5,8 @@ use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use tokio::sync::watch;
+use tokio::sync::broadcast::error::RecvError;
+use tokio::sync::{broadcast, watch};
 
 use super::error::Error;
 use super::row::{Part, RunId};
@@ -38,6 +39,8 @@ pub(super) enum Effect {
     Read(Key),
     /// A result was evicted.
     Evicted,
+    /// A server of several has deleted a result.
+    Deleted(Key),
 }
 
 /// A flag that tells a worker that its run has ended or that no job needs its result any more.
@@ -61,7 +64,20 @@ impl Stop {
 pub(super) struct Signals {
     pub(super) tally: Tally,
     queue: watch::Sender<u64>,
+    deleted: Deleted,
     tables: Mutex<Tables>,
+}
+
+/// Sends keys of deleted results; `None` if any result may have been deleted.
+#[derive(Debug)]
+struct Deleted(broadcast::Sender<Option<Key>>);
+
+impl Default for Deleted {
+    fn default() -> Self {
+        /// A listener that is further behind is told that any result may have been deleted.
+        const BEHIND: usize = 256;
+        Self(broadcast::Sender::new(BEHIND))
+    }
 }
 
 #[derive(Debug, Default)]
@@ -137,6 +153,7 @@ impl Signals {
                 }
                 Effect::Read(key) => tables.note(key, now()),
                 Effect::Evicted => self.tally.evicted(),
+                Effect::Deleted(key) => self.deleted(Some(key)),
             }
         }
     }
@@ -175,6 +192,17 @@ impl Signals {
         }
     }
 
+    /// Tells that a result was deleted, or that any may have been. Nobody may listen.
+    fn deleted(&self, key: Option<Key>) {
+        let _ = self.deleted.0.send(key);
+    }
+
+    /// Signals all that may have happened while other servers could not be heard.
+    pub(super) fn was_deaf(&self) {
+        self.wake();
+        self.deleted(None);
+    }
+
     /// Takes out some results and their times of reading, to be stored.
     pub(super) fn take_read(&self) -> Vec<(Key, i64)> {
         let mut tables = self.tables();
@@ -189,6 +217,10 @@ impl Signals {
 
     pub(super) fn watch_queue(&self) -> Changes {
         Changes::new(self.queue.subscribe(), None)
+    }
+
+    pub(super) fn watch_deletions(&self) -> Deletions {
+        Deletions(self.deleted.0.subscribe())
     }
 
     /// A poisoned lock is safe: each change of a map is one call, so a panic leaves the maps consistent.
@@ -228,6 +260,22 @@ impl Changes {
             return std::future::pending().await;
         };
         self.ends = ends;
+    }
+}
+
+/// Deletions of results since this was created. A server that has its database for itself sends none: it knows what it deletes.
+#[derive(Debug)]
+pub struct Deletions(broadcast::Receiver<Option<Key>>);
+
+impl Deletions {
+    /// The next deleted result; `None` if any result may have been deleted.
+    pub async fn next(&mut self) -> Option<Key> {
+        match self.0.recv().await {
+            Ok(key) => key,
+            Err(RecvError::Lagged(_)) => None,
+            // The store is closed.
+            Err(RecvError::Closed) => std::future::pending().await,
+        }
     }
 }
 

@@ -18,7 +18,7 @@ use super::place::Place;
 use super::read::{Asked, Filter, LARGE, Page, StoredResult};
 use super::row::Sum;
 use super::search::{Cursor, Found, Search};
-use super::signals::{Changes, Signals};
+use super::signals::{Changes, Deletions, Signals};
 use super::submit::{NewJob, Submitted};
 use super::tally::Tally;
 use super::{postgres, sqlite};
@@ -414,6 +414,12 @@ impl Store {
     #[must_use]
     pub fn watch(&self, key: &Key) -> Changes {
         self.signals.watch(*key)
+    }
+
+    /// Signals deletions of results by servers that share the database, from now on.
+    #[must_use]
+    pub fn watch_deletions(&self) -> Deletions {
+        self.signals.watch_deletions()
     }
 
     /// Signals that a run was queued, from now on.

@@ -53,6 +53,19 @@ impl Cluster {
         &self.address
     }
 
+    /// Sends a signal to all its processes.
+    pub fn signal(&self, name: &str) {
+        let mut processes = vec![self.process.id().to_string()];
+        let mut next = 0;
+        while let Some(parent) = processes.get(next) {
+            let found = Command::new("pgrep").args(["-P", parent]).output().expect("pgrep");
+            processes.extend(String::from_utf8_lossy(&found.stdout).lines().map(str::to_owned));
+            next += 1;
+        }
+        // One of them may have ended meanwhile.
+        let _ = Command::new("kill").arg(name).args(&processes).status();
+    }
+
     /// Kills all its processes, and starts it again.
     pub fn restart(&mut self) {
         let input = self.process.stdin.as_mut().expect("its input is a pipe");
@@ -163,7 +176,11 @@ impl Database {
                 Self::Sqlite(copy)
             }
             Self::Postgres(_) => {
-                self.execute("UPDATE lease SET expires = 0, node = 'crashed'").await;
+                // It was long after the crash before.
+                self.execute(
+                    "UPDATE lease SET expires = 0, node = 'crashed'; UPDATE study SET died = 0",
+                )
+                .await;
                 self
             }
         }

@@ -1,9 +1,7 @@
 //! Several servers share one database of PostgreSQL.
 
-use std::collections::HashMap;
-use std::ops::Range;
 use std::process::Command;
-use std::sync::atomic::{AtomicU8, Ordering};
+use std::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
 use fretwork::job::{Cost, FailureKind, JobState, Origin};
@@ -11,6 +9,7 @@ use fretwork::store::{
     Actor, Canceled, Claimed, Finish, NewJob, Options, Piece, Recovered, Repeatable, Store,
     Submitted,
 };
+use serde_json::{Value, json};
 use sqlx::{Connection as _, PgConnection};
 use tempfile::TempDir;
 use tokio::task::JoinSet;
@@ -23,6 +22,8 @@ use crate::kill::{Program, equal_undisturbed_results, id, long};
 use crate::program::{Running, fretwork};
 use crate::server::{JSON, send};
 use crate::store::{accepted, answer, claim, job, key, new_job};
+use crate::studies::{long_sweep, processor_time};
+use crate::team::{Listener, has, states};
 
 /// A notification arrives after some milliseconds. Without one, a server looks after 5 s.
 const SOON: Duration = Duration::from_secs(1);
@@ -193,6 +194,27 @@ async fn a_lease_that_is_not_renewed_is_taken_away_and_its_worker_changes_nothin
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn nodes_that_die_together_count_once_for_a_study() {
+    let (db, [store]) = servers().await;
+    let submitted = accepted(store.submit(study(1, 5)).await);
+    for _ in 0..4 {
+        claim(&store).await;
+    }
+    let lost = async |number| {
+        db.execute(&format!("UPDATE lease SET expires = 0 WHERE number = {number}")).await;
+        store.recover().await.unwrap()
+    };
+    for number in 0..3 {
+        let requeued = Recovered { requeued: 1, ..Recovered::default() };
+        assert_eq!(lost(number).await, requeued, "chunk {number}");
+    }
+    assert_eq!(job(&store, submitted.id).await.state, JobState::Running);
+    // Without a finished chunk, the third time in all ends it.
+    db.execute("UPDATE study SET died = 0, lost = 2").await;
+    assert_eq!(lost(3).await.failed, 1);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn workers_of_another_numerics_version_leave_a_run_in_the_queue() {
     let (db, [store]) = servers().await;
     accepted(store.submit(new_job(1)).await);
@@ -239,6 +261,11 @@ fn node(command: Command, cluster: &Cluster) -> Command {
     command
 }
 
+/// A server without workers.
+fn front(cluster: &Cluster, dir: &TempDir) -> Program {
+    Program::start_by(node(fretwork(&["--workers", "0"]), cluster), dir.path())
+}
+
 fn worker(cluster: &Cluster) -> Running {
     let mut command = node(fretwork(&["worker", "--workers", "1"]), cluster);
     Running(command.env("FRETWORK_LOG", "off").spawn().unwrap())
@@ -270,45 +297,53 @@ async fn stop_while_computing(workers: &[Running], db: &mut PgConnection) {
     }
 }
 
-/// Submits runs of these numbers to a server. Tries again while the server cannot reach the database.
-async fn submit_all(server: &Program, numbers: Range<u32>) -> Vec<(u32, String)> {
+/// Submits bodies to a server. Tries again while the server cannot reach the database. Returns each with the id of its job.
+async fn submit_all(server: &Program, bodies: Vec<Value>) -> Vec<(Value, String)> {
+    static NEXT: AtomicU32 = AtomicU32::new(0);
     let mut ids = Vec::new();
-    for number in numbers {
-        let once = format!("run-{number}");
-        loop {
+    for body in bodies {
+        let once = format!("body-{}", NEXT.fetch_add(1, Ordering::Relaxed));
+        let id = loop {
             let headers = [JSON, ("Idempotency-Key", &*once)];
-            let body = long(number).to_string();
-            let reply = send(server.address, "POST", "/v1/jobs", &headers, body).await.unwrap();
+            let text = body.to_string();
+            let reply = send(server.address, "POST", "/v1/jobs", &headers, text).await.unwrap();
             match reply.status {
-                202 => {
-                    ids.push((number, id(&reply.json())));
-                    break;
-                }
+                202 => break id(&reply.json()),
                 503 => assert!(reply.header("retry-after").is_some(), "{}", reply.text()),
                 other => panic!("{other}: {}", reply.text()),
             }
             sleep(Duration::from_millis(50)).await;
-        }
+        };
+        ids.push((body, id));
     }
     ids
 }
 
-/// The results of all runs, which must have succeeded.
-async fn results(server: &Program, ids: &[(u32, String)]) -> HashMap<u32, Vec<u8>> {
-    let mut results = HashMap::new();
-    for (number, id) in ids {
+/// The bodies with the results of their jobs, which must have succeeded.
+async fn results(server: &Program, ids: Vec<(Value, String)>) -> Vec<(Value, Vec<u8>)> {
+    let mut results = Vec::new();
+    for (body, id) in ids {
         let deadline = Instant::now() + Duration::from_mins(2);
         let job = loop {
-            assert!(Instant::now() < deadline, "run {number} has not ended");
+            assert!(Instant::now() < deadline, "this has not ended: {body}");
             let reply = server.get(&format!("/v1/jobs/{id}?wait=5")).await;
             if reply.status == 200 && reply.json()["times"]["finished"].is_string() {
                 break reply.json();
             }
         };
         assert_eq!(job["state"], "succeeded", "{job}");
-        results.insert(*number, server.result(&job).await);
+        results.push((body, server.result(&job).await));
     }
     results
+}
+
+/// Twelve runs and a study that no other round has.
+fn load(round: u32) -> Vec<Value> {
+    const RUNS: u32 = 12;
+    let mut sweep = long_sweep(6000);
+    sweep["sweep"]["vary"][0]["to"] = json!(0.8 + 1e-3 * f64::from(round));
+    let runs = (round * RUNS..(round + 1) * RUNS).map(long);
+    [sweep].into_iter().chain(runs).collect()
 }
 
 /// How often workers are killed or stopped. `tests/long` sets the variable.
@@ -318,20 +353,18 @@ fn rounds() -> u32 {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn killed_and_frozen_workers_lose_no_run_and_change_no_result() {
-    const RUNS: u32 = 12;
     let cluster = Cluster::start(&["--durable"]);
     let dir = TempDir::new().unwrap();
-    let front = Program::start_by(node(fretwork(&["--workers", "0"]), &cluster), dir.path());
+    let front = front(&cluster, &dir);
     let mut workers = [(); 3].map(|()| worker(&cluster));
-    let mut all = HashMap::new();
+    let mut all = Vec::new();
     let mut db = PgConnection::connect(cluster.address()).await.unwrap();
     let (mut round, mut interrupted) = (0, 0);
     // A worker that is killed while it is idle proves nothing.
     while round < rounds() || interrupted == 0 {
         assert!(round < 80, "no worker was interrupted while it computed");
-        let numbers = round * RUNS..(round + 1) * RUNS;
-        let (ids, ()) =
-            tokio::join!(submit_all(&front, numbers), stop_while_computing(&workers, &mut db));
+        let submitting = submit_all(&front, load(round));
+        let (ids, ()) = tokio::join!(submitting, stop_while_computing(&workers, &mut db));
         if round % 2 == 0 {
             signal_all(&workers, "-KILL");
             workers = [(); 3].map(|()| worker(&cluster));
@@ -341,8 +374,10 @@ async fn killed_and_frozen_workers_lose_no_run_and_change_no_result() {
             sleep(Duration::from_millis(2500)).await;
             signal_all(&workers, "-CONT");
         }
-        all.extend(results(&front, &ids).await);
-        let query = sqlx::query_scalar::<_, i64>("SELECT count(*) FROM run WHERE attempt > 1");
+        all.extend(results(&front, ids).await);
+        let query = sqlx::query_scalar::<_, i64>(
+            "SELECT (SELECT count(*) FROM run WHERE attempt > 1) + (SELECT count(*) FROM chunk WHERE attempt > 1)",
+        );
         interrupted = query.fetch_one(&mut db).await.unwrap();
         round += 1;
     }
@@ -351,16 +386,114 @@ async fn killed_and_frozen_workers_lose_no_run_and_change_no_result() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_restart_of_the_database_loses_nothing_that_was_acknowledged() {
-    const RUNS: u32 = 12;
     let mut cluster = Cluster::start(&["--durable"]);
     let dir = TempDir::new().unwrap();
-    let front = Program::start_by(node(fretwork(&["--workers", "0"]), &cluster), dir.path());
+    let front = front(&cluster, &dir);
     let _workers = [(); 2].map(|()| worker(&cluster));
-    let mut ids = submit_all(&front, 0..RUNS).await;
+    let mut ids = submit_all(&front, load(0)).await;
     sleep(Duration::from_millis(100)).await;
     cluster.restart();
-    ids.extend(submit_all(&front, RUNS..2 * RUNS).await);
-    let results = results(&front, &ids).await;
-    assert_eq!(results.len() as u32, 2 * RUNS);
-    equal_undisturbed_results(results).await;
+    ids.extend(submit_all(&front, load(1)).await);
+    equal_undisturbed_results(results(&front, ids).await).await;
+}
+
+/// A run of many seconds: it adapts to each of its blocks, with the smallest tolerance.
+fn very_long() -> Value {
+    let mut body = long(0);
+    let scenario = &mut body["scenario"];
+    scenario["model"] = json!({"method": "exact", "tolerance": 1e-4, "points": 1024});
+    scenario["load"]["held"] = json!("force");
+    let block = |number: u32| json!({"amplitude": 2e-6 + 1e-7 * f64::from(number), "cycles": 1e8});
+    scenario["motion"] = json!({"blocks": (0..10).map(block).collect::<Vec<_>>()});
+    scenario["cycles"] = json!([1e8, 1e9]);
+    body
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn no_lease_is_lost_while_the_database_does_not_answer() {
+    let cluster = Cluster::start(&[]);
+    let dir = TempDir::new().unwrap();
+    let front = front(&cluster, &dir);
+    let _workers = [(); 2].map(|()| worker(&cluster));
+    let job = submit_all(&front, vec![very_long()]).await.remove(0).1;
+    let mut db = PgConnection::connect(cluster.address()).await.unwrap();
+    let leases = "SELECT count(*) FROM lease WHERE expires > moment()";
+    let mut count =
+        async || -> i64 { sqlx::query_scalar(leases).fetch_one(&mut db).await.unwrap() };
+    while count().await == 0 {
+        sleep(Duration::from_millis(5)).await;
+    }
+    // Longer than a lease. All nodes then find it over at the same time.
+    cluster.signal("-STOP");
+    sleep(Duration::from_secs(3)).await;
+    cluster.signal("-CONT");
+    sleep(Duration::from_secs(2)).await;
+    assert_eq!(count().await, 1, "the worker has renewed its lease");
+    let job = front.get(&format!("/v1/jobs/{job}")).await.json();
+    assert_eq!((&job["state"], &job["attempt"]), (&json!("running"), &json!(1)), "{job}");
+}
+
+/// Waits until a server says that a job is canceled, for a second.
+async fn is_soon_canceled(front: &Program, job: &str, since: Instant) {
+    while front.get(&format!("/v1/jobs/{job}")).await.json()["state"] != "canceled" {
+        assert!(since.elapsed() < SOON, "the job was not canceled within a second");
+        sleep(Duration::from_millis(5)).await;
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn servers_and_workers_in_processes_of_their_own_act_as_one() {
+    let cluster = Cluster::start(&[]);
+    let dirs = [(); 3].map(|()| TempDir::new().unwrap());
+    let fronts = dirs.each_ref().map(|dir| front(&cluster, dir));
+    let worker = worker(&cluster);
+    let mut db = PgConnection::connect(cluster.address()).await.unwrap();
+
+    // Equal submissions through all of them are one run.
+    let mut submissions = JoinSet::new();
+    for number in 0..64 {
+        let address = fronts[number % 3].address;
+        let headers = [JSON, ("Prefer", "wait=60")];
+        submissions.spawn(async move {
+            let body = long(0).to_string();
+            send(address, "POST", "/v1/jobs", &headers, body).await.unwrap()
+        });
+    }
+    let replies = submissions.join_all().await;
+    let jobs: Vec<_> = replies.iter().map(|reply| (reply.status, reply.json())).collect();
+    assert!(jobs.iter().all(|(status, job)| *status == 200 && job["state"] == "succeeded"));
+    let runs = sqlx::query_scalar::<_, i64>("SELECT count(*) FROM run");
+    assert_eq!(runs.fetch_one(&mut db).await.unwrap(), 1);
+
+    // A deleted result is forgotten by the server that has it in memory.
+    let result = jobs[0].1["links"]["result"].as_str().unwrap();
+    assert_eq!(fronts[0].get(result).await.status, 200);
+    let deleted = send(fronts[1].address, "DELETE", result, &[], "").await.unwrap();
+    assert_eq!(deleted.status, 204);
+    let since = Instant::now();
+    while fronts[0].get(result).await.status != 410 {
+        assert!(since.elapsed() < SOON, "a deleted result is still served");
+    }
+
+    // Events come through one of them, a cancellation through another one.
+    for body in [very_long(), long_sweep(250_000)] {
+        let job = submit_all(&fronts[0], vec![body]).await.remove(0).1;
+        let mut listener = Listener::connect(fronts[0].address, &job, None).await.unwrap();
+        let begun = listener.until(|events| has(events, "progress"));
+        let events = timeout(Duration::from_mins(1), begun).await.unwrap();
+        assert_eq!(states(&events).last().map(|(_, state)| *state), Some("running"), "{events:?}");
+        let cancel = format!("/v1/jobs/{job}/cancel");
+        let canceled = Instant::now();
+        let reply = send(fronts[1].address, "POST", &cancel, &[], "").await.unwrap();
+        assert!(matches!(reply.status, 200 | 202), "{}", reply.text());
+        is_soon_canceled(&fronts[2], &job, canceled).await;
+        let events = timeout(SOON, listener.until(|_| false)).await.unwrap();
+        assert_eq!(states(&events).last().map(|(_, state)| *state), Some("canceled"), "{events:?}");
+        assert!(canceled.elapsed() < SOON, "the event came after {:?}", canceled.elapsed());
+        sleep(Duration::from_millis(100)).await;
+        let before = processor_time(worker.id());
+        sleep(Duration::from_millis(500)).await;
+        let used = processor_time(worker.id()).checked_sub(before).unwrap();
+        assert!(used < Duration::from_millis(100), "the worker used {used:?} of 500 ms");
+    }
 }

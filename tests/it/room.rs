@@ -81,7 +81,8 @@ async fn the_files_stay_within_keep_results_at_the_full_rate_of_writing() {
     assert!(both <= limit + limit / 5 + (4 << 20), "{both} bytes with the log");
     // Some evicted results are still known; what was used longest ago is forgotten.
     let listed = server.get("/v1/results?evicted=true&limit=1").await.json();
-    let gone = format!("/v1/results/{}", listed["results"][0]["key"].as_str().unwrap());
+    let key = listed["results"][0]["key"].as_str();
+    let gone = format!("/v1/results/{}", key.unwrap_or_else(|| panic!("{listed}")));
     assert_eq!(server.get(&gone).await.status, 410);
     for old in [first["links"]["result"].as_str().unwrap(), &format!("/v1/jobs/{}", id(&first))] {
         assert_eq!(server.get(old).await.status, 404, "{old}");

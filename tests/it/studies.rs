@@ -487,16 +487,17 @@ async fn a_study_is_private_and_its_result_is_shared() {
 }
 
 /// A sweep with many chunks.
-fn long_sweep(points: u32) -> Value {
+pub fn long_sweep(points: u32) -> Value {
     let mut body = sweep();
-    body["sweep"]["vary"] =
-        json!([{"pointer": "/friction", "from": 0.4, "to": 0.8, "count": points}]);
+    body["sweep"]["vary"] = json!([
+        {"pointer": "/friction", "from": 0.4, "to": 0.8, "count": points / 10},
+        {"pointer": "/motion/amplitude", "from": "1 um", "to": "2 um", "count": 10}]);
     body
 }
 
-/// Processor time of a program since its start.
-fn processor_time(program: &Program) -> Duration {
-    let stat = fs::read_to_string(format!("/proc/{}/stat", program.child.id())).unwrap();
+/// Processor time of a process since its start.
+pub fn processor_time(process: u32) -> Duration {
+    let stat = fs::read_to_string(format!("/proc/{process}/stat")).unwrap();
     // The fields after the name in parentheses: state, …, utime, stime in ticks of 10 ms.
     let times = stat.rsplit_once(") ").unwrap().1.split(' ').skip(11).take(2);
     Duration::from_millis(10 * times.map(|ticks| ticks.parse::<u64>().unwrap()).sum::<u64>())
@@ -518,15 +519,13 @@ async fn chunks_done(dir: &Path) -> HashMap<i64, i64> {
     rows.into_iter().collect()
 }
 
-#[tokio::test(flavor = "multi_thread")]
-async fn a_study_goes_on_after_each_kill() {
-    let (kills, points) = match env::var_os("FRETWORK_TEST_LONG") {
-        Some(_) => (100, 600_000),
-        None => (10, 60_000),
-    };
-    let dir = TempDir::new().unwrap();
-    let mut server = Program::start(dir.path(), "2");
-    let job = submitted(&server, &long_sweep(points)).await;
+/// Kills the server each time it stores another part of the study. Returns the last server, and the progress at the last kill.
+async fn kill_after_each_step(
+    dir: &Path,
+    mut server: Program,
+    job: &Value,
+    kills: usize,
+) -> (Program, f64) {
     let (mut progress, mut done) = (0.0, HashMap::new());
     for _ in 0..kills {
         let shown = loop {
@@ -538,25 +537,39 @@ async fn a_study_goes_on_after_each_kill() {
             }
         };
         server.kill();
-        let now = chunks_done(dir.path()).await;
+        let now = chunks_done(dir).await;
         for (number, attempt) in &done {
             assert_eq!(now.get(number), Some(attempt), "chunk {number} was stored before");
         }
         (progress, done) = (shown, now);
-        server = Program::start(dir.path(), "2");
+        server = Program::start(dir, "2");
     }
     assert!(progress < 1.0, "the study was finished before the last kill");
-    let job = server.ended(job["id"].as_str().unwrap()).await;
-    assert_eq!((&job["state"], &job["attempt"]), (&json!("succeeded"), &json!(1)), "{job}");
-    let interrupted = server.result(&job).await;
-    server.end();
+    (server, progress)
+}
 
-    // One worker that is not interrupted makes the same bytes.
-    let dir = TempDir::new().unwrap();
-    let server = Program::start(dir.path(), "1");
-    let job = submitted(&server, &long_sweep(points)).await;
-    let job = server.ended(job["id"].as_str().unwrap()).await;
-    assert_eq!(server.result(&job).await, interrupted);
+#[tokio::test(flavor = "multi_thread")]
+async fn a_study_goes_on_after_each_of_ten_kills() {
+    let studies = if env::var_os("FRETWORK_TEST_LONG").is_some() { 10 } else { 1 };
+    for number in 0..studies {
+        // The chunks of each study are others.
+        let body = long_sweep(60_000 + 1230 * number);
+        let dir = TempDir::new().unwrap();
+        let server = Program::start(dir.path(), "2");
+        let job = submitted(&server, &body).await;
+        let (server, _) = kill_after_each_step(dir.path(), server, &job, 10).await;
+        let job = server.ended(job["id"].as_str().unwrap()).await;
+        assert_eq!((&job["state"], &job["attempt"]), (&json!("succeeded"), &json!(1)), "{job}");
+        let interrupted = server.result(&job).await;
+        server.end();
+
+        // One worker that is not interrupted makes the same bytes.
+        let dir = TempDir::new().unwrap();
+        let server = Program::start(dir.path(), "1");
+        let job = submitted(&server, &body).await;
+        let job = server.ended(job["id"].as_str().unwrap()).await;
+        assert!(server.result(&job).await == interrupted, "the results differ");
+    }
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -569,9 +582,9 @@ async fn a_cancelled_study_stops_using_the_processor() {
     let reply = send(server.address, "POST", &format!("{address}/cancel"), &[], "").await;
     assert_eq!(reply.unwrap().json()["state"], "canceled");
     tokio::time::sleep(Duration::from_millis(100)).await;
-    let before = processor_time(&server);
+    let before = processor_time(server.child.id());
     tokio::time::sleep(Duration::from_millis(500)).await;
-    let used = processor_time(&server).checked_sub(before).unwrap();
+    let used = processor_time(server.child.id()).checked_sub(before).unwrap();
     assert!(used < Duration::from_millis(100), "it used {used:?} of 500 ms");
 }
 
@@ -697,28 +710,12 @@ async fn a_sweep_whose_earlier_result_cannot_be_used_computes_all_points() {
 #[tokio::test(flavor = "multi_thread")]
 async fn an_extended_sweep_goes_on_after_each_of_five_kills() {
     let dir = TempDir::new().unwrap();
-    let mut server = Program::start(dir.path(), "2");
+    let server = Program::start(dir.path(), "2");
     let job = submitted(&server, &sobol(10_000)).await;
     let job = server.ended(job["id"].as_str().unwrap()).await;
     let job = submitted(&server, &extending(60_000, job["key"].as_str().unwrap())).await;
-    let (mut progress, mut done) = (0.0, HashMap::new());
-    for _ in 0..5 {
-        let shown = loop {
-            let job = server.get(job["links"]["self"].as_str().unwrap()).await.json();
-            let shown = job["progress"].as_f64().unwrap();
-            if shown > progress || job["times"]["finished"].is_string() {
-                break shown;
-            }
-        };
-        server.kill();
-        let now = chunks_done(dir.path()).await;
-        for (number, attempt) in &done {
-            assert_eq!(now.get(number), Some(attempt), "chunk {number} was stored before");
-        }
-        (progress, done) = (shown, now);
-        server = Program::start(dir.path(), "2");
-    }
-    assert!(progress > 0.1 && progress < 1.0, "{progress}");
+    let (server, progress) = kill_after_each_step(dir.path(), server, &job, 5).await;
+    assert!(progress > 0.1, "{progress}, but a sixth was known");
     let job = server.ended(job["id"].as_str().unwrap()).await;
     assert_eq!((&job["state"], &job["attempt"]), (&json!("succeeded"), &json!(1)), "{job}");
     let interrupted = server.result(&job).await;

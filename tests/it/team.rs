@@ -94,7 +94,7 @@ pub fn states(events: &[Event]) -> Vec<(u32, &str)> {
     states.map(|(_, id, data)| (id.unwrap(), data["state"].as_str().unwrap())).collect()
 }
 
-fn has(events: &[Event], name: &str) -> bool {
+pub fn has(events: &[Event], name: &str) -> bool {
     events.iter().any(|(event, ..)| event == name)
 }
 

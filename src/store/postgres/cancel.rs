@@ -120,6 +120,13 @@ async fn delete(tx: &mut Transaction<'_>, id: JobId, by: &Actor) -> Result<Delet
 
 /// Deletes finished jobs, and their runs if these have ended and have no other job.
 pub(super) async fn delete_jobs(tx: &mut Transaction<'_>, ids: &[Vec<u8>]) -> Result<(), Error> {
+    // Otherwise two servers that delete the last two jobs of a run would each leave it to the other.
+    sqlx::query(
+        "SELECT 1 FROM run WHERE id IN (SELECT run FROM job WHERE id = ANY ($1)) ORDER BY id FOR NO KEY UPDATE",
+    )
+    .bind(ids)
+    .execute(&mut *tx.db)
+    .await?;
     let runs: Vec<Option<i64>> =
         sqlx::query_scalar("DELETE FROM job WHERE id = ANY ($1) RETURNING run")
             .bind(ids)

@@ -5,6 +5,7 @@
 use sqlx::postgres::PgRow;
 
 use super::Database;
+use super::Node;
 use super::follow::follow;
 use super::lease;
 use super::transaction::{Transaction, reading, writing};
@@ -280,18 +281,21 @@ pub(super) async fn lose(
     tx: &mut Transaction<'_>,
     run: RunId,
     before: Study,
-    pieces: &[i64],
+    (node, pieces): (&Node, &[i64]),
 ) -> Result<u32, Error> {
     let lost = sqlx::query(
         "WITH requeued AS (
              UPDATE chunk SET state = 'queued' WHERE run = $1 AND number = ANY ($2) AND state = 'running'
              RETURNING lost
-         ), counted AS (UPDATE study SET lost = lost + 1 WHERE run = $1 RETURNING lost)
+         ), counted AS (
+             UPDATE study SET lost = lost + 1, died = moment()
+             WHERE run = $1 AND (died IS NULL OR died + $3 < moment()) RETURNING lost)
          SELECT (SELECT count(*) FROM requeued) AS pieces,
              greatest((SELECT max(lost) FROM requeued), (SELECT lost FROM counted)) AS most",
     )
     .bind(run.0)
     .bind(pieces)
+    .bind(lease::milliseconds(node.lease))
     .fetch_one(&mut *tx.db)
     .await?;
     let pieces: i64 = lost.get("pieces")?;

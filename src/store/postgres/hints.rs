@@ -2,7 +2,7 @@
 //!
 //! A notification takes a lock of the whole database when its transaction commits. So no verb notifies. One task of each
 //! server collects what its verbs have changed, and sends it in one notification at a time. A hint can be lost; each
-//! server looks by itself from time to time.
+//! server looks by itself from time to time. Only the rare deletion of a result notifies in its transaction.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -88,6 +88,12 @@ impl Hints {
     }
 }
 
+/// Tells all servers that a result is deleted, when the transaction commits. This is no hint: a server that does not hear it
+/// would answer with the result until its connection breaks.
+pub(super) async fn tell_deleted(db: &mut PgConnection, key: &Key) -> Result<(), Error> {
+    send(db, &format!("\ndeleted {key}")).await
+}
+
 /// Sends a notification.
 pub(super) async fn send(db: &mut PgConnection, text: &str) -> Result<(), Error> {
     sqlx::query("SELECT pg_notify($1, $2)").bind(CHANNEL).bind(text).execute(db).await?;
@@ -107,6 +113,7 @@ pub(super) fn read(text: &str, node: &str) -> Vec<Effect> {
             "unwanted" => Some(Effect::Unwanted(RunId(of.parse().ok()?))),
             "ended" => Some(Effect::Ended(of.parse().ok()?)),
             "changed" => Some(Effect::Changed(of.parse().ok()?)),
+            "deleted" => Some(Effect::Deleted(of.parse().ok()?)),
             _ => None,
         }
     };

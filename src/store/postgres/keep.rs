@@ -7,7 +7,7 @@ use sqlx::postgres::{PgConnection, PgRow};
 
 use super::audit::record;
 use super::transaction::{Transaction, writing};
-use super::{Database, Lock};
+use super::{Database, Lock, hints};
 use crate::job::{Key, Recomputed};
 use crate::store::audit::{Act, Actor};
 use crate::store::error::Error;
@@ -255,12 +255,18 @@ async fn remove(tx: &mut Transaction<'_>, key: &Key, by: &Actor) -> Result<Remov
     .fetch_optional(&mut *tx.db)
     .await?;
     let owner = match found {
-        None | Some((false, ..)) => return Ok(Removed::NotFound),
+        None => return Ok(Removed::NotFound),
+        // Servers may still have it in memory.
+        Some((false, ..)) => {
+            hints::tell_deleted(&mut tx.db, key).await?;
+            return Ok(Removed::NotFound);
+        }
         Some((true, true, _)) => return Ok(Removed::Pinned),
         Some((true, false, owner)) => owner.unwrap_or_default(),
     };
     record(&mut tx.db, (by, Act::DeleteResult), &key.to_string(), &owner).await?;
     evict(tx, key.bytes(), Some(&by.name)).await?;
+    hints::tell_deleted(&mut tx.db, key).await?;
     Ok(Removed::Done)
 }
 

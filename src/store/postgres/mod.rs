@@ -40,7 +40,9 @@ use super::pins::PinQuota;
 use super::signals::{Effect, Signals};
 
 use hints::Hints;
+use lease::Contact;
 use pool::Pool;
+use submit::Backlog;
 use transaction::Transaction;
 
 /// Advisory locks, by which servers exclude each other. Other programs in the same database must not use these numbers.
@@ -72,6 +74,9 @@ pub(super) struct Database(Arc<Parts>);
 #[derive(Debug)]
 struct Parts {
     pool: Pool,
+    /// The connection that renews leases.
+    renewals: Pool,
+    contact: Contact,
     /// Permits for scans of all results. They limit the number of concurrent scans.
     scans: Semaphore,
     /// Permits for large results, so that they do not take all connections.
@@ -80,7 +85,7 @@ struct Parts {
     /// What to tell the other servers.
     hints: Arc<Hints>,
     node: Node,
-    queue_limit: usize,
+    backlog: Backlog,
     pin_quota: PinQuota,
     /// The tasks in the background end when this becomes true or is dropped.
     closing: watch::Sender<bool>,
@@ -101,6 +106,7 @@ impl Database {
     pub(super) async fn close(&self) {
         self.0.closing.send_replace(true);
         self.0.pool.close().await;
+        self.0.renewals.close().await;
     }
 
     /// Signals the changes of a verb after their commit, here and to the other servers.

@@ -3,12 +3,13 @@
 use std::sync::{Arc, Weak};
 use std::time::Duration;
 
+use sqlx::Executor as _;
 use sqlx::postgres::{PgListener, PgPoolOptions};
 use tokio::sync::watch;
-use tokio::time::{self, Instant, MissedTickBehavior};
+use tokio::time::{self, Instant, MissedTickBehavior, timeout};
 
 use super::lease;
-use super::transaction::{reading, writing};
+use super::transaction::reading;
 use super::upkeep::Upkeep;
 use super::{Database, Parts, hints};
 use crate::store::error::Error;
@@ -20,7 +21,9 @@ use crate::store::signals::Signals;
 const COUNT: Duration = Duration::from_secs(1);
 /// How often waiting clients and workers read the tables again without a signal.
 const POLL: Duration = Duration::from_secs(5);
-/// Pause after an error of the database.
+/// After this time without a notification, the connection is tested. The test must end as soon.
+const SILENCE: Duration = Duration::from_secs(20);
+/// Longest pause after an error of the database.
 const PAUSE: Duration = Duration::from_millis(500);
 /// How often maintenance is due.
 const UPKEEP: Duration = Duration::from_secs(2);
@@ -38,7 +41,7 @@ pub(super) fn start(
     let upkeep = Box::new(Upkeep::new(options));
     for (every, chore) in [
         (COUNT, Chore::Count),
-        (options.lease / 3, Chore::Renew),
+        (db.0.node.renewal(), Chore::Renew),
         (options.lease / 6, Chore::Reclaim),
         (POLL, Chore::Look),
         (UPKEEP, Chore::Upkeep(upkeep)),
@@ -65,7 +68,7 @@ impl Chore {
         match self {
             Self::Count => drop(db.count_queue().await?),
             Self::Renew => db.renew().await?,
-            Self::Reclaim => drop(db.recover().await?),
+            Self::Reclaim => drop(db.reclaim(|| db.0.contact.lasts()).await?),
             Self::Look => db.0.signals.wake(),
             Self::Upkeep(upkeep) => upkeep.round(db).await?,
         }
@@ -101,6 +104,9 @@ async fn repeat(every: Duration, mut chore: Chore, db: Weak<Parts>) {
             tracing::warn!(error, "a task in the background failed; it will be tried again");
         }
         failed = done.is_err();
+        if failed && matches!(chore, Chore::Renew) {
+            ticks.reset_after(PAUSE.min(every));
+        }
     }
 }
 
@@ -124,24 +130,40 @@ async fn listen(url: DatabaseUrl, signals: Arc<Signals>, node: String) {
             && listener.listen(hints::CHANNEL).await.is_ok()
         {
             // What was told before is lost.
-            signals.wake();
-            while let Ok(Some(told)) = listener.try_recv().await {
-                signals.apply(hints::read(told.payload(), &node));
+            signals.was_deaf();
+            while let Ok(told) = next(&mut listener).await {
+                signals.apply(told.map_or_else(Vec::new, |told| hints::read(&told, &node)));
             }
         }
         time::sleep(PAUSE).await;
     }
 }
 
+/// The next notification; `None` if there was none for a while. Fails if the connection is broken, also if that was silent.
+async fn next(listener: &mut PgListener) -> Result<Option<String>, Error> {
+    match timeout(SILENCE, listener.try_recv()).await {
+        Ok(told) => {
+            let told = told?.ok_or(Error::Exhausted)?;
+            return Ok(Some(told.payload().to_owned()));
+        }
+        Err(_) => timeout(SILENCE, listener.execute("SELECT 1")).await,
+    }
+    .map_err(|_| Error::Exhausted)??;
+    Ok(None)
+}
+
 impl Database {
-    /// Renews the leases of what the workers of this process compute, and stops those that have lost theirs.
+    /// Renews the leases of what the workers of this process compute, and stops those that have lost theirs. Has a connection
+    /// of its own, so that it never waits for clients.
     async fn renew(&self) -> Result<(), Error> {
         let running = self.0.signals.running();
-        if running.is_empty() {
-            return Ok(());
-        }
         let parts: Vec<_> = running.iter().map(|(part, _)| *part).collect();
-        let kept = writing!(self, tx => lease::renew(tx, &self.0.node, &parts).await)?;
+        let renewing =
+            async { reading!(self, renewals, db => lease::renew(db, &self.0.node, &parts).await) };
+        let renewed = timeout(self.0.node.renewal(), renewing).await;
+        let kept =
+            renewed.unwrap_or(Err(Error::Exhausted)).inspect_err(|_| self.0.contact.ends())?;
+        self.0.contact.goes_on();
         let lost: Vec<_> = running.into_iter().filter(|(part, _)| !kept.contains(part)).collect();
         self.0.signals.stop(&lost);
         Ok(())

@@ -7,7 +7,9 @@ use sqlx::postgres::PgConnection;
 use sqlx::{ConnectOptions as _, Connection as _, SqlSafeStr as _};
 use tokio::sync::{Semaphore, watch};
 
+use super::lease::Contact;
 use super::pool::Pool;
+use super::submit::Backlog;
 use super::{Database, Lock, Node, Parts, library, node};
 use crate::job::JobId;
 use crate::store::error::Error;
@@ -18,8 +20,10 @@ use crate::store::place::DatabaseUrl;
 use crate::store::signals::Signals;
 
 /// The changes of the schema: version, name and SQL.
-const CHANGES: [(i64, &str, &str); 1] =
-    [(1, "jobs", include_str!("../../../migrations/postgres/0001_jobs.sql"))];
+const CHANGES: [(i64, &str, &str); 2] = [
+    (1, "jobs", include_str!("../../../migrations/postgres/0001_jobs.sql")),
+    (2, "study died", include_str!("../../../migrations/postgres/0002_study_died.sql")),
+];
 
 /// The number of connections for verbs.
 const CONNECTIONS: u32 = 8;
@@ -41,12 +45,14 @@ impl Database {
         let (closing, closed) = watch::channel(false);
         let database = Self(Arc::new(Parts {
             pool: Pool::new(url.options(), CONNECTIONS),
+            renewals: Pool::new(url.hasty(lease / 3), 1),
+            contact: Contact::new(lease),
             scans: Semaphore::new(SCANS),
             large: Semaphore::new(LARGE),
             signals,
             hints: Arc::default(),
             node: Node { id: JobId::generate().to_string(), program, lease },
-            queue_limit,
+            backlog: Backlog::new(queue_limit),
             pin_quota: PinQuota::new(pin_quota, budget),
             closing,
         }));

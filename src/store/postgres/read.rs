@@ -109,15 +109,18 @@ impl Database {
 
     /// Counts what is queued and running for the metrics. Returns how long the oldest queued run has waited.
     pub(super) async fn count_queue(&self) -> Result<Duration, Error> {
-        let counts: (i64, Option<i64>, i64) = reading!(self, db => {
+        let counts: (i64, Option<i64>, i64, i64) = reading!(self, db => {
             let query = sqlx::query_as(
                 "SELECT count(*), moment() - min(created),
-                         (SELECT count(*) FROM lease)
+                         (SELECT count(*) FROM lease),
+                         (SELECT count(*) FROM job WHERE state = 'queued')
                      FROM run WHERE state = 'queued'",
             );
             Ok(query.fetch_one(db).await?)
-        })?;
-        let (queued, waited, running) = counts;
+        })
+        .inspect_err(|_| self.0.backlog.counted(None))?;
+        let (queued, waited, running, jobs) = counts;
+        self.0.backlog.counted(Some(jobs as usize));
         self.0.signals.tally.queue_is(queued as usize, running as usize);
         Ok(Duration::from_millis(waited.unwrap_or(0).max(0).unsigned_abs()))
     }

@@ -102,12 +102,25 @@ impl Database {
         })
     }
 
-    /// Takes lost leases away from nodes that have died.
+    /// Takes all leases away that are over.
     pub(in crate::store) async fn recover(&self) -> Result<Recovered, Error> {
-        let runs = reading!(self, db => lease::lost(db, &self.0.node).await)?;
+        self.reclaim(|| true).await
+    }
+
+    /// Takes leases away that are over, as long as it may. A transaction may begin late, when that has changed.
+    pub(super) async fn reclaim(
+        &self,
+        may: impl Fn() -> bool + Send + Sync,
+    ) -> Result<Recovered, Error> {
         let mut recovered = Recovered::default();
+        if !may() {
+            return Ok(recovered);
+        }
+        let runs = reading!(self, db => lease::lost(db, &self.0.node).await)?;
         for run in runs {
-            let found = writing!(self, tx => reclaim(tx, &self.0.node, run).await)?;
+            let found = writing!(self, tx => {
+                if may() { reclaim(tx, &self.0.node, run).await } else { Ok(Recovered::default()) }
+            })?;
             recovered.requeued += found.requeued;
             recovered.failed += found.failed;
             recovered.canceled += found.canceled;
@@ -193,8 +206,8 @@ async fn claim_whole(tx: &mut Transaction<'_>, owner: &str) -> Result<Option<Cla
 
 async fn progress(tx: &mut Transaction<'_>, claimed: &Claimed, share: f64) -> Result<bool, Error> {
     let claim = claimed.claim();
-    if claim.part.1.is_some() {
-        return Ok(attempt_of_run(tx, claim).await?.is_some());
+    if let Some(number) = claim.part.1 {
+        return Ok(attempt_of_study(tx, claim, number).await?.is_some());
     }
     let done = sqlx::query(
         "UPDATE lease SET progress = $3 WHERE run = $1 AND number = -1 AND attempt = $2
@@ -320,7 +333,7 @@ async fn reclaim(tx: &mut Transaction<'_>, node: &Node, run: RunId) -> Result<Re
     let Some(row) = row.filter(|_| !pieces.is_empty()) else { return Ok(recovered) };
     let attempt = row.get("attempt")?;
     let lost = match study {
-        Some(study) => chunks::lose(tx, run, study, &pieces).await?,
+        Some(study) => chunks::lose(tx, run, study, (node, &pieces)).await?,
         None => row.get::<u32>("lost")?,
     };
     if row.text("state")? == Some(JobState::Canceling.as_str()) {
@@ -351,12 +364,21 @@ async fn attempt_of_run(tx: &mut Transaction<'_>, claim: Claim) -> Result<Option
     let (run, number) = claim.part;
     let Some(number) = number else { return Ok(Some(claim.attempt)) };
     chunks::lock(tx, run).await?;
+    attempt_of_study(tx, claim, number).await
+}
+
+/// The attempt of the running study of a claimed piece.
+async fn attempt_of_study(
+    tx: &mut Transaction<'_>,
+    claim: Claim,
+    number: u32,
+) -> Result<Option<u32>, Error> {
     let row = sqlx::query(
         "SELECT run.attempt AS attempt FROM chunk JOIN run ON run.id = chunk.run
          WHERE chunk.run = $1 AND number = $2 AND chunk.attempt = $3
              AND chunk.state = 'running' AND run.state = 'running'",
     )
-    .bind(run.0)
+    .bind(claim.part.0.0)
     .bind(i64::from(number))
     .bind(i64::from(claim.attempt))
     .fetch_optional(&mut *tx.db)

@@ -1,13 +1,14 @@
 //! Submissions: they find a known result, join a live run, or queue a new run. For some submissions the answer
 //! is already computed.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use sqlx::postgres::PgRow;
 
 use super::transaction::{Transaction, writing};
 use super::{Database, chunks, keep, read};
-use crate::job::{ENGINE, JobState, Origin};
+use crate::job::{ENGINE, Job, JobState, Origin};
 use crate::store::error::Error;
 use crate::store::keep::{Answered, Source};
 use crate::store::row::{Columns, RunId, job_id};
@@ -20,8 +21,12 @@ const TRIES: usize = 10;
 
 impl Database {
     pub(in crate::store) async fn submit(&self, job: NewJob) -> Result<Submitted, Error> {
-        let submission = EncodedJob::new(job, self.0.queue_limit);
-        writing!(self, tx => submit(tx, &submission).await)
+        let submission = EncodedJob::new(job, self.0.backlog.limit());
+        let submitted = writing!(self, tx => submit(tx, &submission).await)?;
+        if let Submitted::Accepted(Job { state: JobState::Queued, .. }) = submitted {
+            self.0.backlog.grows();
+        }
+        Ok(submitted)
     }
 
     pub(in crate::store) async fn record(
@@ -30,7 +35,7 @@ impl Database {
         answer: Answered,
         wall: Duration,
     ) -> Result<Vec<Submitted>, Error> {
-        let limit = self.0.queue_limit;
+        let limit = self.0.backlog.limit();
         let jobs: Vec<_> = jobs
             .into_iter()
             .map(|job| NewJob { admission: Admission::NoNewRun, ..job })
@@ -174,11 +179,45 @@ async fn queue(tx: &mut Transaction<'_>, new: &EncodedJob) -> Result<Found, Erro
     Ok(Ok(Some(Place::Run { run, state, attempt: 0, origin })))
 }
 
+/// The length of the queue as it was counted last. To count it takes as long as the queue is, so a submission only counts it
+/// while it may be full.
+#[derive(Debug)]
+pub(super) struct Backlog {
+    limit: usize,
+    jobs: AtomicUsize,
+}
+
+impl Backlog {
+    /// A limit up to which a submission always counts.
+    const SMALL: usize = 1000;
+
+    pub(super) fn new(limit: usize) -> Self {
+        // It was not counted yet.
+        Self { limit, jobs: AtomicUsize::new(limit) }
+    }
+
+    /// Stores the count; `None` if it has failed.
+    pub(super) fn counted(&self, jobs: Option<usize>) {
+        self.jobs.store(jobs.unwrap_or(self.limit), Ordering::Relaxed);
+    }
+
+    fn grows(&self) {
+        self.jobs.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// The limit, if the queue may have reached it. Other servers may have queued jobs since the last count.
+    fn limit(&self) -> Option<usize> {
+        let near = self.limit <= Self::SMALL || self.jobs.load(Ordering::Relaxed) > self.limit / 2;
+        near.then_some(self.limit)
+    }
+}
+
 /// The answer to a job that needs a place in the queue, if there is none.
 async fn queue_is_full(
     tx: &mut Transaction<'_>,
     new: &EncodedJob,
 ) -> Result<Option<Submitted>, Error> {
+    let Some(limit) = new.limit else { return Ok(None) };
     let (all, own): (i64, i64) = sqlx::query_as(
         "SELECT count(*), count(*) FILTER (WHERE owner = $1) FROM job WHERE state = 'queued'",
     )
@@ -186,7 +225,7 @@ async fn queue_is_full(
     .fetch_one(&mut *tx.db)
     .await?;
     let queued = Queued { all: all as usize, own: own as usize };
-    Ok(queued.is_full(new.limit).then_some(Submitted::QueueFull { queued: queued.all }))
+    Ok(queued.is_full(limit).then_some(Submitted::QueueFull { queued: queued.all }))
 }
 
 /// Inserts a job.

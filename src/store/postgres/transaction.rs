@@ -10,6 +10,9 @@ use super::pool::{Borrowed, Pool};
 use crate::store::error::Error;
 use crate::store::signals::Effect;
 
+/// How long one attempt of a verb may take: longer than a statement may. A server that has vanished never answers.
+pub(super) const PATIENCE: Duration = Duration::from_secs(45);
+
 /// How often a verb is done again after a conflict with another transaction.
 const CONFLICTS: u32 = 10;
 
@@ -96,14 +99,17 @@ macro_rules! writing {
         let database: &Database = $database;
         let mut conflicts = $crate::store::postgres::transaction::Conflicts::default();
         loop {
-            let done = match $crate::store::postgres::Transaction::begin(&database.0.pool).await {
-                Ok(mut transaction) => {
-                    let $tx = &mut transaction;
-                    let answer: Result<_, Error> = async { $verb }.await;
-                    transaction.end(answer).await
-                }
-                Err(error) => Err(error),
+            let attempt = async {
+                let mut transaction =
+                    $crate::store::postgres::Transaction::begin(&database.0.pool).await?;
+                let $tx = &mut transaction;
+                let answer: Result<_, Error> = async { $verb }.await;
+                transaction.end(answer).await
             };
+            let done =
+                tokio::time::timeout($crate::store::postgres::transaction::PATIENCE, attempt)
+                    .await
+                    .unwrap_or(Err(Error::Exhausted));
             if !conflicts.again(&done).await {
                 break database.settle(done);
             }
@@ -113,24 +119,29 @@ macro_rules! writing {
 
 /// Reads with a connection of the pool. If the connection is broken, reads again with another one.
 macro_rules! reading {
-    ($database:expr, $db:ident => $query:expr) => {{
+    ($database:expr, $db:ident => $query:expr) => {
+        reading!($database, pool, $db => $query)
+    };
+    ($database:expr, $pool:ident, $db:ident => $query:expr) => {{
         let database: &Database = $database;
-        let done = loop {
-            let mut borrowed = match database.0.pool.get().await {
-                Ok(borrowed) => borrowed,
-                Err(error) => break Err(error),
-            };
-            let $db = borrowed.connection();
-            let answer: Result<_, Error> = async { $query }.await;
-            match answer {
-                Err(Error::Unreachable(_)) if !borrowed.is_new() => {}
-                Err(error @ Error::Unreachable(_)) => break Err(error),
-                answer => {
-                    borrowed.answered();
-                    break answer;
+        let attempts = async {
+            loop {
+                let mut borrowed = database.0.$pool.get().await?;
+                let $db = borrowed.connection();
+                let answer: Result<_, Error> = async { $query }.await;
+                match answer {
+                    Err(Error::Unreachable(_)) if !borrowed.is_new() => {}
+                    Err(error @ Error::Unreachable(_)) => return Err(error),
+                    answer => {
+                        borrowed.answered();
+                        return answer;
+                    }
                 }
             }
         };
+        let done = tokio::time::timeout($crate::store::postgres::transaction::PATIENCE, attempts)
+            .await
+            .unwrap_or(Err(Error::Exhausted));
         database.0.signals.counted(done)
     }};
 }

@@ -17,7 +17,9 @@ const JOBS: i64 = 100;
 /// Chunks deleted in one transaction. Each has some ten kilobytes.
 const CHUNKS: i64 = 100;
 /// Results evicted in one transaction.
-const RESULTS: i64 = 64;
+const RESULTS: i64 = 256;
+/// Transactions of each kind in one round. Between rounds, times of reading are stored.
+const AT_ONCE: usize = 50;
 /// Most entries of the audit log.
 const ENTRIES: i64 = 100_000;
 /// How long the scenario of an evicted result is kept at most: one year in milliseconds.
@@ -41,7 +43,8 @@ impl Upkeep {
         Self { keep_jobs, budget, clock: None, last: None, exceeds: false }
     }
 
-    /// Stores the times of reading of this server. If a round is due and no other server does one, does a part of it.
+    /// Stores the times of reading of this server. If a round is due, does a part of it. An error of one kind of work does not
+    /// keep the others from being done.
     pub(super) async fn round(&mut self, db: &Database) -> Result<(), Error> {
         let reads = db.0.signals.take_read();
         if !reads.is_empty() {
@@ -51,17 +54,46 @@ impl Upkeep {
             return Ok(());
         }
         let time = self.time(db).await?;
+        let done = [
+            self.delete_old(db, time).await,
+            Self::delete_chunks(db).await,
+            writing!(db, tx => forget(tx, time).await).map(|()| false),
+            self.make_room(db).await,
+        ];
         let mut more = false;
-        if let Some(age) = self.keep_jobs {
-            let age = i64::try_from(age.as_millis()).unwrap_or(i64::MAX);
-            let before = time.saturating_sub(age);
-            more |= writing!(db, tx => Ok(is_alone(tx).await? && delete_old(tx, before).await?))?;
+        for done in done {
+            more |= done?;
         }
-        more |= writing!(db, tx => Ok(is_alone(tx).await? && delete_chunks(tx).await?))?;
-        writing!(db, tx => forget(tx, time).await)?;
-        more |= self.make_room(db).await?;
         self.last = (!more).then(Instant::now);
         Ok(())
+    }
+
+    /// Deletes old jobs. Returns whether there may be more.
+    async fn delete_old(&self, db: &Database, time: i64) -> Result<bool, Error> {
+        let Some(age) = self.keep_jobs else { return Ok(false) };
+        let before = time.saturating_sub(i64::try_from(age.as_millis()).unwrap_or(i64::MAX));
+        for _ in 0..AT_ONCE {
+            match writing!(db, tx => {
+                Ok(if is_alone(tx).await? { Some(delete_old(tx, before).await?) } else { None })
+            })? {
+                Some(true) => {}
+                done => return Ok(done.is_none()),
+            }
+        }
+        Ok(true)
+    }
+
+    /// Deletes chunks of studies that have ended. Returns whether there may be more.
+    async fn delete_chunks(db: &Database) -> Result<bool, Error> {
+        for _ in 0..AT_ONCE {
+            match writing!(db, tx => {
+                Ok(if is_alone(tx).await? { Some(delete_chunks(tx).await?) } else { None })
+            })? {
+                Some(true) => {}
+                done => return Ok(done.is_none()),
+            }
+        }
+        Ok(true)
     }
 
     /// The time by which ages are measured.
@@ -84,23 +116,38 @@ impl Upkeep {
     /// Evicts the results that were read longest ago, until the bodies are within the budget. Returns whether there is more
     /// to evict.
     async fn make_room(&mut self, db: &Database) -> Result<bool, Error> {
-        let stored: i64 = reading!(db, db => {
-            let query = "SELECT coalesce(sum(stored), 0)::BIGINT FROM result WHERE evicted IS NULL";
-            Ok(sqlx::query_scalar(query).fetch_one(db).await?)
-        })?;
-        db.0.signals.tally.room_is(stored.unsigned_abs());
         let budget =
             self.budget.map_or(i64::MAX, |budget| i64::try_from(budget).unwrap_or(i64::MAX));
-        if stored <= budget {
-            self.exceeds = false;
-            return Ok(false);
+        for _ in 0..AT_ONCE {
+            // Another server may have evicted some before this transaction, so it sums.
+            let (stored, evicted) = writing!(db, tx => {
+                let is_alone = is_alone(tx).await?;
+                let query = "SELECT coalesce(sum(stored), 0)::BIGINT FROM result WHERE evicted IS NULL";
+                let stored: i64 = sqlx::query_scalar(query).fetch_one(&mut *tx.db).await?;
+                let excess = stored - budget;
+                let evicts = is_alone && excess > 0;
+                Ok((stored, if evicts { Some(evict_some(tx, excess).await?) } else { None }))
+            })?;
+            db.0.signals.tally.room_is(stored.unsigned_abs());
+            if stored <= budget {
+                self.exceeds = false;
+                return Ok(false);
+            }
+            match evicted {
+                None => return Ok(true),
+                Some(0) => {
+                    self.warn(stored, budget);
+                    return Ok(false);
+                }
+                Some(_) => {}
+            }
         }
-        let evicted = writing!(db, tx => {
-            let is_alone = is_alone(tx).await?;
-            Ok(if is_alone { Some(evict_some(tx, stored - budget).await?) } else { None })
-        })?;
-        let more = evicted == Some(true);
-        if evicted == Some(false) && !self.exceeds {
+        Ok(true)
+    }
+
+    /// Warns once that all results that are left are pinned.
+    fn warn(&mut self, stored: i64, budget: i64) {
+        if !self.exceeds {
             self.exceeds = true;
             tracing::warn!(
                 stored,
@@ -108,7 +155,6 @@ impl Upkeep {
                 "the results exceed --keep-results, and only pinned results are left; unpin results or raise the limit"
             );
         }
-        Ok(more)
     }
 }
 
@@ -197,8 +243,9 @@ async fn forget(tx: &mut Transaction<'_>, time: i64) -> Result<(), Error> {
     Ok(())
 }
 
-/// Evicts results of this many bytes, or some of them. Returns whether there was one.
-async fn evict_some(tx: &mut Transaction<'_>, bytes: i64) -> Result<bool, Error> {
+/// Evicts results of this many bytes, or some of them. Returns how many bytes they had; 0 if there are
+/// none.
+async fn evict_some(tx: &mut Transaction<'_>, bytes: i64) -> Result<i64, Error> {
     let oldest: Vec<(Vec<u8>, i64)> = sqlx::query_as(
         "SELECT key, stored FROM result WHERE NOT pinned AND evicted IS NULL
          ORDER BY last_access LIMIT $1 FOR NO KEY UPDATE SKIP LOCKED",
@@ -206,14 +253,14 @@ async fn evict_some(tx: &mut Transaction<'_>, bytes: i64) -> Result<bool, Error>
     .bind(RESULTS)
     .fetch_all(&mut *tx.db)
     .await?;
-    let mut left = bytes;
+    let mut evicted = 0;
     for (key, stored) in &oldest {
-        if left <= 0 {
+        if evicted >= bytes {
             break;
         }
         keep::evict(tx, key, None).await?;
         tx.effects.push(Effect::Evicted);
-        left -= stored;
+        evicted += stored;
     }
-    Ok(!oldest.is_empty())
+    Ok(evicted)
 }

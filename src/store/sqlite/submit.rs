@@ -21,7 +21,7 @@ use crate::store::tally::Ending;
 
 impl Database {
     pub(in crate::store) async fn submit(&self, job: NewJob) -> Result<Submitted, Error> {
-        self.write(submit, EncodedJob::new(job, self.queue_limit)).await
+        self.write(submit, EncodedJob::new(job, Some(self.queue_limit))).await
     }
 
     pub(in crate::store) async fn record(
@@ -30,7 +30,7 @@ impl Database {
         answer: Answered,
         wall: Duration,
     ) -> Result<Vec<Submitted>, Error> {
-        let limit = self.queue_limit;
+        let limit = Some(self.queue_limit);
         let jobs = jobs.into_iter().map(|job| EncodedJob::new(job, limit)).collect();
         self.write(record, Record { jobs, wall, answer }).await
     }
@@ -59,7 +59,9 @@ impl EncodedJob {
     async fn refusal(&self, tx: &mut Transaction) -> Result<Option<Submitted>, Error> {
         let admission = self.job.admission;
         let queued = Queued { all: tx.queue.jobs(), own: tx.queue.waiting_of(&self.job.owner) };
-        if admission != Admission::OnlyKnown && !queued.is_full(self.limit) {
+        if admission != Admission::OnlyKnown
+            && !self.limit.is_some_and(|limit| queued.is_full(limit))
+        {
             return Ok(None);
         }
         // Whether the result is stored, and the state of the live run.

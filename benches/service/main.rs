@@ -28,6 +28,12 @@
 //! - `library`: the time of a page of `GET /v1/results` with a hundred thousand results.
 //! - `memory`: the memory of the server while ten thousand jobs wait.
 //! - `disk`: the size of the database file with a thousand results.
+//! - `front`: `POST /v1/jobs` of new scenarios at a server without workers whose tables are in PostgreSQL, compared with a
+//!   route that inserts the same two rows in one transaction through sqlx, with as many connections.
+//! - `nodes`: two `fretwork worker` of one thread with one PostgreSQL, compared with one, on runs of seconds. Both and the
+//!   database share the processor cores.
+//!
+//! `tests/postgres` starts the database, which syncs each commit.
 //!
 //! Arguments select the measurements: `cargo bench --bench service -- job memory`.
 
@@ -38,6 +44,8 @@
     clippy::print_stdout,
     reason = "a benchmark prints, and stops at the first error"
 )]
+
+mod shared;
 
 use std::hint::black_box;
 use std::io::{self, BufRead as _, BufReader, Read as _, Write as _};
@@ -64,7 +72,7 @@ use tempfile::TempDir;
 use tokio::net::TcpListener;
 use xxhash_rust::xxh3::xxh3_64;
 
-const MEASUREMENTS: [(&str, fn()); 9] = [
+const MEASUREMENTS: [(&str, fn()); 11] = [
     ("result", results),
     ("job", jobs),
     ("evaluate", evaluations),
@@ -74,6 +82,8 @@ const MEASUREMENTS: [(&str, fn()); 9] = [
     ("library", library),
     ("memory", memory),
     ("disk", disk),
+    ("front", shared::submissions),
+    ("nodes", shared::nodes),
 ];
 const PROGRAM: &str = env!("CARGO_BIN_EXE_fretwork");
 /// Python with the package `umbridge`, from `tests/clients/install`.
@@ -97,6 +107,12 @@ fn main() -> ExitCode {
         && word == "bare"
     {
         serve_bare(Path::new(dir), coding);
+        return ExitCode::SUCCESS;
+    }
+    if let [word, database] = words.as_slice()
+        && word == "bare-shared"
+    {
+        shared::serve_bare(database);
         return ExitCode::SUCCESS;
     }
     if let Some(word) = words.iter().find(|word| MEASUREMENTS.iter().all(|(name, _)| name != word))
@@ -341,7 +357,7 @@ fn disk() {
 
 /// A job: the steel ball with profiles at these cycles and these digits in its amplitude.
 fn ball(profiles: &str, digits: &str) -> String {
-    let text = include_str!("../examples/steel-ball.json");
+    let text = include_str!("../../examples/steel-ball.json");
     let mut job: Value = serde_json::from_str(text).expect("an example");
     let scenario = &mut job["scenario"];
     assert_eq!(scenario["cycles"].as_array().map(Vec::len), Some(5), "output cycles");
@@ -381,7 +397,12 @@ struct Load<'a> {
 impl<'a> Load<'a> {
     /// Asserts that the server answers the request with 200.
     fn new(server: &'a Server, request: String) -> Self {
-        server.connect().ask(200, &request.replace('#', "9"));
+        Self::answered(server, request, 200)
+    }
+
+    /// Asserts that the server answers the request with this status.
+    fn answered(server: &'a Server, request: String, status: u16) -> Self {
+        server.connect().ask(status, &request.replace('#', "9"));
         Self { server, request, turns: 0, answers: 0.0, used: server.used() }
     }
 }
@@ -543,9 +564,20 @@ impl Client {
     }
 }
 
+/// Another process. It is killed when this is dropped.
+struct Process(Child);
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        // The process may have ended already.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
 /// A server in another process.
 struct Server {
-    child: Child,
+    process: Process,
     address: SocketAddr,
 }
 
@@ -572,7 +604,7 @@ impl Server {
         BufReader::new(output).read_line(&mut line).expect("a line");
         let address = line.trim_end().rsplit("http://").next().expect("an address");
         let address = address.parse().expect("an address");
-        Self { child, address }
+        Self { process: Process(child), address }
     }
 
     fn connect(&self) -> Client {
@@ -583,19 +615,19 @@ impl Server {
 
     /// Stops the program with SIGTERM, so that it completes its work.
     fn stop(mut self) {
-        let id = self.child.id().to_string();
+        let id = self.process.0.id().to_string();
         assert!(Command::new("kill").args(["-TERM", &id]).status().expect("kill").success());
-        assert!(self.child.wait().expect("the server").success());
+        assert!(self.process.0.wait().expect("the server").success());
     }
 
     /// Its processor time in ms.
     fn used(&self) -> f64 {
-        used(self.child.id())
+        used(self.process.0.id())
     }
 
     /// Its resident memory in MB.
     fn resident(&self) -> f64 {
-        let status = status(self.child.id(), "status");
+        let status = status(self.process.0.id(), "status");
         let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
         let kilobytes = line.and_then(|line| line.trim().strip_suffix(" kB"));
         kilobytes.and_then(|text| text.parse::<f64>().ok()).expect("a size") * 1.024e-3
@@ -615,14 +647,6 @@ fn used(process: u32) -> f64 {
 /// What Linux reports about a process.
 fn status(process: u32, file: &str) -> String {
     fs::read_to_string(format!("/proc/{process}/{file}")).expect("a process on Linux")
-}
-
-impl Drop for Server {
-    fn drop(&mut self) {
-        // The process may have ended already.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
 }
 
 /// The bare server. It serves the bytes of its standard input, and writes rows to a table.
@@ -651,6 +675,11 @@ async fn serve_bare(dir: &Path, coding: &str) {
     let router = Router::new()
         .route("/bytes", get(async move || (head.clone(), bytes.clone())))
         .route("/rows", post(insert));
+    listen(router).await;
+}
+
+/// Serves on a free port, and prints its address.
+async fn listen(router: Router) {
     let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port");
     println!("http://{}", listener.local_addr().expect("an address"));
     let listener = listener.tap_io(|connection| {
