@@ -8,11 +8,8 @@ use fretwork_engine::request::quantity::Dimension;
 use serde::Serialize;
 use serde_json::Value;
 
-use super::vary;
+use super::vary::{self, MAX_RADII};
 use crate::json::Distinct;
-
-/// Most radii.
-const MAX_RADII: usize = 1000;
 
 /// A curve over the radius.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr, Serialize)]
@@ -91,7 +88,7 @@ impl CommonProfiles {
         let radii = vary::list_or_range(radius, Dimension::Length)
             .map_err(|faults| faults.below("/radius"))?;
         let wrong = |detail: String| Err(Faults::one("/radius", detail));
-        if radii.len() > MAX_RADII {
+        if radii.len() as u64 > MAX_RADII {
             return wrong(format!("gives {} radii. At most {MAX_RADII} are accepted", radii.len()));
         }
         let is_ascending = radii.is_sorted_by(|one, next| one < next);
@@ -169,7 +166,8 @@ mod tests {
                 "/radius/values",
                 "unknown",
             ),
-            (json!({"from": 0, "to": 1, "count": 1001}), "/radius", "At most 1000"),
+            (json!({"from": 0, "to": 1, "count": 1001}), "/radius/count", "from 2 to 1000"),
+            (json!(vec![1; 1001]), "/radius", "At most 1000"),
         ] {
             let Faults(faults) = radii(bad.clone()).unwrap_err();
             assert_eq!(faults[0].pointer, pointer, "{bad}");

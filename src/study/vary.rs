@@ -16,6 +16,8 @@ use crate::json::Whole;
 
 /// Most values of one number, and most values of a range.
 const MAX_VALUES: u64 = 100_000;
+/// Most radii at which a study keeps profiles.
+pub const MAX_RADII: u64 = 1000;
 /// Most numbers that a study varies.
 const MAX_MEMBERS: usize = 100;
 /// Most values of all numbers together.
@@ -70,7 +72,7 @@ struct Entry {
 struct Range {
     from: Value,
     to: Value,
-    count: Whole<2, MAX_VALUES>,
+    count: Whole<2, MAX_RADII>,
     #[deserr(default)]
     spacing: Given<SpacingName>,
 }
