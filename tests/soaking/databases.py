@@ -4,7 +4,7 @@ import contextlib
 import sqlite3
 
 import programs
-from sampling import MORE_TABLES, TABLES, count_rows
+from sampling import COUNTED, COUNTED_SHARED, by_unit, count_rows
 
 # What must hold when all jobs have ended and upkeep has finished: a description, and a statement that counts exceptions.
 RULES = [
@@ -22,6 +22,9 @@ RULES = [
     ("results without a scenario", "SELECT count(*) FROM result"
      " WHERE NOT EXISTS (SELECT 1 FROM result_task WHERE result_task.key = result.key)"),
 ]
+# The tables of PostgreSQL that keep evicted results for a year, and all that are watched.
+FOR_A_YEAR = {"result", "result_task", "outline"}
+WATCHED = FOR_A_YEAR | {"job", "run", "result_blob", "study", "chunk", "lease", "turn", "job_tag", "upkeep"}
 # How many pieces of ended studies upkeep has not deleted yet.
 LEFT = "SELECT count(*) FROM study LEFT JOIN run ON run.id = study.run WHERE run.id IS NULL OR finished IS NOT NULL"
 
@@ -29,8 +32,9 @@ LEFT = "SELECT count(*) FROM study LEFT JOIN run ON run.id = study.run WHERE run
 class Sqlite(programs.Sqlite):
     """The database of one server."""
 
-    # `--keep-results` deletes jobs, too.
+    # `--keep-results` bounds the whole database, and deletes jobs, too. It must be reached in the first minutes.
     evicts_jobs = True
+    keep_results = 96 << 20
 
     def query(self, sql):
         """The rows of a statement."""
@@ -43,7 +47,7 @@ class Sqlite(programs.Sqlite):
 
     def sizes(self):
         """Rows of each table, and the sizes of the files."""
-        rows = {("rows", TABLES[place]): count for place, count in self.query(count_rows(TABLES))}
+        rows = by_unit(COUNTED, self.query(count_rows(COUNTED)))
         file, log = (path.stat().st_size if path.exists() else 0
                      for path in (self.file, self.file.with_name("fretwork.db-wal")))
         return rows | {("MiB on disk", "database"): file / 2**20, ("MiB on disk", "log"): log / 2**20}
@@ -65,16 +69,21 @@ class Sqlite(programs.Sqlite):
 class Postgres(programs.Postgres):
     """The database of several servers."""
 
+    # `--keep-results` bounds the bodies of results.
     evicts_jobs = False
+    keep_results = 32 << 20
 
     def sizes(self):
         """Rows, dead rows and size of each table with its indexes."""
-        tables = TABLES + MORE_TABLES
-        rows = {("rows", tables[int(place)]): int(count) for place, count in self.query(count_rows(tables))}
-        found = self.query("SELECT relname, n_dead_tup, pg_total_relation_size(relid) FROM pg_stat_user_tables")
-        dead = {("dead rows", table): int(count) for table, count, _ in found if table in tables}
-        size = {("MiB on disk", table): int(size) / 2**20 for table, _, size in found if table in tables}
-        whole = {("MiB on disk", "database"): self.value("SELECT pg_database_size(current_database())") / 2**20}
+        counted = COUNTED | COUNTED_SHARED
+        rows = by_unit(counted, self.query(count_rows(counted)))
+        results = rows["rows", "result"] + rows["rows for a year", "evicted result"]
+        found = [(table, int(dead), int(size)) for table, dead, size in self.query(
+            "SELECT relname, n_dead_tup, pg_total_relation_size(relid) FROM pg_stat_user_tables")]
+        dead = {("dead rows", table): dead for table, dead, _ in found if table in WATCHED}
+        size = {("MiB on disk", table): size / 2**20 for table, _, size in found if table in WATCHED - FOR_A_YEAR}
+        size |= {("bytes per row", table): size / max(results, 1) for table, _, size in found if table in FOR_A_YEAR}
+        whole = {("MiB in total", "database"): self.value("SELECT pg_database_size(current_database())") / 2**20}
         connections = "SELECT count(*) FROM pg_stat_activity WHERE datname = current_database()"
         return rows | dead | size | whole | {("connections", "database"): self.value(connections)}
 

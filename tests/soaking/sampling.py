@@ -7,9 +7,13 @@ import programs
 from load import QUICK
 from programs import Client, submission
 
-TABLES = ["job", "run", "result", "result_blob", "result_task", "outline", "study", "chunk"]
+# What is counted in both databases, and where from.
+COUNTED = {
+    "job": "job", "run": "run", "result": "result WHERE evicted IS NULL", "evicted result": "result WHERE evicted IS NOT NULL",
+    "result_blob": "result_blob", "outline": "outline WHERE present", "study": "study", "chunk": "chunk",
+}
 # Those of PostgreSQL only.
-MORE_TABLES = ["lease", "turn", "upkeep", "job_tag"]
+COUNTED_SHARED = {"lease": "lease", "turn": "turn", "job_tag": "job_tag"}
 REPEATS = 5
 # What a series may grow after the warm-up: the larger one of a share of its mean and an amount.
 BOUNDS = {
@@ -20,6 +24,7 @@ BOUNDS = {
     # Upkeep works in rounds of a minute: rows and sizes are saws, of which the last tooth may be unfinished.
     "rows": (0.20, 1000),
     "MiB on disk": (0.15, 8),
+    "bytes per row": (0.20, 100),
     # Autovacuum also works in rounds of a minute.
     "dead rows": (0.50, 10_000),
     # A saturated machine with two cores makes medians of five samples noisy.
@@ -27,10 +32,16 @@ BOUNDS = {
 }
 
 
-def count_rows(tables):
-    """The statement that counts the rows of tables."""
-    counts = [f"SELECT {place}, count(*) FROM {table}" for place, table in enumerate(tables)]
+def count_rows(counted):
+    """The statement that counts rows."""
+    counts = [f"SELECT {place}, count(*) FROM {rows}" for place, rows in enumerate(counted.values())]
     return " UNION ALL ".join(counts) + " ORDER BY 1"
+
+
+def by_unit(counted, counts):
+    """Numbers of rows as a part of a sample. The scenarios of evicted results stay for a year, so they grow."""
+    return {("rows for a year" if name.startswith("evicted") else "rows", name): int(count)
+            for name, (_, count) in zip(counted, counts)}
 
 
 class Sampler:
