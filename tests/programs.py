@@ -163,7 +163,7 @@ class Postgres:
 
 
 class Client:
-    """A connection to a server from a loopback address, which is the owner of its jobs. It connects again if necessary."""
+    """A connection from a loopback address, which is the owner of its jobs. It connects again if necessary."""
 
     def __init__(self, port, source="127.0.0.1"):
         self.port, self.source, self.connection = port, source, None
@@ -175,7 +175,7 @@ class Client:
                                                      source_address=(self.source, 0))
 
     def ask(self, method, path, body=None, **headers):
-        """Sends a request, with underscores in the names of headers for hyphens. Returns the answer, and its whole body."""
+        """Sends a request, with underscores in names of headers for hyphens. Returns the answer and its whole body."""
         answer = self.open(method, path, body, **headers)
         return answer, answer.read()
 

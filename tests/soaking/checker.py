@@ -12,8 +12,8 @@ READERS = 4
 DRAIN, UPKEEP = 120, 240
 # Seconds for which a result may be refused.
 REFUSED = 30
-# Seconds by which jobs that --keep-results deletes may be younger than the oldest one that is left: they are deleted in the
-# order of their ends, but compared by their beginnings.
+# Seconds by which jobs that --keep-results deletes may be younger than the oldest one that is left: they are deleted in
+# the order of their ends, but compared by their beginnings.
 DISORDER = 30
 UNFINISHED = ("queued", "running", "canceling")
 
@@ -46,7 +46,8 @@ class Checker:
             oldest = max(oldest, min(map(created, found), default=stopped) + DISORDER)
         expected = {job for job in self.report.jobs if created(job) > oldest} - self.report.deleted
         if missing := expected - found.keys():
-            self.faults.append(f"{len(missing)} of {len(expected)} acknowledged jobs are missing, such as {min(missing)}")
+            what = f"{len(missing)} of {len(expected)} acknowledged jobs are missing"
+            self.faults.append(f"{what}, such as {min(missing)}")
         drained = self.drain()
         for job in [job for job in found.values() if job["state"] in UNFINISHED]:
             answer, _ = self.client.ask("GET", f"/v1/jobs/{job['id']}")
@@ -56,8 +57,8 @@ class Checker:
         failed = [job for job in ended.values() if job["state"] == "failed"]
         if failed:
             self.faults.append(f"{len(failed)} jobs have failed, such as {failed[0]}")
-        self.notes.append(f"{len(found)} jobs were found, {len(expected)} of them were acknowledged to the users and are"
-                          f" young enough; the queue was empty after {drained:.0f} s")
+        self.notes.append(f"{len(found)} jobs were found, with the {len(expected)} that were acknowledged and are young"
+                          f" enough; the queue was empty after {drained:.0f} s")
         return ended
 
     def drain(self):

@@ -6,7 +6,7 @@ import sqlite3
 import programs
 from sampling import COUNTED, COUNTED_SHARED, by_unit, count_rows
 
-# What must hold when all jobs have ended and upkeep has finished: a description, and a statement that counts exceptions.
+# What must hold when all jobs have ended and upkeep has finished: a name, and a statement that counts exceptions.
 RULES = [
     ("unfinished runs", "SELECT count(*) FROM run WHERE finished IS NULL"),
     ("unfinished jobs", "SELECT count(*) FROM job WHERE finished IS NULL"),

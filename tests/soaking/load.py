@@ -1,7 +1,7 @@
 """The mixed load of a soak: users who submit, read, follow, cancel and delete as fast as the server lets them.
 
-Each process of users has one loopback address, so it is one owner of jobs. A user checks each answer: its status must be
-one that the request allows, or 429 or 503 with `Retry-After`.
+Each process of users has one loopback address, so it is one owner of jobs. A user checks each answer: its status must be one
+that the request allows, or 429 or 503 with `Retry-After`.
 """
 
 import collections
@@ -88,7 +88,7 @@ class User:
         self.client.close()
 
     def ask(self, allowed, method, path, body=None, **headers):
-        """Sends a request and checks the status. Returns status, headers and body; the status is None if it was refused."""
+        """Sends a request and checks the status. Returns it with headers and body; it is None if the request was refused."""
         answer, text = self.client.ask(method, path, body, **headers)
         is_accepted = self.accepts(allowed, answer, f"{method} {path}: {text[:300]}")
         return answer.status if is_accepted else None, answer, text
@@ -172,7 +172,8 @@ class User:
         """A client that goes before it has its answer. Its job may exist."""
         body = json.dumps(submission(QUICK | {"friction": self.number(0.4, 0.9)})).encode()
         self.client.connect()
-        self.client.connection.request("POST", "/v1/jobs", body, {"Content-Type": "application/json", "Prefer": "wait=10"})
+        headers = {"Content-Type": "application/json", "Prefer": "wait=10"}
+        self.client.connection.request("POST", "/v1/jobs", body, headers)
         time.sleep(self.random.choice([0, 0.01, 0.1]))
         self.client.close()
 

@@ -9,7 +9,8 @@ from programs import Client, submission
 
 # What is counted in both databases, and where from.
 COUNTED = {
-    "job": "job", "run": "run", "result": "result WHERE evicted IS NULL", "evicted result": "result WHERE evicted IS NOT NULL",
+    "job": "job", "run": "run", "result": "result WHERE evicted IS NULL",
+    "evicted result": "result WHERE evicted IS NOT NULL",
     "result_blob": "result_blob", "outline": "outline WHERE present", "study": "study", "chunk": "chunk",
 }
 # Those of PostgreSQL only.
