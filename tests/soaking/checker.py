@@ -10,6 +10,8 @@ from programs import Client
 READERS = 4
 # Seconds in which the queue must become empty, and upkeep must have deleted what is not needed.
 DRAIN, UPKEEP = 120, 240
+# Seconds in which all jobs are listed. Meanwhile upkeep may delete the oldest ones.
+READING = 15
 # Seconds for which a result may be refused.
 REFUSED = 30
 # Seconds by which jobs that --keep-results deletes may be younger than the oldest one that is left: they are deleted in
@@ -41,7 +43,7 @@ class Checker:
         """Each acknowledged job must be there, unless it was deleted, and must end."""
         stopped = time.time()
         found = self.jobs()
-        oldest = stopped - self.keep_jobs
+        oldest = stopped - self.keep_jobs + READING
         if self.evicts_jobs:
             oldest = max(oldest, min(map(created, found), default=stopped) + DISORDER)
         expected = {job for job in self.report.jobs if created(job) > oldest} - self.report.deleted
@@ -51,7 +53,7 @@ class Checker:
         drained = self.drain()
         for job in [job for job in found.values() if job["state"] in UNFINISHED]:
             answer, _ = self.client.ask("GET", f"/v1/jobs/{job['id']}")
-            if answer.status != 200 and created(job["id"]) > time.time() - self.keep_jobs:
+            if answer.status != 200 and created(job["id"]) > time.time() - self.keep_jobs + READING:
                 self.faults.append(f"the unfinished job {job['id']} has gone")
         ended = self.jobs()
         failed = [job for job in ended.values() if job["state"] == "failed"]
