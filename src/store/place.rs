@@ -106,6 +106,8 @@ impl DatabaseUrl {
             ("enable_seqscan", "off"),
             // The statements of verbs are short. To compile one would take longer than to execute it.
             ("jit", "off"),
+            // To start workers for a short statement, too.
+            ("max_parallel_workers_per_gather", "0"),
         ])
     }
 }
