@@ -98,6 +98,11 @@ impl Database {
         FileSizes::default()
     }
 
+    /// Those for verbs. One more waits for notifications.
+    pub(super) fn connections(&self) -> u64 {
+        self.0.pool.open()
+    }
+
     pub(super) async fn close(&self) {
         self.0.closing.send_replace(true);
         self.0.pool.close().await;
