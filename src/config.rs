@@ -51,6 +51,13 @@ Examples:
   fretwork keys revoke anna                             all keys with this name
   fretwork keys revoke 0a1b2c3d                         one key, by its id";
 
+const WORKER_EXAMPLES: &str = "\
+Examples:
+  export FRETWORK_DATABASE=postgres://fretwork:PASSWORD@db.example/fretwork
+  fretwork worker                               one thread per processor
+  fretwork worker --listen 0.0.0.0:9090         also answer Prometheus and health checks
+  fretwork health --url http://127.0.0.1:9090   exit code 0 if the worker answers";
+
 const EXPORT_EXAMPLES: &str = "\
 Examples:
   fretwork export all.db                                    all results
@@ -82,9 +89,10 @@ pub struct Cli {
 pub enum Command {
     /// Start the server (the default).
     Serve(Box<Serve>),
-    /// Compute the runs of other servers, which share a PostgreSQL database. Answers no requests.
+    /// Compute the runs of other servers, which share a PostgreSQL database. Answers no requests of clients.
     ///
     /// Start any number of workers on any number of machines, beside servers with the same --database.
+    #[command(after_help = WORKER_EXAMPLES)]
     Worker(Box<Worker>),
     /// Compute a job body from a file, without a server or a database.
     ///
@@ -407,6 +415,10 @@ pub struct Worker {
     #[arg(long, env = "FRETWORK_WORKERS", value_name = "N",
         value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub workers: Option<u16>,
+    /// Address and port for monitors: /healthz, /readyz and /metrics. If the database has access keys, /metrics requires
+    /// one with the role `read`.
+    #[arg(long, env = "FRETWORK_LISTEN", value_name = "ADDRESS", value_parser = resolve)]
+    pub listen: Option<SocketAddr>,
     /// Seconds that runs may take to finish when the worker stops. Unfinished runs start again on another one.
     #[arg(long, env = "FRETWORK_DRAIN_SECONDS", default_value = "7", value_name = "SECONDS",
         value_parser = seconds)]

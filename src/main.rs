@@ -4,6 +4,7 @@ mod cli;
 mod config;
 mod telemetry;
 
+use std::future;
 use std::io::{self, Write as _};
 use std::net::SocketAddr;
 use std::pin::pin;
@@ -145,6 +146,7 @@ fn work(settings: &Worker) -> Result<(), Error> {
 
 async fn work_until_signal(settings: &Worker, place: &Place) -> Result<(), Error> {
     let mut signals = ShutdownSignals::new()?;
+    let listener = settings.listen.map(|address| listen(address, "--listen")).transpose()?;
     // A worker has no limits of what is kept: the servers have them.
     let store =
         Store::open(place, &Options { lease: settings.lease, ..Options::default() }).await?;
@@ -152,15 +154,35 @@ async fn work_until_signal(settings: &Worker, place: &Place) -> Result<(), Error
     let service = Service::new(store.clone(), Arc::new(Task::start), count, settings.limits());
     let workers = Workers::start(&store, count, settings.limits(), &service.compute())?;
     tracing::info!(%place, workers = count, "working");
-    signals.next().await;
-    tracing::info!("draining; a second signal stops at once");
-    let drain = async {
-        workers.drain(settings.drain_seconds).await;
-        store.close().await;
+    if let Some(listener) = &listener {
+        greet_monitors(listener.local_addr()?);
+    }
+    let monitored = service.clone();
+    // Monitors get answers until the process ends.
+    let monitoring = async {
+        match listener {
+            Some(listener) => http::serve_monitoring(listener, monitored).await,
+            None => future::pending().await,
+        }
+    };
+    let work = async {
+        signals.next().await;
+        tracing::info!("draining; a second signal stops at once");
+        service.drain();
+        let drain = async {
+            workers.drain(settings.drain_seconds).await;
+            store.close().await;
+        };
+        tokio::select! {
+            () = drain => tracing::info!("drained"),
+            () = signals.next() => {
+                tracing::warn!("stopped; other workers compute the interrupted runs again");
+            }
+        }
     };
     tokio::select! {
-        () = drain => tracing::info!("drained"),
-        () = signals.next() => tracing::warn!("stopped; other workers compute the interrupted runs again"),
+        () = work => {}
+        () = monitoring => {}
     }
     Ok(())
 }
@@ -298,6 +320,19 @@ impl ShutdownSignals {
     }
 }
 
+/// Prints the address at which a worker answers monitors.
+fn greet_monitors(address: SocketAddr) {
+    let line = format!("{} for monitors\n", greeting(address));
+    // Standard output may be closed. The worker does not need it.
+    if let Err(error) = print(line.as_bytes()) {
+        tracing::warn!(error, "cannot print the greeting");
+    }
+}
+
+fn greeting(address: SocketAddr) -> String {
+    format!("fretwork {} listens on http://{}", env!("CARGO_PKG_VERSION"), reachable(address))
+}
+
 /// Prints the address of the server and a command to try it.
 fn greet(
     address: SocketAddr,
@@ -310,7 +345,7 @@ fn greet(
     let example: String = http::EXAMPLES[0].body.lines().map(str::trim).collect();
     let body = example.replace('\'', "'\\''");
     let mut out = io::stdout().lock();
-    writeln!(out, "fretwork {} listens on {base}", env!("CARGO_PKG_VERSION"))?;
+    writeln!(out, "{}", greeting(address))?;
     writeln!(out, "dashboard: {base}/   documentation: {base}/docs/   data: {place}")?;
     if let Some(address) = umbridge {
         writeln!(out, "UM-Bridge alone: http://{}", reachable(address))?;

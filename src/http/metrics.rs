@@ -31,6 +31,7 @@ pub struct Metrics {
     free: Measured,
     database: Measured,
     log: Measured,
+    database_connections: Measured,
     memory_hits: Counter,
     memory_misses: Counter,
 }
@@ -48,6 +49,8 @@ pub struct Measurements {
     /// Free space on the disk of the data directory, in bytes.
     pub free: Option<u64>,
     pub files: FileSizes,
+    /// Open connections to the database.
+    pub database_connections: Option<u64>,
 }
 
 #[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
@@ -86,20 +89,24 @@ impl Metrics {
             Unit::Bytes,
             shares.held.clone(),
         );
-        let [longest_wait, last_backup, free, database, log] = [
-            ("queue_oldest", Unit::Seconds, "Waiting time of the oldest queued run"),
+        let [longest_wait, last_backup, free, database, log, database_connections] = [
+            ("queue_oldest", Some(Unit::Seconds), "Waiting time of the oldest queued run"),
             (
                 "last_backup_timestamp",
-                Unit::Seconds,
+                Some(Unit::Seconds),
                 "When the last backup ended, in seconds since 1970; 0 if there was none",
             ),
-            ("disk_free", Unit::Bytes, "Free space on the disk of the data directory"),
-            ("database", Unit::Bytes, "Size of the database"),
-            ("database_log", Unit::Bytes, "Size of the write-ahead log of the database"),
+            ("disk_free", Some(Unit::Bytes), "Free space on the disk of the data directory"),
+            ("database", Some(Unit::Bytes), "Size of the database"),
+            ("database_log", Some(Unit::Bytes), "Size of the write-ahead log of the database"),
+            ("database_connections", None, "Open connections to PostgreSQL"),
         ]
         .map(|(name, unit, help)| {
             let gauge = Measured::default();
-            registry.register_with_unit(name, help, unit, gauge.clone());
+            match unit {
+                Some(unit) => registry.register_with_unit(name, help, unit, gauge.clone()),
+                None => registry.register(name, help, gauge.clone()),
+            }
             gauge
         });
         let [memory_hits, memory_misses] = [
@@ -133,6 +140,7 @@ impl Metrics {
             free,
             database,
             log,
+            database_connections,
             memory_hits,
             memory_misses,
         }
@@ -172,13 +180,14 @@ impl Metrics {
     /// # Errors
     /// A metric has no text.
     pub fn write(&self, measured: &Measurements) -> Result<String, fmt::Error> {
-        let bytes = |bytes: u64| bytes as f64;
+        let number = |number: u64| number as f64;
         for (gauge, value) in [
             (&self.longest_wait, measured.longest_wait.map(|wait| wait.as_secs_f64())),
             (&self.last_backup, measured.last_backup.map(|at| at as f64 / 1e3)),
-            (&self.free, measured.free.map(bytes)),
-            (&self.database, measured.files.database.map(bytes)),
-            (&self.log, measured.files.log.map(bytes)),
+            (&self.free, measured.free.map(number)),
+            (&self.database, measured.files.database.map(number)),
+            (&self.log, measured.files.log.map(number)),
+            (&self.database_connections, measured.database_connections.map(number)),
         ] {
             // An unknown value must not look like the previous one.
             gauge.set(value.unwrap_or(f64::NAN));

@@ -47,13 +47,14 @@ mod umbridge;
 mod weight;
 mod wire;
 
+use std::future;
 use std::sync::Arc;
 
-use axum::Router;
 use axum::extract::Request;
 use futures_util::FutureExt as _;
 use futures_util::future::{OptionFuture, join};
 use tokio::net::TcpListener;
+use utoipa_axum::router::OpenApiRouter;
 
 pub use access::{Access, AdminKey};
 pub use admission::Connections;
@@ -72,6 +73,7 @@ use app::App;
 use layers::with_layers;
 use memory::Memory;
 use metrics::Metrics;
+use needs::RouteNeeds;
 use problem::Problem;
 use routes::Routes;
 use shares::Shares;
@@ -129,32 +131,59 @@ pub async fn serve(
     closing: impl Future<Output = ()>,
 ) {
     let Routes { router, needs } = Routes::all();
-    let (router, _) = router.split_for_parts();
-    let gate = Arc::new(Gate::new(service.store(), &settings.access, needs));
-    let admission = Arc::new(Admission::new(settings.connections.clone()));
-    let shares = Arc::new(Shares::new(settings.transfers, service.places()));
-    let metrics = Arc::new(Metrics::new(service.tally(), service.workers(), &admission, &shares));
-    let memory = Memory::new(settings.memory);
-    let app = App::new(service, gate.clone(), memory, shares.clone(), metrics.clone(), || {
-        document().into()
-    });
+    let server = Server::new(service, settings, needs);
     let closing = closing.shared();
-    let serve = |listener: TcpListener, router: Router<App>| {
-        let (gate, metrics, shares) = (gate.clone(), metrics.clone(), shares.clone());
-        let router = router.fallback(not_found);
-        let layered = with_layers(router, gate, metrics, shares, settings.origins.clone());
-        let router = layered.with_state(app.clone());
-        server::serve(listener, router, admission.clone(), settings.patience, closing.clone())
-    };
     let Sockets { api, umbridge } = sockets.into();
-    let umbridge = umbridge.map(|listener| {
-        let (router, _) = Routes::of_umbridge().router.split_for_parts();
-        serve(listener, router)
-    });
-    let follow = app.memory.follow(app.service.deletions());
+    let umbridge = umbridge
+        .map(|listener| server.serve(listener, Routes::of_umbridge().router, closing.clone()));
+    let serving = join(server.serve(api, router, closing.clone()), OptionFuture::from(umbridge));
     tokio::select! {
-        _ = join(serve(api, router), OptionFuture::from(umbridge)) => {}
-        () = follow => {}
+        _ = serving => {}
+        () = server.app.memory.follow(server.app.service.deletions()) => {}
+    }
+}
+
+/// Serves only the health, the readiness and the metrics of a service, for monitors. It does not end.
+pub async fn serve_monitoring(listener: TcpListener, service: Service) {
+    let Routes { router, needs } = Routes::of_monitoring();
+    let server = Server::new(service, &Settings::default(), needs);
+    server.serve(listener, router, future::pending()).await;
+}
+
+/// What all sockets of a server share.
+struct Server {
+    app: App,
+    admission: Arc<Admission>,
+    patience: Patience,
+    origins: Origins,
+}
+
+impl Server {
+    fn new(service: Service, settings: &Settings, needs: RouteNeeds) -> Self {
+        let gate = Arc::new(Gate::new(service.store(), &settings.access, needs));
+        let admission = Arc::new(Admission::new(settings.connections.clone()));
+        let shares = Arc::new(Shares::new(settings.transfers, service.places()));
+        let metrics = Metrics::new(service.tally(), service.workers(), &admission, &shares);
+        let memory = Memory::new(settings.memory);
+        let document = || document().into();
+        let app = App::new(service, gate, memory, shares, Arc::new(metrics), document);
+        let Settings { patience, ref origins, .. } = *settings;
+        Self { app, admission, patience, origins: origins.clone() }
+    }
+
+    /// Serves routes on a socket, until `closing` ends and its connections are closed.
+    async fn serve(
+        &self,
+        listener: TcpListener,
+        router: OpenApiRouter<App>,
+        closing: impl Future<Output = ()>,
+    ) {
+        let (router, _) = router.fallback(not_found).split_for_parts();
+        let (gate, metrics) = (self.app.gate.clone(), self.app.metrics.clone());
+        let (shares, origins) = (self.app.shares.clone(), self.origins.clone());
+        let layered = with_layers(router, gate, metrics, shares, origins);
+        let router = layered.with_state(self.app.clone());
+        server::serve(listener, router, self.admission.clone(), self.patience, closing).await;
     }
 }
 

@@ -56,9 +56,7 @@ impl Routes {
             .add(Needs::READ, routes!(scenarios::schema))
             .add(Needs::READ, routes!(me::me))
             .add(Needs::ADMIN, routes!(audit::audit))
-            .add(Needs::NOTHING, routes!(system::health))
-            .add(Needs::NOTHING, routes!(system::ready))
-            .add(Needs::READ, routes!(system::metrics))
+            .monitoring()
             .add(Needs::READ, routes!(system::version))
             .add(Needs::READ, routes!(system::openapi))
             .add(Needs::READ, routes!(system::problems))
@@ -75,6 +73,17 @@ impl Routes {
     /// The routes of UM-Bridge alone.
     pub fn of_umbridge() -> Self {
         Self { router: OpenApiRouter::new(), needs: RouteNeeds::default() }.umbridge()
+    }
+
+    /// The routes for monitors alone: health, readiness and metrics.
+    pub fn of_monitoring() -> Self {
+        Self { router: OpenApiRouter::new(), needs: RouteNeeds::default() }.monitoring()
+    }
+
+    fn monitoring(self) -> Self {
+        self.add(Needs::NOTHING, routes!(system::health))
+            .add(Needs::NOTHING, routes!(system::ready))
+            .add(Needs::READ, routes!(system::metrics))
     }
 
     /// Adds the routes of UM-Bridge, which has its own documentation.

@@ -195,12 +195,13 @@ pub async fn metrics(
     let read = async { (app.service.longest_wait().await, app.service.last_backup().await) };
     let read = tokio::time::timeout(Duration::from_secs(2), read).await.ok();
     let (longest_wait, last_backup) =
-        read.map_or((None, None), |(wait, backup)| (wait.ok(), backup.ok()));
+        read.map_or((None, None), |(wait, backup)| (wait.ok(), backup.ok().flatten()));
     // A network disk can block.
     let service = app.service.clone();
     let disk = tokio::task::spawn_blocking(move || (service.free_bytes(), service.file_sizes()));
     let (free, files) = disk.await.unwrap_or_default();
-    let measured = Measurements { longest_wait, last_backup, free, files };
+    let database_connections = app.service.database_connections();
+    let measured = Measurements { longest_wait, last_backup, free, files, database_connections };
     let mut text = app.metrics.write(&measured).map_err(Problem::bug)?;
     let kind = match choose_type(&headers, EXPOSITIONS) {
         "text/plain" => {

@@ -144,11 +144,18 @@ impl Service {
         self.0.store.file_sizes()
     }
 
-    /// When the last backup of the database ended, in milliseconds since 1970; 0 if there was none.
+    /// Open connections to the database; `None` if it is not on a server.
+    #[must_use]
+    pub fn database_connections(&self) -> Option<u64> {
+        self.0.store.database_connections()
+    }
+
+    /// When the last backup of the database ended, in milliseconds since 1970; 0 if there was none. `None` if the backups
+    /// are not those of this program.
     ///
     /// # Errors
     /// The database fails.
-    pub async fn last_backup(&self) -> Result<i64, Error> {
+    pub async fn last_backup(&self) -> Result<Option<i64>, Error> {
         self.0.store.last_backup().await
     }
 

@@ -269,8 +269,9 @@ impl Store {
         each!(self, db => db.longest_wait().await)
     }
 
-    /// When the last backup ended, in milliseconds since 1970; 0 if there was none.
-    pub async fn last_backup(&self) -> Result<i64, Error> {
+    /// When the last backup ended, in milliseconds since 1970; 0 if there was none. `None` if the backups are not those of
+    /// this program.
+    pub async fn last_backup(&self) -> Result<Option<i64>, Error> {
         each!(self, db => db.last_backup().await)
     }
 
@@ -361,6 +362,15 @@ impl Store {
     #[must_use]
     pub fn file_sizes(&self) -> FileSizes {
         each!(self, db => db.file_sizes())
+    }
+
+    /// Open connections to the database; `None` if it is not on a server.
+    #[must_use]
+    pub fn database_connections(&self) -> Option<u64> {
+        match &self.engine {
+            Engine::Sqlite(_) => None,
+            Engine::Postgres(db) => Some(db.connections()),
+        }
     }
 
     /// Opens or creates the database at a place.

@@ -1,4 +1,5 @@
-"""Provokes the trouble of every alert on real servers, and tests with promtool that the alerts fire.
+"""Provokes the trouble of every alert on real servers, and tests with promtool that the alerts fire, and that every query of the
+board finds something.
 
     provoke.py fretwork promtool
 
@@ -22,27 +23,28 @@ from contextlib import closing
 from pathlib import Path
 
 FRETWORK, PROMTOOL = sys.argv[1:]
-RULES = Path(__file__, "../../../deploy/alerts.yml").resolve()
-BALL = json.loads(Path(__file__, "../../../examples/steel-ball.json").resolve().read_text())
+PROJECT = Path(__file__).resolve().parents[2]
+RULES = PROJECT / "deploy/alerts.yml"
+BOARD = json.loads((PROJECT / "deploy/grafana/dashboards/fretwork.json").read_text())
+BALL = json.loads((PROJECT / "examples/steel-ball.json").read_text())
 # A run of a second or more.
 LONG = BALL["scenario"] | {"model": {"tolerance": 1e-4}, "load": {"normal_force": "100 N", "held": "force"}}
 MINUTES = 60
 
 
 class Server:
-    """A server on a free port."""
+    """A server or a worker on a free port. `instance` tells it apart from the others of its database."""
 
     started = []
 
-    def __init__(self, data, *options, files=None, mount=None):
-        command = [FRETWORK, "--listen", "127.0.0.1:0", "--data-dir", data, *options]
-        if mount:
-            command = [*mount, *command]
+    def __init__(self, *words, instance=None, files=None, mount=()):
+        command = [*mount, FRETWORK, *words, "--listen", "127.0.0.1:0"]
         limit = (lambda: resource.setrlimit(resource.RLIMIT_NOFILE, (files, files))) if files else None
         environment = {"PATH": os.environ["PATH"], "FRETWORK_LOG": "off"}
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment, preexec_fn=limit)
         self.started.append(self)
-        self.address = self.process.stdout.readline().split()[-1]
+        self.labels = ['job="fretwork"'] + ([f'instance="{instance}"'] if instance else [])
+        self.address = re.search(r"http://\S+", self.process.stdout.readline())[0]
 
     def send(self, method, target, body=None, **headers):
         """Sends a request. Returns the status and the text of its answer."""
@@ -62,18 +64,19 @@ class Server:
 
     def scrape(self):
         """The samples as Prometheus would store them: value by series."""
+        up = f"up{{{','.join(self.labels)}}}"
         try:
             status, text = self.send("GET", "/metrics")
         except OSError:
-            return {'up{job="fretwork"}': "0"}
+            return {up: "0"}
         assert status == 200, text
         checked = subprocess.run([PROMTOOL, "check", "metrics"], input=text, text=True, capture_output=True)
         assert checked.returncode == 0, checked.stderr
-        samples = {'up{job="fretwork"}': "1"}
+        samples = {up: "1"}
         for line in text.splitlines():
             name, labels, value = re.fullmatch(r"(?:#.*|(\w+)(?:{(.*)})? (\S+))", line).groups()
             if name:
-                labels = ",".join(['job="fretwork"'] + ([labels] if labels else []))
+                labels = ",".join(self.labels + ([labels] if labels else []))
                 samples[f"{name}{{{labels}}}"] = value
         return samples
 
@@ -86,7 +89,7 @@ class Server:
 def healthy_then_troubled(data):
     """A server that works, with five troubles, and killed."""
     files = 200
-    server = Server(data, "--workers", "1", "--memory-cache", "0", files=files)
+    server = Server("--data-dir", data, "--workers", "1", "--memory-cache", "0", files=files)
     job = server.submit(BALL, Prefer="wait=60")
     assert job["state"] == "succeeded", job
     subprocess.run([FRETWORK, "backup", f"{data}/backup", "--data-dir", data], check=True, stdout=subprocess.DEVNULL)
@@ -128,7 +131,7 @@ def full(data):
             break
     else:
         return None
-    server = Server(data, mount=mount)
+    server = Server("--data-dir", data, mount=mount)
     for friction in range(1, 1000):
         body = {"scenario": BALL["scenario"] | {"friction": friction / 1000}}
         status, _ = server.send("POST", "/v1/jobs", body, Prefer="wait=60")
@@ -144,27 +147,75 @@ def restarted(data):
     """The metrics after four starts. The database has no backup."""
     phases = []
     for _ in range(4):
-        server = Server(data)
+        server = Server("--data-dir", data)
         phases.append(server.scrape())
         server.kill()
     return phases
 
 
+def on_postgres():
+    """The metrics of a server and a worker that share PostgreSQL: before and after some runs, after a restart of the worker, and
+    without it."""
+    database = subprocess.Popen([PROJECT / "tests/postgres"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    try:
+        shared = ["--database", database.stdout.readline().strip()]
+        start_worker = lambda: Server("worker", *shared, "--workers", "1", instance="worker")
+        front, worker = Server(*shared, "--workers", "0", instance="front"), start_worker()
+        before = front.scrape() | worker.scrape()
+        for friction in range(30, 40):
+            job = front.submit({"scenario": BALL["scenario"] | {"friction": friction / 100}})
+            front.send("GET", job["links"]["self"] + "?wait=60")
+        after = front.scrape() | worker.scrape()
+        worker.kill()
+        worker = start_worker()
+        restarted = front.scrape() | worker.scrape()
+        worker.kill()
+        return [before, after, restarted, front.scrape()]
+    finally:
+        for server in Server.started:
+            server.kill()
+        database.communicate("")
+
+
+def queries(board):
+    """The queries of the board, with the interval that Grafana would insert."""
+    parts = [target for panel in board["panels"] for target in panel.get("targets", [])] + board["annotations"]["list"]
+    return [part["expr"].replace("$__rate_interval", "5m") for part in parts]
+
+
+def values(one, phases, minutes):
+    found = [samples.get(one, "_").replace("NaN", "_") for samples, _ in phases]
+    # After a failed scrape, Prometheus marks the series as stale.
+    return " ".join(f"stale _x{minutes - 1}" if value == "_" else f"{value}x{minutes - 1}" for value in found)
+
+
+def board_test(phases, minutes=MINUTES):
+    """A test that each query of the board found something at some time."""
+    known = [({one: value.replace("NaN", "0") for one, value in samples.items()}, alerts) for samples, alerts in phases]
+    duration = len(phases) * minutes - 1
+    found = lambda query: f"count(last_over_time(({query})[{duration}m:1m])) > bool 0"
+    return {
+        "name": "board",
+        "interval": "1m",
+        "input_series": [
+            {"series": one, "values": values(one, known, minutes)} for one in sorted({one for samples, _ in known for one in samples})
+        ],
+        "promql_expr_test": [
+            {"expr": found(query), "eval_time": f"{duration}m", "exp_samples": [{"labels": "{}", "value": 1}]}
+            for query in queries(BOARD)
+        ],
+    }
+
+
 def rule_test(name, phases, minutes=MINUTES):
     """A test of the alerts after each phase: pairs of samples and the names of the alerts that must have fired."""
     series = {one for samples, _ in phases for one in samples if not one.startswith(("fretwork_http", "fretwork_run_dur"))}
-
-    def values(one):
-        found = [samples.get(one, "_").replace("NaN", "_") for samples, _ in phases]
-        # After a failed scrape, Prometheus marks the series as stale.
-        return " ".join(f"stale _x{minutes - 1}" if value == "_" else f"{value}x{minutes - 1}" for value in found)
-
     fired = f'count by (alertname) (max_over_time(ALERTS{{alertstate="firing"}}[{minutes - 2}m]))'
     expected = lambda alerts: [{"labels": f'{{alertname="{alert}"}}', "value": 1} for alert in sorted(alerts)]
     return {
         "name": name,
         "interval": "1m",
-        "input_series": [{"series": one, "values": values(one)} for one in sorted(series)],
+        "input_series": [{"series": one, "values": values(one, phases, minutes)} for one in sorted(series)],
         "promql_expr_test": [
             {"expr": fired, "eval_time": f"{minutes * end - 1}m", "exp_samples": expected(alerts)}
             for end, (_, alerts) in enumerate(phases, 1)
@@ -184,12 +235,16 @@ def main():
             "FretworkFilesRunOut",
         }
         phases = [(healthy, set()), (troubled, troubles), (down, {"FretworkDown"})]
+        *with_workers, front_alone = on_postgres()
+        shared = [(samples, set()) for samples in with_workers] + [(front_alone, {"FretworkNoWorker"})]
         tests = [
             rule_test("troubles", phases),
+            rule_test("several servers", shared, 12),
+            board_test(shared, 12),
             rule_test("starts", [(samples, set()) for samples in starts[:3]] + [(starts[3], {"FretworkRestarts"})], 12),
             rule_test("no backup", [(healthy, set()), (starts[0], {"FretworkBackupOld"})], 3000),
         ]
-        provoked = troubles | {"FretworkDown", "FretworkRestarts", "FretworkBackupOld"}
+        provoked = troubles | {"FretworkDown", "FretworkRestarts", "FretworkBackupOld", "FretworkNoWorker"}
         disk = {"FretworkDiskFillsUp", "FretworkDiskFull"}
         if samples := full(data("full")):
             tests.append(rule_test("full disk", [(healthy, set()), (samples, disk)]))

@@ -1,6 +1,7 @@
 //! Several servers share one database of PostgreSQL.
 
-use std::process::Command;
+use std::io::{BufRead as _, BufReader};
+use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
@@ -19,8 +20,8 @@ use crate::chunks::study;
 use crate::database::{Cluster, Database, Engine};
 use crate::keeping::eventually;
 use crate::kill::{Program, equal_undisturbed_results, id, long};
-use crate::program::{Running, fretwork};
-use crate::server::{JSON, send};
+use crate::program::{Running, fretwork, run};
+use crate::server::{JSON, metric, send, steel_ball};
 use crate::store::{accepted, answer, claim, job, key, new_job};
 use crate::studies::{long_sweep, processor_time};
 use crate::team::{Listener, has, states};
@@ -271,6 +272,18 @@ fn worker(cluster: &Cluster) -> Running {
     Running(command.env("FRETWORK_LOG", "off").spawn().unwrap())
 }
 
+/// A worker that answers monitors.
+fn monitored_worker(cluster: &Cluster) -> Program {
+    let words = ["worker", "--workers", "1", "--listen", "127.0.0.1:0", "--drain-seconds", "1"];
+    let mut command = node(fretwork(&words), cluster);
+    command.env("FRETWORK_LOG", "off").stdout(Stdio::piped());
+    let mut child = Running(command.spawn().unwrap());
+    let mut line = String::new();
+    BufReader::new(child.stdout.as_mut().unwrap()).read_line(&mut line).unwrap();
+    let address = line.split(' ').find_map(|word| word.strip_prefix("http://")).expect(&line);
+    Program { address: address.parse().unwrap(), child }
+}
+
 fn signal(process: &Running, name: &str) {
     let id = process.id().to_string();
     assert!(Command::new("kill").args([name, &id]).status().unwrap().success());
@@ -496,4 +509,58 @@ async fn servers_and_workers_in_processes_of_their_own_act_as_one() {
         let used = processor_time(worker.id()).checked_sub(before).unwrap();
         assert!(used < Duration::from_millis(100), "the worker used {used:?} of 500 ms");
     }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_worker_answers_monitors_and_serves_nothing_else() {
+    let cluster = Cluster::start(&[]);
+    let worker = monitored_worker(&cluster);
+    assert_eq!(worker.get("/healthz").await.json()["status"], "ok");
+    assert_eq!(worker.get("/readyz").await.json()["status"], "ready");
+    assert!(run(&["health", "--url", &format!("http://{}", worker.address)], "").status.success());
+    assert_eq!(metric(worker.address, "fretwork_workers").await, 1.0);
+    let connections = metric(worker.address, "fretwork_database_connections").await;
+    assert!((1.0..=9.0).contains(&connections), "{connections}");
+    // An alert must not call for `fretwork backup`, which refuses here.
+    assert!(metric(worker.address, "fretwork_last_backup_timestamp_seconds").await.is_nan());
+    for target in ["/", "/v1/jobs", "/version"] {
+        worker.get(target).await.problem(404, "not-found");
+    }
+
+    let words = ["keys", "add", "monitor", "--role", "read", "--database", cluster.address()];
+    let key = String::from_utf8(run(&words, "").stdout).unwrap();
+    eventually(async || worker.get("/metrics").await.status == 401).await;
+    let key = format!("Bearer {}", key.trim());
+    let headers = [("Authorization", &*key)];
+    let reply = send(worker.address, "GET", "/metrics", &headers, "").await.unwrap();
+    assert_eq!(reply.status, 200);
+    assert_eq!(worker.get("/readyz").await.status, 200);
+
+    drop(cluster);
+    eventually(async || worker.get("/readyz").await.status == 503).await;
+    worker.get("/readyz").await.problem(503, "not-ready");
+    assert_eq!(worker.get("/healthz").await.status, 200);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_worker_that_drains_is_not_ready_and_releases_its_run() {
+    let cluster = Cluster::start(&[]);
+    let dir = TempDir::new().unwrap();
+    let front = front(&cluster, &dir);
+    let worker = monitored_worker(&cluster);
+    // It takes several seconds, which is longer than the worker may drain.
+    let mut body = steel_ball();
+    let scenario = &mut body["scenario"];
+    scenario["model"] = json!({"method": "exact", "tolerance": 1e-4, "points": 4096});
+    scenario["load"] = json!({"normal_force": "100 N", "held": "force"});
+    scenario["cycles"] = json!({"from": 100, "to": 1e8, "count": 1000, "spacing": "log"});
+    let reply = send(front.address, "POST", "/v1/jobs", &[JSON], body.to_string()).await.unwrap();
+    let job = format!("/v1/jobs/{}", id(&reply.json()));
+    eventually(async || front.get(&job).await.json()["state"] == "running").await;
+    worker.tell_to_end();
+    eventually(async || worker.get("/readyz").await.status == 503).await;
+    let problem = worker.get("/readyz").await.problem(503, "not-ready");
+    assert_eq!(problem["detail"], "The server is shutting down.");
+    worker.end_of_it();
+    assert_eq!(front.get(&job).await.json()["state"], "queued");
 }

@@ -103,6 +103,11 @@ impl Database {
         FileSizes::default()
     }
 
+    /// Those for verbs and leases. One more waits for notifications.
+    pub(super) fn connections(&self) -> u64 {
+        self.0.pool.open() + self.0.renewals.open()
+    }
+
     pub(super) async fn close(&self) {
         self.0.closing.send_replace(true);
         self.0.pool.close().await;

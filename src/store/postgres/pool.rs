@@ -61,6 +61,13 @@ impl Pool {
         Ok(Borrowed { pool: self, connection, is_new, has_answered: false, _permit: permit })
     }
 
+    /// The number of open connections, and of those that are being made.
+    pub(super) fn open(&self) -> u64 {
+        // A connection that returns meanwhile may be counted twice.
+        let borrowed = self.count as usize - self.free.available_permits();
+        (borrowed + self.idle().len()).min(self.count as usize) as u64
+    }
+
     /// Waits a while for earlier borrowers, refuses later ones, and closes all connections.
     pub(super) async fn close(&self) {
         let _ = timeout(PATIENCE, self.free.acquire_many(self.count)).await;

@@ -125,10 +125,10 @@ impl Database {
         Ok(Duration::from_millis(waited.unwrap_or(0).max(0).unsigned_abs()))
     }
 
-    /// A backup of PostgreSQL is not noted here.
+    /// Backups of PostgreSQL are not noted here.
     #[expect(clippy::unused_async, reason = "the other engine reads it")]
-    pub(in crate::store) async fn last_backup(&self) -> Result<i64, Error> {
-        Ok(0)
+    pub(in crate::store) async fn last_backup(&self) -> Result<Option<i64>, Error> {
+        Ok(None)
     }
 
     pub(in crate::store) async fn probe(&self) -> Result<(), Error> {

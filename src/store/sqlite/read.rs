@@ -105,9 +105,9 @@ impl Database {
         Ok(Duration::from_millis(waited.max(0).unsigned_abs()))
     }
 
-    pub(in crate::store) async fn last_backup(&self) -> Result<i64, Error> {
+    pub(in crate::store) async fn last_backup(&self) -> Result<Option<i64>, Error> {
         self.reading(async |db| {
-            Ok(sqlx::query_scalar("SELECT backed_up FROM room").fetch_one(db).await?)
+            Ok(Some(sqlx::query_scalar("SELECT backed_up FROM room").fetch_one(db).await?))
         })
         .await
     }
