@@ -21,7 +21,7 @@ use crate::database::{Cluster, Database, Engine};
 use crate::keeping::eventually;
 use crate::kill::{Program, equal_undisturbed_results, id, long};
 use crate::program::{Running, fretwork, run};
-use crate::server::{JSON, metric, send, steel_ball};
+use crate::server::{JSON, metric, send};
 use crate::store::{accepted, answer, claim, job, key, new_job};
 use crate::studies::{long_sweep, processor_time};
 use crate::team::{Listener, has, states};
@@ -416,9 +416,10 @@ fn very_long() -> Value {
     let scenario = &mut body["scenario"];
     scenario["model"] = json!({"method": "exact", "tolerance": 1e-4, "points": 1024});
     scenario["load"]["held"] = json!("force");
-    let block = |number: u32| json!({"amplitude": 2e-6 + 1e-7 * f64::from(number), "cycles": 1e8});
-    scenario["motion"] = json!({"blocks": (0..10).map(block).collect::<Vec<_>>()});
-    scenario["cycles"] = json!([1e8, 1e9]);
+    let block =
+        |number: u32| json!({"amplitude": 2e-6 + 1e-7 * f64::from(number % 10), "cycles": 1e8});
+    scenario["motion"] = json!({"blocks": (0..40).map(block).collect::<Vec<_>>()});
+    scenario["cycles"] = json!([1e8, 4e9]);
     body
 }
 
@@ -548,14 +549,9 @@ async fn a_worker_that_drains_is_not_ready_and_releases_its_run() {
     let dir = TempDir::new().unwrap();
     let front = front(&cluster, &dir);
     let worker = monitored_worker(&cluster);
-    // It takes several seconds, which is longer than the worker may drain.
-    let mut body = steel_ball();
-    let scenario = &mut body["scenario"];
-    scenario["model"] = json!({"method": "exact", "tolerance": 1e-4, "points": 4096});
-    scenario["load"] = json!({"normal_force": "100 N", "held": "force"});
-    scenario["cycles"] = json!({"from": 100, "to": 1e8, "count": 1000, "spacing": "log"});
-    let reply = send(front.address, "POST", "/v1/jobs", &[JSON], body.to_string()).await.unwrap();
-    let job = format!("/v1/jobs/{}", id(&reply.json()));
+    // It takes longer than the worker may drain.
+    let job = submit_all(&front, vec![very_long()]).await.remove(0).1;
+    let job = format!("/v1/jobs/{job}");
     eventually(async || front.get(&job).await.json()["state"] == "running").await;
     worker.tell_to_end();
     eventually(async || worker.get("/readyz").await.status == 503).await;

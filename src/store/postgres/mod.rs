@@ -10,8 +10,10 @@
 //! nothing depends on a notification.
 
 pub(super) mod audit;
+mod backlog;
 mod cancel;
 mod chunks;
+mod contact;
 mod follow;
 mod hints;
 pub(super) mod imports;
@@ -39,10 +41,10 @@ use super::options::FileSizes;
 use super::pins::PinQuota;
 use super::signals::{Effect, Signals};
 
+use backlog::Backlog;
+use contact::Contact;
 use hints::Hints;
-use lease::Contact;
 use pool::Pool;
-use submit::Backlog;
 use transaction::Transaction;
 
 /// Advisory locks, by which servers exclude each other. Other programs in the same database must not use these numbers.

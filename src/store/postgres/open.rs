@@ -7,9 +7,9 @@ use sqlx::postgres::PgConnection;
 use sqlx::{ConnectOptions as _, Connection as _, SqlSafeStr as _};
 use tokio::sync::{Semaphore, watch};
 
-use super::lease::Contact;
+use super::backlog::Backlog;
+use super::contact::Contact;
 use super::pool::Pool;
-use super::submit::Backlog;
 use super::{Database, Lock, Node, Parts, library, node};
 use crate::job::JobId;
 use crate::store::error::Error;

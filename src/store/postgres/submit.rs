@@ -1,7 +1,6 @@
 //! Submissions: they find a known result, join a live run, or queue a new run. For some submissions the answer
 //! is already computed.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use sqlx::postgres::PgRow;
@@ -177,39 +176,6 @@ async fn queue(tx: &mut Transaction<'_>, new: &EncodedJob) -> Result<Found, Erro
     }
     let (state, origin) = (JobState::Queued, Origin::Computed);
     Ok(Ok(Some(Place::Run { run, state, attempt: 0, origin })))
-}
-
-/// The length of the queue as it was counted last. To count it takes as long as the queue is, so a submission only counts it
-/// while it may be full.
-#[derive(Debug)]
-pub(super) struct Backlog {
-    limit: usize,
-    jobs: AtomicUsize,
-}
-
-impl Backlog {
-    /// A limit up to which a submission always counts.
-    const SMALL: usize = 1000;
-
-    pub(super) fn new(limit: usize) -> Self {
-        // It was not counted yet.
-        Self { limit, jobs: AtomicUsize::new(limit) }
-    }
-
-    /// Stores the count; `None` if it has failed.
-    pub(super) fn counted(&self, jobs: Option<usize>) {
-        self.jobs.store(jobs.unwrap_or(self.limit), Ordering::Relaxed);
-    }
-
-    fn grows(&self) {
-        self.jobs.fetch_add(1, Ordering::Relaxed);
-    }
-
-    /// The limit, if the queue may have reached it. Other servers may have queued jobs since the last count.
-    fn limit(&self) -> Option<usize> {
-        let near = self.limit <= Self::SMALL || self.jobs.load(Ordering::Relaxed) > self.limit / 2;
-        near.then_some(self.limit)
-    }
 }
 
 /// The answer to a job that needs a place in the queue, if there is none.
