@@ -22,7 +22,7 @@ const POSTGRES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/postgres");
 /// As many as a server has for its verbs.
 const CONNECTIONS: u32 = 8;
 /// Runs that the workers compute in one turn.
-const RUNS: u32 = 8;
+const RUNS: u32 = 4;
 
 /// A private PostgreSQL that syncs each commit. It stops when its input is closed.
 struct Cluster {
@@ -137,18 +137,20 @@ struct Workers<'a> {
     turns: &'a std::cell::Cell<u32>,
 }
 
-/// A run of several seconds: blocks of different amplitudes at a constant force, with a small tolerance.
+/// A run of several seconds: blocks of different amplitudes at a constant force, with a small tolerance. Runs of different
+/// numbers have different keys, but are the same problem on another scale of pressures. So each takes as long.
 fn long_run(number: u32) -> String {
     let mut job: Value = serde_json::from_str(&ball("none", "00000000")).expect("a job");
+    let scale = 1.0 + f64::from(number) * 1e-6;
+    let body = json!({"youngs_modulus": 205e9 * scale, "poisson_ratio": 0.3});
+    let block = |number: u32| json!({"amplitude": 2e-6 + 1e-7 * f64::from(number), "cycles": 1e8});
     let scenario = &mut job["scenario"];
-    scenario["load"]["held"] = json!("force");
+    scenario["bodies"] = json!([body, body]);
+    scenario["wear"] = json!({"coefficient": 3.03e-14 / scale});
+    scenario["load"] = json!({"normal_force": 100.0 * scale, "held": "force"});
+    scenario["motion"] = json!({"blocks": (0..10).map(block).collect::<Vec<_>>()});
+    scenario["cycles"] = json!([1e8, 1e9]);
     scenario["model"] = json!({"method": "exact", "tolerance": 1e-4, "points": 1024});
-    let force = 100.0 + f64::from(number) * 1e-3;
-    scenario["load"]["normal_force"] = json!(format!("{force} N"));
-    let amplitudes = (0..5).map(|i| format!("2.{i} um"));
-    let blocks = amplitudes.map(|amplitude| json!({"amplitude": amplitude, "cycles": 2e8}));
-    scenario["motion"] = json!({"blocks": blocks.collect::<Vec<_>>()});
-    scenario["cycles"] = json!([1e9]);
     job.to_string()
 }
 
@@ -189,7 +191,7 @@ pub fn nodes() {
     let turns = std::cell::Cell::new(0);
     let workers = |count| Workers { front: &front, database: &database, count, turns: &turns };
     let (mut two, mut one) = (workers(2), workers(1));
-    let pairs: Vec<_> = (0..TURNS.div_ceil(3)).map(|_| [two.turn(), one.turn()]).collect();
+    let pairs: Vec<_> = (0..TURNS / 2).map(|_| [two.turn(), one.turn()]).collect();
     for [two, one] in pairs {
         println!(
             "  {:.2}   (at least 1.7)   [{:.1} and {:.1} s for each run]",
