@@ -119,8 +119,8 @@ impl Store {
         each!(self, db => db.release(claimed).await)
     }
 
-    /// Ends or queues all runs that the last process left unfinished. Call it before the first claim: it
-    /// treats every running run as lost.
+    /// Ends or queues all runs that the last process left unfinished. Call it before the first claim: for one server, it
+    /// treats every running run as lost. Of several servers, it takes away the leases that are over; they also do this by themselves.
     pub async fn recover(&self) -> Result<Recovered, Error> {
         each!(self, db => db.recover().await)
     }

@@ -291,7 +291,7 @@ pub(super) async fn lose(
              UPDATE study SET lost = lost + 1, died = moment()
              WHERE run = $1 AND (died IS NULL OR died + $3 < moment()) RETURNING lost)
          SELECT (SELECT count(*) FROM requeued) AS pieces,
-             greatest((SELECT max(lost) FROM requeued), (SELECT lost FROM counted)) AS most",
+             coalesce(greatest((SELECT max(lost) FROM requeued), (SELECT lost FROM counted)), 0) AS most",
     )
     .bind(run.0)
     .bind(pieces)

@@ -88,7 +88,7 @@ pub(super) async fn renew(
     let (runs, numbers): (Vec<i64>, Vec<i64>) =
         parts.iter().map(|part| (part.0.0, number(*part))).unzip();
     let rows = sqlx::query(
-        // Locked in the order in which other verbs lock the leases of a run, so that none waits for the other.
+        // Locked in an order, so that renewals and verbs seldom wait for each other in a circle. Then one of them is tried again.
         "WITH own AS MATERIALIZED (
              SELECT lease.run, lease.number FROM lease JOIN unnest($2::BIGINT[], $3::BIGINT[]) AS part (run, number)
                  ON lease.run = part.run AND lease.number = part.number

@@ -6,8 +6,8 @@
 //!
 //! What a worker computes is its for as long as it renews its lease. Any server takes lost leases away.
 //!
-//! Servers tell each other by notifications what to read again. Each server also looks by itself from time to time, so
-//! nothing depends on a notification.
+//! Servers tell each other by notifications what to read again. Each server also looks by itself from time to time. Only that a
+//! result was deleted must be heard, so a listener that may have missed something forgets all results in memory.
 
 pub(super) mod audit;
 mod backlog;

@@ -17,13 +17,13 @@ use crate::store::options::Options;
 use crate::store::place::DatabaseUrl;
 use crate::store::signals::Signals;
 
-/// How often the queue is counted for the metrics.
+/// How often the queue is counted, for the metrics and the limit of the queue.
 const COUNT: Duration = Duration::from_secs(1);
 /// How often waiting clients and workers read the tables again without a signal.
 const POLL: Duration = Duration::from_secs(5);
 /// After this time without a notification, the connection is tested. The test must end as soon.
 const SILENCE: Duration = Duration::from_secs(20);
-/// Longest pause after an error of the database.
+/// Longest pause after an error, before leases are renewed, notifications sent, or the listener connected again.
 const PAUSE: Duration = Duration::from_millis(500);
 /// How often maintenance is due.
 const UPKEEP: Duration = Duration::from_secs(2);
@@ -124,32 +124,41 @@ async fn tell(db: Weak<Parts>, hints: Arc<hints::Hints>, node: String) {
 
 /// Signals what other servers tell.
 async fn listen(url: DatabaseUrl, signals: Arc<Signals>, node: String) {
-    let pool = PgPoolOptions::new().max_connections(1).connect_lazy_with(url.listening());
     loop {
-        if let Ok(mut listener) = PgListener::connect_with(&pool).await
-            && listener.listen(hints::CHANNEL).await.is_ok()
-        {
-            // What was told before is lost.
-            signals.was_deaf();
-            while let Ok(told) = next(&mut listener).await {
-                signals.apply(told.map_or_else(Vec::new, |told| hints::read(&told, &node)));
-            }
+        let Ok(mut listener) = connect(&url).await else {
+            time::sleep(PAUSE).await;
+            continue;
+        };
+        // What was told before is lost.
+        signals.was_deaf();
+        while let Ok(told) = next(&mut listener).await {
+            signals.apply(told.map_or_else(Vec::new, |told| hints::read(&told, &node)));
         }
-        time::sleep(PAUSE).await;
     }
+}
+
+/// Connects a listener. It fails when its connection breaks, because what is told meanwhile is lost.
+async fn connect(url: &DatabaseUrl) -> Result<PgListener, Error> {
+    // A pool of its own: a broken listener returns its connection only when the system notices.
+    let pool = PgPoolOptions::new().max_connections(1).connect_lazy_with(url.listening());
+    let connecting = async {
+        let mut listener = PgListener::connect_with(&pool).await?;
+        listener.eager_reconnect(false);
+        listener.listen(hints::CHANNEL).await?;
+        Ok(listener)
+    };
+    timeout(SILENCE, connecting).await.unwrap_or(Err(Error::Exhausted))
 }
 
 /// The next notification; `None` if there was none for a while. Fails if the connection is broken, also if that was silent.
 async fn next(listener: &mut PgListener) -> Result<Option<String>, Error> {
     match timeout(SILENCE, listener.try_recv()).await {
-        Ok(told) => {
-            let told = told?.ok_or(Error::Exhausted)?;
-            return Ok(Some(told.payload().to_owned()));
-        }
-        Err(_) => timeout(SILENCE, listener.execute("SELECT 1")).await,
+        Ok(told) => told?.map(|told| Some(told.payload().to_owned())).ok_or(Error::Exhausted),
+        Err(_) => match timeout(SILENCE, listener.execute("SELECT 1")).await {
+            Ok(answered) => Ok(answered.map(|_| None)?),
+            Err(_) => Err(Error::Exhausted),
+        },
     }
-    .map_err(|_| Error::Exhausted)??;
-    Ok(None)
 }
 
 impl Database {

@@ -120,26 +120,25 @@ impl Upkeep {
             self.budget.map_or(i64::MAX, |budget| i64::try_from(budget).unwrap_or(i64::MAX));
         for _ in 0..AT_ONCE {
             // Another server may have evicted some before this transaction, so it sums.
-            let (stored, evicted) = writing!(db, tx => {
-                let is_alone = is_alone(tx).await?;
+            let room = writing!(db, tx => {
+                if !is_alone(tx).await? {
+                    return Ok(None);
+                }
                 let query = "SELECT coalesce(sum(stored), 0)::BIGINT FROM result WHERE evicted IS NULL";
                 let stored: i64 = sqlx::query_scalar(query).fetch_one(&mut *tx.db).await?;
                 let excess = stored - budget;
-                let evicts = is_alone && excess > 0;
-                Ok((stored, if evicts { Some(evict_some(tx, excess).await?) } else { None }))
+                let evicted = if excess > 0 { evict_some(tx, excess).await? } else { 0 };
+                Ok(Some((stored, evicted)))
             })?;
+            let Some((stored, evicted)) = room else { return Ok(true) };
             db.0.signals.tally.room_is(stored.unsigned_abs());
             if stored <= budget {
                 self.exceeds = false;
                 return Ok(false);
             }
-            match evicted {
-                None => return Ok(true),
-                Some(0) => {
-                    self.warn(stored, budget);
-                    return Ok(false);
-                }
-                Some(_) => {}
+            if evicted == 0 {
+                self.warn(stored, budget);
+                return Ok(false);
             }
         }
         Ok(true)
