@@ -147,7 +147,7 @@ fn work(settings: &Worker) -> Result<(), Error> {
 async fn work_until_signal(settings: &Worker, place: &Place) -> Result<(), Error> {
     let mut signals = ShutdownSignals::new()?;
     let listener = settings.listen.map(|address| listen(address, "--listen")).transpose()?;
-    // A worker has no limits of what is kept: the servers have them.
+    // A worker deletes nothing to make room. The servers do, by their own limits.
     let store =
         Store::open(place, &Options { lease: settings.lease, ..Options::default() }).await?;
     let count = worker_threads(settings.workers);

@@ -74,7 +74,7 @@ struct Deleted(broadcast::Sender<Option<Key>>);
 
 impl Default for Deleted {
     fn default() -> Self {
-        /// A listener that is further behind is told that any result may have been deleted.
+        /// Deletions that wait for a listener. One that has missed some must assume that any result was deleted.
         const BEHIND: usize = 256;
         Self(broadcast::Sender::new(BEHIND))
     }
@@ -192,8 +192,9 @@ impl Signals {
         }
     }
 
-    /// Tells that a result was deleted, or that any may have been. Nobody may listen.
+    /// Tells all listeners that a result was deleted; `None` if any result may have been.
     fn deleted(&self, key: Option<Key>) {
+        // It is no error if nobody listens.
         let _ = self.deleted.0.send(key);
     }
 

@@ -137,7 +137,8 @@ async fn listen(url: DatabaseUrl, signals: Arc<Signals>, node: String) {
     }
 }
 
-/// Connects a listener. It fails when its connection breaks, because what is told meanwhile is lost.
+/// Connects a listener. When its connection breaks, it reports an error instead of connecting again by itself, so that the
+/// caller knows that it has missed notifications.
 async fn connect(url: &DatabaseUrl) -> Result<PgListener, Error> {
     // A pool of its own: a broken listener returns its connection only when the system notices.
     let pool = PgPoolOptions::new().max_connections(1).connect_lazy_with(url.listening());
