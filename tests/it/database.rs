@@ -53,17 +53,15 @@ impl Cluster {
         &self.address
     }
 
-    /// Sends a signal to all its processes.
+    /// Sends a signal to all its processes: to each before its children are listed, so that a stopped one starts no others.
     pub fn signal(&self, name: &str) {
         let mut processes = vec![self.process.id().to_string()];
-        let mut next = 0;
-        while let Some(parent) = processes.get(next) {
-            let found = Command::new("pgrep").args(["-P", parent]).output().expect("pgrep");
+        while let Some(process) = processes.pop() {
+            // It may have ended meanwhile.
+            let _ = Command::new("kill").args([name, &process]).status();
+            let found = Command::new("pgrep").args(["-P", &process]).output().expect("pgrep");
             processes.extend(String::from_utf8_lossy(&found.stdout).lines().map(str::to_owned));
-            next += 1;
         }
-        // One of them may have ended meanwhile.
-        let _ = Command::new("kill").arg(name).args(&processes).status();
     }
 
     /// Kills all its processes, and starts it again.
