@@ -489,11 +489,11 @@ pub(super) mod tests {
             [ball.as_str(), cone.as_str(), exact.as_str()],
             [
                 "84849dcf27de359ebe2e4c87effbaf1aae6accd86e85a7ae90ce2401a9339f81 \
-                 0bf1192d5406ded0e33d01644e1ba711b2f03c457bd143e45a6059b870194133",
+                 7743dd1ba823670e743c76f55f2c100d0a42a4b46ff42a12c525ca058c35849a",
                 "59bfa62ac08c8c9b124517b536c75bc3f4ca0be37a0ea2b482cac58ce18d9ba7 \
-                 e875f25725db596b1b4ea0a88861048d8120b368d40770b8a41d44ac7d2e3483",
+                 929afc7a002f1ac8c964d4ee77aeca81b8e19ca26f0491ef983ea6a195f7276c",
                 "08c02ef4b439664ac09b0115793d19305f56ce9b0094c5354c7ee9a545675fa7 \
-                 6d779b8137e14fa68501cecb2b76c7ba63db80b152809adce41155442a7725ac",
+                 79ab9a7f7f06a8e5ce751479ccea9d76d8a335b32e56811f0e79f098d7f7d471",
             ]
         );
     }

@@ -105,12 +105,18 @@ fn largest(column: &[f64], fine: &[f64], rows: impl Iterator<Item = usize>) -> O
     rows.map(|row| (column[row] / fine[row] - 1.0).abs()).max_by(f64::total_cmp)
 }
 
-/// The relative error of the moment of an event, if both runs report it.
+/// The relative error of the moment of an event. If one run does not report it, the error is at least that of its end.
 fn moment(kind: EventKind, run: &Outcome, fine: &Outcome) -> Option<f64> {
     let at = |outcome: &Outcome| {
         outcome.events.iter().find(|event| event.kind == kind).map(|event| event.cycles)
     };
-    Some((at(run)? / at(fine)? - 1.0).abs())
+    let end = |outcome: &Outcome| outcome.history.cycles.last().copied();
+    Some(match (at(run), at(fine)) {
+        (Some(found), Some(exact)) => (found / exact - 1.0).abs(),
+        (None, Some(exact)) => (end(run)? / exact - 1.0).max(0.0),
+        (Some(found), None) => (1.0 - found / end(fine)?).max(0.0),
+        (None, None) => return None,
+    })
 }
 
 /// `None` if a run is refused, or if both runs have no output cycle with wear in common.

@@ -11,7 +11,7 @@ const RANDOM: &str = "\
 
 500 random scenarios by the exact method with the default tolerance, compared with the tolerance 1e-4. The profiles are power laws
 and spheres, the stick ratios lie between 0.05 and 0.98, and the runs last between 0.5 and 16 N₀. An error is the largest of
-four output cycles, and for the energy per cycle of those with at least 1 % of its first value. For an event it is the error of its moment.
+four output cycles, and for the energy per cycle of those with at least 1 % of its first value. For an event it is the error of its moment, or what is known of it if only one run reports the event.
 `fretwork verify --random 500 > src/verification/accuracy.md` prints this table again.
 
 | quantity | runs | median | 95 of 100 | largest |

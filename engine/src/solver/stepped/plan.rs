@@ -9,6 +9,11 @@ use crate::numeric::{integrate_beyond, root};
 
 /// Blur of the nodes if the stick edge moves inwards, in widths of the wearing ring.
 const BLUR: f64 = 0.003;
+/// A stick edge that moves inwards by less than this share of the last scar radius is taken as fixed.
+const FIXED: f64 = 0.001;
+/// Distance of the nodes where a stick edge comes to rest at the start of the mesh, as a share of their distance where it
+/// begins to move. All that is lost late in a run is lost there.
+const TIGHT: f64 = 0.3;
 /// Blur of the nodes if the stick edge comes to rest in worn material.
 pub const REST_BLUR: f64 = 0.001;
 /// Maximum width of the first cell at a fixed stick edge, in c/n². In a wide ring the nodes are
@@ -24,8 +29,8 @@ const LEAST_CORE: f64 = 1e-4;
 /// radius.
 const GIVES_WAY: f64 = 0.8;
 
-/// The positions of the mesh nodes. They are evenly spaced where the stick edge moves. Away from
-/// there their distances increase: r = edge ± ((u/2 + √blur)² − blur). Without a focus all nodes
+/// The positions of the mesh nodes. Where the stick edge moves they are evenly spaced, or their
+/// distance grows evenly from a place of rest at the start. Away from there their distances increase: r = edge ± ((u/2 + √blur)² − blur). Without a focus all nodes
 /// are evenly spaced.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MeshPlan {
@@ -83,7 +88,7 @@ impl MeshPlan {
                 None => return None,
             },
         };
-        let shrinks = shrinks && contact.stick - least > BLUR * last;
+        let shrinks = shrinks && contact.stick - least > FIXED * last;
         // The plan neglects a core that is smaller than the first cells, because the wear next to
         // it would oscillate. A core that will carry the whole force is kept, because it determines
         // the radius of the scar.
@@ -193,12 +198,18 @@ impl MeshPlan {
                 let u = |distance: f64| 2.0 * ((distance + blur).sqrt() - root);
                 let r = |u: f64| (0.5 * u + root) * (0.5 * u + root) - blur;
                 let (inside, outside) = (u(from - start), u(reach - to));
-                let between = if to > from { (to - from) / root } else { 0.0 };
+                // In front of a place of rest at the start, the distance of the nodes grows evenly.
+                let rate = (inside == 0.0 && to > from).then(|| (1.0 - TIGHT) * root / (to - from));
+                let between = rate.map_or((to - from) / root, |rate| -libm::log(TIGHT) / rate);
+                let along = |u: f64| match rate {
+                    Some(rate) => TIGHT * root / rate * libm::expm1(rate * u),
+                    None => root * u,
+                };
                 let all = inside + between + outside;
                 (0..=cells)
                     .map(|i| match all * share(i) {
                         u if u < inside => from - r(inside - u),
-                        u if u < inside + between => from + root * (u - inside),
+                        u if u < inside + between => from + along(u - inside),
                         u => to + r(u - inside - between),
                     })
                     .collect()
