@@ -38,6 +38,7 @@ USER 10001:10001
 VOLUME /data
 EXPOSE 8080
 # A server in a container must listen on all addresses, and so requires an access key. FRETWORK_NO_AUTH=true lets every client in.
-ENV FRETWORK_LISTEN=0.0.0.0:8080 FRETWORK_DATA_DIR=/data
+# In another container of this image, `fretwork worker` answers monitors at the same port.
+ENV FRETWORK_LISTEN=0.0.0.0:8080 FRETWORK_WORKER_LISTEN=0.0.0.0:8080 FRETWORK_DATA_DIR=/data
 HEALTHCHECK --interval=30s --timeout=6s --start-period=5s CMD ["fretwork", "health"]
 ENTRYPOINT ["fretwork"]

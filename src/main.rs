@@ -114,7 +114,7 @@ fn serve(settings: &Serve, matches: &ArgMatches) -> Result<(), Error> {
         return print(config::described(matches).as_bytes());
     }
     let admin_key = settings.admin_key()?;
-    telemetry::start(&settings.log, settings.log_format);
+    settings.logging.start();
     // Two threads are enough, because requests are short and runs have their own threads.
     tokio::runtime::Builder::new_multi_thread()
         .worker_threads(2)
@@ -135,7 +135,7 @@ fn work(settings: &Worker) -> Result<(), Error> {
     if matches!(place, Place::Directory(_)) {
         return Err("a worker needs --database: servers share only a PostgreSQL database".into());
     }
-    telemetry::start(&settings.log, settings.log_format);
+    settings.logging.start();
     // Two threads are enough, because runs have their own threads.
     tokio::runtime::Builder::new_multi_thread()
         .worker_threads(2)

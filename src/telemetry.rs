@@ -2,7 +2,7 @@
 
 use std::io::IsTerminal as _;
 
-use clap::ValueEnum;
+use clap::{Args, ValueEnum};
 use tracing_subscriber::Layer as _;
 use tracing_subscriber::filter::{LevelFilter, Targets};
 use tracing_subscriber::layer::SubscriberExt as _;
@@ -10,15 +10,26 @@ use tracing_subscriber::util::SubscriberInitExt as _;
 
 /// The format of a log line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum LogFormat {
+enum LogFormat {
     /// Text for people.
     Text,
     /// One JSON object per line, for machines.
     Json,
 }
 
+/// The options of the log.
+#[derive(Debug, Clone, Args)]
+pub struct Logging {
+    /// Level of the log: off, error, warn, info, debug or trace; for single modules as in info,sqlx=debug.
+    #[arg(long, env = "FRETWORK_LOG", default_value = "info", value_name = "LEVEL", value_parser = log_levels)]
+    log: Targets,
+    /// Format of the log.
+    #[arg(long, env = "FRETWORK_LOG_FORMAT", default_value = "text")]
+    log_format: LogFormat,
+}
+
 /// Parses the levels of the log: one for all modules, others for named modules.
-pub fn log_levels(text: &str) -> Result<Targets, String> {
+fn log_levels(text: &str) -> Result<Targets, String> {
     text.split(',').try_fold(Targets::new(), |levels, part| {
         let (module, name) = part.split_once('=').unwrap_or(("", part));
         let (module, name) = (module.trim(), name.trim());
@@ -33,18 +44,20 @@ pub fn log_levels(text: &str) -> Result<Targets, String> {
     })
 }
 
-/// Starts logging.
-pub fn start(levels: &Targets, format: LogFormat) {
-    let lines = tracing_subscriber::fmt::layer()
-        .with_writer(std::io::stderr)
-        .with_ansi(std::io::stderr().is_terminal());
-    let lines = match format {
-        LogFormat::Text => lines.boxed(),
-        LogFormat::Json => lines.json().flatten_event(true).boxed(),
-    };
-    tracing_subscriber::registry().with(lines).with(levels.clone()).init();
-    // A panic becomes a log entry in the same format.
-    std::panic::set_hook(Box::new(|panic| tracing::error!(%panic, "panicked")));
+impl Logging {
+    /// Starts logging.
+    pub fn start(&self) {
+        let lines = tracing_subscriber::fmt::layer()
+            .with_writer(std::io::stderr)
+            .with_ansi(std::io::stderr().is_terminal());
+        let lines = match self.log_format {
+            LogFormat::Text => lines.boxed(),
+            LogFormat::Json => lines.json().flatten_event(true).boxed(),
+        };
+        tracing_subscriber::registry().with(lines).with(self.log.clone()).init();
+        // A panic becomes a log entry in the same format.
+        std::panic::set_hook(Box::new(|panic| tracing::error!(%panic, "panicked")));
+    }
 }
 
 #[cfg(test)]

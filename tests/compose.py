@@ -454,7 +454,8 @@ def main():
         run_apart(__file__, Path(program).resolve())
     image = of_host(work[0], "10001:10001", ["fretwork"], fretwork=program)
     image.healthcheck = ["fretwork", "health"]
-    image.environment = {"FRETWORK_LISTEN": "0.0.0.0:8080", "FRETWORK_DATA_DIR": "/data"}
+    image.environment = {"FRETWORK_LISTEN": "0.0.0.0:8080", "FRETWORK_WORKER_LISTEN": "0.0.0.0:8080",
+                         "FRETWORK_DATA_DIR": "/data"}
     check(image, Path(work[0], "compose"))
 
 

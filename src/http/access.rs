@@ -18,7 +18,7 @@ use tokio::sync::OnceCell;
 use super::keyring::{KeyHolder, Keyring, LastUse, MAX_AGE};
 use super::limits::{Account, Limits, Place};
 use super::needs::{Needs, Quota, RouteNeeds};
-use super::problem::{self, Problem};
+use super::problem::{Problem, kinds};
 use super::signed_link::{self, ADMIN, ANYONE, Signer};
 use super::wire::instant;
 use crate::job::clock::now;
@@ -199,7 +199,7 @@ impl Gate {
                 let detail = "A server without keys answers only requests to localhost or an IP address. \
                     To use it under another name, make a key (`fretwork keys add`) or start it with \
                     --no-auth.";
-                return Err(Problem::new(&problem::UNKNOWN_HOST, detail));
+                return Err(Problem::new(&kinds::UNKNOWN_HOST, detail));
             }
             return Ok(Admitted::default());
         }
@@ -217,7 +217,7 @@ impl Gate {
                 "The request requires a key with role {required}. This key ({}, {}) has role {}.",
                 identity.owner, identity.key, identity.role
             );
-            let problem = Problem::new(&problem::FORBIDDEN, detail);
+            let problem = Problem::new(&kinds::FORBIDDEN, detail);
             return Err(match place.standing {
                 Some(standing) => standing.tell_in(problem),
                 None => problem,
@@ -234,7 +234,7 @@ impl Gate {
     ) -> Result<Admitted, Problem> {
         let link = signed_link::open(self.signer().await?, request.uri(), pattern(request))?;
         if required > Role::Read {
-            return Err(Problem::new(&problem::BAD_LINK, "A link allows reading only."));
+            return Err(Problem::new(&kinds::BAD_LINK, "A link allows reading only."));
         }
         let place = self.count_link(&link.issuer).await?.untold();
         *request.uri_mut() = link.address;
@@ -319,7 +319,7 @@ impl Gate {
         }
         let detail = "The key that made this link is no longer valid, and so the link is not valid either. \
             Ask its sender for a new link.";
-        Err(Problem::new(&problem::BAD_LINK, detail))
+        Err(Problem::new(&kinds::BAD_LINK, detail))
     }
 }
 
@@ -378,7 +378,7 @@ fn presented_key(headers: &HeaderMap) -> Result<String, Problem> {
 /// The problem for a request without a valid key. It names an authentication scheme that the client supports.
 fn unauthorized(headers: &HeaderMap, reason: &str) -> Problem {
     let detail = format!("{reason} Send a key as `Authorization: Bearer fretwork_…`.");
-    let problem = Problem::new(&problem::UNAUTHORIZED, detail)
+    let problem = Problem::new(&kinds::UNAUTHORIZED, detail)
         .with_header(header::WWW_AUTHENTICATE, "Bearer realm=\"fretwork\"");
     let accepts = headers.get(header::ACCEPT).and_then(|value| value.to_str().ok());
     if accepts.is_some_and(|accepts| accepts.contains("text/html")) {

@@ -11,7 +11,7 @@ use tokio::time::{Instant, timeout_at};
 
 use super::caller::owner_of;
 use super::connection::SLOWEST;
-use super::problem::{self, Problem};
+use super::problem::{Problem, kinds};
 use super::shares::{Permit, SMALL, Shares};
 use super::weight::tree_bytes;
 use super::wire::excerpt;
@@ -48,7 +48,7 @@ impl<S: Sync> FromRequest<S> for Body {
         let coding = request.headers().get(CONTENT_ENCODING);
         if coding.is_some_and(|coding| !coding.as_bytes().eq_ignore_ascii_case(b"identity")) {
             let detail = "The body has a Content-Encoding. Send it without compression, and without this header.";
-            return Err(Problem::new(&problem::UNSUPPORTED_CODING, detail)
+            return Err(Problem::new(&kinds::UNSUPPORTED_CODING, detail)
                 .with_header(ACCEPT_ENCODING, "identity"));
         }
         // A body without a type is refused too: browsers let web pages of any origin send one.
@@ -60,7 +60,7 @@ impl<S: Sync> FromRequest<S> for Body {
                 |declared| format!("The Content-Type of the body is \"{}\"", excerpt(declared)),
             );
             return Err(Problem::new(
-                &problem::UNSUPPORTED_MEDIA_TYPE,
+                &kinds::UNSUPPORTED_MEDIA_TYPE,
                 format!("{declared}. Send it with Content-Type: application/json."),
             ));
         }
@@ -103,7 +103,7 @@ async fn read(
 ) -> Result<(Vec<u8>, Permit), Problem> {
     let too_large = || {
         Problem::new(
-            &problem::BODY_TOO_LARGE,
+            &kinds::BODY_TOO_LARGE,
             format!("The body has more than {BODY_LIMIT} bytes. Remove rows from its tables."),
         )
     };
@@ -124,12 +124,12 @@ async fn read(
                 bytes.len(),
                 time.as_secs()
             );
-            Problem::new(&problem::SLOW_BODY, detail)
+            Problem::new(&kinds::SLOW_BODY, detail)
         })?;
         let Some(frame) = frame else { break };
         let frame = frame.map_err(|_| {
             Problem::new(
-                &problem::INVALID_JSON,
+                &kinds::INVALID_JSON,
                 "The connection ended before the end of the body. Send it again.",
             )
         })?;

@@ -40,6 +40,9 @@ pub enum Coding {
 }
 
 impl Coding {
+    /// All codings.
+    pub const ALL: [Self; 3] = [Self::Identity, Self::Gzip, Self::Zstd];
+
     /// The name in a header, or `None` without compression.
     pub fn name(self) -> Option<&'static str> {
         match self {

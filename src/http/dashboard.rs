@@ -13,7 +13,7 @@ use axum::response::{IntoResponse, Response};
 use xxhash_rust::xxh3::xxh3_64;
 
 use super::coding::Coding;
-use super::problem::{self, Problem};
+use super::problem::{Problem, kinds};
 use super::representation::held;
 use super::wire::{NoQuery, Segment};
 
@@ -85,7 +85,7 @@ pub async fn asset(
 /// that after an upgrade all files are of one release.
 fn file(name: &str, headers: &HeaderMap) -> Result<Response, Problem> {
     let asset = ASSETS.iter().find(|asset| asset.name == name).ok_or_else(|| {
-        Problem::new(&problem::NOT_FOUND, "The dashboard has no file of this name. Open / instead.")
+        Problem::new(&kinds::NOT_FOUND, "The dashboard has no file of this name. Open / instead.")
     })?;
     let shared =
         [(CACHE_CONTROL, "no-cache"), (CONTENT_SECURITY_POLICY, POLICY), (VARY, "accept-encoding")];

@@ -12,7 +12,7 @@ use utoipa::ToSchema;
 use super::app::App;
 use super::caller::Caller;
 use super::library::unknown;
-use super::problem::{self, Complaint, Problem};
+use super::problem::{Complaint, Problem, kinds};
 use super::wire::{Query, Segment, read_key};
 use crate::job::{ENGINE, Key, TaskKind};
 use crate::json;
@@ -151,7 +151,7 @@ impl From<Unable> for Problem {
             ),
             Unable::Panicked => return Self::bug(unable),
         };
-        Self::new(&problem::TOO_EXPENSIVE, detail)
+        Self::new(&kinds::TOO_EXPENSIVE, detail)
     }
 }
 
@@ -191,7 +191,7 @@ pub async fn derivatives(
         let detail = format!(
             "The result of a study has no derivatives: it has a table. All of it is at /v1/results/{key}."
         );
-        return Err(Problem::new(&problem::NO_SUCH_PART, detail));
+        return Err(Problem::new(&kinds::NO_SUCH_PART, detail));
     }
     let _turn = app.shares.evaluation(&caller.owner).await;
     let all_outputs = wanted.outputs.is_none();

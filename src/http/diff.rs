@@ -11,7 +11,7 @@ use super::app::App;
 use super::body::Body;
 use super::caller::Caller;
 use super::library::read;
-use super::problem::{self, Problem};
+use super::problem::{Problem, kinds};
 use super::wire::NoQuery;
 use crate::job::{Canonical, ENGINE, Key, Outline, Prepared, TaskKind};
 use crate::store::Known;
@@ -180,7 +180,7 @@ impl Side {
                 let known = app.service.known(&key).await?.ok_or_else(|| {
                     let detail =
                         format!("No result has the key {key}. Compare its scenario instead.");
-                    Problem::new(&problem::UNKNOWN_RESULT, detail)
+                    Problem::new(&kinds::UNKNOWN_RESULT, detail)
                 })?;
                 let (asked, numerics) = (known.asked.clone(), known.numerics);
                 Ok(Self { key, asked, numerics, known: Some(known) })
@@ -290,7 +290,7 @@ pub async fn diff(
         let nearest = app.service.nearest(&a.outline().await?, except).await?;
         let key = nearest.ok_or_else(|| {
             let detail = "There is no stored result to compare with.";
-            Problem::new(&problem::UNKNOWN_RESULT, detail)
+            Problem::new(&kinds::UNKNOWN_RESULT, detail)
         })?;
         Side::of(&app, Requested::Key(key)).await?
     };

@@ -10,7 +10,7 @@ use tokio::task;
 use super::app::App;
 use super::body::Body;
 use super::caller::Caller;
-use super::problem::{self, Problem};
+use super::problem::{Problem, kinds};
 use super::scenarios::parse;
 use super::shares::SMALL;
 use super::wire::NoQuery;
@@ -31,7 +31,7 @@ impl From<NotEvaluated> for Problem {
                 let detail = format!(
                     "The run would take about {seconds:.2} s, but an evaluation may take {milliseconds} ms. {JOB}"
                 );
-                Self::new(&problem::TOO_EXPENSIVE, detail)
+                Self::new(&kinds::TOO_EXPENSIVE, detail)
             }
             NotEvaluated::TooLarge(bytes) => {
                 let detail = format!(
@@ -40,18 +40,18 @@ impl From<NotEvaluated> for Problem {
                     bytes as f64 / 1e6,
                     LARGEST_EVALUATION as f64 / 1e6,
                 );
-                Self::new(&problem::TOO_EXPENSIVE, detail)
+                Self::new(&kinds::TOO_EXPENSIVE, detail)
             }
             NotEvaluated::Stopped => {
                 let detail = format!(
                     "The run was estimated to take less than {milliseconds} ms, but it took much longer and was \
                      stopped. {JOB}"
                 );
-                Self::new(&problem::TOO_EXPENSIVE, detail)
+                Self::new(&kinds::TOO_EXPENSIVE, detail)
             }
             NotEvaluated::Busy => {
                 let detail = "Other evaluations take all workers. Try again in a second.";
-                Self::new(&problem::EVALUATIONS_FULL, detail).retry_after(1)
+                Self::new(&kinds::EVALUATIONS_FULL, detail).retry_after(1)
             }
             NotEvaluated::Panicked => Self::bug(refusal),
         }

@@ -12,7 +12,7 @@ use utoipa::ToSchema;
 use super::app::App;
 use super::caller::Caller;
 use super::include::Include;
-use super::problem::{self, Complaint, Problem};
+use super::problem::{Complaint, Problem, kinds};
 use super::wire::{NoQuery, Query, Segment};
 use crate::job::{Job, JobId, JobState};
 use crate::store::{Canceled, Deleted, Filter};
@@ -40,7 +40,7 @@ pub struct JobList {
 pub(super) fn read_id(text: &str) -> Result<JobId, Problem> {
     text.parse().map_err(|_| {
         let detail = "No job has this id. An id is a UUID in lower case, as in the `id` of a job.";
-        Problem::new(&problem::NOT_FOUND, detail)
+        Problem::new(&kinds::NOT_FOUND, detail)
     })
 }
 
@@ -50,7 +50,7 @@ pub(super) async fn visible(app: &App, caller: &Caller, id: &str) -> Result<Job,
 }
 
 pub(super) fn unknown() -> Problem {
-    Problem::new(&problem::NOT_FOUND, "No job has this id. GET /v1/jobs lists all jobs.")
+    Problem::new(&kinds::NOT_FOUND, "No job has this id. GET /v1/jobs lists all jobs.")
 }
 
 /// Lists jobs, the newest first.
@@ -190,17 +190,17 @@ pub async fn result(
                 "The job is {}. Try again in a second, or wait: GET /v1/jobs/{id}?wait=10.",
                 job.state
             );
-            Problem::new(&problem::NOT_FINISHED, detail).retry_after(1)
+            Problem::new(&kinds::NOT_FINISHED, detail).retry_after(1)
         }
         JobState::Failed => {
             let cause = job.failure.map_or_else(String::new, |failure| failure.message);
             let detail =
                 format!("The job failed: {cause}. To compute it again, submit the scenario again.");
-            Problem::new(&problem::JOB_FAILED, detail)
+            Problem::new(&kinds::JOB_FAILED, detail)
         }
         JobState::Canceled => {
             let detail = "The job was canceled. To get the result, submit the scenario again.";
-            Problem::new(&problem::JOB_CANCELED, detail)
+            Problem::new(&kinds::JOB_CANCELED, detail)
         }
     };
     Err(problem)
@@ -293,7 +293,7 @@ pub async fn delete(
         Deleted::NotFound => Err(unknown()),
         Deleted::Unfinished(state) => {
             let detail = format!("The job is {state}. Cancel it first: POST /v1/jobs/{id}/cancel.");
-            Err(Problem::new(&problem::STILL_GOING, detail))
+            Err(Problem::new(&kinds::STILL_GOING, detail))
         }
     }
 }

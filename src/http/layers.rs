@@ -23,7 +23,7 @@ use super::coding::Coding;
 use super::drain_body::drain_body;
 use super::evaluate;
 use super::metrics::Metrics;
-use super::problem::{self, Problem};
+use super::problem::{self, Problem, kinds};
 use super::shares::{Permit, SMALL, Shares};
 use super::umbridge;
 use super::wire::length_of;
@@ -99,12 +99,12 @@ async fn surround(shared: Arc<Shared>, mut request: Request, route: Route) -> Re
     let peer = request.extensions().get::<Peer>().copied();
     let closes_after_error = drain_body(&mut request);
     let answer = if peer.is_some() && !has_one_host(&request) {
-        Problem::new(&problem::BAD_HOST, "Send exactly one Host header.").into_response()
+        Problem::new(&kinds::BAD_HOST, "Send exactly one Host header.").into_response()
     } else if is_cross_site(origins, &request) {
         drop(request);
         let detail = "A web page of an unknown origin sent this request. Add its origin to the option \
             --cors-origin of the server.";
-        Problem::new(&problem::CROSS_SITE, detail).into_response()
+        Problem::new(&kinds::CROSS_SITE, detail).into_response()
     } else {
         match cors {
             None => answer(gate, request, route).await,

@@ -12,8 +12,8 @@ use super::app::App;
 use super::body::Body;
 use super::caller::{Caller, ME};
 use super::jobs::next_page;
-use super::problem::{self, Problem};
-use super::representation::require;
+use super::problem::{Problem, kinds};
+use super::stored::require;
 use super::wire::{NoQuery, Query, Segment, instant, read_key};
 use crate::job::{Key, SCALARS, WORDS};
 use crate::json::read_body;
@@ -361,7 +361,7 @@ impl Provenance {
 /// The problem for a key that the server does not know.
 pub(super) fn unknown() -> Problem {
     let detail = "No result has this key; submit its scenario to POST /v1/jobs.";
-    Problem::new(&problem::UNKNOWN_RESULT, detail)
+    Problem::new(&kinds::UNKNOWN_RESULT, detail)
 }
 
 /// Tells who computed a result, when, with which program, and how long it took.
@@ -519,7 +519,7 @@ pub async fn delete(
             Removed::Pinned => {
                 let detail =
                     format!("The result is pinned. Send DELETE /v1/results/{key}/pin first.");
-                return Err(Problem::new(&problem::PINNED, detail));
+                return Err(Problem::new(&kinds::PINNED, detail));
             }
             Removed::NotFound => {
                 // This answers why there is nothing to delete, unless the result was just stored.

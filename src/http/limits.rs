@@ -13,7 +13,7 @@ use http_body_util::BodyExt as _;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use super::needs::Quota;
-use super::problem::{self, Problem};
+use super::problem::{Problem, kinds};
 use super::wire::ascii;
 
 const POLICY: HeaderName = HeaderName::from_static("ratelimit-policy");
@@ -103,7 +103,7 @@ fn full(most: NonZeroU32) -> Problem {
         "This key has reached its limit of {most} concurrent requests. Waits and event streams count. End \
          one of them, or try again later."
     );
-    Problem::new(&problem::TOO_MANY_AT_ONCE, detail)
+    Problem::new(&kinds::TOO_MANY_AT_ONCE, detail)
         .with_header(POLICY, format!("\"at-once\";q={most};qu=\"concurrent-requests\""))
         .with_header(STATE, "\"at-once\";r=0")
 }
@@ -125,7 +125,7 @@ fn count(bucket: &Bucket, quota: Quota, per_minute: NonZeroU32) -> Result<Standi
             };
             let detail =
                 format!("This key has reached its limit of {per_minute} {calls} per minute.");
-            let problem = Problem::new(&problem::RATE_LIMITED, detail).retry_after(more_in);
+            let problem = Problem::new(&kinds::RATE_LIMITED, detail).retry_after(more_in);
             Err(standing.tell_in(problem))
         }
     }

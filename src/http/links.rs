@@ -12,8 +12,8 @@ use utoipa::ToSchema;
 use super::app::App;
 use super::caller::Caller;
 use super::problem::Problem;
-use super::representation::require;
 use super::signed_link;
+use super::stored::require;
 use super::wire::{Query, Segment, read_key};
 
 /// Default lifetime of a link.

@@ -42,6 +42,7 @@ mod schemas;
 mod server;
 mod shares;
 mod signed_link;
+mod stored;
 mod system;
 mod umbridge;
 mod weight;
@@ -74,7 +75,7 @@ use layers::with_layers;
 use memory::Memory;
 use metrics::Metrics;
 use needs::RouteNeeds;
-use problem::Problem;
+use problem::{Problem, kinds};
 use routes::Routes;
 use shares::Shares;
 
@@ -123,6 +124,13 @@ impl From<TcpListener> for Sockets {
     }
 }
 
+/// What the main socket serves, for those who ask for another address.
+const API: &str = "/docs lists all routes.";
+/// What the socket of UM-Bridge serves.
+const UMBRIDGE: &str = "This port serves only UM-Bridge. GET /Info lists its models.";
+/// What the socket of a worker serves.
+const MONITORING: &str = "A worker serves only /healthz, /readyz and /metrics.";
+
 /// Serves the API of a service, until `closing` ends and all connections are closed.
 pub async fn serve(
     sockets: impl Into<Sockets>,
@@ -134,9 +142,11 @@ pub async fn serve(
     let server = Server::new(service, settings, needs);
     let closing = closing.shared();
     let Sockets { api, umbridge } = sockets.into();
-    let umbridge = umbridge
-        .map(|listener| server.serve(listener, Routes::of_umbridge().router, closing.clone()));
-    let serving = join(server.serve(api, router, closing.clone()), OptionFuture::from(umbridge));
+    let umbridge = umbridge.map(|listener| {
+        server.serve(listener, Routes::of_umbridge().router, UMBRIDGE, closing.clone())
+    });
+    let api = server.serve(api, router, API, closing.clone());
+    let serving = join(api, OptionFuture::from(umbridge));
     tokio::select! {
         _ = serving => {}
         () = server.app.memory.follow(server.app.service.deletions()) => {}
@@ -147,7 +157,7 @@ pub async fn serve(
 pub async fn serve_monitoring(listener: TcpListener, service: Service) {
     let Routes { router, needs } = Routes::of_monitoring();
     let server = Server::new(service, &Settings::default(), needs);
-    server.serve(listener, router, future::pending()).await;
+    server.serve(listener, router, MONITORING, future::pending()).await;
 }
 
 /// What all sockets of a server share.
@@ -171,14 +181,18 @@ impl Server {
         Self { app, admission, patience, origins: origins.clone() }
     }
 
-    /// Serves routes on a socket, until `closing` ends and its connections are closed.
+    /// Serves routes on a socket, until `closing` ends and its connections are closed. The answer to other addresses
+    /// says what is `served`.
     async fn serve(
         &self,
         listener: TcpListener,
         router: OpenApiRouter<App>,
+        served: &'static str,
         closing: impl Future<Output = ()>,
     ) {
-        let (router, _) = router.fallback(not_found).split_for_parts();
+        let (router, _) = router
+            .fallback(async move |request: Request| not_found(&request, served))
+            .split_for_parts();
         let (gate, metrics) = (self.app.gate.clone(), self.app.metrics.clone());
         let (shares, origins) = (self.app.shares.clone(), self.origins.clone());
         let layered = with_layers(router, gate, metrics, shares, origins);
@@ -194,11 +208,10 @@ pub fn document() -> Vec<u8> {
     openapi::complete(&router.into_openapi(), &needs)
 }
 
-async fn not_found(request: Request) -> Problem {
-    let detail = if request.uri().path().ends_with('/') {
-        "No route has this address. Addresses here do not end with a slash."
-    } else {
-        "No route has this address. /docs lists all routes."
+fn not_found(request: &Request, served: &str) -> Problem {
+    let hint = match request.uri().path() {
+        path if path.len() > 1 && path.ends_with('/') => "Addresses here do not end with a slash.",
+        _ => served,
     };
-    Problem::new(&problem::NOT_FOUND, detail)
+    Problem::new(&kinds::NOT_FOUND, format!("No route has this address. {hint}"))
 }

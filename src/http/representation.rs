@@ -10,9 +10,9 @@ use axum::body::{Body as AnswerBody, Bytes};
 use axum::http::header::{self, HeaderName};
 use axum::http::{HeaderMap, HeaderValue, StatusCode};
 use axum::response::{IntoResponse, Response};
-use tokio::sync::{OwnedSemaphorePermit, oneshot};
+use tokio::sync::oneshot;
 use tokio::task;
-use tokio::time::{Instant, timeout_at};
+use tokio::time::Instant;
 use xxhash_rust::xxh3::xxh3_64;
 
 use super::app::App;
@@ -20,256 +20,18 @@ use super::caller::Caller;
 use super::coding::Coding;
 use super::memory::{Encoded, Lookup, Making};
 use super::pieces::{self, Beginning, PieceWriter, pieces};
-use super::problem::{self, Complaint, Problem};
-use super::shares::{self, Permit, SMALL, longest_wait};
-use super::wire::{ascii, instant, words};
+use super::problem::{Complaint, Problem, kinds};
+use super::shares::{Permit, longest_wait};
+use super::stored::{
+    Need, Reserved, Stored, find, large_json, makers_busy, missing, stored, unpacked,
+};
+use super::wire::{ascii, words};
 use crate::format::{self, Format, Part, View};
 use crate::job::Key;
-use crate::store::{self, Body, Error, StoredResult};
-
-/// The problem for an unknown key links to the job that computes it, if the caller may see one. There is none if the
-/// result is stored.
-pub async fn require(app: &App, reach: Option<&str>, key: &Key) -> Result<(), Problem> {
-    match app.service.small_result(key).await? {
-        Some(StoredResult::Whole(_) | StoredResult::Large(_)) => Ok(()),
-        other => Err(missing(app, reach, key, other).await?),
-    }
-}
+use crate::store::{self, Body, StoredResult};
 
 /// A text that may be larger is sent while it is written, if it is not compressed.
 const WHOLE: usize = 32 << 20;
-
-/// What a request needs before it may make an answer.
-#[derive(Clone, Copy)]
-struct Need {
-    /// Bytes of memory.
-    bytes: usize,
-    /// Whether it makes the answer from a large result.
-    maker: bool,
-}
-
-impl Need {
-    /// Memory for the compressed body of a result and its JSON, which has `size` bytes. The body is smaller.
-    fn to_unpack(size: usize) -> Self {
-        Self { bytes: 2 * size, maker: false }
-    }
-}
-
-/// What a request has reserved. It waits for this before it takes the single-flight lock of its answer. So a caller whose
-/// memory is full does not delay other callers that request the same answer.
-struct Reserved {
-    /// When the request gives up. All that it waits for counts, so that a late answer cannot begin much later.
-    end: Instant,
-    bytes: usize,
-    permit: Permit,
-    maker: Option<OwnedSemaphorePermit>,
-}
-
-impl Reserved {
-    /// Nothing yet. The request begins now.
-    fn nothing() -> Self {
-        Self::nothing_until(longest_wait())
-    }
-
-    fn nothing_until(end: Instant) -> Self {
-        Self { end, bytes: 0, permit: Permit::default(), maker: None }
-    }
-
-    /// Takes what is reserved. The request can wait for something else, in the rest of its time.
-    fn take(&mut self) -> Self {
-        let end = self.end;
-        mem::replace(self, Self::nothing_until(end))
-    }
-
-    fn suffices(&self, need: Need) -> bool {
-        self.bytes >= need.bytes && (self.maker.is_some() || !need.maker)
-    }
-
-    /// Waits for what a request needs, or until another request has made the answer with this name.
-    async fn wait(
-        &mut self,
-        app: &App,
-        caller: &str,
-        name: &str,
-        need: Need,
-    ) -> Result<(), Problem> {
-        // It must not wait for memory that it holds itself.
-        drop(self.take());
-        let end = self.end;
-        let reserve = async {
-            let permit = app.shares.answers.hold_until(end, caller, need.bytes).await?;
-            let maker = if need.maker {
-                timeout_at(end, app.memory.maker()).await.map_err(|_| makers_busy())?
-            } else {
-                None
-            };
-            Ok::<_, Problem>(Self { end, bytes: need.bytes, permit, maker })
-        };
-        *self = tokio::select! {
-            biased;
-            () = app.memory.made(name) => Self::nothing_until(end),
-            reserved = reserve => reserved?,
-        };
-        Ok(())
-    }
-}
-
-/// An answer that is in memory, or the permission to make it. Its memory is counted once for all requests that read it.
-async fn find(
-    app: &App,
-    caller: &str,
-    name: &str,
-    reserved: &mut Reserved,
-) -> Result<Lookup, Problem> {
-    loop {
-        if let Some(answer) = app.memory.get(name).filter(|answer| answer.body.len() <= SMALL) {
-            return Ok(Lookup::Found(answer));
-        }
-        let making = match app.memory.lookup(name).await {
-            Lookup::Missing(making) => making,
-            found @ Lookup::Found(_) => return Ok(found),
-        };
-        let Some(Encoded { body, coding, .. }) = app.memory.get(name) else {
-            return Ok(Lookup::Missing(making));
-        };
-        let need = Need { bytes: body.len(), maker: false };
-        let permit = if reserved.suffices(need) {
-            reserved.take().permit
-        } else if let Ok(permit) = app.shares.answers.try_hold(caller, need.bytes) {
-            permit
-        } else {
-            drop(making);
-            reserved.wait(app, caller, name, need).await?;
-            continue;
-        };
-        let answer = Encoded::of(body, coding, Some(permit));
-        return Ok(Lookup::Found(app.memory.finish(making, answer, false)));
-    }
-}
-
-/// The JSON of a result, or `None` if it is not stored. It is read once for all concurrent requests, and kept in
-/// memory.
-pub async fn json(app: &App, caller: &str, key: &Key) -> Result<Option<Encoded>, Problem> {
-    let name = key.to_string();
-    let mut reserved = Reserved::nothing();
-    loop {
-        let making = match find(app, caller, &name, &mut reserved).await? {
-            Lookup::Found(answer) => {
-                app.service.was_read(key);
-                return Ok(Some(answer));
-            }
-            Lookup::Missing(making) => making,
-        };
-        match stored(app, key, &reserved).await? {
-            Stored::Body(body) => {
-                let json = unpacked(key, body).await?;
-                let answer = Encoded::of(json, Coding::Identity, Some(reserved.permit));
-                return Ok(Some(app.memory.finish(making, answer, true)));
-            }
-            Stored::Large(size) => {
-                drop(making);
-                reserved.wait(app, caller, &name, Need::to_unpack(size)).await?;
-            }
-            Stored::Absent => return Ok(None),
-        }
-    }
-}
-
-/// The JSON of a large result, for whose memory the caller has permission.
-async fn large_json(app: &App, key: &Key) -> Result<Option<Bytes>, Problem> {
-    if let Some(answer) = app.memory.get(&key.to_string()) {
-        return Ok(Some(answer.body));
-    }
-    // This is not the name of an answer, because what is found under it has no permission of its own.
-    let making = match app.memory.lookup(&format!("{key} source")).await {
-        Lookup::Found(answer) => return Ok(Some(answer.body)),
-        Lookup::Missing(making) => making,
-    };
-    let Some(StoredResult::Whole(body)) = app.service.result(key).await? else { return Ok(None) };
-    let json = Encoded::plain(unpacked(key, body).await?);
-    Ok(Some(app.memory.finish(making, json, false).body))
-}
-
-/// The stored body of a result.
-enum Stored {
-    /// The body.
-    Body(Body),
-    /// It is large: its JSON has this many bytes, for which the request must reserve memory first.
-    Large(usize),
-    /// The result is not stored.
-    Absent,
-}
-
-/// The stored body of a result, if the request has reserved enough memory for it.
-async fn stored(app: &App, key: &Key, reserved: &Reserved) -> Result<Stored, Problem> {
-    let found = match app.service.small_result(key).await? {
-        Some(StoredResult::Large(size)) => {
-            if !reserved.suffices(Need::to_unpack(size)) {
-                return Ok(Stored::Large(size));
-            }
-            app.service.result(key).await?
-        }
-        found => found,
-    };
-    Ok(match found {
-        Some(StoredResult::Whole(body)) => Stored::Body(body),
-        _ => Stored::Absent,
-    })
-}
-
-/// The JSON of a body. A large one is decompressed on a blocking thread.
-async fn unpacked(key: &Key, body: Body) -> Result<Bytes, Problem> {
-    let json = if !body.is_compressed() || body.size().is_none_or(|size| size <= store::LARGE) {
-        body.json()
-    } else {
-        task::spawn_blocking(move || body.json()).await.map_err(Problem::bug)?
-    };
-    Ok(json.map_err(|_| Error::DamagedResult(*key))?)
-}
-
-/// The problem for a result that is not stored.
-async fn missing(
-    app: &App,
-    reach: Option<&str>,
-    key: &Key,
-    found: Option<StoredResult>,
-) -> Result<Problem, Problem> {
-    let live = app.service.live_job(key, reach).await?;
-    let problem = match (found, live) {
-        (Some(StoredResult::Evicted { at, deleted_by, asked }), live) => {
-            let next = if let Some(job) = live {
-                format!("It is being computed again: GET /v1/jobs/{job}?wait=10.")
-            } else {
-                let member = asked.as_ref().map_or("scenario", |asked| asked.kind.member());
-                format!(
-                    "To compute it again, submit {{\"{member}\": …}} with the `{member}` of this answer to POST \
-                     /v1/jobs."
-                )
-            };
-            let gone = match deleted_by {
-                Some(who) => format!("deleted by {who} on {}", instant(at)),
-                None => format!("evicted on {} to free disk space", instant(at)),
-            };
-            let detail = format!("The result was {gone}. {next}");
-            Problem::new(&problem::EVICTED, detail).with_asked(asked)
-        }
-        (_, Some(job)) => {
-            let detail =
-                format!("The result is being computed. Wait for it: GET /v1/jobs/{job}?wait=10.");
-            Problem::new(&problem::UNKNOWN_RESULT, detail)
-        }
-        (_, None) => {
-            let detail = "No result has this key. Submit its scenario to POST /v1/jobs.";
-            Problem::new(&problem::UNKNOWN_RESULT, detail)
-        }
-    };
-    Ok(match live {
-        Some(job) => {
-            problem.with_header(header::LINK, format!("</v1/jobs/{job}>; rel=\"related\""))
-        }
-        None => problem,
-    })
-}
 
 /// What an answer is made from.
 enum Source {
@@ -345,6 +107,14 @@ impl Representation {
         })
     }
 
+    /// The name in memory.
+    fn name_in(&self, coding: Coding) -> String {
+        match coding.name() {
+            None => self.name.clone(),
+            Some(coding) => format!("{} {coding}", self.name),
+        }
+    }
+
     /// The answer, if it is in memory. Otherwise this makes it. It waits for others until `end`.
     async fn find_or_make(
         &self,
@@ -352,10 +122,7 @@ impl Representation {
         coding: Coding,
         end: Instant,
     ) -> Result<Answer, Problem> {
-        let name = match coding.name() {
-            None => self.name.clone(),
-            Some(coding) => format!("{} {coding}", self.name),
-        };
+        let name = self.name_in(coding);
         let mut reserved = Reserved::nothing_until(end);
         let mut is_first = true;
         loop {
@@ -601,14 +368,16 @@ impl Representation {
     }
 
     /// The answer to a client that has this representation. A result does not change, so it need not be
-    /// read if it exists.
+    /// read if it exists. What is in memory exists, even if the result has been evicted.
     async fn not_modified(
         &self,
         app: &App,
         headers: &HeaderMap,
     ) -> Result<Option<Response>, Problem> {
         let Some(held) = held(headers, &self.tag) else { return Ok(None) };
-        if !app.service.has_result(&self.key).await? {
+        let in_memory =
+            Coding::ALL.iter().any(|coding| app.memory.get(&self.name_in(*coding)).is_some());
+        if !in_memory && !app.service.has_result(&self.key).await? {
             return Ok(None);
         }
         app.service.was_read(&self.key);
@@ -633,10 +402,6 @@ pub fn held(headers: &HeaderMap, tag: &str) -> Option<String> {
     Some(if found == "*" { tag } else { found }.to_owned())
 }
 
-fn makers_busy() -> Problem {
-    shares::full("The server makes other large answers.".to_owned())
-}
-
 /// The problem for a result that cannot be written in a format.
 fn refused(key: &Key, error: format::Error) -> Problem {
     match error {
@@ -650,7 +415,7 @@ fn refused(key: &Key, error: format::Error) -> Problem {
             let detail = format!(
                 "The result has no {part}: it has {has}. All of it is at /v1/results/{key}."
             );
-            Problem::new(&problem::NO_SUCH_PART, detail)
+            Problem::new(&kinds::NO_SUCH_PART, detail)
         }
         format::Error::Document(_) => Problem::damaged_result(key).caused_by(&error),
         error => Problem::internal().caused_by(&error),

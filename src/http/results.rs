@@ -12,8 +12,9 @@ use bytesize::ByteSize;
 use super::app::App;
 use super::caller::Caller;
 use super::negotiation::choose_format;
-use super::problem::{self, Problem};
-use super::representation::{Representation, require};
+use super::problem::{Problem, kinds};
+use super::representation::Representation;
+use super::stored::require;
 use super::wire::{NoQuery, Query, Segment, read_key};
 use crate::format::{
     FigureOptions, Format, Part, QUANTITIES, Quantity, StudyFigure, StudyOptions, View,
@@ -168,7 +169,7 @@ fn not_acceptable(key: &str, part: Part) -> Problem {
         ),
         _ => detail,
     };
-    Problem::new(&problem::NOT_ACCEPTABLE, detail)
+    Problem::new(&kinds::NOT_ACCEPTABLE, detail)
 }
 
 /// Returns a result.
@@ -514,7 +515,7 @@ async fn set_pin(
                          /v1/results?pinned_by=me lists them."
                     )
                 };
-                return Err(Problem::new(&problem::PIN_QUOTA, detail));
+                return Err(Problem::new(&kinds::PIN_QUOTA, detail));
             }
         }
     }

@@ -12,7 +12,7 @@ use utoipa::ToSchema;
 
 use super::app::App;
 use super::body::Body;
-use super::problem::{self, Problem};
+use super::problem::{Problem, kinds};
 use super::wire::{NoQuery, Segment};
 use crate::job::{Canonical, Key, Prepared, Submission, Task};
 use crate::json::BadBody;
@@ -60,9 +60,9 @@ impl From<BadBody> for Problem {
     fn from(bad: BadBody) -> Self {
         let advice = "Send one JSON document, such as those under /v1/examples.";
         match bad {
-            BadBody::Json(error) => Self::new(&problem::INVALID_JSON, format!("{error}. {advice}")),
+            BadBody::Json(error) => Self::new(&kinds::INVALID_JSON, format!("{error}. {advice}")),
             BadBody::Empty => {
-                Self::new(&problem::INVALID_JSON, format!("The body is empty. {advice}"))
+                Self::new(&kinds::INVALID_JSON, format!("The body is empty. {advice}"))
             }
             BadBody::Faults(faults) => Self::faults(faults),
         }
@@ -285,7 +285,7 @@ pub async fn examples(_: NoQuery) -> Result<Json<Vec<ExampleAnswer>>, Problem> {
 )]
 pub async fn example(Segment(name): Segment, _: NoQuery) -> Result<Response, Problem> {
     let example = EXAMPLES.iter().find(|example| example.name == name).ok_or_else(|| {
-        Problem::new(&problem::NOT_FOUND, "No example has this name. GET /v1/examples lists all.")
+        Problem::new(&kinds::NOT_FOUND, "No example has this name. GET /v1/examples lists all.")
     })?;
     Ok(([(CONTENT_TYPE, "application/json")], example.body).into_response())
 }

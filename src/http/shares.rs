@@ -11,7 +11,7 @@ use prometheus_client::metrics::gauge::Gauge;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::{Instant, timeout_at};
 
-use super::problem::{self, Problem};
+use super::problem::{Problem, kinds};
 
 /// Bodies up to this size, in bytes, are not counted. Only the numbers of connections and of requests bound their sum.
 pub const SMALL: usize = 32 << 10;
@@ -244,7 +244,7 @@ fn all_full() -> Problem {
 
 /// The problem for a request that would have to wait for longer.
 pub fn full(detail: String) -> Problem {
-    Problem::new(&problem::MEMORY_FULL, detail).retry_after(RETRY)
+    Problem::new(&kinds::MEMORY_FULL, detail).retry_after(RETRY)
 }
 
 #[cfg(test)]

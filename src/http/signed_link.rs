@@ -10,7 +10,7 @@ use data_encoding::HEXLOWER;
 use hmac::{Hmac, KeyInit as _, Mac as _};
 use sha2::Sha256;
 
-use super::problem::{self, Problem};
+use super::problem::{Problem, kinds};
 use super::wire::{instant, read_key};
 use crate::job::{Key, clock};
 
@@ -76,7 +76,7 @@ impl Signer {
         let not_ours = || {
             let detail = "This server did not make this link for this result, or the link was changed. \
                 Ask its sender for a new link.";
-            Problem::new(&problem::BAD_LINK, detail)
+            Problem::new(&kinds::BAD_LINK, detail)
         };
         let mut parts = token.splitn(3, '.');
         let (expires, issuer, signature) = (parts.next(), parts.next(), parts.next());
@@ -93,7 +93,7 @@ impl Signer {
         if left.is_zero() {
             let at = expiry(expires);
             let detail = format!("This link expired on {at}. Ask its sender for a new link.");
-            return Err(Problem::new(&problem::BAD_LINK, detail));
+            return Err(Problem::new(&kinds::BAD_LINK, detail));
         }
         Ok((issuer.to_owned(), left))
     }
@@ -121,7 +121,7 @@ fn without_token(uri: &Uri) -> Result<Uri, Problem> {
 pub fn open(signer: &Signer, uri: &Uri, route: &str) -> Result<Opened, Problem> {
     if !OPENED.contains(&route) {
         let detail = "A link opens only one result and its parts.";
-        return Err(Problem::new(&problem::BAD_LINK, detail));
+        return Err(Problem::new(&kinds::BAD_LINK, detail));
     }
     let (key, token) = (uri.path().split('/').nth(3).unwrap_or(""), token(uri).unwrap_or(""));
     let (issuer, left) = signer.verify(&read_key(key)?, token, since_1970())?;

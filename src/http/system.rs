@@ -15,7 +15,7 @@ use super::app::App;
 use super::body::BODY_LIMIT;
 use super::metrics::{Measurements, as_prometheus};
 use super::negotiation::choose_type;
-use super::problem::{self, Problem};
+use super::problem::{self, Problem, kinds};
 use super::wire::{self, NoQuery, Segment};
 use crate::service::{LONGEST_CALL, LONGEST_EVALUATION, WorkLimits};
 use fretwork_engine::request::fields::{MAX_CYCLES, POINTS_RANGE};
@@ -66,7 +66,7 @@ const TIMEOUT: Duration = Duration::from_secs(3);
     (status = 503, description = "The server cannot accept jobs; `detail` says why."),
 ))]
 pub async fn ready(State(app): State<App>, _: NoQuery) -> Result<Json<Readiness>, Problem> {
-    let unready = |detail: &str| Problem::new(&problem::NOT_READY, detail).retry_after(5);
+    let unready = |detail: &str| Problem::new(&kinds::NOT_READY, detail).retry_after(5);
     if app.service.is_draining() {
         return Err(unready("The server is shutting down."));
     }
@@ -246,7 +246,7 @@ pub async fn problems(_: NoQuery) -> Html<String> {
 )]
 pub async fn explain(Segment(slug): Segment, _: NoQuery) -> Result<Html<String>, Problem> {
     let none = "No problem type has this name; GET /problems lists them all.";
-    problem::page(&slug).map(Html).ok_or_else(|| Problem::new(&problem::NOT_FOUND, none))
+    problem::page(&slug).map(Html).ok_or_else(|| Problem::new(&kinds::NOT_FOUND, none))
 }
 
 /// Swagger UI. Its files are part of the program, so it works without a network.
@@ -259,7 +259,7 @@ pub async fn docs(Segment(path): Segment) -> Result<Response, Problem> {
         .map_err(|error| Problem::internal().caused_by(&*error))?;
     let file = file.ok_or_else(|| {
         Problem::new(
-            &problem::NOT_FOUND,
+            &kinds::NOT_FOUND,
             "The documentation does not have this page; start at /docs/.",
         )
     })?;

@@ -2,7 +2,7 @@
 //!
 //! A tree of values can need a hundred times the memory of its text.
 
-use super::problem::{self, Problem};
+use super::problem::{Problem, kinds};
 
 /// Largest number of objects and arrays. A block or an output cycle is one of them.
 const GROUPS: usize = 10_000;
@@ -62,7 +62,7 @@ pub fn tree_bytes(text: &[u8]) -> Result<usize, Problem> {
         None => Ok(BYTES[0] * groups + BYTES[1] * members + BYTES[2] * values + letters),
         Some((count, most, what)) => {
             let detail = format!("The body has {count} {what}, but at most {most} are accepted.");
-            Err(Problem::new(&problem::BODY_TOO_LARGE, detail))
+            Err(Problem::new(&kinds::BODY_TOO_LARGE, detail))
         }
     }
 }

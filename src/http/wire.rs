@@ -13,7 +13,7 @@ use axum::http::request::Parts;
 use axum::http::{HeaderMap, HeaderName, HeaderValue};
 use axum::response::Response;
 
-use super::problem::{self, Complaint, Problem};
+use super::problem::{Complaint, Problem, kinds};
 use crate::format::Format;
 use crate::job::{BadKey, Key, clock};
 
@@ -149,14 +149,14 @@ impl<S: Send + Sync> FromRequestParts<S> for Segment {
     async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Problem> {
         let path = Path::<String>::from_request_parts(parts, state).await;
         path.map(|Path(text)| Self(text))
-            .map_err(|_| Problem::new(&problem::NOT_FOUND, "The address is not valid UTF-8."))
+            .map_err(|_| Problem::new(&kinds::NOT_FOUND, "The address is not valid UTF-8."))
     }
 }
 
 /// Reads the key in an address.
 pub fn read_key(text: &str) -> Result<Key, Problem> {
     text.parse().map_err(|bad: BadKey| {
-        Problem::new(&problem::UNKNOWN_RESULT, format!("This is not a key of a result: {bad}."))
+        Problem::new(&kinds::UNKNOWN_RESULT, format!("This is not a key of a result: {bad}."))
     })
 }
 

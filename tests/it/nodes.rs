@@ -529,7 +529,9 @@ async fn a_worker_answers_monitors_and_serves_nothing_else() {
     // An alert must not call for `fretwork backup`, which refuses here.
     assert!(metric(worker.address, "fretwork_last_backup_timestamp_seconds").await.is_nan());
     for target in ["/", "/v1/jobs", "/version"] {
-        worker.get(target).await.problem(404, "not-found");
+        let reply = worker.get(target).await;
+        reply.problem(404, "not-found");
+        assert!(reply.text().contains("/metrics"), "{}", reply.text());
     }
 
     let words = ["keys", "add", "monitor", "--role", "read", "--database", cluster.address()];

@@ -40,8 +40,9 @@ async fn the_files_stay_within_keep_results_at_the_full_rate_of_writing() {
     let (limit, time) = if long { (20 << 20, 120) } else { (4 << 20, 4) };
     let dir = TempDir::new().unwrap();
     let (limit_text, log) = (format!("{limit}B"), dir.path().join("log"));
-    let command = logging(&["--keep-results", &limit_text], &log);
-    let server = Program::start_by(command, dir.path());
+    // Unfinished jobs are never deleted. A long queue would leave no room for evicted scenarios.
+    let options = ["--keep-results", &limit_text, "--queue-limit", "1000"];
+    let server = Program::start_by(logging(&options, &log), dir.path());
     let address = server.address;
     let end = Instant::now() + Duration::from_secs(time);
     let submitted = Arc::new(AtomicU64::new(0));

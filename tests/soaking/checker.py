@@ -1,6 +1,7 @@
 """Reads every job and every result after a soak."""
 
 import concurrent.futures
+import datetime
 import hashlib
 import threading
 import time
@@ -14,15 +15,18 @@ DRAIN, UPKEEP = 120, 240
 READING = 15
 # Seconds for which a result may be refused.
 REFUSED = 30
-# Seconds by which jobs that --keep-results deletes may be younger than the oldest one that is left: they are deleted in
-# the order of their ends, but compared by their beginnings.
-DISORDER = 30
 UNFINISHED = ("queued", "running", "canceling")
 
 
 def created(job):
     """When a job was submitted: its id is a UUID of version 7."""
     return int(job.replace("-", "")[:12], 16) / 1000
+
+
+def finished(jobs):
+    """When each of the finished jobs ended."""
+    ends = [job["times"]["finished"] for job in jobs]
+    return [datetime.datetime.fromisoformat(end).timestamp() for end in ends if end]
 
 
 class Checker:
@@ -45,7 +49,8 @@ class Checker:
         found = self.jobs()
         oldest = stopped - self.keep_jobs + READING
         if self.evicts_jobs:
-            oldest = max(oldest, min(map(created, found), default=stopped) + DISORDER)
+            # A job is deleted after those that had ended when it was submitted.
+            oldest = max(oldest, min(finished(found.values()), default=stopped))
         expected = {job for job in self.report.jobs if created(job) > oldest} - self.report.deleted
         if missing := expected - found.keys():
             what = f"{len(missing)} of {len(expected)} acknowledged jobs are missing"

@@ -15,8 +15,8 @@ use crate::http::app::App;
 use crate::http::caller::Caller;
 use crate::http::include::{Include, NULL};
 use crate::http::memory::Encoded;
-use crate::http::problem::{self, Problem};
-use crate::http::representation;
+use crate::http::problem::{Problem, kinds};
+use crate::http::stored;
 use crate::http::wire::instant;
 use crate::job::{Failure, Job, JobId, JobState, Key, Origin, Recomputed};
 use crate::store::{self, Asked};
@@ -171,7 +171,7 @@ fn warnings(mut warnings: Value, key: &Key, recomputed: Option<Recomputed>) -> V
 impl From<Failure> for JobError {
     fn from(failure: Failure) -> Self {
         let slug = failure.kind.as_str();
-        let title = problem::ALL.iter().find(|kind| kind.slug == slug).map(|kind| kind.title);
+        let title = kinds::ALL.iter().find(|kind| kind.slug == slug).map(|kind| kind.title);
         Self {
             r#type: format!("/problems/{slug}"),
             title: title.unwrap_or("The job failed").to_owned(),
@@ -210,7 +210,7 @@ pub(super) async fn answer(
 /// The JSON of the result of a job; null if it has none.
 pub(super) async fn result_of(app: &App, caller: &str, job: &Job) -> Result<Encoded, Problem> {
     let json = match job.state {
-        JobState::Succeeded => representation::json(app, caller, &job.key).await?,
+        JobState::Succeeded => stored::json(app, caller, &job.key).await?,
         _ => None,
     };
     Ok(json.unwrap_or_else(|| Encoded::plain(NULL)))

@@ -14,7 +14,7 @@ use crate::http::body::Body;
 use crate::http::caller::Caller;
 use crate::http::include::{Include, NULL};
 use crate::http::memory::Encoded;
-use crate::http::problem::{self, Problem};
+use crate::http::problem::{Problem, kinds};
 use crate::http::scenarios::parse;
 use crate::http::wire::{Freshness, Prefer, Query, ascii, idempotency_key, urgency};
 use crate::job::{Job, JobState, Origin, Submission};
@@ -169,23 +169,23 @@ impl From<Refusal> for Problem {
             Refusal::Draining => {
                 let detail = "The server is shutting down and accepts no new jobs. Submit again in a \
                     moment.";
-                Self::new(&problem::DRAINING, detail).retry_after(5)
+                Self::new(&kinds::DRAINING, detail).retry_after(5)
             }
             Refusal::IdempotencyConflict => {
                 let detail = "This Idempotency-Key was used for another submission. Use a new one.";
-                Self::new(&problem::KEY_REUSED, detail)
+                Self::new(&kinds::KEY_REUSED, detail)
             }
             Refusal::NotCached => {
                 let detail =
                     "The result is not known. To compute it, submit without only-if-cached.";
-                Self::new(&problem::NOT_CACHED, detail)
+                Self::new(&kinds::NOT_CACHED, detail)
             }
-            Refusal::TooExpensive(excess) => Self::new(&problem::TOO_EXPENSIVE, excess.to_string()),
+            Refusal::TooExpensive(excess) => Self::new(&kinds::TOO_EXPENSIVE, excess.to_string()),
             Refusal::QueueFull { queued, retry_after } => {
                 let detail = format!(
                     "{queued} jobs are queued. Submit again after the number of seconds in Retry-After."
                 );
-                Self::new(&problem::QUEUE_FULL, detail).retry_after(retry_after.as_secs() as u32)
+                Self::new(&kinds::QUEUE_FULL, detail).retry_after(retry_after.as_secs() as u32)
             }
             Refusal::Store(error) => error.into(),
         }

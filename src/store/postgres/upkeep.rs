@@ -10,8 +10,11 @@ use crate::store::error::Error;
 use crate::store::options::Options;
 use crate::store::signals::Effect;
 
-/// Longest time between two complete rounds.
+/// Longest time between two cleanings, and between two sums of the sizes of all results.
 const OFTEN: Duration = Duration::from_mins(1);
+/// Time between two sums, as a multiple of the time that a sum takes. So a small database keeps to its budget at every rate of
+/// writing, and a large one is not read all the time.
+const REST: u32 = 50;
 /// Jobs deleted in one transaction.
 const JOBS: i64 = 100;
 /// Chunks deleted in one transaction. Each has some ten kilobytes.
@@ -32,39 +35,49 @@ pub(super) struct Upkeep {
     budget: Option<u64>,
     /// `None` before the first round.
     clock: Option<AgeClock>,
-    /// When nothing was left to do.
-    last: Option<Instant>,
+    /// When old jobs and useless chunks must be deleted again.
+    due: Instant,
+    /// When the sizes of all results must be added up again.
+    room_due: Instant,
     exceeds: bool,
 }
 
 impl Upkeep {
     pub(super) fn new(options: &Options) -> Self {
         let Options { keep_jobs, budget, .. } = *options;
-        Self { keep_jobs, budget, clock: None, last: None, exceeds: false }
+        let now = Instant::now();
+        Self { keep_jobs, budget, clock: None, due: now, room_due: now, exceeds: false }
     }
 
-    /// Stores the times of reading of this server. If a round is due, does a part of it. An error of one kind of work does not
-    /// keep the others from being done.
+    /// Stores the times of reading of this server, and does a part of the maintenance that is due. An error of one kind of work
+    /// does not keep the others from being done; the first one is returned.
     pub(super) async fn round(&mut self, db: &Database) -> Result<(), Error> {
         let reads = db.0.signals.take_read();
-        if !reads.is_empty() {
-            writing!(db, tx => write_reads(tx, &reads).await)?;
+        let written = if reads.is_empty() {
+            Ok(())
+        } else {
+            writing!(db, tx => write_reads(tx, &reads).await)
+        };
+        let cleaned = self.clean(db).await;
+        let has_room = self.make_room(db).await;
+        if has_room.is_err() {
+            self.room_due = Instant::now() + OFTEN;
         }
-        if self.last.is_some_and(|last| last.elapsed() < OFTEN) {
+        written.and(cleaned).and(has_room)
+    }
+
+    /// If it is due, deletes what is old or useless.
+    async fn clean(&mut self, db: &Database) -> Result<(), Error> {
+        if Instant::now() < self.due {
             return Ok(());
         }
         let time = self.time(db).await?;
-        let done = [
-            self.delete_old(db, time).await,
-            Self::delete_chunks(db).await,
-            writing!(db, tx => forget(tx, time).await).map(|()| false),
-            self.make_room(db).await,
-        ];
-        let mut more = false;
-        for done in done {
-            more |= done?;
+        let (jobs, chunks) = (self.delete_old(db, time).await, Self::delete_chunks(db).await);
+        writing!(db, tx => forget(tx, time).await)?;
+        let more = jobs? | chunks?;
+        if !more {
+            self.due = Instant::now() + OFTEN;
         }
-        self.last = (!more).then(Instant::now);
         Ok(())
     }
 
@@ -113,9 +126,11 @@ impl Upkeep {
         Ok(time)
     }
 
-    /// Evicts the results that were read longest ago, until the bodies are within the budget. Returns whether there is more
-    /// to evict.
-    async fn make_room(&mut self, db: &Database) -> Result<bool, Error> {
+    /// If it is due, evicts the results that were read longest ago, until the bodies are within the budget.
+    async fn make_room(&mut self, db: &Database) -> Result<(), Error> {
+        if Instant::now() < self.room_due {
+            return Ok(());
+        }
         let budget =
             self.budget.map_or(i64::MAX, |budget| i64::try_from(budget).unwrap_or(i64::MAX));
         for _ in 0..AT_ONCE {
@@ -124,24 +139,27 @@ impl Upkeep {
                 if !is_alone(tx).await? {
                     return Ok(None);
                 }
+                let started = Instant::now();
                 let query = "SELECT coalesce(sum(stored), 0)::BIGINT FROM result WHERE evicted IS NULL";
                 let stored: i64 = sqlx::query_scalar(query).fetch_one(&mut *tx.db).await?;
+                let took = started.elapsed();
                 let excess = stored - budget;
                 let evicted = if excess > 0 { evict_some(tx, excess).await? } else { 0 };
-                Ok(Some((stored, evicted)))
+                Ok(Some((stored, evicted, took)))
             })?;
-            let Some((stored, evicted)) = room else { return Ok(true) };
+            let Some((stored, evicted, took)) = room else { return Ok(()) };
             db.0.signals.tally.room_is(stored.unsigned_abs());
-            if stored <= budget {
-                self.exceeds = false;
-                return Ok(false);
-            }
             if evicted == 0 {
-                self.warn(stored, budget);
-                return Ok(false);
+                if stored <= budget {
+                    self.exceeds = false;
+                } else {
+                    self.warn(stored, budget);
+                }
+                self.room_due = Instant::now() + rest(self.budget, took);
+                return Ok(());
             }
         }
-        Ok(true)
+        Ok(())
     }
 
     /// Warns once that all results that are left are pinned.
@@ -155,6 +173,12 @@ impl Upkeep {
             );
         }
     }
+}
+
+/// How long the sizes of all results need not be added up again, after a sum that took this time. Without a budget the sum is
+/// only for the metrics.
+fn rest(budget: Option<u64>, took: Duration) -> Duration {
+    budget.map_or(OFTEN, |_| OFTEN.min(REST * took))
 }
 
 /// Whether no other server does maintenance until the end of the transaction.
@@ -262,4 +286,17 @@ async fn evict_some(tx: &mut Transaction<'_>, bytes: i64) -> Result<i64, Error> 
         evicted += stored;
     }
     Ok(evicted)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sum_that_takes_long_is_made_rarely() {
+        let seconds = Duration::from_secs_f64;
+        assert_eq!(rest(Some(1), seconds(0.01)), seconds(0.5));
+        assert_eq!(rest(Some(1), seconds(10.0)), OFTEN);
+        assert_eq!(rest(None, seconds(0.01)), OFTEN);
+    }
 }

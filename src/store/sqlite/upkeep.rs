@@ -260,8 +260,8 @@ async fn used(db: &mut SqliteConnection) -> Result<u64, Error> {
 }
 
 /// The jobs, results and scenarios that were used longest ago, the oldest first: a job when it ended, a result when it
-/// was read, a scenario when its result was evicted. A scenario whose damaged body could not be deleted is not among
-/// them.
+/// was read, a scenario when its result was evicted. A scenario is not among them while it has jobs, or while its damaged
+/// body could not be deleted. Only the oldest 1000 are looked at, so that many scenarios with jobs do not slow every call.
 async fn oldest(db: &mut SqliteConnection) -> Result<Vec<SqliteRow>, Error> {
     let query = sqlx::query(
         "SELECT * FROM (
@@ -271,9 +271,12 @@ async fn oldest(db: &mut SqliteConnection) -> Result<Vec<SqliteRow>, Error> {
              SELECT 'result', key, last_access FROM result INDEXED BY result_unread
              WHERE NOT pinned AND evicted IS NULL ORDER BY last_access LIMIT ?1)
          UNION ALL SELECT * FROM (
-             SELECT 'scenario', key, evicted FROM result INDEXED BY result_evicted
-             WHERE evicted IS NOT NULL AND NOT pinned
-                 AND NOT EXISTS (SELECT 1 FROM result_blob WHERE result_blob.key = result.key)
+             SELECT 'scenario', key, evicted FROM (
+                 SELECT key, evicted FROM result INDEXED BY result_evicted
+                 WHERE evicted IS NOT NULL AND NOT pinned
+                     AND NOT EXISTS (SELECT 1 FROM result_blob WHERE result_blob.key = result.key)
+                 ORDER BY evicted LIMIT 1000) AS old
+             WHERE NOT EXISTS (SELECT 1 FROM job WHERE job.key = old.key)
              ORDER BY evicted LIMIT ?1)
          ORDER BY used LIMIT ?1",
     );

@@ -1,0 +1,83 @@
+//! The commands for access keys.
+
+use std::net::IpAddr;
+use std::time::Duration;
+
+use clap::{Args, Subcommand};
+use fretwork::http;
+use fretwork::store::Role;
+
+use super::data::Data;
+use super::values::duration;
+
+/// What the help of `keys` shows.
+pub const EXAMPLES: &str = "\
+Examples:
+  fretwork keys add anna --role submit                  print a new key; send it as
+                                                        Authorization: Bearer fretwork_...
+  fretwork keys add dashboard --role read --rate 600    600 requests a minute
+  fretwork keys add guest --role read --expires 30d
+  fretwork keys list
+  fretwork keys revoke anna                             all keys with this name
+  fretwork keys revoke 0a1b2c3d                         one key, by its id";
+
+/// A command for access keys.
+#[derive(Debug, Subcommand)]
+pub enum Keys {
+    /// Add a key and print it. It cannot be printed again.
+    Add(AddKey),
+    /// List the keys, without their secrets.
+    List(Data),
+    /// Revoke keys by id or by name. Their signed links become invalid too.
+    Revoke {
+        /// The id of one key, or the name of one or more keys.
+        name: String,
+        #[command(flatten)]
+        data: Data,
+    },
+}
+
+/// A new key.
+#[derive(Debug, Args)]
+pub struct AddKey {
+    /// The owner of the key: letters, digits and . _ @ + -. Keys with the same name own the same jobs.
+    #[arg(value_parser = key_name)]
+    pub name: String,
+    /// What the key allows: `read` reads results, `submit` also submits jobs, `admin` allows everything.
+    #[arg(long, value_parser = role, value_name = "read|submit|admin")]
+    pub role: Role,
+    /// Time until it expires, such as 90d [default: never].
+    #[arg(long, value_name = "TIME", value_parser = lifetime)]
+    pub expires: Option<Duration>,
+    /// Requests per minute; 0 means no limit [default: the server's --rate-limit].
+    #[arg(long, value_name = "N")]
+    pub rate: Option<u32>,
+    #[command(flatten)]
+    pub data: Data,
+}
+
+fn role(text: &str) -> Result<Role, String> {
+    text.parse().map_err(|_| "expected read, submit or admin".to_owned())
+}
+
+/// Parses the name of a key. The name must differ from addresses, ids of keys and reserved names.
+fn key_name(text: &str) -> Result<String, String> {
+    let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"._@+-".contains(&byte);
+    let is_id = text.len() == 8 && text.bytes().all(|byte| byte.is_ascii_hexdigit());
+    let sound = (1..=64).contains(&text.len())
+        && text.bytes().all(plain)
+        && text.parse::<IpAddr>().is_err()
+        && !is_id
+        && ![http::ADMIN, http::ME].contains(&text);
+    let expected = "expected up to 64 letters, digits and . _ @ + -; the name must not be a network \
+        address, the id of a key, \"admin\" or \"me\"";
+    if sound { Ok(text.to_owned()) } else { Err(expected.to_owned()) }
+}
+
+/// Parses the time until a key expires.
+fn lifetime(text: &str) -> Result<Duration, String> {
+    const LONGEST: Duration = Duration::from_hours(100 * 366 * 24);
+    let time = duration(text)?;
+    let sound = (Duration::from_secs(1)..=LONGEST).contains(&time);
+    if sound { Ok(time) } else { Err("expected a time from 1s to 100years".to_owned()) }
+}

@@ -1,0 +1,161 @@
+//! The command line: commands, options and environment variables.
+
+mod data;
+mod files;
+mod keys;
+mod run;
+mod server;
+mod values;
+mod worker;
+
+use std::net::SocketAddr;
+use std::num::NonZeroUsize;
+
+use clap::{Args, Parser, Subcommand};
+
+pub use data::Data;
+pub use files::{Backup, Export, Import, Restore};
+pub use keys::{AddKey, Keys};
+pub use run::Run;
+pub use server::{Serve, described};
+pub use values::resolve;
+pub use worker::Worker;
+
+const EXAMPLES: &str = "\
+Examples:
+  fretwork                                          serve on 127.0.0.1:8080, store results in ./data
+  fretwork --listen 127.0.0.1:0 --data-dir /tmp/f   a free port (printed), another directory
+  fretwork run examples/steel-ball.json             compute one file, without a server
+  fretwork run - --format csv < job.json            read standard input, print the history as CSV
+  fretwork run job.json --format npz --output r.npz write the whole result as NumPy arrays
+  fretwork run job.json --plot worn.svg             also draw a figure; --quantity selects what
+  fretwork verify                                   compare the program with known numbers
+  fretwork health                                   exit code 0 if the server answers
+  fretwork keys add anna --role submit              add an access key; then callers need one
+  fretwork --database postgres://fretwork@db/fretwork   share a PostgreSQL database with other servers
+  fretwork worker --database postgres://...         only compute, for these servers
+  fretwork --print-config > fretwork.env            write the settings as environment variables
+
+Every option of the server has an environment variable.";
+
+const VERIFY_EXAMPLES: &str = "\
+Examples:
+  fretwork verify > VERIFICATION.md   write the page again
+  fretwork verify --exact-volumes > engine/src/simulation/exact_volumes.csv
+  fretwork verify --random 500 > src/verification/accuracy.md";
+
+/// Fretting wear of axisymmetric contacts, as a service with a shared result cache.
+///
+/// Without a command, the server starts.
+#[derive(Debug, Parser)]
+#[command(version, args_conflicts_with_subcommands = true, after_help = EXAMPLES)]
+pub struct Cli {
+    /// The command; `serve` by default.
+    #[command(subcommand)]
+    pub command: Option<Command>,
+    /// The options of `serve` if no command is given.
+    #[command(flatten)]
+    pub serve: Serve,
+}
+
+/// A command.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Start the server (the default).
+    Serve(Box<Serve>),
+    /// Compute the runs of other servers, which share a PostgreSQL database. Answers no requests of clients.
+    ///
+    /// Start any number of workers on any number of machines, beside servers with the same --database.
+    #[command(after_help = worker::EXAMPLES)]
+    Worker(Box<Worker>),
+    /// Compute a job body from a file, without a server or a database.
+    ///
+    /// The result goes to standard output or to a file, and a summary to standard error. If the job body is
+    /// invalid, each fault is printed as `pointer: detail`, and the exit code is 2.
+    Run(Run),
+    /// Print the OpenAPI document of the server.
+    Openapi,
+    /// Compare computed numbers with the same numbers from other sources.
+    ///
+    /// Prints a page in Markdown. Each check has its reference, the computed value, the error and the accepted
+    /// error. The exit code is 1 if a check fails. The command takes some seconds and needs no server.
+    #[command(after_help = VERIFY_EXAMPLES)]
+    Verify {
+        /// Instead, print the table of volumes from which the error of the simplified rule follows.
+        #[arg(long)]
+        exact_volumes: bool,
+        /// Instead, compare this number of random runs with fine ones. 500 take about half a minute.
+        #[arg(long, value_name = "COUNT", conflicts_with = "exact_volumes")]
+        random: Option<NonZeroUsize>,
+    },
+    /// Check a server's health: exit code 0 or 1.
+    Health(Health),
+    /// Write results to an SQLite file that another server can import.
+    ///
+    /// The server may run meanwhile. Exports all results, or those that match every NAME=VALUE (as in
+    /// GET /v1/results), or those with the given keys.
+    #[command(after_help = files::EXAMPLES)]
+    Export(Export),
+    /// Import the results of an exported file.
+    ///
+    /// The server may run meanwhile, and serves the imported results at once. The command checks the SHA-256 of
+    /// every body, the key of every scenario, and whether the numbers can be the result of the scenario: limits, held
+    /// quantities, energy balance. It computes a random sample of the results anew, and refuses what differs. It
+    /// overwrites nothing. It imports the note of a result that has no note yet. It does not import pins. Refused
+    /// results are printed to standard error; the exit code is then 2. An interrupted import continues when it is
+    /// started again.
+    Import(Import),
+    /// Copy the whole database to a file, and check the copy.
+    ///
+    /// The server may run meanwhile. The copy is a snapshot.
+    Backup(Backup),
+    /// Replace the database with a backup. Stop the server first.
+    Restore(Restore),
+    /// Add, list and revoke access keys.
+    ///
+    /// Once there is a key, the server requires a key from every caller. A running server applies changes within
+    /// a second.
+    #[command(subcommand, after_help = keys::EXAMPLES)]
+    Keys(Keys),
+    /// Print who made, revoked and used which key, and who canceled and deleted whose jobs and results.
+    ///
+    /// Equal acts of one day (UTC) share a line. The last 100 000 lines are kept.
+    Audit(Data),
+}
+
+/// The settings of `health`.
+#[derive(Debug, Args)]
+pub struct Health {
+    /// URL of the server [default: the address in `FRETWORK_LISTEN`, on this machine].
+    #[arg(long, env = "FRETWORK_URL", default_value = None)]
+    pub url: Option<String>,
+    /// Address of the server if no URL is given.
+    #[arg(long, env = "FRETWORK_LISTEN", hide = true, default_value = "127.0.0.1:8080",
+        value_parser = resolve)]
+    pub listen: SocketAddr,
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory as _;
+
+    use super::*;
+
+    #[test]
+    fn the_command_line_definition_is_valid() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn the_options_of_the_server_work_with_and_without_serve() {
+        for words in [&["fretwork", "--workers", "3"][..], &["fretwork", "serve", "--workers", "3"]]
+        {
+            let cli = Cli::try_parse_from(words).unwrap();
+            let serve = match cli.command {
+                Some(Command::Serve(serve)) => *serve,
+                _ => cli.serve,
+            };
+            assert_eq!(serve.workers, Some(3));
+        }
+    }
+}

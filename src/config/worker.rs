@@ -1,0 +1,55 @@
+//! The settings of a worker.
+
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use clap::Args;
+use fretwork::service::WorkLimits;
+
+use super::data::Data;
+use super::values::{duration, lease, nonzero, resolve, seconds};
+use crate::telemetry::Logging;
+
+/// What the help of `worker` shows.
+pub const EXAMPLES: &str = "\
+Examples:
+  export FRETWORK_DATABASE=postgres://fretwork:PASSWORD@db.example/fretwork
+  fretwork worker                               one thread per processor
+  fretwork worker --listen 0.0.0.0:9090         also answer Prometheus and health checks
+  fretwork health --url http://127.0.0.1:9090   exit code 0 if the worker answers";
+
+/// The settings of `worker`.
+#[derive(Debug, Args)]
+pub struct Worker {
+    #[command(flatten)]
+    pub data: Data,
+    /// Worker threads that compute runs [default: one per processor].
+    #[arg(long, env = "FRETWORK_WORKERS", value_name = "N",
+        value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub workers: Option<u16>,
+    /// Address and port for monitors: /healthz, /readyz and /metrics. If the database has access keys, /metrics requires
+    /// one with the role `read`.
+    #[arg(long, env = "FRETWORK_WORKER_LISTEN", value_name = "ADDRESS", value_parser = resolve)]
+    pub listen: Option<SocketAddr>,
+    /// Seconds that runs may take to finish when the worker stops. Unfinished runs start again on another one.
+    #[arg(long, env = "FRETWORK_DRAIN_SECONDS", default_value = "7", value_name = "SECONDS",
+        value_parser = seconds)]
+    pub drain_seconds: Duration,
+    /// Time, such as 30s, after which other servers compute again what this one has left, if it dies. Each server renews its
+    /// claim at a third of this time. Only for --database.
+    #[arg(long, env = "FRETWORK_LEASE", default_value = "30s", value_name = "TIME", value_parser = lease)]
+    pub lease: Duration,
+    /// Maximum time of one run, such as 10min or 2h. 0 means no limit.
+    #[arg(long, env = "FRETWORK_RUN_LIMIT", default_value = "30min", value_name = "TIME",
+        value_parser = duration)]
+    pub run_limit: Duration,
+    #[command(flatten)]
+    pub logging: Logging,
+}
+
+impl Worker {
+    /// What a run may take.
+    pub fn limits(&self) -> WorkLimits {
+        WorkLimits { run: nonzero(self.run_limit), ..WorkLimits::default() }
+    }
+}

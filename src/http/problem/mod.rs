@@ -1,0 +1,337 @@
+//! All errors of the API: problem documents (RFC 9457) and their types.
+//!
+//! A handler returns a [`Problem`], which becomes an extension of the response. `layers` writes the document,
+//! because it knows the request id. It does the same for the 404 and 405 of axum and for panics.
+
+pub mod kinds;
+mod page;
+
+use std::error::Error;
+use std::iter;
+
+use axum::http::header::{CACHE_CONTROL, CONTENT_LENGTH, CONTENT_TYPE};
+use axum::http::{HeaderName, HeaderValue, StatusCode};
+use axum::response::{IntoResponse, Response};
+use serde::Serialize;
+use serde_json::Value;
+use utoipa::ToSchema;
+
+use crate::job::{Canonical, Key, TaskKind};
+use crate::{store, study};
+use fretwork_engine::request::fault::{Fault, Faults};
+
+use kinds::Kind;
+pub use page::{index, page};
+
+/// One fault of a request.
+#[derive(Debug, Clone, Serialize, ToSchema)]
+pub struct Complaint {
+    /// The place in the body: a JSON pointer (RFC 6901).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(example = "/scenario/bodies/0/poisson_ratio")]
+    pub pointer: Option<String>,
+    /// The name of the query parameter or header.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(example = "wait")]
+    pub parameter: Option<String>,
+    /// What is wrong, and what is accepted.
+    #[schema(example = "must be between -1 and 0.5, got 0.7")]
+    pub detail: String,
+}
+
+impl Complaint {
+    /// A fault of a query parameter or a header.
+    pub fn parameter(name: &str, detail: impl Into<String>) -> Self {
+        Self { pointer: None, parameter: Some(name.to_owned()), detail: detail.into() }
+    }
+}
+
+impl From<Fault> for Complaint {
+    fn from(fault: Fault) -> Self {
+        Self { pointer: Some(fault.pointer), parameter: None, detail: fault.detail }
+    }
+}
+
+/// An error, as the answer to a request.
+#[derive(Debug, Clone)]
+pub struct Problem {
+    kind: &'static Kind,
+    detail: String,
+    errors: Vec<Complaint>,
+    /// What an evicted result was computed from. Boxed, because few problems have it.
+    asked: Option<Box<Canonical>>,
+    headers: Vec<(HeaderName, String)>,
+    /// For the log.
+    cause: Option<String>,
+}
+
+/// Every error, as the server writes it (RFC 9457).
+#[derive(Debug, Serialize, ToSchema)]
+#[schema(as = Problem)]
+pub struct ProblemDocument<'a> {
+    /// The problem type: the address of a page that explains it.
+    #[schema(example = "/problems/invalid-request")]
+    r#type: String,
+    /// The title of the problem type.
+    #[schema(example = "The request has faults")]
+    title: &'a str,
+    /// The HTTP status.
+    #[schema(example = 422, minimum = 400, maximum = 599)]
+    status: u16,
+    /// What is wrong with this request, and what to change.
+    #[schema(example = "The body has 1 fault, see `errors`.")]
+    detail: &'a str,
+    /// The request id, as in the `x-request-id` header and in the log of the server.
+    #[schema(example = "019aa0f3-1f4e-7cc0-9d8b-1c5b0c1f9a11")]
+    instance: &'a str,
+    /// All faults of the request.
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    #[schema(required = false)]
+    errors: &'a [Complaint],
+    /// The scenario of an evicted result.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<Object>)]
+    scenario: Option<&'a Value>,
+    /// The sweep of an evicted result.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<Object>)]
+    sweep: Option<&'a Value>,
+    /// The sensitivity study of an evicted result.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<Object>)]
+    sensitivity: Option<&'a Value>,
+    /// The map of an evicted result.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<Object>)]
+    map: Option<&'a Value>,
+}
+
+impl Problem {
+    /// A problem of this type. `detail` says what to change in the request.
+    pub fn new(kind: &'static Kind, detail: impl Into<String>) -> Self {
+        Self {
+            kind,
+            detail: detail.into(),
+            errors: Vec::new(),
+            asked: None,
+            headers: Vec::new(),
+            cause: None,
+        }
+    }
+
+    /// The problem for a body with faults.
+    pub fn faults(faults: Vec<Fault>) -> Self {
+        let errors = faults.into_iter().map(Complaint::from).collect();
+        Self::complaints(&kinds::INVALID_REQUEST, "body", errors)
+    }
+
+    /// The problem for query parameters with faults.
+    pub fn parameters(errors: Vec<Complaint>) -> Self {
+        Self::complaints(&kinds::INVALID_PARAMETERS, "query", errors)
+    }
+
+    /// The problem for a header with a fault.
+    pub fn header(error: Complaint) -> Self {
+        Self::complaints(&kinds::INVALID_PARAMETERS, "header of the request", vec![error])
+    }
+
+    fn complaints(kind: &'static Kind, part: &str, errors: Vec<Complaint>) -> Self {
+        let plural = if errors.len() == 1 { "fault" } else { "faults" };
+        let detail = format!("The {part} has {} {plural}, see `errors`.", errors.len());
+        Self { errors, ..Self::new(kind, detail) }
+    }
+
+    /// The problem for a bug of the server. Its cause is in the log, not in the answer.
+    pub fn internal() -> Self {
+        Self::new(
+            &kinds::INTERNAL,
+            "The server has a bug. Its log contains the details: search it for the `instance` of this problem.",
+        )
+    }
+
+    /// The problem for an error that only a bug of the server can cause.
+    pub fn bug(error: impl Error + 'static) -> Self {
+        Self::internal().caused_by(&error)
+    }
+
+    /// The problem for a result that cannot be read.
+    pub fn damaged_result(key: &Key) -> Self {
+        let detail = format!(
+            "The stored result {key} is damaged. Submit its scenario to POST /v1/jobs with `Cache-Control: no-cache`: \
+             this repairs it. If the answer says `\"recomputed\":\"differs\"`, an administrator must delete the result \
+             first: DELETE /v1/results/{key}."
+        );
+        Self::new(&kinds::DAMAGED, detail)
+    }
+
+    /// The problem for a pin or a note of another owner.
+    pub fn other_owner(what: &str, owner: Option<String>) -> Self {
+        let owner =
+            owner.map_or_else(|| "an unknown owner".to_owned(), |owner| format!("{owner:?}"));
+        let detail = format!(
+            "The {what} belongs to {owner}. Ask the owner or an administrator to change it."
+        );
+        Self::new(&kinds::OTHER_OWNER, detail)
+    }
+
+    /// Adds the error that caused the problem, for the log.
+    #[must_use]
+    pub fn caused_by(self, error: &(dyn Error + 'static)) -> Self {
+        let causes = iter::successors(Some(error), |&error| error.source());
+        let causes: Vec<_> = causes.map(ToString::to_string).collect();
+        Self { cause: Some(causes.join(": ")), ..self }
+    }
+
+    /// The error that caused the problem. It is for the log, not for the client.
+    pub fn cause(&self) -> Option<&str> {
+        self.cause.as_deref()
+    }
+
+    /// Its type, and its detail with all faults, for another protocol.
+    pub fn in_words(&self) -> (&'static str, String) {
+        let Self { kind, detail, errors, .. } = self;
+        let place = |error: &Complaint| error.pointer.clone().or(error.parameter.clone());
+        let faults = errors
+            .iter()
+            .map(|error| format!(" {} {}.", place(error).unwrap_or_default(), error.detail));
+        (kind.slug, iter::once(detail.clone()).chain(faults).collect())
+    }
+
+    /// Adds what an evicted result was computed from.
+    #[must_use]
+    pub fn with_asked(self, asked: Option<Canonical>) -> Self {
+        Self { asked: asked.map(Box::new), ..self }
+    }
+
+    /// Adds a header to the answer.
+    #[must_use]
+    pub fn with_header(mut self, name: HeaderName, value: impl Into<String>) -> Self {
+        self.headers.push((name, value.into()));
+        self
+    }
+
+    /// Adds `Retry-After`.
+    #[must_use]
+    pub fn retry_after(self, seconds: u32) -> Self {
+        self.with_header(axum::http::header::RETRY_AFTER, seconds.to_string())
+    }
+}
+
+impl From<Faults> for Problem {
+    fn from(faults: Faults) -> Self {
+        Self::faults(faults.0)
+    }
+}
+
+impl From<store::Error> for Problem {
+    fn from(error: store::Error) -> Self {
+        let problem = match error {
+            store::Error::Closed => {
+                return Self::new(
+                    &kinds::DRAINING,
+                    "The server is shutting down. Try again in a moment.",
+                )
+                .retry_after(5);
+            }
+            store::Error::Busy(..) => Self::new(
+                &kinds::BUSY,
+                "The database of the server is busy. Try again in a moment.",
+            )
+            .retry_after(1),
+            store::Error::Unreachable(..) | store::Error::Exhausted => Self::new(
+                &kinds::BUSY,
+                "The database of the server cannot be reached. Try again in a moment.",
+            )
+            .retry_after(2),
+            store::Error::Full(..) => Self::new(
+                &kinds::DISK_FULL,
+                "The disk of the server is full. Its operator must free space.",
+            ),
+            store::Error::DamagedResult(key) => Self::damaged_result(&key),
+            store::Error::Damaged(..) => {
+                let detail = "A part of the server's database is damaged. Its operator must repair \
+                    it. The log contains the details: search it for the `instance` of this problem.";
+                Self::new(&kinds::DAMAGED, detail)
+            }
+            _ => Self::internal(),
+        };
+        problem.caused_by(&error)
+    }
+}
+
+impl IntoResponse for Problem {
+    fn into_response(self) -> Response {
+        let mut response = self.kind.status.into_response();
+        for (name, value) in &self.headers {
+            if let Ok(value) = HeaderValue::from_str(value) {
+                response.headers_mut().append(name, value);
+            }
+        }
+        response.extensions_mut().insert(self);
+        response
+    }
+}
+
+/// Writes the problem of a response as its body. If a library made an error response, the response contains no
+/// problem, and the body describes the general problem of its status.
+pub(super) fn write(mut response: Response, instance: &str) -> Response {
+    let status = response.status();
+    let Some(problem) = taken(&mut response) else { return response };
+    let asked = |kind| {
+        let asked = problem.asked.as_deref().filter(|asked| asked.kind == kind);
+        asked.map(|asked| &asked.value)
+    };
+    let document = ProblemDocument {
+        r#type: format!("/problems/{}", problem.kind.slug),
+        title: problem.kind.title,
+        status: status.as_u16(),
+        detail: &problem.detail,
+        instance,
+        errors: &problem.errors,
+        scenario: asked(TaskKind::Run),
+        sweep: asked(TaskKind::Study(study::Kind::Sweep)),
+        sensitivity: asked(TaskKind::Study(study::Kind::Sensitivity)),
+        map: asked(TaskKind::Study(study::Kind::Map)),
+    };
+    with_error(response, "application/problem+json", &document)
+}
+
+/// Takes the problem out of a response. An error response without one gets the general problem of its status.
+pub(super) fn taken(response: &mut Response) -> Option<Problem> {
+    let status = response.status();
+    let problem = response.extensions_mut().remove::<Problem>();
+    let is_error = status.is_client_error() || status.is_server_error();
+    problem.or_else(|| is_error.then(|| of_status(status)))
+}
+
+/// The response with an error document as its body.
+pub(super) fn with_error(
+    mut response: Response,
+    media_type: &'static str,
+    document: &impl Serialize,
+) -> Response {
+    let headers = response.headers_mut();
+    headers.insert(CONTENT_TYPE, HeaderValue::from_static(media_type));
+    // The same request may succeed later. Caches keep some statuses unless this forbids it.
+    headers.insert(CACHE_CONTROL, HeaderValue::from_static("no-store"));
+    headers.remove(CONTENT_LENGTH);
+    #[expect(clippy::expect_used, reason = "strings and numbers are valid JSON")]
+    let text = serde_json::to_vec(document).expect("an error document");
+    *response.body_mut() = text.into();
+    response
+}
+
+fn of_status(status: StatusCode) -> Problem {
+    match status {
+        StatusCode::METHOD_NOT_ALLOWED => Problem::new(
+            &kinds::METHOD_NOT_ALLOWED,
+            "This address does not have this method. The Allow header lists its methods.",
+        ),
+        _ => kinds::ALL
+            .iter()
+            .find(|kind| kind.status == status)
+            .map_or_else(Problem::internal, |kind| {
+                Problem::new(kind, format!("{} {}", kind.meaning, kind.remedy))
+            }),
+    }
+}

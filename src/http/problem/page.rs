@@ -1,0 +1,69 @@
+//! The pages that explain the types of problems.
+
+use std::fmt::Write as _;
+
+use super::kinds::{ALL, Kind};
+
+const STYLE: &str = "body{font:17px/1.5 system-ui,sans-serif;max-width:40em;margin:3em auto;\
+    padding:0 1em;color:#222;background:#fff}code{background:#eee;padding:0 .2em}\
+    h1{font-size:1.4em}small{color:#666}@media(prefers-color-scheme:dark){\
+    body{color:#ddd;background:#181818}code{background:#333}a{color:#8bf}}";
+
+fn html(title: &str, body: &str) -> String {
+    let body = code(body);
+    format!(
+        "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\">\
+         <meta name=\"viewport\" content=\"width=device-width\">\
+         <title>{title} · fretwork</title><style>{STYLE}</style>{body}</html>\n"
+    )
+}
+
+/// Changes `` `code` `` to HTML.
+fn code(text: &str) -> String {
+    let mut parts = text.split('`');
+    let mut out = parts.next().unwrap_or_default().to_owned();
+    for (index, part) in parts.enumerate() {
+        out.push_str(if index % 2 == 0 { "<code>" } else { "</code>" });
+        out.push_str(part);
+    }
+    out
+}
+
+/// The page that lists all problem types.
+pub fn index() -> String {
+    let mut body = "<h1>Problems</h1><p>Every error is \
+        <code>application/problem+json</code>. Its <code>type</code> is one of these.</p><ul>"
+        .to_owned();
+    for Kind { slug, status, title, .. } in ALL {
+        let status = status.as_u16();
+        let _ = write!(body, "<li>{status} <a href=\"/problems/{slug}\">{title}</a>");
+    }
+    body.push_str("</ul>");
+    html("Problems", &body)
+}
+
+/// The page of one problem type.
+pub fn page(slug: &str) -> Option<String> {
+    let kind = ALL.iter().find(|kind| kind.slug == slug)?;
+    let Kind { status, title, meaning, remedy, .. } = kind;
+    let body = format!(
+        "<small>{status}</small><h1>{title}</h1><p>{meaning}</p><h2>What to do</h2><p>{remedy}</p>\
+         <p><a href=\"/problems\">All problems</a> · <a href=\"/docs\">API documentation</a></p>"
+    );
+    Some(html(title, &body))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_problem_type_has_a_unique_slug_and_a_page() {
+        for (place, kind) in ALL.iter().enumerate() {
+            assert!(ALL[..place].iter().all(|other| other.slug != kind.slug), "{}", kind.slug);
+            assert!(page(kind.slug).is_some_and(|page| page.contains(&code(kind.remedy))));
+            assert!(index().contains(kind.title));
+        }
+        assert!(page("no-such-problem").is_none());
+    }
+}
