@@ -4,6 +4,7 @@
 mod bootstrap;
 mod evaluation;
 mod extension;
+mod findings;
 mod jacobian;
 mod judge;
 mod kind;

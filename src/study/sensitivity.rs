@@ -7,26 +7,26 @@
 //! | `local` | elasticities x/y·dy/dx at the values of the scenario, see [`derivative`](super::derivative) | 1 + 80·d |
 //!
 //! All points are known in advance, so they are computed in chunks like those of a sweep. The table is made from their
-//! rows. An estimate is never hidden or changed: what its reader must know is said in a note beside it.
+//! rows, see [`findings`](super::findings).
 
 use deserr::{Deserr, IntoValue as _, ValuePointerRef};
 use fretwork_engine::case::{Case, Method as RunMethod};
-use fretwork_engine::numeric::twelve_digits;
 use fretwork_engine::request::fault::{Fault, Faults};
 use fretwork_engine::request::fields::Given;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
+use super::Bootstrap;
 use super::bootstrap::MAX_BLOCKS;
 use super::derivative::{Derivative, Place, Search};
 use super::distribution::Distribution;
-use super::indices::{Caution, Index, Saltelli, indices};
-use super::morris::{Effect, Morris, effects};
+use super::findings::{Findings, Named};
+use super::indices::Saltelli;
+use super::morris::{Morris, effects};
 use super::output::Output;
 use super::problem::{MAX_SEED, Problem, Read, small_members, varied_and_outputs};
 use super::rows::{NUMBER, Rows};
 use super::vary::{Values, Varied};
-use super::{Bootstrap, Estimate};
 use crate::json::Whole;
 
 /// Levels of a screening.
@@ -94,14 +94,21 @@ struct Neighbourhood {
     rounds: Vec<Vec<f64>>,
 }
 
-/// What the table says of an output.
-#[derive(Debug, Clone, Copy)]
-struct Named<'a> {
-    name: &'a str,
-    /// The SI unit.
-    unit: &'a str,
-    /// The relative error that its values can have.
-    accuracy: f64,
+impl Neighbourhood {
+    /// The derivative of an output, from its values at the points of the study.
+    fn derivative(&self, values: &[Option<f64>], accuracy: f64) -> Option<Derivative> {
+        let Self { place, first, rounds } = self;
+        let mut search = Search::new(*place, &[accuracy]);
+        let (mut rounds, mut next) = (rounds.iter(), *first);
+        while let (Some(_), Some(round)) = (search.points(), rounds.next()) {
+            // The point itself comes before those of the first round.
+            let base = (next == *first).then_some(values[0]);
+            let own = values[next..next + round.len()].iter().copied();
+            search.take(base.into_iter().chain(own).map(|value| vec![value]).collect());
+            next += round.len();
+        }
+        search.found()[0]
+    }
 }
 
 /// Reads a sensitivity study.
@@ -369,8 +376,10 @@ impl Sensitivity {
                     findings.effects(*output, members, &found, *trajectories);
                 }
                 Method::Local(around) => {
+                    let y = values[0].unwrap_or_default();
                     for (member, one) in members.iter().zip(around) {
-                        findings.elasticity(*output, member, &values, one);
+                        let found = one.derivative(&values, output.accuracy);
+                        findings.elasticity(*output, member, (one.place.x, y), found);
                     }
                 }
             }
@@ -385,159 +394,6 @@ fn accuracy(case: Option<&Case>, output: &Output) -> f64 {
         _ if !output.needs_run() => ROUNDING,
         Some(RunMethod::Exact { tolerance, .. }) => tolerance,
         Some(RunMethod::Simplified { .. }) | None => RULE,
-    }
-}
-
-/// The table and the notes, while they are made.
-struct Findings {
-    outputs: Vec<String>,
-    members: Vec<String>,
-    units: Vec<String>,
-    columns: Vec<(&'static str, Vec<Option<f64>>)>,
-    notes: Vec<Value>,
-}
-
-impl Findings {
-    fn new(columns: &[&'static str]) -> Self {
-        let columns = columns.iter().map(|name| (*name, Vec::new())).collect();
-        let (outputs, members, units, notes) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        Self { outputs, members, units, columns, notes }
-    }
-
-    fn written(self) -> Map<String, Value> {
-        let mut table = Map::new();
-        table.insert("output".to_owned(), json!(self.outputs));
-        table.insert("unit".to_owned(), json!(self.units));
-        table.insert("member".to_owned(), json!(self.members));
-        for (name, column) in self.columns {
-            let column: Vec<_> =
-                column.into_iter().map(|number| number.map(twelve_digits)).collect();
-            table.insert(name.to_owned(), json!(column));
-        }
-        Map::from_iter([
-            ("notes".to_owned(), json!(self.notes)),
-            ("table".to_owned(), table.into()),
-        ])
-    }
-
-    fn row(&mut self, output: Named<'_>, member: &str, numbers: &[f64]) {
-        self.outputs.push(output.name.to_owned());
-        self.units.push(output.unit.to_owned());
-        self.members.push(member.to_owned());
-        for (place, (_, column)) in self.columns.iter_mut().enumerate() {
-            column.push(numbers.get(place).copied());
-        }
-    }
-
-    fn note(&mut self, output: Named<'_>, member: Option<&str>, detail: &dyn ToString) {
-        let mut note = json!({"output": output.name, "detail": detail.to_string()});
-        if let Some(member) = member {
-            note["member"] = json!(member);
-        }
-        self.notes.push(note);
-    }
-
-    /// Sobol indices of an output.
-    fn shares(
-        &mut self,
-        output: Named<'_>,
-        members: &[&str],
-        values: &[Option<f64>],
-        bootstrap: &Bootstrap,
-    ) {
-        let found = match indices(values, members.len(), bootstrap) {
-            Ok(found) => found,
-            Err(why) => {
-                for member in members {
-                    self.row(output, member, &[]);
-                }
-                return self.note(output, None, &why);
-            }
-        };
-        for (member, Index { first, total }) in members.iter().zip(&found.members) {
-            let numbers = [first, total].map(|Estimate { value, low, high }| [*value, *low, *high]);
-            self.row(output, member, numbers.as_flattened());
-        }
-        for caution in found.cautions() {
-            let member = match caution {
-                Caution::Negative { member } => Some(members[member]),
-                Caution::NotPowerOfTwo { .. } | Caution::LeftOut { .. } => None,
-            };
-            self.note(output, member, &caution);
-        }
-    }
-
-    /// Elementary effects on an output.
-    fn effects<E: ToString>(
-        &mut self,
-        output: Named<'_>,
-        members: &[&str],
-        found: &[Result<Effect, E>],
-        planned: usize,
-    ) {
-        for (member, effect) in members.iter().zip(found) {
-            match effect {
-                Ok(Effect { mean, strength: Estimate { value, low, high }, deviation, count }) => {
-                    self.row(output, member, &[*mean, *value, *low, *high, *deviation]);
-                    if *count < planned {
-                        let detail = format!(
-                            "{} of {planned} elementary effects are left out, because a point of them has no value. \
-                             The numbers hold for the other points only.",
-                            planned - count
-                        );
-                        self.note(output, Some(member), &detail);
-                    }
-                }
-                Err(why) => {
-                    self.row(output, member, &[]);
-                    self.note(output, Some(member), why);
-                }
-            }
-        }
-        let constant = |effect: &Effect| effect.strength.value == 0.0;
-        if found.iter().all(|effect| effect.as_ref().is_ok_and(constant)) {
-            let detail = "The output has the same value at all points. Choose another output, or vary other members or \
-                          wider ranges.";
-            self.note(output, None, &detail);
-        }
-    }
-
-    /// The elasticity of an output.
-    fn elasticity(
-        &mut self,
-        output: Named<'_>,
-        member: &str,
-        values: &[Option<f64>],
-        around: &Neighbourhood,
-    ) {
-        let Neighbourhood { place, first, rounds } = around;
-        let mut search = Search::new(*place, &[output.accuracy]);
-        let (mut rounds, mut next) = (rounds.iter(), *first);
-        while let (Some(_), Some(round)) = (search.points(), rounds.next()) {
-            // The point itself comes before those of the first round.
-            let base = (next == *first).then_some(values[0]);
-            let own = values[next..next + round.len()].iter().copied();
-            search.take(base.into_iter().chain(own).map(|value| vec![value]).collect());
-            next += round.len();
-        }
-        let (y, derivative) = (values[0].unwrap_or_default(), search.found()[0]);
-        match derivative {
-            Some(Derivative { value, error }) if y != 0.0 => {
-                let share = place.x / y;
-                let (value, error) = (value * share, (error * share).abs());
-                self.row(output, member, &[value, value - error, value + error]);
-            }
-            found => {
-                self.row(output, member, &[]);
-                let detail = if found.is_some() {
-                    "The output is 0 at the values of the scenario, so it has no elasticity."
-                } else {
-                    "The output has no value at the values of the scenario, or at too many points around them. Choose \
-                     another output or other values."
-                };
-                self.note(output, Some(member), &detail);
-            }
-        }
     }
 }
 

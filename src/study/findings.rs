@@ -1,0 +1,165 @@
+//! The table and the notes of a sensitivity study. An estimate is never hidden or changed: what its reader must know is said in a
+//! note beside it.
+
+use fretwork_engine::numeric::twelve_digits;
+use serde_json::{Map, Value, json};
+
+use super::derivative::Derivative;
+use super::indices::{Caution, Index, indices};
+use super::morris::Effect;
+use super::{Bootstrap, Estimate};
+
+/// What the table says of an output.
+#[derive(Debug, Clone, Copy)]
+pub struct Named<'a> {
+    /// Its name.
+    pub name: &'a str,
+    /// The SI unit.
+    pub unit: &'a str,
+    /// The relative error that its values can have.
+    pub accuracy: f64,
+}
+
+/// The table and the notes, while they are made.
+pub struct Findings {
+    outputs: Vec<String>,
+    members: Vec<String>,
+    units: Vec<String>,
+    columns: Vec<(&'static str, Vec<Option<f64>>)>,
+    notes: Vec<Value>,
+}
+
+impl Findings {
+    /// An empty table with these columns, which come after the names.
+    pub fn new(columns: &[&'static str]) -> Self {
+        let columns = columns.iter().map(|name| (*name, Vec::new())).collect();
+        let (outputs, members, units, notes) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        Self { outputs, members, units, columns, notes }
+    }
+
+    /// The members `table` and `notes` of the document.
+    pub fn written(self) -> Map<String, Value> {
+        let mut table = Map::new();
+        table.insert("output".to_owned(), json!(self.outputs));
+        table.insert("unit".to_owned(), json!(self.units));
+        table.insert("member".to_owned(), json!(self.members));
+        for (name, column) in self.columns {
+            let column: Vec<_> =
+                column.into_iter().map(|number| number.map(twelve_digits)).collect();
+            table.insert(name.to_owned(), json!(column));
+        }
+        Map::from_iter([
+            ("notes".to_owned(), json!(self.notes)),
+            ("table".to_owned(), table.into()),
+        ])
+    }
+
+    fn row(&mut self, output: Named<'_>, member: &str, numbers: &[f64]) {
+        self.outputs.push(output.name.to_owned());
+        self.units.push(output.unit.to_owned());
+        self.members.push(member.to_owned());
+        for (place, (_, column)) in self.columns.iter_mut().enumerate() {
+            column.push(numbers.get(place).copied());
+        }
+    }
+
+    fn note(&mut self, output: Named<'_>, member: Option<&str>, detail: &dyn ToString) {
+        let mut note = json!({"output": output.name, "detail": detail.to_string()});
+        if let Some(member) = member {
+            note["member"] = json!(member);
+        }
+        self.notes.push(note);
+    }
+
+    /// Sobol indices of an output.
+    pub fn shares(
+        &mut self,
+        output: Named<'_>,
+        members: &[&str],
+        values: &[Option<f64>],
+        bootstrap: &Bootstrap,
+    ) {
+        let found = match indices(values, members.len(), bootstrap) {
+            Ok(found) => found,
+            Err(why) => {
+                for member in members {
+                    self.row(output, member, &[]);
+                }
+                return self.note(output, None, &why);
+            }
+        };
+        for (member, Index { first, total }) in members.iter().zip(&found.members) {
+            let numbers = [first, total].map(|Estimate { value, low, high }| [*value, *low, *high]);
+            self.row(output, member, numbers.as_flattened());
+        }
+        for caution in found.cautions() {
+            let member = match caution {
+                Caution::Negative { member } => Some(members[member]),
+                Caution::NotPowerOfTwo { .. } | Caution::LeftOut { .. } => None,
+            };
+            self.note(output, member, &caution);
+        }
+    }
+
+    /// Elementary effects on an output.
+    pub fn effects<E: ToString>(
+        &mut self,
+        output: Named<'_>,
+        members: &[&str],
+        found: &[Result<Effect, E>],
+        planned: usize,
+    ) {
+        for (member, effect) in members.iter().zip(found) {
+            match effect {
+                Ok(Effect { mean, strength: Estimate { value, low, high }, deviation, count }) => {
+                    self.row(output, member, &[*mean, *value, *low, *high, *deviation]);
+                    if *count < planned {
+                        let detail = format!(
+                            "{} of {planned} elementary effects are left out, because a point of them has no value. \
+                             The numbers hold for the other points only.",
+                            planned - count
+                        );
+                        self.note(output, Some(member), &detail);
+                    }
+                }
+                Err(why) => {
+                    self.row(output, member, &[]);
+                    self.note(output, Some(member), why);
+                }
+            }
+        }
+        let constant = |effect: &Effect| effect.strength.value == 0.0;
+        if found.iter().all(|effect| effect.as_ref().is_ok_and(constant)) {
+            let detail = "The output has the same value at all points. Choose another output, or vary other members or \
+                          wider ranges.";
+            self.note(output, None, &detail);
+        }
+    }
+
+    /// The elasticity of an output: x/y·dy/dx.
+    pub fn elasticity(
+        &mut self,
+        output: Named<'_>,
+        member: &str,
+        (x, y): (f64, f64),
+        derivative: Option<Derivative>,
+    ) {
+        match derivative {
+            Some(Derivative { value, error }) if y != 0.0 => {
+                let share = x / y;
+                let (value, error) = (value * share, (error * share).abs());
+                self.row(output, member, &[value, value - error, value + error]);
+            }
+            found => {
+                self.row(output, member, &[]);
+                let detail = if found.is_some() {
+                    "The output is 0 at the values of the scenario, so it has no elasticity."
+                } else {
+                    "The output has no value at the values of the scenario, or at too many points around them. Choose \
+                     another output or other values."
+                };
+                self.note(output, Some(member), &detail);
+            }
+        }
+    }
+}
