@@ -194,7 +194,7 @@ impl Signals {
 
     /// Tells all listeners that a result was deleted; `None` if any result may have been.
     fn deleted(&self, key: Option<Key>) {
-        // It is no error if nobody listens.
+        // This fails if nobody listens, which is not an error.
         let _ = self.deleted.0.send(key);
     }
 
