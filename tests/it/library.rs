@@ -355,7 +355,10 @@ async fn deleting_an_evicted_result_removes_it_from_the_cache() {
     let mut db = raw(server.dir.path()).await;
     db.execute("UPDATE result SET evicted = 1; DELETE FROM result_blob").await.unwrap();
     for form in &forms {
-        assert_eq!(server.get(form).await.status, 200, "{form} is in memory");
+        let found = server.get(form).await;
+        assert_eq!(found.status, 200, "{form} is in memory");
+        let held = [("If-None-Match", found.header("etag").unwrap())];
+        assert_eq!(server.send("GET", form, &held, "").await.status, 304, "{form} is in memory");
     }
     server.send("DELETE", &at, &[], "").await.problem(410, "evicted");
     for form in &forms {

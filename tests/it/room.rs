@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use fretwork::store::{Changed, Editor, Options, Store};
+use fretwork::store::{Actor, Changed, Editor, Options, Removed, Store};
 use serde_json::Value;
 use sqlx::Executor as _;
 use tempfile::TempDir;
@@ -18,7 +18,7 @@ use tokio::task::JoinSet;
 use crate::keeping::{compute, eventually};
 use crate::kill::{Program, id};
 use crate::server::{JSON, ball, metric, send};
-use crate::store::{key, open, raw};
+use crate::store::{accepted, key, new_job, open, raw};
 
 /// Bytes of the database and of its log.
 fn sizes(dir: &Path) -> (u64, u64) {
@@ -132,6 +132,30 @@ async fn pinned_results_stay_when_jobs_and_other_results_are_deleted() {
     assert!(store.has_result(&key(0)).await.unwrap());
     assert!(store.has_result(&key(49)).await.unwrap(), "it is the newest");
     assert!(store.result(&key(1)).await.unwrap().is_none(), "its scenario is the oldest");
+}
+
+#[tokio::test]
+async fn the_scenario_of_an_evicted_result_stays_while_it_has_a_job() {
+    let dir = TempDir::new().unwrap();
+    let options = Options { budget: Some(2 << 20), ..Options::default() };
+    let store = Store::open(dir.path(), &options).await.unwrap();
+    for number in [0, 1] {
+        compute(&store, number, 10).await;
+        assert!(matches!(
+            store.remove(&key(number), Actor::default()).await.unwrap(),
+            Removed::Done
+        ));
+    }
+    // Result 0 is computed again, and this takes long.
+    accepted(store.submit(new_job(0)).await);
+    let running = store.claim().await.unwrap().unwrap();
+    for number in 2..50 {
+        compute(&store, number, 400_000).await;
+    }
+    let store = &store;
+    eventually(|| async move { store.result(&key(1)).await.unwrap().is_none() }).await;
+    assert!(store.result(&key(0)).await.unwrap().is_some(), "it has a job");
+    drop(running);
 }
 
 #[tokio::test]

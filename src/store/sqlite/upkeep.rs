@@ -259,27 +259,27 @@ async fn used(db: &mut SqliteConnection) -> Result<u64, Error> {
     Ok(query.fetch_one(db).await?)
 }
 
+const USED_LONGEST_AGO: &str = "SELECT * FROM (
+         SELECT 'job' AS kind, id, finished AS used FROM job
+         WHERE finished IS NOT NULL ORDER BY id LIMIT ?1)
+     UNION ALL SELECT * FROM (
+         SELECT 'result', key, last_access FROM result INDEXED BY result_unread
+         WHERE NOT pinned AND evicted IS NULL ORDER BY last_access LIMIT ?1)
+     UNION ALL SELECT * FROM (
+         SELECT 'scenario', key, evicted FROM (
+             SELECT key, evicted FROM result INDEXED BY result_evicted
+             WHERE evicted IS NOT NULL AND NOT pinned
+                 AND NOT EXISTS (SELECT 1 FROM result_blob WHERE result_blob.key = result.key)
+             ORDER BY evicted LIMIT 1000) AS old
+         WHERE NOT EXISTS (SELECT 1 FROM job WHERE job.key = old.key)
+         ORDER BY evicted LIMIT ?1)
+     ORDER BY used LIMIT ?1";
+
 /// The jobs, results and scenarios that were used longest ago, the oldest first: a job when it ended, a result when it
 /// was read, a scenario when its result was evicted. A scenario is not among them while it has jobs, or while its damaged
 /// body could not be deleted. Only the oldest 1000 are looked at, so that many scenarios with jobs do not slow every call.
 async fn oldest(db: &mut SqliteConnection) -> Result<Vec<SqliteRow>, Error> {
-    let query = sqlx::query(
-        "SELECT * FROM (
-             SELECT 'job' AS kind, id, finished AS used FROM job
-             WHERE finished IS NOT NULL ORDER BY id LIMIT ?1)
-         UNION ALL SELECT * FROM (
-             SELECT 'result', key, last_access FROM result INDEXED BY result_unread
-             WHERE NOT pinned AND evicted IS NULL ORDER BY last_access LIMIT ?1)
-         UNION ALL SELECT * FROM (
-             SELECT 'scenario', key, evicted FROM (
-                 SELECT key, evicted FROM result INDEXED BY result_evicted
-                 WHERE evicted IS NOT NULL AND NOT pinned
-                     AND NOT EXISTS (SELECT 1 FROM result_blob WHERE result_blob.key = result.key)
-                 ORDER BY evicted LIMIT 1000) AS old
-             WHERE NOT EXISTS (SELECT 1 FROM job WHERE job.key = old.key)
-             ORDER BY evicted LIMIT ?1)
-         ORDER BY used LIMIT ?1",
-    );
+    let query = sqlx::query(USED_LONGEST_AGO);
     Ok(query.bind(OLDEST).fetch_all(db).await?)
 }
 
@@ -319,4 +319,38 @@ async fn forget(key: &[u8], tx: &mut Transaction) -> Result<(), Error> {
 /// Bytes of the stored results.
 pub(super) async fn stored((): &(), tx: &mut Transaction) -> Result<u64, Error> {
     Ok(sqlx::query_scalar("SELECT used FROM room").fetch_one(&mut tx.db).await?)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use crate::store::Options;
+    use crate::store::sqlite::Database;
+
+    use super::*;
+
+    /// A database can have a million jobs, results and scenarios.
+    #[tokio::test]
+    async fn what_was_used_longest_ago_is_found_with_indexes() {
+        let dir = tempfile::tempdir().unwrap();
+        let store = Database::open(dir.path(), &Options::default(), Arc::default()).await.unwrap();
+        let plan = format!("EXPLAIN QUERY PLAN {USED_LONGEST_AGO}");
+        let rows = store.reading(async |db| {
+            let plan = sqlx::query(sqlx::AssertSqlSafe(plan)).bind(OLDEST);
+            Ok(plan.fetch_all(db).await?)
+        });
+        let rows = rows.await.unwrap();
+        let steps: Vec<&str> = rows.iter().map(|row| row.get("detail").unwrap()).collect();
+        for step in [
+            "SCAN result USING INDEX result_unread",
+            "SEARCH result USING INDEX result_evicted (evicted>?)",
+            "SEARCH job USING COVERING INDEX job_key (key=?)",
+        ] {
+            assert!(steps.contains(&step), "{steps:#?}");
+        }
+        // Only the few rows of each kind are sorted.
+        let sorted = steps.iter().filter(|step| **step == "USE TEMP B-TREE FOR ORDER BY").count();
+        assert_eq!(sorted, 3, "{steps:#?}");
+    }
 }
