@@ -2,10 +2,10 @@
 
 use std::io::{self, Write as _};
 
-use fretwork::job::clock::{self, now};
-use fretwork::store::{AccessKey, Administration, AuditEntry, NewKey, Place, Role};
+use crate::job::clock::{self, now};
+use crate::store::{AccessKey, Administration, AuditEntry, NewKey, Place, Role};
 
-use super::{Error, print};
+use super::printing::{Error, print};
 use crate::config::{AddKey, Data, Keys};
 
 /// Adds, lists or revokes access keys.

@@ -4,9 +4,10 @@ use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::net::TcpStream;
 use std::time::Duration;
 
-use axum::http::Uri;
+use hyper::Uri;
 
-use super::{Error, print, reachable};
+use super::listening::reachable;
+use super::printing::{Error, print};
 use crate::config::{Health, resolve};
 
 /// Maximum time to connect, and to wait for the answer.

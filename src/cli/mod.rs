@@ -1,43 +1,84 @@
 //! The commands of the program.
 
-pub mod administration;
-pub mod health;
-pub mod moving;
+mod administration;
+mod health;
+mod listening;
+mod moving;
 mod output;
-pub mod run;
+mod printing;
+mod run;
+mod serve;
+mod signals;
 mod study;
+mod worker;
 
-use std::io::{self, Write as _};
-use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::process::ExitCode;
 
-/// The error of a command. Its message is one line for the user.
-pub type Error = Box<dyn std::error::Error>;
+use clap::{CommandFactory as _, FromArgMatches as _};
+use fretwork_engine::simulation::model_error;
 
-/// Prints an error and its causes to standard error, on one line.
-pub fn print_error(error: &dyn std::error::Error) {
-    let mut line = format!("fretwork: {error}");
-    let mut source = error.source();
-    while let Some(cause) = source {
-        line = format!("{line}: {cause}");
-        source = cause.source();
+use self::printing::{Error, print, print_error};
+use crate::config::{Cli, Command};
+use crate::http;
+use crate::verification::{self, Accuracy};
+
+/// The seed of the random scenarios on the verification page.
+const SEED: u64 = 16;
+
+/// Does what the command line says. Returns the exit code of the process.
+#[must_use]
+pub fn main() -> ExitCode {
+    let matches = Cli::command().get_matches();
+    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    // The files of these two commands are made to be shared.
+    if !matches!(cli.command, Some(Command::Run(_) | Command::Export(_))) {
+        restrict_permissions();
     }
-    // If standard error is closed, the exit code still reports the failure.
-    let _ = writeln!(io::stderr(), "{line}");
+    let success = |()| ExitCode::SUCCESS;
+    let done = match cli.command {
+        None => serve::serve(&cli.serve, &matches).map(success),
+        Some(Command::Serve(settings)) => {
+            let matches = matches.subcommand_matches("serve").unwrap_or(&matches);
+            serve::serve(&settings, matches).map(success)
+        }
+        Some(Command::Worker(settings)) => worker::work(&settings).map(success),
+        Some(Command::Run(settings)) => run::run(&settings),
+        Some(Command::Openapi) => print(&http::document()).map(success),
+        Some(Command::Verify { exact_volumes: true, .. }) => {
+            print(model_error::exact_volumes().as_bytes()).map(success)
+        }
+        Some(Command::Verify { random: Some(count), .. }) => {
+            let accuracy = Accuracy::measured(count.get(), SEED);
+            print(accuracy.to_string().as_bytes()).map(success)
+        }
+        Some(Command::Verify { .. }) => verify().map(success),
+        Some(Command::Health(settings)) => health::health(&settings).map(success),
+        Some(Command::Keys(command)) => administration::keys(command).map(success),
+        Some(Command::Audit(data)) => administration::audit(&data).map(success),
+        Some(Command::Export(settings)) => moving::export(&settings).map(success),
+        Some(Command::Import(settings)) => moving::import(&settings),
+        Some(Command::Backup(settings)) => moving::backup(&settings),
+        Some(Command::Restore(settings)) => moving::restore(&settings),
+    };
+    done.unwrap_or_else(|error| {
+        print_error(error.as_ref());
+        ExitCode::FAILURE
+    })
 }
 
-/// Writes to standard output. A reader that closes the pipe early, such as `head`, is not an error.
-pub fn print(text: &[u8]) -> Result<(), Error> {
-    let mut out = io::stdout().lock();
-    match out.write_all(text).and_then(|()| out.flush()) {
-        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(error.into()),
-        _ => Ok(()),
-    }
+/// Makes new files readable for their owner only. They contain the jobs of all users and the key that signs links.
+fn restrict_permissions() {
+    #[cfg(unix)]
+    rustix::process::umask(rustix::fs::Mode::from_raw_mode(0o077));
 }
 
-/// The address under which this machine reaches a listener.
-pub fn reachable(mut address: SocketAddr) -> SocketAddr {
-    if address.ip().is_unspecified() {
-        address.set_ip(IpAddr::V4(Ipv4Addr::LOCALHOST));
+/// Prints the verification page. A failed check is an error.
+fn verify() -> Result<(), Error> {
+    let page = verification::page();
+    print(page.to_string().as_bytes())?;
+    match page.failures().count() {
+        0 => Ok(()),
+        1 => Err("1 check fails".into()),
+        failed => Err(format!("{failed} checks fail").into()),
     }
-    address
 }

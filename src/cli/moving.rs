@@ -5,11 +5,11 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
+use crate::job::clock;
+use crate::store::{self, AccessKey, Administration, Imported, Saved, Search};
 use bytesize::ByteSize;
-use fretwork::job::clock;
-use fretwork::store::{self, AccessKey, Administration, Imported, Saved, Search};
 
-use super::{Error, print};
+use super::printing::{Error, print};
 use crate::config::{Backup, Export, Import, Restore};
 
 /// Time between two lines of progress in a log.

@@ -5,10 +5,10 @@ use std::io::{self, IsTerminal as _, Write as _};
 use std::path::Path;
 use std::process::ExitCode;
 
-use fretwork::format::Format;
+use crate::format::Format;
 use fretwork_engine::request::fault::Fault;
 
-use super::{Error, print};
+use super::printing::{Error, print};
 use crate::config::Run;
 
 /// Prints the faults of a body to standard error. Returns the exit code of a body that is not valid.

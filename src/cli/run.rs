@@ -6,15 +6,16 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use fretwork::format::{self, Format, Part, View};
-use fretwork::job::{Answer, Prepared, Submission, Task, TaskKind};
-use fretwork::json::BadBody;
+use crate::format::{self, Format, Part, View};
+use crate::job::{Answer, Prepared, Submission, Task, TaskKind};
+use crate::json::BadBody;
 use fretwork_engine::request::fault::Fault;
 use serde::Deserialize;
 use serde_json::Value;
 
 use super::output::{print_faults, write_file, write_output};
-use super::{Error, print_error, study};
+use super::printing::{Error, print_error};
+use super::study;
 use crate::config::Run;
 
 /// Minimum time between two updates of the progress on a terminal.

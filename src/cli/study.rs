@@ -6,9 +6,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
 
-use fretwork::study::{Points, Rows, Study};
+use crate::study::{Points, Rows, Study};
 
-use super::Error;
+use super::printing::Error;
 
 /// Time between two updates of the progress on a terminal.
 const PROGRESS_INTERVAL: Duration = Duration::from_millis(500);

@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
+use crate::job::Key;
+use crate::store::Search;
 use clap::Args;
-use fretwork::job::Key;
-use fretwork::store::Search;
 
 use super::data::Data;
 

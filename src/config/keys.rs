@@ -3,9 +3,9 @@
 use std::net::IpAddr;
 use std::time::Duration;
 
+use crate::http;
+use crate::store::Role;
 use clap::{Args, Subcommand};
-use fretwork::http;
-use fretwork::store::Role;
 
 use super::data::Data;
 use super::values::duration;

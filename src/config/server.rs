@@ -9,15 +9,16 @@ use std::num::NonZeroU32;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use axum::http::{HeaderValue, Uri};
+use crate::http::{self, Access, AdminKey, Connections, Limits, Origins, Patience};
+use crate::service::WorkLimits;
+use crate::store::{self, Place};
 use bytesize::ByteSize;
 use clap::builder::FalseyValueParser;
 use clap::parser::ValueSource;
 use clap::{ArgAction, ArgMatches, Args, ValueEnum};
-use fretwork::http::{self, Access, AdminKey, Connections, Limits, Origins, Patience};
-use fretwork::service::WorkLimits;
-use fretwork::store::{self, Place};
 use fretwork_engine::scenario::MAX_ANSWER;
+use hyper::Uri;
+use hyper::header::HeaderValue;
 
 use super::data::Data;
 use super::values::{duration, lease, nonzero, resolve, seconds};

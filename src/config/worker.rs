@@ -3,8 +3,8 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
+use crate::service::WorkLimits;
 use clap::Args;
-use fretwork::service::WorkLimits;
 
 use super::data::Data;
 use super::values::{duration, lease, nonzero, resolve, seconds};

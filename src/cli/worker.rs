@@ -1,0 +1,88 @@
+//! `fretwork worker`: computes the runs of servers that share a database.
+
+use std::future;
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::thread;
+
+use super::listening::{greeting, listen};
+use super::printing::{Error, print};
+use super::signals::ShutdownSignals;
+use crate::config::Worker;
+use crate::http;
+use crate::job::Task;
+use crate::service::Service;
+use crate::service::workers::Workers;
+use crate::store::{Options, Place, Store};
+
+/// The number of worker threads: as set, or one per processor.
+pub fn worker_threads(set: Option<u16>) -> usize {
+    set.map_or_else(|| thread::available_parallelism().map_or(1, usize::from), usize::from)
+}
+
+/// Computes the runs of other servers until a signal.
+pub fn work(settings: &Worker) -> Result<(), Error> {
+    let place = settings.data.place()?;
+    if matches!(place, Place::Directory(_)) {
+        return Err("a worker needs --database: servers share only a PostgreSQL database".into());
+    }
+    settings.logging.start();
+    // Two threads are enough, because runs have their own threads.
+    tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(2)
+        .enable_all()
+        .build()?
+        .block_on(work_until_signal(settings, &place))
+}
+
+async fn work_until_signal(settings: &Worker, place: &Place) -> Result<(), Error> {
+    let mut signals = ShutdownSignals::new()?;
+    let listener = settings.listen.map(|address| listen(address, "--listen")).transpose()?;
+    // A worker deletes nothing to make room. The servers do, by their own limits.
+    let store =
+        Store::open(place, &Options { lease: settings.lease, ..Options::default() }).await?;
+    let count = worker_threads(settings.workers);
+    let service = Service::new(store.clone(), Arc::new(Task::start), count, settings.limits());
+    let workers = Workers::start(&store, count, settings.limits(), &service.compute())?;
+    tracing::info!(%place, workers = count, "working");
+    if let Some(listener) = &listener {
+        greet_monitors(listener.local_addr()?);
+    }
+    let monitored = service.clone();
+    // Monitors get answers until the process ends.
+    let monitoring = async {
+        match listener {
+            Some(listener) => http::serve_monitoring(listener, monitored).await,
+            None => future::pending().await,
+        }
+    };
+    let work = async {
+        signals.next().await;
+        tracing::info!("draining; a second signal stops at once");
+        service.drain();
+        let drain = async {
+            workers.drain(settings.drain_seconds).await;
+            store.close().await;
+        };
+        tokio::select! {
+            () = drain => tracing::info!("drained"),
+            () = signals.next() => {
+                tracing::warn!("stopped; other workers compute the interrupted runs again");
+            }
+        }
+    };
+    tokio::select! {
+        () = work => {}
+        () = monitoring => {}
+    }
+    Ok(())
+}
+
+/// Prints the address at which a worker answers monitors.
+fn greet_monitors(address: SocketAddr) {
+    let line = format!("{} for monitors\n", greeting(address));
+    // Standard output may be closed. The worker does not need it.
+    if let Err(error) = print(line.as_bytes()) {
+        tracing::warn!(error, "cannot print the greeting");
+    }
+}
