@@ -51,46 +51,65 @@ fn write_decimal<W: ?Sized + Write>(
     is_negative: bool,
     Decimal { mut digits, places }: Decimal,
 ) -> io::Result<()> {
+    /// The texts of 0…99, in order.
+    const PAIRS: [[u8; 2]; 100] = {
+        let mut pairs = [[0; 2]; 100];
+        let mut n = 0;
+        while n < pairs.len() {
+            pairs[n] = [b'0' + (n / 10) as u8, b'0' + (n % 10) as u8];
+            n += 1;
+        }
+        pairs
+    };
     // The power of ten of the last digit.
     let mut power = -i32::from(places);
     while digits.is_multiple_of(10) {
         digits /= 10;
         power += 1;
     }
+    // The digits end at `end`, and zeros follow. The number is written as a whole from `start` to `stop`.
     let mut text = [b'0'; 40];
-    // The digits end here, and zeros follow. `leading` becomes the power of ten of the first digit.
     let end = 24;
-    let (mut first, mut leading) = (end, power - 1);
+    let (mut start, mut stop) = (end, end);
     while digits > 0 {
-        first -= 1;
-        leading += 1;
-        text[first] = b'0' + (digits % 10) as u8;
-        digits /= 10;
+        start -= 2;
+        text[start..start + 2].copy_from_slice(&PAIRS[(digits % 100) as usize]);
+        digits /= 100;
     }
-    if is_negative {
-        out.write_all(b"-")?;
-    }
+    start += usize::from(text[start] == b'0');
+    // The power of ten of the first digit.
+    let leading = power - 1 + i32::from((end - start) as u8);
     match leading {
         // Below 10¹² all digits before the point fit.
         0.. => {
-            let point = first + leading as usize + 1;
-            out.write_all(&text[first..point])?;
-            out.write_all(b".")?;
-            out.write_all(&text[point..end.max(point + 1)])
+            let point = start + leading as usize;
+            text.copy_within(start..=point, start - 1);
+            text[point] = b'.';
+            start -= 1;
+            stop = end.max(point + 2);
         }
         -5..0 => {
-            out.write_all(b"0.")?;
-            out.write_all(&text[first - (-leading - 1) as usize..end])
+            start -= (1 - leading) as usize;
+            text[start + 1] = b'.';
         }
         _ => {
-            out.write_all(&text[first..=first])?;
-            if end - first > 1 {
-                out.write_all(b".")?;
-                out.write_all(&text[first + 1..end])?;
+            if end - start > 1 {
+                text[start - 1] = text[start];
+                text[start] = b'.';
+                start -= 1;
             }
-            write!(out, "e{leading}")
+            let [ten, one] = PAIRS[-leading as usize];
+            let exponent =
+                if ten == b'0' { &[b'e', b'-', one][..] } else { &[b'e', b'-', ten, one] };
+            stop += exponent.len();
+            text[end..stop].copy_from_slice(exponent);
         }
     }
+    if is_negative {
+        start -= 1;
+        text[start] = b'-';
+    }
+    out.write_all(&text[start..stop])
 }
 
 /// Why a text is not the body of a request.

@@ -55,6 +55,13 @@ pub struct Identity {
     pub key: String,
 }
 
+/// The caller in the log.
+impl fmt::Display for Identity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {}", self.owner, self.key)
+    }
+}
+
 impl Identity {
     /// The caller in the audit log.
     fn actor(&self) -> Actor {

@@ -16,6 +16,7 @@ use futures_util::future::BoxFuture;
 use tower::layer::layer_fn;
 use tower::{Layer as _, Service, ServiceExt as _, service_fn};
 use tower_http::cors::{AllowHeaders, Any as AnyOrigin, CorsLayer};
+use tracing::field;
 
 use super::access::{self, Gate, Identity};
 use super::caller::{Peer, REQUEST_ID, Trace, owner_of};
@@ -126,8 +127,7 @@ async fn surround(shared: Arc<Shared>, mut request: Request, route: Route) -> Re
         Err(problem) => written(problem.into_response()),
     };
     metrics.answered(&method, pattern, response.status(), started);
-    let caller = response.extensions().get::<Identity>();
-    let caller = caller.map(|identity| format!("{} {}", identity.owner, identity.key));
+    let caller = response.extensions().get::<Identity>().map(field::display);
     let status = response.status().as_u16();
     let milliseconds = (started.elapsed().as_secs_f64() * 1e6).round() / 1e3;
     macro_rules! log {
