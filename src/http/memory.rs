@@ -5,7 +5,7 @@
 
 use std::collections::HashMap;
 use std::ptr;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, Weak};
 use std::time::Duration;
 
 use axum::body::Bytes;
@@ -56,8 +56,14 @@ const LOOK_AGAIN: Duration = Duration::from_millis(50);
 /// Number of names from which unused names are removed.
 const NAMES: usize = 64;
 
-/// One answer, or none while it is being made. The lock is held by the task that makes it.
-type Slot = tokio::sync::Mutex<Option<Encoded>>;
+/// One answer that is being made or sent.
+#[derive(Debug, Default)]
+struct Slot {
+    /// None while it is being made.
+    answer: OnceLock<Encoded>,
+    /// Held by the task that makes it.
+    turn: Arc<tokio::sync::Mutex<()>>,
+}
 
 /// A cache of encoded answers by name, which evicts the least used ones beyond its size. A name begins
 /// with the key of the result.
@@ -73,7 +79,8 @@ pub struct Memory {
 #[derive(Debug)]
 pub struct Making {
     name: String,
-    slot: OwnedMutexGuard<Option<Encoded>>,
+    slot: Arc<Slot>,
+    _turn: OwnedMutexGuard<()>,
 }
 
 /// An answer, or the permission to make it.
@@ -108,9 +115,8 @@ impl AsRef<[u8]> for SharedBytes {
     }
 }
 
-fn share(answer: &Encoded, slot: &OwnedMutexGuard<Option<Encoded>>) -> Encoded {
-    let shared =
-        SharedBytes { body: answer.body.clone(), _slot: Arc::clone(OwnedMutexGuard::mutex(slot)) };
+fn share(answer: &Encoded, slot: &Arc<Slot>) -> Encoded {
+    let shared = SharedBytes { body: answer.body.clone(), _slot: Arc::clone(slot) };
     Encoded { body: Bytes::from_owner(shared), ..answer.clone() }
 }
 
@@ -150,10 +156,14 @@ impl Memory {
     /// The answer with this name, shared with requests that read it now. If another request
     /// makes it, this waits. If that request fails or is dropped, the caller makes it.
     pub async fn lookup(&self, name: &str) -> Lookup {
-        let slot = self.slot(name).lock_owned().await;
-        match &*slot {
+        let slot = self.slot(name);
+        if let Some(answer) = slot.answer.get() {
+            return Lookup::Found(share(answer, &slot));
+        }
+        let turn = Arc::clone(&slot.turn).lock_owned().await;
+        match slot.answer.get() {
             Some(answer) => Lookup::Found(share(answer, &slot)),
-            None => Lookup::Missing(Making { name: name.to_owned(), slot }),
+            None => Lookup::Missing(Making { name: name.to_owned(), slot, _turn: turn }),
         }
     }
 
@@ -170,18 +180,17 @@ impl Memory {
     }
 
     /// Gives a finished answer to all requests that wait for it, and caches it if `keep` is true.
-    pub fn finish(&self, mut making: Making, answer: Encoded, keep: bool) -> Encoded {
+    pub fn finish(&self, making: Making, answer: Encoded, keep: bool) -> Encoded {
+        let Making { name, slot, _turn } = making;
         if keep && let Some(cache) = &self.cache {
             let slots = lock(&self.slots);
             // Without its name, the result was deleted while the answer was made.
-            let current = slots.get(&making.name).map_or(ptr::null(), Weak::as_ptr);
-            if ptr::eq(current, Arc::as_ptr(OwnedMutexGuard::mutex(&making.slot))) {
-                cache.insert(making.name, Encoded { permit: None, ..answer.clone() });
+            let current = slots.get(&name).map_or(ptr::null(), Weak::as_ptr);
+            if ptr::eq(current, Arc::as_ptr(&slot)) {
+                cache.insert(name, Encoded { permit: None, ..answer.clone() });
             }
         }
-        let shared = share(&answer, &making.slot);
-        *making.slot = Some(answer);
-        shared
+        share(slot.answer.get_or_init(|| answer), &slot)
     }
 
     /// Removes all answers of a deleted result. Requests that already read one continue.

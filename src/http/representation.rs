@@ -349,6 +349,8 @@ impl Representation {
             response.extensions_mut().insert(permit);
         }
         let headers = response.headers_mut();
+        // With those that all answers get.
+        headers.reserve(12);
         let weak = if coding == Coding::Identity { "" } else { "W/" };
         headers.extend(caching(&format!("{weak}{}", self.tag)));
         let kind = HeaderValue::from_static(self.format.media_type());
