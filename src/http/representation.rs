@@ -78,7 +78,8 @@ impl Representation {
         let view = view.sorted();
         let is_unchanged = (part, format) == (Part::Whole, Format::Json) && view == View::default();
         if is_unchanged {
-            let (name, tag) = (key.to_string(), format!("\"{key}\""));
+            let name = key.to_string();
+            let tag = ["\"", &name, "\""].concat();
             return Self { key, part, format, view, is_unchanged, reach, caller, name, tag };
         }
         let address = format!("{key}.{}.{}", part.name(), format.name());
@@ -111,7 +112,7 @@ impl Representation {
     fn name_in(&self, coding: Coding) -> String {
         match coding.name() {
             None => self.name.clone(),
-            Some(coding) => format!("{} {coding}", self.name),
+            Some(coding) => [&self.name, " ", coding].concat(),
         }
     }
 
@@ -352,7 +353,7 @@ impl Representation {
         // With those that all answers get.
         headers.reserve(12);
         let weak = if coding == Coding::Identity { "" } else { "W/" };
-        headers.extend(caching(&format!("{weak}{}", self.tag)));
+        headers.extend(caching(&[weak, &self.tag].concat()));
         let kind = HeaderValue::from_static(self.format.media_type());
         headers.insert(header::CONTENT_TYPE, kind);
         if let Some(coding) = coding.name() {
