@@ -80,7 +80,7 @@ fn write_decimal<W: ?Sized + Write>(
     // The power of ten of the first digit.
     let leading = power - 1 + i32::from((end - start) as u8);
     match leading {
-        // Below 10¹² all digits before the point fit.
+        // The largest number is 10¹². Its point is at index 35.
         0.. => {
             let point = start + leading as usize;
             text.copy_within(start..=point, start - 1);
@@ -335,6 +335,8 @@ mod tests {
         let numbers = [1.0 / 3.0, -2.0e-13 / 3.0, 1e300 / 3.0, 0.1 + 0.2, 5e6, f64::INFINITY];
         let expected = "[0.333333333333,-6.66666666667e-14,3.33333333333e+299,0.3,5000000.0,null]";
         assert_eq!(write(&numbers, 0), expected);
+        let numbers = [999_999_999_999.9, -999_999_999_999.9, 1e-5, 9.9e-6, -0.0];
+        assert_eq!(write(&numbers, 0), "[1000000000000.0,-1000000000000.0,0.00001,9.9e-6,0.0]");
         let mut seed = 1_u64;
         let mut random = || {
             seed = seed.wrapping_mul(0x5851_f42d_4c95_7f2d).wrapping_add(0x1405_7b7e_f767_814f);

@@ -2,11 +2,10 @@
 
 use std::io::{self, Write as _};
 
-use crate::job::clock::{self, now};
-use crate::store::{AccessKey, Administration, AuditEntry, NewKey, Place, Role};
-
 use super::printing::{Error, print};
 use crate::config::{AddKey, Data, Keys};
+use crate::job::clock::{self, now};
+use crate::store::{AccessKey, Administration, AuditEntry, NewKey, Place, Role};
 
 /// Adds, lists or revokes access keys.
 pub fn keys(command: Keys) -> Result<(), Error> {

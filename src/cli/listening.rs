@@ -7,12 +7,14 @@ use tokio::net::TcpListener;
 use super::printing::Error;
 use crate::http;
 
+/// Listens on an address. If it cannot, the error names the option that changes the address.
 pub fn listen(address: SocketAddr, option: &str) -> Result<TcpListener, Error> {
     http::listen(address).map_err(|error| {
         format!("cannot listen on {address}: {error}; choose another with {option}").into()
     })
 }
 
+/// The first line that a server or a worker prints.
 pub fn greeting(address: SocketAddr) -> String {
     format!("fretwork {} listens on http://{}", env!("CARGO_PKG_VERSION"), reachable(address))
 }

@@ -25,7 +25,7 @@ use crate::verification::{self, Accuracy};
 /// The seed of the random scenarios on the verification page.
 const SEED: u64 = 16;
 
-/// Does what the command line says. Returns the exit code of the process.
+/// Does what the arguments of the process say, and returns its exit code. It may change the umask and the panic hook.
 #[must_use]
 pub fn main() -> ExitCode {
     let matches = Cli::command().get_matches();

@@ -5,12 +5,12 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use crate::job::clock;
-use crate::store::{self, AccessKey, Administration, Imported, Saved, Search};
 use bytesize::ByteSize;
 
 use super::printing::{Error, print};
 use crate::config::{Backup, Export, Import, Restore};
+use crate::job::clock;
+use crate::store::{self, AccessKey, Administration, Imported, Saved, Search};
 
 /// Time between two lines of progress in a log.
 const LOG_INTERVAL: Duration = Duration::from_secs(10);

@@ -6,9 +6,6 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use crate::format::{self, Format, Part, View};
-use crate::job::{Answer, Prepared, Submission, Task, TaskKind};
-use crate::json::BadBody;
 use fretwork_engine::request::fault::Fault;
 use serde::Deserialize;
 use serde_json::Value;
@@ -17,6 +14,9 @@ use super::output::{print_faults, write_file, write_output};
 use super::printing::{Error, print_error};
 use super::study;
 use crate::config::Run;
+use crate::format::{self, Format, Part, View};
+use crate::job::{Answer, Prepared, Submission, Task, TaskKind};
+use crate::json::BadBody;
 
 /// Minimum time between two updates of the progress on a terminal.
 const PROGRESS_INTERVAL: Duration = Duration::from_millis(500);

@@ -4,8 +4,9 @@ use std::convert::Infallible;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use crate::store::{DatabaseUrl, Place};
 use clap::Args;
+
+use crate::store::{DatabaseUrl, Place};
 
 /// The database of a command.
 #[derive(Debug, Clone, Args)]

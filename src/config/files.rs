@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 
-use crate::job::Key;
-use crate::store::Search;
 use clap::Args;
 
 use super::data::Data;
+use crate::job::Key;
+use crate::store::Search;
 
 /// What the help of `export` shows.
 pub const EXAMPLES: &str = "\

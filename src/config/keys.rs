@@ -3,12 +3,12 @@
 use std::net::IpAddr;
 use std::time::Duration;
 
-use crate::http;
-use crate::store::Role;
 use clap::{Args, Subcommand};
 
 use super::data::Data;
 use super::values::duration;
+use crate::http;
+use crate::store::Role;
 
 /// What the help of `keys` shows.
 pub const EXAMPLES: &str = "\

@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
-use crate::format::{Format, QUANTITIES, Quantity};
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
+
+use crate::format::{Format, QUANTITIES, Quantity};
 
 /// The settings of `run`.
 #[derive(Debug, Args)]

@@ -9,9 +9,6 @@ use std::num::NonZeroU32;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use crate::http::{self, Access, AdminKey, Connections, Limits, Origins, Patience};
-use crate::service::WorkLimits;
-use crate::store::{self, Place};
 use bytesize::ByteSize;
 use clap::builder::FalseyValueParser;
 use clap::parser::ValueSource;
@@ -22,6 +19,9 @@ use hyper::header::HeaderValue;
 
 use super::data::Data;
 use super::values::{duration, lease, nonzero, resolve, seconds};
+use crate::http::{self, Access, AdminKey, Connections, Limits, Origins, Patience};
+use crate::service::WorkLimits;
+use crate::store::{self, Place};
 use crate::telemetry::Logging;
 
 /// The settings of the server.

@@ -3,11 +3,11 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use crate::service::WorkLimits;
 use clap::Args;
 
 use super::data::Data;
 use super::values::{duration, lease, nonzero, resolve, seconds};
+use crate::service::WorkLimits;
 use crate::telemetry::Logging;
 
 /// What the help of `worker` shows.

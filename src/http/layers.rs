@@ -16,7 +16,6 @@ use futures_util::future::BoxFuture;
 use tower::layer::layer_fn;
 use tower::{Layer as _, Service, ServiceExt as _, service_fn};
 use tower_http::cors::{AllowHeaders, Any as AnyOrigin, CorsLayer};
-use tracing::field;
 
 use super::access::{self, Gate, Identity};
 use super::caller::{Peer, REQUEST_ID, Trace, owner_of};
@@ -127,13 +126,13 @@ async fn surround(shared: Arc<Shared>, mut request: Request, route: Route) -> Re
         Err(problem) => written(problem.into_response()),
     };
     metrics.answered(&method, pattern, response.status(), started);
-    let caller = response.extensions().get::<Identity>().map(field::display);
     let status = response.status().as_u16();
     let milliseconds = (started.elapsed().as_secs_f64() * 1e6).round() / 1e3;
     macro_rules! log {
         ($level:ident) => {
             tracing::$level!(request = &*id, traceparent = parent.as_deref(), %method, path = uri.path(),
-                status, milliseconds, caller, error, "answered")
+                status, milliseconds,
+                caller = response.extensions().get::<Identity>().map(ToString::to_string), error, "answered")
         };
     }
     match (&error, status) {

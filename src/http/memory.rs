@@ -59,7 +59,7 @@ const NAMES: usize = 64;
 /// One answer that is being made or sent.
 #[derive(Debug, Default)]
 struct Slot {
-    /// None while it is being made.
+    /// Empty while the answer is being made.
     answer: OnceLock<Encoded>,
     /// Held by the task that makes it.
     turn: Arc<tokio::sync::Mutex<()>>,

@@ -350,7 +350,7 @@ impl Representation {
             response.extensions_mut().insert(permit);
         }
         let headers = response.headers_mut();
-        // With those that all answers get.
+        // Room for the headers below and for those that `layers.rs` adds.
         headers.reserve(12);
         let weak = if coding == Coding::Identity { "" } else { "W/" };
         headers.extend(caching(&[weak, &self.tag].concat()));

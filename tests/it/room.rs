@@ -146,7 +146,7 @@ async fn the_scenario_of_an_evicted_result_stays_while_it_has_a_job() {
             Removed::Done
         ));
     }
-    // Result 0 is computed again, and this takes long.
+    // A worker claims result 0 again, and does not finish it.
     accepted(store.submit(new_job(0)).await);
     let running = store.claim().await.unwrap().unwrap();
     for number in 2..50 {

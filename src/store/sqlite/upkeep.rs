@@ -259,7 +259,8 @@ async fn used(db: &mut SqliteConnection) -> Result<u64, Error> {
     Ok(query.fetch_one(db).await?)
 }
 
-const USED_LONGEST_AGO: &str = "SELECT * FROM (
+/// The query of [`oldest`].
+const OLDEST_ROWS: &str = "SELECT * FROM (
          SELECT 'job' AS kind, id, finished AS used FROM job
          WHERE finished IS NOT NULL ORDER BY id LIMIT ?1)
      UNION ALL SELECT * FROM (
@@ -279,7 +280,7 @@ const USED_LONGEST_AGO: &str = "SELECT * FROM (
 /// was read, a scenario when its result was evicted. A scenario is not among them while it has jobs, or while its damaged
 /// body could not be deleted. Only the oldest 1000 are looked at, so that many scenarios with jobs do not slow every call.
 async fn oldest(db: &mut SqliteConnection) -> Result<Vec<SqliteRow>, Error> {
-    let query = sqlx::query(USED_LONGEST_AGO);
+    let query = sqlx::query(OLDEST_ROWS);
     Ok(query.bind(OLDEST).fetch_all(db).await?)
 }
 
@@ -332,10 +333,10 @@ mod tests {
 
     /// A database can have a million jobs, results and scenarios.
     #[tokio::test]
-    async fn what_was_used_longest_ago_is_found_with_indexes() {
+    async fn the_query_for_the_oldest_rows_uses_indexes() {
         let dir = tempfile::tempdir().unwrap();
         let store = Database::open(dir.path(), &Options::default(), Arc::default()).await.unwrap();
-        let plan = format!("EXPLAIN QUERY PLAN {USED_LONGEST_AGO}");
+        let plan = format!("EXPLAIN QUERY PLAN {OLDEST_ROWS}");
         let rows = store.reading(async |db| {
             let plan = sqlx::query(sqlx::AssertSqlSafe(plan)).bind(OLDEST);
             Ok(plan.fetch_all(db).await?)
