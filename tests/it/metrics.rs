@@ -52,10 +52,11 @@ async fn metrics_show_the_process_and_its_files() {
     eventually(async || metric(address, "process_open_fds").await <= files - 20.0).await;
     assert!(metric(address, "process_max_fds").await > files);
     assert!(metric(address, "process_cpu_seconds_total").await > 0.0);
-    let memory = std::fs::read_to_string(format!("/proc/{}/status", process.id())).unwrap();
-    let peak = memory.lines().find_map(|line| line.strip_prefix("VmHWM:")).unwrap();
-    let peak: f64 = peak.trim().trim_end_matches(" kB").parse().unwrap();
     let resident = metric(address, "process_resident_memory_bytes").await;
+    // The peak is read last, because each request may take more memory.
+    let status = std::fs::read_to_string(format!("/proc/{}/status", process.id())).unwrap();
+    let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).unwrap();
+    let peak: f64 = peak.trim().trim_end_matches(" kB").parse().unwrap();
     assert!((1e6..=peak * 1024.0).contains(&resident), "{resident} {peak}");
     let database = std::fs::metadata(dir.path().join("fretwork.db")).unwrap().len() as f64;
     assert_eq!(metric(address, "fretwork_database_bytes").await, database);
