@@ -10,14 +10,14 @@ use std::time::Duration;
 use fretwork::job::{Cost, FailureKind, JobState, Origin, Submission};
 use fretwork::store::{Actor, Claimed, Deleted, Error, Finish, NewJob, Piece, Recovered, Store};
 use sqlx::Executor as _;
-use tempfile::TempDir;
-use tokio::runtime::Runtime;
 use tokio::task::JoinSet;
 
 use crate::database::{Database, Engine};
 use crate::keeping::eventually;
 use crate::server::steel_ball;
-use crate::store::{accepted, answer, body, cancel, claim, fresh, job, key, new_job, open, raw};
+use crate::store::{
+    accepted, answer, body, cancel, claim, crash, fresh, job, key, new_job, open, raw,
+};
 
 /// A job whose work is divided into chunks.
 pub fn study(number: u8, chunks: u32) -> NewJob {
@@ -436,46 +436,59 @@ async fn work(store: Store, finished: Arc<Vec<AtomicU32>>) -> Result<(), Error> 
     Ok(())
 }
 
-/// Opens the store as a new process does, and starts four workers.
-async fn start(dir: &Path, finished: &Arc<Vec<AtomicU32>>) -> (Store, JoinSet<Result<(), Error>>) {
+/// Opens the store as a new process does, and starts four workers. The counters are of the chunks that they finish.
+async fn start(dir: &Path) -> (Store, JoinSet<Result<(), Error>>, Arc<Vec<AtomicU32>>) {
     let store = open(dir).await;
     store.recover().await.unwrap();
-    let work = |_| work(store.clone(), Arc::clone(finished));
+    let finished: Arc<Vec<_>> = Arc::new((0..CHUNKS).map(|_| AtomicU32::new(0)).collect());
+    let work = |_| work(store.clone(), Arc::clone(&finished));
     let workers = (0..4).map(work).collect();
-    (store, workers)
+    (store, workers, finished)
 }
 
-#[test]
-fn a_store_that_is_killed_at_random_moments_loses_no_chunk_and_computes_none_twice() {
-    let dir = TempDir::new().unwrap();
-    let finished: Arc<Vec<AtomicU32>> = Arc::new((0..CHUNKS).map(|_| AtomicU32::new(0)).collect());
-    let runtime = || Runtime::new().unwrap();
-    let submitted = runtime().block_on(async {
-        let store = open(dir.path()).await;
-        let submitted = accepted(store.submit(study(1, CHUNKS)).await);
-        store.close().await;
-        submitted
-    });
-    for kill in 0..10 {
-        let process = runtime();
-        let (_store, _workers) = process.block_on(start(dir.path(), &finished));
-        std::thread::sleep(Duration::from_micros(10_000 + 4_321 * kill % 17_000));
-        // Drops all tasks wherever they wait, and rolls back an open transaction.
-        process.shutdown_timeout(Duration::from_secs(10));
-    }
-    let before = finished.iter().filter(|count| count.load(Ordering::SeqCst) > 0).count();
-    assert!(before < CHUNKS as usize, "the kills came before the end");
-    runtime().block_on(async {
-        let (store, workers) = start(dir.path(), &finished).await;
-        for worker in workers.join_all().await {
-            worker.unwrap();
+#[tokio::test(flavor = "multi_thread")]
+async fn a_store_that_is_killed_at_random_moments_loses_no_chunk_and_computes_none_twice() {
+    let (mut dir, store) = fresh().await;
+    let submitted = accepted(store.submit(study(1, CHUNKS)).await);
+    store.close().await;
+    let mut acknowledged = vec![0; CHUNKS as usize];
+    let mut count = |finished: &[AtomicU32]| {
+        for (all, new) in acknowledged.iter_mut().zip(finished) {
+            *all += new.load(Ordering::SeqCst);
         }
-        let job = job(&store, submitted.id).await;
-        assert_eq!((job.state, job.changes.len()), (JobState::Succeeded, 3));
-        let expected: Vec<u8> = (0..CHUNKS).flat_map(rows).collect();
-        assert!(body(&store, 1).await == expected);
+        acknowledged.clone()
+    };
+    for kill in 0..10 {
+        let (store, mut workers, finished) = start(dir.path()).await;
+        // A run ends as lost if three processes in a row finish nothing.
+        while finished.iter().all(|count| count.load(Ordering::SeqCst) == 0) {
+            tokio::time::sleep(Duration::from_millis(1)).await;
+        }
+        tokio::time::sleep(Duration::from_micros(4_321 * kill % 17_000)).await;
+        // The next process finds the files of this moment, in the middle of a transaction or not. They contain what was
+        // acknowledged before.
+        let before = count(&finished);
+        let files = crash(dir.path());
+        workers.shutdown().await;
+        let done: Vec<u32> = sqlx::query_scalar("SELECT number FROM chunk WHERE state = 'done'")
+            .fetch_all(&mut raw(crash(files.path()).path()).await)
+            .await
+            .unwrap();
+        assert!(done.len() < CHUNKS as usize, "the kill came before the end");
+        let lost =
+            (0..CHUNKS).find(|number| before[*number as usize] > 0 && !done.contains(number));
+        assert_eq!(lost, None, "a chunk was acknowledged and lost");
         store.close().await;
-    });
-    let most = finished.iter().map(|count| count.load(Ordering::SeqCst)).max();
-    assert_eq!(most, Some(1), "a chunk was accepted twice");
+        dir = files;
+    }
+    let (store, workers, finished) = start(dir.path()).await;
+    for worker in workers.join_all().await {
+        worker.unwrap();
+    }
+    let job = job(&store, submitted.id).await;
+    assert_eq!((job.state, job.changes.len()), (JobState::Succeeded, 3));
+    let expected: Vec<u8> = (0..CHUNKS).flat_map(rows).collect();
+    assert!(body(&store, 1).await == expected);
+    store.close().await;
+    assert_eq!(count(&finished).iter().max(), Some(&1), "a chunk was accepted twice");
 }

@@ -146,6 +146,7 @@ async fn finish(
     let (trace, program, now) = (trace.as_deref(), Some(tx.program), tx.now);
     let source = Source { key, attempt, task: &task, owner, job, warnings, trace, program, now };
     let query = sqlx::query(AssertSqlSafe(Arc::clone(&FINISH))).bind(run.0);
+    // The first statement returns a row. The others must be executed, too.
     let rows = keep::bind(answer, query, &source).fetch_all(&mut tx.db).await?;
     let kept = Kept::read(&rows)?;
     if kept.started.is_none() {

@@ -80,8 +80,8 @@ impl EncodedJob {
     /// Inserts the job, and a run if it needs one. The new run is queued.
     async fn insert(&self, tx: &mut Transaction) -> Result<Submitted, Error> {
         let query = self.bind(sqlx::query(AssertSqlSafe(Arc::clone(&SUBMIT))), tx.now, None);
-        let rows = query.fetch_all(&mut tx.db).await.map_err(|error| self.refused(error))?;
-        if let (Some(chunks), Some(row)) = (self.job.chunks, rows.first())
+        let row = query.fetch_optional(&mut tx.db).await.map_err(|error| self.refused(error))?;
+        if let (Some(chunks), Some(row)) = (self.job.chunks, &row)
             && word::<Origin>(row, "origin")? == Origin::Computed
         {
             let (run, chunks): (i64, u32) = (row.get("run")?, chunks.get());
@@ -92,7 +92,7 @@ impl EncodedJob {
                 .await?;
             tx.queue.add_study(RunId(run), chunks);
         }
-        self.submitted(tx, &rows)
+        self.submitted(tx, row)
     }
 
     /// Binds the parameters of [`RUN`] and [`JOB`].
@@ -126,10 +126,10 @@ impl EncodedJob {
     }
 
     /// Signals a submission after [`JOB`], and returns its job.
-    fn submitted(&self, tx: &mut Transaction, rows: &[SqliteRow]) -> Result<Submitted, Error> {
+    fn submitted(&self, tx: &mut Transaction, row: Option<SqliteRow>) -> Result<Submitted, Error> {
         let new = &self.job;
-        let Some(row) = rows.first() else { return Ok(Submitted::NeedsRun) };
-        let job = self.job(row)?;
+        let Some(row) = row else { return Ok(Submitted::NeedsRun) };
+        let job = self.job(&row)?;
         let (origin, state) = (job.origin, job.state);
         let run = row.get::<Option<i64>>("run")?.map(RunId);
         // A study has pieces for workers while it is running, too.
@@ -182,6 +182,8 @@ const JOB: &str = "
         iif(state = 'succeeded', (SELECT summary FROM result WHERE result.key = job.key), NULL)
             AS summary";
 
+/// Queues a run if the job needs one, and inserts the job. Only the last statement returns a row. `fetch_optional` would skip
+/// the statements after it.
 static SUBMIT: LazyLock<Arc<str>> = LazyLock::new(|| format!("{RUN}; {JOB}").into());
 
 async fn submit(submission: &EncodedJob, tx: &mut Transaction) -> Result<Submitted, Error> {
@@ -211,7 +213,7 @@ struct Recorded {
     began: i64,
 }
 
-/// Stores a result and its first job.
+/// Stores a result and its first job. Only the last statement returns a row, as in [`SUBMIT`].
 static RECORD: LazyLock<Arc<str>> =
     LazyLock::new(|| format!("{}; {JOB}", keeping(Reason::Job, 19)).into());
 
@@ -228,8 +230,8 @@ async fn record(record: &Record, tx: &mut Transaction) -> Result<Vec<Submitted>,
     let source = Source { key, attempt: 0, task, owner, job, warnings, trace, program, now };
     let recorded = Some(Recorded { origin: Some(Origin::Computed), began });
     let query = first.bind(sqlx::query(AssertSqlSafe(Arc::clone(&RECORD))), now, recorded);
-    let rows = keep::bind(answer, query, &source).fetch_all(&mut tx.db).await;
-    let submitted = first.submitted(tx, &rows.map_err(|error| first.refused(error))?)?;
+    let row = keep::bind(answer, query, &source).fetch_optional(&mut tx.db).await;
+    let submitted = first.submitted(tx, row.map_err(|error| first.refused(error))?)?;
     let is_stored =
         matches!(&submitted, Submitted::Accepted(job) if job.origin == Origin::Computed);
     if is_stored {
@@ -240,8 +242,8 @@ async fn record(record: &Record, tx: &mut Transaction) -> Result<Vec<Submitted>,
     let origin = is_stored.then_some(Origin::Coalesced);
     let recorded = Some(Recorded { origin, began });
     for other in others {
-        let rows = other.bind(sqlx::query(JOB), now, recorded).fetch_all(&mut tx.db).await;
-        all.push(other.submitted(tx, &rows.map_err(|error| other.refused(error))?)?);
+        let row = other.bind(sqlx::query(JOB), now, recorded).fetch_optional(&mut tx.db).await;
+        all.push(other.submitted(tx, row.map_err(|error| other.refused(error))?)?);
     }
     Ok(all)
 }
