@@ -37,8 +37,8 @@ pub fn serve(settings: &Serve, matches: &ArgMatches) -> Result<(), Error> {
     }
     let admin_key = settings.admin_key()?;
     settings.logging.start();
-    // Two threads are enough, because requests and the runs that they compute themselves are short. Other runs, and the changes of
-    // the database, have their own threads.
+    // Two threads are enough, because requests and the runs that they compute themselves are short. Other runs have their own
+    // threads.
     tokio::runtime::Builder::new_multi_thread()
         .worker_threads(2)
         .max_blocking_threads(8)

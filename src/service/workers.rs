@@ -56,8 +56,8 @@ pub struct Workers {
 }
 
 impl Workers {
-    /// Starts `count` threads. A run that takes longer than its limit fails. Call this inside a tokio runtime.
-    /// The threads use its timers, so it must outlive them.
+    /// Starts `count` threads. A run that takes longer than its limit fails. Call this inside a tokio runtime,
+    /// on which the store runs.
     ///
     /// # Errors
     ///

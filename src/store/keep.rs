@@ -29,7 +29,7 @@ pub enum Removed {
     Done,
 }
 
-/// A result to be stored: compressed and hashed, outside of the writer thread.
+/// A result to be stored: compressed and hashed, outside of the writer task.
 #[derive(Debug)]
 pub struct Answered {
     pub(super) body: Body,
@@ -43,7 +43,7 @@ pub struct Answered {
 }
 
 impl Answered {
-    /// Compresses and hashes an answer. Large answers take long, so do not call this in the writer thread.
+    /// Compresses and hashes an answer. Large answers take long, so do not call this in the writer task.
     ///
     /// # Panics
     /// There is no memory for the compressor.

@@ -14,7 +14,7 @@ use super::tally::{Ending, Tally};
 use crate::job::clock::now;
 use crate::job::{Key, Origin, Recomputed};
 
-/// What the writer thread signals after a commit.
+/// What the writer task signals after a commit.
 #[derive(Debug)]
 pub(super) enum Effect {
     /// A job or run of this key has changed.

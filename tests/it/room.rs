@@ -106,7 +106,7 @@ async fn space_is_given_back_while_the_server_is_busy() {
     assert!(before > 3 * limit, "{before}");
     let options = Options { budget: Some(limit), ..Options::default() };
     let store = Store::open(dir.path(), &options).await.unwrap();
-    // The pauses are too short for an idle writer thread.
+    // The pauses are too short for an idle writer task.
     for number in 200..=255 {
         compute(&store, number, 10).await;
         tokio::time::sleep(Duration::from_millis(50)).await;

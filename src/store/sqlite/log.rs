@@ -13,7 +13,7 @@ pub(super) struct Log {
     path: PathBuf,
     /// Bytes up to which SQLite checkpoints by itself.
     limit: u64,
-    /// Bytes from which the writer thread waits for readers.
+    /// Bytes from which the writer task waits for readers.
     patience: u64,
 }
 
@@ -33,7 +33,7 @@ impl Log {
         fs::metadata(&self.path).map_or(0, |log| log.len())
     }
 
-    /// Whether the log is so long that the writer thread must start it anew.
+    /// Whether the log is so long that the writer task must start it anew.
     pub(super) fn is_long(&self) -> bool {
         self.bytes() > self.patience
     }

@@ -1,6 +1,6 @@
 //! The database as a file of SQLite in a data directory, for one server.
 //!
-//! One writer thread makes all changes. It takes all waiting messages, applies them in one immediate
+//! One writer task makes all changes. It takes all waiting messages, applies them in one immediate
 //! transaction, and answers after the commit. So an acknowledged change survives a crash of the process.
 //! A pool of read-only connections serves reads.
 
@@ -69,7 +69,7 @@ impl Database {
         writer::close(&self.writer).await;
     }
 
-    /// Lets the writer thread call a function. Returns its answer after the commit.
+    /// Lets the writer task call a function. Returns its answer after the commit.
     async fn write<Input, V, Answer>(&self, verb: V, input: Input) -> Result<Answer, Error>
     where
         Input: Send + Sync + 'static,

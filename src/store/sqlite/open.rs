@@ -107,7 +107,6 @@ impl Database {
         let tx = Transaction { db, now: now(), queue, program, effects: Vec::new() };
         let log = Log::new(with_suffix(&path, "-wal"), log_pages * PAGE);
         let writer = Writer::new(tx, Arc::clone(&signals), upkeep, ledger, log).start();
-        let writer = writer.map_err(|error| Error::Database(Arc::new(error.into())))?;
         let Options { queue_limit, pin_quota, budget, .. } = *options;
         let pin_quota = PinQuota::new(pin_quota, budget);
         let scans = Arc::new(Semaphore::new(SCANS));

@@ -1,4 +1,4 @@
-//! The runs that wait for workers, by owner, in the memory of the writer thread. It decides which run is claimed next.
+//! The runs that wait for workers, by owner, in the memory of the writer task. It decides which run is claimed next.
 //!
 //! The next owner is the one with the fewest running parts, which are runs or pieces of studies; among equals, the one that was
 //! served longest ago. A new owner comes directly before the one that was served last. So an owner that submits one job

@@ -1,4 +1,4 @@
-//! A transaction of the writer thread, and the functions that change the database in it.
+//! A transaction of the writer task, and the functions that change the database in it.
 
 use std::future::Future;
 
@@ -8,7 +8,7 @@ use super::queue::Queue;
 use crate::store::error::Error;
 use crate::store::signals::Effect;
 
-/// The connection of the writer thread while a transaction is open.
+/// The connection of the writer task while a transaction is open.
 pub(super) struct Transaction {
     pub(super) db: SqliteConnection,
     /// The time of all its changes, in milliseconds since 1970.
@@ -23,7 +23,7 @@ pub(super) struct Transaction {
 
 /// A function that changes the database.
 ///
-/// The writer thread may call it more than once, each time after a rollback of the call before.
+/// The writer task may call it more than once, each time after a rollback of the call before.
 pub(super) trait Verb<'a, Input: 'a>: Copy + Send + Sync + 'static {
     type Answer;
     type Done: Future<Output = Result<Self::Answer, Error>> + Send;

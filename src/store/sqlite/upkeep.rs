@@ -1,6 +1,6 @@
 //! Maintenance that keeps the database small and fast over years.
 //!
-//! The writer thread stores when results were last read, deletes old jobs and chunks of studies that have ended, and makes room when the database exceeds its
+//! The writer task stores when results were last read, deletes old jobs and chunks of studies that have ended, and makes room when the database exceeds its
 //! budget: it deletes the finished jobs, results and scenarios of evicted results that were used longest ago.
 //! It works in small transactions between other writes. If one of them fails, for example on a damaged page, the
 //! others still run.
@@ -17,7 +17,7 @@ use crate::store::error::Error;
 use crate::store::row::Columns;
 use crate::store::signals::Effect;
 
-/// The writer thread is idle after this time without a message.
+/// The writer task is idle after this time without a message.
 const IDLE: Duration = Duration::from_secs(1);
 /// Longest time between two rounds of maintenance.
 const OFTEN: Duration = Duration::from_mins(1);
@@ -56,7 +56,7 @@ impl Upkeep {
         Self { keep_jobs, budget, clock, last, dirty, more: false, used: 0, immovable: 0 }
     }
 
-    /// How long the writer thread waits for messages before the next round.
+    /// How long the writer task waits for messages before the next round.
     pub(super) fn pause(&self) -> Duration {
         match (self.more, self.dirty) {
             (true, _) => Duration::ZERO,
@@ -71,7 +71,7 @@ impl Upkeep {
         self.used = used;
     }
 
-    /// Whether a round must run although the writer thread is busy.
+    /// Whether a round must run although the writer task is busy.
     pub(super) fn is_due(&self) -> bool {
         // If nothing can be deleted, another round waits until there is more.
         let exceeds = |budget| self.used > budget && self.used > self.immovable + budget / 64;

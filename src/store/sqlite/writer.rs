@@ -1,13 +1,10 @@
-//! The one thread that changes the database, and the group commit.
+//! The one task that changes the database, and the group commit.
 
 use std::future::Future;
-use std::io;
 use std::pin::Pin;
 use std::sync::Arc;
-use std::thread;
 
 use sqlx::{AssertSqlSafe, Connection, Executor, Row as _};
-use tokio::runtime;
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::timeout;
 
@@ -20,7 +17,7 @@ use crate::job::clock::now;
 use crate::store::error::Error;
 use crate::store::signals::{READ_AT_ONCE, Signals};
 
-/// The number of messages that may wait for the writer thread; senders of further ones wait.
+/// The number of messages that may wait for the writer task; senders of further ones wait.
 const WAITING: usize = 1024;
 /// After this number of consecutive changes that failed because the disk is full, the rest of the batch is not tried.
 const HOPELESS: u32 = 3;
@@ -29,7 +26,7 @@ const BATCH: usize = 256;
 /// Pages that maintenance returns to the file system at a time. Moving others into their place takes a few milliseconds.
 const GIVEN_BACK: i64 = 256;
 
-/// A message to the writer thread.
+/// A message to the writer task.
 pub(super) enum Message {
     Apply(Box<dyn Order>),
     Close(oneshot::Sender<()>),
@@ -74,7 +71,7 @@ where
 
 type Reply<Answer> = oneshot::Receiver<Result<Answer, Error>>;
 
-/// A verb with its input, for the writer thread. The receiver gets the answer after the commit.
+/// A verb with its input, for the writer task. The receiver gets the answer after the commit.
 pub(super) fn order<V, Input, Answer>(verb: V, input: Input) -> (Box<dyn Order>, Reply<Answer>)
 where
     V: for<'a> Verb<'a, Input, Answer = Answer>,
@@ -85,16 +82,16 @@ where
     (Box::new(Pending { verb, input, answer: None, reply }), answer)
 }
 
-/// Lets the writer thread complete all earlier messages and end.
+/// Lets the writer task complete all earlier messages and end.
 pub(super) async fn close(writer: &mpsc::Sender<Message>) {
     let (reply, closed) = oneshot::channel();
     if writer.send(Message::Close(reply)).await.is_ok() {
-        // An error means that the writer thread has ended before.
+        // An error means that the writer task has ended before.
         let _ = closed.await;
     }
 }
 
-/// The state of the writer thread.
+/// The state of the writer task.
 pub(super) struct Writer {
     tx: Transaction,
     /// A transaction has failed, so the queue must be read again.
@@ -127,20 +124,12 @@ impl Writer {
         Self { tx, queue_is_stale: false, signals, upkeep, ledger, log, changes: 0 }
     }
 
-    /// Starts the thread. It ends after [`close`], or when the last sender is dropped.
-    ///
-    /// The async threads of the server also compute short runs, and the writer would wait for them. So it has a runtime of its own,
-    /// which does not stop with that of the server. If the process ends without [`close`], changes that are not committed are lost.
-    /// Nobody was told that they were stored.
-    #[expect(clippy::expect_used, reason = "without sockets a runtime needs nothing of the system")]
-    pub(super) fn start(self) -> io::Result<mpsc::Sender<Message>> {
+    /// Starts the task. It ends when it is closed or the last sender is dropped.
+    #[expect(clippy::disallowed_methods, reason = "`close` waits until the task has ended")]
+    pub(super) fn start(self) -> mpsc::Sender<Message> {
         let (sender, receiver) = mpsc::channel(WAITING);
-        let write = move || {
-            let runtime = runtime::Builder::new_current_thread().enable_time().build();
-            runtime.expect("a runtime for the writer").block_on(self.run(receiver));
-        };
-        thread::Builder::new().name("writer".to_owned()).spawn(write)?;
-        Ok(sender)
+        tokio::spawn(self.run(receiver));
+        sender
     }
 
     async fn run(mut self, mut messages: mpsc::Receiver<Message>) {
