@@ -258,9 +258,7 @@ impl Case {
 
     /// The largest amplitude, divided by the amplitude at N = 0.
     pub fn largest_amplitude(&self) -> f64 {
-        let Tangential::Blocks(blocks) = &self.control.tangential else { return 1.0 };
-        let most = blocks.iter().map(|block| block.threshold).fold(0.0, f64::max);
-        (most / self.contact.threshold).max(1.0)
+        self.control.largest_threshold(&self.contact) / self.contact.threshold
     }
 
     /// The slip path of a free spring per cycle, divided by that of one harmonic cycle.

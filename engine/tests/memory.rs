@@ -44,7 +44,7 @@ fn evaluating_the_wear_rate_allocates_nothing() {
             for law in [Law::Exact, Law::Simplified(0.8)] {
                 let control = Control { normal, tangential: tangential.clone() };
                 let plan = MeshPlan::first(&contact, &control, 64).expect("a scar that fits");
-                let mut wearing = Wearing::new(&contact, &control, law, plan, 64);
+                let mut wearing = Wearing::new(&contact, &control, law, (plan, Arc::default()), 64);
                 let (values, mut rates) = (vec![1e-3; 65], vec![0.0; 65]);
                 wearing.rates(&values, &mut rates);
                 let before = dhat::HeapStats::get().total_blocks;

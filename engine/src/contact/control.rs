@@ -177,11 +177,17 @@ impl Control {
         (surplus(best) > 0.0 && surplus(1.0) < 0.0).then(|| root(best, 1.0, surplus))
     }
 
+    /// The largest Δ of all blocks, or the initial Δ.
+    pub(crate) fn largest_threshold(&self, contact: &Contact) -> f64 {
+        let Tangential::Blocks(blocks) = &self.tangential else { return contact.threshold };
+        blocks.iter().map(|block| block.threshold).fold(0.0, f64::max)
+    }
+
     /// The smallest stick radius of the whole run. Inside it no spring ever slips.
     pub(crate) fn least_stick(&self, contact: &Contact) -> f64 {
         match (self.normal, &self.tangential) {
-            (_, Tangential::Blocks(blocks)) => {
-                let most = blocks.iter().map(|block| block.threshold).fold(0.0, f64::max);
+            (_, Tangential::Blocks(_)) => {
+                let most = self.largest_threshold(contact);
                 if most >= 1.0 { 0.0 } else { contact.shape.image_inverse(1.0 - most) }
             }
             (Normal::Depth, Tangential::Force(_) | Tangential::Rig { .. }) => {

@@ -219,8 +219,8 @@ impl SingleRun {
         let curves = case.profiles[0].then(|| {
             let mut curves = Curves::unworn(&case.contact, radii);
             if case.control.has_record() {
-                let mesh = &march.wearing().springs.mesh;
-                curves.slip = Curves::of(&case.contact.shape, mesh, &first.worn, radii).slip;
+                let surface = march.wearing().surface();
+                curves.slip = Curves::of(&case.contact.shape, surface, &first.worn, radii).slip;
             }
             (curves, unworn.backbone.wind())
         });
@@ -418,7 +418,8 @@ fn marched_entry(
     let worn = state.worn;
     let mesh = &march.wearing().springs.mesh;
     let curves = shows.then(|| {
-        let curves = Curves::of(&case.contact.shape, mesh, &worn, radii);
+        let surface = march.wearing().surface();
+        let curves = Curves::of(&case.contact.shape, surface, &worn, radii);
         let start = mesh.radii[0];
         let loss = (!case.control.has_record()).then_some(worn.loss);
         let backbone = Backbone::of_cells(start, worn.threshold, &worn.loads, &mesh.widths, loss);

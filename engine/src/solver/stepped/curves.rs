@@ -17,6 +17,7 @@ use std::f64::consts::{FRAC_1_PI, FRAC_2_PI};
 use std::iter;
 
 use super::mesh::Mesh;
+use super::prior::PriorWear;
 use super::wearing::WornContact;
 use crate::contact::profile::Shape;
 use crate::numeric::Monotone;
@@ -27,9 +28,15 @@ use crate::solver::curves::Curves;
 const STEP: f64 = 0.5;
 
 impl Curves {
-    /// The curves of a worn shape at the given radii, in ascending order.
+    /// The curves of a worn shape at the given radii, in ascending order. `prior` is the wear before the
+    /// first wear on the mesh.
     #[must_use]
-    pub fn of(shape: &Shape, mesh: &Mesh, worn: &WornContact, radii: &[f64]) -> Self {
+    pub fn of(
+        shape: &Shape,
+        (mesh, prior): (&Mesh, &PriorWear),
+        worn: &WornContact,
+        radii: &[f64],
+    ) -> Self {
         let inner = mesh.radii[0];
         let squares = &mesh.squares;
         let (start, end) = (squares[0], squares[squares.len() - 1]);
@@ -39,7 +46,11 @@ impl Curves {
         let middles: Vec<f64> =
             mesh.radii.windows(2).map(|ends| 0.5 * (ends[0] + ends[1])).collect();
         // In gross slip, the spring on the axis has the same compression as the first cell.
-        let edge = if inner > 0.0 { depth - shape.image(inner) } else { depth - images[0] };
+        let edge = if inner > 0.0 {
+            depth - shape.image(inner) - prior.image(inner)
+        } else {
+            depth - images[0]
+        };
         let springs = SpringCurve::new(&middles, start, edge, compressions, contact_radius);
 
         let mut pressure = vec![0.0; squares.len()];
@@ -55,34 +66,33 @@ impl Curves {
             [&pressure[..inside], &[0.0]].concat(),
         );
         let slip = Monotone::through(squares.clone(), mesh.solve(slips));
-        let profile = Monotone::through(squares.clone(), wear.clone());
+        let total = PriorWear::of(worn.squares.clone(), wear.clone(), *scar);
+        let profile = Monotone::through(worn.squares.clone(), wear.clone());
         let middle_squares = middles.iter().map(|x| x * x);
         let knots = iter::once(start).chain(middle_squares).chain([end]).collect();
-        let at_end = shape.image(end.sqrt()) + image_outside(squares, wear, end);
+        let at_end = shape.image(end.sqrt()) + total.image(end.sqrt());
         let values = [&[depth - edge], &images[..], &[at_end]].concat();
         let image = Monotone::through(knots, values);
 
         let (mut pressure, mut slip) = (pressure.along(), slip.along());
         let (mut profile, mut image) = (profile.along(), image.along());
         Self {
-            wear: curve(radii, |r| {
-                if r <= inner && inner > 0.0 || r > *scar { 0.0 } else { profile(r * r).max(0.0) }
-            }),
+            wear: curve(radii, |r| if r > *scar { 0.0 } else { profile(r * r).max(0.0) }),
             image: curve(radii, |x| {
                 if x < inner {
-                    shape.image(x)
+                    shape.image(x) + prior.image(x)
                 } else if x * x < end {
                     let value = image(x * x);
                     // The mesh spreads the kink at the contact radius over one cell. Inside the
                     // contact g is at most d.
                     if x < contact_radius { value.min(*depth) } else { value.max(*depth) }
                 } else {
-                    shape.image(x) + image_outside(squares, wear, x * x)
+                    shape.image(x) + total.image(x)
                 }
             }),
             pressure: curve(radii, |r| {
                 if r < inner {
-                    shape.pressure_inside(r, inner) + springs.pressure(r)
+                    shape.pressure_inside(r, inner) + prior.pressure(r, inner) + springs.pressure(r)
                 } else if step && r * r <= start {
                     f64::INFINITY
                 } else if r < contact_radius {
@@ -109,21 +119,6 @@ impl Curves {
 /// The values at the given radii.
 fn curve(radii: &[f64], value: impl FnMut(f64) -> f64) -> Vec<f64> {
     radii.iter().copied().map(value).collect()
-}
-
-/// The image outside the mesh of a wear that is linear in t between nodes:
-/// w(0) + x ∫ w′/√(x²−r²) dr.
-fn image_outside(squares: &[f64], wear: &[f64], square: f64) -> f64 {
-    let sum: f64 = squares
-        .windows(2)
-        .zip(wear.windows(2))
-        .map(|(t, w)| {
-            let roots = (square - t[0]).max(0.0).sqrt() + (square - t[1]).max(0.0).sqrt();
-            2.0 * (w[1] - w[0]) / roots
-        })
-        .sum();
-    // The wear is 0 at a stick edge, but not on the axis.
-    wear[0] + square.sqrt() * sum
 }
 
 /// The loaded springs outside the stick radius as a curve y(t), linear between the middles of cells.

@@ -129,7 +129,7 @@ fn gap(wearing: &Wearing, wear: &[f64], spring: usize) -> f64 {
     let springs = &wearing.springs;
     let mesh = &springs.mesh;
     let known = springs.images.get(spring).copied();
-    springs.depth - known.unwrap_or_else(|| mesh.unworn[spring] + mesh.image(spring, wear))
+    springs.depth - known.unwrap_or_else(|| mesh.initial[spring] + mesh.image(spring, wear))
 }
 
 /// The four springs around the edge of the contact. y is positive in the innermost and negative in

@@ -16,10 +16,12 @@
 //! The procedure: A. V. Dimaki et al., *Int. J. Solids Struct.* 51 (2014) 4215. The integrator:
 //! B. P. Sommeijer, L. F. Shampine, J. G. Verwer, *J. Comput. Appl. Math.* 88 (1998) 315 (RKC).
 
+use std::sync::Arc;
+
 use super::edge::ContactEdge;
 use super::law::Law;
-use super::plan::{FAR, Focus, MeshPlan, REST_BLUR, is_far};
-use super::run::{MeshRun, moves};
+use super::plan::{FAR, MeshPlan, REST_BLUR, is_far};
+use super::run::{MeshRun, Outlook, moves};
 use super::wearing::{Wearing, WornContact};
 use crate::contact::control::{Control, Final, Normal, Tangential};
 use crate::contact::limit::Limit;
@@ -73,6 +75,8 @@ pub struct March {
     known: Vec<EventKind>,
     /// The index of the block in the last step.
     block: usize,
+    /// The expected outer radius of the last mesh.
+    reach: f64,
 }
 
 /// The worn contact at one time, and the error of the run.
@@ -117,6 +121,19 @@ fn effort(contact: &Contact, control: &Control, law: Law, tolerance: f64) -> (us
     } else {
         ((2 * cells).min(MOST_CELLS), steps)
     }
+}
+
+/// The mesh plan of the first block, or of the whole run without blocks, and what is known about each block.
+type Plans = (MeshPlan, Arc<[Option<Outlook>]>);
+
+/// The expected outer radius of the last mesh.
+fn farthest(contact: &Contact, control: &Control, (plan, outlooks): &Plans) -> f64 {
+    let blocks = matches!(control.tangential, Tangential::Blocks(_));
+    if blocks && control.normal == Normal::Depth {
+        let limit = Limit::solve(&contact.shape, control.least_stick(contact));
+        return limit.map_or(contact.shape.extent(), |limit| limit.radius);
+    }
+    outlooks.iter().flatten().map(|outlook| outlook.reach).fold(plan.reach, f64::max)
 }
 
 impl March {
@@ -205,13 +222,14 @@ impl March {
     ) -> Option<Self> {
         let grows = control.normal == Normal::Force && moves(control, contact);
         let scouted = if grows { Self::scouted(contact, control, law, last) } else { None };
-        let plan = match scouted {
-            Some(plan) => plan,
-            None => MeshPlan::first(contact, control, cells)?,
+        let plans = match scouted {
+            Some(plans) => plans,
+            None => (MeshPlan::first(contact, control, cells)?, Arc::default()),
         };
-        let mut fine = MeshRun::new(contact, control, law, plan.clone(), cells, tolerance);
+        let reach = farthest(contact, control, &plans);
+        let mut fine = MeshRun::new(contact, control, law, plans.clone(), (cells, tolerance));
         fine.accounts = true;
-        let coarse = MeshRun::new(contact, control, law, plan, cells / 2, 4.0 * tolerance);
+        let coarse = MeshRun::new(contact, control, law, plans, (cells / 2, 4.0 * tolerance));
         let edge = (law == Law::Exact).then(|| ContactEdge::new(&fine));
         let check = 0.01 * fine.rkc.scale;
         let until = StopCondition::default();
@@ -229,35 +247,47 @@ impl March {
             // The contact is too close to gross slip for this mesh.
             events.push(Event { at: 0.0, kind: EventKind::GrossSlip, ends: true });
         }
-        Some(Self { fine, coarse, edge, until, check, apart: 0.0, events, known, block: 0 })
+        Some(Self { fine, coarse, edge, until, check, apart: 0.0, events, known, block: 0, reach })
     }
 
-    /// Finds the mesh plan for a stick edge that comes to rest in worn material, by coarse runs.
-    /// `None` if the scar would become larger than the shape.
-    fn scouted(contact: &Contact, control: &Control, law: Law, last: f64) -> Option<MeshPlan> {
+    /// Finds the mesh plans for a stick edge that comes to rest in worn material, by coarse runs: the plan of
+    /// the first block, or of the whole run without blocks, and what is known about each block. `None` if the
+    /// scar would become larger than the shape.
+    fn scouted(contact: &Contact, control: &Control, law: Law, last: f64) -> Option<Plans> {
         let first = MeshPlan::first(contact, control, SCOUT.0)?;
-        let mut plan = first.clone();
+        let (mut plan, mut outlooks) = (first.clone(), Arc::<[Option<Outlook>]>::default());
         for blur in [4.0 * REST_BLUR, REST_BLUR] {
-            let mut scout = MeshRun::new(contact, control, law, plan.clone(), SCOUT.0, SCOUT.1);
-            let mut focus = 0.0_f64;
+            let plans = (plan.clone(), Arc::clone(&outlooks));
+            let mut scout = MeshRun::new(contact, control, law, plans, SCOUT);
+            let mut found: Vec<(f64, Outlook)> = Vec::new();
             while scout.rkc.evaluations < MOST_LOOKS && scout.advance(last) {
-                focus = focus.max(scout.wearing.springs.stick());
+                let reach = scout.wearing.plan.reach;
+                if found.len() <= scout.block {
+                    found.push((reach, Outlook { reach, focus: 0.0, blur }));
+                }
+                if let Some((_, outlook)) = found.last_mut() {
+                    outlook.reach = reach;
+                    outlook.focus = outlook.focus.max(scout.wearing.springs.stick());
+                }
             }
             if scout.wearing.outgrows() {
                 return None;
             }
-            let reach = scout.wearing.plan.reach;
-            if reach > FAR * first.reach {
-                // A mesh of this size would be too coarse at the start of the run.
-                return Some(first);
-            }
-            plan.reach = reach;
-            if focus > plan.start {
-                let blur = blur * (plan.reach - plan.start);
-                plan.focus = Some(Focus { from: focus, to: focus, blur });
+            // A mesh that is large from the start would be too coarse then.
+            let known = |block: usize| outlooks.get(block).is_none_or(Option::is_some);
+            let near = |began: f64, outlook: &Outlook| outlook.reach <= FAR * began;
+            let found = found.into_iter().enumerate();
+            outlooks = found
+                .map(|(block, (began, outlook))| {
+                    (known(block) && near(began, &outlook)).then_some(outlook)
+                })
+                .collect();
+            plan = first.clone();
+            if let Some(Some(outlook)) = outlooks.first() {
+                outlook.refine(&mut plan);
             }
         }
-        Some(plan)
+        Some((plan, outlooks))
     }
 
     /// Sets the condition that ends the run.
@@ -332,7 +362,8 @@ impl March {
         last: f64,
     ) -> f64 {
         let Some(plan) = MeshPlan::first(contact, control, SCOUT.0) else { return last };
-        let mut scout = MeshRun::new(contact, control, law, plan, SCOUT.0, SCOUT.1);
+        let plans = (plan, Arc::default());
+        let mut scout = MeshRun::new(contact, control, law, plans, SCOUT);
         while scout.energy() < energy && scout.rkc.evaluations < MOST_LOOKS && scout.advance(last) {
         }
         let reached = scout.energy() >= energy;
@@ -441,10 +472,10 @@ impl March {
         if volume > 0.0 { (self.coarse.volume(time) / volume - 1.0).abs() } else { 0.0 }
     }
 
-    /// The outer radius of the mesh in a₀.
+    /// The outer radius of the mesh in a₀. With blocks it is the largest of all meshes.
     #[must_use]
     pub fn reach(&self) -> f64 {
-        self.fine.wearing.plan.reach
+        self.fine.wearing.plan.reach.max(self.reach)
     }
 
     /// The present time in N₀.

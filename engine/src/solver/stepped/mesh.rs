@@ -16,6 +16,7 @@
 use std::cell::OnceCell;
 use std::f64::consts::{FRAC_2_PI, FRAC_PI_2};
 
+use super::prior::PriorWear;
 use crate::contact::profile::Shape;
 use crate::numeric::dot;
 
@@ -42,18 +43,18 @@ pub struct Mesh {
     image: Vec<Vec<Column>>,
     /// The matrix of the pressure in groups of rows, each column by column from the diagonal on.
     pressure: Vec<Vec<Column>>,
-    /// Mean of g₀ over each cell.
-    pub(crate) unworn: Vec<f64>,
-    /// ∫₀^r₀ (1 − g₀) dx.
+    /// Mean over each cell of the image before any wear on this mesh.
+    pub(crate) initial: Vec<f64>,
+    /// ∫₀^r₀ (1 − g) dx. Nothing wears there on this mesh.
     pub(crate) core: f64,
     /// The rows of (4), computed when they are first needed.
     inverse: OnceCell<Vec<f64>>,
 }
 
 impl Mesh {
-    /// Creates the mesh of ascending nodes from r₀ ≥ 0. The node next to a kink of the shape moves
-    /// onto the kink.
-    pub(crate) fn new(shape: &Shape, mut radii: Vec<f64>) -> Self {
+    /// Creates the mesh of ascending nodes from r₀ ≥ 0, for a shape with prior wear. The node next to a
+    /// kink of the shape moves onto the kink.
+    pub(crate) fn new(shape: &Shape, prior: &PriorWear, mut radii: Vec<f64>) -> Self {
         place_nodes(&mut radii, shape.kinks());
         let squares: Vec<f64> = radii.iter().map(|r| r * r).collect();
         let widths: Vec<f64> = radii.windows(2).map(|ends| ends[1] - ends[0]).collect();
@@ -68,11 +69,11 @@ impl Mesh {
         }
         let image = image(&radii, &squares);
         let pressure = pressure(&image, &widths, &areas[1..]);
-        let unworn: Vec<f64> =
+        let mut initial: Vec<f64> =
             radii.windows(2).map(|ends| shape.image_mean(ends[0], ends[1])).collect();
         // The whole force minus the force of the cells. A quadrature over the core would be less
         // accurate: with many pieces its error could exceed the force of a thin ring.
-        let loads = radii.windows(2).zip(&unworn).map(|(ends, unworn)| {
+        let loads = radii.windows(2).zip(&initial).map(|(ends, unworn)| {
             if ends[1] <= 1.0 {
                 (ends[1] - ends[0]) * (1.0 - unworn)
             } else if ends[0] < 1.0 {
@@ -81,9 +82,16 @@ impl Mesh {
                 0.0
             }
         });
-        let core = if axis { 0.0 } else { shape.half_force() - loads.sum::<f64>() };
+        let unworn_core = shape.half_force() - loads.sum::<f64>();
+        let core = if axis { 0.0 } else { unworn_core - prior.image_area(radii[0]) };
+        if !prior.is_empty() {
+            let areas: Vec<f64> = radii.iter().map(|r| prior.image_area(*r)).collect();
+            let worn =
+                areas.windows(2).zip(&widths).map(|(ends, width)| (ends[1] - ends[0]) / width);
+            initial.iter_mut().zip(worn).for_each(|(image, worn)| *image += worn);
+        }
         let inverse = OnceCell::new();
-        Self { radii, squares, widths, areas, image, pressure, unworn, core, inverse }
+        Self { radii, squares, widths, areas, image, pressure, initial, core, inverse }
     }
 
     /// The mean over cell q of the image of the given wear at the nodes.
@@ -96,7 +104,7 @@ impl Mesh {
     pub(crate) fn push_images(&self, wear: &[f64], images: &mut Vec<f64>) {
         let known = images.len();
         let worn = products(&self.image[known / GROUP], &wear[1..]);
-        images.extend(self.unworn[known..].iter().zip(worn).map(|(unworn, worn)| unworn + worn));
+        images.extend(self.initial[known..].iter().zip(worn).map(|(initial, worn)| initial + worn));
     }
 
     /// The pressure at the nodes. `compressions` belong to the springs of the first cells; the
@@ -264,6 +272,10 @@ fn pressure(image: &[Vec<Column>], widths: &[f64], areas: &[f64]) -> Vec<Vec<Col
 mod tests {
     use super::*;
 
+    fn none() -> PriorWear {
+        PriorWear::default()
+    }
+
     fn graded(from: f64, to: f64, cells: usize) -> Vec<f64> {
         (0..=cells)
             .map(|i| {
@@ -276,7 +288,7 @@ mod tests {
     #[test]
     fn a_wear_linear_in_r_squared_has_the_exact_cell_means() {
         // w = t − t₀ outside r₀ has the image 2x√(x² − r₀²), with the mean ⅔·Δ(t − t₀)^{3/2}/Δr.
-        let mesh = Mesh::new(&Shape::power(2.0), graded(0.4, 1.3, 30));
+        let mesh = Mesh::new(&Shape::power(2.0), &none(), graded(0.4, 1.3, 30));
         let start = mesh.squares[0];
         let wear: Vec<f64> = mesh.squares.iter().map(|t| t - start).collect();
         for q in 0..30 {
@@ -291,7 +303,7 @@ mod tests {
 
     #[test]
     fn a_constant_wear_on_the_axis_is_its_own_image() {
-        let mesh = Mesh::new(&Shape::power(1.0), graded(0.0, 1.0, 20));
+        let mesh = Mesh::new(&Shape::power(1.0), &none(), graded(0.0, 1.0, 20));
         for q in 0..20 {
             assert!((mesh.image(q, &[0.3; 21]) - 0.3).abs() < 1e-14);
         }
@@ -302,7 +314,7 @@ mod tests {
     fn a_node_moves_onto_a_kink_unless_the_kink_is_too_close_to_the_axis() {
         let radii: Vec<f64> = (0..=10).map(|i| f64::from(i) * 0.13).collect();
         for (flat, node) in [(0.5, Some(4)), (0.45, Some(3)), (0.1, Some(1)), (0.01, None)] {
-            let mesh = Mesh::new(&Shape::truncated_cone(flat), radii.clone());
+            let mesh = Mesh::new(&Shape::truncated_cone(flat), &none(), radii.clone());
             let moved = mesh.radii.iter().position(|r| (r - flat).abs() < 1e-15);
             assert_eq!(moved, node, "{flat}");
             assert!(mesh.widths.iter().all(|width| *width > 0.03));
@@ -312,7 +324,7 @@ mod tests {
     #[test]
     fn solve_inverts_the_image_matrix() {
         for (from, cells) in [(0.0, 40), (0.5, 40), (0.0, 41), (0.5, 42), (0.5, 43)] {
-            let mesh = Mesh::new(&Shape::power(2.0), graded(from, 1.2, cells));
+            let mesh = Mesh::new(&Shape::power(2.0), &none(), graded(from, 1.2, cells));
             let mut wear: Vec<f64> = (0..=cells).map(|j| libm::sin(0.3 * j as f64)).collect();
             wear[0] = if from == 0.0 { wear[1] } else { 0.0 };
             let image: Vec<f64> = (0..cells).map(|q| mesh.image(q, &wear)).collect();
@@ -325,8 +337,8 @@ mod tests {
     #[test]
     fn the_unworn_pressure_agrees_with_hertz() {
         let radii = (0..=200).map(|i| f64::from(i) * 0.005).collect();
-        let mesh = Mesh::new(&Shape::power(2.0), radii);
-        let loads: Vec<f64> = mesh.unworn.iter().map(|g| 1.0 - g).collect();
+        let mesh = Mesh::new(&Shape::power(2.0), &none(), radii);
+        let loads: Vec<f64> = mesh.initial.iter().map(|g| 1.0 - g).collect();
         let mut pressure = vec![0.0; 201];
         mesh.pressure(&loads, &mut pressure);
         for (r, p) in mesh.radii.iter().zip(&pressure).skip(2).take(190) {

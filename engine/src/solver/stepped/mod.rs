@@ -6,6 +6,7 @@ pub mod law;
 pub mod march;
 pub mod mesh;
 pub mod plan;
+pub mod prior;
 pub mod rkc;
 mod run;
 pub mod springs;

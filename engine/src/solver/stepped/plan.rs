@@ -15,7 +15,7 @@ const FIXED: f64 = 0.001;
 /// begins to move. All that is lost late in a run is lost there.
 const TIGHT: f64 = 0.3;
 /// Blur of the nodes if the stick edge comes to rest in worn material.
-pub const REST_BLUR: f64 = 0.001;
+pub(super) const REST_BLUR: f64 = 0.001;
 /// Maximum width of the first cell at a fixed stick edge, in c/n². In a wide ring the nodes are
 /// graded more steeply.
 const COARSE_START: f64 = 1500.0;
@@ -42,8 +42,6 @@ pub struct MeshPlan {
     pub farthest: f64,
     /// The radii where nodes are dense. `None` if the nodes are evenly spaced.
     pub focus: Option<Focus>,
-    /// Radii at which there must be a node.
-    pub kinks: Vec<f64>,
 }
 
 /// The range of radii where nodes are dense.
@@ -72,8 +70,11 @@ impl MeshPlan {
     #[must_use]
     pub fn first(contact: &Contact, control: &Control, cells: usize) -> Option<Self> {
         let shape = &contact.shape;
-        let kinks = Vec::new();
-        let least = control.least_stick(contact);
+        let least = match control.tangential {
+            // Each block has a mesh of its own.
+            Tangential::Blocks(_) => contact.stick,
+            _ => control.least_stick(contact),
+        };
         let end = control.tends_to(contact);
         // Cells next to a moving stick edge are wider than cells next to a fixed one.
         let shrinks = matches!(control.tangential, Tangential::Force(_) | Tangential::Rig { .. })
@@ -95,7 +96,7 @@ impl MeshPlan {
         let smallest = match control.normal {
             Normal::Force if end.is_some() => LEAST_CORE * contact.limit.radius,
             _ if shrinks => 0.5 / cells as f64 * last,
-            _ => 1.5 / (cells * cells) as f64 * last,
+            _ => Self::smallest_core(last, cells),
         };
         let start = if least < smallest { 0.0 } else { least };
         let outermost = |radius: f64| {
@@ -110,7 +111,7 @@ impl MeshPlan {
             _ => (outermost(last), outermost(last)),
         };
         let ring = reach - start;
-        let mut plan = Self { start, reach, farthest, focus: None, kinks };
+        let mut plan = Self { start, reach, farthest, focus: None };
         if start > 0.0 {
             plan.focus = Some(if shrinks {
                 Focus { from: start, to: contact.stick, blur: BLUR * ring }
@@ -124,16 +125,30 @@ impl MeshPlan {
         } else if contact.stick > 0.05 {
             plan.focus = Some(Focus { from: contact.stick, to: contact.stick, blur: 0.05 * ring });
         }
-        if let Tangential::Blocks(blocks) = &control.tangential {
-            plan.kinks.extend(
-                blocks
-                    .iter()
-                    .filter(|block| block.threshold > 0.0 && block.threshold < 1.0)
-                    .map(|block| shape.image_inverse(1.0 - block.threshold))
-                    .filter(|c| *c > start),
-            );
-        }
         Some(plan)
+    }
+
+    /// The smallest core that the first cells resolve, for a scar of this radius.
+    pub(super) fn smallest_core(scar: f64, cells: usize) -> f64 {
+        1.5 / (cells * cells) as f64 * scar
+    }
+
+    /// Plans the mesh of a later block, whose springs stick inside the radius `stick` when it begins. The
+    /// scar reaches the radius `reach` at least.
+    pub(super) fn of_block(
+        contact: &Contact,
+        control: &Control,
+        (stick, reach): (f64, f64),
+        cells: usize,
+    ) -> Self {
+        let extent = contact.shape.extent();
+        let reach = (stick + (reach - stick) * (1.0 + 0.6 / cells as f64)).min(extent);
+        let farthest = match control.normal {
+            Normal::Depth => reach,
+            Normal::Force => f64::INFINITY,
+        };
+        let focus = (stick > 0.0).then(|| Focus::at(stick));
+        Self { start: stick, reach, farthest, focus }
     }
 
     /// Upper bound of the scar radius up to the time `last`, for a constant force. It applies in
@@ -152,7 +167,8 @@ impl MeshPlan {
         let shape = &contact.shape;
         // The simplified rule satisfies the energy balance less accurately.
         let share = if law == Law::Exact { 1.0 } else { 1.6 };
-        let fastest = 2.0 * share * shape.half_force();
+        let quickest = control.largest_threshold(contact) / contact.threshold;
+        let fastest = 2.0 * share * shape.half_force() * quickest;
         let cut = |radius: f64| {
             let depth = shape.profile(radius);
             2.0 * std::f64::consts::PI
@@ -216,16 +232,6 @@ impl MeshPlan {
             }
         };
         (radii[0], radii[cells]) = (start, reach);
-        for kink in &self.kinks {
-            let near = radii.partition_point(|r| r < kink);
-            if near == 0 || near > cells {
-                continue;
-            }
-            let at = if radii[near] - kink < kink - radii[near - 1] { near } else { near - 1 };
-            if at > 0 && at < cells {
-                radii[at] = *kink;
-            }
-        }
         radii
     }
 }

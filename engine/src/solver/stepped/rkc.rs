@@ -160,6 +160,11 @@ impl Rkc {
         self.before = (self.time, self.values.clone(), self.rates.clone());
     }
 
+    /// Sets the time scale and the expected size of the values.
+    pub(super) fn rescale(&mut self, (scale, size): (f64, f64)) {
+        (self.scale, self.size) = (scale, size);
+    }
+
     /// Limits the next step, because the rates are now `times` times as large as those that belong to the
     /// time scale.
     pub(crate) fn hurry(&mut self, times: f64) {

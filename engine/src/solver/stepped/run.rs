@@ -1,12 +1,13 @@
 //! One contact on one mesh, integrated in time.
 
+use std::sync::Arc;
+
 use super::law::Law;
-use super::plan::MeshPlan;
+use super::plan::{Focus, MeshPlan};
 use super::rkc::Rkc;
 use super::wearing::{Wearing, WornContact};
-use crate::contact::control::{Control, Normal, Tangential};
+use crate::contact::control::{Block, Control, Normal, Tangential};
 use crate::contact::limit::Limit;
-use crate::contact::row::UnwornSums;
 use crate::contact::unworn::{Contact, Regime};
 use crate::numeric::Bracket;
 
@@ -29,7 +30,29 @@ const REGAINS: f64 = 1.5;
 /// Relative accuracy of the time at which an energy is reached.
 const TIME_DIGITS: f64 = 1e-13;
 
-/// One mesh and one integration.
+/// What a coarse run has found about a block, or about the whole run without blocks.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Outlook {
+    /// The last node at the end of the block.
+    pub(super) reach: f64,
+    /// The outermost position of the stick edge, where nodes are dense.
+    pub(super) focus: f64,
+    /// The blur of the nodes there, in widths of the wearing ring.
+    pub(super) blur: f64,
+}
+
+impl Outlook {
+    /// Applies it to the plan of the mesh.
+    pub(super) fn refine(&self, plan: &mut MeshPlan) {
+        plan.reach = self.reach;
+        if self.focus > plan.start {
+            let blur = self.blur * (plan.reach - plan.start);
+            plan.focus = Some(Focus { from: self.focus, to: self.focus, blur });
+        }
+    }
+}
+
+/// One integration. Each block has a mesh of its own.
 #[derive(Debug)]
 pub(super) struct MeshRun {
     pub(super) wearing: Wearing,
@@ -40,6 +63,10 @@ pub(super) struct MeshRun {
     pub(super) outgrown: bool,
     /// The index of the present block.
     pub(super) block: usize,
+    /// What is known about each block. It may be shorter than the list of blocks.
+    outlooks: Arc<[Option<Outlook>]>,
+    /// The smallest stick radius so far.
+    least_stick: f64,
     /// The time at which the present block started.
     block_began: f64,
     /// Scar radius and slip amplitude Δ·s at its edge, at the end of each block so far.
@@ -75,14 +102,10 @@ fn quickens(contact: &Contact, control: &Control) -> f64 {
     }
 }
 
-/// 2 ∫ y ω dx of the unworn contact. `seen` is the value from the springs of the mesh. With blocks
-/// `seen` can be wrong: the cells suit the strongest block and can be wider than the slip ring of
-/// the first block.
-fn first_loss(contact: &Contact, control: &Control, seen: f64) -> f64 {
-    match control.tangential {
-        Tangential::Blocks(_) => 2.0 * UnwornSums::of(contact, None).loss,
-        _ => seen,
-    }
+/// The time scale is one sixth of the time in which the initial wear rate would produce the limiting
+/// volume. The size is that of the expected wear.
+fn time_and_size(limit: &Limit, rate: f64, most: f64) -> (f64, f64) {
+    (limit.volume / (6.0 * rate), limit.depth.min(most))
 }
 
 impl MeshRun {
@@ -90,25 +113,21 @@ impl MeshRun {
         contact: &Contact,
         control: &Control,
         law: Law,
-        plan: MeshPlan,
-        cells: usize,
-        tolerance: f64,
+        (plan, outlooks): (MeshPlan, Arc<[Option<Outlook>]>),
+        (cells, tolerance): (usize, f64),
     ) -> Self {
-        let mut wearing = Wearing::new(contact, control, law, plan, cells);
+        let least_stick = plan.start;
+        let mut wearing = Wearing::new(contact, control, law, (plan, Arc::default()), cells);
         if let Tangential::Blocks(blocks) = &control.tangential
             && let Some(first) = blocks.first()
         {
             wearing.command(first.threshold);
         }
         let unworn = vec![0.0; cells + 1];
-        // The time scale is one sixth of the time in which the initial wear rate would produce the
-        // limiting volume.
         wearing.press(&unworn);
         let rate = wearing.energy_rate();
-        let first_loss = first_loss(contact, control, rate);
-        let scale = contact.limit.volume / (6.0 * first_loss);
-        let size = contact.limit.depth.min(quickens(contact, control));
-        let rkc = Rkc::new(&mut wearing, unworn, tolerance, (scale, size));
+        let scales = time_and_size(&contact.limit, rate, quickens(contact, control));
+        let rkc = Rkc::new(&mut wearing, unworn, tolerance, scales);
         let control = control.clone();
         Self {
             wearing,
@@ -117,12 +136,14 @@ impl MeshRun {
             settled: None,
             outgrown: false,
             block: 0,
+            outlooks,
+            least_stick,
             block_began: 0.0,
             block_edges: Vec::new(),
             rests: false,
             worn_by_energy: [0.0; 2],
             loss: [rate; 2],
-            first_loss,
+            first_loss: rate,
             accounts: false,
         }
     }
@@ -224,13 +245,41 @@ impl MeshRun {
             let worn = self.wearing.at(&self.rkc.values);
             self.block_edges.push((worn.scar, worn.edge_slip(&self.wearing.springs.mesh)));
         }
-        self.wearing.command(next.threshold);
+        let next = *next;
         self.block_began = self.rkc.time;
-        let end = next.end;
-        self.rkc.restart(&mut self.wearing, None);
-        self.rkc.hurry(self.wearing.pace());
+        self.change_amplitude(next);
         self.loss = [self.wearing.energy_rate(); 2];
-        end
+        next.end
+    }
+
+    /// Starts a block on a mesh of its own.
+    fn change_amplitude(&mut self, block: Block) {
+        self.wearing.command(block.threshold);
+        if block.threshold == 0.0 {
+            // Nothing wears.
+            self.rkc.restart(&mut self.wearing, None);
+            return;
+        }
+        let Self { wearing, control, rkc, .. } = self;
+        let cells = wearing.springs.mesh.widths.len();
+        let worn = wearing.worn(&rkc.values);
+        let stick = wearing.stick_edge(&rkc.values, &worn);
+        let grows = stick < self.least_stick;
+        self.least_stick = self.least_stick.min(stick);
+        let shape = &wearing.contact.shape;
+        let limit = Limit::at_depth(shape, self.least_stick, wearing.springs.depth);
+        let reach = limit.map_or(shape.extent(), |limit| limit.radius).max(worn.radius());
+        let mut plan = MeshPlan::of_block(&wearing.contact, control, (stick, reach), cells);
+        if let Some(outlook) = self.outlooks.get(self.block).copied().flatten() {
+            outlook.refine(&mut plan);
+        }
+        self.wearing = wearing.on(plan, worn, control);
+        self.rkc.restart(&mut self.wearing, Some(vec![0.0; cells + 1]));
+        if let Some(limit) = limit.filter(|_| grows) {
+            let rate = self.wearing.energy_rate();
+            self.rkc.rescale(time_and_size(&limit, rate, f64::INFINITY));
+        }
+        self.rkc.hurry(self.wearing.pace());
     }
 
     /// The energy between the start of the last step and a later time within the step, by Simpson's
@@ -303,7 +352,8 @@ impl MeshRun {
     pub(super) fn core_error(&self, worn: &WornContact) -> f64 {
         let Wearing { contact, .. } = &self.wearing;
         let least = self.control.least_stick(contact);
-        if self.control.normal == Normal::Force || least == 0.0 || self.wearing.plan.start > 0.0 {
+        let resolved = least == 0.0 || self.wearing.plan.start > 0.0;
+        if self.control.normal == Normal::Force || resolved || self.block > 0 {
             return 0.0;
         }
         let last = |stick: f64| Limit::solve(&contact.shape, stick).map(|limit| limit.volume);

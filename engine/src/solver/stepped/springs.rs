@@ -16,6 +16,7 @@
 //! across the cell.
 
 use super::mesh::Mesh;
+use super::prior::PriorWear;
 use crate::contact::control::{Control, Normal, Tangential};
 use crate::contact::unworn::Contact;
 
@@ -34,7 +35,7 @@ pub struct Springs {
     half_force: f64,
     /// The present amplitude: Δ, or Δ_rig with a rig.
     amplitude: f64,
-    /// Compression of the unworn spring at r₀ at the depth d₀.
+    /// Compression of the spring at r₀ at the depth d₀, before any wear on this mesh.
     edge: f64,
     /// Whether the stick edge moves inwards.
     moves_in: bool,
@@ -63,7 +64,7 @@ pub struct Aside {
 
 impl Springs {
     /// The springs of a contact on a mesh.
-    pub(crate) fn new(mesh: Mesh, contact: &Contact, control: &Control) -> Self {
+    pub(crate) fn new(mesh: Mesh, contact: &Contact, control: &Control, prior: &PriorWear) -> Self {
         let cells = mesh.widths.len();
         let room = || Vec::with_capacity(cells);
         let start = mesh.radii[0];
@@ -76,7 +77,7 @@ impl Springs {
             control: control.clone(),
             half_force: contact.shape.half_force(),
             amplitude,
-            edge: 1.0 - contact.shape.image(start),
+            edge: 1.0 - contact.shape.image(start) - prior.image(start),
             moves_in: held && control.normal == Normal::Depth,
             depth: 1.0,
             threshold: contact.threshold,
@@ -162,7 +163,7 @@ impl Springs {
     /// Computes the state for the given wear of the image in each cell.
     pub(crate) fn press_images(&mut self, worn: &[f64]) {
         self.images.clear();
-        self.images.extend(self.mesh.unworn.iter().zip(worn).map(|(g, h)| g + h));
+        self.images.extend(self.mesh.initial.iter().zip(worn).map(|(g, h)| g + h));
         self.press();
     }
 

@@ -11,10 +11,12 @@
 //! the closed solution s = (s₀ + w + const)/Δ.
 
 use std::f64::consts::FRAC_2_PI;
+use std::sync::Arc;
 
 use super::law::Law;
 use super::mesh::Mesh;
 use super::plan::MeshPlan;
+use super::prior::PriorWear;
 use super::rkc::Rates;
 use super::springs::{Aside, Springs};
 use crate::contact::control::{Control, Normal, Tangential};
@@ -34,11 +36,13 @@ pub struct Wearing {
     law: Law,
     /// The positions of the mesh nodes.
     pub(crate) plan: MeshPlan,
+    /// The wear of earlier meshes.
+    pub(crate) prior: Arc<PriorWear>,
     /// The springs in their present state.
     pub springs: Springs,
     aside: Aside,
-    /// Δ·s of the unworn contact at the nodes if every spring slips.
-    unworn_slip: Vec<f64>,
+    /// Δ·s at the nodes before any wear on this mesh, if every spring slips.
+    initial_slip: Vec<f64>,
     /// The slip s at the nodes.
     slip: Vec<f64>,
     /// 1/(2D) of the narrower cell next to each node. The product with s is an upper bound of the
@@ -55,7 +59,9 @@ pub struct Wearing {
 /// The worn contact at one time, in units of a₀, d₀, E*d₀/a₀ and a₀²d₀.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WornContact {
-    /// Wear w at the nodes. With the simplified rule w can be negative near the edge of the scar.
+    /// The squares of the radii at which the wear is known: the nodes of all meshes so far.
+    pub squares: Vec<f64>,
+    /// Wear w at these radii. With the simplified rule w can be negative near the edge of the scar.
     pub wear: Vec<f64>,
     /// Image g of each cell.
     pub images: Vec<f64>,
@@ -126,26 +132,26 @@ impl WornContact {
 }
 
 impl Wearing {
-    /// Creates the unworn contact on a mesh.
+    /// Creates a contact with prior wear on a mesh.
     #[must_use]
     pub fn new(
         contact: &Contact,
         control: &Control,
         law: Law,
-        plan: MeshPlan,
+        (plan, prior): (MeshPlan, Arc<PriorWear>),
         cells: usize,
     ) -> Self {
-        let mesh = Mesh::new(&contact.shape, plan.radii(cells));
+        let mesh = Mesh::new(&contact.shape, &prior, plan.radii(cells));
         let level = 1.0 - contact.threshold;
-        let rest: Vec<f64> = mesh.unworn.iter().map(|g| g - level).collect();
-        let unworn_slip = mesh.solve(&rest);
+        let rest: Vec<f64> = mesh.initial.iter().map(|g| g - level).collect();
+        let initial_slip = mesh.solve(&rest);
         let slip = vec![0.0; cells + 1];
         let stiffness = (0..=cells)
             .map(|j| &mesh.widths[j.saturating_sub(1)..(j + 1).min(cells)])
             .map(|next| 0.5 / next.iter().copied().fold(f64::INFINITY, f64::min))
             .collect();
         let scar = contact.limit.radius;
-        let springs = Springs::new(mesh, contact, control);
+        let springs = Springs::new(mesh, contact, control, &prior);
         let contact = contact.clone();
         let (widest, radius) = (0.0, 0.0);
         let aside = Aside::default();
@@ -153,9 +159,10 @@ impl Wearing {
             contact,
             law,
             plan,
+            prior,
             springs,
             aside,
-            unworn_slip,
+            initial_slip,
             slip,
             stiffness,
             scar,
@@ -193,7 +200,8 @@ impl Wearing {
         let reach = (start + 1.25 * (reach - start)).min(farthest).min(self.contact.shape.extent());
         let plan = MeshPlan { reach, ..self.plan.clone() };
         let cells = self.springs.mesh.widths.len();
-        let mut larger = Self::new(&self.contact, control, self.law, plan, cells);
+        let surface = (plan, Arc::clone(&self.prior));
+        let mut larger = Self::new(&self.contact, control, self.law, surface, cells);
         larger.springs.resume(&self.springs);
         (larger.scar, larger.widest) = (self.scar, self.widest);
         let (from, to) = (&self.springs.mesh, &larger.springs.mesh);
@@ -205,10 +213,9 @@ impl Wearing {
                 // After long gross slip the worn profile is almost flat, but the wear is not. An
                 // error of 0.1 % of this wear exceeds the compression of the springs. Therefore
                 // interpolate the profile or the wear, whichever varies less.
-                let shape = &self.contact.shape;
                 let squares = &from.squares;
                 let worn: Vec<f64> =
-                    from.radii.iter().zip(values).map(|(r, w)| shape.profile(*r) + w).collect();
+                    from.radii.iter().zip(values).map(|(r, w)| self.profile(*r) + w).collect();
                 let of_wear = Monotone::through(squares.clone(), values.to_vec());
                 let of_worn = Monotone::through(squares.clone(), worn.clone());
                 let mut wear: Vec<f64> = to
@@ -222,7 +229,7 @@ impl Wearing {
                         }
                         let varies = |curve: &[f64]| (curve[next] - curve[next - 1]).abs();
                         if varies(&worn) < varies(values) {
-                            (of_worn.at(*t) - shape.profile(*r)).max(0.0)
+                            (of_worn.at(*t) - self.profile(*r)).max(0.0)
                         } else {
                             of_wear.at(*t).max(0.0)
                         }
@@ -259,6 +266,63 @@ impl Wearing {
             }
         };
         (larger, carried)
+    }
+
+    /// The wear of all meshes, from the wear at the nodes of this one.
+    pub(super) fn total(&self, wear: &[f64]) -> PriorWear {
+        let radius = self.prior.radius();
+        self.prior.with(&self.springs.mesh.squares, wear, radius)
+    }
+
+    /// The mesh, and the wear on which it starts.
+    pub(crate) fn surface(&self) -> (&Mesh, &PriorWear) {
+        (&self.springs.mesh, &self.prior)
+    }
+
+    /// The profile before any wear on this mesh.
+    fn profile(&self, r: f64) -> f64 {
+        self.contact.shape.profile(r) + self.prior.at(r * r)
+    }
+
+    /// The wear of all meshes so far, for the values of this one.
+    pub(super) fn worn(&self, values: &[f64]) -> PriorWear {
+        let wear = match self.law {
+            Law::Exact => values.to_vec(),
+            Law::Simplified(_) => self.inverse(&values[1..]),
+        };
+        let (_, radius) = self.radii(&wear, &self.springs.images);
+        self.prior.with(&self.springs.mesh.squares, &wear, radius).thinned()
+    }
+
+    /// The same contact on another mesh, which starts on the surface `worn`.
+    pub(super) fn on(&self, plan: MeshPlan, worn: PriorWear, control: &Control) -> Self {
+        let cells = self.springs.mesh.widths.len();
+        let mut next = Self::new(&self.contact, control, self.law, (plan, Arc::new(worn)), cells);
+        next.springs.resume(&self.springs);
+        (next.scar, next.widest) = (self.scar, self.widest);
+        next
+    }
+
+    /// The radius inside which all springs stick at the present amplitude, on the surface `worn`. It is 0
+    /// in gross slip, and if the mesh cannot resolve it.
+    pub(super) fn stick_edge(&mut self, values: &[f64], worn: &PriorWear) -> f64 {
+        self.press(values);
+        let Springs { depth, threshold, mesh, compressions, .. } = &self.springs;
+        let surplus = |x: f64| depth - self.contact.shape.image(x) - worn.image(x) - threshold;
+        let first = compressions.iter().position(|y| y < threshold).unwrap_or(compressions.len());
+        let end = mesh.radii[mesh.radii.len() - 1];
+        let (low, high) = (
+            mesh.radii[first.saturating_sub(1)],
+            mesh.radii[(first + 1).min(mesh.radii.len() - 1)],
+        );
+        let low = if first < 2 || surplus(low) <= 0.0 { 0.0 } else { low };
+        let high = if surplus(high) >= 0.0 { end } else { high };
+        if surplus(low) <= 0.0 || surplus(high) >= 0.0 {
+            return 0.0;
+        }
+        let stick = root(low, high, surplus);
+        let cells = mesh.widths.len();
+        if stick < MeshPlan::smallest_core(end, cells) { 0.0 } else { stick }
     }
 
     /// The wear at the nodes that corresponds to the wear of the images. The rule does not wear the profile
@@ -337,10 +401,10 @@ impl Wearing {
     /// The wear volume V of the given values.
     pub(crate) fn volume(&self, values: &[f64]) -> f64 {
         match self.law {
-            Law::Exact => self.springs.mesh.volume(values),
+            Law::Exact => self.prior.volume() + self.springs.mesh.volume(values),
             Law::Simplified(_) => {
-                let mesh = &self.springs.mesh;
-                positive_volume(&mesh.squares, &self.inverse(&values[1..]))
+                let (squares, wear) = self.total(&self.inverse(&values[1..])).into_lists();
+                positive_volume(&squares, &wear)
             }
         }
     }
@@ -371,23 +435,24 @@ impl Wearing {
         }
         slips.resize(images.len(), slips.last().copied().unwrap_or(1.0));
         let (contact_radius, scar) = self.radii(&wear, &images);
-        let volume = positive_volume(&mesh.squares, &wear);
-        let mut wear = wear;
+        let (squares, mut wear) = self.total(&wear).into_lists();
+        let volume = positive_volume(&squares, &wear);
         if self.law == Law::Exact && mesh.radii[0] == 0.0 && self.stick() == 0.0 {
             // If the axis slips, the worn profile is flat there, even for a cone.
-            let first = mesh.radii[1];
+            let first = squares[1].sqrt();
             wear[0] = (wear[1] + self.contact.shape.profile(first)).min(2.0 * wear[1]);
         }
+        let radii: Vec<f64> = squares.iter().map(|t| t.sqrt()).collect();
         if self.law == Law::Exact {
             // In contact no image exceeds d, so the worn profile cannot exceed d either.
-            for (wear, r) in wear.iter_mut().zip(&mesh.radii) {
+            for (wear, r) in wear.iter_mut().zip(&radii) {
                 let room = (springs.depth - self.contact.shape.profile(*r)).max(0.0);
                 *wear = wear.min(room);
             }
         }
         WornContact {
             volume,
-            deepest: vertex(&mesh.radii, &wear, largest(&wear)).min(springs.depth),
+            deepest: vertex(&radii, &wear, largest(&wear)).min(springs.depth),
             contact_radius,
             scar,
             depth: springs.depth,
@@ -398,6 +463,7 @@ impl Wearing {
             loss: springs.loss(),
             compressions: springs.compressions.clone(),
             loads: springs.loads(),
+            squares,
             wear,
             images,
             slips,
@@ -409,8 +475,9 @@ impl Wearing {
         let radii = &self.springs.mesh.radii;
         let most = wear.iter().copied().fold(0.0, f64::max);
         let held = self.springs.control.normal == Normal::Depth;
+        let before = self.prior.radius();
         if most == 0.0 {
-            return (1.0, 0.0);
+            return (before.max(1.0), before);
         }
         if let Law::Simplified(_) = self.law {
             let last = wear.iter().rposition(|w| *w > 1e-9 * most).unwrap_or(0);
@@ -422,28 +489,33 @@ impl Wearing {
                 _ => radii[last],
             };
             // With the rule, a free spring wears towards d and not beyond it.
-            return (if held { 1.0 } else { self.touching(images) }, scar);
+            return (if held { 1.0 } else { self.touching(images) }, scar.max(before));
         }
         let radius = self.worn_radius(wear);
         (radius, radius)
     }
 
-    /// The radius at which the wear of the exact law ends, extrapolated from the outermost nodes.
+    /// The radius at which the wear of the exact law ends, extrapolated from the outermost nodes of this
+    /// mesh. It is not smaller than on the meshes before.
     pub(super) fn worn_radius(&self, wear: &[f64]) -> f64 {
         let radii = &self.springs.mesh.radii;
         let most = wear.iter().copied().fold(0.0, f64::max);
         let last = wear.iter().rposition(|w| *w > 1e-9 * most).unwrap_or(0);
-        let floor = match self.springs.control.normal {
+        let unworn = match self.springs.control.normal {
             Normal::Depth => 1.0,
             Normal::Force => self.unworn_radius(),
         };
+        let floor = self.prior.radius().max(unworn);
+        if most == 0.0 && !self.prior.is_empty() {
+            return floor;
+        }
         let end = radii[(last + 1).min(radii.len() - 1)].max(floor);
         if last == 0 || wear[last - 1] <= wear[last] {
             return end;
         }
         let (here, before) = (wear[last], wear[last - 1]);
         let reached = radii[last] + here * (radii[last] - radii[last - 1]) / (before - here);
-        reached.clamp(floor, end)
+        reached.clamp(floor, end.max(floor))
     }
 
     /// The radius at which the unworn image equals the present depth.
@@ -497,9 +569,9 @@ impl Wearing {
             let rise = (threshold - self.contact.threshold) - (springs.depth - 1.0);
             let rise = if self.plan.start > 0.0 { 0.0 } else { rise };
             let per_threshold = 1.0 / threshold;
-            let nodes = self.slip[1..=live].iter_mut().zip(&self.unworn_slip[1..]).zip(&wear[1..]);
-            for ((slip, unworn), wear) in nodes {
-                *slip = (unworn + wear + rise).max(0.0) * per_threshold;
+            let nodes = self.slip[1..=live].iter_mut().zip(&self.initial_slip[1..]).zip(&wear[1..]);
+            for ((slip, initial), wear) in nodes {
+                *slip = (initial + wear + rise).max(0.0) * per_threshold;
             }
             return;
         }
@@ -599,8 +671,6 @@ fn positive_volume(squares: &[f64], wear: &[f64]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-
     use super::*;
     use crate::contact::control::Block;
     use crate::contact::profile::Shape;
@@ -634,7 +704,8 @@ mod tests {
                 }
                 let control = Control { normal, tangential };
                 let plan = MeshPlan::first(&contact, &control, 64).expect("a scar that fits");
-                let mut wearing = Wearing::new(&contact, &control, Law::Exact, plan, 64);
+                let mut wearing =
+                    Wearing::new(&contact, &control, Law::Exact, (plan, Arc::default()), 64);
                 let mut rkc = Rkc::new(&mut wearing, vec![0.0; 65], 3e-3, (1.0, 0.3));
                 for _ in 0..40 {
                     // dV/dÑ = 2 ∫ y ω dx·Δ/Δ₀. The two sides are sums of different terms.
