@@ -83,11 +83,15 @@ pub(super) struct MeshRun {
     pub(super) accounts: bool,
 }
 
-/// Whether the stick edge moves and more cells are needed. Just above the gross-slip threshold, a
-/// contact at constant force starts to stick again.
+/// Whether the stick edge moves and more cells are needed. At a constant depth it stays where it is
+/// during a block. Just above the gross-slip threshold, a contact at constant force starts to stick
+/// again.
 pub(super) fn moves(control: &Control, contact: &Contact) -> bool {
     let slips = contact.regime == Regime::GrossSlip;
+    let stays =
+        control.normal == Normal::Depth && matches!(control.tangential, Tangential::Blocks(_));
     !control.keeps_stick()
+        && !stays
         && (!slips || control.normal == Normal::Force && contact.threshold < REGAINS)
 }
 
