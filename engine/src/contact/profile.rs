@@ -123,6 +123,17 @@ impl Shape {
         }
     }
 
+    /// The radius of a sharp tip (0) or of the edge of a flat. In gross slip, wear begins there with a depth that
+    /// grows much faster than elsewhere. `None` if the profile is smooth.
+    pub(crate) fn sharp_radius(&self) -> Option<f64> {
+        match &self.kind {
+            ShapeKind::Whole(1) => Some(0.0),
+            ShapeKind::Power(n) => (*n < 2.0).then_some(0.0),
+            ShapeKind::Truncated(shape) => shape.kinks().first().copied(),
+            _ => None,
+        }
+    }
+
     /// Number of pieces over which the integrals of the shape are summed.
     pub(crate) fn pieces(&self) -> usize {
         match &self.kind {

@@ -44,6 +44,8 @@ pub const UNITS: &[(&str, &str)] = &[
     ("wear_depth_radius", "m"),
     ("energy_per_cycle", "J"),
     ("dissipated_energy", "J"),
+    ("wear_volume_error", "1"),
+    ("wear_depth_error", "1"),
     ("radius", "m"),
     ("initial", "m"),
     ("limiting", "m"),
@@ -229,12 +231,19 @@ pub struct History {
     pub energy_per_cycle: Vec<f64>,
     /// Dissipated energy Σ W since N = 0.
     pub dissipated_energy: Vec<f64>,
+    /// Estimated relative numerical error of V. Results of version 0.3 and earlier do not have it.
+    #[serde(default)]
+    pub wear_volume_error: Vec<f64>,
+    /// Estimated relative numerical error of the largest wear depth. Results of version 0.3 and earlier
+    /// do not have it.
+    #[serde(default)]
+    pub wear_depth_error: Vec<f64>,
 }
 
 impl History {
     /// The columns with their names, in the order of the JSON.
     #[must_use]
-    pub fn columns(&self) -> [(&'static str, &[f64]); 13] {
+    pub fn columns(&self) -> [(&'static str, &[f64]); 15] {
         [
             ("cycles", &self.cycles),
             ("normalized_cycles", &self.normalized_cycles),
@@ -249,6 +258,8 @@ impl History {
             ("tangential_force", &self.tangential_force),
             ("energy_per_cycle", &self.energy_per_cycle),
             ("dissipated_energy", &self.dissipated_energy),
+            ("wear_volume_error", &self.wear_volume_error),
+            ("wear_depth_error", &self.wear_depth_error),
         ]
     }
 
@@ -284,6 +295,8 @@ impl History {
             tangential_force: column(),
             energy_per_cycle: column(),
             dissipated_energy: column(),
+            wear_volume_error: column(),
+            wear_depth_error: column(),
         }
     }
 }
@@ -419,6 +432,9 @@ pub struct Accuracy {
     /// large, but too small for blunt profiles in gross slip. Otherwise the estimate comes from a
     /// second run with half as many cells.
     pub numerical_error: Option<f64>,
+    /// The same for the largest wear depth. Results of version 0.3 and earlier do not have it.
+    #[serde(default)]
+    pub wear_depth_error: Option<f64>,
     /// The largest relative error of V to expect over the history, compared with the exact method.
     /// It is 0 for the exact method. `None` if the simplified rule was not compared with the exact
     /// method for such a contact.

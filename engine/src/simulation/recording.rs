@@ -5,6 +5,7 @@ use crate::contact::control::Tangential;
 use crate::contact::hysteresis::Loop;
 use crate::outcome::{History, Loops, Profiles};
 use crate::solver::curves::Curves;
+use crate::solver::errors::RunErrors;
 
 /// The rows recorded so far.
 #[derive(Debug)]
@@ -18,8 +19,8 @@ pub(super) struct Recording {
     edges: Vec<(f64, f64)>,
     /// The energy mismatch (k_w/μ)·ΣW/V − 1 of the last row with wear.
     pub(super) mismatch: Option<f64>,
-    /// The largest error of V so far.
-    pub(super) volume_error: Option<f64>,
+    /// The largest errors of V and of the depth so far.
+    pub(super) errors: Option<RunErrors>,
     /// The unworn profile f₀ at the output radii, in d₀.
     initial: Vec<f64>,
     reported: Reported,
@@ -61,7 +62,7 @@ pub(super) struct HistoryEntry {
     pub(super) loss: f64,
     /// The volume that follows from the energy, (k_w/μ)·ΣW.
     pub(super) worn_by_energy: f64,
-    pub(super) volume_error: f64,
+    pub(super) errors: RunErrors,
     /// The curves and the friction loop, if this row has profiles.
     pub(super) curves: Option<(Curves, Loop)>,
 }
@@ -75,7 +76,7 @@ impl Recording {
             half_lengths: [Vec::with_capacity(instants), Vec::with_capacity(instants)],
             edges: Vec::with_capacity(instants),
             mismatch: None,
-            volume_error: None,
+            errors: None,
             initial: Vec::new(),
             reported: Reported::default(),
         }
@@ -171,8 +172,7 @@ impl Recording {
         let n = entry.cycles;
         if entry.volume > 0.0 {
             self.mismatch = Some(entry.worn_by_energy / entry.volume - 1.0);
-            let error = entry.volume_error;
-            self.volume_error = Some(self.volume_error.map_or(error, |known| known.max(error)));
+            self.errors = Some(self.errors.map_or(entry.errors, |known| known.or(entry.errors)));
         }
         let amplitude = scales.amplitude * (entry.threshold / contact.threshold);
         history.cycles.push(n);
@@ -189,6 +189,8 @@ impl Recording {
         history.energy_per_cycle.push(scales.energy(entry.loss * entry.threshold));
         let per_wear = scales.friction / scales.wear_coefficient;
         history.dissipated_energy.push(entry.worn_by_energy * scales.volume() * per_wear);
+        history.wear_volume_error.push(entry.errors.volume);
+        history.wear_depth_error.push(entry.errors.depth);
         let Some((curves, found)) = entry.curves else { return };
         let profiles = &mut self.profiles;
         profiles.cycles.push(n);

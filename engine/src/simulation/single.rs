@@ -14,6 +14,7 @@ use crate::solver::closed::energy;
 use crate::solver::closed::events::{StopSearch, events};
 use crate::solver::closed::simplified::{Simplified, State, UnwornCurves};
 use crate::solver::curves::{Curves, Grid};
+use crate::solver::errors::RunErrors;
 use crate::solver::events::{Event, EventKind};
 use crate::solver::stepped::march::March;
 use crate::solver::stepped::plan::MeshPlan;
@@ -239,7 +240,7 @@ impl SingleRun {
             tangential: unworn.tangential,
             loss: unworn.loss,
             worn_by_energy: 0.0,
-            volume_error: 0.0,
+            errors: RunErrors::default(),
             curves,
         };
         self.recording.record(case, entry);
@@ -333,7 +334,8 @@ impl SingleRun {
             events: events.iter().map(|event| OutcomeEvent::of(event, unit)).collect(),
             accuracy: Accuracy {
                 energy_mismatch: recording.mismatch,
-                numerical_error: recording.volume_error,
+                numerical_error: recording.errors.map(|errors| errors.volume),
+                wear_depth_error: recording.errors.map(|errors| errors.depth),
                 model_error,
                 cells: march.map(March::cells),
                 steps: work.map(|(steps, _)| steps),
@@ -379,7 +381,6 @@ fn closed_entry(
     state: State,
 ) -> HistoryEntry {
     let (contact, sums) = (&case.contact, state.sums);
-    let worn = sums.volume > 0.0;
     HistoryEntry {
         cycles,
         volume: state.volume,
@@ -400,7 +401,7 @@ fn closed_entry(
         tangential: sums.tangential,
         loss: sums.energy / contact.threshold,
         worn_by_energy: solver.dissipated(xi, &sums),
-        volume_error: if worn { (state.mesh_volume / sums.volume - 1.0).abs() } else { 0.0 },
+        errors: state.errors,
         curves: state.curves.zip(state.backbone.map(|backbone| backbone.wind())),
     }
 }
@@ -440,7 +441,7 @@ fn marched_entry(
         tangential: worn.tangential,
         loss: worn.loss,
         worn_by_energy: state.worn_by_energy,
-        volume_error: state.volume_error,
+        errors: state.errors,
         curves,
     }
 }

@@ -2,5 +2,6 @@
 
 pub mod closed;
 pub mod curves;
+pub mod errors;
 pub mod events;
 pub mod stepped;

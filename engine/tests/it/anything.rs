@@ -213,36 +213,9 @@ fn judge_held(case: &Case, outcome: &Outcome) {
 /// The properties that the results of both methods must have.
 fn judge(scenario: &Scenario, outcome: &Outcome) {
     let case = scenario.case().expect("a case");
-    let History {
-        cycles,
-        wear_volume,
-        wear_depth,
-        scar_radius,
-        contact_radius,
-        stick_radius,
-        normal_force,
-        indentation_depth,
-        amplitude,
-        tangential_force,
-        energy_per_cycle,
-        dissipated_energy,
-        normalized_cycles,
-    } = &outcome.history;
-    let columns = [
-        cycles,
-        wear_volume,
-        wear_depth,
-        scar_radius,
-        contact_radius,
-        stick_radius,
-        normal_force,
-        indentation_depth,
-        amplitude,
-        tangential_force,
-        energy_per_cycle,
-        dissipated_energy,
-        normalized_cycles,
-    ];
+    let history = &outcome.history;
+    let History { cycles, wear_volume, wear_depth, scar_radius, indentation_depth, .. } = history;
+    let columns = history.columns().map(|(_, column)| column);
     for column in columns {
         assert_eq!(column.len(), cycles.len());
         assert!(column.iter().all(|x| x.is_finite() && *x >= 0.0), "{column:?}");

@@ -977,8 +977,7 @@ fn agree(name: &str, problem: &Problem, record: &DisplacementRecord) {
         ]) {
             column.push(value);
         }
-        let mesh = &march.wearing().springs.mesh;
-        let curves = Curves::of(&contact.shape, mesh, &at, &state.radii);
+        let curves = Curves::of(&contact.shape, march.wearing().surface(), &at, &state.radii);
         let pace = at.threshold / contact.threshold;
         let slip: Vec<f64> = curves.slip.iter().map(|slip| slip * pace).collect();
         for (curve, own, theirs, tolerance) in [

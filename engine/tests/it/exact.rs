@@ -53,7 +53,7 @@ fn runs_at_the_default_tolerance_agree_with_the_reference_table() {
         let mut promised: f64 = 0.0;
         let mut worst: f64 = 0.0;
         for (i, n) in column("normalized_cycles").iter().enumerate() {
-            let MarchState { worn, volume_error, .. } = at(&mut run, *n);
+            let MarchState { worn, errors, .. } = at(&mut run, *n);
             let error = |value: f64, name: &str| (value / column(name)[i] - 1.0).abs();
             for (value, name, tolerance) in [
                 (worn.volume, "wear_volume", 1.5e-3),
@@ -64,7 +64,7 @@ fn runs_at_the_default_tolerance_agree_with_the_reference_table() {
                 let error = error(value, name);
                 assert!(error < tolerance, "{name} is {error} off at Ñ = {n} in {row}");
             }
-            promised = promised.max(volume_error);
+            promised = promised.max(errors.volume);
             worst = worst.max(error(worn.volume, "wear_volume"));
         }
         assert!(worst < promised && promised < 10.0 * worst, "promised {promised}, found {worst}");
@@ -219,7 +219,7 @@ fn the_error_estimate_covers_95_percent_of_true_errors_and_rarely_exceeds_them_t
                 while run.advance(share * last) {}
                 let end = run.ended().unwrap_or(last).min(share * last);
                 let state = run.at(end);
-                found.push((state.worn.volume, state.volume_error));
+                found.push((state.worn.volume, state.errors.volume));
             }
             found
         };

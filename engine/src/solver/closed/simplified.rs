@@ -43,6 +43,7 @@ use crate::contact::unworn::{Contact, Decay, Regime};
 use crate::numeric::{Monotone, dot, integrate, largest, vertex};
 use crate::solver::closed::energy::dissipated;
 use crate::solver::curves::{self, Curves, Grid};
+use crate::solver::errors::RunErrors;
 
 /// If the image rises over the first cell by more than this share of Δ, the cell is integrated separately.
 const UNRESOLVED: f64 = 0.01;
@@ -227,8 +228,8 @@ pub struct State {
     pub depth: f64,
     /// Largest radius with wear.
     pub scar: f64,
-    /// Volume of the unclipped wear by Simpson's rule on the mesh. `sums.volume` is the same volume from the image.
-    pub mesh_volume: f64,
+    /// The errors of volume and depth.
+    pub errors: RunErrors,
     /// The curves, if requested.
     pub curves: Option<Curves>,
     /// The backbone of the friction loop, if the curves are requested.
@@ -335,7 +336,7 @@ impl Simplified {
         wear.into_iter()
             .zip(found)
             .zip(wanted)
-            .map(|((mut wear, (apex, unresolved, sums)), (_, curves))| {
+            .map(|((mut wear, (apex, unresolved, sums)), (decay, curves))| {
                 for wear in &mut wear {
                     *wear = apex + scale * *wear;
                 }
@@ -343,6 +344,7 @@ impl Simplified {
                     self.mesh.bound(&self.contact, &mut wear);
                 }
                 let mut state = self.measure(&wear, sums);
+                state.errors = self.errors(&wear, &state, *decay, apex);
                 if let Some(((decay, compressions), pressure)) =
                     curves.then(|| more.next()).flatten()
                 {
@@ -405,16 +407,35 @@ impl Simplified {
     /// The value at the first node that makes the inverse transform of the first cell exact, even with a thin step
     /// inside. The interpolation there is linear, with `second` at the second node.
     fn first_value(&self, decay: Decay, apex: f64, second: f64) -> f64 {
-        let (c, r) = (self.contact.stick, self.mesh.radii[1]);
-        let (_, angle) = chord_and_angle(c, r);
+        let integral = self.integral(self.mesh.radii[1], decay, apex);
+        let root = self.kernels.tau()[1].sqrt();
+        3.0 * integral / (self.theta.sqrt() * root) - 2.0 * second
+    }
+
+    /// ∫ (g − g₀ − apex)/√(r²−x²) dx over c…r, by a quadrature that resolves a thin step at c.
+    fn integral(&self, r: f64, decay: Decay, apex: f64) -> f64 {
+        let (_, angle) = chord_and_angle(self.contact.stick, r);
         // ψ = ψ₁(1 − s⁴): x = r cos ψ is c at s = 0, and x − c = 2r sin((ψ₁−ψ)/2) sin((ψ₁+ψ)/2).
-        let integral = integrate(0.0, 1.0, |s| {
+        integrate(0.0, 1.0, |s| {
             let below = angle * s * s * s * s;
             let delta = 2.0 * r * libm::sin(0.5 * below) * libm::sin(angle - 0.5 * below);
             4.0 * angle * s * s * s * (self.contact.worn(delta, decay) - apex)
-        });
-        let root = self.kernels.tau()[1].sqrt();
-        3.0 * integral / (self.theta.sqrt() * root) - 2.0 * second
+        })
+    }
+
+    /// The errors of a state with wear: of the volume against that of the image, and of the depth against a
+    /// quadrature at the deepest node.
+    fn errors(&self, wear: &[f64], state: &State, decay: Decay, apex: f64) -> RunErrors {
+        if state.volume == 0.0 {
+            return RunErrors::default();
+        }
+        let mesh_volume = PI * self.theta * self.kernels.area(wear);
+        let deepest = largest(wear);
+        let exact = match self.mesh.radii[deepest] {
+            r if r > self.contact.stick => apex + FRAC_2_PI * self.integral(r, decay, apex),
+            _ => wear[deepest],
+        };
+        RunErrors::between([mesh_volume, state.sums.volume], [wear[deepest], exact])
     }
 
     /// The width of the step of the image at the stick edge.
@@ -448,7 +469,7 @@ impl Simplified {
             // A parabola overshoots at a step. The limiting depth bounds every state.
             depth: vertex(mesh, wear, deepest).min(self.contact.limit.depth),
             scar,
-            mesh_volume: PI * self.theta * self.kernels.area(wear),
+            errors: RunErrors::default(),
             sums,
             curves: None,
             backbone: None,

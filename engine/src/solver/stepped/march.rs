@@ -27,6 +27,7 @@ use crate::contact::control::{Control, Final, Normal, Tangential};
 use crate::contact::limit::Limit;
 use crate::contact::limit::{DEEPEST, WIDEST};
 use crate::contact::unworn::{Contact, Regime};
+use crate::solver::errors::RunErrors;
 use crate::solver::events::{Event, EventKind, LOST, SHAKEN, StopCondition};
 
 /// Number of cells at the tolerance `COMMON_TOLERANCE`. The error decreases with the square of the
@@ -50,6 +51,8 @@ const FORGET: f64 = 0.7;
 /// finer run is a third of the difference, so this estimate usually exceeds the error. A test counts how
 /// often it does.
 const SHARE: f64 = 1.0;
+/// The same for the depth, which converges more slowly at the axis.
+const DEPTH_SHARE: f64 = 1.0;
 /// Minimum error estimate, in units of the tolerance of the steps.
 const LEAST_ERROR: f64 = 0.3;
 /// Number of cells and tolerance of the coarse run that finds the final position of the stick edge.
@@ -68,8 +71,8 @@ pub struct March {
     until: StopCondition,
     /// The time of the next comparison.
     check: f64,
-    /// The relative difference of the two volumes so far.
-    apart: f64,
+    /// The relative differences of the two runs so far.
+    apart: RunErrors,
     events: Vec<Event>,
     /// Events that have happened, and events that the run does not search for.
     known: Vec<EventKind>,
@@ -84,8 +87,8 @@ pub struct March {
 pub struct MarchState {
     /// The worn contact.
     pub worn: WornContact,
-    /// The estimated relative error of V.
-    pub volume_error: f64,
+    /// The estimated errors.
+    pub errors: RunErrors,
     /// (k_w/μ)·ΣW, summed separately. For the exact law this number should equal V.
     pub worn_by_energy: f64,
 }
@@ -247,7 +250,18 @@ impl March {
             // The contact is too close to gross slip for this mesh.
             events.push(Event { at: 0.0, kind: EventKind::GrossSlip, ends: true });
         }
-        Some(Self { fine, coarse, edge, until, check, apart: 0.0, events, known, block: 0, reach })
+        Some(Self {
+            fine,
+            coarse,
+            edge,
+            until,
+            check,
+            apart: RunErrors::default(),
+            events,
+            known,
+            block: 0,
+            reach,
+        })
     }
 
     /// Finds the mesh plans for a stick edge that comes to rest in worn material, by coarse runs: the plan of
@@ -322,7 +336,7 @@ impl March {
         if self.check > last {
             return false;
         }
-        self.apart = self.distance(self.check).max(FORGET * self.apart);
+        self.apart = self.distance(self.check).or(self.apart.times(FORGET));
         self.check *= CHECKS;
         true
     }
@@ -466,10 +480,10 @@ impl March {
         }
     }
 
-    /// The relative difference of the volumes of the two runs.
-    fn distance(&mut self, time: f64) -> f64 {
-        let volume = self.fine.volume(time);
-        if volume > 0.0 { (self.coarse.volume(time) / volume - 1.0).abs() } else { 0.0 }
+    /// The relative differences of the two runs.
+    fn distance(&mut self, time: f64) -> RunErrors {
+        let (fine, coarse) = (self.fine.volume_and_depth(time), self.coarse.volume_and_depth(time));
+        RunErrors::between([coarse.0, fine.0], [coarse.1, fine.1])
     }
 
     /// The outer radius of the mesh in a₀. With blocks it is the largest of all meshes.
@@ -521,11 +535,19 @@ impl March {
         let time = self.fine.within(normalized_cycles);
         let worn_by_energy = self.fine.energy_until(time);
         let worn = self.fine.under(time, Wearing::at);
-        let apart = self.distance(normalized_cycles).max(self.apart);
-        let volume_error = (SHARE * self.fine.wearing.springs.error_safety_factor() * apart)
-            .max(LEAST_ERROR * self.fine.rkc.tolerance)
+        if worn.volume == 0.0 {
+            return MarchState { worn, errors: RunErrors::default(), worn_by_energy };
+        }
+        let apart = self.distance(normalized_cycles).or(self.apart);
+        let RunErrors { volume, depth } =
+            apart.times(self.fine.wearing.springs.error_safety_factor());
+        let least = (LEAST_ERROR * self.fine.rkc.tolerance)
             .max(self.fine.edge_error(&worn))
             .max(self.fine.core_error(&worn));
-        MarchState { worn, volume_error, worn_by_energy }
+        let errors = RunErrors {
+            volume: (SHARE * volume).max(least),
+            depth: (DEPTH_SHARE * depth).max(least),
+        };
+        MarchState { worn, errors, worn_by_energy }
     }
 }

@@ -16,6 +16,8 @@ const FIXED: f64 = 0.001;
 const TIGHT: f64 = 0.3;
 /// Blur of the nodes if the stick edge comes to rest in worn material.
 pub(super) const REST_BLUR: f64 = 0.001;
+/// Blur of the nodes at a sharp tip or edge.
+const SHARP_BLUR: f64 = 1e-4;
 /// Maximum width of the first cell at a fixed stick edge, in c/n². In a wide ring the nodes are
 /// graded more steeply.
 const COARSE_START: f64 = 1500.0;
@@ -126,6 +128,15 @@ impl MeshPlan {
             plan.focus = Some(Focus { from: contact.stick, to: contact.stick, blur: 0.05 * ring });
         }
         Some(plan)
+    }
+
+    /// The mesh for the beginning of gross slip, with dense nodes where the shape is sharp. `None` if the shape
+    /// is smooth, or if its core sticks.
+    pub(super) fn while_sharp(&self, contact: &Contact) -> Option<Self> {
+        let sharp =
+            contact.shape.sharp_radius().filter(|_| self.start == 0.0 && contact.stick == 0.0)?;
+        let focus = Focus { from: sharp, to: sharp, blur: SHARP_BLUR * self.reach };
+        Some(Self { focus: Some(focus), ..self.clone() })
     }
 
     /// The smallest core that the first cells resolve, for a scar of this radius.

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::law::Law;
 use super::plan::{Focus, MeshPlan};
+use super::prior::PriorWear;
 use super::rkc::Rkc;
 use super::wearing::{Wearing, WornContact};
 use crate::contact::control::{Block, Control, Normal, Tangential};
@@ -27,6 +28,8 @@ const NOISY: f64 = 1.1;
 /// Maximum Δ at which a contact in gross slip at constant force can start to stick again.
 const REGAINS: f64 = 1.5;
 
+/// A tip or an edge is blunt if it is worn as deep as the unworn profile is at this distance from it.
+const BLUNT: f64 = 0.35;
 /// Relative accuracy of the time at which an energy is reached.
 const TIME_DIGITS: f64 = 1e-13;
 
@@ -67,6 +70,8 @@ pub(super) struct MeshRun {
     outlooks: Arc<[Option<Outlook>]>,
     /// The smallest stick radius so far.
     least_stick: f64,
+    /// The mesh after the tip has become blunt. `None` if it is blunt already.
+    blunt: Option<MeshPlan>,
     /// The time at which the present block started.
     block_began: f64,
     /// Scar radius and slip amplitude Δ·s at its edge, at the end of each block so far.
@@ -121,6 +126,10 @@ impl MeshRun {
         (cells, tolerance): (usize, f64),
     ) -> Self {
         let least_stick = plan.start;
+        let (plan, blunt) = match plan.while_sharp(contact).filter(|_| law == Law::Exact) {
+            Some(sharp) => (sharp, Some(plan)),
+            None => (plan, None),
+        };
         let mut wearing = Wearing::new(contact, control, law, (plan, Arc::default()), cells);
         if let Tangential::Blocks(blocks) = &control.tangential
             && let Some(first) = blocks.first()
@@ -142,6 +151,7 @@ impl MeshRun {
             block: 0,
             outlooks,
             least_stick,
+            blunt,
             block_began: 0.0,
             block_edges: Vec::new(),
             rests: false,
@@ -168,6 +178,7 @@ impl MeshRun {
             self.rkc.restart(&mut self.wearing, Some(values));
             self.loss = [self.wearing.energy_rate(); 2];
         }
+        self.leave_the_tip();
         if end.is_finite() && self.has_arrived(end) {
             // The contact does not change until the next block starts.
             self.rkc.rest_until(end);
@@ -256,8 +267,30 @@ impl MeshRun {
         next.end
     }
 
+    /// Changes the mesh when the tip or the edge of the shape has become blunt.
+    fn leave_the_tip(&mut self) {
+        let shape = &self.wearing.contact.shape;
+        let Some(sharp) = shape.sharp_radius().filter(|_| self.blunt.is_some()) else { return };
+        let deepest = self.rkc.values.iter().copied().fold(0.0, f64::max);
+        if deepest < shape.profile(sharp + BLUNT) {
+            return;
+        }
+        if let Some(mut plan) = self.blunt.take() {
+            plan.reach = plan.reach.max(self.wearing.plan.reach);
+            self.change_mesh(plan, self.wearing.worn(&self.rkc.values));
+        }
+    }
+
+    /// Continues on another mesh, which starts on the surface `worn`.
+    fn change_mesh(&mut self, plan: MeshPlan, worn: PriorWear) {
+        self.wearing = self.wearing.on(plan, worn, &self.control);
+        let nodes = self.wearing.springs.mesh.radii.len();
+        self.rkc.restart(&mut self.wearing, Some(vec![0.0; nodes]));
+    }
+
     /// Starts a block on a mesh of its own.
     fn change_amplitude(&mut self, block: Block) {
+        self.blunt = None;
         self.wearing.command(block.threshold);
         if block.threshold == 0.0 {
             // Nothing wears.
@@ -277,8 +310,7 @@ impl MeshRun {
         if let Some(outlook) = self.outlooks.get(self.block).copied().flatten() {
             outlook.refine(&mut plan);
         }
-        self.wearing = wearing.on(plan, worn, control);
-        self.rkc.restart(&mut self.wearing, Some(vec![0.0; cells + 1]));
+        self.change_mesh(plan, worn);
         if let Some(limit) = limit.filter(|_| grows) {
             let rate = self.wearing.energy_rate();
             self.rkc.rescale(time_and_size(&limit, rate, f64::INFINITY));
@@ -367,12 +399,13 @@ impl MeshRun {
         (without / with - 1.0) * (worn.volume / with).min(1.0)
     }
 
-    pub(super) fn volume(&mut self, time: f64) -> f64 {
+    /// The wear volume and the largest wear depth.
+    pub(super) fn volume_and_depth(&mut self, time: f64) -> (f64, f64) {
         let time = self.within(time);
         if time >= self.rkc.time {
-            return self.wearing.volume(&self.rkc.values);
+            return self.wearing.volume_and_depth(&self.rkc.values);
         }
-        self.wearing.volume(&self.rkc.at(time))
+        self.wearing.volume_and_depth(&self.rkc.at(time))
     }
 
     /// `time`, but at most the time of the last step if the run has settled or ended. Afterwards

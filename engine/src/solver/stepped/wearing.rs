@@ -21,6 +21,7 @@ use super::rkc::Rates;
 use super::springs::{Aside, Springs};
 use crate::contact::control::{Control, Normal, Tangential};
 use crate::contact::limit::Limit;
+use crate::contact::profile::Shape;
 use crate::contact::unworn::Contact;
 use crate::numeric::{Monotone, largest, root, vertex};
 
@@ -92,6 +93,15 @@ pub struct WornContact {
     pub scar: f64,
     /// The contact radius a, where g = d.
     pub contact_radius: f64,
+}
+
+/// The wear at the nodes of all meshes so far.
+struct WornSurface {
+    squares: Vec<f64>,
+    radii: Vec<f64>,
+    wear: Vec<f64>,
+    /// The volume of the positive wear.
+    volume: f64,
 }
 
 impl WornContact {
@@ -275,7 +285,8 @@ impl Wearing {
     }
 
     /// The mesh, and the wear on which it starts.
-    pub(crate) fn surface(&self) -> (&Mesh, &PriorWear) {
+    #[must_use]
+    pub fn surface(&self) -> (&Mesh, &PriorWear) {
         (&self.springs.mesh, &self.prior)
     }
 
@@ -286,10 +297,7 @@ impl Wearing {
 
     /// The wear of all meshes so far, for the values of this one.
     pub(super) fn worn(&self, values: &[f64]) -> PriorWear {
-        let wear = match self.law {
-            Law::Exact => values.to_vec(),
-            Law::Simplified(_) => self.inverse(&values[1..]),
-        };
+        let wear = self.wear(values);
         let (_, radius) = self.radii(&wear, &self.springs.images);
         self.prior.with(&self.springs.mesh.squares, &wear, radius).thinned()
     }
@@ -398,15 +406,30 @@ impl Wearing {
         result
     }
 
-    /// The wear volume V of the given values.
-    pub(crate) fn volume(&self, values: &[f64]) -> f64 {
+    /// The wear volume V and the largest wear depth of the given values.
+    pub(crate) fn volume_and_depth(&self, values: &[f64]) -> (f64, f64) {
+        let worn = self.surface_of(&self.wear(values));
+        let deepest = vertex(&worn.radii, &worn.wear, largest(&worn.wear));
+        (worn.volume, deepest.min(self.springs.depth))
+    }
+
+    /// The wear at the nodes of this mesh.
+    fn wear(&self, values: &[f64]) -> Vec<f64> {
         match self.law {
-            Law::Exact => self.prior.volume() + self.springs.mesh.volume(values),
-            Law::Simplified(_) => {
-                let (squares, wear) = self.total(&self.inverse(&values[1..])).into_lists();
-                positive_volume(&squares, &wear)
-            }
+            Law::Exact => values.to_vec(),
+            Law::Simplified(_) => self.inverse(&values[1..]),
         }
+    }
+
+    /// The wear at the nodes of all meshes so far, from the wear at the nodes of this one.
+    fn surface_of(&self, wear: &[f64]) -> WornSurface {
+        let (squares, mut wear) = self.total(wear).into_lists();
+        let volume = positive_volume(&squares, &wear);
+        if self.law == Law::Exact && squares[0] == 0.0 && self.stick() == 0.0 {
+            wear[0] = on_axis(&self.contact.shape, &squares, &wear);
+        }
+        let radii = squares.iter().map(|t| t.sqrt()).collect();
+        WornSurface { squares, radii, wear, volume }
     }
 
     /// dV/dÑ from the dissipated energy: 2 ∫ y ω dx·Δ/Δ₀.
@@ -424,10 +447,7 @@ impl Wearing {
         self.press(values);
         let springs = &self.springs;
         let mesh = &springs.mesh;
-        let wear = match self.law {
-            Law::Exact => values.to_vec(),
-            Law::Simplified(_) => self.inverse(&values[1..]),
-        };
+        let wear = self.wear(values);
         let mut images = springs.images.clone();
         let mut slips = springs.slips.clone();
         while images.len() < mesh.widths.len() {
@@ -435,14 +455,7 @@ impl Wearing {
         }
         slips.resize(images.len(), slips.last().copied().unwrap_or(1.0));
         let (contact_radius, scar) = self.radii(&wear, &images);
-        let (squares, mut wear) = self.total(&wear).into_lists();
-        let volume = positive_volume(&squares, &wear);
-        if self.law == Law::Exact && mesh.radii[0] == 0.0 && self.stick() == 0.0 {
-            // If the axis slips, the worn profile is flat there, even for a cone.
-            let first = squares[1].sqrt();
-            wear[0] = (wear[1] + self.contact.shape.profile(first)).min(2.0 * wear[1]);
-        }
-        let radii: Vec<f64> = squares.iter().map(|t| t.sqrt()).collect();
+        let WornSurface { squares, radii, mut wear, volume } = self.surface_of(&wear);
         if self.law == Law::Exact {
             // In contact no image exceeds d, so the worn profile cannot exceed d either.
             for (wear, r) in wear.iter_mut().zip(&radii) {
@@ -653,6 +666,15 @@ impl Rates for Wearing {
     }
 }
 
+/// The wear on an axis that slips. Near the axis the wear is a − ρ·f₀, with ρ = 1 after the worn profile has become
+/// flat, even for a cone.
+fn on_axis(shape: &Shape, squares: &[f64], wear: &[f64]) -> f64 {
+    let height = |node: usize| shape.profile(squares[node].sqrt());
+    let (near, far) = (height(1), height(2));
+    let share = if far > near { (wear[1] - wear[2]) / (far - near) } else { 0.0 };
+    wear[1] + share.clamp(0.0, 1.0) * near
+}
+
 /// π ∫ max(0, w) dt for wear that is linear in t between nodes.
 fn positive_volume(squares: &[f64], wear: &[f64]) -> f64 {
     let area = |t: &[f64], w: &[f64]| {
@@ -673,7 +695,6 @@ fn positive_volume(squares: &[f64], wear: &[f64]) -> f64 {
 mod tests {
     use super::*;
     use crate::contact::control::Block;
-    use crate::contact::profile::Shape;
     use crate::contact::record::DisplacementRecord;
     use crate::contact::row::UnwornSums;
     use crate::solver::stepped::rkc::Rkc;
@@ -710,7 +731,7 @@ mod tests {
                 for _ in 0..40 {
                     // dV/dÑ = 2 ∫ y ω dx·Δ/Δ₀. The two sides are sums of different terms.
                     let rate = wearing.energy_rate();
-                    let growth = wearing.volume(&rkc.rates);
+                    let growth = wearing.springs.mesh.volume(&rkc.rates);
                     assert!((growth - rate).abs() <= 1e-12 * rate, "{growth} {rate} {control:?}");
                     if wearing.springs.slides {
                         break;

@@ -1,0 +1,30 @@
+//! Estimated numerical errors of a run.
+
+/// Estimated relative errors of the wear volume and of the largest wear depth.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct RunErrors {
+    /// The relative error of V.
+    pub volume: f64,
+    /// The relative error of the largest wear depth.
+    pub depth: f64,
+}
+
+impl RunErrors {
+    /// How far other values are from known ones. It is 0 without wear.
+    pub(crate) fn between(volume: [f64; 2], depth: [f64; 2]) -> Self {
+        let apart = |[other, known]: [f64; 2]| {
+            if known > 0.0 { (other / known - 1.0).abs() } else { 0.0 }
+        };
+        Self { volume: apart(volume), depth: apart(depth) }
+    }
+
+    /// The larger of each error.
+    pub(crate) fn or(self, other: Self) -> Self {
+        Self { volume: self.volume.max(other.volume), depth: self.depth.max(other.depth) }
+    }
+
+    /// Both errors times a factor.
+    pub(crate) fn times(self, factor: f64) -> Self {
+        Self { volume: factor * self.volume, depth: factor * self.depth }
+    }
+}
