@@ -528,7 +528,7 @@ fn the_closed_form_solver_converges_with_second_order() {
         let depth = |points: usize| {
             let solver = Simplified::new(&contact, points);
             let state = solver.states(&[(solver.decay(0.8, 2.0), false)]).remove(0);
-            (state.depth, state.mesh_volume - state.sums.volume)
+            (state.depth, state.errors.volume)
         };
         let found = [64, 128, 256, 512].map(depth);
         let order = |first: f64, last: f64, doublings: f64| (first / last).abs().log2() / doublings;

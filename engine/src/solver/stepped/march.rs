@@ -46,13 +46,14 @@ const MOST_CELLS: usize = 512;
 const CHECKS: f64 = 1.3;
 /// Weight of the previous comparisons at each new comparison. Earlier differences count too,
 /// because a difference can be 0 by chance when it changes its sign.
-const FORGET: f64 = 0.7;
+const FORGET: (f64, f64) = (0.7, 0.3);
 /// Error estimate divided by the difference of the two runs. For second order the error of the
 /// finer run is a third of the difference, so this estimate usually exceeds the error. A test counts how
 /// often it does.
 const SHARE: f64 = 1.0;
-/// The same for the depth, which converges more slowly at the axis.
-const DEPTH_SHARE: f64 = 1.0;
+/// The same for the depth in a ring around a core that has always stuck, and in general. Where an earlier block has left
+/// an edge, and on the axis, the depth converges more slowly.
+const DEPTH_SHARES: (f64, f64) = (0.6, 1.2);
 /// Minimum error estimate, in units of the tolerance of the steps.
 const LEAST_ERROR: f64 = 0.3;
 /// Number of cells and tolerance of the coarse run that finds the final position of the stick edge.
@@ -336,7 +337,9 @@ impl March {
         if self.check > last {
             return false;
         }
-        self.apart = self.distance(self.check).or(self.apart.times(FORGET));
+        let RunErrors { volume, depth } = self.apart;
+        let known = RunErrors { volume: FORGET.0 * volume, depth: FORGET.1 * depth };
+        self.apart = self.distance(self.check).or(known);
         self.check *= CHECKS;
         true
     }
@@ -544,9 +547,11 @@ impl March {
         let least = (LEAST_ERROR * self.fine.rkc.tolerance)
             .max(self.fine.edge_error(&worn))
             .max(self.fine.core_error(&worn));
+        let smooth = self.fine.wearing.plan.start > 0.0 && self.fine.block == 0;
+        let depth_share = if smooth { DEPTH_SHARES.0 } else { DEPTH_SHARES.1 };
         let errors = RunErrors {
             volume: (SHARE * volume).max(least),
-            depth: (DEPTH_SHARE * depth).max(least),
+            depth: (depth_share * depth).max(least),
         };
         MarchState { worn, errors, worn_by_energy }
     }

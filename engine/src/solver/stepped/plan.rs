@@ -130,11 +130,9 @@ impl MeshPlan {
         Some(plan)
     }
 
-    /// The mesh for the beginning of gross slip, with dense nodes where the shape is sharp. `None` if the shape
-    /// is smooth, or if its core sticks.
+    /// The mesh while a sharp tip or edge wears, with dense nodes there. `None` if the shape is smooth.
     pub(super) fn while_sharp(&self, contact: &Contact) -> Option<Self> {
-        let sharp =
-            contact.shape.sharp_radius().filter(|_| self.start == 0.0 && contact.stick == 0.0)?;
+        let sharp = contact.shape.sharp_radius()?;
         let focus = Focus { from: sharp, to: sharp, blur: SHARP_BLUR * self.reach };
         Some(Self { focus: Some(focus), ..self.clone() })
     }

@@ -11,7 +11,7 @@
 //! # Accuracy
 //! Exact. Only if there are many nodes, those are left out that change the wear least.
 
-use std::f64::consts::FRAC_1_PI;
+use std::f64::consts::{FRAC_1_PI, PI};
 
 /// Maximum number of nodes. More are left when many blocks have different meshes.
 const MOST_NODES: usize = 1000;
@@ -82,6 +82,12 @@ impl PriorWear {
     /// The squares of the nodes, and the wear at the nodes.
     pub(super) fn into_lists(self) -> (Vec<f64>, Vec<f64>) {
         (self.squares, self.wear)
+    }
+
+    /// The wear volume.
+    pub(super) fn volume(&self) -> f64 {
+        let cells = self.squares.windows(2).zip(self.wear.windows(2));
+        0.5 * PI * cells.map(|(t, w)| (t[1] - t[0]) * (w[0] + w[1])).sum::<f64>()
     }
 
     /// The wear at t = r².

@@ -111,6 +111,21 @@ fn quickens(contact: &Contact, control: &Control) -> f64 {
     }
 }
 
+/// The mesh for the beginning, and the mesh after a sharp tip or edge has become blunt. Only in gross slip
+/// (`slips`) the tip wears.
+fn with_sharp_tip(plan: MeshPlan, contact: &Contact, slips: bool) -> (MeshPlan, Option<MeshPlan>) {
+    match plan.while_sharp(contact).filter(|_| slips) {
+        Some(sharp) => (sharp, Some(plan)),
+        None => (plan, None),
+    }
+}
+
+/// Whether wear of this depth has made the shape blunt.
+fn is_blunt(contact: &Contact, depth: f64) -> bool {
+    let sharp = contact.shape.sharp_radius();
+    sharp.is_none_or(|radius| depth >= contact.shape.profile(radius + BLUNT))
+}
+
 /// The time scale is one sixth of the time in which the initial wear rate would produce the limiting
 /// volume. The size is that of the expected wear.
 fn time_and_size(limit: &Limit, rate: f64, most: f64) -> (f64, f64) {
@@ -126,10 +141,8 @@ impl MeshRun {
         (cells, tolerance): (usize, f64),
     ) -> Self {
         let least_stick = plan.start;
-        let (plan, blunt) = match plan.while_sharp(contact).filter(|_| law == Law::Exact) {
-            Some(sharp) => (sharp, Some(plan)),
-            None => (plan, None),
-        };
+        let slips = contact.stick == 0.0 && law == Law::Exact;
+        let (plan, blunt) = with_sharp_tip(plan, contact, slips);
         let mut wearing = Wearing::new(contact, control, law, (plan, Arc::default()), cells);
         if let Tangential::Blocks(blocks) = &control.tangential
             && let Some(first) = blocks.first()
@@ -269,10 +282,9 @@ impl MeshRun {
 
     /// Changes the mesh when the tip or the edge of the shape has become blunt.
     fn leave_the_tip(&mut self) {
-        let shape = &self.wearing.contact.shape;
-        let Some(sharp) = shape.sharp_radius().filter(|_| self.blunt.is_some()) else { return };
+        let Wearing { contact, prior, .. } = &self.wearing;
         let deepest = self.rkc.values.iter().copied().fold(0.0, f64::max);
-        if deepest < shape.profile(sharp + BLUNT) {
+        if self.blunt.is_none() || !is_blunt(contact, deepest + prior.at(0.0)) {
             return;
         }
         if let Some(mut plan) = self.blunt.take() {
@@ -290,7 +302,6 @@ impl MeshRun {
 
     /// Starts a block on a mesh of its own.
     fn change_amplitude(&mut self, block: Block) {
-        self.blunt = None;
         self.wearing.command(block.threshold);
         if block.threshold == 0.0 {
             // Nothing wears.
@@ -310,6 +321,11 @@ impl MeshRun {
         if let Some(outlook) = self.outlooks.get(self.block).copied().flatten() {
             outlook.refine(&mut plan);
         }
+        let contact = &wearing.contact;
+        let slips = stick == 0.0 && wearing.law == Law::Exact;
+        let (plan, blunt) =
+            with_sharp_tip(plan, contact, slips && !is_blunt(contact, worn.at(0.0)));
+        self.blunt = blunt;
         self.change_mesh(plan, worn);
         if let Some(limit) = limit.filter(|_| grows) {
             let rate = self.wearing.energy_rate();
@@ -380,7 +396,9 @@ impl MeshRun {
             return 0.0;
         };
         let share = (worn.volume / here).min(1.0);
-        EDGE_SHARE * (1.0 - there / here).abs() * share * share
+        // The edges of earlier blocks are at the starts of their meshes.
+        let here_worn = 1.0 - self.wearing.prior.volume() / worn.volume;
+        EDGE_SHARE * (1.0 - there / here).abs() * share * share * here_worn
     }
 
     /// The error of V that occurs because the mesh neglects a core smaller than the cells, at

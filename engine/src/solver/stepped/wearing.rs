@@ -34,7 +34,7 @@ const SCAR_OPERATIONS: f64 = 400.0;
 pub struct Wearing {
     /// The unworn contact.
     pub contact: Contact,
-    law: Law,
+    pub(super) law: Law,
     /// The positions of the mesh nodes.
     pub(crate) plan: MeshPlan,
     /// The wear of earlier meshes.
