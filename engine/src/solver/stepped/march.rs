@@ -58,6 +58,8 @@ const DEPTH_SHARES: (f64, f64) = (0.6, 1.2);
 const LEAST_ERROR: f64 = 0.3;
 /// Number of cells and tolerance of the coarse run that finds the final position of the stick edge.
 const SCOUT: (usize, f64) = (64, 1e-2);
+/// The same with blocks, each of which has a mesh of its own.
+const BLOCK_SCOUT: (usize, f64) = (44, 1e-2);
 /// Maximum number of evaluations of the wear rate in a coarse run.
 const MOST_LOOKS: usize = 100_000;
 /// A scar smaller than this share of the indenter always fits.
@@ -112,6 +114,11 @@ fn effort(contact: &Contact, control: &Control, law: Law, tolerance: f64) -> (us
         Law::Exact => STEPS * tolerance,
         Law::Simplified(_) => tolerance,
     };
+    if matches!(control.tangential, Tangential::Blocks(_)) {
+        // Where an earlier block has left an edge, and where the present edge moves, more cells are needed.
+        let more = if control.normal == Normal::Force { 7 * cells / 4 } else { 3 * cells / 2 };
+        return (more.min(MOST_CELLS), steps);
+    }
     if !moves(control, contact) && !far {
         return (cells, steps);
     }
@@ -271,9 +278,11 @@ impl March {
     fn scouted(contact: &Contact, control: &Control, law: Law, last: f64) -> Option<Plans> {
         let first = MeshPlan::first(contact, control, SCOUT.0)?;
         let (mut plan, mut outlooks) = (first.clone(), Arc::<[Option<Outlook>]>::default());
+        let blocks = matches!(control.tangential, Tangential::Blocks(_));
+        let scouts = if blocks { BLOCK_SCOUT } else { SCOUT };
         for blur in [4.0 * REST_BLUR, REST_BLUR] {
             let plans = (plan.clone(), Arc::clone(&outlooks));
-            let mut scout = MeshRun::new(contact, control, law, plans, SCOUT);
+            let mut scout = MeshRun::new(contact, control, law, plans, scouts);
             let mut found: Vec<(f64, Outlook)> = Vec::new();
             while scout.rkc.evaluations < MOST_LOOKS && scout.advance(last) {
                 let reach = scout.wearing.plan.reach;
