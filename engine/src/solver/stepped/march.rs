@@ -116,7 +116,7 @@ fn effort(contact: &Contact, control: &Control, law: Law, tolerance: f64) -> (us
     };
     if matches!(control.tangential, Tangential::Blocks(_)) {
         // Where an earlier block has left an edge, and where the present edge moves, more cells are needed.
-        let more = if control.normal == Normal::Force { 7 * cells / 4 } else { 3 * cells / 2 };
+        let more = if control.normal == Normal::Force { 5 * cells / 3 } else { 3 * cells / 2 };
         return (more.min(MOST_CELLS), steps);
     }
     if !moves(control, contact) && !far {
@@ -249,7 +249,7 @@ impl March {
         if contact.regime == Regime::GrossSlip {
             known.push(EventKind::GrossSlip);
         }
-        if fine.loss[0] <= SHAKEN * fine.first_loss {
+        if fine.loss[0] <= SHAKEN * fine.unworn_loss {
             // The mesh does not resolve this narrow ring, so the small loss is not shakedown.
             known.push(EventKind::Shakedown);
         }
@@ -475,14 +475,16 @@ impl March {
                     until.missing(worn.deepest, worn.volume, energy)
                 })
             }
+            // The core of a constant depth and amplitude sticks for ever, even if the mesh neglects it.
+            EventKind::GrossSlip if run.keeps_core() => 1.0,
             EventKind::GrossSlip => run.under(time, |wearing, _| wearing.springs.margin()),
             EventKind::ContactLost => run.under(time, |wearing, _| wearing.springs.share() - LOST),
             EventKind::Shakedown => {
-                let least = SHAKEN * run.first_loss;
+                let (least, keeps_core) = (SHAKEN * run.unworn_loss, run.keeps_core());
                 run.under(time, |wearing, _| {
                     let springs = &wearing.springs;
                     // A contact at rest or in gross slip is not in shakedown.
-                    if springs.threshold == 0.0 || springs.stick() == 0.0 {
+                    if springs.threshold == 0.0 || !keeps_core && springs.stick() == 0.0 {
                         1.0
                     } else {
                         wearing.energy_rate() - least

@@ -9,6 +9,7 @@ use super::rkc::Rkc;
 use super::wearing::{Wearing, WornContact};
 use crate::contact::control::{Block, Control, Normal, Tangential};
 use crate::contact::limit::Limit;
+use crate::contact::row::unworn_integrals;
 use crate::contact::unworn::{Contact, Regime};
 use crate::numeric::Bracket;
 
@@ -82,8 +83,8 @@ pub(super) struct MeshRun {
     worn_by_energy: [f64; 2],
     /// 2 ∫ y ω dx at the start and at the end of the last step.
     pub(super) loss: [f64; 2],
-    /// 2 ∫ y ω dx of the unworn contact.
-    pub(super) first_loss: f64,
+    /// 2 ∫ y ω dx·Δ/Δ₀ of the unworn contact at the present amplitude.
+    pub(super) unworn_loss: f64,
     /// Whether the result reports the energy of this run, so that the energy must be accurate.
     pub(super) accounts: bool,
 }
@@ -124,6 +125,14 @@ fn with_sharp_tip(plan: MeshPlan, contact: &Contact, slips: bool) -> (MeshPlan, 
 fn is_blunt(contact: &Contact, depth: f64) -> bool {
     let sharp = contact.shape.sharp_radius();
     sharp.is_none_or(|radius| depth >= contact.shape.profile(radius + BLUNT))
+}
+
+/// 2 ∫ y ω dx·Δ/Δ₀ of the unworn contact at the amplitude `threshold`.
+fn unworn_loss(contact: &Contact, threshold: f64) -> f64 {
+    let shape = &contact.shape;
+    let stick = if threshold > 1.0 { 0.0 } else { shape.image_inverse(1.0 - threshold) };
+    let (_, energy) = unworn_integrals(shape, stick, threshold);
+    2.0 * energy / contact.threshold
 }
 
 /// The time scale is one sixth of the time in which the initial wear rate would produce the limiting
@@ -170,7 +179,7 @@ impl MeshRun {
             rests: false,
             worn_by_energy: [0.0; 2],
             loss: [rate; 2],
-            first_loss: rate,
+            unworn_loss: rate,
             accounts: false,
         }
     }
@@ -213,6 +222,11 @@ impl MeshRun {
             self.settled = Some(time);
         }
         true
+    }
+
+    /// Whether a core sticks during the whole run.
+    pub(super) fn keeps_core(&self) -> bool {
+        self.control.keeps_stick() && self.wearing.contact.stick > 0.0
     }
 
     /// (k_w/μ)·ΣW at the end of the last step.
@@ -303,6 +317,7 @@ impl MeshRun {
     /// Starts a block on a mesh of its own.
     fn change_amplitude(&mut self, block: Block) {
         self.wearing.command(block.threshold);
+        self.unworn_loss = unworn_loss(&self.wearing.contact, block.threshold);
         if block.threshold == 0.0 {
             // Nothing wears.
             self.rkc.restart(&mut self.wearing, None);
