@@ -24,6 +24,7 @@
 mod check;
 mod comparing;
 pub mod model_error;
+mod numerical_error;
 mod recording;
 mod single;
 

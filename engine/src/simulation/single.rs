@@ -1,6 +1,7 @@
 //! One run by one method, without a comparison.
 
 use super::model_error::{model_error, warning};
+use super::numerical_error;
 use super::recording::{HistoryEntry, Recording};
 use crate::case::{Case, EnergyOutputs, Method, Outputs, SEARCH_EVALUATIONS};
 use crate::contact::hysteresis::Backbone;
@@ -321,7 +322,10 @@ impl SingleRun {
             Method::Simplified { .. } => model_error(&case, &recording.history),
         };
         let bodies = BodyWear::of(case.share, &recording.history, recording.half_lengths);
-        let warnings = BodyWear::warning(&bodies).into_iter().chain(warning(model_error));
+        let warnings = BodyWear::warning(&bodies)
+            .into_iter()
+            .chain(numerical_error::warning(case.method, recording.errors))
+            .chain(warning(model_error));
         Outcome {
             scales: ContactScales::of(&case),
             unworn: Unworn::of(&case),

@@ -25,6 +25,7 @@ pub use tables::check_tables;
 
 use super::comparing::relative;
 use super::model_error::{model_error, warning};
+use super::numerical_error;
 use crate::case::{Case, Method};
 use crate::contact::control::{Normal, Tangential};
 use crate::outcome::{BodyWear, Comparison, History, Outcome, Preview, Profiles};
@@ -71,6 +72,8 @@ pub fn check(scenario: &Scenario, case: &Case, outcome: &Outcome) -> Result<(), 
     check_accuracy(case, outcome)?;
     check_comparison(case, outcome)?;
     let of_run = BodyWear::warning(&outcome.bodies).into_iter();
+    let errors = numerical_error::stated(&outcome.accuracy);
+    let of_run = of_run.chain(numerical_error::warning(case.method, errors));
     let of_run = of_run.chain(warning(outcome.accuracy.model_error));
     let warnings: Vec<_> = scenario.warnings(case).into_iter().chain(of_run).collect();
     agree("warnings", &outcome.warnings, &warnings)
@@ -460,10 +463,16 @@ fn check_accuracy(case: &Case, outcome: &Outcome) -> Result<(), Flaw> {
     require(both(accuracy.model_error, expected, error), || {
         "accuracy: `model_error` does not follow from the history".to_owned()
     })?;
-    let is_error = accuracy.numerical_error.is_none_or(|error| error >= 0.0);
-    require(is_error && accuracy.numerical_error.is_some() == mismatch.is_some(), || {
-        "accuracy: `numerical_error` is negative, or missing".to_owned()
-    })
+    let largest = |column: &[f64]| mismatch.map(|_| column.iter().copied().fold(0.0, f64::max));
+    for (name, error, column) in [
+        ("numerical_error", accuracy.numerical_error, &history.wear_volume_error),
+        ("wear_depth_error", accuracy.wear_depth_error, &history.wear_depth_error),
+    ] {
+        require(both(error, largest(column), SAME), || {
+            format!("accuracy: `{name}` is not the largest error of the history")
+        })?;
+    }
+    Ok(())
 }
 
 /// A comparison has the errors of its two histories.

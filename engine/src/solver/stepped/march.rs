@@ -53,7 +53,10 @@ const FORGET: (f64, f64) = (0.7, 0.3);
 const SHARE: f64 = 1.0;
 /// The same for the depth in a ring around a core that has always stuck, and in general. Where an earlier block has left
 /// an edge, and on the axis, the depth converges more slowly.
-const DEPTH_SHARES: (f64, f64) = (0.6, 1.2);
+const DEPTH_SHARES: (f64, f64) = (0.6, 1.5);
+/// A larger difference of the depths in a ring is mostly the error of the coarse run, which has few cells in a narrow
+/// ring.
+const COARSE: f64 = 0.04;
 /// Minimum error estimate, in units of the tolerance of the steps.
 const LEAST_ERROR: f64 = 0.3;
 /// Number of cells and tolerance of the coarse run that finds the final position of the stick edge.
@@ -560,9 +563,11 @@ impl March {
             .max(self.fine.core_error(&worn));
         let smooth = self.fine.wearing.plan.start > 0.0 && self.fine.block == 0;
         let depth_share = if smooth { DEPTH_SHARES.0 } else { DEPTH_SHARES.1 };
+        let axis = self.fine.wearing.plan.start == 0.0;
+        let coarse = if axis { f64::INFINITY } else { COARSE };
         let errors = RunErrors {
             volume: (SHARE * volume).max(least),
-            depth: (depth_share * depth).max(least),
+            depth: (depth_share * depth / (1.0 + depth / coarse)).max(least),
         };
         MarchState { worn, errors, worn_by_energy }
     }

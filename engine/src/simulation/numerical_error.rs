@@ -1,0 +1,41 @@
+//! The warning about a large numerical error.
+
+use crate::case::Method;
+use crate::outcome::Accuracy;
+use crate::scenario::Warning;
+use crate::solver::errors::RunErrors;
+
+/// A larger estimated error needs a warning.
+const LARGE: f64 = 0.02;
+
+/// The largest errors that a result states. `None` without wear.
+pub(super) fn stated(accuracy: &Accuracy) -> Option<RunErrors> {
+    let volume = accuracy.numerical_error?;
+    Some(RunErrors { volume, depth: accuracy.wear_depth_error? })
+}
+
+/// The warning about the largest errors of a run, if one of them is large.
+pub(super) fn warning(method: Method, errors: Option<RunErrors>) -> Option<Warning> {
+    let RunErrors { volume, depth } = errors?;
+    if volume.max(depth) <= LARGE {
+        return None;
+    }
+    let percent = |error: f64| (100.0 * error).ceil();
+    let what = match (volume > LARGE, depth > LARGE) {
+        (true, true) => {
+            let (volume, depth) = (percent(volume), percent(depth));
+            format!("volume by up to {volume} %, the largest wear depth by up to {depth} %")
+        }
+        (true, false) => format!("volume by up to {} %", percent(volume)),
+        (false, _) => format!("depth by up to {} %", percent(depth)),
+    };
+    let advice = match method {
+        Method::Exact { .. } => "Enter a smaller `model.tolerance`",
+        Method::Simplified { .. } => "Enter more `model.points`, or use the exact method",
+    };
+    let detail = format!(
+        "At some output cycles, numerical errors may change the wear {what}: see `wear_volume_error` and \
+         `wear_depth_error` of the history. {advice}."
+    );
+    Some(Warning { kind: "numerical_error".into(), detail })
+}
