@@ -3,4 +3,5 @@
 pub mod closed;
 pub mod curves;
 pub mod events;
+mod splits;
 pub mod stepped;

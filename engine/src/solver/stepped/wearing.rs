@@ -10,6 +10,7 @@
 //! ã is the root of (13) with the present c and d. If every spring in contact slips, A·s = ω has
 //! the closed solution s = (s₀ + w + const)/Δ.
 
+use std::borrow::Cow;
 use std::f64::consts::FRAC_2_PI;
 
 use super::law::Law;
@@ -21,6 +22,7 @@ use crate::contact::control::{Control, Normal, Tangential};
 use crate::contact::limit::Limit;
 use crate::contact::unworn::Contact;
 use crate::numeric::{Monotone, largest, root, vertex};
+use crate::solver::splits::WornCore;
 
 /// Estimated number of multiplications to find ã, per piece of the shape: eight evaluations with
 /// square roots and logarithms.
@@ -271,6 +273,25 @@ impl Wearing {
             *wear = if *r > scar { 0.0 } else { *wear };
         }
         wear
+    }
+
+    /// The present contact.
+    pub(super) fn core(&self) -> WornCore<'_> {
+        let springs = &self.springs;
+        WornCore {
+            depth: springs.depth,
+            normal: springs.normal(),
+            radii: &springs.mesh.radii,
+            touching: springs.compressions.len(),
+        }
+    }
+
+    /// The wear at the nodes for the given values.
+    pub(super) fn wear_of<'a>(&self, values: &'a [f64]) -> Cow<'a, [f64]> {
+        match self.law {
+            Law::Exact => Cow::Borrowed(values),
+            Law::Simplified(_) => Cow::Owned(self.inverse(&values[1..])),
+        }
     }
 
     /// Estimated number of multiplications of one evaluation of the wear rate.
