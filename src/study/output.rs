@@ -90,6 +90,7 @@ static EVENTS: &[Quantity] = events! {
     "shakedown" Shakedown
     "until_reached" UntilReached
     "rim_reached" RimReached
+    "contact_splits" ContactSplits
     "energy_not_reached" EnergyNotReached
 };
 

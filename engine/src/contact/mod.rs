@@ -8,6 +8,7 @@ pub mod profile;
 pub mod record;
 pub mod row;
 mod smoothing;
+pub(crate) mod splits;
 pub(crate) mod table_shape;
 pub mod transform;
 mod truncated;

@@ -20,7 +20,8 @@
 
 use std::f64::consts::{FRAC_1_PI, FRAC_2_PI, FRAC_PI_2, PI};
 
-use super::table_shape::PressedTable;
+use super::splits::Falls;
+use super::table_shape::{PressedTable, Split};
 use super::truncated::Truncated;
 use crate::numeric::{integrate, integrate_beyond, maximum, root, whole_power};
 
@@ -139,6 +140,23 @@ impl Shape {
         match &self.kind {
             ShapeKind::Table(table) => table.pieces(),
             _ => 1,
+        }
+    }
+
+    /// The split of the unworn contact into a core and rings, if there is one.
+    pub(crate) fn split(&self) -> Option<Split> {
+        match &self.kind {
+            ShapeKind::Table(table) => table.split(),
+            _ => None,
+        }
+    }
+
+    /// The image of a measured profile outside the unworn contact, where it can fall again. The
+    /// images of the other shapes increase everywhere.
+    pub(crate) fn falls(&self) -> Option<Falls> {
+        match &self.kind {
+            ShapeKind::Table(table) => Some(table.falls()),
+            _ => None,
         }
     }
 

@@ -4,7 +4,8 @@
 //! either side. The weights depend on the distance (tricube) and on the noise. A paraboloid and a
 //! cone are parabolas in r, so smoothing does not distort them. Cross-validation chooses m
 //! separately for each point: the largest m that predicts the nearby points nearly as well as the
-//! best m. Exact points and points close to a kink keep the smallest m and are not changed.
+//! best m. Exact points and points close to a kink keep the smallest m and are not changed. The height
+//! on the axis is fitted too. Only afterwards are the heights compared with it.
 //!
 //! # Equations
 //! ```text
@@ -36,6 +37,13 @@ const NEIGHBOURS: usize = 25;
 /// The largest m with a misfit of at most this many times the smallest misfit is chosen. With 51
 /// points such a difference is not significant.
 const EQUAL_MISFIT: f64 = 1.5;
+/// Maximum distance of a smoothed height below that on the axis, as a share of the greatest height.
+/// It changes the image no more than smoothing does.
+const LEVEL: f64 = 1e-4;
+/// The same distance in units of the noise before
+/// smoothing. Both keep a part of the noise. The axis keeps most, because it has neighbours on one
+/// side only.
+const REMAINDER: f64 = 5.0;
 /// Maximum ratio of the noise of the worst point to the noise assumed for any other point.
 const TRUST: f64 = 1e3;
 
@@ -62,11 +70,37 @@ pub(super) fn grouped(x: &[f64], z: &[f64]) -> (Vec<f64>, Vec<f64>) {
     means
 }
 
+/// Heights without their noise.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Smoothed {
+    /// The smoothed heights.
+    pub(super) heights: Vec<f64>,
+    /// The noise that was found near each point, as the median prediction error σ of the module documentation.
+    pub(super) noise: Vec<f64>,
+}
+
+impl Smoothed {
+    /// The lowest of the points that are below the height on the axis by more than the noise
+    /// explains, and by how much. Next to a kink smoothing alone can lower a point, so the height
+    /// before smoothing must be as low.
+    pub(super) fn low_point(&self, measured: &[f64]) -> Option<(usize, f64)> {
+        let axis = self.heights[0];
+        let highest = self.heights.iter().zip(measured).map(|(z, measured)| z.max(*measured));
+        highest
+            .zip(&self.noise)
+            .map(|(z, noise)| (axis - z, noise))
+            .enumerate()
+            .filter(|(_, (below, noise))| *below > LEVEL + REMAINDER * *noise)
+            .map(|(row, (below, _))| (row, below))
+            .max_by(|a, b| a.1.total_cmp(&b.1))
+    }
+}
+
 /// Removes the noise from the heights `z` at the ascending positions `x`.
-pub(super) fn smoothed(x: &[f64], z: Vec<f64>) -> Vec<f64> {
+pub(super) fn smoothed(x: &[f64], z: Vec<f64>) -> Smoothed {
     let n = x.len();
     if n < FEWEST_POINTS {
-        return z;
+        return Smoothed { heights: z, noise: vec![0.0; n] };
     }
     let mut points = WeightedPoints { x, z: &z, trust: vec![1.0; n] };
     let nearest: Vec<f64> = (0..n).map(|i| (points.at(i, 2, false) - z[i]).abs()).collect();
@@ -79,7 +113,7 @@ pub(super) fn smoothed(x: &[f64], z: Vec<f64>) -> Vec<f64> {
         .collect();
     let worst = noise.iter().copied().fold(0.0, f64::max);
     if worst < NEGLIGIBLE {
-        return z;
+        return Smoothed { heights: z, noise };
     }
     points.trust = noise
         .iter()
@@ -107,7 +141,7 @@ pub(super) fn smoothed(x: &[f64], z: Vec<f64>) -> Vec<f64> {
             // The two outermost points on each side have no neighbours beyond them, so they are not
             // predicted.
             (0..n)
-                .map(|i| near(i, n).filter(|j| (2..n - 2).contains(j)).map(|j| squares[j]).sum())
+                .map(|i| judges(i, n).filter(|j| (2..n - 2).contains(j)).map(|j| squares[j]).sum())
                 .collect()
         })
         .collect();
@@ -117,7 +151,7 @@ pub(super) fn smoothed(x: &[f64], z: Vec<f64>) -> Vec<f64> {
             misfits.iter().rposition(|misfit| misfit[i] <= EQUAL_MISFIT * least).unwrap_or(0)
         })
         .collect();
-    (0..n)
+    let mut heights: Vec<f64> = (0..n)
         .map(|i| {
             // Average over the neighbours, so that the result changes gradually where m changes.
             let mut counts = vec![0; reaches.len()];
@@ -133,12 +167,22 @@ pub(super) fn smoothed(x: &[f64], z: Vec<f64>) -> Vec<f64> {
                 .sum();
             sum / f64::from(counts.iter().sum::<u32>())
         })
-        .collect()
+        .collect();
+    // A kink next to the axis can move the fitted height on the axis by more than the noise.
+    heights[0] = heights[0].clamp(z[0] - REMAINDER * noise[0], z[0] + REMAINDER * noise[0]);
+    Smoothed { heights, noise }
 }
 
 /// The points around point i of n that are assumed to have the same noise.
 fn near(i: usize, n: usize) -> std::ops::Range<usize> {
     i.saturating_sub(NEIGHBOURS)..(i + NEIGHBOURS + 1).min(n)
+}
+
+/// The points that decide which m suits point i of n. Also near the ends there are 51 of them,
+/// because with fewer points a small m can be best by chance.
+fn judges(i: usize, n: usize) -> std::ops::Range<usize> {
+    let first = i.saturating_sub(NEIGHBOURS).min(n.saturating_sub(2 * NEIGHBOURS + 1));
+    first..(first + 2 * NEIGHBOURS + 1).min(n)
 }
 
 /// Measured points and their weights.
@@ -206,7 +250,7 @@ mod tests {
             [|x| x * x, |x| x, |x| x * x * x * x, |x| (x - 0.4).max(0.0)];
         for shape in shapes {
             let z: Vec<f64> = x.iter().map(|x| shape(*x)).collect();
-            assert!(error(&x, &smoothed(&x, z), shape) < 5e-6);
+            assert!(error(&x, &smoothed(&x, z).heights, shape) < 5e-6);
         }
     }
 
@@ -217,7 +261,8 @@ mod tests {
         for shape in shapes {
             let noisy = |x: &f64, noise: &f64| shape(*x) * (1.0 + 0.01 * noise);
             let z: Vec<f64> = x.iter().zip(&noise).map(|(x, noise)| noisy(x, noise)).collect();
-            let (before, after) = (error(&x, &z, shape), error(&x, &smoothed(&x, z), shape));
+            let (before, after) =
+                (error(&x, &z, shape), error(&x, &smoothed(&x, z).heights, shape));
             assert!(after < 0.4 * before, "{before:.1e} → {after:.1e}");
         }
     }

@@ -5,7 +5,8 @@
 //! through three neighbours, limited to three times the smaller secant. The image (3) of this cubic
 //! and the slope of the image are integrated exactly at the nodes: the points and some positions
 //! between them. The final image is a cubic through these values, forced to increase. Profile,
-//! pressure and force are the exact transforms of the final image.
+//! pressure and force are the exact transforms of the final image. What this changes outside the
+//! contact is judged by [`splits`](super::splits). Inside the contact it is of the size of noise.
 //!
 //! # Equations
 //! A piecewise polynomial is a sum of terms (x − xᵢ)ᵏ that start at the nodes xᵢ, and
@@ -26,7 +27,8 @@
 use std::f64::consts::{FRAC_1_PI, FRAC_2_PI};
 use std::sync::Arc;
 
-use super::smoothing::{grouped, smoothed};
+use super::smoothing::{Smoothed, grouped, smoothed};
+use super::splits::{Falls, NEGLECTED, Rings, TrueImage};
 use crate::numeric::{maximum, root};
 
 /// Minimum number of nodes of the image.
@@ -39,6 +41,8 @@ const FAR: f64 = 0.1;
 /// A decrease counts only if it also exceeds this share of the greatest height. Near the axis the
 /// image itself is small.
 const FALL_AT_AXIS: f64 = 1e-3;
+/// A decrease counts only if it also exceeds the noise of the points by this factor.
+const FALL_OF_NOISE: f64 = 3.0;
 /// A decrease by more than this share of the image is not noise. The table is cut off there.
 const DEEP: f64 = 0.3;
 /// Coefficients of (x − xᵢ)ᵏ for k = 0 … 4.
@@ -60,6 +64,17 @@ pub(crate) struct TableShape {
     changes: Vec<Powers>,
     /// ∫ g from the axis to each node.
     areas: Vec<f64>,
+    /// The image before it is forced to increase, up to the last radius.
+    true_image: TrueImage,
+}
+
+/// A smoothed height below that on the axis, in m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct LowPoint {
+    /// The radius of the lowest such point.
+    pub(crate) radius: f64,
+    /// The distance below the height on the axis.
+    pub(crate) below: f64,
 }
 
 /// The integrals T₀ … T₄ of the module documentation, for a term that starts at b < r.
@@ -172,12 +187,13 @@ fn image_of(knots: &[f64], changes: &[[f64; 3]], x: f64) -> (f64, f64) {
 }
 
 /// Number of nodes before the image decreases by more than `DEEP` of its maximum so far.
-fn before_the_fall(images: &[(f64, f64)]) -> usize {
+fn before_the_fall(images: &[(f64, f64)], noise: &[f64]) -> usize {
     let mut top = 0;
     for (i, (image, _)) in images.iter().enumerate().skip(1) {
+        let least = FALL_AT_AXIS + FALL_OF_NOISE * noise[i];
         if *image > images[top].0 {
             top = i;
-        } else if top > 1 && images[top].0 - image > DEEP * images[top].0 + FALL_AT_AXIS {
+        } else if top > 1 && images[top].0 - image > DEEP * images[top].0 + least {
             return (top + 1).max(3);
         }
     }
@@ -211,7 +227,7 @@ fn isotonic(nodes: &[f64], images: &[(f64, f64)]) -> Vec<f64> {
 }
 
 /// Number of nodes before the first decrease that counts: see [`FALL`], [`FAR`] and [`FALL_AT_AXIS`].
-fn rising_part(nodes: &[f64], images: &[(f64, f64)], values: &[f64]) -> usize {
+fn rising_part(nodes: &[f64], images: &[(f64, f64)], values: &[f64], noise: &[f64]) -> usize {
     let mut first = 0;
     for i in 1..nodes.len() {
         if values[i] > values[first] {
@@ -219,7 +235,7 @@ fn rising_part(nodes: &[f64], images: &[(f64, f64)], values: &[f64]) -> usize {
         }
         let fall = values[i] - images[i].0;
         let far = nodes[i] - nodes[first] > FAR * nodes[i];
-        if first > 0 && far && fall > FALL * values[i] + FALL_AT_AXIS {
+        if first > 0 && far && fall > FALL * values[i] + FALL_AT_AXIS + FALL_OF_NOISE * noise[i] {
             // Always keep the first cell.
             return first.max(2);
         }
@@ -230,7 +246,10 @@ fn rising_part(nodes: &[f64], images: &[(f64, f64)], values: &[f64]) -> usize {
 impl TableShape {
     /// The shape through `height` at `radius`. The radii increase strictly from 0; there are at
     /// least two.
-    pub(crate) fn through(radius: &[f64], height: &[f64]) -> Self {
+    ///
+    /// # Errors
+    /// The lowest point, if the noise does not explain that it is below the height on the axis.
+    pub(crate) fn through(radius: &[f64], height: &[f64]) -> Result<Self, LowPoint> {
         let length = radius[radius.len() - 1];
         let (lowest, greatest) =
             (height[0], height.iter().copied().fold(f64::NEG_INFINITY, f64::max));
@@ -238,7 +257,11 @@ impl TableShape {
         let x: Vec<f64> = radius.iter().map(|r| r / length).collect();
         let z: Vec<f64> = height.iter().map(|z| (z - lowest) / scale).collect();
         let (x, z) = grouped(&x, &z);
-        let z = smoothed(&x, z);
+        let smooth = smoothed(&x, z.clone());
+        if let Some((row, below)) = smooth.low_point(&z) {
+            return Err(LowPoint { radius: x[row] * length, below: below * scale });
+        }
+        let Smoothed { heights: z, noise } = smooth;
         let slopes = monotone_slopes(&x, &z);
         // The polynomial f′ in each cell, and its change at each point.
         let mut before = [0.0; 3];
@@ -263,17 +286,25 @@ impl TableShape {
         }
         let images: Vec<(f64, f64)> =
             nodes.iter().map(|node| image_of(&x, &changes, *node)).collect();
-        Self::rising(length, scale, nodes, &images)
+        let noise: Vec<f64> = (0..nodes.len()).map(|node| noise[node / parts]).collect();
+        Ok(Self::rising(length, scale, nodes, &images, &noise))
     }
 
     /// The increasing image through values and slopes at nodes. The table is cut off where the
     /// image decreases.
-    fn rising(length: f64, height: f64, mut nodes: Vec<f64>, images: &[(f64, f64)]) -> Self {
+    fn rising(
+        length: f64,
+        height: f64,
+        mut nodes: Vec<f64>,
+        images: &[(f64, f64)],
+        noise: &[f64],
+    ) -> Self {
+        let true_image = TrueImage::new(&nodes, images.iter().map(|(image, _)| *image));
         // Cut off a large decrease first, because averaging would mix it with the increasing part.
-        nodes.truncate(before_the_fall(images));
+        nodes.truncate(before_the_fall(images, noise));
         let images = &images[..nodes.len()];
         let mut values = isotonic(&nodes, images);
-        values.truncate(rising_part(&nodes, images, &values));
+        values.truncate(rising_part(&nodes, images, &values, noise));
         nodes.truncate(values.len());
         let last = nodes.len() - 1;
         let secant = |i: usize| (values[i + 1] - values[i]) / (nodes[i + 1] - nodes[i]);
@@ -327,7 +358,7 @@ impl TableShape {
         for (cell, ends) in cells.iter().zip(nodes.windows(2)) {
             areas.push(areas[areas.len() - 1] + area(cell, ends[1] - ends[0]));
         }
-        Self { length, height, nodes, cells, changes, areas }
+        Self { length, height, nodes, cells, changes, areas, true_image }
     }
 
     /// The radius, in m, up to which the image increases: the last radius of the table, or less if
@@ -459,6 +490,17 @@ impl TableShape {
     }
 }
 
+/// A contact that is split into a core and rings.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Split {
+    /// The radius of the core, in m.
+    pub(crate) core: f64,
+    /// The radius at which the first ring begins, in m.
+    pub(crate) begin: f64,
+    /// The load of the rings as a share of the normal force that the springs of the run carry.
+    pub(crate) share: f64,
+}
+
 /// A table at the indentation depth d.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct PressedTable {
@@ -488,6 +530,20 @@ impl PressedTable {
 
     pub(crate) fn pieces(&self) -> usize {
         self.table.cells.len()
+    }
+
+    /// The rings around the unworn contact, if they carry a noticeable load.
+    pub(crate) fn split(&self) -> Option<Split> {
+        let Rings { core, begin, load } = self.table.true_image.rings(self.depth)?;
+        let share = load / (self.radius * self.depth * self.half_force());
+        let length = self.table.length;
+        let split = Split { core: core * length, begin: begin * length, share };
+        (share > NEGLECTED).then_some(split)
+    }
+
+    /// The image outside the unworn contact, without the changes that make it increase.
+    pub(crate) fn falls(&self) -> Falls {
+        self.table.true_image.falls(self.radius, self.depth)
     }
 
     pub(crate) fn profile(&self, r: f64) -> f64 {
@@ -557,7 +613,7 @@ mod tests {
             })
             .collect();
         let height: Vec<f64> = radius.iter().map(|r| f(*r)).collect();
-        TableShape::through(&radius, &height)
+        TableShape::through(&radius, &height).expect("no point below the axis")
     }
 
     /// The midpoint rule on 400 000 cells, graded towards the end.
@@ -647,7 +703,7 @@ mod tests {
         let top = 100.0;
         let z = |r: f64| if r <= 10.0 { r * r } else { (top - 0.1 * top * (r - 10.0)).max(0.0) };
         let z: Vec<f64> = r.iter().map(|r| z(*r)).collect();
-        let table = TableShape::through(&r, &z);
+        let table = TableShape::through(&r, &z).expect("no point below the axis");
         assert!(table.reach() > 8.0, "{}", table.reach());
     }
 

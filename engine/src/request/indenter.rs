@@ -111,7 +111,10 @@ impl TableProfile {
                 fault("radius", row + 1, detail);
             }
         }
-        let lower: Vec<usize> = (1..height.len()).filter(|row| height[*row] < height[0]).collect();
+        // A height that is so low cannot be noise. The other heights are smoothed first.
+        let most = height.iter().copied().fold(height[0], f64::max) - height[0];
+        let lower: Vec<usize> =
+            (1..height.len()).filter(|row| height[0] - height[*row] > most).collect();
         if let Some(first) = lower.first() {
             let more = match lower.len() - 1 {
                 0 => String::new(),
@@ -123,7 +126,7 @@ impl TableProfile {
                 height[0]
             );
             fault("height", *first, detail);
-        } else if height.iter().all(|z| *z <= height[0]) {
+        } else if most <= 0.0 {
             let detail = "must be above the height on the axis. A flat table has no contact radius";
             fault("height", height.len() - 1, detail.to_owned());
         }

@@ -16,10 +16,10 @@ use serde::Serialize;
 
 use crate::contact::limit::{DEEPEST, WIDEST};
 use crate::contact::profile::{Shape, kappa};
-use crate::contact::table_shape::{PressedTable, TableShape};
+use crate::contact::table_shape::{PressedTable, Split, TableShape};
 use crate::contact::unworn::Contact;
 use crate::numeric::{root, twelve_digits};
-use crate::request::fault::Fault;
+use crate::request::fault::{Fault, Faults};
 use crate::request::indenter::Profile;
 
 /// Maximum a₀/R of a sphere. Half-space theory is not valid for larger contacts.
@@ -50,8 +50,9 @@ pub(super) struct CanonicalTable {
     shape: Arc<TableShape>,
 }
 
-pub(super) fn canonical_profile(profile: &Profile) -> CanonicalProfile {
-    match profile {
+/// The profile in canonical form, or the faults of a measured table.
+pub(super) fn canonical_profile(profile: &Profile) -> Result<CanonicalProfile, Faults> {
+    Ok(match profile {
         Profile::Paraboloid(ball) => {
             CanonicalProfile::Paraboloid { radius: twelve_digits(ball.radius.0) }
         }
@@ -72,12 +73,10 @@ pub(super) fn canonical_profile(profile: &Profile) -> CanonicalProfile {
             slope_angle: twelve_digits(cone.slope_angle.0),
             flat_radius: twelve_digits(cone.flat_radius.0),
         },
-        Profile::Table(table) => CanonicalProfile::Table(CanonicalTable {
-            radius: table.radius.0.clone(),
-            height: table.height.0.clone(),
-            shape: Arc::new(TableShape::through(&table.radius.0, &table.height.0)),
-        }),
-    }
+        Profile::Table(table) => {
+            CanonicalProfile::Table(CanonicalTable::through(&table.radius.0, &table.height.0)?)
+        }
+    })
 }
 
 /// The properties of a profile that determine the unworn contact.
@@ -195,6 +194,14 @@ impl CanonicalProfile {
         Fault { pointer: pointer.to_owned(), detail }
     }
 
+    /// The fault if the contact of `shape`, which is this profile, splits into a core and a ring.
+    pub(super) fn split(&self, shape: &Shape) -> Option<Fault> {
+        match self {
+            Self::Table(table) => shape.split().map(|split| table.splits(split)),
+            _ => None,
+        }
+    }
+
     /// The fault if the scar at `depth` and amplitude Δ would become larger than the profile.
     pub(super) fn outgrown(&self, depth: f64, threshold: f64) -> Fault {
         match self.form() {
@@ -220,6 +227,35 @@ impl CanonicalProfile {
 }
 
 impl CanonicalTable {
+    fn through(radius: &[f64], height: &[f64]) -> Result<Self, Faults> {
+        let shape = TableShape::through(radius, height).map_err(|low| {
+            let row = nearest_row(radius, low.radius);
+            let detail = format!(
+                "is {:.1e} m below the height on the axis ({} m), also after smoothing. Contact \
+                 starts on the axis. Enter heights that are not lower than the first one",
+                low.below, height[0]
+            );
+            Faults::one(&format!("/profile/height/{row}"), detail)
+        })?;
+        Ok(Self { radius: radius.to_vec(), height: height.to_vec(), shape: Arc::new(shape) })
+    }
+
+    /// The fault if the contact splits.
+    fn splits(&self, split: Split) -> Fault {
+        let Split { core, begin, share } = split;
+        let row = nearest_row(&self.radius, begin);
+        let percent = 100.0 * share;
+        Fault {
+            pointer: format!("/profile/radius/{row}"),
+            detail: format!(
+                "is where the image of the profile falls below the indentation depth again: the \
+                 contact splits into a core up to {core:.3e} m and a ring from {begin:.3e} m on. Only \
+                 the core can be computed, but the ring would carry {percent:.2} % of the force on \
+                 the core. Smooth the table, cut it off before this row, or reduce the load"
+            ),
+        }
+    }
+
     /// The fault if the table ends, or its image decreases, inside the radius that the scar needs.
     fn too_short(&self, needed: Option<(f64, PressedTable)>) -> Fault {
         let radius = &self.radius;
@@ -240,6 +276,12 @@ impl CanonicalTable {
             ),
         }
     }
+}
+
+/// The row of a table whose radius is closest to `radius`.
+fn nearest_row(rows: &[f64], radius: f64) -> usize {
+    let right = rows.partition_point(|r| *r < radius).clamp(1, rows.len() - 1);
+    if radius - rows[right - 1] < rows[right] - radius { right - 1 } else { right }
 }
 
 /// The contact radius a₀ and the normalised shape at indentation depth d. `None` if

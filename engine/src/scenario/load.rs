@@ -88,5 +88,8 @@ pub(super) fn press(
     let (contact_radius, shape) =
         indent(profile, depth).ok_or_else(|| Faults(vec![profile.refusal(depth, pointer)]))?;
     derived(depth, Length::RANGE, "an indentation depth of", "m", pointer)?;
+    if let Some(fault) = profile.split(&shape) {
+        return Err(Faults(vec![fault]));
+    }
     Ok((depth, contact_radius, shape))
 }

@@ -214,7 +214,7 @@ impl Scenario {
         let moduli = moduli(request)?;
         let coefficient = twelve_digits(request.wear.coefficient(friction));
         derived(coefficient, WEAR_RANGE, "a wear coefficient of", "1/Pa", "/wear")?;
-        let profile = canonical_profile(&request.profile);
+        let profile = canonical_profile(&request.profile)?;
         let load = canonical_load(request, &profile, moduli.normal)?;
         let contact = UnwornContact::new(&profile, &load, moduli, friction)?;
         let motion = CanonicalMotion::resolve(&request.motion, &contact)?;

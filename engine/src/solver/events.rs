@@ -23,6 +23,9 @@ pub enum EventKind {
     UntilReached,
     /// The scar has reached the outer edge of the indenter.
     RimReached,
+    /// A ring of contact outside the scar would carry more than 0.1 % of the normal force. The run
+    /// computes the core alone, so it ends.
+    ContactSplits,
     /// A requested energy cannot be dissipated: wear has practically stopped, the last block has ended, or the
     /// run has reached the largest number of cycles.
     EnergyNotReached,

@@ -4,4 +4,5 @@ pub mod closed;
 pub mod curves;
 pub mod errors;
 pub mod events;
+mod splits;
 pub mod stepped;

@@ -21,4 +21,5 @@ mod reference_solutions;
 mod rig;
 mod shapes;
 mod slopes;
+mod splits;
 mod yielding;

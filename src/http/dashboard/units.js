@@ -27,7 +27,8 @@ export const WORDS = {
   full_stick: "Full stick", partial_slip: "Partial slip", gross_slip: "Gross slip",
   simplified: "Simplified rule", exact: "Exact method",
   contact_lost: "Contact lost", shakedown: "Shakedown", until_reached: "Stop condition reached",
-  rim_reached: "Edge of the profile reached", energy_not_reached: "Requested energy not reached",
+  rim_reached: "Edge of the profile reached", contact_splits: "Contact splits into core and ring",
+  energy_not_reached: "Requested energy not reached",
 };
 
 let isSi = localStorage.getItem("fretwork-units") === "si";

@@ -1,9 +1,11 @@
 //! Events of the simplified rule, from its closed form.
 
 use super::simplified::Simplified;
+use crate::contact::control::Normal;
 use crate::contact::unworn::Regime;
 use crate::numeric::{Bracket, root};
 use crate::solver::events::{Event, EventKind, LOST, SHAKEN, StopCondition};
+use crate::solver::splits::{SplitWatch, WornCore};
 
 /// Relative accuracy of the time at which the stop condition is met.
 const STOP_DIGITS: f64 = 1e-12;
@@ -64,7 +66,7 @@ pub(crate) fn events(
     last: f64,
     mut events: Vec<Event>,
 ) -> Vec<Event> {
-    use EventKind::{ContactLost, Shakedown};
+    use EventKind::{ContactLost, ContactSplits, Shakedown};
     let row = &solver.row;
     let unworn = row.sums(solver.decay(xi, 0.0));
     let sums = |time: f64| row.sums(solver.decay(xi, time));
@@ -79,6 +81,14 @@ pub(crate) fn events(
         look(ContactLost, false, &|time| libm::log(sums(time).normal / (LOST * unworn.normal)));
     } else {
         look(Shakedown, false, &|time| libm::log(sums(time).energy / (SHAKEN * unworn.energy)));
+    }
+    if let Some(splits) = SplitWatch::new(solver.contact(), Normal::Depth) {
+        look(ContactSplits, true, &|time| {
+            let decay = solver.decay(xi, time);
+            // The contact radius stays a₀.
+            let core = WornCore { depth: 1.0, normal: sums(time).normal, edge: 1.0 };
+            splits.signal(&core, || (solver.mesh_radii().to_vec(), solver.wear(decay)))
+        });
     }
     events.sort_by(|a, b| a.at.total_cmp(&b.at));
     let end = events.iter().position(|event| event.ends);

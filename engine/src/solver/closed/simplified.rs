@@ -332,17 +332,11 @@ impl Simplified {
         let mut wear = vec![vec![0.0; self.mesh.radii.len()]; wanted.len()];
         self.kernels.inverse(&worn, &mut wear);
         let mut more = more.iter().zip(self.pressures(&changes));
-        let scale = self.theta.sqrt() / PI;
         wear.into_iter()
             .zip(found)
             .zip(wanted)
             .map(|((mut wear, (apex, unresolved, sums)), (decay, curves))| {
-                for wear in &mut wear {
-                    *wear = apex + scale * *wear;
-                }
-                if unresolved {
-                    self.mesh.bound(&self.contact, &mut wear);
-                }
+                self.finish(&mut wear, apex, unresolved);
                 let mut state = self.measure(&wear, sums);
                 state.errors = self.errors(&wear, &state, *decay, apex);
                 if let Some(((decay, compressions), pressure)) =
@@ -359,6 +353,37 @@ impl Simplified {
                 state
             })
             .collect()
+    }
+
+    /// Converts the result of the inverse transform to the wear at the mesh nodes.
+    fn finish(&self, wear: &mut [f64], apex: f64, unresolved: bool) {
+        let scale = self.theta.sqrt() / PI;
+        for wear in &mut *wear {
+            *wear = apex + scale * *wear;
+        }
+        if unresolved {
+            self.mesh.bound(&self.contact, wear);
+        }
+    }
+
+    /// The mesh nodes.
+    pub(crate) fn mesh_radii(&self) -> &[f64] {
+        &self.mesh.radii
+    }
+
+    /// The wear at the mesh nodes. Near the edge of the scar it can be negative.
+    pub(crate) fn wear(&self, decay: Decay) -> Vec<f64> {
+        let SpringStates { worn, apex, unresolved, .. } = self.springs(decay, false);
+        let mut wear = [vec![0.0; self.mesh.radii.len()]];
+        self.kernels.inverse(&[worn], &mut wear);
+        let [mut wear] = wear;
+        self.finish(&mut wear, apex, unresolved);
+        wear
+    }
+
+    /// The unworn contact.
+    pub(crate) fn contact(&self) -> &Contact {
+        &self.contact
     }
 
     /// The closed form of (14) at every mesh node, as in [`Contact::compression`] and

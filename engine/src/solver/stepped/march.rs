@@ -29,6 +29,7 @@ use crate::contact::limit::{DEEPEST, WIDEST};
 use crate::contact::unworn::{Contact, Regime};
 use crate::solver::errors::RunErrors;
 use crate::solver::events::{Event, EventKind, LOST, SHAKEN, StopCondition};
+use crate::solver::splits::SplitWatch;
 
 /// Number of cells at the tolerance `COMMON_TOLERANCE`. The error decreases with the square of the
 /// number of cells.
@@ -74,6 +75,8 @@ pub struct March {
     coarse: MeshRun,
     /// The edge of the contact, if the law is exact.
     edge: Option<ContactEdge>,
+    /// `None` if the contact cannot split.
+    splits: Option<SplitWatch>,
     until: StopCondition,
     /// The time of the next comparison.
     check: f64,
@@ -245,6 +248,7 @@ impl March {
         fine.accounts = true;
         let coarse = MeshRun::new(contact, control, law, plans, (cells / 2, 4.0 * tolerance));
         let edge = (law == Law::Exact).then(|| ContactEdge::new(&fine));
+        let splits = SplitWatch::new(contact, control.normal);
         let check = 0.01 * fine.rkc.scale;
         let until = StopCondition::default();
         // The initial regime is not an event.
@@ -265,6 +269,7 @@ impl March {
             fine,
             coarse,
             edge,
+            splits,
             until,
             check,
             apart: RunErrors::default(),
@@ -419,7 +424,8 @@ impl March {
     /// Searches for events within the last step.
     fn watch(&mut self) {
         use EventKind::{
-            ContactLost, EnergyNotReached, GrossSlip, RimReached, Shakedown, UntilReached,
+            ContactLost, ContactSplits, EnergyNotReached, GrossSlip, RimReached, Shakedown,
+            UntilReached,
         };
         if self.fine.block != self.block {
             // At another amplitude the contact can stick or wear again. An event can then occur a
@@ -432,7 +438,7 @@ impl March {
             }
         }
         let mut found = Vec::new();
-        for kind in [GrossSlip, Shakedown, ContactLost, UntilReached] {
+        for kind in [GrossSlip, Shakedown, ContactLost, ContactSplits, UntilReached] {
             if self.known.contains(&kind) {
                 continue;
             }
@@ -453,7 +459,7 @@ impl March {
             let ends = match kind {
                 GrossSlip => held,
                 Shakedown | ContactLost => false,
-                UntilReached | RimReached | EnergyNotReached => true,
+                ContactSplits | UntilReached | RimReached | EnergyNotReached => true,
             };
             found.push(Event { at: high, kind, ends });
         }
@@ -470,6 +476,12 @@ impl March {
         let run = &mut self.fine;
         match kind {
             EventKind::RimReached | EventKind::EnergyNotReached => 1.0,
+            EventKind::ContactSplits => {
+                let Some(splits) = &self.splits else { return 1.0 };
+                run.under(time, |wearing, values| {
+                    splits.signal(&wearing.core(), || wearing.wear_of(values))
+                })
+            }
             EventKind::UntilReached if until == StopCondition::default() => 1.0,
             EventKind::UntilReached => {
                 let energy = run.energy_until(time);

@@ -24,6 +24,7 @@ use crate::contact::limit::Limit;
 use crate::contact::profile::Shape;
 use crate::contact::unworn::Contact;
 use crate::numeric::{Monotone, largest, root, vertex};
+use crate::solver::splits::WornCore;
 
 /// Estimated number of multiplications to find ã, per piece of the shape: eight evaluations with
 /// square roots and logarithms.
@@ -343,6 +344,19 @@ impl Wearing {
             *wear = if *r > scar { 0.0 } else { *wear };
         }
         wear
+    }
+
+    /// The present contact.
+    pub(super) fn core(&self) -> WornCore {
+        let Springs { depth, mesh, compressions, .. } = &self.springs;
+        let edge = mesh.radii[compressions.len()];
+        WornCore { depth: *depth, normal: self.springs.normal(), edge }
+    }
+
+    /// The nodes of all meshes so far, and the wear there for the given values.
+    pub(super) fn wear_of(&self, values: &[f64]) -> (Vec<f64>, Vec<f64>) {
+        let (squares, wear) = self.total(&self.wear(values)).into_lists();
+        (squares.iter().map(|t| t.sqrt()).collect(), wear)
     }
 
     /// Estimated number of multiplications of one evaluation of the wear rate.
