@@ -126,7 +126,8 @@ impl Tally {
     pub(super) fn settled(&self, ending: Ending, milliseconds: Option<i64>) {
         count(&self.runs, "outcome", ending.as_str());
         if let Some(milliseconds) = milliseconds {
-            let seconds = milliseconds as f64 / 1e3;
+            // The clock may have been set back during the run.
+            let seconds = milliseconds.max(0) as f64 / 1e3;
             self.seconds.observe(seconds);
             let usual = self.usual.get();
             self.usual.set(if usual > 0.0 { usual + 0.1 * (seconds - usual) } else { seconds });

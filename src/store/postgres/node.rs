@@ -68,7 +68,7 @@ impl Chore {
         match self {
             Self::Count => drop(db.count_queue().await?),
             Self::Renew => db.renew().await?,
-            Self::Reclaim => drop(db.reclaim(|| db.0.contact.lasts()).await?),
+            Self::Reclaim => drop(db.reclaim(|now| db.0.contact.goes_on(now)).await?),
             Self::Look => db.0.signals.wake(),
             Self::Upkeep(upkeep) => upkeep.round(db).await?,
         }
@@ -171,9 +171,9 @@ impl Database {
         let renewing =
             async { reading!(self, renewals, db => lease::renew(db, &self.0.node, &parts).await) };
         let renewed = timeout(self.0.node.renewal(), renewing).await;
-        let kept =
+        let (now, kept) =
             renewed.unwrap_or(Err(Error::Exhausted)).inspect_err(|_| self.0.contact.ends())?;
-        self.0.contact.goes_on();
+        self.0.contact.goes_on(now);
         let lost: Vec<_> = running.into_iter().filter(|(part, _)| !kept.contains(part)).collect();
         self.0.signals.stop(&lost);
         Ok(())

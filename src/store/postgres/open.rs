@@ -20,9 +20,10 @@ use crate::store::place::DatabaseUrl;
 use crate::store::signals::Signals;
 
 /// The changes of the schema: version, name and SQL.
-const CHANGES: [(i64, &str, &str); 2] = [
+const CHANGES: [(i64, &str, &str); 3] = [
     (1, "jobs", include_str!("../../../migrations/postgres/0001_jobs.sql")),
     (2, "study died", include_str!("../../../migrations/postgres/0002_study_died.sql")),
+    (3, "lease lasts", include_str!("../../../migrations/postgres/0003_lease_lasts.sql")),
 ];
 
 /// The number of connections for verbs.
