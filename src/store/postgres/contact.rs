@@ -6,8 +6,6 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
-use super::lease::milliseconds;
-
 /// For how long the database has answered without a pause.
 #[derive(Debug)]
 pub(super) struct Contact {
@@ -49,7 +47,7 @@ impl Contact {
     /// sleeps, which looks like a step.
     fn is_soon_after(&self, last: Answer, now: Answer) -> bool {
         let passed = now.at - last.at;
-        let step = now.clock - last.clock - milliseconds(passed);
+        let step = now.clock - last.clock - (passed.as_millis() as u64).cast_signed();
         passed < self.enough && step.unsigned_abs() <= self.tolerance.as_millis() as u64
     }
 
