@@ -28,8 +28,16 @@ pub struct Logging {
     log_format: LogFormat,
 }
 
-/// Parses the levels of the log: one for all modules, others for named modules.
+/// Parses the levels of the log: one for all modules, others for named modules. Clients can make the library of HTTP/2 warn of
+/// each of their frames, so it logs errors only, unless it is named.
 fn log_levels(text: &str) -> Result<Targets, String> {
+    let levels = named_levels(text)?;
+    let is_named = levels.iter().any(|(module, _)| module.starts_with("h2"));
+    let is_quiet = levels.default_level().is_none_or(|level| level <= LevelFilter::ERROR);
+    Ok(if is_named || is_quiet { levels } else { levels.with_target("h2", LevelFilter::ERROR) })
+}
+
+fn named_levels(text: &str) -> Result<Targets, String> {
     text.split(',').try_fold(Targets::new(), |levels, part| {
         let (module, name) = part.split_once('=').unwrap_or(("", part));
         let (module, name) = (module.trim(), name.trim());
@@ -62,6 +70,8 @@ impl Logging {
 
 #[cfg(test)]
 mod tests {
+    use tracing::Level;
+
     use super::*;
 
     #[test]
@@ -71,6 +81,16 @@ mod tests {
         let modules: Vec<_> = levels.iter().collect();
         let expected = [("sqlx", LevelFilter::OFF), ("fretwork::http", LevelFilter::DEBUG)];
         assert!(expected.iter().all(|level| modules.contains(level)), "{modules:?}");
+        let logs_h2 = |text, level| log_levels(text).unwrap().would_enable("h2::proto", &level);
+        for (text, warns, errors) in [
+            ("info", false, true),
+            ("debug", false, true),
+            ("off", false, false),
+            ("info,h2=warn", true, true),
+        ] {
+            assert_eq!(logs_h2(text, Level::WARN), warns, "{text}");
+            assert_eq!(logs_h2(text, Level::ERROR), errors, "{text}");
+        }
         for bad in ["", "loud", "warn,", "fretwork=", "fretwork"] {
             assert!(log_levels(bad).is_err(), "{bad}");
         }

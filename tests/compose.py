@@ -259,6 +259,8 @@ class Deployment:
 
         stated = yaml.safe_load(interpolated(TEXT, self.secrets))
         self.services, self.volumes = stated["services"], stated["volumes"]
+        endless = [name for name, one in self.services.items() if "max-size" not in one.get("logging", {}).get("options", {})]
+        assert not endless, f"the logs of {endless} can fill the disk"
         self.images = {"fretwork": fretwork} | stand_ins(work)
         self.services = {name: one for name, one in self.services.items() if one["image"].split(":")[0] in self.images}
         self.network = Network(stated["networks"]["default"]["ipam"]["config"][0])
