@@ -51,7 +51,7 @@ pub fn with_layers<S: Clone + Send + Sync + 'static>(
     origins: Origins,
 ) -> Router<S> {
     let (cors, refusals) = (cors(&origins), Refusals::default());
-    let shared = Arc::new(Shared { gate, metrics, shares, refusals, cors, origins });
+    let shared = Arc::new(Shared { gate, metrics, shares, refusals, origins, cors });
     routes.layer(layer_fn(move |route| Surrounded { route, shared: Arc::clone(&shared) }))
 }
 

@@ -46,6 +46,7 @@ pub struct Tally {
     seconds: Histogram,
     recomputes: Counters,
     evicted: Counter,
+    lost: Gauge,
     errors: Counters,
     queued: Gauge,
     working: Gauge,
@@ -63,7 +64,8 @@ impl Default for Tally {
             seconds: Histogram::new(exponential_buckets(1e-3, 4.0, 11)),
             recomputes: counters("result", Recomputed::ALL.map(Recomputed::as_str)),
             evicted: Counter::default(),
-            errors: counters("kind", ["busy", "damaged", "full", "other"]),
+            lost: Gauge::default(),
+            errors: counters("kind", ["busy", "damaged", "full", "moved", "other"]),
             queued: Gauge::default(),
             working: Gauge::default(),
             bytes: Gauge::default(),
@@ -85,12 +87,14 @@ impl Tally {
             ),
             (
                 "store_errors",
-                "Errors of the database; full means that the disk is full",
+                "Errors of the database; full means that the disk is full, moved that its files are gone",
                 &self.errors,
             ),
         ] {
             registry.register(name, help, counters.clone());
         }
+        let help = "Acknowledged commits that were missing at the start";
+        registry.register("lost_commits", help, self.lost.clone());
         let help = "Results that were evicted to free space";
         registry.register("results_evicted", help, self.evicted.clone());
         registry.register("queued_runs", "Runs that wait for a worker", self.queued.clone());
@@ -138,6 +142,11 @@ impl Tally {
         count(&self.recomputes, "result", how.as_str());
     }
 
+    /// This many acknowledged commits were missing at the start.
+    pub(super) fn has_lost(&self, commits: u64) {
+        self.lost.set(commits.cast_signed());
+    }
+
     pub(super) fn evicted(&self) {
         self.evicted.inc();
     }
@@ -147,6 +156,7 @@ impl Tally {
             Error::Full(_) => "full",
             Error::Busy(_) | Error::Unreachable(_) | Error::Exhausted => "busy",
             Error::Damaged(_) | Error::DamagedResult(_) | Error::DamagedChunk { .. } => "damaged",
+            Error::Moved { .. } => "moved",
             Error::Closed | Error::JobExists(_) => return,
             _ => "other",
         };

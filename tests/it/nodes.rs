@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use fretwork::job::{Cost, FailureKind, JobState, Origin};
 use fretwork::store::{
-    Actor, Canceled, Claimed, Finish, NewJob, Options, Piece, Recovered, Repeatable, Store,
+    Actor, Canceled, Claimed, Error, Finish, NewJob, Options, Piece, Recovered, Repeatable, Store,
     Submitted,
 };
 use serde_json::{Value, json};
@@ -261,6 +261,28 @@ async fn a_server_with_a_shorter_lease_leaves_longer_ones_alone() {
     claim(&worker).await;
     assert_eq!(other.recover().await.unwrap(), Recovered::default());
     assert_eq!(job(&other, submitted.id).await.state, JobState::Running);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_server_runs_beside_a_later_one_until_the_tables_require_the_later_one() {
+    let (db, [store]) = servers().await;
+    let later =
+        "INSERT INTO _sqlx_migrations (version, description, success, checksum, execution_time)
+        VALUES (99, 'later', TRUE, '', 0)";
+    db.execute(later).await;
+    let beside = db.open().await;
+    let submitted = accepted(beside.submit(new_job(1)).await);
+    let claimed = claim(&store).await;
+
+    db.execute("UPDATE upkeep SET oldest = 99").await;
+    let refuses = |error: Error| matches!(error, Error::Newer { found: 99, .. });
+    eventually(async || store.probe().await.is_err_and(refuses)).await;
+    assert!(store.submit(new_job(2)).await.is_err_and(refuses));
+    assert!(store.finish(&claimed, &answer("a"), Cost::ZERO).await.is_err_and(refuses));
+    assert_eq!(job(&store, submitted.id).await.state, JobState::Running);
+    let started = Store::open(db.url(), &Options::default()).await;
+    let text = started.unwrap_err().to_string();
+    assert!(text.contains("was written by a later version"), "{text}");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

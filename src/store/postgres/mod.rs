@@ -31,7 +31,8 @@ mod submit;
 mod transaction;
 mod upkeep;
 
-use std::sync::Arc;
+use std::path::PathBuf;
+use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use tokio::sync::{Semaphore, watch};
@@ -45,7 +46,7 @@ use backlog::Backlog;
 use contact::Contact;
 use hints::Hints;
 use pool::Pool;
-use transaction::Transaction;
+use transaction::{Transaction, reading};
 
 /// Advisory locks, by which servers exclude each other. Other programs in the same database must not use these numbers.
 #[derive(Debug, Clone, Copy)]
@@ -89,15 +90,20 @@ struct Parts {
     node: Node,
     backlog: Backlog,
     pin_quota: PinQuota,
+    /// The database in words, without its password.
+    name: String,
+    /// Why this program may no longer write the tables: a later one has changed them so that it would do harm.
+    refusal: OnceLock<Error>,
+    /// A directory on the disk of the database, if this machine has it.
+    disk: Option<PathBuf>,
     /// The tasks in the background end when this becomes true or is dropped.
     closing: watch::Sender<bool>,
 }
 
 impl Database {
-    /// PostgreSQL may be on another machine.
-    #[expect(clippy::unused_self, reason = "the other engine needs it")]
+    /// PostgreSQL does not tell it, and may be on another machine.
     pub(super) fn free_bytes(&self) -> Option<u64> {
-        None
+        fs4::available_space(self.0.disk.as_ref()?).ok()
     }
 
     #[expect(clippy::unused_self, reason = "the other engine needs it")]
@@ -114,6 +120,23 @@ impl Database {
         self.0.closing.send_replace(true);
         self.0.pool.close().await;
         self.0.renewals.close().await;
+    }
+
+    /// Refuses to change tables that only later programs may write.
+    fn may_write(&self) -> Result<(), Error> {
+        self.0.refusal.get().cloned().map_or(Ok(()), Err)
+    }
+
+    /// Looks whether a later program has taken the right to write from this one.
+    async fn check_version(&self) -> Result<(), Error> {
+        let refusal = reading!(self, db => open::refusal(db, &self.0.name).await)?;
+        if let Some(refusal) = refusal
+            && self.0.refusal.set(refusal.clone()).is_ok()
+        {
+            let error = &refusal as &dyn std::error::Error;
+            tracing::error!(error, "this program stops writing; replace it by the later version");
+        }
+        Ok(())
     }
 
     /// Signals the changes of a verb after their commit, here and to the other servers.

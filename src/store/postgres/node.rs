@@ -52,7 +52,7 @@ pub(super) fn start(
 
 /// What a server does again and again.
 enum Chore {
-    /// Counts the queue for the metrics.
+    /// Looks whether this program may still write, and counts the queue for the metrics.
     Count,
     /// Renews the leases of its workers.
     Renew,
@@ -66,7 +66,10 @@ enum Chore {
 impl Chore {
     async fn execute(&mut self, db: &Database) -> Result<(), Error> {
         match self {
-            Self::Count => drop(db.count_queue().await?),
+            Self::Count => {
+                db.check_version().await?;
+                db.count_queue().await?;
+            }
             Self::Renew => db.renew().await?,
             Self::Reclaim => drop(db.reclaim(|now| db.0.contact.goes_on(now)).await?),
             Self::Look => db.0.signals.wake(),
@@ -166,6 +169,8 @@ impl Database {
     /// Renews the leases of what the workers of this process compute, and stops those that have lost theirs. Has a connection
     /// of its own, so that it never waits for clients.
     async fn renew(&self) -> Result<(), Error> {
+        // What a server cannot store, another one must compute.
+        self.may_write()?;
         let running = self.0.signals.running();
         let parts: Vec<_> = running.iter().map(|(part, _)| *part).collect();
         let renewing =

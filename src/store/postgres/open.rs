@@ -1,6 +1,6 @@
 //! Connects to the database, migrates it, and starts the tasks in the background.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use sqlx::migrate::{MigrateError, Migration, MigrationType, Migrator};
 use sqlx::postgres::PgConnection;
@@ -20,10 +20,11 @@ use crate::store::place::DatabaseUrl;
 use crate::store::signals::Signals;
 
 /// The changes of the schema: version, name and SQL.
-const CHANGES: [(i64, &str, &str); 3] = [
+const CHANGES: [(i64, &str, &str); 4] = [
     (1, "jobs", include_str!("../../../migrations/postgres/0001_jobs.sql")),
     (2, "study died", include_str!("../../../migrations/postgres/0002_study_died.sql")),
     (3, "lease lasts", include_str!("../../../migrations/postgres/0003_lease_lasts.sql")),
+    (4, "oldest program", include_str!("../../../migrations/postgres/0004_oldest_program.sql")),
 ];
 
 /// The number of connections for verbs.
@@ -55,6 +56,9 @@ impl Database {
             node: Node { id: JobId::generate().to_string(), program, lease },
             backlog: Backlog::new(queue_limit),
             pin_quota: PinQuota::new(pin_quota, budget),
+            name: url.to_string(),
+            refusal: OnceLock::new(),
+            disk: options.disk.clone(),
             closing,
         }));
         node::start(&database, url, options, &closed);
@@ -70,7 +74,22 @@ pub(in crate::store) async fn prepare(url: &DatabaseUrl) -> Result<PgConnection,
     lock("SELECT pg_advisory_lock($1)").execute(&mut db).await?;
     migrate(&mut db, url).await?;
     lock("SELECT pg_advisory_unlock($1)").execute(&mut db).await?;
-    Ok(db)
+    match refusal(&mut db, &url.to_string()).await? {
+        None => Ok(db),
+        Some(error) => Err(error),
+    }
+}
+
+/// Why this program may not write the tables; `None` if it may.
+pub(super) async fn refusal(db: &mut PgConnection, name: &str) -> Result<Option<Error>, Error> {
+    let (known, ..) = CHANGES[CHANGES.len() - 1];
+    let found: Option<i64> = sqlx::query_scalar(
+        "SELECT (SELECT max(version) FROM _sqlx_migrations) FROM upkeep WHERE oldest > $1",
+    )
+    .bind(known)
+    .fetch_optional(db)
+    .await?;
+    Ok(found.map(|found| Error::Newer { path: name.into(), found, known }))
 }
 
 async fn migrate(db: &mut PgConnection, url: &DatabaseUrl) -> Result<(), Error> {
@@ -78,7 +97,7 @@ async fn migrate(db: &mut PgConnection, url: &DatabaseUrl) -> Result<(), Error> 
         Migration::new(version, name.into(), MigrationType::Simple, sql.into_sql_str(), false)
     };
     let mut migrator = Migrator::with_migrations(CHANGES.map(migration).into());
-    // A later version of the program adds to the tables only. It can run beside this one.
+    // A later version of the program may run beside this one, unless the tables say otherwise.
     migrator.set_ignore_missing(true).set_locking(false);
     migrator.run(db).await.map_err(|error| match error {
         MigrateError::Execute(error) => error.into(),
