@@ -415,6 +415,9 @@ def check_monitoring(deployment):
         return [query for query, text in asked.items() if not found(text)]
 
     wait_for(lambda: not missing(), "an answer to every query of the board", 90)
+    free = api("query?query=fretwork_disk_free_bytes")["result"]
+    known = {one["metric"]["instance"].split("/")[0] for one in free if float(one["value"][1]) > 0}
+    assert known == {"front-a", "front-b"}, free
     firing = [rule["name"] for rule in rules() if rule["state"] == "firing"]
     assert not firing, firing
     print(f"Prometheus scrapes {instances()}")

@@ -244,7 +244,9 @@ async fn the_server_stops_writing_when_a_file_of_its_database_is_gone() {
     for (what, change, back) in changes {
         let parent = TempDir::new().unwrap();
         let dir = parent.path().join("data");
-        let server = Program::start(&dir, "1");
+        // The worker cannot store what it computes, and gives up early.
+        let command = fretwork(&["--workers", "1", "--drain-seconds", "1"]);
+        let server = Program::start_by(command, &dir);
         let mut acknowledged = Vec::new();
         for number in 0..20 {
             let body = ball(1.0 + f64::from(number) * 1e-3).to_string();
