@@ -1,12 +1,16 @@
-//! Logs to standard error, as text or as JSON.
+//! Logs to standard error, as text or as JSON, and announcements to standard output in the same format.
 
-use std::io::IsTerminal as _;
+use std::collections::BTreeMap;
+use std::io::{self, IsTerminal as _, Write as _};
 
 use clap::{Args, ValueEnum};
+use serde_json::json;
 use tracing_subscriber::Layer as _;
 use tracing_subscriber::filter::{LevelFilter, Targets};
 use tracing_subscriber::layer::SubscriberExt as _;
 use tracing_subscriber::util::SubscriberInitExt as _;
+
+use crate::job::clock::{now, rfc3339};
 
 /// The format of a log line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -52,7 +56,34 @@ fn named_levels(text: &str) -> Result<Targets, String> {
     })
 }
 
+/// What a command tells at its start on standard output, at every level of the log.
+#[derive(Debug)]
+pub struct Announcement<'a> {
+    /// For people.
+    pub text: &'a str,
+    /// One sentence, and its details by their names, for machines.
+    pub message: &'a str,
+    pub details: BTreeMap<&'static str, String>,
+}
+
 impl Logging {
+    /// Prints an announcement in the format of the log.
+    pub fn announce(&self, announcement: &Announcement<'_>) -> io::Result<()> {
+        let Announcement { text, message, details } = announcement;
+        let mut out = io::stdout().lock();
+        match self.log_format {
+            LogFormat::Text => out.write_all(text.as_bytes())?,
+            LogFormat::Json => {
+                let mut line = json!(details);
+                line["timestamp"] = rfc3339(now()).into();
+                line["level"] = "INFO".into();
+                line["message"] = (*message).into();
+                writeln!(out, "{line}")?;
+            }
+        }
+        out.flush()
+    }
+
     /// Starts logging.
     pub fn start(&self) {
         let lines = tracing_subscriber::fmt::layer()

@@ -26,6 +26,7 @@ pub(super) mod open;
 mod pool;
 pub(super) mod read;
 mod runs;
+mod schema;
 pub(super) mod search;
 mod submit;
 mod transaction;
@@ -46,7 +47,7 @@ use backlog::Backlog;
 use contact::Contact;
 use hints::Hints;
 use pool::Pool;
-use transaction::{Transaction, reading};
+use transaction::Transaction;
 
 /// Advisory locks, by which servers exclude each other. Other programs in the same database must not use these numbers.
 #[derive(Debug, Clone, Copy)]
@@ -125,18 +126,6 @@ impl Database {
     /// Refuses to change tables that only later programs may write.
     fn may_write(&self) -> Result<(), Error> {
         self.0.refusal.get().cloned().map_or(Ok(()), Err)
-    }
-
-    /// Looks whether a later program has taken the right to write from this one.
-    async fn check_version(&self) -> Result<(), Error> {
-        let refusal = reading!(self, db => open::refusal(db, &self.0.name).await)?;
-        if let Some(refusal) = refusal
-            && self.0.refusal.set(refusal.clone()).is_ok()
-        {
-            let error = &refusal as &dyn std::error::Error;
-            tracing::error!(error, "this program stops writing; replace it by the later version");
-        }
-        Ok(())
     }
 
     /// Signals the changes of a verb after their commit, here and to the other servers.

@@ -11,7 +11,7 @@ use tokio::time::{self, Instant, MissedTickBehavior, timeout};
 use super::lease;
 use super::transaction::reading;
 use super::upkeep::Upkeep;
-use super::{Database, Parts, hints};
+use super::{Database, Parts, hints, schema};
 use crate::store::error::Error;
 use crate::store::options::Options;
 use crate::store::place::DatabaseUrl;
@@ -166,6 +166,18 @@ async fn next(listener: &mut PgListener) -> Result<Option<String>, Error> {
 }
 
 impl Database {
+    /// Looks whether a later program has taken the right to write from this one.
+    async fn check_version(&self) -> Result<(), Error> {
+        let refusal = reading!(self, db => schema::refusal(db, &self.0.name).await)?;
+        if let Some(refusal) = refusal
+            && self.0.refusal.set(refusal.clone()).is_ok()
+        {
+            let error = &refusal as &dyn std::error::Error;
+            tracing::error!(error, "this program stops writing; replace it by the later version");
+        }
+        Ok(())
+    }
+
     /// Renews the leases of what the workers of this process compute, and stops those that have lost theirs. Has a connection
     /// of its own, so that it never waits for clients.
     async fn renew(&self) -> Result<(), Error> {
