@@ -20,6 +20,13 @@ struct Counted {
     count: u64,
 }
 
+/// Logs what the log does not show, at the level of what it shows: refusals are information, failures are more.
+macro_rules! log {
+    ($status:expr, $($entry:tt)*) => {
+        if $status < 500 { tracing::info!($($entry)*) } else { tracing::warn!($($entry)*) }
+    };
+}
+
 impl Refusals {
     /// Counts a refusal with this status. Returns whether the log shows it. Logs how many it did not show in the period
     /// before.
@@ -29,15 +36,16 @@ impl Refusals {
         let now = Instant::now();
         let counted = all.entry(status).or_insert(Counted { began: now, count: 0 });
         if now - counted.began > PERIOD {
-            if counted.count > SHOWN {
-                let not_shown = counted.count - SHOWN;
-                tracing::warn!(status, not_shown, "more answers with this status were not logged");
+            let not_shown = counted.count.saturating_sub(SHOWN);
+            if not_shown > 0 {
+                log!(status, status, not_shown, "more answers with this status were not logged");
             }
             *counted = Counted { began: now, count: 0 };
         }
         counted.count += 1;
         if counted.count == SHOWN {
-            tracing::warn!(
+            log!(
+                status,
                 status,
                 "many answers with this status: the metrics count them, and this minute the log shows no more"
             );
