@@ -1,12 +1,16 @@
-//! Logs to standard error, as text or as JSON.
+//! Logs to standard error, as text or as JSON, and announcements to standard output in the same format.
 
-use std::io::IsTerminal as _;
+use std::collections::BTreeMap;
+use std::io::{self, IsTerminal as _, Write as _};
 
 use clap::{Args, ValueEnum};
+use serde_json::json;
 use tracing_subscriber::Layer as _;
 use tracing_subscriber::filter::{LevelFilter, Targets};
 use tracing_subscriber::layer::SubscriberExt as _;
 use tracing_subscriber::util::SubscriberInitExt as _;
+
+use crate::job::clock::{now, rfc3339};
 
 /// The format of a log line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -28,8 +32,16 @@ pub struct Logging {
     log_format: LogFormat,
 }
 
-/// Parses the levels of the log: one for all modules, others for named modules.
+/// Parses the levels of the log: one for all modules, others for named modules. Clients can make the library of HTTP/2 warn of
+/// each of their frames, so it logs errors only, unless it is named.
 fn log_levels(text: &str) -> Result<Targets, String> {
+    let levels = named_levels(text)?;
+    let is_named = levels.iter().any(|(module, _)| module.starts_with("h2"));
+    let is_quiet = levels.default_level().is_none_or(|level| level <= LevelFilter::ERROR);
+    Ok(if is_named || is_quiet { levels } else { levels.with_target("h2", LevelFilter::ERROR) })
+}
+
+fn named_levels(text: &str) -> Result<Targets, String> {
     text.split(',').try_fold(Targets::new(), |levels, part| {
         let (module, name) = part.split_once('=').unwrap_or(("", part));
         let (module, name) = (module.trim(), name.trim());
@@ -44,7 +56,34 @@ fn log_levels(text: &str) -> Result<Targets, String> {
     })
 }
 
+/// What a command tells at its start on standard output, at every level of the log.
+#[derive(Debug)]
+pub struct Announcement<'a> {
+    /// For people.
+    pub text: &'a str,
+    /// One sentence, and its details by their names, for machines.
+    pub message: &'a str,
+    pub details: BTreeMap<&'static str, String>,
+}
+
 impl Logging {
+    /// Prints an announcement in the format of the log.
+    pub fn announce(&self, announcement: &Announcement<'_>) -> io::Result<()> {
+        let Announcement { text, message, details } = announcement;
+        let mut out = io::stdout().lock();
+        match self.log_format {
+            LogFormat::Text => out.write_all(text.as_bytes())?,
+            LogFormat::Json => {
+                let mut line = json!(details);
+                line["timestamp"] = rfc3339(now()).into();
+                line["level"] = "INFO".into();
+                line["message"] = (*message).into();
+                writeln!(out, "{line}")?;
+            }
+        }
+        out.flush()
+    }
+
     /// Starts logging.
     pub fn start(&self) {
         let lines = tracing_subscriber::fmt::layer()
@@ -62,6 +101,8 @@ impl Logging {
 
 #[cfg(test)]
 mod tests {
+    use tracing::Level;
+
     use super::*;
 
     #[test]
@@ -71,6 +112,16 @@ mod tests {
         let modules: Vec<_> = levels.iter().collect();
         let expected = [("sqlx", LevelFilter::OFF), ("fretwork::http", LevelFilter::DEBUG)];
         assert!(expected.iter().all(|level| modules.contains(level)), "{modules:?}");
+        let logs_h2 = |text, level| log_levels(text).unwrap().would_enable("h2::proto", &level);
+        for (text, warns, errors) in [
+            ("info", false, true),
+            ("debug", false, true),
+            ("off", false, false),
+            ("info,h2=warn", true, true),
+        ] {
+            assert_eq!(logs_h2(text, Level::WARN), warns, "{text}");
+            assert_eq!(logs_h2(text, Level::ERROR), errors, "{text}");
+        }
         for bad in ["", "loud", "warn,", "fretwork=", "fretwork"] {
             assert!(log_levels(bad).is_err(), "{bad}");
         }

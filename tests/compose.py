@@ -259,6 +259,8 @@ class Deployment:
 
         stated = yaml.safe_load(interpolated(TEXT, self.secrets))
         self.services, self.volumes = stated["services"], stated["volumes"]
+        endless = [name for name, one in self.services.items() if "max-size" not in one.get("logging", {}).get("options", {})]
+        assert not endless, f"the logs of {endless} can fill the disk"
         self.images = {"fretwork": fretwork} | stand_ins(work)
         self.services = {name: one for name, one in self.services.items() if one["image"].split(":")[0] in self.images}
         self.network = Network(stated["networks"]["default"]["ipam"]["config"][0])
@@ -413,6 +415,9 @@ def check_monitoring(deployment):
         return [query for query, text in asked.items() if not found(text)]
 
     wait_for(lambda: not missing(), "an answer to every query of the board", 90)
+    free = api("query?query=fretwork_disk_free_bytes")["result"]
+    known = {one["metric"]["instance"].split("/")[0] for one in free if float(one["value"][1]) > 0}
+    assert known == {"front-a", "front-b"}, free
     firing = [rule["name"] for rule in rules() if rule["state"] == "firing"]
     assert not firing, firing
     print(f"Prometheus scrapes {instances()}")

@@ -1,11 +1,13 @@
 //! The commands `keys` and `audit`. They work on the data directory, with or without a running server.
 
+use std::collections::BTreeMap;
 use std::io::{self, Write as _};
 
 use super::printing::{Error, print};
 use crate::config::{AddKey, Data, Keys};
 use crate::job::clock::{self, now};
 use crate::store::{AccessKey, Administration, AuditEntry, NewKey, Place, Role};
+use crate::telemetry::{Announcement, Logging};
 
 /// Adds, lists or revokes access keys.
 pub fn keys(command: Keys) -> Result<(), Error> {
@@ -84,19 +86,19 @@ async fn add(new: AddKey) -> Result<(), Error> {
 }
 
 /// Makes the first key, for an administrator, and prints it.
-pub async fn add_first_key(place: &Place) -> Result<(), Error> {
+pub async fn add_first_key(place: &Place, logging: &Logging) -> Result<(), Error> {
     const NAME: &str = "first";
     let mut tables = Administration::open(place).await?;
     let new = NewKey { name: NAME.to_owned(), role: Role::Admin, per_minute: None, expires: None };
     let key = tables.add_key(&new).await?;
-    let mut out = io::stdout().lock();
-    let printed = writeln!(
-        out,
-        "Other machines can reach this server, so it requires an access key. This is the key of an administrator. It is \
-         not shown again:\n\n  {key}\n\nAdd keys for users with `fretwork keys add`. Then revoke this one: `fretwork \
-         keys revoke {NAME}`.\n"
+    let message = "Other machines can reach this server, so it requires an access key. This is the key of an administrator. \
+        It is not shown again";
+    let text = format!(
+        "{message}:\n\n  {key}\n\nAdd keys for users with `fretwork keys add`. Then revoke this one: `fretwork keys \
+         revoke {NAME}`.\n\n"
     );
-    let printed = printed.and_then(|()| out.flush());
+    let details = BTreeMap::from([("key", key)]);
+    let printed = logging.announce(&Announcement { text: &text, message, details });
     if printed.is_err() {
         // No one could use it.
         tables.revoke_keys(NAME).await?;

@@ -1,6 +1,6 @@
 //! The command `health`.
 
-use std::io::{BufRead as _, BufReader, Read as _, Write as _};
+use std::io::{BufRead as _, BufReader, ErrorKind, Read as _, Write as _};
 use std::net::TcpStream;
 use std::time::Duration;
 
@@ -29,7 +29,15 @@ pub fn health(settings: &Health) -> Result<(), Error> {
     let path = if uri.path() == "/" { "/healthz" } else { uri.path() };
     write!(connection, "GET {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n")?;
     let mut status = String::new();
-    BufReader::new(connection.take(1024)).read_line(&mut status)?;
+    BufReader::new(connection.take(1024)).read_line(&mut status).map_err(|error| {
+        match error.kind() {
+            // The system accepts connections for a process that is stopped.
+            ErrorKind::WouldBlock | ErrorKind::TimedOut => {
+                format!("the server at {host} does not answer within {TIMEOUT:?}")
+            }
+            _ => format!("the server at {host} does not answer: {error}"),
+        }
+    })?;
     match status.split(' ').nth(1) {
         Some("200") => print(b"ok\n"),
         _ => Err(format!("the server at {host} answers \"{}\"", status.trim_end()).into()),

@@ -1,6 +1,8 @@
 //! `fretwork serve`: connects the rooms, serves and drains.
 
-use std::io::{self, Write as _};
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::io;
 use std::net::SocketAddr;
 use std::pin::pin;
 use std::sync::Arc;
@@ -22,6 +24,7 @@ use crate::job::Task;
 use crate::service::Service;
 use crate::service::workers::Workers;
 use crate::store::{Place, Recovered, Store};
+use crate::telemetry::{Announcement, Logging};
 
 /// How long connections may stay open after the last run has ended. Together with the drain time it is shorter
 /// than the 10 s after which service managers kill a process.
@@ -98,7 +101,8 @@ async fn serve_until_signal(settings: &Serve, admin_key: Option<AdminKey>) -> Re
     let mut server = pin!(server);
     tracing::info!(%address, "listening");
     // Standard output may be closed. The server does not need it.
-    if let Err(error) = greet(address, umbridge_address, &place, requires_key) {
+    let greeted = greet(&settings.logging, address, umbridge_address, &place, requires_key);
+    if let Err(error) = greeted {
         tracing::warn!(%error, "cannot print the greeting");
     }
 
@@ -156,7 +160,7 @@ async fn requires_key(
         warn_of_open_origins(settings);
         return Ok(false);
     }
-    administration::add_first_key(place).await?;
+    administration::add_first_key(place, &settings.logging).await?;
     Ok(true)
 }
 
@@ -172,6 +176,7 @@ fn warn_of_open_origins(settings: &Serve) {
 
 /// Prints the address of the server and a command to try it.
 fn greet(
+    logging: &Logging,
     address: SocketAddr,
     umbridge: Option<SocketAddr>,
     place: &Place,
@@ -181,22 +186,28 @@ fn greet(
     // One line of JSON, quoted for a shell.
     let example: String = http::EXAMPLES[0].body.lines().map(str::trim).collect();
     let body = example.replace('\'', "'\\''");
-    let mut out = io::stdout().lock();
-    writeln!(out, "{}", greeting(address))?;
-    writeln!(out, "dashboard: {base}/   documentation: {base}/docs/   data: {place}")?;
+    let message = greeting(address);
+    let mut details = BTreeMap::from([
+        ("dashboard", format!("{base}/")),
+        ("documentation", format!("{base}/docs/")),
+        ("data", place.to_string()),
+    ]);
+    let mut text =
+        format!("{message}\ndashboard: {base}/   documentation: {base}/docs/   data: {place}\n");
     if let Some(address) = umbridge {
-        writeln!(out, "UM-Bridge alone: http://{}", reachable(address))?;
+        let address = format!("http://{}", reachable(address));
+        let _ = writeln!(text, "UM-Bridge alone: {address}");
+        details.insert("umbridge", address);
     }
     let (hint, key) = if requires_key {
         (", with your key in FRETWORK_KEY", " -H \"Authorization: Bearer $FRETWORK_KEY\"")
     } else {
         ("", "")
     };
-    writeln!(out, "\nTry it{hint}:\n")?;
-    writeln!(
-        out,
-        "curl -sS '{base}/v1/jobs?include=result'{key} -H 'Content-Type: application/json' \
+    let _ = writeln!(
+        text,
+        "\nTry it{hint}:\n\ncurl -sS '{base}/v1/jobs?include=result'{key} -H 'Content-Type: application/json' \
          -H 'Prefer: wait=10' -d '{body}'\n"
-    )?;
-    out.flush()
+    );
+    logging.announce(&Announcement { text: &text, message: &message, details })
 }

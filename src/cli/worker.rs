@@ -1,12 +1,13 @@
 //! `fretwork worker`: computes the runs of servers that share a database.
 
+use std::collections::BTreeMap;
 use std::future;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::thread;
 
 use super::listening::{greeting, listen};
-use super::printing::{Error, print};
+use super::printing::Error;
 use super::signals::ShutdownSignals;
 use crate::config::Worker;
 use crate::http;
@@ -14,6 +15,7 @@ use crate::job::Task;
 use crate::service::Service;
 use crate::service::workers::Workers;
 use crate::store::{Options, Place, Store};
+use crate::telemetry::{Announcement, Logging};
 
 /// The number of worker threads: as set, or one per processor.
 pub fn worker_threads(set: Option<u16>) -> usize {
@@ -46,7 +48,7 @@ async fn work_until_signal(settings: &Worker, place: &Place) -> Result<(), Error
     let workers = Workers::start(&store, count, settings.limits(), &service.compute())?;
     tracing::info!(%place, workers = count, "working");
     if let Some(listener) = &listener {
-        greet_monitors(listener.local_addr()?);
+        greet_monitors(&settings.logging, listener.local_addr()?);
     }
     let monitored = service.clone();
     // Monitors get answers until the process ends.
@@ -79,10 +81,12 @@ async fn work_until_signal(settings: &Worker, place: &Place) -> Result<(), Error
 }
 
 /// Prints the address at which a worker answers monitors.
-fn greet_monitors(address: SocketAddr) {
-    let line = format!("{} for monitors\n", greeting(address));
+fn greet_monitors(logging: &Logging, address: SocketAddr) {
+    let message = format!("{} for monitors", greeting(address));
+    let text = format!("{message}\n");
+    let greeting = Announcement { text: &text, message: &message, details: BTreeMap::new() };
     // Standard output may be closed. The worker does not need it.
-    if let Err(error) = print(line.as_bytes()) {
-        tracing::warn!(error, "cannot print the greeting");
+    if let Err(error) = logging.announce(&greeting) {
+        tracing::warn!(%error, "cannot print the greeting");
     }
 }

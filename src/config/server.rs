@@ -58,6 +58,10 @@ pub struct Serve {
     pub concurrency: u32,
     #[command(flatten)]
     pub data: Data,
+    /// A directory on the disk of PostgreSQL, if this machine has it. Its free space is the metric fretwork_disk_free_bytes, which
+    /// an alert needs. Only for --database.
+    #[arg(long, env = "FRETWORK_DATABASE_DISK", value_name = "DIR", requires = "database")]
+    pub database_disk: Option<PathBuf>,
     /// Worker threads that compute runs [default: one per processor]. With 0, `fretwork worker` computes them on other
     /// machines; this needs --database.
     #[arg(long, env = "FRETWORK_WORKERS", value_name = "N",
@@ -207,6 +211,7 @@ impl Serve {
             keep_jobs: nonzero(self.keep_jobs),
             budget: Some(self.keep_results.as_u64()).filter(|bytes| *bytes > 0),
             pin_quota: self.pin_quota.as_u64(),
+            disk: self.database_disk.clone(),
             lease: self.lease,
         }
     }

@@ -36,6 +36,7 @@ use document::Document;
 pub use error::{Error, Missing};
 pub use kind::{Format, Part};
 pub use quantity::{QUANTITIES, Quantity};
+pub use table::missing_cycles;
 pub use view::{FigureOptions, StudyFigure, StudyOptions, View};
 
 /// The version of the formats. Clients may cache answers for ever, so it must rise when the same request

@@ -354,11 +354,8 @@ fn select(members: &Members<'_>, axes: &[&str], view: &View) -> Result<Selection
         let detail = "is for runs: a study has points in place of output cycles".to_owned();
         missing.push(Missing { parameter: "cycles", detail });
     }
-    for wanted in view.cycles.iter().flatten().filter(|_| axes.contains(&"cycles")) {
-        if !cycles.iter().any(|number| same(*number, *wanted)) {
-            let detail = format!("{wanted} is not an output cycle; {}", listed(&cycles));
-            missing.push(Missing { parameter: "cycles", detail });
-        }
+    if axes.contains(&"cycles") {
+        missing.extend(missing_cycles(view, &cycles));
     }
     if !missing.is_empty() {
         return Err(Error::Missing(missing));
@@ -379,6 +376,15 @@ impl Serialize for Table {
         }
         json.collect_map(self.columns.iter().map(|(name, values)| (name, values)))
     }
+}
+
+/// The selected output cycles that are not among these.
+#[must_use]
+pub fn missing_cycles(view: &View, cycles: &[f64]) -> Vec<Missing> {
+    let wanted = view.cycles.iter().flatten();
+    let missing = wanted.filter(|wanted| !cycles.iter().any(|number| same(*number, **wanted)));
+    let detail = |wanted| format!("{wanted} is not an output cycle; {}", listed(cycles));
+    missing.map(|wanted| Missing { parameter: "cycles", detail: detail(wanted) }).collect()
 }
 
 /// Whether two numbers are the same output cycle: a canonical scenario keeps 12 digits.

@@ -262,8 +262,8 @@ impl Gate {
         if let Some(admin) = self.admin.as_ref().filter(|_| key == ADMIN) {
             return Ok(admin.account.limits);
         }
-        let holder = self.keyring.holder(key).await?;
-        Ok(holder.map_or_else(Limits::default, |holder| holder.account.limits))
+        let holders = self.keyring.holders().await?;
+        Ok(holders.get(key).map_or_else(Limits::default, |holder| holder.account.limits))
     }
 
     /// Identifies the caller by its key. The key from the settings has no holder.
@@ -272,8 +272,9 @@ impl Gate {
         headers: &HeaderMap,
     ) -> Result<(Identity, Option<Arc<KeyHolder>>), Problem> {
         let (presented, now) = (presented_key(headers)?, now());
+        let digest = digest(&presented);
         if let Some(admin) = &self.admin
-            && bool::from(digest(&presented).ct_eq(&admin.digest))
+            && bool::from(digest.ct_eq(&admin.digest))
         {
             let (owner, key) = (ADMIN.to_owned(), ADMIN.to_owned());
             let identity = Identity { owner, role: Role::Admin, key };
@@ -282,8 +283,7 @@ impl Gate {
         }
         let unknown = || unauthorized(headers, "This server does not know the key.");
         let id = AccessKey::id_in(&presented).ok_or_else(unknown)?;
-        let holder = self.keyring.holder(id).await?;
-        let holder = holder.filter(|holder| holder.key.is(&presented)).ok_or_else(unknown)?;
+        let holder = self.keyring.holder_of(id, &digest).await?.ok_or_else(unknown)?;
         if let Some(reason) = invalid(&holder.key, now) {
             return Err(unauthorized(headers, &reason));
         }

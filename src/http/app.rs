@@ -42,8 +42,8 @@ pub struct Shared {
     probed: Mutex<Option<(Instant, Result<(), Error>)>>,
 }
 
-/// Shortest time between two probes of the database. Each writes 256 KiB, and anyone may request one. A full disk is
-/// noticed within this time.
+/// Shortest time between two probes of the database. Each writes 256 KiB, and anyone may request one. A full disk, or a file that
+/// is gone, is noticed within this time.
 const PROBE_INTERVAL: Duration = Duration::from_secs(2);
 
 impl App {

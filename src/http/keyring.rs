@@ -7,12 +7,15 @@ use std::sync::{Arc, PoisonError, RwLock};
 use std::time::{Duration, Instant};
 
 use tokio::sync::Mutex;
+use tokio::time::sleep_until;
 
 use super::limits::{Account, Limits};
 use crate::store::{AccessKey, Actor, Error, Store};
 
 /// Longest time that a revoked key may still be accepted.
 pub const MAX_AGE: Duration = Duration::from_secs(1);
+/// Shortest time between two reads of the keys.
+const PAUSE: Duration = Duration::from_millis(50);
 /// Shortest time between two updates of the last use of a key, in milliseconds.
 const LAST_USE_INTERVAL: i64 = 60_000;
 
@@ -63,11 +66,19 @@ impl Keyring {
         self.holders_within(MAX_AGE).await
     }
 
-    /// The key with this id. A key that was made a moment ago is found too.
-    pub async fn holder(&self, id: &str) -> Result<Option<Arc<KeyHolder>>, Error> {
-        match self.holders().await?.get(id) {
-            Some(holder) => Ok(Some(Arc::clone(holder))),
-            None => Ok(self.holders_within(Duration::ZERO).await?.get(id).cloned()),
+    /// The key with this id and this digest. A key that was made a moment ago is found too. A wrong secret takes as long as an
+    /// unknown id, so the time does not tell which ids there are.
+    pub async fn holder_of(
+        &self,
+        id: &str,
+        digest: &[u8; 32],
+    ) -> Result<Option<Arc<KeyHolder>>, Error> {
+        let find = |holders: &Holders| {
+            holders.get(id).filter(|holder| holder.key.has_digest(digest)).cloned()
+        };
+        match find(&self.holders().await?) {
+            None => Ok(find(&self.holders_within(Duration::ZERO).await?)),
+            holder => Ok(holder),
         }
     }
 
@@ -83,6 +94,12 @@ impl Keyring {
         let _reading = self.reading.lock().await;
         if let Some(holders) = recent() {
             return Ok(holders);
+        }
+        // Anyone can send unknown keys. The callers that wait here share the next read.
+        let last =
+            self.read.read().unwrap_or_else(PoisonError::into_inner).as_ref().map(|(at, _)| *at);
+        if let Some(last) = last {
+            sleep_until((last + PAUSE).into()).await;
         }
         let at = Instant::now();
         let keys = self.store.access_keys().await?;

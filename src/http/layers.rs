@@ -24,6 +24,7 @@ use super::drain_body::drain_body;
 use super::evaluate;
 use super::metrics::Metrics;
 use super::problem::{self, Problem, kinds};
+use super::refusals::Refusals;
 use super::shares::{Permit, SMALL, Shares};
 use super::umbridge;
 use super::wire::length_of;
@@ -49,7 +50,8 @@ pub fn with_layers<S: Clone + Send + Sync + 'static>(
     shares: Arc<Shares>,
     origins: Origins,
 ) -> Router<S> {
-    let shared = Arc::new(Shared { gate, metrics, shares, cors: cors(&origins), origins });
+    let (cors, refusals) = (cors(&origins), Refusals::default());
+    let shared = Arc::new(Shared { gate, metrics, shares, refusals, origins, cors });
     routes.layer(layer_fn(move |route| Surrounded { route, shared: Arc::clone(&shared) }))
 }
 
@@ -80,15 +82,16 @@ struct Shared {
     gate: Arc<Gate>,
     metrics: Arc<Metrics>,
     shares: Arc<Shares>,
+    refusals: Refusals,
     origins: Origins,
     /// Lets web pages of the other origins read the answers, and answers their preflights.
     cors: Option<CorsLayer>,
 }
 
 /// Gives a request an id, refuses it if it comes from a foreign page, writes the problem of its answer, counts
-/// it and logs one line.
+/// it and logs one line. Of many refusals it logs some.
 async fn surround(shared: Arc<Shared>, mut request: Request, route: Route) -> Response {
-    let Shared { gate, metrics, shares, origins, cors } = &*shared;
+    let Shared { gate, metrics, shares, refusals, origins, cors } = &*shared;
     let started = Instant::now();
     let trace = Trace::read(request.headers());
     let Trace { id, parent } = trace.clone();
@@ -136,6 +139,7 @@ async fn surround(shared: Arc<Shared>, mut request: Request, route: Route) -> Re
         };
     }
     match (&error, status) {
+        (_, 400..) if !refusals.are_shown(status) => {}
         (Some(_), 503) => log!(warn),
         (Some(_), _) => log!(error),
         // In UM-Bridge, an output without a value is an error of the model.

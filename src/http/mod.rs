@@ -34,6 +34,7 @@ mod openapi;
 mod pieces;
 mod problem;
 mod process;
+mod refusals;
 mod representation;
 mod results;
 mod routes;

@@ -2,14 +2,15 @@
 
 use std::error::Error as StdError;
 use std::io::{self, Write as _};
-use std::mem;
 use std::sync::Arc;
 use std::thread;
+use std::{iter, mem};
 
 use axum::body::{Body as AnswerBody, Bytes};
 use axum::http::header::{self, HeaderName};
 use axum::http::{HeaderMap, HeaderValue, StatusCode};
 use axum::response::{IntoResponse, Response};
+use serde_json::Value;
 use tokio::sync::oneshot;
 use tokio::task;
 use tokio::time::Instant;
@@ -204,12 +205,32 @@ impl Representation {
         let growth = if is_whole { self.growth() } else { 1 };
         let need = Need { bytes: (1 + growth) * size, maker: true };
         if !reserved.suffices(need) {
+            self.refuse_missing_cycles(app).await?;
             return Ok(Source::Needs(need));
         }
         match large_json(app, &self.key).await? {
             Some(json) => Ok(Source::Json(json)),
             None => Err(self.missing(app).await?),
         }
+    }
+
+    /// Refuses output cycles that the result cannot have, before a large result is read. Its scenario has all of them, except
+    /// 0 and the last one of a run that ended early. A run for energies finds its cycles itself.
+    async fn refuse_missing_cycles(&self, app: &App) -> Result<(), Problem> {
+        if self.view.cycles.is_none() {
+            return Ok(());
+        }
+        let Some(known) = app.service.known(&self.key).await? else { return Ok(()) };
+        let Some(asked) = known.asked.value["cycles"].as_array() else { return Ok(()) };
+        let last = &known.summary["cycles"];
+        let given = asked.iter().chain([last]).filter_map(Value::as_f64);
+        let mut cycles: Vec<f64> = iter::once(0.0).chain(given).collect();
+        cycles.dedup();
+        let missing = format::missing_cycles(&self.view, &cycles);
+        if missing.is_empty() {
+            return Ok(());
+        }
+        Err(refused(&self.key, format::Error::Missing(missing)))
     }
 
     /// The problem for a result that is not stored.

@@ -391,7 +391,7 @@ pub async fn table(
 /// curve leaves the frame.
 ///
 /// A study has other figures. A sweep of a grid is a family of curves, or a heat map with contour lines if two numbers
-/// have more than 7 values each. Drawn values are a scatter plot, with the median and percentiles in bins. A map has its
+/// have more than 7 values each. Drawn values are a scatter plot with the median in bins, and with percentiles where several points share each value. A map has its
 /// regimes with the boundary of gross slip; with `output` it is a heat map. A study of sensitivity has bars of its
 /// indices with their intervals. Numbers that are not on an axis have the middle one of their values. Rows without the
 /// output are gaps.

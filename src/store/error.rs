@@ -81,6 +81,15 @@ pub enum Error {
     /// The disk is full.
     #[error("no space is left for the database")]
     Full(#[source] Arc<sqlx::Error>),
+    /// The server has this file open, but another one or none has its name now.
+    #[error(
+        "{} was deleted, moved or replaced while the server uses it; end the server by SIGTERM, which saves what it has \
+         acknowledged, and put the files back before its next start", path.display()
+    )]
+    Moved {
+        /// The file.
+        path: PathBuf,
+    },
     /// Another process locked the database for longer than the timeout.
     #[error("the database is busy")]
     Busy(#[source] Arc<sqlx::Error>),

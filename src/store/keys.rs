@@ -69,10 +69,10 @@ impl AccessKey {
         })
     }
 
-    /// Whether `presented` is this key. The comparison takes constant time.
+    /// Whether this is the digest of the key. The comparison takes constant time.
     #[must_use]
-    pub fn is(&self, presented: &str) -> bool {
-        digest(presented).ct_eq(&*self.digest).into()
+    pub fn has_digest(&self, digest: &[u8; 32]) -> bool {
+        digest.ct_eq(&*self.digest).into()
     }
 
     /// Whether both are equal apart from the time of last use.

@@ -1,5 +1,6 @@
 //! Settings of the store.
 
+use std::path::PathBuf;
 use std::time::Duration;
 
 /// Settings of the store.
@@ -17,6 +18,8 @@ pub struct Options {
     /// Bytes of results that one owner may pin. If there is a budget, all owners together may pin half of it, so that
     /// there is room for new results.
     pub pin_quota: u64,
+    /// A directory on the disk of a shared database, whose free space is a metric.
+    pub disk: Option<PathBuf>,
     /// How long the work of a server of several is its own after the server was last heard of. Others take it over then.
     pub lease: Duration,
 }
@@ -29,6 +32,7 @@ impl Default for Options {
             keep_jobs: None,
             budget: None,
             pin_quota: 1 << 30,
+            disk: None,
             lease: Duration::from_secs(30),
         }
     }

@@ -48,6 +48,38 @@ impl fmt::Display for Place {
 #[derive(Clone)]
 pub struct DatabaseUrl(Box<PgConnectOptions>);
 
+/// The options that sqlx knows; it only warns of others, and shows their values.
+const OPTIONS: [&str; 18] = [
+    "host",
+    "hostaddr",
+    "port",
+    "dbname",
+    "user",
+    "password",
+    "application_name",
+    "options",
+    "sslmode",
+    "ssl-mode",
+    "sslrootcert",
+    "ssl-root-cert",
+    "ssl-ca",
+    "sslcert",
+    "ssl-cert",
+    "sslkey",
+    "ssl-key",
+    "statement-cache-capacity",
+];
+
+/// The place of the first option of an address that does not exist, from 1.
+fn unknown_option(url: &str) -> Option<usize> {
+    let (_, query) = url.split_once('?')?;
+    let query = query.split_once('#').map_or(query, |(query, _)| query);
+    let is_known =
+        |name: &str| OPTIONS.contains(&name) || name.starts_with("options[") && name.ends_with(']');
+    let mut names = form_urlencoded::parse(query.as_bytes()).map(|(name, _)| name);
+    names.position(|name| !is_known(&name)).map(|place| place + 1)
+}
+
 impl FromStr for DatabaseUrl {
     type Err = String;
 
@@ -55,8 +87,18 @@ impl FromStr for DatabaseUrl {
         if !url.starts_with("postgres://") && !url.starts_with("postgresql://") {
             return Err("must begin with postgres://".to_owned());
         }
-        let options: PgConnectOptions =
-            url.parse().map_err(|error: sqlx::Error| error.to_string())?;
+        // No error repeats a part of the address, not even the name of an option: a password may contain & and ?.
+        if let Some(place) = unknown_option(url) {
+            let options = OPTIONS.join(", ");
+            return Err(format!(
+                "option {place} of the address is misspelt; the options are {options}"
+            ));
+        }
+        let options: PgConnectOptions = url.parse().map_err(|_| {
+            "must be like postgres://user:password@host:5432/name; a part of it cannot be read. Encode special \
+             characters in it, such as @ as %40"
+                .to_owned()
+        })?;
         Ok(Self(Box::new(options.disable_statement_logging())))
     }
 }
@@ -122,5 +164,31 @@ mod tests {
         assert_eq!(format!("{url} {url:?}").matches("secret").count(), 0);
         assert_eq!(url.to_string(), "the database wear on db.example:5432");
         assert!("mysql://db.example/wear".parse::<DatabaseUrl>().is_err());
+    }
+
+    #[test]
+    fn a_misspelt_option_is_an_error_that_shows_no_value() {
+        let fault = |url: &str| url.parse::<DatabaseUrl>().unwrap_err();
+        let base = "postgres://ada:secret@db.example/wear";
+        let misspelt = fault(&format!("{base}?host=/run&pasword=secret&x=secret"));
+        assert!(misspelt.starts_with("option 2 of the address is misspelt"), "{misspelt}");
+        for bad in [
+            "?pasword=secret",
+            "?password=a&secret",
+            "?sslmode=secret",
+            "?port=secret",
+            "?hostaddr=secret",
+            "?options[secret=1",
+            ":secret/",
+        ] {
+            let text = fault(&if bad.starts_with('?') {
+                format!("{base}{bad}")
+            } else {
+                bad.replace(':', "postgres://a:b:")
+            });
+            assert!(!text.contains("secret"), "{text}");
+        }
+        let good = "?host=/run&options[search_path]=wear&statement-cache-capacity=0";
+        assert!(format!("{base}{good}").parse::<DatabaseUrl>().is_ok());
     }
 }

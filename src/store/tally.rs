@@ -46,6 +46,7 @@ pub struct Tally {
     seconds: Histogram,
     recomputes: Counters,
     evicted: Counter,
+    lost: Gauge,
     errors: Counters,
     queued: Gauge,
     working: Gauge,
@@ -63,7 +64,8 @@ impl Default for Tally {
             seconds: Histogram::new(exponential_buckets(1e-3, 4.0, 11)),
             recomputes: counters("result", Recomputed::ALL.map(Recomputed::as_str)),
             evicted: Counter::default(),
-            errors: counters("kind", ["busy", "damaged", "full", "other"]),
+            lost: Gauge::default(),
+            errors: counters("kind", ["busy", "damaged", "full", "moved", "other"]),
             queued: Gauge::default(),
             working: Gauge::default(),
             bytes: Gauge::default(),
@@ -85,12 +87,14 @@ impl Tally {
             ),
             (
                 "store_errors",
-                "Errors of the database; full means that the disk is full",
+                "Errors of the database; full means that the disk is full, moved that its files are gone",
                 &self.errors,
             ),
         ] {
             registry.register(name, help, counters.clone());
         }
+        let help = "Acknowledged commits that were missing at the start";
+        registry.register("lost_commits", help, self.lost.clone());
         let help = "Results that were evicted to free space";
         registry.register("results_evicted", help, self.evicted.clone());
         registry.register("queued_runs", "Runs that wait for a worker", self.queued.clone());
@@ -126,7 +130,8 @@ impl Tally {
     pub(super) fn settled(&self, ending: Ending, milliseconds: Option<i64>) {
         count(&self.runs, "outcome", ending.as_str());
         if let Some(milliseconds) = milliseconds {
-            let seconds = milliseconds as f64 / 1e3;
+            // The clock may have been set back during the run.
+            let seconds = milliseconds.max(0) as f64 / 1e3;
             self.seconds.observe(seconds);
             let usual = self.usual.get();
             self.usual.set(if usual > 0.0 { usual + 0.1 * (seconds - usual) } else { seconds });
@@ -135,6 +140,11 @@ impl Tally {
 
     pub(super) fn recomputed(&self, how: Recomputed) {
         count(&self.recomputes, "result", how.as_str());
+    }
+
+    /// This many acknowledged commits were missing at the start.
+    pub(super) fn has_lost(&self, commits: u64) {
+        self.lost.set(commits.cast_signed());
     }
 
     pub(super) fn evicted(&self) {
@@ -146,6 +156,7 @@ impl Tally {
             Error::Full(_) => "full",
             Error::Busy(_) | Error::Unreachable(_) | Error::Exhausted => "busy",
             Error::Damaged(_) | Error::DamagedResult(_) | Error::DamagedChunk { .. } => "damaged",
+            Error::Moved { .. } => "moved",
             Error::Closed | Error::JobExists(_) => return,
             _ => "other",
         };

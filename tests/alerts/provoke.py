@@ -143,6 +143,72 @@ def full(data):
     return samples
 
 
+def fill(address):
+    """Fills the disk of a database, up to the last page."""
+    create = "CREATE TABLE filler (bytes TEXT); ALTER TABLE filler ALTER COLUMN bytes SET STORAGE PLAIN"
+    execute = lambda words: subprocess.run(["psql", "--quiet", address, "--command", words], stderr=subprocess.DEVNULL).returncode == 0
+    assert execute(create)
+    for pages in (256, 1):
+        while execute(f"INSERT INTO filler SELECT repeat('x', 8000) FROM generate_series(1, {pages})"):
+            pass
+
+
+def full_on_postgres():
+    """A server whose PostgreSQL has a full disk: before and after. None if the system permits no mount."""
+    if os.geteuid() != 0 or subprocess.run(["unshare", "--mount", "true"], capture_output=True).returncode:
+        return None
+    command = [PROJECT / "tests/postgres", "--disk", "32m"]
+    database = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    try:
+        address = database.stdout.readline().strip()
+        place = address.split("host=")[1]
+        for words in (f"CREATE TABLESPACE small LOCATION '{place}/small'", "CREATE DATABASE team TABLESPACE small"):
+            subprocess.run(["psql", "--quiet", address, "--command", words], check=True)
+        team = address.replace("/postgres?", "/team?")
+        [postgres] = subprocess.run(["pgrep", "-P", str(database.pid), "postgres"], capture_output=True, text=True).stdout.split()
+        disk = f"/proc/{postgres}/root{place}/small"
+        server = Server("--database", team, "--database-disk", disk, instance="front")
+        before = server.scrape()
+        fill(team)
+        statuses = set()
+        for friction in range(1, 100):
+            body = {"scenario": BALL["scenario"] | {"friction": friction / 1000}}
+            statuses.add(server.send("POST", "/v1/jobs", body)[0])
+        assert 507 in statuses and server.send("GET", "/readyz")[0] == 503, statuses
+        after = server.scrape()
+        free = [float(samples['fretwork_disk_free_bytes{job="fretwork",instance="front"}']) for samples in (before, after)]
+        assert free[0] > free[1] + 1e6, free
+        return after
+    finally:
+        for server in Server.started:
+            server.kill()
+        database.communicate("")
+
+
+def without_its_log(data):
+    """The metrics after a start without the log, which a kill has left."""
+    server = Server("--data-dir", data)
+    for friction in range(1, 10):
+        server.submit({"scenario": BALL["scenario"] | {"friction": friction / 1000}})
+    server.kill()
+    os.remove(f"{data}/fretwork.db-wal")
+    server = Server("--data-dir", data)
+    samples = server.scrape()
+    server.kill()
+    return samples
+
+
+def moved(data):
+    """The metrics after the database was moved."""
+    server = Server("--data-dir", data)
+    os.rename(f"{data}/fretwork.db", f"{data}/moved.db")
+    status, _ = server.send("GET", "/readyz")
+    assert status == 503, status
+    samples = server.scrape()
+    server.kill()
+    return samples
+
+
 def restarted(data):
     """The metrics after four starts. The database has no backup."""
     phases = []
@@ -242,13 +308,23 @@ def main():
             rule_test("several servers", shared, 12),
             board_test(shared, 12),
             rule_test("starts", [(samples, set()) for samples in starts[:3]] + [(starts[3], {"FretworkRestarts"})], 12),
+            rule_test("no log", [(healthy, set()), (without_its_log(data("three")), {"FretworkCommitsLost"})]),
+            rule_test("moved database", [(healthy, set()), (moved(data("four")), {"FretworkFilesMoved"})]),
             rule_test("no backup", [(healthy, set()), (starts[0], {"FretworkBackupOld"})], 3000),
         ]
-        provoked = troubles | {"FretworkDown", "FretworkRestarts", "FretworkBackupOld", "FretworkNoWorker"}
+        provoked = troubles | {
+            "FretworkDown", "FretworkRestarts", "FretworkBackupOld", "FretworkNoWorker", "FretworkCommitsLost", "FretworkFilesMoved",
+        }
         disk = {"FretworkDiskFillsUp", "FretworkDiskFull"}
-        if samples := full(data("full")):
-            tests.append(rule_test("full disk", [(healthy, set()), (samples, disk)]))
-        else:
+        tests += [
+            rule_test(name, [(before, set()), (samples, disk)])
+            for name, before, samples in [
+                ("full disk", healthy, full(data("full"))),
+                ("full disk of PostgreSQL", with_workers[0], full_on_postgres()),
+            ]
+            if samples
+        ]
+        if len(tests) < 9:
             print("not provoked: the alerts of a full disk, because this system permits no mount", file=sys.stderr)
         rules = set(re.findall(r"- alert: (\w+)", RULES.read_text()))
         assert rules == provoked | disk, rules ^ (provoked | disk)

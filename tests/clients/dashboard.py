@@ -130,6 +130,15 @@ def run_steel_ball(browser):
     page.fill("#json", json.dumps({**scenario, "friction": 0.65}))
     expect(page.locator("#friction")).to_have_value("0.65")
     expect(page.locator("#label")).to_have_value("Ball on Monday")
+    # While the JSON is invalid, Run would submit an earlier scenario.
+    page.fill("#json", '{"friction": ')
+    expect(page.locator("#json-fault")).to_contain_text("Invalid JSON")
+    expect(page.locator("button.primary")).to_be_disabled()
+    page.wait_for_timeout(500)
+    expect(page.locator("button.primary")).to_be_disabled()
+    page.fill("#friction", "0.6")
+    expect(page.locator("#json-fault")).to_have_text("")
+    expect(page.locator("button.primary")).to_be_enabled()
     page.fill("#json", json.dumps(scenario))
     expect(page.locator("button.primary")).to_be_enabled()
     # The address restores the form.

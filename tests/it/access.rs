@@ -1,6 +1,7 @@
 //! Access control: keys, roles, owners, links and limits.
 
 use std::fmt::Write as _;
+use std::fs::{self, File};
 use std::io::{BufRead as _, BufReader};
 use std::num::NonZeroU32;
 use std::path::Path;
@@ -16,7 +17,7 @@ use tempfile::TempDir;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::TcpStream;
 
-use crate::program::{Running, fails, run, serve_by};
+use crate::program::{Running, fails, fretwork, run, serve_by};
 use crate::server::{
     Gate, JSON, Reply, Server, answer, assert_yields, ball, send, steel_ball, yielding_ball,
 };
@@ -1035,4 +1036,56 @@ async fn the_dashboard_is_public_and_contains_no_data() {
     assert!(seen.len() > 15, "{seen:?}");
     server.get("/assets/no-such-file.js").await.problem(404, "not-found");
     server.send("POST", "/assets/main.js", &[JSON], "").await.problem(401, "unauthorized");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn all_refusals_are_counted_and_the_log_shows_some_of_them() {
+    const COUNT: usize = 500;
+    let dir = TempDir::new().unwrap();
+    let log = dir.path().join("log");
+    let mut command = fretwork(&["--log", "info"]);
+    command.env("FRETWORK_ADMIN_KEY", MASTER).stderr(File::create(&log).unwrap());
+    let (_process, address) = serve_by(command, dir.path());
+    let address = address.strip_prefix("http://").unwrap().parse().unwrap();
+    for number in 0..COUNT {
+        let (origin, status) =
+            if number % 2 == 0 { ("https://evil.example", 403) } else { ("http://localhost", 401) };
+        let headers = [("Origin", origin)];
+        let refused = send(address, "POST", "/v1/jobs", &headers, "").await.unwrap();
+        assert_eq!(refused.status, status);
+    }
+    let lines = fs::read_to_string(&log).unwrap();
+    let shown = |status: u16| {
+        lines.lines().filter(|line| line.contains(&format!("status={status} milliseconds"))).count()
+    };
+    assert_eq!((shown(401), shown(403)), (60, 60), "{lines}");
+    // Each status has a line that says that there are more.
+    assert_eq!(lines.matches("the metrics count them").count(), 2, "{lines}");
+    let bearer = format!("Bearer {MASTER}");
+    let metrics =
+        send(address, "GET", "/metrics", &[("Authorization", &bearer)], "").await.unwrap();
+    let counted =
+        metrics.text().lines().filter(|line| line.starts_with("fretwork_http_requests_total"));
+    let counted: f64 =
+        counted.map(|line| line.rsplit_once(' ').unwrap().1.parse::<f64>().unwrap()).sum();
+    assert_eq!(counted, COUNT as f64);
+}
+
+#[tokio::test]
+async fn a_refusal_takes_as_long_for_a_known_id_as_for_an_unknown_one() {
+    let server = server(Limits::default()).await;
+    let known = made(server.place(), "anna", Role::Read).await;
+    assert_eq!(get(&server, &known, "/v1/jobs").await.status, 200);
+    let wrong = format!("{}{}", &known[..known.len() - 8], "00000000");
+    let unknown = format!("fretwork_00000000_{}", "0".repeat(40));
+    let mut times = [Duration::ZERO; 2];
+    for _ in 0..10 {
+        for (time, key) in times.iter_mut().zip([&wrong, &unknown]) {
+            let begun = Instant::now();
+            assert_eq!(get(&server, key, "/v1/jobs").await.status, 401);
+            *time += begun.elapsed();
+        }
+    }
+    let ratio = times[0].as_secs_f64() / times[1].as_secs_f64();
+    assert!((0.8..1.25).contains(&ratio), "{times:?}");
 }

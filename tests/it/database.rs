@@ -153,11 +153,15 @@ impl Database {
     }
 
     /// The address in PostgreSQL.
-    pub fn url(&self) -> DatabaseUrl {
+    pub fn address(&self) -> String {
         match self {
             Self::Sqlite(_) => panic!("SQLite has no address"),
-            Self::Postgres(shared) => address(&shared.name).parse().unwrap(),
+            Self::Postgres(shared) => address(&shared.name),
         }
+    }
+
+    pub fn url(&self) -> DatabaseUrl {
+        self.address().parse().unwrap()
     }
 
     /// The database as it would be if the server that has opened it crashed now. The leases of its workers are over, as if

@@ -11,13 +11,16 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
+use sqlx::{AssertSqlSafe, Connection as _, Executor as _, PgConnection};
 use tempfile::TempDir;
 use tokio::sync::watch;
 use tokio::task::JoinSet;
 
+use crate::database::Cluster;
 use crate::faults::{fill, mounting};
 use crate::kill::{Dice, Program, id};
-use crate::server::{JSON, Server, ball, send};
+use crate::program::fretwork;
+use crate::server::{JSON, Server, ball, metric, send};
 use crate::store::raw;
 
 /// `/readyz` must tell within this time, and the service must resume within it.
@@ -149,6 +152,128 @@ async fn full_disks_at_random_moments_lose_no_acknowledged_job() {
         assert!(matches!(job["state"].as_str().unwrap(), "succeeded" | "running"), "{job}");
     }
     server.end();
+}
+
+/// Fills the disk of a database, up to the last page.
+async fn fill_database(db: &mut PgConnection) {
+    let create =
+        "CREATE TABLE filler (bytes TEXT); ALTER TABLE filler ALTER COLUMN bytes SET STORAGE PLAIN";
+    sqlx::raw_sql(create).execute(&mut *db).await.unwrap();
+    for pages in [256, 1] {
+        let insert = "INSERT INTO filler SELECT repeat('x', 8000) FROM generate_series(1, $1)";
+        while sqlx::query(insert).bind(pages).execute(&mut *db).await.is_ok() {}
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn readyz_tells_that_the_disk_of_postgresql_is_full() {
+    let dir = TempDir::new().unwrap();
+    // The server of PostgreSQL does not run as root, and so in no namespace of an unprivileged user.
+    let is_root = rustix::process::geteuid().is_root();
+    if !is_root || mounting("mount -t tmpfs tmpfs \"$0\"", dir.path()).is_none() {
+        return;
+    }
+    let cluster = Cluster::start(&["--disk", "32m"]);
+    let place = cluster.address().split_once("host=").unwrap().1;
+    let mut db = PgConnection::connect(cluster.address()).await.unwrap();
+    for create in [
+        format!("CREATE TABLESPACE small LOCATION '{place}/small'"),
+        "CREATE DATABASE team TABLESPACE small".to_owned(),
+    ] {
+        db.execute(AssertSqlSafe(create)).await.unwrap();
+    }
+    let team = cluster.address().replace("/postgres?", "/team?");
+    let mut db = PgConnection::connect(&team).await.unwrap();
+    let mut command = fretwork(&["--workers", "1", "--memory-cache", "0"]);
+    command.env("FRETWORK_DATABASE", &team).env("FRETWORK_DATABASE_DISK", dir.path());
+    let server = Program::start_by(command, dir.path());
+    assert_eq!(server.get("/readyz").await.status, 200);
+
+    fill_database(&mut db).await;
+    let begun = Instant::now();
+    let mut refused = 0;
+    for number in 0..40 {
+        let body = ball(1.0 + f64::from(number) * 1e-3).to_string();
+        let reply = send(server.address, "POST", "/v1/jobs", &[JSON], body).await.unwrap();
+        refused += u32::from(reply.status == 507);
+    }
+    assert!(refused > 0, "the disk is not full");
+    within_bound("a /readyz that tells", async || server.get("/readyz").await.status == 503).await;
+    println!("{refused} of 40 submissions are refused; /readyz tells after {:?}", begun.elapsed());
+    let problem = server.get("/readyz").await.problem(503, "not-ready");
+    assert!(problem["detail"].as_str().unwrap().contains("no space is left"), "{problem}");
+    let full = "fretwork_store_errors_total{kind=\"full\"}";
+    assert!(metric(server.address, full).await >= f64::from(refused));
+    // That of the directory which the settings name.
+    assert!(metric(server.address, "fretwork_disk_free_bytes").await > 0.0);
+
+    db.execute("DROP TABLE filler").await.unwrap();
+    within_bound("a /readyz that is ready", async || server.get("/readyz").await.status == 200)
+        .await;
+    server.end();
+}
+
+/// A change in a data directory, by its path.
+type Change = fn(&Path);
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_server_stops_writing_when_a_file_of_its_database_is_gone() {
+    let changes: [(&str, Change, Change); 5] = [
+        ("unlinked log", |dir| fs::remove_file(dir.join("fretwork.db-wal")).unwrap(), |_| ()),
+        ("unlinked index", |dir| fs::remove_file(dir.join("fretwork.db-shm")).unwrap(), |_| ()),
+        (
+            "moved database",
+            |dir| fs::rename(dir.join("fretwork.db"), dir.join("moved")).unwrap(),
+            |dir| fs::rename(dir.join("moved"), dir.join("fretwork.db")).unwrap(),
+        ),
+        (
+            "replaced database",
+            |dir| {
+                fs::copy(dir.join("fretwork.db"), dir.join("copy")).unwrap();
+                fs::rename(dir.join("fretwork.db"), dir.join("moved")).unwrap();
+                fs::rename(dir.join("copy"), dir.join("fretwork.db")).unwrap();
+            },
+            |dir| fs::rename(dir.join("moved"), dir.join("fretwork.db")).unwrap(),
+        ),
+        (
+            "moved directory",
+            |dir| fs::rename(dir, dir.with_extension("moved")).unwrap(),
+            |dir| fs::rename(dir.with_extension("moved"), dir).unwrap(),
+        ),
+    ];
+    for (what, change, back) in changes {
+        let parent = TempDir::new().unwrap();
+        let dir = parent.path().join("data");
+        // The worker cannot store what it computes, and gives up early.
+        let command = fretwork(&["--workers", "1", "--drain-seconds", "1"]);
+        let server = Program::start_by(command, &dir);
+        let mut acknowledged = Vec::new();
+        for number in 0..20 {
+            let body = ball(1.0 + f64::from(number) * 1e-3).to_string();
+            let reply = send(server.address, "POST", "/v1/jobs", &[JSON], body).await.unwrap();
+            assert_eq!(reply.status, 202, "{}", reply.text());
+            acknowledged.push(id(&reply.json()));
+        }
+        change(&dir);
+        let begun = Instant::now();
+        within_bound(what, async || server.get("/readyz").await.status == 503).await;
+        println!("{what}: /readyz tells after {:?}", begun.elapsed());
+        let problem = server.get("/readyz").await.problem(503, "not-ready");
+        assert!(problem["detail"].as_str().unwrap().contains("moved or replaced"), "{problem}");
+        let reply = send(server.address, "POST", "/v1/jobs", &[JSON], ball(9.0).to_string()).await;
+        reply.unwrap().problem(503, "not-ready");
+        assert!(metric(server.address, "fretwork_store_errors_total{kind=\"moved\"}").await >= 2.0);
+
+        // Its end saves what it has acknowledged.
+        server.end();
+        back(&dir);
+        let server = Program::start(&dir, "1");
+        for id in acknowledged {
+            assert_eq!(server.ended(&id).await["state"], "succeeded", "{what}");
+        }
+        assert_eq!(metric(server.address, "fretwork_lost_commits").await, 0.0, "{what}");
+        server.end();
+    }
 }
 
 #[tokio::test]

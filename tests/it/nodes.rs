@@ -1,18 +1,20 @@
 //! Several servers share one database of PostgreSQL.
 
+use std::fs::{self, Permissions};
 use std::io::{BufRead as _, BufReader};
+use std::os::unix::fs::PermissionsExt as _;
 use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
 use fretwork::job::{Cost, FailureKind, JobState, Origin};
 use fretwork::store::{
-    Actor, Canceled, Claimed, Finish, NewJob, Options, Piece, Recovered, Repeatable, Store,
+    Actor, Canceled, Claimed, Error, Finish, NewJob, Options, Piece, Recovered, Repeatable, Store,
     Submitted,
 };
 use serde_json::{Value, json};
 use sqlx::{Connection as _, PgConnection};
-use tempfile::TempDir;
+use tempfile::{NamedTempFile, TempDir};
 use tokio::task::JoinSet;
 use tokio::time::{sleep, timeout};
 
@@ -192,6 +194,95 @@ async fn a_lease_that_is_not_renewed_is_taken_away_and_its_worker_changes_nothin
     let late = zombie.finish(&claimed, &answer("late"), Cost::ZERO).await.unwrap();
     assert_eq!(late, Finish::Refused);
     assert_eq!(other.finish(&second, &answer("a"), Cost::ZERO).await.unwrap(), Finish::Stored);
+}
+
+/// Sets the clock of a database ahead by a number of seconds, or back. The service reads it only by this function.
+async fn set_clock(db: &mut PgConnection, ahead: i64) {
+    let change = format!(
+        "CREATE OR REPLACE FUNCTION moment() RETURNS BIGINT LANGUAGE sql STABLE
+             RETURN (extract(epoch FROM now()) * 1000)::BIGINT + {}",
+        1000 * ahead
+    );
+    sqlx::raw_sql(sqlx::AssertSqlSafe(change)).execute(db).await.unwrap();
+}
+
+/// An hour and a day, in seconds.
+const STEPS: [i64; 6] = [3600, 3600, 86_400, -3600, -86_400, 86_400];
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn steps_of_the_clock_of_the_database_take_no_lease_of_a_living_node() {
+    let db = Database::new(Engine::Postgres);
+    let lease = Options { lease: Duration::from_secs(1), ..Options::default() };
+    let (worker, other) = (db.open_with(&lease).await, db.open_with(&lease).await);
+    let submitted = accepted(other.submit(new_job(1)).await);
+    let claimed = claim(&worker).await;
+    let mut raw = PgConnection::connect(&db.address()).await.unwrap();
+    let mut ahead = 0;
+    for step in STEPS {
+        // The other server could take leases before the step.
+        sleep(Duration::from_millis(800)).await;
+        ahead += step;
+        set_clock(&mut raw, ahead).await;
+        sleep(Duration::from_millis(1200)).await;
+        let now = job(&other, submitted.id).await;
+        assert_eq!((now.state, now.attempt), (JobState::Running, 1), "a step of {step} s");
+    }
+    assert_eq!(worker.finish(&claimed, &answer("a"), Cost::ZERO).await.unwrap(), Finish::Stored);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn the_lease_of_a_dead_node_ends_after_a_step_of_the_clock_in_each_direction() {
+    let db = Database::new(Engine::Postgres);
+    let lease = Options { lease: Duration::from_secs(1), ..Options::default() };
+    let other = db.open_with(&lease).await;
+    let mut raw = PgConnection::connect(&db.address()).await.unwrap();
+    for (number, ahead) in (1..).zip([-3600, -90_000, 3600, 0]) {
+        let dying = db.open_with(&lease).await;
+        let submitted = accepted(dying.submit(new_job(number)).await);
+        claim(&dying).await;
+        dying.close().await;
+        set_clock(&mut raw, ahead).await;
+        let stepped = Instant::now();
+        eventually(async || job(&other, submitted.id).await.state == JobState::Queued).await;
+        // Lease and margin take 1.2 s. The rest is for a slow machine.
+        assert!(stepped.elapsed() < Duration::from_secs(4), "{:?}", stepped.elapsed());
+        let again = claim(&other).await;
+        assert_eq!(again.key, key(number));
+        other.finish(&again, &answer("a"), Cost::ZERO).await.unwrap();
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_server_with_a_shorter_lease_leaves_longer_ones_alone() {
+    let db = Database::new(Engine::Postgres);
+    let lease = |seconds| Options { lease: Duration::from_secs(seconds), ..Options::default() };
+    let (worker, other) = (db.open_with(&lease(30)).await, db.open_with(&lease(1)).await);
+    let submitted = accepted(worker.submit(new_job(1)).await);
+    claim(&worker).await;
+    assert_eq!(other.recover().await.unwrap(), Recovered::default());
+    assert_eq!(job(&other, submitted.id).await.state, JobState::Running);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_server_runs_beside_a_later_one_until_the_tables_require_the_later_one() {
+    let (db, [store]) = servers().await;
+    let later =
+        "INSERT INTO _sqlx_migrations (version, description, success, checksum, execution_time)
+        VALUES (99, 'later', TRUE, '', 0)";
+    db.execute(later).await;
+    let beside = db.open().await;
+    let submitted = accepted(beside.submit(new_job(1)).await);
+    let claimed = claim(&store).await;
+
+    db.execute("UPDATE upkeep SET oldest = 99").await;
+    let refuses = |error: Error| matches!(error, Error::Newer { found: 99, .. });
+    eventually(async || store.probe().await.is_err_and(refuses)).await;
+    assert!(store.submit(new_job(2)).await.is_err_and(refuses));
+    assert!(store.finish(&claimed, &answer("a"), Cost::ZERO).await.is_err_and(refuses));
+    assert_eq!(job(&store, submitted.id).await.state, JobState::Running);
+    let started = Store::open(db.url(), &Options::default()).await;
+    let text = started.unwrap_err().to_string();
+    assert!(text.contains("was written by a later version"), "{text}");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -449,6 +540,64 @@ async fn no_lease_is_lost_while_the_database_does_not_answer() {
     assert_eq!(count().await, 1, "the worker has renewed its lease");
     let job = front.get(&format!("/v1/jobs/{job}")).await.json();
     assert_eq!((&job["state"], &job["attempt"]), (&json!("running"), &json!(1)), "{job}");
+}
+
+/// A scenario of some seconds that no other round has.
+fn slow(round: u32, number: u32) -> Value {
+    let mut body = blocks(12);
+    body["scenario"]["friction"] = json!(0.5 + 1e-6 * f64::from(2 * round + number));
+    body
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn every_run_ends_in_time_after_a_step_of_the_clock_of_the_database() {
+    // A lease of 1 s and its margin.
+    const TAKEN: Duration = Duration::from_millis(1200);
+    let is_long = std::env::var_os("FRETWORK_TEST_LONG").is_some();
+    let file = NamedTempFile::new().unwrap();
+    fs::set_permissions(file.path(), Permissions::from_mode(0o644)).unwrap();
+    fs::write(file.path(), "+0").unwrap();
+    // PostgreSQL with the clock of the file takes a package to install, and is slow.
+    let options = ["--clock", file.path().to_str().unwrap()];
+    let cluster = Cluster::start(if is_long { &options } else { &[] });
+    let dir = TempDir::new().unwrap();
+    let front = front(&cluster, &dir);
+    let mut living = worker(&cluster);
+    let begun = Instant::now();
+    results(&front, submit_all(&front, vec![slow(0, 0)]).await).await;
+    let own = begun.elapsed();
+
+    let mut db = PgConnection::connect(cluster.address()).await.unwrap();
+    let mut ahead = 0;
+    for (round, step) in (1..).zip(if is_long { &STEPS[..] } else { &STEPS[2..5] }) {
+        let dying = worker(&cluster);
+        let ids = submit_all(&front, vec![slow(round, 0), slow(round, 1)]).await;
+        let running = "SELECT count(*) FROM run WHERE state = 'running'";
+        while sqlx::query_scalar::<_, i64>(running).fetch_one(&mut db).await.unwrap() < 2 {
+            sleep(Duration::from_millis(5)).await;
+        }
+        // The other servers are in contact with the database for as long as they need to take leases away.
+        sleep(Duration::from_millis(600)).await;
+        drop(dying);
+        let third = worker(&cluster);
+        ahead += step;
+        if is_long {
+            fs::write(file.path(), format!("{ahead:+}")).unwrap();
+        } else {
+            set_clock(&mut db, ahead).await;
+        }
+        let stepped = Instant::now();
+        results(&front, ids).await;
+        let took = stepped.elapsed();
+        println!("{step:+} s: all runs ended after {took:.1?}, of which a run takes {own:.1?}");
+        assert!(took < TAKEN + 3 * own, "{took:?}");
+        let attempts =
+            "SELECT sum(attempt)::BIGINT FROM run WHERE id > (SELECT max(id) - 2 FROM run)";
+        let attempts: i64 = sqlx::query_scalar(attempts).fetch_one(&mut db).await.unwrap();
+        assert_eq!(attempts, 3, "only the run of the dead worker starts again");
+        living = third;
+    }
+    drop(living);
 }
 
 /// Waits until a server says that a job is canceled, for a second.

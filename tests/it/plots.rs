@@ -3,12 +3,15 @@
 
 use std::fs;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use fretwork::format::{self, Error, FigureOptions, Format, Part, QUANTITIES, Quantity, View};
-use fretwork::http;
-use fretwork::job::{Step, Submission};
+use fretwork::http::{self, Settings};
+use fretwork::job::{Step, Submission, Task};
+use fretwork::store::Options;
 use roxmltree::{Document, Node};
 use serde_json::{Value, json};
+use sqlx::Executor as _;
 use tempfile::TempDir;
 
 use crate::figures::legible;
@@ -50,6 +53,33 @@ fn cone(profiles_at: &Value) -> Value {
         "cycles": {"from": 100, "to": 100_000, "count": 13, "spacing": "log"},
         "profiles_at": profiles_at,
     }})
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn missing_cycles_of_a_large_result_are_refused_before_it_is_read() {
+    let settings = Settings { memory: 0, ..Settings::default() };
+    let server = Server::with(Arc::new(Task::start), &settings, &Options::default()).await;
+    let mut body = cone(&json!("all"));
+    body["scenario"]["model"] = json!({"method": "simplified", "points": 4096});
+    let job = server.compute(&body).await.json();
+    let result = job["links"]["result"].as_str().unwrap();
+    // A body of zeros cannot be read.
+    let damage = "UPDATE result_blob SET body = zeroblob(length(body))";
+    crate::store::raw(server.dir.path()).await.execute(damage).await.unwrap();
+    for (cycles, status) in [("7,1000", 422), ("0,1000,100000", 500)] {
+        for part in ["plot.svg?quantity=pressure&", "profiles?"] {
+            let reply = server.get(&format!("{result}/{part}cycles={cycles}")).await;
+            assert_eq!(reply.status, status, "{part} {cycles}: {}", reply.text());
+            if status == 422 {
+                let errors = reply.json()["errors"].take();
+                let detail = errors[0]["detail"].as_str().unwrap();
+                assert!(
+                    detail.starts_with("7 is not an output cycle; the output cycles are 0, 100")
+                );
+                assert_eq!(errors.as_array().unwrap().len(), 1, "{errors}");
+            }
+        }
+    }
 }
 
 fn drawn(stored: &[u8], view: &View) -> Result<String, Error> {

@@ -158,7 +158,7 @@ fn the_openapi_command_prints_the_served_document() {
 #[test]
 fn a_server_is_healthy_until_sigterm_and_exits_with_0() {
     let dir = TempDir::new().unwrap();
-    for options in [&[][..], &["serve", "--log-format", "json"]] {
+    for options in [&[][..], &["serve", "--workers", "1"]] {
         let (mut child, address) = serve(dir.path(), options);
         let health = run(&["health", "--url", &address], "");
         assert_eq!((health.status.code(), text(&health.stdout)), (Some(0), "ok\n"));
@@ -197,6 +197,58 @@ fn a_server_runs_with_a_closed_standard_output() {
     // Reads the rest of the log, so that the server can write it.
     log.for_each(drop);
     assert_eq!(child.wait().unwrap().code(), Some(0));
+}
+
+/// A server or a worker that logs JSON, with the first object that it prints.
+fn announcing(mut command: Command) -> (Running, Value) {
+    command.args(["--log-format", "json", "--log", "off"]).stdout(Stdio::piped());
+    let mut child = Running(command.spawn().unwrap());
+    let mut line = String::new();
+    BufReader::new(child.stdout.as_mut().unwrap()).read_line(&mut line).unwrap();
+    let announced: Value = serde_json::from_str(&line).expect(&line);
+    assert!(announced["timestamp"].is_string() && announced["level"] == "INFO", "{announced}");
+    (child, announced)
+}
+
+#[test]
+fn the_announcements_of_a_server_follow_the_format_of_its_log() {
+    let dir = TempDir::new().unwrap();
+    let data = ["--data-dir", dir.path().to_str().unwrap()];
+    let (_child, announced) =
+        announcing(fretwork(&[&["--listen", "127.0.0.1:0"], &data[..]].concat()));
+    let address = announced["message"].as_str().unwrap().rsplit(' ').next().unwrap();
+    assert_eq!(announced["dashboard"], format!("{address}/"));
+    assert_eq!(announced["documentation"], format!("{address}/docs/"));
+    assert_eq!(announced["data"], data[1]);
+    assert_eq!(text(&run(&["health", "--url", address], "").stdout), "ok\n");
+
+    // The first key of a server that other machines can reach.
+    let dir = TempDir::new().unwrap();
+    let data = ["--listen", "0.0.0.0:0", "--data-dir", dir.path().to_str().unwrap()];
+    let (_child, announced) = announcing(fretwork(&data));
+    assert!(announced["key"].as_str().unwrap().starts_with("fretwork_"), "{announced}");
+}
+
+#[test]
+fn health_says_that_a_stopped_process_does_not_answer() {
+    let dir = TempDir::new().unwrap();
+    let (child, address) = serve(dir.path(), &[]);
+    let stop = Command::new("kill").args(["-STOP", &child.id().to_string()]).status().unwrap();
+    assert!(stop.success());
+    let health = run(&["health", "--url", &address], "");
+    fails(&health, "does not answer within 5s");
+}
+
+#[test]
+fn a_misspelt_option_of_a_database_is_an_error_that_shows_no_value() {
+    let url = "postgres://ada:secret@localhost/wear?pasword=secret";
+    for words in
+        [&["--database", url][..], &["worker", "--database", url], &["audit", "--database", url]]
+    {
+        let output = run(words, "");
+        fails(&output, "--database: option 1 of the address is misspelt");
+        assert!(!text(&output.stderr).contains("secret"), "{}", text(&output.stderr));
+    }
 }
 
 #[test]

@@ -225,6 +225,8 @@ async fn commits_that_the_log_has_lost_are_reported_at_the_start() {
             let server = Program::start_by(logging(&[], &log), copy.path());
             let status = server.get(&format!("/v1/jobs/{last}")).await.status;
             assert_eq!(status, if is_lost { 404 } else { 200 });
+            let lost = metric(server.address, "fretwork_lost_commits").await;
+            assert_eq!(lost > 0.0, told, "{lost}");
             server.end();
             let said = fs::read_to_string(&log).unwrap();
             assert_eq!(said.contains("acknowledged changes are missing"), told, "{said}");

@@ -103,7 +103,9 @@ async fn drawn_values_are_a_scatter_plot() {
     let (key, _) = computed(&server, &body).await;
     let svg = figure(&server, &key, "over=/motion/amplitude").await;
     assert_eq!(svg.matches("h0").count(), 512, "one dot for each point");
-    assert!(svg.contains(">median<"));
+    assert!(svg.contains(">median in bins<"));
+    // No two points share an amplitude.
+    assert!(!svg.contains("95 %") && !svg.contains("percentile"), "{svg}");
     let refused = server.get(&format!("/v1/results/{key}/plot.svg?kind=heat")).await;
     let problem = refused.problem(422, "invalid-parameters");
     assert!(problem["errors"][0]["detail"].as_str().unwrap().contains("scatter"), "{problem}");

@@ -90,6 +90,7 @@ export async function showForm(main, { query, signal }) {
 
   function edited() {
     json.value = JSON.stringify(scenario, null, 2);
+    jsonFault.textContent = "";
     changed();
   }
 
@@ -117,6 +118,7 @@ export async function showForm(main, { query, signal }) {
       changed();
     } catch (error) {
       jsonFault.textContent = `Invalid JSON: ${error.message}`;
+      allowRun();
     }
   }
 
@@ -194,7 +196,10 @@ export async function showForm(main, { query, signal }) {
       h("p", { id: `${id}-fault`, class: "fault" }));
   }
 
-  let checks = 0;
+  let checks = 0, submitting = false, accepted = false;
+  /** Enables Run if the server accepts what the form shows. While the JSON is invalid, the form shows an earlier scenario. */
+  const allowRun = () => { run.disabled = submitting || !accepted || jsonFault.textContent !== ""; };
+
   async function check() {
     const own = ++checks;
     let checked = null, problem = null;
@@ -209,7 +214,8 @@ export async function showForm(main, { query, signal }) {
     showFaults(problem);
     // The server returns a stored result beyond its limits too.
     const excess = checked && !checked.cached && checked.excess;
-    run.disabled = submitting || !checked || Boolean(excess);
+    accepted = Boolean(checked) && !excess;
+    allowRun();
     estimate.removeAttribute("aria-busy");
     if (checked) {
       const isRun = checked.scales !== undefined;
@@ -244,11 +250,11 @@ export async function showForm(main, { query, signal }) {
     }
   }
 
-  let submitting = false;
   async function submit(event) {
     event.preventDefault();
     if (submitting) return;
-    run.disabled = submitting = true;
+    submitting = true;
+    allowRun();
     try {
       const headers = { Prefer: "wait=1", "Idempotency-Key": idempotencyKey() };
       const job = await post("/v1/jobs", { ...jobBody(scenario, study), ...(label() && { label: label() }) }, { headers });
@@ -259,7 +265,8 @@ export async function showForm(main, { query, signal }) {
       if (signal.aborted) return;
       showFaults(problem);
       fill(estimate, h("h2", {}, problem.title ?? "The job was not submitted"), h("p", {}, problem.detail ?? problem.message));
-      run.disabled = submitting = false;
+      submitting = false;
+      allowRun();
     }
   }
 

@@ -247,6 +247,11 @@ impl From<store::Error> for Problem {
                 &kinds::DISK_FULL,
                 "The disk of the server is full. Its operator must free space.",
             ),
+            store::Error::Moved { .. } | store::Error::Newer { .. } => Self::new(
+                &kinds::NOT_READY,
+                "The server cannot write to its database. Its operator finds the reason in the log.",
+            )
+            .retry_after(30),
             store::Error::DamagedResult(key) => Self::damaged_result(&key),
             store::Error::Damaged(..) => {
                 let detail = "A part of the server's database is damaged. Its operator must repair \

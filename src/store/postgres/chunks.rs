@@ -289,7 +289,7 @@ pub(super) async fn lose(
              RETURNING lost
          ), counted AS (
              UPDATE study SET lost = lost + 1, died = moment()
-             WHERE run = $1 AND (died IS NULL OR died + $3 < moment()) RETURNING lost)
+             WHERE run = $1 AND (died IS NULL OR NOT died BETWEEN moment() - $3 AND moment() + $3) RETURNING lost)
          SELECT (SELECT count(*) FROM requeued) AS pieces,
              coalesce(greatest((SELECT max(lost) FROM requeued), (SELECT lost FROM counted)), 0) AS most",
     )

@@ -1,8 +1,8 @@
 //! For how long the database has answered without a pause. After a pause of the database or of this process, other nodes need
-//! time to renew their leases before one of them counts as lost.
+//! time to renew their leases before one of them counts as lost. They also need it after the clock of the database was set.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, SystemTime};
+use std::time::Duration;
 
 use tokio::time::Instant;
 
@@ -11,35 +11,44 @@ use tokio::time::Instant;
 pub(super) struct Contact {
     /// A shorter pause is none; and how long a contact must last.
     enough: Duration,
-    /// When it began, and when the database answered last.
-    times: Mutex<Option<(Instant, Moment)>>,
+    /// How much more or less time may have passed by the clock of the database than here. Leases are renewed so early that a
+    /// smaller step ends none, and an answer may be late.
+    tolerance: Duration,
+    /// When it began, and the last answer.
+    times: Mutex<Option<(Instant, Answer)>>,
 }
 
-/// A moment by both clocks. One of them stands still while the machine sleeps, the other one can be set.
+/// An answer of the database.
 #[derive(Debug, Clone, Copy)]
-struct Moment(Instant, SystemTime);
-
-impl Moment {
-    fn now() -> Self {
-        Self(Instant::now(), SystemTime::now())
-    }
-
-    fn elapsed(&self) -> Duration {
-        self.0.elapsed().max(self.1.elapsed().unwrap_or_default())
-    }
+struct Answer {
+    at: Instant,
+    /// The time by the clock of the database, in milliseconds.
+    clock: i64,
 }
 
 impl Contact {
     pub(super) fn new(lease: Duration) -> Self {
-        Self { enough: lease / 2, times: Mutex::default() }
+        Self { enough: lease / 2, tolerance: lease / 3, times: Mutex::default() }
     }
 
-    /// The database has answered.
-    pub(super) fn goes_on(&self) {
-        let now = Moment::now();
+    /// The database has answered, and its clock shows this time. Returns whether the contact has lasted long enough to take
+    /// leases away.
+    pub(super) fn goes_on(&self, clock: i64) -> bool {
+        let now = Answer { at: Instant::now(), clock };
         let mut times = self.times();
-        let began = times.filter(|(_, last)| last.elapsed() < self.enough).map(|(began, _)| began);
-        *times = Some((began.unwrap_or(now.0), now));
+        let began =
+            times.filter(|(_, last)| self.is_soon_after(*last, now)).map(|(began, _)| began);
+        let began = began.unwrap_or(now.at);
+        *times = Some((began, now));
+        began.elapsed() >= self.enough
+    }
+
+    /// Whether there was no pause between two answers, and no step of the clock. The own clock stands still while the machine
+    /// sleeps, which looks like a step.
+    fn is_soon_after(&self, last: Answer, now: Answer) -> bool {
+        let passed = now.at - last.at;
+        let step = now.clock - last.clock - (passed.as_millis() as u64).cast_signed();
+        passed < self.enough && step.unsigned_abs() <= self.tolerance.as_millis() as u64
     }
 
     /// The database has not answered.
@@ -47,15 +56,8 @@ impl Contact {
         *self.times() = None;
     }
 
-    /// Whether it has lasted long enough to take leases away.
-    pub(super) fn lasts(&self) -> bool {
-        self.times().is_some_and(|(began, last)| {
-            began.elapsed() >= self.enough && last.elapsed() < self.enough
-        })
-    }
-
     /// A poisoned lock is safe: each change is one assignment.
-    fn times(&self) -> MutexGuard<'_, Option<(Instant, Moment)>> {
+    fn times(&self) -> MutexGuard<'_, Option<(Instant, Answer)>> {
         self.times.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -66,29 +68,41 @@ mod tests {
 
     use super::*;
 
+    /// Lets seconds pass, after each of which the database answers. Its clock is ahead by a time. Returns whether the contact
+    /// lasts then.
+    async fn answers_for(contact: &Contact, seconds: u64, start: Instant, ahead: i64) -> bool {
+        let mut lasts = false;
+        for _ in 0..seconds {
+            time::sleep(Duration::from_secs(1)).await;
+            lasts = contact.goes_on(start.elapsed().as_millis() as i64 + ahead);
+        }
+        lasts
+    }
+
     #[tokio::test(start_paused = true)]
     async fn a_contact_is_interrupted_by_an_error_and_by_a_pause_of_the_process() {
-        let contact = Contact::new(Duration::from_secs(30));
-        let answers_for = async |seconds| {
-            for _ in 0..seconds {
-                time::sleep(Duration::from_secs(1)).await;
-                contact.goes_on();
-            }
-        };
-        assert!(!contact.lasts());
-        answers_for(15).await;
-        assert!(!contact.lasts(), "it began after the first second");
-        answers_for(1).await;
-        assert!(contact.lasts());
+        let (contact, start) = (Contact::new(Duration::from_secs(30)), Instant::now());
+        let answers_for = async |seconds| answers_for(&contact, seconds, start, 0).await;
+        assert!(!answers_for(15).await, "it began after the first second");
+        assert!(answers_for(1).await);
         contact.ends();
-        assert!(!contact.lasts());
-        answers_for(16).await;
-        assert!(contact.lasts());
+        assert!(!answers_for(15).await);
+        assert!(answers_for(1).await);
         time::sleep(Duration::from_secs(20)).await;
-        assert!(!contact.lasts(), "the database was not asked for a while");
-        contact.goes_on();
-        assert!(!contact.lasts(), "the process has slept");
-        answers_for(15).await;
-        assert!(contact.lasts());
+        assert!(!answers_for(15).await, "the process has slept");
+        assert!(answers_for(1).await);
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_contact_is_interrupted_by_a_step_of_the_clock_of_the_database() {
+        let (contact, start) = (Contact::new(Duration::from_secs(30)), Instant::now());
+        let mut ahead = 0;
+        for step in [3_600_000, -3_600_000, -86_400_000, 86_400_000, 12_000, -12_000] {
+            assert!(answers_for(&contact, 16, start, ahead).await);
+            ahead += step;
+            assert!(!answers_for(&contact, 15, start, ahead).await, "{step} ms");
+        }
+        assert!(answers_for(&contact, 1, start, ahead).await);
+        assert!(answers_for(&contact, 1, start, ahead + 9000).await, "no lease can end by so much");
     }
 }

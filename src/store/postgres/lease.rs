@@ -1,10 +1,12 @@
 //! What workers compute now, and for how long it is theirs.
 //!
 //! A lease lasts for a time by the clock of the database. Its node renews it at a third of that time. Any server takes away
-//! a lease that is over.
+//! a lease that is over. A lease that ends later than it can is over, too: the clock was set back since its last renewal.
+//! [`Contact`](super::contact::Contact) gives the nodes time to renew their leases after a step of the clock.
 
 use std::time::Duration;
 
+use sqlx::AssertSqlSafe;
 use sqlx::postgres::PgConnection;
 
 use super::Node;
@@ -33,6 +35,10 @@ impl Node {
 /// Most runs whose leases are looked up at a time.
 const AT_ONCE: i64 = 100;
 
+/// Whether a lease is over: its end was more than the margin $2 ago, or is further away than its time and the margin. $1 is the
+/// time of a lease that does not say its own.
+const IS_OVER: &str = "expires + $2 < moment() OR expires > moment() + coalesce(lasts, $1) + $2";
+
 /// The number of a piece in the table; -1 for a whole run.
 fn number(part: Part) -> i64 {
     part.1.map_or(-1, i64::from)
@@ -51,8 +57,8 @@ pub(super) async fn begin(
              SELECT $5, coalesce(max(served), 0) + 1 FROM turn
              ON CONFLICT (owner) DO UPDATE SET served = excluded.served
          )
-         INSERT INTO lease (run, number, attempt, node, owner, expires)
-         VALUES ($1, $2, $3, $4, $5, moment() + $6)",
+         INSERT INTO lease (run, number, attempt, node, owner, expires, lasts)
+         VALUES ($1, $2, $3, $4, $5, moment() + $6, $6)",
     )
     .bind(claimed.run.0)
     .bind(number(claimed.part()))
@@ -79,12 +85,13 @@ pub(super) async fn end_all(tx: &mut Transaction<'_>, run: RunId) -> Result<(), 
     Ok(())
 }
 
-/// Renews the leases of what this node computes. Returns the parts that it still has.
+/// Renews the leases of what this node computes. Returns the time by the clock of the database, and the parts that the node
+/// still has.
 pub(super) async fn renew(
     db: &mut PgConnection,
     node: &Node,
     parts: &[Part],
-) -> Result<Vec<Part>, Error> {
+) -> Result<(i64, Vec<Part>), Error> {
     let (runs, numbers): (Vec<i64>, Vec<i64>) =
         parts.iter().map(|part| (part.0.0, number(*part))).unzip();
     let rows = sqlx::query(
@@ -103,22 +110,25 @@ pub(super) async fn renew(
     .bind(runs)
     .bind(numbers)
     .bind(milliseconds(node.lease))
-    .fetch_all(db)
+    .fetch_all(&mut *db)
     .await?;
+    let now = sqlx::query_scalar("SELECT moment()").fetch_one(db).await?;
     let part = |row| {
         let number = Columns::get::<i64>(row, "number")?;
         Ok((RunId(Columns::get(row, "run")?), u32::try_from(number).ok()))
     };
-    Ok(rows.iter().map(part).collect::<Result<_, sqlx::Error>>()?)
+    Ok((now, rows.iter().map(part).collect::<Result<_, sqlx::Error>>()?))
 }
 
-/// The runs of which a lease is over.
-pub(super) async fn lost(db: &mut PgConnection, node: &Node) -> Result<Vec<RunId>, Error> {
-    let query = sqlx::query_scalar(
-        "SELECT DISTINCT run FROM lease WHERE expires + $1 < moment() ORDER BY run LIMIT $2",
+/// The time by the clock of the database, and the runs of which a lease is over.
+pub(super) async fn lost(db: &mut PgConnection, node: &Node) -> Result<(i64, Vec<RunId>), Error> {
+    let query = format!(
+        "SELECT moment(), ARRAY (SELECT DISTINCT run FROM lease WHERE {IS_OVER} ORDER BY run LIMIT $3)"
     );
-    let runs: Vec<i64> = query.bind(node.margin()).bind(AT_ONCE).fetch_all(db).await?;
-    Ok(runs.into_iter().map(RunId).collect())
+    let query = sqlx::query_as(AssertSqlSafe(query));
+    let query = query.bind(milliseconds(node.lease)).bind(node.margin()).bind(AT_ONCE);
+    let (now, runs): (i64, Vec<i64>) = query.fetch_one(db).await?;
+    Ok((now, runs.into_iter().map(RunId).collect()))
 }
 
 /// Takes away the leases of a run that are over. Returns the numbers of its pieces.
@@ -127,8 +137,8 @@ pub(super) async fn take_lost(
     node: &Node,
     run: RunId,
 ) -> Result<Vec<i64>, Error> {
-    let query = sqlx::query_scalar(
-        "DELETE FROM lease WHERE run = $1 AND expires + $2 < moment() RETURNING number",
-    );
-    Ok(query.bind(run.0).bind(node.margin()).fetch_all(&mut *tx.db).await?)
+    let query = format!("DELETE FROM lease WHERE ({IS_OVER}) AND run = $3 RETURNING number");
+    let query = sqlx::query_scalar(AssertSqlSafe(query));
+    let query = query.bind(milliseconds(node.lease)).bind(node.margin()).bind(run.0);
+    Ok(query.fetch_all(&mut *tx.db).await?)
 }

@@ -26,12 +26,14 @@ pub(super) mod open;
 mod pool;
 pub(super) mod read;
 mod runs;
+mod schema;
 pub(super) mod search;
 mod submit;
 mod transaction;
 mod upkeep;
 
-use std::sync::Arc;
+use std::path::PathBuf;
+use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use tokio::sync::{Semaphore, watch};
@@ -89,15 +91,20 @@ struct Parts {
     node: Node,
     backlog: Backlog,
     pin_quota: PinQuota,
+    /// The database in words, without its password.
+    name: String,
+    /// Why this program may no longer write the tables: a later one has changed them so that it would do harm.
+    refusal: OnceLock<Error>,
+    /// A directory on the disk of the database, if this machine has it.
+    disk: Option<PathBuf>,
     /// The tasks in the background end when this becomes true or is dropped.
     closing: watch::Sender<bool>,
 }
 
 impl Database {
-    /// PostgreSQL may be on another machine.
-    #[expect(clippy::unused_self, reason = "the other engine needs it")]
+    /// PostgreSQL does not tell it, and may be on another machine.
     pub(super) fn free_bytes(&self) -> Option<u64> {
-        None
+        fs4::available_space(self.0.disk.as_ref()?).ok()
     }
 
     #[expect(clippy::unused_self, reason = "the other engine needs it")]
@@ -114,6 +121,11 @@ impl Database {
         self.0.closing.send_replace(true);
         self.0.pool.close().await;
         self.0.renewals.close().await;
+    }
+
+    /// Refuses to change tables that only later programs may write.
+    fn may_write(&self) -> Result<(), Error> {
+        self.0.refusal.get().cloned().map_or(Ok(()), Err)
     }
 
     /// Signals the changes of a verb after their commit, here and to the other servers.

@@ -11,7 +11,7 @@ use tokio::time::{self, Instant, MissedTickBehavior, timeout};
 use super::lease;
 use super::transaction::reading;
 use super::upkeep::Upkeep;
-use super::{Database, Parts, hints};
+use super::{Database, Parts, hints, schema};
 use crate::store::error::Error;
 use crate::store::options::Options;
 use crate::store::place::DatabaseUrl;
@@ -52,7 +52,7 @@ pub(super) fn start(
 
 /// What a server does again and again.
 enum Chore {
-    /// Counts the queue for the metrics.
+    /// Looks whether this program may still write, and counts the queue for the metrics.
     Count,
     /// Renews the leases of its workers.
     Renew,
@@ -66,9 +66,12 @@ enum Chore {
 impl Chore {
     async fn execute(&mut self, db: &Database) -> Result<(), Error> {
         match self {
-            Self::Count => drop(db.count_queue().await?),
+            Self::Count => {
+                db.check_version().await?;
+                db.count_queue().await?;
+            }
             Self::Renew => db.renew().await?,
-            Self::Reclaim => drop(db.reclaim(|| db.0.contact.lasts()).await?),
+            Self::Reclaim => drop(db.reclaim(|now| db.0.contact.goes_on(now)).await?),
             Self::Look => db.0.signals.wake(),
             Self::Upkeep(upkeep) => upkeep.round(db).await?,
         }
@@ -163,17 +166,31 @@ async fn next(listener: &mut PgListener) -> Result<Option<String>, Error> {
 }
 
 impl Database {
+    /// Looks whether a later program has taken the right to write from this one.
+    async fn check_version(&self) -> Result<(), Error> {
+        let refusal = reading!(self, db => schema::refusal(db, &self.0.name).await)?;
+        if let Some(refusal) = refusal
+            && self.0.refusal.set(refusal.clone()).is_ok()
+        {
+            let error = &refusal as &dyn std::error::Error;
+            tracing::error!(error, "this program stops writing; replace it by the later version");
+        }
+        Ok(())
+    }
+
     /// Renews the leases of what the workers of this process compute, and stops those that have lost theirs. Has a connection
     /// of its own, so that it never waits for clients.
     async fn renew(&self) -> Result<(), Error> {
+        // What a server cannot store, another one must compute.
+        self.may_write()?;
         let running = self.0.signals.running();
         let parts: Vec<_> = running.iter().map(|(part, _)| *part).collect();
         let renewing =
             async { reading!(self, renewals, db => lease::renew(db, &self.0.node, &parts).await) };
         let renewed = timeout(self.0.node.renewal(), renewing).await;
-        let kept =
+        let (now, kept) =
             renewed.unwrap_or(Err(Error::Exhausted)).inspect_err(|_| self.0.contact.ends())?;
-        self.0.contact.goes_on();
+        self.0.contact.goes_on(now);
         let lost: Vec<_> = running.into_iter().filter(|(part, _)| !kept.contains(part)).collect();
         self.0.signals.stop(&lost);
         Ok(())

@@ -1,16 +1,15 @@
 //! Connects to the database, migrates it, and starts the tasks in the background.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
-use sqlx::migrate::{MigrateError, Migration, MigrationType, Migrator};
 use sqlx::postgres::PgConnection;
-use sqlx::{ConnectOptions as _, Connection as _, SqlSafeStr as _};
+use sqlx::{ConnectOptions as _, Connection as _};
 use tokio::sync::{Semaphore, watch};
 
 use super::backlog::Backlog;
 use super::contact::Contact;
 use super::pool::Pool;
-use super::{Database, Lock, Node, Parts, library, node};
+use super::{Database, Lock, Node, Parts, library, node, schema};
 use crate::job::JobId;
 use crate::store::error::Error;
 use crate::store::library::Program;
@@ -18,12 +17,6 @@ use crate::store::options::Options;
 use crate::store::pins::PinQuota;
 use crate::store::place::DatabaseUrl;
 use crate::store::signals::Signals;
-
-/// The changes of the schema: version, name and SQL.
-const CHANGES: [(i64, &str, &str); 2] = [
-    (1, "jobs", include_str!("../../../migrations/postgres/0001_jobs.sql")),
-    (2, "study died", include_str!("../../../migrations/postgres/0002_study_died.sql")),
-];
 
 /// The number of connections for verbs.
 const CONNECTIONS: u32 = 8;
@@ -54,6 +47,9 @@ impl Database {
             node: Node { id: JobId::generate().to_string(), program, lease },
             backlog: Backlog::new(queue_limit),
             pin_quota: PinQuota::new(pin_quota, budget),
+            name: url.to_string(),
+            refusal: OnceLock::new(),
+            disk: options.disk.clone(),
             closing,
         }));
         node::start(&database, url, options, &closed);
@@ -67,40 +63,10 @@ pub(in crate::store) async fn prepare(url: &DatabaseUrl) -> Result<PgConnection,
     // Servers that start at the same time wait for each other.
     let lock = |call| sqlx::query(call).bind(Lock::Schema as i64);
     lock("SELECT pg_advisory_lock($1)").execute(&mut db).await?;
-    migrate(&mut db, url).await?;
+    schema::migrate(&mut db, url).await?;
     lock("SELECT pg_advisory_unlock($1)").execute(&mut db).await?;
-    Ok(db)
-}
-
-async fn migrate(db: &mut PgConnection, url: &DatabaseUrl) -> Result<(), Error> {
-    let migration = |(version, name, sql): (_, &'static str, &'static str)| {
-        Migration::new(version, name.into(), MigrationType::Simple, sql.into_sql_str(), false)
-    };
-    let mut migrator = Migrator::with_migrations(CHANGES.map(migration).into());
-    // A later version of the program adds to the tables only. It can run beside this one.
-    migrator.set_ignore_missing(true).set_locking(false);
-    migrator.run(db).await.map_err(|error| match error {
-        MigrateError::Execute(error) => error.into(),
-        error => Error::Migration { path: url.to_string().into(), source: Arc::new(error) },
-    })
-}
-
-#[cfg(test)]
-mod tests {
-    use std::fs;
-
-    use super::*;
-
-    #[test]
-    fn every_migration_of_the_directory_is_embedded() {
-        let mut files: Vec<_> = fs::read_dir("migrations/postgres")
-            .unwrap()
-            .map(|file| file.unwrap().file_name().into_string().unwrap())
-            .collect();
-        files.sort();
-        let file = |(version, name, _): &(i64, &str, &str)| {
-            format!("{version:04}_{}.sql", name.replace(' ', "_"))
-        };
-        assert_eq!(files, CHANGES.iter().map(file).collect::<Vec<_>>());
+    match schema::refusal(&mut db, &url.to_string()).await? {
+        None => Ok(db),
+        Some(error) => Err(error),
     }
 }

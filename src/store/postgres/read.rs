@@ -27,6 +27,12 @@ const SELECT_JOB: &str = "
     LEFT JOIN result ON result.key = job.key AND job.state = 'succeeded'
     WHERE ";
 
+/// Sorts 256 KiB.
+const SPILL: &str = "
+    SELECT count(*) FROM (
+        SELECT repeat(md5(n::TEXT), 256) COLLATE \"C\" AS bytes FROM generate_series(1, 32) AS n ORDER BY bytes
+    ) AS sorted";
+
 impl Database {
     pub(in crate::store) async fn job(&self, id: JobId) -> Result<Option<Job>, Error> {
         reading!(self, db => job(db, id).await)
@@ -132,8 +138,11 @@ impl Database {
     }
 
     pub(in crate::store) async fn probe(&self) -> Result<(), Error> {
-        // A small write: many servers do it again and again, and PostgreSQL keeps each version until it is vacuumed.
         writing!(self, tx => {
+            // A temporary file of 256 KiB, about what a default result takes with its job. It always takes new space. A table
+            // may have free pages, and many servers would make it grow.
+            sqlx::query("SET LOCAL work_mem = '64kB'").execute(&mut *tx.db).await?;
+            sqlx::query(SPILL).execute(&mut *tx.db).await?;
             sqlx::query("UPDATE upkeep SET probe = moment()").execute(&mut *tx.db).await?;
             Ok(())
         })

@@ -104,22 +104,24 @@ impl Database {
 
     /// Takes all leases away that are over.
     pub(in crate::store) async fn recover(&self) -> Result<Recovered, Error> {
-        self.reclaim(|| true).await
+        self.reclaim(|_| true).await
     }
 
-    /// Takes leases away that are over, as long as it may. A transaction may begin late, when that has changed.
+    /// Takes leases away that are over, if it may at the time of the database. Each transaction has a time of its own, and may
+    /// begin late.
     pub(super) async fn reclaim(
         &self,
-        may: impl Fn() -> bool + Send + Sync,
+        may: impl Fn(i64) -> bool + Send + Sync,
     ) -> Result<Recovered, Error> {
         let mut recovered = Recovered::default();
-        if !may() {
+        let (now, runs) = reading!(self, db => lease::lost(db, &self.0.node).await)?;
+        if !may(now) {
             return Ok(recovered);
         }
-        let runs = reading!(self, db => lease::lost(db, &self.0.node).await)?;
         for run in runs {
             let found = writing!(self, tx => {
-                if may() { reclaim(tx, &self.0.node, run).await } else { Ok(Recovered::default()) }
+                let now = sqlx::query_scalar("SELECT moment()").fetch_one(&mut *tx.db).await?;
+                if may(now) { reclaim(tx, &self.0.node, run).await } else { Ok(Recovered::default()) }
             })?;
             recovered.requeued += found.requeued;
             recovered.failed += found.failed;

@@ -100,6 +100,7 @@ macro_rules! writing {
         let mut conflicts = $crate::store::postgres::transaction::Conflicts::default();
         loop {
             let attempt = async {
+                database.may_write()?;
                 let mut transaction =
                     $crate::store::postgres::Transaction::begin(&database.0.pool).await?;
                 let $tx = &mut transaction;

@@ -29,6 +29,8 @@ pub(super) struct Ledger {
     lock: File,
     /// Whether the last number could not be written.
     failed: bool,
+    /// How many commits were missing at the start.
+    missing: u64,
 }
 
 impl Ledger {
@@ -38,18 +40,25 @@ impl Ledger {
             sqlx::query_as("SELECT commits, committed FROM room").fetch_one(db).await?;
         let stored = Noted { commits, at };
         // A file of an earlier version is empty.
+        let mut missing = 0;
         if let Some(noted) = read(&mut lock).filter(|noted| noted.commits > commits) {
+            missing = (noted.commits - commits).unsigned_abs();
             tracing::error!(
-                missing = noted.commits - commits,
+                missing,
                 since = rfc3339(stored.at),
                 until = rfc3339(noted.at),
                 "acknowledged changes are missing: the write-ahead log was damaged or removed, or an older copy of \
                  the database was put in place; submit the jobs of that time again, or restore a backup"
             );
         }
-        let mut ledger = Self { lock, failed: false };
+        let mut ledger = Self { lock, failed: false, missing };
         ledger.note(stored.commits, stored.at);
         Ok(ledger)
+    }
+
+    /// How many commits were missing at the start.
+    pub(super) fn missing(&self) -> u64 {
+        self.missing
     }
 
     /// Writes the number of commits and the time of the last one.

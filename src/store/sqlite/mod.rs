@@ -7,6 +7,7 @@
 pub(super) mod audit;
 mod cancel;
 mod chunks;
+mod files;
 pub(super) mod imports;
 mod keep;
 pub(super) mod keys;

@@ -13,6 +13,7 @@ use sqlx::{ConnectOptions, Connection, Executor as _, SqlSafeStr as _, SqliteCon
 use tokio::sync::Semaphore;
 
 use super::Database;
+use super::files::Files;
 use super::ledger::Ledger;
 use super::library;
 use super::log::Log;
@@ -102,11 +103,16 @@ impl Database {
         let queue = Queue::load(&mut db).await?;
         let program = library::program(&Program::this(), &mut db).await?;
         let ledger = Ledger::open(lock, &mut db).await?;
+        signals.tally.has_lost(ledger.missing());
+        let files =
+            [path.clone(), with_suffix(&path, "-wal"), with_suffix(&path, "-shm"), dir.join(LOCK)];
+        let files = Files::at(files)
+            .map_err(|source| Error::Directory { dir: dir.to_owned(), source: Arc::new(source) })?;
         let upkeep =
             Upkeep::new(options.keep_jobs, options.budget, upkeep::read_clock(&mut db).await?);
         let tx = Transaction { db, now: now(), queue, program, effects: Vec::new() };
         let log = Log::new(with_suffix(&path, "-wal"), log_pages * PAGE);
-        let writer = Writer::new(tx, Arc::clone(&signals), upkeep, ledger, log).start();
+        let writer = Writer::new(tx, Arc::clone(&signals), upkeep, (ledger, log, files)).start();
         let Options { queue_limit, pin_quota, budget, .. } = *options;
         let pin_quota = PinQuota::new(pin_quota, budget);
         let scans = Arc::new(Semaphore::new(SCANS));

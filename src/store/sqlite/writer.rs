@@ -8,6 +8,7 @@ use sqlx::{AssertSqlSafe, Connection, Executor, Row as _};
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::timeout;
 
+use super::files::Files;
 use super::ledger::Ledger;
 use super::log::{self, Log};
 use super::queue::Queue;
@@ -100,6 +101,7 @@ pub(super) struct Writer {
     upkeep: Upkeep,
     ledger: Ledger,
     log: Log,
+    files: Files,
     /// All changes of this connection up to the last commit, as SQLite counts them.
     changes: i64,
 }
@@ -118,10 +120,9 @@ impl Writer {
         tx: Transaction,
         signals: Arc<Signals>,
         upkeep: Upkeep,
-        ledger: Ledger,
-        log: Log,
+        (ledger, log, files): (Ledger, Log, Files),
     ) -> Self {
-        Self { tx, queue_is_stale: false, signals, upkeep, ledger, log, changes: 0 }
+        Self { tx, queue_is_stale: false, signals, upkeep, ledger, log, files, changes: 0 }
     }
 
     /// Starts the task. It ends when it is closed or the last sender is dropped.
@@ -220,6 +221,8 @@ impl Writer {
     }
 
     async fn begin(&mut self) -> Result<(), Error> {
+        // A commit to a file that is not there would be acknowledged, and lost.
+        self.files.check()?;
         // Not a transaction of sqlx: if the disk is full, SQLite rolls back by itself, and sqlx would count
         // the transaction as open for ever.
         self.tx.db.execute("BEGIN IMMEDIATE").await?;
@@ -422,7 +425,8 @@ mod tests {
         let ledger = Ledger::open(tempfile::tempfile().unwrap(), &mut db).await.unwrap();
         let upkeep = Upkeep::new(None, None, AgeClock::at(None));
         let tx = Transaction { db, now: 0, queue, program: 1, effects: Vec::new() };
-        Writer::new(tx, Arc::default(), upkeep, ledger, Log::new("".into(), 0))
+        let parts = (ledger, Log::new("".into(), 0), Files::default());
+        Writer::new(tx, Arc::default(), upkeep, parts)
     }
 
     /// Applies insertions of (number, bytes) as one batch. Returns the answers and the number of calls.
