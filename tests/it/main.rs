@@ -37,6 +37,7 @@ mod derivatives;
 mod evaluate;
 mod faults;
 mod figures;
+mod first_start;
 mod forms;
 mod full_disk;
 mod keeping;

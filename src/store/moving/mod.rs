@@ -32,6 +32,9 @@ const EXPORT: i32 = 0x6672_6578;
 /// The version of the format of an export.
 const FORM: i32 = 1;
 
+/// The suffixes of the files that SQLite keeps beside a database.
+const COMPANIONS: [&str; 3] = ["-journal", "-wal", "-shm"];
+
 /// Why an export, import, backup or restore failed.
 #[derive(Debug, thiserror::Error)]
 pub enum Moving {
@@ -118,13 +121,8 @@ impl Part {
 
     /// Removes the file, and what SQLite keeps beside it.
     fn remove(&self) -> io::Result<()> {
-        for suffix in ["-journal", "-wal", "-shm", ""] {
-            match fs::remove_file(open::with_suffix(&self.0, suffix)) {
-                Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
-                _ => {}
-            }
-        }
-        Ok(())
+        let suffixes = COMPANIONS.iter().chain(&[""]);
+        suffixes.map(|suffix| open::with_suffix(&self.0, suffix)).try_for_each(|file| remove(&file))
     }
 
     /// Gives the finished file its name, which must be free.
@@ -147,8 +145,21 @@ impl Drop for Part {
 fn put(part: &Path, file: &Path) -> io::Result<()> {
     File::open(part)?.sync_all()?;
     fs::rename(part, file)?;
+    sync_directory(file);
+    Ok(())
+}
+
+/// Syncs the directory of a file to the disk.
+fn sync_directory(file: &Path) {
     let dir = file.parent().filter(|dir| !dir.as_os_str().is_empty());
     // Some systems cannot sync directories.
     let _ = File::open(dir.unwrap_or(Path::new("."))).and_then(|dir| dir.sync_all());
-    Ok(())
+}
+
+/// Removes a file, if there is one.
+fn remove(file: &Path) -> io::Result<()> {
+    match fs::remove_file(file) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
+        _ => Ok(()),
+    }
 }

@@ -8,7 +8,7 @@ use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 
 use sqlx::migrate::{MigrateError, Migration, MigrationType, Migrator};
-use sqlx::sqlite::{SqliteAutoVacuum, SqliteConnectOptions, SqliteJournalMode, SqliteSynchronous};
+use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqliteSynchronous};
 use sqlx::{ConnectOptions, Connection, Executor as _, SqlSafeStr as _, SqliteConnection};
 use tokio::sync::Semaphore;
 
@@ -118,10 +118,14 @@ impl Database {
 /// Opens or creates the database of a locked directory, and migrates it to this version.
 async fn prepare(dir: &Path, options: SqliteConnectOptions) -> Result<SqliteConnection, Error> {
     let path = dir.join(DATABASE);
-    forget_foreign_log(&path)
-        .map_err(|source| Error::Directory { dir: dir.to_owned(), source: Arc::new(source) })?;
+    let refused = |source| Error::Directory { dir: dir.to_owned(), source: Arc::new(source) };
+    forget_foreign_log(&path).map_err(refused)?;
     inspect(&path).await?;
-    let mut db = SqliteConnection::connect_with(&options.create_if_missing(true)).await?;
+    if !path.exists() || uses_log(&path).map_err(refused)? != Some(true) {
+        use_log(&path).await?;
+    }
+    let options = options.pragma("application_id", APPLICATION_ID.to_string());
+    let mut db = SqliteConnection::connect_with(&options).await?;
     migrate(&mut db, &path).await?;
     rekey(&mut db).await?;
     match outline::complete(&mut db).await {
@@ -134,6 +138,18 @@ async fn prepare(dir: &Path, options: SqliteConnectOptions) -> Result<SqliteConn
         }
     }
     Ok(db)
+}
+
+/// Makes a database use a write-ahead log. Creates the database if there is none.
+///
+/// This writes no rollback journal. A journal that a crash leaves would be applied at the next start, and would destroy a
+/// backup that was put in place meanwhile. Without a journal a crash does no harm, because only the first page changes, and
+/// the system writes a page as a whole.
+async fn use_log(path: &Path) -> Result<(), Error> {
+    let options = connecting(path).create_if_missing(true).journal_mode(SqliteJournalMode::Off);
+    let mut db = SqliteConnection::connect_with(&options).await?;
+    db.execute("PRAGMA auto_vacuum = INCREMENTAL; PRAGMA journal_mode = WAL").await?;
+    Ok(db.close().await?)
 }
 
 /// Gives the unfinished runs of an earlier `numerics` version, and their jobs, the keys of this version. Their results
@@ -170,11 +186,8 @@ async fn rekey(db: &mut SqliteConnection) -> Result<(), Error> {
 pub(super) fn writing(path: &Path, full_sync: bool) -> SqliteConnectOptions {
     let synchronous = if full_sync { SqliteSynchronous::Full } else { SqliteSynchronous::Normal };
     connecting(path)
-        .auto_vacuum(SqliteAutoVacuum::Incremental)
-        .journal_mode(SqliteJournalMode::Wal)
         .synchronous(synchronous)
         .foreign_keys(true)
-        .pragma("application_id", APPLICATION_ID.to_string())
         // 8 MiB. A larger cache is slower: SQLite walks through the table of all cached pages at each commit that has moved cells
         // between pages, as random keys do. The system has the other pages in memory.
         .pragma("cache_size", "-8192")
@@ -235,7 +248,7 @@ fn is_removed(_: &File, _: &Path) -> io::Result<bool> {
 ///
 /// Such a log remains when an administrator copies a backup over a database after a crash. SQLite would
 /// apply the log to the backup and destroy it. A backup does not use a log.
-pub(super) fn forget_foreign_log(path: &Path) -> io::Result<()> {
+pub(in crate::store) fn forget_foreign_log(path: &Path) -> io::Result<()> {
     let log = with_suffix(path, "-wal");
     if log.exists() && path.exists() && uses_log(path)? == Some(false) {
         tracing::warn!(log = %log.display(), "removing the log of another database");
@@ -268,12 +281,17 @@ pub(in crate::store) fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
 }
 
 /// Refuses a file that is not one of our databases, before anything is written to it.
+///
+/// If a crash has left a rollback journal, SQLite must apply it before it can read the file. Only a connection that may
+/// write can do that.
 pub(in crate::store) async fn inspect(path: &Path) -> Result<(), Error> {
     if !path.exists() {
         return Ok(());
     }
+    let has_journal = with_suffix(path, "-journal").exists();
     let looked = async {
-        let mut db = SqliteConnection::connect_with(&connecting(path).read_only(true)).await?;
+        let options = connecting(path).read_only(!has_journal);
+        let mut db = SqliteConnection::connect_with(&options).await?;
         let id: i32 = sqlx::query_scalar("PRAGMA application_id").fetch_one(&mut db).await?;
         let schema = schema(&mut db).await?;
         db.close().await?;
