@@ -40,6 +40,7 @@ mod figures;
 mod first_start;
 mod forms;
 mod full_disk;
+mod hostile_files;
 mod keeping;
 mod kill;
 mod library;

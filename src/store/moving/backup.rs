@@ -15,8 +15,8 @@ use crate::store::administration::PATIENCE;
 use crate::store::body::Body;
 use crate::store::error::Error;
 use crate::store::row::{Columns as _, Sum, key};
-use crate::store::sqlite::ledger;
 use crate::store::sqlite::open::{self, DATABASE, LOCK};
+use crate::store::sqlite::{ledger, schema};
 
 /// The contents of a backup.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -48,6 +48,9 @@ pub async fn backup(dir: &Path, file: &Path) -> Result<Saved, Moving> {
     let part = Part::of(file, ".part")?;
     let from = Source::of(&path, file)?;
     open::inspect(from.path()).await?;
+    let mut db = reading(from.path()).await?;
+    schema::compare(&mut db, &path).await?;
+    db.close().await?;
     copy(from.path(), &part.0).await?;
     let saved = check(&part.0, &path).await?;
     part.name(file)?;
@@ -111,6 +114,7 @@ async fn put_in_place(
     let from = Source::of(file, &path)?;
     open::inspect(from.path()).await?;
     let mut db = reading(from.path()).await?;
+    schema::compare(&mut db, file).await?;
     let (found, known) = (open::version(&mut db).await?, open::latest());
     db.close().await?;
     if found > known {

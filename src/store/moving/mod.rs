@@ -13,6 +13,7 @@
 mod backup;
 mod export;
 mod import;
+mod untrusted;
 
 use std::fs::{self, File};
 use std::io;

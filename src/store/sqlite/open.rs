@@ -19,6 +19,7 @@ use super::log::Log;
 use super::outline;
 use super::queue::Queue;
 use super::readers::{BUSY, Readers};
+use super::schema;
 use super::transaction::Transaction;
 use super::upkeep::{self, Upkeep};
 use super::writer::Writer;
@@ -293,7 +294,7 @@ pub(in crate::store) async fn inspect(path: &Path) -> Result<(), Error> {
         let options = connecting(path).read_only(!has_journal);
         let mut db = SqliteConnection::connect_with(&options).await?;
         let id: i32 = sqlx::query_scalar("PRAGMA application_id").fetch_one(&mut db).await?;
-        let schema = schema(&mut db).await?;
+        let schema = schema::parts(&mut db).await?;
         db.close().await?;
         // An empty database: its creation was interrupted.
         Ok::<_, Error>(id == APPLICATION_ID || (id == 0 && schema.is_empty()))
@@ -304,23 +305,6 @@ pub(in crate::store) async fn inspect(path: &Path) -> Result<(), Error> {
         Err(Error::Damaged(_)) => Err(Error::NotADatabase { path: path.to_owned() }),
         Err(error) => Err(error),
     }
-}
-
-/// The statements that made the tables and indexes of a file. A file in which they are not text is damaged: sqlx panics
-/// at a column whose type is not text, and may then wait without end.
-pub(in crate::store) async fn schema(db: &mut SqliteConnection) -> Result<Vec<String>, Error> {
-    let encoding: String = sqlx::query_scalar("PRAGMA encoding").fetch_one(&mut *db).await?;
-    if encoding != "UTF-8" {
-        let error = sqlx::Error::Decode(format!("its texts are {encoding}, not UTF-8").into());
-        return Err(Error::Damaged(Arc::new(error)));
-    }
-    let statements: Vec<Vec<u8>> =
-        sqlx::query_scalar("SELECT CAST(coalesce(sql, '') AS BLOB) FROM sqlite_schema")
-            .fetch_all(db)
-            .await?;
-    let text = |bytes| String::from_utf8(bytes).map_err(|error| sqlx::Error::Decode(error.into()));
-    let statements: Result<_, _> = statements.into_iter().map(text).collect();
-    statements.map_err(|error| Error::Damaged(Arc::new(error)))
 }
 
 pub(in crate::store) async fn migrate(db: &mut SqliteConnection, path: &Path) -> Result<(), Error> {
