@@ -115,14 +115,14 @@ async fn put_in_place(
     open::inspect(from.path()).await?;
     let mut db = reading(from.path()).await?;
     schema::compare(&mut db, file).await?;
-    let (found, known) = (open::version(&mut db).await?, open::latest());
+    let (found, known) = (schema::version(&mut db).await?, schema::latest());
     db.close().await?;
     if found > known {
         return Err(Error::Newer { path: file.to_owned(), found, known }.into());
     }
     copy(from.path(), &part.0).await?;
     let mut db = SqliteConnection::connect_with(&open::connecting(&part.0)).await?;
-    open::migrate(&mut db, file).await?;
+    schema::migrate(&mut db, file).await?;
     db.close().await?;
     let saved = check(&part.0, file).await?;
     let former = path.exists().then(|| dir.join(format!("fretwork.replaced-{}.db", clock::now())));

@@ -4,12 +4,11 @@ use std::cmp::Ordering;
 use std::fs::{self, File, TryLockError};
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, LazyLock};
+use std::sync::Arc;
 use std::time::Duration;
 
-use sqlx::migrate::{MigrateError, Migration, MigrationType, Migrator};
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqliteSynchronous};
-use sqlx::{ConnectOptions, Connection, Executor as _, SqlSafeStr as _, SqliteConnection};
+use sqlx::{ConnectOptions, Connection, Executor as _, SqliteConnection};
 use tokio::sync::Semaphore;
 
 use super::Database;
@@ -19,7 +18,7 @@ use super::log::Log;
 use super::outline;
 use super::queue::Queue;
 use super::readers::{BUSY, Readers};
-use super::schema;
+use super::schema::{self, latest, migrate, version};
 use super::transaction::Transaction;
 use super::upkeep::{self, Upkeep};
 use super::writer::Writer;
@@ -30,31 +29,6 @@ use crate::store::library::Program;
 use crate::store::options::{FileSizes, Options};
 use crate::store::pins::PinQuota;
 use crate::store::signals::Signals;
-
-/// The changes of the schema: version, name and SQL.
-const CHANGES: [(i64, &str, &str); 13] = [
-    (1, "jobs", include_str!("../../../migrations/sqlite/0001_jobs.sql")),
-    (2, "years of service", include_str!("../../../migrations/sqlite/0002_years_of_service.sql")),
-    (3, "access keys", include_str!("../../../migrations/sqlite/0003_access_keys.sql")),
-    (4, "library", include_str!("../../../migrations/sqlite/0004_library.sql")),
-    (5, "search", include_str!("../../../migrations/sqlite/0005_search.sql")),
-    (6, "submitted", include_str!("../../../migrations/sqlite/0006_submitted.sql")),
-    (7, "compact results", include_str!("../../../migrations/sqlite/0007_compact_results.sql")),
-    (8, "warnings", include_str!("../../../migrations/sqlite/0008_warnings.sql")),
-    (9, "audit", include_str!("../../../migrations/sqlite/0009_audit.sql")),
-    (10, "commits", include_str!("../../../migrations/sqlite/0010_commits.sql")),
-    (11, "trust", include_str!("../../../migrations/sqlite/0011_trust.sql")),
-    (12, "kinds", include_str!("../../../migrations/sqlite/0012_kinds.sql")),
-    (13, "chunks", include_str!("../../../migrations/sqlite/0013_chunks.sql")),
-];
-
-/// All migrations. The macros of sqlx would embed the directory, but they compile SQLite a second time.
-pub(super) static MIGRATIONS: LazyLock<Migrator> = LazyLock::new(|| {
-    let migration = |(version, name, sql): (_, &'static str, &'static str)| {
-        Migration::new(version, name.into(), MigrationType::Simple, sql.into_sql_str(), false)
-    };
-    Migrator::with_migrations(CHANGES.map(migration).into())
-});
 
 /// The SQLite application id of our databases ("fret"). The program never writes to another database.
 pub(in crate::store) const APPLICATION_ID: i32 = 0x6672_6574;
@@ -307,27 +281,6 @@ pub(in crate::store) async fn inspect(path: &Path) -> Result<(), Error> {
     }
 }
 
-pub(in crate::store) async fn migrate(db: &mut SqliteConnection, path: &Path) -> Result<(), Error> {
-    let known = latest();
-    MIGRATIONS.run(db).await.map_err(|error| match error {
-        MigrateError::VersionMissing(found) if found > known => {
-            Error::Newer { path: path.to_owned(), found, known }
-        }
-        error => Error::Migration { path: path.to_owned(), source: Arc::new(error) },
-    })
-}
-
-/// The schema version of this program.
-#[expect(clippy::expect_used, reason = "the migrations are compiled in")]
-pub(in crate::store) fn latest() -> i64 {
-    CHANGES.iter().map(|(version, ..)| *version).max().expect("there are migrations")
-}
-
-/// The schema version of a database.
-pub(in crate::store) async fn version(db: &mut SqliteConnection) -> Result<i64, sqlx::Error> {
-    sqlx::query_scalar("SELECT coalesce(max(version), 0) FROM _sqlx_migrations").fetch_one(db).await
-}
-
 /// Opens the database of a directory for an administrative command; a server may be using it. If no
 /// server does, this creates or migrates the database where necessary.
 pub(in crate::store) async fn beside(
@@ -348,23 +301,5 @@ pub(in crate::store) async fn beside(
         Ordering::Less => Err(Error::Older { path, found, known }),
         Ordering::Equal => Ok(db),
         Ordering::Greater => Err(Error::Newer { path, found, known }),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn every_migration_of_the_directory_is_embedded() {
-        let mut files: Vec<_> = fs::read_dir("migrations/sqlite")
-            .unwrap()
-            .map(|file| file.unwrap().file_name().into_string().unwrap())
-            .collect();
-        files.sort();
-        let file = |(version, name, _): &(i64, &str, &str)| {
-            format!("{version:04}_{}.sql", name.replace(' ', "_"))
-        };
-        assert_eq!(files, CHANGES.iter().map(file).collect::<Vec<_>>());
     }
 }

@@ -1,17 +1,41 @@
-//! The schema of a database: what the file contains, and what the migrations of its version make.
+//! The schema of a database: what the file contains, the migrations, and what those of its version make.
 //!
 //! A foreign trigger could delete results when a job is submitted. So a database whose schema differs is neither backed up nor
 //! restored.
 
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
-use sqlx::migrate::Migrator;
-use sqlx::{Connection as _, SqliteConnection};
+use sqlx::migrate::{MigrateError, Migration, MigrationType, Migrator};
+use sqlx::{Connection as _, SqlSafeStr as _, SqliteConnection};
 
-use super::open::{MIGRATIONS, latest, version};
 use crate::store::error::Error;
+
+/// The changes of the schema: version, name and SQL.
+const CHANGES: [(i64, &str, &str); 13] = [
+    (1, "jobs", include_str!("../../../migrations/sqlite/0001_jobs.sql")),
+    (2, "years of service", include_str!("../../../migrations/sqlite/0002_years_of_service.sql")),
+    (3, "access keys", include_str!("../../../migrations/sqlite/0003_access_keys.sql")),
+    (4, "library", include_str!("../../../migrations/sqlite/0004_library.sql")),
+    (5, "search", include_str!("../../../migrations/sqlite/0005_search.sql")),
+    (6, "submitted", include_str!("../../../migrations/sqlite/0006_submitted.sql")),
+    (7, "compact results", include_str!("../../../migrations/sqlite/0007_compact_results.sql")),
+    (8, "warnings", include_str!("../../../migrations/sqlite/0008_warnings.sql")),
+    (9, "audit", include_str!("../../../migrations/sqlite/0009_audit.sql")),
+    (10, "commits", include_str!("../../../migrations/sqlite/0010_commits.sql")),
+    (11, "trust", include_str!("../../../migrations/sqlite/0011_trust.sql")),
+    (12, "kinds", include_str!("../../../migrations/sqlite/0012_kinds.sql")),
+    (13, "chunks", include_str!("../../../migrations/sqlite/0013_chunks.sql")),
+];
+
+/// All migrations. The macros of sqlx would embed the directory, but they compile SQLite a second time.
+static MIGRATIONS: LazyLock<Migrator> = LazyLock::new(|| {
+    let migration = |(version, name, sql): (_, &'static str, &'static str)| {
+        Migration::new(version, name.into(), MigrationType::Simple, sql.into_sql_str(), false)
+    };
+    Migrator::with_migrations(CHANGES.map(migration).into())
+});
 
 /// A table, index, trigger or view, and the statement that makes it.
 #[derive(Debug)]
@@ -92,4 +116,45 @@ async fn made_by(version: i64) -> Result<BTreeMap<String, Part>, Error> {
     let parts = parts(&mut db).await?;
     db.close().await?;
     Ok(parts)
+}
+
+pub(in crate::store) async fn migrate(db: &mut SqliteConnection, path: &Path) -> Result<(), Error> {
+    let known = latest();
+    MIGRATIONS.run(db).await.map_err(|error| match error {
+        MigrateError::VersionMissing(found) if found > known => {
+            Error::Newer { path: path.to_owned(), found, known }
+        }
+        error => Error::Migration { path: path.to_owned(), source: Arc::new(error) },
+    })
+}
+
+/// The schema version of this program.
+#[expect(clippy::expect_used, reason = "the migrations are compiled in")]
+pub(in crate::store) fn latest() -> i64 {
+    CHANGES.iter().map(|(version, ..)| *version).max().expect("there are migrations")
+}
+
+/// The schema version of a database.
+pub(in crate::store) async fn version(db: &mut SqliteConnection) -> Result<i64, sqlx::Error> {
+    sqlx::query_scalar("SELECT coalesce(max(version), 0) FROM _sqlx_migrations").fetch_one(db).await
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+
+    #[test]
+    fn every_migration_of_the_directory_is_embedded() {
+        let mut files: Vec<_> = fs::read_dir("migrations/sqlite")
+            .unwrap()
+            .map(|file| file.unwrap().file_name().into_string().unwrap())
+            .collect();
+        files.sort();
+        let file = |(version, name, _): &(i64, &str, &str)| {
+            format!("{version:04}_{}.sql", name.replace(' ', "_"))
+        };
+        assert_eq!(files, CHANGES.iter().map(file).collect::<Vec<_>>());
+    }
 }
