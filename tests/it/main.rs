@@ -32,6 +32,7 @@ mod access;
 mod api;
 mod audit;
 mod chunks;
+mod damage;
 mod database;
 mod derivatives;
 mod evaluate;

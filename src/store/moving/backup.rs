@@ -9,7 +9,9 @@ use std::path::{Path, PathBuf};
 
 use sqlx::{AssertSqlSafe, Connection as _, Executor as _, SqliteConnection};
 
-use super::{COMPANIONS, Moving, Part, put, refused, remove, sync_directory};
+use super::check::{of_pages, of_rows};
+use super::damage::Damage;
+use super::{COMPANIONS, Moving, Part, put, reading, refused, remove, sync_directory};
 use crate::job::{Key, clock};
 use crate::store::administration::PATIENCE;
 use crate::store::body::Body;
@@ -50,6 +52,7 @@ pub async fn backup(dir: &Path, file: &Path) -> Result<Saved, Moving> {
     open::inspect(from.path()).await?;
     let mut db = reading(from.path()).await?;
     schema::compare(&mut db, &path).await?;
+    refuse(of_pages(&mut db).await?, &path)?;
     db.close().await?;
     copy(from.path(), &part.0).await?;
     let saved = check(&part.0, &path).await?;
@@ -115,6 +118,7 @@ async fn put_in_place(
     open::inspect(from.path()).await?;
     let mut db = reading(from.path()).await?;
     schema::compare(&mut db, file).await?;
+    refuse(of_pages(&mut db).await?, file)?;
     let (found, known) = (schema::version(&mut db).await?, schema::latest());
     db.close().await?;
     if found > known {
@@ -194,11 +198,6 @@ impl<'a> Source<'a> {
             Self::Copy(part) => &part.0,
         }
     }
-}
-
-async fn reading(path: &Path) -> Result<SqliteConnection, Moving> {
-    let options = open::connecting(path).busy_timeout(PATIENCE).read_only(true);
-    Ok(SqliteConnection::connect_with(&options).await?)
 }
 
 /// Puts a new database in the place of an old one, which is kept at `former`.
@@ -325,6 +324,10 @@ async fn check(copy: &Path, of: &Path) -> Result<Saved, Moving> {
     for key in &damaged {
         leave_out(&mut db, key).await?;
     }
+    // The tables of earlier versions lack columns.
+    if schema::version(&mut db).await? == schema::latest() {
+        refuse(of_rows(&mut db).await?, of)?;
+    }
     let (jobs, results, bytes, evicted) = sqlx::query_as(
         "SELECT (SELECT count(*) FROM job), count(body), coalesce(sum(length(body)), 0),
              count(*) - count(body)
@@ -334,6 +337,16 @@ async fn check(copy: &Path, of: &Path) -> Result<Saved, Moving> {
     .await?;
     db.close().await?;
     Ok(Saved { jobs, results, bytes, evicted, damaged })
+}
+
+/// Refuses a database with damage that a copy cannot leave out. A copy would hide it, because its indexes are new.
+fn refuse(mut damage: Vec<Damage>, path: &Path) -> Result<(), Moving> {
+    damage.retain(|damage| !damage.can_be_left_out());
+    if damage.is_empty() {
+        return Ok(());
+    }
+    let said: Vec<String> = damage.iter().map(Damage::to_string).collect();
+    Err(Moving::Damaged { path: path.to_owned(), said: said.join("; ") })
 }
 
 /// The results whose bodies have changed or are missing.

@@ -1,4 +1,4 @@
-//! Export and import of results, backup and restore of the database.
+//! Export and import of results; check, backup and restore of the database.
 //!
 //! All commands work while a server uses the database: SQLite isolates them, and no transaction is long.
 //! Each file is written under a temporary name, checked, and then renamed.
@@ -11,6 +11,8 @@
 //! without a check.
 
 mod backup;
+mod check;
+mod damage;
 mod export;
 mod import;
 mod untrusted;
@@ -19,12 +21,17 @@ use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
+use sqlx::{Connection as _, SqliteConnection};
+
+use super::administration::PATIENCE;
 use super::error::Error;
 use super::place::Place;
 use super::sqlite::open;
 use crate::job::Key;
 
 pub use backup::{Saved, backup, note_backup, restore};
+pub use check::{Checked, check};
+pub use damage::Damage;
 pub use export::{Exported, export};
 pub use import::{Imported, import};
 
@@ -140,6 +147,12 @@ impl Drop for Part {
         // If this fails, the next command tries again.
         let _ = self.remove();
     }
+}
+
+/// Opens a database for reading only.
+async fn reading(path: &Path) -> Result<SqliteConnection, Moving> {
+    let options = open::connecting(path).busy_timeout(PATIENCE).read_only(true);
+    Ok(SqliteConnection::connect_with(&options).await?)
 }
 
 /// Syncs a finished file to the disk and renames it.
