@@ -9,7 +9,7 @@ use std::process::{Output, Stdio};
 
 use fretwork::store::{Moving, backup, check};
 use serde_json::{Value, json};
-use sqlx::{Connection as _, Executor as _};
+use sqlx::{AssertSqlSafe, Connection as _, Executor as _};
 use tempfile::TempDir;
 
 use crate::kill::Dice;
@@ -209,6 +209,7 @@ async fn a_changed_column_is_named_and_prevents_a_backup() {
         ("UPDATE job SET tags = '[\"other\"]'", "tags contradicts other rows"),
         ("DELETE FROM job_tag WHERE tag = 'tag-1'", "tags contradicts other rows"),
         ("UPDATE result_task SET task = replace(task, '0.7', '0.6')", "task does not give the key"),
+        ("UPDATE job SET finished = finished + 1", "finished contradicts changes"),
         ("UPDATE room SET used = used + 1", "used contradicts other rows"),
     ] {
         let dir = copy(library.path());
@@ -225,5 +226,39 @@ async fn a_changed_column_is_named_and_prevents_a_backup() {
         let refused = backup(dir.path(), &target).await;
         assert!(matches!(refused, Err(Moving::Damaged { .. })), "{statement}: {refused:?}");
         assert!(refused.unwrap_err().to_string().contains(expected) && !target.exists());
+    }
+}
+
+#[tokio::test]
+async fn a_changed_copy_names_the_row_and_the_column() {
+    let library = library().await;
+    for (table, index, column, change) in [
+        ("job", "job_copy", "priority", "5"),
+        ("result", "result_copy", "wall", "7.5"),
+        ("result", "result_evicted_copy", "summary", "'{}'"),
+        ("note", "note_copy", "text", "'Agrees with nothing.'"),
+        ("outline", "outline_absent_copy", "regime", "'full_stick'"),
+        ("job", "job_owner", "owner", "'eve'"),
+    ] {
+        let dir = copy(library.path());
+        let mut db = raw(dir.path()).await;
+        // Without its statement, SQLite does not change the index together with the table.
+        let hide = format!(
+            "PRAGMA writable_schema = ON; CREATE TEMP TABLE held AS SELECT * FROM sqlite_schema WHERE name = '{index}';
+             DELETE FROM sqlite_schema WHERE name = '{index}'; PRAGMA writable_schema = RESET"
+        );
+        db.execute(AssertSqlSafe(hide)).await.unwrap();
+        let filter = if index.contains("absent") { "NOT present" } else { "TRUE" };
+        let change = format!(
+            "UPDATE {table} SET {column} = {change} WHERE {filter} AND {column} IS NOT {change};
+             PRAGMA writable_schema = ON; INSERT INTO sqlite_schema SELECT * FROM temp.held;
+             PRAGMA writable_schema = RESET"
+        );
+        db.execute(AssertSqlSafe(change)).await.unwrap();
+        db.close().await.unwrap();
+        let damage = check(dir.path()).await.unwrap().damage;
+        let what = format!("{column} differs from the index {index}");
+        let named = damage.iter().find(|damage| damage.table == table && damage.what == what);
+        assert!(named.is_some_and(|damage| damage.row.is_some()), "{what}: {damage:?}");
     }
 }

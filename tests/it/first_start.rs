@@ -7,7 +7,7 @@ use std::process::Stdio;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use fretwork::store::{backup, restore};
+use fretwork::store::{backup, check, restore};
 use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{Connection as _, Executor as _, SqliteConnection};
 use tempfile::TempDir;
@@ -67,6 +67,7 @@ async fn is_intact(dir: &Path) {
         sqlx::query_scalar("PRAGMA integrity_check").fetch_all(&mut db).await.unwrap();
     assert_eq!(said, ["ok"]);
     db.close().await.unwrap();
+    assert_eq!(check(dir).await.unwrap().damage, []);
 }
 
 #[tokio::test]

@@ -4,14 +4,16 @@
 //! which has a checksum; and other rows.
 
 use std::path::Path;
+use std::sync::Arc;
 
+use data_encoding::HEXLOWER;
 use futures_util::TryStreamExt as _;
 use serde_json::Value;
 use sha2::{Digest as _, Sha256};
 use sqlx::sqlite::SqliteRow;
 use sqlx::{AssertSqlSafe, Connection as _, Executor as _, SqliteConnection};
 
-use super::damage::{Damage, UNUSED, locate, spelled};
+use super::damage::{Damage, UNUSED, locate};
 use super::{Moving, reading};
 use crate::job::{Canonical, Document, ENGINE, Key, Outline, SCALARS, WORDS};
 use crate::store::body::Body;
@@ -100,7 +102,12 @@ async fn said(db: &mut SqliteConnection, check: String) -> Result<Vec<String>, E
     let said: Result<Vec<String>, sqlx::Error> =
         sqlx::query_scalar(AssertSqlSafe(check)).fetch_all(db).await;
     match said.map_err(Error::from) {
-        Ok(said) => Ok(said.iter().flat_map(|said| said.lines()).map(str::to_owned).collect()),
+        Ok(said) => Ok(said
+            .iter()
+            .flat_map(|said| said.lines())
+            .filter(|line| !line.starts_with("***"))
+            .map(str::to_owned)
+            .collect()),
         Err(Error::Damaged(error)) => Ok(vec![error.to_string()]),
         Err(error) => Err(error),
     }
@@ -114,9 +121,8 @@ pub(super) async fn of_rows(db: &mut SqliteConnection) -> Result<Vec<Damage>, Er
             sqlx::query_scalar(statement).fetch_all(&mut *db).await;
         match keys.map_err(Error::from) {
             Ok(keys) => {
-                damage.extend(keys.iter().map(|key| {
-                    Damage::of(table, format!("{key}: {column} contradicts other rows"))
-                }))
+                let what = format!("{column} contradicts other rows");
+                damage.extend(keys.iter().map(|key| Damage::at(table, key, &*what)));
             }
             Err(Error::Damaged(error)) => damage.push(Damage::of(table, error.to_string())),
             Err(error) => return Err(error),
@@ -160,7 +166,7 @@ const COMPARISONS: [(&str, &str, &str); 13] = [
 async fn of_jobs(db: &mut SqliteConnection) -> Result<Vec<Damage>, Error> {
     let mut damage = Vec::new();
     let mut rows = sqlx::query(
-        "SELECT lower(hex(id)) AS id, state, attempt, created, started, finished, changes FROM job NOT INDEXED",
+        "SELECT lower(hex(id)) AS id, state, attempt, created, started, finished, changes FROM job",
     )
     .fetch(db);
     loop {
@@ -168,7 +174,7 @@ async fn of_jobs(db: &mut SqliteConnection) -> Result<Vec<Damage>, Error> {
             Ok(Some(row)) => {
                 let wrong = contradiction(&row).unwrap_or_else(|error| Some(error.to_string()));
                 let id = row.get::<&str>("id").unwrap_or_default();
-                damage.extend(wrong.map(|what| Damage::of("job", format!("{id}: {what}"))));
+                damage.extend(wrong.map(|what| Damage::at("job", id, what)));
             }
             Ok(None) => return Ok(damage),
             Err(Error::Damaged(error)) => {
@@ -191,7 +197,7 @@ fn contradiction(row: &SqliteRow) -> Result<Option<String>, sqlx::Error> {
     let of_changes = [
         ("state", last.state.as_str() == state),
         ("attempt", last.attempt == row.get::<u32>("attempt")?),
-        ("finished", finished.is_none_or(|at| at == last.at)),
+        ("finished", finished == last.state.is_finished().then_some(last.at)),
         // The clock may have been set back since the submission.
         (
             "started",
@@ -207,46 +213,40 @@ fn contradiction(row: &SqliteRow) -> Result<Option<String>, sqlx::Error> {
 
 /// Compares each result with its body, its task and its outline.
 async fn of_results(db: &mut SqliteConnection) -> Result<Vec<Damage>, Error> {
+    let columns: Vec<String> = names().map(|name| format!("outline.{name}")).collect();
+    let statement = format!(
+        "SELECT result.key AS key, summary, digest, result.size AS size, checksum, evicted, task, body, {}
+         FROM result LEFT JOIN result_blob USING (key) LEFT JOIN result_task USING (key)
+         LEFT JOIN outline USING (id) WHERE result.key > ?1 ORDER BY result.key LIMIT 1",
+        columns.join(", ")
+    );
+    let statement: Arc<str> = statement.into();
     let (mut damage, mut last) = (Vec::new(), Vec::new());
     // One body at a time, to keep memory small.
     loop {
-        let columns: Vec<String> = names().map(|name| format!("outline.{name}")).collect();
-        let statement = format!(
-            "SELECT result.key AS key, summary, digest, result.size AS size, checksum, evicted, task, body, {}
-             FROM result LEFT JOIN result_blob USING (key) LEFT JOIN result_task USING (key)
-             LEFT JOIN outline USING (id) WHERE result.key > ?1 ORDER BY result.key LIMIT 1",
-            columns.join(", ")
-        );
-        let query = sqlx::query(AssertSqlSafe(statement)).bind(&last);
-        let row = match query.fetch_optional(&mut *db).await.map_err(Error::from) {
-            Ok(Some(row)) => row,
+        let query = sqlx::query(AssertSqlSafe(Arc::clone(&statement))).bind(&last);
+        match query.fetch_optional(&mut *db).await.map_err(Error::from) {
             Ok(None) => return Ok(damage),
+            Ok(Some(row)) => {
+                last = row.get("key")?;
+                let wrong = of_result(&row);
+                let wrong = wrong.unwrap_or_else(|error| vec![("result", error.to_string())]);
+                let key = HEXLOWER.encode(&last);
+                damage.extend(wrong.into_iter().map(|(table, what)| Damage::at(table, &key, what)));
+            }
             Err(Error::Damaged(error)) => {
-                let next = sqlx::query_scalar(
-                    "SELECT key FROM result WHERE key > ?1 ORDER BY key LIMIT 1",
-                );
-                let next: Result<Option<Vec<u8>>, _> =
-                    next.bind(&last).fetch_optional(&mut *db).await;
+                let next = "SELECT key FROM result WHERE key > ?1 ORDER BY key LIMIT 1";
+                let next = sqlx::query_scalar(next).bind(&last).fetch_optional(&mut *db).await;
                 let Ok(Some(next)) = next else {
                     damage.push(Damage::of("result", error.to_string()));
                     return Ok(damage);
                 };
-                let what = format!(
-                    "{}: the row, its body or its task cannot be read: {error}",
-                    spelled(&next)
-                );
-                damage.push(Damage::of("result_blob", what));
                 last = next;
-                continue;
+                let what = format!("body, task or outline cannot be read: {error}");
+                damage.push(Damage::at("result_blob", &HEXLOWER.encode(&last), what));
             }
             Err(error) => return Err(error),
-        };
-        last = row.get("key")?;
-        let wrong = of_result(&row).unwrap_or_else(|error| vec![("result", error.to_string())]);
-        let name = spelled(&last);
-        damage.extend(
-            wrong.into_iter().map(|(table, what)| Damage::of(table, format!("{name}: {what}"))),
-        );
+        }
     }
 }
 
@@ -281,16 +281,13 @@ fn of_result(row: &SqliteRow) -> Result<Vec<(&'static str, String)>, sqlx::Error
         wrong.push(("result", "digest contradicts the body".to_owned()));
     }
     if let Ok(document) = Document::read(&body) {
-        wrong.extend(of_document(row, &document)?);
+        wrong.extend(of_document(row, &document));
     }
     Ok(wrong)
 }
 
 /// Compares what lists and search show with the result itself.
-fn of_document(
-    row: &SqliteRow,
-    document: &Document,
-) -> Result<Vec<(&'static str, String)>, sqlx::Error> {
+fn of_document(row: &SqliteRow, document: &Document) -> Vec<(&'static str, String)> {
     let mut wrong = Vec::new();
     if !row
         .get::<&str>("summary")
@@ -310,7 +307,7 @@ fn of_document(
             wrong.push(("outline", format!("{} contradicts the body", scalar.name)));
         }
     }
-    Ok(wrong)
+    wrong
 }
 
 /// Whether a task has this key under any version of the engine.
