@@ -128,6 +128,15 @@ pub(super) async fn of_rows(db: &mut SqliteConnection) -> Result<Vec<Damage>, Er
             Err(error) => return Err(error),
         }
     }
+    match schema::wrong_records(db).await.map_err(Error::from) {
+        Ok(versions) => damage.extend(versions.iter().map(|version| {
+            Damage::at("_sqlx_migrations", &version.to_string(), "the record is changed or missing")
+        })),
+        Err(Error::Damaged(error)) => {
+            damage.push(Damage::of("_sqlx_migrations", error.to_string()));
+        }
+        Err(error) => return Err(error),
+    }
     damage.extend(of_jobs(db).await?);
     damage.extend(of_results(db).await?);
     Ok(damage)

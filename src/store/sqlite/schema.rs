@@ -129,6 +129,26 @@ pub(in crate::store) async fn migrate(db: &mut SqliteConnection, path: &Path) ->
     })
 }
 
+/// The versions of which the record differs from the migration. A server does not start with such a record.
+pub(in crate::store) async fn wrong_records(
+    db: &mut SqliteConnection,
+) -> Result<Vec<i64>, sqlx::Error> {
+    let mut expected: BTreeMap<i64, &[u8]> =
+        MIGRATIONS.iter().map(|migration| (migration.version, &*migration.checksum)).collect();
+    let recorded: Vec<(i64, Vec<u8>, bool)> =
+        sqlx::query_as("SELECT version, checksum, success FROM _sqlx_migrations")
+            .fetch_all(db)
+            .await?;
+    let mut wrong = Vec::new();
+    for (version, checksum, success) in recorded {
+        if expected.remove(&version) != Some(&*checksum) || !success {
+            wrong.push(version);
+        }
+    }
+    wrong.extend(expected.into_keys());
+    Ok(wrong)
+}
+
 /// The schema version of this program.
 #[expect(clippy::expect_used, reason = "the migrations are compiled in")]
 pub(in crate::store) fn latest() -> i64 {
