@@ -214,6 +214,10 @@ async fn a_changed_column_is_named_and_prevents_a_backup() {
             "UPDATE _sqlx_migrations SET checksum = x'00' WHERE version = 7",
             "the record is changed or missing",
         ),
+        (
+            "UPDATE job SET submitted = replace(submitted, 'e', 'f')",
+            "submitted or submitted_sum is changed",
+        ),
         ("UPDATE room SET used = used + 1", "used contradicts other rows"),
     ] {
         let dir = copy(library.path());

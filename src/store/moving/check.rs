@@ -18,7 +18,7 @@ use super::{Moving, reading};
 use crate::job::{Canonical, Document, ENGINE, Key, Outline, SCALARS, WORDS};
 use crate::store::body::Body;
 use crate::store::error::Error;
-use crate::store::row::{Columns, Sum, changes, json, key};
+use crate::store::row::{Columns, Sum, changes, checksum, json, key};
 use crate::store::search::names;
 use crate::store::sqlite::open::{self, DATABASE};
 use crate::store::sqlite::schema;
@@ -171,11 +171,12 @@ const COMPARISONS: [(&str, &str, &str); 13] = [
         WHERE evicted IS NULL) OR runs < (SELECT coalesce(max(id), 0) FROM run)"),
 ];
 
-/// Compares the state and the times of each job with its changes of state.
+/// Compares the state and the times of each job with its changes of state, and what was submitted with its checksum.
 async fn of_jobs(db: &mut SqliteConnection) -> Result<Vec<Damage>, Error> {
     let mut damage = Vec::new();
     let mut rows = sqlx::query(
-        "SELECT lower(hex(id)) AS id, state, attempt, created, started, finished, changes FROM job",
+        "SELECT lower(hex(id)) AS id, state, attempt, created, started, finished, changes, submitted,
+             submitted_sum FROM job",
     )
     .fetch(db);
     loop {
@@ -195,7 +196,7 @@ async fn of_jobs(db: &mut SqliteConnection) -> Result<Vec<Damage>, Error> {
     }
 }
 
-/// What in the row of a job contradicts its changes of state.
+/// What in the row of a job contradicts its changes of state or its checksum.
 fn contradiction(row: &SqliteRow) -> Result<Option<String>, sqlx::Error> {
     let changes = changes(row.get("changes")?)?;
     let Some(last) = changes.last() else { return Ok(Some("changes is empty".to_owned())) };
@@ -203,6 +204,10 @@ fn contradiction(row: &SqliteRow) -> Result<Option<String>, sqlx::Error> {
     let finished: Option<i64> = row.get("finished")?;
     let started: Option<i64> = row.get("started")?;
     let running = changes.iter().rfind(|change| change.state.as_str() == "running");
+    let sum: Option<i64> = row.get("submitted_sum")?;
+    if sum.is_some() && sum != row.get::<Option<&str>>("submitted")?.map(checksum) {
+        return Ok(Some("submitted or submitted_sum is changed".to_owned()));
+    }
     let of_changes = [
         ("state", last.state.as_str() == state),
         ("attempt", last.attempt == row.get::<u32>("attempt")?),
