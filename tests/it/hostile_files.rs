@@ -10,7 +10,7 @@ use fretwork::store::{Moving, backup, restore};
 use sqlx::{AssertSqlSafe, Connection as _};
 use tempfile::TempDir;
 
-use crate::moving::{export_all, open_file};
+use crate::moving::{export_all, open_file, replace_body};
 use crate::program::fretwork;
 use crate::server::{Server, ball};
 use crate::store::{accepted, fresh, new_job, open};
@@ -113,6 +113,34 @@ async fn a_hostile_export_is_refused_quickly_and_in_little_memory() {
         println!("{peak} MiB, {:?}: {said}", output.status.code());
         assert!(!output.status.success() && said.contains(words), "{statements}: {said}");
         assert!(peak < 256, "{statements}: {peak} MiB");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_body_of_many_values_is_refused_in_little_memory() {
+    let from = Server::start().await;
+    let key = from.compute(&ball(1.0)).await.json()["key"].as_str().unwrap().to_owned();
+    let dir = TempDir::new().unwrap();
+    let file = dir.path().join("results.db");
+    export_all(&from, &file).await;
+    let body = from.get(&format!("/v1/results/{key}")).await.text().to_owned();
+    let zeros = format!("{{\"x\":[{}0],", "0,".repeat(40_000_000));
+    let nested = "[".repeat(80_000_000);
+    for hostile in [
+        body.replacen("\"history\":{", &format!("\"history\":{zeros}"), 1),
+        body.replacen("\"profiles\":{", &format!("\"profiles\":{zeros}"), 1),
+        nested,
+    ] {
+        assert!(hostile.len() >= 80_000_000);
+        let mut db = open_file(&file).await;
+        replace_body(&mut db, &key, &hostile).await;
+        db.close().await.unwrap();
+        let data = dir.path().join("data");
+        let words = ["import", file.to_str().unwrap(), "--data-dir", data.to_str().unwrap()];
+        let (output, peak) = measured(&words);
+        let said = String::from_utf8(output.stderr).unwrap();
+        println!("{peak} MiB: {said}");
+        assert!(said.contains(&format!("refused {key}")) && peak < 256, "{peak} MiB: {said}");
     }
 }
 

@@ -105,8 +105,9 @@ impl Verify {
     }
 }
 
-/// Maximum size of an imported body, in bytes. Estimates of the size of a result can be too low.
-const MAX_BODY: u64 = 2 * MAX_ANSWER as u64;
+/// Maximum size of an imported body, in bytes. Estimates of the size of a result can be too low. SQLite and sqlx hold two
+/// copies at a time.
+const MAX_BODY: u64 = MAX_ANSWER as u64 / 2 * 3;
 /// Maximum length of an imported name, in characters.
 const MAX_NAME: usize = 200;
 /// Maximum length of the imported warnings, in bytes. A submission has at most three of about 200 bytes each.
