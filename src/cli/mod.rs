@@ -57,6 +57,7 @@ pub fn main() -> ExitCode {
         Some(Command::Audit(data)) => administration::audit(&data).map(success),
         Some(Command::Export(settings)) => moving::export(&settings).map(success),
         Some(Command::Import(settings)) => moving::import(&settings),
+        Some(Command::Check(data)) => moving::check(&data),
         Some(Command::Backup(settings)) => moving::backup(&settings),
         Some(Command::Restore(settings)) => moving::restore(&settings),
     };

@@ -1,4 +1,4 @@
-//! The commands `export`, `import`, `backup` and `restore`.
+//! The commands `export`, `import`, `check`, `backup` and `restore`.
 
 use std::io::{self, IsTerminal as _, Write as _};
 use std::path::Path;
@@ -8,9 +8,9 @@ use std::time::{Duration, Instant};
 use bytesize::ByteSize;
 
 use super::printing::{Error, print};
-use crate::config::{Backup, Export, Import, Restore};
+use crate::config::{Backup, Data, Export, Import, Restore};
 use crate::job::clock;
-use crate::store::{self, AccessKey, Administration, Imported, Saved, Search};
+use crate::store::{self, AccessKey, Administration, Checked, Imported, Saved, Search};
 
 /// Time between two lines of progress in a log.
 const LOG_INTERVAL: Duration = Duration::from_secs(10);
@@ -108,6 +108,23 @@ fn name_damaged(saved: &Saved) -> Result<ExitCode, Error> {
         )?;
     }
     Ok(if saved.damaged.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(2) })
+}
+
+/// Names the damaged rows of a database. The exit code is 2 if there are any.
+pub fn check(data: &Data) -> Result<ExitCode, Error> {
+    let dir =
+        data.directory("check it with `pg_amcheck`, and with `pg_checksums` while it is stopped")?;
+    let Checked { jobs, results, damage } = block_on(store::check(dir))?;
+    for row in &damage {
+        writeln!(io::stderr(), "damaged: {row}")?;
+    }
+    let found = match damage.len() {
+        0 => "no damage".to_owned(),
+        count => format!("damage in {count} places"),
+    };
+    let line = format!("{}: {results} results, {jobs} jobs; {found}\n", dir.display());
+    print(line.as_bytes())?;
+    Ok(if damage.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(2) })
 }
 
 /// Copies the whole database.

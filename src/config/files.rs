@@ -15,6 +15,12 @@ Examples:
   fretwork export cones.db shape=cone friction=0.6..0.8     the results that GET /v1/results lists
   fretwork export one.db --key 7262301e...                  one result, by its whole key";
 
+/// What the help of `check` shows.
+pub const CHECK_EXAMPLES: &str = "\
+Examples:
+  fretwork check                               the database in ./data
+  fretwork check --data-dir /var/lib/fretwork  exit code 0: sound; 2: damaged rows, which are named";
+
 /// The settings of `export`.
 #[derive(Debug, Args)]
 pub struct Export {

@@ -105,6 +105,13 @@ pub enum Command {
     /// results are printed to standard error; the exit code is then 2. An interrupted import continues when it is
     /// started again.
     Import(Import),
+    /// Search the database for damage, and name the rows.
+    ///
+    /// The server may run meanwhile. The command compares every index with its table, every result with its checksum, and what
+    /// lists and search show with the stored results. Damaged rows are printed to standard error: table, key, column. The exit
+    /// code is then 2.
+    #[command(after_help = files::CHECK_EXAMPLES)]
+    Check(Data),
     /// Copy the whole database to a file, and check the copy.
     ///
     /// The server may run meanwhile. The copy is a snapshot.

@@ -3,7 +3,9 @@
 use fretwork_engine::numeric::twelve_digits;
 use fretwork_engine::outcome::Outcome;
 use fretwork_engine::scenario::Scenario;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
+use serde_json::value::RawValue;
 use serde_json::{Map, Number, Value, json, to_value};
 
 use super::{Canonical, Outline, TaskKind};
@@ -38,25 +40,29 @@ pub enum BadDocument {
     /// A member is missing.
     #[error("its member `{0}` is missing")]
     Member(&'static str),
+    /// A member is larger than any that the engine writes.
+    #[error("a member of its body is too large")]
+    Large,
     /// A column of its history is empty, contains something other than numbers, or has another length than the others.
     #[error("its history is not a set of columns of equal length")]
     History,
 }
 
-/// The members that are read from a result.
+/// The members that are read from a result. An import may contain anything, so they are parsed when their size is known.
 #[derive(Deserialize)]
-struct Members {
-    key: String,
-    engine: Producer,
-    scenario: Option<Value>,
-    scales: Option<Value>,
-    unworn: Option<Value>,
-    regime: Option<Value>,
-    history: Option<Map<String, Value>>,
-    sweep: Option<Value>,
-    sensitivity: Option<Value>,
-    map: Option<Value>,
-    counts: Option<Value>,
+struct Members<'a> {
+    #[serde(borrow)]
+    key: &'a RawValue,
+    engine: &'a RawValue,
+    scenario: Option<&'a RawValue>,
+    scales: Option<&'a RawValue>,
+    unworn: Option<&'a RawValue>,
+    regime: Option<&'a RawValue>,
+    history: Option<&'a RawValue>,
+    sweep: Option<&'a RawValue>,
+    sensitivity: Option<&'a RawValue>,
+    map: Option<&'a RawValue>,
+    counts: Option<&'a RawValue>,
 }
 
 #[derive(Deserialize)]
@@ -65,35 +71,51 @@ struct Producer {
     numerics: u32,
 }
 
+/// Largest number of values in a member. A record of 100 000 reversals has the most. A value takes about 100 bytes of memory.
+const MAX_VALUES: usize = 500_000;
+/// Largest member, in bytes. A request has at most 4 MiB, and canonical numbers are longer.
+const MAX_MEMBER: usize = 16_000_000;
+
+/// Parses a member, unless it is too large.
+fn parse<T: DeserializeOwned>(member: &RawValue) -> Result<T, BadDocument> {
+    let text = member.get();
+    let begins = text.bytes().filter(|byte| matches!(byte, b',' | b'[' | b'{'));
+    if text.len() > MAX_MEMBER || begins.count() > MAX_VALUES {
+        return Err(BadDocument::Large);
+    }
+    Ok(serde_json::from_str(text)?)
+}
+
 impl Document {
     /// Reads a result.
     ///
     /// # Errors
     /// The text is not the JSON of a result.
     pub fn read(text: &[u8]) -> Result<Self, BadDocument> {
-        let mut members: Members = serde_json::from_slice(text)?;
-        let (kind, value) = members.asked().ok_or(BadDocument::Member("scenario"))?;
+        let members: Members = serde_json::from_slice(text)?;
+        let (kind, asked) = members.asked().ok_or(BadDocument::Member("scenario"))?;
+        let value = parse(asked)?;
         let (history, summary, outline) = match kind {
             TaskKind::Run => members.of_run(&value)?,
             TaskKind::Study(_) => members.of_study(kind)?,
         };
         let asked = Canonical { kind, value };
-        let Members { key, engine: Producer { name: engine, numerics }, .. } = members;
-        Ok(Self { key, engine, numerics, asked, history, summary, outline })
+        let Producer { name: engine, numerics } = parse(members.engine)?;
+        Ok(Self { key: parse(members.key)?, engine, numerics, asked, history, summary, outline })
     }
 }
 
-impl Members {
+impl<'a> Members<'a> {
     /// What was asked for, if it is exactly one thing.
-    fn asked(&mut self) -> Option<(TaskKind, Value)> {
+    fn asked(&self) -> Option<(TaskKind, &'a RawValue)> {
         let found = TaskKind::all().filter_map(|kind| {
             let member = match kind {
-                TaskKind::Run => &mut self.scenario,
-                TaskKind::Study(Kind::Sweep) => &mut self.sweep,
-                TaskKind::Study(Kind::Sensitivity) => &mut self.sensitivity,
-                TaskKind::Study(Kind::Map) => &mut self.map,
+                TaskKind::Run => self.scenario,
+                TaskKind::Study(Kind::Sweep) => self.sweep,
+                TaskKind::Study(Kind::Sensitivity) => self.sensitivity,
+                TaskKind::Study(Kind::Map) => self.map,
             };
-            Some((kind, member.take()?))
+            Some((kind, member?))
         });
         let mut found: Vec<_> = found.collect();
         found.pop().filter(|_| found.is_empty())
@@ -101,16 +123,16 @@ impl Members {
 
     /// History, summary and outline of a run.
     fn of_run(
-        &mut self,
+        &self,
         scenario: &Value,
     ) -> Result<(Map<String, Value>, Value, Outline), BadDocument> {
-        let history = required("history", &mut self.history)?;
+        let history = required("history", self.history)?;
         let summary =
-            summary(required("regime", &mut self.regime)?, &history).ok_or(BadDocument::History)?;
+            summary(required("regime", self.regime)?, &history).ok_or(BadDocument::History)?;
         let mut members = members(
             scenario.clone(),
-            required("scales", &mut self.scales)?,
-            required("unworn", &mut self.unworn)?,
+            required("scales", self.scales)?,
+            required("unworn", self.unworn)?,
             summary,
         );
         let outline = Outline::of(&members);
@@ -119,17 +141,20 @@ impl Members {
 
     /// History, summary and outline of a study.
     fn of_study(
-        &mut self,
+        &self,
         kind: TaskKind,
     ) -> Result<(Map<String, Value>, Value, Outline), BadDocument> {
-        let counts = required("counts", &mut self.counts)?;
+        let counts = required("counts", self.counts)?;
         let outline = outline_of(kind, &counts);
         Ok((Map::new(), counts, outline))
     }
 }
 
-fn required<T>(name: &'static str, member: &mut Option<T>) -> Result<T, BadDocument> {
-    member.take().ok_or(BadDocument::Member(name))
+fn required<T: DeserializeOwned>(
+    name: &'static str,
+    member: Option<&RawValue>,
+) -> Result<T, BadDocument> {
+    parse(member.ok_or(BadDocument::Member(name))?)
 }
 
 /// The outline of a study.

@@ -14,6 +14,26 @@ use super::{BadDocument, Document, ENGINE, Key, Prepared, Step, Task, TaskKind};
 /// Longest time to compute one result anew.
 const LONGEST_RECOMPUTATION: Duration = Duration::from_mins(10);
 
+/// Bytes that a result may have in addition to twice the estimate.
+const SLACK: usize = 100_000;
+
+/// Deepest nesting of a result. The parser needs memory for each level. A result has less than 10.
+const MAX_DEPTH: usize = 100;
+
+/// How deep a text is nested. Brackets in strings count, too; those of results have none.
+fn depth(json: &[u8]) -> usize {
+    let (mut depth, mut deepest) = (0_usize, 0);
+    for byte in json {
+        match byte {
+            b'[' | b'{' => depth += 1,
+            b']' | b'}' => depth = depth.saturating_sub(1),
+            _ => continue,
+        }
+        deepest = deepest.max(depth);
+    }
+    deepest
+}
+
 /// A result whose key belongs to its scenario, and whose members have the form of a result.
 #[derive(Debug)]
 pub struct Received {
@@ -88,6 +108,9 @@ impl Received {
     /// # Errors
     /// The body cannot be the result of its key.
     pub fn judge(key: &Key, body: &[u8]) -> Result<Self, Refused> {
+        if depth(body) > MAX_DEPTH {
+            return Err(Refused::Form);
+        }
         let document = Document::read(body)?;
         let numerics = document.numerics;
         if numerics > ENGINE.numerics {
@@ -121,6 +144,10 @@ impl Received {
         let flaw = match &task.task {
             Task::Run(run) => {
                 let (scenario, case) = &**run;
+                // The numbers of a text take four times its bytes in memory.
+                if body.len() > 2 * case.answer_bytes() + SLACK {
+                    return Err(Refused::Form);
+                }
                 let outcome: Outcome = serde_json::from_slice(body).map_err(|_| Refused::Form)?;
                 if write(*key, scenario, &outcome, body.len()).as_bytes() != body {
                     return Err(Refused::Form);

@@ -38,6 +38,14 @@ pub enum Error {
         /// The file.
         path: PathBuf,
     },
+    /// Another program has changed the schema of the database.
+    #[error("{} is not as fretwork makes it: {what}", path.display())]
+    Altered {
+        /// The file.
+        path: PathBuf,
+        /// What differs.
+        what: String,
+    },
     /// The database was written by a later version of this program.
     #[error(
         "{} was written by a later version of fretwork (its schema version is {found}, this program \

@@ -57,7 +57,10 @@ pub use error::Error;
 pub use keep::{Answered, Changed, Editor, Finish, Removed};
 pub use keys::{AccessKey, NewKey, Role, digest};
 pub use library::{Known, Note, Program, Provenance};
-pub use moving::{Exported, Imported, Moving, Saved, backup, export, import, note_backup, restore};
+pub use moving::{
+    Checked, Damage, Exported, Imported, Moving, Saved, backup, check, export, import, note_backup,
+    restore,
+};
 pub use options::{FileSizes, Options, Recovered};
 pub use place::{DatabaseUrl, Place};
 pub use read::{Asked, Filter, LARGE, Page, StoredResult};

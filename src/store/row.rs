@@ -5,6 +5,7 @@ use sha2::{Digest as _, Sha256};
 use sqlx::Row as _;
 use sqlx::postgres::PgRow;
 use sqlx::sqlite::SqliteRow;
+use xxhash_rust::xxh3::xxh3_64;
 
 use super::body::Body;
 use crate::job::{Change, JobId, Key};
@@ -137,6 +138,11 @@ pub(super) fn changes(text: &str) -> Result<Vec<Change>, sqlx::Error> {
 /// Reads a JSON document.
 pub(super) fn json<T: DeserializeOwned>(text: &str) -> Result<T, sqlx::Error> {
     serde_json::from_str(text).map_err(|error| sqlx::Error::Decode(Box::new(error)))
+}
+
+/// A hash of a stored text, by which damage is detected.
+pub(super) fn checksum(text: &str) -> i64 {
+    xxh3_64(text.as_bytes()).cast_signed()
 }
 
 /// The hash of a body as it is stored.

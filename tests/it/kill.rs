@@ -9,6 +9,7 @@ use std::path::Path;
 use std::process::Command;
 use std::time::Duration;
 
+use fretwork::store::check;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 use tokio::time::timeout;
@@ -393,6 +394,7 @@ async fn no_key_was_completed_twice(dir: &Path) {
     .await
     .unwrap();
     assert_eq!(counts, (0, 1, 0));
+    assert_eq!(check(dir).await.unwrap().damage, []);
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -379,7 +379,7 @@ async fn an_invalid_key_or_an_oversized_value_is_refused_and_the_rest_is_importe
     assert_refused(&done, "abc", "its key is not");
     assert_refused(&done, &keys[0], "its column owner has more than 200 characters");
     assert_refused(&done, &keys[1], "its column owner has more than 200 characters");
-    assert_refused(&done, &keys[2], "its body has more than 128000000 bytes");
+    assert_refused(&done, &keys[2], "its body has more than 96000000 bytes");
 }
 
 #[tokio::test]

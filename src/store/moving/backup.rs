@@ -9,14 +9,16 @@ use std::path::{Path, PathBuf};
 
 use sqlx::{AssertSqlSafe, Connection as _, Executor as _, SqliteConnection};
 
-use super::{Moving, Part, put, refused};
+use super::check::{of_pages, of_rows};
+use super::damage::Damage;
+use super::{COMPANIONS, Moving, Part, put, reading, refused, remove, sync_directory};
 use crate::job::{Key, clock};
 use crate::store::administration::PATIENCE;
 use crate::store::body::Body;
 use crate::store::error::Error;
 use crate::store::row::{Columns as _, Sum, key};
-use crate::store::sqlite::ledger;
 use crate::store::sqlite::open::{self, DATABASE, LOCK};
+use crate::store::sqlite::{ledger, schema};
 
 /// The contents of a backup.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -48,6 +50,10 @@ pub async fn backup(dir: &Path, file: &Path) -> Result<Saved, Moving> {
     let part = Part::of(file, ".part")?;
     let from = Source::of(&path, file)?;
     open::inspect(from.path()).await?;
+    let mut db = reading(from.path()).await?;
+    schema::compare(&mut db, &path).await?;
+    refuse(of_pages(&mut db).await?, &path)?;
+    db.close().await?;
     copy(from.path(), &part.0).await?;
     let saved = check(&part.0, &path).await?;
     part.name(file)?;
@@ -111,25 +117,47 @@ async fn put_in_place(
     let from = Source::of(file, &path)?;
     open::inspect(from.path()).await?;
     let mut db = reading(from.path()).await?;
-    let (found, known) = (open::version(&mut db).await?, open::latest());
+    schema::compare(&mut db, file).await?;
+    refuse(of_pages(&mut db).await?, file)?;
+    let (found, known) = (schema::version(&mut db).await?, schema::latest());
     db.close().await?;
     if found > known {
         return Err(Error::Newer { path: file.to_owned(), found, known }.into());
     }
     copy(from.path(), &part.0).await?;
     let mut db = SqliteConnection::connect_with(&open::connecting(&part.0)).await?;
-    open::migrate(&mut db, file).await?;
+    schema::migrate(&mut db, file).await?;
     db.close().await?;
     let saved = check(&part.0, file).await?;
-    ledger::forget(lock).map_err(refused(&dir.join(LOCK)))?;
-    if !path.exists() {
-        part.name(&path)?;
-        return Ok((saved, None));
+    let former = path.exists().then(|| dir.join(format!("fretwork.replaced-{}.db", clock::now())));
+    if former.is_some() {
+        settle(&path).await?;
     }
-    let aside = dir.join(format!("fretwork.replaced-{}.db", clock::now()));
-    supplant(&part.0, &path, &aside)
+    ledger::forget(lock).map_err(refused(&dir.join(LOCK)))?;
+    supplant(&part.0, &path, former.as_deref())
         .map_err(|source| Moving::NotReplaced { path: path.clone(), source })?;
-    Ok((saved, Some(aside)))
+    Ok((saved, former))
+}
+
+/// Lets SQLite end what a crash has interrupted in a database, so that neither a log nor a journal is left beside it. A
+/// database that SQLite cannot read stays as it is.
+async fn settle(path: &Path) -> Result<(), Moving> {
+    let not_replaced = |source| Moving::NotReplaced { path: path.to_owned(), source };
+    open::forget_foreign_log(path).map_err(not_replaced)?;
+    let settled = async {
+        let options = open::connecting(path).busy_timeout(PATIENCE);
+        let mut db = SqliteConnection::connect_with(&options).await?;
+        db.execute("SELECT count(*) FROM sqlite_schema").await?;
+        let is_used: bool =
+            sqlx::query_scalar("PRAGMA wal_checkpoint(TRUNCATE)").fetch_one(&mut db).await?;
+        db.close().await?;
+        Ok(is_used)
+    };
+    match settled.await.map_err(|error: sqlx::Error| Error::from(error)) {
+        Ok(false) | Err(Error::Damaged(_)) => Ok(()),
+        Ok(true) => Err(not_replaced(io::Error::other("another command is using it"))),
+        Err(error) => Err(error.into()),
+    }
 }
 
 /// The database to be copied.
@@ -140,17 +168,19 @@ enum Source<'a> {
 }
 
 impl<'a> Source<'a> {
-    /// SQLite must write beside a database with a log, also to read it. On a read-only file system it cannot, so the
-    /// files are copied to the place of `target`. The copy is sound only if no server writes to them meanwhile.
+    /// SQLite must write beside a database with a log or a journal, also to read it. On a read-only file system it cannot,
+    /// so the files are copied to the place of `target`. The copy is sound only if no server writes to them meanwhile.
     fn of(path: &'a Path, target: &Path) -> Result<Self, Moving> {
         let opened = File::options().write(true).open(path);
         let is_read_only =
             opened.is_err_and(|error| error.kind() == io::ErrorKind::ReadOnlyFilesystem);
-        if !is_read_only || open::uses_log(path).map_err(refused(path))? != Some(true) {
+        let has_journal = open::with_suffix(path, "-journal").exists();
+        let uses_log = || open::uses_log(path).map_err(refused(path));
+        if !is_read_only || !has_journal && uses_log()? != Some(true) {
             return Ok(Self::Original(path));
         }
         let copy = Part::of(target, ".source")?;
-        for suffix in ["", "-wal"] {
+        for suffix in ["", "-wal", "-journal"] {
             let [from, to] = [path, &copy.0].map(|path| open::with_suffix(path, suffix));
             match fs::copy(&from, &to) {
                 Err(error) if suffix.is_empty() || from.exists() => {
@@ -170,33 +200,34 @@ impl<'a> Source<'a> {
     }
 }
 
-async fn reading(path: &Path) -> Result<SqliteConnection, Moving> {
-    let options = open::connecting(path).busy_timeout(PATIENCE).read_only(true);
-    Ok(SqliteConnection::connect_with(&options).await?)
-}
-
-/// Replaces a database by a new one and keeps the old one at `aside`. If this is interrupted at any step,
-/// one of the two is in place and complete.
-fn supplant(new: &Path, path: &Path, aside: &Path) -> io::Result<()> {
-    let log = open::with_suffix(path, "-wal");
-    let kept = [(path, aside), (&log, &open::with_suffix(aside, "-wal"))];
+/// Puts a new database in the place of an old one, which is kept at `former`.
+///
+/// SQLite would apply the log or the journal of the old database to the new one. So they are removed before the exchange.
+/// Only a database that cannot be read has one here, because of [`settle`]. So whenever this is interrupted, a complete
+/// database is in place, unless the old one was not complete before.
+fn supplant(new: &Path, path: &Path, former: Option<&Path>) -> io::Result<()> {
+    let beside = |suffix: &str| open::with_suffix(path, suffix);
+    let kept: Vec<(PathBuf, PathBuf)> = former
+        .iter()
+        .flat_map(|former| [""].into_iter().chain(COMPANIONS).map(move |suffix| (suffix, former)))
+        .map(|(suffix, former)| (beside(suffix), open::with_suffix(former, suffix)))
+        .filter(|(old, _)| old.exists())
+        .collect();
     let done = kept
         .iter()
-        .filter(|(old, _)| old.exists())
         .try_for_each(|(old, second)| second_name(old, second))
-        .and_then(|()| put(new, path));
+        .and_then(|()| COMPANIONS.iter().try_for_each(|suffix| remove(&beside(suffix))))
+        .and_then(|()| {
+            sync_directory(path);
+            put(new, path)
+        });
     if done.is_err() {
-        for (_, second) in kept {
-            // This removes only the second names: the files are still in place.
-            let _ = fs::remove_file(second);
+        for (old, second) in kept {
+            // The old files get back what they have lost.
+            let _ = if old.exists() { remove(&second) } else { fs::rename(&second, &old) };
         }
-        return done;
     }
-    for suffix in ["-wal", "-shm"] {
-        // If this fails, `forget_foreign_log` removes the log at the next start.
-        let _ = fs::remove_file(open::with_suffix(path, suffix));
-    }
-    Ok(())
+    done
 }
 
 /// Makes a hard link, or a copy where the file system has no hard links.
@@ -293,6 +324,10 @@ async fn check(copy: &Path, of: &Path) -> Result<Saved, Moving> {
     for key in &damaged {
         leave_out(&mut db, key).await?;
     }
+    // The tables of earlier versions lack columns.
+    if schema::version(&mut db).await? == schema::latest() {
+        refuse(of_rows(&mut db).await?, of)?;
+    }
     let (jobs, results, bytes, evicted) = sqlx::query_as(
         "SELECT (SELECT count(*) FROM job), count(body), coalesce(sum(length(body)), 0),
              count(*) - count(body)
@@ -302,6 +337,16 @@ async fn check(copy: &Path, of: &Path) -> Result<Saved, Moving> {
     .await?;
     db.close().await?;
     Ok(Saved { jobs, results, bytes, evicted, damaged })
+}
+
+/// Refuses a database with damage that a copy cannot leave out. A copy would hide it, because its indexes are new.
+fn refuse(mut damage: Vec<Damage>, path: &Path) -> Result<(), Moving> {
+    damage.retain(|damage| !damage.can_be_left_out());
+    if damage.is_empty() {
+        return Ok(());
+    }
+    let said: Vec<String> = damage.iter().map(Damage::to_string).collect();
+    Err(Moving::Damaged { path: path.to_owned(), said: said.join("; ") })
 }
 
 /// The results whose bodies have changed or are missing.
@@ -356,15 +401,20 @@ mod tests {
         let [new, path, aside] = ["new", "db", "aside"].map(|name| dir.path().join(name));
         fs::write(&path, "former").unwrap();
         fs::write(open::with_suffix(&path, "-wal"), "log").unwrap();
-        assert!(supplant(&new, &path, &aside).is_err(), "the new database does not exist");
+        let journal = open::with_suffix(&path, "-journal");
+        fs::write(&journal, "journal").unwrap();
+        let former = Some(&*aside);
+        assert!(supplant(&new, &path, former).is_err(), "the new database does not exist");
         assert_eq!(fs::read(&path).unwrap(), b"former");
         assert_eq!(fs::read(open::with_suffix(&path, "-wal")).unwrap(), b"log");
-        assert!(!aside.exists());
+        assert_eq!(fs::read(&journal).unwrap(), b"journal");
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 3);
         fs::write(&new, "new").unwrap();
-        supplant(&new, &path, &aside).unwrap();
+        supplant(&new, &path, former).unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"new");
-        assert!(!open::with_suffix(&path, "-wal").exists());
+        assert!(!open::with_suffix(&path, "-wal").exists() && !journal.exists());
         assert_eq!(fs::read(&aside).unwrap(), b"former");
         assert_eq!(fs::read(open::with_suffix(&aside, "-wal")).unwrap(), b"log");
+        assert_eq!(fs::read(open::with_suffix(&aside, "-journal")).unwrap(), b"journal");
     }
 }

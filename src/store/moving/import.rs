@@ -7,10 +7,11 @@ use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use sha2::{Digest as _, Sha256};
+use sqlx::Row as _;
 use sqlx::sqlite::SqliteRow;
-use sqlx::{Connection as _, Row as _, SqliteConnection};
 
-use super::{EXPORT, FORM, Moving};
+use super::Moving;
+use super::untrusted::{ExportFile, Found, unreadable};
 use crate::job::{Answer, Cost, ENGINE, Key, Received, Refused, clock};
 use crate::store::administration::Administration;
 use crate::store::error::Error;
@@ -18,7 +19,6 @@ use crate::store::imports::{Before, Import, NoteTaken};
 use crate::store::keep::Answered;
 use crate::store::library::{Note, Program};
 use crate::store::place::Place;
-use crate::store::sqlite::open;
 use fretwork_engine::scenario::MAX_ANSWER;
 
 /// What an import did.
@@ -59,24 +59,22 @@ pub async fn import(
     verify: u64,
     mut progress: impl FnMut(usize, usize),
 ) -> Result<Imported, Moving> {
-    let mut from = open_export(file).await?;
-    let keys: Vec<Vec<u8>> =
-        sqlx::query_scalar("SELECT CAST(coalesce(key, '') AS BLOB) FROM results ORDER BY random()")
-            .fetch_all(&mut from)
-            .await
-            .map_err(|error| unreadable(file, error.into()))?;
+    let mut from = ExportFile::open(file).await?;
+    let rows = from.rows().await?;
     let mut db = Administration::open(place).await?;
-    let name = file.file_name().ok_or_else(|| Moving::NoExport(file.to_owned()))?;
-    let name = name.to_string_lossy();
+    let file_name = file.file_name().ok_or_else(|| Moving::NoExport(file.to_owned()))?;
+    let file_name = file_name.to_string_lossy();
     let (mut verify, mut done) = (Verify(verify), Imported::default());
-    for (place, key) in keys.iter().enumerate() {
-        let key = String::from_utf8_lossy(key);
-        let refused = match Entry::read(&mut from, &key).await? {
-            Ok(entry) => entry.take(&mut db, &name, &mut verify, &mut done).await?,
+    let of = rows.len();
+    for (place, (row, key)) in rows.into_iter().enumerate() {
+        let read = Entry::read(&mut from, row, &key).await;
+        let refused = match read.map_err(|error| unreadable(file, error))? {
+            Ok(entry) => entry.take(&mut db, &file_name, &mut verify, &mut done).await?,
             Err(why) => Some(why),
         };
-        done.refused.extend(refused.map(|why| (key.into_owned(), why)));
-        progress(place + 1, keys.len());
+        let name = if key.is_empty() { format!("row {row}") } else { key };
+        done.refused.extend(refused.map(|why| (name, why)));
+        progress(place + 1, of);
     }
     from.close().await?;
     db.close().await?;
@@ -107,74 +105,13 @@ impl Verify {
     }
 }
 
-/// Maximum size of an imported body, in bytes. Estimates of the size of a result can be too low.
-#[expect(clippy::cast_possible_wrap, reason = "64 MB")]
-const MAX_BODY: i64 = 2 * MAX_ANSWER as i64;
+/// Maximum size of an imported body, in bytes. Estimates of the size of a result can be too low. SQLite and sqlx hold two
+/// copies at a time.
+const MAX_BODY: u64 = MAX_ANSWER as u64 / 2 * 3;
 /// Maximum length of an imported name, in characters.
 const MAX_NAME: usize = 200;
 /// Maximum length of the imported warnings, in bytes. A submission has at most three of about 200 bytes each.
 const MAX_WARNINGS: usize = 4000;
-
-/// A row of the export, with its body unless it is larger than ?2. Exports of earlier versions have no column
-/// `warnings`. Then the name stands for the column of `absent`, which is null.
-const SELECT: &str = "
-    SELECT sha256, length(CAST(body AS BLOB)) AS length,
-        iif(length(CAST(body AS BLOB)) > ?2, NULL, CAST(body AS BLOB)) AS body, owner, computed, wall_seconds, cpu_seconds, version,
-        host, architecture, processors, note, note_owner, note_at,
-        (SELECT warnings FROM results AS same WHERE same.key = ?1) AS warnings
-    FROM results LEFT JOIN bodies USING (key), (SELECT NULL AS warnings) AS absent WHERE key = ?1";
-
-async fn open_export(file: &Path) -> Result<SqliteConnection, Moving> {
-    if !file.is_file() {
-        return Err(Moving::Nothing(file.to_owned()));
-    }
-    let options = open::connecting(file).read_only(true);
-    let head = async {
-        let mut from = SqliteConnection::connect_with(&options).await?;
-        let id: i32 = sqlx::query_scalar("PRAGMA application_id").fetch_one(&mut from).await?;
-        let form: i32 = sqlx::query_scalar("PRAGMA user_version").fetch_one(&mut from).await?;
-        open::schema(&mut from).await?;
-        Ok::<_, Error>((from, id, form))
-    };
-    let path = file.to_owned();
-    let (mut from, id, found) = head.await.map_err(|error| unreadable(file, error))?;
-    match id {
-        open::APPLICATION_ID => Err(Moving::WholeDatabase(path)),
-        EXPORT if found > FORM => Err(Moving::LaterForm { path, found }),
-        EXPORT => {
-            // The statement fails if a table or column is missing.
-            let tried = sqlx::query(SELECT).bind("").bind(MAX_BODY).fetch_optional(&mut from).await;
-            tried.map_err(|error| unreadable(file, error.into()))?;
-            // A view could return endless rows.
-            let tables: i64 = sqlx::query_scalar(
-                "SELECT count(*) FROM sqlite_schema WHERE name IN ('results', 'bodies')
-                 AND type = 'table' AND sql NOT LIKE 'CREATE VIRTUAL%'",
-            )
-            .fetch_one(&mut from)
-            .await?;
-            if tables == 2 { Ok(from) } else { Err(Moving::NoExport(path)) }
-        }
-        _ => Err(Moving::NoExport(path)),
-    }
-}
-
-/// Translates an error of the export file.
-fn unreadable(file: &Path, error: Error) -> Moving {
-    const SQLITE_NOTADB: &str = "26";
-    let path = file.to_owned();
-    match error {
-        Error::Damaged(error) => {
-            let code = error.as_database_error().and_then(sqlx::error::DatabaseError::code);
-            if code.is_some_and(|code| code == SQLITE_NOTADB) {
-                Moving::NoExport(path)
-            } else {
-                Moving::Damaged { path, said: error.to_string() }
-            }
-        }
-        Error::Database(error) if error.as_database_error().is_some() => Moving::NoExport(path),
-        error => error.into(),
-    }
-}
 
 /// A result of an export whose row has passed all checks.
 struct Entry {
@@ -191,26 +128,35 @@ struct Entry {
 
 impl Entry {
     /// Reads and checks a result. The inner error says why it is refused.
-    async fn read(from: &mut SqliteConnection, key: &str) -> Result<Result<Self, String>, Error> {
-        let row = sqlx::query(SELECT).bind(key).bind(MAX_BODY).fetch_optional(from).await;
-        match row.map_err(Error::from) {
-            Ok(Some(row)) => Ok(Self::check(key, &row)),
-            Ok(None) => Ok(Err("its key is not a text".to_owned())),
+    async fn read(
+        from: &mut ExportFile,
+        row: i64,
+        key: &str,
+    ) -> Result<Result<Self, String>, Error> {
+        let text = key;
+        let Ok(key) = text.parse() else {
+            return Ok(Err("its key is not 64 lower-case hexadecimal digits".to_owned()));
+        };
+        let read = async {
+            let Some(row) = from.result(row).await? else {
+                return Ok(Err("its row is too large".to_owned()));
+            };
+            Ok(match from.body(text, MAX_BODY).await? {
+                Some(Found::Body(body)) => Self::check(key, &row, body.into()),
+                Some(Found::TooLarge) => Err(format!("its body has more than {MAX_BODY} bytes")),
+                None => Err("it has no body".to_owned()),
+            })
+        };
+        match read.await {
             Err(Error::Damaged(_)) => Ok(Err("the file is damaged at this result".to_owned())),
-            Err(error) => Err(error),
+            read => read,
         }
     }
 
     /// Checks a row. The body must have the digest of the row, and must be able to be the result of the key.
-    fn check(text: &str, row: &SqliteRow) -> Result<Self, String> {
-        let key: Key =
-            text.parse().map_err(|_| "its key is not 64 lower-case hexadecimal digits")?;
+    fn check(key: Key, row: &SqliteRow, body: Bytes) -> Result<Self, String> {
         let sha256: Option<Key> = column::<&str>(row, "sha256")?.and_then(|sum| sum.parse().ok());
         let sha256 = sha256.ok_or("it has no SHA-256")?;
-        if column(row, "length")?.is_some_and(|length: i64| length > MAX_BODY) {
-            return Err(format!("its body has more than {MAX_BODY} bytes"));
-        }
-        let body: Vec<u8> = column(row, "body")?.ok_or("it has no body")?;
         if Sha256::digest(&body)[..] != sha256.bytes()[..] {
             return Err("its body does not match its SHA-256: one of them was changed".to_owned());
         }
@@ -219,7 +165,7 @@ impl Entry {
         let cpu = column(row, "cpu_seconds")?.map(seconds).transpose()?;
         Ok(Self {
             key,
-            body: body.into(),
+            body,
             cost: wall.map(|wall| Cost { wall, cpu }),
             owner: name(row, "owner")?,
             computed: column(row, "computed")?.map(time).transpose()?,

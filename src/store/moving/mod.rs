@@ -1,4 +1,4 @@
-//! Export and import of results, backup and restore of the database.
+//! Export and import of results; check, backup and restore of the database.
 //!
 //! All commands work while a server uses the database: SQLite isolates them, and no transaction is long.
 //! Each file is written under a temporary name, checked, and then renamed.
@@ -11,19 +11,27 @@
 //! without a check.
 
 mod backup;
+mod check;
+mod damage;
 mod export;
 mod import;
+mod untrusted;
 
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
+use sqlx::{Connection as _, SqliteConnection};
+
+use super::administration::PATIENCE;
 use super::error::Error;
 use super::place::Place;
 use super::sqlite::open;
 use crate::job::Key;
 
 pub use backup::{Saved, backup, note_backup, restore};
+pub use check::{Checked, check};
+pub use damage::Damage;
 pub use export::{Exported, export};
 pub use import::{Imported, import};
 
@@ -31,6 +39,9 @@ pub use import::{Imported, import};
 const EXPORT: i32 = 0x6672_6578;
 /// The version of the format of an export.
 const FORM: i32 = 1;
+
+/// The suffixes of the files that SQLite keeps beside a database.
+const COMPANIONS: [&str; 3] = ["-journal", "-wal", "-shm"];
 
 /// Why an export, import, backup or restore failed.
 #[derive(Debug, thiserror::Error)]
@@ -118,13 +129,8 @@ impl Part {
 
     /// Removes the file, and what SQLite keeps beside it.
     fn remove(&self) -> io::Result<()> {
-        for suffix in ["-journal", "-wal", "-shm", ""] {
-            match fs::remove_file(open::with_suffix(&self.0, suffix)) {
-                Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
-                _ => {}
-            }
-        }
-        Ok(())
+        let suffixes = COMPANIONS.iter().chain(&[""]);
+        suffixes.map(|suffix| open::with_suffix(&self.0, suffix)).try_for_each(|file| remove(&file))
     }
 
     /// Gives the finished file its name, which must be free.
@@ -143,12 +149,31 @@ impl Drop for Part {
     }
 }
 
+/// Opens a database for reading only.
+async fn reading(path: &Path) -> Result<SqliteConnection, Moving> {
+    let options = open::connecting(path).busy_timeout(PATIENCE).read_only(true);
+    Ok(SqliteConnection::connect_with(&options).await?)
+}
+
 /// Syncs a finished file to the disk and renames it.
 fn put(part: &Path, file: &Path) -> io::Result<()> {
     File::open(part)?.sync_all()?;
     fs::rename(part, file)?;
+    sync_directory(file);
+    Ok(())
+}
+
+/// Syncs the directory of a file to the disk.
+fn sync_directory(file: &Path) {
     let dir = file.parent().filter(|dir| !dir.as_os_str().is_empty());
     // Some systems cannot sync directories.
     let _ = File::open(dir.unwrap_or(Path::new("."))).and_then(|dir| dir.sync_all());
-    Ok(())
+}
+
+/// Removes a file, if there is one.
+fn remove(file: &Path) -> io::Result<()> {
+    match fs::remove_file(file) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
+        _ => Ok(()),
+    }
 }

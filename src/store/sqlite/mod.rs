@@ -20,6 +20,7 @@ mod queue;
 pub(super) mod read;
 mod readers;
 mod runs;
+pub(super) mod schema;
 pub(super) mod search;
 mod submit;
 mod transaction;

@@ -4,12 +4,11 @@ use std::cmp::Ordering;
 use std::fs::{self, File, TryLockError};
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, LazyLock};
+use std::sync::Arc;
 use std::time::Duration;
 
-use sqlx::migrate::{MigrateError, Migration, MigrationType, Migrator};
-use sqlx::sqlite::{SqliteAutoVacuum, SqliteConnectOptions, SqliteJournalMode, SqliteSynchronous};
-use sqlx::{ConnectOptions, Connection, Executor as _, SqlSafeStr as _, SqliteConnection};
+use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqliteSynchronous};
+use sqlx::{ConnectOptions, Connection, Executor as _, SqliteConnection};
 use tokio::sync::Semaphore;
 
 use super::Database;
@@ -20,6 +19,7 @@ use super::log::Log;
 use super::outline;
 use super::queue::Queue;
 use super::readers::{BUSY, Readers};
+use super::schema::{self, latest, migrate, version};
 use super::transaction::Transaction;
 use super::upkeep::{self, Upkeep};
 use super::writer::Writer;
@@ -30,31 +30,6 @@ use crate::store::library::Program;
 use crate::store::options::{FileSizes, Options};
 use crate::store::pins::PinQuota;
 use crate::store::signals::Signals;
-
-/// The changes of the schema: version, name and SQL.
-const CHANGES: [(i64, &str, &str); 13] = [
-    (1, "jobs", include_str!("../../../migrations/sqlite/0001_jobs.sql")),
-    (2, "years of service", include_str!("../../../migrations/sqlite/0002_years_of_service.sql")),
-    (3, "access keys", include_str!("../../../migrations/sqlite/0003_access_keys.sql")),
-    (4, "library", include_str!("../../../migrations/sqlite/0004_library.sql")),
-    (5, "search", include_str!("../../../migrations/sqlite/0005_search.sql")),
-    (6, "submitted", include_str!("../../../migrations/sqlite/0006_submitted.sql")),
-    (7, "compact results", include_str!("../../../migrations/sqlite/0007_compact_results.sql")),
-    (8, "warnings", include_str!("../../../migrations/sqlite/0008_warnings.sql")),
-    (9, "audit", include_str!("../../../migrations/sqlite/0009_audit.sql")),
-    (10, "commits", include_str!("../../../migrations/sqlite/0010_commits.sql")),
-    (11, "trust", include_str!("../../../migrations/sqlite/0011_trust.sql")),
-    (12, "kinds", include_str!("../../../migrations/sqlite/0012_kinds.sql")),
-    (13, "chunks", include_str!("../../../migrations/sqlite/0013_chunks.sql")),
-];
-
-/// All migrations. The macros of sqlx would embed the directory, but they compile SQLite a second time.
-pub(super) static MIGRATIONS: LazyLock<Migrator> = LazyLock::new(|| {
-    let migration = |(version, name, sql): (_, &'static str, &'static str)| {
-        Migration::new(version, name.into(), MigrationType::Simple, sql.into_sql_str(), false)
-    };
-    Migrator::with_migrations(CHANGES.map(migration).into())
-});
 
 /// The SQLite application id of our databases ("fret"). The program never writes to another database.
 pub(in crate::store) const APPLICATION_ID: i32 = 0x6672_6574;
@@ -124,10 +99,14 @@ impl Database {
 /// Opens or creates the database of a locked directory, and migrates it to this version.
 async fn prepare(dir: &Path, options: SqliteConnectOptions) -> Result<SqliteConnection, Error> {
     let path = dir.join(DATABASE);
-    forget_foreign_log(&path)
-        .map_err(|source| Error::Directory { dir: dir.to_owned(), source: Arc::new(source) })?;
+    let refused = |source| Error::Directory { dir: dir.to_owned(), source: Arc::new(source) };
+    forget_foreign_log(&path).map_err(refused)?;
     inspect(&path).await?;
-    let mut db = SqliteConnection::connect_with(&options.create_if_missing(true)).await?;
+    if !path.exists() || uses_log(&path).map_err(refused)? != Some(true) {
+        use_log(&path).await?;
+    }
+    let options = options.pragma("application_id", APPLICATION_ID.to_string());
+    let mut db = SqliteConnection::connect_with(&options).await?;
     migrate(&mut db, &path).await?;
     rekey(&mut db).await?;
     match outline::complete(&mut db).await {
@@ -140,6 +119,18 @@ async fn prepare(dir: &Path, options: SqliteConnectOptions) -> Result<SqliteConn
         }
     }
     Ok(db)
+}
+
+/// Makes a database use a write-ahead log. Creates the database if there is none.
+///
+/// This writes no rollback journal. A journal that a crash leaves would be applied at the next start, and would destroy a
+/// backup that was put in place meanwhile. Without a journal a crash does no harm, because only the first page changes, and
+/// the system writes a page as a whole.
+async fn use_log(path: &Path) -> Result<(), Error> {
+    let options = connecting(path).create_if_missing(true).journal_mode(SqliteJournalMode::Off);
+    let mut db = SqliteConnection::connect_with(&options).await?;
+    db.execute("PRAGMA auto_vacuum = INCREMENTAL; PRAGMA journal_mode = WAL").await?;
+    Ok(db.close().await?)
 }
 
 /// Gives the unfinished runs of an earlier `numerics` version, and their jobs, the keys of this version. Their results
@@ -176,11 +167,8 @@ async fn rekey(db: &mut SqliteConnection) -> Result<(), Error> {
 pub(super) fn writing(path: &Path, full_sync: bool) -> SqliteConnectOptions {
     let synchronous = if full_sync { SqliteSynchronous::Full } else { SqliteSynchronous::Normal };
     connecting(path)
-        .auto_vacuum(SqliteAutoVacuum::Incremental)
-        .journal_mode(SqliteJournalMode::Wal)
         .synchronous(synchronous)
         .foreign_keys(true)
-        .pragma("application_id", APPLICATION_ID.to_string())
         // 8 MiB. A larger cache is slower: SQLite walks through the table of all cached pages at each commit that has moved cells
         // between pages, as random keys do. The system has the other pages in memory.
         .pragma("cache_size", "-8192")
@@ -241,7 +229,7 @@ fn is_removed(_: &File, _: &Path) -> io::Result<bool> {
 ///
 /// Such a log remains when an administrator copies a backup over a database after a crash. SQLite would
 /// apply the log to the backup and destroy it. A backup does not use a log.
-pub(super) fn forget_foreign_log(path: &Path) -> io::Result<()> {
+pub(in crate::store) fn forget_foreign_log(path: &Path) -> io::Result<()> {
     let log = with_suffix(path, "-wal");
     if log.exists() && path.exists() && uses_log(path)? == Some(false) {
         tracing::warn!(log = %log.display(), "removing the log of another database");
@@ -274,14 +262,19 @@ pub(in crate::store) fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
 }
 
 /// Refuses a file that is not one of our databases, before anything is written to it.
+///
+/// If a crash has left a rollback journal, SQLite must apply it before it can read the file. Only a connection that may
+/// write can do that.
 pub(in crate::store) async fn inspect(path: &Path) -> Result<(), Error> {
     if !path.exists() {
         return Ok(());
     }
+    let has_journal = with_suffix(path, "-journal").exists();
     let looked = async {
-        let mut db = SqliteConnection::connect_with(&connecting(path).read_only(true)).await?;
+        let options = connecting(path).read_only(!has_journal);
+        let mut db = SqliteConnection::connect_with(&options).await?;
         let id: i32 = sqlx::query_scalar("PRAGMA application_id").fetch_one(&mut db).await?;
-        let schema = schema(&mut db).await?;
+        let schema = schema::parts(&mut db).await?;
         db.close().await?;
         // An empty database: its creation was interrupted.
         Ok::<_, Error>(id == APPLICATION_ID || (id == 0 && schema.is_empty()))
@@ -292,44 +285,6 @@ pub(in crate::store) async fn inspect(path: &Path) -> Result<(), Error> {
         Err(Error::Damaged(_)) => Err(Error::NotADatabase { path: path.to_owned() }),
         Err(error) => Err(error),
     }
-}
-
-/// The statements that made the tables and indexes of a file. A file in which they are not text is damaged: sqlx panics
-/// at a column whose type is not text, and may then wait without end.
-pub(in crate::store) async fn schema(db: &mut SqliteConnection) -> Result<Vec<String>, Error> {
-    let encoding: String = sqlx::query_scalar("PRAGMA encoding").fetch_one(&mut *db).await?;
-    if encoding != "UTF-8" {
-        let error = sqlx::Error::Decode(format!("its texts are {encoding}, not UTF-8").into());
-        return Err(Error::Damaged(Arc::new(error)));
-    }
-    let statements: Vec<Vec<u8>> =
-        sqlx::query_scalar("SELECT CAST(coalesce(sql, '') AS BLOB) FROM sqlite_schema")
-            .fetch_all(db)
-            .await?;
-    let text = |bytes| String::from_utf8(bytes).map_err(|error| sqlx::Error::Decode(error.into()));
-    let statements: Result<_, _> = statements.into_iter().map(text).collect();
-    statements.map_err(|error| Error::Damaged(Arc::new(error)))
-}
-
-pub(in crate::store) async fn migrate(db: &mut SqliteConnection, path: &Path) -> Result<(), Error> {
-    let known = latest();
-    MIGRATIONS.run(db).await.map_err(|error| match error {
-        MigrateError::VersionMissing(found) if found > known => {
-            Error::Newer { path: path.to_owned(), found, known }
-        }
-        error => Error::Migration { path: path.to_owned(), source: Arc::new(error) },
-    })
-}
-
-/// The schema version of this program.
-#[expect(clippy::expect_used, reason = "the migrations are compiled in")]
-pub(in crate::store) fn latest() -> i64 {
-    CHANGES.iter().map(|(version, ..)| *version).max().expect("there are migrations")
-}
-
-/// The schema version of a database.
-pub(in crate::store) async fn version(db: &mut SqliteConnection) -> Result<i64, sqlx::Error> {
-    sqlx::query_scalar("SELECT coalesce(max(version), 0) FROM _sqlx_migrations").fetch_one(db).await
 }
 
 /// Opens the database of a directory for an administrative command; a server may be using it. If no
@@ -352,23 +307,5 @@ pub(in crate::store) async fn beside(
         Ordering::Less => Err(Error::Older { path, found, known }),
         Ordering::Equal => Ok(db),
         Ordering::Greater => Err(Error::Newer { path, found, known }),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn every_migration_of_the_directory_is_embedded() {
-        let mut files: Vec<_> = fs::read_dir("migrations/sqlite")
-            .unwrap()
-            .map(|file| file.unwrap().file_name().into_string().unwrap())
-            .collect();
-        files.sort();
-        let file = |(version, name, _): &(i64, &str, &str)| {
-            format!("{version:04}_{}.sql", name.replace(' ', "_"))
-        };
-        assert_eq!(files, CHANGES.iter().map(file).collect::<Vec<_>>());
     }
 }

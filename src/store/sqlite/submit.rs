@@ -14,7 +14,7 @@ use super::{Database, keep, read};
 use crate::job::{JobState, Origin};
 use crate::store::error::Error;
 use crate::store::keep::{Answered, Reason, Source};
-use crate::store::row::{Columns, RunId, job_id, word};
+use crate::store::row::{Columns, RunId, checksum, job_id, word};
 use crate::store::signals::Effect;
 use crate::store::submit::{Admission, EncodedJob, NewJob, Queued, Submitted};
 use crate::store::tally::Ending;
@@ -123,6 +123,7 @@ impl EncodedJob {
             .bind(&new.submitted)
             .bind(now)
             .bind(&self.submission_warnings)
+            .bind(new.submitted.as_deref().map(checksum))
     }
 
     /// Signals a submission after [`JOB`], and returns its job.
@@ -160,7 +161,7 @@ const RUN: &str = "
 /// result it is the job before.
 const JOB: &str = "
     INSERT INTO job (key, owner, created, id, label, tags, warnings, priority, idempotency_key,
-        fingerprint, submitted, run, state, attempt, origin, started, finished, changes)
+        fingerprint, submitted, submitted_sum, run, state, attempt, origin, started, finished, changes)
     WITH found AS (
         SELECT is_known, run.id AS run, coalesce(run.state, 'succeeded') AS state,
             coalesce(run.attempt, 0) AS attempt, changes() = 1 AND NOT $7 AS is_new,
@@ -168,7 +169,7 @@ const JOB: &str = "
         FROM (SELECT EXISTS (SELECT 1 FROM result WHERE key = $1 AND evicted IS NULL) AS is_known)
         LEFT JOIN run ON run.key = $1 AND run.state IN ('queued', 'running') AND ($5 OR NOT is_known)
     )
-    SELECT $1, $2, iif(is_recorded, $3, $17), $9, $10, $11, $12, $13, $14, $15, $16, run, state,
+    SELECT $1, $2, iif(is_recorded, $3, $17), $9, $10, $11, $12, $13, $14, $15, $16, $19, run, state,
         iif(is_recorded, 1, attempt),
         CASE WHEN is_recorded THEN $8 WHEN run IS NULL THEN 'cached'
             WHEN is_new THEN 'computed' ELSE 'coalesced' END,
@@ -215,7 +216,7 @@ struct Recorded {
 
 /// Stores a result and its first job. Only the last statement returns a row, as in [`SUBMIT`].
 static RECORD: LazyLock<Arc<str>> =
-    LazyLock::new(|| format!("{}; {JOB}", keeping(Reason::Job, 19)).into());
+    LazyLock::new(|| format!("{}; {JOB}", keeping(Reason::Job, 20)).into());
 
 /// Stores the answer and its jobs, which are finished and have no run. If the result is known, or is evicted and a run is
 /// live, the jobs use that instead, and the answer is dropped. If it is evicted and no run is live, the jobs need one.

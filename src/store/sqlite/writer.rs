@@ -394,13 +394,14 @@ impl Failed {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
     use std::sync::atomic::{AtomicU32, Ordering};
 
     use sqlx::SqliteConnection;
 
     use super::*;
     use crate::store::ages::AgeClock;
-    use crate::store::sqlite::open::MIGRATIONS;
+    use crate::store::sqlite::schema::migrate;
 
     /// Inserts a row of this number and size. Counts its calls.
     async fn insert(
@@ -419,7 +420,7 @@ mod tests {
     async fn writer() -> Writer {
         let mut db = SqliteConnection::connect("sqlite::memory:").await.unwrap();
         // After a failure the queue is read from the tables.
-        MIGRATIONS.run(&mut db).await.unwrap();
+        migrate(&mut db, Path::new("db")).await.unwrap();
         db.execute("CREATE TABLE t (x INTEGER PRIMARY KEY, y BLOB)").await.unwrap();
         let queue = Queue::default();
         let ledger = Ledger::open(tempfile::tempfile().unwrap(), &mut db).await.unwrap();

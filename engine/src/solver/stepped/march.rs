@@ -113,7 +113,7 @@ fn effort(contact: &Contact, control: &Control, law: Law, tolerance: f64) -> (us
     let cells = match law {
         Law::Exact => cells(tolerance),
         // More cells are needed, because images are constant in each cell. The rule is cheap.
-        Law::Simplified(_) => cells(tolerance) * 3 / 2,
+        Law::Simplified(_) => cells(tolerance),
     };
     let far = control.tends_to(contact).is_some_and(|end| is_far(contact, &end));
     let steps = match law {

@@ -210,6 +210,7 @@ impl MeshRun {
         }
         self.rests = false;
         self.rkc.advance(&mut self.wearing, end);
+        self.wearing.widen();
         let (began, time) = (self.rkc.began(), self.rkc.time);
         self.loss = [self.loss[1], self.wearing.energy_rate()];
         self.worn_by_energy[0] = self.worn_by_energy[1];

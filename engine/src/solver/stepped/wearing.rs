@@ -385,15 +385,20 @@ impl Wearing {
         Limit::scar(&self.contact.shape, self.stick(), self.springs.depth, self.scar)
     }
 
+    /// Takes note of the present ã of the simplified rule.
+    pub(super) fn widen(&mut self) {
+        if self.law != Law::Exact && self.springs.threshold > 0.0 {
+            self.widest = self.widest.max(self.scar_radius());
+        }
+    }
+
     /// Computes the state of the springs for the given values.
     pub fn press(&mut self, values: &[f64]) {
         match self.law {
             Law::Exact => self.springs.press_wear(values),
             Law::Simplified(_) => {
                 self.springs.press_images(&values[1..]);
-                if self.springs.threshold > 0.0 {
-                    self.widest = self.widest.max(self.scar_radius());
-                }
+                self.widen();
             }
         }
     }

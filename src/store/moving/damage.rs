@@ -1,0 +1,200 @@
+//! Damage to a database, and the rows that SQLite's integrity check is about. It counts rows instead of naming them.
+
+use std::fmt;
+
+use futures_util::TryStreamExt as _;
+use sqlx::{AssertSqlSafe, SqliteConnection};
+use uuid::Uuid;
+
+/// Damage to a row, or to a page of a table.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Damage {
+    /// The table.
+    pub table: String,
+    /// The key of the row: an id, or a key in hexadecimal. `None` if the row is unknown.
+    pub row: Option<String>,
+    /// The column, and what is wrong with it.
+    pub what: String,
+}
+
+/// Stands for the table of a page that no table uses.
+pub(super) const UNUSED: &str = "unused page";
+
+impl fmt::Display for Damage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self { table, row: Some(row), what } => write!(f, "{table} {row}: {what}"),
+            Self { table, row: None, what } => write!(f, "{table}: {what}"),
+        }
+    }
+}
+
+impl Damage {
+    /// Damage to a table.
+    pub(super) fn of(table: &str, what: impl Into<String>) -> Self {
+        Self { table: table.to_owned(), row: None, what: what.into() }
+    }
+
+    /// Damage to a row.
+    pub(super) fn at(table: &str, row: &str, what: impl Into<String>) -> Self {
+        // Only the ids of jobs have 32 digits.
+        let id = Some(row).filter(|row| row.len() == 32).and_then(|row| row.parse::<Uuid>().ok());
+        let row = id.map_or_else(|| row.to_owned(), |id| id.to_string());
+        Self { table: table.to_owned(), row: Some(row), what: what.into() }
+    }
+
+    /// Whether a backup can leave it out: bodies, whose scenarios are kept; chunks, which
+    /// are computed again; and pages that no table uses.
+    pub(super) fn can_be_left_out(&self) -> bool {
+        ["result_blob", "chunk", UNUSED].contains(&&*self.table)
+    }
+}
+
+/// The damage that a line of the integrity check of a table reports.
+pub(super) async fn locate(db: &mut SqliteConnection, table: &str, line: &str) -> Vec<Damage> {
+    let found = if let Some((row, index)) = of_index(line) {
+        in_index(db, table, row, index).await
+    } else if let Some((kind, column)) = of_column(line) {
+        in_column(db, kind, table, column).await
+    } else {
+        before_damage(db, table, line).await
+    };
+    // What is damaged may be needed to find the row.
+    let found = found.unwrap_or_default();
+    if found.is_empty() { vec![Damage::of(table, line)] } else { found }
+}
+
+/// The place of a row in its table, and the index that differs from it.
+fn of_index(line: &str) -> Option<(i64, &str)> {
+    let line = line.strip_prefix("rowid not at end-of-record for ").unwrap_or(line);
+    let (row, rest) = line.strip_prefix("row ")?.split_once(' ')?;
+    let (_, index) = rest.rsplit_once("index ")?;
+    Some((row.parse().ok()?, index))
+}
+
+/// A type, or `NULL`, and the column that has a wrong value of it.
+fn of_column(line: &str) -> Option<(&str, &str)> {
+    let (kind, place) = line.split_once(" value in ")?;
+    Some((kind, place.split_once('.')?.1))
+}
+
+/// The columns of the primary key, or `rowid`.
+async fn keys_of(db: &mut SqliteConnection, table: &str) -> Result<Vec<String>, sqlx::Error> {
+    let query = "SELECT name FROM pragma_table_info(?1) WHERE pk > 0 ORDER BY pk";
+    let keys: Vec<String> = sqlx::query_scalar(query).bind(table).fetch_all(db).await?;
+    Ok(if keys.is_empty() { vec!["rowid".to_owned()] } else { keys })
+}
+
+/// A table in SQL, so that its rows are read, and not a copy of them in an index.
+async fn rows_of(db: &mut SqliteConnection, table: &str) -> Result<String, sqlx::Error> {
+    // For a table without row numbers, `NOT INDEXED` permits indexes that have all columns.
+    let query = "SELECT iif(wr, 'INDEXED BY sqlite_autoindex_' || name || '_1', 'NOT INDEXED')
+         FROM pragma_table_list WHERE schema = 'main' AND name = ?1";
+    let how: String = sqlx::query_scalar(query).bind(table).fetch_one(db).await?;
+    Ok(format!("{table} {how}"))
+}
+
+/// The key of a row, in SQL.
+fn key(keys: &[String]) -> String {
+    let part = |name: &String| {
+        format!("CAST(iif(typeof({name}) = 'blob', lower(hex({name})), {name}) AS TEXT)")
+    };
+    keys.iter().map(part).collect::<Vec<_>>().join(" || ' ' || ")
+}
+
+async fn in_index(
+    db: &mut SqliteConnection,
+    table: &str,
+    row: i64,
+    index: &str,
+) -> Result<Vec<Damage>, sqlx::Error> {
+    let (keys, rows) = (keys_of(db, table).await?, rows_of(db, table).await?);
+    let quoted: Vec<String> =
+        keys.iter().map(|key| format!("'{key} = ' || quote({key})")).collect();
+    let query = format!(
+        "SELECT {}, {} FROM {rows} LIMIT 1 OFFSET ?1",
+        key(&keys),
+        quoted.join(" || ' AND ' || ")
+    );
+    let found: Option<(String, String)> =
+        sqlx::query_as(AssertSqlSafe(query)).bind(row - 1).fetch_optional(&mut *db).await?;
+    let Some((name, is_row)) = found else { return Ok(Vec::new()) };
+    let query = "SELECT name FROM pragma_index_info(?1) WHERE name IS NOT NULL";
+    let columns: Vec<String> = sqlx::query_scalar(query).bind(index).fetch_all(&mut *db).await?;
+    let column = match differing(db, table, index, &is_row, &columns).await {
+        Ok(Some(column)) => column,
+        // The index has no entry for the row.
+        Ok(None) | Err(_) => format!("one of {}", columns.join(", ")),
+    };
+    Ok(vec![Damage::at(table, &name, format!("{column} differs from the index {index}"))])
+}
+
+/// The column of a row that differs from its copy in an index.
+async fn differing(
+    db: &mut SqliteConnection,
+    table: &str,
+    index: &str,
+    is_row: &str,
+    columns: &[String],
+) -> Result<Option<String>, sqlx::Error> {
+    let query = "SELECT substr(sql, instr(sql, ' WHERE ') + 7) FROM sqlite_schema
+         WHERE name = ?1 AND instr(sql, ' WHERE ') > 0";
+    let part: Option<String> =
+        sqlx::query_scalar(query).bind(index).fetch_optional(&mut *db).await?;
+    let part = part.unwrap_or_else(|| "TRUE".to_owned());
+    for column in columns {
+        let mut values: [Option<String>; 2] = [None, None];
+        let sources = [rows_of(db, table).await?, format!("{table} INDEXED BY {index}")];
+        for (value, source) in values.iter_mut().zip(sources) {
+            let query = format!("SELECT quote({column}) FROM {source} WHERE {is_row} AND ({part})");
+            *value = sqlx::query_scalar(AssertSqlSafe(query)).fetch_optional(&mut *db).await?;
+        }
+        if let [Some(row), Some(copy)] = values
+            && row != copy
+        {
+            return Ok(Some(column.clone()));
+        }
+    }
+    Ok(None)
+}
+
+/// The last row that can be read before the first one that cannot.
+async fn before_damage(
+    db: &mut SqliteConnection,
+    table: &str,
+    line: &str,
+) -> Result<Vec<Damage>, sqlx::Error> {
+    let (keys, rows) = (keys_of(db, table).await?, rows_of(db, table).await?);
+    let query = AssertSqlSafe(format!("SELECT {} FROM {rows}", key(&keys)));
+    let mut rows = sqlx::query_scalar::<_, String>(query).fetch(db);
+    let mut last = None;
+    loop {
+        match (rows.try_next().await, &last) {
+            (Ok(Some(row)), _) => last = Some(row),
+            // All rows can be read. So the damage is in an index.
+            (Ok(None), _) | (Err(_), None) => return Ok(Vec::new()),
+            (Err(_), Some(row)) => {
+                let what = format!("the row after this one cannot be read: {line}");
+                return Ok(vec![Damage::at(table, row, what)]);
+            }
+        }
+    }
+}
+
+async fn in_column(
+    db: &mut SqliteConnection,
+    kind: &str,
+    table: &str,
+    column: &str,
+) -> Result<Vec<Damage>, sqlx::Error> {
+    let wrong = match kind.strip_prefix("non-") {
+        Some(kind) => format!("typeof({column}) NOT IN ('{}', 'null')", kind.to_lowercase()),
+        None if kind == "NULL" => format!("{column} IS NULL"),
+        None => format!("typeof({column}) = '{}'", kind.to_lowercase()),
+    };
+    let (keys, rows) = (keys_of(db, table).await?, rows_of(db, table).await?);
+    let query = format!("SELECT {} FROM {rows} WHERE {wrong} LIMIT 100", key(&keys));
+    let names: Vec<String> = sqlx::query_scalar(AssertSqlSafe(query)).fetch_all(db).await?;
+    let what = |name: &String| Damage::at(table, name, format!("{column} has a {kind} value"));
+    Ok(names.iter().map(what).collect())
+}

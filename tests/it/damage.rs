@@ -1,0 +1,272 @@
+//! Flipped bits: whenever one changes an answer of the server, `fretwork check` names the damaged row.
+
+use std::env;
+use std::fs;
+use std::io::{BufRead as _, BufReader};
+use std::os::unix::fs::FileExt as _;
+use std::path::Path;
+use std::process::{Output, Stdio};
+
+use fretwork::store::{Moving, backup, check};
+use serde_json::{Value, json};
+use sqlx::{AssertSqlSafe, Connection as _, Executor as _};
+use tempfile::TempDir;
+
+use crate::kill::Dice;
+use crate::program::{Running, fretwork, run};
+use crate::server::{JSON, Server, ball, send, yielding_ball};
+use crate::store::raw;
+
+/// A database with results, jobs with labels and tags, a note, a pin, a study, a deleted and an evicted result.
+async fn library() -> TempDir {
+    let server = Server::start().await;
+    let mut keys = Vec::new();
+    for number in 0..12 {
+        let mut job = ball(1.0 + 0.1 * f64::from(number));
+        job["label"] = json!(format!("run {number} of the series"));
+        job["tags"] = json!(["series", format!("tag-{}", number % 3)]);
+        let job = server.compute(&job).await.json();
+        keys.push(job["key"].as_str().unwrap().to_owned());
+        // Its result is known.
+        server.compute(&ball(1.0 + 0.1 * f64::from(number))).await;
+    }
+    server.compute(&yielding_ball()).await;
+    let study = include_str!("../../examples/studies/sweep.json");
+    server.compute(&serde_json::from_str(study).unwrap()).await;
+    for (key, text) in keys.iter().zip(["Agrees with the rig.", "Repeat this one."]) {
+        let body = json!({"text": text}).to_string();
+        let note = format!("/v1/results/{key}/note");
+        assert_eq!(server.send("PUT", &note, &[JSON], body).await.status, 204);
+        assert_eq!(
+            server.send("PUT", &format!("/v1/results/{key}/pin"), &[], "").await.status,
+            204
+        );
+    }
+    for key in &keys[10..] {
+        let deleted = server.send("DELETE", &format!("/v1/results/{key}"), &[], "").await;
+        assert_eq!(deleted.status, 204);
+    }
+    let copy = TempDir::new().unwrap();
+    let mut db = raw(server.dir.path()).await;
+    db.execute("UPDATE result SET deleted_by = NULL WHERE key = (SELECT max(key) FROM result WHERE evicted > 0)")
+        .await
+        .unwrap();
+    let file = copy.path().join("fretwork.db");
+    sqlx::query("VACUUM INTO ?1").bind(file.to_str().unwrap()).execute(&mut db).await.unwrap();
+    copy
+}
+
+fn copy(from: &Path) -> TempDir {
+    let copy = TempDir::new().unwrap();
+    fs::copy(from.join("fretwork.db"), copy.path().join("fretwork.db")).unwrap();
+    copy
+}
+
+/// The answers to these requests; a server that does not start gives none. With `targets` empty, asks for all.
+async fn answers(dir: &Path, targets: &mut Vec<String>) -> Vec<String> {
+    let mut command = fretwork(&["--listen", "127.0.0.1:0", "--workers", "1", "--data-dir"]);
+    command.arg(dir).env("FRETWORK_LOG", "off").stdout(Stdio::piped()).stderr(Stdio::null());
+    let mut child = Running(command.spawn().unwrap());
+    let mut line = String::new();
+    BufReader::new(child.stdout.as_mut().unwrap()).read_line(&mut line).unwrap();
+    let Some((_, address)) = line.trim().rsplit_once("http://") else { return Vec::new() };
+    let address = address.parse().unwrap();
+    let get = async |target: &str| {
+        let reply = send(address, "GET", target, &[], "").await.unwrap();
+        let mut text = format!("{target} {} {}", reply.status, reply.text());
+        if target.ends_with("/provenance") {
+            // When it was read last changes with each answer.
+            let mut value: Value = serde_json::from_slice(&reply.body).unwrap_or_default();
+            value["last_access"] = Value::Null;
+            text = format!("{target} {} {value}", reply.status);
+        }
+        // The id of a request differs.
+        text.split("\"instance\"").next().unwrap().to_owned()
+    };
+    if targets.is_empty() {
+        *targets = all_targets(address).await;
+    }
+    let mut answers = Vec::new();
+    for target in targets {
+        answers.push(get(target).await);
+    }
+    answers
+}
+
+async fn all_targets(address: std::net::SocketAddr) -> Vec<String> {
+    let get = async |target: &str| send(address, "GET", target, &[], "").await.unwrap().json();
+    let mut targets: Vec<String> = [
+        "/v1/results?limit=100",
+        "/v1/results?evicted=true",
+        "/v1/results?sort=-wear_volume",
+        "/v1/results?shape=sphere&friction=0.5..0.9&sort=amplitude",
+        "/v1/results?tag=tag-1",
+        "/v1/results?label=run+3+of+the+series",
+        "/v1/results?note=rig",
+        "/v1/results?pinned=true",
+        "/v1/jobs?limit=200",
+        "/v1/jobs?tag=series",
+        "/v1/jobs?state=succeeded&limit=5",
+        "/v1/audit",
+    ]
+    .map(str::to_owned)
+    .into();
+    let lists = [get("/v1/results?limit=100").await, get("/v1/results?evicted=true").await];
+    for result in lists.iter().flat_map(|list| list["results"].as_array().unwrap()) {
+        let key = result["key"].as_str().unwrap();
+        targets
+            .extend(["", "/provenance", "/warnings"].map(|end| format!("/v1/results/{key}{end}")));
+    }
+    for job in get("/v1/jobs?limit=200").await["jobs"].as_array().unwrap() {
+        let id = job["id"].as_str().unwrap();
+        targets.push(format!("/v1/jobs/{id}?include=scenario,submitted"));
+        targets.push(format!("/v1/jobs/{id}/events"));
+    }
+    targets
+}
+
+/// The first bytes of the pages of the bodies, and of all others that are in use.
+async fn pages(dir: &Path) -> [Vec<u64>; 2] {
+    let mut db = raw(dir).await;
+    let pages =
+        "SELECT (pageno - 1) * 4096 FROM dbstat WHERE (name = 'result_blob') = ?1 ORDER BY 1";
+    let mut found = [Vec::new(), Vec::new()];
+    for (place, of_bodies) in [true, false].into_iter().enumerate() {
+        let offsets: Vec<i64> =
+            sqlx::query_scalar(pages).bind(of_bodies).fetch_all(&mut db).await.unwrap();
+        found[place] = offsets.into_iter().map(i64::unsigned_abs).collect();
+    }
+    db.close().await.unwrap();
+    found
+}
+
+fn said(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn every_flipped_bit_that_changes_an_answer_is_found() {
+    let library = library().await;
+    let words = |dir: &Path| ["check", "--data-dir", dir.to_str().unwrap()].map(str::to_owned);
+    let check = |dir: &Path| run(&words(dir).each_ref().map(String::as_str), "");
+    let sound = copy(library.path());
+    let output = check(sound.path());
+    assert!(output.status.success(), "{}", said(&output));
+    let mut targets = Vec::new();
+    let expected = answers(sound.path(), &mut targets).await;
+    assert!(expected.len() > 100 && answers(sound.path(), &mut targets).await == expected);
+    let flips = if env::var_os("FRETWORK_TEST_LONG").is_some() { 100 } else { 10 };
+    let mut dice = Dice(env::var("FRETWORK_TEST_SEED").map_or(1, |seed| seed.parse().unwrap()));
+    for (kind, pages) in ["bodies", "metadata"].iter().zip(pages(library.path()).await) {
+        let (mut changed, mut named, mut found) = (0, 0, 0);
+        for _ in 0..flips {
+            let dir = copy(library.path());
+            let page = pages[dice.below(pages.len() as u64) as usize];
+            let (place, bit) = (page + dice.below(4096), dice.below(8));
+            let file =
+                fs::File::options().read(true).write(true).open(dir.path().join("fretwork.db"));
+            let (file, mut byte) = (file.unwrap(), [0]);
+            file.read_exact_at(&mut byte, place).unwrap();
+            file.write_all_at(&[byte[0] ^ 1 << bit], place).unwrap();
+            let output = check(dir.path());
+            let differs = answers(dir.path(), &mut targets).await != expected;
+            let is_found = !output.status.success();
+            changed += u32::from(differs);
+            found += u32::from(is_found);
+            named += u32::from(differs && is_found);
+            let said = said(&output);
+            if differs {
+                println!(
+                    "{kind}, byte {place}, bit {bit}: {}",
+                    said.lines().next().unwrap_or("not found")
+                );
+            }
+            assert!(is_found || !differs, "{kind}, byte {place}, bit {bit} changed an answer");
+        }
+        println!(
+            "{kind}: {flips} flipped bits, {found} found; {changed} changed answers, {named} of them found"
+        );
+    }
+}
+
+#[tokio::test]
+async fn a_changed_column_is_named_and_prevents_a_backup() {
+    let library = library().await;
+    for (statement, expected) in [
+        (
+            "UPDATE outline SET wear_volume = wear_volume * 1.0000001 WHERE id = 3",
+            "wear_volume contradicts the body",
+        ),
+        ("UPDATE outline SET owner = 'eve' WHERE id = 3", "owner contradicts other rows"),
+        ("UPDATE outline SET regime = 'full_stick' WHERE id = 3", "regime contradicts the body"),
+        ("UPDATE result SET size = size + 1 WHERE evicted IS NULL", "size contradicts the body"),
+        (
+            "UPDATE result SET summary = replace(summary, '3', '2') WHERE evicted IS NULL",
+            "summary contradicts",
+        ),
+        ("UPDATE job SET started = started + 1", "started contradicts changes"),
+        ("UPDATE job SET attempt = attempt + 1", "attempt contradicts changes"),
+        ("UPDATE job SET tags = '[\"other\"]'", "tags contradicts other rows"),
+        ("DELETE FROM job_tag WHERE tag = 'tag-1'", "tags contradicts other rows"),
+        ("UPDATE result_task SET task = replace(task, '0.7', '0.6')", "task does not give the key"),
+        ("UPDATE job SET finished = finished + 1", "finished contradicts changes"),
+        (
+            "UPDATE _sqlx_migrations SET checksum = x'00' WHERE version = 7",
+            "the record is changed or missing",
+        ),
+        (
+            "UPDATE job SET submitted = replace(submitted, 'e', 'f')",
+            "submitted or submitted_sum is changed",
+        ),
+        ("UPDATE room SET used = used + 1", "used contradicts other rows"),
+    ] {
+        let dir = copy(library.path());
+        let mut db = raw(dir.path()).await;
+        db.execute("PRAGMA foreign_keys = OFF").await.unwrap();
+        db.execute(statement).await.unwrap();
+        db.close().await.unwrap();
+        let damage = check(dir.path()).await.unwrap().damage;
+        assert!(
+            damage.iter().any(|damage| damage.what.contains(expected)),
+            "{statement}: {damage:?}"
+        );
+        let target = dir.path().join("backup.db");
+        let refused = backup(dir.path(), &target).await;
+        assert!(matches!(refused, Err(Moving::Damaged { .. })), "{statement}: {refused:?}");
+        assert!(refused.unwrap_err().to_string().contains(expected) && !target.exists());
+    }
+}
+
+#[tokio::test]
+async fn a_changed_copy_names_the_row_and_the_column() {
+    let library = library().await;
+    for (table, index, column, change) in [
+        ("job", "job_copy", "priority", "5"),
+        ("result", "result_copy", "wall", "7.5"),
+        ("result", "result_evicted_copy", "summary", "'{}'"),
+        ("note", "note_copy", "text", "'Agrees with nothing.'"),
+        ("outline", "outline_absent_copy", "regime", "'full_stick'"),
+        ("job", "job_owner", "owner", "'eve'"),
+    ] {
+        let dir = copy(library.path());
+        let mut db = raw(dir.path()).await;
+        // Without its statement, SQLite does not change the index together with the table.
+        let hide = format!(
+            "PRAGMA writable_schema = ON; CREATE TEMP TABLE held AS SELECT * FROM sqlite_schema WHERE name = '{index}';
+             DELETE FROM sqlite_schema WHERE name = '{index}'; PRAGMA writable_schema = RESET"
+        );
+        db.execute(AssertSqlSafe(hide)).await.unwrap();
+        let filter = if index.contains("absent") { "NOT present" } else { "TRUE" };
+        let change = format!(
+            "UPDATE {table} SET {column} = {change} WHERE {filter} AND {column} IS NOT {change};
+             PRAGMA writable_schema = ON; INSERT INTO sqlite_schema SELECT * FROM temp.held;
+             PRAGMA writable_schema = RESET"
+        );
+        db.execute(AssertSqlSafe(change)).await.unwrap();
+        db.close().await.unwrap();
+        let damage = check(dir.path()).await.unwrap().damage;
+        let what = format!("{column} differs from the index {index}");
+        let named = damage.iter().find(|damage| damage.table == table && damage.what == what);
+        assert!(named.is_some_and(|damage| damage.row.is_some()), "{what}: {damage:?}");
+    }
+}
