@@ -8,7 +8,7 @@
 //! The databases are in the temporary directory. A busy disk slows both servers and hides the difference:
 //! `TMPDIR=/dev/shm` selects memory.
 //!
-//! The scenario is the steel ball of `examples/` under the simplified rule, with 256 points and five output cycles.
+//! The scenario is `examples/steel-ball-simplified.json`, with 256 points and five output cycles.
 //!
 //! - `result`: `GET /v1/results/{key}`, compared with a route that has the same bytes in memory; plain and compressed,
 //!   with the memory cache of the server and without.
@@ -357,7 +357,7 @@ fn disk() {
 
 /// A job: the steel ball with profiles at these cycles and these digits in its amplitude.
 fn ball(profiles: &str, digits: &str) -> String {
-    let text = include_str!("../../examples/steel-ball.json");
+    let text = include_str!("../../examples/steel-ball-simplified.json");
     let mut job: Value = serde_json::from_str(text).expect("an example");
     let scenario = &mut job["scenario"];
     assert_eq!(scenario["cycles"].as_array().map(Vec::len), Some(5), "output cycles");

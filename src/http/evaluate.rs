@@ -71,9 +71,9 @@ impl From<NotEvaluated> for Problem {
                 "profile": {"shape": "paraboloid", "radius": "10 mm"},
                 "moduli": {"normal": "113 GPa", "tangential": "93 GPa"}, "friction": 0.7,
                 "wear": {"coefficient": "3.03e-5 mm^3/(N m)"},
-                "load": {"normal_force": "100 N", "held": "depth"},
+                "load": {"normal_force": "100 N", "held": "force"},
                 "motion": {"amplitude": "2 um"}, "cycles": [1000, 10000]},
-            "outputs": ["wear_volume", "wear_depth@1000", "limit.wear_volume"]})),
+            "outputs": ["wear_volume", "wear_depth@1000", "unworn.stick_radius"]})),
     responses(
         (status = 200, description = "The outputs.", body = super::schemas::Evaluated),
         (status = 422, description = "The body has faults, which `errors` lists; or the run would take too long for \

@@ -122,7 +122,7 @@ impl From<Problem> for Refusal {
 impl From<Unable> for Refusal {
     fn from(unable: Unable) -> Self {
         let most = LONGEST_CALL.as_secs();
-        let advice = "Use fewer output cycles, a larger `tolerance`, or the simplified rule.";
+        let advice = "Use fewer output cycles or a larger `tolerance`.";
         match unable {
             Unable::TooLong(estimate) => Self::input(format!(
                 "The computation would take about {:.0} s, but a call may take {most} s. {advice}",

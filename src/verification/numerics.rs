@@ -74,7 +74,7 @@ fn tolerance() -> Section {
             {
                 let reference = at(&mut fine, instant).worn.volume;
                 let what = format!("{}: V at Ñ = {instant}", problem.name);
-                let (value, stated) = (state.worn.volume, state.volume_error);
+                let (value, stated) = (state.worn.volume, state.errors.volume);
                 section.check(what, "tolerance 3e-4", reference, value, stated);
             }
         }

@@ -314,7 +314,7 @@ def cancel(page):
 
 def edit_typed_values(page):
     """"Edit and run again" opens what was typed: with a constant depth, 100 N stays 100 N for another radius."""
-    scenario = get("/v1/examples/steel-ball")["scenario"]
+    scenario = get("/v1/examples/steel-ball-simplified")["scenario"]
     assert scenario["load"] == {"normal_force": "100 N", "held": "depth"}, scenario
     scenario["friction"] = 0.61
     # Another job has the same key but typed the depth.
@@ -339,7 +339,7 @@ def edit_typed_values(page):
 
 def library(browser, base):
     """Shows more results than one page. Previews are drawn when the user scrolls to them."""
-    scenario = ask(base, "/v1/examples/steel-ball")["scenario"]
+    scenario = ask(base, "/v1/examples/steel-ball-simplified")["scenario"]
     scenario["model"] = {"method": "simplified", "points": 16}
     for i in range(40):
         ask(base, "/v1/jobs", {"scenario": {**scenario, "friction": 0.5 + i / 100}, "label": f"Friction {50 + i} %"})

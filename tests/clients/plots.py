@@ -129,7 +129,7 @@ def every_loop(page, base, key):
 
 def slide(browser, base):
     """Moves the slider over 200 output cycles of 512 radii. Each move is drawn in the next frame."""
-    scenario = ask(base, "/v1/examples/steel-ball")["scenario"]
+    scenario = ask(base, "/v1/examples/steel-ball-simplified")["scenario"]
     scenario["cycles"] = {"from": 500, "to": 100000, "count": 200, "spacing": "linear"}
     scenario["profiles_at"] = "all"
     scenario["model"] = {"method": "simplified", "points": 512}

@@ -150,7 +150,6 @@ async fn faults_and_long_runs_are_refused() {
 
     let mut long = example("steel-ball");
     long["scenario"]["model"] = json!({"tolerance": 1e-4});
-    long["scenario"]["load"]["held"] = json!("force");
     long["scenario"]["cycles"] = json!([100]);
     let path = address(&server, &long).await;
     let problem = server.get(&path).await.problem(422, "too-expensive");

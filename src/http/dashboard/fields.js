@@ -126,7 +126,7 @@ export const CHOICES = [
   },
   {
     id: "method", group: "Model", label: "Method",
-    options: { exact: "Exact method", simplified: "Simplified rule" },
+    options: { exact: "Exact method (default)", simplified: "Simplified rule (paper)" },
     selected: ({ model = {} }) => model.method ?? "exact",
     apply: (scenario, method) => {
       const { points } = scenario.model ?? {};
