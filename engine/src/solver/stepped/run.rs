@@ -209,8 +209,8 @@ impl MeshRun {
             return true;
         }
         self.rests = false;
-        self.rkc.advance(&mut self.wearing, end);
         self.wearing.widen();
+        self.rkc.advance(&mut self.wearing, end);
         let (began, time) = (self.rkc.began(), self.rkc.time);
         self.loss = [self.loss[1], self.wearing.energy_rate()];
         self.worn_by_energy[0] = self.worn_by_energy[1];
@@ -436,6 +436,12 @@ impl MeshRun {
     /// The wear volume and the largest wear depth.
     pub(super) fn volume_and_depth(&mut self, time: f64) -> (f64, f64) {
         let time = self.within(time);
+        if self.wearing.law != Law::Exact {
+            return self.under(time, |wearing, values| {
+                wearing.widen();
+                wearing.volume_and_depth(values)
+            });
+        }
         if time >= self.rkc.time {
             return self.wearing.volume_and_depth(&self.rkc.values);
         }

@@ -52,7 +52,7 @@ pub struct Wearing {
     stiffness: Vec<f64>,
     /// The present ã of the simplified rule.
     scar: f64,
-    /// The largest ã of the simplified rule so far.
+    /// The largest ã of the simplified rule up to the start of the last step, and at the present time.
     widest: f64,
     /// The bound of the spectral radius at the last evaluation of the rates.
     radius: f64,
@@ -412,7 +412,7 @@ impl Wearing {
     ) -> T {
         let mut aside = std::mem::take(&mut self.aside);
         self.springs.set_aside(&mut aside);
-        let (scar, radius) = (self.scar, self.radius);
+        let (scar, widest, radius) = (self.scar, self.widest, self.radius);
         self.press(values);
         let result = what(self, values);
         (self.scar, self.radius) = (scar, radius);
@@ -422,6 +422,7 @@ impl Wearing {
             // The simplified rule uses the present ã, so compute the state again.
             self.press(now);
         }
+        self.widest = widest;
         result
     }
 
