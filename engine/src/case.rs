@@ -15,7 +15,7 @@ const OPERATIONS_PER_SECOND: f64 = 1e9;
 
 /// Tolerance of the time integration for the simplified rule. The rule is integrated only if it has
 /// no closed form.
-const RULE_TOLERANCE: f64 = 1e-3;
+const RULE_TOLERANCE: f64 = 7e-4;
 /// The number of runs of the simplified rule in a comparison.
 pub(crate) const COMPARISON_RUNS: usize = 31;
 /// Maximum number of output radii of the rule in a comparison. With more radii the volume would

@@ -16,7 +16,7 @@ use fretwork_engine::solver::stepped::march::{March, MarchState};
 use fretwork_engine::solver::stepped::wearing::WornContact;
 
 /// The tolerance with which a scenario integrates the simplified rule in time.
-pub const RULE_TOLERANCE: f64 = 1e-3;
+pub const RULE_TOLERANCE: f64 = 7e-4;
 
 /// A column of the table: its symbol, its name, and its value for a worn contact.
 pub type TableColumn = (&'static str, &'static str, fn(&WornContact) -> f64);

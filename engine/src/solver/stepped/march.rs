@@ -110,11 +110,7 @@ fn cells(tolerance: f64) -> usize {
 
 /// Number of cells and step tolerance of a run with this tolerance.
 fn effort(contact: &Contact, control: &Control, law: Law, tolerance: f64) -> (usize, f64) {
-    let cells = match law {
-        Law::Exact => cells(tolerance),
-        // More cells are needed, because images are constant in each cell. The rule is cheap.
-        Law::Simplified(_) => cells(tolerance),
-    };
+    let cells = cells(tolerance);
     let far = control.tends_to(contact).is_some_and(|end| is_far(contact, &end));
     let steps = match law {
         Law::Exact => STEPS * tolerance,
@@ -131,13 +127,14 @@ fn effort(contact: &Contact, control: &Control, law: Law, tolerance: f64) -> (us
     let gives_way = control.normal == Normal::Depth
         && matches!(control.tangential, Tangential::Force(_))
         && control.tends_to(contact).is_none();
-    if gives_way && law == Law::Exact {
+    let (cells, finer) = match law {
         // The time at which the core vanishes is ill-conditioned: its relative error is about ten
         // times that of V.
-        ((5 * cells).min(MOST_CELLS), 0.5 * steps)
-    } else {
-        ((2 * cells).min(MOST_CELLS), steps)
-    }
+        Law::Exact if gives_way => (5 * cells, 0.5),
+        Law::Simplified(_) if gives_way => (5 * cells / 2, 1.0),
+        _ => (2 * cells, 1.0),
+    };
+    (cells.min(MOST_CELLS), finer * steps)
 }
 
 /// The mesh plan of the first block, or of the whole run without blocks, and what is known about each block.

@@ -13,6 +13,7 @@
 //! Exact. Only if there are many nodes, those are left out that change the wear least.
 
 use std::f64::consts::{FRAC_1_PI, PI};
+use std::ops::RangeInclusive;
 use std::sync::OnceLock;
 
 /// Maximum number of nodes. More are left when many blocks have different meshes.
@@ -20,6 +21,12 @@ const MOST_NODES: usize = 1000;
 
 /// A node is left out if the volume changes by less than this share.
 const NEGLIGIBLE: f64 = 1e-9;
+
+/// Number of cells on each side of the cell with an old stick edge that are smoothed.
+const BESIDE: usize = 2;
+
+/// Wear that is this many times as deep as a bump of the surface removes the bump.
+const LEVELS: f64 = 3.0;
 
 /// Wear that is linear in t = r² between nodes. It is constant inside the first node and outside the
 /// last one. Without nodes it is 0.
@@ -33,6 +40,8 @@ pub struct PriorWear {
     images: OnceLock<Vec<f64>>,
     /// The outer radius of the scar.
     radius: f64,
+    /// The squares of the stick edges of earlier meshes.
+    edges: Vec<f64>,
 }
 
 impl PriorWear {
@@ -53,11 +62,18 @@ impl PriorWear {
                 here - std::mem::replace(&mut before, here)
             })
             .collect();
-        Self { squares, wear, kinks, images: OnceLock::new(), radius }
+        Self { squares, wear, kinks, images: OnceLock::new(), radius, edges: Vec::new() }
     }
 
-    /// This wear with the wear of another mesh on top of it, and its new outer radius.
-    pub(super) fn with(&self, squares: &[f64], wear: &[f64], radius: f64) -> Self {
+    /// This wear with the wear of another mesh on top of it, and its new outer radius. `profile` is the unworn
+    /// profile at t.
+    pub(super) fn with(
+        &self,
+        squares: &[f64],
+        wear: &[f64],
+        radius: f64,
+        profile: impl Fn(f64) -> f64,
+    ) -> Self {
         let added = Self::of(squares.to_vec(), wear.to_vec(), radius);
         if self.is_empty() {
             return added;
@@ -66,8 +82,21 @@ impl PriorWear {
         nodes.sort_by(f64::total_cmp);
         nodes.dedup();
         let (mut below, mut above) = (self.along(), added.along());
-        let wear = nodes.iter().map(|t| below(*t) + above(*t)).collect();
-        Self::of(nodes, wear, radius)
+        let mut sum: Vec<f64> = nodes.iter().map(|t| below(*t) + above(*t)).collect();
+        for edge in &self.edges {
+            if let Some(window) = Window::around(*edge, (squares, wear), &nodes) {
+                window.smooth(&nodes, &mut sum, &profile);
+            }
+        }
+        Self { edges: self.edges.clone(), ..Self::of(nodes, sum, radius) }
+    }
+
+    /// The same wear, with the present stick edge as another place where it is not smooth.
+    pub(super) fn with_edge(mut self, stick: f64) -> Self {
+        if stick > 0.0 {
+            self.edges.push(stick * stick);
+        }
+        self
     }
 
     /// Leaves out nodes that hardly change the wear, and more until there are at most [`MOST_NODES`].
@@ -94,7 +123,8 @@ impl PriorWear {
                 return self;
             }
             let keep = |list: &[f64]| kept.iter().map(|j| list[*j]).collect();
-            self = Self::of(keep(&self.squares), keep(&self.wear), self.radius);
+            let edges = std::mem::take(&mut self.edges);
+            self = Self { edges, ..Self::of(keep(&self.squares), keep(&self.wear), self.radius) };
         }
     }
 
@@ -180,6 +210,67 @@ impl PriorWear {
     }
 }
 
+/// The cells of a later mesh next to an old stick edge. There the wear begins like a square root. The later mesh
+/// is too coarse for that, so the sum of both wears oscillates, although the surface has been worn smooth.
+struct Window {
+    /// The nodes of all meshes within the window, with its two ends.
+    nodes: RangeInclusive<usize>,
+    /// The nodes next to it.
+    beyond: [usize; 2],
+    /// The least later wear there.
+    least: f64,
+}
+
+impl Window {
+    /// `None` if the later mesh does not contain the window, or has not worn it.
+    fn around(edge: f64, (squares, wear): (&[f64], &[f64]), nodes: &[f64]) -> Option<Self> {
+        let next = squares.partition_point(|t| *t <= edge);
+        let from = next.checked_sub(BESIDE + 2)?;
+        let to = next + BESIDE + 1;
+        let least = wear.get(from..=to)?.iter().copied().fold(f64::INFINITY, f64::min);
+        let place = |node: usize| nodes.partition_point(|t| *t < squares[node]);
+        let beyond = [from, to].map(place);
+        let nodes = place(from + 1)..=place(to - 1);
+        (least > 0.0).then_some(Self { nodes, beyond, least })
+    }
+
+    /// Removes what deviates from a cubic through the surface beside the window, as far as the later wear is
+    /// deeper. The volume stays the same.
+    fn smooth(&self, nodes: &[f64], wear: &mut [f64], profile: impl Fn(f64) -> f64) {
+        let (first, last) = (*self.nodes.start(), *self.nodes.end());
+        let length = nodes[last] - nodes[first];
+        let surface = |j: usize| wear[j] + profile(nodes[j]);
+        let slope = |i: usize, j: usize| length * (surface(j) - surface(i)) / (nodes[j] - nodes[i]);
+        let ends = [surface(first), surface(last)];
+        let slopes = [slope(self.beyond[0], first), slope(last, self.beyond[1])];
+        let along = |j: usize| (nodes[j] - nodes[first]) / length;
+        let deviations: Vec<f64> =
+            self.nodes.clone().map(|j| surface(j) - hermite(ends, slopes, along(j))).collect();
+        let arch = |j: usize| {
+            let u = along(j);
+            u * u * (1.0 - u) * (1.0 - u)
+        };
+        let (mut area, mut arches, mut highest) = (0.0, 0.0, 0.0_f64);
+        for j in first + 1..last {
+            let width = nodes[j + 1] - nodes[j - 1];
+            area += width * deviations[j - first];
+            arches += width * arch(j);
+            highest = highest.max(deviations[j - first].abs());
+        }
+        let share = (self.least / (LEVELS * highest)).min(1.0);
+        for j in first + 1..last {
+            wear[j] -= share * (deviations[j - first] - area / arches * arch(j));
+        }
+    }
+}
+
+/// The cubic on 0…1 with these values and slopes at its ends.
+fn hermite(ends: [f64; 2], slopes: [f64; 2], u: f64) -> f64 {
+    let v = 1.0 - u;
+    v * v * ((1.0 + 2.0 * u) * ends[0] + u * slopes[0])
+        + u * u * ((1.0 + 2.0 * v) * ends[1] - v * slopes[1])
+}
+
 /// The linear interpolation of `values` at nodes, of which `right` is the first beyond `at`. Outside the nodes it is
 /// the first or the last value; without nodes it is 0.
 fn between(nodes: &[f64], values: &[f64], right: usize, at: f64) -> f64 {
@@ -229,7 +320,7 @@ mod tests {
 
     #[test]
     fn wear_on_top_of_wear_adds_up_at_every_radius() {
-        let sum = ring().with(&[0.0, 0.36, 0.64], &[0.1, 0.1, 0.0], 1.0);
+        let sum = ring().with(&[0.0, 0.36, 0.64], &[0.1, 0.1, 0.0], 1.0, |_| 0.0);
         for t in [0.0, 0.2, 0.3, 0.5, 0.64, 0.9, 1.2] {
             let above = if t < 0.36 { 0.1 } else { 0.1 * ((0.64 - t) / 0.28_f64).max(0.0) };
             assert!((sum.at(t) - ring().at(t) - above).abs() < 1e-15, "{t}");

@@ -282,7 +282,8 @@ impl Wearing {
     /// The wear of all meshes, from the wear at the nodes of this one.
     pub(super) fn total(&self, wear: &[f64]) -> PriorWear {
         let radius = self.prior.radius();
-        self.prior.with(&self.springs.mesh.squares, wear, radius)
+        let profile = |t: f64| self.contact.shape.profile(t.sqrt());
+        self.prior.with(&self.springs.mesh.squares, wear, radius, profile)
     }
 
     /// The mesh, and the wear on which it starts.
@@ -300,7 +301,11 @@ impl Wearing {
     pub(super) fn worn(&self, values: &[f64]) -> PriorWear {
         let wear = self.wear(values);
         let (_, radius) = self.radii(&wear, &self.springs.images);
-        self.prior.with(&self.springs.mesh.squares, &wear, radius).thinned()
+        let profile = |t: f64| self.contact.shape.profile(t.sqrt());
+        self.prior
+            .with(&self.springs.mesh.squares, &wear, radius, profile)
+            .with_edge(self.springs.stick())
+            .thinned()
     }
 
     /// The same contact on another mesh, which starts on the surface `worn`.
