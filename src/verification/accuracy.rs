@@ -167,7 +167,8 @@ impl Display for Accuracy {
                 writeln!(f, "| {name} | {}", spread(&errors))?;
             }
         }
-        let (count, blocks) = (self.runs.len(), self.count_of("blocks"));
+        let has_blocks = |(scenario, _): &&(RandomScenario, _)| scenario.mode == "blocks";
+        let (count, blocks) = (self.runs.len(), self.runs.iter().filter(has_blocks).count());
         let (sound, warned) = self.sound();
         writeln!(
             f,
@@ -175,11 +176,5 @@ impl Display for Accuracy {
              {warned} of {sound} runs without an error above 2 % have a warning.",
             self.unwarned()
         )
-    }
-}
-
-impl Accuracy {
-    fn count_of(&self, mode: &str) -> usize {
-        self.runs.iter().filter(|(scenario, _)| scenario.mode == mode).count()
     }
 }
