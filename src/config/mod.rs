@@ -42,7 +42,7 @@ const VERIFY_EXAMPLES: &str = "\
 Examples:
   fretwork verify > VERIFICATION.md   write the page again
   fretwork verify --exact-volumes > engine/src/simulation/exact_volumes.csv
-  fretwork verify --random 500 > src/verification/accuracy.md";
+  fretwork verify --random 1000 > src/verification/accuracy.md";
 
 /// Fretting wear of axisymmetric contacts, as a service with a shared result cache.
 ///

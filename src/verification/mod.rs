@@ -8,15 +8,17 @@
 //! Those of the [reference solutions](fretwork_engine::reference). Scenarios and their results are in SI.
 
 mod accuracy;
+mod deviation;
 mod known;
 mod literature;
 mod numerics;
 mod page;
 mod problem;
+mod random_scenario;
 mod rule;
 mod table;
 
-pub use accuracy::Accuracy;
+pub use accuracy::{Accuracy, OutputErrors, Worn};
 pub use literature::volume_over_energy;
 pub use page::{Check, Section, VerificationPage};
 
