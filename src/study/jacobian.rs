@@ -324,8 +324,8 @@ mod tests {
         "dissipated_energy",
     ];
 
-    /// Runs with tolerances of 1e-3, 3e-4 and 1e-4 agree on 0.286 and 0.229. The radius has waves of 0.4 %, one for each
-    /// cell that its edge crosses.
+    /// Runs with a tolerance of 1e-4 have 0.265 and 0.286. The radius has waves of 0.4 %, one for each cell that its edge
+    /// crosses.
     #[test]
     fn the_derivative_of_the_radius_in_gross_slip_contains_its_roughness() {
         let scenario = json!({
@@ -334,15 +334,15 @@ mod tests {
             "wear": {"coefficient": 3e-14}, "load": {"normal_force": 100.0, "held": "force"},
             "motion": {"amplitude": 9e-6}, "cycles": [3000.0, 30000.0],
         });
-        let outputs = ["contact_radius", "contact_radius@3000"];
-        let model = json!({"scenario": scenario, "outputs": outputs});
-        let mut run = Arc::new(Model::read(model).unwrap()).run(&[0.7]).unwrap();
-        let radii = std::iter::repeat_with(|| run.step()).find_map(|values| values).unwrap();
-        let found = found(json!({"scenario": scenario, "parameters": ["/motion/amplitude"],
-            "outputs": outputs}));
-        for ((entry, radius), expected) in found.iter().zip(radii.values).zip([0.286, 0.229]) {
+        let config = json!({"scenario": scenario, "outputs": ["contact_radius"],
+            "parameters": ["/profile/radius", "/motion/amplitude"]});
+        let model = Arc::new(Model::read(config.clone()).unwrap());
+        let mut run = model.run(&model.origin()).unwrap();
+        let values = std::iter::repeat_with(|| run.step()).find_map(|values| values).unwrap();
+        let radius = values.values[0].unwrap();
+        for ((entry, x), expected) in found(config).iter().zip(model.origin()).zip([0.265, 0.286]) {
             let Derivative { value, error } = entry.derivative.clone().unwrap();
-            let [value, error] = [value, error].map(|part| part * 9e-6 / radius.unwrap());
+            let [value, error] = [value, error].map(|part| part * x / radius);
             assert!((value - expected).abs() <= error, "{value} ± {error}, {expected}");
             assert!(error < 0.15, "{value} ± {error}");
         }
@@ -390,7 +390,8 @@ mod tests {
             for (entry, truth) in tested.into_iter().zip(found(config)) {
                 let (tested, truth) = (entry.derivative.unwrap(), truth.derivative.unwrap());
                 let true_error = (tested.value - truth.value).abs();
-                ratios[entry.output].push(tested.error / true_error.max(f64::MIN_POSITIVE));
+                // Held quantities are exact.
+                ratios[entry.output].push((tested.error / true_error).min(1e3));
             }
         }
         let covered = |ratios: &[f64]| ratios.iter().filter(|ratio| **ratio >= 1.0).count();
