@@ -113,7 +113,11 @@ impl Wanted {
             all.retain(|pointer| !pointer.starts_with("/model/") || pointer == "/model/xi");
             all
         });
-        let all = || OutputName::all().filter_map(|name| name.parse().ok()).collect();
+        let all = || {
+            // The derivative of an estimated error means nothing.
+            let names = OutputName::all().filter(|name| !name.ends_with("_error"));
+            names.filter_map(|name| name.parse().ok()).collect()
+        };
         let model = Arc::new(Model::new(scenario, &parameters, self.outputs.unwrap_or_else(all))?);
         let search = Jacobian::new(&model, &model.origin(), (0..parameters.len()).collect())?;
         Ok((model, search))
@@ -158,15 +162,17 @@ impl From<Unable> for Problem {
 /// Returns the derivatives of the outputs of a result with respect to the numbers of its scenario.
 ///
 /// Each derivative has an error that was checked: it follows from polynomials through 17 or more runs around the
-/// scenario, and contains the stated error of the method. The server computes these runs for each request, and keeps nothing.
-/// It refuses more than an estimated 30 s. The request counts as an evaluation. Near a kink, as at the threshold of gross
-/// slip, the error contains the derivatives of both sides.
+/// scenario, and contains the error of the values: the stated error of the wear volume or of the wear depth, 3 times that
+/// of the volume for forces and the indentation depth and 5 times for the energy per cycle, both relative to the unworn
+/// contact, and half a cell of the mesh for the contact radius and the scar radius. The server computes these runs for each
+/// request, and keeps nothing. It refuses more than an estimated 30 s. The request counts as an evaluation. Near a kink, as at
+/// the threshold of gross slip, the error contains the derivatives of both sides.
 #[utoipa::path(get, path = "/v1/results/{key}/derivatives", operation_id = "get_derivatives", tag = "results",
     params(
         ("key" = super::schemas::KeyText, Path, description = "The `key` of a result."),
         ("outputs" = Option<Vec<String>>, Query, style = Form, explode = false,
             description = "Names of outputs as in `POST /v1/evaluate`, separated by commas. By default, all that have a \
-            value.",
+            value, except estimated errors such as `wear_volume_error`.",
             example = json!(["wear_volume", "wear_depth"])),
         ("parameters" = Option<Vec<String>>, Query, style = Form, explode = false,
             description = "JSON pointers to numbers of the canonical scenario, separated by commas. By default, all \

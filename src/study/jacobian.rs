@@ -219,9 +219,11 @@ impl Entry {
 #[cfg(test)]
 mod tests {
     use fretwork_engine::numeric::root;
+    use fretwork_engine::scenario;
     use serde_json::{Value, json};
 
     use super::*;
+    use crate::random::Random;
 
     fn found(config: Value) -> Vec<Entry> {
         let model = Arc::new(Model::read(config).unwrap());
@@ -307,6 +309,101 @@ mod tests {
             assert!((value - expected).abs() <= error, "{value:e} ± {error:e}, {expected:e}");
             assert!(error < 0.1 * expected && !entry.is_closed, "{error:e} of {expected:e}");
         }
+    }
+
+    /// The columns of the history that a run computes.
+    const COMPUTED: [&str; 9] = [
+        "wear_volume",
+        "wear_depth",
+        "scar_radius",
+        "contact_radius",
+        "normal_force",
+        "indentation_depth",
+        "tangential_force",
+        "energy_per_cycle",
+        "dissipated_energy",
+    ];
+
+    /// Runs with a tolerance of 1e-4 have 0.265 and 0.286. The radius has waves of 0.4 %, one for each cell that its edge
+    /// crosses.
+    #[test]
+    fn the_derivative_of_the_radius_in_gross_slip_contains_its_roughness() {
+        let scenario = json!({
+            "profile": {"shape": "paraboloid", "radius": 0.01},
+            "moduli": {"normal": 113e9, "tangential": 93e9}, "friction": 0.7,
+            "wear": {"coefficient": 3e-14}, "load": {"normal_force": 100.0, "held": "force"},
+            "motion": {"amplitude": 9e-6}, "cycles": [3000.0, 30000.0],
+        });
+        let config = json!({"scenario": scenario, "outputs": ["contact_radius"],
+            "parameters": ["/profile/radius", "/motion/amplitude"]});
+        let model = Arc::new(Model::read(config.clone()).unwrap());
+        let mut run = model.run(&model.origin()).unwrap();
+        let values = std::iter::repeat_with(|| run.step()).find_map(|values| values).unwrap();
+        let radius = values.values[0].unwrap();
+        for ((entry, x), expected) in found(config).iter().zip(model.origin()).zip([0.265, 0.286]) {
+            let Derivative { value, error } = entry.derivative.clone().unwrap();
+            let [value, error] = [value, error].map(|part| part * x / radius);
+            assert!((value - expected).abs() <= error, "{value} ± {error}, {expected}");
+            assert!(error < 0.15, "{value} ± {error}");
+        }
+    }
+
+    /// A random contact in gross slip, and one of its numbers.
+    fn slipping(chance: &mut Random) -> (Value, &'static str) {
+        let radius = chance.between(0.002, 0.02);
+        let blunt = |exponent: f64| json!({"shape": "power", "exponent": exponent, "height": 1.5e-6, "at_radius": 1.8e-4});
+        let flat = radius.sqrt() * chance.between(2e-4, 1.2e-3);
+        let profile = [
+            json!({"shape": "paraboloid", "radius": radius}),
+            json!({"shape": "sphere", "radius": radius}),
+            json!({"shape": "cone", "slope_angle": radius}),
+            json!({"shape": "truncated_paraboloid", "radius": radius, "flat_radius": flat}),
+            blunt(1.5),
+            blunt(4.0),
+        ];
+        let mut scenario = ball();
+        scenario["profile"] = profile[chance.one_of(&[0, 1, 2, 3, 4, 5])].clone();
+        scenario["friction"] = json!(chance.between(0.4, 0.9));
+        scenario["load"]["held"] = json!(chance.one_of(&["force", "depth"]));
+        scenario["model"] = json!({"method": "exact"});
+        let scales = |scenario: &Value| scenario::prepare(scenario.clone(), "").unwrap().1.scales;
+        let threshold = scales(&scenario).gross_slip_amplitude();
+        scenario["motion"]["amplitude"] = json!(threshold * chance.log_between(1.2, 4.0));
+        scenario["cycles"] = json!([scales(&scenario).cycles * chance.log_between(0.1, 10.0)]);
+        let numbers = ["/motion/amplitude", "/load/normal_force", "/friction", "/wear/coefficient"];
+        (scenario, chance.one_of(&numbers))
+    }
+
+    /// The module `output` quotes this test. The truth is a run with a smaller tolerance.
+    #[test]
+    fn derivatives_of_all_columns_contain_their_roughness() {
+        let is_long = std::env::var_os("FRETWORK_TEST_LONG").is_some();
+        let count = if is_long { 200 } else { 12 };
+        let mut chance = Random::new(1);
+        let mut ratios = vec![Vec::new(); COMPUTED.len()];
+        for _ in 0..count {
+            let (scenario, number) = slipping(&mut chance);
+            let mut config =
+                json!({"scenario": scenario, "parameters": [number], "outputs": COMPUTED});
+            let tested = found(config.clone());
+            config["scenario"]["model"]["tolerance"] = json!(1e-4);
+            for (entry, truth) in tested.into_iter().zip(found(config)) {
+                let (tested, truth) = (entry.derivative.unwrap(), truth.derivative.unwrap());
+                let true_error = (tested.value - truth.value).abs();
+                // Held quantities are exact.
+                ratios[entry.output].push((tested.error / true_error).min(1e3));
+            }
+        }
+        let covered = |ratios: &[f64]| ratios.iter().filter(|ratio| **ratio >= 1.0).count();
+        for (name, ratios) in COMPUTED.iter().zip(&mut ratios) {
+            ratios.sort_by(f64::total_cmp);
+            let (covered, median) = (covered(ratios), ratios[count / 2]);
+            println!("{name}: {covered} of {count}, stated/true {median:.1}");
+            assert!(10 * covered >= 9 * count, "{name}: {covered} of {count}");
+        }
+        let (covered, all) = (covered(&ratios.concat()), count * COMPUTED.len());
+        println!("all: {covered} of {all}");
+        assert!(100 * covered >= 95 * all, "{covered} of {all}");
     }
 
     #[test]

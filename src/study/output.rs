@@ -29,7 +29,19 @@ const LISTED: usize = 12;
 /// Relative error of what is computed in closed form: that of the sums over springs.
 const CLOSED: f64 = 1e-9;
 /// The columns that the closed form of the rule takes from a mesh.
-const ON_MESH: [&str; 3] = ["wear_volume", "wear_depth", "scar_radius"];
+const ON_MESH: [&str; 5] =
+    ["wear_volume", "wear_depth", "scar_radius", "wear_volume_error", "wear_depth_error"];
+/// Error of the contact radius and the scar radius, relative to a cell of a mesh with cells of equal width. It comes
+/// and goes as the edge of the contact crosses a cell.
+const EDGE_IN_CELL: f64 = 0.5;
+/// Errors of the forces, of the indentation depth and of the energy per cycle, relative to the stated error of the wear
+/// volume and to the unworn value. They follow the edge of the contact too.
+const BY_EDGE: [(&str, f64); 4] = [
+    ("normal_force", 3.0),
+    ("tangential_force", 3.0),
+    ("indentation_depth", 3.0),
+    ("energy_per_cycle", 5.0),
+];
 
 /// A scalar of a result, at any output cycle.
 #[derive(Debug, Clone, Copy)]
@@ -292,12 +304,51 @@ impl Output {
         !self.needs_run() || case.is_closed() && !ON_MESH.contains(&self.quantity.name)
     }
 
-    /// The relative error that the value can have. For the columns of a run in time steps, and for those on a mesh, it is
-    /// the stated error of the wear volume.
+    /// The relative error that the value can have, as far as it varies with the numbers of the scenario.
+    ///
+    /// A run states the errors of its wear volume and its wear depth. The test
+    /// `derivatives_of_all_columns_contain_their_roughness` shows what the other columns need.
     #[must_use]
     pub fn accuracy(&self, case: &Case, outcome: Option<&Outcome>) -> f64 {
-        let stated = outcome.and_then(|outcome| outcome.accuracy.numerical_error);
-        stated.filter(|_| !self.is_closed(case)).unwrap_or(CLOSED).max(CLOSED)
+        let computed = outcome.filter(|_| !self.is_closed(case));
+        computed.and_then(|outcome| self.roughness(outcome)).unwrap_or(CLOSED).max(CLOSED)
+    }
+
+    /// See [`Self::accuracy`]. `None` without wear.
+    fn roughness(&self, outcome: &Outcome) -> Option<f64> {
+        let Outcome { accuracy, history, .. } = outcome;
+        let volume = accuracy.numerical_error?;
+        if self.is_error() {
+            // An estimate of an error has no digits.
+            return Some(1.0);
+        }
+        if self.is_edge() {
+            let edge = accuracy.cells.map_or(0.0, |cells| EDGE_IN_CELL / cells as f64);
+            return Some(volume.max(edge));
+        }
+        let at = |column: &[f64]| self.row.map_or(column.last(), |row| column.get(row)).copied();
+        let Source::Column(place) = self.quantity.source else { return Some(volume) };
+        let (name, column) = history.columns()[place];
+        if name == "wear_depth" {
+            return at(&history.wear_depth_error);
+        }
+        let Some((_, factor)) = BY_EDGE.iter().find(|(known, _)| *known == name) else {
+            return Some(volume);
+        };
+        let fall = (column[0] / at(column)?).max(1.0);
+        Some((factor * volume * fall).min(1.0))
+    }
+
+    /// Whether this is the radius at which the contact or the scar of a run ends.
+    #[must_use]
+    pub fn is_edge(&self) -> bool {
+        ["contact_radius", "scar_radius"].contains(&self.quantity.name)
+    }
+
+    /// Whether this is the estimated error of another output.
+    #[must_use]
+    pub fn is_error(&self) -> bool {
+        self.quantity.name.ends_with("_error")
     }
 
     /// The value that is known without a run.
