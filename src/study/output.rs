@@ -29,7 +29,8 @@ const LISTED: usize = 12;
 /// Relative error of what is computed in closed form: that of the sums over springs.
 const CLOSED: f64 = 1e-9;
 /// The columns that the closed form of the rule takes from a mesh.
-const ON_MESH: [&str; 3] = ["wear_volume", "wear_depth", "scar_radius"];
+const ON_MESH: [&str; 5] =
+    ["wear_volume", "wear_depth", "scar_radius", "wear_volume_error", "wear_depth_error"];
 
 /// A scalar of a result, at any output cycle.
 #[derive(Debug, Clone, Copy)]
@@ -293,10 +294,13 @@ impl Output {
     }
 
     /// The relative error that the value can have. For the columns of a run in time steps, and for those on a mesh, it is
-    /// the stated error of the wear volume.
+    /// the stated error of the largest wear depth or, for all other columns, of the wear volume.
     #[must_use]
     pub fn accuracy(&self, case: &Case, outcome: Option<&Outcome>) -> f64 {
-        let stated = outcome.and_then(|outcome| outcome.accuracy.numerical_error);
+        let stated = outcome.and_then(|outcome| match self.quantity.name {
+            "wear_depth" => outcome.accuracy.wear_depth_error,
+            _ => outcome.accuracy.numerical_error,
+        });
         stated.filter(|_| !self.is_closed(case)).unwrap_or(CLOSED).max(CLOSED)
     }
 

@@ -165,6 +165,12 @@ def view_result(page):
         expect(page.locator("#at")).to_have_text(f"N = {at:,.0f}".replace(",", "\u202f"))
         close(page.locator("[data-value=wear_depth]").inner_text() or "0", result["history"]["wear_depth"][row] * 1e6)
         close(page.locator("[data-value=normal_force]").inner_text(), result["history"]["normal_force"][row])
+        for name in ["wear_volume", "wear_depth"]:
+            error, shown = result["history"][f"{name}_error"][row], page.locator(f"[data-error={name}]")
+            if error > 0:
+                expect(shown).to_have_text(re.compile("^error [0-9.·⁻¹²³⁴⁵⁶⁷⁸⁹⁰]+\u00a0%$"))
+            else:
+                expect(shown).to_have_count(0)
         if row < len(outputs) - 1:
             page.keyboard.press("ArrowRight")
     page.keyboard.press("End")
