@@ -110,11 +110,7 @@ fn cells(tolerance: f64) -> usize {
 
 /// Number of cells and step tolerance of a run with this tolerance.
 fn effort(contact: &Contact, control: &Control, law: Law, tolerance: f64) -> (usize, f64) {
-    let cells = match law {
-        Law::Exact => cells(tolerance),
-        // More cells are needed, because images are constant in each cell. The rule is cheap.
-        Law::Simplified(_) => cells(tolerance),
-    };
+    let cells = cells(tolerance);
     let far = control.tends_to(contact).is_some_and(|end| is_far(contact, &end));
     let steps = match law {
         Law::Exact => STEPS * tolerance,
