@@ -257,6 +257,7 @@ impl Case {
     }
 
     /// The largest amplitude, divided by the amplitude at N = 0.
+    #[must_use]
     pub fn largest_amplitude(&self) -> f64 {
         self.control.largest_threshold(&self.contact) / self.contact.threshold
     }

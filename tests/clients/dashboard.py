@@ -30,7 +30,7 @@ get = functools.partial(ask, BASE)
 
 
 def blocks(cycles, points=4096):
-    """A thousand amplitude blocks, some of them in gross slip. Takes half a minute or more, in proportion to `cycles`."""
+    """A thousand amplitude blocks, some of them in gross slip. Takes about 25 s of processor time."""
     amplitudes = (f"{(2.5, 8)[i % 2] + (i % 7) / 100} um" for i in range(1000))
     return {
         "profile": {"shape": "paraboloid", "radius": "10 mm"},
@@ -165,6 +165,12 @@ def view_result(page):
         expect(page.locator("#at")).to_have_text(f"N = {at:,.0f}".replace(",", "\u202f"))
         close(page.locator("[data-value=wear_depth]").inner_text() or "0", result["history"]["wear_depth"][row] * 1e6)
         close(page.locator("[data-value=normal_force]").inner_text(), result["history"]["normal_force"][row])
+        for name in ["wear_volume", "wear_depth"]:
+            error, shown = result["history"][f"{name}_error"][row], page.locator(f"[data-error={name}]")
+            if error > 0:
+                expect(shown).to_have_text(re.compile("^error [0-9.·⁻¹²³⁴⁵⁶⁷⁸⁹⁰]+\u00a0%$"))
+            else:
+                expect(shown).to_have_count(0)
         if row < len(outputs) - 1:
             page.keyboard.press("ArrowRight")
     page.keyboard.press("End")
@@ -386,7 +392,7 @@ def interrupt(browser, data):
         interrupted()
         expect(page.locator("[data-item=attempt]")).to_contain_text("2")
         assert "last-event-id" not in streams[0] and int(streams[-1]["last-event-id"]) >= 1, streams
-        page.wait_for_url("**/#/result/*", timeout=90000)
+        page.wait_for_url("**/#/result/*", timeout=240000)
         page.wait_for_selector("section[aria-label=History] canvas")
 
         # After three lost attempts the server gives up.

@@ -25,10 +25,10 @@
 //! # Sources
 //! W. S. Cleveland, *J. Am. Stat. Assoc.* 74 (1979) 829 (local regression).
 
+use crate::request::indenter::{FEWEST_SMOOTHED, LEVEL};
+
 /// Approximate maximum number of points. With more points, neighbours are averaged in groups.
 const MOST_POINTS: usize = 500;
-/// Minimum number of points from which the noise can be estimated.
-const FEWEST_POINTS: usize = 12;
 /// If the prediction errors are below this share of the largest height, the points are not
 /// smoothed.
 const NEGLIGIBLE: f64 = 1e-9;
@@ -37,10 +37,7 @@ const NEIGHBOURS: usize = 25;
 /// The largest m with a misfit of at most this many times the smallest misfit is chosen. With 51
 /// points such a difference is not significant.
 const EQUAL_MISFIT: f64 = 1.5;
-/// Maximum distance of a smoothed height below that on the axis, as a share of the greatest height.
-/// It changes the image no more than smoothing does.
-const LEVEL: f64 = 1e-4;
-/// The same distance in units of the noise before
+/// Maximum distance of a smoothed height below that on the axis, in units of the noise before
 /// smoothing. Both keep a part of the noise. The axis keeps most, because it has neighbours on one
 /// side only.
 const REMAINDER: f64 = 5.0;
@@ -80,26 +77,28 @@ pub(super) struct Smoothed {
 }
 
 impl Smoothed {
-    /// The lowest of the points that are below the height on the axis by more than the noise
-    /// explains, and by how much. Next to a kink smoothing alone can lower a point, so the height
+    /// The points that are below the height on the axis by more than the noise explains, and by how
+    /// much, the lowest first. Next to a kink smoothing alone can lower a point, so the height
     /// before smoothing must be as low.
-    pub(super) fn low_point(&self, measured: &[f64]) -> Option<(usize, f64)> {
+    pub(super) fn low_points(&self, measured: &[f64]) -> Vec<(usize, f64)> {
         let axis = self.heights[0];
         let highest = self.heights.iter().zip(measured).map(|(z, measured)| z.max(*measured));
-        highest
+        let mut low: Vec<_> = highest
             .zip(&self.noise)
             .map(|(z, noise)| (axis - z, noise))
             .enumerate()
             .filter(|(_, (below, noise))| *below > LEVEL + REMAINDER * *noise)
             .map(|(row, (below, _))| (row, below))
-            .max_by(|a, b| a.1.total_cmp(&b.1))
+            .collect();
+        low.sort_by(|a: &(usize, f64), b| b.1.total_cmp(&a.1));
+        low
     }
 }
 
 /// Removes the noise from the heights `z` at the ascending positions `x`.
 pub(super) fn smoothed(x: &[f64], z: Vec<f64>) -> Smoothed {
     let n = x.len();
-    if n < FEWEST_POINTS {
+    if n < FEWEST_SMOOTHED {
         return Smoothed { heights: z, noise: vec![0.0; n] };
     }
     let mut points = WeightedPoints { x, z: &z, trust: vec![1.0; n] };

@@ -75,6 +75,8 @@ pub(crate) struct LowPoint {
     pub(crate) radius: f64,
     /// The distance below the height on the axis.
     pub(crate) below: f64,
+    /// Whether other heights are too low as well.
+    pub(crate) others: bool,
 }
 
 /// The integrals T₀ … T₄ of the module documentation, for a term that starts at b < r.
@@ -258,8 +260,9 @@ impl TableShape {
         let z: Vec<f64> = height.iter().map(|z| (z - lowest) / scale).collect();
         let (x, z) = grouped(&x, &z);
         let smooth = smoothed(&x, z.clone());
-        if let Some((row, below)) = smooth.low_point(&z) {
-            return Err(LowPoint { radius: x[row] * length, below: below * scale });
+        if let [(row, below), rest @ ..] = smooth.low_points(&z).as_slice() {
+            let (radius, below) = (x[*row] * length, below * scale);
+            return Err(LowPoint { radius, below, others: !rest.is_empty() });
         }
         let Smoothed { heights: z, noise } = smooth;
         let slopes = monotone_slopes(&x, &z);

@@ -78,6 +78,12 @@ pub struct FlatConeProfile {
     pub flat_radius: Length,
 }
 
+/// Minimum number of points from which the noise of a table can be estimated. Fewer are not smoothed.
+pub(crate) const FEWEST_SMOOTHED: usize = 12;
+/// Maximum distance of a smoothed height below that on the axis, as a share of the greatest height.
+/// It changes the image no more than smoothing does.
+pub(crate) const LEVEL: f64 = 1e-4;
+
 /// Measured points, from the axis outwards.
 #[derive(Debug, Clone, PartialEq, Deserr)]
 #[deserr(error = Faults, deny_unknown_fields, validate = TableProfile::validate -> Faults)]
@@ -111,10 +117,11 @@ impl TableProfile {
                 fault("radius", row + 1, detail);
             }
         }
-        // A height that is so low cannot be noise. The other heights are smoothed first.
+        // Only many points are smoothed. Then a low height can be noise, unless it is so low.
         let most = height.iter().copied().fold(height[0], f64::max) - height[0];
+        let noise = if height.len() < FEWEST_SMOOTHED { LEVEL * most } else { most };
         let lower: Vec<usize> =
-            (1..height.len()).filter(|row| height[0] - height[*row] > most).collect();
+            (1..height.len()).filter(|row| height[0] - height[*row] > noise).collect();
         if let Some(first) = lower.first() {
             let more = match lower.len() - 1 {
                 0 => String::new(),

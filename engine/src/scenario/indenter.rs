@@ -230,8 +230,9 @@ impl CanonicalTable {
     fn through(radius: &[f64], height: &[f64]) -> Result<Self, Faults> {
         let shape = TableShape::through(radius, height).map_err(|low| {
             let row = nearest_row(radius, low.radius);
+            let others = if low.others { ". It is the lowest of several such heights" } else { "" };
             let detail = format!(
-                "is {:.1e} m below the height on the axis ({} m), also after smoothing. Contact \
+                "is {:.1e} m below the height on the axis ({} m), also after smoothing{others}. Contact \
                  starts on the axis. Enter heights that are not lower than the first one",
                 low.below, height[0]
             );

@@ -22,7 +22,8 @@ export function drawDetails(place, result, bodyWarnings) {
       limit && ["Limiting depth", inUnits("wear_depth", limit.wear_depth)],
     ])),
     card("Accuracy", list([
-      accuracy.numerical_error != null && ["Numerical error of the volume", percent(accuracy.numerical_error)],
+      accuracy.numerical_error != null && ["Largest numerical error of the volume", percent(accuracy.numerical_error)],
+      accuracy.wear_depth_error != null && ["Largest numerical error of the depth", percent(accuracy.wear_depth_error)],
       isRule && ["Expected error of the rule", accuracy.model_error == null ? "unknown" : percent(accuracy.model_error)],
       [isRule ? "Energy mismatch of the rule" : "Energy balance error", percent(accuracy.energy_mismatch)],
       accuracy.steps != null && ["Time steps", digits(accuracy.steps)]]),

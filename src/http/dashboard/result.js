@@ -161,11 +161,15 @@ export async function showResult(main, { id: key, query, signal }) {
   document.addEventListener("units", drawAll, { signal });
 }
 
-/** Shows the history at one output cycle as numbers. */
+/** Shows the history at one output cycle as numbers, those of the wear with their estimated errors. */
 function drawReadout(place, { history, units }, at) {
   const row = nearest(history.cycles, at);
-  place.replaceChildren(...READOUT.map((name) => h("div", {}, h("dt", {}, WORDS[name]),
-    h("dd", { "data-value": name }, quantity(history[name][row], units[name], 5)))));
+  place.replaceChildren(...READOUT.map((name) => {
+    const error = history[`${name}_error`]?.[row];
+    return h("div", {}, h("dt", {}, WORDS[name]),
+      h("dd", { "data-value": name }, quantity(history[name][row], units[name], 5)),
+      error > 0 && h("dd", { class: "muted", "data-error": name }, `error ${percent(error, 2)}`));
+  }));
 }
 
 /** The curve of a result at one output cycle. */

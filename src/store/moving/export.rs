@@ -14,24 +14,7 @@ use crate::store::library::Provenance;
 use crate::store::place::Place;
 use crate::store::read::StoredResult;
 use crate::store::search::Search;
-use fretwork_engine::outcome::UNITS;
-
-/// The columns of a history.
-const HISTORY: [&str; 13] = [
-    "cycles",
-    "normalized_cycles",
-    "wear_volume",
-    "wear_depth",
-    "scar_radius",
-    "contact_radius",
-    "stick_radius",
-    "normal_force",
-    "indentation_depth",
-    "amplitude",
-    "tangential_force",
-    "energy_per_cycle",
-    "dissipated_energy",
-];
+use fretwork_engine::outcome::{History, UNITS};
 
 /// What an export did.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -172,7 +155,7 @@ async fn create(path: &Path) -> Result<SqliteConnection, Moving> {
     let mut query = QueryBuilder::<Sqlite>::new(
         "CREATE TABLE history (key TEXT NOT NULL REFERENCES results (key), entry INTEGER NOT NULL",
     );
-    for name in HISTORY {
+    for (name, _) in History::default().columns() {
         query.push(", ").push(name).push(" REAL");
     }
     query.push(", PRIMARY KEY (key, entry)) WITHOUT ROWID");
@@ -234,7 +217,8 @@ async fn write(out: &mut SqliteConnection, key: &Key, entry: &Entry) -> Result<(
     query.build().execute(&mut *out).await?;
     let insert = sqlx::query("INSERT INTO bodies VALUES (?1, ?2)");
     insert.bind(key.to_string()).bind(body).execute(&mut *out).await?;
-    let columns = HISTORY.map(|name| document.history.get(name).and_then(Value::as_array));
+    let named = |(name, _)| document.history.get(name).and_then(Value::as_array);
+    let columns = History::default().columns().map(named);
     let rows = columns.iter().flatten().map(|column| column.len()).max().unwrap_or(0);
     for (number, place) in (0_i64..).zip(0..rows) {
         let mut query = QueryBuilder::<Sqlite>::new("INSERT INTO history VALUES (");

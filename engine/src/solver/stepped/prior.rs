@@ -117,7 +117,8 @@ impl PriorWear {
                 small = small.max(sorted[sorted.len() / 2]);
             }
             // Every second node at most, so that neighbours do not vanish together.
-            let stays = |j: usize| j == 0 || j == last || j % 2 == 0 || bumps[j - 1] > small;
+            let stays =
+                |j: usize| j == 0 || j == last || j.is_multiple_of(2) || bumps[j - 1] > small;
             let kept: Vec<usize> = (0..=last).filter(|j| stays(*j)).collect();
             if kept.len() > last {
                 return self;
@@ -298,7 +299,7 @@ mod tests {
         let prior = ring();
         // x ∫ w′(r)/√(x²−r²) dr by the substitution r = x sin θ.
         let slope = |t: f64| match t {
-            t if t < 0.25 || t > 1.0 => 0.0,
+            t if !(0.25..=1.0).contains(&t) => 0.0,
             t if t < 0.49 => 0.3 / 0.24,
             _ => -0.3 / 0.51,
         };
