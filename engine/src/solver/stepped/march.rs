@@ -47,16 +47,13 @@ const MOST_CELLS: usize = 512;
 const CHECKS: f64 = 1.3;
 /// Weight of the previous comparisons at each new comparison. Earlier differences count too,
 /// because a difference can be 0 by chance when it changes its sign.
-const FORGET: (f64, f64) = (0.7, 0.3);
-/// Error estimate divided by the difference of the two runs. For second order the error of the
-/// finer run is a third of the difference, so this estimate usually exceeds the error. A test counts how
-/// often it does.
-const SHARE: f64 = 1.0;
-/// The same for the depth in a ring around a core that has always stuck, and in general. Where an earlier block has left
-/// an edge, and on the axis, the depth converges more slowly.
-const DEPTH_SHARES: (f64, f64) = (0.6, 1.5);
-/// A larger difference of the depths in a ring is mostly the error of the coarse run, which has few cells in a narrow
-/// ring.
+const FORGET: (f64, f64) = (0.7, 0.5);
+/// Error estimate divided by the difference of the two runs, for the volume and the depth. For second order the
+/// error of the finer run is a third of the difference, so this estimate usually exceeds the error. A test counts
+/// how often it does.
+const SHARES: (f64, f64) = (1.0, 1.15);
+/// A larger difference of the depths is mostly the error of the coarse run, which has few cells in a narrow ring or at
+/// a tip.
 const COARSE: f64 = 0.04;
 /// Minimum error estimate, in units of the tolerance of the steps.
 const LEAST_ERROR: f64 = 0.3;
@@ -570,14 +567,8 @@ impl March {
         let least = (LEAST_ERROR * self.fine.rkc.tolerance)
             .max(self.fine.edge_error(&worn))
             .max(self.fine.core_error(&worn));
-        let smooth = self.fine.wearing.plan.start > 0.0 && self.fine.block == 0;
-        let depth_share = if smooth { DEPTH_SHARES.0 } else { DEPTH_SHARES.1 };
-        let axis = self.fine.wearing.plan.start == 0.0;
-        let coarse = if axis { f64::INFINITY } else { COARSE };
-        let errors = RunErrors {
-            volume: (SHARE * volume).max(least),
-            depth: (depth_share * depth / (1.0 + depth / coarse)).max(least),
-        };
+        let depth = (SHARES.1 * depth / (1.0 + depth / COARSE)).max(self.fine.tip_error(&worn));
+        let errors = RunErrors { volume: (SHARES.0 * volume).max(least), depth: depth.max(least) };
         MarchState { worn, errors, worn_by_energy }
     }
 }

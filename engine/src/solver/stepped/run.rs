@@ -31,6 +31,11 @@ const REGAINS: f64 = 1.5;
 
 /// A tip or an edge is blunt if it is worn as deep as the unworn profile is at this distance from it.
 const BLUNT: f64 = 0.35;
+/// The error of the depth at the edge of a flat and at a tip, where the profile is much higher in one cell than the
+/// wear is deep.
+const EDGE_AND_TIP: (f64, f64) = (0.3, 1.2);
+/// If the profile is lower in one cell than this share of the wear, the error decreases with the square.
+const RESOLVED: f64 = 0.15;
 /// Relative accuracy of the time at which an energy is reached.
 const TIME_DIGITS: f64 = 1e-13;
 
@@ -415,6 +420,21 @@ impl MeshRun {
         // The edges of earlier blocks are at the starts of their meshes.
         let here_worn = 1.0 - self.wearing.prior.volume() / worn.volume;
         EDGE_SHARE * (1.0 - there / here).abs() * share * share * here_worn
+    }
+
+    /// The error of the largest depth while the cells at a sharp tip or edge are too wide for the wear there.
+    pub(super) fn tip_error(&self, worn: &WornContact) -> f64 {
+        let shape = &self.wearing.contact.shape;
+        let Some(sharp) = shape.sharp_radius().filter(|_| self.blunt.is_some()) else {
+            return 0.0;
+        };
+        let radii = &self.wearing.springs.mesh.radii;
+        let next = radii.partition_point(|r| *r <= sharp).clamp(1, radii.len() - 1);
+        let height = |r: f64| shape.profile(r) - shape.profile(sharp);
+        // The height of the profile in one cell, relative to the wear.
+        let ratio = height(sharp + radii[next] - radii[next - 1]) / worn.deepest;
+        let share = if sharp > 0.0 { EDGE_AND_TIP.0 } else { EDGE_AND_TIP.1 };
+        share * ratio * ratio / ((ratio + RESOLVED) * (1.0 + ratio))
     }
 
     /// The error of V that occurs because the mesh neglects a core smaller than the cells, at
