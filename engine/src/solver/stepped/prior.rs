@@ -74,21 +74,49 @@ impl PriorWear {
         radius: f64,
         profile: impl Fn(f64) -> f64,
     ) -> Self {
-        let added = Self::of(squares.to_vec(), wear.to_vec(), radius);
         if self.is_empty() {
-            return added;
+            return Self::of(squares.to_vec(), wear.to_vec(), radius);
         }
+        let added = Self::of(squares.to_vec(), self.evened(squares, wear, &profile), radius);
         let mut nodes = [&self.squares[..], squares].concat();
         nodes.sort_by(f64::total_cmp);
         nodes.dedup();
         let (mut below, mut above) = (self.along(), added.along());
         let mut sum: Vec<f64> = nodes.iter().map(|t| below(*t) + above(*t)).collect();
-        for edge in &self.edges {
-            if let Some(window) = Window::around(*edge, (squares, wear), &nodes) {
-                window.smooth(&nodes, &mut sum, &profile);
-            }
+        let cells = Window::cells((squares, wear), &nodes);
+        let edges = self.edges.iter().filter_map(|t| Window::around(*t, (squares, wear), &nodes));
+        for window in cells.chain(edges) {
+            window.smooth(&nodes, &mut sum, &profile);
         }
         Self { edges: self.edges.clone(), ..Self::of(nodes, sum, radius) }
+    }
+
+    /// The wear of another mesh without waves from node to node of the surface. The springs hardly feel them, and the
+    /// next mesh would make them larger. The filter is exact for cubics, and the volume stays the same.
+    fn evened(&self, squares: &[f64], wear: &[f64], profile: impl Fn(f64) -> f64) -> Vec<f64> {
+        let mut below = self.along();
+        let surface: Vec<f64> =
+            squares.iter().zip(wear).map(|(t, w)| below(*t) + w + profile(*t)).collect();
+        let mut even = wear.to_vec();
+        let (mut lost, mut area) = (0.0, 0.0);
+        let mut changed = Vec::new();
+        for j in 2..squares.len().saturating_sub(2) {
+            let near = &surface[j - 2..=j + 2];
+            let wave = (near[0] - 4.0 * near[1] + 6.0 * near[2] - 4.0 * near[3] + near[4]) / 16.0;
+            let least = wear[j - 2..=j + 2].iter().copied().fold(f64::INFINITY, f64::min);
+            if least <= LEVELS * wave.abs() {
+                continue;
+            }
+            let width = squares[j + 1] - squares[j - 1];
+            even[j] -= wave;
+            lost += width * wave;
+            area += width;
+            changed.push(j);
+        }
+        for j in changed {
+            even[j] += lost / area;
+        }
+        even
     }
 
     /// The same wear, with the present stick edge as another place where it is not smooth.
@@ -211,39 +239,58 @@ impl PriorWear {
     }
 }
 
-/// The cells of a later mesh next to an old stick edge. There the wear begins like a square root. The later mesh
-/// is too coarse for that, so the sum of both wears oscillates, although the surface has been worn smooth.
+/// A part of the surface that later wear makes smooth. A later mesh does not see what is finer than its cells. Without
+/// the smoothing, remains of many meshes would add up.
 struct Window {
     /// The nodes of all meshes within the window, with its two ends.
     nodes: RangeInclusive<usize>,
-    /// The nodes next to it.
-    beyond: [usize; 2],
+    /// The nodes next to it. `None` if it is one cell.
+    beyond: Option<[usize; 2]>,
     /// The least later wear there.
     least: f64,
 }
 
 impl Window {
-    /// `None` if the later mesh does not contain the window, or has not worn it.
+    /// The cells of a later mesh that contain earlier nodes and that it has worn.
+    fn cells<'a>(
+        (squares, wear): (&'a [f64], &'a [f64]),
+        nodes: &'a [f64],
+    ) -> impl Iterator<Item = Self> + 'a {
+        let mut first = 0;
+        squares.windows(2).zip(wear.windows(2)).filter_map(move |(ends, wear)| {
+            first += nodes[first..].iter().take_while(|t| **t < ends[0]).count();
+            let last = first + nodes[first..].iter().take_while(|t| **t < ends[1]).count();
+            let least = wear[0].min(wear[1]);
+            let window = Self { nodes: first..=last, beyond: None, least };
+            (last > first + 1 && least > 0.0).then_some(window)
+        })
+    }
+
+    /// The cells of a later mesh next to an old stick edge, where the earlier wear begins like a square root. `None` if
+    /// the later mesh does not contain them, or has not worn them.
     fn around(edge: f64, (squares, wear): (&[f64], &[f64]), nodes: &[f64]) -> Option<Self> {
         let next = squares.partition_point(|t| *t <= edge);
         let from = next.checked_sub(BESIDE + 2)?;
         let to = next + BESIDE + 1;
         let least = wear.get(from..=to)?.iter().copied().fold(f64::INFINITY, f64::min);
         let place = |node: usize| nodes.partition_point(|t| *t < squares[node]);
-        let beyond = [from, to].map(place);
+        let beyond = Some([from, to].map(place));
         let nodes = place(from + 1)..=place(to - 1);
         (least > 0.0).then_some(Self { nodes, beyond, least })
     }
 
-    /// Removes what deviates from a cubic through the surface beside the window, as far as the later wear is
-    /// deeper. The volume stays the same.
+    /// Removes what deviates from a cubic that continues the surface beside the window, as far as the later wear is
+    /// deeper. In one cell it is a straight line. The volume stays the same.
     fn smooth(&self, nodes: &[f64], wear: &mut [f64], profile: impl Fn(f64) -> f64) {
         let (first, last) = (*self.nodes.start(), *self.nodes.end());
         let length = nodes[last] - nodes[first];
         let surface = |j: usize| wear[j] + profile(nodes[j]);
         let slope = |i: usize, j: usize| length * (surface(j) - surface(i)) / (nodes[j] - nodes[i]);
         let ends = [surface(first), surface(last)];
-        let slopes = [slope(self.beyond[0], first), slope(last, self.beyond[1])];
+        let slopes = match self.beyond {
+            Some([before, after]) => [slope(before, first), slope(last, after)],
+            None => [ends[1] - ends[0]; 2],
+        };
         let along = |j: usize| (nodes[j] - nodes[first]) / length;
         let deviations: Vec<f64> =
             self.nodes.clone().map(|j| surface(j) - hermite(ends, slopes, along(j))).collect();
