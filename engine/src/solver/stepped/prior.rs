@@ -83,10 +83,10 @@ impl PriorWear {
         nodes.dedup();
         let (mut below, mut above) = (self.along(), added.along());
         let mut sum: Vec<f64> = nodes.iter().map(|t| below(*t) + above(*t)).collect();
-        let cells = Window::cells((squares, wear), &nodes);
-        let edges = self.edges.iter().filter_map(|t| Window::around(*t, (squares, wear), &nodes));
-        for window in cells.chain(edges) {
-            window.smooth(&nodes, &mut sum, &profile);
+        for edge in &self.edges {
+            if let Some(window) = Window::around(*edge, (squares, wear), &nodes) {
+                window.smooth(&nodes, &mut sum, &profile);
+            }
         }
         Self { edges: self.edges.clone(), ..Self::of(nodes, sum, radius) }
     }
@@ -239,58 +239,39 @@ impl PriorWear {
     }
 }
 
-/// A part of the surface that later wear makes smooth. A later mesh does not see what is finer than its cells. Without
-/// the smoothing, remains of many meshes would add up.
+/// The cells of a later mesh next to an old stick edge. There the wear begins like a square root. The later mesh
+/// is too coarse for that, so the sum of both wears oscillates, although the surface has been worn smooth.
 struct Window {
     /// The nodes of all meshes within the window, with its two ends.
     nodes: RangeInclusive<usize>,
-    /// The nodes next to it. `None` if it is one cell.
-    beyond: Option<[usize; 2]>,
+    /// The nodes next to it.
+    beyond: [usize; 2],
     /// The least later wear there.
     least: f64,
 }
 
 impl Window {
-    /// The cells of a later mesh that contain earlier nodes and that it has worn.
-    fn cells<'a>(
-        (squares, wear): (&'a [f64], &'a [f64]),
-        nodes: &'a [f64],
-    ) -> impl Iterator<Item = Self> + 'a {
-        let mut first = 0;
-        squares.windows(2).zip(wear.windows(2)).filter_map(move |(ends, wear)| {
-            first += nodes[first..].iter().take_while(|t| **t < ends[0]).count();
-            let last = first + nodes[first..].iter().take_while(|t| **t < ends[1]).count();
-            let least = wear[0].min(wear[1]);
-            let window = Self { nodes: first..=last, beyond: None, least };
-            (last > first + 1 && least > 0.0).then_some(window)
-        })
-    }
-
-    /// The cells of a later mesh next to an old stick edge, where the earlier wear begins like a square root. `None` if
-    /// the later mesh does not contain them, or has not worn them.
+    /// `None` if the later mesh does not contain the window, or has not worn it.
     fn around(edge: f64, (squares, wear): (&[f64], &[f64]), nodes: &[f64]) -> Option<Self> {
         let next = squares.partition_point(|t| *t <= edge);
         let from = next.checked_sub(BESIDE + 2)?;
         let to = next + BESIDE + 1;
         let least = wear.get(from..=to)?.iter().copied().fold(f64::INFINITY, f64::min);
         let place = |node: usize| nodes.partition_point(|t| *t < squares[node]);
-        let beyond = Some([from, to].map(place));
+        let beyond = [from, to].map(place);
         let nodes = place(from + 1)..=place(to - 1);
         (least > 0.0).then_some(Self { nodes, beyond, least })
     }
 
     /// Removes what deviates from a cubic that continues the surface beside the window, as far as the later wear is
-    /// deeper. In one cell it is a straight line. The volume stays the same.
+    /// deeper. The volume stays the same.
     fn smooth(&self, nodes: &[f64], wear: &mut [f64], profile: impl Fn(f64) -> f64) {
         let (first, last) = (*self.nodes.start(), *self.nodes.end());
         let length = nodes[last] - nodes[first];
         let surface = |j: usize| wear[j] + profile(nodes[j]);
         let slope = |i: usize, j: usize| length * (surface(j) - surface(i)) / (nodes[j] - nodes[i]);
         let ends = [surface(first), surface(last)];
-        let slopes = match self.beyond {
-            Some([before, after]) => [slope(before, first), slope(last, after)],
-            None => [ends[1] - ends[0]; 2],
-        };
+        let slopes = [slope(self.beyond[0], first), slope(last, self.beyond[1])];
         let along = |j: usize| (nodes[j] - nodes[first]) / length;
         let deviations: Vec<f64> =
             self.nodes.clone().map(|j| surface(j) - hermite(ends, slopes, along(j))).collect();
