@@ -54,7 +54,7 @@ const FORGET: (f64, f64) = (0.7, 0.5);
 const SHARES: (f64, f64) = (1.0, 1.15);
 /// A larger difference of the depths is mostly the error of the coarse run, which has few cells in a narrow ring or at
 /// a tip.
-const COARSE: f64 = 0.04;
+const COARSE: f64 = 0.037;
 /// Minimum error estimate, in units of the tolerance of the steps.
 const LEAST_ERROR: f64 = 0.3;
 /// Number of cells and tolerance of the coarse run that finds the final position of the stick edge.
@@ -567,7 +567,7 @@ impl March {
         let least = (LEAST_ERROR * self.fine.rkc.tolerance)
             .max(self.fine.edge_error(&worn))
             .max(self.fine.core_error(&worn));
-        let depth = (SHARES.1 * depth / (1.0 + depth / COARSE)).max(self.fine.tip_error(&worn));
+        let depth = SHARES.1 * depth / (1.0 + depth / COARSE) + self.fine.tip_error(&worn);
         let errors = RunErrors { volume: (SHARES.0 * volume).max(least), depth: depth.max(least) };
         MarchState { worn, errors, worn_by_energy }
     }

@@ -17,10 +17,10 @@ use std::ops::RangeInclusive;
 use std::sync::OnceLock;
 
 /// Maximum number of nodes. More are left when many blocks have different meshes.
-const MOST_NODES: usize = 1000;
+const MOST_NODES: usize = 300;
 
 /// A node is left out if the volume changes by less than this share.
-const NEGLIGIBLE: f64 = 1e-9;
+const NEGLIGIBLE: f64 = 1e-8;
 
 /// Number of cells on each side of the cell with an old stick edge that are smoothed.
 const BESIDE: usize = 2;
