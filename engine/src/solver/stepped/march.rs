@@ -51,12 +51,12 @@ const FORGET: (f64, f64) = (0.7, 0.5);
 /// Error estimate divided by the difference of the two runs, for the volume and the depth. For second order the
 /// error of the finer run is a third of the difference, so this estimate usually exceeds the error. A test counts
 /// how often it does.
-const SHARES: (f64, f64) = (1.0, 1.15);
+const SHARES: (f64, f64) = (1.0, 1.12);
 /// A larger difference of the depths is mostly the error of the coarse run, which has few cells in a narrow ring or at
 /// a tip.
 const COARSE: f64 = 0.037;
-/// Minimum error estimate, in units of the tolerance of the steps.
-const LEAST_ERROR: f64 = 0.3;
+/// Minimum error estimates, in units of the tolerance of the steps: in general, and for later blocks under a force.
+const LEAST_ERRORS: (f64, f64) = (0.3, 0.6);
 /// Number of cells and tolerance of the coarse run that finds the final position of the stick edge.
 const SCOUT: (usize, f64) = (64, 1e-2);
 /// The same with blocks, each of which has a mesh of its own.
@@ -79,6 +79,8 @@ pub struct March {
     check: f64,
     /// The relative differences of the two runs so far.
     apart: RunErrors,
+    /// V at the last comparison.
+    volume: f64,
     events: Vec<Event>,
     /// Events that have happened, and events that the run does not search for.
     known: Vec<EventKind>,
@@ -267,6 +269,7 @@ impl March {
             until,
             check,
             apart: RunErrors::default(),
+            volume: 0.0,
             events,
             known,
             block: 0,
@@ -348,8 +351,14 @@ impl March {
         if self.check > last {
             return false;
         }
-        let RunErrors { volume, depth } = self.apart;
-        let known = RunErrors { volume: FORGET.0 * volume, depth: FORGET.1 * depth };
+        let volume = self.fine.volume_and_depth(self.check).0;
+        // Where the stick edge moves, later wear does not undo an error of the volume.
+        let share = if self.fine.keeps_errors() { self.volume / volume } else { 0.0 };
+        let known = RunErrors {
+            volume: share.max(FORGET.0) * self.apart.volume,
+            depth: FORGET.1 * self.apart.depth,
+        };
+        self.volume = volume;
         self.apart = self.distance(self.check).or(known);
         self.check *= CHECKS;
         true
@@ -564,7 +573,8 @@ impl March {
         let apart = self.distance(normalized_cycles).or(self.apart);
         let RunErrors { volume, depth } =
             apart.times(self.fine.wearing.springs.error_safety_factor());
-        let least = (LEAST_ERROR * self.fine.rkc.tolerance)
+        let later = self.fine.block > 0 && self.fine.keeps_errors();
+        let least = (if later { LEAST_ERRORS.1 } else { LEAST_ERRORS.0 } * self.fine.rkc.tolerance)
             .max(self.fine.edge_error(&worn))
             .max(self.fine.core_error(&worn));
         let depth = SHARES.1 * depth / (1.0 + depth / COARSE) + self.fine.tip_error(&worn);

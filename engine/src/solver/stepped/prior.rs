@@ -16,8 +16,8 @@ use std::f64::consts::{FRAC_1_PI, PI};
 use std::ops::RangeInclusive;
 use std::sync::OnceLock;
 
-/// Maximum number of nodes. More are left when many blocks have different meshes.
-const MOST_NODES: usize = 300;
+/// Maximum number of nodes per cell of a mesh. More are left when many blocks have different meshes.
+const NODES_PER_CELL: usize = 4;
 
 /// A node is left out if the volume changes by less than this share.
 const NEGLIGIBLE: f64 = 1e-8;
@@ -127,8 +127,8 @@ impl PriorWear {
         self
     }
 
-    /// Leaves out nodes that hardly change the wear, and more until there are at most [`MOST_NODES`].
-    pub(super) fn thinned(mut self) -> Self {
+    /// Leaves out nodes that hardly change the wear, and more until there are few enough for a mesh of `cells` cells.
+    pub(super) fn thinned(mut self, cells: usize) -> Self {
         let negligible = NEGLIGIBLE * self.volume().abs();
         loop {
             let last = self.squares.len() - 1;
@@ -139,7 +139,7 @@ impl PriorWear {
             };
             let bumps: Vec<f64> = (1..last).map(bump).collect();
             let mut small = negligible;
-            if last >= MOST_NODES {
+            if last >= NODES_PER_CELL * cells {
                 let mut sorted = bumps.clone();
                 sorted.sort_by(f64::total_cmp);
                 small = small.max(sorted[sorted.len() / 2]);
@@ -362,8 +362,8 @@ mod tests {
         let squares: Vec<f64> = (0..=count).map(|i| f64::from(i) / f64::from(count)).collect();
         let wear = squares.iter().map(|t| t.sqrt() * (1.0 - t)).collect();
         let all = PriorWear::of(squares, wear, 1.0);
-        let thinned = all.clone().thinned();
-        assert!(thinned.squares.len() <= MOST_NODES, "{}", thinned.squares.len());
+        let thinned = all.clone().thinned(250);
+        assert!(thinned.squares.len() <= 1000, "{}", thinned.squares.len());
         let areas = |x: f64| (thinned.image_area(x), all.image_area(x));
         assert!([0.3, 0.9, 1.5].map(areas).iter().all(|(a, b)| (a - b).abs() < 1e-5));
         let values = |t: f64| (thinned.at(t), all.at(t));

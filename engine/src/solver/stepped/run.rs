@@ -34,6 +34,8 @@ const BLUNT: f64 = 0.35;
 /// The error of the depth at the edge of a flat and at a tip, where the profile is much higher in one cell than the
 /// wear is deep.
 const EDGE_AND_TIP: (f64, f64) = (0.3, 1.2);
+/// What remains of this error after the tip has become blunt.
+const BLUNTED: f64 = 5e-4;
 /// If the profile is lower in one cell than this share of the wear, the error decreases with the square.
 const RESOLVED: f64 = 0.15;
 /// Relative accuracy of the time at which an energy is reached.
@@ -235,6 +237,11 @@ impl MeshRun {
         self.control.keeps_stick() && self.wearing.contact.stick > 0.0
     }
 
+    /// Whether the wear so far decides where the stick edge comes to rest.
+    pub(super) fn keeps_errors(&self) -> bool {
+        self.control.normal == Normal::Force && moves(&self.control, &self.wearing.contact)
+    }
+
     /// (k_w/μ)·ΣW at the end of the last step.
     pub(super) fn energy(&self) -> f64 {
         self.worn_by_energy[1]
@@ -425,9 +432,13 @@ impl MeshRun {
     /// The error of the largest depth while the cells at a sharp tip or edge are too wide for the wear there.
     pub(super) fn tip_error(&self, worn: &WornContact) -> f64 {
         let shape = &self.wearing.contact.shape;
-        let Some(sharp) = shape.sharp_radius().filter(|_| self.blunt.is_some()) else {
+        let Some(sharp) = shape.sharp_radius().filter(|_| self.wearing.springs.stick() == 0.0)
+        else {
             return 0.0;
         };
+        if self.blunt.is_none() {
+            return BLUNTED;
+        }
         let radii = &self.wearing.springs.mesh.radii;
         let next = radii.partition_point(|r| *r <= sharp).clamp(1, radii.len() - 1);
         let height = |r: f64| shape.profile(r) - shape.profile(sharp);

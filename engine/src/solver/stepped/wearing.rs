@@ -305,7 +305,7 @@ impl Wearing {
         self.prior
             .with(&self.springs.mesh.squares, &wear, radius, profile)
             .with_edge(self.springs.stick())
-            .thinned()
+            .thinned(self.springs.mesh.widths.len())
     }
 
     /// The same contact on another mesh, which starts on the surface `worn`.
