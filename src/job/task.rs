@@ -489,11 +489,11 @@ pub(super) mod tests {
             [ball.as_str(), cone.as_str(), exact.as_str()],
             [
                 "84849dcf27de359ebe2e4c87effbaf1aae6accd86e85a7ae90ce2401a9339f81 \
-                 7743dd1ba823670e743c76f55f2c100d0a42a4b46ff42a12c525ca058c35849a",
+                 b62ac7eaa3c30e1e1aecc9d1ab5a955b7b52f9f4907b59e7314ffef68e7c7f0f",
                 "59bfa62ac08c8c9b124517b536c75bc3f4ca0be37a0ea2b482cac58ce18d9ba7 \
-                 929afc7a002f1ac8c964d4ee77aeca81b8e19ca26f0491ef983ea6a195f7276c",
+                 0012f85d5c48b1dd36217b1bc04d3f76cd5aa7f16c5e84a6d97480671c75b4c9",
                 "08c02ef4b439664ac09b0115793d19305f56ce9b0094c5354c7ee9a545675fa7 \
-                 79ab9a7f7f06a8e5ce751479ccea9d76d8a335b32e56811f0e79f098d7f7d471",
+                 62d25c58867d7d425778193848d42003b9bc67a17a07f14e3fdfc631145a87cb",
             ]
         );
     }

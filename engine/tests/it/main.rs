@@ -11,6 +11,7 @@
 mod anything;
 mod check;
 mod collocated;
+mod doubtful;
 mod early_depth;
 mod engine;
 mod exact;
