@@ -52,15 +52,18 @@ fn the_inputs_from_the_literature_are_job_bodies_and_their_sources_are_named() {
     assert_eq!(inputs, 4);
 }
 
-/// The figures of the README, for fewer runs than on the page.
+/// The figures of the README. Except in a long test, for fewer runs than on the page: one underestimated error then
+/// counts at many outputs.
 #[test]
 fn the_exact_method_is_as_accurate_as_the_readme_says() {
-    let accuracy = Accuracy::measured(60, 16);
+    let is_long = std::env::var_os("FRETWORK_TEST_LONG").is_some();
+    let (count, least) = if is_long { (1000, 0.98) } else { (60, 0.95) };
+    let accuracy = Accuracy::measured(count, 16);
     for (worn, limit) in [(Worn::Volume, 3e-3), (Worn::Depth, 1e-2)] {
         let errors = accuracy.of(worn);
         let (error, covered, caution) = (errors.below(0.95), errors.covered(), errors.caution());
         assert!(error > 0.0 && error < limit, "{worn:?}: {error}\n{accuracy}");
-        assert!(covered > 0.98, "{worn:?}: {covered}\n{accuracy}");
+        assert!(covered > least, "{worn:?}: {covered}\n{accuracy}");
         assert!(caution > 1.0 && caution < 4.0, "{worn:?}: {caution}\n{accuracy}");
     }
     let limits = [

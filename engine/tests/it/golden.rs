@@ -33,7 +33,7 @@ fn paraboloids() -> Vec<(&'static str, Value, u64)> {
     let cycles = json!([500, 5000, 6000, 50_000, 500_000]);
     let long = json!({"normalized": [0.5, 4, 16, 1000]});
     vec![
-        ("simplified", json!({"cycles": long}), 0xf0fe_38e0_dd14_5000),
+        ("simplified", json!({"cycles": long}), 0xe057_28c3_f639_430e),
         (
             "simplified, stopped",
             json!({"until": {"wear_depth": "0.5 um"}, "cycles": long}),
@@ -44,7 +44,7 @@ fn paraboloids() -> Vec<(&'static str, Value, u64)> {
             json!({"motion": {"amplitude": "5 um"}, "cycles": long}),
             0xe8d9_045e_ef1a_91d0,
         ),
-        ("exact", json!({"model": exact, "load": depth, "cycles": long}), 0xa913_2ced_7c44_fa6b),
+        ("exact", json!({"model": exact, "load": depth, "cycles": long}), 0xf0fe_38e0_dd14_5000),
         (
             "exact beside the rule",
             json!({"model": {"method": "exact", "compare": true}}),
