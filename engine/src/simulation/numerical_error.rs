@@ -1,6 +1,6 @@
 //! The warning about a large numerical error.
 
-use crate::case::Method;
+use crate::case::{Case, Method};
 use crate::outcome::Accuracy;
 use crate::scenario::Warning;
 use crate::solver::errors::RunErrors;
@@ -15,7 +15,7 @@ pub(super) fn stated(accuracy: &Accuracy) -> Option<RunErrors> {
 }
 
 /// The warning about the largest errors of a run, if one of them is large.
-pub(super) fn warning(method: Method, errors: Option<RunErrors>) -> Option<Warning> {
+pub(super) fn warning(case: &Case, errors: Option<RunErrors>) -> Option<Warning> {
     let RunErrors { volume, depth } = errors?;
     if volume.max(depth) <= LARGE {
         return None;
@@ -29,9 +29,10 @@ pub(super) fn warning(method: Method, errors: Option<RunErrors>) -> Option<Warni
         (true, false) => format!("volume by up to {} %", percent(volume)),
         (false, _) => format!("depth by up to {} %", percent(depth)),
     };
-    let advice = match method {
+    let advice = match case.method {
         Method::Exact { .. } => "Enter a smaller `model.tolerance`",
-        Method::Simplified { .. } => "Enter more `model.points`, or use the exact method",
+        Method::Simplified { .. } if case.is_closed() => "Enter more `model.points`",
+        Method::Simplified { .. } => "Use the exact method",
     };
     let detail = format!(
         "At some output cycles, numerical errors may change the wear {what}: see `wear_volume_error` and \

@@ -324,7 +324,7 @@ impl SingleRun {
         let bodies = BodyWear::of(case.share, &recording.history, recording.half_lengths);
         let warnings = BodyWear::warning(&bodies)
             .into_iter()
-            .chain(numerical_error::warning(case.method, recording.errors))
+            .chain(numerical_error::warning(&case, recording.errors))
             .chain(warning(model_error));
         Outcome {
             scales: ContactScales::of(&case),

@@ -73,7 +73,7 @@ pub fn check(scenario: &Scenario, case: &Case, outcome: &Outcome) -> Result<(), 
     check_comparison(case, outcome)?;
     let of_run = BodyWear::warning(&outcome.bodies).into_iter();
     let errors = numerical_error::stated(&outcome.accuracy);
-    let of_run = of_run.chain(numerical_error::warning(case.method, errors));
+    let of_run = of_run.chain(numerical_error::warning(case, errors));
     let of_run = of_run.chain(warning(outcome.accuracy.model_error));
     let warnings: Vec<_> = scenario.warnings(case).into_iter().chain(of_run).collect();
     agree("warnings", &outcome.warnings, &warnings)
