@@ -369,4 +369,42 @@ mod tests {
         let values = |t: f64| (thinned.at(t), all.at(t));
         assert!([0.001, 0.01, 0.5, 0.9].map(values).iter().all(|(a, b)| (a - b).abs() < 1e-4));
     }
+
+    /// Nodes at equal distances in t, without wear.
+    fn even_nodes(count: u32) -> Vec<f64> {
+        (0..=count).map(|i| f64::from(i) / f64::from(count)).collect()
+    }
+
+    #[test]
+    fn waves_from_node_to_node_are_removed_and_the_volume_stays() {
+        let squares = even_nodes(40);
+        let smooth: Vec<f64> = squares.iter().map(|t| 1.0 + t * t * (1.0 - t)).collect();
+        let sign = |i: usize| if i.is_multiple_of(2) { 1.0 } else { -1.0 };
+        let waves: Vec<f64> = (0..=40).map(|i| smooth[i] + 0.01 * sign(i)).collect();
+        let prior = PriorWear::of(vec![0.0, 1.0], vec![0.0, 0.0], 1.0);
+        let volume = |wear: &[f64]| PriorWear::of(squares.clone(), wear.to_vec(), 1.0).volume();
+        for wear in [&smooth, &waves] {
+            let even = prior.evened(&squares, wear, |_| 0.0);
+            assert!((volume(&even) - volume(wear)).abs() < 1e-12);
+            for (even, smooth) in even[2..39].iter().zip(&smooth[2..39]) {
+                assert!((even - smooth).abs() < 5e-4, "{even} {smooth}");
+            }
+        }
+    }
+
+    #[test]
+    fn later_wear_smooths_the_surface_at_an_old_stick_edge() {
+        let before = even_nodes(400);
+        let ring = before.iter().map(|t| 0.1 * (t - 0.301).max(0.0).sqrt()).collect();
+        let prior = PriorWear::of(before, ring, 1.0).with_edge(0.301_f64.sqrt());
+        let squares = even_nodes(50);
+        let bump = |later: f64| {
+            let sum = prior.with(&squares, &[later; 51], 1.0, |_| 0.0);
+            assert!((sum.volume() - prior.volume() - later * PI).abs() < 1e-12);
+            // A sharp bend at the edge.
+            sum.at(0.303) - 0.5 * (sum.at(0.301) + sum.at(0.305))
+        };
+        let (little, much) = (bump(1e-6), bump(1.0));
+        assert!(little > 4e-4 && much.abs() < 0.2 * little, "{little} {much}");
+    }
 }
