@@ -453,8 +453,11 @@ impl March {
             if self.signal(kind, began) <= 0.0 {
                 high = began;
             }
-            while high - low > 1e-9 * high {
+            while high - low > 1e-9 * (time - began) {
                 let middle = 0.5 * (low + high);
+                if middle <= low || middle >= high {
+                    break;
+                }
                 if self.signal(kind, middle) > 0.0 { low = middle } else { high = middle }
             }
             let held = matches!(self.fine.control.tangential, Tangential::Force(_));

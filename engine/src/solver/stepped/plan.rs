@@ -24,6 +24,8 @@ const COARSE_START: f64 = 1500.0;
 /// If the ratio of the last to the first scar radius exceeds this number, the mesh starts small and
 /// grows. Otherwise the unworn contact would lie in only a few cells of the last mesh.
 pub const FAR: f64 = 2.0;
+/// A mesh that is full grows by this factor.
+pub(super) const EXTENSION: f64 = 1.25;
 /// Minimum radius of a core at constant force, in first scar radii. The plan neglects a smaller
 /// core.
 const LEAST_CORE: f64 = 1e-4;
@@ -158,6 +160,15 @@ impl MeshPlan {
         };
         let focus = (stick > 0.0).then(|| Focus::at(stick));
         Self { start: stick, reach, farthest, focus }
+    }
+
+    /// Whether a mesh by another plan serves as well, because both have even nodes and almost the same size. The errors
+    /// of many meshes would add up.
+    pub(super) fn is_like(&self, other: &Self) -> bool {
+        let is_even = |plan: &Self| plan.start == 0.0 && plan.focus.is_none();
+        let largest =
+            if other.farthest > other.reach { EXTENSION * other.reach } else { other.reach };
+        is_even(self) && is_even(other) && self.reach <= largest
     }
 
     /// Upper bound of the scar radius up to the time `last`, for a constant force. It applies in

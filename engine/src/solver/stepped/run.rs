@@ -349,6 +349,11 @@ impl MeshRun {
         if let Some(outlook) = self.outlooks.get(self.block).copied().flatten() {
             outlook.refine(&mut plan);
         }
+        if self.blunt.is_none() && plan.is_like(&wearing.plan) {
+            self.rkc.restart(&mut self.wearing, None);
+            self.rkc.hurry(self.wearing.pace());
+            return;
+        }
         let contact = &wearing.contact;
         let slips = stick == 0.0 && wearing.law == Law::Exact;
         let (plan, blunt) =

@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 use super::law::Law;
 use super::mesh::Mesh;
-use super::plan::MeshPlan;
+use super::plan::{EXTENSION, MeshPlan};
 use super::prior::PriorWear;
 use super::rkc::Rates;
 use super::springs::{Aside, Springs};
@@ -208,7 +208,8 @@ impl Wearing {
     /// The same contact on a larger mesh, and the values on this mesh.
     pub(crate) fn extended(&self, control: &Control, values: &[f64]) -> (Self, Vec<f64>) {
         let MeshPlan { start, reach, farthest, .. } = self.plan;
-        let reach = (start + 1.25 * (reach - start)).min(farthest).min(self.contact.shape.extent());
+        let reach =
+            (start + EXTENSION * (reach - start)).min(farthest).min(self.contact.shape.extent());
         let plan = MeshPlan { reach, ..self.plan.clone() };
         let cells = self.springs.mesh.widths.len();
         let surface = (plan, Arc::clone(&self.prior));
