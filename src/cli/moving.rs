@@ -114,7 +114,7 @@ fn name_damaged(saved: &Saved) -> Result<ExitCode, Error> {
 pub fn check(data: &Data) -> Result<ExitCode, Error> {
     let dir =
         data.directory("check it with `pg_amcheck`, and with `pg_checksums` while it is stopped")?;
-    let Checked { jobs, results, damage } = block_on(store::check(dir))?;
+    let Checked { counts, damage } = block_on(store::check(dir))?;
     for row in &damage {
         writeln!(io::stderr(), "damaged: {row}")?;
     }
@@ -122,7 +122,11 @@ pub fn check(data: &Data) -> Result<ExitCode, Error> {
         0 => "no damage".to_owned(),
         count => format!("damage in {count} places"),
     };
-    let line = format!("{}: {results} results, {jobs} jobs; {found}\n", dir.display());
+    let counts = match counts {
+        Some((jobs, results)) => format!("{results} results, {jobs} jobs"),
+        None => "its results and jobs cannot be counted".to_owned(),
+    };
+    let line = format!("{}: {counts}; {found}\n", dir.display());
     print(line.as_bytes())?;
     Ok(if damage.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(2) })
 }

@@ -31,6 +31,8 @@ pub enum Error {
     NotADatabase {
         /// The file.
         path: PathBuf,
+        /// What SQLite says. If the schema is damaged, it names the table or the index.
+        source: Arc<sqlx::Error>,
     },
     /// The database belongs to another program.
     #[error("{} is the database of another program", path.display())]

@@ -1,13 +1,14 @@
 //! Flipped bits: whenever one changes an answer of the server, `fretwork check` names the damaged row.
 
 use std::env;
+use std::error::Error as _;
 use std::fs;
 use std::io::{BufRead as _, BufReader};
 use std::os::unix::fs::FileExt as _;
 use std::path::Path;
 use std::process::{Output, Stdio};
 
-use fretwork::store::{Moving, backup, check};
+use fretwork::store::{Moving, Options, Store, backup, check};
 use serde_json::{Value, json};
 use sqlx::{AssertSqlSafe, Connection as _, Executor as _};
 use tempfile::TempDir;
@@ -144,6 +145,23 @@ fn said(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
+/// The first line that says where the damage is: in a row, in an index, in a part of the schema, or in a table of which no row can be
+/// read.
+fn naming_line(said: &str) -> Option<&str> {
+    let names = |line: &&str| {
+        let Some(damage) = line.strip_prefix("damaged: ") else {
+            // The header of the file is changed.
+            return line.ends_with("file is not a database");
+        };
+        let (place, what) = damage.split_once(": ").unwrap();
+        let of_table = ["the index ", "no row can be read", "all rows can be read"];
+        place.contains(' ')
+            || place == "sqlite_schema"
+            || of_table.iter().any(|words| what.starts_with(words))
+    };
+    said.lines().find(names)
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn every_flipped_bit_that_changes_an_answer_is_found() {
     let library = library().await;
@@ -176,16 +194,61 @@ async fn every_flipped_bit_that_changes_an_answer_is_found() {
             named += u32::from(differs && is_found);
             let said = said(&output);
             if differs {
-                println!(
-                    "{kind}, byte {place}, bit {bit}: {}",
-                    said.lines().next().unwrap_or("not found")
-                );
+                let named = naming_line(&said).unwrap_or("not named");
+                println!("{kind}, byte {place}, bit {bit}: {named}");
+                let what = format!("{kind}, byte {place}, bit {bit} changed an answer: {said}");
+                assert!(is_found && naming_line(&said).is_some(), "{what}");
+                assert!(output.status.code() == Some(2) || said.contains("is not a database"));
             }
-            assert!(is_found || !differs, "{kind}, byte {place}, bit {bit} changed an answer");
         }
         println!(
             "{kind}: {flips} flipped bits, {found} found; {changed} changed answers, {named} of them found"
         );
+    }
+}
+
+#[tokio::test]
+async fn a_changed_bit_in_the_schema_names_the_index() {
+    let dir = copy(library().await.path());
+    let file = dir.path().join("fretwork.db");
+    let mut bytes = fs::read(&file).unwrap();
+    let statement = b"CREATE INDEX job_key ON";
+    let at = bytes.windows(statement.len()).position(|found| found == statement).unwrap();
+    bytes[at + statement.len() - 1] ^= 1;
+    fs::write(&file, bytes).unwrap();
+    let output = run(&["check", "--data-dir", dir.path().to_str().unwrap()], "");
+    assert_eq!(output.status.code(), Some(2));
+    let said = said(&output);
+    assert!(said.starts_with("damaged: sqlite_schema job_key: "), "{said}");
+    assert!(output.stdout.ends_with(b"cannot be counted; damage in 1 places\n"));
+    // The server says it, too.
+    let refused = Store::open(dir.path(), &Options::default()).await.unwrap_err();
+    assert!(refused.source().unwrap().to_string().contains("job_key"), "{refused:?}");
+}
+
+#[tokio::test]
+async fn a_damaged_page_names_the_row_beside_it() {
+    let library = library().await;
+    for (which, expected) in [
+        ("min", "the row before this one cannot be read"),
+        ("max", "the row after this one cannot be read"),
+    ] {
+        let dir = copy(library.path());
+        let mut db = raw(dir.path()).await;
+        let query = format!(
+            "SELECT pgoffset FROM dbstat WHERE name = 'result' AND pagetype = 'leaf'
+             ORDER BY path {} LIMIT 1",
+            if which == "min" { "ASC" } else { "DESC" }
+        );
+        let page: i64 = sqlx::query_scalar(AssertSqlSafe(query)).fetch_one(&mut db).await.unwrap();
+        db.close().await.unwrap();
+        let file = fs::File::options().write(true).open(dir.path().join("fretwork.db")).unwrap();
+        // No page has this kind.
+        file.write_all_at(&[0], page.unsigned_abs()).unwrap();
+        let damage = check(dir.path()).await.unwrap().damage;
+        let named = damage.iter().find(|damage| damage.what.starts_with(expected));
+        let is_key = |row: &String| row.len() == 64;
+        assert!(named.and_then(|damage| damage.row.as_ref()).is_some_and(is_key), "{damage:?}");
     }
 }
 

@@ -13,7 +13,7 @@ use sha2::{Digest as _, Sha256};
 use sqlx::sqlite::SqliteRow;
 use sqlx::{AssertSqlSafe, Connection as _, Executor as _, SqliteConnection};
 
-use super::damage::{Damage, UNUSED, locate};
+use super::damage::{Damage, SCHEMA, UNUSED, in_schema, locate};
 use super::{Moving, reading};
 use crate::job::{Canonical, Document, ENGINE, Key, Outline, SCALARS, WORDS};
 use crate::store::body::Body;
@@ -26,10 +26,8 @@ use crate::store::sqlite::schema;
 /// What a check has found.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Checked {
-    /// The number of jobs.
-    pub jobs: u64,
-    /// The number of results, also of evicted ones.
-    pub results: u64,
+    /// The numbers of jobs and of results, also of evicted ones. `None` if they cannot be counted.
+    pub counts: Option<(u64, u64)>,
     /// What is damaged: table, key and column, and what is wrong.
     pub damage: Vec<Damage>,
 }
@@ -43,11 +41,15 @@ pub async fn check(dir: &Path) -> Result<Checked, Moving> {
     if !path.exists() {
         return Err(Moving::Nothing(path));
     }
-    open::inspect(&path).await?;
+    if let Err(error) = open::inspect(&path).await {
+        return of_schema(error);
+    }
     let mut db = reading(&path).await?;
     // A server may write meanwhile.
     db.execute("BEGIN").await?;
-    schema::compare(&mut db, &path).await?;
+    if let Err(error) = schema::compare(&mut db, &path).await {
+        return of_schema(error);
+    }
     let (found, known) = (schema::version(&mut db).await?, schema::latest());
     if found != known {
         let error = if found < known {
@@ -60,15 +62,30 @@ pub async fn check(dir: &Path) -> Result<Checked, Moving> {
     let mut damage = of_pages(&mut db).await?;
     damage.extend(of_rows(&mut db).await?);
     let count = "SELECT (SELECT count(*) FROM job), (SELECT count(*) FROM result)";
-    let (jobs, results) = match sqlx::query_as(count).fetch_one(&mut db).await.map_err(Error::from)
-    {
-        Ok(counts) => counts,
-        Err(Error::Damaged(_)) => (0, 0),
+    let counts = match sqlx::query_as(count).fetch_one(&mut db).await.map_err(Error::from) {
+        Ok(counts) => Some(counts),
+        Err(Error::Damaged(_)) => None,
         Err(error) => return Err(error.into()),
     };
     db.close().await?;
     damage.dedup();
-    Ok(Checked { jobs, results, damage })
+    Ok(Checked { counts, damage })
+}
+
+/// The damage to the schema that ends a check before it reads a row. Any other error stays an error.
+fn of_schema(error: Error) -> Result<Checked, Moving> {
+    let damage = match error {
+        Error::Altered { what, .. } => Damage::of(SCHEMA, what),
+        Error::Damaged(source) => in_schema(&source),
+        Error::NotADatabase { source, .. } if !is_other_file(&source) => in_schema(&source),
+        error => return Err(error.into()),
+    };
+    Ok(Checked { counts: None, damage: vec![damage] })
+}
+
+/// Whether SQLite says that a file is not a database (`SQLITE_NOTADB`).
+fn is_other_file(error: &sqlx::Error) -> bool {
+    error.as_database_error().and_then(|error| error.code()).is_some_and(|code| code == "26")
 }
 
 /// Compares all indexes with their tables, and checks the structure of all pages.
@@ -198,7 +215,9 @@ async fn of_jobs(db: &mut SqliteConnection) -> Result<Vec<Damage>, Error> {
 
 /// What in the row of a job contradicts its changes of state or its checksum.
 fn contradiction(row: &SqliteRow) -> Result<Option<String>, sqlx::Error> {
-    let changes = changes(row.get("changes")?)?;
+    let Ok(changes) = changes(row.get("changes")?) else {
+        return Ok(Some("changes has an entry that is not a change of state".to_owned()));
+    };
     let Some(last) = changes.last() else { return Ok(Some("changes is empty".to_owned())) };
     let state: &str = row.get("state")?;
     let finished: Option<i64> = row.get("finished")?;
@@ -244,7 +263,8 @@ async fn of_results(db: &mut SqliteConnection) -> Result<Vec<Damage>, Error> {
             Ok(Some(row)) => {
                 last = row.get("key")?;
                 let wrong = of_result(&row);
-                let wrong = wrong.unwrap_or_else(|error| vec![("result", error.to_string())]);
+                let wrong =
+                    wrong.unwrap_or_else(|error| vec![(table_of(&error), error.to_string())]);
                 let key = HEXLOWER.encode(&last);
                 damage.extend(wrong.into_iter().map(|(table, what)| Damage::at(table, &key, what)));
             }
@@ -261,6 +281,19 @@ async fn of_results(db: &mut SqliteConnection) -> Result<Vec<Damage>, Error> {
             }
             Err(error) => return Err(error),
         }
+    }
+}
+
+/// The table of the column that cannot be read.
+fn table_of(error: &sqlx::Error) -> &'static str {
+    match error {
+        sqlx::Error::ColumnDecode { index, .. } => match index.trim_matches('"') {
+            "task" => "result_task",
+            "body" => "result_blob",
+            name if names().any(|column| column == name) => "outline",
+            _ => "result",
+        },
+        _ => "result",
     }
 }
 

@@ -20,6 +20,9 @@ pub struct Damage {
 /// Stands for the table of a page that no table uses.
 pub(super) const UNUSED: &str = "unused page";
 
+/// The table of the schema.
+pub(super) const SCHEMA: &str = "sqlite_schema";
+
 impl fmt::Display for Damage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -50,6 +53,20 @@ impl Damage {
     }
 }
 
+/// Damage to the schema. Of a statement that SQLite cannot read, it names the table, the index or the trigger.
+pub(super) fn in_schema(error: &sqlx::Error) -> Damage {
+    let what = error.to_string();
+    let name =
+        what.split_once("malformed database schema (").and_then(|(_, rest)| rest.split_once(')'));
+    match name {
+        // The name may contain anything.
+        Some((name, _)) => {
+            Damage::at(SCHEMA, &name.escape_debug().to_string(), what.escape_debug().to_string())
+        }
+        None => Damage::of(SCHEMA, what),
+    }
+}
+
 /// The damage that a line of the integrity check of a table reports.
 pub(super) async fn locate(db: &mut SqliteConnection, table: &str, line: &str) -> Vec<Damage> {
     let found = if let Some((row, index)) = of_index(line) {
@@ -57,7 +74,7 @@ pub(super) async fn locate(db: &mut SqliteConnection, table: &str, line: &str) -
     } else if let Some((kind, column)) = of_column(line) {
         in_column(db, kind, table, column).await
     } else {
-        before_damage(db, table, line).await
+        beside_damage(db, table, line).await
     };
     // What is damaged may be needed to find the row.
     let found = found.unwrap_or_default();
@@ -137,11 +154,7 @@ async fn differing(
     is_row: &str,
     columns: &[String],
 ) -> Result<Option<String>, sqlx::Error> {
-    let query = "SELECT substr(sql, instr(sql, ' WHERE ') + 7) FROM sqlite_schema
-         WHERE name = ?1 AND instr(sql, ' WHERE ') > 0";
-    let part: Option<String> =
-        sqlx::query_scalar(query).bind(index).fetch_optional(&mut *db).await?;
-    let part = part.unwrap_or_else(|| "TRUE".to_owned());
+    let part = filter_of(db, index).await?;
     for column in columns {
         let mut values: [Option<String>; 2] = [None, None];
         let sources = [rows_of(db, table).await?, format!("{table} INDEXED BY {index}")];
@@ -158,27 +171,113 @@ async fn differing(
     Ok(None)
 }
 
-/// The last row that can be read before the first one that cannot.
-async fn before_damage(
+/// The row beside the first one that cannot be read, or the index that is damaged.
+async fn beside_damage(
     db: &mut SqliteConnection,
     table: &str,
     line: &str,
 ) -> Result<Vec<Damage>, sqlx::Error> {
-    let (keys, rows) = (keys_of(db, table).await?, rows_of(db, table).await?);
-    let query = AssertSqlSafe(format!("SELECT {} FROM {rows}", key(&keys)));
-    let mut rows = sqlx::query_scalar::<_, String>(query).fetch(db);
-    let mut last = None;
-    loop {
-        match (rows.try_next().await, &last) {
-            (Ok(Some(row)), _) => last = Some(row),
-            // All rows can be read. So the damage is in an index.
-            (Ok(None), _) | (Err(_), None) => return Ok(Vec::new()),
-            (Err(_), Some(row)) => {
-                let what = format!("the row after this one cannot be read: {line}");
-                return Ok(vec![Damage::at(table, row, what)]);
+    for (order, place) in [("ASC", "after"), ("DESC", "before")] {
+        match last_readable(db, table, order).await? {
+            Readable::All => {
+                let index = damaged_index(db, table, line).await?;
+                let what = match index {
+                    Some(index) => format!("the index {index} is damaged: {line}"),
+                    None => format!("all rows can be read: {line}"),
+                };
+                return Ok(vec![Damage::of(table, what)]);
             }
+            Readable::To(row) => {
+                let what = format!("the row {place} this one cannot be read: {line}");
+                return Ok(vec![Damage::at(table, &row, what)]);
+            }
+            // Its neighbour on the other side may be readable.
+            Readable::None => {}
         }
     }
+    Ok(vec![Damage::of(table, format!("no row can be read: {line}"))])
+}
+
+/// Which rows of a table can be read in one direction.
+enum Readable {
+    All,
+    /// Those up to this one.
+    To(String),
+    None,
+}
+
+async fn last_readable(
+    db: &mut SqliteConnection,
+    table: &str,
+    order: &str,
+) -> Result<Readable, sqlx::Error> {
+    let (keys, rows) = (keys_of(db, table).await?, rows_of(db, table).await?);
+    let query = "SELECT name FROM pragma_table_info(?1)";
+    let columns: Vec<String> = sqlx::query_scalar(query).bind(table).fetch_all(&mut *db).await?;
+    // The call makes SQLite read the whole value, also from other pages.
+    let read: Vec<String> = columns.iter().map(|name| format!("instr({name}, '') IS 0")).collect();
+    // Rows in the order of the file need no sorting, for which SQLite would read all of them first.
+    let is_by_key = rows.contains("INDEXED BY");
+    let sorted: Vec<String> = if is_by_key {
+        keys.iter().map(|key| format!("{key} {order}")).collect()
+    } else {
+        vec![format!("rowid {order}")]
+    };
+    let query = format!(
+        "SELECT {}, {} FROM {rows} ORDER BY {}",
+        key(&keys),
+        read.join(" + "),
+        sorted.join(", ")
+    );
+    let mut rows = sqlx::query_as::<_, (String, i64)>(AssertSqlSafe(query)).fetch(db);
+    let mut last = None;
+    loop {
+        match rows.try_next().await {
+            Ok(Some((row, _))) => last = Some(row),
+            Ok(None) => return Ok(Readable::All),
+            Err(_) => return Ok(last.map_or(Readable::None, Readable::To)),
+        }
+    }
+}
+
+/// The index that a line is about. The line may have the first page of its tree; else reading the index fails.
+async fn damaged_index(
+    db: &mut SqliteConnection,
+    table: &str,
+    line: &str,
+) -> Result<Option<String>, sqlx::Error> {
+    let query = "SELECT name FROM pragma_index_list(?1) WHERE origin <> 'pk' OR NOT (
+         SELECT wr FROM pragma_table_list WHERE schema = 'main' AND name = ?1)";
+    let indexes: Vec<String> = sqlx::query_scalar(query).bind(table).fetch_all(&mut *db).await?;
+    let root =
+        line.strip_prefix("Tree ").and_then(|rest| rest.split(' ').next()?.parse::<i64>().ok());
+    if let Some(root) = root {
+        let query = "SELECT name FROM sqlite_schema WHERE rootpage = ?1";
+        let name: Option<String> = sqlx::query_scalar(query).bind(root).fetch_optional(db).await?;
+        return Ok(name.filter(|name| indexes.contains(name)));
+    }
+    for index in indexes {
+        let query = "SELECT name FROM pragma_index_info(?1) WHERE name IS NOT NULL";
+        let columns: Vec<String> =
+            sqlx::query_scalar(query).bind(&index).fetch_all(&mut *db).await?;
+        let part = filter_of(db, &index).await?;
+        let query = format!(
+            "SELECT count(*) FROM (SELECT {} FROM {table} INDEXED BY {index} WHERE {part})",
+            columns.join(", ")
+        );
+        if sqlx::query_scalar::<_, i64>(AssertSqlSafe(query)).fetch_one(&mut *db).await.is_err() {
+            return Ok(Some(index));
+        }
+    }
+    Ok(None)
+}
+
+/// The condition on the rows of an index, in SQL.
+async fn filter_of(db: &mut SqliteConnection, index: &str) -> Result<String, sqlx::Error> {
+    let query = "SELECT substr(sql, instr(sql, ' WHERE ') + 7) FROM sqlite_schema
+         WHERE name = ?1 AND instr(sql, ' WHERE ') > 0";
+    let part: Option<String> = sqlx::query_scalar(query).bind(index).fetch_optional(db).await?;
+    Ok(part.unwrap_or_else(|| "TRUE".to_owned()))
 }
 
 async fn in_column(

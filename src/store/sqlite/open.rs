@@ -282,7 +282,7 @@ pub(in crate::store) async fn inspect(path: &Path) -> Result<(), Error> {
     match looked.await {
         Ok(true) => Ok(()),
         Ok(false) => Err(Error::Foreign { path: path.to_owned() }),
-        Err(Error::Damaged(_)) => Err(Error::NotADatabase { path: path.to_owned() }),
+        Err(Error::Damaged(source)) => Err(Error::NotADatabase { path: path.to_owned(), source }),
         Err(error) => Err(error),
     }
 }
