@@ -85,7 +85,10 @@ fn of_schema(error: Error) -> Result<Checked, Moving> {
 
 /// Whether SQLite says that a file is not a database (`SQLITE_NOTADB`).
 fn is_other_file(error: &sqlx::Error) -> bool {
-    error.as_database_error().and_then(|error| error.code()).is_some_and(|code| code == "26")
+    error
+        .as_database_error()
+        .and_then(sqlx::error::DatabaseError::code)
+        .is_some_and(|code| code == "26")
 }
 
 /// Compares all indexes with their tables, and checks the structure of all pages.
