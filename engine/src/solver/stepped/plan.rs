@@ -16,6 +16,9 @@ const FIXED: f64 = 0.001;
 const TIGHT: f64 = 0.3;
 /// Blur of the nodes if the stick edge comes to rest in worn material.
 pub(super) const REST_BLUR: f64 = 0.001;
+/// Blur of the nodes at the stick edge of an earlier block, in widths of the mesh, and their share of all nodes.
+const OLD_BLUR: f64 = 1e-3;
+const OLD_SHARE: f64 = 0.2;
 /// Blur of the nodes at a sharp tip or edge.
 const SHARP_BLUR: f64 = 1e-4;
 /// Maximum width of the first cell at a fixed stick edge, in c/n². In a wide ring the nodes are
@@ -46,6 +49,8 @@ pub struct MeshPlan {
     pub farthest: f64,
     /// The radii where nodes are dense. `None` if the nodes are evenly spaced.
     pub focus: Option<Focus>,
+    /// The stick edge of an earlier block, where nodes are dense too.
+    pub old_edge: Option<f64>,
 }
 
 /// The range of radii where nodes are dense.
@@ -115,7 +120,7 @@ impl MeshPlan {
             _ => (outermost(last), outermost(last)),
         };
         let ring = reach - start;
-        let mut plan = Self { start, reach, farthest, focus: None };
+        let mut plan = Self { start, reach, farthest, focus: None, old_edge: None };
         if start > 0.0 {
             plan.focus = Some(if shrinks {
                 Focus { from: start, to: contact.stick, blur: BLUR * ring }
@@ -159,13 +164,14 @@ impl MeshPlan {
             Normal::Force => f64::INFINITY,
         };
         let focus = (stick > 0.0).then(|| Focus::at(stick));
-        Self { start: stick, reach, farthest, focus }
+        Self { start: stick, reach, farthest, focus, old_edge: None }
     }
 
     /// Whether a mesh by another plan serves as well, because both have even nodes and almost the same size. The errors
     /// of many meshes would add up.
     pub(super) fn is_like(&self, other: &Self) -> bool {
-        let is_even = |plan: &Self| plan.start == 0.0 && plan.focus.is_none();
+        let is_even =
+            |plan: &Self| plan.start == 0.0 && plan.focus.is_none() && plan.old_edge.is_none();
         let largest =
             if other.farthest > other.reach { EXTENSION * other.reach } else { other.reach };
         is_even(self) && is_even(other) && self.reach <= largest
@@ -214,6 +220,14 @@ impl MeshPlan {
 
     /// The nodes of a mesh with `cells` cells.
     pub(crate) fn radii(&self, cells: usize) -> Vec<f64> {
+        let radii = self.without_old_edge(cells);
+        match self.old_edge {
+            Some(edge) => denser(&radii, edge),
+            None => radii,
+        }
+    }
+
+    fn without_old_edge(&self, cells: usize) -> Vec<f64> {
         let Self { start, reach, .. } = *self;
         let share = |i: usize| i as f64 / cells as f64;
         let mut radii: Vec<f64> = match self.focus {
@@ -254,6 +268,31 @@ impl MeshPlan {
         (radii[0], radii[cells]) = (start, reach);
         radii
     }
+}
+
+/// As many nodes in the same range, of which a part is dense at a radius.
+fn denser(radii: &[f64], edge: f64) -> Vec<f64> {
+    let (cells, start, end) = (radii.len() - 1, radii[0], radii[radii.len() - 1]);
+    let blur = OLD_BLUR * (end - start);
+    let near = |r: f64| {
+        ((r - edge).abs() + blur).sqrt().copysign(r - edge) - blur.sqrt().copysign(r - edge)
+    };
+    let (first, last) = (near(start), near(end));
+    // The number of nodes inside a radius, as a share of all.
+    let number = |cell: usize, r: f64| {
+        let part = (r - radii[cell]) / (radii[cell + 1] - radii[cell]);
+        (1.0 - OLD_SHARE) * (cell as f64 + part) / cells as f64
+            + OLD_SHARE * (near(r) - first) / (last - first)
+    };
+    let mut cell = 0;
+    let inner = (1..cells).map(|node| {
+        let wanted = node as f64 / cells as f64;
+        while number(cell, radii[cell + 1]) < wanted {
+            cell += 1;
+        }
+        root(radii[cell], radii[cell + 1], |r| number(cell, r) - wanted)
+    });
+    std::iter::once(start).chain(inner).chain([end]).collect()
 }
 
 /// κ with (sinh κ/κ)² = `ratio`. The result is 0 if `ratio` is less than 1.

@@ -83,12 +83,12 @@ impl PriorWear {
         nodes.dedup();
         let (mut below, mut above) = (self.along(), added.along());
         let mut sum: Vec<f64> = nodes.iter().map(|t| below(*t) + above(*t)).collect();
-        for edge in &self.edges {
-            if let Some(window) = Window::around(*edge, (squares, wear), &nodes) {
-                window.smooth(&nodes, &mut sum, &profile);
-            }
-        }
-        Self { edges: self.edges.clone(), ..Self::of(nodes, sum, radius) }
+        let mut edges = self.edges.clone();
+        edges.retain(|edge| match Window::around(*edge, (squares, wear), &nodes) {
+            Some(window) => window.smooth(&nodes, &mut sum, &profile) < 1.0,
+            None => true,
+        });
+        Self { edges, ..Self::of(nodes, sum, radius) }
     }
 
     /// The wear of another mesh without waves from node to node of the surface. The springs hardly feel them, and the
@@ -125,6 +125,12 @@ impl PriorWear {
             self.edges.push(stick * stick);
         }
         self
+    }
+
+    /// The last stick edge between two radii that later wear has not yet made smooth.
+    pub(super) fn edge_between(&self, inner: f64, outer: f64) -> Option<f64> {
+        let edges = self.edges.iter().rev().map(|square| square.sqrt());
+        edges.into_iter().find(|edge| *edge > inner && *edge < outer)
     }
 
     /// Leaves out nodes that hardly change the wear, and more until there are few enough for a mesh of `cells` cells.
@@ -264,8 +270,8 @@ impl Window {
     }
 
     /// Removes what deviates from a cubic that continues the surface beside the window, as far as the later wear is
-    /// deeper. The volume stays the same.
-    fn smooth(&self, nodes: &[f64], wear: &mut [f64], profile: impl Fn(f64) -> f64) {
+    /// deeper. The volume stays the same. Returns the share that was removed.
+    fn smooth(&self, nodes: &[f64], wear: &mut [f64], profile: impl Fn(f64) -> f64) -> f64 {
         let (first, last) = (*self.nodes.start(), *self.nodes.end());
         let length = nodes[last] - nodes[first];
         let surface = |j: usize| wear[j] + profile(nodes[j]);
@@ -290,6 +296,7 @@ impl Window {
         for j in first + 1..last {
             wear[j] -= share * (deviations[j - first] - area / arches * arch(j));
         }
+        share
     }
 }
 

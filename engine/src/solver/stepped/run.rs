@@ -349,6 +349,7 @@ impl MeshRun {
         if let Some(outlook) = self.outlooks.get(self.block).copied().flatten() {
             outlook.refine(&mut plan);
         }
+        plan.old_edge = worn.edge_between(stick, plan.reach);
         if self.blunt.is_none() && plan.is_like(&wearing.plan) {
             self.rkc.restart(&mut self.wearing, None);
             self.rkc.hurry(self.wearing.pace());
