@@ -18,6 +18,7 @@ use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{Connection, Executor, SqliteConnection};
 use tempfile::TempDir;
 use tokio::task::JoinSet;
+use tokio::time::sleep;
 
 use crate::database::{Database, Engine, Raw};
 
@@ -54,7 +55,14 @@ pub fn accepted(submitted: Result<Submitted, Error>) -> Job {
 }
 
 pub async fn open(dir: &Path) -> Store {
-    Store::open(dir, &Options::default()).await.unwrap()
+    for _ in 0..100 {
+        match Store::open(dir, &Options::default()).await {
+            // A program that another test is starting holds a copy of each open lock until it runs.
+            Err(Error::Locked { .. }) => sleep(Duration::from_millis(10)).await,
+            opened => return opened.unwrap(),
+        }
+    }
+    panic!("{} stays locked", dir.display());
 }
 
 pub async fn fresh() -> (TempDir, Store) {
