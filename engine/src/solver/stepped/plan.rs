@@ -5,7 +5,7 @@ use super::law::Law;
 use crate::contact::control::{Control, Final, Normal, Tangential, critical_stick};
 use crate::contact::limit::Limit;
 use crate::contact::unworn::Contact;
-use crate::numeric::{integrate_beyond, root};
+use crate::numeric::{Bracket, integrate_beyond, root};
 
 /// Blur of the nodes if the stick edge moves inwards, in widths of the wearing ring.
 const BLUR: f64 = 0.003;
@@ -19,6 +19,8 @@ pub(super) const REST_BLUR: f64 = 0.001;
 /// Blur of the nodes at the stick edge of an earlier block, in widths of the mesh, and their share of all nodes.
 const OLD_BLUR: f64 = 1e-3;
 const OLD_SHARE: f64 = 0.2;
+/// Relative accuracy of the nodes there.
+const OLD_DIGITS: f64 = 1e-6;
 /// Blur of the nodes at a sharp tip or edge.
 const SHARP_BLUR: f64 = 1e-4;
 /// Maximum width of the first cell at a fixed stick edge, in c/n². In a wide ring the nodes are
@@ -290,7 +292,13 @@ fn denser(radii: &[f64], edge: f64) -> Vec<f64> {
         while number(cell, radii[cell + 1]) < wanted {
             cell += 1;
         }
-        root(radii[cell], radii[cell + 1], |r| number(cell, r) - wanted)
+        let (low, high) = (radii[cell], radii[cell + 1]);
+        let excess = |r: f64| number(cell, r) - wanted;
+        let mut bracket = Bracket::new((low, excess(low)), (high, excess(high)));
+        while let Some(r) = bracket.next().filter(|_| bracket.width() > OLD_DIGITS) {
+            bracket.narrow(r, excess(r));
+        }
+        bracket.found()
     });
     std::iter::once(start).chain(inner).chain([end]).collect()
 }
