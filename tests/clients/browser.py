@@ -114,12 +114,13 @@ class Browser:
         page.screenshot(path=SCREENS / f"{view}.png", full_page=True)
 
     def check_views(self, base, views):
-        """Checks each view in light and dark, wide and narrow. A view is an address and a selector to wait for."""
+        """Checks each view in light and dark, wide and narrow. A view is an address, or a function that makes one, and a
+        selector to wait for."""
         for width in SIZES:
             for scheme in ("light", "dark"):
                 page = self.page(base, scheme=scheme, width=width)
                 for view, (address, ready) in views.items():
-                    page.goto(base + address)
+                    page.goto(base + (address() if callable(address) else address))
                     page.wait_for_selector(ready, state="attached")
                     # The canvases are painted after the selector appears.
                     page.wait_for_timeout(200)

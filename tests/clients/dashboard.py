@@ -408,18 +408,38 @@ def interrupt(browser, data):
         expect(page.get_by_role("link", name="Explanation and remedy")).to_have_attribute("href", "/problems/worker-lost")
         expect(page.get_by_role("link", name="Edit and run again")).to_be_visible()
 
-        # One run is running, one is queued, and one was canceled while it was queued.
-        views = {"run-failed": (failed[len(own.base):], ".error")}
-        for name, friction in (("running", 0.6), ("queued", 0.5), ("canceled", 0.4)):
-            scenario = {**LONG, "friction": friction}
+        frictions = iter(range(300, 700))
+
+        def long_run():
+            """Submits another long run, and returns the address of its view."""
+            friction = next(frictions) / 1000
             label = f"A load spectrum of a thousand blocks, µ = {friction}"
-            job = ask(own.base, "/v1/jobs", {"scenario": scenario, "label": label, "tags": ["long"]}, wait=0)
-            if name == "canceled":
-                ask(own.base, f"/v1/jobs/{job['id']}/cancel", method="POST")
-            views[f"run-{name}"] = (f"/#/run/{job['id']}", "[data-item=regime] >> visible=true")
+            body = {"scenario": {**LONG, "friction": friction}, "label": label, "tags": ["long"]}
+            return f"/#/run/{ask(own.base, '/v1/jobs', body, wait=0)['id']}"
+
+        def cancel():
+            ask(own.base, "/v1/jobs/cancel?tag=long", method="POST")
+
+        def running():
+            cancel()
+            return long_run()
+
         # The view waits until the time left is shown.
-        views["run-running"] = (views["run-running"][0], "[data-item=left]:text-matches('[0-9]')")
-        browser.check_views(own.base, {**views, "queue-busy": ("/#/queue", ".state.running")})
+        browser.check_views(own.base, {
+            "run-failed": (failed[len(own.base):], ".error"),
+            "run-running": (running, "[data-item=left]:text-matches('[0-9]')"),
+        })
+        canceled = long_run()
+        cancel()
+        views = [long_run() for _ in range(10)]
+        browser.check_views(own.base, {
+            "run-queued": (views[-1], "[data-item=regime] >> visible=true"),
+            "run-canceled": (canceled, "[data-item=regime] >> visible=true"),
+            "queue-busy": ("/#/queue", ".state.running"),
+        })
+        cancel()
+        for _ in range(5):
+            long_run()
         from_the_queue(page, own.base)
         page.context.close()
 

@@ -1,4 +1,4 @@
-"""Many clients follow the events of one running job.
+"""Many clients follow the events of one running study.
 
     python streams.py TARGET COUNT
 
@@ -16,21 +16,21 @@ COUNT = argument(1)
 SOURCES = addresses(16, COUNT)
 # As long as the other attacks of the group take, and enough to connect all streams on a busy machine.
 LEAST, MOST = 30, 40
-# Takes longer than this program.
-BLOCKS = [{"amplitude": f"{(2.5, 8)[i % 2] + i % 7 / 100} um", "cycles": 200_000} for i in range(1000)]
-JOB = {
-    "scenario": {
-        "profile": {"shape": "paraboloid", "radius": "10 mm"},
-        "moduli": {"normal": "112 GPa", "tangential": "92 GPa"},
-        "friction": 0.7,
-        "wear": {"coefficient": "3.03e-5 mm^3/(N m)"},
-        "load": {"normal_force": "100 N", "held": "force"},
-        "motion": {"blocks": BLOCKS},
-        "cycles": {"from": 200_000, "to": 200_000_000, "count": 1000, "spacing": "linear"},
-        "profiles_at": "none",
-        "model": {"points": 4096, "tolerance": 1e-4, "compare": True},
-    }
+AMPLITUDES = [f"{(2.5, 8)[i % 2] + i % 7 / 100} um" for i in range(1000)]
+SCENARIO = {
+    "profile": {"shape": "paraboloid", "radius": "10 mm"},
+    "moduli": {"normal": "112 GPa", "tangential": "92 GPa"},
+    "friction": 0.7,
+    "wear": {"coefficient": "3.03e-5 mm^3/(N m)"},
+    "load": {"normal_force": "100 N", "held": "force"},
+    "motion": {"blocks": [{"amplitude": amplitude, "cycles": 200_000} for amplitude in AMPLITUDES]},
+    "cycles": {"from": 200_000, "to": 200_000_000, "count": 1000, "spacing": "linear"},
+    "profiles_at": "none",
+    "model": {"tolerance": 1e-4},
 }
+# Takes longer than this program, because it has many points.
+FRICTION = {"pointer": "/friction", "from": 0.5, "to": 0.9, "count": 100}
+JOB = {"sweep": {"scenario": SCENARIO, "vary": [FRICTION], "outputs": ["wear_volume"]}}
 
 
 async def follow(place, key, job, free, states):

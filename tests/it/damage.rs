@@ -253,6 +253,30 @@ async fn a_damaged_page_names_the_row_beside_it() {
 }
 
 #[tokio::test]
+async fn a_changed_key_names_the_row_that_is_out_of_order() {
+    let dir = library().await;
+    let mut db = raw(dir.path()).await;
+    let query = "SELECT key FROM result ORDER BY key LIMIT 1 OFFSET 5";
+    let key: Vec<u8> = sqlx::query_scalar(query).fetch_one(&mut db).await.unwrap();
+    let query = "SELECT pgoffset FROM dbstat WHERE name = 'result' AND pagetype = 'leaf'";
+    let pages: Vec<i64> = sqlx::query_scalar(query).fetch_all(&mut db).await.unwrap();
+    db.close().await.unwrap();
+    let file = dir.path().join("fretwork.db");
+    let mut bytes = fs::read(&file).unwrap();
+    let at = pages.iter().find_map(|page| {
+        let page = page.unsigned_abs() as usize;
+        let found = bytes[page..page + 4096].windows(32).position(|found| found == key);
+        found.map(|place| page + place)
+    });
+    bytes[at.expect("the key in a page")] ^= 0x80;
+    fs::write(&file, bytes).unwrap();
+    let damage = check(dir.path()).await.unwrap().damage;
+    let what = "this key, or that of the row before it, is damaged";
+    let named = damage.iter().find(|damage| damage.what.starts_with(what));
+    assert!(named.is_some_and(|damage| damage.row.is_some()), "{damage:?}");
+}
+
+#[tokio::test]
 async fn a_changed_column_is_named_and_prevents_a_backup() {
     let library = library().await;
     for (statement, expected) in [

@@ -179,6 +179,10 @@ async fn beside_damage(
 ) -> Result<Vec<Damage>, sqlx::Error> {
     for (order, place) in [("ASC", "after"), ("DESC", "before")] {
         match last_readable(db, table, order).await? {
+            Readable::Disordered(row) => {
+                let what = format!("this key, or that of the row before it, is damaged: {line}");
+                return Ok(vec![Damage::at(table, &row, what)]);
+            }
             Readable::All => {
                 let index = damaged_index(db, table, line).await?;
                 let what = match index {
@@ -201,6 +205,8 @@ async fn beside_damage(
 /// Which rows of a table can be read in one direction.
 enum Readable {
     All,
+    /// All, but this one is not in the order of the keys.
+    Disordered(String),
     /// Those up to this one.
     To(String),
     None,
@@ -230,11 +236,21 @@ async fn last_readable(
         sorted.join(", ")
     );
     let mut rows = sqlx::query_as::<_, (String, i64)>(AssertSqlSafe(query)).fetch(db);
-    let mut last = None;
+    let (mut last, mut disordered) = (None, None);
+    // In text, the order of several keys can be another one.
+    let is_ordered = is_by_key && keys.len() == 1 && order == "ASC";
     loop {
         match rows.try_next().await {
-            Ok(Some((row, _))) => last = Some(row),
-            Ok(None) => return Ok(Readable::All),
+            Ok(Some((row, _))) => {
+                if is_ordered
+                    && disordered.is_none()
+                    && last.as_ref().is_some_and(|last| row < *last)
+                {
+                    disordered = Some(row.clone());
+                }
+                last = Some(row);
+            }
+            Ok(None) => return Ok(disordered.map_or(Readable::All, Readable::Disordered)),
             Err(_) => return Ok(last.map_or(Readable::None, Readable::To)),
         }
     }
