@@ -50,7 +50,7 @@ const FORGET: (f64, f64) = (0.7, 0.5);
 /// Error estimate divided by the difference of the two runs, for the volume and the depth. For second order the
 /// error of the finer run is a third of the difference, so this estimate usually exceeds the error. A test counts
 /// how often it does.
-const SHARES: (f64, f64) = (1.0, 1.14);
+const SHARES: (f64, f64) = (0.95, 1.05);
 /// A larger difference of the depths is mostly the error of the coarse run, which has few cells in a narrow ring or at
 /// a tip.
 const COARSE: f64 = 0.032;
@@ -78,6 +78,10 @@ pub struct March {
     check: f64,
     /// The relative differences of the two runs so far.
     apart: RunErrors,
+    /// The number of blocks that have ended.
+    left_blocks: usize,
+    /// The error of V from the stick edges of these blocks.
+    old_edges: f64,
     /// V at the last comparison.
     volume: f64,
     events: Vec<Event>,
@@ -267,6 +271,8 @@ impl March {
             splits,
             until,
             check,
+            left_blocks: 0,
+            old_edges: 0.0,
             apart: RunErrors::default(),
             volume: 0.0,
             events,
@@ -329,7 +335,8 @@ impl March {
         // The fine run goes first, because it can end early. The coarse run follows it, so that both can be
         // compared at every time that the caller may ask for.
         let last = until.min(self.ended().unwrap_or(f64::INFINITY));
-        let next = last.min(self.check);
+        let check = self.check.min(self.block_end());
+        let next = last.min(check);
         if self.ended().is_none() {
             if self.fine.advance(next) {
                 if let Some(edge) = &mut self.edge {
@@ -347,10 +354,14 @@ impl March {
         if self.coarse.advance(next) {
             return true;
         }
-        if self.check > last {
+        if check > last {
             return false;
         }
-        let volume = self.fine.volume_and_depth(self.check).0;
+        if check < self.check {
+            self.leave_block();
+            return true;
+        }
+        let volume = self.fine.volume_and_depth(check).0;
         // Where the stick edge moves, later wear does not undo an error of the volume.
         let share = if self.fine.keeps_errors() { self.volume / volume } else { 0.0 };
         let known = RunErrors {
@@ -358,9 +369,29 @@ impl March {
             depth: FORGET.1 * self.apart.depth,
         };
         self.volume = volume;
-        self.apart = self.distance(self.check).or(known);
+        self.apart = self.distance(check).or(known);
         self.check *= CHECKS;
         true
+    }
+
+    /// The end of the present block. It is infinite without blocks.
+    fn block_end(&self) -> f64 {
+        match &self.fine.control.tangential {
+            Tangential::Blocks(blocks) => {
+                blocks.get(self.left_blocks).map_or(f64::INFINITY, |block| block.end)
+            }
+            _ => f64::INFINITY,
+        }
+    }
+
+    /// Notes the error of the volume that remains from a block.
+    fn leave_block(&mut self) {
+        self.left_blocks += 1;
+        if self.fine.keeps_errors() {
+            let worn = self.fine.wearing.at(&self.fine.rkc.values);
+            let error = self.fine.edge_error(&worn) * worn.volume;
+            self.old_edges = self.old_edges.max(error);
+        }
     }
 
     /// The contact radius at ascending times up to the present time, smoothed in time. `None` for
@@ -578,6 +609,7 @@ impl March {
         let later = self.fine.block > 0 && self.fine.keeps_errors();
         let least = (if later { LEAST_ERRORS.1 } else { LEAST_ERRORS.0 } * self.fine.rkc.tolerance)
             .max(self.fine.edge_error(&worn))
+            .max(self.old_edges / worn.volume)
             .max(self.fine.core_error(&worn));
         let depth = SHARES.1 * depth / (1.0 + depth / COARSE) + self.fine.tip_error(&worn);
         let errors = RunErrors { volume: (SHARES.0 * volume).max(least), depth: depth.max(least) };

@@ -5,7 +5,7 @@ use super::law::Law;
 use crate::contact::control::{Control, Final, Normal, Tangential, critical_stick};
 use crate::contact::limit::Limit;
 use crate::contact::unworn::Contact;
-use crate::numeric::{Bracket, integrate_beyond, root};
+use crate::numeric::{integrate_beyond, root};
 
 /// Blur of the nodes if the stick edge moves inwards, in widths of the wearing ring.
 const BLUR: f64 = 0.003;
@@ -19,8 +19,6 @@ pub(super) const REST_BLUR: f64 = 0.001;
 /// Blur of the nodes at the stick edge of an earlier block, in widths of the mesh, and their share of all nodes.
 const OLD_BLUR: f64 = 1e-3;
 const OLD_SHARE: f64 = 0.2;
-/// Relative accuracy of the nodes there.
-const OLD_DIGITS: f64 = 1e-6;
 /// Blur of the nodes at a sharp tip or edge.
 const SHARP_BLUR: f64 = 1e-4;
 /// Maximum width of the first cell at a fixed stick edge, in c/n². In a wide ring the nodes are
@@ -272,33 +270,31 @@ impl MeshPlan {
     }
 }
 
-/// As many nodes in the same range, of which a part is dense at a radius.
+/// As many nodes in the same range, of which a part is dense at a radius inside.
 fn denser(radii: &[f64], edge: f64) -> Vec<f64> {
     let (cells, start, end) = (radii.len() - 1, radii[0], radii[radii.len() - 1]);
     let blur = OLD_BLUR * (end - start);
-    let near = |r: f64| {
-        ((r - edge).abs() + blur).sqrt().copysign(r - edge) - blur.sqrt().copysign(r - edge)
-    };
-    let (first, last) = (near(start), near(end));
-    // The number of nodes inside a radius, as a share of all.
-    let number = |cell: usize, r: f64| {
-        let part = (r - radii[cell]) / (radii[cell + 1] - radii[cell]);
-        (1.0 - OLD_SHARE) * (cell as f64 + part) / cells as f64
-            + OLD_SHARE * (near(r) - first) / (last - first)
+    // The distance from the edge in the coordinate in which the dense nodes are even.
+    let near = |r: f64| (((r - edge).abs() + blur).sqrt() - blur.sqrt()).copysign(r - edge);
+    let weight = OLD_SHARE * cells as f64 / (near(end) - near(start));
+    // The number of new nodes inside a radius, with the share of old cells inside it.
+    let number = |inside: f64, r: f64| {
+        (1.0 - OLD_SHARE) * inside + weight * (near(r) - near(start))
     };
     let mut cell = 0;
     let inner = (1..cells).map(|node| {
-        let wanted = node as f64 / cells as f64;
-        while number(cell, radii[cell + 1]) < wanted {
+        let wanted = node as f64;
+        while number(cell as f64 + 1.0, radii[cell + 1]) < wanted {
             cell += 1;
         }
         let (low, high) = (radii[cell], radii[cell + 1]);
-        let excess = |r: f64| number(cell, r) - wanted;
-        let mut bracket = Bracket::new((low, excess(low)), (high, excess(high)));
-        while let Some(r) = bracket.next().filter(|_| bracket.width() > OLD_DIGITS) {
-            bracket.narrow(r, excess(r));
-        }
-        bracket.found()
+        let inside = |r: f64| cell as f64 + (r - low) / (high - low);
+        let slope = (1.0 - OLD_SHARE) / (high - low);
+        // In √(|r − edge| + blur), the number is a quadratic on each side of the edge.
+        let beyond = wanted - number(inside(edge), edge);
+        let sum = beyond.abs() + slope * blur + weight * blur.sqrt();
+        let root = 2.0 * sum / (weight + (weight * weight + 4.0 * slope * sum).sqrt());
+        edge + (root * root - blur).copysign(beyond)
     });
     std::iter::once(start).chain(inner).chain([end]).collect()
 }
