@@ -187,18 +187,60 @@ pub fn maximum(mut low: f64, mut high: f64, f: impl Fn(f64) -> f64) -> f64 {
     (middle + 0.5 * step * (before - after) / curvature).clamp(first, last)
 }
 
+/// Number of partial sums and maxima side by side: each step of a single one has to wait for the one before it.
+const LANES: usize = 8;
+
+/// ∫ f′(t)/√(t − `from`) dt for a function that is linear between the knots t ≥ `from`.
+pub(crate) fn abel(knots: &[f64], values: &[f64], from: f64) -> f64 {
+    let root = |t: f64| (t - from).max(0.0).sqrt();
+    let (Some((first, knots)), Some((mut low, values))) =
+        (knots.split_first(), values.split_first())
+    else {
+        return 0.0;
+    };
+    let (knots, last_knots) = knots.as_chunks::<LANES>();
+    let (values, last_values) = values.as_chunks::<LANES>();
+    let (mut near, mut sums) = (root(*first), [0.0; LANES]);
+    for (knots, values) in knots.iter().zip(values) {
+        let far = knots.map(root);
+        let (mut rises, mut roots) = (*values, far);
+        rises[0] -= low;
+        roots[0] += near;
+        for lane in 1..LANES {
+            rises[lane] -= values[lane - 1];
+            roots[lane] += far[lane - 1];
+        }
+        for ((sum, rise), roots) in sums.iter_mut().zip(rises).zip(roots) {
+            *sum += rise / roots;
+        }
+        (near, low) = (far[LANES - 1], &values[LANES - 1]);
+    }
+    let mut sum: f64 = sums.iter().sum();
+    for (knot, value) in last_knots.iter().zip(last_values) {
+        let far = root(*knot);
+        sum += (value - low) / (near + far);
+        (near, low) = (far, value);
+    }
+    2.0 * sum
+}
+
 /// Σ aᵢbᵢ over the shorter length, in a fixed order that the compiler can vectorise.
 #[must_use]
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
-    const LANES: usize = 8;
+    weighted(a, b, |b| b)
+}
+
+/// Σ aᵢ·f(bᵢ) over the shorter length, in a fixed order that the compiler can vectorise.
+pub(crate) fn weighted(a: &[f64], b: &[f64], f: impl Fn(f64) -> f64) -> f64 {
     let length = a.len().min(b.len());
     let (a, b) = (&a[..length], &b[..length]);
     let (a_chunks, b_chunks) = (a.chunks_exact(LANES), b.chunks_exact(LANES));
-    let rest: f64 = a_chunks.remainder().iter().zip(b_chunks.remainder()).map(|(x, y)| x * y).sum();
+    let rest: f64 =
+        a_chunks.remainder().iter().zip(b_chunks.remainder()).map(|(x, y)| x * f(*y)).sum();
     let mut lanes = [0.0; LANES];
     for (x, y) in a_chunks.zip(b_chunks) {
         for lane in 0..LANES {
-            lanes[lane] += x[lane] * y[lane];
+            lanes[lane] += x[lane] * f(y[lane]);
         }
     }
     ((lanes[0] + lanes[4]) + (lanes[2] + lanes[6]))
@@ -209,8 +251,6 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
 /// The index of the first largest value; 0 without values.
 #[must_use]
 pub fn largest(values: &[f64]) -> usize {
-    // Separate lanes, because each step of a single running maximum has to wait for the one before it.
-    const LANES: usize = 8;
     let mut lanes = [f64::NEG_INFINITY; LANES];
     let chunks = values.chunks_exact(LANES);
     let mut most = chunks.remainder().iter().copied().fold(f64::NEG_INFINITY, f64::max);

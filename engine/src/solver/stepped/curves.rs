@@ -20,7 +20,7 @@ use super::mesh::Mesh;
 use super::prior::PriorWear;
 use super::wearing::WornContact;
 use crate::contact::profile::Shape;
-use crate::numeric::Monotone;
+use crate::numeric::{Monotone, abel};
 use crate::solver::curves::Curves;
 
 /// The reported pressure at the stick edge is infinite if the compression of the first cell is
@@ -123,8 +123,8 @@ fn curve(radii: &[f64], value: impl FnMut(f64) -> f64) -> Vec<f64> {
 
 /// The loaded springs outside the stick radius as a curve y(t), linear between the middles of cells.
 struct SpringCurve {
-    /// The pairs (t, y) of the knots.
-    knots: Vec<(f64, f64)>,
+    knots: Vec<f64>,
+    compressions: Vec<f64>,
 }
 
 impl SpringCurve {
@@ -135,29 +135,16 @@ impl SpringCurve {
         compressions: &[f64],
         contact_radius: f64,
     ) -> Self {
-        let mut knots = Vec::with_capacity(middles.len() + 2);
-        knots.push((start, edge));
         let rim = contact_radius * contact_radius;
-        let loaded = middles.iter().map(|x| x * x).zip(compressions.iter().copied());
-        knots.extend(loaded.take_while(|(t, _)| *t < rim));
-        knots.push((rim, 0.0));
-        Self { knots }
+        let squares = middles.iter().take(compressions.len()).map(|x| x * x);
+        let inside: Vec<f64> = squares.take_while(|t| *t < rim).collect();
+        let compressions = [&[edge], &compressions[..inside.len()], &[0.0]].concat();
+        Self { knots: [&[start], &inside[..], &[rim]].concat(), compressions }
     }
 
     /// (1/π) ∫ −y′/√(x²−r²) dx for radii r up to the first knot.
     fn pressure(&self, r: f64) -> f64 {
-        let root = |t: f64| (t - r * r).max(0.0).sqrt();
-        let mut near = root(self.knots[0].0);
-        let sum: f64 = self
-            .knots
-            .windows(2)
-            .map(|pair| {
-                let ((_, y), (t_next, y_next)) = (pair[0], pair[1]);
-                let far = root(t_next);
-                2.0 * (y - y_next) / (std::mem::replace(&mut near, far) + far)
-            })
-            .sum();
-        FRAC_1_PI * sum
+        -FRAC_1_PI * abel(&self.knots, &self.compressions, r * r)
     }
 }
 

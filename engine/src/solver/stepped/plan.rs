@@ -278,9 +278,8 @@ fn denser(radii: &[f64], edge: f64) -> Vec<f64> {
     let near = |r: f64| (((r - edge).abs() + blur).sqrt() - blur.sqrt()).copysign(r - edge);
     let weight = OLD_SHARE * cells as f64 / (near(end) - near(start));
     // The number of new nodes inside a radius, with the share of old cells inside it.
-    let number = |inside: f64, r: f64| {
-        (1.0 - OLD_SHARE) * inside + weight * (near(r) - near(start))
-    };
+    let number =
+        |inside: f64, r: f64| (1.0 - OLD_SHARE) * inside + weight * (near(r) - near(start));
     let mut cell = 0;
     let inner = (1..cells).map(|node| {
         let wanted = node as f64;

@@ -16,6 +16,8 @@ use std::f64::consts::{FRAC_1_PI, PI};
 use std::ops::RangeInclusive;
 use std::sync::OnceLock;
 
+use crate::numeric::{abel, weighted};
+
 /// Maximum number of nodes per cell of a mesh. More are left when many blocks have different meshes.
 const NODES_PER_CELL: usize = 4;
 
@@ -34,9 +36,9 @@ const LEVELS: f64 = 3.0;
 pub struct PriorWear {
     squares: Vec<f64>,
     wear: Vec<f64>,
-    /// The change of the slope dw/dt at each node.
-    kinks: Vec<f64>,
-    /// The image at each node. Only curves need it.
+    /// The change of the slope dw/dt at each node, for images.
+    kinks: OnceLock<Vec<f64>>,
+    /// The image at each node, for curves.
     images: OnceLock<Vec<f64>>,
     /// The outer radius of the scar.
     radius: f64,
@@ -47,22 +49,7 @@ pub struct PriorWear {
 impl PriorWear {
     /// The wear at the squares of some radii, and its outer radius.
     pub(super) fn of(squares: Vec<f64>, wear: Vec<f64>, radius: f64) -> Self {
-        let slope = |cell: usize| {
-            let end = (cell + 1).min(squares.len() - 1);
-            if end == cell {
-                0.0
-            } else {
-                (wear[end] - wear[cell]) / (squares[end] - squares[cell])
-            }
-        };
-        let mut before = 0.0;
-        let kinks = (0..squares.len())
-            .map(|node| {
-                let here = slope(node);
-                here - std::mem::replace(&mut before, here)
-            })
-            .collect();
-        Self { squares, wear, kinks, images: OnceLock::new(), radius, edges: Vec::new() }
+        Self { squares, wear, radius, ..Self::default() }
     }
 
     /// This wear with the wear of another mesh on top of it, and its new outer radius. `profile` is the unworn
@@ -198,12 +185,20 @@ impl PriorWear {
         }
     }
 
+    fn changes_of_slope(&self) -> Vec<f64> {
+        let cells = self.squares.windows(2).zip(self.wear.windows(2));
+        let slopes = cells.map(|(t, w)| (w[1] - w[0]) / (t[1] - t[0])).chain([0.0]);
+        let mut before = 0.0;
+        slopes.map(|here| here - std::mem::replace(&mut before, here)).collect()
+    }
+
     /// Σ of the kinks of w inside x, each times `f`(x² − t).
     fn kinks(&self, x: f64, f: impl Fn(f64) -> f64) -> f64 {
         let square = x * x;
         let inside = self.squares.partition_point(|t| *t < square);
-        let nodes = self.squares[..inside].iter().zip(&self.kinks);
-        nodes.map(|(t, kink)| kink * f(square - t)).sum()
+        let kinks = self.kinks.get_or_init(|| self.changes_of_slope());
+        let (nodes, kinks) = (&self.squares[..inside], &kinks[..inside]);
+        weighted(kinks, nodes, |t| f(square - t))
     }
 
     fn innermost(&self) -> f64 {
@@ -230,18 +225,10 @@ impl PriorWear {
         let images: &Vec<f64> = self.images.get_or_init(images);
         let first = self.squares.partition_point(|t| *t <= from);
         let last = self.squares.partition_point(|t| *t < to).max(first);
-        let nodes = self.squares[first..last].iter().zip(&images[first..last]);
-        let mut before = (0.0, between(&self.squares, images, first, from));
-        let sum: f64 = nodes
-            .chain([(&to, &self.image(end))])
-            .map(|(t, image)| {
-                let here = ((t - from).max(0.0).sqrt(), *image);
-                let term = 2.0 * (here.1 - before.1) / (here.0 + before.0);
-                before = here;
-                term
-            })
-            .sum();
-        FRAC_1_PI * sum
+        let knots = [&[from], &self.squares[first..last], &[to]].concat();
+        let at_ends = [between(&self.squares, images, first, from), self.image(end)];
+        let values = [&at_ends[..1], &images[first..last], &at_ends[1..]].concat();
+        FRAC_1_PI * abel(&knots, &values, from)
     }
 }
 
