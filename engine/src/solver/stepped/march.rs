@@ -460,7 +460,8 @@ impl March {
             ContactLost, ContactSplits, EnergyNotReached, GrossSlip, RimReached, Shakedown,
             UntilReached,
         };
-        if self.fine.block != self.block {
+        let new_block = self.fine.block != self.block;
+        if new_block {
             // At another amplitude the contact can stick or wear again. An event can then occur a
             // second time.
             self.block = self.fine.block;
@@ -476,14 +477,13 @@ impl March {
                 continue;
             }
             let (began, time) = (self.fine.rkc.began(), self.fine.rkc.time);
-            if self.signal(kind, time) > 0.0 {
+            let after = self.signal(kind, time) <= 0.0;
+            // The change of amplitude can cause the event, and the contact may stick again within the first step.
+            let at_once = (new_block || after) && self.signal(kind, began) <= 0.0;
+            if !after && !at_once {
                 continue;
             }
-            let (mut low, mut high) = (began, time);
-            // If the condition is already met at the start of the step, the change of amplitude caused the event.
-            if self.signal(kind, began) <= 0.0 {
-                high = began;
-            }
+            let (mut low, mut high) = (began, if at_once { began } else { time });
             while high - low > 1e-9 * (time - began) {
                 let middle = 0.5 * (low + high);
                 if middle <= low || middle >= high {
