@@ -81,6 +81,71 @@ fn the_first_block_wears_like_its_amplitude_alone() {
 
 /// A finer mesh than the default showed it: waves of the surface became larger from block to block, until the contact
 /// stuck.
+/// Little wear, some cycles in gross slip, and little wear again under a constant force. The volume was up to 16 % too
+/// small, beside a stated 2 %, because the mesh of the second block did not resolve the stick edge of the first.
+#[test]
+fn a_stick_edge_is_resolved_until_it_is_worn_smooth() {
+    let held = |height: f64, blocks: [(f64, u32); 3], cycles: &[u32]| {
+        let block = |(amplitude, cycles)| json!({"amplitude": amplitude, "cycles": cycles});
+        contact(&json!({
+            "profile": {"shape": "power", "exponent": height, "height": 5e-6, "at_radius": 2e-4},
+            "load": {"normal_force": 50.0, "held": "force"},
+            "motion": {"blocks": blocks.map(block)},
+            "cycles": cycles,
+        }))
+    };
+    let sixth = [(5.6316e-7, 140_984), (1.94944e-6, 123), (5.66462e-7, 103_197)];
+    let third = [(9.57691e-7, 29_771), (2.45027e-6, 321), (8.986e-7, 36_151)];
+    for request in [
+        held(6.0, sixth, &[140_984, 141_045, 141_107, 161_746, 244_304]),
+        held(3.0, third, &[29_771, 29_931, 30_092, 37_322, 66_243]),
+    ] {
+        assert_stated(&request, 0.2);
+        let mut fine = request.clone();
+        fine["model"] = json!({"tolerance": 1e-4});
+        let volumes = [&request, &fine].map(|request| run(request).history.wear_volume);
+        for (found, exact) in volumes[0].iter().zip(&volumes[1]).skip(1) {
+            assert!((found / exact - 1.0).abs() < 0.02, "{found} {exact}");
+        }
+    }
+}
+
+/// Where a stick edge came to rest decides the volume of later blocks too. Their stated error was 0.2 %, the true one 0.6 %.
+#[test]
+fn the_error_of_a_stick_edge_remains_in_later_blocks() {
+    let blocks =
+        [(3.358e-7, 296_073), (1.513e-6, 227_512), (3.431e-7, 173_711), (2.355e-7, 616_669)];
+    let block = |(amplitude, cycles)| json!({"amplitude": amplitude, "cycles": cycles});
+    let request = contact(&json!({
+        "profile": {"shape": "power", "exponent": 2.0, "height": 5e-6, "at_radius": 2e-4},
+        "moduli": {"normal": 110e9, "tangential": 90e9},
+        "friction": 0.6,
+        "wear": {"coefficient": 1e-14},
+        "load": {"normal_force": 50.0, "held": "force"},
+        "motion": {"blocks": blocks.map(block)},
+        "cycles": [500_834, 540_956, 679_925, 1_252_298],
+    }));
+    assert_stated(&request, 0.015);
+}
+
+/// Just above gross slip under a constant force, the contact sticks again within the first step.
+#[test]
+fn a_block_in_gross_slip_has_its_event_even_if_the_contact_soon_sticks_again() {
+    let request = contact(&json!({
+        "profile": {"shape": "truncated_cone", "slope_angle": 0.02, "flat_radius": 3e-5},
+        "load": {"normal_force": 50.0, "held": "force"},
+        "motion": {"blocks": [
+            {"amplitude": 2.40688e-6, "cycles": 5180},
+            {"amplitude": 2.87494e-6, "cycles": 447},
+        ]},
+        "cycles": [5180, 5193, 5627],
+    }));
+    let Outcome { events, history, .. } = run(&request);
+    assert!(history.stick_radius[2] == 0.0 && history.stick_radius[3] > 0.0);
+    let [event] = &events[..] else { panic!("{events:?}") };
+    assert_eq!((event.kind, event.cycles), (EventKind::GrossSlip, 5180.0));
+}
+
 #[test]
 fn fifty_blocks_with_much_wear_stay_in_gross_slip() {
     let amplitudes: Vec<f64> =
