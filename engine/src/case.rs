@@ -314,11 +314,19 @@ impl Case {
                 Simplified::operations(self.points, count, rows)
             }
             Method::Simplified { xi } => march(Law::Simplified(xi), RULE_TOLERANCE),
-            Method::Exact { tolerance, compare } => {
-                let beside =
-                    compare.map_or(0.0, |xi| self.rule(xi).operations() * COMPARISON_RUNS as f64);
-                march(Law::Exact, tolerance) + beside
+            Method::Exact { tolerance, .. } => {
+                march(Law::Exact, tolerance) + self.comparison_operations()
             }
+        }
+    }
+
+    /// The part of [`operations`](Self::operations) for the comparison with the simplified rule.
+    pub(crate) fn comparison_operations(&self) -> f64 {
+        match self.method {
+            Method::Exact { compare: Some(xi), .. } => {
+                self.rule(xi).operations() * COMPARISON_RUNS as f64
+            }
+            _ => 0.0,
         }
     }
 

@@ -493,7 +493,7 @@ pub(super) mod tests {
                 "59bfa62ac08c8c9b124517b536c75bc3f4ca0be37a0ea2b482cac58ce18d9ba7 \
                  0012f85d5c48b1dd36217b1bc04d3f76cd5aa7f16c5e84a6d97480671c75b4c9",
                 "08c02ef4b439664ac09b0115793d19305f56ce9b0094c5354c7ee9a545675fa7 \
-                 62d25c58867d7d425778193848d42003b9bc67a17a07f14e3fdfc631145a87cb",
+                 6df49606dc8d082c8054de1d3b09c108fc3ec2b2ba2e35a844ee2929509741d7",
             ]
         );
     }

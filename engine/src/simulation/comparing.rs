@@ -27,6 +27,8 @@ pub(super) struct Comparing {
     /// The errors of the two trials.
     errors: [f64; 2],
     rounds: usize,
+    /// The number of complete runs.
+    runs: usize,
 }
 
 /// The purpose of the present run.
@@ -60,18 +62,21 @@ impl Comparing {
             bracket: [low, high - width, low + width, high],
             errors: [f64::INFINITY; 2],
             rounds: 0,
+            runs: 0,
         }
     }
 
-    /// Computes for a short time. Returns the completed share of the whole job, or `None` at the
+    /// Computes for a short time. Returns the completed share of the comparison, or `None` at the
     /// end.
     pub(super) fn step(&mut self) -> Option<f64> {
-        self.run.step();
+        let mut progress = self.run.step();
         if self.run.has_ended() {
             let next = self.take()?;
             self.start(next);
+            self.runs += 1;
+            progress = 0.0;
         }
-        Some(0.999)
+        Some((self.runs as f64 + progress) / COMPARISON_RUNS as f64)
     }
 
     fn start(&mut self, trial: Trial) {

@@ -57,8 +57,9 @@ pub struct Simulation {
 enum Phase {
     /// Continues the run.
     Running(Box<SingleRun>),
-    /// Continues the comparison. The outcome of the run is kept until the comparison is complete.
-    Comparing(Box<Outcome>, Box<Comparing>),
+    /// Continues the comparison, after the share `before` of the work. The outcome of the run is kept until the
+    /// comparison is complete.
+    Comparing { outcome: Box<Outcome>, comparing: Box<Comparing>, before: f64 },
     /// No work is left, because the caller has received the outcome.
     Done,
 }
@@ -87,7 +88,9 @@ impl Simulation {
     pub fn step(&mut self) -> Advance {
         match std::mem::replace(&mut self.phase, Phase::Done) {
             Phase::Running(mut run) => {
-                let progress = run.step();
+                let case = run.case();
+                let before_comparing = 1.0 - case.comparison_operations() / case.operations();
+                let progress = before_comparing * run.step();
                 if !run.has_ended() {
                     self.phase = Phase::Running(run);
                     return Advance::Working(progress);
@@ -97,13 +100,14 @@ impl Simulation {
                     return Advance::Done(self.with_warnings(run.outcome()));
                 };
                 let comparing = Box::new(Comparing::new(run.case(), xi, run.history()));
-                self.phase = Phase::Comparing(self.with_warnings(run.outcome()), comparing);
+                let outcome = self.with_warnings(run.outcome());
+                self.phase = Phase::Comparing { outcome, comparing, before: progress };
                 Advance::Working(progress)
             }
-            Phase::Comparing(mut outcome, mut comparing) => {
+            Phase::Comparing { mut outcome, mut comparing, before } => {
                 if let Some(progress) = comparing.step() {
-                    self.phase = Phase::Comparing(outcome, comparing);
-                    return Advance::Working(progress);
+                    self.phase = Phase::Comparing { outcome, comparing, before };
+                    return Advance::Working((before + (1.0 - before) * progress).min(0.999));
                 }
                 outcome.comparison = Some(comparing.finish());
                 Advance::Done(outcome)

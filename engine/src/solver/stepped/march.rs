@@ -110,6 +110,12 @@ fn cells(tolerance: f64) -> usize {
     cells.clamp(CELLS_RANGE.0, CELLS_RANGE.1).round() as usize
 }
 
+/// The number of blocks that need another mesh. Successive blocks in gross slip share one.
+fn further_meshes(control: &Control) -> usize {
+    let Tangential::Blocks(blocks) = &control.tangential else { return 0 };
+    blocks.windows(2).filter(|pair| pair.iter().any(|block| block.threshold < 1.0)).count()
+}
+
 /// Number of cells and step tolerance of a run with this tolerance.
 fn effort(contact: &Contact, control: &Control, law: Law, tolerance: f64) -> (usize, f64) {
     let cells = cells(tolerance);
@@ -198,7 +204,7 @@ impl March {
 
     /// Estimated number of multiplications of a run up to a time in N₀. For a paraboloid, a run up
     /// to 16 N₀ needs five evaluations of the wear rate per cell. For longer runs the number grows
-    /// with the power 0.4 of the time.
+    /// with the power 0.4 of the time. Each further mesh needs 25 evaluations.
     pub(crate) fn operations(
         contact: &Contact,
         control: &Control,
@@ -208,12 +214,13 @@ impl March {
     ) -> f64 {
         let (cells, tolerance) = effort(contact, control, law, tolerance);
         let (cells, longer) = (cells as f64, libm::pow((until / 16.0).max(1.0), 0.4));
-        match law {
+        let one_mesh = match law {
             Law::Exact => 5.0 * cells * cells * cells * longer,
             // An evaluation needs a few operations per cell. An output state needs two matrix rows
             // per cell.
             Law::Simplified(_) => 20.0 * cells * longer / tolerance.sqrt() + 50.0 * cells * cells,
-        }
+        };
+        one_mesh + 25.0 * further_meshes(control) as f64 * cells * cells
     }
 
     /// The number of cells of a run with this tolerance.
@@ -478,8 +485,9 @@ impl March {
             }
             let (began, time) = (self.fine.rkc.began(), self.fine.rkc.time);
             let after = self.signal(kind, time) <= 0.0;
-            // The change of amplitude can cause the event, and the contact may stick again within the first step.
-            let at_once = (new_block || after) && self.signal(kind, began) <= 0.0;
+            // The change of amplitude can cause the event. In gross slip, the contact may stick again within the first step.
+            let looks = after || new_block && kind == GrossSlip;
+            let at_once = looks && self.signal(kind, began) <= 0.0;
             if !after && !at_once {
                 continue;
             }
