@@ -321,13 +321,19 @@ impl Case {
     }
 
     /// The part of [`operations`](Self::operations) for the comparison with the simplified rule.
-    pub(crate) fn comparison_operations(&self) -> f64 {
+    fn comparison_operations(&self) -> f64 {
         match self.method {
             Method::Exact { compare: Some(xi), .. } => {
                 self.rule(xi).operations() * COMPARISON_RUNS as f64
             }
             _ => 0.0,
         }
+    }
+
+    /// The comparison with the simplified rule as a share of all work.
+    pub(crate) fn comparison_share(&self) -> f64 {
+        let operations = self.comparison_operations();
+        if operations == 0.0 { 0.0 } else { operations / self.operations() }
     }
 
     /// The last output cycle in units of N₀. For energies it is an estimate.

@@ -88,9 +88,7 @@ impl Simulation {
     pub fn step(&mut self) -> Advance {
         match std::mem::replace(&mut self.phase, Phase::Done) {
             Phase::Running(mut run) => {
-                let case = run.case();
-                let before_comparing = 1.0 - case.comparison_operations() / case.operations();
-                let progress = before_comparing * run.step();
+                let progress = (1.0 - run.case().comparison_share()) * run.step();
                 if !run.has_ended() {
                     self.phase = Phase::Running(run);
                     return Advance::Working(progress);

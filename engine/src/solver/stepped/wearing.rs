@@ -434,9 +434,18 @@ impl Wearing {
 
     /// The wear volume V and the largest wear depth of the given values.
     pub(crate) fn volume_and_depth(&self, values: &[f64]) -> (f64, f64) {
-        let worn = self.surface_of(&self.wear(values));
-        let deepest = vertex(&worn.radii, &worn.wear, largest(&worn.wear));
-        (worn.volume, deepest.min(self.springs.depth))
+        let mesh = &self.springs.mesh;
+        let mut wear = self.wear(values);
+        let deepest = |radii: &[f64], wear: &[f64]| vertex(radii, wear, largest(wear));
+        let (volume, depth) = if self.law == Law::Exact && self.prior.is_empty() {
+            let volume = mesh.volume(&wear);
+            self.correct_on_axis(&mesh.squares, &mut wear);
+            (volume, deepest(&mesh.radii, &wear))
+        } else {
+            let worn = self.surface_of(&wear);
+            (worn.volume, deepest(&worn.radii, &worn.wear))
+        };
+        (volume, depth.min(self.springs.depth))
     }
 
     /// The wear at the nodes of this mesh.
@@ -451,11 +460,16 @@ impl Wearing {
     fn surface_of(&self, wear: &[f64]) -> WornSurface {
         let (squares, mut wear) = self.total(wear).into_lists();
         let volume = positive_volume(&squares, &wear);
-        if self.law == Law::Exact && squares[0] == 0.0 && self.stick() == 0.0 {
-            wear[0] = on_axis(&self.contact.shape, &squares, &wear);
-        }
+        self.correct_on_axis(&squares, &mut wear);
         let radii = squares.iter().map(|t| t.sqrt()).collect();
         WornSurface { squares, radii, wear, volume }
+    }
+
+    /// In gross slip, extrapolates the wear on the axis from the nodes beside it.
+    fn correct_on_axis(&self, squares: &[f64], wear: &mut [f64]) {
+        if self.law == Law::Exact && squares[0] == 0.0 && self.stick() == 0.0 {
+            wear[0] = on_axis(&self.contact.shape, squares, wear);
+        }
     }
 
     /// dV/dÑ from the dissipated energy: 2 ∫ y ω dx·Δ/Δ₀.
