@@ -491,7 +491,7 @@ pub(super) mod tests {
                 "84849dcf27de359ebe2e4c87effbaf1aae6accd86e85a7ae90ce2401a9339f81 \
                  b62ac7eaa3c30e1e1aecc9d1ab5a955b7b52f9f4907b59e7314ffef68e7c7f0f",
                 "59bfa62ac08c8c9b124517b536c75bc3f4ca0be37a0ea2b482cac58ce18d9ba7 \
-                 0012f85d5c48b1dd36217b1bc04d3f76cd5aa7f16c5e84a6d97480671c75b4c9",
+                 808e6de4d57b042e43c43e50c310d3ea1477f1cc2a917f16fe2d97d9f7906df9",
                 "08c02ef4b439664ac09b0115793d19305f56ce9b0094c5354c7ee9a545675fa7 \
                  6df49606dc8d082c8054de1d3b09c108fc3ec2b2ba2e35a844ee2929509741d7",
             ]

@@ -337,8 +337,9 @@ impl Simplified {
             .zip(wanted)
             .map(|((mut wear, (apex, unresolved, sums)), (decay, curves))| {
                 self.finish(&mut wear, apex, unresolved);
-                let mut state = self.measure(&wear, sums);
-                state.errors = self.errors(&wear, &state, *decay, apex);
+                let deepest = largest(&wear);
+                let mut state = self.measure(&wear, deepest, sums);
+                state.errors = self.errors(&wear, deepest, &state, (*decay, apex));
                 if let Some(((decay, compressions), pressure)) =
                     curves.then(|| more.next()).flatten()
                 {
@@ -440,22 +441,29 @@ impl Simplified {
     /// ∫ (g − g₀ − apex)/√(r²−x²) dx over c…r, by a quadrature that resolves a thin step at c.
     fn integral(&self, r: f64, decay: Decay, apex: f64) -> f64 {
         let (_, angle) = chord_and_angle(self.contact.stick, r);
+        let (sine, cosine) = libm::sincos(angle);
         // ψ = ψ₁(1 − s⁴): x = r cos ψ is c at s = 0, and x − c = 2r sin((ψ₁−ψ)/2) sin((ψ₁+ψ)/2).
         integrate(0.0, 1.0, |s| {
-            let below = angle * s * s * s * s;
-            let delta = 2.0 * r * libm::sin(0.5 * below) * libm::sin(angle - 0.5 * below);
+            let half = libm::sin(0.5 * angle * s * s * s * s);
+            let other = sine * (1.0 - half * half).sqrt() - cosine * half;
+            let delta = 2.0 * r * half * other;
             4.0 * angle * s * s * s * (self.contact.worn(delta, decay) - apex)
         })
     }
 
     /// The errors of a state with wear: of the volume against that of the image, and of the depth against a
     /// quadrature at the deepest node.
-    fn errors(&self, wear: &[f64], state: &State, decay: Decay, apex: f64) -> RunErrors {
+    fn errors(
+        &self,
+        wear: &[f64],
+        deepest: usize,
+        state: &State,
+        (decay, apex): (Decay, f64),
+    ) -> RunErrors {
         if state.volume == 0.0 {
             return RunErrors::default();
         }
         let mesh_volume = PI * self.theta * self.kernels.area(wear);
-        let deepest = largest(wear);
         let exact = match self.mesh.radii[deepest] {
             r if r > self.contact.stick => apex + FRAC_2_PI * self.integral(r, decay, apex),
             _ => wear[deepest],
@@ -469,9 +477,8 @@ impl Simplified {
         decay.left * threshold / shape.image_slope(stick)
     }
 
-    fn measure(&self, wear: &[f64], sums: Sums) -> State {
+    fn measure(&self, wear: &[f64], deepest: usize, sums: Sums) -> State {
         let (mesh, tau) = (&self.mesh.radii, self.kernels.tau());
-        let deepest = largest(wear);
         let mut scar = 0.0;
         let mut cut_off = 0.0;
         if wear[deepest] > 0.0 {
