@@ -16,6 +16,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 pub use self::condition::Condition;
 use crate::case::{Case, Outputs};
 use crate::contact::control::Tangential;
+use crate::contact::row::UnwornSums;
 use crate::contact::unworn::Regime;
 use crate::numeric::integrate_beyond;
 use crate::request::fault::Fault;
@@ -492,9 +493,8 @@ impl ContactScales {
 }
 
 impl Unworn {
-    pub(crate) fn of(case: &Case) -> Self {
+    pub(crate) fn of(case: &Case, sums: &UnwornSums) -> Self {
         let scales = &case.scales;
-        let sums = case.unworn();
         let found = sums.backbone.wind();
         let area = std::f64::consts::PI * scales.contact_radius * scales.contact_radius;
         // U/U_rig. The rig is elastic, so W, Q and δ₀ are the same at the actuator.
@@ -585,7 +585,7 @@ impl Preview {
         Self {
             units: ResultUnits,
             scales: ContactScales::of(case),
-            unworn: Unworn::of(case),
+            unworn: Unworn::of(case, &case.unworn()),
             regime: case.regime(),
             limit: limit_state(case),
             cost: CostEstimate { operations: case.operations(), answer_bytes: case.answer_bytes() },

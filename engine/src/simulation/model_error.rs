@@ -159,14 +159,14 @@ impl Interpolated {
 
 /// The largest expected relative error of the wear volume, over the output cycles of a run by the
 /// simplified rule. `None` if the table contains no such contact, or if an output cycle lies after
-/// its last time.
-pub(super) fn model_error(case: &Case, history: &History) -> Option<f64> {
+/// its last time. `unworn_loss` is ∫ y ω dx of the unworn contact.
+pub(super) fn model_error(case: &Case, unworn_loss: f64, history: &History) -> Option<f64> {
     if case.outputs.count() == 1 {
         // Nothing has worn.
         return Some(0.0);
     }
     let table = Interpolated::of(case)?;
-    let rate = 2.0 * case.unworn().loss * case.scales.volume();
+    let rate = 2.0 * unworn_loss * case.scales.volume();
     // Some runs reach their limiting state within the table.
     let limit = case.tends_to.map(|end| end.limit.volume * case.scales.volume()).filter(|limit| {
         let last = table.volume(TIMES[TIMES.len() - 1]);

@@ -317,9 +317,10 @@ impl SingleRun {
         let march = march.as_deref();
         let work = march.map(March::work);
         let unit = case.scales.cycles;
+        let unworn = case.unworn();
         let model_error = match case.method {
             Method::Exact { .. } => Some(0.0),
-            Method::Simplified { .. } => model_error(&case, &recording.history),
+            Method::Simplified { .. } => model_error(&case, unworn.loss, &recording.history),
         };
         let bodies = BodyWear::of(case.share, &recording.history, recording.half_lengths);
         let warnings = BodyWear::warning(&bodies)
@@ -328,7 +329,7 @@ impl SingleRun {
             .chain(warning(model_error));
         Outcome {
             scales: ContactScales::of(&case),
-            unworn: Unworn::of(&case),
+            unworn: Unworn::of(&case, &unworn),
             regime: case.regime(),
             limit: limit_state(&case),
             bodies,

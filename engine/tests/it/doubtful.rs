@@ -147,6 +147,40 @@ fn a_block_in_gross_slip_has_its_event_even_if_the_contact_soon_sticks_again() {
 }
 
 #[test]
+fn each_block_that_begins_in_gross_slip_has_its_event() {
+    let blocks = [(5.52506e-7, 6559), (2.15495e-6, 1434), (2.27461e-6, 551)];
+    let block = |(amplitude, cycles)| json!({"amplitude": amplitude, "cycles": cycles});
+    let request = contact(&json!({
+        "profile": {"shape": "power", "exponent": 3, "height": 5e-6, "at_radius": 2e-4},
+        "load": {"normal_force": 50.0, "held": "force"},
+        "motion": {"blocks": blocks.map(block)},
+        "cycles": [6559, 7993, 8544],
+    }));
+    let Outcome { events, history, .. } = run(&request);
+    assert!(
+        history.stick_radius[2] > 0.0,
+        "the contact sticks again at the end of the second block"
+    );
+    let found: Vec<_> = events.iter().map(|event| (event.kind, event.cycles.round())).collect();
+    assert_eq!(found, [(EventKind::GrossSlip, 6559.0), (EventKind::GrossSlip, 7993.0)]);
+}
+
+/// The ring that wears at a small amplitude after a large one can be narrower than a cell.
+#[test]
+fn a_block_that_hardly_wears_from_its_start_is_no_shakedown() {
+    let request = contact(&json!({
+        "profile": {"shape": "power", "exponent": 1.3, "height": 5e-6, "at_radius": 2e-4},
+        "load": {"normal_force": 50.0, "held": "force"},
+        "motion": {"blocks": [
+            {"amplitude": 2.74226e-6, "cycles": 14_783},
+            {"amplitude": 9.45741e-8, "cycles": 119_976},
+        ]},
+        "cycles": [14_783, 14_903, 134_759],
+    }));
+    assert_eq!(run(&request).events, []);
+}
+
+#[test]
 fn fifty_blocks_with_much_wear_stay_in_gross_slip() {
     let amplitudes: Vec<f64> =
         (0..50).map(|i| f64::from(i % 7) * 1e-8 + [2.5e-6, 8e-6][i as usize % 2]).collect();

@@ -457,7 +457,7 @@ fn check_accuracy(case: &Case, outcome: &Outcome) -> Result<(), Flaw> {
     })?;
     let expected = match case.method {
         Method::Exact { .. } => Some(0.0),
-        Method::Simplified { .. } => model_error(case, history),
+        Method::Simplified { .. } => model_error(case, case.unworn().loss, history),
     };
     let error = NEAR * (1.0 + expected.unwrap_or(0.0));
     require(both(accuracy.model_error, expected, error), || {

@@ -59,7 +59,8 @@ impl ContactEdge {
         let loaded = springs.compressions.len();
         let radii = &springs.mesh.radii;
         if radii[loaded] > self.reached {
-            let first = radii.partition_point(|r| *r <= self.reached) - 1;
+            // The mesh of a later block can begin outside this radius.
+            let first = radii.partition_point(|r| *r <= self.reached).saturating_sub(1);
             self.reached = radii[loaded];
             for spring in first..loaded {
                 self.touch(run, spring);

@@ -89,6 +89,8 @@ pub struct March {
     known: Vec<EventKind>,
     /// The index of the block in the last step.
     block: usize,
+    /// Whether the contact was in gross slip after the last step.
+    slips: bool,
     /// The expected outer radius of the last mesh.
     reach: f64,
 }
@@ -285,6 +287,7 @@ impl March {
             events,
             known,
             block: 0,
+            slips: contact.regime == Regime::GrossSlip,
             reach,
         })
     }
@@ -469,15 +472,19 @@ impl March {
         };
         let new_block = self.fine.block != self.block;
         if new_block {
-            // At another amplitude the contact can stick or wear again. An event can then occur a
-            // second time.
+            // At another amplitude the contact can stick or wear again. An event can then occur a second time. What is so from
+            // the start of a block is no shakedown, because then the mesh may not resolve the narrow ring that wears.
             self.block = self.fine.block;
-            for kind in [GrossSlip, Shakedown] {
-                if self.signal(kind, self.fine.rkc.began()) > 0.0 {
-                    self.known.retain(|known| *known != kind);
-                }
+            self.known.retain(|known| !matches!(known, GrossSlip | Shakedown));
+            let began = self.fine.rkc.began();
+            if self.slips && self.signal(GrossSlip, began) <= 0.0 {
+                self.known.push(GrossSlip);
+            }
+            if self.signal(Shakedown, began) <= 0.0 {
+                self.known.push(Shakedown);
             }
         }
+        self.slips = self.signal(GrossSlip, self.fine.rkc.time) <= 0.0;
         let mut found = Vec::new();
         for kind in [GrossSlip, Shakedown, ContactLost, ContactSplits, UntilReached] {
             if self.known.contains(&kind) {
