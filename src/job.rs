@@ -3,7 +3,6 @@
 mod canonical;
 pub mod clock;
 mod document;
-mod extension;
 mod key;
 mod outline;
 mod received;
@@ -14,7 +13,6 @@ mod words;
 
 pub use canonical::{Canonical, TaskKind, asked_in};
 pub use document::{BadDocument, Document};
-pub use extension::extended_key;
 pub use key::{BadKey, ENGINE, Engine, Key};
 pub use outline::{Outline, SCALARS, Scalar, WORDS, Word};
 pub use received::{Received, Refused};

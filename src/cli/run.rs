@@ -6,7 +6,6 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use fretwork_engine::request::fault::Fault;
 use serde::Deserialize;
 use serde_json::Value;
 
@@ -33,13 +32,6 @@ pub fn run(settings: &Run) -> Result<ExitCode, Error> {
             return Ok(ExitCode::from(2));
         }
     };
-    if job.extends.is_some() {
-        let detail = "names a result of a server, and this command has none. Remove it to compute all points";
-        return Ok(print_faults(&[Fault {
-            pointer: "/extends".to_owned(),
-            detail: detail.to_owned(),
-        }]));
-    }
     let (answer, time) = compute(&job.prepared)?;
     write_result(&answer, job.prepared.task.kind(), settings)?;
     if let Some(file) = &settings.plot {

@@ -16,10 +16,8 @@ use super::problem::{Problem, kinds};
 use super::wire::{NoQuery, Segment};
 use crate::job::{Canonical, Key, Prepared, Submission, Task};
 use crate::json::BadBody;
-use crate::service::NotExtended;
 use crate::study::Kind;
 use fretwork_engine::outcome::Preview;
-use fretwork_engine::request::fault::Fault;
 use fretwork_engine::scenario::{SCHEMA, Scenario, Warning};
 
 /// A valid job body, from a file in `examples/`.
@@ -65,18 +63,6 @@ impl From<BadBody> for Problem {
                 Self::new(&kinds::INVALID_JSON, format!("The body is empty. {advice}"))
             }
             BadBody::Faults(faults) => Self::faults(faults),
-        }
-    }
-}
-
-impl From<NotExtended> for Problem {
-    fn from(why: NotExtended) -> Self {
-        match why {
-            NotExtended::Refused(detail) => {
-                Self::faults(vec![Fault { pointer: "/extends".to_owned(), detail }])
-            }
-            NotExtended::Store(error) => error.into(),
-            NotExtended::Panicked => Self::bug(why),
         }
     }
 }
@@ -198,7 +184,7 @@ pub async fn check(
     _: NoQuery,
     body: Body,
 ) -> Result<Json<Checked>, Problem> {
-    let prepared = app.service.extend(&parse(body, Submission::parse).await?).await?;
+    let prepared = parse(body, Submission::parse).await?.prepared;
     let warnings = prepared.warnings();
     let asked = prepared.asked();
     let excess = app.service.limits().refuse(&prepared).map(|excess| excess.to_string());

@@ -65,30 +65,18 @@ impl TaskKind {
     /// The stored form of a task.
     #[must_use]
     pub fn stored(self, canonical: &impl Serialize) -> String {
-        self.stored_with(canonical, None)
-    }
-
-    /// The stored form of a study whose first `earlier` points an earlier study has.
-    #[must_use]
-    pub fn stored_extending(self, canonical: &impl Serialize, earlier: usize) -> String {
-        self.stored_with(canonical, Some(earlier))
-    }
-
-    fn stored_with(self, canonical: &impl Serialize, earlier: Option<usize>) -> String {
         #[derive(Serialize)]
         struct Stored<'a, T> {
             version: u32,
             #[serde(flatten)]
             task: BTreeMap<&'static str, &'a T>,
-            #[serde(skip_serializing_if = "Option::is_none")]
-            earlier: Option<usize>,
         }
         let version = match self {
             Self::Run => RUN_VERSION,
             Self::Study(_) => STUDY_VERSION,
         };
         let task = BTreeMap::from([(self.member(), canonical)]);
-        json::write(&Stored { version, task, earlier }, 1 << 10)
+        json::write(&Stored { version, task }, 1 << 10)
     }
 }
 
@@ -144,11 +132,6 @@ impl<'a> StoredText<'a> {
     pub(super) fn is_later(&self) -> bool {
         let version = self.0.get("version").map(|text| text.get().parse());
         version.is_some_and(|version| version.map_or(true, |version: u32| version > STUDY_VERSION))
-    }
-
-    /// The number of the first points that an earlier study has; `None` if there are none.
-    pub(super) fn earlier(&self) -> serde_json::Result<Option<usize>> {
-        self.0.get("earlier").map(|text| serde_json::from_str(text.get())).transpose()
     }
 
     /// What it asks for.

@@ -5,7 +5,7 @@ use fretwork_engine::request::fault::Faults;
 use fretwork_engine::request::fields::Given;
 use serde_json::Value;
 
-use super::{Key, Prepared, TaskKind};
+use super::{Prepared, TaskKind};
 use crate::json::{BadBody, Distinct, both, read_body};
 
 /// Longest label in characters.
@@ -17,7 +17,7 @@ pub const MAX_TAG: usize = 50;
 /// Longest submitted scenario that is stored, in bytes of compact JSON.
 pub const MAX_SUBMITTED: usize = 64 << 10;
 
-/// A valid job body: `{"scenario": {…}, "label"?, "tags"?}`, or a study in place of the scenario, with `extends`?.
+/// A valid job body: `{"scenario": {…}, "label"?, "tags"?}`, or a study in place of the scenario.
 #[derive(Debug, Clone)]
 pub struct Submission {
     /// What to compute.
@@ -25,8 +25,6 @@ pub struct Submission {
     /// The scenario or study with the members and units of the client, as compact JSON; `None` if it is longer than
     /// [`MAX_SUBMITTED`].
     pub submitted: Option<String>,
-    /// The key of the result whose rows the study takes over. Whether it can is not checked yet.
-    pub extends: Option<Key>,
     /// A title for people.
     pub label: Option<String>,
     /// Words to find the job by.
@@ -48,12 +46,10 @@ impl Submission {
             Envelope::deserialize_from_value(body.into_value(), ValuePointerRef::Origin);
         let (kind, asked) = asked;
         let submitted = Some(asked.to_string()).filter(|text| text.len() <= MAX_SUBMITTED);
-        let (Envelope { label, tags, extends }, prepared) =
-            both(envelope, Prepared::read(kind, asked))?;
+        let (Envelope { label, tags }, prepared) = both(envelope, Prepared::read(kind, asked))?;
         Ok(Self {
             prepared,
             submitted,
-            extends: extends.0.map(|extends| extends.0),
             label: label.0.map(|label| label.0),
             tags: tags.0.map_or_else(Vec::new, |Distinct(tags)| {
                 tags.into_iter().map(|tag| tag.0).collect()
@@ -94,25 +90,6 @@ struct Envelope {
     label: Given<Text<MAX_LABEL>>,
     #[deserr(default)]
     tags: Given<Distinct<Text<MAX_TAG>, MAX_TAGS>>,
-    #[deserr(default)]
-    extends: Given<KeyText>,
-}
-
-/// The key of a result, as text.
-struct KeyText(Key);
-
-impl Deserr<Faults> for KeyText {
-    fn deserialize_from_value<V: IntoValue>(
-        value: deserr::Value<V>,
-        location: ValuePointerRef<'_>,
-    ) -> Result<Self, Faults> {
-        let text: String = String::deserialize_from_value(value, location)?;
-        let key = text.parse().map_err(|_| {
-            let detail = "must be the key of an earlier sweep: 64 lower-case hexadecimal digits";
-            Faults::at(location, detail)
-        })?;
-        Ok(Self(key))
-    }
 }
 
 /// A text of 1 to `N` characters, none of them a control character.

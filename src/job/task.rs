@@ -144,7 +144,7 @@ impl Prepared {
             TaskKind::Study(study) => {
                 let prefix = format!("/{}", study.name());
                 let study = Study::read(study, asked).map_err(|faults| faults.below(&prefix))?;
-                Ok(Self::of_study(study))
+                Ok(Self::new(Task::Study(Arc::new(study)), Vec::new()))
             }
         }
     }
@@ -158,10 +158,6 @@ impl Prepared {
         Ok(Self::new(Task::Run(Arc::new((scenario, case))), warnings))
     }
 
-    fn of_study(study: Study) -> Self {
-        Self::new(Task::Study(Arc::new(study)), Vec::new())
-    }
-
     fn new(task: Task, submission_warnings: Vec<Warning>) -> Self {
         let kind = task.kind();
         let (key, stored, seconds) = match &task {
@@ -171,11 +167,7 @@ impl Prepared {
             }
             Task::Study(study) => {
                 let canonical = study.canonical();
-                let stored = match study.earlier() {
-                    0 => kind.stored(canonical),
-                    earlier => kind.stored_extending(canonical, earlier),
-                };
-                (kind.key(ENGINE.numerics, canonical), stored, study.seconds())
+                (kind.key(ENGINE.numerics, canonical), kind.stored(canonical), study.seconds())
             }
         };
         Self { key, stored: stored.into(), seconds, submission_warnings, task }
@@ -200,21 +192,7 @@ impl Prepared {
         if prepared.key != *key {
             return Err("it was stored for another version of the engine".to_owned());
         }
-        match stored.earlier().map_err(|error| error.to_string())? {
-            None => Ok(prepared),
-            Some(points) => prepared.with_earlier(points),
-        }
-    }
-
-    /// The same study, whose first points an earlier one has.
-    fn with_earlier(self, points: usize) -> Result<Self, String> {
-        match self.task {
-            Task::Study(study) if (1..study.points()).contains(&points) => {
-                let study = Arc::into_inner(study).ok_or("another thread uses the study")?;
-                Ok(Self::of_study(study.extending(points)))
-            }
-            _ => Err("it extends a study that it cannot extend".to_owned()),
-        }
+        Ok(prepared)
     }
 
     /// The number of chunks into which workers divide it; `None` if one worker computes all.

@@ -2,7 +2,6 @@
 //! command line call this room.
 
 mod evaluate;
-mod extend;
 mod jobs;
 mod limits;
 mod places;
@@ -25,7 +24,6 @@ use crate::job::Begin;
 use crate::store::{AuditEntry, Error, FileSizes, Store, Tally};
 
 pub use evaluate::{LARGEST_EVALUATION, LONGEST_EVALUATION, NotEvaluated};
-pub use extend::NotExtended;
 pub use limits::{Excess, WorkLimits};
 pub use submit::{Accepted, Refusal, Terms};
 pub use turns::{LONGEST_CALL, MAX_CALL, Unable};

@@ -56,14 +56,13 @@ impl ShortRuns {
         Self { store, begin, entrance, places, known, flights: Mutex::default() }
     }
 
-    /// Whether a submission is computed here. A repetition must find its first job in the tables, a new run must not
-    /// overtake queued ones, and the chunks of a study may have rows of an earlier result.
+    /// Whether a submission is computed here. A repetition must find its first job in the tables, and a new run must not
+    /// overtake queued ones.
     pub fn suits(&self, job: &NewJob, prepared: &Prepared) -> bool {
         prepared.seconds < SHORT
             && job.repeatable.is_none()
             && job.admission == Admission::NewRun
             && !job.afresh
-            && job.chunks.is_none()
             && self.store.tally().queued() == 0
     }
 

@@ -77,7 +77,7 @@ impl Service {
         if self.is_draining() {
             return Err(Refusal::Draining);
         }
-        let Submission { prepared, submitted, label, tags, extends: _ } = submission;
+        let Submission { prepared, submitted, label, tags } = submission;
         let excess = self.0.limits.refuse(&prepared);
         let new = NewJob {
             id: JobId::generate(),

@@ -6,7 +6,6 @@
 mod compute;
 
 use std::any::Any;
-use std::collections::HashSet;
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex};
@@ -70,8 +69,7 @@ impl Workers {
     ) -> io::Result<Self> {
         let (order, orders) = watch::channel(WorkerOrder::Work);
         let (living, alive) = mpsc::channel(1);
-        let (studies, without_earlier, assembling) =
-            (Arc::default(), Arc::default(), Arc::default());
+        let (studies, assembling) = (Arc::default(), Arc::default());
         let start = |number| {
             let mut worker = Worker {
                 store: store.clone(),
@@ -80,7 +78,6 @@ impl Workers {
                 orders: orders.clone(),
                 runtime: Handle::current(),
                 studies: Arc::clone(&studies),
-                without_earlier: Arc::clone(&without_earlier),
                 assembling: Arc::clone(&assembling),
                 _living: living.clone(),
             };
@@ -125,8 +122,6 @@ struct Worker {
     orders: watch::Receiver<WorkerOrder>,
     runtime: Handle,
     studies: Arc<Studies>,
-    /// The runs that extend a result which cannot be read.
-    without_earlier: Arc<Mutex<HashSet<RunId>>>,
     /// Held while a result is made from chunks, because a large one takes much memory.
     assembling: Arc<Mutex<()>>,
     _living: mpsc::Sender<()>,
@@ -138,8 +133,6 @@ enum Made {
     Answer(Answer, Cost),
     /// The rows of a chunk.
     Rows(Vec<u8>, Cost),
-    /// The rows of the first chunks, from the result of an earlier study.
-    FirstRows(Vec<Vec<u8>>, Cost),
 }
 
 /// Why a worker has computed nothing.
@@ -267,9 +260,6 @@ impl Worker {
                 self.store.finish(claimed, answer, *cost).await? != Finish::Refused
             }
             Ok(Made::Rows(rows, cost)) => self.store.finish_chunk(claimed, rows, *cost).await?,
-            Ok(Made::FirstRows(first, cost)) => {
-                self.store.finish_first_chunks(claimed, first, *cost).await?
-            }
             Err(NotMade::Failed(kind, message)) => {
                 tracing::error!(%kind, message, "a run failed");
                 self.store.fail(claimed, *kind, message).await?

@@ -74,40 +74,25 @@ pub(super) struct Claim {
 pub(super) struct FinishedChunk {
     pub(super) claim: Claim,
     pub(super) body: Body,
-    /// The first chunks of the study, if they are known. Those that were never claimed are finished, too.
-    pub(super) first: Vec<Body>,
     pub(super) cost: Cost,
 }
 
 impl FinishedChunk {
+    #[expect(clippy::expect_used, reason = "a chunk must not be lost silently")]
     pub(super) fn new(claimed: &Claimed, bytes: &[u8], cost: Cost) -> Self {
         assert!(matches!(claimed.piece, Piece::Chunk { .. }), "{:?} is no chunk", claimed.piece);
-        Self { claim: claimed.claim(), body: pack(bytes), first: Vec::new(), cost }
+        let body = Body::pack(bytes).expect("any bytes can be compressed");
+        Self { claim: claimed.claim(), body, cost }
     }
-
-    /// The claimed chunk is one of the first ones.
-    pub(super) fn with_first(claimed: &Claimed, first: &[Vec<u8>], cost: Cost) -> Self {
-        let Piece::Chunk { number, of } = claimed.piece else {
-            unreachable!("{:?} is no chunk", claimed.piece)
-        };
-        assert!(first.len() <= of as usize, "{} of {of} chunks", first.len());
-        let first: Vec<Body> = first.iter().map(|bytes| pack(bytes)).collect();
-        Self { claim: claimed.claim(), body: first[number as usize].clone(), first, cost }
-    }
-}
-
-#[expect(clippy::expect_used, reason = "a chunk must not be lost silently")]
-fn pack(bytes: &[u8]) -> Body {
-    Body::pack(bytes).expect("any bytes can be compressed")
 }
 
 /// Number of steps in which the progress of a study is stored. Each step wakes its listeners.
 const STEPS: u64 = 200;
 
-/// Whether the progress of a study of this many chunks reaches another step.
-pub(super) fn is_step(before: u32, done: u32, chunks: u32) -> bool {
+/// Whether the last of `done` finished chunks takes the progress of a study to another step.
+pub(super) fn is_step(done: u32, chunks: u32) -> bool {
     let step = |done: u32| u64::from(done) * STEPS / u64::from(chunks);
-    step(done) != step(before)
+    step(done) != step(done - 1)
 }
 
 /// Reads the columns `wall` and `cpu`, in seconds.

@@ -181,13 +181,11 @@ pub struct Known {
     pub numerics: u32,
     /// Whether the body is stored.
     pub held: bool,
-    /// Whether it was imported. Only a sample of its numbers was computed again.
-    pub imported: bool,
 }
 
 /// Reads what [`Known`] contains, of the key $1.
 pub(super) const KNOWN: &str = "
-    SELECT task, summary, numerics, evicted IS NULL AS held, imported IS NOT NULL AS imported
+    SELECT task, summary, numerics, evicted IS NULL AS held
     FROM result JOIN result_task USING (key)
     LEFT JOIN program ON program.id = result.program WHERE result.key = $1";
 
@@ -201,8 +199,7 @@ impl Known {
             None => numerics_of(key, &asked),
         };
         let summary = row::json(row.get("summary")?).map_err(|_| damaged())?;
-        let (held, imported) = (row.get("held")?, row.get("imported")?);
-        Ok(Self { asked, summary, numerics, held, imported })
+        Ok(Self { asked, summary, numerics, held: row.get("held")? })
     }
 }
 

@@ -140,21 +140,6 @@ impl Store {
         each!(self, db => db.finish_chunk(finished).await)
     }
 
-    /// Stores what is known of the first chunks of a study. Finishes the claimed chunk, which is one of them, and those of them
-    /// that were never claimed. Returns false if the worker has lost its chunk.
-    ///
-    /// # Panics
-    /// The worker has not claimed one of these chunks, or there is no memory for the compressor.
-    pub async fn finish_first_chunks(
-        &self,
-        claimed: &Claimed,
-        first: &[Vec<u8>],
-        cost: Cost,
-    ) -> Result<bool, Error> {
-        let finished = FinishedChunk::with_first(claimed, first, cost);
-        each!(self, db => db.finish_chunk(finished).await)
-    }
-
     /// What was stored for a finished chunk. Returns `None` if the study has ended.
     pub async fn chunk(&self, claimed: &Claimed, number: u32) -> Result<Option<Bytes>, Error> {
         let found = each!(self, db => db.chunk(claimed.run, number).await)?;

@@ -1,14 +1,14 @@
 //! Designs: which values a study gives to the numbers that it varies.
 //!
-//! | design | points | can be extended |
-//! |---|---|---|
-//! | grid | all combinations of the listed values | no |
-//! | zip | the first values of all lists, the second values, and so on | yes |
-//! | Latin hypercube | random, stratified in every dimension | no |
-//! | Sobol | quasi-random, see [`sobol`] | yes |
+//! | design | points |
+//! |---|---|
+//! | grid | all combinations of the listed values |
+//! | zip | the first values of all lists, the second values, and so on |
+//! | Latin hypercube | random, stratified in every dimension |
+//! | Sobol | quasi-random, see [`sobol`] |
 //!
-//! Point i is computed from the design and i alone. So a chunk of a study does not need the chunks before it. If a
-//! design can be extended, a larger design with the same seed begins with the same points.
+//! Point i is computed from the design and i alone. So a chunk of a study does not need the chunks before it. A larger
+//! Sobol design with the same seed begins with the same points.
 //!
 //! # Units
 //! The values of a member have its unit.

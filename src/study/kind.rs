@@ -76,10 +76,8 @@ pub struct Study {
     canonical: Value,
     problem: Problem,
     plan: Plan,
-    /// Estimated processor time of all points.
+    /// Estimated processor time.
     seconds: f64,
-    /// The number of the first points whose rows an earlier study has.
-    earlier: usize,
 }
 
 /// Which points a study has, and what it makes of their rows.
@@ -147,25 +145,9 @@ impl Study {
         let Read { complete, problem, plan } = kind.read(canonical(complete.into()))?;
         let mut canonical = Value::Object(complete);
         canonical.sort_all_objects();
-        let mut study = Self { kind, canonical, problem, plan, seconds: 0.0, earlier: 0 };
+        let mut study = Self { kind, canonical, problem, plan, seconds: 0.0 };
         study.seconds = study.estimate();
         Ok(study)
-    }
-
-    /// The same study, whose first `earlier` points an earlier one has. Its chunks separate them from the new points.
-    ///
-    /// # Panics
-    /// The study has no more points, or the earlier one has none.
-    #[must_use]
-    pub fn extending(self, earlier: usize) -> Self {
-        assert!((1..self.points()).contains(&earlier), "{earlier} of {} points", self.points());
-        Self { earlier, ..self }
-    }
-
-    /// The number of the first points whose rows an earlier study has.
-    #[must_use]
-    pub fn earlier(&self) -> usize {
-        self.earlier
     }
 
     /// The mean of the estimates for some points, times the number of all points.
@@ -255,10 +237,10 @@ impl Study {
         }
     }
 
-    /// Estimated processor time, in seconds. The rows of an earlier study take none.
+    /// Estimated processor time, in seconds.
     #[must_use]
     pub fn seconds(&self) -> f64 {
-        self.seconds * (self.points() - self.earlier) as f64 / self.points() as f64
+        self.seconds
     }
 
     /// The largest possible size of the document, in bytes.
@@ -294,10 +276,10 @@ impl Study {
         size_of::<Self>() + 8 * self.problem.members.len() * LISTED.min(self.points()) + contacts
     }
 
-    /// How many chunks of about 50 ms the study has. A study that extends another one has at least two.
+    /// How many chunks of about 50 ms the study has.
     #[must_use]
     pub fn chunks(&self) -> usize {
-        let least = self.points().div_ceil(MAX_CHUNK).max(1 + self.earlier.min(1));
+        let least = self.points().div_ceil(MAX_CHUNK);
         ((self.seconds / CHUNK).ceil() as usize).clamp(least, self.points())
     }
 

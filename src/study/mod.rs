@@ -3,7 +3,6 @@
 
 mod bootstrap;
 mod evaluation;
-mod extension;
 mod findings;
 mod jacobian;
 mod judge;
@@ -28,7 +27,6 @@ pub mod morris;
 
 pub use bootstrap::{Bootstrap, Estimate};
 pub use evaluation::{Evaluated, Evaluation};
-pub use extension::Division;
 pub use jacobian::{Entry, Jacobian};
 pub use kind::{Column, Kind, Study};
 pub use member::Member;

@@ -4,7 +4,6 @@ use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
-use super::extension::Division;
 use super::kind::Study;
 use super::problem::{Lack, Running};
 use super::rows::Rows;
@@ -27,10 +26,11 @@ impl Points {
         Self::chunk(study, 0, 1)
     }
 
-    /// Chunk number `number` of `chunks`.
+    /// Chunk number `number` of `chunks` of about the same size.
     #[must_use]
     pub fn chunk(study: Arc<Study>, number: usize, chunks: usize) -> Self {
-        let points = Division::new(&study, chunks).points_of(number);
+        let start = |number| number * study.points() / chunks;
+        let points = start(number)..start(number + 1);
         Self { study, all: points.len(), rest: points, running: None, rows: Rows::default() }
     }
 

@@ -10,7 +10,7 @@ use serde_json::{Map, Value};
 
 use super::member::Member;
 use super::output::{NoValue, Output, OutputName};
-use super::profile::{CommonProfiles, NoProfiles};
+use super::profile::CommonProfiles;
 use super::vary::{self, Varied};
 use crate::json::Distinct;
 
@@ -178,18 +178,6 @@ impl Problem {
             }
         });
         Found { outputs: outputs.collect(), profiles: self.no_profiles(), lack }
-    }
-
-    /// What the `reason` of a row says. Only the reason why an output has no value begins with the name of that output.
-    pub(super) fn lack(&self, reason: String) -> Lack {
-        let names = |output: &Output| {
-            reason.strip_prefix(output.name()).is_some_and(|rest| rest.starts_with(": "))
-        };
-        if self.outputs.iter().any(names) || reason == NoProfiles.to_string() {
-            Lack::Incomplete(reason)
-        } else {
-            Lack::Refused(reason)
-        }
     }
 
     /// A point without outputs.

@@ -29,30 +29,25 @@ pub struct Rows {
 impl Rows {
     /// Adds the row of a point.
     pub fn push(&mut self, values: &[f64], found: &Found) {
-        let lack = found.lack.as_ref();
-        let reason = lack.map(|(Lack::Refused(reason) | Lack::Incomplete(reason))| reason);
+        let reason = found.lack.as_ref().map(|lack| match lack {
+            Lack::Refused(reason) => {
+                self.refused += 1;
+                reason
+            }
+            Lack::Incomplete(reason) => {
+                self.incomplete += 1;
+                reason
+            }
+        });
         let values = values.iter().map(|value| json::write(value, NUMBER));
         let outputs = found.outputs.iter().map(|output| json::write(output, NUMBER));
         let curves = found.profiles.iter().map(|curve| json::write(curve, NUMBER * curve.len()));
         let reason = iter::once_with(|| written(reason));
-        self.push_cells(values.chain(outputs).chain(reason).chain(curves), lack);
-    }
-
-    /// Adds a row whose cells are JSON.
-    pub fn push_cells(
-        &mut self,
-        cells: impl Iterator<Item = impl AsRef<str>>,
-        lack: Option<&Lack>,
-    ) {
-        match lack {
-            Some(Lack::Refused(_)) => self.refused += 1,
-            Some(Lack::Incomplete(_)) => self.incomplete += 1,
-            None => {}
-        }
+        let cells = values.chain(outputs).chain(reason).chain(curves);
         self.columns.resize_with(self.columns.len().max(cells.size_hint().0), String::new);
         self.count += 1;
         for (column, cell) in self.columns.iter_mut().zip(cells) {
-            extend(column, cell.as_ref());
+            extend(column, &cell);
         }
     }
 

@@ -47,9 +47,7 @@ on_both! {
     a_study_fails_after_three_crashes_during_the_same_chunk,
     a_study_fails_after_three_crashes_without_a_finished_chunk,
     studies_share_the_workers_and_a_run_waits_for_one_piece_of_each_owner,
-    known_first_chunks_are_finished_at_once_and_survive_a_crash,
-    a_cancelled_study_takes_no_first_chunks,
-    known_first_chunks_agree_with_all_other_verbs_in_random_order,
+    the_verbs_of_chunks_agree_in_random_order,
     chunks_are_deleted_after_their_study_has_ended,
     a_damaged_chunk_is_reported,
 }
@@ -229,52 +227,8 @@ async fn studies_share_the_workers_and_a_run_waits_for_one_piece_of_each_owner(o
     assert!(next.contains(&key(3)) && next.contains(&key(4)), "{next:?}");
 }
 
-/// The first chunks of a study, as an earlier one has them.
-fn first(count: u8) -> Vec<Vec<u8>> {
-    (0..count).map(|number| vec![number; 100]).collect()
-}
-
-async fn known_first_chunks_are_finished_at_once_and_survive_a_crash(on: Engine) {
-    let (db, store) = Database::fresh(on).await;
-    let submitted = accepted(store.submit(study(1, 8)).await);
-    let (one, two) = (claim_chunk(&store, 0).await, claim_chunk(&store, 1).await);
-    assert!(store.finish_first_chunks(&two, &first(6), Cost::ZERO).await.unwrap());
-    assert!(!store.finish_first_chunks(&two, &first(6), Cost::ZERO).await.unwrap(), "it is done");
-    assert_eq!(job(&store, submitted.id).await.progress.to_bits(), (5.0_f64 / 8.0).to_bits());
-    // Another worker still has chunk 0, and the next one is that after the known ones.
-    let new = claim_chunk(&store, 6).await;
-    let (db, store) = db.after_a_crash().await;
-    assert_eq!(store.recover().await.unwrap().requeued, 2);
-    assert!(!finish_chunk(&store, &one).await && !finish_chunk(&store, &new).await);
-    for number in [7, 0, 6] {
-        let claimed = claim_chunk(&store, number).await;
-        let stored = match number {
-            0 => store.finish_first_chunks(&claimed, &first(6), Cost::ZERO).await.unwrap(),
-            _ => finish_chunk(&store, &claimed).await,
-        };
-        assert!(stored, "chunk {number}");
-    }
-    let assembly = claim(&store).await;
-    assert_eq!(assembly.piece, Piece::Assembly { of: 8 });
-    for (number, bytes) in (0..).zip(first(6)) {
-        assert_eq!(store.chunk(&assembly, number).await.unwrap().unwrap(), bytes);
-    }
-    assert_eq!(store.chunk(&assembly, 7).await.unwrap().as_deref(), Some(&b"1,2"[..]));
-    drop(db);
-}
-
-async fn a_cancelled_study_takes_no_first_chunks(on: Engine) {
-    let (db, store) = Database::fresh(on).await;
-    let submitted = accepted(store.submit(study(1, 8)).await);
-    let claimed = claim_chunk(&store, 0).await;
-    cancel(&store, submitted.id).await;
-    assert!(!store.finish_first_chunks(&claimed, &first(6), Cost::ZERO).await.unwrap());
-    assert!(store.claim().await.unwrap().is_none());
-    assert_eq!(db.count("SELECT count(*) FROM chunk WHERE state = 'done'").await, 0);
-}
-
 /// Claims, finishes, releases and loses chunks at random, also many at once.
-async fn known_first_chunks_agree_with_all_other_verbs_in_random_order(on: Engine) {
+async fn the_verbs_of_chunks_agree_in_random_order(on: Engine) {
     for seed in 0..20_u64 {
         let stream = fretwork::random::Stream::new(seed);
         let mut draws = 0;
@@ -283,8 +237,7 @@ async fn known_first_chunks_agree_with_all_other_verbs_in_random_order(on: Engin
             stream.below(draws, below)
         };
         let (mut db, mut store) = Database::fresh(on).await;
-        let (chunks, known) = (2 + draw(12) as u32, 1 + draw(9) as u8);
-        let known = known.min(chunks as u8 - 1);
+        let chunks = 2 + draw(12) as u32;
         let submitted = accepted(store.submit(study(1, chunks)).await);
         let mut working: Vec<Claimed> = Vec::new();
         let assembly = loop {
@@ -316,9 +269,6 @@ async fn known_first_chunks_agree_with_all_other_verbs_in_random_order(on: Engin
             let Piece::Chunk { number, .. } = claimed.piece else { panic!("{claimed:?}") };
             let accepted = match draw(3) {
                 0 => store.release(&claimed).await.unwrap(),
-                _ if number < known.into() => {
-                    store.finish_first_chunks(&claimed, &first(known), Cost::ZERO).await.unwrap()
-                }
                 _ => store.finish_chunk(&claimed, &[number as u8; 100], Cost::ZERO).await.unwrap(),
             };
             assert!(accepted, "seed {seed}, chunk {number}");

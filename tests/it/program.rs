@@ -138,12 +138,6 @@ fn faults_of_a_file_are_printed_one_per_line() {
     ];
     assert_eq!(pointers, expected);
 
-    let extending =
-        http::EXAMPLES[0].body.replacen('{', &format!("{{\"extends\": \"{}\",", "0".repeat(64)), 1);
-    let output = run(&["run", "-"], &extending);
-    assert_eq!(output.status.code(), Some(2));
-    let message = text(&output.stderr);
-    assert!(message.starts_with("/extends: names a result of a server"), "{message}");
     let output = run(&["run", "-"], "{\"scenario\": ");
     assert_eq!(output.status.code(), Some(2));
     assert!(text(&output.stderr).contains("line 1"), "{}", text(&output.stderr));

@@ -8,9 +8,9 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use fretwork::http::{Limits, Settings};
-use fretwork::job::{Answer, Cost, Submission, Task};
-use fretwork::service::{Terms, WorkLimits};
-use fretwork::store::{Actor, Answered, NewJob, Options, Role, import};
+use fretwork::job::Task;
+use fretwork::service::WorkLimits;
+use fretwork::store::{Options, Role, import};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
@@ -18,7 +18,7 @@ use crate::access::{self, ask, get, made};
 use crate::kill::Program;
 use crate::moving::{assert_refused, export_all, open_file, quiet, replace_body};
 use crate::server::{JSON, Reply, Server, send, steel_ball};
-use crate::store::{crash, new_job, raw};
+use crate::store::{crash, raw};
 
 /// A sweep of the steel ball by the simplified rule: friction × amplitude, 2 × 3 points.
 pub fn sweep() -> Value {
@@ -519,15 +519,10 @@ async fn chunks_done(dir: &Path) -> HashMap<i64, i64> {
     rows.into_iter().collect()
 }
 
-/// Kills the server each time it stores another part of the study. Returns the last server, and the progress at the last kill.
-async fn kill_after_each_step(
-    dir: &Path,
-    mut server: Program,
-    job: &Value,
-    kills: usize,
-) -> (Program, f64) {
+/// Kills the server ten times, each time it has stored another part of the study. Returns the last server.
+async fn kill_after_each_step(dir: &Path, mut server: Program, job: &Value) -> Program {
     let (mut progress, mut done) = (0.0, HashMap::new());
-    for _ in 0..kills {
+    for _ in 0..10 {
         let shown = loop {
             let job = server.get(job["links"]["self"].as_str().unwrap()).await.json();
             let shown = job["progress"].as_f64().unwrap();
@@ -545,7 +540,7 @@ async fn kill_after_each_step(
         server = Program::start(dir, "2");
     }
     assert!(progress < 1.0, "the study was finished before the last kill");
-    (server, progress)
+    server
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -557,7 +552,7 @@ async fn a_study_goes_on_after_each_of_ten_kills() {
         let dir = TempDir::new().unwrap();
         let server = Program::start(dir.path(), "2");
         let job = submitted(&server, &body).await;
-        let (server, _) = kill_after_each_step(dir.path(), server, &job, 10).await;
+        let server = kill_after_each_step(dir.path(), server, &job).await;
         let job = server.ended(job["id"].as_str().unwrap()).await;
         assert_eq!((&job["state"], &job["attempt"]), (&json!("succeeded"), &json!(1)), "{job}");
         let interrupted = server.result(&job).await;
@@ -586,185 +581,4 @@ async fn a_cancelled_study_stops_using_the_processor() {
     tokio::time::sleep(Duration::from_millis(500)).await;
     let used = processor_time(server.child.id()).checked_sub(before).unwrap();
     assert!(used < Duration::from_millis(100), "it used {used:?} of 500 ms");
-}
-
-/// A Sobol sweep with refused points. Larger ones begin with the same points.
-fn sobol(samples: u32) -> Value {
-    let mut body = sweep();
-    body["sweep"]["vary"] = json!([
-        {"pointer": "/friction", "from": -0.1, "to": 0.8},
-        {"pointer": "/motion/amplitude", "from": "1 um", "to": "9 um"}]);
-    body["sweep"]["design"] = json!("sobol");
-    body["sweep"]["samples"] = json!(samples);
-    body["sweep"]["outputs"] = json!(["wear_volume", "unworn.stick_radius"]);
-    body
-}
-
-/// The same sweep, which takes over the rows of a result.
-fn extending(samples: u32, key: &str) -> Value {
-    let mut body = sobol(samples);
-    body["extends"] = json!(key);
-    body
-}
-
-/// The document of a sweep that is computed from nothing.
-async fn from_nothing(body: &Value) -> Vec<u8> {
-    let server = Server::start().await;
-    let (key, _) = computed(&server, body).await;
-    server.get(&format!("/v1/results/{key}")).await.body
-}
-
-#[tokio::test(flavor = "multi_thread")]
-async fn an_extended_sweep_has_the_bytes_of_one_from_nothing() {
-    let server = Server::start().await;
-    let (mut key, mut seconds) = (computed(&server, &sobol(10)).await.0, 0.0);
-    for samples in [11, 300, 4000] {
-        let body = extending(samples, &key);
-        let cost = async |body: &Value| {
-            let checked = server.post("/v1/scenarios", body).await.json();
-            (checked["key"].clone(), checked["cost"]["seconds"].as_f64().unwrap())
-        };
-        let ((whole, all), (extended, new)) = (cost(&sobol(samples)).await, cost(&body).await);
-        assert!(whole == extended && new < all, "{new} s instead of {all} s");
-        assert!(new > seconds, "{new} s for more points than in {seconds} s");
-        seconds = new;
-        let (extended, job) = computed(&server, &body).await;
-        assert_eq!((&json!(extended), &job["origin"]), (&whole, &json!("computed")));
-        assert!(job.get("extends").is_none());
-        let found = server.get(&format!("/v1/results/{extended}")).await.body;
-        assert!(found == from_nothing(&sobol(samples)).await, "{samples} points");
-        key = extended;
-    }
-    let (_, job) = computed(&server, &sobol(4000)).await;
-    assert_eq!(job["origin"], "cached");
-}
-
-/// Stores a result without computing it: that of a sweep in which every wear volume is 123 m³.
-async fn store_marked(server: &Server, body: &Value) -> String {
-    let prepared = Submission::parse(body.to_string().as_bytes()).unwrap().prepared;
-    let answer = prepared.compute(|_| ());
-    let text = String::from_utf8(answer.body.to_vec()).unwrap();
-    let (head, rest) = text.split_once("\"wear_volume\":[").unwrap();
-    let (cells, rest) = rest.split_once(']').unwrap();
-    let marked = cells.split(',').map(|cell| if cell == "null" { cell } else { "123.0" });
-    let marked = marked.collect::<Vec<_>>().join(",");
-    let body = format!("{head}\"wear_volume\":[{marked}]{rest}");
-    let answer = Answer { body: body.into(), ..answer };
-    let job = NewJob { key: prepared.key, task: prepared.stored.to_string(), ..new_job(1) };
-    let answered = Answered::new(&answer, Some(Cost::ZERO));
-    server.service.store().record(vec![job], answered, Duration::ZERO).await.unwrap();
-    prepared.key.to_string()
-}
-
-#[tokio::test(flavor = "multi_thread")]
-async fn the_rows_of_an_extended_sweep_are_not_computed_again() {
-    for (earlier, samples) in [(64, 100), (1000, 3000)] {
-        let server = Server::start().await;
-        let key = store_marked(&server, &sobol(earlier)).await;
-        let (extended, _) = computed(&server, &extending(samples, &key)).await;
-        let result = server.get(&format!("/v1/results/{extended}")).await.json();
-        let volumes = result["table"]["wear_volume"].as_array().unwrap();
-        for (row, volume) in volumes.iter().enumerate() {
-            let is_refused = volume.is_null();
-            assert_eq!(*volume == json!(123.0), row < earlier as usize && !is_refused, "row {row}");
-        }
-        assert_eq!(volumes.len(), samples as usize);
-    }
-}
-
-#[tokio::test(flavor = "multi_thread")]
-async fn a_sweep_whose_earlier_result_cannot_be_used_computes_all_points() {
-    let expected = from_nothing(&sobol(3000)).await;
-    let server = Server::start().await;
-    let key = store_marked(&server, &sobol(1000)).await;
-    let address = format!("/v1/results/{key}");
-    assert_eq!(server.send("DELETE", &address, &[], "").await.status, 204);
-    // Its scenario is still known, so the key is accepted.
-    let (extended, _) = computed(&server, &extending(3000, &key)).await;
-    assert!(server.get(&format!("/v1/results/{extended}")).await.body == expected);
-
-    // It is deleted after the submission, before a worker begins.
-    let server = Server::start().await;
-    let key = store_marked(&server, &sobol(1000)).await;
-    let store = server.service.store().clone();
-    let submission = extending(3000, &key).to_string();
-    let mut submission = Submission::parse(submission.as_bytes()).unwrap();
-    submission.prepared = server.service.extend(&submission).await.unwrap();
-    let Task::Study(study) = &submission.prepared.task else { panic!("it is a study") };
-    assert_eq!(study.earlier(), 1000);
-    store.remove(&key.parse().unwrap(), Actor::default()).await.unwrap();
-    let accepted = server.service.submit(submission, Terms::default()).await.unwrap();
-    let job = server.service.wait(accepted.job, Duration::from_mins(1)).await.unwrap();
-    let result = server.get(&format!("/v1/results/{}", job.key)).await;
-    assert!(result.body == expected);
-
-    // Of an imported result, only a sample was computed again.
-    let server = Server::start().await;
-    let key = store_marked(&server, &sobol(1000)).await;
-    let imported = sqlx::query("UPDATE result SET imported = 1, imported_from = 'other.db'");
-    imported.execute(&mut raw(server.dir.path()).await).await.unwrap();
-    let (extended, _) = computed(&server, &extending(3000, &key)).await;
-    assert!(server.get(&format!("/v1/results/{extended}")).await.body == expected);
-}
-
-#[tokio::test(flavor = "multi_thread")]
-async fn an_extended_sweep_goes_on_after_each_of_five_kills() {
-    let dir = TempDir::new().unwrap();
-    let server = Program::start(dir.path(), "2");
-    let job = submitted(&server, &sobol(10_000)).await;
-    let job = server.ended(job["id"].as_str().unwrap()).await;
-    let job = submitted(&server, &extending(60_000, job["key"].as_str().unwrap())).await;
-    let (server, progress) = kill_after_each_step(dir.path(), server, &job, 5).await;
-    assert!(progress > 0.1, "{progress}, but a sixth was known");
-    let job = server.ended(job["id"].as_str().unwrap()).await;
-    assert_eq!((&job["state"], &job["attempt"]), (&json!("succeeded"), &json!(1)), "{job}");
-    let interrupted = server.result(&job).await;
-    server.end();
-    assert!(interrupted == from_nothing(&sobol(60_000)).await);
-}
-
-#[tokio::test(flavor = "multi_thread")]
-async fn a_sweep_that_extends_no_smaller_sobol_sweep_is_refused() {
-    let server = Server::start().await;
-    let (key, _) = computed(&server, &sobol(8)).await;
-    let (run, _) = computed(&server, &steel_ball()).await;
-    let refused = async |body: Value, headers: &[(&str, &str)], words: &str| {
-        for address in ["/v1/jobs", "/v1/scenarios"] {
-            let headers: Vec<_> = [JSON].iter().chain(headers).copied().collect();
-            let reply = server.send("POST", address, &headers, body.to_string()).await;
-            let problem = reply.problem(422, "invalid-request");
-            let fault = &problem["errors"][0];
-            assert_eq!(fault["pointer"], "/extends");
-            let detail = fault["detail"].as_str().unwrap();
-            assert!(detail.contains(words), "{words}: {detail}");
-            if headers.len() > 1 {
-                break;
-            }
-        }
-    };
-    refused(extending(16, "sweep"), &[], "64 lower-case hexadecimal digits").await;
-    refused(extending(16, &"0".repeat(64)), &[], "is the key of no result").await;
-    refused(extending(16, &run), &[], "is the key of a run").await;
-    refused(extending(8, &key), &[], "with 8 samples, but this one has 8").await;
-    let no_cache = [("Cache-Control", "no-cache")];
-    refused(extending(16, &key), &no_cache, "`Cache-Control: no-cache` computes all").await;
-    for (pointer, value) in [
-        ("/sweep/scenario/friction", json!(0.6)),
-        ("/sweep/vary/0/to", json!(0.9)),
-        ("/sweep/design", json!("latin_hypercube")),
-        ("/sweep/seed", json!(1)),
-        ("/sweep/outputs/1", json!("wear_depth")),
-    ] {
-        let mut other = sobol(8);
-        match other.pointer_mut(pointer) {
-            Some(member) => *member = value,
-            None => other["sweep"]["seed"] = value,
-        }
-        let (other, _) = computed(&server, &other).await;
-        refused(extending(16, &other), &[], &format!("first differ at `{pointer}`")).await;
-    }
-    for mut body in [sweep(), steel_ball()] {
-        body["extends"] = json!(key);
-        refused(body, &[], "works only beside a `sweep` with the design `sobol`").await;
-    }
 }

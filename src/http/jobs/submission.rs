@@ -18,7 +18,7 @@ use crate::http::problem::{Problem, kinds};
 use crate::http::scenarios::parse;
 use crate::http::wire::{Freshness, Prefer, Query, ascii, idempotency_key, urgency};
 use crate::job::{Job, JobState, Origin, Submission};
-use crate::service::{Accepted, NotExtended, Refusal, Terms};
+use crate::service::{Accepted, Refusal, Terms};
 use crate::store::Asked;
 
 /// Submits a scenario: computes it, joins the run of another job, or finds the stored result.
@@ -90,12 +90,7 @@ pub async fn submit(
     if app.service.is_draining() {
         return Err(Refusal::Draining.into());
     }
-    let mut submission = parse(body, Submission::parse).await?;
-    if afresh && submission.extends.is_some() {
-        let detail = "takes rows from an earlier result, but `Cache-Control: no-cache` computes all. Remove one of them";
-        return Err(NotExtended::Refused(detail.to_owned()).into());
-    }
-    submission.prepared = app.service.extend(&submission).await?;
+    let submission = parse(body, Submission::parse).await?;
     let mut asked = Asked {
         task: include.scenario.then(|| submission.prepared.stored.to_string()),
         submitted: submission.submitted.clone().filter(|_| include.submitted),

@@ -5,10 +5,10 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use super::{MAX_REFUSALS, Made, NotMade, PAUSE, REPORT, Worker, WorkerOrder};
-use crate::job::{Answer, FailureKind, Prepared, Step, Task, TaskKind, asked_in, extended_key};
+use crate::job::{Answer, FailureKind, Prepared, Step, Task, TaskKind, asked_in};
 use crate::service::stopwatch::Stopwatch;
-use crate::store::{Claimed, Error, Piece, RunId, StoredResult};
-use crate::study::{Division, Points, Rows, Study};
+use crate::store::{Claimed, Error, Piece, RunId};
+use crate::study::{Points, Rows, Study};
 
 /// Largest number of prepared studies that all threads keep together. The owners of studies take turns, so a study that is
 /// not kept is prepared for each of its chunks.
@@ -35,55 +35,14 @@ impl Worker {
     }
 
     fn compute_chunk(&self, claimed: &Claimed, number: u32, of: u32) -> Result<Made, NotMade> {
-        let (study, place, chunks) = (self.study(claimed)?, number as usize, of as usize);
-        if place < Division::new(&study, chunks).earlier_chunks()
-            && let Some(made) = self.earlier(claimed, &study, chunks)?
-        {
-            return Ok(made);
-        }
+        let study = self.study(claimed)?;
         let watch = Stopwatch::start();
-        let mut points = Points::chunk(study, place, chunks);
+        let mut points = Points::chunk(study, number as usize, of as usize);
         let rows = self.drive(claimed, self.limits.study, || match points.step() {
             Some(rows) => Step::Done(rows),
             None => Step::Working { progress: points.progress() },
         })?;
         Ok(Made::Rows(rows.to_bytes(), watch.cost()))
-    }
-
-    /// The first chunks of a study, whose rows are in the result of an earlier study; `None` if that result cannot be read.
-    fn earlier(
-        &self,
-        claimed: &Claimed,
-        study: &Study,
-        chunks: usize,
-    ) -> Result<Option<Made>, NotMade> {
-        let failed = || self.without_earlier.lock().unwrap_or_else(PoisonError::into_inner);
-        let Some(key) = extended_key(study).filter(|_| !failed().contains(&claimed.run)) else {
-            return Ok(None);
-        };
-        let _turn = self.turn(claimed)?;
-        let watch = Stopwatch::start();
-        let is_usable = async || match self.store.known(&key).await {
-            Ok(known) => Ok(Some(known.is_some_and(|known| known.held && !known.imported))),
-            Err(Error::DamagedResult(_)) => Ok(Some(false)),
-            Err(error) => Err(error),
-        };
-        if !self.read(claimed, is_usable)? {
-            failed().insert(claimed.run);
-            return Ok(None);
-        }
-        let result = self.read(claimed, async || match self.store.result(&key).await {
-            Ok(Some(StoredResult::Whole(body))) => Ok(Some(body.json().ok())),
-            Ok(_) | Err(Error::DamagedResult(_)) => Ok(Some(None)),
-            Err(error) => Err(error),
-        })?;
-        let Some(parts) = result.and_then(|document| study.earlier_rows(&document, chunks)) else {
-            failed().insert(claimed.run);
-            tracing::warn!(earlier = %key, "the result of the earlier sweep is damaged; all points are computed");
-            return Ok(None);
-        };
-        let rows = parts.iter().map(Rows::to_bytes).collect();
-        Ok(Some(Made::FirstRows(rows, watch.cost())))
     }
 
     /// Makes the result of a study from its chunks.

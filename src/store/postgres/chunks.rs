@@ -182,7 +182,7 @@ async fn start(tx: &mut Transaction<'_>, run: RunId) -> Result<(), Error> {
 
 async fn finish_chunk(
     tx: &mut Transaction<'_>,
-    FinishedChunk { claim, body, first, cost }: &FinishedChunk,
+    FinishedChunk { claim, body, cost }: &FinishedChunk,
 ) -> Result<bool, Error> {
     let Claim { part: (run, Some(number)), attempt } = *claim else { return Ok(false) };
     let Some(before) = lock(tx, run).await? else { return Ok(false) };
@@ -200,10 +200,7 @@ async fn finish_chunk(
     .fetch_optional(&mut *tx.db)
     .await?;
     let Some(row) = row else { return Ok(false) };
-    let mut after = before;
-    after.running -= 1;
-    after.done += 1;
-    finish_first(tx, run, &mut after, first).await?;
+    let after = Study { running: before.running - 1, done: before.done + 1, ..before };
     sqlx::query("UPDATE study SET lost = 0, wall = wall + $2, cpu = cpu + $3 WHERE run = $1")
         .bind(run.0)
         .bind(cost.wall.as_secs_f64())
@@ -216,35 +213,11 @@ async fn finish_chunk(
     if after.done == after.chunks {
         tx.effects.push(Effect::Queued);
     }
-    let [before, done, chunks] = [before.done, after.done, after.chunks].map(|count| count as u32);
-    if is_step(before, done, chunks) {
+    let [done, chunks] = [after.done, after.chunks].map(|count| count as u32);
+    if is_step(done, chunks) {
         tx.effects.push(Effect::Changed(key(&row, "key")?));
     }
     Ok(true)
-}
-
-/// Finishes those of the first chunks that were never claimed.
-async fn finish_first(
-    tx: &mut Transaction<'_>,
-    run: RunId,
-    study: &mut Study,
-    first: &[Body],
-) -> Result<(), Error> {
-    for body in first.iter().skip(study.next as usize) {
-        sqlx::query(
-            "INSERT INTO chunk (run, number, state, attempt, body, checksum)
-             VALUES ($1, $2, 'done', 1, $3, $4)",
-        )
-        .bind(run.0)
-        .bind(study.next)
-        .bind(&**body.bytes())
-        .bind(body.checksum())
-        .execute(&mut *tx.db)
-        .await?;
-        study.next += 1;
-        study.done += 1;
-    }
-    Ok(())
 }
 
 /// Queues a running piece again. Returns false if the worker has lost it.

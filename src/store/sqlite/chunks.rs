@@ -96,17 +96,17 @@ async fn start(run: RunId, tx: &mut Transaction) -> Result<(), Error> {
 }
 
 async fn finish_chunk(
-    FinishedChunk { claim, body, first, cost }: &FinishedChunk,
+    FinishedChunk { claim, body, cost }: &FinishedChunk,
     tx: &mut Transaction,
 ) -> Result<bool, Error> {
     let Claim { part: (run, Some(number)), attempt } = *claim else { return Ok(false) };
-    let counts: Option<(u32, u32, u32)> = sqlx::query_as(
+    let counts: Option<(u32, u32)> = sqlx::query_as(
         "UPDATE chunk SET state = 'done', body = $4, checksum = $5
          WHERE run = $1 AND number = $2 AND attempt = $3 AND state = 'running'
              AND (SELECT state FROM run WHERE id = $1) = 'running';
          UPDATE study SET wall = wall + $6, cpu = cpu + $7 WHERE run = $1 AND changes() = 1
-         RETURNING chunks, (SELECT max(number) + 1 FROM chunk WHERE chunk.run = $1),
-             (SELECT count(*) FROM chunk WHERE chunk.run = $1 AND state <> 'done')",
+         RETURNING chunks, (SELECT max(number) + 1 FROM chunk WHERE chunk.run = $1)
+             - (SELECT count(*) FROM chunk WHERE chunk.run = $1 AND state <> 'done')",
     )
     .bind(run.0)
     .bind(number)
@@ -117,20 +117,17 @@ async fn finish_chunk(
     .bind(cost.cpu.map(|cpu| cpu.as_secs_f64()))
     .fetch_optional(&mut tx.db)
     .await?;
-    let Some((chunks, next, open)) = counts else { return Ok(false) };
-    let before = next - open - 1;
-    let next = finish_first(run, next, first, tx).await?;
-    let done = next - open;
+    let Some((chunks, done)) = counts else { return Ok(false) };
     sqlx::query("UPDATE run SET lost = 0 WHERE id = ?1 AND lost > 0")
         .bind(run.0)
         .execute(&mut tx.db)
         .await?;
-    tx.queue.done(run, number, next);
+    tx.queue.done(run, number);
     tx.effects.push(Effect::LetGo((run, Some(number))));
     if done == chunks {
         tx.effects.push(Effect::Queued);
     }
-    if is_step(before, done, chunks) {
+    if is_step(done, chunks) {
         let row = sqlx::query("UPDATE run SET progress = ?2 WHERE id = ?1 RETURNING key")
             .bind(run.0)
             .bind(f64::from(done) / f64::from(chunks))
@@ -139,29 +136,6 @@ async fn finish_chunk(
         tx.effects.push(Effect::Changed(key(&row, "key")?));
     }
     Ok(true)
-}
-
-/// Finishes those of the first chunks that were never claimed, which begin with `next`. Returns the first chunk that still
-/// was never claimed.
-async fn finish_first(
-    run: RunId,
-    next: u32,
-    first: &[Body],
-    tx: &mut Transaction,
-) -> Result<u32, Error> {
-    for (number, body) in (0_u32..).zip(first).skip(next as usize) {
-        sqlx::query(
-            "INSERT INTO chunk (run, number, state, attempt, body, checksum)
-             VALUES (?1, ?2, 'done', 1, ?3, ?4)",
-        )
-        .bind(run.0)
-        .bind(number)
-        .bind(&**body.bytes())
-        .bind(body.checksum())
-        .execute(&mut tx.db)
-        .await?;
-    }
-    Ok(next.max(first.len() as u32))
 }
 
 /// Queues a running piece again. Returns false if the worker has lost it.

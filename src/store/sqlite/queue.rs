@@ -206,13 +206,10 @@ impl Queue {
         self.studies.get(&run).is_none_or(|study| study.next == 0)
     }
 
-    /// Ends a running chunk. The chunks before `next` were claimed, or were finished with it.
-    pub(super) fn done(&mut self, run: RunId, number: u32, next: u32) {
+    /// Ends a running chunk.
+    pub(super) fn done(&mut self, run: RunId, number: u32) {
         self.rest((run, Some(number)));
-        self.change(run, |study| {
-            study.running -= 1;
-            study.next = study.next.max(next);
-        });
+        self.change(run, |study| study.running -= 1);
     }
 
     /// Queues a running piece again.
@@ -333,7 +330,7 @@ mod tests {
         std::iter::from_fn(|| {
             let (run, number) = take(queue)?;
             match (number, queue.studies.get(&run)) {
-                (Some(number), Some(study)) if number < study.chunks => queue.done(run, number, 0),
+                (Some(number), Some(study)) if number < study.chunks => queue.done(run, number),
                 _ => queue.end(run),
             }
             Some(run.0)
@@ -458,9 +455,9 @@ mod tests {
         assert_eq!((queue.waiting_of("ada"), queue.waiting_of("bob"), queue.jobs()), (0, 1, 0));
         assert_eq!(queue.next(), Some((study, "bob".into())));
         queue.take((study, Some(0)), "bob".into());
-        queue.done(study, 1, 0);
+        queue.done(study, 1);
         assert_eq!(take(&mut queue), None, "the assembly waits for all chunks");
-        queue.done(study, 0, 0);
+        queue.done(study, 0);
         assert_eq!(take(&mut queue), Some((study, Some(2))));
         queue.end(study);
         assert!(is_empty(&queue));
@@ -477,7 +474,7 @@ mod tests {
         }
         queue.end(RunId(1));
         assert_eq!(queue.working(), 1);
-        queue.done(RunId(1), 0, 0);
+        queue.done(RunId(1), 0);
         queue.end(RunId(2));
         assert!(is_empty(&queue));
     }
