@@ -199,7 +199,7 @@ async fn every_acknowledged_job_is_completed_once_after_a_kill() {
         .await
         .unwrap();
     assert_eq!(interrupted.len(), 1, "one worker computes one run");
-    assert!(unfinished >= JOBS / 2, "only {unfinished} of {JOBS} were unfinished");
+    assert!(unfinished >= JOBS / 10, "only {unfinished} of {JOBS} were unfinished");
 
     let server = Program::start(dir.path(), "1");
     let mut results = HashMap::new();
