@@ -128,6 +128,25 @@ fn the_error_of_a_stick_edge_remains_in_later_blocks() {
     assert_stated(&request, 0.015);
 }
 
+/// The volume was 4 % too small, beside a stated 0.9 %, because the mesh before had wide cells at the stick edge.
+#[test]
+fn a_stick_edge_is_not_known_better_than_the_surface_on_which_its_block_starts() {
+    let blocks = [
+        (1.418e-06, 316),
+        (4.34993e-07, 70180),
+        (1.418e-06, 87),
+        (4.34993e-07, 67331),
+        (1.418e-06, 1219),
+    ];
+    let block = |(amplitude, cycles)| json!({"amplitude": amplitude, "cycles": cycles});
+    let request = contact(&json!({
+        "load": {"normal_force": 20.0, "held": "force"},
+        "motion": {"blocks": blocks.map(block)},
+        "cycles": [137_914],
+    }));
+    assert_stated(&request, 0.1);
+}
+
 /// Just above gross slip under a constant force, the contact sticks again within the first step.
 #[test]
 fn a_block_in_gross_slip_has_its_event_even_if_the_contact_soon_sticks_again() {

@@ -77,12 +77,12 @@ fn paraboloids() -> Vec<(&'static str, Value, u64)> {
         (
             "exact, blocks",
             json!({"model": exact, "load": depth, "motion": blocks, "cycles": cycles}),
-            0x59a9_c21d_809e_046b,
+            0x627b_7e46_8368_b909,
         ),
         (
             "simplified, blocks, force held",
             json!({"load": force, "motion": blocks, "cycles": cycles}),
-            0x4969_0913_4340_5f22,
+            0x62ad_fd8e_014d_8d4e,
         ),
         (
             "exact, reversals",
@@ -111,7 +111,7 @@ fn shapes() -> Vec<(&'static str, Value, u64)> {
             json!({"profile": {"shape": "truncated_cone", "slope_angle": "2 deg",
                                "flat_radius": "20 um"},
                    "motion": {"amplitude": "8 um"}, "model": exact, "load": force}),
-            0x55f3_04cd_e2f9_307c,
+            0xc58e_70ae_5267_5047,
         ),
         (
             "simplified, power",

@@ -52,8 +52,8 @@ const FORGET: (f64, f64) = (0.7, 0.5);
 /// how often it does.
 const SHARES: (f64, f64) = (0.95, 1.05);
 /// A larger difference of the depths is mostly the error of the coarse run, which has few cells in a narrow ring or at
-/// a tip.
-const COARSE: f64 = 0.032;
+/// a tip: in general, and in later blocks.
+const COARSE: (f64, f64) = (0.032, 0.05);
 /// Minimum error estimates, in units of the tolerance of the steps: in general, and for later blocks under a force.
 const LEAST_ERRORS: (f64, f64) = (0.3, 0.6);
 /// Number of cells and tolerance of the coarse run that finds the final position of the stick edge.
@@ -626,7 +626,8 @@ impl March {
             .max(self.fine.edge_error(&worn))
             .max(self.old_edges / worn.volume)
             .max(self.fine.core_error(&worn));
-        let depth = SHARES.1 * depth / (1.0 + depth / COARSE) + self.fine.tip_error(&worn);
+        let coarse = if self.fine.block > 0 { COARSE.1 } else { COARSE.0 };
+        let depth = SHARES.1 * depth / (1.0 + depth / coarse) + self.fine.tip_error(&worn);
         let errors = RunErrors { volume: (SHARES.0 * volume).max(least), depth: depth.max(least) };
         MarchState { worn, errors, worn_by_energy }
     }

@@ -94,6 +94,12 @@ impl Mesh {
         Self { radii, squares, widths, areas, image, pressure, initial, core, inverse }
     }
 
+    /// The width of the cell at a radius.
+    pub(crate) fn width_at(&self, radius: f64) -> f64 {
+        let next = self.radii.partition_point(|r| *r <= radius);
+        self.widths[next.clamp(1, self.widths.len()) - 1]
+    }
+
     /// The mean over cell q of the image of the given wear at the nodes.
     pub(crate) fn image(&self, q: usize, wear: &[f64]) -> f64 {
         products(&self.image[q / GROUP], &wear[1..])[q % GROUP]

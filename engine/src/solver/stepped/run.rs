@@ -82,6 +82,8 @@ pub(super) struct MeshRun {
     blunt: Option<MeshPlan>,
     /// The time at which the present block started.
     block_began: f64,
+    /// The width of the cell in which the mesh before had the present stick edge. It is 0 without wear there.
+    edge_width: f64,
     /// Scar radius and slip amplitude Δ·s at its edge, at the end of each block so far.
     pub(super) block_edges: Vec<(f64, f64)>,
     /// Whether the last step skipped the rest of a block after shakedown.
@@ -182,6 +184,7 @@ impl MeshRun {
             least_stick,
             blunt,
             block_began: 0.0,
+            edge_width: 0.0,
             block_edges: Vec::new(),
             rests: false,
             worn_by_energy: [0.0; 2],
@@ -340,6 +343,9 @@ impl MeshRun {
         let cells = wearing.springs.mesh.widths.len();
         let worn = wearing.worn(&rkc.values);
         let stick = wearing.stick_edge(&rkc.values, &worn);
+        let mesh = &wearing.springs.mesh;
+        let is_worn = stick > mesh.radii[0] && worn.at(stick * stick) > 0.0;
+        self.edge_width = if is_worn { mesh.width_at(stick) } else { 0.0 };
         let grows = stick < self.least_stick;
         self.least_stick = self.least_stick.min(stick);
         let shape = &wearing.contact.shape;
@@ -418,9 +424,8 @@ impl MeshRun {
         {
             return 0.0;
         }
-        let radii = &self.wearing.springs.mesh.radii;
-        let next = radii.partition_point(|r| *r <= worn.stick).clamp(1, radii.len() - 1);
-        let width = radii[next] - radii[next - 1];
+        // The edge is not known better than the surface on which the block has started.
+        let width = self.wearing.springs.mesh.width_at(worn.stick).max(self.edge_width);
         // In the limiting state the core carries the whole load.
         let last = |stick: f64| {
             let depth = self.control.depth_on_core(&contact.shape, stick);
@@ -445,11 +450,10 @@ impl MeshRun {
         if self.blunt.is_none() {
             return BLUNTED;
         }
-        let radii = &self.wearing.springs.mesh.radii;
-        let next = radii.partition_point(|r| *r <= sharp).clamp(1, radii.len() - 1);
+        let width = self.wearing.springs.mesh.width_at(sharp);
         let height = |r: f64| shape.profile(r) - shape.profile(sharp);
         // The height of the profile in one cell, relative to the wear.
-        let ratio = height(sharp + radii[next] - radii[next - 1]) / worn.deepest;
+        let ratio = height(sharp + width) / worn.deepest;
         let share = if sharp > 0.0 { EDGE_AND_TIP.0 } else { EDGE_AND_TIP.1 };
         share * ratio * ratio / ((ratio + RESOLVED) * (1.0 + ratio))
     }
