@@ -10,6 +10,7 @@ use std::process::Command;
 use std::time::Duration;
 
 use fretwork::store::check;
+use futures_util::future::join_all;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 use tokio::time::timeout;
@@ -172,9 +173,10 @@ async fn each_key_was_completed_once(dir: &Path, keys: u32) {
 async fn every_acknowledged_job_is_completed_once_after_a_kill() {
     let dir = TempDir::new().unwrap();
     let server = Program::start(dir.path(), "1");
+    // Many at once, so that the worker cannot keep up with them on a busy machine.
     let mut ids = Vec::new();
-    for number in 0..JOBS {
-        ids.push(server.submit(number).await);
+    for first in (0..JOBS).step_by(20) {
+        ids.extend(join_all((first..first + 20).map(|number| server.submit(number))).await);
     }
     // Wait until a run has just begun, so that the kill interrupts it.
     let before = server.running().await;
@@ -199,7 +201,7 @@ async fn every_acknowledged_job_is_completed_once_after_a_kill() {
         .await
         .unwrap();
     assert_eq!(interrupted.len(), 1, "one worker computes one run");
-    assert!(unfinished >= JOBS / 10, "only {unfinished} of {JOBS} were unfinished");
+    assert!(unfinished >= JOBS / 2, "only {unfinished} of {JOBS} were unfinished");
 
     let server = Program::start(dir.path(), "1");
     let mut results = HashMap::new();
