@@ -4,21 +4,24 @@
 #           read, and name the file in FRETWORK_ADMIN_KEY_FILE, such as /run/secrets/fretwork.
 # Add keys: docker exec <container> fretwork keys add anna --role submit
 # A directory of the host that is mounted at /data must belong to user 10001: chown -R 10001:10001 <directory>
+FROM debian:bookworm-slim AS manifests
+WORKDIR /src
+COPY . .
+RUN find . -type f ! -name 'Cargo.*' ! -path './.cargo/*' -delete
+
 FROM rust:1.95-bookworm AS build
 WORKDIR /src
-# The dependencies have a layer of their own: it is built again only if one of these files changes. Cargo compiles them for
-# empty crates, and forgets these.
-COPY .cargo .cargo
-COPY Cargo.toml Cargo.lock ./
-COPY engine/Cargo.toml engine/
+# The dependencies have a layer of their own: it is built again only if a manifest changes. Cargo compiles them for empty
+# crates, and forgets these.
+COPY --from=manifests /src .
 RUN --mount=type=cache,target=/usr/local/cargo/registry \
-    mkdir -p src benches/service engine/src engine/benches engine/tests \
-    && for file in src/main benches/service/main engine/benches/engine engine/tests/memory; do \
+    for crate in . crates/*; do mkdir -p $crate/src && touch $crate/src/lib.rs; done \
+    && mkdir -p benches/service crates/engine/benches crates/engine/tests \
+    && for file in src/main benches/service/main crates/engine/benches/engine crates/engine/tests/memory; do \
         echo 'fn main() {}' > $file.rs; \
     done \
-    && touch src/lib.rs engine/src/lib.rs \
     && cargo build --release --locked \
-    && cargo clean --release --locked --package fretwork --package fretwork-engine
+    && cargo clean --release --locked --workspace
 COPY . .
 RUN --mount=type=cache,target=/usr/local/cargo/registry \
     cargo build --release --locked

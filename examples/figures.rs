@@ -6,12 +6,12 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use fretwork::plot::{Axis, Dash, Figure, GREY, PALETTE, Series, Sheet, Style};
-use fretwork::verification::volume_over_energy;
 use fretwork_engine::contact::limit::Limit;
 use fretwork_engine::contact::profile::{Shape, kappa};
 use fretwork_engine::outcome::Outcome;
 use fretwork_engine::{scenario, simulation::Simulation};
+use fretwork_plot::{Axis, Dash, Figure, GREY, PALETTE, Series, Sheet, Style};
+use fretwork_verify::volume_over_energy;
 use serde_json::{Value, json};
 
 /// A quarter of the cycles in the captions: of Figure 2, and of Figures 3 and 4.

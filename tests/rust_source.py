@@ -17,9 +17,13 @@ TOKEN = re.compile(
 )
 
 
+# The directories of the sources of all crates.
+SOURCES = [*sorted(ROOT.glob("crates/*/src")), ROOT / "src"]
+
+
 def files():
-    """The Rust files of both crates without their tests and benches."""
-    return sorted([*(ROOT / "src").rglob("*.rs"), *(ROOT / "engine/src").rglob("*.rs")])
+    """The Rust files of all crates without their tests and benches."""
+    return sorted(path for directory in SOURCES for path in directory.rglob("*.rs"))
 
 
 def tokens(source):

@@ -5,9 +5,9 @@ use std::io::{self, Write as _};
 
 use super::printing::{Error, print};
 use crate::config::{AddKey, Data, Keys};
-use crate::job::clock::{self, now};
-use crate::store::{AccessKey, Administration, AuditEntry, NewKey, Place, Role};
 use crate::telemetry::{Announcement, Logging};
+use fretwork_job::clock::{self, now};
+use fretwork_store::{AccessKey, Administration, AuditEntry, NewKey, Place, Role};
 
 /// Adds, lists or revokes access keys.
 pub fn keys(command: Keys) -> Result<(), Error> {

@@ -20,7 +20,7 @@ use fretwork_engine::simulation::model_error;
 use self::printing::{Error, print, print_error};
 use crate::config::{Cli, Command};
 use crate::http;
-use crate::verification::{self, Accuracy};
+use fretwork_verify::{self as verification, Accuracy};
 
 /// The seed of the random scenarios on the verification page.
 const SEED: u64 = 16;

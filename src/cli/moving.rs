@@ -9,8 +9,8 @@ use bytesize::ByteSize;
 
 use super::printing::{Error, print};
 use crate::config::{Backup, Data, Export, Import, Restore};
-use crate::job::clock;
-use crate::store::{self, AccessKey, Administration, Checked, Imported, Saved, Search};
+use fretwork_job::clock;
+use fretwork_store::{self as store, AccessKey, Administration, Checked, Imported, Saved, Search};
 
 /// Time between two lines of progress in a log.
 const LOG_INTERVAL: Duration = Duration::from_secs(10);

@@ -9,7 +9,7 @@ use fretwork_engine::request::fault::Fault;
 
 use super::printing::{Error, print};
 use crate::config::Run;
-use crate::format::Format;
+use fretwork_format::Format;
 
 /// Prints the faults of a body to standard error. Returns the exit code of a body that is not valid.
 pub fn print_faults(faults: &[Fault]) -> ExitCode {

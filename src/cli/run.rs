@@ -13,9 +13,9 @@ use super::output::{print_faults, write_file, write_output};
 use super::printing::{Error, print_error};
 use super::study;
 use crate::config::Run;
-use crate::format::{self, Format, Part, View};
-use crate::job::{Answer, Prepared, Submission, Task, TaskKind};
-use crate::json::BadBody;
+use fretwork_format::{self as format, Format, Part, View};
+use fretwork_job::{Answer, Prepared, Submission, Task, TaskKind};
+use fretwork_json::BadBody;
 
 /// Minimum time between two updates of the progress on a terminal.
 const PROGRESS_INTERVAL: Duration = Duration::from_millis(500);

@@ -20,11 +20,11 @@ use super::signals::ShutdownSignals;
 use super::worker::worker_threads;
 use crate::config::{self, Serve};
 use crate::http::{self, AdminKey};
-use crate::job::Task;
 use crate::service::Service;
 use crate::service::workers::Workers;
-use crate::store::{Place, Recovered, Store};
 use crate::telemetry::{Announcement, Logging};
+use fretwork_job::Task;
+use fretwork_store::{Place, Recovered, Store};
 
 /// How long connections may stay open after the last run has ended. Together with the drain time it is shorter
 /// than the 10 s after which service managers kill a process.

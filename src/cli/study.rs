@@ -7,7 +7,7 @@ use std::thread;
 use std::time::Duration;
 
 use super::printing::Error;
-use crate::study::{Points, Rows, Study};
+use fretwork_study::{Points, Rows, Study};
 
 /// Time between two updates of the progress on a terminal.
 const PROGRESS_INTERVAL: Duration = Duration::from_millis(500);

@@ -11,11 +11,11 @@ use super::printing::Error;
 use super::signals::ShutdownSignals;
 use crate::config::Worker;
 use crate::http;
-use crate::job::Task;
 use crate::service::Service;
 use crate::service::workers::Workers;
-use crate::store::{Options, Place, Store};
 use crate::telemetry::{Announcement, Logging};
+use fretwork_job::Task;
+use fretwork_store::{Options, Place, Store};
 
 /// The number of worker threads: as set, or one per processor.
 pub fn worker_threads(set: Option<u16>) -> usize {

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use crate::store::{DatabaseUrl, Place};
+use fretwork_store::{DatabaseUrl, Place};
 
 /// The database of a command.
 #[derive(Debug, Clone, Args)]

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::data::Data;
-use crate::job::Key;
-use crate::store::Search;
+use fretwork_job::Key;
+use fretwork_store::Search;
 
 /// What the help of `export` shows.
 pub const EXAMPLES: &str = "\

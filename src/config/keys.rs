@@ -8,7 +8,7 @@ use clap::{Args, Subcommand};
 use super::data::Data;
 use super::values::duration;
 use crate::http;
-use crate::store::Role;
+use fretwork_store::Role;
 
 /// What the help of `keys` shows.
 pub const EXAMPLES: &str = "\

@@ -41,8 +41,8 @@ Every option of the server has an environment variable.";
 const VERIFY_EXAMPLES: &str = "\
 Examples:
   fretwork verify > VERIFICATION.md   write the page again
-  fretwork verify --exact-volumes > engine/src/simulation/exact_volumes.csv
-  fretwork verify --random 1000 > src/verification/accuracy.md";
+  fretwork verify --exact-volumes > crates/engine/src/simulation/exact_volumes.csv
+  fretwork verify --random 1000 > crates/verify/src/accuracy.md";
 
 /// Fretting wear of axisymmetric contacts, as a service with a shared result cache.
 ///

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
-use crate::format::{Format, QUANTITIES, Quantity};
+use fretwork_format::{Format, QUANTITIES, Quantity};
 
 /// The settings of `run`.
 #[derive(Debug, Args)]

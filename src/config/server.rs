@@ -21,8 +21,8 @@ use super::data::Data;
 use super::values::{duration, lease, nonzero, resolve, seconds};
 use crate::http::{self, Access, AdminKey, Connections, Limits, Origins, Patience};
 use crate::service::WorkLimits;
-use crate::store::{self, Place};
 use crate::telemetry::Logging;
+use fretwork_store::{self as store, Place};
 
 /// The settings of the server.
 #[derive(Debug, Clone, Args)]

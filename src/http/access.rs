@@ -21,8 +21,8 @@ use super::needs::{Needs, Quota, RouteNeeds};
 use super::problem::{Problem, kinds};
 use super::signed_link::{self, ADMIN, ANYONE, Signer};
 use super::wire::instant;
-use crate::job::clock::now;
-use crate::store::{AccessKey, Actor, Role, Store, digest};
+use fretwork_job::clock::now;
+use fretwork_store::{AccessKey, Actor, Role, Store, digest};
 
 /// Settings of access control.
 #[derive(Debug, Clone, Default)]

@@ -13,7 +13,7 @@ use super::metrics::Metrics;
 use super::models::Models;
 use super::shares::Shares;
 use crate::service::Service;
-use crate::store::Error;
+use fretwork_store::Error;
 
 /// The state of all handlers. axum clones it for each request, so it is one counted reference.
 #[derive(Debug, Clone)]

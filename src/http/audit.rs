@@ -11,7 +11,7 @@ use super::app::App;
 use super::jobs::next_page;
 use super::problem::Problem;
 use super::wire::{Query, instant};
-use crate::store::{Act, AuditEntry as Stored};
+use fretwork_store::{Act, AuditEntry as Stored};
 
 /// Default number of entries on a page.
 const PAGE: u32 = 100;

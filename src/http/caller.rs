@@ -13,7 +13,7 @@ use uuid::Uuid;
 use super::access::Identity;
 use super::admission::network;
 use super::limits::Standing;
-use crate::store::{Actor, Editor, Role};
+use fretwork_store::{Actor, Editor, Role};
 
 /// The address of the client of a request.
 #[derive(Debug, Clone, Copy)]

@@ -14,11 +14,11 @@ use super::caller::Caller;
 use super::library::unknown;
 use super::problem::{Complaint, Problem, kinds};
 use super::wire::{Query, Segment, read_key};
-use crate::job::{ENGINE, Key, TaskKind};
-use crate::json;
 use crate::service::{LONGEST_CALL, MAX_CALL, Unable};
-use crate::study::{Entry, Jacobian, Member, Model, OutputName};
 use fretwork_engine::request::fault::Faults;
+use fretwork_job::{ENGINE, Key, TaskKind};
+use fretwork_json as json;
+use fretwork_study::{Entry, Jacobian, Member, Model, OutputName};
 
 /// Bytes of a derivative in the answer.
 const ENTRY_BYTES: usize = 160;

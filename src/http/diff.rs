@@ -13,12 +13,12 @@ use super::caller::Caller;
 use super::library::read;
 use super::problem::{Problem, kinds};
 use super::wire::NoQuery;
-use crate::job::{Canonical, ENGINE, Key, Outline, Prepared, TaskKind};
-use crate::store::Known;
 use fretwork_engine::outcome::UNITS;
 use fretwork_engine::request::fault::{Fault, Faults};
 use fretwork_engine::request::fields::Given;
 use fretwork_engine::scenario;
+use fretwork_job::{Canonical, ENGINE, Key, Outline, Prepared, TaskKind};
+use fretwork_store::Known;
 
 /// Largest number of parameters that are listed.
 const DIFFERENCES: usize = 200;

@@ -14,9 +14,9 @@ use super::problem::{Problem, kinds};
 use super::scenarios::parse;
 use super::shares::SMALL;
 use super::wire::NoQuery;
-use crate::json;
 use crate::service::{LARGEST_EVALUATION, LONGEST_EVALUATION, NotEvaluated};
-use crate::study::Evaluation;
+use fretwork_json as json;
+use fretwork_study::Evaluation;
 
 /// The address of evaluations.
 pub const PATH: &str = "/v1/evaluate";

@@ -18,8 +18,8 @@ use super::caller::Caller;
 use super::jobs::{JobAnswer, visible};
 use super::problem::Problem;
 use super::wire::{NoQuery, Segment, instant};
-use crate::job::{Job, JobId, JobState};
-use crate::store::Changes;
+use fretwork_job::{Job, JobId, JobState};
+use fretwork_store::Changes;
 
 /// A comment is sent after this time without events, because proxies close silent connections.
 const KEEP_ALIVE: Duration = Duration::from_secs(15);

@@ -3,8 +3,8 @@
 use axum::body::Bytes;
 
 use super::wire::Query;
-use crate::job::asked_in;
-use crate::store::Asked;
+use fretwork_job::asked_in;
+use fretwork_store::Asked;
 
 /// The JSON of an absent value.
 pub const NULL: Bytes = Bytes::from_static(b"null");

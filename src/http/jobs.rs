@@ -14,8 +14,8 @@ use super::caller::Caller;
 use super::include::Include;
 use super::problem::{Complaint, Problem, kinds};
 use super::wire::{NoQuery, Query, Segment};
-use crate::job::{Job, JobId, JobState};
-use crate::store::{Canceled, Deleted, Filter};
+use fretwork_job::{Job, JobId, JobState};
+use fretwork_store::{Canceled, Deleted, Filter};
 
 use answer::answer;
 

@@ -10,7 +10,7 @@ use tokio::sync::Mutex;
 use tokio::time::sleep_until;
 
 use super::limits::{Account, Limits};
-use crate::store::{AccessKey, Actor, Error, Store};
+use fretwork_store::{AccessKey, Actor, Error, Store};
 
 /// Longest time that a revoked key may still be accepted.
 pub const MAX_AGE: Duration = Duration::from_secs(1);

@@ -15,10 +15,10 @@ use super::jobs::next_page;
 use super::problem::{Problem, kinds};
 use super::stored::require;
 use super::wire::{NoQuery, Query, Segment, instant, read_key};
-use crate::job::{Key, SCALARS, WORDS};
-use crate::json::read_body;
-use crate::store::{self, Changed, Listed, Removed, Search};
 use fretwork_engine::request::fault::{Fault, Faults};
+use fretwork_job::{Key, SCALARS, WORDS};
+use fretwork_json::read_body;
+use fretwork_store::{self as store, Changed, Listed, Removed, Search};
 
 /// Default number of results on a page.
 const PAGE: u32 = 50;

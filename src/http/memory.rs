@@ -16,8 +16,8 @@ use tokio::time::sleep;
 
 use super::coding::Coding;
 use super::shares::{Permit, SMALL};
-use crate::job::Key;
-use crate::store::Deletions;
+use fretwork_job::Key;
+use fretwork_store::Deletions;
 
 /// The encoded body of an answer.
 #[derive(Debug, Clone)]

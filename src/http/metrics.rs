@@ -17,8 +17,8 @@ use prometheus_client::registry::{Registry, Unit};
 use super::admission::Admission;
 use super::process;
 use super::shares::Shares;
-use crate::store::{FileSizes, Tally};
 use fretwork_engine::scenario::NUMERICS;
+use fretwork_store::{FileSizes, Tally};
 
 /// The metrics of this process.
 #[derive(Debug)]

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use quick_cache::Weighter;
 use quick_cache::sync::Cache;
 
-use crate::study::Model;
+use fretwork_study::Model;
 
 /// Memory for models, in bytes.
 const MEMORY: u64 = 16 << 20;

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use axum::http::Method;
 
-use crate::store::Role;
+use fretwork_store::Role;
 
 /// A number of calls per minute that a key has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

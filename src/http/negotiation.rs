@@ -4,7 +4,7 @@ use axum::http::header::ACCEPT;
 use axum::http::{HeaderMap, HeaderName};
 
 use super::wire::words;
-use crate::format::Format;
+use fretwork_format::Format;
 
 /// The items of a list header with their weights (RFC 9110, 12.4.2).
 pub fn weighted(headers: &HeaderMap, name: HeaderName) -> Vec<(&str, f64)> {

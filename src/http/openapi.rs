@@ -14,9 +14,9 @@ use super::problem::ProblemDocument;
 use super::scenarios::EXAMPLES;
 use super::schemas;
 use super::signed_link::OPENED;
-use crate::job::Submission;
-use crate::store::Role;
 use fretwork_engine::scenario::SCHEMA;
+use fretwork_job::Submission;
+use fretwork_store::Role;
 
 const DOCUMENT_SCHEMAS: &str = include_str!("documents.schema.json");
 

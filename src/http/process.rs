@@ -3,7 +3,7 @@
 use prometheus_client::metrics::gauge::ConstGauge;
 use prometheus_client::registry::{Registry, Unit};
 
-use crate::job::clock::now;
+use fretwork_job::clock::now;
 
 /// Registers the metrics of this process. Outside Linux, there is only the time of its start.
 pub fn register(registry: &mut Registry) {

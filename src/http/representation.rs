@@ -27,9 +27,9 @@ use super::stored::{
     Need, Reserved, Stored, find, large_json, makers_busy, missing, stored, unpacked,
 };
 use super::wire::{ascii, words};
-use crate::format::{self, Format, Part, View};
-use crate::job::Key;
-use crate::store::{self, Body, StoredResult};
+use fretwork_format::{self as format, Format, Part, View};
+use fretwork_job::Key;
+use fretwork_store::{self as store, Body, StoredResult};
 
 /// A text that may be larger is sent while it is written, if it is not compressed.
 const WHOLE: usize = 32 << 20;

@@ -16,11 +16,11 @@ use super::problem::{Problem, kinds};
 use super::representation::Representation;
 use super::stored::require;
 use super::wire::{NoQuery, Query, Segment, read_key};
-use crate::format::{
+use fretwork_format::{
     FigureOptions, Format, Part, QUANTITIES, Quantity, StudyFigure, StudyOptions, View,
 };
-use crate::job::{Key, TaskKind};
-use crate::store::Changed;
+use fretwork_job::{Key, TaskKind};
+use fretwork_store::Changed;
 
 /// Largest value of `rows`, more than any study has.
 const MAX_ROWS: usize = 10_000_000;

@@ -14,11 +14,11 @@ use super::app::App;
 use super::body::Body;
 use super::problem::{Problem, kinds};
 use super::wire::{NoQuery, Segment};
-use crate::job::{Canonical, Key, Prepared, Submission, Task};
-use crate::json::BadBody;
-use crate::study::Kind;
 use fretwork_engine::outcome::Preview;
 use fretwork_engine::scenario::{SCHEMA, Scenario, Warning};
+use fretwork_job::{Canonical, Key, Prepared, Submission, Task};
+use fretwork_json::BadBody;
+use fretwork_study::Kind;
 
 /// A valid job body, from a file in `examples/`.
 #[derive(Debug)]

@@ -9,10 +9,10 @@ use utoipa::openapi::schema::{
 use utoipa::{PartialSchema, ToSchema};
 
 use super::include::Include as Included;
-use crate::format::{FigureOptions, Part, QUANTITIES, StudyFigure};
-use crate::job;
-use crate::store::{Act as StoredAct, Role as StoredRole};
 use fretwork_engine::outcome::{History, Loops, Profiles};
+use fretwork_format::{FigureOptions, Part, QUANTITIES, StudyFigure};
+use fretwork_job as job;
+use fretwork_store::{Act as StoredAct, Role as StoredRole};
 
 /// Declares types that exist only in the document. `openapi` replaces those whose schema is in a file.
 macro_rules! documented {

@@ -12,7 +12,7 @@ use sha2::Sha256;
 
 use super::problem::{Problem, kinds};
 use super::wire::{instant, read_key};
-use crate::job::{Key, clock};
+use fretwork_job::{Key, clock};
 
 /// The issuer of links that are made with the key from the settings. It is also the owner of its jobs.
 pub const ADMIN: &str = "admin";

@@ -14,8 +14,8 @@ use super::memory::{Encoded, Lookup};
 use super::problem::{Problem, kinds};
 use super::shares::{self, Permit, SMALL, longest_wait};
 use super::wire::instant;
-use crate::job::Key;
-use crate::store::{self, Body, Error, StoredResult};
+use fretwork_job::Key;
+use fretwork_store::{self as store, Body, Error, StoredResult};
 
 /// The problem for an unknown key links to the job that computes it, if the caller may see one. There is none if the
 /// result is stored.

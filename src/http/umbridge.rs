@@ -25,10 +25,10 @@ use super::body::AnyBody;
 use super::caller::Caller;
 use super::needs::Needs;
 use super::problem::{self, Problem};
-use crate::json::{self, BadBody};
 use crate::service::{LONGEST_CALL, MAX_CALL, Unable};
-use crate::study::{Jacobian, Model, Output};
 use fretwork_engine::request::fault::Faults;
+use fretwork_json::{self as json, BadBody};
+use fretwork_study::{Jacobian, Model, Output};
 
 /// The name of the model.
 const NAME: &str = "wear";

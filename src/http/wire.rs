@@ -14,8 +14,8 @@ use axum::http::{HeaderMap, HeaderName, HeaderValue};
 use axum::response::Response;
 
 use super::problem::{Complaint, Problem, kinds};
-use crate::format::Format;
-use crate::job::{BadKey, Key, clock};
+use fretwork_format::Format;
+use fretwork_job::{BadKey, Key, clock};
 
 /// Longest time that a request may wait for a job.
 pub const LONGEST_WAIT: Duration = Duration::from_mins(1);

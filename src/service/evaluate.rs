@@ -6,8 +6,8 @@ use std::time::Duration;
 use super::Service;
 use super::places::{INLINE, INLINE_BYTES, MAX_TIME, SHORT, Unfinished};
 use super::stopwatch::Stopwatch;
-use crate::job::Cost;
-use crate::study::{Evaluated, Evaluation};
+use fretwork_job::Cost;
+use fretwork_study::{Evaluated, Evaluation};
 
 /// Longest answer of an evaluation, in bytes. Writing it takes some milliseconds.
 pub const LARGEST_EVALUATION: usize = 2_000_000;

@@ -8,8 +8,8 @@ use std::time::Duration;
 use tokio::time::sleep;
 
 use super::Service;
-use crate::job::{Job, JobId};
-use crate::store::{Actor, Asked, Canceled, Changes, Deleted, Deletions, Error, Filter, Page};
+use fretwork_job::{Job, JobId};
+use fretwork_store::{Actor, Asked, Canceled, Changes, Deleted, Deletions, Error, Filter, Page};
 
 impl Service {
     /// A job, if it is within reach: if its owner is `reach`, or if `reach` is `None`.

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use fretwork_engine::scenario::MAX_ANSWER;
 
-use crate::job::{Prepared, Task};
+use fretwork_job::{Prepared, Task};
 
 /// What new runs and studies may take.
 #[derive(Debug, Clone, Copy)]

@@ -20,8 +20,8 @@ use std::time::Duration;
 
 use tokio::sync::watch;
 
-use crate::job::Begin;
-use crate::store::{AuditEntry, Error, FileSizes, Store, Tally};
+use fretwork_job::Begin;
+use fretwork_store::{AuditEntry, Error, FileSizes, Store, Tally};
 
 pub use evaluate::{LARGEST_EVALUATION, LONGEST_EVALUATION, NotEvaluated};
 pub use limits::{Excess, WorkLimits};

@@ -1,8 +1,8 @@
 //! Results: find, read, pin, annotate, remove.
 
 use super::Service;
-use crate::job::{JobId, Key, Outline};
-use crate::store::{
+use fretwork_job::{JobId, Key, Outline};
+use fretwork_store::{
     Actor, Changed, Cursor, Editor, Error, Found, Known, Provenance, Removed, Search, StoredResult,
 };
 
@@ -15,7 +15,7 @@ impl Service {
         self.0.store.result(key).await
     }
 
-    /// The result of a key, without its bytes if there are more than [`LARGE`](crate::store::LARGE).
+    /// The result of a key, without its bytes if there are more than [`LARGE`](fretwork_store::LARGE).
     ///
     /// # Errors
     /// As [`Service::result`].

@@ -14,8 +14,8 @@ use tokio::sync::{Semaphore, oneshot};
 
 use super::places::{INLINE, INLINE_BYTES, MAX_TIME, Places, SHORT};
 use super::stopwatch::Stopwatch;
-use crate::job::{Answer, Begin, Job, JobState, Key, Origin, Prepared, Step};
-use crate::store::{Admission, Answered, Error, NewJob, Store, Submitted};
+use fretwork_job::{Answer, Begin, Job, JobState, Key, Origin, Prepared, Step};
+use fretwork_store::{Admission, Answered, Error, NewJob, Store, Submitted};
 
 /// Number of remembered keys.
 const KNOWN: usize = 1 << 14;

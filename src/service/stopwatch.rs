@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use crate::job::Cost;
+use fretwork_job::Cost;
 
 /// Measures on the thread that starts it. Read it on the same thread.
 #[derive(Debug)]

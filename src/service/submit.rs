@@ -6,8 +6,8 @@ use serde_json::json;
 use sha2::{Digest as _, Sha256};
 
 use super::{Excess, Service};
-use crate::job::{Answer, Job, JobId, JobState, Prepared, Submission, asked_in};
-use crate::store::{Admission, Error, NewJob, Repeatable, Submitted};
+use fretwork_job::{Answer, Job, JobId, JobState, Prepared, Submission, asked_in};
+use fretwork_store::{Admission, Error, NewJob, Repeatable, Submitted};
 
 /// How a submission is treated.
 #[derive(Debug, Clone, Default)]

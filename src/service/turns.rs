@@ -8,7 +8,7 @@ use std::time::Duration;
 use super::Service;
 use super::places::{INLINE, Unfinished};
 use super::stopwatch::Stopwatch;
-use crate::job::Cost;
+use fretwork_job::Cost;
 
 /// Longest estimate of a computation that a client waits for.
 pub const LONGEST_CALL: Duration = Duration::from_secs(30);

@@ -6,7 +6,7 @@
 use quick_cache::Weighter;
 use quick_cache::sync::Cache;
 
-use crate::job::{Key, Prepared};
+use fretwork_job::{Key, Prepared};
 
 /// Most bytes that waiting tasks may take.
 const BUDGET: u64 = 32 << 20;

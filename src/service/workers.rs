@@ -16,9 +16,9 @@ use tokio::runtime::Handle;
 use tokio::sync::{mpsc, watch};
 
 use super::WorkLimits;
-use crate::job::{Answer, Cost, FailureKind, Key, Work};
-use crate::store::{Claimed, Error, Finish, RunId, Store};
-use crate::study::Study;
+use fretwork_job::{Answer, Cost, FailureKind, Key, Work};
+use fretwork_store::{Claimed, Error, Finish, RunId, Store};
+use fretwork_study::Study;
 
 /// Begins the work of a run from its key and its stored task.
 pub type Compute = Arc<dyn Fn(&Key, &str) -> Result<Box<dyn Work>, String> + Send + Sync>;

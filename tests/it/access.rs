@@ -10,8 +10,8 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use fretwork::http::{self, Access, AdminKey, Limits, Origins, Settings};
-use fretwork::job::{Begin, Task};
-use fretwork::store::{Administration, NewKey, Options, Place, Role};
+use fretwork_job::{Begin, Task};
+use fretwork_store::{Administration, NewKey, Options, Place, Role};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use fretwork::http::Limits;
-use fretwork::store::{Administration, Role};
+use fretwork_store::{Administration, Role};
 use serde_json::{Value, json};
 use sqlx::Executor as _;
 
@@ -171,7 +171,7 @@ async fn metrics_show_the_time_of_the_last_backup() {
     let server = Server::start().await;
     let time = "fretwork_last_backup_timestamp_seconds";
     assert_eq!(metric(server.address, time).await, 0.0);
-    let began = fretwork::job::clock::now() as f64 / 1e3;
+    let began = fretwork_job::clock::now() as f64 / 1e3;
     let file = server.dir.path().join("backup.db");
     let words =
         ["backup", file.to_str().unwrap(), "--data-dir", server.dir.path().to_str().unwrap()];

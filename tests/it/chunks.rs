@@ -7,8 +7,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
-use fretwork::job::{Cost, FailureKind, JobState, Origin, Submission};
-use fretwork::store::{Actor, Claimed, Deleted, Error, Finish, NewJob, Piece, Recovered, Store};
+use fretwork_job::{Cost, FailureKind, JobState, Origin, Submission};
+use fretwork_store::{Actor, Claimed, Deleted, Error, Finish, NewJob, Piece, Recovered, Store};
 use sqlx::Executor as _;
 use tokio::task::JoinSet;
 
@@ -230,7 +230,7 @@ async fn studies_share_the_workers_and_a_run_waits_for_one_piece_of_each_owner(o
 /// Claims, finishes, releases and loses chunks at random, also many at once.
 async fn the_verbs_of_chunks_agree_in_random_order(on: Engine) {
     for seed in 0..20_u64 {
-        let stream = fretwork::random::Stream::new(seed);
+        let stream = fretwork_random::Stream::new(seed);
         let mut draws = 0;
         let mut draw = |below| {
             draws += 1;

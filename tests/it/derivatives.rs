@@ -57,7 +57,7 @@ async fn closed_derivatives_are_those_of_the_formulas() {
 #[tokio::test(flavor = "multi_thread")]
 async fn stated_errors_cover_the_difference_to_the_independent_solver() {
     let table: Value =
-        serde_json::from_str(include_str!("../../engine/tests/it/slopes.json")).unwrap();
+        serde_json::from_str(include_str!("../../crates/engine/tests/it/slopes.json")).unwrap();
     let server = Server::start().await;
     let mut job = ball();
     job["scenario"]["model"] = json!({"method": "exact"});

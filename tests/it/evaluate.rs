@@ -3,8 +3,8 @@
 use std::num::NonZeroU32;
 
 use fretwork::http::{EXAMPLES, Limits};
-use fretwork::store::Role;
-use fretwork::study::OutputName;
+use fretwork_store::Role;
+use fretwork_study::OutputName;
 use serde_json::{Value, json};
 
 use crate::access::{ask, get, made, server};

@@ -13,9 +13,9 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use fretwork::http::Settings;
-use fretwork::job::{Begin, Key, Step, Task, Work};
+use fretwork_job::{Begin, Key, Step, Task, Work};
 
-use fretwork::store::Options;
+use fretwork_store::Options;
 use serde_json::{Value, json};
 use sqlx::{Connection as _, Executor as _};
 use tempfile::TempDir;

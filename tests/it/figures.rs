@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use fretwork::plot::{Axis, Figure, Series, text};
+use fretwork_plot::{Axis, Figure, Series, text};
 use roxmltree::{Document, Node};
 
 #[path = "../../examples/figures.rs"]

@@ -5,10 +5,10 @@ use std::io::Read as _;
 use std::sync::Arc;
 use std::time::Duration;
 
-use fretwork::format::{Format, Part};
 use fretwork::http::{Access, AdminKey, Origins, Settings};
-use fretwork::job::Task;
-use fretwork::store::{Options, Role};
+use fretwork_format::{Format, Part};
+use fretwork_job::Task;
+use fretwork_store::{Options, Role};
 use serde_json::{Value, json};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::TcpSocket;

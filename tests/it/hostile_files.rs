@@ -6,7 +6,7 @@ use std::process::{Output, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use fretwork::store::{Moving, backup, restore};
+use fretwork_store::{Moving, backup, restore};
 use sqlx::{AssertSqlSafe, Connection as _};
 use tempfile::TempDir;
 

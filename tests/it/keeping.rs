@@ -5,8 +5,8 @@ use std::os::unix::fs::FileExt as _;
 use std::path::Path;
 use std::time::Duration;
 
-use fretwork::job::{Answer, Cost, Job, JobState, Origin};
-use fretwork::store::{
+use fretwork_job::{Answer, Cost, Job, JobState, Origin};
+use fretwork_store::{
     Actor, Changed, Claimed, Deleted, Editor, Error, Filter, NewJob, Options, Repeatable, Store,
     StoredResult, Submitted,
 };

@@ -9,7 +9,7 @@ use std::path::Path;
 use std::process::Command;
 use std::time::Duration;
 
-use fretwork::store::check;
+use fretwork_store::check;
 use futures_util::future::join_all;
 use serde_json::{Value, json};
 use tempfile::TempDir;

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use fretwork::http::{Access, AdminKey, Origins, Settings};
-use fretwork::job::{SCALARS, Task, WORDS};
-use fretwork::store::{Administration, Cursor, NewKey, Options, Role, Search};
+use fretwork_job::{SCALARS, Task, WORDS};
+use fretwork_store::{Administration, Cursor, NewKey, Options, Role, Search};
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use sqlx::{Connection as _, Executor as _, Row as _};

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
-use fretwork::store::{Search, export, import};
+use fretwork_store::{Search, export, import};
 use serde_json::json;
 use tempfile::TempDir;
 use tokio::task::JoinSet;

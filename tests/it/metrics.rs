@@ -42,7 +42,7 @@ async fn metrics_show_the_process_and_its_files() {
     let (process, address) = serve(dir.path(), &[]);
     let address = address.strip_prefix("http://").unwrap().parse().unwrap();
     let started = metric(address, "process_start_time_seconds").await;
-    let now = fretwork::job::clock::now() as f64 / 1e3;
+    let now = fretwork_job::clock::now() as f64 / 1e3;
     assert!((now - 60.0..=now).contains(&started), "{started} {now}");
     let idle = [(); 20].map(|()| std::net::TcpStream::connect(address).unwrap());
     // The listener accepts the connections in their order, and the one that asks is the last.

@@ -5,10 +5,10 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use fretwork::job::{JobState, Key, Task};
 use fretwork::service::WorkLimits;
 use fretwork::service::workers::Workers;
-use fretwork::store::{
+use fretwork_job::{JobState, Key, Task};
+use fretwork_store::{
     Administration, Error, Filter, Imported, Moving, NewKey, Options, Role, Search, Store, backup,
     export, import, restore,
 };
@@ -641,8 +641,8 @@ async fn a_backup_under_load_contains_every_acknowledged_job() {
             while !over.load(Ordering::Relaxed) {
                 let body = ball(1.0 + 1e-4 * f64::from(count));
                 let task =
-                    fretwork::job::Submission::parse(body.to_string().as_bytes()).unwrap().prepared;
-                let job = fretwork::store::NewJob {
+                    fretwork_job::Submission::parse(body.to_string().as_bytes()).unwrap().prepared;
+                let job = fretwork_store::NewJob {
                     key: task.key,
                     task: task.stored.to_string(),
                     ..new_job(0)

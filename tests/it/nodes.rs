@@ -7,8 +7,8 @@ use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
-use fretwork::job::{Cost, FailureKind, JobState, Origin};
-use fretwork::store::{
+use fretwork_job::{Cost, FailureKind, JobState, Origin};
+use fretwork_store::{
     Actor, Canceled, Claimed, Error, Finish, NewJob, Options, Piece, Recovered, Repeatable, Store,
     Submitted,
 };

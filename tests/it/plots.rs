@@ -5,10 +5,12 @@ use std::fs;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use fretwork::format::{self, Error, FigureOptions, Format, Part, QUANTITIES, Quantity, View};
 use fretwork::http::{self, Settings};
-use fretwork::job::{Step, Submission, Task};
-use fretwork::store::Options;
+use fretwork_format::{
+    self as format, Error, FigureOptions, Format, Part, QUANTITIES, Quantity, View,
+};
+use fretwork_job::{Step, Submission, Task};
+use fretwork_store::Options;
 use roxmltree::{Document, Node};
 use serde_json::{Value, json};
 use sqlx::Executor as _;

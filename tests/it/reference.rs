@@ -25,7 +25,7 @@ fn profiles(exponent: f64) -> Vec<Value> {
     std::iter::once(power).chain(own).collect()
 }
 
-/// Source: V. L. Popov, Sci. Rep. 4 (2014) 3749, evaluated in engine/src/reference/reference.json.
+/// Source: V. L. Popov, Sci. Rep. 4 (2014) 3749, evaluated in crates/engine/src/reference/reference.json.
 #[tokio::test(flavor = "multi_thread")]
 async fn results_agree_with_the_limits_of_the_reference_table() {
     let table: Value = serde_json::from_str(fretwork_engine::reference::TABLE).unwrap();

@@ -5,8 +5,8 @@ use std::os::unix::fs::FileExt as _;
 use std::path::Path;
 use std::process::Output;
 
-use fretwork::job::Cost;
-use fretwork::store::{Moving, Piece, backup, restore};
+use fretwork_job::Cost;
+use fretwork_store::{Moving, Piece, backup, restore};
 use sqlx::{Connection as _, Executor as _};
 use tempfile::TempDir;
 

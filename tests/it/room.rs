@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use fretwork::store::{Actor, Changed, Editor, Options, Removed, Store};
+use fretwork_store::{Actor, Changed, Editor, Options, Removed, Store};
 use serde_json::Value;
 use sqlx::Executor as _;
 use tempfile::TempDir;

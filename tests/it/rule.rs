@@ -5,7 +5,7 @@ use fretwork_engine::scenario;
 use fretwork_engine::simulation::Simulation;
 use serde_json::{Value, json};
 
-use fretwork::random::Random;
+use fretwork_random::Random;
 
 /// A power law with the given held quantities.
 struct PowerContact {

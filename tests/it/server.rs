@@ -7,10 +7,10 @@ use std::sync::{Arc, Condvar, Mutex};
 use std::time::Duration;
 
 use fretwork::http::{self, Origins, Settings};
-use fretwork::job::{Answer, Begin, Key, Step, Task, Work};
 use fretwork::service::workers::Workers;
 use fretwork::service::{Service, WorkLimits};
-use fretwork::store::{Options, Place, Store};
+use fretwork_job::{Answer, Begin, Key, Step, Task, Work};
+use fretwork_store::{Options, Place, Store};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};

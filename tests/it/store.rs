@@ -6,8 +6,8 @@ use std::num::NonZeroU32;
 use std::path::Path;
 use std::time::Duration;
 
-use fretwork::job::{Answer, Cost, FailureKind, Job, JobId, JobState, Key, Origin};
-use fretwork::store::{
+use fretwork_job::{Answer, Cost, FailureKind, Job, JobId, JobState, Key, Origin};
+use fretwork_store::{
     Actor, Admission, Answered, Canceled, Claimed, Deleted, Error, Filter, Finish, NewJob, Options,
     Piece, Recovered, RunId, Store, StoredResult, Submitted,
 };

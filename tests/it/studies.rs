@@ -8,9 +8,9 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use fretwork::http::{Limits, Settings};
-use fretwork::job::Task;
 use fretwork::service::WorkLimits;
-use fretwork::store::{Options, Role, import};
+use fretwork_job::Task;
+use fretwork_store::{Options, Role, import};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 

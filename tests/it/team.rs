@@ -6,8 +6,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use fretwork::http::Settings;
-use fretwork::job::Task;
-use fretwork::store::Options;
+use fretwork_job::Task;
+use fretwork_store::Options;
 use serde_json::{Value, json};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::TcpStream;

@@ -6,10 +6,10 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use fretwork::format::{self, FigureOptions, Format, Part, QUANTITIES, View};
 use fretwork::http::Settings;
-use fretwork::job::{Canonical, Key, Prepared, Received, Refused, Submission, Task};
-use fretwork::store::{Imported, Options, Search, Store, export, import, restore};
+use fretwork_format::{self as format, FigureOptions, Format, Part, QUANTITIES, View};
+use fretwork_job::{Canonical, Key, Prepared, Received, Refused, Submission, Task};
+use fretwork_store::{Imported, Options, Search, Store, export, import, restore};
 use proptest::prelude::*;
 use proptest::sample::Index;
 use proptest::strategy::ValueTree as _;
@@ -85,7 +85,7 @@ fn scaled(body: &str, pointer: &str, factor: f64) -> String {
     for item in document.pointer_mut(pointer).unwrap().as_array_mut().unwrap() {
         *item = json!(factor * item.as_f64().unwrap());
     }
-    fretwork::json::write(&document, body.len())
+    fretwork_json::write(&document, body.len())
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

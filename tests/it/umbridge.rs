@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 
 use data_encoding::BASE64;
 use fretwork::http::Limits;
-use fretwork::store::Role;
+use fretwork_store::Role;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 

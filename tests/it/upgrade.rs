@@ -6,8 +6,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use fretwork::http::Settings;
-use fretwork::job::Task;
-use fretwork::store::{Options, Search, export};
+use fretwork_job::Task;
+use fretwork_store::{Options, Search, export};
 use serde_json::{Value, json};
 use sha2::{Digest as _, Sha256};
 use sqlx::{Connection as _, Executor as _};
@@ -141,7 +141,7 @@ async fn results_of_both_versions_are_exported_and_imported() {
     let exported = export(server.place(), &file, &Search::default(), &[], |_, _| {}).await;
     let exported = exported.unwrap();
     assert!(exported.results >= 3 && exported.left_out.is_empty(), "{exported:?}");
-    let imported = fretwork::store::import(there.path(), &file, 0, |_, _| {}).await.unwrap();
+    let imported = fretwork_store::import(there.path(), &file, 0, |_, _| {}).await.unwrap();
     assert_eq!((imported.results, imported.bytes), (exported.results, exported.bytes));
     assert!(imported.refused.is_empty(), "{:?}", imported.refused);
     let other = Server::opening(

@@ -3,8 +3,8 @@
 use std::fs;
 use std::path::Path;
 
-use fretwork::job::Submission;
-use fretwork::verification::{self, Accuracy, Worn};
+use fretwork_job::Submission;
+use fretwork_verify::{self as verification, Accuracy, Worn};
 
 const COMMITTED: &str = include_str!("../../VERIFICATION.md");
 const UPDATE: &str = "run `cargo run --release -- verify > VERIFICATION.md`";

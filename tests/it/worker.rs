@@ -4,10 +4,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::Duration;
 
-use fretwork::job::{Answer, FailureKind, Job, JobId, JobState, Key, Step, Work};
 use fretwork::service::WorkLimits;
 use fretwork::service::workers::{Compute, Workers};
-use fretwork::store::{Actor, Canceled, NewJob, Store};
+use fretwork_job::{Answer, FailureKind, Job, JobId, JobState, Key, Step, Work};
+use fretwork_store::{Actor, Canceled, NewJob, Store};
 use serde_json::json;
 use sqlx::Executor;
 

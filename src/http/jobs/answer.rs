@@ -18,8 +18,8 @@ use crate::http::memory::Encoded;
 use crate::http::problem::{Problem, kinds};
 use crate::http::stored;
 use crate::http::wire::instant;
-use crate::job::{Failure, Job, JobId, JobState, Key, Origin, Recomputed};
-use crate::store::{self, Asked};
+use fretwork_job::{Failure, Job, JobId, JobState, Key, Origin, Recomputed};
+use fretwork_store::{self as store, Asked};
 
 /// A job: one submission and its progress.
 #[derive(Debug, Serialize, ToSchema)]

@@ -17,9 +17,9 @@ use crate::http::memory::Encoded;
 use crate::http::problem::{Problem, kinds};
 use crate::http::scenarios::parse;
 use crate::http::wire::{Freshness, Prefer, Query, ascii, idempotency_key, urgency};
-use crate::job::{Job, JobState, Origin, Submission};
 use crate::service::{Accepted, Refusal, Terms};
-use crate::store::Asked;
+use fretwork_job::{Job, JobState, Origin, Submission};
+use fretwork_store::Asked;
 
 /// Submits a scenario: computes it, joins the run of another job, or finds the stored result.
 ///

@@ -16,9 +16,10 @@ use serde::Serialize;
 use serde_json::Value;
 use utoipa::ToSchema;
 
-use crate::job::{Canonical, Key, TaskKind};
-use crate::{store, study};
 use fretwork_engine::request::fault::{Fault, Faults};
+use fretwork_job::{Canonical, Key, TaskKind};
+use fretwork_store as store;
+use fretwork_study as study;
 
 use kinds::Kind;
 pub use page::{index, page};

@@ -5,10 +5,10 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use super::{MAX_REFUSALS, Made, NotMade, PAUSE, REPORT, Worker, WorkerOrder};
-use crate::job::{Answer, FailureKind, Prepared, Step, Task, TaskKind, asked_in};
 use crate::service::stopwatch::Stopwatch;
-use crate::store::{Claimed, Error, Piece, RunId};
-use crate::study::{Points, Rows, Study};
+use fretwork_job::{Answer, FailureKind, Prepared, Step, Task, TaskKind, asked_in};
+use fretwork_store::{Claimed, Error, Piece, RunId};
+use fretwork_study::{Points, Rows, Study};
 
 /// Largest number of prepared studies that all threads keep together. The owners of studies take turns, so a study that is
 /// not kept is prepared for each of its chunks.

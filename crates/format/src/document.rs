@@ -1,0 +1,187 @@
+//! A stored result document, parsed only as far as the formats need.
+
+use std::fmt;
+
+use serde::de::Error as _;
+use serde::{Deserialize, Serialize, Serializer};
+use serde_json::Value;
+use serde_json::value::RawValue;
+
+use super::error::Error;
+use super::kind::Part;
+use super::members::Members;
+use super::table::Table;
+use super::units::Units;
+use super::view::View;
+use fretwork_job::TaskKind;
+use fretwork_study::Kind;
+
+/// The engine that computed a result.
+#[derive(Debug, Deserialize)]
+pub struct Engine {
+    name: String,
+    numerics: u32,
+}
+
+impl fmt::Display for Engine {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}/{}", self.name, self.numerics)
+    }
+}
+
+/// A member of a document as it is written. It has a copy of what it needs, so that the stored bytes can be dropped
+/// before a slow client reads it.
+pub enum Member {
+    /// The stored text.
+    Stored(Box<RawValue>),
+    /// A value with rounded or converted numbers.
+    Converted(Value),
+    /// The units.
+    Units(Units),
+    /// A table, cut to the selection.
+    Table(Table),
+}
+
+impl Serialize for Member {
+    fn serialize<S: Serializer>(&self, json: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Stored(text) => text.serialize(json),
+            Self::Converted(value) => value.serialize(json),
+            Self::Units(units) => units.serialize(json),
+            Self::Table(table) => table.serialize(json),
+        }
+    }
+}
+
+/// The members of a document as they are written, in order.
+pub struct Object(pub Vec<(String, Member)>);
+
+impl Serialize for Object {
+    fn serialize<S: Serializer>(&self, json: S) -> Result<S::Ok, S::Error> {
+        json.collect_map(self.0.iter().map(|(name, member)| (name, member)))
+    }
+}
+
+/// What every format says about a result.
+pub struct Head {
+    /// The key of the result.
+    pub key: String,
+    /// The member `engine`.
+    pub engine_text: Box<RawValue>,
+    /// The same, parsed.
+    pub engine: Engine,
+    /// Units and rounding of all numbers.
+    pub units: Units,
+}
+
+/// A result document and the view that a client requests of it.
+pub struct Document<'a> {
+    pub head: Head,
+    members: Members<'a>,
+    view: &'a View,
+}
+
+impl<'a> Document<'a> {
+    /// Parses a stored document.
+    pub fn open(stored: &'a [u8], view: &'a View) -> Result<Self, Error> {
+        let members: Members<'a> = serde_json::from_slice(stored)?;
+        let member = |name: &str| {
+            members.get(name).ok_or_else(|| serde_json::Error::custom(format!("no `{name}`")))
+        };
+        let engine_text = member("engine")?;
+        let head = Head {
+            key: serde_json::from_str(member("key")?.get())?,
+            engine_text: engine_text.to_owned(),
+            engine: serde_json::from_str(engine_text.get())?,
+            units: Units::new(serde_json::from_str(member("units")?.get())?, view)?,
+        };
+        Ok(Self { head, members, view })
+    }
+
+    /// Whether a result of this kind can have the part.
+    pub fn must_have(&self, part: Part) -> Result<(), Error> {
+        let is_study = self.kind() != TaskKind::Run;
+        match (is_study, part) {
+            (_, Part::Whole | Part::Plot) | (true, Part::Table) => Ok(()),
+            (true, Part::Profiles) if self.members.get(part.name()).is_some() => Ok(()),
+            (true, Part::Profiles) if self.kind() == TaskKind::Study(Kind::Sweep) => {
+                let has = "a table and figures. Submit the sweep with `profiles` to have them";
+                Err(Error::OtherKind(part, has))
+            }
+            (true, _) => Err(Error::OtherKind(part, "a table and figures, because it is a study")),
+            (false, Part::Table) => {
+                Err(Error::OtherKind(part, "history, profiles and loops, because it is a run"))
+            }
+            (false, _) => Ok(()),
+        }
+    }
+
+    /// Whether the result is a run or a study, and of which kind.
+    pub fn kind(&self) -> TaskKind {
+        let mut kinds = TaskKind::all().filter(|kind| *kind != TaskKind::Run);
+        kinds.find(|kind| self.members.get(kind.member()).is_some()).unwrap_or(TaskKind::Run)
+    }
+
+    /// The rows of all points of a study, converted. The table of a sensitivity study has what follows from them.
+    pub fn rows(&self) -> Result<Table, Error> {
+        let Some(samples) = self.members.get("samples") else {
+            return self.table(Part::Table, &View::default());
+        };
+        self.read(Part::Table, Some(samples), &View::default())
+    }
+
+    /// A table, cut to a selection and converted.
+    pub fn table(&self, part: Part, selection: &View) -> Result<Table, Error> {
+        self.must_have(part)?;
+        self.read(part, self.members.get(part.name()), selection)
+    }
+
+    fn read(&self, part: Part, text: Option<&RawValue>, selection: &View) -> Result<Table, Error> {
+        let mut table = Table::read(part, text, &self.head.units, selection)?;
+        table.convert(&self.head.units);
+        Ok(table)
+    }
+
+    /// The value of a member with converted numbers; null if the document does not have it.
+    pub fn value(&self, name: &str) -> Result<Value, Error> {
+        let Some(text) = self.members.get(name) else { return Ok(Value::Null) };
+        let mut value = serde_json::from_str(text.get())?;
+        if TaskKind::of_member(name).is_none() {
+            self.head.units.convert(name, &mut value);
+        }
+        Ok(value)
+    }
+
+    /// All members as they are written.
+    pub fn object(&self) -> Result<Object, Error> {
+        let members = self.members.0.iter();
+        let members = members.map(|(name, text)| Ok((name.to_string(), self.member(name, text)?)));
+        Ok(Object(members.collect::<Result<_, Error>>()?))
+    }
+
+    fn member(&self, name: &str, text: &RawValue) -> Result<Member, Error> {
+        if name == "units" {
+            return Ok(Member::Units(self.head.units.clone()));
+        }
+        if name == "samples" {
+            return Ok(Member::Table(self.read(Part::Table, Some(text), self.view)?));
+        }
+        if let Some(part) = Part::TABLES.into_iter().find(|part| part.name() == name) {
+            let selection = match part {
+                // The history is short, and other members refer to its rows.
+                Part::History => View::default(),
+                Part::Loops => View { points: None, ..self.view.clone() },
+                _ => self.view.clone(),
+            };
+            return Ok(Member::Table(self.table(part, &selection)?));
+        }
+        // What was asked for stays in SI and unrounded: submitted again, it must have the same key.
+        let asked = TaskKind::of_member(name).is_some();
+        let computed =
+            !asked && !matches!(name, "key" | "engine" | "regime" | "warnings" | "counts");
+        if computed && self.head.units.convert {
+            return Ok(Member::Converted(self.value(name)?));
+        }
+        Ok(Member::Stored(text.to_owned()))
+    }
+}

@@ -1,0 +1,239 @@
+//! Which figure of a study is drawn, from what the study has and what the client requests.
+
+use crate::error::Missing;
+use crate::quantity::QUANTITIES;
+use crate::view::{StudyFigure, StudyOptions, View};
+
+/// A family of curves has at most this many.
+pub const MAX_CURVES: usize = 7;
+
+/// How the points of a study are arranged.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Arrangement {
+    /// All combinations of some values.
+    Grid,
+    /// The values of all members follow each other in lists.
+    Lists,
+    /// Drawn values.
+    Drawn,
+    /// A grid over normal force and amplitude, with the boundary of gross slip.
+    Map,
+    /// Drawn values, from which indices follow.
+    DrawnIndices,
+    /// Indices from points that are not drawn.
+    Indices,
+}
+
+/// What a study has.
+pub struct Offer {
+    /// The arrangement of its points.
+    pub arrangement: Arrangement,
+    /// The pointers of the numbers that vary, and how many values each has.
+    pub members: Vec<(String, usize)>,
+    /// The names of its outputs, the default first.
+    pub outputs: Vec<String>,
+}
+
+/// A figure of a study. `over` and `by` are places in the list of members, `output` is one in that of outputs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Choice {
+    /// One curve for each value of a second member.
+    Curves { output: usize, over: usize, by: Option<usize> },
+    /// Colours over two members.
+    Heat { output: usize, over: usize, by: usize },
+    /// A dot for each point.
+    Scatter { output: usize, over: usize },
+    /// The regimes of a map.
+    Regimes,
+    /// The indices of all members.
+    Tornado { output: usize },
+}
+
+impl Offer {
+    /// The figures that this study can have, the default first.
+    fn kinds(&self) -> &'static [StudyFigure] {
+        use StudyFigure::{Curves, Heat, Regimes, Scatter, Tornado};
+        match self.arrangement {
+            Arrangement::Grid if self.members.len() < 2 => &[Curves],
+            Arrangement::Grid => &[Curves, Heat],
+            Arrangement::Lists => &[Curves, Scatter],
+            Arrangement::Drawn => &[Scatter],
+            Arrangement::Map => &[Regimes, Heat, Curves],
+            Arrangement::DrawnIndices => &[Tornado, Scatter],
+            Arrangement::Indices => &[Tornado],
+        }
+    }
+
+    /// The requested figure, or all faults of the request.
+    pub fn choose(&self, view: &View) -> Result<Choice, Vec<Missing>> {
+        let options = &view.figure.study;
+        let mut faults = self.run_options(view);
+        let mut wrong = |parameter, detail: String| faults.push(Missing { parameter, detail });
+        let kinds = self.kinds();
+        let kind = options.kind.unwrap_or_else(|| self.default_kind(options));
+        if !kinds.contains(&kind) {
+            let names: Vec<_> = kinds.iter().map(|kind| kind.name()).collect();
+            wrong("kind", format!("must be one of {} for this study", names.join(", ")));
+        }
+        let outputs: Vec<&str> = self.outputs.iter().map(String::as_str).collect();
+        let members: Vec<&str> = self.members.iter().map(|(pointer, _)| pointer.as_str()).collect();
+        let mut named = |parameter, names: &[&str], name: &Option<String>, allowed: bool| {
+            let name = name.as_deref()?;
+            let place = names.iter().position(|own| *own == name);
+            if !allowed {
+                wrong(parameter, format!("is not possible for kind={}", kind.name()));
+            } else if place.is_none() {
+                wrong(parameter, format!("must be one of {}, got {name:?}", names.join(", ")));
+            }
+            place
+        };
+        let is_regimes = kind == StudyFigure::Regimes;
+        let has_axes = !is_regimes && kind != StudyFigure::Tornado;
+        let has_second = self.members.len() > 1
+            && (kind == StudyFigure::Heat
+                || kind == StudyFigure::Curves && self.arrangement != Arrangement::Lists);
+        let output = named("output", &outputs, &options.output, !is_regimes).unwrap_or(0);
+        let over = named("over", &members, &options.over, has_axes);
+        let by = named("by", &members, &options.by, has_second);
+        if by.is_some() && by == over {
+            wrong("by", "must differ from `over`".to_owned());
+        }
+        if !faults.is_empty() {
+            return Err(faults);
+        }
+        let (over, by) = self.axes(over, by);
+        let by_count = by.map_or(1, |by| self.members[by].1);
+        let is_open = options.kind.is_none() && has_second;
+        let is_dense = is_open && by_count.min(self.members[over].1) > MAX_CURVES;
+        Ok(match (kind, by) {
+            (StudyFigure::Heat, Some(by)) => Choice::Heat { output, over, by },
+            (StudyFigure::Curves, Some(by)) if is_dense => Choice::Heat { output, over, by },
+            (StudyFigure::Heat | StudyFigure::Curves, _) => {
+                Choice::Curves { output, over, by: by.filter(|_| has_second) }
+            }
+            (StudyFigure::Scatter, _) => Choice::Scatter { output, over },
+            (StudyFigure::Regimes, _) => Choice::Regimes,
+            (StudyFigure::Tornado, _) => Choice::Tornado { output },
+        })
+    }
+
+    /// The default kind. What else is requested can need another one.
+    fn default_kind(&self, options: &StudyOptions) -> StudyFigure {
+        let has_axes = options.over.is_some() || options.by.is_some();
+        match self.arrangement {
+            Arrangement::Map if has_axes || options.output.is_some() => StudyFigure::Heat,
+            Arrangement::DrawnIndices if has_axes => StudyFigure::Scatter,
+            _ => self.kinds()[0],
+        }
+    }
+
+    /// The members on the axes. By default these are those with most values; a map has its normal force across.
+    fn axes(&self, over: Option<usize>, by: Option<usize>) -> (usize, Option<usize>) {
+        let most = |other: Option<usize>| {
+            let free = (0..self.members.len()).rev().filter(|place| Some(*place) != other);
+            free.max_by_key(|place| match self.arrangement {
+                Arrangement::Map => 0,
+                _ => self.members[*place].1,
+            })
+        };
+        let over = over.or_else(|| most(by)).unwrap_or(0);
+        (over, by.or_else(|| most(Some(over))))
+    }
+
+    /// Faults of parameters that belong to runs.
+    fn run_options(&self, view: &View) -> Vec<Missing> {
+        let mut faults = Vec::new();
+        let mut wrong = |parameter, detail: String| faults.push(Missing { parameter, detail });
+        if view.figure.quantity != &QUANTITIES[0] {
+            let outputs = self.outputs.join(", ");
+            wrong(
+                "quantity",
+                format!("is for runs. This is a study: enter output, one of {outputs}"),
+            );
+        }
+        if view.cycles.is_some() {
+            wrong("cycles", "is for runs: the rows of a study have no output cycles".to_owned());
+        }
+        faults
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn offer(arrangement: Arrangement, counts: &[usize]) -> Offer {
+        let names = ["/friction", "/motion/amplitude", "/load/normal_force"];
+        let members = names.iter().zip(counts).map(|(name, count)| ((*name).to_owned(), *count));
+        let outputs = ["wear_volume", "wear_depth"].map(str::to_owned).to_vec();
+        Offer { arrangement, members: members.collect(), outputs }
+    }
+
+    fn chosen(
+        offer: &Offer,
+        change: impl FnOnce(&mut StudyOptions),
+    ) -> Result<Choice, Vec<String>> {
+        let mut view = View::default();
+        change(&mut view.figure.study);
+        let named = |fault: Missing| format!("{}: {}", fault.parameter, fault.detail);
+        offer.choose(&view).map_err(|faults| faults.into_iter().map(named).collect())
+    }
+
+    #[test]
+    fn the_default_figure_follows_from_the_arrangement_of_the_points() {
+        let default =
+            |arrangement, counts: &[usize]| chosen(&offer(arrangement, counts), |_| ()).unwrap();
+        let (output, curves) = (0, |over, by| Choice::Curves { output: 0, over, by });
+        assert_eq!(default(Arrangement::Grid, &[4, 16]), curves(1, Some(0)));
+        assert_eq!(default(Arrangement::Grid, &[9]), curves(0, None));
+        assert_eq!(default(Arrangement::Grid, &[3, 3, 2]), curves(0, Some(1)));
+        assert_eq!(default(Arrangement::Grid, &[20, 30]), Choice::Heat { output, over: 1, by: 0 });
+        assert_eq!(default(Arrangement::Lists, &[9, 9]), curves(0, None));
+        assert_eq!(default(Arrangement::Drawn, &[99, 99]), Choice::Scatter { output, over: 0 });
+        assert_eq!(default(Arrangement::Map, &[48, 48]), Choice::Regimes);
+        assert_eq!(default(Arrangement::Indices, &[1, 1]), Choice::Tornado { output });
+    }
+
+    #[test]
+    fn parameters_change_the_figure() {
+        let grid = offer(Arrangement::Grid, &[4, 16]);
+        let over = |options: &mut StudyOptions| options.over = Some("/friction".to_owned());
+        assert_eq!(chosen(&grid, over), Ok(Choice::Curves { output: 0, over: 0, by: Some(1) }));
+        let heat = |options: &mut StudyOptions| options.kind = Some(StudyFigure::Heat);
+        assert_eq!(chosen(&grid, heat), Ok(Choice::Heat { output: 0, over: 1, by: 0 }));
+        let depth = |options: &mut StudyOptions| options.output = Some("wear_depth".to_owned());
+        let map = chosen(&offer(Arrangement::Map, &[48, 64]), depth);
+        assert_eq!(map, Ok(Choice::Heat { output: 1, over: 0, by: 1 }));
+        let indices = offer(Arrangement::DrawnIndices, &[9, 9]);
+        assert_eq!(chosen(&indices, depth), Ok(Choice::Tornado { output: 1 }));
+        assert_eq!(chosen(&indices, over), Ok(Choice::Scatter { output: 0, over: 0 }));
+    }
+
+    #[test]
+    fn all_faults_are_listed_with_what_is_possible() {
+        let faults = chosen(&offer(Arrangement::Grid, &[4, 16]), |options| {
+            options.kind = Some(StudyFigure::Tornado);
+            options.output = Some("wear".to_owned());
+        });
+        let faults = faults.unwrap_err();
+        assert_eq!(faults[0], "kind: must be one of curves, heat for this study");
+        assert_eq!(faults[1], "output: must be one of wear_volume, wear_depth, got \"wear\"");
+        let faults = chosen(&offer(Arrangement::Grid, &[4, 16]), |options| {
+            options.over = Some("/friction".to_owned());
+            options.by = Some("/friction".to_owned());
+        });
+        assert_eq!(faults.unwrap_err(), ["by: must differ from `over`"]);
+        let faults = chosen(&offer(Arrangement::Drawn, &[9]), |options| {
+            options.by = Some("/friction".to_owned());
+        });
+        assert_eq!(faults.unwrap_err(), ["by: is not possible for kind=scatter"]);
+        let run = View {
+            figure: crate::FigureOptions { quantity: &QUANTITIES[1], ..Default::default() },
+            cycles: Some(vec![1.0]),
+            ..View::default()
+        };
+        let faults = offer(Arrangement::Drawn, &[9]).choose(&run).unwrap_err();
+        let named: Vec<_> = faults.iter().map(|fault| fault.parameter).collect();
+        assert_eq!(named, ["quantity", "cycles"]);
+    }
+}

@@ -1,0 +1,182 @@
+//! Figures over the values of a grid: families of curves, heat maps, and the regimes of a map.
+
+use super::axes::{distinct, spans_decades};
+use super::choice::{MAX_CURVES, Offer};
+use super::words::{member, values_of};
+use crate::table::{Table, evenly_spaced};
+use fretwork_plot::{Axis, Band, Dash, Field, Series, Style};
+
+/// Most points of a curve, and most columns and rows of a heat map. More would be smaller than a pixel.
+const MAX_POINTS: usize = 1000;
+const MAX_CELLS: usize = 128;
+/// The colours of the regimes, which also differ in greyscale.
+const PARTIAL_SLIP: &str = "#dcebf7";
+const GROSS_SLIP: &str = "#f2bf8c";
+const BOUNDARY: Style = Style { color: "#000000", dash: Dash::Dashed, width: 1.8, mark: None };
+const HALO: Style = Style { color: "#ffffff", dash: Dash::Solid, width: 3.4, mark: None };
+
+/// The places of the members on the axes of a figure.
+#[derive(Clone, Copy)]
+pub struct Axes {
+    /// On the horizontal axis.
+    pub over: usize,
+    /// On the vertical axis, or with one curve for each value.
+    pub by: Option<usize>,
+}
+
+/// The values of an output over those of two members. The other members are held at values near the middle.
+struct Lattice {
+    over: Vec<f64>,
+    by: Vec<f64>,
+    /// Rows over `by`; NaN where there is no value.
+    values: Vec<Vec<f64>>,
+    /// The pointers and values of the other members.
+    held: Vec<(String, f64)>,
+}
+
+impl Lattice {
+    fn new(offer: &Offer, Axes { over, by }: Axes, rows: &Table, output: &str) -> Self {
+        let column = |place: usize| rows.axis(&offer.members[place].0);
+        let others = (0..offer.members.len()).filter(|place| *place != over && Some(*place) != by);
+        let others: Vec<(usize, &[f64])> = others.map(|place| (place, column(place))).collect();
+        let held = central(&others, rows.axis(output));
+        let x = distinct(column(over));
+        let y = by.map_or_else(|| vec![f64::NAN], |by| distinct(column(by)));
+        let mut values = vec![vec![f64::NAN; x.len()]; y.len()];
+        let find =
+            |values: &[f64], value: f64| values.binary_search_by(|own| own.total_cmp(&value)).ok();
+        for (row, value) in rows.axis(output).iter().enumerate() {
+            let is_held =
+                held.iter().all(|(place, value)| column(*place)[row].total_cmp(value).is_eq());
+            let i = find(&x, column(over)[row]);
+            let j = by.map_or(Some(0), |by| find(&y, column(by)[row]));
+            if let (true, Some(i), Some(j)) = (is_held, i, j) {
+                values[j][i] = *value;
+            }
+        }
+        let held = held.into_iter().map(|(place, value)| (offer.members[place].0.clone(), value));
+        Self { over: x, by: y, values, held: held.collect() }
+    }
+
+    /// The same lattice with these columns and rows only.
+    fn thinned(self, columns: &[usize], rows: &[usize]) -> Self {
+        let pick =
+            |from: &[f64], places: &[usize]| places.iter().map(|place| from[*place]).collect();
+        let values = rows.iter().map(|row| pick(&self.values[*row], columns)).collect();
+        Self { over: pick(&self.over, columns), by: pick(&self.by, rows), values, held: self.held }
+    }
+
+    /// The values of the members that are held, in words.
+    fn note<'u>(&self, unit: &impl Fn(&str) -> Option<&'u str>) -> String {
+        let held = self
+            .held
+            .iter()
+            .flat_map(|(pointer, value)| values_of(&member(pointer), unit(pointer), &[*value]));
+        let held: Vec<String> = held.collect();
+        if held.is_empty() { String::new() } else { format!(" At {}.", held.join(", ")) }
+    }
+}
+
+/// The values of these members in the row that is nearest to the middle of all of them and has an output. If no row has one,
+/// the middle values.
+fn central(members: &[(usize, &[f64])], output: &[f64]) -> Vec<(usize, f64)> {
+    let distances: Vec<Vec<usize>> = members
+        .iter()
+        .map(|(_, column)| {
+            let values = distinct(column);
+            let middle = values.len() / 2;
+            let place = |value: &f64| values.partition_point(|own| own.total_cmp(value).is_lt());
+            column.iter().map(|value| place(value).abs_diff(middle)).collect()
+        })
+        .collect();
+    let has_output = |row: &usize| output[*row].is_finite();
+    let rows = if (0..output.len()).any(|row| has_output(&row)) {
+        (0..output.len()).filter(has_output).collect::<Vec<_>>()
+    } else {
+        (0..output.len()).collect()
+    };
+    let distance = |row: &&usize| distances.iter().map(|own| own[**row]).sum::<usize>();
+    let Some(row) = rows.iter().min_by_key(distance) else { return Vec::new() };
+    members.iter().map(|(place, column)| (*place, column[*row])).collect()
+}
+
+/// One curve for each value of a second member, and a note about the values that it does not show.
+pub fn curves<'u>(
+    offer: &Offer,
+    axes: Axes,
+    rows: &Table,
+    output: &str,
+    unit: &impl Fn(&str) -> Option<&'u str>,
+) -> (Vec<Series>, String) {
+    let lattice = Lattice::new(offer, axes, rows, output);
+    let all = lattice.by.len();
+    let columns = evenly_spaced(lattice.over.len(), MAX_POINTS);
+    let lattice = lattice.thinned(&columns, &evenly_spaced(all, MAX_CURVES));
+    let mut note = lattice.note(unit);
+    let labels = axes.by.map(|by| {
+        let name = &offer.members[by].0;
+        if all > MAX_CURVES {
+            note = format!("{note} {MAX_CURVES} of {all} values of {} are drawn.", member(name));
+        }
+        values_of(&member(name), unit(name), &lattice.by)
+    });
+    let mut labels = labels.into_iter().flatten().chain(std::iter::repeat(String::new()));
+    let series = lattice.values.into_iter().enumerate().map(|(i, y)| {
+        let label = labels.next().unwrap_or_default();
+        Series::new(&label, lattice.over.clone(), y).styled(Style::marked(i))
+    });
+    (series.collect(), note)
+}
+
+/// The curve through the rows of a study whose members follow each other in lists.
+pub fn list(x: &[f64], y: &[f64]) -> Series {
+    let places = evenly_spaced(x.len(), MAX_POINTS);
+    let pick = |from: &[f64]| places.iter().map(|place| from[*place]).collect();
+    Series::new("", pick(x), pick(y)).styled(Style::marked(0))
+}
+
+/// The heat map of an output, and a note about the values that it does not show. `log`: whether each axis is logarithmic.
+pub fn field<'u>(
+    offer: &Offer,
+    axes: Axes,
+    rows: &Table,
+    output: &str,
+    (log, scale): ((bool, bool), Axis),
+    unit: &impl Fn(&str) -> Option<&'u str>,
+) -> (Field, String) {
+    let lattice = Lattice::new(offer, axes, rows, output);
+    let drawn = |values: &[f64], log: bool| -> Vec<usize> {
+        let first = if log { values.partition_point(|value| *value <= 0.0) } else { 0 };
+        let places = evenly_spaced(values.len() - first, MAX_CELLS).into_iter();
+        places.map(|place| first + place).collect()
+    };
+    let (columns, lines) = (drawn(&lattice.over, log.0), drawn(&lattice.by, log.1));
+    let mut note = lattice.note(unit);
+    if lattice.over.len().max(lattice.by.len()) > MAX_CELLS {
+        note = format!("{note} At most {MAX_CELLS} values of each axis are drawn.");
+    }
+    let Lattice { over, by, values, .. } = lattice.thinned(&columns, &lines);
+    let log = spans_decades(values.iter().flatten().copied());
+    (Field { x: over, y: by, values, scale: Axis { log, ..scale } }, note)
+}
+
+/// The curve at which gross slip begins, on a white one that makes it visible on dark colours.
+pub fn boundary([x, y]: [Vec<f64>; 2], label: &str) -> Vec<Series> {
+    let line = |label, style| Series::new(label, x.clone(), y.clone()).styled(style);
+    vec![line("", HALO), line(label, BOUNDARY)]
+}
+
+/// The regimes below and above the boundary, which may leave the range of amplitudes.
+pub fn regimes([forces, amplitudes]: &[Vec<f64>; 2], range: Option<(f64, f64)>) -> Vec<Band> {
+    let Some((least, most)) = range else { return Vec::new() };
+    let band = |label: &str, color, between: &dyn Fn(f64) -> (f64, f64)| Band {
+        label: label.to_owned(),
+        color,
+        x: forces.clone(),
+        between: amplitudes.iter().map(|amplitude| between(*amplitude)).collect(),
+    };
+    vec![
+        band("partial slip", PARTIAL_SLIP, &|at| (least, at)),
+        band("gross slip", GROSS_SLIP, &|at| (at, most)),
+    ]
+}

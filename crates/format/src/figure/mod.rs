@@ -1,0 +1,34 @@
+//! Figures of a result.
+//!
+//! | result | figures |
+//! |---|---|
+//! | run | profiles, histories, loops ([`run`]) |
+//! | sweep of a grid or of lists | families of curves, heat maps ([`grid`]) |
+//! | sweep with drawn values | scatter plots ([`scatter`]) |
+//! | map | regimes, heat maps, families of curves ([`grid`]) |
+//! | sensitivity | bars of the indices ([`tornado`]), scatter plots |
+//!
+//! All can be read in greyscale and by colour-blind readers.
+
+mod axes;
+mod choice;
+mod grid;
+mod run;
+mod scatter;
+mod study;
+mod tornado;
+mod words;
+
+use super::document::Document;
+use super::error::Error;
+use super::view::View;
+use fretwork_job::TaskKind;
+
+/// Draws the requested figure as an SVG document.
+pub fn svg(document: &Document<'_>, view: &View) -> Result<Vec<u8>, Error> {
+    let svg = match document.kind() {
+        TaskKind::Run => run::svg(document, view)?,
+        TaskKind::Study(kind) => study::svg(document, kind, view)?,
+    };
+    Ok(svg.into_bytes())
+}

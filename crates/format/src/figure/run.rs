@@ -1,0 +1,357 @@
+//! Figures of a run.
+//!
+//! Curves of different output cycles differ in marker and colour, so a figure can be read in greyscale
+//! and by colour-blind readers. The initial and the limiting state are dashed. An infinite pressure is
+//! a gap: the curve rises to the frame on both sides of it.
+
+use serde_json::Value;
+
+use super::axes::{self, LOG_RATIO};
+use super::words::{shortened, typeset};
+use crate::document::Document;
+use crate::error::{Error, Missing};
+use crate::kind::Part;
+use crate::quantity::{QUANTITIES, Quantity};
+use crate::table::{Table, Values, evenly_spaced};
+use crate::view::View;
+use fretwork_plot::{Axis, Dash, Figure, GREY, Series, Style};
+
+/// Number of output cycles in a figure by default.
+const CURVES: usize = 6;
+/// The limiting value is drawn if it stretches the vertical axis at most by this factor.
+const STRETCH: f64 = 2.0;
+/// A pressure has a pole if its peak exceeds its typical height by this factor. The axis then ends at
+/// `POLE_ROOM` times the typical height.
+const POLE: f64 = 5.0;
+const POLE_ROOM: f64 = 2.0;
+
+const INITIAL: Style = Style { color: GREY, dash: Dash::Dashed, width: 1.3, mark: None };
+const LIMITING: Style = Style { color: "#000000", dash: Dash::ShortDashed, width: 1.3, mark: None };
+
+/// Draws the requested figure of a run as an SVG document.
+pub fn svg(document: &Document<'_>, view: &View) -> Result<String, Error> {
+    let options = &view.figure;
+    let quantity = options.quantity;
+    refuse_study_options(view)?;
+    let drawing = Drawing { document, view, quantity };
+    let mut figure = match quantity.part {
+        Part::History => drawing.history()?,
+        Part::Loops => drawing.loops()?,
+        _ => drawing.profiles()?,
+    };
+    axes::choose(&mut figure, options)?;
+    if quantity.name == "pressure" && !figure.y.log {
+        figure.y.range = below_poles(&figure.series);
+    }
+    quantity.title.clone_into(&mut figure.title);
+    figure.about = Some(axes::about(&document.head, drawing.description(&figure)?));
+    Ok(figure.svg())
+}
+
+/// Refuses what only figures of studies have.
+fn refuse_study_options(view: &View) -> Result<(), Error> {
+    let given = view.figure.study.given();
+    let missing = |parameter: &'static str| {
+        let detail =
+            "is for studies, and this result is a run: its parameters are quantity and cycles";
+        Missing { parameter, detail: detail.to_owned() }
+    };
+    if given.is_empty() {
+        Ok(())
+    } else {
+        Err(Error::Missing(given.into_iter().map(missing).collect()))
+    }
+}
+
+struct Drawing<'a> {
+    document: &'a Document<'a>,
+    view: &'a View,
+    quantity: &'static Quantity,
+}
+
+impl Drawing<'_> {
+    /// An axis with a label and the unit of the quantity `name`.
+    fn axis(&self, label: &str, name: &str) -> Axis {
+        Axis::labelled(&match self.document.head.units.of(name) {
+            Some(unit) => format!("{label} ({})", typeset(unit)),
+            None => label.to_owned(),
+        })
+    }
+
+    /// The table of the quantity, cut to the selected output cycles.
+    fn table(&self) -> Result<Table, Error> {
+        let selection = View { cycles: self.view.cycles.clone(), ..View::default() };
+        let table = self.document.table(self.quantity.part, &selection)?;
+        if table.cycles() > 0 {
+            return Ok(table);
+        }
+        let histories = QUANTITIES.iter().filter(|quantity| !quantity.has_curve_per_cycle());
+        let histories: Vec<_> = histories.map(|quantity| quantity.name).collect();
+        let detail = format!(
+            "{} is not available, because the result was computed with profiles_at: \"none\"; \
+             request one of {}",
+            self.quantity.name,
+            histories.join(", ")
+        );
+        Err(Error::Missing(vec![Missing { parameter: "quantity", detail }]))
+    }
+
+    /// One curve per selected output cycle, or per evenly spaced output cycle if none is selected.
+    fn curves(
+        &self,
+        table: &Table,
+        with_unworn: bool,
+        curve: impl Fn(usize) -> (Vec<f64>, Vec<f64>),
+    ) -> Vec<Series> {
+        let cycles = table.axis("cycles");
+        let rows: Vec<usize> = if self.view.cycles.is_some() {
+            (0..cycles.len()).collect()
+        } else {
+            let first = usize::from(!with_unworn && cycles.len() > 1 && cycles[0] == 0.0);
+            let rows = evenly_spaced(cycles.len() - first, CURVES).into_iter();
+            rows.map(|row| first + row).collect()
+        };
+        let labels = labels(&rows.iter().map(|row| cycles[*row]).collect::<Vec<f64>>());
+        let styled = |(i, (row, label)): (usize, (&usize, String))| {
+            let (x, y) = curve(*row);
+            Series::new(&label, x, y).styled(Style::marked(i))
+        };
+        rows.iter().zip(labels).enumerate().map(styled).collect()
+    }
+
+    fn profiles(&self) -> Result<Figure, Error> {
+        let name = self.quantity.name;
+        let table = self.table()?;
+        let radius = table.axis("radius");
+        let reference = |column: &str, style| match table.column(column) {
+            Some(Values::Points(row)) if name == "worn" => {
+                Some(Series::new(column, radius.to_vec(), row.clone()).styled(style))
+            }
+            _ => None,
+        };
+        // At cycle 0 the wear is zero, and the worn profile equals the initial one.
+        let with_unworn = !matches!(name, "worn" | "wear");
+        let values = table.column(name).unwrap_or(&Values::Absent);
+        let mut series = self.curves(&table, with_unworn, |row| {
+            let at = |point| Some(values.at(row, point)).filter(|value| !value.is_nan());
+            let y = (0..radius.len()).map(|point| at(point).unwrap_or(f64::INFINITY));
+            (radius.to_vec(), y.collect())
+        });
+        series.splice(0..0, reference("initial", INITIAL));
+        // Drawn last: worn profiles approach the limiting one and would cover it.
+        series.extend(reference("limiting", LIMITING));
+        let along = if name == "image" { "Coordinate $x$" } else { "Radius $r$" };
+        let (x, y) = (self.axis(along, "radius"), self.axis(self.quantity.label, name));
+        Ok(Figure { x, y, series, ..Figure::default() })
+    }
+
+    fn loops(&self) -> Result<Figure, Error> {
+        let table = self.table()?;
+        let column = |name: &str, row: usize| match table.column(name) {
+            Some(Values::Matrix(rows)) => rows[row].clone(),
+            _ => Vec::new(),
+        };
+        let series = self.curves(&table, true, |row| {
+            (column("displacement", row), column("tangential_force", row))
+        });
+        let x = self.axis("Displacement $u$", "displacement");
+        let y = self.axis(self.quantity.label, "tangential_force");
+        Ok(Figure { x, y, series, ..Figure::default() })
+    }
+
+    fn history(&self) -> Result<Figure, Error> {
+        let table = self.table()?;
+        let cycles = table.axis("cycles");
+        let columns = self.quantity.columns();
+        let mut series = self.history_curves(&table, &columns)?;
+        let first = cycles.iter().copied().find(|cycles| *cycles > 0.0);
+        let last = cycles.last().copied().unwrap_or(0.0);
+        let log = first.is_some_and(|first| last >= LOG_RATIO * first);
+        let log = self.view.figure.log_x.unwrap_or(log);
+        let start = first.filter(|_| log).unwrap_or(0.0);
+        let limit = self.document.value("limit")?;
+        for (name, label) in &columns {
+            let Some(value) = limit[*name].as_f64() else { continue };
+            let label = match label.rsplit_once(' ') {
+                Some((_, symbol)) => format!("limit of {symbol}"),
+                None => "limiting state".to_owned(),
+            };
+            if within_reach(value, &series) {
+                let second = series.iter().any(|one| one.style == Some(LIMITING));
+                let dash = if second { Dash::Dotted } else { LIMITING.dash };
+                let line = Series::new(&label, vec![start, last], vec![value, value]);
+                series.push(line.styled(Style { dash, ..LIMITING }));
+            }
+        }
+        let y = self.axis(self.quantity.label, self.quantity.name);
+        let marks = self.events(start, last)?;
+        let x = Axis { log, marks, ..Axis::labelled("Cycles $N$") };
+        Ok(Figure { x, y, series, ..Figure::default() })
+    }
+
+    /// The columns over the output cycles, followed by those of the simplified rule if the result has
+    /// a comparison.
+    fn history_curves(
+        &self,
+        table: &Table,
+        columns: &[(&str, &str)],
+    ) -> Result<Vec<Series>, Error> {
+        let cycles = table.axis("cycles");
+        let mut series: Vec<Series> = Vec::new();
+        for (name, label) in columns {
+            let value = |row| table.column(name).map_or(f64::NAN, |values| values.at(row, 0));
+            let y = (0..cycles.len()).map(value).collect();
+            series.push(Series::new(label, cycles.to_vec(), y));
+        }
+        let comparison = self.document.value("comparison")?;
+        if comparison.is_object() {
+            let xi = comparison["xi"].as_f64().unwrap_or(f64::NAN);
+            let rule = format!("rule, ξ = {}", shortened(xi, 4));
+            let named = |label: &str, method: &str| match label {
+                "" => method.to_owned(),
+                label => format!("{label}, {method}"),
+            };
+            let x = numbers(&comparison["history"]["cycles"]);
+            for (i, (name, label)) in columns.iter().enumerate() {
+                series[i].label = named(label, "exact");
+                let y = numbers(&comparison["history"][*name]);
+                series.push(Series::new(&named(label, &rule), x.clone(), y));
+            }
+        }
+        let scenario = self.document.value("scenario")?;
+        // A line would suggest values between two blocks, so only markers are drawn.
+        let jumps = scenario["motion"]["blocks"].is_array() && self.quantity.jumps_between_blocks();
+        for (i, one) in series.iter_mut().enumerate() {
+            let style = Style::marked(i);
+            let dash = if i < columns.len() { Dash::Solid } else { Dash::Dashed };
+            let width = if jumps { 0.0 } else { style.width };
+            one.style = Some(Style { dash, width, ..style });
+        }
+        Ok(series)
+    }
+
+    /// The first event of each kind between two cycles.
+    fn events(&self, start: f64, end: f64) -> Result<Vec<(f64, String)>, Error> {
+        let events = self.document.value("events")?;
+        let mut marks: Vec<(f64, String)> = Vec::new();
+        for event in events.as_array().into_iter().flatten() {
+            let (Some(kind), Some(cycle)) = (event["kind"].as_str(), event["cycles"].as_f64())
+            else {
+                continue;
+            };
+            let name = kind.replace('_', " ");
+            let visible = (start..=end).contains(&cycle) && cycle > 0.0;
+            if visible && marks.iter().all(|mark| mark.1 != name) {
+                marks.push((cycle, name));
+            }
+        }
+        Ok(marks)
+    }
+
+    /// A description of the figure in words, for screen readers.
+    fn description(&self, figure: &Figure) -> Result<String, Error> {
+        let scenario = self.document.value("scenario")?;
+        let regime = self.document.value("regime")?;
+        let word = |value: &Value| match value {
+            Value::String(text) => text.replace('_', " "),
+            Value::Null => "none".to_owned(),
+            other => other.to_string(),
+        };
+        let mut out = format!(
+            "{} against {} of a {} in {}, friction {}, by the {} method, computed by {}.",
+            figure.y.label,
+            figure.x.label,
+            word(&scenario["profile"]["shape"]),
+            word(&regime),
+            word(&scenario["friction"]),
+            word(&scenario["model"]["method"]),
+            self.document.head.engine,
+        );
+        let labels = figure.series.iter().map(|series| series.label.as_str());
+        let labels: Vec<&str> = labels.filter(|label| !label.is_empty()).collect();
+        if !labels.is_empty() {
+            out = format!("{out} Curves: {}.", labels.join(", "));
+        }
+        Ok(out.replace('$', ""))
+    }
+}
+
+fn numbers(column: &Value) -> Vec<f64> {
+    column.as_array().into_iter().flatten().map(|cell| cell.as_f64().unwrap_or(f64::NAN)).collect()
+}
+
+/// Whether a value can be drawn beside curves without flattening them.
+fn within_reach(value: f64, series: &[Series]) -> bool {
+    let values = series.iter().flat_map(|series| &series.y).copied().filter(|y| y.is_finite());
+    let whole = (f64::INFINITY, f64::NEG_INFINITY);
+    let (low, high) = values.fold(whole, |(low, high), y| (low.min(y), high.max(y)));
+    high.max(value) - low.min(value) <= STRETCH * (high - low).max(0.05 * high.abs())
+}
+
+/// The range of the vertical axis of pressures with poles, so that the pressure between the poles
+/// stays visible. `None` without poles. Late in a run, a pole can be a very large finite number.
+fn below_poles(series: &[Series]) -> Option<(f64, f64)> {
+    let typical = series.iter().map(typical_height).fold(0.0, f64::max);
+    let top = series.iter().flat_map(|series| &series.y).copied().fold(0.0, f64::max);
+    (typical > 0.0 && top > POLE * typical).then_some((0.0, POLE_ROOM * typical))
+}
+
+/// The height that a curve exceeds on 5 % of the interval where it is positive and finite.
+fn typical_height(series: &Series) -> f64 {
+    let steps = series.x.windows(2).zip(series.y.windows(2));
+    let mut steps: Vec<(f64, f64)> = steps
+        .map(|(x, y)| (y[0].max(y[1]), x[1] - x[0]))
+        .filter(|(height, _)| height.is_finite() && *height > 0.0)
+        .collect();
+    steps.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut left = 0.05 * steps.iter().map(|(_, width)| width).sum::<f64>();
+    for (height, width) in steps {
+        left -= width;
+        if left < 0.0 {
+            return height;
+        }
+    }
+    0.0
+}
+
+/// Labels of output cycles, with 6 digits if these suffice to distinguish them.
+fn labels(cycles: &[f64]) -> Vec<String> {
+    let with_digits = |digits| -> Vec<String> {
+        let label = |cycles: &f64| match *cycles {
+            0.0 => "unworn".to_owned(),
+            cycles => format!("$N$ = {}", shortened(cycles, digits)),
+        };
+        cycles.iter().map(label).collect()
+    };
+    let short = with_digits(6);
+    let equal = short.iter().enumerate().any(|(i, label)| short[..i].contains(label));
+    if equal { with_digits(17) } else { short }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn labels_of_output_cycles_are_short_and_distinct() {
+        assert_eq!(
+            labels(&[0.0, 1000.0, 177.827_941_004]),
+            ["unworn", "$N$ = 1000", "$N$ = 177.828"]
+        );
+        assert_eq!(labels(&[2.5e7, 1e9, 5e-5]), ["$N$ = 2.5×10⁷", "$N$ = 10⁹", "$N$ = 5×10⁻⁵"]);
+        assert_eq!(labels(&[1000.001, 1000.002]), ["$N$ = 1000.001", "$N$ = 1000.002"]);
+    }
+
+    #[test]
+    fn an_extreme_pressure_peak_is_excluded_from_the_axis_range() {
+        let x: Vec<f64> = (0..=100).map(f64::from).collect();
+        let with = |peak: f64| {
+            let y = x.iter().map(|x| if (x - 50.0).abs() < 0.5 { peak } else { 2.0 }).collect();
+            below_poles(&[Series::new("", x.clone(), y)])
+        };
+        assert_eq!(with(f64::INFINITY), Some((0.0, 4.0)));
+        assert_eq!(with(1e9), Some((0.0, 4.0)));
+        assert_eq!(with(9.0), None);
+        assert_eq!(below_poles(&[Series::new("", x.clone(), vec![0.0; 101])]), None);
+    }
+}

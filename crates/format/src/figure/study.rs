@@ -1,0 +1,257 @@
+//! Figures of a study: its rows, its choice, and what all its figures say about it.
+
+use serde::de::Error as _;
+use serde_json::Value;
+
+use super::axes;
+use super::choice::{Arrangement, Choice, Offer};
+use super::grid::{self, Axes};
+use super::words::{member, output, typeset};
+use super::{scatter, tornado};
+use crate::document::Document;
+use crate::error::Error;
+use crate::kind::Part;
+use crate::table::{Table, Values};
+use crate::view::View;
+use fretwork_plot::{Axis, Figure};
+use fretwork_study::Kind;
+
+/// Draws the requested figure of a study as an SVG document.
+pub fn svg(document: &Document<'_>, kind: Kind, view: &View) -> Result<String, Error> {
+    let asked = document.value(kind.name())?;
+    let rows = document.rows()?;
+    let offer = offer(kind, &asked, &rows);
+    let least = if kind == Kind::Map { 2 } else { 1 };
+    if offer.members.len() < least || offer.outputs.is_empty() {
+        return Err(
+            serde_json::Error::custom("the table of a study has no members or no outputs").into()
+        );
+    }
+    let choice = offer.choose(view).map_err(Error::Missing)?;
+    let study = Study { document, view, kind, asked, rows, offer };
+    match choice {
+        Choice::Tornado { output } => study.tornado(output),
+        Choice::Scatter { output, over } => study.scatter(output, over),
+        Choice::Curves { output, over, by } => study.curves(output, over, by),
+        Choice::Heat { output, over, by } => study.heat(output, over, by),
+        Choice::Regimes => study.regimes(),
+    }
+}
+
+/// What a study has: members are pointers, and every other column of numbers is an output.
+fn offer(kind: Kind, asked: &Value, rows: &Table) -> Offer {
+    let is_number = |values: &Values| matches!(values, Values::Cycles(_));
+    let columns = || rows.columns.iter().filter(|(_, values)| is_number(values));
+    let members = columns().filter(|(name, _)| name.starts_with('/'));
+    let members = members.map(|(name, _)| (name.clone(), axes::distinct(rows.axis(name)).len()));
+    let outputs = columns().filter(|(name, _)| !name.starts_with('/'));
+    let arrangement = match (kind, asked["design"].as_str(), asked["method"].as_str()) {
+        (Kind::Map, ..) => Arrangement::Map,
+        (Kind::Sensitivity, _, Some("local")) => Arrangement::Indices,
+        (Kind::Sensitivity, ..) => Arrangement::DrawnIndices,
+        (Kind::Sweep, Some("grid"), _) => Arrangement::Grid,
+        (Kind::Sweep, Some("zip"), _) => Arrangement::Lists,
+        (Kind::Sweep, ..) => Arrangement::Drawn,
+    };
+    Offer {
+        arrangement,
+        members: members.collect(),
+        outputs: outputs.map(|(name, _)| name.clone()).collect(),
+    }
+}
+
+/// A study while it is drawn.
+struct Study<'a> {
+    document: &'a Document<'a>,
+    view: &'a View,
+    kind: Kind,
+    /// The study as it was asked for, in SI.
+    asked: Value,
+    /// The rows of all points.
+    rows: Table,
+    offer: Offer,
+}
+
+impl Study<'_> {
+    fn member(&self, place: usize) -> &str {
+        &self.offer.members[place].0
+    }
+
+    fn column(&self, name: &str) -> &[f64] {
+        self.rows.axis(name)
+    }
+
+    fn unit(&self, name: &str) -> Option<&str> {
+        self.document.head.units.of(name)
+    }
+
+    /// An axis with the unit of a column.
+    fn axis(&self, label: &str, name: &str) -> Axis {
+        Axis::labelled(&match self.unit(name) {
+            Some(unit) => format!("{label} ({})", typeset(unit)),
+            None => label.to_owned(),
+        })
+    }
+
+    /// The axis of a member.
+    fn across(&self, place: usize) -> Axis {
+        let name = self.member(place);
+        let log = axes::is_log_spaced(&axes::distinct(self.column(name)));
+        Axis { log, ..self.axis(&super::words::capital(&member(name)), name) }
+    }
+
+    /// An output in words: the quantity, and when or where.
+    fn in_words(&self, name: &str) -> (String, String) {
+        output(name, &self.asked["scenario"]["cycles"])
+    }
+
+    /// The axis and the title of an output.
+    fn up(&self, place: usize) -> (Axis, String) {
+        let name = &self.offer.outputs[place];
+        let (quantity, rest) = self.in_words(name);
+        (self.axis(&quantity, name), quantity + &rest)
+    }
+
+    fn curves(&self, output: usize, over: usize, by: Option<usize>) -> Result<String, Error> {
+        let name = &self.offer.outputs[output];
+        let (axis, title) = self.up(output);
+        let across = self.across(over);
+        let (series, note) = if self.offer.arrangement == Arrangement::Lists {
+            (vec![grid::list(self.column(self.member(over)), self.column(name))], String::new())
+        } else {
+            let names = Axes { over, by };
+            grid::curves(&self.offer, names, &self.rows, name, &|name| self.unit(name))
+        };
+        let log = axes::spans_decades(series.iter().flat_map(|series| &series.y).copied());
+        let figure =
+            Figure { title, x: across, y: Axis { log, ..axis }, series, ..Figure::default() };
+        self.finished(figure, &(note + &self.gaps(name)), "")
+    }
+
+    fn heat(&self, output: usize, over: usize, by: usize) -> Result<String, Error> {
+        let name = &self.offer.outputs[output];
+        let (scale, title) = self.up(output);
+        let (mut x, mut y) = (self.across(over), self.across(by));
+        x.log = self.view.figure.log_x.unwrap_or(x.log);
+        y.log = self.view.figure.log_y.unwrap_or(y.log);
+        let named = Axes { over, by: Some(by) };
+        let (field, note) =
+            grid::field(&self.offer, named, &self.rows, name, ((x.log, y.log), scale), &|name| {
+                self.unit(name)
+            });
+        let series = if self.kind == Kind::Map && over != by {
+            let [forces, amplitudes] = self.boundary()?;
+            // A map has its normal force first.
+            let curve = if over == 0 { [forces, amplitudes] } else { [amplitudes, forces] };
+            grid::boundary(curve, "gross slip begins")
+        } else {
+            Vec::new()
+        };
+        let label = field.scale.label.clone();
+        let figure = Figure { title, x, y, field: Some(field), series, ..Figure::default() };
+        self.finished(figure, &(note + &self.gaps(name)), &format!(" Colours: {label}."))
+    }
+
+    /// Normal forces, the least first, and the amplitudes at which gross slip begins, NaN where there is no contact.
+    fn boundary(&self) -> Result<[Vec<f64>; 2], Error> {
+        let boundary = self.document.value("boundary")?;
+        let [forces, amplitudes] = [0, 1].map(|place| -> Vec<f64> {
+            let cells = boundary[self.member(place)].as_array().into_iter().flatten();
+            cells.map(|cell| cell.as_f64().unwrap_or(f64::NAN)).collect()
+        });
+        let mut pairs: Vec<_> = forces.into_iter().zip(amplitudes).collect();
+        pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let (forces, amplitudes) = pairs.into_iter().unzip();
+        Ok([forces, amplitudes])
+    }
+
+    fn regimes(&self) -> Result<String, Error> {
+        let boundary = self.boundary()?;
+        let [x, y] = [0, 1].map(|place| {
+            let ends = axes::distinct(self.column(self.member(place)));
+            let range = ends.first().zip(ends.last()).map(|(low, high)| (*low, *high));
+            Axis { range: range.filter(|(low, high)| low < high), ..self.across(place) }
+        });
+        let bands = grid::regimes(&boundary, y.range);
+        // The names of the regimes tell what it separates.
+        let series = grid::boundary(boundary, "");
+        let title = "Regimes of the unworn contact".to_owned();
+        self.finished(Figure { title, x, y, bands, series, ..Figure::default() }, "", "")
+    }
+
+    fn scatter(&self, output: usize, over: usize) -> Result<String, Error> {
+        let name = &self.offer.outputs[output];
+        let (axis, title) = self.up(output);
+        let (x, y) = (self.column(self.member(over)), self.column(name));
+        let log = axes::spans_decades(y.iter().copied());
+        let (series, note) = scatter::series(x, y);
+        let mut across = self.across(over);
+        let ends = axes::distinct(x);
+        let wide = ends.first().zip(ends.last());
+        across.log &= wide.is_some_and(|(low, high)| *high >= axes::LOG_RATIO * low);
+        let figure =
+            Figure { title, x: across, y: Axis { log, ..axis }, series, ..Figure::default() };
+        self.finished(figure, &(note + &self.gaps(name)), "")
+    }
+
+    fn tornado(&self, output: usize) -> Result<String, Error> {
+        let name = &self.offer.outputs[output];
+        let table = self.document.table(Part::Table, &View::default())?;
+        let units = &self.document.head.units;
+        let convert = units.conversion(name);
+        let convert = |value: f64| convert.as_ref().map_or(value, |convert| convert(value));
+        let mut chart = tornado::chart(&table, name, &self.asked, self.unit(name), &convert);
+        chart.size = axes::size(&self.view.figure);
+        tornado::refuse_logarithms(&self.view.figure)?;
+        let note = tornado::keep_what_fits(&mut chart);
+        let (quantity, rest) = self.in_words(name);
+        chart.title = format!("Sensitivity: {}{rest}", quantity.to_lowercase());
+        let groups: Vec<&str> = chart.groups.iter().map(|group| group.label.as_str()).collect();
+        let description = format!(
+            "{} of {}{rest} for {}, {}.{note}",
+            chart.axis.label,
+            quantity.to_lowercase(),
+            groups.join(", "),
+            self.origin(),
+        );
+        chart.about = Some(axes::about(&self.document.head, description.replace('$', "")));
+        Ok(chart.svg())
+    }
+
+    /// How many points lack an output, in words.
+    fn gaps(&self, name: &str) -> String {
+        match self.column(name).iter().filter(|value| !value.is_finite()).count() {
+            0 => String::new(),
+            1 => " 1 point has no value.".to_owned(),
+            count => format!(" {count} points have no value."),
+        }
+    }
+
+    /// Where the numbers come from, in words.
+    fn origin(&self) -> String {
+        let (kind, engine) = (self.kind.name(), &self.document.head.engine);
+        format!("from {} points of a {kind} study, computed by {engine}", self.rows.cycles())
+    }
+
+    /// The figure with its metadata, as SVG. The note is below it, and `colours` only in its description.
+    fn finished(&self, mut figure: Figure, note: &str, colours: &str) -> Result<String, Error> {
+        axes::choose(&mut figure, &self.view.figure)?;
+        note.trim().clone_into(&mut figure.note);
+        let names = figure.series.iter().map(|series| series.label.as_str());
+        let names: Vec<&str> = names.filter(|name| !name.is_empty()).collect();
+        let curves = if names.is_empty() {
+            String::new()
+        } else {
+            format!(" Curves: {}.", names.join("; "))
+        };
+        let description = format!(
+            "{}: {} against {}, {}.{colours}{note}{curves}",
+            figure.title,
+            figure.y.label,
+            figure.x.label,
+            self.origin()
+        );
+        figure.about = Some(axes::about(&self.document.head, description.replace('$', "")));
+        Ok(figure.svg())
+    }
+}

@@ -1,0 +1,99 @@
+//! Bars of the indices of a sensitivity study, the largest on top.
+
+use serde_json::Value;
+
+use super::words::{member, typeset};
+use crate::error::{Error, Missing};
+use crate::table::{Cell, Table};
+use crate::view::FigureOptions;
+use fretwork_plot::{Axis, Bar, BarChart, Group};
+
+/// Least height of a group, and the height of all that is not a group, in px.
+const GROUP: f64 = 15.0;
+const AROUND: f64 = 95.0;
+
+/// The indices of one method: columns of the table with their names in the legend.
+struct Indices {
+    axis: String,
+    columns: &'static [(&'static str, &'static str)],
+    /// Whether the numbers have the unit of the output.
+    have_unit: bool,
+}
+
+impl Indices {
+    fn of(asked: &Value, unit: Option<&str>) -> Self {
+        match asked["method"].as_str() {
+            Some("morris") => Self {
+                axis: match unit {
+                    Some(unit) => format!("Elementary effect ({})", typeset(unit)),
+                    None => "Elementary effect".to_owned(),
+                },
+                columns: &[("strength", "$μ$* (mean size)"), ("deviation", "$σ$ (deviation)")],
+                have_unit: true,
+            },
+            Some("local") => Self {
+                axis: "Elasticity".to_owned(),
+                columns: &[("elasticity", "")],
+                have_unit: false,
+            },
+            _ => Self {
+                axis: "Share of the variance".to_owned(),
+                columns: &[("total", "total"), ("first_order", "first order")],
+                have_unit: false,
+            },
+        }
+    }
+}
+
+/// The chart of an output. `convert` brings its values to the requested unit.
+pub fn chart(
+    table: &Table,
+    output: &str,
+    asked: &Value,
+    unit: Option<&str>,
+    convert: &dyn Fn(f64) -> f64,
+) -> BarChart {
+    let Indices { axis, columns, have_unit } = Indices::of(asked, unit);
+    let text = |name: &str, row: usize| match table.column(name).map(|column| column.cell(row, 0)) {
+        Some(Cell::Text(text)) => text.to_owned(),
+        _ => String::new(),
+    };
+    let number = |name: &str, row: usize| {
+        let value = table.axis(name).get(row).copied()?;
+        Some(if have_unit { convert(value) } else { value })
+    };
+    let bar = |name: &str, row: usize| {
+        let end = |end: &str| number(&format!("{name}_{end}"), row).filter(|end| end.is_finite());
+        Bar { value: number(name, row).unwrap_or(f64::NAN), interval: end("low").zip(end("high")) }
+    };
+    let rows = (0..table.cycles()).filter(|row| text("output", *row) == output);
+    let mut groups: Vec<Group> = rows
+        .map(|row| Group {
+            label: member(&text("member", row)),
+            bars: columns.iter().map(|(name, _)| bar(name, row)).collect(),
+        })
+        .collect();
+    let size = |group: &Group| group.bars.first().map_or(0.0, |bar| bar.value.abs().max(0.0));
+    groups.sort_by(|a, b| size(b).total_cmp(&size(a)));
+    let names = columns.iter().map(|(_, name)| (*name).to_owned()).collect();
+    let (title, size) = (String::new(), (0.0, 0.0));
+    BarChart { title, axis: Axis::labelled(&axis), names, groups, size, about: None }
+}
+
+/// Bars begin at 0, which a logarithmic axis does not have.
+pub fn refuse_logarithms(options: &FigureOptions) -> Result<(), Error> {
+    let given = [("x", options.log_x), ("y", options.log_y)].into_iter();
+    let wrong = given.filter(|(_, log)| *log == Some(true)).map(|(parameter, _)| Missing {
+        parameter,
+        detail: "must be \"linear\" here: the bars begin at 0".to_owned(),
+    });
+    let wrong: Vec<Missing> = wrong.collect();
+    if wrong.is_empty() { Ok(()) } else { Err(Error::Missing(wrong)) }
+}
+
+/// Keeps the largest groups, as many as have room. Returns a note if some are left out.
+pub fn keep_what_fits(chart: &mut BarChart) -> String {
+    let (most, all) = (((chart.size.1 - AROUND) / GROUP).max(1.0) as usize, chart.groups.len());
+    chart.groups.truncate(most);
+    if all <= most { String::new() } else { format!(" These are the largest {most} of {all}.") }
+}

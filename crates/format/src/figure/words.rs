@@ -1,0 +1,109 @@
+//! The words of figures: numbers, units, and the names of members and outputs.
+
+use serde_json::Value;
+
+use crate::units::round;
+use fretwork_plot::text::power_of_ten;
+
+/// A number with at most this many digits; very small and very large numbers have a power of ten.
+pub fn shortened(number: f64, digits: u8) -> String {
+    let number = round(number, digits);
+    let text = format!("{number:e}");
+    match text.split_once('e') {
+        Some((mantissa, power)) if !(1e-4..1e7).contains(&number.abs()) && number != 0.0 => {
+            let power = power_of_ten(power.parse().unwrap_or(0));
+            if mantissa == "1" { power } else { format!("{mantissa}×{power}") }
+        }
+        _ => number.to_string(),
+    }
+}
+
+/// A unit as it is printed.
+pub fn typeset(unit: &str) -> String {
+    let unit = if unit == "um" { "µm" } else { unit };
+    unit.replace("^3", "³")
+}
+
+/// A member of a scenario in words: `/motion/amplitude` is `amplitude`, `/bodies/0/youngs_modulus` is
+/// `bodies 0 youngs modulus`.
+pub fn member(pointer: &str) -> String {
+    let short =
+        ["/load/", "/motion/"].into_iter().find_map(|section| pointer.strip_prefix(section));
+    let words: Vec<&str> = short.unwrap_or(pointer).split(['/', '_']).collect();
+    words.join(" ").trim().to_owned()
+}
+
+/// An output in words. The first text is the quantity; the second says when or where, such as ` after 1000 cycles`. Instants
+/// without a unit are in the measure of `cycles`, a member of the scenario.
+pub fn output(name: &str, cycles: &Value) -> (String, String) {
+    let spaced = |text: &str| text.replace('_', " ");
+    if let Some((column, at)) = name.split_once('@') {
+        // An energy can have its unit in the name.
+        let unit = match at.parse::<f64>() {
+            Err(_) => "",
+            Ok(_) if cycles.get("dissipated_energy").is_some() => " J",
+            Ok(_) if cycles.get("normalized").is_some() => " normalized cycles",
+            Ok(_) => " cycles",
+        };
+        return (capital(&spaced(column)), format!(" after {at}{unit}"));
+    }
+    match name.split_once('.') {
+        Some(("events", event)) => (format!("Cycles until {}", spaced(event)), String::new()),
+        Some(("scales", column)) => (capital(&spaced(column)), " (scale)".to_owned()),
+        Some(("limit", column)) => (capital(&spaced(column)), " in the limiting state".to_owned()),
+        Some((section, column)) => (capital(&spaced(column)), format!(", {section}")),
+        None => (capital(&spaced(name)), String::new()),
+    }
+}
+
+/// The text with a capital at its start.
+pub fn capital(text: &str) -> String {
+    let mut rest = text.chars();
+    rest.next().map_or_else(String::new, |first| first.to_uppercase().chain(rest).collect())
+}
+
+/// Labels such as `friction = 0.5`, with as many digits as distinguish them.
+pub fn values_of(name: &str, unit: Option<&str>, values: &[f64]) -> Vec<String> {
+    let unit = unit.map_or_else(String::new, |unit| format!(" {}", typeset(unit)));
+    let with_digits = |digits| -> Vec<String> {
+        values.iter().map(|value| format!("{name} = {}{unit}", shortened(*value, digits))).collect()
+    };
+    let short = with_digits(4);
+    let equal = short.iter().enumerate().any(|(i, label)| short[..i].contains(label));
+    if equal { with_digits(12) } else { short }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn members_and_outputs_are_named_in_words() {
+        assert_eq!(member("/motion/amplitude"), "amplitude");
+        assert_eq!(member("/friction"), "friction");
+        assert_eq!(member("/wear/coefficient"), "wear coefficient");
+        assert_eq!(member("/bodies/0/youngs_modulus"), "bodies 0 youngs modulus");
+        let whole = |name| {
+            let (quantity, rest) = output(name, &json!([1000]));
+            quantity + &rest
+        };
+        let after = |at: &str, cycles| output(&format!("wear_depth@{at}"), &cycles).1;
+        assert_eq!(after("0.01", json!({"dissipated_energy": ["10 mJ"]})), " after 0.01 J");
+        assert_eq!(after("0.5", json!({"normalized": [0, 0.5]})), " after 0.5 normalized cycles");
+        assert_eq!(whole("wear_volume"), "Wear volume");
+        assert_eq!(whole("wear_depth@1000"), "Wear depth after 1000 cycles");
+        assert_eq!(whole("wear_depth@1 mJ"), "Wear depth after 1 mJ");
+        assert_eq!(whole("unworn.energy_ratio"), "Energy ratio, unworn");
+        assert_eq!(whole("events.rim_reached"), "Cycles until rim reached");
+    }
+
+    #[test]
+    fn labels_of_values_are_short_and_distinct() {
+        assert_eq!(values_of("friction", None, &[0.5, 0.7]), ["friction = 0.5", "friction = 0.7"]);
+        let close = values_of("amplitude", Some("um"), &[1.00001, 1.00002]);
+        assert_eq!(close, ["amplitude = 1.00001 µm", "amplitude = 1.00002 µm"]);
+        assert_eq!(shortened(0.0, 4), "0");
+    }
+}

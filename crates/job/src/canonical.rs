@@ -1,0 +1,147 @@
+//! What a job asks for, in its canonical form.
+
+use std::collections::BTreeMap;
+
+use serde::ser::SerializeMap as _;
+use serde::{Serialize, Serializer};
+use serde_json::Value;
+use serde_json::value::RawValue;
+
+use super::{ENGINE, Key};
+use fretwork_json as json;
+use fretwork_study::Kind;
+
+/// The version of the form in which runs are stored. Version 1 had no version number: it was the job body of the HTTP
+/// interface.
+const RUN_VERSION: u32 = 2;
+/// The version of the form in which studies are stored.
+const STUDY_VERSION: u32 = 3;
+
+/// What a job computes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TaskKind {
+    /// The run of one scenario.
+    Run,
+    /// A study of many runs.
+    Study(Kind),
+}
+
+impl TaskKind {
+    /// All kinds.
+    pub fn all() -> impl Iterator<Item = Self> {
+        [Self::Run].into_iter().chain(Kind::ALL.map(Self::Study))
+    }
+
+    /// The kind with this member of a job body.
+    #[must_use]
+    pub fn of_member(name: &str) -> Option<Self> {
+        Self::all().find(|kind| kind.member() == name)
+    }
+
+    /// The member of a job body that says what to compute.
+    #[must_use]
+    pub fn member(self) -> &'static str {
+        match self {
+            Self::Run => "scenario",
+            Self::Study(kind) => kind.name(),
+        }
+    }
+
+    /// The word by which users search for results of this kind.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Run => "run",
+            Self::Study(kind) => kind.name(),
+        }
+    }
+
+    /// The key of a result of this kind under this `numerics` version. `canonical` is the canonical scenario or study.
+    #[must_use]
+    pub fn key(self, numerics: u32, canonical: &impl Serialize) -> Key {
+        Key::of(numerics, &BTreeMap::from([(self.member(), canonical)]))
+    }
+
+    /// The stored form of a task.
+    #[must_use]
+    pub fn stored(self, canonical: &impl Serialize) -> String {
+        #[derive(Serialize)]
+        struct Stored<'a, T> {
+            version: u32,
+            #[serde(flatten)]
+            task: BTreeMap<&'static str, &'a T>,
+        }
+        let version = match self {
+            Self::Run => RUN_VERSION,
+            Self::Study(_) => STUDY_VERSION,
+        };
+        let task = BTreeMap::from([(self.member(), canonical)]);
+        json::write(&Stored { version, task }, 1 << 10)
+    }
+}
+
+/// What a job asks for: the canonical scenario of a run, or the canonical form of a study. As JSON it is the job body that
+/// computes it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Canonical {
+    /// What it is.
+    pub kind: TaskKind,
+    /// The canonical scenario or study.
+    pub value: Value,
+}
+
+impl Canonical {
+    /// The key of its result under this `numerics` version.
+    #[must_use]
+    pub fn key(&self, numerics: u32) -> Key {
+        self.kind.key(numerics, &self.value)
+    }
+
+    /// Reads a stored task; `None` if the text is not one.
+    #[must_use]
+    pub fn in_stored(stored: &str) -> Option<Self> {
+        let (kind, text) = asked_in(stored)?;
+        Some(Self { kind, value: serde_json::from_str(text.get()).ok()? })
+    }
+
+    /// The key of a stored task for this version of the engine; `None` if the text is not a stored task.
+    #[must_use]
+    pub fn key_of(stored: &str) -> Option<Key> {
+        Some(Self::in_stored(stored)?.key(ENGINE.numerics))
+    }
+}
+
+impl Serialize for Canonical {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut members = serializer.serialize_map(Some(1))?;
+        members.serialize_entry(self.kind.member(), &self.value)?;
+        members.end()
+    }
+}
+
+/// The members of a stored task.
+pub(super) struct StoredText<'a>(BTreeMap<&'a str, &'a RawValue>);
+
+impl<'a> StoredText<'a> {
+    /// Reads a stored task.
+    pub(super) fn read(stored: &'a str) -> serde_json::Result<Self> {
+        serde_json::from_str(stored).map(Self)
+    }
+
+    /// Whether a later version of the program stored it. Version 1 has no number.
+    pub(super) fn is_later(&self) -> bool {
+        let version = self.0.get("version").map(|text| text.get().parse());
+        version.is_some_and(|version| version.map_or(true, |version: u32| version > STUDY_VERSION))
+    }
+
+    /// What it asks for.
+    pub(super) fn asked(&self) -> Option<(TaskKind, &'a RawValue)> {
+        TaskKind::all().find_map(|kind| Some((kind, *self.0.get(kind.member())?)))
+    }
+}
+
+/// What a stored task asks for, as it is written there; `None` if the text is not a stored task.
+#[must_use]
+pub fn asked_in(stored: &str) -> Option<(TaskKind, &RawValue)> {
+    StoredText::read(stored).ok()?.asked()
+}

@@ -1,0 +1,240 @@
+//! The members of a result that search, lists and exports need.
+
+use fretwork_engine::numeric::twelve_digits;
+use fretwork_engine::outcome::Outcome;
+use fretwork_engine::scenario::Scenario;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use serde_json::value::RawValue;
+use serde_json::{Map, Number, Value, json, to_value};
+
+use super::{Canonical, Outline, TaskKind};
+use fretwork_study::Kind;
+
+/// A result without its large tables.
+#[derive(Debug)]
+pub struct Document {
+    /// The key of the result.
+    pub key: String,
+    /// The name of the engine that computed it.
+    pub engine: String,
+    /// The `numerics` version of this engine.
+    pub numerics: u32,
+    /// What was asked for.
+    pub asked: Canonical,
+    /// The columns of the history of a run; empty for a study.
+    pub history: Map<String, Value>,
+    /// The short form that a job shows: the last entry of each column of the history and the regime, or the number of
+    /// points of a study.
+    pub summary: Value,
+    /// The words and numbers by which users search for the result.
+    pub outline: Outline,
+}
+
+/// Why a text is not a result.
+#[derive(Debug, thiserror::Error)]
+pub enum BadDocument {
+    /// It is not JSON with the members of a result.
+    #[error("its body cannot be read as a result")]
+    Unreadable(#[from] serde_json::Error),
+    /// A member is missing.
+    #[error("its member `{0}` is missing")]
+    Member(&'static str),
+    /// A member is larger than any that the engine writes.
+    #[error("a member of its body is too large")]
+    Large,
+    /// A column of its history is empty, contains something other than numbers, or has another length than the others.
+    #[error("its history is not a set of columns of equal length")]
+    History,
+}
+
+/// The members that are read from a result. An import may contain anything, so they are parsed when their size is known.
+#[derive(Deserialize)]
+struct Members<'a> {
+    #[serde(borrow)]
+    key: &'a RawValue,
+    engine: &'a RawValue,
+    scenario: Option<&'a RawValue>,
+    scales: Option<&'a RawValue>,
+    unworn: Option<&'a RawValue>,
+    regime: Option<&'a RawValue>,
+    history: Option<&'a RawValue>,
+    sweep: Option<&'a RawValue>,
+    sensitivity: Option<&'a RawValue>,
+    map: Option<&'a RawValue>,
+    counts: Option<&'a RawValue>,
+}
+
+#[derive(Deserialize)]
+struct Producer {
+    name: String,
+    numerics: u32,
+}
+
+/// Largest number of values in a member. A record of 100 000 reversals has the most. A value takes about 100 bytes of memory.
+const MAX_VALUES: usize = 500_000;
+/// Largest member, in bytes. A request has at most 4 MiB, and canonical numbers are longer.
+const MAX_MEMBER: usize = 16_000_000;
+
+/// Parses a member, unless it is too large.
+fn parse<T: DeserializeOwned>(member: &RawValue) -> Result<T, BadDocument> {
+    let text = member.get();
+    let begins = text.bytes().filter(|byte| matches!(byte, b',' | b'[' | b'{'));
+    if text.len() > MAX_MEMBER || begins.count() > MAX_VALUES {
+        return Err(BadDocument::Large);
+    }
+    Ok(serde_json::from_str(text)?)
+}
+
+impl Document {
+    /// Reads a result.
+    ///
+    /// # Errors
+    /// The text is not the JSON of a result.
+    pub fn read(text: &[u8]) -> Result<Self, BadDocument> {
+        let members: Members = serde_json::from_slice(text)?;
+        let (kind, asked) = members.asked().ok_or(BadDocument::Member("scenario"))?;
+        let value = parse(asked)?;
+        let (history, summary, outline) = match kind {
+            TaskKind::Run => members.of_run(&value)?,
+            TaskKind::Study(_) => members.of_study(kind)?,
+        };
+        let asked = Canonical { kind, value };
+        let Producer { name: engine, numerics } = parse(members.engine)?;
+        Ok(Self { key: parse(members.key)?, engine, numerics, asked, history, summary, outline })
+    }
+}
+
+impl<'a> Members<'a> {
+    /// What was asked for, if it is exactly one thing.
+    fn asked(&self) -> Option<(TaskKind, &'a RawValue)> {
+        let found = TaskKind::all().filter_map(|kind| {
+            let member = match kind {
+                TaskKind::Run => self.scenario,
+                TaskKind::Study(Kind::Sweep) => self.sweep,
+                TaskKind::Study(Kind::Sensitivity) => self.sensitivity,
+                TaskKind::Study(Kind::Map) => self.map,
+            };
+            Some((kind, member?))
+        });
+        let mut found: Vec<_> = found.collect();
+        found.pop().filter(|_| found.is_empty())
+    }
+
+    /// History, summary and outline of a run.
+    fn of_run(
+        &self,
+        scenario: &Value,
+    ) -> Result<(Map<String, Value>, Value, Outline), BadDocument> {
+        let history = required("history", self.history)?;
+        let summary =
+            summary(required("regime", self.regime)?, &history).ok_or(BadDocument::History)?;
+        let mut members = members(
+            scenario.clone(),
+            required("scales", self.scales)?,
+            required("unworn", self.unworn)?,
+            summary,
+        );
+        let outline = Outline::of(&members);
+        Ok((history, members["summary"].take(), outline))
+    }
+
+    /// History, summary and outline of a study.
+    fn of_study(
+        &self,
+        kind: TaskKind,
+    ) -> Result<(Map<String, Value>, Value, Outline), BadDocument> {
+        let counts = required("counts", self.counts)?;
+        let outline = outline_of(kind, &counts);
+        Ok((Map::new(), counts, outline))
+    }
+}
+
+fn required<T: DeserializeOwned>(
+    name: &'static str,
+    member: Option<&RawValue>,
+) -> Result<T, BadDocument> {
+    parse(member.ok_or(BadDocument::Member(name))?)
+}
+
+/// The outline of a study.
+pub(super) fn outline_of(kind: TaskKind, counts: &Value) -> Outline {
+    Outline::of(&json!({"kind": kind.word(), "summary": counts}))
+}
+
+/// Summary and outline of a new result, with the digits of its JSON.
+#[expect(clippy::expect_used, reason = "search must find what is stored")]
+pub(super) fn summarize(scenario: &Scenario, outcome: &Outcome) -> (Value, Outline) {
+    fn value(part: impl Serialize) -> Value {
+        to_value(part).expect("scenarios and outcomes are plain numbers and texts")
+    }
+    let Outcome { scales, unworn, regime, history, .. } = outcome;
+    let history = value(history);
+    let columns = history.as_object().expect("a history has columns");
+    let summary =
+        summary(value(regime), columns).expect("each column has an entry per output cycle");
+    let mut members = members(value(scenario), value(scales), value(unworn), summary);
+    round(&mut members);
+    let outline = Outline::of(&members);
+    (members["summary"].take(), outline)
+}
+
+/// Rounds all numbers as [`write`](fretwork_json::write) does.
+fn round(value: &mut Value) {
+    match value {
+        Value::Number(number) if number.is_f64() => {
+            let rounded = number.as_f64().map(twelve_digits).and_then(Number::from_f64);
+            *number = rounded.unwrap_or_else(|| number.clone());
+        }
+        Value::Array(items) => items.iter_mut().for_each(round),
+        Value::Object(members) => members.values_mut().for_each(round),
+        _ => {}
+    }
+}
+
+/// The document of [`Outline::of`].
+fn members(scenario: Value, scales: Value, unworn: Value, summary: Value) -> Value {
+    let names = ["kind", "scenario", "scales", "unworn", "summary"].map(str::to_owned);
+    let kind = TaskKind::Run.word().into();
+    names.into_iter().zip([kind, scenario, scales, unworn, summary]).collect()
+}
+
+/// The summary of a result; `None` if its history is not valid.
+fn summary(regime: Value, history: &Map<String, Value>) -> Option<Value> {
+    let length = history.get("cycles")?.as_array()?.len();
+    let mut summary = Map::from_iter([("regime".to_owned(), regime)]);
+    for (name, column) in history {
+        let column = column.as_array().filter(|column| column.len() == length)?;
+        let last = column.last().filter(|_| column.iter().all(Value::is_number))?;
+        summary.insert(name.clone(), last.clone());
+    }
+    Some(Value::Object(summary))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_history_must_have_columns_of_numbers_of_equal_length() {
+        let read = |history: Value| {
+            let document = json!({
+                "key": "", "engine": {"name": "fretwork", "numerics": 2}, "scenario": {}, "scales": {},
+                "unworn": {}, "regime": "gross_slip", "history": history,
+            });
+            Document::read(document.to_string().as_bytes()).map(|document| document.summary)
+        };
+        let sound = read(json!({"cycles": [0.0, 5.0], "wear_volume": [0.0, 1e-13]}));
+        let expected = json!({"regime": "gross_slip", "cycles": 5.0, "wear_volume": 1e-13});
+        assert_eq!(sound.unwrap(), expected);
+        for bad in [
+            json!({}),
+            json!({"cycles": []}),
+            json!({"cycles": [0.0], "wear_volume": [0.0, 1.0]}),
+            json!({"cycles": [0.0], "wear_volume": [null]}),
+            json!({"cycles": [0.0], "wear_volume": 1.0}),
+        ] {
+            assert!(matches!(read(bad.clone()), Err(BadDocument::History)), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,167 @@
+//! The JSON body of a submission. It is parsed once, and all its faults are listed.
+
+use deserr::{Deserr, IntoValue, ValuePointerRef};
+use fretwork_engine::request::fault::Faults;
+use fretwork_engine::request::fields::Given;
+use serde_json::Value;
+
+use super::{Prepared, TaskKind};
+use fretwork_json::{BadBody, Distinct, both, read_body};
+
+/// Longest label in characters.
+pub const MAX_LABEL: usize = 200;
+/// Most tags of a job.
+pub const MAX_TAGS: usize = 20;
+/// Longest tag in characters.
+pub const MAX_TAG: usize = 50;
+/// Longest submitted scenario that is stored, in bytes of compact JSON.
+pub const MAX_SUBMITTED: usize = 64 << 10;
+
+/// A valid job body: `{"scenario": {…}, "label"?, "tags"?}`, or a study in place of the scenario.
+#[derive(Debug, Clone)]
+pub struct Submission {
+    /// What to compute.
+    pub prepared: Prepared,
+    /// The scenario or study with the members and units of the client, as compact JSON; `None` if it is longer than
+    /// [`MAX_SUBMITTED`].
+    pub submitted: Option<String>,
+    /// A title for people.
+    pub label: Option<String>,
+    /// Words to find the job by.
+    pub tags: Vec<String>,
+}
+
+impl Submission {
+    /// Parses a job body. The faults of its form and of its physics are in one list.
+    ///
+    /// # Errors
+    /// The text is not JSON, or it has faults.
+    pub fn parse(text: &[u8]) -> Result<Self, BadBody> {
+        read_body(text, Self::read)
+    }
+
+    fn read(mut body: Value) -> Result<Self, Faults> {
+        let asked = take_asked(&mut body)?;
+        let envelope: Result<Envelope, Faults> =
+            Envelope::deserialize_from_value(body.into_value(), ValuePointerRef::Origin);
+        let (kind, asked) = asked;
+        let submitted = Some(asked.to_string()).filter(|text| text.len() <= MAX_SUBMITTED);
+        let (Envelope { label, tags }, prepared) = both(envelope, Prepared::read(kind, asked))?;
+        Ok(Self {
+            prepared,
+            submitted,
+            label: label.0.map(|label| label.0),
+            tags: tags.0.map_or_else(Vec::new, |Distinct(tags)| {
+                tags.into_iter().map(|tag| tag.0).collect()
+            }),
+        })
+    }
+}
+
+/// Takes the member out of a job body that says what to compute.
+fn take_asked(body: &mut Value) -> Result<(TaskKind, Value), Faults> {
+    let names = || TaskKind::all().map(TaskKind::member).collect::<Vec<_>>().join("` or `");
+    let Some(members) = body.as_object_mut() else {
+        return Err(Faults::one("", format!("must be an object with a member `{}`", names())));
+    };
+    let mut found =
+        TaskKind::all().filter_map(|kind| Some((kind, members.shift_remove(kind.member())?)));
+    let Some(asked) = found.next() else {
+        let detail = format!("is missing. Enter what to compute: `{}`", names());
+        return Err(Faults::one("/scenario", detail));
+    };
+    match found.next() {
+        None => Ok(asked),
+        Some((other, _)) => {
+            let detail = format!(
+                "cannot stand beside `{}`: a job computes one of them. Submit two jobs",
+                asked.0.member()
+            );
+            Err(Faults::one(&format!("/{}", other.member()), detail))
+        }
+    }
+}
+
+/// A job body without the member that says what to compute.
+#[derive(Deserr)]
+#[deserr(error = Faults, deny_unknown_fields)]
+struct Envelope {
+    #[deserr(default)]
+    label: Given<Text<MAX_LABEL>>,
+    #[deserr(default)]
+    tags: Given<Distinct<Text<MAX_TAG>, MAX_TAGS>>,
+}
+
+/// A text of 1 to `N` characters, none of them a control character.
+#[derive(PartialEq)]
+struct Text<const N: usize>(String);
+
+impl<const N: usize> Deserr<Faults> for Text<N> {
+    fn deserialize_from_value<V: IntoValue>(
+        value: deserr::Value<V>,
+        location: ValuePointerRef<'_>,
+    ) -> Result<Self, Faults> {
+        let text: String = String::deserialize_from_value(value, location)?;
+        let length = text.chars().count();
+        if length == 0 || length > N {
+            let detail = format!("must have 1 to {N} characters, not {length}");
+            return Err(Faults::at(location, detail));
+        }
+        if text.chars().any(char::is_control) {
+            return Err(Faults::at(location, "must not contain control characters"));
+        }
+        Ok(Self(text))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+    use crate::task::tests::ball;
+
+    #[test]
+    fn every_fault_is_listed_with_its_pointer() {
+        let mut scenario = ball();
+        scenario["bodies"][0]["poisson_ratio"] = json!(0.7);
+        scenario["profile"]["radius"] = json!("-10 mm");
+        scenario["frction"] = json!(0.7);
+        scenario["wear"]["coefficient"] = json!("3 mm^3/(N parsec)");
+        let mut body = json!({"scenario": scenario});
+        body["label"] = json!("");
+        let faults = match Submission::parse(body.to_string().as_bytes()) {
+            Err(BadBody::Faults(faults)) => faults,
+            other => panic!("{other:?}"),
+        };
+        let mut pointers: Vec<_> = faults.iter().map(|fault| fault.pointer.as_str()).collect();
+        pointers.sort_unstable();
+        assert_eq!(
+            pointers,
+            [
+                "/label",
+                "/scenario/bodies/0/poisson_ratio",
+                "/scenario/frction",
+                "/scenario/profile/radius",
+                "/scenario/wear/coefficient",
+            ]
+        );
+        let of = |pointer: &str| {
+            &faults.iter().find(|fault| fault.pointer == pointer).expect(pointer).detail
+        };
+        assert!(of("/scenario/frction").contains("Did you mean `friction`?"));
+        assert!(of("/scenario/wear/coefficient").contains("mm^3/(N m)"));
+    }
+
+    #[test]
+    fn the_submitted_scenario_is_stored_up_to_64_kb() {
+        let parse = |body: &Value| Submission::parse(body.to_string().as_bytes()).unwrap();
+        let mut scenario = ball();
+        let submitted = parse(&json!({"scenario": scenario})).submitted;
+        assert_eq!(submitted, Some(scenario.to_string()));
+        let reversal = |i| if i % 2 == 0 { "1.2345 um" } else { "-1.2345 um" };
+        scenario["motion"] = json!({"reversals": (0..10_000).map(reversal).collect::<Vec<_>>()});
+        scenario["profiles_at"] = json!("none");
+        assert_eq!(parse(&json!({"scenario": scenario})).submitted, None);
+    }
+}

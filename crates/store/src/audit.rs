@@ -1,0 +1,88 @@
+//! The audit log: who made, revoked and used keys, and who canceled and deleted whose jobs and results.
+//!
+//! An entry is written in the transaction of its act. Equal acts of one day share an entry, and so do all jobs of an actor
+//! that it cancels or deletes itself. So no client can fill the log with ordinary requests.
+
+use super::row::{Columns, word};
+use fretwork_job::words;
+
+words! {
+    /// What the audit log records.
+    pub enum Act: "act" {
+        /// An access key was made.
+        AddKey = "add_key",
+        /// An access key was revoked.
+        RevokeKey = "revoke_key",
+        /// An access key was used. Uses within one minute count once.
+        UseKey = "use_key",
+        /// A job was canceled.
+        CancelJob = "cancel_job",
+        /// A job was deleted.
+        DeleteJob = "delete_job",
+        /// A result was deleted.
+        DeleteResult = "delete_result",
+    }
+}
+
+/// Who acts.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Actor {
+    /// The owner of its jobs, or the user of a command.
+    pub name: String,
+    /// The id of its access key; empty without a key.
+    pub key: String,
+}
+
+impl Actor {
+    /// What an entry says of the subject of an act: nothing of a job that belongs to the actor.
+    pub(super) fn named<'a>(&self, act: Act, subject: &'a str, owner: &str) -> &'a str {
+        let own_job = matches!(act, Act::CancelJob | Act::DeleteJob) && self.name == owner;
+        if own_job { "" } else { subject }
+    }
+
+    /// The user of the operating system who runs this process.
+    #[must_use]
+    pub fn of_process() -> Self {
+        #[cfg(unix)]
+        let name = format!("uid {}", rustix::process::getuid());
+        #[cfg(not(unix))]
+        let name = "local user".to_owned();
+        Self { name, key: String::new() }
+    }
+}
+
+/// Equal acts of one day.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct AuditEntry {
+    /// Its number. Later entries have larger numbers.
+    pub id: i64,
+    /// When the first act was, in milliseconds since 1970.
+    pub first: i64,
+    /// When the last act was.
+    pub last: i64,
+    /// The number of acts.
+    pub times: u64,
+    /// What was done.
+    pub act: Act,
+    /// Who did it.
+    pub actor: Actor,
+    /// The id of the access key or of the job, or the key of the result; empty for an actor's own jobs.
+    pub subject: String,
+    /// The owner of the subject; empty if unknown.
+    pub owner: String,
+}
+
+impl AuditEntry {
+    pub(super) fn read(row: &impl Columns) -> Result<Self, sqlx::Error> {
+        Ok(Self {
+            id: row.get("id")?,
+            first: row.get("first")?,
+            last: row.get("last")?,
+            times: row.get("times")?,
+            act: word(row, "act")?,
+            actor: Actor { name: row.get("actor")?, key: row.get("key")? },
+            subject: row.get("subject")?,
+            owner: row.get("owner")?,
+        })
+    }
+}

@@ -1,0 +1,219 @@
+//! Errors of the store.
+
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use fretwork_job::{JobId, Key};
+
+/// The index by which PostgreSQL finds a second submission with an idempotency key.
+pub(super) const IDEMPOTENCY: &str = "job_idempotency";
+
+/// Why an operation of the store failed.
+#[derive(Debug, Clone, thiserror::Error)]
+pub enum Error {
+    /// The data directory cannot be created, read or written.
+    #[error("cannot use the data directory {}{}", dir.display(), advice(dir, source))]
+    Directory {
+        /// The directory.
+        dir: PathBuf,
+        /// The error of the operating system.
+        source: Arc<io::Error>,
+    },
+    /// Another server uses the data directory.
+    #[error("another server is using the data directory {}", dir.display())]
+    Locked {
+        /// The directory.
+        dir: PathBuf,
+    },
+    /// The file is not a database, or it is damaged.
+    #[error("{} is not a database, or it is damaged", path.display())]
+    NotADatabase {
+        /// The file.
+        path: PathBuf,
+        /// What SQLite says. If the schema is damaged, it names the table or the index.
+        source: Arc<sqlx::Error>,
+    },
+    /// The database belongs to another program.
+    #[error("{} is the database of another program", path.display())]
+    Foreign {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Another program has changed the schema of the database.
+    #[error("{} is not as fretwork makes it: {what}", path.display())]
+    Altered {
+        /// The file.
+        path: PathBuf,
+        /// What differs.
+        what: String,
+    },
+    /// The database was written by a later version of this program.
+    #[error(
+        "{} was written by a later version of fretwork (its schema version is {found}, this program \
+         knows {known})", path.display()
+    )]
+    Newer {
+        /// The file.
+        path: PathBuf,
+        /// The schema version of the database.
+        found: i64,
+        /// The latest schema version that this program knows.
+        known: i64,
+    },
+    /// A server of an earlier version of this program uses the database.
+    #[error(
+        "the server that uses {} has an earlier version (its schema version is {found}, this program \
+         knows {known}); restart the server with this version first", path.display()
+    )]
+    Older {
+        /// The file.
+        path: PathBuf,
+        /// The schema version of the database.
+        found: i64,
+        /// The latest schema version that this program knows.
+        known: i64,
+    },
+    /// The operating system has no random numbers.
+    #[error("the operating system has no random numbers")]
+    NoRandomness,
+    /// The database could not be migrated to this version.
+    #[error("cannot migrate {} to this version", path.display())]
+    Migration {
+        /// The file.
+        path: PathBuf,
+        /// The error of the migration.
+        source: Arc<sqlx::migrate::MigrateError>,
+    },
+    /// There is a job with this id.
+    #[error("job {0} exists already")]
+    JobExists(JobId),
+    /// The disk is full.
+    #[error("no space is left for the database")]
+    Full(#[source] Arc<sqlx::Error>),
+    /// The server has this file open, but another one or none has its name now.
+    #[error(
+        "{} was deleted, moved or replaced while the server uses it; end the server by SIGTERM, which saves what it has \
+         acknowledged, and put the files back before its next start", path.display()
+    )]
+    Moved {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Another process locked the database for longer than the timeout.
+    #[error("the database is busy")]
+    Busy(#[source] Arc<sqlx::Error>),
+    /// The database server cannot be reached, or it shuts down.
+    #[error("the database server cannot be reached")]
+    Unreachable(#[source] Arc<sqlx::Error>),
+    /// The database server does not answer in time, or all connections to it are in use.
+    #[error("the database server does not answer in time")]
+    Exhausted,
+    /// A page of the database is damaged.
+    #[error("the database is damaged")]
+    Damaged(#[source] Arc<sqlx::Error>),
+    /// The checksum of a result is wrong.
+    #[error("the stored result {0} is damaged")]
+    DamagedResult(Key),
+    /// The checksum of a chunk of a study is wrong.
+    #[error("the stored chunk {number} of the study {key} is damaged; submit the study again")]
+    DamagedChunk {
+        /// The key of the study.
+        key: Key,
+        /// The number of the chunk.
+        number: u32,
+    },
+    /// Any other error of the database.
+    #[error("the database failed")]
+    Database(#[source] Arc<sqlx::Error>),
+    /// The store is closed.
+    #[error("the store is closed")]
+    Closed,
+}
+
+/// What to do about a directory that the process may not use.
+fn advice(dir: &Path, error: &io::Error) -> String {
+    #[cfg(unix)]
+    if error.kind() == io::ErrorKind::PermissionDenied {
+        let (user, group) = (rustix::process::geteuid(), rustix::process::getegid());
+        return format!(
+            ": it and its files must belong to user {user}; run `chown -R {user}:{group} {}` as root (for a \
+             container: in its volume)",
+            dir.display()
+        );
+    }
+    let _ = (dir, error);
+    String::new()
+}
+
+impl From<sqlx::Error> for Error {
+    fn from(error: sqlx::Error) -> Self {
+        /// Characters of a code of PostgreSQL. Codes of SQLite are shorter.
+        const SQLSTATE: usize = 5;
+        const SQLITE_BUSY: u32 = 5;
+        const SQLITE_CORRUPT: u32 = 11;
+        const SQLITE_FULL: u32 = 13;
+        const SQLITE_NOTADB: u32 = 26;
+        if matches!(error, sqlx::Error::Io(_) | sqlx::Error::Tls(_) | sqlx::Error::Protocol(_)) {
+            return Self::Unreachable(Arc::new(error));
+        }
+        let code = error.as_database_error().and_then(sqlx::error::DatabaseError::code);
+        if let Some(state) = code.as_deref().filter(|code| code.len() == SQLSTATE) {
+            return match state {
+                _ if state.starts_with("57P") || state.starts_with("08") => Self::Unreachable,
+                // Too many connections; a server that is starting.
+                "53300" => Self::Unreachable,
+                "53100" => Self::Full,
+                "40001" | "40P01" | "55P03" | "57014" | "25P03" => Self::Busy,
+                _ if state.starts_with("XX") => Self::Damaged,
+                _ => Self::Database,
+            }(Arc::new(error));
+        }
+        // The low byte is the primary result code of SQLite.
+        let kind = code.and_then(|code| code.parse::<u32>().ok()).map(|code| code & 0xff);
+        match kind {
+            Some(SQLITE_BUSY) => Self::Busy(Arc::new(error)),
+            Some(SQLITE_FULL) => Self::Full(Arc::new(error)),
+            Some(SQLITE_CORRUPT | SQLITE_NOTADB) => Self::Damaged(Arc::new(error)),
+            _ => Self::Database(Arc::new(error)),
+        }
+    }
+}
+
+impl Error {
+    /// Whether the transaction collided with another one in PostgreSQL, so that it may succeed when it is repeated: a
+    /// serialization failure, a deadlock, or two first submissions with the same idempotency key.
+    pub(super) fn is_conflict(&self) -> bool {
+        let (Self::Busy(error) | Self::Database(error)) = self else { return false };
+        error.as_database_error().is_some_and(|error| {
+            matches!(error.code().as_deref(), Some("40001" | "40P01"))
+                || error.constraint() == Some(IDEMPOTENCY)
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use sqlx::sqlite::SqliteConnectOptions;
+    use sqlx::{ConnectOptions as _, Executor as _};
+
+    use super::*;
+
+    #[tokio::test]
+    async fn a_database_locked_by_another_writer_is_reported_as_busy() {
+        let dir = tempfile::tempdir().unwrap();
+        let options = SqliteConnectOptions::new()
+            .filename(dir.path().join("db"))
+            .create_if_missing(true)
+            .busy_timeout(Duration::ZERO);
+        let mut one = options.connect().await.unwrap();
+        let mut other = options.connect().await.unwrap();
+        one.execute("BEGIN IMMEDIATE").await.unwrap();
+        let refused = Error::from(other.execute("BEGIN IMMEDIATE").await.unwrap_err());
+        assert!(matches!(refused, Error::Busy(_)), "{refused:?}");
+        let refused = Error::from(other.execute("SELECT * FROM nothing").await.unwrap_err());
+        assert!(matches!(refused, Error::Database(_)), "{refused:?}");
+    }
+}

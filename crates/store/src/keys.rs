@@ -1,0 +1,154 @@
+//! Access keys and their roles.
+//!
+//! A key is `fretwork_<id>_<secret>`. Lists and logs show only the id. The database stores only a digest
+//! of the whole key, so reading the database gives no access.
+
+use data_encoding::HEXLOWER;
+use sha2::{Digest as _, Sha256};
+use subtle::ConstantTimeEq as _;
+
+use super::error::Error;
+use super::row::{Columns, word};
+use fretwork_job::words;
+
+/// Prefix of all keys. Tools that scan for leaked secrets recognise it.
+const MARK: &str = "fretwork";
+
+/// Hexadecimal digits of the id.
+const ID: usize = 8;
+
+/// Bytes of the secret.
+const SECRET: usize = 20;
+
+words! {
+    /// What the holder of a key may do. Each role includes the roles before it.
+    pub enum Role: "role" {
+        /// Read results and check scenarios.
+        Read = "read",
+        /// Submit jobs; see, cancel and delete own jobs.
+        Submit = "submit",
+        /// Everything, including jobs and results of all owners.
+        Admin = "admin",
+    }
+}
+
+/// A stored access key.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct AccessKey {
+    /// The public part of the key.
+    pub id: String,
+    /// The owner of the jobs that are submitted with it. Several keys may have the same name.
+    pub name: String,
+    /// What its holder may do.
+    pub role: Role,
+    /// Requests per minute; `None` means the limit of the server.
+    pub per_minute: Option<u32>,
+    /// When it was created. Times are in milliseconds since 1970.
+    pub created: i64,
+    /// When it expires.
+    pub expires: Option<i64>,
+    /// When it was revoked.
+    pub revoked: Option<i64>,
+    /// When it was last used, with a resolution of one minute.
+    pub last_used: Option<i64>,
+    digest: Vec<u8>,
+}
+
+impl AccessKey {
+    pub(super) fn read(row: &impl Columns) -> Result<Self, sqlx::Error> {
+        Ok(Self {
+            id: row.get("id")?,
+            name: row.get("name")?,
+            role: word(row, "role")?,
+            per_minute: row.get("per_minute")?,
+            created: row.get("created")?,
+            expires: row.get("expires")?,
+            revoked: row.get("revoked")?,
+            last_used: row.get("last_used")?,
+            digest: row.get("digest")?,
+        })
+    }
+
+    /// Whether this is the digest of the key. The comparison takes constant time.
+    #[must_use]
+    pub fn has_digest(&self, digest: &[u8; 32]) -> bool {
+        digest.ct_eq(&*self.digest).into()
+    }
+
+    /// Whether both are equal apart from the time of last use.
+    #[must_use]
+    pub fn is_like(&self, other: &Self) -> bool {
+        Self { last_used: None, ..self.clone() } == Self { last_used: None, ..other.clone() }
+    }
+
+    /// The id in a text, if the text has the form of a key.
+    #[must_use]
+    pub fn id_in(presented: &str) -> Option<&str> {
+        let (id, secret) = presented.strip_prefix(MARK)?.strip_prefix('_')?.split_once('_')?;
+        let hex = |text: &str| text.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'));
+        (id.len() == ID && secret.len() == 2 * SECRET && hex(id) && hex(secret)).then_some(id)
+    }
+}
+
+/// The digest that the database stores for a key.
+#[must_use]
+pub fn digest(key: &str) -> [u8; 32] {
+    Sha256::digest(key).into()
+}
+
+/// A key to be created.
+#[derive(Debug, Clone)]
+pub struct NewKey {
+    /// The owner of the jobs that are submitted with it.
+    pub name: String,
+    /// What its holder may do.
+    pub role: Role,
+    /// Requests per minute; `None` means the limit of the server.
+    pub per_minute: Option<u32>,
+    /// When it expires, in milliseconds since 1970.
+    pub expires: Option<i64>,
+}
+
+impl NewKey {
+    /// The id and the text of another key.
+    pub(super) fn mint() -> Result<(String, String), Error> {
+        let (id, secret) = (random::<{ ID / 2 }>()?, random::<SECRET>()?);
+        let key = format!("{MARK}_{id}_{secret}");
+        Ok((id, key))
+    }
+}
+
+/// Random bytes in hexadecimal.
+fn random<const BYTES: usize>() -> Result<String, Error> {
+    let mut bytes = [0; BYTES];
+    getrandom::fill(&mut bytes).map_err(|_| Error::NoRandomness)?;
+    Ok(HEXLOWER.encode(&bytes))
+}
+
+/// The secret that signs links, as it is stored.
+pub(super) fn secret_of(stored: Vec<u8>) -> Result<[u8; 32], sqlx::Error> {
+    let wrong = "the stored secret does not have 32 bytes";
+    stored.try_into().map_err(|_| sqlx::Error::Decode(wrong.into()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_well_formed_key_has_an_id() {
+        let (id, secret) = ("0a1b2c3d", "0123456789abcdef0123456789abcdef01234567");
+        assert_eq!(AccessKey::id_in(&format!("fretwork_{id}_{secret}")), Some(id));
+        for bad in [
+            String::new(),
+            id.to_owned(),
+            format!("fretwork_{id}"),
+            format!("fretwork_{id}_{}", &secret[1..]),
+            format!("fretwork_{id}_{}", secret.to_uppercase()),
+            format!("fretwork_{id}x_{secret}"),
+            format!("wretfork_{id}_{secret}"),
+        ] {
+            assert_eq!(AccessKey::id_in(&bad), None, "{bad}");
+        }
+    }
+}

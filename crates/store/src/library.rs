@@ -1,0 +1,209 @@
+//! What is known about stored results: provenance, notes, the program that computed them.
+
+use serde_json::Value;
+
+use super::error::Error;
+use super::row::{self, Columns};
+use fretwork_job::{Canonical, ENGINE, JobId, Key};
+
+/// What a user wrote about a result.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Note {
+    /// The text.
+    pub text: String,
+    /// Who wrote it.
+    pub owner: String,
+    /// When it was written, in milliseconds since 1970.
+    pub at: i64,
+}
+
+/// The longest note in characters.
+const LONGEST_NOTE: usize = 4000;
+
+impl Note {
+    /// What is wrong with the text of a note, if anything.
+    #[must_use]
+    pub fn fault(text: &str) -> Option<String> {
+        let length = text.chars().count();
+        let is_control = |c: char| c.is_control() && c != '\n' && c != '\t';
+        if length == 0 || length > LONGEST_NOTE {
+            return Some(format!("must have 1 to {LONGEST_NOTE} characters, not {length}"));
+        }
+        text.contains(is_control).then(|| {
+            "must not contain control characters other than line breaks and tabs".to_owned()
+        })
+    }
+
+    /// Reads the columns `note`, `noted_by` and `noted`.
+    pub(super) fn read(row: &impl Columns) -> Result<Option<Self>, sqlx::Error> {
+        let Some(text) = row.get("note")? else { return Ok(None) };
+        Ok(Some(Self { text, owner: row.get("noted_by")?, at: row.get("noted")? }))
+    }
+}
+
+/// Who computed a result, when, with which program and at what cost. Results of earlier versions of the
+/// program lack some of it. Times are in milliseconds since 1970.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Provenance {
+    /// When this server first stored the key.
+    pub created: i64,
+    /// The owner whose job computed it.
+    pub owner: Option<String>,
+    /// When it was computed.
+    pub computed: Option<i64>,
+    /// Wall-clock time of the computation in seconds.
+    pub wall: Option<f64>,
+    /// Processor time of the computation in seconds.
+    pub cpu: Option<f64>,
+    /// The job that computed it.
+    pub job: Option<JobId>,
+    /// The id of the request that submitted that job, and after a blank its `traceparent`.
+    pub trace: Option<String>,
+    /// The warnings of the submission that computed it, as a JSON array. They are about the two bodies, and the
+    /// result does not contain them.
+    pub warnings: Option<Value>,
+    /// The program that computed it.
+    pub program: Option<Program>,
+    /// The number of stored jobs with this key.
+    pub jobs: u64,
+    /// Whether it is pinned: never evicted.
+    pub pinned: bool,
+    /// Who pinned it.
+    pub pinned_by: Option<String>,
+    /// When it was last read.
+    pub last_access: i64,
+    /// When its body was evicted or deleted.
+    pub evicted: Option<i64>,
+    /// Who deleted it; `None` if it was evicted to free space.
+    pub deleted_by: Option<String>,
+    /// Its note.
+    pub note: Option<Note>,
+    /// Size of its body in bytes.
+    pub size: u64,
+    /// SHA-256 of its body.
+    pub sha256: Key,
+    /// When it was imported, and from which file.
+    pub imported: Option<(i64, String)>,
+}
+
+/// Reads what [`Provenance`] contains, of the key $1.
+pub(super) const PROVENANCE: &str = "
+    SELECT result.key AS key, created, result.owner AS owner, computed, wall, cpu, job, trace,
+        warnings, pinned, pinned_by, last_access, evicted, deleted_by, size, digest, imported, imported_from, version,
+        numerics, host, architecture, processors, note.text AS note, note.owner AS noted_by,
+        note.at AS noted, (SELECT count(*) FROM job WHERE job.key = result.key) AS jobs
+    FROM result LEFT JOIN program ON program.id = result.program
+    LEFT JOIN note ON note.key = result.key WHERE result.key = $1";
+
+impl Provenance {
+    /// Reads a row of [`PROVENANCE`].
+    pub(super) fn read(row: &impl Columns) -> Result<Self, sqlx::Error> {
+        let job: Option<&[u8]> = row.get("job")?;
+        let imported: Option<i64> = row.get("imported")?;
+        let imported = imported.map(|at| Ok::<_, sqlx::Error>((at, row.get("imported_from")?)));
+        Ok(Self {
+            created: row.get("created")?,
+            owner: row.get("owner")?,
+            computed: row.get("computed")?,
+            wall: row.get("wall")?,
+            cpu: row.get("cpu")?,
+            job: job.map(row::job_id).transpose()?,
+            trace: row.get("trace")?,
+            warnings: row.get::<Option<&str>>("warnings")?.map(row::json).transpose()?,
+            program: Program::read(row)?,
+            jobs: row.get("jobs")?,
+            pinned: row.get("pinned")?,
+            pinned_by: row.get("pinned_by")?,
+            last_access: row.get("last_access")?,
+            evicted: row.get("evicted")?,
+            deleted_by: row.get("deleted_by")?,
+            note: Note::read(row)?,
+            size: row.get("size")?,
+            sha256: row::key(row, "digest")?,
+            imported: imported.transpose()?,
+        })
+    }
+}
+
+/// A version of the program on a machine.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Program {
+    /// The version of the program.
+    pub version: String,
+    /// The `numerics` version of its engine.
+    pub numerics: u32,
+    /// The host name; empty if unknown.
+    pub host: String,
+    /// The processor architecture; empty if unknown.
+    pub architecture: String,
+    /// The number of processors; 0 if unknown.
+    pub processors: u32,
+}
+
+impl Program {
+    /// This program on this machine.
+    pub(super) fn this() -> Self {
+        #[cfg(unix)]
+        let host = rustix::system::uname().nodename().to_string_lossy().into_owned();
+        #[cfg(not(unix))]
+        let host = std::env::var("COMPUTERNAME").unwrap_or_else(|_| "unknown".to_owned());
+        let processors = std::thread::available_parallelism().map_or(1, usize::from);
+        Self {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            numerics: ENGINE.numerics,
+            host,
+            architecture: std::env::consts::ARCH.to_owned(),
+            processors: u32::try_from(processors).unwrap_or(u32::MAX),
+        }
+    }
+
+    /// Reads the columns of the table `program`.
+    pub(super) fn read(row: &impl Columns) -> Result<Option<Self>, sqlx::Error> {
+        let Some(version) = row.get("version")? else { return Ok(None) };
+        Ok(Some(Self {
+            version,
+            numerics: row.get("numerics")?,
+            host: row.get("host")?,
+            architecture: row.get("architecture")?,
+            processors: row.get("processors")?,
+        }))
+    }
+}
+
+/// What the database knows about a key. The body of the result may have been evicted.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Known {
+    /// What it was computed from.
+    pub asked: Canonical,
+    /// The short form that a job shows.
+    pub summary: Value,
+    /// The `numerics` version of the engine; 0 if unknown.
+    pub numerics: u32,
+    /// Whether the body is stored.
+    pub held: bool,
+}
+
+/// Reads what [`Known`] contains, of the key $1.
+pub(super) const KNOWN: &str = "
+    SELECT task, summary, numerics, evicted IS NULL AS held
+    FROM result JOIN result_task USING (key)
+    LEFT JOIN program ON program.id = result.program WHERE result.key = $1";
+
+impl Known {
+    /// Reads a row of [`KNOWN`].
+    pub(super) fn read(key: &Key, row: &impl Columns) -> Result<Self, Error> {
+        let damaged = || Error::DamagedResult(*key);
+        let asked = Canonical::in_stored(row.get("task")?).ok_or_else(damaged)?;
+        let numerics = match row.get("numerics")? {
+            Some(numerics) => numerics,
+            None => numerics_of(key, &asked),
+        };
+        let summary = row::json(row.get("summary")?).map_err(|_| damaged())?;
+        Ok(Self { asked, summary, numerics, held: row.get("held")? })
+    }
+}
+
+/// The `numerics` version for which a task has this key; 0 if there is none.
+fn numerics_of(key: &Key, asked: &Canonical) -> u32 {
+    (1..=ENGINE.numerics).rev().find(|numerics| asked.key(*numerics) == *key).unwrap_or(0)
+}

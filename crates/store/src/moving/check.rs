@@ -1,0 +1,383 @@
+//! Searches a database for damage, and names the rows.
+//!
+//! Three things repeat what a row says: the indexes, of which some exist only for that (`migrations/sqlite/0014_copies.sql`); the body of a result,
+//! which has a checksum; and other rows.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use data_encoding::HEXLOWER;
+use futures_util::TryStreamExt as _;
+use serde_json::Value;
+use sha2::{Digest as _, Sha256};
+use sqlx::sqlite::SqliteRow;
+use sqlx::{AssertSqlSafe, Connection as _, Executor as _, SqliteConnection};
+
+use super::damage::{Damage, SCHEMA, UNUSED, in_schema, locate};
+use super::{Moving, reading};
+use crate::body::Body;
+use crate::error::Error;
+use crate::row::{Columns, Sum, changes, checksum, json, key};
+use crate::search::names;
+use crate::sqlite::open::{self, DATABASE};
+use crate::sqlite::schema;
+use fretwork_job::{Canonical, Document, ENGINE, Key, Outline, SCALARS, WORDS};
+
+/// What a check has found.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Checked {
+    /// The numbers of jobs and of results, also of evicted ones. `None` if they cannot be counted.
+    pub counts: Option<(u64, u64)>,
+    /// What is damaged: table, key and column, and what is wrong.
+    pub damage: Vec<Damage>,
+}
+
+/// Checks the database of a directory. A server may be using it.
+///
+/// # Errors
+/// There is no database, its schema is foreign, or it cannot be read at all.
+pub async fn check(dir: &Path) -> Result<Checked, Moving> {
+    let path = dir.join(DATABASE);
+    if !path.exists() {
+        return Err(Moving::Nothing(path));
+    }
+    if let Err(error) = open::inspect(&path).await {
+        return of_schema(error);
+    }
+    let mut db = reading(&path).await?;
+    // A server may write meanwhile.
+    db.execute("BEGIN").await?;
+    if let Err(error) = schema::compare(&mut db, &path).await {
+        return of_schema(error);
+    }
+    let (found, known) = (schema::version(&mut db).await?, schema::latest());
+    if found != known {
+        let error = if found < known {
+            Error::Older { path, found, known }
+        } else {
+            Error::Newer { path, found, known }
+        };
+        return Err(error.into());
+    }
+    let mut damage = of_pages(&mut db).await?;
+    damage.extend(of_rows(&mut db).await?);
+    let count = "SELECT (SELECT count(*) FROM job), (SELECT count(*) FROM result)";
+    let counts = match sqlx::query_as(count).fetch_one(&mut db).await.map_err(Error::from) {
+        Ok(counts) => Some(counts),
+        Err(Error::Damaged(_)) => None,
+        Err(error) => return Err(error.into()),
+    };
+    db.close().await?;
+    damage.dedup();
+    Ok(Checked { counts, damage })
+}
+
+/// The damage to the schema that ends a check before it reads a row. Any other error stays an error.
+fn of_schema(error: Error) -> Result<Checked, Moving> {
+    let damage = match error {
+        Error::Altered { what, .. } => Damage::of(SCHEMA, what),
+        Error::Damaged(source) => in_schema(&source),
+        Error::NotADatabase { source, .. } if !is_other_file(&source) => in_schema(&source),
+        error => return Err(error.into()),
+    };
+    Ok(Checked { counts: None, damage: vec![damage] })
+}
+
+/// Whether SQLite says that a file is not a database (`SQLITE_NOTADB`).
+fn is_other_file(error: &sqlx::Error) -> bool {
+    error
+        .as_database_error()
+        .and_then(sqlx::error::DatabaseError::code)
+        .is_some_and(|code| code == "26")
+}
+
+/// Compares all indexes with their tables, and checks the structure of all pages.
+pub(super) async fn of_pages(db: &mut SqliteConnection) -> Result<Vec<Damage>, Error> {
+    let of_all = said(db, "PRAGMA integrity_check".to_owned()).await?;
+    if of_all == ["ok"] {
+        return Ok(Vec::new());
+    }
+    let tables: Vec<String> = sqlx::query_scalar(
+        "SELECT name FROM sqlite_schema WHERE type = 'table' UNION ALL SELECT 'sqlite_schema'",
+    )
+    .fetch_all(&mut *db)
+    .await?;
+    let mut damage = Vec::new();
+    // Some damage ends a check. So each table has its own.
+    for table in tables {
+        for line in said(db, format!("PRAGMA integrity_check(\"{table}\")")).await? {
+            if line != "ok" {
+                damage.extend(locate(db, &table, &line).await);
+            }
+        }
+    }
+    if damage.is_empty() {
+        damage.extend(of_all.iter().map(|line| Damage::of(UNUSED, line)));
+    }
+    Ok(damage)
+}
+
+/// The lines of an integrity check.
+async fn said(db: &mut SqliteConnection, check: String) -> Result<Vec<String>, Error> {
+    let said: Result<Vec<String>, sqlx::Error> =
+        sqlx::query_scalar(AssertSqlSafe(check)).fetch_all(db).await;
+    match said.map_err(Error::from) {
+        Ok(said) => Ok(said
+            .iter()
+            .flat_map(|said| said.lines())
+            .filter(|line| !line.starts_with("***"))
+            .map(str::to_owned)
+            .collect()),
+        Err(Error::Damaged(error)) => Ok(vec![error.to_string()]),
+        Err(error) => Err(error),
+    }
+}
+
+/// Compares rows with each other and with the bodies of results.
+pub(super) async fn of_rows(db: &mut SqliteConnection) -> Result<Vec<Damage>, Error> {
+    let mut damage = Vec::new();
+    for (table, column, statement) in COMPARISONS {
+        let keys: Result<Vec<String>, sqlx::Error> =
+            sqlx::query_scalar(statement).fetch_all(&mut *db).await;
+        match keys.map_err(Error::from) {
+            Ok(keys) => {
+                let what = format!("{column} contradicts other rows");
+                damage.extend(keys.iter().map(|key| Damage::at(table, key, &*what)));
+            }
+            Err(Error::Damaged(error)) => damage.push(Damage::of(table, error.to_string())),
+            Err(error) => return Err(error),
+        }
+    }
+    match schema::wrong_records(db).await.map_err(Error::from) {
+        Ok(versions) => damage.extend(versions.iter().map(|version| {
+            Damage::at("_sqlx_migrations", &version.to_string(), "the record is changed or missing")
+        })),
+        Err(Error::Damaged(error)) => {
+            damage.push(Damage::of("_sqlx_migrations", error.to_string()));
+        }
+        Err(error) => return Err(error),
+    }
+    damage.extend(of_jobs(db).await?);
+    damage.extend(of_results(db).await?);
+    Ok(damage)
+}
+
+/// Statements that return the keys of rows which contradict others: table, column, statement.
+const COMPARISONS: [(&str, &str, &str); 13] = [
+    ("outline", "created", "SELECT lower(hex(key)) FROM outline JOIN result_task USING (id) JOIN result USING (key)
+        WHERE outline.created <> result.created"),
+    ("outline", "size", "SELECT lower(hex(key)) FROM outline JOIN result_task USING (id) JOIN result USING (key)
+        WHERE outline.size <> result.size"),
+    ("outline", "owner", "SELECT lower(hex(key)) FROM outline JOIN result_task USING (id) JOIN result USING (key)
+        WHERE outline.owner IS NOT result.owner"),
+    ("outline", "present", "SELECT lower(hex(key)) FROM outline JOIN result_task USING (id) JOIN result USING (key)
+        WHERE outline.present <> (result.evicted IS NULL)"),
+    // Those of an earlier version are written at the next start.
+    ("outline", "id", "SELECT lower(hex(key)) FROM result_task WHERE id NOT IN (SELECT id FROM outline)
+        AND id < (SELECT max(id) FROM outline)"),
+    ("outline", "id", "SELECT 'row ' || id FROM outline WHERE id NOT IN (SELECT id FROM result_task)"),
+    ("result_task", "key", "SELECT lower(hex(key)) FROM result_task WHERE key NOT IN (SELECT key FROM result)"),
+    ("result", "stored", "SELECT lower(hex(key)) FROM result JOIN result_blob USING (key)
+        WHERE stored <> length(body)"),
+    ("result_blob", "key", "SELECT lower(hex(key)) FROM result_blob WHERE key NOT IN (SELECT key FROM result
+        WHERE evicted IS NULL)"),
+    ("job", "tags", "SELECT lower(hex(id)) FROM job WHERE iif(json_valid(tags), EXISTS (
+        SELECT 1 FROM json_each(iif(json_valid(tags), tags, '[]')) AS tag WHERE NOT EXISTS (
+            SELECT 1 FROM job_tag WHERE job_tag.tag = tag.value AND job_tag.job = job.id)), TRUE)"),
+    ("job_tag", "tag", "SELECT lower(hex(job)) FROM job_tag WHERE NOT EXISTS (SELECT 1 FROM job WHERE id = job_tag.job
+        AND tag IN (SELECT value FROM json_each(iif(json_valid(tags), tags, '[]'))))"),
+    ("run", "progress", "SELECT 'row ' || id FROM run WHERE state = 'succeeded' AND progress <> 1"),
+    ("room", "used", "SELECT 'row 1' FROM room WHERE used <> (SELECT coalesce(sum(stored), 0) FROM result
+        WHERE evicted IS NULL) OR runs < (SELECT coalesce(max(id), 0) FROM run)"),
+];
+
+/// Compares the state and the times of each job with its changes of state, and what was submitted with its checksum.
+async fn of_jobs(db: &mut SqliteConnection) -> Result<Vec<Damage>, Error> {
+    let mut damage = Vec::new();
+    let mut rows = sqlx::query(
+        "SELECT lower(hex(id)) AS id, state, attempt, created, started, finished, changes, submitted,
+             submitted_sum FROM job",
+    )
+    .fetch(db);
+    loop {
+        match rows.try_next().await.map_err(Error::from) {
+            Ok(Some(row)) => {
+                let wrong = contradiction(&row).unwrap_or_else(|error| Some(error.to_string()));
+                let id = row.get::<&str>("id").unwrap_or_default();
+                damage.extend(wrong.map(|what| Damage::at("job", id, what)));
+            }
+            Ok(None) => return Ok(damage),
+            Err(Error::Damaged(error)) => {
+                damage.push(Damage::of("job", error.to_string()));
+                return Ok(damage);
+            }
+            Err(error) => return Err(error),
+        }
+    }
+}
+
+/// What in the row of a job contradicts its changes of state or its checksum.
+fn contradiction(row: &SqliteRow) -> Result<Option<String>, sqlx::Error> {
+    let Ok(changes) = changes(row.get("changes")?) else {
+        return Ok(Some("changes has an entry that is not a change of state".to_owned()));
+    };
+    let Some(last) = changes.last() else { return Ok(Some("changes is empty".to_owned())) };
+    let state: &str = row.get("state")?;
+    let finished: Option<i64> = row.get("finished")?;
+    let started: Option<i64> = row.get("started")?;
+    let running = changes.iter().rfind(|change| change.state.as_str() == "running");
+    let sum: Option<i64> = row.get("submitted_sum")?;
+    if sum.is_some() && sum != row.get::<Option<&str>>("submitted")?.map(checksum) {
+        return Ok(Some("submitted or submitted_sum is changed".to_owned()));
+    }
+    let of_changes = [
+        ("state", last.state.as_str() == state),
+        ("attempt", last.attempt == row.get::<u32>("attempt")?),
+        ("finished", finished == last.state.is_finished().then_some(last.at)),
+        // The clock may have been set back since the submission.
+        (
+            "started",
+            running.zip(started).is_none_or(|(run, at)| {
+                at == run.at
+                    || row.get::<i64>("created").is_ok_and(|created| at == created && at > run.at)
+            }),
+        ),
+    ];
+    let wrong = of_changes.iter().find(|(_, agrees)| !agrees);
+    Ok(wrong.map(|(column, _)| format!("{column} contradicts changes")))
+}
+
+/// Compares each result with its body, its task and its outline.
+async fn of_results(db: &mut SqliteConnection) -> Result<Vec<Damage>, Error> {
+    let columns: Vec<String> = names().map(|name| format!("outline.{name}")).collect();
+    let statement = format!(
+        "SELECT result.key AS key, summary, digest, result.size AS size, checksum, evicted, task, body, {}
+         FROM result LEFT JOIN result_blob USING (key) LEFT JOIN result_task USING (key)
+         LEFT JOIN outline USING (id) WHERE result.key > ?1 ORDER BY result.key LIMIT 1",
+        columns.join(", ")
+    );
+    let statement: Arc<str> = statement.into();
+    let (mut damage, mut last) = (Vec::new(), Vec::new());
+    // One body at a time, to keep memory small.
+    loop {
+        let query = sqlx::query(AssertSqlSafe(Arc::clone(&statement))).bind(&last);
+        match query.fetch_optional(&mut *db).await.map_err(Error::from) {
+            Ok(None) => return Ok(damage),
+            Ok(Some(row)) => {
+                last = row.get("key")?;
+                let wrong = of_result(&row);
+                let wrong =
+                    wrong.unwrap_or_else(|error| vec![(table_of(&error), error.to_string())]);
+                let key = HEXLOWER.encode(&last);
+                damage.extend(wrong.into_iter().map(|(table, what)| Damage::at(table, &key, what)));
+            }
+            Err(Error::Damaged(error)) => {
+                let next = "SELECT key FROM result WHERE key > ?1 ORDER BY key LIMIT 1";
+                let next = sqlx::query_scalar(next).bind(&last).fetch_optional(&mut *db).await;
+                let Ok(Some(next)) = next else {
+                    damage.push(Damage::of("result", error.to_string()));
+                    return Ok(damage);
+                };
+                last = next;
+                let what = format!("body, task or outline cannot be read: {error}");
+                damage.push(Damage::at("result_blob", &HEXLOWER.encode(&last), what));
+            }
+            Err(error) => return Err(error),
+        }
+    }
+}
+
+/// The table of the column that cannot be read.
+fn table_of(error: &sqlx::Error) -> &'static str {
+    match error {
+        sqlx::Error::ColumnDecode { index, .. } => match index.trim_matches('"') {
+            "task" => "result_task",
+            "body" => "result_blob",
+            name if names().any(|column| column == name) => "outline",
+            _ => "result",
+        },
+        _ => "result",
+    }
+}
+
+/// What is wrong with a result: tables and descriptions.
+fn of_result(row: &SqliteRow) -> Result<Vec<(&'static str, String)>, sqlx::Error> {
+    let (key, task) = (key(row, "key")?, row.get::<Option<&str>>("task")?);
+    let is_real = row.get::<Option<&str>>("kind")?.is_some();
+    let of_task = |task| Canonical::in_stored(task).is_some_and(|asked| is_key_of(&key, &asked));
+    let mut wrong = Vec::new();
+    if is_real && !task.is_some_and(of_task) {
+        wrong.push(("result_task", "task does not give the key".to_owned()));
+    }
+    if row.get::<Option<i64>>("evicted")?.is_some() {
+        return Ok(wrong);
+    }
+    let Some(body) = row.get::<Option<Vec<u8>>>("body")?.map(Body::stored) else {
+        wrong.push(("result_blob", "body is missing".to_owned()));
+        return Ok(wrong);
+    };
+    if !Sum::read(row)?.is_of(&body) {
+        wrong.push(("result_blob", "body or checksum is changed".to_owned()));
+        return Ok(wrong);
+    }
+    let Ok(body) = body.json() else {
+        wrong.push(("result_blob", "body cannot be decompressed".to_owned()));
+        return Ok(wrong);
+    };
+    if row.get::<u64>("size")? != body.len() as u64 {
+        wrong.push(("result", "size contradicts the body".to_owned()));
+    }
+    if Sha256::digest(&body)[..] != *row.get::<&[u8]>("digest")? {
+        wrong.push(("result", "digest contradicts the body".to_owned()));
+    }
+    if let Ok(document) = Document::read(&body) {
+        wrong.extend(of_document(row, &document));
+    }
+    Ok(wrong)
+}
+
+/// Compares what lists and search show with the result itself.
+fn of_document(row: &SqliteRow, document: &Document) -> Vec<(&'static str, String)> {
+    let mut wrong = Vec::new();
+    if !row
+        .get::<&str>("summary")
+        .and_then(json)
+        .is_ok_and(|found: Value| equal(&found, &document.summary))
+    {
+        wrong.push(("result", "summary contradicts the body".to_owned()));
+    }
+    let Outline { words, scalars } = &document.outline;
+    for (word, expected) in WORDS.iter().zip(words) {
+        if row.get::<Option<&str>>(word.name).ok() != Some(expected.as_deref()) {
+            wrong.push(("outline", format!("{} contradicts the body", word.name)));
+        }
+    }
+    for (scalar, expected) in SCALARS.iter().zip(scalars) {
+        if row.get::<Option<f64>>(scalar.name).ok() != Some(*expected) {
+            wrong.push(("outline", format!("{} contradicts the body", scalar.name)));
+        }
+    }
+    wrong
+}
+
+/// Whether a task has this key under any version of the engine.
+fn is_key_of(key: &Key, asked: &Canonical) -> bool {
+    (1..=ENGINE.numerics).any(|numerics| asked.key(numerics) == *key)
+}
+
+/// Whether two documents are equal, also if the one writes 5 and the other 5.0.
+fn equal(one: &Value, other: &Value) -> bool {
+    match (one, other) {
+        (Value::Number(one), Value::Number(other)) => one.as_f64() == other.as_f64(),
+        (Value::Object(one), Value::Object(other)) => {
+            let agrees = |(name, value): (&String, &Value)| {
+                other.get(name).is_some_and(|other| equal(value, other))
+            };
+            one.len() == other.len() && one.iter().all(agrees)
+        }
+        (Value::Array(one), Value::Array(other)) => {
+            one.len() == other.len() && one.iter().zip(other).all(|(one, other)| equal(one, other))
+        }
+        _ => one == other,
+    }
+}

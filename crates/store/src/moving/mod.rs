@@ -1,0 +1,179 @@
+//! Export and import of results; check, backup and restore of the database.
+//!
+//! All commands work while a server uses the database: SQLite isolates them, and no transaction is long.
+//! Each file is written under a temporary name, checked, and then renamed.
+//!
+//! An export is an SQLite database for other programs and for other servers. It has one table with a
+//! row per result, one with the bodies, one with the histories, and one with the units. An import
+//! reads results from the bodies only. It checks their SHA-256, their keys, and whether their numbers can be those of their
+//! scenarios, and computes a sample anew. It cannot check notes,
+//! warnings about bodies, or who computed a result, where, when and at what cost. It stores these
+//! without a check.
+
+mod backup;
+mod check;
+mod damage;
+mod export;
+mod import;
+mod untrusted;
+
+use std::fs::{self, File};
+use std::io;
+use std::path::{Path, PathBuf};
+
+use sqlx::{Connection as _, SqliteConnection};
+
+use super::administration::PATIENCE;
+use super::error::Error;
+use super::place::Place;
+use super::sqlite::open;
+use fretwork_job::Key;
+
+pub use backup::{Saved, backup, note_backup, restore};
+pub use check::{Checked, check};
+pub use damage::Damage;
+pub use export::{Exported, export};
+pub use import::{Imported, import};
+
+/// The SQLite application id of an export ("frex").
+const EXPORT: i32 = 0x6672_6578;
+/// The version of the format of an export.
+const FORM: i32 = 1;
+
+/// The suffixes of the files that SQLite keeps beside a database.
+const COMPANIONS: [&str; 3] = ["-journal", "-wal", "-shm"];
+
+/// Why an export, import, backup or restore failed.
+#[derive(Debug, thiserror::Error)]
+pub enum Moving {
+    /// The database failed.
+    #[error(transparent)]
+    Store(#[from] Error),
+    /// The source does not exist.
+    #[error("there is no {}", .0.display())]
+    Nothing(PathBuf),
+    /// There is no database at this place.
+    #[error("there is no database in {0}")]
+    NoDatabase(Place),
+    /// The target exists.
+    #[error("{} exists already, and is not overwritten", .0.display())]
+    Exists(PathBuf),
+    /// The data directory already has a database.
+    #[error("{} exists already; add --replace to put the backup in its place and keep it under another name", .0.display())]
+    Occupied(PathBuf),
+    /// The file is something else.
+    #[error("{} is not an export of fretwork", .0.display())]
+    NoExport(PathBuf),
+    /// The file is a backup, or the database of a server.
+    #[error("{} is a whole database, not an export: use `fretwork restore` for a backup", .0.display())]
+    WholeDatabase(PathBuf),
+    /// A later program wrote the file.
+    #[error("{} was exported by a later version of fretwork (format {found}, this program knows {FORM})", path.display())]
+    LaterForm {
+        /// The file.
+        path: PathBuf,
+        /// The version of its format.
+        found: i32,
+    },
+    /// The database does not have this result.
+    #[error("there is no result with the key {0}")]
+    UnknownKey(Key),
+    /// The file has changed since it was written.
+    #[error("{} is damaged: {said}", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        said: String,
+    },
+    /// The backup could not replace the database.
+    #[error("the backup cannot be put in place; the former database is still {}", path.display())]
+    NotReplaced {
+        /// The former database, unchanged.
+        path: PathBuf,
+        /// The error of the operating system.
+        source: io::Error,
+    },
+    /// A file could not be written.
+    #[error("cannot write {}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// The error of the operating system.
+        source: io::Error,
+    },
+}
+
+impl From<sqlx::Error> for Moving {
+    fn from(error: sqlx::Error) -> Self {
+        Self::Store(error.into())
+    }
+}
+
+fn refused(path: &Path) -> impl FnOnce(io::Error) -> Moving {
+    let path = path.to_owned();
+    move |source| Moving::File { path, source }
+}
+
+/// A file that is being written, under a temporary name. It is removed if the command fails.
+struct Part(PathBuf);
+
+impl Part {
+    /// The temporary name is that of the file with a suffix. Removes what a command that was killed has left there.
+    fn of(file: &Path, suffix: &str) -> Result<Self, Moving> {
+        let part = Self(open::with_suffix(file, suffix));
+        // A journal that is left over would change the new file.
+        part.remove().map_err(refused(&part.0))?;
+        Ok(part)
+    }
+
+    /// Removes the file, and what SQLite keeps beside it.
+    fn remove(&self) -> io::Result<()> {
+        let suffixes = COMPANIONS.iter().chain(&[""]);
+        suffixes.map(|suffix| open::with_suffix(&self.0, suffix)).try_for_each(|file| remove(&file))
+    }
+
+    /// Gives the finished file its name, which must be free.
+    fn name(self, file: &Path) -> Result<(), Moving> {
+        if file.exists() {
+            return Err(Moving::Exists(file.to_owned()));
+        }
+        put(&self.0, file).map_err(refused(file))
+    }
+}
+
+impl Drop for Part {
+    fn drop(&mut self) {
+        // If this fails, the next command tries again.
+        let _ = self.remove();
+    }
+}
+
+/// Opens a database for reading only.
+async fn reading(path: &Path) -> Result<SqliteConnection, Moving> {
+    let options = open::connecting(path).busy_timeout(PATIENCE).read_only(true);
+    Ok(SqliteConnection::connect_with(&options).await?)
+}
+
+/// Syncs a finished file to the disk and renames it.
+fn put(part: &Path, file: &Path) -> io::Result<()> {
+    File::open(part)?.sync_all()?;
+    fs::rename(part, file)?;
+    sync_directory(file);
+    Ok(())
+}
+
+/// Syncs the directory of a file to the disk.
+fn sync_directory(file: &Path) {
+    let dir = file.parent().filter(|dir| !dir.as_os_str().is_empty());
+    // Some systems cannot sync directories.
+    let _ = File::open(dir.unwrap_or(Path::new("."))).and_then(|dir| dir.sync_all());
+}
+
+/// Removes a file, if there is one.
+fn remove(file: &Path) -> io::Result<()> {
+    match fs::remove_file(file) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,49 @@
+//! What follows from a change of a run: its jobs, its leases, and the signals.
+
+use sqlx::postgres::PgRow;
+
+use super::lease;
+use super::transaction::Transaction;
+use crate::error::Error;
+use crate::row::{Columns, RunId, key};
+use crate::signals::Effect;
+use crate::tally::Ending;
+
+/// Brings the unfinished jobs of a run to its state. The run must be locked by an earlier statement: jobs that join it
+/// wait for this lock.
+pub(super) async fn follow(tx: &mut Transaction<'_>, run: RunId) -> Result<(), Error> {
+    sqlx::query(
+        "UPDATE job SET state = run.state, attempt = run.attempt, finished = run.finished,
+             started = CASE WHEN run.started IS NOT NULL THEN greatest(run.started, job.created) END,
+             claimable = CASE WHEN run.state = 'queued' THEN run.numerics
+                 WHEN run.state = 'running' AND job.study THEN job.claimable END,
+             changes = changes || chr(10) || run.state || ' ' || run.attempt || ' ' || run.changed
+         FROM run WHERE run.id = $1 AND job.run = run.id AND job.finished IS NULL",
+    )
+    .bind(run.0)
+    .execute(&mut *tx.db)
+    .await?;
+    Ok(())
+}
+
+/// What follows from the end of a run, or of its turn: its jobs and its leases. The row has its key and its times.
+pub(super) async fn ended_by(
+    tx: &mut Transaction<'_>,
+    run: RunId,
+    row: &PgRow,
+    ending: Ending,
+) -> Result<(), Error> {
+    follow(tx, run).await?;
+    lease::end_all(tx, run).await?;
+    let (started, finished): (Option<i64>, Option<i64>) =
+        (row.get("started")?, row.get("finished")?);
+    // A study may have waited for a long time between its pieces.
+    let took = finished.zip(started).filter(|_| matches!(row.truth("study"), Ok(Some(false))));
+    // Another worker may claim a released run before this signal arrives.
+    if ending != Ending::Released {
+        tx.effects.push(Effect::Unwanted(run));
+    }
+    tx.effects.push(Effect::Ended(key(row, "key")?));
+    tx.effects.push(Effect::Settled(ending, took.map(|(finished, started)| finished - started)));
+    Ok(())
+}

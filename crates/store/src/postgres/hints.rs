@@ -1,0 +1,149 @@
+//! What servers tell each other: which tables to read again.
+//!
+//! A notification takes a lock of the whole database when its transaction commits. So no verb notifies. One task of each
+//! server collects what its verbs have changed, and sends it in one notification at a time. A hint can be lost; each
+//! server looks by itself from time to time. Only the rare deletion of a result notifies in its transaction.
+
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+use std::mem;
+use std::sync::{Mutex, PoisonError};
+
+use sqlx::postgres::PgConnection;
+use tokio::sync::Notify;
+
+use crate::error::Error;
+use crate::row::RunId;
+use crate::signals::Effect;
+use fretwork_job::Key;
+
+/// The channel of the notifications.
+pub(super) const CHANNEL: &str = "fretwork";
+
+/// Most hints in one notification, whose text may have 8000 bytes.
+const AT_ONCE: usize = 100;
+
+/// Something that may have changed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Hint {
+    Queued,
+    Unwanted(i64),
+    Ended([u8; 32]),
+    Changed([u8; 32]),
+}
+
+/// The hints that are to be sent.
+#[derive(Debug, Default)]
+pub(super) struct Hints {
+    waiting: Mutex<BTreeSet<Hint>>,
+    added: Notify,
+}
+
+impl Hints {
+    /// Adds what other servers should know of these changes.
+    pub(super) fn add(&self, effects: &[Effect]) {
+        let hints = effects.iter().filter_map(|effect| match effect {
+            Effect::Queued => Some(Hint::Queued),
+            Effect::Unwanted(run) => Some(Hint::Unwanted(run.0)),
+            Effect::Ended(key) => Some(Hint::Ended(*key.bytes())),
+            Effect::Changed(key) => Some(Hint::Changed(*key.bytes())),
+            _ => None,
+        });
+        let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
+        let before = waiting.len();
+        waiting.extend(hints);
+        if waiting.len() > before {
+            self.added.notify_one();
+        }
+    }
+
+    /// Waits for hints, and takes some of them as the text of one notification.
+    pub(super) async fn next(&self, node: &str) -> String {
+        loop {
+            let text = self.take(node);
+            match text {
+                Some(text) => return text,
+                None => self.added.notified().await,
+            }
+        }
+    }
+
+    fn take(&self, node: &str) -> Option<String> {
+        let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
+        let rest = waiting.iter().nth(AT_ONCE).copied().map(|hint| waiting.split_off(&hint));
+        let some = mem::replace(&mut *waiting, rest.unwrap_or_default());
+        (!some.is_empty()).then(|| {
+            let mut text = node.to_owned();
+            for hint in some {
+                // Writing to a `String` cannot fail.
+                let _ = match hint {
+                    Hint::Queued => write!(text, "\nqueued"),
+                    Hint::Unwanted(run) => write!(text, "\nunwanted {run}"),
+                    Hint::Ended(key) => write!(text, "\nended {}", Key::from_bytes(key)),
+                    Hint::Changed(key) => write!(text, "\nchanged {}", Key::from_bytes(key)),
+                };
+            }
+            text
+        })
+    }
+}
+
+/// Tells all servers that a result is deleted, when the transaction commits. This is no hint: a server that does not hear it
+/// would answer with the result until its connection breaks.
+pub(super) async fn tell_deleted(db: &mut PgConnection, key: &Key) -> Result<(), Error> {
+    send(db, &format!("\ndeleted {key}")).await
+}
+
+/// Sends a notification.
+pub(super) async fn send(db: &mut PgConnection, text: &str) -> Result<(), Error> {
+    sqlx::query("SELECT pg_notify($1, $2)").bind(CHANNEL).bind(text).execute(db).await?;
+    Ok(())
+}
+
+/// The changes in a notification of another server; none in one of this server. A hint of a later version is ignored.
+pub(super) fn read(text: &str, node: &str) -> Vec<Effect> {
+    let mut lines = text.lines();
+    if lines.next() == Some(node) {
+        return Vec::new();
+    }
+    let effect = |line: &str| {
+        let (word, of) = line.split_once(' ').unwrap_or((line, ""));
+        match word {
+            "queued" => Some(Effect::Queued),
+            "unwanted" => Some(Effect::Unwanted(RunId(of.parse().ok()?))),
+            "ended" => Some(Effect::Ended(of.parse().ok()?)),
+            "changed" => Some(Effect::Changed(of.parse().ok()?)),
+            "deleted" => Some(Effect::Deleted(of.parse().ok()?)),
+            _ => None,
+        }
+    };
+    lines.filter_map(effect).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn hints_reach_other_servers_in_short_notifications() {
+        let hints = Hints::default();
+        let key = |number| Key::from_bytes([number; 32]);
+        for number in 0..120 {
+            let effects = [Effect::Queued, Effect::Unwanted(RunId(7)), Effect::Ended(key(number))];
+            hints.add(&effects);
+        }
+        hints.add(&[Effect::Changed(key(1)), Effect::LetGo((RunId(7), None))]);
+        let mut received = Vec::new();
+        for _ in 0..2 {
+            let text = hints.next("this").await;
+            assert!(text.len() < 8000, "{} bytes", text.len());
+            assert!(read(&text, "this").is_empty(), "a server ignores its own hints");
+            received.extend(read(&text, "other"));
+        }
+        assert!(hints.take("this").is_none());
+        assert_eq!(received.len(), 123);
+        let count = |is: fn(&Effect) -> bool| received.iter().filter(|effect| is(effect)).count();
+        assert_eq!(count(|effect| matches!(effect, Effect::Ended(_))), 120);
+        assert_eq!(count(|effect| matches!(effect, Effect::Unwanted(RunId(7)))), 1);
+    }
+}

@@ -1,0 +1,144 @@
+//! What workers compute now, and for how long it is theirs.
+//!
+//! A lease lasts for a time by the clock of the database. Its node renews it at a third of that time. Any server takes away
+//! a lease that is over. A lease that ends later than it can is over, too: the clock was set back since its last renewal.
+//! [`Contact`](super::contact::Contact) gives the nodes time to renew their leases after a step of the clock.
+
+use std::time::Duration;
+
+use sqlx::AssertSqlSafe;
+use sqlx::postgres::PgConnection;
+
+use super::Node;
+use super::transaction::Transaction;
+use crate::claimed::Claimed;
+use crate::error::Error;
+use crate::row::{Columns, Part, RunId};
+
+/// A time in milliseconds.
+pub(super) fn milliseconds(time: Duration) -> i64 {
+    i64::try_from(time.as_millis()).unwrap_or(i64::MAX)
+}
+
+impl Node {
+    /// How often it renews its leases.
+    pub(super) fn renewal(&self) -> Duration {
+        self.lease / 3
+    }
+
+    /// How long after its end a lease is taken away, in milliseconds. A renewal may be on its way.
+    fn margin(&self) -> i64 {
+        milliseconds(self.lease / 6)
+    }
+}
+
+/// Most runs whose leases are looked up at a time.
+const AT_ONCE: i64 = 100;
+
+/// Whether a lease is over: its end was more than the margin $2 ago, or is further away than its time and the margin. $1 is the
+/// time of a lease that does not say its own.
+const IS_OVER: &str = "expires + $2 < moment() OR expires > moment() + coalesce(lasts, $1) + $2";
+
+/// The number of a piece in the table; -1 for a whole run.
+fn number(part: Part) -> i64 {
+    part.1.map_or(-1, i64::from)
+}
+
+/// Begins the lease of what a worker has claimed, and ends the turn of its owner.
+pub(super) async fn begin(
+    tx: &mut Transaction<'_>,
+    node: &Node,
+    owner: &str,
+    claimed: &Claimed,
+) -> Result<(), Error> {
+    sqlx::query(
+        "WITH served AS (
+             INSERT INTO turn (owner, served)
+             SELECT $5, coalesce(max(served), 0) + 1 FROM turn
+             ON CONFLICT (owner) DO UPDATE SET served = excluded.served
+         )
+         INSERT INTO lease (run, number, attempt, node, owner, expires, lasts)
+         VALUES ($1, $2, $3, $4, $5, moment() + $6, $6)",
+    )
+    .bind(claimed.run.0)
+    .bind(number(claimed.part()))
+    .bind(i64::from(claimed.attempt))
+    .bind(&node.id)
+    .bind(owner)
+    .bind(milliseconds(node.lease))
+    .execute(&mut *tx.db)
+    .await?;
+    Ok(())
+}
+
+/// Ends the lease of a part.
+pub(super) async fn end(tx: &mut Transaction<'_>, part: Part) -> Result<(), Error> {
+    let query = sqlx::query("DELETE FROM lease WHERE run = $1 AND number = $2");
+    query.bind(part.0.0).bind(number(part)).execute(&mut *tx.db).await?;
+    Ok(())
+}
+
+/// Ends all leases of a run.
+pub(super) async fn end_all(tx: &mut Transaction<'_>, run: RunId) -> Result<(), Error> {
+    let query = sqlx::query("DELETE FROM lease WHERE run = $1");
+    query.bind(run.0).execute(&mut *tx.db).await?;
+    Ok(())
+}
+
+/// Renews the leases of what this node computes. Returns the time by the clock of the database, and the parts that the node
+/// still has.
+pub(super) async fn renew(
+    db: &mut PgConnection,
+    node: &Node,
+    parts: &[Part],
+) -> Result<(i64, Vec<Part>), Error> {
+    let (runs, numbers): (Vec<i64>, Vec<i64>) =
+        parts.iter().map(|part| (part.0.0, number(*part))).unzip();
+    let rows = sqlx::query(
+        // Locked in an order, so that renewals and verbs seldom wait for each other in a circle. Then one of them is tried again.
+        "WITH own AS MATERIALIZED (
+             SELECT lease.run, lease.number FROM lease JOIN unnest($2::BIGINT[], $3::BIGINT[]) AS part (run, number)
+                 ON lease.run = part.run AND lease.number = part.number
+             WHERE node = $1 ORDER BY lease.run, lease.number FOR UPDATE OF lease
+         )
+         UPDATE lease SET expires = moment() + $4 FROM own
+         WHERE lease.run = own.run AND lease.number = own.number
+             AND EXISTS (SELECT 1 FROM run WHERE id = lease.run AND state = 'running')
+         RETURNING lease.run AS run, lease.number AS number",
+    )
+    .bind(&node.id)
+    .bind(runs)
+    .bind(numbers)
+    .bind(milliseconds(node.lease))
+    .fetch_all(&mut *db)
+    .await?;
+    let now = sqlx::query_scalar("SELECT moment()").fetch_one(db).await?;
+    let part = |row| {
+        let number = Columns::get::<i64>(row, "number")?;
+        Ok((RunId(Columns::get(row, "run")?), u32::try_from(number).ok()))
+    };
+    Ok((now, rows.iter().map(part).collect::<Result<_, sqlx::Error>>()?))
+}
+
+/// The time by the clock of the database, and the runs of which a lease is over.
+pub(super) async fn lost(db: &mut PgConnection, node: &Node) -> Result<(i64, Vec<RunId>), Error> {
+    let query = format!(
+        "SELECT moment(), ARRAY (SELECT DISTINCT run FROM lease WHERE {IS_OVER} ORDER BY run LIMIT $3)"
+    );
+    let query = sqlx::query_as(AssertSqlSafe(query));
+    let query = query.bind(milliseconds(node.lease)).bind(node.margin()).bind(AT_ONCE);
+    let (now, runs): (i64, Vec<i64>) = query.fetch_one(db).await?;
+    Ok((now, runs.into_iter().map(RunId).collect()))
+}
+
+/// Takes away the leases of a run that are over. Returns the numbers of its pieces.
+pub(super) async fn take_lost(
+    tx: &mut Transaction<'_>,
+    node: &Node,
+    run: RunId,
+) -> Result<Vec<i64>, Error> {
+    let query = format!("DELETE FROM lease WHERE ({IS_OVER}) AND run = $3 RETURNING number");
+    let query = sqlx::query_scalar(AssertSqlSafe(query));
+    let query = query.bind(milliseconds(node.lease)).bind(node.margin()).bind(run.0);
+    Ok(query.fetch_all(&mut *tx.db).await?)
+}

@@ -1,0 +1,72 @@
+//! Connects to the database, migrates it, and starts the tasks in the background.
+
+use std::sync::{Arc, OnceLock};
+
+use sqlx::postgres::PgConnection;
+use sqlx::{ConnectOptions as _, Connection as _};
+use tokio::sync::{Semaphore, watch};
+
+use super::backlog::Backlog;
+use super::contact::Contact;
+use super::pool::Pool;
+use super::{Database, Lock, Node, Parts, library, node, schema};
+use crate::error::Error;
+use crate::library::Program;
+use crate::options::Options;
+use crate::pins::PinQuota;
+use crate::place::DatabaseUrl;
+use crate::signals::Signals;
+use fretwork_job::JobId;
+
+/// The number of connections for verbs.
+const CONNECTIONS: u32 = 8;
+/// The number of connections that may scan all results at the same time.
+const SCANS: usize = 3;
+/// The number of connections that may read large results at the same time.
+const LARGE: usize = 2;
+
+impl Database {
+    pub(crate) async fn open(
+        url: &DatabaseUrl,
+        options: &Options,
+        signals: Arc<Signals>,
+    ) -> Result<Self, Error> {
+        let mut db = prepare(url).await?;
+        let program = library::program(&Program::this(), &mut db).await?;
+        db.close().await?;
+        let Options { queue_limit, pin_quota, budget, lease, .. } = *options;
+        let (closing, closed) = watch::channel(false);
+        let database = Self(Arc::new(Parts {
+            pool: Pool::new(url.options(), CONNECTIONS),
+            renewals: Pool::new(url.hasty(lease / 3), 1),
+            contact: Contact::new(lease),
+            scans: Semaphore::new(SCANS),
+            large: Semaphore::new(LARGE),
+            signals,
+            hints: Arc::default(),
+            node: Node { id: JobId::generate().to_string(), program, lease },
+            backlog: Backlog::new(queue_limit),
+            pin_quota: PinQuota::new(pin_quota, budget),
+            name: url.to_string(),
+            refusal: OnceLock::new(),
+            disk: options.disk.clone(),
+            closing,
+        }));
+        node::start(&database, url, options, &closed);
+        Ok(database)
+    }
+}
+
+/// Connects to a database, and creates or migrates its tables where necessary.
+pub(crate) async fn prepare(url: &DatabaseUrl) -> Result<PgConnection, Error> {
+    let mut db = url.patient().connect().await?;
+    // Servers that start at the same time wait for each other.
+    let lock = |call| sqlx::query(call).bind(Lock::Schema as i64);
+    lock("SELECT pg_advisory_lock($1)").execute(&mut db).await?;
+    schema::migrate(&mut db, url).await?;
+    lock("SELECT pg_advisory_unlock($1)").execute(&mut db).await?;
+    match schema::refusal(&mut db, &url.to_string()).await? {
+        None => Ok(db),
+        Some(error) => Err(error),
+    }
+}

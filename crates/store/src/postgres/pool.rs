@@ -1,0 +1,119 @@
+//! The connections to the database. A broken one is replaced when it is next needed.
+//!
+//! The pool of sqlx pings a connection each time it is returned, which takes as long as a short statement. This pool does not
+//! ping: a broken connection is noticed when a transaction begins, before anything has changed.
+
+use std::mem;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use sqlx::postgres::{PgConnectOptions, PgConnection};
+use sqlx::{ConnectOptions as _, Connection as _};
+use tokio::sync::{Semaphore, SemaphorePermit};
+use tokio::time::timeout;
+
+use crate::error::Error;
+
+/// How long a caller waits for a connection, and how long connecting may take.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// A number of connections, made when they are first needed.
+#[derive(Debug)]
+pub(super) struct Pool {
+    options: PgConnectOptions,
+    /// Connections that are not borrowed. The last one is borrowed first, so that few are used.
+    idle: Mutex<Vec<PgConnection>>,
+    /// One permit for each connection that is not borrowed, or not made yet.
+    free: Semaphore,
+    count: u32,
+}
+
+/// A borrowed connection. It returns to the pool when this is dropped, if its last statement was answered. Otherwise it is
+/// closed: it is broken, or the caller has not waited, and the next one would have to.
+pub(super) struct Borrowed<'a> {
+    pool: &'a Pool,
+    connection: Option<PgConnection>,
+    is_new: bool,
+    has_answered: bool,
+    // Dropped after the connection was returned.
+    _permit: SemaphorePermit<'a>,
+}
+
+impl Pool {
+    pub(super) fn new(options: PgConnectOptions, count: u32) -> Self {
+        let free = Semaphore::new(count as usize);
+        Self { options, idle: Mutex::default(), free, count }
+    }
+
+    /// Borrows a connection, and waits until one is free. It may be broken.
+    pub(super) async fn get(&self) -> Result<Borrowed<'_>, Error> {
+        let permit = timeout(PATIENCE, self.free.acquire()).await.map_err(|_| Error::Exhausted)?;
+        let permit = permit.map_err(|_| Error::Closed)?;
+        let idle = self.idle().pop();
+        let is_new = idle.is_none();
+        let connection = if let Some(connection) = idle {
+            connection
+        } else {
+            let connecting = timeout(PATIENCE, self.options.connect()).await;
+            connecting.map_err(|_| Error::Exhausted)??
+        };
+        let connection = Some(connection);
+        Ok(Borrowed { pool: self, connection, is_new, has_answered: false, _permit: permit })
+    }
+
+    /// The number of open connections, and of those that are being made.
+    pub(super) fn open(&self) -> u64 {
+        // A connection that returns meanwhile may be counted twice.
+        let borrowed = self.count as usize - self.free.available_permits();
+        (borrowed + self.idle().len()).min(self.count as usize) as u64
+    }
+
+    /// Waits a while for earlier borrowers, refuses later ones, and closes all connections.
+    pub(super) async fn close(&self) {
+        let _ = timeout(PATIENCE, self.free.acquire_many(self.count)).await;
+        self.free.close();
+        let idle = mem::take(&mut *self.idle());
+        for connection in idle {
+            // The server ends what a broken connection has begun.
+            let _ = connection.close().await;
+        }
+    }
+
+    /// A poisoned lock is safe: each change of the list is one call.
+    fn idle(&self) -> MutexGuard<'_, Vec<PgConnection>> {
+        self.idle.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Borrowed<'_> {
+    #[expect(clippy::expect_used, reason = "it is only taken when this is dropped")]
+    pub(super) fn connection(&mut self) -> &mut PgConnection {
+        self.connection.as_mut().expect("it was not dropped")
+    }
+
+    #[expect(clippy::expect_used, reason = "it is only taken when this is dropped")]
+    pub(super) fn connection_ref(&self) -> &PgConnection {
+        self.connection.as_ref().expect("it was not dropped")
+    }
+
+    /// Whether it was made for this caller.
+    pub(super) fn is_new(&self) -> bool {
+        self.is_new
+    }
+
+    /// Notes that the last statement was answered, and no transaction is open.
+    pub(super) fn answered(&mut self) {
+        self.has_answered = true;
+    }
+}
+
+impl Drop for Borrowed<'_> {
+    fn drop(&mut self) {
+        if let Some(connection) = self.connection.take()
+            && self.has_answered
+            && !self.pool.free.is_closed()
+        {
+            self.pool.idle().push(connection);
+        }
+    }
+}

@@ -1,0 +1,64 @@
+//! The changes of the schema, and which programs may write the tables.
+
+use std::sync::Arc;
+
+use sqlx::SqlSafeStr as _;
+use sqlx::migrate::{MigrateError, Migration, MigrationType, Migrator};
+use sqlx::postgres::PgConnection;
+
+use crate::error::Error;
+use crate::place::DatabaseUrl;
+
+/// The changes of the schema: version, name and SQL.
+const CHANGES: [(i64, &str, &str); 4] = [
+    (1, "jobs", include_str!("../../../../migrations/postgres/0001_jobs.sql")),
+    (2, "study died", include_str!("../../../../migrations/postgres/0002_study_died.sql")),
+    (3, "lease lasts", include_str!("../../../../migrations/postgres/0003_lease_lasts.sql")),
+    (4, "oldest program", include_str!("../../../../migrations/postgres/0004_oldest_program.sql")),
+];
+
+/// Why this program may not write the tables; `None` if it may.
+pub(super) async fn refusal(db: &mut PgConnection, name: &str) -> Result<Option<Error>, Error> {
+    let (known, ..) = CHANGES[CHANGES.len() - 1];
+    let found: Option<i64> = sqlx::query_scalar(
+        "SELECT (SELECT max(version) FROM _sqlx_migrations) FROM upkeep WHERE oldest > $1",
+    )
+    .bind(known)
+    .fetch_optional(db)
+    .await?;
+    Ok(found.map(|found| Error::Newer { path: name.into(), found, known }))
+}
+
+/// Creates or migrates the tables where necessary.
+pub(super) async fn migrate(db: &mut PgConnection, url: &DatabaseUrl) -> Result<(), Error> {
+    let migration = |(version, name, sql): (_, &'static str, &'static str)| {
+        Migration::new(version, name.into(), MigrationType::Simple, sql.into_sql_str(), false)
+    };
+    let mut migrator = Migrator::with_migrations(CHANGES.map(migration).into());
+    // A later version of the program may run beside this one, unless the tables say otherwise.
+    migrator.set_ignore_missing(true).set_locking(false);
+    migrator.run(db).await.map_err(|error| match error {
+        MigrateError::Execute(error) => error.into(),
+        error => Error::Migration { path: url.to_string().into(), source: Arc::new(error) },
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+
+    #[test]
+    fn every_migration_of_the_directory_is_embedded() {
+        let mut files: Vec<_> = fs::read_dir("../../migrations/postgres")
+            .unwrap()
+            .map(|file| file.unwrap().file_name().into_string().unwrap())
+            .collect();
+        files.sort();
+        let file = |(version, name, _): &(i64, &str, &str)| {
+            format!("{version:04}_{}.sql", name.replace(' ', "_"))
+        };
+        assert_eq!(files, CHANGES.iter().map(file).collect::<Vec<_>>());
+    }
+}

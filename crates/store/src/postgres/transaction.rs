@@ -1,0 +1,149 @@
+//! Transactions, which are repeated after a conflict with another one.
+
+use std::ops::{Deref, DerefMut};
+use std::time::Duration;
+
+use sqlx::Executor as _;
+use sqlx::postgres::PgConnection;
+
+use super::pool::{Borrowed, Pool};
+use crate::error::Error;
+use crate::signals::Effect;
+
+/// How long one attempt of a verb may take: longer than a statement may. A server that has vanished never answers.
+pub(super) const PATIENCE: Duration = Duration::from_secs(45);
+
+/// How often a verb is done again after a conflict with another transaction.
+const CONFLICTS: u32 = 10;
+
+/// An open transaction, and what to signal after its commit. If it is dropped, its connection is closed, and the database rolls
+/// it back.
+pub(super) struct Transaction<'a> {
+    pub(super) db: Open<'a>,
+    pub(super) effects: Vec<Effect>,
+}
+
+/// A connection with an open transaction.
+pub(super) struct Open<'a> {
+    borrowed: Borrowed<'a>,
+}
+
+impl Deref for Open<'_> {
+    type Target = PgConnection;
+
+    fn deref(&self) -> &PgConnection {
+        self.borrowed.connection_ref()
+    }
+}
+
+impl DerefMut for Open<'_> {
+    fn deref_mut(&mut self) -> &mut PgConnection {
+        self.borrowed.connection()
+    }
+}
+
+impl<'a> Transaction<'a> {
+    /// Begins a transaction. If a connection is broken, takes another one.
+    pub(super) async fn begin(pool: &'a Pool) -> Result<Self, Error> {
+        loop {
+            let borrowed = pool.get().await?;
+            let is_new = borrowed.is_new();
+            let mut db = Open { borrowed };
+            match db.execute("BEGIN").await.map_err(Error::from) {
+                Ok(_) => return Ok(Self { db, effects: Vec::new() }),
+                Err(Error::Unreachable(_)) if !is_new => {}
+                Err(error) => return Err(error),
+            }
+        }
+    }
+
+    /// Commits the changes of a verb, or rolls them back if it has failed.
+    pub(super) async fn end<T>(
+        mut self,
+        answer: Result<T, Error>,
+    ) -> Result<(T, Vec<Effect>), Error> {
+        let end = if answer.is_ok() { "COMMIT" } else { "ROLLBACK" };
+        let ended = self.db.execute(end).await;
+        if ended.is_ok() {
+            self.db.borrowed.answered();
+        }
+        let answer = answer?;
+        ended?;
+        Ok((answer, self.effects))
+    }
+}
+
+/// Counts the conflicts of a verb with other transactions.
+#[derive(Debug, Default)]
+pub(super) struct Conflicts(u32);
+
+impl Conflicts {
+    /// Whether a verb must be done again. Waits a moment before.
+    pub(super) async fn again<T>(&mut self, done: &Result<T, Error>) -> bool {
+        let is_conflict = done.as_ref().is_err_and(Error::is_conflict);
+        if !is_conflict || self.0 == CONFLICTS {
+            return false;
+        }
+        self.0 += 1;
+        // Servers that have met must not meet again.
+        let pause = u64::from(self.0) * (1 + u64::from(std::process::id()) % 5);
+        tokio::time::sleep(Duration::from_millis(pause)).await;
+        true
+    }
+}
+
+/// Does a verb in a transaction, again after a conflict, and signals its changes after the commit. This is a macro because
+/// the compiler cannot show that the future of a closure with borrowed arguments may move between threads.
+macro_rules! writing {
+    ($database:expr, $tx:ident => $verb:expr) => {{
+        let database: &Database = $database;
+        let mut conflicts = $crate::postgres::transaction::Conflicts::default();
+        loop {
+            let attempt = async {
+                database.may_write()?;
+                let mut transaction =
+                    $crate::postgres::Transaction::begin(&database.0.pool).await?;
+                let $tx = &mut transaction;
+                let answer: Result<_, Error> = async { $verb }.await;
+                transaction.end(answer).await
+            };
+            let done = tokio::time::timeout($crate::postgres::transaction::PATIENCE, attempt)
+                .await
+                .unwrap_or(Err(Error::Exhausted));
+            if !conflicts.again(&done).await {
+                break database.settle(done);
+            }
+        }
+    }};
+}
+
+/// Reads with a connection of the pool. If the connection is broken, reads again with another one.
+macro_rules! reading {
+    ($database:expr, $db:ident => $query:expr) => {
+        reading!($database, pool, $db => $query)
+    };
+    ($database:expr, $pool:ident, $db:ident => $query:expr) => {{
+        let database: &Database = $database;
+        let attempts = async {
+            loop {
+                let mut borrowed = database.0.$pool.get().await?;
+                let $db = borrowed.connection();
+                let answer: Result<_, Error> = async { $query }.await;
+                match answer {
+                    Err(Error::Unreachable(_)) if !borrowed.is_new() => {}
+                    Err(error @ Error::Unreachable(_)) => return Err(error),
+                    answer => {
+                        borrowed.answered();
+                        return answer;
+                    }
+                }
+            }
+        };
+        let done = tokio::time::timeout($crate::postgres::transaction::PATIENCE, attempts)
+            .await
+            .unwrap_or(Err(Error::Exhausted));
+        database.0.signals.counted(done)
+    }};
+}
+
+pub(super) use {reading, writing};

@@ -1,0 +1,302 @@
+//! Maintenance that keeps the tables small over years. Servers take turns: one of them at a time does a round.
+
+use std::time::{Duration, Instant};
+
+use super::transaction::{Transaction, reading, writing};
+use super::{Database, Lock, cancel, keep};
+use crate::ages::AgeClock;
+use crate::error::Error;
+use crate::options::Options;
+use crate::signals::Effect;
+use fretwork_job::Key;
+
+/// Longest time between two cleanings, and between two sums of the sizes of all results.
+const OFTEN: Duration = Duration::from_mins(1);
+/// Time between two sums, as a multiple of the time that a sum takes. So a small database keeps to its budget at every rate of
+/// writing, and a large one is not read all the time.
+const REST: u32 = 50;
+/// Jobs deleted in one transaction.
+const JOBS: i64 = 100;
+/// Chunks deleted in one transaction. Each has some ten kilobytes.
+const CHUNKS: i64 = 100;
+/// Results evicted in one transaction.
+const RESULTS: i64 = 256;
+/// Transactions of each kind in one round. Between rounds, times of reading are stored.
+const AT_ONCE: usize = 50;
+/// Most entries of the audit log.
+const ENTRIES: i64 = 100_000;
+/// How long the scenario of an evicted result is kept at most: one year in milliseconds.
+const KEEP_EVICTED: i64 = 365 * 24 * 3600 * 1000;
+
+/// What the maintenance of one server remembers.
+#[derive(Debug)]
+pub(super) struct Upkeep {
+    keep_jobs: Option<Duration>,
+    budget: Option<u64>,
+    /// `None` before the first round.
+    clock: Option<AgeClock>,
+    /// When old jobs and useless chunks must be deleted again.
+    due: Instant,
+    /// When the sizes of all results must be added up again.
+    room_due: Instant,
+    exceeds: bool,
+}
+
+impl Upkeep {
+    pub(super) fn new(options: &Options) -> Self {
+        let Options { keep_jobs, budget, .. } = *options;
+        let now = Instant::now();
+        Self { keep_jobs, budget, clock: None, due: now, room_due: now, exceeds: false }
+    }
+
+    /// Stores the times of reading of this server, and does a part of the maintenance that is due. An error of one kind of work
+    /// does not keep the others from being done; the first one is returned.
+    pub(super) async fn round(&mut self, db: &Database) -> Result<(), Error> {
+        let reads = db.0.signals.take_read();
+        let written = if reads.is_empty() {
+            Ok(())
+        } else {
+            writing!(db, tx => write_reads(tx, &reads).await)
+        };
+        let cleaned = self.clean(db).await;
+        let has_room = self.make_room(db).await;
+        if has_room.is_err() {
+            self.room_due = Instant::now() + OFTEN;
+        }
+        written.and(cleaned).and(has_room)
+    }
+
+    /// If it is due, deletes what is old or useless.
+    async fn clean(&mut self, db: &Database) -> Result<(), Error> {
+        if Instant::now() < self.due {
+            return Ok(());
+        }
+        let time = self.time(db).await?;
+        let (jobs, chunks) = (self.delete_old(db, time).await, Self::delete_chunks(db).await);
+        writing!(db, tx => forget(tx, time).await)?;
+        let more = jobs? | chunks?;
+        if !more {
+            self.due = Instant::now() + OFTEN;
+        }
+        Ok(())
+    }
+
+    /// Deletes old jobs. Returns whether there may be more.
+    async fn delete_old(&self, db: &Database, time: i64) -> Result<bool, Error> {
+        let Some(age) = self.keep_jobs else { return Ok(false) };
+        let before = time.saturating_sub(i64::try_from(age.as_millis()).unwrap_or(i64::MAX));
+        for _ in 0..AT_ONCE {
+            match writing!(db, tx => {
+                Ok(if is_alone(tx).await? { Some(delete_old(tx, before).await?) } else { None })
+            })? {
+                Some(true) => {}
+                done => return Ok(done.is_none()),
+            }
+        }
+        Ok(true)
+    }
+
+    /// Deletes chunks of studies that have ended. Returns whether there may be more.
+    async fn delete_chunks(db: &Database) -> Result<bool, Error> {
+        for _ in 0..AT_ONCE {
+            match writing!(db, tx => {
+                Ok(if is_alone(tx).await? { Some(delete_chunks(tx).await?) } else { None })
+            })? {
+                Some(true) => {}
+                done => return Ok(done.is_none()),
+            }
+        }
+        Ok(true)
+    }
+
+    /// The time by which ages are measured.
+    async fn time(&mut self, db: &Database) -> Result<i64, Error> {
+        let (stored, now): (i64, i64) = reading!(db, db => {
+            Ok(sqlx::query_as("SELECT clock, moment() FROM upkeep").fetch_one(db).await?)
+        })?;
+        let clock = self.clock.get_or_insert_with(|| AgeClock::at(Some(stored)));
+        let time = clock.advance(now);
+        if let Some(time) = clock.unstored() {
+            writing!(db, tx => {
+                let query = sqlx::query("UPDATE upkeep SET clock = greatest(clock, $1)");
+                query.bind(time).execute(&mut *tx.db).await?;
+                Ok(())
+            })?;
+        }
+        Ok(time)
+    }
+
+    /// If it is due, evicts the results that were read longest ago, until the bodies are within the budget.
+    async fn make_room(&mut self, db: &Database) -> Result<(), Error> {
+        if Instant::now() < self.room_due {
+            return Ok(());
+        }
+        let budget =
+            self.budget.map_or(i64::MAX, |budget| i64::try_from(budget).unwrap_or(i64::MAX));
+        for _ in 0..AT_ONCE {
+            // Another server may have evicted some before this transaction, so it sums.
+            let room = writing!(db, tx => {
+                if !is_alone(tx).await? {
+                    return Ok(None);
+                }
+                let started = Instant::now();
+                let query = "SELECT coalesce(sum(stored), 0)::BIGINT FROM result WHERE evicted IS NULL";
+                let stored: i64 = sqlx::query_scalar(query).fetch_one(&mut *tx.db).await?;
+                let took = started.elapsed();
+                let excess = stored - budget;
+                let evicted = if excess > 0 { evict_some(tx, excess).await? } else { 0 };
+                Ok(Some((stored, evicted, took)))
+            })?;
+            let Some((stored, evicted, took)) = room else { return Ok(()) };
+            db.0.signals.tally.room_is(stored.unsigned_abs());
+            if evicted == 0 {
+                if stored <= budget {
+                    self.exceeds = false;
+                } else {
+                    self.warn(stored, budget);
+                }
+                self.room_due = Instant::now() + rest(self.budget, took);
+                return Ok(());
+            }
+        }
+        Ok(())
+    }
+
+    /// Warns once that all results that are left are pinned.
+    fn warn(&mut self, stored: i64, budget: i64) {
+        if !self.exceeds {
+            self.exceeds = true;
+            tracing::warn!(
+                stored,
+                budget,
+                "the results exceed --keep-results, and only pinned results are left; unpin results or raise the limit"
+            );
+        }
+    }
+}
+
+/// How long the sizes of all results need not be added up again, after a sum that took this time. Without a budget the sum is
+/// only for the metrics.
+fn rest(budget: Option<u64>, took: Duration) -> Duration {
+    budget.map_or(OFTEN, |_| OFTEN.min(REST * took))
+}
+
+/// Whether no other server does maintenance until the end of the transaction.
+async fn is_alone(tx: &mut Transaction<'_>) -> Result<bool, Error> {
+    let query = sqlx::query_scalar("SELECT pg_try_advisory_xact_lock($1)");
+    Ok(query.bind(Lock::Upkeep as i64).fetch_one(&mut *tx.db).await?)
+}
+
+/// Stores when results were last read.
+async fn write_reads(tx: &mut Transaction<'_>, reads: &[(Key, i64)]) -> Result<(), Error> {
+    let (mut keys, mut times) = (Vec::new(), Vec::new());
+    for (key, at) in reads {
+        keys.push(key.bytes().to_vec());
+        times.push(*at);
+    }
+    sqlx::query(
+        "UPDATE result SET last_access = at FROM unnest($1::BYTEA[], $2::BIGINT[]) AS read (key, at)
+         WHERE result.key = read.key AND last_access < at",
+    )
+    .bind(keys)
+    .bind(times)
+    .execute(&mut *tx.db)
+    .await?;
+    Ok(())
+}
+
+/// Deletes jobs that ended before this time, the oldest first, and runs without jobs.
+async fn delete_old(tx: &mut Transaction<'_>, before: i64) -> Result<bool, Error> {
+    // A job id begins with the time in milliseconds, so the primary key finds the oldest jobs.
+    let mut oldest = [0; 16];
+    oldest[..6].copy_from_slice(&before.max(0).to_be_bytes()[2..]);
+    let ids: Vec<Vec<u8>> = sqlx::query_scalar(
+        "SELECT id FROM job WHERE id < $1 AND finished < $2 ORDER BY id LIMIT $3",
+    )
+    .bind(oldest.as_slice())
+    .bind(before)
+    .bind(JOBS)
+    .fetch_all(&mut *tx.db)
+    .await?;
+    cancel::delete_jobs(tx, &ids).await?;
+    Ok(ids.len() as u64 == JOBS.unsigned_abs())
+}
+
+/// Deletes some chunks of a study that has ended, and the study after its last chunk.
+async fn delete_chunks(tx: &mut Transaction<'_>) -> Result<bool, Error> {
+    let ended: Option<i64> = sqlx::query_scalar(
+        "SELECT study.run FROM study LEFT JOIN run ON run.id = study.run
+         WHERE run.id IS NULL OR run.finished IS NOT NULL LIMIT 1",
+    )
+    .fetch_optional(&mut *tx.db)
+    .await?;
+    let Some(run) = ended else { return Ok(false) };
+    sqlx::query(
+        "DELETE FROM chunk WHERE run = $1 AND number IN (
+             SELECT number FROM chunk WHERE run = $1 ORDER BY number LIMIT $2)",
+    )
+    .bind(run)
+    .bind(CHUNKS)
+    .execute(&mut *tx.db)
+    .await?;
+    let query = "DELETE FROM study WHERE run = $1 AND NOT EXISTS (SELECT 1 FROM chunk WHERE chunk.run = $1)";
+    sqlx::query(query).bind(run).execute(&mut *tx.db).await?;
+    Ok(true)
+}
+
+/// Deletes the scenarios of results that were evicted more than a year before this time and have no jobs, the turns of
+/// owners without jobs, and the oldest entries of the audit log.
+async fn forget(tx: &mut Transaction<'_>, time: i64) -> Result<(), Error> {
+    // Among the oldest 1000 only, so that many results with jobs do not slow every round.
+    sqlx::query(
+        "WITH idle AS (
+             DELETE FROM turn WHERE NOT EXISTS (SELECT 1 FROM lease WHERE lease.owner = turn.owner)
+                 AND NOT EXISTS (SELECT 1 FROM job WHERE claimable IS NOT NULL AND job.owner = turn.owner)
+         ), old AS (DELETE FROM audit WHERE id <= (SELECT max(id) FROM audit) - $2)
+         DELETE FROM result WHERE key IN (
+             SELECT key FROM (
+                 SELECT key FROM result WHERE evicted < $1 ORDER BY evicted LIMIT 1000
+             ) AS old
+             WHERE NOT EXISTS (SELECT 1 FROM job WHERE job.key = old.key) LIMIT 100)",
+    )
+    .bind(time - KEEP_EVICTED)
+    .bind(ENTRIES)
+    .execute(&mut *tx.db)
+    .await?;
+    Ok(())
+}
+
+/// Evicts results of this many bytes, or some of them. Returns how many bytes they had; 0 if there are
+/// none.
+async fn evict_some(tx: &mut Transaction<'_>, bytes: i64) -> Result<i64, Error> {
+    let oldest: Vec<(Vec<u8>, i64)> = sqlx::query_as(
+        "SELECT key, stored FROM result WHERE NOT pinned AND evicted IS NULL
+         ORDER BY last_access LIMIT $1 FOR NO KEY UPDATE SKIP LOCKED",
+    )
+    .bind(RESULTS)
+    .fetch_all(&mut *tx.db)
+    .await?;
+    let mut evicted = 0;
+    for (key, stored) in &oldest {
+        if evicted >= bytes {
+            break;
+        }
+        keep::evict(tx, key, None).await?;
+        tx.effects.push(Effect::Evicted);
+        evicted += stored;
+    }
+    Ok(evicted)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sum_that_takes_long_is_made_rarely() {
+        let seconds = Duration::from_secs_f64;
+        assert_eq!(rest(Some(1), seconds(0.01)), seconds(0.5));
+        assert_eq!(rest(Some(1), seconds(10.0)), OFTEN);
+        assert_eq!(rest(None, seconds(0.01)), OFTEN);
+    }
+}

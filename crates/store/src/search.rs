@@ -1,0 +1,497 @@
+//! Search for results: which conditions there are, and how they become SQL.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::str::FromStr;
+
+use super::library::Note;
+use super::row::{Columns, key};
+use super::statement::{Dialect, Statement};
+use fretwork_engine::request::quantity::{self, Dimension};
+use fretwork_job::{Key, Outline, SCALARS, WORDS, clock};
+
+/// The names of the words and numbers, in the order of an [`Outline`].
+pub(super) fn names() -> impl Iterator<Item = &'static str> {
+    let words = WORDS.iter().map(|word| word.name);
+    words.chain(SCALARS.iter().map(|scalar| scalar.name))
+}
+
+/// Which results to list, and in which order. The default lists all, the newest first.
+#[derive(Debug, Clone, Default)]
+pub struct Search {
+    words: Vec<(&'static str, String)>,
+    ranges: BTreeMap<&'static str, Range>,
+    owner: Option<String>,
+    pinned: Option<bool>,
+    pinned_by: Option<String>,
+    evicted: bool,
+    note: Option<String>,
+    tag: Option<String>,
+    label: Option<String>,
+    /// Tags and labels match only jobs of this owner.
+    jobs_of: Option<String>,
+    order: SortOrder,
+}
+
+/// The order of a list.
+#[derive(Debug, Clone, Copy)]
+struct SortOrder {
+    /// The column to sort by.
+    by: &'static str,
+    descending: bool,
+}
+
+impl Default for SortOrder {
+    fn default() -> Self {
+        Self { by: "created", descending: true }
+    }
+}
+
+/// A closed interval.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Range {
+    low: f64,
+    high: f64,
+}
+
+/// Relative width by which bounds are extended. Computed numbers can differ in their last digits, and a user
+/// who copies a displayed number must find it.
+const SLACK: f64 = 1e-9;
+
+impl Range {
+    /// Reads `a..b`, `a..`, `..b` or a single value. `value` reads one bound; the bound is an interval
+    /// itself.
+    fn read(text: &str, value: impl Fn(&str) -> Result<Self, String>) -> Result<Self, String> {
+        let (low, high) = text.split_once("..").unwrap_or((text, text));
+        let (low, high) = (low.trim(), high.trim());
+        if low.is_empty() && high.is_empty() {
+            return Err("must be a value or a range: a..b, a.. or ..b".to_owned());
+        }
+        let open = Self { low: f64::NEG_INFINITY, high: f64::INFINITY };
+        let bound = |text: &str| if text.is_empty() { Ok(open) } else { value(text) };
+        let Self { low, .. } = bound(low)?;
+        let Self { high, .. } = bound(high)?;
+        if low > high {
+            return Err(format!("the range {text:?} is empty: its first bound is the larger one"));
+        }
+        Ok(Self { low, high })
+    }
+
+    /// Reads a range of a quantity. The bounds may have units.
+    fn quantity(text: &str, dimension: Dimension) -> Result<Self, String> {
+        let is_plain = |text: &str| text.trim().parse::<f64>().is_ok_and(|number| number != 0.0);
+        let has_unit = |text: &str| !text.trim().is_empty() && text.trim().parse::<f64>().is_err();
+        if let Some((low, high)) = text.split_once("..")
+            && ((is_plain(low) && has_unit(high)) || (has_unit(low) && is_plain(high)))
+        {
+            // `0.1..0.2 kN` would be 0.1 N to 200 N, which is probably a mistake.
+            return Err(format!("{text:?}: give both bounds their unit, or neither"));
+        }
+        Self::read(text, |text| {
+            let value = quantity::parse(text, dimension)?;
+            let slack = SLACK * value.abs();
+            Ok(Self { low: value - slack, high: value + slack })
+        })
+    }
+}
+
+/// Reads an RFC 3339 time or a day (UTC), in milliseconds since 1970. A day is the whole day.
+fn moment(text: &str) -> Result<Range, String> {
+    let is_day = !text.contains(['T', 't', ' ']);
+    let whole = if is_day { format!("{text}T00:00:00Z") } else { text.to_owned() };
+    let low = clock::parse(&whole).ok_or_else(|| {
+        format!("{text:?} is not a time; write 2026-01-31 or 2026-01-31T12:00:00Z")
+    })? as f64;
+    Ok(Range { low, high: if is_day { low + 86_399_999.0 } else { low } })
+}
+
+impl Search {
+    /// All names that [`set`](Self::set) accepts.
+    pub fn names() -> impl Iterator<Item = &'static str> {
+        let others = [
+            "created",
+            "size",
+            "owner",
+            "pinned",
+            "pinned_by",
+            "evicted",
+            "note",
+            "tag",
+            "label",
+            "sort",
+        ];
+        names().chain(others)
+    }
+
+    /// All names to sort by.
+    pub fn orders() -> impl Iterator<Item = &'static str> {
+        ["created", "size"].into_iter().chain(SCALARS.iter().map(|scalar| scalar.name))
+    }
+
+    /// Lets tags and labels match only jobs of this owner, if one is given.
+    pub fn only_jobs_of(&mut self, owner: Option<&str>) {
+        self.jobs_of = owner.map(str::to_owned);
+    }
+
+    /// Adds one condition, or sets the order.
+    ///
+    /// # Errors
+    /// A sentence that says what the value must be, or that the name is unknown.
+    pub fn set(&mut self, name: &str, value: &str) -> Result<(), String> {
+        if let Some(word) = WORDS.iter().find(|word| word.name == name) {
+            if !word.values.contains(&value) {
+                return Err(format!("must be one of {}, got {value:?}", word.values.join(", ")));
+            }
+            self.words.push((word.name, value.to_owned()));
+            return Ok(());
+        }
+        if let Some(scalar) = SCALARS.iter().find(|scalar| scalar.name == name) {
+            self.restrict(scalar.name, Range::quantity(value, scalar.dimension)?);
+            return Ok(());
+        }
+        let flag = || match value {
+            "true" => Ok(true),
+            "false" => Ok(false),
+            _ => Err(format!("must be true or false, got {value:?}")),
+        };
+        match name {
+            "created" => self.restrict("created", Range::read(value, moment)?),
+            "size" => self.restrict("size", Range::quantity(value, Dimension::Number)?),
+            "owner" => self.owner = Some(value.to_owned()),
+            "pinned" => self.pinned = Some(flag()?),
+            "pinned_by" => self.pinned_by = Some(value.to_owned()),
+            "evicted" => self.evicted = flag()?,
+            "note" => self.note = Some(value.to_owned()),
+            "tag" => self.tag = Some(value.to_owned()),
+            "label" => self.label = Some(value.to_owned()),
+            "sort" => self.sort(value)?,
+            _ => {
+                let names: Vec<_> = Self::names().collect();
+                return Err(format!("is unknown; the names are {}", names.join(", ")));
+            }
+        }
+        Ok(())
+    }
+
+    /// Sets the order. A minus sign before the name puts the largest first.
+    fn sort(&mut self, value: &str) -> Result<(), String> {
+        let (name, descending) =
+            value.strip_prefix('-').map_or((value, false), |name| (name, true));
+        let by = Self::orders().find(|known| *known == name).ok_or_else(|| {
+            let names: Vec<_> = Self::orders().collect();
+            format!(
+                "must be one of {}, or one of them after a minus sign for the largest first; got \
+                 {value:?}",
+                names.join(", ")
+            )
+        })?;
+        self.order = SortOrder { by, descending };
+        Ok(())
+    }
+
+    /// Restricts a number to a range, in addition to earlier ranges.
+    fn restrict(&mut self, name: &'static str, range: Range) {
+        let kept = self.ranges.entry(name).or_insert(range);
+        *kept = Range { low: kept.low.max(range.low), high: kept.high.min(range.high) };
+    }
+
+    /// Writes all conditions on rows of `outline`.
+    fn conditions(&self, query: &mut Statement) {
+        query.push(if self.evicted { "NOT present" } else { "present" });
+        for (name, word) in &self.words {
+            query.push(" AND outline.").push(name).push(" = ").bind(&**word);
+        }
+        for (name, Range { low, high }) in &self.ranges {
+            if low.is_finite() {
+                query.push(" AND outline.").push(name).push(" >= ").bind(*low);
+            }
+            if high.is_finite() {
+                query.push(" AND outline.").push(name).push(" <= ").bind(*high);
+            }
+        }
+        if let Some(owner) = &self.owner {
+            query.push(" AND outline.owner = ").bind(&**owner);
+        }
+        if let Some(pinned) = self.pinned {
+            query.push(if pinned { " AND outline.id IN (" } else { " AND outline.id NOT IN (" });
+            query.push("SELECT id FROM result_task JOIN result USING (key) WHERE pinned)");
+        }
+        if let Some(owner) = &self.pinned_by {
+            query.push(" AND outline.id IN (SELECT id FROM result_task JOIN result USING (key)");
+            query.push(" WHERE pinned AND pinned_by = ").bind(&**owner).push(")");
+        }
+        if let Some(note) = &self.note {
+            query.push(" AND outline.id IN (SELECT id FROM result_task JOIN note USING (key)");
+            let contains = query.dialect().contains;
+            query.push(" WHERE ").push(contains).push("(lower(text), lower(");
+            query.bind(&**note).push(")) > 0)");
+        }
+        if let Some(tag) = &self.tag {
+            self.with_job(query, "job_tag JOIN job ON job.id = job_tag.job", "tag", tag);
+        }
+        if let Some(label) = &self.label {
+            self.with_job(query, "job", "label", label);
+        }
+    }
+
+    /// Writes the condition that a job with this label or tag asked for the result.
+    fn with_job(
+        &self,
+        query: &mut Statement,
+        jobs: &'static str,
+        column: &'static str,
+        value: &str,
+    ) {
+        query.push(" AND outline.id IN (SELECT result_task.id FROM ").push(jobs);
+        query.push(" JOIN result_task ON result_task.key = job.key WHERE ").push(column);
+        query.push(" = ").bind(value);
+        if let Some(owner) = &self.jobs_of {
+            query.push(" AND job.owner = ").bind(&**owner);
+        }
+        query.push(")");
+    }
+}
+
+/// The statement that finds the stored result whose inputs are nearest to those of an outline, other than `except`. The
+/// distance is the sum of the relative differences, plus 10 for each word that differs.
+pub(super) fn nearest(to: &Outline, except: Option<Key>, dialect: Dialect) -> Statement {
+    let mut query = Statement::new(
+        "SELECT key FROM result_task WHERE id = (SELECT id FROM outline WHERE present AND kind = 'run'",
+        dialect,
+    );
+    if let Some(key) = except {
+        query.push(" AND id IS DISTINCT FROM (SELECT id FROM result_task WHERE key = ");
+        query.bind(key.bytes().as_slice()).push(")");
+    }
+    query.push(" ORDER BY 0.0");
+    for (word, value) in WORDS.iter().zip(&to.words) {
+        if word.name != "regime" {
+            query.push(" + CASE WHEN outline.").push(word.name).push(" IS DISTINCT FROM ");
+            query.bind(value.clone()).push(" THEN 10.0 ELSE 0.0 END");
+        }
+    }
+    let inputs = SCALARS.iter().zip(&to.scalars).filter(|(scalar, _)| scalar.is_input);
+    for (scalar, value) in inputs {
+        let Some(value) = value else { continue };
+        query.push(" + coalesce(abs(outline.").push(scalar.name).push(" - ").bind(*value);
+        query.push(") / ").push(dialect.largest).push("(abs(outline.").push(scalar.name);
+        query.push("), ").bind(value.abs()).push(", 1e-300), 1.0)");
+    }
+    query.push(", outline.id DESC LIMIT 1)");
+    query
+}
+
+/// The position of the last result of a page: its value in the sort column, and its row number.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cursor {
+    value: Option<f64>,
+    id: i64,
+}
+
+impl Cursor {
+    /// Reads the columns `place` and `id`.
+    pub(super) fn read(row: &impl Columns) -> Result<Self, sqlx::Error> {
+        Ok(Self { value: row.get("place")?, id: row.get("id")? })
+    }
+}
+
+impl fmt::Display for Cursor {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.value {
+            Some(value) => write!(f, "{:016x}-{}", value.to_bits(), self.id),
+            None => write!(f, "null-{}", self.id),
+        }
+    }
+}
+
+impl FromStr for Cursor {
+    type Err = ();
+    fn from_str(text: &str) -> Result<Self, ()> {
+        let (value, id) = text.split_once('-').ok_or(())?;
+        let value = match value {
+            "null" => None,
+            bits if bits.len() == 16 => {
+                let value = f64::from_bits(u64::from_str_radix(bits, 16).map_err(drop)?);
+                Some(value).filter(|value| value.is_finite()).map(Some).ok_or(())?
+            }
+            _ => return Err(()),
+        };
+        Ok(Self { value, id: id.parse().map_err(drop)? })
+    }
+}
+
+/// A result in a list.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Listed {
+    /// Its key.
+    pub key: Key,
+    /// When this server first stored the key. Times are milliseconds since 1970.
+    pub created: i64,
+    /// The owner whose job computed it; `None` if that is unknown.
+    pub owner: Option<String>,
+    /// Size of its body in bytes.
+    pub size: u64,
+    /// Whether it is pinned: never evicted.
+    pub pinned: bool,
+    /// When its body was evicted or deleted.
+    pub evicted: Option<i64>,
+    /// Its note.
+    pub note: Option<Note>,
+    /// Its searchable words and numbers.
+    pub outline: Outline,
+}
+
+impl Listed {
+    pub(super) fn read(row: &impl Columns) -> Result<Self, sqlx::Error> {
+        let mut outline = Outline::default();
+        for (word, value) in WORDS.iter().zip(&mut outline.words) {
+            *value = row.get(word.name)?;
+        }
+        for (scalar, value) in SCALARS.iter().zip(&mut outline.scalars) {
+            *value = row.get(scalar.name)?;
+        }
+        Ok(Self {
+            key: key(row, "key")?,
+            created: row.get("created")?,
+            owner: row.get("owner")?,
+            size: row.get("size")?,
+            pinned: row.get("pinned")?,
+            evicted: row.get("evicted")?,
+            note: Note::read(row)?,
+            outline,
+        })
+    }
+}
+
+/// One page of search results.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Found {
+    /// The results.
+    pub results: Vec<Listed>,
+    /// The cursor of the next page; `None` on the last page.
+    pub next: Option<Cursor>,
+}
+
+impl Found {
+    /// The page in the rows of [`page`].
+    pub(super) fn read(rows: &[impl Columns], limit: u32) -> Result<Self, sqlx::Error> {
+        // The statement reads one row more than the page has: it tells whether there is a next page.
+        let is_last = rows.len() as u64 <= u64::from(limit);
+        let rows = &rows[..rows.len().min(limit as usize)];
+        let next = if is_last { None } else { rows.last().map(Cursor::read).transpose()? };
+        Ok(Self { results: rows.iter().map(Listed::read).collect::<Result<_, _>>()?, next })
+    }
+}
+
+/// The statement that reads a page, and one row more. Results without the number they are sorted by come last in both
+/// directions. `prefix` is empty or `EXPLAIN QUERY PLAN `.
+pub(super) fn page(
+    prefix: &str,
+    search: &Search,
+    cursor: Option<Cursor>,
+    limit: u32,
+    dialect: Dialect,
+) -> Statement {
+    let mut query = Statement::new(prefix, dialect);
+    query.push("SELECT outline.id AS id");
+    for name in names() {
+        query.push(", outline.").push(name).push(" AS ").push(name);
+    }
+    query.push(", CAST(outline.").push(search.order.by).push(
+        " AS DOUBLE PRECISION) AS place, result.key AS key, result.created AS created, result.size AS size,
+             result.owner AS owner, pinned, evicted, note.text AS note, note.owner AS noted_by, note.at AS noted
+         FROM (SELECT * FROM outline WHERE ",
+    );
+    search.conditions(&mut query);
+    after(&mut query, search, cursor);
+    order(&mut query, search);
+    query.push(" LIMIT ").bind(i64::from(limit) + 1);
+    // The other tables are read only for the rows of the page.
+    query.push(
+        ") AS outline JOIN result_task ON result_task.id = outline.id
+         JOIN result ON result.key = result_task.key LEFT JOIN note ON note.key = result.key",
+    );
+    order(&mut query, search);
+    query
+}
+
+fn order(query: &mut Statement, search: &Search) {
+    let direction = if search.order.descending { "DESC" } else { "ASC" };
+    query.push(&format!(
+        " ORDER BY outline.{} {direction} NULLS LAST, outline.id {direction}",
+        search.order.by
+    ));
+}
+
+/// Restricts a statement to results after the cursor.
+fn after(query: &mut Statement, search: &Search, cursor: Option<Cursor>) {
+    let Some(Cursor { value, id }) = cursor else { return };
+    let SortOrder { by, descending } = search.order;
+    let beyond = if descending { "<" } else { ">" };
+    let Some(value) = value else {
+        query.push(&format!(" AND outline.{by} IS NULL AND outline.id {beyond} "));
+        query.bind(id);
+        return;
+    };
+    query.push(&format!(" AND ((outline.{by}, outline.id) {beyond} ("));
+    query.bind(value).push(", ").bind(id).push(")");
+    // These two columns are never null, so they do not need the second condition. Without it, SQLite can
+    // use their index.
+    if !matches!(by, "created" | "size") {
+        query.push(&format!(" OR outline.{by} IS NULL"));
+    }
+    query.push(")");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranges_are_parsed_with_and_without_units() {
+        let range = |text| Range::quantity(text, Dimension::Force);
+        let near = |text, low: f64, high: f64| {
+            let Range { low: from, high: to } = range(text).unwrap();
+            let close = |a: f64, b: f64| a.total_cmp(&b).is_eq() || (a / b - 1.0).abs() < 2e-9;
+            assert!(close(from, low) && close(to, high), "{text}: {from} {to}");
+            assert!(from <= low && to >= high, "{text}");
+        };
+        near("50 N..0.2 kN", 50.0, 200.0);
+        near("50..200", 50.0, 200.0);
+        near("50..", 50.0, f64::INFINITY);
+        near(" .. 2 N", f64::NEG_INFINITY, 2.0);
+        near("100", 100.0, 100.0);
+        near("0..1 kN", 0.0, 1000.0);
+        for bad in
+            ["", "..", "2..1", "50..200 N", "0.1 kN..2", "a..b", "1 m", "1..2..3", "1e308 kN.."]
+        {
+            assert!(range(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn times_are_parsed_as_dates_or_timestamps() {
+        let range = |text| Range::read(text, moment);
+        let day = 86_400_000.0;
+        assert_eq!(range("1970-01-02"), Ok(Range { low: day, high: 2.0 * day - 1.0 }));
+        assert_eq!(range("1970-01-01..1970-01-03"), Ok(Range { low: 0.0, high: 3.0 * day - 1.0 }));
+        assert_eq!(
+            range("1970-01-01T00:00:01Z..1970-01-01T00:00:02.5Z"),
+            Ok(Range { low: 1000.0, high: 2500.0 })
+        );
+        assert!(range("yesterday").is_err());
+        assert!(range("1969-12-31").is_err());
+        assert!(range("1970-01-03..1970-01-02").is_err());
+    }
+
+    #[test]
+    fn a_cursor_is_unchanged_after_a_round_trip_through_text() {
+        for value in [None, Some(0.0), Some(-1.5), Some(2.5e-13)] {
+            let cursor = Cursor { value, id: 7 };
+            assert_eq!(cursor.to_string().parse(), Ok(cursor));
+        }
+        for bad in ["", "null", "7ff0000000000000-1", "1-1", "null-x"] {
+            assert!(bad.parse::<Cursor>().is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,351 @@
+//! What is signalled after a commit: to listeners of a key, to idle workers, to the workers of running runs,
+//! and to the metrics.
+
+use std::collections::HashMap;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use tokio::sync::broadcast::error::RecvError;
+use tokio::sync::{broadcast, watch};
+
+use super::error::Error;
+use super::row::{Part, RunId};
+use super::tally::{Ending, Tally};
+use fretwork_job::clock::now;
+use fretwork_job::{Key, Origin, Recomputed};
+
+/// What the writer task signals after a commit.
+#[derive(Debug)]
+pub(super) enum Effect {
+    /// A job or run of this key has changed.
+    Changed(Key),
+    /// A job or run of this key has changed, and may have ended.
+    Ended(Key),
+    /// A run or a piece of a study can be claimed.
+    Queued,
+    /// A worker has claimed this part. The flag stops it.
+    Started(Part, Stop),
+    /// No worker needs to compute this run any more.
+    Unwanted(RunId),
+    /// No worker computes this part any more.
+    LetGo(Part),
+    /// A job was accepted.
+    Submitted(Origin),
+    /// A run ended, and how many milliseconds it took.
+    Settled(Ending, Option<i64>),
+    /// A result was computed again.
+    Recomputed { key: Key, how: Recomputed },
+    /// A result was read.
+    Read(Key),
+    /// A result was evicted.
+    Evicted,
+    /// A server of several has deleted a result.
+    Deleted(Key),
+}
+
+/// A flag that tells a worker that its run has ended or that no job needs its result any more.
+#[derive(Debug, Clone, Default)]
+pub struct Stop(Arc<AtomicBool>);
+
+impl Stop {
+    /// Whether the worker must stop.
+    #[must_use]
+    pub fn is_raised(&self) -> bool {
+        // The flag guards no other data, so no ordering is needed.
+        self.0.load(Ordering::Relaxed)
+    }
+
+    fn raise(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
+#[derive(Debug, Default)]
+pub(super) struct Signals {
+    pub(super) tally: Tally,
+    queue: watch::Sender<u64>,
+    deleted: Deleted,
+    tables: Mutex<Tables>,
+}
+
+/// Sends keys of deleted results; `None` if any result may have been deleted.
+#[derive(Debug)]
+struct Deleted(broadcast::Sender<Option<Key>>);
+
+impl Default for Deleted {
+    fn default() -> Self {
+        /// Deletions that wait for a listener. One that has missed some must assume that any result was deleted.
+        const BEHIND: usize = 256;
+        Self(broadcast::Sender::new(BEHIND))
+    }
+}
+
+#[derive(Debug, Default)]
+struct Tables {
+    /// Each channel counts the ended jobs and runs of its key, and signals every change.
+    listeners: HashMap<Key, watch::Sender<u64>>,
+    running: HashMap<Part, Stop>,
+    /// The time at which each result was last read. An entry is removed when its time is stored.
+    read: HashMap<Key, i64>,
+}
+
+/// Maximum number of results whose time of reading is remembered. Further times are dropped, so evictions
+/// become less exact.
+const MAX_READ: usize = 10_000;
+/// Times of reading that one transaction stores, which takes a few milliseconds.
+pub(super) const READ_AT_ONCE: usize = 500;
+
+impl Tables {
+    fn note(&mut self, key: Key, at: i64) {
+        if self.read.len() < MAX_READ || self.read.contains_key(&key) {
+            self.read.insert(key, at);
+        }
+    }
+}
+
+impl Signals {
+    /// Sends all signals, in the order of the changes.
+    pub(super) fn apply(&self, effects: Vec<Effect>) {
+        let mut tables = self.tables();
+        for effect in effects {
+            match effect {
+                Effect::Changed(key) => {
+                    if let Some(sender) = tables.listeners.get(&key) {
+                        sender.send_modify(|_| {});
+                    }
+                }
+                Effect::Ended(key) => {
+                    if let Some(sender) = tables.listeners.get(&key) {
+                        sender.send_modify(|ends| *ends += 1);
+                    }
+                }
+                Effect::Queued => {
+                    self.queue.send_modify(|_| {});
+                }
+                Effect::Started(part, stop) => {
+                    tables.running.insert(part, stop);
+                }
+                Effect::Unwanted(run) => {
+                    tables.running.retain(|(other, _), stop| {
+                        let is_wanted = *other != run;
+                        if !is_wanted {
+                            stop.raise();
+                        }
+                        is_wanted
+                    });
+                }
+                Effect::LetGo(part) => {
+                    tables.running.remove(&part);
+                }
+                Effect::Submitted(origin) => self.tally.submitted(origin),
+                Effect::Settled(how, milliseconds) => self.tally.settled(how, milliseconds),
+                Effect::Recomputed { key, how } => {
+                    match how {
+                        Recomputed::Same => {}
+                        Recomputed::Differs => tracing::error!(
+                            %key, "a result that was computed again differs from the stored one"
+                        ),
+                        Recomputed::Replaced => tracing::warn!(
+                            %key, "a result that was computed again differs from the one that was deleted or evicted"
+                        ),
+                    }
+                    self.tally.recomputed(how);
+                }
+                Effect::Read(key) => tables.note(key, now()),
+                Effect::Evicted => self.tally.evicted(),
+                Effect::Deleted(key) => self.deleted(Some(key)),
+            }
+        }
+    }
+
+    /// Counts the error of a failed operation in the metrics, and returns the result unchanged.
+    pub(super) fn counted<T>(&self, result: Result<T, Error>) -> Result<T, Error> {
+        result.inspect_err(|error| self.tally.failed(error))
+    }
+
+    /// Remembers that a result was read.
+    pub(super) fn read(&self, key: Key, at: i64) {
+        self.tables().note(key, at);
+    }
+
+    /// The parts that the workers of this process compute, and what stops them.
+    pub(super) fn running(&self) -> Vec<(Part, Stop)> {
+        self.tables().running.iter().map(|(part, stop)| (*part, stop.clone())).collect()
+    }
+
+    /// Stops workers that have lost their parts. A worker that has claimed such a part again goes on.
+    pub(super) fn stop(&self, lost: &[(Part, Stop)]) {
+        let mut tables = self.tables();
+        for (part, stop) in lost {
+            stop.raise();
+            if tables.running.get(part).is_some_and(|latest| Arc::ptr_eq(&latest.0, &stop.0)) {
+                tables.running.remove(part);
+            }
+        }
+    }
+
+    /// Lets waiting clients and workers read the tables again: signals of other servers may have been lost.
+    pub(super) fn wake(&self) {
+        self.queue.send_modify(|_| {});
+        for sender in self.tables().listeners.values() {
+            sender.send_modify(|ends| *ends += 1);
+        }
+    }
+
+    /// Tells all listeners that a result was deleted; `None` if any result may have been.
+    fn deleted(&self, key: Option<Key>) {
+        // This fails if nobody listens, which is not an error.
+        let _ = self.deleted.0.send(key);
+    }
+
+    /// Signals all that may have happened while other servers could not be heard.
+    pub(super) fn was_deaf(&self) {
+        self.wake();
+        self.deleted(None);
+    }
+
+    /// Takes out some results and their times of reading, to be stored.
+    pub(super) fn take_read(&self) -> Vec<(Key, i64)> {
+        let mut tables = self.tables();
+        let some: Vec<_> = tables.read.keys().copied().take(READ_AT_ONCE).collect();
+        some.into_iter().filter_map(|key| tables.read.remove_entry(&key)).collect()
+    }
+
+    pub(super) fn watch(self: &Arc<Self>, key: Key) -> Changes {
+        let receiver = self.tables().listeners.entry(key).or_default().subscribe();
+        Changes::new(receiver, Some(Listening { signals: Arc::clone(self), key }))
+    }
+
+    pub(super) fn watch_queue(&self) -> Changes {
+        Changes::new(self.queue.subscribe(), None)
+    }
+
+    pub(super) fn watch_deletions(&self) -> Deletions {
+        Deletions(self.deleted.0.subscribe())
+    }
+
+    /// A poisoned lock is safe: each change of a map is one call, so a panic leaves the maps consistent.
+    fn tables(&self) -> MutexGuard<'_, Tables> {
+        self.tables.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Signals of changes since the last call.
+#[derive(Debug)]
+pub struct Changes {
+    // Dropped before `_listening`, which counts the remaining receivers.
+    receiver: watch::Receiver<u64>,
+    ends: u64,
+    _listening: Option<Listening>,
+}
+
+impl Changes {
+    fn new(receiver: watch::Receiver<u64>, listening: Option<Listening>) -> Self {
+        let ends = *receiver.borrow();
+        Self { receiver, ends, _listening: listening }
+    }
+
+    /// Returns once something has changed since this was created or last returned. It may return without a
+    /// change, but it misses none.
+    pub async fn changed(&mut self) {
+        if self.receiver.changed().await.is_err() {
+            // The store is closed, so nothing changes any more.
+            std::future::pending::<()>().await;
+        }
+    }
+
+    /// Like [`changed`](Self::changed), but ignores changes that end no job or run.
+    pub async fn ended(&mut self) {
+        let Ok(ends) = self.receiver.wait_for(|ends| *ends != self.ends).await.map(|ends| *ends)
+        else {
+            return std::future::pending().await;
+        };
+        self.ends = ends;
+    }
+}
+
+/// Deletions of results since this was created. A server that has its database for itself sends none: it knows what it deletes.
+#[derive(Debug)]
+pub struct Deletions(broadcast::Receiver<Option<Key>>);
+
+impl Deletions {
+    /// The next deleted result; `None` if any result may have been deleted.
+    pub async fn next(&mut self) -> Option<Key> {
+        match self.0.recv().await {
+            Ok(key) => key,
+            Err(RecvError::Lagged(_)) => None,
+            // The store is closed.
+            Err(RecvError::Closed) => std::future::pending().await,
+        }
+    }
+}
+
+#[derive(Debug)]
+struct Listening {
+    signals: Arc<Signals>,
+    key: Key,
+}
+
+impl Drop for Listening {
+    fn drop(&mut self) {
+        let mut tables = self.signals.tables();
+        if tables.listeners.get(&self.key).is_some_and(|sender| sender.receiver_count() == 0) {
+            tables.listeners.remove(&self.key);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_key_is_removed_when_its_last_listener_is_dropped() {
+        let signals = Arc::new(Signals::default());
+        let key = Key::from_bytes([7; 32]);
+        let first = signals.watch(key);
+        let second = signals.watch(key);
+        drop(first);
+        assert_eq!(signals.tables().listeners.len(), 1);
+        drop(second);
+        assert!(signals.tables().listeners.is_empty());
+    }
+
+    #[test]
+    fn the_stop_flags_of_the_latest_claims_of_a_run_are_raised() {
+        let signals = Arc::new(Signals::default());
+        let flags: [Stop; 5] = Default::default();
+        let [lost, first, second, done, other] = &flags;
+        let started =
+            |run, number, stop: &Stop| Effect::Started((RunId(run), number), stop.clone());
+        signals.apply(vec![
+            started(1, Some(0), lost),
+            started(1, Some(0), first),
+            started(1, Some(1), second),
+            started(1, Some(2), done),
+            started(2, None, other),
+            Effect::LetGo((RunId(1), Some(2))),
+            Effect::Unwanted(RunId(1)),
+        ]);
+        let raised = flags.each_ref().map(Stop::is_raised);
+        assert_eq!(raised, [false, true, true, false, false]);
+        signals.apply(vec![Effect::LetGo((RunId(2), None))]);
+        assert!(signals.tables().running.is_empty());
+    }
+
+    #[test]
+    fn a_worker_that_has_lost_its_part_does_not_stop_the_next_one() {
+        let signals = Arc::new(Signals::default());
+        let part = (RunId(1), None);
+        let [lost, next]: [Stop; 2] = Default::default();
+        signals.apply(vec![Effect::Started(part, lost.clone())]);
+        let running = signals.running();
+        signals.apply(vec![Effect::Started(part, next.clone())]);
+        signals.stop(&running);
+        assert!(lost.is_raised() && !next.is_raised());
+        let running = signals.running();
+        assert_eq!(running.len(), 1);
+        signals.stop(&running);
+        assert!(next.is_raised() && signals.running().is_empty());
+    }
+}

@@ -1,0 +1,43 @@
+//! Finds out whether the files of the open database are still in their places.
+//!
+//! SQLite writes to a file that was deleted, moved or replaced as before. Every commit succeeds, and a crash loses all of them.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use crate::error::Error;
+
+/// The device and the number of a file.
+type Identity = (u64, u64);
+
+/// The files of an open database.
+#[derive(Debug, Default)]
+pub(super) struct Files(Vec<(PathBuf, Identity)>);
+
+impl Files {
+    /// The files that have these paths now. They are not opened: to close one would end the locks of SQLite.
+    pub(super) fn at(paths: impl IntoIterator<Item = PathBuf>) -> io::Result<Self> {
+        let file = |path: PathBuf| identity(&path).map(|identity| (path, identity));
+        paths.into_iter().map(file).collect::<io::Result<_>>().map(Self)
+    }
+
+    /// Refuses to go on if another file, or none, has one of the paths. This takes about a microsecond for each file.
+    pub(super) fn check(&self) -> Result<(), Error> {
+        let moved = self.0.iter().find(|(path, own)| identity(path).ok() != Some(*own));
+        moved.map_or(Ok(()), |(path, _)| Err(Error::Moved { path: path.clone() }))
+    }
+}
+
+#[cfg(unix)]
+fn identity(path: &Path) -> io::Result<Identity> {
+    use std::os::unix::fs::MetadataExt as _;
+    let file = fs::metadata(path)?;
+    Ok((file.dev(), file.ino()))
+}
+
+/// Other systems do not move a file that is open.
+#[cfg(not(unix))]
+fn identity(path: &Path) -> io::Result<Identity> {
+    fs::metadata(path).map(|_| (0, 0))
+}

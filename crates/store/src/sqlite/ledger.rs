@@ -1,0 +1,88 @@
+//! Counts commits inside of the database and beside it, to find out whether the write-ahead log has lost any.
+//!
+//! SQLite ignores the rest of a log from the first damaged page on, and starts without a log that was removed. Both
+//! look like a database that was never changed later. So each transaction counts itself in the table `room`, and the
+//! server writes the number to its lock file after the commit. If the number in the file is larger at the start,
+//! commits are missing.
+//!
+//! The file is not synced. A power failure can lose the number together with the commits; then this finds nothing.
+
+use std::fs::File;
+use std::io::{self, Read as _, Seek as _, Write as _};
+
+use sqlx::SqliteConnection;
+
+use crate::error::Error;
+use fretwork_job::clock::rfc3339;
+
+/// The number of commits, and the time of the last one in milliseconds since 1970.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Noted {
+    commits: i64,
+    at: i64,
+}
+
+/// The lock file of the data directory, with the number of commits.
+#[derive(Debug)]
+pub(super) struct Ledger {
+    /// Locks the directory against other servers.
+    lock: File,
+    /// Whether the last number could not be written.
+    failed: bool,
+    /// How many commits were missing at the start.
+    missing: u64,
+}
+
+impl Ledger {
+    /// Compares the number in the file with that of the database, and logs how many commits are missing.
+    pub(super) async fn open(mut lock: File, db: &mut SqliteConnection) -> Result<Self, Error> {
+        let (commits, at) =
+            sqlx::query_as("SELECT commits, committed FROM room").fetch_one(db).await?;
+        let stored = Noted { commits, at };
+        // A file of an earlier version is empty.
+        let mut missing = 0;
+        if let Some(noted) = read(&mut lock).filter(|noted| noted.commits > commits) {
+            missing = (noted.commits - commits).unsigned_abs();
+            tracing::error!(
+                missing,
+                since = rfc3339(stored.at),
+                until = rfc3339(noted.at),
+                "acknowledged changes are missing: the write-ahead log was damaged or removed, or an older copy of \
+                 the database was put in place; submit the jobs of that time again, or restore a backup"
+            );
+        }
+        let mut ledger = Self { lock, failed: false, missing };
+        ledger.note(stored.commits, stored.at);
+        Ok(ledger)
+    }
+
+    /// How many commits were missing at the start.
+    pub(super) fn missing(&self) -> u64 {
+        self.missing
+    }
+
+    /// Writes the number of commits and the time of the last one.
+    pub(super) fn note(&mut self, commits: i64, at: i64) {
+        let line = format!("{commits:020} {at:020}\n");
+        let done = self.lock.rewind().and_then(|()| self.lock.write_all(line.as_bytes()));
+        if let Err(error) = &done
+            && !self.failed
+        {
+            tracing::warn!(%error, "cannot count commits beside the database: a lost commit would not be noticed");
+        }
+        self.failed = done.is_err();
+    }
+}
+
+/// Reads the number; `None` if there is none.
+fn read(lock: &mut File) -> Option<Noted> {
+    let mut text = String::new();
+    lock.rewind().and_then(|()| lock.read_to_string(&mut text)).ok()?;
+    let (commits, at) = text.trim_end().split_once(' ')?;
+    Some(Noted { commits: commits.parse().ok()?, at: at.parse().ok()? })
+}
+
+/// Forgets the number, because another database takes the place of the one that it belongs to.
+pub(crate) fn forget(lock: &File) -> io::Result<()> {
+    lock.set_len(0)
+}

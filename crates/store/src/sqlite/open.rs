@@ -1,0 +1,308 @@
+//! Opens the data directory: lock, check of the file, migrations, connections.
+
+use std::cmp::Ordering;
+use std::fs::{self, File, TryLockError};
+use std::io::{self, Read as _};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+
+use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqliteSynchronous};
+use sqlx::{ConnectOptions, Connection, Executor as _, SqliteConnection};
+use tokio::sync::Semaphore;
+
+use super::Database;
+use super::files::Files;
+use super::ledger::Ledger;
+use super::library;
+use super::log::Log;
+use super::outline;
+use super::queue::Queue;
+use super::readers::{BUSY, Readers};
+use super::schema::{self, latest, migrate, version};
+use super::transaction::Transaction;
+use super::upkeep::{self, Upkeep};
+use super::writer::Writer;
+use crate::error::Error;
+use crate::library::Program;
+use crate::options::{FileSizes, Options};
+use crate::pins::PinQuota;
+use crate::signals::Signals;
+use fretwork_job::clock::now;
+use fretwork_job::{Canonical, ENGINE};
+
+/// The SQLite application id of our databases ("fret"). The program never writes to another database.
+pub(crate) const APPLICATION_ID: i32 = 0x6672_6574;
+
+/// The file name of the database.
+pub(crate) const DATABASE: &str = "fretwork.db";
+
+/// The file that a server locks, in the data directory.
+pub(crate) const LOCK: &str = "fretwork.lock";
+
+/// The number of read-only connections for small results and lists.
+pub(super) const READERS: u32 = 4;
+/// The number of readers that may scan all results at the same time. The others read single results. One caller may
+/// scan with two at a time, so a scan of another caller need not wait for these.
+pub(super) const SCANS: usize = 3;
+
+impl Database {
+    pub(crate) fn file_sizes(&self) -> FileSizes {
+        let database = self.dir.join(DATABASE);
+        let size = |path: &Path| fs::metadata(path).ok().map(|file| file.len());
+        FileSizes { database: size(&database), log: size(&with_suffix(&database, "-wal")) }
+    }
+
+    pub(crate) async fn open(
+        dir: &Path,
+        options: &Options,
+        signals: Arc<Signals>,
+    ) -> Result<Self, Error> {
+        let lock = lock(dir)?;
+        let path = dir.join(DATABASE);
+        let log_pages = log_pages(options.budget);
+        let writing = writing(&path, options.full_sync)
+            .pragma("wal_autocheckpoint", log_pages.to_string())
+            .pragma("journal_size_limit", (log_pages * PAGE).to_string());
+        let mut db = prepare(dir, writing).await?;
+        // What a statement needs to undo itself stays in memory, instead of a temporary file. For a migration it could
+        // be large.
+        db.execute("PRAGMA temp_store = memory").await?;
+        // 16 MiB for each connection: enough for the upper pages of all indexes.
+        let reading = connecting(&path).read_only(true).pragma("cache_size", "-16384");
+        // A list must not need space on a disk that is full.
+        let reading = reading.pragma("temp_store", "memory");
+        let readers = Arc::new(Readers::open(&reading, READERS).await?);
+        let large = Arc::new(Readers::open(&reading, 1).await?);
+        let keys = Arc::new(Readers::open(&reading, 1).await?);
+        let queue = Queue::load(&mut db).await?;
+        let program = library::program(&Program::this(), &mut db).await?;
+        let ledger = Ledger::open(lock, &mut db).await?;
+        signals.tally.has_lost(ledger.missing());
+        let files =
+            [path.clone(), with_suffix(&path, "-wal"), with_suffix(&path, "-shm"), dir.join(LOCK)];
+        let files = Files::at(files)
+            .map_err(|source| Error::Directory { dir: dir.to_owned(), source: Arc::new(source) })?;
+        let upkeep =
+            Upkeep::new(options.keep_jobs, options.budget, upkeep::read_clock(&mut db).await?);
+        let tx = Transaction { db, now: now(), queue, program, effects: Vec::new() };
+        let log = Log::new(with_suffix(&path, "-wal"), log_pages * PAGE);
+        let writer = Writer::new(tx, Arc::clone(&signals), upkeep, (ledger, log, files)).start();
+        let Options { queue_limit, pin_quota, budget, .. } = *options;
+        let pin_quota = PinQuota::new(pin_quota, budget);
+        let scans = Arc::new(Semaphore::new(SCANS));
+        let dir = dir.into();
+        Ok(Self { writer, readers, large, keys, scans, signals, queue_limit, pin_quota, dir })
+    }
+}
+
+/// Opens or creates the database of a locked directory, and migrates it to this version.
+async fn prepare(dir: &Path, options: SqliteConnectOptions) -> Result<SqliteConnection, Error> {
+    let path = dir.join(DATABASE);
+    let refused = |source| Error::Directory { dir: dir.to_owned(), source: Arc::new(source) };
+    forget_foreign_log(&path).map_err(refused)?;
+    inspect(&path).await?;
+    if !path.exists() || uses_log(&path).map_err(refused)? != Some(true) {
+        use_log(&path).await?;
+    }
+    let options = options.pragma("application_id", APPLICATION_ID.to_string());
+    let mut db = SqliteConnection::connect_with(&options).await?;
+    migrate(&mut db, &path).await?;
+    rekey(&mut db).await?;
+    match outline::complete(&mut db).await {
+        Ok(()) => {}
+        Err(error @ (Error::Full(_) | Error::Busy(_))) => return Err(error),
+        // Damage to the index of the search must not keep the server from starting.
+        Err(error) => {
+            let error = &error as &dyn std::error::Error;
+            tracing::warn!(error, "search does not find some results of an earlier version");
+        }
+    }
+    Ok(db)
+}
+
+/// Makes a database use a write-ahead log. Creates the database if there is none.
+///
+/// This writes no rollback journal. A journal that a crash leaves would be applied at the next start, and would destroy a
+/// backup that was put in place meanwhile. Without a journal a crash does no harm, because only the first page changes, and
+/// the system writes a page as a whole.
+async fn use_log(path: &Path) -> Result<(), Error> {
+    let options = connecting(path).create_if_missing(true).journal_mode(SqliteJournalMode::Off);
+    let mut db = SqliteConnection::connect_with(&options).await?;
+    db.execute("PRAGMA auto_vacuum = INCREMENTAL; PRAGMA journal_mode = WAL").await?;
+    Ok(db.close().await?)
+}
+
+/// Gives the unfinished runs of an earlier `numerics` version, and their jobs, the keys of this version. Their results
+/// are computed by this version. Chunks of studies are computed again, because a result has digits of one version only.
+async fn rekey(db: &mut SqliteConnection) -> Result<(), Error> {
+    let mut tx = db.begin_with("BEGIN IMMEDIATE").await?;
+    let numerics: u32 = sqlx::query_scalar("SELECT numerics FROM room").fetch_one(&mut *tx).await?;
+    if numerics == ENGINE.numerics {
+        return Ok(());
+    }
+    let runs: Vec<(i64, String)> =
+        sqlx::query_as("SELECT id, task FROM run WHERE finished IS NULL")
+            .fetch_all(&mut *tx)
+            .await?;
+    for (run, task) in runs {
+        // A run whose task cannot be read fails when a worker claims it.
+        let Some(key) = Canonical::key_of(&task) else { continue };
+        sqlx::query(
+            "UPDATE run SET key = $2, progress = 0 WHERE id = $1;
+             UPDATE job SET key = $2 WHERE run = $1 AND finished IS NULL;
+             UPDATE study SET wall = 0, cpu = 0 WHERE run = $1;
+             DELETE FROM chunk WHERE run = $1",
+        )
+        .bind(run)
+        .bind(key.bytes().as_slice())
+        .execute(&mut *tx)
+        .await?;
+    }
+    sqlx::query("UPDATE room SET numerics = $1").bind(ENGINE.numerics).execute(&mut *tx).await?;
+    Ok(tx.commit().await?)
+}
+
+/// Options of a connection that writes.
+pub(super) fn writing(path: &Path, full_sync: bool) -> SqliteConnectOptions {
+    let synchronous = if full_sync { SqliteSynchronous::Full } else { SqliteSynchronous::Normal };
+    connecting(path)
+        .synchronous(synchronous)
+        .foreign_keys(true)
+        // 8 MiB. A larger cache is slower: SQLite walks through the table of all cached pages at each commit that has moved cells
+        // between pages, as random keys do. The system has the other pages in memory.
+        .pragma("cache_size", "-8192")
+        .pragma("wal_autocheckpoint", MOST_LOG_PAGES.to_string())
+        .pragma("journal_size_limit", (MOST_LOG_PAGES * PAGE).to_string())
+}
+
+/// Bytes of a page, the default of SQLite.
+const PAGE: u64 = 4096;
+/// The number of pages in the log (32 MB) at which a commit must checkpoint, and to which the log shrinks then. Usually
+/// maintenance runs a checkpoint earlier.
+const MOST_LOG_PAGES: u64 = 8000;
+
+/// The limit of the log: a sixteenth of the budget, and at least 1 MB, which is a few large transactions.
+fn log_pages(budget: Option<u64>) -> u64 {
+    budget.map_or(MOST_LOG_PAGES, |budget| (budget / 16 / PAGE).clamp(250, MOST_LOG_PAGES))
+}
+
+/// Options of every connection.
+pub(crate) fn connecting(path: &Path) -> SqliteConnectOptions {
+    SqliteConnectOptions::new().filename(path).busy_timeout(BUSY).disable_statement_logging()
+}
+
+pub(crate) fn lock(dir: &Path) -> Result<File, Error> {
+    let refused = |source| Error::Directory { dir: dir.to_owned(), source: Arc::new(source) };
+    fs::create_dir_all(dir).map_err(refused)?;
+    let path = dir.join(LOCK);
+    let file = File::options().create(true).truncate(false).read(true).write(true).open(&path);
+    let file = file.map_err(refused)?;
+    match file.try_lock() {
+        // A failed restore removes the file that it has locked.
+        Ok(()) if is_removed(&file, &path).map_err(refused)? => lock(dir),
+        Ok(()) => Ok(file),
+        Err(TryLockError::WouldBlock) => Err(Error::Locked { dir: dir.to_owned() }),
+        Err(TryLockError::Error(source)) => Err(refused(source)),
+    }
+}
+
+/// Whether a path no longer leads to the open file.
+#[cfg(unix)]
+fn is_removed(file: &File, path: &Path) -> io::Result<bool> {
+    use std::os::unix::fs::MetadataExt as _;
+    let open = file.metadata()?;
+    match fs::metadata(path) {
+        Ok(there) => Ok((there.dev(), there.ino()) != (open.dev(), open.ino())),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(true),
+        Err(error) => Err(error),
+    }
+}
+
+/// Other systems do not remove a file that is open.
+#[cfg(not(unix))]
+fn is_removed(_: &File, _: &Path) -> io::Result<bool> {
+    Ok(false)
+}
+
+/// Removes a log that belongs to another database.
+///
+/// Such a log remains when an administrator copies a backup over a database after a crash. SQLite would
+/// apply the log to the backup and destroy it. A backup does not use a log.
+pub(crate) fn forget_foreign_log(path: &Path) -> io::Result<()> {
+    let log = with_suffix(path, "-wal");
+    if log.exists() && path.exists() && uses_log(path)? == Some(false) {
+        tracing::warn!(log = %log.display(), "removing the log of another database");
+        fs::remove_file(log)?;
+        let index = with_suffix(path, "-shm");
+        if index.exists() {
+            fs::remove_file(index)?;
+        }
+    }
+    Ok(())
+}
+
+/// Whether the header of a database says that it uses a write-ahead log; `None` if it has another header.
+pub(crate) fn uses_log(path: &Path) -> io::Result<Option<bool>> {
+    const VERSIONS: usize = 18;
+    let mut head = Vec::new();
+    File::open(path)?.take(100).read_to_end(&mut head)?;
+    Ok(match head.get(VERSIONS..VERSIONS + 2) {
+        Some([1, 1]) => Some(false),
+        Some([2, 2]) => Some(true),
+        _ => None,
+    })
+}
+
+/// A path with a suffix after its file name.
+pub(crate) fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(suffix);
+    name.into()
+}
+
+/// Refuses a file that is not one of our databases, before anything is written to it.
+///
+/// If a crash has left a rollback journal, SQLite must apply it before it can read the file. Only a connection that may
+/// write can do that.
+pub(crate) async fn inspect(path: &Path) -> Result<(), Error> {
+    if !path.exists() {
+        return Ok(());
+    }
+    let has_journal = with_suffix(path, "-journal").exists();
+    let looked = async {
+        let options = connecting(path).read_only(!has_journal);
+        let mut db = SqliteConnection::connect_with(&options).await?;
+        let id: i32 = sqlx::query_scalar("PRAGMA application_id").fetch_one(&mut db).await?;
+        let schema = schema::parts(&mut db).await?;
+        db.close().await?;
+        // An empty database: its creation was interrupted.
+        Ok::<_, Error>(id == APPLICATION_ID || (id == 0 && schema.is_empty()))
+    };
+    match looked.await {
+        Ok(true) => Ok(()),
+        Ok(false) => Err(Error::Foreign { path: path.to_owned() }),
+        Err(Error::Damaged(source)) => Err(Error::NotADatabase { path: path.to_owned(), source }),
+        Err(error) => Err(error),
+    }
+}
+
+/// Opens the database of a directory for an administrative command; a server may be using it. If no
+/// server does, this creates or migrates the database where necessary.
+pub(crate) async fn beside(dir: &Path, patience: Duration) -> Result<SqliteConnection, Error> {
+    let path = dir.join(DATABASE);
+    let options = writing(&path, false).busy_timeout(patience);
+    match lock(dir) {
+        Ok(_lock) => return prepare(dir, options).await,
+        Err(Error::Locked { .. }) => {}
+        Err(error) => return Err(error),
+    }
+    inspect(&path).await?;
+    let mut db = SqliteConnection::connect_with(&options).await?;
+    let (found, known) = (version(&mut db).await?, latest());
+    match found.cmp(&known) {
+        Ordering::Less => Err(Error::Older { path, found, known }),
+        Ordering::Equal => Ok(db),
+        Ordering::Greater => Err(Error::Newer { path, found, known }),
+    }
+}

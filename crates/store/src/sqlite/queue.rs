@@ -1,0 +1,481 @@
+//! The runs that wait for workers, by owner, in the memory of the writer task. It decides which run is claimed next.
+//!
+//! The next owner is the one with the fewest running parts, which are runs or pieces of studies; among equals, the one that was
+//! served longest ago. A new owner comes directly before the one that was served last. So an owner that submits one job
+//! after another gets no more turns than an owner whose jobs wait. The waiting jobs of one owner are its lane. Within it, the
+//! more urgent job comes first, then a job that is no study, then the older one. A run that several owners share is in the
+//! lane of each.
+//!
+//! A study stays in its lanes as long as it has a piece that a worker can claim. So other owners need not wait for its end.
+//!
+//! The tables are authoritative. The queue is read from them at the start and after each failed transaction.
+
+use std::collections::{BTreeMap, HashMap};
+
+use sqlx::SqliteConnection;
+
+use crate::error::Error;
+use crate::row::{Part, RunId, job_id};
+use fretwork_job::JobId;
+
+/// The position of a job in the lane of its owner: its priority, whether it is a study, then its id, which gives its age.
+type Place = (u8, bool, JobId);
+
+#[derive(Debug, Default)]
+pub(super) struct Queue {
+    lanes: HashMap<String, Lane>,
+    /// The positions of each queued run and of each unfinished study: one for each of its jobs.
+    places: HashMap<RunId, BTreeMap<Place, String>>,
+    /// The unfinished studies.
+    studies: HashMap<RunId, Study>,
+    /// The owner in whose turn each running part was claimed.
+    working: HashMap<Part, String>,
+    turns: u64,
+    /// The number of waiting jobs.
+    jobs: usize,
+}
+
+#[derive(Debug, Default)]
+struct Lane {
+    waiting: BTreeMap<Place, RunId>,
+    working: usize,
+    /// The number of the last turn of this owner. A later turn has a larger number.
+    served: u64,
+}
+
+/// How many pieces of a study are in which state.
+#[derive(Debug)]
+struct Study {
+    chunks: u32,
+    /// The first piece that was never claimed.
+    next: u32,
+    /// Pieces that were claimed, and are queued again.
+    queued: u32,
+    running: u32,
+}
+
+impl Study {
+    /// Whether a worker can claim a piece. The last piece, the assembly, waits for all others.
+    fn is_ready(&self) -> bool {
+        self.next < self.chunks
+            || self.queued > 0
+            || (self.next == self.chunks && self.running == 0)
+    }
+}
+
+impl Queue {
+    /// Reads the queued and running runs.
+    pub(super) async fn load(db: &mut SqliteConnection) -> Result<Self, Error> {
+        let mut queue = Self::default();
+        let studies: Vec<(i64, u32, u32, u32, u32)> = sqlx::query_as(
+            "SELECT run, chunks,
+                 coalesce((SELECT max(number) + 1 FROM chunk WHERE chunk.run = study.run), 0),
+                 (SELECT count(*) FROM chunk
+                  WHERE chunk.run = study.run AND state = 'queued' AND state <> 'done'),
+                 (SELECT count(*) FROM chunk
+                  WHERE chunk.run = study.run AND state = 'running' AND state <> 'done')
+             FROM study WHERE run IN (SELECT id FROM run WHERE finished IS NULL)",
+        )
+        .fetch_all(&mut *db)
+        .await?;
+        for (run, chunks, next, queued, running) in studies {
+            queue.studies.insert(RunId(run), Study { chunks, next, queued, running });
+        }
+        // The index has only unfinished runs; the table grows for ever.
+        let rows: Vec<(i64, Option<u32>, String)> = sqlx::query_as(
+            "SELECT run.id, number, owner FROM run INDEXED BY run_unfinished
+             LEFT JOIN study ON study.run = run.id
+             LEFT JOIN chunk ON chunk.run = run.id AND chunk.state = 'running' AND chunk.state <> 'done'
+             WHERE finished IS NULL AND run.state IN ('running', 'canceling')
+                 AND (study.run IS NULL OR number IS NOT NULL)",
+        )
+        .fetch_all(&mut *db)
+        .await?;
+        for (run, number, owner) in rows {
+            queue.begin((RunId(run), number), owner);
+        }
+        let rows: Vec<(i64, String, u8, Vec<u8>)> = sqlx::query_as(
+            "SELECT run.id, job.owner, job.priority, job.id
+             FROM run INDEXED BY run_unfinished JOIN job ON job.run = run.id
+             WHERE run.finished IS NULL AND job.finished IS NULL
+                 AND (run.state = 'queued' OR run.id IN (SELECT run FROM study))",
+        )
+        .fetch_all(db)
+        .await?;
+        for (run, owner, priority, job) in rows {
+            queue.add(RunId(run), &owner, priority, job_id(&job)?);
+        }
+        Ok(queue)
+    }
+
+    /// The number of queued runs. A study is queued until its first piece is claimed.
+    pub(super) fn len(&self) -> usize {
+        self.places.len() - self.studies.values().filter(|study| study.next > 0).count()
+    }
+
+    /// The number of running parts.
+    pub(super) fn working(&self) -> usize {
+        self.working.len()
+    }
+
+    /// The number of jobs that wait for a worker.
+    pub(super) fn jobs(&self) -> usize {
+        self.jobs
+    }
+
+    /// The number of jobs of an owner that wait for a worker.
+    pub(super) fn waiting_of(&self, owner: &str) -> usize {
+        self.lanes.get(owner).map_or(0, |lane| lane.waiting.len())
+    }
+
+    /// Whether an unfinished run is a study.
+    pub(super) fn is_study(&self, run: RunId) -> bool {
+        self.studies.contains_key(&run)
+    }
+
+    /// Adds a new study. Its jobs must follow.
+    pub(super) fn add_study(&mut self, run: RunId, chunks: u32) {
+        self.studies.insert(run, Study { chunks, next: 0, queued: 0, running: 0 });
+    }
+
+    /// Adds a job that waits for a queued run or a study.
+    pub(super) fn add(&mut self, run: RunId, owner: &str, priority: u8, job: JobId) {
+        let study = self.studies.get(&run);
+        let (place, is_ready) =
+            ((priority, study.is_some(), job), study.is_none_or(Study::is_ready));
+        self.places.entry(run).or_default().insert(place, owner.to_owned());
+        if is_ready {
+            self.occupy(owner, place, run);
+        }
+    }
+
+    /// Removes a job. Its run stays for other jobs, if there are any.
+    pub(super) fn leave(&mut self, run: RunId, priority: u8, job: JobId) {
+        let place = (priority, self.is_study(run), job);
+        let Some(places) = self.places.get_mut(&run) else { return };
+        let owner = places.remove(&place);
+        if places.is_empty() {
+            self.places.remove(&run);
+        }
+        if let Some(owner) = owner {
+            self.vacate(&owner, place, run);
+        }
+    }
+
+    /// The next run, and the owner whose turn it is.
+    pub(super) fn next(&self) -> Option<(RunId, String)> {
+        let waiting = self.lanes.iter().filter_map(|(owner, lane)| {
+            let ((.., oldest), run) = lane.waiting.first_key_value()?;
+            Some(((lane.working, lane.served, *oldest), owner, *run))
+        });
+        let (_, owner, run) = waiting.min_by_key(|(turn, ..)| *turn)?;
+        Some((run, owner.clone()))
+    }
+
+    /// Takes the next run, or the piece of it with this number, which is running from now on.
+    pub(super) fn take(&mut self, part: Part, owner: String) {
+        self.turns += 1;
+        self.lane(&owner).served = self.turns;
+        self.begin(part, owner);
+        let (run, number) = part;
+        match number {
+            None => self.remove(run),
+            Some(number) => {
+                self.start(run);
+                self.change(run, |study| {
+                    if number == study.next {
+                        study.next += 1;
+                    } else {
+                        study.queued -= 1;
+                    }
+                    study.running += 1;
+                });
+            }
+        }
+    }
+
+    /// The jobs of a study do not count as waiting any more when its first piece is claimed.
+    fn start(&mut self, run: RunId) {
+        if self.is_waiting(run) {
+            self.jobs -= self.places.get(&run).map_or(0, BTreeMap::len);
+        }
+    }
+
+    /// Whether no worker has claimed a run, or a piece of it.
+    fn is_waiting(&self, run: RunId) -> bool {
+        self.studies.get(&run).is_none_or(|study| study.next == 0)
+    }
+
+    /// Ends a running chunk.
+    pub(super) fn done(&mut self, run: RunId, number: u32) {
+        self.rest((run, Some(number)));
+        self.change(run, |study| study.running -= 1);
+    }
+
+    /// Queues a running piece again.
+    pub(super) fn release(&mut self, run: RunId, number: u32) {
+        self.rest((run, Some(number)));
+        self.change(run, |study| {
+            study.running -= 1;
+            study.queued += 1;
+        });
+    }
+
+    /// Removes a run with all its jobs and parts.
+    pub(super) fn end(&mut self, run: RunId) {
+        self.remove(run);
+        self.studies.remove(&run);
+        let running = self.working.keys().filter(|(other, _)| *other == run);
+        for part in running.copied().collect::<Vec<_>>() {
+            self.rest(part);
+        }
+    }
+
+    /// Removes all jobs of a run.
+    fn remove(&mut self, run: RunId) {
+        for (place, owner) in self.places.remove(&run).unwrap_or_default() {
+            self.vacate(&owner, place, run);
+        }
+    }
+
+    fn begin(&mut self, part: Part, owner: String) {
+        self.lane(&owner).working += 1;
+        self.working.insert(part, owner);
+    }
+
+    fn rest(&mut self, part: Part) {
+        let Some(owner) = self.working.remove(&part) else { return };
+        self.lane(&owner).working -= 1;
+        self.tidy(&owner);
+    }
+
+    /// Changes the counts of a study. Its jobs are in their lanes while it has a piece for a worker.
+    fn change(&mut self, run: RunId, change: impl FnOnce(&mut Study)) {
+        let Some(study) = self.studies.get_mut(&run) else { return };
+        let was_ready = study.is_ready();
+        change(study);
+        let is_ready = study.is_ready();
+        if is_ready == was_ready {
+            return;
+        }
+        let Some(places) = self.places.remove(&run) else { return };
+        for (place, owner) in &places {
+            if is_ready {
+                self.occupy(owner, *place, run);
+            } else {
+                self.vacate(owner, *place, run);
+            }
+        }
+        self.places.insert(run, places);
+    }
+
+    fn lane(&mut self, owner: &str) -> &mut Lane {
+        let served = self.turns.saturating_sub(1);
+        let new = || Lane { served, ..Lane::default() };
+        self.lanes.entry(owner.to_owned()).or_insert_with(new)
+    }
+
+    fn occupy(&mut self, owner: &str, place: Place, run: RunId) {
+        let is_new = self.lane(owner).waiting.insert(place, run).is_none();
+        if is_new && self.is_waiting(run) {
+            self.jobs += 1;
+        }
+    }
+
+    fn vacate(&mut self, owner: &str, place: Place, run: RunId) {
+        let is_waiting = self.is_waiting(run);
+        if let Some(lane) = self.lanes.get_mut(owner)
+            && lane.waiting.remove(&place).is_some()
+            && is_waiting
+        {
+            self.jobs -= 1;
+        }
+        self.tidy(owner);
+    }
+
+    /// Removes the lane of an owner without waiting jobs and running parts.
+    fn tidy(&mut self, owner: &str) {
+        if self.lanes.get(owner).is_some_and(|lane| lane.working == 0 && lane.waiting.is_empty()) {
+            self.lanes.remove(owner);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Adds jobs of (owner, run, priority) in their order.
+    fn queue(jobs: &[(&str, i64, u8)]) -> (Queue, Vec<JobId>) {
+        let mut queue = Queue::default();
+        let ids = jobs.iter().map(|(owner, run, priority)| {
+            let id = JobId::generate();
+            queue.add(RunId(*run), owner, *priority, id);
+            id
+        });
+        let ids = ids.collect();
+        (queue, ids)
+    }
+
+    /// Takes the next run, or the next piece of a study that was never claimed.
+    fn take(queue: &mut Queue) -> Option<Part> {
+        let (run, owner) = queue.next()?;
+        let part = (run, queue.studies.get(&run).map(|study| study.next));
+        queue.take(part, owner);
+        Some(part)
+    }
+
+    /// Takes and ends one run or piece after another. Returns the numbers of their runs.
+    fn turns(queue: &mut Queue) -> Vec<i64> {
+        std::iter::from_fn(|| {
+            let (run, number) = take(queue)?;
+            match (number, queue.studies.get(&run)) {
+                (Some(number), Some(study)) if number < study.chunks => queue.done(run, number),
+                _ => queue.end(run),
+            }
+            Some(run.0)
+        })
+        .collect()
+    }
+
+    fn is_empty(queue: &Queue) -> bool {
+        let Queue { lanes, places, studies, working, turns: _, jobs } = queue;
+        lanes.is_empty()
+            && places.is_empty()
+            && studies.is_empty()
+            && working.is_empty()
+            && *jobs == 0
+    }
+
+    #[test]
+    fn owners_take_turns_even_if_one_owner_has_more_jobs() {
+        let (mut queue, _) =
+            queue(&[("ada", 1, 3), ("ada", 2, 3), ("ada", 3, 3), ("bob", 4, 3), ("eve", 5, 3)]);
+        assert_eq!(turns(&mut queue), [1, 4, 5, 2, 3]);
+        assert!(is_empty(&queue));
+    }
+
+    #[test]
+    fn owners_with_one_job_at_a_time_get_the_same_share_of_turns() {
+        let mut queue = Queue::default();
+        for run in 0..100 {
+            queue.add(RunId(run), "ada", 3, JobId::generate());
+        }
+        let mut turns = HashMap::new();
+        for number in 0..90 {
+            for (owner, first) in [("bob", 1000), ("eve", 2000)] {
+                if queue.waiting_of(owner) == 0 {
+                    queue.add(RunId(first + number), owner, 3, JobId::generate());
+                }
+            }
+            let (run, _) = take(&mut queue).unwrap();
+            *turns.entry(run.0 / 1000).or_insert(0) += 1;
+            queue.end(run);
+        }
+        assert_eq!(turns, HashMap::from([(0, 30), (1, 30), (2, 30)]));
+    }
+
+    #[test]
+    fn the_owner_with_fewer_running_runs_comes_first() {
+        let (mut queue, _) = queue(&[("ada", 1, 3), ("ada", 2, 3), ("ada", 3, 3)]);
+        assert_eq!(take(&mut queue), Some((RunId(1), None)));
+        queue.add(RunId(4), "bob", 3, JobId::generate());
+        queue.add(RunId(5), "bob", 3, JobId::generate());
+        assert_eq!(take(&mut queue), Some((RunId(4), None)), "bob has no running run");
+        queue.end(RunId(1));
+        assert_eq!(take(&mut queue), Some((RunId(2), None)), "ada has none now");
+    }
+
+    #[test]
+    fn priorities_order_only_the_jobs_of_one_owner() {
+        let (mut queue, _) =
+            queue(&[("ada", 1, 3), ("ada", 2, 0), ("ada", 3, 7), ("bob", 4, 7), ("bob", 5, 6)]);
+        assert_eq!(turns(&mut queue), [2, 5, 1, 4, 3]);
+    }
+
+    #[test]
+    fn a_shared_run_is_claimed_once_at_the_earliest_turn_of_its_owners() {
+        let (mut queue, _) =
+            queue(&[("ada", 1, 3), ("ada", 2, 3), ("ada", 3, 3), ("bob", 3, 3), ("bob", 4, 3)]);
+        assert_eq!(turns(&mut queue), [1, 3, 2, 4]);
+    }
+
+    #[test]
+    fn a_run_stays_queued_until_its_last_job_is_removed() {
+        let (mut queue, ids) = queue(&[("ada", 1, 3), ("bob", 1, 3), ("bob", 2, 3)]);
+        queue.leave(RunId(1), 3, ids[1]);
+        assert_eq!((queue.len(), queue.waiting_of("bob")), (2, 1));
+        queue.leave(RunId(1), 3, ids[0]);
+        assert_eq!((queue.len(), queue.waiting_of("ada")), (1, 0));
+        assert_eq!(turns(&mut queue), [2]);
+    }
+
+    #[test]
+    fn the_pieces_of_a_study_take_turns_with_the_runs_of_other_owners() {
+        let mut queue = Queue::default();
+        queue.add_study(RunId(1), 3);
+        queue.add(RunId(1), "ada", 3, JobId::generate());
+        for run in [2, 3] {
+            queue.add(RunId(run), "bob", 3, JobId::generate());
+        }
+        assert_eq!(turns(&mut queue), [1, 2, 1, 3, 1, 1], "three chunks and the assembly");
+        assert!(is_empty(&queue));
+    }
+
+    #[test]
+    fn an_owners_runs_pass_the_studies_of_the_same_owner_that_are_not_more_urgent() {
+        let mut queue = Queue::default();
+        for (study, priority) in [(1, 3), (2, 2)] {
+            queue.add_study(RunId(study), 1);
+            queue.add(RunId(study), "ada", priority, JobId::generate());
+        }
+        queue.add(RunId(3), "ada", 3, JobId::generate());
+        assert_eq!(turns(&mut queue), [2, 2, 3, 1, 1]);
+    }
+
+    #[test]
+    fn a_study_waits_only_while_it_has_a_piece_for_a_worker() {
+        let mut queue = Queue::default();
+        let (study, job) = (RunId(1), JobId::generate());
+        queue.add_study(study, 2);
+        queue.add(study, "ada", 3, job);
+        assert_eq!((queue.len(), queue.jobs()), (1, 1));
+        for number in 0..2 {
+            assert_eq!(take(&mut queue), Some((study, Some(number))));
+            assert_eq!(queue.len(), 0, "it is running");
+        }
+        assert_eq!((take(&mut queue), queue.working(), queue.jobs()), (None, 2, 0));
+        // A job that joins now waits for the remaining pieces, too.
+        queue.add(study, "bob", 3, JobId::generate());
+        assert_eq!(queue.jobs(), 0);
+        queue.release(study, 0);
+        assert_eq!((queue.waiting_of("ada"), queue.waiting_of("bob")), (1, 1));
+        queue.leave(study, 3, job);
+        // Jobs of a study that was begun do not fill the queue.
+        assert_eq!((queue.waiting_of("ada"), queue.waiting_of("bob"), queue.jobs()), (0, 1, 0));
+        assert_eq!(queue.next(), Some((study, "bob".into())));
+        queue.take((study, Some(0)), "bob".into());
+        queue.done(study, 1);
+        assert_eq!(take(&mut queue), None, "the assembly waits for all chunks");
+        queue.done(study, 0);
+        assert_eq!(take(&mut queue), Some((study, Some(2))));
+        queue.end(study);
+        assert!(is_empty(&queue));
+    }
+
+    #[test]
+    fn the_end_of_a_study_ends_all_its_pieces() {
+        let mut queue = Queue::default();
+        queue.add_study(RunId(1), 9);
+        queue.add(RunId(1), "ada", 3, JobId::generate());
+        queue.add(RunId(2), "bob", 3, JobId::generate());
+        for _ in 0..3 {
+            take(&mut queue);
+        }
+        queue.end(RunId(1));
+        assert_eq!(queue.working(), 1);
+        queue.done(RunId(1), 0);
+        queue.end(RunId(2));
+        assert!(is_empty(&queue));
+    }
+}

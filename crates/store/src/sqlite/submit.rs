@@ -1,0 +1,250 @@
+//! Submissions: they find a known result, join a live run, or queue a new run. For some submissions the answer
+//! is already computed.
+
+use std::sync::{Arc, LazyLock};
+use std::time::Duration;
+
+use sqlx::AssertSqlSafe;
+use sqlx::sqlite::SqliteRow;
+
+use super::keep::keeping;
+use super::outline::Statement;
+use super::transaction::Transaction;
+use super::{Database, keep, read};
+use crate::error::Error;
+use crate::keep::{Answered, Reason, Source};
+use crate::row::{Columns, RunId, checksum, job_id, word};
+use crate::signals::Effect;
+use crate::submit::{Admission, EncodedJob, NewJob, Queued, Submitted};
+use crate::tally::Ending;
+use fretwork_job::{JobState, Origin};
+
+impl Database {
+    pub(crate) async fn submit(&self, job: NewJob) -> Result<Submitted, Error> {
+        self.write(submit, EncodedJob::new(job, Some(self.queue_limit))).await
+    }
+
+    pub(crate) async fn record(
+        &self,
+        jobs: Vec<NewJob>,
+        answer: Answered,
+        wall: Duration,
+    ) -> Result<Vec<Submitted>, Error> {
+        let limit = Some(self.queue_limit);
+        let jobs = jobs.into_iter().map(|job| EncodedJob::new(job, limit)).collect();
+        self.write(record, Record { jobs, wall, answer }).await
+    }
+}
+
+impl EncodedJob {
+    /// The job that this submission made when it was first sent.
+    async fn repeated(&self, tx: &mut Transaction) -> Result<Option<Submitted>, Error> {
+        let Some(repeatable) = &self.job.repeatable else { return Ok(None) };
+        let found: Option<(Vec<u8>, Vec<u8>)> = sqlx::query_as(
+            "SELECT id, fingerprint FROM job WHERE owner = ?1 AND idempotency_key = ?2",
+        )
+        .bind(&self.job.owner)
+        .bind(&repeatable.key)
+        .fetch_optional(&mut tx.db)
+        .await?;
+        let Some((id, fingerprint)) = found else { return Ok(None) };
+        if fingerprint != repeatable.fingerprint {
+            return Ok(Some(Submitted::IdempotencyConflict));
+        }
+        let job = read::job(&mut tx.db, job_id(&id)?).await?;
+        Ok(job.map(Submitted::Repeated))
+    }
+
+    /// Why the submission is refused, if it is.
+    async fn refusal(&self, tx: &mut Transaction) -> Result<Option<Submitted>, Error> {
+        let admission = self.job.admission;
+        let queued = Queued { all: tx.queue.jobs(), own: tx.queue.waiting_of(&self.job.owner) };
+        if admission != Admission::OnlyKnown
+            && !self.limit.is_some_and(|limit| queued.is_full(limit))
+        {
+            return Ok(None);
+        }
+        // Whether the result is stored, and the state of the live run.
+        let (result, live): (bool, Option<String>) = sqlx::query_as(
+            "SELECT result.key IS NOT NULL AND result.evicted IS NULL, run.state
+             FROM (SELECT ?1 AS key) AS asked
+             LEFT JOIN result ON result.key = asked.key
+             LEFT JOIN run ON run.key = asked.key AND run.state IN ('queued', 'running')",
+        )
+        .bind(self.job.key.bytes().as_slice())
+        .fetch_one(&mut tx.db)
+        .await?;
+        Ok(self.refused_because(result, live.as_deref(), queued))
+    }
+
+    /// Inserts the job, and a run if it needs one. The new run is queued.
+    async fn insert(&self, tx: &mut Transaction) -> Result<Submitted, Error> {
+        let query = self.bind(sqlx::query(AssertSqlSafe(Arc::clone(&SUBMIT))), tx.now, None);
+        let row = query.fetch_optional(&mut tx.db).await.map_err(|error| self.refused(error))?;
+        if let (Some(chunks), Some(row)) = (self.job.chunks, &row)
+            && word::<Origin>(row, "origin")? == Origin::Computed
+        {
+            let (run, chunks): (i64, u32) = (row.get("run")?, chunks.get());
+            sqlx::query("INSERT INTO study (run, chunks) VALUES (?1, ?2)")
+                .bind(run)
+                .bind(chunks)
+                .execute(&mut tx.db)
+                .await?;
+            tx.queue.add_study(RunId(run), chunks);
+        }
+        self.submitted(tx, row)
+    }
+
+    /// Binds the parameters of [`RUN`] and [`JOB`].
+    fn bind<'q>(
+        &'q self,
+        query: Statement<'q>,
+        now: i64,
+        recorded: Option<Recorded>,
+    ) -> Statement<'q> {
+        let new = &self.job;
+        let repeatable = new.repeatable.as_ref();
+        query
+            .bind(new.key.bytes().as_slice())
+            .bind(&new.owner)
+            .bind(recorded.map(|recorded| recorded.began))
+            .bind(&new.task)
+            .bind(new.afresh)
+            .bind(&new.trace)
+            .bind(recorded.is_some() || new.admission == Admission::NoNewRun)
+            .bind(recorded.and_then(|recorded| recorded.origin).map(Origin::as_str))
+            .bind(new.id.0.as_bytes().as_slice())
+            .bind(&new.label)
+            .bind(&self.tags)
+            .bind(self.warnings.to_string())
+            .bind(new.priority)
+            .bind(repeatable.map(|repeatable| &repeatable.key))
+            .bind(repeatable.map(|repeatable| repeatable.fingerprint.as_slice()))
+            .bind(&new.submitted)
+            .bind(now)
+            .bind(&self.submission_warnings)
+            .bind(new.submitted.as_deref().map(checksum))
+    }
+
+    /// Signals a submission after [`JOB`], and returns its job.
+    fn submitted(&self, tx: &mut Transaction, row: Option<SqliteRow>) -> Result<Submitted, Error> {
+        let new = &self.job;
+        let Some(row) = row else { return Ok(Submitted::NeedsRun) };
+        let job = self.job(&row)?;
+        let (origin, state) = (job.origin, job.state);
+        let run = row.get::<Option<i64>>("run")?.map(RunId);
+        // A study has pieces for workers while it is running, too.
+        if let Some(run) = run.filter(|run| state == JobState::Queued || tx.queue.is_study(*run)) {
+            tx.queue.add(run, &new.owner, new.priority, new.id);
+            tx.effects.push(Effect::Queued);
+        }
+        if origin == Origin::Cached {
+            tx.effects.push(Effect::Read(new.key));
+        }
+        tx.effects.push(Effect::Submitted(origin));
+        Ok(Submitted::Accepted(job))
+    }
+}
+
+/// Inserts a queued run, unless a run is live, the known result is sufficient, or $7 forbids it.
+const RUN: &str = "
+    INSERT INTO run (id, key, owner, created, task, state, changed, trace, warnings)
+    SELECT (SELECT runs + 1 FROM room), $1, $2, $17, $4, 'queued', $17, $6, $18
+    WHERE NOT $7
+        AND ($5 OR NOT EXISTS (SELECT 1 FROM result WHERE key = $1 AND evicted IS NULL))
+    ON CONFLICT (key) WHERE state IN ('queued', 'running') DO NOTHING";
+
+/// Inserts a job at the time $17, if its result is known or its run is live.
+///
+/// `changes()` is 1 if the statement before has changed a row. In [`SUBMIT`] this is [`RUN`], so the run is new. In [`RECORD`]
+/// it stores the result; then the job has the origin $8, and its computation began at $3. For another job of the same
+/// result it is the job before.
+const JOB: &str = "
+    INSERT INTO job (key, owner, created, id, label, tags, warnings, priority, idempotency_key,
+        fingerprint, submitted, submitted_sum, run, state, attempt, origin, started, finished, changes)
+    WITH found AS (
+        SELECT is_known, run.id AS run, coalesce(run.state, 'succeeded') AS state,
+            coalesce(run.attempt, 0) AS attempt, changes() = 1 AND NOT $7 AS is_new,
+            $8 IS NOT NULL AND changes() = 1 AS is_recorded
+        FROM (SELECT EXISTS (SELECT 1 FROM result WHERE key = $1 AND evicted IS NULL) AS is_known)
+        LEFT JOIN run ON run.key = $1 AND run.state IN ('queued', 'running') AND ($5 OR NOT is_known)
+    )
+    SELECT $1, $2, iif(is_recorded, $3, $17), $9, $10, $11, $12, $13, $14, $15, $16, $19, run, state,
+        iif(is_recorded, 1, attempt),
+        CASE WHEN is_recorded THEN $8 WHEN run IS NULL THEN 'cached'
+            WHEN is_new THEN 'computed' ELSE 'coalesced' END,
+        CASE WHEN is_recorded THEN $3 WHEN state <> 'queued' THEN $17 END, iif(run IS NULL, $17, NULL),
+        iif(is_recorded, 'queued 0 ' || $3 || char(10) || 'running 1 ' || $3 || char(10)
+            || 'succeeded 1 ' || $17, state || ' ' || attempt || ' ' || $17)
+    FROM found
+    WHERE NOT $7 OR run IS NOT NULL OR (is_known AND NOT $5)
+    RETURNING run, created, state, attempt, origin, started, finished, changes,
+        (SELECT progress FROM run WHERE run.id = job.run) AS progress,
+        iif(state = 'succeeded', (SELECT summary FROM result WHERE result.key = job.key), NULL)
+            AS summary";
+
+/// Queues a run if the job needs one, and inserts the job. Only the last statement returns a row. `fetch_optional` would skip
+/// the statements after it.
+static SUBMIT: LazyLock<Arc<str>> = LazyLock::new(|| format!("{RUN}; {JOB}").into());
+
+async fn submit(submission: &EncodedJob, tx: &mut Transaction) -> Result<Submitted, Error> {
+    if let Some(repeated) = submission.repeated(tx).await? {
+        return Ok(repeated);
+    }
+    if let Some(refusal) = submission.refusal(tx).await? {
+        return Ok(refusal);
+    }
+    submission.insert(tx).await
+}
+
+/// Jobs of one key whose answer was computed before they were submitted.
+struct Record {
+    jobs: Vec<EncodedJob>,
+    /// How long the computation took.
+    wall: Duration,
+    answer: Answered,
+}
+
+/// How a job got its answer before it was submitted.
+#[derive(Debug, Clone, Copy)]
+struct Recorded {
+    /// `None` if the answer was not stored.
+    origin: Option<Origin>,
+    /// When the computation began.
+    began: i64,
+}
+
+/// Stores a result and its first job. Only the last statement returns a row, as in [`SUBMIT`].
+static RECORD: LazyLock<Arc<str>> =
+    LazyLock::new(|| format!("{}; {JOB}", keeping(Reason::Job, 20)).into());
+
+/// Stores the answer and its jobs, which are finished and have no run. If the result is known, or is evicted and a run is
+/// live, the jobs use that instead, and the answer is dropped. If it is evicted and no run is live, the jobs need one.
+async fn record(record: &Record, tx: &mut Transaction) -> Result<Vec<Submitted>, Error> {
+    let Record { jobs, wall, answer } = record;
+    let took = i64::try_from(wall.as_millis()).unwrap_or(i64::MAX);
+    let (began, now) = (tx.now.saturating_sub(took), tx.now);
+    let Some((first, others)) = jobs.split_first() else { return Ok(Vec::new()) };
+    let NewJob { id, key, ref owner, ref task, ref trace, .. } = first.job;
+    let (owner, job, trace) = (Some(owner.as_str()), Some(id), trace.as_deref());
+    let (warnings, program) = (Some(first.submission_warnings.as_str()), Some(tx.program));
+    let source = Source { key, attempt: 0, task, owner, job, warnings, trace, program, now };
+    let recorded = Some(Recorded { origin: Some(Origin::Computed), began });
+    let query = first.bind(sqlx::query(AssertSqlSafe(Arc::clone(&RECORD))), now, recorded);
+    let row = keep::bind(answer, query, &source).fetch_optional(&mut tx.db).await;
+    let submitted = first.submitted(tx, row.map_err(|error| first.refused(error))?)?;
+    let is_stored =
+        matches!(&submitted, Submitted::Accepted(job) if job.origin == Origin::Computed);
+    if is_stored {
+        tx.effects.push(Effect::Ended(key));
+        tx.effects.push(Effect::Settled(Ending::Succeeded, Some(took)));
+    }
+    let mut all = vec![submitted];
+    let origin = is_stored.then_some(Origin::Coalesced);
+    let recorded = Some(Recorded { origin, began });
+    for other in others {
+        let row = other.bind(sqlx::query(JOB), now, recorded).fetch_optional(&mut tx.db).await;
+        all.push(other.submitted(tx, row.map_err(|error| other.refused(error))?)?);
+    }
+    Ok(all)
+}

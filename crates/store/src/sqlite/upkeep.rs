@@ -1,0 +1,357 @@
+//! Maintenance that keeps the database small and fast over years.
+//!
+//! The writer task stores when results were last read, deletes old jobs and chunks of studies that have ended, and makes room when the database exceeds its
+//! budget: it deletes the finished jobs, results and scenarios of evicted results that were used longest ago.
+//! It works in small transactions between other writes. If one of them fails, for example on a damaged page, the
+//! others still run.
+
+use std::time::{Duration, Instant};
+
+use sqlx::SqliteConnection;
+use sqlx::sqlite::SqliteRow;
+
+use super::transaction::Transaction;
+use crate::ages::AgeClock;
+use crate::error::Error;
+use crate::row::Columns;
+use crate::signals::Effect;
+use fretwork_job::Key;
+
+/// The writer task is idle after this time without a message.
+const IDLE: Duration = Duration::from_secs(1);
+/// Longest time between two rounds of maintenance.
+const OFTEN: Duration = Duration::from_mins(1);
+/// Jobs deleted in one transaction, which takes a few milliseconds.
+const JOBS: u32 = 100;
+/// Chunks deleted in one transaction. Each has some ten kilobytes.
+const CHUNKS: u32 = 32;
+/// How long the scenario of an evicted result is kept at most: one year in milliseconds.
+const KEEP_EVICTED: i64 = 365 * 24 * 3600 * 1000;
+/// Rows that one transaction deletes to make room: twice as many as one transaction adds.
+pub(super) const ROOM: usize = 512;
+/// Rows that are looked up at a time.
+const OLDEST: i64 = 64;
+
+/// Decides when to run maintenance.
+#[derive(Debug)]
+pub(super) struct Upkeep {
+    pub(super) keep_jobs: Option<Duration>,
+    pub(super) budget: Option<u64>,
+    pub(super) clock: AgeClock,
+    last: Instant,
+    /// Something was committed since the last round.
+    dirty: bool,
+    /// The last round left work over.
+    more: bool,
+    /// Bytes that the database uses.
+    used: u64,
+    /// What the database used when nothing was left to delete.
+    immovable: u64,
+}
+
+impl Upkeep {
+    pub(super) fn new(keep_jobs: Option<Duration>, budget: Option<u64>, clock: AgeClock) -> Self {
+        // The limits may differ from those of the last start, so the first round is needed.
+        let (last, dirty) = (Instant::now(), true);
+        Self { keep_jobs, budget, clock, last, dirty, more: false, used: 0, immovable: 0 }
+    }
+
+    /// How long the writer task waits for messages before the next round.
+    pub(super) fn pause(&self) -> Duration {
+        match (self.more, self.dirty) {
+            (true, _) => Duration::ZERO,
+            (_, true) => IDLE,
+            _ => OFTEN,
+        }
+    }
+
+    /// Records a commit, after which the database uses this number of bytes.
+    pub(super) fn note(&mut self, used: u64) {
+        self.dirty = true;
+        self.used = used;
+    }
+
+    /// Whether a round must run although the writer task is busy.
+    pub(super) fn is_due(&self) -> bool {
+        // If nothing can be deleted, another round waits until there is more.
+        let exceeds = |budget| self.used > budget && self.used > self.immovable + budget / 64;
+        self.more || self.budget.is_some_and(exceeds) || self.last.elapsed() > OFTEN
+    }
+
+    /// Records what the database uses when nothing is left that can be deleted; `None` after something was deleted.
+    /// Returns whether the former is news.
+    pub(super) fn cannot_delete(&mut self, used: Option<u64>) -> bool {
+        let is_news = used.is_some() && self.immovable == 0;
+        self.immovable = used.unwrap_or(0);
+        is_news
+    }
+
+    /// Records that deleting failed: the next attempt waits until the database uses more.
+    pub(super) fn could_not_delete(&mut self) {
+        self.immovable = self.used;
+    }
+
+    /// Records the end of a round.
+    pub(super) fn did(&mut self, more: bool) {
+        self.more = more;
+        self.dirty = false;
+        self.last = Instant::now();
+    }
+}
+
+/// Reads the clock of the last server; a new database has none.
+pub(super) async fn read_clock(db: &mut SqliteConnection) -> Result<AgeClock, Error> {
+    let stored: Option<i64> = sqlx::query_scalar("SELECT clock FROM room").fetch_one(db).await?;
+    Ok(AgeClock::at(stored))
+}
+
+/// Stores the [`AgeClock`].
+pub(super) async fn write_clock(time: &i64, tx: &mut Transaction) -> Result<(), Error> {
+    sqlx::query("UPDATE room SET clock = ?1").bind(time).execute(&mut tx.db).await?;
+    Ok(())
+}
+
+/// Checks that the disk has room for a submission, by writing about as many bytes as a default result with its job
+/// takes.
+pub(super) async fn probe((): &(), tx: &mut Transaction) -> Result<(), Error> {
+    // SQLite does not write bytes that have not changed, hence random ones.
+    sqlx::query("INSERT OR REPLACE INTO probe (id, bytes) VALUES (1, randomblob(262144))")
+        .execute(&mut tx.db)
+        .await?;
+    Ok(())
+}
+
+/// Stores when results were last read.
+pub(super) async fn write_reads(
+    reads: &Vec<(Key, i64)>,
+    tx: &mut Transaction,
+) -> Result<(), Error> {
+    for (key, at) in reads {
+        sqlx::query("UPDATE result SET last_access = ?2 WHERE key = ?1 AND last_access < ?2")
+            .bind(key.bytes().as_slice())
+            .bind(at)
+            .execute(&mut tx.db)
+            .await?;
+    }
+    Ok(())
+}
+
+/// Deletes jobs that ended before this time, the oldest first, and runs without jobs. Returns whether there may be more
+/// to delete.
+pub(super) async fn delete_old(before: &i64, tx: &mut Transaction) -> Result<bool, Error> {
+    // A job id begins with the time in milliseconds, so the primary key finds the oldest jobs.
+    let mut oldest = [0; 16];
+    oldest[..6].copy_from_slice(&(*before).max(0).to_be_bytes()[2..]);
+    let rows = sqlx::query(
+        "DELETE FROM job WHERE id IN (
+             SELECT id FROM job WHERE id < ?1 AND finished < ?2 ORDER BY id LIMIT ?3
+         ) RETURNING run",
+    )
+    .bind(oldest.as_slice())
+    .bind(before)
+    .bind(JOBS)
+    .fetch_all(&mut tx.db)
+    .await?;
+    for row in &rows {
+        if let Some(run) = row.get("run")? {
+            delete_unnamed(tx, run).await?;
+        }
+    }
+    Ok(rows.len() as u64 == u64::from(JOBS))
+}
+
+/// Deletes a finished run without jobs.
+pub(super) async fn delete_unnamed(tx: &mut Transaction, run: i64) -> Result<(), Error> {
+    sqlx::query(
+        "DELETE FROM run WHERE id = ?1 AND finished IS NOT NULL
+             AND NOT EXISTS (SELECT 1 FROM job WHERE run = ?1)",
+    )
+    .bind(run)
+    .execute(&mut tx.db)
+    .await?;
+    Ok(())
+}
+
+/// Deletes some chunks of a study that has ended. Returns whether it deleted any: then there may be more.
+pub(super) async fn delete_chunks((): &(), tx: &mut Transaction) -> Result<bool, Error> {
+    let ended: Option<i64> = sqlx::query_scalar(
+        "DELETE FROM study WHERE NOT EXISTS (SELECT 1 FROM chunk WHERE chunk.run = study.run)
+             AND NOT EXISTS (SELECT 1 FROM run WHERE run.id = study.run AND finished IS NULL);
+         SELECT study.run FROM study LEFT JOIN run ON run.id = study.run
+         WHERE run.id IS NULL OR run.finished IS NOT NULL LIMIT 1",
+    )
+    .fetch_optional(&mut tx.db)
+    .await?;
+    let Some(run) = ended else { return Ok(false) };
+    let deleted = sqlx::query(
+        "DELETE FROM chunk WHERE rowid IN (SELECT rowid FROM chunk WHERE run = ?1 LIMIT ?2)",
+    )
+    .bind(run)
+    .bind(CHUNKS)
+    .execute(&mut tx.db)
+    .await?;
+    Ok(deleted.rows_affected() > 0)
+}
+
+/// Deletes the scenarios of results that were evicted more than a year before this time and have no jobs.
+pub(super) async fn forget_evicted(time: &i64, tx: &mut Transaction) -> Result<(), Error> {
+    // Among the oldest 1000 only, so that many results with jobs do not slow every round. Younger results without
+    // jobs wait until the jobs of older ones are deleted.
+    sqlx::query(
+        "DELETE FROM result WHERE key IN (
+             SELECT key FROM (
+                 SELECT key FROM result WHERE evicted < ?1 ORDER BY evicted LIMIT 1000
+             ) AS old
+             WHERE NOT EXISTS (SELECT 1 FROM job WHERE job.key = old.key) LIMIT 100
+         )",
+    )
+    .bind(time - KEEP_EVICTED)
+    .execute(&mut tx.db)
+    .await?;
+    Ok(())
+}
+
+/// What [`make_room`] did.
+pub(super) struct Room {
+    /// Bytes that the database uses now.
+    pub(super) used: u64,
+    /// The number of jobs, results and scenarios that it deleted.
+    pub(super) deleted: usize,
+}
+
+/// Deletes what was used longest ago until the database is within its budget, but not more than this number of rows.
+/// Pinned results, unfinished jobs and chunks of unfinished studies stay.
+///
+/// With `leave_bodies` it deletes no body, because pages of one are damaged and cannot be freed.
+pub(super) async fn make_room(
+    (budget, rows, leave_bodies): &(u64, usize, bool),
+    tx: &mut Transaction,
+) -> Result<Room, Error> {
+    let mut room = Room { used: used(&mut tx.db).await?, deleted: 0 };
+    while room.used > *budget && room.deleted < *rows {
+        let oldest = oldest(&mut tx.db).await?;
+        if oldest.is_empty() {
+            break;
+        }
+        for row in &oldest {
+            if room.used <= *budget || room.deleted == *rows {
+                break;
+            }
+            let (kind, id): (&str, &[u8]) = (row.get("kind")?, row.get("id")?);
+            match kind {
+                "job" => delete_job(id, tx).await?,
+                "result" => evict(id, *leave_bodies, tx).await?,
+                _ => forget(id, tx).await?,
+            }
+            room.deleted += 1;
+            room.used = used(&mut tx.db).await?;
+        }
+    }
+    Ok(room)
+}
+
+/// Bytes of all pages of the database that are in use: results, jobs, scenarios and indexes.
+async fn used(db: &mut SqliteConnection) -> Result<u64, Error> {
+    let query = sqlx::query_scalar(
+        "SELECT (page_count - freelist_count) * page_size
+         FROM pragma_page_count, pragma_freelist_count, pragma_page_size",
+    );
+    Ok(query.fetch_one(db).await?)
+}
+
+/// The query of [`oldest`].
+const OLDEST_ROWS: &str = "SELECT * FROM (
+         SELECT 'job' AS kind, id, finished AS used FROM job
+         WHERE finished IS NOT NULL ORDER BY id LIMIT ?1)
+     UNION ALL SELECT * FROM (
+         SELECT 'result', key, last_access FROM result INDEXED BY result_unread
+         WHERE NOT pinned AND evicted IS NULL ORDER BY last_access LIMIT ?1)
+     UNION ALL SELECT * FROM (
+         SELECT 'scenario', key, evicted FROM (
+             SELECT key, evicted FROM result INDEXED BY result_evicted
+             WHERE evicted IS NOT NULL AND NOT pinned
+                 AND NOT EXISTS (SELECT 1 FROM result_blob WHERE result_blob.key = result.key)
+             ORDER BY evicted LIMIT 1000) AS old
+         WHERE NOT EXISTS (SELECT 1 FROM job WHERE job.key = old.key)
+         ORDER BY evicted LIMIT ?1)
+     ORDER BY used LIMIT ?1";
+
+/// The jobs, results and scenarios that were used longest ago, the oldest first: a job when it ended, a result when it
+/// was read, a scenario when its result was evicted. A scenario is not among them while it has jobs, or while its damaged
+/// body could not be deleted. Only the oldest 1000 are looked at, so that many scenarios with jobs do not slow every call.
+async fn oldest(db: &mut SqliteConnection) -> Result<Vec<SqliteRow>, Error> {
+    let query = sqlx::query(OLDEST_ROWS);
+    Ok(query.bind(OLDEST).fetch_all(db).await?)
+}
+
+async fn delete_job(id: &[u8], tx: &mut Transaction) -> Result<(), Error> {
+    let run: Option<i64> = sqlx::query_scalar("DELETE FROM job WHERE id = ?1 RETURNING run")
+        .bind(id)
+        .fetch_one(&mut tx.db)
+        .await?;
+    match run {
+        Some(run) => delete_unnamed(tx, run).await,
+        None => Ok(()),
+    }
+}
+
+/// Deletes the body of a result. Its scenario stays known.
+async fn evict(key: &[u8], leave_body: bool, tx: &mut Transaction) -> Result<(), Error> {
+    sqlx::query("UPDATE result SET evicted = ?2 WHERE key = ?1")
+        .bind(key)
+        .bind(tx.now)
+        .execute(&mut tx.db)
+        .await?;
+    if !leave_body {
+        let delete = sqlx::query("DELETE FROM result_blob WHERE key = ?1");
+        delete.bind(key).execute(&mut tx.db).await?;
+    }
+    tx.effects.push(Effect::Evicted);
+    Ok(())
+}
+
+/// Deletes the scenario of an evicted result.
+async fn forget(key: &[u8], tx: &mut Transaction) -> Result<(), Error> {
+    let delete = sqlx::query("DELETE FROM result WHERE key = ?1");
+    delete.bind(key).execute(&mut tx.db).await?;
+    Ok(())
+}
+
+/// Bytes of the stored results.
+pub(super) async fn stored((): &(), tx: &mut Transaction) -> Result<u64, Error> {
+    Ok(sqlx::query_scalar("SELECT used FROM room").fetch_one(&mut tx.db).await?)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use crate::Options;
+    use crate::sqlite::Database;
+
+    use super::*;
+
+    /// A database can have a million jobs, results and scenarios.
+    #[tokio::test]
+    async fn the_query_for_the_oldest_rows_uses_indexes() {
+        let dir = tempfile::tempdir().unwrap();
+        let store = Database::open(dir.path(), &Options::default(), Arc::default()).await.unwrap();
+        let plan = format!("EXPLAIN QUERY PLAN {OLDEST_ROWS}");
+        let rows = store.reading(async |db| {
+            let plan = sqlx::query(sqlx::AssertSqlSafe(plan)).bind(OLDEST);
+            Ok(plan.fetch_all(db).await?)
+        });
+        let rows = rows.await.unwrap();
+        let steps: Vec<&str> = rows.iter().map(|row| row.get("detail").unwrap()).collect();
+        for step in [
+            "SCAN result USING INDEX result_unread",
+            "SEARCH result USING INDEX result_evicted (evicted>?)",
+            "SEARCH job USING COVERING INDEX job_key (key=?)",
+        ] {
+            assert!(steps.contains(&step), "{steps:#?}");
+        }
+        // Only the few rows of each kind are sorted.
+        let sorted = steps.iter().filter(|step| **step == "USE TEMP B-TREE FOR ORDER BY").count();
+        assert_eq!(sorted, 3, "{steps:#?}");
+    }
+}

@@ -1,0 +1,187 @@
+//! Submissions, and what they do.
+
+use std::num::NonZeroU32;
+
+use serde_json::Value;
+
+use super::error::{Error, IDEMPOTENCY};
+use super::row::{Columns, changes, json, word};
+use fretwork_engine::scenario::Warning;
+use fretwork_job::{Job, JobId, JobState, Key};
+
+/// A submission, checked and with its key.
+#[derive(Debug, Clone)]
+pub struct NewJob {
+    /// Its id, made by the caller.
+    pub id: JobId,
+    /// Who submits it.
+    pub owner: String,
+    /// The key of its result.
+    pub key: Key,
+    /// What to compute, in its stored form.
+    pub task: String,
+    /// The number of chunks into which the work is divided, so that workers share it; `None` if one worker computes all.
+    pub chunks: Option<NonZeroU32>,
+    /// The scenario as the client wrote it, in JSON.
+    pub submitted: Option<String>,
+    /// Its priority among the jobs of its owner: 0 is the most urgent, 7 the least.
+    pub priority: u8,
+    /// A title for people.
+    pub label: Option<String>,
+    /// Words to find it by.
+    pub tags: Vec<String>,
+    /// What the client should know about the task.
+    pub warnings: Vec<Warning>,
+    /// Those of the warnings that the result does not contain: they are about the two bodies. If this submission
+    /// computes the result, the provenance of the result has them.
+    pub submission_warnings: Vec<Warning>,
+    /// How a repetition of this submission is recognised.
+    pub repeatable: Option<Repeatable>,
+    /// Whether to compute even if the result is known.
+    pub afresh: bool,
+    /// What it may start.
+    pub admission: Admission,
+    /// The request that submits it, for the log.
+    pub trace: Option<String>,
+}
+
+/// What a submission may start.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Admission {
+    /// A new run, if it needs one.
+    #[default]
+    NewRun,
+    /// No run: it finds a known result or joins a live run.
+    NoNewRun,
+    /// No run: it finds a known result.
+    OnlyKnown,
+}
+
+/// How a repetition of a submission is recognised.
+#[derive(Debug, Clone)]
+pub struct Repeatable {
+    /// The idempotency key that the client gave to the submission.
+    pub key: String,
+    /// A digest of the submission. The same key with another digest is a mistake of the client.
+    pub fingerprint: Vec<u8>,
+}
+
+/// What a submission did.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Submitted {
+    /// It is a job.
+    Accepted(Job),
+    /// It is a repetition. This is the job of the first submission.
+    Repeated(Job),
+    /// Its idempotency key belongs to another submission.
+    IdempotencyConflict,
+    /// It needs a new run, and [`Admission`] allows none.
+    NeedsRun,
+    /// [`Admission::OnlyKnown`] is set, and the result is not known.
+    Unknown,
+    /// The queue is full.
+    QueueFull {
+        /// The number of queued jobs.
+        queued: usize,
+    },
+}
+
+/// How many jobs are queued.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Queued {
+    /// Jobs of all owners.
+    pub(super) all: usize,
+    /// Jobs of the owner of the submission.
+    pub(super) own: usize,
+}
+
+impl Queued {
+    /// Whether the queue has no place for another job of the owner. The last tenth of the queue is for owners with few jobs
+    /// in it, so that no owner fills it all.
+    pub(super) fn is_full(self, limit: usize) -> bool {
+        let tenth = limit / 10;
+        self.all >= limit || (self.all >= limit - tenth && self.own >= tenth)
+    }
+}
+
+/// A submission with its texts in JSON, written before a transaction begins.
+pub(super) struct EncodedJob {
+    pub(super) job: NewJob,
+    pub(super) tags: String,
+    pub(super) warnings: Value,
+    pub(super) submission_warnings: String,
+    /// The largest number of queued jobs; `None` if the queue cannot be full.
+    pub(super) limit: Option<usize>,
+}
+
+impl EncodedJob {
+    #[expect(clippy::expect_used, reason = "a job without its warnings would mislead its client")]
+    pub(super) fn new(job: NewJob, limit: Option<usize>) -> Self {
+        let tags = Value::from(job.tags.clone()).to_string();
+        let json = |warnings| serde_json::to_value(warnings).expect("warnings are plain texts");
+        let warnings = json(&job.warnings);
+        let submission_warnings = json(&job.submission_warnings).to_string();
+        Self { job, tags, warnings, submission_warnings, limit }
+    }
+
+    /// Why a submission is refused if its queue is full, or if it needs a known result. `result` says whether the result is
+    /// stored, and `live` is the state of the live run.
+    pub(super) fn refused_because(
+        &self,
+        result: bool,
+        live: Option<&str>,
+        queued: Queued,
+    ) -> Option<Submitted> {
+        let admission = self.job.admission;
+        // A job that needs neither a worker nor a place in the queue is always accepted.
+        match live {
+            _ if result && !self.job.afresh => None,
+            _ if admission == Admission::OnlyKnown => Some(Submitted::Unknown),
+            Some("running") => None,
+            None if admission == Admission::NoNewRun => Some(Submitted::NeedsRun),
+            _ => Some(Submitted::QueueFull { queued: queued.all }),
+        }
+    }
+
+    /// The error of the statement that inserts the job.
+    pub(super) fn refused(&self, error: sqlx::Error) -> Error {
+        match error.as_database_error() {
+            // The index of idempotency keys is another one. Two first submissions to several servers meet there.
+            Some(refusal)
+                if refusal.is_unique_violation() && refusal.constraint() != Some(IDEMPOTENCY) =>
+            {
+                Error::JobExists(self.job.id)
+            }
+            _ => error.into(),
+        }
+    }
+
+    /// The job in the row that was inserted for it.
+    pub(super) fn job(&self, row: &impl Columns) -> Result<Job, sqlx::Error> {
+        let new = &self.job;
+        let state = word(row, "state")?;
+        Ok(Job {
+            id: new.id,
+            state,
+            key: new.key,
+            owner: new.owner.clone(),
+            origin: word(row, "origin")?,
+            attempt: row.get("attempt")?,
+            progress: match state {
+                JobState::Succeeded => 1.0,
+                _ => row.get("progress")?,
+            },
+            priority: new.priority,
+            label: new.label.clone(),
+            tags: new.tags.clone(),
+            warnings: self.warnings.clone(),
+            created: row.get("created")?,
+            started: row.get("started")?,
+            finished: row.get("finished")?,
+            changes: changes(row.get("changes")?)?,
+            failure: None,
+            summary: row.get::<Option<&str>>("summary")?.map(json).transpose()?,
+            recomputed: None,
+        })
+    }
+}

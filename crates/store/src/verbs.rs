@@ -1,0 +1,430 @@
+//! The store as the service sees it: each verb with its meaning. The engines, one for each kind of database, carry them out.
+
+use std::pin::pin;
+use std::sync::Arc;
+use std::time::Duration;
+
+use bytes::Bytes;
+
+use super::audit::{Actor, AuditEntry};
+use super::cancel::{Canceled, Deleted};
+use super::claimed::{Claimed, FinishedChunk, Piece};
+use super::error::Error;
+use super::keep::{Answered, Changed, Editor, Finish, Removed};
+use super::keys::AccessKey;
+use super::library::{Known, Provenance};
+use super::options::{FileSizes, Options, Recovered};
+use super::place::Place;
+use super::read::{Asked, Filter, LARGE, Page, StoredResult};
+use super::row::Sum;
+use super::search::{Cursor, Found, Search};
+use super::signals::{Changes, Deletions, Signals};
+use super::submit::{NewJob, Submitted};
+use super::tally::Tally;
+use super::{postgres, sqlite};
+use fretwork_job::clock::now;
+use fretwork_job::{Answer, Cost, FailureKind, Job, JobId, Key, Outline};
+
+/// The open database, as a handle that is cheap to clone.
+#[derive(Debug, Clone)]
+pub struct Store {
+    engine: Engine,
+    signals: Arc<Signals>,
+}
+
+/// The database.
+#[derive(Debug, Clone)]
+enum Engine {
+    Sqlite(sqlite::Database),
+    Postgres(postgres::Database),
+}
+
+/// Calls the same verb of every engine.
+macro_rules! each {
+    ($store:expr, $db:ident => $call:expr) => {
+        match &$store.engine {
+            Engine::Sqlite($db) => $call,
+            Engine::Postgres($db) => $call,
+        }
+    };
+}
+
+impl Store {
+    /// Accepts a job. It ends at once if the result is known. Otherwise it joins the live run, or a new run
+    /// is queued if the queue is not full.
+    pub async fn submit(&self, job: NewJob) -> Result<Submitted, Error> {
+        each!(self, db => db.submit(job).await)
+    }
+
+    /// Accepts jobs of one key with their answer and its cost, and finishes them in the same commit. If the
+    /// result has become known meanwhile, or a run is live, they use that instead.
+    pub async fn record(
+        &self,
+        jobs: Vec<NewJob>,
+        answer: Answered,
+        wall: Duration,
+    ) -> Result<Vec<Submitted>, Error> {
+        each!(self, db => db.record(jobs, answer, wall).await)
+    }
+
+    /// Claims the next queued run, or a piece of a study.
+    ///
+    /// The caller must end it by [`finish`](Self::finish), [`finish_chunk`](Self::finish_chunk), [`fail`](Self::fail),
+    /// [`stopped`](Self::stopped) or [`release`](Self::release). Otherwise it stays claimed until the next
+    /// start of the server.
+    pub async fn claim(&self) -> Result<Option<Claimed>, Error> {
+        each!(self, db => db.claim().await)
+    }
+
+    /// Stores the progress of a whole run, in 0…1; that of a study follows from its chunks. Returns false if the worker has
+    /// lost what it computes.
+    pub async fn progress(&self, claimed: &Claimed, share: f64) -> Result<bool, Error> {
+        each!(self, db => db.progress(claimed, share).await)
+    }
+
+    /// Stores the result of a run or of an assembly, and the cost of this attempt and of the chunks.
+    ///
+    /// # Panics
+    /// The worker has claimed a chunk, which has no result.
+    pub async fn finish(
+        &self,
+        claimed: &Claimed,
+        answer: &Answer,
+        cost: Cost,
+    ) -> Result<Finish, Error> {
+        assert!(!matches!(claimed.piece, Piece::Chunk { .. }), "a chunk has no result");
+        let answer = Answered::new(answer, Some(claimed.spent + cost));
+        each!(self, db => db.finish(claimed, answer).await)
+    }
+
+    /// Ends a run by a failure, and stops the workers that compute other pieces of it. Returns false if the worker has lost what
+    /// it computes.
+    pub async fn fail(
+        &self,
+        claimed: &Claimed,
+        kind: FailureKind,
+        message: &str,
+    ) -> Result<bool, Error> {
+        each!(self, db => db.fail(claimed, kind, message).await)
+    }
+
+    /// Confirms that the worker has stopped a run that is being canceled. Returns false if the run is not
+    /// being canceled. A study never is: it is canceled at once.
+    pub async fn stopped(&self, claimed: &Claimed) -> Result<bool, Error> {
+        each!(self, db => db.stopped(claimed).await)
+    }
+
+    /// Queues a running run, or piece of a study, again. It does not count as lost. Returns false if the worker has lost it.
+    pub async fn release(&self, claimed: &Claimed) -> Result<bool, Error> {
+        each!(self, db => db.release(claimed).await)
+    }
+
+    /// Ends or queues all runs that the last process left unfinished. Call it before the first claim: for one server, it
+    /// treats every running run as lost. Of several servers, it takes away the leases that are over; they also do this by themselves.
+    pub async fn recover(&self) -> Result<Recovered, Error> {
+        each!(self, db => db.recover().await)
+    }
+
+    /// Stores what a worker has computed for a chunk, in a form that only the caller knows, and the cost of this attempt.
+    /// Returns false if the worker has lost the chunk.
+    ///
+    /// # Panics
+    /// The worker has not claimed a chunk, or there is no memory for the compressor.
+    pub async fn finish_chunk(
+        &self,
+        claimed: &Claimed,
+        bytes: &[u8],
+        cost: Cost,
+    ) -> Result<bool, Error> {
+        let finished = FinishedChunk::new(claimed, bytes, cost);
+        each!(self, db => db.finish_chunk(finished).await)
+    }
+
+    /// What was stored for a finished chunk. Returns `None` if the study has ended.
+    pub async fn chunk(&self, claimed: &Claimed, number: u32) -> Result<Option<Bytes>, Error> {
+        let found = each!(self, db => db.chunk(claimed.run, number).await)?;
+        let Some((body, sum)) = found else { return Ok(None) };
+        let bytes = sum.is_of(&body).then(|| body.json().ok()).flatten();
+        let damaged = Error::DamagedChunk { key: claimed.key, number };
+        self.signals.counted(bytes.ok_or(damaged).map(Some))
+    }
+
+    /// The task of a claimed study in its stored form. The study has too many pieces for each to contain it. Returns `None` if
+    /// the study has ended.
+    pub async fn task(&self, claimed: &Claimed) -> Result<Option<String>, Error> {
+        each!(self, db => db.task(claimed).await)
+    }
+
+    /// Cancels a job, and its run if no other unfinished job shares it.
+    pub async fn cancel(&self, id: JobId, by: Actor) -> Result<Canceled, Error> {
+        each!(self, db => db.cancel(id, by).await)
+    }
+
+    /// Cancels every unfinished job that matches and was submitted before this call. Returns how many.
+    pub async fn cancel_all(&self, filter: &Filter, by: &Actor) -> Result<u64, Error> {
+        let mut canceled = 0;
+        let mut next = Some(JobId::generate());
+        while let Some(before) = next {
+            let count;
+            (count, next) = each!(self, db => db.cancel_some(filter, before, by).await)?;
+            canceled += count;
+        }
+        Ok(canceled)
+    }
+
+    /// Deletes a job that has ended.
+    pub async fn delete(&self, id: JobId, by: Actor) -> Result<Deleted, Error> {
+        each!(self, db => db.delete(id, by).await)
+    }
+
+    /// A job in its current state.
+    pub async fn job(&self, id: JobId) -> Result<Option<Job>, Error> {
+        each!(self, db => db.job(id).await)
+    }
+
+    /// What a job was asked to compute.
+    pub async fn asked(&self, id: JobId) -> Result<Asked, Error> {
+        each!(self, db => db.asked(id).await)
+    }
+
+    /// Returns up to `limit` jobs that match, newest first, older than `cursor`.
+    pub async fn jobs(
+        &self,
+        filter: &Filter,
+        cursor: Option<JobId>,
+        limit: u32,
+    ) -> Result<Page, Error> {
+        each!(self, db => db.jobs(filter, cursor, limit).await)
+    }
+
+    /// The result of a key. Its checksum is verified, so damage to the disk cannot change a number.
+    pub async fn result(&self, key: &Key) -> Result<Option<StoredResult>, Error> {
+        match self.small_result(key).await? {
+            Some(StoredResult::Large(_)) => {
+                self.sound(key, each!(self, db => db.large_result(key).await)?).await
+            }
+            found => Ok(found),
+        }
+    }
+
+    /// The result of a key, unless it is [`LARGE`].
+    pub async fn small_result(&self, key: &Key) -> Result<Option<StoredResult>, Error> {
+        self.sound(key, each!(self, db => db.small_result(key).await)?).await
+    }
+
+    /// Compares a result with its checksum.
+    async fn sound(
+        &self,
+        key: &Key,
+        found: Option<(StoredResult, Sum)>,
+    ) -> Result<Option<StoredResult>, Error> {
+        let Some((found, sum)) = found else { return Ok(None) };
+        let StoredResult::Whole(body) = &found else { return Ok(Some(found)) };
+        let sound = if body.bytes().len() <= LARGE {
+            sum.is_of(body)
+        } else {
+            let body = body.clone();
+            // If the checksum panicked, the body would not be trusted.
+            tokio::task::spawn_blocking(move || sum.is_of(&body)).await.unwrap_or(false)
+        };
+        if !sound {
+            return self.signals.counted(Err(Error::DamagedResult(*key)));
+        }
+        self.was_read(key);
+        Ok(Some(found))
+    }
+
+    /// Records that a result was read: the least recently read result is evicted first.
+    pub fn was_read(&self, key: &Key) {
+        self.signals.read(*key, now());
+    }
+
+    /// Whether the result of a key is stored.
+    pub async fn has_result(&self, key: &Key) -> Result<bool, Error> {
+        each!(self, db => db.has_result(key).await)
+    }
+
+    /// The oldest unfinished job of the live run of a key. With an owner, the oldest of that owner.
+    pub async fn live_job(&self, key: &Key, owner: Option<&str>) -> Result<Option<JobId>, Error> {
+        each!(self, db => db.live_job(key, owner).await)
+    }
+
+    /// How long the oldest queued run has waited.
+    pub async fn longest_wait(&self) -> Result<Duration, Error> {
+        each!(self, db => db.longest_wait().await)
+    }
+
+    /// When the last backup ended, in milliseconds since 1970; 0 if there was none. `None` if the backups are not those of
+    /// this program.
+    pub async fn last_backup(&self) -> Result<Option<i64>, Error> {
+        each!(self, db => db.last_backup().await)
+    }
+
+    /// Checks that the disk has room for a submission, by a write of the same size.
+    pub async fn probe(&self) -> Result<(), Error> {
+        each!(self, db => db.probe().await)
+    }
+
+    /// Returns the job once it has finished, or in its current state once `until` has completed.
+    pub async fn wait(&self, job: Job, until: impl Future<Output = ()>) -> Result<Job, Error> {
+        if job.state.is_finished() {
+            return Ok(job);
+        }
+        let mut changes = self.watch(&job.key);
+        let mut until = pin!(until);
+        let mut over = false;
+        loop {
+            match self.job(job.id).await? {
+                Some(now) if over || now.state.is_finished() => return Ok(now),
+                Some(_) => {}
+                None => return Ok(job),
+            }
+            tokio::select! {
+                () = changes.ended() => {}
+                () = &mut until => over = true,
+            }
+        }
+    }
+
+    /// The provenance of a result.
+    pub async fn provenance(&self, key: &Key) -> Result<Option<Provenance>, Error> {
+        each!(self, db => db.provenance(key).await)
+    }
+
+    /// Pins a result, which is then never evicted, or unpins it.
+    pub async fn pin(&self, key: &Key, pinned: bool, editor: Editor) -> Result<Changed, Error> {
+        each!(self, db => db.pin(key, pinned, editor).await)
+    }
+
+    /// Writes the note of a result, or removes it.
+    pub async fn annotate(
+        &self,
+        key: &Key,
+        text: Option<String>,
+        editor: Editor,
+    ) -> Result<Changed, Error> {
+        each!(self, db => db.annotate(key, text, editor).await)
+    }
+
+    /// Deletes the body of a result; its scenario stays known.
+    pub async fn remove(&self, key: &Key, by: Actor) -> Result<Removed, Error> {
+        each!(self, db => db.remove(key, by).await)
+    }
+
+    /// What the database knows about a key.
+    pub async fn known(&self, key: &Key) -> Result<Option<Known>, Error> {
+        each!(self, db => db.known(key).await)
+    }
+
+    /// All keys, also expired and revoked ones, the oldest first.
+    pub async fn access_keys(&self) -> Result<Vec<AccessKey>, Error> {
+        each!(self, db => db.access_keys().await)
+    }
+
+    /// Records that a key was used now.
+    pub async fn key_was_used(&self, by: Actor) -> Result<(), Error> {
+        each!(self, db => db.key_was_used(by).await)
+    }
+
+    /// The secret that signs links to results. It is created once for each database.
+    pub async fn link_secret(&self) -> Result<[u8; 32], Error> {
+        let mut candidate = [0; 32];
+        getrandom::fill(&mut candidate).map_err(|_| Error::NoRandomness)?;
+        each!(self, db => db.link_secret(candidate).await)
+    }
+
+    /// The number of queued jobs of an owner, and of running ones.
+    pub async fn unfinished(&self, owner: &str) -> Result<(u64, u64), Error> {
+        each!(self, db => db.unfinished(owner).await)
+    }
+
+    /// Up to `limit` entries of the audit log before another one, the newest first.
+    pub async fn audit(&self, before: Option<i64>, limit: u32) -> Result<Vec<AuditEntry>, Error> {
+        each!(self, db => db.audit(before, limit).await)
+    }
+
+    /// The sizes of the database and of its log.
+    #[must_use]
+    pub fn file_sizes(&self) -> FileSizes {
+        each!(self, db => db.file_sizes())
+    }
+
+    /// Open connections to the database; `None` if it is not on a server.
+    #[must_use]
+    pub fn database_connections(&self) -> Option<u64> {
+        match &self.engine {
+            Engine::Sqlite(_) => None,
+            Engine::Postgres(db) => Some(db.connections()),
+        }
+    }
+
+    /// Opens or creates the database at a place.
+    ///
+    /// No other process can open a directory until the store is closed. Call [`Store::recover`] before the first
+    /// [`Store::claim`].
+    pub async fn open(place: impl Into<Place>, options: &Options) -> Result<Self, Error> {
+        let signals = Arc::new(Signals::default());
+        let shared = Arc::clone(&signals);
+        let engine = match place.into() {
+            Place::Directory(dir) => {
+                Engine::Sqlite(sqlite::Database::open(&dir, options, shared).await?)
+            }
+            Place::Shared(url) => {
+                Engine::Postgres(postgres::Database::open(&url, options, shared).await?)
+            }
+        };
+        Ok(Self { engine, signals })
+    }
+
+    /// Returns up to `limit` matching results after `cursor`, among all that were committed before this
+    /// call.
+    pub async fn search(
+        &self,
+        search: &Search,
+        cursor: Option<Cursor>,
+        limit: u32,
+    ) -> Result<Found, Error> {
+        each!(self, db => db.search(search, cursor, limit).await)
+    }
+
+    /// The stored result whose inputs are nearest to those of an outline, other than `except`. The distance
+    /// is the sum of the relative differences, plus 10 for each word that differs.
+    pub async fn nearest(&self, to: &Outline, except: Option<Key>) -> Result<Option<Key>, Error> {
+        each!(self, db => db.nearest(to, except).await)
+    }
+
+    /// Free bytes on the disk of the database; `None` if the system does not report them.
+    #[must_use]
+    pub fn free_bytes(&self) -> Option<u64> {
+        each!(self, db => db.free_bytes())
+    }
+
+    /// Metrics since the start.
+    #[must_use]
+    pub fn tally(&self) -> &Tally {
+        &self.signals.tally
+    }
+
+    /// Signals changes of the jobs and the run of a key from now on. Read the tables after this call.
+    #[must_use]
+    pub fn watch(&self, key: &Key) -> Changes {
+        self.signals.watch(*key)
+    }
+
+    /// Signals deletions of results by servers that share the database, from now on.
+    #[must_use]
+    pub fn watch_deletions(&self) -> Deletions {
+        self.signals.watch_deletions()
+    }
+
+    /// Signals that a run was queued, from now on.
+    #[must_use]
+    pub fn watch_queue(&self) -> Changes {
+        self.signals.watch_queue()
+    }
+
+    /// Completes all earlier changes, closes the database and unlocks the directory.
+    pub async fn close(&self) {
+        each!(self, db => db.close().await);
+    }
+}

@@ -1,0 +1,198 @@
+//! Bootstrap: how far an estimate may be from the true value, judged from the sample alone.
+//!
+//! The rows of the sample are drawn anew with replacement many times, and the estimate is computed from
+//! each of these samples. The interval contains the middle share `level` of these estimates (percentile method).
+//!
+//! A large sample is drawn in blocks of consecutive rows. This takes less time. In a Sobol sequence a block
+//! is itself evenly spread, so the intervals also come closer to the true error. They
+//! remain too wide for such points, because the blocks are drawn as if they were independent.
+//!
+//! # Sources
+//! B. Efron, R. J. Tibshirani, *An Introduction to the Bootstrap* (1993), chapter 13.
+
+use fretwork_engine::request::fault::Fault;
+
+use fretwork_random::Stream;
+
+/// The largest number of blocks.
+pub(super) const MAX_BLOCKS: usize = 1024;
+
+/// The largest number of samples that are drawn.
+const MAX_RESAMPLES: usize = 10_000;
+
+/// How intervals are computed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bootstrap {
+    resamples: usize,
+    level: f64,
+    seed: u64,
+}
+
+/// An estimate with its interval.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Estimate {
+    /// The estimate from the whole sample.
+    pub value: f64,
+    /// The lower end of the interval.
+    pub low: f64,
+    /// The upper end of the interval.
+    pub high: f64,
+}
+
+impl Bootstrap {
+    /// Intervals that contain the share `level` of the estimates from `resamples` drawn samples.
+    ///
+    /// # Errors
+    /// The fault at `/resamples` or `/level`.
+    pub fn new(resamples: usize, level: f64, seed: u64) -> Result<Self, Fault> {
+        let fault = |member: &str, detail: String| Fault { pointer: format!("/{member}"), detail };
+        if !(0.5..=0.999).contains(&level) {
+            let detail = "must be from 0.5 to 0.999. Use 0.95 for intervals of 95 %";
+            return Err(fault("level", detail.to_owned()));
+        }
+        // Each tail must contain a resample.
+        let least = (2.0 / (1.0 - level)).ceil().max(20.0) as usize;
+        if !(least..=MAX_RESAMPLES).contains(&resamples) {
+            let detail = format!("must be from {least} to {MAX_RESAMPLES} for this level");
+            return Err(fault("resamples", detail));
+        }
+        Ok(Self { resamples, level, seed })
+    }
+
+    /// The number of resamples.
+    #[must_use]
+    pub fn resamples(&self) -> usize {
+        self.resamples
+    }
+
+    /// Estimates from the sums of all rows, with intervals. Each row has `width` numbers in `rows`.
+    ///
+    /// `estimate` computes the estimates from the sums over a drawn sample. Rows without values are zeros, and
+    /// a column of ones counts the others. Where it gives none, another sample is drawn. It must give some for
+    /// the whole sample.
+    pub(super) fn estimate(
+        &self,
+        rows: &[f64],
+        width: usize,
+        estimate: impl Fn(&[f64]) -> Option<Vec<f64>>,
+    ) -> Option<Vec<Estimate>> {
+        let blocks = Blocks::new(rows, width);
+        let values = estimate(&blocks.sum(0..blocks.count()))?;
+        let random = Stream::new(self.seed);
+        let count = blocks.count() as u64;
+        let samples = (0..).filter_map(|sample| {
+            let bits = random.child(sample);
+            estimate(&blocks.sum((0..count).map(|i| bits.below(i, count) as usize)))
+        });
+        let mut drawn = vec![Vec::with_capacity(self.resamples); values.len()];
+        for sample in samples.take(self.resamples) {
+            for (list, value) in drawn.iter_mut().zip(sample) {
+                list.push(value);
+            }
+        }
+        let tail = 0.5 * (1.0 - self.level);
+        let interval = |(value, mut drawn): (f64, Vec<f64>)| {
+            drawn.sort_unstable_by(f64::total_cmp);
+            Estimate { value, low: percentile(&drawn, tail), high: percentile(&drawn, 1.0 - tail) }
+        };
+        Some(values.into_iter().zip(drawn).map(interval).collect())
+    }
+}
+
+/// Sums over blocks of consecutive rows.
+struct Blocks {
+    sums: Vec<f64>,
+    width: usize,
+}
+
+impl Blocks {
+    fn new(rows: &[f64], width: usize) -> Self {
+        let count = rows.len() / width;
+        // A power of two, so that the blocks of a Sobol sequence are nets.
+        let length = count.div_ceil(MAX_BLOCKS).next_power_of_two();
+        let mut sums = Vec::with_capacity(count.div_ceil(length) * width);
+        for block in rows.chunks(length * width) {
+            let start = sums.len();
+            sums.resize(start + width, 0.0);
+            for row in block.chunks(width) {
+                add(&mut sums[start..], row);
+            }
+        }
+        Self { sums, width }
+    }
+
+    fn count(&self) -> usize {
+        self.sums.len() / self.width
+    }
+
+    /// The sum of some blocks, in their order.
+    fn sum(&self, blocks: impl Iterator<Item = usize>) -> Vec<f64> {
+        let mut sum = vec![0.0; self.width];
+        for block in blocks {
+            add(&mut sum, &self.sums[block * self.width..][..self.width]);
+        }
+        sum
+    }
+}
+
+fn add(sum: &mut [f64], row: &[f64]) {
+    for (sum, value) in sum.iter_mut().zip(row) {
+        *sum += value;
+    }
+}
+
+/// The value below which the share `share` of sorted values lies, interpolated between neighbours.
+fn percentile(sorted: &[f64], share: f64) -> f64 {
+    let place = share * (sorted.len() - 1) as f64;
+    let (below, part) = (place as usize, place.fract());
+    if part == 0.0 {
+        sorted[below]
+    } else {
+        sorted[below] * (1.0 - part) + sorted[below + 1] * part
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::distribution::normal_quantile;
+    use fretwork_random::Random;
+
+    #[expect(clippy::unnecessary_wraps, reason = "the form of an estimate")]
+    fn mean(sums: &[f64]) -> Option<Vec<f64>> {
+        Some(vec![sums[0] / sums[1]])
+    }
+
+    /// The mean of normal numbers has the interval mean ± 1.96σ/√n.
+    #[test]
+    fn the_interval_of_a_mean_has_the_width_of_theory() {
+        let mut random = Random::new(3);
+        for rows in [400, 40_000] {
+            let sample: Vec<f64> = (0..rows)
+                .flat_map(|_| [normal_quantile(random.between(1e-12, 1.0)), 1.0])
+                .collect();
+            let bootstrap = Bootstrap::new(2000, 0.95, 1).unwrap();
+            let estimate = bootstrap.estimate(&sample, 2, mean).unwrap()[0];
+            let theory = 2.0 * 1.959_964 / f64::from(rows).sqrt();
+            let ratio = (estimate.high - estimate.low) / theory;
+            assert!((ratio - 1.0).abs() < 0.1, "{rows} rows: {ratio} of the width");
+            assert!(estimate.low < estimate.value && estimate.value < estimate.high);
+        }
+    }
+
+    #[test]
+    fn percentiles_are_interpolated() {
+        let values = [0.0, 0.75, 1.0].map(|share| percentile(&[1.0, 2.0, 4.0], share));
+        assert_eq!(values.map(f64::to_bits), [1.0, 3.0, 4.0].map(f64::to_bits));
+    }
+
+    #[test]
+    fn too_few_resamples_for_the_level_are_refused() {
+        assert!(Bootstrap::new(100, 0.95, 0).is_ok());
+        let fault = |resamples, level| Bootstrap::new(resamples, level, 0).unwrap_err();
+        assert_eq!(fault(100, 0.99).detail, "must be from 200 to 10000 for this level");
+        assert_eq!(fault(20_000, 0.9).pointer, "/resamples");
+        assert_eq!(fault(100, 1.0).pointer, "/level");
+        assert_eq!(fault(100, f64::NAN).pointer, "/level");
+    }
+}

@@ -1,0 +1,330 @@
+//! Designs: which values a study gives to the numbers that it varies.
+//!
+//! | design | points |
+//! |---|---|
+//! | grid | all combinations of the listed values |
+//! | zip | the first values of all lists, the second values, and so on |
+//! | Latin hypercube | random, stratified in every dimension |
+//! | Sobol | quasi-random, see [`sobol`] |
+//!
+//! Point i is computed from the design and i alone. So a chunk of a study does not need the chunks before it. A larger
+//! Sobol design with the same seed begins with the same points.
+//!
+//! # Units
+//! The values of a member have its unit.
+//!
+//! # Examples
+//! ```
+//! use fretwork_study::design::Design;
+//! let grid = Design::grid(vec![vec![0.3, 0.5], vec![1.0, 2.0, 3.0]]).unwrap();
+//! assert_eq!(grid.points(), 6);
+//! assert_eq!(grid.point(4), [0.5, 2.0]);
+//! ```
+
+pub mod latin;
+pub mod sobol;
+
+use fretwork_engine::request::fault::Fault;
+
+use super::distribution::Distribution;
+use latin::LatinHypercube;
+use sobol::{MAX_DIMENSIONS, Sobol};
+
+/// The points of a study, and the values of all members at each point.
+#[derive(Debug, Clone)]
+pub struct Design {
+    points: usize,
+    rule: Rule,
+}
+
+#[derive(Debug, Clone)]
+enum Rule {
+    Grid(Vec<Vec<f64>>),
+    Zip(Vec<Vec<f64>>),
+    Latin(LatinHypercube, Vec<Distribution>),
+    Sobol(Sobol, Vec<Distribution>),
+}
+
+impl Design {
+    /// All combinations of the values of each member. The values of the last member change from point to point.
+    ///
+    /// # Errors
+    /// The fault at a member such as `/0`, or at the whole list.
+    pub fn grid(values: Vec<Vec<f64>>) -> Result<Self, Fault> {
+        check_values(&values)?;
+        let points = values.iter().try_fold(1_usize, |points, list| points.checked_mul(list.len()));
+        let points = points.ok_or_else(|| {
+            let detail = "have more combinations than can be counted. Shorten the lists of values";
+            fault(String::new(), detail.to_owned())
+        })?;
+        Ok(Self { points, rule: Rule::Grid(values) })
+    }
+
+    /// The i-th values of all members together are point i.
+    ///
+    /// # Errors
+    /// The fault at a member such as `/0`, or at the whole list.
+    pub fn zip(values: Vec<Vec<f64>>) -> Result<Self, Fault> {
+        check_values(&values)?;
+        let points = values[0].len();
+        if let Some(place) = values.iter().position(|list| list.len() != points) {
+            let detail = format!(
+                "has {} values, but the first member has {points}. Give all members the same number of values, or use a grid",
+                values[place].len()
+            );
+            return Err(fault(format!("/{place}"), detail));
+        }
+        Ok(Self { points, rule: Rule::Zip(values) })
+    }
+
+    /// A Latin hypercube: random points, one in each of `points` equally probable intervals of every member.
+    ///
+    /// # Errors
+    /// The fault at `/points` or at the whole list of members.
+    pub fn latin_hypercube(
+        members: Vec<Distribution>,
+        points: usize,
+        seed: u64,
+    ) -> Result<Self, Fault> {
+        check_members(members.len(), usize::MAX)?;
+        check_points(points, latin::MAX_POINTS)?;
+        let latin = LatinHypercube::new(points, members.len(), seed);
+        Ok(Self { points, rule: Rule::Latin(latin, members) })
+    }
+
+    /// The first points of a scrambled Sobol sequence. Powers of two fill the space most evenly.
+    ///
+    /// # Errors
+    /// The fault at `/points` or at the whole list of members.
+    pub fn sobol(members: Vec<Distribution>, points: usize, seed: u64) -> Result<Self, Fault> {
+        check_members(members.len(), MAX_DIMENSIONS)?;
+        check_points(points, 1 << 32)?;
+        Ok(Self { points, rule: Rule::Sobol(Sobol::new(members.len(), seed), members) })
+    }
+
+    /// The number of points.
+    #[must_use]
+    pub fn points(&self) -> usize {
+        self.points
+    }
+
+    /// The values of all members at the point with this index.
+    ///
+    /// # Panics
+    /// If the design has no such point.
+    #[must_use]
+    pub fn point(&self, index: usize) -> Vec<f64> {
+        assert!(index < self.points, "the design has {} points", self.points);
+        let quantiles = |members: &[Distribution], coordinate: &dyn Fn(usize) -> f64| {
+            members.iter().enumerate().map(|(i, member)| member.quantile(coordinate(i))).collect()
+        };
+        match &self.rule {
+            Rule::Grid(values) => {
+                let mut rest = index;
+                let mut point = vec![0.0; values.len()];
+                for (value, list) in point.iter_mut().zip(values).rev() {
+                    *value = list[rest % list.len()];
+                    rest /= list.len();
+                }
+                point
+            }
+            Rule::Zip(values) => values.iter().map(|list| list[index]).collect(),
+            Rule::Latin(latin, members) => quantiles(members, &|i| latin.coordinate(index, i)),
+            Rule::Sobol(sobol, members) => {
+                quantiles(members, &|i| sobol.coordinate(index as u32, i))
+            }
+        }
+    }
+}
+
+/// How the values of a range are spaced.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Spacing {
+    /// The differences of neighbours are equal.
+    Linear,
+    /// The ratios of neighbours are equal.
+    Logarithmic,
+}
+
+/// The values of a range: `count` values from `from` to `to`, both included. `to` may be less than `from`.
+///
+/// # Errors
+/// The fault at `/from`, `/to` or `/count`.
+pub fn range(from: f64, to: f64, count: usize, spacing: Spacing) -> Result<Vec<f64>, Fault> {
+    let wrong = |member: &str, detail: &str| Err(fault(format!("/{member}"), detail.to_owned()));
+    for (member, end) in [("from", from), ("to", to)] {
+        if !end.is_finite() {
+            return wrong(member, "must be a finite number");
+        }
+        if spacing == Spacing::Logarithmic && end <= 0.0 {
+            return wrong(member, "must be greater than 0. Otherwise use linear spacing");
+        }
+    }
+    if !(to - from).is_finite() {
+        return wrong("to", "is too far from `from`. Enter a narrower range");
+    }
+    if count < 2 {
+        return wrong(
+            "count",
+            "must be at least 2, the two ends. Otherwise enter a list of one value",
+        );
+    }
+    let last = count - 1;
+    Ok((0..count)
+        .map(|i| {
+            let share = i as f64 / last as f64;
+            match spacing {
+                _ if i == 0 => from,
+                _ if i == last => to,
+                Spacing::Linear => from + (to - from) * share,
+                Spacing::Logarithmic => {
+                    libm::exp(libm::log(from) * (1.0 - share) + libm::log(to) * share)
+                }
+            }
+        })
+        .collect())
+}
+
+fn fault(pointer: String, detail: String) -> Fault {
+    Fault { pointer, detail }
+}
+
+fn check_members(count: usize, most: usize) -> Result<(), Fault> {
+    let wrong = |detail| Err(fault(String::new(), detail));
+    match count {
+        0 => wrong("must contain at least one member of the scenario".to_owned()),
+        _ if count > most => wrong(format!("must contain at most {most} members, not {count}")),
+        _ => Ok(()),
+    }
+}
+
+fn check_values(values: &[Vec<f64>]) -> Result<(), Fault> {
+    check_members(values.len(), usize::MAX)?;
+    match values.iter().position(Vec::is_empty) {
+        Some(place) => Err(fault(format!("/{place}"), "must have at least one value".to_owned())),
+        None => Ok(()),
+    }
+}
+
+fn check_points(points: usize, most: usize) -> Result<(), Fault> {
+    if (1..=most).contains(&points) {
+        return Ok(());
+    }
+    Err(fault("/points".to_owned(), format!("must be from 1 to {most}")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn members(count: usize) -> Vec<Distribution> {
+        vec![Distribution::uniform(0.0, 1.0).unwrap(); count]
+    }
+
+    #[test]
+    fn a_grid_has_all_combinations_in_order() {
+        let grid = Design::grid(vec![vec![1.0, 2.0], vec![5.0], vec![7.0, 8.0, 9.0]]).unwrap();
+        let points: Vec<_> = (0..grid.points()).map(|index| grid.point(index)).collect();
+        let expected = [
+            [1.0, 5.0, 7.0],
+            [1.0, 5.0, 8.0],
+            [1.0, 5.0, 9.0],
+            [2.0, 5.0, 7.0],
+            [2.0, 5.0, 8.0],
+            [2.0, 5.0, 9.0],
+        ];
+        assert_eq!(points, expected);
+    }
+
+    #[test]
+    fn a_zip_takes_values_together() {
+        let zip = Design::zip(vec![vec![1.0, 2.0], vec![5.0, 6.0]]).unwrap();
+        assert_eq!((zip.points(), zip.point(0), zip.point(1)), (2, vec![1.0, 5.0], vec![2.0, 6.0]));
+    }
+
+    #[test]
+    fn a_larger_sobol_design_begins_with_the_same_points() {
+        let (small, large) =
+            (Design::sobol(members(5), 100, 9), Design::sobol(members(5), 1000, 9));
+        let (small, large) = (small.unwrap(), large.unwrap());
+        assert!((0..100).all(|index| small.point(index) == large.point(index)));
+    }
+
+    #[test]
+    fn another_seed_gives_other_points() {
+        let point = |seed| Design::sobol(members(5), 10, seed).unwrap().point(3);
+        assert_ne!(point(1), point(2));
+        let point = |seed| Design::latin_hypercube(members(5), 10, seed).unwrap().point(3);
+        assert_ne!(point(1), point(2));
+    }
+
+    /// Keys of stored studies contain the seed, so the points of a seed must never change.
+    #[test]
+    fn the_points_of_a_seed_stay_the_same() {
+        let sobol = Design::sobol(members(2), 4, 42).unwrap();
+        let latin = Design::latin_hypercube(members(2), 4, 42).unwrap();
+        let points: Vec<_> =
+            (0..4).map(|index| [sobol.point(index), latin.point(index)].concat()).collect();
+        assert_eq!(
+            points,
+            [
+                [
+                    0.573_911_686_814_825_8,
+                    0.035_541_458_350_239_474,
+                    0.639_016_985_893_249_5,
+                    0.471_087_098_121_643_07
+                ],
+                [
+                    0.343_344_861_416_331_14,
+                    0.510_547_328_827_09,
+                    0.028_389_811_515_808_105,
+                    0.005_459_666_252_136_230_5
+                ],
+                [
+                    0.238_553_062_334_153_96,
+                    0.494_517_585_457_008_4,
+                    0.456_856_131_553_649_9,
+                    0.631_740_689_277_648_9
+                ],
+                [
+                    0.835_066_635_834_881_4,
+                    0.886_198_886_115_537_3,
+                    0.909_016_251_564_025_9,
+                    0.780_823_826_789_856
+                ]
+            ]
+        );
+    }
+
+    #[test]
+    fn a_range_contains_both_ends() {
+        let linear = range(1.0, 2.0, 5, Spacing::Linear).unwrap();
+        assert_eq!(linear, [1.0, 1.25, 1.5, 1.75, 2.0]);
+        let falling = range(1e-3, 1e-6, 4, Spacing::Logarithmic).unwrap();
+        for (value, expected) in falling.iter().zip([1e-3, 1e-4, 1e-5, 1e-6]) {
+            assert!((value / expected - 1.0).abs() < 1e-14);
+        }
+        assert_eq!((falling[0], falling[3]), (1e-3, 1e-6));
+    }
+
+    #[test]
+    fn a_wrong_design_is_refused_with_a_pointer() {
+        let endless = vec![vec![0.0; 1 << 16]; 4];
+        for (fault, pointer, words) in [
+            (Design::grid(Vec::new()).unwrap_err(), "", "at least one member"),
+            (Design::grid(endless).unwrap_err(), "", "Shorten"),
+            (Design::grid(vec![vec![1.0], vec![]]).unwrap_err(), "/1", "at least one value"),
+            (Design::zip(vec![vec![1.0], vec![1.0, 2.0]]).unwrap_err(), "/1", "same number"),
+            (Design::sobol(members(257), 8, 0).unwrap_err(), "", "at most 256"),
+            (Design::sobol(members(1), 0, 0).unwrap_err(), "/points", "from 1"),
+            (Design::latin_hypercube(members(1), 1 << 40, 0).unwrap_err(), "/points", "from 1"),
+            (range(f64::NAN, 1.0, 2, Spacing::Linear).unwrap_err(), "/from", "finite"),
+            (range(-1.0, 1.0, 2, Spacing::Logarithmic).unwrap_err(), "/from", "linear"),
+            (range(-f64::MAX, f64::MAX, 2, Spacing::Linear).unwrap_err(), "/to", "narrower"),
+            (range(0.0, 1.0, 1, Spacing::Linear).unwrap_err(), "/count", "at least 2"),
+        ] {
+            assert_eq!(fault.pointer, pointer, "{}", fault.detail);
+            assert!(fault.detail.contains(words), "{}", fault.detail);
+        }
+    }
+}

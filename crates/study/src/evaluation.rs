@@ -1,0 +1,222 @@
+//! An evaluation: a run that is computed for some outputs and kept nowhere.
+
+use deserr::{Deserr, IntoValue as _, ValuePointerRef};
+use fretwork_engine::case::{Case, Method};
+use fretwork_engine::outcome::{History, Loops, Preview, Profiles, UNITS};
+use fretwork_engine::request::fault::Faults;
+use fretwork_engine::request::fields::Given;
+use fretwork_engine::scenario::{self, Warning};
+use fretwork_engine::simulation::{Advance, Simulation};
+use serde::{Serialize, Serializer};
+use serde_json::Value;
+
+use super::output::{NoValue, Output, OutputName};
+use fretwork_json::{self as json, BadBody, Distinct};
+
+/// Most outputs of an evaluation.
+const MAX_OUTPUTS: usize = 100;
+/// Bytes of an output in the answer: its name, its value, its unit, and perhaps a reason.
+const OUTPUT_BYTES: usize = 200;
+
+/// A table of a result.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr)]
+#[deserr(error = Faults, rename_all = lowercase)]
+enum Part {
+    History,
+    Profiles,
+    Loops,
+}
+
+/// A valid body `{"scenario": {…}, "outputs"?: […], "parts"?: […]}`, ready to be computed.
+#[derive(Debug)]
+pub struct Evaluation {
+    case: Case,
+    outputs: Vec<Output>,
+    parts: Vec<Part>,
+    warnings: Vec<Warning>,
+    /// Size of the body, in bytes.
+    pub body_bytes: usize,
+}
+
+/// What an evaluation has found. Its JSON is the answer to the client.
+#[derive(Debug, Default, Serialize)]
+pub struct Evaluated {
+    /// Values by the names of the outputs.
+    #[serde(serialize_with = "object")]
+    outputs: Vec<(String, Option<f64>)>,
+    #[serde(serialize_with = "object")]
+    units: Vec<(String, &'static str)>,
+    /// Why outputs have no value.
+    #[serde(serialize_with = "object", skip_serializing_if = "Vec::is_empty")]
+    reasons: Vec<(String, String)>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    history: Option<History>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    profiles: Option<Profiles>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    loops: Option<Loops>,
+    warnings: Vec<Warning>,
+}
+
+/// Writes pairs as the members of an object.
+fn object<V: Serialize, S: Serializer>(
+    pairs: &[(String, V)],
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    serializer.collect_map(pairs.iter().map(|(name, value)| (name, value)))
+}
+
+impl Evaluation {
+    /// Parses a body. The faults of the scenario, of the outputs and of the parts are in one list.
+    ///
+    /// # Errors
+    /// The text is not JSON, or it has faults.
+    pub fn parse(text: &[u8]) -> Result<Self, BadBody> {
+        let evaluation = json::read_body(text, Self::read)?;
+        Ok(Self { body_bytes: text.len(), ..evaluation })
+    }
+
+    fn read(mut body: Value) -> Result<Self, Faults> {
+        let scenario = body.get_mut("scenario").map(Value::take);
+        let envelope: Result<Envelope, Faults> =
+            Envelope::deserialize_from_value(body.into_value(), ValuePointerRef::Origin);
+        // Without a scenario, the envelope has the fault that the member is missing.
+        let Some(scenario) = scenario else {
+            return Err(envelope.err().unwrap_or_else(|| Faults::one("", "must be an object")));
+        };
+        let asked = envelope.and_then(|envelope| envelope.resolve(&scenario));
+        match (asked, scenario::prepare(scenario, "/scenario")) {
+            (Ok((outputs, parts)), Ok((scenario, mut case, mut warnings))) => {
+                warnings.extend(scenario.warnings(&case));
+                if !parts.iter().any(|part| matches!(part, Part::Profiles | Part::Loops)) {
+                    case.profiles.fill(false);
+                }
+                if let Method::Exact { compare, .. } = &mut case.method {
+                    *compare = None;
+                }
+                Ok(Self { case, outputs, parts, warnings, body_bytes: 0 })
+            }
+            (Err(mut faults), Err(more)) => {
+                faults.0.extend(more.0);
+                Err(faults)
+            }
+            (Err(faults), Ok(_)) | (Ok(_), Err(faults)) => Err(faults),
+        }
+    }
+
+    fn needs_run(&self) -> bool {
+        !self.parts.is_empty() || self.outputs.iter().any(Output::needs_run)
+    }
+
+    /// Estimated processor time, in seconds.
+    #[must_use]
+    pub fn seconds(&self) -> f64 {
+        if self.needs_run() { self.case.seconds() } else { 0.0 }
+    }
+
+    /// Estimated size of the answer, in bytes.
+    #[must_use]
+    pub fn answer_bytes(&self) -> usize {
+        let tables = if self.parts.is_empty() { 0 } else { self.case.answer_bytes() };
+        tables + OUTPUT_BYTES * (self.outputs.len() + self.warnings.len())
+    }
+
+    /// Computes the outputs, and the parts of the result. Asks after each step of about 30 ms whether to continue.
+    /// Returns `None` if not.
+    pub fn compute(self, may_continue: impl Fn() -> bool) -> Option<Evaluated> {
+        if !self.needs_run() {
+            let preview = Preview::of(&self.case);
+            let values = self.outputs.iter().map(|output| (output, output.known(&preview)));
+            return Some(Evaluated { warnings: self.warnings, ..Evaluated::of(values) });
+        }
+        let Self { case, outputs, parts, warnings, .. } = self;
+        let mut simulation = Simulation::new(case.clone(), warnings);
+        let outcome = loop {
+            match simulation.step() {
+                Advance::Done(outcome) => break outcome,
+                Advance::Working(_) if may_continue() => {}
+                Advance::Working(_) => return None,
+            }
+        };
+        let values = outputs.iter().map(|output| (output, output.value(&case, &outcome)));
+        let mut found = Evaluated::of(values);
+        if !parts.is_empty() {
+            let others = UNITS
+                .iter()
+                .filter(|(name, _)| outputs.iter().all(|output| output.name() != *name));
+            found.units.extend(others.map(|(name, unit)| ((*name).to_owned(), *unit)));
+        }
+        let asked = |part| parts.contains(&part);
+        found.history = asked(Part::History).then_some(outcome.history);
+        found.profiles = outcome.profiles.filter(|_| asked(Part::Profiles));
+        found.loops = outcome.loops.filter(|_| asked(Part::Loops));
+        found.warnings = outcome.warnings;
+        Some(found)
+    }
+}
+
+impl Evaluated {
+    /// The values, without tables and warnings.
+    fn of<'a>(values: impl Iterator<Item = (&'a Output, Result<f64, NoValue>)>) -> Self {
+        let mut found = Self::default();
+        for (output, value) in values {
+            let name = || output.name().to_owned();
+            found.outputs.push((name(), value.ok()));
+            found.units.push((name(), output.unit()));
+            if let Err(reason) = value {
+                found.reasons.push((name(), reason.to_string()));
+            }
+        }
+        found
+    }
+}
+
+/// A body whose scenario was taken out.
+#[derive(Deserr)]
+#[deserr(error = Faults, deny_unknown_fields, validate = Envelope::validate -> Faults)]
+struct Envelope {
+    #[deserr(rename = "scenario")]
+    _scenario: Value,
+    #[deserr(default)]
+    outputs: Given<Distinct<OutputName, MAX_OUTPUTS>>,
+    #[deserr(default)]
+    parts: Given<Distinct<Part, 3>>,
+}
+
+impl Envelope {
+    fn validate(self, location: ValuePointerRef<'_>) -> Result<Self, Faults> {
+        let names = self.outputs.0.as_ref().map_or(0, |outputs| outputs.0.len());
+        let parts = self.parts.0.as_ref().map_or(0, |parts| parts.0.len());
+        if names + parts == 0 {
+            let detail = "is missing. Enter names of outputs, such as [\"wear_volume\"], or of `parts`, such as \
+                          [\"history\"]";
+            return Err(Faults::at(location.push_key("outputs"), detail));
+        }
+        Ok(self)
+    }
+
+    /// The outputs and the parts.
+    fn resolve(self, scenario: &Value) -> Result<(Vec<Output>, Vec<Part>), Faults> {
+        let names = self.outputs.0.map_or_else(Vec::new, |outputs| outputs.0);
+        let outputs =
+            OutputName::all_among(names, scenario).map_err(|faults| faults.below("/outputs"))?;
+        Ok((outputs, self.parts.0.map_or_else(Vec::new, |parts| parts.0)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_run_that_may_not_continue_is_stopped_between_two_steps() {
+        let body = br#"{"scenario": {
+            "profile": {"shape": "paraboloid", "radius": "10 mm"},
+            "moduli": {"normal": "113 GPa", "tangential": "93 GPa"}, "friction": 0.7,
+            "wear": {"coefficient": "3.03e-5 mm^3/(N m)"}, "load": {"normal_force": "100 N"},
+            "motion": {"amplitude": "2 um"}, "cycles": [1000]}, "outputs": ["wear_volume"]}"#;
+        let evaluation = || Evaluation::parse(body).unwrap();
+        assert!(evaluation().compute(|| false).is_none());
+        assert!(evaluation().compute(|| true).is_some());
+    }
+}

@@ -1,0 +1,423 @@
+//! The derivatives of all outputs of a model with respect to some of its numbers.
+//!
+//! The runs around the point are computed one after another, in steps of about 30 ms, so that the caller can stop or make a
+//! pause. See [`derivative`](super::derivative) for the search and for the stated errors.
+
+use std::sync::Arc;
+use std::{mem, vec};
+
+use fretwork_engine::request::fault::Faults;
+use fretwork_engine::request::quantity::Dimension;
+
+use super::derivative::{Derivative, Place, Search};
+use super::model::{Model, PointValues, Run};
+
+/// Runs for each number in most cases: those of one interval.
+const RUNS: f64 = 17.0;
+
+/// Estimated time to prepare a run, in seconds.
+const PREPARATION: f64 = 1e-4;
+
+/// A search for the derivatives of a model at a point.
+#[derive(Debug)]
+pub struct Jacobian {
+    model: Arc<Model>,
+    point: Vec<f64>,
+    /// Estimated time of one run, in seconds.
+    seconds: f64,
+    /// The values at the point, after the first run.
+    values: Option<PointValues>,
+    /// The run that is being computed.
+    run: Option<Run>,
+    /// The numbers that come next, by their places.
+    next: vec::IntoIter<usize>,
+    column: Option<Column>,
+    found: Vec<Entry>,
+}
+
+/// The search for the derivatives with respect to one number.
+#[derive(Debug)]
+struct Column {
+    member: usize,
+    search: Search,
+    /// The points of this round that are not computed yet, the last one first.
+    points: Vec<f64>,
+    values: Vec<Vec<Option<f64>>>,
+    /// The first fault of a scenario around the point.
+    fault: Option<String>,
+}
+
+/// The derivative of one output with respect to one number.
+#[derive(Debug, Clone)]
+pub struct Entry {
+    /// The place of the output.
+    pub output: usize,
+    /// The place of the number.
+    pub member: usize,
+    /// The derivative, or why there is none.
+    pub derivative: Result<Derivative, String>,
+    /// Whether the output has a closed form.
+    pub is_closed: bool,
+    /// Whether the output has a value at the point.
+    pub has_value: bool,
+}
+
+impl Jacobian {
+    /// Starts a search at a point, with respect to the numbers at these places.
+    ///
+    /// # Errors
+    /// The scenario of the point has faults.
+    pub fn new(model: &Arc<Model>, point: &[f64], members: Vec<usize>) -> Result<Self, Faults> {
+        let run = model.run(point)?;
+        Ok(Self {
+            model: Arc::clone(model),
+            point: point.to_vec(),
+            seconds: run.seconds(),
+            values: None,
+            run: Some(run),
+            next: members.into_iter(),
+            column: None,
+            found: Vec::new(),
+        })
+    }
+
+    /// Estimated processor time, in seconds. A search in several intervals takes longer.
+    #[must_use]
+    pub fn seconds(&self) -> f64 {
+        (self.seconds + PREPARATION) * (1.0 + RUNS * self.next.len() as f64)
+    }
+
+    /// Computes for about 30 ms, or one run. Returns the derivatives at the end.
+    pub fn step(&mut self) -> Option<Vec<Entry>> {
+        if let Some(run) = &mut self.run {
+            let values = run.step()?;
+            self.run = None;
+            match &mut self.column {
+                Some(column) => column.values.push(numbers(&values)),
+                None => self.values = Some(values),
+            }
+        }
+        self.start_run()
+    }
+
+    /// Starts the next run. Returns the derivatives if there is none.
+    fn start_run(&mut self) -> Option<Vec<Entry>> {
+        let at_point = self.values.as_ref()?;
+        loop {
+            let Some(column) = &mut self.column else {
+                let Some(member) = self.next.next() else {
+                    return Some(mem::take(&mut self.found));
+                };
+                match Column::new(&self.model, &self.point, member, at_point) {
+                    Ok(column) => self.column = Some(column),
+                    Err(reason) => {
+                        let none =
+                            |output| Entry::new(output, member, Err(reason.clone()), at_point);
+                        self.found.extend((0..at_point.values.len()).map(none));
+                    }
+                }
+                continue;
+            };
+            if let Some(value) = column.points.pop() {
+                let mut point = self.point.clone();
+                point[column.member] = value;
+                match self.model.run(&point) {
+                    Ok(run) => {
+                        self.run = Some(run);
+                        return None;
+                    }
+                    Err(faults) => column.refused(&faults, at_point.values.len()),
+                }
+            } else if !column.next_round() {
+                self.found.extend(column.entries(at_point));
+                self.column = None;
+            }
+        }
+    }
+}
+
+fn numbers(values: &PointValues) -> Vec<Option<f64>> {
+    values.values.iter().map(|value| value.ok()).collect()
+}
+
+impl Column {
+    fn new(
+        model: &Model,
+        point: &[f64],
+        member: usize,
+        at_point: &PointValues,
+    ) -> Result<Self, String> {
+        let (x, is_plain) = (point[member], model.members()[member].dimension == Dimension::Number);
+        if x == 0.0 && !is_plain {
+            return Err("the number is 0, so its size is not known".to_owned());
+        }
+        let scale = if x == 0.0 { 1.0 } else { x.abs() };
+        // Beyond the ends of its domain, the scenario has faults, and the point has no values.
+        let place = Place { x, scale, low: f64::NEG_INFINITY, high: f64::INFINITY };
+        let search = Search::new(place, &at_point.accuracies);
+        let (points, values) = (Vec::new(), Vec::new());
+        let mut column = Self { member, search, points, values, fault: None };
+        column.begin_round();
+        // The first point is that of the model.
+        column.points.pop();
+        column.values.push(numbers(at_point));
+        Ok(column)
+    }
+
+    /// Takes the points of the next round. Returns whether there is one.
+    fn begin_round(&mut self) -> bool {
+        let points = self.search.points();
+        let has_begun = points.is_some();
+        self.points = points.unwrap_or_default();
+        self.points.reverse();
+        has_begun
+    }
+
+    /// Completes a round.
+    fn next_round(&mut self) -> bool {
+        self.search.take(mem::take(&mut self.values));
+        self.begin_round()
+    }
+
+    fn refused(&mut self, faults: &Faults, outputs: usize) {
+        let fault = faults.0.first().map(|fault| format!("{} {}", fault.pointer, fault.detail));
+        self.fault = self.fault.take().or(fault);
+        self.values.push(vec![None; outputs]);
+    }
+
+    fn entries(&self, at_point: &PointValues) -> Vec<Entry> {
+        let found = self.search.found().into_iter().enumerate();
+        let entry = |(output, derivative): (usize, Option<Derivative>)| {
+            let derivative =
+                derivative.ok_or_else(|| match (&at_point.values[output], &self.fault) {
+                    (Err(reason), _) => reason.to_string(),
+                    (Ok(_), Some(fault)) => {
+                        format!("too few scenarios around this one are valid: {fault}")
+                    }
+                    (Ok(_), None) => {
+                        "it has no value at too many points around this one".to_owned()
+                    }
+                });
+            Entry::new(output, self.member, derivative, at_point)
+        };
+        found.map(entry).collect()
+    }
+}
+
+impl Entry {
+    fn new(
+        output: usize,
+        member: usize,
+        derivative: Result<Derivative, String>,
+        at_point: &PointValues,
+    ) -> Self {
+        let (is_closed, has_value) = (at_point.closed[output], at_point.values[output].is_ok());
+        Self { output, member, derivative, is_closed, has_value }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use fretwork_engine::numeric::root;
+    use fretwork_engine::scenario;
+    use serde_json::{Value, json};
+
+    use super::*;
+    use fretwork_random::Random;
+
+    fn found(config: Value) -> Vec<Entry> {
+        let model = Arc::new(Model::read(config).unwrap());
+        let members = (0..model.members().len()).collect();
+        let mut search = Jacobian::new(&model, &model.origin(), members).unwrap();
+        loop {
+            if let Some(found) = search.step() {
+                return found;
+            }
+        }
+    }
+
+    fn ball() -> Value {
+        json!({
+            "profile": {"shape": "paraboloid", "radius": 0.01},
+            "moduli": {"normal": 113e9, "tangential": 93e9}, "friction": 0.7,
+            "wear": {"coefficient": 3.03e-14}, "load": {"normal_force": 100, "held": "depth"},
+            "motion": {"amplitude": 2e-6}, "cycles": [10000],
+            "model": {"method": "simplified", "xi": 0.8},
+        })
+    }
+
+    /// Hertz, Cattaneo and Mindlin.
+    #[test]
+    fn closed_derivatives_agree_with_hertz_and_mindlin() {
+        let found = found(json!({"scenario": ball(),
+            "parameters": ["/load/normal_force", "/profile/radius", "/moduli/normal", "/motion/amplitude"],
+            "outputs": ["scales.contact_radius", "unworn.peak_pressure", "unworn.tangential_force"]}));
+        let (force, radius, normal, tangential, friction) = (100.0_f64, 0.01, 113e9_f64, 93e9, 0.7);
+        let contact = libm::cbrt(0.75 * force * radius / normal);
+        let peak = 1.5 * force / (std::f64::consts::PI * contact * contact);
+        // Q = μF (1 − (c/a)³), where c follows from the amplitude.
+        let shear = |force: f64, radius: f64, normal: f64, amplitude: f64| {
+            let contact = libm::cbrt(0.75 * force * radius / normal);
+            let full = friction * normal / tangential * contact * contact / radius;
+            let stick = contact * root(0.0, 1.0, |c| full * (1.0 - c * c) - amplitude);
+            friction * force * (1.0 - libm::pow(stick / contact, 3.0))
+        };
+        let at = [force, radius, normal, 2e-6];
+        let slope = |place: usize| {
+            let value = |factor: f64| {
+                let mut x = at;
+                x[place] *= factor;
+                shear(x[0], x[1], x[2], x[3])
+            };
+            (value(1.0 + 1e-5) - value(1.0 - 1e-5)) / (2e-5 * at[place])
+        };
+        for entry in found {
+            let third = [1.0, 1.0, -1.0, 0.0][entry.member] / 3.0;
+            let expected = match entry.output {
+                0 => third * contact / at[entry.member],
+                1 => [1.0, -2.0, 2.0, 0.0][entry.member] / 3.0 * peak / at[entry.member],
+                _ => slope(entry.member),
+            };
+            let Derivative { value, error } = entry.derivative.unwrap();
+            let scale = expected.abs().max(
+                [contact, peak, shear(force, radius, normal, 2e-6)][entry.output]
+                    / at[entry.member],
+            );
+            let (output, member) = (entry.output, entry.member);
+            assert!(
+                (value - expected).abs() <= error + 1e-8 * scale,
+                "{output} {member}: {value} {expected}"
+            );
+            assert!(error < 1e-5 * scale && entry.is_closed, "{output} {member}: {error:e}");
+        }
+    }
+
+    /// dV/dN = (k/μ)·W, and V depends on the product k·N only.
+    #[test]
+    fn derivatives_of_exact_runs_satisfy_the_energy_balance() {
+        let mut scenario = ball();
+        scenario["model"] = json!({"method": "exact"});
+        let energy = json!({"scenario": scenario, "outputs": ["energy_per_cycle"]});
+        let model = Arc::new(Model::read(energy).unwrap());
+        let mut run = model.run(&[0.7]).unwrap();
+        let values = std::iter::repeat_with(|| run.step()).find_map(|values| values).unwrap();
+        let per_cycle = 3.03e-14 / 0.7 * values.values[0].unwrap();
+        let found = found(json!({"scenario": scenario,
+            "parameters": ["/cycles/0", "/wear/coefficient"], "outputs": ["wear_volume"]}));
+        for (entry, expected) in found.iter().zip([per_cycle, per_cycle * 1e4 / 3.03e-14]) {
+            let Derivative { value, error } = entry.derivative.clone().unwrap();
+            assert!((value - expected).abs() <= error, "{value:e} ± {error:e}, {expected:e}");
+            assert!(error < 0.1 * expected && !entry.is_closed, "{error:e} of {expected:e}");
+        }
+    }
+
+    /// The columns of the history that a run computes.
+    const COMPUTED: [&str; 9] = [
+        "wear_volume",
+        "wear_depth",
+        "scar_radius",
+        "contact_radius",
+        "normal_force",
+        "indentation_depth",
+        "tangential_force",
+        "energy_per_cycle",
+        "dissipated_energy",
+    ];
+
+    /// Runs with a tolerance of 1e-4 have 0.265 and 0.286. The radius has waves of 0.4 %, one for each cell that its edge
+    /// crosses.
+    #[test]
+    fn the_derivative_of_the_radius_in_gross_slip_contains_its_roughness() {
+        let scenario = json!({
+            "profile": {"shape": "paraboloid", "radius": 0.01},
+            "moduli": {"normal": 113e9, "tangential": 93e9}, "friction": 0.7,
+            "wear": {"coefficient": 3e-14}, "load": {"normal_force": 100.0, "held": "force"},
+            "motion": {"amplitude": 9e-6}, "cycles": [3000.0, 30000.0],
+        });
+        let config = json!({"scenario": scenario, "outputs": ["contact_radius"],
+            "parameters": ["/profile/radius", "/motion/amplitude"]});
+        let model = Arc::new(Model::read(config.clone()).unwrap());
+        let mut run = model.run(&model.origin()).unwrap();
+        let values = std::iter::repeat_with(|| run.step()).find_map(|values| values).unwrap();
+        let radius = values.values[0].unwrap();
+        for ((entry, x), expected) in found(config).iter().zip(model.origin()).zip([0.265, 0.286]) {
+            let Derivative { value, error } = entry.derivative.clone().unwrap();
+            let [value, error] = [value, error].map(|part| part * x / radius);
+            assert!((value - expected).abs() <= error, "{value} ± {error}, {expected}");
+            assert!(error < 0.15, "{value} ± {error}");
+        }
+    }
+
+    /// A random contact in gross slip, and one of its numbers.
+    fn slipping(chance: &mut Random) -> (Value, &'static str) {
+        let radius = chance.between(0.002, 0.02);
+        let blunt = |exponent: f64| json!({"shape": "power", "exponent": exponent, "height": 1.5e-6, "at_radius": 1.8e-4});
+        let flat = radius.sqrt() * chance.between(2e-4, 1.2e-3);
+        let profile = [
+            json!({"shape": "paraboloid", "radius": radius}),
+            json!({"shape": "sphere", "radius": radius}),
+            json!({"shape": "cone", "slope_angle": radius}),
+            json!({"shape": "truncated_paraboloid", "radius": radius, "flat_radius": flat}),
+            blunt(1.5),
+            blunt(4.0),
+        ];
+        let mut scenario = ball();
+        scenario["profile"] = profile[chance.one_of(&[0, 1, 2, 3, 4, 5])].clone();
+        scenario["friction"] = json!(chance.between(0.4, 0.9));
+        scenario["load"]["held"] = json!(chance.one_of(&["force", "depth"]));
+        scenario["model"] = json!({"method": "exact"});
+        let scales = |scenario: &Value| scenario::prepare(scenario.clone(), "").unwrap().1.scales;
+        let threshold = scales(&scenario).gross_slip_amplitude();
+        scenario["motion"]["amplitude"] = json!(threshold * chance.log_between(1.2, 4.0));
+        scenario["cycles"] = json!([scales(&scenario).cycles * chance.log_between(0.1, 10.0)]);
+        let numbers = ["/motion/amplitude", "/load/normal_force", "/friction", "/wear/coefficient"];
+        (scenario, chance.one_of(&numbers))
+    }
+
+    /// The module `output` quotes this test. The truth is a run with a smaller tolerance.
+    #[test]
+    fn derivatives_of_all_columns_contain_their_roughness() {
+        let is_long = std::env::var_os("FRETWORK_TEST_LONG").is_some();
+        let count = if is_long { 200 } else { 12 };
+        let mut chance = Random::new(1);
+        let mut ratios = vec![Vec::new(); COMPUTED.len()];
+        for _ in 0..count {
+            let (scenario, number) = slipping(&mut chance);
+            let mut config =
+                json!({"scenario": scenario, "parameters": [number], "outputs": COMPUTED});
+            let tested = found(config.clone());
+            config["scenario"]["model"]["tolerance"] = json!(1e-4);
+            for (entry, truth) in tested.into_iter().zip(found(config)) {
+                let (tested, truth) = (entry.derivative.unwrap(), truth.derivative.unwrap());
+                let true_error = (tested.value - truth.value).abs();
+                // Held quantities are exact.
+                ratios[entry.output].push((tested.error / true_error).min(1e3));
+            }
+        }
+        let covered = |ratios: &[f64]| ratios.iter().filter(|ratio| **ratio >= 1.0).count();
+        for (name, ratios) in COMPUTED.iter().zip(&mut ratios) {
+            ratios.sort_by(f64::total_cmp);
+            let (covered, median) = (covered(ratios), ratios[count / 2]);
+            println!("{name}: {covered} of {count}, stated/true {median:.1}");
+            assert!(10 * covered >= 9 * count, "{name}: {covered} of {count}");
+        }
+        let (covered, all) = (covered(&ratios.concat()), count * COMPUTED.len());
+        println!("all: {covered} of {all}");
+        assert!(100 * covered >= 95 * all, "{covered} of {all}");
+    }
+
+    #[test]
+    fn a_missing_derivative_has_a_reason() {
+        let mut scenario = ball();
+        scenario["model"]["points"] = json!(64);
+        let found =
+            found(json!({"scenario": scenario, "parameters": ["/model/points", "/friction"],
+            "outputs": ["wear_volume", "unworn.actuator_amplitude"]}));
+        let reasons: Vec<Option<String>> =
+            found.into_iter().map(|entry| entry.derivative.err()).collect();
+        assert!(reasons[0].as_deref().unwrap().contains("/model/points"), "{reasons:?}");
+        assert!(reasons[1].as_deref().unwrap().contains("rig_stiffness"), "{reasons:?}");
+        assert_eq!(reasons[2], None);
+        assert!(reasons[3].as_deref().unwrap().contains("rig_stiffness"), "{reasons:?}");
+    }
+}

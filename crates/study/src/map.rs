@@ -1,0 +1,447 @@
+//! Maps: regimes, forces and wear over normal force and amplitude (running-condition fretting maps).
+//!
+//! The unworn contact at each point is known in closed form, see [`Condition`]. A run is computed only for `outputs` that
+//! need one, such as the wear volume.
+//!
+//! The boundary of gross slip is the curve U = μ(E*/G*)·d(F). For a paraboloid it is that of Hertz and Mindlin,
+//! U = 3μF/(4G*a).
+//!
+//! # Sources
+//! O. Vingsbo, S. Söderberg, Wear 126 (1988) 131: fretting maps.
+
+use std::sync::OnceLock;
+
+use deserr::{Deserr, IntoValue as _, ValuePointerRef};
+use fretwork_engine::case::Case;
+use fretwork_engine::numeric::twelve_digits;
+use fretwork_engine::outcome::Condition;
+use fretwork_engine::request::fault::{Fault, Faults};
+use fretwork_engine::request::fields::{Given, Length};
+use fretwork_engine::scenario;
+use serde_json::{Map as Object, Value, json};
+
+use super::member::Member;
+use super::problem::{Found, Lack, Problem, Read, outputs_of, small_members};
+use super::rows::{NUMBER, Rows};
+use super::vary::{self, Values};
+use fretwork_json::Whole;
+
+/// The pointers of the members of a map.
+const MEMBERS: [&str; 2] = ["/load/normal_force", "/motion/amplitude"];
+/// Their names in a study.
+const AXES: [&str; 2] = ["normal_force", "amplitude"];
+/// Most values of an axis: a contact is computed and kept for each normal force.
+const MAX_VALUES: usize = 4096;
+/// The columns of the unworn contact and their units, between the members and the outputs.
+pub const CLOSED: [(&str, &str); 3] =
+    [("unworn.force_ratio", "1"), ("unworn.stick_ratio", "1"), ("unworn.energy_per_cycle", "J")];
+/// Place of the stick ratio among them.
+const STICK_RATIO: usize = 1;
+/// The name of the column of texts that follows from the others.
+pub const REGIME: &str = "regime";
+/// Processor time of a point without a run, in seconds.
+pub const SECONDS: f64 = 2e-6;
+
+/// The body of a map.
+#[derive(Deserr)]
+#[deserr(error = Faults, deny_unknown_fields)]
+struct Request {
+    #[deserr(default, rename = "version")]
+    _version: Given<Whole<1, 1>>,
+    scenario: Value,
+    normal_force: Value,
+    amplitude: Value,
+    #[deserr(default)]
+    outputs: Given<Value>,
+}
+
+/// The points of a map: all amplitudes at the first normal force, then at the second, and so on.
+#[derive(Debug)]
+pub struct Map {
+    forces: Vec<f64>,
+    amplitudes: Vec<f64>,
+    /// For each normal force a case with any amplitude, or why there is none. They are computed when they are needed.
+    cases: Vec<OnceLock<Result<Box<Case>, String>>>,
+}
+
+/// Reads a map.
+///
+/// # Errors
+/// All faults, with pointers relative to the map.
+pub(super) fn read(map: Value) -> Result<Read<Map>, Faults> {
+    let complete = small_members(&map);
+    let request: Request =
+        Request::deserialize_from_value::<Value>(map.into_value(), ValuePointerRef::Origin)?;
+    let Request { scenario, normal_force, amplitude, outputs, .. } = request;
+    let mut faults = Vec::new();
+    let mut collect = |prefix: &str, more: Faults| faults.extend(more.below(prefix).0);
+    if let Err(more) = scenario::prepare(scenario.clone(), "/scenario") {
+        collect("", more);
+    }
+    if let Err(more) = plain(&scenario) {
+        collect("/scenario", more);
+    }
+    let names = outputs.0.filter(|names| *names != json!([]));
+    let outputs = names.map_or(Ok(Vec::new()), |names| outputs_of(names, &scenario));
+    let outputs = outputs.unwrap_or_else(|more| {
+        collect("/outputs", more);
+        Vec::new()
+    });
+    if let Some(place) =
+        outputs.iter().position(|output| CLOSED.iter().any(|(own, _)| *own == output.name()))
+    {
+        collect(
+            &format!("/outputs/{place}"),
+            Faults::one("", "is a column of every map. Remove it"),
+        );
+    }
+    if !faults.is_empty() {
+        return Err(Faults(faults));
+    }
+    let (members, [forces, amplitudes]) = axes([normal_force, amplitude], &scenario)?;
+    let cases = forces.iter().map(|_| OnceLock::new()).collect();
+    let plan = Map { forces, amplitudes, cases };
+    Ok(Read::new(complete, Problem::new(scenario, members, outputs), plan))
+}
+
+/// Checks that normal force and amplitude determine the unworn contact of a scenario.
+fn plain(scenario: &Value) -> Result<(), Faults> {
+    let mut faults = Vec::new();
+    for (pointer, name) in MEMBERS.into_iter().zip(AXES) {
+        let section = pointer.rsplit_once('/').map_or("", |(section, _)| section);
+        if scenario.pointer(section).is_some() && scenario.pointer(pointer).is_none() {
+            let detail = format!(
+                "has no `{name}`, but a map varies it. Enter a value in place of what is given"
+            );
+            faults.push(Fault { pointer: section.to_owned(), detail });
+        }
+    }
+    let rig = "/motion/rig_stiffness";
+    if scenario.pointer(rig).is_some() {
+        let detail = "does not belong to a map, whose amplitude is that of the contact. Remove it";
+        faults.push(Fault { pointer: rig.to_owned(), detail: detail.to_owned() });
+    }
+    if faults.is_empty() { Ok(()) } else { Err(Faults(faults)) }
+}
+
+/// The members of a map, and their values.
+fn axes(given: [Value; 2], scenario: &Value) -> Result<(Vec<Member>, [Vec<f64>; 2]), Faults> {
+    let (mut entries, mut faults) = (Vec::new(), Vec::new());
+    let mut wrong = |place: usize, detail: String| {
+        faults.push(Fault { pointer: format!("/{}", AXES[place]), detail });
+    };
+    for (place, axis) in given.into_iter().enumerate() {
+        let mut entry = axis;
+        match entry.as_object_mut() {
+            Some(members) if !members.contains_key("pointer") => {
+                members.insert("pointer".to_owned(), json!(MEMBERS[place]));
+                entries.push(entry);
+            }
+            Some(_) => wrong(place, "has a `pointer`, but its name says what it varies. Remove it".to_owned()),
+            None => wrong(
+                place,
+                "must be a range, such as {\"from\": 1, \"to\": 100, \"count\": 64, \"spacing\": \"log\"}".to_owned(),
+            ),
+        }
+    }
+    if !faults.is_empty() {
+        return Err(Faults(faults));
+    }
+    let varied = vary::list(&entries, scenario).map_err(|mut faults| {
+        for fault in &mut faults.0 {
+            for (place, axis) in AXES.iter().enumerate() {
+                if let Some(rest) = fault.pointer.strip_prefix(&format!("/{place}")) {
+                    fault.pointer = format!("/{axis}{rest}");
+                    break;
+                }
+            }
+        }
+        faults
+    })?;
+    let (mut members, mut lists) = (Vec::new(), [Vec::new(), Vec::new()]);
+    let mut wrong = |place: usize, detail: String| {
+        faults.push(Fault { pointer: format!("/{}", AXES[place]), detail });
+    };
+    for (place, one) in varied.into_iter().enumerate() {
+        members.push(one.member);
+        match one.values {
+            Values::List(list) if list.len() <= MAX_VALUES => lists[place] = list,
+            Values::List(list) => {
+                wrong(
+                    place,
+                    format!("has {} values. At most {MAX_VALUES} are accepted", list.len()),
+                );
+            }
+            Values::Range(..) => {
+                wrong(place, "needs `count`, the number of values from `from` to `to`".to_owned());
+            }
+            Values::Base | Values::Distribution(_) => {
+                wrong(place, "must have `from`, `to` and `count`, or `values`".to_owned());
+            }
+        }
+    }
+    if faults.is_empty() { Ok((members, lists)) } else { Err(Faults(faults)) }
+}
+
+impl Map {
+    /// The number of points.
+    #[must_use]
+    pub fn points(&self) -> usize {
+        self.forces.len() * self.amplitudes.len()
+    }
+
+    /// Normal force and amplitude of a point, in SI.
+    #[must_use]
+    pub fn point(&self, number: usize) -> [f64; 2] {
+        let count = self.amplitudes.len();
+        [self.forces[number / count], self.amplitudes[number % count]]
+    }
+
+    /// A row: the unworn contact of a point before what was found by its run.
+    #[must_use]
+    pub fn row(&self, problem: &Problem, number: usize, run: Found) -> Found {
+        let amplitude = self.point(number)[1];
+        let case = self.case(problem, number / self.amplitudes.len());
+        let (low, high) = Length::RANGE;
+        let (closed, refused) = match case {
+            _ if !(low..=high).contains(&amplitude) => {
+                let reason = format!("{}: must be from {low:e} to {high:e} m", MEMBERS[1]);
+                ([None; CLOSED.len()], Some(Lack::Refused(reason)))
+            }
+            Ok(case) => {
+                let Condition { force_ratio, stick_ratio, energy_per_cycle, .. } =
+                    Condition::of(case, amplitude);
+                ([force_ratio, stick_ratio, energy_per_cycle].map(Some), None)
+            }
+            Err(reason) => ([None; CLOSED.len()], Some(Lack::Refused(reason.clone()))),
+        };
+        let outputs = closed.into_iter().chain(run.outputs).collect();
+        Found { outputs, lack: run.lack.or(refused), profiles: Vec::new() }
+    }
+
+    /// A case with a normal force.
+    fn case(&self, problem: &Problem, force: usize) -> Result<&Case, &String> {
+        let case = self.cases[force].get_or_init(|| {
+            let of =
+                |amplitude: &f64| problem.case(&[self.forces[force], *amplitude]).map(Box::new);
+            // The smallest or the largest amplitudes may be out of bounds.
+            let last = self.amplitudes.len() - 1;
+            let [first, others @ ..] = [0, last / 2, last].map(|place| &self.amplitudes[place]);
+            others.into_iter().fold(of(first), |case, other| case.or_else(|_| of(other)))
+        });
+        case.as_deref()
+    }
+
+    /// The texts of the column of regimes, which follow from the stick ratio.
+    #[must_use]
+    pub fn regimes(rows: &Rows) -> String {
+        let ratios = rows.numbers(MEMBERS.len() + STICK_RATIO);
+        let regimes = ratios.into_iter().map(|ratio| match ratio {
+            None => "null",
+            Some(0.0) => "\"gross_slip\"",
+            Some(_) => "\"partial_slip\"",
+        });
+        let mut text = String::with_capacity(rows.count * 16);
+        for (place, regime) in regimes.enumerate() {
+            text.push_str(if place == 0 { "" } else { "," });
+            text.push_str(regime);
+        }
+        text
+    }
+
+    /// What is known without the rows: the member `boundary` of the document, the amplitudes at which gross slip begins.
+    #[must_use]
+    pub fn findings(&self, problem: &Problem) -> Object<String, Value> {
+        let of = |force| Some(self.case(problem, force).ok()?.scales.gross_slip_amplitude());
+        let amplitudes: Vec<_> =
+            (0..self.forces.len()).map(|force| of(force).map(twelve_digits)).collect();
+        let forces: Vec<_> = self.forces.iter().map(|force| twelve_digits(*force)).collect();
+        let [force, amplitude] = MEMBERS;
+        let boundary = json!({force: forces, amplitude: amplitudes});
+        Object::from_iter([("boundary".to_owned(), boundary)])
+    }
+
+    /// Estimated processor time of a point, in seconds.
+    #[must_use]
+    pub fn seconds(problem: &Problem, values: &[f64]) -> f64 {
+        let is_closed = problem.outputs.is_empty();
+        SECONDS + if is_closed { 0.0 } else { problem.seconds(values) }
+    }
+
+    /// Estimated processor time of [`Self::findings`] and of the cases, in seconds.
+    #[must_use]
+    pub fn findings_seconds(&self, problem: &Problem) -> f64 {
+        self.forces.len() as f64 * problem.preparation
+    }
+
+    /// Size of what is known without the rows, in bytes.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        2 * NUMBER * self.forces.len()
+    }
+
+    /// Memory, in bytes.
+    #[must_use]
+    pub fn memory(&self) -> usize {
+        self.forces.len() * size_of::<Case>()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::iter;
+    use std::sync::Arc;
+
+    use fretwork_engine::outcome::Preview;
+    use fretwork_engine::simulation::Simulation;
+
+    use super::*;
+    use crate::{Kind, Points, Study};
+    use fretwork_json as json;
+
+    fn map(change: impl FnOnce(&mut Value)) -> Result<Arc<Study>, Faults> {
+        let mut map = json!({
+            "scenario": {
+                "profile": {"shape": "paraboloid", "radius": "10 mm"},
+                "moduli": {"normal": "113 GPa", "tangential": "93 GPa"},
+                "friction": 0.7,
+                "wear": {"coefficient": "3.03e-5 mm^3/(N m)"},
+                "load": {"normal_force": "100 N", "held": "depth"},
+                "motion": {"amplitude": "2 um"},
+                "cycles": [1000],
+                "model": {"method": "simplified", "points": 16}
+            },
+            "normal_force": {"from": "1 N", "to": "1 kN", "count": 7, "spacing": "log"},
+            "amplitude": {"from": "0.1 um", "to": "20 um", "count": 12},
+        });
+        change(&mut map);
+        Study::read(Kind::Map, map).map(Arc::new)
+    }
+
+    fn document(study: &Arc<Study>) -> Value {
+        let rows = |chunks: usize| {
+            let mut all = Rows::default();
+            for number in 0..chunks {
+                let mut points = Points::chunk(Arc::clone(study), number, chunks);
+                all.append(&iter::repeat_with(|| points.step()).find_map(|rows| rows).unwrap());
+            }
+            all
+        };
+        let text = study.document(&"key", &"engine", &rows(1));
+        assert_eq!(text, study.document(&"key", &"engine", &rows(5)));
+        assert!(text.len() <= study.bytes(), "{} {}", text.len(), study.bytes());
+        assert_eq!(study.judge(&"key", &"engine", text.as_bytes()), Ok(()));
+        serde_json::from_str(&text).unwrap()
+    }
+
+    fn rounded(number: f64) -> Value {
+        serde_json::from_str(&json::write(&number, 20)).unwrap()
+    }
+
+    #[test]
+    fn the_boundary_of_gross_slip_is_that_of_hertz_and_mindlin() {
+        let document = document(&map(|_| {}).unwrap());
+        let column = |name: &str| document["boundary"][name].as_array().unwrap().clone();
+        let pairs = column(MEMBERS[0]).into_iter().zip(column(MEMBERS[1]));
+        let pairs: Vec<_> =
+            pairs.map(|(f, u)| (f.as_f64().unwrap(), u.as_f64().unwrap())).collect();
+        assert_eq!(pairs.len(), 7);
+        for (force, amplitude) in &pairs {
+            // K. L. Johnson, Contact Mechanics (1985), (4.22) and (7.41).
+            let radius = libm::cbrt(3.0 * force * 0.01 / (4.0 * 113e9));
+            let known = 3.0 * 0.7 * force / (4.0 * 93e9 * radius);
+            assert!((amplitude - known).abs() < 1e-6 * known, "{force} N: {amplitude} {known}");
+        }
+        // The regimes of the table change at this curve.
+        let table = &document["table"];
+        for number in 0..7 * 12 {
+            let (force, amplitude) = pairs[number / 12];
+            assert_eq!(table[MEMBERS[0]][number].as_f64(), Some(force));
+            let slips = table[MEMBERS[1]][number].as_f64().unwrap() > amplitude;
+            let regime = if slips { "gross_slip" } else { "partial_slip" };
+            assert_eq!(table[REGIME][number], regime, "{number}");
+        }
+    }
+
+    #[test]
+    fn the_unworn_contact_is_that_of_cattaneo_and_mindlin() {
+        let document = document(&map(|_| {}).unwrap());
+        let [table, boundary] = [&document["table"], &document["boundary"][MEMBERS[1]]];
+        for number in 0..7 * 12 {
+            let cell = |name: &str| table[name][number].as_f64().unwrap();
+            let threshold = cell(MEMBERS[1]) / boundary[number / 12].as_f64().unwrap();
+            // c/a = √(1 − Δ) and Q/μF = 1 − (1 − Δ)^(3/2).
+            let rest = (1.0 - threshold).max(0.0).sqrt();
+            assert!((cell("unworn.stick_ratio") - rest).abs() < 1e-9, "{number}");
+            assert!(
+                (cell("unworn.force_ratio") - (1.0 - rest * rest * rest)).abs() < 1e-9,
+                "{number}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_row_has_the_numbers_of_a_run_with_its_values() {
+        let study = map(|map| map["outputs"] = json!(["wear_volume", "wear_depth@1000"])).unwrap();
+        let table = document(&study)["table"].take();
+        for number in [0, 30, 83] {
+            let case = study.problem().case(&study.point(number)).unwrap();
+            let unworn = Preview::of(&case).unworn;
+            let history = Simulation::new(case, Vec::new()).run().history;
+            let energy = table["unworn.energy_per_cycle"][number].as_f64().unwrap();
+            assert!((energy - unworn.energy_per_cycle).abs() < 1e-9 * energy);
+            assert_eq!(table["wear_volume"][number], rounded(history.wear_volume[1]));
+            assert_eq!(table["wear_depth@1000"][number], rounded(history.wear_depth[1]));
+        }
+    }
+
+    #[test]
+    fn a_force_without_a_contact_gives_rows_with_the_reason() {
+        let study = map(|map| {
+            map["scenario"]["profile"] = json!({"shape": "sphere", "radius": "0.1 mm"});
+            map["scenario"]["load"]["normal_force"] = json!("1 N");
+            map["normal_force"] = json!({"values": ["1 N", "1 MN"]});
+        });
+        let document = document(&study.unwrap());
+        assert_eq!(document["counts"]["refused"], 12);
+        let table = &document["table"];
+        assert_eq!(
+            (&table[REGIME][12], &document["boundary"][MEMBERS[1]][1]),
+            (&Value::Null, &Value::Null)
+        );
+        assert!(table["reason"][12].as_str().unwrap().contains("/load/normal_force"), "{table}");
+        assert_eq!(table["reason"][11], Value::Null);
+    }
+
+    #[test]
+    fn faults_say_what_a_map_needs() {
+        let fault = |change: &dyn Fn(&mut Value)| {
+            let fault = map(|map| change(map)).unwrap_err().0.swap_remove(0);
+            format!("{}: {}", fault.pointer, fault.detail)
+        };
+        let depth =
+            |map: &mut Value| map["scenario"]["load"] = json!({"indentation_depth": "1 um"});
+        assert!(fault(&depth).starts_with("/scenario/load: has no `normal_force`"));
+        let ratio = |map: &mut Value| map["scenario"]["motion"] = json!({"stick_ratio": 0.5});
+        assert!(fault(&ratio).starts_with("/scenario/motion: has no `amplitude`"));
+        let rig = |map: &mut Value| map["scenario"]["motion"]["rig_stiffness"] = json!("50 N/um");
+        assert!(fault(&rig).starts_with("/scenario/motion/rig_stiffness: does not belong"));
+        assert!(fault(&|map| map["amplitude"]["to"] = json!("1 N")).starts_with("/amplitude/to: "));
+        assert!(
+            fault(&|map| map["normal_force"]["from"] = json!(0))
+                .starts_with("/normal_force/from: must be greater")
+        );
+        assert!(
+            fault(&|map| map["amplitude"] = json!({"from": 1e-6, "to": 2e-6}))
+                .starts_with("/amplitude: needs `count`")
+        );
+        assert!(
+            fault(&|map| map["amplitude"] = json!(3)).starts_with("/amplitude: must be a range")
+        );
+        assert!(
+            fault(&|map| map["amplitude"]["count"] = json!(5000))
+                .starts_with("/amplitude: has 5000 values")
+        );
+        assert!(fault(&|map| map["outputs"] = json!(["wear_volum"])).contains("wear_volume"));
+    }
+}

@@ -1,0 +1,279 @@
+//! The numbers of a scenario that a study varies.
+
+use std::iter;
+
+use deserr::{Deserr as _, IntoValue as _, ValuePointerRef};
+use fretwork_engine::request::Request;
+use fretwork_engine::request::fault::{Faults, unknown};
+use fretwork_engine::request::quantity::{self, Dimension};
+use serde_json::{Number, Value, json};
+
+use fretwork_json::escaped;
+
+/// Most numbers that an error text lists.
+const LISTED: usize = 40;
+/// Most items of a list of which all are looked at.
+const SHORT: usize = 4;
+/// Most members of an object that are looked at, more than any object of a scenario has.
+const MEMBERS: usize = 64;
+
+/// A number of a scenario, which a JSON pointer names.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Member {
+    /// The pointer (RFC 6901), such as `/friction`.
+    pub pointer: String,
+    /// What the number measures.
+    pub dimension: Dimension,
+    /// Its value in the scenario, in SI.
+    pub value: f64,
+}
+
+impl Member {
+    /// The pointers of all numbers of a scenario that are not in lists.
+    #[must_use]
+    pub fn outside_lists(scenario: &Value) -> Vec<String> {
+        let mut found = Vec::new();
+        numbers(scenario, None, &mut String::new(), &mut found);
+        found
+    }
+
+    /// Finds a number in a scenario, as its client wrote it.
+    ///
+    /// # Errors
+    /// A sentence for the client: the pointer names no number.
+    pub fn find(scenario: &Value, pointer: &str) -> Result<Self, String> {
+        let found = scenario.pointer(pointer).ok_or_else(|| {
+            let mut known = Vec::new();
+            numbers(scenario, Some(LISTED), &mut String::new(), &mut known);
+            let known: Vec<&str> = known.iter().map(String::as_str).collect();
+            unknown("number of the scenario", pointer, &known)
+        })?;
+        if !is_number(found) {
+            return Err(format!("`{pointer}` is not a number. Name a number of the scenario"));
+        }
+        let dimension = dimension(scenario, pointer, found);
+        let value = read(found, dimension)?;
+        Ok(Self { pointer: pointer.to_owned(), dimension, value })
+    }
+
+    /// Reads a value of this number: in SI, or with a unit.
+    ///
+    /// # Errors
+    /// A sentence for the client: it is not a number, or has another unit.
+    pub fn read(&self, value: &Value) -> Result<f64, String> {
+        read(value, self.dimension)
+    }
+
+    /// Puts a value in SI into a scenario.
+    ///
+    /// # Panics
+    /// The scenario is not the one in which the number was found.
+    #[expect(clippy::expect_used, reason = "the pointer was found in this scenario")]
+    pub fn put(&self, scenario: &mut Value, value: f64) {
+        // Some members accept only integers.
+        let whole = value.fract() == 0.0 && value.abs() < 1e15;
+        let number = if whole { Some((value as i64).into()) } else { Number::from_f64(value) };
+        *scenario.pointer_mut(&self.pointer).expect("the scenario has this number") =
+            number.map_or(Value::Null, Value::Number);
+    }
+}
+
+fn is_number(value: &Value) -> bool {
+    match value {
+        Value::Number(_) => true,
+        Value::String(text) => {
+            text.starts_with(|first: char| first.is_ascii_digit() || "+-.".contains(first))
+        }
+        _ => false,
+    }
+}
+
+fn read(value: &Value, dimension: Dimension) -> Result<f64, String> {
+    match value {
+        Value::Number(number) => number.as_f64().ok_or_else(|| format!("{number} is too large")),
+        Value::String(text) => quantity::parse(text, dimension),
+        _ => Err("must be a number, or a text with a unit".to_owned()),
+    }
+}
+
+/// What a number of a scenario measures. A text says it by its unit. For a plain number, it is the dimension whose unit
+/// the scenario accepts at its place.
+fn dimension(scenario: &Value, pointer: &str, found: &Value) -> Dimension {
+    let with_unit = || Dimension::ALL.into_iter().filter(|it| *it != Dimension::Number);
+    let plain = match found {
+        Value::String(text) => {
+            let Ok(plain) = quantity::parse(text, Dimension::Number) else {
+                let known = with_unit().find(|dimension| quantity::parse(text, *dimension).is_ok());
+                return known.unwrap_or(Dimension::Number);
+            };
+            plain
+        }
+        other => other.as_f64().unwrap_or_default(),
+    };
+    let mut tokens = pointer.split('/').skip(1);
+    let mut first = String::new();
+    let short = with_short_lists(scenario, &mut tokens, &mut first);
+    let faults_with = |value: Value| -> Vec<String> {
+        let mut changed = short.clone();
+        if let Some(place) = changed.pointer_mut(&first) {
+            *place = value;
+        }
+        let read: Result<Request, Faults> =
+            Request::deserialize_from_value(changed.into_value(), ValuePointerRef::Origin);
+        let faults = read.map_or_else(|faults| faults.0, |_| Vec::new()).into_iter();
+        faults.filter(|fault| fault.pointer == first).map(|fault| fault.detail).collect()
+    };
+    // At another place of a list, a number can have a fault that says nothing about its unit.
+    let own = faults_with(json!(plain));
+    let accepts = |dimension: &Dimension| {
+        faults_with(Value::String(format!("{plain:?} {}", dimension.si()))) == own
+    };
+    with_unit().find(accepts).unwrap_or(Dimension::Number)
+}
+
+/// A document with at most [`SHORT`] items of each list and [`MEMBERS`] members of each object, and what `tokens` lead to, which
+/// is the first item of a long list. The items of a long list measure the same. `pointer` gets the place to which the tokens
+/// lead then.
+fn with_short_lists<'a>(
+    value: &Value,
+    tokens: &mut impl Iterator<Item = &'a str>,
+    pointer: &mut String,
+) -> Value {
+    let token = tokens.next();
+    let mut enter = |name: &str, inner: &Value, is_wanted: bool| {
+        if is_wanted {
+            pointer.push('/');
+            pointer.push_str(name);
+            with_short_lists(inner, tokens, pointer)
+        } else {
+            with_short_lists(inner, &mut iter::empty(), &mut String::new())
+        }
+    };
+    match value {
+        Value::Object(members) => {
+            let short = members.iter().enumerate().filter_map(|(place, (name, inner))| {
+                let token_of_name = escaped(name);
+                let is_wanted = token == Some(&token_of_name);
+                let is_kept = is_wanted || place < MEMBERS;
+                is_kept.then(|| (name.clone(), enter(&token_of_name, inner, is_wanted)))
+            });
+            Value::Object(short.collect())
+        }
+        Value::Array(items) => {
+            let wanted = token.and_then(|token| token.parse().ok()).unwrap_or(usize::MAX);
+            let first = if items.len() > SHORT { items.get(wanted) } else { None };
+            let others = items.iter().take(SHORT - usize::from(first.is_some()));
+            let short = first.into_iter().chain(others).enumerate();
+            let wanted = if first.is_some() { 0 } else { wanted };
+            short.map(|(place, item)| enter(&place.to_string(), item, place == wanted)).collect()
+        }
+        other => other.clone(),
+    }
+}
+
+/// The pointers of the numbers of a document: of the first `most`, or of all that are not in lists.
+fn numbers(value: &Value, most: Option<usize>, pointer: &mut String, found: &mut Vec<String>) {
+    let length = pointer.len();
+    let mut enter = |name: &str, inner: &Value| {
+        if most.is_none_or(|most| found.len() < most) {
+            pointer.push('/');
+            pointer.push_str(&escaped(name));
+            numbers(inner, most, pointer, found);
+            pointer.truncate(length);
+        }
+    };
+    match value {
+        Value::Object(members) => members.iter().for_each(|(name, inner)| enter(name, inner)),
+        Value::Array(items) if most.is_some() => {
+            items.iter().enumerate().for_each(|(place, inner)| enter(&place.to_string(), inner));
+        }
+        _ if is_number(value) => found.push(pointer.clone()),
+        _ => {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fretwork_engine::scenario;
+
+    fn scenario() -> Value {
+        json!({
+            "profile": {"shape": "paraboloid", "radius": "10 mm"},
+            "bodies": [
+                {"youngs_modulus": 205e9, "poisson_ratio": 0.3},
+                {"youngs_modulus": "205 GPa", "poisson_ratio": 0.3}
+            ],
+            "friction": 0.7,
+            "wear": {"coefficient": "3.03e-5 mm^3/(N m)"},
+            "load": {"normal_force": "100 N", "held": "depth"},
+            "motion": {"amplitude": 2e-6},
+            "cycles": {"dissipated_energy": [1.0, "2 J"]},
+            "model": {"points": 64},
+        })
+    }
+
+    #[test]
+    fn the_dimension_of_a_number_is_known_with_and_without_its_unit() {
+        for (pointer, dimension, value) in [
+            ("/profile/radius", Dimension::Length, 0.01),
+            ("/bodies/0/youngs_modulus", Dimension::Stress, 205e9),
+            ("/bodies/1/youngs_modulus", Dimension::Stress, 205e9),
+            ("/bodies/0/poisson_ratio", Dimension::Number, 0.3),
+            ("/friction", Dimension::Number, 0.7),
+            ("/wear/coefficient", Dimension::WearCoefficient, 3.03e-14),
+            ("/motion/amplitude", Dimension::Length, 2e-6),
+            ("/cycles/dissipated_energy/0", Dimension::Energy, 1.0),
+            ("/model/points", Dimension::Number, 64.0),
+            ("/motion/reversals/4", Dimension::Length, 5e-6),
+            ("/motion/blocks/4/amplitude", Dimension::Length, 0.0),
+            ("/motion/blocks/4/cycles", Dimension::Number, 5.0),
+            ("/profile/height/3", Dimension::Length, 9e-9),
+            ("/profile/radius/0", Dimension::Length, 0.0),
+            ("/profile/radius/3", Dimension::Length, 3e-6),
+        ] {
+            let mut scenario = scenario();
+            if pointer.starts_with("/motion/reversals") {
+                scenario["motion"] =
+                    json!({"reversals": [1e-6, -2e-6, "3 um", -4e-6, 5e-6, -6e-6]});
+            } else if pointer.starts_with("/motion/blocks") {
+                let block = |place: u32| {
+                    json!({"amplitude": if place == 4 { 0.0 } else { 1e-6 },
+                    "cycles": place + 1})
+                };
+                scenario["motion"] = json!({"blocks": (0..6).map(block).collect::<Vec<_>>()});
+            } else if pointer.starts_with("/profile/height/")
+                || pointer.starts_with("/profile/radius/")
+            {
+                scenario["profile"] = json!({"shape": "table", "radius": [0.0, 1e-6, 2e-6, 3e-6, 4e-6, 5e-6],
+                    "height": [0.0, 1e-9, 4e-9, 9e-9, 16e-9, 25e-9]});
+            }
+            let member = Member::find(&scenario, pointer).unwrap();
+            assert_eq!(member.dimension, dimension, "{pointer}");
+            let difference = (member.value - value).abs();
+            assert!(difference <= 1e-14 * value, "{pointer}: {}", member.value);
+        }
+    }
+
+    #[test]
+    fn a_value_takes_the_place_of_the_number() {
+        let mut changed = scenario();
+        let radius = Member::find(&changed, "/profile/radius").unwrap();
+        radius.put(&mut changed, radius.read(&json!("20 mm")).unwrap());
+        assert_eq!(changed["profile"]["radius"], json!(0.02));
+        let points = Member::find(&changed, "/model/points").unwrap();
+        points.put(&mut changed, 128.0);
+        assert_eq!(changed["model"]["points"], json!(128));
+        assert!(scenario::prepare(changed, "").is_ok());
+    }
+
+    #[test]
+    fn a_fault_says_which_numbers_there_are_or_which_units() {
+        let refused = |pointer| Member::find(&scenario(), pointer).unwrap_err();
+        assert!(refused("/frction").contains("Did you mean `/friction`?"));
+        assert!(refused("/profile/shape").contains("is not a number"));
+        assert!(refused("/profile").contains("is not a number"));
+        let radius = Member::find(&scenario(), "/profile/radius").unwrap();
+        assert!(radius.read(&json!("20 GPa")).unwrap_err().contains("a length is needed"));
+    }
+}

@@ -1,0 +1,259 @@
+//! A scenario as a function of some of its numbers, whose values are some of its outputs.
+
+use std::collections::HashSet;
+use std::sync::Arc;
+
+use deserr::{Deserr, IntoValue as _, ValuePointerRef};
+use fretwork_engine::case::{Case, Method};
+use fretwork_engine::outcome::Preview;
+use fretwork_engine::request::fault::{Fault, Faults};
+use fretwork_engine::request::fields::Given;
+use fretwork_engine::scenario;
+use fretwork_engine::simulation::{Advance, Simulation};
+use serde_json::Value;
+
+use super::member::Member;
+use super::output::{NoValue, Output, OutputName};
+use fretwork_json::Distinct;
+
+/// Most numbers that a model varies, and most outputs of a model.
+const MOST: usize = 100;
+/// The job whose scenario is the default: a steel ball under the simplified rule.
+const DEFAULT: &str = include_str!("../../../examples/steel-ball-simplified.json");
+
+/// A function from numbers of a scenario to outputs of its result.
+#[derive(Debug)]
+pub struct Model {
+    /// The scenario as its client wrote it.
+    base: Value,
+    members: Vec<Member>,
+    outputs: Vec<Output>,
+}
+
+/// The run of a model at a point.
+#[derive(Debug)]
+pub struct Run {
+    model: Arc<Model>,
+    case: Case,
+    /// `None` if no output needs a run.
+    simulation: Option<Simulation>,
+}
+
+/// The values of the outputs at a point.
+#[derive(Debug)]
+pub struct PointValues {
+    /// The values, or why there are none.
+    pub values: Vec<Result<f64, NoValue>>,
+    /// The relative error that each value can have.
+    pub accuracies: Vec<f64>,
+    /// Whether each value has a closed form.
+    pub closed: Vec<bool>,
+}
+
+#[derive(Deserr)]
+#[deserr(error = Faults, deny_unknown_fields)]
+struct Config {
+    #[deserr(default)]
+    scenario: Given<Value>,
+    #[deserr(default)]
+    parameters: Given<Distinct<String, MOST>>,
+    #[deserr(default)]
+    outputs: Given<Distinct<OutputName, MOST>>,
+}
+
+impl Model {
+    /// Reads `{"scenario"?: {…}, "parameters"?: ["/friction", …], "outputs"?: ["wear_volume", …]}`. The defaults are the
+    /// example `steel-ball-simplified`, `/friction` and `wear_volume`.
+    ///
+    /// # Errors
+    /// All faults, with pointers relative to this object.
+    pub fn read(config: Value) -> Result<Self, Faults> {
+        let config: Config =
+            Config::deserialize_from_value::<Value>(config.into_value(), ValuePointerRef::Origin)?;
+        let parameters =
+            config.parameters.0.map_or_else(|| vec!["/friction".to_owned()], |it| it.0);
+        let outputs = config.outputs.0.map_or_else(default_outputs, |outputs| outputs.0);
+        Self::new(config.scenario.0.unwrap_or_else(default_scenario), &parameters, outputs)
+    }
+
+    /// A model of a scenario.
+    ///
+    /// # Errors
+    /// All faults, with pointers such as `/scenario/friction`, `/parameters/0` and `/outputs/0`.
+    pub fn new(
+        base: Value,
+        parameters: &[String],
+        outputs: Vec<OutputName>,
+    ) -> Result<Self, Faults> {
+        let mut faults = Vec::new();
+        for (list, length, example) in [
+            ("parameters", parameters.len(), "/friction"),
+            ("outputs", outputs.len(), "wear_volume"),
+        ] {
+            if length == 0 {
+                let detail = format!("must have at least one entry, such as \"{example}\"");
+                faults.push(Fault { pointer: format!("/{list}"), detail });
+            }
+            if length > MOST {
+                let detail = format!("must have at most {MOST} entries, not {length}");
+                faults.push(Fault { pointer: format!("/{list}"), detail });
+            }
+        }
+        let mut distinct = HashSet::new();
+        if let Some(twice) = parameters.iter().position(|pointer| !distinct.insert(pointer)) {
+            let detail = "is listed twice".to_owned();
+            faults.push(Fault { pointer: format!("/parameters/{twice}"), detail });
+        }
+        if !faults.is_empty() {
+            return Err(Faults(faults));
+        }
+        if let Err(more) = scenario::prepare(base.clone(), "/scenario") {
+            faults.extend(more.0);
+        }
+        let mut members = Vec::with_capacity(parameters.len());
+        for (place, pointer) in parameters.iter().enumerate() {
+            match Member::find(&base, pointer) {
+                Ok(member) => members.push(member),
+                Err(detail) => {
+                    faults.push(Fault { pointer: format!("/parameters/{place}"), detail });
+                }
+            }
+        }
+        let outputs = OutputName::all_among(outputs, &base).unwrap_or_else(|more| {
+            faults.extend(more.below("/outputs").0);
+            Vec::new()
+        });
+        if faults.is_empty() { Ok(Self { base, members, outputs }) } else { Err(Faults(faults)) }
+    }
+
+    /// The numbers that vary.
+    #[must_use]
+    pub fn members(&self) -> &[Member] {
+        &self.members
+    }
+
+    /// The outputs.
+    #[must_use]
+    pub fn outputs(&self) -> &[Output] {
+        &self.outputs
+    }
+
+    /// Approximate memory, in bytes.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        json_bytes(&self.base)
+    }
+
+    /// The values of the numbers in the scenario, in SI.
+    #[must_use]
+    pub fn origin(&self) -> Vec<f64> {
+        self.members.iter().map(|member| member.value).collect()
+    }
+
+    /// Prepares the run at a point: a value in SI for each number.
+    ///
+    /// # Errors
+    /// The scenario of this point has faults. Their pointers are relative to the scenario.
+    pub fn run(self: &Arc<Self>, point: &[f64]) -> Result<Run, Faults> {
+        let mut scenario = self.base.clone();
+        for (member, value) in self.members.iter().zip(point) {
+            member.put(&mut scenario, *value);
+        }
+        let (_, mut case, _) = scenario::prepare(scenario, "")?;
+        case.profiles.fill(false);
+        if let Method::Exact { compare, .. } = &mut case.method {
+            *compare = None;
+        }
+        let needs_run = self.outputs.iter().any(Output::needs_run);
+        let simulation = needs_run.then(|| Simulation::new(case.clone(), Vec::new()));
+        Ok(Run { model: Arc::clone(self), case, simulation })
+    }
+}
+
+impl Run {
+    /// Estimated processor time, in seconds.
+    #[must_use]
+    pub fn seconds(&self) -> f64 {
+        if self.simulation.is_some() { self.case.seconds() } else { 0.0 }
+    }
+
+    /// Computes for about 30 ms. Returns the values at the end.
+    ///
+    /// # Panics
+    /// An earlier call has returned the values.
+    pub fn step(&mut self) -> Option<PointValues> {
+        let outcome = match self.simulation.as_mut().map(Simulation::step) {
+            Some(Advance::Working(_)) => return None,
+            Some(Advance::Done(outcome)) => Some(outcome),
+            None => None,
+        };
+        let (case, outputs) = (&self.case, &self.model.outputs);
+        let values = if let Some(outcome) = &outcome {
+            outputs.iter().map(|output| output.value(case, outcome)).collect()
+        } else {
+            let preview = Preview::of(case);
+            outputs.iter().map(|output| output.known(&preview)).collect()
+        };
+        let accuracy = |output: &Output| output.accuracy(case, outcome.as_deref());
+        Some(PointValues {
+            values,
+            accuracies: outputs.iter().map(accuracy).collect(),
+            closed: outputs.iter().map(|output| output.is_closed(case)).collect(),
+        })
+    }
+}
+
+fn default_outputs() -> Vec<OutputName> {
+    "wear_volume".parse().into_iter().collect()
+}
+
+#[expect(clippy::expect_used, reason = "the example is part of the program, and a test reads it")]
+fn default_scenario() -> Value {
+    let mut job: Value = serde_json::from_str(DEFAULT).expect("an example");
+    job["scenario"].take()
+}
+
+/// Approximate memory of a document: each value takes 72 bytes and its text.
+fn json_bytes(value: &Value) -> usize {
+    const VALUE: usize = 72;
+    VALUE
+        + match value {
+            Value::String(text) => text.len(),
+            Value::Array(items) => items.iter().map(json_bytes).sum(),
+            Value::Object(members) => {
+                members.iter().map(|(name, inner)| name.len() + VALUE + json_bytes(inner)).sum()
+            }
+            _ => 0,
+        }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn all_faults_of_a_config_are_listed_with_their_pointers() {
+        let mut scenario = default_scenario();
+        scenario["wear"]["coefficient"] = json!("1 mm");
+        let config = json!({"scenario": scenario, "parameters": ["/friction", "/frction"],
+            "outputs": ["wear_volume@1001"]});
+        let faults = Model::read(config).unwrap_err().0;
+        let pointers: Vec<&str> = faults.iter().map(|fault| fault.pointer.as_str()).collect();
+        assert_eq!(pointers, ["/scenario/wear/coefficient", "/parameters/1", "/outputs/0"]);
+        let faults = Model::read(json!({"parameters": [], "outputs": []})).unwrap_err().0;
+        let pointers: Vec<&str> = faults.iter().map(|fault| fault.pointer.as_str()).collect();
+        assert_eq!(pointers, ["/parameters", "/outputs"]);
+    }
+
+    #[test]
+    fn the_default_model_is_the_example() {
+        let model = Arc::new(Model::read(json!({})).unwrap());
+        assert_eq!(model.origin(), [0.7]);
+        let found = model.run(&[0.7]).unwrap().step().unwrap();
+        let (_, case, _) = scenario::prepare(default_scenario(), "").unwrap();
+        let outcome = Simulation::new(case, Vec::new()).run();
+        assert_eq!(found.values, [Ok(outcome.history.wear_volume[5])]);
+    }
+}

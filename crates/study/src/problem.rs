@@ -1,0 +1,259 @@
+//! A scenario, the numbers of it that a study varies, and the outputs that the study wants.
+
+use deserr::{Deserr, IntoValue as _, ValuePointerRef};
+use fretwork_engine::case::{Case, Method};
+use fretwork_engine::outcome::{Outcome, Preview};
+use fretwork_engine::request::fault::{Fault, Faults};
+use fretwork_engine::scenario;
+use fretwork_engine::simulation::{Advance, Simulation};
+use serde_json::{Map, Value};
+
+use super::member::Member;
+use super::output::{NoValue, Output, OutputName};
+use super::profile::CommonProfiles;
+use super::vary::{self, Varied};
+use fretwork_json::Distinct;
+
+/// The members of a study that take most of its memory. Its kind reads them without a copy.
+const LARGE: [&str; 3] = ["scenario", "vary", "outputs"];
+/// Most outputs.
+const MAX_OUTPUTS: usize = 100;
+/// Processor time to prepare a run, in seconds, beside the time that the engine estimates for it: of any run, and for each
+/// value of its scenario.
+const PREPARATION: (f64, f64) = (15e-6, 0.3e-6);
+
+/// Largest seed: the largest integer that every JSON parser reads exactly.
+pub(super) const MAX_SEED: u64 = 1 << 53;
+
+/// A study as its own kind reads it.
+pub(super) struct Read<P> {
+    /// What was read, with all defaults.
+    pub complete: Map<String, Value>,
+    /// What is computed at each point.
+    pub problem: Problem,
+    /// Which points the study has, and what it makes of their rows.
+    pub plan: P,
+}
+
+impl<P> Read<P> {
+    /// A study with these members beside its scenario and its outputs.
+    pub fn new(mut complete: Map<String, Value>, problem: Problem, plan: P) -> Self {
+        complete.insert("scenario".to_owned(), problem.base.clone());
+        if !problem.outputs.is_empty() {
+            complete
+                .insert("outputs".to_owned(), problem.outputs.iter().map(Output::name).collect());
+        }
+        Self { complete, problem, plan }
+    }
+
+    /// The same with a plan made from this one.
+    pub fn with<Q>(self, make: impl FnOnce(P) -> Q) -> Read<Q> {
+        let Self { complete, problem, plan } = self;
+        Read { complete, problem, plan: make(plan) }
+    }
+}
+
+/// The members of a study with few values.
+pub(super) fn small_members(study: &Value) -> Map<String, Value> {
+    let members = study.as_object().into_iter().flatten();
+    let small = members.filter(|(name, _)| !LARGE.contains(&name.as_str()));
+    small.map(|(name, value)| (name.clone(), value.clone())).collect()
+}
+
+/// A scenario whose outputs depend on some of its numbers.
+#[derive(Debug)]
+pub struct Problem {
+    /// The scenario. It has no profiles.
+    pub base: Value,
+    /// The numbers that vary.
+    pub members: Vec<Member>,
+    /// What is taken from each result.
+    pub outputs: Vec<Output>,
+    /// The curves that are taken from each result.
+    pub profiles: Option<CommonProfiles>,
+    /// Estimated processor time to prepare a run, in seconds.
+    pub(super) preparation: f64,
+}
+
+/// What a point has given.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Found {
+    /// The outputs, in the order of the problem; `None` where there is no value.
+    pub outputs: Vec<Option<f64>>,
+    /// The curves, in the order of the problem.
+    pub profiles: Vec<Vec<Option<f64>>>,
+    /// Why the point has no outputs, or not all of them.
+    pub lack: Option<Lack>,
+}
+
+/// Why a point lacks outputs.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Lack {
+    /// The scenario with the values of this point is not valid.
+    Refused(String),
+    /// An output has no value.
+    Incomplete(String),
+}
+
+/// The computation of one point.
+#[derive(Debug)]
+pub enum Running {
+    /// No run is necessary.
+    Known(Found),
+    /// A run in progress.
+    Run(Box<(Case, Simulation)>),
+}
+
+impl Problem {
+    /// A problem of a valid scenario.
+    #[must_use]
+    pub fn new(base: Value, members: Vec<Member>, outputs: Vec<Output>) -> Self {
+        let preparation = PREPARATION.0 + PREPARATION.1 * size_of_tree(&base) as f64;
+        Self { base, members, outputs, profiles: None, preparation }
+    }
+
+    /// Begins to compute the outputs for these values of the members, in SI.
+    #[must_use]
+    pub fn start(&self, values: &[f64]) -> Running {
+        let case = match self.case(values) {
+            Ok(case) => case,
+            Err(reason) => return Running::Known(self.lacks_all(Lack::Refused(reason))),
+        };
+        if self.needs_run() {
+            let simulation = Simulation::new(case.clone(), Vec::new());
+            return Running::Run(Box::new((case, simulation)));
+        }
+        let preview = Preview::of(&case);
+        Running::Known(self.found(|output| output.known(&preview)))
+    }
+
+    fn needs_run(&self) -> bool {
+        self.profiles.is_some() || self.outputs.iter().any(Output::needs_run)
+    }
+
+    /// Continues to compute a point for at most about 30 ms. Returns its outputs when they are known.
+    #[must_use]
+    pub fn step(&self, running: &mut Running) -> Option<Found> {
+        match running {
+            Running::Known(found) => Some(found.clone()),
+            Running::Run(run) => match run.1.step() {
+                Advance::Working(_) => None,
+                Advance::Done(outcome) => Some(self.of_outcome(&run.0, &outcome)),
+            },
+        }
+    }
+
+    /// Estimated processor time of a point, in seconds.
+    #[must_use]
+    pub fn seconds(&self, values: &[f64]) -> f64 {
+        let run = self.case(values).ok().filter(|_| self.needs_run());
+        self.preparation + run.map_or(0.0, |case| case.seconds())
+    }
+
+    fn of_outcome(&self, case: &Case, outcome: &Outcome) -> Found {
+        let found = self.found(|output| output.value(case, outcome));
+        match self.profiles.as_ref().map(|profiles| profiles.of(outcome)) {
+            None => found,
+            Some(Ok(profiles)) => Found { profiles, ..found },
+            Some(Err(why)) => {
+                let lack = found.lack.or(Some(Lack::Incomplete(why.to_string())));
+                Found { lack, ..found }
+            }
+        }
+    }
+
+    fn no_profiles(&self) -> Vec<Vec<Option<f64>>> {
+        self.profiles.as_ref().map(CommonProfiles::missing).unwrap_or_default()
+    }
+
+    fn found(&self, value: impl Fn(&Output) -> Result<f64, NoValue>) -> Found {
+        let mut lack = None;
+        let outputs = self.outputs.iter().map(|output| match value(output) {
+            Ok(number) => Some(number),
+            // The output says so: it has no value.
+            Err(NoValue::NoEvent) => None,
+            Err(why) => {
+                lack.get_or_insert_with(|| Lack::Incomplete(format!("{}: {why}", output.name())));
+                None
+            }
+        });
+        Found { outputs: outputs.collect(), profiles: self.no_profiles(), lack }
+    }
+
+    /// A point without outputs.
+    pub(super) fn lacks_all(&self, lack: Lack) -> Found {
+        let outputs = vec![None; self.outputs.len()];
+        Found { outputs, profiles: self.no_profiles(), lack: Some(lack) }
+    }
+
+    /// The case of a point, or why its scenario is not valid.
+    pub(super) fn case(&self, values: &[f64]) -> Result<Case, String> {
+        let mut scenario = self.base.clone();
+        for (member, value) in self.members.iter().zip(values) {
+            member.put(&mut scenario, *value);
+        }
+        let (_, mut case, _) = scenario::prepare(scenario, "").map_err(|faults| {
+            let first = faults.0.into_iter().next();
+            first.map_or_else(String::new, |Fault { pointer, detail }| {
+                format!("{pointer}: {detail}")
+            })
+        })?;
+        if let Method::Exact { compare, .. } = &mut case.method {
+            *compare = None;
+        }
+        if let Some(last) = case.profiles.last_mut() {
+            *last = self.profiles.is_some();
+        }
+        Ok(case)
+    }
+}
+
+/// The number of values in a document.
+fn size_of_tree(value: &Value) -> usize {
+    1 + match value {
+        Value::Array(items) => items.iter().map(size_of_tree).sum(),
+        Value::Object(members) => members.values().map(size_of_tree).sum(),
+        _ => 0,
+    }
+}
+
+/// Checks a scenario, and reads what a study varies in it and which outputs it has.
+///
+/// # Errors
+/// All faults, with pointers relative to the study.
+pub(super) fn varied_and_outputs(
+    scenario: &Value,
+    vary: &[Value],
+    outputs: Value,
+) -> Result<(Vec<Varied>, Vec<Output>), Faults> {
+    let mut faults = Vec::new();
+    let mut collect = |prefix: &str, more: Faults| faults.extend(more.below(prefix).0);
+    if let Err(more) = scenario::prepare(scenario.clone(), "/scenario") {
+        collect("", more);
+    }
+    let varied = vary::list(vary, scenario).unwrap_or_else(|more| {
+        collect("/vary", more);
+        Vec::new()
+    });
+    let outputs = outputs_of(outputs, scenario).unwrap_or_else(|more| {
+        collect("/outputs", more);
+        Vec::new()
+    });
+    if faults.is_empty() { Ok((varied, outputs)) } else { Err(Faults(faults)) }
+}
+
+/// The outputs of a scenario with these names. Faults have pointers such as `/0`.
+///
+/// # Errors
+/// It is not a list of names, or the scenario does not have these outputs. If its `cycles` have faults, the list is empty:
+/// these faults are listed elsewhere.
+pub fn outputs_of(names: Value, scenario: &Value) -> Result<Vec<Output>, Faults> {
+    let Distinct(names) = Distinct::<OutputName, MAX_OUTPUTS>::deserialize_from_value::<Value>(
+        names.into_value(),
+        ValuePointerRef::Origin,
+    )?;
+    if names.is_empty() {
+        return Err(Faults::one("", "must list at least one output, such as \"wear_volume\""));
+    }
+    OutputName::all_among(names, scenario)
+}

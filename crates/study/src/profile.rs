@@ -1,0 +1,189 @@
+//! Profiles of a sweep: curves of each run after its last output cycle, at radii that all runs share.
+
+use deserr::{Deserr, IntoValue as _, ValuePointerRef};
+use fretwork_engine::outcome::{Outcome, Profiles};
+use fretwork_engine::request::fault::Faults;
+use fretwork_engine::request::fields::Given;
+use fretwork_engine::request::quantity::Dimension;
+use serde::Serialize;
+use serde_json::Value;
+
+use super::vary::{self, MAX_RADII};
+use fretwork_json::Distinct;
+
+/// A curve over the radius.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr, Serialize)]
+#[deserr(error = Faults, rename_all = lowercase)]
+#[serde(rename_all = "snake_case")]
+pub enum Field {
+    /// Wear w ≥ 0.
+    Wear,
+    /// Worn profile f = f₀ + w.
+    Worn,
+    /// Pressure p.
+    Pressure,
+    /// Amplitude of the local slip.
+    Slip,
+}
+
+/// The member `profiles` of a sweep.
+#[derive(Deserr)]
+#[deserr(error = Faults, deny_unknown_fields)]
+struct Request {
+    radius: Value,
+    #[deserr(default)]
+    fields: Given<Distinct<Field, 4>>,
+}
+
+/// Which curves a sweep keeps of each run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CommonProfiles {
+    /// The radii in SI, ascending.
+    pub radii: Vec<f64>,
+    /// The curves.
+    pub fields: Vec<Field>,
+}
+
+impl Field {
+    /// The name of its column.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Wear => "wear",
+            Self::Worn => "worn",
+            Self::Pressure => "pressure",
+            Self::Slip => "slip",
+        }
+    }
+
+    /// The SI unit.
+    #[must_use]
+    pub fn unit(self) -> &'static str {
+        if self == Self::Pressure { "Pa" } else { "m" }
+    }
+
+    /// Its last curve over the output radii of a run, and its value beyond the last of them.
+    fn of(self, profiles: &Profiles) -> Option<(&[f64], Option<f64>)> {
+        // The output radii end outside of the contact.
+        let (rows, outside) = match self {
+            Self::Wear => (&profiles.wear, Some(0.0)),
+            Self::Pressure => (&profiles.pressure, Some(0.0)),
+            Self::Worn => (&profiles.worn, None),
+            Self::Slip => (&profiles.slip, None),
+        };
+        Some((rows.last()?, outside))
+    }
+}
+
+impl CommonProfiles {
+    /// Reads the member `profiles` of a sweep.
+    ///
+    /// # Errors
+    /// All faults, with pointers relative to it.
+    pub fn read(profiles: Value) -> Result<Self, Faults> {
+        let Request { radius, fields } = Request::deserialize_from_value::<Value>(
+            profiles.into_value(),
+            ValuePointerRef::Origin,
+        )?;
+        let radii = vary::list_or_range(radius, Dimension::Length)
+            .map_err(|faults| faults.below("/radius"))?;
+        let wrong = |detail: String| Err(Faults::one("/radius", detail));
+        if radii.len() as u64 > MAX_RADII {
+            return wrong(format!("gives {} radii. At most {MAX_RADII} are accepted", radii.len()));
+        }
+        let is_ascending = radii.is_sorted_by(|one, next| one < next);
+        if !is_ascending || radii.iter().any(|radius| !radius.is_finite() || *radius < 0.0) {
+            return wrong("must be radii from 0 on, each larger than the one before".to_owned());
+        }
+        let fields = fields.0.map_or_else(|| vec![Field::Wear], |Distinct(fields)| fields);
+        if fields.is_empty() {
+            return Err(Faults::one("/fields", "must list at least one curve, such as \"wear\""));
+        }
+        Ok(Self { radii, fields })
+    }
+
+    /// The curves of a run after its last output cycle, linear between its output radii. A value is missing beyond them if it
+    /// is not 0 there, and where it is infinite.
+    ///
+    /// # Errors
+    /// The run has no profiles after its last output cycle.
+    pub fn of(&self, outcome: &Outcome) -> Result<Vec<Vec<Option<f64>>>, NoProfiles> {
+        let profiles = outcome.profiles.as_ref().ok_or(NoProfiles)?;
+        if profiles.cycles.last() != outcome.history.cycles.last() {
+            return Err(NoProfiles);
+        }
+        let curves = self.fields.iter().map(|field| {
+            let (curve, outside) = field.of(profiles).ok_or(NoProfiles)?;
+            let finite = |value: f64| Some(value).filter(|value| value.is_finite());
+            let at = |radius: &f64| at(&profiles.radius, curve, *radius).map_or(outside, finite);
+            Ok(self.radii.iter().map(at).collect())
+        });
+        curves.collect()
+    }
+
+    /// The curves of a point without a run: all values are missing.
+    #[must_use]
+    pub fn missing(&self) -> Vec<Vec<Option<f64>>> {
+        vec![vec![None; self.radii.len()]; self.fields.len()]
+    }
+}
+
+/// A run has no profiles after its last output cycle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("profiles: the run ended exactly at an earlier output cycle")]
+pub struct NoProfiles;
+
+/// The value of a curve at a radius from its first radius on. `None` beyond its last one. The value is not finite next to an
+/// infinite one.
+fn at(radii: &[f64], curve: &[f64], radius: f64) -> Option<f64> {
+    let next = radii.partition_point(|known| *known < radius);
+    let (known, value) = (*radii.get(next)?, *curve.get(next)?);
+    let Some(before) = next.checked_sub(1) else { return Some(value) };
+    let rest = (known - radius) / (known - radii[before]);
+    Some(value - rest * (value - curve[before]))
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn radii_are_a_list_or_a_range() {
+        let radii =
+            |radius: Value| CommonProfiles::read(json!({"radius": radius})).map(|it| it.radii);
+        assert_eq!(radii(json!([0, "32 um", 1e-4])).unwrap(), [0.0, 32e-6, 1e-4]);
+        let range = json!({"from": 0, "to": "64 um", "count": 5});
+        assert_eq!(radii(range).unwrap(), [0.0, 16e-6, 32e-6, 48e-6, 64e-6]);
+        for (bad, pointer, words) in [
+            (json!([1e-6, 0]), "/radius", "larger than the one before"),
+            (json!([-1e-6]), "/radius", "from 0 on"),
+            (json!(["1 N"]), "/radius/0", "a length is needed"),
+            (json!({"from": 0, "to": 1e-4}), "/radius/count", "missing"),
+            (
+                json!({"from": 0, "to": 1e-4, "count": 2, "values": [1]}),
+                "/radius/values",
+                "unknown",
+            ),
+            (json!({"from": 0, "to": 1, "count": 1001}), "/radius/count", "from 2 to 1000"),
+            (json!(vec![1; 1001]), "/radius", "At most 1000"),
+        ] {
+            let Faults(faults) = radii(bad.clone()).unwrap_err();
+            assert_eq!(faults[0].pointer, pointer, "{bad}");
+            assert!(faults[0].detail.contains(words), "{bad}: {}", faults[0].detail);
+        }
+        let Faults(faults) =
+            CommonProfiles::read(json!({"radius": [0], "fields": ["depth"]})).unwrap_err();
+        assert_eq!(faults[0].pointer, "/fields/0");
+    }
+
+    #[test]
+    fn a_curve_is_linear_between_its_radii_and_ends_with_them() {
+        let (radii, curve) = ([1.0, 2.0, 4.0, 5.0], [10.0, 20.0, 0.0, f64::INFINITY]);
+        let values = [1.0, 1.5, 2.0, 3.0, 4.0, 6.0].map(|radius| at(&radii, &curve, radius));
+        let expected = [Some(10.0), Some(15.0), Some(20.0), Some(10.0), Some(0.0), None];
+        assert_eq!(values, expected);
+        assert!(!at(&radii, &curve, 4.5).unwrap().is_finite());
+    }
+}

@@ -1,0 +1,165 @@
+//! The table of a study: a row for each point.
+
+use std::iter;
+
+use serde::{Deserialize, Serialize};
+
+use super::problem::{Found, Lack};
+use fretwork_json as json;
+
+/// Most bytes of a reason as JSON, and of the comma after it. So the size of a document is known before it is computed.
+pub const MAX_REASON: usize = 120;
+/// Most bytes of a number as JSON, and of the comma after it.
+pub const NUMBER: usize = 20;
+
+/// The rows of consecutive points, in columns: the values of the members in SI, the outputs, the reason why an output is
+/// missing, and the curves.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Rows {
+    /// The number of rows.
+    pub count: usize,
+    /// Points whose scenario is not valid.
+    pub refused: u64,
+    /// Points that lack an output.
+    pub incomplete: u64,
+    /// For each column, its cells as JSON, separated by commas.
+    columns: Vec<String>,
+}
+
+impl Rows {
+    /// Adds the row of a point.
+    pub fn push(&mut self, values: &[f64], found: &Found) {
+        let reason = found.lack.as_ref().map(|lack| match lack {
+            Lack::Refused(reason) => {
+                self.refused += 1;
+                reason
+            }
+            Lack::Incomplete(reason) => {
+                self.incomplete += 1;
+                reason
+            }
+        });
+        let values = values.iter().map(|value| json::write(value, NUMBER));
+        let outputs = found.outputs.iter().map(|output| json::write(output, NUMBER));
+        let curves = found.profiles.iter().map(|curve| json::write(curve, NUMBER * curve.len()));
+        let reason = iter::once_with(|| written(reason));
+        let cells = values.chain(outputs).chain(reason).chain(curves);
+        self.columns.resize_with(self.columns.len().max(cells.size_hint().0), String::new);
+        self.count += 1;
+        for (column, cell) in self.columns.iter_mut().zip(cells) {
+            extend(column, &cell);
+        }
+    }
+
+    /// Adds the rows of the points that follow.
+    pub fn append(&mut self, next: &Self) {
+        self.columns.resize_with(next.columns.len().max(self.columns.len()), String::new);
+        for (column, more) in self.columns.iter_mut().zip(&next.columns) {
+            extend(column, more);
+        }
+        self.count += next.count;
+        self.refused += next.refused;
+        self.incomplete += next.incomplete;
+    }
+
+    /// The form in which the rows of a chunk are stored.
+    ///
+    /// # Panics
+    /// The rows cannot be written as JSON.
+    #[must_use]
+    #[expect(clippy::expect_used, reason = "rows must not be lost silently")]
+    pub fn to_bytes(&self) -> Vec<u8> {
+        serde_json::to_vec(self).expect("rows are numbers and texts")
+    }
+
+    /// Reads [`Self::to_bytes`]; `None` if the bytes are not those of rows.
+    #[must_use]
+    pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
+        serde_json::from_slice(bytes).ok()
+    }
+
+    /// The texts of all columns: cells as JSON, separated by commas.
+    pub fn columns(&self) -> impl Iterator<Item = &str> {
+        self.columns.iter().map(String::as_str)
+    }
+
+    /// The numbers of a column.
+    ///
+    /// # Panics
+    /// It is not a column of numbers.
+    #[must_use]
+    #[expect(clippy::expect_used, reason = "the rows were written by this program")]
+    pub fn numbers(&self, column: usize) -> Vec<Option<f64>> {
+        let cells = self.columns.get(column).map_or("", String::as_str);
+        serde_json::from_str(&format!("[{cells}]")).expect("the cells are numbers or null")
+    }
+
+    /// The size of all texts, in bytes.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        self.columns.iter().map(String::len).sum()
+    }
+}
+
+/// A reason as JSON, or its beginning.
+fn written(reason: Option<&String>) -> String {
+    let mut reason = reason.map(String::as_str);
+    loop {
+        let text = json::write(&reason, MAX_REASON);
+        match reason {
+            Some(long) if text.len() >= MAX_REASON => {
+                // A byte takes at most six as JSON.
+                let excess = (text.len() + 1 - MAX_REASON).div_ceil(6);
+                let kept = long.len().saturating_sub(excess);
+                reason = Some(&long[..long.floor_char_boundary(kept)]);
+            }
+            _ => return text,
+        }
+    }
+}
+
+fn extend(column: &mut String, more: &str) {
+    if !column.is_empty() && !more.is_empty() {
+        column.push(',');
+    }
+    column.push_str(more);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_rows_of_three_chunks_are_the_rows_of_all_points() {
+        let lacks = [
+            None,
+            Some(Lack::Refused("\u{e9}\"".repeat(MAX_REASON))),
+            Some(Lack::Incomplete("no \"run\"".to_owned())),
+        ];
+        let (mut all, mut joined) = (Rows::default(), Rows::default());
+        for (value, lack) in lacks.into_iter().enumerate() {
+            let mut one = Rows::default();
+            for rows in [&mut one, &mut all] {
+                rows.push(
+                    &[value as f64],
+                    &Found {
+                        outputs: vec![Some(1.5), None],
+                        profiles: vec![vec![Some(0.5), None]],
+                        lack: lack.clone(),
+                    },
+                );
+            }
+            joined.append(&Rows::from_bytes(&one.to_bytes()).unwrap());
+        }
+        assert_eq!(all, joined);
+        assert_eq!((all.count, all.refused, all.incomplete), (3, 1, 1));
+        let expected = ["0.0,1.0,2.0", "1.5,1.5,1.5", "null,null,null"];
+        assert_eq!(all.columns().take(3).collect::<Vec<_>>(), expected);
+        assert_eq!(all.columns().last(), Some("[0.5,null],[0.5,null],[0.5,null]"));
+        let reasons = format!("[{}]", all.columns().nth(3).unwrap());
+        let reasons: [Option<String>; 3] = serde_json::from_str(&reasons).unwrap();
+        let shortened = json::write(&reasons[1], MAX_REASON);
+        assert!((MAX_REASON - 5..MAX_REASON).contains(&shortened.len()), "{shortened}");
+        assert_eq!(reasons[2].as_deref(), Some("no \"run\""));
+    }
+}

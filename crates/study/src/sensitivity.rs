@@ -1,0 +1,692 @@
+//! Sensitivities: which numbers of a scenario matter for its outputs.
+//!
+//! | method | numbers for each output and member | points for d members |
+//! |---|---|---|
+//! | `sobol` | the shares of the variance, see [`indices`](super::indices) | `samples`·(d + 2) |
+//! | `morris` | elementary effects, see [`morris`](super::morris) | `samples`·(d + 1) |
+//! | `local` | elasticities x/y·dy/dx at the values of the scenario, see [`derivative`](super::derivative) | 1 + 80·d |
+//!
+//! All points are known in advance, so they are computed in chunks like those of a sweep. The table is made from their
+//! rows, see [`findings`](super::findings).
+
+use deserr::{Deserr, IntoValue as _, ValuePointerRef};
+use fretwork_engine::case::{Case, Method as RunMethod};
+use fretwork_engine::request::fault::{Fault, Faults};
+use fretwork_engine::request::fields::Given;
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+
+use super::Bootstrap;
+use super::bootstrap::MAX_BLOCKS;
+use super::derivative::{Derivative, Place, Search};
+use super::distribution::Distribution;
+use super::findings::{Findings, Named};
+use super::indices::Saltelli;
+use super::morris::{Morris, effects};
+use super::output::Output;
+use super::problem::{MAX_SEED, Problem, Read, small_members, varied_and_outputs};
+use super::rows::{NUMBER, Rows};
+use super::vary::{Values, Varied};
+use fretwork_json::Whole;
+
+/// Levels of a screening.
+const LEVELS: usize = 4;
+/// Processor time of an addition of a resample, in seconds.
+const ADDITION: f64 = 1e-9;
+/// Share of the resamples that an interval contains, if the study does not say it.
+const CONFIDENCE: f64 = 0.95;
+/// Fewest and most resamples of an interval. Ten of them lie in its tails.
+const RESAMPLES: (f64, f64) = (400.0, 10_000.0);
+/// Relative error of outputs that are known without a run: they have 12 digits.
+const ROUNDING: f64 = 1e-11;
+/// Most bytes of a note without its names.
+const NOTE: usize = 320;
+/// Relative error of the simplified rule.
+const RULE: f64 = 1e-3;
+
+/// Relative error of the contact radius and the scar radius at a tolerance of 1: that of half a cell. The number of
+/// cells is inversely proportional to the square root of the tolerance: 52 cells at 0.003.
+const EDGE: f64 = 0.18;
+
+/// The body of a sensitivity study.
+#[derive(Deserr)]
+#[deserr(error = Faults, deny_unknown_fields)]
+struct Request {
+    #[deserr(default, rename = "version")]
+    _version: Given<Whole<1, 1>>,
+    scenario: Value,
+    vary: Vec<Value>,
+    #[deserr(default)]
+    method: Given<MethodName>,
+    #[deserr(default)]
+    samples: Given<Whole<2, 0xffff_ffff>>,
+    #[deserr(default)]
+    seed: Given<Whole<0, MAX_SEED>>,
+    #[deserr(default)]
+    confidence: Given<f64>,
+    outputs: Value,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr, Serialize)]
+#[deserr(error = Faults, rename_all = lowercase)]
+#[serde(rename_all = "snake_case")]
+enum MethodName {
+    Sobol,
+    Morris,
+    Local,
+}
+
+/// The points of a sensitivity study, and how its table follows from their rows.
+#[derive(Debug)]
+pub struct Sensitivity {
+    method: Method,
+}
+
+#[derive(Debug)]
+enum Method {
+    Sobol { design: Saltelli, groups: usize, from: Vec<Distribution>, bootstrap: Bootstrap },
+    Morris { design: Morris, trajectories: usize, from: Vec<Distribution>, bootstrap: Bootstrap },
+    Local(Vec<Neighbourhood>),
+}
+
+/// The points around the value of one member.
+#[derive(Debug)]
+struct Neighbourhood {
+    place: Place,
+    /// The number of the first point.
+    first: usize,
+    rounds: Vec<Vec<f64>>,
+}
+
+impl Neighbourhood {
+    /// The derivative of an output, from its values at the points of the study.
+    fn derivative(&self, values: &[Option<f64>], accuracy: f64) -> Option<Derivative> {
+        let Self { place, first, rounds } = self;
+        let mut search = Search::new(*place, &[accuracy]);
+        let (mut rounds, mut next) = (rounds.iter(), *first);
+        while let (Some(_), Some(round)) = (search.points(), rounds.next()) {
+            // The point itself comes before those of the first round.
+            let base = (next == *first).then_some(values[0]);
+            let own = values[next..next + round.len()].iter().copied();
+            search.take(base.into_iter().chain(own).map(|value| vec![value]).collect());
+            next += round.len();
+        }
+        search.found()[0]
+    }
+}
+
+/// Reads a sensitivity study.
+///
+/// # Errors
+/// All faults, with pointers relative to the study.
+pub(super) fn read(study: Value) -> Result<Read<Sensitivity>, Faults> {
+    let mut complete = small_members(&study);
+    let request: Request =
+        Request::deserialize_from_value::<Value>(study.into_value(), ValuePointerRef::Origin)?;
+    let Request { scenario, vary, method, samples, seed, confidence, outputs, .. } = request;
+    // A design of faulty members has no meaning.
+    let (varied, outputs) = varied_and_outputs(&scenario, &vary, outputs)?;
+    let members = varied.iter().map(|one| one.member.clone()).collect();
+    let name = method.0.unwrap_or(MethodName::Sobol);
+    let samples = samples.0.map(|samples| samples.0 as usize);
+    let mut add = |member: &str, value| complete.insert(member.to_owned(), value);
+    add("method", json!(name));
+    add("vary", vary.into());
+    let plan = if name == MethodName::Local {
+        for drawn in ["seed", "confidence"] {
+            complete.remove(drawn);
+        }
+        Sensitivity::local(varied, samples)?
+    } else {
+        let (seed, confidence) =
+            (seed.0.map_or(0, |seed| seed.0), confidence.0.unwrap_or(CONFIDENCE));
+        add("seed", json!(seed));
+        add("confidence", json!(confidence));
+        Sensitivity::drawn(name, varied, samples, seed, confidence)?
+    };
+    Ok(Read::new(complete, Problem::new(scenario, members, outputs), plan))
+}
+
+impl Sensitivity {
+    /// A study that draws the values of its members.
+    fn drawn(
+        name: MethodName,
+        varied: Vec<Varied>,
+        samples: Option<usize>,
+        seed: u64,
+        confidence: f64,
+    ) -> Result<Self, Faults> {
+        let (mut from, mut faults) = (Vec::new(), Vec::new());
+        for (place, one) in varied.into_iter().enumerate() {
+            match one.values.drawn() {
+                Ok(distribution) => from.push(distribution),
+                Err(detail) => faults.push(Fault { pointer: format!("/vary/{place}"), detail }),
+            }
+        }
+        if samples.is_none() {
+            let detail = match name {
+                MethodName::Sobol => {
+                    "is missing. Enter the number of groups of points, best a power of two such as 1024. Each has 2 points \
+                     more than there are numbers in `vary`"
+                }
+                _ => {
+                    "is missing. Enter the number of trajectories, such as 20. Each has 1 point more than there are numbers \
+                     in `vary`"
+                }
+            };
+            faults.push(Fault { pointer: "/samples".to_owned(), detail: detail.to_owned() });
+        }
+        let resamples = (10.0 / (1.0 - confidence)).ceil().clamp(RESAMPLES.0, RESAMPLES.1);
+        let bootstrap = match Bootstrap::new(resamples as usize, confidence, seed) {
+            Ok(bootstrap) => Some(bootstrap),
+            Err(Fault { detail, .. }) => {
+                faults.push(Fault { pointer: "/confidence".to_owned(), detail });
+                None
+            }
+        };
+        match (samples, bootstrap) {
+            (Some(samples), Some(bootstrap)) if faults.is_empty() => {
+                Self::of(name, from, samples, seed, bootstrap)
+                    .map_err(|fault| Faults(vec![fault]).below("/vary"))
+            }
+            _ => Err(Faults(faults)),
+        }
+    }
+
+    /// A study with these distributions.
+    fn of(
+        name: MethodName,
+        from: Vec<Distribution>,
+        samples: usize,
+        seed: u64,
+        bootstrap: Bootstrap,
+    ) -> Result<Self, Fault> {
+        let members = from.len();
+        let method = if name == MethodName::Sobol {
+            let design = Saltelli::new(members, seed)?;
+            Method::Sobol { design, groups: samples, from, bootstrap }
+        } else {
+            let design = Morris::new(members, LEVELS, seed)?;
+            Method::Morris { design, trajectories: samples, from, bootstrap }
+        };
+        Ok(Self { method })
+    }
+
+    /// A study of the values in the scenario.
+    fn local(varied: Vec<Varied>, samples: Option<usize>) -> Result<Self, Faults> {
+        let mut faults = Vec::new();
+        if samples.is_some() {
+            let detail = "belongs to the methods sobol and morris. Remove it";
+            faults.push(Fault { pointer: "/samples".to_owned(), detail: detail.to_owned() });
+        }
+        let (mut around, mut first) = (Vec::new(), 1);
+        for (place, Varied { member, values }) in varied.into_iter().enumerate() {
+            let wrong = match values {
+                Values::Base if member.value != 0.0 => None,
+                Values::Base => Some(
+                    "is 0 in the scenario. An elasticity is relative to the value of the scenario, so choose another \
+                     number, or another value",
+                ),
+                _ => Some(
+                    "has values, but elasticities hold for the value in the scenario. Enter only the `pointer`, or use \
+                     the method sobol or morris",
+                ),
+            };
+            if let Some(detail) = wrong {
+                faults.push(Fault { pointer: format!("/vary/{place}"), detail: detail.to_owned() });
+                continue;
+            }
+            let x = member.value;
+            let place = Place { x, scale: x.abs(), low: f64::NEG_INFINITY, high: f64::INFINITY };
+            let rounds = Search::all_points(place);
+            let points: usize = rounds.iter().map(Vec::len).sum();
+            around.push(Neighbourhood { place, first, rounds });
+            first += points;
+        }
+        if faults.is_empty() {
+            Ok(Self { method: Method::Local(around) })
+        } else {
+            Err(Faults(faults))
+        }
+    }
+
+    /// The number of points.
+    #[must_use]
+    pub fn points(&self) -> usize {
+        match &self.method {
+            Method::Sobol { design, groups, .. } => groups * design.group(),
+            Method::Morris { design, trajectories, .. } => trajectories * design.trajectory(),
+            Method::Local(around) => {
+                1 + around.iter().flat_map(|one| &one.rounds).map(Vec::len).sum::<usize>()
+            }
+        }
+    }
+
+    /// The values of the members at a point, in SI.
+    #[must_use]
+    pub fn point(&self, number: usize) -> Vec<f64> {
+        let quantiles = |from: &[Distribution], at: Vec<f64>| {
+            from.iter().zip(at).map(|(distribution, at)| distribution.quantile(at)).collect()
+        };
+        match &self.method {
+            Method::Sobol { design, from, .. } => quantiles(from, design.point(number)),
+            Method::Morris { design, from, .. } => quantiles(from, design.point(number)),
+            Method::Local(around) => around
+                .iter()
+                .map(|one| {
+                    let own = number.checked_sub(one.first);
+                    let own = own.and_then(|own| one.rounds.iter().flatten().nth(own));
+                    own.copied().unwrap_or(one.place.x)
+                })
+                .collect(),
+        }
+    }
+
+    /// The columns of numbers in the table.
+    #[must_use]
+    pub fn columns(&self) -> &'static [&'static str] {
+        match self.method {
+            Method::Sobol { .. } => &[
+                "first_order",
+                "first_order_low",
+                "first_order_high",
+                "total",
+                "total_low",
+                "total_high",
+            ],
+            Method::Morris { .. } => {
+                &["mean", "strength", "strength_low", "strength_high", "deviation"]
+            }
+            Method::Local(_) => &["elasticity", "elasticity_low", "elasticity_high"],
+        }
+    }
+
+    /// The unit of these columns. Elementary effects have the unit of their output, which each row names.
+    #[must_use]
+    pub fn unit(&self) -> &'static str {
+        match self.method {
+            Method::Sobol { .. } | Method::Local(_) => "1",
+            Method::Morris { .. } => "as in column unit",
+        }
+    }
+
+    /// What follows from the rows of all points: the members `table` and `notes` of the document.
+    #[must_use]
+    pub fn findings(
+        &self,
+        problem: &Problem,
+        rows: &Rows,
+        goes_on: &mut dyn FnMut() -> bool,
+    ) -> Option<Map<String, Value>> {
+        let members: Vec<_> =
+            problem.members.iter().map(|member| member.pointer.as_str()).collect();
+        let base: Vec<f64> = problem.members.iter().map(|member| member.value).collect();
+        let case = problem.case(&base).ok();
+        let outputs = problem.outputs.iter().map(|output| Named {
+            name: output.name(),
+            unit: output.unit(),
+            accuracy: accuracy(case.as_ref(), output),
+        });
+        self.table(&members, &outputs.collect::<Vec<_>>(), rows, goes_on)
+    }
+
+    /// Estimated processor time of [`Self::findings`], in seconds.
+    #[must_use]
+    pub fn findings_seconds(&self, members: usize, outputs: usize) -> f64 {
+        // Additions for each number that a resample draws.
+        let (bootstrap, drawn, additions) = match &self.method {
+            Method::Sobol { groups, bootstrap, .. } => (bootstrap, *groups, 2 * members + 4),
+            Method::Morris { trajectories, bootstrap, .. } => {
+                (bootstrap, *trajectories, 8 * members)
+            }
+            Method::Local(_) => return 0.0,
+        };
+        let drawn = bootstrap.resamples() * drawn.min(MAX_BLOCKS) * outputs;
+        ADDITION * drawn as f64 * additions as f64
+    }
+
+    /// The largest possible size of the table and the notes, in bytes.
+    #[must_use]
+    pub fn bytes(&self, problem: &Problem) -> usize {
+        // Each name is in the table and in a note.
+        let cells = NUMBER * (self.columns().len() + 1) + NOTE;
+        let of_members = |output: &Output| -> usize {
+            let members = problem.members.iter();
+            members.map(|member| cells + 2 * (member.pointer.len() + output.name().len())).sum()
+        };
+        let of_output = |output: &Output| of_members(output) + 2 * (NOTE + output.name().len());
+        problem.outputs.iter().map(of_output).sum()
+    }
+
+    fn table(
+        &self,
+        members: &[&str],
+        outputs: &[Named<'_>],
+        rows: &Rows,
+        goes_on: &mut dyn FnMut() -> bool,
+    ) -> Option<Map<String, Value>> {
+        let mut findings = Findings::new(self.columns());
+        for (place, output) in outputs.iter().enumerate() {
+            if !goes_on() {
+                return None;
+            }
+            let values = rows.numbers(members.len() + place);
+            match &self.method {
+                Method::Sobol { bootstrap, .. } => {
+                    findings.shares(*output, members, &values, bootstrap);
+                }
+                Method::Morris { design, trajectories, bootstrap, .. } => {
+                    let found = effects(design, &values, bootstrap);
+                    findings.effects(*output, members, &found, *trajectories);
+                }
+                Method::Local(around) => {
+                    let y = values[0].unwrap_or_default();
+                    for (member, one) in members.iter().zip(around) {
+                        let found = one.derivative(&values, output.accuracy);
+                        findings.elasticity(*output, member, (one.place.x, y), found);
+                    }
+                }
+            }
+        }
+        Some(findings.written())
+    }
+}
+
+/// The relative error that an output of a case can have.
+fn accuracy(case: Option<&Case>, output: &Output) -> f64 {
+    match case.map(|case| case.method) {
+        _ if !output.needs_run() => ROUNDING,
+        // An estimate of an error has no digits.
+        _ if output.is_error() => 1.0,
+        Some(RunMethod::Exact { tolerance, .. }) if output.is_edge() => {
+            tolerance.max(EDGE * tolerance.sqrt())
+        }
+        Some(RunMethod::Exact { tolerance, .. }) => tolerance,
+        Some(RunMethod::Simplified { .. }) | None => RULE,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::PI;
+    use std::iter;
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::problem::Found;
+    use crate::{Kind, Points, Study};
+
+    /// A function in place of the engine, with its indices Sᵢ and Tᵢ.
+    struct Model {
+        from: Distribution,
+        f: fn(&[f64]) -> f64,
+        indices: Vec<[f64; 2]>,
+    }
+
+    /// The sources are at the tests of the Sobol indices.
+    fn ishigami() -> Model {
+        let quartic = PI * PI * PI * PI;
+        let first = 0.5 * (1.0 + 0.02 * quartic) * (1.0 + 0.02 * quartic);
+        let (second, mixed) = (49.0 / 8.0, 8.0 / 225.0 * 0.01 * quartic * quartic);
+        let variance = first + second + mixed;
+        let indices = [[first, first + mixed], [second, second], [0.0, mixed]];
+        Model {
+            from: Distribution::uniform(-PI, PI).unwrap(),
+            f: |x| {
+                let [a, b] = [libm::sin(x[0]), libm::sin(x[1])];
+                a + 7.0 * b * b + 0.1 * libm::pow(x[2], 4.0) * a
+            },
+            indices: indices.map(|pair| pair.map(|part| part / variance)).to_vec(),
+        }
+    }
+
+    fn sobol_g() -> Model {
+        const A: [f64; 8] = [0.0, 1.0, 4.5, 9.0, 99.0, 99.0, 99.0, 99.0];
+        let own = A.map(|a| 1.0 / (3.0 * (1.0 + a) * (1.0 + a)));
+        let product: f64 = own.iter().map(|v| 1.0 + v).product();
+        let variance = product - 1.0;
+        Model {
+            from: Distribution::uniform(0.0, 1.0).unwrap(),
+            f: |x| x.iter().zip(A).map(|(x, a)| ((4.0 * x - 2.0).abs() + a) / (1.0 + a)).product(),
+            indices: own.map(|v| [v / variance, v * product / (1.0 + v) / variance]).to_vec(),
+        }
+    }
+
+    impl Model {
+        /// The table and the notes of a study of this function, from rows as a study has them.
+        fn study(&self, name: MethodName, samples: usize, seed: u64) -> Map<String, Value> {
+            let from = vec![self.from; self.indices.len()];
+            let bootstrap = Bootstrap::new(200, 0.95, 1).unwrap();
+            let study = Sensitivity::of(name, from, samples, seed, bootstrap).unwrap();
+            let mut rows = Rows::default();
+            for number in 0..study.points() {
+                let values = study.point(number);
+                let outputs = vec![Some((self.f)(&values))];
+                rows.push(&values, &Found { outputs, profiles: Vec::new(), lack: None });
+            }
+            let members = ["a", "b", "c", "d", "e", "f", "g", "h"];
+            let output = Named { name: "y", unit: "1", accuracy: ROUNDING };
+            let members = &members[..self.indices.len()];
+            study.table(members, &[output], &rows, &mut || true).unwrap()
+        }
+
+        /// How many of the intervals of the Sobol indices contain the index.
+        fn covered(&self, samples: usize, seed: u64) -> usize {
+            let found = self.study(MethodName::Sobol, samples, seed);
+            let number =
+                |column: &str, place: usize| found["table"][column][place].as_f64().unwrap();
+            let contains = |name: &str, place: usize, index: f64| {
+                let low = number(&format!("{name}_low"), place);
+                low <= index && index <= number(&format!("{name}_high"), place)
+            };
+            let indices = self.indices.iter().enumerate();
+            indices
+                .map(|(place, [first, total])| {
+                    usize::from(contains("first_order", place, *first))
+                        + usize::from(contains("total", place, *total))
+                })
+                .sum()
+        }
+    }
+
+    #[test]
+    fn indices_from_rows_are_in_their_intervals() {
+        for model in [ishigami(), sobol_g()] {
+            assert_eq!(model.covered(1 << 14, 1), 2 * model.indices.len());
+        }
+    }
+
+    #[test]
+    fn intervals_from_rows_cover_the_indices() {
+        let model = ishigami();
+        let covered: usize = (0..100).map(|seed| model.covered(256, seed)).sum();
+        assert_eq!(covered, 595, "of 600");
+    }
+
+    #[test]
+    fn a_screening_finds_the_strong_members() {
+        let found = sobol_g().study(MethodName::Morris, 100, 1);
+        let strength = |place: usize| found["table"]["strength"][place].as_f64().unwrap();
+        assert!(strength(0) > 2.0 * strength(2) && strength(2) > 5.0 * strength(5), "{found:?}");
+        assert_eq!(found["notes"], json!([]));
+    }
+
+    fn study(change: impl FnOnce(&mut Value)) -> Result<Arc<Study>, Faults> {
+        let mut study = json!({
+            "scenario": {
+                "profile": {"shape": "paraboloid", "radius": "10 mm"},
+                "moduli": {"normal": "113 GPa", "tangential": "93 GPa"},
+                "friction": 0.7,
+                "wear": {"coefficient": "3.03e-5 mm^3/(N m)"},
+                "load": {"normal_force": "100 N", "held": "force"},
+                "motion": {"amplitude": "2 um"},
+                "cycles": [1000],
+                "model": {"method": "simplified", "points": 16}
+            },
+            "vary": [
+                {"pointer": "/friction", "from": 0.5, "to": 0.9},
+                {"pointer": "/load/normal_force", "distribution": {"normal": {"mean": "100 N", "standard_deviation": "5 N"}}},
+            ],
+            "samples": 64,
+            "outputs": ["unworn.gross_slip_amplitude"],
+        });
+        change(&mut study);
+        Study::read(Kind::Sensitivity, study).map(Arc::new)
+    }
+
+    fn rows(study: &Arc<Study>) -> Rows {
+        let mut points = Points::whole(Arc::clone(study));
+        iter::repeat_with(|| points.step()).find_map(|rows| rows).unwrap()
+    }
+
+    #[test]
+    fn a_stop_is_noticed_before_each_output() {
+        let outputs = json!(["unworn.gross_slip_amplitude", "wear_volume", "wear_depth"]);
+        let study = study(|study| study["outputs"] = outputs).unwrap();
+        let mut asked = 0;
+        let mut goes_on = || {
+            asked += 1;
+            asked < 2
+        };
+        assert_eq!(study.document_while(&"key", &"engine", &rows(&study), &mut goes_on), None);
+        assert_eq!(asked, 2);
+    }
+
+    fn document(study: &Arc<Study>) -> Value {
+        let rows = rows(study);
+        let text = study.document(&"key", &"engine", &rows);
+        assert!(text.len() <= study.bytes());
+        assert_eq!(study.judge(&"key", &"engine", text.as_bytes()), Ok(()));
+        serde_json::from_str(&text).unwrap()
+    }
+
+    fn local(study: &mut Value, outputs: &Value) {
+        study["method"] = json!("local");
+        study["outputs"] = outputs.clone();
+        study["vary"] = ["/friction", "/load/normal_force", "/profile/radius"]
+            .into_iter()
+            .map(|pointer| json!({"pointer": pointer}))
+            .collect();
+        study.as_object_mut().unwrap().remove("samples");
+    }
+
+    #[test]
+    fn elementary_effects_have_the_unit_of_their_row() {
+        let study = study(|study| study["method"] = json!("morris")).unwrap();
+        let document = document(&study);
+        assert_eq!(document["table"]["unit"][0], "m");
+        assert_eq!(document["units"]["strength"], "as in column unit");
+    }
+
+    #[test]
+    fn elasticities_of_a_power_law_are_its_exponents() {
+        // U = μ(E*/G*)·d with d³ = 9F²/(16E*²R).
+        let study = study(|study| local(study, &json!(["unworn.gross_slip_amplitude"]))).unwrap();
+        assert_eq!(study.points(), 1 + 80 * 3);
+        let table = document(&study)["table"].take();
+        assert_eq!(table["member"], json!(["/friction", "/load/normal_force", "/profile/radius"]));
+        for (place, exponent) in [1.0, 2.0 / 3.0, -1.0 / 3.0].into_iter().enumerate() {
+            let [value, low, high] = ["elasticity", "elasticity_low", "elasticity_high"]
+                .map(|column| table[column][place].as_f64().unwrap());
+            assert!((value - exponent).abs() < 1e-7, "{table}");
+            assert!(low <= exponent && exponent <= high && high - low < 1e-6, "{table}");
+        }
+    }
+
+    #[test]
+    fn wear_of_a_run_has_elasticities_in_their_stated_error() {
+        // In the beginning, wear is proportional to its coefficient.
+        let study = study(|study| {
+            local(study, &json!(["wear_volume", "events.rim_reached"]));
+            study["vary"] = json!([{"pointer": "/wear/coefficient"}]);
+            study["scenario"]["cycles"] = json!([1]);
+        });
+        let document = document(&study.unwrap());
+        let [value, low, high] = ["elasticity", "elasticity_low", "elasticity_high"]
+            .map(|column| document["table"][column][0].as_f64().unwrap());
+        assert!(low <= 1.0 && 1.0 <= high && (value - 1.0).abs() < 1e-3, "{value} {low} {high}");
+        assert_eq!(document["table"]["elasticity"][1], Value::Null);
+        let note = &document["notes"][0];
+        assert_eq!(
+            (&note["output"], &note["member"]),
+            (&json!("events.rim_reached"), &json!("/wear/coefficient"))
+        );
+    }
+
+    #[test]
+    fn what_limits_the_indices_is_said() {
+        let details = |change: &dyn Fn(&mut Value)| {
+            let document = document(&study(|study| change(study)).unwrap());
+            let notes = document["notes"].as_array().unwrap().clone();
+            let text = |note: &Value| note["detail"].as_str().unwrap().to_owned();
+            (document, notes.iter().map(text).collect::<Vec<_>>())
+        };
+        let (document, notes) = details(&|_| {});
+        assert!(notes.is_empty(), "{notes:?}");
+        let total = document["table"]["total"][0].as_f64().unwrap();
+        assert!((0.8..1.0).contains(&total), "{total}");
+        assert_eq!(document["samples"]["reason"].as_array().unwrap().len(), 64 * 4);
+        assert_eq!(document["units"]["/load/normal_force"], json!("N"));
+
+        let (_, notes) = details(&|study| study["samples"] = json!(65));
+        assert!(notes[0].contains("65, is not a power of two"), "{notes:?}");
+
+        let (document, notes) =
+            details(&|study| study["outputs"] = json!(["unworn.normal_modulus"]));
+        assert!(notes[0].contains("same value at all points"), "{notes:?}");
+        assert_eq!(document["table"]["first_order"], json!([null, null]));
+
+        let wide = |study: &mut Value| study["vary"][0]["from"] = json!(-0.02);
+        let (document, notes) = details(&wide);
+        assert!(document["counts"]["refused"].as_u64().unwrap() > 0);
+        assert!(notes[0].contains("of 64 groups of points are left out"), "{notes:?}");
+
+        let screened = |study: &mut Value| {
+            wide(study);
+            study["method"] = json!("morris");
+        };
+        let (document, notes) = details(&screened);
+        assert_eq!(document["table"]["unit"], json!(["m", "m"]));
+        assert!(notes[0].contains("of 64 elementary effects are left out"), "{notes:?}");
+    }
+
+    #[test]
+    fn faults_say_what_the_method_needs() {
+        let fault = |change: &dyn Fn(&mut Value)| {
+            let fault = study(|study| change(study)).unwrap_err().0.swap_remove(0);
+            format!("{}: {}", fault.pointer, fault.detail)
+        };
+        let without = |study: &mut Value| {
+            study.as_object_mut().unwrap().remove("samples");
+        };
+        assert!(fault(&without).starts_with("/samples: is missing. Enter the number of groups"));
+        assert!(
+            fault(&|study| study["samples"] = json!(1))
+                .starts_with("/samples: must be a whole number")
+        );
+        assert!(
+            fault(&|study| study["confidence"] = json!(95))
+                .starts_with("/confidence: must be from 0.5")
+        );
+        assert!(
+            fault(&|study| study["vary"][0]["count"] = json!(3))
+                .starts_with("/vary/0: lists values")
+        );
+        assert!(
+            fault(&|study| study["vary"][0] = json!({"pointer": "/friction"}))
+                .starts_with("/vary/0: must have either")
+        );
+        assert!(fault(&|study| study["method"] = json!("sobl")).contains("sobol"));
+        let sampled = |study: &mut Value| {
+            local(study, &json!(["unworn.stick_radius"]));
+            study["samples"] = json!(4);
+        };
+        assert!(fault(&sampled).starts_with("/samples: belongs to"));
+        let ranged = |study: &mut Value| {
+            local(study, &json!(["unworn.stick_radius"]));
+            study["vary"][1]["from"] = json!(1);
+            study["vary"][1]["to"] = json!(2);
+        };
+        assert!(fault(&ranged).starts_with("/vary/1: has values, but elasticities"));
+    }
+}

@@ -1,0 +1,337 @@
+//! What a study varies, as its client writes it: a number of the scenario, and a list of values, a range or a
+//! distribution.
+
+use std::collections::HashSet;
+
+use deserr::{Deserr, IntoValue as _, ValuePointerRef};
+use fretwork_engine::request::fault::{Fault, Faults};
+use fretwork_engine::request::fields::Given;
+use fretwork_engine::request::quantity::Dimension;
+use serde_json::{Map, Value};
+
+use super::design::{Spacing, range};
+use super::distribution::Distribution;
+use super::member::Member;
+use fretwork_json::Whole;
+
+/// Most values of one number, and most values of a range.
+const MAX_VALUES: u64 = 100_000;
+/// Most radii at which a study keeps profiles.
+pub const MAX_RADII: u64 = 1000;
+/// Most numbers that a study varies.
+const MAX_MEMBERS: usize = 100;
+/// Most values of all numbers together.
+const MAX_LISTED: u64 = 1 << 20;
+/// The fault of an entry whose values the study needs.
+pub const NO_VALUES: &str = "must have either `values`, or `from` and `to`, or a `distribution`";
+
+/// A number of the scenario, and how it varies.
+#[derive(Debug)]
+pub struct Varied {
+    /// The number.
+    pub member: Member,
+    /// Its values.
+    pub values: Values,
+}
+
+/// How a number varies.
+#[derive(Debug)]
+pub enum Values {
+    /// The value in the scenario.
+    Base,
+    /// These values, in SI.
+    List(Vec<f64>),
+    /// From the first to the second value.
+    Range(f64, f64, Spacing),
+    /// A distribution of values in SI.
+    Distribution(Distribution),
+}
+
+/// An entry of `vary`.
+#[derive(Deserr)]
+#[deserr(error = Faults, deny_unknown_fields)]
+struct Entry {
+    pointer: String,
+    #[deserr(default)]
+    values: Given<Vec<Value>>,
+    #[deserr(default)]
+    from: Given<Value>,
+    #[deserr(default)]
+    to: Given<Value>,
+    #[deserr(default)]
+    count: Given<Whole<2, MAX_VALUES>>,
+    #[deserr(default)]
+    spacing: Given<SpacingName>,
+    #[deserr(default)]
+    distribution: Given<Value>,
+}
+
+/// A range of quantities that a study does not vary.
+#[derive(Deserr)]
+#[deserr(error = Faults, deny_unknown_fields)]
+struct Range {
+    from: Value,
+    to: Value,
+    count: Whole<2, MAX_RADII>,
+    #[deserr(default)]
+    spacing: Given<SpacingName>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
+#[deserr(error = Faults, rename_all = lowercase)]
+enum SpacingName {
+    Linear,
+    Log,
+}
+
+/// Reads the list `vary` of a study of this scenario.
+///
+/// # Errors
+/// The faults of all entries, with pointers such as `/0/from`.
+pub fn list(entries: &[Value], scenario: &Value) -> Result<Vec<Varied>, Faults> {
+    let (mut list, mut faults) = (Vec::<Varied>::new(), Vec::new());
+    if entries.is_empty() || entries.len() > MAX_MEMBERS {
+        let detail =
+            format!("must list 1 to {MAX_MEMBERS} numbers of the scenario, not {}", entries.len());
+        return Err(Faults::one("", detail));
+    }
+    let listed: u64 = entries.iter().map(values_in).fold(0, u64::saturating_add);
+    if listed > MAX_LISTED {
+        let detail =
+            format!("has {listed} values in all. At most {MAX_LISTED} can be listed or counted");
+        return Err(Faults::one("", detail));
+    }
+    let mut pointers = HashSet::new();
+    for (place, entry) in entries.iter().enumerate() {
+        let pointer = entry.get("pointer").and_then(Value::as_str).map(str::to_owned);
+        let is_new = pointer.is_none_or(|pointer| pointers.insert(pointer));
+        let read = if is_new {
+            Varied::read(entry.clone(), scenario)
+        } else {
+            Err(Faults::one("/pointer", "is listed twice"))
+        };
+        match read {
+            Ok(one) => list.push(one),
+            Err(more) => faults.extend(more.below(&format!("/{place}")).0),
+        }
+    }
+    if faults.is_empty() { Ok(list) } else { Err(Faults(faults)) }
+}
+
+impl Values {
+    /// The distribution from which a study draws. A range is a uniform one.
+    ///
+    /// # Errors
+    /// A sentence for the client: these values are not drawn.
+    pub fn drawn(self) -> Result<Distribution, String> {
+        let (from, to, spacing) = match self {
+            Self::Distribution(distribution) => return Ok(distribution),
+            Self::Range(from, to, spacing) => (from, to, spacing),
+            Self::List(_) => {
+                let detail = "lists values, but this study draws them. Enter a range (`from` and `to`, without \
+                              `count`) or a `distribution`";
+                return Err(detail.to_owned());
+            }
+            Self::Base => return Err(NO_VALUES.to_owned()),
+        };
+        let make = match spacing {
+            Spacing::Linear => Distribution::uniform,
+            Spacing::Logarithmic => Distribution::log_uniform,
+        };
+        make(from.min(to), from.max(to))
+            .map_err(|fault| format!("is not a range: {}", fault.detail))
+    }
+}
+
+/// How many values an entry lists or counts.
+fn values_in(entry: &Value) -> u64 {
+    let count = entry.get("count").and_then(Value::as_u64);
+    let listed = entry.get("values").and_then(Value::as_array).map(|values| values.len() as u64);
+    count.unwrap_or(0).saturating_add(listed.unwrap_or(0))
+}
+
+impl Varied {
+    /// Reads an entry of `vary`; `scenario` is the scenario that it belongs to.
+    ///
+    /// # Errors
+    /// The faults of the entry, with pointers relative to it.
+    fn read(entry: Value, scenario: &Value) -> Result<Self, Faults> {
+        let entry: Entry =
+            Entry::deserialize_from_value::<Value>(entry.into_value(), ValuePointerRef::Origin)?;
+        let member = Member::find(scenario, &entry.pointer)
+            .map_err(|detail| Faults::one("/pointer", detail))?;
+        let values = entry.values(&member)?;
+        Ok(Self { member, values })
+    }
+}
+
+impl Entry {
+    fn values(self, member: &Member) -> Result<Values, Faults> {
+        let is_range = self.from.0.is_some() || self.to.0.is_some();
+        let given = [self.values.0.is_some(), is_range, self.distribution.0.is_some()];
+        if given.into_iter().filter(|given| *given).count() > 1 {
+            return Err(Faults::one("", NO_VALUES));
+        }
+        if !is_range && (self.count.0.is_some() || self.spacing.0.is_some()) {
+            return Err(Faults::one(
+                "",
+                "has `count` or `spacing`, which belong to `from` and `to`",
+            ));
+        }
+        if let Some(list) = self.values.0 {
+            let list = list_of(&list, member).map_err(|faults| faults.below("/values"))?;
+            return Ok(Values::List(list));
+        }
+        if let Some(distribution) = self.distribution.0 {
+            return Ok(Values::Distribution(distribution_of(&distribution, member)?));
+        }
+        if !is_range {
+            return Ok(Values::Base);
+        }
+        let end = |name: &str, value: Option<Value>| match value {
+            None => Err(Faults::one(&format!("/{name}"), format!("is missing. Enter `{name}`"))),
+            Some(value) => end_of(name, &value, member),
+        };
+        let (from, to) = (end("from", self.from.0)?, end("to", self.to.0)?);
+        let spacing = spacing_of(self.spacing);
+        match self.count.0 {
+            None => Ok(Values::Range(from, to, spacing)),
+            Some(Whole(count)) => {
+                let list = range(from, to, count as usize, spacing);
+                list.map(Values::List).map_err(|fault| Faults(vec![fault]))
+            }
+        }
+    }
+}
+
+/// An end of a range.
+fn end_of(name: &str, value: &Value, member: &Member) -> Result<f64, Faults> {
+    member.read(value).map_err(|detail| Faults::one(&format!("/{name}"), detail))
+}
+
+fn spacing_of(name: Given<SpacingName>) -> Spacing {
+    match name.0 {
+        Some(SpacingName::Log) => Spacing::Logarithmic,
+        Some(SpacingName::Linear) | None => Spacing::Linear,
+    }
+}
+
+/// Reads quantities that a study does not vary: a list, or a range.
+///
+/// # Errors
+/// All faults, with pointers such as `/0` or `/from`.
+pub fn list_or_range(given: Value, dimension: Dimension) -> Result<Vec<f64>, Faults> {
+    let member = Member { pointer: String::new(), dimension, value: 0.0 };
+    if let Value::Array(list) = given {
+        return list_of(&list, &member);
+    }
+    let given: Range =
+        Range::deserialize_from_value::<Value>(given.into_value(), ValuePointerRef::Origin)?;
+    let Range { from, to, count: Whole(count), spacing } = given;
+    let (from, to) = (end_of("from", &from, &member)?, end_of("to", &to, &member)?);
+    range(from, to, count as usize, spacing_of(spacing)).map_err(|fault| Faults(vec![fault]))
+}
+
+fn list_of(list: &[Value], member: &Member) -> Result<Vec<f64>, Faults> {
+    if list.is_empty() || list.len() as u64 > MAX_VALUES {
+        let detail = format!("must list 1 to {MAX_VALUES} values, not {}", list.len());
+        return Err(Faults::one("", detail));
+    }
+    let (mut values, mut faults) = (Vec::with_capacity(list.len()), Vec::new());
+    for (place, value) in list.iter().enumerate() {
+        match member.read(value) {
+            Ok(value) => values.push(value),
+            Err(detail) => faults.push(Fault { pointer: format!("/{place}"), detail }),
+        }
+    }
+    if faults.is_empty() { Ok(values) } else { Err(Faults(faults)) }
+}
+
+/// The parameters of a distribution.
+struct Parameters<'a> {
+    name: &'a str,
+    members: &'a Map<String, Value>,
+    member: &'a Member,
+}
+
+impl Parameters<'_> {
+    fn at(&self, parameter: &str) -> String {
+        format!("/distribution/{}/{parameter}", self.name)
+    }
+
+    fn value(&self, parameter: &str) -> Result<&Value, Faults> {
+        self.members.get(parameter).ok_or_else(|| {
+            Faults::one(&self.at(parameter), format!("is missing. Enter `{parameter}`"))
+        })
+    }
+
+    /// A parameter in the unit of the number.
+    fn quantity(&self, parameter: &str) -> Result<f64, Faults> {
+        let value = self.value(parameter)?;
+        self.member.read(value).map_err(|detail| Faults::one(&self.at(parameter), detail))
+    }
+
+    /// A parameter without a unit.
+    fn plain(&self, parameter: &str) -> Result<f64, Faults> {
+        let value = self.value(parameter)?;
+        value.as_f64().ok_or_else(|| Faults::one(&self.at(parameter), "must be a number"))
+    }
+
+    fn only(&self, accepted: &[&str]) -> Result<(), Faults> {
+        match self.members.keys().find(|name| !accepted.contains(&name.as_str())) {
+            None => Ok(()),
+            Some(other) => {
+                let detail = format!("is no parameter here. Accepted: {}", accepted.join(", "));
+                Err(Faults::one(&self.at(other), detail))
+            }
+        }
+    }
+}
+
+fn distribution_of(value: &Value, member: &Member) -> Result<Distribution, Faults> {
+    const NAMES: &str = "uniform, log_uniform, normal, lognormal, triangular";
+    let one = value.as_object().filter(|members| members.len() == 1);
+    let pair = one.and_then(|members| members.iter().next());
+    let Some((name, Some(members))) = pair.map(|(name, inner)| (name, inner.as_object())) else {
+        let detail = format!(
+            "must be an object with one of {NAMES}, such as {{\"uniform\": {{\"low\": …, \"high\": …}}}}"
+        );
+        return Err(Faults::one("/distribution", detail));
+    };
+    let of = Parameters { name, members, member };
+    let made = match name.as_str() {
+        "uniform" | "log_uniform" => {
+            of.only(&["low", "high"])?;
+            let (low, high) = (of.quantity("low")?, of.quantity("high")?);
+            let make =
+                if name == "uniform" { Distribution::uniform } else { Distribution::log_uniform };
+            make(low, high)
+        }
+        "normal" => {
+            of.only(&["mean", "standard_deviation"])?;
+            Distribution::normal(of.quantity("mean")?, of.quantity("standard_deviation")?)
+        }
+        "lognormal" if members.contains_key("mean") => {
+            of.only(&["mean", "standard_deviation"])?;
+            let (mean, deviation) = (of.quantity("mean")?, of.quantity("standard_deviation")?);
+            Distribution::lognormal_with_mean(mean, deviation)
+        }
+        "lognormal" => {
+            of.only(&["median", "factor"])?;
+            Distribution::lognormal(of.quantity("median")?, of.plain("factor")?)
+        }
+        "triangular" => {
+            of.only(&["low", "mode", "high"])?;
+            Distribution::triangular(
+                of.quantity("low")?,
+                of.quantity("mode")?,
+                of.quantity("high")?,
+            )
+        }
+        _ => {
+            let detail = format!("is no distribution. Accepted: {NAMES}");
+            return Err(Faults::one(&format!("/distribution/{name}"), detail));
+        }
+    };
+    made.map_err(|fault| Faults::one(&of.at(fault.pointer.trim_start_matches('/')), fault.detail))
+}

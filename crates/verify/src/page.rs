@@ -1,0 +1,275 @@
+//! The parts of the page, written as Markdown with one table per section.
+
+use std::fmt;
+
+/// The introduction, then a heading and a text for each section.
+const WORDS: &str = include_str!("page.md");
+
+/// The heading of the runs in `accuracy.md`, which take too long to be repeated with the page.
+const RANDOM: &str = "\
+## Random scenarios
+
+1000 random scenarios by the exact method with the default tolerance, compared with the tolerance 1e-4. The profiles are power
+laws, spheres, truncated paraboloids and truncated cones. The stick ratios lie between 0.05 and 0.98, and the runs last between
+0.5 and 16 N₀. A third of the runs have two to five blocks with amplitudes between 0.02 and 1.3 U_gs. They last between 0.5
+and 30 N₀ of the first block.
+
+The tables of volume and depth compare **every output cycle**: six in each run, the first at 1 % of its length, or two in each
+block, at 10 % and 90 % of its length. An output is *covered* if its stated error, `wear_volume_error` or `wear_depth_error`, is
+not below its distance from the fine run. The error of the fine run is not added. *Caution* is the median of the stated error
+over the true one.
+
+For contact radius and energy the error is the largest of a run. The energy counts where it is at least 1 % of its largest value.
+For an event it is the error of its moment, or what is known of it if only one run reports the event.
+`fretwork verify --random 1000 > crates/verify/src/accuracy.md` prints these tables again.
+";
+
+/// One number that another source knows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Check {
+    /// Its description.
+    pub what: String,
+    /// The source of the reference.
+    pub source: &'static str,
+    /// The expected value.
+    pub reference: f64,
+    /// The value that this program computes; NaN if it cannot.
+    pub value: f64,
+    /// The error that is due to the reference: 0 if the reference is exact.
+    pub expected: f64,
+    /// The largest distance from the expected error that passes; none if the error is only reported.
+    pub accepted: Option<f64>,
+}
+
+impl Check {
+    /// The relative error; the value itself where the reference is 0.
+    #[must_use]
+    pub fn error(&self) -> f64 {
+        if self.reference == 0.0 { self.value } else { self.value / self.reference - 1.0 }
+    }
+
+    /// The distance from the expected error, divided by the accepted one. 1 or less passes; NaN never passes.
+    #[must_use]
+    pub fn share(&self) -> f64 {
+        let error = (self.error() - self.expected).abs();
+        match self.accepted {
+            _ if error.is_nan() => f64::INFINITY,
+            None => 0.0,
+            // The accepted error may be 0.
+            Some(_) if error == 0.0 => 0.0,
+            Some(accepted) => error / accepted,
+        }
+    }
+
+    /// Whether the error is accepted.
+    #[must_use]
+    pub fn passes(&self) -> bool {
+        self.share() <= 1.0
+    }
+}
+
+impl fmt::Display for Check {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { what, source, reference, value, expected, accepted } = self;
+        // Small errors are easier to read as powers of ten.
+        let in_percent = *reference != 0.0 && accepted.is_none_or(|accepted| accepted > 2.5e-4);
+        let error = match self.error() {
+            // Prints 0 instead of −0.
+            error if in_percent => format!("{:.3} %", (1e5 * error).round() / 1e3 + 0.0),
+            error => digits(error, 2),
+        };
+        let (accepted, verdict) = match accepted {
+            None => ("–".to_owned(), "reported"),
+            Some(accepted) => {
+                let verdict = if self.passes() { "pass" } else { "**FAIL**" };
+                let percent = || digits(100.0 * accepted, 2) + " %";
+                let size = if in_percent { percent() } else { digits(*accepted, 2) };
+                let around = format!("{} ± ", digits(100.0 * expected, 3));
+                (if *expected == 0.0 { size } else { around + &size }, verdict)
+            }
+        };
+        let (reference, value) = (digits(*reference, 6), digits(*value, 6));
+        write!(
+            f,
+            "| {what} | {source} | {reference} | {value} | {error} | {accepted} | {verdict} |"
+        )
+    }
+}
+
+/// A group of checks.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Section {
+    /// Its heading.
+    pub title: &'static str,
+    /// Its checks.
+    pub checks: Vec<Check>,
+}
+
+impl Section {
+    /// A section that `fill` adds checks to. If `fill` returns none, a check fails.
+    pub fn of(title: &'static str, fill: impl FnOnce(&mut Self) -> Option<()>) -> Self {
+        let mut section = Self { title, checks: Vec::new() };
+        if fill(&mut section).is_none() {
+            section.check("cannot be computed", "–", f64::NAN, f64::NAN, 0.0);
+        }
+        section
+    }
+
+    /// Adds a check with an accepted error.
+    pub fn check(
+        &mut self,
+        what: impl Into<String>,
+        source: &'static str,
+        reference: f64,
+        value: f64,
+        accepted: f64,
+    ) {
+        let (what, accepted) = (what.into(), Some(accepted));
+        self.checks.push(Check { what, source, reference, value, expected: 0.0, accepted });
+    }
+
+    /// Adds a number without an accepted error.
+    pub fn report(
+        &mut self,
+        what: impl Into<String>,
+        source: &'static str,
+        reference: f64,
+        value: f64,
+    ) {
+        let what = what.into();
+        self.checks.push(Check { what, source, reference, value, expected: 0.0, accepted: None });
+    }
+
+    /// The check with the largest ratio of error to accepted error.
+    #[must_use]
+    pub fn closest(&self) -> Option<&Check> {
+        let judged = self.checks.iter().filter(|check| check.accepted.is_some());
+        judged.max_by(|a, b| a.share().total_cmp(&b.share()))
+    }
+
+    /// The text below its heading.
+    fn words(&self) -> Option<&'static str> {
+        let mut sections = WORDS.split("\n## ").skip(1);
+        sections.find_map(|words| words.strip_prefix(self.title)?.strip_prefix('\n'))
+    }
+}
+
+impl fmt::Display for Section {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "\n## {}\n\n{}\n", self.title, self.words().unwrap_or_default().trim())?;
+        writeln!(f, "| what | source | reference | computed | error | accepted | |")?;
+        writeln!(f, "|---|---|---:|---:|---:|---:|---|")?;
+        self.checks.iter().try_for_each(|check| writeln!(f, "{check}"))
+    }
+}
+
+/// The whole page.
+#[derive(Debug, Clone, PartialEq)]
+pub struct VerificationPage {
+    /// Its sections.
+    pub sections: Vec<Section>,
+}
+
+impl VerificationPage {
+    fn checks(&self) -> impl Iterator<Item = &Check> {
+        self.sections.iter().flat_map(|section| &section.checks)
+    }
+
+    /// The checks that fail.
+    pub fn failures(&self) -> impl Iterator<Item = &Check> {
+        self.checks().filter(|check| !check.passes())
+    }
+}
+
+impl fmt::Display for VerificationPage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let judged = self.checks().filter(|check| check.accepted.is_some()).count();
+        let reported = self.checks().count() - judged;
+        let verdict = match self.failures().count() {
+            0 => "**all pass**".to_owned(),
+            failed => format!("**{failed} FAIL**"),
+        };
+        writeln!(
+            f,
+            "{}\n",
+            WORDS.split_once("\n## ").map_or(WORDS, |(introduction, _)| introduction).trim()
+        )?;
+        writeln!(f, "{judged} checks: {verdict}. {reported} more numbers are reported.\n")?;
+        writeln!(f, "| section | lines | closest to what is accepted | error / accepted |")?;
+        writeln!(f, "|---|---:|---|---:|")?;
+        for section in &self.sections {
+            let (title, lines) = (section.title, section.checks.len());
+            let link = title.to_lowercase().replace(',', "").replace(' ', "-");
+            let (what, share) = section.closest().map_or(("–", "–".to_owned()), |check| {
+                (check.what.as_str(), digits(check.share(), 2))
+            });
+            writeln!(f, "| [{title}](#{link}) | {lines} | {what} | {share} |")?;
+        }
+        self.sections.iter().try_for_each(|section| section.fmt(f))?;
+        write!(f, "\n{RANDOM}\n{}", include_str!("accuracy.md"))
+    }
+}
+
+/// A number rounded to `count` digits, without trailing zeros.
+#[expect(clippy::expect_used, reason = "a formatted number always parses")]
+pub fn digits(x: f64, count: usize) -> String {
+    let rounded: f64 = format!("{x:.*e}", count - 1).parse().expect("a formatted number");
+    match rounded.abs() {
+        size if size.is_nan() => "none".to_owned(),
+        0.0 => "0".to_owned(),
+        1e-3..1e7 | f64::INFINITY => rounded.to_string(),
+        _ => format!("{rounded:e}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_printed_with_the_requested_significant_digits() {
+        for (x, count, text) in [
+            (0.497_063_21, 6, "0.497063"),
+            (-1.0, 6, "-1"),
+            (1_349_123.7, 3, "1350000"),
+            (9.512_345e-14, 3, "9.51e-14"),
+            (-0.0, 2, "0"),
+            (f64::NAN, 6, "none"),
+            (f64::NEG_INFINITY, 2, "-inf"),
+        ] {
+            assert_eq!(digits(x, count), text);
+        }
+    }
+
+    #[test]
+    fn a_check_fails_on_a_large_relative_error_or_a_missing_value() {
+        let check = |reference, value, expected, accepted| Check {
+            what: String::new(),
+            source: "",
+            reference,
+            value,
+            expected,
+            accepted,
+        };
+        let passes = |reference, value, accepted| check(reference, value, 0.0, accepted).passes();
+        assert!(passes(2.0, 2.02, Some(0.011)) && !passes(2.0, 2.02, Some(0.009)));
+        assert!(passes(0.0, 0.0, Some(0.0)) && !passes(0.0, 1.0, Some(0.0)));
+        assert!(passes(1.0, 3.0, None) && !passes(1.0, f64::NAN, Some(1.0)));
+        assert!(!passes(1.0, f64::NAN, None));
+        let beside = |value| check(2.0, value, 0.01, Some(3e-3));
+        assert!(beside(2.025).passes() && !beside(2.0).passes() && !beside(2.03).passes());
+        assert!(beside(2.025).to_string().contains("| 1.250 % | 1 ± 0.3 % | pass |"));
+        let lost = Section::of("lost", |_| None);
+        assert!(lost.words().is_none() && lost.checks.len() == 1);
+        let page = VerificationPage { sections: vec![lost] };
+        assert_eq!(page.failures().count(), 1);
+        assert!(page.to_string().contains("**1 FAIL**"), "{page}");
+    }
+
+    #[test]
+    fn every_section_has_a_text_and_every_text_has_a_section() {
+        let page = crate::page();
+        assert!(page.sections.iter().all(|section| section.words().is_some()));
+        assert_eq!(page.sections.len(), WORDS.matches("\n## ").count());
+    }
+}
