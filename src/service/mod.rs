@@ -42,11 +42,10 @@ struct Parts {
     begin: Begin,
     waiting: Arc<Waiting>,
     short: ShortRuns,
-    evaluations: Places,
+    /// For runs, evaluations and derivatives that are computed while their clients wait.
+    places: Places,
     /// The number of worker threads.
     workers: usize,
-    /// The number of short computations at a time.
-    places: usize,
     limits: WorkLimits,
     /// True after the service has stopped accepting jobs.
     draining: watch::Sender<bool>,
@@ -69,11 +68,10 @@ impl Service {
     pub fn new(store: Store, begin: Begin, workers: usize, limits: WorkLimits) -> Self {
         // A server without workers still computes what its clients wait for.
         let places = if workers == 0 { processors() } else { workers };
-        let short = ShortRuns::new(store.clone(), Arc::clone(&begin), places);
-        let evaluations = Places::new(places);
+        let places = Places::new(places);
+        let short = ShortRuns::new(store.clone(), Arc::clone(&begin), places.clone());
         let (waiting, draining) = (Arc::default(), watch::Sender::new(false));
-        let parts =
-            Parts { store, begin, waiting, short, evaluations, workers, places, limits, draining };
+        let parts = Parts { store, begin, waiting, short, places, workers, limits, draining };
         Self(Arc::new(parts))
     }
 
@@ -98,7 +96,7 @@ impl Service {
     /// The number of short computations at a time, for clients that wait for them.
     #[must_use]
     pub fn places(&self) -> usize {
-        self.0.places
+        self.0.places.number()
     }
 
     /// How workers begin a claimed run: with the prepared task if it is still in memory.

@@ -10,6 +10,7 @@ use utoipa::ToSchema;
 use super::jobs::next_page;
 use crate::http::app::App;
 use crate::http::problem::Problem;
+use crate::http::wire::schemas;
 use crate::http::wire::{Query, instant};
 use fretwork_store::{Act, AuditEntry as Stored};
 
@@ -31,7 +32,7 @@ pub struct AuditEntry {
     #[schema(example = 1)]
     times: u64,
     /// What was done.
-    #[schema(value_type = crate::http::wire::schemas::Act)]
+    #[schema(value_type = schemas::Act)]
     act: Act,
     /// Who did it: the name of a key, the address of a client on a server without keys, or the user of a command of
     /// the program, such as `uid 1000`.

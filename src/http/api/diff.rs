@@ -13,6 +13,7 @@ use crate::http::app::App;
 use crate::http::problem::{Problem, kinds};
 use crate::http::transport::body::Body;
 use crate::http::wire::NoQuery;
+use crate::http::wire::schemas;
 use fretwork_engine::outcome::UNITS;
 use fretwork_engine::request::fault::{Fault, Faults};
 use fretwork_engine::request::fields::Given;
@@ -81,7 +82,7 @@ struct SideAnswer {
     /// The `numerics` version of the engine that its key belongs to.
     numerics: u32,
     /// `held`, `dropped` (evicted or deleted: only scenario and summary are known) or `unknown`.
-    #[schema(value_type = crate::http::wire::schemas::Standing)]
+    #[schema(value_type = schemas::Standing)]
     result: &'static str,
     /// The path of the result.
     link: String,

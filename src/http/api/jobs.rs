@@ -13,6 +13,7 @@ use crate::http::access::caller::Caller;
 use crate::http::app::App;
 use crate::http::problem::{Complaint, Problem, kinds};
 use crate::http::wire::include::Include;
+use crate::http::wire::schemas;
 use crate::http::wire::{NoQuery, Query, Segment};
 use fretwork_job::{Job, JobId, JobState};
 use fretwork_store::{Canceled, Deleted, Filter};
@@ -59,10 +60,10 @@ pub(super) fn unknown() -> Problem {
 /// do not shift the pages.
 #[utoipa::path(get, path = "/v1/jobs", operation_id = "list_jobs", tag = "jobs",
     params(
-        ("state" = Option<crate::http::wire::schemas::JobState>, Query, description = "Jobs in this state."),
+        ("state" = Option<schemas::JobState>, Query, description = "Jobs in this state."),
         ("label" = Option<String>, Query, description = "Jobs with exactly this label."),
         ("tag" = Option<String>, Query, description = "Jobs with this tag."),
-        ("key" = Option<crate::http::wire::schemas::KeyText>, Query, description = "Jobs for the result with this key."),
+        ("key" = Option<schemas::KeyText>, Query, description = "Jobs for the result with this key."),
         ("owner" = Option<String>, Query, example = "me", description = "Jobs of this owner; `me` is the caller. On a \
             server with keys, only administrators see the jobs of others."),
         ("limit" = Option<u32>, Query, description = "Largest number of jobs on the page.", minimum = 1,
@@ -130,7 +131,7 @@ pub(super) fn next_page(uri: &Uri, cursor: impl std::fmt::Display) -> String {
         ("id" = uuid::Uuid, Path, description = "The `id` of a job."),
         ("wait" = Option<f64>, Query, description = "Waits until the job is finished, at most \
             this number of seconds.", minimum = 0, maximum = 60, example = 10),
-        ("include" = Option<crate::http::wire::schemas::Include>, Query, style = Form, explode = false,
+        ("include" = Option<schemas::Include>, Query, style = Form, explode = false,
             description = "Adds to the job, separated by commas: the `result`, if the job is \
                 finished; the canonical `scenario`; the scenario as `submitted` by the client (null above \
                 64 kB).",
@@ -165,7 +166,7 @@ pub async fn show(
         (status = 200, description = "The result, for clients that follow the redirection \
             automatically.", content(
             (ref("#/components/schemas/Result") = "application/json"),
-            (crate::http::wire::schemas::File = "application/x-npz"),
+            (schemas::File = "application/x-npz"),
         )),
         (status = 303, description = "The result is at the address in `Location`.",
             headers(("Location" = String, description = "The address of the result."))),
@@ -244,10 +245,10 @@ pub struct CanceledJobs {
 /// that are submitted during the request. A run stops when no other job shares it.
 #[utoipa::path(post, path = "/v1/jobs/cancel", operation_id = "cancel_jobs", tag = "jobs",
     params(
-        ("state" = Option<crate::http::wire::schemas::JobState>, Query, description = "Jobs in this state."),
+        ("state" = Option<schemas::JobState>, Query, description = "Jobs in this state."),
         ("label" = Option<String>, Query, description = "Jobs with exactly this label."),
         ("tag" = Option<String>, Query, description = "Jobs with this tag."),
-        ("key" = Option<crate::http::wire::schemas::KeyText>, Query, description = "Jobs for the result with this key."),
+        ("key" = Option<schemas::KeyText>, Query, description = "Jobs for the result with this key."),
         ("owner" = Option<String>, Query, example = "me", description = "Jobs of this owner; `me` is the caller. On a \
             server with keys, only administrators see the jobs of others."),
     ),
